@@ -1,0 +1,47 @@
+"""Glint's engine: `render(scene, settings) -> Film`. Knows nothing of Blender; works in any Python with NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from .film import PARTS, PASSES, Film
+from .scene import Scene
+from .settings import Settings
+
+__all__ = ["PARTS", "PASSES", "Film", "Scene", "SceneError", "Settings", "available_backends", "render"]
+
+
+class SceneError(ValueError):
+    """The scene or the settings cannot be rendered; the message lists every problem."""
+
+
+def available_backends() -> tuple[str, ...]:
+    """The tracers that can run here, best first: NATIVE when the core's library loads, NUMPY always."""
+    from . import native
+
+    return ("NATIVE", "NUMPY") if native.load_error() is None else ("NUMPY",)
+
+
+def render(
+    scene: Scene,
+    settings: Settings | None = None,
+    *,
+    should_stop: Callable[[], bool] = lambda: False,
+    on_progress: Callable[[float], None] = lambda fraction: None,
+    on_wave: Callable[[Film], None] | None = None,
+) -> Film:
+    """Draw `scene`.
+
+    should_stop: asked at least every 50 ms on the calling thread; True ends the render with `Film.complete` False.
+    on_progress: told the finished fraction, 0 to 1.  on_wave: given a complete picture after 1, 2, 4, 8 … samples.
+    Raises SceneError for a scene or settings that are not sound, MemoryError when memory cannot be had.
+    """
+    settings = settings or Settings()
+    problems = settings.problems() + scene.problems()
+    if problems:
+        raise SceneError("\n".join(problems))
+    if settings.backend == "NATIVE":
+        from .native import render_native as tracer
+    else:
+        from .reference import render_reference as tracer
+    return tracer(scene, settings, should_stop, on_progress, on_wave)

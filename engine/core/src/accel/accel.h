@@ -1,0 +1,68 @@
+// The accelerator's door: a tree per geometry, a tree over instances, closest and any hit for batches of rays.
+// All world quantities are doubles in the anchored space of scene.cpp: camera at the origin, scene radius about one.
+#pragma once
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "../vec.h"
+
+namespace glint {
+
+enum Visibility : uint32_t { kCamera = 1, kMirror = 2, kShadow = 4 };
+
+/// Borrowed arrays; they outlive the accelerator. Object space, float32.
+struct GeometryView {
+  enum Kind { kMesh, kSpheres, kPolygons } kind = kMesh;
+  const float* vertices = nullptr;     // mesh, polygons: 3 per vertex; spheres: centres
+  size_t vertex_count = 0;
+  const uint32_t* triangles = nullptr; // mesh: 3 per triangle
+  const float* radii = nullptr;        // spheres
+  const uint32_t* offsets = nullptr;   // polygons: primitive_count + 1
+  const uint32_t* indices = nullptr;   // polygons
+  size_t primitive_count = 0;
+};
+
+struct InstanceView {
+  uint32_t geometry = 0;
+  uint32_t visibility = kCamera | kMirror | kShadow;
+  Affine world_from_object;
+};
+
+struct Ray {
+  Vec3d o, d;                  // d need not be unit; t counts in lengths of d
+  double t_min = 0, t_max = 0; // open interval; t_max may be infinity
+  uint32_t visibility = kCamera;
+};
+
+struct Hit {
+  static constexpr uint32_t kNone = 0xffffffffu;
+  double t = 0;
+  uint32_t instance = kNone; // index into the instances given to build
+  uint32_t primitive = 0;    // triangle, sphere or polygon of the geometry
+  float u = 0, v = 0;        // triangles: barycentric weights of the second and third vertex
+};
+
+struct AccelStats {
+  size_t bytes = 0, nodes = 0, primitives = 0, dropped = 0; // dropped: primitives with a non-finite vertex or no extent
+  double seconds = 0;
+};
+
+class Accel {
+ public:
+  virtual ~Accel() = default;
+  /// Null when `cancel` became true. Throws std::bad_alloc.
+  static std::unique_ptr<Accel> build(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
+                                      const std::atomic<bool>& cancel);
+  virtual void closest(const Ray* rays, Hit* hits, size_t count) const = 0;
+  /// blocked[k] = 1 when anything lies inside the open interval of ray k.
+  virtual void occluded(const Ray* rays, uint8_t* blocked, size_t count) const = 0;
+  /// Empty when every primitive lies in its boxes and every node is reached once; else what is wrong.
+  virtual std::string validate() const = 0;
+  virtual AccelStats stats() const = 0;
+};
+
+}  // namespace glint

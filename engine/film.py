@@ -1,0 +1,53 @@
+"""The picture: named passes of float32, row 0 at the bottom (as in Blender and in the notes)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+PASSES = {
+    "Combined": 4,
+    "Depth": 1,
+    "Position": 3,
+    "Normal": 3,
+    "UV": 3,
+    "Object Index": 1,
+    "Material Index": 1,
+    "Diffuse": 3,
+    "Specular": 3,
+    "Ambient": 3,
+    "Shadow": 3,
+    "Mirror": 3,
+    "Emission": 3,
+    "Environment": 3,
+}
+"""Pass name -> channels. `SEMANTICS.md` says what each holds."""
+
+PARTS = ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror", "Emission", "Environment")
+"""The passes whose sum is the colour of Combined."""
+
+NO_DEPTH = 1e10
+"""Depth where a camera ray hits nothing, as Blender writes it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """A picture or a wave of it.
+
+    passes: name -> (h, w, c) float32, of the settings' region or the whole frame.
+    samples: how many samples every pixel holds.  complete: False when the render was stopped early.
+    stats: seconds per stage ("build", "trace"), and counts ("triangles", "instances", "rays", "bytes", …).
+    notes: what the tracer had to leave out, one sentence each.
+    """
+
+    passes: dict[str, np.ndarray]
+    samples: int
+    complete: bool = True
+    stats: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def combined(self) -> np.ndarray:
+        """(h, w, 4) float32, premultiplied alpha."""
+        return self.passes["Combined"]

@@ -1,0 +1,78 @@
+"""Where samples fall: the same few points for every pixel, so pictures carry no noise and repeat bit for bit.
+
+Pixels use the Sobol' (0,2)-sequence and lights the R2 sequence (Roberts 2018, the plastic number's Kronecker lattice): two families, so the
+two never line up. Both are kept in 32-bit integers and shifted so that point 0 is the middle.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+_R2 = np.array([3242174889, 2447445414], np.uint64)  # 2^32 / φ and 2^32 / φ², φ³ = φ + 1
+_MIDDLE = np.uint64(1 << 31)
+_WORD = np.uint64((1 << 32) - 1)
+
+
+def sobol_points(count: int) -> np.ndarray:
+    """(count, 2) float64 in (0, 1): van der Corput and the second Sobol' dimension, shifted by a half and to the middle of the cells
+    that `count` points stratify; point 0 is (0.5, 0.5)."""
+    index = np.arange(count, dtype=np.uint64)
+    columns = np.zeros((count, 2), np.uint64)
+    first, second = np.uint64(1 << 31), np.uint64(1 << 31)
+    while index.any():
+        odd = (index & np.uint64(1)).astype(bool)
+        columns[odd] ^= np.array([first, second], np.uint64)
+        first >>= np.uint64(1)
+        second ^= second >> np.uint64(1)
+        index >>= np.uint64(1)
+    half_cell = 0.5 / (1 << max(count - 1, 0).bit_length())
+    points = ((columns + _MIDDLE) & _WORD) / 2.0**32 + half_cell
+    points[:1] = 0.5
+    return points
+
+
+def r2_points(count: int) -> np.ndarray:
+    """(count, 2) float64 in [0, 1): the R2 sequence from (0.5, 0.5)."""
+    index = np.arange(count, dtype=np.uint64)[:, None]
+    return ((_MIDDLE + index * _R2) & _WORD) / 2.0**32
+
+
+def blackman_harris(x: np.ndarray) -> np.ndarray:
+    """The four-term Blackman-Harris window over x in [-0.5, 0.5] (Harris 1978), 1 in the middle."""
+    angle = 2 * np.pi * (x + 0.5)
+    return 0.35875 - 0.48829 * np.cos(angle) + 0.14128 * np.cos(2 * angle) - 0.01168 * np.cos(3 * angle)
+
+
+def pixel_offsets(samples: int, filter_width: float) -> np.ndarray:
+    """(samples, 2) float64 offsets from the pixel's centre, in pixels, distributed as the filter; the first is exactly 0.
+
+    filter_width as Blender gives it: the Blackman-Harris window spans twice that.
+    """
+    offsets = 2 * filter_width * _inverse_blackman_harris(sobol_points(samples))
+    offsets[0] = 0.0
+    return offsets
+
+
+def _inverse_blackman_harris(u: np.ndarray) -> np.ndarray:
+    """The x with a share u of the window's area to its left, by table and linear interpolation."""
+    x = np.linspace(-0.5, 0.5, 4097)
+    middle = blackman_harris((x[1:] + x[:-1]) / 2)
+    area = np.concatenate(([0.0], np.cumsum(middle)))
+    return np.interp(u, area / area[-1], x)
+
+
+def light_points(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The same points in the square [-1, 1]² and, by the concentric map (Shirley, Chiu 1997), in the unit disc; both (count, 2)
+    float64, the first exactly in the middle."""
+    square = 2 * r2_points(count) - 1
+    return square, concentric_disc(square)
+
+
+def concentric_disc(square: np.ndarray) -> np.ndarray:
+    """(k, 2) points of [-1, 1]² to the unit disc, areas and neighbours kept."""
+    a, b = square[:, 0], square[:, 1]
+    wide = np.abs(a) > np.abs(b)
+    radius = np.where(wide, a, b)
+    ratio = np.where(wide, b, a) / np.where(radius == 0, 1, radius)
+    angle = np.where(wide, np.pi / 4 * ratio, np.pi / 2 - np.pi / 4 * ratio)
+    return radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1)

@@ -1,0 +1,50 @@
+"""How to render: everything a picture depends on that is not the scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+PRECISIONS = ("ROBUST",)
+"""What the native core offers today; the NumPy tracer is float64 throughout."""
+ILLUMINATIONS = ("PHYSICAL", "CLASSIC")
+BACKENDS = ("NATIVE", "NUMPY")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Render settings.
+
+    samples: per pixel; one goes through the pixel's centre.
+    light_samples: per soft light and pixel sample; 1 is the notes' hard shadow from the light's centre.
+    max_bounces: depth of mirror and refraction rays; 0 traces none.
+    precision, illumination, backend: one of PRECISIONS, ILLUMINATIONS, BACKENDS.
+    threads: 0 for one per core. Never changes a bit of the picture.
+    filter_width: Blender's pixel filter size in pixels (the Blackman-Harris window spans twice that); 0 samples the centre only.
+    passes: names from `film.PASSES` beyond Combined.
+    region: (x0, y0, x1, y1) half-open pixel rectangle of the full frame, origin bottom left; None for all of it.
+    """
+
+    samples: int = 16
+    light_samples: int = 4
+    max_bounces: int = 4
+    precision: str = "ROBUST"
+    illumination: str = "PHYSICAL"
+    backend: str = "NATIVE"
+    threads: int = 0
+    filter_width: float = 1.5
+    passes: frozenset[str] = frozenset()
+    region: tuple[int, int, int, int] | None = None
+
+    def problems(self) -> list[str]:
+        """What is wrong with these settings, one sentence each."""
+        rules = (
+            (self.samples >= 1, f"samples is {self.samples}: use at least 1"),
+            (self.light_samples >= 1, f"light_samples is {self.light_samples}: use at least 1"),
+            (0 <= self.max_bounces <= 64, f"max_bounces is {self.max_bounces}: use 0 to 64"),
+            (self.precision in PRECISIONS, f"precision {self.precision!r} is not one of {', '.join(PRECISIONS)}"),
+            (self.illumination in ILLUMINATIONS, f"illumination {self.illumination!r} is not one of {', '.join(ILLUMINATIONS)}"),
+            (self.backend in BACKENDS, f"backend {self.backend!r} is not one of {', '.join(BACKENDS)}"),
+            (self.threads >= 0, f"threads is {self.threads}: use 0 (all cores) or more"),
+            (0 <= self.filter_width <= 100, f"filter_width is {self.filter_width}: use 0 to 100 pixels"),
+        )
+        return [text for good, text in rules if not good]
