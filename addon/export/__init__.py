@@ -1,0 +1,8 @@
+"""Blender's evaluated depsgraph to `engine.Scene`. `export_scene` is the one door; nothing of Blender outlives the call."""
+
+from __future__ import annotations
+
+from .camera import ExportError
+from .export import Export, export_scene
+
+__all__ = ["Export", "ExportError", "export_scene"]

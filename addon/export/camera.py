@@ -1,0 +1,104 @@
+"""Blender's camera to frame, window and border, as Cycles frames it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ...engine.scene import Camera
+from .report import Report
+
+Window = tuple[float, float, float, float]
+Region = tuple[int, int, int, int]
+
+
+class ExportError(ValueError):
+    """The scene cannot be rendered at all; the message says why and what to do."""
+
+
+def resolution(render: Any, width: int | None = None, height: int | None = None) -> tuple[int, int]:
+    """Pixels of the full frame: the scene's times its percentage, as Blender truncates it, unless given."""
+    percentage = render.resolution_percentage
+    return (
+        max(1, width if width is not None else render.resolution_x * percentage // 100),
+        max(1, height if height is not None else render.resolution_y * percentage // 100),
+    )
+
+
+def border(render: Any, size: tuple[int, int]) -> Region | None:
+    """Blender's pixel rectangle of the render border, None without one. Float32 products, cut to integers as Blender does."""
+    if not render.use_border:
+        return None
+    edges = (render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y)
+    x0, y0, x1, y1 = (int(np.float32(edge) * np.float32(size[k % 2])) for k, edge in enumerate(edges))
+    if not (x0 < x1 and y0 < y1):
+        raise ExportError("The render border holds no pixel: draw a larger border or turn it off")
+    return x0, y0, x1, y1
+
+
+def export_camera(camera: Any, render: Any, size: tuple[int, int], report: Report) -> Camera:
+    """The evaluated camera object (or any object, which then looks along its -z) for a frame of `size` pixels.
+
+    Raises ExportError for one that is missing, not finite or flat.
+    """
+    if camera is None:
+        raise ExportError("The scene has no camera: add one, or choose one in the scene's properties")
+    data = camera.data if camera.type == "CAMERA" else None
+    frame = camera_frame(np.array(camera.matrix_world, np.float64), camera.name)
+    if data is None:
+        report.note("{} is not a camera: the picture is taken through a 50 mm lens along its -z axis", camera.name)
+        lens = _light_lens(camera)
+        return Camera("PERSPECTIVE", frame, _window(size, _pixel_aspect(render), 18.0 / lens, "AUTO", (0.0, 0.0)), size, 1e-5, 1e5)
+    _note_approximations(camera, data, render, report)
+    orthographic = data.type == "ORTHO"
+    half = data.ortho_scale / 2 if orthographic else _sensor(data) / 2 / data.lens
+    window = _window(size, _pixel_aspect(render), half, data.sensor_fit, (data.shift_x, data.shift_y))
+    return Camera("ORTHOGRAPHIC" if orthographic else "PERSPECTIVE", frame, window, size, data.clip_start, data.clip_end)
+
+
+def camera_frame(matrix: np.ndarray, name: str) -> np.ndarray:
+    """(3, 4): the columns of an object's matrix without their scale. Mirrored and sheared ones stay so, as in Cycles."""
+    if not np.isfinite(matrix).all():
+        raise ExportError(f"Camera '{name}' stands at a place that is not finite: clear its transform or its constraints")
+    axes = matrix[:3, :3]
+    lengths = np.linalg.norm(axes, axis=0)
+    if not (lengths > 0).all() or np.linalg.matrix_rank(axes / np.where(lengths > 0, lengths, 1)) < 3:
+        raise ExportError(f"Camera '{name}' is scaled to nothing: clear its scale")
+    return np.concatenate([axes / lengths, matrix[:3, 3:]], 1)
+
+
+def _window(size: tuple[int, int], aspect: tuple[float, float], half: float, fit: str, shift: tuple[float, float]) -> Window:
+    """(l, r, b, t) of a window whose fitted side spans 2 `half`; lens shift is in shares of that side."""
+    across, up = size[0] * aspect[0], size[1] * aspect[1]
+    horizontal = across > up if fit == "AUTO" else fit == "HORIZONTAL"
+    half_x, half_y = (half, half * up / across) if horizontal else (half * across / up, half)
+    middle_x, middle_y = 2 * half * shift[0], 2 * half * shift[1]
+    return middle_x - half_x, middle_x + half_x, middle_y - half_y, middle_y + half_y
+
+
+def _sensor(data: Any) -> float:
+    return data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
+
+
+def _pixel_aspect(render: Any) -> tuple[float, float]:
+    return render.pixel_aspect_x, render.pixel_aspect_y
+
+
+def _light_lens(camera: Any) -> float:
+    """Looking through a spot light takes in its cone; through anything else, 50 mm."""
+    if camera.type == "LIGHT" and camera.data.type == "SPOT":
+        return 16.0 / math.tan(camera.data.spot_size / 2)
+    return 50.0
+
+
+def _note_approximations(camera: Any, data: Any, render: Any, report: Report) -> None:
+    if data.type not in ("PERSP", "ORTHO"):
+        report.note("Panoramic and custom cameras are rendered as perspective ones ({}): choose Perspective", camera.name)
+    if data.dof.use_dof:
+        report.note("Depth of field is not rendered ({}): everything is in focus", camera.name)
+    if render.use_motion_blur:
+        report.note("Motion blur is not rendered: everything stands still")
+    if render.use_multiview:
+        report.note("Stereoscopy is not rendered: every view is the camera's own")

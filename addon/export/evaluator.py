@@ -1,0 +1,231 @@
+"""Reads one material's node tree: sockets to sums of inputs, shader sockets to closures, and notes for what is not understood.
+
+The nodes themselves are tables: `COLOR_NODES`, `VECTOR_NODES` and `CLOSURE_NODES`, filled by the modules named nodes_*. This is the
+seam for full node trees: whoever compiles nodes to programs replaces the tables' results.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .graph import Place, socket_named, source
+from .images import Images
+from .report import Report
+from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant, multiply
+
+DEEPEST = 48
+"""Nested node evaluations; deeper trees get the socket's default."""
+MOST_TERMS = 16
+"""Terms of one sum; longer ones become their mean colour."""
+
+
+@dataclass(frozen=True)
+class LobeKey:
+    """What two lobes must share to be added: see `engine.scene.Lobe`."""
+
+    kind: str
+    exponent: float = 0.0
+    ior: float = 1.0
+    fresnel: bool = False
+
+
+Closure = dict[LobeKey, Sum]
+
+COLOR_NODES: dict[str, Callable[[NodeView, Any], Sum | None]] = {}
+"""bl_idname -> function of the node and its output socket; None when the node's settings are not understood."""
+VECTOR_NODES: dict[str, Callable[[NodeView, Any], Coordinates | None]] = {}
+CLOSURE_NODES: dict[str, Callable[[NodeView], Closure]] = {}
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """A vector that is affine in a UV map: `matrix` (3, 3) rows x, y, z over columns u, v, 1; uv is the map's name, "" the active one."""
+
+    uv: str
+    matrix: tuple[RGB, RGB, RGB] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0))
+
+    @property
+    def array(self) -> np.ndarray:
+        return np.array(self.matrix, np.float64)
+
+    def with_array(self, array: np.ndarray) -> Coordinates:
+        return Coordinates(self.uv, tuple(tuple(float(x) for x in row) for row in array))
+
+
+def add_closures(*closures: Closure) -> Closure:
+    """The lobes of all, equal ones merged."""
+    total: Closure = {}
+    for closure in closures:
+        for key, weight in closure.items():
+            total[key] = add(total.get(key, ZERO), weight)
+    return {key: weight for key, weight in total.items() if weight}
+
+
+def scale_closure(closure: Closure, weight: Sum) -> Closure:
+    """Every lobe times a weight; lobes of weight 0 are gone."""
+    scaled = {key: multiply(terms, weight) for key, terms in closure.items()}
+    return {key: terms for key, terms in scaled.items() if terms}
+
+
+class Evaluator:
+    """Evaluates sockets of the material called `name`. Everything is remembered by place, so shared sub-trees are read once."""
+
+    def __init__(self, name: str, images: Images, report: Report) -> None:
+        self.name, self.images, self.report = name, images, report
+        self._memo: dict[tuple, Any] = {}
+        self._open: set[tuple] = set()
+
+    def color(self, place: Place) -> Sum:
+        """The colour that a socket gets; its own default where what feeds it is not understood."""
+        value, _ = self._read(place)
+        return value
+
+    def number(self, place: Place) -> Sum:
+        """The same as a number, grey."""
+        value, kind = self._read(place)
+        return value if kind in ("VALUE", "INT", "BOOLEAN") else grey(value)
+
+    def coordinates(self, place: Place) -> Coordinates | None:
+        """What feeds a texture's vector; None when it is not affine in a UV map."""
+        found = source(place)
+        if found is None or not found.socket.is_output:
+            return Coordinates("")
+        return self._once(found, lambda: self._call(VECTOR_NODES, found), None)
+
+    def closure(self, place: Place) -> Closure:
+        """The lobes that a shader socket gets; colours and numbers shine as emission, as in Cycles."""
+        found = source(place)
+        if found is None:
+            self.note("Node links go round in a circle in {}: the socket's default is used; remove the circle")
+        if found is None or not found.socket.is_output or found.node.mute:
+            return {}
+        if found.socket.type != "SHADER":
+            return {LobeKey("EMISSION"): self.color(place)}
+        return self._once(found, lambda: self._shader(found), {})
+
+    def note(self, sentence: str) -> None:
+        """Report something about this material; `{}` stands for the materials' names."""
+        self.report.note(sentence, self.name)
+
+    def limited(self, terms: Sum) -> Sum:
+        """A sum short enough to render: its mean colour where it has too many terms."""
+        if len(terms) <= MOST_TERMS:
+            return terms
+        self.note("Colours mixed from too many textures are rendered as their mean in {}: bake them into one texture")
+        return constant(self.mean(terms))
+
+    def mean(self, terms: Sum) -> RGB:
+        """The mean of a sum over its textures; attributes count as one half."""
+        return constant_value(add(*((self._mean_term(term),) for term in terms)))
+
+    def _mean_term(self, term: Term) -> Term:
+        value = np.array(term.value)
+        for factor in term.factors:
+            value = value * self.images.mean(factor)
+        return Term(tuple(float(x) for x in value))
+
+    def _read(self, place: Place) -> tuple[Sum, str]:
+        found = source(place)
+        if found is None:
+            self.note("Node links go round in a circle in {}: the socket's default is used; remove the circle")
+            found = place
+        if not found.socket.is_output:
+            return default_value(found.socket), found.socket.type
+        if found.node.mute:
+            return ZERO, "VALUE"
+        value = self._once(found, lambda: self._call(COLOR_NODES, found), None)
+        return (default_value(place.socket), place.socket.type) if value is None else (self.limited(value), found.socket.type)
+
+    def _shader(self, found: Place) -> Closure:
+        handler = CLOSURE_NODES.get(found.node.bl_idname, CLOSURE_NODES["unknown"])
+        return {key: self.limited(terms) for key, terms in handler(NodeView(self, found)).items()}
+
+    def _call(self, table: dict[str, Callable], found: Place) -> Any:
+        node = found.node
+        handler = table.get(node.bl_idname)
+        value = handler(NodeView(self, found), found.socket) if handler else None
+        if value is None:
+            instead = "the active UV map" if table is VECTOR_NODES else "the socket's default"
+            self.note(f"Node '{node.bl_label}' is not supported here: {instead} takes its place in {{}}; bake it to an image")
+        return value
+
+    def _once(self, found: Place, compute: Callable[[], Any], otherwise: Any) -> Any:
+        """compute(), once per place; `otherwise` inside a circle or too deep."""
+        key = found.key
+        if key in self._memo:
+            return self._memo[key]
+        if key in self._open or len(self._open) >= DEEPEST:
+            circle = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
+            deep = "Nodes are nested too deeply in {}: the socket's default is used; simplify the tree"
+            self.note(circle if key in self._open else deep)
+            return otherwise
+        self._open.add(key)
+        try:
+            self._memo[key] = compute()
+        finally:
+            self._open.discard(key)
+        return self._memo[key]
+
+
+class NodeView:
+    """A node at a place in the tree, with its inputs evaluated on demand."""
+
+    def __init__(self, evaluator: Evaluator, place: Place) -> None:
+        self.evaluator, self.place, self.node = evaluator, place, place.node
+
+    def input(self, name: str) -> Place | None:
+        """The input with this identifier or name, or None where this Blender has none."""
+        socket = socket_named(self.node.inputs, name)
+        return self.place.beside(socket) if socket is not None else None
+
+    def color(self, name: str, otherwise: float | RGB = 0.0) -> Sum:
+        place = self.input(name)
+        return self.evaluator.color(place) if place else constant(otherwise)
+
+    def number(self, name: str, otherwise: float = 0.0) -> Sum:
+        place = self.input(name)
+        return self.evaluator.number(place) if place else constant(otherwise)
+
+    def constant(self, name: str, otherwise: float = 0.0) -> float:
+        """A number that must not vary over the surface: the mean of one that does, with a note."""
+        terms = self.number(name, otherwise)
+        if is_constant(terms):
+            return constant_value(terms)[0]
+        self.evaluator.note(f"'{name}' varies over the surface in {{}}: its mean is used")
+        return self.evaluator.mean(terms)[0]
+
+    def factor(self, name: str, otherwise: float = 0.0) -> Sum:
+        """A number between 0 and 1; constants are clamped."""
+        terms = self.number(name, otherwise)
+        return constant(min(max(constant_value(terms)[0], 0.0), 1.0)) if is_constant(terms) else terms
+
+    def vector(self, name: str) -> tuple[float, float, float] | None:
+        """A constant vector, or None when it varies."""
+        terms = self.color(name)
+        return constant_value(terms) if is_constant(terms) else None
+
+    def closure(self, name: str) -> Closure:
+        place = self.input(name)
+        return self.evaluator.closure(place) if place else {}
+
+    def is_linked(self, name: str) -> bool:
+        place = self.input(name)
+        found = source(place) if place else None
+        return found is not None and found.socket.is_output and not found.node.mute
+
+    def note(self, sentence: str) -> None:
+        self.evaluator.note(sentence)
+
+
+def default_value(socket: Any) -> Sum:
+    """The value that an unlinked socket shows; black for sockets without one (shaders, strings)."""
+    value = getattr(socket, "default_value", 0.0)
+    if isinstance(value, (bool, int, float)):
+        return constant(float(value))
+    if isinstance(value, str) or not hasattr(value, "__len__"):
+        return ZERO
+    return constant(tuple(float(x) for x in value)[:3])

@@ -1,0 +1,179 @@
+"""The export's order of work."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...engine.scene import Geometry, Instances, Scene
+from .camera import border, export_camera, resolution
+from .images import Images
+from .instances import Flags, Thing, walk
+from .lights import Lights, Seen
+from .materials import Materials, Wanted, without_unused
+from .meshes import MeshSource, mesh_key, read_attributes, read_mesh, readable
+from .report import Report
+from .shapes import export_points
+from .world import export_world
+
+
+@dataclass(frozen=True, eq=False)
+class Export:
+    """What one export gives.
+
+    scene: plain values, nothing of Blender's.
+    notes: what could not be rendered as it is, each said once.
+    stats: seconds per stage ("objects", "finish", "export") and counts ("meshes", "instances", "triangles", "lights", "materials",
+    "textures", "bytes").
+    region: the render border as (x0, y0, x1, y1) pixels of the full frame, origin bottom left, or None.
+    """
+
+    scene: Scene
+    notes: tuple[str, ...] = ()
+    stats: dict[str, float] = field(default_factory=dict)
+    region: tuple[int, int, int, int] | None = None
+
+
+def export_scene(depsgraph: Any, *, width: int | None = None, height: int | None = None, passes: frozenset[str] = frozenset()) -> Export:
+    """The scene that an evaluated depsgraph shows, for its own view layer and frame.
+
+    width, height: pixels of the full frame instead of the scene's.  passes: names from `film.PASSES`; "UV" makes all meshes bring their
+    active map. Only on Blender's thread. Raises ExportError where there is no usable camera or border.
+    """
+    start = time.perf_counter()
+    scene, report = depsgraph.scene_eval, Report()
+    size = resolution(scene.render, width, height)
+    region = border(scene.render, size)
+    camera = export_camera(_evaluated(scene.camera, depsgraph), scene.render, size, report)
+    collector = Collector(depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report)
+    things = walk(depsgraph, collector.meet, report)
+    met = time.perf_counter()
+    world = _world(depsgraph, scene)
+    surroundings = export_world(world, scene.render.film_transparent, collector.images, report)
+    exported = collector.scene(camera, things, surroundings)
+    end = time.perf_counter()
+    stats = {"objects": met - start, "finish": end - met, "export": end - start, **_counts(exported)}
+    return Export(exported, report.notes(), stats, region)
+
+
+def _evaluated(thing: Any, depsgraph: Any) -> Any:
+    return thing.evaluated_get(depsgraph) if thing is not None else None
+
+
+def _world(depsgraph: Any, scene: Any) -> Any:
+    override = getattr(depsgraph.view_layer, "world_override", None)
+    return _evaluated(override, depsgraph) if override is not None else scene.world
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """A geometry with what its instances need."""
+
+    geometry: int
+    materials: tuple[int, ...]
+    object_index: int
+    flags: Flags
+
+
+@dataclass(frozen=True)
+class _Lamp:
+    light: Any
+    seen: Seen
+
+
+class Collector:
+    """Gathers geometries and materials while the depsgraph is walked."""
+
+    def __init__(self, depsgraph: Any, wanted: Wanted, report: Report) -> None:
+        self.depsgraph, self.wanted, self.report = depsgraph, wanted, report
+        self.images = Images(report)
+        self.materials = Materials(self.images, report)
+        self.lights = Lights(self.images, report)
+        self.override = _evaluated(depsgraph.view_layer.material_override, depsgraph)
+        self._geometries: list[MeshSource | Geometry] = []
+        self._known: dict[tuple, int | None] = {}
+
+    def meet(self, thing: Any, owner: Any, flags: Flags) -> _Placed | _Lamp | None:
+        """What an object (its owner is the one that is not temporary) is to the scene; None for what has no shape of its own (curves
+        come again as meshes)."""
+        data = thing.data
+        if thing.type == "LIGHT":
+            return _Lamp(data, Seen(flags.camera, flags.mirror))
+        kind = data.bl_rna.identifier
+        if kind not in ("Mesh", "PointCloud"):
+            return None
+        slots = self._slots(thing)
+        geometry = self._mesh(data, owner, slots) if kind == "Mesh" else self._points(data)
+        return _Placed(geometry, slots, thing.pass_index, flags) if geometry is not None else None
+
+    def _slots(self, thing: Any) -> tuple[int, ...]:
+        if self.override is not None:
+            return (self.materials.index(self.override),)
+        return tuple(self.materials.index(slot.material) for slot in thing.material_slots) or (self.materials.index(None),)
+
+    def _mesh(self, data: Any, owner: Any, slots: tuple[int, ...]) -> int | None:
+        """Index of a mesh's geometry, read when first met, with the attributes that this object's materials read."""
+        key = mesh_key(data)
+        with readable(data, owner) as mesh:
+            if key not in self._known:
+                self._known[key] = self._append(read_mesh(mesh, self.report))
+            number = self._known[key]
+            if number is not None:
+                read_attributes(mesh, self._geometries[number], self.wanted | self.materials.wanted(slots), self.report)
+        return number
+
+    def _points(self, cloud: Any) -> int | None:
+        key = (cloud.as_pointer(), len(cloud.points), cloud.name)
+        if key not in self._known:
+            self._known[key] = self._append(export_points(cloud))
+        return self._known[key]
+
+    def _append(self, geometry: MeshSource | Geometry | None) -> int | None:
+        if geometry is None:
+            return None
+        self._geometries.append(geometry)
+        return len(self._geometries) - 1
+
+    def scene(self, camera: Any, things: list[Thing], world: Any) -> Scene:
+        """All of it as one value."""
+        geometries = tuple(g.finished() if isinstance(g, MeshSource) else g for g in self._geometries)
+        instances = tuple(_instances(thing) for thing in things if isinstance(thing.content, _Placed))
+        for thing in things:
+            if isinstance(thing.content, _Lamp):
+                self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
+        materials, textures = without_unused(self.materials.materials, self.images.textures)
+        return Scene(camera, geometries, instances, materials, textures, tuple(self.lights.lights), world)
+
+
+def _instances(thing: Thing) -> Instances:
+    placed, flags = thing.content, thing.content.flags
+    return Instances(
+        thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
+        flags.camera, flags.mirror, flags.shadow, flags.holdout,
+    )  # fmt: skip
+
+
+def _counts(scene: Scene) -> dict[str, float]:
+    """How much there is, and the bytes of its arrays."""
+    per_geometry = [len(getattr(g, "triangles", ())) for g in scene.geometries]
+    arrays = [a for g in scene.geometries for a in _arrays(g)]
+    arrays += [i.world_from_object for i in scene.instances] + [t.pixels for t in scene.textures]
+    return {
+        "meshes": len(scene.geometries),
+        "instances": sum(len(i.world_from_object) for i in scene.instances),
+        "triangles": sum(per_geometry),
+        "placed_triangles": sum(len(i.world_from_object) * per_geometry[i.geometry] for i in scene.instances),
+        "lights": len(scene.lights),
+        "materials": len(scene.materials),
+        "textures": len(scene.textures),
+        "bytes": sum({id(a): a.nbytes for a in arrays}.values()),
+    }
+
+
+def _arrays(geometry: Geometry) -> list[np.ndarray]:
+    values = list(vars(geometry).values())
+    values += [a.values for a in (*getattr(geometry, "attributes", ()), *filter(None, [getattr(geometry, "normals", None)]))]
+    return [value for value in values if isinstance(value, np.ndarray)]

@@ -1,0 +1,110 @@
+"""Finding what feeds a shader socket: through reroutes, muted nodes and any depth of node groups, without recursion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+LONGEST = 4096
+"""Steps after which links are taken to go round in a circle."""
+
+
+OWN_GROUPS = {"GlintBlinnPhongNode"}
+"""Group nodes that mean something themselves; what is inside is for other engines."""
+
+
+def node_tree(block: Any) -> Any:
+    """The node tree that a material, world or light uses, or None. From 5.0 on having one is using it, and asking gives a warning."""
+    import bpy
+
+    return block.node_tree if bpy.app.version >= (5, 0, 0) or block.use_nodes else None
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A socket and the chain of group nodes, outermost first, that leads to the tree in which it lives."""
+
+    socket: Any
+    path: tuple[Any, ...] = ()
+
+    @property
+    def node(self) -> Any:
+        return self.socket.node
+
+    @property
+    def key(self) -> tuple[int, ...]:
+        """The same for the same socket reached by the same way."""
+        return (self.socket.as_pointer(), *(node.as_pointer() for node in self.path))
+
+    def beside(self, socket: Any) -> Place:
+        """Another socket of the same tree."""
+        return Place(socket, self.path)
+
+
+def source(place: Place) -> Place | None:
+    """Where the value of an input comes from: an output of a node that computes it, or an unlinked input whose default holds.
+
+    None for links that go round in a circle.
+    """
+    for _ in range(LONGEST):
+        if not place.socket.is_output:
+            link = _link(place.socket)
+            if link is None:
+                return place
+            place = place.beside(link.from_socket)
+        step = _through(place)
+        if step is None:
+            return place
+        place = step
+    return None
+
+
+def _link(socket: Any) -> Any:
+    for link in socket.links if socket.is_linked else ():
+        if link.is_valid and not link.is_muted:
+            return link
+    return None
+
+
+def _through(place: Place) -> Place | None:
+    """The socket that stands behind an output of a node which only passes values on; None where a value is made."""
+    node = place.node
+    if node.mute:
+        return _behind_muted(place)
+    if node.type == "REROUTE":
+        return place.beside(node.inputs[0])
+    if node.bl_idname not in OWN_GROUPS and getattr(node, "node_tree", None) is not None:
+        return _into_group(place)
+    if node.type == "GROUP_INPUT" and place.path:
+        outside = _by_identifier(place.path[-1].inputs, place.socket.identifier)
+        return Place(outside, place.path[:-1]) if outside is not None else None
+    return None
+
+
+def _behind_muted(place: Place) -> Place | None:
+    for link in place.node.internal_links:
+        if link.to_socket == place.socket:
+            return place.beside(link.from_socket)
+        if link.from_socket == place.socket:
+            return place.beside(link.to_socket)
+    return None
+
+
+def _into_group(place: Place) -> Place | None:
+    outputs = [node for node in place.node.node_tree.nodes if node.type == "GROUP_OUTPUT"]
+    active = [node for node in outputs if node.is_active_output] or outputs
+    inside = _by_identifier(active[0].inputs, place.socket.identifier) if active else None
+    return Place(inside, (*place.path, place.node)) if inside is not None else None
+
+
+def _by_identifier(sockets: Any, identifier: str) -> Any:
+    return next((socket for socket in sockets if socket.identifier == identifier), None)
+
+
+def socket_named(sockets: Any, name: str) -> Any:
+    """The socket with this identifier, or else the enabled one with this name, or None. Never looked up by position."""
+    by_identifier = _by_identifier(sockets, name)
+    if by_identifier is not None:
+        return by_identifier
+    named = [socket for socket in sockets if socket.name == name]
+    return next((socket for socket in named if socket.enabled), named[0] if named else None)

@@ -1,0 +1,153 @@
+"""Blender images to textures, each read once per export; a missing one is magenta, with a note that names its file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...engine.scene import Input, Texture
+from . import colorspace, pixels
+from .pixels import ImageError, Pixels
+from .report import Report
+
+EXTENSIONS = {"REPEAT": "REPEAT", "EXTEND": "EXTEND", "CLIP": "CLIP", "MIRROR": "MIRROR"}
+
+Function = Callable[[np.ndarray], np.ndarray]
+"""Of (n, 3) float32 scene-linear colours to colours of the same shape."""
+
+
+class Images:
+    """The textures of one scene, and what materials ask about them."""
+
+    def __init__(self, report: Report) -> None:
+        self.textures: list[Texture] = []
+        self.report = report
+        self._pixels: dict[tuple, Pixels] = {}
+        self._indices: dict[tuple, int] = {}
+        self._means: dict[tuple[int, str], np.ndarray] = {}
+
+    def texture(self, image: Any, user: Any, extension: str, interpolation: str, associated: bool = False) -> int:
+        """Index of the texture of a Blender image (None: magenta) for an image texture node's settings.
+
+        associated: colours times alpha, where the image's alpha is not of the kind that is kept apart.
+        """
+        found = self.pixels(image, user)
+        associated = associated and found.associated
+        filtering = "CLOSEST" if interpolation == "Closest" else "LINEAR"
+        key = (*self._key(image, user), EXTENSIONS.get(extension, "REPEAT"), filtering, associated)
+        if key not in self._indices:
+            name = image.name if image is not None else "no image"
+            values = pixels.associated(found) if associated else found.pixels
+            self._indices[key] = self._append(Texture(name, values, found.encoding, key[2], filtering))
+        return self._indices[key]
+
+    def pixels(self, image: Any, user: Any) -> Pixels:
+        """The pixels of a Blender image at the frame that `user` (its ImageUser) shows."""
+        key = self._key(image, user)
+        if key not in self._pixels:
+            self._pixels[key] = self._load(image, key[1])
+        return self._pixels[key]
+
+    def derived(self, source: Input, key: tuple, function: Function) -> Input:
+        """`source` (with a texture, without attribute) after a function of its colour, worked out texel by texel.
+
+        key: tells functions apart. The function comes before filtering instead of after it.
+        """
+        index_key = (source.texture, source.channel, source.value, source.complement, key)
+        if index_key not in self._indices:
+            texture = self.textures[source.texture]
+            colors = self._colors(replace(source, uv="", attribute=""))
+            self._indices[index_key] = self._append(replace(texture, **_stored(function(colors), texture)))
+        return replace(source, texture=self._indices[index_key], value=(1.0, 1.0, 1.0), channel="COLOR", complement=False)
+
+    def mean(self, source: Input) -> np.ndarray:
+        """(3,) float64: the mean of a factor over its texture; an attribute counts as one half."""
+        value = np.array(source.value, np.float64)
+        if source.texture >= 0:
+            value = value * self._mean(source.texture, source.channel)
+        if source.attribute:
+            value = value * 0.5
+        return 1 - value if source.complement else value
+
+    def sphere_mean(self, index: int) -> np.ndarray:
+        """(3,) float64: the mean colour of an equirectangular image over all directions."""
+        height, width = self.textures[index].pixels.shape[:2]
+        rows = self._colors(Input(texture=index)).reshape(height, width, 3).mean(1, dtype=np.float64)
+        return np.average(rows, axis=0, weights=np.sin((np.arange(height) + 0.5) * np.pi / height))
+
+    def _mean(self, index: int, channel: str) -> np.ndarray:
+        if (index, channel) not in self._means:
+            colors = self._colors(Input(texture=index, channel=channel))
+            self._means[index, channel] = colors.mean(0, dtype=np.float64)
+        return self._means[index, channel]
+
+    def _colors(self, source: Input) -> np.ndarray:
+        """(h w, 3) float32 scene-linear values of a factor, texel by texel."""
+        colors = texels(self.textures[source.texture], source.channel)
+        if source.value != (1.0, 1.0, 1.0):
+            colors = colors * np.array(source.value, np.float32)
+        return 1 - colors if source.complement else colors
+
+    def _append(self, texture: Texture) -> int:
+        self.textures.append(texture)
+        return len(self.textures) - 1
+
+    def _key(self, image: Any, user: Any) -> tuple[int, str]:
+        if image is None:
+            return (0, "")
+        return (_original(image).as_pointer(), _path(_original(image), user))
+
+    def _load(self, image: Any, path: str) -> Pixels:
+        if image is None:
+            self.report.note("An image texture without an image is magenta: choose an image")
+            return Pixels(pixels.MAGENTA, "SRGB")
+        self._approximations(image)
+        try:
+            return pixels.read(_original(image), path)
+        except ImageError as error:
+            self.report.note(f"Image '{image.name}' {error}: it is magenta; find or pack its file ('{path}')")
+            return Pixels(pixels.MAGENTA, "SRGB")
+
+    def _approximations(self, image: Any) -> None:
+        if image.source == "TILED":
+            self.report.note("Only the first tile of tiled images is rendered ({}): bake them into one image", image.name)
+        if image.source == "MOVIE":
+            self.report.note("Movies are rendered as the frame that Blender holds ({}): use an image sequence", image.name)
+
+
+def texels(texture: Texture, channel: str) -> np.ndarray:
+    """(h w, 3) float32 scene-linear colours of a texture, or its alpha or mean channel as grey."""
+    rgba = texture.pixels.reshape(-1, 4)
+    if channel == "ALPHA":
+        return np.repeat(colorspace.as_float(rgba[:, 3:]), 3, 1)
+    rgb = rgba[:, :3]
+    colors = colorspace.SRGB_BYTE[rgb] if texture.encoding == "SRGB" else colorspace.as_float(rgb)
+    return np.repeat(colors.mean(1, keepdims=True), 3, 1) if channel == "LUMINANCE" else colors
+
+
+def _original(image: Any) -> Any:
+    return image.original or image
+
+
+def _path(image: Any, user: Any) -> str:
+    """The absolute path of the file shown now; the first tile of a tiled image."""
+    path = image.filepath_from_user(image_user=user) if user is not None else image.filepath_from_user()
+    return path.replace("<UDIM>", str(image.tiles[0].number if image.tiles else 1001)).replace("<UVTILE>", "u1_v1")
+
+
+def _stored(colors: np.ndarray, like: Texture) -> dict[str, Any]:
+    """(h w, 3) colours as the pixels and encoding of a texture: as `like` where that has bytes and the colours lie in 0 to 1."""
+    rgba = np.empty((*like.pixels.shape[:2], 4), like.pixels.dtype)
+    sound = np.isfinite(colors.sum(dtype=np.float64))
+    colors = colors if sound else np.nan_to_num(colors, nan=0.0, posinf=0.0, neginf=0.0)
+    if rgba.dtype == np.uint8 and colors.min() >= 0 and colors.max() <= 1:
+        shape = (*rgba.shape[:2], 3)
+        rgba[:, :, :3] = (colorspace.srgb_bytes(colors) if like.encoding == "SRGB" else np.rint(colors * 255)).reshape(shape)
+        rgba[:, :, 3] = 255
+        return {"pixels": rgba, "encoding": like.encoding}
+    floats = np.ones(rgba.shape, np.float32)
+    floats[:, :, :3] = colors.reshape(*rgba.shape[:2], 3)
+    return {"pixels": floats, "encoding": "LINEAR"}

@@ -1,0 +1,126 @@
+"""Walks the depsgraph's object instances: which geometry stands where, and as what it is seen.
+
+`object_instances.foreach_get` hands out all matrices at once in the order of the iteration, so the Python loop only has to tell things
+apart: 100 000 instances of any kind take about 0.15 s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .report import Report
+
+HAIR_NOTE = "Particle hair is not rendered: {}; convert it to a mesh"
+_UNSUPPORTED = {
+    "CURVES": "Hair curves are not rendered: {}; convert them to meshes",
+    "VOLUME": "Volumes are not rendered: {}; convert them to meshes",
+    "GPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
+    "GREASEPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
+}
+
+
+@dataclass(frozen=True)
+class Flags:
+    """What an object's settings say of its visibility, with its instancer's."""
+
+    camera: bool
+    mirror: bool
+    shadow: bool
+    holdout: bool
+
+
+@dataclass(eq=False)
+class Thing:
+    """One object as one instancer places it: what `make` of `walk` gave for it, and where it stands."""
+
+    content: Any
+    name: str
+    matrices: np.ndarray
+
+
+def walk(depsgraph: Any, make: Callable[[Any, Any, Flags], Any], report: Report) -> list[Thing]:
+    """Every distinct (data, object, instancer) that renders, with its places.
+
+    make: given the evaluated object, the one behind a temporary one, and its flags, once each, while Blender keeps them valid; None
+    leaves the thing out.
+    """
+    things: list[tuple[Any, str] | None] = []
+    numbers: dict[tuple, int] = {}
+    rows: list[int] = []
+    for instance in depsgraph.object_instances:
+        thing = instance.object
+        key = (thing.data, instance.instance_object or thing, instance.parent)
+        number = numbers.get(key)
+        if number is None:
+            number = numbers[key] = len(things)
+            things.append(_meet(instance, thing, depsgraph, make, report))
+        rows.append(number)
+    return _placed(things, np.array(rows, np.int64), _matrices(depsgraph, len(rows)), report)
+
+
+def _matrices(depsgraph: Any, count: int) -> np.ndarray:
+    """(count, 3, 4) float64: matrix_world of every instance."""
+    columns = np.empty((count, 4, 4), np.float32)
+    if count:
+        depsgraph.object_instances.foreach_get("matrix_world", columns.reshape(-1))
+    return columns.transpose(0, 2, 1)[:, :3].astype(np.float64)
+
+
+def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report) -> list[Thing]:
+    """Things with their rows of the matrices, in the order in which they were met; places that are not finite are dropped."""
+    order = np.argsort(rows, kind="stable")
+    bounds = np.searchsorted(rows[order], np.arange(len(things) + 1))
+    placed = []
+    for number, met in enumerate(things):
+        if met is None:
+            continue
+        own = matrices[order[bounds[number] : bounds[number + 1]]]
+        sound = np.isfinite(own).all((1, 2))
+        if not sound.all():
+            report.note("Objects whose transform is not finite are left out: {}; clear their transforms", met[1])
+        if sound.any():
+            placed.append(Thing(met[0], met[1], own[sound]))
+    return placed
+
+
+def _meet(instance: Any, thing: Any, depsgraph: Any, make: Callable, report: Report) -> tuple[Any, str] | None:
+    """What a new thing is, or None where nothing of it is rendered."""
+    instancer = instance.parent if instance.is_instance else thing
+    name = thing.name
+    _note_hair(instance, thing, report)
+    if not instance.show_self or thing.data is None:
+        return None
+    if thing.type in _UNSUPPORTED:
+        report.note(_UNSUPPORTED[thing.type], name)
+        return None
+    flags = _flags(thing, instancer, depsgraph.view_layer, report)
+    content = make(thing, instance.instance_object or thing, flags)
+    return (content, name) if content is not None else None
+
+
+def _note_hair(instance: Any, thing: Any, report: Report) -> None:
+    for system in thing.particle_systems if instance.show_particles else ():
+        if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
+            report.note(HAIR_NOTE, thing.name)
+
+
+def _flags(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Flags:
+    """Visible to a kind of ray only if thing and instancer both are; holdout by the instancer, as in Cycles."""
+    owner = instancer.original
+    holdout = owner.holdout_get(view_layer=view_layer)
+    indirect_only = not holdout and owner.indirect_only_get(view_layer=view_layer)
+    if indirect_only:
+        report.note("Indirect only hides {} from the camera; light is not carried on from there", thing.name)
+    if thing.type != "LIGHT" and (thing.is_shadow_catcher or instancer.is_shadow_catcher):
+        report.note("Shadow catchers are rendered as plain objects: {}", thing.name)
+    both = (thing, instancer)
+    return Flags(
+        camera=all(x.visible_camera for x in both) and not indirect_only,
+        mirror=all(x.visible_glossy for x in both),
+        shadow=all(x.visible_shadow for x in both),
+        holdout=holdout,
+    )

@@ -1,0 +1,132 @@
+"""Blender's lights to `engine.scene.Light`. Strength is Blender's number for a normalised light, whatever the light's own settings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...engine.scene import Light
+from .evaluator import Evaluator, LobeKey
+from .graph import Place, node_tree, socket_named
+from .images import Images
+from .report import Report
+from .terms import RGB, constant_value, is_constant
+
+_FULL_SPREAD = math.pi - 1e-4
+
+
+@dataclass(frozen=True)
+class Seen:
+    """By which rays the light's own shape is seen."""
+
+    camera: bool
+    mirror: bool
+
+
+class Lights:
+    """The lights of one scene, in the order in which they came."""
+
+    def __init__(self, images: Images, report: Report) -> None:
+        self.lights: list[Light] = []
+        self.images, self.report = images, report
+
+    def add(self, name: str, data: Any, matrices: np.ndarray, seen: Seen) -> None:
+        """An evaluated light data-block at every place of `matrices` (k, 3, 4)."""
+        if getattr(data.cycles, "is_portal", False) and data.type == "AREA":
+            return
+        color = self._color(name, data)
+        for matrix in matrices:
+            light = self._place(name, data, color, matrix, seen)
+            if light is not None:
+                self.lights.append(light)
+
+    def _place(self, name: str, data: Any, color: RGB, matrix: np.ndarray, seen: Seen) -> Light | None:
+        frame, sizes = light_frame(matrix)
+        if frame is None and data.type == "POINT":
+            frame = np.concatenate([np.eye(3), matrix[:, 3:]], 1)
+        if frame is None:
+            self.report.note("Lights that are scaled to nothing are left out ({}): clear their scale", name)
+            return None
+        shape = _shape(data, sizes)
+        strength = light_strength(data, shape)
+        if not math.isfinite(strength):
+            self.report.note("Lights whose power is not finite are left out ({}): set their power", name)
+            return None
+        return Light(name, data.type, frame, color, strength, cast_shadow=data.use_shadow, visible_camera=seen.camera,
+                     visible_mirror=seen.mirror, **shape)  # fmt: skip
+
+    def _color(self, name: str, data: Any) -> RGB:
+        """Colour times temperature times what the light's nodes emit; a channel that is not finite counts as 0."""
+        color = np.array(data.color, np.float64)
+        if getattr(data, "use_temperature", False):
+            color = color * np.array(data.temperature_color)
+        color = color * self._node_color(name, data)
+        if not np.isfinite(color).all():
+            self.report.note("Lights have a colour that is not finite ({}): its bad channels are black", name)
+        self._note_approximations(name, data)
+        return tuple(float(x) if math.isfinite(x) else 0.0 for x in color)
+
+    def _node_color(self, name: str, data: Any) -> np.ndarray:
+        """What the light's node tree multiplies its colour by: constant emission, or white with a note."""
+        tree = node_tree(data)
+        output = tree and (tree.get_output_node("ALL") or tree.get_output_node("CYCLES"))
+        if not output:
+            return np.ones(3)
+        closure = Evaluator(name, self.images, self.report).closure(Place(socket_named(output.inputs, "Surface")))
+        emission = closure.get(LobeKey("EMISSION"), ())
+        if not is_constant(emission):
+            self.report.note("Light textures are not rendered: {} shine with their plain colour")
+            return np.ones(3)
+        return np.array(constant_value(emission))
+
+    def _note_approximations(self, name: str, data: Any) -> None:
+        if data.type == "AREA" and data.spread < _FULL_SPREAD:
+            self.report.note("The spread of area lights is not rendered ({}): they shine over the whole half-space", name)
+
+
+def light_frame(matrix: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+    """The right-handed orthonormal frame (3, 4) of a light, its -z where the light shines, and the lengths (3,) of the matrix's columns.
+
+    The frame is None where an axis has no length.
+    """
+    axes, lengths = matrix[:, :3], np.linalg.norm(matrix[:, :3], axis=0)
+    if not (lengths > 0).all():
+        return None, lengths
+    z = axes[:, 2] / lengths[2]
+    x = axes[:, 0] / lengths[0]
+    x = x - z * (x @ z)
+    if not np.linalg.norm(x) > 1e-6:
+        return None, lengths
+    x = x / np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z, matrix[:, 3]], -1), lengths
+
+
+def _shape(data: Any, lengths: np.ndarray) -> dict[str, Any]:
+    """The fields of `Light` that say how large it is. Radii are world lengths, whatever the object's scale, as in Cycles."""
+    if data.type == "SUN":
+        return {"angle": data.angle}
+    if data.type == "AREA":
+        across = data.size
+        up = data.size if data.shape in ("SQUARE", "DISK") else data.size_y
+        shape = "ELLIPSE" if data.shape in ("DISK", "ELLIPSE") else "RECTANGLE"
+        return {"shape": shape, "size_x": across * float(lengths[0]), "size_y": up * float(lengths[1])}
+    soft = {"radius": data.shadow_soft_size, "soft_falloff": bool(getattr(data, "use_soft_falloff", False))}
+    return {**soft, "spot_size": data.spot_size, "spot_blend": data.spot_blend} if data.type == "SPOT" else soft
+
+
+def light_strength(data: Any, shape: dict[str, Any]) -> float:
+    """Power times 2^exposure; where the light is not normalised, times the area by which normalising would divide."""
+    strength = data.energy * 2.0 ** getattr(data, "exposure", 0.0)
+    return strength if getattr(data, "normalize", True) else strength * _area(data.type, shape)
+
+
+def _area(kind: str, shape: dict[str, Any]) -> float:
+    """Cycles' measure of a light: its surface in m², or the sun's projected solid angle; that of a light of no extent is a convention."""
+    if kind == "SUN":
+        return math.pi * math.sin(shape["angle"] / 2) ** 2 or 1.0
+    if kind == "AREA":
+        return shape["size_x"] * shape["size_y"] * (math.pi / 4 if shape["shape"] == "ELLIPSE" else 1.0)
+    return 4 * math.pi * shape["radius"] ** 2 or 4.0

@@ -1,0 +1,128 @@
+"""Blender materials to `engine.scene.Material`: a sum of lobes each, and what the meshes that wear them must bring along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ...engine.scene import LOBES, Lobe, Material, Texture
+from . import nodes_color, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
+from .evaluator import Closure, Evaluator, LobeKey, add_closures, scale_closure
+from .graph import Place, node_tree, socket_named
+from .images import Images
+from .nodes_principled import plastic_closure
+from .nodes_shader import diffuse_closure, glossy_closure
+from .report import Report
+from .terms import complement, constant, factors_of
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Names of the UV maps ("" the active one) and colour attributes that something reads."""
+
+    uv_maps: frozenset[str] = frozenset()
+    attributes: frozenset[str] = frozenset()
+
+    def __or__(self, other: Wanted) -> Wanted:
+        return Wanted(self.uv_maps | other.uv_maps, self.attributes | other.attributes)
+
+
+class Materials:
+    """The materials of one scene, each compiled once."""
+
+    def __init__(self, images: Images, report: Report) -> None:
+        self.materials: list[Material] = []
+        self.images, self.report = images, report
+        self._indices: dict[int, int] = {}
+        self._wanted: list[Wanted] = []
+
+    def index(self, material: Any) -> int:
+        """Index of an evaluated Blender material; of Blender's default surface for None."""
+        key = material.as_pointer() if material is not None else 0
+        if key not in self._indices:
+            self._indices[key] = len(self.materials)
+            compiled = compile_material(material, self.images, self.report) if material is not None else default_material()
+            self.materials.append(compiled)
+            self._wanted.append(wanted_by(compiled))
+        return self._indices[key]
+
+    def wanted(self, indices: tuple[int, ...]) -> Wanted:
+        """What the materials with these indices read from a mesh."""
+        total = Wanted()
+        for index in indices:
+            total = total | self._wanted[index]
+        return total
+
+
+def default_material() -> Material:
+    """Blender's surface for things without a material: grey, diffuse before 5.0 and a default Principled from then on, as in Cycles."""
+    import bpy
+
+    grey = constant(0.8)
+    closure = diffuse_closure(grey) if bpy.app.version < (5, 0, 0) else plastic_closure(grey, constant(1.0), 0.5, 1.5, True)
+    return Material("Default", lobes_of(closure))
+
+
+def compile_material(material: Any, images: Images, report: Report) -> Material:
+    """One Blender material as lobes."""
+    evaluator = Evaluator(material.name, images, report)
+    tree = node_tree(material)
+    closure = _surface(tree, evaluator) if tree is not None else _viewport_surface(material)
+    lobes = lobes_of(closure)
+    if any(lobe.kind == "EMISSION" for lobe in lobes):
+        report.note("Glowing surfaces are seen but light nothing ({}): add lights where they should", material.name)
+    return Material(material.name, lobes, material.pass_index)
+
+
+def _surface(tree: Any, evaluator: Evaluator) -> Closure:
+    """What the active output shows; black without one, as in Cycles."""
+    output = next(filter(None, (tree.get_output_node(target) for target in ("ALL", "CYCLES", "EEVEE"))), None)
+    if output is None:
+        evaluator.note("Materials without an output node are black: {}; add a Material Output")
+        return {}
+    for name, sentence in (("Displacement", "Displacement is not rendered: {}"), ("Volume", "Volumes are not rendered: {}")):
+        socket = socket_named(output.inputs, name)
+        if socket is not None and socket.is_linked:
+            evaluator.note(sentence)
+    return evaluator.closure(Place(socket_named(output.inputs, "Surface")))
+
+
+def _viewport_surface(material: Any) -> Closure:
+    """A material without nodes: its viewport colour, metallic and roughness, as Principled would take them."""
+    color, metallic = constant(tuple(material.diffuse_color)[:3]), constant(material.metallic)
+    closures = (
+        scale_closure(glossy_closure(color, material.roughness, True), metallic),
+        scale_closure(diffuse_closure(color), complement(metallic)),
+    )
+    return add_closures(*closures)
+
+
+def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
+    """The lobes of a closure in the order of `engine.scene.LOBES`; none of weight 0."""
+    ordered = sorted(closure.items(), key=lambda item: (LOBES.index(item[0].kind), item[0].exponent, item[0].ior))
+    return tuple(_lobe(key, factors_of(term)) for key, terms in ordered for term in terms)
+
+
+def _lobe(key: LobeKey, factors: tuple) -> Lobe:
+    return Lobe(key.kind, factors, key.exponent, key.ior, key.fresnel)
+
+
+def wanted_by(material: Material) -> Wanted:
+    """The attributes that a material's inputs name."""
+    inputs = [factor for lobe in material.lobes for factor in lobe.factors]
+    return Wanted(
+        frozenset(factor.uv for factor in inputs if factor.texture >= 0),
+        frozenset(factor.attribute for factor in inputs if factor.attribute),
+    )
+
+
+def without_unused(materials: list[Material], textures: list[Texture]) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:
+    """Materials and textures with only the textures that a lobe reads, renumbered: some were only made for their mean."""
+    used = sorted({factor.texture for m in materials for lobe in m.lobes for factor in lobe.factors} - {-1})
+    numbers = {-1: -1, **{old: new for new, old in enumerate(used)}}
+
+    def renumbered(lobe: Lobe) -> Lobe:
+        return replace(lobe, factors=tuple(replace(factor, texture=numbers[factor.texture]) for factor in lobe.factors))
+
+    kept = tuple(replace(m, lobes=tuple(renumbered(lobe) for lobe in m.lobes)) for m in materials)
+    return kept, tuple(textures[old] for old in used)

@@ -1,0 +1,198 @@
+"""Evaluated Blender meshes to `engine.scene.Mesh`, by the attribute arrays that Blender hands out without converting."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ...engine.scene import CORNER, FACE, POINT, Attribute, Mesh
+from .materials import Wanted
+from .nodes_texture import ACTIVE_COLOR
+from .report import Report
+from .terms import GREY
+
+_DOMAINS = {"POINT": POINT, "CORNER": CORNER, "FACE": FACE}
+_COLUMNS = {"FLOAT": ("value", 1), "INT": ("value", 1), "INT8": ("value", 1), "BOOLEAN": ("value", 1), "FLOAT2": ("vector", 2),
+            "FLOAT_VECTOR": ("vector", 3), "BYTE_COLOR": ("color", 4), "FLOAT_COLOR": ("color", 4)}  # fmt: skip
+_DTYPES = {"INT": np.int32, "INT8": np.int8, "BOOLEAN": np.bool_}
+
+
+@dataclass
+class MeshSource:
+    """A mesh while its instances are being collected: arrays taken when it was first met, attributes as materials ask for them."""
+
+    mesh: Mesh
+    faces: np.ndarray | None
+    kept: np.ndarray | None
+    corners: np.ndarray
+    loops: int
+    uv_maps: dict[str, Attribute] = field(default_factory=dict)
+    attributes: dict[str, Attribute] = field(default_factory=dict)
+
+    def finished(self) -> Mesh:
+        """The mesh with the attributes it was asked for, the active UV map first."""
+        attributes = (*self.uv_maps.values(), *self.attributes.values())
+        by_corner = any(a.domain == CORNER for a in (*attributes, *filter(None, [self.mesh.normals])))
+        return replace(self.mesh, corners=self.corners if by_corner else None, attributes=attributes)
+
+
+def mesh_key(mesh: Any) -> tuple:
+    """Tells evaluated meshes apart: by address, size and where the vertices lie, so that a temporary mesh at the address of an earlier
+    one is not taken for it."""
+    if mesh.is_editmode or len(mesh.vertices) == 0:
+        return (mesh.as_pointer(), mesh.name)
+    return (mesh.as_pointer(), mesh.name, mesh.vertices[0].as_pointer(), len(mesh.vertices), len(mesh.loops))
+
+
+@contextmanager
+def readable(mesh: Any, owner: Any) -> Iterator[Any]:
+    """The mesh with its arrays in place: in edit mode they live in the editor, and its object makes a copy, as for Cycles."""
+    if not mesh.is_editmode:
+        yield mesh
+        return
+    try:
+        yield owner.to_mesh()
+    finally:
+        owner.to_mesh_clear()
+
+
+def read_mesh(mesh: Any, report: Report) -> MeshSource | None:
+    """Triangles, slots and normals of an evaluated mesh; None without faces. Its name goes into notes."""
+    if len(mesh.polygons) == 0 or len(mesh.vertices) == 0:
+        return None
+    vertices = _array(mesh.attributes["position"].data, "vector", len(mesh.vertices), 3)
+    corner_vertices = _array(mesh.attributes[".corner_vert"].data, "value", len(mesh.loops), 1, np.int32).view(np.uint32)[:, 0]
+    corners = _triangle_corners(mesh)
+    triangles = corner_vertices[corners]
+    kept = _finite_triangles(mesh.name, vertices, triangles, report)
+    if kept is not None:
+        corners, triangles = corners[kept], triangles[kept]
+    if len(triangles) == 0:
+        return None
+    source = MeshSource(Mesh(mesh.name, vertices, triangles), None, kept, corners, len(mesh.loops))
+    slots = _material_slots(mesh, source)
+    source.mesh = replace(source.mesh, material_slots=slots, normals=_normals(mesh, report))
+    return source
+
+
+def read_attributes(mesh: Any, source: MeshSource, wanted: Wanted, report: Report) -> None:
+    """Add what `wanted` names and `source` lacks. Names that the mesh lacks are left out: they read as 0."""
+    for name in sorted(wanted.uv_maps - source.uv_maps.keys()):
+        _read_uv_map(mesh, source, name)
+    for name in sorted(wanted.attributes - source.attributes.keys()):
+        attribute = _color_attribute(mesh, source, name, report)
+        if attribute is not None:
+            source.attributes[name] = attribute
+
+
+def _array(data: Any, what: str, count: int, columns: int, dtype: Any = np.float32) -> np.ndarray:
+    """(count, columns) values of an attribute; the dtype must be Blender's own or it converts one by one."""
+    values = np.empty((count, columns), dtype)
+    data.foreach_get(what, values.reshape(-1))
+    return values
+
+
+def _triangle_corners(mesh: Any) -> np.ndarray:
+    """(n, 3) uint32 corners of Blender's triangulation. Into uint32, for which Blender copies without converting."""
+    if len(mesh.loops) == 3 * len(mesh.polygons) and len(mesh.loop_triangles) == len(mesh.polygons):
+        return np.arange(len(mesh.loops), dtype=np.uint32).reshape(-1, 3)
+    return _array(mesh.loop_triangles, "loops", len(mesh.loop_triangles), 3, np.uint32)
+
+
+def _triangle_faces(mesh: Any, source: MeshSource) -> np.ndarray:
+    """(n,) int32: the polygon of each kept triangle."""
+    if source.faces is None:
+        faces = _array(mesh.loop_triangle_polygons, "value", len(mesh.loop_triangle_polygons), 1, np.int32)[:, 0]
+        source.faces = faces if source.kept is None else faces[source.kept]
+    return source.faces
+
+
+def _finite_triangles(name: str, vertices: np.ndarray, triangles: np.ndarray, report: Report) -> np.ndarray | None:
+    """(n,) bool: the triangles whose vertices are finite, or None when all are."""
+    with np.errstate(all="ignore"):
+        if np.isfinite(vertices.sum(dtype=np.float64)):
+            return None
+    kept = np.isfinite(vertices).all(1)[triangles].all(1)
+    lost = int(len(kept) - kept.sum())
+    if lost:
+        report.note(f"Mesh '{name}' has vertices that are not finite: {lost} of its triangles are left out; repair them")
+    return kept
+
+
+def _material_slots(mesh: Any, source: MeshSource) -> np.ndarray | None:
+    attribute = mesh.attributes.get("material_index")
+    if attribute is None or attribute.domain != "FACE":
+        return None
+    slots = _array(attribute.data, "value", len(mesh.polygons), 1, np.int32)[:, 0]
+    if not slots.any():
+        return None
+    return np.clip(slots, 0, 65535).astype(np.uint16)[_triangle_faces(mesh, source)]
+
+
+def _normals(mesh: Any, report: Report) -> Attribute | None:
+    """Shading normals on the coarsest domain that holds them; None for flat meshes."""
+    domain = mesh.normals_domain
+    if domain == "FACE":
+        return None
+    normals, domain, count = (mesh.vertex_normals, POINT, len(mesh.vertices)) if domain == "POINT" else (
+        mesh.corner_normals, CORNER, len(mesh.loops))  # fmt: skip
+    return Attribute("normal", domain, _finite(_array(normals, "vector", count, 3)))
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    """NaN and Inf as 0, in place where there are any."""
+    with np.errstate(all="ignore"):
+        sound = np.isfinite(values.sum(dtype=np.float64))
+    return values if sound else np.nan_to_num(values, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
+
+
+def _read_uv_map(mesh: Any, source: MeshSource, name: str) -> None:
+    """A UV map, or any 2D attribute, by name; "" is the map that is active for rendering and goes first."""
+    active = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
+    attribute = mesh.attributes.get(name or active)
+    if attribute is None or attribute.data_type not in _COLUMNS or attribute.domain not in _DOMAINS:
+        return
+    values = _values(mesh, source, attribute)
+    uv = np.zeros((len(values), 2), np.float32)
+    uv[:, : min(2, values.shape[1])] = values[:, :2]
+    found = Attribute(attribute.name, _DOMAINS[attribute.domain], _finite(uv))
+    source.uv_maps = {name: found, **source.uv_maps} if not name else {**source.uv_maps, name: found}
+
+
+def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -> Attribute | None:
+    """(k, 4) values of a geometry attribute: numbers as grey, vectors as colours, the mean channel where the name asks for grey."""
+    plain = name.removeprefix(GREY)
+    if plain == ACTIVE_COLOR:
+        index = mesh.color_attributes.render_color_index
+        plain = mesh.color_attributes[index].name if 0 <= index < len(mesh.color_attributes) else ""
+    attribute = mesh.attributes.get(plain) if plain else None
+    if attribute is None:
+        return None
+    if attribute.data_type not in _COLUMNS or attribute.domain not in _DOMAINS:
+        report.note(f"Attribute '{plain}' ({attribute.data_type.lower()} on {attribute.domain.lower()}s) is not read: it counts as 0")
+        return None
+    return Attribute(name, _DOMAINS[attribute.domain], _finite(_as_color(_values(mesh, source, attribute), name.startswith(GREY))))
+
+
+def _as_color(values: np.ndarray, grey: bool) -> np.ndarray:
+    """(k, 4) float32 of 1 to 4 columns."""
+    color = np.ones((len(values), 4), np.float32)
+    color[:, :3] = values if values.shape[1] == 1 else np.pad(values[:, :3], ((0, 0), (0, max(0, 3 - values.shape[1]))))
+    if grey:
+        color[:, :3] = color[:, :3].mean(1, keepdims=True)
+    if values.shape[1] == 4:
+        color[:, 3] = values[:, 3]
+    return color
+
+
+def _values(mesh: Any, source: MeshSource, attribute: Any) -> np.ndarray:
+    """(k, c) of an attribute; values on faces are handed to the triangles."""
+    what, columns = _COLUMNS[attribute.data_type]
+    values = _array(attribute.data, what, len(attribute.data), columns, _DTYPES.get(attribute.data_type, np.float32))
+    if attribute.domain == "FACE":
+        values = values[_triangle_faces(mesh, source)]
+    return values.astype(np.float32, copy=False)

@@ -1,0 +1,87 @@
+"""The Principled BSDF as a sum of lobes, layered as in Blender 4.0 and later: coat over emission, metal, glass, dielectric over diffuse."""
+
+from __future__ import annotations
+
+import math
+
+from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
+from .fresnel import dielectric_albedo, ior_from_reflectance, normal_reflectance
+from .nodes_shader import (
+    coat_closure,
+    diffuse_closure,
+    glass_closure,
+    glossy_closure,
+    is_multiscatter,
+    note_bump,
+    sound_ior,
+    under_alpha,
+)
+from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply, scale
+
+_LEFT_OUT = {
+    "Sheen Weight": "sheen",
+    "Thin Film Thickness": "thin film",
+    "Anisotropic": "anisotropy",
+    "Diffuse Roughness": "diffuse roughness",
+}
+
+
+def _principled(view: NodeView) -> Closure:
+    _note_what_is_left_out(view)
+    base, roughness = view.color("Base Color"), view.constant("Roughness", 0.5)
+    metallic, transmission = view.factor("Metallic"), view.factor("Transmission Weight")
+    insulator = complement(metallic)
+    surface = add_closures(
+        scale_closure(glossy_closure(base, roughness, is_multiscatter(view)), metallic),
+        scale_closure(_plastic(view, base, roughness), multiply(insulator, complement(transmission))),
+        scale_closure(_glass(view, base, roughness), multiply(insulator, transmission)) if transmission else {},
+        {LobeKey("EMISSION"): multiply(view.color("Emission Color"), view.number("Emission Strength"))},
+    )
+    return under_alpha(_coated(view, surface), view.factor("Alpha", 1.0))
+
+
+def plastic_closure(base: Sum, tint: Sum, roughness: float, ior: float, multiscatter: bool) -> Closure:
+    """A dielectric layer over a diffuse one, which gets what the layer lets through."""
+    below = diffuse_closure(scale(base, 1 - dielectric_albedo(ior)))
+    return add_closures(below, coat_closure(tint, roughness, ior, multiscatter))
+
+
+def _plastic(view: NodeView, base: Sum, roughness: float) -> Closure:
+    return plastic_closure(base, view.color("Specular Tint", 1.0), roughness, _specular_ior(view), is_multiscatter(view))
+
+
+def _specular_ior(view: NodeView) -> float:
+    """The index of refraction with the node's specular level in it: the level scales F0, one half leaves it as it is."""
+    ior, level = sound_ior(view), view.constant("Specular IOR Level", 0.5)
+    return ior if level == 0.5 else ior_from_reflectance(normal_reflectance(ior) * 2 * max(level, 0.0))
+
+
+def _glass(view: NodeView, base: Sum, roughness: float) -> Closure:
+    """Refraction takes the root of the base colour, so that light which enters and leaves takes all of it."""
+    ior = sound_ior(view)
+    root = constant(tuple(math.sqrt(max(x, 0.0)) for x in constant_value(base))) if is_constant(base) else base
+    return glass_closure(view, view.color("Specular Tint", 1.0), root, roughness, ior, is_multiscatter(view))
+
+
+def _coated(view: NodeView, surface: Closure) -> Closure:
+    """A dielectric coat: its reflection, and what lies below dimmed by it and tinted."""
+    weight = view.factor("Coat Weight")
+    if not weight:
+        return surface
+    ior = max(view.constant("Coat IOR", 1.5), 1e-3)
+    tint = view.color("Coat Tint", 1.0)
+    through = multiply(complement(scale(weight, dielectric_albedo(ior))), mix(weight, ONE, tint))
+    coat = coat_closure(weight, view.constant("Coat Roughness", 0.03), ior, is_multiscatter(view))
+    return add_closures(scale_closure(surface, through), coat)
+
+
+def _note_what_is_left_out(view: NodeView) -> None:
+    note_bump(view, "Normal", "Coat Normal")
+    for socket, word in _LEFT_OUT.items():
+        if view.input(socket) and view.number(socket):
+            view.note(f"Principled's {word} is not rendered: {{}} go without it")
+    if view.number("Subsurface Weight"):
+        view.note("Subsurface scattering is rendered as diffuse in {}")
+
+
+CLOSURE_NODES["ShaderNodeBsdfPrincipled"] = _principled

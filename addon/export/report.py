@@ -1,0 +1,30 @@
+"""What could not be exported as it is: collected during the export, told once at its end."""
+
+from __future__ import annotations
+
+SHOWN = 4
+"""Names that a note spells out before it counts the rest."""
+
+
+class Report:
+    """Collects notes. The same note is kept once; notes of one kind share a sentence that lists the things it is about."""
+
+    def __init__(self) -> None:
+        self._names: dict[str, dict[str, None]] = {}
+
+    def note(self, sentence: str, name: str = "") -> None:
+        """Keep `sentence`; where it holds `{}` the names of all the calls with this sentence will stand."""
+        names = self._names.setdefault(sentence, {})
+        if name:
+            names[name] = None
+
+    def notes(self) -> tuple[str, ...]:
+        """One sentence per kind of note, in the order in which they came up first."""
+        return tuple(sentence.replace("{}", _listed(list(names))) for sentence, names in self._names.items())
+
+
+def _listed(names: list[str]) -> str:
+    """'A', 'B' and 7 more."""
+    shown = ", ".join(f"'{name}'" for name in names[:SHOWN])
+    rest = len(names) - SHOWN
+    return f"{shown} and {rest} more" if rest > 0 else shown

@@ -1,0 +1,130 @@
+"""One view layer of a final render: read Blender's data, trace, fill the passes, tell what happened."""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import dataclass, replace
+
+import bpy
+
+from .. import engine
+from .export import export_scene
+from .properties import settings_from
+from .result import Picture, wanted_passes
+from .statistics import Statistics, remember
+
+log = logging.getLogger(__name__)
+
+NOTES_SHOWN = 12
+"""More notes than this go to the log only."""
+_PREVIEW = {"samples": 4, "light_samples": 2, "max_bounces": 2}
+_FALLBACK = (
+    "Glint's native core cannot be loaded here, so the NumPy tracer renders: the same picture, slower. "
+    "Install the edition of Glint for this platform, or set the tracer to NumPy to silence this"
+)
+
+
+@dataclass
+class Job:
+    """Everything that the render thread needs; no Blender data.
+
+    layer: the view layer's name.  size: of the result in pixels.  preview: a material preview, about which nothing is told.
+    """
+
+    scene: engine.Scene
+    settings: engine.Settings
+    scene_name: str
+    layer: str
+    size: tuple[int, int]
+    statistics: Statistics
+    notes: list[str]
+    preview: bool
+
+
+def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> Job:
+    """Read the evaluated scene. To be called from `update()`, where Blender keeps its data still."""
+    start = time.perf_counter()
+    layer = depsgraph.view_layer
+    passes = wanted_passes(layer)
+    width, height = render_engine.resolution_x, render_engine.resolution_y
+    export = export_scene(depsgraph, width=width, height=height, passes=passes)
+    settings, notes = _with_backend(settings_from(depsgraph.scene_eval.glint.final, depsgraph.scene_eval, passes, export.region))
+    statistics = Statistics(settings.samples, settings.backend, export.stats)
+    statistics.seconds["sync"] = time.perf_counter() - start
+    return Job(
+        scene=export.scene,
+        settings=replace(settings, **_PREVIEW) if render_engine.is_preview else settings,
+        scene_name=depsgraph.scene.name,
+        layer=layer.name,
+        size=_size(export.region, width, height),
+        statistics=statistics,
+        notes=[*notes, *export.notes],
+        preview=render_engine.is_preview,
+    )
+
+
+def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
+    """Trace the job and fill Blender's render result. After an error the result is gone and the exception goes on."""
+    picture = Picture(render_engine, job.layer, job.size)
+    try:
+        film = engine.render(
+            job.scene,
+            job.settings,
+            should_stop=render_engine.test_break,
+            on_progress=render_engine.update_progress,
+            on_wave=None if bpy.app.background else picture.show,
+        )
+        _finish(render_engine, job, picture, film)
+    except BaseException:
+        picture.discard()
+        raise
+    if not job.preview:
+        tell_notes(render_engine, [*job.notes, *film.notes])
+
+
+def tell_notes(render_engine: bpy.types.RenderEngine, notes: list[str]) -> None:
+    """Report each different note once; a long list is cut, and is whole in the log."""
+    unique = list(dict.fromkeys(notes))
+    for note in unique:
+        log.info("note: %s", note)
+    for note in unique[:NOTES_SHOWN]:
+        render_engine.report({"WARNING"}, note)
+    if len(unique) > NOTES_SHOWN:
+        render_engine.report({"WARNING"}, f"and {len(unique) - NOTES_SHOWN} more notes: the log (level INFO) has them all")
+
+
+def _with_backend(settings: engine.Settings) -> tuple[engine.Settings, list[str]]:
+    """The settings with a tracer that can run here, and what there is to say about it."""
+    if settings.backend in engine.available_backends():
+        return settings, []
+    return replace(settings, backend="NUMPY"), [_FALLBACK]
+
+
+def _size(region: tuple[int, int, int, int] | None, width: int, height: int) -> tuple[int, int]:
+    if region is None:
+        return width, height
+    x0, y0, x1, y1 = region
+    return x1 - x0, y1 - y0
+
+
+def _finish(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, film: engine.Film) -> None:
+    if film.samples == 0:
+        picture.discard()
+        return
+    start = time.perf_counter()
+    statistics = job.statistics
+    statistics.samples, statistics.traced = film.samples, film.stats
+    statistics.seconds |= {stage: film.stats.get(stage, 0.0) for stage in ("build", "trace")}
+    picture.finish(film, {"scene": statistics.scene_line, "seconds": statistics.stages_line})
+    statistics.seconds["write"] = time.perf_counter() - start
+    if not job.preview:
+        _tell_statistics(render_engine, job)
+
+
+def _tell_statistics(render_engine: bpy.types.RenderEngine, job: Job) -> None:
+    statistics = job.statistics
+    render_engine.update_memory_stats(memory_used=statistics.megabytes, memory_peak=statistics.megabytes)
+    render_engine.update_stats(job.layer, statistics.stages_line)
+    log.info("%s, %s: %s; %s", job.scene_name, job.layer, statistics.stages_line, statistics.scene_line)
+    remember(job.scene_name, statistics)

@@ -1,0 +1,134 @@
+"""The Blinn-Phong shader node: the notes' coefficients as sockets, and a node group inside so that Cycles and Eevee show it too.
+
+Glint reads the sockets by name (`SOCKETS`) and never looks inside. Inside, a Diffuse and two Glossy closures stand for the same surface:
+with α = roughness², α² = 2.25/(p + 1.9) and F0 = k_s α²/0.28, which follows the fit of GGX in export/roughness.py to 3 % in roughness.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+NODE_IDNAME = "GlintBlinnPhongNode"
+OUTPUT = "BSDF"
+SOCKETS = (
+    ("Ambient", "NodeSocketColor", (0.8, 0.8, 0.8, 1.0), "k_a: share of the world's ambient light that comes back"),
+    ("Diffuse", "NodeSocketColor", (0.8, 0.8, 0.8, 1.0), "k_d: Lambert's share of every light"),
+    ("Specular", "NodeSocketColor", (0.5, 0.5, 0.5, 1.0), "k_s: brightness of the highlight"),
+    ("Exponent", "NodeSocketFloat", 32.0, "p: the larger, the smaller the highlight"),
+    ("Mirror", "NodeSocketColor", (0.0, 0.0, 0.0, 1.0), "k_m: share of what the mirror reflection sees"),
+    ("Emission", "NodeSocketColor", (0.0, 0.0, 0.0, 1.0), "Light that the surface itself sends to the viewer"),
+    ("Alpha", "NodeSocketFloat", 1.0, "1 covers what is behind, 0 is invisible"),
+)
+"""(name, socket type, default, description), in the order shown."""
+
+_LIMITS = {"Exponent": (0.0, 1e9), "Alpha": (0.0, 1.0)}
+_GROUP = "Glint Blinn-Phong"
+
+
+class GlintBlinnPhongNode(bpy.types.ShaderNodeCustomGroup):
+    """Ambient, diffuse and specular light with Blinn's half vector, and an ideal mirror."""
+
+    bl_idname = NODE_IDNAME
+    bl_label = "Blinn-Phong"
+    bl_icon = "MATERIAL"
+    bl_width_default = 180
+
+    def init(self, context: bpy.types.Context) -> None:
+        """The sockets come from the group, which all nodes of a file share."""
+        self.node_tree = bpy.data.node_groups.get(_GROUP) or _make_group()
+
+    def draw_label(self) -> str:
+        return self.bl_label
+
+
+def _make_group() -> bpy.types.NodeTree:
+    tree = bpy.data.node_groups.new(_GROUP, "ShaderNodeTree")
+    for name, kind, default, description in SOCKETS:
+        socket = tree.interface.new_socket(name, description=description, in_out="INPUT", socket_type=kind)
+        if name in _LIMITS:
+            socket.min_value, socket.max_value = _LIMITS[name]
+        socket.default_value = default
+    tree.interface.new_socket(OUTPUT, in_out="OUTPUT", socket_type="NodeSocketShader")
+    _fill_group(tree)
+    return tree
+
+
+def _fill_group(tree: bpy.types.NodeTree) -> None:
+    """mix(transparent, diffuse + highlight + mirror + emission, alpha)"""
+    given = tree.nodes.new("NodeGroupInput").outputs
+    alpha_squared = _math(tree, "DIVIDE", 2.25, _math(tree, "ADD", given["Exponent"], 1.9), clamp=True)
+    roughness = _math(tree, "POWER", alpha_squared, 0.25)
+    f0 = _scaled(tree, given["Specular"], _math(tree, "DIVIDE", alpha_squared, 0.28))
+    parts = [
+        _closure(tree, "ShaderNodeBsdfDiffuse", Color=given["Diffuse"]),
+        _closure(tree, "ShaderNodeBsdfAnisotropic", Color=f0, Roughness=roughness),
+        _closure(tree, "ShaderNodeBsdfAnisotropic", Color=given["Mirror"], Roughness=0.0),
+        _closure(tree, "ShaderNodeEmission", Color=given["Emission"]),
+    ]
+    surface = parts[0]
+    for part in parts[1:]:
+        surface = _joined(tree, "ShaderNodeAddShader", (surface, part))
+    clear = _closure(tree, "ShaderNodeBsdfTransparent")
+    mixed = _joined(tree, "ShaderNodeMixShader", (given["Alpha"], clear, surface))
+    tree.links.new(mixed, tree.nodes.new("NodeGroupOutput").inputs[OUTPUT])
+    for column, node in enumerate(tree.nodes):
+        node.location = (180 * (column - len(tree.nodes)), 0)
+
+
+def _set(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, value: object) -> None:
+    """Link a socket to another, or give it a constant."""
+    if isinstance(value, bpy.types.NodeSocket):
+        tree.links.new(value, socket)
+    else:
+        socket.default_value = value
+
+
+def _math(tree: bpy.types.NodeTree, operation: str, a: object, b: object, clamp: bool = False) -> bpy.types.NodeSocket:
+    node = tree.nodes.new("ShaderNodeMath")
+    node.operation, node.use_clamp = operation, clamp
+    _set(tree, node.inputs[0], a)
+    _set(tree, node.inputs[1], b)
+    return node.outputs[0]
+
+
+def _scaled(tree: bpy.types.NodeTree, color: bpy.types.NodeSocket, factor: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    node = tree.nodes.new("ShaderNodeVectorMath")
+    node.operation = "SCALE"
+    _set(tree, node.inputs[0], color)
+    _set(tree, node.inputs["Scale"], factor)
+    return node.outputs[0]
+
+
+def _closure(tree: bpy.types.NodeTree, kind: str, **inputs: object) -> bpy.types.NodeSocket:
+    node = tree.nodes.new(kind)
+    if kind == "ShaderNodeBsdfAnisotropic":
+        node.distribution = "GGX"
+    for name, value in inputs.items():
+        _set(tree, node.inputs[name], value)
+    return node.outputs[0]
+
+
+def _joined(tree: bpy.types.NodeTree, kind: str, values: tuple) -> bpy.types.NodeSocket:
+    """A node that takes its inputs in order: Add Shader, Mix Shader."""
+    node = tree.nodes.new(kind)
+    for socket, value in zip(node.inputs, values, strict=True):
+        _set(tree, socket, value)
+    return node.outputs[0]
+
+
+def _draw_menu_entry(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """In Add → Shader of the shader editor."""
+    if context.engine == "GLINT":
+        entry = self.layout.operator("node.add_node", text=GlintBlinnPhongNode.bl_label)
+        entry.type = NODE_IDNAME
+        entry.use_transform = True
+
+
+def register() -> None:
+    bpy.utils.register_class(GlintBlinnPhongNode)
+    bpy.types.NODE_MT_category_shader_shader.append(_draw_menu_entry)
+
+
+def unregister() -> None:
+    bpy.types.NODE_MT_category_shader_shader.remove(_draw_menu_entry)
+    bpy.utils.unregister_class(GlintBlinnPhongNode)

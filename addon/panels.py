@@ -1,0 +1,227 @@
+"""What the user sees: Blender's own panels where they fit, and ours for sampling, passes, lights, visibility and statistics.
+
+Blender marks the panels that any renderer needs (output, dimensions, camera, scene, view layers, colour management, …) with the engine
+BLENDER_RENDER; we join those, as Blender's own engine add-ons do, except the ones that we replace or that would change nothing. From
+Eevee we borrow the material slots, the node view of material and world, and the preview: they show data that Glint reads too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+from . import result, statistics
+from .render_engine import GlintRenderEngine
+
+ENGINE = GlintRenderEngine.bl_idname
+
+_REPLACED_OR_WITHOUT_EFFECT = {
+    "DATA_PT_camera_dof",
+    "DATA_PT_falloff_curve",
+    "DATA_PT_light",
+    "DATA_PT_spot",
+    "NODE_DATA_PT_light",
+    "NODE_DATA_PT_spot",
+    "RENDER_PT_freestyle",
+    "VIEWLAYER_PT_filter",
+    "VIEWLAYER_PT_layer_passes",
+}
+_BORROWED_FROM_EEVEE = {
+    "EEVEE_MATERIAL_PT_context_material",
+    "EEVEE_MATERIAL_PT_surface",
+    "EEVEE_WORLD_PT_surface",
+    "MATERIAL_PT_preview",
+}
+
+
+class _Panel:
+    """What all our panels share."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+    COMPAT_ENGINES = {ENGINE}
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine in cls.COMPAT_ENGINES
+
+    @property
+    def column(self) -> bpy.types.UILayout:
+        """A column in which names stand left and values right."""
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        return self.layout.column()
+
+
+class GLINT_RENDER_PT_sampling(_Panel, bpy.types.Panel):
+    bl_label = "Sampling"
+
+    def draw(self, context):
+        column = self.column
+        column.prop(context.scene.glint.final, "illumination")
+        column.prop(context.scene.render, "filter_size", text="Pixel Filter")
+
+
+class _SamplingPanel(_Panel):
+    bl_parent_id = "GLINT_RENDER_PT_sampling"
+
+    def draw(self, context):
+        group = getattr(context.scene.glint, self.group)
+        column = self.column
+        for name in ("samples", "light_samples", "max_bounces"):
+            column.prop(group, name)
+
+
+class GLINT_RENDER_PT_sampling_final(_SamplingPanel, bpy.types.Panel):
+    bl_label = "Render"
+    group = "final"
+
+
+class GLINT_RENDER_PT_performance(_Panel, bpy.types.Panel):
+    bl_label = "Performance"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        column = self.column
+        group = context.scene.glint.final
+        column.prop(group, "backend")
+        native = column.column()
+        native.active = group.backend == "NATIVE"
+        native.prop(group, "precision")
+        native.prop(group, "threads")
+        column.prop(context.scene.render, "use_persistent_data", text="Persistent Data")
+
+
+class GLINT_RENDER_PT_film(_Panel, bpy.types.Panel):
+    bl_label = "Film"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        self.column.prop(context.scene.render, "film_transparent", text="Transparent")
+
+
+class GLINT_RENDER_PT_statistics(_Panel, bpy.types.Panel):
+    bl_label = "Statistics"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        column = self.layout.column(align=True)
+        last = statistics.of_last_render(context.scene.name)
+        lines = f"{last.stages_line}, {last.scene_line}".split(", ") if last else ("Nothing has been rendered yet",)
+        for line in lines:
+            column.label(text=line)
+
+
+class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
+    bl_label = "Passes"
+    bl_context = "view_layer"
+
+    def draw(self, context):
+        column = self.column
+        data = column.column(heading="Data", align=True)
+        for switch in result.BLENDER_SWITCHES.values():
+            data.prop(context.view_layer, switch)
+        parts = column.column(heading="Parts", align=True)
+        for switch in result.GLINT_SWITCHES.values():
+            parts.prop(context.view_layer.glint, switch)
+
+
+class GLINT_LIGHT_PT_light(_Panel, bpy.types.Panel):
+    bl_label = "Light"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.light
+
+    def draw(self, context):
+        light = context.light
+        self.layout.row().prop(light, "type", expand=True)
+        column = self.column
+        _draw_color(column, light)
+        column.separator()
+        for name in ("energy", "exposure", "normalize"):
+            _draw_if_known(column, light, name)
+        column.separator()
+        for name, text in _shape_of(light):
+            column.prop(light, name, text=text)
+        column.separator()
+        column.prop(light, "use_shadow", text="Cast Shadow")
+
+
+def _draw_color(column: bpy.types.UILayout, light: bpy.types.Light) -> None:
+    if not hasattr(light, "use_temperature"):
+        column.prop(light, "color")
+        return
+    column.prop(light, "use_temperature", text="Use Temperature")
+    if light.use_temperature:
+        column.prop(light, "temperature")
+    column.prop(light, "color", text="Tint" if light.use_temperature else "Color")
+
+
+def _draw_if_known(column: bpy.types.UILayout, light: bpy.types.Light, name: str) -> None:
+    """Exposure and normalize came with Blender 4.5."""
+    if hasattr(light, name):
+        column.prop(light, name)
+
+
+def _shape_of(light: bpy.types.Light) -> tuple[tuple[str, str], ...]:
+    """(property, label) pairs that say how large the light is and where it shines."""
+    if light.type == "AREA":
+        one_size = light.shape in {"SQUARE", "DISK"}
+        return (("shape", "Shape"), *((("size", "Size"),) if one_size else (("size", "Size X"), ("size_y", "Y"))))
+    radius = (("shadow_soft_size", "Radius"),)
+    return {
+        "POINT": (*radius, ("use_soft_falloff", "Soft Falloff")),
+        "SPOT": (*radius, ("use_soft_falloff", "Soft Falloff"), ("spot_size", "Beam Angle"), ("spot_blend", "Blend"), ("show_cone", "Show Cone")),
+        "SUN": (("angle", "Angle"),),
+    }[light.type]
+
+
+class GLINT_OBJECT_PT_ray_visibility(_Panel, bpy.types.Panel):
+    bl_label = "Ray Visibility"
+    bl_context = "object"
+    bl_parent_id = "OBJECT_PT_visibility"
+
+    def draw(self, context):
+        column = self.column
+        column.prop(context.object, "visible_camera", text="Camera")
+        column.prop(context.object, "visible_glossy", text="Reflections")
+        column.prop(context.object, "visible_shadow", text="Shadow")
+
+
+def _blender_panels() -> Iterator[type]:
+    """Blender's panels that stay visible with Glint."""
+    for panel in bpy.types.Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", ())
+        general = "BLENDER_RENDER" in engines and panel.__name__ not in _REPLACED_OR_WITHOUT_EFFECT
+        if general or panel.__name__ in _BORROWED_FROM_EEVEE:
+            yield panel
+
+
+_CLASSES = (
+    GLINT_RENDER_PT_sampling,
+    GLINT_RENDER_PT_sampling_final,
+    GLINT_RENDER_PT_performance,
+    GLINT_RENDER_PT_film,
+    GLINT_RENDER_PT_statistics,
+    GLINT_VIEWLAYER_PT_passes,
+    GLINT_LIGHT_PT_light,
+    GLINT_OBJECT_PT_ray_visibility,
+)
+
+
+def register() -> None:
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
+    for panel in _blender_panels():
+        panel.COMPAT_ENGINES.add(ENGINE)
+
+
+def unregister() -> None:
+    for panel in _blender_panels():
+        panel.COMPAT_ENGINES.discard(ENGINE)
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,141 @@
+"""The settings that a .blend file keeps, and how they become `engine.Settings`.
+
+`scene.glint.final` and `scene.glint.viewport` are two of one group, so every setting exists once as a definition.
+Blender reads the annotations as they are, so this module must not make them strings (`from __future__ import annotations`).
+"""
+
+from collections.abc import Iterable
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty
+
+from .. import engine
+from ..engine.settings import PRECISIONS
+
+_PRECISION_TEXTS = {
+    "FAST": ("Fast", "Single precision without fallback: fastest, may leak light along shared edges"),
+    "ROBUST": ("Robust", "Single precision, exact where it matters: no ray slips between two triangles"),
+    "DOUBLE": ("Double", "Double precision throughout: about half the speed, for scenes of extreme scale"),
+}
+_ILLUMINATION_ITEMS = (
+    ("PHYSICAL", "Physical", "Watts, inverse square and 1/π as in Cycles: a diffuse surface gets the same value in both"),
+    ("CLASSIC", "Classic", "The textbook formula as it stands: the strength is the intensity, and light does not fall off with distance"),
+)
+_BACKEND_ITEMS = (
+    ("NATIVE", "Native", "The C++ core, on all cores of the CPU. Where it cannot be loaded, NumPy takes over with a message"),
+    ("NUMPY", "NumPy", "The float64 reference in Python: the same picture to float precision, tens of times slower"),
+)
+
+
+class GlintRenderSettings(bpy.types.PropertyGroup):
+    """How to render; the same group serves the final render and the viewport."""
+
+    samples: IntProperty(
+        name="Samples",
+        description="Samples per pixel for smooth edges; time grows in proportion. One goes through the pixel's centre. "
+        "There is no noise at any number, and powers of two are placed best",
+        default=16,
+        min=1,
+        soft_max=256,
+        max=65536,
+    )
+    light_samples: IntProperty(
+        name="Light Samples",
+        description="Points on each soft light per pixel sample; shadow time grows in proportion. "
+        "1 makes hard shadows from the light's centre; the pixel samples take different points, so both numbers multiply",
+        default=4,
+        min=1,
+        soft_max=64,
+        max=4096,
+    )
+    max_bounces: IntProperty(
+        name="Bounces",
+        description="Depth of mirror and refraction rays. 0 shows no reflections; costs nothing without mirrors or glass",
+        default=4,
+        min=0,
+        max=64,
+    )
+    precision: EnumProperty(
+        name="Precision",
+        description="Arithmetic of the native core's ray tests; the NumPy tracer is double precision throughout",
+        items=[(name, *_PRECISION_TEXTS[name]) for name in PRECISIONS],
+        default="ROBUST",
+    )
+    illumination: EnumProperty(name="Illumination", description="What a light's strength means", items=_ILLUMINATION_ITEMS)
+    backend: EnumProperty(name="Tracer", description="Which of the two tracers draws the picture", items=_BACKEND_ITEMS)
+    threads: IntProperty(
+        name="Threads",
+        description="Threads of the native core; 0 takes Blender's own setting, which is all cores unless fixed. "
+        "The picture is the same, bit for bit, with any number",
+        default=0,
+        min=0,
+        max=1024,
+    )
+
+
+class GlintSceneSettings(bpy.types.PropertyGroup):
+    """`scene.glint`."""
+
+    final: PointerProperty(name="Final", type=GlintRenderSettings)
+    viewport: PointerProperty(name="Viewport", type=GlintRenderSettings)
+
+
+def _update_passes(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """The compositor's Render Layers node shows the sockets of the passes that are on."""
+    context.view_layer.update_render_passes()
+
+
+def _part(name: str, description: str) -> BoolProperty:
+    return BoolProperty(name=name, description=description, default=False, update=_update_passes)
+
+
+class GlintViewLayerSettings(bpy.types.PropertyGroup):
+    """`view_layer.glint`: the parts of the picture, which with Emission and Environment sum to Combined."""
+
+    use_pass_diffuse: _part("Diffuse", "Lambert reflection of the lights, before shadows")
+    use_pass_specular: _part("Specular", "Highlights of the lights, before shadows")
+    use_pass_ambient: _part("Ambient", "Reflection of the world's ambient light")
+    use_pass_shadow: _part("Shadow", "What shadows take away: zero or negative")
+    use_pass_mirror: _part("Mirror", "All that mirror reflection and refraction bring")
+
+
+def settings_from(
+    group: GlintRenderSettings,
+    scene: bpy.types.Scene,
+    passes: Iterable[str] = (),
+    region: tuple[int, int, int, int] | None = None,
+) -> engine.Settings:
+    """The engine's settings; pixel filter and fixed thread count are Blender's own.
+
+    passes: names from `engine.PASSES`.  region: (x0, y0, x1, y1) in pixels of the full frame, or None for all of it.
+    """
+    fixed_threads = scene.render.threads if scene.render.threads_mode == "FIXED" else 0
+    return engine.Settings(
+        samples=group.samples,
+        light_samples=group.light_samples,
+        max_bounces=group.max_bounces,
+        precision=group.precision,
+        illumination=group.illumination,
+        backend=group.backend,
+        threads=group.threads or fixed_threads,
+        filter_width=scene.render.filter_size,
+        passes=frozenset(passes) - {"Combined"},
+        region=region,
+    )
+
+
+_CLASSES = (GlintRenderSettings, GlintSceneSettings, GlintViewLayerSettings)
+
+
+def register() -> None:
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.glint = PointerProperty(name="Glint", type=GlintSceneSettings)
+    bpy.types.ViewLayer.glint = PointerProperty(name="Glint", type=GlintViewLayerSettings)
+
+
+def unregister() -> None:
+    del bpy.types.ViewLayer.glint
+    del bpy.types.Scene.glint
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)

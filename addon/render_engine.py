@@ -1,0 +1,72 @@
+"""The class that Blender calls. Every method delegates; none lets an exception out.
+
+Blender saves a blank picture with exit code 0, or crashes, when an exception leaves `render()`; `report({"ERROR"})` alone makes it
+write nothing and fail.
+"""
+
+from __future__ import annotations
+
+import logging
+
+import bpy
+
+from .. import engine
+from . import final, result
+from .export import ExportError
+
+log = logging.getLogger(__name__)
+
+_VIEWPORT_TEXT = "Glint does not draw in the viewport yet: use Material Preview here and F12 for the picture"
+
+
+class GlintRenderEngine(bpy.types.RenderEngine):
+    """Engine "GLINT". There is no `__init__`: Blender calls it twice per instance from 4.5 on."""
+
+    bl_idname = "GLINT"
+    bl_label = "Glint"
+    bl_use_preview = True
+    bl_use_postprocess = True
+    bl_use_shading_nodes_custom = False
+    bl_use_eevee_viewport = True
+
+    _job: final.Job | Exception | None = None
+
+    def update(self, data: bpy.types.BlendData, depsgraph: bpy.types.Depsgraph) -> None:
+        """Read everything here: Blender locks its data around `update()` only. An error waits for `render()`, which can report it."""
+        try:
+            self._job = final.prepare(self, depsgraph)
+        except Exception as error:  # noqa: BLE001 (nothing may leave; render() reports it)
+            self._job = error
+
+    def render(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """Draw one view layer."""
+        job, self._job = self._job, None
+        try:
+            if isinstance(job, Exception):
+                raise job
+            final.run(self, job)
+        except Exception as error:
+            log.exception("the render failed")
+            self.report({"ERROR"}, _message(error))
+
+    def update_render_passes(self, scene: bpy.types.Scene, renderlayer: bpy.types.ViewLayer) -> None:
+        result.register_passes(self, scene, renderlayer)
+
+    def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        self.update_stats("Glint", _VIEWPORT_TEXT)
+
+    def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """Leaves the viewport's background; `view_update` has put up a line of text."""
+
+
+def _message(error: Exception) -> str:
+    """One line for the user: what is wrong with the scene, or which fault of Glint's it is."""
+    text = " ".join(str(error).split())
+    if isinstance(error, (engine.SceneError, ExportError)):
+        return f"Glint cannot render this scene: {text}"
+    if isinstance(error, MemoryError):
+        return f"Glint ran out of memory: {text or 'use fewer triangles, smaller images or a smaller picture'}"
+    return f"Glint failed ({type(error).__name__}): {text}. The traceback is in the log"
+
+
+register, unregister = bpy.utils.register_classes_factory((GlintRenderEngine,))

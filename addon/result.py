@@ -1,0 +1,100 @@
+"""Film → Blender's render result: which passes a view layer asks for, what Blender calls them, and how they are filled."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from .. import engine
+
+BLENDER_SWITCHES = {
+    "Depth": "use_pass_z",
+    "Position": "use_pass_position",
+    "Normal": "use_pass_normal",
+    "UV": "use_pass_uv",
+    "Object Index": "use_pass_object_index",
+    "Material Index": "use_pass_material_index",
+    "Emission": "use_pass_emit",
+    "Environment": "use_pass_environment",
+}
+"""Passes that Blender's own view layer properties switch on."""
+
+GLINT_SWITCHES = {name: f"use_pass_{name.lower()}" for name in ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror")}
+"""Passes that `view_layer.glint` switches on."""
+
+_NAMES_BEFORE_5_0 = {"Object Index": "IndexOB", "Material Index": "IndexMA", "Emission": "Emit", "Environment": "Env"}
+_CHANNELS = {
+    "Combined": "RGBA",
+    "Depth": "Z",
+    "Position": "XYZ",
+    "Normal": "XYZ",
+    "UV": "UVA",
+    "Object Index": "X",
+    "Material Index": "X",
+}
+_KINDS = {"Z": "VALUE", "X": "VALUE", "XYZ": "VECTOR", "UVA": "VECTOR", "RGB": "COLOR", "RGBA": "COLOR"}
+
+
+def wanted_passes(view_layer: bpy.types.ViewLayer) -> frozenset[str]:
+    """Names from `engine.PASSES` that are switched on, Combined always among them."""
+    blenders = {name for name, switch in BLENDER_SWITCHES.items() if getattr(view_layer, switch)}
+    ours = {name for name, switch in GLINT_SWITCHES.items() if getattr(view_layer.glint, switch)}
+    return frozenset({"Combined"} | blenders | ours)
+
+
+def blender_name(name: str) -> str:
+    """What this Blender calls a pass; 5.0 renamed some."""
+    return name if bpy.app.version >= (5, 0, 0) else _NAMES_BEFORE_5_0.get(name, name)
+
+
+def register_passes(render_engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
+    """Tell Blender which passes this view layer will get, in the order of `engine.PASSES`."""
+    wanted = wanted_passes(view_layer)
+    for name, count in engine.PASSES.items():
+        if name in wanted:
+            channels = _CHANNELS.get(name, "RGB")
+            render_engine.register_pass(scene, view_layer, blender_name(name), count, channels, _KINDS[channels])
+
+
+class Picture:
+    """The render result of one view layer; Blender's part begins with the first film, so that an error before it leaves nothing.
+
+    size: (width, height) of the result, that is of the border if there is one.
+    """
+
+    def __init__(self, render_engine: bpy.types.RenderEngine, layer: str, size: tuple[int, int]) -> None:
+        self._engine = render_engine
+        self._layer = layer
+        self._size = size
+        self._result = None
+
+    def show(self, film: engine.Film) -> None:
+        """Fill Combined with a wave of the film and let Blender draw it."""
+        self._fill(film, ("Combined",))
+        self._engine.update_result(self._result)
+
+    def finish(self, film: engine.Film, stamp: dict[str, str]) -> None:
+        """Fill every pass and hand the result over; `stamp` becomes metadata of the files, as glint.<layer>.<field>."""
+        self._fill(film, tuple(film.passes))
+        self._end(cancel=False)
+        whole = self._engine.get_result()
+        for field, value in stamp.items():
+            whole.stamp_data_add_field(f"glint.{self._layer}.{field}", value)
+
+    def discard(self) -> None:
+        """Throw away what was begun."""
+        if self._result is not None:
+            self._end(cancel=True)
+
+    def _fill(self, film: engine.Film, names: tuple[str, ...]) -> None:
+        if self._result is None:
+            self._result = self._engine.begin_result(0, 0, *self._size, layer=self._layer)
+        passes = self._result.layers[0].passes
+        for name in names:
+            target = passes.get(blender_name(name))
+            if target is not None:
+                target.rect.foreach_set(np.ascontiguousarray(film.passes[name], dtype=np.float32).ravel())
+
+    def _end(self, cancel: bool) -> None:
+        self._engine.end_result(self._result, cancel=cancel)
+        self._result = None

@@ -1,0 +1,60 @@
+"""What a render took and what its scene required, as text: for the log, the files' metadata, the panel and the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+STAGES = ("sync", "build", "trace", "write")
+"""sync: Blender → scene; build: acceleration structures; trace: rays and shading; write: film → Blender's passes (→ files)."""
+
+_COUNTS = ("meshes", "instances", "triangles", "lights", "materials", "textures")
+_FEATURE = "feature: "
+
+_last: dict[str, Statistics] = {}
+
+
+@dataclass
+class Statistics:
+    """samples, backend: of the film.  seconds: stage → seconds.  exported, traced: `Export.stats` and `Film.stats`."""
+
+    samples: int
+    backend: str
+    exported: Mapping[str, float]
+    traced: Mapping[str, float] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def stages_line(self) -> str:
+        return ", ".join(f"{name} {self.seconds.get(name, 0.0):.3f} s" for name in STAGES)
+
+    @property
+    def scene_line(self) -> str:
+        """What was exported, which features the scene made the tracer use, and what came of it."""
+        counts = [_count(self.exported[name], name) for name in _COUNTS if self.exported.get(name)]
+        features = [name.removeprefix(_FEATURE) for name in self.traced if name.startswith(_FEATURE)]
+        parts = [*counts, f"features: {' + '.join(features) or 'none'}", f"{self.megabytes:.1f} MB", _count(self.samples, "samples") + " per pixel"]
+        rays = self.traced.get("rays")
+        return ", ".join([*parts, *([_count(rays, "rays")] if rays else []), f"traced by {self.backend}"])
+
+    @property
+    def megabytes(self) -> float:
+        """Memory of the exported arrays and the acceleration structures."""
+        return (self.exported.get("bytes", 0.0) + self.traced.get("bytes", 0.0)) / 1e6
+
+
+def _count(value: float, name: str) -> str:
+    """12345, "triangles" → "12 345 triangles"; 1, "meshes" → "1 mesh" """
+    if value == 1:
+        name = "mesh" if name == "meshes" else name.removesuffix("s")
+    return f"{int(value):,} {name}".replace(",", " ")
+
+
+def remember(scene_name: str, statistics: Statistics) -> None:
+    """Keep them for `of_last_render`; nothing that a picture depends on."""
+    _last[scene_name] = statistics
+
+
+def of_last_render(scene_name: str) -> Statistics | None:
+    """Of the last final render of this scene in this session; None before the first."""
+    return _last.get(scene_name)

@@ -1,0 +1,238 @@
+/* Glint's core: one scene in, one picture out, as a flat C interface for 64-bit machines.
+ *
+ * Numbers: world quantities are double, geometry and textures are float32, uint32, uint16 and uint8 as named. A matrix
+ * target_from_source is double[12], row by row of a (3, 4) matrix. engine/SEMANTICS.md says which picture a scene stands for.
+ *
+ * Ownership: the caller keeps every array that a GlintSceneData points at alive and unchanged until glint_scene_destroy, and the arrays
+ * of GlintRenderSettings until glint_render_destroy. Only the small tables (geometries, attributes, textures, inputs, lobes, materials,
+ * groups, lights) are copied. Destroy the renders of a scene before the scene.
+ *
+ * Errors: functions that can fail take `error`, a buffer of `error_size` bytes that receives UTF-8 text, one problem a line. There is no
+ * global state; handles may be used from any thread, each handle from one thread at a time, except glint_render_cancel: from any.
+ */
+#ifndef GLINT_H
+#define GLINT_H
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(_WIN32) && defined(GLINT_BUILDING)
+#define GLINT_API __declspec(dllexport)
+#elif defined(_WIN32)
+#define GLINT_API __declspec(dllimport)
+#else
+#define GLINT_API __attribute__((visibility("default")))
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GLINT_ABI_VERSION 1
+
+enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
+enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
+
+/* Values on a mesh: `rows` rows of `channels` floats. `name` is any number >= 0 that GlintInput names. */
+typedef struct GlintAttribute {
+  const float* values;
+  uint64_t rows;
+  int32_t name, domain, channels, reserved;
+} GlintAttribute;
+
+/* Object space. Unused pointers are null.
+ * MESH: vertices, triangles (3 a primitive), corners (3 a primitive, rows of CORNER attributes), normals (values null: flat).
+ * SPHERES: vertices are the centres, radii.  POLYGONS: vertices, offsets (primitive_count + 1), indices.
+ * attributes: rows [first_attribute, first_attribute + attribute_count) of the scene's table. */
+typedef struct GlintGeometry {
+  const float* vertices;
+  const uint32_t* triangles;
+  const uint32_t* corners;
+  const float* radii;
+  const uint32_t* offsets;
+  const uint32_t* indices;
+  const uint16_t* material_slots;
+  uint64_t vertex_count, primitive_count, index_count;
+  GlintAttribute normals;
+  uint32_t first_attribute, attribute_count;
+  int32_t kind, reserved;
+} GlintGeometry;
+
+enum { GLINT_VISIBLE_CAMERA = 1, GLINT_VISIBLE_MIRROR = 2, GLINT_VISIBLE_SHADOW = 4, GLINT_HOLDOUT = 8 };
+
+/* A geometry placed row_count times: rows [first_row, …) of world_from_object, material_count numbers from first_material on. */
+typedef struct GlintInstances {
+  uint64_t first_row, row_count;
+  uint32_t geometry, flags, first_material, material_count;
+  int32_t object_index, reserved;
+} GlintInstances;
+
+enum { GLINT_UINT8, GLINT_FLOAT32 };
+enum { GLINT_LINEAR_ENCODING, GLINT_SRGB };
+enum { GLINT_REPEAT, GLINT_EXTEND, GLINT_CLIP, GLINT_MIRRORED };
+enum { GLINT_LINEAR, GLINT_CLOSEST };
+
+/* pixels: (height, width, 4), row 0 at the bottom, straight alpha. SRGB only for UINT8. */
+typedef struct GlintTexture {
+  const void* pixels;
+  uint32_t width, height;
+  int32_t type, encoding, extension, interpolation;
+} GlintTexture;
+
+enum { GLINT_COLOR, GLINT_ALPHA, GLINT_LUMINANCE };
+
+/* value * texture(uv) * attribute, or one minus that. texture, uv, attribute: -1 for none (uv: for the active map). */
+typedef struct GlintInput {
+  double value[3];
+  double uv_transform[6];
+  int32_t texture, channel, uv, attribute, attribute_channel, complement;
+} GlintInput;
+
+enum { GLINT_AMBIENT, GLINT_DIFFUSE, GLINT_SPECULAR, GLINT_MIRROR, GLINT_REFRACTION, GLINT_TRANSPARENT, GLINT_EMISSION };
+
+typedef struct GlintLobe {
+  double exponent, ior;
+  uint32_t first_input, input_count;
+  int32_t kind, fresnel;
+} GlintLobe;
+
+typedef struct GlintMaterial {
+  uint32_t first_lobe, lobe_count;
+  int32_t index, reserved;
+} GlintMaterial;
+
+enum { GLINT_POINT_LIGHT, GLINT_SUN, GLINT_SPOT, GLINT_AREA };
+enum { GLINT_CAST_SHADOW = 1, GLINT_SEEN_BY_CAMERA = 2, GLINT_SEEN_BY_MIRROR = 4, GLINT_SOFT_FALLOFF = 8, GLINT_ELLIPSE = 16 };
+
+/* Lengths in world units, angles in radians. A light with a number that is not finite is left out and counted. */
+typedef struct GlintLight {
+  double world_from_light[12];
+  double color[3];
+  double strength, radius, angle, spot_size, spot_blend, size_x, size_y;
+  int32_t kind;
+  uint32_t flags;
+} GlintLight;
+
+enum { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC };
+
+typedef struct GlintCamera {
+  double world_from_camera[12];
+  double window[4]; /* l, r, b, t */
+  double clip_start, clip_end;
+  uint32_t width, height;
+  int32_t kind, reserved;
+} GlintCamera;
+
+typedef struct GlintSceneData {
+  GlintCamera camera;
+  double ambient[3], background[3];
+  int32_t transparent, reserved;
+  const GlintGeometry* geometries;
+  const GlintAttribute* attributes;
+  const GlintInstances* instances;
+  const double* world_from_object; /* 12 a row */
+  const uint32_t* material_slots;  /* numbers of materials, shared by the instances */
+  const GlintTexture* textures;
+  const GlintInput* inputs;
+  const GlintLobe* lobes;
+  const GlintMaterial* materials;
+  const GlintLight* lights;
+  uint64_t geometry_count, attribute_count, instances_count, row_count, material_slot_count;
+  uint64_t texture_count, input_count, lobe_count, material_count, light_count;
+} GlintSceneData;
+
+enum { GLINT_PHYSICAL, GLINT_CLASSIC };
+
+/* Passes, as numbers for glint_render_read and as bits (1 << pass) for GlintRenderSettings. */
+enum {
+  GLINT_PASS_COMBINED,
+  GLINT_PASS_DIFFUSE,
+  GLINT_PASS_SPECULAR,
+  GLINT_PASS_AMBIENT,
+  GLINT_PASS_SHADOW,
+  GLINT_PASS_MIRROR,
+  GLINT_PASS_EMISSION,
+  GLINT_PASS_ENVIRONMENT,
+  GLINT_PASS_DEPTH,
+  GLINT_PASS_POSITION,
+  GLINT_PASS_NORMAL,
+  GLINT_PASS_UV,
+  GLINT_PASS_OBJECT_INDEX,
+  GLINT_PASS_MATERIAL_INDEX,
+  GLINT_PASS_COUNT
+};
+
+/* region: x0, y0, x1, y1 half open in the full frame.  threads: 0 for one a core.  hold_waves: see glint_render_resume.
+ * pixel_offsets: (samples, 2).  light_square, light_disc: (light_point_count, 2), at least samples * light_samples points when
+ * light_samples > 1 and a light has an extent; else they may be null. */
+typedef struct GlintRenderSettings {
+  const double* pixel_offsets;
+  const double* light_square;
+  const double* light_disc;
+  uint64_t light_point_count;
+  uint32_t samples, light_samples, max_bounces, threads, passes;
+  uint32_t region[4];
+  int32_t illumination, hold_waves;
+} GlintRenderSettings;
+
+enum { GLINT_PREPARING, GLINT_TRACING, GLINT_HELD, GLINT_DONE, GLINT_CANCELLED, GLINT_FAILED };
+
+/* fraction: share of all samples traced.  samples: those of the last complete wave, which glint_render_read gives. */
+typedef struct GlintProgress {
+  double fraction;
+  uint32_t samples;
+  int32_t state;
+} GlintProgress;
+
+enum { GLINT_FEATURE_MIRROR = 1, GLINT_FEATURE_REFRACTION = 2, GLINT_FEATURE_TRANSPARENT = 4, GLINT_FEATURE_SOFT_LIGHTS = 8,
+       GLINT_FEATURE_TEXTURES = 16, GLINT_FEATURE_SMOOTH = 32, GLINT_FEATURE_HOLDOUT = 64, GLINT_FEATURE_SEEN_LIGHTS = 128 };
+
+typedef struct GlintStats {
+  double build_seconds, trace_seconds;
+  uint64_t triangles, instances, primitives, tree_bytes, tree_nodes;
+  uint64_t dropped_primitives, dropped_instances, dropped_lights;
+  uint64_t camera_rays, shadow_rays, mirror_rays, refraction_rays, transparent_rays;
+  uint32_t features, threads;
+} GlintStats;
+
+typedef struct GlintScene GlintScene;
+typedef struct GlintRender GlintRender;
+
+GLINT_API uint32_t glint_abi_version(void);
+
+/* Checks everything; null and text in `error` when something is wrong or memory is short. */
+GLINT_API GlintScene* glint_scene_create(const GlintSceneData* data, char* error, size_t error_size);
+GLINT_API void glint_scene_destroy(GlintScene* scene);
+
+/* Starts the work on threads of its own: trees first (kept in the scene for later renders), then waves of 1, 2, 4, 8 … samples. */
+GLINT_API GlintRender* glint_render_start(GlintScene* scene, const GlintRenderSettings* settings, char* error, size_t error_size);
+
+/* Sleeps until a wave is complete that no earlier call reported, the render ends, or `milliseconds` are over. */
+GLINT_API GlintProgress glint_render_wait(GlintRender* render, uint32_t milliseconds);
+
+/* With hold_waves the work pauses after each wave but the last (state HELD) until this call. */
+GLINT_API void glint_render_resume(GlintRender* render);
+
+/* Returns at once; the state turns CANCELLED soon. */
+GLINT_API void glint_render_cancel(GlintRender* render);
+
+/* Copies a pass of the last complete wave, rows from the bottom; `size` is the number of floats of `out`. Returns 0, or -1 when there is no
+ * complete wave, the pass was not asked for, or the size does not fit. */
+GLINT_API int32_t glint_render_read(GlintRender* render, int32_t pass, float* out, uint64_t size);
+
+GLINT_API GlintStats glint_render_stats(GlintRender* render);
+
+/* Why the state is FAILED. The text lives as long as the render. */
+GLINT_API const char* glint_render_error(GlintRender* render);
+
+/* Cancels, waits for the threads, and frees. */
+GLINT_API void glint_render_destroy(GlintRender* render);
+
+enum { GLINT_EXP, GLINT_LOG, GLINT_LOG1P, GLINT_COS, GLINT_SIN, GLINT_COSINE_POWER };
+
+/* The core's own mathematics, for tests: out[k] = f(x[k]). COSINE_POWER: max(0, cos)^y from tan^2 = x of the angle. */
+GLINT_API void glint_math(int32_t function, const double* x, const double* y, double* out, uint64_t count);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

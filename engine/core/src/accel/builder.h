@@ -1,0 +1,44 @@
+// From boxes to a tree: binned surface area heuristic (Wald 2007, On fast Construction of SAH-based Bounding Volume Hierarchies), opened to
+// eight children a node by always splitting the largest child.
+#pragma once
+#include <atomic>
+#include <memory>
+#include <vector>
+
+#include "bounds.h"
+#include "team.h"
+#include "tree.h"
+
+namespace glint {
+
+/// Thrown inside a build when the caller's flag became true.
+struct Cancelled {};
+
+struct BuildOptions {
+  uint32_t max_leaf = 4;  // at most this many primitives a leaf
+  uint32_t min_leaf = 1;  // children with more are split while their node has room
+};
+
+/// Memory that is not cleared first.
+template <class T>
+struct Buffer {
+  std::unique_ptr<T[]> data;
+  size_t size = 0;
+  Buffer() = default;
+  explicit Buffer(size_t n) : data(new T[n]), size(n) {}
+  T& operator[](size_t k) { return data[k]; }
+  const T& operator[](size_t k) const { return data[k]; }
+  size_t bytes() const { return size * sizeof(T); }
+};
+
+struct NodeTree {
+  Buffer<Node> nodes;
+  ChildRef root = 0;
+  Box box;
+};
+
+/// Sorts refs[0, count), count >= 1, into the order of the leaves and returns the nodes above. The same for every team. Throws Cancelled,
+/// and std::bad_alloc also when count does not fit a ChildRef.
+NodeTree build_nodes(Ref* refs, size_t count, const BuildOptions& options, Team& team, const std::atomic<bool>& cancel);
+
+}  // namespace glint

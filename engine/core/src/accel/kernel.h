@@ -1,0 +1,23 @@
+// The traversal kernels: one source (kernel_*.h), compiled once per instruction set, with the same bits from each.
+#pragma once
+#include "accel.h"
+#include "tree.h"
+
+namespace glint {
+
+struct Kernel {
+  const char* name;
+  void (*closest)(const WorldView&, const Ray*, Hit*, size_t);
+  void (*occluded)(const WorldView&, const Ray*, uint8_t*, size_t);
+};
+
+#if defined(GLINT_X86_KERNELS)
+extern const Kernel kernel_sse42, kernel_avx2;
+#else
+extern const Kernel kernel_generic;
+#endif
+
+/// The widest kernel that this machine runs. The environment variable GLINT_ISA (sse42 or avx2) takes another one where the machine has it.
+const Kernel& best_kernel();
+
+}  // namespace glint

@@ -1,0 +1,147 @@
+// A ray on its way through the trees. Letters: o origin, d direction, t ray parameter.
+#pragma once
+#include "accel.h"
+#include "kernel_simd.h"
+#include "tree.h"
+
+namespace glint {
+namespace {
+
+constexpr double kInf = __builtin_inf();
+
+struct D3 {
+  double x, y, z;
+};
+inline D3 operator-(D3 a, D3 b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline D3 operator+(D3 a, D3 b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline D3 operator*(double s, D3 a) { return {s * a.x, s * a.y, s * a.z}; }
+inline double dot(D3 a, D3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline D3 d3(const double* p) { return {p[0], p[1], p[2]}; }
+inline double at(D3 a, int k) { return k == 0 ? a.x : k == 1 ? a.y : a.z; }
+
+/// The nearest so far. `key` is t without its last 12 bits: distances that agree to 2^-40 are the same distance, and then the lower
+/// (instance, primitive) wins, in whichever order they are met. (Rounding differs between the same triangle written abc and bca.)
+struct Query {
+  double t_min, t_max;
+  uint32_t visibility;
+  const uint32_t* masks;  // visibility of every instance
+  bool found = false;
+  uint32_t instance = Hit::kNone, primitive = 0;
+  double t = kInf, key = kInf;
+  double u = 0, v = 0;
+};
+
+inline double key_of(double t) {
+  uint64_t bits;
+  __builtin_memcpy(&bits, &t, sizeof bits);
+  bits &= ~uint64_t(0xfff);
+  __builtin_memcpy(&t, &bits, sizeof bits);
+  return t;
+}
+
+/// The ray in the space of a tree, t counted in units of `unit` (a power of two, so that the longest component of d is in [1, 2)).
+/// The float ray starts at o + start d, close to the tree's ball: far away its rounding would be coarser than what it is to hit.
+struct LocalRay {
+  D3 o, d;                     // exact
+  double unit, start;
+  double shear_x, shear_y;     // of the exact ray: d[kx] / d[kz], d[ky] / d[kz]
+  double inverse_square;       // 1 / d.d
+  int kx, ky, kz;              // kz: the longest component
+  float of[3], sx, sy;         // float ray and shear
+  float near_o[3], far_o[3];   // origin rounded so that boxes come nearer and end farther
+  float inv[3];
+  int near_plane[3];           // index into Node::planes
+  float t_min, t_max;          // bounds for boxes, with room for all rounding
+  uint32_t instance;           // Hit::kNone in world space: the leaves know
+};
+
+/// Upper bound for boxes from the nearest hit or the ray's end.
+inline void shorten(LocalRay& r, const Query& q) {
+  const double t = (q.t < q.t_max ? q.t : q.t_max) / r.unit;
+  const double rest = t - r.start + (t < 0 ? -t : t) * 0x1p-38;
+  const float f = rest > 0 ? float(rest) : 0;
+  r.t_max = f + f * 0x1p-20f + 1e-38f;
+}
+
+/// 2^k <= a < 2^(k+1) as 2^k; 0 when a is not a normal finite number.
+inline double power_below(double a) {
+  uint64_t bits;
+  __builtin_memcpy(&bits, &a, sizeof bits);
+  bits &= 0x7ff0000000000000u;
+  if (bits == 0x7ff0000000000000u) bits = 0;
+  __builtin_memcpy(&a, &bits, sizeof bits);
+  return a;
+}
+
+inline double magnitude(double a) { return __builtin_fabs(a); }
+
+/// Where the exact ray enters the tree's ball, not before t_min.
+inline double entry(const LocalRay& r, const TreeView& tree, double t_min) {
+  const double middle = dot(d3(tree.center) - r.o, r.d) * r.inverse_square;
+  const double t = middle - tree.radius * __builtin_sqrt(r.inverse_square);
+  return t > t_min ? t : t_min;
+}
+
+inline void choose_axes(LocalRay& r) {
+  const double x = magnitude(r.d.x), y = magnitude(r.d.y), z = magnitude(r.d.z);
+  r.kz = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
+  r.kx = r.kz == 2 ? 0 : r.kz + 1;
+  r.ky = r.kx == 2 ? 0 : r.kx + 1;
+  const double z_inverse = 1 / at(r.d, r.kz);
+  r.shear_x = at(r.d, r.kx) * z_inverse, r.shear_y = at(r.d, r.ky) * z_inverse;
+  r.sx = float(r.shear_x), r.sy = float(r.shear_y);
+}
+
+inline void round_ray(LocalRay& r) {
+  const D3 o = r.o + r.start * r.d;
+  for (int k = 0; k < 3; ++k) {
+    const double exact = at(o, k);
+    const float f = float(exact), ulp = __builtin_fabsf(f) * 0x1p-23f + 1e-45f;
+    const float above = double(f) < exact ? f + ulp : f, below = double(f) > exact ? f - ulp : f;
+    r.of[k] = f;
+    r.inv[k] = 1 / float(at(r.d, k));
+    const bool negative = __builtin_signbit(r.inv[k]);
+    r.near_plane[k] = 2 * k + negative;
+    r.near_o[k] = negative ? below : above;
+    r.far_o[k] = negative ? above : below;
+  }
+}
+
+/// False when the ray cannot hit anything: no direction, not finite, or past its end before the tree begins.
+inline bool enter(LocalRay& r, D3 o, D3 d, const TreeView& tree, const Query& q) {
+  const double longest = __builtin_fmax(__builtin_fmax(magnitude(d.x), magnitude(d.y)), magnitude(d.z));
+  const double power = power_below(longest);
+  if (!(power > 0)) return false;
+  r.unit = 1 / power;
+  r.o = o, r.d = r.unit * d;
+  r.inverse_square = 1 / dot(r.d, r.d);
+  const double t_min = q.t_min / r.unit;
+  r.start = entry(r, tree, t_min);
+  const double limit = (q.t < q.t_max ? q.t : q.t_max) / r.unit;
+  if (!(r.start <= limit + magnitude(limit) * 0x1p-38)) return false;
+  choose_axes(r);
+  round_ray(r);
+  r.t_min = 0;
+  shorten(r, q);
+  return r.of[0] - r.of[0] + (r.of[1] - r.of[1]) + (r.of[2] - r.of[2]) == 0;
+}
+
+/// Takes a hit at t (in the ray's units) unless there is a better one. True when the ray's bound changed.
+template <bool Any>
+inline bool accept(Query& q, LocalRay& r, double t_local, double u, double v, PrimitiveId id) {
+  const double t = t_local * r.unit;
+  if (!(t > q.t_min && t < q.t_max)) return false;
+  if (r.instance != Hit::kNone) id.instance = r.instance;
+  if (!(q.masks[id.instance] & q.visibility)) return false;
+  q.found = true;
+  if (Any) return true;
+  const double key = key_of(t);
+  const bool lower = id.instance != q.instance ? id.instance < q.instance : id.primitive < q.primitive;
+  if (!(key < q.key || (key == q.key && lower))) return false;
+  q.t = t, q.key = key, q.instance = id.instance, q.primitive = id.primitive, q.u = u, q.v = v;
+  shorten(r, q);
+  return true;
+}
+
+}  // namespace
+}  // namespace glint

@@ -1,0 +1,149 @@
+// Single rays through the trees, nearest boxes first.
+#pragma once
+#include "kernel_leaves.h"
+
+namespace glint {
+namespace {
+
+/// The ray's numbers for boxes, one to a lane.
+struct BoxRay {
+  Floats near_o[3], far_o[3], inv[3], t_min, t_max;
+  explicit BoxRay(const LocalRay& r) : t_min(splat(r.t_min)), t_max(splat(r.t_max)) {
+    for (int k = 0; k < 3; ++k) near_o[k] = splat(r.near_o[k]), far_o[k] = splat(r.far_o[k]), inv[k] = splat(r.inv[k]);
+  }
+};
+
+/// Which children the ray meets, and where it enters them. Slabs ordered by the direction's signs; the far side is a little longer than
+/// computed (Ize 2013: two ulps; here eight, which covers the rounding of the triangle test's shear too). 0 * inf is NaN, for a ray inside a
+/// face of the box: `larger` and `smaller` then keep what they had.
+inline uint32_t hit_boxes(const Node& n, const LocalRay& r, const BoxRay& b, float* distance) {
+  uint32_t mask = 0;
+  for (int first = 0; first < kWidth; first += kLanes) {
+    Floats near = b.t_min, far = splat(__builtin_inff());
+    for (int k = 0; k < 3; ++k) {
+      near = larger((load(n.planes[r.near_plane[k]] + first) - b.near_o[k]) * b.inv[k], near);
+      far = smaller((load(n.planes[r.near_plane[k] ^ 1] + first) - b.far_o[k]) * b.inv[k], far);
+    }
+    far = smaller(far * splat(1 + 0x1p-20f), b.t_max);
+    store(distance + first, near);
+    mask |= bits(near <= far) << first;
+  }
+  return mask;
+}
+
+struct Entry {
+  ChildRef child;
+  float distance;
+};
+
+/// Pushes all children but the nearest, the farthest first, and returns the nearest. mask has at least two bits.
+inline ChildRef push_children(const Node& n, uint32_t mask, const float* distance, Entry*& top) {
+  Entry* const base = top;
+  for (; mask; mask &= mask - 1) {
+    const int k = __builtin_ctz(mask);
+    const Entry e{n.child[k], distance[k]};
+    Entry* p = top++;
+    for (; p > base && p[-1].distance < e.distance; --p) *p = p[-1];
+    *p = e;
+  }
+  return (--top)->child;
+}
+
+/// Visits the leaves that the ray meets; leaf(ordinal, count) says whether the ray's bound changed.
+template <bool Any, class Leaf>
+inline void traverse(const TreeView& tree, LocalRay& r, const Query& q, Leaf leaf) {
+  Entry stack[kStack];
+  Entry* top = stack;
+  BoxRay b(r);
+  alignas(32) float distance[kWidth];
+  *top++ = {tree.root, 0};
+  while (top != stack) {
+    const Entry entry = *--top;
+    if (entry.distance > r.t_max) continue;
+    ChildRef child = entry.child;
+    bool missed = false;
+    while (!(child & kLeaf)) {
+      const Node& n = tree.nodes[child];
+      const uint32_t mask = hit_boxes(n, r, b, distance);
+      if ((missed = mask == 0)) break;
+      child = mask & (mask - 1) ? push_children(n, mask, distance, top) : n.child[__builtin_ctz(mask)];
+    }
+    if (missed) continue;
+    const bool changed = leaf(child & kOrdinal, int(child >> kCountShift & 7) + 1);
+    if (Any && q.found) return;
+    if (changed) b.t_max = splat(r.t_max);
+  }
+}
+
+/// A tree whose leaves hold primitives.
+template <bool Any>
+inline void trace_primitives(const TreeView& tree, LocalRay& r, Query& q) {
+  switch (tree.kind) {
+    case kTriangleLeaf:
+      return traverse<Any>(tree, r, q, [&](uint32_t ordinal, int n) { return hit_triangles<Any>(tree, ordinal, n, r, q); });
+    case kSphereLeaf:
+      return traverse<Any>(tree, r, q, [&](uint32_t ordinal, int n) { return hit_spheres<Any>(tree, ordinal, n, r, q); });
+    default: return traverse<Any>(tree, r, q, [&](uint32_t ordinal, int n) { return hit_polygons<Any>(tree, ordinal, n, r, q); });
+  }
+}
+
+inline D3 to_object(const InstanceRecord& i, D3 v) { return v.x * d3(i.linear) + v.y * d3(i.linear + 3) + v.z * d3(i.linear + 6); }
+
+template <bool Any>
+__attribute__((noinline)) void trace_instance(const WorldView& world, const InstanceRecord& i, const Ray& ray, Query& q) {
+  const TreeView& tree = world.objects[i.tree];
+  const D3 o = to_object(i, D3{ray.o.x, ray.o.y, ray.o.z} - d3(i.origin)), d = to_object(i, {ray.d.x, ray.d.y, ray.d.z});
+  LocalRay r;
+  r.instance = i.instance;
+  if (enter(r, o, d, tree, q)) trace_primitives<Any>(tree, r, q);
+}
+
+template <bool Any>
+inline bool hit_instances(const WorldView& world, uint32_t ordinal, int n, const Ray& ray, LocalRay& r, Query& q) {
+  const double before = q.t;
+  for (uint32_t k = ordinal; k < ordinal + uint32_t(n); ++k)
+    if (world.instances[k].visibility & q.visibility) {
+      trace_instance<Any>(world, world.instances[k], ray, q);
+      if (Any && q.found) return true;
+    }
+  if (q.t == before) return false;
+  shorten(r, q);
+  return true;
+}
+
+template <bool Any>
+inline void trace_tree(const WorldView& world, const TreeView& tree, const Ray& ray, Query& q) {
+  LocalRay r;
+  r.instance = Hit::kNone;
+  if (!enter(r, {ray.o.x, ray.o.y, ray.o.z}, {ray.d.x, ray.d.y, ray.d.z}, tree, q)) return;
+  if (tree.kind != kInstanceLeaf) return trace_primitives<Any>(tree, r, q);
+  traverse<Any>(tree, r, q, [&](uint32_t ordinal, int n) { return hit_instances<Any>(world, ordinal, n, ray, r, q); });
+}
+
+template <bool Any>
+inline void trace(const WorldView& world, const Ray& ray, Query& q) {
+  for (size_t k = 0; k < world.tree_count; ++k) {
+    trace_tree<Any>(world, world.trees[k], ray, q);
+    if (Any && q.found) return;
+  }
+}
+
+void closest(const WorldView& world, const Ray* rays, Hit* hits, size_t count) {
+  for (size_t k = 0; k < count; ++k) {
+    Query q{rays[k].t_min, rays[k].t_max, rays[k].visibility, world.visibility};
+    trace<false>(world, rays[k], q);
+    Hit& h = hits[k];
+    h.t = q.t, h.instance = q.instance, h.primitive = q.primitive, h.u = float(q.u), h.v = float(q.v);
+  }
+}
+
+void occluded(const WorldView& world, const Ray* rays, uint8_t* blocked, size_t count) {
+  for (size_t k = 0; k < count; ++k) {
+    Query q{rays[k].t_min, rays[k].t_max, rays[k].visibility, world.visibility};
+    trace<true>(world, rays[k], q);
+    blocked[k] = q.found;
+  }
+}
+
+}  // namespace
+}  // namespace glint

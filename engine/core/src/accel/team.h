@@ -1,0 +1,41 @@
+// A few threads that share loops.
+#pragma once
+#include <atomic>
+#include <condition_variable>
+#include <cstddef>
+#include <exception>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace glint {
+
+/// Threads that live as long as the team. Where the system refuses a thread the team is smaller.
+class Team {
+ public:
+  explicit Team(int threads);
+  ~Team();
+  Team(const Team&) = delete;
+  Team& operator=(const Team&) = delete;
+
+  /// Calls body(0) … body(count - 1), in any order, on all threads of the team and the caller's, and returns when all are done. The first
+  /// exception skips the calls that have not begun and is thrown again here. Not to be called from inside `body`.
+  void run(size_t count, const std::function<void(size_t)>& body);
+  size_t size() const { return threads_.size() + 1; }
+
+ private:
+  void work();
+  void drain();
+
+  std::vector<std::thread> threads_;
+  std::mutex mutex_;
+  std::condition_variable wake_, idle_;
+  const std::function<void(size_t)>* body_ = nullptr;
+  size_t count_ = 0, busy_ = 0, round_ = 0;
+  std::atomic<size_t> next_{0};
+  std::exception_ptr error_;
+  bool stop_ = false;
+};
+
+}  // namespace glint

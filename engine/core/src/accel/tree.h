@@ -1,0 +1,69 @@
+// The trees in memory, as the kernels read them. Plain data only: nothing here may emit code, because the kernels are compiled for
+// instruction sets that the machine at hand need not have.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+
+namespace glint {
+
+constexpr int kWidth = 8;         // children of a node
+constexpr int kMaxLeaf = 8;       // primitives of a leaf, as far as ChildRef can say
+constexpr int kMaxDepth = 72;     // of nodes; the builder keeps to it
+constexpr int kStack = kMaxDepth * (kWidth - 1) + kWidth;
+
+/// A node's number, or kLeaf | (count - 1) << kCountShift | number of the leaf's first primitive.
+using ChildRef = uint32_t;
+constexpr ChildRef kLeaf = 0x80000000u;
+constexpr int kCountShift = 28;
+constexpr ChildRef kOrdinal = (1u << kCountShift) - 1;
+
+/// Boxes of eight children, plane by plane: lower x, upper x, lower y, upper y, lower z, upper z. The planes of an absent child are +inf
+/// below and -inf above, so that no ray enters it.
+struct alignas(32) Node {
+  float planes[6][kWidth];
+  ChildRef child[kWidth];
+};
+
+enum LeafKind : uint32_t { kTriangleLeaf, kSphereLeaf, kPolygonLeaf, kInstanceLeaf };
+
+/// Instance and primitive as Hit counts them. Trees in object space leave `instance` at 0.
+struct PrimitiveId {
+  uint32_t instance, primitive;
+};
+
+/// The plane of a polygon through `p` with Newell's normal `n`, and the two axes of its projection.
+struct PolygonRecord {
+  double n[3], p[3];
+  size_t first;  // of its corners, in TreeView::corners
+  uint32_t count, axis_u, axis_v;
+};
+
+struct InstanceRecord {
+  double linear[9], origin[3];  // object = linear (world - origin), by columns
+  uint32_t tree, instance, visibility;
+};
+
+/// Primitives are numbered in the order of the leaves; a leaf with n primitives from `first` on reads
+///   triangles: 9 n floats at 9 first: x, y, z of the first vertices, of the second, of the third, n floats each;
+///   spheres: 4 floats each at 4 first: centre and radius;  polygons: records;  instances: records.
+struct TreeView {
+  const Node* nodes;
+  const float* floats;
+  const PrimitiveId* ids;
+  const PolygonRecord* polygons;
+  const float* corners;
+  double center[3], radius;  // a ball round everything, with room to spare
+  ChildRef root;
+  LeafKind kind;
+};
+
+/// `trees`: those in world space, one a kind at most. `objects`: those that instances refer to. `visibility`: of every instance.
+struct WorldView {
+  const TreeView* trees;
+  size_t tree_count;
+  const TreeView* objects;
+  const InstanceRecord* instances;
+  const uint32_t* visibility;
+};
+
+}  // namespace glint

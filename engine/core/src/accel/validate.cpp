@@ -1,0 +1,123 @@
+#include <algorithm>
+
+#include "world.h"
+
+namespace glint {
+namespace {
+
+bool inside(const Box& a, const Box& b) {
+  for (int k = 0; k < 3; ++k)
+    if (!(a.lo[k] >= b.lo[k] && a.hi[k] <= b.hi[k])) return false;
+  return true;
+}
+
+Box child_box(const Node& n, int lane) {
+  Box b;
+  for (int k = 0; k < 3; ++k) b.lo[k] = n.planes[2 * k][lane], b.hi[k] = n.planes[2 * k + 1][lane];
+  return b;
+}
+
+/// Walks a tree and counts how often everything is reached.
+struct Walk {
+  const Tree& tree;
+  const std::vector<Box>& primitives;
+  std::vector<uint8_t> nodes, leaves;
+  std::string problem;
+
+  Walk(const Tree& t, const std::vector<Box>& p) : tree(t), primitives(p), nodes(t.nodes.nodes.size), leaves(t.count) {}
+
+  void leaf(ChildRef c, const Box& box) {
+    const size_t first = c & kOrdinal, last = first + (c >> kCountShift & 7) + 1;
+    if (last > tree.count) problem = "a leaf reads beyond the last primitive";
+    for (size_t k = first; k < std::min(last, tree.count); ++k) {
+      if (leaves[k]++) problem = "primitive " + std::to_string(k) + " is in two leaves";
+      if (!inside(primitives[k], box)) problem = "primitive " + std::to_string(k) + " leaves its box";
+    }
+  }
+
+  void visit(ChildRef c, const Box& box, int depth) {
+    if (!problem.empty()) return;
+    if (c & kLeaf) return leaf(c, box);
+    if (c >= nodes.size() || nodes[c]++ || depth >= kMaxDepth) {
+      problem = "node " + std::to_string(c) + " is out of range, reached twice or too deep";
+      return;
+    }
+    const Node& n = tree.nodes.nodes[c];
+    for (int lane = 0; lane < kWidth; ++lane) {
+      const Box b = child_box(n, lane);
+      if (!(b.lo[0] <= b.hi[0])) continue;
+      if (!inside(b, box)) problem = "a child of node " + std::to_string(c) + " leaves its parent's box";
+      visit(n.child[lane], b, depth + 1);
+    }
+  }
+};
+
+Box polygon_box(const Tree& tree, const PolygonRecord& r) {
+  const uint32_t axis = 3 - r.axis_u - r.axis_v;
+  BoxD box;
+  for (size_t c = r.first; c < r.first + r.count; ++c) {
+    const float* p = &tree.corners[3 * c];
+    Vec3d q(p[0], p[1], p[2]);
+    const Vec3d n(r.n[0], r.n[1], r.n[2]);
+    q[int(axis)] -= dot(n, q - Vec3d(r.p[0], r.p[1], r.p[2])) / n[int(axis)];
+    box.add(q);
+  }
+  return {F4{float(box.lo.x), float(box.lo.y), float(box.lo.z), 0}, F4{float(box.hi.x), float(box.hi.y), float(box.hi.z), 0}};
+}
+
+void triangle_boxes(const Tree& tree, ChildRef c, std::vector<Box>& boxes) {
+  const size_t first = c & kOrdinal, count = (c >> kCountShift & 7) + 1;
+  const float* p = &tree.floats[9 * first];
+  for (size_t k = 0; k < count; ++k)
+    for (size_t j = 0; j < 3; ++j) boxes[first + k].add(F4{p[3 * j * count + k], p[(3 * j + 1) * count + k], p[(3 * j + 2) * count + k], 0});
+}
+
+Box sphere_box(const float* p) {
+  Box b;
+  for (int k = 0; k < 3; ++k) b.lo[k] = round_down(double(p[k]) - double(p[3])), b.hi[k] = round_up(double(p[k]) + double(p[3]));
+  return b;
+}
+
+}  // namespace
+
+std::vector<Box> primitive_boxes(const Tree& tree) {
+  std::vector<Box> boxes(tree.count);
+  if (tree.kind == kTriangleLeaf) {
+    if (tree.nodes.root & kLeaf) triangle_boxes(tree, tree.nodes.root, boxes);
+    for (size_t n = 0; n < tree.nodes.nodes.size; ++n)
+      for (ChildRef c : tree.nodes.nodes[n].child)
+        if (c & kLeaf) triangle_boxes(tree, c, boxes);
+  }
+  for (size_t k = 0; k < tree.count; ++k) {
+    if (tree.kind == kSphereLeaf) boxes[k] = sphere_box(&tree.floats[4 * k]);
+    if (tree.kind == kPolygonLeaf) boxes[k] = polygon_box(tree, tree.polygons[k]);
+  }
+  return boxes;
+}
+
+std::string tree_problem(const Tree& tree, const std::vector<Box>& primitives) {
+  if (tree.count == 0) return "";
+  Walk walk(tree, primitives);
+  walk.visit(tree.nodes.root, tree.nodes.box, 0);
+  if (!walk.problem.empty()) return walk.problem;
+  if (std::count(walk.nodes.begin(), walk.nodes.end(), 0) > 0) return "a node is never reached";
+  if (std::count(walk.leaves.begin(), walk.leaves.end(), 0) > 0) return "a primitive is never reached";
+  return "";
+}
+
+std::string World::validate() const {
+  for (const auto* trees : {&trees_, &objects_})
+    for (const Tree& tree : *trees) {
+      std::vector<Box> boxes = primitive_boxes(tree);
+      for (size_t k = 0; tree.kind == kInstanceLeaf && k < tree.count; ++k) {
+        const InstanceView& i = instances_[records_[k].instance];
+        const BoxD b = world_box(objects_[records_[k].tree].nodes.box, i.world_from_object);
+        boxes[k] = {F4{float(b.lo.x), float(b.lo.y), float(b.lo.z), 0}, F4{float(b.hi.x), float(b.hi.y), float(b.hi.z), 0}};
+      }
+      const std::string problem = tree_problem(tree, boxes);
+      if (!problem.empty()) return problem;
+    }
+  return "";
+}
+
+}  // namespace glint

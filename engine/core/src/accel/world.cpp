@@ -1,0 +1,168 @@
+#include "world.h"
+
+#include <algorithm>
+#include <chrono>
+
+namespace glint {
+namespace {
+
+constexpr uint32_t kNoTree = 0xffffffffu;
+constexpr size_t kSmall = 65536;  // primitives: below, object trees are built one a thread
+
+/// The common factor of a matrix that only rotates, mirrors and scales evenly; 0 for any other. Spheres stay spheres to float precision.
+double similarity(const Affine& m) {
+  const double x = length(m.x), y = length(m.y), z = length(m.z), tolerance = 1e-8 * x;
+  const bool even = std::fabs(x - y) <= tolerance && std::fabs(x - z) <= tolerance;
+  const bool square = std::fabs(dot(m.x, m.y)) <= tolerance * x && std::fabs(dot(m.y, m.z)) <= tolerance * x &&
+                      std::fabs(dot(m.z, m.x)) <= tolerance * x;
+  return even && square ? x : 0;
+}
+
+bool invertible(const Affine& m) {
+  Affine unused;
+  return inverse(m, unused);
+}
+
+std::vector<uint32_t> count_uses(const std::vector<GeometryView>& geometries, const std::vector<InstanceView>& instances) {
+  std::vector<uint32_t> uses(geometries.size(), 0);
+  for (const InstanceView& i : instances) uses[i.geometry] += finite(i.world_from_object);
+  return uses;
+}
+
+}  // namespace
+
+bool inverse(const Affine& m, Affine& linear) {
+  const double lx = length(m.x), ly = length(m.y), lz = length(m.z);
+  const double ix = 1 / lx, iy = 1 / ly, iz = 1 / lz;
+  if (!(lx > 0 && ly > 0 && lz > 0 && std::isfinite(ix) && std::isfinite(iy) && std::isfinite(iz))) return false;
+  const Vec3d x = ix * m.x, y = iy * m.y, z = iz * m.z;
+  const double det = dot(x, cross(y, z));
+  if (!(std::fabs(det) > 1e-8)) return false;
+  const Vec3d a = (ix / det) * cross(y, z), b = (iy / det) * cross(z, x), c = (iz / det) * cross(x, y);  // rows
+  linear = {{a.x, b.x, c.x}, {a.y, b.y, c.y}, {a.z, b.z, c.z}, {}};
+  return true;
+}
+
+BoxD world_box(const Box& box, const Affine& m) {
+  BoxD out;
+  for (int k = 0; k < 8; ++k) {
+    const Vec3d p(double((k & 1 ? box.hi : box.lo)[0]), double((k & 2 ? box.hi : box.lo)[1]), double((k & 4 ? box.hi : box.lo)[2]));
+    out.add(point(m, p));
+  }
+  // Rays are rounded to float in object space: leave room for four ulps of the largest coordinate there and here.
+  const Vec3d object = max(abs(Vec3d(box.lo[0], box.lo[1], box.lo[2])), abs(Vec3d(box.hi[0], box.hi[1], box.hi[2])));
+  const Vec3d room = 0x1p-22 * (abs(m.x) * object.x + abs(m.y) * object.y + abs(m.z) * object.z);
+  out.lo = out.lo - room, out.hi = out.hi + room;
+  return out;
+}
+
+std::unique_ptr<Accel> Accel::build(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
+                                    const std::atomic<bool>& cancel) {
+  try {
+    return std::make_unique<World>(std::move(geometries), std::move(instances), threads, cancel);
+  } catch (const Cancelled&) {
+    return nullptr;
+  }
+}
+
+World::World(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads, const std::atomic<bool>& cancel)
+    : kernel_(best_kernel()), geometries_(std::move(geometries)), instances_(std::move(instances)) {
+  const auto start = std::chrono::steady_clock::now();
+  if (cancel.load()) throw Cancelled{};
+  Team team(threads);
+  Plan p = plan();
+  for (auto* sources : {&p.meshes, &p.spheres, &p.polygons}) {
+    Tree tree = make_tree(*sources, team, cancel);
+    p.dropped += tree.dropped;
+    if (tree.count > 0) trees_.push_back(std::move(tree));
+    std::vector<Source>().swap(*sources);
+  }
+  build_objects(p.placed, team, cancel);
+  build_instances(p.placed, team, cancel);
+  make_view();
+  count(p);
+  stats_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+Plan World::plan() const {
+  Plan p;
+  const std::vector<uint32_t> uses = count_uses(geometries_, instances_);
+  for (uint32_t i = 0; i < instances_.size(); ++i) {
+    const Affine& m = instances_[i].world_from_object;
+    const GeometryView& g = geometries_[instances_[i].geometry];
+    const bool spheres = g.kind == GeometryView::kSpheres, once = uses[instances_[i].geometry] == 1;
+    const double scale = spheres ? similarity(m) : 1;
+    if (!finite(m)) {
+      p.dropped += g.primitive_count;
+    } else if (invertible(m) && (!once || scale == 0)) {
+      p.placed.push_back(i);
+    } else if (spheres && scale == 0) {
+      p.dropped += g.primitive_count;  // flattened spheres
+    } else {
+      auto& sources = g.kind == GeometryView::kMesh ? p.meshes : spheres ? p.spheres : p.polygons;
+      sources.push_back({&g, i, &m, scale, nullptr, {}});
+    }
+  }
+  return p;
+}
+
+void World::build_objects(const std::vector<uint32_t>& placed, Team& team, const std::atomic<bool>& cancel) {
+  object_of_.assign(geometries_.size(), kNoTree);
+  std::vector<uint32_t> used, small;
+  for (uint32_t i : placed) {
+    uint32_t& object = object_of_[instances_[i].geometry];
+    if (object != kNoTree) continue;
+    object = uint32_t(used.size());
+    used.push_back(instances_[i].geometry);
+  }
+  objects_.resize(used.size());
+  auto build = [&](uint32_t object, Team& with) {
+    std::vector<Source> sources;
+    sources.push_back({&geometries_[used[object]], 0, nullptr, 1, nullptr, {}});
+    objects_[object] = make_tree(sources, with, cancel);
+  };
+  for (uint32_t k = 0; k < used.size(); ++k)
+    if (geometries_[used[k]].primitive_count >= kSmall) build(k, team);
+    else small.push_back(k);
+  team.run(small.size(), [&](size_t k) {
+    Team alone(1);
+    build(small[k], alone);
+  });
+}
+
+void World::build_instances(const std::vector<uint32_t>& placed, Team& team, const std::atomic<bool>& cancel) {
+  std::vector<Ref> boxes;
+  for (uint32_t i : placed) {
+    const Tree& object = objects_[object_of_[instances_[i].geometry]];
+    if (object.count > 0) boxes.push_back(make_ref(world_box(object.nodes.box, instances_[i].world_from_object), i, 0));
+  }
+  Tree tree = make_instance_tree(std::move(boxes), team, cancel);
+  for (uint32_t i : tree.order) {
+    const Affine& m = instances_[i].world_from_object;
+    Affine n;
+    inverse(m, n);
+    records_.push_back({{n.x.x, n.x.y, n.x.z, n.y.x, n.y.y, n.y.z, n.z.x, n.z.y, n.z.z}, {m.t.x, m.t.y, m.t.z},
+                        object_of_[instances_[i].geometry], i, instances_[i].visibility});
+  }
+  if (tree.count > 0) trees_.push_back(std::move(tree));
+}
+
+void World::make_view() {
+  for (const InstanceView& i : instances_) visibility_.push_back(i.visibility);
+  for (const Tree& t : trees_) tree_views_.push_back(t.view());
+  for (const Tree& t : objects_) object_views_.push_back(t.view());
+  view_ = {tree_views_.data(), tree_views_.size(), object_views_.data(), records_.data(), visibility_.data()};
+}
+
+void World::count(const Plan& plan) {
+  stats_.dropped = plan.dropped;
+  stats_.bytes = records_.size() * sizeof(InstanceRecord) + visibility_.size() * sizeof(uint32_t);
+  for (const Tree& t : objects_) stats_.dropped += t.dropped;
+  for (const auto* trees : {&trees_, &objects_})
+    for (const Tree& t : *trees) {
+      stats_.bytes += t.bytes(), stats_.nodes += t.nodes.nodes.size;
+      if (t.kind != kInstanceLeaf) stats_.primitives += t.count;
+    }
+}
+
+}  // namespace glint

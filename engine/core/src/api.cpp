@@ -1,0 +1,86 @@
+// The C functions of glint.h: catch everything, turn it into text.
+#include <cstring>
+#include <new>
+
+#include "job.h"
+#include "math.h"
+#include "scene.h"
+
+static_assert(sizeof(void*) == 8, "the structures of glint.h are those of a 64-bit machine");
+
+struct GlintScene {
+  glint::Scene scene;
+};
+
+struct GlintRender {
+  glint::Job job;
+};
+
+namespace {
+
+void tell(char* error, size_t size, const char* text) {
+  if (!error || size == 0) return;
+  size_t length = std::min(std::strlen(text), size - 1);
+  std::memcpy(error, text, length);
+  error[length] = 0;
+}
+
+/// What `make` gives, or null with the reason in `error`.
+template <class Make>
+auto guarded(char* error, size_t size, Make make) -> decltype(make()) {
+  try {
+    return make();
+  } catch (const std::bad_alloc&) {
+    tell(error, size, "out of memory");
+  } catch (const std::exception& e) {
+    tell(error, size, e.what());
+  }
+  return nullptr;
+}
+
+double evaluate(int32_t function, double x, double y) {
+  switch (function) {
+    case GLINT_EXP: return glint::exponential(x);
+    case GLINT_LOG: return glint::logarithm(x);
+    case GLINT_LOG1P: return glint::logarithm_1p(x);
+    case GLINT_COS: return glint::cosine(x);
+    case GLINT_SIN: return glint::sine(x);
+    default: return glint::cosine_power(x, y);
+  }
+}
+
+}  // namespace
+
+uint32_t glint_abi_version(void) { return GLINT_ABI_VERSION; }
+
+GlintScene* glint_scene_create(const GlintSceneData* data, char* error, size_t error_size) {
+  return guarded(error, error_size, [&]() -> GlintScene* {
+    std::string problems = data ? glint::scene_problems(*data) : "no scene";
+    if (!problems.empty()) return tell(error, error_size, problems.c_str()), nullptr;
+    return new GlintScene{glint::Scene(*data)};
+  });
+}
+
+void glint_scene_destroy(GlintScene* scene) { delete scene; }
+
+GlintRender* glint_render_start(GlintScene* scene, const GlintRenderSettings* settings, char* error, size_t error_size) {
+  return guarded(error, error_size, [&]() -> GlintRender* {
+    std::string problems = scene && settings ? glint::settings_problems(*settings, scene->scene) : "no scene or no settings";
+    if (!problems.empty()) return tell(error, error_size, problems.c_str()), nullptr;
+    return new GlintRender{{scene->scene, *settings}};
+  });
+}
+
+GlintProgress glint_render_wait(GlintRender* render, uint32_t milliseconds) { return render->job.wait(milliseconds); }
+void glint_render_resume(GlintRender* render) { render->job.resume(); }
+void glint_render_cancel(GlintRender* render) { render->job.cancel(); }
+int32_t glint_render_read(GlintRender* render, int32_t pass, float* out, uint64_t size) {
+  return render->job.read(pass, out, size) ? 0 : -1;
+}
+GlintStats glint_render_stats(GlintRender* render) { return render->job.stats(); }
+const char* glint_render_error(GlintRender* render) { return render->job.error().c_str(); }
+void glint_render_destroy(GlintRender* render) { delete render; }
+
+void glint_math(int32_t function, const double* x, const double* y, double* out, uint64_t count) {
+  for (uint64_t k = 0; k < count; ++k) out[k] = evaluate(function, x[k], y[k]);
+}

@@ -1,0 +1,182 @@
+#include "job.h"
+
+#include <chrono>
+#include <system_error>
+
+namespace glint {
+namespace {
+
+constexpr uint32_t kMaxThreads = 1024;
+
+int threads_for(uint32_t wanted) {
+  uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
+  return int(std::min(wanted ? wanted : cores, kMaxThreads));
+}
+
+RenderPlan plan_of(const GlintRenderSettings& g) {
+  RenderPlan plan;
+  plan.region = {g.region[0], g.region[1], g.region[2], g.region[3]};
+  plan.samples = g.samples, plan.light_samples = g.light_samples, plan.max_bounces = g.max_bounces, plan.passes = g.passes;
+  plan.threads = threads_for(g.threads);
+  plan.physical = g.illumination == GLINT_PHYSICAL, plan.hold_waves = g.hold_waves != 0;
+  plan.pixel_offsets = g.pixel_offsets, plan.light_square = g.light_square, plan.light_disc = g.light_disc;
+  return plan;
+}
+
+bool sound_region(const uint32_t* r, const GlintCamera& camera) {
+  return r[0] < r[2] && r[1] < r[3] && r[2] <= camera.width && r[3] <= camera.height;
+}
+
+bool enough_points(const GlintRenderSettings& g, const Scene& scene) {
+  if (g.light_samples <= 1 || !(scene.features & GLINT_FEATURE_SOFT_LIGHTS)) return true;
+  return g.light_square && g.light_disc && g.light_point_count / g.light_samples >= g.samples;
+}
+
+}  // namespace
+
+std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) {
+  std::string text;
+  auto add = [&](bool good, const char* sentence) {
+    if (!good) text += (text.empty() ? "" : "\n") + std::string(sentence);
+  };
+  add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
+  add(g.light_samples >= 1 && enough_points(g, scene), "settings: fewer light points than samples * light_samples");
+  add(g.max_bounces <= 64, "settings: more than 64 bounces");
+  add(g.passes < 1u << GLINT_PASS_COUNT, "settings: unknown passes");
+  add(sound_region(g.region, scene.camera), "settings: the region is empty or reaches beyond the frame");
+  add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC, "settings: unknown illumination");
+  return text;
+}
+
+Job::Job(Scene& scene, const GlintRenderSettings& settings)
+    : scene_(scene), plan_(plan_of(settings)), film_(plan_.region, plan_.passes), tiles_(tiles_of(plan_.region)), thread_([this] { work(); }) {}
+
+Job::~Job() {
+  cancel();
+  thread_.join();
+}
+
+void Job::enter(int state) {
+  std::lock_guard lock(mutex_);
+  if (!ended()) state_ = state;
+  changed_.notify_all();
+}
+
+void Job::fail(const char* what) {
+  cancel_ = true;
+  std::lock_guard lock(mutex_);
+  if (!ended()) state_ = GLINT_FAILED, error_ = what;
+  changed_.notify_all();
+}
+
+/// The thread of the job: nothing is thrown beyond it.
+void Job::work() {
+  try {
+    run();
+  } catch (const std::bad_alloc&) {
+    fail("out of memory");
+  } catch (const std::exception& e) {
+    fail(e.what());
+  }
+}
+
+void Job::run() {
+  if (!scene_.build(plan_.threads, cancel_)) return enter(GLINT_CANCELLED);
+  enter(GLINT_TRACING);
+  auto start = std::chrono::steady_clock::now();
+  trace_waves();
+  trace_seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  enter(cancel_ ? GLINT_CANCELLED : GLINT_DONE);
+}
+
+void Job::trace_waves() {
+  std::vector<Tracer> tracers;
+  size_t threads = std::min(size_t(plan_.threads), tiles_.size());
+  for (size_t k = 0; k < threads; ++k) tracers.emplace_back(scene_, plan_, film_, cancel_);
+  for (uint32_t first = 0, last = 1; first < plan_.samples && !cancel_; first = last) {
+    last = first == 0 ? 1 : uint32_t(std::min<uint64_t>(2 * uint64_t(first), plan_.samples));
+    trace_wave(tracers, first, last);
+    if (!cancel_) publish(last);
+  }
+  for (const Tracer& tracer : tracers) rays_ += tracer.counts();
+}
+
+/// Samples [first, last) of every tile on all threads; with fewer when the system gives no more.
+void Job::trace_wave(std::vector<Tracer>& tracers, uint32_t first, uint32_t last) {
+  std::atomic<size_t> next{0};
+  std::vector<std::thread> helpers;
+  helpers.reserve(tracers.size());
+  try {
+    for (size_t k = 1; k < tracers.size(); ++k) helpers.emplace_back([&, k] { trace_tiles(tracers[k], first, last, next); });
+  } catch (const std::system_error&) {
+    // Those that started, and this thread, do the work.
+  }
+  trace_tiles(tracers[0], first, last, next);
+  for (std::thread& helper : helpers) helper.join();
+}
+
+void Job::trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic<size_t>& next) {
+  try {
+    for (size_t k; !cancel_ && (k = next++) < tiles_.size();)
+      for (uint32_t sample = first; sample < last && !cancel_; ++sample, ++done_) tracer.trace(tiles_[k], sample);
+  } catch (const std::bad_alloc&) {
+    fail("out of memory");
+  } catch (const std::exception& e) {
+    fail(e.what());
+  }
+}
+
+void Job::publish(uint32_t samples) {
+  std::unique_lock lock(mutex_);
+  film_.publish(samples);
+  samples_ = samples;
+  bool hold = plan_.hold_waves && samples < plan_.samples;
+  if (hold) state_ = GLINT_HELD;
+  changed_.notify_all();
+  if (!hold) return;
+  resumed_.wait(lock, [&] { return cancel_ || resumed_after_ >= samples; });
+  state_ = GLINT_TRACING;
+}
+
+double Job::fraction() const { return double(done_.load()) / (double(tiles_.size()) * plan_.samples); }
+
+GlintProgress Job::wait(uint32_t milliseconds) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, std::chrono::milliseconds(milliseconds), [&] { return ended() || samples_ > reported_; });
+  reported_ = samples_;
+  return {fraction(), samples_, state_};
+}
+
+void Job::resume() {
+  std::lock_guard lock(mutex_);
+  resumed_after_ = samples_;
+  resumed_.notify_all();
+}
+
+void Job::cancel() {
+  std::lock_guard lock(mutex_);
+  cancel_ = true;
+  resumed_.notify_all();
+}
+
+bool Job::read(int pass, float* out, uint64_t size) {
+  std::lock_guard lock(mutex_);
+  return samples_ > 0 && film_.read(pass, out, size);
+}
+
+GlintStats Job::stats() {
+  std::lock_guard lock(mutex_);
+  GlintStats s{};
+  s.build_seconds = scene_.build_seconds, s.trace_seconds = trace_seconds_;
+  s.triangles = scene_.triangles, s.instances = scene_.placements.size(), s.primitives = scene_.primitives;
+  s.dropped_instances = scene_.dropped_instances, s.dropped_lights = scene_.dropped_lights;
+  s.features = scene_.features, s.threads = uint32_t(plan_.threads);
+  s.camera_rays = rays_.camera, s.shadow_rays = rays_.shadow, s.mirror_rays = rays_.mirror;
+  s.refraction_rays = rays_.refraction, s.transparent_rays = rays_.transparent;
+  if (!ended() || !scene_.built()) return s;
+  AccelStats tree = scene_.accel().stats();
+  s.tree_bytes = tree.bytes, s.tree_nodes = tree.nodes, s.dropped_primitives = tree.dropped;
+  return s;
+}
+
+}  // namespace glint

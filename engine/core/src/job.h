@@ -1,0 +1,63 @@
+// A render at work on threads of its own: trees, then waves of samples, with progress, cancel and a picture after each wave.
+#pragma once
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "film.h"
+#include "plan.h"
+#include "scene.h"
+#include "tracer.h"
+
+namespace glint {
+
+/// What is wrong with the settings for this scene; empty when they are sound.
+std::string settings_problems(const GlintRenderSettings& settings, const Scene& scene);
+
+class Job {
+ public:
+  /// The settings have no problems. Starts at once.
+  Job(Scene& scene, const GlintRenderSettings& settings);
+  ~Job();
+
+  GlintProgress wait(uint32_t milliseconds);
+  void resume();
+  void cancel();
+  bool read(int pass, float* out, uint64_t size);
+  GlintStats stats();
+  const std::string& error() const { return error_; }
+
+ private:
+  void work();
+  void run();
+  void trace_waves();
+  void trace_wave(std::vector<Tracer>& tracers, uint32_t first, uint32_t last);
+  void trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic<size_t>& next);
+  void publish(uint32_t samples);
+  void enter(int state);
+  void fail(const char* what);
+  bool ended() const { return state_ >= GLINT_DONE; }
+  double fraction() const;
+
+  Scene& scene_;
+  RenderPlan plan_;
+  Film film_;
+  std::vector<Tile> tiles_;
+  std::atomic<bool> cancel_{false};
+  std::atomic<uint64_t> done_{0};  // tiles times samples
+
+  std::mutex mutex_;               // guards what follows, and the film's pictures
+  std::condition_variable changed_, resumed_;
+  int state_ = GLINT_PREPARING;
+  uint32_t samples_ = 0, reported_ = 0, resumed_after_ = 0;
+  double trace_seconds_ = 0;
+  RayCounts rays_;
+  std::string error_;
+
+  std::thread thread_;
+};
+
+}  // namespace glint

@@ -1,0 +1,70 @@
+#include "material.h"
+
+#include "scene.h"
+
+namespace glint {
+namespace {
+
+Vec3d finite_or_zero(Vec3d c) { return {std::isfinite(c.x) ? c.x : 0, std::isfinite(c.y) ? c.y : 0, std::isfinite(c.z) ? c.z : 0}; }
+
+Vec3d channel_of(const Rgba& c, int channel) {
+  if (channel == GLINT_ALPHA) return {c.alpha, c.alpha, c.alpha};
+  double grey = mean(c.color);
+  return channel == GLINT_LUMINANCE ? Vec3d{grey, grey, grey} : c.color;
+}
+
+Vec3d textured(const Scene& scene, const GlintInput& input, const Surface& s) {
+  Uv uv = uv_at(scene, s, input.uv);
+  const double* m = input.uv_transform;
+  double u = m[0] * uv.u + m[1] * uv.v + m[2], v = m[3] * uv.u + m[4] * uv.v + m[5];
+  return channel_of(scene.textures[size_t(input.texture)].lookup(u, v), input.channel);
+}
+
+Vec3d evaluate(const Scene& scene, const GlintInput& input, const Surface& s) {
+  Vec3d product{input.value[0], input.value[1], input.value[2]};
+  if (input.texture >= 0) product = product * textured(scene, input, s);
+  if (input.attribute >= 0) product = product * channel_of(color_at(scene, s, input.attribute), input.attribute_channel);
+  product = finite_or_zero(product);
+  return input.complement ? Vec3d{1, 1, 1} - product : product;
+}
+
+}  // namespace
+
+Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s) {
+  if (lobe.constant) return lobe.k;
+  Vec3d k{1, 1, 1};
+  for (uint32_t i = 0; i < lobe.input_count; ++i) k = k * evaluate(scene, scene.inputs[lobe.first_input + i], s);
+  return finite_or_zero(k);
+}
+
+Vec3d transparency(const Scene& scene, const Material& material, const Surface& s) {
+  Vec3d sum;
+  if (!material.has(GLINT_TRANSPARENT)) return sum;
+  for (uint32_t i = 0; i < material.lobe_count; ++i) {
+    const Lobe& lobe = scene.lobes[material.first_lobe + i];
+    if (lobe.kind == GLINT_TRANSPARENT) sum += coefficient(scene, lobe, s);
+  }
+  return sum;
+}
+
+double fresnel_reflectance(double cosine, double relative_ior) {
+  double sine2 = (1 - cosine * cosine) / (relative_ior * relative_ior);
+  if (!(sine2 < 1)) return 1;
+  double beyond = std::sqrt(1 - sine2);
+  double s = (cosine - relative_ior * beyond) / (cosine + relative_ior * beyond);
+  double p = (relative_ior * cosine - beyond) / (relative_ior * cosine + beyond);
+  return 0.5 * (s * s + p * p);
+}
+
+Vec3d refract(Vec3d d, Vec3d n, double relative_ior) {
+  double cosine = -dot(d, n), sine2 = (1 - cosine * cosine) / (relative_ior * relative_ior);
+  if (!(sine2 < 1)) return {};
+  return unit((1 / relative_ior) * d + (cosine / relative_ior - std::sqrt(1 - sine2)) * n);
+}
+
+Vec3d reflect(Vec3d d, Vec3d n, Vec3d g) {
+  Vec3d r = d - 2 * dot(d, n) * n;
+  return dot(r, g) < 0 ? unit(d - 2 * dot(d, g) * g) : unit(r);
+}
+
+}  // namespace glint

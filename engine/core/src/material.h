@@ -1,0 +1,46 @@
+// Surfaces as sums of lobes, and the inputs that vary over them.
+#pragma once
+#include <vector>
+
+#include "../include/glint.h"
+#include "surface.h"
+#include "texture.h"
+#include "vec.h"
+
+namespace glint {
+
+class Scene;
+
+/// One term of a surface; `k` is final when `constant`.
+struct Lobe {
+  int kind = GLINT_DIFFUSE;
+  bool fresnel = false, constant = true;
+  double exponent = 0, ior = 1;
+  uint32_t first_input = 0, input_count = 0;
+  Vec3d k{1, 1, 1};
+};
+
+struct Material {
+  uint32_t first_lobe = 0, lobe_count = 0;
+  int32_t index = 0;
+  uint32_t kinds = 0;    // bit 1 << kind for each of its lobes
+  int specular_count = 0;
+  bool has(int kind) const { return kinds >> kind & 1; }
+};
+
+/// The product of a lobe's factors at a point of a surface. Finite.
+Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s);
+
+/// The sum of the TRANSPARENT lobes: what goes straight through.
+Vec3d transparency(const Scene& scene, const Material& material, const Surface& s);
+
+/// Unpolarised reflectance of a dielectric for the cosine of incidence (>= 0) and the relative index beyond / before; 1 at total reflection.
+double fresnel_reflectance(double cosine, double relative_ior);
+
+/// The unit direction of d refracted at the normal n (n.d <= 0); zero at total reflection.
+Vec3d refract(Vec3d d, Vec3d n, double relative_ior);
+
+/// d mirrored at n, or at the geometric normal g when that points below the surface.
+Vec3d reflect(Vec3d d, Vec3d n, Vec3d g);
+
+}  // namespace glint

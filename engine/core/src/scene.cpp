@@ -1,0 +1,204 @@
+#include "scene.h"
+
+#include <chrono>
+
+#include "math.h"
+
+namespace glint {
+namespace {
+
+struct Bounds {
+  Vec3d low{kInfinity, kInfinity, kInfinity}, high{-kInfinity, -kInfinity, -kInfinity};
+  void grow(Vec3d p) { low = min(low, p), high = max(high, p); }
+  bool empty() const { return !(low.x <= high.x); }
+};
+
+/// Object-space box of a geometry's finite points; spheres with their radii.
+Bounds bounds_of(const GlintGeometry& geometry) {
+  Bounds box;
+  for (uint64_t i = 0; i < geometry.vertex_count; ++i) {
+    Vec3d p(Vec3f{geometry.vertices[3 * i], geometry.vertices[3 * i + 1], geometry.vertices[3 * i + 2]});
+    double r = geometry.radii ? geometry.radii[i] : 0;
+    if (!finite(p) || !std::isfinite(r)) continue;
+    box.grow(p - Vec3d{r, r, r}), box.grow(p + Vec3d{r, r, r});
+  }
+  return box;
+}
+
+/// The largest distance from `origin` of the box's corners after m.
+double reach(const Bounds& box, const Affine& m, Vec3d origin) {
+  double far = 0;
+  for (int k = 0; k < 8; ++k) {
+    Vec3d p{k & 1 ? box.high.x : box.low.x, k & 2 ? box.high.y : box.low.y, k & 4 ? box.high.z : box.low.z};
+    far = std::max(far, max_abs(direction(m, p) + (m.t - origin)));
+  }
+  return far;
+}
+
+/// 2^-k for a radius in [2^k, 2^(k+1)); exponents beyond 200 would only make squares overflow.
+double power_scale(double radius) {
+  if (!(radius > 0 && radius < kInfinity)) return 1;
+  return power_of_two(-std::clamp(std::ilogb(radius), -200, 200));
+}
+
+bool no_rank(const Affine& m) {
+  NormalMatrix n(m);
+  return !any(n.x) && !any(n.y) && !any(n.z);
+}
+
+bool sound(const GlintLight& g) {
+  bool good = finite(affine(g.world_from_light)) && any(affine(g.world_from_light).z);
+  for (double x : {g.color[0], g.color[1], g.color[2], g.strength, g.radius, g.angle, g.spot_size, g.spot_blend, g.size_x, g.size_y})
+    good = good && std::isfinite(x);
+  return good;
+}
+
+template <class T, class U>
+void copy(std::vector<T>& to, const U* from, uint64_t count) {
+  to.reserve(count);
+  for (uint64_t i = 0; i < count; ++i) to.emplace_back(from[i]);
+}
+
+Vec3d finite_color(const double* c) {
+  auto channel = [](double x) { return std::isfinite(x) ? std::clamp(x, -1e100, 1e100) : 0; };
+  return {channel(c[0]), channel(c[1]), channel(c[2])};
+}
+
+bool depends_on_surface(const GlintInput& input) { return input.texture >= 0 || input.attribute >= 0; }
+
+}  // namespace
+
+Scene::Scene(const GlintSceneData& data) : camera(data.camera) {
+  copy_tables(data);
+  compile_materials(data);
+  anchor.origin = affine(camera.world_from_camera).t;
+  place_instances();
+  anchor.scale = power_scale(radius());
+  place_lights(data.lights, data.light_count);
+  note_features();
+}
+
+void Scene::copy_tables(const GlintSceneData& data) {
+  ambient = finite_color(data.ambient), background = finite_color(data.background);
+  transparent_film = data.transparent != 0;
+  copy(geometries, data.geometries, data.geometry_count);
+  copy(attributes, data.attributes, data.attribute_count);
+  copy(groups, data.instances, data.instances_count);
+  copy(material_slots, data.material_slots, data.material_slot_count);
+  copy(textures, data.textures, data.texture_count);
+  copy(inputs, data.inputs, data.input_count);
+  world_from_object = data.world_from_object;
+}
+
+/// Lobes whose inputs do not vary get their product now; the default surface (white DIFFUSE 0.8 with AMBIENT 0.8) follows the given ones.
+void Scene::compile_materials(const GlintSceneData& data) {
+  for (uint64_t i = 0; i < data.lobe_count; ++i) {
+    const GlintLobe& g = data.lobes[i];
+    Lobe lobe{g.kind, g.fresnel != 0, false, g.exponent, g.ior, g.first_input, g.input_count, {1, 1, 1}};
+    bool varies = false;
+    for (uint32_t k = 0; k < g.input_count; ++k) varies = varies || depends_on_surface(inputs[g.first_input + k]);
+    if (!varies) lobe.k = coefficient(*this, lobe, Surface{}), lobe.constant = true;
+    lobes.push_back(lobe);
+  }
+  for (uint64_t i = 0; i < data.material_count; ++i) {
+    const GlintMaterial& g = data.materials[i];
+    materials.push_back({g.first_lobe, g.lobe_count, g.index});
+  }
+  materials.push_back({uint32_t(lobes.size()), 2, 0});
+  for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT}) lobes.push_back({kind, false, true, 0, 1, 0, 0, {0.8, 0.8, 0.8}});
+  for (Material& material : materials) {
+    for (uint32_t k = 0; k < material.lobe_count; ++k) {
+      int kind = lobes[material.first_lobe + k].kind;
+      material.kinds |= 1u << kind, material.specular_count += kind == GLINT_SPECULAR;
+    }
+    max_specular = std::max(max_specular, material.specular_count);
+  }
+}
+
+/// Numbers the instances, leaving out those whose matrix is not finite or squeezes everything to a line.
+void Scene::place_instances() {
+  for (uint32_t g = 0; g < groups.size(); ++g) {
+    const GlintInstances& group = groups[g];
+    const GlintGeometry& geometry = geometries[group.geometry];
+    for (uint64_t row = group.first_row; row < group.first_row + group.row_count; ++row) {
+      Affine m = affine(world_from_object + 12 * row);
+      bool good = finite(m) && finite(m.t - anchor.origin) && !no_rank(m);
+      if (!good) { ++dropped_instances; continue; }
+      placements.push_back({uint32_t(row), g});
+      if (geometry.kind == GLINT_MESH) triangles += geometry.primitive_count;
+    }
+  }
+  for (const GlintGeometry& geometry : geometries) primitives += geometry.primitive_count;
+}
+
+double Scene::radius() const {
+  std::vector<Bounds> boxes;
+  for (const GlintGeometry& geometry : geometries) boxes.push_back(bounds_of(geometry));
+  double far = 0;
+  for (const Placement& p : placements) {
+    const Bounds& box = boxes[groups[p.group].geometry];
+    if (!box.empty()) far = std::max(far, reach(box, affine(world_from_object + 12 * size_t(p.row)), anchor.origin));
+  }
+  return far;
+}
+
+void Scene::place_lights(const GlintLight* data, size_t count) {
+  for (size_t i = 0; i < count; ++i) {
+    if (!sound(data[i])) ++dropped_lights;
+    else lights.emplace_back(data[i], anchor);
+  }
+}
+
+void Scene::note_features() {
+  for (const GlintInstances& group : groups) {
+    if (group.flags & GLINT_HOLDOUT) features |= GLINT_FEATURE_HOLDOUT;
+    if (geometries[group.geometry].normals.values) features |= GLINT_FEATURE_SMOOTH;
+    for (uint32_t k = 0; k < group.material_count; ++k) {
+      const Material& material = materials[material_slots[group.first_material + k]];
+      if (material.has(GLINT_MIRROR)) features |= GLINT_FEATURE_MIRROR;
+      if (material.has(GLINT_REFRACTION)) features |= GLINT_FEATURE_REFRACTION;
+      if (material.has(GLINT_TRANSPARENT)) features |= GLINT_FEATURE_TRANSPARENT;
+    }
+  }
+  for (const Light& light : lights) {
+    if (light.extended) features |= GLINT_FEATURE_SOFT_LIGHTS;
+    if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR)) features |= GLINT_FEATURE_SEEN_LIGHTS;
+  }
+  if (!textures.empty()) features |= GLINT_FEATURE_TEXTURES;
+}
+
+uint32_t Scene::material_of(const GlintInstances& group, uint32_t primitive) const {
+  if (group.material_count == 0) return uint32_t(materials.size() - 1);
+  const uint16_t* slots = geometries[group.geometry].material_slots;
+  uint32_t slot = slots ? slots[primitive] : 0;
+  return material_slots[group.first_material + std::min(slot, group.material_count - 1)];
+}
+
+std::vector<GeometryView> Scene::geometry_views() const {
+  std::vector<GeometryView> views;
+  for (const GlintGeometry& g : geometries)
+    views.push_back({GeometryView::Kind(g.kind), g.vertices, g.vertex_count, g.triangles, g.radii, g.offsets, g.indices, g.primitive_count});
+  return views;
+}
+
+std::vector<InstanceView> Scene::instance_views() const {
+  static_assert(kCamera == uint32_t(GLINT_VISIBLE_CAMERA) && kMirror == uint32_t(GLINT_VISIBLE_MIRROR) && kShadow == uint32_t(GLINT_VISIBLE_SHADOW));
+  std::vector<InstanceView> views;
+  views.reserve(placements.size());
+  for (const Placement& p : placements) {
+    const GlintInstances& group = groups[p.group];
+    views.push_back({group.geometry, group.flags & (kCamera | kMirror | kShadow), anchored(p.row)});
+  }
+  return views;
+}
+
+bool Scene::build(int threads, const std::atomic<bool>& cancel) {
+  std::lock_guard lock(build_mutex_);
+  if (accel_) return true;
+  auto start = std::chrono::steady_clock::now();
+  accel_ = Accel::build(geometry_views(), instance_views(), threads, cancel);
+  build_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return accel_ != nullptr;
+}
+
+}  // namespace glint

@@ -1,0 +1,85 @@
+// The scene behind the door: copied tables, borrowed arrays, everything checked, placed relative to the camera.
+#pragma once
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "../include/glint.h"
+#include "accel/accel.h"
+#include "light.h"
+#include "material.h"
+#include "vec.h"
+
+namespace glint {
+
+/// Anchored space: the camera is the origin, and a power of two brings the scene's radius to [1, 2). Both steps keep all bits that matter
+/// (NUMERICS: far from the origin).
+struct Anchor {
+  Vec3d origin;
+  double scale = 1;
+  Vec3d point(Vec3d world) const { return scale * (world - origin); }
+  Vec3d world(Vec3d p) const { return (1 / scale) * p + origin; }
+  Affine matrix(const Affine& m) const { return {scale * m.x, scale * m.y, scale * m.z, point(m.t)}; }
+};
+
+/// What is wrong with the tables and arrays, one sentence a line; empty when they are sound.
+std::string scene_problems(const GlintSceneData& data);
+
+/// An instance as the accelerator numbers them: row of world_from_object and entry of the instances' table.
+struct Placement {
+  uint32_t row, group;
+};
+
+class Scene {
+ public:
+  /// `data` has no problems.
+  explicit Scene(const GlintSceneData& data);
+
+  /// Makes the trees unless they are there; false when `cancel` became true.
+  bool build(int threads, const std::atomic<bool>& cancel);
+  bool built() const { return accel_ != nullptr; }
+  const Accel& accel() const { return *accel_; }
+
+  Affine anchored(uint32_t row) const { return anchor.matrix(affine(world_from_object + 12 * size_t(row))); }
+  const GlintInstances& group(uint32_t instance) const { return groups[placements[instance].group]; }
+  const GlintGeometry& geometry(const GlintInstances& group) const { return geometries[group.geometry]; }
+  /// The material of a primitive; the last one of `materials` is the default surface.
+  uint32_t material_of(const GlintInstances& group, uint32_t primitive) const;
+
+  GlintCamera camera;
+  Anchor anchor;
+  Vec3d ambient, background;
+  bool transparent_film = false;
+  std::vector<GlintGeometry> geometries;
+  std::vector<GlintAttribute> attributes;
+  std::vector<GlintInstances> groups;
+  std::vector<uint32_t> material_slots;
+  std::vector<Placement> placements;
+  std::vector<Texture> textures;
+  std::vector<GlintInput> inputs;
+  std::vector<Lobe> lobes;
+  std::vector<Material> materials;
+  std::vector<Light> lights;
+  const double* world_from_object = nullptr;
+  uint32_t features = 0;       // GLINT_FEATURE_*
+  int max_specular = 0;        // SPECULAR lobes of a material, at most
+  size_t triangles = 0, primitives = 0, dropped_instances = 0, dropped_lights = 0;
+  double build_seconds = 0;
+
+ private:
+  void copy_tables(const GlintSceneData& data);
+  void compile_materials(const GlintSceneData& data);
+  void place_instances();
+  void place_lights(const GlintLight* lights, size_t count);
+  void note_features();
+  double radius() const;
+  std::vector<GeometryView> geometry_views() const;
+  std::vector<InstanceView> instance_views() const;
+
+  std::unique_ptr<Accel> accel_;
+  std::mutex build_mutex_;
+};
+
+}  // namespace glint

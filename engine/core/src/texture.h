@@ -1,0 +1,25 @@
+// Image lookup: four neighbours or the closest texel, decoded before filtering.
+#pragma once
+#include "../include/glint.h"
+#include "vec.h"
+
+namespace glint {
+
+struct Rgba {
+  Vec3d color;
+  double alpha = 0;
+};
+
+class Texture {
+ public:
+  explicit Texture(const GlintTexture& data) : data_(data) {}
+  /// At (u, v) of the unit square, texel centres at (i + 0.5) / width. A coordinate that is not finite reads as 0.
+  Rgba lookup(double u, double v) const;
+
+ private:
+  Rgba texel(int64_t column, int64_t row) const;
+
+  GlintTexture data_;
+};
+
+}  // namespace glint

@@ -1,0 +1,28 @@
+// A test is a function in a group; check() counts what fails and goes on.
+#pragma once
+#include <cstdio>
+
+namespace glint::test {
+
+struct Test {
+  const char* group;
+  const char* name;
+  void (*body)();
+  Test* next;
+  Test(const char* group, const char* name, void (*body)());
+};
+
+inline int failures = 0;
+
+inline void check(bool good, const char* what, const char* file, int line) {
+  if (good) return;
+  if (++failures <= 20) std::fprintf(stderr, "%s:%d: %s\n", file, line, what);
+}
+
+}  // namespace glint::test
+
+#define TEST(group, name)                                                \
+  static void group##_##name();                                          \
+  static glint::test::Test group##_##name##_entry(#group, #name, group##_##name); \
+  static void group##_##name()
+#define CHECK(condition) glint::test::check(condition, #condition, __FILE__, __LINE__)

@@ -1,0 +1,132 @@
+"""The structures of core/include/glint.h, field by field. Pointers are plain addresses (c_size_t), so that tables can be NumPy arrays."""
+
+from __future__ import annotations
+
+from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
+from typing import Any
+
+ABI_VERSION = 1
+
+PREPARING, TRACING, HELD, DONE, CANCELLED, FAILED = range(6)
+"""States of a render."""
+
+PASS_NUMBERS = {
+    "Combined": 0,
+    "Diffuse": 1,
+    "Specular": 2,
+    "Ambient": 3,
+    "Shadow": 4,
+    "Mirror": 5,
+    "Emission": 6,
+    "Environment": 7,
+    "Depth": 8,
+    "Position": 9,
+    "Normal": 10,
+    "UV": 11,
+    "Object Index": 12,
+    "Material Index": 13,
+}
+
+FEATURES = ("mirror", "refraction", "transparent", "soft lights", "textures", "smooth normals", "holdout", "visible lights")
+"""Names of the bits of `StatsData.features`, from the lowest."""
+
+
+def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
+    return [(name, kind) for name in names.split()]
+
+
+class AttributeData(Structure):
+    _fields_ = _each(c_size_t, "values") + _each(c_uint64, "rows") + _each(c_int32, "name domain channels reserved")
+
+
+class GeometryData(Structure):
+    _fields_ = (
+        _each(c_size_t, "vertices triangles corners radii offsets indices material_slots")
+        + _each(c_uint64, "vertex_count primitive_count index_count")
+        + _each(AttributeData, "normals")
+        + _each(c_uint32, "first_attribute attribute_count")
+        + _each(c_int32, "kind reserved")
+    )
+
+
+class InstancesData(Structure):
+    _fields_ = (
+        _each(c_uint64, "first_row row_count")
+        + _each(c_uint32, "geometry flags first_material material_count")
+        + _each(c_int32, "object_index reserved")
+    )
+
+
+class TextureData(Structure):
+    _fields_ = _each(c_size_t, "pixels") + _each(c_uint32, "width height") + _each(c_int32, "type encoding extension interpolation")
+
+
+class InputData(Structure):
+    _fields_ = (
+        _each(c_double * 3, "value")
+        + _each(c_double * 6, "uv_transform")
+        + _each(c_int32, "texture channel uv attribute attribute_channel complement")
+    )
+
+
+class LobeData(Structure):
+    _fields_ = _each(c_double, "exponent ior") + _each(c_uint32, "first_input input_count") + _each(c_int32, "kind fresnel")
+
+
+class MaterialData(Structure):
+    _fields_ = _each(c_uint32, "first_lobe lobe_count") + _each(c_int32, "index reserved")
+
+
+class LightData(Structure):
+    _fields_ = (
+        _each(c_double * 12, "world_from_light")
+        + _each(c_double * 3, "color")
+        + _each(c_double, "strength radius angle spot_size spot_blend size_x size_y")
+        + _each(c_int32, "kind")
+        + _each(c_uint32, "flags")
+    )
+
+
+class CameraData(Structure):
+    _fields_ = (
+        _each(c_double * 12, "world_from_camera")
+        + _each(c_double * 4, "window")
+        + _each(c_double, "clip_start clip_end")
+        + _each(c_uint32, "width height")
+        + _each(c_int32, "kind reserved")
+    )
+
+
+class SceneData(Structure):
+    _fields_ = (
+        _each(CameraData, "camera")
+        + _each(c_double * 3, "ambient background")
+        + _each(c_int32, "transparent reserved")
+        + _each(c_size_t, "geometries attributes instances world_from_object material_slots textures inputs lobes materials lights")
+        + _each(c_uint64, "geometry_count attribute_count instances_count row_count material_slot_count")
+        + _each(c_uint64, "texture_count input_count lobe_count material_count light_count")
+    )
+
+
+class SettingsData(Structure):
+    _fields_ = (
+        _each(c_size_t, "pixel_offsets light_square light_disc")
+        + _each(c_uint64, "light_point_count")
+        + _each(c_uint32, "samples light_samples max_bounces threads passes")
+        + _each(c_uint32 * 4, "region")
+        + _each(c_int32, "illumination hold_waves")
+    )
+
+
+class ProgressData(Structure):
+    _fields_ = _each(c_double, "fraction") + _each(c_uint32, "samples") + _each(c_int32, "state")
+
+
+class StatsData(Structure):
+    _fields_ = (
+        _each(c_double, "build_seconds trace_seconds")
+        + _each(c_uint64, "triangles instances primitives tree_bytes tree_nodes")
+        + _each(c_uint64, "dropped_primitives dropped_instances dropped_lights")
+        + _each(c_uint64, "camera_rays shadow_rays mirror_rays refraction_rays transparent_rays")
+        + _each(c_uint32, "features threads")
+    )

@@ -1,0 +1,194 @@
+"""The native core through its C interface: the only caller of the core's library.
+
+A call into the core releases the GIL; the core works on threads of its own, and this side wakes every 40 ms to ask whether to go on.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from ctypes import POINTER, byref, c_char_p, c_double, c_int32, c_size_t, c_uint32, c_uint64, c_void_p
+
+import numpy as np
+
+from . import SceneError, core_types
+from .core_types import CANCELLED, DONE, FAILED, HELD, ProgressData, SceneData, SettingsData, StatsData
+from .film import NO_DEPTH, PASSES, Film
+from .packing import pack_scene, pack_settings, passes_of
+from .scene import Scene
+from .settings import Settings
+
+LIBRARY_VARIABLE = "GLINT_CORE_LIBRARY"
+"""Environment variable with the path of another build of the core."""
+
+_POLL_MILLISECONDS = 40
+_ERROR_BYTES = 8192
+
+_SIGNATURES = {
+    "glint_scene_create": (c_void_p, [POINTER(SceneData), c_char_p, c_size_t]),
+    "glint_scene_destroy": (None, [c_void_p]),
+    "glint_render_start": (c_void_p, [c_void_p, POINTER(SettingsData), c_char_p, c_size_t]),
+    "glint_render_wait": (ProgressData, [c_void_p, c_uint32]),
+    "glint_render_resume": (None, [c_void_p]),
+    "glint_render_cancel": (None, [c_void_p]),
+    "glint_render_read": (c_int32, [c_void_p, c_int32, c_void_p, c_uint64]),
+    "glint_render_stats": (StatsData, [c_void_p]),
+    "glint_render_error": (c_char_p, [c_void_p]),
+    "glint_render_destroy": (None, [c_void_p]),
+    "glint_math": (None, [c_int32, POINTER(c_double), POINTER(c_double), POINTER(c_double), c_uint64]),
+}
+
+
+def load_error() -> str | None:
+    """Why the core's library cannot be used here; None when it can."""
+    try:
+        library()
+    except (ImportError, OSError) as error:
+        return str(error)
+    return None
+
+
+def library() -> ctypes.CDLL:
+    """The core's library: the one that GLINT_CORE_LIBRARY names, else the installed `glint_core` wheel's.
+
+    Raises ImportError when there is none or its version differs, OSError when it cannot be loaded.
+    """
+    path = os.environ.get(LIBRARY_VARIABLE)
+    if not path:
+        import glint_core
+
+        path = str(glint_core.library_path())
+    return _load(path)
+
+
+@functools.cache
+def _load(path: str) -> ctypes.CDLL:
+    core = ctypes.CDLL(path)
+    version = getattr(core, "glint_abi_version", None)
+    found = version() if version else None
+    if found != core_types.ABI_VERSION:
+        raise ImportError(f"{path} speaks version {found} of the core's interface, this is version {core_types.ABI_VERSION}")
+    for name, (result, arguments) in _SIGNATURES.items():
+        function = getattr(core, name)
+        function.restype, function.argtypes = result, arguments
+    return core
+
+
+def render_native(
+    scene: Scene,
+    settings: Settings,
+    should_stop: Callable[[], bool] = lambda: False,
+    on_progress: Callable[[float], None] = lambda fraction: None,
+    on_wave: Callable[[Film], None] | None = None,
+) -> Film:
+    """Draw `scene` with the core; the arguments are those of `engine.render`.
+
+    Raises SceneError for what the core refuses, MemoryError, ImportError and OSError (see `library`), RuntimeError for a fault of the core.
+    """
+    core = library()
+    packed, plan = pack_scene(scene), pack_settings(scene, settings, on_wave is not None)
+    with _scene(core, packed.data) as handle, _render(core, handle, plan.data) as job:
+        return _Render(core, job, scene, settings).run(should_stop, on_progress, on_wave)
+
+
+@contextmanager
+def _scene(core: ctypes.CDLL, data: SceneData) -> Iterator[int]:
+    error = ctypes.create_string_buffer(_ERROR_BYTES)
+    handle = core.glint_scene_create(byref(data), error, _ERROR_BYTES)
+    if not handle:
+        raise _refusal(error.value.decode(errors="replace"))
+    try:
+        yield handle
+    finally:
+        core.glint_scene_destroy(handle)
+
+
+@contextmanager
+def _render(core: ctypes.CDLL, scene: int, data: SettingsData) -> Iterator[int]:
+    error = ctypes.create_string_buffer(_ERROR_BYTES)
+    handle = core.glint_render_start(scene, byref(data), error, _ERROR_BYTES)
+    if not handle:
+        raise _refusal(error.value.decode(errors="replace"))
+    try:
+        yield handle
+    finally:
+        core.glint_render_destroy(handle)
+
+
+def _refusal(text: str) -> Exception:
+    return MemoryError("the core ran out of memory") if text == "out of memory" else SceneError(text)
+
+
+class _Render:
+    """One render at work in the core."""
+
+    def __init__(self, core: ctypes.CDLL, handle: int, scene: Scene, settings: Settings) -> None:
+        self._core, self._handle = core, handle
+        self._names = passes_of(settings)
+        x0, y0, x1, y1 = settings.region or (0, 0, *scene.camera.resolution)
+        self._shape = (y1 - y0, x1 - x0)
+
+    def run(self, should_stop: Callable[[], bool], on_progress: Callable[[float], None], on_wave: Callable[[Film], None] | None) -> Film:
+        shown = 0
+        while True:
+            progress = self._core.glint_render_wait(self._handle, _POLL_MILLISECONDS)
+            on_progress(progress.fraction)
+            ended = progress.state >= DONE
+            if on_wave is not None and progress.samples > shown:
+                shown = progress.samples
+                film = self._film(shown, progress.state == DONE)
+                if progress.state == HELD:
+                    self._core.glint_render_resume(self._handle)
+                on_wave(film)
+            if ended:
+                return self._result(progress)
+            if should_stop():
+                self._core.glint_render_cancel(self._handle)
+
+    def _result(self, progress: ProgressData) -> Film:
+        if progress.state == FAILED:
+            text = self._core.glint_render_error(self._handle).decode(errors="replace")
+            raise MemoryError("the core ran out of memory") if text == "out of memory" else RuntimeError(f"the core failed: {text}")
+        return self._film(progress.samples, progress.state != CANCELLED)
+
+    def _film(self, samples: int, complete: bool) -> Film:
+        passes = {name: self._pass(name, samples) for name in self._names}
+        data = self._core.glint_render_stats(self._handle)
+        return Film(passes, samples, complete, _stats(data), _notes(data))
+
+    def _pass(self, name: str, samples: int) -> np.ndarray:
+        """(h, w, c) float32; of an untouched picture when no wave is complete."""
+        picture = np.full((*self._shape, PASSES[name]), NO_DEPTH if name == "Depth" else 0, np.float32)
+        if samples and self._core.glint_render_read(self._handle, core_types.PASS_NUMBERS[name], picture.ctypes.data, picture.size):
+            raise RuntimeError(f"the core has no pass {name!r} of {picture.size} numbers")
+        return picture
+
+
+def _stats(data: StatsData) -> dict[str, float]:
+    """Seconds, counts, and a 1 for each feature that the scene made active."""
+    kinds = ("camera", "shadow", "mirror", "refraction", "transparent")
+    rays = {f"{kind} rays": float(getattr(data, f"{kind}_rays")) for kind in kinds}
+    counts = ("triangles", "instances", "primitives", "threads", "dropped_primitives", "dropped_instances", "dropped_lights")
+    features = {f"feature: {name}": 1.0 for bit, name in enumerate(core_types.FEATURES) if data.features >> bit & 1}
+    return {
+        "build": data.build_seconds,
+        "trace": data.trace_seconds,
+        **{name.replace("_", " "): float(getattr(data, name)) for name in counts},
+        "bytes": float(data.tree_bytes),
+        "nodes": float(data.tree_nodes),
+        "rays": sum(rays.values()),
+        **rays,
+        **features,
+    }
+
+
+def _notes(data: StatsData) -> tuple[str, ...]:
+    sentences = (
+        (data.dropped_primitives, "faces, spheres or polygons were left out: they have no extent or a coordinate that is not finite"),
+        (data.dropped_instances, "instances were left out: their matrix is not finite or squeezes them to a line"),
+        (data.dropped_lights, "lights were left out: one of their numbers is not finite"),
+    )
+    return tuple(f"{count} {text}" for count, text in sentences if count)

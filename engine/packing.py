@@ -1,0 +1,296 @@
+"""Scene and settings to the core's structures: small tables are made, big arrays are lent where their layout already fits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from . import SceneError, core_types
+from .sampling import light_points, pixel_offsets
+from .scene import LOBES, Attribute, Camera, Geometry, Input, Instances, Light, Lobe, Mesh, Polygons, Scene, Spheres, Texture
+from .settings import ILLUMINATIONS, Settings
+
+_DOMAINS = ("POINT", "CORNER", "FACE")
+_ENCODINGS = ("LINEAR", "SRGB")
+_EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
+_INTERPOLATIONS = ("LINEAR", "CLOSEST")
+_CHANNELS = ("COLOR", "ALPHA", "LUMINANCE")
+_LIGHTS = ("POINT", "SUN", "SPOT", "AREA")
+_SHAPES = ("RECTANGLE", "ELLIPSE")
+_CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
+
+
+@dataclass
+class Packed:
+    """A structure for the core with everything that it points at."""
+
+    data: Any
+    lent: list[np.ndarray] = field(default_factory=list)
+
+
+@dataclass
+class _Packer:
+    """Arrays and tables on their way into one structure."""
+
+    lent: list[np.ndarray] = field(default_factory=list)
+    names: dict[str, int] = field(default_factory=dict)
+    attributes: list[tuple] = field(default_factory=list)
+    inputs: list[tuple] = field(default_factory=list)
+    lobes: list[tuple] = field(default_factory=list)
+
+    def lend(self, values: Any, dtype: type, shape: tuple[int | None, ...], what: str) -> np.ndarray:
+        """`values` as a C-contiguous array of that dtype and shape (None: any size), itself where possible."""
+        array = np.ascontiguousarray(values, dtype)
+        if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
+            wanted = ", ".join("any" if size is None else str(size) for size in shape)
+            raise SceneError(f"{what} has the shape {array.shape}: ({wanted}) is needed")
+        self.lent.append(array)
+        return array
+
+    def optional(self, values: Any, dtype: type, shape: tuple[int | None, ...], what: str) -> int:
+        """The address of an array, 0 for None."""
+        return 0 if values is None else address(self.lend(values, dtype, shape, what))
+
+    def table(self, structure: type, rows: Sequence[tuple]) -> int:
+        table = np.array(rows, np.dtype(structure)) if rows else np.empty(0, np.dtype(structure))
+        self.lent.append(table)
+        return address(table)
+
+    def name(self, text: str) -> int:
+        return self.names.setdefault(text, len(self.names))
+
+
+def address(array: np.ndarray) -> int:
+    """Where the first element lies; 0 for an empty array."""
+    return array.__array_interface__["data"][0] if array.size else 0
+
+
+def number(value: str, names: Sequence[str], what: str) -> int:
+    """The place of `value` among `names`. Raises SceneError for another value."""
+    if value not in names:
+        raise SceneError(f"{what} {value!r} is not one of {', '.join(names)}")
+    return names.index(value)
+
+
+def pack_scene(scene: Scene) -> Packed:
+    """`scene` as a `core_types.SceneData`. Raises SceneError for arrays of the wrong shape and unknown names."""
+    packer = _Packer()
+    data = core_types.SceneData(camera=_camera(scene.camera))
+    data.ambient[:], data.background[:] = scene.world.ambient, scene.world.background
+    data.transparent = scene.world.transparent
+    geometries = [_geometry(packer, geometry) for geometry in scene.geometries]
+    materials = [_material(packer, material.lobes, material.index) for material in scene.materials]
+    _set_table(packer, data, "geometries", "geometry_count", core_types.GeometryData, geometries)
+    _set_table(packer, data, "attributes", "attribute_count", core_types.AttributeData, packer.attributes)
+    _set_table(packer, data, "materials", "material_count", core_types.MaterialData, materials)
+    _set_table(packer, data, "lobes", "lobe_count", core_types.LobeData, packer.lobes)
+    _set_table(packer, data, "inputs", "input_count", core_types.InputData, packer.inputs)
+    textures = [_texture(packer, texture) for texture in scene.textures]
+    _set_table(packer, data, "textures", "texture_count", core_types.TextureData, textures)
+    _set_table(packer, data, "lights", "light_count", core_types.LightData, [_light(light) for light in scene.lights])
+    _set_instances(packer, data, scene.instances)
+    return Packed(data, packer.lent)
+
+
+def _set_table(packer: _Packer, data: Any, name: str, count: str, structure: type, rows: Sequence[tuple]) -> None:
+    setattr(data, name, packer.table(structure, rows))
+    setattr(data, count, len(rows))
+
+
+def _camera(camera: Camera) -> core_types.CameraData:
+    data = core_types.CameraData(clip_start=camera.clip_start, clip_end=camera.clip_end)
+    data.world_from_camera[:] = np.asarray(camera.world_from_camera, float).reshape(12)
+    data.window[:] = camera.window
+    data.width, data.height = camera.resolution
+    data.kind = number(camera.kind, _CAMERAS, "camera kind")
+    return data
+
+
+# --- geometry -----------------------------------------------------------------------------------------------------------------------
+
+
+def _geometry(packer: _Packer, geometry: Geometry) -> tuple:
+    packs = {Mesh: _mesh, Spheres: _spheres, Polygons: _polygons}
+    if type(geometry) not in packs:
+        raise SceneError(f"{type(geometry).__name__} is no geometry")
+    values = dict.fromkeys((name for name, _ in core_types.GeometryData._fields_), 0)
+    values.update(normals=_NO_ATTRIBUTE, first_attribute=len(packer.attributes))
+    values.update(packs[type(geometry)](packer, geometry))
+    slots, what = (values["primitive_count"],), f"{geometry.name}: material_slots"
+    values["material_slots"] = packer.optional(geometry.material_slots, np.uint16, slots, what)
+    return tuple(values.values())
+
+
+_NO_ATTRIBUTE = (0, 0, 0, 0, 0, 0)
+
+
+def _mesh(packer: _Packer, mesh: Mesh) -> dict[str, Any]:
+    vertices = packer.lend(mesh.vertices, np.float32, (None, 3), f"{mesh.name}: vertices")
+    triangles = packer.lend(mesh.triangles, np.uint32, (None, 3), f"{mesh.name}: triangles")
+    corners = packer.optional(mesh.corners, np.uint32, triangles.shape, f"{mesh.name}: corners")
+    normals = _NO_ATTRIBUTE if mesh.normals is None else _attribute(packer, mesh, mesh.normals)
+    packer.attributes.extend([_attribute(packer, mesh, attribute) for attribute in mesh.attributes])
+    return {
+        "vertices": address(vertices),
+        "triangles": address(triangles),
+        "corners": corners,
+        "vertex_count": len(vertices),
+        "primitive_count": len(triangles),
+        "normals": normals,
+        "attribute_count": len(mesh.attributes),
+        "kind": 0,
+    }
+
+
+def _attribute(packer: _Packer, mesh: Mesh, attribute: Attribute) -> tuple:
+    values = packer.lend(attribute.values, np.float32, (None, None), f"{mesh.name}: attribute {attribute.name!r}")
+    domain = number(attribute.domain, _DOMAINS, "attribute domain")
+    return (address(values), len(values), packer.name(attribute.name), domain, values.shape[1], 0)
+
+
+def _spheres(packer: _Packer, spheres: Spheres) -> dict[str, Any]:
+    centers = packer.lend(spheres.centers, np.float32, (None, 3), f"{spheres.name}: centers")
+    radii = packer.lend(spheres.radii, np.float32, (len(centers),), f"{spheres.name}: radii")
+    count = len(centers)
+    return {"vertices": address(centers), "radii": address(radii), "vertex_count": count, "primitive_count": count, "kind": 1}
+
+
+def _polygons(packer: _Packer, polygons: Polygons) -> dict[str, Any]:
+    vertices = packer.lend(polygons.vertices, np.float32, (None, 3), f"{polygons.name}: vertices")
+    offsets = packer.lend(polygons.offsets, np.uint32, (None,), f"{polygons.name}: offsets")
+    indices = packer.lend(polygons.indices, np.uint32, (None,), f"{polygons.name}: indices")
+    if len(offsets) < 1:
+        raise SceneError(f"{polygons.name}: offsets is empty, it starts with 0")
+    return {
+        "vertices": address(vertices),
+        "offsets": address(offsets),
+        "indices": address(indices),
+        "vertex_count": len(vertices),
+        "primitive_count": len(offsets) - 1,
+        "index_count": len(indices),
+        "kind": 2,
+    }
+
+
+# --- instances ----------------------------------------------------------------------------------------------------------------------
+
+
+def _set_instances(packer: _Packer, data: core_types.SceneData, groups: Sequence[Instances]) -> None:
+    """One array of matrices and one of materials for all groups; a scene's only group lends its own."""
+    matrices = [np.asarray(group.world_from_object) for group in groups]
+    for group, rows in zip(groups, matrices, strict=True):
+        if rows.ndim != 3 or rows.shape[1:] != (3, 4):
+            raise SceneError(f"{group.name}: world_from_object has the shape {rows.shape}: (any, 3, 4) is needed")
+    joined = matrices[0] if len(matrices) == 1 else np.concatenate(matrices) if matrices else np.empty((0, 3, 4))
+    joined = packer.lend(joined, np.float64, (None, 3, 4), "world_from_object")
+    slots = packer.lend([number for group in groups for number in group.materials], np.uint32, (None,), "materials")
+    first_rows = np.cumsum([0] + [len(rows) for rows in matrices])
+    first_slots = np.cumsum([0] + [len(group.materials) for group in groups])
+    rows = [_group(*entry) for entry in zip(groups, first_rows, map(len, matrices), first_slots, strict=False)]
+    _set_table(packer, data, "instances", "instances_count", core_types.InstancesData, rows)
+    data.world_from_object, data.row_count = address(joined), len(joined)
+    data.material_slots, data.material_slot_count = address(slots), len(slots)
+
+
+def _group(group: Instances, first_row: int, row_count: int, first_slot: int) -> tuple:
+    flags = group.visible_camera | group.visible_mirror << 1 | group.visible_shadow << 2 | group.holdout << 3
+    return (first_row, row_count, group.geometry, flags, first_slot, len(group.materials), group.object_index, 0)
+
+
+# --- materials ----------------------------------------------------------------------------------------------------------------------
+
+
+def _material(packer: _Packer, lobes: Sequence[Lobe], index: int) -> tuple:
+    first = len(packer.lobes)
+    for lobe in lobes:
+        kind = number(lobe.kind, LOBES, "lobe kind")
+        packer.lobes.append((lobe.exponent, lobe.ior, len(packer.inputs), len(lobe.factors), kind, lobe.fresnel))
+        packer.inputs.extend([_input(packer, factor) for factor in lobe.factors])
+    return (first, len(lobes), index, 0)
+
+
+def _input(packer: _Packer, factor: Input) -> tuple:
+    return (
+        factor.value,
+        sum(map(tuple, factor.uv_transform), ()),
+        factor.texture,
+        number(factor.channel, _CHANNELS, "channel"),
+        packer.name(factor.uv) if factor.uv else -1,
+        packer.name(factor.attribute) if factor.attribute else -1,
+        number(factor.attribute_channel, _CHANNELS, "channel"),
+        factor.complement,
+    )
+
+
+def _texture(packer: _Packer, texture: Texture) -> tuple:
+    dtype = np.uint8 if texture.pixels.dtype == np.uint8 else np.float32
+    pixels = packer.lend(texture.pixels, dtype, (None, None, 4), f"texture {texture.name}")
+    return (
+        address(pixels),
+        pixels.shape[1],
+        pixels.shape[0],
+        dtype is np.float32,
+        number(texture.encoding, _ENCODINGS, "encoding"),
+        number(texture.extension, _EXTENSIONS, "extension"),
+        number(texture.interpolation, _INTERPOLATIONS, "interpolation"),
+    )
+
+
+def _light(light: Light) -> tuple:
+    ellipse = number(light.shape, _SHAPES, "light shape")
+    flags = light.cast_shadow | light.visible_camera << 1 | light.visible_mirror << 2 | light.soft_falloff << 3 | ellipse << 4
+    return (
+        np.asarray(light.world_from_light, float).reshape(12),
+        light.color,
+        light.strength,
+        light.radius,
+        light.angle,
+        light.spot_size,
+        light.spot_blend,
+        light.size_x,
+        light.size_y,
+        number(light.kind, _LIGHTS, "light kind"),
+        flags,
+    )
+
+
+# --- settings -----------------------------------------------------------------------------------------------------------------------
+
+
+def pack_settings(scene: Scene, settings: Settings, hold_waves: bool) -> Packed:
+    """`settings` as a `core_types.SettingsData`, with the sample points that the scene's lights need."""
+    packer = _Packer()
+    offsets = packer.lend(pixel_offsets(settings.samples, settings.filter_width), np.float64, (settings.samples, 2), "pixel offsets")
+    data = core_types.SettingsData(
+        pixel_offsets=address(offsets),
+        samples=settings.samples,
+        light_samples=settings.light_samples,
+        max_bounces=settings.max_bounces,
+        threads=settings.threads,
+        passes=sum(1 << core_types.PASS_NUMBERS[name] for name in passes_of(settings)),
+        illumination=number(settings.illumination, ILLUMINATIONS, "illumination"),
+        hold_waves=hold_waves,
+    )
+    data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
+    if settings.light_samples > 1 and any(_is_soft(light) for light in scene.lights):
+        square, disc = light_points(settings.samples * settings.light_samples)
+        data.light_square = address(packer.lend(square, np.float64, (None, 2), "light points"))
+        data.light_disc = address(packer.lend(disc, np.float64, (None, 2), "light points"))
+        data.light_point_count = len(square)
+    return Packed(data, packer.lent)
+
+
+def passes_of(settings: Settings) -> tuple[str, ...]:
+    """Combined and what else is wanted, in the core's order. Raises SceneError for an unknown pass."""
+    unknown = sorted(set(settings.passes) - set(core_types.PASS_NUMBERS))
+    if unknown:
+        raise SceneError(f"no such pass: {', '.join(unknown)}")
+    return tuple(name for name in core_types.PASS_NUMBERS if name == "Combined" or name in settings.passes)
+
+
+def _is_soft(light: Light) -> bool:
+    extents = {"SUN": (light.angle,), "AREA": (light.size_x, light.size_y)}
+    return any(extent > 0 for extent in extents.get(light.kind, (light.radius,)))

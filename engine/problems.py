@@ -1,0 +1,359 @@
+"""The check at the door: what makes a scene unfit to render, one sentence each, with the thing's name and the remedy.
+
+Tracers rely on it: after an empty list every array has the dtype and shape that `scene.py` says, every index is in range, and every
+number is finite except vertices, centres and radii, whose primitives the tracers drop. Flattened placements and negative light are sound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+
+from .linear import length, pseudo_inverse
+from .scene import (
+    CORNER,
+    FACE,
+    LOBES,
+    POINT,
+    Attribute,
+    Camera,
+    Input,
+    Instances,
+    Light,
+    Lobe,
+    Material,
+    Mesh,
+    Polygons,
+    Scene,
+    Spheres,
+    Texture,
+    World,
+)
+
+Found = Iterator[str]
+
+_ORTHONORMAL = 1e-4
+"""How far a light's axes may be from orthonormal: matrices that went through a few float32 products stay well within."""
+
+
+def scene_problems(scene: Scene) -> list[str]:
+    """Every problem of `scene`, in the order of its fields; empty when it is sound. Reads each array at most twice, copies none."""
+    checks: tuple[tuple[Iterable[Any], Callable[[Any], Found]], ...] = (
+        ((scene.camera,), _camera),
+        (scene.geometries, _geometry),
+        (scene.instances, partial(_instances, scene)),
+        (scene.materials, partial(_material, len(scene.textures))),
+        (scene.textures, _texture),
+        (scene.lights, _light),
+        ((scene.world,), _world),
+    )
+    return [f"{_label(thing)}: {text}" for things, check in checks for thing in things for text in check(thing)]
+
+
+def _label(thing: Any) -> str:
+    kind = type(thing).__name__.lower()
+    return f"{kind} {thing.name!r}" if hasattr(thing, "name") else kind
+
+
+# --- values -------------------------------------------------------------------------------------------------------------------------
+
+
+def _array(name: str, array: Any, dtypes: type | tuple[type, ...], shape: Sequence[int | None]) -> Found:
+    """The dtype and shape that `array` should have; None in `shape` is any size."""
+    dtypes = dtypes if isinstance(dtypes, tuple) else (dtypes,)
+    if not isinstance(array, np.ndarray):
+        yield f"{name} is a {type(array).__name__}: use a NumPy array"
+        return
+    if array.dtype.type not in dtypes or not array.dtype.isnative:
+        yield f"{name} has dtype {array.dtype}: use {' or '.join(np.dtype(t).name for t in dtypes)}"
+    if array.ndim != len(shape) or any(want is not None and want != got for want, got in zip(shape, array.shape, strict=True)):
+        wanted = ", ".join("any" if size is None else str(size) for size in shape)
+        yield f"{name} has shape {array.shape}: use ({wanted})"
+
+
+def _below(name: str, indices: np.ndarray, count: int, rows_of: str) -> Found:
+    """Unsigned indices against the number of rows they point into."""
+    if indices.size and (top := int(indices.max())) >= count:
+        yield f"{name} holds {top} but {rows_of} has {count} rows: keep indices below that"
+
+
+def _finite_array(name: str, array: np.ndarray) -> Found:
+    # The extremes carry any NaN or infinity, and take no copy as isfinite would.
+    if array.size and not (np.isfinite(array.max()) and np.isfinite(array.min())):
+        yield f"{name} has a value that is not finite: replace it by a number"
+
+
+def _finite(name: str, value: Any) -> Found:
+    if not (isinstance(value, Real) and np.isfinite(value)):
+        yield f"{name} is {value!r}: use a finite number"
+
+
+def _at_least(name: str, value: Any, low: float, high: float = np.inf) -> Found:
+    """A finite number within [low, high]."""
+    if not (isinstance(value, Real) and np.isfinite(value) and low <= value <= high):
+        span = f"{low:g} or more" if np.isinf(high) else f"{low:g} to {high:g}"
+        yield f"{name} is {value!r}: use a finite number, {span}"
+
+
+def _one_of(name: str, value: Any, names: tuple[str, ...]) -> Found:
+    if value not in names:
+        yield f"{name} is {value!r}: use one of {', '.join(names)}"
+
+
+def _numbers(name: str, values: Any, count: int) -> Found:
+    """A tuple (or row) of finite numbers."""
+    try:
+        sound = len(values) == count and all(isinstance(v, Real) and np.isfinite(v) for v in values)
+    except TypeError:
+        sound = False
+    if not sound:
+        yield f"{name} is {values!r}: use {count} finite numbers"
+
+
+def _handle(name: str, handle: Any, count: int, things: str, none: bool = False) -> Found:
+    low = -1 if none else 0
+    if not (isinstance(handle, Integral) and low <= handle < count):
+        remedy = f"use {low} to {count - 1}" if count else f"add one of the {things}"
+        yield f"{name} is {handle!r} but the scene has {count} {things}: {remedy}"
+
+
+def _whole(name: str, value: Any) -> Found:
+    if not isinstance(value, Integral):
+        yield f"{name} is {value!r}: use a whole number"
+
+
+# --- geometry -----------------------------------------------------------------------------------------------------------------------
+
+
+def _geometry(geometry: Any) -> Found:
+    checks = {Mesh: _mesh, Spheres: _spheres, Polygons: _polygons}
+    check = checks.get(type(geometry))
+    if check is None:
+        yield "is no geometry: use Mesh, Spheres or Polygons"
+    else:
+        yield from check(geometry)
+
+
+def _mesh(mesh: Mesh) -> Found:
+    shapes = [*_array("vertices", mesh.vertices, np.float32, (None, 3)), *_array("triangles", mesh.triangles, np.uint32, (None, 3))]
+    yield from shapes
+    if shapes:
+        return
+    yield from _below("triangles", mesh.triangles, len(mesh.vertices), "vertices")
+    yield from _slots(mesh.material_slots, len(mesh.triangles), "triangle")
+    if mesh.corners is not None:
+        yield from _array("corners", mesh.corners, np.uint32, mesh.triangles.shape)
+    yield from _attributes(mesh)
+
+
+def _slots(slots: np.ndarray | None, count: int, primitive: str) -> Found:
+    if slots is None:
+        return
+    for text in _array("material_slots", slots, np.uint16, (count,)):
+        yield f"{text}, one for each {primitive}"
+
+
+def _attributes(mesh: Mesh) -> Found:
+    rows = {POINT: len(mesh.vertices), CORNER: _corner_rows(mesh), FACE: len(mesh.triangles)}
+    if mesh.normals is not None:
+        yield from _one_of("the domain of normals", mesh.normals.domain, (POINT, CORNER))
+        yield from _attribute("normals", mesh.normals, rows, (3,))
+    names = [attribute.name for attribute in mesh.attributes]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        yield f"has several attributes called {name!r}: give each a name of its own"
+    for attribute in mesh.attributes:
+        yield from _attribute(f"attribute {attribute.name!r}", attribute, rows, (2, 3, 4))
+
+
+def _corner_rows(mesh: Mesh) -> int | None:
+    """How many rows a CORNER attribute must have at least; None without usable corners."""
+    corners = mesh.corners
+    if corners is None or not isinstance(corners, np.ndarray) or corners.dtype != np.uint32:
+        return None
+    return int(corners.max()) + 1 if corners.size else 0
+
+
+def _attribute(name: str, attribute: Attribute, rows: dict[str, int | None], columns: tuple[int, ...]) -> Found:
+    shapes = [*_one_of(f"the domain of {name}", attribute.domain, tuple(rows)), *_array(name, attribute.values, np.float32, (None, None))]
+    yield from shapes
+    if shapes:
+        return
+    count, width = attribute.values.shape
+    if width not in columns:
+        yield f"{name} has {width} columns: use {' or '.join(map(str, columns))}"
+    needed = rows[attribute.domain]
+    if needed is None:
+        yield f"{name} is on corners and the mesh has none: give Mesh.corners"
+    elif count != needed and (attribute.domain != CORNER or count < needed):
+        yield f"{name} has {count} rows on {attribute.domain}: use {needed}"
+    yield from _finite_array(name, attribute.values)
+
+
+def _spheres(spheres: Spheres) -> Found:
+    shapes = [*_array("centers", spheres.centers, np.float32, (None, 3))]
+    yield from shapes
+    if shapes:
+        return
+    count = len(spheres.centers)
+    yield from _array("radii", spheres.radii, np.float32, (count,))
+    if isinstance(spheres.radii, np.ndarray) and np.any(spheres.radii < 0):
+        yield "radii has a negative value: use 0 or more"
+    yield from _slots(spheres.material_slots, count, "sphere")
+
+
+def _polygons(polygons: Polygons) -> Found:
+    shapes = [
+        *_array("vertices", polygons.vertices, np.float32, (None, 3)),
+        *_array("offsets", polygons.offsets, np.uint32, (None,)),
+        *_array("indices", polygons.indices, np.uint32, (None,)),
+    ]
+    yield from shapes
+    if shapes:
+        return
+    yield from _offsets(polygons.offsets, len(polygons.indices))
+    yield from _below("indices", polygons.indices, len(polygons.vertices), "vertices")
+    yield from _slots(polygons.material_slots, max(len(polygons.offsets) - 1, 0), "polygon")
+
+
+def _offsets(offsets: np.ndarray, count: int) -> Found:
+    if len(offsets) == 0 or offsets[0] != 0 or offsets[-1] != count:
+        yield f"offsets runs not from 0 to the {count} indices: start at 0 and end there"
+        return
+    corners = np.diff(offsets.astype(np.int64))
+    if np.any(corners < 0):
+        yield f"offsets falls after polygon {int(np.argmax(corners < 0))}: keep it rising"
+    elif np.any(corners < 3):
+        k = int(np.argmax(corners < 3))
+        yield f"polygon {k} has {corners[k]} corners: use at least 3"
+
+
+def _instances(scene: Scene, instances: Instances) -> Found:
+    yield from _handle("geometry", instances.geometry, len(scene.geometries), "geometries")
+    shapes = [*_array("world_from_object", instances.world_from_object, np.float64, (None, 3, 4))]
+    yield from shapes or _finite_array("world_from_object", instances.world_from_object)
+    for material in instances.materials:
+        yield from _handle("a material", material, len(scene.materials), "materials")
+    yield from _whole("object_index", instances.object_index)
+
+
+# --- surfaces -----------------------------------------------------------------------------------------------------------------------
+
+
+def _material(textures: int, material: Material) -> Found:
+    yield from _whole("index", material.index)
+    for number, lobe in enumerate(material.lobes):
+        yield from (f"lobe {number}: {text}" for text in _lobe(lobe, textures))
+
+
+def _lobe(lobe: Lobe, textures: int) -> Found:
+    yield from _one_of("kind", lobe.kind, LOBES)
+    yield from _at_least("exponent", lobe.exponent, 0)
+    if not (isinstance(lobe.ior, Real) and np.isfinite(lobe.ior) and lobe.ior > 0):
+        yield f"ior is {lobe.ior!r}: use a finite number above 0"
+    for factor in lobe.factors:
+        yield from _input(factor, textures)
+
+
+def _input(factor: Input, textures: int) -> Found:
+    yield from _numbers("value", factor.value, 3)
+    yield from _handle("texture", factor.texture, textures, "textures", none=True)
+    yield from _one_of("channel", factor.channel, ("COLOR", "ALPHA", "LUMINANCE"))
+    yield from _one_of("attribute_channel", factor.attribute_channel, ("COLOR", "ALPHA"))
+    for row in factor.uv_transform:
+        yield from _numbers("a row of uv_transform", row, 3)
+    if len(factor.uv_transform) != 2:
+        yield f"uv_transform has {len(factor.uv_transform)} rows: use 2"
+
+
+def _texture(texture: Texture) -> Found:
+    yield from _one_of("encoding", texture.encoding, ("LINEAR", "SRGB"))
+    yield from _one_of("extension", texture.extension, ("REPEAT", "EXTEND", "CLIP", "MIRROR"))
+    yield from _one_of("interpolation", texture.interpolation, ("LINEAR", "CLOSEST"))
+    shapes = [*_array("pixels", texture.pixels, (np.uint8, np.float32), (None, None, 4))]
+    yield from shapes
+    if shapes:
+        return
+    if texture.pixels.size == 0:
+        yield f"pixels has shape {texture.pixels.shape}: use at least one pixel"
+    if texture.pixels.dtype == np.float32:
+        yield from _finite_array("pixels", texture.pixels)
+        if texture.encoding == "SRGB":
+            yield "encoding SRGB is for uint8: decode float32 pixels to LINEAR"
+
+
+# --- light and view -----------------------------------------------------------------------------------------------------------------
+
+
+def _light(light: Light) -> Found:
+    yield from _one_of("kind", light.kind, ("POINT", "SUN", "SPOT", "AREA"))
+    yield from _one_of("shape", light.shape, ("RECTANGLE", "ELLIPSE"))
+    yield from _placement("world_from_light", light.world_from_light, _not_orthonormal)
+    yield from _numbers("color", light.color, 3)
+    yield from _finite("strength", light.strength)
+    for name in ("radius", "size_x", "size_y"):
+        yield from _at_least(name, getattr(light, name), 0)
+    for name in ("angle", "spot_size"):
+        yield from _at_least(name, getattr(light, name), 0, 2 * np.pi)
+    yield from _at_least("spot_blend", light.spot_blend, 0, 1)
+
+
+def _placement(name: str, matrix: Any, further: Callable[[str, np.ndarray], Found]) -> Found:
+    """One (3, 4) float64 matrix: shape, then finiteness, then what else its use asks for."""
+    found = [*_array(name, matrix, np.float64, (3, 4))]
+    found = found or [*_finite_array(name, matrix)] or [*further(name, matrix)]
+    yield from found
+
+
+def _not_orthonormal(name: str, matrix: np.ndarray) -> Found:
+    axes = matrix[:, :3]
+    if np.max(np.abs(axes.T @ axes - np.eye(3))) > _ORTHONORMAL:
+        yield f"{name} has columns that are not orthonormal: take scale and shear out of it"
+
+
+def _not_a_frame(name: str, matrix: np.ndarray) -> Found:
+    sizes = length(matrix[:, :3].T)
+    if np.any(sizes == 0) or pseudo_inverse(matrix[:, :3] / sizes).rank < 3:
+        yield f"{name} is flattened: give the camera three independent axes"
+
+
+def _camera(camera: Camera) -> Found:
+    yield from _one_of("kind", camera.kind, ("PERSPECTIVE", "ORTHOGRAPHIC"))
+    yield from _placement("world_from_camera", camera.world_from_camera, _not_a_frame)
+    yield from _window(camera)
+    yield from _resolution(camera)
+    yield from _clip(camera)
+
+
+def _window(camera: Camera) -> Found:
+    problems = [*_numbers("window", camera.window, 4)]
+    yield from problems
+    if not problems and (camera.window[0] == camera.window[1] or camera.window[2] == camera.window[3]):
+        yield f"window {camera.window} has no area: use l different from r and b from t"
+
+
+def _resolution(camera: Camera) -> Found:
+    try:
+        nx, ny = camera.resolution
+        sound = isinstance(nx, Integral) and isinstance(ny, Integral) and nx >= 1 and ny >= 1
+    except (TypeError, ValueError):
+        sound = False
+    if not sound:
+        yield f"resolution is {camera.resolution!r}: use two whole numbers, 1 or more"
+
+
+def _clip(camera: Camera) -> Found:
+    start, end = camera.clip_start, camera.clip_end
+    # An orthographic view may start behind its plane, as Blender's viewport does; no ray of a perspective goes there.
+    if camera.kind == "PERSPECTIVE" and not start >= 0:
+        yield f"clip_start is {start!r}: use 0 or more"
+    if not start < end:
+        yield f"clip_start {start!r} and clip_end {end!r} leave nothing between: use a smaller clip_start"
+
+
+def _world(world: World) -> Found:
+    yield from _numbers("ambient", world.ambient, 3)
+    yield from _numbers("background", world.background, 3)

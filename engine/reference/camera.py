@@ -1,0 +1,48 @@
+"""Viewing rays (notes, sections 4.4-4.6): the rays of a camera are a pencil in its own frame, where they are (u, v, 1) or parallel to z."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scene import Camera
+from .geometry import Geometry
+from .raster import Strips, pixel_strips
+from .rays import Frame, Pencil
+from .vectors import length
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class CameraRays:
+    """The rays of one camera. unit: length of −w, world units per unit of depth.  corner, pixel: window's corner and size of a pixel."""
+
+    frame: Frame
+    corner: tuple[float, float]
+    pixel: tuple[float, float]
+    near: float
+    far: float
+    unit: float
+
+    @classmethod
+    def of(cls, camera: Camera, geometry: Geometry) -> CameraRays:
+        axes = np.asarray(camera.world_from_camera, np.float64)[:, :3] * (1.0, 1.0, -1.0)
+        perspective = camera.kind == "PERSPECTIVE"
+        frame = Frame.of(geometry, np.linalg.inv(axes), np.zeros(3), perspective)
+        left, right, bottom, top = camera.window
+        pixel = (right - left) / camera.resolution[0], (top - bottom) / camera.resolution[1]
+        near = max(camera.clip_start, 0.0) if perspective else camera.clip_start
+        if camera.clip_start > 0 or not perspective:
+            near = np.nextafter(near, -np.inf)  # hits count beyond `near`, and the clip distances themselves belong to the range
+        return cls(frame, (left, bottom), pixel, near, np.nextafter(camera.clip_end, np.inf), float(length(axes[:, 2])))
+
+    def pixels(self, x: tuple[int, int], y: tuple[int, int], offset: Array) -> tuple[Pencil, Strips | None]:
+        """Rays through the pixels x[0] <= i < x[1], y[0] <= j < y[1], row by row, at `offset` from their centres."""
+        u = self.corner[0] + (np.arange(*x) + 0.5 + offset[0]) * self.pixel[0]
+        v = self.corner[1] + (np.arange(*y) + 0.5 + offset[1]) * self.pixel[1]
+        count = len(u) * len(v)
+        pencil = Pencil(self.frame, np.tile(u, len(v)), np.repeat(v, len(u)), np.full(count, self.near), np.full(count, self.far))
+        ascending = self.pixel[0] > 0 and self.pixel[1] > 0
+        return pencil, pixel_strips(u, v) if ascending else None

@@ -1,0 +1,119 @@
+"""One sample of a tile of pixels, generation by generation: camera rays, what passes straight through, then bounce after bounce."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .materials import Coefficients
+from .paths import Paths, bounced, joined, straight_on
+from .picture import Tile
+from .raster import Strips
+from .rays import Pencil
+from .seen_lights import has_shape, seen_radiance
+from .stage import Stage
+from .surface import Surface, surface_at
+from .visibility import NOTHING
+
+Array = np.ndarray
+
+
+class Generations:
+    """Follows the rays of one sample of a tile and adds what they bring to it."""
+
+    def __init__(self, stage: Stage, tile: Tile, sample: int):
+        self._stage, self._tile, self._sample = stage, tile, sample
+
+    def run(self, rays: Pencil, strips: Strips | None) -> None:
+        """Follows the camera rays, one for each pixel of the tile, to their ends."""
+        n = len(rays)
+        paths: Paths | None = Paths(rays, np.ones((3, n)), np.arange(n), np.zeros(n, np.intp), 0)
+        while paths is not None:
+            deeper: list[Paths] = []
+            while paths is not None:
+                self._stage.pulse.beat()
+                paths = self._step(paths, strips, deeper)
+                strips = None
+            paths = joined(deeper) if deeper else None
+
+    def _step(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
+        """Traces the paths to their hits; bounces go to `deeper`, rays that go straight on are returned."""
+        stage = self._stage
+        stage.rays[paths.kind] += len(paths)
+        hits = stage.visibility.closest(paths.rays, paths.kind, strips)
+        self._see_lights(paths, hits.depth)
+        self._miss(paths, np.flatnonzero(hits.primitive == NOTHING))
+        hit = np.flatnonzero(hits.primitive != NOTHING)
+        if not len(hit):
+            return None
+        depth = hits.depth[hit]
+        surface = surface_at(stage.geometry, stage.attributes, paths.rays, hit, hits.primitive[hit], depth, stage.pulse)
+        coefficients = stage.shader.coefficients(surface)
+        self._record(paths, hit, surface, depth, coefficients)
+        shown = self._cut_holdouts(paths, hit, surface)
+        if len(shown) < len(hit):
+            hit, depth, surface = hit[shown], depth[shown], surface.take(shown)
+            coefficients = stage.shader.coefficients(surface)
+        self._shade(paths, hit, surface, coefficients)
+        if paths.depth < stage.settings.max_bounces:
+            deeper += bounced(paths, hit, surface, coefficients)
+        return straight_on(paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit))
+
+    def _see_lights(self, paths: Paths, depth: Array) -> None:
+        flag = "visible_" + paths.kind
+        sources = [s for s in self._stage.sources if getattr(s.light, flag) and has_shape(s)]
+        if sources:
+            o, d = paths.rays.lines(np.arange(len(paths)))
+            for source in sources:
+                self._tile.add(paths.part("Emission"), paths.pixel, paths.weight * seen_radiance(source, o, d, paths.rays.near, depth))
+
+    def _miss(self, paths: Paths, missed: Array) -> None:
+        weight, pixel = paths.weight[:, missed], paths.pixel[missed]
+        if paths.depth == 0 and self._stage.scene.world.transparent:
+            self._tile.lose(pixel, weight)
+        elif self._stage.background.any():
+            self._tile.add(paths.part("Environment"), pixel, weight * self._stage.background)
+
+    def _cut_holdouts(self, paths: Paths, hit: Array, surface: Surface) -> Array:
+        """Places of the surfaces that are no holdouts; at those that are the rays end."""
+        holdout = self._stage.per_object("holdout", surface.row)
+        if paths.depth == 0:
+            cut = hit[holdout]
+            self._tile.lose(paths.pixel[cut], paths.weight[:, cut])
+        return np.flatnonzero(~holdout)
+
+    def _wants_data(self, paths: Paths, hit: Array) -> Array:
+        """Which hits belong to pixels whose data passes are still to come."""
+        return self._tile.wanted[paths.pixel[hit]] & (paths.depth == 0)
+
+    def _record(self, paths: Paths, hit: Array, surface: Surface, depth: Array, coefficients: Coefficients) -> None:
+        """Data passes of pixels that have none yet, where less than half of the light passes straight through."""
+        k = coefficients.transparent
+        chosen = np.flatnonzero(self._wants_data(paths, hit) & ((k[0] + k[1] + k[2]) / 3 < 0.5))
+        if not len(chosen):
+            return
+        stage, some = self._stage, surface.take(chosen)
+        uv = stage.attributes.uv("")
+        self._tile.record(
+            paths.pixel[hit[chosen]],
+            Depth=depth[chosen] * stage.camera.unit,
+            Position=some.x + stage.eye[:, None],
+            Normal=some.n,
+            UV=np.concatenate([uv.at(some.geometry, some.local, some.weights), uv.has(some.geometry)[None]]),
+            Object_Index=stage.per_object("object_index", some.row),
+            Material_Index=stage.shader.pass_index(some.material),
+        )
+
+    def _shade(self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients) -> None:
+        """L = k_a I_a + Σ (k_d I max(0, n·l) + k_s I max(0, n·h)^p) S + k_e (section 4.15), each part by itself."""
+        weight, pixel = paths.weight[:, hit], paths.pixel[hit]
+
+        def add(part: str, values: Array) -> None:
+            if values.any():
+                self._tile.add(paths.part(part), pixel, weight * values)
+
+        add("Ambient", coefficients.ambient * self._stage.ambient)
+        add("Emission", coefficients.emission)
+        light = self._stage.lighting.direct(surface, coefficients, self._sample)
+        add("Diffuse", light.diffuse)
+        add("Specular", light.specular)
+        add("Shadow", light.shadow)

@@ -1,0 +1,84 @@
+"""Direct light at surfaces (notes, sections 4.12-4.16): k_d I max(0, n·l) + k_s I max(0, n·h)^p, times the shadow, summed over lights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .lights import CENTER, LightPoint, LightSample, Source
+from .materials import Coefficients
+from .optics import blinn_phong
+from .pulse import Pulse
+from .shadows import Shadows
+from .surface import Surface
+from .vectors import dot
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class DirectLight:
+    """(3, n) each: light before shadows, and what blockers take away."""
+
+    diffuse: Array
+    specular: Array
+    shadow: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Lighting:
+    """The lights of a scene. points: the samples on extended lights, light_samples for each sample of a pixel."""
+
+    sources: tuple[Source, ...]
+    light_samples: int
+    points: list[LightPoint]
+    shadows: Shadows
+    pulse: Pulse
+
+    def direct(self, surface: Surface, coefficients: Coefficients, sample: int) -> DirectLight:
+        """What all lights add at the points of `surface` in sample `sample` of their pixels."""
+        total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(3)))
+        lit = coefficients.diffuse.any(0)
+        for term in coefficients.highlights:
+            lit[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
+        for source in self.sources if lit.any() else ():
+            n = source.sample_count(self.light_samples)
+            for j in range(n):
+                point = CENTER if n == 1 else self.points[sample * self.light_samples + j]
+                self._add(surface, coefficients, lit, source, source.sample(surface.x, point, n), total)
+        return total
+
+    def _add(self, surface: Surface, coefficients: Coefficients, lit: Array, source: Source, sample: LightSample, total: DirectLight) -> None:
+        """One sample of one light."""
+        self.pulse.beat()
+        cosine = dot(surface.n, sample.direction)
+        seen = np.flatnonzero(lit & (cosine > 0) & (sample.intensity != 0))
+        if not len(seen) or not source.color.any():
+            return
+        end = sample.end if sample.end is None or sample.end.shape[1] == 1 else sample.end[:, seen]
+        sample = LightSample(sample.direction[:, seen], sample.intensity[seen], end)
+        light = source.color[:, None] * sample.intensity
+        diffuse = coefficients.diffuse[:, seen] * light * cosine[seen]
+        specular = _highlights(surface, coefficients, seen, sample) * light
+        total.diffuse[:, seen] += diffuse
+        total.specular[:, seen] += specular
+        if source.light.cast_shadow:
+            self.pulse.beat()
+            total.shadow[:, seen] += (self.shadows.towards(surface, seen, sample).T - 1.0) * (diffuse + specular)
+
+
+def _highlights(surface: Surface, coefficients: Coefficients, seen: Array, sample: LightSample) -> Array:
+    """Σ k_s max(0, n·h)^p at the points `seen` of the surface."""
+    total = np.zeros((3, len(seen)))
+    if not coefficients.highlights:
+        return total
+    place = np.full(seen.max() + 1, -1)
+    place[seen] = np.arange(len(seen))
+    for term in coefficients.highlights:
+        known = term.index <= seen.max()
+        chosen = np.flatnonzero(known)[place[term.index[known]] >= 0]
+        here, at = term.index[chosen], place[term.index[chosen]]
+        k = term.k if term.k.shape[1] == 1 else term.k[:, chosen]
+        total[:, at] += k * blinn_phong(surface.n[:, here], surface.v[:, here], sample.direction[:, at], term.lobe.exponent)
+    return total

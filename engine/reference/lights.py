@@ -1,0 +1,153 @@
+"""Lights as samples: from where, and how brightly, a point is lit (notes, sections 4.11, 4.15 and 4.16).
+
+Letters: x shaded point, c centre of the light, l unit direction to the light, q point on the light, d distance, z cosine at the light,
+n samples per light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scene import Light
+from .vectors import basis_around, dot, length, unit
+
+Array = np.ndarray
+
+HUGE = 1e100
+"""Intensities saturate here, far beyond any float32, so that products stay finite."""
+
+
+@dataclass(frozen=True, eq=False)
+class LightPoint:
+    """Where on the light: (a, b) in the square [-1, 1]², (x, y) in the unit disc."""
+
+    square: Array
+    disc: Array
+
+
+CENTER = LightPoint(np.zeros(2), np.zeros(2))
+
+
+@dataclass(frozen=True, eq=False)
+class LightSample:
+    """One sample of a light as n points see it.
+
+    direction: (3, n) l.  intensity: (n,), to be multiplied with the light's colour.
+    end: where the shadow segment ends: (3, 1) a point common to all, (3, n) a point for each, or None for never.
+    """
+
+    direction: Array
+    intensity: Array
+    end: Array | None
+
+
+class Source:
+    """A light relative to the camera. color: (3,) c, saturated.  position: (3, 1).  axis: (3, 1) along which it shines."""
+
+    def __init__(self, light: Light, eye: Array, physical: bool):
+        frame = np.asarray(light.world_from_light, np.float64)
+        self.light = light
+        self.physical = physical
+        self.position = (frame[:, 3] - eye)[:, None]
+        self.axis = unit(-frame[:, 2:3])
+        self.right, self.up = light.size_x / 2 * frame[:, 0:1], light.size_y / 2 * frame[:, 1:2]
+        with np.errstate(over="ignore"):
+            self.color = np.clip(np.array(light.color, np.float64) * light.strength, -HUGE, HUGE)
+
+    @property
+    def is_extended(self) -> bool:
+        """Whether it has an extent to sample."""
+        light = self.light
+        if light.kind == "AREA":
+            return light.size_x > 0 or light.size_y > 0
+        return light.angle > 0 if light.kind == "SUN" else light.radius > 0
+
+    def sample_count(self, light_samples: int) -> int:
+        """n: how many samples it takes."""
+        return light_samples if self.is_extended else 1
+
+    def sample(self, x: Array, point: LightPoint, n: int) -> LightSample:
+        """How the points x (3, k) see the sample at `point`, one of n; n = 1 is the light's centre, as if it had no extent."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            if self.light.kind == "SUN":
+                return self._sun(x, point, n)
+            if self.light.kind == "AREA":
+                return self._area(x, point, n)
+            if n == 1:
+                return self._spotted(self._center(x))
+            return self._spotted(self._disc(x, point, n) if self.light.soft_falloff else self._sphere(x, point, n))
+
+    def fall_off(self, d: Array, n: int) -> Array:
+        """1 / (4π² d² n) when PHYSICAL, 1 / n when CLASSIC; 0 where the point is the light."""
+        intensity = np.minimum(1 / (4 * np.pi**2 * d * d), HUGE) if self.physical else np.ones_like(d)
+        return np.where(d > 0, intensity / n, 0.0)
+
+    def _center(self, x: Array) -> LightSample:
+        to = self.position - x
+        return LightSample(unit(to), self.fall_off(length(to), 1), self.position)
+
+    def _sphere(self, x: Array, point: LightPoint, n: int) -> LightSample:
+        """Uniform in the cone that the sphere subtends; the segment ends on the sphere."""
+        to, r = self.position - x, self.light.radius
+        d = length(to)
+        sine2 = np.where(d > r, (r / d) ** 2, 1.0)
+        cosine = np.sqrt(1 - sine2)
+        direction = in_cone(unit(to), sine2 / (1 + cosine), point)
+        middle = dot(to, direction)
+        off = to - middle * direction
+        root = np.sqrt(np.maximum(0.0, r * r - dot(off, off)))
+        end = x + np.where(d > r, middle - root, middle + root) * direction
+        share = 2 / (1 + cosine) if self.physical else 1.0
+        return LightSample(direction, self.fall_off(d, n) * share, end)
+
+    def _disc(self, x: Array, point: LightPoint, n: int) -> LightSample:
+        """Uniform on the disc of the light's radius that faces x."""
+        towards = unit(self.position - x)
+        first, second = basis_around(towards)
+        q = self.position + self.light.radius * (point.disc[0] * first + point.disc[1] * second)
+        to = q - x
+        direction = unit(to)
+        share = np.maximum(0.0, dot(direction, towards)) if self.physical else 1.0
+        return LightSample(direction, self.fall_off(length(to), n) * share, q)
+
+    def _spotted(self, sample: LightSample) -> LightSample:
+        if self.light.kind != "SPOT":
+            return sample
+        return LightSample(sample.direction, sample.intensity * self.spot(-dot(sample.direction, self.axis)), sample.end)
+
+    def spot(self, z: Array) -> Array:
+        """The spot's share at the cosine z from its axis: a smoothstep, or a step when it has no blend."""
+        edge = np.cos(self.light.spot_size / 2)
+        width = (1 - edge) * self.light.spot_blend
+        if not width > 0:
+            return np.where(z > edge, 1.0, 0.0)
+        t = np.clip((z - edge) / width, 0.0, 1.0)
+        return t * t * (3 - 2 * t)
+
+    def _sun(self, x: Array, point: LightPoint, n: int) -> LightSample:
+        direction, share = -self.axis, 1.0
+        if n > 1:
+            versine = 2 * np.sin(self.light.angle / 4) ** 2
+            direction, share = in_cone(direction, np.array([versine]), point), 2 / (2 - versine)
+        intensity = share / (np.pi * n) if self.physical else 1 / n
+        return LightSample(np.repeat(direction, x.shape[1], 1), np.full(x.shape[1], intensity), None)
+
+    def _area(self, x: Array, point: LightPoint, n: int) -> LightSample:
+        a, b = (point.square if self.light.shape == "RECTANGLE" else point.disc) if n > 1 else (0.0, 0.0)
+        q = self.position + a * self.right + b * self.up
+        to = q - x
+        direction = unit(to)
+        z = -dot(direction, self.axis)
+        share = 4 * z if self.physical else 1.0
+        return LightSample(direction, np.where(z > 0, self.fall_off(length(to), n) * share, 0.0), q)
+
+
+def in_cone(axis: Array, versine: Array, point: LightPoint) -> Array:
+    """(3, n) unit directions in the cone round `axis` with 1 − cos α = versine (n,), uniform in solid angle over the disc's points."""
+    x, y = point.disc
+    first, second = basis_around(axis)
+    cosine = 1 - (x * x + y * y) * versine
+    sine_by_radius = np.sqrt(np.maximum(0.0, versine * (1 + cosine)))
+    return unit(cosine * axis + sine_by_radius * (x * first + y * second))

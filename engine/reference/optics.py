@@ -1,0 +1,49 @@
+"""Highlights, mirrors and refraction (notes, sections 4.13 and 4.17). d unit direction of the ray, n unit normal on its side."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .vectors import cross, dot, unit
+
+Array = np.ndarray
+
+
+def blinn_phong(n: Array, v: Array, l: Array, exponent: float) -> Array:  # noqa: E741: the notes' letter
+    """(m,) max(0, n·h)^p with h = (v + l)/|v + l|, for points with n·l > 0; 0^0 is 1.
+
+    cos^p as exp(p/2 · log1p(−|n×h|²)), from h before it is normalised: pow of a rounded cosine is wrong for large p.
+    """
+    if exponent == 0:
+        return np.ones(n.shape[1])
+    h = v + l
+    across = cross(n, h)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sine2 = np.minimum(dot(across, across) / (dot(h, h) * dot(n, n)), 1.0)
+        power = np.exp(exponent / 2 * np.log1p(-sine2))
+    return np.where(dot(n, h) > 0, power, 0.0)
+
+
+def reflected(d: Array, n: Array, g: Array) -> Array:
+    """d − 2(d·n)n; where that points below the surface, with g in the place of n."""
+    r = d - 2 * dot(d, n) * n
+    return unit(np.where(dot(r, g) < 0, d - 2 * dot(d, g) * g, r))
+
+
+def fresnel(cosine: Array, index: Array) -> Array:
+    """Unpolarised reflectance of a dielectric for the cosine of incidence; `index` is that beyond the surface over that before it."""
+    sine2 = (1 - cosine * cosine) / (index * index)
+    inner = np.sqrt(np.maximum(0.0, 1 - sine2))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = (cosine - index * inner) / (cosine + index * inner)
+        along = (index * cosine - inner) / (index * cosine + inner)
+    return np.where(sine2 >= 1, 1.0, (across * across + along * along) / 2)
+
+
+def refracted(d: Array, n: Array, g: Array, index: Array) -> tuple[Array, Array]:
+    """Snell's direction, and (m,) bool where there is one (no total reflection). Where n is turned away from the ray, g takes its place."""
+    n = np.where(dot(d, n) > 0, g, n)
+    cosine = -dot(d, n)
+    sine2 = (1 - cosine * cosine) / (index * index)
+    inner = np.sqrt(np.maximum(0.0, 1 - sine2))
+    return unit(d / index + (cosine / index - inner) * n), sine2 < 1

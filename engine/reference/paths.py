@@ -1,0 +1,111 @@
+"""Rays on their way from a pixel: what they weigh, where they go on from a surface (notes, section 4.17)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..scene import Lobe
+from .materials import Coefficients
+from .optics import fresnel, reflected, refracted
+from .rays import Bundle, Rays
+from .surface import Surface
+from .vectors import dot
+
+Array = np.ndarray
+
+MOST_STRAIGHT = 128
+"""Transparent surfaces that a ray passes in a row."""
+
+
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """n rays of one depth. weight: (3, n) T.  pixel: (n,).  straight: (n,) transparent surfaces passed in a row."""
+
+    rays: Rays
+    weight: Array
+    pixel: Array
+    straight: Array
+    depth: int
+
+    def __len__(self) -> int:
+        return len(self.pixel)
+
+    @property
+    def kind(self) -> str:
+        """Which flag of an object they obey."""
+        return "mirror" if self.depth else "camera"
+
+    def part(self, name: str) -> str:
+        """The part of the picture that they add to."""
+        return "Mirror" if self.depth else name
+
+
+def joined(paths: list[Paths]) -> Paths:
+    """Bundles of one depth as one."""
+    bundles = [p.rays for p in paths]
+    origin, direction = (np.concatenate([getattr(b, name) for b in bundles], 1) for name in ("origin", "direction"))
+    near, far = (np.concatenate([getattr(b, name) for b in bundles]) for name in ("near", "far"))
+    pixel, straight = (np.concatenate([getattr(p, name) for p in paths]) for name in ("pixel", "straight"))
+    rays = Bundle.of(origin, direction, near, far)
+    return Paths(rays, np.concatenate([p.weight for p in paths], 1), pixel, straight, paths[0].depth)
+
+
+def straight_on(paths: Paths, hit: Array, surface: Surface, depth: Array, k: Array, wanted: Array) -> Paths | None:
+    """The same rays beyond transparent surfaces. hit: (m,) places in `paths` of the surfaces; wanted: (m,) bool, go on for data."""
+    weight = paths.weight[:, hit] * k
+    go = np.flatnonzero((weight.any(0) | (wanted & k.any(0))) & (paths.straight[hit] < MOST_STRAIGHT))
+    if not len(go):
+        return None
+    mine = hit[go]
+    rays = paths.rays.take(mine)
+    _, d = paths.rays.lines(mine)
+    incline = np.abs(dot(surface.g[:, go], d))
+    step = surface.offset[go] / np.maximum(incline, 1e-6 * np.sqrt(dot(d, d)))
+    rays = replace(rays, near=depth[go] + step)
+    return Paths(rays, weight[:, go], paths.pixel[mine], paths.straight[mine] + 1, paths.depth)
+
+
+def bounced(paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients) -> list[Paths]:
+    """Mirror and refraction rays, one bounce deeper."""
+    result = []
+    if coefficients.mirrors:
+        k = np.zeros((3, len(surface)))
+        for term in coefficients.mirrors:
+            k[:, term.index] += term.k * _reflectance(surface, term.index, term.lobe)
+        go = np.flatnonzero(k.any(0))
+        some = surface.take(go)
+        result.append(_leaving(paths, hit[go], some, reflected(-some.v, some.n, some.g), k[:, go]))
+    for term in coefficients.refractions:
+        some = surface.take(term.index)
+        d, passes = refracted(-some.v, some.n, some.g, relative_index(some, term.lobe))
+        k = np.where(passes, 1.0, 0.0) * term.k
+        if term.lobe.fresnel:
+            k = k * (1 - _reflectance(surface, term.index, term.lobe))
+        go = np.flatnonzero(k.any(0))
+        result.append(_leaving(paths, hit[term.index[go]], some.take(go), d[:, go], k[:, go]))
+    return [paths for paths in result if len(paths)]
+
+
+def relative_index(surface: Surface, lobe: Lobe) -> Array:
+    """Index of refraction beyond the surface over that before it."""
+    return np.where(surface.outside, lobe.ior, 1 / lobe.ior)
+
+
+def _reflectance(surface: Surface, index: Array, lobe: Lobe) -> Array | float:
+    if not lobe.fresnel:
+        return 1.0
+    some = surface.take(index)
+    return fresnel(np.abs(dot(some.v, some.n)), relative_index(some, lobe))
+
+
+def _leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array) -> Paths:
+    """Rays from the surface along d, started clear of it on the side that d points to."""
+    weight = paths.weight[:, hit] * k
+    go = np.flatnonzero(weight.any(0))
+    d = d[:, go]
+    side = np.where(dot(d, surface.g[:, go]) < 0, -1.0, 1.0)
+    origin = surface.x[:, go] + side * surface.offset[go] * surface.g[:, go]
+    zero = np.zeros(len(go))
+    return Paths(Bundle.of(origin, d, zero, zero + np.inf), weight[:, go], paths.pixel[hit[go]], np.zeros(len(go), np.intp), paths.depth + 1)

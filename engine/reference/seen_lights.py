@@ -1,0 +1,64 @@
+"""Lights that rays see directly: spheres, the disc of a sun in the sky, rectangles and ellipses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .lights import HUGE, Source
+from .vectors import dot, length
+
+Array = np.ndarray
+
+
+def seen_radiance(source: Source, o: Array, d: Array, near: Array, depth: Array) -> Array:
+    """(3, n): what rays o + t d (d need not be unit) see of the light's shape with near < t < depth; infinite depth is the sky."""
+    light = source.light
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        t = _meets_area(source, o, d) if light.kind == "AREA" else _meets_sun(source, d) if light.kind == "SUN" else _meets_ball(source, o, d)
+        reached = (t > near) & ((t < depth) | (np.isinf(t) & np.isinf(depth)))
+        share = source.spot(-dot(d, source.axis) / length(d)) if light.kind == "SPOT" else 1.0
+    return np.where(reached, share, 0.0) * _radiance(source)[:, None]
+
+
+def has_shape(source: Source) -> bool:
+    """Whether there is anything to see."""
+    return _shape(source) > 0
+
+
+def _shape(source: Source) -> float:
+    """The s of radiance = c / s."""
+    light = source.light
+    if light.kind == "SUN":
+        return np.pi * np.sin(light.angle / 2) ** 2
+    if light.kind == "AREA":
+        return np.pi * light.size_x * light.size_y * (np.pi / 4 if light.shape == "ELLIPSE" else 1.0)
+    return 4 * np.pi**2 * light.radius**2
+
+
+def _radiance(source: Source) -> Array:
+    return np.clip(source.color / _shape(source), -HUGE, HUGE) if source.physical else source.color
+
+
+def _meets_ball(source: Source, o: Array, d: Array) -> Array:
+    """The first t > 0 on the sphere; NaN for a miss."""
+    f = source.position - o
+    a, b = dot(d, d), dot(f, d)
+    off = f - (b / a) * d
+    root = np.sqrt(source.light.radius**2 - dot(off, off)) / np.sqrt(a)
+    return np.where(dot(f, f) > source.light.radius**2, b / a - root, b / a + root)
+
+
+def _meets_sun(source: Source, d: Array) -> Array:
+    """Infinite within the disc, NaN outside."""
+    off = d / length(d) + source.axis
+    return np.where(dot(off, off) / 2 <= 2 * np.sin(source.light.angle / 4) ** 2, np.inf, np.nan)
+
+
+def _meets_area(source: Source, o: Array, d: Array) -> Array:
+    """t on the front of the rectangle or ellipse; NaN for a miss."""
+    facing = dot(d, source.axis)
+    t = dot(source.position - o, source.axis) / facing
+    q = o + t * d - source.position
+    a, b = dot(q, source.right) / dot(source.right, source.right), dot(q, source.up) / dot(source.up, source.up)
+    inside = (np.abs(a) <= 1) & (np.abs(b) <= 1) if source.light.shape == "RECTANGLE" else a * a + b * b <= 1
+    return np.where(inside & (facing < 0), t, np.nan)

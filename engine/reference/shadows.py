@@ -1,0 +1,100 @@
+"""Shadows (notes, section 4.16): the share of a light sample's light that reaches the shaded points.
+
+Rays to a light's point that all share are a pencil through it, rays to a point of the sun are parallel: both are traced from the light's
+side as a rasterisation. Rays to a point of their own go through the tree.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from .geometry import Geometry
+from .lights import LightSample
+from .materials import Shader
+from .rays import ULPS, Bundle, Frame, Pencil, Rays
+from .surface import Surface, spot_at
+from .vectors import dot, length, transform
+from .visibility import Visibility
+
+Array = np.ndarray
+
+
+class Shadows:
+    """Shadow rays through one geometry. rays: where they are counted."""
+
+    def __init__(self, visibility: Visibility, shader: Shader, rays: Counter[str]):
+        self._visibility, self._geometry, self._shader = visibility, visibility.geometry, shader
+        self._rays = rays
+
+    def towards(self, surface: Surface, seen: Array, sample: LightSample) -> Array:
+        """S (m, 3) for the points `seen` (m,) of the surface, which the sample lights."""
+        self._rays["shadow"] += len(seen)
+        g, offset, end = surface.g[:, seen], surface.offset[seen], sample.end
+        beside = np.where(dot(g, sample.direction) < 0, -1.0, 1.0)  # clear of the surface, on the light's side
+        reach = offset if end is None else offset + ULPS * np.abs(end).max(0)
+        start = surface.start[:, seen] + (beside * reach) * g
+        if end is None:
+            return self._parallel(start, sample.direction[:, 0])
+        if end.shape[1] == 1:
+            return self._through(start, end[:, 0])
+        return self._each(start, end)
+
+    def _blocked(self, rays: Rays) -> Array:
+        return self._visibility.blocked(rays, self._transmittance)
+
+    def _transmittance(self, rays: Rays, ray: Array, primitive: Array) -> Array:
+        return self._shader.transmittance(spot_at(self._geometry, rays, ray, primitive))
+
+    def _parallel(self, start: Array, direction: Array) -> Array:
+        matrix = parallel_frame(direction)
+        frame = Frame.of(self._geometry, matrix, np.zeros(3), perspective=False)
+        u, v, z = transform(matrix, start)
+        return self._blocked(Pencil(frame, u, v, z, np.full(len(z), np.inf)))
+
+    def _through(self, start: Array, light: Array) -> Array:
+        """Six pencils from the light, one for each side of a cube round it."""
+        arm = start - light[:, None]
+        axis = np.abs(arm).argmax(0)
+        side = 2 * axis + (np.take_along_axis(arm, axis[None], 0)[0] < 0)
+        result = np.ones((len(side), 3))
+        near = ULPS * np.abs(light).max()
+        for face in range(6):
+            mine = np.flatnonzero(side == face)
+            if len(mine):
+                matrix = cube_frame(face)
+                x, y, z = transform(matrix, arm[:, mine])
+                frame = Frame.of(self._geometry, matrix, light, perspective=True)
+                seen = np.flatnonzero(z > 0)
+                x, y, z = x[seen], y[seen], z[seen]
+                result[mine[seen]] = self._blocked(Pencil(frame, x / z, y / z, np.full(len(z), near), z))
+        return result
+
+    def _each(self, start: Array, end: Array) -> Array:
+        arm = end - start
+        far = length(arm)
+        safe = np.where(far > 0, far, 1.0)
+        margin = ULPS * np.abs(end).max(0)
+        direction = np.where(far > 0, arm / safe, np.array([[0.0], [0.0], [1.0]]))
+        return self._blocked(Bundle.of(start, direction, np.zeros(len(far)), far - margin))
+
+
+def cube_frame(face: int) -> Array:
+    """(3, 3) that turns side `face` of a cube (+x −x +y −y +z −z) to +z by exchanging and mirroring axes."""
+    axis, sign = face // 2, 1.0 - 2.0 * (face % 2)
+    matrix = np.zeros((3, 3))
+    matrix[0, (axis + 1) % 3] = matrix[1, (axis + 2) % 3] = 1.0
+    matrix[2, axis] = sign
+    return matrix
+
+
+def parallel_frame(direction: Array) -> Array:
+    """(3, 3) that shears the world so that `direction` runs along +z (Woop's shear with a common direction)."""
+    axis = int(np.abs(direction).argmax())
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.zeros((3, 3))
+    matrix[0, i] = matrix[1, j] = 1.0
+    matrix[0, axis], matrix[1, axis] = -direction[i] / direction[axis], -direction[j] / direction[axis]
+    matrix[2, axis] = np.copysign(1.0, direction[axis])
+    return matrix

@@ -1,0 +1,73 @@
+"""Everything that one render needs, built from the scene once."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from ..sampling import light_points
+from ..scene import Scene
+from ..settings import Settings
+from .attributes import Attributes
+from .camera import CameraRays
+from .geometry import gather
+from .lighting import Lighting
+from .lights import LightPoint, Source
+from .materials import Shader
+from .pulse import Pulse
+from .shadows import Shadows
+from .visibility import Visibility
+
+Array = np.ndarray
+
+
+class Stage:
+    """A scene made ready: geometry relative to the camera, materials, lights, viewing rays.
+
+    rays: counts of the rays traced so far, by kind.
+    """
+
+    def __init__(self, scene: Scene, settings: Settings, pulse: Pulse):
+        self.scene, self.settings, self.pulse = scene, settings, pulse
+        self.eye = np.asarray(scene.camera.world_from_camera, np.float64)[:, 3]
+        self.geometry = gather(scene, self.eye)
+        pulse.beat()
+        self.attributes = Attributes(scene)
+        self.shader = Shader(scene, self.attributes)
+        self.visibility = Visibility(self.geometry, ~self.shader.is_transparent(self.geometry.material), pulse)
+        self.rays: Counter[str] = Counter()
+        self.sources = tuple(Source(light, self.eye, settings.illumination == "PHYSICAL") for light in scene.lights)
+        shadows = Shadows(self.visibility, self.shader, self.rays)
+        self.lighting = Lighting(self.sources, settings.light_samples, self._light_points(), shadows, pulse)
+        self.camera = CameraRays.of(scene.camera, self.geometry)
+        self.ambient, self.background = (np.array(c, np.float64)[:, None] for c in (scene.world.ambient, scene.world.background))
+
+    @property
+    def region(self) -> tuple[int, int, int, int]:
+        """The pixels to draw: x0, y0, x1, y1."""
+        return self.settings.region or (0, 0, *self.scene.camera.resolution)
+
+    def _light_points(self) -> list[LightPoint]:
+        if all(source.sample_count(self.settings.light_samples) == 1 for source in self.sources):
+            return []
+        square, disc = light_points(self.settings.samples * self.settings.light_samples)
+        return [LightPoint(*pair) for pair in zip(square, disc, strict=True)]
+
+    def per_object(self, name: str, row: Array) -> Array:
+        """A field of `Instances` for each row of the placements."""
+        values = np.array([getattr(block, name) for block in self.scene.instances])
+        return values[self.geometry.placements.block[row]]
+
+    def stats(self) -> dict[str, float]:
+        """Counts for `Film.stats`."""
+        g, tree = self.geometry, self.visibility.built_tree
+        stored = (g.points, g.triangles, g.number, g.row, g.material)
+        return {
+            "triangles": g.triangle_count,
+            "primitives": g.count,
+            "instances": len(g.placements.block),
+            "rays": sum(self.rays.values()),
+            **{f"{kind} rays": count for kind, count in self.rays.items()},
+            "bytes": sum(a.nbytes for a in stored) + (tree.bytes if tree else 0),
+        }

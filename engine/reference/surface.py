@@ -1,0 +1,154 @@
+"""Where rays meet surfaces: points, normals and the side that is seen (notes, sections 2.7, 4.7-4.9 and 6.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from .attributes import Attributes
+from .geometry import Geometry
+from .pulse import Pulse
+from .rays import ULPS, Rays, weigh
+from .vectors import cross, dot, transform_each, unit
+
+Array = np.ndarray
+
+BLOCK = 1 << 15
+
+
+@dataclass(frozen=True, eq=False)
+class Spot:
+    """Which place on which primitive: enough to read materials. All (n,), weights (3, n) barycentric (0 off triangles)."""
+
+    primitive: Array
+    geometry: Array
+    local: Array
+    weights: Array
+    material: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Surface(Spot):
+    """n shaded points, relative to the camera. x g n (3, n): point, geometric and shading normal, both turned to the viewer.
+
+    v: (3, n) unit, to the viewer.  start: (3, n) where shadow rays start.  outside: (n,) bool, the outer side is seen.
+    offset: (n,) how far from the surface other rays must start to be clear of rounding.  row: (n,) of Placements.
+    """
+
+    row: Array
+    x: Array
+    g: Array
+    n: Array
+    v: Array
+    start: Array
+    outside: Array
+    offset: Array
+
+    def __len__(self) -> int:
+        return len(self.primitive)
+
+    def take(self, index: Array) -> Surface:
+        """The points at these places."""
+        return Surface(**{f.name: getattr(self, f.name)[..., index] for f in fields(self)})
+
+
+def spot_at(geometry: Geometry, rays: Rays, ray: Array, primitive: Array) -> Spot:
+    """Where ray `ray` (n,) meets `primitive` (n,)."""
+    weights = np.zeros((3, len(ray)))
+    flat = np.flatnonzero(primitive < geometry.triangle_count)
+    weights[:, flat] = weigh(rays, geometry, ray[flat], primitive[flat]).barycentric()
+    row = geometry.row[primitive]
+    return Spot(primitive, geometry.placements.geometry[row], geometry.primitive_of(primitive), weights, geometry.material[primitive])
+
+
+def surface_at(geometry: Geometry, attributes: Attributes, rays: Rays, ray: Array, primitive: Array, depth: Array, pulse: Pulse) -> Surface:
+    """The surfaces that rays `ray` meet at `depth`, worked out in blocks that fit into the processor's cache."""
+    parts = []
+    for begin in range(0, max(len(ray), 1), BLOCK):
+        pulse.beat()
+        part = slice(begin, begin + BLOCK)
+        parts.append(_surface(geometry, attributes, rays, ray[part], primitive[part], depth[part]))
+    if len(parts) == 1:
+        return parts[0]
+    return Surface(**{f.name: np.concatenate([getattr(part, f.name) for part in parts], -1) for f in fields(Surface)})
+
+
+def _surface(geometry: Geometry, attributes: Attributes, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Surface:
+    spot = spot_at(geometry, rays, ray, primitive)
+    o, d = rays.lines(ray)
+    row = geometry.row[primitive]
+    x, g, reach = _triangle_points(geometry, spot)
+    _place_shapes(geometry, primitive, o, d, depth, x, g, reach)
+    v = unit(-d)
+    outside = dot(g, v) >= 0
+    side = np.where(outside, 1.0, -1.0)
+    n, start = _shading_normals(geometry, attributes, spot, row, x, g, side)
+    return Surface(**vars(spot), row=row, x=x, g=g * side, n=n, v=v, start=start, outside=outside, offset=ULPS * reach)
+
+
+def _triangle_points(geometry: Geometry, spot: Spot) -> tuple[Array, Array, Array]:
+    """Points from barycentric weights, outward normals, largest coordinates of the corners; zeros off triangles."""
+    flat = np.flatnonzero(spot.primitive < geometry.triangle_count)
+    x, g, reach = np.zeros((3, len(spot.primitive))), np.zeros((3, len(spot.primitive))), np.zeros(len(spot.primitive))
+    triangle, w = spot.primitive[flat], spot.weights[:, flat]
+    a, b, c = (geometry.points[:, corner[triangle]] for corner in geometry.triangles)
+    x[:, flat] = w[0] * a + w[1] * b + w[2] * c
+    mirror = geometry.placements.mirror[geometry.row[triangle]]
+    g[:, flat] = unit(cross(b - a, c - a)) * mirror
+    reach[flat] = np.maximum(np.maximum(np.abs(a).max(0), np.abs(b).max(0)), np.abs(c).max(0))
+    return x, g, reach
+
+
+def _place_shapes(geometry: Geometry, primitive: Array, o: Array, d: Array, depth: Array, x: Array, g: Array, reach: Array) -> None:
+    """Fills in spheres and polygons."""
+    shape = primitive - geometry.triangle_count
+    balls = np.flatnonzero((shape >= 0) & (shape < geometry.ball_count))
+    if len(balls):
+        x[:, balls], g[:, balls] = _ball_points(geometry, shape[balls], o[:, balls] + depth[balls] * d[:, balls], o[:, balls])
+    faces = np.flatnonzero(shape >= geometry.ball_count)
+    if len(faces):
+        index = shape[faces] - geometry.ball_count
+        n, first = geometry.faces.normal[:, index], geometry.faces.corners[:, geometry.faces.start[index]]
+        at = o[:, faces] + depth[faces] * d[:, faces]
+        x[:, faces] = at - dot(at - first, n) * n
+        g[:, faces] = n * geometry.placements.mirror[geometry.row[primitive[faces]]]
+    some = np.flatnonzero(shape >= 0)
+    if len(some):
+        s = shape[some]
+        corner = np.maximum(np.abs(geometry.lower[:, s]), np.abs(geometry.upper[:, s])).max(0)
+        reach[some] = np.maximum(corner, np.abs(o[:, some]).max(0))
+
+
+def _ball_points(geometry: Geometry, index: Array, at: Array, o: Array) -> tuple[Array, Array]:
+    """Points brought back to the sphere in its object, and outward normals by the cofactor matrix."""
+    balls, placements = geometry.balls, geometry.placements
+    row = balls.row[index]
+    from_center = transform_each(balls.object_from_world[index], at - balls.center_world[:, index])
+    direction = unit(from_center)
+    arm = np.where(balls.flat[index], from_center, balls.radius[index] * direction)
+    x = balls.center_world[:, index] + transform_each(placements.world_from_object[row], arm)
+    normal = unit(transform_each(placements.normals[row], direction)) * placements.mirror[row]
+    return x, np.where(balls.flat[index], balls.normal[:, index], normal)
+
+
+def _shading_normals(geometry: Geometry, attributes: Attributes, spot: Spot, row: Array, x: Array, g: Array, side: Array):
+    """Interpolated normals, and Hanika's starts of shadow rays (Hacking the shadow terminator, 2021)."""
+    pool = attributes.normals()
+    smooth = np.flatnonzero(pool.has(spot.geometry) & (spot.primitive < geometry.triangle_count))
+    n, start = g * side, x.copy()
+    if not len(smooth):
+        return n, start
+    w, side = spot.weights[:, smooth], side[smooth]
+    matrix, mirror = geometry.placements.normals[row[smooth]], geometry.placements.mirror[row[smooth]]
+    corners = pool.at_corners(spot.geometry[smooth], spot.local[smooth])
+    mixed = unit(transform_each(matrix, w[0] * corners[0] + w[1] * corners[1] + w[2] * corners[2])) * mirror * side
+    zero = ~mixed.any(0)
+    n[:, smooth] = np.where(zero, n[:, smooth], mixed)
+    lift = np.zeros_like(mixed)
+    for k, corner in enumerate(corners):
+        n_k = unit(transform_each(matrix, corner)) * mirror * side
+        v_k = geometry.points[:, geometry.triangles[k][spot.primitive[smooth]]]
+        lift += w[k] * np.maximum(0.0, dot(v_k - x[:, smooth], n_k)) * n_k
+    start[:, smooth] += lift
+    return n, start

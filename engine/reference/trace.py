@@ -1,0 +1,95 @@
+"""The render loop: samples, and tiles of pixels within a sample (notes, section 4.2: image-order rendering)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from time import perf_counter
+
+import numpy as np
+
+from ..film import Film
+from ..sampling import pixel_offsets
+from ..scene import Scene
+from ..settings import Settings
+from .generations import Generations
+from .picture import DATA, Picture, Tile
+from .pulse import Pulse, Stopped
+from .stage import Stage
+
+Array = np.ndarray
+
+TILE = 1 << 19
+"""Pixels traced together: many, because each tile projects the whole scene; not all of a large picture, because of memory."""
+
+
+def render_reference(
+    scene: Scene,
+    settings: Settings,
+    should_stop: Callable[[], bool],
+    on_progress: Callable[[float], None],
+    on_wave: Callable[[Film], None] | None,
+) -> Film:
+    """The picture of `scene`, as engine.render describes it, in float64 NumPy."""
+    tracer = Tracer(scene, settings, Pulse(should_stop))
+    complete = tracer.run(on_progress, on_wave)
+    return tracer.film(complete)
+
+
+class Tracer:
+    """One render. picture: the sums so far, float64."""
+
+    def __init__(self, scene: Scene, settings: Settings, pulse: Pulse):
+        self._scene, self._settings, self._pulse = scene, settings, pulse
+        x0, y0, x1, y1 = settings.region or (0, 0, *scene.camera.resolution)
+        self.picture = Picture(x1 - x0, y1 - y0, settings.passes)
+        self._stage: Stage | None = None
+        self._seconds: dict[str, float] = {}
+
+    def run(self, on_progress: Callable[[float], None] = lambda _: None, on_wave: Callable[[Film], None] | None = None) -> bool:
+        """Traces all samples; False when stopped."""
+        try:
+            with self._clock("build"):
+                self._stage = Stage(self._scene, self._settings, self._pulse)
+            for sample, offset in enumerate(pixel_offsets(self._settings.samples, self._settings.filter_width)):
+                with self._clock("trace"):
+                    for done in self._sample(self._stage, sample, offset):
+                        on_progress((sample + done) / self._settings.samples)
+                if on_wave and (sample + 1) & sample == 0:
+                    on_wave(self.film(True))
+        except Stopped:
+            return False
+        return True
+
+    def film(self, complete: bool) -> Film:
+        """The picture so far."""
+        stats = self._stage.stats() if self._stage else {}
+        notes = self._stage.geometry.left_out if self._stage else ()
+        return self.picture.film(complete, stats | self._seconds, notes)
+
+    def _sample(self, stage: Stage, sample: int, offset: Array) -> Iterator[float]:
+        """Traces one sample of every pixel tile by tile; yields the finished fraction."""
+        x0, y0, x1, y1 = stage.region
+        rows = max(TILE // (x1 - x0), 1)
+        for y in range(y0, y1, rows):
+            above = min(y + rows, y1)
+            rays, strips = stage.camera.pixels((x0, x1), (y, above), offset)
+            tile = Tile(len(rays), self._settings.passes.intersection(DATA) if sample == 0 else frozenset())
+            Generations(stage, tile, sample).run(rays, strips)
+            self.picture.keep((y - y0) * (x1 - x0), tile)
+            yield (above - y0) / (y1 - y0)
+
+    def _clock(self, name: str) -> _Clock:
+        return _Clock(self._seconds, name)
+
+
+class _Clock:
+    """Adds the seconds that a with block takes to an entry of a dictionary, however the block ends."""
+
+    def __init__(self, seconds: dict[str, float], name: str):
+        self._seconds, self._name = seconds, name
+
+    def __enter__(self) -> None:
+        self._began = perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self._seconds[self._name] = self._seconds.get(self._name, 0.0) + perf_counter() - self._began

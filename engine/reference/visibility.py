@@ -1,0 +1,169 @@
+"""What rays meet first, and how much light passes along them (notes, sections 4.10 and 4.16)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from .geometry import Geometry
+from .pulse import Pulse
+from .raster import Strips, raster_pairs, sorted_strips
+from .rays import Bundle, Pencil, Rays, hit_triangles
+from .shapes import meet_ball, meet_face
+from .tree import Tree, build, tree_pairs
+
+Array = np.ndarray
+
+TIE = 2.0**-46
+"""Hits whose distances differ by less than this share are one hit: coincident faces, and neighbours met in their common edge."""
+
+NOTHING = -1
+
+
+class Hits(NamedTuple):
+    """The closest hits of n rays: primitive (n,), NOTHING for none; depth (n,) along the ray, infinite for none."""
+
+    primitive: Array
+    depth: Array
+
+
+class _Meetings(NamedTuple):
+    """Rays, primitives and depths (m,) where they meet."""
+
+    ray: Array
+    primitive: Array
+    depth: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Visibility:
+    """Answers rays about one geometry. opaque: (p,) bool, primitives that let no light through."""
+
+    geometry: Geometry
+    opaque: Array
+    pulse: Pulse
+
+    @cached_property
+    def tree(self) -> Tree:
+        """Built when the first rays come that are not a pencil."""
+        return build(self.geometry, self.pulse)
+
+    @property
+    def built_tree(self) -> Tree | None:
+        """The tree, if it was needed so far."""
+        return vars(self).get("tree")
+
+    def closest(self, rays: Rays, kind: str, strips: Strips | None = None) -> Hits:
+        """The first hit of each ray; of hits in a tie that of the lowest primitive. `strips`: of a pencil that is sorted already."""
+        if not len(rays) or not self.geometry.count:
+            return Hits(np.full(len(rays), NOTHING), np.full(len(rays), np.inf))
+        if isinstance(rays, Pencil) and strips is None:
+            order, strips = sorted_strips(rays.u, rays.v)
+            return Hits(*(_unsorted(a, order) for a in self._closest(rays.take(order), kind, strips)))
+        return self._closest(rays, kind, strips)
+
+    def _closest(self, rays: Rays, kind: str, strips: Strips | None) -> Hits:
+        limit, found = rays.far.copy(), []
+        for meetings in self._meetings(rays, kind, strips, limit):
+            np.minimum.at(limit, meetings.ray, meetings.depth + TIE * np.abs(meetings.depth))
+            found.append(meetings)
+        ray, primitive, depth = _together(found)
+        return _lowest(self.geometry, len(rays), ray, primitive, depth, limit)
+
+    def blocked(self, rays: Rays, transmittance: Callable[[Array, Array, Array], Array], strips: Strips | None = None) -> Array:
+        """S (n, 3): the share of light that passes along each ray. transmittance(primitive, ray, depth): (m, 3) of surfaces met."""
+        if not len(rays) or not self.geometry.count:
+            return np.ones((len(rays), 3))
+        if isinstance(rays, Pencil):
+            order, strips = sorted_strips(rays.u, rays.v)
+            return _unsorted(self._blocked(rays.take(order), transmittance, strips), order)
+        return self._blocked(rays, transmittance, None)
+
+    def _blocked(self, rays: Rays, transmittance, strips: Strips | None) -> Array:
+        limit, found = rays.far.copy(), []
+        for meetings in self._meetings(rays, "shadow", strips, limit):
+            opaque = self.opaque[meetings.primitive]
+            limit[meetings.ray[opaque]] = -np.inf
+            found.append(_Meetings(*(a[~opaque] for a in meetings)))
+        passed = np.where(limit == -np.inf, 0.0, 1.0)[:, None] * np.ones(3)
+        ray, primitive, depth = _together(found)
+        open_ray = limit[ray] > -np.inf
+        ray, primitive, depth = _once(self.geometry, ray[open_ray], primitive[open_ray], depth[open_ray])
+        if len(ray):
+            np.multiply.at(passed, ray, transmittance(rays, ray, primitive))
+        return passed
+
+    def _meetings(self, rays: Rays, kind: str, strips: Strips | None, limit: Array) -> Iterator[_Meetings]:
+        seen = self.geometry.visible[kind]
+        if isinstance(rays, Bundle):
+            pairs = tree_pairs(self.tree, rays, seen, limit, self.pulse)
+        else:
+            pairs = raster_pairs(rays, strips, self.geometry, seen, limit, self.pulse)
+        for ray, primitive in pairs:
+            if self.geometry.triangle_count == self.geometry.count:
+                which, depth = hit_triangles(rays, self.geometry, ray, primitive, limit)
+                yield _Meetings(ray.take(which), primitive.take(which), depth)
+            else:
+                yield from self._meet_all(rays, ray, primitive, limit)
+
+    def _meet_all(self, rays: Rays, ray: Array, primitive: Array, limit: Array) -> Iterator[_Meetings]:
+        """Pairs of rays with primitives of every sort."""
+        triangles, balls = self.geometry.triangle_count, self.geometry.ball_count
+        flat = primitive < triangles
+        which, depth = hit_triangles(rays, self.geometry, ray[flat], primitive[flat], limit)
+        yield _Meetings(ray[flat][which], primitive[flat][which], depth)
+        round_ = ~flat & (primitive < triangles + balls)
+        for some, first, meet in (
+            (round_, triangles, lambda k, o, d: meet_ball(self.geometry.balls, k, o, d)),
+            (~flat & ~round_, triangles + balls, lambda k, o, d: meet_face(self.geometry.faces, k, o, d)[None]),
+        ):
+            mine = ray[some]
+            if len(mine):
+                for depth in meet(primitive[some] - first, *rays.lines(mine)):
+                    good = (depth > rays.near[mine]) & (depth < rays.far[mine]) & (depth <= limit[mine])
+                    yield _Meetings(mine[good], primitive[some][good], depth[good])
+
+
+def _unsorted(values: Array, order: Array) -> Array:
+    result = np.empty_like(values)
+    result[order] = values
+    return result
+
+
+def _together(found: list[_Meetings]) -> _Meetings:
+    if not found:
+        return _Meetings(np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0))
+    return _Meetings(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def _lowest(geometry: Geometry, rays: int, ray: Array, primitive: Array, depth: Array, limit: Array) -> Hits:
+    """Of all meetings not beyond `limit` (the closest of each ray, with its tie) the primitive of the lowest number."""
+    close = np.flatnonzero(depth <= limit[ray])
+    ray, primitive, depth = ray[close], primitive[close], depth[close]
+    number = geometry.number[primitive]
+    lowest = np.full(rays, np.iinfo(np.intp).max)
+    np.minimum.at(lowest, ray, number)
+    winner = number == lowest[ray]
+    result = Hits(np.full(rays, NOTHING), np.full(rays, np.inf))
+    result.primitive[ray[winner]] = primitive[winner]
+    np.minimum.at(result.depth, ray[winner], depth[winner])
+    return result
+
+
+def _once(geometry: Geometry, ray: Array, primitive: Array, depth: Array) -> _Meetings:
+    """Meetings sorted by ray and depth, of those in a tie only that of the lowest primitive."""
+    order = np.lexsort((geometry.number[primitive], depth, ray))
+    ray, primitive, depth = ray[order], primitive[order], depth[order]
+    same = (ray[1:] == ray[:-1]) & (depth[1:] <= depth[:-1] + TIE * np.abs(depth[:-1]))
+    start = np.flatnonzero(np.concatenate([np.ones(min(len(ray), 1), bool), ~same]))
+    if not len(start):
+        return _Meetings(ray, primitive, depth)
+    lowest = np.minimum.reduceat(geometry.number[primitive], start)
+    group = np.repeat(np.arange(len(start)), np.diff(np.append(start, len(ray))))
+    winner = np.flatnonzero(geometry.number[primitive] == lowest[group])
+    winner = winner[np.concatenate([np.ones(min(len(winner), 1), bool), np.diff(group[winner]) > 0])]
+    return _Meetings(ray[winner], primitive[winner], depth[winner])

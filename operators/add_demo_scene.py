@@ -1,0 +1,37 @@
+"""File → New scene with Glint's demo in it."""
+
+from __future__ import annotations
+
+import bpy
+
+from .demo_scene import build_demo_scene
+
+
+class GLINT_OT_add_demo_scene(bpy.types.Operator):
+    """Add a new scene with Glint's demo: highlights, mirrors, hard and soft shadows, instances and a textured floor"""
+
+    bl_idname = "glint.add_demo_scene"
+    bl_label = "Add Glint Demo Scene"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        scene = bpy.data.scenes.new("Glint Demo")
+        if context.window:
+            context.window.scene = scene
+        with context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+            build_demo_scene()
+        return {"FINISHED"}
+
+
+def _draw_menu_entry(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+    self.layout.operator(GLINT_OT_add_demo_scene.bl_idname, text="Glint Demo Scene", icon="SCENE_DATA")
+
+
+def register() -> None:
+    bpy.utils.register_class(GLINT_OT_add_demo_scene)
+    bpy.types.TOPBAR_MT_render.append(_draw_menu_entry)
+
+
+def unregister() -> None:
+    bpy.types.TOPBAR_MT_render.remove(_draw_menu_entry)
+    bpy.utils.unregister_class(GLINT_OT_add_demo_scene)

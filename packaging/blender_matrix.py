@@ -1,0 +1,63 @@
+"""`make test-blenders`: the tests that talk to Blender, in every Blender of the matrix, and in a whole Blender program where one can be had.
+
+The default one runs in `make test`; 5.2 runs where a Python 3.13 is at hand.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+
+import environment
+import run_tests
+import tree
+
+TESTS = ("tests/packaging", "tests/blender")
+DEBIAN = tree.ROOT / ".cache" / "debian-trixie"
+CANNOT = 77
+
+
+def main() -> int:
+    """One line per Blender at the end; fails when any of them did."""
+    results = {f"bpy {series}": _series(series) for series in tree.settings()["tool"]["glint"]["bpy"] if not _is_default(series)}
+    results["Debian's blender"] = _debian()
+    print("\n".join(f"glint: {name:17} {result}" for name, result in results.items()), flush=True)
+    return int(any(result.startswith("failed") for result in results.values()))
+
+
+def _is_default(series: str) -> bool:
+    return series == tree.settings()["tool"]["glint"]["default"]
+
+
+def _series(series: str) -> str:
+    print(f"glint: === Blender {series} ===", flush=True)
+    blender = tree.blender(series)
+    try:
+        environment.find_python(blender.python)
+    except tree.Failure as failure:
+        return f"left out: {failure}"
+    try:
+        return _verdict(run_tests.run(series, ["-m", "not slow", *TESTS]))
+    except tree.Failure as failure:
+        return f"failed: {failure}"
+
+
+def _debian() -> str:
+    """A whole program: installed zips, exit codes of `blender -b`, the command line."""
+    print("glint: === Debian's Blender ===", flush=True)
+    made = subprocess.run([str(tree.ROOT / "packaging" / "debian_blender.sh"), str(DEBIAN)], stdout=subprocess.PIPE, text=True)
+    if made.returncode == CANNOT:
+        return f"left out: {made.stdout.splitlines()[-1]}"
+    if made.returncode != 0:
+        return f"failed: debian_blender.sh ended with {made.returncode}"
+    program = {"GLINT_BLENDER": f"chroot {DEBIAN} blender", "GLINT_BLENDER_ROOT": str(DEBIAN)}
+    os.environ.update(program)
+    return _verdict(run_tests.run("", ["-m", "not slow", "tests/packaging"]))
+
+
+def _verdict(code: int) -> str:
+    return "passed" if code == 0 else f"failed: pytest ended with {code}"
+
+
+if __name__ == "__main__":
+    tree.main(main)

@@ -1,0 +1,99 @@
+"""Packs the extension: the full edition with the core's wheel, and the pure-Python one; both checked by Blender's own validator."""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import shutil
+import sys
+from pathlib import Path
+
+import core_wheel
+import environment
+import tree
+
+# What goes into a zip at all; blender_manifest.toml's exclude patterns then apply to it.
+PACKED = ("__init__.py", "LICENSE", "README.md", "CHANGELOG.md", "addon", "engine", "operators")
+LEFT_OUT = ("__pycache__", "*.pyc", "core")
+
+_MACHINES = {"x86_64": "x64", "amd64": "x64", "aarch64": "arm64", "arm64": "arm64"}
+_SYSTEMS = {"linux": "linux", "darwin": "macos", "win32": "windows"}
+
+
+def blender_platform() -> str:
+    """This machine as Blender's manifests name it: "linux-x64", "macos-arm64", …"""
+    return f"{_SYSTEMS[sys.platform]}-{_MACHINES[platform.machine().lower()]}"
+
+
+def full_zip(blender: tree.Blender) -> Path:
+    """dist/glint-<version>-<platform>.zip, with the core's wheel."""
+    wheel = core_wheel.build(blender)
+    return _pack(blender, blender_platform().replace("-", "_"), wheel)
+
+
+def python_zip(blender: tree.Blender) -> Path:
+    """dist/glint-<version>-python.zip, in which the NumPy tracer renders."""
+    return _pack(blender, "python", None)
+
+
+def _pack(blender: tree.Blender, edition: str, wheel: Path | None) -> Path:
+    target = tree.DIST / f"glint-{tree.manifest()['version']}-{edition}.zip"
+    stamp = tree.BUILD / "stage" / f"{edition}-stamp"
+    mark = _mark(wheel)
+    if not (target.is_file() and tree.is_current(stamp, mark)):
+        stage = _stage(edition, wheel)
+        target.parent.mkdir(exist_ok=True)
+        _blender_extension(blender, "build", "--source-dir", stage, "--output-filepath", target)
+        _blender_extension(blender, "validate", target)
+        tree.write_stamp(stamp, mark)
+    return target
+
+
+def _mark(wheel: Path | None) -> str:
+    sources = [tree.ROOT / name for name in (*PACKED, "blender_manifest.toml") if (tree.ROOT / name).exists()]
+    return tree.fingerprint([*sources, *([wheel] if wheel else [])])
+
+
+def _stage(edition: str, wheel: Path | None) -> Path:
+    """A folder with what the zip will hold."""
+    stage = tree.BUILD / "stage" / edition
+    shutil.rmtree(stage, ignore_errors=True)
+    stage.mkdir(parents=True)
+    for name in PACKED:
+        source = tree.ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, stage / name, ignore=shutil.ignore_patterns(*LEFT_OUT))
+        else:
+            shutil.copy2(source, stage / name)
+    (stage / "blender_manifest.toml").write_text(_manifest_text(wheel))
+    if wheel:
+        (stage / "wheels").mkdir()
+        shutil.copy2(wheel, stage / "wheels")
+    return stage
+
+
+def _manifest_text(wheel: Path | None) -> str:
+    """The manifest; the full edition's names its platform and its wheel (top-level keys, so before the first table)."""
+    text = (tree.ROOT / "blender_manifest.toml").read_text()
+    if wheel is None:
+        return text
+    head, tables = text.split("\n[", 1)
+    return f'{head}\nplatforms = ["{blender_platform()}"]\nwheels = ["./wheels/{wheel.name}"]\n\n[{tables}'
+
+
+def _blender_extension(blender: tree.Blender, *arguments: object) -> None:
+    """Blender's own extension tool; it runs in plain Python."""
+    tools = sorted(blender.bpy.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
+    tree.call([blender.interpreter, tools[0], *arguments], "Blender's extension tool rejects the package.")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--bpy", default="")
+    blender = environment.prepare(parser.parse_args().bpy)
+    for path in (full_zip(blender), python_zip(blender)):
+        print(f"glint: {path.relative_to(tree.ROOT)} ({path.stat().st_size / 1e6:.2f} MB)")
+
+
+if __name__ == "__main__":
+    tree.main(main)

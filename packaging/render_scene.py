@@ -1,0 +1,126 @@
+"""`make render`: sets everything up, installs the extension as a user would, and renders a .blend file, or the demo, with Glint.
+
+Run by any Python 3.11 it prepares the environment and starts itself there; inside (bpy) it renders.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import core_wheel
+import environment
+import extension_zips
+import install_extension
+import tree
+
+
+def main() -> int:
+    options = _options()
+    if options.inside:
+        return _render(options)
+    blender = environment.prepare(options.bpy)
+    core_wheel.install(blender)
+    zip_path = extension_zips.full_zip(blender)
+    arguments = [f"--inside={zip_path}", f"--out={options.out}", f"--scene={options.scene}", f"--frame={options.frame}"]
+    variables = {**os.environ, "BLENDER_USER_RESOURCES": str(blender.resources)}
+    blender.resources.mkdir(parents=True, exist_ok=True)
+    return subprocess.run([blender.interpreter, __file__, *arguments], env=variables).returncode
+
+
+def _options() -> argparse.Namespace:
+    arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--bpy", default="", help="which Blender, as in environment.py")
+    parser.add_argument("--scene", default="", help=".blend file; the demo when empty")
+    parser.add_argument("--frame", default="", help="frame number; the file's current one when empty")
+    parser.add_argument("--out", default="out", help="folder for the pictures")
+    parser.add_argument("--inside", default="", help="this is bpy or Blender: install this zip and render")
+    return parser.parse_args(arguments)
+
+
+def _render(options: argparse.Namespace) -> int:
+    install_extension.install(Path(options.inside), Path(os.environ["BLENDER_USER_RESOURCES"]))
+    import bpy
+
+    name = _open(options.scene)
+    scene = bpy.context.scene
+    scene.render.engine = "GLINT"
+    if options.frame:
+        scene.frame_set(int(options.frame))
+        name = f"{name}_{int(options.frame):04d}"
+    out = Path(options.out).resolve()
+    out.mkdir(parents=True, exist_ok=True)
+    seconds = _write_pictures(scene, out / f"{name}.exr", out / f"{name}.png")
+    _tell(scene, [out / f"{name}.png", out / f"{name}.exr"], seconds)
+    return 0
+
+
+def _open(path: str) -> str:
+    """Open the file, or make the demo; returns the stem for the pictures' names."""
+    import bpy
+
+    if not path:
+        from bl_ext.user_default.glint.operators.demo_scene import build_demo_scene
+
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+        build_demo_scene()
+        return "demo"
+    if not Path(path).is_file():
+        raise tree.Failure(f"SCENE={path}: there is no such file.")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(Path(path).resolve()), load_ui=False)
+    except RuntimeError as error:
+        raise tree.Failure(f"SCENE={path}: Blender cannot open it: {error}") from error
+    return Path(path).stem
+
+
+def _write_pictures(scene, exr: Path, png: Path) -> float:
+    """Render once into a multilayer EXR, then save the same result as PNG; returns the seconds altogether."""
+    import bpy
+
+    start = time.perf_counter()
+    for path in (exr, png):
+        path.unlink(missing_ok=True)
+    _set_format(scene, "OPEN_EXR_MULTILAYER", "32")
+    scene.render.filepath = str(exr)
+    scene.render.use_file_extension = True
+    try:
+        bpy.ops.render.render(write_still=True)
+    except RuntimeError as error:
+        raise tree.Failure(f"the render failed: {error}") from error
+    _set_format(scene, "PNG", "8")
+    bpy.data.images["Render Result"].save_render(str(png), scene=scene)
+    missing = [str(path) for path in (exr, png) if not path.is_file()]
+    if missing:
+        raise tree.Failure(f"the render ended without an error, but did not write {', '.join(missing)}")
+    return time.perf_counter() - start
+
+
+def _set_format(scene, file_format: str, depth: str) -> None:
+    image = scene.render.image_settings
+    if hasattr(image, "media_type"):
+        image.media_type = "MULTI_LAYER_IMAGE" if "MULTILAYER" in file_format else "IMAGE"
+    image.file_format = file_format
+    image.color_mode = "RGBA"
+    image.color_depth = depth
+
+
+def _tell(scene, pictures: list[Path], seconds: float) -> None:
+    """Where the pictures are, seconds per stage, what the scene required."""
+    from bl_ext.user_default.glint.addon import statistics
+
+    last = statistics.of_last_render(scene.name)
+    last.seconds["write"] = seconds - sum(last.seconds[stage] for stage in ("sync", "build", "trace"))
+    for path in pictures:
+        print(f"picture   {path}")
+    print(f"stages    {last.stages_line}")
+    print(f"required  {last.scene_line}")
+
+
+if __name__ == "__main__":
+    tree.main(main)

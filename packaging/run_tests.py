@@ -1,0 +1,34 @@
+"""`make test`: prepares the environment and the core, then runs pytest in it with the arguments after `--`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+
+import core_wheel
+import environment
+import tree
+
+
+def main() -> int:
+    cut = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--bpy", default="")
+    options = parser.parse_args(sys.argv[1:cut])
+    return run(options.bpy, sys.argv[cut + 1 :])
+
+
+def run(wanted: str, pytest_arguments: list[str]) -> int:
+    """Exit code of pytest in the environment of this Blender."""
+    blender = environment.prepare(wanted)
+    core_wheel.install(blender)
+    blender.resources.mkdir(parents=True, exist_ok=True)
+    variables = {**os.environ, "BLENDER_USER_RESOURCES": str(blender.resources), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [blender.interpreter, "-m", "pytest", *pytest_arguments]
+    return subprocess.run([str(part) for part in command], cwd=tree.ROOT, env=variables).returncode
+
+
+if __name__ == "__main__":
+    tree.main(main)

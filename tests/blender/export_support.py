@@ -1,0 +1,139 @@
+"""Small scripted scenes for the export's tests, and the export of what they hold."""
+
+from __future__ import annotations
+
+import warnings
+
+import bpy
+import numpy as np
+import pytest
+
+from glint.addon.export import Export, export_scene
+from glint.engine.scene import Input, Lobe
+
+
+@pytest.fixture
+def scene():
+    """An empty scene with a camera at (0, -6, 0) that looks along +y."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.camera = link(bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera")))
+    scene.camera.location, scene.camera.rotation_euler = (0, -6, 0), (np.pi / 2, 0, 0)
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 48, 100
+    return scene
+
+
+def link(thing):
+    bpy.context.scene.collection.objects.link(thing)
+    return thing
+
+
+def export(**options) -> Export:
+    """Exports the current scene; the result must be sound."""
+    bpy.context.view_layer.update()
+    result = export_scene(bpy.context.evaluated_depsgraph_get(), **options)
+    assert result.scene.problems() == []
+    return result
+
+
+def use_nodes(block) -> None:
+    """Nodes on, cleared. Blender 5 deprecates the switch."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        block.use_nodes = True
+    block.node_tree.nodes.clear()
+
+
+def mesh_object(name: str, vertices, faces, *materials):
+    """A mesh object of the scene."""
+    data = bpy.data.meshes.new(name)
+    data.from_pydata(vertices, [], faces)
+    for material in materials:
+        data.materials.append(material)
+    data.update()
+    return link(bpy.data.objects.new(name, data))
+
+
+def quad(name: str = "Quad", *materials):
+    return mesh_object(name, [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)], *materials)
+
+
+class Shader:
+    """A material under construction, worn by a quad with a UV map and a colour attribute."""
+
+    def __init__(self, name: str = "Material", shader: str | None = "ShaderNodeBsdfDiffuse") -> None:
+        self.material = bpy.data.materials.new(name)
+        use_nodes(self.material)
+        self.tree = self.material.node_tree
+        self.output = self.tree.nodes.new("ShaderNodeOutputMaterial")
+        self.shader = self.node(shader) if shader else None
+        if shader:
+            self.link(self.shader, 0, self.output, "Surface")
+        self.quad = quad("Quad", self.material)
+        self.quad.data.uv_layers.new(name="UVMap")
+        self.quad.data.color_attributes.new("Col", "FLOAT_COLOR", "CORNER")
+
+    def node(self, kind: str, **settings):
+        """A new node; settings are attributes, or inputs by name where the node has no such attribute."""
+        node = self.tree.nodes.new(kind)
+        for name, value in settings.items():
+            setattr(node, name, value)
+        return node
+
+    def link(self, source, output, target, name) -> None:
+        outputs = source.outputs
+        self.tree.links.new(outputs[output], _input(target, name))
+
+    def export(self) -> tuple[Export, tuple[Lobe, ...]]:
+        """The export and the lobes of this material."""
+        result = export()
+        material = next(m for m in result.scene.materials if m.name == self.material.name)
+        return result, material.lobes
+
+
+def _input(node, name):
+    by_identifier = [socket for socket in node.inputs if socket.identifier == name]
+    return by_identifier[0] if by_identifier else node.inputs[name]
+
+
+def of_kind(lobes, kind: str) -> list[Lobe]:
+    return [lobe for lobe in lobes if lobe.kind == kind]
+
+
+def weight(lobe: Lobe, textures=(), colors=None) -> np.ndarray:
+    """(3,) the product of a lobe's factors where textures give their first texel and attributes give `colors[name]`."""
+    product = np.ones(3)
+    for factor in lobe.factors:
+        product = product * _factor(factor, textures, colors or {})
+    return product
+
+
+def _factor(factor: Input, textures, colors) -> np.ndarray:
+    value = np.array(factor.value)
+    if factor.texture >= 0:
+        texture = textures[factor.texture]
+        texel = texture.pixels[0, 0] / 255 if texture.pixels.dtype == np.uint8 else texture.pixels[0, 0]
+        rgb = srgb_to_linear(texel[:3]) if texture.encoding == "SRGB" else texel[:3]
+        value = value * {"COLOR": rgb, "ALPHA": texel[3], "LUMINANCE": np.mean(rgb)}[factor.channel]
+    if factor.attribute:
+        value = value * np.array(colors[factor.attribute])
+    return 1 - value if factor.complement else value
+
+
+def total(lobes, kind: str, textures=(), colors=None) -> np.ndarray:
+    """(3,) the summed weight of all lobes of a kind."""
+    return sum((weight(lobe, textures, colors) for lobe in of_kind(lobes, kind)), np.zeros(3))
+
+
+def srgb_to_linear(value):
+    value = np.asarray(value, np.float64)
+    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+
+
+def image(name: str = "Image", pixels=((0.5, 0.25, 0.75, 1.0),), size=(1, 1), float_buffer: bool = False):
+    """A generated image whose pixels are repeated from `pixels`."""
+    picture = bpy.data.images.new(name, *size, alpha=True, float_buffer=float_buffer)
+    count = size[0] * size[1]
+    picture.pixels = np.resize(np.array(pixels, np.float32), (count, 4)).ravel()
+    picture.update()
+    return picture

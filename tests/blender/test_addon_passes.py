@@ -1,0 +1,143 @@
+"""Which passes reach a multilayer EXR, under Blender's names, in Blender's layers."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from blender_process import REGISTER_TREE, Blender
+
+DRAW = (
+    REGISTER_TREE
+    + """
+bpy.ops.wm.read_homefile(use_factory_startup=True)
+scene = bpy.context.scene
+scene.render.engine = "GLINT"
+scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 32, 24, 100
+scene.glint.final.samples = scene.glint.final.light_samples = 1
+scene.glint.final.backend = "NUMPY"
+settings = scene.render.image_settings
+if hasattr(settings, "media_type"):
+    settings.media_type = "MULTI_LAYER_IMAGE"
+settings.file_format, settings.color_depth = "OPEN_EXR_MULTILAYER", "32"
+"""
+)
+
+BLENDER_SWITCHES = ("z", "position", "normal", "uv", "object_index", "material_index", "emit", "environment")
+OUR_SWITCHES = ("diffuse", "specular", "ambient", "shadow", "mirror")
+
+
+def read_channels(path: Path) -> dict[str, np.ndarray]:
+    """Channel name ("ViewLayer.Depth.Z") → (h, w) float32; 4.x writes one part, 5.x one part per pass."""
+    image, channels, part = oiio.ImageInput.open(str(path)), {}, 0
+    while image.seek_subimage(part, 0):
+        pixels = image.read_image(part, 0, 0, image.spec().nchannels, oiio.FLOAT)
+        prefix = image.spec().getattribute("name") or ""
+        for index, name in enumerate(image.spec().channelnames):
+            channels[name if name.count(".") > 1 or not prefix else f"{prefix}.{name}"] = pixels[..., index]
+        part += 1
+    return channels
+
+
+@pytest.fixture(scope="module")
+def all_passes(tmp_path_factory) -> tuple[dict[str, np.ndarray], object]:
+    """Channels of one render with every pass on, and the Blender's version."""
+    blender = Blender(tmp_path_factory.mktemp("passes"))
+    run = blender.run(
+        DRAW
+        + f"""
+layer = scene.view_layers[0]
+for name in {BLENDER_SWITCHES}:
+    setattr(layer, "use_pass_" + name, True)
+for name in {OUR_SWITCHES}:
+    setattr(layer.glint, "use_pass_" + name, True)
+bpy.data.objects["Cube"].pass_index = 7
+bpy.data.objects["Cube"].active_material.pass_index = 5
+scene.render.filepath = str(FOLDER / "all.exr")
+bpy.ops.render.render(write_still=True)
+answer(list(bpy.app.version))
+"""
+    )
+    assert run.returncode == 0, run.output
+    return read_channels(blender.folder / "all.exr"), tuple(run.answer)
+
+
+def _pass(channels: dict[str, np.ndarray], name: str) -> np.ndarray:
+    found = [values for channel, values in channels.items() if f".{name}." in f".{channel}"]
+    assert found, f"no pass {name} among {json.dumps(sorted(channels))}"
+    return np.stack(found, axis=-1)
+
+
+def test_every_pass_is_written_under_the_name_that_this_blender_uses(all_passes):
+    channels, version = all_passes
+    renamed = ("Object Index", "Material Index", "Emission", "Environment") if version >= (5, 0) else ("IndexOB", "IndexMA", "Emit", "Env")
+    counts = {"Combined": 4, "Depth": 1, "Position": 3, "Normal": 3, "UV": 3, **dict(zip(renamed, (1, 1, 3, 3), strict=True))}
+    counts |= dict.fromkeys(("Diffuse", "Specular", "Ambient", "Shadow", "Mirror"), 3)
+    assert {name: _pass(channels, name).shape[-1] for name in counts} == counts
+
+
+def test_the_passes_hold_their_own_values(all_passes):
+    channels, version = all_passes
+    depth = _pass(channels, "Depth")[..., 0]
+    hit = depth < 1e9
+    assert 0.02 < hit.mean() < 0.9
+    assert depth[~hit].min() == np.float32(1e10)
+    assert set(np.unique(_pass(channels, "Object Index" if version >= (5, 0) else "IndexOB"))) == {0.0, 7.0}
+    assert set(np.unique(_pass(channels, "Material Index" if version >= (5, 0) else "IndexMA"))) == {0.0, 5.0}
+    np.testing.assert_allclose(np.linalg.norm(_pass(channels, "Normal")[hit], axis=-1), 1.0, rtol=1e-5)
+
+
+def test_the_parts_sum_to_combined(all_passes):
+    channels, version = all_passes
+    names = ["Diffuse", "Specular", "Ambient", "Shadow", "Mirror", *(("Emission", "Environment") if version >= (5, 0) else ("Emit", "Env"))]
+    parts = [{channel: values for channel, values in channels.items() if f".{name}." in f".{channel}"} for name in names]
+    for letter in "RGB":
+        total = sum(values.astype(float) for part in parts for channel, values in part.items() if channel.endswith(f".{letter}"))
+        combined = next(values for channel, values in channels.items() if channel.endswith(f"Combined.{letter}"))
+        np.testing.assert_allclose(total, combined, rtol=1e-5, atol=1e-6)
+
+
+def test_only_what_is_switched_on_is_written(tmp_path):
+    blender = Blender(tmp_path)
+    run = blender.run(
+        DRAW
+        + """
+scene.view_layers[0].use_pass_z = False
+scene.render.filepath = str(FOLDER / "few.exr")
+bpy.ops.render.render(write_still=True)
+"""
+    )
+    assert run.returncode == 0, run.output
+    channels = [name for name in read_channels(tmp_path / "few.exr") if "Composite" not in name]
+    assert {name.split(".")[-2] for name in channels} == {"Combined"}
+
+
+def test_each_view_layer_gets_its_own_picture(tmp_path):
+    """A layer without the cube is empty where the other shows it."""
+    blender = Blender(tmp_path)
+    run = blender.run(
+        DRAW
+        + """
+scene.render.film_transparent = True
+empty = scene.view_layers.new("Empty")
+empty.layer_collection.children[0].exclude = True
+scene.view_layers[0].name = "Cube"
+scene.render.filepath = str(FOLDER / "layers.exr")
+bpy.ops.render.render(write_still=True)
+"""
+    )
+    assert run.returncode == 0, run.output
+    channels = read_channels(tmp_path / "layers.exr")
+    alpha = {layer: channels[f"{layer}.Combined.A"] for layer in ("Cube", "Empty")}
+    assert alpha["Cube"].max() == 1.0
+    assert alpha["Empty"].max() == 0.0
+
+
+def test_statistics_are_in_the_metadata(tmp_path):
+    blender = Blender(tmp_path)
+    run = blender.run(DRAW + 'scene.render.filepath = str(FOLDER / "stamp.exr")\nbpy.ops.render.render(write_still=True)\n')
+    assert run.returncode == 0, run.output
+    attributes = {attribute.name: attribute.value for attribute in oiio.ImageInput.open(str(tmp_path / "stamp.exr")).spec().extra_attribs}
+    assert "12 triangles" in attributes["glint.ViewLayer.scene"], sorted(attributes)
+    assert "trace" in attributes["glint.ViewLayer.seconds"]

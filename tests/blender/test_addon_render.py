@@ -1,0 +1,105 @@
+"""How Blender drives the engine: borders, animations, previews, messages."""
+
+import re
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from blender_process import REGISTER_TREE, Blender
+
+DRAW = (
+    REGISTER_TREE
+    + """
+bpy.ops.wm.read_homefile(use_factory_startup=True)
+scene = bpy.context.scene
+scene.render.engine = "GLINT"
+scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 100, 60, 50
+scene.glint.final.samples = scene.glint.final.light_samples = 1
+scene.glint.final.backend = "NUMPY"
+scene.render.image_settings.file_format = "OPEN_EXR"
+scene.render.image_settings.color_depth = "32"
+
+def draw(name):
+    scene.render.filepath = str(FOLDER / name)
+    bpy.ops.render.render(write_still=True)
+"""
+)
+
+
+def _picture(path) -> np.ndarray:
+    return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)
+
+
+@pytest.mark.parametrize("border", [(0.0, 1.0, 0.0, 1.0), (0.2, 0.7, 0.1, 0.6), (0.333, 0.667, 0.45, 0.55), (0.01, 0.99, 0.99, 1.0)])
+def test_a_border_is_the_same_pixels_cut_out(tmp_path, border):
+    blender = Blender(tmp_path)
+    run = blender.run(
+        DRAW
+        + f"""
+draw("whole.exr")
+scene.render.use_border = True
+scene.render.border_min_x, scene.render.border_max_x, scene.render.border_min_y, scene.render.border_max_y = {border}
+draw("border.exr")
+scene.render.use_crop_to_border = True
+draw("crop.exr")
+"""
+    )
+    assert run.returncode == 0, run.output
+    whole, bordered, crop = (_picture(tmp_path / name) for name in ("whole.exr", "border.exr", "crop.exr"))
+    assert whole.shape == bordered.shape == (30, 50, 4)
+    inside = np.argwhere(bordered[..., 3] > 0)
+    (y0, x0), (y1, x1) = inside.min(axis=0), inside.max(axis=0) + 1
+    np.testing.assert_array_equal(bordered[y0:y1, x0:x1], whole[y0:y1, x0:x1])
+    np.testing.assert_array_equal(crop, whole[y0:y1, x0:x1])
+
+
+def test_an_animation_with_persistent_data_draws_every_frame_anew(tmp_path):
+    """The cube moves: each frame equals the still of that frame drawn without persistent data."""
+    blender = Blender(tmp_path)
+    run = blender.run(
+        DRAW
+        + """
+cube = bpy.data.objects["Cube"]
+for frame in (1, 3):
+    cube.location.x = float(frame)
+    cube.keyframe_insert("location", frame=frame)
+scene.frame_start, scene.frame_end = 1, 3
+scene.render.use_persistent_data = True
+scene.render.filepath = str(FOLDER / "frame_")
+bpy.ops.render.render(animation=True)
+scene.render.use_persistent_data = False
+scene.frame_set(3)
+draw("still.exr")
+"""
+    )
+    assert run.returncode == 0, run.output
+    first, last, still = (_picture(tmp_path / name) for name in ("frame_0001.exr", "frame_0003.exr", "still.exr"))
+    np.testing.assert_array_equal(last, still)
+    assert np.abs(first - last).max() > 0.05
+
+
+def test_many_notes_are_cut_and_counted_and_each_is_told_once(tmp_path):
+    run = Blender(tmp_path).run(
+        DRAW
+        + """
+import dataclasses, glint.addon.final as final
+export = final.export_scene
+def noisy(*args, **kwargs):
+    done = export(*args, **kwargs)
+    return dataclasses.replace(done, notes=tuple(f"oddity {k % 30}" for k in range(60)))
+final.export_scene = noisy
+draw("notes.exr")
+"""
+    )
+    assert run.returncode == 0, run.output
+    told = [line for line in run.output.splitlines() if "oddity" in line]
+    assert len(told) == len(set(told)) == 12, run.output
+    left_out = int(re.search(r"and (\d+) more notes", run.output).group(1))
+    assert left_out >= 30 - 12, "the scene itself may add notes"
+
+
+def test_no_camera_is_blenders_own_error(tmp_path):
+    run = Blender(tmp_path).run(DRAW + "bpy.data.objects.remove(scene.camera)\ndraw('none.exr')\n")
+    assert run.returncode == 1
+    assert "camera" in run.output.lower()
+    assert not (tmp_path / "none.exr").exists()

@@ -1,0 +1,92 @@
+"""Settings: they survive a file, and they arrive in the engine."""
+
+from blender_process import REGISTER_TREE, Blender
+
+VALUES = {"samples": 9, "light_samples": 3, "max_bounces": 2, "illumination": "CLASSIC", "backend": "NUMPY", "threads": 5}
+
+
+def test_settings_and_switches_survive_saving_and_loading(tmp_path):
+    run = Blender(tmp_path).run(
+        REGISTER_TREE
+        + f"""
+scene = bpy.context.scene
+for name, value in {VALUES}.items():
+    setattr(scene.glint.final, name, value)
+scene.glint.viewport.samples = 2
+bpy.context.view_layer.glint.use_pass_mirror = True
+bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "settings.blend"))
+bpy.ops.wm.read_homefile(use_factory_startup=True)
+fresh = bpy.context.scene.glint.final.samples
+bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "settings.blend"))
+scene = bpy.context.scene
+answer({{
+    "fresh": fresh,
+    "final": {{name: getattr(scene.glint.final, name) for name in {list(VALUES)}}},
+    "viewport": scene.glint.viewport.samples,
+    "mirror": bpy.context.view_layer.glint.use_pass_mirror,
+    "shadow": bpy.context.view_layer.glint.use_pass_shadow,
+}})
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert run.answer == {"fresh": 16, "final": VALUES, "viewport": 2, "mirror": True, "shadow": False}
+
+
+def test_settings_arrive_in_the_engine(tmp_path):
+    run = Blender(tmp_path).run(
+        REGISTER_TREE
+        + f"""
+import dataclasses
+from glint.addon.properties import settings_from
+scene = bpy.context.scene
+for name, value in {VALUES}.items():
+    setattr(scene.glint.final, name, value)
+scene.render.filter_size = 2.5
+settings = settings_from(scene.glint.final, scene, {{"Combined", "Depth"}}, (1, 2, 3, 4))
+given = {{**dataclasses.asdict(settings), "passes": sorted(settings.passes)}}
+scene.glint.final.threads = 0
+scene.render.threads_mode, scene.render.threads = "FIXED", 3
+fixed = settings_from(scene.glint.final, scene).threads
+scene.render.threads_mode = "AUTO"
+answer({{"given": given, "fixed": fixed, "auto": settings_from(scene.glint.final, scene).threads, "problems": settings.problems()}})
+"""
+    )
+    assert run.returncode == 0, run.output
+    expected = {**VALUES, "precision": "ROBUST", "filter_width": 2.5, "passes": ["Depth"], "region": [1, 2, 3, 4]}
+    assert run.answer == {"given": expected, "fixed": 3, "auto": 0, "problems": []}
+
+
+def test_the_defaults_are_the_engines(tmp_path):
+    """One home for defaults: what Blender offers untouched is `engine.Settings()`."""
+    run = Blender(tmp_path).run(
+        REGISTER_TREE
+        + """
+from glint import engine
+from glint.addon.properties import settings_from
+scene = bpy.context.scene
+answer([settings_from(group, scene) == engine.Settings() for group in (scene.glint.final, scene.glint.viewport)])
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert run.answer == [True, True]
+
+
+def test_unregistering_leaves_nothing_behind(tmp_path):
+    run = Blender(tmp_path).run(
+        "before = {name for name in dir(bpy.types)}\n"
+        + REGISTER_TREE
+        + """
+def joined():
+    blenders = [panel for panel in bpy.types.Panel.__subclasses__() if not panel.__name__.startswith("GLINT_")]
+    return sum("GLINT" in getattr(panel, "COMPAT_ENGINES", ()) for panel in blenders)
+during = joined()
+glint.unregister()
+glint.register()
+again = joined()
+glint.unregister()
+left = [name for name in dir(bpy.types) if "glint" in name.lower() and name not in before]
+answer({"left": left, "joined": during == again > 20, "after": joined(), "scene": hasattr(bpy.types.Scene, "glint")})
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert run.answer == {"left": [], "joined": True, "after": 0, "scene": False}

@@ -1,0 +1,187 @@
+"""The camera's frame, window and border against Blender's own projection and its own border."""
+
+import bpy
+import numpy as np
+import pytest
+from bpy_extras.object_utils import world_to_camera_view
+from export_support import export, link, scene  # noqa: F401
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mathutils import Euler, Matrix, Vector
+
+from glint.addon.export import ExportError
+from glint.addon.export.camera import border
+from glint.engine.scene import Camera
+
+PROPERTY = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def pixel_of(camera: Camera, point) -> np.ndarray:
+    """(2,) float64 pixel coordinates of a world point by the exported camera alone."""
+    axes, eye = camera.world_from_camera[:, :3], camera.world_from_camera[:, 3]
+    u, v, w = np.linalg.solve(axes, np.asarray(point, np.float64) - eye)
+    if camera.kind == "PERSPECTIVE":
+        u, v = u / -w, v / -w
+    left, right, bottom, top = camera.window
+    return np.array([(u - left) / (right - left), (v - bottom) / (top - bottom)]) * camera.resolution
+
+
+def _blenders_pixel(scene, point) -> np.ndarray:  # noqa: F811
+    found = world_to_camera_view(scene, scene.camera, Vector(point))
+    return np.array([found.x * scene.render.resolution_x, found.y * scene.render.resolution_y])
+
+
+lenses = st.fixed_dictionaries(
+    {
+        "type": st.sampled_from(["PERSP", "ORTHO"]),
+        "lens": st.floats(5, 300),
+        "ortho_scale": st.floats(0.01, 100),
+        "sensor_fit": st.sampled_from(["AUTO", "HORIZONTAL", "VERTICAL"]),
+        "sensor_width": st.floats(5, 70),
+        "sensor_height": st.floats(5, 70),
+        "shift_x": st.floats(-2, 2),
+        "shift_y": st.floats(-2, 2),
+    }
+)
+frames = st.fixed_dictionaries(
+    {
+        "resolution_x": st.integers(4, 400),
+        "resolution_y": st.integers(4, 400),
+        "pixel_aspect_x": st.floats(1, 3),
+        "pixel_aspect_y": st.floats(1, 3),
+    }
+)
+unit = st.floats(-1, 1)
+
+
+def _set(thing, values) -> None:
+    for name, value in values.items():
+        setattr(thing, name, value)
+
+
+@PROPERTY
+@given(lens=lenses, frame=frames, point=st.tuples(unit, unit, unit))
+def test_the_window_is_blenders(scene, lens, frame, point):  # noqa: F811
+    """Blender works its view frame out in float32: a few ulps of the window's largest number, in pixels, is all that may differ."""
+    _set(scene.camera.data, lens)
+    _set(scene.render, frame)
+    camera = export().scene.camera
+    spot = (point[0], 2 + point[1], point[2])
+    window = np.abs(camera.window)
+    cells = np.array([window[:2].max() / (camera.window[1] - camera.window[0]), window[2:].max() / (camera.window[3] - camera.window[2])])
+    ours, theirs = pixel_of(camera, spot), _blenders_pixel(scene, spot)
+    tolerance = 16 * np.finfo(np.float32).eps * camera.resolution * (1 + cells + np.abs(theirs / camera.resolution))
+    assert (np.abs(ours - theirs) <= tolerance).all()
+
+
+@PROPERTY
+@given(lens=lenses, frame=frames)
+def test_the_corners_are_those_of_the_view_frame(scene, lens, frame):  # noqa: F811
+    _set(scene.camera.data, lens)
+    _set(scene.render, frame)
+    corners = np.array([corner[:] for corner in scene.camera.data.view_frame(scene=scene)])
+    camera = export().scene.camera
+    plane = corners[:, :2] / (-corners[:, 2:] if camera.kind == "PERSPECTIVE" else 1)
+    left, right, bottom, top = camera.window
+    tolerance = 16 * np.finfo(np.float32).eps * np.abs(camera.window).max()
+    np.testing.assert_allclose([plane[:, 0].min(), plane[:, 0].max()], [left, right], rtol=0, atol=tolerance)
+    np.testing.assert_allclose([plane[:, 1].min(), plane[:, 1].max()], [bottom, top], rtol=0, atol=tolerance)
+
+
+def test_the_window_by_hand(scene):  # noqa: F811
+    """36 mm on 50 mm across 64 pixels, shifted by a quarter of the sensor; half as wide pixels as high."""
+    scene.camera.data.shift_x = 0.25
+    scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = 1, 1
+    np.testing.assert_allclose(export().scene.camera.window, (-0.36 + 0.18, 0.36 + 0.18, -0.27, 0.27), rtol=1e-7)
+    scene.camera.data.sensor_fit, scene.camera.data.shift_x = "VERTICAL", 0
+    np.testing.assert_allclose(export().scene.camera.window, (-0.32, 0.32, -0.24, 0.24), rtol=1e-7)
+
+
+@pytest.mark.parametrize("scale", [(2, 2, 2), (1, 3, 0.5), (-1, 1, 1), (1, 1, -2)])
+def test_scale_does_not_count_but_mirroring_does(scene, scale):  # noqa: F811
+    turn = Euler((1, 0.2, 3)).to_matrix()
+    scene.camera.matrix_world = Matrix.LocRotScale((1, 2, 3), turn, Vector(scale))
+    frame = export().scene.camera.world_from_camera
+    np.testing.assert_allclose(frame[:, :3], np.array(turn) * np.sign(scale), atol=1e-6)
+    np.testing.assert_allclose(frame[:, 3], (1, 2, 3))
+
+
+def test_clip_and_resolution(scene):  # noqa: F811
+    scene.camera.data.clip_start, scene.camera.data.clip_end = 0.25, 77
+    scene.render.resolution_percentage = 33
+    camera = export().scene.camera
+    assert (camera.clip_start, camera.clip_end, camera.resolution) == (0.25, 77, (21, 15))
+    assert export(width=7, height=9).scene.camera.resolution == (7, 9)
+
+
+def test_no_border_no_region(scene):  # noqa: F811
+    assert export().region is None
+
+
+class _Rectangles(bpy.types.RenderEngine):
+    """Tells how large a result Blender makes for a border."""
+
+    bl_idname = "GLINT_TEST_BORDER"
+    bl_label = "Border"
+    seen: list[tuple[int, int]] = []
+
+    def render(self, depsgraph):
+        size = border(depsgraph.scene.render, (self.resolution_x, self.resolution_y))
+        width, height = size[2] - size[0], size[3] - size[1]
+        result = self.begin_result(0, 0, width, height)
+        pixels = len(result.layers[0].passes["Combined"].rect)
+        self.end_result(result)
+        self.seen.append((pixels, width * height))
+
+
+@pytest.mark.parametrize("edges", [(0.1, 0.2, 0.7, 0.9), (0.0, 0.0, 1.0, 1.0), (0.333, 0.25, 0.667, 0.75), (0.3, 0.7, 0.31, 0.72)])
+@pytest.mark.parametrize("crop", [False, True])
+def test_the_border_is_blenders_rectangle(scene, edges, crop):  # noqa: F811
+    bpy.utils.register_class(_Rectangles)
+    try:
+        render = scene.render
+        render.engine, render.use_border, render.use_crop_to_border = _Rectangles.bl_idname, True, crop
+        render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y = edges
+        render.resolution_x, render.resolution_y = 203, 117
+        x0, y0, x1, y1 = export().region
+        picture = bpy.data.images["Render Result"] if "Render Result" in bpy.data.images else None
+        bpy.ops.render.render()
+        picture = picture or bpy.data.images.get("Render Result")
+        assert _Rectangles.seen[-1][0] == _Rectangles.seen[-1][1] == (x1 - x0) * (y1 - y0)
+        assert 0 <= x0 < x1 <= 203
+        assert 0 <= y0 < y1 <= 117
+    finally:
+        bpy.utils.unregister_class(_Rectangles)
+
+
+def test_bad_cameras_are_errors(scene):  # noqa: F811
+    scene.camera.matrix_world = Matrix.Translation((np.nan, 0, 0))
+    with pytest.raises(ExportError, match="not finite"):
+        export()
+    scene.camera.matrix_world = Matrix.Diagonal((1, 0, 1, 1))
+    with pytest.raises(ExportError, match="scaled to nothing"):
+        export()
+    scene.camera = None
+    with pytest.raises(ExportError, match="no camera"):
+        export()
+
+
+def test_an_empty_border_is_an_error(scene):  # noqa: F811
+    scene.render.use_border, scene.render.border_min_x, scene.render.border_max_x = True, 0.5, 0.5
+    with pytest.raises(ExportError, match="border"):
+        export()
+
+
+def test_what_the_camera_cannot_do_is_noted(scene):  # noqa: F811
+    assert export().notes == ()
+    scene.camera.data.dof.use_dof = scene.render.use_motion_blur = scene.render.use_multiview = True
+    scene.camera.data.type = "PANO"
+    assert len(export().notes) == 4
+
+
+def test_looking_through_a_spot_light_takes_in_its_cone(scene):  # noqa: F811
+    light = bpy.data.lights.new("Spot", "SPOT")
+    light.spot_size = np.pi / 2
+    scene.camera = link(bpy.data.objects.new("Spot", light))
+    camera = export().scene.camera
+    np.testing.assert_allclose(camera.window[:2], (-1.125, 1.125), rtol=1e-6)  # 18 / 16, as Cycles' lens for lights

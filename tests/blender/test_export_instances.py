@@ -1,0 +1,223 @@
+"""Places, sharing and visibility against a plain walk over the depsgraph."""
+
+import bpy
+import numpy as np
+import pytest
+from export_support import export, link, mesh_object, quad, scene  # noqa: F401
+from mathutils import Matrix
+
+from glint.engine.scene import Instances
+
+
+def _plain_walk(kinds=("MESH",)) -> dict[tuple, np.ndarray]:
+    """Object data's name → (k, 3, 4) places, one matrix at a time."""
+    places: dict[str, list] = {}
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        if instance.show_self and instance.object.type in kinds and len(instance.object.data.polygons):
+            places.setdefault(instance.object.name, []).append(np.array(instance.matrix_world)[:3])
+    return {name: np.array(rows) for name, rows in places.items()}
+
+
+def _places(instances: tuple[Instances, ...]) -> dict[str, np.ndarray]:
+    places: dict[str, list] = {}
+    for row in instances:
+        places.setdefault(row.name, []).extend(row.world_from_object)
+    return {name: np.array(rows) for name, rows in places.items()}
+
+
+def _assert_same_places() -> None:
+    found, plain = _places(export().scene.instances), _plain_walk()
+    assert found.keys() == plain.keys()
+    for name, rows in plain.items():
+        np.testing.assert_array_equal(found[name], rows)
+
+
+def _collection():
+    collection = bpy.data.collections.new("Parts")
+    for k, name in enumerate(("A", "B")):
+        part = quad(name)
+        bpy.context.scene.collection.objects.unlink(part)
+        collection.objects.link(part)
+        part.location = (k, 2 * k, 3)
+    return collection
+
+
+def _empty_with(collection, **settings):
+    empty = link(bpy.data.objects.new("Instancer", None))
+    empty.instance_type, empty.instance_collection = "COLLECTION", collection
+    for name, value in settings.items():
+        setattr(empty, name, value)
+    return empty
+
+
+def test_collection_instances_share_meshes(scene):  # noqa: F811
+    collection = _collection()
+    _empty_with(collection, location=(5, 0, 0), rotation_euler=(1, 2, 3))
+    _empty_with(collection, scale=(-1, 2, 0.5))
+    assert len(export().scene.geometries) == 2
+    _assert_same_places()
+
+
+def test_nested_collections(scene):  # noqa: F811
+    outer = bpy.data.collections.new("Outer")
+    inner = _empty_with(_collection(), location=(0, 0, 1))
+    scene.collection.objects.unlink(inner)
+    outer.objects.link(inner)
+    _empty_with(outer, rotation_euler=(0.5, 0, 0))
+    _assert_same_places()
+
+
+@pytest.mark.parametrize("way", ["VERTS", "FACES"])
+def test_instancing_on_vertices_and_faces(scene, way):  # noqa: F811
+    bpy.ops.mesh.primitive_ico_sphere_add()
+    parent = bpy.context.object
+    child = quad("Child")
+    child.parent = parent
+    parent.instance_type = way
+    _assert_same_places()
+    parent.show_instancer_for_render = parent.show_instancer_for_viewport = False
+    _assert_same_places()
+    assert {row.name for row in export().scene.instances} == {"Child"}
+
+
+def test_particles(scene):  # noqa: F811
+    bpy.ops.mesh.primitive_plane_add()
+    emitter, part = bpy.context.object, quad("Part")
+    emitter.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    settings = emitter.particle_systems[0].settings
+    settings.count, settings.frame_end, settings.render_type, settings.instance_object = 30, 1, "OBJECT", part
+    scene.frame_set(5)
+    _assert_same_places()
+    assert len(_places(export().scene.instances)["Part"]) > 20
+
+
+def scatter(count: int, node: str = "GeometryNodeObjectInfo"):
+    """A grid of about `count` points that geometry nodes turn into placed, turned and scaled icospheres."""
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=1)
+    part = bpy.context.object
+    side = round(count**0.5)
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=side - 1, y_subdivisions=side - 1, size=2)
+    grid = bpy.context.object
+    tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    names = ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeInstanceOnPoints", node, "FunctionNodeRandomValue")
+    start, end, place, what, random = (tree.nodes.new(name) for name in names)
+    random.data_type = "FLOAT_VECTOR"
+    if node == "GeometryNodeObjectInfo":
+        what.inputs["Object"].default_value = part
+        what.inputs["As Instance"].default_value = True
+        tree.links.new(what.outputs["Geometry"], place.inputs["Instance"])
+    else:
+        tree.links.new(what.outputs["Mesh"], place.inputs["Instance"])
+    tree.links.new(start.outputs[0], place.inputs["Points"])
+    tree.links.new(random.outputs[0], place.inputs["Rotation"])
+    tree.links.new(random.outputs[0], place.inputs["Scale"])
+    tree.links.new(place.outputs[0], end.inputs[0])
+    grid.modifiers.new("Scatter", "NODES").node_group = tree
+    grid.location, grid.rotation_euler, grid.scale = (1, 2, 3), (0.1, 0.2, 0.3), (1, 0.5, 2)
+    return grid, part
+
+
+@pytest.mark.parametrize("node", ["GeometryNodeObjectInfo", "GeometryNodeMeshCube"])
+def test_geometry_nodes_instances(scene, node):  # noqa: F811
+    scatter(100, node)
+    _assert_same_places()
+
+
+def test_instances_of_instances(scene):  # noqa: F811
+    grid, _ = scatter(9)
+    collection = bpy.data.collections.new("Grids")
+    collection.objects.link(grid)
+    _empty_with(collection, location=(0, 0, 9))
+    _assert_same_places()
+
+
+def test_odd_matrices_pass_through(scene):  # noqa: F811
+    parent = link(bpy.data.objects.new("Parent", None))
+    parent.scale = (1, 5, 0.2)
+    for k, scale in enumerate([(-1, 1, 1), (1, 0, 1), (0, 0, 0), (1e-6, 1, 1e6)]):
+        thing = quad(f"Odd{k}")
+        thing.parent, thing.rotation_euler, thing.scale = parent, (1, 2, 3), scale
+    bpy.context.view_layer.update()
+    assert export().notes == ()
+    _assert_same_places()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_places_that_are_not_finite_are_named(scene, bad):  # noqa: F811
+    quad("Good")
+    quad("Bad").matrix_world = Matrix.Translation((bad, 0, 0))
+    result = export()
+    assert [row.name for row in result.scene.instances] == ["Good"]
+    assert sum("'Bad'" in note for note in result.notes) == 1
+
+
+def test_hidden_objects_are_left_out(scene):  # noqa: F811
+    hidden = quad("Hidden")
+    hidden.hide_render = hidden.hide_viewport = True
+    assert export().scene.instances == ()
+
+
+FLAGS = {"visible_camera": "visible_camera", "visible_glossy": "visible_mirror", "visible_shadow": "visible_shadow", "is_holdout": "holdout"}
+
+
+@pytest.mark.parametrize("flag", FLAGS)
+def test_each_flag_has_its_field(scene, flag):  # noqa: F811
+    thing = quad()
+    thing.pass_index = 7
+    setattr(thing, flag, not getattr(thing, flag))
+    (row,) = export().scene.instances
+    changed = {name for name in FLAGS.values() if getattr(row, name) != (name != "holdout")}
+    assert changed == {FLAGS[flag]}
+    assert row.object_index == 7
+
+
+def test_an_instancer_hides_what_it_places(scene):  # noqa: F811
+    _empty_with(_collection(), visible_camera=False, is_holdout=True)
+    assert all(not row.visible_camera and row.visible_shadow and row.holdout for row in export().scene.instances)
+
+
+def test_collections_of_the_view_layer_hold_out_and_hide(scene):  # noqa: F811
+    for name in ("Hole", "Indirect"):
+        collection = bpy.data.collections.new(name)
+        scene.collection.children.link(collection)
+        collection.objects.link(mesh_object(name, [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)]))
+        scene.collection.objects.unlink(bpy.data.objects[name])
+    layers = bpy.context.view_layer.layer_collection.children
+    layers["Hole"].holdout, layers["Indirect"].indirect_only = True, True
+    result = export()
+    hole, indirect = result.scene.instances
+    assert hole.holdout and hole.visible_camera
+    assert not indirect.holdout and not indirect.visible_camera
+    assert [note for note in result.notes if "'Indirect'" in note and "'Hole'" not in note]
+
+
+def test_shadow_catchers_are_noted(scene):  # noqa: F811
+    quad("Catcher").is_shadow_catcher = True
+    assert any("'Catcher'" in note for note in export().notes)
+
+
+def test_what_cannot_be_rendered_is_named_once_per_kind(scene):  # noqa: F811
+    for name in ("Fur", "Beard"):
+        link(bpy.data.objects.new(name, bpy.data.hair_curves.new(name)))
+    link(bpy.data.objects.new("Smoke", bpy.data.volumes.new("Smoke")))
+    notes = export().notes
+    assert sum("'Fur'" in note and "'Beard'" in note for note in notes) == 1
+    assert sum("'Smoke'" in note for note in notes) == 1
+    assert len(notes) == 2
+
+
+def test_particle_hair_is_named(scene):  # noqa: F811
+    bpy.ops.mesh.primitive_plane_add()
+    emitter = bpy.context.object
+    emitter.name = "Head"
+    emitter.modifiers.new("Hair", "PARTICLE_SYSTEM")
+    emitter.particle_systems[0].settings.type = "HAIR"
+    assert any("'Head'" in note and "hair" in note for note in export().notes)
+
+
+def test_material_override_of_the_view_layer(scene):  # noqa: F811
+    quad("Quad", bpy.data.materials.new("Own"))
+    bpy.context.view_layer.material_override = bpy.data.materials.new("Override")
+    assert [m.name for m in export().scene.materials] == ["Override"]

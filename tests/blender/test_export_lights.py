@@ -1,0 +1,201 @@
+"""Lights: every field, and strengths that Cycles confirms."""
+
+import bpy
+import numpy as np
+import pytest
+from export_support import export, link, scene, use_nodes  # noqa: F401
+from mathutils import Euler, Matrix, Vector
+
+NORMALIZE = "normalize" in bpy.types.Light.bl_rna.properties
+
+
+def _light(kind: str, **settings):
+    data = bpy.data.lights.new(kind, kind)
+    for name, value in settings.items():
+        setattr(data, name, value)
+    return link(bpy.data.objects.new(kind, data))
+
+
+def _only_light():
+    (light,) = export().scene.lights
+    return light
+
+
+def test_the_frame_has_no_scale_and_shines_along_minus_z(scene):  # noqa: F811
+    turn = Euler((1, 2, 3)).to_matrix()
+    _light("SPOT").matrix_world = Matrix.LocRotScale((1, 2, 3), turn, Vector((2, 2, 2)))
+    frame = _only_light().world_from_light
+    np.testing.assert_allclose(frame[:, :3], np.array(turn), atol=1e-6)
+    np.testing.assert_allclose(frame[:, 3], (1, 2, 3))
+
+
+@pytest.mark.parametrize("scale", [(-1, 1, 1), (1, -2, 1), (1, 1, -1)])
+def test_a_mirrored_light_keeps_its_direction_and_is_right_handed(scene, scale):  # noqa: F811
+    _light("AREA").matrix_world = Matrix.LocRotScale((0, 0, 0), Euler((1, 2, 3)).to_matrix(), Vector(scale))
+    bpy.context.view_layer.update()
+    frame = _only_light().world_from_light
+    z = np.array(bpy.data.objects["AREA"].matrix_world)[:3, 2]
+    np.testing.assert_allclose(frame[:, 2], z / np.linalg.norm(z), atol=1e-6)
+    np.testing.assert_allclose(np.linalg.det(frame[:, :3]), 1, atol=1e-6)
+
+
+def test_point(scene):  # noqa: F811
+    _light("POINT", energy=12, shadow_soft_size=0.5, color=(1, 0.5, 0.25)).scale = (3, 3, 3)
+    light = _only_light()
+    assert (light.kind, light.strength, light.radius, light.color) == ("POINT", 12, 0.5, (1, 0.5, 0.25))
+
+
+def test_sun(scene):  # noqa: F811
+    _light("SUN", energy=3, angle=0.25)
+    light = _only_light()
+    assert (light.kind, light.strength, light.angle) == ("SUN", 3, 0.25)
+
+
+def test_spot(scene):  # noqa: F811
+    _light("SPOT", spot_size=0.5, spot_blend=0.25, shadow_soft_size=0.125)
+    light = _only_light()
+    assert (light.kind, light.spot_size, light.spot_blend, light.radius) == ("SPOT", 0.5, 0.25, 0.125)
+
+
+SHAPES = {"SQUARE": ("RECTANGLE", 4, 6), "RECTANGLE": ("RECTANGLE", 4, 15), "DISK": ("ELLIPSE", 4, 6), "ELLIPSE": ("ELLIPSE", 4, 15)}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_area_sizes_are_scaled_by_the_object(scene, shape):  # noqa: F811
+    _light("AREA", shape=shape, size=2, size_y=5).scale = (2, 3, 7)
+    light = _only_light()
+    np.testing.assert_allclose((light.size_x, light.size_y), SHAPES[shape][1:], rtol=1e-6)
+    assert (light.kind, light.shape) == ("AREA", SHAPES[shape][0])
+
+
+def test_flags(scene):  # noqa: F811
+    thing = _light("POINT", use_shadow=False)
+    light = _only_light()
+    assert (light.cast_shadow, light.visible_camera, light.visible_mirror) == (False, False, True)
+    thing.visible_camera, thing.visible_glossy = True, False
+    light = _only_light()
+    assert (light.visible_camera, light.visible_mirror) == (True, False)
+
+
+@pytest.mark.skipif("use_soft_falloff" not in bpy.types.PointLight.bl_rna.properties, reason="this Blender has no soft falloff")
+def test_soft_falloff(scene):  # noqa: F811
+    thing = _light("POINT", use_soft_falloff=True)
+    assert _only_light().soft_falloff
+    thing.data.use_soft_falloff = False
+    assert not _only_light().soft_falloff
+
+
+@pytest.mark.skipif("exposure" not in bpy.types.Light.bl_rna.properties, reason="this Blender's lights have no exposure")
+def test_exposure_and_temperature(scene):  # noqa: F811
+    thing = _light("SUN", energy=3, exposure=2, color=(1, 0.5, 1), use_temperature=True, temperature=4000)
+    light = _only_light()
+    assert light.strength == 12
+    np.testing.assert_allclose(light.color, np.array(thing.data.temperature_color) * (1, 0.5, 1))
+    assert light.color[0] > 2 * light.color[2]
+
+
+def test_instanced_lights(scene):  # noqa: F811
+    collection = bpy.data.collections.new("Lamps")
+    lamp = _light("POINT")
+    scene.collection.objects.unlink(lamp)
+    collection.objects.link(lamp)
+    for x in (1, 2, 3):
+        empty = link(bpy.data.objects.new("Empty", None))
+        empty.instance_type, empty.instance_collection, empty.location = "COLLECTION", collection, (x, 0, 0)
+    assert sorted(light.world_from_light[0, 3] for light in export().scene.lights) == [1, 2, 3]
+
+
+def test_constant_nodes_multiply(scene):  # noqa: F811
+    thing = _light("SUN")
+    use_nodes(thing.data)
+    tree = thing.data.node_tree
+    emission = tree.nodes.new("ShaderNodeEmission")
+    emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = (1, 0.5, 0.25, 1), 4
+    tree.links.new(emission.outputs[0], tree.nodes.new("ShaderNodeOutputLight").inputs["Surface"])
+    assert _only_light().color == (4, 2, 1)
+    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], emission.inputs["Strength"])
+    assert any("Noise" in note for note in export().notes)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_power_that_is_not_finite_is_dropped_and_named(scene, bad):  # noqa: F811
+    _light("SUN")
+    _light("POINT", energy=bad)
+    result = export()
+    assert [light.kind for light in result.scene.lights] == ["SUN"]
+    assert any("'POINT'" in note for note in result.notes)
+
+
+def test_a_colour_channel_that_is_not_finite_is_black(scene):  # noqa: F811
+    _light("SUN", color=(1, np.nan, 0.5))
+    result = export()
+    assert result.scene.lights[0].color == (1, 0, 0.5)
+    assert any("'SUN'" in note for note in result.notes)
+
+
+def test_odd_powers_are_kept(scene):  # noqa: F811
+    _light("SUN", energy=-2)
+    _light("POINT", energy=3e38)
+    assert [light.strength for light in export().scene.lights] == [-2, np.float32(3e38)]
+
+
+def test_a_flattened_light_is_named_but_a_point_shines(scene):  # noqa: F811
+    _light("POINT").scale = (0, 0, 0)
+    assert len(export().scene.lights) == 1
+    _light("AREA").scale = (1, 0, 1)
+    result = export()
+    assert [light.kind for light in result.scene.lights] == ["POINT"]
+    assert any("'AREA'" in note for note in result.notes)
+
+
+def test_portals_are_no_lights(scene):  # noqa: F811
+    _light("AREA").data.cycles.is_portal = True
+    assert export().scene.lights == ()
+
+
+def test_narrow_spread_is_noted(scene):  # noqa: F811
+    thing = _light("AREA")
+    assert export().notes == ()
+    thing.data.spread = 1
+    assert any("spread" in note for note in export().notes)
+
+
+UNNORMALIZED = {
+    "POINT": ({"shadow_soft_size": 0.5, "use_soft_falloff": False}, 4 * np.pi * 0.25),
+    "SPOT": ({"shadow_soft_size": 0.5, "use_soft_falloff": False, "spot_size": 2}, 4 * np.pi * 0.25),
+    "AREA": ({"shape": "ELLIPSE", "size": 0.5, "size_y": 0.25}, np.pi / 4 * 0.5 * 0.25 * 4),
+    "SUN": ({"angle": 0.5}, np.pi * np.sin(0.25) ** 2),
+}
+
+
+@pytest.mark.skipif(not NORMALIZE, reason="this Blender's lights are always normalised")
+@pytest.mark.parametrize("kind", UNNORMALIZED)
+def test_a_light_that_is_not_normalised_equals_one_that_is_in_cycles(scene, kind, tmp_path):  # noqa: F811
+    """The exported strength, given to a normalised light, renders the same picture in Cycles."""
+    settings, area = UNNORMALIZED[kind]
+    thing = _light(kind, energy=3, normalize=False, **settings)
+    thing.location, thing.scale = (0, 0, 3), (2, 2, 2)
+    strength = _only_light().strength
+    np.testing.assert_allclose(strength, 3 * area, rtol=1e-6)
+    bpy.ops.mesh.primitive_plane_add(size=10)
+    scene.camera.location, scene.camera.rotation_euler = (0, 0, 8), (0, 0, 0)
+    without = _cycles_mean(scene, tmp_path / "a.exr")
+    thing.data.normalize, thing.data.energy = True, strength
+    np.testing.assert_allclose(without, _cycles_mean(scene, tmp_path / "b.exr"), rtol=1e-5)
+
+
+def _cycles_mean(scene, path) -> float:  # noqa: F811
+    """Cycles draws the same samples both times, so that its noise does not matter."""
+    render = scene.render
+    render.engine, scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = "CYCLES", 4, False, False
+    render.resolution_x = render.resolution_y = 16
+    if hasattr(render.image_settings, "media_type"):
+        render.image_settings.media_type = "IMAGE"
+    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
+    render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    picture = bpy.data.images.load(str(path))
+    values = np.empty(len(picture.pixels), np.float32)
+    picture.pixels.foreach_get(values)
+    assert values.max() > 0
+    return float(values.reshape(-1, 4)[:, :3].mean())

@@ -1,0 +1,260 @@
+"""Exported arrays against Blender's slow but plain API."""
+
+import bpy
+import numpy as np
+import pytest
+from export_support import Shader, export, link, mesh_object, quad, scene  # noqa: F401
+
+from glint.engine.scene import CORNER, POINT, Mesh, Spheres
+
+
+def _slow(thing):
+    """What the plain API says of an evaluated mesh: vertices, triangles, corners, polygon of each triangle."""
+    mesh = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    mesh.calc_loop_triangles()
+    triangles = mesh.loop_triangles
+    return (
+        mesh,
+        np.array([v.co for v in mesh.vertices]),
+        np.array([t.vertices for t in triangles]),
+        np.array([t.loops for t in triangles]),
+        np.array([t.polygon_index for t in triangles]),
+    )
+
+
+def _only_mesh(**options) -> Mesh:
+    (mesh,) = export(**options).scene.geometries
+    return mesh
+
+
+SHAPES = {
+    "monkey": lambda: bpy.ops.mesh.primitive_monkey_add(),
+    "n-gon": lambda: bpy.ops.mesh.primitive_circle_add(vertices=11, fill_type="NGON"),
+    "triangles": lambda: bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=2),
+    "concave": lambda: mesh_object("C", [(0, 0, 0), (2, 0, 0), (2, 2, 0), (1, 0.5, 0), (0, 2, 0)], [(0, 1, 2, 3, 4)]),
+    "loose edges": lambda: mesh_object("L", [(0, 0, 0), (1, 0, 0), (0, 1, 0), (9, 9, 9)], [(0, 1, 2)]),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_triangles_are_blenders(scene, shape):  # noqa: F811
+    SHAPES[shape]()
+    thing = next(o for o in scene.objects if o.type == "MESH")
+    mesh = _only_mesh()
+    _, vertices, triangles, _, _ = _slow(thing)
+    np.testing.assert_array_equal(mesh.vertices, vertices.astype(np.float32))
+    np.testing.assert_array_equal(mesh.triangles, triangles)
+    assert mesh.triangles.dtype == np.uint32
+
+
+def test_modifiers_are_applied(scene):  # noqa: F811
+    thing = quad()
+    thing.modifiers.new("Subdivision", "SUBSURF").render_levels = 2
+    thing.modifiers["Subdivision"].levels = 2
+    assert len(_only_mesh().triangles) == 32
+
+
+def test_flat_meshes_have_no_normals(scene):  # noqa: F811
+    bpy.ops.mesh.primitive_cube_add()
+    assert _only_mesh().normals is None
+
+
+def test_smooth_meshes_have_vertex_normals(scene):  # noqa: F811
+    bpy.ops.mesh.primitive_monkey_add()
+    bpy.context.object.data.polygons.foreach_set("use_smooth", np.ones(500, bool))
+    bpy.context.object.data.update()
+    mesh = _only_mesh()
+    slow = np.array([v.normal for v in _slow(bpy.context.object)[0].vertices])
+    assert mesh.normals.domain == POINT
+    np.testing.assert_allclose(mesh.normals.values, slow, atol=1e-7)
+
+
+@pytest.mark.parametrize("kind", ["mixed", "custom"])
+def test_mixed_and_custom_normals_are_by_corner(scene, kind):  # noqa: F811
+    bpy.ops.mesh.primitive_monkey_add()
+    data = bpy.context.object.data
+    if kind == "mixed":
+        data.polygons.foreach_set("use_smooth", np.arange(500) % 2 == 0)
+        data.update()
+    else:
+        data.normals_split_custom_set([(0.6, 0, 0.8)] * len(data.loops))
+    mesh = _only_mesh()
+    slow, _, _, loops, _ = _slow(bpy.context.object)
+    normals = np.array([n.vector for n in slow.corner_normals])
+    assert mesh.normals.domain == CORNER
+    np.testing.assert_allclose(mesh.normals.values[mesh.corners], normals[loops], atol=1e-7)
+    if kind == "custom":
+        # Blender keeps them as two 16-bit angles in each fan's own frame: most are exact to 1e-4
+        assert np.median(np.abs(mesh.normals.values - [0.6, 0, 0.8])) < 1e-4
+
+
+def test_material_slots_follow_the_faces(scene):  # noqa: F811
+    bpy.ops.mesh.primitive_monkey_add()
+    data = bpy.context.object.data
+    for name in "ABC":
+        data.materials.append(bpy.data.materials.new(name))
+    data.polygons.foreach_set("material_index", (np.arange(500) * 7 % 3).astype(np.int32))
+    result = export()
+    _, _, _, _, faces = _slow(bpy.context.object)
+    np.testing.assert_array_equal(result.scene.geometries[0].material_slots, faces * 7 % 3)
+    assert [result.scene.materials[k].name for k in result.scene.instances[0].materials] == ["A", "B", "C"]
+
+
+def test_a_material_index_beyond_the_slots_is_kept_for_the_last_slot(scene):  # noqa: F811
+    thing = quad("Quad", bpy.data.materials.new("Only"))
+    thing.data.polygons[0].material_index = 7
+    result = export()
+    assert result.scene.geometries[0].material_slots.tolist() == [7, 7]
+    assert len(result.scene.instances[0].materials) == 1
+
+
+def test_only_the_uv_maps_that_something_reads_are_exported(scene):  # noqa: F811
+    bpy.ops.mesh.primitive_monkey_add()
+    bpy.context.object.data.uv_layers.new(name="Second")
+    assert _only_mesh().attributes == ()
+    mesh = _only_mesh(passes=frozenset({"UV"}))
+    slow, _, _, loops, _ = _slow(bpy.context.object)
+    uv = np.array([x.vector for x in slow.uv_layers[0].uv])
+    assert [a.name for a in mesh.attributes] == [slow.uv_layers[0].name]
+    np.testing.assert_array_equal(mesh.attributes[0].values[mesh.corners], uv.astype(np.float32)[loops])
+
+
+def test_the_map_that_is_active_for_rendering_comes_first(scene):  # noqa: F811
+    shader = Shader()
+    second = shader.quad.data.uv_layers.new(name="Second")
+    second.active_render = True
+    texture, uv = shader.node("ShaderNodeTexImage"), shader.node("ShaderNodeUVMap", uv_map="UVMap")
+    shader.link(uv, "UV", texture, "Vector")
+    shader.link(texture, "Color", shader.shader, "Color")
+    assert [a.name for a in _only_mesh().attributes] == ["UVMap"]
+    assert [a.name for a in _only_mesh(passes=frozenset({"UV"})).attributes] == ["Second", "UVMap"]
+
+
+@pytest.mark.parametrize("domain", ["POINT", "CORNER"])
+@pytest.mark.parametrize("kind", ["BYTE_COLOR", "FLOAT_COLOR"])
+def test_colour_attributes_are_scene_linear(scene, kind, domain):  # noqa: F811
+    shader = Shader()
+    attribute = shader.quad.data.color_attributes.new("Paint", kind, domain)
+    for k, value in enumerate(attribute.data):
+        value.color = (0.1 * k, 0.5, 0.9, 0.25)
+    node = shader.node("ShaderNodeVertexColor", layer_name="Paint")
+    shader.link(node, "Color", shader.shader, "Color")
+    (found,) = _only_mesh().attributes
+    slow = np.array([value.color[:] for value in attribute.data])
+    assert (found.name, found.domain) == ("Paint", domain)
+    np.testing.assert_array_equal(found.values, slow.astype(np.float32))
+
+
+def test_attributes_on_faces_are_handed_to_triangles(scene):  # noqa: F811
+    shader = Shader()
+    bpy.data.objects.remove(shader.quad)
+    bpy.ops.mesh.primitive_monkey_add()
+    data = bpy.context.object.data
+    data.materials.append(shader.material)
+    data.attributes.new("Number", "FLOAT", "FACE").data.foreach_set("value", np.arange(500, dtype=np.float32))
+    node = shader.node("ShaderNodeAttribute", attribute_name="Number")
+    shader.link(node, "Color", shader.shader, "Color")
+    mesh = _only_mesh()
+    _, _, _, _, faces = _slow(bpy.context.object)
+    np.testing.assert_array_equal(mesh.attributes[0].values, np.repeat(faces[:, None], 4, 1) * [1, 1, 1, 0] + [0, 0, 0, 1])
+
+
+def test_a_mesh_in_edit_mode_is_read(scene):  # noqa: F811
+    bpy.ops.mesh.primitive_monkey_add()
+    bpy.ops.object.shade_smooth()
+    before = _only_mesh(passes=frozenset({"UV"}))
+    bpy.ops.object.mode_set(mode="EDIT")
+    during = _only_mesh(passes=frozenset({"UV"}))
+    bpy.ops.object.mode_set(mode="OBJECT")
+    np.testing.assert_array_equal(before.triangles, during.triangles)
+    np.testing.assert_array_equal(before.vertices, during.vertices)
+    np.testing.assert_array_equal(before.attributes[0].values, during.attributes[0].values)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_faces_with_vertices_that_are_not_finite_are_counted_out(scene, bad):  # noqa: F811
+    thing = mesh_object("Broken", [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (bad, 0, 0)], [(0, 1, 2), (0, 2, 3), (0, 3, 4)])
+    thing.data.attributes.new("material_index", "INT", "FACE").data.foreach_set("value", np.array([0, 1, 2], np.int32))
+    result = export()
+    mesh = result.scene.geometries[0]
+    assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert mesh.material_slots.tolist() == [0, 1]
+    assert any("'Broken'" in note and "1 of its triangles" in note for note in result.notes)
+
+
+def test_meshes_without_faces_are_nothing(scene):  # noqa: F811
+    mesh_object("Points", [(0, 0, 0)], [])
+    mesh_object("Empty", [], [])
+    assert export().scene.geometries == ()
+
+
+@pytest.mark.parametrize("kind", ["CURVE", "FONT", "META", "SURFACE"])
+def test_curves_texts_and_the_like_come_once_as_meshes(scene, kind):  # noqa: F811
+    add = {
+        "CURVE": lambda: bpy.ops.curve.primitive_bezier_circle_add(),
+        "FONT": lambda: bpy.ops.object.text_add(),
+        "META": lambda: bpy.ops.object.metaball_add(),
+        "SURFACE": lambda: bpy.ops.surface.primitive_nurbs_surface_sphere_add(),
+    }
+    add[kind]()
+    if kind == "CURVE":
+        bpy.context.object.data.bevel_depth = 0.1
+    result = export()
+    assert result.notes == ()
+    assert len(result.scene.geometries) == len(result.scene.instances) == 1
+    copy = bpy.data.meshes.new_from_object(bpy.context.object.evaluated_get(bpy.context.evaluated_depsgraph_get()))
+    copy.calc_loop_triangles()
+    assert len(result.scene.geometries[0].triangles) == len(copy.loop_triangles)
+
+
+def test_point_clouds_are_spheres(scene):  # noqa: F811
+    tree = _nodes_on(quad())
+    points = tree.nodes.new("GeometryNodeMeshToPoints")
+    points.inputs["Radius"].default_value = 0.125
+    _between(tree, points)
+    spheres = [g for g in export().scene.geometries if isinstance(g, Spheres)]
+    assert len(spheres) == 1
+    np.testing.assert_array_equal(np.sort(spheres[0].centers, 0), np.sort(np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]), 0))
+    np.testing.assert_array_equal(spheres[0].radii, np.full(4, 0.125, np.float32))
+
+
+def _nodes_on(thing):
+    tree = bpy.data.node_groups.new("Nodes", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    tree.nodes.new("NodeGroupInput")
+    tree.nodes.new("NodeGroupOutput")
+    thing.modifiers.new("Nodes", "NODES").node_group = tree
+    return tree
+
+
+def _between(tree, node) -> None:
+    tree.links.new(tree.nodes["Group Input"].outputs[0], node.inputs[0])
+    tree.links.new(node.outputs[0], tree.nodes["Group Output"].inputs[0])
+
+
+def test_nothing_of_blender_outlives_the_export(scene):  # noqa: F811
+    Shader()
+    result = export(passes=frozenset({"UV"}))
+    seen, todo = set(), [result]
+    while todo:
+        value = todo.pop()
+        if id(value) in seen or isinstance(value, (str, int, float, type(None), np.ndarray)):
+            continue
+        seen.add(id(value))
+        assert not isinstance(value, bpy.types.bpy_struct)
+        todo.extend(value if isinstance(value, (tuple, list, set, frozenset)) else value.values() if isinstance(value, dict) else vars(value).values())
+
+
+def test_a_shared_mesh_brings_what_either_user_reads(scene):  # noqa: F811
+    shader = Shader()
+    texture = shader.node("ShaderNodeTexImage")
+    shader.link(texture, "Color", shader.shader, "Color")
+    first = link(bpy.data.objects.new("Plain", shader.quad.data))
+    first.material_slots[0].link = "OBJECT"
+    first.material_slots[0].material = bpy.data.materials.new("Plain")
+    result = export()
+    assert len(result.scene.geometries) == 1
+    assert len(result.scene.instances) == 2
+    assert len({i.materials for i in result.scene.instances}) == 2
+    assert [a.name for a in result.scene.geometries[0].attributes] == ["UVMap"]

@@ -1,0 +1,68 @@
+"""Ambient light and background."""
+
+import bpy
+import numpy as np
+import pytest
+from export_support import export, image, scene, use_nodes  # noqa: F401
+
+
+@pytest.fixture
+def world(scene):  # noqa: F811
+    """(tree, background node) of the scene's world, linked to the output."""
+    scene.world = bpy.data.worlds.new("World")
+    use_nodes(scene.world)
+    tree = scene.world.node_tree
+    background = tree.nodes.new("ShaderNodeBackground")
+    tree.links.new(background.outputs[0], tree.nodes.new("ShaderNodeOutputWorld").inputs["Surface"])
+    return tree, background
+
+
+def test_no_world_is_black(scene):  # noqa: F811
+    world = export().scene.world
+    assert world.ambient == world.background == (0, 0, 0)
+    assert not world.transparent
+
+
+def test_background_times_strength(scene, world):  # noqa: F811
+    world[1].inputs["Color"].default_value, world[1].inputs["Strength"].default_value = (1, 0.5, 0.25, 1), 2
+    found = export().scene.world
+    assert found.ambient == found.background == (2, 1, 0.5)
+
+
+def test_film_transparent(scene):  # noqa: F811
+    scene.render.film_transparent = True
+    assert export().scene.world.transparent
+
+
+def test_an_environment_image_is_its_mean_over_the_sphere(scene, world):  # noqa: F811
+    """The upper half white, the lower black, is one half; rows near the poles cover less sky."""
+    tree, background = world
+    texture = tree.nodes.new("ShaderNodeTexEnvironment")
+    rows = np.zeros((4, 2, 4), np.float32)
+    rows[2:, :, :] = 1
+    texture.image = image("Sky", rows.reshape(-1, 4), (2, 4), float_buffer=True)
+    tree.links.new(texture.outputs[0], background.inputs["Color"])
+    result = export()
+    np.testing.assert_allclose(result.scene.world.ambient, 0.5, rtol=1e-6)
+    assert len(result.notes) == 1
+    assert "Environment" in result.notes[0]
+    assert result.scene.textures == ()
+    rows[2, :, :3] = 0
+    texture.image = image("Pole", rows.reshape(-1, 4), (2, 4), float_buffer=True)
+    # share of the sky above 45°: (1 − cos 45°)/2, by the midpoint rule over four rows
+    middle = np.sin((np.arange(4) + 0.5) * np.pi / 4)
+    np.testing.assert_allclose(export().scene.world.ambient, middle[3] / middle.sum(), rtol=1e-6)
+
+
+def test_what_is_not_understood_is_the_default(scene, world):  # noqa: F811
+    tree, background = world
+    background.inputs["Color"].default_value = (0.25, 0.5, 1, 1)
+    tree.links.new(tree.nodes.new("ShaderNodeTexSky").outputs[0], background.inputs["Color"])
+    result = export()
+    assert result.scene.world.background == (0.25, 0.5, 1)
+    assert any("Sky" in note and "'World'" in note for note in result.notes)
+
+
+def test_values_that_are_not_finite_are_black(scene, world):  # noqa: F811
+    world[1].inputs["Color"].default_value = (np.nan, 0.5, np.inf, 1)
+    assert export().scene.world.background == (0, 0.5, 0)

@@ -1,0 +1,92 @@
+"""Runs small Python programs in a Blender of their own: the bpy of this environment, or a whole Blender program.
+
+GLINT_BLENDER="blender" or "chroot DIR blender" in the environment picks a program; GLINT_BLENDER_ROOT=DIR says where its "/" is.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# Makes the tree importable as `glint`, as tests/conftest.py does. The process then leaves without Blender's own clean-up: bpy 4.2 crashes
+# there once a property with an update function was registered outside an add-on (it frees panels after Python has gone).
+REGISTER_TREE = f"""
+import atexit, os, sys, traceback
+sys.path.insert(0, {str(ROOT / "tests")!r})
+import conftest
+import glint
+
+exit_code = 0
+
+def fail(*error):
+    global exit_code
+    exit_code = 1
+    traceback.print_exception(*error)
+
+def leave():
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(exit_code)
+
+sys.excepthook = fail
+atexit.register(leave)
+glint.register()
+"""
+ANSWER = "ANSWER "
+
+
+@dataclass(frozen=True)
+class Run:
+    """How a program ended."""
+
+    returncode: int
+    output: str
+
+    @property
+    def answer(self) -> object:
+        """What the program gave to `answer()`."""
+        lines = [line for line in self.output.splitlines() if line.startswith(ANSWER)]
+        assert lines, f"the program gave no answer:\n{self.output}"
+        return json.loads(lines[-1].removeprefix(ANSWER))
+
+
+class Blender:
+    """A Blender to start again and again. folder: where its files are kept, as seen from here."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self.program = shlex.split(os.environ.get("GLINT_BLENDER", ""))
+        self.root = Path(os.environ.get("GLINT_BLENDER_ROOT", "/"))
+        self.folder = folder if folder and self.root == Path("/") else Path(tempfile.mkdtemp(prefix="glint-", dir=self.root / "tmp"))
+
+    def inside(self, path: Path) -> str:
+        """A path as the Blender sees it."""
+        return "/" + str(path.relative_to(self.root))
+
+    def run(self, program: str, *arguments: str, timeout: float = 300.0) -> Run:
+        """Run the text of a program. It may call `answer(value)` with anything that JSON knows; FOLDER is `self.folder`."""
+        script = self.folder / f"program_{len(list(self.folder.glob('program_*')))}.py"
+        prelude = f"import json, pathlib, bpy\nFOLDER = pathlib.Path({self.inside(self.folder)!r})\n"
+        prelude += f"def answer(value):\n    print({ANSWER!r} + json.dumps(value), flush=True)\n"
+        script.write_text(prelude + program)
+        return self.start([*self._python_command(), self.inside(script), *arguments], timeout)
+
+    def start(self, command: list[str], timeout: float = 300.0) -> Run:
+        """Run a command line with this Blender's own folder of settings."""
+        resources = self.folder / "resources"
+        resources.mkdir(exist_ok=True)
+        variables = {**os.environ, "BLENDER_USER_RESOURCES": self.inside(resources), "PYTHONDONTWRITEBYTECODE": "1"}
+        done = subprocess.run(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=variables, timeout=timeout, cwd=self.folder
+        )
+        return Run(done.returncode, done.stdout)
+
+    def _python_command(self) -> list[str]:
+        return [*self.program, "-b", "--python-exit-code", "1", "-P"] if self.program else [sys.executable]

@@ -1,0 +1,95 @@
+"""Soft lights against Cycles at many samples, within Cycles' own noise.
+
+Two Cycles renders a, b of different seeds give the mean m and its noise: E (a − b)²/4 is the variance of m, pooled over 5×5 pixels.
+Glint's own discretisation is its change from half as many light samples. z = (glint − m) / √(both): its root mean square is 1 where
+Glint is right (√(1 + 2/25) with a variance from 25 pixels), and the mean over the picture bares a bias far below a single pixel's noise.
+"""
+
+from functools import lru_cache
+from math import radians
+
+import numpy as np
+import pytest
+
+import cycles_reference as cycles
+import small_scenes as build
+from glint_picture import BACKENDS, Pair, interior, render_glint, spread, verdict
+
+SIDE = 40
+CYCLES_SAMPLES = 384
+KEY = (1.6, -1.2, 3.2)
+SPOT = {"energy": 400.0, "shadow_soft_size": 0.3, "spot_size": radians(60), "spot_blend": 0.4}
+SOFT_LIGHTS = {
+    "point_sphere": ("POINT", {"energy": 150.0, "shadow_soft_size": 0.5, "use_soft_falloff": False}),
+    "point_falloff": ("POINT", {"energy": 150.0, "shadow_soft_size": 0.5, "use_soft_falloff": True}),
+    "spot_sphere": ("SPOT", SPOT | {"use_soft_falloff": False}),
+    "spot_falloff": ("SPOT", SPOT | {"use_soft_falloff": True}),
+    "sun_wide": ("SUN", {"energy": 2.0, "angle": radians(20)}),
+    "area_square": ("AREA", {"energy": 80.0, "shape": "SQUARE", "size": 1.2}),
+    "area_rectangle": ("AREA", {"energy": 80.0, "shape": "RECTANGLE", "size": 2.0, "size_y": 0.5}),
+    "area_disk": ("AREA", {"energy": 80.0, "shape": "DISK", "size": 1.4}),
+    "area_ellipse": ("AREA", {"energy": 80.0, "shape": "ELLIPSE", "size": 2.0, "size_y": 0.8}),
+}
+
+
+def build_scene(light: str):
+    kind, properties = SOFT_LIGHTS[light]
+    scene = cycles.empty_scene(SIDE, SIDE)
+    build.add(scene, "Floor", build.plane(5.0, build.lambert((0.8, 0.8, 0.8))))
+    build.add(scene, "Box", build.cube(build.lambert((0.6, 0.6, 0.6))), build.moved(-0.2, 0.3, 0.55, 0.5, 0.5, 0.5))
+    build.add_camera(scene)
+    build.add_light(scene, kind, KEY, (-0.2, 0.3, 0.2), **properties)
+    return scene
+
+
+@lru_cache
+def reference(light: str) -> tuple[dict, np.ndarray, np.ndarray]:
+    """Cycles' passes, the mean of two seeds, and the variance of that mean."""
+    scene = build_scene(light)
+    passes = cycles.render_cycles(scene, CYCLES_SAMPLES, 1)
+    first, second = (p["Combined"][..., 0].astype(float) for p in (passes, cycles.render_cycles(scene, CYCLES_SAMPLES, 2)))
+    return passes, (first + second) / 2, box_mean((first - second) ** 2 / 4)
+
+
+def box_mean(values: np.ndarray, half: int = 2) -> np.ndarray:
+    """Mean over a square of 2·half + 1 pixels; edge pixels repeat."""
+    padded = np.pad(values, half, mode="edge")
+    size = 2 * half + 1
+    return sum(padded[i : i + values.shape[0], j : j + values.shape[1]] for i in range(size) for j in range(size)) / size**2
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("light", SOFT_LIGHTS)
+def test_soft_light(light, backend):
+    passes, mean, variance = reference(light)
+    scene = build_scene(light)
+    coarse, fine = (render_glint(scene, backend, light_samples=n) for n in (256, 512))
+    pair = Pair(f"soft-{light}-{backend.lower()}", passes, {k: np.squeeze(v) for k, v in fine.passes.items()})
+    inside = interior(pair)
+    picture = fine.combined[..., 0].astype(float)
+    own = (picture - coarse.combined[..., 0]) ** 2
+    rounding = (1e-4 * mean.max()) ** 2
+    z = (picture - mean) / np.sqrt(variance + box_mean(own) + rounding)
+    bias = abs((picture - mean)[inside].sum()) / mean[inside].sum()
+    noise = np.sqrt(variance[inside].sum()) / mean[inside].sum()
+    verdict(pair, f"z of {np.sqrt((z[inside] ** 2).mean()):.2f} on average", np.abs(z) * inside, 6.0)
+    assert np.sqrt((z[inside] ** 2).mean()) < 1.3
+    assert bias < 4 * noise + 1e-4 + np.sqrt(own[inside].mean()) / mean[inside].mean()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_one_light_sample_is_the_hard_shadow(backend):
+    """With light_samples = 1 a soft point light gives the picture of a hard one."""
+    pictures = []
+    for radius in (0.0, 0.5):
+        scene = build_scene("point_falloff")
+        scene.objects["Light"].data.shadow_soft_size = radius
+        pictures.append(render_glint(scene, backend).combined)
+    assert np.abs(pictures[0] - pictures[1]).max() <= 1e-6 * pictures[0].max()
+
+
+def test_the_noise_is_small():
+    """The check above has teeth: Cycles' own noise is below 2 % of the picture's mean, also in the penumbra."""
+    for light in ("point_falloff", "area_rectangle"):
+        _, mean, variance = reference(light)
+        assert np.sqrt(spread(variance, True).max()) < 0.05 * mean.mean()

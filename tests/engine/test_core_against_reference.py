@@ -1,0 +1,71 @@
+"""The float32 core against the float64 reference on scenes that use every feature (SEMANTICS.md is the text both are written from)."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from glint import engine
+
+from engine_scenes import SCENES
+
+pytestmark = pytest.mark.skipif("NATIVE" not in engine.available_backends(), reason="the core's library is not built")
+
+ALL_PASSES = frozenset(engine.PASSES) - {"Combined"}
+SETTINGS = engine.Settings(samples=1, light_samples=3, max_bounces=4, passes=ALL_PASSES)
+
+
+def both(name: str, settings: engine.Settings) -> tuple[engine.Film, engine.Film]:
+    scene = SCENES[name]()
+    return engine.render(scene, settings), engine.render(scene, replace(settings, backend="NUMPY"))
+
+
+def relative_error(measured: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """(h, w) largest channel's |measured - truth| over the larger of |truth| and 1 % of the picture's mean.
+
+    The floor keeps a pixel that is black but for rounding from counting as infinitely wrong.
+    """
+    measured, truth = measured.astype(float), truth.astype(float)
+    seen = np.abs(truth[np.abs(truth) < 1e9])
+    floor = 0.01 * (seen.mean() if seen.size else 1.0) + 1e-30
+    return (np.abs(measured - truth) / np.maximum(np.abs(truth), floor)).max(-1)
+
+
+@pytest.mark.parametrize("illumination", engine.settings.ILLUMINATIONS)
+@pytest.mark.parametrize("name", SCENES)
+def test_same_picture(name: str, illumination: str) -> None:
+    core, reference = both(name, replace(SETTINGS, illumination=illumination))
+    errors = {key: relative_error(core.passes[key], reference.passes[key]) for key in reference.passes}
+    worst = {key: (float(error.max()), int((error > 1e-4).sum())) for key, error in errors.items() if error.max() > 1e-4}
+    assert not worst, f"{name}: pass -> (largest relative error, pixels beyond 1e-4): {worst}"
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_same_picture_antialiased(name: str) -> None:
+    core, reference = both(name, replace(SETTINGS, samples=4))
+    assert relative_error(core.combined, reference.combined).max() <= 1e-4
+
+
+@pytest.mark.parametrize("backend", engine.settings.BACKENDS)
+@pytest.mark.parametrize("name", SCENES)
+def test_parts_sum_to_combined(name: str, backend: str) -> None:
+    film = engine.render(SCENES[name](), replace(SETTINGS, samples=2, backend=backend))
+    total = sum(film.passes[part].astype(float) for part in engine.PARTS)
+    size = sum(np.abs(film.passes[part].astype(float)) for part in engine.PARTS)
+    # Every part and Combined are rounded to float32 once: half an ulp each.
+    assert (np.abs(total - film.combined[..., :3]) <= 2.0**-23 * (size + np.abs(film.combined[..., :3]))).all()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_same_bits_whatever_the_threads_and_regions(name: str) -> None:
+    scene, settings = SCENES[name](), replace(SETTINGS, samples=3)
+    nx, ny = scene.camera.resolution
+    whole = engine.render(scene, replace(settings, threads=1))
+    for threads in (2, 5, 1):
+        again = engine.render(scene, replace(settings, threads=threads))
+        for key, value in whole.passes.items():
+            assert np.array_equal(value.view(np.uint32), again.passes[key].view(np.uint32)), (key, threads)
+    for x0, x1 in ((0, nx // 3), (nx // 3, nx)):
+        for y0, y1 in ((0, ny // 2 + 1), (ny // 2 + 1, ny)):
+            part = engine.render(scene, replace(settings, region=(x0, y0, x1, y1)))
+            for key, value in part.passes.items():
+                assert np.array_equal(value.view(np.uint32), np.ascontiguousarray(whole.passes[key][y0:y1, x0:x1]).view(np.uint32)), key

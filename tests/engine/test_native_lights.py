@@ -1,0 +1,261 @@
+"""Lights of the native core on a white plane against the formulas of SEMANTICS.md, worked out here in float64."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from glint.engine import scene as s
+from glint.engine.sampling import light_points
+from native_tools import color, constant, lamp, material, needs_core, pixel_centers, placed, square, view_from_above
+
+pytestmark = needs_core
+
+WHITE = material(s.Lobe("DIFFUSE", constant(1.0)))
+TINT = np.array([0.9, 0.5, 0.2])
+P = pixel_centers()
+UP = np.array([0.0, 0.0, 1.0])
+# Combined is rounded to float32 once; the rest is double.
+ROUNDING = 2.0**-23
+
+
+def plane(*lights: s.Light, extra: tuple[s.Instances, ...] = (), geometries=(), materials=(), **more) -> s.Scene:
+    return s.Scene(view_from_above(), (square(), *geometries), (placed(), *extra), (WHITE, *materials), (), lights, **more)
+
+
+def agree(measured: np.ndarray, truth: np.ndarray, rounding: float = ROUNDING) -> None:
+    assert truth.max() > 0
+    assert (np.abs(measured - truth) <= rounding * np.abs(truth) + 1e-30).all()
+
+
+def unit(a: np.ndarray) -> np.ndarray:
+    return a / np.linalg.norm(a, axis=-1, keepdims=True)
+
+
+def frame(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Any fixed pair of vectors round n will do for the picture's meaning; this is the pair both tracers use (Duff et al. 2017)."""
+    sign = np.copysign(1.0, n[..., 2])
+    a = -1 / (sign + n[..., 2])
+    b = n[..., 0] * n[..., 1] * a
+    first = np.stack([1 + sign * n[..., 0] ** 2 * a, sign * b, -sign * n[..., 0]], -1)
+    return first, np.stack([b, sign + n[..., 1] ** 2 * a, -n[..., 1]], -1)
+
+
+@pytest.mark.parametrize("cast_shadow", [True, False])
+def test_point(cast_shadow: bool) -> None:
+    c = np.array([0.3, -0.2, 1.7])
+    picture = color(plane(lamp("POINT", c, color=tuple(TINT), strength=120.0, cast_shadow=cast_shadow)))
+    to = c - P
+    d2 = (to**2).sum(-1)
+    agree(picture, (120 * TINT) * (to[..., 2] / np.sqrt(d2) / (4 * np.pi**2 * d2))[..., None])
+
+
+def test_sun() -> None:
+    axes = np.linalg.qr(np.array([[1.0, 0.2, 0.5], [0.1, 1, -0.3], [-0.4, 0.3, 1]]))[0]
+    axes *= np.sign(axes[2, 2])
+    picture = color(plane(lamp("SUN", (5, 6, 7), axes, color=tuple(TINT), strength=2.5)))
+    agree(picture, np.broadcast_to(2.5 * TINT * axes[2, 2] / np.pi, picture.shape))
+
+
+@pytest.mark.parametrize("blend", [0.0, 0.4, 1.0])
+def test_spot(blend: float) -> None:
+    c, size = np.array([0.1, 0.2, 1.5]), 0.9
+    picture = color(plane(lamp("SPOT", c, strength=50.0, spot_size=size, spot_blend=blend)))
+    to = c - P
+    d = np.linalg.norm(to, axis=-1)
+    z, edge = to[..., 2] / d, np.cos(size / 2)
+    t = np.clip((z - edge) / ((1 - edge) * blend), 0, 1) if blend else (z > edge).astype(float)
+    truth = 50 * t * t * (3 - 2 * t) * z / (4 * np.pi**2 * d * d)
+    assert (truth == 0).any()
+    assert (truth > 0).any()
+    agree(picture[..., 0], truth)
+
+
+@pytest.mark.parametrize("shape", ["RECTANGLE", "ELLIPSE"])
+@pytest.mark.parametrize("samples", [1, 3])
+def test_area(shape: str, samples: int) -> None:
+    q0, tilt = np.array([0.3, 0.1, 1.4]), 0.5
+    axes = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
+    light = lamp("AREA", q0, axes, strength=30.0, shape=shape, size_x=0.8, size_y=0.5)
+    picture = color(plane(light), light_samples=samples)
+    points = light_points(samples)[0 if shape == "RECTANGLE" else 1] if samples > 1 else np.zeros((1, 2))
+    truth = np.zeros(P.shape[:2])
+    for a, b in points:
+        to = q0 + a * 0.4 * axes[:, 0] + b * 0.25 * axes[:, 1] - P
+        d = np.linalg.norm(to, axis=-1)
+        truth += 30 * np.maximum(0, (to @ axes[:, 2]) / d) * (to[..., 2] / d) / (np.pi**2 * d * d * samples)
+    agree(picture[..., 0], truth)
+
+
+def test_area_does_not_shine_backwards() -> None:
+    light = lamp("AREA", (0, 0, 1), np.diag([1.0, -1, -1]), strength=30.0, size_x=0.8, size_y=0.5)
+    assert color(plane(light), light_samples=4).max() == 0
+
+
+def test_soft_point_sphere() -> None:
+    c, radius, n = np.array([0.3, -0.2, 1.2]), 0.4, 5
+    picture = color(plane(lamp("POINT", c, strength=80.0, radius=radius)), light_samples=n)
+    to = c - P
+    d2 = (to**2).sum(-1)
+    cos_alpha, axis = np.sqrt(1 - radius**2 / d2), unit(to)
+    first, second = frame(axis)
+    truth = 0
+    for x, y in light_points(n)[1]:
+        r2 = x * x + y * y
+        cosine = 1 - r2 * (1 - cos_alpha)
+        by_radius = np.sqrt((1 - cosine**2) / r2) if r2 else 0 * cosine
+        z = cosine * axis[..., 2] + by_radius * (x * first[..., 2] + y * second[..., 2])
+        truth = truth + 80 / (4 * np.pi**2 * d2 * n) * 2 / (1 + cos_alpha) * np.maximum(0, z)
+    agree(picture[..., 0], truth)
+
+
+def test_soft_point_disc() -> None:
+    c, radius, n = np.array([0.3, -0.2, 1.2]), 0.4, 5
+    picture = color(plane(lamp("POINT", c, strength=80.0, radius=radius, soft_falloff=True)), light_samples=n)
+    axis = unit(c - P)
+    first, second = frame(axis)
+    truth = 0
+    for x, y in light_points(n)[1]:
+        to = c + radius * (x * first + y * second) - P
+        d = np.linalg.norm(to, axis=-1)
+        truth = truth + 80 * ((to * axis).sum(-1) / d) * (to[..., 2] / d) / (4 * np.pi**2 * d * d * n)
+    agree(picture[..., 0], truth)
+
+
+def test_soft_sun() -> None:
+    n, angle = 7, 0.6
+    picture = color(plane(lamp("SUN", strength=2.0, angle=angle)), light_samples=n)
+    versine = 1 - np.cos(angle / 2)
+    disc = light_points(n)[1]
+    cosines = 1 - (disc**2).sum(-1) * versine
+    agree(picture[..., 0], np.full(P.shape[:2], 2 / np.pi * 2 / (1 + np.cos(angle / 2)) * cosines.mean()))
+
+
+def test_one_light_sample_is_the_hard_light() -> None:
+    for kind, more in (("POINT", {"radius": 0.5}), ("SUN", {"angle": 0.5}), ("SPOT", {"radius": 0.3, "spot_size": 2.0})):
+        hard = {name: 0.0 for name in more if name in ("radius", "angle")}
+        soft, sharp = (color(plane(lamp(kind, strength=9.0, **v)), samples=4) for v in (more, {**more, **hard}))
+        assert np.array_equal(soft, sharp), kind
+
+
+def test_one_more_sample_of_many_lights_is_the_mean_over_them() -> None:
+    """Pixel sample s takes the points s * n + j: 2 pixel samples of 3 light samples each use the first 6 points."""
+    light = lamp("AREA", (0.3, 0.1, 1.4), strength=30.0, size_x=0.8, size_y=0.5)
+    twice = color(plane(light), samples=2, light_samples=3, filter_width=0.0)
+    agree(twice[..., 0], color(plane(light), samples=1, light_samples=6)[..., 0])
+
+
+CLASSIC = {
+    "POINT": lamp("POINT", (0.3, 0.2, 1.5), strength=0.7, radius=0.3),
+    "DISC": lamp("POINT", (0.3, 0.2, 1.5), strength=0.7, radius=0.3, soft_falloff=True),
+    "SUN": lamp("SUN", strength=0.7, angle=0.3),
+    "SPOT": lamp("SPOT", (0.3, 0.2, 1.5), strength=0.7, spot_size=3.0),
+    "AREA": lamp("AREA", (0.3, 0.2, 1.5), strength=0.7, size_x=0.01, size_y=0.01),
+}
+
+
+@pytest.mark.parametrize("name", CLASSIC)
+def test_classic_has_no_fall_off(name: str) -> None:
+    """The notes' k_d I max(0, n·l), 4.12."""
+    light = CLASSIC[name]
+    picture = color(plane(light), illumination="CLASSIC")
+    to = unit(np.array([0.3, 0.2, 1.5]) - P) if name != "SUN" else np.broadcast_to(UP, P.shape)
+    agree(picture[..., 0], 0.7 * to[..., 2])
+
+
+def test_classic_soft_lights_keep_their_sum() -> None:
+    soft = color(plane(CLASSIC["SUN"]), illumination="CLASSIC", light_samples=16)
+    cosines = 1 - (light_points(16)[1] ** 2).sum(-1) * (1 - np.cos(0.15))
+    agree(soft[..., 0], np.full(P.shape[:2], 0.7 * cosines.mean()))
+
+
+def test_superposition_and_negative_light() -> None:
+    """4.15: lights add; a light of negative strength takes away."""
+    a, b = lamp("POINT", (0.5, 0, 1.2), strength=50.0), lamp("SUN", strength=1.5)
+    total = color(plane(a, b))
+    agree(total[..., 0], color(plane(a))[..., 0] + color(plane(b))[..., 0])
+    minus = lamp("POINT", (0.5, 0, 1.2), strength=-50.0)
+    assert np.abs(color(plane(a, minus))).max() == 0
+    assert color(plane(minus)).min() < 0
+
+
+def test_hard_shadow_is_where_the_blocker_stands() -> None:
+    """A square of half width 0.2 at half the lamp's height throws one of half width 0.4."""
+    blocker = placed(1, z=1.0, visible_camera=False)
+    light = lamp("POINT", (0, 0, 2), strength=50.0)
+    shaded, open_ = (color(plane(light, extra=e, geometries=(square(0.2),)))[..., 0] for e in ((blocker,), ()))
+    dark = (np.abs(P[..., :2]) < 0.4).all(-1)
+    assert np.array_equal(shaded == 0, dark)
+    assert np.array_equal(shaded[~dark], open_[~dark])
+
+
+@pytest.mark.parametrize("height", [2.5, 2.0, -0.5])
+def test_blockers_behind_the_light_or_the_surface_cast_no_shadow(height: float) -> None:
+    """The segment is open: even a blocker through the light's own point lets it shine."""
+    blocker = placed(1, z=height, visible_camera=False)
+    light = lamp("POINT", (0, 0, 2), strength=50.0)
+    shaded, open_ = (color(plane(light, extra=e, geometries=(square(0.2),))) for e in ((blocker,), ()))
+    assert np.array_equal(shaded, open_)
+
+
+def test_light_without_shadow_shines_through() -> None:
+    blocker = placed(1, z=1.0, visible_camera=False)
+    light = lamp("POINT", (0, 0, 2), strength=50.0, cast_shadow=False)
+    assert color(plane(light, extra=(blocker,), geometries=(square(0.2),))).min() > 0
+
+
+SEEN = {
+    "POINT": (lamp("POINT", (0, 0, 3), strength=7.0, radius=0.5, visible_camera=True), 7 / (4 * np.pi**2 * 0.25), "disc"),
+    "RECTANGLE": (lamp("AREA", (0, 0, 3), np.diag([1.0, -1, -1]), strength=7.0, size_x=1.0, size_y=0.6, visible_camera=True),
+                  7 / (np.pi * 0.6), "rectangle"),
+    "ELLIPSE": (lamp("AREA", (0, 0, 3), np.diag([1.0, -1, -1]), strength=7.0, size_x=1.0, size_y=0.6, shape="ELLIPSE", visible_camera=True),
+                7 / (np.pi * np.pi * 0.15), "ellipse"),
+}
+
+
+@pytest.mark.parametrize("illumination", ["PHYSICAL", "CLASSIC"])
+@pytest.mark.parametrize("name", SEEN)
+def test_visible_shapes(name: str, illumination: str) -> None:
+    light, radiance, shape = SEEN[name]
+    radiance = 7.0 if illumination == "CLASSIC" else radiance
+    x, y = P[..., 0], P[..., 1]
+    inside = {
+        "disc": x * x + y * y < 0.25,
+        "rectangle": (np.abs(x) <= 0.5) & (np.abs(y) <= 0.3),
+        "ellipse": (x / 0.5) ** 2 + (y / 0.3) ** 2 <= 1,
+    }[shape]
+    scene = s.Scene(view_from_above(), lights=(light,), world=s.World(background=(0.25, 0.25, 0.25)))
+    picture = color(scene, illumination=illumination)
+    agree(picture[..., 0], 0.25 + np.where(inside, radiance, 0))
+
+
+def test_visible_lights_stay_behind_surfaces_and_show_their_front_only() -> None:
+    light, _, _ = SEEN["POINT"]
+    covered = s.Scene(view_from_above(), (square(),), (placed(z=4.0),), (s.Material("black", ()),), (), (light,))
+    assert color(covered).max() == 0
+    back = lamp("AREA", (0, 0, 3), strength=7.0, size_x=1.0, size_y=0.6, visible_camera=True)
+    assert color(s.Scene(view_from_above(), lights=(back,))).max() == 0
+
+
+def test_visible_sun_is_a_disc_in_the_sky() -> None:
+    angle = 0.5
+    sun = lamp("SUN", (0, 0, 0), np.diag([1.0, -1, -1]), strength=3.0, angle=angle, visible_camera=True)
+    camera = s.Camera("PERSPECTIVE", np.eye(4)[:3], (-0.5, 0.5, -0.5, 0.5), (33, 33))
+    picture = color(s.Scene(camera, lights=(sun,)))[..., 0]
+    line = (np.arange(33) + 0.5) / 33 - 0.5
+    x, y = np.meshgrid(line, line)
+    inside = 1 / np.sqrt(1 + x * x + y * y) >= np.cos(angle / 2)
+    agree(picture, np.where(inside, 3 / (np.pi * np.sin(angle / 2) ** 2), 0))
+
+
+def test_light_at_the_surface_gives_finite_light() -> None:
+    """N9: on the surface, 1e-6 above it, below it."""
+    for height in (0.0, 1e-6, -1e-6):
+        picture = color(plane(lamp("POINT", (1 / 16, 1 / 16, height), strength=50.0, radius=0.1)), light_samples=4)
+        assert np.isfinite(picture).all(), height
+    assert color(plane(lamp("POINT", (0.0, 0.0, 0.0), strength=50.0))).max() == 0
+
+
+def test_light_out_of_all_bounds_saturates() -> None:
+    picture = color(plane(lamp("POINT", (0, 0, 1), color=(3e38, 1, 1), strength=3e38)))
+    assert np.isfinite(picture).all()
+    assert picture[..., 0].min() == np.finfo(np.float32).max

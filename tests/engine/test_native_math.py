@@ -1,0 +1,70 @@
+"""The core's own exp, log, log1p, sine, cosine and highlight power against mpmath."""
+
+import ctypes
+
+import mpmath
+import numpy as np
+import pytest
+from glint.engine import native
+from native_tools import needs_core
+
+pytestmark = needs_core
+
+FUNCTIONS = {"exp": 0, "log": 1, "log1p": 2, "cos": 3, "sin": 4, "cosine_power": 5}
+RANDOM = np.random.default_rng(11)
+
+
+def evaluate(name: str, x: np.ndarray, y: np.ndarray | None = None) -> np.ndarray:
+    x = np.ascontiguousarray(x, float)
+    y, out = (x if y is None else np.ascontiguousarray(y, float)), np.empty_like(x)
+    pointers = [a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in (x, y, out)]
+    native.library().glint_math(FUNCTIONS[name], *pointers, len(x))
+    return out
+
+
+def ulps(measured: np.ndarray, x: np.ndarray, exact) -> float:
+    """Largest distance from the exact value in units of the last place of a double."""
+    with mpmath.workdps(60):
+        return max(float(abs(mpmath.mpf(float(m)) - exact(mpmath.mpf(float(a))))) / np.spacing(abs(m)) for m, a in zip(measured, x, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("name", "x"),
+    [
+        ("exp", RANDOM.uniform(-700, 709, 3000)),
+        ("exp", RANDOM.uniform(-1, 1, 3000)),
+        ("log", np.exp(RANDOM.uniform(-740, 700, 3000))),
+        ("log", 1 + RANDOM.uniform(-0.5, 1, 3000)),
+        ("log1p", np.exp(RANDOM.uniform(-700, 700, 3000))),
+        ("log1p", RANDOM.uniform(-0.99, 1, 3000)),
+        ("log1p", RANDOM.uniform(-1e-6, 1e-6, 3000)),
+    ],
+)
+def test_error_is_below_two_ulps(name: str, x: np.ndarray) -> None:
+    assert ulps(evaluate(name, x), x, getattr(mpmath, name)) < 2
+
+
+@pytest.mark.parametrize("name", ["sin", "cos"])
+def test_sine_and_cosine_from_zero_to_pi(name: str) -> None:
+    x = np.concatenate([RANDOM.uniform(0, np.pi, 2000), [0, np.pi / 2, np.pi]])
+    with mpmath.workdps(40):
+        exact = np.array([float(getattr(mpmath, name)(mpmath.mpf(float(a)))) for a in x])
+    assert np.abs(evaluate(name, x) - exact).max() <= 2.3e-16
+
+
+def test_limits() -> None:
+    assert np.array_equal(evaluate("exp", np.array([-1000, 0, 800, -np.inf, np.inf])), [0, 1, np.inf, 0, np.inf])
+    assert np.array_equal(evaluate("log", np.array([0, 1, np.inf])), [-np.inf, 0, np.inf])
+    assert np.array_equal(evaluate("log1p", np.array([-1, 0, np.inf])), [-np.inf, 0, np.inf])
+    assert np.isnan(evaluate("log", np.array([-1.0, np.nan]))).all()
+
+
+@pytest.mark.parametrize(("exponent", "allowed"), [(0, 0), (1, 1e-12), (1e2, 1e-12), (1e4, 1e-12), (1e6, 1e-9), (1e9, 1e-6)])
+def test_highlight_power(exponent: float, allowed: float) -> None:
+    """cos^p from the squared tangent; N14 asks for 1e-6, 1e-6, 1e-6, 1e-5, 1e-4 and 5e-3."""
+    angle = np.concatenate([np.linspace(0, 1.57, 400), 10 ** np.linspace(-9, 0, 400)])
+    power = evaluate("cosine_power", np.tan(angle) ** 2, np.full(len(angle), float(exponent)))
+    with mpmath.workdps(40):
+        exact = np.array([float(mpmath.cos(mpmath.mpf(float(a))) ** exponent) for a in angle])
+    assert np.isfinite(power).all()
+    assert np.abs(power - exact).max() <= allowed

@@ -1,0 +1,42 @@
+"""What the two zips hold. Blender's validator has accepted each when it was packed."""
+
+import tomllib
+import zipfile
+
+import pytest
+from conftest import pack
+
+DEVELOPMENT = ("tests/", "packaging/", "Makefile", "pyproject.toml", ".ci/", ".git", "build/", "engine/core/", "__pycache__")
+
+
+def _open(edition: str) -> zipfile.ZipFile:
+    return zipfile.ZipFile(pack(edition))
+
+
+@pytest.mark.parametrize("edition", ["full", "python"])
+def test_a_zip_holds_the_add_on_and_nothing_of_its_development(edition):
+    names = _open(edition).namelist()
+    assert {"__init__.py", "blender_manifest.toml", "LICENSE", "addon/render_engine.py", "engine/scene.py", "operators/__init__.py"} <= set(names)
+    assert not [name for name in names for part in DEVELOPMENT if name.startswith(part) or f"/{part}" in name]
+    assert not [name for name in names if name.endswith((".cpp", ".h", ".pyc", ".so"))]
+
+
+def test_only_the_full_zip_has_the_core():
+    wheels = {edition: [name for name in _open(edition).namelist() if name.endswith(".whl")] for edition in ("full", "python")}
+    assert len(wheels["full"]) == 1
+    assert "py3-none-" in wheels["full"][0], "one wheel must serve every Python"
+    assert wheels["python"] == []
+
+
+def test_the_manifests_differ_in_platform_and_wheel_alone():
+    full, python = (tomllib.loads(_open(edition).read("blender_manifest.toml").decode()) for edition in ("full", "python"))
+    assert full.pop("wheels") == [f"./{name}" for name in _open("full").namelist() if name.endswith(".whl")]
+    assert len(full.pop("platforms")) == 1
+    assert full == python
+    assert (full["id"], full["blender_version_min"], full["license"]) == ("glint", "4.2.0", ["SPDX:GPL-3.0-or-later"])
+
+
+def test_the_names_say_version_and_edition():
+    version = tomllib.loads(_open("python").read("blender_manifest.toml").decode())["version"]
+    assert pack("python").name == f"glint-{version}-python.zip"
+    assert pack("full").name.startswith(f"glint-{version}-linux_")

@@ -1,0 +1,117 @@
+"""Both editions, installed from their zips in a Blender of their own: they render, and they fail loudly."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from conftest import ENABLE
+
+SCENE = """
+def small_scene():
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    scene = bpy.context.scene
+    scene.render.engine = "GLINT"
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 48, 100
+    scene.glint.final.samples = scene.glint.final.light_samples = 1
+    return scene
+
+def output(scene, name, file_format):
+    settings = scene.render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "MULTI_LAYER_IMAGE" if "MULTILAYER" in file_format else "IMAGE"
+    settings.file_format = file_format
+    if "EXR" in file_format:
+        settings.color_depth = "32"
+    scene.render.filepath = str(FOLDER / name)
+
+scene = small_scene()
+"""
+FORMATS = {"PNG": "picture.png", "OPEN_EXR": "picture.exr", "OPEN_EXR_MULTILAYER": "layers.exr"}
+
+
+def _pixels(path: Path) -> np.ndarray:
+    return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)
+
+
+@pytest.fixture(scope="module")
+def pictures(installed):
+    """Edition → (run, folder) of one render to PNG and EXR."""
+    made = {}
+    for edition in ("full", "python"):
+        blender = installed(edition)
+        made[edition] = blender.run(
+            ENABLE
+            + SCENE
+            + """
+for file_format, name in (("PNG", "picture.png"), ("OPEN_EXR", "picture.exr")):
+    output(scene, name, file_format)
+    bpy.ops.render.render(write_still=True)
+engine = sys.modules["bl_ext.user_default.glint.engine"]
+core = sys.modules.get("glint_core")
+answer({"backends": engine.available_backends(), "core": core.__file__ if core else ""})
+"""
+        ), blender.folder
+    return made
+
+
+@pytest.mark.parametrize("edition", ["full", "python"])
+def test_an_edition_renders_png_and_exr(pictures, edition):
+    run, folder = pictures[edition]
+    assert run.returncode == 0, run.output
+    for name in ("picture.png", "picture.exr"):
+        pixels = _pixels(folder / name)
+        assert pixels.shape[:2] == (48, 64)
+        assert np.isfinite(pixels).all()
+        assert pixels[..., :3].std() > 0.01, "the cube must stand out from its background"
+
+
+def test_the_full_edition_traces_with_the_core_of_its_own_wheel(pictures):
+    run, folder = pictures["full"]
+    assert run.answer["backends"] == ["NATIVE", "NUMPY"], run.output
+    assert run.answer["core"].startswith(str(folder)), "the core came from somewhere else"
+    assert "NumPy tracer" not in run.output
+
+
+def test_the_python_edition_says_once_per_render_that_numpy_traces(pictures):
+    run, _ = pictures["python"]
+    assert run.answer["backends"] == ["NUMPY"]
+    assert run.output.count("the NumPy tracer renders") == 2, run.output
+
+
+def test_both_editions_draw_the_same_picture(pictures):
+    """float32 tracing against float64: 1e-4 of the radiance, and no pixel that sees something else."""
+    full, python = (_pixels(pictures[edition][1] / "picture.exr") for edition in ("full", "python"))
+    np.testing.assert_allclose(full, python, rtol=1e-4, atol=1e-6)
+
+
+# where it breaks → a statement that breaks it
+BREAKS = {
+    "export": "final.export_scene = broken",
+    "trace": "final.engine.render = broken",
+    "result": "final.Picture._fill = broken",
+    "statistics": "final.remember = broken",
+}
+
+
+@pytest.mark.parametrize("file_format", FORMATS)
+@pytest.mark.parametrize("place", BREAKS)
+def test_an_error_writes_no_file_and_fails_with_a_message(installed, place, file_format):
+    blender = installed("python")
+    name = f"{place}-{FORMATS[file_format]}"
+    run = blender.run(
+        ENABLE
+        + SCENE
+        + f"""
+final = sys.modules["bl_ext.user_default.glint.addon.final"]
+def broken(*args, **kwargs):
+    raise ValueError("broken on purpose")
+{BREAKS[place]}
+output(scene, {name!r}, {file_format!r})
+bpy.ops.render.render(write_still=True)
+"""
+    )
+    assert run.returncode == 1, run.output
+    assert not (blender.folder / name).exists(), "a picture was saved although the render failed"
+    assert "Error: Glint failed (ValueError): broken on purpose" in run.output
+    assert "Traceback" in run.output

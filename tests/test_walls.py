@@ -1,0 +1,135 @@
+"""The walls between the rooms (ARCHITECTURE.md), read off the import statements."""
+
+import ast
+import re
+import sys
+from pathlib import Path, PurePosixPath
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+ROOMS = ("addon", "operators", "engine")
+BLENDER = {"bpy", "bpy_extras", "mathutils", "gpu", "gpu_extras", "bmesh", "blf", "bl_ui", "addon_utils", "idprop", "imbuf", "aud", "freestyle"}
+ENGINES_DOOR = {"engine", "engine.scene", "engine.settings", "engine.film"}
+
+# Room → what it may import from other packages, and a test for what it may import from this one.
+STDLIB = set(sys.stdlib_module_names)
+
+
+def _inside_addon(name: str) -> bool:
+    return name.startswith("addon") or name in ENGINES_DOOR
+
+
+def _inside_operators(name: str) -> bool:
+    return name.startswith(("operators", "addon.export")) or name in ENGINES_DOOR
+
+
+def _inside_engine(name: str) -> bool:
+    return name.startswith("engine")
+
+
+def _inside_reference(name: str) -> bool:
+    values = {f"engine.{name}" for name in ("scene", "film", "settings", "sampling")}
+    return name in values or name.startswith(("engine.reference", "engine.linear"))
+
+
+WALLS = {
+    "__init__.py": (set(), lambda name: False),
+    "addon": (BLENDER | {"numpy", "OpenImageIO"} | STDLIB, _inside_addon),
+    "operators": (BLENDER | {"numpy", "OpenImageIO"} | STDLIB, _inside_operators),
+    "engine/reference": ({"numpy"} | STDLIB, _inside_reference),
+    "engine/native.py": ({"numpy", "glint_core"} | STDLIB, _inside_engine),
+    "engine": ({"numpy"} | STDLIB, _inside_engine),
+}
+
+
+def imports(path: PurePosixPath, source: str) -> tuple[set[str], set[str]]:
+    """(top-level packages from outside, dotted modules of this tree) that a file imports anywhere. Names imported from a package of
+    this tree count as its modules when there is such a module."""
+    outside, inside = set(), set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            outside |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            outside.add(node.module.split(".")[0])
+        elif isinstance(node, ast.ImportFrom):
+            package = path.parent if node.level == 1 else path.parents[node.level - 1]
+            base = [*package.parts, *(node.module.split(".") if node.module else [])]
+            inside |= {".".join(_module(base, alias.name)) for alias in node.names}
+    return outside - {"__future__"}, inside - {""}
+
+
+def _module(base: list[str], name: str) -> list[str]:
+    candidate = ROOT.joinpath(*base, name)
+    return [*base, name] if candidate.is_dir() or candidate.with_suffix(".py").is_file() else base
+
+
+def breaches(path: PurePosixPath, source: str) -> list[str]:
+    """What this file imports through a wall."""
+    room = next(room for room in WALLS if path.is_relative_to(room))
+    allowed_outside, allowed_inside = WALLS[room]
+    outside, inside = imports(path, source)
+    if room == "__init__.py":
+        inside -= {"addon", "operators"}
+    return sorted(f"{path} imports {name}" for name in (outside - allowed_outside) | {name for name in inside if not allowed_inside(name)})
+
+
+def python_files() -> list[PurePosixPath]:
+    paths = [ROOT / "__init__.py", *(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))]
+    found = [PurePosixPath(path.relative_to(ROOT).as_posix()) for path in paths]
+    return sorted(path for path in found if not path.is_relative_to("engine/core"))
+
+
+def test_no_file_imports_through_a_wall():
+    assert len(python_files()) > 20
+    assert [breach for path in python_files() for breach in breaches(path, (ROOT / path).read_text())] == []
+
+
+def test_the_root_imports_lazily():
+    """Nothing at module level: Blender reads this file even when the extension is disabled, and pytest imports it too."""
+    body = ast.parse((ROOT / "__init__.py").read_text()).body
+    assert not [node for node in body if isinstance(node, (ast.Import, ast.ImportFrom))]
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "engine" / "core" / "src").rglob("*.[ch]*")), ids=lambda path: path.name)
+def test_the_core_includes_the_standard_library_and_itself_alone(path):
+    own = {header.name for header in (ROOT / "engine" / "core").rglob("*.h")}
+    included = re.findall(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', path.read_text(), re.MULTILINE)
+    assert not [name for kind, name in included if kind == '"' and Path(name).name not in own]
+    system = [name for kind, name in included if kind == "<"]
+    assert not [name for name in system if re.search(r"Python|numpy|pybind|blender|embree|tbb", name, re.IGNORECASE)]
+
+
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("engine/scene.py", "import bpy"),
+        ("engine/linear/frames.py", "from mathutils import Vector"),
+        ("engine/reference/trace.py", "from .. import native"),
+        ("engine/reference/trace.py", "from ..problems import scene_problems"),
+        ("engine/film.py", "import glint_core"),
+        ("addon/final.py", "from ..engine.native import render_native"),
+        ("addon/final.py", "from ..engine import native"),
+        ("addon/panels.py", "def f():\n    from .. import operators"),
+        ("addon/export/lights.py", "from ...engine.reference import render_reference"),
+        ("operators/add_demo_scene.py", "from ..addon.panels import ENGINE"),
+        ("addon/result.py", "import scipy"),
+        ("__init__.py", "import numpy"),
+    ],
+)
+def test_a_hole_in_a_wall_is_seen(path, source):
+    assert breaches(PurePosixPath(path), source)
+
+
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("addon/final.py", "from .. import engine\nfrom .export import export_scene"),
+        ("addon/export/lights.py", "from ...engine.scene import Light\nimport numpy as np\nimport bpy"),
+        ("engine/reference/trace.py", "from ..scene import Scene\nfrom ..linear import frames"),
+        ("engine/native.py", "import ctypes\nimport glint_core"),
+        ("operators/add_demo_scene.py", "from .demo_scene import build_demo_scene"),
+    ],
+)
+def test_a_door_is_open(path, source):
+    assert breaches(PurePosixPath(path), source) == []
