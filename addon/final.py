@@ -20,7 +20,7 @@ NOTES_SHOWN = 12
 """More notes than this go to the log only."""
 _PREVIEW = {"samples": 4, "light_samples": 2, "max_bounces": 2}
 _FALLBACK = (
-    "Glint's native core cannot be loaded here, so the NumPy tracer renders: the same picture, slower. "
+    "Glint's native core cannot be used here ({}), so the NumPy tracer renders: the same picture, much slower. "
     "Install the edition of Glint for this platform, or set the tracer to NumPy to silence this"
 )
 
@@ -98,7 +98,7 @@ def _with_backend(settings: engine.Settings) -> tuple[engine.Settings, list[str]
     """The settings with a tracer that can run here, and what there is to say about it."""
     if settings.backend in engine.available_backends():
         return settings, []
-    return replace(settings, backend="NUMPY"), [_FALLBACK]
+    return replace(settings, backend="NUMPY"), [_FALLBACK.format(engine.native_error())]
 
 
 def _size(region: tuple[int, int, int, int] | None, width: int, height: int) -> tuple[int, int]:

@@ -175,7 +175,13 @@ def _shape_of(light: bpy.types.Light) -> tuple[tuple[str, str], ...]:
     radius = (("shadow_soft_size", "Radius"),)
     return {
         "POINT": (*radius, ("use_soft_falloff", "Soft Falloff")),
-        "SPOT": (*radius, ("use_soft_falloff", "Soft Falloff"), ("spot_size", "Beam Angle"), ("spot_blend", "Blend"), ("show_cone", "Show Cone")),
+        "SPOT": (
+            *radius,
+            ("use_soft_falloff", "Soft Falloff"),
+            ("spot_size", "Beam Angle"),
+            ("spot_blend", "Blend"),
+            ("show_cone", "Show Cone"),
+        ),
         "SUN": (("angle", "Angle"),),
     }[light.type]
 

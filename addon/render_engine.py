@@ -53,7 +53,7 @@ class GlintRenderEngine(bpy.types.RenderEngine):
         result.register_passes(self, scene, renderlayer)
 
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        self.update_stats("Glint", _VIEWPORT_TEXT)
+        self.update_stats("", _VIEWPORT_TEXT)
 
     def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Leaves the viewport's background; `view_update` has put up a line of text."""

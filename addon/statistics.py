@@ -33,7 +33,12 @@ class Statistics:
         """What was exported, which features the scene made the tracer use, and what came of it."""
         counts = [_count(self.exported[name], name) for name in _COUNTS if self.exported.get(name)]
         features = [name.removeprefix(_FEATURE) for name in self.traced if name.startswith(_FEATURE)]
-        parts = [*counts, f"features: {' + '.join(features) or 'none'}", f"{self.megabytes:.1f} MB", _count(self.samples, "samples") + " per pixel"]
+        parts = [
+            *counts,
+            f"features: {' + '.join(features) or 'none'}",
+            f"{self.megabytes:.1f} MB",
+            _count(self.samples, "samples") + " per pixel",
+        ]
         rays = self.traced.get("rays")
         return ", ".join([*parts, *([_count(rays, "rays")] if rays else []), f"traced by {self.backend}"])
 

@@ -8,7 +8,7 @@ from .film import PARTS, PASSES, Film
 from .scene import Scene
 from .settings import Settings
 
-__all__ = ["PARTS", "PASSES", "Film", "Scene", "SceneError", "Settings", "available_backends", "render"]
+__all__ = ["PARTS", "PASSES", "Film", "Scene", "SceneError", "Settings", "available_backends", "native_error", "render"]
 
 
 class SceneError(ValueError):
@@ -17,9 +17,14 @@ class SceneError(ValueError):
 
 def available_backends() -> tuple[str, ...]:
     """The tracers that can run here, best first: NATIVE when the core's library loads, NUMPY always."""
+    return ("NATIVE", "NUMPY") if native_error() is None else ("NUMPY",)
+
+
+def native_error() -> str | None:
+    """Why the native core cannot be used here; None when it can."""
     from . import native
 
-    return ("NATIVE", "NUMPY") if native.load_error() is None else ("NUMPY",)
+    return native.load_error()
 
 
 def render(

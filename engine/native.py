@@ -139,7 +139,7 @@ class _Render:
             ended = progress.state >= DONE
             if on_wave is not None and progress.samples > shown:
                 shown = progress.samples
-                film = self._film(shown, progress.state == DONE)
+                film = self._film(shown, complete=True)
                 if progress.state == HELD:
                     self._core.glint_render_resume(self._handle)
                 on_wave(film)

@@ -41,7 +41,7 @@ _ORTHONORMAL = 1e-4
 
 
 def scene_problems(scene: Scene) -> list[str]:
-    """Every problem of `scene`, in the order of its fields; empty when it is sound. Reads each array at most twice, copies none."""
+    """Every problem of `scene`, in the order of its fields; empty when it is sound. Reads each array at most twice and copies no mesh."""
     checks: tuple[tuple[Iterable[Any], Callable[[Any], Found]], ...] = (
         ((scene.camera,), _camera),
         (scene.geometries, _geometry),

@@ -22,6 +22,7 @@ def information() -> list[tuple[str, str]]:
         ("edition", "full" if manifest.get("wheels") else "pure Python"),
         ("blender", bpy.app.version_string),
         ("tracers", " ".join(engine.available_backends())),
+        ("core", engine.native_error() or "ready"),
     ]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 CORAL, TEAL, BRASS = (0.80, 0.115, 0.075), (0.03, 0.30, 0.32), (0.83, 0.55, 0.22)
-IVORY, SLATE, INK = (0.80, 0.76, 0.68), (0.125, 0.175, 0.235), (0.035, 0.045, 0.06)
+CHAMPAGNE, IVORY, SLATE, INK = (0.97, 0.83, 0.68), (0.80, 0.76, 0.68), (0.125, 0.175, 0.235), (0.035, 0.045, 0.06)
 
 
 def build_demo_scene() -> None:
@@ -35,13 +35,10 @@ def build_demo_scene() -> None:
 
 
 def _build_set(scene) -> None:
-    """The backdrop, the round stage, the plinth, and two glowing panels out of sight for the mirror ball to show."""
+    """The backdrop, the round stage and the plinth."""
     _add(scene, "Backdrop", _sweep_mesh("Backdrop"), _matte("Backdrop", SLATE))
     stage = _disc_mesh("Stage", radius=4.6, height=0.14, segments=160)
     _add(scene, "Stage", stage, _stage_material())
-    for name, x, width in (("Panel Left", -5.6, 2.4), ("Panel Right", 6.4, 1.2)):
-        panel = _add(scene, name, _panel_mesh(name, width, 3.4), _glow(name, (1.0, 0.93, 0.82), 1.0))
-        panel.matrix_world = _looking_at((x, -7.6, 2.2), (0.0, 0.0, 1.5))
     plinth = _disc_mesh("Plinth", radius=1.0, height=0.30, segments=96)
     _add(scene, "Plinth", plinth, _glossy("Plinth", INK, roughness=0.35), location=(0.0, 0.35, 0.14))
 
@@ -59,8 +56,8 @@ def _build_knot(scene) -> None:
 
 def _build_spheres(scene) -> None:
     """True spheres: a mirror ball, a brass ball and an arc of pearls that grow along it."""
-    _add_points(scene, "Mirror Ball", [(2.62, 0.75, 1.16)], [1.02], _mirror("Mirror", (0.92, 0.93, 0.95)))
-    _add_points(scene, "Brass Ball", [(-1.42, -1.05, 0.60)], [0.46], _metal("Brass", BRASS, roughness=0.28))
+    _add_points(scene, "Mirror Ball", [(2.62, 0.75, 1.16)], [1.02], _mirror("Mirror", CHAMPAGNE))
+    _add_points(scene, "Brass Ball", [(-1.42, -1.05, 0.60)], [0.46], _polished("Brass", BRASS))
     angles = [radians(-66 + 6.3 * k + 0.12 * k * k) for k in range(10)]
     radii = [0.10 + 0.013 * k for k in range(10)]
     centers = [(3.45 * sin(a), 0.1 - 3.45 * cos(a), 0.14 + r) for a, r in zip(angles, radii, strict=True)]
@@ -119,7 +116,7 @@ def _set_render(scene) -> None:
     scene.view_settings.view_transform, scene.view_settings.look = "Standard", "None"
     if hasattr(scene, "glint"):
         render.engine = "GLINT"
-        scene.glint.final.samples, scene.glint.final.light_samples = 16, 8
+        scene.glint.final.samples, scene.glint.final.light_samples = 16, 4
 
 
 # --- objects
@@ -229,14 +226,6 @@ def _disc_mesh(name: str, radius: float, height: float, segments: int):
     return _to_mesh(name, shape)
 
 
-def _panel_mesh(name: str, width: float, height: float):
-    """A rectangle in its own xy plane."""
-    x, y = width / 2, height / 2
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)], [], [(0, 1, 2, 3)])
-    return mesh
-
-
 def _slab_mesh(name: str):
     """A flat box, 1.5 × 0.62 × 0.128, with round edges."""
     shape = bmesh.new()
@@ -260,8 +249,8 @@ def _stage_material():
     material, tree, output = _new_material("Stage")
     image = tree.nodes.new("ShaderNodeTexImage")
     image.image = _checker_image("Stage Checker")
-    diffuse, glossy, mix = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "BsdfAnisotropic", "MixShader"))
-    glossy.inputs["Color"].default_value, glossy.inputs["Roughness"].default_value = (0.9, 0.95, 1.0, 1.0), 0.0
+    diffuse, mix = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeMixShader")
+    glossy = _glossy_node(tree, (0.9, 0.95, 1.0), 0.0)
     mix.inputs[0].default_value = 0.13
     tree.links.new(image.outputs["Color"], diffuse.inputs["Color"])
     tree.links.new(diffuse.outputs["BSDF"], mix.inputs[1])
@@ -290,28 +279,11 @@ def _checker_image(name: str, size: int = 1024, cells: int = 16):
 
 
 def _glossy(name: str, color, roughness: float):
-    """A dielectric."""
-    return _principled(name, color, roughness, metallic=0.0)
-
-
-def _metal(name: str, color, roughness: float):
-    return _principled(name, color, roughness, metallic=1.0)
-
-
-def _principled(name: str, color, roughness: float, metallic: float):
+    """A dielectric: colour below, highlights above."""
     material, tree, output = _new_material(name)
     shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
-    for socket, value in (("Base Color", (*color, 1.0)), ("Roughness", roughness), ("Metallic", metallic)):
-        shader.inputs[socket].default_value = value
+    shader.inputs["Base Color"].default_value, shader.inputs["Roughness"].default_value = (*color, 1.0), roughness
     tree.links.new(shader.outputs["BSDF"], output.inputs["Surface"])
-    return material
-
-
-def _glow(name: str, color, strength: float):
-    material, tree, output = _new_material(name)
-    shader = tree.nodes.new("ShaderNodeEmission")
-    shader.inputs["Color"].default_value, shader.inputs["Strength"].default_value = (*color, 1.0), strength
-    tree.links.new(shader.outputs["Emission"], output.inputs["Surface"])
     return material
 
 
@@ -325,10 +297,25 @@ def _matte(name: str, color):
 
 def _mirror(name: str, color):
     material, tree, output = _new_material(name)
-    shader = tree.nodes.new("ShaderNodeBsdfAnisotropic")
-    shader.inputs["Color"].default_value, shader.inputs["Roughness"].default_value = (*color, 1.0), 0.0
-    tree.links.new(shader.outputs["BSDF"], output.inputs["Surface"])
+    tree.links.new(_glossy_node(tree, color, 0.0).outputs["BSDF"], output.inputs["Surface"])
     return material
+
+
+def _polished(name: str, color):
+    """A metal that both mirrors and shows soft highlights."""
+    material, tree, output = _new_material(name)
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    mix.inputs[0].default_value = 0.45
+    for slot, roughness in ((1, 0.0), (2, 0.32)):
+        tree.links.new(_glossy_node(tree, color, roughness).outputs["BSDF"], mix.inputs[slot])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def _glossy_node(tree, color, roughness: float):
+    shader = tree.nodes.new("ShaderNodeBsdfAnisotropic")
+    shader.inputs["Color"].default_value, shader.inputs["Roughness"].default_value = (*color, 1.0), roughness
+    return shader
 
 
 def _new_material(name: str):

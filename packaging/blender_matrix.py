@@ -1,4 +1,4 @@
-"""`make test-blenders`: the tests that talk to Blender, in every Blender of the matrix, and in a whole Blender program where one can be had.
+"""`make test-blenders`: the tests that talk to Blender, in every bpy of the matrix and in a whole program where one can be had.
 
 The default one runs in `make test`; 5.2 runs where a Python 3.13 is at hand.
 """
@@ -34,11 +34,11 @@ def _series(series: str) -> str:
     blender = tree.blender(series)
     try:
         environment.find_python(blender.python)
-    except tree.Failure as failure:
+    except tree.SetupError as failure:
         return f"left out: {failure}"
     try:
         return _verdict(run_tests.run(series, ["-m", "not slow", *TESTS]))
-    except tree.Failure as failure:
+    except tree.SetupError as failure:
         return f"failed: {failure}"
 
 

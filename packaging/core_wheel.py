@@ -14,7 +14,7 @@ WHEELS = tree.BUILD / "wheels"
 
 
 def build(blender: tree.Blender) -> Path:
-    """The wheel of the core, built when its sources have changed. Raises Failure with the end of the compiler's output."""
+    """The wheel of the core, built when its sources have changed. Raises SetupError with the end of the compiler's output."""
     mark = _mark()
     stamp = WHEELS / "stamp"
     if not (tree.is_current(stamp, mark) and _wheels()):

@@ -9,7 +9,7 @@ set -euo pipefail
 
 folder=${1:?usage: debian_blender.sh FOLDER}
 seconds=${GLINT_DEBIAN_SECONDS:-480}
-packages="blender python3-numpy python3-openimageio"
+packages="blender python3-numpy python3-openimageio xvfb libgl1-mesa-dri libegl1"
 
 cannot() {
   echo "debian_blender: not set up: $1"

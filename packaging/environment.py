@@ -35,7 +35,7 @@ CXX20_PROGRAM = "#include <bit>\n#include <span>\nint main() { int a[2] = {1, 2}
 
 
 def prepare(wanted: str = "") -> tree.Blender:
-    """The environment of this Blender, made when missing or out of date. Raises Failure with the remedy."""
+    """The environment of this Blender, made when missing or out of date. Raises SetupError with the remedy."""
     blender = tree.blender(wanted)
     requirements = [f"bpy=={blender.version}", *tree.settings()["dependency-groups"]["dev"]]
     mark = "\n".join([blender.python, *requirements])
@@ -54,7 +54,7 @@ def find_python(version: str) -> str:
     for candidate in _python_candidates(version):
         if _runs(candidate, version):
             return candidate
-    raise tree.Failure(
+    raise tree.SetupError(
         f"Python {version} was not found. Install it (Debian and Ubuntu: apt-get install python{version} python{version}-venv; "
         f"elsewhere: pyenv install {version}) so that the command python{version} runs, then call make again."
     )
@@ -76,12 +76,12 @@ def _runs(command: str, version: str) -> bool:
 
 
 def check_compiler() -> None:
-    """Raise Failure unless a C++20 compiler is at hand: $CXX, or the first of c++, g++, clang++."""
+    """Raise SetupError unless a C++20 compiler is at hand: $CXX, or the first of c++, g++, clang++."""
     remedy = "Install one (Debian and Ubuntu: apt-get install g++; Fedora: dnf install gcc-c++), or name it: make CXX=clang++ …"
     names = [os.environ["CXX"]] if os.environ.get("CXX") else ["c++", "g++", "clang++"]
     found = [name for name in names if shutil.which(name.split()[0])]
     if not found:
-        raise tree.Failure(f"There is no C++ compiler here (looked for {', '.join(names)}). {remedy}")
+        raise tree.SetupError(f"There is no C++ compiler here (looked for {', '.join(names)}). {remedy}")
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "probe.cpp"
         source.write_text(CXX20_PROGRAM)
@@ -105,13 +105,13 @@ def _install(blender: tree.Blender, requirements: list[str]) -> None:
 
 
 def check_libraries(blender: tree.Blender) -> None:
-    """Raise Failure when the system lacks a shared library that bpy is linked to (Linux)."""
+    """Raise SetupError when the system lacks a shared library that bpy is linked to (Linux)."""
     if sys.platform != "linux":
         return
     listing = tree.call(["ldd", blender.bpy / "__init__.so"], "ldd comes with the C library.")
     missing = sorted(set(re.findall(r"^\s*(\S+) => not found", listing, re.MULTILINE)))
     if missing:
-        raise tree.Failure(missing_libraries_message(missing))
+        raise tree.SetupError(missing_libraries_message(missing))
 
 
 def missing_libraries_message(missing: list[str]) -> str:

@@ -12,7 +12,6 @@ import sys
 import time
 from pathlib import Path
 
-import core_wheel
 import environment
 import extension_zips
 import install_extension
@@ -24,11 +23,10 @@ def main() -> int:
     if options.inside:
         return _render(options)
     blender = environment.prepare(options.bpy)
-    core_wheel.install(blender)
     zip_path = extension_zips.full_zip(blender)
     arguments = [f"--inside={zip_path}", f"--out={options.out}", f"--scene={options.scene}", f"--frame={options.frame}"]
     variables = {**os.environ, "BLENDER_USER_RESOURCES": str(blender.resources)}
-    blender.resources.mkdir(parents=True, exist_ok=True)
+    install_extension.make_way(zip_path, blender.resources)
     return subprocess.run([blender.interpreter, __file__, *arguments], env=variables).returncode
 
 
@@ -44,7 +42,7 @@ def _options() -> argparse.Namespace:
 
 
 def _render(options: argparse.Namespace) -> int:
-    install_extension.install(Path(options.inside), Path(os.environ["BLENDER_USER_RESOURCES"]))
+    install_extension.install(Path(options.inside))
     import bpy
 
     name = _open(options.scene)
@@ -71,11 +69,11 @@ def _open(path: str) -> str:
         build_demo_scene()
         return "demo"
     if not Path(path).is_file():
-        raise tree.Failure(f"SCENE={path}: there is no such file.")
+        raise tree.SetupError(f"SCENE={path}: there is no such file.")
     try:
         bpy.ops.wm.open_mainfile(filepath=str(Path(path).resolve()), load_ui=False)
     except RuntimeError as error:
-        raise tree.Failure(f"SCENE={path}: Blender cannot open it: {error}") from error
+        raise tree.SetupError(f"SCENE={path}: Blender cannot open it: {error}") from error
     return Path(path).stem
 
 
@@ -92,12 +90,12 @@ def _write_pictures(scene, exr: Path, png: Path) -> float:
     try:
         bpy.ops.render.render(write_still=True)
     except RuntimeError as error:
-        raise tree.Failure(f"the render failed: {error}") from error
+        raise tree.SetupError(f"the render failed: {error}") from error
     _set_format(scene, "PNG", "8")
     bpy.data.images["Render Result"].save_render(str(png), scene=scene)
     missing = [str(path) for path in (exr, png) if not path.is_file()]
     if missing:
-        raise tree.Failure(f"the render ended without an error, but did not write {', '.join(missing)}")
+        raise tree.SetupError(f"the render ended without an error, but did not write {', '.join(missing)}")
     return time.perf_counter() - start
 
 

@@ -20,7 +20,7 @@ CORE = ROOT / "engine" / "core"
 _BUILT = {".pyc", ".so", ".o"}
 
 
-class Failure(Exception):
+class SetupError(Exception):
     """Something that the person at the keyboard can put right; the message says how."""
 
 
@@ -62,7 +62,7 @@ def blender(wanted: str = "") -> Blender:
     wanted = wanted or table["default"]
     series = ".".join(wanted.split(".")[:2])
     if series not in table["bpy"]:
-        raise Failure(f"BPY={wanted} is not supported. Choose one of: {', '.join(f'{name}.x' for name in table['bpy'])}.")
+        raise SetupError(f"BPY={wanted} is not supported. Choose one of: {', '.join(f'{name}.x' for name in table['bpy'])}.")
     pinned = table["bpy"][series]
     version = pinned["version"] if wanted in (series, f"{series}.x") else wanted
     default = table["bpy"][table["default"]]["version"]
@@ -107,18 +107,18 @@ def step(text: str) -> Iterator[None]:
 
 
 def call(command: list, remedy: str, **options) -> str:
-    """Run a command quietly; when it fails, raise Failure with the end of its output and the remedy."""
+    """Run a command quietly; when it fails, raise SetupError with the end of its output and the remedy."""
     done = subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options)
     if done.returncode != 0:
         tail = "\n".join(done.stdout.splitlines()[-40:])
-        raise Failure(f"{tail}\n\n{Path(str(command[0])).name} failed with exit code {done.returncode}. {remedy}")
+        raise SetupError(f"{tail}\n\n{Path(str(command[0])).name} failed with exit code {done.returncode}. {remedy}")
     return done.stdout
 
 
 def main(body: Callable[[], int | None]) -> None:
-    """Run a script's body; a Failure becomes its message and exit code 1."""
+    """Run a script's body; a SetupError becomes its message and exit code 1."""
     try:
         sys.exit(body() or 0)
-    except Failure as failure:
+    except SetupError as failure:
         print(f"glint: {failure}", file=sys.stderr)
         sys.exit(1)

@@ -9,7 +9,21 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 ROOMS = ("addon", "operators", "engine")
-BLENDER = {"bpy", "bpy_extras", "mathutils", "gpu", "gpu_extras", "bmesh", "blf", "bl_ui", "addon_utils", "idprop", "imbuf", "aud", "freestyle"}
+BLENDER = {
+    "bpy",
+    "bpy_extras",
+    "mathutils",
+    "gpu",
+    "gpu_extras",
+    "bmesh",
+    "blf",
+    "bl_ui",
+    "addon_utils",
+    "idprop",
+    "imbuf",
+    "aud",
+    "freestyle",
+}
 ENGINES_DOOR = {"engine", "engine.scene", "engine.settings", "engine.film"}
 
 # Room → what it may import from other packages, and a test for what it may import from this one.

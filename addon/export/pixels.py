@@ -170,13 +170,13 @@ def _managed(rgba: np.ndarray, raw: Raw, image: Any) -> Pixels:
 
 
 def associated(found: Pixels) -> np.ndarray:
-    """(h, w, 4): colours times alpha, opaque. Bytes are multiplied as they are, under their curve, as Cycles does."""
-    rgba = found.pixels
-    product = rgba[:, :, :3] * colorspace.as_float(rgba[:, :, 3:])
-    result = np.empty_like(rgba)
-    result[:, :, :3] = np.rint(product) if rgba.dtype == np.uint8 else product
-    result[:, :, 3] = 255 if rgba.dtype == np.uint8 else 1
-    return result
+    """(h, w, 4): colours times alpha, opaque. Bytes are multiplied as they are, under their curve and rounded down, as Cycles does."""
+    color, alpha = found.pixels[:, :, :3], found.pixels[:, :, 3:]
+    if color.dtype == np.uint8:
+        product, opaque = (color.astype(np.uint16) * alpha // 255).astype(np.uint8), np.full_like(alpha, 255)
+    else:
+        product, opaque = color * alpha, np.ones_like(alpha)
+    return np.concatenate([product, opaque], -1)
 
 
 def _opaque(rgba: np.ndarray) -> bool:

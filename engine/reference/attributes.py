@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scene import CORNER, FACE, POINT, Attribute, Mesh, Scene
+from .vectors import pick
 
 Array = np.ndarray
 
@@ -75,7 +76,7 @@ class Pool:
         result = []
         for point, corner in zip(self.corners.point, self.corners.corner, strict=True):
             row = base + np.choose(domain, (point[triangle], corner[triangle], primitive))
-            result.append(np.where(has, self.values[:, np.where(has, row, 0)], 0.0))
+            result.append(np.where(has, pick(self.values, np.where(has, row, 0)), 0.0))
         return result
 
     def at(self, geometry: Array, primitive: Array, weights: Array) -> Array:

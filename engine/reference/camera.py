@@ -9,7 +9,7 @@ import numpy as np
 from ..scene import Camera
 from .geometry import Geometry
 from .raster import Strips, pixel_strips
-from .rays import Frame, Pencil
+from .rays import ULPS, Frame, Pencil
 from .vectors import length
 
 Array = np.ndarray
@@ -17,7 +17,10 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class CameraRays:
-    """The rays of one camera. unit: length of −w, world units per unit of depth.  corner, pixel: window's corner and size of a pixel."""
+    """The rays of one camera. unit: length of −w, world units per unit of depth.  corner, pixel: window's corner and size of a pixel.
+
+    near, far: the clip range with a margin for the rounding of depths, so that hits at its very ends count.
+    """
 
     frame: Frame
     corner: tuple[float, float]
@@ -33,10 +36,12 @@ class CameraRays:
         frame = Frame.of(geometry, np.linalg.inv(axes), np.zeros(3), perspective)
         left, right, bottom, top = camera.window
         pixel = (right - left) / camera.resolution[0], (top - bottom) / camera.resolution[1]
-        near = max(camera.clip_start, 0.0) if perspective else camera.clip_start
-        if camera.clip_start > 0 or not perspective:
-            near = np.nextafter(near, -np.inf)  # hits count beyond `near`, and the clip distances themselves belong to the range
-        return cls(frame, (left, bottom), pixel, near, np.nextafter(camera.clip_end, np.inf), float(length(axes[:, 2])))
+        near, far = camera.clip_start - ULPS * abs(camera.clip_start), camera.clip_end + ULPS * abs(camera.clip_end)
+        if perspective:
+            near = max(near, 0.0)
+        elif near == 0:
+            near = -ULPS * geometry.reach
+        return cls(frame, (left, bottom), pixel, near, far, float(length(axes[:, 2])))
 
     def pixels(self, x: tuple[int, int], y: tuple[int, int], offset: Array) -> tuple[Pencil, Strips | None]:
         """Rays through the pixels x[0] <= i < x[1], y[0] <= j < y[1], row by row, at `offset` from their centres."""

@@ -12,6 +12,7 @@ from .rays import Pencil
 from .seen_lights import has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
+from .vectors import pick
 from .visibility import NOTHING
 
 Array = np.ndarray
@@ -46,9 +47,12 @@ class Generations:
         if not len(hit):
             return None
         depth = hits.depth[hit]
+        stage.pulse.beat()
         surface = surface_at(stage.geometry, stage.attributes, paths.rays, hit, hits.primitive[hit], depth, stage.pulse)
         coefficients = stage.shader.coefficients(surface)
+        stage.pulse.beat()
         self._record(paths, hit, surface, depth, coefficients)
+        stage.pulse.beat()
         shown = self._cut_holdouts(paths, hit, surface)
         if len(shown) < len(hit):
             hit, depth, surface = hit[shown], depth[shown], surface.take(shown)
@@ -67,7 +71,7 @@ class Generations:
                 self._tile.add(paths.part("Emission"), paths.pixel, paths.weight * seen_radiance(source, o, d, paths.rays.near, depth))
 
     def _miss(self, paths: Paths, missed: Array) -> None:
-        weight, pixel = paths.weight[:, missed], paths.pixel[missed]
+        weight, pixel = pick(paths.weight, missed), paths.pixel[missed]
         if paths.depth == 0 and self._stage.scene.world.transparent:
             self._tile.lose(pixel, weight)
         elif self._stage.background.any():
@@ -78,7 +82,7 @@ class Generations:
         holdout = self._stage.per_object("holdout", surface.row)
         if paths.depth == 0:
             cut = hit[holdout]
-            self._tile.lose(paths.pixel[cut], paths.weight[:, cut])
+            self._tile.lose(paths.pixel[cut], pick(paths.weight, cut))
         return np.flatnonzero(~holdout)
 
     def _wants_data(self, paths: Paths, hit: Array) -> Array:
@@ -105,7 +109,7 @@ class Generations:
 
     def _shade(self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients) -> None:
         """L = k_a I_a + Σ (k_d I max(0, n·l) + k_s I max(0, n·h)^p) S + k_e (section 4.15), each part by itself."""
-        weight, pixel = paths.weight[:, hit], paths.pixel[hit]
+        weight, pixel = pick(paths.weight, hit), paths.pixel[hit]
 
         def add(part: str, values: Array) -> None:
             if values.any():

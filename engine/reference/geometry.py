@@ -13,6 +13,7 @@ import numpy as np
 
 from ..scene import Mesh, Polygons, Scene, Spheres
 from .placements import Placements, place, primitive_count
+from .vectors import pick
 
 Array = np.ndarray
 
@@ -178,7 +179,7 @@ def _balls(drawn: list[_Drawn], placements: Placements) -> Balls:
     inverse, normal, flat = _inverses(placements, used)
     m = placements.world_from_object[row]
     world = np.stack([m[:, i, 0] * center[0] + m[:, i, 1] * center[1] + m[:, i, 2] * center[2] + m[:, i, 3] for i in range(3)])
-    return Balls(center, radius, row, world, inverse[place_of], normal[:, place_of], flat[place_of])
+    return Balls(center, radius, row, world, inverse[place_of], pick(normal, place_of), flat[place_of])
 
 
 def _inverses(placements: Placements, rows: Array) -> tuple[Array, Array, Array]:
@@ -207,10 +208,10 @@ def _newell(corners: Array, start: Array) -> Array:
     if len(start) < 2:
         return np.zeros((3, 0))
     sizes = np.diff(start)
-    relative = corners - np.repeat(corners[:, start[:-1]], sizes, 1)
+    relative = corners - np.repeat(pick(corners, start[:-1]), sizes, 1)
     following = np.arange(len(corners[0])) + 1
     following[start[1:] - 1] = start[:-1]
-    b = relative[:, following]
+    b = pick(relative, following)
     a = relative
     area = np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
     total = np.add.reduceat(area, start[:-1], 1)

@@ -12,7 +12,7 @@ from .optics import blinn_phong
 from .pulse import Pulse
 from .shadows import Shadows
 from .surface import Surface
-from .vectors import dot
+from .vectors import add_at, dot, pick
 
 Array = np.ndarray
 
@@ -46,26 +46,29 @@ class Lighting:
             n = source.sample_count(self.light_samples)
             for j in range(n):
                 point = CENTER if n == 1 else self.points[sample * self.light_samples + j]
+                self.pulse.beat()
                 self._add(surface, coefficients, lit, source, source.sample(surface.x, point, n), total)
         return total
 
-    def _add(self, surface: Surface, coefficients: Coefficients, lit: Array, source: Source, sample: LightSample, total: DirectLight) -> None:
+    def _add(
+        self, surface: Surface, coefficients: Coefficients, lit: Array, source: Source, sample: LightSample, total: DirectLight
+    ) -> None:
         """One sample of one light."""
         self.pulse.beat()
         cosine = dot(surface.n, sample.direction)
         seen = np.flatnonzero(lit & (cosine > 0) & (sample.intensity != 0))
         if not len(seen) or not source.color.any():
             return
-        end = sample.end if sample.end is None or sample.end.shape[1] == 1 else sample.end[:, seen]
-        sample = LightSample(sample.direction[:, seen], sample.intensity[seen], end)
+        end = sample.end if sample.end is None or sample.end.shape[1] == 1 else pick(sample.end, seen)
+        sample = LightSample(pick(sample.direction, seen), sample.intensity[seen], end)
         light = source.color[:, None] * sample.intensity
-        diffuse = coefficients.diffuse[:, seen] * light * cosine[seen]
+        diffuse = pick(coefficients.diffuse, seen) * light * cosine[seen]
         specular = _highlights(surface, coefficients, seen, sample) * light
-        total.diffuse[:, seen] += diffuse
-        total.specular[:, seen] += specular
+        add_at(total.diffuse, seen, diffuse)
+        add_at(total.specular, seen, specular)
         if source.light.cast_shadow:
             self.pulse.beat()
-            total.shadow[:, seen] += (self.shadows.towards(surface, seen, sample).T - 1.0) * (diffuse + specular)
+            add_at(total.shadow, seen, (self.shadows.towards(surface, seen, sample).T - 1.0) * (diffuse + specular))
 
 
 def _highlights(surface: Surface, coefficients: Coefficients, seen: Array, sample: LightSample) -> Array:
@@ -79,6 +82,6 @@ def _highlights(surface: Surface, coefficients: Coefficients, seen: Array, sampl
         known = term.index <= seen.max()
         chosen = np.flatnonzero(known)[place[term.index[known]] >= 0]
         here, at = term.index[chosen], place[term.index[chosen]]
-        k = term.k if term.k.shape[1] == 1 else term.k[:, chosen]
-        total[:, at] += k * blinn_phong(surface.n[:, here], surface.v[:, here], sample.direction[:, at], term.lobe.exponent)
+        k = term.k if term.k.shape[1] == 1 else pick(term.k, chosen)
+        add_at(total, at, k * blinn_phong(pick(surface.n, here), pick(surface.v, here), pick(sample.direction, at), term.lobe.exponent))
     return total

@@ -11,6 +11,7 @@ from ..scene import Input, Lobe, Material, Scene
 from .attributes import Attributes
 from .surface import Spot
 from .textures import Image
+from .vectors import add_at, pick
 
 Array = np.ndarray
 
@@ -67,7 +68,7 @@ class Shader:
 
         def add(lobe: Lobe, index: Array, k: Array) -> None:
             if lobe.kind in _SUMMED:
-                sums[_SUMMED[lobe.kind]][:, index] += k
+                add_at(sums[_SUMMED[lobe.kind]], index, k)
             else:
                 terms[lobe.kind].append(Term(index, k, lobe))
 
@@ -103,12 +104,12 @@ class Shader:
         if factor.texture >= 0:
             value = value * self._texture(factor, spot, index)
         if factor.attribute:
-            color = self._attributes.color(factor.attribute).at(spot.geometry[index], spot.local[index], spot.weights[:, index])
+            color = self._attributes.color(factor.attribute).at(spot.geometry[index], spot.local[index], pick(spot.weights, index))
             value = value * (color[3:4] if factor.attribute_channel == "ALPHA" else color[:3])
         return 1.0 - value if factor.complement else value
 
     def _texture(self, factor: Input, spot: Spot, index: Array) -> Array:
-        u, v = self._attributes.uv(factor.uv).at(spot.geometry[index], spot.local[index], spot.weights[:, index])
+        u, v = self._attributes.uv(factor.uv).at(spot.geometry[index], spot.local[index], pick(spot.weights, index))
         (a, b, c), (d, e, f) = factor.uv_transform
         rgba = self._images[factor.texture].read(a * u + b * v + c, d * u + e * v + f)
         if factor.channel == "COLOR":

@@ -9,7 +9,7 @@ from .vectors import cross, dot, unit
 Array = np.ndarray
 
 
-def blinn_phong(n: Array, v: Array, l: Array, exponent: float) -> Array:  # noqa: E741: the notes' letter
+def blinn_phong(n: Array, v: Array, l: Array, exponent: float) -> Array:  # noqa: E741, the notes' letter
     """(m,) max(0, n·h)^p with h = (v + l)/|v + l|, for points with n·l > 0; 0^0 is 1.
 
     cos^p as exp(p/2 · log1p(−|n×h|²)), from h before it is normalised: pow of a rounded cosine is wrong for large p.

@@ -11,7 +11,7 @@ from .materials import Coefficients
 from .optics import fresnel, reflected, refracted
 from .rays import Bundle, Rays
 from .surface import Surface
-from .vectors import dot
+from .vectors import add_at, dot, pick
 
 Array = np.ndarray
 
@@ -54,17 +54,17 @@ def joined(paths: list[Paths]) -> Paths:
 
 def straight_on(paths: Paths, hit: Array, surface: Surface, depth: Array, k: Array, wanted: Array) -> Paths | None:
     """The same rays beyond transparent surfaces. hit: (m,) places in `paths` of the surfaces; wanted: (m,) bool, go on for data."""
-    weight = paths.weight[:, hit] * k
+    weight = pick(paths.weight, hit) * k
     go = np.flatnonzero((weight.any(0) | (wanted & k.any(0))) & (paths.straight[hit] < MOST_STRAIGHT))
     if not len(go):
         return None
     mine = hit[go]
     rays = paths.rays.take(mine)
     _, d = paths.rays.lines(mine)
-    incline = np.abs(dot(surface.g[:, go], d))
+    incline = np.abs(dot(pick(surface.g, go), d))
     step = surface.offset[go] / np.maximum(incline, 1e-6 * np.sqrt(dot(d, d)))
     rays = replace(rays, near=depth[go] + step)
-    return Paths(rays, weight[:, go], paths.pixel[mine], paths.straight[mine] + 1, paths.depth)
+    return Paths(rays, pick(weight, go), paths.pixel[mine], paths.straight[mine] + 1, paths.depth)
 
 
 def bounced(paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients) -> list[Paths]:
@@ -73,10 +73,10 @@ def bounced(paths: Paths, hit: Array, surface: Surface, coefficients: Coefficien
     if coefficients.mirrors:
         k = np.zeros((3, len(surface)))
         for term in coefficients.mirrors:
-            k[:, term.index] += term.k * _reflectance(surface, term.index, term.lobe)
+            add_at(k, term.index, term.k * _reflectance(surface, term.index, term.lobe))
         go = np.flatnonzero(k.any(0))
         some = surface.take(go)
-        result.append(_leaving(paths, hit[go], some, reflected(-some.v, some.n, some.g), k[:, go]))
+        result.append(_leaving(paths, hit[go], some, reflected(-some.v, some.n, some.g), pick(k, go)))
     for term in coefficients.refractions:
         some = surface.take(term.index)
         d, passes = refracted(-some.v, some.n, some.g, relative_index(some, term.lobe))
@@ -84,7 +84,7 @@ def bounced(paths: Paths, hit: Array, surface: Surface, coefficients: Coefficien
         if term.lobe.fresnel:
             k = k * (1 - _reflectance(surface, term.index, term.lobe))
         go = np.flatnonzero(k.any(0))
-        result.append(_leaving(paths, hit[term.index[go]], some.take(go), d[:, go], k[:, go]))
+        result.append(_leaving(paths, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go)))
     return [paths for paths in result if len(paths)]
 
 
@@ -102,10 +102,11 @@ def _reflectance(surface: Surface, index: Array, lobe: Lobe) -> Array | float:
 
 def _leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array) -> Paths:
     """Rays from the surface along d, started clear of it on the side that d points to."""
-    weight = paths.weight[:, hit] * k
+    weight = pick(paths.weight, hit) * k
     go = np.flatnonzero(weight.any(0))
-    d = d[:, go]
-    side = np.where(dot(d, surface.g[:, go]) < 0, -1.0, 1.0)
-    origin = surface.x[:, go] + side * surface.offset[go] * surface.g[:, go]
+    d = pick(d, go)
+    side = np.where(dot(d, pick(surface.g, go)) < 0, -1.0, 1.0)
+    origin = pick(surface.x, go) + side * surface.offset[go] * pick(surface.g, go)
     zero = np.zeros(len(go))
-    return Paths(Bundle.of(origin, d, zero, zero + np.inf), weight[:, go], paths.pixel[hit[go]], np.zeros(len(go), np.intp), paths.depth + 1)
+    rays = Bundle.of(origin, d, zero, zero + np.inf)
+    return Paths(rays, pick(weight, go), paths.pixel[hit[go]], np.zeros(len(go), np.intp), paths.depth + 1)

@@ -8,7 +8,7 @@ from time import perf_counter
 _INTERVAL = 0.02  # seconds between two questions; the promise is 50 ms
 
 
-class Stopped(Exception):  # noqa: N818: not an error, the way out of a render that the user ended
+class Stopped(Exception):  # noqa: N818, it is no error
     """The user ended the render."""
 
 

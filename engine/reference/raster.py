@@ -1,7 +1,7 @@
 """Which triangles each ray of a pencil may hit: triangles and rays are both projected and meet in strips of the image.
 
-Rays are sorted into strips of like v (the rows of pixels, or strips of equally many rays) and by u within a strip. Triangle by triangle, the
-part of the triangle that lies over a strip covers a range of u, hence a run of consecutive rays. All margins are wide enough for
+Rays are sorted into strips of like v (the rows of pixels, or strips of equally many rays) and by u within a strip. Triangle by triangle,
+the part of the triangle that lies over a strip covers a range of u, hence a run of consecutive rays. All margins are wide enough for
 rounding, so the pairs contain every hit; the exact test decides (notes, section 7: object-order rendering of an image-order picture).
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from .geometry import Geometry
 from .pulse import Pulse
 from .rays import Frame, Pencil
-from .vectors import explode, ragged_blocks
+from .vectors import explode, pick, ragged_blocks, transform
 
 Array = np.ndarray
 Pairs = Iterator[tuple[Array, Array]]
@@ -145,14 +145,14 @@ class _Outlines:
     z0: Array
 
     def take(self, index: Array) -> _Outlines:
-        u, v = (None, None) if self.u is None else (self.u[:, index], self.v[:, index])
+        u, v = (None, None) if self.u is None else (pick(self.u, index), pick(self.v, index))
         rest = (a[index] for a in (self.u0, self.u1, self.v0, self.v1, self.z0))
         return _Outlines(self.primitive[index], u, v, *rest)
 
 
 def _outlines(frame: Frame, geometry: Geometry, chunk: Array, window: _Window) -> tuple[_Outlines, Array]:
     """Triangles in front of the pencil's origin as outlines, and those that reach behind it and may still be seen."""
-    corners = geometry.triangles[:, chunk]
+    corners = pick(geometry.triangles, chunk)
     u, v = frame.projected[0].take(corners), frame.projected[1].take(corners)
     z = frame.points[2].take(corners)
     z0, z1 = z.min(0), z.max(0)
@@ -162,7 +162,7 @@ def _outlines(frame: Frame, geometry: Geometry, chunk: Array, window: _Window) -
         kept = np.flatnonzero(front & window.sees(*bounds, z0, z1))
     outlines = _Outlines(chunk, u, v, *bounds, z0 - _slack(z0, z1)).take(kept)
     crossing = np.flatnonzero(~front & (z1 > max(window.near, 0.0)) & (z0 < window.far))
-    return outlines, chunk[crossing[_in_cone(frame, window, corners[:, crossing])]]
+    return outlines, chunk[crossing[_in_cone(frame, window, pick(corners, crossing))]]
 
 
 def _in_cone(frame: Frame, window: _Window, corners: Array) -> Array:
@@ -181,8 +181,7 @@ def _boxes(frame: Frame, geometry: Geometry, seen: Array | None, window: _Window
     """Spheres and polygons by the projection of their boxes."""
     primitive = geometry.triangle_count + np.arange(len(geometry.lower[0]))
     corners = np.stack([np.stack([(geometry.lower, geometry.upper)[k >> a & 1][a] for a in range(3)]) for k in range(8)], 1)
-    m, origin = frame.matrix, frame.origin[:, None, None]
-    points = np.stack([m[i, 0] * (corners - origin)[0] + m[i, 1] * (corners - origin)[1] + m[i, 2] * (corners - origin)[2] for i in range(3)])
+    points = transform(frame.matrix, corners - frame.origin[:, None, None])
     u, v = Frame.project(points) if frame.perspective else points[:2]
     z0, z1 = points[2].min(0), points[2].max(0)
     bounds = u.min(0), u.max(0), v.min(0), v.max(0)
@@ -213,7 +212,10 @@ def _covered(pencil: Pencil, strips: Strips, outlines: _Outlines, limit: Array, 
         shape, place = explode(count[begin:end])
         shape += begin
         strip = top[shape] + place
-        low, high = (outlines.u0[shape], outlines.u1[shape]) if edges is None else edges.span(shape, strips.lower[strip], strips.upper[strip])
+        if edges is None:
+            low, high = outlines.u0[shape], outlines.u1[shape]
+        else:
+            low, high = edges.span(shape, strips.lower[strip], strips.upper[strip])
         start, stop = strips.run(strip, low, high)
         used = np.flatnonzero(stop > start)
         yield from _pairs(pencil, outlines, shape[used], start[used], stop[used], limit, pulse, strips.search is not None)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .geometry import Geometry
-from .vectors import transform
+from .vectors import pick, transform
 
 Array = np.ndarray
 
@@ -92,6 +92,11 @@ class Pencil:
         """The rays at these places."""
         return replace(self, u=self.u[rays], v=self.v[rays], near=self.near[rays], far=self.far[rays])
 
+    def tie(self, ray: Array, depth: Array) -> Array:
+        """(m,) how far apart two hits of rays `ray` (m,) at `depth` may lie and be one to rounding: ULPS of the coordinates there."""
+        reach = np.abs(self.frame.origin).max() if self.frame.perspective else np.maximum(np.abs(self.u), np.abs(self.v)).take(ray)
+        return ULPS * (reach + np.abs(depth))
+
     def lines(self, rays: Array) -> tuple[Array, Array]:
         """World origins and directions (3, m) with depth z as parameter."""
         world = np.linalg.inv(self.frame.matrix)
@@ -141,12 +146,16 @@ class Bundle:
 
     def take(self, rays: Array) -> Bundle:
         """The rays at these places."""
-        o, d, axes, shear = (a[:, rays] for a in (self.origin, self.direction, self.axes, self.shear))
+        o, d, axes, shear = (pick(a, rays) for a in (self.origin, self.direction, self.axes, self.shear))
         return Bundle(o, d, self.near[rays], self.far[rays], axes, shear)
+
+    def tie(self, ray: Array, depth: Array) -> Array:
+        """(m,) how far apart two hits of rays `ray` (m,) at `depth` may lie and be one to rounding: ULPS of the coordinates there."""
+        return ULPS * (np.abs(self.origin).max(0).take(ray) + np.abs(depth))
 
     def lines(self, rays: Array) -> tuple[Array, Array]:
         """World origins and directions (3, m) with t as parameter."""
-        return self.origin[:, rays], self.direction[:, rays]
+        return pick(self.origin, rays), pick(self.direction, rays)
 
     def corners(self, geometry: Geometry, ray: Array, triangle: Array) -> list[tuple[Array, Array, Array]]:
         """Corners relative to the rays, sheared; z as t."""

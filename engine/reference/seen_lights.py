@@ -14,7 +14,7 @@ def seen_radiance(source: Source, o: Array, d: Array, near: Array, depth: Array)
     """(3, n): what rays o + t d (d need not be unit) see of the light's shape with near < t < depth; infinite depth is the sky."""
     light = source.light
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        t = _meets_area(source, o, d) if light.kind == "AREA" else _meets_sun(source, d) if light.kind == "SUN" else _meets_ball(source, o, d)
+        t = _MEETS[light.kind](source, o, d)
         reached = (t > near) & ((t < depth) | (np.isinf(t) & np.isinf(depth)))
         share = source.spot(-dot(d, source.axis) / length(d)) if light.kind == "SPOT" else 1.0
     return np.where(reached, share, 0.0) * _radiance(source)[:, None]
@@ -48,7 +48,7 @@ def _meets_ball(source: Source, o: Array, d: Array) -> Array:
     return np.where(dot(f, f) > source.light.radius**2, b / a - root, b / a + root)
 
 
-def _meets_sun(source: Source, d: Array) -> Array:
+def _meets_sun(source: Source, _: Array, d: Array) -> Array:
     """Infinite within the disc, NaN outside."""
     off = d / length(d) + source.axis
     return np.where(dot(off, off) / 2 <= 2 * np.sin(source.light.angle / 4) ** 2, np.inf, np.nan)
@@ -62,3 +62,6 @@ def _meets_area(source: Source, o: Array, d: Array) -> Array:
     a, b = dot(q, source.right) / dot(source.right, source.right), dot(q, source.up) / dot(source.up, source.up)
     inside = (np.abs(a) <= 1) & (np.abs(b) <= 1) if source.light.shape == "RECTANGLE" else a * a + b * b <= 1
     return np.where(inside & (facing < 0), t, np.nan)
+
+
+_MEETS = {"AREA": _meets_area, "SUN": _meets_sun, "POINT": _meets_ball, "SPOT": _meets_ball}

@@ -10,12 +10,11 @@ from collections import Counter
 
 import numpy as np
 
-from .geometry import Geometry
 from .lights import LightSample
 from .materials import Shader
 from .rays import ULPS, Bundle, Frame, Pencil, Rays
 from .surface import Surface, spot_at
-from .vectors import dot, length, transform
+from .vectors import dot, length, pick, transform
 from .visibility import Visibility
 
 Array = np.ndarray
@@ -31,10 +30,10 @@ class Shadows:
     def towards(self, surface: Surface, seen: Array, sample: LightSample) -> Array:
         """S (m, 3) for the points `seen` (m,) of the surface, which the sample lights."""
         self._rays["shadow"] += len(seen)
-        g, offset, end = surface.g[:, seen], surface.offset[seen], sample.end
+        g, offset, end = pick(surface.g, seen), surface.offset[seen], sample.end
         beside = np.where(dot(g, sample.direction) < 0, -1.0, 1.0)  # clear of the surface, on the light's side
         reach = offset if end is None else offset + ULPS * np.abs(end).max(0)
-        start = surface.start[:, seen] + (beside * reach) * g
+        start = pick(surface.start, seen) + (beside * reach) * g
         if end is None:
             return self._parallel(start, sample.direction[:, 0])
         if end.shape[1] == 1:
@@ -64,7 +63,7 @@ class Shadows:
             mine = np.flatnonzero(side == face)
             if len(mine):
                 matrix = cube_frame(face)
-                x, y, z = transform(matrix, arm[:, mine])
+                x, y, z = transform(matrix, pick(arm, mine))
                 frame = Frame.of(self._geometry, matrix, light, perspective=True)
                 seen = np.flatnonzero(z > 0)
                 x, y, z = x[seen], y[seen], z[seen]

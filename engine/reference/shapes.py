@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .geometry import Balls, Faces
-from .vectors import dot, explode, transform_each
+from .vectors import dot, explode, pick, transform_each
 
 Array = np.ndarray
 
@@ -17,13 +17,13 @@ def meet_ball(balls: Balls, index: Array, o: Array, d: Array) -> Array:
     distance of the centre to the ray, and the smaller root without cancellation.
     """
     inverse, radius = balls.object_from_world[index], balls.radius[index]
-    f = transform_each(inverse, o - balls.center_world[:, index])
+    f = transform_each(inverse, o - pick(balls.center_world, index))
     e = transform_each(inverse, d)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         roots = _round_roots(f, e, radius)
-    flat = balls.flat[index]
-    if flat.any():
-        roots[:, flat] = _disc_roots(balls, index[flat], o[:, flat], d[:, flat])
+    flat = np.flatnonzero(balls.flat[index])
+    if len(flat):
+        roots[:, flat] = _disc_roots(balls, index[flat], pick(o, flat), pick(d, flat))
     return roots
 
 
@@ -38,7 +38,7 @@ def _round_roots(f: Array, e: Array, radius: Array) -> Array:
 
 def _disc_roots(balls: Balls, index: Array, o: Array, d: Array) -> Array:
     """The plane that the sphere is squeezed to, inside where some point of the ball is mapped: |M⁺(p − c)| <= r."""
-    n, from_center = balls.normal[:, index], o - balls.center_world[:, index]
+    n, from_center = pick(balls.normal, index), o - pick(balls.center_world, index)
     with np.errstate(divide="ignore", invalid="ignore"):
         t = -dot(n, from_center) / dot(n, d)
         p = transform_each(balls.object_from_world[index], from_center + t * d)
@@ -48,7 +48,7 @@ def _disc_roots(balls: Balls, index: Array, o: Array, d: Array) -> Array:
 
 def meet_face(faces: Faces, index: Array, o: Array, d: Array) -> Array:
     """(m,) parameter t = (p1 − o)·n / d·n of the polygon's plane where the odd-even rule says inside, NaN elsewhere."""
-    n, first = faces.normal[:, index], faces.corners[:, faces.start[index]]
+    n, first = pick(faces.normal, index), pick(faces.corners, faces.start[index])
     with np.errstate(divide="ignore", invalid="ignore"):
         t = dot(first - o, n) / dot(d, n)
     t = np.where(np.isfinite(t), t, np.nan)

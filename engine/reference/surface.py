@@ -10,7 +10,7 @@ from .attributes import Attributes
 from .geometry import Geometry
 from .pulse import Pulse
 from .rays import ULPS, Rays, weigh
-from .vectors import cross, dot, transform_each, unit
+from .vectors import add_at, cross, dot, pick, transform_each, unit
 
 Array = np.ndarray
 
@@ -50,7 +50,7 @@ class Surface(Spot):
 
     def take(self, index: Array) -> Surface:
         """The points at these places."""
-        return Surface(**{f.name: getattr(self, f.name)[..., index] for f in fields(self)})
+        return Surface(**{f.name: getattr(self, f.name).take(index, -1) for f in fields(self)})
 
 
 def spot_at(geometry: Geometry, rays: Rays, ray: Array, primitive: Array) -> Spot:
@@ -71,7 +71,9 @@ def surface_at(geometry: Geometry, attributes: Attributes, rays: Rays, ray: Arra
         parts.append(_surface(geometry, attributes, rays, ray[part], primitive[part], depth[part]))
     if len(parts) == 1:
         return parts[0]
-    return Surface(**{f.name: np.concatenate([getattr(part, f.name) for part in parts], -1) for f in fields(Surface)})
+    whole = Surface(**{f.name: np.concatenate([getattr(part, f.name) for part in parts], -1) for f in fields(Surface)})
+    pulse.beat()
+    return whole
 
 
 def _surface(geometry: Geometry, attributes: Attributes, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Surface:
@@ -91,8 +93,8 @@ def _triangle_points(geometry: Geometry, spot: Spot) -> tuple[Array, Array, Arra
     """Points from barycentric weights, outward normals, largest coordinates of the corners; zeros off triangles."""
     flat = np.flatnonzero(spot.primitive < geometry.triangle_count)
     x, g, reach = np.zeros((3, len(spot.primitive))), np.zeros((3, len(spot.primitive))), np.zeros(len(spot.primitive))
-    triangle, w = spot.primitive[flat], spot.weights[:, flat]
-    a, b, c = (geometry.points[:, corner[triangle]] for corner in geometry.triangles)
+    triangle, w = spot.primitive[flat], pick(spot.weights, flat)
+    a, b, c = (pick(geometry.points, corner[triangle]) for corner in geometry.triangles)
     x[:, flat] = w[0] * a + w[1] * b + w[2] * c
     mirror = geometry.placements.mirror[geometry.row[triangle]]
     g[:, flat] = unit(cross(b - a, c - a)) * mirror
@@ -105,31 +107,31 @@ def _place_shapes(geometry: Geometry, primitive: Array, o: Array, d: Array, dept
     shape = primitive - geometry.triangle_count
     balls = np.flatnonzero((shape >= 0) & (shape < geometry.ball_count))
     if len(balls):
-        x[:, balls], g[:, balls] = _ball_points(geometry, shape[balls], o[:, balls] + depth[balls] * d[:, balls], o[:, balls])
+        x[:, balls], g[:, balls] = _ball_points(geometry, shape[balls], pick(o, balls) + depth[balls] * pick(d, balls), pick(o, balls))
     faces = np.flatnonzero(shape >= geometry.ball_count)
     if len(faces):
         index = shape[faces] - geometry.ball_count
-        n, first = geometry.faces.normal[:, index], geometry.faces.corners[:, geometry.faces.start[index]]
-        at = o[:, faces] + depth[faces] * d[:, faces]
+        n, first = pick(geometry.faces.normal, index), pick(geometry.faces.corners, geometry.faces.start[index])
+        at = pick(o, faces) + depth[faces] * pick(d, faces)
         x[:, faces] = at - dot(at - first, n) * n
         g[:, faces] = n * geometry.placements.mirror[geometry.row[primitive[faces]]]
     some = np.flatnonzero(shape >= 0)
     if len(some):
         s = shape[some]
-        corner = np.maximum(np.abs(geometry.lower[:, s]), np.abs(geometry.upper[:, s])).max(0)
-        reach[some] = np.maximum(corner, np.abs(o[:, some]).max(0))
+        corner = np.maximum(np.abs(pick(geometry.lower, s)), np.abs(pick(geometry.upper, s))).max(0)
+        reach[some] = np.maximum(corner, np.abs(pick(o, some)).max(0))
 
 
 def _ball_points(geometry: Geometry, index: Array, at: Array, o: Array) -> tuple[Array, Array]:
     """Points brought back to the sphere in its object, and outward normals by the cofactor matrix."""
     balls, placements = geometry.balls, geometry.placements
     row = balls.row[index]
-    from_center = transform_each(balls.object_from_world[index], at - balls.center_world[:, index])
+    from_center = transform_each(balls.object_from_world[index], at - pick(balls.center_world, index))
     direction = unit(from_center)
     arm = np.where(balls.flat[index], from_center, balls.radius[index] * direction)
-    x = balls.center_world[:, index] + transform_each(placements.world_from_object[row], arm)
+    x = pick(balls.center_world, index) + transform_each(placements.world_from_object[row], arm)
     normal = unit(transform_each(placements.normals[row], direction)) * placements.mirror[row]
-    return x, np.where(balls.flat[index], balls.normal[:, index], normal)
+    return x, np.where(balls.flat[index], pick(balls.normal, index), normal)
 
 
 def _shading_normals(geometry: Geometry, attributes: Attributes, spot: Spot, row: Array, x: Array, g: Array, side: Array):
@@ -139,16 +141,16 @@ def _shading_normals(geometry: Geometry, attributes: Attributes, spot: Spot, row
     n, start = g * side, x.copy()
     if not len(smooth):
         return n, start
-    w, side = spot.weights[:, smooth], side[smooth]
+    w, side = pick(spot.weights, smooth), side[smooth]
     matrix, mirror = geometry.placements.normals[row[smooth]], geometry.placements.mirror[row[smooth]]
     corners = pool.at_corners(spot.geometry[smooth], spot.local[smooth])
     mixed = unit(transform_each(matrix, w[0] * corners[0] + w[1] * corners[1] + w[2] * corners[2])) * mirror * side
     zero = ~mixed.any(0)
-    n[:, smooth] = np.where(zero, n[:, smooth], mixed)
+    n[:, smooth] = np.where(zero, pick(n, smooth), mixed)
     lift = np.zeros_like(mixed)
     for k, corner in enumerate(corners):
         n_k = unit(transform_each(matrix, corner)) * mirror * side
-        v_k = geometry.points[:, geometry.triangles[k][spot.primitive[smooth]]]
-        lift += w[k] * np.maximum(0.0, dot(v_k - x[:, smooth], n_k)) * n_k
-    start[:, smooth] += lift
+        v_k = pick(geometry.points, geometry.triangles[k][spot.primitive[smooth]])
+        lift += w[k] * np.maximum(0.0, dot(v_k - pick(x, smooth), n_k)) * n_k
+    add_at(start, smooth, lift)
     return n, start

@@ -1,7 +1,7 @@
 """A bounding volume hierarchy without pointers, and the pairs of rays and primitives that it leaves.
 
-The primitives are halved again and again at the median along the longest axis of their centres, all segments of a level at once, so that the
-tree is complete: node i of a level has the children 8i ... 8i + 7 on the next one, and leaf k holds a fixed run of primitives.
+The primitives are halved again and again at the median along the longest axis of their centres, all segments of a level at once, so that
+the tree is complete: node i of a level has the children 8i ... 8i + 7 on the next one, and leaf k holds a fixed run of primitives.
 Rays go down breadth first: a level is one array of (ray, node) pairs, tested against the eight child boxes of each node.
 """
 
@@ -15,6 +15,7 @@ import numpy as np
 from .geometry import Geometry
 from .pulse import Pulse
 from .rays import Bundle
+from .vectors import pick
 
 Array = np.ndarray
 
@@ -28,7 +29,7 @@ NONE = -1
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """levels: (n, 6, 8) float32 per level from the root down: lower x y z, upper x y z of the eight children of each node.
+    """levels: (6, 8, n) float32 per level from the root down: lower x y z, upper x y z of the eight children of each of n nodes.
     leaves: (l, k) primitives of each leaf, NONE where there is none.  reach: largest coordinate of any box.
     """
 
@@ -50,18 +51,18 @@ def build(geometry: Geometry, pulse: Pulse) -> Tree:
     order = _median_order((lower + upper) / 2, 8**depth, pulse)
     empty = order == NONE
     grow = WIDEN * geometry.reach
-    low = np.where(empty, np.inf, lower[:, order] - grow).min(2)
-    high = np.where(empty, -np.inf, upper[:, order] + grow).max(2)
+    low = np.where(empty, np.inf, pick(lower, order) - grow).min(2)
+    high = np.where(empty, -np.inf, pick(upper, order) + grow).max(2)
     levels = []
     for _ in range(depth):
-        levels.append(np.concatenate([low, high]).reshape(6, -1, 8).swapaxes(0, 1).astype(np.float32))
+        levels.append(np.concatenate([low, high]).reshape(6, -1, 8).swapaxes(1, 2).astype(np.float32))
         low, high = low.reshape(3, -1, 8).min(2), high.reshape(3, -1, 8).max(2)
     return Tree([np.ascontiguousarray(level) for level in levels[::-1]], order, geometry.reach)
 
 
 def _bounds(geometry: Geometry) -> tuple[Array, Array]:
     """Boxes (3, p) of all primitives."""
-    a, b, c = (geometry.points[:, corner] for corner in geometry.triangles)
+    a, b, c = (pick(geometry.points, corner) for corner in geometry.triangles)
     lower, upper = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
     return np.concatenate([lower, geometry.lower], 1), np.concatenate([upper, geometry.upper], 1)
 
@@ -82,7 +83,7 @@ def _median_order(centers: Array, leaves: int, pulse: Pulse) -> Array:
 def _halved(centers: Array, segments: Array) -> Array:
     """(s, m) -> (2s, m/2): each segment cut at its median along its longest axis; empty places go last."""
     empty = segments == NONE
-    places = centers[:, segments]
+    places = pick(centers, segments)
     with np.errstate(invalid="ignore"):
         extent = np.where(empty, -np.inf, places).max(2) - np.where(empty, np.inf, places).min(2)
     key = np.take_along_axis(places, extent.argmax(0)[None, :, None], 0)[0]
@@ -114,7 +115,7 @@ class _Octant:
 
 
 def _octants(rays: Bundle, chosen: Array) -> Iterator[_Octant]:
-    origin, direction = rays.origin[:, chosen], rays.direction[:, chosen]
+    origin, direction = pick(rays.origin, chosen), pick(rays.direction, chosen)
     signs = (direction[0] < 0) + 2 * (direction[1] < 0) + 4 * (direction[2] < 0)
     with np.errstate(divide="ignore", over="ignore"):
         inverse = np.clip(1 / direction, -1e30, 1e30)  # of a component 0 too: huge times 0 is 0, infinite times 0 is not
@@ -123,7 +124,7 @@ def _octants(rays: Bundle, chosen: Array) -> Iterator[_Octant]:
         if len(mine):
             negative = [sign >> a & 1 for a in range(3)]
             yield _Octant(
-                chosen[mine], origin[:, mine].astype(np.float32), inverse[:, mine].astype(np.float32),
+                chosen[mine], pick(origin, mine).astype(np.float32), pick(inverse, mine).astype(np.float32),
                 (rays.near[chosen[mine]] * (1 - WIDEN)).astype(np.float32),
                 tuple(a + 3 * n for a, n in enumerate(negative)), tuple(a + 3 - 3 * n for a, n in enumerate(negative)),
             )  # fmt: skip
@@ -147,15 +148,15 @@ def _descend(tree: Tree, octant: _Octant, seen: Array | None, limit: Array, puls
 
 def _children(boxes: Array, octant: _Octant, which: Array, node: Array, limit: Array) -> tuple[Array, Array, Array]:
     """Pairs (place in the octant, child) whose box the ray enters before `limit`, and where it enters."""
-    box = boxes.take(node, 0)
-    near = octant.begin.take(which)[:, None]
-    far = (limit.take(octant.ray.take(which)) * (1 + WIDEN)).astype(np.float32)[:, None]
+    near = octant.begin.take(which)
+    far = (limit.take(octant.ray.take(which)) * (1 + WIDEN)).astype(np.float32)
     for axis in range(3):
-        o, inverse = octant.origin[axis].take(which)[:, None], octant.inverse[axis].take(which)[:, None]
-        near = np.maximum((box[:, octant.near_side[axis]] - o) * inverse, near)
-        far = np.minimum((box[:, octant.far_side[axis]] - o) * inverse, far)
+        o, inverse = octant.origin[axis].take(which), octant.inverse[axis].take(which)
+        near = np.maximum((boxes[octant.near_side[axis]].take(node, 1) - o) * inverse, near)
+        far = np.minimum((boxes[octant.far_side[axis]].take(node, 1) - o) * inverse, far)
     met = np.flatnonzero(near <= far)
-    return which.take(met >> 3), node.take(met >> 3) * 8 + (met & 7), near.ravel().take(met)
+    child, place = np.divmod(met, len(node))
+    return which.take(place), node.take(place) * 8 + child, near.ravel().take(met)
 
 
 def _leaf_pairs(tree: Tree, ray: Array, leaf: Array, enter: Array, seen: Array | None, limit: Array) -> Iterator[tuple[Array, Array]]:

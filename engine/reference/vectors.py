@@ -45,6 +45,17 @@ def transform_each(matrices: Array, a: Array) -> Array:
     return np.stack([m[:, i, 0] * a[0] + m[:, i, 1] * a[1] + m[:, i, 2] * a[2] for i in range(3)])
 
 
+def pick(a: Array, index: Array) -> Array:
+    """The columns `index` of (3, n); unlike a[:, index] its rows are contiguous, which is several times faster, now and later."""
+    return a.take(index, 1)
+
+
+def add_at(total: Array, index: Array, values: Array) -> None:
+    """total[:, index] += values, row by row; no index twice."""
+    for row, value in zip(total, np.broadcast_to(values, (len(total), len(index))), strict=True):
+        row[index] += value
+
+
 def basis_around(n: Array) -> tuple[Array, Array]:
     """Two unit vectors (3, k) that make a right-handed frame with the unit vectors n (Duff et al. 2017, section 2.5 of the notes)."""
     sign = np.copysign(1.0, n[2])

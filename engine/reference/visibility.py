@@ -18,9 +18,6 @@ from .tree import Tree, build, tree_pairs
 
 Array = np.ndarray
 
-TIE = 2.0**-46
-"""Hits whose distances differ by less than this share are one hit: coincident faces, and neighbours met in their common edge."""
-
 NOTHING = -1
 
 
@@ -58,7 +55,10 @@ class Visibility:
         return vars(self).get("tree")
 
     def closest(self, rays: Rays, kind: str, strips: Strips | None = None) -> Hits:
-        """The first hit of each ray; of hits in a tie that of the lowest primitive. `strips`: of a pencil that is sorted already."""
+        """The first hit of each ray; of hits in a tie (coincident faces, neighbours met in their common edge) that of the lowest primitive.
+
+        strips: of a pencil that is sorted already.
+        """
         if not len(rays) or not self.geometry.count:
             return Hits(np.full(len(rays), NOTHING), np.full(len(rays), np.inf))
         if isinstance(rays, Pencil) and strips is None:
@@ -69,7 +69,7 @@ class Visibility:
     def _closest(self, rays: Rays, kind: str, strips: Strips | None) -> Hits:
         limit, found = rays.far.copy(), []
         for meetings in self._meetings(rays, kind, strips, limit):
-            np.minimum.at(limit, meetings.ray, meetings.depth + TIE * np.abs(meetings.depth))
+            np.minimum.at(limit, meetings.ray, meetings.depth + rays.tie(meetings.ray, meetings.depth))
             found.append(meetings)
         ray, primitive, depth = _together(found)
         return _lowest(self.geometry, len(rays), ray, primitive, depth, limit)
@@ -92,7 +92,7 @@ class Visibility:
         passed = np.where(limit == -np.inf, 0.0, 1.0)[:, None] * np.ones(3)
         ray, primitive, depth = _together(found)
         open_ray = limit[ray] > -np.inf
-        ray, primitive, depth = _once(self.geometry, ray[open_ray], primitive[open_ray], depth[open_ray])
+        ray, primitive, depth = _once(self.geometry, rays, ray[open_ray], primitive[open_ray], depth[open_ray])
         if len(ray):
             np.multiply.at(passed, ray, transmittance(rays, ray, primitive))
         return passed
@@ -154,11 +154,11 @@ def _lowest(geometry: Geometry, rays: int, ray: Array, primitive: Array, depth: 
     return result
 
 
-def _once(geometry: Geometry, ray: Array, primitive: Array, depth: Array) -> _Meetings:
+def _once(geometry: Geometry, rays: Rays, ray: Array, primitive: Array, depth: Array) -> _Meetings:
     """Meetings sorted by ray and depth, of those in a tie only that of the lowest primitive."""
     order = np.lexsort((geometry.number[primitive], depth, ray))
     ray, primitive, depth = ray[order], primitive[order], depth[order]
-    same = (ray[1:] == ray[:-1]) & (depth[1:] <= depth[:-1] + TIE * np.abs(depth[:-1]))
+    same = (ray[1:] == ray[:-1]) & (depth[1:] <= depth[:-1] + rays.tie(ray[:-1], depth[:-1]))
     start = np.flatnonzero(np.concatenate([np.ones(min(len(ray), 1), bool), ~same]))
     if not len(start):
         return _Meetings(ray, primitive, depth)

@@ -130,9 +130,11 @@ def srgb_to_linear(value):
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
-def image(name: str = "Image", pixels=((0.5, 0.25, 0.75, 1.0),), size=(1, 1), float_buffer: bool = False):
-    """A generated image whose pixels are repeated from `pixels`."""
+def image(name: str = "Image", pixels=((0.5, 0.25, 0.75, 1.0),), size=(1, 1), float_buffer: bool = False, space: str = ""):
+    """A generated image whose pixels are repeated from `pixels`, in a colour space (which would clear them if set later)."""
     picture = bpy.data.images.new(name, *size, alpha=True, float_buffer=float_buffer)
+    if space:
+        picture.colorspace_settings.name = space
     count = size[0] * size[1]
     picture.pixels = np.resize(np.array(pixels, np.float32), (count, 4)).ravel()
     picture.update()

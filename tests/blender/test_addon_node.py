@@ -2,6 +2,7 @@
 
 import numpy as np
 import OpenImageIO as oiio
+
 from blender_process import REGISTER_TREE, Blender
 
 MATERIAL = """
@@ -101,7 +102,9 @@ draw("clear.exr")
 """
     )
     assert run.returncode == 0, run.output
-    emission, diffuse, clear = (oiio.ImageBuf(str(tmp_path / f"{name}.exr")).get_pixels(oiio.FLOAT) for name in ("emission", "diffuse", "clear"))
+    emission, diffuse, clear = (
+        oiio.ImageBuf(str(tmp_path / f"{name}.exr")).get_pixels(oiio.FLOAT) for name in ("emission", "diffuse", "clear")
+    )
     centre = (slice(14, 18), slice(14, 18))
     np.testing.assert_allclose(emission[centre][..., :3], np.broadcast_to([0.25, 0.5, 0.75], (4, 4, 3)), rtol=1e-4)
     assert (diffuse[centre][..., :3].mean(axis=(0, 1)) > [0.26, 0.51, 0.76]).all()

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+
 from blender_process import REGISTER_TREE, Blender
 
 DRAW = (

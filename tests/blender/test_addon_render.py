@@ -5,6 +5,7 @@ import re
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+
 from blender_process import REGISTER_TREE, Blender
 
 DRAW = (

@@ -70,7 +70,8 @@ def test_the_window_is_blenders(scene, lens, frame, point):  # noqa: F811
     window = np.abs(camera.window)
     cells = np.array([window[:2].max() / (camera.window[1] - camera.window[0]), window[2:].max() / (camera.window[3] - camera.window[2])])
     ours, theirs = pixel_of(camera, spot), _blenders_pixel(scene, spot)
-    tolerance = 16 * np.finfo(np.float32).eps * camera.resolution * (1 + cells + np.abs(theirs / camera.resolution))
+    size = np.array(camera.resolution)
+    tolerance = 16 * np.finfo(np.float32).eps * size * (1 + cells + np.abs(theirs / size))
     assert (np.abs(ours - theirs) <= tolerance).all()
 
 

@@ -159,7 +159,12 @@ def test_hidden_objects_are_left_out(scene):  # noqa: F811
     assert export().scene.instances == ()
 
 
-FLAGS = {"visible_camera": "visible_camera", "visible_glossy": "visible_mirror", "visible_shadow": "visible_shadow", "is_holdout": "holdout"}
+FLAGS = {
+    "visible_camera": "visible_camera",
+    "visible_glossy": "visible_mirror",
+    "visible_shadow": "visible_shadow",
+    "is_holdout": "holdout",
+}
 
 
 @pytest.mark.parametrize("flag", FLAGS)

@@ -243,7 +243,13 @@ def test_nothing_of_blender_outlives_the_export(scene):  # noqa: F811
             continue
         seen.add(id(value))
         assert not isinstance(value, bpy.types.bpy_struct)
-        todo.extend(value if isinstance(value, (tuple, list, set, frozenset)) else value.values() if isinstance(value, dict) else vars(value).values())
+        todo.extend(
+            value
+            if isinstance(value, (tuple, list, set, frozenset))
+            else value.values()
+            if isinstance(value, dict)
+            else vars(value).values()
+        )
 
 
 def test_a_shared_mesh_brings_what_either_user_reads(scene):  # noqa: F811

@@ -64,5 +64,5 @@ def test_what_is_not_understood_is_the_default(scene, world):  # noqa: F811
 
 
 def test_values_that_are_not_finite_are_black(scene, world):  # noqa: F811
-    world[1].inputs["Color"].default_value = (np.nan, 0.5, np.inf, 1)
+    world[1].inputs["Color"].default_value = (np.nan, 0.5, np.nan, 1)
     assert export().scene.world.background == (0, 0.5, 0)

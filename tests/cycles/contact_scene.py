@@ -1,8 +1,9 @@
 """Worker of contact_sheet.py: renders one file with Glint and with Cycles, each in linear float32, and writes EXRs.
 
-    python contact_scene.py SOURCE OUT_STEM {GLINT|CYCLES}
+    python contact_scene.py SOURCE OUT_STEM {GLINT|CYCLES} BOUNCES
 
-Both see direct light only, the same pixel filter, no depth of field, no motion blur, no compositor; 256 pixels on the longer side.
+Both see direct light only (after BOUNCES mirror reflections and refractions), the same pixel filter, no depth of field, no motion
+blur, no compositor; 256 pixels on the longer side.
 """
 
 from __future__ import annotations
@@ -52,28 +53,29 @@ def prepare(source: str):
     return scene
 
 
-def set_cycles(scene) -> None:
+def set_cycles(scene, bounces: int) -> None:
     import cycles_reference
 
     scene.render.engine = "CYCLES"
     cycles_reference.direct_light_only(scene, CYCLES_SAMPLES)
+    scene.cycles.max_bounces = scene.cycles.glossy_bounces = scene.cycles.transmission_bounces = bounces
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", scene.render.filter_size
 
 
-def set_glint(scene) -> None:
+def set_glint(scene, bounces: int) -> None:
     import conftest  # noqa: F401  (makes the package importable as glint)
     from glint import addon
 
     addon.register()
     scene.render.engine = "GLINT"
     settings = scene.glint.final
-    settings.samples, settings.light_samples, settings.max_bounces = 16, 4, 0
+    settings.samples, settings.light_samples, settings.max_bounces = 16, 4, bounces
 
 
 def main() -> None:
-    source, stem, engine = sys.argv[1:]
+    source, stem, engine, bounces = sys.argv[1:]
     scene = prepare(source)
-    {"GLINT": set_glint, "CYCLES": set_cycles}[engine](scene)
+    {"GLINT": set_glint, "CYCLES": set_cycles}[engine](scene, int(bounces))
     import cycles_reference
 
     start = time.perf_counter()

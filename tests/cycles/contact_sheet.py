@@ -1,6 +1,6 @@
 """The contact sheet: every scene of ../shared/scenes as Glint | Cycles, 64 samples, direct light only | difference × 4.
 
-    python tests/cycles/contact_sheet.py [--core12] [--only NAME …] [--reuse-cycles] [--out out]
+    python tests/cycles/contact_sheet.py [--core12] [--only NAME …] [--bounces 0] [--reuse-cycles] [--out out]
 
 Writes out/contact_sheet.png, out/contact/<scene>.png, out/contact.json and out/contact.csv, and ends with exit code 1 if a scene fails
 or holds a non-finite pixel. One process per scene and engine. RMSE and "% off" are those of the displayed values: sRGB of clipped
@@ -20,7 +20,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio  # noqa: N813
+import OpenImageIO as oiio
 
 HERE = Path(__file__).resolve().parent
 SCENES = HERE.parents[2] / "shared" / "scenes"
@@ -51,7 +51,7 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     rows, strips = [], []
     for number, (name, path) in enumerate(scenes, 1):
-        row, strip = render_scene(name, path, folder, options.reuse_cycles)
+        row, strip = render_scene(name, path, folder, options)
         rows.append(row)
         strips.append(strip)
         print(f"{number:2d}/{len(scenes)} {name:28s} RMSE {row.rmse:.4f}  off {row.off_percent:5.1f} %  {row.error}", flush=True)
@@ -64,6 +64,7 @@ def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--core12", action="store_true", help="the quick dozen")
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="folders of ../shared/scenes")
+    parser.add_argument("--bounces", type=int, default=0, help="mirror reflections and refractions before the direct light, in both")
     parser.add_argument("--reuse-cycles", action="store_true", help="keep the Cycles pictures of an earlier run")
     parser.add_argument("--out", default="out")
     return parser.parse_args()
@@ -83,14 +84,14 @@ def choose_scenes(options) -> list[tuple[str, Path]]:
     return [(file.split("/")[0], SCENES / file) for file in chosen]
 
 
-def render_scene(name: str, path: Path, folder: Path, reuse_cycles: bool) -> tuple[Row, np.ndarray]:
+def render_scene(name: str, path: Path, folder: Path, options) -> tuple[Row, np.ndarray]:
     """Both renders, the numbers, and the strip of three pictures."""
     row, stem, pictures = Row(name), folder / name, {}
     for engine in ("GLINT", "CYCLES"):
         saved = folder / f"{name}_{engine.lower()}.npy"
-        if not (engine == "CYCLES" and reuse_cycles and saved.exists()):
+        if not (engine == "CYCLES" and options.reuse_cycles and saved.exists()):
             saved.unlink(missing_ok=True)
-            run_worker(row, path, stem, engine)
+            run_worker(row, path, stem, engine, options.bounces)
         if saved.exists():
             pictures[engine] = np.load(saved)
             report = json.loads(saved.with_suffix(".json").read_text())
@@ -103,9 +104,9 @@ def render_scene(name: str, path: Path, folder: Path, reuse_cycles: bool) -> tup
     return row, strip
 
 
-def run_worker(row: Row, path: Path, stem: Path, engine: str) -> None:
+def run_worker(row: Row, path: Path, stem: Path, engine: str, bounces: int) -> None:
     """Renders in a process of its own; its log goes beside the picture, its failure into the row."""
-    command = [sys.executable, str(HERE / "contact_scene.py"), str(path), str(stem), engine]
+    command = [sys.executable, str(HERE / "contact_scene.py"), str(path), str(stem), engine, str(bounces)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS_ALLOWED)
     except subprocess.TimeoutExpired:

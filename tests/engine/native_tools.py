@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from glint import engine
 from glint.engine import native
 from glint.engine import scene as s

@@ -43,6 +43,13 @@ def test_space_gives_back_the_coordinates_of_points_in_the_plane(way):
     assert np.all(np.abs(way(p, a, b, c) - weights) <= bound[:, None])
 
 
+@WAYS
+@pytest.mark.parametrize("axis", range(3))
+def test_triangles_at_right_angles_to_an_axis(way, axis):
+    a, b, c = np.insert([[0.0, 0.0], [2.0, 0.0], [0.0, 4.0]], axis, 7.0, axis=1)
+    np.testing.assert_array_equal(way(0.25 * a + 0.25 * b + 0.5 * c, a, b, c), [0.25, 0.25, 0.5])
+
+
 def test_off_the_plane_areas_project_at_right_angles():
     a, b, c = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1.0]])
     normal = np.cross(b - a, c - a)

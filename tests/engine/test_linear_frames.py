@@ -64,3 +64,13 @@ def test_the_rigid_inverse_undoes_frames_of_any_stack():
     frames = linear.canonical_from_frame(1e3 * RNG.normal(size=(200, 3)), linear.basis_from_vector(VECTORS[:200]))
     product = linear.rigid_inverse(frames) @ frames
     np.testing.assert_allclose(product, np.broadcast_to(np.eye(4), product.shape), rtol=0, atol=16 * EPS * 4e3)
+
+
+def test_one_basis_serves_many_origins_and_one_origin_many_bases():
+    bases, origins = linear.basis_from_vector(VECTORS[:5]), RNG.normal(size=(4, 5, 3))
+    one_basis = linear.canonical_from_frame(origins, bases[0])
+    assert one_basis.shape == (4, 5, 4, 4)
+    np.testing.assert_array_equal(one_basis[2, 3], linear.canonical_from_frame(origins[2, 3], bases[0]))
+    one_origin = linear.canonical_from_frame(origins[0, 0], bases)
+    assert one_origin.shape == (5, 4, 4)
+    np.testing.assert_array_equal(one_origin[3], linear.canonical_from_frame(origins[0, 0], bases[3]))

@@ -5,8 +5,17 @@ import numpy as np
 import pytest
 
 from glint.engine import linear
+from glint.engine.linear.vectors import power_of_two
 
 EPS = np.finfo(np.float64).eps
+
+
+def test_power_of_two_is_the_largest_one_not_above():
+    sizes = np.array([5e-324, 3e-310, 0.75, 1.0, 1.999, 2.0, 3e100, 1.7e308])
+    powers = power_of_two(sizes)
+    np.testing.assert_array_equal(np.frexp(powers)[0], 0.5)
+    assert np.all((sizes / powers >= 1) & (sizes / powers < 2))
+    np.testing.assert_array_equal(power_of_two([0.0, np.inf, np.nan]), 1.0)
 
 
 @pytest.mark.parametrize("size", [5e-324, 1e-310, 1e-200, 1.0, 1e200, 1e307])

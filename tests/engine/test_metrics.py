@@ -51,6 +51,7 @@ def test_the_threshold_is_strict():
     reference = flat(1.0, (1, 2, 1)).astype(np.float64)
     picture = reference + np.array([0.25, 0.25 + EPS]).reshape(1, 2, 1)
     assert metrics.wrong_pixels(picture, reference, threshold=0.25).tolist() == [[False, True]]
+    assert metrics.wrong_pixels(4 * picture, 4 * reference, threshold=0.25).tolist() == [[False, True]]
 
 
 def test_a_dark_channel_is_judged_by_its_pixel():
@@ -84,7 +85,8 @@ def test_no_square_overflows():
 
 
 def test_an_error_beside_a_black_reference_is_infinite_relative_to_it():
-    assert metrics.relative_rmse(flat(0.5), flat(0.0)) == np.inf
+    assert metrics.relative_rmse(flat(0.5), flat(0.0)) == metrics.max_relative_error(flat(0.5), flat(0.0)) == np.inf
+    assert metrics.wrong_fraction(flat(1e-9), flat(0.0)) == 1.0
 
 
 def test_integers_do_not_wrap_round():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from glint.engine import scene as s
 from glint.engine.sampling import light_points
 from native_tools import color, constant, lamp, material, needs_core, pixel_centers, placed, square, view_from_above

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from engine_scenes import ball_mesh, look_at
 from glint.engine import scene as s
 from native_tools import (
@@ -332,7 +333,8 @@ def test_normals_of_stretched_and_mirrored_balls(linear: np.ndarray) -> None:
 
 def test_faces_are_two_sided() -> None:
     for flip in (1.0, -1.0):
-        scene = s.Scene(view_from_above(), (square(),), (placed(linear=np.diag([1.0, flip, flip])),), (material(s.Lobe("DIFFUSE")),), (), (SUN,))
+        turned = placed(linear=np.diag([1.0, flip, flip]))
+        scene = s.Scene(view_from_above(), (square(),), (turned,), (material(s.Lobe("DIFFUSE")),), (), (SUN,))
         film = draw(scene, "Normal")
         assert np.array_equal(film.passes["Normal"], np.broadcast_to(np.float32([0, 0, 1]), (16, 16, 3)))
         agree(film.combined[..., 0], np.ones((16, 16)))
@@ -358,7 +360,7 @@ def test_data_passes() -> None:
     inside = (np.abs(P[..., :2]) < 0.5).all(-1)[..., None]
     expected = {
         "Depth": np.where(inside, 9.0, 1e10),
-        "Position": np.where(inside, P + [0, 0, 1], 0),
+        "Position": np.where(inside, P + np.array([0, 0, 1]), 0),
         "Normal": np.where(inside, [0, 0, 1], 0),
         "UV": np.where(inside, np.concatenate([P[..., :2] + 0.5, np.ones((16, 16, 1))], -1), 0),
         "Object Index": np.where(inside, 8, 0),
@@ -377,7 +379,10 @@ def test_depth_is_along_the_view_in_world_units() -> None:
     assert np.abs(film.passes["Position"] - np.stack([6 * x, 6 * y, 0 * x], -1)).max() <= 3 * ROUNDING
 
 
-@pytest.mark.parametrize(("start", "end", "seen"), [(0, np.inf, 2), (8.5, np.inf, 1), (0, 7.5, 0), (8.0, 8.5, 2), (7.5, 8.0, 2), (9.0, 9.5, 1), (9.5, np.inf, 0)])
+CLIPS = [(0, np.inf, 2), (8.5, np.inf, 1), (0, 7.5, 0), (8.0, 8.5, 2), (7.5, 8.0, 2), (9.0, 9.5, 1), (9.5, np.inf, 0)]
+
+
+@pytest.mark.parametrize(("start", "end", "seen"), CLIPS)
 def test_clip_interval_is_closed(start: float, end: float, seen: int) -> None:
     """Sheets that glow by 2 and 1 at depth 8 and 9; a ray through a transparent one stays within the interval."""
     glow = [s.Material(f"{k}", (s.Lobe("EMISSION", constant(k)),)) for k in (1, 2)]
@@ -397,8 +402,14 @@ def test_visibility_by_kind_of_ray() -> None:
 
 
 def test_parts_sum_to_combined() -> None:
-    lobes = (s.Lobe("DIFFUSE", constant(0.7)), s.Lobe("SPECULAR", constant(0.3), exponent=20), s.Lobe("AMBIENT"), s.Lobe("EMISSION", constant(0.1)),
-             s.Lobe("MIRROR", constant(0.2)), s.Lobe("TRANSPARENT", constant(0.25)))
+    lobes = (
+        s.Lobe("DIFFUSE", constant(0.7)),
+        s.Lobe("SPECULAR", constant(0.3), exponent=20),
+        s.Lobe("AMBIENT"),
+        s.Lobe("EMISSION", constant(0.1)),
+        s.Lobe("MIRROR", constant(0.2)),
+        s.Lobe("TRANSPARENT", constant(0.25)),
+    )
     world = s.World((0.1, 0.2, 0.3), (0.5, 0.6, 0.7))
     lights = (lamp("POINT", (0.4, 0.3, 1.8), strength=70.0, radius=0.2, visible_camera=True), SUN)
     small = placed(1, (0,), z=1.0)

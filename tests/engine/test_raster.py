@@ -70,6 +70,11 @@ def test_premultiplying_leaves_its_argument_alone():
     np.testing.assert_array_equal(straight, np.full((1, 4), 0.5))
 
 
+def test_samples_fall_where_their_offsets_say():
+    image = raster.point_sample(lambda x, y: x + 10 * y, 2, 2, np.array([[0.25, 0.5], [0.25, 0.0]]))
+    np.testing.assert_array_equal(image, [[2.75, 3.75], [12.75, 13.75]])
+
+
 def test_rows_count_upwards_and_channels_stay():
     image = raster.point_sample(lambda x, y: np.stack([x, y], -1), 4, 3)
     assert image.shape == (3, 4, 2)

@@ -4,7 +4,8 @@ import tomllib
 import zipfile
 
 import pytest
-from conftest import pack
+
+from packed import pack
 
 DEVELOPMENT = ("tests/", "packaging/", "Makefile", "pyproject.toml", ".ci/", ".git", "build/", "engine/core/", "__pycache__")
 
@@ -16,7 +17,9 @@ def _open(edition: str) -> zipfile.ZipFile:
 @pytest.mark.parametrize("edition", ["full", "python"])
 def test_a_zip_holds_the_add_on_and_nothing_of_its_development(edition):
     names = _open(edition).namelist()
-    assert {"__init__.py", "blender_manifest.toml", "LICENSE", "addon/render_engine.py", "engine/scene.py", "operators/__init__.py"} <= set(names)
+    assert {"__init__.py", "blender_manifest.toml", "LICENSE", "addon/render_engine.py", "engine/scene.py", "operators/__init__.py"} <= set(
+        names
+    )
     assert not [name for name in names for part in DEVELOPMENT if name.startswith(part) or f"/{part}" in name]
     assert not [name for name in names if name.endswith((".cpp", ".h", ".pyc", ".so"))]
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from conftest import ENABLE
+
+from packed import ENABLE
 
 SCENE = """
 def small_scene():
@@ -40,10 +41,11 @@ def pictures(installed):
     made = {}
     for edition in ("full", "python"):
         blender = installed(edition)
-        made[edition] = blender.run(
-            ENABLE
-            + SCENE
-            + """
+        made[edition] = (
+            blender.run(
+                ENABLE
+                + SCENE
+                + """
 for file_format, name in (("PNG", "picture.png"), ("OPEN_EXR", "picture.exr")):
     output(scene, name, file_format)
     bpy.ops.render.render(write_still=True)
@@ -51,7 +53,9 @@ engine = sys.modules["bl_ext.user_default.glint.engine"]
 core = sys.modules.get("glint_core")
 answer({"backends": engine.available_backends(), "core": core.__file__ if core else ""})
 """
-        ), blender.folder
+            ),
+            blender.folder,
+        )
     return made
 
 

@@ -20,7 +20,8 @@ class Report {
     va_start(arguments, format);
     std::vsnprintf(line, sizeof line, format, arguments);
     va_end(arguments);
-    text_ += (text_.empty() ? "" : "\n") + std::string(line);
+    if (!text_.empty()) text_ += '\n';
+    text_ += line;
   }
   std::string text() const { return count_ > 20 ? text_ + "\nand " + std::to_string(count_ - 20) + " more" : text_; }
   bool good() const { return count_ == 0; }

@@ -20,7 +20,7 @@ void DirectLight::illuminate(Work& work, uint32_t sample) {
 }
 
 void DirectLight::connect(const Light& light, const LightPoint& p, uint32_t count, const Work& work) {
-  connections_.clear(), rays_.clear();
+  connections_.clear(), rays_.clear(), segments_.clear();
   for (uint32_t i = 0; i < work.lit.size(); ++i) {
     const LitPoint& point = work.lit[i];
     LightSample sample;
@@ -41,6 +41,7 @@ void DirectLight::connect(const Light& light, const LightPoint& p, uint32_t coun
 
 /// The open segment from the point to the light's sample; its far end stops short of what the sample lies on.
 void DirectLight::shadow_ray(const Light& light, const LightSample& sample, const LitPoint& point) {
+  if (glassy_) segments_.push_back({point.origin, light.endless() ? sample.l : unit(sample.end - point.origin)});
   if (light.endless()) {
     rays_.push_back({leave(point.s, point.origin, sample.l), sample.l, 0, kInfinity, kShadow});
     return;
@@ -53,14 +54,13 @@ void DirectLight::shadow_ray(const Light& light, const LightSample& sample, cons
 void DirectLight::find_shadows() {
   blocked_.resize(rays_.size());
   scene_.accel().occluded(rays_.data(), blocked_.data(), rays_.size());
-  bool glassy = scene_.features & GLINT_FEATURE_TRANSPARENT;
   open_.clear();
   for (uint32_t k = 0; k < rays_.size(); ++k) {
     if (!blocked_[k]) continue;
-    if (glassy) open_.push_back(k);
+    if (glassy_) open_.push_back(k);
     else through_[k] = {};
   }
-  if (glassy) step_through_surfaces();
+  if (glassy_) step_through_surfaces();
 }
 
 /// Follows blocked rays from surface to surface; each lets its clamped transparency through.
@@ -74,7 +74,7 @@ void DirectLight::step_through_surfaces() {
     for (size_t i = 0; i < open_.size(); ++i) {
       uint32_t k = open_[i];
       if (hits_[i].instance == Hit::kNone) continue;
-      Surface s = surface_at(scene_, stepping_[i].o, stepping_[i].d, hits_[i]);
+      Surface s = surface_at(scene_, segments_[k].o, segments_[k].d, hits_[i]);
       const Material& material = scene_.materials[scene_.material_of(scene_.group(s.instance), s.primitive)];
       Vec3d clear = transparency(scene_, material, s);
       through_[k] = through_[k] * max(Vec3d{}, min(Vec3d{1, 1, 1}, clear));

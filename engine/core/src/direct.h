@@ -10,7 +10,7 @@ namespace glint {
 class DirectLight {
  public:
   DirectLight(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel)
-      : scene_(scene), plan_(plan), film_(film), cancel_(cancel) {}
+      : scene_(scene), plan_(plan), film_(film), cancel_(cancel), glassy_(scene.features & GLINT_FEATURE_TRANSPARENT) {}
 
   /// Adds all lights to the points of `work`, for pixel sample `sample`.
   void illuminate(Work& work, uint32_t sample);
@@ -20,6 +20,9 @@ class DirectLight {
   struct Connection {
     uint32_t point;
     Vec3d diffuse, specular;
+  };
+  struct Segment {
+    Vec3d o, d;
   };
   void connect(const Light& light, const LightPoint& p, uint32_t count, const Work& work);
   void shadow_ray(const Light& light, const LightSample& sample, const LitPoint& point);
@@ -31,8 +34,10 @@ class DirectLight {
   const RenderPlan& plan_;
   Film& film_;
   const std::atomic<bool>& cancel_;
+  const bool glassy_;  // some surface lets light through
   std::vector<Connection> connections_;
   std::vector<Ray> rays_, stepping_;  // one shadow ray a connection; those on their way through transparent surfaces
+  std::vector<Segment> segments_;     // the same as rays_, not moved clear of the surface: transparent surfaces are met from there
   std::vector<uint8_t> blocked_;
   std::vector<uint32_t> open_;        // connections of `stepping_`
   std::vector<Hit> hits_;

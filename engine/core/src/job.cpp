@@ -37,7 +37,9 @@ bool enough_points(const GlintRenderSettings& g, const Scene& scene) {
 std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) {
   std::string text;
   auto add = [&](bool good, const char* sentence) {
-    if (!good) text += (text.empty() ? "" : "\n") + std::string(sentence);
+    if (good) return;
+    if (!text.empty()) text += '\n';
+    text += sentence;
   };
   add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
   add(g.light_samples >= 1 && enough_points(g, scene), "settings: fewer light points than samples * light_samples");
@@ -83,9 +85,7 @@ void Job::work() {
 void Job::run() {
   if (!scene_.build(plan_.threads, cancel_)) return enter(GLINT_CANCELLED);
   enter(GLINT_TRACING);
-  auto start = std::chrono::steady_clock::now();
   trace_waves();
-  trace_seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   enter(cancel_ ? GLINT_CANCELLED : GLINT_DONE);
 }
 
@@ -95,9 +95,17 @@ void Job::trace_waves() {
   for (size_t k = 0; k < threads; ++k) tracers.emplace_back(scene_, plan_, film_, cancel_);
   for (uint32_t first = 0, last = 1; first < plan_.samples && !cancel_; first = last) {
     last = first == 0 ? 1 : uint32_t(std::min<uint64_t>(2 * uint64_t(first), plan_.samples));
+    auto start = std::chrono::steady_clock::now();
     trace_wave(tracers, first, last);
+    double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    count(tracers, seconds);
     if (!cancel_) publish(last);
   }
+}
+
+void Job::count(const std::vector<Tracer>& tracers, double seconds) {
+  std::lock_guard lock(mutex_);
+  trace_seconds_ += seconds, rays_ = {};
   for (const Tracer& tracer : tracers) rays_ += tracer.counts();
 }
 
@@ -167,13 +175,14 @@ bool Job::read(int pass, float* out, uint64_t size) {
 GlintStats Job::stats() {
   std::lock_guard lock(mutex_);
   GlintStats s{};
-  s.build_seconds = scene_.build_seconds, s.trace_seconds = trace_seconds_;
+  s.trace_seconds = trace_seconds_;
   s.triangles = scene_.triangles, s.instances = scene_.placements.size(), s.primitives = scene_.primitives;
   s.dropped_instances = scene_.dropped_instances, s.dropped_lights = scene_.dropped_lights;
   s.features = scene_.features, s.threads = uint32_t(plan_.threads);
   s.camera_rays = rays_.camera, s.shadow_rays = rays_.shadow, s.mirror_rays = rays_.mirror;
   s.refraction_rays = rays_.refraction, s.transparent_rays = rays_.transparent;
-  if (!ended() || !scene_.built()) return s;
+  if (state_ == GLINT_PREPARING || !scene_.built()) return s;
+  s.build_seconds = scene_.build_seconds;
   AccelStats tree = scene_.accel().stats();
   s.tree_bytes = tree.bytes, s.tree_nodes = tree.nodes, s.dropped_primitives = tree.dropped;
   return s;

@@ -36,6 +36,7 @@ class Job {
   void trace_waves();
   void trace_wave(std::vector<Tracer>& tracers, uint32_t first, uint32_t last);
   void trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic<size_t>& next);
+  void count(const std::vector<Tracer>& tracers, double seconds);
   void publish(uint32_t samples);
   void enter(int state);
   void fail(const char* what);

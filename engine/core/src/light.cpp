@@ -7,7 +7,7 @@
 namespace glint {
 namespace {
 
-constexpr double kHuge = 1e60;  // beyond any float: intensities saturate here instead of overflowing to NaN later
+constexpr double kHuge = 1e100;  // beyond any float: intensities saturate here instead of overflowing to NaN later
 
 double saturate(double x) { return std::clamp(x, -kHuge, kHuge); }
 

@@ -30,18 +30,27 @@ struct Caster {
   uint32_t number;
   const Ray& ray;
   std::vector<Truth>& out;
-  V o, d;
+  V o = V(ray.o), d = V(ray.d);
+  Real extent = largest_coordinate();
 
+  /// Close to the ends of the ray nothing is certain.
   void keep(Truth t) const {
-    if (t.inside > -t.room && t.t + t.t_room > Real(ray.t_min) && t.t - t.t_room < Real(ray.t_max)) out.push_back(t);
+    if (t.inside > -t.room && t.t + t.t_room > Real(ray.t_min) && t.t - t.t_room < Real(ray.t_max)) {
+      if (t.t - t.t_room <= Real(ray.t_min) || t.t + t.t_room >= Real(ray.t_max)) t.inside = 0;
+      out.push_back(t);
+    }
   }
   V vertex(size_t k) const { return world(i.world_from_object, g.vertices + 3 * k); }
 
-  /// Bound of the rounding of a point: 8 ulps of what is added up on the way to it.
-  Real blur(V a, Real distance) const {
+  /// Bound of the rounding of a point: 8 ulps of what is added up on the way to it, in object space and in the world.
+  Real blur(Real distance) const {
     const Affine& m = i.world_from_object;
-    const Real terms = size(V(m.t)) + size(a - V(m.t));
-    return 8 * kFloat * (terms + size(o) + distance);
+    return 8 * kFloat * (size(V(m.t)) + 3 * extent * (size(V(m.x)) + size(V(m.y)) + size(V(m.z))) + size(o) + distance);
+  }
+  Real largest_coordinate() const {
+    Real e = 0;
+    for (size_t k = 0; k < 3 * g.vertex_count; ++k) e = std::max(e, Real(std::fabs(g.vertices[k])));
+    return e;
   }
 
   void triangle(uint32_t primitive) const {
@@ -50,9 +59,9 @@ struct Caster {
     const Real det = -dot(n, d);
     if (!(std::fabs(det) > 0)) return;
     const V q = cross(s, d);
-    const Real at = dot(n, s) / det, u = dot(q, c) / -det * -1, v = dot(q, b) / -det;
+    const Real at = dot(n, s) / det, u = dot(q, c) / det, v = -dot(q, b) / det;
     const Real edge = std::max({size(b), size(c), size(c - b)}), length_d = size(d);
-    const Real e = blur(a, std::fabs(at) * length_d + edge);
+    const Real e = blur(std::fabs(at) * length_d + edge);
     const Real room = 4 * e * length_d * edge / std::fabs(det);
     keep({number, primitive, at, std::min({u, v, 1 - u - v}), room, 2 * e * size(n) / std::fabs(det) + room * edge / length_d, u, v});
   }
@@ -60,17 +69,17 @@ struct Caster {
   void spheres() const {
     const Inverse inverse(i.world_from_object);
     const V lo = inverse(o - V(i.world_from_object.t)), ld = inverse(d);
-    for (uint32_t k = 0; k < g.primitive_count; ++k) sphere(k, lo, ld);
+    for (uint32_t k = 0; k < g.primitive_count; ++k) sphere(k, lo, ld, inverse.det);
   }
-  void sphere(uint32_t k, V lo, V ld) const {
+  void sphere(uint32_t k, V lo, V ld, Real det) const {
     const float* c = g.vertices + 3 * size_t(k);
     const V f = lo - V(Real(c[0]), Real(c[1]), Real(c[2]));
     const Real r = g.radii[k], dd = dot(ld, ld), b = -dot(f, ld) / dd;
     const V nearest = f + b * ld;
     const Real inside = r - size(nearest), half = std::sqrt(std::max(r * r - dot(nearest, nearest), Real(0)) / dd);
-    // The sphere's own rounding in world space, and that of the double ray.
-    const Real room = 4 * kFloat * (r + std::fabs(Real(c[0])) + std::fabs(Real(c[1])) + std::fabs(Real(c[2]))) * (i.geometry == number) +
-                      64 * kDouble * size(lo);
+    const Affine& m = i.world_from_object;
+    const Real scale = std::cbrt(std::fabs(det));  // of a similarity: only then the sphere is rounded in world space
+    const Real room = 8 * kFloat * (size(V(m.t)) / scale + size(V(Real(c[0]), Real(c[1]), Real(c[2]))) + r) + 64 * kDouble * size(lo);
     for (Real t : {b - half, b + half}) keep({number, k, t, inside, room, std::sqrt(2 * room * (r + room) / dd) + 64 * kDouble * std::fabs(t)});
   }
 
@@ -84,7 +93,7 @@ struct Caster {
     n = Real(1) / size(n) * n;
     const Real cosine = dot(n, d), t = dot(n, center - o) / cosine;
     if (!(std::fabs(t) < HUGE_VALL)) return;
-    const Real e = blur(center, std::fabs(t) * size(d)), t_room = 4 * e / std::fabs(cosine);
+    const Real e = blur(std::fabs(t) * size(d)), t_room = 4 * e / std::fabs(cosine);
     keep({number, k, t, inside(p, n, o + t * d), e + t_room * size(d), t_room});
   }
 
@@ -113,7 +122,7 @@ std::vector<Truth> brute(const BruteScene& scene, const Ray& ray) {
   for (uint32_t k = 0; k < scene.instances.size(); ++k) {
     const InstanceView& i = scene.instances[k];
     if (!(i.visibility & ray.visibility)) continue;
-    Caster{scene.geometries[i.geometry], i, k, ray, out, V(ray.o), V(ray.d)}.cast();
+    Caster{scene.geometries[i.geometry], i, k, ray, out}.cast();
   }
   return out;
 }

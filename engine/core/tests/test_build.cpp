@@ -1,0 +1,183 @@
+// What the builder promises: sound trees for any input, counted losses, memory, cancel, and exceptions that reach the caller.
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <chrono>
+#include <limits>
+#include <new>
+#include <thread>
+
+#include "check.h"
+#include "shapes.h"
+
+namespace {
+
+std::atomic<long> allocations_left{-1};  // negative: as many as there are
+
+void* allocate(std::size_t size, std::size_t alignment) {
+  long left = allocations_left.load();
+  while (left > 0 && !allocations_left.compare_exchange_weak(left, left - 1)) continue;
+  if (left == 0) throw std::bad_alloc();
+  if (void* p = std::aligned_alloc(alignment, (std::max<std::size_t>(size, 1) + alignment - 1) / alignment * alignment)) return p;
+  throw std::bad_alloc();
+}
+
+}  // namespace
+
+void* operator new(std::size_t size) { return allocate(size, alignof(std::max_align_t)); }
+void* operator new(std::size_t size, std::align_val_t alignment) { return allocate(size, std::size_t(alignment)); }
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
+
+using namespace glint;
+using namespace glint::test;
+
+TEST(build, nothing) {
+  const auto none = build(std::vector<GeometryView>{}, {});
+  CHECK(closest(*none, ray({0, 0, 5}, {0, 0, -1})).instance == Hit::kNone);
+  CHECK(none->stats().nodes == 0 && none->stats().primitives == 0);
+  const Mesh empty;
+  CHECK(closest(*build(empty), ray({0, 0, 5}, {0, 0, -1})).instance == Hit::kNone);
+  CHECK(build({empty.view()}, {InstanceView{}, InstanceView{}})->stats().primitives == 0);
+}
+
+TEST(build, one_triangle) {
+  Mesh mesh;
+  mesh.add(mesh.add({0, 0, 0}), mesh.add({1, 0, 0}), mesh.add({0, 1, 0}));
+  const auto accel = build(mesh);
+  const Hit h = closest(*accel, ray({0.25, 0.5, 3}, {0, 0, -2}));
+  CHECK(h.instance == 0 && h.primitive == 0 && h.t == 1.5 && h.u == 0.25f && h.v == 0.5f);
+  CHECK(accel->stats().primitives == 1 && accel->stats().dropped == 0);
+}
+
+TEST(build, many) {
+  Random random(1);
+  for (size_t n : {2, 4, 5, 9, 33, 1000, 20000, 100000}) {
+    const auto accel = build(soup(random, n, 1, 0.03));
+    CHECK(accel->stats().primitives == n);
+  }
+}
+
+TEST(build, all_coincident) {
+  Mesh mesh;
+  const uint32_t a = mesh.add({0, 0, 0}), b = mesh.add({1, 0, 0}), c = mesh.add({0, 1, 0});
+  for (int k = 0; k < 30000; ++k) mesh.add(a, b, c);
+  const Hit h = closest(*build(mesh), ray({0.2, 0.2, 1}, {0, 0, -1}));
+  CHECK(h.primitive == 0 && h.t == 1);
+}
+
+TEST(build, all_in_a_plane_or_on_a_line) {
+  Random random(2);
+  for (int flat : {1, 2}) {
+    Mesh mesh = soup(random, 3000, 1, 0.05);
+    for (size_t k = 0; k < mesh.vertices.size(); ++k)
+      if (int(k % 3) < flat) mesh.vertices[k] = 0.25f;
+    CHECK(build(mesh)->stats().primitives == (flat == 1 ? 3000 : 0));  // triangles on a line have no area
+  }
+}
+
+TEST(build, huge_and_tiny) {
+  Random random(3);
+  Mesh mesh;
+  for (double size : {1e-30, 1e-12, 1.0, 1e12, 1e30, 3e38}) {
+    const Mesh part = soup(random, 500, size, 0.1 * size);
+    for (size_t k = 0; k < part.count(); ++k) {
+      const uint32_t a = mesh.add(part.corner(k, 0)), b = mesh.add(part.corner(k, 1));
+      mesh.add(a, b, mesh.add(part.corner(k, 2)));
+    }
+  }
+  const AccelStats stats = build(mesh)->stats();
+  CHECK(stats.primitives + stats.dropped == 3000 && stats.dropped < 100);  // beyond the range of float there is nothing
+  Mesh geometric;  // each half as large as the one before: the deepest tree that the heuristic can make
+  for (int k = 0; k < 250; ++k) {
+    const double s = std::ldexp(1.0, 120 - k);
+    geometric.add(geometric.add({s, s, 0}), geometric.add({1.5 * s, s, 0}), geometric.add({s, 1.5 * s, 0}));
+  }
+  CHECK(build(geometric)->stats().primitives == 250);
+}
+
+TEST(build, bad_primitives_are_dropped_and_counted) {
+  Random random(4);
+  Mesh mesh = soup(random, 100, 1, 0.3);
+  const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+  mesh.vertices[9 * 10] = nan, mesh.vertices[9 * 20 + 4] = inf, mesh.vertices[9 * 30 + 8] = -inf;
+  for (int k = 0; k < 3; ++k) mesh.vertices[size_t(9 * 40 + k)] = mesh.vertices[size_t(9 * 40 + 3 + k)];  // two corners are one
+  mesh.triangles[3 * 50] = 100000;                                                                // no such vertex
+  const auto accel = build(mesh);
+  CHECK(accel->stats().primitives == 95 && accel->stats().dropped == 5);
+  InstanceView bad;
+  bad.world_from_object.x.y = double(nan);
+  CHECK(build({mesh.view()}, {bad})->stats().dropped == 100);
+  CHECK(build({mesh.view()}, {bad, InstanceView{}})->stats().dropped == 105);
+}
+
+TEST(build, thousands_of_objects) {
+  std::vector<Mesh> meshes;
+  std::vector<GeometryView> views;
+  std::vector<InstanceView> instances;
+  Random random(5);
+  for (uint32_t k = 0; k < 3000; ++k) {
+    meshes.push_back(icosphere(0, 0.02, {}));
+    InstanceView i;
+    i.geometry = k, i.world_from_object = translation(random.uniform(0.1, 1) * random.on_sphere());
+    instances.push_back(i);
+  }
+  for (const Mesh& m : meshes) views.push_back(m.view());
+  const auto accel = build(views, instances);
+  CHECK(accel->stats().primitives == 60000);
+  int hits = 0;
+  for (const InstanceView& i : instances) hits += closest(*accel, ray({0, 0, 0}, i.world_from_object.t)).t < 1;
+  CHECK(hits == 3000);
+}
+
+TEST(build, bytes_a_triangle) {
+  const Mesh mesh = bumpy_sphere(132, 264);
+  CHECK(double(build(mesh)->stats().bytes) <= 70.0 * double(mesh.count()));
+}
+
+TEST(build, cancel) {
+  const Mesh mesh = bumpy_sphere(132, 264);
+  std::atomic<bool> cancel{true};
+  CHECK(Accel::build({mesh.view()}, {InstanceView{}}, 2, cancel) == nullptr);
+  cancel = false;
+  CHECK(Accel::build({mesh.view()}, {InstanceView{}}, 2, cancel) != nullptr);
+}
+
+TEST(build, cancel_while_it_runs) {
+  const Mesh mesh = bumpy_sphere(700, 1400);
+  std::atomic<bool> cancel{false};
+  std::thread other([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(40));
+    cancel = true;
+  });
+  CHECK(Accel::build({mesh.view()}, {InstanceView{}}, 2, cancel) == nullptr);
+  other.join();
+}
+
+// Fails the first allocation, then the second, … of a build until one succeeds: each must throw std::bad_alloc here, on whatever thread it was.
+TEST(build, out_of_memory) {
+  const Mesh mesh = bumpy_sphere(100, 120);
+  const std::vector<GeometryView> views{mesh.view(), mesh.view()};
+  std::vector<InstanceView> instances(3);
+  instances[1].geometry = instances[2].geometry = 1;
+  const std::atomic<bool> cancel{false};
+  int failed = 0;
+  for (long allowed = 1; allowed < 100000; allowed += 1 + allowed / 16) {
+    auto g = views;
+    auto i = instances;
+    std::unique_ptr<Accel> accel;
+    allocations_left = allowed;
+    try {
+      accel = Accel::build(std::move(g), std::move(i), 3, cancel);
+    } catch (const std::bad_alloc&) {
+      ++failed;
+    }
+    allocations_left = -1;
+    if (!accel) continue;
+    CHECK(accel->validate().empty());
+    break;
+  }
+  CHECK(failed > 20);
+}

@@ -1,0 +1,181 @@
+// Spheres and polygons.
+#include <cmath>
+
+#include "brute.h"
+#include "check.h"
+#include "shapes.h"
+
+using namespace glint;
+using namespace glint::test;
+
+namespace {
+
+struct Spheres {
+  std::vector<float> centers, radii;
+  GeometryView view() const {
+    GeometryView g;
+    g.kind = GeometryView::kSpheres, g.vertices = centers.data(), g.vertex_count = radii.size();
+    g.radii = radii.data(), g.primitive_count = radii.size();
+    return g;
+  }
+  void add(Vec3d c, double r) { centers.insert(centers.end(), {float(c.x), float(c.y), float(c.z)}), radii.push_back(float(r)); }
+};
+
+struct Polygons {
+  std::vector<float> vertices;
+  std::vector<uint32_t> offsets{0}, indices;
+  GeometryView view() const {
+    GeometryView g;
+    g.kind = GeometryView::kPolygons, g.vertices = vertices.data(), g.vertex_count = vertices.size() / 3;
+    g.offsets = offsets.data(), g.indices = indices.data(), g.primitive_count = offsets.size() - 1;
+    return g;
+  }
+  void corner(Vec3d p) {
+    indices.push_back(uint32_t(vertices.size() / 3));
+    vertices.insert(vertices.end(), {float(p.x), float(p.y), float(p.z)});
+  }
+  void close() { offsets.push_back(uint32_t(indices.size())); }
+};
+
+void compare(const BruteScene& scene, Random& random, int count, double half) {
+  const auto accel = build(scene.geometries, scene.instances);
+  int hits = 0;
+  for (int k = 0; k < count; ++k) {
+    const Vec3d o = random.in_box(2 * half), at = random.in_box(half);
+    const Ray r = ray(o, at - o, 0, k % 3 ? HUGE_VAL : 1);
+    const Hit h = closest(*accel, r);
+    uint8_t blocked;
+    accel->occluded(&r, &blocked, 1);
+    const std::vector<Truth> truth = brute(scene, r);
+    CHECK(agrees(truth, h) && agrees(truth, blocked != 0) && (h.instance != Hit::kNone) == (blocked != 0));
+    hits += h.instance != Hit::kNone;
+  }
+  CHECK(hits > count / 200);
+}
+
+std::vector<InstanceView> placed(const std::vector<Affine>& matrices) {
+  std::vector<InstanceView> list(matrices.size());
+  for (size_t k = 0; k < matrices.size(); ++k) list[k].world_from_object = matrices[k];
+  return list;
+}
+
+/// A star with `points` points around c in the plane of x and y: concave.
+void star(Polygons& p, int points, Vec3d c, Vec3d x, Vec3d y) {
+  for (int k = 0; k < 2 * points; ++k) {
+    const double a = 3.14159265358979 * k / points, r = k % 2 ? 0.35 : 1;
+    p.corner(c + (r * std::cos(a)) * x + (r * std::sin(a)) * y);
+  }
+  p.close();
+}
+
+}  // namespace
+
+TEST(shapes, spheres_against_brute_force) {
+  Random random(30);
+  for (size_t n : {1, 5, 300}) {
+    Spheres spheres;
+    for (size_t k = 0; k < n; ++k) spheres.add(random.in_box(1), random.uniform(0.01, n > 10 ? 0.1 : 0.5));
+    Affine turned;  // a similarity: turned, mirrored, twice as large
+    turned.x = {0, 2, 0}, turned.y = {2, 0, 0}, turned.z = {0, 0, 2}, turned.t = {0.25, 0, 0};
+    compare({{spheres.view()}, placed({{}})}, random, 2000, 1);
+    compare({{spheres.view()}, placed({turned})}, random, 2000, 1);
+    compare({{spheres.view()}, placed({{}, translation({3, 0, 0})})}, random, 2000, 1);
+    for (int k = 0; k < 5; ++k) compare({{spheres.view()}, placed({random_affine(random, 0.3)})}, random, 1000, 0.5);
+  }
+}
+
+TEST(shapes, inside_a_sphere) {
+  Spheres spheres;
+  spheres.add({0, 0, 0}, 1);
+  const auto accel = build({spheres.view()}, placed({{}}));
+  CHECK(closest(*accel, ray({0, 0, 0}, {0, 0, 2})).t == 0.5);
+  CHECK(closest(*accel, ray({0, 0, 0.5}, {0, 0, 1})).t == 0.5);
+  CHECK(closest(*accel, ray({0, 0, 3}, {0, 0, -1}, 2)).t == 4);  // the near side is at the open end
+  CHECK(closest(*accel, ray({0, 0, 3}, {0, 0, -1}, 0, 2)).instance == Hit::kNone);
+}
+
+// At distance/radius 1e4 the textbook's discriminant loses all digits (NUMERICS: spheres).
+TEST(shapes, far_spheres) {
+  Random random(31);
+  for (double radius : {1e-4, 1.0, 1e3}) {
+    Spheres spheres;
+    spheres.add({0, 0, 0}, radius);
+    const auto accel = build({spheres.view()}, placed({{}}));
+    const double r = double(spheres.radii[0]);
+    int wrong = 0;
+    for (int k = 0; k < 100000; ++k) {
+      const Vec3d n = random.on_sphere(), side = normalize(cross(n, random.on_sphere())), o = (1e4 * radius) * n;
+      const double b = random.uniform(0, 2) * r;
+      const Ray ray_k = ray(o, b * side - o);
+      const Hit h = closest(*accel, ray_k);
+      const V d(ray_k.d), f(o);
+      const Real dd = dot(d, d), along = -dot(f, d) / dd;
+      const V nearest = f + along * d;
+      const Real rest = Real(r) * Real(r) - dot(nearest, nearest);
+      if (std::fabs(rest) < 1e-9L * Real(r * r)) continue;  // double's rounding at 1e4 radii is 1e-12
+      const Real t = along - std::sqrt(std::max(rest, Real(0)) / dd);
+      wrong += rest > 0 ? std::fabs(Real(h.t) - t) * 1e4L > 1e-9L * Real(r) / std::sqrt(rest) : h.instance != Hit::kNone;
+    }
+    CHECK(wrong == 0);
+  }
+}
+
+TEST(shapes, bad_spheres_and_polygons_are_counted) {
+  Spheres spheres;
+  spheres.add({0, 0, 0}, 1), spheres.add({0, 0, 0}, 0), spheres.add({0, 0, 0}, -1), spheres.add({std::nan(""), 0, 0}, 1);
+  spheres.add({0, 0, 0}, std::nan(""));
+  const AccelStats stats = build({spheres.view()}, placed({{}}))->stats();
+  CHECK(stats.primitives == 1 && stats.dropped == 4);
+  Affine flat;
+  flat.z = {0, 0, 0};
+  CHECK(build({spheres.view()}, placed({flat}))->stats().dropped == 5);
+  Polygons polygons;
+  star(polygons, 5, {}, {1, 0, 0}, {0, 1, 0});
+  polygons.corner({0, 0, 0}), polygons.corner({1, 0, 0}), polygons.close();
+  polygons.corner({0, 0, 0}), polygons.corner({1, 1, 1}), polygons.corner({2, 2, 2}), polygons.close();
+  polygons.corner({0, 0, 0}), polygons.corner({1, 0, 0}), polygons.corner({0, std::nan(""), 0}), polygons.close();
+  CHECK(build({polygons.view()}, placed({{}}))->stats().dropped == 3);
+}
+
+TEST(shapes, polygons_against_brute_force) {
+  Random random(32);
+  for (int n : {1, 4, 200}) {
+    Polygons polygons;
+    for (int k = 0; k < n; ++k) {
+      const Vec3d x = random.on_sphere(), y = normalize(cross(x, random.on_sphere()));
+      const double s = n > 10 ? 0.2 : 0.8;
+      star(polygons, 3 + k % 5, random.in_box(n > 10 ? 1 : 0.2), s * x, s * y);
+    }
+    compare({{polygons.view()}, placed({{}})}, random, 2000, 1);
+    compare({{polygons.view()}, placed({random_affine(random, 0.2)})}, random, 1000, 1);
+    compare({{polygons.view()}, placed({{}, translation({3, 0, 0})})}, random, 2000, 1);
+  }
+}
+
+TEST(shapes, polygons_in_the_planes_of_the_axes) {
+  for (int axis = 0; axis < 3; ++axis) {
+    Polygons polygons;
+    Vec3d c, x, y;
+    c[axis] = 0.5, x[(axis + 1) % 3] = 1, y[(axis + 2) % 3] = 1;
+    star(polygons, 4, c, x, y);
+    const auto accel = build({polygons.view()}, placed({{}}));
+    Vec3d o = 0.1 * x + 0.05 * y, out = 0.7 * x + 0.7 * y, d;
+    d[axis] = 2;
+    CHECK(closest(*accel, ray(o, d)).t == 0.25);
+    CHECK(closest(*accel, ray(o, -d)).instance == Hit::kNone);
+    CHECK(closest(*accel, ray(out, d)).instance == Hit::kNone);  // between two points of the star
+  }
+}
+
+// One outline that runs around a hole and back along the same cut: odd-even leaves the hole open.
+TEST(shapes, holes) {
+  Polygons p;
+  const double outer[5][2] = {{-2, -2}, {2, -2}, {2, 2}, {-2, 2}, {-2, -2}}, inner[5][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {-1, -1}};
+  for (const auto& c : outer) p.corner({c[0], c[1], 0});
+  for (const auto& c : inner) p.corner({c[0], c[1], 0});
+  p.close();
+  const auto accel = build({p.view()}, placed({{}}));
+  CHECK(closest(*accel, ray({0.1, 0.2, 1}, {0, 0, -1})).instance == Hit::kNone);
+  for (Vec3d o : {Vec3d{1.5, 0.1, 1}, Vec3d{-1.5, 0.1, 1}, Vec3d{0.1, 1.5, 1}, Vec3d{0.1, -1.5, 1}})
+    CHECK(closest(*accel, ray(o, {0, 0, -1})).t == 1);
+}

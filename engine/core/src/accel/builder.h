@@ -15,8 +15,8 @@ namespace glint {
 struct Cancelled {};
 
 struct BuildOptions {
-  uint32_t max_leaf = 4;  // at most this many primitives a leaf
-  uint32_t min_leaf = 1;  // children with more are split while their node has room
+  uint32_t max_leaf = 8;  // at most this many primitives a leaf
+  uint32_t min_leaf = 4;  // children with more are split while their node has room
 };
 
 /// Memory that is not cleared first.

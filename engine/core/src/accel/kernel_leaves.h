@@ -28,6 +28,7 @@ struct Weights {
   double u, v, t;
 };
 inline Weights refine(const LocalRay& r, D3 a, D3 b, D3 c, Edges fallback) {
+  const D3 ab = b - a, ac = c - a;
   a = a - r.o, b = b - r.o, c = c - r.o;
   const double az = at(a, r.kz), bz = at(b, r.kz), cz = at(c, r.kz);
   const double ax = at(a, r.kx) - r.shear_x * az, ay = at(a, r.ky) - r.shear_y * az;
@@ -38,8 +39,7 @@ inline Weights refine(const LocalRay& r, D3 a, D3 b, D3 c, Edges fallback) {
   const double sign = e.sum() < 0 ? -1 : 1;
   e = {sign * e.a > 0 ? sign * e.a : 0, sign * e.b > 0 ? sign * e.b : 0, sign * e.c > 0 ? sign * e.c : 0};
   const double inverse = 1 / e.sum(), u = e.b * inverse, v = e.c * inverse;
-  const D3 p = (e.a * inverse) * a + u * b + v * c;
-  return {u, v, dot(p, r.d) * r.inverse_square};
+  return {u, v, dot(a + u * ab + v * ac, r.d) * r.inverse_square};
 }
 
 /// The triangles of one leaf: n floats for each coordinate.

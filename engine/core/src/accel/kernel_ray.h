@@ -43,21 +43,21 @@ inline double key_of(double t) {
 /// The float ray starts at o + start d, close to the tree's ball: far away its rounding would be coarser than what it is to hit.
 struct LocalRay {
   D3 o, d;                     // exact
-  double unit, start;
+  double unit, per_unit, start;
   double shear_x, shear_y;     // of the exact ray: d[kx] / d[kz], d[ky] / d[kz]
   double inverse_square;       // 1 / d.d
   int kx, ky, kz;              // kz: the longest component
-  float of[3], sx, sy;         // float ray and shear
-  float near_o[3], far_o[3];   // origin rounded so that boxes come nearer and end farther
-  float inv[3];
-  int near_plane[3];           // index into Node::planes
+  float of[4], sx, sy;         // float ray and shear
+  float near_o[4], far_o[4];   // origin rounded so that boxes come nearer and end farther
+  float inv[4];
+  uint32_t near_plane[3];      // index into Node::planes
   float t_min, t_max;          // bounds for boxes, with room for all rounding
   uint32_t instance;           // Hit::kNone in world space: the leaves know
 };
 
 /// Upper bound for boxes from the nearest hit or the ray's end.
 inline void shorten(LocalRay& r, const Query& q) {
-  const double t = (q.t < q.t_max ? q.t : q.t_max) / r.unit;
+  const double t = (q.t < q.t_max ? q.t : q.t_max) * r.per_unit;
   const double rest = t - r.start + (t < 0 ? -t : t) * 0x1p-38;
   const float f = rest > 0 ? float(rest) : 0;
   r.t_max = f + f * 0x1p-20f + 1e-38f;
@@ -75,10 +75,11 @@ inline double power_below(double a) {
 
 inline double magnitude(double a) { return __builtin_fabs(a); }
 
-/// Where the exact ray enters the tree's ball, not before t_min.
-inline double entry(const LocalRay& r, const TreeView& tree, double t_min) {
-  const double middle = dot(d3(tree.center) - r.o, r.d) * r.inverse_square;
-  const double t = middle - tree.radius * __builtin_sqrt(r.inverse_square);
+/// Where the float ray begins: at t_min, or where the exact ray enters the tree's ball if it comes from farther than a few radii away.
+inline double start_of(const LocalRay& r, const TreeView& tree, double t_min) {
+  const D3 f = d3(tree.center) - r.o;
+  if (dot(f, f) < 16 * tree.radius * tree.radius) return t_min;
+  const double t = dot(f, r.d) * r.inverse_square - tree.radius * __builtin_sqrt(r.inverse_square);
   return t > t_min ? t : t_min;
 }
 
@@ -94,17 +95,12 @@ inline void choose_axes(LocalRay& r) {
 
 inline void round_ray(LocalRay& r) {
   const D3 o = r.o + r.start * r.d;
-  for (int k = 0; k < 3; ++k) {
-    const double exact = at(o, k);
-    const float f = float(exact), ulp = __builtin_fabsf(f) * 0x1p-23f + 1e-45f;
-    const float above = double(f) < exact ? f + ulp : f, below = double(f) > exact ? f - ulp : f;
-    r.of[k] = f;
-    r.inv[k] = 1 / float(at(r.d, k));
-    const bool negative = __builtin_signbit(r.inv[k]);
-    r.near_plane[k] = 2 * k + negative;
-    r.near_o[k] = negative ? below : above;
-    r.far_o[k] = negative ? above : below;
-  }
+  const Four of = {float(o.x), float(o.y), float(o.z), 0}, d = {float(r.d.x), float(r.d.y), float(r.d.z), 1};
+  const Four inv = 1 / d, ulp = Four(FourInts(of) & 0x7fffffff) * 0x1p-23f + 1e-37f;
+  const FourInts negative = FourInts(inv) >> 31;
+  const Four outward = Four(FourInts(ulp) ^ (negative & int32_t(0x80000000)));
+  store(r.of, of), store(r.inv, inv), store(r.near_o, of + outward), store(r.far_o, of - outward);
+  for (uint32_t k = 0; k < 3; ++k) r.near_plane[k] = 2 * k + uint32_t(negative[k] & 1);
 }
 
 /// False when the ray cannot hit anything: no direction, not finite, or past its end before the tree begins.
@@ -112,12 +108,12 @@ inline bool enter(LocalRay& r, D3 o, D3 d, const TreeView& tree, const Query& q)
   const double longest = __builtin_fmax(__builtin_fmax(magnitude(d.x), magnitude(d.y)), magnitude(d.z));
   const double power = power_below(longest);
   if (!(power > 0)) return false;
-  r.unit = 1 / power;
+  r.unit = 1 / power, r.per_unit = power;
   r.o = o, r.d = r.unit * d;
   r.inverse_square = 1 / dot(r.d, r.d);
-  const double t_min = q.t_min / r.unit;
-  r.start = entry(r, tree, t_min);
-  const double limit = (q.t < q.t_max ? q.t : q.t_max) / r.unit;
+  const double t_min = q.t_min * power;
+  r.start = start_of(r, tree, t_min);
+  const double limit = (q.t < q.t_max ? q.t : q.t_max) * power;
   if (!(r.start <= limit + magnitude(limit) * 0x1p-38)) return false;
   choose_axes(r);
   round_ray(r);

@@ -19,12 +19,16 @@ constexpr int kLanes = 4;
 typedef float Floats __attribute__((vector_size(4 * kLanes)));
 typedef int32_t Ints __attribute__((vector_size(4 * kLanes)));
 
+typedef float Four __attribute__((vector_size(16)));
+typedef int32_t FourInts __attribute__((vector_size(16)));
+inline void store(float* p, Four v) { __builtin_memcpy(p, &v, sizeof v); }
+
 inline Floats load(const float* p) {
   Floats v;
   __builtin_memcpy(&v, p, sizeof v);
   return v;
 }
-inline void store(float* p, Floats v) { __builtin_memcpy(p, &v, sizeof v); }
+inline void store_lanes(float* p, Floats v) { __builtin_memcpy(p, &v, sizeof v); }
 inline Floats splat(float a) { return a - Floats{}; }  // -0 stays -0
 
 /// The larger and the smaller number; where one is NaN, the second argument.

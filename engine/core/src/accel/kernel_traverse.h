@@ -8,24 +8,28 @@ namespace {
 /// The ray's numbers for boxes, one to a lane.
 struct BoxRay {
   Floats near_o[3], far_o[3], inv[3], t_min, t_max;
+  size_t near_plane[3], far_plane[3];  // offsets in Node::planes
   explicit BoxRay(const LocalRay& r) : t_min(splat(r.t_min)), t_max(splat(r.t_max)) {
-    for (int k = 0; k < 3; ++k) near_o[k] = splat(r.near_o[k]), far_o[k] = splat(r.far_o[k]), inv[k] = splat(r.inv[k]);
+    for (int k = 0; k < 3; ++k) {
+      near_o[k] = splat(r.near_o[k]), far_o[k] = splat(r.far_o[k]), inv[k] = splat(r.inv[k]);
+      near_plane[k] = r.near_plane[k] * kWidth, far_plane[k] = (r.near_plane[k] ^ 1) * kWidth;
+    }
   }
 };
 
 /// Which children the ray meets, and where it enters them. Slabs ordered by the direction's signs; the far side is a little longer than
 /// computed (Ize 2013: two ulps; here eight, which covers the rounding of the triangle test's shear too). 0 * inf is NaN, for a ray inside a
-/// face of the box: `larger` and `smaller` then keep what they had.
-inline uint32_t hit_boxes(const Node& n, const LocalRay& r, const BoxRay& b, float* distance) {
+/// face of the box: `larger` and `smaller` then give up a bound or two, and at worst a box is entered in vain.
+inline uint32_t hit_boxes(const Node& n, const BoxRay& b, float* distance) {
+  const float* planes = n.planes[0];
   uint32_t mask = 0;
-  for (int first = 0; first < kWidth; first += kLanes) {
-    Floats near = b.t_min, far = splat(__builtin_inff());
-    for (int k = 0; k < 3; ++k) {
-      near = larger((load(n.planes[r.near_plane[k]] + first) - b.near_o[k]) * b.inv[k], near);
-      far = smaller((load(n.planes[r.near_plane[k] ^ 1] + first) - b.far_o[k]) * b.inv[k], far);
-    }
-    far = smaller(far * splat(1 + 0x1p-20f), b.t_max);
-    store(distance + first, near);
+  for (size_t first = 0; first < kWidth; first += kLanes, planes += kLanes) {
+    const Floats near_x = (load(planes + b.near_plane[0]) - b.near_o[0]) * b.inv[0], far_x = (load(planes + b.far_plane[0]) - b.far_o[0]) * b.inv[0];
+    const Floats near_y = (load(planes + b.near_plane[1]) - b.near_o[1]) * b.inv[1], far_y = (load(planes + b.far_plane[1]) - b.far_o[1]) * b.inv[1];
+    const Floats near_z = (load(planes + b.near_plane[2]) - b.near_o[2]) * b.inv[2], far_z = (load(planes + b.far_plane[2]) - b.far_o[2]) * b.inv[2];
+    const Floats near = larger(larger(near_x, near_y), larger(near_z, b.t_min));
+    const Floats far = smaller(smaller(smaller(far_x, far_y), far_z) * splat(1 + 0x1p-20f), b.t_max);
+    store_lanes(distance + first, near);
     mask |= bits(near <= far) << first;
   }
   return mask;
@@ -38,6 +42,12 @@ struct Entry {
 
 /// Pushes all children but the nearest, the farthest first, and returns the nearest. mask has at least two bits.
 inline ChildRef push_children(const Node& n, uint32_t mask, const float* distance, Entry*& top) {
+  const int a = __builtin_ctz(mask), b = 31 - __builtin_clz(mask);
+  if ((mask & (mask - 1)) == 1u << b) {
+    const bool swap = distance[b] < distance[a];
+    *top++ = swap ? Entry{n.child[a], distance[a]} : Entry{n.child[b], distance[b]};
+    return n.child[swap ? b : a];
+  }
   Entry* const base = top;
   for (; mask; mask &= mask - 1) {
     const int k = __builtin_ctz(mask);
@@ -64,7 +74,7 @@ inline void traverse(const TreeView& tree, LocalRay& r, const Query& q, Leaf lea
     bool missed = false;
     while (!(child & kLeaf)) {
       const Node& n = tree.nodes[child];
-      const uint32_t mask = hit_boxes(n, r, b, distance);
+      const uint32_t mask = hit_boxes(n, b, distance);
       if ((missed = mask == 0)) break;
       child = mask & (mask - 1) ? push_children(n, mask, distance, top) : n.child[__builtin_ctz(mask)];
     }

@@ -43,13 +43,17 @@ void bake_vertices(std::vector<Source>& sources, Team& team) {
 
 Vec3f vertex(const Source& s, size_t index) { return {s.vertices[3 * index], s.vertices[3 * index + 1], s.vertices[3 * index + 2]}; }
 F4 f4(Vec3f p) { return F4{p.x, p.y, p.z, 0}; }
-bool same(Vec3f a, Vec3f b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
+/// Whether the area is exactly 0, for coordinates that are floats.
+bool flat(Vec3d a, Vec3d b, Vec3d c) {
+  const Vec3d u = b - a, v = c - a;
+  return u.y * v.z == u.z * v.y && u.z * v.x == u.x * v.z && u.x * v.y == u.y * v.x;
+}
 
 bool triangle_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
   const uint32_t* index = s.geometry->triangles + 3 * primitive;
   if (std::max({index[0], index[1], index[2]}) >= s.geometry->vertex_count) return false;
   const Vec3f a = vertex(s, index[0]), b = vertex(s, index[1]), c = vertex(s, index[2]);
-  if (!finite(a) || !finite(b) || !finite(c) || same(a, b) || same(b, c) || same(c, a)) return false;
+  if (!finite(a) || !finite(b) || !finite(c) || flat(Vec3d(a), Vec3d(b), Vec3d(c))) return false;
   Box box;
   box.add(f4(a)), box.add(f4(b)), box.add(f4(c));
   ref = make_ref(box, uint32_t(primitive), number);
@@ -138,7 +142,7 @@ void fill_polygons(Tree& tree, const std::vector<Source>& sources, const Ref* re
     const Source& s = sources[refs[k].source];
     BoxD box;
     make_polygon(s, refs[k].primitive, tree.polygons[k], box);
-    tree.polygons[k].first = tree.corners.size();
+    tree.polygons[k].first = tree.corners.size() / 3;
     for (size_t c = s.geometry->offsets[refs[k].primitive]; c < s.geometry->offsets[refs[k].primitive + 1]; ++c) {
       const Vec3f p = vertex(s, s.geometry->indices[c]);
       tree.corners.insert(tree.corners.end(), {p.x, p.y, p.z});
@@ -166,7 +170,7 @@ LeafKind kind_of(const GeometryView& g) {
 
 BuildOptions options_of(LeafKind kind) {
   switch (kind) {
-    case kTriangleLeaf: return {4, 1};
+    case kTriangleLeaf: return {8, 4};
     case kSphereLeaf: return {2, 1};
     default: return {1, 1};
   }

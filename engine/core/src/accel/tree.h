@@ -19,7 +19,7 @@ constexpr ChildRef kOrdinal = (1u << kCountShift) - 1;
 
 /// Boxes of eight children, plane by plane: lower x, upper x, lower y, upper y, lower z, upper z. The planes of an absent child are +inf
 /// below and -inf above, so that no ray enters it.
-struct alignas(32) Node {
+struct alignas(64) Node {
   float planes[6][kWidth];
   ChildRef child[kWidth];
 };

@@ -1,0 +1,243 @@
+"""Images from every source end as the pixels that Blender shows; broken ones are magenta and named."""
+
+import bpy
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from export_support import Shader, image, scene, srgb_to_linear  # noqa: F401
+
+from glint.addon.export import colorspace, pixels
+
+GRADIENT = np.stack(
+    [*np.meshgrid(np.linspace(0, 1, 5), np.linspace(0, 1, 3), indexing="xy"), np.full((3, 5), 0.25), np.ones((3, 5))], -1
+).astype(np.float32)
+"""(3, 5, 4): red grows to the right, green upwards (row 0 is the bottom)."""
+
+
+def _texture(picture, **settings):
+    """The texture that a node with this image exports, and the notes."""
+    shader = Shader()
+    node = shader.node("ShaderNodeTexImage", image=picture, **settings)
+    shader.link(node, "Color", shader.shader, "Color")
+    shader.link(node, "Alpha", shader.node("ShaderNodeMath"), "Value")
+    result, _ = shader.export()
+    name = picture.name if picture is not None else "no image"
+    (texture,) = (texture for texture in result.scene.textures if texture.name == name)
+    return texture, result.notes
+
+
+def _file(path, values: np.ndarray, kind: str = "uint8") -> str:
+    """Writes (h, w, c) values, row 0 at the bottom, as they are."""
+    spec = oiio.ImageSpec(values.shape[1], values.shape[0], values.shape[2], kind)
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    output = oiio.ImageOutput.create(str(path))
+    assert output.open(str(path), spec)
+    output.write_image(np.ascontiguousarray(values[::-1].astype(np.float32)))
+    output.close()
+    return str(path)
+
+
+def _bytes(values) -> np.ndarray:
+    return np.floor(np.asarray(values) * 255 + 0.5).astype(np.uint8)
+
+
+def test_a_file_keeps_its_bytes(scene, tmp_path):  # noqa: F811
+    picture = bpy.data.images.load(_file(tmp_path / "a.png", GRADIENT))
+    texture, notes = _texture(picture)
+    assert (texture.encoding, texture.pixels.dtype) == ("SRGB", np.uint8)
+    np.testing.assert_array_equal(texture.pixels, _bytes(GRADIENT))
+    assert notes == ()
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+def test_fewer_channels_are_spread_out(scene, tmp_path, channels):  # noqa: F811
+    values = GRADIENT[:, :, :channels].copy()
+    if channels in (2, 4):
+        values[:, :, -1] = 0.5
+    texture, _ = _texture(bpy.data.images.load(_file(tmp_path / "a.png", values)))
+    expected = np.ones((3, 5, 4))
+    expected[:, :, :3] = values[:, :, :3] if channels >= 3 else values[:, :, :1]
+    expected[:, :, 3] = 0.5 if channels in (2, 4) else 1
+    np.testing.assert_array_equal(texture.pixels, _bytes(expected))
+
+
+def test_non_color_is_linear(scene, tmp_path):  # noqa: F811
+    picture = bpy.data.images.load(_file(tmp_path / "a.png", GRADIENT))
+    picture.colorspace_settings.name = "Non-Color"
+    texture, _ = _texture(picture)
+    assert texture.encoding == "LINEAR"
+    np.testing.assert_array_equal(texture.pixels, _bytes(GRADIENT))
+
+
+def test_sixteen_bits_become_linear_floats(scene, tmp_path):  # noqa: F811
+    texture, _ = _texture(bpy.data.images.load(_file(tmp_path / "a.png", GRADIENT, "uint16")))
+    assert (texture.encoding, texture.pixels.dtype) == ("LINEAR", np.float32)
+    np.testing.assert_allclose(texture.pixels[:, :, :3], srgb_to_linear(GRADIENT[:, :, :3]), atol=1 / 65535)
+
+
+def test_exr_colours_are_divided_by_alpha(scene, tmp_path):  # noqa: F811
+    values = GRADIENT * 4
+    values[:, :, 3] = 0.5
+    texture, _ = _texture(bpy.data.images.load(_file(tmp_path / "a.exr", values, "float")))
+    assert texture.encoding == "LINEAR"
+    np.testing.assert_allclose(texture.pixels[:, :, :3], GRADIENT[:, :, :3] * 8, rtol=1e-6)
+    np.testing.assert_array_equal(texture.pixels[:, :, 3], 0.5)
+
+
+def test_hdr(scene, tmp_path):  # noqa: F811
+    texture, _ = _texture(bpy.data.images.load(_file(tmp_path / "a.hdr", GRADIENT[:, :, :3] * 8, "float")))
+    np.testing.assert_allclose(texture.pixels[:, :, :3], GRADIENT[:, :, :3] * 8, atol=8 / 128)
+
+
+@pytest.mark.parametrize("name", ["Linear Rec.2020", "ACEScg", "Linear Rec.709"])
+def test_other_colour_spaces_are_what_blender_makes_of_them(scene, tmp_path, name):  # noqa: F811
+    """Blender converts float files when it loads them: `Image.pixels` is the truth, in half precision as it stores them."""
+    picture = bpy.data.images.load(_file(tmp_path / "a.exr", GRADIENT, "float"))
+    picture.colorspace_settings.name = name
+    texture, notes = _texture(picture)
+    truth = np.array(picture.pixels[:], np.float32).reshape(3, 5, 4)
+    assert notes == ()
+    np.testing.assert_allclose(texture.pixels, truth, atol=2e-5)
+
+
+def test_packed_images_need_no_file(scene, tmp_path):  # noqa: F811
+    path = tmp_path / "a.png"
+    picture = bpy.data.images.load(_file(path, GRADIENT))
+    picture.pack()
+    path.unlink()
+    texture, notes = _texture(picture)
+    np.testing.assert_array_equal(texture.pixels, _bytes(GRADIENT))
+    assert notes == ()
+
+
+@pytest.mark.parametrize("float_buffer", [False, True])
+def test_generated_images(scene, float_buffer):  # noqa: F811
+    texture, _ = _texture(image(pixels=GRADIENT.reshape(-1, 4), size=(5, 3), float_buffer=float_buffer))
+    assert texture.encoding == ("LINEAR" if float_buffer else "SRGB")
+    np.testing.assert_array_equal(texture.pixels, GRADIENT if float_buffer else _bytes(GRADIENT))
+
+
+def test_painted_images_are_read_as_they_are_now(scene, tmp_path):  # noqa: F811
+    picture = bpy.data.images.load(_file(tmp_path / "a.png", GRADIENT))
+    picture.pixels = (1 - GRADIENT).ravel()
+    texture, _ = _texture(picture)
+    np.testing.assert_allclose(texture.pixels, _bytes(1 - GRADIENT), atol=1)
+
+
+@pytest.mark.parametrize("mode", ["STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE"])
+def test_alpha_modes(scene, tmp_path, mode):  # noqa: F811
+    """PNG colours are apart from alpha whatever the mode says, as in Cycles."""
+    values = GRADIENT.copy()
+    values[:, :, 3] = 0.5
+    picture = bpy.data.images.load(_file(tmp_path / "a.png", values))
+    picture.alpha_mode = mode
+    texture, _ = _texture(picture)
+    np.testing.assert_array_equal(texture.pixels[:, :, :3], _bytes(values)[:, :, :3])
+    assert (texture.pixels[:, :, 3] == (255 if mode == "NONE" else 128)).all()
+
+
+@pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "CLIP", "MIRROR"])
+@pytest.mark.parametrize("interpolation", ["Linear", "Closest", "Cubic", "Smart"])
+def test_extension_and_interpolation(scene, extension, interpolation):  # noqa: F811
+    texture, notes = _texture(image(), extension=extension, interpolation=interpolation)
+    assert (texture.extension, texture.interpolation) == (extension, "CLOSEST" if interpolation == "Closest" else "LINEAR")
+    assert notes == ()
+
+
+def _corrupt(tmp_path):
+    path = tmp_path / "corrupt.png"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"\0" * 40)
+    return path
+
+
+def _empty(tmp_path):
+    path = tmp_path / "empty.png"
+    path.write_bytes(b"")
+    return path
+
+
+@pytest.mark.parametrize("make", [_corrupt, _empty, lambda folder: folder / "missing.png"])
+def test_what_cannot_be_read_is_magenta_and_named(scene, tmp_path, make):  # noqa: F811
+    path = make(tmp_path)
+    picture = bpy.data.images.new("Broken", 1, 1)
+    picture.source, picture.filepath = "FILE", str(path)
+    texture, notes = _texture(picture)
+    np.testing.assert_array_equal(texture.pixels, [[[255, 0, 255, 255]]])
+    (note,) = notes
+    assert "'Broken'" in note
+    assert path.name in note
+
+
+def test_no_image_is_magenta(scene):  # noqa: F811
+    texture, notes = _texture(None)
+    np.testing.assert_array_equal(texture.pixels, [[[255, 0, 255, 255]]])
+    assert len(notes) == 1
+
+
+def test_sequences_show_the_frame_of_the_scene(scene, tmp_path):  # noqa: F811
+    for frame in (1, 2, 3):
+        _file(tmp_path / f"frame_{frame:04}.png", np.full((2, 2, 3), frame / 4))
+    picture = bpy.data.images.load(str(tmp_path / "frame_0001.png"))
+    picture.source = "SEQUENCE"
+    shader = Shader()
+    node = shader.node("ShaderNodeTexImage", image=picture)
+    node.image_user.frame_duration, node.image_user.use_auto_refresh = 3, True
+    shader.link(node, "Color", shader.shader, "Color")
+    for frame in (1, 3, 2):
+        scene.frame_set(frame)
+        (texture,) = shader.export()[0].scene.textures
+        assert texture.pixels[0, 0, 0] == _bytes(frame / 4)
+
+
+def test_tiled_images_show_their_first_tile(scene, tmp_path):  # noqa: F811
+    _file(tmp_path / "tile.1001.png", GRADIENT)
+    _file(tmp_path / "tile.1002.png", 1 - GRADIENT)
+    picture = bpy.data.images.load(str(tmp_path / "tile.1001.png"))
+    picture.source = "TILED"
+    picture.filepath = str(tmp_path / "tile.<UDIM>.png")
+    texture, notes = _texture(picture)
+    np.testing.assert_array_equal(texture.pixels, _bytes(GRADIENT))
+    assert any("tile" in note for note in notes)
+
+
+def test_an_image_is_read_once(scene, tmp_path):  # noqa: F811
+    """Two nodes with the same settings share the texture, other settings share its pixels."""
+    picture = bpy.data.images.load(_file(tmp_path / "a.png", GRADIENT))
+    shader = Shader(shader="ShaderNodeAddShader")
+    for name, settings in (("Shader", {}), ("Shader_001", {}), ("Shader", {"extension": "CLIP"})):
+        diffuse, node = shader.node("ShaderNodeBsdfDiffuse"), shader.node("ShaderNodeTexImage", image=picture, **settings)
+        shader.link(node, "Color", diffuse, "Color")
+        shader.link(diffuse, 0, shader.shader, name)
+    textures = shader.export()[0].scene.textures
+    assert [texture.extension for texture in textures] == ["CLIP", "REPEAT"] or len(textures) == 2
+    assert textures[0].pixels is textures[1].pixels
+
+
+def test_without_openimageio_blender_gives_the_same(scene, tmp_path, monkeypatch):  # noqa: F811
+    values = GRADIENT.copy()
+    values[:, :, 3] = 0.5
+    files = {"a.png": values, "b.exr": GRADIENT}
+    pictures = [bpy.data.images.load(_file(tmp_path / name, v, "float" if "exr" in name else "uint8")) for name, v in files.items()]
+    for picture in pictures:
+        with monkeypatch.context() as patch:
+            with_it = _texture(picture)[0]
+            bpy.data.objects.remove(bpy.data.objects["Quad"])
+            patch.setattr(pixels, "openimageio", lambda: None)
+            without = _texture(picture)[0]
+            bpy.data.objects.remove(bpy.data.objects["Quad"])
+        assert without.encoding == with_it.encoding
+        np.testing.assert_allclose(without.pixels, with_it.pixels, rtol=1e-3, atol=1e-6)
+
+
+def test_values_that_are_not_finite_are_zero(scene, tmp_path):  # noqa: F811
+    values = GRADIENT.copy()
+    values[0, 0, 0], values[1, 1, 1] = np.nan, np.inf
+    texture, _ = _texture(bpy.data.images.load(_file(tmp_path / "a.exr", values, "float")))
+    assert np.isfinite(texture.pixels).all()
+
+
+def test_the_srgb_curve_there_and_back():
+    values = np.arange(256) / 255
+    np.testing.assert_array_equal(colorspace.srgb_bytes(colorspace.SRGB_BYTE), np.arange(256))
+    np.testing.assert_allclose(colorspace.srgb_to_linear(values), srgb_to_linear(values), rtol=1e-12)
+    np.testing.assert_allclose(colorspace.linear_to_srgb(colorspace.srgb_to_linear(values)), values, atol=1e-6)

@@ -1,0 +1,351 @@
+"""The native core at work: the same bits however it is cut, waves, progress, cancel, bad input, what it reports."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine_scenes import ball_mesh, camera, grid_mesh, surface
+from glint import engine
+from glint.engine import core_types, native, packing
+from glint.engine import scene as s
+from native_tools import IDENTITY, constant, draw, lamp, material, needs_core, placed, square, view_from_above
+
+pytestmark = needs_core
+
+ALL = frozenset(engine.PASSES) - {"Combined"}
+
+
+def busy_scene() -> s.Scene:
+    """Mirrors, glass, a veil and soft lights: rays of every kind, several generations, several materials in a tile."""
+    glass = s.Material("glass", (s.Lobe("REFRACTION", constant(0.9), ior=1.4, fresnel=True), s.Lobe("MIRROR", ior=1.4, fresnel=True)))
+    veil = surface("veil", 0.3, specular=0.4, lobes=(s.Lobe("TRANSPARENT", constant(0.5, 0.6, 0.7)), s.Lobe("MIRROR", constant(0.2))))
+    matrices = np.repeat(IDENTITY[None], 9, 0)
+    matrices[:, :, :3] *= 0.4
+    matrices[:, 0, 3], matrices[:, 1, 3], matrices[:, 2, 3] = np.tile([-1, 0, 1], 3), np.repeat([-1, 0, 1], 3), 0.4
+    groups = (placed(0, (0,)), s.Instances("glass", 1, matrices[::2], (1,)), s.Instances("veil", 1, matrices[1::2], (2,)))
+    lights = (lamp("POINT", (1, -1, 3), strength=300.0, radius=0.3), lamp("SUN", strength=1.0, angle=0.1))
+    return s.Scene(camera(size=(75, 53)), (grid_mesh(4), ball_mesh(8)), groups, (surface("floor", 0.6), glass, veil), (), lights,
+                   s.World((0.1,) * 3, (0.2, 0.3, 0.5)))
+
+
+BUSY = engine.Settings(samples=3, light_samples=2, max_bounces=5, passes=ALL, threads=1)
+
+
+def bits(film: engine.Film) -> dict[str, bytes]:
+    return {name: np.ascontiguousarray(values).tobytes() for name, values in film.passes.items()}
+
+
+def test_same_bits_for_any_number_of_threads_and_twice() -> None:
+    scene = busy_scene()
+    first = bits(engine.render(scene, BUSY))
+    for threads in (1, 2, 5):
+        assert bits(engine.render(scene, replace(BUSY, threads=threads))) == first, threads
+
+
+def test_same_bits_in_four_regions() -> None:
+    """Cuts that fall within tiles and shift their grid."""
+    scene = busy_scene()
+    whole = engine.render(scene, BUSY)
+    for x0, x1 in ((0, 29), (29, 75)):
+        for y0, y1 in ((0, 17), (17, 53)):
+            part = engine.render(scene, replace(BUSY, region=(x0, y0, x1, y1), threads=2))
+            for name, values in part.passes.items():
+                assert values.tobytes() == np.ascontiguousarray(whole.passes[name][y0:y1, x0:x1]).tobytes(), name
+
+
+def test_same_bits_whatever_is_asked_for() -> None:
+    """More passes or a watcher change nothing in Combined."""
+    scene = busy_scene()
+    assert engine.render(scene, replace(BUSY, passes=frozenset())).combined.tobytes() == engine.render(scene, BUSY).combined.tobytes()
+    watched = engine.render(scene, BUSY, on_wave=lambda film: None)
+    assert watched.combined.tobytes() == engine.render(scene, BUSY).combined.tobytes()
+
+
+@pytest.mark.parametrize(("size", "bounces"), [(32, 8), (3, 13)])
+def test_rays_beyond_one_batch_change_nothing(size: int, bounces: int) -> None:
+    """Six panes that mirror and refract double their rays at each bounce. Batches are cut, between pixels and within one (2^13 rays); a
+    lone pixel gets the same bits all the same."""
+    pane = material(s.Lobe("MIRROR", constant(0.45, 0.4, 0.35)), s.Lobe("REFRACTION", constant(0.55, 0.6, 0.65), ior=1.02))
+    panes = np.repeat(IDENTITY[None], 6, 0)
+    panes[:, 2, 3], panes[:, 0, 2] = np.arange(6), 0.1 * np.arange(6)
+    view = s.Camera("PERSPECTIVE", np.column_stack([np.eye(3), (0, 0, 9)]), (-0.2, 0.2, -0.2, 0.2), (size, size))
+    tilted = s.Instances("panes", 0, panes, (0,))
+    scene = s.Scene(view, (square(30.0),), (tilted,), (pane,), (), (), s.World(background=(0.3, 0.5, 0.7)))
+    deep = engine.Settings(samples=1, max_bounces=bounces)
+    whole = engine.render(scene, deep)
+    assert whole.stats["mirror rays"] + whole.stats["refraction rays"] > size**2 * 40
+    for x, y in ((0, 0), (size // 2, size // 3), (size - 1, 1)):
+        alone = engine.render(scene, replace(deep, region=(x, y, x + 1, y + 1)))
+        assert alone.combined.tobytes() == whole.combined[y, x].tobytes()
+
+
+def test_two_renders_at_once() -> None:
+    scene, films = busy_scene(), []
+    threads = [threading.Thread(target=lambda: films.append(bits(engine.render(scene, BUSY)))) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert films == [bits(engine.render(scene, BUSY))] * 2
+
+
+def test_waves_are_complete_pictures() -> None:
+    scene, waves = busy_scene(), []
+    final = engine.render(scene, replace(BUSY, samples=6), on_wave=waves.append)
+    assert [wave.samples for wave in waves] == [1, 2, 4, 6]
+    assert bits(waves[-1]) == bits(final)
+    # A wave is the mean of its samples: wave 1 alone is the picture of one sample whose light points are those of six.
+    assert np.isfinite(waves[0].combined).all()
+    assert np.array_equal(waves[0].passes["Depth"], final.passes["Depth"])
+    assert all(wave.complete for wave in waves)
+
+
+def test_progress_rises_to_one() -> None:
+    fractions: list[float] = []
+    engine.render(busy_scene(), BUSY, on_progress=fractions.append)
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1
+    assert min(fractions) >= 0
+
+
+def test_cancel_is_prompt_and_keeps_the_last_wave() -> None:
+    """Minutes of work: only a cancel ends it soon."""
+    scene, settings = busy_scene(), replace(BUSY, samples=1 << 16, light_samples=1, passes=frozenset(("Depth",)), threads=2)
+    asked, fractions = [time.monotonic()], [0.0]
+
+    def should_stop() -> bool:
+        asked.append(time.monotonic())
+        return fractions[-1] > 2.5 / settings.samples  # in the midst of the third wave
+
+    film = engine.render(scene, settings, should_stop=should_stop, on_progress=fractions.append)
+    # The core looks at the flag before each batch of rays; the slack is for a machine that does other things as well.
+    assert time.monotonic() - asked[-1] < 1.0
+    assert np.diff(asked).max() < 0.5
+    assert not film.complete
+    assert film.samples in [2**k for k in range(1, 16)]
+    assert film.combined[..., 3].min() > 0
+
+
+def test_cancel_before_the_first_wave() -> None:
+    film = engine.render(busy_scene(), replace(BUSY, samples=1 << 12, light_samples=16), should_stop=lambda: True)
+    assert not film.complete
+    if film.samples == 0:
+        assert film.passes["Depth"].min() == np.float32(1e10)
+        assert film.combined.max() == 0
+
+
+def test_exceptions_of_callbacks_end_the_render() -> None:
+    def broken(*_: object) -> None:
+        raise KeyError("mine")
+
+    for name in ("on_progress", "on_wave", "should_stop"):
+        with pytest.raises(KeyError, match="mine"):
+            engine.render(busy_scene(), replace(BUSY, samples=1 << 14, light_samples=1), **{name: broken})
+
+
+def test_the_gil_is_free_while_the_core_works() -> None:
+    count, done = [0], threading.Event()
+
+    def work() -> None:
+        while not done.is_set():
+            count[0] += 1
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    engine.render(busy_scene(), replace(BUSY, samples=32))
+    done.set()
+    thread.join()
+    assert count[0] > 20
+
+
+def test_mean_of_a_million_samples_is_exact() -> None:
+    """N16: 1e6 samples of 0.1 + 0.3 average to their value to 1e-6 (here: to the last bit of float32)."""
+    scene = s.Scene(view_from_above(1), (square(),), (placed(),), (material(s.Lobe("EMISSION", constant(0.1, 0.3, 1e-3))),))
+    film = draw(scene, samples=1_000_000, filter_width=0.0)
+    assert np.abs(film.combined[0, 0, :3] - np.float32([0.1, 0.3, 1e-3])).max() <= 1e-9
+
+
+# --- what the core refuses or leaves out ------------------------------------------------------------------------------------------------
+
+
+def refusal(scene: s.Scene, **settings) -> str:
+    """The text with which the core itself, past the Python door, refuses a scene."""
+    with pytest.raises(engine.SceneError) as error:
+        native.render_native(scene, engine.Settings(samples=1, **settings))
+    return str(error.value)
+
+
+SOUND = s.Scene(view_from_above(), (square(),), (placed(),), (material(s.Lobe("DIFFUSE")),), (), (lamp("SUN"),))
+MESH = SOUND.geometries[0]
+
+
+def mesh_with(**changes: object) -> s.Scene:
+    return replace(SOUND, geometries=(replace(MESH, **changes),))
+
+
+def polygons(offsets: list[int], indices: list[int]) -> s.Scene:
+    return replace(SOUND, geometries=(s.Polygons("p", MESH.vertices, np.uint32(offsets), np.uint32(indices)),))
+
+
+def lobe_with(**changes: object) -> s.Scene:
+    return replace(SOUND, materials=(material(replace(s.Lobe("DIFFUSE"), **changes)),))
+
+
+BAD = {
+    "a triangle names vertex 9 of 4": mesh_with(triangles=np.array([[0, 1, 9]], np.uint32)),
+    "vertices has the shape (4, 2)": mesh_with(vertices=np.zeros((4, 2), np.float32)),
+    "material_slots has the shape (7,)": mesh_with(material_slots=np.zeros(7, np.uint16)),
+    "normals has 2 rows but 4 are read": mesh_with(normals=s.Attribute("n", s.POINT, np.zeros((2, 3), np.float32))),
+    "normals on corners but no corners": mesh_with(normals=s.Attribute("n", s.CORNER, np.zeros((6, 3), np.float32))),
+    "an attribute has 1 rows but 2 are read": mesh_with(attributes=(s.Attribute("a", s.FACE, np.zeros((1, 4), np.float32)),)),
+    "with domain 0 and 9 channels": mesh_with(attributes=(s.Attribute("a", s.POINT, np.zeros((4, 9), np.float32)),)),
+    "instances 0: geometry 3 of 1": replace(SOUND, instances=(placed(3),)),
+    "instances name material 5 of 1": replace(SOUND, instances=(placed(0, (5,)),)),
+    "world_from_object has the shape (1, 4, 4)": replace(SOUND, instances=(replace(placed(), world_from_object=np.zeros((1, 4, 4))),)),
+    "input 0: texture 0 of 0": lobe_with(factors=(s.Input(texture=0),)),
+    "index of refraction -1 is not above 0": lobe_with(ior=-1.0),
+    "exponent nan is not between": lobe_with(exponent=np.nan),
+    "lobe kind 'SHINY' is not one of": lobe_with(kind="SHINY"),
+    "texture 0: no pixels": replace(SOUND, textures=(s.Texture("empty", np.zeros((0, 3, 4), np.float32)),)),
+    "camera: a number is not finite": replace(SOUND, camera=replace(SOUND.camera, window=(0.0, np.inf, 0.0, 1.0))),
+    "camera: clip from 2 to 1": replace(SOUND, camera=replace(SOUND.camera, clip_start=2.0, clip_end=1.0)),
+    "camera: resolution 0 by 9": replace(SOUND, camera=replace(SOUND.camera, resolution=(0, 9))),
+    "light kind 'LASER' is not one of": replace(SOUND, lights=(replace(SOUND.lights[0], kind="LASER"),)),
+    "offsets do not rise": polygons([0, 9], [0, 1, 2, 3]),
+    "a polygon names vertex 8 of 4": polygons([0, 3], [0, 1, 8]),
+    "radii has the shape (2,)": replace(SOUND, geometries=(s.Spheres("s", np.zeros((1, 3), np.float32), np.ones(2, np.float32)),)),
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_bad_scenes_are_refused_with_a_sentence(text: str) -> None:
+    assert text in refusal(BAD[text])
+
+
+def test_bad_settings_are_refused_with_a_sentence() -> None:
+    assert "beyond the frame" in refusal(SOUND, region=(0, 0, 17, 16))
+    assert "is empty" in refusal(SOUND, region=(3, 0, 3, 16))
+    assert "more than 64 bounces" in refusal(SOUND, max_bounces=65)
+    assert "no such pass: Cost" in refusal(SOUND, passes=frozenset({"Cost"}))
+
+
+def test_many_problems_are_all_told() -> None:
+    lobes = tuple(s.Lobe("DIFFUSE", ior=-1.0) for _ in range(30))
+    text = refusal(replace(SOUND, materials=(material(*lobes),)))
+    assert len(text.splitlines()) == 21
+    assert text.endswith("and 10 more")
+
+
+def test_scene_without_anything() -> None:
+    film = draw(s.Scene(view_from_above(), world=s.World(background=(0.5, 0.25, 0.125))), *ALL)
+    assert np.array_equal(film.combined, np.broadcast_to(np.float32([0.5, 0.25, 0.125, 1]), (16, 16, 4)))
+    assert film.passes["Depth"].min() == np.float32(1e10)
+    empty = s.Mesh("empty", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
+    draw(s.Scene(view_from_above(), (empty, square()), (placed(0, ()), replace(placed(1, ()), world_from_object=np.zeros((0, 3, 4))))))
+
+
+def test_bad_faces_are_left_out_and_counted() -> None:
+    """N6: the picture without them, and a note."""
+    vertices = np.concatenate([MESH.vertices, np.float32([[np.nan, 0, 1], [0, np.inf, 1], [0.5, 0.5, 1], [0, 0, 1]])])
+    triangles = np.concatenate([MESH.triangles, np.uint32([[0, 1, 4], [5, 6, 7], [6, 6, 7]])])
+    bad = mesh_with(vertices=vertices, triangles=triangles, attributes=())
+    film = draw(bad)
+    assert np.array_equal(film.combined, draw(SOUND).combined)
+    assert film.stats["dropped primitives"] == 3
+    assert any("3 faces" in note for note in film.notes)
+
+
+def test_bad_instances_and_lights_are_left_out_and_counted() -> None:
+    """Past the Python door, which names them: NaN, and a matrix of rank 1."""
+    matrices = np.repeat(IDENTITY[None], 3, 0)
+    matrices[1, 0, 0], matrices[2, :, :3] = np.nan, np.diag([1, 0, 0])
+    lights = (SOUND.lights[0], lamp("POINT", strength=np.nan))
+    many = replace(SOUND, instances=(replace(placed(), world_from_object=matrices),), lights=lights)
+    film = native.render_native(many, engine.Settings(samples=1, light_samples=1))
+    assert np.array_equal(film.combined, draw(SOUND).combined)
+    assert (film.stats["dropped instances"], film.stats["dropped lights"]) == (2, 1)
+    assert len(film.notes) == 2
+
+
+def test_statistics_say_what_was_done() -> None:
+    film = engine.render(busy_scene(), BUSY)
+    assert film.stats["camera rays"] == 75 * 53 * 3
+    assert film.stats["instances"] == 10
+    assert film.stats["triangles"] == 32 + 9 * 224
+    for name in ("build", "trace", "bytes", "shadow rays", "mirror rays", "refraction rays", "transparent rays"):
+        assert film.stats[name] > 0, name
+    active = {name.removeprefix("feature: ") for name in film.stats if name.startswith("feature: ")}
+    assert active == {"mirror", "refraction", "transparent", "soft lights", "smooth normals"}
+    plain = draw(SOUND)
+    assert plain.stats["shadow rays"] == 256
+    assert not [name for name in plain.stats if name.startswith("feature")]
+
+
+# --- the binding ----------------------------------------------------------------------------------------------------------------------
+
+
+def test_arrays_that_fit_are_lent_not_copied() -> None:
+    """Addresses that the core gets are those of the scene's arrays."""
+    packed = packing.pack_scene(SOUND)
+    first = core_types.GeometryData.from_address(packed.data.geometries)
+    assert first.vertices == MESH.vertices.ctypes.data
+    assert first.triangles == MESH.triangles.ctypes.data
+    assert packed.data.world_from_object == SOUND.instances[0].world_from_object.ctypes.data
+
+
+def test_arrays_of_other_layouts_are_converted() -> None:
+    wide = replace(MESH, vertices=np.asfortranarray(MESH.vertices.astype(float)), triangles=MESH.triangles.astype(np.int64)[:, ::1])
+    film = native.render_native(replace(SOUND, geometries=(wide,)), engine.Settings(samples=1, light_samples=1))
+    assert np.array_equal(film.combined, draw(SOUND).combined)
+
+
+def test_a_hundred_thousand_instances_are_packed_quickly() -> None:
+    matrices = np.repeat(IDENTITY[None], 100_000, 0)
+    scene = replace(SOUND, instances=(placed(), s.Instances("many", 0, matrices, (0,))))
+    start = time.perf_counter()
+    packed = packing.pack_scene(scene)
+    assert time.perf_counter() - start < 0.5
+    assert packed.data.row_count == 100_001
+
+
+HEADER = Path(engine.__file__).parent / "core" / "include" / "glint.h"
+
+
+def fields_of_header(name: str) -> list[tuple[str, str, int]]:
+    """(field, type, length) of a structure in glint.h, pointers as their address."""
+    body = re.search(rf"typedef struct {name} {{(.*?)}} {name};", HEADER.read_text(), re.S).group(1)
+    fields = []
+    for kind, names in re.findall(r"(?:const )?(\w+\*? ?)([\w, \[\]]+);", re.sub(r"/\*.*?\*/", "", body, flags=re.S)):
+        for item in names.split(","):
+            field, length = re.fullmatch(r"\s*(\w+)(?:\[(\d+)\])?\s*", item).groups()
+            fields.append((field, "pointer" if "*" in kind else kind.strip(), int(length or 1)))
+    return fields
+
+
+TABLES = ["Attribute", "Geometry", "Instances", "Texture", "Input", "Lobe", "Material", "Light", "Camera"]
+
+
+@pytest.mark.parametrize("name", [*TABLES, "SceneData", "RenderSettings", "Progress", "Stats"])
+def test_structures_are_those_of_the_header(name: str) -> None:
+    structure = getattr(core_types, {"SceneData": "SceneData", "RenderSettings": "SettingsData"}.get(name, f"{name}Data"))
+    for (field, kind, length), (own, own_type) in zip(fields_of_header(f"Glint{name}"), structure._fields_, strict=True):
+        assert field == own
+        nested = {"GlintCamera": core_types.CameraData, "GlintAttribute": core_types.AttributeData}.get(kind)
+        wanted = nested or {"double": ctypes.c_double, "uint64_t": ctypes.c_uint64, "uint32_t": ctypes.c_uint32,
+                            "int32_t": ctypes.c_int32, "pointer": ctypes.c_size_t}[kind]
+        assert own_type == (wanted if length == 1 else wanted * length), field
+
+
+def test_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv(native.LIBRARY_VARIABLE, str(tmp_path / "nowhere.so"))
+    assert "nowhere.so" in native.load_error()
+    assert engine.available_backends() == ("NUMPY",)

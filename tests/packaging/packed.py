@@ -1,0 +1,35 @@
+"""The zips of this tree, and what a program starts with to install or enable one."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from blender_process import ROOT
+
+sys.path.insert(0, str(ROOT / "packaging"))
+
+import extension_zips
+import tree
+
+INSTALL = """
+import sys
+bpy.ops.extensions.package_install_files(filepath=sys.argv[-1], repo="user_default", enable_on_install=True, overwrite=True)
+bpy.ops.wm.save_userpref()
+answer(sorted(bpy.context.preferences.addons.keys()))
+"""
+
+ENABLE = """
+import sys
+bpy.ops.preferences.addon_enable(module="bl_ext.user_default.glint")
+# The environment of the tests has the core too: only what the extension brought may be found.
+sys.path[:] = [path for path in sys.path if str(FOLDER) in path or not (pathlib.Path(path) / "glint_core").is_dir()]
+"""
+
+
+def pack(edition: str) -> Path:
+    """The zip of an edition in dist/, made when out of date."""
+    import bpy
+
+    blender = tree.blender(".".join(map(str, bpy.app.version)))
+    return {"full": extension_zips.full_zip, "python": extension_zips.python_zip}[edition](blender)
