@@ -51,7 +51,7 @@ def _pack(blender: tree.Blender, edition: str, wheel: Path | None) -> Path:
 
 def _mark(wheel: Path | None) -> str:
     sources = [tree.ROOT / name for name in (*PACKED, "blender_manifest.toml") if (tree.ROOT / name).exists()]
-    return tree.fingerprint([*sources, *([wheel] if wheel else [])])
+    return tree.fingerprint([*sources, Path(__file__), *([wheel] if wheel else [])])
 
 
 def _stage(edition: str, wheel: Path | None) -> Path:

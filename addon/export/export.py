@@ -64,6 +64,9 @@ def _evaluated(thing: Any, depsgraph: Any) -> Any:
 
 
 def _world(depsgraph: Any, scene: Any) -> Any:
+    """The world that surrounds this view layer; None where the layer leaves the sky out."""
+    if not depsgraph.view_layer.use_sky:
+        return None
     override = getattr(depsgraph.view_layer, "world_override", None)
     return _evaluated(override, depsgraph) if override is not None else scene.world
 

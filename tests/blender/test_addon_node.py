@@ -27,11 +27,9 @@ def test_the_sockets_and_their_defaults(tmp_path):
         + """
 material, node = add_node()
 again = add_node()[1]
-exponent = node.inputs["Exponent"]
-exponent.default_value = -3.0
 answer({"inputs": [socket.name for socket in node.inputs], "outputs": [socket.name for socket in node.outputs],
         "exponent": again.inputs["Exponent"].default_value, "alpha": node.inputs["Alpha"].default_value,
-        "shared": node.node_tree == again.node_tree, "groups": len(bpy.data.node_groups), "label": node.bl_label})
+        "least": node.node_tree.interface.items_tree["Exponent"].min_value, "shared": node.node_tree == again.node_tree, "groups": len(bpy.data.node_groups), "label": node.bl_label})
 """
     )
     assert run.returncode == 0, run.output
@@ -40,6 +38,7 @@ answer({"inputs": [socket.name for socket in node.inputs], "outputs": [socket.na
         "outputs": ["BSDF"],
         "exponent": 32.0,
         "alpha": 1.0,
+        "least": 0.0,
         "shared": True,
         "groups": 1,
         "label": "Blinn-Phong",

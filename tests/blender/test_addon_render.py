@@ -87,7 +87,7 @@ import dataclasses, glint.addon.final as final
 export = final.export_scene
 def noisy(*args, **kwargs):
     done = export(*args, **kwargs)
-    return dataclasses.replace(done, notes=tuple(f"oddity {k % 30}" for k in range(60)))
+    return dataclasses.replace(done, notes=tuple(f"oddity {k // 2}" for k in range(60)))
 final.export_scene = noisy
 draw("notes.exr")
 """

@@ -29,6 +29,13 @@ def test_background_times_strength(scene, world):  # noqa: F811
     assert found.ambient == found.background == (2, 1, 0.5)
 
 
+def test_a_view_layer_may_leave_the_sky_out(scene, world):  # noqa: F811
+    world[1].inputs["Color"].default_value = (1, 1, 1, 1)
+    bpy.context.view_layer.use_sky = False
+    found = export().scene.world
+    assert found.ambient == found.background == (0, 0, 0)
+
+
 def test_film_transparent(scene):  # noqa: F811
     scene.render.film_transparent = True
     assert export().scene.world.transparent

@@ -55,6 +55,7 @@ def missing(rows: list[list[str]]) -> list[str]:
 
 def test_all_that_the_table_names_exists():
     rows = table_of(README.read_text(encoding="utf-8"))
+    assert rows
     assert missing(rows) == []
     assert all("`engine/" in row[1] and "`tests/" in row[2] for row in rows)
 

@@ -61,6 +61,7 @@ Job::~Job() {
 void Job::enter(int state) {
   std::lock_guard lock(mutex_);
   if (!ended()) state_ = state;
+  built_ = built_ || state == GLINT_TRACING;
   changed_.notify_all();
 }
 
@@ -181,7 +182,7 @@ GlintStats Job::stats() {
   s.features = scene_.features, s.threads = uint32_t(plan_.threads);
   s.camera_rays = rays_.camera, s.shadow_rays = rays_.shadow, s.mirror_rays = rays_.mirror;
   s.refraction_rays = rays_.refraction, s.transparent_rays = rays_.transparent;
-  if (state_ == GLINT_PREPARING || !scene_.built()) return s;
+  if (!built_) return s;
   s.build_seconds = scene_.build_seconds;
   AccelStats tree = scene_.accel().stats();
   s.tree_bytes = tree.bytes, s.tree_nodes = tree.nodes, s.dropped_primitives = tree.dropped;

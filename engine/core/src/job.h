@@ -53,6 +53,7 @@ class Job {
   std::mutex mutex_;               // guards what follows, and the film's pictures
   std::condition_variable changed_, resumed_;
   int state_ = GLINT_PREPARING;
+  bool built_ = false;  // the scene's trees are there to stay
   uint32_t samples_ = 0, reported_ = 0, resumed_after_ = 0;
   double trace_seconds_ = 0;
   RayCounts rays_;

@@ -39,7 +39,6 @@ class Scene {
 
   /// Makes the trees unless they are there; false when `cancel` became true.
   bool build(int threads, const std::atomic<bool>& cancel);
-  bool built() const { return accel_ != nullptr; }
   const Accel& accel() const { return *accel_; }
 
   Affine anchored(uint32_t row) const { return anchor.matrix(affine(world_from_object + 12 * size_t(row))); }

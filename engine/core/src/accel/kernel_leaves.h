@@ -12,44 +12,44 @@ struct Edges {
   bool conflict() const { return (a < 0 || b < 0 || c < 0) && (a > 0 || b > 0 || c > 0); }
 };
 
-struct Corner2 {
-  double x, y;
-};
-
 /// Sheared corners in double from float numbers: the products below are then exact, and so are the signs of the differences.
 inline Edges exact_edges(const float (&x)[3], const float (&y)[3]) {
   const double ax = x[0], ay = y[0], bx = x[1], by = y[1], cx = x[2], cy = y[2];
   return {cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax};
 }
 
-/// Barycentric weights of the point nearest to the exact ray, all >= 0, and its t. The float test has decided that the ray hits; where the
-/// exact ray passes just outside, the weights are those of the triangle's edge. `fallback`: the float test's edges, for a ray in the plane.
-struct Weights {
-  double u, v, t;
-};
-inline Weights refine(const LocalRay& r, D3 a, D3 b, D3 c, Edges fallback) {
-  const D3 ab = b - a, ac = c - a;
-  a = a - r.o, b = b - r.o, c = c - r.o;
-  const double az = at(a, r.kz), bz = at(b, r.kz), cz = at(c, r.kz);
-  const double ax = at(a, r.kx) - r.shear_x * az, ay = at(a, r.ky) - r.shear_y * az;
-  const double bx = at(b, r.kx) - r.shear_x * bz, by = at(b, r.ky) - r.shear_y * bz;
-  const double cx = at(c, r.kx) - r.shear_x * cz, cy = at(c, r.ky) - r.shear_y * cz;
-  Edges e{cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax};
-  if (e.sum() == 0) e = fallback;
-  const double sign = e.sum() < 0 ? -1 : 1;
-  e = {sign * e.a > 0 ? sign * e.a : 0, sign * e.b > 0 ? sign * e.b : 0, sign * e.c > 0 ? sign * e.c : 0};
-  const double inverse = 1 / e.sum(), u = e.b * inverse, v = e.c * inverse;
-  return {u, v, dot(a + u * ab + v * ac, r.d) * r.inverse_square};
-}
-
 /// The triangles of one leaf: n floats for each coordinate.
 struct Triangles {
   const float* p;
   int n;
-  Floats get(int corner, int axis, int first) const { return load(p + (3 * corner + axis) * n + first); }
-  float one(int corner, int axis, int k) const { return p[(3 * corner + axis) * n + k]; }
-  D3 corner(int j, int k) const { return {double(one(j, 0, k)), double(one(j, 1, k)), double(one(j, 2, k))}; }
+  const float* at(int corner, int axis) const { return p + (3 * corner + axis) * n; }
 };
+
+struct Weights {
+  double u, v, t;
+};
+
+/// Barycentric weights of the point nearest to the exact ray, all >= 0, and its t. The float test has decided that the ray hits; where the
+/// exact ray passes just outside, the weights are those of the triangle's edge. `fallback`: the float test's edges, for a ray in the plane.
+inline Weights refine(const LocalRay& r, const Triangles& leaf, int k, Edges fallback) {
+  double corner[3][3], x[3], y[3];
+  for (int j = 0; j < 3; ++j) {
+    for (int axis = 0; axis < 3; ++axis) corner[j][axis] = double(leaf.at(j, r.axes[axis])[k]);
+    const double z = corner[j][2] - r.axes_o[2];
+    x[j] = corner[j][0] - r.axes_o[0] - r.shear[0] * z, y[j] = corner[j][1] - r.axes_o[1] - r.shear[1] * z;
+  }
+  Edges e{x[2] * y[1] - y[2] * x[1], x[0] * y[2] - y[0] * x[2], x[1] * y[0] - y[1] * x[0]};
+  if (e.sum() == 0) e = fallback;
+  const double sign = __builtin_copysign(1, e.sum()), a = sign * e.a, b = sign * e.b, c = sign * e.c;
+  e = {a > 0 ? a : 0, b > 0 ? b : 0, c > 0 ? c : 0};
+  const double inverse = 1 / e.sum(), u = e.b * inverse, v = e.c * inverse;
+  double along = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double first = corner[0][axis];
+    along += (first - r.axes_o[axis] + u * (corner[1][axis] - first) + v * (corner[2][axis] - first)) * r.axes_d[axis];
+  }
+  return {u, v, along * r.inverse_square};
+}
 
 /// Decides a triangle whose edge functions did not all have one sign other than 0 (Woop, Benthin, Wald 2013, section 3.2), and refines it.
 template <bool Any>
@@ -58,13 +58,13 @@ inline bool triangle_hit(const Triangles& leaf, int k, Edges e, LocalRay& r, Que
   if (!sure) {
     float x[3], y[3];
     for (int j = 0; j < 3; ++j) {
-      const float z = leaf.one(j, r.kz, k) - r.of[r.kz];
-      x[j] = leaf.one(j, r.kx, k) - r.of[r.kx] - r.sx * z, y[j] = leaf.one(j, r.ky, k) - r.of[r.ky] - r.sy * z;
+      const float z = leaf.at(j, r.axes[2])[k] - r.of[2];
+      x[j] = leaf.at(j, r.axes[0])[k] - r.of[0] - r.sf[0] * z, y[j] = leaf.at(j, r.axes[1])[k] - r.of[1] - r.sf[1] * z;
     }
     e = exact_edges(x, y);
     if (e.conflict() || !(e.sum() != 0)) return false;
   }
-  const Weights w = refine(r, leaf.corner(0, k), leaf.corner(1, k), leaf.corner(2, k), e);
+  const Weights w = refine(r, leaf, k, e);
   return accept<Any>(q, r, w.t, w.u, w.v, id);
 }
 
@@ -72,14 +72,14 @@ inline bool triangle_hit(const Triangles& leaf, int k, Edges e, LocalRay& r, Que
 template <bool Any>
 inline bool hit_triangles(const TreeView& tree, uint32_t ordinal, int n, LocalRay& r, Query& q) {
   const Triangles leaf{tree.floats + 9 * size_t(ordinal), n};
-  const Floats ox = splat(r.of[r.kx]), oy = splat(r.of[r.ky]), oz = splat(r.of[r.kz]), sx = splat(r.sx), sy = splat(r.sy);
+  const Floats ox = splat(r.of[0]), oy = splat(r.of[1]), oz = splat(r.of[2]), sx = splat(r.sf[0]), sy = splat(r.sf[1]);
   bool changed = false;
   for (int first = 0; first < n; first += kLanes) {
     Floats x[3], y[3];
     for (int j = 0; j < 3; ++j) {
-      const Floats z = leaf.get(j, r.kz, first) - oz;
-      x[j] = leaf.get(j, r.kx, first) - ox - sx * z;
-      y[j] = leaf.get(j, r.ky, first) - oy - sy * z;
+      const Floats z = load(leaf.at(j, r.axes[2]) + first) - oz;
+      x[j] = load(leaf.at(j, r.axes[0]) + first) - ox - sx * z;
+      y[j] = load(leaf.at(j, r.axes[1]) + first) - oy - sy * z;
     }
     const Floats ea = x[2] * y[1] - y[2] * x[1], eb = x[0] * y[2] - y[0] * x[2], ec = x[1] * y[0] - y[1] * x[0];
     const Floats zero{};
@@ -137,7 +137,8 @@ inline bool hit_polygons(const TreeView& tree, uint32_t ordinal, int n, LocalRay
     const double t = dot(d3(record.n), d3(record.p) - r.o) / dot(d3(record.n), r.d);
     if (!(magnitude(t) < kInf)) continue;
     const D3 p = r.o + t * r.d;
-    if (!odd(record, tree.corners + 3 * record.first, at(p, int(record.axis_u)), at(p, int(record.axis_v)))) continue;
+    const double at[3] = {p.x, p.y, p.z};
+    if (!odd(record, tree.corners + 3 * record.first, at[record.axis_u], at[record.axis_v])) continue;
     changed |= accept<Any>(q, r, t, 0, 0, tree.ids[k]);
     if (Any && q.found) return true;
   }

@@ -17,7 +17,6 @@ inline D3 operator+(D3 a, D3 b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
 inline D3 operator*(double s, D3 a) { return {s * a.x, s * a.y, s * a.z}; }
 inline double dot(D3 a, D3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline D3 d3(const double* p) { return {p[0], p[1], p[2]}; }
-inline double at(D3 a, int k) { return k == 0 ? a.x : k == 1 ? a.y : a.z; }
 
 /// The nearest so far. `key` is t without its last 12 bits: distances that agree to 2^-40 are the same distance, and then the lower
 /// (instance, primitive) wins, in whichever order they are met. (Rounding differs between the same triangle written abc and bca.)
@@ -41,18 +40,20 @@ inline double key_of(double t) {
 
 /// The ray in the space of a tree, t counted in units of `unit` (a power of two, so that the longest component of d is in [1, 2)).
 /// The float ray starts at o + start d, close to the tree's ball: far away its rounding would be coarser than what it is to hit.
+/// Arrays with two-dimensional names are in the order of `axes`: across, across, along the longest component.
 struct LocalRay {
-  D3 o, d;                     // exact
+  D3 o, d;                      // exact
   double unit, per_unit, start;
-  double shear_x, shear_y;     // of the exact ray: d[kx] / d[kz], d[ky] / d[kz]
-  double inverse_square;       // 1 / d.d
-  int kx, ky, kz;              // kz: the longest component
-  float of[4], sx, sy;         // float ray and shear
-  float near_o[4], far_o[4];   // origin rounded so that boxes come nearer and end farther
+  double inverse_square;        // 1 / d.d
+  int axes[3];
+  double axes_o[3], axes_d[3];  // exact, in the order of the axes
+  double shear[2];              // d across / d along
+  float of[3], sf[2];           // origin and shear of the float ray, in the order of the axes
+  float near_o[4], far_o[4];    // origin rounded so that boxes come nearer and end farther
   float inv[4];
-  uint32_t near_plane[3];      // index into Node::planes
-  float t_min, t_max;          // bounds for boxes, with room for all rounding
-  uint32_t instance;           // Hit::kNone in world space: the leaves know
+  uint32_t near_plane[3];       // index into Node::planes
+  float t_min, t_max;           // bounds for boxes, with room for all rounding
+  uint32_t instance;            // Hit::kNone in world space: the leaves know
 };
 
 /// Upper bound for boxes from the nearest hit or the ray's end.
@@ -83,23 +84,21 @@ inline double start_of(const LocalRay& r, const TreeView& tree, double t_min) {
   return t > t_min ? t : t_min;
 }
 
-inline void choose_axes(LocalRay& r) {
-  const double x = magnitude(r.d.x), y = magnitude(r.d.y), z = magnitude(r.d.z);
-  r.kz = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
-  r.kx = r.kz == 2 ? 0 : r.kz + 1;
-  r.ky = r.kx == 2 ? 0 : r.kx + 1;
-  const double z_inverse = 1 / at(r.d, r.kz);
-  r.shear_x = at(r.d, r.kx) * z_inverse, r.shear_y = at(r.d, r.ky) * z_inverse;
-  r.sx = float(r.shear_x), r.sy = float(r.shear_y);
+inline void choose_axes(LocalRay& r, D3 start) {
+  const double o[3] = {r.o.x, r.o.y, r.o.z}, d[3] = {r.d.x, r.d.y, r.d.z}, s[3] = {start.x, start.y, start.z};
+  const int xy = magnitude(d[1]) > magnitude(d[0]), z = magnitude(d[2]) > magnitude(d[xy]) ? 2 : xy;
+  r.axes[0] = z == 2 ? 0 : z + 1, r.axes[1] = z == 0 ? 2 : z - 1, r.axes[2] = z;
+  for (int k = 0; k < 3; ++k) r.axes_o[k] = o[r.axes[k]], r.axes_d[k] = d[r.axes[k]], r.of[k] = float(s[r.axes[k]]);
+  const double inverse = 1 / r.axes_d[2];
+  for (int k = 0; k < 2; ++k) r.shear[k] = r.axes_d[k] * inverse, r.sf[k] = float(r.shear[k]);
 }
 
-inline void round_ray(LocalRay& r) {
-  const D3 o = r.o + r.start * r.d;
-  const Four of = {float(o.x), float(o.y), float(o.z), 0}, d = {float(r.d.x), float(r.d.y), float(r.d.z), 1};
-  const Four inv = 1 / d, ulp = Four(FourInts(of) & 0x7fffffff) * 0x1p-23f + 1e-37f;
+inline void round_for_boxes(LocalRay& r, D3 start) {
+  const Four o = {float(start.x), float(start.y), float(start.z), 0}, d = {float(r.d.x), float(r.d.y), float(r.d.z), 1};
+  const Four inv = 1 / d, ulp = Four(FourInts(o) & 0x7fffffff) * 0x1p-23f + 1e-37f;
   const FourInts negative = FourInts(inv) >> 31;
   const Four outward = Four(FourInts(ulp) ^ (negative & int32_t(0x80000000)));
-  store(r.of, of), store(r.inv, inv), store(r.near_o, of + outward), store(r.far_o, of - outward);
+  store(r.inv, inv), store(r.near_o, o + outward), store(r.far_o, o - outward);
   for (uint32_t k = 0; k < 3; ++k) r.near_plane[k] = 2 * k + uint32_t(negative[k] & 1);
 }
 
@@ -115,8 +114,9 @@ inline bool enter(LocalRay& r, D3 o, D3 d, const TreeView& tree, const Query& q)
   r.start = start_of(r, tree, t_min);
   const double limit = (q.t < q.t_max ? q.t : q.t_max) * power;
   if (!(r.start <= limit + magnitude(limit) * 0x1p-38)) return false;
-  choose_axes(r);
-  round_ray(r);
+  const D3 start = r.o + r.start * r.d;
+  choose_axes(r, start);
+  round_for_boxes(r, start);
   r.t_min = 0;
   shorten(r, q);
   return r.of[0] - r.of[0] + (r.of[1] - r.of[1]) + (r.of[2] - r.of[2]) == 0;

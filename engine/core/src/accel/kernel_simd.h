@@ -23,12 +23,10 @@ typedef float Four __attribute__((vector_size(16)));
 typedef int32_t FourInts __attribute__((vector_size(16)));
 inline void store(float* p, Four v) { __builtin_memcpy(p, &v, sizeof v); }
 
-inline Floats load(const float* p) {
-  Floats v;
-  __builtin_memcpy(&v, p, sizeof v);
-  return v;
-}
-inline void store_lanes(float* p, Floats v) { __builtin_memcpy(p, &v, sizeof v); }
+// Unaligned. (GCC 12 sends a __builtin_memcpy through the stack.)
+typedef float LooseFloats __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
+inline Floats load(const float* p) { return *reinterpret_cast<const LooseFloats*>(p); }
+inline void store_lanes(float* p, Floats v) { *reinterpret_cast<LooseFloats*>(p) = v; }
 inline Floats splat(float a) { return a - Floats{}; }  // -0 stays -0
 
 /// The larger and the smaller number; where one is NaN, the second argument.
