@@ -22,7 +22,7 @@ endif
 GO := $(START) packaging
 
 help:
-	@sed -n 's/^# \{0,1\}//p;/^$$/q' Makefile
+	@awk '/^#/ { sub(/^# ?/, ""); print; next } { exit }' Makefile
 	@echo "targets: setup render test slow test-blenders sanitize extension bench contact-sheet lint clean"
 
 setup:

@@ -5,10 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from .film import PARTS, PASSES, Film
+from .linear import affine_inverse, pixel_bounds_of_box
 from .scene import Scene
 from .settings import Settings
 
-__all__ = ["PARTS", "PASSES", "Film", "Scene", "SceneError", "Settings", "available_backends", "native_error", "render"]
+__all__ = [
+    "PARTS",
+    "PASSES",
+    "Film",
+    "Scene",
+    "SceneError",
+    "Settings",
+    "affine_inverse",
+    "available_backends",
+    "native_error",
+    "pixel_bounds_of_box",
+    "render",
+]
 
 
 class SceneError(ValueError):

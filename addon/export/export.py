@@ -15,6 +15,7 @@ from .instances import Flags, Thing, walk
 from .lights import Lights, Seen
 from .materials import Materials, Wanted, without_unused
 from .meshes import MeshSource, mesh_key, read_attributes, read_mesh, readable
+from .placing import note_empty_view, without_collapsed
 from .report import Report
 from .shapes import export_points
 from .world import export_world
@@ -144,6 +145,8 @@ class Collector:
         """All of it as one value."""
         geometries = tuple(g.finished() if isinstance(g, MeshSource) else g for g in self._geometries)
         instances = tuple(_instances(thing) for thing in things if isinstance(thing.content, _Placed))
+        instances = without_collapsed(instances, self.report)
+        note_empty_view(camera, geometries, instances, self.report)
         for thing in things:
             if isinstance(thing.content, _Lamp):
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
