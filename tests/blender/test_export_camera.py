@@ -4,11 +4,11 @@ import bpy
 import numpy as np
 import pytest
 from bpy_extras.object_utils import world_to_camera_view
-from export_support import export, link, scene  # noqa: F401
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mathutils import Euler, Matrix, Vector
 
+from export_support import export, link, scene  # noqa: F401
 from glint.addon.export import ExportError
 from glint.addon.export.camera import border
 from glint.engine.scene import Camera
@@ -145,9 +145,7 @@ def test_the_border_is_blenders_rectangle(scene, edges, crop):  # noqa: F811
         render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y = edges
         render.resolution_x, render.resolution_y = 203, 117
         x0, y0, x1, y1 = export().region
-        picture = bpy.data.images["Render Result"] if "Render Result" in bpy.data.images else None
         bpy.ops.render.render()
-        picture = picture or bpy.data.images.get("Render Result")
         assert _Rectangles.seen[-1][0] == _Rectangles.seen[-1][1] == (x1 - x0) * (y1 - y0)
         assert 0 <= x0 < x1 <= 203
         assert 0 <= y0 < y1 <= 117

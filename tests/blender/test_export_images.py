@@ -4,8 +4,8 @@ import bpy
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from export_support import Shader, image, scene, srgb_to_linear  # noqa: F401
 
+from export_support import Shader, image, scene, srgb_to_linear  # noqa: F401
 from glint.addon.export import colorspace, pixels
 
 GRADIENT = np.stack(

@@ -3,9 +3,9 @@
 import bpy
 import numpy as np
 import pytest
-from export_support import export, link, mesh_object, quad, scene  # noqa: F401
 from mathutils import Matrix
 
+from export_support import export, link, mesh_object, quad, scene  # noqa: F401
 from glint.engine.scene import Instances
 
 

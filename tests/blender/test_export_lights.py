@@ -3,8 +3,9 @@
 import bpy
 import numpy as np
 import pytest
-from export_support import export, link, scene, use_nodes  # noqa: F401
 from mathutils import Euler, Matrix, Vector
+
+from export_support import export, link, scene, use_nodes  # noqa: F401
 
 NORMALIZE = "normalize" in bpy.types.Light.bl_rna.properties
 

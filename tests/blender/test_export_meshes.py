@@ -3,8 +3,8 @@
 import bpy
 import numpy as np
 import pytest
-from export_support import Shader, export, link, mesh_object, quad, scene  # noqa: F401
 
+from export_support import Shader, export, link, mesh_object, quad, scene  # noqa: F401
 from glint.engine.scene import CORNER, POINT, Mesh, Spheres
 
 

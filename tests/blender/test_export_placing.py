@@ -3,6 +3,7 @@
 import bpy
 import numpy as np
 import pytest
+
 from export_support import export, scene  # noqa: F401
 from glint.addon.export.placing import note_empty_view, without_collapsed
 from glint.addon.export.report import Report

@@ -3,6 +3,7 @@
 import bpy
 import numpy as np
 import pytest
+
 from export_support import export, image, scene, use_nodes  # noqa: F401
 
 

@@ -53,11 +53,15 @@ def hemisphere(cosine) -> np.ndarray:
 
 
 def lobe_normals(roughness: float, half_angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(k, 3) normals round the half vector at `half_angle` from +z in the xz plane, (k,) solid angles, and the light's direction."""
-    alpha2 = max(roughness, 1e-3) ** 4
+    """(k, 3) normals round the half vector at `half_angle` from +z in the xz plane, (k,) solid angles, and the light's direction.
+
+    The rings' tangents grow evenly up to GGX's width α and then by a constant factor, up to 86° from the half vector.
+    """
+    alpha = max(roughness, 1e-3) ** 2
+    farthest = np.arcsinh(np.tan(np.radians(86)) / alpha)
 
     def cosine(share):
-        return np.sqrt((1 - share) / (1 + (alpha2 - 1) * share))
+        return 1 / np.sqrt(1 + (alpha * np.sinh(farthest * share)) ** 2)
 
     local = hemisphere(cosine)
     ring = 2 * np.pi / SIDE * -np.diff(cosine(np.arange(SIDE + 1) / SIDE))

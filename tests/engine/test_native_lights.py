@@ -198,6 +198,15 @@ def test_blockers_behind_the_light_or_the_surface_cast_no_shadow(height: float) 
     assert np.array_equal(shaded, open_)
 
 
+def test_segments_to_a_soft_sphere_end_on_it() -> None:
+    """A blocker within the lamp's sphere blocks the ray to its centre only."""
+    light = lamp("POINT", (0, 0, 2), strength=50.0, radius=0.5)
+    within = placed(1, z=1.7, visible_camera=False)
+    shaded, open_ = (color(plane(light, extra=e, geometries=(square(0.2),)), light_samples=5) for e in ((within,), ()))
+    assert np.array_equal(shaded, open_)
+    assert color(plane(light, extra=(within,), geometries=(square(0.2),))).min() == 0
+
+
 def test_light_without_shadow_shines_through() -> None:
     blocker = placed(1, z=1.0, visible_camera=False)
     light = lamp("POINT", (0, 0, 2), strength=50.0, cast_shadow=False)

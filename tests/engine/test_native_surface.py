@@ -180,6 +180,28 @@ def test_snell_through_a_slab() -> None:
     assert np.abs((bent - straight) - shift).max() <= 4 * ROUNDING
 
 
+def test_ball_of_glass_bends_rays_twice() -> None:
+    """Parallel rays through a ball: in at the angle a, out after the central angle pi - 2 b, turned by 2 (a - b); they meet a ramp below."""
+    radius, ior, depth = 0.875, 1.5, 3.0
+    ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.array([radius], np.float32))
+    pixels = np.zeros((1, 2, 4), np.float32)
+    pixels[0, 1] = 1
+    floor = s.Material("floor", (s.Lobe("EMISSION", (s.Input(texture=0),)),))
+    textures = (s.Texture("ramp", pixels, extension="EXTEND"),)
+    glass = material(s.Lobe("REFRACTION", ior=ior))
+    instances = (placed(0, (0,)), placed(1, (1,), z=-depth))
+    picture = color(s.Scene(view_from_above(), (ball, square(8.0)), instances, (glass, floor), textures))
+    x, r = P[..., 0], np.hypot(P[..., 0], P[..., 1])
+    inner = r < 0.7 * radius
+    a = np.arcsin(np.where(inner, r, 0) / radius)
+    b = np.arcsin(np.sin(a) / ior)
+    turn, polar = 2 * (a - b), a + np.pi - 2 * b
+    r_floor = radius * np.sin(polar) - (radius * np.cos(polar) + depth) * np.tan(turn)
+    # u = (x + 8) / 16 and the ramp rises from 0 to 1 between the texel centres 0.25 and 0.75.
+    truth = (((r_floor * x / np.where(r > 0, r, 1)) + 8) / 16 - 0.25) / 0.5
+    assert np.abs(picture[..., 0] - truth)[inner].max() <= ROUNDING
+
+
 def test_total_reflection_and_leaving_index() -> None:
     """From inside (the mesh seen from behind) the index is 1/ior: nothing beyond the critical angle, F = 1 there."""
     for tilt, passes in ((0.6, True), (0.8, False)):  # the critical angle of 1.5 is 0.7297
@@ -233,6 +255,14 @@ def test_film_transparent_and_holdout_lose_alpha() -> None:
     hole = (np.abs(P[..., :2]) < 0.5).all(-1)
     agree(seen[..., 3], np.where(hole, 0.5, 1.0))
     assert np.array_equal(seen[..., 0], np.where(hole, 0, 0.5))
+
+
+def test_holdout_in_a_mirror_is_black_and_solid() -> None:
+    mirror = material(s.Lobe("MIRROR"))
+    hole = placed(0, (1,), z=12.0, holdout=True)
+    glow = s.Material("glow", (s.Lobe("EMISSION"),))
+    picture = draw(s.Scene(view_from_above(), (square(),), (placed(), hole), (mirror, glow))).combined
+    assert np.array_equal(picture, np.broadcast_to(np.float32([0, 0, 0, 1]), (16, 16, 4)))
 
 
 # --- inputs -------------------------------------------------------------------------------------------------------------------------
