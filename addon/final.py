@@ -127,4 +127,4 @@ def _tell_statistics(render_engine: bpy.types.RenderEngine, job: Job) -> None:
     render_engine.update_memory_stats(memory_used=statistics.megabytes, memory_peak=statistics.megabytes)
     render_engine.update_stats(job.layer, statistics.stages_line)
     log.info("%s, %s: %s; %s", job.scene_name, job.layer, statistics.stages_line, statistics.scene_line)
-    remember(job.scene_name, statistics)
+    remember(job.scene_name, job.layer, statistics)

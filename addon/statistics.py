@@ -11,7 +11,7 @@ STAGES = ("sync", "build", "trace", "write")
 _COUNTS = ("meshes", "instances", "triangles", "lights", "materials", "textures")
 _FEATURE = "feature: "
 
-_last: dict[str, Statistics] = {}
+_last: dict[str, dict[str, Statistics]] = {}
 
 
 @dataclass
@@ -55,11 +55,18 @@ def _count(value: float, name: str) -> str:
     return f"{int(value):,} {name}".replace(",", " ")
 
 
-def remember(scene_name: str, statistics: Statistics) -> None:
-    """Keep them for `of_last_render`; nothing that a picture depends on."""
-    _last[scene_name] = statistics
+def remember(scene_name: str, layer_name: str, statistics: Statistics) -> None:
+    """Keep them for the panel and the command line; nothing that a picture depends on."""
+    layers = _last.setdefault(scene_name, {})
+    layers.pop(layer_name, None)
+    layers[layer_name] = statistics
+
+
+def by_layer(scene_name: str) -> dict[str, Statistics]:
+    """View layer → statistics of its last final render in this session, the latest at the end."""
+    return dict(_last.get(scene_name, {}))
 
 
 def of_last_render(scene_name: str) -> Statistics | None:
-    """Of the last final render of this scene in this session; None before the first."""
-    return _last.get(scene_name)
+    """Of the view layer of this scene that was rendered last; None before the first."""
+    return next(reversed(by_layer(scene_name).values()), None)

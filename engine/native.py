@@ -99,7 +99,7 @@ def _scene(core: ctypes.CDLL, data: SceneData) -> Iterator[int]:
     error = ctypes.create_string_buffer(_ERROR_BYTES)
     handle = core.glint_scene_create(byref(data), error, _ERROR_BYTES)
     if not handle:
-        raise _refusal(error.value.decode(errors="replace"))
+        raise _refusal(error.value.decode(errors="replace"), data)
     try:
         yield handle
     finally:
@@ -111,15 +111,25 @@ def _render(core: ctypes.CDLL, scene: int, data: SettingsData) -> Iterator[int]:
     error = ctypes.create_string_buffer(_ERROR_BYTES)
     handle = core.glint_render_start(scene, byref(data), error, _ERROR_BYTES)
     if not handle:
-        raise _refusal(error.value.decode(errors="replace"))
+        raise _refusal(error.value.decode(errors="replace"), data)
     try:
         yield handle
     finally:
         core.glint_render_destroy(handle)
 
 
-def _refusal(text: str) -> Exception:
-    return MemoryError("the core ran out of memory") if text == "out of memory" else SceneError(text)
+def _refusal(text: str, data: SceneData | SettingsData) -> Exception:
+    if text != "out of memory":
+        return SceneError(text)
+    return MemoryError("the core ran out of memory" + (_film_needs(data) if isinstance(data, SettingsData) else ""))
+
+
+def _film_needs(data: SettingsData) -> str:
+    """Sums in double and the picture in float32 of every pass that is asked for."""
+    x0, y0, x1, y1 = data.region
+    channels = sum(PASSES[name] for name, number in core_types.PASS_NUMBERS.items() if data.passes >> number & 1)
+    gigabytes = (x1 - x0) * (y1 - y0) * channels * 12 / 1e9
+    return f": a picture of {x1 - x0} by {y1 - y0} pixels with {channels} channels needs {gigabytes:.1f} GB"
 
 
 class _Render:

@@ -8,6 +8,8 @@ PRECISIONS = ("ROBUST",)
 """What the native core offers today; the NumPy tracer is float64 throughout."""
 ILLUMINATIONS = ("PHYSICAL", "CLASSIC")
 BACKENDS = ("NATIVE", "NUMPY")
+MOST_LIGHT_POINTS = 1 << 23
+"""Largest samples × light_samples: the table of points on the lights is made before the first ray."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,10 @@ class Settings:
         rules = (
             (self.samples >= 1, f"samples is {self.samples}: use at least 1"),
             (self.light_samples >= 1, f"light_samples is {self.light_samples}: use at least 1"),
+            (
+                self.samples * self.light_samples <= MOST_LIGHT_POINTS,
+                f"samples × light_samples is {self.samples * self.light_samples}: use at most {MOST_LIGHT_POINTS}",
+            ),
             (0 <= self.max_bounces <= 64, f"max_bounces is {self.max_bounces}: use 0 to 64"),
             (self.precision in PRECISIONS, f"precision {self.precision!r} is not one of {', '.join(PRECISIONS)}"),
             (self.illumination in ILLUMINATIONS, f"illumination {self.illumination!r} is not one of {', '.join(ILLUMINATIONS)}"),

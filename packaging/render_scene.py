@@ -109,15 +109,17 @@ def _set_format(scene, file_format: str, depth: str) -> None:
 
 
 def _tell(scene, pictures: list[Path], seconds: float) -> None:
-    """Where the pictures are, seconds per stage, what the scene required."""
+    """Where the pictures are, seconds per stage of all view layers together, what the scene required."""
     from bl_ext.user_default.glint.addon import statistics
 
-    last = statistics.of_last_render(scene.name)
-    last.seconds["write"] = seconds - sum(last.seconds[stage] for stage in ("sync", "build", "trace"))
+    layers = statistics.by_layer(scene.name)
+    stages = {stage: sum(layer.seconds[stage] for layer in layers.values()) for stage in ("sync", "build", "trace")}
+    stages["write"] = seconds - sum(stages.values())
     for path in pictures:
         print(f"picture   {path}")
-    print(f"stages    {last.stages_line}")
-    print(f"required  {last.scene_line}")
+    print("stages    " + ", ".join(f"{stage} {value:.3f} s" for stage, value in stages.items()))
+    for name, layer in layers.items():
+        print(f"required  {layer.scene_line}" + (f" ({name})" if len(layers) > 1 else ""))
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ def run(wanted: str, pytest_arguments: list[str]) -> int:
     core_wheel.install(blender)
     blender.resources.mkdir(parents=True, exist_ok=True)
     variables = {**os.environ, "BLENDER_USER_RESOURCES": str(blender.resources), "PYTHONDONTWRITEBYTECODE": "1"}
-    command = [blender.interpreter, "-m", "pytest", *pytest_arguments]
+    command = [blender.interpreter, tree.ROOT / "packaging" / "pytest_main.py", *pytest_arguments]
     return subprocess.run([str(part) for part in command], cwd=tree.ROOT, env=variables).returncode
 
 

@@ -34,8 +34,10 @@ class MeshSource:
     attributes: dict[str, Attribute] = field(default_factory=dict)
 
     def finished(self) -> Mesh:
-        """The mesh with the attributes it was asked for, the active UV map first."""
-        attributes = (*self.uv_maps.values(), *self.attributes.values())
+        """The mesh with the attributes it was asked for, each once, the active UV map first."""
+        by_name = {attribute.name: attribute for attribute in (*self.attributes.values(), *self.uv_maps.values())}
+        maps = {attribute.name: attribute for attribute in self.uv_maps.values()}
+        attributes = tuple({**maps, **by_name}.values())
         by_corner = any(a.domain == CORNER for a in (*attributes, *filter(None, [self.mesh.normals])))
         return replace(self.mesh, corners=self.corners if by_corner else None, attributes=attributes)
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
-from .fresnel import dielectric_albedo, ior_from_reflectance, normal_reflectance
+from .fresnel import ior_from_reflectance, normal_reflectance
 from .nodes_shader import (
     coat_closure,
-    diffuse_closure,
     glass_closure,
     glossy_closure,
     is_multiscatter,
@@ -16,6 +15,7 @@ from .nodes_shader import (
     sound_ior,
     under_alpha,
 )
+from .roughness import layer_loss
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply, scale
 
 _LEFT_OUT = {
@@ -42,8 +42,9 @@ def _principled(view: NodeView) -> Closure:
 
 def plastic_closure(base: Sum, tint: Sum, roughness: float, ior: float, multiscatter: bool) -> Closure:
     """A dielectric layer over a diffuse one, which gets what the layer lets through."""
-    below = diffuse_closure(scale(base, 1 - dielectric_albedo(ior)))
-    return add_closures(below, coat_closure(tint, roughness, ior, multiscatter))
+    lamps, world = (1 - layer_loss(roughness, ior, multiscatter, from_world) for from_world in (False, True))
+    below = {LobeKey("DIFFUSE"): scale(base, lamps), LobeKey("AMBIENT"): scale(base, world)}
+    return add_closures(below, coat_closure(tint, roughness, ior))
 
 
 def _plastic(view: NodeView, base: Sum, roughness: float) -> Closure:
@@ -60,7 +61,7 @@ def _glass(view: NodeView, base: Sum, roughness: float) -> Closure:
     """Refraction takes the root of the base colour, so that light which enters and leaves takes all of it."""
     ior = sound_ior(view)
     root = constant(tuple(math.sqrt(max(x, 0.0)) for x in constant_value(base))) if is_constant(base) else base
-    return glass_closure(view, view.color("Specular Tint", 1.0), root, roughness, ior, is_multiscatter(view))
+    return glass_closure(view, view.color("Specular Tint", 1.0), root, roughness, ior)
 
 
 def _coated(view: NodeView, surface: Closure) -> Closure:
@@ -70,8 +71,9 @@ def _coated(view: NodeView, surface: Closure) -> Closure:
         return surface
     ior = max(view.constant("Coat IOR", 1.5), 1e-3)
     tint = view.color("Coat Tint", 1.0)
-    through = multiply(complement(scale(weight, dielectric_albedo(ior))), mix(weight, ONE, tint))
-    coat = coat_closure(weight, view.constant("Coat Roughness", 0.03), ior, is_multiscatter(view))
+    roughness = view.constant("Coat Roughness", 0.03)
+    through = multiply(complement(scale(weight, layer_loss(roughness, ior, multiscatter=True))), mix(weight, ONE, tint))
+    coat = coat_closure(weight, roughness, ior)
     return add_closures(scale_closure(surface, through), coat)
 
 

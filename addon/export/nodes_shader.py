@@ -5,8 +5,8 @@ from __future__ import annotations
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .fresnel import dielectric_albedo, normal_reflectance
 from .graph import source
-from .roughness import exponent_from_roughness, specular_albedo, specular_scale
-from .terms import Sum, complement, constant, is_constant, multiply, scale
+from .roughness import Highlight, dielectric_highlights, highlights, layer_albedo, specular_albedo
+from .terms import Sum, add, complement, constant, is_constant, multiply, scale
 
 MIRROR_ROUGHNESS = 0.05
 """Up to here a glossy lobe is an ideal mirror: GGX's α = 0.0025 blurs a reflection by 0.14°, a pixel or two of usual pictures."""
@@ -21,27 +21,41 @@ def glossy_closure(color: Sum, roughness: float, multiscatter: bool) -> Closure:
     """A metal-like lobe that reflects `color` at every angle."""
     if roughness <= MIRROR_ROUGHNESS:
         return {LobeKey("MIRROR"): color}
-    highlight = LobeKey("SPECULAR", exponent=exponent_from_roughness(roughness, multiscatter))
-    return {
-        highlight: scale(color, specular_scale(roughness, multiscatter)),
-        LobeKey("AMBIENT"): scale(color, specular_albedo(roughness, multiscatter)),
-    }
+    if multiscatter:
+        color = _scattered(color, specular_albedo(roughness, multiscatter=False))
+    ambient = scale(color, specular_albedo(roughness, multiscatter))
+    return _highlight_closure(color, highlights(roughness, "MULTI_GGX" if multiscatter else "GGX"), ambient)
 
 
-def coat_closure(tint: Sum, roughness: float, ior: float, multiscatter: bool) -> Closure:
-    """A dielectric interface's reflection: Fresnel's where it is smooth, F0 where it is rough."""
+def _scattered(color: Sum, once: float) -> Sum:
+    """What comes back of a rough surface that reflects `color` at each bounce and sends the share `once` out after the first.
+
+    Within 4 % of Cycles for greys from 0.1 to 1 and roughness 0.5 and 0.8. Textures count as 0.6, a usual metal's reflectance.
+    """
+    if not is_constant(color):
+        return scale(color, once + (1 - once) * 0.6)
+    return add(scale(color, once), scale(multiply(color, color), 1 - once))
+
+
+def _highlight_closure(color: Sum, lobes: tuple[Highlight, ...], ambient: Sum) -> Closure:
+    return {**{LobeKey("SPECULAR", exponent=p): scale(color, s) for p, s in lobes}, LobeKey("AMBIENT"): ambient}
+
+
+def coat_closure(tint: Sum, roughness: float, ior: float) -> Closure:
+    """A dielectric interface's reflection: Fresnel's where it is smooth, its mean where it is rough."""
     if ior == 1.0:
         return {}
     if roughness <= MIRROR_ROUGHNESS:
         return {LobeKey("MIRROR", ior=ior, fresnel=True): tint}
-    return glossy_closure(scale(tint, normal_reflectance(ior)), roughness, multiscatter)
+    f0 = normal_reflectance(ior)
+    return _highlight_closure(scale(tint, f0), dielectric_highlights(roughness, f0), scale(tint, layer_albedo(roughness, ior)))
 
 
-def glass_closure(view: NodeView, reflected: Sum, refracted: Sum, roughness: float, ior: float, multiscatter: bool) -> Closure:
+def glass_closure(view: NodeView, reflected: Sum, refracted: Sum, roughness: float, ior: float) -> Closure:
     """Both sides of a dielectric interface."""
     if roughness > MIRROR_ROUGHNESS:
         view.note("Rough refraction is rendered clear in {}")
-    return add_closures(coat_closure(reflected, roughness, ior, multiscatter), {LobeKey("REFRACTION", ior=ior, fresnel=True): refracted})
+    return add_closures(coat_closure(reflected, roughness, ior), {LobeKey("REFRACTION", ior=ior, fresnel=True): refracted})
 
 
 def is_multiscatter(view: NodeView) -> bool:
@@ -84,7 +98,7 @@ def _metallic(view: NodeView) -> Closure:
 def _glass(view: NodeView) -> Closure:
     note_bump(view, "Normal")
     color = view.color("Color")
-    return glass_closure(view, color, color, view.constant("Roughness"), sound_ior(view), is_multiscatter(view))
+    return glass_closure(view, color, color, view.constant("Roughness"), sound_ior(view))
 
 
 def _refraction(view: NodeView) -> Closure:

@@ -56,10 +56,11 @@ def _world_box(geometry: Geometry, matrices: np.ndarray) -> np.ndarray:
     low, high = _extent(_points(geometry))
     if isinstance(geometry, Spheres):
         low, high = low - geometry.radii.max(), high + geometry.radii.max()
-    middle, half = (low + high) / 2, (high - low) / 2
-    center = matrices[:, :, :3] @ middle + matrices[:, :, 3]
-    reach = np.abs(matrices[:, :, :3]) @ half
-    return np.stack([(center - reach).min(0), (center + reach).max(0)])
+    with np.errstate(invalid="ignore"):
+        middle, half = (low + high) / 2, (high - low) / 2
+        center = matrices[:, :, :3] @ middle + matrices[:, :, 3]
+        reach = np.abs(matrices[:, :, :3]) @ half
+        return np.stack([(center - reach).min(0), (center + reach).max(0)])
 
 
 def _extent(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

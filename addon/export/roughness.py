@@ -1,64 +1,84 @@
-"""GGX roughness, as Cycles has it, to the Blinn-Phong lobe that stands for it, and back.
+"""Cycles' microfacets, as its `roughness` has them, to the Blinn-Phong lobes that stand for them, and back.
 
-Measured against Cycles 5.0.1 by tests/cycles/fit_roughness.py, which also says what is minimised: over exponent p and scale s, the
-squared difference between `F0 · s · max(0, n·h)^p · E/π` and Cycles' direct light of a GGX lobe of constant reflectance F0, over half
-angles of 0° to 70° between light and view. One lobe with one scale cannot follow GGX's long tail and its gain at grazing view; what
-remains, as a share of the root mean square of the radiance, is 0.31 up to roughness 0.5 and grows to 0.47 (multiscatter 0.42) at 1: see
-`RESIDUAL`.
+Measured against Cycles 5.0.1 by tests/cycles/fit_roughness.py, which also says what is minimised. Two lobes, a narrow and a wide one,
+stand for one microfacet lobe of constant reflectance F0: its direct light is `F0 · Σ s_k · max(0, n·h)^p_k · E/π`. One power falls far
+below GGX's tail, which a display shows as brightly as its peak; two follow it. What two lobes leave is a brightening at grazing view.
+`HIGHLIGHTS` has the residuals.
 
-A dielectric in Principled (F from F0 at normal view to 1 at grazing) fits best with F0 times 1.04, 1.03, 0.95, 0.79, 0.63 of the
-MULTI_GGX scale at roughness 0.1, 0.3, 0.5, 0.7, 1; `multiscatter=False` is nearer to that, so use it for dielectrics.
+A dielectric is fitted with its Fresnel reflectance, which grows from F0 when seen straight to 1 at grazing view, as a lobe in units of
+F0 = 0.04. The best scale per F0 is 10 to 15 % higher at IOR 1.1 and 11 to 14 % lower at IOR 2.5.
 
-With α = roughness² both p·α² and s·α² vary slowly and settle below 0.2, so they are tabled and interpolated linearly; the measured
-rows between the table's differ by less than 1.3 % in p and 0.9 % in s.
+p·α² and s·α² with α = roughness² vary slowly and settle below 0.2, so they are tabled; between the rows they follow powers of roughness.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from .fresnel import fresnel, normal_reflectance
+
+Highlight = tuple[float, float]
+"""Exponent and scale of one lobe."""
+
 ROUGHNESS = np.array([0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
-"""Rows of the tables below; index 0 of each: GGX (single scattering), index 1: MULTI_GGX (Blender's default)."""
+"""Rows of the tables below."""
 
-WIDTH = np.array([
-    [2.2532, 2.2184, 2.1356, 2.0079, 1.8340, 1.5933, 1.2635, 0.8306, 0.3125],
-    [2.2532, 2.2171, 2.1302, 1.9971, 1.8337, 1.6417, 1.3972, 1.0716, 0.6538],
+HIGHLIGHTS = {
+    "GGX": np.array([
+        [1.58819, 1.60598, 1.74445, 1.98292, 2.27322, 2.58956, 2.90891, 3.33605, 4.84414],
+        [0.19714, 0.20020, 0.21338, 0.22995, 0.23934, 0.23332, 0.20755, 0.16080, 0.09019],
+        [0.10749, 0.10150, 0.11172, 0.13318, 0.15401, 0.16611, 0.15873, 0.12019, 0.05602],
+        [0.00292, 0.00336, 0.00587, 0.01207, 0.02355, 0.04189, 0.06771, 0.10373, 0.15744],
+        [0.19826, 0.18386, 0.16580, 0.15874, 0.16685, 0.18399, 0.20664, 0.22894, 0.24834],
+    ]),
+    "MULTI_GGX": np.array([
+        [1.58782, 1.60142, 1.73131, 1.97051, 2.28495, 2.65538, 3.04788, 3.51699, 4.67637],
+        [0.19756, 0.20238, 0.22192, 0.25561, 0.29687, 0.33459, 0.35340, 0.33394, 0.23478],
+        [0.10739, 0.10030, 0.10768, 0.12797, 0.15641, 0.19468, 0.24283, 0.30155, 0.40388],
+        [0.00292, 0.00336, 0.00598, 0.01329, 0.02977, 0.06302, 0.12303, 0.22776, 0.42193],
+        [0.19878, 0.18687, 0.17268, 0.16628, 0.16827, 0.17461, 0.18635, 0.20055, 0.21514],
+    ]),
+    "DIELECTRIC": np.array([
+        [1.58539, 1.60125, 1.74106, 1.96210, 2.21701, 2.48835, 2.75716, 3.06200, 3.83861],
+        [0.21407, 0.21782, 0.23387, 0.25492, 0.27204, 0.27758, 0.26515, 0.22989, 0.16146],
+        [0.10679, 0.10037, 0.11313, 0.13663, 0.15841, 0.16963, 0.15863, 0.11125, 0.04585],
+        [0.00314, 0.00362, 0.00652, 0.01351, 0.02630, 0.04642, 0.07434, 0.11233, 0.17259],
+        [0.25435, 0.24241, 0.22686, 0.21631, 0.21235, 0.21372, 0.22065, 0.23036, 0.24090],
+    ]),
+}  # fmt: skip
+"""Per kind of microfacets: p·α² and s·α² of the narrow lobe, the same of the wide one, and the relative root-mean-square residual in
+display values (x^(1/2.2)) that the fit leaves. One lobe leaves 0.49, 0.40, 0.28 of MULTI_GGX at 0.2, 0.5, 0.7, and 0.54, 0.46, 0.33 of
+DIELECTRIC. GGX scatters once, MULTI_GGX as often as it takes (Blender's default)."""
+
+ALBEDO = np.array([0.9940, 0.9765, 0.9407, 0.8819, 0.8026, 0.7079, 0.6046, 0.5027, 0.4095])
+"""Share of a uniform world that GGX reflects at F = 1, averaged over the view with the cosine; 1 for MULTI_GGX."""
+
+DIELECTRIC_ALBEDO = np.array([0.0883, 0.0806, 0.0708, 0.0606, 0.0511, 0.0425, 0.0349, 0.0283, 0.0228])
+"""The same share for Principled's dielectric lobe of IOR 1.5; 0.0919 where it is smooth."""
+
+ONE_LOBE = np.array([
+    [2.2543, 2.2193, 2.1364, 2.0085, 1.8352, 1.5941, 1.2649, 0.8325, 0.2919],
+    [0.2816, 0.2805, 0.2780, 0.2752, 0.2714, 0.2632, 0.2480, 0.2284, 0.2104],
+    [0.3069, 0.3085, 0.3121, 0.3180, 0.3306, 0.3545, 0.3907, 0.4322, 0.4704],
 ])  # fmt: skip
-"""p · α²."""
-
-HEIGHT = np.array([
-    [0.28150, 0.28036, 0.27790, 0.27509, 0.27130, 0.26309, 0.24791, 0.22847, 0.21156],
-    [0.28212, 0.28371, 0.28948, 0.30562, 0.33689, 0.37959, 0.42131, 0.45678, 0.49245],
-])  # fmt: skip
-"""s · α²."""
-
-ALBEDO = np.array([0.9941, 0.9763, 0.9402, 0.8814, 0.8018, 0.7075, 0.6046, 0.5027, 0.4098])
-"""Share of a uniform world that the single-scattering lobe reflects at F = 1, averaged over the view with the cosine; 1 for MULTI_GGX."""
-
-RESIDUAL = np.array([
-    [0.3070, 0.3085, 0.3122, 0.3182, 0.3308, 0.3549, 0.3910, 0.4318, 0.4705],
-    [0.3081, 0.3148, 0.3273, 0.3359, 0.3345, 0.3311, 0.3460, 0.3812, 0.4242],
-])  # fmt: skip
-"""Relative root-mean-square difference from Cycles that the fit leaves."""
-
-DIELECTRIC_ROUGHNESS = np.array([0.1, 0.3, 0.5, 0.7, 1.0])
-DIELECTRIC_ALBEDO = np.array([1.0, 0.876, 0.659, 0.462, 0.248])
-"""Share of a uniform world that Principled's dielectric lobe (IOR 1.5) reflects, relative to that of a smooth surface."""
+"""p·α², s·α² and the residual in linear values of the one lobe that is nearest to GGX: how the Blinn-Phong node finds its roughness."""
 
 SMALLEST = 0.03
 """Below it a lobe is narrower than 0.05° and roughness no longer matters: p stays under 3e6."""
 
 
-def exponent_from_roughness(roughness: float, multiscatter: bool = True) -> float:
-    """The Phong exponent p that stands for Blender's `roughness` (0 to 1, clamped): 2.8e6 at 0.03 and below, 0.65 at 1."""
-    roughness = _clamped(roughness)
-    return float(np.interp(roughness, ROUGHNESS, WIDTH[int(multiscatter)]) / roughness**4)
+def highlights(roughness: float, kind: str = "MULTI_GGX") -> tuple[Highlight, Highlight]:
+    """(exponent p, scale s) of the narrow and of the wide lobe for Blender's `roughness` (0 to 1, clamped); k_s = F0 · s.
+
+    kind: a key of `HIGHLIGHTS`.
+    """
+    return _pairs(_row(kind, roughness))
 
 
-def specular_scale(roughness: float, multiscatter: bool = True) -> float:
-    """s in k_s = F0 · s: the lobe's height at n = h in units of a white diffuser's radiance."""
-    roughness = _clamped(roughness)
-    return float(np.interp(roughness, ROUGHNESS, HEIGHT[int(multiscatter)]) / roughness**4)
+def dielectric_highlights(roughness: float, f0: float) -> tuple[Highlight, Highlight]:
+    """The same for a dielectric of normal reflectance `f0`: the larger it is, the less Fresnel's rise matters and the more it is GGX."""
+    rise = min(1.0, 0.04 / 0.96 * (1 - f0) / max(f0, 1e-6))
+    return _pairs(_row("DIELECTRIC", roughness) ** rise * _row("GGX", roughness) ** (1 - rise))
 
 
 def specular_albedo(roughness: float, multiscatter: bool = True) -> float:
@@ -68,19 +88,64 @@ def specular_albedo(roughness: float, multiscatter: bool = True) -> float:
     return float(np.interp(_clamped(roughness), [0.0, *ROUGHNESS], [1.0, *ALBEDO]))
 
 
-def dielectric_albedo(roughness: float, f0: float = 0.04) -> float:
-    """Share of a uniform white world that Principled's dielectric lobe of normal reflectance `f0` reflects, Fresnel included: 0.092
-    at roughness 0, 0.061 at 0.5, 0.023 at 1 for IOR 1.5. Principled's diffuse part keeps the rest (measured: a white furnace gives 1)."""
-    smooth = f0 + (1.0 - f0) * 0.054  # the mean Fresnel reflectance, within 0.002 for IOR 1.3 to 2
-    return smooth * float(np.interp(_clamped(roughness), DIELECTRIC_ROUGHNESS, DIELECTRIC_ALBEDO))
+def layer_albedo(roughness: float, ior: float) -> float:
+    """Share of a uniform white world that Principled's dielectric lobe reflects, Fresnel included: 0.092 at roughness 0, 0.061 at 0.5,
+    0.023 at 1 for IOR 1.5. GGX's share of F0 plus what is left of Fresnel's rise; within 0.006 of Cycles up to IOR 2.5, 0.015 up to 4
+    (but 0.04 for MULTI_GGX at IOR 4 and roughness 1)."""
+    return normal_reflectance(ior) * specular_albedo(roughness, multiscatter=False) + _grazing_share(roughness, ior)
 
 
-def roughness_from_exponent(exponent: float, multiscatter: bool = True) -> float:
+def layer_loss(roughness: float, ior: float, multiscatter: bool, world: bool = False) -> float:
+    """What Principled's dielectric lobe keeps from the diffuse layer below: of a uniform world, or of lamps, which seldom shine at
+    grazing angles (0.63 of Fresnel's rise; within 0.006 of Cycles for IOR 1.45 to 4).
+
+    Multiple scattering passes on what is not reflected (a white furnace gives 1), single scattering loses the rough share of F0 too.
+    """
+    straight = specular_albedo(roughness, multiscatter=False) if multiscatter else 1.0
+    return normal_reflectance(ior) * straight + (1.0 if world else 0.63) * _grazing_share(roughness, ior)
+
+
+def _grazing_share(roughness: float, ior: float) -> float:
+    """The mean of F - F0 over a uniform world, and the share of it that roughness leaves."""
+    cosines = (np.arange(32) + 0.5) / 32
+    smooth = np.mean([2 * c * fresnel(c, ior) for c in cosines]) - normal_reflectance(ior)
+    left = (DIELECTRIC_ALBEDO - 0.04 * ALBEDO) / (0.0919 - 0.04)
+    return float(smooth * np.interp(_clamped(roughness), [0.0, *ROUGHNESS], [1.0, *left]))
+
+
+def exponent_from_roughness(roughness: float) -> float:
+    """The exponent of the one lobe nearest to GGX (single scattering): 2.8e6 at 0.03 and below, 0.29 at 1."""
+    roughness = _clamped(roughness)
+    return _between(ONE_LOBE[0], roughness) / roughness**4
+
+
+def specular_scale(roughness: float) -> float:
+    """s in k_s = F0 · s of that lobe: its height at n = h in units of a white diffuser's radiance."""
+    roughness = _clamped(roughness)
+    return _between(ONE_LOBE[1], roughness) / roughness**4
+
+
+def roughness_from_exponent(exponent: float) -> float:
     """The inverse of `exponent_from_roughness`: 1 for exponents below its range, 0.03 above."""
-    dense = np.linspace(SMALLEST, 1.0, 4096)
-    widths = np.interp(dense, ROUGHNESS, WIDTH[int(multiscatter)])
-    exponents = np.log(widths) - 4 * np.log(dense)
-    return float(np.interp(-np.log(max(exponent, 1e-9)), -exponents, dense))
+    rows = np.log([SMALLEST, *ROUGHNESS])
+    exponents = np.log([ONE_LOBE[0, 0], *ONE_LOBE[0]]) - 4 * rows
+    return float(np.exp(np.interp(-np.log(max(exponent, 1e-9)), -exponents, rows)))
+
+
+def _row(kind: str, roughness: float) -> np.ndarray:
+    """(4,) exponent and scale of the narrow lobe, of the wide lobe."""
+    roughness = _clamped(roughness)
+    return np.array([_between(row, roughness) / roughness**4 for row in HIGHLIGHTS[kind][:4]])
+
+
+def _pairs(row: np.ndarray) -> tuple[Highlight, Highlight]:
+    narrow_p, narrow_s, wide_p, wide_s = (float(x) for x in row)
+    return (narrow_p, narrow_s), (wide_p, wide_s)
+
+
+def _between(row: np.ndarray, roughness: float) -> float:
+    """A row's value: constant below the first, powers of roughness in between, so that what falls from row to row falls everywhere."""
+    return float(np.exp(np.interp(np.log(roughness), np.log(ROUGHNESS), np.log(row))))
 
 
 def _clamped(roughness: float) -> float:

@@ -36,6 +36,7 @@ class Stage:
         self.attributes = Attributes(scene)
         self.shader = Shader(scene, self.attributes)
         self.visibility = Visibility(self.geometry, ~self.shader.is_transparent(self.geometry.material), pulse)
+        pulse.beat()
         self.rays: Counter[str] = Counter()
         self.sources = tuple(Source(light, self.eye, settings.illumination == "PHYSICAL") for light in scene.lights)
         shadows = Shadows(self.visibility, self.shader, self.rays)

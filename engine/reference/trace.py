@@ -73,6 +73,7 @@ class Tracer:
         for y in range(y0, y1, rows):
             above = min(y + rows, y1)
             rays, strips = stage.camera.pixels((x0, x1), (y, above), offset)
+            stage.pulse.beat()
             tile = Tile(len(rays), self._settings.passes.intersection(DATA) if sample == 0 else frozenset())
             Generations(stage, tile, sample).run(rays, strips)
             self.picture.keep((y - y0) * (x1 - x0), tile)

@@ -29,7 +29,8 @@ material, node = add_node()
 again = add_node()[1]
 answer({"inputs": [socket.name for socket in node.inputs], "outputs": [socket.name for socket in node.outputs],
         "exponent": again.inputs["Exponent"].default_value, "alpha": node.inputs["Alpha"].default_value,
-        "least": node.node_tree.interface.items_tree["Exponent"].min_value, "shared": node.node_tree == again.node_tree, "groups": len(bpy.data.node_groups), "label": node.bl_label})
+        "least": node.node_tree.interface.items_tree["Exponent"].min_value, "shared": node.node_tree == again.node_tree,
+        "groups": len(bpy.data.node_groups), "label": node.bl_label})
 """
     )
     assert run.returncode == 0, run.output

@@ -130,6 +130,17 @@ def test_the_map_that_is_active_for_rendering_comes_first(scene):  # noqa: F811
     assert [a.name for a in _only_mesh(passes=frozenset({"UV"})).attributes] == ["Second", "UVMap"]
 
 
+def test_the_active_map_read_by_name_too_comes_once(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeAddShader")
+    for name, by_name in (("Shader", False), ("Shader_001", True)):
+        texture, diffuse = shader.node("ShaderNodeTexImage"), shader.node("ShaderNodeBsdfDiffuse")
+        if by_name:
+            shader.link(shader.node("ShaderNodeUVMap", uv_map="UVMap"), "UV", texture, "Vector")
+        shader.link(texture, "Color", diffuse, "Color")
+        shader.link(diffuse, 0, shader.shader, name)
+    assert [a.name for a in _only_mesh().attributes] == ["UVMap"]
+
+
 @pytest.mark.parametrize("domain", ["POINT", "CORNER"])
 @pytest.mark.parametrize("kind", ["BYTE_COLOR", "FLOAT_COLOR"])
 def test_colour_attributes_are_scene_linear(scene, kind, domain):  # noqa: F811

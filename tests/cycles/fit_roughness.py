@@ -1,14 +1,17 @@
-"""Measures how well `k_s max(0, n·h)^p` can stand for Cycles' GGX and prints the tables of addon/export/roughness.py.
+"""Measures how well power lobes can stand for Cycles' microfacets and prints the tables of addon/export/roughness.py.
 
     python tests/cycles/fit_roughness.py
 
-Set-up: ORTHO camera along -z, one sun of angle 0, a wall of small quads, one per pixel, each turned to a normal of its own, no shadows. The
-normals are spread round the half vector by GGX's own quantiles, so that lobes of every width are resolved alike. For each roughness,
-half angles δ between light and view of 0° to 70° are rendered with a white Glossy BSDF (F = 1).
+Set-up: ORTHO camera along -z, one sun of angle 0, a wall of small quads, one per pixel, each turned to a normal of its own, no shadows.
+The normals lie on rings round the half vector whose tangents grow evenly up to GGX's width and then by a constant factor, so that
+lobes of every width and their tails are resolved. For each roughness, half angles δ between light and view of 0° to 70° are rendered
+with a white Glossy BSDF (GGX, MULTI_GGX: F = 1) or a black Principled BSDF of IOR 1.5 (DIELECTRIC, counted per F0 = 0.04).
 
-Minimised, over p and s:  Σ_δ w_δ · Σ_n c_n (s (n·h)^p E/π − L)² / Σ_n c_n L²
+Minimised, over exponents p_k and scales s_k > 0:  Σ_δ w_δ · Σ_n c_n (g(Σ_k s_k (n·h)^p_k E/π) − g(L))² / Σ_n c_n g(L)²
 L: Cycles' radiance, c_n: solid angle of the normal times n·v (what it covers in a picture of a sphere), w_δ = sin 2δ (how often a
-light from anywhere makes that half angle); every δ counts relative to its own lobe, since F and light strength are unknown.
+light from anywhere makes that half angle); every δ counts relative to its own lobe, since F and light strength are unknown. g is the
+display's curve, x^(1/2.2), for the two lobes that are rendered: with g(x) = x the peak, which pictures clip, would be all that counts.
+For the single lobe that stands for the Blinn-Phong node in Cycles g(x) = x.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -24,7 +27,10 @@ from cycles_reference import bpy
 
 SIDE = 96
 HALF_ANGLES = np.radians([0, 10, 20, 30, 40, 50, 60, 70])
-ROUGHNESSES = np.array([0.05, 0.075, *np.arange(0.1, 1.001, 0.05)])
+ROUGHNESSES = np.array([0.1, 0.15, *np.arange(0.2, 1.001, 0.1)])
+KINDS = ("GGX", "MULTI_GGX", "DIELECTRIC")
+DISPLAY = 1 / 2.2
+DIELECTRIC_F0 = 0.04
 EXTENT = 2.0
 STRENGTH = np.pi
 
@@ -107,48 +113,41 @@ def add_sun(scene, direction: np.ndarray) -> None:
     scene.collection.objects.link(node)
 
 
-def glossy_material(roughness: float, distribution: str):
-    """A white Glossy BSDF."""
-    material = bpy.data.materials.new("Glossy")
+def microfacet_material(roughness: float, kind: str):
+    """A white Glossy BSDF, or for DIELECTRIC a black Principled BSDF."""
+    material = bpy.data.materials.new("Microfacets")
     cycles.use_nodes(material)
     tree = material.node_tree
     tree.nodes.clear()
-    output, glossy = tree.nodes.new("ShaderNodeOutputMaterial"), tree.nodes.new("ShaderNodeBsdfAnisotropic")
-    glossy.distribution = distribution
-    glossy.inputs["Color"].default_value = (1, 1, 1, 1)
-    glossy.inputs["Roughness"].default_value = roughness
-    tree.links.new(glossy.outputs["BSDF"], output.inputs["Surface"])
+    dielectric = kind == "DIELECTRIC"
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    node = tree.nodes.new("ShaderNodeBsdfPrincipled" if dielectric else "ShaderNodeBsdfAnisotropic")
+    node.distribution = "MULTI_GGX" if dielectric else kind
+    node.inputs["Base Color" if dielectric else "Color"].default_value = (0, 0, 0, 1) if dielectric else (1, 1, 1, 1)
+    node.inputs["Roughness"].default_value = roughness
+    if dielectric:
+        node.inputs["IOR"].default_value = 1.5
+    tree.links.new(node.outputs["BSDF"], output.inputs["Surface"])
     return material
 
 
-def measure_lobe(roughness: float, half_angle: float, distribution: str = "GGX") -> Lobe:
-    """Cycles' radiance of the lobe, per unit of E/π."""
+def measure_lobe(roughness: float, half_angle: float, kind: str = "GGX") -> Lobe:
+    """Cycles' radiance of the lobe, per unit of E/π and of F0."""
     normals, solid_angle, light = lobe_normals(roughness, half_angle)
     scene = build_wall(normals)
-    scene.objects["Wall"].data.materials.append(glossy_material(roughness, distribution))
+    scene.objects["Wall"].data.materials.append(microfacet_material(roughness, kind))
     add_sun(scene, light)
     radiance = cycles.render_cycles(scene)["Combined"][..., 0].reshape(-1).astype(float)
     half = light + np.array([0, 0, 1])
-    lobe = Lobe(normals @ half / np.linalg.norm(half), normals[:, 2], normals @ light, solid_angle, radiance * np.pi / STRENGTH)
+    radiance *= np.pi / STRENGTH / (DIELECTRIC_F0 if kind == "DIELECTRIC" else 1)
+    lobe = Lobe(normals @ half / np.linalg.norm(half), normals[:, 2], normals @ light, solid_angle, radiance)
     seen = (lobe.n_v > 0.02) & (lobe.n_l > 0)
     return Lobe(*(getattr(lobe, name)[seen] for name in ("n_h", "n_v", "n_l", "solid_angle", "radiance")))
 
 
-def measure_lobes(roughness: float, distribution: str = "GGX") -> list[Lobe]:
+def measure_lobes(roughness: float, kind: str = "GGX") -> list[Lobe]:
     """One lobe per half angle."""
-    return [measure_lobe(roughness, angle, distribution) for angle in HALF_ANGLES]
-
-
-def fit_quality(lobes: list[Lobe], exponent: float) -> tuple[float, float]:
-    """The best scale for an exponent, and the relative root-mean-square residual it leaves (0 perfect, 1 as bad as black)."""
-    shapes, targets = [], []
-    for lobe, weight in zip(lobes, half_angle_weights(), strict=True):
-        factor = np.sqrt(weight * lobe.weight / np.sum(lobe.weight * lobe.radiance**2))
-        shapes.append(factor * np.maximum(lobe.n_h, 0) ** exponent)
-        targets.append(factor * lobe.radiance)
-    shape, target = np.concatenate(shapes), np.concatenate(targets)
-    scale = shape @ target / (shape @ shape)
-    return scale, np.sqrt(np.sum((scale * shape - target) ** 2))
+    return [measure_lobe(roughness, angle, kind) for angle in HALF_ANGLES]
 
 
 def half_angle_weights() -> np.ndarray:
@@ -157,51 +156,83 @@ def half_angle_weights() -> np.ndarray:
     return weights / weights.sum()
 
 
-def residual(lobes: list[Lobe], exponent: float, scale: float) -> float:
-    """The relative root-mean-square residual of a given exponent and scale."""
-    total = 0.0
+def power_lobes(parameters: np.ndarray, n_h: np.ndarray) -> np.ndarray:
+    """Σ s (n·h)^p for parameters (log p, log s, log p, log s, …)."""
+    logarithm = np.log(np.maximum(n_h, 1e-9))
+    return sum(np.exp(log_s + np.exp(log_p) * logarithm) for log_p, log_s in parameters.reshape(-1, 2))
+
+
+def differences(lobes: list[Lobe], parameters: np.ndarray, power: float) -> np.ndarray:
+    """The terms whose squares are summed, g(x) = x^power: their norm is the relative residual, 0 perfect and 1 as bad as black."""
+    terms = []
     for lobe, weight in zip(lobes, half_angle_weights(), strict=True):
-        error = scale * np.maximum(lobe.n_h, 0) ** exponent - lobe.radiance
-        total += weight * np.sum(lobe.weight * error**2) / np.sum(lobe.weight * lobe.radiance**2)
-    return np.sqrt(total)
+        target = np.maximum(lobe.radiance, 0) ** power
+        factor = np.sqrt(weight * lobe.weight / np.sum(lobe.weight * target**2))
+        terms.append(factor * (power_lobes(parameters, lobe.n_h) ** power - target))
+    return np.concatenate(terms)
 
 
-def fit_lobes(lobes: list[Lobe], guess: float) -> tuple[float, float, float]:
-    """Exponent, scale and residual that fit best: golden section in log p round the guess."""
-    low, high = np.log(guess / 8), np.log(guess * 8)
-    golden = (np.sqrt(5) - 1) / 2
-    for _ in range(60):
-        a, b = high - golden * (high - low), low + golden * (high - low)
-        if fit_quality(lobes, np.exp(a))[1] < fit_quality(lobes, np.exp(b))[1]:
-            high = b
-        else:
-            low = a
-    exponent = np.exp((low + high) / 2)
-    return (exponent, *fit_quality(lobes, exponent))
+def residual(lobes: list[Lobe], highlights, power: float = DISPLAY) -> float:
+    """The relative root-mean-square residual of given (exponent, scale) pairs."""
+    return float(np.linalg.norm(differences(lobes, np.log(np.ravel(highlights)), power)))
 
 
-def measure_albedo(roughness: float, distribution: str = "GGX", samples: int = 16) -> float:
-    """Share of a uniform white world that the lobe reflects, averaged over the directions of view with the cosine (F = 1)."""
+def fit_lobes(lobes: list[Lobe], guess, power: float = DISPLAY, largest: float = np.inf) -> np.ndarray:
+    """(k, 2) exponents and scales that fit best from a guess of that shape, by Levenberg and Marquardt's method.
+
+    largest: a bound of the first exponent, so that tables fall with roughness where the fit does not care.
+    """
+    parameters = np.log(np.ravel(guess)).astype(float)
+    free = np.ones(len(parameters), bool)
+    found = _descend(lobes, parameters, free, power)
+    if found[0] > np.log(largest):
+        free[0], found[0] = False, np.log(largest)
+        found = _descend(lobes, found, free, power)
+    return np.exp(found).reshape(-1, 2)
+
+
+def _descend(lobes: list[Lobe], parameters: np.ndarray, free: np.ndarray, power: float) -> np.ndarray:
+    steps, damping = 1e-5 * np.eye(len(parameters))[free], 1e-3
+    now = differences(lobes, parameters, power)
+    for _ in range(200):
+        slopes = np.stack([(differences(lobes, parameters + step, power) - now) / 1e-5 for step in steps], 1)
+        normal = slopes.T @ slopes
+        move = np.zeros(len(parameters))
+        move[free] = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slopes.T @ now)
+        then = differences(lobes, parameters + move, power)
+        if then @ then >= now @ now:
+            damping *= 4
+            if damping > 1e8:
+                break
+            continue
+        parameters, now, damping = parameters + move, then, max(damping / 3, 1e-9)
+        if np.abs(move).max() < 1e-6:
+            break
+    return parameters
+
+
+def measure_albedo(roughness: float, kind: str = "GGX", samples: int = 16) -> float:
+    """Share of a uniform white world that the lobe reflects, averaged over the directions of view with the cosine."""
     scene = build_wall(hemisphere(lambda share: np.sqrt(1 - share)))
     wall = scene.objects["Wall"]
-    wall.data.materials.append(glossy_material(roughness, distribution))
+    wall.data.materials.append(microfacet_material(roughness, kind))
     wall.visible_diffuse = wall.visible_glossy = wall.visible_shadow = False
     cycles.set_world(scene, (1, 1, 1))
     return float(cycles.render_cycles(scene, samples)["Combined"][..., 0].mean())
 
 
 def main() -> None:
-    print("roughness  exponent  p·α²/2   scale  s·4α²   residual  | multiscatter: exponent scale residual | albedo single, multi")
-    for roughness in ROUGHNESSES:
-        alpha = roughness**2
-        rows = [fit_lobes(measure_lobes(roughness, kind), 2 / alpha**2 + 0.5) for kind in ("GGX", "MULTI_GGX")]
-        (p, s, error), (p2, s2, error2) = rows
-        albedo = [measure_albedo(roughness, kind, 16) for kind in ("GGX", "MULTI_GGX")]
-        print(
-            f"{roughness:6.3f} {p:12.4f} {p * alpha**2 / 2:8.4f} {s:12.5f} {s * 4 * alpha**2:8.4f} {error:8.4f}  | "
-            f"{p2:12.4f} {s2:12.5f} {error2:8.4f} | {albedo[0]:7.4f} {albedo[1]:7.4f}",
-            flush=True,
-        )
+    print("kind roughness | narrow p·α², s·α², wide p·α², s·α², residual | one lobe: p·α², s·α², residual (linear) | albedo")
+    for kind in KINDS:
+        narrow, relative = np.inf, np.array([[1.6, 0.23], [0.11, 0.0035]])
+        for roughness in ROUGHNESSES:
+            alpha2 = roughness**4
+            lobes = measure_lobes(roughness, kind)
+            two = fit_lobes(lobes, relative / alpha2, largest=narrow)
+            one = fit_lobes(lobes, np.array([[2.2, 0.28]]) / alpha2, 1.0)
+            numbers = [*(two * alpha2).ravel(), residual(lobes, two), *(one * alpha2).ravel(), residual(lobes, one, 1.0)]
+            print(f"{kind:10s} {roughness:.2f} ", *(f"{x:8.5f}" for x in numbers), f"{measure_albedo(roughness, kind):8.4f}", flush=True)
+            narrow, relative = 0.95 * two[0, 0], two * alpha2
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+
 from glint.engine import scene as s
 
 SCENES: dict[str, Callable[[], s.Scene]] = {}
@@ -27,7 +28,9 @@ def look_at(eye, target, up=(0.0, 0.0, 1.0)) -> np.ndarray:
     return np.stack([u, np.cross(w, u), w, e], 1)
 
 
-def camera(eye=(2.1, -4.3, 2.7), target=(0.0, 0.0, 0.4), half=0.42, size=(64, 48), kind="PERSPECTIVE", shift=(0.0, 0.0), **more) -> s.Camera:
+def camera(
+    eye=(2.1, -4.3, 2.7), target=(0.0, 0.0, 0.4), half=0.42, size=(64, 48), kind="PERSPECTIVE", shift=(0.0, 0.0), **more
+) -> s.Camera:
     half_y = half * size[1] / size[0]
     window = (-half + shift[0], half + shift[0], -half_y + shift[1], half_y + shift[1])
     return s.Camera(kind, look_at(eye, target), window, size, **more)
@@ -88,7 +91,8 @@ def box_mesh(name="box") -> s.Mesh:
 def ball_mesh(rings=12, smooth=True, name="ball") -> s.Mesh:
     """A unit sphere of triangles."""
     theta, phi = np.linspace(0, np.pi, rings + 1)[1:-1], np.arange(2 * rings) * np.pi / rings
-    ring = np.stack([np.outer(np.sin(theta), np.cos(phi)), np.outer(np.sin(theta), np.sin(phi)), np.outer(np.cos(theta), np.ones_like(phi))], -1)
+    circle = [np.outer(np.sin(theta), np.cos(phi)), np.outer(np.sin(theta), np.sin(phi)), np.outer(np.cos(theta), np.ones_like(phi))]
+    ring = np.stack(circle, -1)
     vertices = np.concatenate([[[0, 0, 1]], ring.reshape(-1, 3), [[0, 0, -1]]]).astype(np.float32)
     n, last, triangles = 2 * rings, len(vertices) - 1, []
     for k in range(n):
@@ -205,9 +209,7 @@ def alpha() -> s.Scene:
     """Cut-out and coloured transparency, transparent shadows, film transparent."""
     by_alpha = s.Input(texture=0, channel="ALPHA")
     seen_through = s.Input(texture=0, channel="ALPHA", complement=True)
-    leaf = s.Material(
-        "leaf", (s.Lobe("DIFFUSE", (s.Input(texture=0), by_alpha)), s.Lobe("TRANSPARENT", (seen_through,)))
-    )
+    leaf = s.Material("leaf", (s.Lobe("DIFFUSE", (s.Input(texture=0), by_alpha)), s.Lobe("TRANSPARENT", (seen_through,))))
     foil = s.Material("foil", (s.Lobe("TRANSPARENT", constant(0.9, 0.5, 0.3)),))
     upright = np.array([[1, 0, 0], [0, 0.2, -1], [0, 1, 0.2]]) * 0.3
     placed = (
@@ -257,29 +259,42 @@ def attributes() -> s.Scene:
     corners = np.arange(3 * n, dtype=np.uint32).reshape(n, 3)
     slots = (np.arange(n) % 3).astype(np.uint16)
     mesh = s.Mesh("box", box.vertices, box.triangles, corners, slots, None, (corner, face))
-    painted = [s.Material(a, (s.Lobe("DIFFUSE", (s.Input(attribute=a),)), s.Lobe("AMBIENT", (s.Input(attribute=a),))), k)
-               for k, a in enumerate(("corner", "face", "missing"), 4)]
+    painted = [
+        s.Material(a, (s.Lobe("DIFFUSE", (s.Input(attribute=a),)), s.Lobe("AMBIENT", (s.Input(attribute=a),))), k)
+        for k, a in enumerate(("corner", "face", "missing"), 4)
+    ]
     return stage(mesh, instances=(s.Instances("box", 1, at((0, 0, 0.9), 0.8), (1, 2, 3)),), materials=tuple(painted))
 
 
 @scene
 def odd_matrices() -> s.Scene:
     """Mirrored, sheared, stretched, flattened and many: one mesh, seven placements."""
-    linear = np.stack([
-        np.diag([0.3, 0.3, -0.3]), np.diag([0.1, 0.5, 0.3]), np.array([[0.3, 0.2, 0], [0, 0.3, 0.1], [0.1, 0, 0.3]]),
-        np.diag([0.3, 0.3, 0.0]), np.diag([-0.2, -0.3, -0.4]), np.diag([0.3, 1e-6, 0.3]), 0.3 * np.eye(3),
-    ])
+    linear = np.stack(
+        [
+            np.diag([0.3, 0.3, -0.3]),
+            np.diag([0.1, 0.5, 0.3]),
+            np.array([[0.3, 0.2, 0], [0, 0.3, 0.1], [0.1, 0, 0.3]]),
+            np.diag([0.3, 0.3, 0.0]),
+            np.diag([-0.2, -0.3, -0.4]),
+            np.diag([0.3, 1e-6, 0.3]),
+            0.3 * np.eye(3),
+        ]
+    )
     matrices = np.concatenate([linear, np.zeros((7, 3, 1))], 2)
-    matrices[:, :, 3] = [[-1.8, 0, 0.6], [-1.1, 0.1, 0.6], [-0.4, 0, 0.6], [0.3, 0, 0.9], [1.0, 0.1, 0.6], [1.6, 0.4, 0.7], [0.2, -1.2, 0.4]]
+    matrices[:, 0, 3] = [-1.8, -1.1, -0.4, 0.3, 1.0, 1.6, 0.2]
+    matrices[:, 1, 3] = [0, 0.1, 0, 0, 0.1, 0.4, -1.2]
+    matrices[:, 2, 3] = [0.6, 0.6, 0.6, 0.9, 0.6, 0.7, 0.4]
     placed = s.Instances("many", 1, matrices, (1,), object_index=5)
     return stage(ball_mesh(8), instances=(placed,), materials=(surface(ambient=0.3, specular=0.5, exponent=25),))
 
 
 @scene
 def round_and_plane() -> s.Scene:
-    """True spheres, one of them squashed by its matrix, and polygons: concave and with a hole."""
-    spheres = s.Spheres("drops", np.array([[-1, 0, 0.5], [0, 0.7, 0.4], [0.3, -0.9, 0.25]], np.float32), np.array([0.5, 0.4, 0.25], np.float32))
-    star = np.array([[np.cos(a) * r, np.sin(a) * r, 0] for k in range(10) for a, r in [(k * np.pi / 5, 0.8 if k % 2 else 0.35)]], np.float32)
+    """True spheres, some of them squashed by their matrix, and a concave polygon."""
+    centers = np.array([[-1, 0, 0.5], [0, 0.7, 0.4], [0.3, -0.9, 0.25]], np.float32)
+    spheres = s.Spheres("drops", centers, np.array([0.5, 0.4, 0.25], np.float32))
+    angle, radius = np.arange(10) * np.pi / 5, np.where(np.arange(10) % 2, 0.8, 0.35)
+    star = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], -1).astype(np.float32)
     polygons = s.Polygons("star", star, np.array([0, 10], np.uint32), np.arange(10, dtype=np.uint32))
     upright = np.array([[1, 0, 0], [0, 0.1, -1], [0, 1, 0.1]])
     placed = (
@@ -320,6 +335,11 @@ def far_and_emitting() -> s.Scene:
     floor = s.Instances("floor", 0, at(far), (0,))
     ball = s.Instances("ball", 1, at(far + [0, 0, 0.8], 0.8), (1,))
     return s.Scene(
-        camera(far + [2.1, -4.3, 2.7], far + [0, 0, 0.4], shift=(0.15, -0.1)), (grid_mesh(4), ball_mesh()), (floor, ball),
-        (surface(ambient=0.5), glow), (), (light("POINT", far + [1.7, -2.2, 4.1], far),), GREY_WORLD,
+        camera(far + [2.1, -4.3, 2.7], far + [0, 0, 0.4], shift=(0.15, -0.1)),
+        (grid_mesh(4), ball_mesh()),
+        (floor, ball),
+        (surface(ambient=0.5), glow),
+        (),
+        (light("POINT", far + [1.7, -2.2, 4.1], far),),
+        GREY_WORLD,
     )

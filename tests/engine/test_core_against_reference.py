@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from glint import engine
 
 from engine_scenes import SCENES
+from glint import engine
 
 pytestmark = pytest.mark.skipif("NATIVE" not in engine.available_backends(), reason="the core's library is not built")
 

@@ -61,7 +61,7 @@ def test_far_from_the_origin(exponent: int) -> None:
     assert differing(here, there) == 0
 
 
-@pytest.mark.parametrize("exponent", [-30, -20, -6, -3, 3, 6, 15, 30])
+@pytest.mark.parametrize("exponent", [-45, -20, -6, -3, 3, 6, 15, 45])
 def test_any_scale(exponent: int) -> None:
     """N5, and well beyond."""
     scene = small_world()

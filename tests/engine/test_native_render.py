@@ -108,6 +108,13 @@ def test_waves_are_complete_pictures() -> None:
     assert all(wave.complete for wave in waves)
 
 
+def test_no_wave_is_lost_when_waves_are_quick() -> None:
+    waves: list[int] = []
+    scene = s.Scene(view_from_above(1), world=s.World(background=(1, 1, 1)))
+    engine.render(scene, engine.Settings(samples=1024), on_wave=lambda film: waves.append(film.samples))
+    assert waves == [2**k for k in range(11)]
+
+
 def test_progress_rises_to_one() -> None:
     fractions: list[float] = []
     engine.render(busy_scene(), BUSY, on_progress=fractions.append)
@@ -236,6 +243,12 @@ def test_bad_settings_are_refused_with_a_sentence() -> None:
     assert "is empty" in refusal(SOUND, region=(3, 0, 3, 16))
     assert "more than 64 bounces" in refusal(SOUND, max_bounces=65)
     assert "no such pass: Cost" in refusal(SOUND, passes=frozenset({"Cost"}))
+
+
+def test_memory_that_cannot_be_had_is_named() -> None:
+    huge = replace(SOUND, camera=replace(SOUND.camera, resolution=(1 << 20, 1 << 20)))
+    with pytest.raises(MemoryError, match=r"1048576 by 1048576 pixels with 4 channels needs 52776\.6 GB"):
+        native.render_native(huge, engine.Settings(samples=1))
 
 
 def test_many_problems_are_all_told() -> None:

@@ -84,6 +84,18 @@ def test_highlight_only_where_the_light_is_above() -> None:
     assert color(plane(s.Lobe("SPECULAR", exponent=0.0), lights=(below,))).max() == 0
 
 
+def test_exponent_zero_is_constant_over_the_lit_side() -> None:
+    """0^0 = 1: even where n·h < 0, as a shading normal bent away from the viewer has it."""
+    n, to_light = np.array([0.96, 0.0, -0.28]), np.array([0.28, 0.96, 0.0])
+    mesh = square()
+    mesh = s.Mesh("bent", mesh.vertices, mesh.triangles, normals=s.Attribute("n", s.POINT, np.tile(n.astype(np.float32), (4, 1))))
+    assert n @ to_light > 0 > n @ (to_light + [0, 0, 1])
+    sun = lamp("SUN", axes=np.column_stack([(0.96, -0.28, 0), (0, 0, 1), to_light]), strength=np.pi, cast_shadow=False)
+    for exponent, value in ((0.0, 1.0), (1.0, 0.0)):
+        picture = color(plane(s.Lobe("SPECULAR", exponent=exponent), lights=(sun,), mesh=mesh))
+        assert np.abs(picture - value).max() <= ROUNDING, exponent
+
+
 def test_ambient_and_emission_need_no_light() -> None:
     world = s.World(ambient=(0.2, 0.3, 0.4))
     scene = plane(s.Lobe("AMBIENT", constant(0.5)), s.Lobe("EMISSION", constant(1.0, 2.0, 3.0)), lights=(), world=world)
@@ -181,7 +193,7 @@ def test_snell_through_a_slab() -> None:
 
 
 def test_ball_of_glass_bends_rays_twice() -> None:
-    """Parallel rays through a ball: in at the angle a, out after the central angle pi - 2 b, turned by 2 (a - b); they meet a ramp below."""
+    """Parallel rays through a ball: in at the angle a, out after the central angle π − 2b, turned by 2(a − b); a ramp lies below."""
     radius, ior, depth = 0.875, 1.5, 3.0
     ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.array([radius], np.float32))
     pixels = np.zeros((1, 2, 4), np.float32)
@@ -248,7 +260,7 @@ def test_film_transparent_and_holdout_lose_alpha() -> None:
     world = s.World(background=(1, 1, 1), transparent=True)
     instances = (placed(0, (0,), z=1.0), placed(1, (0,), holdout=True))
     scene = s.Scene(view_from_above(), (square(), square(0.5)), instances, (veil,), (), (), world)
-    picture = draw(scene).combined
+    picture = draw(scene, samples=3, filter_width=0.0).combined
     assert np.array_equal(picture[..., :3], np.zeros((16, 16, 3)))
     agree(picture[..., 3], np.full((16, 16), 0.5))
     seen = draw(s.Scene(view_from_above(), (square(), square(0.5)), instances, (veil,), (), (), s.World(background=(1, 1, 1)))).combined

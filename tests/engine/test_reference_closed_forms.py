@@ -6,50 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from engine_scenes import at, ball_mesh, box_mesh, constant, grid_mesh, look_at
 from glint import engine
 from glint.engine import scene as s
-from glint.engine.reference.optics import blinn_phong, fresnel
-from glint.engine.reference.pulse import Pulse
-from glint.engine.reference.trace import Tracer
+from glint.engine.reference.optics import blinn_phong, fresnel, reflected, refracted
 from glint.engine.sampling import light_points
+from test_reference_support import DIFFUSE, EYE, K_D, PI, POINT, ROUNDING, VIEW, color, floor, hard, material, values
 
-PI = np.pi
-ROUNDING = 1e-12
-"""Some thousand roundings of float64 (1.1e-16 each)."""
 MANY = 512
 LAW = np.log(MANY) / MANY
 """Light samples, and how far the mean over as many points of the R2 sequence may be off: its discrepancy falls like log n / n."""
-PASSES = frozenset(engine.PASSES) - {"Combined"}
-
-
-def values(scene: s.Scene, **settings) -> dict[str, np.ndarray]:
-    """Passes in float64, (h, w, channels)."""
-    assert scene.problems() == []
-    options = {"samples": 1, "light_samples": 1, "passes": PASSES} | settings
-    tracer = Tracer(scene, engine.Settings(backend="NUMPY", **options), Pulse(lambda: False))
-    assert tracer.run()
-    nx, ny = scene.camera.resolution
-    return {name: array.T.reshape(ny, nx, -1) for name, array in tracer.picture.means().items()}
-
-
-def color(scene: s.Scene, **settings) -> np.ndarray:
-    return values(scene, **settings)["Combined"][..., :3]
-
-
-def material(*lobes: s.Lobe) -> s.Material:
-    return s.Material("m", lobes)
-
-
-DIFFUSE = s.Lobe("DIFFUSE", constant(0.8, 0.5, 0.2))
-K_D = np.array([0.8, 0.5, 0.2])
-EYE = np.array([0.3, -2.6, 1.9])
-VIEW = s.Camera("PERSPECTIVE", look_at(EYE, (0, 0, 0)), (-0.3, 0.3, -0.2, 0.2), (9, 6))
-
-
-def floor(*lobes: s.Lobe, lights=(), camera=VIEW, world=None) -> s.Scene:
-    """The plane z = 0 under a camera."""
-    return s.Scene(camera, (grid_mesh(1, 50.0),), (s.Instances("f", 0, at(), (0,)),), (material(*lobes),), (), lights, world or s.World())
 
 
 def viewing_rays(camera: s.Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -80,14 +47,6 @@ def test_depth_and_position_are_those_of_the_viewing_rays() -> None:
     depth = (floor_points() - EYE) @ -VIEW.world_from_camera[:, 2]
     assert np.allclose(found["Depth"][..., 0], depth, rtol=ROUNDING)
     assert np.array_equal(found["Normal"], np.broadcast_to([0.0, 0.0, 1.0], (6, 9, 3)))
-
-
-POINT = np.array([0.4, 0.7, 1.3])
-
-
-def hard(kind: str, **more) -> s.Light:
-    frame = look_at(POINT, (0.1, 0.2, 0.0))
-    return s.Light(kind, kind, frame, (1.0, 0.6, 0.3), 7.0, **more)
 
 
 def expected_intensity(light: s.Light, x: np.ndarray, illumination: str) -> tuple[np.ndarray, np.ndarray]:
@@ -187,6 +146,19 @@ def test_soft_sun_above_a_plane_is_a_hard_one() -> None:
     assert np.allclose(hard_sun, soft_sun, rtol=LAW)
 
 
+def test_soft_shadows_end_on_the_sphere() -> None:
+    """A ball within the light takes nothing away, one round it everything."""
+    light = s.Light("l", "POINT", look_at((0, 0, 1.5), (0, 0, 0), (0, 1, 0)), radius=0.4)
+    base = floor(DIFFUSE, lights=(light,))
+    for radius, share in ((0.39, 0.0), (0.41, -1.0)):
+        ball = s.Spheres("ball", np.array([[0, 0, 1.5]], np.float32), np.array([radius], np.float32))
+        inside = s.Instances("ball", 1, at(), (0,), visible_camera=False)
+        scene = replace(base, geometries=(*base.geometries, ball), instances=(*base.instances, inside))
+        found = values(scene, light_samples=16)
+        assert np.allclose(found["Shadow"], share * found["Diffuse"], rtol=ROUNDING)
+        assert found["Diffuse"].min() > 0
+
+
 def test_facing_disc_light() -> None:
     """soft_falloff at the point below: Σ cos θ cos θ_Q / (4π² d² n) over the disc, straight from the sample points."""
     light = s.Light("l", "POINT", look_at((0, 0, 1.5), (0, 0, 0), (0, 1, 0)), strength=5.0, radius=0.4, soft_falloff=True)
@@ -237,9 +209,7 @@ def test_fresnel_at_normal_incidence_brewster_and_total_reflection() -> None:
 
 def slab(ior: float, down: bool = True) -> s.Scene:
     """Looking through the one face z = 0 of glass at a glowing floor below, from above or from inside."""
-    glass = material(
-        s.Lobe("REFRACTION", constant(1.0), ior=ior, fresnel=True), s.Lobe("MIRROR", constant(1.0), ior=ior, fresnel=True)
-    )
+    glass = material(s.Lobe("REFRACTION", constant(1.0), ior=ior, fresnel=True), s.Lobe("MIRROR", constant(1.0), ior=ior, fresnel=True))
     glow = s.Material("glow", (s.Lobe("EMISSION", constant(1.0)),))
     flip = 1.0 if down else -1.0
     placed = (s.Instances("glass", 0, at((0, 0, 0), np.diag([1, flip, flip])), (0,)), s.Instances("floor", 0, at((0, 0, -3)), (1,)))
@@ -253,6 +223,16 @@ def test_refraction_carries_what_fresnel_leaves(down: bool) -> None:
     found = color(slab(1.5, down))
     assert np.allclose(found[..., 0], 1 - fresnel(cosine, index), rtol=1e-12, atol=1e-15)
     assert down or (found == 0).any()  # total reflection
+
+
+def test_reflected_and_refracted_rays_are_both_followed() -> None:
+    """F of a ceiling that glows with 2 and 1 − F of a floor that glows with 1."""
+    scene = slab(1.5)
+    ceiling = s.Instances("ceiling", 0, at((0, 0, 10)), (2,))
+    bright = s.Material("bright", (s.Lobe("EMISSION", constant(2.0)),))
+    scene = replace(scene, instances=(*scene.instances, ceiling), materials=(*scene.materials, bright))
+    _, d = viewing_rays(VIEW)
+    assert np.allclose(color(scene)[..., 0], 1 + fresnel(-unit(d)[..., 2], 1.5), rtol=1e-12)
 
 
 def test_refracted_rays_obey_snell() -> None:
@@ -274,6 +254,19 @@ def test_refracted_rays_obey_snell() -> None:
     assert np.allclose(found[..., :2], reached / 40 + 0.5, atol=1e-7)  # the UV map is float32
 
 
+def test_where_a_shading_normal_turns_away_the_geometric_one_takes_its_place() -> None:
+    """Mirror directions below the surface, and refraction at a normal that faces away from the ray."""
+    g = np.array([[0.0], [0.0], [1.0]])
+    d = unit(np.array([1.0, 0.0, -0.1]))[:, None]
+    towards, away = (unit(np.array([x, 0.0, 1.0]))[:, None] for x in (-0.3, 0.3))
+    assert np.allclose(reflected(d, towards, g), d - 2 * (d * towards).sum() * towards)
+    assert np.allclose(reflected(d, away, g), d * [[1], [1], [-1]])
+    bent, passes = refracted(d, away, g, np.array([1.5]))
+    assert passes[0]
+    assert np.allclose(bent[0], d[0] / 1.5)
+    assert bent[2] < 0
+
+
 def test_alpha_compositing() -> None:
     """c = α c_f + (1 − α) c_b (section 3.6b), and alpha 1 − (1 − α)² of two sheets before nothing."""
     alpha = 0.3
@@ -283,16 +276,28 @@ def test_alpha_compositing() -> None:
     scene = s.Scene(camera, (grid_mesh(),), sheets, (leaf,), world=s.World(background=(0.2, 0.2, 0.2)))
     over = alpha * 0.9 + (1 - alpha) * (alpha * 0.9 + (1 - alpha) * 0.2)
     assert np.allclose(color(scene), over, rtol=1e-14)
-    clear = values(replace(scene, world=s.World(transparent=True, background=(0.2, 0.2, 0.2))))
+    clear = values(replace(scene, world=s.World(transparent=True, background=(0.2, 0.2, 0.2))), samples=3)
     assert np.allclose(clear["Combined"][..., 3], 1 - (1 - alpha) ** 2, rtol=1e-14)
+
+
+def test_coincident_sheets_are_passed_as_one() -> None:
+    """Two sheets cut along different diagonals, whose depths differ by rounding, and rays through both diagonals."""
+    quad = grid_mesh(1, 3.0)
+    other = replace(quad, triangles=np.array([[0, 1, 2], [1, 3, 2]], np.uint32))
+    camera = s.Camera("PERSPECTIVE", look_at((0.1, -1, 2.3), (0, 0, 0)), (-0.3, 0.3, -0.3, 0.3), (41, 41))
+    tilt = at((0, 0, 0), np.array([[1, 0, 0.1], [0.2, 1, 0], [0.3, 0.7, 1]]))
+    sheets = (s.Instances("a", 0, tilt, (0,)), s.Instances("b", 1, tilt, (0,)))
+    clear = material(s.Lobe("TRANSPARENT", constant(0.5)))
+    scene = s.Scene(camera, (quad, other), sheets, (clear,), world=s.World(background=(1.0,) * 3))
+    assert (color(scene) == 0.5).all()
 
 
 def test_transparent_surfaces_end_after_128() -> None:
     sheets = np.concatenate([at((0, 0, -0.01 * k)) for k in range(129)])
     for count, expected in ((128, 1.0), (129, 0.0)):
         camera = s.Camera("ORTHOGRAPHIC", look_at((0, 0, 5), (0, 0, 0), (0, 1, 0)), (-1, 1, -1, 1), (2, 2))
-        clear = material(s.Lobe("TRANSPARENT", constant(1.0)))
-        scene = s.Scene(camera, (grid_mesh(),), (s.Instances("s", 0, sheets[:count], (0,)),), (clear,), world=s.World(background=(1.0,) * 3))
+        clear, world = material(s.Lobe("TRANSPARENT", constant(1.0))), s.World(background=(1.0,) * 3)
+        scene = s.Scene(camera, (grid_mesh(),), (s.Instances("s", 0, sheets[:count], (0,)),), (clear,), world=world)
         assert (color(scene) == expected).all()
 
 

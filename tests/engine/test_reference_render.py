@@ -7,12 +7,13 @@ from time import process_time
 
 import numpy as np
 import pytest
+
 from engine_scenes import SCENES, at, ball_mesh, box_mesh, camera, constant, grid_mesh, light, look_at, stage, surface
 from glint import engine
 from glint.engine import scene as s
 from glint.engine.reference import generations, trace
 from glint.engine.sampling import pixel_offsets
-from test_reference_closed_forms import PASSES, color, floor, hard, material, values
+from test_reference_support import PASSES, color, floor, hard, material, values
 
 SETTINGS = engine.Settings(samples=2, light_samples=2, backend="NUMPY", passes=PASSES)
 GLOW = s.Lobe("EMISSION", constant(1.0))
@@ -109,9 +110,10 @@ def test_should_stop_is_asked_every_50_ms() -> None:
 def test_clip_range_is_closed() -> None:
     """Hits exactly at clip_start and clip_end count; just outside they do not."""
     sheets = (s.Instances("s", 0, np.concatenate([at((0, 0, z)) for z in (0.0, 1.0, 2.0)]), (0,), object_index=1),)
+    ranges = (((0, np.inf), 2), ((2, 9), 2), ((2.0001, 9), 3), ((3, 3.5), 3), ((2.5, 3), 3), ((2.1, 2.9), 1e10), ((3.5, 4), 4))
     for kind in ("PERSPECTIVE", "ORTHOGRAPHIC"):
         view = s.Camera(kind, look_at((0, 0, 4), (0, 0, 0), (0, 1, 0)), (-0.1, 0.1, -0.1, 0.1), (2, 2))
-        for clip, depth in (((0, np.inf), 2), ((2, 9), 2), ((2.0001, 9), 3), ((3, 3.5), 3), ((2.5, 3), 3), ((2.1, 2.9), 1e10), ((3.5, 4), 4)):
+        for clip, depth in ranges:
             clipped = replace(view, clip_start=clip[0], clip_end=clip[1])
             found = values(s.Scene(clipped, (grid_mesh(),), sheets, (material(GLOW),)))
             assert np.allclose(found["Depth"], depth, rtol=1e-15), (kind, clip)
@@ -173,11 +175,27 @@ def test_a_light_at_a_vertex_lights() -> None:
     tent = grid_mesh(2, 1.0, lambda x, y: np.where((x == 0) & (y == 0), 1.0, 0.0))
     lamp = s.Light("l", "POINT", at((0, 0, 1))[0])
     base = floor(s.Lobe("DIFFUSE", constant(1.0)), lights=(lamp,))
-    under = replace(base, geometries=(*base.geometries, tent), instances=(*base.instances, s.Instances("t", 1, at(), (0,), visible_camera=False)))
+    hidden = s.Instances("t", 1, at(), (0,), visible_camera=False)
+    under = replace(base, geometries=(*base.geometries, tent), instances=(*base.instances, hidden))
     found = values(under)
     floor_only = values(base)
     beyond = np.abs(floor_only["Position"][..., :2]).max(-1) > 1.01
     assert np.allclose(found["Combined"][beyond], floor_only["Combined"][beyond], rtol=1e-9)
+
+
+def test_a_light_on_a_tilted_face_lights_what_is_under_it() -> None:
+    """Within rounding of the face, wherever on it: the open segment does not end in the face."""
+    generator = np.random.default_rng(4)
+    tilted = np.array([[0.3, 0.1, 0.2], [0.1, 0.3, -0.1], [0.2, 0.1, 0.3]])
+    base = floor(s.Lobe("DIFFUSE", constant(1.0)))
+    roof = s.Instances("roof", 1, at((0.1, 0.2, 1.3), tilted), (0,), visible_camera=False)
+    scene = replace(base, geometries=(*base.geometries, grid_mesh(1, 1.0)), instances=(*base.instances, roof))
+    for x, y in generator.uniform(-0.9, 0.9, (20, 2)):
+        place = tilted @ [x, y, 0] + [0.1, 0.2, 1.3]
+        found = values(replace(scene, lights=(s.Light("l", "POINT", at(place)[0]),)))
+        below = (found["Position"] - place) @ np.linalg.inv(tilted)[2] < -0.3
+        assert below.any()
+        assert not found["Shadow"][below].any()
 
 
 def test_blockers_behind_the_light_cast_no_shadow() -> None:

@@ -6,13 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from engine_scenes import at, ball_mesh, camera, checker, constant, grid_mesh, look_at
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.reference.shapes import meet_ball
 from glint.engine.reference.textures import Image
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from test_reference_closed_forms import ROUNDING, color, floor, material, values
+from test_reference_support import ROUNDING, color, floor, geometry_of, material, values
 
 DOWN = s.Camera("ORTHOGRAPHIC", look_at((0, 0, 5), (0, 0, 0), (0, 1, 0)), (-1, 1, -1, 1), (8, 8))
 GLOW = s.Lobe("EMISSION", constant(1.0))
@@ -139,7 +141,8 @@ def test_slots_without_a_material() -> None:
     assert np.allclose(color(bare), 0.4, rtol=1e-15)
 
 
-MATRICES = [np.eye(3), np.diag([1, 1, -1]), np.diag([0.3, 2, 1]), np.array([[1, 0.5, 0], [0, 1, -0.4], [0.2, 0, 1]]), np.diag([-1, -2, -0.7])]
+SHEAR = np.array([[1, 0.5, 0], [0, 1, -0.4], [0.2, 0, 1]])
+MATRICES = [np.eye(3), np.diag([1, 1, -1]), np.diag([0.3, 2, 1]), SHEAR, np.diag([-1, -2, -0.7])]
 
 
 @pytest.mark.parametrize("matrix", MATRICES, ids=str)
@@ -157,8 +160,8 @@ def test_normals_under_odd_matrices(matrix: np.ndarray) -> None:
         flat = values(replace(scene, geometries=(replace(mesh, normals=None),)))["Normal"][hit]
         assert ((flat * (position - view.world_from_camera[:, 3])).sum(-1) <= 0).all()
         if smooth:
-            on_ball = position @ np.linalg.inv(matrix).T
-            assert ((normal * (on_ball @ np.linalg.inv(matrix))).sum(-1) > 0.9 * np.linalg.norm(on_ball @ np.linalg.inv(matrix), axis=-1)).all()
+            radial = position @ np.linalg.inv(matrix).T @ np.linalg.inv(matrix)
+            assert ((normal * radial).sum(-1) > 0.9 * np.linalg.norm(radial, axis=-1)).all()
         assert hit.any()
 
 
@@ -219,19 +222,26 @@ def test_true_spheres_exactly() -> None:
 
 
 def test_far_spheres_keep_their_outline() -> None:
-    """At distance / radius 1e4: inside is where the ray passes nearer than the radius, all pixels (Haines' form)."""
+    """At distance / radius 1e8: inside is where the ray passes nearer than the radius, all pixels (Haines' form; b² − ac errs by 1)."""
     ball = s.Spheres("b", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
-    view = s.Camera("PERSPECTIVE", look_at((0, -1e4, 0), (0, 0, 0)), (-1.1e-4, 1.1e-4, -1.1e-4, 1.1e-4), (64, 64))
+    view = s.Camera("PERSPECTIVE", look_at((0, -1e8, 0), (0, 0, 0)), (-1.1e-8, 1.1e-8, -1.1e-8, 1.1e-8), (64, 64))
     found = values(s.Scene(view, (ball,), (s.Instances("b", 0, at(), (0,)),), (material(GLOW),)))
-    k = ((np.arange(64) + 0.5) / 32 - 1) * 1.1e-4
+    k = ((np.arange(64) + 0.5) / 32 - 1) * 1.1e-8
     u, v = np.meshgrid(k, k)
-    miss = 1e4 * np.sqrt((u * u + v * v) / (1 + u * u + v * v))
+    miss = 1e8 * np.sqrt((u * u + v * v) / (1 + u * u + v * v))
     assert np.array_equal(found["Depth"][..., 0] < 1e9, miss < 1)
+
+
+def test_a_ray_from_the_sphere_itself_has_both_roots() -> None:
+    balls = geometry_of(s.Spheres("b", np.zeros((1, 3), np.float32), np.ones(1, np.float32))).balls
+    o, d = np.array([[0.0], [0.0], [1.0]]), np.array([[0.0], [0.0], [-1.0]])
+    assert np.allclose(meet_ball(balls, np.zeros(1, np.intp), o, d)[:, 0], [0, 2], rtol=1e-15)
 
 
 def test_polygons_by_the_odd_even_rule() -> None:
     """A ring with a bridge: the hole is outside; a star drawn in one stroke is hollow in the middle. Crossings are counted downwards."""
-    ring = [(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9), (-0.9, -0.9), (-0.4, -0.4), (-0.4, 0.4), (0.4, 0.4), (0.4, -0.4), (-0.4, -0.4)]
+    outer = [(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9), (-0.9, -0.9)]
+    ring = outer + [(-0.4, -0.4), (-0.4, 0.4), (0.4, 0.4), (0.4, -0.4), (-0.4, -0.4)]
     star = [(np.sin(4 * np.pi * k / 5), np.cos(4 * np.pi * k / 5)) for k in range(5)]
     x, y = (k * 2 - 1 for k in uv_of_pixels())
     for outline in (ring, star):
@@ -288,6 +298,19 @@ def test_mirrors_see_what_their_flag_says_and_the_part_is_theirs() -> None:
         assert np.allclose(found["Mirror"], expected)
         assert np.array_equal(found["Combined"][..., :3], found["Mirror"])
         assert (found["Combined"][..., 3] == 1).all()
+
+
+def test_the_surface_at_the_point_itself_casts_no_shadow_on_it() -> None:
+    """Normals that lean inwards, as in a bowl: a light below the triangle's plane but above the shading normal's is not shadowed by it."""
+    angle = np.arange(3) * 2 * np.pi / 3
+    rim = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)
+    leaning = s.Attribute("n", s.POINT, (np.array([0, 0, 0.6]) - 0.8 * rim).astype(np.float32))
+    mesh = s.Mesh("bowl", rim.astype(np.float32), np.array([[0, 1, 2]], np.uint32), normals=leaning)
+    sun = s.Light("sun", "SUN", look_at((-1, 0, -0.2), (0, 0, 0)))
+    scene = s.Scene(DOWN, (mesh,), (s.Instances("b", 0, at(), (0,)),), (material(s.Lobe("DIFFUSE", constant(1.0))),), (), (sun,))
+    found = values(scene)
+    assert found["Diffuse"].max() > 0
+    assert not found["Shadow"].any()
 
 
 def test_smooth_coarse_meshes_do_not_shadow_themselves() -> None:

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from engine_scenes import at, ball_mesh, box_mesh, camera, grid_mesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine_scenes import at, ball_mesh, box_mesh, grid_mesh
 from glint.engine import scene as s
-from glint.engine.reference.geometry import Geometry, gather
+from glint.engine.reference import raster
+from glint.engine.reference import tree as tree_module
+from glint.engine.reference.geometry import Geometry
 from glint.engine.reference.pulse import Pulse
 from glint.engine.reference.raster import sorted_strips
 from glint.engine.reference.rays import Bundle, Frame, Pencil, hit_triangles
@@ -14,16 +19,10 @@ from glint.engine.reference.shadows import cube_frame, parallel_frame
 from glint.engine.reference.tree import NONE, build
 from glint.engine.reference.vectors import transform, unit
 from glint.engine.reference.visibility import NOTHING, Visibility
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from test_reference_support import geometry_of
 
 QUIET = Pulse(lambda: False)
 SEEDS = st.integers(0, 2**32 - 1)
-
-
-def geometry_of(*meshes: s.Mesh | s.Spheres | s.Polygons, matrix: np.ndarray | None = None, **flags) -> Geometry:
-    placed = tuple(s.Instances(m.name, k, at() if matrix is None else matrix, (), **flags) for k, m in enumerate(meshes))
-    return gather(s.Scene(camera(), meshes, placed), np.zeros(3))
 
 
 def visibility_of(geometry: Geometry) -> Visibility:
@@ -107,6 +106,21 @@ def test_raster_finds_what_brute_force_finds(seed: int) -> None:
         primitive, depth = brute_force(geometry, rays)
         assert np.array_equal(hits.primitive, primitive)
         assert np.array_equal(hits.depth, depth)
+
+
+@settings(max_examples=25, deadline=None)
+@given(SEEDS)
+def test_raster_finds_triangles_that_reach_behind_its_point(seed: int) -> None:
+    """Large triangles round the point, seen through a narrow window off the axis."""
+    generator = np.random.default_rng(seed)
+    corners = 5 * generator.normal(size=(100, 3, 3))
+    mesh = s.Mesh("m", corners.reshape(-1, 3).astype(np.float32), np.arange(300, dtype=np.uint32).reshape(-1, 3))
+    geometry, point = geometry_of(mesh), generator.normal(size=3)
+    targets = point[:, None] + generator.uniform(0.1, 1, 3)[:, None] + 0.05 * generator.normal(size=(3, 60))
+    for face in (0, 2, 4):
+        rays = pencil_through(geometry, point, targets, face)
+        if len(rays):
+            assert np.array_equal(visibility_of(geometry).closest(rays, "camera").primitive, brute_force(geometry, rays)[0])
 
 
 @settings(max_examples=10, deadline=None)
@@ -232,9 +246,8 @@ def test_flags_hide_instances_from_their_kind_of_ray_only() -> None:
 
 def test_blocked_counts_surfaces_once_and_only_within_the_segment() -> None:
     """Three half transparent sheets, two of them coincident; rays end before, between and beyond."""
-    sheets = s.Mesh("q", np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.uint32))
     matrices = np.concatenate([at((0, 0, z)) for z in (1.0, 1.0, 2.0)])
-    geometry = geometry_of(sheets, matrix=matrices)
+    geometry = geometry_of(grid_mesh(1, 1.0), matrix=matrices)
     visibility = Visibility(geometry, np.zeros(geometry.count, bool), QUIET)
     far = np.array([0.5, 1.0, 1.5, 2.5])
     zero = np.zeros(4)
@@ -253,3 +266,17 @@ def test_ties_are_measured_by_the_coordinates_not_by_the_distance() -> None:
     for above, down in ((0.003, -1.0), (-0.003, 1.0)):
         rays = Bundle.of(np.array([[0.1], [0.3], [3 + above]]), np.array([[0.0], [0.0], [down]]), np.zeros(1), np.full(1, np.inf))
         assert visibility_of(geometry).closest(rays, "camera").primitive[0] in (0, 1)
+
+
+def test_the_nearer_of_two_close_sheets_wins_whichever_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pair by pair, so that what a ray has met already is known when the next comes."""
+    monkeypatch.setattr(raster, "PAIRS", 1)
+    monkeypatch.setattr(tree_module, "PAIRS", 8)
+    for first, second in ((1.0, 1.0 - 1e-6), (1.0 - 1e-6, 1.0)):
+        geometry = geometry_of(grid_mesh(1, 1.0), matrix=np.concatenate([at((0, 0, first)), at((0, 0, second))]))
+        targets = np.array([[0.1, 0.2], [0.3, -0.1], [1.0, 1.0]])
+        up = np.repeat(np.array([[0.0], [0.0], [1.0]]), 2, 1)
+        bundle = Bundle.of(targets - 2 * up, up, np.zeros(2), np.full(2, np.inf))
+        for rays in (pencil_through(geometry, np.zeros(3), targets, 4), pencil_along(geometry, np.array([0.0, 0.0, 1.0]), targets), bundle):
+            row = geometry.row[visibility_of(geometry).closest(rays, "camera").primitive]
+            assert (row == int(second < first)).all()

@@ -77,7 +77,8 @@ int main(int argc, char** argv) {
     big = Accel::build({large.view()}, {i}, threads, cancel);
     best = std::min(best, big->stats().seconds), work = std::min(work, now() - start);
   }
-  std::printf("%zu triangles: %.3f s on %d threads (best of 5; %.3f s of processor time), %.1f bytes a triangle, %zu nodes\n", large.count(), best, threads, work,
-              double(big->stats().bytes) / double(large.count()), big->stats().nodes);
+  const AccelStats stats = big->stats();
+  std::printf("%zu triangles: %.3f s on %d threads (best of 5; %.3f s of processor time)\n", large.count(), best, threads, work);
+  std::printf("%.1f bytes a triangle, %zu nodes\n", double(stats.bytes) / double(large.count()), stats.nodes);
   rays_a_second(large, *big);
 }

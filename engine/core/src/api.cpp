@@ -1,6 +1,7 @@
 // The C functions of glint.h: catch everything, turn it into text.
 #include <cstring>
 #include <new>
+#include <stdexcept>
 
 #include "job.h"
 #include "math.h"
@@ -31,6 +32,8 @@ auto guarded(char* error, size_t size, Make make) -> decltype(make()) {
   try {
     return make();
   } catch (const std::bad_alloc&) {
+    tell(error, size, "out of memory");
+  } catch (const std::length_error&) {  // more than a vector can ever hold
     tell(error, size, "out of memory");
   } catch (const std::exception& e) {
     tell(error, size, e.what());

@@ -64,7 +64,8 @@ void check_mesh(const GlintSceneData& d, const GlintGeometry& g, ull number, Rep
   report.add(end <= g.vertex_count, "geometry %llu: a triangle names vertex %llu of %llu", number, ull(end - 1), ull(g.vertex_count));
   if (g.normals.values) {
     check_attribute(g, g.normals, corner_end, number, "normals", report);
-    report.add(g.normals.channels == 3 && g.normals.domain != GLINT_FACE, "geometry %llu: normals are not (k, 3) on POINT or CORNER", number);
+    report.add(g.normals.channels == 3 && g.normals.domain != GLINT_FACE, "geometry %llu: normals are not (k, 3) on POINT, CORNER",
+               number);
   }
   for (uint32_t i = 0; i < g.attribute_count; ++i)
     check_attribute(g, d.attributes[g.first_attribute + i], corner_end, number, "an attribute", report);
@@ -142,16 +143,20 @@ void check_surroundings(const GlintSceneData& d, Report& report) {
   report.add(all_finite(c.world_from_camera, 12) && all_finite(c.window, 4), "camera: a number is not finite");
   report.add(any(affine(c.world_from_camera).z), "camera: its view direction is zero");
   report.add(c.clip_start >= 0 && c.clip_end >= c.clip_start, "camera: clip from %g to %g", c.clip_start, c.clip_end);
-  report.add(c.width >= 1 && c.height >= 1 && c.width <= 1u << 20 && c.height <= 1u << 20, "camera: resolution %u by %u", c.width, c.height);
+  bool sized = c.width >= 1 && c.height >= 1 && c.width <= 1u << 20 && c.height <= 1u << 20;
+  report.add(sized, "camera: resolution %u by %u", c.width, c.height);
   for (uint64_t i = 0; i < d.light_count; ++i)
     report.add(within(d.lights[i].kind, GLINT_AREA), "light %llu: unknown kind %d", ull(i), d.lights[i].kind);
 }
 
 void check_tables(const GlintSceneData& d, Report& report) {
-  report.add((d.geometries || !d.geometry_count) && (d.attributes || !d.attribute_count) && (d.instances || !d.instances_count) &&
-                 (d.world_from_object || !d.row_count) && (d.material_slots || !d.material_slot_count) && (d.textures || !d.texture_count) &&
-                 (d.inputs || !d.input_count) && (d.lobes || !d.lobe_count) && (d.materials || !d.material_count) && (d.lights || !d.light_count),
-             "a table is null but has a count");
+  const struct { const void* table; uint64_t count; } tables[] = {
+      {d.geometries, d.geometry_count}, {d.attributes, d.attribute_count},         {d.instances, d.instances_count},
+      {d.world_from_object, d.row_count}, {d.material_slots, d.material_slot_count}, {d.textures, d.texture_count},
+      {d.inputs, d.input_count},        {d.lobes, d.lobe_count},                   {d.materials, d.material_count},
+      {d.lights, d.light_count},
+  };
+  for (const auto& t : tables) report.add(t.table != nullptr || t.count == 0, "a table is null but has %llu rows", ull(t.count));
   report.add(d.geometry_count <= kMaxCount && d.lobe_count < kMaxCount && d.material_count < kMaxCount, "a table is too long");
 }
 

@@ -51,7 +51,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
 }
 
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
-    : scene_(scene), plan_(plan_of(settings)), film_(plan_.region, plan_.passes), tiles_(tiles_of(plan_.region)), thread_([this] { work(); }) {}
+    : scene_(scene), plan_(plan_of(settings)), film_(plan_.region, plan_.passes), tiles_(tiles_of(plan_.region)),
+      thread_([this] { work(); }) {}
 
 Job::~Job() {
   cancel();

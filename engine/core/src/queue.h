@@ -26,7 +26,7 @@ struct Queue {
   void push(const Ray& ray, const Path& path) { rays.push_back(ray), paths.push_back(path); }
 };
 
-/// Cuts a queue into pieces of at most `limit` rays, in order. All rays of a pixel stay in one piece, unless it alone has more than `limit`:
+/// Cuts a queue into pieces of at most `limit` rays, in order. All rays of a pixel stay in one piece unless it alone has more than `limit`:
 /// then its pieces hold its own first `limit`, the next `limit`, … So the cut of a pixel does not depend on other pixels.
 std::vector<Queue> split(const Queue& queue, size_t limit);
 

@@ -177,12 +177,14 @@ uint32_t Scene::material_of(const GlintInstances& group, uint32_t primitive) con
 std::vector<GeometryView> Scene::geometry_views() const {
   std::vector<GeometryView> views;
   for (const GlintGeometry& g : geometries)
-    views.push_back({GeometryView::Kind(g.kind), g.vertices, g.vertex_count, g.triangles, g.radii, g.offsets, g.indices, g.primitive_count});
+    views.push_back(
+        {GeometryView::Kind(g.kind), g.vertices, g.vertex_count, g.triangles, g.radii, g.offsets, g.indices, g.primitive_count});
   return views;
 }
 
 std::vector<InstanceView> Scene::instance_views() const {
-  static_assert(kCamera == uint32_t(GLINT_VISIBLE_CAMERA) && kMirror == uint32_t(GLINT_VISIBLE_MIRROR) && kShadow == uint32_t(GLINT_VISIBLE_SHADOW));
+  static_assert(kCamera == uint32_t(GLINT_VISIBLE_CAMERA) && kMirror == uint32_t(GLINT_VISIBLE_MIRROR));
+  static_assert(kShadow == uint32_t(GLINT_VISIBLE_SHADOW));
   std::vector<InstanceView> views;
   views.reserve(placements.size());
   for (const Placement& p : placements) {

@@ -12,8 +12,8 @@ struct Vec3 {
   constexpr Vec3(T a, T b, T c) : x(a), y(b), z(c) {}
   template <class U>
   explicit constexpr Vec3(const Vec3<U>& v) : x(T(v.x)), y(T(v.y)), z(T(v.z)) {}
-  constexpr T& operator[](int i) { return (&x)[i]; }
-  constexpr T operator[](int i) const { return (&x)[i]; }
+  constexpr T& operator[](int i) { return i == 0 ? x : i == 1 ? y : z; }  // not (&x)[i]: Clang miscompiles that
+  constexpr T operator[](int i) const { return i == 0 ? x : i == 1 ? y : z; }
 };
 
 using Vec3f = Vec3<float>;

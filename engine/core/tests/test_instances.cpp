@@ -91,6 +91,21 @@ TEST(instances, flattened) {
     }
 }
 
+// Flat not along an axis of the object: two columns are parallel.
+TEST(instances, flattened_by_shear) {
+  const Affine flat{{1, 0, 0}, {0.5, 0, 0}, {0, 0, 1}, {}};
+  for (int copies : {1, 2}) {
+    std::vector<Affine> matrices{flat};
+    if (copies == 2) matrices.push_back(translation({9, 9, 9}));
+    const Placed p(icosphere(2, 1, {}), matrices);
+    const auto accel = build(p.scene.geometries, p.scene.instances);
+    for (double side : {-3.0, 3.0}) {
+      const Hit h = closest(*accel, ray({0.1, side, 0.2}, {0, -side, 0}));
+      CHECK(h.instance == 0 && h.t == 1);
+    }
+  }
+}
+
 TEST(instances, a_line_or_a_point_is_no_surface) {
   const Placed line(icosphere(1, 1, {}), {scaled({1, 0, 0}), scaled({0, 0, 0}), translation({5, 0, 0})});
   const auto accel = build(line.scene.geometries, line.scene.instances);
@@ -102,7 +117,7 @@ TEST(instances, a_line_or_a_point_is_no_surface) {
 TEST(instances, far_and_small) {
   Random random(42);
   const Mesh mesh = icosphere(3, 1, {});
-  for (double distance : {1e2, 1e4, 1e6}) {
+  for (double distance : {1e2, 1e4, 1e7}) {
     const Placed p(mesh, {translation({distance, 0, 0}), translation({0, distance, 0})});
     const auto accel = build(p.scene.geometries, p.scene.instances);
     int wrong = 0;
@@ -110,7 +125,8 @@ TEST(instances, far_and_small) {
       const Vec3d c = p.scene.instances[size_t(k % 2)].world_from_object.t, side = cross(normalize(c), random.on_sphere());
       const double b = random.uniform(0, 1.5);
       if (std::fabs(b - 1) < 0.03) continue;  // the mesh is up to 0.01 inside the sphere
-      const Hit h = closest(*accel, ray({0, 0, 0}, c + b * normalize(side)));
+      const Vec3d o(0.1, 0.2, 0.3);
+      const Hit h = closest(*accel, ray(o, c + b * normalize(side) - o));
       wrong += b < 1 ? h.instance != uint32_t(k % 2) || std::fabs(h.t * length(c) - distance) > 1.1 : h.instance != Hit::kNone;
     }
     CHECK(wrong == 0);

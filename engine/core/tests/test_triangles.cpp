@@ -12,7 +12,7 @@ using namespace glint::test;
 
 namespace {
 
-InstanceView at(uint32_t geometry, const Affine& m = {}, uint32_t visibility = kCamera | kMirror | kShadow) { return {geometry, visibility, m}; }
+InstanceView at(uint32_t geometry, const Affine& m = {}) { return {geometry, kCamera | kMirror | kShadow, m}; }
 
 /// Rays of all sorts through a region of half width `half`.
 Ray any_ray(Random& random, double half) {
@@ -75,8 +75,12 @@ TEST(triangles, the_interval_is_open) {
   mesh.add(mesh.add({-1, -1, 0}), mesh.add({1, -1, 0}), mesh.add({0, 1, 0}));
   const auto accel = build(mesh);
   const double next = std::nextafter(2.0, 3.0), before = std::nextafter(2.0, 1.0);
-  const struct { double t_min, t_max; bool hit; } cases[] = {{0, 2, false}, {0, next, true}, {2, 9, false}, {before, 9, true}, {-3, 1, false},
-                                                             {std::nan(""), 9, false}, {0, std::nan(""), false}, {9, 0, false}};
+  const double nan = std::nan("");
+  const struct {
+    double t_min, t_max;
+    bool hit;
+  } cases[] = {{0, 2, false},  {0, next, true}, {2, 9, false},   {before, 9, true},
+               {-3, 1, false}, {nan, 9, false}, {0, nan, false}, {9, 0, false}};
   for (const auto& c : cases) {
     const Ray r = ray({0, 0, 2}, {0, 0, -1}, c.t_min, c.t_max);
     uint8_t blocked = 7;

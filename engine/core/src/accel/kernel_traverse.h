@@ -18,15 +18,18 @@ struct BoxRay {
 };
 
 /// Which children the ray meets, and where it enters them. Slabs ordered by the direction's signs; the far side is a little longer than
-/// computed (Ize 2013: two ulps; here eight, which covers the rounding of the triangle test's shear too). 0 * inf is NaN, for a ray inside a
-/// face of the box: `larger` and `smaller` then give up a bound or two, and at worst a box is entered in vain.
+/// computed (Ize 2013: two ulps; here eight, which covers the rounding of the triangle test's shear too). 0 * inf is NaN, for a ray inside
+/// a face of the box: `larger` and `smaller` then give up a bound or two, and at worst a box is entered in vain.
 inline uint32_t hit_boxes(const Node& n, const BoxRay& b, float* distance) {
   const float* planes = n.planes[0];
   uint32_t mask = 0;
   for (size_t first = 0; first < kWidth; first += kLanes, planes += kLanes) {
-    const Floats near_x = (load(planes + b.near_plane[0]) - b.near_o[0]) * b.inv[0], far_x = (load(planes + b.far_plane[0]) - b.far_o[0]) * b.inv[0];
-    const Floats near_y = (load(planes + b.near_plane[1]) - b.near_o[1]) * b.inv[1], far_y = (load(planes + b.far_plane[1]) - b.far_o[1]) * b.inv[1];
-    const Floats near_z = (load(planes + b.near_plane[2]) - b.near_o[2]) * b.inv[2], far_z = (load(planes + b.far_plane[2]) - b.far_o[2]) * b.inv[2];
+    const Floats near_x = (load(planes + b.near_plane[0]) - b.near_o[0]) * b.inv[0];
+    const Floats near_y = (load(planes + b.near_plane[1]) - b.near_o[1]) * b.inv[1];
+    const Floats near_z = (load(planes + b.near_plane[2]) - b.near_o[2]) * b.inv[2];
+    const Floats far_x = (load(planes + b.far_plane[0]) - b.far_o[0]) * b.inv[0];
+    const Floats far_y = (load(planes + b.far_plane[1]) - b.far_o[1]) * b.inv[1];
+    const Floats far_z = (load(planes + b.far_plane[2]) - b.far_o[2]) * b.inv[2];
     const Floats near = larger(larger(near_x, near_y), larger(near_z, b.t_min));
     const Floats far = smaller(smaller(smaller(far_x, far_y), far_z) * splat(1 + 0x1p-20f), b.t_max);
     store_lanes(distance + first, near);

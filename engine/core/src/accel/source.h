@@ -32,9 +32,8 @@ struct Tree {
   size_t bytes() const;
 };
 
-/// Makes the tree over all sources, which are of one kind. Primitives with a non-finite vertex or no extent are dropped and counted: triangles
-/// with two equal corners, polygons without area, spheres without radius. Flat triangles stay: at their edges they keep a mesh closed.
-/// A tree without primitives has count 0.
+/// Makes the tree over all sources, which are of one kind. Primitives with a non-finite vertex, an index out of range or no extent are
+/// dropped and counted: triangles and polygons whose area is exactly 0, spheres without radius. A tree without primitives has count 0.
 Tree make_tree(std::vector<Source>& sources, Team& team, const std::atomic<bool>& cancel);
 
 /// Makes the tree over boxes alone; `order` tells where they went.

@@ -69,7 +69,10 @@ void triangle_boxes(const Tree& tree, ChildRef c, std::vector<Box>& boxes) {
   const size_t first = c & kOrdinal, count = (c >> kCountShift & 7) + 1;
   const float* p = &tree.floats[9 * first];
   for (size_t k = 0; k < count; ++k)
-    for (size_t j = 0; j < 3; ++j) boxes[first + k].add(F4{p[3 * j * count + k], p[(3 * j + 1) * count + k], p[(3 * j + 2) * count + k], 0});
+    for (size_t j = 0; j < 3; ++j) {
+      const float* x = p + 3 * j * count + k;
+      boxes[first + k].add(F4{x[0], x[count], x[2 * count], 0});
+    }
 }
 
 Box sphere_box(const float* p) {

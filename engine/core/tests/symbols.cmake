@@ -1,0 +1,13 @@
+# Fails when a kernel's object file defines a weak function or variable, or when there is no kernel.
+list(FILTER OBJECTS INCLUDE REGEX "kernel_")
+list(LENGTH OBJECTS count)
+if(count EQUAL 0)
+  message(FATAL_ERROR "no kernels among the objects")
+endif()
+foreach(object ${OBJECTS})
+  execute_process(COMMAND ${NM} --defined-only ${object} OUTPUT_VARIABLE symbols COMMAND_ERROR_IS_FATAL ANY)
+  string(REGEX MATCHALL "[^\n]* [WVu] [^\n]*" weak "${symbols}")
+  if(weak)
+    message(FATAL_ERROR "${object} shares symbols: ${weak}")
+  endif()
+endforeach()
