@@ -343,3 +343,15 @@ def far_and_emitting() -> s.Scene:
         (light("POINT", far + [1.7, -2.2, 4.1], far),),
         GREY_WORLD,
     )
+
+
+@scene
+def clipped_lamps() -> s.Scene:
+    """Visible lights in front of, between and behind the clip planes."""
+    view = camera(clip_start=2.5, clip_end=6.5)
+    seen = {"visible_camera": True, "radius": 0.25, "strength": 60}
+    along = np.array([2.1, -4.3, 2.7]) - np.array([0, 0, 0.4])
+    lights = tuple(
+        light("POINT", np.array([0.3 * k - 0.6, 0, 0.4]) + share * along, **seen) for k, share in enumerate((0.7, 0.3, -0.1, -0.6))
+    )
+    return stage(camera=view, lights=lights)

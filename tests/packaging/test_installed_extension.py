@@ -37,7 +37,7 @@ def _pixels(path: Path) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def pictures(installed):
-    """Edition → (run, folder) of one render to PNG and EXR."""
+    """Edition → (run, Blender) of one render to PNG and EXR."""
     made = {}
     for edition in ("full", "python"):
         blender = installed(edition)
@@ -54,26 +54,26 @@ core = sys.modules.get("glint_core")
 answer({"backends": engine.available_backends(), "core": core.__file__ if core else ""})
 """
             ),
-            blender.folder,
+            blender,
         )
     return made
 
 
 @pytest.mark.parametrize("edition", ["full", "python"])
 def test_an_edition_renders_png_and_exr(pictures, edition):
-    run, folder = pictures[edition]
+    run, blender = pictures[edition]
     assert run.returncode == 0, run.output
     for name in ("picture.png", "picture.exr"):
-        pixels = _pixels(folder / name)
+        pixels = _pixels(blender.folder / name)
         assert pixels.shape[:2] == (48, 64)
         assert np.isfinite(pixels).all()
         assert pixels[..., :3].std() > 0.01, "the cube must stand out from its background"
 
 
 def test_the_full_edition_traces_with_the_core_of_its_own_wheel(pictures):
-    run, folder = pictures["full"]
+    run, blender = pictures["full"]
     assert run.answer["backends"] == ["NATIVE", "NUMPY"], run.output
-    assert run.answer["core"].startswith(str(folder)), "the core came from somewhere else"
+    assert run.answer["core"].startswith(blender.inside(blender.folder)), "the core came from somewhere else"
     assert "NumPy tracer" not in run.output
 
 
@@ -85,7 +85,7 @@ def test_the_python_edition_says_once_per_render_that_numpy_traces(pictures):
 
 def test_both_editions_draw_the_same_picture(pictures):
     """float32 tracing against float64: 1e-4 of the radiance, and no pixel that sees something else."""
-    full, python = (_pixels(pictures[edition][1] / "picture.exr") for edition in ("full", "python"))
+    full, python = (_pixels(pictures[edition][1].folder / "picture.exr") for edition in ("full", "python"))
     np.testing.assert_allclose(full, python, rtol=1e-4, atol=1e-6)
 
 

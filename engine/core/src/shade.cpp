@@ -1,6 +1,8 @@
 // Letters: d ray direction, n shading normal, g geometric normal, T weight to the pixel, k coefficient of a lobe.
 #include "shade.h"
 
+#include <algorithm>
+
 #include "math.h"
 
 namespace glint {
@@ -101,7 +103,7 @@ void Shader::seen_lights(const Ray& ray, const Path& path, double t) const {
   for (const Light& light : scene_.lights) {
     if (!(light.flags & flag)) continue;
     double meets = light.meets(ray.o, ray.d);
-    bool before = light.endless() ? meets > 0 && t == kInfinity : meets > path.from && meets < t;
+    bool before = light.endless() ? meets > 0 && t == kInfinity : meets > path.from && meets > ray.t_min && meets < std::min(t, ray.t_max);
     if (before) film_.add(path.pixel, part_of(path, GLINT_PASS_EMISSION), path.T * light.radiance(ray.d, plan_.physical));
   }
 }

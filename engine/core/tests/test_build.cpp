@@ -7,6 +7,7 @@
 #include <new>
 #include <thread>
 
+#include "../src/accel/builder.h"
 #include "check.h"
 #include "shapes.h"
 
@@ -58,6 +59,23 @@ TEST(build, many) {
     const auto accel = build(soup(random, n, 1, 0.03));
     CHECK(accel->stats().primitives == n);
   }
+}
+
+// A crowd and a few far away: the heuristic cuts between them, halves would not.
+TEST(build, boxes_do_not_span_the_void) {
+  Random random(6);
+  std::vector<Ref> refs;
+  for (uint32_t k = 0; k < 40000; ++k) {
+    const Vec3d p = (k % 400 ? Vec3d{0, 0, 0} : Vec3d{100, 30, 0}) + random.in_box(1);
+    BoxD box;
+    box.add(p), box.add(p + Vec3d(0.01, 0.01, 0.01));
+    refs.push_back(make_ref(box, k, 0));
+  }
+  Team team(2);
+  const std::atomic<bool> cancel{false};
+  const NodeTree tree = build_nodes(refs.data(), refs.size(), {}, team, cancel);
+  for (size_t n = 0; n < tree.nodes.size; ++n)
+    for (int lane = 0; lane < kWidth; ++lane) CHECK(!(tree.nodes[n].planes[0][lane] < 2 && tree.nodes[n].planes[1][lane] > 90));
 }
 
 TEST(build, all_coincident) {

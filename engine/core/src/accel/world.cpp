@@ -32,15 +32,13 @@ std::vector<uint32_t> count_uses(const std::vector<GeometryView>& geometries, co
 }  // namespace
 
 bool inverse(const Affine& m, Affine& linear) {
-  const double lx = length(m.x), ly = length(m.y), lz = length(m.z);
-  const double ix = 1 / lx, iy = 1 / ly, iz = 1 / lz;
-  if (!(lx > 0 && ly > 0 && lz > 0 && std::isfinite(ix) && std::isfinite(iy) && std::isfinite(iz))) return false;
+  const double ix = 1 / length(m.x), iy = 1 / length(m.y), iz = 1 / length(m.z);
   const Vec3d x = ix * m.x, y = iy * m.y, z = iz * m.z;
   const double det = dot(x, cross(y, z));
-  if (!(std::fabs(det) > 1e-8)) return false;
+  if (!(std::fabs(det) > 1e-8)) return false;  // NaN for a column of length 0
   const Vec3d a = (ix / det) * cross(y, z), b = (iy / det) * cross(z, x), c = (iz / det) * cross(x, y);  // rows
   linear = {{a.x, b.x, c.x}, {a.y, b.y, c.y}, {a.z, b.z, c.z}, {}};
-  return true;
+  return finite(linear);
 }
 
 BoxD world_box(const Box& box, const Affine& m) {
