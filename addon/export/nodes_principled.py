@@ -8,6 +8,7 @@ from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, 
 from .fresnel import ior_from_reflectance, normal_reflectance
 from .nodes_shader import (
     coat_closure,
+    diffuse_closure,
     glass_closure,
     glossy_closure,
     is_multiscatter,
@@ -15,11 +16,10 @@ from .nodes_shader import (
     sound_ior,
     under_alpha,
 )
-from .roughness import layer_loss
+from .roughness import layer_loss, sheen_albedo
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply, scale
 
 _LEFT_OUT = {
-    "Sheen Weight": "sheen",
     "Thin Film Thickness": "thin film",
     "Anisotropic": "anisotropy",
     "Diffuse Roughness": "diffuse roughness",
@@ -37,7 +37,7 @@ def _principled(view: NodeView) -> Closure:
         scale_closure(_glass(view, base, roughness), multiply(insulator, transmission)) if transmission else {},
         {LobeKey("EMISSION"): multiply(view.color("Emission Color"), view.number("Emission Strength"))},
     )
-    return under_alpha(_coated(view, surface), view.factor("Alpha", 1.0))
+    return under_alpha(_sheened(view, _coated(view, surface)), view.factor("Alpha", 1.0))
 
 
 def plastic_closure(base: Sum, tint: Sum, roughness: float, ior: float, multiscatter: bool) -> Closure:
@@ -75,6 +75,16 @@ def _coated(view: NodeView, surface: Closure) -> Closure:
     through = multiply(complement(scale(weight, layer_loss(roughness, ior, multiscatter=True))), mix(weight, ONE, tint))
     coat = coat_closure(weight, roughness, ior)
     return add_closures(scale_closure(surface, through), coat)
+
+
+def _sheened(view: NodeView, surface: Closure) -> Closure:
+    """Fibres on top: a diffuse layer of their mean reflectance, and what lies below without it."""
+    weight = view.factor("Sheen Weight")
+    if not weight:
+        return surface
+    view.note("Principled's sheen is rendered as diffuse in {}")
+    reflected = scale(multiply(weight, view.color("Sheen Tint", 1.0)), sheen_albedo(view.constant("Sheen Roughness", 0.5)))
+    return add_closures(scale_closure(surface, complement(reflected)), diffuse_closure(reflected))
 
 
 def _note_what_is_left_out(view: NodeView) -> None:

@@ -2,11 +2,11 @@
 
 Measured against Cycles 5.0.1 by tests/cycles/fit_roughness.py, which also says what is minimised. Two lobes, a narrow and a wide one,
 stand for one microfacet lobe of constant reflectance F0: its direct light is `F0 · Σ s_k · max(0, n·h)^p_k · E/π`. One power falls far
-below GGX's tail, which a display shows as brightly as its peak; two follow it. What two lobes leave is a brightening at grazing view.
+below GGX's tail, which a display shows nearly as bright as its peak; two follow it. What two leave is mostly the gain at grazing view.
 `HIGHLIGHTS` has the residuals.
 
 A dielectric is fitted with its Fresnel reflectance, which grows from F0 when seen straight to 1 at grazing view, as a lobe in units of
-F0 = 0.04. The best scale per F0 is 10 to 15 % higher at IOR 1.1 and 11 to 14 % lower at IOR 2.5.
+F0 = 0.04.
 
 p·α² and s·α² with α = roughness² vary slowly and settle below 0.2, so they are tabled; between the rows they follow powers of roughness.
 """
@@ -25,30 +25,30 @@ ROUGHNESS = np.array([0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 
 HIGHLIGHTS = {
     "GGX": np.array([
-        [1.58819, 1.60598, 1.74445, 1.98292, 2.27322, 2.58956, 2.90891, 3.33605, 4.84414],
-        [0.19714, 0.20020, 0.21338, 0.22995, 0.23934, 0.23332, 0.20755, 0.16080, 0.09019],
-        [0.10749, 0.10150, 0.11172, 0.13318, 0.15401, 0.16611, 0.15873, 0.12019, 0.05602],
-        [0.00292, 0.00336, 0.00587, 0.01207, 0.02355, 0.04189, 0.06771, 0.10373, 0.15744],
+        [1.58818, 1.60598, 1.74445, 1.98292, 2.27322, 2.58956, 2.90891, 3.33605, 4.83043],
+        [0.19714, 0.20020, 0.21338, 0.22995, 0.23934, 0.23332, 0.20755, 0.16080, 0.09028],
+        [0.10748, 0.10150, 0.11172, 0.13318, 0.15401, 0.16611, 0.15873, 0.12019, 0.05532],
+        [0.00292, 0.00336, 0.00587, 0.01207, 0.02355, 0.04189, 0.06771, 0.10373, 0.15730],
         [0.19826, 0.18386, 0.16580, 0.15874, 0.16685, 0.18399, 0.20664, 0.22894, 0.24834],
     ]),
     "MULTI_GGX": np.array([
-        [1.58782, 1.60142, 1.73131, 1.97051, 2.28495, 2.65538, 3.04788, 3.51699, 4.67637],
-        [0.19756, 0.20238, 0.22192, 0.25561, 0.29687, 0.33459, 0.35340, 0.33394, 0.23478],
+        [1.58781, 1.60142, 1.73131, 1.97051, 2.28495, 2.65538, 3.04788, 3.51699, 4.67637],
+        [0.19755, 0.20238, 0.22192, 0.25561, 0.29687, 0.33459, 0.35340, 0.33394, 0.23478],
         [0.10739, 0.10030, 0.10768, 0.12797, 0.15641, 0.19468, 0.24283, 0.30155, 0.40388],
         [0.00292, 0.00336, 0.00598, 0.01329, 0.02977, 0.06302, 0.12303, 0.22776, 0.42193],
         [0.19878, 0.18687, 0.17268, 0.16628, 0.16827, 0.17461, 0.18635, 0.20055, 0.21514],
     ]),
     "DIELECTRIC": np.array([
-        [1.58539, 1.60125, 1.74106, 1.96210, 2.21701, 2.48835, 2.75716, 3.06200, 3.83861],
+        [1.58534, 1.60124, 1.74106, 1.96210, 2.21701, 2.48835, 2.75716, 3.06200, 3.83861],
         [0.21407, 0.21782, 0.23387, 0.25492, 0.27204, 0.27758, 0.26515, 0.22989, 0.16146],
-        [0.10679, 0.10037, 0.11313, 0.13663, 0.15841, 0.16963, 0.15863, 0.11125, 0.04585],
+        [0.10678, 0.10037, 0.11313, 0.13663, 0.15841, 0.16963, 0.15863, 0.11125, 0.04585],
         [0.00314, 0.00362, 0.00652, 0.01351, 0.02630, 0.04642, 0.07434, 0.11233, 0.17259],
         [0.25435, 0.24241, 0.22686, 0.21631, 0.21235, 0.21372, 0.22065, 0.23036, 0.24090],
     ]),
 }  # fmt: skip
 """Per kind of microfacets: p·α² and s·α² of the narrow lobe, the same of the wide one, and the relative root-mean-square residual in
-display values (x^(1/2.2)) that the fit leaves. One lobe leaves 0.49, 0.40, 0.28 of MULTI_GGX at 0.2, 0.5, 0.7, and 0.54, 0.46, 0.33 of
-DIELECTRIC. GGX scatters once, MULTI_GGX as often as it takes (Blender's default)."""
+display values (x^(1/2.2)) that the fit leaves. One lobe leaves 0.48, 0.41, 0.26 of MULTI_GGX at 0.2, 0.5, 0.7 and
+0.50, 0.44, 0.28 of DIELECTRIC. GGX scatters once, MULTI_GGX as often as it takes (Blender's default)."""
 
 ALBEDO = np.array([0.9940, 0.9765, 0.9407, 0.8819, 0.8026, 0.7079, 0.6046, 0.5027, 0.4095])
 """Share of a uniform world that GGX reflects at F = 1, averaged over the view with the cosine; 1 for MULTI_GGX."""
@@ -57,9 +57,9 @@ DIELECTRIC_ALBEDO = np.array([0.0883, 0.0806, 0.0708, 0.0606, 0.0511, 0.0425, 0.
 """The same share for Principled's dielectric lobe of IOR 1.5; 0.0919 where it is smooth."""
 
 ONE_LOBE = np.array([
-    [2.2543, 2.2193, 2.1364, 2.0085, 1.8352, 1.5941, 1.2649, 0.8325, 0.2919],
-    [0.2816, 0.2805, 0.2780, 0.2752, 0.2714, 0.2632, 0.2480, 0.2284, 0.2104],
-    [0.3069, 0.3085, 0.3121, 0.3180, 0.3306, 0.3545, 0.3907, 0.4322, 0.4704],
+    [2.2543, 2.2185, 2.1262, 1.9523, 1.6965, 1.3984, 1.0974, 0.7599, 0.3166],
+    [0.2564, 0.2555, 0.2534, 0.2495, 0.2447, 0.2402, 0.2371, 0.2326, 0.2257],
+    [0.2389, 0.2412, 0.2477, 0.2610, 0.2808, 0.3049, 0.3366, 0.3782, 0.4229],
 ])  # fmt: skip
 """p·α², s·α² and the residual in linear values of the one lobe that is nearest to GGX: how the Blinn-Phong node finds its roughness."""
 
@@ -113,8 +113,13 @@ def _grazing_share(roughness: float, ior: float) -> float:
     return float(smooth * np.interp(_clamped(roughness), [0.0, *ROUGHNESS], [1.0, *left]))
 
 
+def sheen_albedo(roughness: float) -> float:
+    """Share of a uniform white world that Principled's sheen reflects at weight 1 and white tint; measured, with what lamps see of it."""
+    return float(np.interp(_clamped(roughness), [0.0, 0.1, 0.3, 0.5, 0.8, 1.0], [0.0, 0.0017, 0.035, 0.1185, 0.3133, 0.4473]))
+
+
 def exponent_from_roughness(roughness: float) -> float:
-    """The exponent of the one lobe nearest to GGX (single scattering): 2.8e6 at 0.03 and below, 0.29 at 1."""
+    """The exponent of the one lobe nearest to GGX (single scattering): 2.8e6 at 0.03 and below, 0.32 at 1."""
     roughness = _clamped(roughness)
     return _between(ONE_LOBE[0], roughness) / roughness**4
 

@@ -117,6 +117,12 @@ def test_generated_images(scene, float_buffer):  # noqa: F811
     np.testing.assert_array_equal(texture.pixels, GRADIENT if float_buffer else _bytes(GRADIENT))
 
 
+def test_generated_floats_hold_their_alpha(scene):  # noqa: F811
+    """Seen in Cycles: a float image's colours are times alpha already."""
+    texture, _ = _texture(image(pixels=((0.5, 0.25, 0.75, 0.5),), float_buffer=True))
+    np.testing.assert_array_equal(texture.pixels, [[[1, 0.5, 1.5, 0.5]]])
+
+
 def test_painted_images_are_read_as_they_are_now(scene, tmp_path):  # noqa: F811
     picture = bpy.data.images.load(_file(tmp_path / "a.png", GRADIENT))
     picture.pixels = (1 - GRADIENT).ravel()

@@ -89,6 +89,8 @@ def test_particles(scene):  # noqa: F811
     scene.frame_set(5)
     _assert_same_places()
     assert len(_places(export().scene.instances)["Part"]) > 20
+    emitter.show_instancer_for_render = emitter.show_instancer_for_viewport = False
+    assert {row.name for row in export().scene.instances} == {"Part"}
 
 
 def scatter(count: int, node: str = "GeometryNodeObjectInfo"):
@@ -151,6 +153,16 @@ def test_places_that_are_not_finite_are_named(scene, bad):  # noqa: F811
     result = export()
     assert [row.name for row in result.scene.instances] == ["Good"]
     assert sum("'Bad'" in note for note in result.notes) == 1
+
+
+def test_only_the_bad_places_of_many_are_dropped(scene):  # noqa: F811
+    parent = mesh_object("Parent", [(0, 0, 0), (np.nan, 0, 0), (2, 0, 0)], [])
+    child = quad("Child")
+    child.parent, parent.instance_type = parent, "VERTS"
+    result = export()
+    blocks = {len(row.world_from_object): row.world_from_object[:, 0, 3].tolist() for row in result.scene.instances}
+    assert blocks[2] == [0, 2]
+    assert any("'Child'" in note for note in result.notes)
 
 
 def test_hidden_objects_are_left_out(scene):  # noqa: F811

@@ -6,7 +6,7 @@ import pytest
 
 from export_support import Shader, export, image, of_kind, quad, scene, srgb_to_linear, total, use_nodes, weight  # noqa: F401
 from glint.addon.export.fresnel import fresnel, normal_reflectance
-from glint.addon.export.roughness import dielectric_highlights, highlights, layer_albedo, layer_loss, specular_albedo
+from glint.addon.export.roughness import dielectric_highlights, highlights, layer_albedo, layer_loss, sheen_albedo, specular_albedo
 
 RED = (0.8, 0.2, 0.1, 1.0)
 
@@ -128,6 +128,23 @@ def test_principled_specular_level_scales_f0(scene):  # noqa: F811
     _, lobes = _principled(Base_Color=RED, Specular_IOR_Level=0.0).export()
     assert _kinds(lobes) == {"AMBIENT", "DIFFUSE"}
     np.testing.assert_allclose(total(lobes, "DIFFUSE"), RED[:3], rtol=1e-6)
+
+
+def test_a_white_furnace_stays_white(scene):  # noqa: F811
+    """As in Cycles: white plastic that scatters as often as it takes gives back all of a white world."""
+    for roughness in (0.0, 0.1, 0.5, 1.0):
+        _, lobes = _principled(Base_Color=(1, 1, 1, 1), Roughness=roughness).export()
+        mirrored = layer_albedo(0.0, 1.5) if of_kind(lobes, "MIRROR") else 0.0
+        np.testing.assert_allclose(total(lobes, "AMBIENT") + mirrored, 1.0, rtol=1e-6)
+
+
+def test_principled_sheen(scene):  # noqa: F811
+    tint = (0.2, 1.0, 0.4, 1.0)
+    shader = _principled(Base_Color=RED, Specular_IOR_Level=0.0, Sheen_Weight=0.5, Sheen_Roughness=0.8, Sheen_Tint=tint)
+    result, lobes = shader.export()
+    reflected = 0.5 * sheen_albedo(0.8) * np.array(tint[:3])
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), RED[:3] * (1 - reflected) + reflected, rtol=1e-6)
+    assert any("sheen" in note for note in result.notes)
 
 
 def test_principled_metal(scene):  # noqa: F811
@@ -493,7 +510,11 @@ def test_groups_with_a_shader_inside(scene):  # noqa: F811
 
 
 def test_two_uses_of_a_group_are_told_apart(scene):  # noqa: F811
-    tree = _group(2)
+    """The nodes inside are the same, what they are fed is not."""
+    tree = _group(1)
+    gamma = tree.nodes.new("ShaderNodeGamma")
+    tree.links.new(tree.nodes["Group Input"].outputs[0], gamma.inputs["Color"])
+    tree.links.new(gamma.outputs[0], tree.nodes["Group Output"].inputs[0])
     shader = Shader(shader="ShaderNodeAddShader")
     for name, rgb in (("Shader", (0.5, 0, 0, 1)), ("Shader_001", (0, 0.25, 0, 1))):
         group, diffuse = shader.node("ShaderNodeGroup", node_tree=tree), shader.node("ShaderNodeBsdfDiffuse")

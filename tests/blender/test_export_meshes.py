@@ -275,3 +275,16 @@ def test_a_shared_mesh_brings_what_either_user_reads(scene):  # noqa: F811
     assert len(result.scene.instances) == 2
     assert len({i.materials for i in result.scene.instances}) == 2
     assert [a.name for a in result.scene.geometries[0].attributes] == ["UVMap"]
+
+
+def test_the_active_map_comes_first_whoever_asks_first(scene):  # noqa: F811
+    by_name, active = Shader("By name"), Shader("Active")
+    bpy.data.objects.remove(active.quad)
+    by_name.quad.data.uv_layers.new(name="Second").active_render = True
+    for shader in (by_name, active):
+        shader.link(shader.node("ShaderNodeTexImage"), "Color", shader.shader, "Color")
+    texture = next(node for node in by_name.tree.nodes if node.bl_idname == "ShaderNodeTexImage")
+    by_name.link(by_name.node("ShaderNodeUVMap", uv_map="UVMap"), "UV", texture, "Vector")
+    other = link(bpy.data.objects.new("Other", by_name.quad.data))
+    other.material_slots[0].link, other.material_slots[0].material = "OBJECT", active.material
+    assert [a.name for a in _only_mesh().attributes] == ["Second", "UVMap"]

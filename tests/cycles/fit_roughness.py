@@ -10,8 +10,9 @@ with a white Glossy BSDF (GGX, MULTI_GGX: F = 1) or a black Principled BSDF of I
 Minimised, over exponents p_k and scales s_k > 0:  Σ_δ w_δ · Σ_n c_n (g(Σ_k s_k (n·h)^p_k E/π) − g(L))² / Σ_n c_n g(L)²
 L: Cycles' radiance, c_n: solid angle of the normal times n·v (what it covers in a picture of a sphere), w_δ = sin 2δ cos² δ (how
 often a light from anywhere makes that half angle, and how much of a sphere it lights that is seen); every δ counts relative to its own
-lobe, since F and light strength are unknown. g is the display's curve, x^(1/2.2), for the two lobes that are rendered: with g(x) = x the peak, which pictures clip, would be all that counts.
-For the single lobe that stands for the Blinn-Phong node in Cycles g(x) = x.
+lobe, since F and light strength are unknown. g is the display's curve, x^(1/2.2), for the two lobes that are rendered:
+with g(x) = x the peak, which pictures clip, would be all that counts. For the single lobe that stands for the Blinn-Phong node in Cycles
+g(x) = x.
 """
 
 # ruff: noqa: T201  (a command talks to a person)

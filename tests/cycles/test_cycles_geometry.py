@@ -80,7 +80,12 @@ def test_normals(shape, backend):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_mixed_without_sharp_edges(backend):
-    """Glint shows Blender's corner normals: the picture is the one with the flat faces' edges marked sharp, and Cycles' is not."""
+    """Glint shows Blender's corner normals: the picture is the one with the flat faces' edges marked sharp, and Cycles' is not.
+
+    Blender's mesh says what normal each corner has (`Mesh.corner_normals`), split where a smooth face meets a flat one; the viewport and
+    every exporter show those. Cycles interpolates vertex normals on smooth faces, which lean on the flat neighbours' normals as well,
+    unless an edge is marked sharp. A file looks in Glint as it does in Blender's viewport; marking the edges makes Cycles agree.
+    """
     pictures = []
     for with_sharp_edges in (True, False):
         scene = build_view()
