@@ -360,6 +360,7 @@ NodeTree build_nodes(Ref* refs, size_t count, const BuildOptions& options, Team&
     roots[k] = maker.make(tasks[k].range, tasks[k].depth);
     nodes[k] = std::move(maker.nodes);
   });
+  scratch = {};
   NodeTree tree = join(top.nodes, root, tasks, nodes, roots, team);
   tree.box = all.box;
   return tree;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "bounds.h"
+#include "pages.h"
 #include "team.h"
 #include "tree.h"
 
@@ -19,13 +20,17 @@ struct BuildOptions {
   uint32_t min_leaf = 4;  // children with more are split while their node has room
 };
 
-/// Memory that is not cleared first.
+/// Memory that is not cleared first, for plain data.
 template <class T>
 struct Buffer {
-  std::unique_ptr<T[]> data;
+  struct Release {
+    size_t bytes = 0;
+    void operator()(T* memory) const noexcept { give_memory(memory, bytes); }
+  };
+  std::unique_ptr<T[], Release> data;
   size_t size = 0;
   Buffer() = default;
-  explicit Buffer(size_t n) : data(new T[n]), size(n) {}
+  explicit Buffer(size_t n) : data(static_cast<T*>(take_memory(n * sizeof(T))), Release{n * sizeof(T)}), size(n) {}
   T& operator[](size_t k) { return data[k]; }
   const T& operator[](size_t k) const { return data[k]; }
   size_t bytes() const { return size * sizeof(T); }

@@ -105,21 +105,32 @@ Buffer<Ref> collect(const std::vector<Source>& sources, Team& team, const std::a
   return refs;
 }
 
-void fill_triangles(const std::vector<Source>& sources, const Ref* refs, size_t count, float* out) {
+/// What the leaves need of the refs, a quarter of their size; `instance` is the number of the source until `name_instances`.
+Buffer<PrimitiveId> origins(const Buffer<Ref>& refs) {
+  Buffer<PrimitiveId> ids(refs.size);
+  for (size_t k = 0; k < refs.size; ++k) ids[k] = {refs[k].source, refs[k].primitive};
+  return ids;
+}
+
+void name_instances(Buffer<PrimitiveId>& ids, const std::vector<Source>& sources) {
+  for (size_t k = 0; k < ids.size; ++k) ids[k].instance = sources[ids[k].instance].instance;
+}
+
+void fill_triangles(const std::vector<Source>& sources, const PrimitiveId* from, size_t count, float* out) {
   for (size_t k = 0; k < count; ++k) {
-    const Source& s = sources[refs[k].source];
+    const Source& s = sources[from[k].instance];
     for (size_t j = 0; j < 3; ++j) {
-      const Vec3f p = vertex(s, s.geometry->triangles[3 * size_t(refs[k].primitive) + j]);
+      const Vec3f p = vertex(s, s.geometry->triangles[3 * size_t(from[k].primitive) + j]);
       for (size_t axis = 0; axis < 3; ++axis) out[(3 * j + axis) * count + k] = p[int(axis)];
     }
   }
 }
 
-void fill_spheres(const std::vector<Source>& sources, const Ref* refs, size_t count, float* out) {
+void fill_spheres(const std::vector<Source>& sources, const PrimitiveId* from, size_t count, float* out) {
   for (size_t k = 0; k < count; ++k, out += 4) {
-    const Source& s = sources[refs[k].source];
-    const Vec3f c = vertex(s, refs[k].primitive);
-    out[0] = c.x, out[1] = c.y, out[2] = c.z, out[3] = float(s.geometry->radii[refs[k].primitive] * s.radius_scale);
+    const Source& s = sources[from[k].instance];
+    const Vec3f c = vertex(s, from[k].primitive);
+    out[0] = c.x, out[1] = c.y, out[2] = c.z, out[3] = float(s.geometry->radii[from[k].primitive] * s.radius_scale);
   }
 }
 
@@ -136,31 +147,30 @@ void each_leaf(const NodeTree& tree, Team& team, Fill fill) {
   });
 }
 
-void fill_polygons(Tree& tree, const std::vector<Source>& sources, const Ref* refs) {
+void fill_polygons(Tree& tree, const std::vector<Source>& sources, const PrimitiveId* from) {
   tree.polygons = Buffer<PolygonRecord>(tree.count);
   for (size_t k = 0; k < tree.count; ++k) {
-    const Source& s = sources[refs[k].source];
+    const Source& s = sources[from[k].instance];
     BoxD box;
-    make_polygon(s, refs[k].primitive, tree.polygons[k], box);
+    make_polygon(s, from[k].primitive, tree.polygons[k], box);
     tree.polygons[k].first = tree.corners.size() / 3;
-    for (size_t c = s.geometry->offsets[refs[k].primitive]; c < s.geometry->offsets[refs[k].primitive + 1]; ++c) {
+    for (size_t c = s.geometry->offsets[from[k].primitive]; c < s.geometry->offsets[from[k].primitive + 1]; ++c) {
       const Vec3f p = vertex(s, s.geometry->indices[c]);
       tree.corners.insert(tree.corners.end(), {p.x, p.y, p.z});
     }
   }
 }
 
-void fill_leaves(Tree& tree, const std::vector<Source>& sources, const Ref* refs, Team& team) {
-  tree.ids = Buffer<PrimitiveId>(tree.count);
-  for (size_t k = 0; k < tree.count; ++k) tree.ids[k] = {sources[refs[k].source].instance, refs[k].primitive};
-  if (tree.kind == kPolygonLeaf) return fill_polygons(tree, sources, refs);
+void fill_leaves(Tree& tree, const std::vector<Source>& sources, Team& team) {
+  const PrimitiveId* from = tree.ids.data.get();
+  if (tree.kind == kPolygonLeaf) return fill_polygons(tree, sources, from);
   const size_t stride = tree.kind == kTriangleLeaf ? 9 : 4;
   tree.floats = Buffer<float>(stride * tree.count + kWidth);  // vector loads read beyond the last leaf
   std::fill_n(tree.floats.data.get() + stride * tree.count, kWidth, 0.0f);
   each_leaf(tree.nodes, team, [&](size_t first, size_t count) {
     float* out = tree.floats.data.get() + stride * first;
-    if (tree.kind == kTriangleLeaf) fill_triangles(sources, refs + first, count, out);
-    if (tree.kind == kSphereLeaf) fill_spheres(sources, refs + first, count, out);
+    if (tree.kind == kTriangleLeaf) fill_triangles(sources, from + first, count, out);
+    if (tree.kind == kSphereLeaf) fill_spheres(sources, from + first, count, out);
   });
 }
 
@@ -214,7 +224,10 @@ Tree make_tree(std::vector<Source>& sources, Team& team, const std::atomic<bool>
   tree.dropped -= tree.count = refs.size;
   if (tree.count == 0) return tree;
   tree.nodes = build_nodes(refs.data.get(), tree.count, options_of(tree.kind), team, cancel);
-  fill_leaves(tree, sources, refs.data.get(), team);
+  tree.ids = origins(refs);
+  refs = {};
+  fill_leaves(tree, sources, team);
+  name_instances(tree.ids, sources);
   return tree;
 }
 
