@@ -1,7 +1,7 @@
 """The Blinn-Phong shader node: the notes' coefficients as sockets, and a node group inside so that Cycles and Eevee show it too.
 
 Glint reads the sockets by name (`SOCKETS`) and never looks inside. Inside, a Diffuse and two Glossy closures stand for the same surface:
-with α = roughness², α² = 2.25/(p + 1.9) and F0 = k_s α²/0.28, which follows the fit of GGX in export/roughness.py to 3 % in roughness.
+with α = roughness², α² = 2.25/(p + 1.9) and F0 = k_s α²/0.26, which follows the fit of GGX in export/roughness.py to 5 % in roughness.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def _fill_group(tree: bpy.types.NodeTree) -> None:
     given = tree.nodes.new("NodeGroupInput").outputs
     alpha_squared = _math(tree, "DIVIDE", 2.25, _math(tree, "ADD", given["Exponent"], 1.9), clamp=True)
     roughness = _math(tree, "POWER", alpha_squared, 0.25)
-    f0 = _scaled(tree, given["Specular"], _math(tree, "DIVIDE", alpha_squared, 0.28))
+    f0 = _scaled(tree, given["Specular"], _math(tree, "DIVIDE", alpha_squared, 0.26))
     parts = [
         _closure(tree, "ShaderNodeBsdfDiffuse", Color=given["Diffuse"]),
         _closure(tree, "ShaderNodeBsdfAnisotropic", Color=f0, Roughness=roughness),

@@ -215,10 +215,16 @@ def test_light_without_shadow_shines_through() -> None:
 
 SEEN = {
     "POINT": (lamp("POINT", (0, 0, 3), strength=7.0, radius=0.5, visible_camera=True), 7 / (4 * np.pi**2 * 0.25), "disc"),
-    "RECTANGLE": (lamp("AREA", (0, 0, 3), np.diag([1.0, -1, -1]), strength=7.0, size_x=1.0, size_y=0.6, visible_camera=True),
-                  7 / (np.pi * 0.6), "rectangle"),
-    "ELLIPSE": (lamp("AREA", (0, 0, 3), np.diag([1.0, -1, -1]), strength=7.0, size_x=1.0, size_y=0.6, shape="ELLIPSE", visible_camera=True),
-                7 / (np.pi * np.pi * 0.15), "ellipse"),
+    "RECTANGLE": (
+        lamp("AREA", (0, 0, 3), np.diag([1.0, -1, -1]), strength=7.0, size_x=1.0, size_y=0.6, visible_camera=True),
+        7 / (np.pi * 0.6),
+        "rectangle",
+    ),
+    "ELLIPSE": (
+        lamp("AREA", (0, 0, 3), np.diag([1.0, -1, -1]), strength=7.0, size_x=1.0, size_y=0.6, shape="ELLIPSE", visible_camera=True),
+        7 / (np.pi * np.pi * 0.15),
+        "ellipse",
+    ),
 }
 
 

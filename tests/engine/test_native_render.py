@@ -32,8 +32,15 @@ def busy_scene() -> s.Scene:
     matrices[:, 0, 3], matrices[:, 1, 3], matrices[:, 2, 3] = np.tile([-1, 0, 1], 3), np.repeat([-1, 0, 1], 3), 0.4
     groups = (placed(0, (0,)), s.Instances("glass", 1, matrices[::2], (1,)), s.Instances("veil", 1, matrices[1::2], (2,)))
     lights = (lamp("POINT", (1, -1, 3), strength=300.0, radius=0.3), lamp("SUN", strength=1.0, angle=0.1))
-    return s.Scene(camera(size=(75, 53)), (grid_mesh(4), ball_mesh(8)), groups, (surface("floor", 0.6), glass, veil), (), lights,
-                   s.World((0.1,) * 3, (0.2, 0.3, 0.5)))
+    return s.Scene(
+        camera(size=(75, 53)),
+        (grid_mesh(4), ball_mesh(8)),
+        groups,
+        (surface("floor", 0.6), glass, veil),
+        (),
+        lights,
+        s.World((0.1,) * 3, (0.2, 0.3, 0.5)),
+    )
 
 
 BUSY = engine.Settings(samples=3, light_samples=2, max_bounces=5, passes=ALL, threads=1)
@@ -353,8 +360,16 @@ def test_structures_are_those_of_the_header(name: str) -> None:
     for (field, kind, length), (own, own_type) in zip(fields_of_header(f"Glint{name}"), structure._fields_, strict=True):
         assert field == own
         nested = {"GlintCamera": core_types.CameraData, "GlintAttribute": core_types.AttributeData}.get(kind)
-        wanted = nested or {"double": ctypes.c_double, "uint64_t": ctypes.c_uint64, "uint32_t": ctypes.c_uint32,
-                            "int32_t": ctypes.c_int32, "pointer": ctypes.c_size_t}[kind]
+        wanted = (
+            nested
+            or {
+                "double": ctypes.c_double,
+                "uint64_t": ctypes.c_uint64,
+                "uint32_t": ctypes.c_uint32,
+                "int32_t": ctypes.c_int32,
+                "pointer": ctypes.c_size_t,
+            }[kind]
+        )
         assert own_type == (wanted if length == 1 else wanted * length), field
 
 
