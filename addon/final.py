@@ -59,7 +59,7 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         layer=layer.name,
         size=_size(export.region, width, height),
         statistics=statistics,
-        notes=[*notes, *export.notes],
+        notes=[*notes, *export.notes, *_darkness(export.scene)],
         preview=render_engine.is_preview,
     )
 
@@ -99,6 +99,14 @@ def _with_backend(settings: engine.Settings) -> tuple[engine.Settings, list[str]
     if settings.backend in engine.available_backends():
         return settings, []
     return replace(settings, backend="NUMPY"), [_FALLBACK.format(engine.native_error())]
+
+
+def _darkness(scene: engine.Scene) -> list[str]:
+    """A note when nothing in the scene sheds or shows light."""
+    glows = any(lobe.kind == "EMISSION" for material in scene.materials for lobe in material.lobes)
+    if scene.lights or glows or any(scene.world.ambient) or any(scene.world.background):
+        return []
+    return ["The scene has no light and a black world: the picture is black; add a light or give the world a colour"]
 
 
 def _size(region: tuple[int, int, int, int] | None, width: int, height: int) -> tuple[int, int]:

@@ -104,3 +104,21 @@ def test_no_camera_is_blenders_own_error(tmp_path):
     assert run.returncode == 1
     assert "camera" in run.output.lower()
     assert not (tmp_path / "none.exr").exists()
+
+
+@pytest.mark.parametrize(("change", "said"), [("", True), ('scene.world = bpy.data.worlds.new("World")', False), ("lamp()", False)])
+def test_a_black_picture_says_why(tmp_path, change, said):
+    run = Blender(tmp_path).run(
+        DRAW
+        + f"""
+def lamp():
+    scene.collection.objects.link(bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "POINT")))
+
+bpy.data.objects.remove(bpy.data.objects["Light"])
+scene.world = None
+{change}
+draw("dark.exr")
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert ("has no light and a black world" in run.output) == said
