@@ -13,6 +13,8 @@ from .report import Report
 _NEARLY_SINGULAR = 1e-6
 """Share of the largest entry's cube below which a determinant is worth a singular value decomposition."""
 
+_FEW = 1000
+
 
 def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple[Instances, ...]:
     """Without the placements that are no surface any more: matrices of rank 0 or 1 squash everything to a line or a point."""
@@ -41,9 +43,10 @@ def _ranks(linear: np.ndarray) -> np.ndarray:
 
 def note_empty_view(camera: Camera, geometries: tuple[Geometry, ...], instances: tuple[Instances, ...], report: Report) -> None:
     """Say so when the box round everything that the camera may see projects beside the frame (notes, section 7.5)."""
-    seen = [block for block in instances if block.visible_camera and len(_points(geometries[block.geometry]))]
-    boxes = np.array([_world_box(geometries[block.geometry], block.world_from_object) for block in seen])
-    if seen and pixel_bounds_of_box(boxes[:, 0].min(0), boxes[:, 1].max(0), camera) is None:
+    seen = [(geometries[block.geometry], block.world_from_object) for block in instances if block.visible_camera]
+    seen = [(geometry, matrices) for geometry, matrices in seen if len(_points(geometry))]
+    # Where the box round a few vertices reaches the frame, the box round all of them does.
+    if seen and not (_may_be_seen(seen, camera, _FEW) or _may_be_seen(seen, camera, None)):
         report.note("The camera sees no object: all of them are beside the frame, behind it or outside its clip distances")
 
 
@@ -51,9 +54,16 @@ def _points(geometry: Geometry) -> np.ndarray:
     return geometry.centers if isinstance(geometry, Spheres) else geometry.vertices
 
 
-def _world_box(geometry: Geometry, matrices: np.ndarray) -> np.ndarray:
+def _may_be_seen(placed: list[tuple[Geometry, np.ndarray]], camera: Camera, count: int | None) -> bool:
+    """Whether the box round `count` points of each geometry, or round all for None, reaches the frame."""
+    boxes = np.array([_world_box(geometry, matrices, count) for geometry, matrices in placed])
+    return pixel_bounds_of_box(boxes[:, 0].min(0), boxes[:, 1].max(0), camera) is not None
+
+
+def _world_box(geometry: Geometry, matrices: np.ndarray, count: int | None) -> np.ndarray:
     """(2, 3): low and high corner of all placements of one geometry; NaN where a vertex is, which counts as everywhere."""
-    low, high = _extent(_points(geometry))
+    points = _points(geometry)
+    low, high = _extent(points if count is None else points[:: max(1, len(points) // count)])
     if isinstance(geometry, Spheres):
         low, high = low - geometry.radii.max(), high + geometry.radii.max()
     with np.errstate(invalid="ignore"):

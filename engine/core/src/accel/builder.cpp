@@ -342,7 +342,7 @@ NodeTree build_nodes(Ref* refs, size_t count, const BuildOptions& options, Team&
   for (const Box& b : part) all.box.add(b);
 
   std::vector<Task> tasks;
-  NodeMaker<SharedSteps> top{{shared, {}}, {}, &tasks, std::max<size_t>(count / 64, 8192)};
+  NodeMaker<SharedSteps> top{{shared, {}}, {}, &tasks, std::max<size_t>(count / 16, 8192)};
   if (count <= top.task_size) {
     NodeMaker<SerialSteps> maker{{shared, {}}, {}};
     const ChildRef root = maker.make(all, 0);
@@ -356,7 +356,7 @@ NodeTree build_nodes(Ref* refs, size_t count, const BuildOptions& options, Team&
   std::vector<ChildRef> roots(tasks.size());
   team.run(tasks.size(), [&](size_t k) {
     NodeMaker<SerialSteps> maker{{shared, {}}, {}};
-    maker.nodes.reserve(tasks[k].range.count() / 8);
+    maker.nodes.reserve(tasks[k].range.count() / 16);
     roots[k] = maker.make(tasks[k].range, tasks[k].depth);
     nodes[k] = std::move(maker.nodes);
   });

@@ -20,6 +20,9 @@ void* take_memory(size_t bytes) {
   if (bytes < kLarge) return ::operator new(bytes, kAlignment);
   void* memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED) throw std::bad_alloc();
+#ifdef MADV_HUGEPAGE
+  madvise(memory, bytes, MADV_HUGEPAGE);  // fewer page faults in the build, fewer misses of the address cache in traversal
+#endif
   return memory;
 }
 

@@ -105,15 +105,23 @@ Buffer<Ref> collect(const std::vector<Source>& sources, Team& team, const std::a
   return refs;
 }
 
+/// body(k) for all k below `count`, shared out in chunks.
+template <class Body>
+void each_chunk(size_t count, Team& team, Body body) {
+  team.run((count + kChunk - 1) / kChunk, [&](size_t c) {
+    for (size_t k = c * kChunk; k < std::min(count, (c + 1) * kChunk); ++k) body(k);
+  });
+}
+
 /// What the leaves need of the refs, a quarter of their size; `instance` is the number of the source until `name_instances`.
-Buffer<PrimitiveId> origins(const Buffer<Ref>& refs) {
+Buffer<PrimitiveId> origins(const Buffer<Ref>& refs, Team& team) {
   Buffer<PrimitiveId> ids(refs.size);
-  for (size_t k = 0; k < refs.size; ++k) ids[k] = {refs[k].source, refs[k].primitive};
+  each_chunk(ids.size, team, [&](size_t k) { ids[k] = {refs[k].source, refs[k].primitive}; });
   return ids;
 }
 
-void name_instances(Buffer<PrimitiveId>& ids, const std::vector<Source>& sources) {
-  for (size_t k = 0; k < ids.size; ++k) ids[k].instance = sources[ids[k].instance].instance;
+void name_instances(Buffer<PrimitiveId>& ids, const std::vector<Source>& sources, Team& team) {
+  each_chunk(ids.size, team, [&](size_t k) { ids[k].instance = sources[ids[k].instance].instance; });
 }
 
 void fill_triangles(const std::vector<Source>& sources, const PrimitiveId* from, size_t count, float* out) {
@@ -224,10 +232,10 @@ Tree make_tree(std::vector<Source>& sources, Team& team, const std::atomic<bool>
   tree.dropped -= tree.count = refs.size;
   if (tree.count == 0) return tree;
   tree.nodes = build_nodes(refs.data.get(), tree.count, options_of(tree.kind), team, cancel);
-  tree.ids = origins(refs);
+  tree.ids = origins(refs, team);
   refs = {};
   fill_leaves(tree, sources, team);
-  name_instances(tree.ids, sources);
+  name_instances(tree.ids, sources, team);
   return tree;
 }
 
