@@ -24,8 +24,8 @@ def run(wanted: str, pytest_arguments: list[str]) -> int:
     """Exit code of pytest in the environment of this Blender."""
     blender = environment.prepare(wanted)
     core_wheel.install(blender)
-    blender.resources.mkdir(parents=True, exist_ok=True)
-    variables = {**os.environ, "BLENDER_USER_RESOURCES": str(blender.resources), "PYTHONDONTWRITEBYTECODE": "1"}
+    blender.bare_resources.mkdir(parents=True, exist_ok=True)
+    variables = {**os.environ, "BLENDER_USER_RESOURCES": str(blender.bare_resources), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [blender.interpreter, tree.ROOT / "packaging" / "pytest_main.py", *pytest_arguments]
     return subprocess.run([str(part) for part in command], cwd=tree.ROOT, env=variables).returncode
 

@@ -19,8 +19,8 @@ def main() -> int:
     options = parser.parse_args()
     blender = environment.prepare(options.bpy)
     core_wheel.install(blender)
-    blender.resources.mkdir(parents=True, exist_ok=True)
-    variables = {**os.environ, "BLENDER_USER_RESOURCES": str(blender.resources)}
+    blender.bare_resources.mkdir(parents=True, exist_ok=True)
+    variables = {**os.environ, "BLENDER_USER_RESOURCES": str(blender.bare_resources)}
     command = [str(blender.interpreter), str(tree.ROOT / options.script), *options.arguments]
     return subprocess.run(command, cwd=tree.ROOT, env=variables).returncode
 

@@ -42,6 +42,11 @@ class Blender:
         return BUILD / f"blender-{self.version}"
 
     @property
+    def bare_resources(self) -> Path:
+        """Blender's user folder for tests and tools, which run the tree itself: no extension may be installed there, least of all a core."""
+        return BUILD / f"bare-{self.version}"
+
+    @property
     def bpy(self) -> Path:
         return self.venv / "lib" / f"python{self.python}" / "site-packages" / "bpy"
 
