@@ -43,7 +43,7 @@ class Blender:
 
     @property
     def bare_resources(self) -> Path:
-        """Blender's user folder for tests and tools, which run the tree itself: no extension may be installed there, least of all a core."""
+        """Blender's user folder for tests and tools, which run the tree itself: no extension, and so no other core, is there."""
         return BUILD / f"bare-{self.version}"
 
     @property
