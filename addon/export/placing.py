@@ -14,6 +14,7 @@ _NEARLY_SINGULAR = 1e-6
 """Share of the largest entry's cube below which a determinant is worth a singular value decomposition."""
 
 _FEW = 1000
+"""Points of a geometry, about, that are tried before all of them are."""
 
 
 def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple[Instances, ...]:
