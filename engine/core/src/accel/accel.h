@@ -38,12 +38,31 @@ struct Ray {
   uint32_t visibility = kCamera;
 };
 
+/// Many rays by component, `count` numbers each, all looking for the same visibility: what the kernels read.
+struct Rays {
+  const double* o[3];
+  const double* d[3];
+  const double* t_min;
+  const double* t_max;
+  size_t count;
+  uint32_t visibility;
+};
+
 struct Hit {
   static constexpr uint32_t kNone = 0xffffffffu;
   double t = 0;
   uint32_t instance = kNone; // index into the instances given to build
   uint32_t primitive = 0;    // triangle, sphere or polygon of the geometry
   float u = 0, v = 0;        // triangles: barycentric weights of the second and third vertex
+};
+
+/// Room for the hits of Rays, by component.
+struct Hits {
+  double* t;
+  uint32_t* instance;
+  uint32_t* primitive;
+  float* u;
+  float* v;
 };
 
 struct AccelStats {
@@ -57,9 +76,12 @@ class Accel {
   /// Null when `cancel` became true. Throws std::bad_alloc.
   static std::unique_ptr<Accel> build(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
                                       const std::atomic<bool>& cancel);
-  virtual void closest(const Ray* rays, Hit* hits, size_t count) const = 0;
+  virtual void closest(const Rays& rays, const Hits& hits) const = 0;
   /// blocked[k] = 1 when anything lies inside the open interval of ray k.
-  virtual void occluded(const Ray* rays, uint8_t* blocked, size_t count) const = 0;
+  virtual void occluded(const Rays& rays, uint8_t* blocked) const = 0;
+  /// The same for rays one by one, each with a visibility of its own.
+  void closest(const Ray* rays, Hit* hits, size_t count) const;
+  void occluded(const Ray* rays, uint8_t* blocked, size_t count) const;
   /// Empty when every primitive lies in its boxes and every node is reached once; else what is wrong.
   virtual std::string validate() const = 0;
   virtual AccelStats stats() const = 0;

@@ -7,8 +7,8 @@ namespace glint {
 
 struct Kernel {
   const char* name;
-  void (*closest)(const WorldView&, const Ray*, Hit*, size_t);
-  void (*occluded)(const WorldView&, const Ray*, uint8_t*, size_t);
+  void (*closest)(const WorldView&, const Rays&, const Hits&);
+  void (*occluded)(const WorldView&, const Rays&, uint8_t*);
 };
 
 #if defined(GLINT_X86_KERNELS)

@@ -141,19 +141,24 @@ inline void trace(const WorldView& world, const Ray& ray, Query& q) {
   }
 }
 
-void closest(const WorldView& world, const Ray* rays, Hit* hits, size_t count) {
-  for (size_t k = 0; k < count; ++k) {
-    Query q{rays[k].t_min, rays[k].t_max, rays[k].visibility, world.visibility};
-    trace<false>(world, rays[k], q);
-    Hit& h = hits[k];
-    h.t = q.t, h.instance = q.instance, h.primitive = q.primitive, h.u = float(q.u), h.v = float(q.v);
+inline Ray ray_at(const Rays& r, size_t k) {
+  return {{r.o[0][k], r.o[1][k], r.o[2][k]}, {r.d[0][k], r.d[1][k], r.d[2][k]}, r.t_min[k], r.t_max[k], r.visibility};
+}
+
+void closest(const WorldView& world, const Rays& rays, const Hits& hits) {
+  for (size_t k = 0; k < rays.count; ++k) {
+    const Ray ray = ray_at(rays, k);
+    Query q{ray.t_min, ray.t_max, ray.visibility, world.visibility};
+    trace<false>(world, ray, q);
+    hits.t[k] = q.t, hits.instance[k] = q.instance, hits.primitive[k] = q.primitive, hits.u[k] = float(q.u), hits.v[k] = float(q.v);
   }
 }
 
-void occluded(const WorldView& world, const Ray* rays, uint8_t* blocked, size_t count) {
-  for (size_t k = 0; k < count; ++k) {
-    Query q{rays[k].t_min, rays[k].t_max, rays[k].visibility, world.visibility};
-    trace<true>(world, rays[k], q);
+void occluded(const WorldView& world, const Rays& rays, uint8_t* blocked) {
+  for (size_t k = 0; k < rays.count; ++k) {
+    const Ray ray = ray_at(rays, k);
+    Query q{ray.t_min, ray.t_max, ray.visibility, world.visibility};
+    trace<true>(world, ray, q);
     blocked[k] = q.found;
   }
 }

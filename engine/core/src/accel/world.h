@@ -19,8 +19,8 @@ struct Plan {
 class World final : public Accel {
  public:
   World(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads, const std::atomic<bool>& cancel);
-  void closest(const Ray* rays, Hit* hits, size_t count) const override { kernel_.closest(view_, rays, hits, count); }
-  void occluded(const Ray* rays, uint8_t* blocked, size_t count) const override { kernel_.occluded(view_, rays, blocked, count); }
+  void closest(const Rays& rays, const Hits& hits) const override { kernel_.closest(view_, rays, hits); }
+  void occluded(const Rays& rays, uint8_t* blocked) const override { kernel_.occluded(view_, rays, blocked); }
   std::string validate() const override;
   AccelStats stats() const override { return stats_; }
 
