@@ -116,6 +116,33 @@ TEST(build, huge_and_tiny) {
   CHECK(build(geometric)->stats().primitives == 250);
 }
 
+// The builder's grid: a crowd in one cell, which needs a grid of its own; boxes of all sizes; boxes that all are as large as the scene.
+// Every ray from a triangle's middle must find something, and the tree must be the same for every team.
+TEST(build, crowds_and_giants) {
+  Random random(6);
+  Mesh crowd = soup(random, 60000, 1e-3, 1e-5), sizes, giants = soup(random, 40000, 1, 3);
+  for (int k = 0; k < 100; ++k) {
+    const Vec3d p = 100.0 * random.on_sphere();
+    crowd.add(crowd.add(p), crowd.add(p + random.in_box(1)), crowd.add(p + random.in_box(1)));
+  }
+  for (int k = 0; k < 50000; ++k) {
+    const Vec3d p = random.in_box(1);
+    const double size = std::ldexp(1.0, -int(random.below(16)));
+    sizes.add(sizes.add(p), sizes.add(p + size * random.in_box(1)), sizes.add(p + size * random.in_box(1)));
+  }
+  for (const Mesh* mesh : {&crowd, &sizes, &giants}) {
+    const auto one = build(*mesh, {}, 1), five = build(*mesh, {}, 5);
+    CHECK(one->stats().primitives == mesh->count() && one->stats().nodes == five->stats().nodes);
+    for (size_t k = 0; k < mesh->count(); k += 97) {
+      const Vec3d middle = 1 / 3.0 * (mesh->corner(k, 0) + mesh->corner(k, 1) + mesh->corner(k, 2));
+      const Vec3d n = normalize(cross(mesh->corner(k, 1) - mesh->corner(k, 0), mesh->corner(k, 2) - mesh->corner(k, 0)));
+      const Ray r = ray(middle + 1e-7 * n, -n, 0, 1);
+      const Hit a = closest(*one, r), b = closest(*five, r);
+      CHECK(a.instance == 0 && a.t == b.t && a.primitive == b.primitive);
+    }
+  }
+}
+
 TEST(build, bad_primitives_are_dropped_and_counted) {
   Random random(4);
   Mesh mesh = soup(random, 100, 1, 0.3);

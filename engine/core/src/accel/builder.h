@@ -1,5 +1,5 @@
-// From boxes to a tree: binned surface area heuristic (Wald 2007, On fast Construction of SAH-based Bounding Volume Hierarchies), opened to
-// eight children a node by always splitting the largest child.
+// From boxes to a tree of eight children a node: always the largest child is split, by the surface area heuristic (builder_split.h). Many
+// boxes are first gathered into clusters (builder_grid.h); the upper nodes are made over those.
 #pragma once
 #include <atomic>
 #include <memory>
