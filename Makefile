@@ -4,7 +4,7 @@
 #   make render BPY=4.2.x                                with another Blender: 4.2.x, 4.5.x, 5.0.x (default), 5.2.x
 #   make test ARGS="-k camera"                           pass options to pytest
 
-.PHONY: help setup render test slow test-blenders sanitize extension bench contact-sheet lint clean
+.PHONY: help setup render test slow test-blenders sanitize extension wheels bench contact-sheet lint clean
 .DEFAULT_GOAL := help
 
 BPY ?=
@@ -23,7 +23,7 @@ GO := $(START) packaging
 
 help:
 	@awk '/^#/ { sub(/^# ?/, ""); print; next } { exit }' Makefile
-	@echo "targets: setup render test slow test-blenders sanitize extension bench contact-sheet lint clean"
+	@echo "targets: setup render test slow test-blenders sanitize extension wheels bench contact-sheet lint clean"
 
 setup:
 	@$(GO)/environment.py --bpy "$(BPY)"
@@ -45,6 +45,9 @@ sanitize:
 
 extension:
 	@$(GO)/extension_zips.py --bpy "$(BPY)"
+
+wheels:
+	@$(GO)/wheels.py --bpy "$(BPY)" $(ARGS)
 
 bench:
 	@$(GO)/run_tool.py --bpy "$(BPY)" tests/bench/million.py $(ARGS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import platform
+from collections.abc import Sequence
 from pathlib import Path
 
 import environment
@@ -22,7 +23,7 @@ def build(blender: tree.Blender) -> Path:
         for old in _wheels():
             old.unlink()
         with tree.step("building the native core"):
-            _pip_wheel(blender)
+            pip_wheel(blender, WHEELS)
         tree.write_stamp(stamp, mark)
     return _wheels()[0]
 
@@ -47,13 +48,14 @@ def _wheels() -> list[Path]:
     return sorted(WHEELS.glob("glint_core-*.whl"))
 
 
-def _pip_wheel(blender: tree.Blender) -> None:
+def pip_wheel(blender: tree.Blender, folder: Path, variables: dict[str, str] | None = None, options: Sequence[object] = ()) -> None:
+    """Run pip wheel on the tree with these environment variables besides the usual ones; the wheel lands in `folder`."""
     command = [blender.interpreter, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps", "--no-build-isolation"]
     path = os.pathsep.join([str(blender.interpreter.parent), os.environ.get("PATH", "")])
     cores = os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL", str(os.cpu_count() or 1))
     remedy = "The core needs a C++20 compiler: GCC 12 or Clang 14, or later."
-    variables = {**os.environ, "PATH": path, "CMAKE_BUILD_PARALLEL_LEVEL": cores}
-    tree.call([*command, "--wheel-dir", WHEELS, tree.ROOT], remedy, env=variables)
+    environ = {**os.environ, "PATH": path, "CMAKE_BUILD_PARALLEL_LEVEL": cores, **(variables or {})}
+    tree.call([*command, *options, "--wheel-dir", folder, tree.ROOT], remedy, env=environ)
 
 
 def main() -> None:

@@ -27,8 +27,12 @@ def blender_platform() -> str:
 
 def full_zip(blender: tree.Blender) -> Path:
     """dist/glint-<version>-<platform>.zip, with the core's wheel."""
-    wheel = core_wheel.build(blender)
-    return _pack(blender, blender_platform().replace("-", "_"), wheel)
+    return pack_platform(blender, blender_platform(), core_wheel.build(blender))
+
+
+def pack_platform(blender: tree.Blender, platform: str, wheel: Path) -> Path:
+    """dist/glint-<version>-<platform>.zip with a wheel that was built for it; platform: "linux-x64", "macos-arm64", …"""
+    return _pack(blender, platform, wheel)
 
 
 def python_zip(blender: tree.Blender) -> Path:
@@ -37,7 +41,7 @@ def python_zip(blender: tree.Blender) -> Path:
 
 
 def _pack(blender: tree.Blender, edition: str, wheel: Path | None) -> Path:
-    target = tree.DIST / f"glint-{tree.manifest()['version']}-{edition}.zip"
+    target = tree.DIST / f"glint-{tree.manifest()['version']}-{edition.replace('-', '_')}.zip"
     stamp = tree.BUILD / "stage" / f"{edition}-stamp"
     mark = _mark(wheel)
     if not (target.is_file() and tree.is_current(stamp, mark)):
@@ -65,20 +69,20 @@ def _stage(edition: str, wheel: Path | None) -> Path:
             shutil.copytree(source, stage / name, ignore=shutil.ignore_patterns(*LEFT_OUT))
         else:
             shutil.copy2(source, stage / name)
-    (stage / "blender_manifest.toml").write_text(_manifest_text(wheel))
+    (stage / "blender_manifest.toml").write_text(_manifest_text(edition, wheel))
     if wheel:
         (stage / "wheels").mkdir()
         shutil.copy2(wheel, stage / "wheels")
     return stage
 
 
-def _manifest_text(wheel: Path | None) -> str:
-    """The manifest; the full edition's names its platform and its wheel (top-level keys, so before the first table)."""
+def _manifest_text(edition: str, wheel: Path | None) -> str:
+    """The manifest; a full edition's names its platform and its wheel (top-level keys, so before the first table)."""
     text = (tree.ROOT / "blender_manifest.toml").read_text()
     if wheel is None:
         return text
     head, tables = text.split("\n[", 1)
-    return f'{head}\nplatforms = ["{blender_platform()}"]\nwheels = ["./wheels/{wheel.name}"]\n\n[{tables}'
+    return f'{head}\nplatforms = ["{edition}"]\nwheels = ["./wheels/{wheel.name}"]\n\n[{tables}'
 
 
 def _blender_extension(blender: tree.Blender, *arguments: object) -> None:
