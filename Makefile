@@ -50,7 +50,7 @@ wheels:
 	@$(GO)/wheels.py --bpy "$(BPY)" $(ARGS)
 
 bench:
-	@$(GO)/run_tool.py --bpy "$(BPY)" tests/bench/million.py $(ARGS)
+	@$(GO)/run_tool.py --bpy "$(BPY)" tests/bench/bench.py $(ARGS)
 
 contact-sheet:
 	@$(GO)/run_tool.py --bpy "$(BPY)" tests/cycles/contact_sheet.py $(ARGS)

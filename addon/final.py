@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import bpy
@@ -12,6 +14,7 @@ from .. import engine
 from .export import export_scene
 from .properties import settings_from
 from .result import Picture, wanted_passes
+from .stamp import make_stamp
 from .statistics import Statistics, remember
 
 log = logging.getLogger(__name__)
@@ -30,6 +33,7 @@ class Job:
     """Everything that the render thread needs; no Blender data.
 
     layer: the view layer's name.  size: of the result in pixels.  preview: a material preview, about which nothing is told.
+    frame: of the animation.
     """
 
     scene: engine.Scene
@@ -40,6 +44,21 @@ class Job:
     statistics: Statistics
     notes: list[str]
     preview: bool
+    frame: int = 1
+
+
+_read: list[list[Job]] = []
+
+
+@contextmanager
+def reading_only() -> Iterator[list[Job]]:
+    """Renders within read the scene as ever and put their jobs into the list, but trace nothing and leave a blank result."""
+    jobs: list[Job] = []
+    _read.append(jobs)
+    try:
+        yield jobs
+    finally:
+        _read.remove(jobs)
 
 
 def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> Job:
@@ -61,11 +80,15 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         statistics=statistics,
         notes=[*notes, *export.notes, *_darkness(export.scene)],
         preview=render_engine.is_preview,
+        frame=depsgraph.scene.frame_current,
     )
 
 
 def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
     """Trace the job and fill Blender's render result. After an error the result is gone and the exception goes on."""
+    if _read and not job.preview:
+        _read[-1].append(job)
+        return
     picture = Picture(render_engine, job.layer, job.size)
     try:
         film = engine.render(
@@ -124,7 +147,8 @@ def _finish(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, f
     statistics = job.statistics
     statistics.samples, statistics.traced = film.samples, film.stats
     statistics.seconds |= {stage: film.stats.get(stage, 0.0) for stage in ("build", "trace")}
-    picture.finish(film, {"scene": statistics.scene_line, "seconds": statistics.stages_line})
+    statistics.stamp = {} if job.preview else make_stamp(job.scene, job.settings, film, job.frame)
+    picture.finish(film, {"scene": statistics.scene_line, "seconds": statistics.stages_line, **statistics.stamp})
     statistics.seconds["write"] = time.perf_counter() - start
     if not job.preview:
         _tell_statistics(render_engine, job)

@@ -1,7 +1,8 @@
 """The Blinn-Phong shader node: the notes' coefficients as sockets, and a node group inside so that Cycles and Eevee show it too.
 
 Glint reads the sockets by name (`SOCKETS`) and never looks inside. Inside, a Diffuse and two Glossy closures stand for the same surface:
-with α = roughness², α² = 2.25/(p + 1.9) and F0 = k_s α²/0.26, which follows the fit of GGX in export/roughness.py to 5 % in roughness.
+with α = roughness², α² = 2.25/(p + 1.9) and F0 = k_s α²/0.26, which follows the one lobe of exponent p that is nearest to GGX to 5 % in
+roughness (tests/cycles/fit_roughness.py measures it).
 """
 
 from __future__ import annotations
@@ -20,6 +21,10 @@ SOCKETS = (
     ("Alpha", "NodeSocketFloat", 1.0, "1 covers what is behind, 0 is invisible"),
 )
 """(name, socket type, default, description), in the order shown."""
+
+_STAYS = bpy.app.version < (4, 5, 0)
+"""Blender 4.2 crashes when it frees a scene that was evaluated with nodes whose class was unregistered since (the copies for evaluation
+keep a pointer to it). So there the class outlives the extension until Blender is left, and serves an extension that comes back."""
 
 _LIMITS = {"Exponent": (0.0, 1e9), "Alpha": (0.0, 1.0)}
 _GROUP = "Glint Blinn-Phong"
@@ -125,10 +130,12 @@ def _draw_menu_entry(self: bpy.types.Menu, context: bpy.types.Context) -> None:
 
 
 def register() -> None:
-    bpy.utils.register_class(GlintBlinnPhongNode)
+    if not (_STAYS and bpy.types.Node.bl_rna_get_subclass_py(NODE_IDNAME)):
+        bpy.utils.register_class(GlintBlinnPhongNode)
     bpy.types.NODE_MT_category_shader_shader.append(_draw_menu_entry)
 
 
 def unregister() -> None:
     bpy.types.NODE_MT_category_shader_shader.remove(_draw_menu_entry)
-    bpy.utils.unregister_class(GlintBlinnPhongNode)
+    if not _STAYS:
+        bpy.utils.unregister_class(GlintBlinnPhongNode)

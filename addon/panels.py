@@ -79,6 +79,15 @@ class GLINT_RENDER_PT_sampling_final(_SamplingPanel, bpy.types.Panel):
     group = "final"
 
 
+class GLINT_RENDER_PT_sampling_viewport(_SamplingPanel, bpy.types.Panel):
+    bl_label = "Viewport"
+    group = "viewport"
+
+    def draw(self, context):
+        super().draw(context)
+        self.column.prop(context.scene.glint, "viewport_pass")
+
+
 class GLINT_RENDER_PT_performance(_Panel, bpy.types.Panel):
     bl_label = "Performance"
     bl_options = {"DEFAULT_CLOSED"}
@@ -91,6 +100,7 @@ class GLINT_RENDER_PT_performance(_Panel, bpy.types.Panel):
         native.active = group.backend == "NATIVE"
         native.prop(group, "precision")
         native.prop(group, "threads")
+        column.prop(context.scene.render, "preview_pixel_size", text="Viewport Pixel Size")
         column.prop(context.scene.render, "use_persistent_data", text="Persistent Data")
 
 
@@ -210,6 +220,7 @@ def _blender_panels() -> Iterator[type]:
 _CLASSES = (
     GLINT_RENDER_PT_sampling,
     GLINT_RENDER_PT_sampling_final,
+    GLINT_RENDER_PT_sampling_viewport,
     GLINT_RENDER_PT_performance,
     GLINT_RENDER_PT_film,
     GLINT_RENDER_PT_statistics,

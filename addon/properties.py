@@ -5,6 +5,7 @@ Blender reads the annotations as they are, so this module must not make them str
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty
@@ -78,6 +79,12 @@ class GlintSceneSettings(bpy.types.PropertyGroup):
 
     final: PointerProperty(name="Final", type=GlintRenderSettings)
     viewport: PointerProperty(name="Viewport", type=GlintRenderSettings)
+    viewport_pass: EnumProperty(
+        name="Pass",
+        description="What Rendered shading shows in the 3D views; renders are not touched",
+        items=[(name, name, "") for name in engine.PASSES],
+        default="Combined",
+    )
 
 
 def _update_passes(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
@@ -122,6 +129,18 @@ def settings_from(
         passes=frozenset(passes) - {"Combined"},
         region=region,
     )
+
+
+def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str]:
+    """The settings of Rendered shading with a tracer that can run here, and the pass that it shows.
+
+    How finely to sample is the viewport's own; what a picture means and who draws it is the final render's.
+    """
+    settings = settings_from(scene.glint.final, scene, (scene.glint.viewport_pass,))
+    own = scene.glint.viewport
+    backend = settings.backend if settings.backend in engine.available_backends() else "NUMPY"
+    sampling = {"samples": own.samples, "light_samples": own.light_samples, "max_bounces": own.max_bounces}
+    return replace(settings, backend=backend, **sampling), scene.glint.viewport_pass
 
 
 _CLASSES = (GlintRenderSettings, GlintSceneSettings, GlintViewLayerSettings)

@@ -7,16 +7,15 @@ write nothing and fail.
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
 import bpy
 
 from .. import engine
-from . import final, result
+from . import final, result, viewport
 from .export import ExportError
 
 log = logging.getLogger(__name__)
-
-_VIEWPORT_TEXT = "Glint does not draw in the viewport yet: use Material Preview here and F12 for the picture"
 
 
 class GlintRenderEngine(bpy.types.RenderEngine):
@@ -30,6 +29,7 @@ class GlintRenderEngine(bpy.types.RenderEngine):
     bl_use_eevee_viewport = True
 
     _job: final.Job | Exception | None = None
+    _session: viewport.Session | None = None
 
     def update(self, data: bpy.types.BlendData, depsgraph: bpy.types.Depsgraph) -> None:
         """Read everything here: Blender locks its data around `update()` only. An error waits for `render()`, which can report it."""
@@ -53,10 +53,24 @@ class GlintRenderEngine(bpy.types.RenderEngine):
         result.register_passes(self, scene, renderlayer)
 
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        self.update_stats("", _VIEWPORT_TEXT)
+        """Blender's data changed, or a 3D view turned to Rendered shading."""
+        self._in_view(lambda session: session.update(context, depsgraph))
 
     def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Leaves the viewport's background; `view_update` has put up a line of text."""
+        """Blender wants the region drawn; never waits for a picture."""
+        self._in_view(lambda session: session.draw(self, context, depsgraph))
+
+    def __del__(self) -> None:
+        if self._session is not None:
+            self._session.close()
+
+    def _in_view(self, action: Callable[[viewport.Session], None]) -> None:
+        try:
+            self._session = self._session or viewport.Session()
+            action(self._session)
+        except Exception as error:
+            log.exception("the viewport failed")
+            self.update_stats("", _message(error))
 
 
 def _message(error: Exception) -> str:
@@ -69,4 +83,14 @@ def _message(error: Exception) -> str:
     return f"Glint failed ({type(error).__name__}): {text}. The traceback is in the log"
 
 
-register, unregister = bpy.utils.register_classes_factory((GlintRenderEngine,))
+_register, _unregister = bpy.utils.register_classes_factory((GlintRenderEngine,))
+
+
+def register() -> None:
+    _register()
+    viewport.register()
+
+
+def unregister() -> None:
+    viewport.unregister()
+    _unregister()

@@ -23,6 +23,7 @@ class Statistics:
     exported: Mapping[str, float]
     traced: Mapping[str, float] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
+    stamp: dict[str, str] = field(default_factory=dict)
 
     @property
     def stages_line(self) -> str:

@@ -1,31 +1,35 @@
-"""Glint's engine: `render(scene, settings) -> Film`. Knows nothing of Blender; works in any Python with NumPy."""
+"""Glint's engine: `render(scene, settings) -> Film`, and rays without a picture: `Accelerator`. Knows nothing of Blender."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
+from .accelerator import Accelerator, Hits
+from .errors import SceneError
 from .film import PARTS, PASSES, Film
 from .linear import affine_inverse, pixel_bounds_of_box
+from .live import LiveRender, Task, Wave
 from .scene import Scene
 from .settings import Settings
 
 __all__ = [
     "PARTS",
     "PASSES",
+    "Accelerator",
     "Film",
+    "Hits",
+    "LiveRender",
     "Scene",
     "SceneError",
     "Settings",
+    "Task",
+    "Wave",
     "affine_inverse",
     "available_backends",
     "native_error",
     "pixel_bounds_of_box",
     "render",
 ]
-
-
-class SceneError(ValueError):
-    """The scene or the settings cannot be rendered; the message lists every problem."""
 
 
 def available_backends() -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from typing import Any
 
-ABI_VERSION = 1
+ABI_VERSION = 2
 
 PREPARING, TRACING, HELD, DONE, CANCELLED, FAILED = range(6)
 """States of a render."""
@@ -129,4 +129,30 @@ class StatsData(Structure):
         + _each(c_uint64, "dropped_primitives dropped_instances dropped_lights")
         + _each(c_uint64, "camera_rays shadow_rays mirror_rays refraction_rays transparent_rays")
         + _each(c_uint32, "features threads")
+    )
+
+
+class AccelData(Structure):
+    _fields_ = _each(c_size_t, "geometries instances world_from_object") + _each(c_uint64, "geometry_count instances_count row_count")
+
+
+class RaysData(Structure):
+    """GlintRaysF32 and GlintRaysF64: they differ in what their addresses point at."""
+
+    _fields_ = (
+        _each(c_size_t, "origins directions t_min t_max")
+        + _each(c_uint64, "count")
+        + _each(c_uint32, "origin_stride direction_stride t_min_stride t_max_stride visibility threads")
+    )
+
+
+class HitsData(Structure):
+    """GlintHitsF32 and GlintHitsF64."""
+
+    _fields_ = _each(c_size_t, "t instance primitive u v")
+
+
+class AccelStatsData(Structure):
+    _fields_ = (
+        _each(c_double * 3, "low high") + _each(c_double, "build_seconds") + _each(c_uint64, "instances primitives dropped bytes nodes")
     )

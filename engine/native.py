@@ -14,18 +14,33 @@ from ctypes import POINTER, byref, c_char_p, c_double, c_int32, c_size_t, c_uint
 
 import numpy as np
 
-from . import SceneError, core_types
-from .core_types import CANCELLED, DONE, FAILED, HELD, ProgressData, SceneData, SettingsData, StatsData
+from . import core_types
+from .core_types import (
+    CANCELLED,
+    DONE,
+    FAILED,
+    HELD,
+    AccelData,
+    AccelStatsData,
+    HitsData,
+    ProgressData,
+    RaysData,
+    SceneData,
+    SettingsData,
+    StatsData,
+)
+from .errors import SceneError
 from .film import NO_DEPTH, PASSES, Film
 from .packing import pack_scene, pack_settings, passes_of
 from .scene import Scene
 from .settings import Settings
+from .view_axes import ViewAxes, narrow_view_axes
 
 LIBRARY_VARIABLE = "GLINT_CORE_LIBRARY"
 """Environment variable with the path of another build of the core."""
 
 _POLL_MILLISECONDS = 40
-_ERROR_BYTES = 8192
+ERROR_BYTES = 8192
 
 _SIGNATURES = {
     "glint_scene_create": (c_void_p, [POINTER(SceneData), c_char_p, c_size_t]),
@@ -38,6 +53,15 @@ _SIGNATURES = {
     "glint_render_stats": (StatsData, [c_void_p]),
     "glint_render_error": (c_char_p, [c_void_p]),
     "glint_render_destroy": (None, [c_void_p]),
+    "glint_isa": (c_char_p, []),
+    "glint_accel_create": (c_void_p, [POINTER(AccelData), c_uint32, c_char_p, c_size_t]),
+    "glint_accel_destroy": (None, [c_void_p]),
+    "glint_accel_stats": (AccelStatsData, [c_void_p]),
+    **{
+        f"glint_accel_{question}_{precision}": (c_int32, [c_void_p, POINTER(RaysData), answer, c_char_p, c_size_t])
+        for question, answer in (("closest", POINTER(HitsData)), ("occluded", c_void_p))
+        for precision in ("f32", "f64")
+    },
     "glint_math": (None, [c_int32, POINTER(c_double), POINTER(c_double), POINTER(c_double), c_uint64]),
 }
 
@@ -88,16 +112,16 @@ def render_native(
 
     Raises SceneError for what the core refuses, MemoryError, ImportError and OSError (see `library`), RuntimeError for a fault of the core.
     """
-    core = library()
-    packed, plan = pack_scene(scene), pack_settings(scene, settings, on_wave is not None)
+    core, axes = library(), narrow_view_axes(scene.camera)
+    packed, plan = pack_scene(axes.scene(scene) if axes else scene), pack_settings(scene, settings, on_wave is not None)
     with _scene(core, packed.data) as handle, _render(core, handle, plan.data) as job:
-        return _Render(core, job, scene, settings).run(should_stop, on_progress, on_wave)
+        return _Render(core, job, scene, settings, axes).run(should_stop, on_progress, on_wave)
 
 
 @contextmanager
 def _scene(core: ctypes.CDLL, data: SceneData) -> Iterator[int]:
-    error = ctypes.create_string_buffer(_ERROR_BYTES)
-    handle = core.glint_scene_create(byref(data), error, _ERROR_BYTES)
+    error = ctypes.create_string_buffer(ERROR_BYTES)
+    handle = core.glint_scene_create(byref(data), error, ERROR_BYTES)
     if not handle:
         raise _refusal(error.value.decode(errors="replace"), data)
     try:
@@ -108,8 +132,8 @@ def _scene(core: ctypes.CDLL, data: SceneData) -> Iterator[int]:
 
 @contextmanager
 def _render(core: ctypes.CDLL, scene: int, data: SettingsData) -> Iterator[int]:
-    error = ctypes.create_string_buffer(_ERROR_BYTES)
-    handle = core.glint_render_start(scene, byref(data), error, _ERROR_BYTES)
+    error = ctypes.create_string_buffer(ERROR_BYTES)
+    handle = core.glint_render_start(scene, byref(data), error, ERROR_BYTES)
     if not handle:
         raise _refusal(error.value.decode(errors="replace"), data)
     try:
@@ -135,8 +159,8 @@ def _film_needs(data: SettingsData) -> str:
 class _Render:
     """One render at work in the core."""
 
-    def __init__(self, core: ctypes.CDLL, handle: int, scene: Scene, settings: Settings) -> None:
-        self._core, self._handle = core, handle
+    def __init__(self, core: ctypes.CDLL, handle: int, scene: Scene, settings: Settings, axes: ViewAxes | None) -> None:
+        self._core, self._handle, self._axes = core, handle, axes
         self._names = passes_of(settings)
         x0, y0, x1, y1 = settings.region or (0, 0, *scene.camera.resolution)
         self._shape = (y1 - y0, x1 - x0)
@@ -167,7 +191,7 @@ class _Render:
     def _film(self, samples: int, complete: bool) -> Film:
         passes = {name: self._pass(name, samples) for name in self._names}
         data = self._core.glint_render_stats(self._handle)
-        return Film(passes, samples, complete, _stats(data), _notes(data))
+        return Film(self._axes.world_passes(passes) if self._axes else passes, samples, complete, _stats(data), _notes(data))
 
     def _pass(self, name: str, samples: int) -> np.ndarray:
         """(h, w, c) float32; of an untouched picture when no wave is complete."""

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from . import SceneError, core_types
+from . import core_types
+from .errors import SceneError
 from .sampling import light_points, pixel_offsets
 from .scene import LOBES, Attribute, Camera, Geometry, Input, Instances, Light, Lobe, Mesh, Polygons, Scene, Spheres, Texture
 from .settings import ILLUMINATIONS, Settings
@@ -275,7 +276,7 @@ def pack_settings(scene: Scene, settings: Settings, hold_waves: bool) -> Packed:
         hold_waves=hold_waves,
     )
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
-    if settings.light_samples > 1 and any(_is_soft(light) for light in scene.lights):
+    if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
         square, disc = light_points(settings.samples * settings.light_samples)
         data.light_square = address(packer.lend(square, np.float64, (None, 2), "light points"))
         data.light_disc = address(packer.lend(disc, np.float64, (None, 2), "light points"))
@@ -291,6 +292,6 @@ def passes_of(settings: Settings) -> tuple[str, ...]:
     return tuple(name for name in core_types.PASS_NUMBERS if name == "Combined" or name in settings.passes)
 
 
-def _is_soft(light: Light) -> bool:
+def is_soft(light: Light) -> bool:
     extents = {"SUN": (light.angle,), "AREA": (light.size_x, light.size_y)}
     return any(extent > 0 for extent in extents.get(light.kind, (light.radius,)))

@@ -36,6 +36,9 @@ from .scene import (
 
 Found = Iterator[str]
 
+_DOUBTFUL_VOLUME = 1e-6
+"""Of three unit axes: from it on the smallest singular value is at least 5e-7 of the largest, far from rounding."""
+
 _ORTHONORMAL = 1e-4
 """How far a light's axes may be from orthonormal: matrices that went through a few float32 products stay well within."""
 
@@ -316,8 +319,13 @@ def _not_orthonormal(name: str, matrix: np.ndarray) -> Found:
 
 def _not_a_frame(name: str, matrix: np.ndarray) -> Found:
     sizes = length(matrix[:, :3].T)
-    if np.any(sizes == 0) or pseudo_inverse(matrix[:, :3] / sizes).rank < 3:
+    if np.any(sizes == 0) or _is_flat(matrix[:, :3] / sizes):
         yield f"{name} is flattened: give the camera three independent axes"
+
+
+def _is_flat(axes: np.ndarray) -> bool:
+    """(3, 3) unit columns. The decomposition decides, where the volume of the axes leaves a doubt."""
+    return not abs(np.linalg.det(axes)) >= _DOUBTFUL_VOLUME and pseudo_inverse(axes).rank < 3
 
 
 def _camera(camera: Camera) -> Found:

@@ -1,7 +1,8 @@
-"""Cross-builds the core's wheels for six platforms with Zig's Clang, and packs the extension for each; one target takes minutes the first time.
+"""Cross-builds the core's wheels for six platforms with Zig's Clang, and packs the extension for each.
 
-The wheels land in build/wheels/<platform>, the zips in dist. Nothing is run for the foreign platforms here: `qemu-aarch64` runs the C++
-tests of linux-arm64 when asked with --test (Debian: apt-get install qemu-user).
+The first time, Zig compiles its C++ library for each platform: some minutes. The wheels land in build/wheels/<platform>, the zips in dist.
+Nothing is run for the foreign platforms here, but --test has `qemu-aarch64` run the C++ tests of linux-arm64 (Debian: apt-get install
+qemu-user).
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ def variables(blender: tree.Blender, target: Target) -> dict[str, str]:
     }
 
 
-def test_under_emulation(blender: tree.Blender, platform: str = "linux-arm64") -> str:
+def run_tests_emulated(blender: tree.Blender, platform: str = "linux-arm64") -> str:
     """Build the core's C++ tests for a foreign Linux and run them; returns their output. Needs qemu-user."""
     target = PLATFORMS[platform]
     emulator = shutil.which(f"qemu-{target.processor}")
@@ -104,7 +105,7 @@ def main() -> None:
     blender = environment.prepare(options.bpy)
     install_zig(blender)
     if options.test:
-        print(test_under_emulation(blender))
+        print(run_tests_emulated(blender))
         return
     for platform in options.only or PLATFORMS:
         wheel = build(blender, platform)

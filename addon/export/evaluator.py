@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .graph import Place, socket_named, source
+from .graph import Place, closes_circle, socket_named, source
 from .images import Images
 from .report import Report
 from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant, multiply
@@ -21,6 +21,7 @@ DEEPEST = 48
 """Nested node evaluations; deeper trees get the socket's default."""
 MOST_TERMS = 16
 """Terms of one sum; longer ones become their mean colour."""
+_CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
 
 
 @dataclass(frozen=True)
@@ -99,8 +100,7 @@ class Evaluator:
     def closure(self, place: Place) -> Closure:
         """The lobes that a shader socket gets; colours and numbers shine as emission, as in Cycles."""
         found = source(place)
-        if found is None:
-            self.note("Node links go round in a circle in {}: the socket's default is used; remove the circle")
+        self._note_circle(found)
         if found is None or not found.socket.is_output or found.node.mute:
             return {}
         if found.socket.type != "SHADER":
@@ -110,6 +110,11 @@ class Evaluator:
     def note(self, sentence: str) -> None:
         """Report something about this material; `{}` stands for the materials' names."""
         self.report.note(sentence, self.name)
+
+    def _note_circle(self, found: Place | None) -> None:
+        """`found` as `source` gave it: None after too many steps, or an input where Blender cut the circle itself."""
+        if found is None or (not found.socket.is_output and closes_circle(found.socket)):
+            self.note(_CIRCLE)
 
     def limited(self, terms: Sum) -> Sum:
         """A sum short enough to render: its mean colour where it has too many terms."""
@@ -130,9 +135,8 @@ class Evaluator:
 
     def _read(self, place: Place) -> tuple[Sum, str]:
         found = source(place)
-        if found is None:
-            self.note("Node links go round in a circle in {}: the socket's default is used; remove the circle")
-            found = place
+        self._note_circle(found)
+        found = place if found is None else found
         if not found.socket.is_output:
             return default_value(found.socket), found.socket.type
         if found.node.mute:
@@ -159,9 +163,8 @@ class Evaluator:
         if key in self._memo:
             return self._memo[key]
         if key in self._open or len(self._open) >= DEEPEST:
-            circle = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
             deep = "Nodes are nested too deeply in {}: the socket's default is used; simplify the tree"
-            self.note(circle if key in self._open else deep)
+            self.note(_CIRCLE if key in self._open else deep)
             return otherwise
         self._open.add(key)
         try:

@@ -59,6 +59,14 @@ def source(place: Place) -> Place | None:
     return None
 
 
+def closes_circle(socket: Any) -> bool:
+    """Whether a link comes in that Blender marked as invalid because it closes a circle, and which `source` therefore does not follow.
+
+    Links between a shader and a value are invalid as well, and no circle.
+    """
+    return any(not link.is_valid and (link.from_socket.type == "SHADER") == (socket.type == "SHADER") for link in socket.links)
+
+
 def _link(socket: Any) -> Any:
     for link in socket.links if socket.is_linked else ():
         if link.is_valid and not link.is_muted:

@@ -16,6 +16,8 @@ from .report import Report
 from .terms import RGB, constant_value, is_constant
 
 _FULL_SPREAD = math.pi - 1e-4
+_SAME_LENGTH = 1e-5
+"""Relative difference of axis lengths that float32 matrices have by rounding."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class Lights:
             self.report.note("Lights that are scaled to nothing are left out ({}): clear their scale", name)
             return None
         shape = _shape(data, sizes)
+        if data.type == "SPOT" and not _same(sizes[0], sizes[1]):
+            self.report.note("The cones of spot lights stay round ({}): give the light one scale along x and y", name)
         strength = light_strength(data, shape)
         if not math.isfinite(strength):
             self.report.note("Lights whose power is not finite are left out ({}): set their power", name)
@@ -114,7 +118,20 @@ def _shape(data: Any, lengths: np.ndarray) -> dict[str, Any]:
         shape = "ELLIPSE" if data.shape in ("DISK", "ELLIPSE") else "RECTANGLE"
         return {"shape": shape, "size_x": across * float(lengths[0]), "size_y": up * float(lengths[1])}
     soft = {"radius": data.shadow_soft_size, "soft_falloff": bool(getattr(data, "use_soft_falloff", False))}
-    return {**soft, "spot_size": data.spot_size, "spot_blend": data.spot_blend} if data.type == "SPOT" else soft
+    return {**soft, "spot_size": _cone(data.spot_size, lengths), "spot_blend": data.spot_blend} if data.type == "SPOT" else soft
+
+
+def _cone(angle: float, lengths: np.ndarray) -> float:
+    """The full angle of a spot whose cone is scaled with its object, as in Cycles; where x and y differ, of a round cone that is as large.
+
+    The cone's edge is exact; what is between a blended edge and the axis follows the cosine of the unscaled cone in Cycles.
+    """
+    across = math.sqrt(lengths[0] * lengths[1])
+    return angle if _same(across, lengths[2]) else 2 * math.atan(math.tan(angle / 2) * across / lengths[2])
+
+
+def _same(a: float, b: float) -> bool:
+    return abs(a - b) <= _SAME_LENGTH * max(a, b)
 
 
 def light_strength(data: Any, shape: dict[str, Any]) -> float:

@@ -16,6 +16,9 @@ _NEARLY_SINGULAR = 1e-6
 _FEW = 1000
 """Points of a geometry, about, that are tried before all of them are."""
 
+_FIRST = 16
+"""Geometries of which single points are tried before boxes are."""
+
 
 def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple[Instances, ...]:
     """Without the placements that are no surface any more: matrices of rank 0 or 1 squash everything to a line or a point."""
@@ -46,6 +49,8 @@ def note_empty_view(camera: Camera, geometries: tuple[Geometry, ...], instances:
     """Say so when the box round everything that the camera may see projects beside the frame (notes, section 7.5)."""
     seen = [(geometries[block.geometry], block.world_from_object) for block in instances if block.visible_camera]
     seen = [(geometry, matrices) for geometry, matrices in seen if len(_points(geometry))]
+    if any(shows_a_point(geometry, matrices[0], camera) for geometry, matrices in seen[:_FIRST]):
+        return
     # Where the box round a few vertices reaches the frame, the box round all of them does.
     if seen and not (_may_be_seen(seen, camera, _FEW) or _may_be_seen(seen, camera, None)):
         report.note("The camera sees no object: all of them are beside the frame, behind it or outside its clip distances")
@@ -53,6 +58,23 @@ def note_empty_view(camera: Camera, geometries: tuple[Geometry, ...], instances:
 
 def _points(geometry: Geometry) -> np.ndarray:
     return geometry.centers if isinstance(geometry, Spheres) else geometry.vertices
+
+
+def shows_a_point(geometry: Geometry, world_from_object: np.ndarray, camera: Camera) -> bool:
+    """Whether one of a few vertices or centres is in the frame: so the usual scene is told in a tenth of the time that boxes take."""
+    with np.errstate(invalid="ignore"):
+        placed = _some(_points(geometry), _FEW).astype(np.float64) @ world_from_object[:, :3].T + world_from_object[:, 3]
+        x, y, z = np.linalg.inv(camera.world_from_camera[:, :3]) @ (placed - camera.world_from_camera[:, 3]).T
+        left, right, bottom, top = camera.window
+        width = np.where(z < 0, -z, np.nan) if camera.kind == "PERSPECTIVE" else 1.0
+        inside = (x - left * width) * (x - right * width) <= 0
+        inside &= (y - bottom * width) * (y - top * width) <= 0
+        return bool((inside & (-z >= camera.clip_start) & (-z <= camera.clip_end)).any())
+
+
+def _some(points: np.ndarray, count: int) -> np.ndarray:
+    """About `count` of (k, 3) points, evenly picked."""
+    return points[:: max(1, len(points) // count)]
 
 
 def _may_be_seen(placed: list[tuple[Geometry, np.ndarray]], camera: Camera, count: int | None) -> bool:
@@ -64,7 +86,7 @@ def _may_be_seen(placed: list[tuple[Geometry, np.ndarray]], camera: Camera, coun
 def _world_box(geometry: Geometry, matrices: np.ndarray, count: int | None) -> np.ndarray:
     """(2, 3): low and high corner of all placements of one geometry; NaN where a vertex is, which counts as everywhere."""
     points = _points(geometry)
-    low, high = _extent(points if count is None else points[:: max(1, len(points) // count)])
+    low, high = _extent(points if count is None else _some(points, count))
     if isinstance(geometry, Spheres):
         low, high = low - geometry.radii.max(), high + geometry.radii.max()
     with np.errstate(invalid="ignore"):

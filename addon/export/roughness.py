@@ -56,13 +56,6 @@ ALBEDO = np.array([0.9940, 0.9765, 0.9407, 0.8819, 0.8026, 0.7079, 0.6046, 0.502
 DIELECTRIC_ALBEDO = np.array([0.0883, 0.0806, 0.0708, 0.0606, 0.0511, 0.0425, 0.0349, 0.0283, 0.0228])
 """The same share for Principled's dielectric lobe of IOR 1.5; 0.0919 where it is smooth."""
 
-ONE_LOBE = np.array([
-    [2.2543, 2.2185, 2.1262, 1.9523, 1.6965, 1.3984, 1.0974, 0.7599, 0.3166],
-    [0.2564, 0.2555, 0.2534, 0.2495, 0.2447, 0.2402, 0.2371, 0.2326, 0.2257],
-    [0.2389, 0.2412, 0.2477, 0.2610, 0.2808, 0.3049, 0.3366, 0.3782, 0.4229],
-])  # fmt: skip
-"""p·α², s·α² and the residual in linear values of the one lobe that is nearest to GGX: how the Blinn-Phong node finds its roughness."""
-
 SMALLEST = 0.03
 """Below it a lobe is narrower than 0.05° and roughness no longer matters: p stays under 3e6."""
 
@@ -116,25 +109,6 @@ def _grazing_share(roughness: float, ior: float) -> float:
 def sheen_albedo(roughness: float) -> float:
     """Share of a uniform white world that Principled's sheen reflects at weight 1 and white tint; measured, with what lamps see of it."""
     return float(np.interp(_clamped(roughness), [0.0, 0.1, 0.3, 0.5, 0.8, 1.0], [0.0, 0.0017, 0.035, 0.1185, 0.3133, 0.4473]))
-
-
-def exponent_from_roughness(roughness: float) -> float:
-    """The exponent of the one lobe nearest to GGX (single scattering): 2.8e6 at 0.03 and below, 0.32 at 1."""
-    roughness = _clamped(roughness)
-    return _between(ONE_LOBE[0], roughness) / roughness**4
-
-
-def specular_scale(roughness: float) -> float:
-    """s in k_s = F0 · s of that lobe: its height at n = h in units of a white diffuser's radiance."""
-    roughness = _clamped(roughness)
-    return _between(ONE_LOBE[1], roughness) / roughness**4
-
-
-def roughness_from_exponent(exponent: float) -> float:
-    """The inverse of `exponent_from_roughness`: 1 for exponents below its range, 0.03 above."""
-    rows = np.log([SMALLEST, *ROUGHNESS])
-    exponents = np.log([ONE_LOBE[0, 0], *ONE_LOBE[0]]) - 4 * rows
-    return float(np.exp(np.interp(-np.log(max(exponent, 1e-9)), -exponents, rows)))
 
 
 def _row(kind: str, roughness: float) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from glint.addon.export import Export, export_scene
+from glint.addon.export.roughness import layer_loss
 from glint.engine.scene import Input, Lobe
 
 
@@ -58,6 +59,9 @@ def quad(name: str = "Quad", *materials):
     return mesh_object(name, [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)], *materials)
 
 
+RED = (0.8, 0.2, 0.1, 1.0)
+
+
 class Shader:
     """A material under construction, worn by a quad with a UV map and a colour attribute."""
 
@@ -89,6 +93,29 @@ class Shader:
         result = export()
         material = next(m for m in result.scene.materials if m.name == self.material.name)
         return result, material.lobes
+
+
+def set_inputs(node, **inputs) -> None:
+    """Constants of a node's inputs by name, with _ for a space."""
+    for name, value in inputs.items():
+        node.inputs[name.replace("_", " ")].default_value = value
+
+
+def principled(**inputs) -> Shader:
+    """A Principled BSDF of IOR 1.5 in a version's own defaults but for the microfacets."""
+    shader = Shader(shader="ShaderNodeBsdfPrincipled")
+    shader.shader.distribution = "MULTI_GGX"
+    set_inputs(shader.shader, IOR=1.5, **inputs)
+    return shader
+
+
+def layer_share(ior: float = 1.5, roughness: float = 0.5, world: bool = False) -> float:
+    """What a Principled's dielectric layer keeps from what is below."""
+    return layer_loss(roughness, ior, multiscatter=True, world=world)
+
+
+def kinds(lobes) -> set[str]:
+    return {lobe.kind for lobe in lobes}
 
 
 def _input(node, name):

@@ -72,6 +72,39 @@ answer([node.bl_idname, node.inputs["Exponent"].default_value, [socket.name for 
     assert with_it.answer == ["GlintBlinnPhongNode", 77.0, SOCKETS], with_it.output
 
 
+def test_a_file_with_the_node_outlives_the_extension(tmp_path):
+    """Blender 4.2 crashed here: the evaluated copy of the material was freed after the node's class."""
+    run = Blender(tmp_path).run(
+        REGISTER_TREE
+        + MATERIAL
+        + """
+def draw_a_cube_with_the_node():
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    material, node = add_node()
+    node.inputs["Emission"].default_value = (0.25, 0.5, 0.75, 1.0)
+    bpy.data.objects["Cube"].data.materials[0] = material
+    scene = bpy.context.scene
+    scene.render.engine = "GLINT"
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    scene.glint.final.samples = scene.glint.final.light_samples = 1
+    bpy.ops.render.render()
+    return material
+
+names = []
+for _ in range(2):
+    material = draw_a_cube_with_the_node()
+    glint.unregister()
+    names.append([socket.name for socket in material.node_tree.nodes[0].inputs])
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    glint.register()
+draw_a_cube_with_the_node()
+answer(names)
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert run.answer == [SOCKETS, SOCKETS]
+
+
 def test_cycles_shows_the_group_inside(tmp_path):
     """Emission and Alpha are exact in any renderer; diffuse light adds to them."""
     blender = Blender(tmp_path)

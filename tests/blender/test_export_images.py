@@ -203,7 +203,7 @@ def test_tiled_images_show_their_first_tile(scene, tmp_path):  # noqa: F811
     picture.filepath = str(tmp_path / "tile.<UDIM>.png")
     texture, notes = _texture(picture)
     np.testing.assert_array_equal(texture.pixels, _bytes(GRADIENT))
-    assert any("tile" in note for note in notes)
+    assert any("first tile" in note and f"'{picture.name}'" in note and "bake" in note for note in notes)
 
 
 def test_an_image_is_read_once(scene, tmp_path):  # noqa: F811

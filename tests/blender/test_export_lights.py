@@ -58,6 +58,17 @@ def test_spot(scene):  # noqa: F811
     assert (light.kind, light.spot_size, light.spot_blend, light.radius) == ("SPOT", 0.5, 0.25, 0.125)
 
 
+@pytest.mark.parametrize(("scale", "tangent", "noted"), [((3, 3, 3), 1, False), ((-2, 2, 4), 0.5, False), ((4, 1, 1), 2, True)])
+def test_a_spots_cone_is_scaled_with_its_object(scene, scale, tangent, noted):  # noqa: F811
+    """By what Cycles does along each axis; a round cone stands for an oval one, with a note."""
+    _light("SPOT", spot_size=0.5).scale = scale
+    result = export()
+    (light,) = result.scene.lights
+    np.testing.assert_allclose(np.tan(light.spot_size / 2), tangent * np.tan(0.25), rtol=1e-6)
+    assert [note for note in result.notes if "round" in note and "'SPOT'" in note] == list(result.notes)
+    assert bool(result.notes) == noted
+
+
 SHAPES = {"SQUARE": ("RECTANGLE", 4, 6), "RECTANGLE": ("RECTANGLE", 4, 15), "DISK": ("ELLIPSE", 4, 6), "ELLIPSE": ("ELLIPSE", 4, 15)}
 
 

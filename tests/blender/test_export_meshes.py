@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from export_support import Shader, export, link, mesh_object, quad, scene  # noqa: F401
+from glint.addon.export import meshes
 from glint.engine.scene import CORNER, POINT, Mesh, Spheres
 
 
@@ -45,6 +46,12 @@ def test_triangles_are_blenders(scene, shape):  # noqa: F811
     np.testing.assert_array_equal(mesh.vertices, vertices.astype(np.float32))
     np.testing.assert_array_equal(mesh.triangles, triangles)
     assert mesh.triangles.dtype == np.uint32
+
+
+def test_triangles_of_large_meshes_are_looked_up_in_parts(scene, monkeypatch):  # noqa: F811
+    bpy.ops.mesh.primitive_monkey_add()
+    monkeypatch.setattr(meshes, "_GATHERED", 100)
+    np.testing.assert_array_equal(_only_mesh().triangles, _slow(bpy.context.object)[2])
 
 
 def test_modifiers_are_applied(scene):  # noqa: F811
@@ -156,6 +163,27 @@ def test_colour_attributes_are_scene_linear(scene, kind, domain):  # noqa: F811
     np.testing.assert_array_equal(found.values, slow.astype(np.float32))
 
 
+@pytest.mark.parametrize(("name", "values"), [("Col", [0.25, 0.5, 0.75, 0.125]), ("UVMap", [0.25, 0.5])])
+def test_one_attribute_is_read_as_colour_and_as_coordinates(scene, name, values):  # noqa: F811
+    """By the same name, which finds one array: the tracers read (u, v, 0) of a map, and the first two columns of a colour."""
+    shader = Shader(shader="ShaderNodeAddShader")
+    data = shader.quad.data
+    if name == "Col":
+        data.color_attributes["Col"].data.foreach_set("color", np.tile(np.float32(values), len(data.loops)))
+    else:
+        data.uv_layers["UVMap"].data.foreach_set("uv", np.tile(np.float32(values), len(data.loops)))
+    texture, node = shader.node("ShaderNodeTexImage"), shader.node("ShaderNodeAttribute", attribute_name=name)
+    shader.link(node, "Vector", texture, "Vector")
+    for socket, source in (("Shader", texture), ("Shader_001", node)):
+        diffuse = shader.node("ShaderNodeBsdfDiffuse")
+        shader.link(source, "Color", diffuse, "Color")
+        shader.link(diffuse, 0, shader.shader, socket)
+    result, lobes = shader.export()
+    assert {(factor.uv, factor.attribute) for lobe in lobes for factor in lobe.factors} == {(name, ""), ("", name)}
+    (attribute,) = result.scene.geometries[0].attributes
+    np.testing.assert_array_equal(attribute.values, np.tile(np.float32(values), (4, 1)))
+
+
 def test_attributes_on_faces_are_handed_to_triangles(scene):  # noqa: F811
     shader = Shader()
     bpy.data.objects.remove(shader.quad)
@@ -191,6 +219,15 @@ def test_faces_with_vertices_that_are_not_finite_are_counted_out(scene, bad):  #
     assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
     assert mesh.material_slots.tolist() == [0, 1]
     assert any("'Broken'" in note and "1 of its triangles" in note for note in result.notes)
+
+
+def test_corners_go_with_the_triangles_that_are_left(scene):  # noqa: F811
+    thing = mesh_object("Broken", [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (np.nan, 0, 0)], [(0, 1, 4), (0, 1, 2, 3), (0, 3, 4)])
+    thing.data.uv_layers.new(name="UVMap").data.foreach_set("uv", np.arange(20, dtype=np.float32))
+    mesh = _only_mesh(passes=frozenset({"UV"}))
+    uv = mesh.attributes[0].values[mesh.corners]
+    assert sorted(map(tuple, mesh.triangles.tolist())) == [(0, 1, 2), (0, 2, 3)]
+    np.testing.assert_array_equal(uv[:, :, 0], 2 * (3 + mesh.triangles))
 
 
 def test_meshes_without_faces_are_nothing(scene):  # noqa: F811

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from export_support import export, scene  # noqa: F401
-from glint.addon.export.placing import note_empty_view, without_collapsed
+from glint.addon.export.placing import note_empty_view, shows_a_point, without_collapsed
 from glint.addon.export.report import Report
-from glint.engine.scene import Camera, Instances, Spheres
+from glint.engine.scene import Camera, Instances, Mesh, Spheres
 
 
 def cube(scale=(1, 1, 1), location=(0, 0, 0)):
@@ -52,3 +52,23 @@ def test_spheres_reach_beyond_their_centres():
         spheres = Spheres("ball", np.array([[2.0, 0, -3]], np.float32), np.array([radius], np.float32))
         note_empty_view(camera, (spheres,), (Instances("ball", 0, np.eye(3, 4)[None], ()),), report)
         assert bool(report.notes()) == said
+
+
+POINTS = {
+    "PERSPECTIVE": [((0.9, 0, -1), True), ((1.1, 0, -1), False), ((2.7, -1.8, -3), True), ((2.7, -2.2, -3), False), ((0, 0, 3), False),
+                    ((0, 0, -0.4), False), ((0, 0, -11), False), ((np.nan, 0, -1), False)],
+    "ORTHOGRAPHIC": [((0.9, 0.6, -3), True), ((1.1, 0, -3), False), ((0.9, 0.7, -3), False), ((0, 0, 3), False)],
+}  # fmt: skip
+"""In a window of 2 by 4/3, clipped to depths of 0.5 to 10."""
+
+
+@pytest.mark.parametrize(("kind", "point", "inside"), [(kind, *entry) for kind, entries in POINTS.items() for entry in entries])
+def test_single_points_are_found_in_the_frame(kind, point, inside):
+    """From a camera that is turned, moved and mirrored, of an object that is turned and moved."""
+    x, y = np.array([0.6, 0.8, 0]), np.array([-0.8, 0.6, 0])
+    turned = np.stack([x, -y, np.array([0, 0, 1.0]), [3, -2, 1]], 1)
+    camera = Camera(kind, turned, (1, -1, -2 / 3, 2 / 3), (6, 4), 0.5, 10.0)
+    world = turned[:, :3] @ np.array(point) + turned[:, 3]
+    placement = np.stack([y, np.array([0, 0, 1.0]), x, [7, 8, 9]], 1)
+    vertices = np.array([np.linalg.solve(placement[:, :3], world - placement[:, 3])], np.float32)
+    assert shows_a_point(Mesh("point", vertices, np.zeros((1, 3), np.uint32)), placement, camera) == inside

@@ -52,14 +52,15 @@ def spot_edge(pair, light) -> np.ndarray:
     return (step > 0) & (step < 0.1)
 
 
+@pytest.mark.parametrize("scale", [(2.0, 2.0, 2.0), (-1.5, 1.5, 2.0)])
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_scaled_and_mirrored_light_object(backend):
-    """Only the axis of a scaled light object counts, not its length; a mirrored one shines along its own -z."""
+def test_scaled_and_mirrored_light_object(backend, scale):
+    """A cone is as wide as its object's scale across it by the scale along it; a mirrored one shines along its own -z."""
     scene = cycles.empty_scene(96, 96)
     build.still_life(scene)
     build.add_camera(scene)
     spot = build.add_light(scene, "SPOT", KEY, energy=900.0, spot_size=radians(45), spot_blend=0.0)
-    spot.scale = (2.0, 2.0, 2.0)
+    spot.scale = scale
     pair = render_pair(scene, backend, "light-scaled-spot")
     check_radiance(pair, interior(pair))
 

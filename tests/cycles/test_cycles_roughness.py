@@ -18,11 +18,12 @@ def test_fit_is_as_good_as_documented(roughness, kind):
     assert left < 1.02 * np.interp(roughness, table.ROUGHNESS, table.HIGHLIGHTS[kind][4])
 
 
-@pytest.mark.parametrize("roughness", [0.15, 0.45, 0.85])
-def test_one_lobe_is_as_good_as_documented(roughness):
+@pytest.mark.parametrize("roughness", [0.25, 0.5, 0.9])
+def test_the_blinn_phong_nodes_likeness_has_the_roughness_of_its_exponent(roughness):
+    """To the 5 % that addon/nodes.py speaks of: its α² = 2.25/(p + 1.9) for the exponent of the single lobe nearest to GGX."""
     lobes = fit_roughness.measure_lobes(roughness)
-    pair = table.exponent_from_roughness(roughness), table.specular_scale(roughness)
-    assert fit_roughness.residual(lobes, pair, 1.0) < 1.02 * np.interp(roughness, table.ROUGHNESS, table.ONE_LOBE[2])
+    ((exponent, _),) = fit_roughness.fit_lobes(lobes, [[2.2 / roughness**4, 0.28 / roughness**4]], 1.0)
+    assert (2.25 / (exponent + 1.9)) ** 0.25 == pytest.approx(roughness, rel=0.05)
 
 
 @pytest.mark.parametrize("roughness", [0.2, 0.5])
@@ -40,12 +41,6 @@ def test_albedo(roughness):
     assert abs(fit_roughness.measure_albedo(roughness, "DIELECTRIC", 8) - table.layer_albedo(roughness, 1.5)) < 0.001
 
 
-def test_round_trip():
-    for roughness in np.linspace(0.03, 1, 50):
-        exponent = table.exponent_from_roughness(roughness)
-        assert abs(table.roughness_from_exponent(exponent) - roughness) < 1e-5
-
-
 @pytest.mark.parametrize("kind", table.HIGHLIGHTS)
 def test_smooth_falling_and_not_negative(kind):
     """Exponents and the peak fall with roughness, without a jump; no lobe takes light away."""
@@ -58,11 +53,5 @@ def test_smooth_falling_and_not_negative(kind):
     assert np.abs(np.diff(np.log(lobes), axis=0)[GRID[1:] > 0.2]).max() < 0.06
 
 
-def test_one_lobe_is_monotone_and_clamped():
-    for values in ([table.exponent_from_roughness(r) for r in GRID], [table.specular_scale(r) for r in GRID]):
-        assert (np.diff(values) <= 0).all()
-        assert np.isfinite(values).all()
-    assert table.roughness_from_exponent(0.0) == 1.0
-    assert table.roughness_from_exponent(1e12) == pytest.approx(table.SMALLEST)
-    assert table.exponent_from_roughness(float("nan")) == table.exponent_from_roughness(0.5)
+def test_nonsense_counts_as_the_default():
     assert table.highlights(float("nan")) == table.highlights(0.5)

@@ -5,10 +5,12 @@
  *
  * Ownership: the caller keeps every array that a GlintSceneData points at alive and unchanged until glint_scene_destroy, and the arrays
  * of GlintRenderSettings until glint_render_destroy. Only the small tables (geometries, attributes, textures, inputs, lobes, materials,
- * groups, lights) are copied. Destroy the renders of a scene before the scene.
+ * groups, lights) are copied. Destroy the renders of a scene before the scene. The arrays of the geometries that a GlintAccelData points at
+ * stay until glint_accel_destroy; its other arrays are copied.
  *
  * Errors: functions that can fail take `error`, a buffer of `error_size` bytes that receives UTF-8 text, one problem a line. There is no
- * global state; handles may be used from any thread, each handle from one thread at a time, except glint_render_cancel: from any.
+ * global state; handles may be used from any thread, each handle from one thread at a time, except glint_render_cancel: from any, and the
+ * queries of an accelerator: from many at once.
  */
 #ifndef GLINT_H
 #define GLINT_H
@@ -27,7 +29,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 1
+#define GLINT_ABI_VERSION 2
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -199,6 +201,9 @@ typedef struct GlintRender GlintRender;
 
 GLINT_API uint32_t glint_abi_version(void);
 
+/* The instruction set whose kernels trace here, for example "avx2"; what the environment variable GLINT_ISA forces, where it can. */
+GLINT_API const char* glint_isa(void);
+
 /* Checks everything; null and text in `error` when something is wrong or memory is short. */
 GLINT_API GlintScene* glint_scene_create(const GlintSceneData* data, char* error, size_t error_size);
 GLINT_API void glint_scene_destroy(GlintScene* scene);
@@ -226,6 +231,89 @@ GLINT_API const char* glint_render_error(GlintRender* render);
 
 /* Cancels, waits for the threads, and frees. */
 GLINT_API void glint_render_destroy(GlintRender* render);
+
+/* --- Rays without a picture ------------------------------------------------------------------------------------------------------ */
+
+/* What rays meet: geometries, of which corners, material_slots, normals and attributes are not looked at, and where they stand, of which
+ * geometry, rows and the GLINT_VISIBLE flags count. Placements are numbered from 0 in the order of `instances`, then by row. */
+typedef struct GlintAccelData {
+  const GlintGeometry* geometries;
+  const GlintInstances* instances;
+  const double* world_from_object; /* 12 a row */
+  uint64_t geometry_count, instances_count, row_count;
+} GlintAccelData;
+
+/* `count` rays o + t d in world space; d need not have length 1, t counts in its lengths. Ray k begins at origins[k * origin_stride]:
+ * strides count numbers, 3 or more for rows, 0 for one row that serves all; those of t_min and t_max: 1 or more, or 0.
+ * A hit counts where t_min < t < t_max. t_min below 0 counts as 0; null pointers stand for 0 and infinity.
+ * Misses by definition: a number that is not finite (t_max may be infinite), a direction of length 0 or beyond 1e-150 ... 1e150.
+ * visibility: GLINT_VISIBLE bits; placements that have none of them are not there.  threads: 0 for one a core. */
+typedef struct GlintRaysF32 {
+  const float* origins;
+  const float* directions;
+  const float* t_min;
+  const float* t_max;
+  uint64_t count;
+  uint32_t origin_stride, direction_stride, t_min_stride, t_max_stride;
+  uint32_t visibility, threads;
+} GlintRaysF32;
+
+typedef struct GlintRaysF64 {
+  const double* origins;
+  const double* directions;
+  const double* t_min;
+  const double* t_max;
+  uint64_t count;
+  uint32_t origin_stride, direction_stride, t_min_stride, t_max_stride;
+  uint32_t visibility, threads;
+} GlintRaysF64;
+
+/* Room for `count` of each. Misses: t infinite, placement and primitive -1, u and v 0. u, v: on triangles the barycentric weights of the
+ * second and third vertex, elsewhere 0. */
+typedef struct GlintHitsF32 {
+  float* t;
+  int32_t* instance;
+  int32_t* primitive;
+  float* u;
+  float* v;
+} GlintHitsF32;
+
+typedef struct GlintHitsF64 {
+  double* t;
+  int32_t* instance;
+  int32_t* primitive;
+  float* u;
+  float* v;
+} GlintHitsF64;
+
+/* low, high: world-space box round all finite vertices and spheres; low above high when there are none.
+ * dropped: primitives without extent or with a vertex that is not finite, which no ray meets. */
+typedef struct GlintAccelStats {
+  double low[3], high[3];
+  double build_seconds;
+  uint64_t instances, primitives, dropped, bytes, nodes;
+} GlintAccelStats;
+
+typedef struct GlintAccel GlintAccel;
+
+/* Checks everything and builds the trees on `threads` threads (0: one a core); null and text in `error` when something is wrong, a matrix
+ * is not finite, or memory is short. */
+GLINT_API GlintAccel* glint_accel_create(const GlintAccelData* data, uint32_t threads, char* error, size_t error_size);
+GLINT_API void glint_accel_destroy(GlintAccel* accel);
+GLINT_API GlintAccelStats glint_accel_stats(const GlintAccel* accel);
+
+/* The first hit of every ray; of hits at one distance (to 2^-40) that of the lowest placement, then primitive. The answers do not depend on
+ * the number of threads. Return 0, or -1 and text in `error`. */
+GLINT_API int32_t glint_accel_closest_f32(const GlintAccel* accel, const GlintRaysF32* rays, const GlintHitsF32* hits, char* error,
+                                          size_t error_size);
+GLINT_API int32_t glint_accel_closest_f64(const GlintAccel* accel, const GlintRaysF64* rays, const GlintHitsF64* hits, char* error,
+                                          size_t error_size);
+
+/* blocked[k] = 1 when ray k hits anything, else 0. Return 0, or -1 and text in `error`. */
+GLINT_API int32_t glint_accel_occluded_f32(const GlintAccel* accel, const GlintRaysF32* rays, uint8_t* blocked, char* error,
+                                           size_t error_size);
+GLINT_API int32_t glint_accel_occluded_f64(const GlintAccel* accel, const GlintRaysF64* rays, uint8_t* blocked, char* error,
+                                           size_t error_size);
 
 enum { GLINT_EXP, GLINT_LOG, GLINT_LOG1P, GLINT_COS, GLINT_SIN, GLINT_COSINE_POWER };
 

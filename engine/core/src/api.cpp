@@ -1,8 +1,6 @@
 // The C functions of glint.h: catch everything, turn it into text.
-#include <cstring>
-#include <new>
-#include <stdexcept>
-
+#include "accel/kernel.h"
+#include "guard.h"
 #include "job.h"
 #include "math.h"
 #include "scene.h"
@@ -19,28 +17,6 @@ struct GlintRender {
 
 namespace {
 
-void tell(char* error, size_t size, const char* text) {
-  if (!error || size == 0) return;
-  size_t length = std::min(std::strlen(text), size - 1);
-  std::memcpy(error, text, length);
-  error[length] = 0;
-}
-
-/// What `make` gives, or null with the reason in `error`.
-template <class Make>
-auto guarded(char* error, size_t size, Make make) -> decltype(make()) {
-  try {
-    return make();
-  } catch (const std::bad_alloc&) {
-    tell(error, size, "out of memory");
-  } catch (const std::length_error&) {  // more than a vector can ever hold
-    tell(error, size, "out of memory");
-  } catch (const std::exception& e) {
-    tell(error, size, e.what());
-  }
-  return nullptr;
-}
-
 double evaluate(int32_t function, double x, double y) {
   switch (function) {
     case GLINT_EXP: return glint::exponential(x);
@@ -55,11 +31,12 @@ double evaluate(int32_t function, double x, double y) {
 }  // namespace
 
 uint32_t glint_abi_version(void) { return GLINT_ABI_VERSION; }
+const char* glint_isa(void) { return glint::best_kernel().name; }
 
 GlintScene* glint_scene_create(const GlintSceneData* data, char* error, size_t error_size) {
-  return guarded(error, error_size, [&]() -> GlintScene* {
+  return glint::guarded<GlintScene*>(nullptr, error, error_size, [&]() -> GlintScene* {
     std::string problems = data ? glint::scene_problems(*data) : "no scene";
-    if (!problems.empty()) return tell(error, error_size, problems.c_str()), nullptr;
+    if (!problems.empty()) return glint::tell(error, error_size, problems.c_str()), nullptr;
     return new GlintScene{glint::Scene(*data)};
   });
 }
@@ -67,9 +44,9 @@ GlintScene* glint_scene_create(const GlintSceneData* data, char* error, size_t e
 void glint_scene_destroy(GlintScene* scene) { delete scene; }
 
 GlintRender* glint_render_start(GlintScene* scene, const GlintRenderSettings* settings, char* error, size_t error_size) {
-  return guarded(error, error_size, [&]() -> GlintRender* {
+  return glint::guarded<GlintRender*>(nullptr, error, error_size, [&]() -> GlintRender* {
     std::string problems = scene && settings ? glint::settings_problems(*settings, scene->scene) : "no scene or no settings";
-    if (!problems.empty()) return tell(error, error_size, problems.c_str()), nullptr;
+    if (!problems.empty()) return glint::tell(error, error_size, problems.c_str()), nullptr;
     return new GlintRender{{scene->scene, *settings}};
   });
 }

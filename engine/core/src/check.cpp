@@ -3,12 +3,14 @@
 #include <cstdarg>
 #include <cstdio>
 
+#include "queries.h"
 #include "scene.h"
 
 namespace glint {
 namespace {
 
-constexpr uint64_t kMaxCount = 0xfffffffe;  // 32-bit numbers with one value to spare
+constexpr uint64_t kMaxCount = 0xfffffffe;       // 32-bit numbers with one value to spare
+constexpr uint64_t kMaxPlacements = 0x7fffffff;  // numbered by an int32 that is -1 for none
 
 /// Collects sentences; after 20 only their number matters.
 class Report {
@@ -96,14 +98,24 @@ void check_geometry(const GlintSceneData& d, const GlintGeometry& g, ull number,
                                           "geometry %llu: spheres need a centre and a radius each", number);
 }
 
-void check_instances(const GlintSceneData& d, Report& report) {
-  report.add(d.row_count <= kMaxCount && d.instances_count <= kMaxCount, "more than 2^32 instances");
-  for (uint64_t i = 0; i < d.instances_count && report.good(); ++i) {
-    const GlintInstances& g = d.instances[i];
-    report.add(g.geometry < d.geometry_count, "instances %llu: geometry %u of %llu", ull(i), g.geometry, ull(d.geometry_count));
-    report.add(range(g.first_row, g.row_count, d.row_count), "instances %llu: rows beyond the matrices", ull(i));
-    report.add(range(g.first_material, g.material_count, d.material_slot_count), "instances %llu: materials beyond the table", ull(i));
+/// Geometry and rows of every group of placements; all of them together have 32-bit numbers.
+void check_placements(const GlintInstances* groups, uint64_t count, uint64_t geometry_count, uint64_t row_count, Report& report) {
+  report.add(row_count <= kMaxPlacements && count <= kMaxCount, "more than 2^31 instances");
+  uint64_t placed = 0;
+  for (uint64_t i = 0; i < count && report.good(); ++i) {
+    const GlintInstances& g = groups[i];
+    report.add(g.geometry < geometry_count, "instances %llu: geometry %u of %llu", ull(i), g.geometry, ull(geometry_count));
+    report.add(range(g.first_row, g.row_count, row_count), "instances %llu: rows beyond the matrices", ull(i));
+    if (report.good()) placed += g.row_count;
+    report.add(placed <= kMaxPlacements, "more than 2^31 instances");
   }
+}
+
+void check_instances(const GlintSceneData& d, Report& report) {
+  check_placements(d.instances, d.instances_count, d.geometry_count, d.row_count, report);
+  for (uint64_t i = 0; i < d.instances_count && report.good(); ++i)
+    report.add(range(d.instances[i].first_material, d.instances[i].material_count, d.material_slot_count),
+               "instances %llu: materials beyond the table", ull(i));
   uint64_t end = end_of(d.material_slots, d.material_slot_count);
   report.add(end <= d.material_count, "instances name material %llu of %llu", ull(end - 1), ull(d.material_count));
 }
@@ -160,6 +172,12 @@ void check_tables(const GlintSceneData& d, Report& report) {
   report.add(d.geometry_count <= kMaxCount && d.lobe_count < kMaxCount && d.material_count < kMaxCount, "a table is too long");
 }
 
+/// A geometry without what only pictures need.
+GlintGeometry shape_of(GlintGeometry g) {
+  g.corners = nullptr, g.material_slots = nullptr, g.normals = {}, g.first_attribute = g.attribute_count = 0;
+  return g;
+}
+
 }  // namespace
 
 std::string scene_problems(const GlintSceneData& data) {
@@ -173,5 +191,36 @@ std::string scene_problems(const GlintSceneData& data) {
   for (uint64_t i = 0; i < data.geometry_count && report.good(); ++i) check_geometry(data, data.geometries[i], i, report);
   return report.text();
 }
+
+std::string accel_problems(const GlintAccelData& data) {
+  Report report;
+  report.add(data.geometries || data.geometry_count == 0, "geometries is null but has %llu rows", ull(data.geometry_count));
+  report.add(data.instances || data.instances_count == 0, "instances is null but has %llu rows", ull(data.instances_count));
+  report.add(data.world_from_object || data.row_count == 0, "world_from_object is null but has %llu rows", ull(data.row_count));
+  report.add(data.geometry_count <= kMaxCount, "more than 2^32 geometries");
+  if (!report.good()) return report.text();
+  check_placements(data.instances, data.instances_count, data.geometry_count, data.row_count, report);
+  for (uint64_t i = 0; i < data.row_count && report.good(); ++i)
+    report.add(all_finite(data.world_from_object + 12 * i, 12), "world_from_object: row %llu is not finite", ull(i));
+  const GlintSceneData none{};
+  for (uint64_t i = 0; i < data.geometry_count && report.good(); ++i) check_geometry(none, shape_of(data.geometries[i]), i, report);
+  return report.text();
+}
+
+template <class Rays>
+std::string rays_problems(const Rays& rays) {
+  Report report;
+  const bool any = rays.count > 0;
+  report.add(!any || (rays.origins && rays.directions), "%llu rays but no origins or no directions", ull(rays.count));
+  auto row = [](uint32_t stride) { return stride == 0 || stride >= 3; };
+  report.add(row(rays.origin_stride) && row(rays.direction_stride), "strides of %u and %u for rows of 3 numbers", rays.origin_stride,
+             rays.direction_stride);
+  constexpr uint32_t all = GLINT_VISIBLE_CAMERA | GLINT_VISIBLE_MIRROR | GLINT_VISIBLE_SHADOW;
+  report.add(rays.visibility != 0 && rays.visibility <= all, "unknown visibility %u", rays.visibility);
+  return report.text();
+}
+
+template std::string rays_problems(const GlintRaysF32&);
+template std::string rays_problems(const GlintRaysF64&);
 
 }  // namespace glint

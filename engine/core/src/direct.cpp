@@ -1,102 +1,110 @@
-// Letters: l direction to the light, v to the viewer, h half vector (unnormalised), I intensity, S shadow.
+// Letters: l direction to the light, T weight to the pixel, k coefficient of a lobe, I intensity, S shadow.
 #include "direct.h"
 
 #include "math.h"
+#include "timer.h"
 
 namespace glint {
+namespace {
 
-void DirectLight::illuminate(Work& work, uint32_t sample) {
-  if (work.lit.empty()) return;
+constexpr size_t kColumns = 1 + 3 + 3 + 1 + 3 + 3 + 3 + 3;  // zeros, o, to, t_max, ends, diffuse, specular, shadow
+
+}  // namespace
+
+DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages, const std::atomic<bool>& cancel)
+    : scene_(scene), plan_(plan), stages_(stages), cancel_(cancel), glassy_(scene.features & GLINT_FEATURE_TRANSPARENT),
+      columns_(kColumns) {}
+
+void DirectLight::prepare(const Batch& batch) {
+  columns_.reserve(batch.size()), point_.resize(columns_.rows()), blocked_.resize(columns_.rows());
+  size_t next = 0;
+  auto three = [&](double* (&to)[3], bool wanted) {
+    for (double*& column : to) column = wanted ? columns_[next++] : nullptr;
+  };
+  zeros_ = columns_[next++], stage_.t_max = columns_[next++], stage_.point = point_.data();
+  three(stage_.o, true), three(stage_.to, true), three(stage_.diffuse_out, true), three(stage_.specular_out, batch.sums.diffuse[0]);
+  three(stage_.end_out, glassy_), three(shadow_, glassy_);
+  const PointColumns& p = batch.points;
+  for (int c = 0; c < 3; ++c) {
+    stage_.points_x[c] = p.x[c], stage_.g[c] = p.g[c], stage_.n[c] = p.n[c], stage_.origin[c] = p.origin[c];
+    stage_.d[c] = batch.queue->rays().d[c], stage_.diffuse[c] = batch.diffuse[c];
+  }
+  stage_.count = batch.size(), stage_.offset = p.offset, stage_.lit = batch.lit.data();
+  stage_.specular = batch.specular, stage_.stride = batch.stride, stage_.max_specular = scene_.max_specular;
+}
+
+void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
+  prepare(batch);
   for (const Light& light : scene_.lights) {
-    uint32_t count = light.extended ? plan_.light_samples : 1;
+    const uint32_t count = light.extended ? plan_.light_samples : 1;
     for (uint32_t j = 0; j < count && !cancel_; ++j) {
-      connect(light, plan_.light_point(sample, j), count, work);
-      if (connections_.empty()) continue;
-      through_.assign(connections_.size(), Vec3d{1, 1, 1});
-      if (light.casts_shadow()) find_shadows(), work.counts.shadow += rays_.size();
-      add_to_film(work);
+      light.set(stage_, plan_.light_point(sample, j), count, plan_.physical);
+      const size_t reached = stages_.light(stage_);
+      if (reached == 0) continue;
+      if (light.casts_shadow()) find_shadows(reached, counts);
+      else std::fill_n(blocked_.begin(), reached, uint8_t(0));
+      if (glassy_) step_through_surfaces(batch, reached, counts);
+      add(batch, reached);
     }
   }
 }
 
-void DirectLight::connect(const Light& light, const LightPoint& p, uint32_t count, const Work& work) {
-  connections_.clear(), rays_.clear(), segments_.clear();
-  for (uint32_t i = 0; i < work.lit.size(); ++i) {
-    const LitPoint& point = work.lit[i];
-    LightSample sample;
-    if (!light.sample(point.s.x, p, count, plan_.physical, sample)) continue;
-    double cosine = dot(point.s.n, sample.l);
-    if (!(cosine > 0)) continue;
-    Vec3d TI = sample.factor * point.T * light.color, specular;
-    for (uint32_t k = 0; k < point.specular_count; ++k) {
-      const SpecularTerm& term = work.specular[point.first_specular + k];
-      specular += highlight(point.s.n, point.v + sample.l, term.exponent) * term.k;
-    }
-    Connection connection{i, cosine * TI * point.k, TI * specular};
-    if (!any(connection.diffuse) && !any(connection.specular)) continue;
-    connections_.push_back(connection);
-    if (light.casts_shadow()) shadow_ray(light, sample, point);
-  }
-}
-
-/// The open segment from the point to the light's sample; its far end stops short of what the sample lies on.
-void DirectLight::shadow_ray(const Light& light, const LightSample& sample, const LitPoint& point) {
-  if (glassy_) segments_.push_back({point.origin, light.endless() ? sample.l : unit(sample.end - point.origin)});
-  if (light.endless()) {
-    rays_.push_back({leave(point.s, point.origin, sample.l), sample.l, 0, kInfinity, kShadow});
-    return;
-  }
-  Vec3d o = leave(point.s, point.origin, sample.end - point.origin), to = sample.end - o;
-  double far = length(to);
-  rays_.push_back({o, unit(to), 0, far - rounding(std::max(max_abs(sample.end), max_abs(o))), kShadow});
-}
-
-void DirectLight::find_shadows() {
-  blocked_.resize(rays_.size());
-  scene_.accel().occluded(rays_.data(), blocked_.data(), rays_.size());
-  open_.clear();
-  for (uint32_t k = 0; k < rays_.size(); ++k) {
-    if (!blocked_[k]) continue;
-    if (glassy_) open_.push_back(k);
-    else through_[k] = {};
-  }
-  if (glassy_) step_through_surfaces();
+void DirectLight::find_shadows(size_t count, RayCounts& counts) {
+  const double* const* o = stage_.o;
+  const double* const* d = stage_.to;
+  const Timer timer(counts.tracing);
+  scene_.accel().occluded(Rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow}, blocked_.data());
+  counts.shadow += count;
 }
 
 /// Follows blocked rays from surface to surface; each lets its clamped transparency through.
-void DirectLight::step_through_surfaces() {
+void DirectLight::step_through_surfaces(const Batch& batch, size_t count, RayCounts& counts) {
+  open_.clear();
+  for (double* channel : shadow_) std::fill_n(channel, count, 1.0);
+  for (uint32_t k = 0; k < count; ++k)
+    if (blocked_[k]) open_.push_back(k);
+  stepping_.resize(count);
+  for (uint32_t k : open_) stepping_[k] = {row(stage_.o, k), row(stage_.to, k), 0, stage_.t_max[k], kShadow};
   while (!open_.empty() && !cancel_) {
-    stepping_.clear();
-    for (uint32_t k : open_) stepping_.push_back(rays_[k]);
-    hits_.resize(stepping_.size());
-    scene_.accel().closest(stepping_.data(), hits_.data(), stepping_.size());
-    size_t kept = 0;
-    for (size_t i = 0; i < open_.size(); ++i) {
-      uint32_t k = open_[i];
-      if (hits_[i].instance == Hit::kNone) continue;
-      Surface s = surface_at(scene_, segments_[k].o, segments_[k].d, hits_[i]);
-      const Material& material = scene_.materials[scene_.material_of(scene_.group(s.instance), s.primitive)];
-      Vec3d clear = transparency(scene_, material, s);
-      through_[k] = through_[k] * max(Vec3d{}, min(Vec3d{1, 1, 1}, clear));
-      rays_[k].t_min = beyond(hits_[i].t);
-      if (any(through_[k])) open_[kept++] = k;
+    std::vector<Ray> rays;
+    for (uint32_t k : open_) rays.push_back(stepping_[k]);
+    hits_.resize(rays.size());
+    {
+      const Timer timer(counts.tracing);
+      scene_.accel().closest(rays.data(), hits_.data(), rays.size());
     }
+    size_t kept = 0;
+    for (size_t i = 0; i < rays.size(); ++i)
+      if (step(batch, open_[i], hits_[i])) open_[kept++] = open_[i];
     open_.resize(kept);
   }
 }
 
-void DirectLight::add_to_film(const Work& work) {
-  bool parts = film_.wants_light_parts();
-  for (size_t k = 0; k < connections_.size(); ++k) {
-    const Connection& c = connections_[k];
-    const LitPoint& point = work.lit[c.point];
-    Vec3d full = c.diffuse + c.specular, lit = full * through_[k];
-    if (!point.primary) { film_.add(point.pixel, GLINT_PASS_MIRROR, lit); continue; }
-    film_.add_only(point.pixel, GLINT_PASS_COMBINED, lit);
-    if (!parts) continue;
-    film_.add_only(point.pixel, GLINT_PASS_DIFFUSE, c.diffuse);
-    film_.add_only(point.pixel, GLINT_PASS_SPECULAR, c.specular);
-    film_.add_only(point.pixel, GLINT_PASS_SHADOW, lit - full);
+/// One surface on the way of shadow ray k; false when nothing is left of its light, or nothing in its way.
+bool DirectLight::step(const Batch& batch, uint32_t k, const Hit& hit) {
+  if (hit.instance == Hit::kNone) return false;
+  const Vec3d origin = row(batch.points.origin, point_[k]), to = row(stage_.to, k);
+  const Surface s = surface_at(scene_, origin, stage_.shape == kDirection ? to : unit(row(stage_.end_out, k) - origin), hit);
+  const Material& material = scene_.materials[scene_.material_of(scene_.group(s.instance), s.primitive)];
+  const Vec3d S = row(shadow_, k) * max(Vec3d{}, min(Vec3d{1, 1, 1}, transparency(scene_, material, s)));
+  set_row(shadow_, k, S);
+  stepping_[k].t_min = beyond(hit.t);
+  return any(S);
+}
+
+void DirectLight::add(const Batch& batch, size_t count) const {
+  const SumColumns& sums = batch.sums;
+  if (!glassy_ && !sums.diffuse[0]) {
+    LightSum sum{count, point_.data(), blocked_.data(), {}, {}};
+    for (int c = 0; c < 3; ++c) sum.given[c] = stage_.diffuse_out[c], sum.total[c] = sums.total[c];
+    return stages_.sum(sum);
+  }
+  for (size_t k = 0; k < count; ++k) {
+    const Vec3d diffuse = row(stage_.diffuse_out, k), specular = stage_.specular_out[0] ? row(stage_.specular_out, k) : Vec3d{};
+    const Vec3d full = diffuse + specular, free = blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1}, lit = full * (glassy_ ? row(shadow_, k) : free);
+    Batch::add_to(sums.total, point_[k], lit);
+    Batch::add_to(sums.diffuse, point_[k], diffuse), Batch::add_to(sums.specular, point_[k], specular);
+    Batch::add_to(sums.shadow, point_[k], lit - full);
   }
 }
 

@@ -1,47 +1,40 @@
-// Light that reaches points straight from the lights: unshadowed terms, shadow rays, and both to the film (notes 4.12-4.16).
+// Light that reaches points straight from the lights: unshadowed terms, shadow rays, and both to the sums of a batch (notes 4.12-4.16).
 #pragma once
 #include <atomic>
 #include <vector>
 
-#include "shade.h"
+#include "batch.h"
+#include "plan.h"
 
 namespace glint {
 
 class DirectLight {
  public:
-  DirectLight(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel)
-      : scene_(scene), plan_(plan), film_(film), cancel_(cancel), glassy_(scene.features & GLINT_FEATURE_TRANSPARENT) {}
+  DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages, const std::atomic<bool>& cancel);
 
-  /// Adds all lights to the points of `work`, for pixel sample `sample`.
-  void illuminate(Work& work, uint32_t sample);
+  /// Adds all lights to the points of `batch`, for pixel sample `sample`.
+  void illuminate(Batch& batch, uint32_t sample, RayCounts& counts);
 
  private:
-  /// A light sample that gives something to a point: T k I terms before shadows.
-  struct Connection {
-    uint32_t point;
-    Vec3d diffuse, specular;
-  };
-  struct Segment {
-    Vec3d o, d;
-  };
-  void connect(const Light& light, const LightPoint& p, uint32_t count, const Work& work);
-  void shadow_ray(const Light& light, const LightSample& sample, const LitPoint& point);
-  void find_shadows();
-  void step_through_surfaces();
-  void add_to_film(const Work& work);
+  void prepare(const Batch& batch);
+  void find_shadows(size_t count, RayCounts& counts);
+  void step_through_surfaces(const Batch& batch, size_t count, RayCounts& counts);
+  bool step(const Batch& batch, uint32_t k, const Hit& hit);
+  void add(const Batch& batch, size_t count) const;
 
   const Scene& scene_;
   const RenderPlan& plan_;
-  Film& film_;
+  const Stages& stages_;
   const std::atomic<bool>& cancel_;
-  const bool glassy_;  // some surface lets light through
-  std::vector<Connection> connections_;
-  std::vector<Ray> rays_, stepping_;  // one shadow ray a connection; those on their way through transparent surfaces
-  std::vector<Segment> segments_;     // the same as rays_, not moved clear of the surface: transparent surfaces are met from there
+  const bool glassy_;                 // some surface lets light through
+  LightStage stage_{};                // what it writes: a row for each point that a light sample reaches
+  Columns columns_;
+  double *zeros_ = nullptr, *shadow_[3] = {};  // shadow_: S a channel; null where rays are free or blocked and no more
+  std::vector<uint32_t> point_;
   std::vector<uint8_t> blocked_;
-  std::vector<uint32_t> open_;        // connections of `stepping_`
+  std::vector<Ray> stepping_;         // rays on their way through transparent surfaces
+  std::vector<uint32_t> open_;        // rows of `stepping_`
   std::vector<Hit> hits_;
-  std::vector<Vec3d> through_;        // the shadow S of each connection
 };
 
 }  // namespace glint

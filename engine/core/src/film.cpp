@@ -1,5 +1,6 @@
 #include "film.h"
 
+#include <cmath>
 #include <cstring>
 #include <limits>
 
@@ -14,6 +15,12 @@ float to_float(double x) {
   return std::isnan(x) ? 0 : float(std::clamp(x, -top, top));
 }
 
+/// Throws std::bad_alloc where they are too many to count.
+size_t numbers(size_t pixels, size_t channels) {
+  if (pixels > std::numeric_limits<size_t>::max() / 16 / channels) throw std::bad_alloc();
+  return pixels * channels;
+}
+
 }  // namespace
 
 int channels_of(int pass) {
@@ -22,21 +29,46 @@ int channels_of(int pass) {
   return pass == GLINT_PASS_DEPTH || pass == GLINT_PASS_OBJECT_INDEX || pass == GLINT_PASS_MATERIAL_INDEX ? 1 : 3;
 }
 
+void SlotTable::set(uint32_t width, uint32_t height) {
+  if (width == width_ && height == height_) return;
+  width_ = width, height_ = height;
+  columns_.clear(), rows_.clear();
+  columns_.reserve(Tile::kSize * Tile::kSize), rows_.reserve(Tile::kSize * Tile::kSize);
+  for (uint32_t by = 0; by < height; by += Tile::kBlock)
+    for (uint32_t bx = 0; bx < width; bx += Tile::kBlock)
+      for (uint32_t y = by; y < std::min(by + Tile::kBlock, height); ++y)
+        for (uint32_t x = bx; x < std::min(bx + Tile::kBlock, width); ++x) columns_.push_back(x), rows_.push_back(y);
+  for (; columns_.size() % kPad; columns_.push_back(0)) rows_.push_back(0);
+}
+
 Film::Film(Region region, uint32_t passes) : region_(region), passes_(passes | 1u << GLINT_PASS_COMBINED) {
   for (int part = 0; part < GLINT_PASS_DEPTH; ++part) at_[part] = -1;
   at_[GLINT_PASS_COMBINED] = 0;
   for (int part = GLINT_PASS_DIFFUSE; part < GLINT_PASS_DEPTH; ++part)
-    if (wants(part)) at_[part] = int(stride_), stride_ += 3;
-  size_t pixels = size_t(region.width()) * region.height();
-  sums_.assign(pixels * stride_, 0.0);
-  for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass)
-    if (wants(pass)) pictures_[pass].assign(pixels * size_t(channels_of(pass)), pass == GLINT_PASS_DEPTH ? float(kNoDepth) : 0.0f);
+    if (wants(part)) at_[part] = int(columns_), columns_ += 3;
+  const size_t pixels = size_t(region.width()) * region.height();
+  for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
+    if (!wants(pass)) continue;
+    pictures_[pass] = Zeros<float>(numbers(pixels, size_t(channels_of(pass))));
+  }
+  if (wants(GLINT_PASS_DEPTH)) std::fill_n(pictures_[GLINT_PASS_DEPTH].data(), pixels, float(kNoDepth));
+  cut();
+}
+
+void Film::cut() {
+  size_t first = 0;
+  for (uint32_t y = 0; y < region_.height(); y += Tile::kSize)
+    for (uint32_t x = 0; x < region_.width(); x += Tile::kSize) {
+      tiles_.push_back({x, y, std::min(x + Tile::kSize, region_.width()), std::min(y + Tile::kSize, region_.height()), first});
+      first += columns_ * tiles_.back().stride();
+    }
+  sums_ = Zeros<double>(first);
 }
 
 void Film::store(int pass, uint32_t pixel, const double* values) {
   int count = channels_of(pass);
   if (!wants(pass)) return;
-  for (int i = 0; i < count; ++i) pictures_[pass][size_t(pixel) * size_t(count) + size_t(i)] = to_float(values[i]);
+  for (int i = 0; i < count; ++i) pictures_[pass].data()[size_t(pixel) * size_t(count) + size_t(i)] = to_float(values[i]);
 }
 
 void Film::set_data(uint32_t pixel, const FirstHit& hit) {
@@ -49,24 +81,26 @@ void Film::set_data(uint32_t pixel, const FirstHit& hit) {
   store(GLINT_PASS_MATERIAL_INDEX, pixel, &material);
 }
 
-void Film::publish(uint32_t samples) {
-  size_t pixels = size_t(region_.width()) * region_.height();
+void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples, const Stages& stages) {
+  float means[4][Tile::kSize * Tile::kSize];
+  const size_t count = tile.pixels();
   for (int pass = 0; pass < GLINT_PASS_DEPTH; ++pass) {
-    if (at_[pass] < 0) continue;
-    float* out = pictures_[pass].data();
-    bool combined = pass == GLINT_PASS_COMBINED;
-    for (size_t k = 0; k < pixels; ++k) {
-      const double* p = sums_.data() + k * stride_ + at_[pass];
-      for (int i = 0; i < 3; ++i) *out++ = to_float(p[i] / samples);
-      if (combined) *out++ = to_float(1 - p[3] / samples);
+    const double* from = sums(tile, pass);
+    if (!from) continue;
+    const size_t channels = size_t(channels_of(pass));
+    for (size_t c = 0; c < channels; ++c) stages.mean(from + c * tile.stride(), samples, means[c], count);
+    for (size_t k = 0; channels == 4 && k < count; ++k) means[3][k] = 1 - means[3][k];
+    for (size_t k = 0; k < count; ++k) {
+      float* out = pictures_[pass].data() + channels * slots.pixel(tile, k, region_.width());
+      for (size_t c = 0; c < channels; ++c) out[c] = means[c][k];
     }
   }
 }
 
 bool Film::read(int pass, float* out, uint64_t size) const {
   if (pass < 0 || pass >= GLINT_PASS_COUNT || !out) return false;
-  const std::vector<float>& picture = pictures_[pass];
-  if (picture.empty() || picture.size() != size) return false;
+  const Zeros<float>& picture = pictures_[pass];
+  if (!picture.data() || picture.size() != size) return false;
   std::memcpy(out, picture.data(), size * sizeof(float));
   return true;
 }

@@ -1,9 +1,12 @@
 // Sums of samples per pixel, and the picture they make after each wave.
 #pragma once
 #include <cstdint>
+#include <cstdlib>
+#include <memory>
 #include <vector>
 
 #include "../include/glint.h"
+#include "stages/stages.h"
 #include "vec.h"
 
 namespace glint {
@@ -12,6 +15,35 @@ struct Region {
   uint32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
   uint32_t width() const { return x1 - x0; }
   uint32_t height() const { return y1 - y0; }
+};
+
+/// Pixels [x0, x1) x [y0, y1) of the region, counted from its corner. Its pixels have slots: blocks of 8 x 8 pixels one after the other,
+/// row by row within each, so that 64 neighbouring rays stay narrow.
+struct Tile {
+  static constexpr uint32_t kSize = 32, kBlock = 8;
+  uint32_t x0, y0, x1, y1;
+  size_t first_sum;  // where the film keeps its sums
+  uint32_t width() const { return x1 - x0; }
+  uint32_t height() const { return y1 - y0; }
+  size_t pixels() const { return size_t(width()) * height(); }
+  size_t stride() const { return (pixels() + kPad - 1) / kPad * kPad; }
+};
+
+/// Column and row, within the tile, of each slot of a tile of some size.
+class SlotTable {
+ public:
+  /// Does nothing when the size is that of the last call.
+  void set(uint32_t width, uint32_t height);
+  const double* columns() const { return columns_.data(); }
+  const double* rows() const { return rows_.data(); }
+  /// Number of the pixel in a region of that width.
+  uint32_t pixel(const Tile& tile, size_t slot, uint32_t region_width) const {
+    return (tile.y0 + uint32_t(rows_[slot])) * region_width + tile.x0 + uint32_t(columns_[slot]);
+  }
+
+ private:
+  uint32_t width_ = 0, height_ = 0;
+  std::vector<double> columns_, rows_;
 };
 
 /// What the data passes hold of a camera ray's first sample.
@@ -24,39 +56,60 @@ struct FirstHit {
 /// Channels of a pass, 0 for no such pass.
 int channels_of(int pass);
 
+/// Numbers that are 0 until written; pages that nobody touches cost nothing.
+template <class T>
+class Zeros {
+ public:
+  Zeros() = default;
+  /// Throws std::bad_alloc.
+  explicit Zeros(size_t size) : size_(size), values_(static_cast<T*>(std::calloc(size, sizeof(T)))) {
+    if (!values_) throw std::bad_alloc();
+  }
+  T* data() const { return values_.get(); }
+  size_t size() const { return size_; }
+
+ private:
+  struct Free {
+    void operator()(T* p) const { std::free(p); }
+  };
+  size_t size_ = 0;
+  std::unique_ptr<T, Free> values_;
+};
+
+/// One thread a tile at a time. Sums are kept tile by tile, a column a channel: Combined's colour, lost alpha, then three for each part.
 class Film {
  public:
   Film(Region region, uint32_t passes);
 
+  const std::vector<Tile>& tiles() const { return tiles_; }
+  const Region& region() const { return region_; }
+  uint32_t passes() const { return passes_; }
   bool wants(int pass) const { return passes_ >> pass & 1; }
   bool wants_data() const { return passes_ >> GLINT_PASS_DEPTH; }
-  bool wants_light_parts() const { return wants(GLINT_PASS_DIFFUSE) || wants(GLINT_PASS_SPECULAR) || wants(GLINT_PASS_SHADOW); }
 
-  /// Adds to Combined and to the part. One thread a pixel; the order of calls for a pixel is part of the picture's bits.
-  void add(uint32_t pixel, int part, Vec3d c) { add_only(pixel, GLINT_PASS_COMBINED, c), add_only(pixel, part, c); }
-  void add_only(uint32_t pixel, int pass, Vec3d c) {
-    int at = at_[pass];
-    if (at < 0) return;
-    double* p = sums_.data() + size_t(pixel) * stride_ + at;
-    p[0] += c.x, p[1] += c.y, p[2] += c.z;
+  /// The first of the sums of a part; null for a part that was not asked for. The next channels follow after tile.stride().
+  double* sums(const Tile& tile, int part) {
+    return at_[part] < 0 ? nullptr : sums_.data() + tile.first_sum + size_t(at_[part]) * tile.stride();
   }
-  void lose_alpha(uint32_t pixel, double amount) { sums_[size_t(pixel) * stride_ + 3] += amount; }
+  double* lost_alpha(const Tile& tile) { return sums(tile, GLINT_PASS_COMBINED) + 3 * tile.stride(); }
   void set_data(uint32_t pixel, const FirstHit& hit);
 
-  /// Makes the sums of `samples` samples the picture that `read` gives.
-  void publish(uint32_t samples);
+  /// Makes the tile's sums of `samples` samples the picture that `read` gives.
+  void publish(const Tile& tile, const SlotTable& slots, uint32_t samples, const Stages& stages);
   /// False when the pass was not asked for or the size differs.
   bool read(int pass, float* out, uint64_t size) const;
 
  private:
   void store(int pass, uint32_t pixel, const double* values);
+  void cut();
 
   Region region_;
   uint32_t passes_;
-  size_t stride_ = 4;            // doubles a pixel: Combined's colour, lost alpha, then three for each part
-  int at_[GLINT_PASS_DEPTH];     // where a part starts, -1 for none
-  std::vector<double> sums_;
-  std::vector<float> pictures_[GLINT_PASS_COUNT];
+  std::vector<Tile> tiles_;
+  size_t columns_ = 4;
+  int at_[GLINT_PASS_DEPTH];  // a part's first column, -1 for none
+  Zeros<double> sums_;
+  Zeros<float> pictures_[GLINT_PASS_COUNT];
 };
 
 }  // namespace glint

@@ -1,7 +1,6 @@
 #include "job.h"
 
-#include <chrono>
-#include <system_error>
+#include "timer.h"
 
 namespace glint {
 namespace {
@@ -51,8 +50,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
 }
 
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
-    : scene_(scene), plan_(plan_of(settings)), film_(plan_.region, plan_.passes), tiles_(tiles_of(plan_.region)),
-      thread_([this] { work(); }) {}
+    : scene_(scene), plan_(plan_of(settings)), film_(plan_.region, plan_.passes), thread_([this] { work(); }) {}
 
 Job::~Job() {
   cancel();
@@ -92,53 +90,53 @@ void Job::run() {
 }
 
 void Job::trace_waves() {
-  std::vector<Tracer> tracers;
-  size_t threads = std::min(size_t(plan_.threads), tiles_.size());
-  for (size_t k = 0; k < threads; ++k) tracers.emplace_back(scene_, plan_, film_, cancel_);
+  team_ = std::make_unique<Team>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
+  for (size_t k = 0; k < team_->size(); ++k) tracers_.push_back(std::make_unique<Tracer>(scene_, plan_, film_, cancel_));
   for (uint32_t first = 0, last = 1; first < plan_.samples && !cancel_; first = last) {
     last = first == 0 ? 1 : uint32_t(std::min<uint64_t>(2 * uint64_t(first), plan_.samples));
-    auto start = std::chrono::steady_clock::now();
-    trace_wave(tracers, first, last);
-    double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    count(tracers, seconds);
+    double seconds = 0;
+    {
+      const Timer timer(seconds);
+      std::atomic<size_t> next{0};
+      on_all_threads([&](Tracer& tracer) { trace_tiles(tracer, first, last, next); });
+    }
+    count(seconds);
     if (!cancel_) publish(last);
   }
+  team_.reset();
 }
 
-void Job::count(const std::vector<Tracer>& tracers, double seconds) {
+/// body(tracer) once for each tracer.
+template <class Body>
+void Job::on_all_threads(Body body) {
+  team_->run(tracers_.size(), [&](size_t k) { body(*tracers_[k]); });
+}
+
+void Job::count(double seconds) {
   std::lock_guard lock(mutex_);
   trace_seconds_ += seconds, rays_ = {};
-  for (const Tracer& tracer : tracers) rays_ += tracer.counts();
+  for (const auto& tracer : tracers_) rays_ += tracer->counts();
 }
 
-/// Samples [first, last) of every tile on all threads; with fewer when the system gives no more.
-void Job::trace_wave(std::vector<Tracer>& tracers, uint32_t first, uint32_t last) {
-  std::atomic<size_t> next{0};
-  std::vector<std::thread> helpers;
-  helpers.reserve(tracers.size());
-  try {
-    for (size_t k = 1; k < tracers.size(); ++k) helpers.emplace_back([&, k] { trace_tiles(tracers[k], first, last, next); });
-  } catch (const std::system_error&) {
-    // Those that started, and this thread, do the work.
-  }
-  trace_tiles(tracers[0], first, last, next);
-  for (std::thread& helper : helpers) helper.join();
-}
-
+/// Samples [first, last) of the tiles that nobody else has begun.
 void Job::trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic<size_t>& next) {
+  const std::vector<Tile>& tiles = film_.tiles();
   try {
-    for (size_t k; !cancel_ && (k = next++) < tiles_.size();)
-      for (uint32_t sample = first; sample < last && !cancel_; ++sample, ++done_) tracer.trace(tiles_[k], sample);
-  } catch (const std::bad_alloc&) {
-    fail("out of memory");
-  } catch (const std::exception& e) {
-    fail(e.what());
+    for (size_t k; !cancel_ && (k = next++) < tiles.size();)
+      for (uint32_t sample = first; sample < last && !cancel_; ++sample, ++done_) tracer.trace(tiles[k], sample);
+  } catch (...) {
+    cancel_ = true;  // the other threads need not go on
+    throw;
   }
 }
 
 void Job::publish(uint32_t samples) {
   std::unique_lock lock(mutex_);
-  film_.publish(samples);
+  std::atomic<size_t> next{0};
+  const std::vector<Tile>& tiles = film_.tiles();
+  on_all_threads([&](Tracer& tracer) {
+    for (size_t k; (k = next++) < tiles.size();) tracer.publish(tiles[k], samples);
+  });
   samples_ = samples;
   bool hold = plan_.hold_waves && samples < plan_.samples;
   if (hold) state_ = GLINT_HELD;
@@ -148,7 +146,7 @@ void Job::publish(uint32_t samples) {
   state_ = GLINT_TRACING;
 }
 
-double Job::fraction() const { return double(done_.load()) / (double(tiles_.size()) * plan_.samples); }
+double Job::fraction() const { return double(done_.load()) / (double(film_.tiles().size()) * plan_.samples); }
 
 GlintProgress Job::wait(uint32_t milliseconds) {
   std::unique_lock lock(mutex_);

@@ -2,11 +2,13 @@
 #pragma once
 #include <atomic>
 #include <condition_variable>
+#include <memory>
 #include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "accel/team.h"
 #include "film.h"
 #include "plan.h"
 #include "scene.h"
@@ -34,10 +36,11 @@ class Job {
   void work();
   void run();
   void trace_waves();
-  void trace_wave(std::vector<Tracer>& tracers, uint32_t first, uint32_t last);
   void trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic<size_t>& next);
-  void count(const std::vector<Tracer>& tracers, double seconds);
+  void count(double seconds);
   void publish(uint32_t samples);
+  template <class Body>
+  void on_all_threads(Body body);
   void enter(int state);
   void fail(const char* what);
   bool ended() const { return state_ >= GLINT_DONE; }
@@ -46,9 +49,10 @@ class Job {
   Scene& scene_;
   RenderPlan plan_;
   Film film_;
-  std::vector<Tile> tiles_;
   std::atomic<bool> cancel_{false};
   std::atomic<uint64_t> done_{0};  // tiles times samples
+  std::unique_ptr<Team> team_;     // while waves are traced, and
+  std::vector<std::unique_ptr<Tracer>> tracers_;  // one for each of its threads
 
   std::mutex mutex_;               // guards what follows, and the film's pictures
   std::condition_variable changed_, resumed_;

@@ -41,9 +41,6 @@ Light::Light(const GlintLight& g, const Anchor& anchor) : kind(g.kind), flags(g.
   if (shape > 0) seen = Vec3d{saturate(color.x / shape), saturate(color.y / shape), saturate(color.z / shape)};
 }
 
-/// 1 / (4 pi^2 d^2) in world units from the squared anchored distance.
-double Light::inverse_square(double d2) const { return std::min(scale2 / (4 * kPi * kPi * d2), kHuge); }
-
 /// The share of a spot's intensity at the cosine z from its axis; 1 for other lights.
 double Light::spot(double z) const {
   if (kind != GLINT_SPOT) return 1;
@@ -53,60 +50,23 @@ double Light::spot(double z) const {
   return t * t * (3 - 2 * t);
 }
 
-bool Light::sample_point(Vec3d x, LightSample& s, bool physical) const {
-  Vec3d to = center - x;
-  s.l = unit(to), s.end = center;
-  s.factor = (physical ? inverse_square(dot(to, to)) : 1) * spot(-dot(s.l, axis));
-  return true;
+LightShape Light::shape(bool soft) const {
+  if (kind == GLINT_SUN) return kDirection;
+  if (kind == GLINT_AREA) return kPlaneSource;
+  return !soft ? kPointSource : flags & GLINT_SOFT_FALLOFF ? kDiscSource : kSphereSource;
 }
 
-bool Light::sample_sphere(Vec3d x, const LightPoint& p, LightSample& s, bool physical) const {
-  Vec3d to = center - x, c = unit(to);
-  if (!any(c)) return false;
-  double d2 = dot(to, to), d = std::sqrt(d2), r2 = radius * radius;
-  double sine2 = d2 > r2 ? r2 / d2 : 1, cosine = std::sqrt(1 - sine2);
-  s.l = in_cone(c, sine2 / (1 + cosine), p);
-  double b = dot(to, s.l), root = std::sqrt(std::max(0.0, r2 - (d2 - b * b)));
-  s.end = x + (d > radius ? b - root : b + root) * s.l;
-  s.factor = (physical ? inverse_square(d2) * 2 / (1 + cosine) : 1) * spot(-dot(s.l, axis));
-  return true;
-}
-
-bool Light::sample_disc(Vec3d x, const LightPoint& p, LightSample& s, bool physical) const {
-  Vec3d towards = unit(center - x);
-  if (!any(towards)) return false;
-  Frame frame(towards);
-  s.end = center + radius * (p.x * frame.t1 + p.y * frame.t2);
-  Vec3d to = s.end - x;
-  s.l = unit(to);
-  s.factor = (physical ? std::max(0.0, dot(s.l, towards)) * inverse_square(dot(to, to)) : 1) * spot(-dot(s.l, axis));
-  return true;
-}
-
-bool Light::sample_sun(const LightPoint& p, bool soft, LightSample& s, bool physical) const {
-  s.l = soft ? in_cone(-axis, versine, p) : -axis;
-  s.factor = physical ? (soft ? 2 / (2 - versine) : 1) / kPi : 1;
-  return true;
-}
-
-bool Light::sample_area(Vec3d x, const LightPoint& p, LightSample& s, bool physical) const {
-  bool ellipse = flags & GLINT_ELLIPSE;
-  s.end = center + (ellipse ? p.x : p.a) * right + (ellipse ? p.y : p.b) * up;
-  Vec3d to = s.end - x;
-  s.l = unit(to);
-  double z = -dot(s.l, axis);
-  s.factor = physical ? 4 * z * inverse_square(dot(to, to)) : 1;
-  return z > 0;
-}
-
-bool Light::sample(Vec3d x, const LightPoint& p, uint32_t count, bool physical, LightSample& s) const {
-  bool soft = extended && count > 1, good = false;
-  if (kind == GLINT_SUN) good = sample_sun(p, soft, s, physical);
-  else if (kind == GLINT_AREA) good = sample_area(x, soft ? p : LightPoint{}, s, physical);
-  else if (!soft) good = sample_point(x, s, physical);
-  else good = flags & GLINT_SOFT_FALLOFF ? sample_disc(x, p, s, physical) : sample_sphere(x, p, s, physical);
-  s.factor /= soft ? count : 1;
-  return good && any(s.l) && s.factor != 0;
+void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {
+  const bool soft = extended && count > 1, ellipse = flags & GLINT_ELLIPSE;
+  const LightPoint q = soft ? p : LightPoint{};
+  const Vec3d l = soft && kind == GLINT_SUN ? in_cone(-axis, versine, p) : -axis;
+  const Vec3d end = center + (ellipse ? q.x : q.a) * right + (ellipse ? q.y : q.b) * up;
+  stage.shape = shape(soft), stage.physical = physical, stage.spot = kind == GLINT_SPOT, stage.casts_shadow = casts_shadow();
+  stage.factor = physical ? (soft ? 2 / (2 - versine) : 1) / kPi : 1;
+  for (int c = 0; c < 3; ++c)
+    stage.l[c] = l[c], stage.end[c] = end[c], stage.center[c] = center[c], stage.axis[c] = axis[c], stage.color[c] = color[c];
+  stage.radius = radius, stage.scale2 = scale2, stage.spot_cosine = spot_cosine, stage.spot_width = (1 - spot_cosine) * spot_blend;
+  stage.x = q.x, stage.y = q.y, stage.share = soft ? count : 1;
 }
 
 double Light::meets_sphere(Vec3d o, Vec3d d) const {

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "../include/glint.h"
+#include "stages/stages.h"
 #include "vec.h"
 
 namespace glint {
@@ -12,12 +13,6 @@ struct Anchor;
 /// A point of the square [-1, 1]^2 and the same point mapped to the unit disc.
 struct LightPoint {
   double a = 0, b = 0, x = 0, y = 0;
-};
-
-/// One sample seen from a point: unit direction l, intensity I = light.color * factor, where the shadow segment ends.
-struct LightSample {
-  Vec3d l, end;
-  double factor = 0;
 };
 
 struct Light {
@@ -36,8 +31,8 @@ struct Light {
   bool endless() const { return kind == GLINT_SUN; }
   bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
 
-  /// Sample `p` of `count` (1: the centre) at the point x. False where it gives nothing.
-  bool sample(Vec3d x, const LightPoint& p, uint32_t count, bool physical, LightSample& s) const;
+  /// Sets what a stage needs of the light for sample `p` of `count` (1: the centre).
+  void set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
 
   /// Ray parameter at which o + t d (d unit) first meets the visible shape, infinity for the sun's disc, negative for never.
   double meets(Vec3d o, Vec3d d) const;
@@ -45,13 +40,8 @@ struct Light {
   Vec3d radiance(Vec3d d, bool physical) const;
 
  private:
-  bool sample_point(Vec3d x, LightSample& s, bool physical) const;
-  bool sample_sphere(Vec3d x, const LightPoint& p, LightSample& s, bool physical) const;
-  bool sample_disc(Vec3d x, const LightPoint& p, LightSample& s, bool physical) const;
-  bool sample_sun(const LightPoint& p, bool soft, LightSample& s, bool physical) const;
-  bool sample_area(Vec3d x, const LightPoint& p, LightSample& s, bool physical) const;
+  LightShape shape(bool soft) const;
   double spot(double z) const;
-  double inverse_square(double d2) const;
   double meets_sphere(Vec3d o, Vec3d d) const;
   double meets_area(Vec3d o, Vec3d d) const;
 };

@@ -18,6 +18,7 @@ struct Lobe {
   double exponent = 0, ior = 1;
   uint32_t first_input = 0, input_count = 0;
   Vec3d k{1, 1, 1};
+  bool like_last = false;  // its inputs are those of the lobe before
 };
 
 struct Material {

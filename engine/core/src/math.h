@@ -6,8 +6,6 @@
 #include <cstdint>
 #include <limits>
 
-#include "vec.h"
-
 namespace glint {
 
 inline constexpr double kPi = 3.14159265358979323846;
@@ -71,16 +69,7 @@ inline double sine_series(double x) {
 inline double sine(double x) { return x > kPi / 2 ? sine_series((kPi - x) + 1.2246467991473532e-16) : sine_series(x); }
 inline double cosine(double x) { return sine_series((kPi / 2 - x) + 6.123233995736766e-17); }
 
-/// cos^p of the angle whose squared tangent is given, for a cosine > 0: exp(-p/2 log1p(tan^2)), accurate at any p.
-inline double cosine_power(double tangent2, double p) { return exponential(-0.5 * p * logarithm_1p(tangent2)); }
-
-/// max(0, n.h)^p with 0^0 = 1; neither vector need be unit (Blinn-Phong, notes 4.13).
-inline double highlight(Vec3d n, Vec3d h, double p) {
-  if (p == 0) return 1;
-  double c = dot(n, h);
-  if (!(c > 0)) return 0;
-  Vec3d s = cross(n, h);
-  return cosine_power(dot(s, s) / (c * c), p);
-}
+/// cos^p of the angle whose squared tangent is given, for a cosine > 0, as highlights have it (stages/stage_math.h).
+double cosine_power(double tangent2, double p);
 
 }  // namespace glint

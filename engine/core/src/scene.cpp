@@ -1,6 +1,7 @@
 #include "scene.h"
 
 #include <chrono>
+#include <cstring>
 
 #include "math.h"
 
@@ -64,6 +65,22 @@ Vec3d finite_color(const double* c) {
   return {channel(c[0]), channel(c[1]), channel(c[2])};
 }
 
+void add_to(double (&sum)[3], Vec3d c) { sum[0] += c.x, sum[1] += c.y, sum[2] += c.z; }
+
+/// Adds a lobe to the terms of its material; `specular` is where the next SPECULAR lobe goes.
+void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, double*& specular) {
+  terms.others |= !lobe.constant;
+  switch (lobe.kind) {
+    case GLINT_AMBIENT: return add_to(terms.ambient, lobe.k * ambient), add_to(terms.glow, lobe.k * ambient);
+    case GLINT_EMISSION: return add_to(terms.emission, lobe.k), add_to(terms.glow, lobe.k);
+    case GLINT_DIFFUSE: return add_to(terms.diffuse, lobe.k);
+    case GLINT_SPECULAR:
+      for (double number : {lobe.k.x, lobe.k.y, lobe.k.z, lobe.exponent}) *specular++ = number;
+      return;
+    default: terms.others |= any(lobe.k);
+  }
+}
+
 bool depends_on_surface(const GlintInput& input) { return input.texture >= 0 || input.attribute >= 0; }
 
 }  // namespace
@@ -76,6 +93,9 @@ Scene::Scene(const GlintSceneData& data) : camera(data.camera) {
   anchor.scale = power_scale(radius());
   place_lights(data.lights, data.light_count);
   note_features();
+  shape_groups();
+  shape_instances();
+  fold_materials();
 }
 
 void Scene::copy_tables(const GlintSceneData& data) {
@@ -94,7 +114,7 @@ void Scene::copy_tables(const GlintSceneData& data) {
 void Scene::compile_materials(const GlintSceneData& data) {
   for (uint64_t i = 0; i < data.lobe_count; ++i) {
     const GlintLobe& g = data.lobes[i];
-    Lobe lobe{g.kind, g.fresnel != 0, false, g.exponent, g.ior, g.first_input, g.input_count, {1, 1, 1}};
+    Lobe lobe{g.kind, g.fresnel != 0, false, g.exponent, g.ior, g.first_input, g.input_count, {1, 1, 1}, false};
     bool varies = false;
     for (uint32_t k = 0; k < g.input_count; ++k) varies = varies || depends_on_surface(inputs[g.first_input + k]);
     if (!varies) lobe.k = coefficient(*this, lobe, Surface{}), lobe.constant = true;
@@ -105,14 +125,24 @@ void Scene::compile_materials(const GlintSceneData& data) {
     materials.push_back({g.first_lobe, g.lobe_count, g.index});
   }
   materials.push_back({uint32_t(lobes.size()), 2, 0});
-  for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT}) lobes.push_back({kind, false, true, 0, 1, 0, 0, {0.8, 0.8, 0.8}});
+  for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT}) lobes.push_back({kind, false, true, 0, 1, 0, 0, {0.8, 0.8, 0.8}, false});
   for (Material& material : materials) {
     for (uint32_t k = 0; k < material.lobe_count; ++k) {
       int kind = lobes[material.first_lobe + k].kind;
       material.kinds |= 1u << kind, material.specular_count += kind == GLINT_SPECULAR;
+      if (k > 0) lobes[material.first_lobe + k].like_last = same_inputs(material.first_lobe + k - 1, material.first_lobe + k);
     }
     max_specular = std::max(max_specular, material.specular_count);
   }
+}
+
+/// Whether two lobes read the same: they often differ in their kind alone.
+bool Scene::same_inputs(size_t a, size_t b) const {
+  const Lobe &p = lobes[a], &q = lobes[b];
+  auto same = [&](uint32_t k) { return std::memcmp(&inputs[p.first_input + k], &inputs[q.first_input + k], sizeof(GlintInput)) == 0; };
+  bool good = !p.constant && !q.constant && p.input_count == q.input_count;
+  for (uint32_t k = 0; good && k < p.input_count; ++k) good = same(k);
+  return good;
 }
 
 /// Numbers the instances, leaving out those whose matrix is not finite or squeezes everything to a line.
@@ -172,6 +202,62 @@ uint32_t Scene::material_of(const GlintInstances& group, uint32_t primitive) con
   const uint16_t* slots = geometries[group.geometry].material_slots;
   uint32_t slot = slots ? slots[primitive] : 0;
   return material_slots[group.first_material + std::min(slot, group.material_count - 1)];
+}
+
+void Scene::shape_groups() {
+  for (const GlintInstances& group : groups) {
+    const GlintGeometry& g = geometries[group.geometry];
+    GroupShape shape{};
+    if (g.kind == GLINT_MESH) shape.vertices = g.vertices, shape.triangles = g.triangles, shape.normals = g.normals.values;
+    shape.normal_rows = g.normals.domain == GLINT_CORNER ? g.corners : g.triangles;
+    shape.material = group.material_count > 0 ? material_slots[group.first_material] : uint32_t(materials.size() - 1);
+    if (group.flags & GLINT_HOLDOUT) shape.material = holdout();
+    if (g.material_slots && group.material_count > 1 && !(group.flags & GLINT_HOLDOUT))
+      shape.slots = g.material_slots, shape.materials = material_slots.data() + group.first_material;
+    shape.material_count = group.material_count;
+    only_meshes = only_meshes && g.kind == GLINT_MESH;
+    group_shapes.push_back(shape);
+  }
+}
+
+void Scene::shape_instances() {
+  instance_shapes.reserve(placements.size());
+  for (const Placement& p : placements) {
+    const Affine m = anchored(p.row);
+    const NormalMatrix n(m);
+    const Vec3d columns[7] = {m.x, m.y, m.z, m.t, n.x, n.y, n.z};
+    InstanceShape shape{};
+    for (int k = 0; k < 21; ++k) (k < 12 ? shape.m[k] : shape.normal[k - 12]) = columns[k / 3][k % 3];
+    shape.group = p.group, shape.mirrors = dot(m.x, cross(m.y, m.z)) < 0;
+    instance_shapes.push_back(shape);
+  }
+}
+
+Affine Scene::matrix(uint32_t instance) const {
+  const double* m = instance_shapes[instance].m;
+  return {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
+}
+
+NormalMatrix Scene::normal_matrix(uint32_t instance) const {
+  const double* n = instance_shapes[instance].normal;
+  return {{n[0], n[1], n[2]}, {n[3], n[4], n[5]}, {n[6], n[7], n[8]}};
+}
+
+/// What is the same all over a material; those that vary, or send rays on, are left to the shader.
+void Scene::fold_materials() {
+  specular_terms.assign(4 * size_t(max_specular) * (materials.size() + 3), 0.0);
+  for (size_t m = 0; m < materials.size(); ++m) {
+    MaterialTerms terms{};
+    double* specular = specular_terms.data() + 4 * size_t(max_specular) * m;
+    for (uint32_t i = 0; i < materials[m].lobe_count; ++i) fold(lobes[materials[m].first_lobe + i], ambient, terms, specular);
+    if (terms.others) terms = MaterialTerms{}, terms.others = 1;
+    for (int k = 0; terms.others && k < 4 * max_specular; ++k) specular_terms[4 * size_t(max_specular) * m + size_t(k)] = 0;
+    material_terms.push_back(terms);
+  }
+  MaterialTerms around{}, none{}, hole{};
+  for (int c = 0; c < 3; ++c) around.glow[c] = around.environment[c] = background[c];
+  hole.others = 1;
+  material_terms.insert(material_terms.end(), {around, none, hole});
 }
 
 std::vector<GeometryView> Scene::geometry_views() const {

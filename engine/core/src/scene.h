@@ -10,6 +10,7 @@
 #include "accel/accel.h"
 #include "light.h"
 #include "material.h"
+#include "stages/stages.h"
 #include "vec.h"
 
 namespace glint {
@@ -44,6 +45,9 @@ class Scene {
   Affine anchored(uint32_t row) const { return anchor.matrix(affine(world_from_object + 12 * size_t(row))); }
   const GlintInstances& group(uint32_t instance) const { return groups[placements[instance].group]; }
   const GlintGeometry& geometry(const GlintInstances& group) const { return geometries[group.geometry]; }
+  /// The instance's matrix to anchored space.
+  Affine matrix(uint32_t instance) const;
+  NormalMatrix normal_matrix(uint32_t instance) const;
   /// The material of a primitive; the last one of `materials` is the default surface.
   uint32_t material_of(const GlintInstances& group, uint32_t primitive) const;
 
@@ -67,12 +71,27 @@ class Scene {
   size_t triangles = 0, primitives = 0, dropped_instances = 0, dropped_lights = 0;
   double build_seconds = 0;
 
+  // The same for the stages. Numbers beyond those of the materials are of points without one: rays that see the surroundings or, with a
+  // transparent film, nothing, and points of holdouts.
+  uint32_t surroundings() const { return uint32_t(materials.size()); }
+  uint32_t nothing() const { return uint32_t(materials.size()) + 1; }
+  uint32_t holdout() const { return uint32_t(materials.size()) + 2; }
+  std::vector<GroupShape> group_shapes;
+  std::vector<InstanceShape> instance_shapes;
+  std::vector<MaterialTerms> material_terms;
+  std::vector<double> specular_terms;  // max_specular rows of k and exponent a material
+  bool only_meshes = true;
+
  private:
   void copy_tables(const GlintSceneData& data);
   void compile_materials(const GlintSceneData& data);
+  bool same_inputs(size_t a, size_t b) const;
   void place_instances();
   void place_lights(const GlintLight* lights, size_t count);
   void note_features();
+  void shape_groups();
+  void shape_instances();
+  void fold_materials();
   double radius() const;
   std::vector<GeometryView> geometry_views() const;
   std::vector<InstanceView> instance_views() const;

@@ -66,12 +66,12 @@ Vec3d on_sphere(Vec3d o, Vec3d d, double t, Vec3d center, double radius) {
   return unit(o + at * n - center);
 }
 
-void place_on_sphere(const Affine& m, const GlintGeometry& geometry, const Line& ray, const Hit& hit, Surface& s) {
+void place_on_sphere(const Affine& m, const NormalMatrix& to_world, const GlintGeometry& geometry, const Line& ray, const Hit& hit, Surface& s) {
   Vec3d center = vertex(geometry, hit.primitive), o, d, n{0, 0, 1};
   double radius = geometry.radii[hit.primitive];
   s.x = ray.o + hit.t * ray.d;
   if (to_object(m, ray, o, d)) n = on_sphere(o, d, hit.t, center, radius), s.x = point(m, center + radius * n);
-  s.g = NormalMatrix(m)(n);
+  s.g = to_world(n);
   s.offset = rounding(max_abs(point(m, center)) + radius * (max_abs(m.x) + max_abs(m.y) + max_abs(m.z)));
 }
 
@@ -88,10 +88,10 @@ Vec3d newell(const Affine& m, const GlintGeometry& geometry, size_t primitive, V
   return sum;
 }
 
-void place_on_polygon(const Affine& m, const GlintGeometry& geometry, const Line& ray, const Hit& hit, Surface& s) {
+void place_on_polygon(const Affine& m, const NormalMatrix& to_world, const GlintGeometry& geometry, const Line& ray, const Hit& hit, Surface& s) {
   Vec3d first;
   double reach = 0;
-  s.g = NormalMatrix(m)(newell(m, geometry, hit.primitive, first, reach));
+  s.g = to_world(newell(m, geometry, hit.primitive, first, reach));
   double t = dot(point(m, first) - ray.o, s.g) / dot(ray.d, s.g);
   s.x = ray.o + (std::fabs(t - hit.t) <= 1e-3 * std::fabs(hit.t) ? t : hit.t) * ray.d;
   s.offset = rounding(reach);
@@ -119,9 +119,9 @@ Vec3d blend3(const Rows& rows, const double (&b)[3]) { return {blend(rows, b, 0)
 
 bool smooth(const GlintGeometry& geometry) { return geometry.normals.values != nullptr; }
 
-Vec3d shading_normal(const Affine& m, const GlintGeometry& geometry, const Surface& s) {
+Vec3d shading_normal(const NormalMatrix& to_world, const GlintGeometry& geometry, const Surface& s) {
   if (!smooth(geometry)) return s.g;
-  Vec3d n = NormalMatrix(m)(blend3(rows_of(geometry, geometry.normals, s.primitive), s.weights));
+  Vec3d n = to_world(blend3(rows_of(geometry, geometry.normals, s.primitive), s.weights));
   return any(n) ? n : s.g;
 }
 
@@ -145,11 +145,12 @@ Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
   Surface s;
   s.instance = hit.instance, s.primitive = hit.primitive;
   const GlintGeometry& geometry = scene.geometry(scene.group(hit.instance));
-  Affine m = scene.anchored(scene.placements[hit.instance].row);
+  const Affine m = scene.matrix(hit.instance);
+  const NormalMatrix to_world = scene.normal_matrix(hit.instance);
   if (geometry.kind == GLINT_MESH) place_on_triangle(m, geometry, ray, hit, s);
-  else if (geometry.kind == GLINT_SPHERES) place_on_sphere(m, geometry, ray, hit, s);
-  else place_on_polygon(m, geometry, ray, hit, s);
-  s.n = shading_normal(m, geometry, s);
+  else if (geometry.kind == GLINT_SPHERES) place_on_sphere(m, to_world, geometry, ray, hit, s);
+  else place_on_polygon(m, to_world, geometry, ray, hit, s);
+  s.n = shading_normal(to_world, geometry, s);
   s.outside = dot(s.g, d) <= 0;
   if (!s.outside) s.g = -s.g, s.n = -s.n;
   return s;
@@ -171,23 +172,6 @@ Rgba color_at(const Scene& scene, const Surface& s, int32_t name) {
   Rgba c{{}, attribute->channels > 3 ? blend(rows, s.weights, 3) : 1};
   for (int i = 0; i < std::min(attribute->channels, 3); ++i) c.color[i] = blend(rows, s.weights, i);
   return c;
-}
-
-Vec3d shadow_origin(const Scene& scene, const Surface& s) {
-  const GlintGeometry& geometry = scene.geometry(scene.group(s.instance));
-  if (!smooth(geometry)) return s.x;
-  Affine m = scene.anchored(scene.placements[s.instance].row);
-  NormalMatrix to_world(m);
-  Corners t = triangle(geometry, s.primitive);
-  Rows rows = rows_of(geometry, geometry.normals, s.primitive);
-  const Vec3d corners[3] = {t.a, t.b, t.c};
-  Vec3d sum;
-  for (int k = 0; k < 3; ++k) {
-    const float* p = rows.at[k];
-    Vec3d n = (s.outside ? 1.0 : -1.0) * to_world({p[0], p[1], p[2]});
-    sum += s.weights[k] * std::max(0.0, dot(point(m, corners[k]) - s.x, n)) * n;
-  }
-  return s.x + sum;
 }
 
 }  // namespace glint

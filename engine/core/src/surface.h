@@ -31,10 +31,6 @@ bool has_uv(const Scene& scene, const Surface& s);
 /// The colour attribute called `name`, 0 when the geometry lacks it.
 Rgba color_at(const Scene& scene, const Surface& s, int32_t name);
 
-/// Where shadow rays start: on smooth meshes x moved out to the tangent planes of the vertices (Hanika 2021, Hacking the Shadow
-/// Terminator), else x.
-Vec3d shadow_origin(const Scene& scene, const Surface& s);
-
 /// The start of a ray that leaves along d: `from` moved off the surface to the side that d points to.
 inline Vec3d leave(const Surface& s, Vec3d from, Vec3d d) { return from + (dot(s.g, d) < 0 ? -s.offset : s.offset) * s.g; }
 

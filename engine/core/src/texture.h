@@ -12,14 +12,17 @@ struct Rgba {
 
 class Texture {
  public:
-  explicit Texture(const GlintTexture& data) : data_(data) {}
+  explicit Texture(const GlintTexture& data);
   /// At (u, v) of the unit square, texel centres at (i + 0.5) / width. A coordinate that is not finite reads as 0.
   Rgba lookup(double u, double v) const;
 
  private:
+  struct Axis;
+  Axis axis(double x, uint32_t size) const;
   Rgba texel(int64_t column, int64_t row) const;
 
   GlintTexture data_;
+  const double* decode_;  // colours of the codes of a uint8 image
 };
 
 }  // namespace glint

@@ -1,4 +1,4 @@
-// A wavefront over the rays of one tile and one sample: closest hits, shading by material, direct light, the rays that go on.
+// A wavefront over the rays of one tile and one sample: closest hits, surfaces, lobes, direct light, the rays that go on.
 #pragma once
 #include <atomic>
 #include <vector>
@@ -8,42 +8,45 @@
 
 namespace glint {
 
-/// Pixels [x0, x1) x [y0, y1) of the region, counted from its corner.
-struct Tile {
-  static constexpr uint32_t kSize = 32;
-  uint32_t x0, y0, x1, y1;
-};
-
-/// The region cut into tiles.
-std::vector<Tile> tiles_of(const Region& region);
-
 /// One thread's tracer. What a pixel receives, and in which order, depends on that pixel's rays alone: sample after sample, generation
-/// after generation, hits of a generation by material and then by age. So tiles, regions and threads do not change a bit.
+/// after generation by age, rays that bounced before those that go straight on. So tiles, regions and threads do not change a bit.
 class Tracer {
  public:
   Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel);
+  Tracer(const Tracer&) = delete;
+  Tracer& operator=(const Tracer&) = delete;
 
+  /// One sample of every pixel of a tile.
   void trace(const Tile& tile, uint32_t sample);
-  const RayCounts& counts() const { return work_.counts; }
+  void publish(const Tile& tile, uint32_t samples);
+  const RayCounts& counts() const { return counts_; }
 
  private:
-  void camera_rays(const Tile& tile, uint32_t sample, Queue& queue);
-  void process(const Queue& queue, uint32_t sample, Queue& next);
-  void sort_by_material(const Queue& queue);
-  Queue take();
+  void camera_rays(uint32_t sample);
+  void process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced);
+  void find_points(const Queue& queue);
+  void shade(const Queue& queue, Queue& straight, Queue& bounced);
+  void record(const Queue& queue);
+  void keep(const Queue& queue);
+  void wait(Queue queue);
+  Queue take(uint32_t visibility);
   void give(Queue queue);
+  uint32_t pixel(const Queue& queue, size_t k) const { return slots_.pixel(*tile_, queue.slots[k], plan_.region.width()); }
 
   const Scene& scene_;
   const RenderPlan& plan_;
   Film& film_;
+  const Stages& stages_;
   const std::atomic<bool>& cancel_;
-  CameraRays camera_;
-  Shader shader_;
+  const CameraRays camera_;
+  const Shader shader_;
   DirectLight direct_;
-  Work work_;
+  Batch batch_;
+  const Tile* tile_ = nullptr;
+  SlotTable slots_;
+  Queue first_{kCamera};               // of camera rays
   std::vector<Queue> waiting_, spare_;
-  std::vector<Hit> hits_;
-  std::vector<uint32_t> material_, order_, first_;  // of each ray; rays by material; where each material starts
+  RayCounts counts_;
 };
 
 }  // namespace glint

@@ -69,6 +69,7 @@ inline bool finite(const Affine& m) { return finite(m.x) && finite(m.y) && finit
 /// as +1, so that outside stays outside. Zero when m has rank 1 or less.
 struct NormalMatrix {
   Vec3d x, y, z;  // columns
+  NormalMatrix(Vec3d a, Vec3d b, Vec3d c) : x(a), y(b), z(c) {}
   explicit NormalMatrix(const Affine& m) {
     double s = std::max({max_abs(m.x), max_abs(m.y), max_abs(m.z)});
     if (!(s > 0)) return;

@@ -1,5 +1,5 @@
-// Vectors of floats, as wide as the instruction set that this is compiled for. Everything in the kernel_*.h headers lives in an anonymous
-// namespace and calls no library: a function with a name outside could be shared by the linker with code for a lesser machine.
+// Vectors as wide as the instruction set that this is compiled for. Everything in the kernel_*.h headers lives in an anonymous namespace and
+// calls no library: a function with a name outside could be shared by the linker with code for a lesser machine.
 #pragma once
 #include <cstdint>
 #if defined(__AVX__)
@@ -16,43 +16,131 @@ constexpr int kLanes = 8;
 #else
 constexpr int kLanes = 4;
 #endif
+#if defined(__AVX512F__)
+constexpr int kDoubles = 8;  // lanes of the double vectors
+#else
+constexpr int kDoubles = kLanes / 2;
+#endif
 typedef float Floats __attribute__((vector_size(4 * kLanes)));
 typedef int32_t Ints __attribute__((vector_size(4 * kLanes)));
-
-typedef float Four __attribute__((vector_size(16)));
-typedef int32_t FourInts __attribute__((vector_size(16)));
-inline void store(float* p, Four v) { __builtin_memcpy(p, &v, sizeof v); }
+typedef double Doubles __attribute__((vector_size(8 * kDoubles)));
+typedef int64_t Longs __attribute__((vector_size(8 * kDoubles)));
+typedef float Halves __attribute__((vector_size(4 * kDoubles)));
 
 // Unaligned. (GCC 12 sends a __builtin_memcpy through the stack.)
 typedef float LooseFloats __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
+typedef int32_t LooseInts __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
+typedef double LooseDoubles __attribute__((vector_size(8 * kDoubles), aligned(8), may_alias));
+typedef float LooseHalves __attribute__((vector_size(4 * kDoubles), aligned(4), may_alias));
 inline Floats load(const float* p) { return *reinterpret_cast<const LooseFloats*>(p); }
-inline void store_lanes(float* p, Floats v) { *reinterpret_cast<LooseFloats*>(p) = v; }
+inline void store(float* p, Floats v) { *reinterpret_cast<LooseFloats*>(p) = v; }
+inline Ints load(const uint32_t* p) { return *reinterpret_cast<const LooseInts*>(p); }
+inline void store(uint32_t* p, Ints v) { *reinterpret_cast<LooseInts*>(p) = v; }
+inline Doubles load(const double* p) { return *reinterpret_cast<const LooseDoubles*>(p); }
+inline void store(double* p, Doubles v) { *reinterpret_cast<LooseDoubles*>(p) = v; }
+inline Doubles widen(const float* p) { return __builtin_convertvector(*reinterpret_cast<const LooseHalves*>(p), Doubles); }
+inline void narrow(float* p, Doubles v) { *reinterpret_cast<LooseHalves*>(p) = __builtin_convertvector(v, Halves); }
+/// The lower halves of the lanes.
+typedef int32_t LooseHalfInts __attribute__((vector_size(4 * kDoubles), aligned(4), may_alias));
+typedef int32_t HalfInts __attribute__((vector_size(4 * kDoubles)));
+inline void store_low(uint32_t* p, Longs v) { *reinterpret_cast<LooseHalfInts*>(p) = __builtin_convertvector(v, HalfInts); }
 inline Floats splat(float a) { return a - Floats{}; }  // -0 stays -0
+inline Doubles splat(double a) { return a - Doubles{}; }
+
+inline Floats select(Ints m, Floats a, Floats b) {
+#if defined(__AVX__)
+  return Floats(_mm256_blendv_ps(__m256(b), __m256(a), __m256(m)));
+#elif defined(__SSE4_1__)
+  return Floats(_mm_blendv_ps(__m128(b), __m128(a), __m128(m)));
+#else
+  return Floats((Ints(a) & m) | (Ints(b) & ~m));
+#endif
+}
+inline Doubles select(Longs m, Doubles a, Doubles b) {
+#if defined(__AVX__) && !defined(__AVX512F__)
+  return Doubles(_mm256_blendv_pd(__m256d(b), __m256d(a), __m256d(m)));
+#else
+  return Doubles((Longs(a) & m) | (Longs(b) & ~m));
+#endif
+}
+inline double select(bool m, double a, double b) { return m ? a : b; }
+inline Doubles magnitude(Doubles a) { return Doubles(Longs(a) & 0x7fffffffffffffff); }
+inline double magnitude(double a) { return __builtin_fabs(a); }
 
 /// The larger and the smaller number; where one is NaN, the second argument.
-#if defined(__AVX__)
-inline Floats larger(Floats a, Floats b) { return Floats(_mm256_max_ps(__m256(a), __m256(b))); }
-inline Floats smaller(Floats a, Floats b) { return Floats(_mm256_min_ps(__m256(a), __m256(b))); }
-inline uint32_t bits(Ints mask) { return uint32_t(_mm256_movemask_ps(__m256(mask))); }
-#elif defined(__SSE4_1__)
-inline Floats larger(Floats a, Floats b) { return Floats(_mm_max_ps(__m128(a), __m128(b))); }
-inline Floats smaller(Floats a, Floats b) { return Floats(_mm_min_ps(__m128(a), __m128(b))); }
-inline uint32_t bits(Ints mask) { return uint32_t(_mm_movemask_ps(__m128(mask))); }
-#else
 inline Floats larger(Floats a, Floats b) {
-  Ints m = a > b;
-  return Floats((Ints(a) & m) | (Ints(b) & ~m));
+#if defined(__AVX__)
+  return Floats(_mm256_max_ps(__m256(a), __m256(b)));
+#elif defined(__SSE4_1__)
+  return Floats(_mm_max_ps(__m128(a), __m128(b)));
+#else
+  return select(a > b, a, b);
+#endif
 }
 inline Floats smaller(Floats a, Floats b) {
-  Ints m = a < b;
-  return Floats((Ints(a) & m) | (Ints(b) & ~m));
+#if defined(__AVX__)
+  return Floats(_mm256_min_ps(__m256(a), __m256(b)));
+#elif defined(__SSE4_1__)
+  return Floats(_mm_min_ps(__m128(a), __m128(b)));
+#else
+  return select(a < b, a, b);
+#endif
 }
+inline Doubles larger(Doubles a, Doubles b) { return select(a > b, a, b); }
+inline float larger(float a, float b) { return a > b ? a : b; }
+inline float smaller(float a, float b) { return a < b ? a : b; }
+
+/// A bit for every lane of a mask.
 inline uint32_t bits(Ints mask) {
+#if defined(__AVX__)
+  return uint32_t(_mm256_movemask_ps(__m256(mask)));
+#elif defined(__SSE4_1__)
+  return uint32_t(_mm_movemask_ps(__m128(mask)));
+#else
   uint32_t b = 0;
   for (int k = 0; k < kLanes; ++k) b |= uint32_t(mask[k] & 1) << k;
   return b;
-}
 #endif
+}
+inline uint32_t bits(Longs mask) {
+#if defined(__AVX512F__)
+  return uint32_t(_mm512_movepi64_mask(__m512i(mask)));
+#elif defined(__AVX__)
+  return uint32_t(_mm256_movemask_pd(__m256d(mask)));
+#elif defined(__SSE4_1__)
+  return uint32_t(_mm_movemask_pd(__m128d(mask)));
+#else
+  uint32_t b = 0;
+  for (int k = 0; k < kDoubles; ++k) b |= uint32_t(mask[k] & 1) << k;
+  return b;
+#endif
+}
+inline bool any(Longs mask) { return bits(mask) != 0; }
+
+/// The largest and the smallest lane.
+inline float largest(Floats v) {
+#if defined(__AVX__)
+  __m128 a = _mm_max_ps(_mm256_castps256_ps128(__m256(v)), _mm256_extractf128_ps(__m256(v), 1));
+  a = _mm_max_ps(a, _mm_movehl_ps(a, a));
+  return _mm_cvtss_f32(_mm_max_ss(a, _mm_shuffle_ps(a, a, 1)));
+#else
+  return larger(larger(v[0], v[1]), larger(v[2], v[3]));
+#endif
+}
+inline float smallest(Floats v) {
+#if defined(__AVX__)
+  __m128 a = _mm_min_ps(_mm256_castps256_ps128(__m256(v)), _mm256_extractf128_ps(__m256(v), 1));
+  a = _mm_min_ps(a, _mm_movehl_ps(a, a));
+  return _mm_cvtss_f32(_mm_min_ss(a, _mm_shuffle_ps(a, a, 1)));
+#else
+  return smaller(smaller(v[0], v[1]), smaller(v[2], v[3]));
+#endif
+}
+inline float sum(Floats v) {
+  float s = 0;
+  for (int k = 0; k < kLanes; ++k) s += v[k];
+  return s;
+}
 
 }  // namespace
 }  // namespace glint

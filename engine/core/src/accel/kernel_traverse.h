@@ -1,165 +1,452 @@
-// Single rays through the trees, nearest boxes first.
+// Tiles of 64 rays through the trees, nearest boxes first. A tile goes down as one bundle while its rays stay together; where few of its groups
+// are left, those go on as smaller bundles, and where few rays of a group are left, those go on one by one.
 #pragma once
 #include "kernel_leaves.h"
 
 namespace glint {
 namespace {
 
-/// The ray's numbers for boxes, one to a lane.
+/// `box`: number of the node that has the child's box, times kWidth, plus the child's number; kNoBox for the root.
+struct Entry {
+  ChildRef child;
+  float distance;
+  uint32_t units, box;
+};
+constexpr uint32_t kNoBox = 0xffffffffu;
+
+/// Puts an entry where the nearest stay on top.
+inline void push(Entry* base, Entry*& top, Entry e) {
+  Entry* p = top++;
+  for (; p > base && p[-1].distance < e.distance; --p) *p = p[-1];
+  *p = e;
+}
+
+template <bool Any>
+void trace_instances(Walk<Any>& w, ChildRef leaf, uint64_t rays);
+
+/// One ray's numbers for boxes, in all lanes.
 struct BoxRay {
-  Floats near_o[3], far_o[3], inv[3], t_min, t_max;
-  size_t near_plane[3], far_plane[3];  // offsets in Node::planes
-  explicit BoxRay(const LocalRay& r) : t_min(splat(r.t_min)), t_max(splat(r.t_max)) {
+  Floats near_o[3], far_o[3], inverse[3], first, last;
+  size_t near_plane[3], far_plane[3];
+  BoxRay(const Tile& tile, int r, const Order& order) : first(splat(tile.begin_lo[r] - tile.room)), last(splat(tile.hi[r])) {
+    const float slope[3] = {order.sign * tile.sf[0][r], order.sign * tile.sf[1][r], order.sign};
     for (int k = 0; k < 3; ++k) {
-      near_o[k] = splat(r.near_o[k]), far_o[k] = splat(r.far_o[k]), inv[k] = splat(r.inv[k]);
-      near_plane[k] = r.near_plane[k] * kWidth, far_plane[k] = (r.near_plane[k] ^ 1) * kWidth;
+      const float inverse_slope = 1 / slope[k];
+      const bool back = __builtin_signbitf(inverse_slope);
+      const float o = tile.of[k][r], outward = back ? -tile.room : tile.room;
+      near_o[k] = splat(o + outward), far_o[k] = splat(o - outward), inverse[k] = splat(inverse_slope);
+      near_plane[k] = size_t(2 * order.axes[k] + back) * kWidth, far_plane[k] = size_t(2 * order.axes[k] + !back) * kWidth;
     }
   }
 };
 
-/// Which children the ray meets, and where it enters them. Slabs ordered by the direction's signs; the far side is a little longer than
-/// computed (Ize 2013: two ulps; here eight, which covers the rounding of the triangle test's shear too). 0 * inf is NaN, for a ray inside
-/// a face of the box: `larger` and `smaller` then give up a bound or two, and at worst a box is entered in vain.
+/// Which children the ray meets, and how deep. Slabs ordered by the direction's signs; the far side is a little longer than computed
+/// (Ize 2013: two ulps; here eight). 0 * inf is NaN: `larger` and `smaller` then give up a bound or two, and at worst a box is entered in vain.
 inline uint32_t hit_boxes(const Node& n, const BoxRay& b, float* distance) {
   const float* planes = n.planes[0];
   uint32_t mask = 0;
   for (size_t first = 0; first < kWidth; first += kLanes, planes += kLanes) {
-    const Floats near_x = (load(planes + b.near_plane[0]) - b.near_o[0]) * b.inv[0];
-    const Floats near_y = (load(planes + b.near_plane[1]) - b.near_o[1]) * b.inv[1];
-    const Floats near_z = (load(planes + b.near_plane[2]) - b.near_o[2]) * b.inv[2];
-    const Floats far_x = (load(planes + b.far_plane[0]) - b.far_o[0]) * b.inv[0];
-    const Floats far_y = (load(planes + b.far_plane[1]) - b.far_o[1]) * b.inv[1];
-    const Floats far_z = (load(planes + b.far_plane[2]) - b.far_o[2]) * b.inv[2];
-    const Floats near = larger(larger(near_x, near_y), larger(near_z, b.t_min));
-    const Floats far = smaller(smaller(smaller(far_x, far_y), far_z) * splat(1 + 0x1p-20f), b.t_max);
-    store_lanes(distance + first, near);
+    const Floats near_x = (load(planes + b.near_plane[0]) - b.near_o[0]) * b.inverse[0];
+    const Floats near_y = (load(planes + b.near_plane[1]) - b.near_o[1]) * b.inverse[1];
+    const Floats near_z = (load(planes + b.near_plane[2]) - b.near_o[2]) * b.inverse[2];
+    const Floats far_x = (load(planes + b.far_plane[0]) - b.far_o[0]) * b.inverse[0];
+    const Floats far_y = (load(planes + b.far_plane[1]) - b.far_o[1]) * b.inverse[1];
+    const Floats far_z = (load(planes + b.far_plane[2]) - b.far_o[2]) * b.inverse[2];
+    const Floats near = larger(larger(near_x, near_y), larger(near_z, b.first));
+    const Floats far = smaller(smaller(smaller(far_x, far_y), far_z) * splat(1 + 0x1p-20f), b.last);
+    store(distance + first, near);
     mask |= bits(near <= far) << first;
   }
   return mask;
 }
 
-struct Entry {
-  ChildRef child;
-  float distance;
+/// One ray through the part of a tree below `root`.
+template <bool Any>
+inline void walk_ray(Walk<Any>& w, int r, ChildRef root, const Order& order) {
+  Entry stack[kStack], *top = stack;
+  BoxRay b(w.tile, r, order);
+  alignas(32) float distance[kWidth];
+  *top++ = {root, -kFar, 0, kNoBox};
+  while (top != stack) {
+    const Entry e = *--top;
+    if (e.distance > w.tile.hi[r]) continue;
+    if (e.child & kLeaf) {
+      if (w.tree.kind == kTriangleLeaf) hit_triangles(w, r, e.child, order);
+      else if (w.tree.kind == kInstanceLeaf) trace_instances(w, e.child, uint64_t(1) << r);
+      else hit_shapes(w, r, e.child);
+      b.last = splat(w.tile.hi[r]);
+      if (Any && w.tile.hi[r] <= -kFar) return;
+      continue;
+    }
+    const Node& n = w.tree.nodes[e.child];
+    uint32_t mask = hit_boxes(n, b, distance);
+    if (!mask) continue;
+    const int first = __builtin_ctz(mask);
+    if (!(mask &= mask - 1)) {
+      *top++ = {n.child[first], distance[first], 0, kNoBox};
+      continue;
+    }
+    const int second = __builtin_ctz(mask);
+    if (!(mask &= mask - 1)) {
+      const bool swap = distance[first] < distance[second];
+      const int a = swap ? second : first, c = swap ? first : second;
+      top[0] = {n.child[a], distance[a], 0, kNoBox}, top[1] = {n.child[c], distance[c], 0, kNoBox};
+      top += 2;
+      continue;
+    }
+    Entry* const base = top;
+    push(base, top, {n.child[first], distance[first], 0, kNoBox}), push(base, top, {n.child[second], distance[second], 0, kNoBox});
+    for (; mask; mask &= mask - 1) {
+      const int k = __builtin_ctz(mask);
+      push(base, top, {n.child[k], distance[k], 0, kNoBox});
+    }
+  }
+}
+
+/// A group of rays of one kind.
+template <bool Any>
+struct GroupLevel {
+  Walk<Any>& w;
+  const Order& order;
+  int k, g;
+  bool common;
+  WideFrustum whole;
+  GroupLevel(Walk<Any>& walk, const Order& o, int group, bool one)
+      : w(walk), order(o), k(group * kLanes), g(group), common(one), whole(walk.bundles.groups.at(group)) {
+    if (!(w.bundles.lines >> g & 1)) set_ray_lines(w.tile, w.bundles, k);
+  }
+
+  uint32_t met(const Boxes& box) const { return units_met(w.bundles.rays, k, kLanes, box); }
+  uint32_t still(uint32_t rays, float distance) const { return rays & bits(load(w.bundles.rays.last + k) > splat(distance)); }
+  static bool few(uint32_t rays) { return __builtin_popcount(rays) <= 2; }
+  void split(ChildRef child, uint32_t rays) {
+    for (; rays; rays &= rays - 1) walk_ray(w, k + __builtin_ctz(rays), child, order);
+    shorten();
+  }
+  void shorten() {
+    w.bundles.groups.last[g] = largest(load(w.bundles.rays.last + k));
+    whole.last = splat(w.bundles.groups.last[g]);
+  }
+  void leaf(ChildRef child, uint32_t rays, uint32_t) {
+    if (w.tree.kind == kInstanceLeaf) trace_instances(w, child, uint64_t(rays) << k);
+    else if (w.tree.kind != kTriangleLeaf)
+      for (; rays; rays &= rays - 1) hit_shapes(w, k + __builtin_ctz(rays), child);
+    else if (__builtin_popcount(rays) <= 2)
+      for (; rays; rays &= rays - 1) hit_triangles(w, k + __builtin_ctz(rays), child, order);
+    else common ? triangles<true>(child) : triangles<false>(child);
+    shorten();
+  }
+  template <bool Common>
+  void triangles(ChildRef child) {
+    const Triangles leaf_triangles(w.tree, child);
+    alignas(32) float spread[kLanes];
+    for (int first = 0; first < leaf_triangles.n; first += kLanes) {
+      const Boxes boxes = triangle_boxes(leaf_triangles, first, order);
+      const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
+      store(spread, spread_of(boxes, reach_of(w.tree)));
+      for (uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1); mask; mask &= mask - 1) {
+        const int lane = __builtin_ctz(mask);
+        hit_group<Any, Common>(w, k, leaf_triangles, first + lane, order, spread[lane], child);
+      }
+    }
+  }
 };
 
-/// Pushes all children but the nearest, the farthest first, and returns the nearest. mask has at least two bits.
-inline ChildRef push_children(const Node& n, uint32_t mask, const float* distance, Entry*& top) {
-  const int a = __builtin_ctz(mask), b = 31 - __builtin_clz(mask);
-  if ((mask & (mask - 1)) == 1u << b) {
-    const bool swap = distance[b] < distance[a];
-    *top++ = swap ? Entry{n.child[a], distance[a]} : Entry{n.child[b], distance[b]};
-    return n.child[swap ? b : a];
-  }
-  Entry* const base = top;
-  for (; mask; mask &= mask - 1) {
-    const int k = __builtin_ctz(mask);
-    const Entry e{n.child[k], distance[k]};
-    Entry* p = top++;
-    for (; p > base && p[-1].distance < e.distance; --p) *p = p[-1];
-    *p = e;
-  }
-  return (--top)->child;
-}
-
-/// Visits the leaves that the ray meets; leaf(ordinal, count) says whether the ray's bound changed.
-template <bool Any, class Leaf>
-inline void traverse(const TreeView& tree, LocalRay& r, const Query& q, Leaf leaf) {
-  Entry stack[kStack];
-  Entry* top = stack;
-  BoxRay b(r);
-  alignas(32) float distance[kWidth];
-  *top++ = {tree.root, 0};
+template <class Level>
+inline void walk(Level& level, const TreeView& tree, ChildRef root, uint32_t units) {
+  Entry stack[kStack], *top = stack;
+  alignas(32) float front[kLanes];
+  *top++ = {root, -kFar, units, kNoBox};
   while (top != stack) {
-    const Entry entry = *--top;
-    if (entry.distance > r.t_max) continue;
-    ChildRef child = entry.child;
-    bool missed = false;
-    while (!(child & kLeaf)) {
-      const Node& n = tree.nodes[child];
-      const uint32_t mask = hit_boxes(n, b, distance);
-      if ((missed = mask == 0)) break;
-      child = mask & (mask - 1) ? push_children(n, mask, distance, top) : n.child[__builtin_ctz(mask)];
+    const Entry e = *--top;
+    const uint32_t rest = level.still(e.units, e.distance);
+    if (!rest) continue;
+    if (e.child & kLeaf) {
+      level.leaf(e.child, rest, e.box);
+      continue;
     }
-    if (missed) continue;
-    const bool changed = leaf(child & kOrdinal, int(child >> kCountShift & 7) + 1);
-    if (Any && q.found) return;
-    if (changed) b.t_max = splat(r.t_max);
+    if (level.few(rest)) {
+      level.split(e.child, rest);
+      continue;
+    }
+    const Node& n = tree.nodes[e.child];
+    Entry* const base = top;
+    for (int first = 0; first < kWidth; first += kLanes) {
+      const Boxes boxes = boxes_of(n.planes[0] + first, level.order);
+      store(front, boxes.front);
+      for (uint32_t mask = level.whole.meet(boxes); mask; mask &= mask - 1) {
+        const int lane = __builtin_ctz(mask);
+        const uint32_t met = level.met(child_box(n, first + lane, level.order)) & rest;
+        if (met) push(base, top, {n.child[first + lane], front[lane], met, e.child * kWidth + uint32_t(first + lane)});
+      }
+    }
   }
 }
 
-/// A tree whose leaves hold primitives.
+/// All rays of a tile, of one kind.
 template <bool Any>
-inline void trace_primitives(const TreeView& tree, LocalRay& r, Query& q) {
-  switch (tree.kind) {
-    case kTriangleLeaf:
-      return traverse<Any>(tree, r, q, [&](uint32_t ordinal, int n) { return hit_triangles<Any>(tree, ordinal, n, r, q); });
-    case kSphereLeaf:
-      return traverse<Any>(tree, r, q, [&](uint32_t ordinal, int n) { return hit_spheres<Any>(tree, ordinal, n, r, q); });
-    default: return traverse<Any>(tree, r, q, [&](uint32_t ordinal, int n) { return hit_polygons<Any>(tree, ordinal, n, r, q); });
+struct TileLevel {
+  Walk<Any>& w;
+  const Order& order;
+  bool common;
+  WideFrustum whole;
+  TileLevel(Walk<Any>& walk, const Order& o, bool one) : w(walk), order(o), common(one), whole(walk.bundles.all) {}
+
+  uint32_t met(const Boxes& box) const { return units_met(w.bundles.groups, 0, kGroups, box); }
+  uint32_t still(uint32_t groups, float distance) const {
+    uint32_t mask = 0;
+    for (int k = 0; k < kGroups; k += kLanes) mask |= bits(load(w.bundles.groups.last + k) > splat(distance)) << k;
+    return groups & mask;
   }
+  static bool few(uint32_t groups) { return __builtin_popcount(groups) <= kGroups / 4; }
+  void split(ChildRef child, uint32_t groups) {
+    for (; groups; groups &= groups - 1) {
+      GroupLevel<Any> level(w, order, __builtin_ctz(groups), common);
+      walk(level, w.tree, child, (1u << kLanes) - 1);
+    }
+    shorten();
+  }
+  void shorten() {
+    float last = w.bundles.groups.last[0];
+    for (int k = 0; k < kGroups; k += kLanes) last = larger(k ? last : -kFar, largest(load(w.bundles.groups.last + k)));
+    whole.last = splat(last);
+  }
+  void leaf(ChildRef child, uint32_t groups, uint32_t box) {
+    if (w.tree.kind == kTriangleLeaf && !few(groups)) {
+      common ? triangles<true>(child, groups) : triangles<false>(child, groups);
+    } else if (w.tree.kind == kInstanceLeaf) {
+      instances(child, groups, box);
+    } else {
+      for (; groups; groups &= groups - 1) {
+        GroupLevel<Any> level(w, order, __builtin_ctz(groups), common);
+        level.leaf(child, (1u << kLanes) - 1, box);
+      }
+    }
+    shorten();
+  }
+  void instances(ChildRef child, uint32_t groups, uint32_t box) {
+    uint64_t rays = 0;
+    for (uint32_t m = groups; m; m &= m - 1) {
+      const int k = __builtin_ctz(m) * kLanes;
+      const uint32_t living = bits(load(w.tile.hi + k) > splat(-kFar));
+      if (!(w.bundles.lines >> __builtin_ctz(m) & 1)) set_ray_lines(w.tile, w.bundles, k);
+      rays |= uint64_t(living & (box == kNoBox ? living : units_met(w.bundles.rays, k, kLanes, child_box(w.tree.nodes[box / kWidth], int(box % kWidth), order)))) << k;
+    }
+    trace_instances(w, child, rays);
+    for (uint32_t m = groups; m; m &= m - 1) {
+      const int g = __builtin_ctz(m);
+      w.bundles.groups.last[g] = largest(load(w.bundles.rays.last + g * kLanes));
+    }
+  }
+  template <bool Common>
+  void triangles(ChildRef child, uint32_t groups) {
+    const Triangles leaf_triangles(w.tree, child);
+    alignas(32) float spread[kLanes], box[6][kLanes];
+    for (int first = 0; first < leaf_triangles.n; first += kLanes) {
+      const Boxes b = triangle_boxes(leaf_triangles, first, order);
+      const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
+      store(spread, spread_of(b, reach_of(w.tree)));
+      store(box[0], b.low_x), store(box[1], b.high_x), store(box[2], b.low_y), store(box[3], b.high_y);
+      store(box[4], b.front), store(box[5], b.rear);
+      for (uint32_t mask = whole.meet(b) & ((1u << rest) - 1); mask; mask &= mask - 1) {
+        const int lane = __builtin_ctz(mask);
+        const Boxes one{splat(box[0][lane]), splat(box[1][lane]), splat(box[2][lane]), splat(box[3][lane]), splat(box[4][lane]),
+                        splat(box[5][lane])};
+        for (uint32_t m = met(one) & groups; m; m &= m - 1) {
+          const int g = __builtin_ctz(m);
+          if (hit_group<Any, Common>(w, g * kLanes, leaf_triangles, first + lane, order, spread[lane], child))
+            w.bundles.groups.last[g] = largest(load(w.bundles.rays.last + g * kLanes));
+        }
+      }
+    }
+  }
+};
+
+inline bool same_kind(const Tile& tile, int k) { return bits(load(tile.kind + k) == (Ints{} + int32_t(tile.kind[k]))) == (1u << kLanes) - 1; }
+
+template <bool Any>
+inline void walk_group(Walk<Any>& w, int g, bool common) {
+  const Order order(w.tile.kind[g * kLanes]);
+  GroupLevel<Any> level(w, order, g, common);
+  walk(level, w.tree, w.tree.root, (1u << kLanes) - 1);
+}
+
+/// All rays as one bundle.
+template <bool Any>
+inline void walk_together(Walk<Any>& w, uint32_t groups, bool common) {
+  constexpr int kCount = sizeof w.bundles.groups.first / sizeof(float);
+  for (uint32_t m = ~groups & ((1u << kCount) - 1); m; m &= m - 1) empty_group(w.bundles, __builtin_ctz(m));
+  const bool orderly = set_all(w.tile, w.bundles);
+  const Order order(w.tile.kind[__builtin_ctz(groups) * kLanes]);
+  if (!orderly) {
+    for (; groups; groups &= groups - 1) walk_group(w, __builtin_ctz(groups), common);
+    return;
+  }
+  TileLevel<Any> level(w, order, common);
+  walk(level, w.tree, w.tree.root, groups);
+}
+
+/// Sorts a tile's rays into bundles and sends them down.
+template <bool Any>
+inline void walk_tile(Walk<Any>& w) {
+  Tile& tile = w.tile;
+  uint32_t alive_groups = 0, even = 0;
+  bool one_kind = true, one_point = true;
+  int head = -1;
+  for (int g = 0; g < kGroups && g * kLanes < tile.count; ++g) {
+    const int k = g * kLanes;
+    if (!bits(load(tile.hi + k) > splat(-kFar))) continue;
+    alive_groups |= 1u << g;
+    if (head < 0) head = k;
+    if (same_kind(tile, k)) even |= 1u << g;
+    one_kind &= (even >> g & 1) && tile.kind[k] == tile.kind[head];
+  }
+  for (uint32_t m = even; m; m &= m - 1) {
+    const int g = __builtin_ctz(m), k = g * kLanes;
+    set_ray_depths(tile, w.bundles, k);
+    bool one = true;
+    for (int a = 0; a < 3; ++a) one &= !bits(load(tile.of[a] + k) != splat(tile.of[a][head]));
+    const bool ahead = smallest(load(w.bundles.rays.first + k)) >= tile.start[head] - 3 * tile.room;
+    one_point &= one;
+    if (one && ahead) set_common_group(tile, w.bundles, g);
+    else set_ray_lines(tile, w.bundles, k), set_group(tile, w.bundles, g);
+  }
+  if (one_kind && (alive_groups & (alive_groups - 1))) return walk_together(w, alive_groups, one_point);
+  for (uint32_t m = alive_groups; m; m &= m - 1) {
+    const int g = __builtin_ctz(m), k = g * kLanes;
+    if (even >> g & 1) {
+      walk_group(w, g, false);
+    } else {
+      for (int r = k; r < k + kLanes; ++r)
+        if (alive(tile, r)) walk_ray(w, r, w.tree.root, Order(tile.kind[r]));
+    }
+  }
+}
+
+/// The tile's rays through its tree. xyz_o, xyz_d, slot, count, instance, answers, tree and world are set.
+template <bool Any>
+__attribute__((noinline)) void trace_tile(Tile& tile) {
+  if (tile.count == 0 || !set_tile(tile)) return;
+  Bundles bundles;
+  Walk<Any> w{*tile.world, *tile.tree, tile, bundles};
+  walk_tile(w);
+  if constexpr (!Any)
+    for (int k = 0; k < tile.count; k += kLanes) finish_group(w, k);
 }
 
 inline D3 to_object(const InstanceRecord& i, D3 v) { return v.x * d3(i.linear) + v.y * d3(i.linear + 3) + v.z * d3(i.linear + 6); }
 
+/// Rays in arrays of their own.
+struct Columns {
+  alignas(64) double values[8][kTile];
+
+  void show(Tile& tile) const {
+    for (int a = 0; a < 3; ++a) tile.xyz_o[a] = values[a], tile.xyz_d[a] = values[3 + a];
+    tile.t_min = values[6], tile.t_max = values[7];
+  }
+  /// Rays that hit nothing, up to a whole group.
+  void fill(int count) {
+    for (int k = count; k % kLanes; ++k)
+      for (auto& column : values) column[k] = 0;
+  }
+};
+
+/// Some rays of a tile through one instance's tree.
 template <bool Any>
-__attribute__((noinline)) void trace_instance(const WorldView& world, const InstanceRecord& i, const Ray& ray, Query& q) {
-  const TreeView& tree = world.objects[i.tree];
-  const D3 o = to_object(i, D3{ray.o.x, ray.o.y, ray.o.z} - d3(i.origin)), d = to_object(i, {ray.d.x, ray.d.y, ray.d.z});
-  LocalRay r;
-  r.instance = i.instance;
-  if (enter(r, o, d, tree, q)) trace_primitives<Any>(tree, r, q);
+__attribute__((noinline)) void trace_instance(Walk<Any>& w, const InstanceRecord& instance, uint64_t rays) {
+  Tile inner;
+  Columns columns;
+  const Answers& answers = *w.tile.answers;
+  inner.answers = w.tile.answers, inner.tree = &w.world.objects[instance.tree], inner.world = &w.world;
+  inner.instance = instance.instance, inner.count = 0;
+  for (uint64_t m = rays; m; m &= m - 1) {
+    const int r = __builtin_ctzll(m), k = inner.count++, s = w.tile.slot[r];
+    const Tile& t = w.tile;
+    const D3 o = to_object(instance, D3{t.xyz_o[0][r], t.xyz_o[1][r], t.xyz_o[2][r]} - d3(instance.origin));
+    const D3 d = to_object(instance, {t.xyz_d[0][r], t.xyz_d[1][r], t.xyz_d[2][r]});
+    const double row[8] = {o.x, o.y, o.z, d.x, d.y, d.z, t.t_min[r], Any || answers.t_max[s] < answers.t[s] ? answers.t_max[s] : answers.t[s]};
+    for (int c = 0; c < 8; ++c) columns.values[c][k] = row[c];
+    inner.slot[k] = uint8_t(s);
+  }
+  columns.fill(inner.count);
+  columns.show(inner);
+  trace_tile<Any>(inner);
+  for (uint64_t m = rays; m; m &= m - 1) w.update(__builtin_ctzll(m));
 }
 
 template <bool Any>
-inline bool hit_instances(const WorldView& world, uint32_t ordinal, int n, const Ray& ray, LocalRay& r, Query& q) {
-  const double before = q.t;
-  for (uint32_t k = ordinal; k < ordinal + uint32_t(n); ++k)
-    if (world.instances[k].visibility & q.visibility) {
-      trace_instance<Any>(world, world.instances[k], ray, q);
-      if (Any && q.found) return true;
-    }
-  if (q.t == before) return false;
-  shorten(r, q);
-  return true;
-}
-
-template <bool Any>
-inline void trace_tree(const WorldView& world, const TreeView& tree, const Ray& ray, Query& q) {
-  LocalRay r;
-  r.instance = Hit::kNone;
-  if (!enter(r, {ray.o.x, ray.o.y, ray.o.z}, {ray.d.x, ray.d.y, ray.d.z}, tree, q)) return;
-  if (tree.kind != kInstanceLeaf) return trace_primitives<Any>(tree, r, q);
-  traverse<Any>(tree, r, q, [&](uint32_t ordinal, int n) { return hit_instances<Any>(world, ordinal, n, ray, r, q); });
-}
-
-template <bool Any>
-inline void trace(const WorldView& world, const Ray& ray, Query& q) {
-  for (size_t k = 0; k < world.tree_count; ++k) {
-    trace_tree<Any>(world, world.trees[k], ray, q);
-    if (Any && q.found) return;
+void trace_instances(Walk<Any>& w, ChildRef leaf, uint64_t rays) {
+  for (uint32_t k = leaf_first(leaf), last = k + uint32_t(leaf_count(leaf)); k < last; ++k) {
+    const InstanceRecord& instance = w.world.instances[k];
+    if (!(instance.visibility & w.tile.answers->visibility)) continue;
+    uint64_t living = 0;
+    for (uint64_t m = rays; m; m &= m - 1)
+      if (alive(w.tile, __builtin_ctzll(m))) living |= m & -m;
+    if (living) trace_instance(w, instance, living);
   }
 }
 
-inline Ray ray_at(const Rays& r, size_t k) {
-  return {{r.o[0][k], r.o[1][k], r.o[2][k]}, {r.d[0][k], r.d[1][k], r.d[2][k]}, r.t_min[k], r.t_max[k], r.visibility};
+/// Rays [first, first + count) of a batch: where they are when they fill a tile, else in `columns`.
+inline void show_rays(const Rays& rays, size_t first, int count, Columns& columns, Tile& tile) {
+  const double* source[8] = {rays.o[0], rays.o[1], rays.o[2], rays.d[0], rays.d[1], rays.d[2], rays.t_min, rays.t_max};
+  tile.count = count;
+  if (count == kTile) {
+    for (int a = 0; a < 3; ++a) tile.xyz_o[a] = source[a] + first, tile.xyz_d[a] = source[3 + a] + first;
+    tile.t_min = source[6] + first, tile.t_max = source[7] + first;
+    return;
+  }
+  for (int c = 0; c < 8; ++c)
+    for (int k = 0; k < count; ++k) columns.values[c][k] = source[c][first + size_t(k)];
+  columns.fill(count);
+  columns.show(tile);
 }
 
+inline void clear(const Answers& a, int count) {
+  for (int k = 0; k < count; ++k) a.t[k] = kInf;
+  for (int k = 0; k < count; ++k) a.instance[k] = Hit::kNone;
+  for (int k = 0; k < count; ++k) a.primitive[k] = 0;
+  for (int k = 0; k < count; ++k) a.u[k] = a.v[k] = 0;
+}
+
+/// The nearer of a ray's end and its best hit, or nothing left of a ray that is blocked.
+template <bool Any>
+inline void limit_rays(const Answers& a, Columns& columns, Tile& tile) {
+  for (int k = 0; k < tile.count; ++k)
+    columns.values[7][k] = Any ? a.blocked[k] ? a.t_min[k] : a.t_max[k] : a.t[k] < a.t_max[k] ? a.t[k] : a.t_max[k];
+  tile.t_max = columns.values[7];
+}
+
+template <bool Any>
+inline void trace(const WorldView& world, const Rays& rays, size_t first, int count, Answers& answers) {
+  Columns columns;
+  Tile tile;
+  tile.answers = &answers, tile.world = &world, tile.instance = Hit::kNone;
+  answers.visibility = rays.visibility, answers.masks = world.visibility;
+  answers.t_min = rays.t_min + first, answers.t_max = rays.t_max + first;
+  for (int k = 0; k < kTile; ++k) tile.slot[k] = uint8_t(k);
+  show_rays(rays, first, count, columns, tile);
+  for (size_t k = 0; k < world.tree_count; ++k) {
+    if (k > 0) limit_rays<Any>(answers, columns, tile);
+    tile.tree = &world.trees[k];
+    trace_tile<Any>(tile);
+  }
+}
+
+inline int tile_size(const Rays& rays, size_t first) { return rays.count - first < kTile ? int(rays.count - first) : kTile; }
+
 void closest(const WorldView& world, const Rays& rays, const Hits& hits) {
-  for (size_t k = 0; k < rays.count; ++k) {
-    const Ray ray = ray_at(rays, k);
-    Query q{ray.t_min, ray.t_max, ray.visibility, world.visibility};
-    trace<false>(world, ray, q);
-    hits.t[k] = q.t, hits.instance[k] = q.instance, hits.primitive[k] = q.primitive, hits.u[k] = float(q.u), hits.v[k] = float(q.v);
+  for (size_t k = 0; k < rays.count; k += kTile) {
+    Answers answers{nullptr, nullptr, hits.t + k, hits.instance + k, hits.primitive + k, hits.u + k, hits.v + k, nullptr, 0, nullptr};
+    clear(answers, tile_size(rays, k));
+    trace<false>(world, rays, k, tile_size(rays, k), answers);
   }
 }
 
 void occluded(const WorldView& world, const Rays& rays, uint8_t* blocked) {
-  for (size_t k = 0; k < rays.count; ++k) {
-    const Ray ray = ray_at(rays, k);
-    Query q{ray.t_min, ray.t_max, ray.visibility, world.visibility};
-    trace<true>(world, ray, q);
-    blocked[k] = q.found;
+  for (size_t k = 0; k < rays.count; k += kTile) {
+    Answers answers{nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, blocked + k, 0, nullptr};
+    for (int j = 0; j < tile_size(rays, k); ++j) blocked[k + size_t(j)] = 0;
+    trace<true>(world, rays, k, tile_size(rays, k), answers);
   }
 }
 

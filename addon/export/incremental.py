@@ -1,0 +1,347 @@
+"""The export again and again: what has not changed since the last time is not read again, and the scene is the same as if it had been.
+
+Blender says what changed (`depsgraph.updates`); arrays of meshes, compiled materials, decoded images and the world's mean colours are kept.
+The walk over the instances and the lights is done anew: it takes microseconds an object.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ...engine.scene import Camera, Geometry, Material, Mesh, Scene, Texture, World
+from .export import Collector, _instances, _Lamp, _Placed, _world
+from .graph import node_tree
+from .images import Images
+from .instances import Flags, Thing, walk
+from .materials import Materials, Wanted, compile_material, default_material, wanted_by, without_unused
+from .meshes import MeshSource, mesh_key, read_attributes, read_mesh, readable
+from .placing import without_collapsed
+from .report import Report
+from .shapes import export_points
+from .world import export_world
+
+
+@dataclass
+class Changes:
+    """What must be read again: session uids, addresses of the node trees that belong to one material, everything that shades."""
+
+    geometry: set[int] = field(default_factory=set)
+    materials: set[int] = field(default_factory=set)
+    trees: set[int] = field(default_factory=set)
+    world: bool = False
+    shading: bool = False
+    images: bool = False
+
+    def add(self, update: Any) -> None:
+        """Take in one of `depsgraph.updates`."""
+        block = update.id.original
+        uid, kind = block.session_uid, block.id_type
+        if update.is_updated_geometry:
+            self.geometry.add(uid)
+        if kind == "MATERIAL":
+            self.materials.add(uid)
+        elif kind == "WORLD":
+            self.world = True
+        elif kind in ("IMAGE", "TEXTURE", "MOVIECLIP"):
+            self.images = self.shading = True
+        elif kind == "NODETREE" and block.is_embedded_data:
+            self.trees.add(block.as_pointer())
+        elif kind == "NODETREE":
+            self.shading = True  # a group: any material may use it
+
+
+@dataclass
+class _Shape:
+    """What is kept of a geometry.
+
+    about: the uids of the object and the data that it came from.  states: the mesh with its attributes after each sequence of wishes.
+    """
+
+    geometry: MeshSource | Geometry | None
+    about: frozenset[int]
+    states: dict[tuple[Wanted, ...], MeshSource] = field(default_factory=dict)
+    finished: dict[tuple[Wanted, ...], Mesh] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class _Compiled:
+    """A material whose inputs name places of `textures`, (key, texture) in the order in which compiling met them.
+
+    tree: address of the material's own node tree, 0 without one.  in_memory: reads an image whose pixels only Blender has.
+    """
+
+    material: Material
+    tree: int
+    in_memory: bool
+    textures: tuple[tuple[tuple, Texture], ...]
+    wanted: Wanted
+
+
+class Store:
+    """What is kept from one export to the next."""
+
+    def __init__(self) -> None:
+        self.shapes: dict[tuple, _Shape] = {}
+        self.compiled: dict[int, _Compiled] = {}
+        self.pixels: dict[tuple, Any] = {}
+        self.textures: dict[tuple, Texture] = {}
+        self.worlds: dict[tuple, World] = {}
+        self.memory_epoch = 0
+        self.joined: tuple[tuple[_Compiled, ...], tuple[Material, ...], tuple[Texture, ...]] | None = None
+
+    def forget(self, changes: Changes) -> None:
+        """Drop what changed."""
+        if changes.geometry:
+            self.shapes = {key: shape for key, shape in self.shapes.items() if not shape.about & changes.geometry}
+        if changes.shading:
+            self.compiled = {}
+        stale = changes.materials
+        gone = [kept for uid, kept in self.compiled.items() if uid in stale or kept.tree in changes.trees]
+        if changes.images or changes.shading or changes.world or any(kept.in_memory for kept in gone):
+            self._forget_memory()
+        self.compiled = {uid: kept for uid, kept in self.compiled.items() if kept not in gone}
+        if changes.images:
+            self.pixels, self.textures = {}, {}
+        if changes.shading or changes.world or changes.trees:
+            self.worlds = {}
+
+    def _forget_memory(self) -> None:
+        """Images that only Blender has may have been painted or reloaded, which it tells as a change of their materials."""
+        self.memory_epoch += 1
+        self.compiled = {uid: kept for uid, kept in self.compiled.items() if not kept.in_memory}
+        self.pixels = {key: pixels for key, pixels in self.pixels.items() if not _is_in_memory(key[0])}
+        used = {key for kept in self.compiled.values() for key, _ in kept.textures}
+        self.textures = {key: texture for key, texture in self.textures.items() if key in used}
+
+    def forget_moving_images(self) -> None:
+        """The frame changed, and any image may be a sequence."""
+        self.compiled = {uid: compiled for uid, compiled in self.compiled.items() if not compiled.textures}
+        self.worlds = {}
+
+
+class LiveExport:
+    """The scene of one depsgraph, kept up to date. Nothing of Blender's is held between calls."""
+
+    def __init__(self) -> None:
+        self._store = Store()
+        self._frame: tuple[int, float] | None = None
+
+    def clear(self) -> None:
+        """Read everything again the next time."""
+        self._store = Store()
+
+    def update(self, depsgraph: Any, camera: Camera, *, passes: frozenset[str] = frozenset(), space: Any = None) -> Scene:
+        """The scene now. `depsgraph.updates` must tell all that changed since the last call.
+
+        space: the 3D view whose local view and visibility count, None for none.  passes: as for `export_scene`.
+        """
+        store, report = self._store, Report()
+        store.forget(_changes(depsgraph.updates))
+        self._note_frame(depsgraph.scene_eval)
+        collector = _KeepingCollector(store, depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, space)
+        things = walk(depsgraph, collector.meet, report)
+        world = self._surroundings(depsgraph, report)
+        return collector.scene(camera, things, world)
+
+    def _note_frame(self, scene: Any) -> None:
+        frame = (scene.frame_current, scene.frame_subframe)
+        if self._frame not in (None, frame):
+            self._store.forget_moving_images()
+        self._frame = frame
+
+    def _surroundings(self, depsgraph: Any, report: Report) -> World:
+        scene = depsgraph.scene_eval
+        world = _world(depsgraph, scene)
+        key = (world.original.session_uid if world is not None else 0, scene.render.film_transparent)
+        if key not in self._store.worlds:
+            images = _KeepingImages(self._store, report)
+            self._store.worlds[key] = export_world(world, scene.render.film_transparent, images, report)
+        return self._store.worlds[key]
+
+
+def _changes(updates: Iterable[Any]) -> Changes:
+    changes = Changes()
+    for update in updates:
+        changes.add(update)
+    return changes
+
+
+class _KeepingImages(Images):
+    """Images that are decoded only when the store has none as they are now."""
+
+    def __init__(self, store: Store, report: Report) -> None:
+        super().__init__(report)
+        self._pixels, self._memory_epoch = store.pixels, store.memory_epoch
+        self.in_memory = False
+
+    def _key(self, image: Any, user: Any) -> tuple:
+        address, path = super()._key(image, user)
+        if image is None:
+            return address, path
+        state = self._state(image, path)
+        self.in_memory = self.in_memory or _is_in_memory((address, state))
+        return (address, state), path
+
+    def _state(self, image: Any, path: str) -> tuple:
+        """What a change of the image shows in, should Blender not tell of it: reloaded files and other ways to read them."""
+        space = image.colorspace_settings
+        settings = (image.source, image.alpha_mode, space.name, space.is_data, tuple(image.size))
+        if not image.is_dirty and not image.packed_file and os.path.isfile(path):
+            file = os.stat(path)
+            return ("file", file.st_mtime_ns, file.st_size, *settings)
+        return ("memory", self._memory_epoch, *settings)
+
+
+def _is_in_memory(key: Any) -> bool:
+    """Of the first part of a key of `_KeepingImages`."""
+    return isinstance(key, tuple) and key[1][0] == "memory"
+
+
+class _KeepingMaterials(Materials):
+    """Materials that are compiled only when the store has none."""
+
+    def __init__(self, store: Store, report: Report) -> None:
+        super().__init__(_KeepingImages(store, report), report)
+        self._store = store
+        self.used: list[_Compiled] = []
+
+    def index(self, material: Any) -> int:
+        key = material.original.session_uid if material is not None else 0
+        if key not in self._indices:
+            compiled = self._store.compiled.get(key) or self._compile(material)
+            self._store.compiled[key] = compiled
+            self._indices[key] = len(self.used)
+            self.used.append(compiled)
+            self._wanted.append(compiled.wanted)
+        return self._indices[key]
+
+    def _compile(self, material: Any) -> _Compiled:
+        images = _KeepingImages(self._store, self.report)
+        result = compile_material(material, images, self.report) if material is not None else default_material()
+        keys = _lasting_keys(images)
+        textures = tuple((key, self._store.textures.setdefault(key, images.textures[k])) for k, key in enumerate(keys))
+        tree = node_tree(material.original) if material is not None else None
+        return _Compiled(result, tree.as_pointer() if tree is not None else 0, images.in_memory, textures, wanted_by(result))
+
+    def joined(self) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:
+        """Materials and textures as one export would have numbered them."""
+        used = tuple(self.used)
+        known = self._store.joined
+        if known is None or known[0] != used:
+            known = self._store.joined = (used, *_join(used))
+        return known[1:]
+
+
+def _lasting_keys(images: Images) -> list[tuple]:
+    """What tells each texture of `images` from those of other materials: keys of derived ones name their source by number there."""
+    keys: list[tuple] = [()] * len(images.textures)
+    for key, number in images._indices.items():
+        is_derived = len(key) == 5 and isinstance(key[1], str) and isinstance(key[2], tuple)
+        keys[number] = ("derived", keys[key[0]], *key[1:]) if is_derived else ("image", *key)
+    return keys
+
+
+def _join(used: tuple[_Compiled, ...]) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:
+    numbers: dict[tuple, int] = {}
+    textures: list[Texture] = []
+    materials: list[Material] = []
+    for compiled in used:
+        for key, texture in compiled.textures:
+            if key not in numbers:
+                numbers[key] = len(textures)
+                textures.append(texture)
+        materials.append(_renumbered(compiled.material, [numbers[key] for key, _ in compiled.textures]))
+    return without_unused(materials, textures)
+
+
+def _renumbered(material: Material, numbers: list[int]) -> Material:
+    if not numbers:
+        return material
+    new = {-1: -1, **dict(enumerate(numbers))}
+    lobes = tuple(
+        replace(lobe, factors=tuple(replace(factor, texture=new[factor.texture]) for factor in lobe.factors)) for lobe in material.lobes
+    )
+    return replace(material, lobes=lobes)
+
+
+class _KeepingCollector(Collector):
+    """Gathers geometries and materials, most of them from the store."""
+
+    def __init__(self, store: Store, depsgraph: Any, wanted: Wanted, report: Report, space: Any) -> None:
+        super().__init__(depsgraph, wanted, report)
+        self._store, self._space = store, space
+        self.materials = _KeepingMaterials(store, report)
+        self._wishes: list[tuple[Wanted, ...]] = []
+        self._shapes: dict[tuple, _Shape] = {}
+
+    def meet(self, thing: Any, owner: Any, flags: Flags) -> _Placed | _Lamp | None:
+        if self._space is not None and not owner.visible_in_viewport_get(self._space):
+            return None
+        return super().meet(thing, owner, flags)
+
+    def _mesh(self, data: Any, owner: Any, slots: tuple[int, ...]) -> int | None:
+        key = mesh_key(data)
+        if key not in self._known:
+            self._known[key] = self._keep(key, lambda: self._new_mesh(data, owner))
+        number = self._known[key]
+        if number is not None:
+            self._add_attributes(number, data, owner, self.wanted | self.materials.wanted(slots))
+        return number
+
+    def _points(self, cloud: Any) -> int | None:
+        key = (cloud.as_pointer(), len(cloud.points), cloud.name)
+        if key not in self._known:
+            self._known[key] = self._keep(key, lambda: _Shape(export_points(cloud), frozenset({cloud.original.session_uid})))
+        return self._known[key]
+
+    def _new_mesh(self, data: Any, owner: Any) -> _Shape:
+        with readable(data, owner) as mesh:
+            return _Shape(read_mesh(mesh, self.report), _about(data, owner))
+
+    def _keep(self, key: tuple, read: Any) -> int | None:
+        """The number of the shape with this key, read if the store has none."""
+        shape = self._store.shapes.get(key) or read()
+        self._shapes[key] = shape
+        if shape.geometry is None:
+            return None
+        self._geometries.append(shape)
+        self._wishes.append(())
+        return len(self._geometries) - 1
+
+    def _add_attributes(self, number: int, data: Any, owner: Any, wanted: Wanted) -> None:
+        if wanted == Wanted():
+            return
+        shape, before = self._geometries[number], self._wishes[number]
+        wishes = self._wishes[number] = (*before, wanted) if wanted not in before else before
+        if wishes not in shape.states:
+            source = shape.states.get(before, shape.geometry)
+            source = shape.states[wishes] = replace(source, uv_maps=dict(source.uv_maps), attributes=dict(source.attributes))
+            with readable(data, owner) as mesh:
+                read_attributes(mesh, source, wanted, self.report)
+
+    def _finished(self, number: int) -> Geometry:
+        shape, wishes = self._geometries[number], self._wishes[number]
+        if not isinstance(shape.geometry, MeshSource):
+            return shape.geometry
+        if wishes not in shape.finished:
+            shape.finished[wishes] = shape.states.get(wishes, shape.geometry).finished()
+        return shape.finished[wishes]
+
+    def scene(self, camera: Camera, things: list[Thing], world: World) -> Scene:
+        self._store.shapes = self._shapes
+        geometries = tuple(self._finished(number) for number in range(len(self._geometries)))
+        instances = without_collapsed(tuple(_instances(thing) for thing in things if isinstance(thing.content, _Placed)), self.report)
+        for thing in things:
+            if isinstance(thing.content, _Lamp):
+                self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
+        materials, textures = self.materials.joined()
+        return Scene(camera, geometries, instances, materials, textures, tuple(self.lights.lights), world)
+
+
+def _about(data: Any, owner: Any) -> frozenset[int]:
+    """The uids of all that a mesh may have been made from."""
+    blocks = (data.original, owner.original, getattr(owner.original, "data", None))
+    return frozenset(block.session_uid for block in blocks if block is not None)

@@ -1,0 +1,47 @@
+"""How deep a scene is along a view."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import replace
+
+import numpy as np
+
+from ...engine.scene import Camera, Geometry, Scene, Spheres
+
+_boxes: weakref.WeakKeyDictionary[Geometry, np.ndarray] = weakref.WeakKeyDictionary()
+
+
+def stepped_up(camera: Camera, scene: Scene) -> Camera:
+    """A parallel camera moved along its view to just before the scene: Blender's stands a thousand metres away, where float32 is coarse."""
+    if camera.kind != "ORTHOGRAPHIC":
+        return camera
+    nearest = min((_nearest(scene.geometries[i.geometry], i.world_from_object, camera) for i in scene.instances), default=np.inf)
+    step = np.floor(nearest) - 1 - camera.clip_start
+    if not (np.isfinite(step) and 0 < step < camera.clip_end - camera.clip_start):
+        return camera
+    backward = camera.world_from_camera[:, 2]
+    moved = camera.world_from_camera.copy()
+    moved[:, 3] -= step * backward
+    return replace(camera, world_from_camera=moved, clip_end=camera.clip_end - step)
+
+
+def _nearest(geometry: Geometry, matrices: np.ndarray, camera: Camera) -> float:
+    """The smallest depth along -w, camera units, of the boxes round all placements of a geometry."""
+    middle, half = _box(geometry)
+    backward = camera.world_from_camera[:, 2]
+    backward = backward / (backward @ backward)
+    along = np.einsum("i,kij->kj", backward, matrices[:, :, :3])
+    center = along @ middle + (matrices[:, :, 3] - camera.world_from_camera[:, 3]) @ backward
+    return float((-center - np.abs(along) @ half).min())
+
+
+def _box(geometry: Geometry) -> np.ndarray:
+    """(2, 3): middle and half extent in object space; zeros without points."""
+    if geometry not in _boxes:
+        points = geometry.centers if isinstance(geometry, Spheres) else geometry.vertices
+        points = points[np.isfinite(points).all(1)]
+        reach = float(geometry.radii.max()) if isinstance(geometry, Spheres) else 0.0
+        low, high = (points.min(0), points.max(0)) if len(points) else (np.zeros(3), np.zeros(3))
+        _boxes[geometry] = np.array([(low + high) / 2.0, (high - low) / 2.0 + reach], np.float64)
+    return _boxes[geometry]

@@ -1,0 +1,35 @@
+"""How large a picture can be traced in time while the view moves: from what pictures cost, as measured."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+BUDGET = 1 / 60
+"""Seconds for a picture while the view moves; drawing it takes as long again where there is no graphics card."""
+_WEIGHT = 0.4
+"""Of a new measurement in the running mean."""
+_COARSEST = 16
+
+
+@dataclass
+class Pacer:
+    """Running means. per_pixel: seconds of tracing one sample of a pixel.  fixed: seconds of a picture that do not grow with it.
+
+    Before the first measurement the guess is coarse, so that the first picture comes at once.
+    """
+
+    per_pixel: float = 2e-6
+    fixed: float = 0.0
+
+    def note(self, pixels: int, samples: int, trace_seconds: float, other_seconds: float) -> None:
+        """A picture was made: `samples` of each of its pixels took `trace_seconds`, all else `other_seconds`."""
+        if pixels * samples <= 0:
+            return
+        self.per_pixel += _WEIGHT * (trace_seconds / (pixels * samples) - self.per_pixel)
+        self.fixed += _WEIGHT * (other_seconds - self.fixed)
+
+    def divisor(self, pixels: int) -> int:
+        """Screen pixels to a side of a traced one, so that a picture of one sample takes no longer than the budget."""
+        room = max(BUDGET - self.fixed, BUDGET / 4)
+        return min(_COARSEST, max(1, math.ceil(math.sqrt(pixels * self.per_pixel / room))))

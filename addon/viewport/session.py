@@ -1,0 +1,245 @@
+"""One 3D view in Rendered shading: follows Blender's data and matrices, asks for pictures, shows the newest.
+
+Nothing here waits: tracing is `engine.LiveRender`'s, reading Blender's data is `addon.export`'s. No Blender data outlives a callback,
+and the region is known by its address only, which is compared, never followed.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import dataclass, replace
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ... import engine
+from ...engine.scene import Camera, Scene
+from ..export import ExportError
+from ..export.incremental import LiveExport
+from ..properties import viewport_settings_from
+from . import bounds, timer
+from .draw import Picture, as_colors
+from .pacing import Pacer
+from .view import View, read_view
+
+log = logging.getLogger(__name__)
+
+_NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
+"""Stands in scenes until a view brings its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Target:
+    """What a picture is of: tag of a task. stage: DRAFT (coarse, while things move), FULL, FRAME (the render's own pixels)."""
+
+    view: View
+    stage: str
+    shown: str
+    divisor: int = 1
+
+
+class Session:
+    """What a RenderEngine keeps while it draws one region."""
+
+    def __init__(self) -> None:
+        self._export = LiveExport()
+        self._live = engine.LiveRender()
+        self._pacer = Pacer()
+        self._content: Scene | None = None
+        self._settings: engine.Settings | None = None
+        self._shown_pass = "Combined"
+        self._source: tuple | None = None
+        self._view: View | None = None
+        self._problem: str | None = None
+        self._pictures: dict[str, Picture] = {}
+        self._drawn = 0
+        self._asked_at = 0.0
+        self._status = ""
+        self.region = 0
+        self.films: dict[str, engine.Film] = {}
+        timer.watch(self)
+
+    # --- Blender calls ------------------------------------------------------------------------------------------------------------
+
+    def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """Blender's data changed: read what did, and begin anew."""
+        self._forget_if_other(depsgraph)
+        self._settings, self._shown_pass = viewport_settings_from(depsgraph.scene_eval)
+        passes = self._settings.passes
+        self._content = self._export.update(depsgraph, _NO_CAMERA, passes=passes, space=_filtering(context.space_data))
+        self._view = None  # the scene is another: the next draw asks for its picture
+        self.region = context.region.as_pointer()
+
+    def draw(self, render_engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """Put the newest picture on the screen; ask for another if this view has not been asked for."""
+        self.region = context.region.as_pointer()
+        self._follow(context, depsgraph)
+        self._fetch()
+        for name in ("all", "frame"):
+            if name in self._pictures:
+                self._pictures[name].draw(render_engine, depsgraph.scene)
+        self._tell(render_engine)
+
+    def close(self) -> None:
+        """Stop tracing and give everything back. May be called more than once."""
+        timer.forget(self)
+        self._live.close()
+        self._content = None
+        self._pictures.clear()
+        self.films.clear()
+
+    # --- for the timer ------------------------------------------------------------------------------------------------------------
+
+    @property
+    def busy(self) -> bool:
+        return self._live.busy
+
+    @property
+    def has_news(self) -> bool:
+        """Whether a picture waits to be drawn, or something else to be told."""
+        newest = self._live.newest
+        return (newest is not None and newest.number != self._drawn) or self._told() != self._status
+
+    # --- following ----------------------------------------------------------------------------------------------------------------
+
+    def _forget_if_other(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """Another scene, view layer, file or undo step: what was kept may not hold any more."""
+        source = (depsgraph.scene.session_uid, depsgraph.view_layer.name, depsgraph.as_pointer(), timer.epoch())
+        if source != self._source:
+            self._export.clear()
+            self._source = source
+
+    def _follow(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        if self._content is None:
+            return
+        try:
+            view = read_view(depsgraph, context.region, context.space_data, context.region_data)
+        except ExportError as error:
+            self._problem = str(error)
+            return
+        self._problem = None
+        if self._view is not None and view.key == self._view.key:
+            return
+        self._view = view
+        self._ask(view)
+
+    def _ask(self, view: View) -> None:
+        """New pictures of this view: a coarse one if it takes that to be in time, then all of it."""
+        self._asked_at = time.perf_counter()
+        x0, y0, x1, y1 = view.shown
+        divisor = self._pacer.divisor((x1 - x0) * (y1 - y0))
+        content = self._scene(view.camera)
+        tasks = [self._draft(content, view, divisor)] if divisor > 1 else []
+        tasks.append(self._full(content, view, keep=divisor == 1))
+        if view.frame is not None and not _is_whole(view):
+            tasks.append(self._frame(view))
+        self._live.start(tasks)
+        timer.wake()
+
+    def _scene(self, camera: Camera) -> Scene:
+        return replace(self._content, camera=bounds.stepped_up(camera, self._content))
+
+    def _draft(self, scene: Scene, view: View, divisor: int) -> engine.Task:
+        """One sample of pixels that are larger than the screen's."""
+        size = tuple(max(1, round(extent / divisor)) for extent in scene.camera.resolution)
+        region = _scaled(view.border, scene.camera.resolution, size) if view.border else None
+        settings = replace(self._settings, samples=1, region=region)
+        coarse = replace(scene, camera=replace(scene.camera, resolution=size))
+        return engine.Task(coarse, settings, self._target(view, "DRAFT", divisor), keep_first_wave=True, exact=False)
+
+    def _full(self, scene: Scene, view: View, keep: bool) -> engine.Task:
+        if _is_whole(view):
+            scene = replace(scene, camera=view.frame.camera)
+        return engine.Task(scene, replace(self._settings, region=view.border), self._target(view, "FULL"), keep_first_wave=keep)
+
+    def _frame(self, view: View) -> engine.Task:
+        """The render's own picture, which the view's equals but for the last bits of its rays."""
+        region = None
+        if view.border is not None:
+            x0, y0, x1, y1 = view.border
+            width, height = view.frame.camera.resolution
+            moved = (x0 - view.frame.x, y0 - view.frame.y, x1 - view.frame.x, y1 - view.frame.y)
+            region = tuple(min(max(edge, 0), (width, height)[k % 2]) for k, edge in enumerate(moved))
+        return engine.Task(
+            replace(self._content, camera=view.frame.camera), replace(self._settings, region=region), self._target(view, "FRAME")
+        )
+
+    def _target(self, view: View, stage: str, divisor: int = 1) -> _Target:
+        return _Target(view, stage, self._shown_pass, divisor)
+
+    # --- showing ------------------------------------------------------------------------------------------------------------------
+
+    def _fetch(self) -> None:
+        """Make the newest wave a texture, if it is not on the screen yet."""
+        wave = self._live.newest
+        if wave is None or wave.number == self._drawn:
+            return
+        self._drawn = wave.number
+        target, film = wave.task.tag, wave.film
+        if film.samples == 1 or wave.final:
+            self._learn(wave)
+        if target.stage == "FRAME" and not wave.final:
+            return
+        colors = as_colors(film.passes[target.shown])
+        if target.stage == "FRAME":
+            self._pictures["frame"] = _picture(colors, wave.task.settings.region, target.view, target.view.frame)
+            self.films["frame"] = film
+            return
+        self._pictures = {"all": _picture(colors, wave.task.settings.region, target.view, None, wave.task.scene.camera.resolution)}
+        self.films = {"all": film}
+
+    def _learn(self, wave: engine.Wave) -> None:
+        height, width = wave.film.combined.shape[:2]
+        traced = wave.film.stats.get("trace", wave.seconds)
+        self._pacer.note(width * height, wave.film.samples, traced, max(0.0, wave.seconds - traced))
+
+    def _told(self) -> str:
+        """The line of text in the corner of the view."""
+        if self._problem:
+            return f"Glint: {self._problem}"
+        error = self._live.error
+        if error is not None:
+            return f"Glint: {' '.join(str(error).split())}"
+        wave = self._live.newest
+        if wave is None:
+            return "Glint: reading the scene"
+        samples, most = wave.film.samples, self._settings.samples if self._settings else 0
+        if self._live.busy or wave.task.tag.stage == "DRAFT":
+            return f"Glint: {samples} of {most} samples"
+        return f"Glint: {samples} samples, {wave.seconds:.2f} s"
+
+    def _tell(self, render_engine: bpy.types.RenderEngine) -> None:
+        text = self._told()
+        if text != self._status:
+            self._status = text
+            render_engine.update_stats("", text)
+
+
+def _filtering(space: bpy.types.SpaceView3D) -> bpy.types.SpaceView3D:
+    """The view whose visibility counts."""
+    return space
+
+
+def _is_whole(view: View) -> bool:
+    """Whether the view shows just the render's frame."""
+    return view.frame is not None and (view.frame.x, view.frame.y) == (0, 0) and view.frame.camera.resolution == view.camera.resolution
+
+
+def _scaled(border: tuple[int, ...], size: tuple[int, int], new: tuple[int, int]) -> tuple[int, int, int, int]:
+    """A pixel rectangle of a picture in one of another size, at least a pixel large."""
+    x0, y0, x1, y1 = (int(edge * new[k % 2] / size[k % 2]) for k, edge in enumerate(border))
+    x0, y0 = min(x0, new[0] - 1), min(y0, new[1] - 1)
+    return x0, y0, max(x1, x0 + 1), max(y1, y0 + 1)
+
+
+def _picture(colors: np.ndarray, region: Any, view: View, frame: Any, resolution: Any = None) -> Picture:
+    """A film's colours where they belong on the screen."""
+    if frame is not None:
+        x0, y0 = region[:2] if region else (0, 0)
+        return Picture(colors, (frame.x + x0, frame.y + y0), (colors.shape[1], colors.shape[0]))
+    across = view.camera.resolution[0] * view.pixel_size / resolution[0]
+    up = view.camera.resolution[1] * view.pixel_size / resolution[1]
+    x0, y0 = region[:2] if region else (0, 0)
+    return Picture(colors, (x0 * across, y0 * up), (colors.shape[1] * across, colors.shape[0] * up))

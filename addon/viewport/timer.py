@@ -1,0 +1,80 @@
+"""Wakes Blender while pictures are being made, and only then; knows when all that was kept has become stale.
+
+`bpy.app.timers` run on Blender's thread between its events. Regions are found by address among those that are on the screen now.
+"""
+
+from __future__ import annotations
+
+import weakref
+from typing import Any
+
+import bpy
+
+_INTERVAL = 0.004
+"""Seconds between two looks for a new picture."""
+_PATIENCE = 0.25
+"""Seconds between looks when a picture lies undrawn, as in a window that is hidden."""
+
+_sessions: weakref.WeakSet[Any] = weakref.WeakSet()
+_epoch = 0
+
+
+def watch(session: Any) -> None:
+    """Redraw this session's region whenever it `has_news`, while it is `busy`."""
+    _sessions.add(session)
+
+
+def forget(session: Any) -> None:
+    _sessions.discard(session)
+
+
+def wake() -> None:
+    """Work has begun."""
+    if not bpy.app.timers.is_registered(_look):
+        bpy.app.timers.register(_look, first_interval=_INTERVAL, persistent=True)
+
+
+def epoch() -> int:
+    """Changes when data-blocks may have been exchanged behind the depsgraph's back: undo, redo, another file."""
+    return _epoch
+
+
+def _look() -> float | None:
+    news = {session.region for session in _sessions if session.has_news}
+    if news:
+        _redraw(news)
+    if any(session.busy for session in _sessions):
+        return _INTERVAL
+    return _PATIENCE if news else None
+
+
+def _redraw(addresses: set[int]) -> None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.as_pointer() in addresses:
+                        region.tag_redraw()
+
+
+@bpy.app.handlers.persistent
+def _advance(*_: Any) -> None:
+    global _epoch  # noqa: PLW0603 (Blender's own state, seen from here)
+    _epoch += 1
+
+
+_HANDLERS = ("undo_post", "redo_post", "load_post")
+
+
+def register() -> None:
+    for name in _HANDLERS:
+        getattr(bpy.app.handlers, name).append(_advance)
+
+
+def unregister() -> None:
+    for session in list(_sessions):
+        session.close()
+    for name in _HANDLERS:
+        getattr(bpy.app.handlers, name).remove(_advance)
+    if bpy.app.timers.is_registered(_look):
+        bpy.app.timers.unregister(_look)

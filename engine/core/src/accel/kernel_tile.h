@@ -1,0 +1,181 @@
+// Up to 64 rays in the space of one tree, by component, and what they have hit.
+#pragma once
+#include "kernel_ray.h"
+
+namespace glint {
+namespace {
+
+constexpr int kTile = 64;
+constexpr int kGroups = kTile / kLanes;
+constexpr float kFar = 3e38f;
+constexpr ChildRef kNothing = 0;  // as `pending`: leaves have kLeaf set
+
+/// The rays of a tile as the caller sees them, and the best hits in all trees so far.
+struct Answers {
+  const double *t_min, *t_max;
+  double* t;
+  uint32_t *instance, *primitive;
+  float *u, *v;
+  uint8_t* blocked;
+  uint32_t visibility;
+  const uint32_t* masks;  // visibility of every instance
+
+  /// Takes a hit unless there is a better one.
+  template <bool Any>
+  bool accept(int slot, double at, double wu, double wv, PrimitiveId id) {
+    if (!(at > t_min[slot] && at < t_max[slot])) return false;
+    if (Any) return blocked[slot] = 1, true;
+    const double key = key_of(at), best = key_of(t[slot]);
+    const bool lower = id.instance != instance[slot] ? id.instance < instance[slot] : id.primitive < primitive[slot];
+    if (!(key < best || (key == best && lower))) return false;
+    t[slot] = at, instance[slot] = id.instance, primitive[slot] = id.primitive, u[slot] = float(wu), v[slot] = float(wv);
+    return true;
+  }
+};
+
+/// Rays in the space of a tree. The float ray is what triangles and boxes are tested against. It starts at the ray's origin, or, when that is
+/// more than four radii from the tree's ball, where the ray crosses the plane before the ball across its longest axis: far away its rounding
+/// would be coarser than what it is to hit. Depths count from the float ray's origin. [lo, hi] bounds the nearest hit so far, or the end of the
+/// ray, [begin_lo, begin_hi] the beginning, with room for the rounding of double and float.
+struct Tile {
+  alignas(64) double o[3][kTile], shear[2][kTile], along[kTile];
+  const double *xyz_o[3], *xyz_d[3];  // axes x, y, z of the tree's space
+  const double *t_min, *t_max;        // t_max: or the best hit so far, where that is nearer
+  float of[3][kTile], sf[2][kTile];
+  float lo[kTile], hi[kTile], begin_lo[kTile], begin_hi[kTile];
+  float start[kTile];               // depth axis at the float ray's origin, in the ray's sense
+  uint32_t pending[kTile], place[kTile];  // leaf and place in it of a hit that is nearer than the best of `answers`, not yet computed
+  alignas(64) uint32_t kind[kTile]; // longest axis, + 4 when the direction along it is negative
+  uint8_t slot[kTile];              // in `answers`
+  int count;
+  float room;                       // bound of the rounding of float coordinates, for boxes
+  uint32_t instance;                // of the tree, or Hit::kNone in world space: the leaves know
+  Answers* answers;
+  const TreeView* tree;
+  const WorldView* world;
+};
+
+inline double reach_of(const TreeView& tree) {
+  double m = 0;
+  for (double c : tree.center) m = c > m ? c : -c > m ? -c : m;
+  return m + 5 * tree.radius;
+}
+
+/// Depth interval of ray parameter t; t * along may be infinite.
+inline void depth_interval(Doubles t, Doubles along, Doubles h, Doubles sign, float* lo, float* hi) {
+  const Doubles at = t * along, limit = splat(3e38);
+  Doubles depth = sign * (at - h);
+  depth = select(depth < limit, select(depth > -limit, depth, -limit), limit);
+  const Doubles size = magnitude(at) + magnitude(h);
+  const Doubles room = magnitude(depth) * 0x1p-22 + select(size < limit, size, limit) * 0x1p-50;
+  narrow(lo, depth - room), narrow(hi, depth + room);
+}
+
+/// Ray parameter interval of one ray, after its best hit has become nearer.
+inline void refresh(Tile& tile, int r) {
+  const Answers& a = *tile.answers;
+  const int s = tile.slot[r];
+  const double t = a.t[s] < a.t_max[s] ? a.t[s] : a.t_max[s], along = tile.along[r], sign = along < 0 ? -1 : 1;
+  const double at = t * along, h = double(tile.of[2][r]) - tile.o[2][r], limit = 3e38;
+  double depth = sign * (at - h), size = magnitude(at) + magnitude(h);
+  depth = depth < limit ? depth > -limit ? depth : -limit : limit;
+  const double room = magnitude(depth) * 0x1p-22 + (size < limit ? size : limit) * 0x1p-50;
+  tile.lo[r] = float(depth - room), tile.hi[r] = float(depth + room);
+}
+
+/// Vectors in the order of the rays' axes: m1 and m2 say which of x, y, z is the longest.
+struct Turned {
+  Doubles across0, across1, along;
+};
+inline Turned turn(Longs m1, Longs m2, Doubles x, Doubles y, Doubles z) {
+  return {select(m2, x, select(m1, z, y)), select(m2, y, select(m1, x, z)), select(m2, z, select(m1, y, x))};
+}
+/// The same for lanes with one order.
+inline Turned turn(uint32_t m1, uint32_t m2, const Doubles (&v)[3]) {
+  return m2 ? Turned{v[0], v[1], v[2]} : m1 ? Turned{v[2], v[0], v[1]} : Turned{v[1], v[2], v[0]};
+}
+
+/// Rays [k, k + kDoubles) from xyz_o and xyz_d. Those that can hit nothing get hi = lo = -kFar.
+inline void set_rays(Tile& tile, int k) {
+  const TreeView& tree = *tile.tree;
+  const Doubles d[3] = {load(tile.xyz_d[0] + k), load(tile.xyz_d[1] + k), load(tile.xyz_d[2] + k)};
+  const Doubles o[3] = {load(tile.xyz_o[0] + k), load(tile.xyz_o[1] + k), load(tile.xyz_o[2] + k)};
+  const Doubles o0 = o[0], o1 = o[1], o2 = o[2];
+  const Longs m1 = magnitude(d[1]) > magnitude(d[0]);
+  const Longs m2 = magnitude(d[2]) > larger(magnitude(d[1]), magnitude(d[0]));
+  constexpr uint32_t kAll = (1u << kDoubles) - 1;
+  const uint32_t b1 = bits(m1), b2 = bits(m2);
+  const bool even = b2 == kAll || (b2 == 0 && (b1 == 0 || b1 == kAll));
+  const Turned td = even ? turn(b1, b2, d) : turn(m1, m2, d[0], d[1], d[2]), to = even ? turn(b1, b2, o) : turn(m1, m2, o0, o1, o2);
+  const Doubles along = td.along, inverse = 1 / along, s0 = td.across0 * inverse, s1 = td.across1 * inverse;
+  const Doubles a0 = to.across0, a1 = to.across1, a2 = to.along;
+  const Doubles c0 = splat(tree.center[0]), c1 = splat(tree.center[1]), c2 = splat(tree.center[2]);
+  const Doubles f0 = c0 - o0, f1 = c1 - o1, f2 = c2 - o2, zero{}, one = splat(1.0);
+  const Longs back = along < zero;
+  const Doubles sign = select(back, -one, one);
+  store(tile.o[0] + k, a0), store(tile.o[1] + k, a1), store(tile.o[2] + k, a2);
+  store(tile.shear[0] + k, s0), store(tile.shear[1] + k, s1), store(tile.along + k, along);
+  narrow(tile.sf[0] + k, s0), narrow(tile.sf[1] + k, s1);
+  const Doubles square = f0 * f0 + f1 * f1 + f2 * f2;
+  const Longs far = ~(square < splat(16 * tree.radius * tree.radius));
+  Doubles p0 = a0, p1 = a1, p2 = a2;
+  if (any(far)) {
+    alignas(64) float plane[kDoubles];
+    narrow(plane, turn(m1, m2, c0, c1, c2).along - sign * tree.radius);
+    const Doubles at = widen(plane);
+    p2 = select(far, at, a2);
+    p0 = select(far, a0 + s0 * (at - a2), a0), p1 = select(far, a1 + s1 * (at - a2), a1);
+    for (int j = 0; j < kDoubles; ++j) {
+      const double far_room = __builtin_sqrt(square[j]) * 0x1p-46;
+      if (far_room < 1e30 && far_room > double(tile.room)) tile.room = float(far_room);
+    }
+  }
+  narrow(tile.of[0] + k, p0), narrow(tile.of[1] + k, p1), narrow(tile.of[2] + k, p2);
+  const Doubles h = widen(tile.of[2] + k) - a2;
+  narrow(tile.start + k, sign * widen(tile.of[2] + k));
+  const Longs kind = (m2 & 2) | (~m2 & m1 & 1) | (back & 4);
+  store_low(tile.kind + k, kind), store_low(tile.pending + k, Longs{});
+  const Doubles sum = (s0 + s1 + along) * zero + (p0 + p1 + p2) * zero;
+  const Doubles t_min = load(tile.t_min + k), t_max = load(tile.t_max + k);
+  const Doubles limit = splat(double(kFar));
+  const Longs good = (sum == zero) & (magnitude(along) >= splat(0x1p-1022)) & (magnitude(p0) < limit) &
+                     (magnitude(p1) < limit) & (magnitude(p2) < limit) & (t_min < t_max);
+  if (any(t_min != zero)) {
+    depth_interval(t_min, along, h, sign, tile.begin_lo + k, tile.begin_hi + k);
+  } else {
+    const Doubles depth = -sign * h, room = magnitude(h) * 0x1p-22;
+    narrow(tile.begin_lo + k, depth - room), narrow(tile.begin_hi + k, depth + room);
+  }
+  if (any(t_max < splat(kInf))) depth_interval(t_max, along, h, sign, tile.lo + k, tile.hi + k);
+  else narrow(tile.lo + k, limit), narrow(tile.hi + k, limit);
+  if (!any(~good)) return;
+  for (int j = 0; j < kDoubles; ++j)
+    if (!good[j]) tile.lo[k + j] = tile.hi[k + j] = -kFar, tile.begin_lo[k + j] = tile.begin_hi[k + j] = kFar;
+}
+
+/// A lane that is not alive looks like another one, so that it is in nobody's way.
+inline void copy_ray(Tile& tile, int from, int to) {
+  for (int k = 0; k < 3; ++k) tile.of[k][to] = tile.of[k][from];
+  for (int k = 0; k < 2; ++k) tile.sf[k][to] = tile.sf[k][from];
+  tile.start[to] = tile.start[from], tile.kind[to] = tile.kind[from];
+}
+
+inline bool alive(const Tile& tile, int r) { return tile.hi[r] > -kFar; }
+
+/// False when no ray is alive. The arrays of the rays are given, and whole groups of them: lanes beyond `count` have t_min = t_max.
+inline bool set_tile(Tile& tile) {
+  tile.room = float(0x1p-20 * reach_of(*tile.tree));
+  bool some = false;
+  for (int k = 0; k < tile.count; k += kLanes) {
+    for (int j = 0; j < kLanes; j += kDoubles) set_rays(tile, k + j);
+    const uint32_t lives = bits(load(tile.hi + k) > splat(-kFar));
+    if (!lives) continue;
+    some = true;
+    for (uint32_t dead = ~lives & ((1u << kLanes) - 1); dead; dead &= dead - 1)
+      copy_ray(tile, k + __builtin_ctz(lives), k + __builtin_ctz(dead));
+  }
+  return some;
+}
+
+}  // namespace
+}  // namespace glint

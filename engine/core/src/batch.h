@@ -1,0 +1,63 @@
+// What is known of the rays of one queue while they are shaded, by component: hits, points, what they add to the film, what lights need.
+#pragma once
+#include <vector>
+
+#include "columns.h"
+#include "queue.h"
+#include "scene.h"
+#include "surface.h"
+
+namespace glint {
+
+class Batch {
+ public:
+  /// `passes`: the parts to keep for camera rays; all that others bring is Mirror.
+  Batch(const Scene& scene, uint32_t passes);
+  Batch(const Batch&) = delete;
+  Batch& operator=(const Batch&) = delete;
+
+  /// Makes room for the queue's rays; what was known of others is gone. The queue is to stay as it is while the batch is used.
+  void begin(const Queue& rays);
+  size_t size() const { return count_; }
+
+  Hits hits() { return {t, instance.data(), primitive.data(), u.data(), v.data()}; }
+  Hit hit(size_t k) const { return {t[k], instance[k], primitive[k], u[k], v[k]}; }
+  bool missed(size_t k) const { return instance[k] == Hit::kNone; }
+  Surface surface(size_t k) const;
+  void set_surface(size_t k, const Surface& s);
+
+  /// Adds to Combined, and to a part (of `sums`) where it is kept.
+  void add(size_t k, double* const (&part)[3], Vec3d c) { add_to(sums.total, k, c), add_to(part, k, c); }
+  static void add_to(double* const (&columns)[3], size_t k, Vec3d c) {
+    if (columns[0]) columns[0][k] += c.x, columns[1][k] += c.y, columns[2][k] += c.z;
+  }
+  /// Term number `term` of the highlights of point k.
+  void set_specular(size_t k, int term, Vec3d Tk, double exponent);
+
+  const Queue* queue = nullptr;
+  double* t = nullptr;
+  std::vector<uint32_t> instance, primitive, material, others;  // others: rays whose material the shade stage leaves to the shader
+  std::vector<float> u, v;
+  std::vector<int64_t> lit, outside;  // masks: points that lights may reach, seen from outside
+  PointColumns points{};
+  SumColumns sums{};                  // parts that are not kept are null
+  double* diffuse[3] = {};            // T k
+  double* specular = nullptr;         // as ShadeStage has it
+  size_t stride = 0;
+
+ private:
+  void reserve(size_t rows);
+  void place_columns();
+
+  const Scene& scene_;
+  const uint32_t passes_;
+  const bool smooth_;
+  size_t count_ = 0;
+  Columns columns_;
+  SumColumns parts_{};
+};
+
+inline Vec3d row(const double* const (&columns)[3], size_t k) { return {columns[0][k], columns[1][k], columns[2][k]}; }
+inline void set_row(double* const (&columns)[3], size_t k, Vec3d v) { columns[0][k] = v.x, columns[1][k] = v.y, columns[2][k] = v.z; }
+
+}  // namespace glint

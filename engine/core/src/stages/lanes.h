@@ -1,0 +1,123 @@
+// Vectors of doubles, as wide as the instruction set that this is compiled for. Everything in the stage_*.h headers lives in an anonymous
+// namespace and calls no library: a function with a name outside could be shared by the linker with code for a lesser machine.
+// A lane never depends on another lane, so that widths give the same bits.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#if defined(__AVX__)
+#include <immintrin.h>
+#elif defined(__SSE4_1__)
+#include <smmintrin.h>
+#endif
+
+namespace glint {
+namespace {
+
+#if defined(__AVX512F__)
+constexpr size_t kLanes = 8;
+#elif defined(__AVX__)
+constexpr size_t kLanes = 4;
+#else
+constexpr size_t kLanes = 2;
+#endif
+constexpr uint32_t kAllLanes = (1u << kLanes) - 1;
+
+typedef double Doubles __attribute__((vector_size(8 * kLanes)));
+typedef int64_t Mask __attribute__((vector_size(8 * kLanes)));  // 0 or -1 a lane, where it is a mask
+typedef float Singles __attribute__((vector_size(4 * kLanes)));
+typedef uint32_t Numbers __attribute__((vector_size(4 * kLanes)));
+
+// Unaligned. (GCC 12 sends a __builtin_memcpy through the stack.)
+typedef double LooseDoubles __attribute__((vector_size(8 * kLanes), aligned(8), may_alias));
+typedef int64_t LooseMask __attribute__((vector_size(8 * kLanes), aligned(8), may_alias));
+typedef float LooseSingles __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
+typedef uint32_t LooseNumbers __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
+inline Doubles load(const double* p) { return *reinterpret_cast<const LooseDoubles*>(p); }
+inline Mask load(const int64_t* p) { return *reinterpret_cast<const LooseMask*>(p); }
+inline Doubles load(const float* p) { return __builtin_convertvector(Singles(*reinterpret_cast<const LooseSingles*>(p)), Doubles); }
+inline Numbers load(const uint32_t* p) { return *reinterpret_cast<const LooseNumbers*>(p); }
+inline void store(double* p, Doubles v) { *reinterpret_cast<LooseDoubles*>(p) = v; }
+inline void store(int64_t* p, Mask v) { *reinterpret_cast<LooseMask*>(p) = v; }
+inline void store(float* p, Doubles v) { *reinterpret_cast<LooseSingles*>(p) = __builtin_convertvector(v, Singles); }
+inline void store(uint32_t* p, Numbers v) { *reinterpret_cast<LooseNumbers*>(p) = v; }
+
+inline Doubles splat(double a) { return a - Doubles{}; }  // -0 stays -0
+inline Doubles choose(Mask m, Doubles a, Doubles b) { return m ? a : b; }
+inline Doubles where(Mask m, Doubles a) { return Doubles(Mask(a) & m); }  // else 0
+
+#if defined(__AVX512F__)
+inline Doubles root(Doubles a) { return Doubles(_mm512_maskz_sqrt_pd(0xff, __m512d(a))); }
+inline uint32_t bits(Mask m) { return uint32_t(_mm512_movepi64_mask(__m512i(m))); }
+#elif defined(__AVX__)
+inline Doubles root(Doubles a) { return Doubles(_mm256_sqrt_pd(__m256d(a))); }
+inline uint32_t bits(Mask m) { return uint32_t(_mm256_movemask_pd(__m256d(m))); }
+#elif defined(__SSE4_1__)
+inline Doubles root(Doubles a) { return Doubles(_mm_sqrt_pd(__m128d(a))); }
+inline uint32_t bits(Mask m) { return uint32_t(_mm_movemask_pd(__m128d(m))); }
+#else
+inline Doubles root(Doubles a) {
+  for (size_t k = 0; k < kLanes; ++k) a[k] = __builtin_sqrt(a[k]);
+  return a;
+}
+inline uint32_t bits(Mask m) {
+  uint32_t b = 0;
+  for (size_t k = 0; k < kLanes; ++k) b |= uint32_t(m[k] & 1) << k;
+  return b;
+}
+#endif
+inline bool any(Mask m) { return bits(m) != 0; }
+inline bool all(Mask m) { return bits(m) == kAllLanes; }
+
+inline Doubles larger(Doubles a, Doubles b) { return choose(a > b, a, b); }    // b where one is NaN
+inline Doubles smaller(Doubles a, Doubles b) { return choose(a < b, a, b); }
+inline Doubles magnitude(Doubles a) { return Doubles(Mask(a) & INT64_MAX); }
+inline Doubles with_sign(Doubles a, Doubles sign) { return Doubles((Mask(a) & INT64_MAX) | (Mask(sign) & INT64_MIN)); }
+
+/// The first `count` lanes.
+inline Mask first_lanes(size_t count) {
+  Mask m = {};
+  for (size_t k = 0; k < kLanes; ++k) m[k] = k < count ? -1 : 0;
+  return m;
+}
+
+/// Lanes of the group that begins at k of a column of `count`.
+inline Mask valid_lanes(size_t k, size_t count) { return count - k >= kLanes ? ~Mask{} : first_lanes(count - k); }
+
+struct Three {
+  Doubles x, y, z;
+};
+inline Three load3(const double* const (&p)[3], size_t k) { return {load(p[0] + k), load(p[1] + k), load(p[2] + k)}; }
+inline void store3(double* const (&p)[3], size_t k, const Three& v) { store(p[0] + k, v.x), store(p[1] + k, v.y), store(p[2] + k, v.z); }
+inline Three splat3(const double* p) { return {splat(p[0]), splat(p[1]), splat(p[2])}; }
+inline Three operator+(const Three& a, const Three& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline Three operator-(const Three& a, const Three& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline Three operator*(const Three& a, const Three& b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
+inline Three operator*(Doubles s, const Three& a) { return {s * a.x, s * a.y, s * a.z}; }
+inline Three operator-(const Three& a) { return {-a.x, -a.y, -a.z}; }
+inline Doubles dot(const Three& a, const Three& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline Three cross(const Three& a, const Three& b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
+inline Three choose(Mask m, const Three& a, const Three& b) { return {choose(m, a.x, b.x), choose(m, a.y, b.y), choose(m, a.z, b.z)}; }
+inline Three where(Mask m, const Three& a) { return {where(m, a.x), where(m, a.y), where(m, a.z)}; }
+inline Mask nonzero(const Three& a) { return (a.x != 0) | (a.y != 0) | (a.z != 0); }
+inline Doubles max_abs(const Three& a) { return larger(magnitude(a.x), larger(magnitude(a.y), magnitude(a.z))); }
+
+/// The direction of any finite non-zero vector, however short or long; otherwise the zero vector. The same as vec.h's.
+inline Three unit(Three a) {
+  const Doubles m = max_abs(a);
+  const Mask common = (m > 1e-100) & (m < 1e100);
+  if (!all(common)) {
+    const Mask good = (m > 0) & (m <= 1e308) & (a.x == a.x) & (a.y == a.y) & (a.z == a.z);
+    const Doubles s = choose(common | ~good, splat(1), m);
+    a = where(good, {a.x / s, a.y / s, a.z / s});
+  }
+  const Doubles l = root(dot(a, a));
+  return choose(l > 0, splat(1) / l, splat(0)) * a;
+}
+
+inline Doubles length(const Three& a) { return root(dot(a, a)); }
+
+/// What surface.h calls rounding.
+inline Doubles rounding(Doubles size) { return (8 * 0x1p-24) * size; }
+
+}  // namespace
+}  // namespace glint

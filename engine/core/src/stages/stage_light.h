@@ -1,0 +1,193 @@
+// Light from one sample of one light (notes 4.13-4.16, light.h). Letters: x point, l direction to the light, d distance, z cosine at the
+// light, g n geometric and shading normal, v to the viewer.
+#pragma once
+#include "stage_math.h"
+#include "stages.h"
+
+namespace glint {
+namespace {
+
+constexpr double kCircle = 3.14159265358979323846;
+
+/// The sample as points see it: unit direction l, intensity color * factor, where the shadow segment ends, and where all this is sound.
+struct Sample {
+  Three l, end;
+  Doubles factor;
+  Mask good;
+};
+
+/// 1 / (4 pi^2 d^2) in world units from the squared anchored distance.
+inline Doubles inverse_square(const LightStage& s, Doubles d2) {
+  return smaller(s.scale2 / ((4 * kCircle * kCircle) * d2), splat(1e100));
+}
+
+/// The share of a spot's intensity at the cosine z from its axis.
+inline Doubles spot(const LightStage& s, const Three& l) {
+  const Doubles z = -dot(l, splat3(s.axis));
+  if (!(s.spot_width > 0)) return where(z > s.spot_cosine, splat(1));
+  const Doubles t = smaller(larger((z - s.spot_cosine) / s.spot_width, splat(0)), splat(1));
+  return t * t * (3 - 2 * t);
+}
+
+/// Two unit vectors that make a frame with n (vec.h).
+inline void frame(const Three& n, Three& t1, Three& t2) {
+  const Doubles s = with_sign(splat(1), n.z), a = -1 / (s + n.z), b = n.x * n.y * a;
+  t1 = {1 + s * n.x * n.x * a, s * b, -s * n.x};
+  t2 = {b, s + n.y * n.y * a, -n.y};
+}
+
+/// The direction at the disc point of the cone round `axis` with 1 - cos(half angle) = versine, uniform in solid angle.
+inline Three in_cone(const LightStage& s, const Three& axis, Doubles versine) {
+  Three t1, t2;
+  frame(axis, t1, t2);
+  const Doubles cosine = 1 - (s.x * s.x + s.y * s.y) * versine;
+  const Doubles sine = root(larger(versine * (1 + cosine), splat(0)));  // over the disc's radius
+  return unit(cosine * axis + sine * (splat(s.x) * t1 + splat(s.y) * t2));
+}
+
+inline Sample sample_direction(const LightStage& s, const Three&) { return {splat3(s.l), splat3(s.l), splat(s.factor), ~Mask{}}; }
+
+inline Sample sample_point(const LightStage& s, const Three& x) {
+  const Three end = splat3(s.center), to = end - x;
+  return {unit(to), end, s.physical ? inverse_square(s, dot(to, to)) : splat(1), ~Mask{}};
+}
+
+inline Sample sample_sphere(const LightStage& s, const Three& x) {
+  const Three to = splat3(s.center) - x, c = unit(to);
+  const double r2 = s.radius * s.radius;
+  const Doubles d2 = dot(to, to), d = root(d2), sine2 = choose(d2 > r2, r2 / d2, splat(1)), cosine = root(1 - sine2);
+  const Three l = in_cone(s, c, sine2 / (1 + cosine));
+  const Doubles b = dot(to, l), half = root(larger(r2 - (d2 - b * b), splat(0)));
+  const Three end = x + choose(d > s.radius, b - half, b + half) * l;
+  return {l, end, s.physical ? inverse_square(s, d2) * 2 / (1 + cosine) : splat(1), nonzero(c)};
+}
+
+inline Sample sample_disc(const LightStage& s, const Three& x) {
+  const Three towards = unit(splat3(s.center) - x);
+  Three t1, t2;
+  frame(towards, t1, t2);
+  const Three end = splat3(s.center) + splat(s.radius) * (splat(s.x) * t1 + splat(s.y) * t2), to = end - x, l = unit(to);
+  const Doubles factor = s.physical ? larger(dot(l, towards), splat(0)) * inverse_square(s, dot(to, to)) : splat(1);
+  return {l, end, factor, nonzero(towards)};
+}
+
+inline Sample sample_plane(const LightStage& s, const Three& x) {
+  const Three end = splat3(s.end), to = end - x, l = unit(to);
+  const Doubles z = -dot(l, splat3(s.axis));
+  return {l, end, s.physical ? 4 * z * inverse_square(s, dot(to, to)) : splat(1), z > 0};
+}
+
+template <int Shape>
+inline Sample sample(const LightStage& s, const Three& x) {
+  Sample sample = Shape == kDirection      ? sample_direction(s, x)
+                  : Shape == kPointSource  ? sample_point(s, x)
+                  : Shape == kSphereSource ? sample_sphere(s, x)
+                  : Shape == kDiscSource   ? sample_disc(s, x)
+                                           : sample_plane(s, x);
+  if (s.spot) sample.factor = sample.factor * spot(s, sample.l);
+  if (s.share > 1) sample.factor = sample.factor / s.share;
+  sample.good &= sample.factor != 0;
+  return sample;
+}
+
+inline Three highlights(const LightStage& s, size_t k, const Three& n, const Three& l) {
+  Three sum{};
+  for (int term = 0; term < s.max_specular; ++term) {
+    const double* column = s.specular + 4 * size_t(term) * s.stride + k;
+    const Three Tk = {load(column), load(column + s.stride), load(column + 2 * s.stride)};
+    if (!any(nonzero(Tk))) continue;
+    sum = sum + highlight(n, l - load3(s.d, k), load(column + 3 * s.stride)) * Tk;
+  }
+  return sum;
+}
+
+/// Numbers of some lanes go to the end of columns.
+struct Appender {
+  uint32_t lanes;
+  size_t at;
+  void operator()(double* column, Doubles v) const {
+    if (lanes == kAllLanes) return store(column + at, v);
+    size_t to = at;
+    for (uint32_t m = lanes; m; m &= m - 1) column[to++] = v[__builtin_ctz(m)];
+  }
+  void operator()(double* const (&columns)[3], const Three& v) const {
+    (*this)(columns[0], v.x), (*this)(columns[1], v.y), (*this)(columns[2], v.z);
+  }
+  void number(uint32_t* column, uint32_t first) const {
+    size_t to = at;
+    for (uint32_t m = lanes; m; m &= m - 1) column[to++] = first + uint32_t(__builtin_ctz(m));
+  }
+};
+
+/// The open segment from the point to the sample; its far end stops short of what the sample lies on.
+template <int Shape>
+inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample, const Appender& append) {
+  const Three origin = load3(s.origin, k), g = load3(s.g, k);
+  const Doubles offset = load(s.offset + k);
+  const Three towards = Shape == kDirection ? sample.l : sample.end - origin;
+  // Off the surface along its normal, and back along the ray that found it: there it is free, whatever stands on the surface.
+  const Three o = origin + choose(dot(g, towards) < 0, -offset, offset) * g - offset * load3(s.d, k);
+  append(s.o, o);
+  if (s.end_out[0]) append(s.end_out, sample.end);
+  if (Shape == kDirection) return append(s.to, sample.l), append(s.t_max, splat(__builtin_inf()));
+  const Three to = sample.end - o;
+  append(s.to, unit(to));
+  append(s.t_max, length(to) - rounding(larger(max_abs(sample.end), max_abs(o))));
+}
+
+template <int Shape>
+size_t light_from(const LightStage& s) {
+  const Three color = splat3(s.color);
+  size_t found = 0;
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Mask lit = load(s.lit + k);
+    if (!any(lit)) continue;
+    const Three n = load3(s.n, k);
+    const Sample at = sample<Shape>(s, load3(s.points_x, k));
+    const Doubles cosine = dot(n, at.l);
+    Mask reached = lit & at.good & (cosine > 0);
+    if (!any(reached)) continue;
+    const Three I = at.factor * color, diffuse = cosine * (I * load3(s.diffuse, k));
+    Three specular{};
+    if (s.max_specular > 0) specular = I * highlights(s, k, n, at.l);
+    reached &= nonzero(diffuse) | nonzero(specular);
+    const uint32_t lanes = bits(reached);
+    if (!lanes) continue;
+    const Appender append{lanes, found};
+    append.number(s.point, uint32_t(k));
+    append(s.diffuse_out, s.specular_out[0] ? diffuse : diffuse + specular);
+    if (s.specular_out[0]) append(s.specular_out, specular);
+    if (s.casts_shadow) shadow_ray<Shape>(s, k, at, append);
+    found += size_t(__builtin_popcount(lanes));
+  }
+  return found;
+}
+
+size_t light(const LightStage& s) {
+  switch (s.shape) {
+    case kDirection: return light_from<kDirection>(s);
+    case kPointSource: return light_from<kPointSource>(s);
+    case kSphereSource: return light_from<kSphereSource>(s);
+    case kDiscSource: return light_from<kDiscSource>(s);
+    default: return light_from<kPlaneSource>(s);
+  }
+}
+
+/// Zero is added where the ray is blocked, so that -0 turns to 0 alone and in company.
+void sum(const LightSum& s) {
+  for (size_t k = 0; k < s.count;) {
+    const uint32_t first = s.point[k];
+    if (s.count - k >= kLanes && s.point[k + kLanes - 1] - first == kLanes - 1) {
+      Mask open;
+      for (size_t lane = 0; lane < kLanes; ++lane) open[lane] = s.blocked[k + lane] ? 0 : -1;
+      for (size_t c = 0; c < 3; ++c) store(s.total[c] + first, load(s.total[c] + first) + where(open, load(s.given[c] + k)));
+      k += kLanes;
+    } else {
+      for (size_t c = 0; c < 3; ++c) s.total[c][first] = s.total[c][first] + (s.blocked[k] ? 0 : s.given[c][k]);
+      ++k;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace glint

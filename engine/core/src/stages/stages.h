@@ -1,0 +1,145 @@
+// The stages of the pipeline that run over whole batches: camera rays, points on meshes, constant lobes, light from one light sample, sums.
+// One source (stage_*.h), compiled once per instruction set, with the same bits from each. Plain data only: nothing here may emit code.
+// Columns are arrays of one number a ray; they have room for a multiple of kPad numbers, and stages may write that far.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+
+namespace glint {
+
+constexpr size_t kPad = 8;
+constexpr uint32_t kNoMaterial = 0xffffffffu;  // of a point that the stages leave to others: no mesh
+
+/// Camera rays (notes 4.4-4.6) in anchored space through points of the frame, which are counted from its bottom left. d is unit.
+struct CameraStage {
+  size_t count;
+  const double *column, *row;     // of each ray's pixel, from (first_column, first_row) on
+  double first_column, first_row, dx, dy;
+  double window[4];               // l, r, b, t
+  double width, height;
+  double u[3], v[3], w[3];        // columns of world_from_camera
+  double scale, clip_start, clip_end;
+  bool parallel;
+  double *o[3], *d[3], *t_min, *t_max;  // o: only where parallel
+};
+
+/// A group of instances, as the stages read it.
+struct GroupShape {
+  const float* vertices;
+  const uint32_t* triangles;      // null: no mesh
+  const float* normals;           // null: flat
+  const uint32_t* normal_rows;    // three a triangle
+  const uint16_t* slots;          // null: all primitives have `material`
+  const uint32_t* materials;      // of the slots
+  uint32_t material_count, material;
+};
+
+/// An instance: columns of anchored_from_object, columns of the matrix that takes normals, and whether the first one mirrors.
+struct InstanceShape {
+  double m[12], normal[9];
+  uint32_t group, mirrors;
+};
+
+/// Points of surfaces in anchored space, as surface.h has them one by one. Masks are 0 or -1.
+struct PointColumns {
+  double *x[3], *g[3], *n[3], *origin[3];  // origin: of shadow rays. n may be g, and origin x, where no mesh is smooth
+  double *offset, *weights[2];             // weights: of the second and third vertex
+  int64_t *outside;
+  uint32_t* material;
+};
+
+/// Rays and hits to points. Rays that hit nothing get the material `missed`, other hits than of meshes kNoMaterial.
+struct SurfaceStage {
+  size_t count;
+  const double *start[3], *d[3];
+  const uint32_t *instance, *primitive;
+  const float *u, *v;
+  const InstanceShape* instances;
+  const GroupShape* groups;
+  uint32_t missed;
+  PointColumns points;
+};
+
+/// What a material adds without any light, and its lobes that lights need, all for T = 1. Materials that vary over the surface or send rays
+/// on have zeros here: `others` says so.
+struct MaterialTerms {
+  double glow[3];                 // the sum of the next three
+  double ambient[3], emission[3], environment[3];
+  double diffuse[3];
+  uint32_t others, has_specular;
+};
+
+/// Sums of a batch, a column a channel; null where a part was not asked for. total: Combined.
+struct SumColumns {
+  double *total[3], *ambient[3], *emission[3], *environment[3], *diffuse[3], *specular[3], *shadow[3];
+};
+
+/// Constant lobes. Writes every column of the sums; `diffuse`, `specular` and `lit` say what lights are to add.
+struct ShadeStage {
+  size_t count;
+  const double* T[3];
+  const uint32_t* material;
+  const MaterialTerms* terms;
+  const double* specular_terms;   // max_specular rows of k and exponent a material
+  int max_specular;
+  SumColumns sums;
+  double* diffuse[3];             // T k
+  double* specular;               // columns: T k (three) and exponent of the first term, of the second, …
+  size_t stride;                  // from a column of `specular` to the next
+  int64_t* lit;
+  uint32_t* others;               // rays whose material the stage leaves to others
+};
+
+enum LightShape : int { kDirection, kPointSource, kSphereSource, kDiscSource, kPlaneSource };
+
+/// One sample of one light, as light.h has it for one point.
+struct LightStage {
+  int shape;
+  bool physical, spot, casts_shadow;
+  double l[3], factor;            // kDirection: the unit direction; its intensity
+  double end[3];                  // kPlaneSource: the sample
+  double center[3], axis[3], color[3];
+  double radius, scale2, spot_cosine, spot_width, x, y, share;  // x, y: of the disc; share: samples of the light
+  size_t count;
+  const double *points_x[3], *g[3], *n[3], *origin[3], *offset, *d[3], *diffuse[3];
+  const double* specular;
+  size_t stride;
+  int max_specular;
+  const int64_t* lit;
+  uint32_t* point;                // what follows: a number for each point that the sample reaches, before shadows
+  double *o[3], *to[3], *t_max;   // shadow rays, where the light casts any
+  double *end_out[3];             // ends of their segments; null where nobody asks
+  double *diffuse_out[3], *specular_out[3];  // T k I; specular_out null: both in diffuse_out
+};
+
+/// total[point[k]] += given[k] where the ray is free.
+struct LightSum {
+  size_t count;
+  const uint32_t* point;
+  const uint8_t* blocked;
+  const double* given[3];
+  double* total[3];
+};
+
+struct Stages {
+  const char* name;
+  void (*camera)(const CameraStage&);
+  void (*surface)(const SurfaceStage&);
+  size_t (*shade)(const ShadeStage&);   // how many `others`
+  size_t (*light)(const LightStage&);   // how many points the sample reaches
+  void (*sum)(const LightSum&);
+  void (*add)(double* to, const double* from, size_t count);
+  void (*mean)(const double* sums, double samples, float* out, size_t count);  // NaN becomes 0, infinities the largest float
+  void (*cosine_power)(const double* tangent2, const double* exponent, double* out, size_t count);
+};
+
+#if defined(GLINT_X86_KERNELS)
+extern const Stages stages_sse42, stages_avx2, stages_avx512;
+#else
+extern const Stages stages_generic;
+#endif
+
+/// The stages for this machine; GLINT_ISA (sse42, avx2, avx512) takes others where the machine has them.
+const Stages& best_stages();
+
+}  // namespace glint

@@ -1,0 +1,10 @@
+#if defined(GLINT_X86_KERNELS)
+#include "stage_camera.h"
+#include "stage_light.h"
+#include "stage_shade.h"
+#include "stage_surface.h"
+
+namespace glint {
+extern const Stages stages_avx512{"avx512", camera, surface, shade, light, sum, add, mean, cosine_powers};
+}
+#endif

@@ -1,0 +1,68 @@
+"""Hashes of pictures, settings and scenes, so that two renders can be told to be the same without keeping both."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from .core_types import ABI_VERSION
+from .settings import Settings
+
+_WITHOUT_EFFECT = ("threads",)
+"""Settings that never change a bit of a picture."""
+
+
+def picture_fingerprint(passes: Mapping[str, np.ndarray]) -> str:
+    """SHA-256 in hexadecimal of every pass's name, shape and float32 bits, in the order of their names. -0 differs from 0, and NaNs by
+    their bits: the same fingerprint means the same bits."""
+    digest = hashlib.sha256()
+    for name in sorted(passes):
+        digest.update(name.encode())
+        _feed(digest, np.asarray(passes[name], np.float32))
+    return digest.hexdigest()
+
+
+def value_fingerprint(value: Any) -> str:
+    """SHA-256 in hexadecimal of a scene, or of any value made of dataclasses, tuples, mappings, arrays and plain values."""
+    digest = hashlib.sha256()
+    _feed(digest, value)
+    return digest.hexdigest()
+
+
+def settings_text(settings: Settings) -> str:
+    """The settings that a picture depends on, as JSON with sorted keys."""
+    values = {field.name: getattr(settings, field.name) for field in fields(settings) if field.name not in _WITHOUT_EFFECT}
+    return json.dumps({name: sorted(value) if isinstance(value, frozenset) else value for name, value in values.items()}, sort_keys=True)
+
+
+def tracer_text(backend: str) -> str:
+    """The tracer that a backend names, and the version of what its pictures depend on."""
+    return "NumPy" if backend == "NUMPY" else f"core interface {ABI_VERSION}"
+
+
+def _feed(digest: Any, value: Any) -> None:
+    """Every value is led by its kind and size, so that no two values run together."""
+    if isinstance(value, np.ndarray):
+        digest.update(f"array {value.dtype.str} {value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).data)
+    elif is_dataclass(value):
+        _feed_all(digest, type(value).__name__, [getattr(value, field.name) for field in fields(value)])
+    elif isinstance(value, (tuple, list)):
+        _feed_all(digest, "list", value)
+    elif isinstance(value, (frozenset, set)):
+        _feed_all(digest, "set", sorted(value))
+    elif isinstance(value, Mapping):
+        _feed_all(digest, "mapping", [part for pair in value.items() for part in pair])
+    else:
+        digest.update(f"{type(value).__name__} {value!r};".encode())
+
+
+def _feed_all(digest: Any, kind: str, values: Any) -> None:
+    digest.update(f"{kind} {len(values)}".encode())
+    for value in values:
+        _feed(digest, value)

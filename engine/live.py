@@ -1,0 +1,227 @@
+"""Pictures for a viewport: asked for at any time, traced behind the caller's back, looked at when convenient.
+
+A `LiveRender` has one thread, which alone talks to a tracer; the core's own threads do the work, so the thread sleeps. No method waits.
+"""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import threading
+import time
+import weakref
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from .errors import SceneError
+from .film import Film
+from .scene import Scene
+from .settings import Settings
+
+log = logging.getLogger(__name__)
+
+_LONGEST_FAREWELL = 5.0
+"""Seconds that a closing program waits for a thread that is inside the core."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One picture to make.
+
+    tag: whatever tells the caller which picture this is.
+    keep_first_wave: newer tasks wait until this one's first wave is complete, so that pictures come also while tasks come faster.
+    exact: the picture has the bits that `engine.render` gives. Else trees that stand relative to an earlier eye may be used, which
+    differ in the last bits and need not be made anew.
+    """
+
+    scene: Scene
+    settings: Settings
+    tag: object = None
+    keep_first_wave: bool = False
+    exact: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Wave:
+    """A complete picture of a task.
+
+    number: counts the waves of one LiveRender, from 1.  final: no better one of this task will come.
+    seconds: since the task began.  build_seconds: of them, for trees.
+    """
+
+    task: Task
+    film: Film
+    number: int
+    final: bool
+    seconds: float
+    build_seconds: float
+
+
+class LiveRender:
+    """Makes pictures one after the other in the background."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._waiting: list[Task] = []
+        self._running: Task | None = None
+        self._shown: Task | None = None  # the running task, once its first wave is complete
+        self._closed = False
+        self._newest: Wave | None = None
+        self._number = 0
+        self._error: Exception | None = None
+        self._thread: threading.Thread | None = None
+        weakref.finalize(self, _wake, self._changed)
+
+    def start(self, tasks: Sequence[Task]) -> None:
+        """Make these pictures in this order instead of all that was asked for before."""
+        with self._changed:
+            self._waiting = list(tasks)
+            self._error = None
+            self._changed.notify_all()
+            if self._thread is None and not self._closed:
+                self._thread = threading.Thread(target=_serve, args=(weakref.ref(self), self._changed), name="glint live", daemon=True)
+                self._thread.start()
+                _threads.add(self._thread)
+                _renders.add(self)
+
+    @property
+    def newest(self) -> Wave | None:
+        """The last complete picture, of whichever task."""
+        return self._newest
+
+    @property
+    def busy(self) -> bool:
+        """Whether pictures may still come."""
+        return bool(self._waiting) or self._running is not None
+
+    @property
+    def error(self) -> Exception | None:
+        """What went wrong since the last `start`: SceneError, MemoryError, or a fault of a tracer."""
+        return self._error
+
+    def close(self) -> None:
+        """Stop soon and give the memory back. The last picture stays."""
+        with self._changed:
+            self._closed = True
+            self._waiting = []
+            self._changed.notify_all()
+
+    # --- on the thread ------------------------------------------------------------------------------------------------------------
+
+    def _should_stop(self) -> bool:
+        """Whether the running task is to make room."""
+        if self._closed:
+            return True
+        running = self._running
+        return bool(self._waiting) and self._is_replaceable(running)
+
+    def _is_replaceable(self, task: Task | None) -> bool:
+        return task is None or not task.keep_first_wave or self._shown is task
+
+    def _take(self) -> Task | None:
+        with self._changed:
+            self._running = self._shown = None
+            if self._waiting and not self._closed:
+                self._running = self._waiting.pop(0)
+            return self._running
+
+    def _publish(self, task: Task, film: Film, final: bool, start: float) -> None:
+        with self._changed:
+            self._number += 1
+            self._shown = task
+            seconds = time.perf_counter() - start
+            self._newest = Wave(task, film, self._number, final, seconds, film.stats.get("build", 0.0))
+
+    def _end(self) -> None:
+        with self._changed:
+            self._running = None
+
+    def _fail(self, error: Exception) -> None:
+        if not isinstance(error, SceneError):
+            log.error("a viewport picture failed", exc_info=error)
+        with self._changed:
+            self._error = error
+
+
+def _serve(reference: weakref.ref[LiveRender], changed: threading.Condition) -> None:
+    """The thread: holds its LiveRender only while there is work, so that one nobody wants any more ends by itself."""
+    tracer = _Tracers()
+    try:
+        while True:
+            live = reference()
+            if live is None or live._closed:
+                return
+            task = live._take()
+            if task is not None:
+                _trace(live, tracer, task)
+            del live, task
+            with changed:
+                changed.wait_for(lambda: _has_work(reference))
+    finally:
+        tracer.close()
+
+
+def _has_work(reference: weakref.ref[LiveRender]) -> bool:
+    live = reference()
+    return live is None or live._closed or bool(live._waiting)
+
+
+def _trace(live: LiveRender, tracer: _Tracers, task: Task) -> None:
+    start = time.perf_counter()
+    try:
+        tracer.render(task, live._should_stop, lambda film, final: live._publish(task, film, final, start))
+    except Exception as error:  # noqa: BLE001 (the thread must live; the caller sees `error`)
+        live._fail(error)
+    finally:
+        live._end()
+
+
+def _wake(changed: threading.Condition) -> None:
+    with changed:
+        changed.notify_all()
+
+
+class _Tracers:
+    """The tracer of each task, and what is kept from one task to the next."""
+
+    def __init__(self) -> None:
+        self._native = None
+
+    def render(self, task: Task, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]) -> None:
+        if task.settings.backend == "NATIVE":
+            from .native_live import NativeLive
+
+            self._native = self._native or NativeLive()
+            self._native.render(task.scene, task.settings, task.exact, should_stop, on_film)
+            return
+        self.close()
+        _render_reference(task, should_stop, on_film)
+
+    def close(self) -> None:
+        native, self._native = self._native, None
+        if native is not None:
+            native.close()
+
+
+def _render_reference(task: Task, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]) -> None:
+    from .reference import render_reference
+
+    problems = task.settings.problems() + task.scene.problems()
+    if problems:
+        raise SceneError("\n".join(problems))
+    film = render_reference(task.scene, task.settings, should_stop, lambda fraction: None, lambda film: on_film(film, False))
+    if film.complete:
+        on_film(film, True)
+
+
+_threads: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
+_renders: weakref.WeakSet[LiveRender] = weakref.WeakSet()
+
+
+@atexit.register
+def _farewell() -> None:
+    """No thread may be inside the core when Python and the core's library go."""
+    for live in list(_renders):
+        live.close()
+    for thread in list(_threads):
+        thread.join(_LONGEST_FAREWELL)

@@ -1,0 +1,110 @@
+"""A `trade.Trade` as a plot: time against error on logarithmic axes, the Pareto front and the current settings marked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from . import plot
+from .trade import Row, Trade
+
+Array = np.ndarray
+
+WIDTH, HEIGHT = 960, 640
+_LEFT, _RIGHT, _TOP, _BOTTOM = 110, 30, 104, 64
+_GRID, _TEXT, _POINT = (0.22, 0.22, 0.24), (0.85, 0.85, 0.85), (0.62, 0.64, 0.67)
+_FRONT, _CURRENT = (0.35, 0.75, 1.0), (1.0, 0.62, 0.2)
+_DECADE_MARGIN = 0.08
+
+
+def draw_trade(trade: Trade, title: str = "") -> Array:
+    """(h, w, 3) float64 in 0 to 1, row 0 on top. An error of 0 stands on the lower edge."""
+    image = plot.canvas(WIDTH, HEIGHT)
+    plot.draw_text(image, f"{title} TIME AGAINST ERROR".strip(), (_LEFT, 16), _TEXT, 2)
+    plot.draw_text(image, f"REFERENCE: {trade.reference}", (_LEFT, 40), _POINT)
+    if not trade.rows:
+        plot.draw_text(image, "NOTHING WAS MEASURED", (WIDTH // 2, HEIGHT // 2), _TEXT, 2, 0.5)
+        return image
+    x_range = _range([row.frame_seconds for row in trade.rows])
+    y_range = _range([row.relative_rmse for row in trade.rows])
+    _draw_axes(image, x_range, y_range)
+    _draw_rows(image, trade, lambda row: _place(row, x_range, y_range))
+    _draw_legend(image)
+    return image
+
+
+def _range(values: Sequence[float]) -> tuple[float, float]:
+    """Decimal logarithms of the ends of an axis, a little beyond the values and at least a decade apart."""
+    exponents = [math.log10(value) for value in values if 0 < value < math.inf] or [0.0]
+    low, high = min(exponents) - _DECADE_MARGIN, max(exponents) + _DECADE_MARGIN
+    missing = max(0.0, 1.0 - (high - low)) / 2
+    return low - missing, high + missing
+
+
+def _place(row: Row, x_range: tuple[float, float], y_range: tuple[float, float]) -> tuple[float, float]:
+    return _along(row.frame_seconds, x_range, _LEFT, WIDTH - _RIGHT), _along(row.relative_rmse, y_range, HEIGHT - _BOTTOM, _TOP)
+
+
+def _along(value: float, ends: tuple[float, float], start: float, end: float) -> float:
+    share = (math.log10(value) - ends[0]) / (ends[1] - ends[0]) if 0 < value < math.inf else float(value > 0)
+    return start + min(max(share, 0.0), 1.0) * (end - start)
+
+
+def _draw_axes(image: Array, x_range: tuple[float, float], y_range: tuple[float, float]) -> None:
+    bottom, right = HEIGHT - _BOTTOM, WIDTH - _RIGHT
+    for value, label in _ticks(x_range):
+        x = _along(value, x_range, _LEFT, right)
+        plot.draw_line(image, (x, _TOP), (x, bottom), _GRID)
+        plot.draw_text(image, label, (int(x), bottom + 8), _TEXT, 1, 0.5)
+    for value, label in _ticks(y_range):
+        y = _along(value, y_range, bottom, _TOP)
+        plot.draw_line(image, (_LEFT, y), (right, y), _GRID)
+        plot.draw_text(image, label, (_LEFT - 8, int(y) - 3), _TEXT, 1, 1.0)
+    plot.draw_text(image, "SECONDS OF THE WHOLE FRAME", ((_LEFT + right) // 2, HEIGHT - 30), _TEXT, 2, 0.5)
+    plot.draw_text(image, "ERROR", (_LEFT - 8, _TOP - 18), _TEXT, 1, 1.0)
+    plot.draw_text(image, "(RELATIVE RMSE)", (_LEFT, _TOP - 18), _POINT)
+
+
+def _ticks(ends: tuple[float, float]) -> list[tuple[float, str]]:
+    """1, 2 and 5 times the powers of ten within the ends; powers of ten alone over more than three decades."""
+    steps = (1, 2, 5) if ends[1] - ends[0] <= 3 else (1,)
+    values = [(step, power) for power in range(math.floor(ends[0]), math.ceil(ends[1]) + 1) for step in steps]
+    return [(step * 10.0**power, _label(step, power)) for step, power in values if ends[0] <= math.log10(step) + power <= ends[1]]
+
+
+def _label(step: int, power: int) -> str:
+    return f"{step * 10.0**power:g}" if -3 <= power <= 4 else f"{step}E{power}"
+
+
+def _draw_rows(image: Array, trade: Trade, place: Callable[[Row], tuple[float, float]]) -> None:
+    for row in trade.rows:
+        plot.draw_dot(image, place(row), 3, _POINT)
+    front = trade.front
+    for first, second in zip(front, front[1:], strict=False):
+        plot.draw_line(image, place(first), place(second), _FRONT, 2)
+    for number, row in enumerate(front):
+        x, y = place(row)
+        plot.draw_dot(image, (x, y), 5, _FRONT)
+        at_left = x > WIDTH - _RIGHT - 160
+        corner = (int(x) - 10, int(y) + 8) if at_left else (int(x) + 9, int(y) - 12 + 4 * (number % 2))
+        plot.draw_text(image, _name(row), corner, _TEXT, 1, 1.0 if at_left else 0.0)
+    if trade.current is not None:
+        plot.draw_dot(image, place(trade.current), 9, _CURRENT, ring=2.5)
+
+
+def _name(row: Row) -> str:
+    """The knobs' values in the order of `trade.KNOBS`."""
+    return " / ".join(str(value) for value in row.knobs.values())
+
+
+def _draw_legend(image: Array) -> None:
+    top = 60
+    for x, color, text, ring in (
+        (_LEFT + 6, _FRONT, "FRONT (SAMPLES / LIGHT SAMPLES / BOUNCES)", 0.0),
+        (_LEFT + 296, _POINT, "OTHER SETTINGS", 0.0),
+        (_LEFT + 426, _CURRENT, "CURRENT SETTINGS", 2.0),
+    ):
+        plot.draw_dot(image, (x, top), 4, color, ring)
+        plot.draw_text(image, text, (x + 12, top - 3), _TEXT)

@@ -1,0 +1,131 @@
+"""Whole renders by stage, Glint's beside Cycles': what million.py and frames.py share.
+
+Cycles' stages end at its own status messages (handler `render_stats`): sync at "Initializing", build (its "Updating …": BVH, normals,
+device) at "Sample 0", trace at "Finished". Glint's are those of its own clock, shading within `trace`; `other` is what a whole render
+takes beyond them, in Blender's hands; `write` saves the result as EXR. Memory is the peak resident size during the render above that of
+the process before its first render (Linux only).
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+TESTS = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(TESTS), str(TESTS / "cycles")]
+STAGES = ("sync", "build", "trace", "other", "write", "total")
+
+
+class NoCoreError(RuntimeError):
+    """The native core does not load."""
+
+
+def require_core() -> None:
+    """Raise NoCoreError with the reason unless the native core is there: without it the NumPy tracer would be timed."""
+    import conftest  # noqa: F401  (makes the package importable as glint)
+    from glint import engine
+
+    if "NATIVE" not in engine.available_backends():
+        raise NoCoreError(f"the benchmark times the native core, and that does not load: {engine.native_error()}")
+
+
+def run_worker(script: str, *arguments: str, seconds: float | None = None) -> dict:
+    """The object that `script` prints after "RESULT "; RuntimeError with the end of its output when there is none."""
+    try:
+        done = subprocess.run([sys.executable, script, *arguments], capture_output=True, text=True, timeout=seconds)
+    except subprocess.TimeoutExpired:
+        raise RuntimeError(f"{' '.join(arguments)}: more than {seconds:g} s") from None
+    lines = [line for line in done.stdout.splitlines() if line.startswith("RESULT ")]
+    if done.returncode or not lines:
+        raise RuntimeError(f"{' '.join(arguments)} failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+    return json.loads(lines[-1][7:])
+
+
+def measure(scene, engine: str) -> dict[str, float]:
+    """Seconds per stage and megabytes of the scene's render by its present engine, GLINT or CYCLES."""
+    import bpy
+
+    if engine == "GLINT":
+        require_core()
+    bpy.context.evaluated_depsgraph_get()
+    before = status_megabytes("VmRSS")
+    bpy.ops.render.render()  # warms what is loaded once: libraries, kernels
+    Path("/proc/self/clear_refs").write_text("5")  # the peak starts again from here
+    total, stages = timed_render(scene, engine)
+    peak = status_megabytes("VmHWM")
+    with tempfile.TemporaryDirectory() as folder:
+        start = time.perf_counter()
+        bpy.data.images["Render Result"].save_render(str(Path(folder) / "picture.exr"), scene=scene)
+        write = time.perf_counter() - start
+    other = total - sum(stages.values())
+    return {**stages, "other": other, "write": write, "total": total + write, "megabytes": peak - before}
+
+
+def timed_render(scene, engine: str) -> tuple[float, dict[str, float]]:
+    """Seconds of one whole render, and of its stages."""
+    import bpy
+
+    messages = []
+    start = time.perf_counter()
+
+    def note(text, *_):
+        messages.append((time.perf_counter() - start, str(text)))
+
+    bpy.app.handlers.render_stats.append(note)
+    bpy.ops.render.render()
+    total = time.perf_counter() - start
+    bpy.app.handlers.render_stats.remove(note)
+    return total, own_stages(scene) if engine == "GLINT" else cycles_stages(messages)
+
+
+def cycles_stages(messages: list[tuple[float, str]]) -> dict[str, float]:
+    """From the first status that mentions the end of each stage; RuntimeError when one never came."""
+    ends = []
+    for mark in ("Initializing", "Sample 0", "Finished"):
+        when = next((when for when, text in messages if mark in text), None)
+        if when is None:
+            raise RuntimeError(f'Cycles never said "{mark}": {[text for _, text in messages]}')
+        ends.append(when)
+    return dict(zip(STAGES, [ends[0], ends[1] - ends[0], ends[2] - ends[1]], strict=False))
+
+
+def own_stages(scene) -> dict[str, float]:
+    """Glint's own clock of the last render; NoCoreError when the core did not draw it."""
+    from glint.addon import statistics
+
+    last = statistics.of_last_render(scene.name)
+    if last is None or last.backend != "NATIVE":
+        raise NoCoreError(f"the picture was not drawn by the native core but by {last.backend if last else 'nobody'}")
+    return {stage: last.seconds[stage] for stage in STAGES[:3]}
+
+
+def status_megabytes(field: str) -> float:
+    """VmRSS (now) or VmHWM (peak) of this process."""
+    line = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith(field))
+    return int(line.split()[1]) / 1024
+
+
+def choose_engine(scene, engine: str, samples: int = 1) -> None:
+    """`samples` per pixel and light, no bounces."""
+    import cycles_reference
+
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    if engine == "CYCLES":
+        cycles_reference.make_exact(scene, samples)
+        return
+    import conftest  # noqa: F401  (makes the package importable as glint)
+    from glint import addon
+
+    addon.register()
+    scene.render.engine = "GLINT"
+    final = scene.glint.final
+    final.samples, final.light_samples, final.max_bounces = samples, 1, 0
+
+
+def least(rows: list[dict[str, float]]) -> dict[str, float]:
+    """The least of each number over the rounds."""
+    return {key: min(row[key] for row in rows) for key in rows[0]}

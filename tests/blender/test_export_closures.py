@@ -1,0 +1,236 @@
+"""Shader nodes to lobes: their weights by hand."""
+
+import numpy as np
+import pytest
+
+from export_support import RED, Shader, kinds, layer_share, of_kind, principled, scene, set_inputs, total, weight  # noqa: F401
+from glint.addon.export.fresnel import fresnel, normal_reflectance
+from glint.addon.export.roughness import dielectric_highlights, highlights, layer_albedo, sheen_albedo, specular_albedo
+
+
+def test_diffuse(scene):  # noqa: F811
+    shader = Shader()
+    set_inputs(shader.shader, Color=RED)
+    result, lobes = shader.export()
+    assert kinds(lobes) == {"AMBIENT", "DIFFUSE"}
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), RED[:3])
+    np.testing.assert_allclose(total(lobes, "AMBIENT"), RED[:3])
+    assert result.notes == ()
+
+
+@pytest.mark.parametrize("distribution", ["GGX", "MULTI_GGX"])
+@pytest.mark.parametrize("roughness", [0.2, 0.5, 1.0])
+def test_rough_glossy(scene, roughness, distribution):  # noqa: F811
+    """The fit's lobes; scattered again and again, light takes the colour's square for its colour."""
+    shader = Shader(shader="ShaderNodeBsdfAnisotropic")
+    shader.shader.distribution = distribution
+    set_inputs(shader.shader, Color=RED, Roughness=roughness)
+    _, lobes = shader.export()
+    once, color = specular_albedo(roughness, multiscatter=False), np.array(RED[:3])
+    reflected = once * color + (1 - once) * color**2 if distribution == "MULTI_GGX" else color
+    fit = sorted(highlights(float(np.float32(roughness)), distribution))
+    assert sorted(lobe.exponent for lobe in of_kind(lobes, "SPECULAR")) == [p for p, _ in fit]
+    np.testing.assert_allclose(total(lobes, "SPECULAR"), reflected * sum(s for _, s in fit), rtol=1e-6)
+    np.testing.assert_allclose(total(lobes, "AMBIENT"), reflected if distribution == "MULTI_GGX" else once * color, rtol=1e-6)
+
+
+def test_smooth_glossy_is_a_mirror(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeBsdfAnisotropic")
+    set_inputs(shader.shader, Color=RED, Roughness=0.0)
+    (mirror,) = shader.export()[1]
+    assert (mirror.kind, mirror.fresnel) == ("MIRROR", False)
+    np.testing.assert_allclose(weight(mirror), RED[:3])
+
+
+def test_glass(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeBsdfGlass")
+    set_inputs(shader.shader, Color=RED, Roughness=0.0, IOR=1.25)
+    mirror, refraction = shader.export()[1]
+    assert (mirror.kind, refraction.kind) == ("MIRROR", "REFRACTION")
+    assert mirror.ior == refraction.ior == 1.25
+    assert mirror.fresnel
+    assert refraction.fresnel
+    np.testing.assert_allclose([weight(mirror), weight(refraction)], [RED[:3]] * 2)
+
+
+def test_refraction_and_transparent(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeBsdfRefraction")
+    set_inputs(shader.shader, Color=RED, Roughness=0.0, IOR=1.25)
+    (lobe,) = shader.export()[1]
+    assert (lobe.kind, lobe.ior, lobe.fresnel) == ("REFRACTION", 1.25, False)
+    shader = Shader("Clear", "ShaderNodeBsdfTransparent")
+    set_inputs(shader.shader, Color=RED)
+    (lobe,) = shader.export()[1]
+    np.testing.assert_allclose((*weight(lobe),), RED[:3])
+    assert lobe.kind == "TRANSPARENT"
+
+
+def test_emission(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeEmission")
+    set_inputs(shader.shader, Color=RED, Strength=3)
+    result, lobes = shader.export()
+    np.testing.assert_allclose(total(lobes, "EMISSION"), np.multiply(RED[:3], 3))
+    assert kinds(lobes) == {"EMISSION"}
+    assert any("light nothing" in note for note in result.notes)
+
+
+def test_emission_counts_only_with_colour_and_strength(scene):  # noqa: F811
+    shader = principled(Emission_Strength=1.0, Emission_Color=(0, 0, 0, 1))
+    result, lobes = shader.export()
+    assert not of_kind(lobes, "EMISSION")
+    assert result.notes == ()
+
+
+def test_translucent_is_noted(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeBsdfTranslucent")
+    set_inputs(shader.shader, Color=RED)
+    result, lobes = shader.export()
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), RED[:3])
+    assert any("Translucent" in note and "'Material'" in note for note in result.notes)
+
+
+def test_principled_plastic(scene):  # noqa: F811
+    _, lobes = principled(Base_Color=RED, Roughness=0.5).export()
+    f0 = normal_reflectance(1.5)
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), np.multiply(RED[:3], 1 - layer_share()), rtol=1e-6)
+    np.testing.assert_allclose(total(lobes, "SPECULAR"), f0 * sum(s for _, s in dielectric_highlights(0.5, f0)), rtol=1e-6)
+    np.testing.assert_allclose(
+        total(lobes, "AMBIENT"), np.multiply(RED[:3], 1 - layer_share(world=True)) + layer_albedo(0.5, 1.5), rtol=1e-6
+    )
+    assert kinds(lobes) == {"AMBIENT", "DIFFUSE", "SPECULAR"}
+
+
+def test_principled_specular_level_scales_f0(scene):  # noqa: F811
+    _, lobes = principled(Base_Color=RED, Specular_IOR_Level=1.0).export()
+    f0 = 2 * normal_reflectance(1.5)
+    np.testing.assert_allclose(total(lobes, "SPECULAR"), f0 * sum(s for _, s in dielectric_highlights(0.5, f0)), rtol=1e-6)
+    _, lobes = principled(Base_Color=RED, Specular_IOR_Level=0.0).export()
+    assert kinds(lobes) == {"AMBIENT", "DIFFUSE"}
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), RED[:3], rtol=1e-6)
+
+
+def test_a_white_furnace_stays_white(scene):  # noqa: F811
+    """As in Cycles: white plastic that scatters as often as it takes gives back all of a white world."""
+    for roughness in (0.0, 0.1, 0.5, 1.0):
+        _, lobes = principled(Base_Color=(1, 1, 1, 1), Roughness=roughness).export()
+        mirrored = layer_albedo(0.0, 1.5) if of_kind(lobes, "MIRROR") else 0.0
+        np.testing.assert_allclose(total(lobes, "AMBIENT") + mirrored, 1.0, rtol=1e-6)
+
+
+def test_principled_sheen(scene):  # noqa: F811
+    tint = (0.2, 1.0, 0.4, 1.0)
+    shader = principled(Base_Color=RED, Specular_IOR_Level=0.0, Sheen_Weight=0.5, Sheen_Roughness=0.8, Sheen_Tint=tint)
+    result, lobes = shader.export()
+    reflected = 0.5 * sheen_albedo(0.8) * np.array(tint[:3])
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), RED[:3] * (1 - reflected) + reflected, rtol=1e-6)
+    assert any("sheen" in note for note in result.notes)
+
+
+def test_principled_metal(scene):  # noqa: F811
+    _, lobes = principled(Base_Color=RED, Metallic=1.0, Roughness=0.0).export()
+    (mirror,) = lobes
+    assert (mirror.kind, mirror.fresnel) == ("MIRROR", False)
+    np.testing.assert_allclose(weight(mirror), RED[:3])
+
+
+def test_principled_smooth_plastic_reflects_by_fresnel(scene):  # noqa: F811
+    _, lobes = principled(Base_Color=RED, Roughness=0.0).export()
+    (mirror,) = of_kind(lobes, "MIRROR")
+    assert (mirror.fresnel, mirror.ior) == (True, 1.5)
+    np.testing.assert_allclose(weight(mirror), 1)
+
+
+def test_principled_glass_takes_the_root_of_its_colour(scene):  # noqa: F811
+    _, lobes = principled(Base_Color=RED, Transmission_Weight=1.0, Roughness=0.0).export()
+    np.testing.assert_allclose(total(lobes, "REFRACTION"), np.sqrt(RED[:3]), rtol=1e-6)
+    assert kinds(lobes) == {"MIRROR", "REFRACTION"}
+
+
+def test_principled_coat(scene):  # noqa: F811
+    _, lobes = principled(Base_Color=RED, Coat_Weight=1.0, Coat_Roughness=0.0).export()
+    (mirror,) = of_kind(lobes, "MIRROR")
+    assert (mirror.fresnel, mirror.ior) == (True, 1.5)
+    np.testing.assert_allclose(
+        total(lobes, "DIFFUSE"), np.multiply(RED[:3], (1 - layer_share()) * (1 - layer_share(roughness=0.0))), rtol=1e-6
+    )
+
+
+def test_alpha_lets_through_what_the_surface_does_not_cover(scene):  # noqa: F811
+    _, lobes = principled(Base_Color=RED, Alpha=0.25).export()
+    np.testing.assert_allclose(total(lobes, "TRANSPARENT"), 0.75)
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), np.multiply(RED[:3], 0.25 * (1 - layer_share())), rtol=1e-6)
+
+
+WHITE = ({"Metallic": 1.0}, {"Metallic": 1.0, "Roughness": 0.0}, {"Alpha": 0.5, "Metallic": 1.0}, {"Roughness": 0.0}, {"Roughness": 0.7})
+
+
+@pytest.mark.parametrize("inputs", WHITE)
+def test_a_uniform_world_is_a_furnace(scene, inputs):  # noqa: F811
+    """White things give back the ambient light, all of it: what they reflect, mirror and let through sums to one over all views."""
+    cosines = (np.arange(1000) + 0.5) / 1000
+    _, lobes = principled(Base_Color=(1.0, 1.0, 1.0, 1.0), **inputs).export()
+    back = total(lobes, "AMBIENT") + total(lobes, "TRANSPARENT")
+    for mirror in of_kind(lobes, "MIRROR"):
+        back = back + weight(mirror) * (np.mean([2 * c * fresnel(c, mirror.ior) for c in cosines]) if mirror.fresnel else 1)
+    np.testing.assert_allclose(back, 1, atol=5e-4)  # the export takes the mean over 32 views
+
+
+def test_lobes_of_weight_zero_are_gone(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeMixShader")
+    for name, kind in (("Shader", "ShaderNodeBsdfDiffuse"), ("Shader_001", "ShaderNodeBsdfTransparent")):
+        shader.link(shader.node(kind), 0, shader.shader, name)
+    shader.shader.inputs[0].default_value = 0.0
+    assert kinds(shader.export()[1]) == {"AMBIENT", "DIFFUSE"}
+
+
+def test_mix_and_add(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeMixShader")
+    red, clear = shader.node("ShaderNodeBsdfDiffuse"), shader.node("ShaderNodeBsdfTransparent")
+    set_inputs(red, Color=RED)
+    shader.link(red, 0, shader.shader, "Shader")
+    shader.link(clear, 0, shader.shader, "Shader_001")
+    shader.shader.inputs[0].default_value = 0.25
+    _, lobes = shader.export()
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), np.multiply(RED[:3], 0.75))
+    np.testing.assert_allclose(total(lobes, "TRANSPARENT"), 0.25)
+    shader = Shader("Sum", "ShaderNodeAddShader")
+    red = shader.node("ShaderNodeBsdfDiffuse")
+    set_inputs(red, Color=RED)
+    shader.link(red, 0, shader.shader, "Shader")
+    shader.link(red, 0, shader.shader, "Shader_001")
+    _, lobes = shader.export()
+    assert len(of_kind(lobes, "DIFFUSE")) == 1
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), np.multiply(RED[:3], 2))
+
+
+def test_a_mirror_mixed_by_fresnel_is_exact(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeMixShader")
+    glossy, clear, factor = (shader.node(f"ShaderNode{name}") for name in ("BsdfAnisotropic", "BsdfRefraction", "Fresnel"))
+    set_inputs(glossy, Roughness=0.0, Color=(1, 1, 1, 1))
+    set_inputs(clear, Roughness=0.0, IOR=1.25, Color=(1, 1, 1, 1))
+    set_inputs(factor, IOR=1.25)
+    shader.link(clear, 0, shader.shader, "Shader")
+    shader.link(glossy, 0, shader.shader, "Shader_001")
+    shader.link(factor, 0, shader.shader, shader.shader.inputs[0].identifier)
+    mirror, refraction = shader.export()[1]
+    assert (mirror.kind, mirror.fresnel, mirror.ior) == ("MIRROR", True, 1.25)
+    assert (refraction.kind, refraction.fresnel, refraction.ior) == ("REFRACTION", True, 1.25)
+
+
+def test_blinn_phong_node(scene):  # noqa: F811
+    from glint.addon import nodes
+
+    nodes.register()
+    try:
+        shader = Shader(shader="GlintBlinnPhongNode")
+        colors = {"Ambient": (0.1, 0.2, 0.3), "Diffuse": (0.4, 0.5, 0.6), "Specular": (0.7, 0.8, 0.9), "Mirror": (0.25, 0.5, 0.75)}
+        set_inputs(shader.shader, Exponent=20, Alpha=0.5, Emission=(2, 3, 4, 1), **{name: (*rgb, 1) for name, rgb in colors.items()})
+        result, lobes = shader.export()
+        for name, rgb in {**colors, "Emission": (2, 3, 4)}.items():
+            np.testing.assert_allclose(total(lobes, name.upper()), np.multiply(rgb, 0.5), rtol=1e-6)
+        np.testing.assert_allclose(total(lobes, "TRANSPARENT"), 0.5)
+        assert of_kind(lobes, "SPECULAR")[0].exponent == 20
+        assert len(lobes) == 6
+        assert not any("supported" in note for note in result.notes)
+    finally:
+        nodes.unregister()

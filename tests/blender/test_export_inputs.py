@@ -1,0 +1,216 @@
+"""What feeds a shader's sockets: images, attributes, arithmetic, colours and mappings."""
+
+import numpy as np
+import pytest
+
+from export_support import RED, Shader, image, layer_share, of_kind, principled, scene, set_inputs, srgb_to_linear, total, weight  # noqa: F401
+from glint.addon.export.fresnel import normal_reflectance
+from glint.addon.export.roughness import dielectric_highlights, highlights
+
+
+def test_image_on_a_colour(scene):  # noqa: F811
+    shader = Shader()
+    texture = shader.node("ShaderNodeTexImage", image=image(pixels=((0.5, 0.25, 0.75, 1),)))
+    shader.link(texture, "Color", shader.shader, "Color")
+    result, lobes = shader.export()
+    expected = srgb_to_linear(np.rint(np.array([0.5, 0.25, 0.75]) * 255) / 255)
+    np.testing.assert_allclose(total(lobes, "DIFFUSE", result.scene.textures), expected, rtol=1e-6)
+    assert len(of_kind(lobes, "DIFFUSE")) == 1
+    assert result.scene.geometries[0].attributes[0].name == "UVMap"
+
+
+def test_alpha_of_an_image(scene):  # noqa: F811
+    shader = principled(Metallic=1.0, Base_Color=(1, 1, 1, 1))
+    texture = shader.node("ShaderNodeTexImage", image=image(pixels=((1, 1, 1, 0.25),), float_buffer=False))
+    shader.link(texture, "Alpha", shader.shader, "Alpha")
+    result, lobes = shader.export()
+    alpha = np.rint(0.25 * 255) / 255
+    np.testing.assert_allclose(total(lobes, "TRANSPARENT", result.scene.textures), 1 - alpha)
+    np.testing.assert_allclose(total(lobes, "AMBIENT", result.scene.textures), alpha)
+    assert [factor.channel for lobe in of_kind(lobes, "TRANSPARENT") for factor in lobe.factors] == ["ALPHA"]
+
+
+def test_colour_of_an_image_alone_is_times_alpha_under_its_curve(scene):  # noqa: F811
+    """As Cycles does it (seen in 4.2 and 5.0): bytes are multiplied before the sRGB curve is undone."""
+    shader = Shader()
+    shader.link(shader.node("ShaderNodeTexImage", image=image(pixels=((0.5, 0.25, 0.75, 0.5),))), "Color", shader.shader, "Color")
+    result, lobes = shader.export()
+    found = total(lobes, "DIFFUSE", result.scene.textures)
+    np.testing.assert_allclose(found, (0.05126947, 0.01444384, 0.11443541), rtol=1e-5)
+
+
+def test_texture_drives_a_mix(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeMixShader")
+    red, clear = shader.node("ShaderNodeBsdfDiffuse"), shader.node("ShaderNodeBsdfTransparent")
+    set_inputs(red, Color=RED)
+    mask = image(pixels=((0.25, 0.25, 0.25, 1),), space="Non-Color")
+    shader.link(shader.node("ShaderNodeTexImage", image=mask), "Color", shader.shader, shader.shader.inputs[0].identifier)
+    shader.link(red, 0, shader.shader, "Shader")
+    shader.link(clear, 0, shader.shader, "Shader_001")
+    result, lobes = shader.export()
+    value = np.rint(0.25 * 255) / 255
+    np.testing.assert_allclose(total(lobes, "DIFFUSE", result.scene.textures), np.multiply(RED[:3], 1 - value), rtol=1e-6)
+    np.testing.assert_allclose(total(lobes, "TRANSPARENT", result.scene.textures), value, rtol=1e-6)
+    assert all(factor.channel == "LUMINANCE" for factor in of_kind(lobes, "TRANSPARENT")[0].factors if factor.texture >= 0)
+
+
+def test_vertex_colour_times_texture(scene):  # noqa: F811
+    shader = Shader()
+    mix = shader.node("ShaderNodeMix", data_type="RGBA", blend_type="MULTIPLY")
+    mix.inputs["Factor_Float" if "Factor_Float" in mix.inputs else 0].default_value = 1.0
+    shader.link(shader.node("ShaderNodeTexImage", image=image()), "Color", mix, "A_Color")
+    shader.link(shader.node("ShaderNodeVertexColor", layer_name="Col"), "Color", mix, "B_Color")
+    shader.tree.links.new(next(s for s in mix.outputs if s.identifier == "Result_Color"), shader.shader.inputs["Color"])
+    result, lobes = shader.export()
+    (lobe,) = of_kind(lobes, "DIFFUSE")
+    assert {factor.attribute for factor in lobe.factors} == {"", "Col"}
+    expected = srgb_to_linear(np.rint(np.array([0.5, 0.25, 0.75]) * 255) / 255) * (0.1, 0.2, 0.3)
+    np.testing.assert_allclose(weight(lobe, result.scene.textures, {"Col": (0.1, 0.2, 0.3)}), expected, rtol=1e-6)
+    assert {a.name for a in result.scene.geometries[0].attributes} == {"UVMap", "Col"}
+
+
+def test_attribute_as_a_number_is_grey(scene):  # noqa: F811
+    shader = principled(Base_Color=RED)
+    shader.quad.data.color_attributes["Col"].data.foreach_set("color", np.tile(np.array([0.1, 0.2, 0.6, 1], np.float32), 4))
+    shader.link(shader.node("ShaderNodeVertexColor", layer_name="Col"), "Color", shader.shader, "Alpha")
+    result, lobes = shader.export()
+    (attribute,) = result.scene.geometries[0].attributes
+    np.testing.assert_allclose(attribute.values[:, :3], 0.3, rtol=1e-6)
+    colors = {attribute.name: (0.3, 0.3, 0.3)}
+    np.testing.assert_allclose(total(lobes, "TRANSPARENT", colors=colors), 0.7, rtol=1e-6)
+
+
+def test_mix_of_textures_by_a_constant_is_a_sum(scene):  # noqa: F811
+    shader = Shader()
+    mix = shader.node("ShaderNodeMixRGB", blend_type="MIX")
+    mix.inputs[0].default_value = 0.25
+    for name, value in (("Color1", 0.5), ("Color2", 0.75)):
+        picture = image(name, ((value, value, value, 1),), space="Non-Color")
+        shader.link(shader.node("ShaderNodeTexImage", image=picture), "Color", mix, name)
+    shader.link(mix, 0, shader.shader, "Color")
+    result, lobes = shader.export()
+    expected = 0.75 * np.rint(0.5 * 255) / 255 + 0.25 * np.rint(0.75 * 255) / 255
+    assert len(of_kind(lobes, "DIFFUSE")) == 2
+    np.testing.assert_allclose(total(lobes, "DIFFUSE", result.scene.textures), expected, rtol=1e-6)
+
+
+MATHS = {
+    "ADD": 0.75 + 0.5, "SUBTRACT": 0.25, "MULTIPLY": 0.375, "DIVIDE": 1.5, "POWER": 0.75**0.5, "MINIMUM": 0.5, "MAXIMUM": 0.75,
+    "LESS_THAN": 0.0, "GREATER_THAN": 1.0, "SQRT": 0.75**0.5, "MULTIPLY_ADD": 0.375 + 0.125, "SINE": np.sin(0.75), "FRACT": 0.75,
+    "ABSOLUTE": 0.75, "ROUND": 1.0, "FLOOR": 0.0, "CEIL": 1.0, "MODULO": 0.25, "COMPARE": 0.0, "SIGN": 1.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("textured", [False, True])
+@pytest.mark.parametrize("operation", MATHS)
+def test_math(scene, operation, textured):  # noqa: F811
+    shader = Shader(shader="ShaderNodeEmission")
+    node = shader.node("ShaderNodeMath", operation=operation)
+    for socket, value in zip(node.inputs, (0.75, 0.5, 0.125), strict=True):
+        socket.default_value = value
+    if textured:
+        picture = image(pixels=((0.75, 0.75, 0.75, 1),), float_buffer=True)
+        shader.link(shader.node("ShaderNodeTexImage", image=picture), "Color", node, node.inputs[0].identifier)
+    shader.link(node, 0, shader.shader, "Strength")
+    set_inputs(shader.shader, Color=(1, 1, 1, 1))
+    result, lobes = shader.export()
+    assert not any("not supported" in note for note in result.notes)
+    np.testing.assert_allclose(total(lobes, "EMISSION", result.scene.textures), MATHS[operation], rtol=1e-6, atol=1e-7)
+
+
+def _colour_nodes():
+    ramp = lambda shader: shader.node("ShaderNodeValToRGB")  # noqa: E731
+    return {
+        "ShaderNodeInvert": (None, lambda c: 1 - c),
+        "ShaderNodeGamma": ({"Gamma": 2.0}, lambda c: c**2),
+        "ShaderNodeBrightContrast": ({"Bright": 0.1, "Contrast": 0.5}, lambda c: np.maximum(1.5 * c + 0.1 - 0.25, 0)),
+        "ShaderNodeHueSaturation": ({"Value": 0.5}, lambda c: c * 0.5),
+        "ramp": (ramp, lambda c: np.full(3, c @ (0.2126, 0.7152, 0.0722))),
+        "ShaderNodeRGBToBW": (None, lambda c: np.full(3, c @ (0.2126, 0.7152, 0.0722))),
+    }
+
+
+@pytest.mark.parametrize("kind", _colour_nodes())
+def test_colour_nodes_on_constants(scene, kind):  # noqa: F811
+    settings, expected = _colour_nodes()[kind]
+    shader = Shader(shader="ShaderNodeEmission")
+    node = settings(shader) if callable(settings) else shader.node(kind)
+    for name, value in (settings or {}).items() if not callable(settings) else ():
+        node.inputs[name].default_value = value
+    rgb = shader.node("ShaderNodeRGB")
+    rgb.outputs[0].default_value = RED
+    shader.link(rgb, 0, node, "Fac" if kind == "ramp" else "Color")
+    shader.link(node, 0, shader.shader, "Color")
+    _, lobes = shader.export()
+    np.testing.assert_allclose(total(lobes, "EMISSION"), expected(np.array(RED[:3])), rtol=1e-5)
+
+
+def test_hue_is_turned_as_blender_turns_it(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeEmission")
+    node = shader.node("ShaderNodeHueSaturation")
+    set_inputs(node, Hue=0.75, Saturation=0.5, Value=1.0, Color=(0.8, 0.2, 0.1, 1))
+    shader.link(node, 0, shader.shader, "Color")
+    import colorsys
+
+    hue, saturation, value = colorsys.rgb_to_hsv(0.8, 0.2, 0.1)
+    expected = colorsys.hsv_to_rgb((hue + 0.25) % 1, saturation * 0.5, value)
+    np.testing.assert_allclose(total(shader.export()[1], "EMISSION"), expected, rtol=1e-5)
+
+
+def test_separate_channels_of_an_image(scene):  # noqa: F811
+    """glTF's packed texture: metallic is blue, roughness green; the roughness is its mean, with a note."""
+    shader = principled(Base_Color=RED)
+    packed = image(pixels=((0.9, 0.5, 0.25, 1),), space="Non-Color")
+    split = shader.node("ShaderNodeSeparateColor")
+    shader.link(shader.node("ShaderNodeTexImage", image=packed), "Color", split, "Color")
+    shader.link(split, "Blue", shader.shader, "Metallic")
+    shader.link(split, "Green", shader.shader, "Roughness")
+    result, lobes = shader.export()
+    metallic, roughness = np.rint(0.25 * 255) / 255, np.rint(0.5 * 255) / 255
+    np.testing.assert_allclose(
+        total(lobes, "DIFFUSE", result.scene.textures),
+        np.multiply(RED[:3], (1 - metallic) * (1 - layer_share(roughness=roughness))),
+        rtol=1e-6,
+    )
+    exponents = {p for p, _ in (*highlights(roughness), *dielectric_highlights(roughness, normal_reflectance(1.5)))}
+    np.testing.assert_allclose(sorted({lobe.exponent for lobe in of_kind(lobes, "SPECULAR")}), sorted(exponents), rtol=1e-4)
+    assert any("'Roughness'" in note for note in result.notes)
+
+
+@pytest.mark.parametrize("kind", ["POINT", "TEXTURE", "VECTOR"])
+def test_mapping(scene, kind):  # noqa: F811
+    from mathutils import Euler, Vector
+
+    shader = Shader()
+    texture, mapping, uv = shader.node("ShaderNodeTexImage", image=image()), shader.node("ShaderNodeMapping", vector_type=kind), None
+    uv = shader.node("ShaderNodeTexCoord")
+    rotation, scaling = Euler((0.3, 0.2, 1.0)), Vector((2.0, 0.5, 3.0))
+    location = Vector((0.25, -0.5, 1.0))
+    set_inputs(mapping, Rotation=rotation, Scale=scaling)
+    if kind != "VECTOR":
+        set_inputs(mapping, Location=location)
+    shader.link(uv, "UV", mapping, "Vector")
+    shader.link(mapping, "Vector", texture, "Vector")
+    shader.link(texture, "Color", shader.shader, "Color")
+    transform = np.array(of_kind(shader.export()[1], "DIFFUSE")[0].factors[0].uv_transform)
+    turn = rotation.to_matrix()
+    for u, v in ((0, 0), (1, 0), (0.3, 0.8)):
+        point = Vector((u, v, 0))
+        if kind == "TEXTURE":
+            back = turn.inverted() @ (point - location)
+            expected = [back[k] / scaling[k] for k in range(2)]
+        else:
+            scaled = Vector([a * b for a, b in zip(point, scaling, strict=True)])
+            expected = (turn @ scaled + (location if kind == "POINT" else Vector()))[:2]
+        np.testing.assert_allclose(transform @ (u, v, 1), expected, atol=1e-6)
+
+
+def test_uv_map_by_name(scene):  # noqa: F811
+    shader = Shader()
+    shader.quad.data.uv_layers.new(name="Second")
+    texture = shader.node("ShaderNodeTexImage", image=image())
+    shader.link(shader.node("ShaderNodeUVMap", uv_map="Second"), "UV", texture, "Vector")
+    shader.link(texture, "Color", shader.shader, "Color")
+    result, lobes = shader.export()
+    assert {factor.uv for lobe in lobes for factor in lobe.factors} == {"Second"}
+    assert [a.name for a in result.scene.geometries[0].attributes] == ["Second"]

@@ -1,0 +1,262 @@
+"""The export that keeps what did not change: after any sequence of edits it gives what a full export gives, bit for bit."""
+
+import dataclasses
+import random
+
+import bpy
+import numpy as np
+import pytest
+
+from export_support import Shader, link, mesh_object, quad, scene, use_nodes  # noqa: F401 (a fixture)
+from glint.addon.export import export_scene
+from glint.addon.export import incremental
+from glint.addon.export.incremental import LiveExport
+from glint.engine.scene import Camera
+
+CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1, 1, -1, 1), (4, 4))
+
+
+class Follower:
+    """A LiveExport that hears of every update of the depsgraph, as a viewport does."""
+
+    def __init__(self, passes=frozenset()) -> None:
+        self.live, self.passes, self.scene, self.reads = LiveExport(), passes, None, 0
+        self.heard: list[tuple] = []
+
+    def __enter__(self):
+        bpy.app.handlers.depsgraph_update_post.append(self._update)
+        bpy.app.handlers.frame_change_post.append(self._update)
+        self._update(bpy.context.scene, bpy.context.evaluated_depsgraph_get())
+        return self
+
+    def __exit__(self, *_):
+        bpy.app.handlers.depsgraph_update_post.remove(self._update)
+        bpy.app.handlers.frame_change_post.remove(self._update)
+
+    def _update(self, _scene, depsgraph):
+        self.heard = [(update.id.id_type, update.id.name) for update in depsgraph.updates]
+        self.scene = self.live.update(depsgraph, CAMERA, passes=self.passes)
+
+    def check(self):
+        bpy.context.view_layer.update()
+        full = export_scene(bpy.context.evaluated_depsgraph_get(), passes=self.passes).scene
+        assert same(self.scene, dataclasses.replace(full, camera=CAMERA), "scene")
+
+
+def same(one, two, where):
+    """Equal to the last bit; says where not."""
+    assert type(one) is type(two), f"{where}: {type(one)} and {type(two)}"
+    if isinstance(one, np.ndarray):
+        assert one.dtype == two.dtype and one.shape == two.shape, where
+        assert one.tobytes() == two.tobytes(), where
+    elif isinstance(one, tuple):
+        assert len(one) == len(two), f"{where}: {len(one)} and {len(two)}"
+        assert all(same(a, b, f"{where}[{k}]") for k, (a, b) in enumerate(zip(one, two, strict=True)))
+    elif dataclasses.is_dataclass(one):
+        for name in (field.name for field in dataclasses.fields(one)):
+            same(getattr(one, name), getattr(two, name), f"{where}.{name}")
+    else:
+        assert one == two or (one != one and two != two), f"{where}: {one!r} and {two!r}"
+    return True
+
+
+@pytest.fixture
+def world(scene):
+    """Plain and modified meshes, shared data, textures, an empty that instances a collection, lights, a world with nodes."""
+    material = Shader("Textured")
+    image = bpy.data.images.new("Image", 4, 4)
+    image.pixels.foreach_set(np.random.default_rng(1).random(64, np.float32))
+    texture = material.node("ShaderNodeTexImage")
+    texture.image = image
+    material.link(texture, "Color", material.shader, "Color")
+    material.quad.name = "Textured"
+    plain = bpy.data.materials.new("Plain")
+    plain.use_nodes = False
+    shared = quad("Shared", plain, material.material)
+    link(bpy.data.objects.new("Twin", shared.data))
+    modified = quad("Modified", material.material)
+    modified.data.uv_layers.new(name="UVMap")
+    modified.modifiers.new("Subdivide", "SUBSURF").levels = 1
+    instanced = bpy.data.collections.new("Instanced")
+    inner = mesh_object("Inner", [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    bpy.context.scene.collection.objects.unlink(inner)
+    instanced.objects.link(inner)
+    for name in ("EmptyA", "EmptyB"):
+        empty = link(bpy.data.objects.new(name, None))
+        empty.instance_type, empty.instance_collection = "COLLECTION", instanced
+    child = quad("Child")
+    child.parent = shared
+    for kind in ("POINT", "SUN", "AREA"):
+        link(bpy.data.objects.new(kind.title(), bpy.data.lights.new(kind.title(), kind)))
+    scene.world = bpy.data.worlds.new("World")
+    use_nodes(scene.world)
+    tree = scene.world.node_tree
+    tree.links.new(tree.nodes.new("ShaderNodeBackground").outputs[0], tree.nodes.new("ShaderNodeOutputWorld").inputs[0])
+    bpy.context.view_layer.update()
+    return scene
+
+
+def _vector(r):
+    return [r.uniform(-3, 3) for _ in range(3)]
+
+
+def _some_object(r, *kinds):
+    return r.choice([thing for thing in sorted(bpy.context.scene.objects, key=lambda o: o.name) if not kinds or thing.type in kinds])
+
+
+def move(r):
+    _some_object(r).location = _vector(r)
+
+
+def turn(r):
+    _some_object(r).rotation_euler = _vector(r)
+
+
+def scale_to_nothing(r):
+    _some_object(r, "MESH").scale = r.choice([(0, 0, 1), (1, 1, 1), (-1, 1, 1)])
+
+
+def edit_vertex(r):
+    mesh = _some_object(r, "MESH").data
+    r.choice(mesh.vertices).co = _vector(r)
+    mesh.update()
+
+
+def add_triangle(r):
+    mesh = r.choice(sorted(bpy.data.meshes, key=lambda m: m.name))
+    mesh.clear_geometry()
+    mesh.from_pydata([_vector(r) for _ in range(5)], [], [(0, 1, 2), (2, 3, 4)])
+    mesh.update()
+
+
+def subdivide(r):
+    bpy.data.objects["Modified"].modifiers[0].levels = r.randrange(3)
+
+
+def smooth(r):
+    mesh = r.choice(sorted(bpy.data.meshes, key=lambda m: m.name))
+    mesh.polygons.foreach_set("use_smooth", np.full(len(mesh.polygons), r.random() < 0.5))
+    mesh.update()
+
+
+def color(r):
+    bpy.data.materials["Plain"].diffuse_color = (*[r.random() for _ in range(3)], 1)
+
+
+def node_value(r):
+    node = next(node for node in bpy.data.materials["Textured"].node_tree.nodes if node.type == "BSDF_DIFFUSE")
+    node.inputs["Color"].default_value = (*[r.random() for _ in range(3)], 1)
+
+
+def unlink_or_link(r):
+    tree = bpy.data.materials["Textured"].node_tree
+    texture, shader = (next(node for node in tree.nodes if node.type == kind) for kind in ("TEX_IMAGE", "BSDF_DIFFUSE"))
+    if shader.inputs["Color"].is_linked:
+        tree.links.remove(shader.inputs["Color"].links[0])
+    else:
+        tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
+
+
+def paint(r):
+    image = bpy.data.images["Image"]
+    image.pixels.foreach_set(np.random.default_rng(r.randrange(99)).random(64, np.float32))
+    image.update_tag()
+
+
+def recolor(r):
+    bpy.data.images["Image"].colorspace_settings.name = r.choice(["sRGB", "Non-Color"])
+
+
+def reload(r):
+    """Drops what was painted."""
+    bpy.data.images["Image"].reload()
+
+
+def interpolate(r):
+    tree = bpy.data.materials["Textured"].node_tree
+    next(node for node in tree.nodes if node.type == "TEX_IMAGE").interpolation = r.choice(["Linear", "Closest"])
+
+
+def swap_material(r):
+    slot = r.choice([slot for thing in bpy.context.scene.objects for slot in thing.material_slots])
+    slot.material = r.choice([*sorted(bpy.data.materials, key=lambda m: m.name), None])
+
+
+def light(r):
+    lamp = r.choice(sorted(bpy.data.lights, key=lambda m: m.name))
+    lamp.energy, lamp.color = r.random(), [r.random() for _ in range(3)]
+    if lamp.type == "POINT":
+        lamp.shadow_soft_size = r.choice([0.0, 0.5])
+
+
+def surround(r):
+    world = bpy.context.scene.world
+    world.node_tree.nodes["Background"].inputs["Color"].default_value = (*[r.random() for _ in range(3)], 1)
+
+
+def hide(r):
+    thing = _some_object(r)
+    thing.hide_viewport = not thing.hide_viewport
+
+
+def exclude(r):
+    bpy.data.objects[r.choice(["EmptyA", "EmptyB"])].instance_type = r.choice(["NONE", "COLLECTION"])
+
+
+def add(r):
+    quad(f"New{r.randrange(1000)}", r.choice(sorted(bpy.data.materials, key=lambda m: m.name)))
+
+
+def delete(r):
+    things = [thing for thing in bpy.context.scene.objects if thing.name.startswith("New")]
+    if things:
+        bpy.data.objects.remove(things[0])
+
+
+def step(r):
+    bpy.context.scene.frame_set(bpy.context.scene.frame_current + 1)
+
+
+def cast(r):
+    thing = _some_object(r)
+    thing.visible_shadow = not thing.visible_shadow
+
+
+def film(r):
+    bpy.context.scene.render.film_transparent = not bpy.context.scene.render.film_transparent
+
+
+EDITS = [
+    move, turn, scale_to_nothing, edit_vertex, add_triangle, subdivide, smooth, color, node_value, unlink_or_link, paint, recolor, reload, interpolate,
+    swap_material, light, surround, hide, exclude, add, delete, step, cast, film,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_one_edit(world, edit):
+    with Follower() as follower:
+        for seed in range(3):
+            edit(random.Random(seed))
+            follower.check()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_any_sequence_of_edits(world, seed):
+    r = random.Random(seed)
+    with Follower(frozenset({"UV"}) if seed % 2 else frozenset()) as follower:
+        for _ in range(12):
+            for _ in range(r.randrange(1, 4)):
+                r.choice(EDITS)(r)
+            follower.check()
+
+
+@pytest.mark.parametrize("edit", [move, light, color, node_value, surround, cast])
+def test_what_is_no_geometry_reads_no_mesh(world, edit, monkeypatch):
+    with Follower() as follower:
+        follower.check()
+        before = {id(geometry) for geometry in follower.scene.geometries}
+        monkeypatch.setattr(incremental, "read_mesh", lambda *_: pytest.fail("a mesh was read"))
+        monkeypatch.setattr(incremental, "read_attributes", lambda *_: pytest.fail("an attribute was read"))
+        edit(random.Random(1))
+        bpy.context.view_layer.update()
+        assert {id(geometry) for geometry in follower.scene.geometries} <= before

@@ -1,0 +1,106 @@
+"""The core's stages, which run over whole batches: the same bits from every instruction set, and materials in one tile that do not mix."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine_scenes import SCENES, ball_mesh, camera, checker, grid_mesh, surface
+from glint import engine
+from glint.engine import scene as s
+from native_tools import IDENTITY, constant, lamp, material, needs_core, placed, view_from_above
+
+pytestmark = needs_core
+
+PARTS = frozenset(engine.PASSES) - {"Combined"}
+TESTS = Path(__file__).resolve().parents[1]
+
+
+def hashes() -> str:
+    """A line a scene: Combined alone, and with all passes."""
+    lines = []
+    for name, make in SCENES.items():
+        scene, plan = make(), engine.Settings(samples=2, light_samples=3, max_bounces=4)
+        for passes in (frozenset(), PARTS):
+            film = engine.render(scene, replace(plan, passes=passes))
+            bits = b"".join(np.ascontiguousarray(film.passes[key]).tobytes() for key in sorted(film.passes))
+            lines.append(f"{name} {len(film.passes)} {hashlib.sha256(bits).hexdigest()}")
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("isa", ["sse42", "avx2", "avx512"])
+def test_same_bits_from_every_instruction_set(isa: str) -> None:
+    """A machine without one of them takes the next lesser."""
+    command = f"import sys; sys.path[:0] = {[str(TESTS), str(TESTS / 'engine')]!r}; import conftest, test_native_stages as t; print(t.hashes())"
+    done = subprocess.run([sys.executable, "-c", command], env={**os.environ, "GLINT_ISA": isa}, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == hashes().splitlines()
+
+
+def test_materials_of_one_batch_keep_to_themselves() -> None:
+    """A checkerboard of six materials, one face a pixel: each pixel is that of a scene with its material alone."""
+    size = 24
+    x, y = np.meshgrid(np.linspace(-1, 1, size + 1), np.linspace(-1, 1, size + 1))
+    vertices = np.stack([x, y, 0 * x], -1).reshape(-1, 3).astype(np.float32)
+    row, column = np.divmod(np.arange(size * size), size)
+    first = row * (size + 1) + column
+    quads = np.stack([first, first + 1, first + size + 2, first + size + 1], -1)
+    triangles = np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]]).astype(np.uint32)
+    uv = s.Attribute("map", s.POINT, (vertices[:, :2] * 0.5 + 0.5).astype(np.float32))
+    slots = np.tile((5 * row + column) % 6, 2).astype(np.uint16)
+    mesh = s.Mesh("board", vertices, triangles, material_slots=slots, attributes=(uv,))
+    materials = (
+        surface("dull", (0.8, 0.2, 0.1), ambient=0.3),
+        surface("shiny", (0.1, 0.3, 0.5), specular=0.6, exponent=12),
+        s.Material("two highlights", (s.Lobe("SPECULAR", constant(0.3), 9.0), s.Lobe("SPECULAR", constant(0.2, 0.1, 0.4), 70.0))),
+        s.Material("picture", (s.Lobe("DIFFUSE", (s.Input(texture=0),)), s.Lobe("AMBIENT", (s.Input(texture=0),)))),
+        s.Material("mirror", (s.Lobe("MIRROR", constant(0.4)), s.Lobe("DIFFUSE", constant(0.2)))),
+        s.Material("veil", (s.Lobe("TRANSPARENT", constant(0.3, 0.6, 0.9)), s.Lobe("EMISSION", constant(0.1)))),
+    )
+    lights = (lamp("POINT", (0.3, -0.2, 1.5), strength=30.0), lamp("SUN", strength=0.5))
+    world = s.World((0.2, 0.3, 0.4), (0.5, 0.6, 0.7))
+    board = s.Scene(view_from_above(size), (mesh,), (placed(0, tuple(range(6))),), materials, (checker(),), lights, world)
+    plan = engine.Settings(samples=1, light_samples=1, max_bounces=1)
+    together = engine.render(board, plan).combined
+    for k in range(6):
+        alone = engine.render(replace(board, instances=(placed(0, (k,) * 6),)), plan).combined
+        mine = (slots[: size * size] == k).reshape(size, size)
+        assert together[mine].tobytes() == alone[mine].tobytes(), materials[k].name
+
+
+def test_instances_of_one_batch_keep_to_themselves() -> None:
+    """Balls smaller than a pixel's neighbourhood, each with a matrix of its own: every one looks as it does alone."""
+    count = 6
+    matrices = np.repeat(IDENTITY[None], count * count, 0)
+    row, column = np.divmod(np.arange(count * count), count)
+    matrices[:, :, :3] *= np.linspace(0.05, 0.12, count * count)[:, None, None]
+    matrices[::2, :, :3] = matrices[::2, :, :3] @ np.diag([1, -1, 1.5])
+    matrices[:, 0, 3], matrices[:, 1, 3] = (column - 2.5) / 3.2, (row - 2.5) / 3.2
+    white = (surface("white", 0.8, specular=0.5),)
+    base = s.Scene(view_from_above(48), (ball_mesh(6),), (s.Instances("balls", 0, matrices, (0,)),), white, (), (lamp("SUN"),))
+    plan = engine.Settings(samples=1, passes=frozenset({"Normal", "Depth"}))
+    together = engine.render(base, plan)
+    for k in range(0, count * count, 5):
+        alone = engine.render(replace(base, instances=(s.Instances("ball", 0, matrices[k : k + 1], (0,)),)), plan)
+        seen = alone.passes["Depth"][..., 0] < 1e9
+        assert seen.any()
+        for name in ("Normal", "Combined"):
+            # The anchor's scale is a power of two that the whole scene decides: bits can differ, rounding to float32 apart.
+            assert np.abs(together.passes[name][seen] - alone.passes[name][seen]).max() <= 2.0**-22
+
+
+def test_partial_tiles_and_single_pixels() -> None:
+    """Regions of every width from 1 to 17: the last group of a batch is full of lanes that no pixel has."""
+    scene = s.Scene(camera(size=(40, 9)), (grid_mesh(4),), (placed(),), (material(s.Lobe("DIFFUSE")),), (), (lamp("POINT"),))
+    plan = engine.Settings(samples=2)
+    whole = engine.render(scene, plan).combined
+    for width in range(1, 18):
+        part = engine.render(scene, replace(plan, region=(3, 1, 3 + width, 8))).combined
+        assert part.tobytes() == np.ascontiguousarray(whole[1:8, 3 : 3 + width]).tobytes(), width

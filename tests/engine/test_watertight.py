@@ -1,0 +1,247 @@
+"""No ray slips between two triangles, and no bit depends on the machine: rows N1, N2 and N15 of the numerics' acceptance table.
+
+The fast tests take a few thousand rays each, those marked slow the numbers of the table: 1e7 and 5e7.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine_scenes import SCENES, look_at
+from glint import engine
+from glint.engine import native
+from glint.engine import scene as s
+from native_tools import material, needs_core
+from ray_tools import box_grid, bumpy, icosphere, oblique_grid
+
+pytestmark = needs_core
+
+CLOSED = {"icosphere": lambda: icosphere(3), "box": lambda: box_grid(24), "bumpy": bumpy}
+RADII = (1e-3, 1.0, 1e4)
+SHIFTS = (0.0, 1e3)
+BLOCK = 1 << 18
+
+SQUEEZED = ("bumpy", 1e-3, 1e3)
+"""There float32 holds the mesh to 6 % of its radius and squeezes 38 of its triangles to lines with three different corners."""
+CASES = [(name, radius, shift) for name in CLOSED for radius in RADII for shift in SHIFTS if (name, radius, shift) != SQUEEZED]
+
+
+# --- N1: rays exactly at edges and vertices -----------------------------------------------------------------------------------------
+
+
+def targets(vertices: np.ndarray, triangles: np.ndarray, rng: np.random.Generator, count: int) -> np.ndarray:
+    """(count, 3) float64 points where leaks would be: a third vertices, a third middles of edges, a third anywhere on edges."""
+    triangle, side = rng.integers(len(triangles), size=count), rng.integers(3, size=count)
+    a = vertices[triangles[triangle, side]].astype(float)
+    b = vertices[triangles[triangle, (side + 1) % 3]].astype(float)
+    along = np.choose(rng.integers(3, size=count), [np.zeros(count), np.full(count, 0.5), rng.random(count)])
+    return a + along[:, None] * (b - a)
+
+
+def leaks_of_closed(vertices: np.ndarray, triangles: np.ndarray, center: np.ndarray, radius: float, rays: int, seed: int) -> int:
+    """Rays from inside that see nothing. Half of them start at the middle; a quarter of the origins are float32 numbers, so that most of
+    their differences to a vertex are exact."""
+    rng, leaks = np.random.default_rng(seed), 0
+    with engine.Accelerator.from_triangles(vertices, triangles) as tree:
+        for begin in range(0, rays, BLOCK):
+            count = min(BLOCK, rays - begin)
+            o = center + 0.3 * radius * rng.uniform(-1, 1, (count, 3)) * (np.arange(count) % 2)[:, None]
+            o[::4] = o[::4].astype(np.float32)
+            d = targets(vertices, triangles, rng, count) - o
+            for dtype in (np.float64, np.float32) if begin % (4 * BLOCK) == 0 else (np.float64,):
+                start, along = o.astype(dtype), d.astype(dtype)
+                missed = np.isinf(tree.closest(start, along).t)
+                leaks += int((missed | ~tree.occluded(start, along)).sum())
+    return leaks
+
+
+def leaks_of_grid(vertices: np.ndarray, triangles: np.ndarray, center: np.ndarray, radius: float, rays: int, seed: int) -> int:
+    """Rays from both sides at the inner edges and vertices of an open grid that do not stop there."""
+    inner = (np.abs(vertices - center)[:, 0] < 0.95 * radius)[triangles].all(1)
+    inner &= (np.abs(0.6 * (vertices - center)[:, 1] + 0.8 * (vertices - center)[:, 2])[triangles] < 0.9 * radius).all(1)
+    rng, leaks = np.random.default_rng(seed), 0
+    normal = np.cross([1, -0.3, 0.2], [0, 0.6, 0.8])
+    normal /= np.linalg.norm(normal)
+    with engine.Accelerator.from_triangles(vertices, triangles) as tree:
+        for begin in range(0, rays, BLOCK):
+            count = min(BLOCK, rays - begin)
+            at = targets(vertices, triangles[inner], rng, count)
+            d = 2 * radius * rng.normal(size=(count, 3))
+            steep = np.abs(d @ normal) > 1e-2 * np.linalg.norm(d, axis=1)  # all but along it a float32 ray passes beside the open grid
+            at, d = at[steep], d[steep]
+            leaks += int((~(tree.closest(at - d, d).t < np.inf)).sum())
+    return leaks
+
+
+def placed_mesh(vertices: np.ndarray, radius: float, shift: float) -> tuple[np.ndarray, np.ndarray]:
+    """float32 vertices of that size at (shift, shift, shift), and the centre."""
+    center = np.full(3, shift)
+    return (vertices * radius + center).astype(np.float32), center
+
+
+@pytest.mark.parametrize(("name", "radius", "shift"), CASES)
+def test_n1_closed_meshes(name: str, radius: float, shift: float) -> None:
+    vertices, triangles = CLOSED[name]()
+    placed, center = placed_mesh(vertices, radius, shift)
+    assert leaks_of_closed(placed, triangles, center, radius, 6000, seed=1) == 0
+
+
+@pytest.mark.xfail(reason="triangles squeezed to a line are left out, and their neighbours meet in an edge with a corner in its middle")
+def test_n1_triangles_squeezed_to_lines() -> None:
+    name, radius, shift = SQUEEZED
+    vertices, triangles = CLOSED[name]()
+    placed, center = placed_mesh(vertices, radius, shift)
+    assert leaks_of_closed(placed, triangles, center, radius, 200_000, seed=1) == 0
+
+
+@pytest.mark.parametrize("radius", RADII)
+def test_n1_oblique_grids(radius: float) -> None:
+    vertices, triangles = oblique_grid()
+    placed, center = placed_mesh(vertices, radius, 0.0)
+    assert leaks_of_grid(placed, triangles, center, radius, 6000, seed=2) == 0
+
+
+@pytest.mark.slow
+def test_n1_ten_million_rays() -> None:
+    """1e7 rays over all meshes, sizes and places."""
+    rays = 10**7 // (len(CASES) + 2 * len(RADII)) + 1
+    leaks = {}
+    for seed, (name, radius, shift) in enumerate(CASES):
+        vertices, triangles = CLOSED[name]()
+        placed, center = placed_mesh(vertices, radius, shift)
+        leaks[name, radius, shift] = leaks_of_closed(placed, triangles, center, radius, rays, seed)
+    for radius in RADII:
+        for shift in (0.0, 1.0) if radius < 1 else SHIFTS:  # at 1e3 float32 no longer holds an open grid of size 1e-3
+            vertices, triangles = oblique_grid()
+            placed, center = placed_mesh(vertices, radius, shift)
+            leaks["grid", radius, shift] = leaks_of_grid(placed, triangles, center, radius, rays, seed=99)
+    assert not {case: count for case, count in leaks.items() if count}
+
+
+# --- N2: closed black meshes in a white world ---------------------------------------------------------------------------------------
+
+
+def lit_pixels(name: str, size: int, seed: int) -> int:
+    """Of size² camera rays from a random place inside a closed black mesh those that see the white world."""
+    rng = np.random.default_rng(seed)
+    vertices, triangles = CLOSED[name]()
+    mesh = s.Mesh(name, vertices.astype(np.float32), triangles)
+    eye, kind = rng.uniform(-0.3, 0.3, 3), ("PERSPECTIVE", "ORTHOGRAPHIC")[seed % 2]
+    view = look_at(eye, eye + rng.normal(size=3))
+    if seed % 3 == 0:  # along an axis, through the vertices of the box exactly
+        view, eye = look_at((0, 0, 0), (-1, 0, 0)), np.zeros(3)
+    half = 0.3 if kind == "ORTHOGRAPHIC" else 1.0
+    camera = s.Camera(kind, view, (-half, half, -half, half), (size, size))
+    group = s.Instances(name, 0, np.eye(4)[None, :3], (0,))
+    scene = s.Scene(camera, (mesh,), (group,), (material(),), world=s.World(background=(1.0, 1.0, 1.0)))
+    film = engine.render(scene, engine.Settings(samples=1))
+    assert film.combined.shape == (size, size, 4) and (film.combined[..., 3] == 1).all()
+    return int((film.combined[..., :3] > 0).any(-1).sum())
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_n2_closed_black_meshes(name: str) -> None:
+    assert [lit_pixels(name, 96, seed) for seed in range(6)] == [0] * 6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CLOSED)
+def test_n2_fifty_million_rays(name: str) -> None:
+    """5e7 rays over the three meshes."""
+    size = 1024
+    pictures = 5 * 10**7 // (len(CLOSED) * size * size) + 1
+    assert {seed: lit for seed in range(pictures) if (lit := lit_pixels(name, size, seed))} == {}
+
+
+def test_n2_would_see_a_leak() -> None:
+    """The box without one of its triangles lets light in."""
+    vertices, triangles = CLOSED["box"]()
+    CLOSED["open box"] = lambda: (vertices, triangles[:-40])
+    try:
+        assert sum(lit_pixels("open box", 96, seed) for seed in range(6)) > 0
+    finally:
+        del CLOSED["open box"]
+
+
+# --- N15: the same bits -------------------------------------------------------------------------------------------------------------
+
+TESTS = Path(__file__).resolve().parent.parent
+INSTRUCTION_SETS = ("sse42", "avx2", "avx512", "neon", "generic")
+"""Names that GLINT_ISA may take; the library says which of them it has."""
+
+
+def fingerprints(threads: int, cut: bool) -> dict[str, str]:
+    """name -> hash of all passes of every scene, whole or put together from four regions, and of ray queries."""
+    plan = engine.Settings(samples=2, light_samples=3, threads=threads, passes=frozenset(engine.PASSES) - {"Combined"})
+    return {name: _hash(_passes(make(), plan, cut)) for name, make in SCENES.items()} | {"queries": _hash(_queries(threads))}
+
+
+def _passes(scene: s.Scene, plan: engine.Settings, cut: bool) -> list[np.ndarray]:
+    if not cut:
+        return [passed for _, passed in sorted(engine.render(scene, plan).passes.items())]
+    (nx, ny), found = scene.camera.resolution, []
+    for y0, y1 in ((0, 7), (7, ny)):
+        row = [engine.render(scene, replace(plan, region=(x0, y0, x1, y1))).passes for x0, x1 in ((0, 33), (33, nx))]
+        found.append({name: np.concatenate([part[name] for part in row], 1) for name in row[0]})
+    return [np.concatenate([part[name] for part in found], 0) for name in sorted(found[0])]
+
+
+def _queries(threads: int) -> list[np.ndarray]:
+    vertices, triangles = bumpy(16)
+    rng = np.random.default_rng(4)
+    o = rng.normal(size=(5000, 3))
+    d = vertices[rng.integers(len(vertices), size=5000)] - o
+    with engine.Accelerator.from_triangles(vertices.astype(np.float32), triangles, threads=threads) as tree:
+        hits = tree.closest(o, d)
+        return [hits.t, hits.instance, hits.primitive, hits.u, hits.v, tree.occluded(o, d, 0, 1)]
+
+
+def _hash(arrays: list[np.ndarray]) -> str:
+    total = hashlib.sha256()
+    for array in arrays:
+        total.update(np.ascontiguousarray(array).tobytes())
+    return total.hexdigest()
+
+
+def _elsewhere(instruction_set: str) -> dict | None:
+    """What `fingerprints` says in a process whose core is made to use that instruction set; None where it cannot."""
+    program = "import sys, conftest; sys.path.append('engine'); import test_watertight; test_watertight.report()"
+    variables = {**os.environ, "GLINT_ISA": instruction_set}
+    run = subprocess.run([sys.executable, "-c", program], cwd=TESTS, env=variables, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr[-2000:]
+    answer = json.loads(run.stdout)
+    return answer if answer["isa"] == instruction_set else None
+
+
+def report() -> None:
+    """For `_elsewhere`: the instruction set in use, and the fingerprints by number of threads."""
+    found = {"isa": native.library().glint_isa().decode()}
+    if found["isa"] == os.environ["GLINT_ISA"]:
+        found |= {"1": fingerprints(1, cut=False), "8 cut": fingerprints(8, cut=True)}
+    sys.stdout.write(json.dumps(found))
+
+
+def test_n15_threads_and_regions() -> None:
+    truth = fingerprints(1, cut=False)
+    for threads, cut in ((2, False), (8, False), (1, True), (2, True)):
+        assert fingerprints(threads, cut) == truth, (threads, cut)
+
+
+def test_n15_instruction_sets() -> None:
+    """Every instruction set that the library has and this machine runs."""
+    here = native.library().glint_isa().decode()
+    found = {name: answer for name in INSTRUCTION_SETS if (answer := _elsewhere(name))}
+    assert here in found
+    truth = fingerprints(2, cut=False)
+    for name, answer in found.items():
+        assert answer["1"] == truth, name
+        assert answer["8 cut"] == truth, name

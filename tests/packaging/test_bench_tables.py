@@ -1,0 +1,101 @@
+"""The benches' arithmetic: ratios, verdicts, tables and the judgement of instruction counts. Nothing is timed."""
+
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+BENCH = Path(__file__).resolve().parents[1] / "bench"
+sys.path.insert(0, str(BENCH))
+
+import bench  # noqa: E402
+import instructions  # noqa: E402
+import ray_tables  # noqa: E402
+import stages  # noqa: E402
+
+
+def row(tracer: str, mrays: float, robust: bool = True, threads: int = 1, rays: str = "primary") -> dict:
+    return {"tracer": tracer, "mrays": mrays, "robust": robust, "threads": threads, "rays": rays, "mode": f"{tracer} {mrays}"}
+
+
+def build_row(tracer: str, cpu: float, size: float, threads: int = 1) -> dict:
+    return {
+        "tracer": tracer, "quality": "medium", "robust": True, "compact": False, "threads": threads,
+        "cpu_seconds": cpu, "wall_seconds": cpu, "bytes_per_triangle": size,
+    }  # fmt: skip
+
+
+@pytest.fixture
+def report() -> dict:
+    traversal = [row("glint", 30), row("glint", 20), row("glint", 57, threads=2)]
+    traversal += [row("embree", 10), row("embree", 12), row("embree", 40, robust=False), row("embree", 99, threads=2)]
+    answers = [{"rays": "primary", "hit_or_miss_per_million": 2.0, "distance_per_million": 0.5, "primitive_per_million": 9.0}]
+    builds = [build_row("glint", 0.5, 30), build_row("embree", 1.0, 60), build_row("glint", 0.25, 30, threads=2)]
+    return {"head": {"triangles": 2_000_000}, "traversal": traversal, "answers": answers, "builds": builds}
+
+
+def test_ratios_take_the_best_mode_of_each_class(report):
+    assert ray_tables.ratio(report, "primary", 1, robust=True) == 30 / 12
+    assert ray_tables.ratio(report, "primary", 1, robust=False) == 30 / 40
+    assert ray_tables.ratio(report, "mirror", 1, robust=True) is None
+    assert ray_tables.scaling({"a": report}, "primary") == [57 / 30]
+
+
+def test_meshes_without_a_ratio_are_left_out(report):
+    assert ray_tables.ratios({"a": report, "b": {}}, "primary", 1, True) == {"a": 2.5}
+
+
+def test_summary_compares_medians_with_targets_and_names_the_worst(report):
+    slow = {**report, "traversal": [row("glint", 6), row("embree", 12)]}
+    text = ray_tables.summary_table({"fast": report, "slow": slow})
+    line = next(line for line in text.splitlines() if line.startswith("primary, Embree robust"))
+    assert line.split()[3:] == ["1.50", "2.5", "missed", "0.50", "slow", "0.95", "missed"]
+
+
+def test_verdicts():
+    assert ray_tables.verdict(2.5, 2.5) == "met"
+    assert ray_tables.verdict(2.49, 2.5) == ray_tables.verdict(float("nan"), 2.5) == "missed"
+
+
+def test_builds_table_has_speed_per_core_and_both_ratios(report):
+    lines = ray_tables.builds_table({"a": report}).splitlines()
+    embree = next(line for line in lines if "embree" in line).split()
+    assert embree[4:] == ["2.00", "1000.0", "-", "60.0", "2.00", "0.50"]
+    glint = next(line for line in lines if "glint" in line).split()
+    assert glint[3:] == ["4.00", "500.0", "250.0", "30.0", "1.00", "1.00"]
+
+
+def test_answers_that_differ_leave_ties_out(report):
+    assert ray_tables.differing(report, "primary") == 2.5
+
+
+def test_table_aligns_columns():
+    assert ray_tables.table([("a", "b"), ("long", "1")]) == "a     b\n-------\nlong  1"
+
+
+def test_plot_is_xml_with_a_bar_per_mesh_and_kind(report):
+    root = ElementTree.fromstring(ray_tables.plot({"a": report, "b": report}))
+    titles = [node.text for node in root.iter("{http://www.w3.org/2000/svg}title")]
+    assert len(titles) == 8 and titles.count("a: 2.50") == 1
+
+
+def test_instruction_counts_may_grow_by_five_per_cent():
+    assert instructions.grown({"primary": 105.0}, {"primary": 100.0}) == []
+    assert len(instructions.grown({"primary": 105.1}, {"primary": 100.0})) == 1
+    assert instructions.grown({"primary": 1.0}, {}) == ["primary: not recorded (--record does)"]
+
+
+def test_cycles_stages_end_at_its_messages():
+    messages = [(1.0, "Initializing"), (1.5, "Updating"), (3.0, "Sample 0/1"), (3.5, "Sample 1/1"), (7.0, "Finished")]
+    assert stages.cycles_stages(messages) == {"sync": 1.0, "build": 2.0, "trace": 4.0}
+    with pytest.raises(RuntimeError, match="Sample 0"):
+        stages.cycles_stages([(1.0, "Initializing")])
+
+
+def test_least_takes_each_number_apart():
+    assert stages.least([{"a": 1.0, "b": 4.0}, {"a": 2.0, "b": 3.0}]) == {"a": 1.0, "b": 3.0}
+
+
+def test_every_bench_of_the_list_exists():
+    assert all((BENCH / f"{name}.py").is_file() for name in bench.BENCHES)

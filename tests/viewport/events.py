@@ -1,0 +1,126 @@
+"""The events of a working day in one window, in sequence: what each shows is compared with the final render, how soon is printed."""
+
+import pathlib
+import sys
+import time
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+
+import bpy
+import in_window
+import mathutils
+import numpy as np
+
+HALF = 2.0**-10
+"""Relative error of the half floats in which pictures are shown, rounded once when uploaded and once when drawn."""
+
+window = in_window.load(*sys.argv[sys.argv.index("--") + 2 :][:1])
+folder = pathlib.Path(sys.argv[sys.argv.index("--") + 1])
+results, latency = {}, {}
+
+
+def scene_up():
+    scene = bpy.context.scene
+    scene.render.engine = "GLINT"
+    scene.render.film_transparent = False
+    for group in (scene.glint.final, scene.glint.viewport):
+        group.samples, group.light_samples, group.max_bounces = 4, 2, 2
+    cube = bpy.data.objects["Cube"]
+    cube.modifiers.new("Subdivide", "SUBSURF").levels = cube.modifiers["Subdivide"].render_levels = 3
+    bpy.ops.mesh.primitive_plane_add(size=8, location=(0, 0, -1))
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    scene.collection.objects.link(sun)
+
+
+def through_the_camera():
+    """The render's pixels one to one: a frame of the region's size, and the zoom at which Blender shows it so."""
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = window.region.width, window.region.height
+    scene.render.resolution_percentage = 100
+    window.view.view_perspective = "CAMERA"
+    window.view.view_camera_zoom = (2 - 2**0.5) * 50
+    window.view.view_camera_offset = (0, 0)
+
+
+def compare(name):
+    """The converged picture against F12, and the framebuffer against both."""
+    yield from window.settle()
+    window.space.overlay.show_overlays = False
+    yield from window.read()
+    window.space.overlay.show_overlays = True
+    final = in_window.render(folder / "final.exr")
+    film = window.session.films.get("frame", window.session.films.get("all"))
+    shown = film.combined
+    same = shown.shape == final.shape and shown.tobytes() == final.tobytes()
+    worst = float(np.abs(shown - final).max()) if shown.shape == final.shape else -1.0
+    error = np.abs(window.framebuffer - final) / np.maximum(np.abs(final), 2.0**-14) if window.framebuffer.shape == final.shape else None
+    print(name, window.times, flush=True)
+    results[name] = {"same bits": same, "worst": worst, "framebuffer": float(error.max()) if error is not None else -1.0}
+
+
+def timed(name, count, action, pause=0.0):
+    """Do something many times; how long until another picture is on the screen."""
+    window.times = latency.setdefault(name, [])
+    for k in range(count):
+        yield from window.frames(lambda k=k: action(k))
+        if pause:
+            yield pause
+
+
+def orbit(k):
+    window.view.view_rotation = mathutils.Quaternion((0, 0, 1), 0.02) @ window.view.view_rotation
+    window.region.tag_redraw()
+
+
+def move_cube(k):
+    bpy.data.objects["Cube"].location.x = 0.05 * k
+
+
+def edit_light(k):
+    bpy.data.lights["Light"].energy = 500 + 40 * k
+
+
+def edit_material(k):
+    bpy.data.materials["Material"].node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.1 * k, 0.4, 0.5, 1)
+
+
+def edit_world(k):
+    bpy.data.worlds["World"].node_tree.nodes["Background"].inputs["Color"].default_value = (0.02 * k, 0.05, 0.05, 1)
+
+
+def scenario():
+    scene_up()
+    yield 0.3
+    start = time.perf_counter()
+    window.space.shading.type = "RENDERED"
+    yield lambda: window.session is not None and window.session._drawn > 0
+    latency["first picture"] = [time.perf_counter() - start]
+    yield from window.settle()
+    through_the_camera()
+    yield from compare("camera view")
+    for name, edit in (("object", move_cube), ("light", edit_light), ("material", edit_material), ("world", edit_world)):
+        yield from timed(name, 10, edit, 0.05)
+        yield from compare(name)
+    window.view.view_perspective = "PERSP"
+    yield from window.settle()
+    yield from timed("orbit", 40, orbit)
+    start = time.perf_counter()
+    number = window.session._drawn
+    yield lambda: window.session.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
+    latency["stop to full resolution"] = [time.perf_counter() - start]
+    yield from window.settle()
+    yield from idle()
+    in_window.answer({"results": results, "latency": latency, "updates": window.updates, "idle": idle_share, "number": number})
+
+
+idle_share = []
+
+
+def idle():
+    """Processor time that a second of a converged view costs, of a second."""
+    before, start = time.process_time(), time.perf_counter()
+    yield 2.0
+    idle_share.append((time.process_time() - before) / (time.perf_counter() - start))
+
+
+in_window.play(scenario)

@@ -1,0 +1,172 @@
+"""Runs inside a Blender with a window: steps between Blender's events, and what the 3D view showed after each.
+
+A scenario is a generator. It yields seconds to wait, or a function to wait for. Its end, or an error, ends Blender.
+"""
+
+import json
+import sys
+import time
+import traceback
+
+import bpy
+import gpu
+import numpy as np
+
+LONGEST = 60.0
+"""Seconds that a scenario waits for one thing."""
+
+
+class Window:
+    """The 3D view of the first window, its Glint session, and when pictures were drawn.
+
+    draws: (time, number of the wave, its stage, seconds that view_draw took) of every view_draw.
+    """
+
+    def __init__(self, package):
+        self.package = package
+        self.draws = []
+        self.updates = []
+        self.framebuffer = None
+        self.session = None
+        self._wants_framebuffer = False
+        self._watch(sys.modules[package + ".addon.viewport.session"].Session)
+
+    @property
+    def area(self):
+        return next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == "VIEW_3D")
+
+    @property
+    def space(self):
+        return self.area.spaces[0]
+
+    @property
+    def region(self):
+        return next(region for region in self.area.regions if region.type == "WINDOW")
+
+    @property
+    def view(self):
+        return self.space.region_3d
+
+    def context(self):
+        """For operators that need a 3D view."""
+        window = bpy.context.window_manager.windows[0]
+        return bpy.context.temp_override(window=window, area=self.area, region=self.region)
+
+    def converged(self):
+        """Whether the newest picture of what is shown now is complete and on the screen."""
+        session = self.session
+        if session is None or session.busy or session.has_news or session._live.newest is None:
+            return False
+        return session._live.newest.final and bool(self.draws)
+
+    def settle(self):
+        """Yield from this to wait for a converged picture of what is there now."""
+        self.region.tag_redraw()
+        before = len(self.draws)
+        yield lambda: len(self.draws) > before
+        yield self.converged
+        yield 0.05
+        yield self.converged
+
+    def read(self):
+        """Yield from this: the framebuffer (h, w, 4), scene-linear, is in `framebuffer` then."""
+        self.framebuffer, self._wants_framebuffer = None, True
+        self.region.tag_redraw()
+        yield lambda: self.framebuffer is not None
+
+    def frames(self, action):
+        """Yield from this: do something and wait until another picture is on the screen; seconds till then are appended to `times`."""
+        number = self.session._drawn
+        start = time.perf_counter()
+        action()
+        yield lambda: self.session._drawn > number
+        self.times.append(next(t for t, drawn, *_ in self.draws if drawn > number) - start)
+
+    times = ()
+
+    def _watch(self, session_class):
+        draw, update = session_class.draw, session_class.update
+
+        def watched_draw(session, render_engine, context, depsgraph):
+            start = time.perf_counter()
+            draw(session, render_engine, context, depsgraph)
+            gpu.state.active_framebuffer_get().read_color(0, 0, 1, 1, 4, 0, "FLOAT")  # waits until the pixels are there
+            end = time.perf_counter()
+            if context.region.as_pointer() != self.region.as_pointer():
+                return
+            self.session = session
+            newest = session._live.newest
+            self.draws.append((end, session._drawn, newest.task.tag.stage if newest else "", end - start))
+            if self._wants_framebuffer:
+                self._wants_framebuffer = False
+                self.framebuffer = _framebuffer(context.region.width, context.region.height)
+
+        def watched_update(session, context, depsgraph):
+            start = time.perf_counter()
+            update(session, context, depsgraph)
+            self.updates.append(time.perf_counter() - start)
+
+        session_class.draw, session_class.update = watched_draw, watched_update
+
+
+def _framebuffer(width, height):
+    buffer = gpu.state.active_framebuffer_get().read_color(0, 0, width, height, 4, 0, "FLOAT")
+    buffer.dimensions = width * height * 4
+    return np.array(buffer, np.float32).reshape(height, width, 4)
+
+
+def answer(value):
+    print("ANSWER " + json.dumps(value), flush=True)
+
+
+def play(scenario):
+    """Run a generator function step by step, then end Blender. An error is printed and answered."""
+    bpy.context.preferences.view.show_splash = False
+    bpy.app.timers.register(_Player(scenario()).tick, first_interval=0.5, persistent=True)
+
+
+class _Player:
+    def __init__(self, steps):
+        self._steps, self._waits_for, self._deadline = steps, None, 0.0
+
+    def tick(self):
+        try:
+            return self._next()
+        except StopIteration:
+            print("ALL STEPS DONE", flush=True)
+        except BaseException:
+            traceback.print_exc()
+        bpy.ops.wm.quit_blender()
+        return None
+
+    def _next(self):
+        if self._waits_for is not None and not self._waits_for():
+            if time.perf_counter() > self._deadline:
+                raise TimeoutError("waited too long")
+            return 0.004
+        self._waits_for = None
+        step = next(self._steps)
+        if isinstance(step, (int, float)):
+            return step
+        self._waits_for, self._deadline = step, time.perf_counter() + LONGEST
+        return 0.0
+
+
+def load(package="bl_ext.user_default.glint"):
+    """Enable the extension; returns a Window that watches it."""
+    bpy.ops.preferences.addon_enable(module=package)
+    return Window(package)
+
+
+def render(path):
+    """F12 without its window: (h, w, 4) float32, the saved file's bits, row 0 at the bottom."""
+    settings = bpy.context.scene.render.image_settings
+    settings.file_format, settings.color_depth, settings.exr_codec = "OPEN_EXR", "32", "ZIP"
+    bpy.context.scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(str(path))
+    pixels = np.empty(image.size[0] * image.size[1] * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    size = tuple(image.size)
+    bpy.data.images.remove(image)
+    return pixels.reshape(size[1], size[0], 4)
