@@ -14,6 +14,7 @@ from .. import engine
 from .export import export_scene
 from .properties import settings_from
 from .result import Picture, wanted_passes
+from .skipped import skipped_things
 from .stamp import make_stamp
 from .statistics import Statistics, remember
 
@@ -47,18 +48,18 @@ class Job:
     frame: int = 1
 
 
-_read: list[list[Job]] = []
+_readers: list[list[Job]] = []
 
 
 @contextmanager
 def reading_only() -> Iterator[list[Job]]:
     """Renders within read the scene as ever and put their jobs into the list, but trace nothing and leave a blank result."""
     jobs: list[Job] = []
-    _read.append(jobs)
+    _readers.append(jobs)
     try:
         yield jobs
     finally:
-        _read.remove(jobs)
+        _readers.remove(jobs)
 
 
 def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> Job:
@@ -70,6 +71,8 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
     export = export_scene(depsgraph, width=width, height=height, passes=passes)
     settings, notes = _with_backend(settings_from(depsgraph.scene_eval.glint.final, depsgraph.scene_eval, passes, export.region))
     statistics = Statistics(settings.samples, settings.backend, export.stats)
+    if not render_engine.is_preview:
+        statistics.skipped = skipped_things(depsgraph, export.scene)
     statistics.seconds["sync"] = time.perf_counter() - start
     return Job(
         scene=export.scene,
@@ -86,10 +89,11 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
 
 def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
     """Trace the job and fill Blender's render result. After an error the result is gone and the exception goes on."""
-    if _read and not job.preview:
-        _read[-1].append(job)
+    if _readers and not job.preview:
+        _readers[-1].append(job)
         return
     picture = Picture(render_engine, job.layer, job.size)
+    start = time.perf_counter()
     try:
         film = engine.render(
             job.scene,
@@ -98,6 +102,7 @@ def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
             on_progress=render_engine.update_progress,
             on_wave=None if bpy.app.background else picture.show,
         )
+        job.statistics.seconds["engine"] = time.perf_counter() - start
         _finish(render_engine, job, picture, film)
     except BaseException:
         picture.discard()
@@ -146,8 +151,9 @@ def _finish(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, f
     start = time.perf_counter()
     statistics = job.statistics
     statistics.samples, statistics.traced = film.samples, film.stats
+    statistics.notes = tuple(dict.fromkeys((*job.notes, *film.notes)))
     statistics.seconds |= {stage: film.stats.get(stage, 0.0) for stage in ("build", "trace")}
-    statistics.stamp = {} if job.preview else make_stamp(job.scene, job.settings, film, job.frame)
+    statistics.stamp = {} if job.preview or not film.complete else make_stamp(job.scene, job.settings, film, job.frame)
     picture.finish(film, {"scene": statistics.scene_line, "seconds": statistics.stages_line, **statistics.stamp})
     statistics.seconds["write"] = time.perf_counter() - start
     if not job.preview:
@@ -158,5 +164,6 @@ def _tell_statistics(render_engine: bpy.types.RenderEngine, job: Job) -> None:
     statistics = job.statistics
     render_engine.update_memory_stats(memory_used=statistics.megabytes, memory_peak=statistics.megabytes)
     render_engine.update_stats(job.layer, statistics.stages_line)
-    log.info("%s, %s: %s; %s", job.scene_name, job.layer, statistics.stages_line, statistics.scene_line)
+    skipped = f"; not needed: {statistics.skipped_line}" if statistics.skipped else ""
+    log.info("%s, %s: %s; %s%s", job.scene_name, job.layer, statistics.stages_line, statistics.scene_line, skipped)
     remember(job.scene_name, job.layer, statistics)

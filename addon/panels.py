@@ -117,11 +117,12 @@ class GLINT_RENDER_PT_statistics(_Panel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        column = self.layout.column(align=True)
         last = statistics.of_last_render(context.scene.name)
-        lines = f"{last.stages_line}, {last.scene_line}".split(", ") if last else ("Nothing has been rendered yet",)
-        for line in lines:
-            column.label(text=line)
+        for title, lines in last.sections.items() if last else (("Nothing has been rendered yet", ()),):
+            column = self.layout.column(align=True)
+            column.label(text=title)
+            for line in lines:
+                column.label(text=f"    {line}")
 
 
 class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):

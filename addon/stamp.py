@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import tomllib
 from pathlib import Path
+from typing import Any
 
 from .. import engine
 from ..engine.fingerprint import picture_fingerprint, settings_text, tracer_text, value_fingerprint
@@ -17,10 +18,10 @@ FIELDS = ("pixels", "settings", "geometry", "tracer", "frame")
 
 
 @functools.cache
-def version() -> str:
-    """The extension's version, from its manifest."""
-    manifest = Path(__file__).parent.parent / "blender_manifest.toml"
-    return tomllib.loads(manifest.read_text(encoding="utf-8"))["version"]
+def manifest() -> dict[str, Any]:
+    """The extension's manifest."""
+    path = Path(__file__).parent.parent / "blender_manifest.toml"
+    return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 def make_stamp(scene: engine.Scene, settings: engine.Settings, film: engine.Film, frame: int) -> dict[str, str]:
@@ -29,6 +30,6 @@ def make_stamp(scene: engine.Scene, settings: engine.Settings, film: engine.Film
         "pixels": picture_fingerprint(film.passes),
         "settings": settings_text(settings),
         "geometry": value_fingerprint(scene),
-        "tracer": f"Glint {version()}, {tracer_text(settings.backend)}",
+        "tracer": f"Glint {manifest()['version']}, {tracer_text(settings.backend)}",
         "frame": str(frame),
     }

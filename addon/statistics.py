@@ -16,7 +16,9 @@ _last: dict[str, dict[str, Statistics]] = {}
 
 @dataclass
 class Statistics:
-    """samples, backend: of the film.  seconds: stage → seconds.  exported, traced: `Export.stats` and `Film.stats`."""
+    """samples, backend: of the film.  seconds: stage → seconds, and "engine": all that the engine took, with its checks.
+    exported, traced: `Export.stats` and `Film.stats`.  stamp: field → text, of `stamp.make_stamp`.  skipped: kind → names of what nothing
+    reads.  notes: what was dropped or changed, and why."""
 
     samples: int
     backend: str
@@ -24,6 +26,8 @@ class Statistics:
     traced: Mapping[str, float] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     stamp: dict[str, str] = field(default_factory=dict)
+    skipped: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def stages_line(self) -> str:
@@ -44,6 +48,23 @@ class Statistics:
         return ", ".join([*parts, *([_count(rays, "rays")] if rays else []), f"traced by {self.backend}"])
 
     @property
+    def skipped_line(self) -> str:
+        """What was not read because nothing needs it; "" when that is nothing."""
+        return "; ".join(f"{kind} {names}" for kind, names in self.skipped.items())
+
+    @property
+    def sections(self) -> dict[str, list[str]]:
+        """Title → lines, for the panel; none is empty."""
+        sections = {
+            "Time": [f"{name}: {self.seconds.get(name, 0.0):.3f} s" for name in STAGES],
+            "Required": self.scene_line.split(", "),
+            "Not needed, not read": [f"{kind}: {names}" for kind, names in self.skipped.items()],
+            "Left out or changed": list(self.notes),
+            "Stamp": [f"{name}: {text[:24]}" for name, text in self.stamp.items() if name in ("pixels", "geometry", "tracer")],
+        }
+        return {title: lines for title, lines in sections.items() if lines}
+
+    @property
     def megabytes(self) -> float:
         """Memory of the exported arrays and the acceleration structures."""
         return (self.exported.get("bytes", 0.0) + self.traced.get("bytes", 0.0)) / 1e6
@@ -61,6 +82,11 @@ def remember(scene_name: str, layer_name: str, statistics: Statistics) -> None:
     layers = _last.setdefault(scene_name, {})
     layers.pop(layer_name, None)
     layers[layer_name] = statistics
+
+
+def forget(scene_name: str) -> None:
+    """Drop what is known of earlier renders of a scene."""
+    _last.pop(scene_name, None)
 
 
 def by_layer(scene_name: str) -> dict[str, Statistics]:

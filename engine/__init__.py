@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from .accelerator import Accelerator, Hits
 from .errors import SceneError
+from .explain import PixelExplainer, Ray, explanation_lines
 from .film import PARTS, PASSES, Film
 from .linear import affine_inverse, pixel_bounds_of_box
 from .live import LiveRender, Task, Wave
@@ -19,6 +20,8 @@ __all__ = [
     "Film",
     "Hits",
     "LiveRender",
+    "PixelExplainer",
+    "Ray",
     "Scene",
     "SceneError",
     "Settings",
@@ -26,6 +29,7 @@ __all__ = [
     "Wave",
     "affine_inverse",
     "available_backends",
+    "explanation_lines",
     "native_error",
     "pixel_bounds_of_box",
     "render",

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import atexit
 import logging
+import os
+import sys
 import threading
 import time
 import weakref
@@ -22,6 +24,7 @@ log = logging.getLogger(__name__)
 
 _LONGEST_FAREWELL = 5.0
 """Seconds that a closing program waits for a thread that is inside the core."""
+_NICENESS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +49,7 @@ class Wave:
     """A complete picture of a task.
 
     number: counts the waves of one LiveRender, from 1.  final: no better one of this task will come.
-    seconds: since the task began.  build_seconds: of them, for trees.
+    seconds: since the task began.  build_seconds: of them, for trees.  at: when it was complete, as time.perf_counter counts.
     """
 
     task: Task
@@ -55,6 +58,7 @@ class Wave:
     final: bool
     seconds: float
     build_seconds: float
+    at: float
 
 
 class LiveRender:
@@ -65,6 +69,7 @@ class LiveRender:
         self._waiting: list[Task] = []
         self._running: Task | None = None
         self._shown: Task | None = None  # the running task, once its first wave is complete
+        self._is_outdated = False  # others were asked for after the running task
         self._closed = False
         self._newest: Wave | None = None
         self._number = 0
@@ -76,6 +81,7 @@ class LiveRender:
         """Make these pictures in this order instead of all that was asked for before."""
         with self._changed:
             self._waiting = list(tasks)
+            self._is_outdated = True
             self._error = None
             self._changed.notify_all()
             if self._thread is None and not self._closed:
@@ -113,7 +119,7 @@ class LiveRender:
         if self._closed:
             return True
         running = self._running
-        return bool(self._waiting) and self._is_replaceable(running)
+        return self._is_outdated and self._is_replaceable(running)
 
     def _is_replaceable(self, task: Task | None) -> bool:
         return task is None or not task.keep_first_wave or self._shown is task
@@ -122,15 +128,15 @@ class LiveRender:
         with self._changed:
             self._running = self._shown = None
             if self._waiting and not self._closed:
-                self._running = self._waiting.pop(0)
+                self._running, self._is_outdated = self._waiting.pop(0), False
             return self._running
 
     def _publish(self, task: Task, film: Film, final: bool, start: float) -> None:
         with self._changed:
             self._number += 1
             self._shown = task
-            seconds = time.perf_counter() - start
-            self._newest = Wave(task, film, self._number, final, seconds, film.stats.get("build", 0.0))
+            now = time.perf_counter()
+            self._newest = Wave(task, film, self._number, final, now - start, film.stats.get("build", 0.0), now)
 
     def _end(self) -> None:
         with self._changed:
@@ -146,6 +152,7 @@ class LiveRender:
 def _serve(reference: weakref.ref[LiveRender], changed: threading.Condition) -> None:
     """The thread: holds its LiveRender only while there is work, so that one nobody wants any more ends by itself."""
     tracer = _Tracers()
+    _step_back()
     try:
         while True:
             live = reference()
@@ -159,6 +166,12 @@ def _serve(reference: weakref.ref[LiveRender], changed: threading.Condition) -> 
                 changed.wait_for(lambda: _has_work(reference))
     finally:
         tracer.close()
+
+
+def _step_back() -> None:
+    """Let the interface go first: Linux gives threads a priority of their own, which those that they start inherit."""
+    if sys.platform == "linux":
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
 
 
 def _has_work(reference: weakref.ref[LiveRender]) -> bool:

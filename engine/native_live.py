@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
-from contextlib import ExitStack
+from dataclasses import dataclass, fields
 
-from . import native
+import numpy as np
+
+from . import core_types, native
 from .core_types import DONE, FAILED
 from .film import Film
-from .packing import pack_scene, pack_settings
-from .scene import Scene
+from .packing import Packed, pack_camera, pack_scene, pack_settings
+from .scene import Instances, Scene
 from .settings import Settings
 from .view_axes import ViewAxes, narrow_view_axes
 
@@ -17,39 +20,89 @@ _POLL_MILLISECONDS = 4
 """How soon a task makes room for the next."""
 
 
+@dataclass(eq=False)
+class _Held:
+    """A scene in the core.
+
+    packed: the arrays that it borrows.  eye: (3,) where the camera stood relative to which its trees are made, world.
+    """
+
+    scene: Scene
+    axes: ViewAxes | None
+    packed: Packed
+    handle: int
+    eye: np.ndarray
+
+
 class NativeLive:
     """One scene in the core, and renders of it. For one thread."""
 
     def __init__(self) -> None:
         self._core = native.library()
-        self._held = ExitStack()
-        self._scene: Scene | None = None
-        self._axes: ViewAxes | None = None
-        self._handle: int = 0
+        like = self._core.glint_scene_create_like
+        like.restype, like.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.POINTER(core_types.SceneData), ctypes.c_char_p, ctypes.c_size_t]
+        self._held: _Held | None = None
 
     def render(
         self, scene: Scene, settings: Settings, exact: bool, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]
     ) -> None:
-        """Draw `scene`; `on_film` gets every wave that there is time to read, and True with the last. Raises as `native.render_native`."""
-        self._hold(scene)
+        """Draw `scene`; `on_film` gets every wave that there is time to read, and True with the last. Raises as `native.render_native`.
+
+        exact: the bits of `native.render_native`. Else trees may be those of another place of the camera.
+        """
+        held = self._hold(scene, exact)
         plan = pack_settings(scene, settings, hold_waves=False)
-        with native._render(self._core, self._handle, plan.data) as job:
-            self._run(job, native._Render(self._core, job, scene, settings, self._axes), should_stop, on_film)
+        with native._render(self._core, held.handle, plan.data) as job:
+            self._run(job, native._Render(self._core, job, scene, settings, held.axes), should_stop, on_film)
 
     def close(self) -> None:
         """Give the scene back."""
-        self._held.close()
-        self._scene, self._handle = None, 0
+        held, self._held = self._held, None
+        if held is not None:
+            self._core.glint_scene_destroy(held.handle)
 
-    def _hold(self, scene: Scene) -> None:
-        if self._scene is scene:
-            return
-        self.close()
-        self._axes = narrow_view_axes(scene.camera)
-        packed = pack_scene(self._axes.scene(scene) if self._axes else scene)
-        self._held.callback(packed.lent.clear)
-        self._handle = self._held.enter_context(native._scene(self._core, packed.data))
-        self._scene = scene
+    # --- scenes -------------------------------------------------------------------------------------------------------------------
+
+    def _hold(self, scene: Scene, exact: bool) -> _Held:
+        """The scene in the core: the one that is there, one like it, or a new one in its place."""
+        before = self._held
+        if before is not None and before.scene is scene and (not exact or _stands_at(scene, before.eye)):
+            return before
+        alike = self._alike(scene, exact)
+        if alike is None:
+            self.close()
+            alike = self._new(scene)
+        else:
+            self.close()
+        self._held = alike
+        return alike
+
+    def _new(self, scene: Scene) -> _Held:
+        axes = narrow_view_axes(scene.camera)
+        packed = pack_scene(axes.scene(scene) if axes else scene)
+        return _Held(scene, axes, packed, self._create("glint_scene_create", packed), _eye(scene))
+
+    def _alike(self, scene: Scene, exact: bool) -> _Held | None:
+        """A scene with the trees of the one that is there; None where that does not serve."""
+        before = self._held
+        if before is None or before.axes is not None or (exact and not _stands_at(scene, before.eye)):
+            return None
+        if narrow_view_axes(scene.camera) is not None or not same_placements(scene, before.scene):
+            return None
+        packed = _with_camera(before.packed, scene) if _differ_in_camera(scene, before.scene) else pack_scene(scene)
+        error = ctypes.create_string_buffer(native.ERROR_BYTES)
+        handle = self._core.glint_scene_create_like(before.handle, ctypes.byref(packed.data), error, native.ERROR_BYTES)
+        # Refused, for example for a camera that went far away: a scene of its own will tell if anything else is wrong.
+        return _Held(scene, None, packed, handle, before.eye) if handle else None
+
+    def _create(self, name: str, packed: Packed) -> int:
+        error = ctypes.create_string_buffer(native.ERROR_BYTES)
+        handle = getattr(self._core, name)(ctypes.byref(packed.data), error, native.ERROR_BYTES)
+        if not handle:
+            raise native._refusal(error.value.decode(errors="replace"), packed.data)
+        return handle
+
+    # --- renders ------------------------------------------------------------------------------------------------------------------
 
     def _run(self, job: int, render: native._Render, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]) -> None:
         film, cancelled = None, False
@@ -67,3 +120,40 @@ class NativeLive:
             if not cancelled and should_stop():
                 self._core.glint_render_cancel(job)
                 cancelled = True
+
+
+def same_placements(a: Scene, b: Scene) -> bool:
+    """Whether two scenes need the same trees: the very same geometries at the same places, seen by the same rays."""
+    if a.geometries is not b.geometries:
+        if len(a.geometries) != len(b.geometries) or any(x is not y for x, y in zip(a.geometries, b.geometries, strict=True)):
+            return False
+    if a.instances is b.instances:
+        return True
+    return len(a.instances) == len(b.instances) and all(map(_same_block, a.instances, b.instances))
+
+
+def _same_block(a: Instances, b: Instances) -> bool:
+    if a is b:
+        return True
+    flags = ("geometry", "visible_camera", "visible_mirror", "visible_shadow")
+    same = all(getattr(a, name) == getattr(b, name) for name in flags)
+    return same and np.array_equal(a.world_from_object, b.world_from_object)
+
+
+def _differ_in_camera(a: Scene, b: Scene) -> bool:
+    """Whether nothing but the camera may differ."""
+    return all(getattr(a, field.name) is getattr(b, field.name) for field in fields(Scene) if field.name != "camera")
+
+
+def _with_camera(packed: Packed, scene: Scene) -> Packed:
+    data = core_types.SceneData.from_buffer_copy(packed.data)
+    data.camera = pack_camera(scene.camera)
+    return Packed(data, packed.lent)
+
+
+def _eye(scene: Scene) -> np.ndarray:
+    return np.array(scene.camera.world_from_camera, np.float64)[:, 3]
+
+
+def _stands_at(scene: Scene, eye: np.ndarray) -> bool:
+    return bool((_eye(scene) == eye).all())

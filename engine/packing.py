@@ -79,7 +79,7 @@ def number(value: str, names: Sequence[str], what: str) -> int:
 def pack_scene(scene: Scene) -> Packed:
     """`scene` as a `core_types.SceneData`. Raises SceneError for arrays of the wrong shape and unknown names."""
     packer = _Packer()
-    data = core_types.SceneData(camera=_camera(scene.camera))
+    data = core_types.SceneData(camera=pack_camera(scene.camera))
     data.ambient[:], data.background[:] = scene.world.ambient, scene.world.background
     data.transparent = scene.world.transparent
     geometries = [_geometry(packer, geometry) for geometry in scene.geometries]
@@ -101,7 +101,8 @@ def _set_table(packer: _Packer, data: Any, name: str, count: str, structure: typ
     setattr(data, count, len(rows))
 
 
-def _camera(camera: Camera) -> core_types.CameraData:
+def pack_camera(camera: Camera) -> core_types.CameraData:
+    """`camera` as a `core_types.CameraData`."""
     data = core_types.CameraData(clip_start=camera.clip_start, clip_end=camera.clip_end)
     data.world_from_camera[:] = np.asarray(camera.world_from_camera, float).reshape(12)
     data.window[:] = camera.window

@@ -166,7 +166,7 @@ def measure(
     return Trade(with_front(rows), words, crops, scene.camera.resolution, repeats, complete)
 
 
-def choose_crops(resolution: tuple[int, int], count: int = 9, side: int = 24) -> tuple[Crop, ...]:
+def choose_crops(resolution: tuple[int, int], count: int = 16, side: int = 20) -> tuple[Crop, ...]:
     """Up to `count` squares spread evenly over the frame, wherever the picture has something to show or not, so that their mean error
     is the frame's; the whole frame where it is hardly larger than they are."""
     width, height = resolution
@@ -205,6 +205,8 @@ def advice(trade: Trade) -> str:
     current = trade.current
     if current is None:
         return "The current settings were not measured"
+    if not any(row.relative_rmse for row in trade.rows):
+        return "Every setting gives the same picture in these crops: if the frame has more to show, use more or larger crops"
     if current.on_front:
         return "The current settings lie on the front: nothing measured is both faster and better"
     better = next(row for row in trade.front if row.relative_rmse <= current.relative_rmse)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from types import ModuleType
+
 
 def register() -> None:
     """Make the operators and the command line known to Blender."""
-    from . import add_demo_scene, command_line
-
-    add_demo_scene.register()
-    command_line.register()
+    for module in _modules():
+        module.register()
 
 
 def unregister() -> None:
     """Undo `register`."""
-    from . import add_demo_scene, command_line
+    for module in reversed(_modules()):
+        module.unregister()
 
-    command_line.unregister()
-    add_demo_scene.unregister()
+
+def _modules() -> list[ModuleType]:
+    from . import add_demo_scene, command_line, compare_cycles, explain_pixel, measure_scene
+
+    return [add_demo_scene, measure_scene, compare_cycles, explain_pixel, command_line]

@@ -1,25 +1,26 @@
-"""`blender --command glint info`: what this installation can do."""
+"""`blender --command glint …`: what this installation can do, and a scene measured, compared with Cycles, or verified without windows."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-import tomllib
 from pathlib import Path
 
 import bpy
 
 from .. import engine
+from ..addon.stamp import manifest
 
 _commands: list = []
+
+_KNOBS = ("samples", "light_samples", "max_bounces")
 
 
 def information() -> list[tuple[str, str]]:
     """(what, value) pairs about the installation."""
-    manifest = tomllib.loads((Path(__file__).parent.parent / "blender_manifest.toml").read_text(encoding="utf-8"))
     return [
-        ("version", manifest["version"]),
-        ("edition", "full" if manifest.get("wheels") else "pure Python"),
+        ("version", manifest()["version"]),
+        ("edition", "full" if manifest().get("wheels") else "pure Python"),
         ("blender", bpy.app.version_string),
         ("tracers", " ".join(engine.available_backends())),
         ("core", engine.native_error() or "ready"),
@@ -27,13 +28,104 @@ def information() -> list[tuple[str, str]]:
 
 
 def run(arguments: list[str]) -> int:
-    """The command's body; returns the exit code."""
+    """The command's body; returns the exit code: 0 for success, 1 for a difference or a failure, 2 for what cannot be answered."""
+    options = _parser().parse_args(arguments)
+    try:
+        return options.act(options)
+    except (RuntimeError, ValueError, OSError, MemoryError) as error:
+        sys.stderr.write(f"glint {options.action}: {' '.join(str(error).split())}\n")
+        return 2
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="blender --command glint", description="Glint from the command line")
-    parser.add_argument("action", choices=["info"], help="info: version, edition and the tracers that can run here")
-    parser.parse_args(arguments)
+    actions = parser.add_subparsers(dest="action", required=True)
+    info = actions.add_parser("info", help="version, edition and the tracers that can run here")
+    info.set_defaults(act=_info)
+    _add_measure(actions.add_parser("measure", help="what each setting costs and loses on a scene"))
+    _add_compare(actions.add_parser("compare", help="a scene in Glint and in Cycles with matched settings"))
+    verify = actions.add_parser("verify", help="render a stamped picture again; exit code 0 if it is the same, 1 if not, 2 if it has no stamp")
+    verify.add_argument("picture", type=Path, help="EXR or PNG file that a render wrote")
+    verify.add_argument("file", type=Path, nargs="?", help=".blend file; the one that the picture names if left out")
+    verify.set_defaults(act=_verify)
+    return parser
+
+
+def _add_measure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, help=".blend file")
+    parser.add_argument("--json", type=Path, help="file for the whole table")
+    parser.add_argument("--plot", type=Path, help="PNG file for time against error")
+    for name in _KNOBS:
+        parser.add_argument(f"--{name.replace('_', '-')}", type=int, nargs="+", metavar="N", help=f"values of {name} to try")
+    parser.add_argument("--reference-samples", type=int, default=1024, metavar="N")
+    parser.add_argument("--reference-seconds", type=float, default=60.0, metavar="S", help="longest time for a float64 reference")
+    parser.add_argument("--repeats", type=int, default=5, metavar="N", help="renders per setting, of which the fastest counts")
+    parser.add_argument("--crops", type=int, default=16, metavar="N", help="squares, evenly spread over the frame")
+    parser.add_argument("--crop-side", type=int, default=20, metavar="PIXELS")
+    parser.set_defaults(act=_measure)
+
+
+def _add_compare(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, help=".blend file")
+    parser.add_argument("--out", type=Path, required=True, help="folder for compare.png, compare.json and the EXR pictures")
+    parser.add_argument("--samples", type=int, default=64, help="of Cycles")
+    parser.add_argument("--bounces", type=int, default=0, help="of mirrors and glass, in both")
+    parser.add_argument("--side", type=int, default=512, help="pixels of the longer side at most")
+    parser.add_argument("--direct-only", action="store_true", help="do not render Cycles with all light as well")
+    parser.set_defaults(act=_compare)
+
+
+def _info(options: argparse.Namespace) -> int:
     for name, value in information():
         sys.stdout.write(f"{name:10}{value}\n")
     return 0
+
+
+def _measure(options: argparse.Namespace) -> int:
+    from . import measure_scene
+
+    scene, view_layer = _open(options.file)
+    values = {name: getattr(options, name) for name in _KNOBS if getattr(options, name)}
+    settings = measure_scene.Options(
+        values, options.reference_samples, options.reference_seconds, options.repeats, options.crops, options.crop_side
+    )
+    trade = measure_scene.measure_scene(scene, view_layer, settings, on_progress=_show_progress)
+    sys.stderr.write("\n")
+    measure_scene.write(trade, options.file.stem, options.json, options.plot)
+    _tell(measure_scene.table(trade))
+    return 0
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from . import compare_cycles
+
+    scene, view_layer = _open(options.file)
+    settings = compare_cycles.Options(options.samples, options.bounces, options.side, not options.direct_only)
+    _tell(compare_cycles.report_lines(compare_cycles.compare_with_cycles(scene, view_layer, options.out, settings)))
+    return 0
+
+
+def _verify(options: argparse.Namespace) -> int:
+    from .verify import verify
+
+    verdict = verify(options.picture, options.file)
+    _tell([*verdict.lines, "same" if verdict.same else "different"])
+    return 0 if verdict.same else 1
+
+
+def _open(path: Path) -> tuple[bpy.types.Scene, str]:
+    """Open a .blend file; gives its scene and the name of the active view layer."""
+    bpy.ops.wm.open_mainfile(filepath=str(path.resolve()), load_ui=False)
+    return bpy.context.scene, bpy.context.view_layer.name
+
+
+def _show_progress(fraction: float) -> None:
+    sys.stderr.write(f"\r{fraction:4.0%}")
+    sys.stderr.flush()
+
+
+def _tell(lines: list[str]) -> None:
+    sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
 def register() -> None:

@@ -109,25 +109,42 @@ class Collector:
         kind = data.bl_rna.identifier
         if kind not in ("Mesh", "PointCloud"):
             return None
-        slots = self._slots(thing)
-        geometry = self._mesh(data, owner, slots) if kind == "Mesh" else self._points(data)
-        return _Placed(geometry, slots, thing.pass_index, flags) if geometry is not None else None
+        geometry = self._mesh(data, owner) if kind == "Mesh" else self._points(data)
+        if geometry is None:
+            return None
+        slots = self._slots(thing, self._used_slots(geometry))
+        if kind == "Mesh":
+            self._add_attributes(geometry, data, owner, self.wanted | self.materials.wanted(slots))
+        return _Placed(geometry, slots, thing.pass_index, flags)
 
-    def _slots(self, thing: Any) -> tuple[int, ...]:
+    def _slots(self, thing: Any, used: tuple[int, ...]) -> tuple[int, ...]:
+        """The materials of an object's slots up to the last that some face uses. A slot that none uses takes what another has, so that
+        materials nobody sees are not read."""
         if self.override is not None:
             return (self.materials.index(self.override),)
-        return tuple(self.materials.index(slot.material) for slot in thing.material_slots) or (self.materials.index(None),)
+        slots = thing.material_slots
+        if not slots:
+            return (self.materials.index(None),)
+        numbers = {k: self.materials.index(slots[k].material) for k in dict.fromkeys(min(k, len(slots) - 1) for k in used)}
+        return tuple(numbers.get(k, numbers[min(numbers)]) for k in range(max(numbers) + 1))
 
-    def _mesh(self, data: Any, owner: Any, slots: tuple[int, ...]) -> int | None:
-        """Index of a mesh's geometry, read when first met, with the attributes that this object's materials read."""
+    def _used_slots(self, number: int) -> tuple[int, ...]:
+        geometry = self._geometries[number]
+        return geometry.used_slots if isinstance(geometry, MeshSource) else (0,)
+
+    def _mesh(self, data: Any, owner: Any) -> int | None:
+        """Index of a mesh's geometry, read when first met; None without faces."""
         key = mesh_key(data)
-        with readable(data, owner) as mesh:
-            if key not in self._known:
+        if key not in self._known:
+            with readable(data, owner) as mesh:
                 self._known[key] = self._append(read_mesh(mesh, self.report))
-            number = self._known[key]
-            if number is not None:
-                read_attributes(mesh, self._geometries[number], self.wanted | self.materials.wanted(slots), self.report)
-        return number
+        return self._known[key]
+
+    def _add_attributes(self, number: int, data: Any, owner: Any, wanted: Wanted) -> None:
+        """What an object's materials read of its mesh."""
+        if wanted != Wanted():
+            with readable(data, owner) as mesh:
+                read_attributes(mesh, self._geometries[number], wanted, self.report)
 
     def _points(self, cloud: Any) -> int | None:
         key = (cloud.as_pointer(), len(cloud.points), cloud.name)

@@ -282,14 +282,15 @@ class _KeepingCollector(Collector):
             return None
         return super().meet(thing, owner, flags)
 
-    def _mesh(self, data: Any, owner: Any, slots: tuple[int, ...]) -> int | None:
+    def _mesh(self, data: Any, owner: Any) -> int | None:
         key = mesh_key(data)
         if key not in self._known:
             self._known[key] = self._keep(key, lambda: self._new_mesh(data, owner))
-        number = self._known[key]
-        if number is not None:
-            self._add_attributes(number, data, owner, self.wanted | self.materials.wanted(slots))
-        return number
+        return self._known[key]
+
+    def _used_slots(self, number: int) -> tuple[int, ...]:
+        geometry = self._geometries[number].geometry
+        return geometry.used_slots if isinstance(geometry, MeshSource) else (0,)
 
     def _points(self, cloud: Any) -> int | None:
         key = (cloud.as_pointer(), len(cloud.points), cloud.name)

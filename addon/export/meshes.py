@@ -31,12 +31,14 @@ class MeshSource:
     """A mesh while its instances are being collected: arrays taken when it was first met, attributes as materials ask for them.
 
     kept: (n,) bool, the triangles of Blender's that are left, None for all.  faces, corners: of the kept ones, once something reads them.
+    used_slots: the material slots that some triangle names, ascending.
     """
 
     mesh: Mesh
     kept: np.ndarray | None
     faces: np.ndarray | None = None
     corners: np.ndarray | None = None
+    used_slots: tuple[int, ...] = (0,)
     uv_maps: dict[str, Attribute] = field(default_factory=dict)
     attributes: dict[str, Attribute] = field(default_factory=dict)
 
@@ -81,6 +83,8 @@ def read_mesh(mesh: Any, report: Report) -> MeshSource | None:
     source = MeshSource(Mesh(mesh.name, vertices, triangles), kept)
     slots = _material_slots(mesh, source)
     source.mesh = replace(source.mesh, material_slots=slots, normals=_normals(mesh, source))
+    if slots is not None:
+        source.used_slots = _used(slots)
     return source
 
 
@@ -168,6 +172,12 @@ def _material_slots(mesh: Any, source: MeshSource) -> np.ndarray | None:
     if not slots.any():
         return None
     return np.clip(slots, 0, 65535).astype(np.uint16)[_triangle_faces(mesh, source)]
+
+
+def _used(slots: np.ndarray) -> tuple[int, ...]:
+    seen = np.zeros(1 << 16, bool)
+    seen[slots] = True
+    return tuple(np.flatnonzero(seen).tolist())
 
 
 def _normals(mesh: Any, source: MeshSource) -> Attribute | None:

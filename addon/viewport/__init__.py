@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
+from .picking import Picked, pixel_at
 from .session import Session
 from .timer import register, unregister
 
-__all__ = ["Session", "register", "unregister"]
+__all__ = ["Picked", "Session", "pixel_at", "register", "unregister"]

@@ -15,21 +15,30 @@ _COARSEST = 16
 @dataclass
 class Pacer:
     """Running means. per_pixel: seconds of tracing one sample of a pixel.  fixed: seconds of a picture that do not grow with it.
+    build: seconds that trees took when they were made last.
 
     Before the first measurement the guess is coarse, so that the first picture comes at once.
     """
 
     per_pixel: float = 2e-6
     fixed: float = 0.0
+    build: float = 0.0
 
-    def note(self, pixels: int, samples: int, trace_seconds: float, other_seconds: float) -> None:
-        """A picture was made: `samples` of each of its pixels took `trace_seconds`, all else `other_seconds`."""
+    def note(self, pixels: int, samples: int, trace_seconds: float, build_seconds: float, other_seconds: float | None) -> None:
+        """A picture was made: `samples` of each of its pixels took `trace_seconds`, trees and all else the other two (None: unknown)."""
         if pixels * samples <= 0:
             return
+        self.build = build_seconds or self.build
         self.per_pixel += _WEIGHT * (trace_seconds / (pixels * samples) - self.per_pixel)
-        self.fixed += _WEIGHT * (other_seconds - self.fixed)
+        if other_seconds is not None:
+            self.fixed += _WEIGHT * (other_seconds - self.fixed)
 
     def divisor(self, pixels: int) -> int:
         """Screen pixels to a side of a traced one, so that a picture of one sample takes no longer than the budget."""
         room = max(BUDGET - self.fixed, BUDGET / 4)
         return min(_COARSEST, max(1, math.ceil(math.sqrt(pixels * self.per_pixel / room))))
+
+    @property
+    def is_slow_to_build(self) -> bool:
+        """Whether a picture at full resolution should not wait for trees that stand where the camera does."""
+        return self.build > BUDGET

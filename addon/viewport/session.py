@@ -7,7 +7,6 @@ and the region is known by its address only, which is compared, never followed.
 from __future__ import annotations
 
 import logging
-import time
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,8 +31,13 @@ _NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1)
 
 @dataclass(frozen=True, eq=False)
 class _Target:
-    """What a picture is of: tag of a task. stage: DRAFT (coarse, while things move), FULL, FRAME (the render's own pixels)."""
+    """What a picture is of: tag of a task.
 
+    stage: DRAFT (coarse, while things move), FULL, FRAME (the render's own pixels).
+    request: counts what was asked of a session, from 1.
+    """
+
+    request: int
     view: View
     stage: str
     shown: str
@@ -55,7 +59,9 @@ class Session:
         self._problem: str | None = None
         self._pictures: dict[str, Picture] = {}
         self._drawn = 0
-        self._asked_at = 0.0
+        self.requests = 0
+        self.answered = 0
+        self.newest_at = 0.0
         self._status = ""
         self.region = 0
         self.films: dict[str, engine.Film] = {}
@@ -68,7 +74,7 @@ class Session:
         self._forget_if_other(depsgraph)
         self._settings, self._shown_pass = viewport_settings_from(depsgraph.scene_eval)
         passes = self._settings.passes
-        self._content = self._export.update(depsgraph, _NO_CAMERA, passes=passes, space=_filtering(context.space_data))
+        self._content = self._export.update(depsgraph, _NO_CAMERA, passes=passes, space=context.space_data)
         self._view = None  # the scene is another: the next draw asks for its picture
         self.region = context.region.as_pointer()
 
@@ -89,6 +95,13 @@ class Session:
         self._content = None
         self._pictures.clear()
         self.films.clear()
+
+    @property
+    def shown_scene(self) -> tuple[Scene, engine.Settings, View] | None:
+        """The scene with the view's camera, how it is traced, and the view; None while there is nothing to show."""
+        if self._content is None or self._view is None:
+            return None
+        return self._scene(self._view.camera), self._settings, self._view
 
     # --- for the timer ------------------------------------------------------------------------------------------------------------
 
@@ -127,12 +140,14 @@ class Session:
 
     def _ask(self, view: View) -> None:
         """New pictures of this view: a coarse one if it takes that to be in time, then all of it."""
-        self._asked_at = time.perf_counter()
+        self.requests += 1
         x0, y0, x1, y1 = view.shown
         divisor = self._pacer.divisor((x1 - x0) * (y1 - y0))
         content = self._scene(view.camera)
         tasks = [self._draft(content, view, divisor)] if divisor > 1 else []
-        tasks.append(self._full(content, view, keep=divisor == 1))
+        if self._pacer.is_slow_to_build:
+            tasks.append(self._once(content, view, keep=divisor == 1))
+        tasks.append(self._full(content, view, keep=divisor == 1 and len(tasks) == 0))
         if view.frame is not None and not _is_whole(view):
             tasks.append(self._frame(view))
         self._live.start(tasks)
@@ -148,6 +163,11 @@ class Session:
         settings = replace(self._settings, samples=1, region=region)
         coarse = replace(scene, camera=replace(scene.camera, resolution=size))
         return engine.Task(coarse, settings, self._target(view, "DRAFT", divisor), keep_first_wave=True, exact=False)
+
+    def _once(self, scene: Scene, view: View, keep: bool) -> engine.Task:
+        """One sample of every pixel, with the trees that are there."""
+        settings = replace(self._settings, samples=1, region=view.border)
+        return engine.Task(scene, settings, self._target(view, "FULL"), keep_first_wave=keep, exact=False)
 
     def _full(self, scene: Scene, view: View, keep: bool) -> engine.Task:
         if _is_whole(view):
@@ -167,7 +187,7 @@ class Session:
         )
 
     def _target(self, view: View, stage: str, divisor: int = 1) -> _Target:
-        return _Target(view, stage, self._shown_pass, divisor)
+        return _Target(self.requests, view, stage, self._shown_pass, divisor)
 
     # --- showing ------------------------------------------------------------------------------------------------------------------
 
@@ -178,6 +198,8 @@ class Session:
             return
         self._drawn = wave.number
         target, film = wave.task.tag, wave.film
+        if target.request != self.answered:
+            self.answered, self.newest_at = target.request, wave.at
         if film.samples == 1 or wave.final:
             self._learn(wave)
         if target.stage == "FRAME" and not wave.final:
@@ -193,7 +215,8 @@ class Session:
     def _learn(self, wave: engine.Wave) -> None:
         height, width = wave.film.combined.shape[:2]
         traced = wave.film.stats.get("trace", wave.seconds)
-        self._pacer.note(width * height, wave.film.samples, traced, max(0.0, wave.seconds - traced))
+        others = max(0.0, wave.seconds - traced - wave.build_seconds)
+        self._pacer.note(width * height, wave.film.samples, traced, wave.build_seconds, others if wave.task.tag.stage == "DRAFT" else None)
 
     def _told(self) -> str:
         """The line of text in the corner of the view."""
@@ -215,11 +238,6 @@ class Session:
         if text != self._status:
             self._status = text
             render_engine.update_stats("", text)
-
-
-def _filtering(space: bpy.types.SpaceView3D) -> bpy.types.SpaceView3D:
-    """The view whose visibility counts."""
-    return space
 
 
 def _is_whole(view: View) -> bool:

@@ -28,6 +28,11 @@ def forget(session: Any) -> None:
     _sessions.discard(session)
 
 
+def session_of(region: int) -> Any | None:
+    """The session that draws the region at this address."""
+    return next((session for session in _sessions if session.region == region), None)
+
+
 def wake() -> None:
     """Work has begun."""
     if not bpy.app.timers.is_registered(_look):

@@ -152,5 +152,7 @@ def _shading_normals(geometry: Geometry, attributes: Attributes, spot: Spot, row
         n_k = unit(transform_each(matrix, corner)) * mirror * side
         v_k = pick(geometry.points, geometry.triangles[k][spot.primitive[smooth]])
         lift += w[k] * np.maximum(0.0, dot(v_k - pick(x, smooth), n_k)) * n_k
+    face = pick(g, smooth) * side
+    lift -= np.minimum(0.0, dot(lift, face)) * face  # never below the face: a thin thing's normals may point there by their rounding
     add_at(start, smooth, lift)
     return n, start

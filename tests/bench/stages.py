@@ -1,8 +1,8 @@
 """Whole renders by stage, Glint's beside Cycles': what million.py and frames.py share.
 
 Cycles' stages end at its own status messages (handler `render_stats`): sync at "Initializing", build (its "Updating …": BVH, normals,
-device) at "Sample 0", trace at "Finished". Glint's are those of its own clock, shading within `trace`; `other` is what a whole render
-takes beyond them, in Blender's hands; `write` saves the result as EXR. Memory is the peak resident size during the render above that of
+device) at "Sample 0", trace at "Finished". Glint's are those of its own clock, cut at the same places: build is all between the export and the
+first ray (checks, packing, trees), trace goes on to the picture in Blender's hands, shading within; `other` is the rest of a whole render; `write` saves the result as EXR. Memory is the peak resident size during the render above that of
 the process before its first render (Linux only).
 """
 
@@ -100,7 +100,8 @@ def own_stages(scene) -> dict[str, float]:
     last = statistics.of_last_render(scene.name)
     if last is None or last.backend != "NATIVE":
         raise NoCoreError(f"the picture was not drawn by the native core but by {last.backend if last else 'nobody'}")
-    return {stage: last.seconds[stage] for stage in STAGES[:3]}
+    seconds = last.seconds
+    return {"sync": seconds["sync"], "build": seconds["engine"] - seconds["trace"], "trace": seconds["trace"] + seconds["write"]}
 
 
 def status_megabytes(field: str) -> float:

@@ -38,7 +38,8 @@ def hashes() -> str:
 @pytest.mark.parametrize("isa", ["sse42", "avx2", "avx512"])
 def test_same_bits_from_every_instruction_set(isa: str) -> None:
     """A machine without one of them takes the next lesser."""
-    command = f"import sys; sys.path[:0] = {[str(TESTS), str(TESTS / 'engine')]!r}; import conftest, test_native_stages as t; print(t.hashes())"
+    folders = [str(TESTS), str(TESTS / "engine")]
+    command = f"import sys; sys.path[:0] = {folders!r}; import conftest, test_native_stages as t; print(t.hashes())"
     done = subprocess.run([sys.executable, "-c", command], env={**os.environ, "GLINT_ISA": isa}, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == hashes().splitlines()
@@ -76,11 +77,11 @@ def test_materials_of_one_batch_keep_to_themselves() -> None:
 
 
 def test_instances_of_one_batch_keep_to_themselves() -> None:
-    """Balls smaller than a pixel's neighbourhood, each with a matrix of its own: every one looks as it does alone."""
+    """Balls that nearly touch, each with a matrix of its own: every one looks as it does alone."""
     count = 6
     matrices = np.repeat(IDENTITY[None], count * count, 0)
     row, column = np.divmod(np.arange(count * count), count)
-    matrices[:, :, :3] *= np.linspace(0.05, 0.12, count * count)[:, None, None]
+    matrices[:, :, :3] *= np.linspace(0.14, 0.155, count * count)[:, None, None]
     matrices[::2, :, :3] = matrices[::2, :, :3] @ np.diag([1, -1, 1.5])
     matrices[:, 0, 3], matrices[:, 1, 3] = (column - 2.5) / 3.2, (row - 2.5) / 3.2
     white = (surface("white", 0.8, specular=0.5),)

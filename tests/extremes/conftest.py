@@ -1,6 +1,7 @@
 """The table of the run: extreme, Cycles' wrong pixels, Glint's wrong pixels; printed at its end and kept as JSON for table.py.
 
-GLINT_EXTREMES_JSON=PATH in the environment says where; without it nothing is written.
+GLINT_EXTREMES_JSON=PATH in the environment says where; without it nothing is written. Leaves without Blender's own clean-up, as
+tests/blender/conftest.py does and for its reasons.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import pytest
 HERE = Path(__file__).resolve().parent
 JSON_VARIABLE = "GLINT_EXTREMES_JSON"
 _ROWS = pytest.StashKey[list]()
+_STATUS: list[int] = []
 sys.path.insert(0, str(HERE.parent / "cycles"))
 
 
@@ -37,3 +39,15 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     path = os.environ.get(JSON_VARIABLE)
     if path:
         Path(path).write_text(json.dumps([asdict(row) for row in found], indent=1))
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    _STATUS.append(int(exitstatus))
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure(config: pytest.Config) -> None:
+    if _STATUS and "bpy" in sys.modules:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(_STATUS[-1])

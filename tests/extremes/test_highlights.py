@@ -25,12 +25,12 @@ SUN = (0.0, 1.0, 1.0)
 
 @pytest.fixture(autouse=True)
 def blinn_phong_node():
-    """Only the node, not the whole add-on; it stays where another test has registered it."""
+    """Only the node, not the whole add-on; it stays where another test has registered it, and in Blender 4.2 (addon/nodes.py says why)."""
     known = bpy.types.Node.bl_rna_get_subclass_py(nodes.NODE_IDNAME) is not None
     if not known:
         bpy.utils.register_class(nodes.GlintBlinnPhongNode)
     yield
-    if not known:
+    if not known and bpy.app.version >= (4, 5, 0):
         bpy.utils.unregister_class(nodes.GlintBlinnPhongNode)
 
 

@@ -16,7 +16,7 @@ HALF = 2.0**-10
 
 window = in_window.load(*sys.argv[sys.argv.index("--") + 2 :][:1])
 folder = pathlib.Path(sys.argv[sys.argv.index("--") + 1])
-results, latency = {}, {}
+results, latency, ready = {}, {}, {}
 
 
 def scene_up():
@@ -60,7 +60,7 @@ def compare(name):
 
 def timed(name, count, action, pause=0.0):
     """Do something many times; how long until another picture is on the screen."""
-    window.times = latency.setdefault(name, [])
+    window.times, window.ready = latency.setdefault(name, []), ready.setdefault(name, [])
     for k in range(count):
         yield from window.frames(lambda k=k: action(k))
         if pause:
@@ -104,15 +104,45 @@ def scenario():
     window.view.view_perspective = "PERSP"
     yield from window.settle()
     yield from timed("orbit", 40, orbit)
+    yield from playing()
     start = time.perf_counter()
-    number = window.session._drawn
     yield lambda: window.session.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
     latency["stop to full resolution"] = [time.perf_counter() - start]
     yield from window.settle()
     yield from idle()
-    in_window.answer({"results": results, "latency": latency, "updates": window.updates, "idle": idle_share, "number": number})
+    yield from solid()
+    in_window.answer({"results": results, "latency": latency, "ready": ready, "updates": window.updates, "idle": idle_share, "pictures and Solid's redraws a second": rate})
 
 
+def playing():
+    """Turn the view all the time: new pictures a second."""
+    first, start = len(window.draws), time.perf_counter()
+    k = 0
+    while time.perf_counter() < start + 3:
+        orbit(k)
+        yield 0.008
+    answered = [answered for _, answered, *_ in window.draws[first:]]
+    rate.append(len(set(answered)) / (time.perf_counter() - start))
+    stages = [stage for *_, stage, _ in window.draws[first:]]
+    print("stages", {stage: stages.count(stage) for stage in set(stages)}, window.session._pacer, flush=True)
+
+
+def solid():
+    """What Blender's own Solid shading does here at most: redraws a second while the view turns."""
+    count = []
+    handler = bpy.types.SpaceView3D.draw_handler_add(lambda: count.append(1), (), "WINDOW", "POST_PIXEL")
+    window.space.shading.type = "SOLID"
+    yield 0.5
+    count.clear()
+    start = time.perf_counter()
+    while time.perf_counter() < start + 3:
+        orbit(0)
+        yield 0.008
+    rate.append(len(count) / (time.perf_counter() - start))
+    bpy.types.SpaceView3D.draw_handler_remove(handler, "WINDOW")
+
+
+rate = []
 idle_share = []
 
 

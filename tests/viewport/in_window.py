@@ -19,7 +19,7 @@ LONGEST = 60.0
 class Window:
     """The 3D view of the first window, its Glint session, and when pictures were drawn.
 
-    draws: (time, number of the wave, its stage, seconds that view_draw took) of every view_draw.
+    draws: (time, which request was answered, stage of the newest picture, seconds that view_draw took) of every view_draw.
     """
 
     def __init__(self, package):
@@ -75,14 +75,16 @@ class Window:
         yield lambda: self.framebuffer is not None
 
     def frames(self, action):
-        """Yield from this: do something and wait until another picture is on the screen; seconds till then are appended to `times`."""
-        number = self.session._drawn
+        """Yield from this: do something and wait until a picture of what it made is on the screen; the seconds go to `times`, those until it was
+        traced to `ready`."""
+        before = self.session.requests
         start = time.perf_counter()
         action()
-        yield lambda: self.session._drawn > number
-        self.times.append(next(t for t, drawn, *_ in self.draws if drawn > number) - start)
+        yield lambda: self.session.answered > before
+        self.times.append(next(t for t, answered, *_ in self.draws if answered > before) - start)
+        self.ready.append(self.session.newest_at - start)
 
-    times = ()
+    times = ready = ()
 
     def _watch(self, session_class):
         draw, update = session_class.draw, session_class.update
@@ -96,7 +98,7 @@ class Window:
                 return
             self.session = session
             newest = session._live.newest
-            self.draws.append((end, session._drawn, newest.task.tag.stage if newest else "", end - start))
+            self.draws.append((end, session.answered, newest.task.tag.stage if newest else "", end - start))
             if self._wants_framebuffer:
                 self._wants_framebuffer = False
                 self.framebuffer = _framebuffer(context.region.width, context.region.height)

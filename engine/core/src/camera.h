@@ -8,7 +8,11 @@ namespace glint {
 class CameraRays {
  public:
   explicit CameraRays(const Scene& scene)
-      : camera_(scene.camera), m_(affine(camera_.world_from_camera)), backward_(unit(m_.z)), scale_(scene.anchor.scale) {}
+      : camera_(scene.camera), m_(affine(camera_.world_from_camera)), backward_(unit(m_.z)), scale_(scene.anchor.scale),
+        eye_(scene.anchor.point(m_.t)) {}
+
+  /// Where the camera stands in anchored space: the origin, except in a scene that was made like one of another camera.
+  Vec3d eye() const { return eye_; }
 
   /// What the stage needs for rays through points of pixels (first_column + i + 0.5 + dx, first_row + j + 0.5 + dy).
   CameraStage stage(double first_column, double first_row, double dx, double dy) const {
@@ -23,13 +27,14 @@ class CameraRays {
   }
 
   /// Depth along -w in world units of an anchored point.
-  double depth(Vec3d p) const { return -dot(p, backward_) / scale_; }
+  double depth(Vec3d p) const { return -dot(p - eye_, backward_) / scale_; }
 
  private:
   const GlintCamera& camera_;
   Affine m_;
   Vec3d backward_;
   double scale_;
+  Vec3d eye_;
 };
 
 }  // namespace glint

@@ -192,6 +192,25 @@ std::string scene_problems(const GlintSceneData& data) {
   return report.text();
 }
 
+std::string scene_problems(const GlintSceneData& data, const Scene& base) {
+  Report report;
+  check_tables(data, report);
+  report.add(data.geometry_count == base.geometries.size() && data.instances_count == base.groups.size(), "not the scene's geometries");
+  if (!report.good()) return report.text();
+  check_surroundings(data, report);
+  check_textures(data, report);
+  check_materials(data, report);
+  check_instances(data, report);
+  for (uint64_t i = 0; i < data.geometry_count && report.good(); ++i) {
+    const GlintGeometry &g = data.geometries[i], &b = base.geometries[i];
+    bool same = g.kind == b.kind && g.vertices == b.vertices && g.triangles == b.triangles && g.corners == b.corners;
+    same = same && g.radii == b.radii && g.indices == b.indices && g.primitive_count == b.primitive_count;
+    same = same && g.normals.values == b.normals.values && g.attribute_count == b.attribute_count;
+    report.add(same, "geometry %llu is not the scene's", ull(i));
+  }
+  return report.text();
+}
+
 std::string accel_problems(const GlintAccelData& data) {
   Report report;
   report.add(data.geometries || data.geometry_count == 0, "geometries is null but has %llu rows", ull(data.geometry_count));

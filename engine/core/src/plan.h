@@ -29,7 +29,8 @@ struct RayCounts {
   uint64_t camera = 0, shadow = 0, mirror = 0, refraction = 0, transparent = 0;
   double tracing = 0;  // seconds in the accelerator
   RayCounts& operator+=(const RayCounts& b) {
-    camera += b.camera, tracing += b.tracing, shadow += b.shadow, mirror += b.mirror, refraction += b.refraction, transparent += b.transparent;
+    tracing += b.tracing;
+    camera += b.camera, shadow += b.shadow, mirror += b.mirror, refraction += b.refraction, transparent += b.transparent;
     return *this;
   }
 };

@@ -85,17 +85,25 @@ bool depends_on_surface(const GlintInput& input) { return input.texture >= 0 || 
 
 }  // namespace
 
-Scene::Scene(const GlintSceneData& data) : camera(data.camera) {
+Scene::Scene(const GlintSceneData& data, const Scene* base) : camera(data.camera) {
   copy_tables(data);
   compile_materials(data);
-  anchor.origin = affine(camera.world_from_camera).t;
+  anchor.origin = base ? base->anchor.origin : affine(camera.world_from_camera).t;
   place_instances();
-  anchor.scale = power_scale(radius());
+  anchor.scale = base ? base->anchor.scale : power_scale(radius());
   place_lights(data.lights, data.light_count);
   note_features();
   shape_groups();
   shape_instances();
   fold_materials();
+  if (!base) return;
+  std::lock_guard lock(base->build_mutex_);
+  accel_ = base->accel_;
+}
+
+bool Scene::near(const GlintCamera& other) const {
+  constexpr double kFarthest = 4;  // anchored radius of the scene: 1 to 2
+  return max_abs(anchor.point(affine(other.world_from_camera).t)) <= kFarthest;
 }
 
 void Scene::copy_tables(const GlintSceneData& data) {

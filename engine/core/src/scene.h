@@ -28,6 +28,10 @@ struct Anchor {
 /// What is wrong with the tables and arrays, one sentence a line; empty when they are sound.
 std::string scene_problems(const GlintSceneData& data);
 
+class Scene;
+/// The same for a scene like `base`: what their geometries hold was checked before.
+std::string scene_problems(const GlintSceneData& data, const Scene& base);
+
 /// An instance as the accelerator numbers them: row of world_from_object and entry of the instances' table.
 struct Placement {
   uint32_t row, group;
@@ -35,8 +39,11 @@ struct Placement {
 
 class Scene {
  public:
-  /// `data` has no problems.
-  explicit Scene(const GlintSceneData& data);
+  /// `data` has no problems. base: a scene with the same geometries and instances, whose anchor and trees, if it has any, are taken over.
+  explicit Scene(const GlintSceneData& data, const Scene* base = nullptr);
+
+  /// Whether single precision is fine enough for a camera that stands there: not far out of the scene as it is anchored.
+  bool near(const GlintCamera& other) const;
 
   /// Makes the trees unless they are there; false when `cancel` became true.
   bool build(int threads, const std::atomic<bool>& cancel);
@@ -96,8 +103,8 @@ class Scene {
   std::vector<GeometryView> geometry_views() const;
   std::vector<InstanceView> instance_views() const;
 
-  std::unique_ptr<Accel> accel_;
-  std::mutex build_mutex_;
+  std::shared_ptr<const Accel> accel_;
+  mutable std::mutex build_mutex_;
 };
 
 }  // namespace glint

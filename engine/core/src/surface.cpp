@@ -66,7 +66,8 @@ Vec3d on_sphere(Vec3d o, Vec3d d, double t, Vec3d center, double radius) {
   return unit(o + at * n - center);
 }
 
-void place_on_sphere(const Affine& m, const NormalMatrix& to_world, const GlintGeometry& geometry, const Line& ray, const Hit& hit, Surface& s) {
+void place_on_sphere(const Affine& m, const NormalMatrix& to_world, const GlintGeometry& geometry, const Line& ray, const Hit& hit,
+                     Surface& s) {
   Vec3d center = vertex(geometry, hit.primitive), o, d, n{0, 0, 1};
   double radius = geometry.radii[hit.primitive];
   s.x = ray.o + hit.t * ray.d;
@@ -88,7 +89,8 @@ Vec3d newell(const Affine& m, const GlintGeometry& geometry, size_t primitive, V
   return sum;
 }
 
-void place_on_polygon(const Affine& m, const NormalMatrix& to_world, const GlintGeometry& geometry, const Line& ray, const Hit& hit, Surface& s) {
+void place_on_polygon(const Affine& m, const NormalMatrix& to_world, const GlintGeometry& geometry, const Line& ray, const Hit& hit,
+                      Surface& s) {
   Vec3d first;
   double reach = 0;
   s.g = to_world(newell(m, geometry, hit.primitive, first, reach));

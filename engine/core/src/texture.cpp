@@ -39,7 +39,8 @@ double reduce(double x, int extension) {
   return std::clamp(x, -2.0, 3.0);
 }
 
-/// The stored index for index i of an endless row of texels; -1 outside a clipped image. i is at most one period off, as `reduce` leaves it.
+/// The stored index for index i of an endless row of texels; -1 outside a clipped image. i is at most one period off, as `reduce` leaves
+/// it.
 int64_t wrap(int64_t i, int64_t size, int extension) {
   if (extension == GLINT_EXTEND) return std::clamp<int64_t>(i, 0, size - 1);
   if (extension == GLINT_CLIP) return i >= 0 && i < size ? i : -1;

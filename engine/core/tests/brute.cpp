@@ -57,13 +57,27 @@ struct Caster {
     const uint32_t* t = g.triangles + 3 * size_t(primitive);
     const V a = vertex(t[0]), b = vertex(t[1]) - a, c = vertex(t[2]) - a, n = cross(b, c), s = o - a;
     const Real det = -dot(n, d);
-    if (!(std::fabs(det) > 0)) return;
+    if (!(std::fabs(det) > 0)) return squeezed(primitive, a, b, c);
     const V q = cross(s, d);
     const Real at = dot(n, s) / det, u = dot(q, c) / det, v = -dot(q, b) / det;
     const Real edge = std::max({size(b), size(c), size(c - b)}), length_d = size(d);
     const Real e = blur(std::fabs(at) * length_d + edge);
     const Real room = 4 * e * length_d * edge / std::fabs(det);
     keep({number, primitive, at, std::min({u, v, 1 - u - v}), room, 2 * e * size(n) / std::fabs(det) + room * edge / length_d, u, v});
+  }
+
+  /// A triangle seen from its edge, or squeezed to a line: it may or may not be hit by rays that come within rounding of one of its edges.
+  void squeezed(uint32_t primitive, V a, V b, V c) const {
+    const Real edge = std::max({size(b), size(c), size(c - b)}), dd = dot(d, d);
+    const V corners[3] = {a, a + b, a + c};
+    for (int k = 0; k < 3; ++k) {
+      const V p = corners[k] - o, e = corners[(k + 1) % 3] - corners[k];
+      const V across = e - dot(e, d) / dd * d, from = p - dot(p, d) / dd * d;  // seen along the ray
+      const Real s = dot(across, across) > 0 ? std::min(std::max(-dot(from, across) / dot(across, across), Real(0)), Real(1)) : 0;
+      const Real at = dot(p + s * e, d) / dd;
+      if (size(from + s * across) <= 4 * blur(std::fabs(at) * std::sqrt(dd) + edge))
+        out.push_back({number, primitive, at, 0, HUGE_VALL, 2 * edge / std::sqrt(dd), 0, 0});
+    }
   }
 
   void spheres() const {

@@ -76,7 +76,7 @@ TEST(same_bits, any_number_of_threads) {
 TEST(same_bits, any_instruction_set) {
   const Everything scene;
   const auto best = answers(scene, 2);
-  for (const char* isa : {"sse42", "avx2"}) {
+  for (const char* isa : {"sse42", "avx2", "avx512"}) {
     setenv("GLINT_ISA", isa, 1);
     CHECK(answers(scene, 2) == best);
     unsetenv("GLINT_ISA");

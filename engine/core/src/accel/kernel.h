@@ -12,12 +12,12 @@ struct Kernel {
 };
 
 #if defined(GLINT_X86_KERNELS)
-extern const Kernel kernel_sse42, kernel_avx2;
+extern const Kernel kernel_sse42, kernel_avx2, kernel_avx512;
 #else
 extern const Kernel kernel_generic;
 #endif
 
-/// The widest kernel that this machine runs. The environment variable GLINT_ISA (sse42 or avx2) takes another one where the machine has it.
+/// The fastest kernel that this machine runs. The environment variable GLINT_ISA (sse42, avx2 or avx512) takes another one where the machine has it.
 const Kernel& best_kernel();
 
 }  // namespace glint

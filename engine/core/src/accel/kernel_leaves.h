@@ -33,6 +33,7 @@ struct Walk {
   const TreeView& tree;
   Tile& tile;
   Bundles& bundles;
+  double reach;  // reach_of(tree)
 
   void block(int r) {
     tile.answers->blocked[tile.slot[r]] = 1;
@@ -59,7 +60,7 @@ struct Walk {
     Exact<double> e;
     e.see(corner, o, shear);
     e.weigh();
-    const double room = 0x1p-21 * reach_of(tree);
+    const double room = 0x1p-21 * reach;
     if (!(magnitude(e.off_x) <= room && magnitude(e.off_y) <= room)) weigh_edges(e);
     return e;
   }
@@ -138,7 +139,7 @@ inline uint32_t exact_hits(const Tile& tile, int k, int h, const float (&corner)
   e.weigh();
   store(t + h, e.depth / load(tile.along + at)), narrow(u + h, e.u), narrow(v + h, e.v);
   const Doubles room = splat(0x1p-21 * reach_of(*tile.tree));
-  return bits((magnitude(e.off_x) <= room) & (magnitude(e.off_y) <= room));
+  return bits(Longs((magnitude(e.off_x) <= room) & (magnitude(e.off_y) <= room)));
 }
 
 /// Which of the rays [k, k + kLanes) meet the plane of a triangle that they hit before they begin: so do shadow rays and reflections on the
@@ -150,7 +151,7 @@ __attribute__((noinline)) inline uint32_t behind(const Tile& tile, int k, const 
   spread_corners(leaf, place, order, corner);
   uint32_t mask = 0;
   for (int h = 0; h < kLanes; h += kDoubles)
-    mask |= (exact_hits(tile, k, h, corner, t, u, v) & ~bits(load(t + h) > load(tile.t_min + k + h))) << h;
+    mask |= (exact_hits(tile, k, h, corner, t, u, v) & ~bits(Longs(load(t + h) > load(tile.t_min + k + h)))) << h;
   return mask;
 }
 
@@ -188,18 +189,26 @@ inline void take_rays(Walk<Any>& w, int k, uint32_t mask, const TriangleTest& t,
   }
 }
 
+/// Corners of the triangles [first, first + kLanes) of a leaf, coordinates in the rays' order; from the rays' origin if that is one point.
+struct Corners {
+  alignas(64) float p[9][kLanes];
+  Corners(const Triangles& leaf, int first, const Order& order, const float (&o)[3]) {
+    for (int j = 0; j < 3; ++j)
+      for (int a = 0; a < 3; ++a) store(p[3 * j + a], load(leaf.at(j, order.axes[a]) + first) - splat(o[a]));
+  }
+};
+
 /// One triangle against the rays [k, k + kLanes). True when some ray was hit, perhaps behind something else.
 template <bool Any, bool Common>
-inline bool hit_group(Walk<Any>& w, int k, const Triangles& leaf, int place, const Order& order, float spread, ChildRef ref) {
+inline bool hit_group(Walk<Any>& w, int k, const Corners& corners, int first, int lane, const Order& order, float spread, ChildRef ref) {
   const Tile& tile = w.tile;
+  const int place = first + lane;
   TriangleTest t;
   const Floats sx = load(tile.sf[0] + k), sy = load(tile.sf[1] + k);
-  const Floats ox = Common ? splat(tile.of[0][k]) : load(tile.of[0] + k), oy = Common ? splat(tile.of[1][k]) : load(tile.of[1] + k),
-               oz = Common ? splat(tile.of[2][k]) : load(tile.of[2] + k);
   for (int j = 0; j < 3; ++j) {
-    t.z[j] = splat(leaf.at(j, order.axes[2])[place]) - oz;
-    t.x[j] = splat(leaf.at(j, order.axes[0])[place]) - ox - sx * t.z[j];
-    t.y[j] = splat(leaf.at(j, order.axes[1])[place]) - oy - sy * t.z[j];
+    Floats x = splat(corners.p[3 * j][lane]), y = splat(corners.p[3 * j + 1][lane]), z = splat(corners.p[3 * j + 2][lane]);
+    if constexpr (!Common) x = x - load(tile.of[0] + k), y = y - load(tile.of[1] + k), z = z - load(tile.of[2] + k);
+    t.x[j] = x - sx * z, t.y[j] = y - sy * z, t.z[j] = z;
   }
   t.edges();
   const uint32_t mask = ~t.conflict() & ((1u << kLanes) - 1);
@@ -227,7 +236,7 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
     uint32_t mask = ~t.conflict() & ((1u << rest) - 1);
     if (!mask) continue;
     Floats lo, hi;
-    t.depth(spread_of(triangle_boxes(leaf, first, order), reach_of(w.tree)), splat(order.sign), lo, hi);
+    t.depth(spread_of(triangle_boxes(leaf, first, order), w.reach), splat(order.sign), lo, hi);
     const Ints sure = t.sure();
     mask &= ~bits(sure & ((lo > splat(tile.hi[r])) | (hi < splat(tile.begin_lo[r]))));
     for (; mask; mask &= mask - 1) {

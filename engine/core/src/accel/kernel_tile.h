@@ -96,7 +96,7 @@ inline Turned turn(uint32_t m1, uint32_t m2, const Doubles (&v)[3]) {
 }
 
 /// Rays [k, k + kDoubles) from xyz_o and xyz_d. Those that can hit nothing get hi = lo = -kFar.
-inline void set_rays(Tile& tile, int k) {
+inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
   const TreeView& tree = *tile.tree;
   const Doubles d[3] = {load(tile.xyz_d[0] + k), load(tile.xyz_d[1] + k), load(tile.xyz_d[2] + k)};
   const Doubles o[3] = {load(tile.xyz_o[0] + k), load(tile.xyz_o[1] + k), load(tile.xyz_o[2] + k)};
@@ -118,6 +118,7 @@ inline void set_rays(Tile& tile, int k) {
   narrow(tile.sf[0] + k, s0), narrow(tile.sf[1] + k, s1);
   const Doubles square = f0 * f0 + f1 * f1 + f2 * f2;
   const Longs far = ~(square < splat(16 * tree.radius * tree.radius));
+  distance = larger(select(far, splat(9 * tree.radius * tree.radius), square), distance);
   Doubles p0 = a0, p1 = a1, p2 = a2;
   if (any(far)) {
     alignas(64) float plane[kDoubles];
@@ -127,7 +128,7 @@ inline void set_rays(Tile& tile, int k) {
     p0 = select(far, a0 + s0 * (at - a2), a0), p1 = select(far, a1 + s1 * (at - a2), a1);
     for (int j = 0; j < kDoubles; ++j) {
       const double far_room = __builtin_sqrt(square[j]) * 0x1p-46;
-      if (far_room < 1e30 && far_room > double(tile.room)) tile.room = float(far_room);
+      if (far_room < 1e30) farthest = far_room > farthest ? far_room : farthest;
     }
   }
   narrow(tile.of[0] + k, p0), narrow(tile.of[1] + k, p1), narrow(tile.of[2] + k, p2);
@@ -140,13 +141,13 @@ inline void set_rays(Tile& tile, int k) {
   const Doubles limit = splat(double(kFar));
   const Longs good = (sum == zero) & (magnitude(along) >= splat(0x1p-1022)) & (magnitude(p0) < limit) &
                      (magnitude(p1) < limit) & (magnitude(p2) < limit) & (t_min < t_max);
-  if (any(t_min != zero)) {
+  if (any(Longs(t_min != zero))) {
     depth_interval(t_min, along, h, sign, tile.begin_lo + k, tile.begin_hi + k);
   } else {
     const Doubles depth = -sign * h, room = magnitude(h) * 0x1p-22;
     narrow(tile.begin_lo + k, depth - room), narrow(tile.begin_hi + k, depth + room);
   }
-  if (any(t_max < splat(kInf))) depth_interval(t_max, along, h, sign, tile.lo + k, tile.hi + k);
+  if (any(Longs(t_max < splat(kInf)))) depth_interval(t_max, along, h, sign, tile.lo + k, tile.hi + k);
   else narrow(tile.lo + k, limit), narrow(tile.hi + k, limit);
   if (!any(~good)) return;
   for (int j = 0; j < kDoubles; ++j)
@@ -162,18 +163,30 @@ inline void copy_ray(Tile& tile, int from, int to) {
 
 inline bool alive(const Tile& tile, int r) { return tile.hi[r] > -kFar; }
 
+/// Bound of all rounding on the way to a float test, in coordinates: 12 ulps of the largest numbers that occur. `square`: distances of the
+/// float rays' origins from the tree's centre; `farthest`: the rounding of double for rays from far away.
+inline void set_room(Tile& tile, Doubles square, double farthest) {
+  double most = 0;
+  for (int j = 0; j < kDoubles; ++j) most = square[j] > most ? square[j] : most;
+  const double reach = reach_of(*tile.tree) - 4 * tile.tree->radius + __builtin_sqrt(most);
+  tile.room = float(0x1.8p-21 * reach + farthest);
+}
+
 /// False when no ray is alive. The arrays of the rays are given, and whole groups of them: lanes beyond `count` have t_min = t_max.
 inline bool set_tile(Tile& tile) {
-  tile.room = float(0x1p-20 * reach_of(*tile.tree));
+  tile.room = 0;
+  Doubles square{};
+  double farthest = 0;
   bool some = false;
   for (int k = 0; k < tile.count; k += kLanes) {
-    for (int j = 0; j < kLanes; j += kDoubles) set_rays(tile, k + j);
+    for (int j = 0; j < kLanes; j += kDoubles) set_rays(tile, k + j, square, farthest);
     const uint32_t lives = bits(load(tile.hi + k) > splat(-kFar));
     if (!lives) continue;
     some = true;
     for (uint32_t dead = ~lives & ((1u << kLanes) - 1); dead; dead &= dead - 1)
       copy_ray(tile, k + __builtin_ctz(lives), k + __builtin_ctz(dead));
   }
+  set_room(tile, square, farthest);
   return some;
 }
 

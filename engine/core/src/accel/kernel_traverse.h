@@ -28,12 +28,13 @@ void trace_instances(Walk<Any>& w, ChildRef leaf, uint64_t rays);
 struct BoxRay {
   Floats near_o[3], far_o[3], inverse[3], first, last;
   size_t near_plane[3], far_plane[3];
-  BoxRay(const Tile& tile, int r, const Order& order) : first(splat(tile.begin_lo[r] - tile.room)), last(splat(tile.hi[r])) {
+  BoxRay(const Tile& tile, int r, const Order& order) : first(splat(tile.begin_lo[r])), last(splat(tile.hi[r])) {
     const float slope[3] = {order.sign * tile.sf[0][r], order.sign * tile.sf[1][r], order.sign};
     for (int k = 0; k < 3; ++k) {
       const float inverse_slope = 1 / slope[k];
       const bool back = __builtin_signbitf(inverse_slope);
-      const float o = tile.of[k][r], outward = back ? -tile.room : tile.room;
+      // The triangle test rounds p - o as these slabs do: what else it rounds is half of the room, and nothing along the depth.
+      const float o = tile.of[k][r], room = k == 2 ? 0 : 0.5f * tile.room, outward = back ? -room : room;
       near_o[k] = splat(o + outward), far_o[k] = splat(o - outward), inverse[k] = splat(inverse_slope);
       near_plane[k] = size_t(2 * order.axes[k] + back) * kWidth, far_plane[k] = size_t(2 * order.axes[k] + !back) * kWidth;
     }
@@ -103,6 +104,15 @@ inline void walk_ray(Walk<Any>& w, int r, ChildRef root, const Order& order) {
   }
 }
 
+/// What Corners subtract: where all rays begin, if that is one point.
+struct Origin {
+  float o[3];
+};
+template <bool Common>
+inline Origin origin(const Tile& tile, int k) {
+  return Common ? Origin{{tile.of[0][k], tile.of[1][k], tile.of[2][k]}} : Origin{{0, 0, 0}};
+}
+
 /// A group of rays of one kind.
 template <bool Any>
 struct GroupLevel {
@@ -143,10 +153,13 @@ struct GroupLevel {
     for (int first = 0; first < leaf_triangles.n; first += kLanes) {
       const Boxes boxes = triangle_boxes(leaf_triangles, first, order);
       const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
-      store(spread, spread_of(boxes, reach_of(w.tree)));
-      for (uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1); mask; mask &= mask - 1) {
+      uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
+      if (!mask) continue;
+      store(spread, spread_of(boxes, w.reach));
+      const Corners corners(leaf_triangles, first, order, origin<Common>(w.tile, k).o);
+      for (; mask; mask &= mask - 1) {
         const int lane = __builtin_ctz(mask);
-        hit_group<Any, Common>(w, k, leaf_triangles, first + lane, order, spread[lane], child);
+        hit_group<Any, Common>(w, k, corners, first, lane, order, spread[lane], child);
       }
     }
   }
@@ -245,16 +258,19 @@ struct TileLevel {
     for (int first = 0; first < leaf_triangles.n; first += kLanes) {
       const Boxes b = triangle_boxes(leaf_triangles, first, order);
       const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
-      store(spread, spread_of(b, reach_of(w.tree)));
+      uint32_t mask = whole.meet(b) & ((1u << rest) - 1);
+      if (!mask) continue;
+      store(spread, spread_of(b, w.reach));
+      const Corners corners(leaf_triangles, first, order, origin<Common>(w.tile, __builtin_ctz(groups) * kLanes).o);
       store(box[0], b.low_x), store(box[1], b.high_x), store(box[2], b.low_y), store(box[3], b.high_y);
       store(box[4], b.front), store(box[5], b.rear);
-      for (uint32_t mask = whole.meet(b) & ((1u << rest) - 1); mask; mask &= mask - 1) {
+      for (; mask; mask &= mask - 1) {
         const int lane = __builtin_ctz(mask);
         const Boxes one{splat(box[0][lane]), splat(box[1][lane]), splat(box[2][lane]), splat(box[3][lane]), splat(box[4][lane]),
                         splat(box[5][lane])};
         for (uint32_t m = met(one) & groups; m; m &= m - 1) {
           const int g = __builtin_ctz(m);
-          if (hit_group<Any, Common>(w, g * kLanes, leaf_triangles, first + lane, order, spread[lane], child))
+          if (hit_group<Any, Common>(w, g * kLanes, corners, first, lane, order, spread[lane], child))
             w.bundles.groups.last[g] = largest(load(w.bundles.rays.last + g * kLanes));
         }
       }
@@ -295,10 +311,11 @@ inline void walk_tile(Walk<Any>& w) {
   int head = -1;
   for (int g = 0; g < kGroups && g * kLanes < tile.count; ++g) {
     const int k = g * kLanes;
-    if (!bits(load(tile.hi + k) > splat(-kFar))) continue;
+    const uint32_t living = bits(load(tile.hi + k) > splat(-kFar));
+    if (!living) continue;
     alive_groups |= 1u << g;
     if (head < 0) head = k;
-    if (same_kind(tile, k)) even |= 1u << g;
+    if (same_kind(tile, k) && (tile.count > kLanes || __builtin_popcount(living) > 2)) even |= 1u << g;
     one_kind &= (even >> g & 1) && tile.kind[k] == tile.kind[head];
   }
   for (uint32_t m = even; m; m &= m - 1) {
@@ -328,7 +345,7 @@ template <bool Any>
 __attribute__((noinline)) void trace_tile(Tile& tile) {
   if (tile.count == 0 || !set_tile(tile)) return;
   Bundles bundles;
-  Walk<Any> w{*tile.world, *tile.tree, tile, bundles};
+  Walk<Any> w{*tile.world, *tile.tree, tile, bundles, reach_of(*tile.tree)};
   walk_tile(w);
   if constexpr (!Any)
     for (int k = 0; k < tile.count; k += kLanes) finish_group(w, k);
@@ -351,6 +368,12 @@ struct Columns {
   }
 };
 
+/// Whether a ray certainly misses the ball round a tree: by far more than rounding.
+inline bool passes_by(const TreeView& tree, D3 o, D3 d) {
+  const D3 f = d3(tree.center) - o, n = {f.y * d.z - f.z * d.y, f.z * d.x - f.x * d.z, f.x * d.y - f.y * d.x};
+  return dot(n, n) > (tree.radius * tree.radius + dot(f, f) * 0x1p-40) * dot(d, d);
+}
+
 /// Some rays of a tile through one instance's tree.
 template <bool Any>
 __attribute__((noinline)) void trace_instance(Walk<Any>& w, const InstanceRecord& instance, uint64_t rays) {
@@ -364,10 +387,15 @@ __attribute__((noinline)) void trace_instance(Walk<Any>& w, const InstanceRecord
     const Tile& t = w.tile;
     const D3 o = to_object(instance, D3{t.xyz_o[0][r], t.xyz_o[1][r], t.xyz_o[2][r]} - d3(instance.origin));
     const D3 d = to_object(instance, {t.xyz_d[0][r], t.xyz_d[1][r], t.xyz_d[2][r]});
+    if (passes_by(*inner.tree, o, d)) {
+      --inner.count;
+      continue;
+    }
     const double row[8] = {o.x, o.y, o.z, d.x, d.y, d.z, t.t_min[r], Any || answers.t_max[s] < answers.t[s] ? answers.t_max[s] : answers.t[s]};
     for (int c = 0; c < 8; ++c) columns.values[c][k] = row[c];
     inner.slot[k] = uint8_t(s);
   }
+  if (inner.count == 0) return;
   columns.fill(inner.count);
   columns.show(inner);
   trace_tile<Any>(inner);

@@ -10,7 +10,7 @@ constexpr size_t kChunk = 16384;
 
 /// A part of a source's vertices or primitives.
 struct Piece {
-  size_t source, first, last, out = 0, kept = 0;
+  size_t source, first, last, out = 0, kept = 0, unseen = 0;
 };
 
 template <class Count>
@@ -43,17 +43,25 @@ void bake_vertices(std::vector<Source>& sources, Team& team) {
 
 Vec3f vertex(const Source& s, size_t index) { return {s.vertices[3 * index], s.vertices[3 * index + 1], s.vertices[3 * index + 2]}; }
 F4 f4(Vec3f p) { return F4{p.x, p.y, p.z, 0}; }
-/// Whether the area is exactly 0, for coordinates that are floats.
+/// Whether two corners are one: the neighbours of such a triangle share an edge without it. (One that is squeezed to a line between three
+/// corners stays: without it a corner of one neighbour would lie within an edge of another, and rays would slip through there.)
+bool pinched(Vec3f a, Vec3f b, Vec3f c) {
+  auto same = [](Vec3f p, Vec3f q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
+  return same(a, b) || same(b, c) || same(c, a);
+}
+
+/// Whether the area is exactly 0, for coordinates that are floats: nothing of it is ever seen.
 bool flat(Vec3d a, Vec3d b, Vec3d c) {
   const Vec3d u = b - a, v = c - a;
   return u.y * v.z == u.z * v.y && u.z * v.x == u.x * v.z && u.x * v.y == u.y * v.x;
 }
 
-bool triangle_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
+bool triangle_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref, bool& seen) {
   const uint32_t* index = s.geometry->triangles + 3 * primitive;
   if (std::max({index[0], index[1], index[2]}) >= s.geometry->vertex_count) return false;
   const Vec3f a = vertex(s, index[0]), b = vertex(s, index[1]), c = vertex(s, index[2]);
-  if (!finite(a) || !finite(b) || !finite(c) || flat(Vec3d(a), Vec3d(b), Vec3d(c))) return false;
+  if (!finite(a) || !finite(b) || !finite(c) || pinched(a, b, c)) return false;
+  seen = !flat(Vec3d(a), Vec3d(b), Vec3d(c));
   Box box;
   box.add(f4(a)), box.add(f4(b)), box.add(f4(c));
   ref = make_ref(box, uint32_t(primitive), number);
@@ -78,28 +86,32 @@ bool polygon_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
   return true;
 }
 
-bool any_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
+/// False where there is nothing to put into a tree; `seen` becomes false where what is put there has no area.
+bool any_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref, bool& seen) {
   switch (s.geometry->kind) {
-    case GeometryView::kMesh: return triangle_ref(s, primitive, number, ref);
+    case GeometryView::kMesh: return triangle_ref(s, primitive, number, ref, seen);
     case GeometryView::kSpheres: return sphere_ref(s, primitive, number, ref);
     default: return polygon_ref(s, primitive, number, ref);
   }
 }
 
-/// The refs of all sound primitives, in the order of sources and primitives; `refs.size` of them.
-Buffer<Ref> collect(const std::vector<Source>& sources, Team& team, const std::atomic<bool>& cancel) {
+/// The refs of all sound primitives, in the order of sources and primitives; `refs.size` of them. `unseen`: how many have no area.
+Buffer<Ref> collect(const std::vector<Source>& sources, Team& team, const std::atomic<bool>& cancel, size_t& unseen) {
   std::vector<Piece> list = pieces(sources, [](const Source& s) { return s.geometry->primitive_count; });
   Buffer<Ref> refs(list.empty() ? 0 : list.back().out + list.back().last - list.back().first);
   team.run(list.size(), [&](size_t k) {
     if (cancel.load(std::memory_order_relaxed)) throw Cancelled{};
     Piece& piece = list[k];
-    for (size_t p = piece.first; p < piece.last; ++p)
-      piece.kept += any_ref(sources[piece.source], p, uint32_t(piece.source), refs[piece.out + piece.kept]);
+    for (size_t p = piece.first; p < piece.last; ++p) {
+      bool seen = true;
+      piece.kept += any_ref(sources[piece.source], p, uint32_t(piece.source), refs[piece.out + piece.kept], seen);
+      piece.unseen += !seen;
+    }
   });
   size_t kept = 0;
   for (const Piece& piece : list) {
     if (kept != piece.out) std::copy_n(&refs[piece.out], piece.kept, &refs[kept]);
-    kept += piece.kept;
+    kept += piece.kept, unseen += piece.unseen;
   }
   refs.size = kept;
   return refs;
@@ -227,7 +239,7 @@ Tree make_tree(std::vector<Source>& sources, Team& team, const std::atomic<bool>
   if (sources.empty()) return tree;
   tree.kind = kind_of(*sources.front().geometry);
   bake_vertices(sources, team);
-  Buffer<Ref> refs = collect(sources, team, cancel);
+  Buffer<Ref> refs = collect(sources, team, cancel, tree.dropped);
   for (const Source& s : sources) tree.dropped += s.geometry->primitive_count;
   tree.dropped -= tree.count = refs.size;
   if (tree.count == 0) return tree;

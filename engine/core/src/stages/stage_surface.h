@@ -99,7 +99,8 @@ struct Weights {
 };
 
 /// In double; the accelerator's own where the ray grazes the plane or the triangle is a needle.
-inline Weights solve_weights(const Three& o, const Three& d, const Three& a, const Three& e1, const Three& e2, Doubles hit_u, Doubles hit_v) {
+inline Weights solve_weights(const Three& o, const Three& d, const Three& a, const Three& e1, const Three& e2, Doubles hit_u,
+                             Doubles hit_v) {
   const Three q = cross(d, e2), s = o - a;
   const Doubles f = 1 / dot(e1, q);
   Doubles u = f * dot(s, q), v = f * dot(d, cross(s, e1));
@@ -122,12 +123,13 @@ inline Three towards_plane(Doubles weight, const Three& vertex, const Three& x, 
   return (weight * larger(dot(vertex - x, n), splat(0))) * n;
 }
 
-inline Three shadow_origin(const Three& x, const Three (&corners)[3], const Weights& b, const Linear& normal,
+/// x moved out to the tangent planes, and never below the face: normals of a thin thing may point there by their rounding.
+inline Three shadow_origin(const Three& x, const Three& g, const Three (&corners)[3], const Weights& b, const Linear& normal,
                            const float (&n)[9][kLanes], Doubles side) {
   const Doubles weights[3] = {b.a, b.b, b.c};
   Three sum{};
   for (int k = 0; k < 3; ++k) sum = sum + towards_plane(weights[k], corners[k], x, side * unit(normal * rows3(n + 3 * k)));
-  return x + sum;
+  return x + (sum - smaller(dot(sum, g), splat(0)) * g);
 }
 
 inline void place_group(const SurfaceStage& s, size_t k, Gathered& at) {
@@ -138,6 +140,7 @@ inline void place_group(const SurfaceStage& s, size_t k, Gathered& at) {
   const Weights b = solve_weights(o, d, a, e1, e2, load(s.u + k), load(s.v + k));
   const Three x = a + (b.b * e1 + b.c * e2), corners[3] = {a, a + e1, a + e2};
   Three g = to_world.mirror * unit(cross(e1, e2));
+  g = choose(nonzero(g), g, -unit(d));  // a triangle squeezed to a line, met by rounding: it faces the viewer
   const Mask outside = dot(g, d) <= 0;
   const Doubles side = choose(outside, splat(1), splat(-1));
   g = side * g;
@@ -145,7 +148,7 @@ inline void place_group(const SurfaceStage& s, size_t k, Gathered& at) {
   if (at.smooth) {
     const Three blended = unit(to_world.normal * blend(b, at.normals));
     n = choose(nonzero(blended), side * blended, g);
-    origin = shadow_origin(x, corners, b, to_world.normal, at.normals, side);
+    origin = shadow_origin(x, g, corners, b, to_world.normal, at.normals, side);
   }
   const PointColumns& p = s.points;
   store3(p.x, k, x), store3(p.g, k, g);

@@ -1,0 +1,185 @@
+// Batches against the same rays one by one: a traversal may group rays as it likes, the answers are the same bits.
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+
+#include "check.h"
+#include "shapes.h"
+
+using namespace glint;
+using namespace glint::test;
+
+namespace {
+
+/// Triangles (baked and instanced, mirrored and sheared), spheres and polygons; some instances hidden from shadow rays.
+struct Mixed {
+  Random random{60};
+  Mesh bumpy = bumpy_sphere(60, 120), small = icosphere(2, 0.2, {}), boxes = box_grid(8, 0.5, {}), clutter = soup(random, 1500, 1.5, 0.1);
+  std::vector<float> centers, radii, corners;
+  std::vector<uint32_t> offsets{0}, indices;
+  std::vector<GeometryView> geometries;
+  std::vector<InstanceView> instances;
+
+  Mixed() {
+    for (int k = 0; k < 200; ++k) add_sphere(random.in_box(2)), add_square(random.in_box(2));
+    GeometryView spheres, polygons;
+    spheres.kind = GeometryView::kSpheres, spheres.vertices = centers.data(), spheres.radii = radii.data();
+    spheres.vertex_count = spheres.primitive_count = radii.size();
+    polygons.kind = GeometryView::kPolygons, polygons.vertices = corners.data(), polygons.vertex_count = indices.size();
+    polygons.offsets = offsets.data(), polygons.indices = indices.data(), polygons.primitive_count = offsets.size() - 1;
+    geometries = {bumpy.view(), small.view(), boxes.view(), clutter.view(), spheres, polygons};
+    for (uint32_t g : {0u, 2u, 2u, 3u, 4u, 5u, 5u}) place(g, g == 2 || g == 5 ? random_affine(random, 1) : Affine{});
+    for (int k = 0; k < 60; ++k) place(1, random_affine(random, 3));
+    for (size_t k = 0; k < instances.size(); k += 7) instances[k].visibility = kCamera;
+  }
+  void add_sphere(Vec3d c) { centers.insert(centers.end(), {float(c.x), float(c.y), float(c.z)}), radii.push_back(0.05f); }
+  void add_square(Vec3d c) {
+    const Vec3d x = 0.1 * random.on_sphere(), y = 0.1 * random.on_sphere();
+    for (Vec3d p : {c + x, c + y, c - x, c - y}) {
+      indices.push_back(uint32_t(indices.size()));
+      corners.insert(corners.end(), {float(p.x), float(p.y), float(p.z)});
+    }
+    offsets.push_back(uint32_t(indices.size()));
+  }
+  void place(uint32_t g, const Affine& m) {
+    InstanceView i;
+    i.geometry = g, i.world_from_object = m;
+    instances.push_back(i);
+  }
+};
+
+/// 8 by 8 rays from one point, a little apart, or to one point, or side by side.
+void add_block(std::vector<Ray>& rays, Random& random, int kind) {
+  const Vec3d eye = random.in_box(4), target = random.in_box(1.5), d = target - eye;
+  const double step = std::pow(10, random.uniform(-5, -1));
+  const Vec3d x = step * random.on_sphere(), y = step * random.on_sphere();
+  const double t_min = random.below(3) ? 0 : random.uniform(0, 1), t_max = random.below(3) ? HUGE_VAL : random.uniform(0.5, 2);
+  for (int k = 0; k < 64; ++k) {
+    const Vec3d shift = double(k % 8) * x + double(k / 8) * y;
+    if (kind == 0) rays.push_back(ray(eye, d + shift, t_min, t_max));
+    else if (kind == 1) rays.push_back(ray(target + shift, eye - target - shift, 0, 1));
+    else rays.push_back(ray(eye + shift, d, t_min, t_max));
+  }
+}
+
+/// Odd rays among good ones.
+void spoil(std::vector<Ray>& rays, Random& random) {
+  const double inf = HUGE_VAL, nan = std::nan("");
+  for (Ray& r : rays) {
+    switch (random.below(60)) {
+      case 0: r.d = {0, 0, 0}; break;
+      case 1: r.d.x = nan; break;
+      case 2: r.o.y = inf; break;
+      case 3: r.t_max = nan; break;
+      case 4: r.t_min = -3; break;
+      case 5: r.d = -r.d; break;
+      case 6: r.d = random.on_sphere(); break;
+      case 7: r.t_min = 1, r.t_max = 0.5; break;
+      case 8: r.d = 1e200 * r.d; break;
+      case 9: r.d[int(random.below(3))] = 0; break;
+      case 10: r.o = r.o + 1e7 * r.d, r.d = -r.d; break;
+      default: break;
+    }
+  }
+}
+
+std::vector<Ray> blocks(int count, bool odd, uint64_t seed) {
+  Random random(seed);
+  std::vector<Ray> rays;
+  for (int k = 0; k < count; ++k) add_block(rays, random, k % 3);
+  if (odd) spoil(rays, random);
+  return rays;
+}
+
+bool same(const Hit& a, const Hit& b) {
+  return std::memcmp(&a.t, &b.t, sizeof a.t) == 0 && a.instance == b.instance && a.primitive == b.primitive &&
+         std::memcmp(&a.u, &b.u, sizeof a.u) == 0 && std::memcmp(&a.v, &b.v, sizeof a.v) == 0;
+}
+
+/// How many rays get another answer in a batch than alone.
+int differences(const Accel& accel, std::vector<Ray> rays, uint32_t visibility) {
+  for (Ray& r : rays) r.visibility = visibility;
+  std::vector<Hit> hits(rays.size());
+  std::vector<uint8_t> blocked(rays.size());
+  accel.closest(rays.data(), hits.data(), rays.size());
+  accel.occluded(rays.data(), blocked.data(), rays.size());
+  int count = 0;
+  for (size_t k = 0; k < rays.size(); ++k) {
+    Hit hit;
+    uint8_t stopped = 0;
+    accel.closest(&rays[k], &hit, 1);
+    accel.occluded(&rays[k], &stopped, 1);
+    count += !same(hit, hits[k]) || stopped != blocked[k] || (hit.instance != Hit::kNone) != (stopped != 0);
+  }
+  return count;
+}
+
+/// Answers of every instruction set against the first one's.
+int other_bits(const Mixed& scene, const std::vector<Ray>& rays) {
+  std::vector<Hit> first;
+  int count = 0;
+  for (const char* isa : {"sse42", "avx2", "avx512"}) {
+    setenv("GLINT_ISA", isa, 1);
+    const auto accel = build(scene.geometries, scene.instances);
+    unsetenv("GLINT_ISA");
+    std::vector<Hit> hits(rays.size());
+    accel->closest(rays.data(), hits.data(), rays.size());
+    if (first.empty()) first = hits;
+    for (size_t k = 0; k < rays.size(); ++k) count += !same(hits[k], first[k]);
+  }
+  return count;
+}
+
+}  // namespace
+
+TEST(packets, coherent_rays_get_the_answers_of_single_rays) {
+  const Mixed scene;
+  const auto accel = build(scene.geometries, scene.instances);
+  for (uint32_t visibility : {uint32_t(kCamera), uint32_t(kShadow)}) CHECK(differences(*accel, blocks(200, false, 61), visibility) == 0);
+}
+
+TEST(packets, odd_rays_disturb_nobody) {
+  const Mixed scene;
+  const auto accel = build(scene.geometries, scene.instances);
+  CHECK(differences(*accel, blocks(300, true, 62), kCamera) == 0);
+}
+
+TEST(packets, batches_of_any_size) {
+  const Mixed scene;
+  const auto accel = build(scene.geometries, scene.instances);
+  const std::vector<Ray> rays = blocks(128, false, 63);
+  for (size_t n : {0, 1, 2, 7, 8, 9, 63, 65, 1023, 8191}) CHECK(differences(*accel, {rays.end() - long(n), rays.end()}, kCamera) == 0);
+}
+
+TEST(packets, every_instruction_set) {
+  const Mixed scene;
+  CHECK(other_bits(scene, blocks(300, true, 64)) == 0);
+}
+
+// Each mesh is closed and the tiles are aimed at its corners from inside; so every ray ends there, from a common point or side by side.
+TEST(packets, no_leaks_at_corners) {
+  Random random(65);
+  for (double radius : {1e-3, 1.0, 1e4}) {
+    for (const Mesh& mesh : {icosphere(4, radius, {}), box_grid(32, radius, {})}) {
+      const auto accel = build(mesh);
+      std::vector<Ray> rays;
+      for (int block = 0; block < 300; ++block) {
+        const size_t t = random.below(mesh.count());
+        const Vec3d eye = 0.3 * radius * random.in_box(1);
+        for (size_t k = 0; k < 64; ++k) {
+          const Vec3d p = mesh.corner((t + k / 3) % mesh.count(), k % 3), q = mesh.corner((t + k / 3) % mesh.count(), (k + 1) % 3);
+          const Vec3d at = k % 2 ? p : 0.5 * (p + q), o = block % 2 ? eye : eye + (1e-3 * radius * double(k)) * random.in_box(0.1);
+          rays.push_back(ray(o, at - o));
+        }
+      }
+      std::vector<Hit> hits(rays.size());
+      std::vector<uint8_t> blocked(rays.size());
+      accel->closest(rays.data(), hits.data(), rays.size());
+      accel->occluded(rays.data(), blocked.data(), rays.size());
+      int leaks = 0;
+      for (size_t k = 0; k < rays.size(); ++k) leaks += hits[k].instance == Hit::kNone || !blocked[k];
+      CHECK(leaks == 0);
+      CHECK(differences(*accel, rays, kCamera) == 0);
+    }
+  }
+}

@@ -1,0 +1,77 @@
+"""Why a pixel has its colour: its rays with the notes' terms in numbers (sections 4.12-4.17), by the float64 reference."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from .errors import SceneError
+from .reference.explain import Explainer, Hit, LightTerm, Ray
+from .scene import Scene
+from .settings import Settings
+
+
+class PixelExplainer:
+    """Explains pixels of one scene, which is made ready once. Raises SceneError for a scene or settings that are not sound."""
+
+    def __init__(self, scene: Scene, settings: Settings) -> None:
+        problems = settings.problems() + scene.problems()
+        if problems:
+            raise SceneError("\n".join(problems))
+        self._resolution = scene.camera.resolution
+        self._explainer = Explainer(scene, settings)
+
+    def pixel(self, x: int, y: int) -> Ray:
+        """The ray through the centre of pixel (x, y) of the full frame, counted from the bottom left, and all that follow from it.
+
+        Its `color` is what a picture of one sample has there. Raises SceneError for a pixel outside.
+        """
+        width, height = self._resolution
+        if not (0 <= x < width and 0 <= y < height):
+            raise SceneError(f"pixel ({x}, {y}) is outside the frame of {width} by {height}")
+        return self._explainer.pixel(x, y)
+
+
+def explanation_lines(ray: Ray) -> tuple[str, ...]:
+    """The tree of rays as text, two spaces a generation."""
+    return tuple(_ray_lines(ray, 0))
+
+
+def _ray_lines(ray: Ray, level: int) -> Iterator[str]:
+    pad = "  " * level
+    yield f"{pad}{ray.kind} ray, T = {_rgb(ray.weight)}: brings {_rgb(ray.color)}, {_rgb(ray.own)} of it by itself"
+    yield f"{pad}  from {_rgb(ray.origin)} along {_rgb(ray.direction)}"
+    for name, radiance in ray.shapes:
+        yield f"{pad}  sees the light '{name}': {_rgb(radiance)}"
+    if ray.hit is None:
+        yield f"{pad}  meets nothing: the surroundings are {_rgb(ray.background)}"
+    else:
+        yield from (f"{pad}  {line}" for line in _hit_lines(ray.hit))
+    for after in ray.follow:
+        yield from _ray_lines(after, level + 1)
+
+
+def _hit_lines(hit: Hit) -> Iterator[str]:
+    place = f" ({hit.place + 1}. instance)" if hit.place else ""
+    yield f"meets '{hit.thing}'{place}, primitive {hit.primitive}, at {hit.depth:.6g}; barycentric {_rgb(hit.barycentric)}"
+    yield f"x = {_rgb(hit.position)}, n = {_rgb(hit.normal)}, material '{hit.material}'"
+    if hit.holdout:
+        yield "it is a holdout: nothing is seen here"
+        return
+    yield f"k_a I_a = {_rgb(hit.ambient)}"
+    if any(hit.emission):
+        yield f"k_e = {_rgb(hit.emission)}"
+    yield from (line for term in hit.lights for line in _light_lines(term))
+
+
+def _light_lines(term: LightTerm) -> Iterator[str]:
+    number = f" (sample {term.sample + 1})" if term.sample else ""
+    yield f"'{term.light}'{number}: n·l = {term.n_dot_l:.6g}, n·h = {term.n_dot_h:.6g}, I = {_rgb(term.intensity)}, distance {term.distance:.6g}"
+    if term.n_dot_l <= 0:
+        yield "  it shines from behind"
+        return
+    blocked = f", blocked by '{term.blocker}' at {term.blocker_distance:.6g}" if term.blocker else ""
+    yield f"  k_d I n·l = {_rgb(term.diffuse)}, k_s I (n·h)^p = {_rgb(term.specular)}, S = {_rgb(term.shadow)}{blocked}"
+
+
+def _rgb(values: tuple[float, ...]) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"

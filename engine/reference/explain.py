@@ -1,0 +1,238 @@
+"""One pixel's rays with every term of the notes' formulas in numbers (sections 4.12-4.17)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..scene import Scene
+from ..settings import Settings
+from .lights import CENTER, LightSample, Source
+from .materials import Coefficients
+from .optics import blinn_phong
+from .paths import Paths, bounced, straight_on
+from .pulse import Pulse
+from .rays import ULPS, Bundle
+from .seen_lights import has_shape, seen_radiance
+from .stage import Stage
+from .surface import Surface, surface_at
+from .vectors import dot, length, unit
+from .visibility import NOTHING
+
+Array = np.ndarray
+Numbers = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class LightTerm:
+    """One sample of a light at a point. Colours are RGB; directions are unit, in the world.
+
+    to_light: l.  n_dot_l, n_dot_h: cosines.  intensity: I.  distance: to the light's sample, infinite for a sun.
+    shadow: S.  blocker: name of the first thing in between, "" for none; blocker_distance: how far it is.
+    diffuse, specular: k_d I max(0, n·l) and k_s I max(0, n·h)^p, before the shadow.
+    """
+
+    light: str
+    sample: int
+    to_light: Numbers
+    n_dot_l: float
+    n_dot_h: float
+    intensity: Numbers
+    distance: float
+    shadow: Numbers
+    blocker: str
+    blocker_distance: float
+    diffuse: Numbers
+    specular: Numbers
+
+
+@dataclass(frozen=True)
+class Hit:
+    """Where a ray meets a surface, world space.
+
+    thing: name of the object.  place: which row of its matrices.  primitive: which triangle, sphere or polygon.
+    barycentric: weights of a triangle's corners, zeros elsewhere.  depth: ray parameter; of camera rays the depth along the view.
+    normal: n, turned to the viewer.  ambient, emission: k_a I_a and k_e.  holdout: nothing is seen here.
+    """
+
+    thing: str
+    place: int
+    primitive: int
+    material: str
+    barycentric: Numbers
+    depth: float
+    position: Numbers
+    normal: Numbers
+    geometric_normal: Numbers
+    ambient: Numbers
+    emission: Numbers
+    lights: tuple[LightTerm, ...]
+    holdout: bool = False
+
+
+@dataclass(frozen=True)
+class Ray:
+    """A ray and those that follow from it.
+
+    kind: camera, mirror, refraction or transparent (the same ray beyond a surface).  weight: T.  origin, direction: world.
+    hit: None for the surroundings, of which it sees `background`.  shapes: (name, radiance) of the lights whose shape it sees.
+    own: what it brings to the pixel itself, T times its terms; color: with all that follow from it.
+    """
+
+    kind: str
+    depth: int
+    weight: Numbers
+    origin: Numbers
+    direction: Numbers
+    hit: Hit | None
+    background: Numbers
+    shapes: tuple[tuple[str, Numbers], ...]
+    own: Numbers
+    color: Numbers
+    follow: tuple[Ray, ...]
+
+
+class Explainer:
+    """Follows single rays of a scene; the order of work is that of `Generations`."""
+
+    def __init__(self, scene: Scene, settings: Settings) -> None:
+        self.stage = Stage(scene, replace(settings, samples=1, region=None, passes=frozenset()), Pulse(lambda: False))
+
+    def pixel(self, x: int, y: int) -> Ray:
+        """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first: the first sample of a picture."""
+        rays, _ = self.stage.camera.pixels((x, x + 1), (y, y + 1), np.zeros(2))
+        return self.follow(Paths(rays, np.ones((3, 1)), np.zeros(1, np.intp), np.zeros(1, np.intp), 0), "camera")
+
+    def follow(self, paths: Paths, kind: str) -> Ray:
+        """One ray and all that follow from it."""
+        stage = self.stage
+        o, d = paths.rays.lines(np.zeros(1, np.intp))
+        found = stage.visibility.closest(paths.rays, paths.kind)
+        weight = paths.weight[:, 0]
+        shapes = tuple(self._shapes(paths, o, d, found.depth))
+        ray = Ray(kind, paths.depth, _numbers(weight), _numbers(o[:, 0] + stage.eye), _numbers(unit(d)[:, 0]),
+                  None, _numbers(self._background(paths)), shapes, (), (), ())  # fmt: skip
+        own = weight * sum((np.array(radiance) for _, radiance in shapes), np.zeros(3))
+        if found.primitive[0] == NOTHING:
+            own = own + weight * np.array(ray.background)
+            return replace(ray, own=_numbers(own), color=_numbers(own))
+        ray = replace(ray, background=(0.0, 0.0, 0.0))
+        return self._at_surface(ray, paths, found, own)
+
+    def _at_surface(self, ray: Ray, paths: Paths, found, own: Array) -> Ray:
+        stage, hit, depth = self.stage, np.zeros(1, np.intp), found.depth
+        surface = surface_at(stage.geometry, stage.attributes, paths.rays, hit, found.primitive, depth, stage.pulse)
+        coefficients = stage.shader.coefficients(surface)
+        about = self._hit(surface, coefficients, depth, paths)
+        if about.holdout:
+            return replace(ray, hit=about, own=_numbers(own), color=_numbers(own))
+        follow = tuple(self._next(paths, hit, surface, coefficients, depth))
+        own = own + paths.weight[:, 0] * _sum(about)
+        color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
+        return replace(ray, hit=about, own=_numbers(own), color=_numbers(color), follow=follow)
+
+    def _shapes(self, paths: Paths, o: Array, d: Array, depth: Array) -> Iterator[tuple[str, Numbers]]:
+        for source in self.stage.sources:
+            if getattr(source.light, "visible_" + paths.kind) and has_shape(source):
+                radiance = seen_radiance(source, o, d, paths.rays.near, depth)[:, 0]
+                if radiance.any():
+                    yield source.light.name, _numbers(radiance)
+
+    def _background(self, paths: Paths) -> Array:
+        hidden = paths.depth == 0 and self.stage.scene.world.transparent
+        return np.zeros(3) if hidden else self.stage.background[:, 0]
+
+    def _next(self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array) -> Iterator[Ray]:
+        if paths.depth < self.stage.settings.max_bounces:
+            for after in bounced(paths, hit, surface, coefficients):
+                _, d = after.rays.lines(np.zeros(1, np.intp))
+                yield self.follow(after, "mirror" if dot(d, surface.g)[0] > 0 else "refraction")
+        straight = straight_on(paths, hit, surface, depth, coefficients.transparent, np.zeros(1, bool))
+        if straight is not None:
+            yield self.follow(straight, "transparent")
+
+    def _hit(self, surface: Surface, coefficients: Coefficients, depth: Array, paths: Paths) -> Hit:
+        stage, row = self.stage, surface.row[0]
+        block = int(stage.geometry.placements.block[row])
+        instances = stage.scene.instances[block]
+        first = int(np.flatnonzero(stage.geometry.placements.block == block)[0])
+        number = int(surface.material[0])
+        materials = stage.scene.materials
+        return Hit(
+            thing=instances.name,
+            place=int(row) - first,
+            primitive=int(surface.local[0]),
+            material=materials[number].name if 0 <= number < len(materials) else "",
+            barycentric=_numbers(surface.weights[:, 0]),
+            depth=float(depth[0] * (stage.camera.unit if paths.depth == 0 else 1.0)),
+            position=_numbers(surface.x[:, 0] + stage.eye),
+            normal=_numbers(surface.n[:, 0]),
+            geometric_normal=_numbers(surface.g[:, 0]),
+            ambient=_numbers(coefficients.ambient[:, 0] * stage.ambient[:, 0]),
+            emission=_numbers(coefficients.emission[:, 0]),
+            lights=tuple(self._lights(surface, coefficients)),
+            holdout=instances.holdout,
+        )
+
+    # --- lights -------------------------------------------------------------------------------------------------------------------
+
+    def _lights(self, surface: Surface, coefficients: Coefficients) -> Iterator[LightTerm]:
+        lighting = self.stage.lighting
+        for source in lighting.sources:
+            n = source.sample_count(lighting.light_samples)
+            for j in range(n):
+                yield self._light(surface, coefficients, source, source.sample(surface.x, CENTER if n == 1 else lighting.points[j], n), j)
+
+    def _light(self, surface: Surface, coefficients: Coefficients, source: Source, sample: LightSample, j: int) -> LightTerm:
+        n_dot_l = float(dot(surface.n, sample.direction)[0])
+        intensity = source.color * sample.intensity[0]
+        lit = n_dot_l > 0 and intensity.any()
+        specular = sum((term.k[:, 0] * self._power(surface, sample, term.lobe.exponent) for term in coefficients.highlights), np.zeros(3))
+        shadow, blocker, distance = self._shadow(surface, source, sample) if lit else (np.ones(3), "", np.inf)
+        return LightTerm(
+            light=source.light.name,
+            sample=j,
+            to_light=_numbers(sample.direction[:, 0]),
+            n_dot_l=n_dot_l,
+            n_dot_h=float(dot(surface.n, unit(surface.v + sample.direction))[0]),
+            intensity=_numbers(intensity),
+            distance=np.inf if sample.end is None else float(length(sample.end - surface.x)[0]),
+            shadow=_numbers(shadow),
+            blocker=blocker,
+            blocker_distance=distance,
+            diffuse=_numbers(coefficients.diffuse[:, 0] * intensity * n_dot_l if lit else np.zeros(3)),
+            specular=_numbers(specular * intensity if lit else np.zeros(3)),
+        )
+
+    def _power(self, surface: Surface, sample: LightSample, exponent: float) -> float:
+        return float(blinn_phong(surface.n, surface.v, sample.direction, exponent)[0])
+
+    def _shadow(self, surface: Surface, source: Source, sample: LightSample) -> tuple[Array, str, float]:
+        """S, and the first thing that stands between the point and the light's sample."""
+        if not source.light.cast_shadow:
+            return np.ones(3), "", np.inf
+        shadow = self.stage.lighting.shadows.towards(surface, np.zeros(1, np.intp), sample)[0]
+        if (shadow == 1).all():
+            return shadow, "", np.inf
+        start = surface.start + np.where(dot(surface.g, sample.direction) < 0, -1.0, 1.0) * surface.offset * surface.g
+        far = np.array([np.inf]) if sample.end is None else length(sample.end - start) - ULPS * np.abs(sample.end).max(0)
+        found = self.stage.visibility.closest(Bundle.of(start, sample.direction, np.zeros(1), far), "shadow")
+        if found.primitive[0] == NOTHING:
+            return shadow, "", np.inf
+        row = self.stage.geometry.row[found.primitive[0]]
+        name = self.stage.scene.instances[int(self.stage.geometry.placements.block[row])].name
+        return shadow, name, float(found.depth[0])
+
+
+def _sum(hit: Hit) -> Array:
+    """k_a I_a + k_e + Σ (diffuse + specular) S."""
+    total = np.array(hit.ambient) + np.array(hit.emission)
+    for term in hit.lights:
+        total = total + (np.array(term.diffuse) + np.array(term.specular)) * np.array(term.shadow)
+    return total
+
+
+def _numbers(values: Array) -> Numbers:
+    return tuple(float(value) for value in values)

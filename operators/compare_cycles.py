@@ -1,0 +1,233 @@
+"""The same scene in Glint and in Cycles with matched settings: both pictures, their difference in numbers, and which of it is expected.
+
+Blender reads the operator's annotations as they are, so this module must not make them strings.
+"""
+
+import json
+import logging
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..engine.comparison import Difference, compare, difference_picture, draw_strip
+from ..engine.flip import displayed
+from ..engine.plot import png_bytes
+from .scene_copy import copied, read_job, rendered
+
+log = logging.getLogger(__name__)
+
+_FEWEST = 2
+"""Samples of half a render: with one, Cycles' two halves hardly differ, and nothing would be known of its noise."""
+_NO_BOUNCES = ("max", "diffuse", "glossy", "transmission", "volume")
+
+
+@dataclass(frozen=True)
+class Options:
+    """samples: of Cycles.  bounces: of mirrors and glass, in both engines.  side: pixels of the longer side at most.
+    full_light: also render Cycles with the indirect light that the scene's own settings give it."""
+
+    samples: int = 64
+    bounces: int = 0
+    side: int = 512
+    full_light: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """direct: Glint against Cycles with direct light only.  noise: RMSE of Cycles' own noise in it, as displayed.
+    indirect: Cycles with all light against itself without, None where it was not rendered.  seconds: by picture.
+    expected: which differences are to be expected, one sentence each.  strip: (h, w, 3), row 0 on top."""
+
+    direct: Difference
+    noise: float
+    indirect: Difference | None
+    seconds: dict[str, float]
+    expected: tuple[str, ...]
+    strip: np.ndarray
+
+    def as_json(self) -> dict:
+        """The numbers and sentences."""
+        return {
+            "direct": asdict(self.direct),
+            "noise": self.noise,
+            "indirect": asdict(self.indirect) if self.indirect else None,
+            "seconds": self.seconds,
+            "expected": list(self.expected),
+        }
+
+
+def direct_light_only(scene: bpy.types.Scene, samples: int, seed: int = 0) -> None:
+    """Cycles without bounces, clamping, denoising or adaptive sampling, on the CPU."""
+    _plain_sampling(scene, samples, seed)
+    for kind in _NO_BOUNCES:
+        setattr(scene.cycles, f"{kind}_bounces", 0)
+    scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0.0
+    scene.cycles.light_sampling_threshold = 0.0
+
+
+def _plain_sampling(scene: bpy.types.Scene, samples: int, seed: int) -> None:
+    cycles = scene.cycles
+    cycles.device = "CPU"
+    cycles.samples, cycles.seed = samples, seed
+    cycles.use_adaptive_sampling = cycles.use_denoising = cycles.use_light_tree = False
+
+
+def match_cycles(scene: bpy.types.Scene, samples: int, bounces: int, seed: int = 0) -> None:
+    """Cycles with Glint's pixel filter and Glint's light: direct, after `bounces` mirror reflections and refractions."""
+    scene.render.engine = "CYCLES"
+    direct_light_only(scene, samples, seed)
+    scene.cycles.max_bounces = scene.cycles.glossy_bounces = scene.cycles.transmission_bounces = bounces
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", scene.render.filter_size
+
+
+def limit_size(scene: bpy.types.Scene, side: int) -> None:
+    """Fewer pixels of the same view, where it has more than `side` on its longer side."""
+    render = scene.render
+    width, height = (max(1, pixels * render.resolution_percentage // 100) for pixels in (render.resolution_x, render.resolution_y))
+    factor = min(1.0, side / max(width, height))
+    render.resolution_x, render.resolution_y = (max(1, round(pixels * factor)) for pixels in (width, height))
+    render.resolution_percentage = 100
+
+
+def compare_with_cycles(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options = Options()) -> Comparison:  # noqa: B008
+    """Render both and write compare.png, compare.json and the pictures as EXR into `folder`; the scene stays as it is.
+
+    Raises RuntimeError with Blender's message when a render fails.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    seconds: dict[str, float] = {}
+    job = read_job(scene, view_layer)
+    glint = _glint(scene, view_layer, folder, options, seconds)
+    direct, noise = _cycles_direct(scene, view_layer, folder, options, seconds)
+    full = _cycles_full(scene, view_layer, folder, options, seconds) if options.full_light else None
+    indirect = compare(direct, full) if full is not None else None
+    numbers = compare(glint, direct)
+    expected = expected_differences(job, numbers, noise, indirect)
+    result = Comparison(numbers, noise, indirect, seconds, expected, _strip(scene.name, glint, direct, full, numbers))
+    (folder / "compare.png").write_bytes(png_bytes(result.strip))
+    (folder / "compare.json").write_text(json.dumps(result.as_json(), indent=1))
+    return result
+
+
+def _glint(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, seconds: dict) -> np.ndarray:
+    with copied(scene, view_layer, in_focus=True) as copy:
+        copy.render.engine = "GLINT"
+        copy.glint.final.max_bounces = options.bounces
+        limit_size(copy, options.side)
+        picture, seconds["glint"] = rendered(copy, folder / "glint.exr")
+    return picture
+
+
+def _cycles_direct(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, seconds: dict) -> tuple[np.ndarray, float]:
+    """The mean of two renders with half of the samples each, whose difference tells the noise of their mean."""
+    halves = []
+    seconds["cycles"] = 0.0
+    for seed in (0, 1):
+        with copied(scene, view_layer, in_focus=True) as copy:
+            match_cycles(copy, max(_FEWEST, options.samples // 2), options.bounces, seed)
+            limit_size(copy, options.side)
+            picture, took = rendered(copy, folder / f"cycles_direct_{seed}.exr")
+            halves.append(picture)
+            seconds["cycles"] += took
+    mean = (halves[0] + halves[1]) / 2
+    shown = (displayed(halves[0]) - displayed(halves[1])) / 2
+    return mean, float(np.sqrt(np.mean(shown**2)))
+
+
+def _cycles_full(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, seconds: dict) -> np.ndarray:
+    with copied(scene, view_layer, in_focus=True) as copy:
+        copy.render.engine = "CYCLES"
+        _plain_sampling(copy, options.samples, 0)
+        copy.cycles.pixel_filter_type, copy.cycles.filter_width = "BLACKMAN_HARRIS", copy.render.filter_size
+        limit_size(copy, options.side)
+        picture, seconds["cycles full"] = rendered(copy, folder / "cycles_full.exr")
+    return picture
+
+
+def expected_differences(job, numbers: Difference, noise: float, indirect: Difference | None) -> tuple[str, ...]:
+    """What of the difference has a known cause. job: as Glint read it."""
+    lines = [f"Noise of Cycles: RMSE {noise:.4f} of the {numbers.rmse:.4f} between the engines; Glint has none"]
+    glossy = sum(any(lobe.kind == "SPECULAR" for lobe in material.lobes) for material in job.scene.materials)
+    if glossy:
+        lines.append(f"Highlights of {_several(glossy, 'material')}: Glint draws Blinn-Phong lobes where Cycles draws GGX")
+    if indirect is not None:
+        lines.append(
+            f"Indirect light, which Glint does not follow: RMSE {indirect.rmse:.4f}, {indirect.off:.1%} of the pixels off by more than 1 % "
+            "between Cycles with and without it; it is in no number above"
+        )
+    lines += [f"Left out or changed by Glint: {note}" for note in dict.fromkeys(job.notes)]
+    return tuple(lines)
+
+
+def _several(count: int, name: str) -> str:
+    return f"{count} {name}{'s' if count != 1 else ''}"
+
+
+def _strip(name: str, glint: np.ndarray, direct: np.ndarray, full: np.ndarray | None, numbers: Difference) -> np.ndarray:
+    pictures = [displayed(glint), displayed(direct), difference_picture(glint, direct)]
+    titles = "Glint | Cycles, direct light | difference ×4"
+    if full is not None:
+        pictures.append(displayed(full))
+        titles += " | Cycles, all light"
+    text = f"RMSE {numbers.rmse:.4f}, off {numbers.off:.1%}, FLIP {numbers.flip_mean:.4f}"
+    return draw_strip(pictures, (f"{name}: {titles}", text), (max(glint.shape[1], 120), glint.shape[0]))
+
+
+class GLINT_OT_compare_cycles(bpy.types.Operator):
+    """Render this scene with Glint and with Cycles, direct light only, and show both and their difference. Changes nothing of the scene"""
+
+    bl_idname = "glint.compare_cycles"
+    bl_label = "Compare with Cycles"
+
+    directory: bpy.props.StringProperty(name="Folder", description="Where the pictures and numbers go", subtype="DIR_PATH", default="//compare")
+    samples: bpy.props.IntProperty(name="Cycles Samples", description="Time grows in proportion", default=64, min=4, max=65536)
+    bounces: bpy.props.IntProperty(name="Bounces", description="Of mirrors and glass, in both engines", default=0, min=0, max=64)
+    side: bpy.props.IntProperty(name="Longest Side", description="Pixels; larger frames are made smaller", default=512, min=16, max=16384)
+    full_light: bpy.props.BoolProperty(
+        name="All Light", description="Also render Cycles with indirect light, to tell its share; takes longest", default=True
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.scene is not None and hasattr(context.scene, "cycles")
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        return context.window_manager.invoke_props_dialog(self)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        options = Options(self.samples, self.bounces, self.side, self.full_light)
+        folder = Path(bpy.path.abspath(self.directory))
+        try:
+            result = compare_with_cycles(context.scene, context.view_layer.name, folder, options)
+        except (RuntimeError, OSError) as error:
+            log.exception("the comparison failed")
+            self.report({"ERROR"}, f"The comparison failed: {' '.join(str(error).split())}")
+            return {"CANCELLED"}
+        from .show_picture import show
+
+        show("Glint and Cycles", result.strip, context)
+        for line in report_lines(result):
+            self.report({"INFO"}, line)
+        return {"FINISHED"}
+
+
+def report_lines(result: Comparison) -> list[str]:
+    """The comparison in words."""
+    d = result.direct
+    times = ", ".join(f"{name} {value:.2f} s" for name, value in result.seconds.items())
+    return [
+        f"Direct light, matched: RMSE {d.rmse:.4f}, {d.off:.1%} of the pixels off by more than 1 %, FLIP {d.flip_mean:.4f} "
+        f"(99th percentile {d.flip_p99:.3f}), means {d.mean:.4f} and {d.reference_mean:.4f}",
+        *result.expected,
+        f"Seconds, Blender's own work included: {times}",
+    ]
+
+
+def register() -> None:
+    bpy.utils.register_class(GLINT_OT_compare_cycles)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(GLINT_OT_compare_cycles)

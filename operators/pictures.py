@@ -1,0 +1,130 @@
+"""Picture files: their pixels, and the texts in their headers."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import bpy
+import numpy as np
+
+_EXR = b"v/1\x01"
+_PNG = b"\x89PNG\r\n\x1a\n"
+_MULTIPART = 0x1000
+
+
+def read_picture(path: Path) -> np.ndarray:
+    """(h, w, 4) float32, row 0 at the bottom, of a file with one picture. Raises RuntimeError where Blender cannot read it."""
+    image = bpy.data.images.load(str(path), check_existing=False)
+    try:
+        image.colorspace_settings.name = "Non-Color"
+        width, height = image.size
+        pixels = np.empty(width * height * 4, np.float32)
+        if not pixels.size:
+            raise RuntimeError(f"{path}: there are no pixels in it")
+        image.pixels.foreach_get(pixels)
+        return pixels.reshape(height, width, 4)
+    finally:
+        bpy.data.images.remove(image)
+
+
+def read_planes(path: Path) -> dict[str, np.ndarray] | None:
+    """Every channel of every layer by name, (h, w) float32 each, row 0 at the bottom; None for a multilayer file where this Blender has
+    no OpenImageIO to look into it."""
+    oiio = _open_image_io()
+    if oiio is None:
+        return None if is_multilayer(path) else dict(zip("RGBA", np.moveaxis(read_picture(path), -1, 0), strict=True))
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise RuntimeError(f"{path}: {oiio.geterror()}")
+    planes, part = {}, 0
+    while source.seek_subimage(part, 0):
+        names = source.spec().channelnames
+        pixels = np.asarray(source.read_image(part, 0, 0, len(names), oiio.FLOAT), np.float32)
+        planes |= {name: np.flipud(pixels[..., number]) for number, name in enumerate(names)}
+        part += 1
+    source.close()
+    return planes
+
+
+def _open_image_io() -> ModuleType | None:
+    """Blender's wheel hides its OpenImageIO until it is asked; the one of 4.2 has none."""
+    if hasattr(bpy.utils, "expose_bundled_modules"):
+        bpy.utils.expose_bundled_modules()
+    try:
+        import OpenImageIO
+    except ImportError:
+        return None
+    return OpenImageIO
+
+
+# --- headers ------------------------------------------------------------------------------------------------------------------------
+
+
+def header_texts(path: Path) -> dict[str, str]:
+    """The texts in the header of an OpenEXR or PNG file. Raises ValueError for any other file or a broken one."""
+    data = path.read_bytes()
+    try:
+        if data.startswith(_EXR):
+            return {name: value.decode(errors="replace") for name, kind, value in _exr_attributes(data) if kind == "string"}
+        if data.startswith(_PNG):
+            return dict(_png_texts(data))
+    except (IndexError, ValueError, struct.error, zlib.error) as error:
+        raise ValueError(f"{path}: the header is broken: {error}") from error
+    raise ValueError(f"{path} is neither OpenEXR nor PNG, so it carries no stamp")
+
+
+def is_multilayer(path: Path) -> bool:
+    """Whether an EXR file names its channels by layer."""
+    data = path.read_bytes()
+    return data.startswith(_EXR) and any(kind == "chlist" and b"." in value for _, kind, value in _exr_attributes(data))
+
+
+def sample_bits(path: Path) -> int:
+    """Bits of a colour value: 16 or 32 in an EXR file, 8 or 16 in a PNG."""
+    data = path.read_bytes()
+    if data.startswith(_PNG):
+        return data[24]
+    channels = next(value for _, kind, value in _exr_attributes(data) if kind == "chlist")
+    first_kind = channels.index(b"\0") + 1
+    return 16 if struct.unpack_from("<i", channels, first_kind)[0] == 1 else 32
+
+
+def _exr_attributes(data: bytes) -> Iterator[tuple[str, str, bytes]]:
+    """(name, type, value) of every part's header (OpenEXR file layout)."""
+    multipart, place = struct.unpack_from("<I", data, 4)[0] & _MULTIPART, 8
+    while data[place]:
+        while data[place]:
+            name_end = data.index(b"\0", place)
+            kind_end = data.index(b"\0", name_end + 1)
+            (size,) = struct.unpack_from("<I", data, kind_end + 1)
+            start = kind_end + 5
+            yield data[place:name_end].decode(), data[name_end + 1 : kind_end].decode(), data[start : start + size]
+            place = start + size
+        place += 1
+        if not multipart:
+            return
+
+
+def _png_texts(data: bytes) -> Iterator[tuple[str, str]]:
+    """tEXt, zTXt and iTXt chunks (PNG specification, section 11.3.4)."""
+    place = len(_PNG)
+    while place + 8 <= len(data):
+        size, kind = struct.unpack_from(">I4s", data, place)
+        chunk = data[place + 8 : place + 8 + size]
+        if kind in (b"tEXt", b"zTXt", b"iTXt"):
+            name, value = chunk.split(b"\0", 1)
+            yield name.decode("latin-1"), _png_value(kind, value)
+        place += size + 12
+
+
+def _png_value(kind: bytes, value: bytes) -> str:
+    if kind == b"tEXt":
+        return value.decode("latin-1")
+    if kind == b"zTXt":
+        return zlib.decompress(value[1:]).decode("latin-1")
+    packed, text = value[0], value[2:].split(b"\0", 2)[2]
+    return (zlib.decompress(text) if packed else text).decode()

@@ -1,0 +1,71 @@
+"""Renders of a scene that leave it as it is: everything happens on a copy that shares the objects and goes away at the end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..addon import final
+from .pictures import read_picture
+
+
+@contextmanager
+def copied(scene: bpy.types.Scene, view_layer: str, *, in_focus: bool = False) -> Iterator[bpy.types.Scene]:
+    """A copy of the scene's settings, of which one view layer renders, without compositor, sequencer, border and motion blur. The scene,
+    its picture and the file's data are untouched, whatever happens within. in_focus: through a copy of the camera without depth of
+    field."""
+    copy = scene.copy()
+    cameras: list[tuple] = []
+    try:
+        if in_focus and copy.camera is not None:
+            cameras.append(_focused_camera(copy))
+        render = copy.render
+        render.use_border = render.use_compositing = render.use_sequencer = render.use_motion_blur = render.use_freestyle = False
+        for layer in copy.view_layers:
+            layer.use = layer.name == view_layer
+        yield copy
+    finally:
+        bpy.data.scenes.remove(copy)
+        for camera, data in cameras:
+            bpy.data.objects.remove(camera)
+            bpy.data.cameras.remove(data)
+
+
+def _focused_camera(copy: bpy.types.Scene) -> tuple[bpy.types.Object, bpy.types.Camera]:
+    camera = copy.camera.copy()
+    camera.data = camera.data.copy()
+    camera.data.dof.use_dof = False
+    copy.collection.objects.link(camera)
+    copy.timeline_markers.clear()  # they would bind the file's own cameras
+    copy.camera = camera
+    return camera, camera.data
+
+
+def read_job(scene: bpy.types.Scene, view_layer: str) -> final.Job:
+    """What a final render of this view layer would trace: modifiers, visibility and settings as for a render. Raises RuntimeError with
+    the reason where it cannot be rendered."""
+    with copied(scene, view_layer) as copy, final.reading_only() as jobs:
+        copy.render.engine = "GLINT"
+        bpy.ops.render.render(scene=copy.name)
+    if not jobs:
+        raise RuntimeError("Blender did not ask Glint to render this scene")
+    return jobs[0]
+
+
+def rendered(copy: bpy.types.Scene, path: Path) -> tuple[np.ndarray, float]:
+    """Render a copy with its own engine into an EXR file; gives the picture, (h, w, 4) float32 with row 0 at the bottom, and the
+    seconds, Blender's own work included. Raises RuntimeError with Blender's message when the render fails."""
+    image = copy.render.image_settings
+    if hasattr(image, "media_type"):
+        image.media_type = "IMAGE"
+    image.file_format, image.color_mode, image.color_depth = "OPEN_EXR", "RGBA", "32"
+    start = time.perf_counter()
+    bpy.ops.render.render(scene=copy.name)
+    seconds = time.perf_counter() - start
+    bpy.data.images["Render Result"].save_render(str(path), scene=copy)
+    return read_picture(path), seconds

@@ -1,0 +1,110 @@
+"""Compare with Cycles: a matched diffuse scene agrees, what is expected is said, and the file stays as it is."""
+
+import json
+
+import pytest
+
+from blender_process import REGISTER_TREE, Blender
+
+SCENE = (
+    REGISTER_TREE
+    + """
+from glint.operators import command_line
+from glint.operators.compare_cycles import Options, compare_with_cycles
+bpy.ops.wm.read_homefile(use_factory_startup=True)
+scene = bpy.context.scene
+if not hasattr(scene, "cycles"):
+    answer("no Cycles")
+    leave()
+scene.render.resolution_x = scene.render.resolution_y = 32
+scene.render.resolution_percentage = 100
+tree = bpy.data.materials["Material"].node_tree
+tree.nodes.clear()
+diffuse, output = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeOutputMaterial")
+tree.links.new(diffuse.outputs[0], output.inputs["Surface"])
+scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
+scene.camera.data.dof.use_dof = True
+scene.camera.data.dof.aperture_fstop = 0.1
+bpy.data.objects["Light"].data.shadow_soft_size = 0.0
+floor = bpy.data.objects.new("Floor", bpy.data.meshes.new("Floor"))
+floor.data.from_pydata([(-9, -9, -1), (9, -9, -1), (9, 9, -1), (-9, 9, -1)], [], [(0, 1, 2, 3)])
+floor.data.materials.append(bpy.data.materials["Material"])
+scene.collection.objects.link(floor)
+scene.timeline_markers.new("bound", frame=1).camera = scene.camera
+
+def state():
+    kinds = ("scenes", "objects", "cameras", "images", "lights", "worlds", "collections", "node_groups")
+    settings = [scene.render.engine, scene.render.resolution_x, scene.cycles.samples, scene.cycles.max_bounces, scene.cycles.device,
+                scene.camera.name, scene.camera.data.dof.use_dof, scene.render.image_settings.file_format, scene.glint.final.max_bounces,
+                scene.timeline_markers[0].camera.name, [layer.use for layer in scene.view_layers]]
+    return [sorted(name for name in getattr(bpy.data, kind).keys() if name != "Render Result") for kind in kinds] + settings
+"""
+)
+
+
+def _answer(run):
+    if run.answer == "no Cycles":
+        pytest.skip("this Blender has no Cycles")
+    return run.answer
+
+
+def test_a_diffuse_scene_agrees_and_nothing_changes(tmp_path):
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+before = state()
+result = compare_with_cycles(scene, bpy.context.view_layer.name, FOLDER / "out", Options(samples=64))
+answer({"unchanged": before == state(), "strip": result.strip.shape, **result.as_json()})
+"""
+    )
+    answer = _answer(run)
+    assert answer["unchanged"]
+    direct = answer["direct"]
+    # What is left is Cycles' noise on edges; the floor and box alone take half of the light that the full one adds.
+    assert direct["rmse"] < 3 * answer["noise"] + 0.005
+    assert direct["mean"] == pytest.approx(direct["reference_mean"], rel=0.02)
+    assert answer["indirect"]["rmse"] > 2 * direct["rmse"]
+    assert answer["strip"][1] >= 4 * 32
+    saved = json.loads((tmp_path / "out" / "compare.json").read_text())
+    assert saved["direct"] == direct and (tmp_path / "out" / "compare.png").is_file()
+    assert not any("Highlights" in line for line in answer["expected"])
+    assert any("Indirect light" in line for line in answer["expected"])
+
+
+def test_a_difference_is_seen(tmp_path):
+    """A fault in one engine's light: Glint reads the strength number as the intensity."""
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+scene.glint.final.illumination = "CLASSIC"
+result = compare_with_cycles(scene, bpy.context.view_layer.name, FOLDER / "out", Options(samples=8, full_light=False))
+answer(result.as_json())
+"""
+    )
+    answer = _answer(run)
+    assert answer["direct"]["rmse"] > 10 * answer["noise"] and answer["direct"]["off"] > 0.5
+    assert answer["indirect"] is None
+
+
+def test_operator_and_command(tmp_path):
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "a.blend"))
+before = state()
+bpy.ops.glint.compare_cycles(directory=str(FOLDER / "operator"), samples=4, side=16, full_light=False)
+shown = bpy.data.images.get("Glint and Cycles")
+bpy.data.images.remove(shown)
+unchanged = before == state()
+bpy.data.objects.remove(scene.camera)
+try:
+    bpy.ops.glint.compare_cycles(directory=str(FOLDER / "none"), samples=4)
+    failed = False
+except RuntimeError:
+    failed = True
+code = command_line.run(["compare", str(FOLDER / "a.blend"), "--out", str(FOLDER / "command"), "--samples", "4", "--side", "16"])
+answer([unchanged, failed, len(bpy.data.scenes), code, (FOLDER / "command" / "compare.png").is_file()])
+"""
+    )
+    assert _answer(run) == [True, True, 1, 0, True], run.output
+    assert "Direct light, matched: RMSE" in run.output and "Indirect light" in run.output

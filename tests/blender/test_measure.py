@@ -1,0 +1,125 @@
+"""Measure This Scene: by script and by command, the front, "Use this", and a file that stays as it is."""
+
+import json
+
+from blender_process import REGISTER_TREE, Blender
+
+SCENE = (
+    REGISTER_TREE
+    + """
+bpy.ops.wm.read_homefile(use_factory_startup=True)
+scene = bpy.context.scene
+scene.render.engine = "GLINT"
+scene.render.resolution_x = scene.render.resolution_y = 24
+scene.render.resolution_percentage = 100
+scene.glint.final.samples, scene.glint.final.light_samples = 4, 2
+scene.glint.final.backend = "NUMPY"
+modifier = bpy.data.objects["Cube"].modifiers.new("Round", "SUBSURF")
+modifier.levels, modifier.render_levels = 0, 2
+
+def state():
+    kinds = ("scenes", "objects", "cameras", "meshes", "lights", "materials", "worlds", "collections", "node_groups")
+    settings = [scene.render.engine, scene.render.resolution_x, scene.camera.name, scene.camera.data.dof.use_dof]
+    return [sorted(getattr(bpy.data, kind).keys()) for kind in kinds] + settings + [scene.glint.final.samples]
+"""
+)
+SMALL = "repeats=1, crops=1, crop_side=24, reference_samples=16"
+
+
+def test_the_operator_measures_draws_and_changes_nothing(tmp_path):
+    run = Blender(tmp_path).run(
+        SCENE
+        + f"""
+scene.camera.data.dof.use_dof = True
+before = state()
+bpy.ops.glint.measure_scene({SMALL}, json_path=str(FOLDER / "out.json"), plot_path=str(FOLDER / "out.png"))
+from glint.operators.measure_scene import IMAGE_NAME, last_measurement
+trade = last_measurement(scene.name)
+pixels = bpy.data.images[IMAGE_NAME].pixels[:]
+bpy.ops.glint.use_measured(row=0)
+answer({{
+    "unchanged": before[:-1] == state()[:-1],
+    "front": [row.knobs for row in trade.front],
+    "used": [scene.glint.final.samples, scene.glint.final.light_samples, scene.glint.final.max_bounces],
+    "levels": len(set(pixels)),
+    "current": last_measurement(scene.name).current.knobs,
+}})
+"""
+    )
+    assert run.returncode == 0, run.output
+    answer = run.answer
+    assert answer["unchanged"]
+    first = answer["front"][0]
+    assert answer["used"] == [first["samples"], first["light_samples"], first["max_bounces"]]
+    assert answer["current"] == first
+    assert answer["levels"] > 10
+    table = json.loads((tmp_path / "out.json").read_text())
+    assert table["complete"] and table["reference"].startswith("the float64 tracer, 16 samples")
+    assert [row["current"] for row in table["rows"]].count(True) == 1
+    assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_scene_is_read_as_for_a_render(tmp_path):
+    """The modifier has 2 levels for renders and none in the viewport: 12 or 192 triangles."""
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+from glint.operators.scene_copy import read_job
+from glint.operators.measure_scene import Options, measure_scene
+job = read_job(scene, bpy.context.view_layer.name)
+fractions = []
+trade = measure_scene(
+    scene, bpy.context.view_layer.name, Options({"samples": [1]}, 16, repeats=1, crops=1, crop_side=24), on_progress=fractions.append
+)
+stopped = measure_scene(scene, bpy.context.view_layer.name, should_stop=lambda: True)
+answer([len(job.scene.geometries[0].triangles), len(trade.rows), fractions[-1], len(stopped.rows), stopped.complete])
+"""
+    )
+    assert run.returncode == 0, run.output
+    triangles, rows, fraction, stopped_rows, complete = run.answer
+    assert (triangles, fraction, stopped_rows, complete) == (192, 1.0, 0, False)
+    assert rows == 2 * 5  # samples 1 and the scene's 4, all light samples (the lamp has a radius), no mirrors
+
+
+def test_a_failure_is_reported_and_leaves_nothing(tmp_path):
+    """The copy of the scene goes away also when its render fails."""
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+from glint.addon import final
+def broken(*arguments, **options):
+    raise ValueError("a fault on purpose")
+final.export_scene = broken
+before = state()
+try:
+    bpy.ops.glint.measure_scene()
+    said = ""
+except RuntimeError as error:
+    said = str(error)
+answer([before == state(), said])
+"""
+    )
+    assert run.returncode == 0, run.output
+    unchanged, said = run.answer
+    assert unchanged
+    assert "a fault on purpose" in said and "cannot measure" in said
+
+
+def test_the_command_writes_table_and_plot(tmp_path):
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+from glint.operators import command_line
+blend = str(FOLDER / "cube.blend")
+bpy.ops.wm.save_as_mainfile(filepath=blend)
+options = ["--samples", "1", "4", "--light-samples", "1", "--repeats", "1", "--reference-samples", "16", "--crops", "1"]
+good = command_line.run(["measure", blend, "--json", str(FOLDER / "a.json"), "--plot", str(FOLDER / "a.png"), *options])
+missing = command_line.run(["measure", str(FOLDER / "none.blend")])
+unsound = command_line.run(["measure", blend, "--samples", "0"])
+answer([good, missing, unsound, (FOLDER / "a.json").stat().st_size > 0, (FOLDER / "a.png").stat().st_size > 0])
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert run.answer == [0, 2, 2, True, True]
+    assert "rel. RMSE" in run.output and "<-" in run.output
+    assert "glint measure: samples is 0" in run.output

@@ -1,0 +1,94 @@
+"""What the panel and the log tell of a render: what was needed, what was not, what was left out."""
+
+from blender_process import REGISTER_TREE, Blender
+
+SCENE = (
+    REGISTER_TREE
+    + """
+import logging
+from glint.addon import statistics
+bpy.ops.wm.read_homefile(use_factory_startup=True)
+scene = bpy.context.scene
+scene.render.engine = "GLINT"
+scene.render.resolution_x = scene.render.resolution_y = 16
+scene.glint.final.samples = 1
+scene.glint.final.backend = "NUMPY"
+cube = bpy.data.objects["Cube"]
+material = cube.active_material
+tree = material.node_tree
+principled = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+
+def picture(name):
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image = bpy.data.images.new(name, 4, 4)
+    return node
+
+class Lines(logging.Handler):
+    def __init__(self):
+        super().__init__()
+        self.lines = []
+    def emit(self, record):
+        self.lines.append(record.getMessage())
+
+log = logging.getLogger("glint.addon.final")
+log.setLevel(logging.INFO)
+lines = Lines()
+log.addHandler(lines)
+
+def render():
+    lines.lines.clear()
+    bpy.ops.render.render()
+    last = statistics.of_last_render(scene.name)
+    return {"skipped": dict(last.skipped), "sections": last.sections, "log": list(lines.lines), "notes": list(last.notes)}
+"""
+)
+
+
+def test_what_nothing_reads_is_told(tmp_path):
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+plain = render()
+cube.data.uv_layers.new(name="Lightmap")
+for number in range(6):
+    cube.data.color_attributes.new(f"Col{number}", "FLOAT_COLOR", "POINT")
+picture("Not linked")
+cube.data.materials.append(bpy.data.materials.new("Spare"))
+hidden = bpy.data.objects.new("Hidden", cube.data)
+scene.collection.objects.link(hidden)
+hidden.hide_render = True
+more = render()
+tree.links.new(picture("Read").outputs["Color"], principled.inputs["Base Color"])
+answer([plain, more, render()])
+"""
+    )
+    assert run.returncode == 0, run.output
+    plain, more, textured = run.answer
+    assert plain["skipped"] == {"UV maps": "'UVMap'"}
+    assert more["skipped"] == {
+        "UV maps": "'UVMap', 'Lightmap'",
+        "colour attributes": "'Col0', 'Col1', 'Col2', 'Col3' and 2 more",
+        "images": "'Not linked'",
+        "materials": "'Spare'",
+        "hidden objects": "'Hidden'",
+    }
+    assert textured["skipped"]["UV maps"] == "'Lightmap'" and textured["skipped"]["images"] == "'Not linked'"
+    assert "Required" in more["sections"] and more["sections"]["Not needed, not read"][0] == "UV maps: 'UVMap', 'Lightmap'"
+    one_line = [line for line in more["log"] if "12 triangles" in line]
+    assert len(one_line) == 1 and "not needed: UV maps 'UVMap', 'Lightmap'; colour attributes" in one_line[0] and "sync" in one_line[0]
+
+
+def test_what_was_left_out_is_told_with_its_reason(tmp_path):
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+scene.camera.data.dof.use_dof = True
+sharp = render()
+scene.camera.data.dof.use_dof = False
+answer([sharp, render()])
+"""
+    )
+    first, second = run.answer
+    assert len(first["notes"]) == 1 and "Depth of field" in first["notes"][0]
+    assert first["sections"]["Left out or changed"] == first["notes"]
+    assert second["notes"] == [] and "Left out or changed" not in second["sections"]

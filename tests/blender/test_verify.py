@@ -1,0 +1,124 @@
+"""The reproducibility stamp: in the files, verified, and a liar found out."""
+
+import json
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from blender_process import REGISTER_TREE, Blender
+
+MAKE = (
+    REGISTER_TREE
+    + """
+from glint.operators import command_line
+bpy.ops.wm.read_homefile(use_factory_startup=True)
+scene = bpy.context.scene
+scene.render.engine = "GLINT"
+scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 24, 16, 100
+scene.glint.final.samples = scene.glint.final.light_samples = 1
+scene.glint.final.backend = "NUMPY"
+cube = bpy.data.objects["Cube"]
+cube.keyframe_insert("location", frame=1)
+cube.location.x = 1.0
+cube.keyframe_insert("location", frame=3)
+image = scene.render.image_settings
+
+def draw(name, kind, depth="32", frame=3):
+    if hasattr(image, "media_type"):
+        image.media_type = "MULTI_LAYER_IMAGE" if "MULTI" in kind else "IMAGE"
+    image.file_format, image.color_depth = kind, depth
+    scene.frame_set(frame)
+    scene.render.filepath = str(FOLDER / name)
+    bpy.ops.render.render(write_still=True)
+
+def save(name):
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / name))
+    return str(FOLDER / name)
+
+def verify(*names):
+    return command_line.run(["verify", *(str(FOLDER / name) for name in names)])
+"""
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "depth"),
+    [("a.exr", "OPEN_EXR", "32"), ("a.exr", "OPEN_EXR", "16"), ("a.exr", "OPEN_EXR_MULTILAYER", "32"), ("a.png", "PNG", "8"), ("a.png", "PNG", "16")],
+)
+def test_the_same_picture_is_the_same_and_another_is_not(tmp_path, name, kind, depth):
+    """Frame 3 from a file that is saved at frame 1, without saying which file it was."""
+    run = Blender(tmp_path).run(
+        MAKE
+        + f"""
+save("a.blend")
+draw({name!r}, {kind!r}, {depth!r})
+scene.frame_set(1)
+save("a.blend")
+same = verify({name!r})
+bpy.context.scene.glint.final.samples = 2
+bpy.data.objects["Light"].data.energy *= 1.01
+save("b.blend")
+answer([same, verify({name!r}, "b.blend")])
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert run.answer == [0, 1]
+    assert "the settings changed: samples 1 → 2" in run.output and "the scene changed" in run.output
+    assert "pixels differ, in columns" in run.output
+
+
+def test_where_a_file_was_changed_is_told(tmp_path):
+    """One pixel painted over: the hashes agree, the file does not."""
+    blender = Blender(tmp_path)
+    made = blender.run(MAKE + 'save("a.blend")\ndraw("a.exr", "OPEN_EXR")\nsave("a.blend")')
+    assert made.returncode == 0, made.output
+    buffer = oiio.ImageBuf(str(tmp_path / "a.exr"))
+    spec, pixels = buffer.spec(), buffer.get_pixels(oiio.FLOAT)
+    pixels[4, 7, 1] += 0.5
+    forged = oiio.ImageOutput.create(str(tmp_path / "forged.exr"))
+    forged.open(str(tmp_path / "forged.exr"), spec)
+    forged.write_image(np.ascontiguousarray(pixels))
+    forged.close()
+    run = blender.run(MAKE + 'answer([verify("a.exr", "a.blend"), verify("forged.exr", "a.blend")])')
+    assert run.answer == [0, 1], run.output
+    assert "1 of 384 pixels differ, in columns 7 to 7, rows 11 to 11 from the bottom, by up to 0.5" in run.output
+    assert "the same bits in every pass" in run.output.split("1 of 384")[0].splitlines()[-2]
+
+
+def test_the_stamp_depends_on_the_picture_and_not_on_threads(tmp_path):
+    run = Blender(tmp_path).run(
+        MAKE
+        + """
+from glint.addon import statistics
+stamps = []
+for threads, samples, place in ((1, 1, 0.0), (2, 1, 0.0), (1, 2, 0.0), (1, 1, 0.25)):
+    scene.glint.final.threads, scene.glint.final.samples = threads, samples
+    bpy.data.objects["Light"].location.x = place
+    bpy.ops.render.render()
+    stamps.append(statistics.of_last_render(scene.name).stamp)
+answer(stamps)
+"""
+    )
+    one, threads, samples, moved = run.answer
+    assert one == threads
+    assert {field for field in one if one[field] != samples[field]} == {"pixels", "settings"}
+    assert {field for field in one if one[field] != moved[field]} == {"pixels", "geometry"}
+    assert json.loads(one["settings"])["samples"] == 1
+
+
+def test_what_has_no_stamp_cannot_be_verified(tmp_path):
+    (tmp_path / "text.exr").write_text("not a picture")
+    (tmp_path / "cut.png").write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00\x00\x05tEXtab")
+    run = Blender(tmp_path).run(
+        MAKE
+        + """
+blend = save("a.blend")
+scene.render.engine = "CYCLES"
+scene.cycles.samples = 1
+draw("cycles.png", "PNG", "8")
+answer([verify(name, "a.blend") for name in ("text.exr", "cut.png", "cycles.png", "none.png")])
+"""
+    )
+    assert run.answer == [2, 2, 2, 2], run.output
+    assert "neither OpenEXR nor PNG" in run.output and "carries no stamp" in run.output

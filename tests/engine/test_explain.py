@@ -1,0 +1,126 @@
+"""Explain Pixel: the terms add up to the picture, and each is what the notes' formula gives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.engine import SceneError, Settings, render
+from glint.engine.explain import PixelExplainer, explanation_lines
+from glint.engine.scene import Camera, Input, Instances, Light, Lobe, Material, Mesh, Scene, Spheres, World
+
+
+def lobe(kind, value, **more):
+    return Lobe(kind, (Input((value, value * 0.5, value * 0.25)),), **more)
+
+
+def placed(x, y, z):
+    return np.array([[[1.0, 0, 0, x], [0, 1, 0, y], [0, 0, 1, z]]])
+
+
+def lamp(name, kind, at, **more):
+    return Light(name, kind, np.concatenate([np.eye(3), np.array(at, float)[:, None]], 1), **more)
+
+
+PLASTIC = Material("Plastic", (lobe("AMBIENT", 0.5), lobe("DIFFUSE", 0.8), lobe("SPECULAR", 0.3, exponent=20.0)))
+MIRROR = Material("Mirror", (lobe("DIFFUSE", 0.2), lobe("MIRROR", 0.7)))
+GLASS = Material("Glass", (lobe("MIRROR", 0.9, ior=1.5, fresnel=True), lobe("REFRACTION", 0.9, ior=1.5, fresnel=True)))
+VEIL = Material("Veil", (lobe("TRANSPARENT", 0.6), lobe("DIFFUSE", 0.3), lobe("EMISSION", 0.05)))
+
+FLOOR = Mesh("Floor", np.array([[-5, -5, 0], [5, -5, 0], [5, 5, 0], [-5, 5, 0]], np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.uint32))
+BALL = Spheres("Ball", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
+LOOKING_DOWN = np.array([[1.0, 0, 0, 0], [0, 1, 0, -1], [0, 0, 1, 6]])
+
+SCENE = Scene(
+    Camera("PERSPECTIVE", LOOKING_DOWN, (-0.5, 0.5, -0.5, 0.5), (24, 24), 0.1, 100.0),
+    (FLOOR, BALL),
+    (
+        Instances("Floor", 0, placed(0, 0, 0), (0,)),
+        Instances("Mirror Ball", 1, placed(-1.2, 0, 1), (1,)),
+        Instances("Glass Ball", 1, placed(1.2, 0, 1.2), (2,)),
+        Instances("Veil", 0, placed(4, 0, 2.5), (3,)),
+    ),
+    (PLASTIC, MIRROR, GLASS, VEIL),
+    lights=(
+        lamp("Sun", "SUN", (0, 0, 0), angle=0.1),
+        lamp("Point", "POINT", (2, -2, 4), strength=300.0),
+        lamp("Area", "AREA", (-2, 2, 5), strength=200.0, size_x=1.0, size_y=2.0, visible_mirror=True),
+    ),
+    world=World((0.1, 0.2, 0.3), (0.05, 0.06, 0.07)),
+)
+SETTINGS = Settings(samples=1, light_samples=3, max_bounces=3, backend="NUMPY")
+
+
+BALLS = [(6, 16), (5, 17), (18, 17), (17, 16)]
+"""Pixels that show the two balls."""
+
+
+@pytest.mark.parametrize("illumination", ["PHYSICAL", "CLASSIC"])
+def test_the_tree_adds_up_to_the_picture(illumination):
+    """The reference's own pixels, to the rounding of a float32."""
+    settings = replace(SETTINGS, illumination=illumination)
+    picture, explainer = render(SCENE, settings).combined, PixelExplainer(SCENE, settings)
+    for x, y in [*BALLS, (0, 0), (12, 12), (20, 3), (8, 20)]:
+        np.testing.assert_allclose(explainer.pixel(x, y).color, picture[y, x, :3], rtol=2**-22, atol=1e-12)
+
+
+def every(ray):
+    yield ray
+    for after in ray.follow:
+        yield from every(after)
+
+
+def test_all_kinds_of_rays_and_blockers_are_told():
+    explainer = PixelExplainer(SCENE, SETTINGS)
+    rays = [found for x, y in [*BALLS, (8, 12)] for found in every(explainer.pixel(x, y))]
+    assert {ray.kind for ray in rays} == {"camera", "mirror", "refraction", "transparent"}
+    assert {"", "Mirror Ball", "Veil"} <= {term.blocker for ray in rays if ray.hit for term in ray.hit.lights}
+
+
+def test_the_shape_of_a_light_and_the_surroundings_are_told():
+    turned = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, -3]])
+    lights = (Light("Panel", "AREA", np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]), size_x=1, size_y=2, strength=8, visible_camera=True),)
+    camera = replace(SCENE.camera, world_from_camera=turned, resolution=(3, 1))
+    explainer = PixelExplainer(replace(SCENE, camera=camera, instances=(), lights=lights), SETTINGS)
+    ray = explainer.pixel(1, 0)
+    assert ray.hit is None and [name for name, _ in ray.shapes] == ["Panel"]
+    np.testing.assert_allclose(ray.shapes[0][1], [8 / (np.pi * 2)] * 3)
+    np.testing.assert_allclose(ray.color, np.add(ray.shapes[0][1], SCENE.world.background))
+    assert "sees the light 'Panel'" in "\n".join(explanation_lines(ray))
+
+
+def test_a_point_light_over_a_floor_in_closed_form():
+    """Straight below a lamp 2 above the floor: n·l = 1, I = c/(4π² d²), L = k_a I_a + k_d I + k_s I (n·h)^p."""
+    scene = replace(SCENE, instances=SCENE.instances[:1], lights=(lamp("Lamp", "POINT", (0, -1, 2), strength=40.0),))
+    scene = replace(scene, camera=replace(scene.camera, resolution=(1, 1)))
+    ray = PixelExplainer(scene, SETTINGS).pixel(0, 0)
+    (term,) = ray.hit.lights
+    intensity = 40.0 / (4 * np.pi**2 * 4)
+    assert ray.hit.thing == "Floor" and ray.hit.material == "Plastic" and ray.hit.depth == pytest.approx(6)
+    assert sum(ray.hit.barycentric) == pytest.approx(1)
+    assert (term.n_dot_l, term.n_dot_h, term.distance, term.blocker) == (pytest.approx(1), pytest.approx(1), pytest.approx(2), "")
+    np.testing.assert_allclose(term.intensity, [intensity] * 3)
+    np.testing.assert_allclose(ray.hit.ambient, np.array([0.5, 0.25, 0.125]) * [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(term.diffuse, np.array([0.8, 0.4, 0.2]) * intensity)
+    np.testing.assert_allclose(term.specular, np.array([0.3, 0.15, 0.075]) * intensity)
+    np.testing.assert_allclose(ray.color, np.add(ray.hit.ambient, np.add(term.diffuse, term.specular)))
+
+
+def test_a_blocker_has_its_name_and_distance():
+    ball = Instances("Blocker", 1, placed(0, -1, 3), ())
+    scene = replace(SCENE, instances=(SCENE.instances[0], ball), lights=(lamp("Lamp", "POINT", (0, -1, 5)),))
+    below = np.array([[1.0, 0, 0, 0], [0, 1, 0, -1], [0, 0, 1, 1]])
+    scene = replace(scene, camera=replace(scene.camera, world_from_camera=below, resolution=(1, 1)))
+    (term,) = PixelExplainer(scene, SETTINGS).pixel(0, 0).hit.lights
+    assert term.blocker == "Blocker" and term.blocker_distance == pytest.approx(2) and term.shadow == (0, 0, 0)
+
+
+def test_the_text_names_what_counts():
+    text = "\n".join(explanation_lines(PixelExplainer(SCENE, SETTINGS).pixel(6, 16)))
+    for words in ("camera ray", "mirror ray", "n·l", "n·h", "k_a I_a", "'Sun'", "barycentric", "Mirror Ball"):
+        assert words in text, text
+
+
+def test_a_pixel_outside_is_refused():
+    with pytest.raises(SceneError, match="outside the frame of 24 by 24"):
+        PixelExplainer(SCENE, SETTINGS).pixel(24, 0)

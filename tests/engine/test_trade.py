@@ -1,0 +1,177 @@
+"""Time against error: the grid, the front, the errors, and stopping."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import engine_scenes as scenes
+from glint.engine import Scene, SceneError, Settings, available_backends, trade, trade_plot
+from glint.engine.scene import Lobe
+
+BACKEND = available_backends()[0]
+KNOBS = {"samples": 1, "light_samples": 1, "max_bounces": 0}
+
+
+def soft_scene(**more) -> Scene:
+    """A floor and a box under an area light, 16 × 12 pixels."""
+    lamp = scenes.light("AREA", size_x=2.0, size_y=2.0)
+    floor, box = scenes.grid_mesh(), scenes.box_mesh()
+    placed = (scenes.s.Instances("floor", 0, scenes.at(), (0,)), scenes.s.Instances("box", 1, scenes.at((0, 0, 0.5), 0.5), (0,)))
+    view = scenes.camera(size=(16, 12))
+    return Scene(view, (floor, box), placed, (scenes.surface(),), lights=(lamp,), **more)
+
+
+def row(seconds, error, **more):
+    return trade.Row(dict(KNOBS), seconds, seconds, error, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, **more)
+
+
+def measured(scene=None, **more):
+    options = {"values": {"samples": [1, 4, 16], "light_samples": [2]}, "reference_samples": 64, "repeats": 1}
+    return trade.measure(scene or soft_scene(), Settings(samples=4, light_samples=2, backend=BACKEND), **{**options, **more})
+
+
+# --- the front
+
+
+def test_the_front_is_what_nothing_beats():
+    rows = trade.with_front([row(3, 0.5), row(1, 1.0), row(2, 0.6), row(2, 0.7), row(2.5, 0.6), row(4, 0.1), row(5, 0.1)])
+    assert [(r.seconds, r.relative_rmse) for r in rows if r.on_front] == [(1, 1.0), (2, 0.6), (3, 0.5), (4, 0.1)]
+
+
+def test_no_row_of_the_front_is_dominated_and_every_other_is():
+    numbers = np.random.default_rng(5).random((40, 2))
+    rows = trade.with_front([row(*pair) for pair in numbers])
+    for one in rows:
+        beaten = any(
+            o.seconds <= one.seconds and o.relative_rmse <= one.relative_rmse and (o.seconds, o.relative_rmse) != (one.seconds, one.relative_rmse)
+            for o in rows
+        )
+        assert beaten != one.on_front
+
+
+def test_advice_names_the_faster_setting_that_is_as_good():
+    slow = replace(row(4, 0.5, current=True), knobs={**KNOBS, "samples": 64})
+    rows = trade.with_front([row(1, 1.0), replace(row(2, 0.5), knobs={**KNOBS, "samples": 16}), slow])
+    assert trade.advice(trade.Trade(rows, "", (), (1, 1), 1, True)) == "samples 16 would be as good in 50% of the time"
+    flat = trade.Trade(trade.with_front([row(1, 0.0), row(2, 0.0, current=True)]), "", (), (1, 1), 1, True)
+    assert "same picture" in trade.advice(flat)
+    alone = trade.Trade(trade.with_front([row(1, 1.0, current=True)]), "", (), (1, 1), 1, True)
+    assert "lie on the front" in trade.advice(alone)
+
+
+# --- the grid
+
+
+def test_the_grid_holds_only_knobs_that_can_matter():
+    hard = replace(soft_scene(), lights=(scenes.light("POINT"),))
+    mirror = replace(hard, materials=(scenes.surface(lobes=(Lobe("MIRROR"),)),))
+    base = Settings(samples=3, light_samples=5, max_bounces=7)
+    for scene, varied in ((hard, {"samples"}), (soft_scene(), {"samples", "light_samples"}), (mirror, {"samples", "max_bounces"})):
+        grid = trade.settings_grid(scene, base, {})
+        assert {knob.name for knob in trade.KNOBS if len({getattr(s, knob.name) for s in grid}) > 1} == varied
+        assert base in grid
+
+
+def test_an_unknown_knob_is_named():
+    with pytest.raises(SceneError, match="no such knob: colour"):
+        trade.settings_grid(soft_scene(), Settings(), {"colour": [1]})
+
+
+@pytest.mark.parametrize("resolution", [(1920, 1080), (100, 700), (81, 81)])
+def test_crops_lie_inside_apart_and_evenly(resolution):
+    crops = trade.choose_crops(resolution)
+    seen = np.zeros(resolution[::-1], int)
+    for x0, y0, x1, y1 in crops:
+        assert 0 <= x0 < x1 <= resolution[0] and 0 <= y0 < y1 <= resolution[1]
+        seen[y0:y1, x0:x1] += 1
+    assert seen.max() == 1 and seen.sum() == 16 * 20 * 20
+    middles = np.mean([((x0 + x1) / 2, (y0 + y1) / 2) for x0, y0, x1, y1 in crops], 0)
+    assert np.abs(middles - np.array(resolution) / 2).max() <= 1
+
+
+def test_a_small_frame_is_one_crop():
+    assert trade.choose_crops((60, 200)) == ((0, 0, 60, 200),)
+
+
+# --- measuring
+
+
+def test_more_samples_are_nearer_to_the_reference():
+    rows = {r.knobs["samples"]: r for r in measured().rows}
+    assert rows.keys() == {1, 4, 16}
+    assert rows[1].relative_rmse > 2 * rows[4].relative_rmse > 2 * rows[16].relative_rmse > 0
+    assert rows[1].flip_mean > rows[16].flip_mean and rows[1].psnr < rows[16].psnr and rows[1].wrong >= rows[16].wrong
+    assert [r.current for r in rows.values()] == [k == 4 for k in rows]
+
+
+def exact(**more):
+    """A hard light, where a row and the reference have the same samples and the same tracer: the same picture."""
+    scene = replace(soft_scene(), lights=(scenes.light("POINT"),))
+    return measured(scene, values={"samples": [64]}, reference_seconds=1e9 if BACKEND == "NUMPY" else 0.0, **more)
+
+
+def test_the_reference_itself_has_no_error():
+    last = next(r for r in exact().rows if r.knobs["samples"] == 64)
+    assert (last.relative_rmse, last.max_error, last.levels, last.flip_mean, last.wrong) == (0, 0, 0, 0, 0)
+
+
+def test_the_reference_says_who_made_it():
+    assert measured(reference_seconds=1e9).reference.startswith("the float64 tracer")
+    if BACKEND == "NATIVE":
+        assert measured(reference_seconds=0.0).reference.startswith("the core itself")
+
+
+def test_stopping_keeps_what_was_measured():
+    calls = []
+
+    def stop_late():
+        calls.append(None)
+        return len(calls) > 12
+
+    assert not measured(should_stop=lambda: True).rows
+    result = measured(should_stop=stop_late)
+    assert not result.complete
+    assert len(result.rows) < 3
+    assert measured().complete
+
+
+def test_progress_goes_up_to_one():
+    told = []
+    measured(on_progress=told.append)
+    assert told == sorted(told) and told[-1] == 1.0
+
+
+def test_json_holds_no_infinity():
+    result = exact()
+    assert any(r.psnr == float("inf") for r in result.rows)
+    text = json.dumps(result.as_json(), allow_nan=False)
+    assert len(json.loads(text)["rows"]) == len(result.rows)
+
+
+def test_settings_that_are_not_sound_are_refused():
+    with pytest.raises(SceneError, match="samples is 0"):
+        measured(values={"samples": [0]})
+
+
+# --- the plot
+
+
+def _ink(image, color):
+    return np.abs(image - color).max(-1) < 0.02
+
+
+def test_the_plot_rises_to_the_left_and_marks_the_current_settings():
+    rows = trade.with_front([row(0.1, 0.1), row(1.0, 0.01), row(10.0, 0.001, current=True)])
+    image = trade_plot.draw_trade(trade.Trade(rows, "truth", (), (1, 1), 1, True), "test")
+    y, x = np.nonzero(_ink(image, trade_plot._CURRENT)[110:])
+    _, all_x = np.nonzero(_ink(image, trade_plot._FRONT)[110:])
+    assert x.mean() > 0.9 * all_x.max()
+    assert y.mean() > 0.8 * (image.shape[0] - 110 - 64)
+
+
+@pytest.mark.parametrize("rows", [[], [row(0.0, 0.0)], [row(1.0, float("inf"))], [row(1.0, 0.0), row(2.0, 1e-300)]])
+def test_odd_numbers_make_a_plot_too(rows):
+    image = trade_plot.draw_trade(trade.Trade(trade.with_front(rows), "truth", (), (1, 1), 1, True))
+    assert image.shape == (trade_plot.HEIGHT, trade_plot.WIDTH, 3) and np.isfinite(image).all()
