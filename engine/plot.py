@@ -64,7 +64,7 @@ def draw_dot(image: Array, center: tuple[float, float], radius: float, color: Co
 def draw_text(image: Array, text: str, corner: tuple[int, int], color: Color = (0.9, 0.9, 0.9), scale: int = 1, align: float = 0.0) -> None:
     """One line of text in capitals; `corner` is its top left, or its middle (align 0.5) or top right (align 1). Letters that are not
     known are question marks; what leaves the canvas is cut off."""
-    left, top = int(round(corner[0] - align * text_width(text, scale))), int(corner[1])
+    left, top = round(corner[0] - align * text_width(text, scale)), int(corner[1])
     for number, letter in enumerate(text.upper()):
         if letter != " ":
             _stamp(image, _glyph(letter, scale), left + number * (GLYPH_WIDTH + 1) * scale, top, color)
@@ -108,7 +108,10 @@ def _blend(image: Array, rows: slice, columns: slice, cover: Array, color: Seque
 def _glyph(letter: str, scale: int) -> Array:
     """(7 scale, 5 scale) of 0 and 1."""
     code = _GLYPHS.get(letter, _GLYPHS["?"])
-    rows = [[int(code[2 * row : 2 * row + 2], 16) >> (GLYPH_WIDTH - 1 - column) & 1 for column in range(GLYPH_WIDTH)] for row in range(GLYPH_HEIGHT)]
+    rows = [
+        [int(code[2 * row : 2 * row + 2], 16) >> (GLYPH_WIDTH - 1 - column) & 1 for column in range(GLYPH_WIDTH)]
+        for row in range(GLYPH_HEIGHT)
+    ]
     return np.kron(np.array(rows, np.float64), np.ones((scale, scale)))
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -117,7 +117,7 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-class _Stopped(Exception):
+class _StoppedError(Exception):
     """The caller wants no more."""
 
 
@@ -146,24 +146,38 @@ def measure(
     problems = scene.problems() + [problem for settings in grid for problem in settings.problems()]
     if problems:
         raise SceneError("\n".join(dict.fromkeys(problems)))
-    work = _Work(scene, crops, should_stop, on_progress)
-    truth, words, timings, errors, complete = [], "none: stopped before it was complete", {}, {}, False
+    work, found = _Work(scene, crops, should_stop, on_progress), _Found()
     try:
-        truth, words = _reference(work, grid, reference_samples, reference_seconds)
-        work.expect(repeats * sum(_cost(settings) for settings in grid))
-        for settings in itertools.chain.from_iterable(itertools.repeat(grid, repeats)):
-            seconds, pictures = work.render(settings)
-            timings[settings] = min(timings.get(settings, math.inf), seconds)
-            if settings not in errors:
-                errors[settings] = _errors(pictures, truth)
-        complete = True
-    except _Stopped:
-        pass
+        _fill(found, work, grid, repeats, reference_samples, reference_seconds)
+    except _StoppedError:
+        found.complete = False
     finally:
         work.close()
     share = sum((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in crops) / math.prod(scene.camera.resolution)
-    rows = [_row(scene, s, base, timings[s], timings[s] / share + work.build_seconds, errors[s]) for s in grid if s in errors]
-    return Trade(with_front(rows), words, crops, scene.camera.resolution, repeats, complete)
+    seconds = found.seconds
+    rows = [_row(s, base, seconds[s], seconds[s] / share + work.build_seconds, errors) for s, errors in found.errors.items()]
+    return Trade(with_front(rows), found.reference, crops, scene.camera.resolution, repeats, found.complete)
+
+
+@dataclass
+class _Found:
+    """What is known so far, by settings."""
+
+    reference: str = "none: stopped before it was complete"
+    seconds: dict[Settings, float] = field(default_factory=dict)
+    errors: dict[Settings, dict[str, float]] = field(default_factory=dict)
+    complete: bool = True
+
+
+def _fill(found: _Found, work: _Work, grid: list[Settings], repeats: int, samples: int, seconds: float) -> None:
+    """Make the reference, then render the whole grid, `repeats` times over, so that a busy moment of the machine meets all settings."""
+    truth, found.reference = _reference(work, grid, samples, seconds)
+    work.expect(repeats * sum(_cost(settings) for settings in grid))
+    for settings in grid * repeats:
+        took, pictures = work.render(settings)
+        found.seconds[settings] = min(found.seconds.get(settings, math.inf), took)
+        if settings not in found.errors:
+            found.errors[settings] = _errors(pictures, truth)
 
 
 def choose_crops(resolution: tuple[int, int], count: int = 16, side: int = 20) -> tuple[Crop, ...]:
@@ -246,7 +260,7 @@ class _Work:
     def _film(self, settings: Settings) -> Film:
         film = self._traced(settings)
         if film is None or not film.complete or self.should_stop():
-            raise _Stopped
+            raise _StoppedError
         return film
 
     def _traced(self, settings: Settings) -> Film | None:
@@ -318,7 +332,7 @@ def _errors(pictures: list[Array], truth: list[Array]) -> dict[str, float]:
     }
 
 
-def _row(scene: Scene, settings: Settings, base: Settings, seconds: float, frame_seconds: float, errors: dict[str, float]) -> Row:
+def _row(settings: Settings, base: Settings, seconds: float, frame_seconds: float, errors: dict[str, float]) -> Row:
     knobs = {knob.name: getattr(settings, knob.name) for knob in KNOBS}
     current = all(getattr(base, name) == value for name, value in knobs.items())
     return Row(knobs, seconds, frame_seconds, **errors, current=current)

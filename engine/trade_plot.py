@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -82,7 +83,7 @@ def _draw_rows(image: Array, trade: Trade, place: Callable[[Row], tuple[float, f
     for row in trade.rows:
         plot.draw_dot(image, place(row), 3, _POINT)
     front = trade.front
-    for first, second in zip(front, front[1:], strict=False):
+    for first, second in itertools.pairwise(front):
         plot.draw_line(image, place(first), place(second), _FRONT, 2)
     for number, row in enumerate(front):
         x, y = place(row)

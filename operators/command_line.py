@@ -44,7 +44,9 @@ def _parser() -> argparse.ArgumentParser:
     info.set_defaults(act=_info)
     _add_measure(actions.add_parser("measure", help="what each setting costs and loses on a scene"))
     _add_compare(actions.add_parser("compare", help="a scene in Glint and in Cycles with matched settings"))
-    verify = actions.add_parser("verify", help="render a stamped picture again; exit code 0 if it is the same, 1 if not, 2 if it has no stamp")
+    verify = actions.add_parser(
+        "verify", help="render a stamped picture again; exit code 0 if it is the same, 1 if not, 2 if it has no stamp"
+    )
     verify.add_argument("picture", type=Path, help="EXR or PNG file that a render wrote")
     verify.add_argument("file", type=Path, nargs="?", help=".blend file; the one that the picture names if left out")
     verify.set_defaults(act=_verify)

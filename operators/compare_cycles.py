@@ -91,7 +91,7 @@ def limit_size(scene: bpy.types.Scene, side: int) -> None:
     render.resolution_percentage = 100
 
 
-def compare_with_cycles(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options = Options()) -> Comparison:  # noqa: B008
+def compare_with_cycles(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options = Options()) -> Comparison:
     """Render both and write compare.png, compare.json and the pictures as EXR into `folder`; the scene stays as it is.
 
     Raises RuntimeError with Blender's message when a render fails.
@@ -181,7 +181,9 @@ class GLINT_OT_compare_cycles(bpy.types.Operator):
     bl_idname = "glint.compare_cycles"
     bl_label = "Compare with Cycles"
 
-    directory: bpy.props.StringProperty(name="Folder", description="Where the pictures and numbers go", subtype="DIR_PATH", default="//compare")
+    directory: bpy.props.StringProperty(
+        name="Folder", description="Where the pictures and numbers go", subtype="DIR_PATH", default="//compare"
+    )
     samples: bpy.props.IntProperty(name="Cycles Samples", description="Time grows in proportion", default=64, min=4, max=65536)
     bounces: bpy.props.IntProperty(name="Bounces", description="Of mirrors and glass, in both engines", default=0, min=0, max=64)
     side: bpy.props.IntProperty(name="Longest Side", description="Pixels; larger frames are made smaller", default=512, min=16, max=16384)

@@ -43,7 +43,7 @@ class Options:
 def measure_scene(
     scene: bpy.types.Scene,
     view_layer: str,
-    options: Options = Options(),  # noqa: B008
+    options: Options = Options(),
     should_stop: Callable[[], bool] = lambda: False,
     on_progress: Callable[[float], None] = lambda fraction: None,
 ) -> Trade:
@@ -75,7 +75,8 @@ def table(trade: Trade, only_front: bool = False) -> list[str]:
     lines = ["  ".join([*heads, "  seconds", "rel. RMSE", "levels", "  PSNR", "  FLIP", "wrong %"])]
     for row in rows:
         knobs = "  ".join(f"{value!s:>{len(name)}}" for name, value in row.knobs.items())
-        numbers = f"{row.frame_seconds:9.3f}  {row.relative_rmse:9.2e}  {row.levels:6.1f}  {row.psnr:6.1f}  {row.flip_mean:6.4f}  {100 * row.wrong:7.2f}"
+        numbers = f"{row.frame_seconds:9.3f}  {row.relative_rmse:9.2e}  {row.levels:6.1f}  {row.psnr:6.1f}  {row.flip_mean:6.4f}"
+        numbers += f"  {100 * row.wrong:7.2f}"
         lines.append(f"{knobs}  {numbers} {'*' if row.on_front else ' '}{' <-' if row.current else ''}")
     return [*lines, advice(trade), f"Errors against {trade.reference}"]
 
@@ -129,10 +130,16 @@ and keeps what was measured"""
     bl_label = "Measure This Scene"
 
     json_path: bpy.props.StringProperty(name="JSON", description="File for the table, if any", subtype="FILE_PATH", options={"SKIP_SAVE"})
-    plot_path: bpy.props.StringProperty(name="Plot", description="PNG file for the plot, if any", subtype="FILE_PATH", options={"SKIP_SAVE"})
+    plot_path: bpy.props.StringProperty(
+        name="Plot", description="PNG file for the plot, if any", subtype="FILE_PATH", options={"SKIP_SAVE"}
+    )
     reference_samples: bpy.props.IntProperty(name="Reference Samples", default=REFERENCE_SAMPLES, min=16, max=65536)
-    reference_seconds: bpy.props.FloatProperty(name="Reference Seconds", description="The float64 tracer makes the reference if it takes no longer", default=30.0, min=0.0)  # fmt: skip
-    repeats: bpy.props.IntProperty(name="Repeats", description="Renders per setting, of which the fastest counts", default=5, min=1, max=100)
+    reference_seconds: bpy.props.FloatProperty(
+        name="Reference Seconds", description="The float64 tracer makes the reference if it takes no longer", default=30.0, min=0.0
+    )
+    repeats: bpy.props.IntProperty(
+        name="Repeats", description="Renders per setting, of which the fastest counts", default=5, min=1, max=100
+    )
     crops: bpy.props.IntProperty(name="Crops", description="Squares, evenly spread over the frame", default=16, min=1, max=100)
     crop_side: bpy.props.IntProperty(name="Crop Side", description="Pixels", default=20, min=8, max=512)
 

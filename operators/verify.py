@@ -17,7 +17,7 @@ from .pictures import header_texts, is_multilayer, read_planes, sample_bits
 _PREFIX = "glint."
 
 
-class NoStamp(ValueError):
+class NoStampError(ValueError):
     """The picture cannot be verified; the message says why."""
 
 
@@ -32,15 +32,15 @@ class Verdict:
 def verify(picture: Path, blend: Path | None = None) -> Verdict:
     """Open the .blend file (None: the one that the picture names), render the picture's frame and compare with stamp and pixels.
 
-    Raises NoStamp, and RuntimeError with Blender's message when the file cannot be opened or rendered.
+    Raises NoStampError, and RuntimeError with Blender's message when the file cannot be opened or rendered.
     """
     texts = header_texts(picture)
     stamps = read_stamps(texts)
     if not stamps:
-        raise NoStamp(f"{picture} carries no stamp of Glint: only files that a render itself wrote do (metadata must be on)")
+        raise NoStampError(f"{picture} carries no stamp of Glint: only files that a render itself wrote do (metadata must be on)")
     source = blend or Path(texts.get("File", ""))
     if not source.is_file():
-        raise NoStamp(f"{picture} was made from {texts.get('File', 'an unknown file')}, which is not there: name the .blend file")
+        raise NoStampError(f"{picture} was made from {texts.get('File', 'an unknown file')}, which is not there: name the .blend file")
     bpy.ops.wm.open_mainfile(filepath=str(source), load_ui=False)
     scene = bpy.data.scenes.get(texts.get("Scene", "")) or bpy.context.scene
     statistics.forget(scene.name)

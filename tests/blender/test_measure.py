@@ -123,3 +123,47 @@ answer([good, missing, unsound, (FOLDER / "a.json").stat().st_size > 0, (FOLDER 
     assert run.answer == [0, 2, 2, True, True]
     assert "rel. RMSE" in run.output and "<-" in run.output
     assert "glint measure: samples is 0" in run.output
+
+
+def test_the_dialogue_with_a_window(tmp_path):
+    """Invoked, ticked by the timer, stopped by Esc: driven by hand, as there is no window here."""
+    run = Blender(tmp_path).run(
+        SCENE
+        + f"""
+import time
+from types import SimpleNamespace
+from glint.operators import measure_scene
+cls, said = measure_scene.GLINT_OT_measure_scene, []
+manager = SimpleNamespace(
+    event_timer_add=lambda step, window: "timer", event_timer_remove=lambda timer: said.append("timer removed"),
+    progress_begin=lambda low, high: None, progress_update=lambda value: said.append(value), progress_end=lambda: said.append("end"),
+    modal_handler_add=lambda operator: None)
+context = SimpleNamespace(scene=scene, view_layer=bpy.context.view_layer, window=None, window_manager=manager, screen=None,
+    workspace=SimpleNamespace(status_text_set=lambda text: said.append(text)))
+
+def drive(stop, **options):
+    said.clear()
+    options = {{"reference_samples": 16, "reference_seconds": 60.0, "repeats": 1, "crops": 1, "crop_side": 24, **options}}
+    operator = SimpleNamespace(json_path="", plot_path="", report=lambda kind, text: said.append(text), **options)
+    for name in ("_options", "_leave", "_finish", "_fail", "cancel"):
+        setattr(operator, name, getattr(cls, name).__get__(operator))
+    began = cls.invoke(operator, context, None)
+    assert began == {{"RUNNING_MODAL"}}
+    if stop:
+        assert cls.modal(operator, context, SimpleNamespace(type="ESC")) == {{"PASS_THROUGH"}}
+    for _ in range(1000):
+        time.sleep(0.05)
+        ended = cls.modal(operator, context, SimpleNamespace(type="TIMER"))
+        if ended != {{"RUNNING_MODAL"}}:
+            return sorted(ended)[0], [word for word in said if not isinstance(word, float)]
+
+stopped = drive(stop=True, reference_samples=65536, reference_seconds=1e9)
+finished = drive(stop=False)
+answer([stopped, finished, len(measure_scene.last_measurement(scene.name).rows) > 3])
+"""
+    )
+    assert run.returncode == 0, run.output
+    (stopped, stopped_words), (finished, finished_words), rows = run.answer
+    assert (stopped, finished, rows) == ("CANCELLED", "FINISHED", True)
+    assert "stopped before anything" in stopped_words[-1]
+    assert finished_words[-4:-1] == ["timer removed", "end", None] and any("Esc stops" in str(word) for word in finished_words)

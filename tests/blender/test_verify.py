@@ -44,7 +44,13 @@ def verify(*names):
 
 @pytest.mark.parametrize(
     ("name", "kind", "depth"),
-    [("a.exr", "OPEN_EXR", "32"), ("a.exr", "OPEN_EXR", "16"), ("a.exr", "OPEN_EXR_MULTILAYER", "32"), ("a.png", "PNG", "8"), ("a.png", "PNG", "16")],
+    [
+        ("a.exr", "OPEN_EXR", "32"),
+        ("a.exr", "OPEN_EXR", "16"),
+        ("a.exr", "OPEN_EXR_MULTILAYER", "32"),
+        ("a.png", "PNG", "8"),
+        ("a.png", "PNG", "16"),
+    ],
 )
 def test_the_same_picture_is_the_same_and_another_is_not(tmp_path, name, kind, depth):
     """Frame 3 from a file that is saved at frame 1, without saying which file it was."""

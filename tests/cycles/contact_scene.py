@@ -54,16 +54,12 @@ def prepare(source: str):
 
 
 def set_cycles(scene, bounces: int) -> None:
-    import cycles_reference
+    from glint.operators.compare_cycles import match_cycles
 
-    scene.render.engine = "CYCLES"
-    cycles_reference.direct_light_only(scene, CYCLES_SAMPLES)
-    scene.cycles.max_bounces = scene.cycles.glossy_bounces = scene.cycles.transmission_bounces = bounces
-    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", scene.render.filter_size
+    match_cycles(scene, CYCLES_SAMPLES, bounces)
 
 
 def set_glint(scene, bounces: int) -> None:
-    import conftest  # noqa: F401  (makes the package importable as glint)
     from glint import addon
 
     addon.register()
@@ -73,6 +69,8 @@ def set_glint(scene, bounces: int) -> None:
 
 
 def main() -> None:
+    import conftest  # noqa: F401  (makes the package importable as glint)
+
     source, stem, engine, bounces = sys.argv[1:]
     scene = prepare(source)
     {"GLINT": set_glint, "CYCLES": set_cycles}[engine](scene, int(bounces))

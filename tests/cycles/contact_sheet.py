@@ -20,22 +20,28 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio
 
 HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+import conftest  # noqa: E402, F401  (makes the package importable as glint)
+from glint.engine import comparison, metrics, plot  # noqa: E402
+from glint.engine.flip import displayed  # noqa: E402
+
 SCENES = HERE.parents[2] / "shared" / "scenes"
-CELL, LABEL, COLUMNS = 256, 22, 2
+CELL, COLUMNS = 256, 2
 SECONDS_ALLOWED = 600
 
 
 @dataclass
 class Row:
-    """One scene's outcome. rmse, off_percent: displayed values; linear_rmse: relative to Cycles' mean. error: "" when all went well."""
+    """One scene's outcome. rmse, off_percent: displayed values; linear_rmse: relative to Cycles' mean; flip: the mean of LDR-FLIP.
+    error: "" when all went well."""
 
     scene: str
     rmse: float = float("nan")
     off_percent: float = float("nan")
     linear_rmse: float = float("nan")
+    flip: float = float("nan")
     glint_mean: float = float("nan")
     cycles_mean: float = float("nan")
     glint_seconds: float = float("nan")
@@ -121,45 +127,25 @@ def run_worker(row: Row, path: Path, stem: Path, engine: str, bounces: int) -> N
         row.error += f"{engine}: exit code {done.returncode}: {lines[-1][:200]}; "
 
 
-def displayed(picture: np.ndarray) -> np.ndarray:
-    """(h, w, 3) in 0 to 1: the sRGB curve over clipped linear colour."""
-    linear = np.clip(np.nan_to_num(picture[..., :3].astype(float)), 0, 1)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-
-
 def measure(row: Row, glint: np.ndarray, cycles: np.ndarray) -> None:
     if glint.shape != cycles.shape:
         row.error += f"sizes differ: {glint.shape} and {cycles.shape}; "
         return
-    shown = displayed(glint) - displayed(cycles)
-    linear = glint[..., :3].astype(float) - cycles[..., :3]
-    row.rmse = float(np.sqrt((shown**2).mean()))
-    row.off_percent = float(100 * (np.abs(shown).max(-1) > 0.01).mean())
-    row.glint_mean, row.cycles_mean = float(glint[..., :3].mean()), float(cycles[..., :3].mean())
-    row.linear_rmse = float(np.sqrt((linear**2).mean()) / max(row.cycles_mean, 1e-9))
+    numbers = comparison.compare(glint, cycles)
+    row.rmse, row.off_percent, row.flip = numbers.rmse, 100 * numbers.off, numbers.flip_mean
+    row.glint_mean, row.cycles_mean = numbers.mean, numbers.reference_mean
+    row.linear_rmse = metrics.rmse(glint[..., :3], cycles[..., :3]) / max(row.cycles_mean, 1e-9)
 
 
 def draw_strip(row: Row, glint: np.ndarray | None, cycles: np.ndarray | None) -> np.ndarray:
     """Three cells and a line of text, (h, w, 3), row 0 on top."""
-    strip = np.full((CELL + LABEL, 3 * CELL + 8, 3), 0.08)
+    both = glint is not None and cycles is not None and glint.shape == cycles.shape
     pictures = [displayed(p) if p is not None else None for p in (glint, cycles)]
-    both = all(p is not None for p in pictures) and pictures[0].shape == pictures[1].shape
-    pictures.append(np.clip(4 * np.abs(pictures[0] - pictures[1]), 0, 1) if both else None)
-    for column, picture in enumerate(pictures):
-        if picture is None:
-            continue
-        height, width = picture.shape[:2]
-        top, left = LABEL + (CELL - height) // 2, column * CELL + (CELL - width) // 2
-        strip[top : top + height, left : left + width] = np.flipud(picture)
-    numbers = f"RMSE {row.rmse:.4f}   off > 1 %: {row.off_percent:.1f} %   mean {row.glint_mean:.3f} | {row.cycles_mean:.3f}"
-    return write_text(strip, f"{row.scene}   {row.error or numbers}", (1.0, 0.4, 0.3) if row.error else (0.9, 0.9, 0.9))
-
-
-def write_text(image: np.ndarray, text: str, color) -> np.ndarray:
-    """The image with a line of text at its top."""
-    buffer = oiio.ImageBuf(np.ascontiguousarray(image.astype(np.float32)))
-    oiio.ImageBufAlgo.render_text(buffer, 4, 16, text, 14, "DroidSans", color)
-    return buffer.get_pixels(oiio.FLOAT)
+    pictures.append(comparison.difference_picture(glint, cycles) if both else None)
+    numbers = f"RMSE {row.rmse:.4f}   off > 1 %: {row.off_percent:.1f} %   FLIP {row.flip:.3f}"
+    numbers += f"   mean {row.glint_mean:.3f} | {row.cycles_mean:.3f}"
+    color = (1.0, 0.4, 0.3) if row.error else (0.9, 0.9, 0.9)
+    return comparison.draw_strip(pictures, (row.scene, row.error or numbers), (CELL, CELL), color)
 
 
 def arrange(strips: list[np.ndarray]) -> np.ndarray:
@@ -171,11 +157,7 @@ def arrange(strips: list[np.ndarray]) -> np.ndarray:
 
 
 def write_png(path: Path, image: np.ndarray) -> None:
-    pixels = np.ascontiguousarray(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8))
-    output = oiio.ImageOutput.create(str(path))
-    output.open(str(path), oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, oiio.UINT8))
-    output.write_image(pixels)
-    output.close()
+    path.write_bytes(plot.png_bytes(image))
 
 
 def write_numbers(out: Path, rows: list[Row]) -> None:

@@ -6,6 +6,7 @@ hard light per scene, one sample is then exact; Cycles picks one light at random
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from pathlib import Path
 
@@ -13,6 +14,11 @@ import numpy as np
 
 bpy = __import__("pytest").importorskip("bpy", reason="the Cycles checks need Blender as a Python module")
 oiio = __import__("pytest").importorskip("OpenImageIO", reason="the Cycles checks read EXR through OpenImageIO")
+
+if "glint" not in sys.modules:  # a command of this folder, not pytest
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    __import__("conftest")
+from glint.operators.compare_cycles import direct_light_only  # noqa: E402  (after the skip without Blender)
 
 PASSES = ("Combined", "Depth", "Position", "Normal")
 
@@ -50,18 +56,6 @@ def make_exact(scene, samples: int = 1, seed: int = 0, bounces: int = 0) -> None
     scene.cycles.max_bounces = scene.cycles.glossy_bounces = bounces
     scene.cycles.pixel_filter_type = "GAUSSIAN"
     scene.cycles.filter_width = 0.01
-
-
-def direct_light_only(scene, samples: int, seed: int = 0) -> None:
-    """Cycles without bounces, clamping, denoising or adaptive sampling, on the CPU."""
-    cycles = scene.cycles
-    cycles.device = "CPU"
-    cycles.samples, cycles.seed = samples, seed
-    cycles.use_adaptive_sampling = cycles.use_denoising = cycles.use_light_tree = False
-    for kind in ("max", "diffuse", "glossy", "transmission", "volume"):
-        setattr(cycles, f"{kind}_bounces", 0)
-    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
-    cycles.light_sampling_threshold = 0.0
 
 
 def render_cycles(scene, samples: int = 1, seed: int = 0, bounces: int = 0) -> dict[str, np.ndarray]:

@@ -45,7 +45,9 @@ def test_no_row_of_the_front_is_dominated_and_every_other_is():
     rows = trade.with_front([row(*pair) for pair in numbers])
     for one in rows:
         beaten = any(
-            o.seconds <= one.seconds and o.relative_rmse <= one.relative_rmse and (o.seconds, o.relative_rmse) != (one.seconds, one.relative_rmse)
+            o.seconds <= one.seconds
+            and o.relative_rmse <= one.relative_rmse
+            and (o.seconds, o.relative_rmse) != (one.seconds, one.relative_rmse)
             for o in rows
         )
         assert beaten != one.on_front

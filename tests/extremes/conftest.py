@@ -1,7 +1,6 @@
 """The table of the run: extreme, Cycles' wrong pixels, Glint's wrong pixels; printed at its end and kept as JSON for table.py.
 
-GLINT_EXTREMES_JSON=PATH in the environment says where; without it nothing is written. Leaves without Blender's own clean-up, as
-tests/blender/conftest.py does and for its reasons.
+GLINT_EXTREMES_JSON=PATH in the environment says where; without it nothing is written.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ import pytest
 HERE = Path(__file__).resolve().parent
 JSON_VARIABLE = "GLINT_EXTREMES_JSON"
 _ROWS = pytest.StashKey[list]()
-_STATUS: list[int] = []
 sys.path.insert(0, str(HERE.parent / "cycles"))
 
 
@@ -39,15 +37,3 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     path = os.environ.get(JSON_VARIABLE)
     if path:
         Path(path).write_text(json.dumps([asdict(row) for row in found], indent=1))
-
-
-def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
-    _STATUS.append(int(exitstatus))
-
-
-@pytest.hookimpl(trylast=True)
-def pytest_unconfigure(config: pytest.Config) -> None:
-    if _STATUS and "bpy" in sys.modules:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(_STATUS[-1])

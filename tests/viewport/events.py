@@ -153,4 +153,4 @@ def idle():
     idle_share.append((time.process_time() - before) / (time.perf_counter() - start))
 
 
-in_window.play(scenario)
+in_window.play(scenario, window)

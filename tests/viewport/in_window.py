@@ -84,6 +84,16 @@ class Window:
         self.times.append(next(t for t, answered, *_ in self.draws if answered > before) - start)
         self.ready.append(self.session.newest_at - start)
 
+    def state(self):
+        """What to know when something does not come."""
+        session, scene = self.session, bpy.context.scene
+        about = {"engine": scene.render.engine, "shading": self.space.shading.type, "draws": len(self.draws), "mode": bpy.context.mode}
+        if session is not None:
+            newest = session._live.newest
+            about |= {"busy": session.busy, "news": session.has_news, "told": session._told(), "region": session.region == self.region.as_pointer()}
+            about |= {"newest": newest and (newest.number, newest.final, newest.task.tag.stage), "drawn": session._drawn}
+        return about
+
     times = ready = ()
 
     def _watch(self, session_class):
@@ -121,15 +131,16 @@ def answer(value):
     print("ANSWER " + json.dumps(value), flush=True)
 
 
-def play(scenario):
-    """Run a generator function step by step, then end Blender. An error is printed and answered."""
+def play(scenario, window):
+    """Run a generator function step by step, then end Blender. An error is printed."""
     bpy.context.preferences.view.show_splash = False
-    bpy.app.timers.register(_Player(scenario()).tick, first_interval=0.5, persistent=True)
+    bpy.app.timers.register(_Player(scenario(), window).tick, first_interval=0.5, persistent=True)
 
 
 class _Player:
-    def __init__(self, steps):
-        self._steps, self._waits_for, self._deadline = steps, None, 0.0
+    def __init__(self, steps, window):
+        self._steps, self._window = steps, window
+        self._waits_for, self._deadline = None, 0.0
 
     def tick(self):
         try:
@@ -138,13 +149,14 @@ class _Player:
             print("ALL STEPS DONE", flush=True)
         except BaseException:
             traceback.print_exc()
+        self._window.session = None
         bpy.ops.wm.quit_blender()
         return None
 
     def _next(self):
         if self._waits_for is not None and not self._waits_for():
             if time.perf_counter() > self._deadline:
-                raise TimeoutError("waited too long")
+                raise TimeoutError(f"waited too long: {self._window.state()}")
             return 0.004
         self._waits_for = None
         step = next(self._steps)

@@ -171,6 +171,10 @@ EDITS = [move, move, orbit, orbit, zoom, projection, light, material, vertex, ad
          engine, resize, quad_view, local_view, border, settings, hide, frame, play, reload, nothing_left]  # fmt: skip
 
 
+EXCHANGING = {undo, redo, reload, quad_view, local_view, engine, shading}
+"""After these Blender wants to see its events before another operator runs, as it does in a user's hands."""
+
+
 def scenario():
     scene = bpy.context.scene
     scene.render.engine = "GLINT"
@@ -183,8 +187,10 @@ def scenario():
     yield 1.0
     start, measured = time.perf_counter(), 0.0
     while time.perf_counter() < start + seconds:
-        for _ in range(r.randrange(1, 4)):
-            once(r.choice(EDITS))
+        for edit in r.choices(EDITS, k=r.randrange(1, 4)):
+            once(edit)
+            if edit in EXCHANGING:
+                break
         yield r.choice([0.0, 0.02, 0.1])
         if time.perf_counter() > measured + 5:
             measured = time.perf_counter()
@@ -227,4 +233,4 @@ def resident():
     return pages * resource.getpagesize() / 1e6
 
 
-in_window.play(scenario)
+in_window.play(scenario, window)
