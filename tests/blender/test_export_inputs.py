@@ -5,7 +5,9 @@ import pytest
 
 from export_support import RED, Shader, image, layer_share, of_kind, principled, scene, set_inputs, srgb_to_linear, total, weight  # noqa: F401
 from glint.addon.export.fresnel import normal_reflectance
+from glint.addon.export.images import mean_color, texels
 from glint.addon.export.roughness import dielectric_highlights, highlights
+from glint.engine.scene import Texture
 
 
 def test_image_on_a_colour(scene):  # noqa: F811
@@ -175,6 +177,31 @@ def test_separate_channels_of_an_image(scene):  # noqa: F811
     exponents = {p for p, _ in (*highlights(roughness), *dielectric_highlights(roughness, normal_reflectance(1.5)))}
     np.testing.assert_allclose(sorted({lobe.exponent for lobe in of_kind(lobes, "SPECULAR")}), sorted(exponents), rtol=1e-4)
     assert any("'Roughness'" in note for note in result.notes)
+
+
+def test_separate_takes_the_factor_along(scene):  # noqa: F811
+    """A channel of a picture times a colour is that channel times the colour's, whatever the picture's encoding."""
+    shader = Shader(shader="ShaderNodeEmission")
+    shown, split = shader.node("ShaderNodeTexImage", image=image(pixels=((0.8, 0.4, 0.2, 1),))), shader.node("ShaderNodeSeparateColor")
+    scaled = shader.node("ShaderNodeMixRGB", blend_type="MULTIPLY")
+    set_inputs(scaled, Fac=1.0, Color2=(1.0, 0.5, 1.0, 1.0))
+    shader.link(shown, "Color", scaled, "Color1")
+    shader.link(scaled, 0, split, "Color")
+    shader.link(split, "Green", shader.shader, "Strength")
+    result, lobes = shader.export()
+    green = 0.5 * srgb_to_linear(np.rint(0.4 * 255) / 255)
+    # The product is kept in sRGB bytes like the picture: near 0.07 a byte is 0.0033.
+    np.testing.assert_allclose(total(lobes, "EMISSION", result.scene.textures), np.full(3, green), atol=0.0033 / 2)
+
+
+@pytest.mark.parametrize("encoding", ["SRGB", "LINEAR"])
+@pytest.mark.parametrize("channel", ["COLOR", "ALPHA", "LUMINANCE"])
+def test_means_are_counted_right(encoding, channel):
+    """Bytes by their counts, against the mean of the decoded texels."""
+    bytes_ = np.random.default_rng(3).integers(0, 256, (31, 17, 4), np.uint8)
+    for pixels in (bytes_, bytes_.astype(np.float32) / 255):
+        texture = Texture("t", pixels, encoding if pixels is bytes_ else "LINEAR", "REPEAT", "LINEAR")
+        np.testing.assert_allclose(mean_color(texture, channel), texels(texture, channel).mean(0, dtype=np.float64), rtol=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["POINT", "TEXTURE", "VECTOR"])
