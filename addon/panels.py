@@ -70,7 +70,7 @@ class _SamplingPanel(_Panel):
     def draw(self, context):
         group = getattr(context.scene.glint, self.group)
         column = self.column
-        for name in ("samples", "light_samples", "max_bounces"):
+        for name in ("samples", "error_threshold", "light_samples", "max_bounces"):
             column.prop(group, name)
 
 
@@ -135,8 +135,11 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
         for switch in result.BLENDER_SWITCHES.values():
             data.prop(context.view_layer, switch)
         parts = column.column(heading="Parts", align=True)
-        for switch in result.GLINT_SWITCHES.values():
+        for switch in result.PART_SWITCHES.values():
             parts.prop(context.view_layer.glint, switch)
+        health = column.column(heading="Health", align=True)
+        for switch in result.HEALTH_SWITCHES.values():
+            health.prop(context.view_layer.glint, switch)
 
 
 class GLINT_LIGHT_PT_light(_Panel, bpy.types.Panel):

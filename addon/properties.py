@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
 
 from .. import engine
 from ..engine.settings import PRECISIONS
@@ -34,16 +34,29 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
     samples: IntProperty(
         name="Samples",
         description="Samples per pixel for smooth edges; time grows in proportion. One goes through the pixel's centre. "
-        "There is no noise at any number, and powers of two are placed best",
+        "There is no noise at any number, and powers of two are placed best. Measured on the demo scene, relative error: "
+        "4: 8 %, 8: 6 %, 16: 4.4 %, 32: 2.1 %, 64: 1.1 %",
         default=16,
         min=1,
         soft_max=256,
         max=65536,
     )
+    error_threshold: FloatProperty(
+        name="Error Threshold",
+        description="A pixel takes no more samples once its estimated error is at most this many 8-bit levels; 0 gives all samples "
+        "to all pixels. Its neighbours are looked at as well, so edges are not missed. Measured on the demo scene at 64 samples, time and "
+        "relative error: 0: 1 and 1.13 %, 2: 0.68 and 1.20 %, 4: 0.59 and 1.25 %, 8: 0.50 and 1.30 %",
+        default=0.0,
+        min=0.0,
+        soft_max=16.0,
+        max=255.0,
+        precision=1,
+    )
     light_samples: IntProperty(
         name="Light Samples",
         description="Points on each soft light per pixel sample; shadow time grows in proportion. "
-        "1 makes hard shadows from the light's centre; the pixel samples take different points, so both numbers multiply",
+        "1 makes hard shadows from the light's centre; the pixel samples take different points, so both numbers multiply. Measured on "
+        "the demo scene at 16 samples, time and relative error: 1: 0.64 and 6.0 %, 2: 0.77 and 4.7 %, 4: 1 and 4.4 %, 8: 1.5 and 4.4 %",
         default=4,
         min=1,
         soft_max=64,
@@ -51,7 +64,8 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
     )
     max_bounces: IntProperty(
         name="Bounces",
-        description="Depth of mirror and refraction rays. 0 shows no reflections; costs nothing without mirrors or glass",
+        description="Depth of mirror and refraction rays. 0 shows no reflections; costs nothing without mirrors or glass. Measured on the "
+        "demo scene, time and relative error: 0: 0.6 and 89 %, 1: 0.9 and 13 %, 2: 1 and 4.6 %, 4: 1 and 4.4 %",
         default=4,
         min=0,
         max=64,
@@ -104,6 +118,13 @@ class GlintViewLayerSettings(bpy.types.PropertyGroup):
     use_pass_ambient: _part("Ambient", "Reflection of the world's ambient light")
     use_pass_shadow: _part("Shadow", "What shadows take away: zero or negative")
     use_pass_mirror: _part("Mirror", "All that mirror reflection and refraction bring")
+    use_pass_error: _part(
+        "Error", "Estimated error in 8-bit levels: at least the true one in 99 of 100 pixels, mostly several times as large"
+    )
+    use_pass_samples: _part("Samples", "Samples that the pixel took, fewer where the error threshold stopped it")
+    use_pass_cost: _part("Cost", "Rays traced for the pixel, of all kinds")
+    use_pass_grazing: _part("Grazing", "Cosine between the view and the surface: small where it is seen edge on")
+    use_pass_gap: _part("Gap", "Distance from the first surface to the next behind it: tiny where surfaces lie in one place")
 
 
 def settings_from(
@@ -119,6 +140,7 @@ def settings_from(
     fixed_threads = scene.render.threads if scene.render.threads_mode == "FIXED" else 0
     return engine.Settings(
         samples=group.samples,
+        error_threshold=group.error_threshold,
         light_samples=group.light_samples,
         max_bounces=group.max_bounces,
         precision=group.precision,
@@ -136,11 +158,11 @@ def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str
 
     How finely to sample is the viewport's own; what a picture means and who draws it is the final render's.
     """
-    settings = settings_from(scene.glint.final, scene, (scene.glint.viewport_pass,))
-    own = scene.glint.viewport
-    backend = settings.backend if settings.backend in engine.available_backends() else "NUMPY"
-    sampling = {"samples": own.samples, "light_samples": own.light_samples, "max_bounces": own.max_bounces}
-    return replace(settings, backend=backend, **sampling), scene.glint.viewport_pass
+    settings = settings_from(scene.glint.viewport, scene, (scene.glint.viewport_pass,))
+    final = settings_from(scene.glint.final, scene)
+    backend = final.backend if final.backend in engine.available_backends() else "NUMPY"
+    shared = {name: getattr(final, name) for name in ("illumination", "precision", "threads", "filter_width")}
+    return replace(settings, backend=backend, **shared), scene.glint.viewport_pass
 
 
 _CLASSES = (GlintRenderSettings, GlintSceneSettings, GlintViewLayerSettings)

@@ -19,8 +19,13 @@ BLENDER_SWITCHES = {
 }
 """Passes that Blender's own view layer properties switch on."""
 
-GLINT_SWITCHES = {name: f"use_pass_{name.lower()}" for name in ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror")}
-"""Passes that `view_layer.glint` switches on."""
+PART_SWITCHES = {name: f"use_pass_{name.lower()}" for name in ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror")}
+"""Parts of the picture that `view_layer.glint` switches on."""
+
+HEALTH_SWITCHES = {name: f"use_pass_{name.lower()}" for name in ("Error", "Samples", "Cost", "Grazing", "Gap")}
+"""Passes about the render itself that `view_layer.glint` switches on."""
+
+GLINT_SWITCHES = PART_SWITCHES | HEALTH_SWITCHES
 
 _NAMES_BEFORE_5_0 = {"Object Index": "IndexOB", "Material Index": "IndexMA", "Emission": "Emit", "Environment": "Env"}
 _CHANNELS = {
@@ -31,6 +36,7 @@ _CHANNELS = {
     "UV": "UVA",
     "Object Index": "X",
     "Material Index": "X",
+    **dict.fromkeys(HEALTH_SWITCHES, "X"),
 }
 _KINDS = {"Z": "VALUE", "X": "VALUE", "XYZ": "VECTOR", "UVA": "VECTOR", "RGB": "COLOR", "RGBA": "COLOR"}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from typing import Any
 
-ABI_VERSION = 2
+ABI_VERSION = 3
 
 PREPARING, TRACING, HELD, DONE, CANCELLED, FAILED = range(6)
 """States of a render."""
@@ -25,6 +25,11 @@ PASS_NUMBERS = {
     "UV": 11,
     "Object Index": 12,
     "Material Index": 13,
+    "Error": 14,
+    "Samples": 15,
+    "Cost": 16,
+    "Grazing": 17,
+    "Gap": 18,
 }
 
 FEATURES = ("mirror", "refraction", "transparent", "soft lights", "textures", "smooth normals", "holdout", "visible lights")
@@ -112,6 +117,7 @@ class SettingsData(Structure):
     _fields_ = (
         _each(c_size_t, "pixel_offsets light_square light_disc")
         + _each(c_uint64, "light_point_count")
+        + _each(c_double, "error_threshold")
         + _each(c_uint32, "samples light_samples max_bounces threads passes")
         + _each(c_uint32 * 4, "region")
         + _each(c_int32, "illumination hold_waves")

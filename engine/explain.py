@@ -65,7 +65,8 @@ def _hit_lines(hit: Hit) -> Iterator[str]:
 
 def _light_lines(term: LightTerm) -> Iterator[str]:
     number = f" (sample {term.sample + 1})" if term.sample else ""
-    yield f"'{term.light}'{number}: n·l = {term.n_dot_l:.6g}, n·h = {term.n_dot_h:.6g}, I = {_rgb(term.intensity)}, distance {term.distance:.6g}"
+    cosines = f"n·l = {term.n_dot_l:.6g}, n·h = {term.n_dot_h:.6g}"
+    yield f"'{term.light}'{number}: {cosines}, I = {_rgb(term.intensity)}, distance {term.distance:.6g}"
     if term.n_dot_l <= 0:
         yield "  it shines from behind"
         return

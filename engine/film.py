@@ -21,6 +21,11 @@ PASSES = {
     "Mirror": 3,
     "Emission": 3,
     "Environment": 3,
+    "Error": 1,
+    "Samples": 1,
+    "Cost": 1,
+    "Grazing": 1,
+    "Gap": 1,
 }
 """Pass name -> channels. `SEMANTICS.md` says what each holds."""
 
@@ -28,7 +33,15 @@ PARTS = ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror", "Emission", "Envi
 """The passes whose sum is the colour of Combined."""
 
 NO_DEPTH = 1e10
-"""Depth where a camera ray hits nothing, as Blender writes it."""
+"""Depth where a camera ray hits nothing, as Blender writes it; Gap where nothing lies behind its hit."""
+
+UNKNOWN_ERROR = 256.0
+"""Error of a pixel with too few samples for an estimate: beyond all levels."""
+
+
+def empty_value(name: str) -> float:
+    """What a pass holds where no camera ray hits anything."""
+    return {"Depth": NO_DEPTH, "Gap": NO_DEPTH}.get(name, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +49,8 @@ class Film:
     """A picture or a wave of it.
 
     passes: name -> (h, w, c) float32, of the settings' region or the whole frame.
-    samples: how many samples every pixel holds.  complete: False when the render was stopped early.
+    samples: how many samples a pixel holds, where refinement did not stop it before.
+    complete: False when the render was stopped early.
     stats: seconds per stage ("build", "trace"), and counts ("triangles", "instances", "rays", "bytes", …).
     notes: what the tracer had to leave out, one sentence each.
     """

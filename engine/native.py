@@ -30,7 +30,7 @@ from .core_types import (
     StatsData,
 )
 from .errors import SceneError
-from .film import NO_DEPTH, PASSES, Film
+from .film import PASSES, Film, empty_value
 from .packing import pack_scene, pack_settings, passes_of
 from .scene import Scene
 from .settings import Settings
@@ -44,6 +44,7 @@ ERROR_BYTES = 8192
 
 _SIGNATURES = {
     "glint_scene_create": (c_void_p, [POINTER(SceneData), c_char_p, c_size_t]),
+    "glint_scene_create_like": (c_void_p, [c_void_p, POINTER(SceneData), c_char_p, c_size_t]),
     "glint_scene_destroy": (None, [c_void_p]),
     "glint_render_start": (c_void_p, [c_void_p, POINTER(SettingsData), c_char_p, c_size_t]),
     "glint_render_wait": (ProgressData, [c_void_p, c_uint32]),
@@ -195,7 +196,7 @@ class _Render:
 
     def _pass(self, name: str, samples: int) -> np.ndarray:
         """(h, w, c) float32; of an untouched picture when no wave is complete."""
-        picture = np.full((*self._shape, PASSES[name]), NO_DEPTH if name == "Depth" else 0, np.float32)
+        picture = np.full((*self._shape, PASSES[name]), empty_value(name), np.float32)
         if samples and self._core.glint_render_read(self._handle, core_types.PASS_NUMBERS[name], picture.ctypes.data, picture.size):
             raise RuntimeError(f"the core has no pass {name!r} of {picture.size} numbers")
         return picture

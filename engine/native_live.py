@@ -39,8 +39,6 @@ class NativeLive:
 
     def __init__(self) -> None:
         self._core = native.library()
-        like = self._core.glint_scene_create_like
-        like.restype, like.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.POINTER(core_types.SceneData), ctypes.c_char_p, ctypes.c_size_t]
         self._held: _Held | None = None
 
     def render(
@@ -124,9 +122,8 @@ class NativeLive:
 
 def same_placements(a: Scene, b: Scene) -> bool:
     """Whether two scenes need the same trees: the very same geometries at the same places, seen by the same rays."""
-    if a.geometries is not b.geometries:
-        if len(a.geometries) != len(b.geometries) or any(x is not y for x, y in zip(a.geometries, b.geometries, strict=True)):
-            return False
+    if len(a.geometries) != len(b.geometries) or any(x is not y for x, y in zip(a.geometries, b.geometries, strict=True)):
+        return False
     if a.instances is b.instances:
         return True
     return len(a.instances) == len(b.instances) and all(map(_same_block, a.instances, b.instances))

@@ -269,6 +269,7 @@ def pack_settings(scene: Scene, settings: Settings, hold_waves: bool) -> Packed:
     data = core_types.SettingsData(
         pixel_offsets=address(offsets),
         samples=settings.samples,
+        error_threshold=settings.error_threshold,
         light_samples=settings.light_samples,
         max_bounces=settings.max_bounces,
         threads=settings.threads,

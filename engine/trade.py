@@ -291,7 +291,7 @@ def _reference(work: _Work, grid: Sequence[Settings], samples: int, seconds: flo
     points = max(s.samples * s.light_samples for s in grid)
     light_samples = max(_REFERENCE_LIGHT_SAMPLES, -(-_REFERENCE_MARGIN * points // samples)) if _has_soft_lights(work.scene) else 1
     bounces = max(_REFERENCE_BOUNCES, *(s.max_bounces for s in grid))
-    settings = replace(grid[0], samples=samples, light_samples=light_samples, max_bounces=bounces)
+    settings = replace(grid[0], samples=samples, error_threshold=0.0, light_samples=light_samples, max_bounces=bounces)
     problems = settings.problems()
     if problems:
         raise SceneError("the reference cannot be made: " + "; ".join(problems))

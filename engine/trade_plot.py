@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -17,6 +17,7 @@ WIDTH, HEIGHT = 960, 640
 _LEFT, _RIGHT, _TOP, _BOTTOM = 110, 30, 104, 64
 _GRID, _TEXT, _POINT = (0.22, 0.22, 0.24), (0.85, 0.85, 0.85), (0.62, 0.64, 0.67)
 _FRONT, _CURRENT = (0.35, 0.75, 1.0), (1.0, 0.62, 0.2)
+_CURVES = (_FRONT, _CURRENT, (0.6, 0.9, 0.4), (0.95, 0.5, 0.75))
 _DECADE_MARGIN = 0.08
 
 
@@ -31,8 +32,27 @@ def draw_trade(trade: Trade, title: str = "") -> Array:
     x_range = _range([row.frame_seconds for row in trade.rows])
     y_range = _range([row.relative_rmse for row in trade.rows])
     _draw_axes(image, x_range, y_range)
-    _draw_rows(image, trade, lambda row: _place(row, x_range, y_range))
+    _draw_rows(image, trade, lambda row: _place(row.frame_seconds, row.relative_rmse, x_range, y_range))
     _draw_legend(image)
+    return image
+
+
+def draw_curves(curves: Mapping[str, Sequence[tuple[float, float]]], title: str, note: str = "") -> Array:
+    """(h, w, 3): several curves of (seconds, error) in one plot, each with its name at its end; colours by order."""
+    image = plot.canvas(WIDTH, HEIGHT)
+    plot.draw_text(image, title, (_LEFT, 16), _TEXT, 2)
+    plot.draw_text(image, note, (_LEFT, 40), _POINT)
+    everything = [point for points in curves.values() for point in points]
+    x_range, y_range = _range([seconds for seconds, _ in everything]), _range([error for _, error in everything])
+    _draw_axes(image, x_range, y_range)
+    for number, (name, points) in enumerate(curves.items()):
+        color = _CURVES[number % len(_CURVES)]
+        places = [_place(seconds, error, x_range, y_range) for seconds, error in points]
+        for first, second in itertools.pairwise(places):
+            plot.draw_line(image, first, second, color, 2)
+        for place in places:
+            plot.draw_dot(image, place, 4, color)
+        plot.draw_text(image, name, (_LEFT + 6 + 200 * number, 58), color, 2)
     return image
 
 
@@ -44,8 +64,8 @@ def _range(values: Sequence[float]) -> tuple[float, float]:
     return low - missing, high + missing
 
 
-def _place(row: Row, x_range: tuple[float, float], y_range: tuple[float, float]) -> tuple[float, float]:
-    return _along(row.frame_seconds, x_range, _LEFT, WIDTH - _RIGHT), _along(row.relative_rmse, y_range, HEIGHT - _BOTTOM, _TOP)
+def _place(seconds: float, error: float, x_range: tuple[float, float], y_range: tuple[float, float]) -> tuple[float, float]:
+    return _along(seconds, x_range, _LEFT, WIDTH - _RIGHT), _along(error, y_range, HEIGHT - _BOTTOM, _TOP)
 
 
 def _along(value: float, ends: tuple[float, float], start: float, end: float) -> float:

@@ -6,16 +6,16 @@ The walk over the instances and the lights is done anew: it takes microseconds a
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from ...engine.scene import Camera, Geometry, Material, Mesh, Scene, Texture, World
 from .export import Collector, _instances, _Lamp, _Placed, _world
 from .graph import node_tree
 from .images import Images
-from .instances import Flags, Thing, walk
+from .instances import Thing, walk
 from .materials import Materials, Wanted, compile_material, default_material, wanted_by, without_unused
 from .meshes import MeshSource, mesh_key, read_attributes, read_mesh, readable
 from .placing import without_collapsed
@@ -141,8 +141,8 @@ class LiveExport:
         store, report = self._store, Report()
         store.forget(_changes(depsgraph.updates))
         self._note_frame(depsgraph.scene_eval)
-        collector = _KeepingCollector(store, depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, space)
-        things = walk(depsgraph, collector.meet, report)
+        collector = _KeepingCollector(store, depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report)
+        things = walk(depsgraph, collector.meet, report, lambda thing: space is None or thing.visible_in_viewport_get(space))
         world = self._surroundings(depsgraph, report)
         return collector.scene(camera, things, world)
 
@@ -189,8 +189,8 @@ class _KeepingImages(Images):
         """What a change of the image shows in, should Blender not tell of it: reloaded files and other ways to read them."""
         space = image.colorspace_settings
         settings = (image.source, image.alpha_mode, space.name, space.is_data, tuple(image.size))
-        if not image.is_dirty and not image.packed_file and os.path.isfile(path):
-            file = os.stat(path)
+        if not image.is_dirty and not image.packed_file and Path(path).is_file():
+            file = Path(path).stat()
             return ("file", file.st_mtime_ns, file.st_size, *settings)
         return ("memory", self._memory_epoch, *settings)
 
@@ -270,17 +270,12 @@ def _renumbered(material: Material, numbers: list[int]) -> Material:
 class _KeepingCollector(Collector):
     """Gathers geometries and materials, most of them from the store."""
 
-    def __init__(self, store: Store, depsgraph: Any, wanted: Wanted, report: Report, space: Any) -> None:
+    def __init__(self, store: Store, depsgraph: Any, wanted: Wanted, report: Report) -> None:
         super().__init__(depsgraph, wanted, report)
-        self._store, self._space = store, space
+        self._store = store
         self.materials = _KeepingMaterials(store, report)
         self._wishes: list[tuple[Wanted, ...]] = []
         self._shapes: dict[tuple, _Shape] = {}
-
-    def meet(self, thing: Any, owner: Any, flags: Flags) -> _Placed | _Lamp | None:
-        if self._space is not None and not owner.visible_in_viewport_get(self._space):
-            return None
-        return super().meet(thing, owner, flags)
 
     def _mesh(self, data: Any, owner: Any) -> int | None:
         key = mesh_key(data)

@@ -42,11 +42,13 @@ class Thing:
     matrices: np.ndarray
 
 
-def walk(depsgraph: Any, make: Callable[[Any, Any, Flags], Any], report: Report) -> list[Thing]:
+def walk(
+    depsgraph: Any, make: Callable[[Any, Any, Flags], Any], report: Report, shown: Callable[[Any], bool] = lambda instancer: True
+) -> list[Thing]:
     """Every distinct (data, object, instancer) that renders, with its places.
 
     make: given the evaluated object, the one behind a temporary one, and its flags, once each, while Blender keeps them valid; None
-    leaves the thing out.
+    leaves the thing out.  shown: asked of every object that stands or instances in the scene itself whether its things are there.
     """
     things: list[tuple[Any, str] | None] = []
     numbers: dict[tuple, int] = {}
@@ -57,7 +59,8 @@ def walk(depsgraph: Any, make: Callable[[Any, Any, Flags], Any], report: Report)
         number = numbers.get(key)
         if number is None:
             number = numbers[key] = len(things)
-            things.append(_meet(instance, thing, depsgraph, make, report))
+            instancer = instance.parent if instance.is_instance else thing
+            things.append(_meet(instance, thing, depsgraph, make, report) if shown(instancer) else None)
         rows.append(number)
     return _placed(things, np.array(rows, np.int64), _matrices(depsgraph, len(rows)), report)
 

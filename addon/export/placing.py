@@ -23,8 +23,9 @@ _FIRST = 16
 def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple[Instances, ...]:
     """Without the placements that are no surface any more: matrices of rank 0 or 1 squash everything to a line or a point."""
     kept = []
-    for block in instances:
-        surface = _ranks(block.world_from_object[:, :, :3]) >= 2
+    ranks = _ranks(np.concatenate([np.zeros((0, 3, 3)), *(block.world_from_object[:, :, :3] for block in instances)]))
+    ends = np.cumsum([len(block.world_from_object) for block in instances], dtype=np.intp)
+    for block, surface in zip(instances, np.split(ranks >= 2, ends[:-1]), strict=False):
         if not surface.all():
             report.note("Objects scaled to a line or a point are left out: {}; give them two axes that are not 0", block.name)
             block = replace(block, world_from_object=block.world_from_object[surface])

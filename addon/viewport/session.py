@@ -72,7 +72,7 @@ class Session:
     def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Blender's data changed: read what did, and begin anew."""
         self._forget_if_other(depsgraph)
-        self._settings, self._shown_pass = viewport_settings_from(depsgraph.scene_eval)
+        self._settings, self._shown_pass = viewport_settings_from(depsgraph.scene)
         passes = self._settings.passes
         self._content = self._export.update(depsgraph, _NO_CAMERA, passes=passes, space=context.space_data)
         self._view = None  # the scene is another: the next draw asks for its picture
@@ -127,6 +127,8 @@ class Session:
     def _follow(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         if self._content is None:
             return
+        if viewport_settings_from(depsgraph.scene) != (self._settings, self._shown_pass):
+            self.update(context, depsgraph)  # the settings' changes are no data of the depsgraph's
         try:
             view = read_view(depsgraph, context.region, context.space_data, context.region_data)
         except ExportError as error:

@@ -64,7 +64,7 @@ def _redraw(addresses: set[int]) -> None:
 
 @bpy.app.handlers.persistent
 def _advance(*_: Any) -> None:
-    global _epoch  # noqa: PLW0603 (Blender's own state, seen from here)
+    global _epoch
     _epoch += 1
 
 

@@ -133,9 +133,7 @@ def frame_of(window: Window, pixels: tuple[int, int], camera: Camera) -> tuple[i
 def _through_camera(camera: Camera, scene_camera: Any, render: Any) -> tuple[Camera, Frame | None]:
     """The view's camera with the place, direction and clip distances of the render's; the render's frame if it lies on whole pixels."""
     rendered = export_camera(scene_camera, render, resolution(render), Report())
-    moved = Camera(
-        rendered.kind, rendered.world_from_camera, camera.window, camera.resolution, rendered.clip_start, rendered.clip_end
-    )
+    moved = Camera(rendered.kind, rendered.world_from_camera, camera.window, camera.resolution, rendered.clip_start, rendered.clip_end)
     corner = frame_of(camera.window, camera.resolution, rendered) if rendered.kind == camera.kind else None
     if rendered.kind != camera.kind:
         return camera, None

@@ -7,9 +7,6 @@ set(CMAKE_LINK_DEPENDS_USE_LINKER FALSE)
 # Zig's default for code that is not optimised; the core has sanitizer builds of its own.
 set(CMAKE_CXX_FLAGS_INIT -fno-sanitize=all)
 set(CMAKE_SHARED_LINKER_FLAGS_INIT -Wl,-s)
-if(GLINT_ZIG_STATIC)  # test programs, to be run by an emulator without the system's libraries
-  set(CMAKE_EXE_LINKER_FLAGS_INIT -static)
-endif()
 set(CMAKE_CXX_COMPILER_WORKS TRUE)  # a test program would compile the C++ library a second time
 set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
 set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from .materials import Coefficients
-from .paths import Paths, bounced, joined, straight_on
+from .paths import Paths, beyond, bounced, joined, straight_on
 from .picture import Tile
 from .raster import Strips
 from .rays import Pencil
 from .seen_lights import has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
-from .vectors import pick
+from .vectors import dot, length, pick
 from .visibility import NOTHING
 
 Array = np.ndarray
@@ -40,6 +40,7 @@ class Generations:
         """Traces the paths to their hits; bounces go to `deeper`, rays that go straight on are returned."""
         stage = self._stage
         stage.rays[paths.kind] += len(paths)
+        self._tile.charge(paths.pixel)
         hits = stage.visibility.closest(paths.rays, paths.kind, strips)
         self._see_lights(paths, hits.depth)
         self._miss(paths, np.flatnonzero(hits.primitive == NOTHING))
@@ -52,6 +53,8 @@ class Generations:
         coefficients = stage.shader.coefficients(surface)
         stage.pulse.beat()
         self._record(paths, hit, surface, depth, coefficients)
+        if "Gap" in self._tile.data and paths.depth == 0 and not paths.straight.any():
+            self._find_gaps(paths, hit, surface, depth)
         stage.pulse.beat()
         shown = self._cut_holdouts(paths, hit, surface)
         if len(shown) < len(hit):
@@ -102,10 +105,19 @@ class Generations:
             Depth=depth[chosen] * stage.camera.unit,
             Position=some.x + stage.eye[:, None],
             Normal=some.n,
+            Grazing=np.abs(dot(some.n, some.v))[None],
             UV=np.concatenate([uv.at(some.geometry, some.local, some.weights), uv.has(some.geometry)[None]]),
             Object_Index=stage.per_object("object_index", some.row),
             Material_Index=stage.shader.pass_index(some.material),
         )
+
+    def _find_gaps(self, paths: Paths, hit: Array, surface: Surface, depth: Array) -> None:
+        """How far behind the first hits the rays' next ones lie."""
+        rays = beyond(paths.rays.take(hit), surface, depth)
+        again = self._stage.visibility.closest(rays, paths.kind)
+        found = np.flatnonzero(again.primitive != NOTHING)
+        _, d = rays.lines(found)
+        self._tile.data["Gap"][0, paths.pixel[hit[found]]] = (again.depth[found] - depth[found]) * length(d)
 
     def _shade(self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients) -> None:
         """L = k_a I_a + Σ (k_d I max(0, n·l) + k_s I max(0, n·h)^p) S + k_e (section 4.15), each part by itself."""
@@ -117,7 +129,7 @@ class Generations:
 
         add("Ambient", coefficients.ambient * self._stage.ambient)
         add("Emission", coefficients.emission)
-        light = self._stage.lighting.direct(surface, coefficients, self._sample)
+        light = self._stage.lighting.direct(surface, coefficients, self._sample, lambda seen: self._tile.charge(pixel[seen]))
         add("Diffuse", light.diffuse)
         add("Specular", light.specular)
         add("Shadow", light.shadow)

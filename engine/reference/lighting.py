@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,8 +37,8 @@ class Lighting:
     shadows: Shadows
     pulse: Pulse
 
-    def direct(self, surface: Surface, coefficients: Coefficients, sample: int) -> DirectLight:
-        """What all lights add at the points of `surface` in sample `sample` of their pixels."""
+    def direct(self, surface: Surface, coefficients: Coefficients, sample: int, charge: Callable[[Array], None]) -> DirectLight:
+        """What all lights add at the points of `surface` in sample `sample` of their pixels. charge: told the points of shadow rays."""
         total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(3)))
         lit = coefficients.diffuse.any(0)
         for term in coefficients.highlights:
@@ -47,11 +48,18 @@ class Lighting:
             for j in range(n):
                 point = CENTER if n == 1 else self.points[sample * self.light_samples + j]
                 self.pulse.beat()
-                self._add(surface, coefficients, lit, source, source.sample(surface.x, point, n), total)
+                self._add(surface, coefficients, lit, source, source.sample(surface.x, point, n), total, charge)
         return total
 
     def _add(
-        self, surface: Surface, coefficients: Coefficients, lit: Array, source: Source, sample: LightSample, total: DirectLight
+        self,
+        surface: Surface,
+        coefficients: Coefficients,
+        lit: Array,
+        source: Source,
+        sample: LightSample,
+        total: DirectLight,
+        charge: Callable[[Array], None],
     ) -> None:
         """One sample of one light."""
         self.pulse.beat()
@@ -68,6 +76,7 @@ class Lighting:
         add_at(total.specular, seen, specular)
         if source.light.cast_shadow:
             self.pulse.beat()
+            charge(seen)
             add_at(total.shadow, seen, (self.shadows.towards(surface, seen, sample).T - 1.0) * (diffuse + specular))
 
 

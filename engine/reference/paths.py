@@ -59,12 +59,15 @@ def straight_on(paths: Paths, hit: Array, surface: Surface, depth: Array, k: Arr
     if not len(go):
         return None
     mine = hit[go]
-    rays = paths.rays.take(mine)
-    _, d = paths.rays.lines(mine)
-    incline = np.abs(dot(pick(surface.g, go), d))
-    step = surface.offset[go] / np.maximum(incline, 1e-6 * np.sqrt(dot(d, d)))
-    rays = replace(rays, near=depth[go] + step)
+    rays = beyond(paths.rays.take(mine), surface.take(go), depth[go])
     return Paths(rays, pick(weight, go), paths.pixel[mine], paths.straight[mine] + 1, paths.depth)
+
+
+def beyond(rays: Rays, surface: Surface, depth: Array) -> Rays:
+    """The rays (m,) that meet `surface` at `depth`, clear of it on the other side."""
+    _, d = rays.lines(np.arange(len(rays)))
+    incline = np.abs(dot(surface.g, d))
+    return replace(rays, near=depth + surface.offset / np.maximum(incline, 1e-6 * np.sqrt(dot(d, d))))
 
 
 def bounced(paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients) -> list[Paths]:

@@ -44,11 +44,6 @@ class Stage:
         self.camera = CameraRays.of(scene.camera, self.geometry)
         self.ambient, self.background = (np.array(c, np.float64)[:, None] for c in (scene.world.ambient, scene.world.background))
 
-    @property
-    def region(self) -> tuple[int, int, int, int]:
-        """The pixels to draw: x0, y0, x1, y1."""
-        return self.settings.region or (0, 0, *self.scene.camera.resolution)
-
     def _light_points(self) -> list[LightPoint]:
         if all(source.sample_count(self.settings.light_samples) == 1 for source in self.sources):
             return []

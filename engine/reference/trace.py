@@ -14,6 +14,7 @@ from ..settings import Settings
 from .generations import Generations
 from .picture import DATA, Picture, Tile
 from .pulse import Pulse, Stopped
+from .refinement import FIRST, Refinement, widened
 from .stage import Stage
 
 Array = np.ndarray
@@ -40,8 +41,14 @@ class Tracer:
 
     def __init__(self, scene: Scene, settings: Settings, pulse: Pulse):
         self._scene, self._settings, self._pulse = scene, settings, pulse
-        x0, y0, x1, y1 = settings.region or (0, 0, *scene.camera.resolution)
+        self._region = self._shown = settings.region or (0, 0, *scene.camera.resolution)
+        refines = settings.error_threshold > 0 or "Error" in settings.passes
+        if refines and settings.samples >= FIRST:
+            self._region = widened(self._shown, scene.camera.resolution)
+        x0, y0, x1, y1 = self._region
         self.picture = Picture(x1 - x0, y1 - y0, settings.passes)
+        self._refinement = Refinement(settings.error_threshold, self._is_shown()) if refines else None
+        self._finished = 0  # samples
         self._stage: Stage | None = None
         self._seconds: dict[str, float] = {}
 
@@ -54,8 +61,12 @@ class Tracer:
                 with self._clock("trace"):
                     for done in self._sample(self._stage, sample, offset):
                         on_progress((sample + done) / self._settings.samples)
+                self._finished = sample + 1
+                if (sample + 1) & sample == 0:
+                    self._end_wave(sample + 1)
                 if on_wave and (sample + 1) & sample == 0:
                     on_wave(self.film(True))
+            self._end_wave(self._settings.samples)
         except Stopped:
             return False
         return True
@@ -64,19 +75,42 @@ class Tracer:
         """The picture so far."""
         stats = self._stage.stats() if self._stage else {}
         notes = self._stage.geometry.left_out if self._stage else ()
-        return self.picture.film(complete, stats | self._seconds, notes)
+        passes = self.picture.means()
+        if "Error" in self._settings.passes:
+            passes["Error"] = self._refinement.error(self.picture.samples)[None]
+        (x0, y0, x1, y1), (left, bottom, _, _) = self._shown, self._region
+        shown = slice(y0 - bottom, y1 - bottom), slice(x0 - left, x1 - left)
+        return Film(self.picture.images(passes, shown), self._finished, complete, stats | self._seconds, notes)
+
+    def _is_shown(self) -> Array:
+        """(h, w) bool of the region."""
+        (x0, y0, x1, y1), (left, bottom, right, top) = self._shown, self._region
+        x, y = np.arange(left, right), np.arange(bottom, top)[:, None]
+        return (x0 <= x) & (x < x1) & (y0 <= y) & (y < y1)
+
+    def _end_wave(self, samples: int) -> None:
+        if self._refinement:
+            self._refinement.end_wave(self.picture.color(), samples)
 
     def _sample(self, stage: Stage, sample: int, offset: Array) -> Iterator[float]:
         """Traces one sample of every pixel tile by tile; yields the finished fraction."""
-        x0, y0, x1, y1 = stage.region
+        x0, y0, x1, y1 = self._region
         rows = max(TILE // (x1 - x0), 1)
         for y in range(y0, y1, rows):
             above = min(y + rows, y1)
             rays, strips = stage.camera.pixels((x0, x1), (y, above), offset)
             stage.pulse.beat()
+            first = (y - y0) * (x1 - x0)
+            here: slice | Array = slice(first, first + len(rays))
+            if self._refinement and not self._refinement.active[here].all():
+                chosen = np.flatnonzero(self._refinement.active[here])
+                here, rays, strips = first + chosen, rays.take(chosen), None
             tile = Tile(len(rays), self._settings.passes.intersection(DATA) if sample == 0 else frozenset())
-            Generations(stage, tile, sample).run(rays, strips)
-            self.picture.keep((y - y0) * (x1 - x0), tile)
+            if len(rays):
+                Generations(stage, tile, sample).run(rays, strips)
+            self.picture.keep(here, tile)
+            if self._refinement:
+                self._refinement.note(here, np.concatenate([tile.color(), tile.lost[None]]))
             yield (above - y0) / (y1 - y0)
 
     def _clock(self, name: str) -> _Clock:

@@ -2,7 +2,15 @@
 
 from blender_process import REGISTER_TREE, Blender
 
-VALUES = {"samples": 9, "light_samples": 3, "max_bounces": 2, "illumination": "CLASSIC", "backend": "NUMPY", "threads": 5}
+VALUES = {
+    "samples": 9,
+    "error_threshold": 2.5,
+    "light_samples": 3,
+    "max_bounces": 2,
+    "illumination": "CLASSIC",
+    "backend": "NUMPY",
+    "threads": 5,
+}
 
 
 def test_settings_and_switches_survive_saving_and_loading(tmp_path):

@@ -7,9 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from export_support import Shader, link, mesh_object, quad, scene, use_nodes  # noqa: F401 (a fixture)
-from glint.addon.export import export_scene
-from glint.addon.export import incremental
+from export_support import Shader, link, mesh_object, quad, scene, use_nodes  # noqa: F401
+from glint.addon.export import export_scene, incremental
 from glint.addon.export.incremental import LiveExport
 from glint.engine.scene import Camera
 
@@ -61,7 +60,7 @@ def same(one, two, where):
 
 
 @pytest.fixture
-def world(scene):
+def world(scene):  # noqa: F811
     """Plain and modified meshes, shared data, textures, an empty that instances a collection, lights, a world with nodes."""
     material = Shader("Textured")
     image = bpy.data.images.new("Image", 4, 4)
@@ -227,7 +226,8 @@ def film(r):
 
 
 EDITS = [
-    move, turn, scale_to_nothing, edit_vertex, add_triangle, subdivide, smooth, color, node_value, unlink_or_link, paint, recolor, reload, interpolate,
+    move, turn, scale_to_nothing, edit_vertex, add_triangle, subdivide, smooth, color, node_value, unlink_or_link, paint, recolor, reload,
+    interpolate,
     swap_material, light, surround, hide, exclude, add, delete, step, cast, film,
 ]  # fmt: skip
 

@@ -30,11 +30,16 @@ def relative_error(measured: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return (np.abs(measured - truth) / np.maximum(np.abs(truth), floor)).max(-1)
 
 
+def conditioned(key: str, values: np.ndarray) -> np.ndarray:
+    """Gap squared: the chord of a ray that all but touches a sphere is 2 √(r² − b²), whose square alone moves in step with the ray."""
+    return values.astype(float) ** 2 if key == "Gap" else values
+
+
 @pytest.mark.parametrize("illumination", engine.settings.ILLUMINATIONS)
 @pytest.mark.parametrize("name", SCENES)
 def test_same_picture(name: str, illumination: str) -> None:
     core, reference = both(name, replace(SETTINGS, illumination=illumination))
-    errors = {key: relative_error(core.passes[key], reference.passes[key]) for key in reference.passes}
+    errors = {key: relative_error(*(conditioned(key, film.passes[key]) for film in (core, reference))) for key in reference.passes}
     worst = {key: (float(error.max()), int((error > 1e-4).sum())) for key, error in errors.items() if error.max() > 1e-4}
     assert not worst, f"{name}: pass -> (largest relative error, pixels beyond 1e-4): {worst}"
 

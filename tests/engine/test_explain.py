@@ -79,7 +79,9 @@ def test_all_kinds_of_rays_and_blockers_are_told():
 
 def test_the_shape_of_a_light_and_the_surroundings_are_told():
     turned = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, -3]])
-    lights = (Light("Panel", "AREA", np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]), size_x=1, size_y=2, strength=8, visible_camera=True),)
+    lights = (
+        Light("Panel", "AREA", np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]), size_x=1, size_y=2, strength=8, visible_camera=True),
+    )
     camera = replace(SCENE.camera, world_from_camera=turned, resolution=(3, 1))
     explainer = PixelExplainer(replace(SCENE, camera=camera, instances=(), lights=lights), SETTINGS)
     ray = explainer.pixel(1, 0)

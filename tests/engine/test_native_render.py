@@ -249,7 +249,7 @@ def test_bad_settings_are_refused_with_a_sentence() -> None:
     assert "beyond the frame" in refusal(SOUND, region=(0, 0, 17, 16))
     assert "is empty" in refusal(SOUND, region=(3, 0, 3, 16))
     assert "more than 64 bounces" in refusal(SOUND, max_bounces=65)
-    assert "no such pass: Cost" in refusal(SOUND, passes=frozenset({"Cost"}))
+    assert "no such pass: Heat" in refusal(SOUND, passes=frozenset({"Heat"}))
 
 
 def test_memory_that_cannot_be_had_is_named() -> None:

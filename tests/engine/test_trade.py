@@ -173,6 +173,13 @@ def test_the_plot_rises_to_the_left_and_marks_the_current_settings():
     assert y.mean() > 0.8 * (image.shape[0] - 110 - 64)
 
 
+def test_curves_keep_their_order():
+    """The slower curve with the larger error lies to the upper right of the other."""
+    image = trade_plot.draw_curves({"fast": [(0.1, 0.1), (1.0, 0.01)], "slow": [(1.0, 0.1), (10.0, 0.01)]}, "two")
+    places = [np.argwhere(_ink(image, color)[110:]).mean(0) for color in trade_plot._CURVES[:2]]
+    assert places[0][1] < places[1][1] - 50 and abs(places[0][0] - places[1][0]) < 10
+
+
 @pytest.mark.parametrize("rows", [[], [row(0.0, 0.0)], [row(1.0, float("inf"))], [row(1.0, 0.0), row(2.0, 1e-300)]])
 def test_odd_numbers_make_a_plot_too(rows):
     image = trade_plot.draw_trade(trade.Trade(trade.with_front(rows), "truth", (), (1, 1), 1, True))

@@ -7,12 +7,10 @@ import time
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 
 import bpy
-import in_window
 import mathutils
 import numpy as np
 
-HALF = 2.0**-10
-"""Relative error of the half floats in which pictures are shown, rounded once when uploaded and once when drawn."""
+import in_window
 
 window = in_window.load(*sys.argv[sys.argv.index("--") + 2 :][:1])
 folder = pathlib.Path(sys.argv[sys.argv.index("--") + 1])
@@ -54,7 +52,6 @@ def compare(name):
     same = shown.shape == final.shape and shown.tobytes() == final.tobytes()
     worst = float(np.abs(shown - final).max()) if shown.shape == final.shape else -1.0
     error = np.abs(window.framebuffer - final) / np.maximum(np.abs(final), 2.0**-14) if window.framebuffer.shape == final.shape else None
-    print(name, window.times, flush=True)
     results[name] = {"same bits": same, "worst": worst, "framebuffer": float(error.max()) if error is not None else -1.0}
 
 
@@ -110,8 +107,19 @@ def scenario():
     latency["stop to full resolution"] = [time.perf_counter() - start]
     yield from window.settle()
     yield from idle()
+    yield from explain()
     yield from solid()
-    in_window.answer({"results": results, "latency": latency, "ready": ready, "updates": window.updates, "idle": idle_share, "pictures and Solid's redraws a second": rate})
+    in_window.answer(
+        {
+            "results": results,
+            "latency": latency,
+            "ready": ready,
+            "updates": window.updates,
+            "idle": idle_share,
+            "explained": explained,
+            "pictures and Solid's redraws a second": rate,
+        }
+    )
 
 
 def playing():
@@ -123,8 +131,6 @@ def playing():
         yield 0.008
     answered = [answered for _, answered, *_ in window.draws[first:]]
     rate.append(len(set(answered)) / (time.perf_counter() - start))
-    stages = [stage for *_, stage, _ in window.draws[first:]]
-    print("stages", {stage: stages.count(stage) for stage in set(stages)}, window.session._pacer, flush=True)
 
 
 def solid():
@@ -144,6 +150,22 @@ def solid():
 
 rate = []
 idle_share = []
+explained = {}
+
+
+def explain():
+    """Explain Pixel against the picture of one sample: the pixel in the middle."""
+    bpy.context.scene.glint.viewport.samples = 1
+    window.region.tag_redraw()
+    yield lambda: window.session.films["all"].samples == 1
+    yield from window.settle()
+    operator = sys.modules[window.package + ".operators.explain_pixel"]
+    x, y = window.region.width // 2, window.region.height // 2
+    explained["color"] = operator.explain_view(window.region, x, y).color
+    explained["pixel"] = window.session.films["all"].combined[y, x, :3].tolist()
+    with window.context():
+        assert bpy.ops.glint.explain_pixel(x=x, y=y) == {"FINISHED"}
+        assert bpy.ops.glint.copy_explanation() == {"FINISHED"}
 
 
 def idle():

@@ -75,8 +75,10 @@ class Window:
         yield lambda: self.framebuffer is not None
 
     def frames(self, action):
-        """Yield from this: do something and wait until a picture of what it made is on the screen; the seconds go to `times`, those until it was
-        traced to `ready`."""
+        """Yield from this: do something and wait until a picture of what it made is on the screen.
+
+        The seconds go to `times`, those until it was traced to `ready`.
+        """
         before = self.session.requests
         start = time.perf_counter()
         action()
@@ -90,7 +92,12 @@ class Window:
         about = {"engine": scene.render.engine, "shading": self.space.shading.type, "draws": len(self.draws), "mode": bpy.context.mode}
         if session is not None:
             newest = session._live.newest
-            about |= {"busy": session.busy, "news": session.has_news, "told": session._told(), "region": session.region == self.region.as_pointer()}
+            about |= {
+                "busy": session.busy,
+                "news": session.has_news,
+                "told": session._told(),
+                "region": session.region == self.region.as_pointer(),
+            }
             about |= {"newest": newest and (newest.number, newest.final, newest.task.tag.stage), "drawn": session._drawn}
         return about
 
@@ -127,8 +134,13 @@ def _framebuffer(width, height):
     return np.array(buffer, np.float32).reshape(height, width, 4)
 
 
+def say(line):
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
+
+
 def answer(value):
-    print("ANSWER " + json.dumps(value), flush=True)
+    say("ANSWER " + json.dumps(value))
 
 
 def play(scenario, window):
@@ -146,8 +158,8 @@ class _Player:
         try:
             return self._next()
         except StopIteration:
-            print("ALL STEPS DONE", flush=True)
-        except BaseException:
+            say("ALL STEPS DONE")
+        except BaseException:  # noqa: BLE001 (Blender must end)
             traceback.print_exc()
         self._window.session = None
         bpy.ops.wm.quit_blender()

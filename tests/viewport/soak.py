@@ -11,8 +11,9 @@ import time
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 
 import bpy
-import in_window
 import mathutils
+
+import in_window
 
 arguments = sys.argv[sys.argv.index("--") + 1 :]
 folder, seconds, seed = pathlib.Path(arguments[0]), float(arguments[1]), int(arguments[2])
@@ -67,7 +68,7 @@ def vertex():
 
 def add():
     with window.context():
-        r.choice([bpy.ops.mesh.primitive_cube_add, bpy.ops.mesh.primitive_uv_sphere_add, bpy.ops.mesh.primitive_monkey_add])(location=vector())
+        getattr(bpy.ops.mesh, r.choice(["primitive_cube_add", "primitive_uv_sphere_add", "primitive_monkey_add"]))(location=vector())
 
 
 def delete():
@@ -167,8 +168,8 @@ def nothing_left():
         bpy.data.objects.remove(found)
 
 
-EDITS = [move, move, orbit, orbit, zoom, projection, light, material, vertex, add, delete, edit_mode, edit_vertices, undo, redo, push, shading,
-         engine, resize, quad_view, local_view, border, settings, hide, frame, play, reload, nothing_left]  # fmt: skip
+EDITS = [move, move, orbit, orbit, zoom, projection, light, material, vertex, add, delete, edit_mode, edit_vertices, undo, redo, push,
+         shading,         engine, resize, quad_view, local_view, border, settings, hide, frame, play, reload, nothing_left]  # fmt: skip
 
 
 EXCHANGING = {undo, redo, reload, quad_view, local_view, engine, shading}
@@ -215,8 +216,12 @@ def rest():
     """Back to one rendered view of the file, settled."""
     if bpy.context.screen.is_animation_playing:
         play()
+    yield 0.2
     once(reload)
     yield 0.5
+    bpy.context.scene.render.engine, window.space.shading.type = "GLINT", "RENDERED"
+    window.session = None
+    yield lambda: window.session is not None
     yield from window.settle()
     gc.collect()
     yield 0.5
@@ -228,9 +233,8 @@ def threads():
 
 
 def resident():
-    """Megabytes that this process holds now."""
-    pages = int(pathlib.Path("/proc/self/statm").read_text().split()[1]) if pathlib.Path("/proc/self/statm").exists() else 0
-    return pages * resource.getpagesize() / 1e6
+    """The most memory that this process has held so far, megabytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
 
 
 in_window.play(scenario, window)

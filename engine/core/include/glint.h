@@ -29,7 +29,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 2
+#define GLINT_ABI_VERSION 3
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -160,17 +160,24 @@ enum {
   GLINT_PASS_UV,
   GLINT_PASS_OBJECT_INDEX,
   GLINT_PASS_MATERIAL_INDEX,
+  GLINT_PASS_ERROR,
+  GLINT_PASS_SAMPLES,
+  GLINT_PASS_COST,
+  GLINT_PASS_GRAZING,
+  GLINT_PASS_GAP,
   GLINT_PASS_COUNT
 };
 
 /* region: x0, y0, x1, y1 half open in the full frame.  threads: 0 for one a core.  hold_waves: see glint_render_resume.
  * pixel_offsets: (samples, 2).  light_square, light_disc: (light_point_count, 2), at least samples * light_samples points when
- * light_samples > 1 and a light has an extent; else they may be null. */
+ * light_samples > 1 and a light has an extent; else they may be null.  error_threshold: in 8-bit levels, at least 0 and below 256; pixels
+ * whose estimated error it covers take no further samples after a wave. 0: all take all. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
   const double* light_disc;
   uint64_t light_point_count;
+  double error_threshold;
   uint32_t samples, light_samples, max_bounces, threads, passes;
   uint32_t region[4];
   int32_t illumination, hold_waves;

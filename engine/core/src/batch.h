@@ -31,6 +31,8 @@ class Batch {
   static void add_to(double* const (&columns)[3], size_t k, Vec3d c) {
     if (columns[0]) columns[0][k] += c.x, columns[1][k] += c.y, columns[2][k] += c.z;
   }
+  /// Counts a ray for the pixel of ray k.
+  void charge(size_t k) const { if (cost) cost[queue->slots[k]] += 1; }
   /// Term number `term` of the highlights of point k.
   void set_specular(size_t k, int term, Vec3d Tk, double exponent);
 
@@ -44,6 +46,7 @@ class Batch {
   double* diffuse[3] = {};            // T k
   double* specular = nullptr;         // as ShadeStage has it
   size_t stride = 0;
+  double* cost = nullptr;             // rays traced for each slot; null when nobody asks
 
  private:
   void reserve(size_t rows);

@@ -41,7 +41,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
       light.set(stage_, plan_.light_point(sample, j), count, plan_.physical);
       const size_t reached = stages_.light(stage_);
       if (reached == 0) continue;
-      if (light.casts_shadow()) find_shadows(reached, counts);
+      if (light.casts_shadow()) find_shadows(batch, reached, counts);
       else std::fill_n(blocked_.begin(), reached, uint8_t(0));
       if (glassy_) step_through_surfaces(batch, reached, counts);
       add(batch, reached);
@@ -49,7 +49,8 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   }
 }
 
-void DirectLight::find_shadows(size_t count, RayCounts& counts) {
+void DirectLight::find_shadows(const Batch& batch, size_t count, RayCounts& counts) {
+  for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Timer timer(counts.tracing);

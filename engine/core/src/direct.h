@@ -17,7 +17,7 @@ class DirectLight {
 
  private:
   void prepare(const Batch& batch);
-  void find_shadows(size_t count, RayCounts& counts);
+  void find_shadows(const Batch& batch, size_t count, RayCounts& counts);
   void step_through_surfaces(const Batch& batch, size_t count, RayCounts& counts);
   bool step(const Batch& batch, uint32_t k, const Hit& hit);
   void add(const Batch& batch, size_t count) const;

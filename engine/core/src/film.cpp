@@ -26,7 +26,7 @@ size_t numbers(size_t pixels, size_t channels) {
 int channels_of(int pass) {
   if (pass < 0 || pass >= GLINT_PASS_COUNT) return 0;
   if (pass == GLINT_PASS_COMBINED) return 4;
-  return pass == GLINT_PASS_DEPTH || pass == GLINT_PASS_OBJECT_INDEX || pass == GLINT_PASS_MATERIAL_INDEX ? 1 : 3;
+  return pass == GLINT_PASS_DEPTH || pass >= GLINT_PASS_OBJECT_INDEX ? 1 : 3;
 }
 
 void SlotTable::set(uint32_t width, uint32_t height) {
@@ -41,25 +41,30 @@ void SlotTable::set(uint32_t width, uint32_t height) {
   for (; columns_.size() % kPad; columns_.push_back(0)) rows_.push_back(0);
 }
 
-Film::Film(Region region, uint32_t passes) : region_(region), passes_(passes | 1u << GLINT_PASS_COMBINED) {
+Film::Film(Region region, Region shown, uint32_t passes, double error_threshold)
+    : region_(region), shown_(shown), passes_(passes | 1u << GLINT_PASS_COMBINED) {
   for (int part = 0; part < GLINT_PASS_DEPTH; ++part) at_[part] = -1;
   at_[GLINT_PASS_COMBINED] = 0;
   for (int part = GLINT_PASS_DIFFUSE; part < GLINT_PASS_DEPTH; ++part)
     if (wants(part)) at_[part] = int(columns_), columns_ += 3;
+  columns_ += wants(GLINT_PASS_COST);
   const size_t pixels = size_t(region.width()) * region.height();
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
     if (!wants(pass)) continue;
     pictures_[pass] = Zeros<float>(numbers(pixels, size_t(channels_of(pass))));
   }
-  if (wants(GLINT_PASS_DEPTH)) std::fill_n(pictures_[GLINT_PASS_DEPTH].data(), pixels, float(kNoDepth));
+  for (int pass : {GLINT_PASS_DEPTH, GLINT_PASS_GAP})
+    if (wants(pass)) std::fill_n(pictures_[pass].data(), pixels, float(kNoDepth));
   cut();
+  if (error_threshold > 0 || wants(GLINT_PASS_ERROR)) refinement_ = Refinement(error_threshold, region, shown, sums_.size() / columns_);
 }
 
 void Film::cut() {
   size_t first = 0;
   for (uint32_t y = 0; y < region_.height(); y += Tile::kSize)
     for (uint32_t x = 0; x < region_.width(); x += Tile::kSize) {
-      tiles_.push_back({x, y, std::min(x + Tile::kSize, region_.width()), std::min(y + Tile::kSize, region_.height()), first});
+      const uint32_t right = std::min(x + Tile::kSize, region_.width()), top = std::min(y + Tile::kSize, region_.height());
+      tiles_.push_back({x, y, right, top, first, first / columns_});
       first += columns_ * tiles_.back().stride();
     }
   sums_ = Zeros<double>(first);
@@ -73,6 +78,7 @@ void Film::store(int pass, uint32_t pixel, const double* values) {
 
 void Film::set_data(uint32_t pixel, const FirstHit& hit) {
   double object = hit.object, material = hit.material;
+  store(GLINT_PASS_GRAZING, pixel, &hit.grazing);
   store(GLINT_PASS_DEPTH, pixel, &hit.depth);
   store(GLINT_PASS_POSITION, pixel, &hit.position.x);
   store(GLINT_PASS_NORMAL, pixel, &hit.normal.x);
@@ -82,26 +88,50 @@ void Film::set_data(uint32_t pixel, const FirstHit& hit) {
 }
 
 void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples, const Stages& stages) {
+  for (int pass = 0; pass < GLINT_PASS_DEPTH; ++pass)
+    if (sums(tile, pass)) publish_means(tile, pass, slots, samples, stages);
+  if (passes_ >> GLINT_PASS_ERROR) publish_health(tile, slots, samples);
+}
+
+void Film::publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples, const Stages& stages) {
   float means[4][Tile::kSize * Tile::kSize];
-  const size_t count = tile.pixels();
-  for (int pass = 0; pass < GLINT_PASS_DEPTH; ++pass) {
-    const double* from = sums(tile, pass);
-    if (!from) continue;
-    const size_t channels = size_t(channels_of(pass));
-    for (size_t c = 0; c < channels; ++c) stages.mean(from + c * tile.stride(), samples, means[c], count);
-    for (size_t k = 0; channels == 4 && k < count; ++k) means[3][k] = 1 - means[3][k];
-    for (size_t k = 0; k < count; ++k) {
-      float* out = pictures_[pass].data() + channels * slots.pixel(tile, k, region_.width());
-      for (size_t c = 0; c < channels; ++c) out[c] = means[c][k];
-    }
+  const double* from = sums(tile, pass);
+  const size_t count = tile.pixels(), channels = size_t(channels_of(pass));
+  double taken[Tile::kSize * Tile::kSize];
+  const bool differ = refinement_.on() && samples > Refinement::kFirst;
+  for (size_t k = 0; differ && k < count; ++k) taken[k] = refinement_.taken(tile.first_row + k, samples);
+  for (size_t c = 0; c < channels; ++c, from += tile.stride()) {
+    if (!differ) stages.mean(from, samples, means[c], count);
+    else for (size_t k = 0; k < count; ++k) means[c][k] = to_float(from[k] / taken[k]);
+  }
+  for (size_t k = 0; channels == 4 && k < count; ++k) means[3][k] = 1 - means[3][k];
+  for (size_t k = 0; k < count; ++k) {
+    float* out = pictures_[pass].data() + channels * slots.pixel(tile, k, region_.width());
+    for (size_t c = 0; c < channels; ++c) out[c] = means[c][k];
+  }
+}
+
+void Film::publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples) {
+  const double* traced = cost(tile);
+  for (size_t k = 0; k < tile.pixels(); ++k) {
+    const uint32_t pixel = slots.pixel(tile, k, region_.width());
+    const double taken = refinement_.taken(tile.first_row + k, samples);
+    store(GLINT_PASS_SAMPLES, pixel, &taken);
+    if (traced) store(GLINT_PASS_COST, pixel, traced + k);
+    if (!wants(GLINT_PASS_ERROR)) continue;
+    const double error = refinement_.error(pixel, uint32_t(taken));
+    store(GLINT_PASS_ERROR, pixel, &error);
   }
 }
 
 bool Film::read(int pass, float* out, uint64_t size) const {
   if (pass < 0 || pass >= GLINT_PASS_COUNT || !out) return false;
   const Zeros<float>& picture = pictures_[pass];
-  if (!picture.data() || picture.size() != size) return false;
-  std::memcpy(out, picture.data(), size * sizeof(float));
+  const size_t channels = size_t(channels_of(pass)), row = channels * shown_.width();
+  if (!picture.data() || row * shown_.height() != size) return false;
+  const size_t left = shown_.x0 - region_.x0, below = shown_.y0 - region_.y0;
+  for (size_t y = 0; y < shown_.height(); ++y)
+    std::memcpy(out + y * row, picture.data() + channels * ((y + below) * region_.width() + left), row * sizeof(float));
   return true;
 }
 

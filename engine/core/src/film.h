@@ -1,29 +1,21 @@
 // Sums of samples per pixel, and the picture they make after each wave.
 #pragma once
 #include <cstdint>
-#include <cstdlib>
-#include <memory>
-#include <new>
 #include <vector>
 
 #include "../include/glint.h"
+#include "refine.h"
 #include "stages/stages.h"
 #include "vec.h"
 
 namespace glint {
-
-struct Region {
-  uint32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
-  uint32_t width() const { return x1 - x0; }
-  uint32_t height() const { return y1 - y0; }
-};
 
 /// Pixels [x0, x1) x [y0, y1) of the region, counted from its corner. Its pixels have slots: blocks of 8 x 8 pixels one after the other,
 /// row by row within each, so that 64 neighbouring rays stay narrow.
 struct Tile {
   static constexpr uint32_t kSize = 32, kBlock = 8;
   uint32_t x0, y0, x1, y1;
-  size_t first_sum;  // where the film keeps its sums
+  size_t first_sum, first_row;  // where the film keeps its sums; where columns over all tiles keep its slots
   uint32_t width() const { return x1 - x0; }
   uint32_t height() const { return y1 - y0; }
   size_t pixels() const { return size_t(width()) * height(); }
@@ -49,7 +41,7 @@ class SlotTable {
 
 /// What the data passes hold of a camera ray's first sample.
 struct FirstHit {
-  double depth = 0;
+  double depth = 0, grazing = 0;
   Vec3d position, normal, uv;
   int32_t object = 0, material = 0;
 };
@@ -57,43 +49,31 @@ struct FirstHit {
 /// Channels of a pass, 0 for no such pass.
 int channels_of(int pass);
 
-/// Numbers that are 0 until written; pages that nobody touches cost nothing.
-template <class T>
-class Zeros {
- public:
-  Zeros() = default;
-  /// Throws std::bad_alloc.
-  explicit Zeros(size_t size) : size_(size), values_(static_cast<T*>(std::calloc(size, sizeof(T)))) {
-    if (!values_) throw std::bad_alloc();
-  }
-  T* data() const { return values_.get(); }
-  size_t size() const { return size_; }
-
- private:
-  struct Free {
-    void operator()(T* p) const { std::free(p); }
-  };
-  size_t size_ = 0;
-  std::unique_ptr<T, Free> values_;
-};
-
 /// One thread a tile at a time. Sums are kept tile by tile, a column a channel: Combined's colour, lost alpha, then three for each part.
 class Film {
  public:
-  Film(Region region, uint32_t passes);
+  Film(Region region, uint32_t passes) : Film(region, region, passes, 0) {}
+  /// shown: what `read` gives of the region.  error_threshold: see Refinement.
+  Film(Region region, Region shown, uint32_t passes, double error_threshold);
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const Region& region() const { return region_; }
   uint32_t passes() const { return passes_; }
   bool wants(int pass) const { return passes_ >> pass & 1; }
-  bool wants_data() const { return passes_ >> GLINT_PASS_DEPTH; }
+  bool wants_data() const { return passes_ & kDataPasses; }
+  Refinement& refinement() { return refinement_; }
 
   /// The first of the sums of a part; null for a part that was not asked for. The next channels follow after tile.stride().
   double* sums(const Tile& tile, int part) {
     return at_[part] < 0 ? nullptr : sums_.data() + tile.first_sum + size_t(at_[part]) * tile.stride();
   }
   double* lost_alpha(const Tile& tile) { return sums(tile, GLINT_PASS_COMBINED) + 3 * tile.stride(); }
+  /// Rays traced for each slot; null when nobody asks.
+  double* cost(const Tile& tile) {
+    return wants(GLINT_PASS_COST) ? sums_.data() + tile.first_sum + (columns_ - 1) * tile.stride() : nullptr;
+  }
   void set_data(uint32_t pixel, const FirstHit& hit);
+  void set_gap(uint32_t pixel, double gap) { store(GLINT_PASS_GAP, pixel, &gap); }
 
   /// Makes the tile's sums of `samples` samples the picture that `read` gives.
   void publish(const Tile& tile, const SlotTable& slots, uint32_t samples, const Stages& stages);
@@ -101,15 +81,20 @@ class Film {
   bool read(int pass, float* out, uint64_t size) const;
 
  private:
+  static constexpr uint32_t kDataPasses =
+      ((1u << GLINT_PASS_ERROR) - (1u << GLINT_PASS_DEPTH)) | 1u << GLINT_PASS_GRAZING | 1u << GLINT_PASS_GAP;
   void store(int pass, uint32_t pixel, const double* values);
+  void publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples, const Stages& stages);
+  void publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void cut();
 
-  Region region_;
+  Region region_, shown_;
   uint32_t passes_;
   std::vector<Tile> tiles_;
   size_t columns_ = 4;
   int at_[GLINT_PASS_DEPTH];  // a part's first column, -1 for none
   Zeros<double> sums_;
+  Refinement refinement_;
   Zeros<float> pictures_[GLINT_PASS_COUNT];
 };
 

@@ -12,9 +12,17 @@ int threads_for(uint32_t wanted) {
   return int(std::min(wanted ? wanted : cores, kMaxThreads));
 }
 
-RenderPlan plan_of(const GlintRenderSettings& g) {
+/// The region with the pixels next to it.
+Region widened(Region r, const GlintCamera& camera) {
+  return {r.x0 - (r.x0 > 0), r.y0 - (r.y0 > 0), std::min(r.x1 + 1, camera.width), std::min(r.y1 + 1, camera.height)};
+}
+
+RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   RenderPlan plan;
-  plan.region = {g.region[0], g.region[1], g.region[2], g.region[3]};
+  plan.shown = plan.region = {g.region[0], g.region[1], g.region[2], g.region[3]};
+  const bool refines = g.error_threshold > 0 || g.passes >> GLINT_PASS_ERROR & 1;
+  if (refines && g.samples >= Refinement::kFirst) plan.region = widened(plan.shown, camera);
+  plan.error_threshold = g.error_threshold;
   plan.samples = g.samples, plan.light_samples = g.light_samples, plan.max_bounces = g.max_bounces, plan.passes = g.passes;
   plan.threads = threads_for(g.threads);
   plan.physical = g.illumination == GLINT_PHYSICAL, plan.hold_waves = g.hold_waves != 0;
@@ -43,6 +51,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
   add(g.light_samples >= 1 && enough_points(g, scene), "settings: fewer light points than samples * light_samples");
   add(g.max_bounces <= 64, "settings: more than 64 bounces");
+  add(g.error_threshold >= 0 && g.error_threshold < 256, "settings: the error threshold is not between 0 and 256");
   add(g.passes < 1u << GLINT_PASS_COUNT, "settings: unknown passes");
   add(sound_region(g.region, scene.camera), "settings: the region is empty or reaches beyond the frame");
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC, "settings: unknown illumination");
@@ -50,7 +59,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
 }
 
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
-    : scene_(scene), plan_(plan_of(settings)), film_(plan_.region, plan_.passes), thread_([this] { work(); }) {}
+    : scene_(scene), plan_(plan_of(settings, scene.camera)), film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold),
+      thread_([this] { work(); }) {}
 
 Job::~Job() {
   cancel();
@@ -99,11 +109,30 @@ void Job::trace_waves() {
       const Timer timer(seconds);
       std::atomic<size_t> next{0};
       on_all_threads([&](Tracer& tracer) { trace_tiles(tracer, first, last, next); });
+      if (!cancel_) refine(last);
     }
     count(seconds);
     if (!cancel_) publish(last);
   }
   team_.reset();
+}
+
+/// Looks at what the wave up to `samples` brought, and stops the pixels that are good enough.
+void Job::refine(uint32_t samples) {
+  if (!film_.refinement().on() || samples < Refinement::kFirst) return;
+  on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.measure(tile, samples); });
+  if (samples == Refinement::kFirst) on_all_tiles([&](Tracer&, const Tile& tile) { film_.refinement().look_around(tile); });
+  on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.decide(tile, samples); });
+}
+
+/// body(tracer, tile) once for each tile.
+template <class Body>
+void Job::on_all_tiles(Body body) {
+  std::atomic<size_t> next{0};
+  const std::vector<Tile>& tiles = film_.tiles();
+  on_all_threads([&](Tracer& tracer) {
+    for (size_t k; (k = next++) < tiles.size();) body(tracer, tiles[k]);
+  });
 }
 
 /// body(tracer) once for each tracer.
@@ -122,8 +151,10 @@ void Job::count(double seconds) {
 void Job::trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic<size_t>& next) {
   const std::vector<Tile>& tiles = film_.tiles();
   try {
-    for (size_t k; !cancel_ && (k = next++) < tiles.size();)
-      for (uint32_t sample = first; sample < last && !cancel_; ++sample, ++done_) tracer.trace(tiles[k], sample);
+    for (size_t k; !cancel_ && (k = next++) < tiles.size();) {
+      tracer.choose(tiles[k]);
+      for (uint32_t sample = first; sample < last && !cancel_; ++sample, ++done_) tracer.trace(sample);
+    }
   } catch (...) {
     cancel_ = true;  // the other threads need not go on
     throw;
@@ -132,11 +163,7 @@ void Job::trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic
 
 void Job::publish(uint32_t samples) {
   std::unique_lock lock(mutex_);
-  std::atomic<size_t> next{0};
-  const std::vector<Tile>& tiles = film_.tiles();
-  on_all_threads([&](Tracer& tracer) {
-    for (size_t k; (k = next++) < tiles.size();) tracer.publish(tiles[k], samples);
-  });
+  on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.publish(tile, samples); });
   samples_ = samples;
   bool hold = plan_.hold_waves && samples < plan_.samples;
   if (hold) state_ = GLINT_HELD;

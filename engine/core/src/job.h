@@ -38,9 +38,12 @@ class Job {
   void trace_waves();
   void trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic<size_t>& next);
   void count(double seconds);
+  void refine(uint32_t samples);
   void publish(uint32_t samples);
   template <class Body>
   void on_all_threads(Body body);
+  template <class Body>
+  void on_all_tiles(Body body);
   void enter(int state);
   void fail(const char* what);
   bool ended() const { return state_ >= GLINT_DONE; }

@@ -8,7 +8,8 @@
 namespace glint {
 
 struct RenderPlan {
-  Region region;
+  Region region, shown;  // shown: the pixels that were asked for; the region has a margin where their neighbours are looked at
+  double error_threshold = 0;
   uint32_t samples = 1, light_samples = 1, max_bounces = 0, passes = 0;
   int threads = 1;
   bool physical = true, hold_waves = false;

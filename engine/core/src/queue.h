@@ -26,8 +26,8 @@ class Queue {
   size_t size() const { return slots.size(); }
   void clear() { slots.clear(), depths.clear(), straights.clear(), wants_data.clear(); }
   void push(const Ray& ray, const Path& path);
-  /// `count` rays from o = start = 0 with weight 1 to the slots 0, 1, …; directions and bounds are to be filled in.
-  void start_at_camera(size_t count, bool wanting_data);
+  /// Rays from o = start = 0 with weight 1 to these slots; directions and bounds are to be filled in.
+  void start_at_camera(const std::vector<uint32_t>& to, bool wanting_data);
 
   Ray ray(size_t k) const { return {at(kO, k), at(kD, k), columns[kTMin][k], columns[kTMax][k], visibility}; }
   Path path(size_t k) const {

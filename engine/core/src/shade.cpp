@@ -35,7 +35,7 @@ void Shader::hit(Batch& batch, size_t k, Film& film, uint32_t pixel, double& los
   const GlintInstances& group = scene_.group(at.s.instance);
   const Material& material = scene_.materials[scene_.material_of(group, at.s.primitive)];
   if (group.flags & GLINT_HOLDOUT) {
-    if (at.path.wants_data && mean(transparency(scene_, material, at.s)) < 0.5) record(film, pixel, at.s, material);
+    if (at.path.wants_data && mean(transparency(scene_, material, at.s)) < 0.5) record(film, pixel, at.s, material, at.ray.d);
     if (at.path.depth == 0) lost += mean(at.path.T);
     return;
   }
@@ -46,7 +46,7 @@ void Shader::hit(Batch& batch, size_t k, Film& film, uint32_t pixel, double& los
     if (!lobes[i].like_last) last = coefficient(scene_, lobes[i], at.s);
     add_lobe(at, lobes[i], last, sum, next, counts);
   }
-  if (at.path.wants_data && mean(sum.transparent) < 0.5) record(film, pixel, at.s, material);
+  if (at.path.wants_data && mean(sum.transparent) < 0.5) record(film, pixel, at.s, material, at.ray.d);
   const Vec3d Tk = at.path.T * sum.diffuse;
   set_row(batch.diffuse, k, Tk), batch.lit[k] = any(Tk) || sum.lit ? -1 : 0;
   go_on(at, sum, batch.t[k], next, counts);
@@ -94,13 +94,13 @@ void Shader::go_on(const Incidence& at, const Lobes& sum, double t, const Leavin
 
 void Shader::record(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
   const Surface s = batch.surface(k);
-  record(film, pixel, s, scene_.materials[batch.material[k]]);
+  record(film, pixel, s, scene_.materials[batch.material[k]], batch.queue->ray(k).d);
 }
 
-void Shader::record(Film& film, uint32_t pixel, const Surface& s, const Material& material) const {
+void Shader::record(Film& film, uint32_t pixel, const Surface& s, const Material& material, Vec3d d) const {
   Uv uv = film.wants(GLINT_PASS_UV) ? uv_at(scene_, s, -1) : Uv{};
   double mapped = film.wants(GLINT_PASS_UV) && has_uv(scene_, s) ? 1 : 0;
-  film.set_data(pixel, {camera_.depth(s.x), scene_.anchor.world(s.x), s.n, {uv.u, uv.v, mapped},
+  film.set_data(pixel, {camera_.depth(s.x), std::fabs(dot(s.n, d)), scene_.anchor.world(s.x), s.n, {uv.u, uv.v, mapped},
                         scene_.group(s.instance).object_index, material.index});
 }
 

@@ -31,7 +31,7 @@ class Shader {
   void go_on(const Incidence& at, const Lobes& sum, double t, const Leaving& next, RayCounts& counts) const;
   void refraction(const Incidence& at, Vec3d k, double relative_ior, const Leaving& next, RayCounts& counts) const;
   bool push(const Incidence& at, Vec3d d, Vec3d k, Queue& next) const;
-  void record(Film& film, uint32_t pixel, const Surface& s, const Material& material) const;
+  void record(Film& film, uint32_t pixel, const Surface& s, const Material& material, Vec3d d) const;
 
   const Scene& scene_;
   const RenderPlan& plan_;

@@ -1,5 +1,7 @@
 #include "tracer.h"
 
+#include <numeric>
+
 #include "math.h"
 #include "timer.h"
 
@@ -36,12 +38,26 @@ void Tracer::wait(Queue queue) {
   give(std::move(queue));
 }
 
+void Tracer::choose(const Tile& tile) {
+  tile_ = &tile;
+  slots_.set(tile.width(), tile.height());
+  if (film_.refinement().on()) film_.refinement().list_active(tile, active_);
+  else if (active_.size() != tile.pixels()) active_.resize(tile.pixels()), std::iota(active_.begin(), active_.end(), 0u);
+  all_active_ = active_.size() == tile.pixels();
+  const size_t rows = (active_.size() + kPad - 1) / kPad * kPad;
+  if (!all_active_) places_.assign(2 * rows, 0);
+  for (size_t k = 0; !all_active_ && k < active_.size(); ++k)
+    places_[k] = slots_.columns()[active_[k]], places_[rows + k] = slots_.rows()[active_[k]];
+}
+
 void Tracer::camera_rays(uint32_t sample) {
-  const size_t count = tile_->pixels();
-  first_.start_at_camera(count, sample == 0 && film_.wants_data());
+  const size_t count = active_.size();
+  first_.start_at_camera(active_, sample == 0 && film_.wants_data());
   const double* offset = plan_.pixel_offsets + 2 * size_t(sample);
   CameraStage stage = camera_.stage(plan_.region.x0 + tile_->x0, plan_.region.y0 + tile_->y0, offset[0], offset[1]);
-  stage.count = count, stage.column = slots_.columns(), stage.row = slots_.rows();
+  stage.count = count;
+  stage.column = all_active_ ? slots_.columns() : places_.data();
+  stage.row = all_active_ ? slots_.rows() : places_.data() + places_.size() / 2;
   Columns& c = first_.columns;
   for (size_t k = 0; k < 3; ++k) stage.o[k] = c[Queue::kO + k], stage.d[k] = c[Queue::kD + k];
   stage.t_min = c[Queue::kTMin], stage.t_max = c[Queue::kTMax];
@@ -53,9 +69,27 @@ void Tracer::camera_rays(uint32_t sample) {
   counts_.camera += count;
 }
 
-void Tracer::trace(const Tile& tile, uint32_t sample) {
-  tile_ = &tile;
+void Tracer::trace(uint32_t sample) {
+  if (active_.empty()) return;
+  const double* sums = film_.sums(*tile_, GLINT_PASS_COMBINED);
+  if (film_.refinement().on()) before_.assign(sums, sums + 4 * tile_->stride());
+  batch_.cost = film_.cost(*tile_);
+  follow(sample);
+  if (film_.refinement().on()) film_.refinement().note(*tile_, active_, before_.data(), sums, tile_->stride(), sample == 0);
+}
+
+void Tracer::measure(const Tile& tile, uint32_t samples) {
   slots_.set(tile.width(), tile.height());
+  film_.refinement().measure(tile, slots_, film_.sums(tile, GLINT_PASS_COMBINED), tile.stride(), samples);
+}
+
+void Tracer::decide(const Tile& tile, uint32_t samples) {
+  slots_.set(tile.width(), tile.height());
+  film_.refinement().decide(tile, slots_, samples);
+}
+
+/// One sample of the active pixels, to the end of their rays.
+void Tracer::follow(uint32_t sample) {
   camera_rays(sample);
   Queue straight = take(kCamera), bounced = take(kMirror);
   process(first_, sample, straight, bounced);
@@ -74,6 +108,8 @@ void Tracer::trace(const Tile& tile, uint32_t sample) {
 void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced) {
   batch_.begin(queue);
   find_points(queue);
+  for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
+  if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
   shade(queue, straight, bounced);
   if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
   direct_.illuminate(batch_, sample, counts_);
@@ -118,6 +154,22 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   }
 }
 
+/// How far behind the first hits of the camera rays the next ones lie.
+void Tracer::find_gaps() {
+  std::vector<Ray> rays;
+  std::vector<uint32_t> from;
+  for (uint32_t k = 0; k < first_.size(); ++k) {
+    if (batch_.missed(k)) continue;
+    rays.push_back(first_.ray(k)), from.push_back(k);
+    rays.back().t_min = beyond(batch_.t[k]);
+  }
+  std::vector<Hit> hits(rays.size());
+  scene_.accel().closest(rays.data(), hits.data(), rays.size());
+  for (size_t i = 0; i < hits.size(); ++i) {
+    if (hits[i].instance != Hit::kNone) film_.set_gap(pixel(first_, from[i]), (hits[i].t - batch_.t[from[i]]) / scene_.anchor.scale);
+  }
+}
+
 /// Data passes of the hits that the shader did not look at.
 void Tracer::record(const Queue& queue) {
   for (size_t k = 0; k < queue.size(); ++k)
@@ -130,7 +182,7 @@ void Tracer::keep(const Queue& queue) {
   auto keep_part = [&](int part, double* const (&columns)[3]) {
     double* sums = film_.sums(*tile_, part);
     for (size_t c = 0; sums && columns[0] && c < 3; ++c, sums += tile_->stride()) {
-      if (&queue == &first_) stages_.add(sums, columns[c], queue.size());
+      if (&queue == &first_ && all_active_) stages_.add(sums, columns[c], queue.size());
       else for (size_t k = 0; k < queue.size(); ++k) sums[queue.slots[k]] += columns[c][k];
     }
   };

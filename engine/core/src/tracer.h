@@ -16,13 +16,20 @@ class Tracer {
   Tracer(const Tracer&) = delete;
   Tracer& operator=(const Tracer&) = delete;
 
-  /// One sample of every pixel of a tile.
-  void trace(const Tile& tile, uint32_t sample);
+  /// `trace` is of this tile from now on, and of those of its pixels that take further samples.
+  void choose(const Tile& tile);
+  /// One sample of every chosen pixel.
+  void trace(uint32_t sample);
+  /// The film's refinement, for one tile after a wave.
+  void measure(const Tile& tile, uint32_t samples);
+  void decide(const Tile& tile, uint32_t samples);
   void publish(const Tile& tile, uint32_t samples);
   const RayCounts& counts() const { return counts_; }
 
  private:
   void camera_rays(uint32_t sample);
+  void find_gaps();
+  void follow(uint32_t sample);
   void process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced);
   void find_points(const Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
@@ -44,6 +51,9 @@ class Tracer {
   Batch batch_;
   const Tile* tile_ = nullptr;
   SlotTable slots_;
+  std::vector<uint32_t> active_;       // slots that take samples
+  std::vector<double> places_, before_;  // columns, then rows of the active slots where they are not all; sums before the sample
+  bool all_active_ = true;
   Queue first_{kCamera};               // of camera rays
   std::vector<Queue> waiting_, spare_;
   RayCounts counts_;

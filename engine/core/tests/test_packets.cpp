@@ -156,6 +156,42 @@ TEST(packets, every_instruction_set) {
   CHECK(other_bits(scene, blocks(300, true, 64)) == 0);
 }
 
+// A tilted box far from the origin, where coordinates are 6e-5 apart in float: rays outwards from a tenth of that above a face hit
+// nothing, those from as much below hit that face. In tiles that go together, and in all directions.
+TEST(packets, rays_know_the_side_of_the_surface_that_they_leave) {
+  Random random(66);
+  const Vec3d center{1000, -500, 200};
+  const Frame frame(normalize(Vec3d{0.3, 0.5, 0.8}));
+  Mesh mesh = box_grid(64, 1, {});
+  for (size_t k = 0; k < mesh.vertices.size(); k += 3) {
+    float* v = &mesh.vertices[k];
+    const Vec3d p = center + double(v[0]) * frame.t1 + double(v[1]) * frame.t2 + double(v[2]) * normalize(cross(frame.t1, frame.t2));
+    v[0] = float(p.x), v[1] = float(p.y), v[2] = float(p.z);
+  }
+  const auto accel = build(mesh);
+  int wrong = 0;
+  for (int block = 0; block < 400; ++block) {
+    const size_t t = random.below(mesh.count());
+    const Vec3d a = mesh.corner(t, 0), b = mesh.corner(t, 1), c = mesh.corner(t, 2), n = normalize(cross(b - a, c - a));
+    const Vec3d up = dot(n, a - center) > 0 ? n : -n, shared = normalize(up + 0.5 * random.on_sphere());
+    const double side = block % 2 ? 6e-6 : -6e-6;
+    std::vector<Ray> rays;
+    for (int k = 0; k < 64; ++k) {
+      const double u = random.uniform(0.2, 0.4), v = random.uniform(0.2, 0.4);
+      const Vec3d d = block % 4 < 2 ? normalize(shared + 0.01 * random.on_sphere()) : normalize(up + 0.8 * random.on_sphere());
+      rays.push_back(ray(a + u * (b - a) + v * (c - a) + side * up, d));
+    }
+    std::vector<Hit> hits(rays.size());
+    std::vector<uint8_t> blocked(rays.size());
+    accel->closest(rays.data(), hits.data(), rays.size());
+    accel->occluded(rays.data(), blocked.data(), rays.size());
+    for (size_t k = 0; k < rays.size(); ++k)
+      wrong += side > 0 ? hits[k].instance != Hit::kNone || blocked[k] : hits[k].primitive != t || !blocked[k] || !(hits[k].t < 1e-4);
+    wrong += differences(*accel, rays, kCamera);
+  }
+  CHECK(wrong == 0);
+}
+
 // Each mesh is closed and the tiles are aimed at its corners from inside; so every ray ends there, from a common point or side by side.
 TEST(packets, no_leaks_at_corners) {
   Random random(65);

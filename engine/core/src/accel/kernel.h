@@ -17,7 +17,8 @@ extern const Kernel kernel_sse42, kernel_avx2, kernel_avx512;
 extern const Kernel kernel_generic;
 #endif
 
-/// The fastest kernel that this machine runs. The environment variable GLINT_ISA (sse42, avx2 or avx512) takes another one where the machine has it.
+/// The fastest kernel that this machine runs. The environment variable GLINT_ISA (sse42, avx2 or avx512) takes another one where the
+/// machine has it.
 const Kernel& best_kernel();
 
 }  // namespace glint

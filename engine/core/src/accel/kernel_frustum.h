@@ -1,5 +1,5 @@
-// Bundles of rays against boxes. At each depth a bundle lies between two lines in either axis across: c + m depth (in coordinates of the tree's
-// space, the depth axis in the rays' sense). Rounding can be bounded without divisions, and 0 times infinity does not occur.
+// Bundles of rays against boxes. At each depth a bundle lies between two lines in either axis across: c + m depth (in coordinates of the
+// tree's space, the depth axis in the rays' sense). Rounding can be bounded without divisions, and 0 times infinity does not occur.
 #pragma once
 #include "kernel_tile.h"
 
@@ -24,17 +24,18 @@ struct Frusta {
 
 /// Where the planes of a node are, seen along the rays of one kind (Tile::kind): offsets in Node::planes, and the sign of the depth axis.
 struct Order {
-  size_t low[2], high[2], front, rear;  // front and rear: the depth axis
+  uint32_t low[2], high[2], front, rear;  // front and rear: the depth axis
   float sign;
   int axes[3];
-  explicit Order(uint32_t kind) {
+  constexpr explicit Order(uint32_t kind) : low{}, high{}, front(0), rear(0), sign(kind >> 2 ? -1.0f : 1.0f), axes{} {
     const int z = int(kind & 3), back = int(kind >> 2);
     axes[0] = z == 2 ? 0 : z + 1, axes[1] = z == 0 ? 2 : z - 1, axes[2] = z;
-    for (int k = 0; k < 2; ++k) low[k] = size_t(2 * axes[k]) * kWidth, high[k] = low[k] + kWidth;
-    front = size_t(2 * z + back) * kWidth, rear = size_t(2 * z + 1 - back) * kWidth;
-    sign = back ? -1.0f : 1.0f;
+    for (int k = 0; k < 2; ++k) low[k] = uint32_t(2 * axes[k] * kWidth), high[k] = low[k] + kWidth;
+    front = uint32_t((2 * z + back) * kWidth), rear = uint32_t((2 * z + 1 - back) * kWidth);
   }
 };
+constexpr Order kOrders[8] = {Order(0), Order(1), Order(2), Order(0), Order(4), Order(5), Order(6), Order(4)};
+inline const Order& order_of(const Tile& tile, int r) { return kOrders[tile.kind[r]]; }
 
 /// Boxes in the order of the rays' axes, kLanes of them.
 struct Boxes {
@@ -104,7 +105,7 @@ inline void line_through(float at_first, float at_last, float first, float last,
 
 /// How deep the rays [k, k + kLanes) go.
 inline void set_ray_depths(const Tile& tile, Bundles& b, int k) {
-  const Order order(tile.kind[k]);
+  const Order& order = order_of(tile, k);
   const float center = order.sign * float(tile.tree->center[order.axes[2]]), radius = float(tile.tree->radius) * 1.001f + tile.room;
   const Floats start = load(tile.start + k), room = splat(tile.room);
   store(b.rays.first + k, larger(start + load(tile.begin_lo + k) - room, splat(center - radius)));
@@ -113,9 +114,9 @@ inline void set_ray_depths(const Tile& tile, Bundles& b, int k) {
 
 /// Lines of the rays [k, k + kLanes).
 inline void set_ray_lines(const Tile& tile, Bundles& b, int k) {
-  const Floats start = load(tile.start + k), sign = splat(Order(tile.kind[k]).sign), room = splat(tile.room);
+  const Floats start = load(tile.start + k), room = splat(tile.room);
   for (int a = 0; a < 2; ++a) {
-    const Floats m = sign * load(tile.sf[a] + k), c = load(tile.of[a] + k) - m * start;
+    const Floats m = load(tile.slope[a] + k), c = load(tile.of[a] + k) - m * start;
     store(b.rays.m[2 * a] + k, m), store(b.rays.m[2 * a + 1] + k, m);
     store(b.rays.c[2 * a] + k, c - room), store(b.rays.c[2 * a + 1] + k, c + room);
   }
@@ -141,7 +142,7 @@ inline void set_common_group(const Tile& tile, Bundles& b, int g) {
   const int k = g * kLanes;
   b.groups.first[g] = smallest(load(b.rays.first + k)), b.groups.last[g] = largest(load(b.rays.last + k));
   for (int a = 0; a < 2; ++a) {
-    const Floats m = splat(Order(tile.kind[k]).sign) * load(tile.sf[a] + k);
+    const Floats m = load(tile.slope[a] + k);
     const float low = smallest(m), high = largest(m), o = tile.of[a][k], start = tile.start[k];
     b.groups.m[2 * a][g] = low, b.groups.c[2 * a][g] = o - low * start - tile.room;
     b.groups.m[2 * a + 1][g] = high, b.groups.c[2 * a + 1][g] = o - high * start + tile.room;
@@ -170,7 +171,8 @@ inline bool set_all(const Tile& tile, Bundles& b) {
       near[l] = l % 2 ? larger(near[l], largest(p)) : smaller(near[l], smallest(p));
       far[l] = l % 2 ? larger(far[l], largest(q)) : smaller(far[l], smallest(q));
     }
-    const Floats width = c[kHighX] - c[kLowX] + (m[kHighX] - m[kLowX]) * middle, height = c[kHighY] - c[kLowY] + (m[kHighY] - m[kLowY]) * middle;
+    const Floats width = c[kHighX] - c[kLowX] + (m[kHighX] - m[kLowX]) * middle;
+    const Floats height = c[kHighY] - c[kLowY] + (m[kHighY] - m[kLowY]) * middle;
     area += sum(select(load(b.groups.first + g) <= load(b.groups.last + g), width * height, Floats{}));
   }
   for (int l = 0; l < kLines; ++l) line_through(near[l], far[l], f.first, f.last, (l % 2 ? 2 : -2) * tile.room, f.c[l], f.m[l]);

@@ -1,5 +1,5 @@
-// Rays against the primitives of a leaf. A hit's depth is first known as an interval; double precision is asked only when intervals overlap,
-// and once for the nearest hit of each ray in the end.
+// Rays against the primitives of a leaf. A hit's depth is first known as an interval; double precision is asked only when intervals
+// overlap, and once for the nearest hit of each ray in the end.
 #pragma once
 #include "kernel_frustum.h"
 
@@ -22,8 +22,10 @@ inline PrimitiveId id_of(const Tile& tile, uint32_t ordinal) {
   if (tile.instance != Hit::kNone) id.instance = tile.instance;
   return id;
 }
-inline bool visible(const Tile& tile, uint32_t instance) {
-  return tile.instance != Hit::kNone || (tile.answers->masks[instance] & tile.answers->visibility) != 0;
+/// Instances were asked before.
+inline bool visible(const Tile& tile, uint32_t ordinal) {
+  const Answers& a = *tile.answers;
+  return !a.masks || tile.instance != Hit::kNone || (a.masks[tile.tree->ids[ordinal].instance] & a.visibility) != 0;
 }
 
 /// A tile on its way through a tree.
@@ -33,26 +35,23 @@ struct Walk {
   const TreeView& tree;
   Tile& tile;
   Bundles& bundles;
-  double reach;  // reach_of(tree)
 
   void block(int r) {
     tile.answers->blocked[tile.slot[r]] = 1;
-    tile.lo[r] = tile.hi[r] = bundles.rays.last[r] = -kFar;
+    tile.lo[r] = tile.hi[r] = -kFar;
   }
   /// After a change of answers.
   void update(int r) {
-    if (Any) {
-      if (tile.answers->blocked[tile.slot[r]]) block(r);
-      return;
-    }
-    refresh(tile, r);
-    bundles.rays.last[r] = smaller(bundles.rays.last[r], tile.start[r] + tile.hi[r] + tile.room);
+    if (!Any) refresh(tile, r);
+    else if (tile.answers->blocked[tile.slot[r]]) block(r);
   }
+  /// The bundles' part of it.
+  void trim(int r) { bundles.rays.last[r] = smaller(bundles.rays.last[r], tile.start[r] + tile.hi[r] + tile.room); }
 
   /// The exact hit of one triangle, in double.
   Exact<double> exact(int r, ChildRef leaf, int place) const {
     const Triangles triangles(tree, leaf);
-    const Order order(tile.kind[r]);
+    const Order& order = order_of(tile, r);
     double corner[3][3];
     for (int j = 0; j < 3; ++j)
       for (int k = 0; k < 3; ++k) corner[j][k] = double(triangles.at(j, order.axes[k])[place]);
@@ -60,8 +59,7 @@ struct Walk {
     Exact<double> e;
     e.see(corner, o, shear);
     e.weigh();
-    const double room = 0x1p-21 * reach;
-    if (!(magnitude(e.off_x) <= room && magnitude(e.off_y) <= room)) weigh_edges(e);
+    if (!(magnitude(e.off_x) <= tile.close && magnitude(e.off_y) <= tile.close)) weigh_edges(e);
     return e;
   }
   void take(int r, ChildRef leaf, int place) {
@@ -92,21 +90,24 @@ struct TriangleTest {
     const float px[3] = {x[0][lane], x[1][lane], x[2][lane]}, py[3] = {y[0][lane], y[1][lane], y[2][lane]};
     return exactly_hit(px, py);
   }
-  /// Bounds of the depth. `spread`: how much of the depth's extent is uncertain by rounding, times the sum of the edge functions.
-  void depth(Floats spread, Floats sign, Floats& lo, Floats& hi) const {
-    const Floats inverse = 1 / (a + b + c), at = (a * z[0] + b * z[1] + c * z[2]) * inverse * sign;
-    const Floats z0 = z[0] * sign, z1 = z[1] * sign, z2 = z[2] * sign;
-    const Floats front = smaller(z0, smaller(z1, z2)), rear = larger(z0, larger(z1, z2));
-    const Floats error = larger(spread * inverse, -(spread * inverse)), room = larger(rear, -front) * splat(0x1p-20f);
+  /// Bounds of the depth. The sheared corners are off by up to 2^-24 (4 z + 2 x) + far, the edge functions by 6 x times that, and where
+  /// such weights put the point by 72 times that and the depth's extent over the area. x: `extent`, no corner is farther away across.
+  void depth(Floats extent, float far, Floats& lo, Floats& hi) const {
+    const Floats inverse = 1 / (a + b + c), at = (a * z[0] + b * z[1] + c * z[2]) * inverse;
+    const Floats front = smaller(z[0], smaller(z[1], z[2])), rear = larger(z[0], larger(z[1], z[2]));
+    const Floats most = larger(rear, -front), off = splat(0x1p-15f) * (most + extent) + splat(128 * far);
+    const Floats error = magnitude(extent * (rear - front) * off * inverse), room = most * splat(0x1p-20f);
     lo = larger(at - error, front) - room, hi = smaller(at + error, rear) + room;
+  }
+  /// The largest coordinate of any corner across.
+  Floats extent() const {
+    const Floats ab = larger(larger(magnitude(x[0]), magnitude(x[1])), larger(magnitude(y[0]), magnitude(y[1])));
+    return larger(ab, larger(magnitude(x[2]), magnitude(y[2])));
   }
 };
 
-/// Numerator of the uncertainty of depths: see TriangleTest::depth.
-inline Floats spread_of(const Boxes& b, double reach) {
-  const Floats deep = b.rear - b.front;
-  return ((b.high_x - b.low_x) + (b.high_y - b.low_y) + deep + deep) * deep * splat(float(0x1p-14 * reach));
-}
+/// What a ray that hits has no corner beyond, across.
+inline Floats extent_of(const Boxes& b) { return (b.high_x - b.low_x) + (b.high_y - b.low_y) + (b.rear - b.front); }
 
 /// Boxes of the triangles [first, first + kLanes) of a leaf.
 inline Boxes triangle_boxes(const Triangles& leaf, int first, const Order& order) {
@@ -138,7 +139,7 @@ inline uint32_t exact_hits(const Tile& tile, int k, int h, const float (&corner)
   e.see(p, o, shear);
   e.weigh();
   store(t + h, e.depth / load(tile.along + at)), narrow(u + h, e.u), narrow(v + h, e.v);
-  const Doubles room = splat(0x1p-21 * reach_of(*tile.tree));
+  const Doubles room = splat(tile.close);
   return bits(Longs((magnitude(e.off_x) <= room) & (magnitude(e.off_y) <= room)));
 }
 
@@ -155,104 +156,92 @@ __attribute__((noinline)) inline uint32_t behind(const Tile& tile, int k, const 
   return mask;
 }
 
-/// Candidates among the rays [k, k + kLanes): takes those that are certain, and decides the others.
+/// Decides candidates among the rays [k, k + kLanes) one by one, unless they begin on the far side of a surface that they leave.
 template <bool Any>
-inline void take_rays(Walk<Any>& w, int k, uint32_t mask, const TriangleTest& t, Floats spread, const Order& order, ChildRef leaf, int place) {
-  Tile& tile = w.tile;
-  const PrimitiveId id = id_of(tile, leaf_first(leaf) + uint32_t(place));
-  if (!visible(tile, id.instance)) return;
-  Floats lo, hi;
-  t.depth(spread, splat(order.sign), lo, hi);
-  const Floats best_lo = load(tile.lo + k), best_hi = load(tile.hi + k);
-  const Ints sure = t.sure();
-  mask &= ~bits((sure & (lo > best_hi)) | (sure & (hi < load(tile.begin_lo + k))));
-  if (!mask) return;
-  const Ints nearer = sure & (hi < best_lo) & (lo > load(tile.begin_hi + k));
-  const uint32_t certain = bits(nearer) & mask;
-  if (Any) {
-    for (uint32_t m = certain; m; m &= m - 1) w.block(k + __builtin_ctz(m));
-  } else if (certain) {
-    // Lanes of `nearer` outside of `mask` are in conflict: `sure` is false there.
-    store(tile.lo + k, select(nearer, lo, best_lo)), store(tile.hi + k, select(nearer, hi, best_hi));
-    store(tile.pending + k, (nearer & int32_t(leaf)) | (~nearer & load(tile.pending + k)));
-    store(tile.place + k, (nearer & place) | (~nearer & load(tile.place + k)));
-    float* last = w.bundles.rays.last + k;
-    store(last, smaller(load(last), load(tile.start + k) + load(tile.hi + k) + splat(tile.room)));
-  }
-  mask &= ~certain;
-  const uint32_t starting = bits(sure & (lo <= load(tile.begin_hi + k))) & mask;
-  if (starting & (starting - 1)) mask &= ~(starting & behind(tile, k, Triangles(w.tree, leaf), place, order));
-  for (uint32_t m = mask; m; m &= m - 1) {
-    const int lane = __builtin_ctz(m), r = k + lane;
-    if (!(tile.hi[r] > -kFar)) continue;
-    if (sure[lane] || t.exactly(lane)) w.decide(r, leaf, place);
+__attribute__((noinline)) void decide_rays(Walk<Any>& w, int k, uint32_t mask, uint32_t starting, const TriangleTest& t, const Order& order,
+                                           ChildRef leaf, int place) {
+  if (starting & (starting - 1)) mask &= ~(starting & behind(w.tile, k, Triangles(w.tree, leaf), place, order));
+  const uint32_t sure = bits(t.sure());
+  for (; mask; mask &= mask - 1) {
+    const int lane = __builtin_ctz(mask), r = k + lane;
+    if (alive(w.tile, r) && ((sure >> lane & 1) || t.exactly(lane))) w.decide(r, leaf, place), w.trim(r);
   }
 }
 
-/// Corners of the triangles [first, first + kLanes) of a leaf, coordinates in the rays' order; from the rays' origin if that is one point.
+/// Candidates among the rays [k, k + kLanes): takes those that are certain, and decides the others.
+template <bool Any>
+__attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32_t mask, const TriangleTest& t, float extent,
+                                                     const Order& order, ChildRef leaf, int place) {
+  Tile& tile = w.tile;
+  Floats lo, hi;
+  t.depth(splat(extent), tile.far_room, lo, hi);
+  const Floats best_lo = load(tile.lo + k), best_hi = load(tile.hi + k), begin_hi = load(tile.begin_hi + k);
+  const Ints sure = t.sure();
+  mask &= ~bits(sure & ((lo > best_hi) | (hi < load(tile.begin_lo + k))));
+  if (!mask || !visible(tile, leaf_first(leaf) + uint32_t(place))) return;
+  const Ints nearer = sure & (hi < best_lo) & (lo > begin_hi);
+  const uint32_t certain = bits(nearer) & mask;
+  if (Any) {
+    for (uint32_t m = certain; m; m &= m - 1) w.block(k + __builtin_ctz(m)), w.trim(k + __builtin_ctz(m));
+  } else if (certain) {
+    // Lanes of `nearer` outside of `mask` are in conflict: `sure` is false there.
+    const Floats end = select(nearer, hi, best_hi);
+    store(tile.lo + k, select(nearer, lo, best_lo)), store(tile.hi + k, end);
+    store(tile.pending + k, select(nearer, Ints{} + int32_t(leaf), load(tile.pending + k)));
+    store(tile.place + k, select(nearer, Ints{} + place, load(tile.place + k)));
+    float* last = w.bundles.rays.last + k;
+    store(last, smaller(load(last), load(tile.start + k) + end + splat(tile.room)));
+  }
+  mask &= ~certain;
+  if (mask) decide_rays(w, k, mask, mask & bits(sure & (lo <= begin_hi)), t, order, leaf, place);
+}
+
+/// What Corners subtract: where all rays begin, if that is one point.
+struct Origin {
+  float o[3], rest[3];
+};
+template <bool Common>
+inline Origin origin(const Tile& tile, int k) {
+  if (!Common) return {};
+  return {{tile.of[0][k], tile.of[1][k], tile.start[k]}, {tile.rest[0][k], tile.rest[1][k], tile.rest[2][k]}};
+}
+
+/// Corners of the triangles [first, first + kLanes) of a leaf, coordinates in the rays' order and sense; from the rays' origin if that is
+/// one point.
+template <bool Common>
 struct Corners {
   alignas(64) float p[9][kLanes];
-  Corners(const Triangles& leaf, int first, const Order& order, const float (&o)[3]) {
+  Corners(const Triangles& leaf, int first, const Order& order, const Origin& from) {
     for (int j = 0; j < 3; ++j)
-      for (int a = 0; a < 3; ++a) store(p[3 * j + a], load(leaf.at(j, order.axes[a]) + first) - splat(o[a]));
+      for (int a = 0; a < 3; ++a) {
+        Floats v = load(leaf.at(j, order.axes[a]) + first);
+        if (a == 2) v = v * splat(order.sign);
+        if (Common) v = v - splat(from.o[a]) - splat(from.rest[a]);
+        store(p[3 * j + a], v);
+      }
   }
 };
 
 /// One triangle against the rays [k, k + kLanes). True when some ray was hit, perhaps behind something else.
 template <bool Any, bool Common>
-inline bool hit_group(Walk<Any>& w, int k, const Corners& corners, int first, int lane, const Order& order, float spread, ChildRef ref) {
+inline bool hit_group(Walk<Any>& w, int k, const Corners<Common>& corners, int first, int lane, const Order& order, float extent,
+                      ChildRef ref) {
   const Tile& tile = w.tile;
-  const int place = first + lane;
   TriangleTest t;
-  const Floats sx = load(tile.sf[0] + k), sy = load(tile.sf[1] + k);
+  const Floats sx = load(tile.slope[0] + k), sy = load(tile.slope[1] + k);
   for (int j = 0; j < 3; ++j) {
     Floats x = splat(corners.p[3 * j][lane]), y = splat(corners.p[3 * j + 1][lane]), z = splat(corners.p[3 * j + 2][lane]);
-    if constexpr (!Common) x = x - load(tile.of[0] + k), y = y - load(tile.of[1] + k), z = z - load(tile.of[2] + k);
+    if constexpr (!Common) {
+      x = x - load(tile.of[0] + k) - load(tile.rest[0] + k), y = y - load(tile.of[1] + k) - load(tile.rest[1] + k);
+      z = z - load(tile.start + k) - load(tile.rest[2] + k);
+    }
     t.x[j] = x - sx * z, t.y[j] = y - sy * z, t.z[j] = z;
   }
   t.edges();
   const uint32_t mask = ~t.conflict() & ((1u << kLanes) - 1);
   if (!mask) return false;
-  take_rays(w, k, mask, t, splat(spread), order, ref, place);
+  take_rays(w, k, mask, t, extent, order, ref, first + lane);
   return true;
-}
-
-/// The triangles of a leaf against one ray.
-template <bool Any>
-inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order) {
-  Tile& tile = w.tile;
-  const Triangles leaf(w.tree, ref);
-  const Floats ox = splat(tile.of[0][r]), oy = splat(tile.of[1][r]), oz = splat(tile.of[2][r]);
-  const Floats sx = splat(tile.sf[0][r]), sy = splat(tile.sf[1][r]);
-  for (int first = 0; first < leaf.n; first += kLanes) {
-    TriangleTest t;
-    for (int j = 0; j < 3; ++j) {
-      t.z[j] = load(leaf.at(j, order.axes[2]) + first) - oz;
-      t.x[j] = load(leaf.at(j, order.axes[0]) + first) - ox - sx * t.z[j];
-      t.y[j] = load(leaf.at(j, order.axes[1]) + first) - oy - sy * t.z[j];
-    }
-    t.edges();
-    const int rest = leaf.n - first < kLanes ? leaf.n - first : kLanes;
-    uint32_t mask = ~t.conflict() & ((1u << rest) - 1);
-    if (!mask) continue;
-    Floats lo, hi;
-    t.depth(spread_of(triangle_boxes(leaf, first, order), w.reach), splat(order.sign), lo, hi);
-    const Ints sure = t.sure();
-    mask &= ~bits(sure & ((lo > splat(tile.hi[r])) | (hi < splat(tile.begin_lo[r]))));
-    for (; mask; mask &= mask - 1) {
-      const int lane = __builtin_ctz(mask);
-      if (!visible(tile, id_of(tile, leaf_first(ref) + uint32_t(first + lane)).instance)) continue;
-      if (sure[lane] && (lo[lane] > tile.hi[r])) continue;
-      if (sure[lane] && hi[lane] < tile.lo[r] && lo[lane] > tile.begin_hi[r]) {
-        if (Any) return w.block(r);
-        tile.lo[r] = lo[lane], tile.hi[r] = hi[lane], tile.pending[r] = ref, tile.place[r] = uint32_t(first + lane);
-        w.bundles.rays.last[r] = smaller(w.bundles.rays.last[r], tile.start[r] + tile.hi[r] + tile.room);
-      } else if (sure[lane] || t.exactly(lane)) {
-        w.decide(r, ref, first + lane);
-        if (Any && tile.answers->blocked[tile.slot[r]]) return;
-      }
-    }
-  }
 }
 
 /// A ray for spheres and polygons, in double; d scaled so that its longest component is in [1, 2).
@@ -311,16 +300,16 @@ __attribute__((noinline)) void hit_shapes(Walk<Any>& w, int r, ChildRef leaf) {
   const Scaled ray(w.tile, r);
   const int slot = w.tile.slot[r];
   for (uint32_t k = leaf_first(leaf), last = k + uint32_t(leaf_count(leaf)); k < last; ++k) {
+    if (!visible(w.tile, k)) continue;
     const PrimitiveId id = id_of(w.tile, k);
-    if (!visible(w.tile, id.instance)) continue;
     if (w.tree.kind == kSphereLeaf) hit_sphere(w, slot, ray, w.tree.floats + 4 * size_t(k), id);
     else hit_polygon(w, slot, ray, w.tree.polygons[k], id);
   }
   w.update(r);
 }
 
-/// The pending hits of the rays [k, k + kLanes): corner by corner, coordinates in the rays' order, and whose triangles they are. Lanes without
-/// one get 0.
+/// The pending hits of the rays [k, k + kLanes): corner by corner, coordinates in the rays' order, and whose triangles they are. Lanes
+/// without one get 0.
 inline void gather_corners(const Tile& tile, int k, uint32_t mask, float (&corner)[9][kLanes], Ints& instance, Ints& primitive) {
   Floats p[9] = {};
   instance = primitive = Ints{};
@@ -330,7 +319,7 @@ inline void gather_corners(const Tile& tile, int k, uint32_t mask, float (&corne
     const Ints same = (pending == Ints{} + int32_t(tile.pending[r])) & (place == Ints{} + int32_t(tile.place[r])) &
                       (kind == Ints{} + int32_t(tile.kind[r]));
     const Triangles leaf(*tile.tree, tile.pending[r]);
-    const Order order(tile.kind[r]);
+    const Order& order = order_of(tile, r);
     const PrimitiveId id = id_of(tile, leaf_first(tile.pending[r]) + tile.place[r]);
     for (int j = 0; j < 3; ++j)
       for (int a = 0; a < 3; ++a) p[3 * j + a] = select(same, splat(leaf.at(j, order.axes[a])[tile.place[r]]), p[3 * j + a]);

@@ -1,5 +1,5 @@
-// What a hit is: the rules that every traversal must come to. Letters: o origin, d direction, t ray parameter. Axes of a ray are numbered in
-// its own order: two across, then the one along which its direction is longest; `depth` counts along that one, in the ray's sense.
+// What a hit is: the rules that every traversal must come to. Letters: o origin, d direction, t ray parameter. Axes of a ray are numbered
+// in its own order: two across, then the one along which its direction is longest; `depth` counts along that one, in the ray's sense.
 #pragma once
 #include "accel.h"
 #include "kernel_simd.h"

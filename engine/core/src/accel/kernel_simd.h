@@ -1,5 +1,5 @@
-// Vectors as wide as the instruction set that this is compiled for. Everything in the kernel_*.h headers lives in an anonymous namespace and
-// calls no library: a function with a name outside could be shared by the linker with code for a lesser machine.
+// Vectors as wide as the instruction set that this is compiled for. Everything in the kernel_*.h headers lives in an anonymous namespace
+// and calls no library: a function with a name outside could be shared by the linker with code for a lesser machine.
 #pragma once
 #include <cstdint>
 #if defined(__AVX__)
@@ -56,6 +56,7 @@ inline Floats select(Ints m, Floats a, Floats b) {
   return Floats((Ints(a) & m) | (Ints(b) & ~m));
 #endif
 }
+inline Ints select(Ints m, Ints a, Ints b) { return Ints(select(m, Floats(a), Floats(b))); }
 inline Doubles select(Longs m, Doubles a, Doubles b) {
 #if defined(__AVX__) && !defined(__AVX512F__)
   return Doubles(_mm256_blendv_pd(__m256d(b), __m256d(a), __m256d(m)));
@@ -64,6 +65,7 @@ inline Doubles select(Longs m, Doubles a, Doubles b) {
 #endif
 }
 inline double select(bool m, double a, double b) { return m ? a : b; }
+inline Floats magnitude(Floats a) { return Floats(Ints(a) & 0x7fffffff); }
 inline Doubles magnitude(Doubles a) { return Doubles(Longs(a) & 0x7fffffffffffffff); }
 inline double magnitude(double a) { return __builtin_fabs(a); }
 

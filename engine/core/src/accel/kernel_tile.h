@@ -18,7 +18,7 @@ struct Answers {
   float *u, *v;
   uint8_t* blocked;
   uint32_t visibility;
-  const uint32_t* masks;  // visibility of every instance
+  const uint32_t* masks;  // visibility of every instance; null when all can be seen
 
   /// Takes a hit unless there is a better one.
   template <bool Any>
@@ -33,23 +33,28 @@ struct Answers {
   }
 };
 
-/// Rays in the space of a tree. The float ray is what triangles and boxes are tested against. It starts at the ray's origin, or, when that is
-/// more than four radii from the tree's ball, where the ray crosses the plane before the ball across its longest axis: far away its rounding
-/// would be coarser than what it is to hit. Depths count from the float ray's origin. [lo, hi] bounds the nearest hit so far, or the end of the
-/// ray, [begin_lo, begin_hi] the beginning, with room for the rounding of double and float.
+/// Rays in the space of a tree. The float ray is what triangles and boxes are tested against. It starts at the ray's origin, or, when
+/// that is more than four radii from the tree's ball, where the ray crosses the plane before the ball across its longest axis: far away
+/// its rounding would be coarser than what it is to hit. Its origin is the sum of two floats, so that near it almost nothing is rounded:
+/// a ray knows which side of the surface it leaves. Depths count from there in the ray's sense. [lo, hi] bounds the nearest hit so far,
+/// or the end of the ray, [begin_lo, begin_hi] the beginning, with room for the rounding of double and float.
 struct Tile {
   alignas(64) double o[3][kTile], shear[2][kTile], along[kTile];
+  double skipped[kTile];              // from the ray's origin to the float ray's, along the depth axis
   const double *xyz_o[3], *xyz_d[3];  // axes x, y, z of the tree's space
   const double *t_min, *t_max;        // t_max: or the best hit so far, where that is nearer
-  float of[3][kTile], sf[2][kTile];
+  alignas(64) float of[2][kTile], start[kTile];  // float ray's origin: across, and along in the ray's sense
+  float rest[3][kTile];               // what is missing to it
+  float slope[2][kTile];              // across by depth
   float lo[kTile], hi[kTile], begin_lo[kTile], begin_hi[kTile];
-  float start[kTile];               // depth axis at the float ray's origin, in the ray's sense
   uint32_t pending[kTile], place[kTile];  // leaf and place in it of a hit that is nearer than the best of `answers`, not yet computed
-  alignas(64) uint32_t kind[kTile]; // longest axis, + 4 when the direction along it is negative
-  uint8_t slot[kTile];              // in `answers`
+  uint32_t kind[kTile];               // longest axis, + 4 when the direction along it is negative
+  uint8_t slot[kTile];                // in `answers`
   int count;
-  float room;                       // bound of the rounding of float coordinates, for boxes
-  uint32_t instance;                // of the tree, or Hit::kNone in world space: the leaves know
+  float room;                         // bound of the rounding of float coordinates, for boxes
+  float far_room;                     // of that, the rounding of double for rays from far away
+  double close;                       // exact rays pass triangles that they hit within this
+  uint32_t instance;                  // of the tree, or Hit::kNone in world space: the leaves know
   Answers* answers;
   const TreeView* tree;
   const WorldView* world;
@@ -76,7 +81,7 @@ inline void refresh(Tile& tile, int r) {
   const Answers& a = *tile.answers;
   const int s = tile.slot[r];
   const double t = a.t[s] < a.t_max[s] ? a.t[s] : a.t_max[s], along = tile.along[r], sign = along < 0 ? -1 : 1;
-  const double at = t * along, h = double(tile.of[2][r]) - tile.o[2][r], limit = 3e38;
+  const double at = t * along, h = tile.skipped[r], limit = 3e38;
   double depth = sign * (at - h), size = magnitude(at) + magnitude(h);
   depth = depth < limit ? depth > -limit ? depth : -limit : limit;
   const double room = magnitude(depth) * 0x1p-22 + (size < limit ? size : limit) * 0x1p-50;
@@ -115,7 +120,7 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
   const Doubles sign = select(back, -one, one);
   store(tile.o[0] + k, a0), store(tile.o[1] + k, a1), store(tile.o[2] + k, a2);
   store(tile.shear[0] + k, s0), store(tile.shear[1] + k, s1), store(tile.along + k, along);
-  narrow(tile.sf[0] + k, s0), narrow(tile.sf[1] + k, s1);
+  narrow(tile.slope[0] + k, sign * s0), narrow(tile.slope[1] + k, sign * s1);
   const Doubles square = f0 * f0 + f1 * f1 + f2 * f2;
   const Longs far = ~(square < splat(16 * tree.radius * tree.radius));
   distance = larger(select(far, splat(9 * tree.radius * tree.radius), square), distance);
@@ -128,12 +133,13 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
     p0 = select(far, a0 + s0 * (at - a2), a0), p1 = select(far, a1 + s1 * (at - a2), a1);
     for (int j = 0; j < kDoubles; ++j) {
       const double far_room = __builtin_sqrt(square[j]) * 0x1p-46;
-      if (far_room < 1e30) farthest = far_room > farthest ? far_room : farthest;
+      if (far[j] && far_room < 1e30) farthest = far_room > farthest ? far_room : farthest;
     }
   }
-  narrow(tile.of[0] + k, p0), narrow(tile.of[1] + k, p1), narrow(tile.of[2] + k, p2);
-  const Doubles h = widen(tile.of[2] + k) - a2;
-  narrow(tile.start + k, sign * widen(tile.of[2] + k));
+  const Doubles q2 = sign * p2, h = p2 - a2;
+  narrow(tile.of[0] + k, p0), narrow(tile.of[1] + k, p1), narrow(tile.start + k, q2);
+  narrow(tile.rest[0] + k, p0 - widen(tile.of[0] + k)), narrow(tile.rest[1] + k, p1 - widen(tile.of[1] + k));
+  narrow(tile.rest[2] + k, q2 - widen(tile.start + k)), store(tile.skipped + k, h);
   const Longs kind = (m2 & 2) | (~m2 & m1 & 1) | (back & 4);
   store_low(tile.kind + k, kind), store_low(tile.pending + k, Longs{});
   const Doubles sum = (s0 + s1 + along) * zero + (p0 + p1 + p2) * zero;
@@ -147,7 +153,9 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
     const Doubles depth = -sign * h, room = magnitude(h) * 0x1p-22;
     narrow(tile.begin_lo + k, depth - room), narrow(tile.begin_hi + k, depth + room);
   }
-  if (any(Longs(t_max < splat(kInf)))) depth_interval(t_max, along, h, sign, tile.lo + k, tile.hi + k);
+  // Rays that end behind everything need not know where.
+  const Doubles beyond = splat(8 * tree.radius);
+  if (any(Longs(sign * (t_max * along) - magnitude(h) < beyond))) depth_interval(t_max, along, h, sign, tile.lo + k, tile.hi + k);
   else narrow(tile.lo + k, limit), narrow(tile.hi + k, limit);
   if (!any(~good)) return;
   for (int j = 0; j < kDoubles; ++j)
@@ -156,37 +164,52 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
 
 /// A lane that is not alive looks like another one, so that it is in nobody's way.
 inline void copy_ray(Tile& tile, int from, int to) {
-  for (int k = 0; k < 3; ++k) tile.of[k][to] = tile.of[k][from];
-  for (int k = 0; k < 2; ++k) tile.sf[k][to] = tile.sf[k][from];
+  for (int k = 0; k < 2; ++k) tile.of[k][to] = tile.of[k][from], tile.slope[k][to] = tile.slope[k][from];
+  for (int k = 0; k < 3; ++k) tile.rest[k][to] = tile.rest[k][from];
   tile.start[to] = tile.start[from], tile.kind[to] = tile.kind[from];
 }
 
 inline bool alive(const Tile& tile, int r) { return tile.hi[r] > -kFar; }
+/// Which of the rays [k, k + kLanes) are alive.
+inline uint32_t living(const Tile& tile, int k) { return bits(load(tile.hi + k) > splat(-kFar)); }
 
-/// Bound of all rounding on the way to a float test, in coordinates: 12 ulps of the largest numbers that occur. `square`: distances of the
+/// Bound of all rounding on the way to a float test, in coordinates: 20 ulps of the largest numbers that occur. `square`: distances of the
 /// float rays' origins from the tree's centre; `farthest`: the rounding of double for rays from far away.
 inline void set_room(Tile& tile, Doubles square, double farthest) {
   double most = 0;
   for (int j = 0; j < kDoubles; ++j) most = square[j] > most ? square[j] : most;
   const double reach = reach_of(*tile.tree) - 4 * tile.tree->radius + __builtin_sqrt(most);
-  tile.room = float(0x1.8p-21 * reach + farthest);
+  tile.room = float(0x1.4p-20 * reach + farthest), tile.far_room = float(farthest);
+  tile.close = 0x1p-21 * reach_of(*tile.tree);
 }
+
+/// Lanes without rays.
+inline void leave_out(Tile& tile, int k) {
+  const Doubles limit = splat(double(kFar));
+  narrow(tile.lo + k, -limit), narrow(tile.hi + k, -limit), narrow(tile.begin_lo + k, limit), narrow(tile.begin_hi + k, limit);
+  store_low(tile.pending + k, Longs{});
+}
+
+/// So few rays go one by one, and nobody looks at the other lanes of their group.
+inline bool alone(const Tile& tile) { return tile.count <= 2; }
 
 /// False when no ray is alive. The arrays of the rays are given, and whole groups of them: lanes beyond `count` have t_min = t_max.
 inline bool set_tile(Tile& tile) {
-  tile.room = 0;
   Doubles square{};
   double farthest = 0;
   bool some = false;
   for (int k = 0; k < tile.count; k += kLanes) {
-    for (int j = 0; j < kLanes; j += kDoubles) set_rays(tile, k + j, square, farthest);
-    const uint32_t lives = bits(load(tile.hi + k) > splat(-kFar));
+    for (int j = 0; j < kLanes; j += kDoubles)
+      if (k + j < tile.count) set_rays(tile, k + j, square, farthest);
+      else leave_out(tile, k + j);
+    const uint32_t lives = living(tile, k);
     if (!lives) continue;
     some = true;
+    if (alone(tile)) continue;
     for (uint32_t dead = ~lives & ((1u << kLanes) - 1); dead; dead &= dead - 1)
       copy_ray(tile, k + __builtin_ctz(lives), k + __builtin_ctz(dead));
   }
-  set_room(tile, square, farthest);
+  if (some) set_room(tile, square, farthest);
   return some;
 }
 

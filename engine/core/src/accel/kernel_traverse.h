@@ -1,7 +1,7 @@
-// Tiles of 64 rays through the trees, nearest boxes first. A tile goes down as one bundle while its rays stay together; where few of its groups
-// are left, those go on as smaller bundles, and where few rays of a group are left, those go on one by one.
+// Tiles of 64 rays through the trees, nearest boxes first. A tile goes down as one bundle while its rays stay together; where few of its
+// groups are left, those go on as smaller bundles, and where few rays of a group are left, those go on one by one.
 #pragma once
-#include "kernel_leaves.h"
+#include "kernel_single.h"
 
 namespace glint {
 namespace {
@@ -21,98 +21,6 @@ inline void push(Entry* base, Entry*& top, Entry e) {
   *p = e;
 }
 
-template <bool Any>
-void trace_instances(Walk<Any>& w, ChildRef leaf, uint64_t rays);
-
-/// One ray's numbers for boxes, in all lanes.
-struct BoxRay {
-  Floats near_o[3], far_o[3], inverse[3], first, last;
-  size_t near_plane[3], far_plane[3];
-  BoxRay(const Tile& tile, int r, const Order& order) : first(splat(tile.begin_lo[r])), last(splat(tile.hi[r])) {
-    const float slope[3] = {order.sign * tile.sf[0][r], order.sign * tile.sf[1][r], order.sign};
-    for (int k = 0; k < 3; ++k) {
-      const float inverse_slope = 1 / slope[k];
-      const bool back = __builtin_signbitf(inverse_slope);
-      // The triangle test rounds p - o as these slabs do: what else it rounds is half of the room, and nothing along the depth.
-      const float o = tile.of[k][r], room = k == 2 ? 0 : 0.5f * tile.room, outward = back ? -room : room;
-      near_o[k] = splat(o + outward), far_o[k] = splat(o - outward), inverse[k] = splat(inverse_slope);
-      near_plane[k] = size_t(2 * order.axes[k] + back) * kWidth, far_plane[k] = size_t(2 * order.axes[k] + !back) * kWidth;
-    }
-  }
-};
-
-/// Which children the ray meets, and how deep. Slabs ordered by the direction's signs; the far side is a little longer than computed
-/// (Ize 2013: two ulps; here eight). 0 * inf is NaN: `larger` and `smaller` then give up a bound or two, and at worst a box is entered in vain.
-inline uint32_t hit_boxes(const Node& n, const BoxRay& b, float* distance) {
-  const float* planes = n.planes[0];
-  uint32_t mask = 0;
-  for (size_t first = 0; first < kWidth; first += kLanes, planes += kLanes) {
-    const Floats near_x = (load(planes + b.near_plane[0]) - b.near_o[0]) * b.inverse[0];
-    const Floats near_y = (load(planes + b.near_plane[1]) - b.near_o[1]) * b.inverse[1];
-    const Floats near_z = (load(planes + b.near_plane[2]) - b.near_o[2]) * b.inverse[2];
-    const Floats far_x = (load(planes + b.far_plane[0]) - b.far_o[0]) * b.inverse[0];
-    const Floats far_y = (load(planes + b.far_plane[1]) - b.far_o[1]) * b.inverse[1];
-    const Floats far_z = (load(planes + b.far_plane[2]) - b.far_o[2]) * b.inverse[2];
-    const Floats near = larger(larger(near_x, near_y), larger(near_z, b.first));
-    const Floats far = smaller(smaller(smaller(far_x, far_y), far_z) * splat(1 + 0x1p-20f), b.last);
-    store(distance + first, near);
-    mask |= bits(near <= far) << first;
-  }
-  return mask;
-}
-
-/// One ray through the part of a tree below `root`.
-template <bool Any>
-inline void walk_ray(Walk<Any>& w, int r, ChildRef root, const Order& order) {
-  Entry stack[kStack], *top = stack;
-  BoxRay b(w.tile, r, order);
-  alignas(32) float distance[kWidth];
-  *top++ = {root, -kFar, 0, kNoBox};
-  while (top != stack) {
-    const Entry e = *--top;
-    if (e.distance > w.tile.hi[r]) continue;
-    if (e.child & kLeaf) {
-      if (w.tree.kind == kTriangleLeaf) hit_triangles(w, r, e.child, order);
-      else if (w.tree.kind == kInstanceLeaf) trace_instances(w, e.child, uint64_t(1) << r);
-      else hit_shapes(w, r, e.child);
-      b.last = splat(w.tile.hi[r]);
-      if (Any && w.tile.hi[r] <= -kFar) return;
-      continue;
-    }
-    const Node& n = w.tree.nodes[e.child];
-    uint32_t mask = hit_boxes(n, b, distance);
-    if (!mask) continue;
-    const int first = __builtin_ctz(mask);
-    if (!(mask &= mask - 1)) {
-      *top++ = {n.child[first], distance[first], 0, kNoBox};
-      continue;
-    }
-    const int second = __builtin_ctz(mask);
-    if (!(mask &= mask - 1)) {
-      const bool swap = distance[first] < distance[second];
-      const int a = swap ? second : first, c = swap ? first : second;
-      top[0] = {n.child[a], distance[a], 0, kNoBox}, top[1] = {n.child[c], distance[c], 0, kNoBox};
-      top += 2;
-      continue;
-    }
-    Entry* const base = top;
-    push(base, top, {n.child[first], distance[first], 0, kNoBox}), push(base, top, {n.child[second], distance[second], 0, kNoBox});
-    for (; mask; mask &= mask - 1) {
-      const int k = __builtin_ctz(mask);
-      push(base, top, {n.child[k], distance[k], 0, kNoBox});
-    }
-  }
-}
-
-/// What Corners subtract: where all rays begin, if that is one point.
-struct Origin {
-  float o[3];
-};
-template <bool Common>
-inline Origin origin(const Tile& tile, int k) {
-  return Common ? Origin{{tile.of[0][k], tile.of[1][k], tile.of[2][k]}} : Origin{{0, 0, 0}};
-}
-
 /// A group of rays of one kind.
 template <bool Any>
 struct GroupLevel {
@@ -130,7 +38,7 @@ struct GroupLevel {
   uint32_t still(uint32_t rays, float distance) const { return rays & bits(load(w.bundles.rays.last + k) > splat(distance)); }
   static bool few(uint32_t rays) { return __builtin_popcount(rays) <= 2; }
   void split(ChildRef child, uint32_t rays) {
-    for (; rays; rays &= rays - 1) walk_ray(w, k + __builtin_ctz(rays), child, order);
+    for (; rays; rays &= rays - 1) walk_ray(w, k + __builtin_ctz(rays), child), w.trim(k + __builtin_ctz(rays));
     shorten();
   }
   void shorten() {
@@ -140,26 +48,26 @@ struct GroupLevel {
   void leaf(ChildRef child, uint32_t rays, uint32_t) {
     if (w.tree.kind == kInstanceLeaf) trace_instances(w, child, uint64_t(rays) << k);
     else if (w.tree.kind != kTriangleLeaf)
-      for (; rays; rays &= rays - 1) hit_shapes(w, k + __builtin_ctz(rays), child);
+      for (; rays; rays &= rays - 1) hit_shapes(w, k + __builtin_ctz(rays), child), w.trim(k + __builtin_ctz(rays));
     else if (__builtin_popcount(rays) <= 2)
-      for (; rays; rays &= rays - 1) hit_triangles(w, k + __builtin_ctz(rays), child, order);
+      for (; rays; rays &= rays - 1) hit_triangles(w, k + __builtin_ctz(rays), child, order), w.trim(k + __builtin_ctz(rays));
     else common ? triangles<true>(child) : triangles<false>(child);
     shorten();
   }
   template <bool Common>
   void triangles(ChildRef child) {
     const Triangles leaf_triangles(w.tree, child);
-    alignas(32) float spread[kLanes];
+    alignas(64) float extent[kLanes];
     for (int first = 0; first < leaf_triangles.n; first += kLanes) {
       const Boxes boxes = triangle_boxes(leaf_triangles, first, order);
       const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
       uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
       if (!mask) continue;
-      store(spread, spread_of(boxes, w.reach));
-      const Corners corners(leaf_triangles, first, order, origin<Common>(w.tile, k).o);
+      store(extent, extent_of(boxes));
+      const Corners<Common> corners(leaf_triangles, first, order, origin<Common>(w.tile, k));
       for (; mask; mask &= mask - 1) {
         const int lane = __builtin_ctz(mask);
-        hit_group<Any, Common>(w, k, corners, first, lane, order, spread[lane], child);
+        hit_group<Any, Common>(w, k, corners, first, lane, order, extent[lane], child);
       }
     }
   }
@@ -241,9 +149,10 @@ struct TileLevel {
     uint64_t rays = 0;
     for (uint32_t m = groups; m; m &= m - 1) {
       const int k = __builtin_ctz(m) * kLanes;
-      const uint32_t living = bits(load(w.tile.hi + k) > splat(-kFar));
+      uint32_t met = living(w.tile, k);
       if (!(w.bundles.lines >> __builtin_ctz(m) & 1)) set_ray_lines(w.tile, w.bundles, k);
-      rays |= uint64_t(living & (box == kNoBox ? living : units_met(w.bundles.rays, k, kLanes, child_box(w.tree.nodes[box / kWidth], int(box % kWidth), order)))) << k;
+      if (box != kNoBox) met &= units_met(w.bundles.rays, k, kLanes, child_box(w.tree.nodes[box / kWidth], int(box % kWidth), order));
+      rays |= uint64_t(met) << k;
     }
     trace_instances(w, child, rays);
     for (uint32_t m = groups; m; m &= m - 1) {
@@ -254,14 +163,14 @@ struct TileLevel {
   template <bool Common>
   void triangles(ChildRef child, uint32_t groups) {
     const Triangles leaf_triangles(w.tree, child);
-    alignas(32) float spread[kLanes], box[6][kLanes];
+    alignas(64) float extent[kLanes], box[6][kLanes];
     for (int first = 0; first < leaf_triangles.n; first += kLanes) {
       const Boxes b = triangle_boxes(leaf_triangles, first, order);
       const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
       uint32_t mask = whole.meet(b) & ((1u << rest) - 1);
       if (!mask) continue;
-      store(spread, spread_of(b, w.reach));
-      const Corners corners(leaf_triangles, first, order, origin<Common>(w.tile, __builtin_ctz(groups) * kLanes).o);
+      store(extent, extent_of(b));
+      const Corners<Common> corners(leaf_triangles, first, order, origin<Common>(w.tile, __builtin_ctz(groups) * kLanes));
       store(box[0], b.low_x), store(box[1], b.high_x), store(box[2], b.low_y), store(box[3], b.high_y);
       store(box[4], b.front), store(box[5], b.rear);
       for (; mask; mask &= mask - 1) {
@@ -270,7 +179,7 @@ struct TileLevel {
                         splat(box[5][lane])};
         for (uint32_t m = met(one) & groups; m; m &= m - 1) {
           const int g = __builtin_ctz(m);
-          if (hit_group<Any, Common>(w, g * kLanes, corners, first, lane, order, spread[lane], child))
+          if (hit_group<Any, Common>(w, g * kLanes, corners, first, lane, order, extent[lane], child))
             w.bundles.groups.last[g] = largest(load(w.bundles.rays.last + g * kLanes));
         }
       }
@@ -278,11 +187,13 @@ struct TileLevel {
   }
 };
 
-inline bool same_kind(const Tile& tile, int k) { return bits(load(tile.kind + k) == (Ints{} + int32_t(tile.kind[k]))) == (1u << kLanes) - 1; }
+inline bool same_kind(const Tile& tile, int k) {
+  return bits(load(tile.kind + k) == (Ints{} + int32_t(tile.kind[k]))) == (1u << kLanes) - 1;
+}
 
 template <bool Any>
 inline void walk_group(Walk<Any>& w, int g, bool common) {
-  const Order order(w.tile.kind[g * kLanes]);
+  const Order& order = order_of(w.tile, g * kLanes);
   GroupLevel<Any> level(w, order, g, common);
   walk(level, w.tree, w.tree.root, (1u << kLanes) - 1);
 }
@@ -293,13 +204,21 @@ inline void walk_together(Walk<Any>& w, uint32_t groups, bool common) {
   constexpr int kCount = sizeof w.bundles.groups.first / sizeof(float);
   for (uint32_t m = ~groups & ((1u << kCount) - 1); m; m &= m - 1) empty_group(w.bundles, __builtin_ctz(m));
   const bool orderly = set_all(w.tile, w.bundles);
-  const Order order(w.tile.kind[__builtin_ctz(groups) * kLanes]);
+  const Order& order = order_of(w.tile, __builtin_ctz(groups) * kLanes);
   if (!orderly) {
     for (; groups; groups &= groups - 1) walk_group(w, __builtin_ctz(groups), common);
     return;
   }
   TileLevel<Any> level(w, order, common);
   walk(level, w.tree, w.tree.root, groups);
+}
+
+/// Whether the rays [k, k + kLanes) begin where ray `head` does.
+inline bool at_one_point(const Tile& tile, int k, int head) {
+  Ints other = (load(tile.of[0] + k) != splat(tile.of[0][head])) | (load(tile.of[1] + k) != splat(tile.of[1][head]));
+  other |= load(tile.start + k) != splat(tile.start[head]);
+  for (int a = 0; a < 3; ++a) other |= load(tile.rest[a] + k) != splat(tile.rest[a][head]);
+  return !bits(other);
 }
 
 /// Sorts a tile's rays into bundles and sends them down.
@@ -311,18 +230,17 @@ inline void walk_tile(Walk<Any>& w) {
   int head = -1;
   for (int g = 0; g < kGroups && g * kLanes < tile.count; ++g) {
     const int k = g * kLanes;
-    const uint32_t living = bits(load(tile.hi + k) > splat(-kFar));
-    if (!living) continue;
+    const uint32_t lives = living(tile, k);
+    if (!lives) continue;
     alive_groups |= 1u << g;
     if (head < 0) head = k;
-    if (same_kind(tile, k) && (tile.count > kLanes || __builtin_popcount(living) > 2)) even |= 1u << g;
+    if (!alone(tile) && same_kind(tile, k) && (tile.count > kLanes || __builtin_popcount(lives) > 2)) even |= 1u << g;
     one_kind &= (even >> g & 1) && tile.kind[k] == tile.kind[head];
   }
   for (uint32_t m = even; m; m &= m - 1) {
     const int g = __builtin_ctz(m), k = g * kLanes;
     set_ray_depths(tile, w.bundles, k);
-    bool one = true;
-    for (int a = 0; a < 3; ++a) one &= !bits(load(tile.of[a] + k) != splat(tile.of[a][head]));
+    const bool one = at_one_point(tile, k, head);
     const bool ahead = smallest(load(w.bundles.rays.first + k)) >= tile.start[head] - 3 * tile.room;
     one_point &= one;
     if (one && ahead) set_common_group(tile, w.bundles, g);
@@ -334,8 +252,7 @@ inline void walk_tile(Walk<Any>& w) {
     if (even >> g & 1) {
       walk_group(w, g, false);
     } else {
-      for (int r = k; r < k + kLanes; ++r)
-        if (alive(tile, r)) walk_ray(w, r, w.tree.root, Order(tile.kind[r]));
+      for (uint32_t rays = living(tile, k); rays; rays &= rays - 1) walk_ray(w, k + __builtin_ctz(rays), w.tree.root);
     }
   }
 }
@@ -345,7 +262,7 @@ template <bool Any>
 __attribute__((noinline)) void trace_tile(Tile& tile) {
   if (tile.count == 0 || !set_tile(tile)) return;
   Bundles bundles;
-  Walk<Any> w{*tile.world, *tile.tree, tile, bundles, reach_of(*tile.tree)};
+  Walk<Any> w{*tile.world, *tile.tree, tile, bundles};
   walk_tile(w);
   if constexpr (!Any)
     for (int k = 0; k < tile.count; k += kLanes) finish_group(w, k);
@@ -382,6 +299,7 @@ __attribute__((noinline)) void trace_instance(Walk<Any>& w, const InstanceRecord
   const Answers& answers = *w.tile.answers;
   inner.answers = w.tile.answers, inner.tree = &w.world.objects[instance.tree], inner.world = &w.world;
   inner.instance = instance.instance, inner.count = 0;
+  uint8_t from[kTile];
   for (uint64_t m = rays; m; m &= m - 1) {
     const int r = __builtin_ctzll(m), k = inner.count++, s = w.tile.slot[r];
     const Tile& t = w.tile;
@@ -391,15 +309,20 @@ __attribute__((noinline)) void trace_instance(Walk<Any>& w, const InstanceRecord
       --inner.count;
       continue;
     }
-    const double row[8] = {o.x, o.y, o.z, d.x, d.y, d.z, t.t_min[r], Any || answers.t_max[s] < answers.t[s] ? answers.t_max[s] : answers.t[s]};
+    const double end = Any || answers.t_max[s] < answers.t[s] ? answers.t_max[s] : answers.t[s];
+    const double row[8] = {o.x, o.y, o.z, d.x, d.y, d.z, t.t_min[r], end};
     for (int c = 0; c < 8; ++c) columns.values[c][k] = row[c];
-    inner.slot[k] = uint8_t(s);
+    inner.slot[k] = uint8_t(s), from[k] = uint8_t(r);
   }
   if (inner.count == 0) return;
   columns.fill(inner.count);
   columns.show(inner);
   trace_tile<Any>(inner);
-  for (uint64_t m = rays; m; m &= m - 1) w.update(__builtin_ctzll(m));
+  for (int k = 0; k < inner.count; ++k) {
+    const int s = inner.slot[k];
+    if (!Any && answers.t[s] == columns.values[7][k]) continue;
+    w.update(from[k]), w.trim(from[k]);
+  }
 }
 
 template <bool Any>
@@ -449,7 +372,7 @@ inline void trace(const WorldView& world, const Rays& rays, size_t first, int co
   Columns columns;
   Tile tile;
   tile.answers = &answers, tile.world = &world, tile.instance = Hit::kNone;
-  answers.visibility = rays.visibility, answers.masks = world.visibility;
+  answers.visibility = rays.visibility, answers.masks = rays.visibility & world.common_visibility ? nullptr : world.visibility;
   answers.t_min = rays.t_min + first, answers.t_max = rays.t_max + first;
   for (int k = 0; k < kTile; ++k) tile.slot[k] = uint8_t(k);
   show_rays(rays, first, count, columns, tile);

@@ -64,6 +64,7 @@ struct WorldView {
   const TreeView* objects;
   const InstanceRecord* instances;
   const uint32_t* visibility;
+  uint32_t common_visibility;  // what all of them have
 };
 
 }  // namespace glint

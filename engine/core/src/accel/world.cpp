@@ -146,10 +146,11 @@ void World::build_instances(const std::vector<uint32_t>& placed, Team& team, con
 }
 
 void World::make_view() {
-  for (const InstanceView& i : instances_) visibility_.push_back(i.visibility);
+  uint32_t common = ~0u;
+  for (const InstanceView& i : instances_) visibility_.push_back(i.visibility), common &= i.visibility;
   for (const Tree& t : trees_) tree_views_.push_back(t.view());
   for (const Tree& t : objects_) object_views_.push_back(t.view());
-  view_ = {tree_views_.data(), tree_views_.size(), object_views_.data(), records_.data(), visibility_.data()};
+  view_ = {tree_views_.data(), tree_views_.size(), object_views_.data(), records_.data(), visibility_.data(), common};
 }
 
 void World::count(const Plan& plan) {

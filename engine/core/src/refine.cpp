@@ -1,0 +1,94 @@
+#include "refine.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "film.h"
+#include "math.h"
+
+namespace glint {
+namespace {
+
+/// 8-bit levels of the sRGB curve, which goes on above 1.
+double levels(double x) {
+  return 255 * (x <= 0.0031308 ? 12.92 * x : 1.055 * exponential(logarithm(x) / 2.4) - 0.055);
+}
+
+constexpr float kNone = 1e30f;  // range of samples that are not finite
+
+/// n^(3/4): how fast errors of well-placed samples fall at an edge.
+double convergence(uint32_t n) { return std::sqrt(double(n)) * std::sqrt(std::sqrt(double(n))); }
+
+}  // namespace
+
+double visible_difference(double mean, double difference) {
+  if (difference == 0) return 0;
+  const double high = std::max(std::fabs(mean), difference);
+  return levels(high) - levels(high - difference);
+}
+
+Refinement::Refinement(double threshold, Region region, Region shown, size_t rows)
+    : threshold_(threshold), width_(region.width()), height_(region.height()),
+      shown_{shown.x0 - region.x0, shown.y0 - region.y0, shown.x1 - region.x0, shown.y1 - region.y0}, rows_(rows), bounds_(8 * rows),
+      stopped_(rows), range_(size_t(width_) * height_), around_(size_t(width_) * height_) {}
+
+void Refinement::list_active(const Tile& tile, std::vector<uint32_t>& slots) const {
+  slots.clear();
+  for (uint32_t k = 0; k < tile.pixels(); ++k)
+    if (!stopped_.data()[tile.first_row + k]) slots.push_back(k);
+}
+
+void Refinement::note(const Tile& tile, const std::vector<uint32_t>& slots, const double* before, const double* after, size_t stride,
+                      bool is_first) {
+  for (int c = 0; c < 4; ++c, before += stride, after += stride) {
+    float *low = bound(c, tile.first_row), *high = bound(c + 4, tile.first_row);
+    for (uint32_t k : slots) {
+      const float value = float(after[k] - before[k]);
+      low[k] = is_first || value < low[k] ? value : low[k], high[k] = is_first || value > high[k] ? value : high[k];
+    }
+  }
+}
+
+void Refinement::measure(const Tile& tile, const SlotTable& slots, const double* after, size_t stride, uint32_t samples) {
+  for (uint32_t k = 0; k < tile.pixels(); ++k) {
+    const size_t row = tile.first_row + k;
+    if (stopped_.data()[row]) continue;
+    double range = 255 * (double(*bound(7, row)) - double(*bound(3, row)));
+    for (int c = 0; c < 3; ++c) {
+      const double apart = double(*bound(c + 4, row)) - double(*bound(c, row));
+      const double seen = visible_difference(after[size_t(c) * stride + k] / samples, apart);
+      range = seen >= range ? seen : seen == seen ? range : kInfinity;
+    }
+    range_.data()[slots.pixel(tile, k, width_)] = range < kNone ? float(range) : kNone;
+  }
+}
+
+void Refinement::look_around(const Tile& tile) {
+  for (uint32_t y = tile.y0; y < tile.y1; ++y)
+    for (uint32_t x = tile.x0; x < tile.x1; ++x) {
+      float largest = 0;
+      for (uint32_t j = y - (y > 0); j <= std::min(y + 1, height_ - 1); ++j)
+        for (uint32_t i = x - (x > 0); i <= std::min(x + 1, width_ - 1); ++i) {
+          const float range = range_.data()[size_t(j) * width_ + i];
+          largest = range > largest ? range : largest;
+        }
+      around_.data()[size_t(y) * width_ + x] = largest;
+    }
+}
+
+float Refinement::error(uint32_t pixel, uint32_t samples) const {
+  if (samples < kFirst) return kUnknown;
+  const double error = double(std::max(range_.data()[pixel], around_.data()[pixel])) / convergence(samples);
+  return std::min(float(error), kUnknown);
+}
+
+void Refinement::decide(const Tile& tile, const SlotTable& slots, uint32_t samples) {
+  for (uint32_t k = 0; k < tile.pixels(); ++k) {
+    uint32_t& stopped = stopped_.data()[tile.first_row + k];
+    const uint32_t pixel = slots.pixel(tile, k, width_);
+    const bool good = threshold_ > 0 && double(error(pixel, samples)) <= threshold_;
+    if (!stopped && (good || !is_shown(pixel % width_, pixel / width_))) stopped = samples;
+  }
+}
+
+}  // namespace glint

@@ -1,0 +1,67 @@
+// Adaptive refinement: which pixels are good enough after a wave, by how far their samples lie apart (SEMANTICS.md, "Refinement").
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "zeros.h"
+
+namespace glint {
+
+struct Region {
+  uint32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  uint32_t width() const { return x1 - x0; }
+  uint32_t height() const { return y1 - y0; }
+};
+
+struct Tile;
+class SlotTable;
+
+/// How far two linear values seem apart on an sRGB screen, in 8-bit levels, given their mean and their difference >= 0.
+double visible_difference(double mean, double difference);
+
+/// What is known of the samples of each pixel. Rows are those of the film's tiles and their slots, pixels those of its region.
+/// One thread a tile at a time, and all threads at the same step: note, measure, look_around (once), decide.
+class Refinement {
+ public:
+  static constexpr uint32_t kFirst = 4;  // samples of the first estimate: everywhere, and what neighbours look at
+  static constexpr float kUnknown = 256;  // the error of a pixel with fewer samples: beyond all levels
+
+  Refinement() = default;
+  /// threshold: in levels, 0 stops no pixel.  region: with the pixels round `shown` that only their neighbours look at, and that take no
+  /// more than the first samples.  rows: slots of all tiles.
+  Refinement(double threshold, Region region, Region shown, size_t rows);
+
+  bool on() const { return width_ > 0; }
+  bool stops_pixels() const { return on() && threshold_ > 0; }
+  /// Samples of the pixel when others have `samples`.
+  uint32_t taken(size_t row, uint32_t samples) const {
+    const uint32_t stopped = on() ? stopped_.data()[row] : 0;
+    return stopped && stopped < samples ? stopped : samples;
+  }
+
+  /// The tile's slots that take further samples.
+  void list_active(const Tile& tile, std::vector<uint32_t>& slots) const;
+  /// Another sample of some slots. before, after: the tile's sums of colour and lost alpha round it, `stride` apart.
+  void note(const Tile& tile, const std::vector<uint32_t>& slots, const double* before, const double* after, size_t stride, bool is_first);
+  /// How far the samples of each pixel lie apart. after: its sums.
+  void measure(const Tile& tile, const SlotTable& slots, const double* after, size_t stride, uint32_t samples);
+  void look_around(const Tile& tile);
+  /// Stops the pixels whose error is at most the threshold.
+  void decide(const Tile& tile, const SlotTable& slots, uint32_t samples);
+  /// Estimated error in levels of a pixel with that many samples.
+  float error(uint32_t pixel, uint32_t samples) const;
+
+ private:
+  float* bound(int k, size_t row) { return bounds_.data() + size_t(k) * rows_ + row; }
+  bool is_shown(uint32_t x, uint32_t y) const { return x - shown_.x0 < shown_.width() && y - shown_.y0 < shown_.height(); }
+
+  double threshold_ = 0;
+  uint32_t width_ = 0, height_ = 0;
+  Region shown_;              // counted from the corner of the region
+  size_t rows_ = 0;
+  Zeros<float> bounds_;       // rows of the least red, green, blue, lost alpha; then of the largest
+  Zeros<uint32_t> stopped_;   // samples of rows that take no more
+  Zeros<float> range_, around_;  // levels between samples of a pixel; between the first samples of it or a neighbour
+};
+
+}  // namespace glint

@@ -1,0 +1,99 @@
+"""The camera of a 3D view from Blender's matrices: checked with projections made by Blender itself and by hand."""
+
+import bpy
+import numpy as np
+import pytest
+
+from glint.addon.export.camera import export_camera
+from glint.addon.export.report import Report
+from glint.addon.viewport import bounds
+from glint.addon.viewport.pacing import BUDGET, Pacer
+from glint.addon.viewport.view import clip_of, frame_of, view_camera, window_of
+from glint.engine.scene import Camera, Instances, Mesh, Scene
+
+SIZE = (96, 54)
+
+
+def blenders_camera(**settings):
+    """A camera object with these settings of its data, and Blender's own projection of it, float32."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    data = bpy.data.cameras.new("Camera")
+    for name, value in settings.items():
+        setattr(data, name, value)
+    thing = bpy.data.objects.new("Camera", data)
+    thing.location, thing.rotation_euler = (1, -6, 2), (1.2, 0.1, 0.3)
+    bpy.context.scene.collection.objects.link(thing)
+    bpy.context.view_layer.update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    return thing, np.array(thing.calc_matrix_camera(depsgraph, x=SIZE[0], y=SIZE[1]), np.float64)
+
+
+KINDS = [
+    {"type": "PERSP", "lens": 35.0, "clip_start": 0.1, "clip_end": 50.0},
+    {"type": "PERSP", "lens": 85.0, "shift_x": 0.3, "shift_y": -0.2, "sensor_fit": "VERTICAL"},
+    {"type": "ORTHO", "ortho_scale": 7.0, "shift_x": -0.1, "clip_start": 1.0, "clip_end": 30.0},
+]
+
+
+@pytest.mark.parametrize("settings", KINDS)
+def test_a_projection_gives_back_the_window_and_the_clip_distances(settings):
+    """Blender's projection in float32 against the export's own formula in float64."""
+    thing, projection = blenders_camera(**settings)
+    camera = export_camera(thing, bpy.context.scene.render, SIZE, Report())
+    np.testing.assert_allclose(window_of(projection), camera.window, rtol=2**-20, atol=2**-20)
+    np.testing.assert_allclose(clip_of(projection), (camera.clip_start, camera.clip_end), rtol=2e-3)
+
+
+@pytest.mark.parametrize("settings", KINDS)
+@pytest.mark.parametrize("pixel_size", [1, 2, 4])
+def test_points_of_the_screen_are_points_of_rays(settings, pixel_size):
+    """A point on the ray of a traced pixel's centre projects to the middle of the screen pixels that it stands for."""
+    thing, projection = blenders_camera(**settings)
+    view = np.linalg.inv(np.array(thing.matrix_world, np.float64))
+    pixels = tuple(-(-extent // pixel_size) for extent in SIZE)
+    camera = view_camera(projection, np.linalg.inv(view)[:3], pixels, SIZE, pixel_size)
+    left, right, bottom, top = camera.window
+    for i, j in ((0, 0), (5, 7), (pixels[0] - 1, pixels[1] - 1)):
+        u, v = left + (i + 0.5) * (right - left) / pixels[0], bottom + (j + 0.5) * (top - bottom) / pixels[1]
+        x, y, z, e = camera.world_from_camera.T
+        depth = 3.0
+        point = e + (u * x + v * y) * (depth if camera.kind == "PERSPECTIVE" else 1.0) - depth * z
+        clip = projection @ view @ [*point, 1.0]
+        screen = (clip[:2] / clip[3] + 1) / 2 * SIZE
+        np.testing.assert_allclose(screen, (np.array([i, j]) + 0.5) * pixel_size, atol=1e-3)
+
+
+def test_a_view_that_shows_the_render_one_to_one_is_known():
+    frame = Camera("PERSPECTIVE", np.eye(4)[:3], (-0.4, 0.4, -0.3, 0.3), (80, 60))
+    step = 0.01
+    around = (-0.4 - 7 * step, 0.4 + 9 * step, -0.3 - 5 * step, 0.3 + 3 * step)
+    assert frame_of(around, (96, 68), frame) == (7, 5)
+    assert frame_of(frame.window, (80, 60), frame) == (0, 0)
+    assert frame_of(tuple(np.float32(edge) for edge in around), (96, 68), frame) == (7, 5), "float32 rounding is no other place"
+    assert frame_of(tuple(edge + 0.3 * step for edge in around), (96, 68), frame) is None, "between the pixels"
+    assert frame_of(tuple(edge * 1.01 for edge in around), (96, 68), frame) is None, "another size"
+
+
+def test_a_parallel_view_steps_up_to_the_scene():
+    """Blender's eye stands behind by the clip distance: the same rays from just before the scene, what was in front stays in front."""
+    mesh = Mesh("Mesh", np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32), np.array([[0, 1, 2]], np.uint32))
+    scene = Scene(Camera("PERSPECTIVE", np.eye(4)[:3], (-1, 1, -1, 1), (1, 1)), (mesh,), (Instances("Mesh", 0, np.eye(4)[None, :3], ()),))
+    above = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1000]])
+    away = Camera("ORTHOGRAPHIC", above, (-1, 1, -1, 1), (4, 4), 0.0, 2000.0)
+    near = bounds.stepped_up(away, scene)
+    step = 1000 - near.world_from_camera[2, 3]
+    assert 0 < near.world_from_camera[2, 3] <= 2 and near.clip_end == away.clip_end - step
+    inside = bounds.stepped_up(Camera("ORTHOGRAPHIC", np.eye(4)[:3], (-1, 1, -1, 1), (4, 4), 0.0, 10.0), scene)
+    assert inside.world_from_camera[2, 3] == 0, "a scene that begins at the eye needs no step"
+
+
+def test_pictures_while_moving_fit_into_their_time():
+    pacer = Pacer(per_pixel=0.0, fixed=0.0)
+    for _ in range(30):
+        pacer.note(1000, 1, 1000 * 1e-6, 0.0, 0.002)
+    pixels = 960 * 540
+    divisor = pacer.divisor(pixels)
+    assert pixels / divisor**2 * 1e-6 + 0.002 <= BUDGET * 1.001
+    assert pixels / (divisor - 1) ** 2 * 1e-6 + 0.002 > BUDGET, "no coarser than it takes"
+    assert Pacer(per_pixel=1e-12).divisor(pixels) == 1
+    assert pacer.note(0, 1, 1.0, 0.0, None) is None and pacer.divisor(pixels) == divisor, "an empty picture teaches nothing"

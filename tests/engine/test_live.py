@@ -1,0 +1,171 @@
+"""Pictures made behind the caller's back: the bits of `render`, in the order of asking, without anything left behind."""
+
+import gc
+import threading
+import time
+import weakref
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.engine import LiveRender, Scene, Settings, Task, available_backends, render
+from glint.engine.scene import Camera, Instances, Light, Mesh
+
+LONGEST = 60.0
+BACKENDS = [
+    pytest.param(name, marks=pytest.mark.skipif(name not in available_backends(), reason="no core here")) for name in ("NATIVE", "NUMPY")
+]
+
+
+def scene(x=0.0, kind="PERSPECTIVE", energy=1.0):
+    """Triangles all over the place before a camera at (x, 0, 5)."""
+    r = np.random.default_rng(1)
+    corners = (r.random((400, 1, 3)) * 2 - 1 + r.normal(size=(400, 3, 3)) * 0.1).reshape(-1, 3).astype(np.float32)
+    mesh = Mesh("Mesh", corners, np.arange(1200, dtype=np.uint32).reshape(-1, 3))
+    window = (-0.5, 0.5, -0.4, 0.4) if kind == "PERSPECTIVE" else (-1, 1, -0.8, 0.8)
+    camera = Camera(kind, np.array([[1.0, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 5]]), window, (60, 48), 0.1, 100.0)
+    lights = (
+        Light("Sun", "SUN", np.eye(4)[:3], strength=energy),
+        Light("Point", "POINT", np.eye(4)[:3] + [[0, 0, 0, 1]] * 3, strength=99.0),
+    )
+    return Scene(camera, (mesh,), (Instances("Mesh", 0, np.eye(4)[None, :3], ()),), lights=lights)
+
+
+SETTINGS = Settings(samples=2, threads=1, passes=frozenset({"Depth", "Position"}))
+
+
+@pytest.fixture
+def live():
+    made = LiveRender()
+    yield made
+    made.close()
+
+
+def wait(live, done=lambda live: not live.busy):
+    deadline = time.monotonic() + LONGEST
+    while not done(live):
+        assert time.monotonic() < deadline, "no picture came"
+        time.sleep(0.002)
+    assert live.error is None, live.error
+    return live.newest
+
+
+def same(film, other):
+    return all(film.passes[name].tobytes() == other.passes[name].tobytes() for name in other.passes)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_last_wave_has_the_bits_of_a_render(live, backend):
+    settings = replace(SETTINGS, backend=backend)
+    live.start([Task(scene(), settings, "tag")])
+    wave = wait(live)
+    assert wave.final and wave.film.samples == 2 and wave.task.tag == "tag"
+    assert same(wave.film, render(scene(), settings))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_only_what_was_asked_last_is_made_to_the_end(live, backend):
+    many = replace(SETTINGS, backend=backend, samples=4096)
+    for number in range(5):
+        live.start([Task(scene(), many, number)])
+        time.sleep(0.01)
+    live.start([Task(scene(), replace(many, samples=1), "last")])
+    assert wait(live).task.tag == "last"
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_first_wave_that_is_kept_comes_however_fast_others_are_asked_for(live, backend):
+    settings, seen = replace(SETTINGS, backend=backend, samples=4096), set()
+    large = replace(scene(), camera=replace(scene().camera, resolution=(800, 640)))  # a wave takes longer than the next task waits
+    deadline = time.monotonic() + LONGEST
+    for number in range(10**6):
+        live.start([Task(large, settings, number, keep_first_wave=True)])
+        time.sleep(0.001)
+        seen.add(live.newest and live.newest.task.tag)
+        if len(seen) > 3 or time.monotonic() > deadline:
+            break
+    assert len(seen) > 3
+
+
+def test_tasks_of_one_start_follow_each_other(live):
+    settings = replace(SETTINGS, backend=available_backends()[0])
+    live.start([Task(scene(x), settings, x) for x in (0.0, 0.5, 1.0)])
+    wave = wait(live)
+    assert wave.task.tag == 1.0 and same(wave.film, render(scene(1.0), settings))
+    assert wave.number >= 3, "each of the three was shown"
+
+
+def test_an_error_is_told_and_the_next_task_runs(live):
+    settings = replace(SETTINGS, backend=available_backends()[0])
+    broken = replace(scene(), camera=replace(scene().camera, resolution=(0, 0)))
+    live.start([Task(broken, settings)])
+    deadline = time.monotonic() + LONGEST
+    while live.error is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+    live.start([Task(scene(), settings)])
+    assert wait(live).final
+
+
+@pytest.mark.parametrize("end", ["close", "forget"])
+def test_nothing_stays_behind(end):
+    live = LiveRender()
+    live.start([Task(scene(), replace(SETTINGS, samples=65536 if end == "close" else 1, backend=available_backends()[0]))])
+    wait(live, lambda live: live.newest is not None)
+    thread = next(thread for thread in threading.enumerate() if thread is live._thread)
+    if end == "close":
+        live.close()
+    reference = weakref.ref(live)
+    del live
+    deadline = time.monotonic() + LONGEST
+    while thread.is_alive() or reference() is not None:
+        assert time.monotonic() < deadline, "the thread goes on"
+        gc.collect()
+        time.sleep(0.01)
+
+
+native = pytest.mark.skipif("NATIVE" not in available_backends(), reason="no core here")
+
+
+@native
+@pytest.mark.parametrize("kind", ["PERSPECTIVE", "ORTHOGRAPHIC"])
+@pytest.mark.parametrize("exact", [True, False])
+def test_a_camera_that_moves(live, kind, exact):
+    """Exactly: the bits of a render. With the trees of another place: the same hits, to float32's rounding of rays that start elsewhere."""
+    first = scene(0.0, kind)
+    live.start([Task(first, SETTINGS)])
+    wait(live)
+    for x in (0.25, -1.0, 60.0):
+        moved = replace(first, camera=scene(x, kind).camera)
+        live.start([Task(moved, SETTINGS, exact=exact)])
+        wave, truth = wait(live), render(moved, SETTINGS)
+        if exact:
+            assert same(wave.film, truth)
+            continue
+        there = np.abs(wave.film.passes["Depth"] - truth.passes["Depth"]) <= 2**-18 * truth.passes["Depth"]
+        assert (~there).sum() <= 2, "a pixel at an edge may see the other side of it"
+        assert (wave.film.stats["build"] == 0) == (x != 60.0), "the trees serve near cameras, far ones get their own"
+
+
+@native
+def test_lights_change_without_new_trees(live):
+    first = scene()
+    live.start([Task(first, SETTINGS)])
+    assert wait(live).film.stats["build"] > 0
+    brighter = replace(first, lights=scene(energy=7.0).lights)
+    live.start([Task(brighter, SETTINGS)])
+    wave = wait(live)
+    assert wave.film.stats["build"] == 0
+    assert same(wave.film, render(brighter, SETTINGS))
+
+
+@native
+def test_moved_objects_get_new_trees(live):
+    first = scene()
+    live.start([Task(first, SETTINGS)])
+    wait(live)
+    matrix = np.eye(4)[None, :3] + [[0, 0, 0, 0.5]]
+    moved = replace(first, instances=(replace(first.instances[0], world_from_object=matrix),))
+    live.start([Task(moved, SETTINGS, exact=False)])
+    assert same(wait(live).film, render(moved, SETTINGS))

@@ -1,0 +1,216 @@
+"""Adaptive refinement: what takes more samples, the same bits however it is cut, honest estimates; the passes that show cost and health."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine_scenes import SCENES
+from glint import engine
+from glint.engine import scene as s
+from glint.engine.sampling import blackman_harris
+from native_tools import draw, lamp, material, needs_core, placed, square, view_from_above
+
+pytestmark = needs_core
+
+SIZE = 16
+HEALTH = frozenset({"Error", "Samples", "Cost"})
+BACKENDS = engine.settings.BACKENDS
+
+
+def emitter(strength: float = 1.0) -> s.Material:
+    return material(s.Lobe("EMISSION", (s.Input((strength,) * 3),)))
+
+
+def half_plane(edge: float) -> s.Scene:
+    """White where x > `edge`, black elsewhere; a pixel is 1 / 8 wide."""
+    right = replace(placed(), world_from_object=np.array([[[1, 0, 0, 5 + edge], [0, 1, 0, 0], [0, 0, 1, 0]]], float))
+    return s.Scene(view_from_above(SIZE), (square(5.0),), (right,), (emitter(),))
+
+
+def coverage(edge: float, width: float) -> np.ndarray:
+    """(SIZE,) share of each column's filter that lies right of the edge, in closed form but for the sum."""
+    x = (np.arange(20000) + 0.5) / 20000 - 0.5
+    weight = blackman_harris(x)
+    centers = (2 * np.arange(SIZE) + 1) / SIZE - 1
+    return np.array([(weight * (c + 2 * width * x * 2 / SIZE > edge)).sum() for c in centers]) / weight.sum()
+
+
+def srgb_levels(x: np.ndarray) -> np.ndarray:
+    """Eight-bit levels of the sRGB standard, above 1 as well."""
+    return 255 * np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def bigger(name: str, resolution=(128, 96)) -> s.Scene:
+    scene = SCENES[name]()
+    return replace(scene, camera=replace(scene.camera, resolution=resolution))
+
+
+def levels_off(film: engine.Film, truth: engine.Film) -> np.ndarray:
+    """(h, w) largest channel's error in levels, alpha's too."""
+    a, b = film.combined.astype(float), truth.combined.astype(float)
+    color = np.abs(srgb_levels(np.maximum(a[..., :3], 0)) - srgb_levels(np.maximum(b[..., :3], 0))).max(-1)
+    return np.maximum(color, 255 * np.abs(a[..., 3] - b[..., 3]))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_constant_picture_takes_four_samples(backend: str) -> None:
+    scene = s.Scene(view_from_above(SIZE), (square(9.0),), (placed(),), (emitter(0.7),))
+    film = draw(scene, *HEALTH, samples=64, error_threshold=0.01, backend=backend)
+    assert (film.passes["Samples"] == 4).all()
+    assert (film.passes["Cost"] == 4).all()
+    assert (film.passes["Error"] == 0).all()
+    assert (film.combined[..., :3] == np.float32(0.7)).all()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("edge", [0.0, 0.031, -0.4])
+def test_pixels_that_an_edge_covers_take_all_samples(edge: float, backend: str) -> None:
+    """Also those whose first four samples all miss it: their neighbours saw it. Beyond a neighbour of the window nothing is spent."""
+    plan = {"samples": 64, "backend": backend}
+    film, full = draw(half_plane(edge), *HEALTH, error_threshold=1.0, **plan), draw(half_plane(edge), **plan)
+    share, samples = coverage(edge, 1.5), film.passes["Samples"][..., 0]
+    touched = (share > 0.002) & (share < 0.998)  # within a pixel of where a first sample may see the edge
+    assert touched.sum() >= 2
+    assert (samples[:, touched] == 64).all()
+    assert np.array_equal(film.combined[:, touched], full.combined[:, touched])
+    flat = (share == 0) | (share == 1)
+    beyond = flat & ~np.convolve(~flat, [1, 1, 1], "same").astype(bool)
+    assert (samples[:, beyond] == 4).all()
+    off = np.abs(srgb_levels(film.combined[..., 0].astype(float)) - srgb_levels(share))
+    assert (off <= np.maximum(film.passes["Error"][..., 0], 1.0)).all()  # 1: the threshold, for a sliver that nobody saw
+
+
+def test_error_falls_as_the_square_root_of_cubed_samples() -> None:
+    """The estimate at a black and white edge: 255 levels among the samples over n^(3/4)."""
+    for n in (4, 16, 64):
+        error = draw(half_plane(0.031), "Error", samples=n).passes["Error"]
+        assert error.max() == pytest.approx(255 / n**0.75, rel=1e-6)
+    assert (draw(half_plane(0.0), "Error", samples=2).passes["Error"] == 256).all()
+
+
+BITS = engine.Settings(samples=20, light_samples=2, error_threshold=2.0, passes=frozenset(engine.PASSES) - {"Combined"}, threads=1)
+
+
+@pytest.mark.parametrize("name", ["soft_lights", "alpha", "glass"])
+def test_same_bits_however_it_is_cut(name: str) -> None:
+    scene = bigger(name, (75, 53))
+    whole = engine.render(scene, BITS)
+    assert 4 < whole.passes["Samples"].mean() < 20
+    for threads in (2, 5):
+        again = engine.render(scene, replace(BITS, threads=threads), on_wave=lambda film: None)
+        assert {k: v.tobytes() for k, v in again.passes.items()} == {k: v.tobytes() for k, v in whole.passes.items()}
+    for x0, x1 in ((0, 29), (29, 30), (30, 75)):
+        for y0, y1 in ((0, 17), (17, 53)):
+            part = engine.render(scene, replace(BITS, region=(x0, y0, x1, y1)))
+            for key, values in part.passes.items():
+                assert values.tobytes() == np.ascontiguousarray(whole.passes[key][y0:y1, x0:x1]).tobytes(), key
+
+
+def test_same_bits_from_every_instruction_set() -> None:
+    program = (
+        "import sys, hashlib; sys.path[:0] = sys.argv[1:3]; import conftest\n"
+        "from test_refinement import BITS, bigger; from glint import engine\n"
+        "film = engine.render(bigger('soft_lights', (40, 30)), BITS)\n"
+        "print(hashlib.sha256(b''.join(film.passes[k].tobytes() for k in sorted(film.passes))).hexdigest())\n"
+    )
+    here = Path(__file__).resolve().parent
+    found = set()
+    for isa in ("sse42", "avx2", "avx512"):  # the core takes the best that the machine has where it lacks one
+        variables = {**os.environ, "GLINT_ISA": isa}
+        command = [sys.executable, "-c", program, str(here.parent), str(here)]
+        found.add(subprocess.run(command, env=variables, capture_output=True, text=True, check=True).stdout)
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize("name", ["flat_and_smooth", "mirrors", "glass", "alpha", "texture_repeat", "round_and_plane"])
+def test_fewer_samples_for_the_same_error(name: str) -> None:
+    """Against full sampling: at most two thirds of the samples, and an error that is larger by at most a twentieth."""
+    scene = bigger(name)
+    truth = engine.render(scene, engine.Settings(samples=512))
+    full = engine.render(scene, engine.Settings(samples=16))
+    film = engine.render(scene, engine.Settings(samples=16, error_threshold=4.0, passes=HEALTH))
+    rms = [float(np.sqrt((levels_off(picture, truth) ** 2).mean())) for picture in (film, full)]
+    assert film.passes["Samples"].mean() <= 16 * 2 / 3
+    assert rms[0] <= 1.05 * rms[1] + 0.1
+
+
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [("flat_and_smooth", 0.99), ("hard_lights", 0.99), ("mirrors", 0.99), ("glass", 0.99), ("alpha", 0.99), ("soft_lights", 0.85)],
+)
+@pytest.mark.parametrize("threshold", [0.0, 4.0])
+def test_the_error_pass_bounds_the_error(name: str, share: float, threshold: float) -> None:
+    """Of nearly all pixels; half a level is not seen. Soft lights: the same few light points serve all pixels, so a penumbra may be off by
+    a level or two where its samples agree."""
+    scene = bigger(name)
+    truth = engine.render(scene, engine.Settings(samples=512))
+    film = engine.render(scene, engine.Settings(samples=16, error_threshold=threshold, passes=HEALTH))
+    assert (levels_off(film, truth) <= film.passes["Error"][..., 0] + 0.5).mean() >= share
+
+
+@pytest.mark.parametrize("name", ["hard_lights", "alpha", "odd_matrices"])
+def test_core_and_reference_stop_the_same_pixels(name: str) -> None:
+    """But for estimates that rounding takes across the threshold: there the two have different samples, each as good as the threshold
+    asks, so that they differ by at most both estimates."""
+    plan = engine.Settings(samples=16, error_threshold=2.0, passes=HEALTH)
+    scene = SCENES[name]()
+    core, reference = engine.render(scene, plan), engine.render(scene, replace(plan, backend="NUMPY"))
+    same = core.passes["Samples"] == reference.passes["Samples"]
+    assert same.mean() >= 0.99
+    apart = np.abs(core.combined.astype(float) - reference.combined)
+    differ = apart > 1e-4 * np.maximum(np.abs(reference.combined), 0.01)
+    full = [engine.render(scene, engine.Settings(samples=16, backend=backend)).combined.astype(float) for backend in BACKENDS]
+    border = np.abs(full[0] - full[1]) > 1e-4 * np.maximum(np.abs(full[1]), 0.01)  # a sample on the border of a shadow, in single precision
+    assert border.any(-1).mean() <= 0.001
+    assert not (differ & ~border)[same[..., 0]].any()
+    assert np.abs(core.passes["Error"] - reference.passes["Error"])[same].max() <= 0.05  # of 255: 1e-4 of a dark colour, times its slope
+    allowed = core.passes["Error"] + reference.passes["Error"]
+    assert (levels_off(core, reference)[..., None] <= allowed)[~same].all()
+
+
+def test_off_means_off() -> None:
+    """No threshold and no pass: all samples, and Combined has the bits that it has with the passes."""
+    scene = bigger("hard_lights", (40, 30))
+    plain = engine.render(scene, engine.Settings(samples=8))
+    told = engine.render(scene, engine.Settings(samples=8, passes=HEALTH))
+    assert plain.combined.tobytes() == told.combined.tobytes()
+    assert (told.passes["Samples"] == 8).all()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", ["soft_lights", "glass", "alpha"])
+def test_cost_is_all_rays(name: str, backend: str) -> None:
+    film = engine.render(SCENES[name](), engine.Settings(samples=2, light_samples=2, passes=frozenset({"Cost"}), backend=backend))
+    assert film.passes["Cost"].sum(dtype=float) == film.stats["rays"]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_gap_and_grazing_of_two_planes(backend: str) -> None:
+    """A tilted pane half a unit above a floor, seen from above: |n·d| is the tilt's cosine, the gap the height of the pane there."""
+    tilt = 0.3
+    turn = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
+    scene = s.Scene(view_from_above(SIZE), (square(9.0),), (placed(), placed(z=0.5, linear=turn)), (emitter(),))
+    film = draw(scene, "Gap", "Grazing", backend=backend)
+    x = (2 * np.arange(SIZE) + 1) / SIZE - 1
+    pane = 0.5 - x * np.tan(tilt)
+    assert (pane > 0).all()
+    assert np.abs(film.passes["Gap"][..., 0] - pane).max() <= 2e-6  # float32 corners of a square 18 wide
+    assert np.abs(film.passes["Grazing"] - np.cos(tilt)).max() <= 1e-6
+    sky = draw(replace(scene, instances=()), "Gap", "Grazing", backend=backend)
+    assert (sky.passes["Gap"] == np.float32(1e10)).all()
+    assert (sky.passes["Grazing"] == 0).all()
+    alone = draw(replace(scene, instances=scene.instances[:1]), "Gap", backend=backend)
+    assert (alone.passes["Gap"] == np.float32(1e10)).all()
+
+
+def test_thresholds_that_mean_nothing_are_refused() -> None:
+    for threshold in (-1.0, 256.0, float("nan")):
+        with pytest.raises(engine.SceneError, match="error_threshold"):
+            engine.render(s.Scene(view_from_above(1), lights=(lamp("SUN"),)), engine.Settings(error_threshold=threshold))

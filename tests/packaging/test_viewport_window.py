@@ -1,0 +1,92 @@
+"""Rendered shading in a real Blender window on a virtual screen: what is shown equals F12, how soon it comes is printed, and it lasts.
+
+`make test-blenders` runs these in Debian's Blender. GLINT_SOAK_SECONDS sets how long the random edits go on (600 for the long one).
+"""
+
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+import pytest
+
+from blender_process import ROOT
+
+pytestmark = pytest.mark.skipif(not os.environ.get("GLINT_BLENDER"), reason="needs a whole Blender program: GLINT_BLENDER names one")
+
+SHOWN_ERROR = 2.0**-8
+"""Relative: a half float rounds by 2^-11 at most when the picture becomes a texture and again when it is drawn, and a software rasteriser
+looks textures up with weights of 8 bits, whose rounding it shows as up to four units of the half float."""
+
+SOAK_SECONDS = float(os.environ.get("GLINT_SOAK_SECONDS", "60"))
+GROWTH = 400.0
+"""Megabytes by which the most memory ever held may grow over the second half of a soak: Blender's own undo steps and software textures."""
+
+
+@pytest.fixture(scope="module")
+def blender(installed):
+    blender = installed("full")
+    for script in (ROOT / "tests" / "viewport").glob("*.py"):
+        shutil.copy(script, blender.folder)
+    return blender
+
+
+@contextmanager
+def screen(host, number):
+    """A virtual one."""
+    process = subprocess.Popen(
+        [*host, "Xvfb", f":{number}", "-screen", "0", "1280x800x24"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    try:
+        time.sleep(2)
+        yield
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def run_in_window(blender, script, *arguments, timeout):
+    host = blender.program[:-1]
+    with screen(host, 79):
+        command = [*host, "env", "DISPLAY=:79", "LIBGL_ALWAYS_SOFTWARE=1", blender.program[-1], "--factory-startup"]
+        command += ["--window-geometry", "0", "0", "900", "560", "-P", blender.inside(blender.folder / script)]
+        run = blender.start([*command, "--", blender.inside(blender.folder), *map(str, arguments)], timeout=timeout)
+    assert "ALL STEPS DONE" in run.output, run.output
+    assert "Traceback" not in run.output, run.output
+    return run
+
+
+def test_the_events_of_a_day_show_what_a_render_gives(blender):
+    run = run_in_window(blender, "events.py", timeout=600)
+    told = run.answer
+    sys.stdout.write("\n".join([*_histogram(told), ""]))
+    assert told["results"].keys() == {"camera view", "object", "light", "material", "world"}
+    for name, result in told["results"].items():
+        assert result["same bits"], f"{name}: differs from F12 by {result['worst']}"
+        assert 0 <= result["framebuffer"] <= SHOWN_ERROR, f"{name}: the screen differs from F12 by {result['framebuffer']}"
+    assert told["explained"]["color"] == pytest.approx(told["explained"]["pixel"], rel=1e-4)
+
+
+def _histogram(told):
+    """Milliseconds of every event until its picture was traced, and until it was on the screen."""
+    for name, seconds in told["latency"].items():
+        for what, values in (("on screen", seconds), ("traced", told["ready"].get(name, []))):
+            if values:
+                ordered = sorted(1e3 * value for value in values)
+                median = statistics.median(ordered)
+                yield f"{name:24} {what:10} median {median:7.1f} ms, {ordered[0]:.1f} to {ordered[-1]:.1f} ({len(ordered)})"
+    glint, solid = told["pictures and Solid's redraws a second"]
+    yield f"view turning: {glint:.1f} pictures a second; Blender's Solid shading redraws {solid:.1f} times here"
+    yield f"converged: {100 * told['idle'][0]:.1f} % of a processor; view_update: median {1e3 * statistics.median(told['updates']):.1f} ms"
+
+
+def test_random_edits_undo_reloads_and_switches(blender):
+    run = run_in_window(blender, "soak.py", SOAK_SECONDS, 1, timeout=10 * SOAK_SECONDS + 300)
+    told = run.answer
+    assert told["converged"] and not told["busy"] and told["error"] == "None", told
+    assert len(told["threads"]) <= 1, "one view is left, and its one thread"
+    memory = told["memory"]
+    assert memory[-1] - memory[len(memory) // 2] < GROWTH, memory
