@@ -2,7 +2,7 @@
 
 Cycles' stages end at its own status messages (handler `render_stats`): sync at "Initializing", build (its "Updating …": BVH, normals,
 device) at "Sample 0", trace at "Finished". Glint's are those of its own clock, cut at the same places: build is all between the export and
-the first ray (checks, packing, trees), trace goes on until the picture is in Blender's hands, shading within; `other` is the rest of a whole
+the first ray (checks, packing, trees), trace goes on until the picture is with Blender, shading within; `other` is the rest of a whole
 render; `write` saves the result as EXR. Memory is the peak resident size during the render above that of the process before its first
 render (Linux only).
 """

@@ -14,12 +14,25 @@ struct Entry {
 };
 constexpr uint32_t kNoBox = 0xffffffffu;
 
-/// Puts an entry where the nearest stay on top.
-inline void push(Entry* base, Entry*& top, Entry e) {
-  Entry* p = top++;
-  for (; p > base && p[-1].distance < e.distance; --p) *p = p[-1];
-  *p = e;
-}
+/// By component: a processor waits for the parts of a structure that it has just written before it can read the whole.
+struct Stack {
+  ChildRef child[kStack];
+  float distance[kStack];
+  uint32_t units[kStack], box[kStack];
+  int count = 0;
+
+  /// Puts an entry among those from `base` on, the nearest on top.
+  void push(int base, const Entry& e) {
+    int p = count++;
+    for (; p > base && distance[p - 1] < e.distance; --p)
+      child[p] = child[p - 1], distance[p] = distance[p - 1], units[p] = units[p - 1], box[p] = box[p - 1];
+    child[p] = e.child, distance[p] = e.distance, units[p] = e.units, box[p] = e.box;
+  }
+  Entry pop() {
+    --count;
+    return {child[count], distance[count], units[count], box[count]};
+  }
+};
 
 /// A group of rays of one kind.
 template <bool Any>
@@ -75,11 +88,11 @@ struct GroupLevel {
 
 template <class Level>
 inline void walk(Level& level, const TreeView& tree, ChildRef root, uint32_t units) {
-  Entry stack[kStack], *top = stack;
-  alignas(32) float front[kLanes];
-  *top++ = {root, -kFar, units, kNoBox};
-  while (top != stack) {
-    const Entry e = *--top;
+  Stack stack;
+  alignas(64) float front[kLanes];
+  stack.push(0, {root, -kFar, units, kNoBox});
+  while (stack.count) {
+    const Entry e = stack.pop();
     const uint32_t rest = level.still(e.units, e.distance);
     if (!rest) continue;
     if (e.child & kLeaf) {
@@ -91,14 +104,14 @@ inline void walk(Level& level, const TreeView& tree, ChildRef root, uint32_t uni
       continue;
     }
     const Node& n = tree.nodes[e.child];
-    Entry* const base = top;
+    const int base = stack.count;
     for (int first = 0; first < kWidth; first += kLanes) {
       const Boxes boxes = boxes_of(n.planes[0] + first, level.order);
       store(front, boxes.front);
       for (uint32_t mask = level.whole.meet(boxes); mask; mask &= mask - 1) {
         const int lane = __builtin_ctz(mask);
         const uint32_t met = level.met(child_box(n, first + lane, level.order)) & rest;
-        if (met) push(base, top, {n.child[first + lane], front[lane], met, e.child * kWidth + uint32_t(first + lane)});
+        if (met) stack.push(base, {n.child[first + lane], front[lane], met, e.child * kWidth + uint32_t(first + lane)});
       }
     }
   }
