@@ -62,7 +62,8 @@ class Grid {
 struct Parts {
   size_t begin, end, count, each;
   Parts(const Range& r, Team& team)
-      : begin(r.begin), end(r.end), count(std::min((r.count() + kChunk - 1) / kChunk, 4 * team.size())), each((r.count() + count - 1) / count) {}
+      : begin(r.begin), end(r.end), count(std::min((r.count() + kChunk - 1) / kChunk, 4 * team.size())),
+        each((r.count() + count - 1) / count) {}
   size_t first(size_t part) const { return std::min(end, begin + part * each); }
 };
 

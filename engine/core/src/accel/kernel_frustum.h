@@ -108,7 +108,8 @@ inline void set_ray_depths(const Tile& tile, Bundles& b, int k) {
   const Order& order = order_of(tile, k);
   const float center = order.sign * float(tile.tree->center[order.axes[2]]), radius = float(tile.tree->radius) * 1.001f + tile.room;
   const Floats start = load(tile.start + k), room = splat(tile.room);
-  store(b.rays.first + k, larger(start + load(tile.begin_lo + k) - room, splat(center - radius)));
+  // The beginning needs room for rounding start + begin alone: with more, rays would enter boxes of the surface that they leave.
+  store(b.rays.first + k, larger(start + load(tile.begin_lo + k) - splat(0.25f * tile.room), splat(center - radius)));
   store(b.rays.last + k, smaller(start + load(tile.hi + k) + room, splat(center + radius)));
 }
 
