@@ -15,7 +15,7 @@ struct Range {
   size_t count() const { return end - begin; }
 };
 
-/// Where twice a centroid's bin is along each axis.
+/// Which bin a centroid falls into along each axis.
 struct BinMap {
   F4 origin, scale, last;
   int count;
