@@ -137,6 +137,33 @@ Mesh soup(Random& random, size_t count, double half, double size) {
   return mesh;
 }
 
+void MixedShapes::add_round_and_square(Random& random, int count, double size) {
+  for (int k = 0; k < count; ++k) {
+    const Vec3d at = random.in_box(2), c = random.in_box(2), x = size * random.on_sphere(), y = size * random.on_sphere();
+    centers_.insert(centers_.end(), {float(at.x), float(at.y), float(at.z)}), radii_.push_back(0.05f);
+    for (Vec3d p : {c + x, c + y, c - x, c - y}) {
+      indices_.push_back(uint32_t(indices_.size()));
+      corners_.insert(corners_.end(), {float(p.x), float(p.y), float(p.z)});
+    }
+    offsets_.push_back(uint32_t(indices_.size()));
+  }
+}
+
+void MixedShapes::add_shapes() {
+  GeometryView spheres, polygons;
+  spheres.kind = GeometryView::kSpheres, spheres.vertices = centers_.data(), spheres.radii = radii_.data();
+  spheres.vertex_count = spheres.primitive_count = radii_.size();
+  polygons.kind = GeometryView::kPolygons, polygons.vertices = corners_.data(), polygons.vertex_count = indices_.size();
+  polygons.offsets = offsets_.data(), polygons.indices = indices_.data(), polygons.primitive_count = offsets_.size() - 1;
+  geometries.push_back(spheres), geometries.push_back(polygons);
+}
+
+void MixedShapes::place(uint32_t geometry, const Affine& world_from_object) {
+  InstanceView i;
+  i.geometry = geometry, i.world_from_object = world_from_object;
+  instances.push_back(i);
+}
+
 Affine translation(Vec3d t) {
   Affine m;
   m.t = t;

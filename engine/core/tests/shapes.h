@@ -40,6 +40,23 @@ Mesh bumpy_sphere(int rows, int columns);
 Mesh soup(Random& random, size_t count, double half, double size);
 
 Affine translation(Vec3d t);
+
+/// What a build is made from, of all kinds: meshes of the caller's, squares as polygons, spheres. It holds the arrays that its views show.
+class MixedShapes {
+ public:
+  /// Adds `count` spheres and as many squares, `size` across, within a box of half side 2.
+  void add_round_and_square(Random& random, int count, double size);
+  void add(const Mesh& mesh) { geometries.push_back(mesh.view()); }
+  /// After add_round_and_square: the spheres and the polygons as two geometries.
+  void add_shapes();
+  void place(uint32_t geometry, const Affine& world_from_object);
+  std::vector<GeometryView> geometries;
+  std::vector<InstanceView> instances;
+
+ private:
+  std::vector<float> centers_, radii_, corners_;
+  std::vector<uint32_t> offsets_{0}, indices_;
+};
 /// Random columns with entries in [-1, 1], translation within `half`.
 Affine random_affine(Random& random, double half);
 

@@ -12,39 +12,16 @@ using namespace glint::test;
 namespace {
 
 /// Triangles (baked and instanced, mirrored and sheared), spheres and polygons; some instances hidden from shadow rays.
-struct Mixed {
+struct Mixed : MixedShapes {
   Random random{60};
   Mesh bumpy = bumpy_sphere(60, 120), small = icosphere(2, 0.2, {}), boxes = box_grid(8, 0.5, {}), clutter = soup(random, 1500, 1.5, 0.1);
-  std::vector<float> centers, radii, corners;
-  std::vector<uint32_t> offsets{0}, indices;
-  std::vector<GeometryView> geometries;
-  std::vector<InstanceView> instances;
 
   Mixed() {
-    for (int k = 0; k < 200; ++k) add_sphere(random.in_box(2)), add_square(random.in_box(2));
-    GeometryView spheres, polygons;
-    spheres.kind = GeometryView::kSpheres, spheres.vertices = centers.data(), spheres.radii = radii.data();
-    spheres.vertex_count = spheres.primitive_count = radii.size();
-    polygons.kind = GeometryView::kPolygons, polygons.vertices = corners.data(), polygons.vertex_count = indices.size();
-    polygons.offsets = offsets.data(), polygons.indices = indices.data(), polygons.primitive_count = offsets.size() - 1;
-    geometries = {bumpy.view(), small.view(), boxes.view(), clutter.view(), spheres, polygons};
+    for (const Mesh* mesh : {&bumpy, &small, &boxes, &clutter}) add(*mesh);
+    add_round_and_square(random, 200, 0.1), add_shapes();
     for (uint32_t g : {0u, 2u, 2u, 3u, 4u, 5u, 5u}) place(g, g == 2 || g == 5 ? random_affine(random, 1) : Affine{});
     for (int k = 0; k < 60; ++k) place(1, random_affine(random, 3));
     for (size_t k = 0; k < instances.size(); k += 7) instances[k].visibility = kCamera;
-  }
-  void add_sphere(Vec3d c) { centers.insert(centers.end(), {float(c.x), float(c.y), float(c.z)}), radii.push_back(0.05f); }
-  void add_square(Vec3d c) {
-    const Vec3d x = 0.1 * random.on_sphere(), y = 0.1 * random.on_sphere();
-    for (Vec3d p : {c + x, c + y, c - x, c - y}) {
-      indices.push_back(uint32_t(indices.size()));
-      corners.insert(corners.end(), {float(p.x), float(p.y), float(p.z)});
-    }
-    offsets.push_back(uint32_t(indices.size()));
-  }
-  void place(uint32_t g, const Affine& m) {
-    InstanceView i;
-    i.geometry = g, i.world_from_object = m;
-    instances.push_back(i);
   }
 };
 
