@@ -99,6 +99,7 @@ class GLINT_RENDER_PT_performance(_Panel, bpy.types.Panel):
         native = column.column()
         native.active = group.backend == "NATIVE"
         native.prop(group, "precision")
+        native.prop(group, "acceleration")
         native.prop(group, "threads")
         column.prop(context.scene.render, "preview_pixel_size", text="Viewport Pixel Size")
         column.prop(context.scene.render, "use_persistent_data", text="Persistent Data")

@@ -28,6 +28,13 @@ _BACKEND_ITEMS = (
 )
 
 
+_ACCELERATION_ITEMS = (
+    ("AUTO", "Automatic", "Fast in the viewport, balanced in final renders"),
+    ("FAST", "Fast", "FAST_TEXT"),
+    ("BALANCED", "Balanced", "By the surface area heuristic: the fewest steps per ray for the time"),
+)
+
+
 class GlintRenderSettings(bpy.types.PropertyGroup):
     """How to render; the same group serves the final render and the viewport."""
 
@@ -78,6 +85,11 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
     )
     illumination: EnumProperty(name="Illumination", description="What a light's strength means", items=_ILLUMINATION_ITEMS)
     backend: EnumProperty(name="Tracer", description="Which of the two tracers draws the picture", items=_BACKEND_ITEMS)
+    acceleration: EnumProperty(
+        name="Acceleration",
+        description="How long the core may sort the scene before the first ray. The picture is the same, bit for bit, with any",
+        items=_ACCELERATION_ITEMS,
+    )
     threads: IntProperty(
         name="Threads",
         description="Threads of the native core; 0 takes Blender's own setting, which is all cores unless fixed. "
@@ -146,6 +158,7 @@ def settings_from(
         precision=group.precision,
         illumination=group.illumination,
         backend=group.backend,
+        acceleration=group.acceleration,
         threads=group.threads or fixed_threads,
         filter_width=scene.render.filter_size,
         passes=frozenset(passes) - {"Combined"},
@@ -162,7 +175,8 @@ def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str
     final = settings_from(scene.glint.final, scene)
     backend = final.backend if final.backend in engine.available_backends() else "NUMPY"
     shared = {name: getattr(final, name) for name in ("illumination", "precision", "threads", "filter_width")}
-    return replace(settings, backend=backend, **shared), scene.glint.viewport_pass
+    acceleration = "FAST" if final.acceleration == "AUTO" else final.acceleration
+    return replace(settings, backend=backend, acceleration=acceleration, **shared), scene.glint.viewport_pass
 
 
 _CLASSES = (GlintRenderSettings, GlintSceneSettings, GlintViewLayerSettings)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from typing import Any
 
-ABI_VERSION = 3
+ABI_VERSION = 4
 
 PREPARING, TRACING, HELD, DONE, CANCELLED, FAILED = range(6)
 """States of a render."""
@@ -120,7 +120,7 @@ class SettingsData(Structure):
         + _each(c_double, "error_threshold")
         + _each(c_uint32, "samples light_samples max_bounces threads passes")
         + _each(c_uint32 * 4, "region")
-        + _each(c_int32, "illumination hold_waves")
+        + _each(c_int32, "illumination hold_waves acceleration")
     )
 
 

@@ -12,7 +12,7 @@ from . import core_types
 from .errors import SceneError
 from .sampling import light_points, pixel_offsets
 from .scene import LOBES, Attribute, Camera, Geometry, Input, Instances, Light, Lobe, Mesh, Polygons, Scene, Spheres, Texture
-from .settings import ILLUMINATIONS, Settings
+from .settings import BUILDS, ILLUMINATIONS, Settings
 
 _DOMAINS = ("POINT", "CORNER", "FACE")
 _ENCODINGS = ("LINEAR", "SRGB")
@@ -276,6 +276,7 @@ def pack_settings(scene: Scene, settings: Settings, hold_waves: bool) -> Packed:
         passes=sum(1 << core_types.PASS_NUMBERS[name] for name in passes_of(settings)),
         illumination=number(settings.illumination, ILLUMINATIONS, "illumination"),
         hold_waves=hold_waves,
+        acceleration=BUILDS.index("BALANCED" if settings.acceleration == "AUTO" else settings.acceleration),
     )
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):

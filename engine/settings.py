@@ -8,6 +8,9 @@ PRECISIONS = ("ROBUST",)
 """What the native core offers today; the NumPy tracer is float64 throughout."""
 ILLUMINATIONS = ("PHYSICAL", "CLASSIC")
 BACKENDS = ("NATIVE", "NUMPY")
+BUILDS = ("FAST", "BALANCED")
+"""Ways to build the core's trees, in the order of their time."""
+ACCELERATIONS = ("AUTO", *BUILDS)
 MOST_LIGHT_POINTS = 1 << 23
 """Largest samples × light_samples: the table of points on the lights is made before the first ray."""
 
@@ -22,6 +25,8 @@ class Settings:
     light_samples: per soft light and pixel sample; 1 is the notes' hard shadow from the light's centre.
     max_bounces: depth of mirror and refraction rays; 0 traces none.
     precision, illumination, backend: one of PRECISIONS, ILLUMINATIONS, BACKENDS.
+    acceleration: one of ACCELERATIONS: how much time the core's trees may take to build, and how little its rays. AUTO builds BALANCED
+        ones. Never changes a bit of the picture.
     threads: 0 for one per core. Never changes a bit of the picture.
     filter_width: Blender's pixel filter size in pixels (the Blackman-Harris window spans twice that); 0 samples the centre only.
     passes: names from `film.PASSES` beyond Combined.
@@ -35,6 +40,7 @@ class Settings:
     precision: str = "ROBUST"
     illumination: str = "PHYSICAL"
     backend: str = "NATIVE"
+    acceleration: str = "AUTO"
     threads: int = 0
     filter_width: float = 1.5
     passes: frozenset[str] = frozenset()
@@ -54,6 +60,10 @@ class Settings:
             (self.precision in PRECISIONS, f"precision {self.precision!r} is not one of {', '.join(PRECISIONS)}"),
             (self.illumination in ILLUMINATIONS, f"illumination {self.illumination!r} is not one of {', '.join(ILLUMINATIONS)}"),
             (self.backend in BACKENDS, f"backend {self.backend!r} is not one of {', '.join(BACKENDS)}"),
+            (
+                self.acceleration in ACCELERATIONS,
+                f"acceleration {self.acceleration!r} is not one of {', '.join(ACCELERATIONS)}",
+            ),
             (self.threads >= 0, f"threads is {self.threads}: use 0 (all cores) or more"),
             (0 <= self.filter_width <= 100, f"filter_width is {self.filter_width}: use 0 to 100 pixels"),
         )

@@ -9,6 +9,7 @@ VALUES = {
     "max_bounces": 2,
     "illumination": "CLASSIC",
     "backend": "NUMPY",
+    "acceleration": "FAST",
     "threads": 5,
 }
 

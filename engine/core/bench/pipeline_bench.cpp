@@ -160,7 +160,7 @@ void run(const Grid& grid, const Variant& v) {
   const Description description(grid, v);
   const std::atomic<bool> go_on{false};
   Scene scene(description.data);
-  scene.build(1, go_on);
+  scene.build(1, BuildQuality::kBalanced, go_on);
   std::vector<double> points(4 * v.light_samples + 4);
   for (size_t k = 0; k < points.size(); ++k) points[k] = std::fmod(0.618 * double(k), 1.0) * 1.4 - 0.7;
   RenderPlan plan;

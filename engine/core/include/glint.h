@@ -29,7 +29,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 3
+#define GLINT_ABI_VERSION 4
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -143,6 +143,7 @@ typedef struct GlintSceneData {
 } GlintSceneData;
 
 enum { GLINT_PHYSICAL, GLINT_CLASSIC };
+enum { GLINT_BUILD_FAST, GLINT_BUILD_BALANCED };
 
 /* Passes, as numbers for glint_render_read and as bits (1 << pass) for GlintRenderSettings. */
 enum {
@@ -171,7 +172,8 @@ enum {
 /* region: x0, y0, x1, y1 half open in the full frame.  threads: 0 for one a core.  hold_waves: see glint_render_resume.
  * pixel_offsets: (samples, 2).  light_square, light_disc: (light_point_count, 2), at least samples * light_samples points when
  * light_samples > 1 and a light has an extent; else they may be null.  error_threshold: in 8-bit levels, at least 0 and below 256; pixels
- * whose estimated error it covers take no further samples after a wave. 0: all take all. */
+ * whose estimated error it covers take no further samples after a wave. 0: all take all.  acceleration: of the first render of a scene
+ * counts, the trees are kept. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -180,7 +182,7 @@ typedef struct GlintRenderSettings {
   double error_threshold;
   uint32_t samples, light_samples, max_bounces, threads, passes;
   uint32_t region[4];
-  int32_t illumination, hold_waves;
+  int32_t illumination, hold_waves, acceleration;
 } GlintRenderSettings;
 
 enum { GLINT_PREPARING, GLINT_TRACING, GLINT_HELD, GLINT_DONE, GLINT_CANCELLED, GLINT_FAILED };

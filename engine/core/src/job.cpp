@@ -24,7 +24,7 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   if (refines && g.samples >= Refinement::kFirst) plan.region = widened(plan.shown, camera);
   plan.error_threshold = g.error_threshold;
   plan.samples = g.samples, plan.light_samples = g.light_samples, plan.max_bounces = g.max_bounces, plan.passes = g.passes;
-  plan.threads = threads_for(g.threads);
+  plan.threads = threads_for(g.threads), plan.quality = BuildQuality(g.acceleration);
   plan.physical = g.illumination == GLINT_PHYSICAL, plan.hold_waves = g.hold_waves != 0;
   plan.pixel_offsets = g.pixel_offsets, plan.light_square = g.light_square, plan.light_disc = g.light_disc;
   return plan;
@@ -55,6 +55,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.passes < 1u << GLINT_PASS_COUNT, "settings: unknown passes");
   add(sound_region(g.region, scene.camera), "settings: the region is empty or reaches beyond the frame");
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC, "settings: unknown illumination");
+  add(g.acceleration >= GLINT_BUILD_FAST && g.acceleration <= GLINT_BUILD_BALANCED, "settings: unknown acceleration");
   return text;
 }
 
@@ -93,7 +94,7 @@ void Job::work() {
 }
 
 void Job::run() {
-  if (!scene_.build(plan_.threads, cancel_)) return enter(GLINT_CANCELLED);
+  if (!scene_.build(plan_.threads, plan_.quality, cancel_)) return enter(GLINT_CANCELLED);
   enter(GLINT_TRACING);
   trace_waves();
   enter(cancel_ ? GLINT_CANCELLED : GLINT_DONE);

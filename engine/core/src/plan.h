@@ -2,6 +2,7 @@
 #pragma once
 #include <cstdint>
 
+#include "accel/accel.h"
 #include "film.h"
 #include "light.h"
 
@@ -12,6 +13,7 @@ struct RenderPlan {
   double error_threshold = 0;
   uint32_t samples = 1, light_samples = 1, max_bounces = 0, passes = 0;
   int threads = 1;
+  BuildQuality quality = BuildQuality::kBalanced;
   bool physical = true, hold_waves = false;
   const double* pixel_offsets = nullptr;
   const double* light_square = nullptr;

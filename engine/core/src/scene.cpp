@@ -288,11 +288,11 @@ std::vector<InstanceView> Scene::instance_views() const {
   return views;
 }
 
-bool Scene::build(int threads, const std::atomic<bool>& cancel) {
+bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& cancel) {
   std::lock_guard lock(build_mutex_);
   if (accel_) return true;
   auto start = std::chrono::steady_clock::now();
-  accel_ = Accel::build(geometry_views(), instance_views(), threads, cancel);
+  accel_ = Accel::build(geometry_views(), instance_views(), threads, cancel, quality);
   build_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return accel_ != nullptr;
 }

@@ -46,7 +46,7 @@ class Scene {
   bool near(const GlintCamera& other) const;
 
   /// Makes the trees unless they are there; false when `cancel` became true.
-  bool build(int threads, const std::atomic<bool>& cancel);
+  bool build(int threads, BuildQuality quality, const std::atomic<bool>& cancel);
   const Accel& accel() const { return *accel_; }
 
   Affine anchored(uint32_t row) const { return anchor.matrix(affine(world_from_object + 12 * size_t(row))); }

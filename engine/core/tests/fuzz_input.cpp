@@ -264,15 +264,16 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   const uint32_t w = scene.camera.width, h = scene.camera.height;
   const bool part = dice.chance(0.3);
   s.region[0] = part ? uint32_t(dice.below(w)) : 0, s.region[1] = part ? uint32_t(dice.below(h)) : 0, s.region[2] = w, s.region[3] = h;
-  s.illumination = int32_t(dice.below(2)), s.hold_waves = int32_t(dice.below(2));
+  s.illumination = int32_t(dice.below(2)), s.hold_waves = int32_t(dice.below(2)), s.acceleration = int32_t(dice.below(2));
   if (dice.wildness == 0 || !dice.chance(0.1)) return s;
-  switch (dice.below(7)) {
+  switch (dice.below(8)) {
     case 0: s.region[dice.below(4)] = uint32_t(dice.bits()); break;
     case 1: s.pixel_offsets = nullptr; break;
     case 2: s.light_point_count = 0, s.light_square = nullptr; break;
     case 3: s.max_bounces = uint32_t(dice.bits()); break;
     case 4: s.passes = uint32_t(dice.bits()); break;
     case 5: s.illumination = int32_t(dice.bits()); break;
+    case 6: s.acceleration = int32_t(dice.bits()); break;
     default: s.samples = 0; break;
   }
   return s;

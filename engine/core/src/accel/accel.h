@@ -70,12 +70,15 @@ struct AccelStats {
   double seconds = 0;
 };
 
+/// How much time a build takes, and how little the rays: hits are the same.
+enum class BuildQuality { kFast, kBalanced };
+
 class Accel {
  public:
   virtual ~Accel() = default;
   /// Null when `cancel` became true. Throws std::bad_alloc.
   static std::unique_ptr<Accel> build(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
-                                      const std::atomic<bool>& cancel);
+                                      const std::atomic<bool>& cancel, BuildQuality quality = BuildQuality::kBalanced);
   virtual void closest(const Rays& rays, const Hits& hits) const = 0;
   /// blocked[k] = 1 when anything lies inside the open interval of ray k.
   virtual void occluded(const Rays& rays, uint8_t* blocked) const = 0;

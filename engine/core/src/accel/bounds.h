@@ -22,6 +22,12 @@ inline F4 upper(F4 a, F4 b) { return F4(_mm_max_ps(__m128(a), __m128(b))); }
 inline F4 lower(F4 a, F4 b) { return F4{a[0] < b[0] ? a[0] : b[0], a[1] < b[1] ? a[1] : b[1], a[2] < b[2] ? a[2] : b[2], 0}; }
 inline F4 upper(F4 a, F4 b) { return F4{a[0] > b[0] ? a[0] : b[0], a[1] > b[1] ? a[1] : b[1], a[2] > b[2] ? a[2] : b[2], 0}; }
 #endif
+/// Whether a lane of a mask is set.
+#if defined(__SSE2__)
+inline bool any(I4 mask) { return _mm_movemask_ps(__m128(mask)) != 0; }
+#else
+inline bool any(I4 mask) { return (mask[0] | mask[1] | mask[2] | mask[3]) != 0; }
+#endif
 inline F4 splat(float a) { return F4{a, a, a, a}; }
 
 /// Lane 3 means nothing. Starts empty.
@@ -47,11 +53,11 @@ inline F4 load(const float* p) {
 inline F4 low(const Ref& r) { return load(r.lo); }
 inline F4 high(const Ref& r) { return load(r.hi); }
 
-/// Middle of the box. The numbers in lane 3 are masked: as floats they are denormal, and arithmetic on those is slow.
-inline F4 centroid(const Ref& r) {
-  const I4 mask{-1, -1, -1, 0};
-  return splat(0.5f) * F4(I4(low(r)) & mask) + splat(0.5f) * F4(I4(high(r)) & mask);
-}
+/// Without the number in lane 3: as a float it is denormal, and arithmetic on those is slow.
+inline F4 xyz(F4 v) { return F4(I4(v) & I4{-1, -1, -1, 0}); }
+/// Middle of the box.
+inline F4 centroid(const Ref& r) { return splat(0.5f) * xyz(low(r)) + splat(0.5f) * xyz(high(r)); }
+inline F4 extent(const Box& b) { return xyz(b.hi) - xyz(b.lo); }
 
 /// The next float outside of a double.
 inline float round_down(double a) {

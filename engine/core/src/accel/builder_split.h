@@ -8,9 +8,9 @@ namespace glint {
 
 constexpr int kMaxBins = 32;
 
-/// Refs [begin, end), their box and how much they weigh.
+/// Boxes [begin, end): refs, or clusters of them. Below them are refs [first, first + weight) of the tree.
 struct Range {
-  size_t begin = 0, end = 0, weight = 0;
+  size_t begin = 0, end = 0, first = 0, weight = 0;
   Box box;
   size_t count() const { return end - begin; }
 };
@@ -31,6 +31,10 @@ struct BinMap {
   I4 operator()(const Ref& r) const {
     return __builtin_convertvector(lower(upper((centroid(r) - origin) * scale, F4{}), last), I4);
   }
+  /// Whether the bin along `axis` is one below `bin`, which is neither the first one nor beyond the last.
+  bool below(const Ref& r, int axis, int bin) const {
+    return !((0.5f * r.lo[axis] + 0.5f * r.hi[axis] - origin[axis]) * scale[axis] >= float(bin));
+  }
 };
 
 struct Bins {
@@ -45,7 +49,7 @@ struct Bins {
 /// Refs whose bin along `axis` is below `bin` go left. Axis -1: no split found.
 struct Split {
   int axis = -1, bin = 0;
-  double cost = std::numeric_limits<double>::infinity();
+  float cost = std::numeric_limits<float>::infinity();
   size_t left = 0;
   Box left_box, right_box;
 };

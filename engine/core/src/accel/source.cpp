@@ -45,26 +45,22 @@ Vec3f vertex(const Source& s, size_t index) { return {s.vertices[3 * index], s.v
 F4 f4(Vec3f p) { return F4{p.x, p.y, p.z, 0}; }
 /// Whether two corners are one: the neighbours of such a triangle share an edge without it. (One that is squeezed to a line between three
 /// corners stays: without it a corner of one neighbour would lie within an edge of another, and rays would slip through there.)
-bool pinched(Vec3f a, Vec3f b, Vec3f c) {
-  auto same = [](Vec3f p, Vec3f q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
-  return same(a, b) || same(b, c) || same(c, a);
-}
+bool pinched(F4 a, F4 b, F4 c) { return !any(a != b) || !any(b != c) || !any(c != a); }
 
 /// Whether the area is exactly 0, for coordinates that are floats: nothing of it is ever seen.
-bool flat(Vec3d a, Vec3d b, Vec3d c) {
-  const Vec3d u = b - a, v = c - a;
+bool flat(F4 a, F4 b, F4 c) {
+  const Vec3d p(a[0], a[1], a[2]), u = Vec3d(b[0], b[1], b[2]) - p, v = Vec3d(c[0], c[1], c[2]) - p;
   return u.y * v.z == u.z * v.y && u.z * v.x == u.x * v.z && u.x * v.y == u.y * v.x;
 }
 
 bool triangle_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref, bool& seen) {
   const uint32_t* index = s.geometry->triangles + 3 * primitive;
   if (std::max({index[0], index[1], index[2]}) >= s.geometry->vertex_count) return false;
-  const Vec3f a = vertex(s, index[0]), b = vertex(s, index[1]), c = vertex(s, index[2]);
-  if (!finite(a) || !finite(b) || !finite(c) || pinched(a, b, c)) return false;
-  seen = !flat(Vec3d(a), Vec3d(b), Vec3d(c));
-  Box box;
-  box.add(f4(a)), box.add(f4(b)), box.add(f4(c));
-  ref = make_ref(box, uint32_t(primitive), number);
+  const F4 a = f4(vertex(s, index[0])), b = f4(vertex(s, index[1])), c = f4(vertex(s, index[2]));
+  const F4 none = (a - a) + (b - b) + (c - c);  // 0, or NaN where a coordinate is not finite
+  if (any(none != F4{}) || pinched(a, b, c)) return false;
+  seen = !flat(a, b, c);
+  ref = make_ref(Box{lower(a, lower(b, c)), upper(a, upper(b, c))}, uint32_t(primitive), number);
   return true;
 }
 
@@ -198,12 +194,12 @@ LeafKind kind_of(const GeometryView& g) {
   return g.kind == GeometryView::kMesh ? kTriangleLeaf : g.kind == GeometryView::kSpheres ? kSphereLeaf : kPolygonLeaf;
 }
 
-BuildOptions options_of(LeafKind kind) {
-  switch (kind) {
-    case kTriangleLeaf: return {8, 4};
-    case kSphereLeaf: return {2, 1};
-    default: return {1, 1};
-  }
+BuildOptions options_of(LeafKind kind, BuildQuality quality) {
+  BuildOptions options;
+  if (kind == kSphereLeaf) options.max_leaf = 2, options.min_leaf = 1;
+  else if (kind != kTriangleLeaf) options.max_leaf = options.min_leaf = 1;
+  options.halve = quality == BuildQuality::kFast;
+  return options;
 }
 
 Vec3d corner(const Source& s, size_t index) { return Vec3d(vertex(s, s.geometry->indices[index])); }
@@ -234,7 +230,7 @@ bool make_polygon(const Source& s, size_t primitive, PolygonRecord& record, BoxD
   return true;
 }
 
-Tree make_tree(std::vector<Source>& sources, Team& team, const std::atomic<bool>& cancel) {
+Tree make_tree(std::vector<Source>& sources, BuildQuality quality, Team& team, const std::atomic<bool>& cancel) {
   Tree tree;
   if (sources.empty()) return tree;
   tree.kind = kind_of(*sources.front().geometry);
@@ -243,7 +239,7 @@ Tree make_tree(std::vector<Source>& sources, Team& team, const std::atomic<bool>
   for (const Source& s : sources) tree.dropped += s.geometry->primitive_count;
   tree.dropped -= tree.count = refs.size;
   if (tree.count == 0) return tree;
-  tree.nodes = build_nodes(refs.data.get(), tree.count, options_of(tree.kind), team, cancel);
+  tree.nodes = build_nodes(refs.data.get(), tree.count, options_of(tree.kind, quality), team, cancel);
   tree.ids = origins(refs, team);
   refs = {};
   fill_leaves(tree, sources, team);
@@ -256,7 +252,7 @@ Tree make_instance_tree(std::vector<Ref> boxes, Team& team, const std::atomic<bo
   tree.kind = kInstanceLeaf;
   tree.count = boxes.size();
   if (tree.count == 0) return tree;
-  tree.nodes = build_nodes(boxes.data(), tree.count, options_of(tree.kind), team, cancel);
+  tree.nodes = build_nodes(boxes.data(), tree.count, options_of(tree.kind, BuildQuality::kBalanced), team, cancel);
   for (const Ref& r : boxes) tree.order.push_back(r.primitive);
   return tree;
 }

@@ -35,7 +35,7 @@ struct Tree {
 /// Makes the tree over all sources, which are of one kind. Primitives with a non-finite vertex, an index out of range or no extent are
 /// dropped and counted: triangles with two corners in one point, polygons without area, spheres without radius. Triangles whose corners lie
 /// on a line are counted too, but stay. A tree without primitives has count 0.
-Tree make_tree(std::vector<Source>& sources, Team& team, const std::atomic<bool>& cancel);
+Tree make_tree(std::vector<Source>& sources, BuildQuality quality, Team& team, const std::atomic<bool>& cancel);
 
 /// Makes the tree over boxes alone; `order` tells where they went.
 Tree make_instance_tree(std::vector<Ref> boxes, Team& team, const std::atomic<bool>& cancel);

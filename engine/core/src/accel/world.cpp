@@ -55,22 +55,23 @@ BoxD world_box(const Box& box, const Affine& m) {
 }
 
 std::unique_ptr<Accel> Accel::build(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
-                                    const std::atomic<bool>& cancel) {
+                                    const std::atomic<bool>& cancel, BuildQuality quality) {
   try {
-    return std::make_unique<World>(std::move(geometries), std::move(instances), threads, cancel);
+    return std::make_unique<World>(std::move(geometries), std::move(instances), threads, cancel, quality);
   } catch (const Cancelled&) {
     return nullptr;
   }
 }
 
-World::World(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads, const std::atomic<bool>& cancel)
-    : kernel_(best_kernel()), geometries_(std::move(geometries)), instances_(std::move(instances)) {
+World::World(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads, const std::atomic<bool>& cancel,
+             BuildQuality quality)
+    : kernel_(best_kernel()), quality_(quality), geometries_(std::move(geometries)), instances_(std::move(instances)) {
   const auto start = std::chrono::steady_clock::now();
   if (cancel.load()) throw Cancelled{};
   Team team(threads);
   Plan p = plan();
   for (auto* sources : {&p.meshes, &p.spheres, &p.polygons}) {
-    Tree tree = make_tree(*sources, team, cancel);
+    Tree tree = make_tree(*sources, quality_, team, cancel);
     p.dropped += tree.dropped;
     if (tree.count > 0) trees_.push_back(std::move(tree));
     std::vector<Source>().swap(*sources);
@@ -117,7 +118,7 @@ void World::build_objects(const std::vector<uint32_t>& placed, Team& team, const
   auto build = [&](uint32_t object, Team& with) {
     std::vector<Source> sources;
     sources.push_back({&geometries_[used[object]], 0, nullptr, 1, nullptr, {}});
-    objects_[object] = make_tree(sources, with, cancel);
+    objects_[object] = make_tree(sources, quality_, with, cancel);
   };
   for (uint32_t k = 0; k < used.size(); ++k)
     if (geometries_[used[k]].primitive_count >= kSmall) build(k, team);

@@ -18,7 +18,8 @@ struct Plan {
 
 class World final : public Accel {
  public:
-  World(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads, const std::atomic<bool>& cancel);
+  World(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads, const std::atomic<bool>& cancel,
+        BuildQuality quality);
   void closest(const Rays& rays, const Hits& hits) const override { kernel_.closest(view_, rays, hits); }
   void occluded(const Rays& rays, uint8_t* blocked) const override { kernel_.occluded(view_, rays, blocked); }
   std::string validate() const override;
@@ -32,6 +33,7 @@ class World final : public Accel {
   void count(const Plan& plan);
 
   const Kernel& kernel_;
+  const BuildQuality quality_;
   std::vector<GeometryView> geometries_;
   std::vector<InstanceView> instances_;
   std::vector<Tree> trees_;            // in world space: meshes, spheres, polygons, instances, as far as there are any
