@@ -51,7 +51,8 @@ struct GroupLevel {
   uint32_t still(uint32_t rays, float distance) const { return rays & bits(load(w.bundles.rays.last + k) > splat(distance)); }
   static bool few(uint32_t rays) { return __builtin_popcount(rays) <= 2; }
   void split(ChildRef child, uint32_t rays) {
-    for (; rays; rays &= rays - 1) walk_ray(w, k + __builtin_ctz(rays), child), w.trim(k + __builtin_ctz(rays));
+    walk_rays(w, uint64_t(rays) << k, child);
+    for (; rays; rays &= rays - 1) w.trim(k + __builtin_ctz(rays));
     shorten();
   }
   void shorten() {
@@ -260,14 +261,13 @@ inline void walk_tile(Walk<Any>& w) {
     else set_ray_lines(tile, w.bundles, k), set_group(tile, w.bundles, g);
   }
   if (one_kind && (alive_groups & (alive_groups - 1))) return walk_together(w, alive_groups, one_point);
+  uint64_t single = 0;
   for (uint32_t m = alive_groups; m; m &= m - 1) {
-    const int g = __builtin_ctz(m), k = g * kLanes;
-    if (even >> g & 1) {
-      walk_group(w, g, false);
-    } else {
-      for (uint32_t rays = living(tile, k); rays; rays &= rays - 1) walk_ray(w, k + __builtin_ctz(rays), w.tree.root);
-    }
+    const int g = __builtin_ctz(m);
+    if (even >> g & 1) walk_group(w, g, false);
+    else single |= uint64_t(living(tile, g * kLanes)) << g * kLanes;
   }
+  if (single) walk_rays(w, single, w.tree.root);
 }
 
 /// The tile's rays through its tree. xyz_o, xyz_d, slot, count, instance, answers, tree and world are set.
