@@ -7,7 +7,7 @@ namespace glint {
 namespace {
 
 template <bool Any>
-void trace_instances(Walk<Any>& w, ChildRef leaf, uint64_t rays);
+void visit_instances(Walk<Any>& w, uint64_t rays, ChildRef root);
 
 /// One ray's numbers for boxes, in all lanes. Slabs are ordered by the direction's signs.
 struct BoxRay {
@@ -113,7 +113,6 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
 template <bool Any>
 inline void hit_leaf(Walk<Any>& w, int r, ChildRef leaf, const Order& order) {
   if (w.tree.kind == kTriangleLeaf) hit_triangles(w, r, leaf, order);
-  else if (w.tree.kind == kInstanceLeaf) trace_instances(w, leaf, uint64_t(1) << r);
   else hit_shapes(w, r, leaf);
 }
 
@@ -141,6 +140,10 @@ struct Walker {
     stack[0] = {kDone, -kFar}, top = stack + 1;
   }
   bool at_node() const { return !(child & kLeaf); }
+  /// After a hit.
+  void shorten(const Tile& tile) { end = tile.hi[r], box.last = splat(end); }
+  /// All but the first primitive of a leaf.
+  void push_rest() { *top++ = {child + 1 - (1u << kCountShift), -kFar}; }
   void pop() {
     do --top;
     while (top->distance > end);
@@ -186,7 +189,7 @@ inline bool step(Walk<Any>& w, Walker& a) {
   if (a.at_node()) return a.descend(w.tree.nodes[a.child]), true;
   if (a.child == kDone) return false;
   hit_leaf(w, a.r, a.child, *a.order);
-  a.end = w.tile.hi[a.r], a.box.last = splat(a.end);
+  a.shorten(w.tile);
   if (Any && !alive(w.tile, a.r)) return false;
   a.pop();
   return true;
@@ -195,6 +198,7 @@ inline bool step(Walk<Any>& w, Walker& a) {
 /// Rays of a tile through the part of its tree below `root`. Bundles do not learn of it: Walk::trim.
 template <bool Any>
 __attribute__((noinline)) void walk_rays(Walk<Any>& w, uint64_t rays, ChildRef root) {
+  if (w.tree.kind == kInstanceLeaf) return visit_instances(w, rays, root);
   Walker walkers[kWalkers], *last = walkers;
   for (int k = 0; rays && k < kWalkers; ++k, rays &= rays - 1) {
     last->next = &walkers[k], last = &walkers[k];

@@ -270,7 +270,7 @@ inline void walk_tile(Walk<Any>& w) {
   if (single) walk_rays(w, single, w.tree.root);
 }
 
-/// The tile's rays through its tree. xyz_o, xyz_d, slot, count, instance, answers, tree and world are set.
+/// The tile's rays through its tree. xyz_o, xyz_d, slot, count, instances, answers, tree and world are set.
 template <bool Any>
 __attribute__((noinline)) void trace_tile(Tile& tile) {
   if (tile.count == 0 || !set_tile(tile)) return;
@@ -315,7 +315,7 @@ template <bool Any>
 inline void trace(const WorldView& world, const Rays& rays, size_t first, int count, Answers& answers) {
   Columns columns;
   Tile tile;
-  tile.answers = &answers, tile.world = &world, tile.instance = Hit::kNone;
+  tile.answers = &answers, tile.world = &world, tile.instances = nullptr;
   answers.visibility = rays.visibility, answers.masks = rays.visibility & world.common_visibility ? nullptr : world.visibility;
   answers.t_min = rays.t_min + first, answers.t_max = rays.t_max + first;
   for (int k = 0; k < kTile; ++k) tile.slot[k] = uint8_t(k);
