@@ -17,15 +17,15 @@ struct Triangles {
   const float* at(int corner, int axis) const { return p + (3 * corner + axis) * n; }
 };
 
-inline PrimitiveId id_of(const Tile& tile, uint32_t ordinal) {
+inline PrimitiveId id_of(const Tile& tile, int r, uint32_t ordinal) {
   PrimitiveId id = tile.tree->ids[ordinal];
-  if (tile.instance != Hit::kNone) id.instance = tile.instance;
+  if (tile.instances) id.instance = tile.instances[r];
   return id;
 }
 /// Instances were asked before.
 inline bool visible(const Tile& tile, uint32_t ordinal) {
   const Answers& a = *tile.answers;
-  return !a.masks || tile.instance != Hit::kNone || (a.masks[tile.tree->ids[ordinal].instance] & a.visibility) != 0;
+  return !a.masks || tile.instances || (a.masks[tile.tree->ids[ordinal].instance] & a.visibility) != 0;
 }
 
 /// A tile on its way through a tree.
@@ -64,7 +64,7 @@ struct Walk {
   }
   void take(int r, ChildRef leaf, int place) {
     const Exact<double> e = exact(r, leaf, place);
-    tile.answers->template accept<Any>(tile.slot[r], e.depth / tile.along[r], e.u, e.v, id_of(tile, leaf_first(leaf) + uint32_t(place)));
+    tile.answers->template accept<Any>(tile.slot[r], e.depth / tile.along[r], e.u, e.v, id_of(tile, r, leaf_first(leaf) + uint32_t(place)));
   }
   /// Decides in double between a triangle and the best hit so far.
   __attribute__((noinline)) void decide(int r, ChildRef leaf, int place) {
@@ -301,7 +301,7 @@ __attribute__((noinline)) void hit_shapes(Walk<Any>& w, int r, ChildRef leaf) {
   const int slot = w.tile.slot[r];
   for (uint32_t k = leaf_first(leaf), last = k + uint32_t(leaf_count(leaf)); k < last; ++k) {
     if (!visible(w.tile, k)) continue;
-    const PrimitiveId id = id_of(w.tile, k);
+    const PrimitiveId id = id_of(w.tile, r, k);
     if (w.tree.kind == kSphereLeaf) hit_sphere(w, slot, ray, w.tree.floats + 4 * size_t(k), id);
     else hit_polygon(w, slot, ray, w.tree.polygons[k], id);
   }
@@ -320,12 +320,13 @@ inline void gather_corners(const Tile& tile, int k, uint32_t mask, float (&corne
                       (kind == Ints{} + int32_t(tile.kind[r]));
     const Triangles leaf(*tile.tree, tile.pending[r]);
     const Order& order = order_of(tile, r);
-    const PrimitiveId id = id_of(tile, leaf_first(tile.pending[r]) + tile.place[r]);
+    const PrimitiveId id = id_of(tile, r, leaf_first(tile.pending[r]) + tile.place[r]);
     for (int j = 0; j < 3; ++j)
       for (int a = 0; a < 3; ++a) p[3 * j + a] = select(same, splat(leaf.at(j, order.axes[a])[tile.place[r]]), p[3 * j + a]);
     instance |= same & int32_t(id.instance), primitive |= same & int32_t(id.primitive);
     mask &= ~bits(same);
   }
+  if (tile.instances) instance = load(tile.instances + k);
   for (int j = 0; j < 9; ++j) store(corner[j], p[j]);
 }
 
@@ -343,7 +344,7 @@ inline void finish_group(Walk<false>& w, int k) {
   uint32_t close = 0;
   for (int h = 0; h < kLanes; h += kDoubles) close |= exact_hits(tile, k, h, corner, t, u, v) << h;
   Answers& answers = *tile.answers;
-  if ((mask & close) == (1u << kLanes) - 1 && tile.instance == Hit::kNone) {  // slots are those of the rays
+  if ((mask & close) == (1u << kLanes) - 1 && !tile.instances) {  // slots are those of the rays
     for (int h = 0; h < kLanes; h += kDoubles) store(answers.t + k + h, load(t + h));
     store(answers.u + k, load(u)), store(answers.v + k, load(v));
     store(answers.instance + k, instance), store(answers.primitive + k, primitive);

@@ -1,4 +1,5 @@
-// One ray through a tree, nearest boxes first.
+// Rays through a tree each on its own, nearest boxes first. Several are on their way at a time, in turns: a processor that waits for the box
+// or the triangle of one of them has work with the others.
 #pragma once
 #include "kernel_leaves.h"
 
@@ -6,24 +7,28 @@ namespace glint {
 namespace {
 
 template <bool Any>
-void trace_instances(Walk<Any>& w, ChildRef leaf, uint64_t rays);
+void visit_instances(Walk<Any>& w, uint64_t rays, ChildRef root);
 
 /// One ray's numbers for boxes, in all lanes. Slabs are ordered by the direction's signs.
 struct BoxRay {
   Floats near_o[3], far_o[3], near_inverse[3], far_inverse[3], first, last;
   uint32_t near_plane[3], far_plane[3];  // offsets in Node::planes
-  BoxRay(const Tile& tile, int r, const Order& order) : first(splat(tile.begin_lo[r])), last(splat(tile.hi[r])) {
+  void set(const Tile& tile, int r, const Order& order) {
+    first = splat(tile.begin_lo[r]), last = splat(tile.hi[r]);
     // The triangle test rounds p - o as these slabs do: what else it rounds is half of the room, and nothing along the depth.
     const float room = 0.5f * tile.room;
     for (int k = 0; k < 2; ++k) {
       const float inverse = 1 / tile.slope[k][r];
-      uint32_t sign_bit;
-      __builtin_memcpy(&sign_bit, &inverse, sizeof sign_bit);
-      const bool back = sign_bit >> 31;
-      const float o = tile.of[k][r], outward = back ? -room : room;
-      near_o[k] = splat(o + outward), far_o[k] = splat(o - outward);
+      uint32_t back, outward_bits;
+      __builtin_memcpy(&back, &inverse, sizeof back);
+      __builtin_memcpy(&outward_bits, &room, sizeof room);
+      back &= 0x80000000u, outward_bits |= back;
+      float outward;
+      __builtin_memcpy(&outward, &outward_bits, sizeof outward);
+      near_o[k] = splat(tile.of[k][r] + outward), far_o[k] = splat(tile.of[k][r] - outward);
       set_inverse(k, inverse);
-      near_plane[k] = back ? order.high[k] : order.low[k], far_plane[k] = back ? order.low[k] : order.high[k];
+      const uint32_t turned = (order.low[k] ^ order.high[k]) & -(back >> 31);
+      near_plane[k] = order.low[k] ^ turned, far_plane[k] = order.high[k] ^ turned;
     }
     near_o[2] = far_o[2] = splat(order.sign * tile.start[r]);
     set_inverse(2, order.sign);
@@ -108,7 +113,6 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
 template <bool Any>
 inline void hit_leaf(Walk<Any>& w, int r, ChildRef leaf, const Order& order) {
   if (w.tree.kind == kTriangleLeaf) hit_triangles(w, r, leaf, order);
-  else if (w.tree.kind == kInstanceLeaf) trace_instances(w, leaf, uint64_t(1) << r);
   else hit_shapes(w, r, leaf);
 }
 
@@ -117,58 +121,98 @@ struct Waiting {
   float distance;
 };
 
-/// Puts the children of `mask`, three or more, on the stack, the nearest on top, and takes that one off.
-inline Waiting nearest_of(const Node& n, uint32_t mask, const float* distance, Waiting*& top) {
-  Waiting* const base = top;
-  for (; mask; mask &= mask - 1) {
-    const int k = __builtin_ctz(mask);
-    const Waiting e{n.child[k], distance[k]};
-    Waiting* p = top++;
-    for (; p > base && p[-1].distance < e.distance; --p) *p = p[-1];
-    *p = e;
+constexpr ChildRef kDone = ~0u;  // instead of a leaf: there is nothing left to do
+
+/// One ray on its way: `child` is where it goes next.
+struct Walker {
+  BoxRay box;
+  const Order* order;
+  int r;
+  float end;
+  ChildRef child;
+  Walker* next;  // whose turn it is then
+  Waiting* top;
+  Waiting stack[kStack + 2];
+
+  void start(const Tile& tile, int ray, ChildRef root) {
+    r = ray, order = &order_of(tile, ray), child = root, end = tile.hi[ray];
+    box.set(tile, ray, *order);
+    stack[0] = {kDone, -kFar}, top = stack + 1;
   }
-  return *--top;
+  bool at_node() const { return !(child & kLeaf); }
+  /// After a hit.
+  void shorten(const Tile& tile) { end = tile.hi[r], box.last = splat(end); }
+  /// All but the first primitive of a leaf.
+  void push_rest() { *top++ = {child + 1 - (1u << kCountShift), -kFar}; }
+  void pop() {
+    do --top;
+    while (top->distance > end);
+    child = top->child;
+  }
+  /// To the nearest child of a node that the ray meets, or what was left for later.
+  void descend(const Node& n) {
+    const BoxHits met(n, box);
+    alignas(64) float distance[kWidth];
+    for (int k = 0; k < kWidth / kLanes; ++k) store(distance + k * kLanes, met.near[k]);
+    const uint32_t inner = met.mask & (met.mask - 1);
+    if (inner & (inner - 1)) push_many(n, met.mask, distance);
+    else push_two(n, met.mask, distance);
+    pop();
+  }
+  /// No, one or two children, the nearer on top. Nobody can foresee how many, nor which: hence no branches.
+  void push_two(const Node& n, uint32_t mask, const float* distance) {
+    const uint32_t one = lowest_bit(mask | 1u << (kWidth - 1)), two = highest_bit(mask | 1);  // the same one when there is one
+    const float a = distance[one], b = distance[two];
+    const uint32_t swap = (one ^ two) & -uint32_t(a < b);
+    top[0] = {n.child[one ^ swap], larger(a, b)}, top[1] = {n.child[two ^ swap], smaller(a, b)};
+    top += __builtin_popcount(mask);
+  }
+  static uint32_t lowest_bit(uint32_t mask) { return uint32_t(__builtin_ctz(mask)); }
+  static uint32_t highest_bit(uint32_t mask) { return 31 - uint32_t(__builtin_clz(mask)); }
+  void push_many(const Node& n, uint32_t mask, const float* distance) {
+    Waiting* const base = top;
+    for (; mask; mask &= mask - 1) {
+      const int k = __builtin_ctz(mask);
+      const Waiting e{n.child[k], distance[k]};
+      Waiting* p = top++;
+      for (; p > base && p[-1].distance < e.distance; --p) *p = p[-1];
+      *p = e;
+    }
+  }
+};
+
+constexpr int kWalkers = 8;
+
+/// One step of a walker; false when its ray is through.
+template <bool Any>
+inline bool step(Walk<Any>& w, Walker& a) {
+  if (a.at_node()) return a.descend(w.tree.nodes[a.child]), true;
+  if (a.child == kDone) return false;
+  hit_leaf(w, a.r, a.child, *a.order);
+  a.shorten(w.tile);
+  if (Any && !alive(w.tile, a.r)) return false;
+  a.pop();
+  return true;
 }
 
-/// One ray through the part of a tree below `child`. Bundles do not learn of it: Walk::trim.
+/// Rays of a tile through the part of its tree below `root`. Bundles do not learn of it: Walk::trim.
 template <bool Any>
-__attribute__((noinline)) void walk_ray(Walk<Any>& w, int r, ChildRef child) {
-  const Order& order = order_of(w.tile, r);
-  Waiting stack[kStack], *top = stack;
-  BoxRay b(w.tile, r, order);
-  float end = w.tile.hi[r];
-  alignas(64) float distance[kWidth];
-  for (;;) {
-    bool missed = false;
-    while (!(child & kLeaf)) {
-      const Node& n = w.tree.nodes[child];
-      const BoxHits met(n, b);
-      if ((missed = met.mask == 0)) break;
-      const int one = __builtin_ctz(met.mask);
-      uint32_t others = met.mask & (met.mask - 1);
-      child = n.child[one];
-      if (!others) continue;
-      for (int k = 0; k < kWidth / kLanes; ++k) store(distance + k * kLanes, met.near[k]);
-      const int two = __builtin_ctz(others);
-      if (others & (others - 1)) {
-        child = nearest_of(n, met.mask, distance, top).child;
-        continue;
-      }
-      const bool swap = distance[two] < distance[one];
-      *top++ = {n.child[swap ? one : two], distance[swap ? one : two]};
-      child = n.child[swap ? two : one];
+__attribute__((noinline)) void walk_rays(Walk<Any>& w, uint64_t rays, ChildRef root) {
+  if (w.tree.kind == kInstanceLeaf) return visit_instances(w, rays, root);
+  Walker walkers[kWalkers], *last = walkers;
+  for (int k = 0; rays && k < kWalkers; ++k, rays &= rays - 1) {
+    last->next = &walkers[k], last = &walkers[k];
+    last->start(w.tile, __builtin_ctzll(rays), root);
+  }
+  last->next = walkers;
+  for (Walker *before = last, *a = walkers;; before = a, a = a->next) {
+    if (step(w, *a)) continue;
+    if (rays) {
+      a->start(w.tile, __builtin_ctzll(rays), root), rays &= rays - 1;
+    } else {
+      if (a == before) return;
+      before->next = a->next, a = before;
     }
-    if (!missed) {
-      hit_leaf(w, r, child, order);
-      end = w.tile.hi[r];
-      if (Any && !(end > -kFar)) return;
-      b.last = splat(end);
-    }
-    do {
-      if (top == stack) return;
-      --top;
-    } while (top->distance > end);
-    child = top->child;
   }
 }
 

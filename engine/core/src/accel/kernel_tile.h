@@ -54,7 +54,7 @@ struct Tile {
   float room;                         // bound of the rounding of float coordinates, for boxes
   float far_room;                     // of that, the rounding of double for rays from far away
   double close;                       // exact rays pass triangles that they hit within this
-  uint32_t instance;                  // of the tree, or Hit::kNone in world space: the leaves know
+  const uint32_t* instances;          // by way of which each ray came, or null in world space: the leaves know
   Answers* answers;
   const TreeView* tree;
   const WorldView* world;

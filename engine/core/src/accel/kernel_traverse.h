@@ -1,7 +1,7 @@
 // Tiles of 64 rays through the trees, nearest boxes first. A tile goes down as one bundle while its rays stay together; where few of its
 // groups are left, those go on as smaller bundles, and where few rays of a group are left, those go on one by one.
 #pragma once
-#include "kernel_single.h"
+#include "kernel_instances.h"
 
 namespace glint {
 namespace {
@@ -51,7 +51,8 @@ struct GroupLevel {
   uint32_t still(uint32_t rays, float distance) const { return rays & bits(load(w.bundles.rays.last + k) > splat(distance)); }
   static bool few(uint32_t rays) { return __builtin_popcount(rays) <= 2; }
   void split(ChildRef child, uint32_t rays) {
-    for (; rays; rays &= rays - 1) walk_ray(w, k + __builtin_ctz(rays), child), w.trim(k + __builtin_ctz(rays));
+    walk_rays(w, uint64_t(rays) << k, child);
+    for (; rays; rays &= rays - 1) w.trim(k + __builtin_ctz(rays));
     shorten();
   }
   void shorten() {
@@ -260,17 +261,16 @@ inline void walk_tile(Walk<Any>& w) {
     else set_ray_lines(tile, w.bundles, k), set_group(tile, w.bundles, g);
   }
   if (one_kind && (alive_groups & (alive_groups - 1))) return walk_together(w, alive_groups, one_point);
+  uint64_t single = 0;
   for (uint32_t m = alive_groups; m; m &= m - 1) {
-    const int g = __builtin_ctz(m), k = g * kLanes;
-    if (even >> g & 1) {
-      walk_group(w, g, false);
-    } else {
-      for (uint32_t rays = living(tile, k); rays; rays &= rays - 1) walk_ray(w, k + __builtin_ctz(rays), w.tree.root);
-    }
+    const int g = __builtin_ctz(m);
+    if (even >> g & 1) walk_group(w, g, false);
+    else single |= uint64_t(living(tile, g * kLanes)) << g * kLanes;
   }
+  if (single) walk_rays(w, single, w.tree.root);
 }
 
-/// The tile's rays through its tree. xyz_o, xyz_d, slot, count, instance, answers, tree and world are set.
+/// The tile's rays through its tree. xyz_o, xyz_d, slot, count, instances, answers, tree and world are set.
 template <bool Any>
 __attribute__((noinline)) void trace_tile(Tile& tile) {
   if (tile.count == 0 || !set_tile(tile)) return;
@@ -279,75 +279,6 @@ __attribute__((noinline)) void trace_tile(Tile& tile) {
   walk_tile(w);
   if constexpr (!Any)
     for (int k = 0; k < tile.count; k += kLanes) finish_group(w, k);
-}
-
-inline D3 to_object(const InstanceRecord& i, D3 v) { return v.x * d3(i.linear) + v.y * d3(i.linear + 3) + v.z * d3(i.linear + 6); }
-
-/// Rays in arrays of their own.
-struct Columns {
-  alignas(64) double values[8][kTile];
-
-  void show(Tile& tile) const {
-    for (int a = 0; a < 3; ++a) tile.xyz_o[a] = values[a], tile.xyz_d[a] = values[3 + a];
-    tile.t_min = values[6], tile.t_max = values[7];
-  }
-  /// Rays that hit nothing, up to a whole group.
-  void fill(int count) {
-    for (int k = count; k % kLanes; ++k)
-      for (auto& column : values) column[k] = 0;
-  }
-};
-
-/// Whether a ray certainly misses the ball round a tree: by far more than rounding.
-inline bool passes_by(const TreeView& tree, D3 o, D3 d) {
-  const D3 f = d3(tree.center) - o, n = {f.y * d.z - f.z * d.y, f.z * d.x - f.x * d.z, f.x * d.y - f.y * d.x};
-  return dot(n, n) > (tree.radius * tree.radius + dot(f, f) * 0x1p-40) * dot(d, d);
-}
-
-/// Some rays of a tile through one instance's tree.
-template <bool Any>
-__attribute__((noinline)) void trace_instance(Walk<Any>& w, const InstanceRecord& instance, uint64_t rays) {
-  Tile inner;
-  Columns columns;
-  const Answers& answers = *w.tile.answers;
-  inner.answers = w.tile.answers, inner.tree = &w.world.objects[instance.tree], inner.world = &w.world;
-  inner.instance = instance.instance, inner.count = 0;
-  uint8_t from[kTile];
-  for (uint64_t m = rays; m; m &= m - 1) {
-    const int r = __builtin_ctzll(m), k = inner.count++, s = w.tile.slot[r];
-    const Tile& t = w.tile;
-    const D3 o = to_object(instance, D3{t.xyz_o[0][r], t.xyz_o[1][r], t.xyz_o[2][r]} - d3(instance.origin));
-    const D3 d = to_object(instance, {t.xyz_d[0][r], t.xyz_d[1][r], t.xyz_d[2][r]});
-    if (passes_by(*inner.tree, o, d)) {
-      --inner.count;
-      continue;
-    }
-    const double end = Any || answers.t_max[s] < answers.t[s] ? answers.t_max[s] : answers.t[s];
-    const double row[8] = {o.x, o.y, o.z, d.x, d.y, d.z, t.t_min[r], end};
-    for (int c = 0; c < 8; ++c) columns.values[c][k] = row[c];
-    inner.slot[k] = uint8_t(s), from[k] = uint8_t(r);
-  }
-  if (inner.count == 0) return;
-  columns.fill(inner.count);
-  columns.show(inner);
-  trace_tile<Any>(inner);
-  for (int k = 0; k < inner.count; ++k) {
-    const int s = inner.slot[k];
-    if (!Any && answers.t[s] == columns.values[7][k]) continue;
-    w.update(from[k]), w.trim(from[k]);
-  }
-}
-
-template <bool Any>
-void trace_instances(Walk<Any>& w, ChildRef leaf, uint64_t rays) {
-  for (uint32_t k = leaf_first(leaf), last = k + uint32_t(leaf_count(leaf)); k < last; ++k) {
-    const InstanceRecord& instance = w.world.instances[k];
-    if (!(instance.visibility & w.tile.answers->visibility)) continue;
-    uint64_t living = 0;
-    for (uint64_t m = rays; m; m &= m - 1)
-      if (alive(w.tile, __builtin_ctzll(m))) living |= m & -m;
-    if (living) trace_instance(w, instance, living);
-  }
 }
 
 /// Rays [first, first + count) of a batch: where they are when they fill a tile, else in `columns`.
@@ -384,7 +315,7 @@ template <bool Any>
 inline void trace(const WorldView& world, const Rays& rays, size_t first, int count, Answers& answers) {
   Columns columns;
   Tile tile;
-  tile.answers = &answers, tile.world = &world, tile.instance = Hit::kNone;
+  tile.answers = &answers, tile.world = &world, tile.instances = nullptr;
   answers.visibility = rays.visibility, answers.masks = rays.visibility & world.common_visibility ? nullptr : world.visibility;
   answers.t_min = rays.t_min + first, answers.t_max = rays.t_max + first;
   for (int k = 0; k < kTile; ++k) tile.slot[k] = uint8_t(k);
