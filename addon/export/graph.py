@@ -59,6 +59,28 @@ def source(place: Place) -> Place | None:
     return None
 
 
+_GEOMETRIC = ("Vector", "Normal", "Coat Normal", "Tangent")
+"""Inputs that colour no surface here."""
+
+
+def images_behind(socket: Any) -> list[tuple[Any, Any]]:
+    """Image and ImageUser of the Image Texture nodes that may colour what a shader socket gets, each node once."""
+    found, seen, waiting = [], set(), [Place(socket)]
+    while waiting:
+        place = source(waiting.pop())
+        if place is None or not place.socket.is_output or place.node.mute:
+            continue
+        key = (place.node.as_pointer(), *(group.as_pointer() for group in place.path))
+        if key in seen:
+            continue
+        seen.add(key)
+        if place.node.bl_idname == "ShaderNodeTexImage":
+            found.append((place.node.image, place.node.image_user))
+        else:
+            waiting += [place.beside(entry) for entry in place.node.inputs if entry.is_linked and entry.name not in _GEOMETRIC]
+    return found
+
+
 def closes_circle(socket: Any) -> bool:
     """Whether a link comes in that Blender marked as invalid because it closes a circle, and which `source` therefore does not follow.
 

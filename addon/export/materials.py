@@ -8,7 +8,7 @@ from typing import Any
 from ...engine.scene import LOBES, Lobe, Material, Texture
 from . import nodes_color, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
 from .evaluator import Closure, Evaluator, LobeKey, add_closures, scale_closure
-from .graph import Place, node_tree, socket_named
+from .graph import Place, images_behind, node_tree, socket_named
 from .images import Images
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
@@ -84,7 +84,9 @@ def _surface(tree: Any, evaluator: Evaluator) -> Closure:
         socket = socket_named(output.inputs, name)
         if socket is not None and socket.is_linked:
             evaluator.note(sentence)
-    return evaluator.closure(Place(socket_named(output.inputs, "Surface")))
+    surface = socket_named(output.inputs, "Surface")
+    evaluator.images.expect(images_behind(surface))
+    return evaluator.closure(Place(surface))
 
 
 def _viewport_surface(material: Any) -> Closure:

@@ -35,11 +35,22 @@ class Pixels:
 
 @dataclass(frozen=True, eq=False)
 class Raw:
-    """Decoded values: (h, w, 1-4) uint8 or float32; linear: already scene-linear; premultiplied: colours hold alpha already."""
+    """Decoded values: (h, w, 4) uint8 or float32; opaque: alpha is 1 everywhere; linear: already scene-linear; premultiplied: colours
+    hold alpha already."""
 
-    values: np.ndarray
+    rgba: np.ndarray
+    opaque: bool
     linear: bool = False
     premultiplied: bool = False
+
+
+@dataclass(frozen=True)
+class Source:
+    """What an image is decoded from, apart from Blender: its packed bytes or, without any, the file at `path`."""
+
+    path: str
+    packed: bytes | None
+    alpha_mode: str
 
 
 def openimageio() -> Any:
@@ -57,27 +68,44 @@ def openimageio() -> Any:
     return OpenImageIO
 
 
-def read(image: Any, path: str) -> Pixels:
-    """Pixels of `image` (original data-block), of the file `path` where the image stands for several files. Raises ImageError."""
-    raw = _raw(image, path)
-    if raw.values.size == 0:
-        raise ImageError("is empty")
-    rgba = _four_channels(raw.values, image.alpha_mode)
-    return _managed(rgba, raw, image)
+def read(image: Any, path: str, decoded: Raw | ImageError | None = None) -> Pixels:
+    """Pixels of `image` (original data-block), of the file `path` where the image stands for several files. Raises ImageError.
+
+    decoded: what `decode` gave for it, where that was called already.
+    """
+    if decoded is None:
+        origin = source(image, path)
+        decoded = decode(origin) if origin is not None else _from_blender(image)
+    raw = decoded if isinstance(decoded, Raw) else _from_blender(image)
+    return _managed(raw, image)
 
 
-def _raw(image: Any, path: str) -> Raw:
-    """From the packed bytes or the file, or from Blender where only it knows."""
+def source(image: Any, path: str) -> Source | None:
+    """What there is to decode; None where only Blender knows the pixels. Raises ImageError where there is no file."""
     if image.source in ("GENERATED", "MOVIE") or image.is_dirty or openimageio() is None:
-        return _from_blender(image)
+        return None
     packed = _packed_bytes(image, path)
     if packed is None and not Path(path).is_file():
         raise ImageError(f"has no file at '{path}'")
+    return Source(path, packed, image.alpha_mode)
+
+
+def decode(origin: Source) -> Raw | ImageError:
+    """The values, or why there are none. Asks nothing of Blender: any thread may call it."""
     try:
-        values = _from_bytes(packed, path) if packed is not None else _from_file(path)
-    except ImageError:
-        return _from_blender(image)
-    return Raw(values[0], premultiplied=values[1] and image.alpha_mode == "PREMUL")
+        from_bytes = origin.packed is not None
+        values, premultiplied = _from_bytes(origin.packed, origin.path) if from_bytes else _from_file(origin.path)
+        return _raw(values, origin.alpha_mode, premultiplied=premultiplied and origin.alpha_mode == "PREMUL")
+    except ImageError as error:
+        return error
+
+
+def _raw(values: np.ndarray, alpha_mode: str, linear: bool = False, premultiplied: bool = False) -> Raw:
+    """From (h, w, 1-4) values. Raises ImageError where there are none."""
+    if values.size == 0:
+        raise ImageError("is empty")
+    rgba = _four_channels(values, alpha_mode)
+    return Raw(rgba, values.shape[2] in (1, 3) or _opaque(rgba), linear, premultiplied)
 
 
 def _packed_bytes(image: Any, path: str) -> bytes | None:
@@ -91,9 +119,19 @@ def _packed_bytes(image: Any, path: str) -> bytes | None:
 def _from_bytes(data: bytes, path: str) -> tuple[np.ndarray, bool]:
     """OpenImageIO's Python door reads files only, so packed bytes pass through a temporary one."""
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / ("packed" + (PurePath(path).suffix or ".png"))
+        file = Path(folder) / ("packed" + _suffix(data, path))
         file.write_bytes(data)
         return _from_file(str(file))
+
+
+_FIRST_BYTES = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png", b"v/1\x01": ".exr"}
+"""OpenImageIO tries the format that the name says first; from another it decodes some images twice."""
+
+
+def _suffix(data: bytes, path: str) -> str:
+    """What the name of a file with these bytes should end with."""
+    known = next((suffix for first, suffix in _FIRST_BYTES.items() if data.startswith(first)), None)
+    return known or PurePath(path).suffix or ".png"
 
 
 def _from_file(path: str) -> tuple[np.ndarray, bool]:
@@ -110,16 +148,14 @@ def _from_file(path: str) -> tuple[np.ndarray, bool]:
         values = file.read_image(0, 0, 0, spec.nchannels, "uint8" if bytes_only else "float")
         if values is None:
             raise ImageError(f"cannot be decoded: {file.geterror().strip()}")
-        picked = np.asarray(values)[::-1][:, :, _color_channels(list(spec.channelnames))]
-        return picked, not spec.get_int_attribute("oiio:UnassociatedAlpha", 0)
+        values, names = np.asarray(values)[::-1], list(spec.channelnames)
+        return values if len(names) <= 4 else values[:, :, _color_channels(names)], not spec.get_int_attribute("oiio:UnassociatedAlpha", 0)
     finally:
         file.close()
 
 
 def _color_channels(names: list[str]) -> list[int]:
-    """Red, green, blue and alpha of a file with many channels; else its first four."""
-    if len(names) <= 4:
-        return list(range(len(names)))
+    """Red, green, blue and alpha of a file with more than four channels; else its first four."""
     last = [name.rsplit(".", 1)[-1].upper() for name in names]
     found = [last.index(letter) for letter in "RGBA" if letter in last]
     return found if len(found) >= 3 else [0, 1, 2, 3]
@@ -138,24 +174,27 @@ def _from_blender(image: Any) -> Raw:
         raise ImageError(f"cannot be read: {error}") from error
     values = values.reshape(height, width, channels)
     if image.is_float:
-        return Raw(values, linear=True, premultiplied=image.alpha_mode in ("STRAIGHT", "PREMUL"))
-    return Raw(np.rint(values * 255).astype(np.uint8))
+        return _raw(values, image.alpha_mode, linear=True, premultiplied=image.alpha_mode in ("STRAIGHT", "PREMUL"))
+    return _raw(np.rint(values * 255).astype(np.uint8), image.alpha_mode)
 
 
 def _four_channels(values: np.ndarray, alpha_mode: str) -> np.ndarray:
-    """(h, w, 4): grey and grey-alpha spread out, missing or ignored alpha opaque."""
+    """(h, w, 4), a copy: grey and grey-alpha spread out, missing or ignored alpha opaque."""
     height, width, channels = values.shape
-    rgba = np.empty((height, width, 4), values.dtype)
-    rgba[:, :, :3] = values[:, :, :3] if channels >= 3 else values[:, :, :1]
-    opaque = 255 if values.dtype == np.uint8 else 1.0
     has_alpha = channels in (2, 4) and alpha_mode != "NONE"
-    rgba[:, :, 3] = values[:, :, -1] if has_alpha else opaque
+    if channels == 4 and has_alpha:
+        return values.copy()
+    rgba = np.full((height, width, 4), 255 if values.dtype == np.uint8 else 1, values.dtype)
+    for k in range(3):  # NumPy takes twice as long for the three at once
+        rgba[:, :, k] = values[:, :, k if channels >= 3 else 0]
+    if has_alpha:
+        rgba[:, :, 3] = values[:, :, -1]
     return rgba
 
 
-def _managed(rgba: np.ndarray, raw: Raw, image: Any) -> Pixels:
+def _managed(raw: Raw, image: Any) -> Pixels:
     """Into scene-linear colour with straight alpha, as bytes with the sRGB curve where that loses nothing."""
-    space, has_alpha = image.colorspace_settings, not _opaque(rgba)
+    space, rgba, has_alpha = image.colorspace_settings, raw.rgba, not raw.opaque
     if raw.premultiplied and has_alpha:
         rgba = _straight(rgba)
     encoding = "LINEAR" if raw.linear else colorspace.stored_encoding(space.name, space.is_data)

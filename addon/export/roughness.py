@@ -13,6 +13,8 @@ p·α² and s·α² with α = roughness² vary slowly and settle below 0.2, so t
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from .fresnel import fresnel, normal_reflectance
@@ -98,6 +100,7 @@ def layer_loss(roughness: float, ior: float, multiscatter: bool, world: bool = F
     return normal_reflectance(ior) * straight + (1.0 if world else 0.63) * _grazing_share(roughness, ior)
 
 
+@functools.lru_cache(maxsize=1024)
 def _grazing_share(roughness: float, ior: float) -> float:
     """The mean of F - F0 over a uniform world, and the share of it that roughness leaves."""
     cosines = (np.arange(32) + 0.5) / 32
@@ -111,6 +114,7 @@ def sheen_albedo(roughness: float) -> float:
     return float(np.interp(_clamped(roughness), [0.0, 0.1, 0.3, 0.5, 0.8, 1.0], [0.0, 0.0017, 0.035, 0.1185, 0.3133, 0.4473]))
 
 
+@functools.lru_cache(maxsize=1024)
 def _row(kind: str, roughness: float) -> np.ndarray:
     """(4,) exponent and scale of the narrow lobe, of the wide lobe."""
     roughness = _clamped(roughness)
