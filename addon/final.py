@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 
 import bpy
@@ -15,7 +15,7 @@ from .export import export_scene
 from .properties import settings_from
 from .result import Picture, wanted_passes
 from .skipped import skipped_things
-from .stamp import make_stamp
+from .stamp import Stamping
 from .statistics import Statistics, remember
 
 log = logging.getLogger(__name__)
@@ -95,15 +95,16 @@ def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
     picture = Picture(render_engine, job.layer, job.size)
     start = time.perf_counter()
     try:
-        film = engine.render(
-            job.scene,
-            job.settings,
-            should_stop=render_engine.test_break,
-            on_progress=render_engine.update_progress,
-            on_wave=None if bpy.app.background else picture.show,
-        )
-        job.statistics.seconds["engine"] = time.perf_counter() - start
-        _finish(render_engine, job, picture, film)
+        with nullcontext() if job.preview else Stamping(job.scene) as stamping:
+            film = engine.render(
+                job.scene,
+                job.settings,
+                should_stop=render_engine.test_break,
+                on_progress=render_engine.update_progress,
+                on_wave=None if bpy.app.background else picture.show,
+            )
+            job.statistics.seconds["engine"] = time.perf_counter() - start
+            _finish(render_engine, job, picture, film, stamping)
     except BaseException:
         picture.discard()
         raise
@@ -144,17 +145,21 @@ def _size(region: tuple[int, int, int, int] | None, width: int, height: int) -> 
     return x1 - x0, y1 - y0
 
 
-def _finish(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, film: engine.Film) -> None:
+def _finish(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, film: engine.Film, stamping: Stamping | None) -> None:
+    """stamping: of the job's scene; None for pictures that get no stamp."""
     if film.samples == 0:
         picture.discard()
         return
     start = time.perf_counter()
-    statistics = job.statistics
+    statistics, stamped = job.statistics, stamping is not None and film.complete
+    if stamped:
+        stamping.begin_pixels(film)
+    picture.finish(film)
     statistics.samples, statistics.traced = film.samples, film.stats
     statistics.notes = tuple(dict.fromkeys((*job.notes, *film.notes)))
     statistics.seconds |= {stage: film.stats.get(stage, 0.0) for stage in ("build", "trace")}
-    statistics.stamp = {} if job.preview or not film.complete else make_stamp(job.scene, job.settings, film, job.frame)
-    picture.finish(film, {"scene": statistics.scene_line, "seconds": statistics.stages_line, **statistics.stamp})
+    statistics.stamp = stamping.fields(job.settings, job.frame) if stamped else {}
+    picture.stamp({"scene": statistics.scene_line, "seconds": statistics.stages_line, **statistics.stamp})
     statistics.seconds["write"] = time.perf_counter() - start
     if not job.preview:
         _tell_statistics(render_engine, job)

@@ -79,12 +79,15 @@ class Picture:
         self._fill(film, ("Combined",))
         self._engine.update_result(self._result)
 
-    def finish(self, film: engine.Film, stamp: dict[str, str]) -> None:
-        """Fill every pass and hand the result over; `stamp` becomes metadata of the files, as glint.<layer>.<field>."""
+    def finish(self, film: engine.Film) -> None:
+        """Fill every pass and hand the result over."""
         self._fill(film, tuple(film.passes))
         self._end(cancel=False)
+
+    def stamp(self, fields: dict[str, str]) -> None:
+        """Make metadata of the files, as glint.<layer>.<field>; after `finish`."""
         whole = self._engine.get_result()
-        for field, value in stamp.items():
+        for field, value in fields.items():
             whole.stamp_data_add_field(f"glint.{self._layer}.{field}", value)
 
     def discard(self) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import tomllib
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +25,31 @@ def manifest() -> dict[str, Any]:
     return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
-def make_stamp(scene: engine.Scene, settings: engine.Settings, film: engine.Film, frame: int) -> dict[str, str]:
-    """Field → text."""
-    return {
-        "pixels": picture_fingerprint(film.passes),
-        "settings": settings_text(settings),
-        "geometry": value_fingerprint(scene),
-        "tracer": f"Glint {manifest()['version']}, {tracer_text(settings.backend)}",
-        "frame": str(frame),
-    }
+class Stamping:
+    """A stamp in the making. Its hashes are worked out on threads of their own: that of the scene while it is traced, that of the picture
+    while Blender takes it over."""
+
+    def __init__(self, scene: engine.Scene) -> None:
+        self._threads = ThreadPoolExecutor(2)
+        self._geometry = self._threads.submit(value_fingerprint, scene)
+        self._pixels: Future[str] | None = None
+
+    def __enter__(self) -> Stamping:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._threads.shutdown()
+
+    def begin_pixels(self, film: engine.Film) -> None:
+        """The picture is there; nobody may change its arrays before `fields` is called."""
+        self._pixels = self._threads.submit(picture_fingerprint, film.passes)
+
+    def fields(self, settings: engine.Settings, frame: int) -> dict[str, str]:
+        """Field → text, after `begin_pixels`."""
+        return {
+            "pixels": self._pixels.result(),
+            "settings": settings_text(settings),
+            "geometry": self._geometry.result(),
+            "tracer": f"Glint {manifest()['version']}, {tracer_text(settings.backend)}",
+            "frame": str(frame),
+        }

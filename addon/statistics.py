@@ -17,7 +17,7 @@ _last: dict[str, dict[str, Statistics]] = {}
 @dataclass
 class Statistics:
     """samples, backend: of the film.  seconds: stage → seconds, and "engine": all that the engine took, with its checks.
-    exported, traced: `Export.stats` and `Film.stats`.  stamp: field → text, of `stamp.make_stamp`.  skipped: kind → names of what nothing
+    exported, traced: `Export.stats` and `Film.stats`.  stamp: field → text, of `stamp.Stamping`.  skipped: kind → names of what nothing
     reads.  notes: what was dropped or changed, and why."""
 
     samples: int

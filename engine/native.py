@@ -196,8 +196,11 @@ class _Render:
 
     def _pass(self, name: str, samples: int) -> np.ndarray:
         """(h, w, c) float32; of an untouched picture when no wave is complete."""
-        picture = np.full((*self._shape, PASSES[name]), empty_value(name), np.float32)
-        if samples and self._core.glint_render_read(self._handle, core_types.PASS_NUMBERS[name], picture.ctypes.data, picture.size):
+        shape = (*self._shape, PASSES[name])
+        if samples == 0:
+            return np.full(shape, empty_value(name), np.float32)
+        picture = np.empty(shape, np.float32)
+        if self._core.glint_render_read(self._handle, core_types.PASS_NUMBERS[name], picture.ctypes.data, picture.size):
             raise RuntimeError(f"the core has no pass {name!r} of {picture.size} numbers")
         return picture
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from math import isfinite
 from numbers import Integral, Real
 from typing import Any
 
@@ -35,6 +36,9 @@ from .scene import (
 )
 
 Found = Iterator[str]
+
+_REAL = (float, int, Real)
+"""For isinstance, the plain ones first: asking an abstract class takes ten times as long."""
 
 _DOUBTFUL_VOLUME = 1e-6
 """Of three unit axes: from it on the smallest singular value is at least 5e-7 of the largest, far from rounding."""
@@ -91,13 +95,13 @@ def _finite_array(name: str, array: np.ndarray) -> Found:
 
 
 def _finite(name: str, value: Any) -> Found:
-    if not (isinstance(value, Real) and np.isfinite(value)):
+    if not (isinstance(value, _REAL) and np.isfinite(value)):
         yield f"{name} is {value!r}: use a finite number"
 
 
 def _at_least(name: str, value: Any, low: float, high: float = np.inf) -> Found:
     """A finite number within [low, high]."""
-    if not (isinstance(value, Real) and np.isfinite(value) and low <= value <= high):
+    if not (isinstance(value, _REAL) and np.isfinite(value) and low <= value <= high):
         span = f"{low:g} or more" if np.isinf(high) else f"{low:g} to {high:g}"
         yield f"{name} is {value!r}: use a finite number, {span}"
 
@@ -110,8 +114,8 @@ def _one_of(name: str, value: Any, names: tuple[str, ...]) -> Found:
 def _numbers(name: str, values: Any, count: int) -> Found:
     """A tuple (or row) of finite numbers."""
     try:
-        sound = len(values) == count and all(isinstance(v, Real) and np.isfinite(v) for v in values)
-    except TypeError:
+        sound = len(values) == count and all(isinstance(v, _REAL) and isfinite(v) for v in values)
+    except (TypeError, OverflowError):
         sound = False
     if not sound:
         yield f"{name} is {values!r}: use {count} finite numbers"
@@ -119,7 +123,7 @@ def _numbers(name: str, values: Any, count: int) -> Found:
 
 def _handle(name: str, handle: Any, count: int, things: str, none: bool = False) -> Found:
     low = -1 if none else 0
-    if not (isinstance(handle, Integral) and low <= handle < count):
+    if not (isinstance(handle, (int, Integral)) and low <= handle < count):
         remedy = f"use {low} to {count - 1}" if count else f"add one of the {things}"
         yield f"{name} is {handle!r} but the scene has {count} {things}: {remedy}"
 
@@ -255,7 +259,7 @@ def _material(textures: int, material: Material) -> Found:
 def _lobe(lobe: Lobe, textures: int) -> Found:
     yield from _one_of("kind", lobe.kind, LOBES)
     yield from _at_least("exponent", lobe.exponent, 0)
-    if not (isinstance(lobe.ior, Real) and np.isfinite(lobe.ior) and lobe.ior > 0):
+    if not (isinstance(lobe.ior, _REAL) and np.isfinite(lobe.ior) and lobe.ior > 0):
         yield f"ior is {lobe.ior!r}: use a finite number above 0"
     for factor in lobe.factors:
         yield from _input(factor, textures)

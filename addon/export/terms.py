@@ -63,8 +63,11 @@ def constant_value(terms: Sum) -> RGB:
 
 def add(*sums: Sum) -> Sum:
     """The sum of sums, terms with equal factors merged and black ones left out."""
+    every = [term for terms in sums for term in terms]
+    if len(every) < 2:  # mostly: and hashing factors takes long
+        return tuple(term for term in every if any(term.value))
     merged: dict[tuple[Input, ...], RGB] = {}
-    for term in (term for terms in sums for term in terms):
+    for term in every:
         before = merged.get(term.factors, (0.0, 0.0, 0.0))
         merged[term.factors] = (before[0] + term.value[0], before[1] + term.value[1], before[2] + term.value[2])
     return tuple(Term(value, factors) for factors, value in merged.items() if any(value))
@@ -79,8 +82,8 @@ def multiply(*sums: Sum) -> Sum:
 
 
 def _times(left: Term, right: Term) -> Term:
-    factors = sorted(left.factors + right.factors, key=repr)
-    return Term(times(left.value, right.value), tuple(factors))
+    factors = left.factors + right.factors
+    return Term(times(left.value, right.value), tuple(sorted(factors, key=repr)) if len(factors) > 1 else factors)
 
 
 def scale(terms: Sum, factor: float) -> Sum:

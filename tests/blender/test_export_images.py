@@ -1,5 +1,7 @@
 """Images from every source end as the pixels that Blender shows; broken ones are magenta and named."""
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 import OpenImageIO as oiio
@@ -7,6 +9,10 @@ import pytest
 
 from export_support import Shader, image, scene, srgb_to_linear  # noqa: F401
 from glint.addon.export import colorspace, pixels
+from glint.addon.export.graph import images_behind
+from glint.addon.export.images import Images, mean_color, texels
+from glint.addon.export.report import Report
+from glint.engine.scene import Input, Texture
 
 GRADIENT = np.stack(
     [*np.meshgrid(np.linspace(0, 1, 5), np.linspace(0, 1, 3), indexing="xy"), np.full((3, 5), 0.25), np.ones((3, 5))], -1
@@ -247,3 +253,68 @@ def test_the_srgb_curve_there_and_back():
     np.testing.assert_array_equal(colorspace.srgb_bytes(colorspace.SRGB_BYTE), np.arange(256))
     np.testing.assert_allclose(colorspace.srgb_to_linear(values), srgb_to_linear(values), rtol=1e-12)
     np.testing.assert_allclose(colorspace.linear_to_srgb(colorspace.srgb_to_linear(values)), values, atol=1e-6)
+
+
+def test_images_decoded_side_by_side_are_the_same(scene, tmp_path):  # noqa: F811
+    pictures = [bpy.data.images.load(_file(tmp_path / f"{k}.png", np.roll(GRADIENT, k, 1))) for k in range(5)]
+    wanted = [(picture, None) for picture in pictures]
+    together, alone = Images(Report()), Images(Report())
+    together.expect([*wanted, (None, None), wanted[0]])
+    for picture, user in wanted:
+        np.testing.assert_array_equal(together.pixels(picture, user).pixels, alone.pixels(picture, user).pixels)
+
+
+def test_what_cannot_be_decoded_ahead_is_told_once(scene, tmp_path):  # noqa: F811
+    broken = [bpy.data.images.new(name, 1, 1) for name in ("Corrupt", "Gone")]
+    for picture, path in zip(broken, (_corrupt(tmp_path), tmp_path / "gone.png"), strict=True):
+        picture.source, picture.filepath = "FILE", str(path)
+    sound = bpy.data.images.load(_file(tmp_path / "sound.png", GRADIENT))
+    report = Report()
+    images = Images(report)
+    images.expect([(picture, None) for picture in (*broken, sound)])
+    assert all(images.pixels(picture, None).pixels.tolist() == pixels.MAGENTA.tolist() for picture in broken)
+    np.testing.assert_array_equal(images.pixels(sound, None).pixels, _bytes(GRADIENT))
+    assert [sum(f"'{picture.name}'" in note for note in report.notes()) for picture in (*broken, sound)] == [1, 1, 0]
+
+
+def test_only_images_that_colour_the_surface_are_expected(scene):  # noqa: F811
+    shader = Shader()
+    names = ("Color", "Bump", "Unlinked", "Roughness")
+    color, bump, _, rough = (shader.node("ShaderNodeTexImage", image=image(name, size=(2, 2))) for name in names)
+    normal = shader.node("ShaderNodeNormalMap")
+    principled = shader.node("ShaderNodeBsdfPrincipled")
+    shader.link(color, "Color", principled, "Base Color")
+    shader.link(rough, "Color", principled, "Roughness")
+    shader.link(bump, "Color", normal, "Color")
+    shader.link(normal, "Normal", principled, "Normal")
+    shader.link(principled, "BSDF", shader.output, "Surface")
+    found = images_behind(shader.output.inputs["Surface"])
+    assert sorted(picture.name for picture, _ in found) == ["Color", "Roughness"]
+
+
+def test_a_packed_jpeg_needs_no_suffix(scene, tmp_path):  # noqa: F811
+    flat = np.full((8, 8, 3), 0.5, np.float32)
+    data = Path(_file(tmp_path / "a.jpg", flat)).read_bytes()
+    raw = pixels.decode(pixels.Source("", data, "STRAIGHT"))
+    assert raw.opaque and pixels._suffix(data, "") == ".jpg"
+    np.testing.assert_allclose(raw.rgba[:, :, :3] / 255, 0.5, atol=0.01)
+
+
+@pytest.mark.parametrize("encoding", ["LINEAR", "SRGB"])
+@pytest.mark.parametrize("channel", ["COLOR", "ALPHA", "LUMINANCE"])
+def test_the_mean_of_bytes_is_that_of_their_colours(encoding, channel):
+    values = np.random.default_rng(1).integers(0, 256, (7, 300, 4), np.uint8)
+    texture = Texture("t", values, encoding)
+    np.testing.assert_allclose(mean_color(texture, channel), texels(texture, channel).mean(0, dtype=np.float64), rtol=1e-6)
+
+
+def test_a_function_of_alpha_bytes_is_that_of_the_texels():
+    values = np.random.default_rng(1).integers(0, 256, (7, 30, 4), np.uint8)
+    texture = Texture("t", values, "LINEAR")
+    for function in (np.sqrt, np.exp):
+        images = Images(Report())
+        images.textures.append(texture)
+        derived = images.derived(Input(texture=0, channel="ALPHA"), (function,), function)
+        result = texels(images.textures[derived.texture], "COLOR")
+        expected = function(values[:, :, 3].reshape(-1, 1) / np.float32(255))
+        np.testing.assert_allclose(result, np.repeat(expected, 3, 1), atol=0.5 / 255 + 1e-6 if function is np.sqrt else 1e-6)
