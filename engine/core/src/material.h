@@ -26,6 +26,7 @@ struct Material {
   int32_t index = 0;
   uint32_t kinds = 0;    // bit 1 << kind for each of its lobes
   int specular_count = 0;
+  bool varies = false;   // over the surface, and sends no rays on
   bool has(int kind) const { return kinds >> kind & 1; }
 };
 

@@ -96,6 +96,7 @@ Scene::Scene(const GlintSceneData& data, const Scene* base) : camera(data.camera
   shape_groups();
   shape_instances();
   fold_materials();
+  shape_materials();
   if (!base) return;
   std::lock_guard lock(base->build_mutex_);
   accel_ = base->accel_;
@@ -266,6 +267,14 @@ void Scene::fold_materials() {
   for (int c = 0; c < 3; ++c) around.glow[c] = around.environment[c] = background[c];
   hole.others = 1;
   material_terms.insert(material_terms.end(), {around, none, hole});
+}
+
+void Scene::shape_materials() {
+  for (const Lobe& g : lobes)
+    lobe_shapes.push_back({g.kind, g.constant, g.like_last, g.exponent, {g.k.x, g.k.y, g.k.z}, g.first_input, g.input_count});
+  for (const Texture& texture : textures) texture_shapes.push_back(texture.shape());
+  constexpr uint32_t staying = 1u << GLINT_AMBIENT | 1u << GLINT_EMISSION | 1u << GLINT_DIFFUSE | 1u << GLINT_SPECULAR;
+  for (size_t m = 0; m < materials.size(); ++m) materials[m].varies = material_terms[m].others && !(materials[m].kinds & ~staying);
 }
 
 std::vector<GeometryView> Scene::geometry_views() const {

@@ -87,6 +87,10 @@ class Scene {
   std::vector<InstanceShape> instance_shapes;
   std::vector<MaterialTerms> material_terms;
   std::vector<double> specular_terms;  // max_specular rows of k and exponent a material
+  std::vector<LobeShape> lobe_shapes;
+  std::vector<TextureShape> texture_shapes;
+  /// Whether the vary stage has what points of a material need; else the shader.
+  bool varies(uint32_t material) const { return material < materials.size() && materials[material].varies; }
   bool only_meshes = true;
 
  private:
@@ -99,6 +103,7 @@ class Scene {
   void shape_groups();
   void shape_instances();
   void fold_materials();
+  void shape_materials();
   double radius() const;
   std::vector<GeometryView> geometry_views() const;
   std::vector<InstanceView> instance_views() const;

@@ -56,6 +56,11 @@ Rgba mix(const Rgba& a, const Rgba& b, double t) { return {(1 - t) * a.color + t
 Texture::Texture(const GlintTexture& data)
     : data_(data), decode_(data.encoding == GLINT_LINEAR_ENCODING ? linear_codes().data() : srgb_codes().data()) {}
 
+TextureShape Texture::shape() const {
+  const GlintTexture& t = data_;
+  return {t.pixels, decode_, linear_codes().data(), t.width, t.height, t.type, t.extension, t.interpolation};
+}
+
 /// The two texels next to a coordinate and the way between them.
 struct Texture::Axis {
   int64_t first, second;

@@ -1,6 +1,7 @@
 // Image lookup: four neighbours or the closest texel, decoded before filtering.
 #pragma once
 #include "../include/glint.h"
+#include "stages/stages.h"
 #include "vec.h"
 
 namespace glint {
@@ -15,6 +16,8 @@ class Texture {
   explicit Texture(const GlintTexture& data);
   /// At (u, v) of the unit square, texel centres at (i + 0.5) / width. A coordinate that is not finite reads as 0.
   Rgba lookup(double u, double v) const;
+  /// The same for the stages.
+  TextureShape shape() const;
 
  private:
   struct Axis;

@@ -148,10 +148,30 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   double* lost = film_.lost_alpha(*tile_);
   for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size(); ++k)
     if (batch_.missed(k)) lost[queue.slots[k]] += mean(queue.path(k).T);
-  for (size_t i = 0; i < others; ++i) {
+  for (size_t i = 0; i < others;) {
     const uint32_t k = batch_.others[i];
-    shader_.hit(batch_, k, film_, pixel(queue, k), lost[queue.slots[k]], {straight, bounced}, counts_);
+    if (scene_.varies(batch_.material[k])) i += vary(queue, i, others - i);
+    else shader_.hit(batch_, k, film_, pixel(queue, k), lost[queue.slots[k]], {straight, bounced}, counts_), ++i;
   }
+}
+
+/// Shades those of the batch's `others` from `first` on, of `count`, that share its material, which varies. How many they are.
+size_t Tracer::vary(const Queue& queue, size_t first, size_t count) {
+  const uint32_t* rows = batch_.others.data() + first;
+  const Material& material = scene_.materials[batch_.material[rows[0]]];
+  VaryStage stage{};
+  while (stage.count < count && batch_.material[rows[stage.count]] == batch_.material[rows[0]]) ++stage.count;
+  stage.rows = rows, stage.instance = batch_.instance.data(), stage.primitive = batch_.primitive.data();
+  stage.instances = scene_.instance_shapes.data(), stage.groups = scene_.groups.data(), stage.geometries = scene_.geometries.data();
+  stage.attributes = scene_.attributes.data(), stage.inputs = scene_.inputs.data(), stage.textures = scene_.texture_shapes.data();
+  stage.lobes = scene_.lobe_shapes.data() + material.first_lobe, stage.lobe_count = material.lobe_count, stage.sums = batch_.sums;
+  for (size_t c = 0; c < 3; ++c) {
+    stage.T[c] = queue.columns[Queue::kT + c], stage.diffuse[c] = batch_.diffuse[c], stage.ambient[c] = scene_.ambient[int(c)];
+    if (c < 2) stage.weights[c] = batch_.points.weights[c];
+  }
+  stage.specular = batch_.specular, stage.stride = batch_.stride, stage.lit = batch_.lit.data();
+  stages_.vary(stage);
+  return stage.count;
 }
 
 /// How far behind the first hits of the camera rays the next ones lie.
@@ -173,7 +193,8 @@ void Tracer::find_gaps() {
 /// Data passes of the hits that the shader did not look at.
 void Tracer::record(const Queue& queue) {
   for (size_t k = 0; k < queue.size(); ++k)
-    if (queue.wants_data[k] && !batch_.missed(k) && !scene_.material_terms[batch_.material[k]].others)
+    if (queue.wants_data[k] && !batch_.missed(k) &&
+        (!scene_.material_terms[batch_.material[k]].others || scene_.varies(batch_.material[k])))
       shader_.record(batch_, k, film_, pixel(queue, k));
 }
 

@@ -33,6 +33,7 @@ class Tracer {
   void process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced);
   void find_points(const Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
+  size_t vary(const Queue& queue, size_t first, size_t count);
   void record(const Queue& queue);
   void keep(const Queue& queue);
   void wait(Queue queue);

@@ -25,6 +25,7 @@ constexpr uint32_t kAllLanes = (1u << kLanes) - 1;
 typedef double Doubles __attribute__((vector_size(8 * kLanes)));
 typedef int64_t Mask __attribute__((vector_size(8 * kLanes)));  // 0 or -1 a lane, where it is a mask
 typedef float Singles __attribute__((vector_size(4 * kLanes)));
+typedef int32_t Whole __attribute__((vector_size(4 * kLanes)));
 typedef uint32_t Numbers __attribute__((vector_size(4 * kLanes)));
 
 // Unaligned. (GCC 12 sends a __builtin_memcpy through the stack.)
@@ -47,16 +48,23 @@ inline Doubles where(Mask m, Doubles a) { return Doubles(Mask(a) & m); }  // els
 
 #if defined(__AVX512F__)
 inline Doubles root(Doubles a) { return Doubles(_mm512_maskz_sqrt_pd(0xff, __m512d(a))); }
+inline Doubles down(Doubles a) { return Doubles(_mm512_maskz_roundscale_pd(0xff, __m512d(a), _MM_FROUND_TO_NEG_INF)); }
 inline uint32_t bits(Mask m) { return uint32_t(_mm512_movepi64_mask(__m512i(m))); }
 #elif defined(__AVX__)
 inline Doubles root(Doubles a) { return Doubles(_mm256_sqrt_pd(__m256d(a))); }
+inline Doubles down(Doubles a) { return Doubles(_mm256_floor_pd(__m256d(a))); }
 inline uint32_t bits(Mask m) { return uint32_t(_mm256_movemask_pd(__m256d(m))); }
 #elif defined(__SSE4_1__)
 inline Doubles root(Doubles a) { return Doubles(_mm_sqrt_pd(__m128d(a))); }
+inline Doubles down(Doubles a) { return Doubles(_mm_floor_pd(__m128d(a))); }
 inline uint32_t bits(Mask m) { return uint32_t(_mm_movemask_pd(__m128d(m))); }
 #else
 inline Doubles root(Doubles a) {
   for (size_t k = 0; k < kLanes; ++k) a[k] = __builtin_sqrt(a[k]);
+  return a;
+}
+inline Doubles down(Doubles a) {
+  for (size_t k = 0; k < kLanes; ++k) a[k] = __builtin_floor(a[k]);
   return a;
 }
 inline uint32_t bits(Mask m) {
@@ -65,6 +73,8 @@ inline uint32_t bits(Mask m) {
   return b;
 }
 #endif
+inline Whole whole(Doubles a) { return __builtin_convertvector(a, Whole); }  // below 2^31, towards 0
+inline Doubles finite_or_zero(Doubles a) { return where(a - a == 0, a); }
 inline bool any(Mask m) { return bits(m) != 0; }
 inline bool all(Mask m) { return bits(m) == kAllLanes; }
 

@@ -110,8 +110,6 @@ inline Weights solve_weights(const Three& o, const Three& d, const Three& a, con
   return {1 - u - v, u, v};
 }
 
-inline Doubles finite_or_zero(Doubles a) { return where(a - a == 0, a); }
-
 inline Three blend(const Weights& b, const float (&n)[9][kLanes]) {
   const Three a = rows3(n), c = rows3(n + 3), e = rows3(n + 6);
   return {finite_or_zero(b.a * a.x + b.b * c.x + b.c * e.x), finite_or_zero(b.a * a.y + b.b * c.y + b.c * e.y),

@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "../../include/glint.h"
+
 namespace glint {
 
 constexpr size_t kPad = 8;
@@ -90,6 +92,42 @@ struct ShadeStage {
   uint32_t* others;               // rays whose material the stage leaves to others
 };
 
+/// A lobe and an image as the stages read them (material.h, texture.h).
+struct LobeShape {
+  int kind;
+  bool constant, like_last;
+  double exponent, k[3];          // k: where constant
+  uint32_t first_input, input_count;
+};
+struct TextureShape {
+  const void* pixels;
+  const double *decode, *linear;  // of the codes of bytes: colours, alpha
+  uint32_t width, height;
+  int type, extension, interpolation;
+};
+
+/// One material that varies over meshes and sends no rays on. Adds to the sums; sets `diffuse`, `specular` and `lit`, as ShadeStage does.
+struct VaryStage {
+  size_t count;
+  const uint32_t* rows;           // of its points
+  const double *T[3], *weights[2];
+  const uint32_t *instance, *primitive;
+  const InstanceShape* instances;
+  const GlintInstances* groups;
+  const GlintGeometry* geometries;
+  const GlintAttribute* attributes;
+  const GlintInput* inputs;
+  const TextureShape* textures;
+  const LobeShape* lobes;
+  uint32_t lobe_count;
+  double ambient[3];
+  SumColumns sums;
+  double* diffuse[3];
+  double* specular;
+  size_t stride;
+  int64_t* lit;
+};
+
 enum LightShape : int { kDirection, kPointSource, kSphereSource, kDiscSource, kPlaneSource };
 
 /// One sample of one light, as light.h has it for one point.
@@ -126,6 +164,7 @@ struct Stages {
   void (*camera)(const CameraStage&);
   void (*surface)(const SurfaceStage&);
   size_t (*shade)(const ShadeStage&);   // how many `others`
+  void (*vary)(const VaryStage&);
   size_t (*light)(const LightStage&);   // how many points the sample reaches
   void (*sum)(const LightSum&);
   void (*add)(double* to, const double* from, size_t count);

@@ -3,8 +3,9 @@
 #include "stage_light.h"
 #include "stage_shade.h"
 #include "stage_surface.h"
+#include "stage_vary.h"
 
 namespace glint {
-extern const Stages stages_avx512{"avx512", camera, surface, shade, light, sum, add, mean, cosine_powers};
+extern const Stages stages_avx512{"avx512", camera, surface, shade, vary, light, sum, add, mean, cosine_powers};
 }
 #endif

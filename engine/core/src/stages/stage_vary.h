@@ -1,0 +1,92 @@
+// Materials that vary over the surface and send no ray on (notes 4.12-4.17). Letters: T weight to the pixel, k coefficient of a lobe.
+#pragma once
+#include "stage_inputs.h"
+
+namespace glint {
+namespace {
+
+/// The points of a group: their rows in the columns.
+struct Chosen {
+  size_t count;
+  uint32_t row[kLanes];
+};
+
+inline Doubles gather(const double* column, const Chosen& at) {
+  Doubles v;
+  for (size_t lane = 0; lane < kLanes; ++lane) v[lane] = column[at.row[lane]];
+  return v;
+}
+inline Three gather3(const double* const (&columns)[3], const Chosen& at) {
+  return {gather(columns[0], at), gather(columns[1], at), gather(columns[2], at)};
+}
+inline void scatter(double* column, const Chosen& at, Doubles v) {
+  for (size_t lane = 0; lane < at.count; ++lane) column[at.row[lane]] = v[lane];
+}
+inline void scatter3(double* const (&columns)[3], const Chosen& at, const Three& v) {
+  scatter(columns[0], at, v.x), scatter(columns[1], at, v.y), scatter(columns[2], at, v.z);
+}
+
+inline OnMesh on_mesh(const VaryStage& s, const Chosen& at) {
+  OnMesh p;
+  p.weights[1] = gather(s.weights[0], at), p.weights[2] = gather(s.weights[1], at);
+  p.weights[0] = 1 - p.weights[1] - p.weights[2];
+  for (size_t lane = 0; lane < kLanes; ++lane) {
+    const uint32_t group = s.instances[s.instance[at.row[lane]]].group;
+    p.geometry[lane] = s.geometries + s.groups[group].geometry, p.primitive[lane] = s.primitive[at.row[lane]];
+  }
+  return p;
+}
+
+inline void add_part(double* const (&part)[3], const Chosen& at, const Three& c) {
+  if (part[0]) scatter3(part, at, gather3(part, at) + c);
+}
+
+/// What the lobes come to without light, and what lights need of them.
+struct Lobes {
+  Three glow, diffuse;
+  Mask lit = {};
+  int specular_count = 0;
+};
+
+inline void set_specular(const VaryStage& s, const Chosen& at, const Three& Tk, double exponent, Lobes& sum) {
+  double* column = s.specular + 4 * size_t(sum.specular_count++) * s.stride;
+  scatter(column, at, Tk.x), scatter(column + s.stride, at, Tk.y), scatter(column + 2 * s.stride, at, Tk.z);
+  scatter(column + 3 * s.stride, at, splat(exponent));
+  sum.lit |= nonzero(Tk);
+}
+
+inline void add_lobe(const VaryStage& s, const Chosen& at, const LobeShape& lobe, const Three& T, const Three& k, Lobes& sum) {
+  if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
+  if (lobe.kind == GLINT_SPECULAR) return set_specular(s, at, T * k, lobe.exponent, sum);
+  const bool ambient = lobe.kind == GLINT_AMBIENT;
+  const Three c = ambient ? T * k * splat3(s.ambient) : T * k;
+  sum.glow = sum.glow + c;
+  add_part(ambient ? s.sums.ambient : s.sums.emission, at, c);
+}
+
+inline void vary_group(const VaryStage& s, const Chosen& at) {
+  const OnMesh p = on_mesh(s, at);
+  const Three T = gather3(s.T, at);
+  Lobes sum{gather3(s.sums.total, at), {}};
+  Three k{};
+  for (uint32_t i = 0; i < s.lobe_count; ++i) {
+    if (!s.lobes[i].like_last) k = coefficient(s, p, s.lobes[i]);
+    add_lobe(s, at, s.lobes[i], T, k, sum);
+  }
+  scatter3(s.sums.total, at, sum.glow);
+  const Three Tk = T * sum.diffuse;
+  scatter3(s.diffuse, at, Tk);
+  sum.lit |= nonzero(Tk);
+  for (size_t lane = 0; lane < at.count; ++lane) s.lit[at.row[lane]] = sum.lit[lane];
+}
+
+void vary(const VaryStage& s) {
+  for (size_t i = 0; i < s.count; i += kLanes) {
+    Chosen at{s.count - i < kLanes ? s.count - i : kLanes, {}};
+    for (size_t lane = 0; lane < kLanes; ++lane) at.row[lane] = s.rows[lane < at.count ? i + lane : i];
+    vary_group(s, at);
+  }
+}
+
+}  // namespace
+}  // namespace glint
