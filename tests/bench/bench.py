@@ -1,6 +1,6 @@
 """`make bench`: every bench of this folder in its short form, one after the other, each in a process of its own.
 
-With names, only those: rays, frames, million, export, instructions.
+With names, only those: rays, frames, million, export, instructions, features.
 """
 
 import subprocess
@@ -13,6 +13,7 @@ BENCHES = {
     "million": [],
     "export": [],
     "instructions": [],
+    "features": [],
 }
 """Script → the options of its short form."""
 
