@@ -32,7 +32,7 @@ def _principled(view: NodeView) -> Closure:
     metallic, transmission = view.factor("Metallic"), view.factor("Transmission Weight")
     insulator = complement(metallic)
     surface = add_closures(
-        scale_closure(glossy_closure(base, roughness, is_multiscatter(view)), metallic),
+        scale_closure(glossy_closure(base, roughness, is_multiscatter(view)), metallic) if metallic else {},
         scale_closure(_plastic(view, base, roughness), multiply(insulator, complement(transmission))),
         scale_closure(_glass(view, base, roughness), multiply(insulator, transmission)) if transmission else {},
         {LobeKey("EMISSION"): multiply(view.color("Emission Color"), view.number("Emission Strength"))},

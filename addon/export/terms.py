@@ -77,6 +77,9 @@ def multiply(*sums: Sum) -> Sum:
     """The product of sums, multiplied out."""
     product = ONE
     for terms in sums:
+        if terms == ONE or product == ONE:
+            product = product if terms == ONE else terms
+            continue
         product = add(*((_times(left, right),) for left in product for right in terms))
     return product
 
