@@ -62,7 +62,7 @@ Affine random_affine(Random& random, double half);
 
 Ray ray(Vec3d o, Vec3d d, double t_min = 0, double t_max = HUGE_VAL, uint32_t visibility = kCamera);
 
-constexpr BuildQuality kQualities[] = {BuildQuality::kFast, BuildQuality::kBalanced};
+constexpr BuildQuality kQualities[] = {BuildQuality::kFast, BuildQuality::kBalanced, BuildQuality::kFine};
 
 /// Builds with every quality, checks validate(), and ends the test when it complains. Returns the one of `quality`.
 std::unique_ptr<Accel> build(const std::vector<GeometryView>& geometries, const std::vector<InstanceView>& instances, int threads = 2,

@@ -10,7 +10,8 @@ namespace glint {
 namespace {
 
 constexpr double kMostCuts = 0.5;       // of the refs: how many more
-constexpr float kOverlap = 1e-5f;       // of the scene's surface: children that share less are not worth a cut
+constexpr double kOverlap = 0.2;        // of a part's surface, and
+constexpr double kSceneOverlap = 1e-5;  // of the scene's: children that share less are not worth a cut
 constexpr int kSpaceBins = 16;
 constexpr size_t kTask = 4096;          // refs: below, a part is the work of one thread
 
@@ -35,8 +36,8 @@ Ref half_of(const Ref& r, const Vec3d (&corner)[3], int axis, double at, bool ab
   }
   Ref half = r;
   for (int k = 0; k < 3; ++k) {
-    const double room = 0x1p-22 * std::max(std::fabs(box.lo[k]), std::fabs(box.hi[k]));
-    half.lo[k] = std::max(r.lo[k], round_down(box.lo[k] - room)), half.hi[k] = std::min(r.hi[k], round_up(box.hi[k] + room));
+    const double room = 0x1p-22 * std::max(std::fabs(box.lo[k]), std::fabs(box.hi[k])) + double(std::numeric_limits<float>::denorm_min());
+    half.lo[k] = std::max(r.lo[k], float(box.lo[k] - room)), half.hi[k] = std::min(r.hi[k], float(box.hi[k] + room));
   }
   if (above) half.lo[axis] = std::max(r.lo[axis], float(at));
   else half.hi[axis] = std::min(r.hi[axis], float(at));
@@ -189,7 +190,7 @@ class Maker {
   SpaceSplit best_space(const Part& part, const Split& objects) const {
     SpaceSplit best;
     const size_t count = part.refs.size();
-    if (part.spare < 1 || (objects.axis >= 0 && !overlap(objects))) return best;
+    if (part.spare < 1 || (objects.axis >= 0 && !overlap(objects, half_area(part.box)))) return best;
     for (int k = 0; k < 3; ++k) {
       const Planes planes(part.box, k);
       if (!planes.sound()) continue;
@@ -202,11 +203,11 @@ class Maker {
     const bool fits = best.left < count && best.right < count && double(best.left + best.right - count) <= part.spare;
     return better && fits ? best : SpaceSplit{};
   }
-  bool overlap(const Split& s) const {
+  bool overlap(const Split& s, double area) const {
     const Box both{upper(s.left_box.lo, s.right_box.lo), lower(s.left_box.hi, s.right_box.hi)};
     for (int k = 0; k < 3; ++k)
       if (!(both.lo[k] <= both.hi[k])) return false;
-    return half_area(both) > double(kOverlap) * scene_;
+    return half_area(both) > std::max(kOverlap * area, kSceneOverlap * scene_);
   }
 
   /// Cuts the refs that lie across a plane, unless leaving one whole on a side costs less.

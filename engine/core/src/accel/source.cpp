@@ -248,7 +248,7 @@ Tree make_tree(std::vector<Source>& sources, BuildQuality quality, Team& team, c
   const BuildOptions options = options_of(tree.kind, quality);
   if (tree.kind == kTriangleLeaf && quality == BuildQuality::kFine) {
     const auto corners = [&](const Ref& r, Vec3d (&p)[3]) { corners_of(sources[r.source], r.primitive, p); };
-    tree.nodes = build_spatial(refs, corners, options, team, cancel);
+    tree.nodes = build_spatial(refs, corners, options, team, cancel), tree.parts = true;
   } else {
     tree.nodes = build_nodes(refs.data.get(), refs.size, options, team, cancel);
   }
