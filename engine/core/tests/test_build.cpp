@@ -234,7 +234,7 @@ TEST(build, out_of_memory) {
   const std::atomic<bool> cancel{false};
   for (BuildQuality quality : kQualities) {
     int failed = 0, built = 0;
-    for (long allowed = 1, left = 0; left == 0 && allowed < 100000; allowed += 1 + allowed / 64) {
+    for (long allowed = 1, left = 0; left == 0 && allowed < 100000; allowed += 1 + allowed / 8) {
       auto g = views;
       auto i = instances;
       std::unique_ptr<Accel> accel;
