@@ -88,8 +88,8 @@ void build_once(Builder& b, const Options& options, const World& world) {
     const Quality quality = b.quality == "low" ? Quality::kLow : b.quality == "medium" ? Quality::kMedium : Quality::kHigh;
     scene = std::make_unique<EmbreeScene>(*device, world, quality, b.robust, b.compact);
   } else {
-    const auto quality = b.quality == "fast" ? BuildQuality::kFast : b.quality == "balanced" ? BuildQuality::kBalanced : BuildQuality::kFine;
-    accel = build_glint(world, b.threads, quality);
+    const bool fast = b.quality == "fast", fine = b.quality == "fine";
+    accel = build_glint(world, b.threads, fast ? BuildQuality::kFast : fine ? BuildQuality::kFine : BuildQuality::kBalanced);
   }
   b.cpu.push_back(process_seconds() - cpu), b.wall.push_back(wall_seconds() - wall);
   b.bytes = device ? double(device->bytes() - before) : double(accel->stats().bytes);

@@ -261,7 +261,10 @@ class Maker {
 NodeTree join(Maker& top, std::vector<Maker>& makers, const std::vector<ChildRef>& roots, ChildRef root, Buffer<Ref>& refs) {
   size_t nodes = top.nodes.size(), leaves = top.leaves.size();
   std::vector<size_t> first_node, first_leaf;
-  for (const Maker& m : makers) first_node.push_back(nodes), first_leaf.push_back(leaves), nodes += m.nodes.size(), leaves += m.leaves.size();
+  for (const Maker& m : makers) {
+    first_node.push_back(nodes), first_leaf.push_back(leaves);
+    nodes += m.nodes.size(), leaves += m.leaves.size();
+  }
   if (leaves > size_t(kOrdinal)) throw std::bad_alloc();
   const auto moved = [&](ChildRef c, size_t k) { return ChildRef(c + (c & kLeaf ? first_leaf[k] : first_node[k])); };
   for (size_t k = 0; k < makers.size(); ++k) {
@@ -281,7 +284,8 @@ NodeTree join(Maker& top, std::vector<Maker>& makers, const std::vector<ChildRef
 
 }  // namespace
 
-NodeTree build_spatial(Buffer<Ref>& refs, const CornersOf& corners, const BuildOptions& options, Team& team, const std::atomic<bool>& cancel) {
+NodeTree build_spatial(Buffer<Ref>& refs, const CornersOf& corners, const BuildOptions& options, Team& team,
+                       const std::atomic<bool>& cancel) {
   Part all;
   all.refs.assign(refs.data.get(), refs.data.get() + refs.size);
   all.box = ref_box(refs.data.get(), refs.data.get() + refs.size);
