@@ -30,8 +30,19 @@ _BACKEND_ITEMS = (
 
 _ACCELERATION_ITEMS = (
     ("AUTO", "Automatic", "Fast in the viewport, balanced in final renders"),
-    ("FAST", "Fast", "FAST_TEXT"),
-    ("BALANCED", "Balanced", "By the surface area heuristic: the fewest steps per ray for the time"),
+    (
+        "FAST",
+        "Fast",
+        "Cells of a grid, halved. Measured on meshes of 58 000 to 75 000 triangles beside Balanced: built in 0.41 to 0.48 of the "
+        "time, rays at 0.80 to 0.95 of the speed",
+    ),
+    ("BALANCED", "Balanced", "By the surface area heuristic: what a picture mostly takes the least time with"),
+    (
+        "FINE",
+        "Fine",
+        "Also cuts triangles where boxes overlap, for long renders of rooms with large, long triangles. Measured beside Balanced: "
+        "built in 6 to 9 times the time, rays at 1.1 to 1.6 times the speed in a game level, about the same on curved meshes",
+    ),
 )
 
 

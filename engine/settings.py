@@ -8,7 +8,7 @@ PRECISIONS = ("ROBUST",)
 """What the native core offers today; the NumPy tracer is float64 throughout."""
 ILLUMINATIONS = ("PHYSICAL", "CLASSIC")
 BACKENDS = ("NATIVE", "NUMPY")
-BUILDS = ("FAST", "BALANCED")
+BUILDS = ("FAST", "BALANCED", "FINE")
 """Ways to build the core's trees, in the order of their time."""
 ACCELERATIONS = ("AUTO", *BUILDS)
 MOST_LIGHT_POINTS = 1 << 23

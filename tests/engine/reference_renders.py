@@ -40,9 +40,9 @@ def rounded(value: Any) -> Any:
     return value
 
 
-def draw(name: str) -> dict[str, Array]:
+def draw(name: str, settings: engine.Settings = SETTINGS) -> dict[str, Array]:
     """All passes of one scene, (h, w, c) float32."""
-    return engine.render(rounded(SCENES[name]()), SETTINGS).passes
+    return engine.render(rounded(SCENES[name]()), settings).passes
 
 
 def hashes_of(passes: dict[str, Array]) -> dict[str, str]:

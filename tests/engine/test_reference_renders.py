@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import reference_renders as references
 from engine_scenes import SCENES
+from glint.engine.settings import BUILDS
 from native_tools import needs_core
 
 RENEW = "if that is what the picture should be, tests/engine/renew_references.py renews them"
@@ -19,6 +21,14 @@ RENEW = "if that is what the picture should be, tests/engine/renew_references.py
 def test_reference_render(name: str, tmp_path: Path) -> None:
     changes = references.difference(name, references.draw(name), tmp_path)
     assert not changes, f"{changes}; {RENEW}"
+
+
+@needs_core
+@pytest.mark.parametrize("acceleration", BUILDS)
+@pytest.mark.parametrize("name", SCENES)
+def test_trees_change_no_bit(name: str, acceleration: str) -> None:
+    passes = references.draw(name, replace(references.SETTINGS, acceleration=acceleration))
+    assert references.hashes_of(passes) == references.kept_hashes()[name]
 
 
 def test_hashes_and_pictures_go_together() -> None:

@@ -21,7 +21,7 @@ def row(tracer: str, mrays: float, robust: bool = True, threads: int = 1, rays: 
 
 def build_row(tracer: str, cpu: float, size: float, threads: int = 1) -> dict:
     return {
-        "tracer": tracer, "quality": "medium", "robust": True, "compact": False, "threads": threads,
+        "tracer": tracer, "quality": "balanced" if tracer == "glint" else "medium", "robust": True, "compact": False, "threads": threads,
         "cpu_seconds": cpu, "wall_seconds": cpu, "bytes_per_triangle": size,
     }  # fmt: skip
 
@@ -51,6 +51,13 @@ def test_summary_compares_medians_with_targets_and_names_the_worst(report):
     text = ray_tables.summary_table({"fast": report, "slow": slow})
     line = next(line for line in text.splitlines() if line.startswith("primary, Embree robust"))
     assert line.split()[3:] == ["1.50", "2.5", "missed", "0.50", "slow", "0.95", "missed"]
+
+
+def test_summary_compares_builds_of_like_quality(report):
+    lines = ray_tables.summary_table({"a": report}).splitlines()
+    speed = next(line for line in lines if line.startswith("build speed"))
+    assert speed.split()[5:] == ["2.00", "1.0", "met", "2.00", "a", "1.0", "met"]
+    assert "bytes saved, Embree medium robust" in lines[-1]
 
 
 def test_verdicts():

@@ -59,11 +59,11 @@ Options parse(int argc, char** argv) {
 
 std::string device_config(const Options& options, int threads) { return "threads=" + std::to_string(threads) + "," + options.config; }
 
-std::unique_ptr<Accel> build_glint(const World& world, int threads) {
+std::unique_ptr<Accel> build_glint(const World& world, int threads, BuildQuality quality = BuildQuality::kBalanced) {
   const std::atomic<bool> cancel{false};
   std::vector<InstanceView> instances(std::max<size_t>(1, world.instances.size()));
   for (size_t k = 0; k < world.instances.size(); ++k) instances[k].world_from_object = world.instances[k];
-  return Accel::build({world.mesh.view()}, instances, threads, cancel);
+  return Accel::build({world.mesh.view()}, instances, threads, cancel, quality);
 }
 
 // ---- builds ----
@@ -88,7 +88,8 @@ void build_once(Builder& b, const Options& options, const World& world) {
     const Quality quality = b.quality == "low" ? Quality::kLow : b.quality == "medium" ? Quality::kMedium : Quality::kHigh;
     scene = std::make_unique<EmbreeScene>(*device, world, quality, b.robust, b.compact);
   } else {
-    accel = build_glint(world, b.threads);
+    const bool fast = b.quality == "fast", fine = b.quality == "fine";
+    accel = build_glint(world, b.threads, fast ? BuildQuality::kFast : fine ? BuildQuality::kFine : BuildQuality::kBalanced);
   }
   b.cpu.push_back(process_seconds() - cpu), b.wall.push_back(wall_seconds() - wall);
   b.bytes = device ? double(device->bytes() - before) : double(accel->stats().bytes);
@@ -97,7 +98,7 @@ void build_once(Builder& b, const Options& options, const World& world) {
 void add_builds(Report& report, const Options& options, const World& world) {
   std::vector<Builder> builders;
   for (int threads = 1; threads <= options.threads; ++threads) {
-    builders.push_back({"glint", "default", true, false, threads, {}, {}});
+    for (const char* quality : {"balanced", "fast", "fine"}) builders.push_back({"glint", quality, true, false, threads, {}, {}});
     for (const char* quality : {"low", "medium", "high"}) builders.push_back({"embree", quality, false, false, threads, {}, {}});
     builders.push_back({"embree", "medium", true, false, threads, {}, {}});
     if (threads == 1) builders.push_back({"embree", "medium", true, true, threads, {}, {}});

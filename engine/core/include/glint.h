@@ -143,7 +143,7 @@ typedef struct GlintSceneData {
 } GlintSceneData;
 
 enum { GLINT_PHYSICAL, GLINT_CLASSIC };
-enum { GLINT_BUILD_FAST, GLINT_BUILD_BALANCED };
+enum { GLINT_BUILD_FAST, GLINT_BUILD_BALANCED, GLINT_BUILD_FINE };
 
 /* Passes, as numbers for glint_render_read and as bits (1 << pass) for GlintRenderSettings. */
 enum {

@@ -55,7 +55,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.passes < 1u << GLINT_PASS_COUNT, "settings: unknown passes");
   add(sound_region(g.region, scene.camera), "settings: the region is empty or reaches beyond the frame");
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC, "settings: unknown illumination");
-  add(g.acceleration >= GLINT_BUILD_FAST && g.acceleration <= GLINT_BUILD_BALANCED, "settings: unknown acceleration");
+  add(g.acceleration >= GLINT_BUILD_FAST && g.acceleration <= GLINT_BUILD_FINE, "settings: unknown acceleration");
   return text;
 }
 

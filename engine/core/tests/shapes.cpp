@@ -177,19 +177,25 @@ Affine random_affine(Random& random, double half) {
 
 Ray ray(Vec3d o, Vec3d d, double t_min, double t_max, uint32_t visibility) { return {o, d, t_min, t_max, visibility}; }
 
-std::unique_ptr<Accel> build(const std::vector<GeometryView>& geometries, const std::vector<InstanceView>& instances, int threads) {
+std::unique_ptr<Accel> build(const std::vector<GeometryView>& geometries, const std::vector<InstanceView>& instances, int threads,
+                             BuildQuality quality) {
   const std::atomic<bool> cancel{false};
-  std::unique_ptr<Accel> accel = Accel::build(geometries, instances, threads, cancel);
-  const std::string problem = accel->validate();
-  if (problem.empty()) return accel;
-  std::fprintf(stderr, "the tree is wrong: %s\n", problem.c_str());
-  std::exit(1);
+  std::unique_ptr<Accel> wanted;
+  for (BuildQuality q : kQualities) {
+    std::unique_ptr<Accel> accel = Accel::build(geometries, instances, threads, cancel, q);
+    const std::string problem = accel->validate();
+    if (!problem.empty()) {
+      std::fprintf(stderr, "the tree of quality %d is wrong: %s\n", int(q), problem.c_str());
+      std::exit(1);
+    }
+    if (q == quality) wanted = std::move(accel);
+  }
+  return wanted;
 }
-
-std::unique_ptr<Accel> build(const Mesh& mesh, const Affine& m, int threads) {
+std::unique_ptr<Accel> build(const Mesh& mesh, const Affine& m, int threads, BuildQuality quality) {
   InstanceView i;
   i.world_from_object = m;
-  return build({mesh.view()}, {i}, threads);
+  return build({mesh.view()}, {i}, threads, quality);
 }
 
 Hit closest(const Accel& accel, const Ray& r) {

@@ -62,9 +62,12 @@ Affine random_affine(Random& random, double half);
 
 Ray ray(Vec3d o, Vec3d d, double t_min = 0, double t_max = HUGE_VAL, uint32_t visibility = kCamera);
 
-/// Builds, checks validate(), and ends the test when it complains.
-std::unique_ptr<Accel> build(const std::vector<GeometryView>& geometries, const std::vector<InstanceView>& instances, int threads = 2);
-std::unique_ptr<Accel> build(const Mesh& mesh, const Affine& m = {}, int threads = 2);
+constexpr BuildQuality kQualities[] = {BuildQuality::kFast, BuildQuality::kBalanced, BuildQuality::kFine};
+
+/// Builds with every quality, checks validate(), and ends the test when it complains. Returns the one of `quality`.
+std::unique_ptr<Accel> build(const std::vector<GeometryView>& geometries, const std::vector<InstanceView>& instances, int threads = 2,
+                             BuildQuality quality = BuildQuality::kBalanced);
+std::unique_ptr<Accel> build(const Mesh& mesh, const Affine& m = {}, int threads = 2, BuildQuality quality = BuildQuality::kBalanced);
 Hit closest(const Accel& accel, const Ray& r);
 
 }  // namespace glint::test

@@ -55,9 +55,18 @@ TEST(build, one_triangle) {
 
 TEST(build, many) {
   Random random(1);
-  for (size_t n : {2, 4, 5, 9, 33, 1000, 20000, 100000}) {
+  for (size_t n : {2, 4, 5, 9, 33, 1000, 20000, 60000}) {
     const auto accel = build(soup(random, n, 1, 0.03));
     CHECK(accel->stats().primitives == n);
+  }
+}
+
+TEST(build, a_million) {
+  const Mesh mesh = bumpy_sphere(500, 1000);
+  const std::atomic<bool> cancel{false};
+  for (BuildQuality quality : {BuildQuality::kFast, BuildQuality::kBalanced}) {
+    const auto accel = Accel::build({mesh.view()}, {InstanceView{}}, 2, cancel, quality);
+    CHECK(accel->stats().primitives == mesh.count() && accel->validate().empty());
   }
 }
 
@@ -182,12 +191,26 @@ TEST(build, bytes_a_triangle) {
   CHECK(double(build(mesh)->stats().bytes) <= 70.0 * double(mesh.count()));
 }
 
+// Half of a crowd in each of ever smaller boxes: whatever halves space leaves half of it together, and the depth is limited.
+TEST(build, crowds_within_crowds) {
+  Random random(8);
+  Mesh mesh;
+  for (size_t count = 1 << 16, k = 0; count > 0; count /= 2, ++k) {
+    const Mesh part = soup(random, count, std::ldexp(1.0, -4 * int(k)), std::ldexp(1.0, -4 * int(k) - 8));
+    for (size_t t = 0; t < part.count(); ++t) {
+      const uint32_t a = mesh.add(part.corner(t, 0)), b = mesh.add(part.corner(t, 1));
+      mesh.add(a, b, mesh.add(part.corner(t, 2)));
+    }
+  }
+  CHECK(build(mesh)->stats().primitives == mesh.count());
+}
+
 TEST(build, cancel) {
   const Mesh mesh = bumpy_sphere(132, 264);
   std::atomic<bool> cancel{true};
-  CHECK(Accel::build({mesh.view()}, {InstanceView{}}, 2, cancel) == nullptr);
+  for (BuildQuality quality : kQualities) CHECK(Accel::build({mesh.view()}, {InstanceView{}}, 2, cancel, quality) == nullptr);
   cancel = false;
-  CHECK(Accel::build({mesh.view()}, {InstanceView{}}, 2, cancel) != nullptr);
+  for (BuildQuality quality : kQualities) CHECK(Accel::build({mesh.view()}, {InstanceView{}}, 2, cancel, quality) != nullptr);
 }
 
 TEST(build, cancel_while_it_runs) {
@@ -204,26 +227,28 @@ TEST(build, cancel_while_it_runs) {
 // Fails the first allocation of a build, then only the second, … : each must throw std::bad_alloc here, whatever its thread was. (Only a
 // thread that cannot be started does not matter: then the tree must be right.)
 TEST(build, out_of_memory) {
-  const Mesh mesh = bumpy_sphere(100, 120);
+  const Mesh mesh = bumpy_sphere(100, 90);
   const std::vector<GeometryView> views{mesh.view(), mesh.view()};
   std::vector<InstanceView> instances(3);
   instances[1].geometry = instances[2].geometry = 1;
   const std::atomic<bool> cancel{false};
-  int failed = 0, built = 0;
-  for (long allowed = 1, left = 0; left == 0 && allowed < 100000; ++allowed) {
-    auto g = views;
-    auto i = instances;
-    std::unique_ptr<Accel> accel;
-    allocations_left = allowed;
-    try {
-      accel = Accel::build(std::move(g), std::move(i), 3, cancel);
-    } catch (const std::bad_alloc&) {
-      ++failed;
+  for (BuildQuality quality : kQualities) {
+    int failed = 0, built = 0;
+    for (long allowed = 1, left = 0; left == 0 && allowed < 100000; allowed += 1 + allowed / 8) {
+      auto g = views;
+      auto i = instances;
+      std::unique_ptr<Accel> accel;
+      allocations_left = allowed;
+      try {
+        accel = Accel::build(std::move(g), std::move(i), 3, cancel, quality);
+      } catch (const std::bad_alloc&) {
+        ++failed;
+      }
+      left = allocations_left.exchange(0);
+      if (!accel) continue;
+      ++built;
+      CHECK(accel->validate().empty());
     }
-    left = allocations_left.exchange(0);
-    if (!accel) continue;
-    ++built;
-    CHECK(accel->validate().empty());
+    CHECK(failed > 20 && built <= 3);
   }
-  CHECK(failed > 20 && built <= 3);
 }

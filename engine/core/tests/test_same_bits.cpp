@@ -1,4 +1,4 @@
-// The same bits for any number of threads of the build and for every instruction set.
+// The same bits for any number of threads of the build, for every instruction set and for every kind of tree.
 #include <cstdlib>
 #include <cstring>
 
@@ -24,18 +24,24 @@ struct Everything : MixedShapes {
   }
 };
 
-std::vector<unsigned char> answers(const Everything& scene, int threads) {
-  const auto accel = build(scene.geometries, scene.instances, threads);
+std::vector<unsigned char> answers(const Accel& accel) {
   Random random(51);
   std::vector<Ray> rays;
   for (int k = 0; k < 40000; ++k) rays.push_back(ray(random.in_box(4), random.on_sphere(), 0, k % 5 ? HUGE_VAL : 2));
   std::vector<Hit> hits(rays.size());
   std::vector<uint8_t> blocked(rays.size());
-  accel->closest(rays.data(), hits.data(), rays.size());
-  accel->occluded(rays.data(), blocked.data(), rays.size());
+  accel.closest(rays.data(), hits.data(), rays.size());
+  accel.occluded(rays.data(), blocked.data(), rays.size());
   std::vector<unsigned char> bytes(sizeof(Hit) * hits.size());
   std::memcpy(bytes.data(), hits.data(), bytes.size());
   bytes.insert(bytes.end(), blocked.begin(), blocked.end());
+  return bytes;
+}
+
+/// The same, with what the tree is.
+std::vector<unsigned char> answers(const Everything& scene, int threads, BuildQuality quality = BuildQuality::kBalanced) {
+  const auto accel = build(scene.geometries, scene.instances, threads, quality);
+  std::vector<unsigned char> bytes = answers(*accel);
   const AccelStats s = accel->stats();
   for (size_t n : {s.nodes, s.bytes, s.primitives, s.dropped})
     for (int k = 0; k < 64; k += 8) bytes.push_back(static_cast<unsigned char>(n >> k));
@@ -46,8 +52,20 @@ std::vector<unsigned char> answers(const Everything& scene, int threads) {
 
 TEST(same_bits, any_number_of_threads) {
   const Everything scene;
-  const auto one = answers(scene, 1);
-  for (int threads : {0, 2, 5}) CHECK(answers(scene, threads) == one);
+  for (BuildQuality quality : kQualities) {
+    const auto one = answers(scene, 1, quality);
+    for (int threads : {2, 5}) CHECK(answers(scene, threads, quality) == one);
+  }
+}
+
+TEST(same_bits, any_tree) {
+  const Everything scene;
+  const auto balanced = build(scene.geometries, scene.instances);
+  for (BuildQuality quality : kQualities) {
+    const auto other = build(scene.geometries, scene.instances, 2, quality);
+    CHECK(answers(*other) == answers(*balanced));
+    if (quality != BuildQuality::kBalanced) CHECK(other->stats().nodes != balanced->stats().nodes);
+  }
 }
 
 TEST(same_bits, any_instruction_set) {

@@ -70,8 +70,8 @@ struct AccelStats {
   double seconds = 0;
 };
 
-/// How much time a build takes, and how little the rays: hits are the same.
-enum class BuildQuality { kFast, kBalanced };
+/// How much time a build takes, and how little the rays: hits are the same. kFine: triangles may be in several leaves.
+enum class BuildQuality { kFast, kBalanced, kFine };
 
 class Accel {
  public:

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <new>
 
+#include "builder_cells.h"
 #include "builder_grid.h"
+#include "builder_nodes.h"
 #include "builder_split.h"
 
 namespace glint {
@@ -12,72 +14,6 @@ namespace {
 constexpr size_t kBig = 16384;      // refs: beyond, a range is cut into clusters by all threads
 constexpr size_t kTask = 4096;      // refs: below, a range is the work of one thread
 constexpr size_t kCluster = 16;     // refs: of the clusters of big ranges
-constexpr int kMedianDepth = 40;    // from here on ranges are halved, so that kMaxDepth holds: 2^28 refs are 28 halvings away
-
-/// What a ref weighs: itself, or all that its cluster holds.
-struct Single {
-  static uint32_t weight(const Ref&) { return 1; }
-};
-struct Cluster {
-  static uint32_t weight(const Ref& r) { return r.source; }
-};
-
-/// Half the surfaces of three boxes of a range, in units that make the range's own extents at most 1: lane k is that of box[k].
-struct Areas {
-  F4 unit;
-  explicit Areas(const Box& range) {
-    const F4 e = extent(range);
-    const float longest = std::max({e[0], e[1], e[2], std::numeric_limits<float>::min()});
-    unit = splat(longest <= std::numeric_limits<float>::max() ? 1 / longest : 0);
-  }
-  F4 operator()(const Box (&box)[3]) const {
-    const F4 p = extent(box[0]) * unit, q = extent(box[1]) * unit, r = extent(box[2]) * unit;
-    const F4 x{p[0], q[0], r[0], 0}, y{p[1], q[1], r[1], 0}, z{p[2], q[2], r[2], 0};
-    return x * (y + z) + y * z;
-  }
-};
-
-/// What lies on one side of a bin along each axis.
-struct Grown {
-  Box box[3];
-  F4 weight{};
-  void add(const Bins& bins, int b) {
-    for (int k = 0; k < 3; ++k) box[k].add(bins.box[k][b]);
-    weight += F4{float(bins.count[0][b]), float(bins.count[1][b]), float(bins.count[2][b]), 0};
-  }
-};
-
-/// The cheapest split of a range. Costs that are not numbers, from a side without boxes or from infinite extents, are never the cheapest.
-Split best_split(const Bins& bins, const BinMap& map, const Areas& areas) {
-  F4 right_cost[kMaxBins], lowest = splat(std::numeric_limits<float>::infinity());
-  I4 at{};
-  Grown right, left;
-  for (int b = map.count - 1; b > 0; --b) right.add(bins, b), right_cost[b] = areas(right.box) * right.weight;
-  for (int b = 1; b < map.count; ++b) {
-    left.add(bins, b - 1);
-    const F4 cost = areas(left.box) * left.weight + right_cost[b];
-    const I4 lower_here = cost < lowest;
-    lowest = F4((I4(cost) & lower_here) | (I4(lowest) & ~lower_here)), at = (lower_here & b) | (at & ~lower_here);
-  }
-  Split best;
-  for (int k = 0; k < 3; ++k)
-    if (lowest[k] < best.cost) best.axis = k, best.bin = at[k], best.cost = lowest[k];
-  if (best.axis < 0) return best;
-  for (int b = 0; b < map.count; ++b) (b < best.bin ? best.left_box : best.right_box).add(bins.box[best.axis][b]);
-  for (int b = 0; b < best.bin; ++b) best.left += bins.count[best.axis][b];
-  return best;
-}
-
-Box centroid_box(const Ref* first, const Ref* last) {
-  Box box;
-  for (const Ref* r = first; r != last; ++r) box.add(centroid(*r));
-  return box;
-}
-Box ref_box(const Ref* first, const Ref* last) {
-  Box box;
-  for (const Ref* r = first; r != last; ++r) box.add(Box{low(*r), high(*r)});
-  return box;
-}
 
 /// Parts ranges of refs[…) in two; scratch has room for as many.
 template <class Weight>
@@ -87,14 +23,6 @@ struct Splitter {
   BuildOptions options;
   Bins bins;
 
-  void bin(const Range& r, const BinMap& map) {
-    bins.clear(map.count);
-    for (const Ref *p = refs + r.begin, *end = refs + r.end; p != end; ++p) {
-      const I4 b = map(*p);
-      const Box box{low(*p), high(*p)};
-      for (int k = 0; k < 3; ++k) bins.box[k][b[k]].add(box), bins.count[k][b[k]] += Weight::weight(*p);
-    }
-  }
   /// Stable and without branches: every ref is written to both sides, and only one side moves on. Returns where the right side begins.
   size_t partition(const Range& r, const BinMap& map, const Split& split) {
     Ref *left = refs + r.begin, *right = scratch + r.begin;
@@ -136,7 +64,7 @@ struct Splitter {
     const BinMap map(centroids, r.count());
     Split best;
     if (depth < kMedianDepth) {
-      bin(r, map);
+      bins.fill<Weight>(refs + r.begin, refs + r.end, map);
       best = best_split(bins, map, Areas(r.box));
     }
     if (best.axis < 0) {
@@ -151,15 +79,6 @@ struct Splitter {
   }
 };
 
-void set_child(Node& node, int lane, const Box* box) {
-  const float inf = std::numeric_limits<float>::infinity();
-  for (int k = 0; k < 3; ++k) {
-    node.planes[2 * k][lane] = box ? box->lo[k] : inf;
-    node.planes[2 * k + 1][lane] = box ? box->hi[k] : -inf;
-  }
-  node.child[lane] = 0;
-}
-
 /// A range of refs whose nodes are still to be made, and the place in the top nodes where they belong.
 struct Task {
   size_t node;
@@ -167,8 +86,6 @@ struct Task {
   int depth;
   Range range;
 };
-
-ChildRef leaf_ref(const Range& r) { return kLeaf | ChildRef(r.weight - 1) << kCountShift | ChildRef(r.first); }
 
 /// Appends the nodes over a range to `nodes`. Children that weigh `crowd` or less are not opened further: leaf(range, node, lane, depth)
 /// gives what they refer to.
@@ -223,65 +140,6 @@ struct NodeMaker {
   }
 };
 
-/// Appends the nodes over the cells of a grid, halving those with the most refs.
-class Halver {
- public:
-  Halver(const Ref* refs, const std::vector<size_t>& start, const BuildOptions& options, std::vector<Node>& nodes)
-      : refs_(refs), start_(start), options_(options), nodes_(nodes) {}
-
-  ChildRef make() { return make({0, uint32_t(start_.size() - 1), start_.front(), start_.back()}).ref; }
-
- private:
-  /// Refs [begin, end), those of `count` cells; of no cells once they are a part of one.
-  struct Cells {
-    uint32_t first, count;
-    size_t begin, end;
-    size_t refs() const { return end - begin; }
-  };
-  struct Child {
-    ChildRef ref;
-    Box box;
-  };
-
-  Child make(const Cells& all) {
-    if (all.refs() <= options_.max_leaf) return {leaf_ref({0, 0, all.begin, all.refs(), {}}), ref_box(refs_ + all.begin, refs_ + all.end)};
-    Cells cells[kWidth] = {all};
-    int count = 1;
-    for (int k; count < kWidth && cells[k = fullest(cells, count)].refs() > options_.min_leaf; ++count) halve(cells[k], cells[count]);
-    const size_t index = nodes_.size();
-    nodes_.emplace_back();
-    Box box;
-    for (int k = 0; k < kWidth; ++k) {
-      if (k >= count) { set_child(nodes_[index], k, nullptr); continue; }
-      const Child child = make(cells[k]);
-      set_child(nodes_[index], k, &child.box), nodes_[index].child[k] = child.ref;
-      box.add(child.box);
-    }
-    return {ChildRef(index), box};
-  }
-  static int fullest(const Cells* cells, int count) {
-    return int(std::max_element(cells, cells + count, [](const Cells& a, const Cells& b) { return a.refs() < b.refs(); }) - cells);
-  }
-  /// Leaves the first half, neither of them empty; halves without a ref are skipped.
-  void halve(Cells& whole, Cells& second) const {
-    for (; whole.count > 1; whole.count /= 2) {
-      const uint32_t half = whole.count / 2, middle = whole.first + half;
-      const size_t cut = start_[middle];
-      if (cut == whole.begin) { whole.first = middle; continue; }
-      if (cut == whole.end) continue;
-      second = {middle, half, cut, whole.end}, whole = {whole.first, half, whole.begin, cut};
-      return;
-    }
-    const size_t cut = whole.begin + whole.refs() / 2;
-    second = {0, 0, cut, whole.end}, whole = {0, 0, whole.begin, cut};
-  }
-
-  const Ref* refs_;
-  const std::vector<size_t>& start_;
-  const BuildOptions& options_;
-  std::vector<Node>& nodes_;
-};
-
 /// The work on one tree: top nodes over clusters, then the nodes below them by all threads.
 class TreeMaker {
  public:
@@ -332,7 +190,7 @@ class TreeMaker {
       return 0;
     }
     const auto later = [&](const Range& r, size_t node, int lane, int depth) {
-      if (r.weight <= options.max_leaf) return leaf_ref(r);
+      if (r.weight <= options.max_leaf) return leaf_ref(r.first, r.weight);
       found.push_back({node, lane, depth, {r.first, r.first + r.weight, r.first, r.weight, r.box}});
       return ChildRef(0);
     };
@@ -361,8 +219,8 @@ class TreeMaker {
 
   /// All nodes of a task.
   ChildRef below(const Task& task, Team& alone, std::vector<Node>& nodes) {
-    if (task.range.weight <= options_.max_leaf) return leaf_ref(task.range);
-    if (options_.halve && task.depth < kMedianDepth) return over_cells(task, alone, nodes);
+    if (task.range.weight <= options_.max_leaf) return leaf_ref(task.range.first, task.range.weight);
+    if (options_.halve && task.node != kNoNode && task.depth < kMedianDepth) return over_cells(task, alone, nodes);
     if (task.range.weight <= options_.crowd || task.depth >= kMedianDepth) return over_refs(task, nodes);
     std::vector<Task> found;
     ChildRef root = over_clusters(task, options_, alone, nodes, found);
@@ -372,10 +230,10 @@ class TreeMaker {
   ChildRef over_cells(const Task& task, Team& alone, std::vector<Node>& nodes) {
     if (cancel_.load(std::memory_order_relaxed)) throw Cancelled{};
     const std::vector<size_t> start = sort_into_cells(refs_, scratch_.data.get(), task.range, (options_.max_leaf + 1) / 2, alone);
-    return Halver(refs_, start, options_, nodes).make();
+    return halve_cells(refs_, start, options_, nodes);
   }
   ChildRef over_refs(const Task& task, std::vector<Node>& nodes) {
-    const auto leaf = [](const Range& r, size_t, int, int) { return leaf_ref(r); };
+    const auto leaf = [](const Range& r, size_t, int, int) { return leaf_ref(r.first, r.weight); };
     NodeMaker<Single, decltype(leaf)> maker{{refs_, scratch_.data.get(), options_, {}}, nodes, cancel_, options_.max_leaf, leaf};
     return maker.make(task.range, task.depth);
   }
@@ -390,12 +248,7 @@ class TreeMaker {
     NodeTree tree{Buffer<Node>(base.back()), root_, {}};
     std::copy(top_.begin(), top_.end(), tree.nodes.data.get());
     team_.run(batches_.size(), [&](size_t k) {
-      Node* out = tree.nodes.data.get() + base[k];
-      for (Node node : batches_[k].nodes) {
-        for (int lane = 0; lane < kWidth; ++lane)
-          if (node.planes[0][lane] <= node.planes[1][lane]) node.child[lane] = moved(node.child[lane], k);
-        *out++ = node;
-      }
+      move_nodes(batches_[k].nodes, tree.nodes.data.get() + base[k], [&](ChildRef c) { return moved(c, k); });
       std::vector<Node>().swap(batches_[k].nodes);
     });
     return tree;

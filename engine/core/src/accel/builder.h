@@ -1,5 +1,6 @@
 // From boxes to a tree of eight children a node: always the largest child is split, by the surface area heuristic (builder_split.h). Many
-// boxes are first gathered into clusters (builder_grid.h); the upper nodes are made over those.
+// boxes are first gathered into clusters (builder_grid.h); the upper nodes are made over those. Where only time counts, the nodes below
+// halve a grid's cells instead (builder_cells.h).
 #pragma once
 #include <atomic>
 #include <memory>

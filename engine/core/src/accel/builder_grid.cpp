@@ -16,7 +16,8 @@ constexpr size_t kChunk = 16384;
 /// the first one highest. At each further level three halvings less; levels are numbered one after the other.
 class Grid {
  public:
-  Grid(const Box& centroids, size_t refs, size_t limit, bool by_size) : origin_(centroids.lo), scale_(splat(0)), last_(splat(0)), by_size_(by_size) {
+  Grid(const Box& centroids, size_t refs, size_t limit, bool by_size)
+      : origin_(centroids.lo), scale_(splat(0)), last_(splat(0)), by_size_(by_size) {
     const int bits = std::clamp(int(std::bit_width(4 * refs / limit)), 3, kMaxBits);
     int axis_of[kMaxBits], halvings[3] = {};
     float side[3];

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "builder_spatial.h"
+
 namespace glint {
 namespace {
 
@@ -202,6 +204,10 @@ BuildOptions options_of(LeafKind kind, BuildQuality quality) {
   return options;
 }
 
+void corners_of(const Source& s, size_t primitive, Vec3d (&p)[3]) {
+  for (size_t j = 0; j < 3; ++j) p[j] = Vec3d(vertex(s, s.geometry->triangles[3 * primitive + j]));
+}
+
 Vec3d corner(const Source& s, size_t index) { return Vec3d(vertex(s, s.geometry->indices[index])); }
 
 }  // namespace
@@ -237,9 +243,16 @@ Tree make_tree(std::vector<Source>& sources, BuildQuality quality, Team& team, c
   bake_vertices(sources, team);
   Buffer<Ref> refs = collect(sources, team, cancel, tree.dropped);
   for (const Source& s : sources) tree.dropped += s.geometry->primitive_count;
-  tree.dropped -= tree.count = refs.size;
-  if (tree.count == 0) return tree;
-  tree.nodes = build_nodes(refs.data.get(), tree.count, options_of(tree.kind, quality), team, cancel);
+  tree.dropped -= tree.primitives = refs.size;
+  if (tree.primitives == 0) return tree;
+  const BuildOptions options = options_of(tree.kind, quality);
+  if (tree.kind == kTriangleLeaf && quality == BuildQuality::kFine) {
+    const auto corners = [&](const Ref& r, Vec3d (&p)[3]) { corners_of(sources[r.source], r.primitive, p); };
+    tree.nodes = build_spatial(refs, corners, options, team, cancel), tree.parts = true;
+  } else {
+    tree.nodes = build_nodes(refs.data.get(), refs.size, options, team, cancel);
+  }
+  tree.count = refs.size;
   tree.ids = origins(refs, team);
   refs = {};
   fill_leaves(tree, sources, team);

@@ -26,7 +26,9 @@ struct Tree {
   Buffer<PolygonRecord> polygons;
   std::vector<float> corners;
   std::vector<uint32_t> order;  // kInstanceLeaf: the numbers of the refs in the order of the leaves
-  size_t count = 0, dropped = 0;
+  size_t count = 0;       // what the leaves hold: primitives, some of them perhaps more than once
+  size_t primitives = 0, dropped = 0;
+  bool parts = false;     // leaves may hold parts of triangles: then only all leaves of a triangle together hold it
 
   TreeView view() const;
   size_t bytes() const;

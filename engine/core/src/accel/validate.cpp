@@ -17,11 +17,41 @@ Box child_box(const Node& n, int lane) {
   return b;
 }
 
+/// A triangle, or a part of it, in a leaf.
+struct Held {
+  PrimitiveId id;
+  Box box;  // of the leaf
+  Vec3d corner[3];
+  bool operator<(const Held& b) const { return id.instance != b.id.instance ? id.instance < b.id.instance : id.primitive < b.id.primitive; }
+};
+
+Held held(const Tree& tree, ChildRef c, size_t place, const Box& box) {
+  const size_t first = c & kOrdinal, count = (c >> kCountShift & 7) + 1;
+  Held h{tree.ids[first + place], box, {}};
+  for (size_t j = 0; j < 3; ++j)
+    for (size_t axis = 0; axis < 3; ++axis) h.corner[j][int(axis)] = double(tree.floats[9 * first + (3 * j + axis) * count + place]);
+  return h;
+}
+
+/// Whether points all over a triangle, 8 to a side, lie each in some leaf that holds it.
+bool covered(const Held* first, const Held* last) {
+  const Vec3d a = first->corner[0], b = first->corner[1], c = first->corner[2], u = b - a, v = c - a;
+  const Vec3d low = min(a, min(b, c)), high = max(a, max(b, c));
+  for (int i = 0; i <= 8; ++i)
+    for (int j = 0; i + j <= 8; ++j) {
+      const Vec3f p(max(low, min(high, a + (i / 8.0) * u + (j / 8.0) * v)));
+      const F4 at{p.x, p.y, p.z, 0};
+      if (std::none_of(first, last, [&](const Held& h) { return inside({at, at}, h.box); })) return false;
+    }
+  return true;
+}
+
 /// Walks a tree and counts how often everything is reached.
 struct Walk {
   const Tree& tree;
   const std::vector<Box>& primitives;
   std::vector<uint8_t> nodes, leaves;
+  std::vector<Held> parts;
   std::string problem;
 
   Walk(const Tree& t, const std::vector<Box>& p) : tree(t), primitives(p), nodes(t.nodes.nodes.size), leaves(t.count) {}
@@ -31,7 +61,8 @@ struct Walk {
     if (last > tree.count) problem = "a leaf reads beyond the last primitive";
     for (size_t k = first; k < std::min(last, tree.count); ++k) {
       if (leaves[k]++) problem = "primitive " + std::to_string(k) + " is in two leaves";
-      if (!inside(primitives[k], box)) problem = "primitive " + std::to_string(k) + " leaves its box";
+      if (tree.parts) parts.push_back(held(tree, c, k - first, box));
+      else if (!inside(primitives[k], box)) problem = "primitive " + std::to_string(k) + " leaves its box";
     }
   }
 
@@ -51,6 +82,17 @@ struct Walk {
     }
   }
 };
+
+/// A triangle that its leaves together do not hold, or that is in none.
+std::string part_problem(std::vector<Held> parts, size_t primitives) {
+  std::sort(parts.begin(), parts.end());
+  size_t found = 0;
+  for (const Held *first = parts.data(), *end = first + parts.size(), *last; first < end; first = last, ++found) {
+    last = std::upper_bound(first, end, *first);
+    if (!covered(first, last)) return "triangle " + std::to_string(first->id.primitive) + " leaves its boxes";
+  }
+  return found == primitives ? "" : "a triangle is in no leaf";
+}
 
 Box polygon_box(const Tree& tree, const PolygonRecord& r) {
   const uint32_t axis = 3 - r.axis_u - r.axis_v;
@@ -105,7 +147,7 @@ std::string tree_problem(const Tree& tree, const std::vector<Box>& primitives) {
   if (!walk.problem.empty()) return walk.problem;
   if (std::count(walk.nodes.begin(), walk.nodes.end(), 0) > 0) return "a node is never reached";
   if (std::count(walk.leaves.begin(), walk.leaves.end(), 0) > 0) return "a primitive is never reached";
-  return "";
+  return tree.parts ? part_problem(std::move(walk.parts), tree.primitives) : "";
 }
 
 std::string World::validate() const {

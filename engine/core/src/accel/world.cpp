@@ -161,7 +161,7 @@ void World::count(const Plan& plan) {
   for (const auto* trees : {&trees_, &objects_})
     for (const Tree& t : *trees) {
       stats_.bytes += t.bytes(), stats_.nodes += t.nodes.nodes.size;
-      if (t.kind != kInstanceLeaf) stats_.primitives += t.count;
+      if (t.kind != kInstanceLeaf) stats_.primitives += t.primitives;
     }
 }
 
