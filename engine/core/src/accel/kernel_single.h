@@ -169,15 +169,15 @@ struct Walker {
   }
   static uint32_t lowest_bit(uint32_t mask) { return uint32_t(__builtin_ctz(mask)); }
   static uint32_t highest_bit(uint32_t mask) { return 31 - uint32_t(__builtin_clz(mask)); }
+  /// The nearest on top, the others hardly sorted.
   void push_many(const Node& n, uint32_t mask, const float* distance) {
-    Waiting* const base = top;
-    for (; mask; mask &= mask - 1) {
-      const int k = __builtin_ctz(mask);
-      const Waiting e{n.child[k], distance[k]};
-      Waiting* p = top++;
-      for (; p > base && p[-1].distance < e.distance; --p) *p = p[-1];
-      *p = e;
+    uint32_t nearest = lowest_bit(mask);
+    while (mask &= mask - 1) {
+      const uint32_t k = lowest_bit(mask), swap = (nearest ^ k) & -uint32_t(distance[k] < distance[nearest]);
+      nearest ^= swap;
+      *top++ = {n.child[k ^ swap], distance[k ^ swap]};
     }
+    *top++ = {n.child[nearest], distance[nearest]};
   }
 };
 
