@@ -1,5 +1,5 @@
-// Rays through a tree each on its own, nearest boxes first. Several are on their way at a time, in turns: a processor that waits for the box
-// or the triangle of one of them has work with the others.
+// Rays through a tree each on its own, nearest boxes first. Several are on their way at a time, in turns: a processor that waits for the
+// box or the triangle of one of them has work with the others.
 #pragma once
 #include "kernel_leaves.h"
 
@@ -184,8 +184,8 @@ constexpr int kWalkers = 8;
 
 /// Asks for the memory that a ray needs when it is its turn again. No branch: where it goes cannot be foreseen.
 inline void fetch(const TreeView& tree, ChildRef child) {
-  const uintptr_t node = reinterpret_cast<uintptr_t>(tree.nodes + child);
-  const uintptr_t leaf = reinterpret_cast<uintptr_t>(tree.floats + 9 * size_t(leaf_first(child)));
+  const uintptr_t node = reinterpret_cast<uintptr_t>(tree.nodes) + child * sizeof(Node);
+  const uintptr_t leaf = reinterpret_cast<uintptr_t>(tree.floats) + leaf_first(child) * 9 * sizeof(float);
   const uintptr_t at_leaf = uintptr_t(intptr_t(int32_t(child) >> 31));  // all bits or none
   const char* p = reinterpret_cast<const char*>((node & ~at_leaf) | (leaf & at_leaf));
   for (size_t k = 0; k < sizeof(Node); k += 64) __builtin_prefetch(p + k);
@@ -207,7 +207,7 @@ inline bool step(Walk<Any>& w, Walker& a) {
 template <bool Any>
 __attribute__((noinline)) void walk_rays(Walk<Any>& w, uint64_t rays, ChildRef root) {
   if (w.tree.kind == kInstanceLeaf) return visit_instances(w, rays, root);
-  const bool slow = w.tree.large && rays & (rays - 1);  // memory, and others have the time until it answers
+  const bool slow = w.tree.large && __builtin_popcountll(rays) > 2;  // memory, and others have the time until it answers
   Walker walkers[kWalkers], *last = walkers;
   for (int k = 0; rays && k < kWalkers; ++k, rays &= rays - 1) {
     last->next = &walkers[k], last = &walkers[k];
