@@ -260,8 +260,8 @@ Tree make_instance_tree(std::vector<Ref> boxes, Team& team, const std::atomic<bo
 }
 
 TreeView Tree::view() const {
-  const bool large = bytes() > kLarge;
-  TreeView v{nodes.nodes.data.get(), floats.data.get(), ids.data.get(), polygons.data.get(), corners.data(), {}, 0, nodes.root, kind, large};
+  TreeView v{nodes.nodes.data.get(), floats.data.get(), ids.data.get(), polygons.data.get(), corners.data(), {}, 0, nodes.root, kind,
+             bytes() > kLarge};
   double square = 0;
   for (int k = 0; k < 3; ++k) {
     const double lo = nodes.box.lo[k], hi = nodes.box.hi[k];
