@@ -109,7 +109,7 @@ struct Visitor {
   bool arrive(const Walk<Any>& w) {
     for (;; walker.pop()) {
       while (walker.at_node()) walker.descend(w.tree.nodes[walker.child]);
-      if (walker.child == kDone) return false;
+      if (walker.done()) return false;
       if (leaf_count(walker.child) > 1) walker.push_rest();
       instance = w.world.instances + leaf_first(walker.child);
       if (!(instance->visibility & w.tile.answers->visibility)) continue;

@@ -1,5 +1,5 @@
-// Rays through a tree each on its own, nearest boxes first. Several are on their way at a time, in turns: a processor that waits for the box
-// or the triangle of one of them has work with the others.
+// Rays through a tree each on its own, nearest boxes first. Several are on their way at a time, in turns: a processor that waits for the
+// box or the triangle of one of them has work with the others.
 #pragma once
 #include "kernel_leaves.h"
 
@@ -121,8 +121,6 @@ struct Waiting {
   float distance;
 };
 
-constexpr ChildRef kDone = ~0u;  // instead of a leaf: there is nothing left to do
-
 /// One ray on its way: `child` is where it goes next.
 struct Walker {
   BoxRay box;
@@ -137,9 +135,10 @@ struct Walker {
   void start(const Tile& tile, int ray, ChildRef root) {
     r = ray, order = &order_of(tile, ray), child = root, end = tile.hi[ray];
     box.set(tile, ray, *order);
-    stack[0] = {kDone, -kFar}, top = stack + 1;
+    stack[0] = {kLeaf, -kFar}, top = stack + 1;
   }
   bool at_node() const { return !(child & kLeaf); }
+  bool done() const { return top == stack; }
   /// After a hit.
   void shorten(const Tile& tile) { end = tile.hi[r], box.last = splat(end); }
   /// All but the first primitive of a leaf.
@@ -169,25 +168,34 @@ struct Walker {
   }
   static uint32_t lowest_bit(uint32_t mask) { return uint32_t(__builtin_ctz(mask)); }
   static uint32_t highest_bit(uint32_t mask) { return 31 - uint32_t(__builtin_clz(mask)); }
+  /// The nearest on top, the others hardly sorted.
   void push_many(const Node& n, uint32_t mask, const float* distance) {
-    Waiting* const base = top;
-    for (; mask; mask &= mask - 1) {
-      const int k = __builtin_ctz(mask);
-      const Waiting e{n.child[k], distance[k]};
-      Waiting* p = top++;
-      for (; p > base && p[-1].distance < e.distance; --p) *p = p[-1];
-      *p = e;
+    uint32_t nearest = lowest_bit(mask);
+    while (mask &= mask - 1) {
+      const uint32_t k = lowest_bit(mask), swap = (nearest ^ k) & -uint32_t(distance[k] < distance[nearest]);
+      nearest ^= swap;
+      *top++ = {n.child[k ^ swap], distance[k ^ swap]};
     }
+    *top++ = {n.child[nearest], distance[nearest]};
   }
 };
 
 constexpr int kWalkers = 8;
 
+/// Asks for the memory that a ray needs when it is its turn again. No branch: where it goes cannot be foreseen.
+inline void fetch(const TreeView& tree, ChildRef child) {
+  const uintptr_t node = reinterpret_cast<uintptr_t>(tree.nodes) + child * sizeof(Node);
+  const uintptr_t leaf = reinterpret_cast<uintptr_t>(tree.floats) + leaf_first(child) * 9 * sizeof(float);
+  const uintptr_t at_leaf = uintptr_t(intptr_t(int32_t(child) >> 31));  // all bits or none
+  const char* p = reinterpret_cast<const char*>((node & ~at_leaf) | (leaf & at_leaf));
+  for (size_t k = 0; k < sizeof(Node); k += 64) __builtin_prefetch(p + k);
+}
+
 /// One step of a walker; false when its ray is through.
 template <bool Any>
 inline bool step(Walk<Any>& w, Walker& a) {
   if (a.at_node()) return a.descend(w.tree.nodes[a.child]), true;
-  if (a.child == kDone) return false;
+  if (a.done()) return false;
   hit_leaf(w, a.r, a.child, *a.order);
   a.shorten(w.tile);
   if (Any && !alive(w.tile, a.r)) return false;
@@ -199,6 +207,7 @@ inline bool step(Walk<Any>& w, Walker& a) {
 template <bool Any>
 __attribute__((noinline)) void walk_rays(Walk<Any>& w, uint64_t rays, ChildRef root) {
   if (w.tree.kind == kInstanceLeaf) return visit_instances(w, rays, root);
+  const bool slow = w.tree.large && __builtin_popcountll(rays) > 2;  // memory, and others have the time until it answers
   Walker walkers[kWalkers], *last = walkers;
   for (int k = 0; rays && k < kWalkers; ++k, rays &= rays - 1) {
     last->next = &walkers[k], last = &walkers[k];
@@ -206,8 +215,9 @@ __attribute__((noinline)) void walk_rays(Walk<Any>& w, uint64_t rays, ChildRef r
   }
   last->next = walkers;
   for (Walker *before = last, *a = walkers;; before = a, a = a->next) {
-    if (step(w, *a)) continue;
-    if (rays) {
+    if (step(w, *a)) {
+      if (slow) fetch(w.tree, a->child);
+    } else if (rays) {
       a->start(w.tile, __builtin_ctzll(rays), root), rays &= rays - 1;
     } else {
       if (a == before) return;
