@@ -27,6 +27,8 @@ Array = np.ndarray
 Crop = tuple[int, int, int, int]
 
 REFERENCE_SAMPLES = 1024
+_FIRST_STOP = 4
+"""Samples that every pixel takes whatever the error threshold (SEMANTICS.md, Refinement)."""
 _REFERENCE_LIGHT_SAMPLES = 4
 _REFERENCE_MARGIN = 4
 """The reference takes at least so many times the light points of any point of the grid."""
@@ -38,25 +40,39 @@ class Knob:
     """A setting that trades time for accuracy.
 
     name: a field of Settings.  values: from fast to accurate.  matters: whether it can change a picture of this scene.
+    falling: smaller values are the more accurate ones.
     """
 
     name: str
     values: tuple[Any, ...]
     matters: Callable[[Scene], bool]
+    falling: bool = False
+
+    @property
+    def kind(self) -> type:
+        """int or float."""
+        return type(self.values[0])
+
+    def ladder(self, *values: Any) -> list[Any]:
+        """Different values from fast to accurate."""
+        return sorted(set(values), reverse=self.falling)
 
 
-def _has_soft_lights(scene: Scene) -> bool:
+def has_soft_lights(scene: Scene) -> bool:
+    """Whether a light has an extent."""
     return any(is_soft(light) for light in scene.lights)
 
 
-def _has_bounces(scene: Scene) -> bool:
+def has_bounces(scene: Scene) -> bool:
+    """Whether a material reflects or refracts rays."""
     return any(lobe.kind in ("MIRROR", "REFRACTION") for material in scene.materials for lobe in material.lobes)
 
 
 KNOBS = (
     Knob("samples", (1, 2, 4, 8, 16, 32, 64), lambda scene: True),
-    Knob("light_samples", (1, 2, 4, 8, 16), _has_soft_lights),
-    Knob("max_bounces", (0, 1, 2, 4, 8), _has_bounces),
+    Knob("error_threshold", (8.0, 2.0, 0.0), lambda scene: True, falling=True),
+    Knob("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
+    Knob("max_bounces", (0, 1, 2, 4, 8), has_bounces),
 )
 """Every knob that is measured. A new one needs a row here and nothing else."""
 
@@ -198,11 +214,17 @@ def settings_grid(scene: Scene, base: Settings, values: Mapping[str, Sequence[An
         raise SceneError(f"no such knob: {', '.join(unknown)}; there are {', '.join(knob.name for knob in KNOBS)}")
     names = [knob.name for knob in KNOBS if knob.matters(scene)]
     ladders = [_ladder(knob, base, values) for knob in KNOBS if knob.matters(scene)]
-    return [replace(base, **dict(zip(names, steps, strict=True))) for steps in itertools.product(*ladders)]
+    grid = [replace(base, **dict(zip(names, steps, strict=True))) for steps in itertools.product(*ladders)]
+    return [settings for settings in grid if settings == base or not _is_idle(settings)]
 
 
 def _ladder(knob: Knob, base: Settings, values: Mapping[str, Sequence[Any]]) -> list[Any]:
-    return sorted({*values.get(knob.name, knob.values), getattr(base, knob.name)})
+    return knob.ladder(*values.get(knob.name, knob.values), getattr(base, knob.name))
+
+
+def _is_idle(settings: Settings) -> bool:
+    """Whether the error threshold cannot stop a pixel: none stops before the samples that the first estimate takes."""
+    return settings.error_threshold > 0 and settings.samples <= _FIRST_STOP
 
 
 def with_front(rows: Sequence[Row]) -> tuple[Row, ...]:
@@ -289,7 +311,7 @@ def _cost(settings: Settings) -> float:
 def _reference(work: _Work, grid: Sequence[Settings], samples: int, seconds: float) -> tuple[list[Array], str]:
     """The crops of the reference, and what it is in words."""
     points = max(s.samples * s.light_samples for s in grid)
-    light_samples = max(_REFERENCE_LIGHT_SAMPLES, -(-_REFERENCE_MARGIN * points // samples)) if _has_soft_lights(work.scene) else 1
+    light_samples = max(_REFERENCE_LIGHT_SAMPLES, -(-_REFERENCE_MARGIN * points // samples)) if has_soft_lights(work.scene) else 1
     bounces = max(_REFERENCE_BOUNCES, *(s.max_bounces for s in grid))
     settings = replace(grid[0], samples=samples, error_threshold=0.0, light_samples=light_samples, max_bounces=bounces)
     problems = settings.problems()

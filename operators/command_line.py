@@ -10,10 +10,9 @@ import bpy
 
 from .. import engine
 from ..addon.stamp import manifest
+from ..engine.trade import KNOBS
 
 _commands: list = []
-
-_KNOBS = ("samples", "light_samples", "max_bounces")
 
 
 def information() -> list[tuple[str, str]]:
@@ -57,8 +56,9 @@ def _add_measure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help=".blend file")
     parser.add_argument("--json", type=Path, help="file for the whole table")
     parser.add_argument("--plot", type=Path, help="PNG file for time against error")
-    for name in _KNOBS:
-        parser.add_argument(f"--{name.replace('_', '-')}", type=int, nargs="+", metavar="N", help=f"values of {name} to try")
+    for knob in KNOBS:
+        option = f"--{knob.name.replace('_', '-')}"
+        parser.add_argument(option, type=knob.kind, nargs="+", metavar="N", help=f"values of {knob.name} to try")
     parser.add_argument("--reference-samples", type=int, default=1024, metavar="N")
     parser.add_argument("--reference-seconds", type=float, default=60.0, metavar="S", help="longest time for a float64 reference")
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="renders per setting, of which the fastest counts")
@@ -87,7 +87,7 @@ def _measure(options: argparse.Namespace) -> int:
     from . import measure_scene
 
     scene, view_layer = _open(options.file)
-    values = {name: getattr(options, name) for name in _KNOBS if getattr(options, name)}
+    values = {knob.name: getattr(options, knob.name) for knob in KNOBS if getattr(options, knob.name)}
     settings = measure_scene.Options(
         values, options.reference_samples, options.reference_seconds, options.repeats, options.crops, options.crop_side
     )

@@ -270,7 +270,7 @@ class GLINT_RENDER_PT_trade(bpy.types.Panel):
             return
         for number, row in enumerate(trade.front):
             line = column.row()
-            knobs = " / ".join(str(value) for value in row.knobs.values())
+            knobs = " / ".join(f"{value:g}" for value in row.knobs.values())
             line.label(text=f"{knobs}: {row.frame_seconds:.2f} s, {row.relative_rmse:.2%}", icon="RADIOBUT_ON" if row.current else "NONE")
             line.operator(GLINT_OT_use_measured.bl_idname).row = number
         column.label(text=advice(trade))
