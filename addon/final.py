@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import bpy
 
 from .. import engine
+from .aim import Aim, aim_from
 from .export import export_scene
 from .properties import settings_from
 from .result import Picture, wanted_passes
@@ -34,7 +35,7 @@ class Job:
     """Everything that the render thread needs; no Blender data.
 
     layer: the view layer's name.  size: of the result in pixels.  preview: a material preview, about which nothing is told.
-    frame: of the animation.
+    frame: of the animation.  aim: the error that settings are to be found for.
     """
 
     scene: engine.Scene
@@ -46,6 +47,7 @@ class Job:
     notes: list[str]
     preview: bool
     frame: int = 1
+    aim: Aim | None = None
 
 
 _readers: list[list[Job]] = []
@@ -84,6 +86,7 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         notes=[*notes, *export.notes, *_darkness(export.scene)],
         preview=render_engine.is_preview,
         frame=depsgraph.scene.frame_current,
+        aim=None if render_engine.is_preview else aim_from(depsgraph.scene_eval),
     )
 
 
@@ -95,6 +98,8 @@ def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
     picture = Picture(render_engine, job.layer, job.size)
     start = time.perf_counter()
     try:
+        forecast = job.aim.choose(job.scene, job.settings, render_engine.test_break) if job.aim else None
+        job.settings = forecast.settings if forecast else job.settings
         film = engine.render(
             job.scene,
             job.settings,
@@ -103,6 +108,8 @@ def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
             on_wave=None if bpy.app.background else picture.show,
         )
         job.statistics.seconds["engine"] = time.perf_counter() - start
+        if forecast:
+            job.statistics.target = job.aim.told(job.scene, forecast, film, render_engine.test_break)
         _finish(render_engine, job, picture, film)
     except BaseException:
         picture.discard()
@@ -154,7 +161,8 @@ def _finish(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, f
     statistics.notes = tuple(dict.fromkeys((*job.notes, *film.notes)))
     statistics.seconds |= {stage: film.stats.get(stage, 0.0) for stage in ("build", "trace")}
     statistics.stamp = {} if job.preview or not film.complete else make_stamp(job.scene, job.settings, film, job.frame)
-    picture.finish(film, {"scene": statistics.scene_line, "seconds": statistics.stages_line, **statistics.stamp})
+    lines = {"scene": statistics.scene_line, "seconds": statistics.stages_line, "target": statistics.target}
+    picture.finish(film, {name: text for name, text in lines.items() if text} | statistics.stamp)
     statistics.seconds["write"] = time.perf_counter() - start
     if not job.preview:
         _tell_statistics(render_engine, job)
@@ -165,5 +173,6 @@ def _tell_statistics(render_engine: bpy.types.RenderEngine, job: Job) -> None:
     render_engine.update_memory_stats(memory_used=statistics.megabytes, memory_peak=statistics.megabytes)
     render_engine.update_stats(job.layer, statistics.stages_line)
     skipped = f"; not needed: {statistics.skipped_line}" if statistics.skipped else ""
-    log.info("%s, %s: %s; %s%s", job.scene_name, job.layer, statistics.stages_line, statistics.scene_line, skipped)
+    target = f"; {statistics.target}" if statistics.target else ""
+    log.info("%s, %s: %s; %s%s%s", job.scene_name, job.layer, statistics.stages_line, statistics.scene_line, skipped, target)
     remember(job.scene_name, job.layer, statistics)

@@ -100,8 +100,41 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
     )
 
 
+_TARGET_ITEMS = (
+    ("NONE", "Off", "Samples, threshold and light samples are those below"),
+    ("LEVELS", "Visible Error", "The largest error of a pixel on the display, in 8-bit levels, after the view transform"),
+    ("RMSE", "Mean Error", "The root mean square error of linear colour, in percent of the picture's root mean square"),
+)
+
+
 class GlintSceneSettings(bpy.types.PropertyGroup):
     """`scene.glint`."""
+
+    target: EnumProperty(
+        name="Target",
+        description="Say how wrong the picture may be, and a pilot on small squares of the frame finds the samples, threshold and light "
+        "samples that reach it with the fewest rays. Predicted and reached error stand in the statistics, the log and the file",
+        items=_TARGET_ITEMS,
+    )
+    target_levels: FloatProperty(
+        name="Levels",
+        description="Largest visible error that is good enough: 1 cannot be told apart on an 8-bit display, 4 hardly",
+        default=4.0,
+        min=0.1,
+        soft_max=32.0,
+        max=255.0,
+        precision=1,
+    )
+    target_rmse: FloatProperty(
+        name="Error",
+        description="Root mean square error that is good enough",
+        default=1.0,
+        min=0.001,
+        soft_max=10.0,
+        max=100.0,
+        precision=2,
+        subtype="PERCENTAGE",
+    )
 
     final: PointerProperty(name="Final", type=GlintRenderSettings)
     viewport: PointerProperty(name="Viewport", type=GlintRenderSettings)
@@ -137,6 +170,9 @@ class GlintViewLayerSettings(bpy.types.PropertyGroup):
     use_pass_cost: _part("Cost", "Rays traced for the pixel, of all kinds")
     use_pass_grazing: _part("Grazing", "Cosine between the view and the surface: small where it is seen edge on")
     use_pass_gap: _part("Gap", "Distance from the first surface to the next behind it: tiny where surfaces lie in one place")
+    use_pass_fallbacks: _part(
+        "Fallbacks", "How often single precision could not decide about a triangle and double precision did: many at edges and far away"
+    )
 
 
 def settings_from(

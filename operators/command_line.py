@@ -43,6 +43,7 @@ def _parser() -> argparse.ArgumentParser:
     info.set_defaults(act=_info)
     _add_measure(actions.add_parser("measure", help="what each setting costs and loses on a scene"))
     _add_compare(actions.add_parser("compare", help="a scene in Glint and in Cycles with matched settings"))
+    _add_target(actions.add_parser("target", help="render a scene for a target error, and tell what was predicted and reached"))
     verify = actions.add_parser(
         "verify", help="render a stamped picture again; exit code 0 if it is the same, 1 if not, 2 if it has no stamp"
     )
@@ -77,6 +78,15 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(act=_compare)
 
 
+def _add_target(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, help=".blend file")
+    asked = parser.add_mutually_exclusive_group(required=True)
+    asked.add_argument("--levels", type=float, metavar="N", help="largest error on the display, in 8-bit levels")
+    asked.add_argument("--rmse", type=float, metavar="PERCENT", help="root mean square error of linear colour")
+    parser.add_argument("--out", type=Path, required=True, help="EXR file for the picture")
+    parser.set_defaults(act=_target)
+
+
 def _info(options: argparse.Namespace) -> int:
     for name, value in information():
         sys.stdout.write(f"{name:10}{value}\n")
@@ -104,6 +114,15 @@ def _compare(options: argparse.Namespace) -> int:
     scene, view_layer = _open(options.file)
     settings = compare_cycles.Options(options.samples, options.bounces, options.side, not options.direct_only)
     _tell(compare_cycles.report_lines(compare_cycles.compare_with_cycles(scene, view_layer, options.out, settings)))
+    return 0
+
+
+def _target(options: argparse.Namespace) -> int:
+    from .scene_copy import rendered_for
+
+    scene, view_layer = _open(options.file)
+    target = ("LEVELS", options.levels) if options.levels is not None else ("RMSE", options.rmse)
+    _tell([rendered_for(scene, view_layer, options.out, *target)])
     return 0
 
 

@@ -14,7 +14,8 @@ import bpy
 
 from ..engine import SceneError
 from ..engine.plot import png_bytes
-from ..engine.trade import REFERENCE_SAMPLES, Row, Trade, advice, choose_crops, measure
+from ..engine.trade import REFERENCE_SAMPLES, Row, Trade, advice, measure
+from ..engine.trade_crops import choose_crops
 from ..engine.trade_plot import draw_trade
 from .scene_copy import read_job
 from .show_picture import show

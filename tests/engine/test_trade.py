@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import engine_scenes as scenes
-from glint.engine import Scene, SceneError, Settings, available_backends, trade, trade_plot
+from glint.engine import Scene, SceneError, Settings, available_backends, trade, trade_crops, trade_plot
 from glint.engine.scene import Lobe
 
 BACKEND = available_backends()[0]
@@ -96,7 +96,7 @@ def test_an_unknown_knob_is_named():
 
 @pytest.mark.parametrize("resolution", [(1920, 1080), (100, 700), (81, 81)])
 def test_crops_lie_inside_apart_and_evenly(resolution):
-    crops = trade.choose_crops(resolution)
+    crops = trade_crops.choose_crops(resolution)
     seen = np.zeros(resolution[::-1], int)
     for x0, y0, x1, y1 in crops:
         assert 0 <= x0 < x1 <= resolution[0] and 0 <= y0 < y1 <= resolution[1]
@@ -107,7 +107,7 @@ def test_crops_lie_inside_apart_and_evenly(resolution):
 
 
 def test_a_small_frame_is_one_crop():
-    assert trade.choose_crops((60, 200)) == ((0, 0, 60, 200),)
+    assert trade_crops.choose_crops((60, 200)) == ((0, 0, 60, 200),)
 
 
 # --- measuring
