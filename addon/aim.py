@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,10 +9,10 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-import OpenImageIO as oiio
 
 from .. import engine
-from ..engine.target import Forecast, Target, choose_settings, reached_error
+from ..engine.target import Forecast, Target, choose_settings, displayed, reached_error
+from .export.pixels import openimageio
 
 
 @dataclass(frozen=True)
@@ -30,6 +29,9 @@ class Display:
 
     def __call__(self, colors: np.ndarray) -> np.ndarray:
         """(..., 3) linear → (..., 3) float64 in 0 to 1. Raises RuntimeError where the transform is not known."""
+        oiio = openimageio()
+        if oiio is None:
+            raise RuntimeError("this Blender has no OpenImageIO to apply its view transform with")
         exposed = np.asarray(colors * 2.0**self.exposure, np.float32).reshape(1, -1, 3)
         source = oiio.ImageBuf(oiio.ImageSpec(exposed.shape[1], 1, 3, oiio.FLOAT))
         source.set_pixels(oiio.ROI(), exposed)
@@ -47,7 +49,7 @@ class Aim:
     """What a render is to reach, and on which display."""
 
     target: Target
-    display: Display
+    display: Callable[[np.ndarray], np.ndarray]
 
     def choose(self, scene: engine.Scene, settings: engine.Settings, should_stop: Callable[[], bool]) -> Forecast | None:
         return choose_settings(scene, settings, self.target, self.display, should_stop=should_stop)
@@ -60,13 +62,25 @@ class Aim:
         return f"{forecast.line}; {end}"
 
 
-def aim_from(scene: bpy.types.Scene) -> Aim | None:
-    """The target of the scene's final renders; None where the settings are the user's own."""
+def aim_from(scene: bpy.types.Scene) -> tuple[Aim | None, list[str]]:
+    """The target of the scene's final renders, None where the settings are the user's own; and what there is to say about it."""
     settings = scene.glint
     if settings.target == "NONE":
-        return None
+        return None, []
     value = settings.target_levels if settings.target == "LEVELS" else settings.target_rmse / 100
-    return Aim(Target(settings.target, value), display_of(scene))
+    display, notes = displayed, []
+    if settings.target == "LEVELS":
+        display, notes = _display_or_srgb(scene)
+    return Aim(Target(settings.target, value), display), notes
+
+
+def _display_or_srgb(scene: bpy.types.Scene) -> tuple[Callable[[np.ndarray], np.ndarray], list[str]]:
+    display = display_of(scene)
+    try:
+        display(np.full((1, 3), 0.5))
+    except RuntimeError as error:
+        return displayed, [f"Visible errors are those of the sRGB curve alone: {error}"]
+    return display, []
 
 
 def display_of(scene: bpy.types.Scene) -> Display:
@@ -74,5 +88,5 @@ def display_of(scene: bpy.types.Scene) -> Display:
     view = scene.view_settings
     look = "" if view.look == "None" else view.look
     own = Path(bpy.utils.system_resource("DATAFILES", path="colormanagement")) / "config.ocio"
-    gamma = view.gamma if math.isfinite(view.gamma) and view.gamma > 0 else 1.0
-    return Display(scene.display_settings.display_device, view.view_transform, look, view.exposure, gamma, os.environ.get("OCIO") or str(own))
+    config = os.environ.get("OCIO") or str(own)
+    return Display(scene.display_settings.display_device, view.view_transform, look, view.exposure, max(view.gamma, 1e-3), config)

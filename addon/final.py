@@ -75,6 +75,7 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
     statistics = Statistics(settings.samples, settings.backend, export.stats)
     if not render_engine.is_preview:
         statistics.skipped = skipped_things(depsgraph, export.scene)
+    aim, aim_notes = (None, []) if render_engine.is_preview else aim_from(depsgraph.scene_eval)
     statistics.seconds["sync"] = time.perf_counter() - start
     return Job(
         scene=export.scene,
@@ -83,10 +84,10 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         layer=layer.name,
         size=_size(export.region, width, height),
         statistics=statistics,
-        notes=[*notes, *export.notes, *_darkness(export.scene)],
+        notes=[*notes, *aim_notes, *export.notes, *_darkness(export.scene)],
         preview=render_engine.is_preview,
         frame=depsgraph.scene.frame_current,
-        aim=None if render_engine.is_preview else aim_from(depsgraph.scene_eval),
+        aim=aim,
     )
 
 
