@@ -56,7 +56,7 @@ class Aim:
 
     def told(self, scene: engine.Scene, forecast: Forecast, film: engine.Film, should_stop: Callable[[], bool]) -> str:
         """What was asked for, chosen, predicted and reached, in words."""
-        reached = reached_error(scene, forecast, film, self.display, should_stop) if film.complete else None
+        reached = reached_error(scene, forecast, film, should_stop) if film.complete else None
         seconds = film.stats.get("build", 0.0) + film.stats.get("trace", 0.0)
         end = f"reached {self.target.text(reached)} in {seconds:.2f} s" if reached is not None else "stopped before it was reached"
         return f"{forecast.line}; {end}"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from .metrics import relative_rmse
 from .scene import Scene
 from .settings import Settings
 from .trade import has_soft_lights
-from .trade_crops import Crop, CropRenderer, Rendered, StoppedError, area, choose_crops
+from .trade_crops import Crop, CropRenderer, Rendered, StoppedError, area
 
 Array = np.ndarray
 Display = Callable[[Array], Array]
@@ -37,11 +37,10 @@ _SLOPES = (0.5, 1.0)
 """Errors of n samples fall at least as n^-0.5 and at most as n^-1."""
 _LIGHT_SAMPLES = 2
 """Points on a soft light for each pixel sample: pixel samples bring new ones, and smooth edges as well."""
-_UNSEEN = 1.4
-"""How much larger the largest error of the frame is than that of the pilot's squares, about, over the scenes that were looked at."""
-_CROPS, _SMALLEST, _LARGEST, _SHARE = 16, 8, 24, 1 / 16
-_PILOT, _CHECK = 0.25, 0.75
-"""Where the squares of the pilot and those of the check lie in their parts of the frame."""
+_UNSEEN = 1.2
+"""How much larger the largest error of the frame is than that of the squares where it is expected, about."""
+_SQUARES, _SMALLEST, _LARGEST, _SHARE = 16, 8, 24, 1 / 16
+"""Half of the squares lie where a first look finds most to do, half evenly over the rest."""
 
 
 @dataclass(frozen=True)
@@ -71,13 +70,14 @@ class Target:
 @dataclass(frozen=True)
 class Forecast:
     """What was chosen for a target. error: predicted, in the target's measure.  seconds: predicted of tracing the frame.
-    pilot_seconds: what finding out took.  met: whether the prediction is within the target."""
+    pilot_seconds: what finding out took.  met: whether the prediction is within the target.  look: what the prediction rests on."""
 
     target: Target
     settings: Settings
     error: float
     seconds: float
     pilot_seconds: float
+    look: Look = field(repr=False, compare=False)
 
     @property
     def met(self) -> bool:
@@ -108,30 +108,31 @@ def choose_settings(
     problems = scene.problems() + base.problems() + target.problems()
     if problems:
         raise SceneError("\n".join(problems))
+    lights = min(base.light_samples, _LIGHT_SAMPLES) if has_soft_lights(scene) else base.light_samples
+    settings = replace(base, error_threshold=0.0, light_samples=lights)
     frame = base.region or (0, 0, *scene.camera.resolution)
-    with CropRenderer(scene, _squares(frame, _PILOT), should_stop) as crops:
+    with CropRenderer(scene, (frame,), should_stop) as renderer:
         try:
-            return _Pilot(crops, base, target, display, area([frame])).forecast()
+            began = time.perf_counter()
+            look = Look.at(renderer, frame, settings, target.measure, display)
+            return _Pilot(renderer, look, settings, target).forecast(began)
         except StoppedError:
             return None
 
 
-def reached_error(
-    scene: Scene, forecast: Forecast, film: Film, display: Display = displayed, should_stop: Callable[[], bool] = lambda: False
-) -> float | None:
-    """The error of a picture made with the forecast's settings, in squares that the pilot did not look at, against four times as many
+def reached_error(scene: Scene, forecast: Forecast, film: Film, should_stop: Callable[[], bool] = lambda: False) -> float | None:
+    """The error of a picture made with the forecast's settings, in the pilot's squares and as many others, against four times as many
     samples; None when stopped."""
-    settings = forecast.settings
-    frame = settings.region or (0, 0, *scene.camera.resolution)
+    settings, look = forecast.settings, forecast.look
     truth = replace(settings, samples=_MARGIN * settings.samples, error_threshold=0.0, passes=frozenset())
-    with CropRenderer(scene, _squares(frame, _CHECK), should_stop) as crops:
+    crops = look.squares(is_check=True)
+    with CropRenderer(scene, crops, should_stop) as renderer:
         try:
-            true = crops.render(truth).pictures
+            true = renderer.render(truth).pictures
         except StoppedError:
             return None
-        x, y = frame[:2]
-        found = [film.combined[y0 - y : y1 - y, x0 - x : x1 - x, :3] for x0, y0, x1, y1 in crops.crops]
-        return error_between(forecast.target.measure, found, true, display)
+    x, y = look.frame[:2]
+    return look.error(crops, [film.combined[y0 - y : y1 - y, x0 - x : x1 - x, :3] for x0, y0, x1, y1 in crops], true)
 
 
 def error_between(measure: str, pictures: Sequence[Array], truth: Sequence[Array], display: Display = displayed) -> float:
@@ -142,33 +143,77 @@ def error_between(measure: str, pictures: Sequence[Array], truth: Sequence[Array
     return 255 * float(np.abs(display(picture) - display(reference)).max())
 
 
-def _squares(frame: Crop, shift: float) -> tuple[Crop, ...]:
-    """Squares over the frame, about a sixteenth of it where that is not many pixels."""
-    x0, y0, x1, y1 = frame
-    side = int(math.sqrt(_SHARE * area([frame]) / _CROPS))
-    crops = choose_crops((x1 - x0, y1 - y0), _CROPS, min(max(side, _SMALLEST), _LARGEST), shift)
-    return tuple((left + x0, bottom + y0, right + x0, top + y0) for left, bottom, right, top in crops)
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A first look at the whole frame: few samples tell where the errors will be, so that small things are not missed.
+
+    frame: its rectangle.  side: of the squares.  apart: (h, w) squared difference between four samples and one, of linear colour or of
+    what the display shows.  brightness: root mean square of linear colour.
+    """
+
+    frame: Crop
+    side: int
+    apart: Array
+    brightness: float
+    measure: str
+    display: Display
+
+    @classmethod
+    def at(cls, renderer: CropRenderer, frame: Crop, settings: Settings, measure: str, display: Display) -> Look:
+        plain = replace(settings, passes=frozenset())
+        few, one = (renderer.render(replace(plain, samples=n)).pictures[0].astype(float) for n in (FIRST_ESTIMATE, 1))
+        shown = (few, one) if measure == "RMSE" else (display(few), display(one))
+        side = min(max(int(math.sqrt(_SHARE * area([frame]) / _SQUARES)), _SMALLEST), _LARGEST)
+        return cls(frame, side, ((shown[0] - shown[1]) ** 2).sum(-1), float(np.sqrt((few**2).mean())), measure, display)
+
+    def squares(self, is_check: bool) -> tuple[Crop, ...]:
+        """Those of the pilot; for the check, as many others as well; the whole frame where it has hardly more."""
+        rows, columns = (size // self.side for size in self.apart.shape)
+        if rows * columns <= 2 * _SQUARES:
+            return (self.frame,)
+        cells = self.apart[: rows * self.side, : columns * self.side].reshape(rows, self.side, columns, self.side).sum((1, 3)).ravel()
+        order = np.argsort(-cells, kind="stable")
+        half = _SQUARES // 2
+        most, rest = order[: half * (1 + is_check)], np.sort(order[2 * half :])
+        shifts = (0.25, 0.75) if is_check else (0.25,)
+        evenly = [rest[((np.arange(half) + shift) * len(rest) / half).astype(int)] for shift in shifts]
+        return tuple(self._square(int(cell), columns) for cell in np.concatenate([most, *evenly]))
+
+    def _square(self, cell: int, columns: int) -> Crop:
+        x, y = self.frame[0] + cell % columns * self.side, self.frame[1] + cell // columns * self.side
+        return x, y, x + self.side, y + self.side
+
+    def error(self, crops: Sequence[Crop], pictures: Sequence[Array], truth: Sequence[Array]) -> float:
+        """Of the frame, from that of some crops: squared errors are as the squared differences of the first look."""
+        if self.measure == "LEVELS":
+            return error_between(self.measure, pictures, truth, self.display) * (1.0 if crops == (self.frame,) else _UNSEEN)
+        squares = sum(float(((a.astype(float) - b) ** 2).sum()) for a, b in zip(pictures, truth, strict=True))
+        here, everywhere = self._apart_in(crops), float(self.apart.sum())
+        share = everywhere / here if here > 0 else area([self.frame]) / area(crops)
+        return math.sqrt(squares * share / (3 * self.apart.size)) / self.brightness if self.brightness > 0 else 0.0
+
+    def _apart_in(self, crops: Sequence[Crop]) -> float:
+        x, y = self.frame[:2]
+        return sum(float(self.apart[y0 - y : y1 - y, x0 - x : x1 - x].sum()) for x0, y0, x1, y1 in crops)
 
 
 class _Pilot:
     """Finds the settings."""
 
-    def __init__(self, crops: CropRenderer, base: Settings, target: Target, display: Display, pixels: int) -> None:
-        lights = min(base.light_samples, _LIGHT_SAMPLES) if has_soft_lights(crops.scene) else base.light_samples
-        self._crops, self._target, self._display = crops, target, display
-        self._wanted = replace(base, error_threshold=0.0, light_samples=lights)
-        self._scale = pixels / area(crops.crops)
-        self._unseen = _UNSEEN if target.measure == "LEVELS" and self._scale > 1 else 1.0
+    def __init__(self, renderer: CropRenderer, look: Look, settings: Settings, target: Target) -> None:
+        self._renderer, self._look, self._wanted, self._target = renderer, look, settings, target
+        self._crops = look.squares(is_check=False)
+        self._scale = area([look.frame]) / area(self._crops)
         self._known: dict[tuple[int, float], Rendered] = {}
         self._truth_samples, self._truth = 0, []
 
-    def forecast(self) -> Forecast:
-        began = time.perf_counter()
+    def forecast(self, began: float) -> Forecast:
+        """began: when finding out began, by time.perf_counter."""
         samples = self._enough_samples()
         samples, threshold = min(self._options(samples), key=lambda option: self._rays(*option))
         wanted = replace(self._wanted, samples=samples, error_threshold=threshold)
-        error, seconds = self._error(samples, threshold), self._seconds(samples, threshold)
-        return Forecast(self._target, wanted, error, seconds, time.perf_counter() - began)
+        seconds = self._seconds(samples, threshold) + self._renderer.build_seconds
+        return Forecast(self._target, wanted, self._error(samples, threshold), seconds, time.perf_counter() - began, self._look)
 
     def _enough_samples(self) -> int:
         """The least power of two that meets the target, by a truth of four times as many where that can be had."""
@@ -191,7 +236,7 @@ class _Pilot:
     def _rendered(self, samples: int, threshold: float) -> Rendered:
         if (samples, threshold) not in self._known:
             plan = replace(self._wanted, samples=samples, error_threshold=threshold, passes=frozenset())
-            self._known[samples, threshold] = self._crops.render(plan)
+            self._known[samples, threshold] = self._renderer.render(plan, crops=self._crops)
         return self._known[samples, threshold]
 
     def _is_measured(self, samples: int) -> bool:
@@ -204,7 +249,7 @@ class _Pilot:
     def _error(self, samples: int, threshold: float = 0.0) -> float:
         """Measured, or along the slope of what is."""
         measured = self._nearest(samples)
-        error = self._unseen * error_between(self._target.measure, self._rendered(measured, threshold).pictures, self._truth, self._display)
+        error = self._look.error(self._crops, self._rendered(measured, threshold).pictures, self._truth)
         return error if measured == samples else error * (samples / measured) ** -self._slope()
 
     def _slope(self) -> float:

@@ -36,14 +36,14 @@ class Rendered:
     pictures: list[Array]
 
 
-def choose_crops(resolution: tuple[int, int], count: int = 16, side: int = 20, shift: float = 0.5) -> tuple[Crop, ...]:
+def choose_crops(resolution: tuple[int, int], count: int = 16, side: int = 20) -> tuple[Crop, ...]:
     """Up to `count` squares spread evenly over the frame, wherever the picture has something to show or not, so that their mean error
-    is the frame's; the whole frame where it is hardly larger than they are. shift: where in their share of the frame they lie, 0 to 1."""
+    is the frame's; the whole frame where it is hardly larger than they are."""
     width, height = resolution
     across = max(int(math.sqrt(count)), 1)
     if width <= across * side or height <= across * side:
         return ((0, 0, width, height),)
-    lefts, bottoms = ([int(k * size / across + shift * (size / across - side)) for k in range(across)] for size in (width, height))
+    lefts, bottoms = ([int((k + 0.5) * size / across - side / 2) for k in range(across)] for size in (width, height))
     return tuple((x, y, x + side, y + side) for y in bottoms for x in lefts)
 
 
@@ -75,10 +75,10 @@ class CropRenderer:
         if self._held is not None:
             self._held.close()
 
-    def render(self, settings: Settings, on_crop: Callable[[], None] = lambda: None) -> Rendered:
-        """All crops. Raises StoppedError when should_stop says so."""
+    def render(self, settings: Settings, on_crop: Callable[[], None] = lambda: None, crops: Sequence[Crop] = ()) -> Rendered:
+        """All crops, or those given. Raises StoppedError when should_stop says so."""
         seconds, rays, pictures = 0.0, 0.0, []
-        for crop in self.crops:
+        for crop in crops or self.crops:
             film = self.film(replace(settings, region=crop))
             size = (crop[2] - crop[0], crop[3] - crop[1])
             frame = threads_at_work(settings, self.scene.camera.resolution)

@@ -123,7 +123,8 @@ manager = SimpleNamespace(
     modal_handler_add=lambda operator: None, invoke_props_dialog=lambda operator: cls.execute(operator, context))
 context = SimpleNamespace(scene=scene, view_layer=bpy.context.view_layer, window=None, window_manager=manager, screen=None,
     workspace=SimpleNamespace(status_text_set=said.append))
-operator = SimpleNamespace(directory=str(FOLDER / "out"), samples=4, bounces=0, side=16, full_light=False, report=lambda kind, text: said.append(text))
+options = {"directory": str(FOLDER / "out"), "samples": 4, "bounces": 0, "side": 16, "full_light": False}
+operator = SimpleNamespace(report=lambda kind, text: said.append(text), **options)
 for name in ("_advance", "_finish", "cancel"):
     setattr(operator, name, getattr(cls, name).__get__(operator))
 before = state()
