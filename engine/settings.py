@@ -70,6 +70,6 @@ class Settings:
         return [text for good, text in rules if not good]
 
 
-OFFERED = Settings(samples=64, error_threshold=8.0, light_samples=2)
+OFFERED = Settings(samples=64, error_threshold=4.0, light_samples=2)
 """What a user gets who chooses nothing: on the front of time against error of the scenes that were measured (ARCHITECTURE.md,
 Decisions). `Settings()` itself stops no pixel early, so that a picture's samples are those that were asked for."""
