@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import bpy
 
 from .. import engine
+from .aim import Aim, aim_from
 from .export import export_scene
 from .properties import settings_from
 from .result import Picture, wanted_passes
@@ -34,7 +35,7 @@ class Job:
     """Everything that the render thread needs; no Blender data.
 
     layer: the view layer's name.  size: of the result in pixels.  preview: a material preview, about which nothing is told.
-    frame: of the animation.
+    frame: of the animation.  aim: the error that settings are to be found for.
     """
 
     scene: engine.Scene
@@ -46,6 +47,7 @@ class Job:
     notes: list[str]
     preview: bool
     frame: int = 1
+    aim: Aim | None = None
 
 
 _readers: list[list[Job]] = []
@@ -73,6 +75,7 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
     statistics = Statistics(settings.samples, settings.backend, export.stats)
     if not render_engine.is_preview:
         statistics.skipped = skipped_things(depsgraph, export.scene)
+    aim, aim_notes = (None, []) if render_engine.is_preview else aim_from(depsgraph.scene_eval)
     statistics.seconds["sync"] = time.perf_counter() - start
     return Job(
         scene=export.scene,
@@ -81,9 +84,10 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         layer=layer.name,
         size=_size(export.region, width, height),
         statistics=statistics,
-        notes=[*notes, *export.notes, *_darkness(export.scene)],
+        notes=[*notes, *aim_notes, *export.notes, *_darkness(export.scene)],
         preview=render_engine.is_preview,
         frame=depsgraph.scene.frame_current,
+        aim=aim,
     )
 
 
@@ -93,23 +97,33 @@ def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
         _readers[-1].append(job)
         return
     picture = Picture(render_engine, job.layer, job.size)
-    start = time.perf_counter()
     try:
         with nullcontext() if job.preview else Stamping(job.scene) as stamping:
-            film = engine.render(
-                job.scene,
-                job.settings,
-                should_stop=render_engine.test_break,
-                on_progress=render_engine.update_progress,
-                on_wave=None if bpy.app.background else picture.show,
-            )
-            job.statistics.seconds["engine"] = time.perf_counter() - start
+            film = _trace(render_engine, job, picture)
             _finish(render_engine, job, picture, film, stamping)
     except BaseException:
         picture.discard()
         raise
     if not job.preview:
         tell_notes(render_engine, [*job.notes, *film.notes])
+
+
+def _trace(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture) -> engine.Film:
+    """The picture, with the settings that reach the job's aim if it has one; statistics learn the seconds and what was reached."""
+    start = time.perf_counter()
+    forecast = job.aim.choose(job.scene, job.settings, render_engine.test_break) if job.aim else None
+    job.settings = forecast.settings if forecast else job.settings
+    film = engine.render(
+        job.scene,
+        job.settings,
+        should_stop=render_engine.test_break,
+        on_progress=render_engine.update_progress,
+        on_wave=None if bpy.app.background else picture.show,
+    )
+    job.statistics.seconds["engine"] = time.perf_counter() - start
+    if forecast:
+        job.statistics.target = job.aim.told(job.scene, forecast, film, render_engine.test_break)
+    return film
 
 
 def tell_notes(render_engine: bpy.types.RenderEngine, notes: list[str]) -> None:
@@ -159,7 +173,8 @@ def _finish(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, f
     statistics.notes = tuple(dict.fromkeys((*job.notes, *film.notes)))
     statistics.seconds |= {stage: film.stats.get(stage, 0.0) for stage in ("build", "trace")}
     statistics.stamp = stamping.fields(job.settings, job.frame) if stamped else {}
-    picture.stamp({"scene": statistics.scene_line, "seconds": statistics.stages_line, **statistics.stamp})
+    lines = {"scene": statistics.scene_line, "seconds": statistics.stages_line, "target": statistics.target}
+    picture.stamp({name: text for name, text in lines.items() if text} | statistics.stamp)
     statistics.seconds["write"] = time.perf_counter() - start
     if not job.preview:
         _tell_statistics(render_engine, job)
@@ -170,5 +185,6 @@ def _tell_statistics(render_engine: bpy.types.RenderEngine, job: Job) -> None:
     render_engine.update_memory_stats(memory_used=statistics.megabytes, memory_peak=statistics.megabytes)
     render_engine.update_stats(job.layer, statistics.stages_line)
     skipped = f"; not needed: {statistics.skipped_line}" if statistics.skipped else ""
-    log.info("%s, %s: %s; %s%s", job.scene_name, job.layer, statistics.stages_line, statistics.scene_line, skipped)
+    target = f"; {statistics.target}" if statistics.target else ""
+    log.info("%s, %s: %s; %s%s%s", job.scene_name, job.layer, statistics.stages_line, statistics.scene_line, skipped, target)
     remember(job.scene_name, job.layer, statistics)

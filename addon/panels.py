@@ -60,8 +60,12 @@ class GLINT_RENDER_PT_sampling(_Panel, bpy.types.Panel):
 
     def draw(self, context):
         column = self.column
-        column.prop(context.scene.glint.final, "illumination")
+        settings = context.scene.glint
+        column.prop(settings.final, "illumination")
         column.prop(context.scene.render, "filter_size", text="Pixel Filter")
+        column.prop(settings, "target")
+        if settings.target != "NONE":
+            column.prop(settings, "target_levels" if settings.target == "LEVELS" else "target_rmse")
 
 
 class _SamplingPanel(_Panel):
@@ -77,6 +81,10 @@ class _SamplingPanel(_Panel):
 class GLINT_RENDER_PT_sampling_final(_SamplingPanel, bpy.types.Panel):
     bl_label = "Render"
     group = "final"
+
+    def draw(self, context):
+        self.layout.active = context.scene.glint.target == "NONE"
+        super().draw(context)
 
 
 class GLINT_RENDER_PT_sampling_viewport(_SamplingPanel, bpy.types.Panel):

@@ -22,7 +22,7 @@ BLENDER_SWITCHES = {
 PART_SWITCHES = {name: f"use_pass_{name.lower()}" for name in ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror")}
 """Parts of the picture that `view_layer.glint` switches on."""
 
-HEALTH_SWITCHES = {name: f"use_pass_{name.lower()}" for name in ("Error", "Samples", "Cost", "Grazing", "Gap")}
+HEALTH_SWITCHES = {name: f"use_pass_{name.lower()}" for name in ("Error", "Samples", "Cost", "Grazing", "Gap", "Fallbacks")}
 """Passes about the render itself that `view_layer.glint` switches on."""
 
 GLINT_SWITCHES = PART_SWITCHES | HEALTH_SWITCHES

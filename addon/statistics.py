@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -18,7 +19,7 @@ _last: dict[str, dict[str, Statistics]] = {}
 class Statistics:
     """samples, backend: of the film.  seconds: stage → seconds, and "engine": all that the engine took, with its checks.
     exported, traced: `Export.stats` and `Film.stats`.  stamp: field → text, of `stamp.Stamping`.  skipped: kind → names of what nothing
-    reads.  notes: what was dropped or changed, and why."""
+    reads.  notes: what was dropped or changed, and why.  target: what was asked for, chosen, predicted and reached, if anything was."""
 
     samples: int
     backend: str
@@ -28,6 +29,7 @@ class Statistics:
     stamp: dict[str, str] = field(default_factory=dict)
     skipped: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    target: str = ""
 
     @property
     def stages_line(self) -> str:
@@ -57,6 +59,7 @@ class Statistics:
         """Title → lines, for the panel; none is empty."""
         sections = {
             "Time": [f"{name}: {self.seconds.get(name, 0.0):.3f} s" for name in STAGES],
+            "Target error": re.split(r"[;:,] ", self.target) if self.target else [],
             "Required": self.scene_line.split(", "),
             "Not needed, not read": [f"{kind}: {names}" for kind, names in self.skipped.items()],
             "Left out or changed": list(self.notes),

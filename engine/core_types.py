@@ -30,6 +30,7 @@ PASS_NUMBERS = {
     "Cost": 16,
     "Grazing": 17,
     "Gap": 18,
+    "Fallbacks": 19,
 }
 
 FEATURES = ("mirror", "refraction", "transparent", "soft lights", "textures", "smooth normals", "holdout", "visible lights")

@@ -26,14 +26,21 @@ PASSES = {
     "Cost": 1,
     "Grazing": 1,
     "Gap": 1,
+    "Fallbacks": 1,
 }
 """Pass name -> channels. `SEMANTICS.md` says what each holds."""
 
 PARTS = ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror", "Emission", "Environment")
 """The passes whose sum is the colour of Combined."""
 
+EFFORTS = ("Fallbacks",)
+"""Passes that tell how a machine came to the picture, not what is in it: they differ between tracers and instruction sets."""
+
 NO_DEPTH = 1e10
 """Depth where a camera ray hits nothing, as Blender writes it; Gap where nothing lies behind its hit."""
+
+FIRST_ESTIMATE = 4
+"""Samples that every pixel takes before its error is estimated (SEMANTICS.md, Refinement)."""
 
 UNKNOWN_ERROR = 256.0
 """Error of a pixel with too few samples for an estimate: beyond all levels."""

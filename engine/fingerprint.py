@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from .core_types import ABI_VERSION
+from .film import EFFORTS
 from .settings import Settings
 
 _WITHOUT_EFFECT = ("threads",)
@@ -18,10 +19,10 @@ _WITHOUT_EFFECT = ("threads",)
 
 
 def picture_fingerprint(passes: Mapping[str, np.ndarray]) -> str:
-    """SHA-256 in hexadecimal of every pass's name, shape and float32 bits, in the order of their names. -0 differs from 0, and NaNs by
-    their bits: the same fingerprint means the same bits."""
+    """SHA-256 in hexadecimal of every pass's name, shape and float32 bits, in the order of their names, but for `film.EFFORTS`. -0 differs
+    from 0, and NaNs by their bits: the same fingerprint means the same bits."""
     digest = hashlib.sha256()
-    for name in sorted(passes):
+    for name in sorted(passes.keys() - set(EFFORTS)):
         digest.update(name.encode())
         _feed(digest, np.asarray(passes[name], np.float32))
     return digest.hexdigest()

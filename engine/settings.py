@@ -68,3 +68,8 @@ class Settings:
             (0 <= self.filter_width <= 100, f"filter_width is {self.filter_width}: use 0 to 100 pixels"),
         )
         return [text for good, text in rules if not good]
+
+
+OFFERED = Settings(samples=64, error_threshold=4.0, light_samples=2)
+"""What a user gets who chooses nothing: on the front of time against error of the scenes that were measured (ARCHITECTURE.md,
+Decisions). `Settings()` itself stops no pixel early, so that a picture's samples are those that were asked for."""

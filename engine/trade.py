@@ -17,14 +17,14 @@ import numpy as np
 
 from . import metrics
 from .errors import SceneError
-from .film import Film
+from .film import FIRST_ESTIMATE
 from .flip import displayed, flip
 from .packing import is_soft
 from .scene import Scene
 from .settings import Settings
+from .trade_crops import Crop, CropRenderer, Rendered, StoppedError, area, choose_crops
 
 Array = np.ndarray
-Crop = tuple[int, int, int, int]
 
 REFERENCE_SAMPLES = 1024
 _REFERENCE_LIGHT_SAMPLES = 4
@@ -38,25 +38,39 @@ class Knob:
     """A setting that trades time for accuracy.
 
     name: a field of Settings.  values: from fast to accurate.  matters: whether it can change a picture of this scene.
+    falling: smaller values are the more accurate ones.
     """
 
     name: str
     values: tuple[Any, ...]
     matters: Callable[[Scene], bool]
+    falling: bool = False
+
+    @property
+    def kind(self) -> type:
+        """int or float."""
+        return type(self.values[0])
+
+    def ladder(self, *values: Any) -> list[Any]:
+        """Different values from fast to accurate."""
+        return sorted(set(values), reverse=self.falling)
 
 
-def _has_soft_lights(scene: Scene) -> bool:
+def has_soft_lights(scene: Scene) -> bool:
+    """Whether a light has an extent."""
     return any(is_soft(light) for light in scene.lights)
 
 
-def _has_bounces(scene: Scene) -> bool:
+def has_bounces(scene: Scene) -> bool:
+    """Whether a material reflects or refracts rays."""
     return any(lobe.kind in ("MIRROR", "REFRACTION") for material in scene.materials for lobe in material.lobes)
 
 
 KNOBS = (
     Knob("samples", (1, 2, 4, 8, 16, 32, 64), lambda scene: True),
-    Knob("light_samples", (1, 2, 4, 8, 16), _has_soft_lights),
-    Knob("max_bounces", (0, 1, 2, 4, 8), _has_bounces),
+    Knob("error_threshold", (8.0, 2.0, 0.0), lambda scene: True, falling=True),
+    Knob("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
+    Knob("max_bounces", (0, 1, 2, 4, 8), has_bounces),
 )
 """Every knob that is measured. A new one needs a row here and nothing else."""
 
@@ -117,10 +131,6 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-class _StoppedError(Exception):
-    """The caller wants no more."""
-
-
 def measure(
     scene: Scene,
     base: Settings | None = None,
@@ -146,16 +156,15 @@ def measure(
     problems = scene.problems() + [problem for settings in grid for problem in settings.problems()]
     if problems:
         raise SceneError("\n".join(dict.fromkeys(problems)))
-    work, found = _Work(scene, crops, should_stop, on_progress), _Found()
-    try:
-        _fill(found, work, grid, repeats, reference_samples, reference_seconds)
-    except _StoppedError:
-        found.complete = False
-    finally:
-        work.close()
-    share = sum((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in crops) / math.prod(scene.camera.resolution)
+    found = _Found()
+    with CropRenderer(scene, crops, should_stop) as renderer:
+        try:
+            _fill(found, _Work(renderer, on_progress), grid, repeats, reference_samples, reference_seconds)
+        except StoppedError:
+            found.complete = False
+    share = area(crops) / math.prod(scene.camera.resolution)
     seconds = found.seconds
-    rows = [_row(s, base, seconds[s], seconds[s] / share + work.build_seconds, errors) for s, errors in found.errors.items()]
+    rows = [_row(s, base, seconds[s], seconds[s] / share + renderer.build_seconds, errors) for s, errors in found.errors.items()]
     return Trade(with_front(rows), found.reference, crops, scene.camera.resolution, repeats, found.complete)
 
 
@@ -174,21 +183,10 @@ def _fill(found: _Found, work: _Work, grid: list[Settings], repeats: int, sample
     truth, found.reference = _reference(work, grid, samples, seconds)
     work.expect(repeats * sum(_cost(settings) for settings in grid))
     for settings in grid * repeats:
-        took, pictures = work.render(settings)
-        found.seconds[settings] = min(found.seconds.get(settings, math.inf), took)
+        crops = work.render(settings)
+        found.seconds[settings] = min(found.seconds.get(settings, math.inf), crops.seconds)
         if settings not in found.errors:
-            found.errors[settings] = _errors(pictures, truth)
-
-
-def choose_crops(resolution: tuple[int, int], count: int = 16, side: int = 20) -> tuple[Crop, ...]:
-    """Up to `count` squares spread evenly over the frame, wherever the picture has something to show or not, so that their mean error
-    is the frame's; the whole frame where it is hardly larger than they are."""
-    width, height = resolution
-    across = max(int(math.sqrt(count)), 1)
-    if width <= across * side or height <= across * side:
-        return ((0, 0, width, height),)
-    lefts, bottoms = ([int((k + 0.5) * size / across - side / 2) for k in range(across)] for size in (width, height))
-    return tuple((x, y, x + side, y + side) for y in bottoms for x in lefts)
+            found.errors[settings] = _errors(crops.pictures, truth)
 
 
 def settings_grid(scene: Scene, base: Settings, values: Mapping[str, Sequence[Any]]) -> list[Settings]:
@@ -198,11 +196,17 @@ def settings_grid(scene: Scene, base: Settings, values: Mapping[str, Sequence[An
         raise SceneError(f"no such knob: {', '.join(unknown)}; there are {', '.join(knob.name for knob in KNOBS)}")
     names = [knob.name for knob in KNOBS if knob.matters(scene)]
     ladders = [_ladder(knob, base, values) for knob in KNOBS if knob.matters(scene)]
-    return [replace(base, **dict(zip(names, steps, strict=True))) for steps in itertools.product(*ladders)]
+    grid = [replace(base, **dict(zip(names, steps, strict=True))) for steps in itertools.product(*ladders)]
+    return [settings for settings in grid if settings == base or not _is_idle(settings)]
 
 
 def _ladder(knob: Knob, base: Settings, values: Mapping[str, Sequence[Any]]) -> list[Any]:
-    return sorted({*values.get(knob.name, knob.values), getattr(base, knob.name)})
+    return knob.ladder(*values.get(knob.name, knob.values), getattr(base, knob.name))
+
+
+def _is_idle(settings: Settings) -> bool:
+    """Whether the error threshold cannot stop a pixel: none stops before the samples that the first estimate takes."""
+    return settings.error_threshold > 0 and settings.samples <= FIRST_ESTIMATE
 
 
 def with_front(rows: Sequence[Row]) -> tuple[Row, ...]:
@@ -232,53 +236,25 @@ def advice(trade: Trade) -> str:
 
 
 class _Work:
-    """Renders crops, one settings after the other, on trees that are made once."""
+    """Crops of one scene, and how far the measurement is."""
 
-    def __init__(self, scene: Scene, crops: tuple[Crop, ...], should_stop: Callable[[], bool], on_progress: Callable) -> None:
-        self.scene, self.crops, self.should_stop, self._tell = scene, crops, should_stop, on_progress
-        self.build_seconds = 0.0
+    def __init__(self, crops: CropRenderer, on_progress: Callable[[float], None]) -> None:
+        self.crops, self._tell = crops, on_progress
         self._done, self._expected, self._range = 0.0, 1.0, (0.0, 0.5)
-        self._held: Any = None
 
     def expect(self, cost: float) -> None:
         """The second half of the progress: the grid, of this cost in all."""
         self._done, self._expected, self._range = 0.0, cost, (0.5, 1.0)
 
-    def render(self, settings: Settings, share_of: float | None = None) -> tuple[float, list[Array]]:
-        """Seconds of tracing and the crops' linear colours, (h, w, 3) float32. share_of: this render is all of the progress's half."""
-        seconds, pictures, cost = 0.0, [], 1.0 if share_of else _cost(settings)
-        for crop in self.crops:
-            film = self._film(replace(settings, region=crop))
-            seconds += film.stats["trace"]
-            self.build_seconds = max(self.build_seconds, film.stats["build"])
-            pictures.append(film.combined[..., :3])
-            self._done += cost / len(self.crops)
-            low, high = self._range
-            self._tell(low + (high - low) * min(self._done / self._expected, 1.0))
-        return seconds, pictures
+    def render(self, settings: Settings, is_reference: bool = False) -> Rendered:
+        """The crops; those of the reference are all of the progress's first half."""
+        cost = 1.0 if is_reference else _cost(settings)
+        return self.crops.render(settings, lambda: self._advance(cost / len(self.crops.crops)))
 
-    def _film(self, settings: Settings) -> Film:
-        film = self._traced(settings)
-        if film is None or not film.complete or self.should_stop():
-            raise _StoppedError
-        return film
-
-    def _traced(self, settings: Settings) -> Film | None:
-        if settings.backend != "NATIVE":
-            from .reference import render_reference
-
-            return render_reference(self.scene, settings, self.should_stop, lambda fraction: None, None)
-        if self._held is None:
-            from .native_live import NativeLive
-
-            self._held = NativeLive()
-        films: list[Film] = []
-        self._held.render(self.scene, settings, True, self.should_stop, lambda film, final: films.append(film) if final else None)
-        return films[-1] if films else None
-
-    def close(self) -> None:
-        if self._held is not None:
-            self._held.close()
+    def _advance(self, cost: float) -> None:
+        self._done += cost
+        low, high = self._range
+        self._tell(low + (high - low) * min(self._done / self._expected, 1.0))
 
 
 def _cost(settings: Settings) -> float:
@@ -289,14 +265,14 @@ def _cost(settings: Settings) -> float:
 def _reference(work: _Work, grid: Sequence[Settings], samples: int, seconds: float) -> tuple[list[Array], str]:
     """The crops of the reference, and what it is in words."""
     points = max(s.samples * s.light_samples for s in grid)
-    light_samples = max(_REFERENCE_LIGHT_SAMPLES, -(-_REFERENCE_MARGIN * points // samples)) if _has_soft_lights(work.scene) else 1
+    light_samples = max(_REFERENCE_LIGHT_SAMPLES, -(-_REFERENCE_MARGIN * points // samples)) if has_soft_lights(work.crops.scene) else 1
     bounces = max(_REFERENCE_BOUNCES, *(s.max_bounces for s in grid))
     settings = replace(grid[0], samples=samples, error_threshold=0.0, light_samples=light_samples, max_bounces=bounces)
     problems = settings.problems()
     if problems:
         raise SceneError("the reference cannot be made: " + "; ".join(problems))
     backend = grid[0].backend if _too_slow(work, settings, seconds) else "NUMPY"
-    _, pictures = work.render(replace(settings, backend=backend), share_of=1.0)
+    pictures = work.render(replace(settings, backend=backend), is_reference=True).pictures
     tracer = "the float64 tracer" if backend == "NUMPY" else "the core itself (the float64 tracer would have been too slow)"
     return pictures, f"{tracer}, {samples} samples × {light_samples} light samples, {bounces} bounces"
 
@@ -304,13 +280,12 @@ def _reference(work: _Work, grid: Sequence[Settings], samples: int, seconds: flo
 def _too_slow(work: _Work, settings: Settings, allowed: float) -> bool:
     """Whether the float64 tracer would take longer than `allowed` for these settings: one sample of one crop tells."""
     start = time.perf_counter()
-    x0, y0, x1, y1 = work.crops[len(work.crops) // 2]
-    pilot = replace(settings, backend="NUMPY", samples=1, light_samples=1, region=(x0, y0, x1, y1))
-    work._film(pilot)
+    crops = work.crops.crops
+    middle = crops[len(crops) // 2]
+    work.crops.film(replace(settings, backend="NUMPY", samples=1, light_samples=1, region=middle))
     pilot_seconds = time.perf_counter() - start
-    pixels = sum((right - left) * (top - bottom) for left, bottom, right, top in work.crops)
     lights = (1 + settings.light_samples) / 2
-    return pilot_seconds * settings.samples * lights * pixels / ((x1 - x0) * (y1 - y0)) > allowed
+    return pilot_seconds * settings.samples * lights * area(crops) / area([middle]) > allowed
 
 
 # --- errors -------------------------------------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from . import plot
-from .trade import Row, Trade
+from .trade import KNOBS, Row, Trade
 
 Array = np.ndarray
 
@@ -117,15 +117,15 @@ def _draw_rows(image: Array, trade: Trade, place: Callable[[Row], tuple[float, f
 
 def _name(row: Row) -> str:
     """The knobs' values in the order of `trade.KNOBS`."""
-    return " / ".join(str(value) for value in row.knobs.values())
+    return " / ".join(f"{value:g}" for value in row.knobs.values())
 
 
 def _draw_legend(image: Array) -> None:
     top = 60
     for x, color, text, ring in (
-        (_LEFT + 6, _FRONT, "FRONT (SAMPLES / LIGHT SAMPLES / BOUNCES)", 0.0),
-        (_LEFT + 296, _POINT, "OTHER SETTINGS", 0.0),
-        (_LEFT + 426, _CURRENT, "CURRENT SETTINGS", 2.0),
+        (_LEFT + 6, _FRONT, f"FRONT ({' / '.join(knob.name.replace('_', ' ').upper() for knob in KNOBS)})", 0.0),
+        (_LEFT + 426, _POINT, "OTHER SETTINGS", 0.0),
+        (_LEFT + 556, _CURRENT, "CURRENT SETTINGS", 2.0),
     ):
         plot.draw_dot(image, (x, top), 4, color, ring)
         plot.draw_text(image, text, (x + 12, top - 3), _TEXT)

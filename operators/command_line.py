@@ -10,10 +10,9 @@ import bpy
 
 from .. import engine
 from ..addon.stamp import manifest
+from ..engine.trade import KNOBS
 
 _commands: list = []
-
-_KNOBS = ("samples", "light_samples", "max_bounces")
 
 
 def information() -> list[tuple[str, str]]:
@@ -44,6 +43,7 @@ def _parser() -> argparse.ArgumentParser:
     info.set_defaults(act=_info)
     _add_measure(actions.add_parser("measure", help="what each setting costs and loses on a scene"))
     _add_compare(actions.add_parser("compare", help="a scene in Glint and in Cycles with matched settings"))
+    _add_target(actions.add_parser("target", help="render a scene for a target error, and tell what was predicted and reached"))
     verify = actions.add_parser(
         "verify", help="render a stamped picture again; exit code 0 if it is the same, 1 if not, 2 if it has no stamp"
     )
@@ -57,8 +57,9 @@ def _add_measure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help=".blend file")
     parser.add_argument("--json", type=Path, help="file for the whole table")
     parser.add_argument("--plot", type=Path, help="PNG file for time against error")
-    for name in _KNOBS:
-        parser.add_argument(f"--{name.replace('_', '-')}", type=int, nargs="+", metavar="N", help=f"values of {name} to try")
+    for knob in KNOBS:
+        option = f"--{knob.name.replace('_', '-')}"
+        parser.add_argument(option, type=knob.kind, nargs="+", metavar="N", help=f"values of {knob.name} to try")
     parser.add_argument("--reference-samples", type=int, default=1024, metavar="N")
     parser.add_argument("--reference-seconds", type=float, default=60.0, metavar="S", help="longest time for a float64 reference")
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="renders per setting, of which the fastest counts")
@@ -77,6 +78,15 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(act=_compare)
 
 
+def _add_target(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, help=".blend file")
+    asked = parser.add_mutually_exclusive_group(required=True)
+    asked.add_argument("--levels", type=float, metavar="N", help="largest error on the display, in 8-bit levels")
+    asked.add_argument("--rmse", type=float, metavar="PERCENT", help="root mean square error of linear colour")
+    parser.add_argument("--out", type=Path, required=True, help="EXR file for the picture")
+    parser.set_defaults(act=_target)
+
+
 def _info(options: argparse.Namespace) -> int:
     for name, value in information():
         sys.stdout.write(f"{name:10}{value}\n")
@@ -87,7 +97,7 @@ def _measure(options: argparse.Namespace) -> int:
     from . import measure_scene
 
     scene, view_layer = _open(options.file)
-    values = {name: getattr(options, name) for name in _KNOBS if getattr(options, name)}
+    values = {knob.name: getattr(options, knob.name) for knob in KNOBS if getattr(options, knob.name)}
     settings = measure_scene.Options(
         values, options.reference_samples, options.reference_seconds, options.repeats, options.crops, options.crop_side
     )
@@ -104,6 +114,15 @@ def _compare(options: argparse.Namespace) -> int:
     scene, view_layer = _open(options.file)
     settings = compare_cycles.Options(options.samples, options.bounces, options.side, not options.direct_only)
     _tell(compare_cycles.report_lines(compare_cycles.compare_with_cycles(scene, view_layer, options.out, settings)))
+    return 0
+
+
+def _target(options: argparse.Namespace) -> int:
+    from .scene_copy import rendered_for
+
+    scene, view_layer = _open(options.file)
+    target = ("LEVELS", options.levels) if options.levels is not None else ("RMSE", options.rmse)
+    _tell([rendered_for(scene, view_layer, options.out, *target)])
     return 0
 
 

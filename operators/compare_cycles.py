@@ -5,6 +5,7 @@ Blender reads the operator's annotations as they are, so this module must not ma
 
 import json
 import logging
+from collections.abc import Generator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -18,6 +19,8 @@ from .scene_copy import copied, read_job, rendered
 
 log = logging.getLogger(__name__)
 
+_TICK = 0.1
+"""Seconds between two looks at whether Esc was pressed."""
 _FEWEST = 2
 """Samples of half a render: with one, Cycles' two halves hardly differ, and nothing would be known of its noise."""
 _NO_BOUNCES = ("max", "diffuse", "glossy", "transmission", "volume")
@@ -96,11 +99,28 @@ def compare_with_cycles(scene: bpy.types.Scene, view_layer: str, folder: Path, o
 
     Raises RuntimeError with Blender's message when a render fails.
     """
+    steps = comparison_steps(scene, view_layer, folder, options)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def comparison_steps(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options) -> Generator[float, None, Comparison]:
+    """`compare_with_cycles`, a picture at a time: yields the finished fraction, and may be closed wherever it does."""
     folder.mkdir(parents=True, exist_ok=True)
     seconds: dict[str, float] = {}
+    pictures = 3 + options.full_light
     job = read_job(scene, view_layer)
+    yield 0.0
     glint = _glint(scene, view_layer, folder, options, seconds)
-    direct, noise = _cycles_direct(scene, view_layer, folder, options, seconds)
+    halves = []
+    for seed in (0, 1):
+        yield (1 + seed) / pictures
+        halves.append(_cycles_direct(scene, view_layer, folder, options, seconds, seed))
+    direct, noise = _mean_and_noise(*halves)
+    yield 3 / pictures
     full = _cycles_full(scene, view_layer, folder, options, seconds) if options.full_light else None
     indirect = compare(direct, full) if full is not None else None
     numbers = compare(glint, direct)
@@ -120,20 +140,20 @@ def _glint(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Optio
     return picture
 
 
-def _cycles_direct(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, seconds: dict) -> tuple[np.ndarray, float]:
-    """The mean of two renders with half of the samples each, whose difference tells the noise of their mean."""
-    halves = []
-    seconds["cycles"] = 0.0
-    for seed in (0, 1):
-        with copied(scene, view_layer, in_focus=True) as copy:
-            match_cycles(copy, max(_FEWEST, options.samples // 2), options.bounces, seed)
-            limit_size(copy, options.side)
-            picture, took = rendered(copy, folder / f"cycles_direct_{seed}.exr")
-            halves.append(picture)
-            seconds["cycles"] += took
-    mean = (halves[0] + halves[1]) / 2
-    shown = (displayed(halves[0]) - displayed(halves[1])) / 2
-    return mean, float(np.sqrt(np.mean(shown**2)))
+def _cycles_direct(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, seconds: dict, seed: int) -> np.ndarray:
+    """One of two renders with half of the samples each."""
+    with copied(scene, view_layer, in_focus=True) as copy:
+        match_cycles(copy, max(_FEWEST, options.samples // 2), options.bounces, seed)
+        limit_size(copy, options.side)
+        picture, took = rendered(copy, folder / f"cycles_direct_{seed}.exr")
+    seconds["cycles"] = seconds.get("cycles", 0.0) + took
+    return picture
+
+
+def _mean_and_noise(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, float]:
+    """Of two pictures with different seeds: their difference tells the noise of their mean, an RMSE as displayed."""
+    shown = (displayed(first) - displayed(second)) / 2
+    return (first + second) / 2, float(np.sqrt(np.mean(shown**2)))
 
 
 def _cycles_full(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, seconds: dict) -> np.ndarray:
@@ -176,7 +196,8 @@ def _strip(name: str, glint: np.ndarray, direct: np.ndarray, full: np.ndarray | 
 
 
 class GLINT_OT_compare_cycles(bpy.types.Operator):
-    """Render this scene with Glint and with Cycles, direct light only, and show both and their difference. Changes nothing of the scene"""
+    """Render this scene with Glint and with Cycles, direct light only, and show both and their difference. Changes nothing of the scene. \
+Esc stops between two pictures"""
 
     bl_idname = "glint.compare_cycles"
     bl_label = "Compare with Cycles"
@@ -195,18 +216,58 @@ class GLINT_OT_compare_cycles(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         return context.scene is not None and hasattr(context.scene, "cycles")
 
+    _with_window = False
+
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self._with_window = True
         return context.window_manager.invoke_props_dialog(self)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        """All at once for scripts; picture by picture where there is a window, so that Esc is heard."""
         options = Options(self.samples, self.bounces, self.side, self.full_light)
         folder = Path(bpy.path.abspath(self.directory))
+        self._steps = comparison_steps(context.scene, context.view_layer.name, folder, options)
+        if self._with_window:
+            self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
+            context.window_manager.modal_handler_add(self)
+            return {"RUNNING_MODAL"}
+        while (ended := self._advance(context)) is None:
+            pass
+        return ended
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC":
+            self.cancel(context)
+            self.report({"INFO"}, "The comparison was stopped")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        ended = self._advance(context)
+        if ended is not None:
+            self.cancel(context)
+        return ended or {"RUNNING_MODAL"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Leave no timer and no copy of the scene."""
+        self._steps.close()
+        context.window_manager.event_timer_remove(self._timer)
+        context.workspace.status_text_set(None)
+
+    def _advance(self, context: bpy.types.Context) -> set[str] | None:
+        """One more picture; how the operator ended, if it did."""
         try:
-            result = compare_with_cycles(context.scene, context.view_layer.name, folder, options)
+            fraction = next(self._steps)
+        except StopIteration as end:
+            return self._finish(context, end.value)
         except (RuntimeError, OSError) as error:
             log.exception("the comparison failed")
             self.report({"ERROR"}, f"The comparison failed: {' '.join(str(error).split())}")
             return {"CANCELLED"}
+        if self._with_window:
+            context.workspace.status_text_set(f"Glint compares with Cycles: {fraction:.0%} (Esc stops)")
+        return None
+
+    def _finish(self, context: bpy.types.Context, result: Comparison) -> set[str]:
         from .show_picture import show
 
         show("Glint and Cycles", result.strip, context)

@@ -116,7 +116,8 @@ def _set_render(scene) -> None:
     scene.view_settings.view_transform, scene.view_settings.look = "Standard", "None"
     if hasattr(scene, "glint"):
         render.engine = "GLINT"
-        scene.glint.final.samples, scene.glint.final.light_samples = 16, 4
+        settings = scene.glint.final
+        settings.samples, settings.light_samples, settings.error_threshold = 16, 4, 0.0
 
 
 # --- objects

@@ -14,7 +14,8 @@ import bpy
 
 from ..engine import SceneError
 from ..engine.plot import png_bytes
-from ..engine.trade import REFERENCE_SAMPLES, Row, Trade, advice, choose_crops, measure
+from ..engine.trade import REFERENCE_SAMPLES, Row, Trade, advice, measure
+from ..engine.trade_crops import choose_crops
 from ..engine.trade_plot import draw_trade
 from .scene_copy import read_job
 from .show_picture import show
@@ -270,7 +271,7 @@ class GLINT_RENDER_PT_trade(bpy.types.Panel):
             return
         for number, row in enumerate(trade.front):
             line = column.row()
-            knobs = " / ".join(str(value) for value in row.knobs.values())
+            knobs = " / ".join(f"{value:g}" for value in row.knobs.values())
             line.label(text=f"{knobs}: {row.frame_seconds:.2f} s, {row.relative_rmse:.2%}", icon="RADIOBUT_ON" if row.current else "NONE")
             line.operator(GLINT_OT_use_measured.bl_idname).row = number
         column.label(text=advice(trade))

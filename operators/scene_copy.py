@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..addon import final
+from ..addon import final, statistics
 from .pictures import read_picture
 
 
@@ -69,3 +69,14 @@ def rendered(copy: bpy.types.Scene, path: Path) -> tuple[np.ndarray, float]:
     seconds = time.perf_counter() - start
     bpy.data.images["Render Result"].save_render(str(path), scene=copy)
     return read_picture(path), seconds
+
+
+def rendered_for(scene: bpy.types.Scene, view_layer: str, path: Path, measure: str, value: float) -> str:
+    """Render a scene with Glint for a target error (`engine.target.Target`; RMSE in percent) into an EXR file; gives what was asked
+    for, chosen, predicted and reached, in words. Raises RuntimeError with Blender's message when the render fails."""
+    with copied(scene, view_layer) as copy:
+        copy.render.engine = "GLINT"
+        copy.glint.target = measure
+        setattr(copy.glint, "target_levels" if measure == "LEVELS" else "target_rmse", value)
+        rendered(copy, path)
+        return statistics.by_layer(copy.name)[view_layer].target

@@ -24,8 +24,8 @@ BLENDER = {
     "aud",
     "freestyle",
 }
-ENGINES_DOOR = {"engine", "engine.scene", "engine.settings", "engine.film", "engine.fingerprint"}
-MEASURES = {"engine.comparison", "engine.flip", "engine.metrics", "engine.plot", "engine.trade", "engine.trade_plot"}
+ENGINES_DOOR = {"engine", "engine.scene", "engine.settings", "engine.film", "engine.fingerprint", "engine.target"}
+MEASURES = {"engine.comparison", "engine.flip", "engine.metrics", "engine.plot", "engine.trade", "engine.trade_crops", "engine.trade_plot"}
 ADDONS_DOOR = {"addon.final", "addon.stamp", "addon.statistics", "addon.viewport"}
 """What operators need of a final render: what it reads, what it stamps, what it took."""
 

@@ -8,7 +8,7 @@ from ..film import PARTS, PASSES, empty_value
 
 Array = np.ndarray
 
-HEALTH = ("Error", "Samples", "Cost")
+HEALTH = ("Error", "Samples", "Cost", "Fallbacks")
 """Passes that grow with every sample and belong to no part."""
 DATA = tuple(name for name in PASSES if name != "Combined" and name not in (*PARTS, *HEALTH))
 LARGEST = float(np.finfo(np.float32).max)
@@ -87,7 +87,7 @@ class Picture:
         samples = np.maximum(self.samples, 1)
         alpha = np.where(self.samples > 0, 1 - self._lost / samples, 0.0)
         color = {"Combined": np.concatenate([self._color / samples, alpha[None]])}
-        health = {"Samples": self.samples[None], "Cost": self._cost[None]}
+        health = {"Samples": self.samples[None], "Cost": self._cost[None], "Fallbacks": np.zeros_like(self._cost[None])}
         chosen = {name: values for name, values in health.items() if name in self._passes}
         return color | {name: total / samples for name, total in self._parts.items()} | self._data | chosen
 

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..film import UNKNOWN_ERROR
+from ..film import FIRST_ESTIMATE, UNKNOWN_ERROR
 
 Array = np.ndarray
-
-FIRST = 4
-"""Samples of the first estimate: everywhere, and what neighbours look at."""
 
 
 def widened(region: tuple[int, int, int, int], resolution: tuple[int, int]) -> tuple[int, int, int, int]:
@@ -50,14 +47,14 @@ class Refinement:
 
     def end_wave(self, mean: Array, samples: int) -> None:
         """Stops the pixels that are good enough. mean: (3, pixels) colour so far."""
-        if samples < FIRST:
+        if samples < FIRST_ESTIMATE:
             return
         apart = self._high - self._low
         with np.errstate(invalid="ignore", over="ignore"):
             seen = np.concatenate([visible_difference(mean, apart[:3]), 255 * apart[3:]]).max(0)
         seen = np.where(np.isfinite(seen), seen, np.inf)
         self._range = np.where(self.active, seen, self._range)
-        if samples == FIRST:
+        if samples == FIRST_ESTIMATE:
             self._around = _largest_of_neighbors(self._range.reshape(self._shown.shape)).ravel()
             self.active &= self._shown.ravel()
         if self._threshold > 0:
@@ -66,7 +63,7 @@ class Refinement:
     def error(self, samples: Array) -> Array:
         """(pixels,) estimated error in levels of pixels with so many samples."""
         error = np.maximum(self._range, self._around) / np.maximum(samples, 1) ** 0.75
-        return np.where(samples < FIRST, UNKNOWN_ERROR, np.minimum(error, UNKNOWN_ERROR))
+        return np.where(samples < FIRST_ESTIMATE, UNKNOWN_ERROR, np.minimum(error, UNKNOWN_ERROR))
 
 
 def _largest_of_neighbors(image: Array) -> Array:

@@ -7,14 +7,14 @@ from time import perf_counter
 
 import numpy as np
 
-from ..film import Film
+from ..film import FIRST_ESTIMATE, Film
 from ..sampling import pixel_offsets
 from ..scene import Scene
 from ..settings import Settings
 from .generations import Generations
 from .picture import DATA, Picture, Tile
 from .pulse import Pulse, Stopped
-from .refinement import FIRST, Refinement, widened
+from .refinement import Refinement, widened
 from .stage import Stage
 
 Array = np.ndarray
@@ -43,7 +43,7 @@ class Tracer:
         self._scene, self._settings, self._pulse = scene, settings, pulse
         self._region = self._shown = settings.region or (0, 0, *scene.camera.resolution)
         refines = settings.error_threshold > 0 or "Error" in settings.passes
-        if refines and settings.samples >= FIRST:
+        if refines and settings.samples >= FIRST_ESTIMATE:
             self._region = widened(self._shown, scene.camera.resolution)
         x0, y0, x1, y1 = self._region
         self.picture = Picture(x1 - x0, y1 - y0, settings.passes)

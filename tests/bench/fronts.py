@@ -1,9 +1,10 @@
-"""Time to a given error, Glint beside Cycles, on scenes of ../shared/scenes: python tests/bench/fronts.py NAME … [--out out/fronts]
+"""Time to a given error, Glint beside Cycles, on scenes of ../shared/scenes: python tests/bench/fronts.py NAME[:hard] … [--out out/fronts]
 
 The same light and materials in both: lamps only (a black world), every surface a plain diffuse one, no bounces, the same pixel filter.
-Glint's time is that of its rays, Cycles' that of its samples (what the second and later samples take, so that neither sync nor trees
-count). Each engine's error is against its own picture at many more samples, and the gap between these two is told: it is no error that
-time buys off. One process per scene.
+Seconds are processor time of all threads, so that what else the machine does counts little: Glint's of a whole render on trees that are
+there, Cycles' of what the second and later samples take, so that neither sync nor trees count. Each engine's error is against its own
+picture at 1024 samples, and the gap between these two is told: it is no error that time buys off. One process per scene; `fronts.png` has
+all scenes, `fronts.md` the table. `--only-plot` draws them from the numbers that are there.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -13,9 +14,12 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import statistics
 import subprocess
 import sys
 import tempfile
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,37 +28,49 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE.parent / "cycles")]
 CYCLES_SAMPLES = (1, 4, 16, 64, 256)
 TRUTH_SAMPLES = 1024
-GRID = {"samples": [1, 2, 4, 8, 16, 32, 64], "light_samples": [1, 2, 4, 8], "max_bounces": [0]}
+GRID = [(1, 0.0), (4, 0.0), *((samples, threshold) for samples in (16, 64, 256) for threshold in (16.0, 4.0, 0.0))]
+"""Samples and error threshold of Glint's renders."""
+LIGHT_SAMPLES = 2
+REPEATS = 2
+EQUAL = (4, 16, 64, 256)
+"""Samples at which both engines' errors are compared."""
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="+", help="folders of ../shared/scenes")
+    parser.add_argument("names", nargs="+", help="folders of ../shared/scenes; NAME:hard makes the lights points")
     parser.add_argument("--out", type=Path, default=Path("out/fronts"))
     parser.add_argument("--side", type=int, default=128, help="pixels of the longer side")
+    parser.add_argument("--only-plot", action="store_true", help="measure nothing")
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     if options.inside:
         return measure_scene(options.names[0], options)
     command = [sys.executable, __file__, "--inside", "--out", str(options.out), "--side", str(options.side)]
-    return max(subprocess.run([*command, name]).returncode for name in options.names)
+    code = 0 if options.only_plot else max(subprocess.run([*command, name]).returncode for name in options.names)
+    write_all([json.loads((options.out / f"{name}.json").read_text()) for name in options.names], options.out)
+    return code
+
+
+# --- one scene
 
 
 def measure_scene(name: str, options: argparse.Namespace) -> int:
     scene = matched_scene(name, options.side)
-    from glint.engine import metrics, plot, trade_plot
+    from glint.engine import metrics
 
-    glint, glint_truth, reference = glint_front(scene)
-    cycles, cycles_truth = cycles_curve(scene)
-    gap = metrics.relative_rmse(glint_truth, cycles_truth)
-    ratios = [(error, ratio) for seconds, error in glint if (ratio := time_at(cycles, error) / seconds) > 0]
-    picture = trade_plot.draw_curves({"Glint": glint, "Cycles": cycles}, name, f"Glint's truth: {reference}; between the truths: {gap:.1%}")
-    (options.out / f"{name}.png").write_bytes(plot.png_bytes(picture))
-    result = {"scene": name, "glint": glint, "cycles": cycles, "ratios": ratios, "between_truths": gap, "reference": reference}
+    glint, glint_truth, is_soft = glint_points(scene)
+    cycles, cycles_truth = cycles_points(scene)
+    result = {
+        "scene": name,
+        "soft": is_soft,
+        "glint": glint,
+        "cycles": cycles,
+        "between_truths": metrics.relative_rmse(glint_truth, cycles_truth),
+    }
     (options.out / f"{name}.json").write_text(json.dumps(result, indent=1))
-    told = ", ".join(f"{ratio:.0f} at {error:.1e}" for error, ratio in ratios)
-    print(f"{name:28s} Cycles takes times as long: {told}; between the truths {gap:.1%}", flush=True)
+    print(row_of(result), flush=True)
     return 0
 
 
@@ -67,10 +83,13 @@ def matched_scene(name: str, side: int):
     from glint import addon
     from glint.operators.compare_cycles import limit_size
 
+    name, _, wish = name.partition(":")
     folder = contact_scene.SCENES / name
     source = next(path for kind in ("*.blend", "*.glb", "*.gltf") for path in sorted(folder.glob(kind)))
     scene = contact_scene.prepare(str(source))
     addon.register()
+    if wish == "hard":
+        harden(bpy.data.lights)
     scene.world = bpy.data.worlds.new("Black")
     scene.world.color = (0, 0, 0)
     if scene.world.node_tree:
@@ -86,27 +105,41 @@ def matched_scene(name: str, side: int):
     return scene
 
 
-def glint_front(scene) -> tuple[list[tuple[float, float]], np.ndarray, str]:
-    """(seconds, error) of Glint's front, its picture at many samples, and what that is."""
+def harden(lights) -> None:
+    """Lights without an extent."""
+    for light in lights:
+        if light.type == "AREA":
+            light.type = "POINT"
+        light.shadow_soft_size = 0.0
+        if light.type == "SUN":
+            light.angle = 0.0
+
+
+def glint_points(scene) -> tuple[list[dict], np.ndarray, bool]:
+    """A point (samples, threshold, seconds, error) for each of the grid, the picture at many samples, whether lights are soft."""
     import bpy
 
-    from glint.engine import Settings, render, trade
+    from glint.engine import Settings, metrics
+    from glint.engine.trade import has_soft_lights
+    from glint.engine.trade_crops import CropRenderer
     from glint.operators.scene_copy import read_job
 
     job = read_job(scene, bpy.context.view_layer.name)
-    width, height = job.scene.camera.resolution
-    base = Settings(samples=16, light_samples=4, max_bounces=0, filter_width=job.settings.filter_width, backend=job.settings.backend)
-    found = trade.measure(
-        job.scene, base, values=GRID, crops=[(0, 0, width, height)], reference_samples=TRUTH_SAMPLES, reference_seconds=0.0, repeats=5
-    )
-    truth = render(
-        job.scene, Settings(samples=TRUTH_SAMPLES, light_samples=4, max_bounces=0, filter_width=base.filter_width, backend=base.backend)
-    )
-    return [(row.seconds, row.relative_rmse) for row in found.front if row.relative_rmse > 0], truth.combined[..., :3], found.reference
+    base = Settings(light_samples=LIGHT_SAMPLES, max_bounces=0, filter_width=job.settings.filter_width, backend=job.settings.backend)
+    points = {}
+    with CropRenderer(job.scene, ((0, 0, *job.scene.camera.resolution),), lambda: False) as frame:
+        truth = frame.render(replace(base, samples=TRUTH_SAMPLES, light_samples=2 * LIGHT_SAMPLES)).pictures[0]
+        for samples, threshold in GRID * REPEATS:
+            began = time.process_time()
+            picture = frame.render(replace(base, samples=samples, error_threshold=threshold)).pictures[0]
+            seconds = min(time.process_time() - began, points.get((samples, threshold), {"seconds": math.inf})["seconds"])
+            error = metrics.relative_rmse(picture, truth)
+            points[samples, threshold] = {"samples": samples, "threshold": threshold, "seconds": seconds, "error": error}
+    return list(points.values()), truth, has_soft_lights(job.scene)
 
 
-def cycles_curve(scene) -> tuple[list[tuple[float, float]], np.ndarray]:
-    """(seconds, error) of Cycles over its samples, and its picture at many."""
+def cycles_points(scene) -> tuple[list[dict], np.ndarray]:
+    """A point (samples, seconds, error) for each number of samples, and the picture at many."""
     import bpy
 
     from glint.engine import metrics
@@ -116,17 +149,29 @@ def cycles_curve(scene) -> tuple[list[tuple[float, float]], np.ndarray]:
     pictures, seconds = {}, {}
     layer = bpy.context.view_layer
     with tempfile.TemporaryDirectory() as folder:
-        for samples, seed in (*((n, 0) for n in (*CYCLES_SAMPLES, *CYCLES_SAMPLES)), (TRUTH_SAMPLES, 1)):
+        for samples, seed in ((1, 0), *((n, 0) for n in CYCLES_SAMPLES), (TRUTH_SAMPLES, 1)):
             with copied(scene, layer.name, in_focus=True) as copy:
                 copy.render.use_persistent_data = False
                 match_cycles(copy, samples, 0, seed)
-                picture, took = rendered(copy, Path(folder) / "picture.exr")
-            pictures[samples] = picture[..., :3]
-            seconds[samples] = min(took, seconds.get(samples, math.inf))
-    most = max(CYCLES_SAMPLES)
-    each = max(seconds[most] - seconds[1], 1e-6) / (most - 1)
+                began = time.process_time()
+                picture, _ = rendered(copy, Path(folder) / "picture.exr")
+            pictures[samples], seconds[samples] = picture[..., :3], time.process_time() - began
+    each = max(seconds[TRUTH_SAMPLES] - seconds[1], 1e-6) / (TRUTH_SAMPLES - 1)
     truth = pictures[TRUTH_SAMPLES]
-    return [(n * each, metrics.relative_rmse(pictures[n], truth)) for n in CYCLES_SAMPLES], truth
+    return [{"samples": n, "seconds": n * each, "error": metrics.relative_rmse(pictures[n], truth)} for n in CYCLES_SAMPLES], truth
+
+
+# --- all scenes
+
+
+def front(points: list[dict]) -> list[tuple[float, float]]:
+    """(seconds, error) that no other point beats, the fastest first."""
+    kept, least = [], math.inf
+    for seconds, error in sorted((point["seconds"], point["error"]) for point in points):
+        if error < least:
+            kept.append((seconds, error))
+            least = error
+    return kept
 
 
 def time_at(curve: list[tuple[float, float]], error: float) -> float:
@@ -136,6 +181,53 @@ def time_at(curve: list[tuple[float, float]], error: float) -> float:
         return math.nan
     order = np.argsort(errors)
     return float(np.exp(np.interp(math.log(error), errors[order], times[order])))
+
+
+def gains(result: dict) -> list[float]:
+    """How many times as long Cycles takes for the error of each point of Glint's front that its curve reaches."""
+    cycles = front(result["cycles"])
+    ratios = [time_at(cycles, error) / seconds for seconds, error in front(result["glint"]) if error > 0]
+    return [ratio for ratio in ratios if ratio > 0]
+
+
+def ratios_at_equal_samples(result: dict) -> dict[int, float]:
+    """Samples → Glint's error over Cycles'."""
+    glint = {point["samples"]: point["error"] for point in result["glint"] if point["threshold"] == 0}
+    cycles = {point["samples"]: point["error"] for point in result["cycles"]}
+    return {n: glint[n] / cycles[n] for n in EQUAL}
+
+
+def row_of(result: dict) -> str:
+    """A line of the table."""
+    found = gains(result) or [math.nan]
+    equal = " / ".join(f"{ratio:.2f}" for ratio in ratios_at_equal_samples(result).values())
+    kind = "soft" if result["soft"] else "hard"
+    middle, least = statistics.median(found), min(found)
+    return f"| {result['scene']} | {kind} | {middle:.1f} | {least:.1f} | {max(found):.1f} | {equal} | {result['between_truths']:.1%} |"
+
+
+def write_all(results: list[dict], out: Path) -> None:
+    """fronts.md and fronts.png."""
+    import conftest  # noqa: F401  (makes the package importable as glint)
+    from glint.engine import plot, trade_plot
+
+    heads = ["scene", "lights", "gain: median", "least", "most", "error at equal samples over Cycles'", "between the truths"]
+    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads), *map(row_of, results)]
+    good = sum(max(ratios_at_equal_samples(result).values()) <= 1 for result in results)
+    lines += ["", f"At equal samples ({', '.join(map(str, EQUAL))}) Glint's error is at most Cycles' in {good} of {len(results)} scenes."]
+    (out / "fronts.md").write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
+    pictures = [
+        trade_plot.draw_curves(
+            {"Glint": front(result["glint"]), "Cycles": front(result["cycles"])},
+            result["scene"],
+            f"{'soft' if result['soft'] else 'hard'} lights; seconds of processor time; between the truths {result['between_truths']:.1%}",
+        )
+        for result in results
+    ]
+    pictures += [np.zeros_like(pictures[0])] * (len(pictures) % 2)
+    rows = [np.concatenate(pictures[k : k + 2], 1) for k in range(0, len(pictures), 2)]
+    (out / "fronts.png").write_bytes(plot.png_bytes(np.concatenate(rows)))
 
 
 if __name__ == "__main__":

@@ -125,7 +125,7 @@ def choose_engine(scene, engine: str, samples: int = 1) -> None:
     addon.register()
     scene.render.engine = "GLINT"
     final = scene.glint.final
-    final.samples, final.light_samples, final.max_bounces = samples, 1, 0
+    final.samples, final.light_samples, final.max_bounces, final.error_threshold = samples, 1, 0, 0.0
 
 
 def least(rows: list[dict[str, float]]) -> dict[str, float]:

@@ -38,7 +38,7 @@ answer({{
 """
     )
     assert run.returncode == 0, run.output
-    assert run.answer == {"fresh": 16, "final": VALUES, "viewport": 2, "mirror": True, "shadow": False}
+    assert run.answer == {"fresh": 64, "final": VALUES, "viewport": 2, "mirror": True, "shadow": False}
 
 
 def test_settings_arrive_in_the_engine(tmp_path):
@@ -66,14 +66,14 @@ answer({{"given": given, "fixed": fixed, "auto": settings_from(scene.glint.final
 
 
 def test_the_defaults_are_the_engines(tmp_path):
-    """One home for defaults: what Blender offers untouched is `engine.Settings()`."""
+    """One home for defaults: what Blender offers untouched is `engine.settings.OFFERED`."""
     run = Blender(tmp_path).run(
         REGISTER_TREE
         + """
 from glint import engine
 from glint.addon.properties import settings_from
 scene = bpy.context.scene
-answer([settings_from(group, scene) == engine.Settings() for group in (scene.glint.final, scene.glint.viewport)])
+answer([settings_from(group, scene) == engine.settings.OFFERED for group in (scene.glint.final, scene.glint.viewport)])
 """
     )
     assert run.returncode == 0, run.output

@@ -108,3 +108,34 @@ answer([unchanged, failed, len(bpy.data.scenes), code, (FOLDER / "command" / "co
     )
     assert _answer(run) == [True, True, 1, 0, True], run.output
     assert "Direct light, matched: RMSE" in run.output and "Indirect light" in run.output
+
+
+def test_escape_stops_between_two_pictures(tmp_path):
+    """Invoked, ticked by the timer, stopped by Esc: driven by hand, as there is no window here."""
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+from types import SimpleNamespace
+from glint.operators.compare_cycles import GLINT_OT_compare_cycles as cls
+said = []
+manager = SimpleNamespace(
+    event_timer_add=lambda step, window: "timer", event_timer_remove=lambda timer: said.append("timer removed"),
+    modal_handler_add=lambda operator: None, invoke_props_dialog=lambda operator: cls.execute(operator, context))
+context = SimpleNamespace(scene=scene, view_layer=bpy.context.view_layer, window=None, window_manager=manager, screen=None,
+    workspace=SimpleNamespace(status_text_set=said.append))
+options = {"directory": str(FOLDER / "out"), "samples": 4, "bounces": 0, "side": 16, "full_light": False}
+operator = SimpleNamespace(report=lambda kind, text: said.append(text), **options)
+for name in ("_advance", "_finish", "cancel"):
+    setattr(operator, name, getattr(cls, name).__get__(operator))
+before = state()
+steps = [cls.invoke(operator, context, None)]
+for kind in ("TIMER", "MOUSEMOVE", "TIMER", "ESC"):
+    steps.append(cls.modal(operator, context, SimpleNamespace(type=kind)))
+files = sorted(path.name for path in (FOLDER / "out").iterdir())
+answer([[sorted(step)[0] for step in steps], files, before == state(), said])
+"""
+    )
+    steps, files, unchanged, said = _answer(run)
+    assert steps == ["RUNNING_MODAL", "RUNNING_MODAL", "PASS_THROUGH", "RUNNING_MODAL", "CANCELLED"]
+    assert files == ["glint.exr"] and unchanged
+    assert said[-3:] == ["timer removed", None, "The comparison was stopped"]

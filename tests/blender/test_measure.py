@@ -12,7 +12,7 @@ scene = bpy.context.scene
 scene.render.engine = "GLINT"
 scene.render.resolution_x = scene.render.resolution_y = 24
 scene.render.resolution_percentage = 100
-scene.glint.final.samples, scene.glint.final.light_samples = 4, 2
+scene.glint.final.samples, scene.glint.final.light_samples, scene.glint.final.error_threshold = 4, 2, 0.0
 scene.glint.final.backend = "NUMPY"
 modifier = bpy.data.objects["Cube"].modifiers.new("Round", "SUBSURF")
 modifier.levels, modifier.render_levels = 0, 2

@@ -65,7 +65,7 @@ def set_glint(scene, bounces: int) -> None:
     addon.register()
     scene.render.engine = "GLINT"
     settings = scene.glint.final
-    settings.samples, settings.light_samples, settings.max_bounces = 16, 4, bounces
+    settings.samples, settings.light_samples, settings.max_bounces, settings.error_threshold = 16, 4, bounces, 0.0
 
 
 def main() -> None:

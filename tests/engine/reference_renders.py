@@ -21,7 +21,7 @@ HERE = Path(__file__).resolve().parent
 
 HASHES = HERE / "reference_hashes.json"
 PICTURES = HERE / "reference_pictures"
-SETTINGS = engine.Settings(samples=4, light_samples=3, max_bounces=4, passes=frozenset(engine.PASSES) - {"Combined"})
+SETTINGS = engine.Settings(samples=4, light_samples=3, max_bounces=4, passes=frozenset(engine.PASSES) - {"Combined", "Fallbacks"})
 
 Array = np.ndarray
 

@@ -10,7 +10,7 @@ from glint import engine
 
 pytestmark = pytest.mark.skipif("NATIVE" not in engine.available_backends(), reason="the core's library is not built")
 
-ALL_PASSES = frozenset(engine.PASSES) - {"Combined"}
+ALL_PASSES = frozenset(engine.PASSES) - {"Combined", "Fallbacks"}
 SETTINGS = engine.Settings(samples=1, light_samples=3, max_bounces=4, passes=ALL_PASSES)
 
 

@@ -20,7 +20,7 @@ from native_tools import IDENTITY, constant, draw, lamp, material, needs_core, p
 
 pytestmark = needs_core
 
-ALL = frozenset(engine.PASSES) - {"Combined"}
+ALL = frozenset(engine.PASSES) - {"Combined", "Fallbacks"}
 
 
 def busy_scene() -> s.Scene:

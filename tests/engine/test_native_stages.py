@@ -19,7 +19,7 @@ from native_tools import IDENTITY, constant, lamp, material, needs_core, placed,
 
 pytestmark = needs_core
 
-PARTS = frozenset(engine.PASSES) - {"Combined"}
+PARTS = frozenset(engine.PASSES) - {"Combined", "Fallbacks"}
 TESTS = Path(__file__).resolve().parents[1]
 
 

@@ -95,7 +95,8 @@ def test_error_falls_as_the_square_root_of_cubed_samples() -> None:
     assert (draw(half_plane(0.0), "Error", samples=2).passes["Error"] == 256).all()
 
 
-BITS = engine.Settings(samples=20, light_samples=2, error_threshold=2.0, passes=frozenset(engine.PASSES) - {"Combined"}, threads=1)
+ALL = frozenset(engine.PASSES) - {"Combined", "Fallbacks"}
+BITS = engine.Settings(samples=20, light_samples=2, error_threshold=2.0, passes=ALL, threads=1)
 
 
 @pytest.mark.parametrize("name", ["soft_lights", "alpha", "glass"])
@@ -208,6 +209,22 @@ def test_gap_and_grazing_of_two_planes(backend: str) -> None:
     assert (sky.passes["Grazing"] == 0).all()
     alone = draw(replace(scene, instances=scene.instances[:1]), "Gap", backend=backend)
     assert (alone.passes["Gap"] == np.float32(1e10)).all()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_fallbacks_where_two_faces_lie_in_one_place(backend: str) -> None:
+    """Float32 is sure of a lone face, but not which of two in one place is nearer; the float64 tracer has nothing to fall back from."""
+    alone, twice = (
+        draw(s.Scene(view_from_above(SIZE), (square(0.4),), (placed(),) * count, (emitter(),)), "Fallbacks", "Depth", backend=backend)
+        for count in (1, 2)
+    )
+    hit = twice.passes["Depth"] < 1e9
+    middle = np.zeros_like(hit)
+    middle[SIZE // 2 - 2, SIZE // 2 + 1] = True  # off the square's diagonal
+    assert hit[middle].all() and not hit.all()
+    assert (twice.passes["Fallbacks"][~hit] == 0).all()
+    assert (alone.passes["Fallbacks"][middle] == 0).all()
+    assert (twice.passes["Fallbacks"][middle] == (backend == "NATIVE")).all()
 
 
 def test_thresholds_that_mean_nothing_are_refused() -> None:

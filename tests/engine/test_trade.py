@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import engine_scenes as scenes
-from glint.engine import Scene, SceneError, Settings, available_backends, trade, trade_plot
+from glint.engine import Scene, SceneError, Settings, available_backends, trade, trade_crops, trade_plot
 from glint.engine.scene import Lobe
 
 BACKEND = available_backends()[0]
@@ -28,7 +28,7 @@ def row(seconds, error, **more):
 
 
 def measured(scene=None, **more):
-    options = {"values": {"samples": [1, 4, 16], "light_samples": [2]}, "reference_samples": 64, "repeats": 1}
+    options = {"values": {"samples": [1, 4, 16], "error_threshold": [0.0], "light_samples": [2]}, "reference_samples": 64, "repeats": 1}
     return trade.measure(scene or soft_scene(), Settings(samples=4, light_samples=2, backend=BACKEND), **{**options, **more})
 
 
@@ -70,10 +70,23 @@ def test_the_grid_holds_only_knobs_that_can_matter():
     hard = replace(soft_scene(), lights=(scenes.light("POINT"),))
     mirror = replace(hard, materials=(scenes.surface(lobes=(Lobe("MIRROR"),)),))
     base = Settings(samples=3, light_samples=5, max_bounces=7)
-    for scene, varied in ((hard, {"samples"}), (soft_scene(), {"samples", "light_samples"}), (mirror, {"samples", "max_bounces"})):
+    always = {"samples", "error_threshold"}
+    for scene, varied in ((hard, always), (soft_scene(), always | {"light_samples"}), (mirror, always | {"max_bounces"})):
         grid = trade.settings_grid(scene, base, {})
         assert {knob.name for knob in trade.KNOBS if len({getattr(s, knob.name) for s in grid}) > 1} == varied
         assert base in grid
+
+
+def test_each_knob_goes_from_fast_to_accurate_and_the_threshold_only_where_it_can_stop_a_pixel():
+    hard = replace(soft_scene(), lights=(scenes.light("POINT"),))
+    grid = trade.settings_grid(hard, Settings(samples=16, error_threshold=4.0), {"samples": [4, 16]})
+    assert [(s.samples, s.error_threshold) for s in grid] == [(4, 0.0), (16, 8.0), (16, 4.0), (16, 2.0), (16, 0.0)]
+
+
+def test_an_error_threshold_saves_time_and_loses_little():
+    """A picture that is flat but for a box: the threshold stops the floor's pixels."""
+    rows = {r.knobs["error_threshold"]: r for r in measured(values={"samples": [64], "error_threshold": [0.0, 20.0]}).rows}
+    assert 0 < rows[0.0].relative_rmse < rows[20.0].relative_rmse < 0.05
 
 
 def test_an_unknown_knob_is_named():
@@ -83,7 +96,7 @@ def test_an_unknown_knob_is_named():
 
 @pytest.mark.parametrize("resolution", [(1920, 1080), (100, 700), (81, 81)])
 def test_crops_lie_inside_apart_and_evenly(resolution):
-    crops = trade.choose_crops(resolution)
+    crops = trade_crops.choose_crops(resolution)
     seen = np.zeros(resolution[::-1], int)
     for x0, y0, x1, y1 in crops:
         assert 0 <= x0 < x1 <= resolution[0] and 0 <= y0 < y1 <= resolution[1]
@@ -94,7 +107,7 @@ def test_crops_lie_inside_apart_and_evenly(resolution):
 
 
 def test_a_small_frame_is_one_crop():
-    assert trade.choose_crops((60, 200)) == ((0, 0, 60, 200),)
+    assert trade_crops.choose_crops((60, 200)) == ((0, 0, 60, 200),)
 
 
 # --- measuring
@@ -111,7 +124,7 @@ def test_more_samples_are_nearer_to_the_reference():
 def exact(**more):
     """A hard light, where a row and the reference have the same samples and the same tracer: the same picture."""
     scene = replace(soft_scene(), lights=(scenes.light("POINT"),))
-    return measured(scene, values={"samples": [64]}, reference_seconds=1e9 if BACKEND == "NUMPY" else 0.0, **more)
+    return measured(scene, values={"samples": [64], "error_threshold": [0.0]}, reference_seconds=1e9 if BACKEND == "NUMPY" else 0.0, **more)
 
 
 def test_the_reference_itself_has_no_error():

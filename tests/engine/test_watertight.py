@@ -178,7 +178,7 @@ INSTRUCTION_SETS = ("sse42", "avx2", "avx512", "neon", "generic")
 
 def fingerprints(threads: int, cut: bool) -> dict[str, str]:
     """name -> hash of all passes of every scene, whole or put together from four regions, and of ray queries."""
-    plan = engine.Settings(samples=2, light_samples=3, threads=threads, passes=frozenset(engine.PASSES) - {"Combined"})
+    plan = engine.Settings(samples=2, light_samples=3, threads=threads, passes=frozenset(engine.PASSES) - {"Combined", "Fallbacks"})
     return {name: _hash(_passes(make(), plan, cut)) for name, make in SCENES.items()} | {"queries": _hash(_queries(threads))}
 
 

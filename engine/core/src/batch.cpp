@@ -27,6 +27,7 @@ void Batch::reserve(size_t rows) {
   rows = columns_.rows();
   instance.resize(rows), primitive.resize(rows), material.resize(rows), others.resize(rows);
   u.resize(rows), v.resize(rows), lit.resize(rows), outside.resize(rows);
+  if (passes_ >> GLINT_PASS_FALLBACKS & 1) doubts_.resize(rows);
   place_columns();
 }
 

@@ -20,7 +20,7 @@ class Batch {
   void begin(const Queue& rays);
   size_t size() const { return count_; }
 
-  Hits hits() { return {t, instance.data(), primitive.data(), u.data(), v.data()}; }
+  Hits hits() { return {t, instance.data(), primitive.data(), u.data(), v.data(), fallbacks ? doubts_.data() : nullptr}; }
   Hit hit(size_t k) const { return {t[k], instance[k], primitive[k], u[k], v[k]}; }
   bool missed(size_t k) const { return instance[k] == Hit::kNone; }
   Surface surface(size_t k) const;
@@ -33,6 +33,10 @@ class Batch {
   }
   /// Counts a ray for the pixel of ray k.
   void charge(size_t k) const { if (cost) cost[queue->slots[k]] += 1; }
+  /// Adds what `hits` counted of float tests that could not decide.
+  void charge_fallbacks() const {
+    for (size_t k = 0; fallbacks && k < count_; ++k) fallbacks[queue->slots[k]] += doubts_[k];
+  }
   /// Term number `term` of the highlights of point k.
   void set_specular(size_t k, int term, Vec3d Tk, double exponent);
 
@@ -46,7 +50,7 @@ class Batch {
   double* diffuse[3] = {};            // T k
   double* specular = nullptr;         // as ShadeStage has it
   size_t stride = 0;
-  double* cost = nullptr;             // rays traced for each slot; null when nobody asks
+  double *cost = nullptr, *fallbacks = nullptr;  // rays traced for each slot, and float64 tests of them; null when nobody asks
 
  private:
   void reserve(size_t rows);
@@ -57,6 +61,7 @@ class Batch {
   const bool smooth_;
   size_t count_ = 0;
   Columns columns_;
+  std::vector<uint8_t> doubts_;
   SumColumns parts_{};
 };
 

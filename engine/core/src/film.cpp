@@ -43,11 +43,10 @@ void SlotTable::set(uint32_t width, uint32_t height) {
 
 Film::Film(Region region, Region shown, uint32_t passes, double error_threshold)
     : region_(region), shown_(shown), passes_(passes | 1u << GLINT_PASS_COMBINED) {
-  for (int part = 0; part < GLINT_PASS_DEPTH; ++part) at_[part] = -1;
+  std::fill_n(at_, int(GLINT_PASS_COUNT), -1);
   at_[GLINT_PASS_COMBINED] = 0;
-  for (int part = GLINT_PASS_DIFFUSE; part < GLINT_PASS_DEPTH; ++part)
-    if (wants(part)) at_[part] = int(columns_), columns_ += 3;
-  columns_ += wants(GLINT_PASS_COST);
+  for (int part = GLINT_PASS_DIFFUSE; part < GLINT_PASS_DEPTH; ++part) keep_sums(part, 3);
+  keep_sums(GLINT_PASS_COST, 1), keep_sums(GLINT_PASS_FALLBACKS, 1);
   const size_t pixels = size_t(region.width()) * region.height();
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
     if (!wants(pass)) continue;
@@ -57,6 +56,10 @@ Film::Film(Region region, Region shown, uint32_t passes, double error_threshold)
     if (wants(pass)) std::fill_n(pictures_[pass].data(), pixels, float(kNoDepth));
   cut();
   if (error_threshold > 0 || wants(GLINT_PASS_ERROR)) refinement_ = Refinement(error_threshold, region, shown, sums_.size() / columns_);
+}
+
+void Film::keep_sums(int pass, int channels) {
+  if (wants(pass)) at_[pass] = int(columns_), columns_ += size_t(channels);
 }
 
 void Film::cut() {
@@ -112,12 +115,13 @@ void Film::publish_means(const Tile& tile, int pass, const SlotTable& slots, uin
 }
 
 void Film::publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples) {
-  const double* traced = cost(tile);
+  const double *traced = sums(tile, GLINT_PASS_COST), *doubted = sums(tile, GLINT_PASS_FALLBACKS);
   for (size_t k = 0; k < tile.pixels(); ++k) {
     const uint32_t pixel = slots.pixel(tile, k, region_.width());
     const double taken = refinement_.taken(tile.first_row + k, samples);
     store(GLINT_PASS_SAMPLES, pixel, &taken);
     if (traced) store(GLINT_PASS_COST, pixel, traced + k);
+    if (doubted) store(GLINT_PASS_FALLBACKS, pixel, doubted + k);
     if (!wants(GLINT_PASS_ERROR)) continue;
     const double error = refinement_.error(pixel, uint32_t(taken));
     store(GLINT_PASS_ERROR, pixel, &error);

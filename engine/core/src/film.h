@@ -63,15 +63,11 @@ class Film {
   bool wants_data() const { return passes_ & kDataPasses; }
   Refinement& refinement() { return refinement_; }
 
-  /// The first of the sums of a part; null for a part that was not asked for. The next channels follow after tile.stride().
-  double* sums(const Tile& tile, int part) {
-    return at_[part] < 0 ? nullptr : sums_.data() + tile.first_sum + size_t(at_[part]) * tile.stride();
+  /// The first of the sums of a part, or of Cost or Fallbacks; null where it was not asked for. The next channels follow after tile.stride().
+  double* sums(const Tile& tile, int pass) {
+    return at_[pass] < 0 ? nullptr : sums_.data() + tile.first_sum + size_t(at_[pass]) * tile.stride();
   }
   double* lost_alpha(const Tile& tile) { return sums(tile, GLINT_PASS_COMBINED) + 3 * tile.stride(); }
-  /// Rays traced for each slot; null when nobody asks.
-  double* cost(const Tile& tile) {
-    return wants(GLINT_PASS_COST) ? sums_.data() + tile.first_sum + (columns_ - 1) * tile.stride() : nullptr;
-  }
   void set_data(uint32_t pixel, const FirstHit& hit);
   void set_gap(uint32_t pixel, double gap) { store(GLINT_PASS_GAP, pixel, &gap); }
 
@@ -83,6 +79,7 @@ class Film {
  private:
   static constexpr uint32_t kDataPasses =
       ((1u << GLINT_PASS_ERROR) - (1u << GLINT_PASS_DEPTH)) | 1u << GLINT_PASS_GRAZING | 1u << GLINT_PASS_GAP;
+  void keep_sums(int pass, int channels);
   void store(int pass, uint32_t pixel, const double* values);
   void publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples, const Stages& stages);
   void publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples);
@@ -92,7 +89,7 @@ class Film {
   uint32_t passes_;
   std::vector<Tile> tiles_;
   size_t columns_ = 4;
-  int at_[GLINT_PASS_DEPTH];  // a part's first column, -1 for none
+  int at_[GLINT_PASS_COUNT];  // first column of what has sums, -1 for none
   Zeros<double> sums_;
   Refinement refinement_;
   Zeros<float> pictures_[GLINT_PASS_COUNT];

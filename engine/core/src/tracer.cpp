@@ -73,7 +73,7 @@ void Tracer::trace(uint32_t sample) {
   if (active_.empty()) return;
   const double* sums = film_.sums(*tile_, GLINT_PASS_COMBINED);
   if (film_.refinement().on()) before_.assign(sums, sums + 4 * tile_->stride());
-  batch_.cost = film_.cost(*tile_);
+  batch_.cost = film_.sums(*tile_, GLINT_PASS_COST), batch_.fallbacks = film_.sums(*tile_, GLINT_PASS_FALLBACKS);
   follow(sample);
   if (film_.refinement().on()) film_.refinement().note(*tile_, active_, before_.data(), sums, tile_->stride(), sample == 0);
 }
@@ -121,6 +121,7 @@ void Tracer::find_points(const Queue& queue) {
     const Timer timer(counts_.tracing);
     scene_.accel().closest(queue.rays(), batch_.hits());
   }
+  batch_.charge_fallbacks();
   SurfaceStage stage{};
   stage.count = queue.size(), stage.points = batch_.points;
   for (size_t c = 0; c < 3; ++c) stage.start[c] = queue.columns[Queue::kStart + c], stage.d[c] = queue.columns[Queue::kD + c];
