@@ -24,11 +24,12 @@ def instances(count):
     mesh = bpy.context.object.data
     wear(bpy.context.object, "many", GREEN)
     bpy.data.objects.remove(bpy.context.object)
-    side = int(count**0.5)
+    side, many = int(count**0.5), bpy.data.collections.new("many")
     for k in range(count):
         thing = bpy.data.objects.new("one", mesh)
         thing.location = ((k % side - side / 2) * 0.07, (k // side - side / 2) * 0.07, -1)
-        bpy.context.scene.collection.objects.link(thing)
+        many.objects.link(thing)
+    bpy.context.scene.collection.children.link(many)  # at the end: Blender counts all objects anew after each change of the scene
     red = bpy.data.objects.new("the one", mesh)
     red.scale = (6, 6, 6)
     red.material_slots[0].link = "OBJECT"
@@ -49,8 +50,7 @@ def grid(subdivisions):
 
 def lit():
     """Nothing but a sun and a point light."""
-    for block in (*bpy.data.objects, *bpy.data.lights, *bpy.data.meshes, *bpy.data.materials):
-        bpy.data.batch_remove([block])
+    bpy.data.batch_remove([*bpy.data.objects, *bpy.data.lights, *bpy.data.meshes, *bpy.data.materials, *bpy.data.collections])
     sun, point = bpy.data.lights.new("Sun", "SUN"), bpy.data.lights.new("Point", "POINT")
     sun.energy, point.energy, point.shadow_soft_size = 2, 400, 0
     sun.angle = 0

@@ -175,7 +175,7 @@ EDITS = (move, move, orbit, orbit, zoom, projection, light, material, vertex, ad
 UNTOLD = {move, light, material, vertex, delete, border, settings, hide, nothing_left}
 """Changes that no operator makes: they are pushed, so that Blender's undo knows of them, as it does of all that buttons change.
 
-Without it Blender 4.3.2 itself crashes: an object is hidden by `hide_viewport`, another one is added by an operator, one is hidden again, and
+Without it Blender 4.3.2 itself crashes: an object is hidden by `hide_viewport`, another is added by an operator, one is hidden again, and
 then undo leaves freed data-blocks in the file, whose names the Outliner draws, or which redo follows. It does so with NOTHING, too.
 """
 
