@@ -80,13 +80,25 @@ class Blender:
 
     def start(self, command: list[str], timeout: float = 300.0) -> Run:
         """Run a command line with this Blender's own folder of settings."""
+        return finish(self.launch(command), timeout)
+
+    def launch(self, command: list[str]) -> subprocess.Popen[str]:
+        """Start a command line with this Blender's own folder of settings, and do not wait for it."""
         resources = self.folder / "resources"
         resources.mkdir(exist_ok=True)
         variables = {**os.environ, "BLENDER_USER_RESOURCES": self.inside(resources), "PYTHONDONTWRITEBYTECODE": "1"}
-        done = subprocess.run(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=variables, timeout=timeout, cwd=self.folder
-        )
-        return Run(done.returncode, done.stdout)
+        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=variables, cwd=self.folder)
 
     def _python_command(self) -> list[str]:
         return [*self.program, "-b", "--python-exit-code", "1", "-P"] if self.program else [sys.executable]
+
+
+def finish(process: subprocess.Popen[str], timeout: float) -> Run:
+    """Wait for a program's end; one that takes longer than `timeout` seconds is killed, and TimeoutExpired holds what it said."""
+    try:
+        output, _ = process.communicate(timeout=timeout)
+    except subprocess.TimeoutExpired as late:
+        process.kill()
+        late.output, _ = process.communicate()
+        raise
+    return Run(process.returncode, output)

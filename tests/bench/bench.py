@@ -1,6 +1,7 @@
 """`make bench`: every bench of this folder in its short form, one after the other, each in a process of its own.
 
-With names, only those: rays, frames, million, export, instructions, features.
+With names, only those: rays, frames, million, export, instructions, features, viewport. The last one is run by name only: it needs a Blender with a
+window, which GLINT_BLENDER names.
 """
 
 import subprocess
@@ -16,15 +17,18 @@ BENCHES = {
     "features": [],
 }
 """Script → the options of its short form."""
+BY_NAME = {"viewport": "../viewport/measure.py"}
+"""Name → script of what the machine must be fit for."""
 
 
 def main() -> int:
     wanted = sys.argv[1:] or list(BENCHES)
-    unknown = [name for name in wanted if name not in BENCHES]
+    unknown = [name for name in wanted if name not in (*BENCHES, *BY_NAME)]
     if unknown:
-        raise SystemExit(f"no bench is called {', '.join(unknown)}; there are {', '.join(BENCHES)}")
+        raise SystemExit(f"no bench is called {', '.join(unknown)}; there are {', '.join((*BENCHES, *BY_NAME))}")
     here = Path(__file__).parent
-    return max(subprocess.run([sys.executable, str(here / f"{name}.py"), *BENCHES[name]]).returncode for name in wanted)
+    commands = [[str(here / BY_NAME.get(name, f"{name}.py")), *BENCHES.get(name, [])] for name in wanted]
+    return max(subprocess.run([sys.executable, *command]).returncode for command in commands)
 
 
 if __name__ == "__main__":

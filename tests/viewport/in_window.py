@@ -17,7 +17,7 @@ LONGEST = 60.0
 
 
 class Window:
-    """The 3D view of the first window, its Glint session, and when pictures were drawn.
+    """The 3D view of the first window, its Glint session, and when pictures were drawn. package: of Glint, None without it.
 
     draws: (time, which request was answered, stage of the newest picture, seconds that view_draw took) of every view_draw.
     """
@@ -29,7 +29,8 @@ class Window:
         self.framebuffer = None
         self.session = None
         self._wants_framebuffer = False
-        self._watch(sys.modules[package + ".addon.viewport.session"].Session)
+        if package is not None:
+            self._watch(sys.modules[package + ".addon.viewport.session"].Session)
 
     @property
     def area(self):

@@ -1,0 +1,275 @@
+"""Runs inside a Blender with a window: how soon events show in the middle of the 3D view, for Glint or for Cycles. See measure.py.
+
+Every event changes the colour of the pixel in the middle, which is read back from the framebuffer after each `view_draw` of the engine:
+the time runs from before Blender's data is changed until that pixel has its new colour. Processor time is that of the whole program.
+"""
+
+import argparse
+import pathlib
+import sys
+import time
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+
+import bpy
+import gpu
+import mathutils
+
+import in_window
+import measured_scenes
+
+REPEATS = 8
+CONVERGED_SECONDS = 4.0
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("engine", choices=("GLINT", "CYCLES"))
+    return parser.parse_args(sys.argv[sys.argv.index("--") + 1 :])
+
+
+class Eye:
+    """Looks at the middle of the region. color: what is there.  at, spent: when it was drawn, and the processor time until then."""
+
+    def __init__(self, engine_class):
+        self.color, self.at, self.spent, self.draws = (0.0, 0.0, 0.0), 0.0, 0.0, 0
+        draw = engine_class.view_draw
+
+        def watched(render_engine, context, depsgraph):
+            draw(render_engine, context, depsgraph)
+            x, y = context.region.width // 2, context.region.height // 2
+            pixel = gpu.state.active_framebuffer_get().read_color(x, y, 1, 1, 4, 0, "FLOAT").to_list()[0][0]
+            self.color, self.at, self.spent = tuple(pixel[:3]), time.perf_counter(), time.process_time()
+            self.draws += 1
+
+        engine_class.view_draw = watched
+
+
+def engine_class(window):
+    if options.engine == "GLINT":
+        return sys.modules[window.package + ".addon.render_engine"].GlintRenderEngine
+    import cycles
+
+    return cycles.CyclesRender
+
+
+options = arguments()
+window = in_window.load()
+eye = Eye(engine_class(window))
+wall, processor, facts = {}, {}, {}
+
+
+def is_red(color):
+    return color[0] > 2 * color[1] and color[0] > 0.01
+
+
+def is_green(color):
+    return color[1] > 2 * color[0] and color[1] > 0.01
+
+
+def scenario():
+    yield from maximize()
+    scene = bpy.context.scene
+    scene.render.engine = options.engine
+    if options.engine == "GLINT":
+        scene.glint.viewport.samples = 4
+    else:
+        scene.cycles.preview_samples, scene.cycles.use_preview_denoising = 1, False
+    facts["region"] = [window.region.width, window.region.height]
+    measured_scenes.spheres()
+    look_at((-1, 0, 0), 4)
+    yield 0.5
+    yield from switching()
+    yield from moving_the_view()
+    yield from shading()
+    if options.engine == "GLINT":
+        yield from turning()
+        yield from stopping()
+    yield from converged()
+    yield from one_of_many()
+    yield from one_vertex()
+    in_window.answer({"wall": wall, "processor": processor, "facts": facts})
+
+
+def maximize():
+    """The 3D view alone in the window."""
+    window.space.overlay.show_overlays = False
+    window.space.show_gizmo = window.space.show_region_header = False
+    with window.context():
+        bpy.ops.screen.screen_full_area(use_hide_panels=True)
+    yield 0.5
+
+
+def look_at(point, distance):
+    view = window.view
+    view.view_perspective, view.view_distance = "PERSP", distance
+    view.view_location = point
+    view.view_rotation = mathutils.Euler((1.0, 0.0, 0.0)).to_quaternion()
+
+
+def event(name, action, has_come):
+    """Yield from this: do something and wait until the middle of the view shows it."""
+    in_window.say(name)
+    start, spent = time.perf_counter(), time.process_time()
+    action()
+    yield lambda: eye.at > start and has_come(eye.color)
+    wall.setdefault(name, []).append(eye.at - start)
+    processor.setdefault(name, []).append(eye.spent - spent)
+    yield from quiet()
+
+
+def quiet():
+    """Yield from this: nothing has been drawn for a while, so the picture is complete."""
+    deadline = time.perf_counter() + in_window.LONGEST
+    while time.perf_counter() < deadline:
+        before = eye.draws
+        yield 0.25
+        if eye.draws == before and not is_tracing():
+            return
+    raise TimeoutError("the view is drawn again and again")
+
+
+def is_tracing():
+    session = current_session() if options.engine == "GLINT" else None
+    return session is not None and (session.busy or session.has_news)
+
+
+def alternating(name, red, green):
+    """Yield from this: two actions in turn, after which the middle is red and green."""
+    for k in range(REPEATS):
+        yield from event(name, *((green, is_green) if k % 2 == 0 else (red, is_red)))
+
+
+def switching():
+    for k in range(4):
+        yield from event("first picture" if k == 0 else "first picture again", lambda: set_shading("RENDERED"), is_red)
+        set_shading("SOLID")
+        eye.color = (0.0, 0.0, 0.0)
+        yield 0.5
+    set_shading("RENDERED")
+    yield from quiet()
+
+
+def set_shading(kind):
+    window.space.shading.type = kind
+
+
+def moving_the_view():
+    def to(x):
+        window.view.view_location = (x, 0, 0)
+        window.region.tag_redraw()
+
+    yield from alternating("view moved", lambda: to(-1), lambda: to(1))
+    to(-1)
+    yield from quiet()
+
+
+def shading():
+    material, lamp = bpy.data.materials["red"], bpy.data.lights["Point"]
+    sun = bpy.data.lights["Sun"]
+    yield from alternating("material color", lambda: paint(material, measured_scenes.RED), lambda: paint(material, measured_scenes.GREEN))
+    paint(material, (0.8, 0.8, 0.8, 1))
+    sun.energy, lamp.color = 0, (1, 0.1, 0.1)
+    yield from quiet()
+    yield from alternating("light color", lambda: tint(lamp, (1, 0.1, 0.1)), lambda: tint(lamp, (0.1, 1, 0.1)))
+    paint(material, measured_scenes.RED)
+    sun.energy, lamp.color = 2, (1, 1, 1)
+    yield from quiet()
+
+
+def paint(material, color):
+    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = color
+
+
+def tint(lamp, color):
+    lamp.color = color
+
+
+def turning():
+    """New pictures a second while the view turns all the time."""
+    session, answered = current_session(), set()
+    start = time.perf_counter()
+    while time.perf_counter() < start + 4:
+        turn()
+        answered.add(session.answered)
+        yield 0.004
+    facts["pictures a second while the view turns"] = (len(answered) - 1) / (time.perf_counter() - start)
+    yield from quiet()
+
+
+def turn():
+    window.view.view_rotation = mathutils.Quaternion((0, 0, 1), 0.02) @ window.view.view_rotation
+    window.region.tag_redraw()
+
+
+def stopping():
+    """From the last turn until every pixel of the region has been traced for it."""
+    session = current_session()
+    for _ in range(REPEATS):
+        for _ in range(20):
+            turn()
+            yield 0.01
+        start, spent, asked = time.perf_counter(), time.process_time(), session.requests
+        turn()
+        yield lambda asked=asked: session.answered > asked and is_full(session)
+        wall.setdefault("stop to full resolution", []).append(eye.at - start)
+        processor.setdefault("stop to full resolution", []).append(eye.spent - spent)
+        yield from quiet()
+
+
+def is_full(session):
+    return session.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
+
+
+def current_session():
+    timer = sys.modules[window.package + ".addon.viewport.timer"]
+    return timer.session_of(window.region.as_pointer())
+
+
+def converged():
+    """Processor time that a second of a converged view costs, of a second; of it, what these scripts' own timer costs is a few ‰."""
+    yield from quiet()
+    draws, spent, start = eye.draws, time.process_time(), time.perf_counter()
+    yield CONVERGED_SECONDS
+    facts["processor share when converged"] = (time.process_time() - spent) / (time.perf_counter() - start)
+    facts["draws when converged"] = eye.draws - draws
+
+
+def one_of_many():
+    set_shading("SOLID")
+    one = measured_scenes.instances(10_000)
+    look_at((0, 0, 0), 12)
+    set_shading("RENDERED")
+    yield from quiet()
+    yield from alternating("one of 10 000 instances", lambda: place(one, 0), lambda: place(one, 3))
+
+
+def place(thing, x):
+    thing.location.x = x
+
+
+def one_vertex():
+    set_shading("SOLID")
+    mesh = measured_scenes.grid(708)
+    look_at((0, 0, 0), 0.1)
+    middle = mesh.vertices[709 * 709 // 2]
+    set_shading("RENDERED")
+    yield from quiet()
+
+    def lift(height):
+        middle.co.z = height
+        mesh.update()
+
+    for k in range(REPEATS // 2):
+        before = eye.color
+        yield from event(
+            "one vertex of 1 M triangles", lambda k=k: lift(0.01 * (1 - k % 2)), lambda color, before=before: differ(color, before)
+        )
+
+
+def differ(a, b):
+    return max(abs(x - y) for x, y in zip(a, b, strict=True)) > 0.05 * max(*a, *b)
+
+
+in_window.play(scenario, window)

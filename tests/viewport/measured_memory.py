@@ -1,0 +1,38 @@
+"""Runs inside a Blender with a window: the most memory ever held, with a million triangles shown, rendered, or neither."""
+
+import pathlib
+import resource
+import sys
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+
+import bpy
+
+import in_window
+import measured_scenes
+
+folder, job = sys.argv[sys.argv.index("--") + 1 :]
+window = in_window.load()
+
+
+def scenario():
+    scene = bpy.context.scene
+    scene.render.engine = "GLINT"
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 960, 540, 100
+    camera = scene.camera.data.copy()
+    measured_scenes.grid(708)
+    scene.camera = bpy.data.objects.new("Camera", camera)
+    scene.collection.objects.link(scene.camera)
+    scene.camera.location = (0, 0, 5)
+    yield 1.0
+    if job == "view":
+        window.space.shading.type = "RENDERED"
+        yield lambda: window.session is not None
+        yield from window.settle()
+    elif job == "final":
+        in_window.render(pathlib.Path(folder) / "final.exr")
+    yield 1.0
+    in_window.answer(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3)
+
+
+in_window.play(scenario, window)
