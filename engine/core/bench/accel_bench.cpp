@@ -135,7 +135,8 @@ void measure(const Scene& s, int rounds, int only) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const int rounds = argc > 1 ? std::atoi(argv[1]) : 5, mesh = argc > 2 ? std::atoi(argv[2]) : -1, kind = argc > 3 ? std::atoi(argv[3]) : -1;
+  const int rounds = argc > 1 ? std::atoi(argv[1]) : 5;
+  const int mesh = argc > 2 ? std::atoi(argv[2]) : -1, kind = argc > 3 ? std::atoi(argv[3]) : -1;
   std::printf("%-16s %9s %9s %9s %9s   (million rays a second)\n", "", "primary", "shadow", "mirror", "diffuse");
   const auto list = scenes();
   for (int k = 0; k < int(list.size()); ++k)

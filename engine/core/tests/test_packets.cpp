@@ -1,4 +1,5 @@
 // Batches against the same rays one by one: a traversal may group rays as it likes, the answers are the same bits.
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -131,6 +132,30 @@ TEST(packets, batches_of_any_size) {
 TEST(packets, every_instruction_set) {
   const Mixed scene;
   CHECK(other_bits(scene, blocks(300, true, 64)) == 0);
+}
+
+// Through the middle of a triangle float is certain; through its corner, and where faces coincide, it is not. Rays alone and in a tile.
+TEST(packets, fallbacks_are_counted) {
+  const Vec3d corners[] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  for (const size_t faces : {1, 2, 300}) {
+    Mesh mesh;
+    for (Vec3d p : corners) mesh.add(p);
+    for (size_t k = 0; k < faces; ++k) mesh.add(0, 1, 2);
+    const auto accel = build(mesh);
+    for (const size_t count : {1, 64}) {
+      for (const Vec3d target : {Vec3d{0.25, 0.25, 0}, Vec3d{0, 0, 0}}) {
+        const std::vector<double> zero(count), down(count, -1.0), x(count, target.x), y(count, target.y), z(count, 3.0), end(count, HUGE_VAL);
+        std::vector<double> t(count);
+        std::vector<uint32_t> instance(count), primitive(count);
+        std::vector<float> u(count), v(count);
+        std::vector<uint8_t> fallbacks(count, 77);
+        accel->closest({{x.data(), y.data(), z.data()}, {zero.data(), zero.data(), down.data()}, zero.data(), end.data(), count, kCamera},
+                       {t.data(), instance.data(), primitive.data(), u.data(), v.data(), fallbacks.data()});
+        const size_t expected = target.x > 0 ? faces - 1 : faces;
+        for (uint8_t n : fallbacks) CHECK(n == std::min<size_t>(expected, 255));
+      }
+    }
+  }
 }
 
 // A tilted box far from the origin, where coordinates are 6e-5 apart in float: rays outwards from a tenth of that above a face hit

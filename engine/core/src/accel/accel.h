@@ -63,6 +63,9 @@ struct Hits {
   uint32_t* primitive;
   float* u;
   float* v;
+  /// Null, or how often a ray needed double precision to decide about a triangle; stays at 255. A measure of work: it depends on the rays
+  /// that a ray is traced with and on the instruction set.
+  uint8_t* fallbacks = nullptr;
 };
 
 struct AccelStats {

@@ -164,7 +164,9 @@ __attribute__((noinline)) void decide_rays(Walk<Any>& w, int k, uint32_t mask, u
   const uint32_t sure = bits(t.sure());
   for (; mask; mask &= mask - 1) {
     const int lane = __builtin_ctz(mask), r = k + lane;
-    if (alive(w.tile, r) && ((sure >> lane & 1) || t.exactly(lane))) w.decide(r, leaf, place), w.trim(r);
+    if (!alive(w.tile, r)) continue;
+    w.tile.answers->count_fallback(w.tile.slot[r]);
+    if ((sure >> lane & 1) || t.exactly(lane)) w.decide(r, leaf, place), w.trim(r);
   }
 }
 

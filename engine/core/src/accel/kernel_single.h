@@ -74,10 +74,12 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
     if (hit && farthest[lane] < tile.lo[r] && nearest[lane] > tile.begin_hi[r]) {
       if (Any) return w.block(r);
       tile.lo[r] = nearest[lane], tile.hi[r] = farthest[lane], tile.pending[r] = ref, tile.place[r] = uint32_t(place);
-    } else if (hit || t.exactly(lane)) {
-      w.decide(r, ref, place);
-      if (Any && !alive(tile, r)) return;
+      continue;
     }
+    tile.answers->count_fallback(tile.slot[r]);
+    if (!hit && !t.exactly(lane)) continue;
+    w.decide(r, ref, place);
+    if (Any && !alive(tile, r)) return;
   }
 }
 

@@ -16,10 +16,13 @@ struct Answers {
   double* t;
   uint32_t *instance, *primitive;
   float *u, *v;
-  uint8_t* blocked;
+  uint8_t *blocked, *fallbacks;  // fallbacks: null when nobody asks
   uint32_t visibility;
   const uint32_t* masks;  // visibility of every instance; null when all can be seen
 
+  void count_fallback(int slot) {
+    if (fallbacks && fallbacks[slot] < 255) ++fallbacks[slot];
+  }
   /// Takes a hit unless there is a better one.
   template <bool Any>
   bool accept(int slot, double at, double wu, double wv, PrimitiveId id) {

@@ -301,6 +301,7 @@ inline void clear(const Answers& a, int count) {
   for (int k = 0; k < count; ++k) a.instance[k] = Hit::kNone;
   for (int k = 0; k < count; ++k) a.primitive[k] = 0;
   for (int k = 0; k < count; ++k) a.u[k] = a.v[k] = 0;
+  for (int k = 0; a.fallbacks && k < count; ++k) a.fallbacks[k] = 0;
 }
 
 /// The nearer of a ray's end and its best hit, or nothing left of a ray that is blocked.
@@ -331,7 +332,8 @@ inline int tile_size(const Rays& rays, size_t first) { return rays.count - first
 
 void closest(const WorldView& world, const Rays& rays, const Hits& hits) {
   for (size_t k = 0; k < rays.count; k += kTile) {
-    Answers answers{nullptr, nullptr, hits.t + k, hits.instance + k, hits.primitive + k, hits.u + k, hits.v + k, nullptr, 0, nullptr};
+    Answers answers{nullptr, nullptr, hits.t + k, hits.instance + k, hits.primitive + k, hits.u + k, hits.v + k, nullptr,
+                    hits.fallbacks ? hits.fallbacks + k : nullptr, 0, nullptr};
     clear(answers, tile_size(rays, k));
     trace<false>(world, rays, k, tile_size(rays, k), answers);
   }
@@ -339,7 +341,7 @@ void closest(const WorldView& world, const Rays& rays, const Hits& hits) {
 
 void occluded(const WorldView& world, const Rays& rays, uint8_t* blocked) {
   for (size_t k = 0; k < rays.count; k += kTile) {
-    Answers answers{nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, blocked + k, 0, nullptr};
+    Answers answers{nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, blocked + k, nullptr, 0, nullptr};
     for (int j = 0; j < tile_size(rays, k); ++j) blocked[k + size_t(j)] = 0;
     trace<true>(world, rays, k, tile_size(rays, k), answers);
   }
