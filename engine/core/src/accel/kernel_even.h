@@ -146,10 +146,11 @@ inline void set_parted_groups(const Tile& tile, Bundles& b) {
       store(near + k, c + m * splat(b.groups.first[g])), store(far + k, c + m * splat(b.groups.last[g]));
     }
     for (int g = 0; g < kGroups; g += kLanes) {
-      const int k = g * kLanes, low = 2 * a, high = low + 1;
+      const float *p = near + g * kLanes, *q = far + g * kLanes;
+      float *c = b.groups.c[2 * a] + g, *m = b.groups.m[2 * a] + g, *high_c = b.groups.c[2 * a + 1] + g, *high_m = b.groups.m[2 * a + 1] + g;
       const Floats first = load(b.groups.first + g), last = load(b.groups.last + g), room = splat(2 * tile.room);
-      lines_through(fold_rows<Smaller>(near + k), fold_rows<Smaller>(far + k), first, last, -room, b.groups.c[low] + g, b.groups.m[low] + g);
-      lines_through(fold_rows<Larger>(near + k), fold_rows<Larger>(far + k), first, last, room, b.groups.c[high] + g, b.groups.m[high] + g);
+      lines_through(fold_rows<Smaller>(p), fold_rows<Smaller>(q), first, last, -room, c, m);
+      lines_through(fold_rows<Larger>(p), fold_rows<Larger>(q), first, last, room, high_c, high_m);
     }
   }
 }

@@ -2,6 +2,8 @@
 // triangle's edge functions are linear there; so a few products tell that it lies beside a whole bundle. Nothing is left out that the
 // test of single rays would find.
 #pragma once
+#include <initializer_list>
+
 #include "kernel_even.h"
 
 namespace glint {
@@ -55,8 +57,8 @@ struct Pencil {
   }
 };
 
-/// Edge functions of triangles, k + x slope + y slope', turned so that they are positive inside. A bundle lies beside a triangle where one of
-/// them stays below -margin.
+/// Edge functions of triangles, k + x slope + y slope', turned so that they are positive inside. A bundle lies beside a triangle where
+/// one of them stays below -margin.
 struct EdgeLines {
   Floats k[3], x[3], y[3], margin;
 
@@ -68,9 +70,9 @@ struct EdgeLines {
   }
 };
 
-/// The edges of the triangles [first, first + kLanes) of a leaf. With m no less than any corner is away across, and z than it is along, the
-/// rays' edge functions and these differ by less than 2^-19 m (z + m) from the truth: 4 m times the rounding of a corner, 2^-24 (4 z + 2 m),
-/// and that of the products. When one stays 2^-17 m (z + m) below 0 and their sum above, then the rays see different signs.
+/// The edges of the triangles [first, first + kLanes) of a leaf. With m no less than any corner is away across, and z than it is along,
+/// the rays' edge functions and these are each off by less than 2^-20 m (z + m): 4 m times the rounding of a corner, 2^-24 (4 z + 2 m), and
+/// that of the products. When one stays 2^-17 m (z + m) below 0 and their sum above, then the rays see different signs.
 __attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, const Triangles& leaf, int first, const Order& order) {
   Floats p[9], most{}, deepest{};
   corners_from(pencil.apex, leaf, first, order, p);
@@ -105,7 +107,10 @@ struct EdgeTable {
   }
   EdgeLines at(int lane) const {
     EdgeLines l;
-    for (int e = 0; e < 3; ++e) l.k[e] = splat(lines[3 * e][lane]), l.x[e] = splat(lines[3 * e + 1][lane]), l.y[e] = splat(lines[3 * e + 2][lane]);
+    for (int e = 0; e < 3; ++e) {
+      const float(*line)[kLanes] = lines + 3 * e;
+      l.k[e] = splat(line[0][lane]), l.x[e] = splat(line[1][lane]), l.y[e] = splat(line[2][lane]);
+    }
     l.margin = splat(lines[9][lane]);
     return l;
   }
@@ -163,8 +168,8 @@ inline void set_pencil(const Tile& tile, Pencil& pencil) {
     }
     const float first = smallest(low), last = largest(high), middle = 0.5f * first + 0.5f * last;
     pencil.middle[a] = middle, pencil.all.low[a] = splat(first - middle), pencil.all.high[a] = splat(last - middle);
-    for (int g = 0; g < kGroups; g += kLanes)
-      store(pencil.low[a] + g, load(pencil.low[a] + g) - splat(middle)), store(pencil.high[a] + g, load(pencil.high[a] + g) - splat(middle));
+    for (float* bounds : {pencil.low[a], pencil.high[a]})
+      for (int g = 0; g < kGroups; g += kLanes) store(bounds + g, load(bounds + g) - splat(middle));
   }
 }
 

@@ -77,7 +77,8 @@ struct GroupLevel {
       const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
       uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
       if (!mask) continue;
-      if (w.pencil.exists && __builtin_popcount(mask) > 3) mask &= ~bits(edge_lines(w.pencil, leaf_triangles, first, order).beside(w.pencil.group(g)));
+      if (w.pencil.exists && __builtin_popcount(mask) > 3)
+        mask &= ~bits(edge_lines(w.pencil, leaf_triangles, first, order).beside(w.pencil.group(g)));
       if (!mask) continue;
       store(extent, extent_of(boxes));
       const Corners<Common> corners(leaf_triangles, first, order, origin<Common>(w.tile, k));
@@ -197,7 +198,8 @@ struct TileLevel {
       const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
       const uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
       if (!mask) continue;
-      if (w.pencil.exists && __builtin_popcount(mask) * __builtin_popcount(groups) > kGroups) pencil_triangles<Common>(child, leaf_triangles, first, mask, boxes, groups);
+      const int pairs = __builtin_popcount(mask) * __builtin_popcount(groups);  // edges are worth their while for several
+      if (w.pencil.exists && pairs > kGroups) pencil_triangles<Common>(child, leaf_triangles, first, mask, boxes, groups);
       else parted_triangles<Common>(child, leaf_triangles, first, mask, boxes, groups);
     }
   }
