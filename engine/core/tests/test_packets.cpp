@@ -144,7 +144,8 @@ TEST(packets, fallbacks_are_counted) {
     const auto accel = build(mesh);
     for (const size_t count : {1, 64}) {
       for (const Vec3d target : {Vec3d{0.25, 0.25, 0}, Vec3d{0, 0, 0}}) {
-        const std::vector<double> zero(count), down(count, -1.0), x(count, target.x), y(count, target.y), z(count, 3.0), end(count, HUGE_VAL);
+        const std::vector<double> zero(count), down(count, -1.0), x(count, target.x), y(count, target.y), z(count, 3.0);
+        const std::vector<double> end(count, HUGE_VAL);
         std::vector<double> t(count);
         std::vector<uint32_t> instance(count), primitive(count);
         std::vector<float> u(count), v(count);

@@ -49,14 +49,14 @@ inline Boxes boxes_of(const float* planes, const Order& order) {
 }
 
 /// Which lanes of boxes and bundles do not miss each other; where a number is NaN, they do not.
-inline uint32_t meet(const Boxes& b, Floats first, Floats last, const Floats (&c)[kLines], const Floats (&m)[kLines]) {
+__attribute__((always_inline)) inline uint32_t meet(const Boxes& b, Floats first, Floats last, const Floats (&c)[kLines],
+                                                    const Floats (&m)[kLines]) {
   const Floats front = larger(b.front, first), rear = smaller(b.rear, last);
-  Ints miss = front > rear;
-  miss |= b.low_x > c[kHighX] + larger(m[kHighX] * front, m[kHighX] * rear);
-  miss |= b.high_x < c[kLowX] + smaller(m[kLowX] * front, m[kLowX] * rear);
-  miss |= b.low_y > c[kHighY] + larger(m[kHighY] * front, m[kHighY] * rear);
-  miss |= b.high_y < c[kLowY] + smaller(m[kLowY] * front, m[kLowY] * rear);
-  return ~bits(miss) & ((1u << kLanes) - 1);
+  const Mask right = less(c[kHighX] + larger(m[kHighX] * front, m[kHighX] * rear), b.low_x);
+  const Mask left = less(b.high_x, c[kLowX] + smaller(m[kLowX] * front, m[kLowX] * rear));
+  const Mask above = less(c[kHighY] + larger(m[kHighY] * front, m[kHighY] * rear), b.low_y);
+  const Mask below = less(b.high_y, c[kLowY] + smaller(m[kLowY] * front, m[kLowY] * rear));
+  return ~bits(less(rear, front) | right | left | above | below) & ((1u << kLanes) - 1);
 }
 
 /// One bundle, in all lanes.
@@ -65,7 +65,7 @@ struct WideFrustum {
   explicit WideFrustum(const Frustum& f) : first(splat(f.first)), last(splat(f.last)) {
     for (int k = 0; k < kLines; ++k) c[k] = splat(f.c[k]), m[k] = splat(f.m[k]);
   }
-  uint32_t meet(const Boxes& b) const { return glint::meet(b, first, last, c, m); }
+  __attribute__((always_inline)) uint32_t meet(const Boxes& b) const { return glint::meet(b, first, last, c, m); }
 };
 
 /// Which bundles [base, base + count) meet one box.
@@ -103,14 +103,27 @@ inline void line_through(float at_first, float at_last, float first, float last,
   c = at_first - m * first + room;
 }
 
+/// The same for bundles in lanes.
+inline void lines_through(Floats at_first, Floats at_last, Floats first, Floats last, Floats room, float* c, float* m) {
+  const Floats length = last - first, slope = select(less(Floats{}, length), (at_last - at_first) / length, Floats{});
+  store(m, slope), store(c, at_first - slope * first + room);
+}
+
+/// Between which depths the tree lies for rays of one order.
+struct DepthRange {
+  Floats front, rear;
+  DepthRange(const Tile& tile, const Order& order) {
+    const float center = order.sign * float(tile.tree->center[order.axes[2]]), radius = float(tile.tree->radius) * 1.001f + tile.room;
+    front = splat(center - radius), rear = splat(center + radius);
+  }
+};
+
 /// How deep the rays [k, k + kLanes) go.
-inline void set_ray_depths(const Tile& tile, Bundles& b, int k) {
-  const Order& order = order_of(tile, k);
-  const float center = order.sign * float(tile.tree->center[order.axes[2]]), radius = float(tile.tree->radius) * 1.001f + tile.room;
+inline void set_ray_depths(const Tile& tile, Bundles& b, int k, const DepthRange& range) {
   const Floats start = load(tile.start + k), room = splat(tile.room);
   // The beginning needs room for rounding start + begin alone: with more, rays would enter boxes of the surface that they leave.
-  store(b.rays.first + k, larger(start + load(tile.begin_lo + k) - splat(0.25f * tile.room), splat(center - radius)));
-  store(b.rays.last + k, smaller(start + load(tile.hi + k) + room, splat(center + radius)));
+  store(b.rays.first + k, larger(start + load(tile.begin_lo + k) - splat(0.25f * tile.room), range.front));
+  store(b.rays.last + k, smaller(start + load(tile.hi + k) + room, range.rear));
 }
 
 /// Lines of the rays [k, k + kLanes).

@@ -1,21 +1,10 @@
 // Rays against the primitives of a leaf. A hit's depth is first known as an interval; double precision is asked only when intervals
 // overlap, and once for the nearest hit of each ray in the end.
 #pragma once
-#include "kernel_frustum.h"
+#include "kernel_pencil.h"
 
 namespace glint {
 namespace {
-
-inline uint32_t leaf_first(ChildRef leaf) { return leaf & kOrdinal; }
-inline int leaf_count(ChildRef leaf) { return int(leaf >> kCountShift & 7) + 1; }
-
-/// The triangles of one leaf: n floats for each coordinate.
-struct Triangles {
-  const float* p;
-  int n;
-  Triangles(const TreeView& tree, ChildRef leaf) : p(tree.floats + 9 * size_t(leaf_first(leaf))), n(leaf_count(leaf)) {}
-  const float* at(int corner, int axis) const { return p + (3 * corner + axis) * n; }
-};
 
 inline PrimitiveId id_of(const Tile& tile, int r, uint32_t ordinal) {
   PrimitiveId id = tile.tree->ids[ordinal];
@@ -35,6 +24,7 @@ struct Walk {
   const TreeView& tree;
   Tile& tile;
   Bundles& bundles;
+  const Pencil& pencil;
 
   void block(int r) {
     tile.answers->blocked[tile.slot[r]] = 1;
@@ -83,9 +73,9 @@ struct TriangleTest {
     a = x[2] * y[1] - y[2] * x[1], b = x[0] * y[2] - y[0] * x[2], c = x[1] * y[0] - y[1] * x[0];
     low = smaller(a, smaller(b, c)), high = larger(a, larger(b, c));
   }
-  uint32_t conflict() const { return bits((low < Floats{}) & (high > Floats{})); }
+  uint32_t conflict() const { return bits(less(low, Floats{}) & less(Floats{}, high)); }
   /// All edge functions of one sign, 0 excluded: no doubt that the ray hits.
-  Ints sure() const { return (low > Floats{}) | (high < Floats{}); }
+  Mask sure() const { return less(Floats{}, low) | less(high, Floats{}); }
   bool exactly(int lane) const {
     const float px[3] = {x[0][lane], x[1][lane], x[2][lane]}, py[3] = {y[0][lane], y[1][lane], y[2][lane]};
     return exactly_hit(px, py);
@@ -121,18 +111,9 @@ inline Boxes triangle_boxes(const Triangles& leaf, int first, const Order& order
   return {low[0], high[0], low[1], high[1], back ? -high[2] : low[2], back ? -low[2] : high[2]};
 }
 
-/// One triangle for all lanes: corner by corner, coordinates in the rays' order.
-inline void spread_corners(const Triangles& leaf, int place, const Order& order, float (&corner)[9][kLanes]) {
-  for (int j = 0; j < 3; ++j)
-    for (int a = 0; a < 3; ++a) store(corner[3 * j + a], splat(leaf.at(j, order.axes[a])[place]));
-}
-
 /// The rays [k + h, k + h + kDoubles) against a triangle each, in double. Returns which of them weigh() has answered.
-inline uint32_t exact_hits(const Tile& tile, int k, int h, const float (&corner)[9][kLanes], double* t, float* u, float* v) {
+inline uint32_t exact_hits(const Tile& tile, int k, int h, const Doubles (&p)[3][3], double* t, float* u, float* v) {
   Exact<Doubles> e;
-  Doubles p[3][3];
-  for (int j = 0; j < 3; ++j)
-    for (int a = 0; a < 3; ++a) p[j][a] = widen(corner[3 * j + a] + h);
   const int at = k + h;
   const Doubles o[3] = {load(tile.o[0] + at), load(tile.o[1] + at), load(tile.o[2] + at)};
   const Doubles shear[2] = {load(tile.shear[0] + at), load(tile.shear[1] + at)};
@@ -140,19 +121,32 @@ inline uint32_t exact_hits(const Tile& tile, int k, int h, const float (&corner)
   e.weigh();
   store(t + h, e.depth / load(tile.along + at)), narrow(u + h, e.u), narrow(v + h, e.v);
   const Doubles room = splat(tile.close);
-  return bits(Longs((magnitude(e.off_x) <= room) & (magnitude(e.off_y) <= room)));
+  return bits(at_most(magnitude(e.off_x), room) & at_most(magnitude(e.off_y), room));
+}
+/// A triangle for each ray.
+inline uint32_t exact_hits(const Tile& tile, int k, int h, const float (&corner)[9][kLanes], double* t, float* u, float* v) {
+  Doubles p[3][3];
+  for (int j = 0; j < 3; ++j)
+    for (int a = 0; a < 3; ++a) p[j][a] = widen(corner[3 * j + a] + h);
+  return exact_hits(tile, k, h, p, t, u, v);
+}
+/// One triangle for the rays [k, k + kLanes).
+inline uint32_t exact_hits(const Tile& tile, int k, const Triangles& leaf, int place, const Order& order, double* t, float* u, float* v) {
+  Doubles p[3][3];
+  for (int j = 0; j < 3; ++j)
+    for (int a = 0; a < 3; ++a) p[j][a] = splat(double(leaf.at(j, order.axes[a])[place]));
+  uint32_t close = 0;
+  for (int h = 0; h < kLanes; h += kDoubles) close |= exact_hits(tile, k, h, p, t, u, v) << h;
+  return close;
 }
 
 /// Which of the rays [k, k + kLanes) meet the plane of a triangle that they hit before they begin: so do shadow rays and reflections on the
 /// surface that they leave.
 __attribute__((noinline)) inline uint32_t behind(const Tile& tile, int k, const Triangles& leaf, int place, const Order& order) {
-  alignas(64) float corner[9][kLanes];
   alignas(64) double t[kLanes];
   alignas(64) float u[kLanes], v[kLanes];
-  spread_corners(leaf, place, order, corner);
-  uint32_t mask = 0;
-  for (int h = 0; h < kLanes; h += kDoubles)
-    mask |= (exact_hits(tile, k, h, corner, t, u, v) & ~bits(Longs(load(t + h) > load(tile.t_min + k + h)))) << h;
+  uint32_t mask = exact_hits(tile, k, leaf, place, order, t, u, v);
+  for (int h = 0; h < kLanes; h += kDoubles) mask &= ~(bits(less(load(tile.t_min + k + h), load(t + h))) << h);
   return mask;
 }
 
@@ -178,10 +172,10 @@ __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32
   Floats lo, hi;
   t.depth(splat(extent), tile.far_room, lo, hi);
   const Floats best_lo = load(tile.lo + k), best_hi = load(tile.hi + k), begin_hi = load(tile.begin_hi + k);
-  const Ints sure = t.sure();
-  mask &= ~bits(sure & ((lo > best_hi) | (hi < load(tile.begin_lo + k))));
+  const Mask sure = t.sure();
+  mask &= ~bits(sure & (less(best_hi, lo) | less(hi, load(tile.begin_lo + k))));
   if (!mask || !visible(tile, leaf_first(leaf) + uint32_t(place))) return;
-  const Ints nearer = sure & (hi < best_lo) & (lo > begin_hi);
+  const Mask nearer = sure & less(hi, best_lo) & less(begin_hi, lo);
   const uint32_t certain = bits(nearer) & mask;
   if (Any) {
     for (uint32_t m = certain; m; m &= m - 1) w.block(k + __builtin_ctz(m)), w.trim(k + __builtin_ctz(m));
@@ -195,13 +189,10 @@ __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32
     store(last, smaller(load(last), load(tile.start + k) + end + splat(tile.room)));
   }
   mask &= ~certain;
-  if (mask) decide_rays(w, k, mask, mask & bits(sure & (lo <= begin_hi)), t, order, leaf, place);
+  if (mask) decide_rays(w, k, mask, mask & bits(sure & at_most(lo, begin_hi)), t, order, leaf, place);
 }
 
 /// What Corners subtract: where all rays begin, if that is one point.
-struct Origin {
-  float o[3], rest[3];
-};
 template <bool Common>
 inline Origin origin(const Tile& tile, int k) {
   if (!Common) return {};
@@ -214,13 +205,9 @@ template <bool Common>
 struct Corners {
   alignas(64) float p[9][kLanes];
   Corners(const Triangles& leaf, int first, const Order& order, const Origin& from) {
-    for (int j = 0; j < 3; ++j)
-      for (int a = 0; a < 3; ++a) {
-        Floats v = load(leaf.at(j, order.axes[a]) + first);
-        if (a == 2) v = v * splat(order.sign);
-        if (Common) v = v - splat(from.o[a]) - splat(from.rest[a]);
-        store(p[3 * j + a], v);
-      }
+    Floats v[9];
+    corners_from(from, leaf, first, order, v);
+    for (int j = 0; j < 9; ++j) store(p[j], v[j]);
   }
 };
 
@@ -332,34 +319,55 @@ inline void gather_corners(const Tile& tile, int k, uint32_t mask, float (&corne
   for (int j = 0; j < 9; ++j) store(corner[j], p[j]);
 }
 
-/// Computes the pending hits of the rays [k, k + kLanes).
-inline void finish_group(Walk<false>& w, int k) {
-  Tile& tile = w.tile;
-  Ints none = load(tile.pending + k) == Ints{};
-  const uint32_t mask = ~bits(none) & ((1u << kLanes) - 1);
-  if (!mask) return;
-  alignas(64) float corner[9][kLanes];
+/// Hits of the rays [k, k + kLanes), computed.
+struct Found {
   alignas(64) double t[kLanes];
   alignas(64) float u[kLanes], v[kLanes];
   Ints instance, primitive;
-  gather_corners(tile, k, mask, corner, instance, primitive);
-  uint32_t close = 0;
-  for (int h = 0; h < kLanes; h += kDoubles) close |= exact_hits(tile, k, h, corner, t, u, v) << h;
+  uint32_t close;  // lanes that weigh() has answered
+};
+
+/// The pending hits of the rays [k, k + kLanes), those of `mask`.
+inline void find_hits(const Tile& tile, int k, uint32_t mask, Found& f) {
+  const int r = k + __builtin_ctz(mask);
+  const ChildRef leaf = tile.pending[r];
+  const Ints other = (load(tile.pending + k) ^ int32_t(leaf)) | (load(tile.place + k) ^ int32_t(tile.place[r])) |
+                     (load(tile.kind + k) ^ int32_t(tile.kind[r]));
+  if (all_zero(other)) {
+    const int place = int(tile.place[r]);
+    const PrimitiveId id = id_of(tile, r, leaf_first(leaf) + uint32_t(place));
+    f.instance = tile.instances ? load(tile.instances + k) : Ints{} + int32_t(id.instance), f.primitive = Ints{} + int32_t(id.primitive);
+    f.close = exact_hits(tile, k, Triangles(*tile.tree, leaf), place, order_of(tile, r), f.t, f.u, f.v);
+    return;
+  }
+  alignas(64) float corner[9][kLanes];
+  gather_corners(tile, k, mask, corner, f.instance, f.primitive);
+  f.close = 0;
+  for (int h = 0; h < kLanes; h += kDoubles) f.close |= exact_hits(tile, k, h, corner, f.t, f.u, f.v) << h;
+}
+
+/// Computes the pending hits of the rays [k, k + kLanes).
+inline void finish_group(Walk<false>& w, int k) {
+  Tile& tile = w.tile;
+  const uint32_t mask = ~bits(equal(load(tile.pending + k), Ints{})) & ((1u << kLanes) - 1);
+  if (!mask) return;
+  Found f;
+  find_hits(tile, k, mask, f);
   Answers& answers = *tile.answers;
-  if ((mask & close) == (1u << kLanes) - 1 && !tile.instances) {  // slots are those of the rays
-    for (int h = 0; h < kLanes; h += kDoubles) store(answers.t + k + h, load(t + h));
-    store(answers.u + k, load(u)), store(answers.v + k, load(v));
-    store(answers.instance + k, instance), store(answers.primitive + k, primitive);
+  if ((mask & f.close) == (1u << kLanes) - 1 && !tile.instances) {  // slots are those of the rays
+    for (int h = 0; h < kLanes; h += kDoubles) store(answers.t + k + h, load(f.t + h));
+    store(answers.u + k, load(f.u)), store(answers.v + k, load(f.v));
+    store(answers.instance + k, f.instance), store(answers.primitive + k, f.primitive);
     return;
   }
   for (uint32_t m = mask; m; m &= m - 1) {
     const int lane = __builtin_ctz(m), r = k + lane, s = tile.slot[r];
-    if (!(close >> lane & 1)) {
+    if (!(f.close >> lane & 1)) {
       w.take(r, tile.pending[r], int(tile.place[r]));
       continue;
     }
-    answers.t[s] = t[lane], answers.u[s] = u[lane], answers.v[s] = v[lane];
-    answers.instance[s] = uint32_t(instance[lane]), answers.primitive[s] = uint32_t(primitive[lane]);
+    answers.t[s] = f.t[lane], answers.u[s] = f.u[lane], answers.v[s] = f.v[lane];
+    answers.instance[s] = uint32_t(f.instance[lane]), answers.primitive[s] = uint32_t(f.primitive[lane]);
   }
 }
 

@@ -72,9 +72,8 @@ struct Exact {
   void weigh() {
     const V zero{};
     V a = x[2] * y[1] - y[2] * x[1], b = x[0] * y[2] - y[0] * x[2], c = x[1] * y[0] - y[1] * x[0];
-    const auto back = a + b + c < zero;
-    a = select(back, -a, a), b = select(back, -b, b), c = select(back, -c, c);
-    a = select(a > zero, a, zero), b = select(b > zero, b, zero), c = select(c > zero, c, zero);
+    const V sum = a + b + c;
+    a = larger(flip(a, sum), zero), b = larger(flip(b, sum), zero), c = larger(flip(c, sum), zero);
     const V inverse = 1 / (a + b + c);
     u = b * inverse, v = c * inverse;
     off_x = x[0] + u * (x[1] - x[0]) + v * (x[2] - x[0]), off_y = y[0] + u * (y[1] - y[0]) + v * (y[2] - y[0]);

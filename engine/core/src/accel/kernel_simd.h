@@ -64,10 +64,13 @@ inline Doubles select(Longs m, Doubles a, Doubles b) {
   return Doubles((Longs(a) & m) | (Longs(b) & ~m));
 #endif
 }
-inline double select(bool m, double a, double b) { return m ? a : b; }
 inline Floats magnitude(Floats a) { return Floats(Ints(a) & 0x7fffffff); }
 inline Doubles magnitude(Doubles a) { return Doubles(Longs(a) & 0x7fffffffffffffff); }
 inline double magnitude(double a) { return __builtin_fabs(a); }
+
+/// a with its sign changed where `sign` is negative.
+inline Doubles flip(Doubles a, Doubles sign) { return Doubles(Longs(a) ^ (Longs(sign) & INT64_MIN)); }
+inline double flip(double a, double sign) { return __builtin_signbit(sign) ? -a : a; }
 
 /// The larger and the smaller number; where one is NaN, the second argument.
 inline Floats larger(Floats a, Floats b) {
@@ -88,7 +91,25 @@ inline Floats smaller(Floats a, Floats b) {
   return select(a < b, a, b);
 #endif
 }
-inline Doubles larger(Doubles a, Doubles b) { return select(a > b, a, b); }
+inline Doubles larger(Doubles a, Doubles b) {
+#if defined(__AVX512F__)
+  return Doubles(_mm512_maskz_max_pd(0xff, __m512d(a), __m512d(b)));
+#elif defined(__AVX__)
+  return Doubles(_mm256_max_pd(__m256d(a), __m256d(b)));
+#else
+  return select(a > b, a, b);
+#endif
+}
+inline Doubles smaller(Doubles a, Doubles b) {
+#if defined(__AVX512F__)
+  return Doubles(_mm512_maskz_min_pd(0xff, __m512d(a), __m512d(b)));
+#elif defined(__AVX__)
+  return Doubles(_mm256_min_pd(__m256d(a), __m256d(b)));
+#else
+  return select(a < b, a, b);
+#endif
+}
+inline double larger(double a, double b) { return a > b ? a : b; }
 inline float larger(float a, float b) { return a > b ? a : b; }
 inline float smaller(float a, float b) { return a < b ? a : b; }
 
@@ -119,6 +140,45 @@ inline uint32_t bits(Longs mask) {
 }
 inline bool any(Longs mask) { return bits(mask) != 0; }
 
+/// Which lanes of floats, and of doubles, a comparison holds for; false where a number is NaN. AVX-512 has registers for that, and GCC
+/// uses them only when it is told to.
+#if defined(__AVX512F__)
+struct Mask {
+  __mmask8 lanes;
+};
+typedef Mask DoubleMask;
+inline Mask operator&(Mask a, Mask b) { return {__mmask8(a.lanes & b.lanes)}; }
+inline Mask operator|(Mask a, Mask b) { return {__mmask8(a.lanes | b.lanes)}; }
+inline uint32_t bits(Mask m) { return m.lanes; }
+inline Floats select(Mask m, Floats a, Floats b) { return Floats(_mm256_mask_blend_ps(m.lanes, __m256(b), __m256(a))); }
+inline Ints select(Mask m, Ints a, Ints b) { return Ints(_mm256_mask_blend_epi32(m.lanes, __m256i(b), __m256i(a))); }
+inline Mask less(Floats a, Floats b) { return {_mm256_cmp_ps_mask(__m256(a), __m256(b), _CMP_LT_OQ)}; }
+inline Mask at_most(Floats a, Floats b) { return {_mm256_cmp_ps_mask(__m256(a), __m256(b), _CMP_LE_OQ)}; }
+inline Mask equal(Ints a, Ints b) { return {_mm256_cmpeq_epi32_mask(__m256i(a), __m256i(b))}; }
+inline DoubleMask less(Doubles a, Doubles b) { return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_LT_OQ)}; }
+inline DoubleMask at_most(Doubles a, Doubles b) { return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_LE_OQ)}; }
+inline DoubleMask equal(Doubles a, Doubles b) { return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_EQ_OQ)}; }
+#else
+typedef Ints Mask;
+typedef Longs DoubleMask;
+inline Mask less(Floats a, Floats b) { return a < b; }
+inline Mask at_most(Floats a, Floats b) { return a <= b; }
+inline Mask equal(Ints a, Ints b) { return a == b; }
+inline DoubleMask less(Doubles a, Doubles b) { return a < b; }
+inline DoubleMask at_most(Doubles a, Doubles b) { return a <= b; }
+inline DoubleMask equal(Doubles a, Doubles b) { return a == b; }
+#endif
+
+inline bool all_zero(Ints v) {
+#if defined(__AVX__)
+  return _mm256_testz_si256(__m256i(v), __m256i(v));
+#elif defined(__SSE4_1__)
+  return _mm_testz_si128(__m128i(v), __m128i(v));
+#else
+  return !bits(Ints(v != Ints{}));
+#endif
+}
+
 /// The largest and the smallest lane.
 inline float largest(Floats v) {
 #if defined(__AVX__)
@@ -136,6 +196,35 @@ inline float smallest(Floats v) {
   return _mm_cvtss_f32(_mm_min_ss(a, _mm_shuffle_ps(a, a, 1)));
 #else
   return smaller(smaller(v[0], v[1]), smaller(v[2], v[3]));
+#endif
+}
+struct Smaller {
+  static Floats of(Floats a, Floats b) { return smaller(a, b); }
+};
+struct Larger {
+  static Floats of(Floats a, Floats b) { return larger(a, b); }
+};
+/// Every lane pair of a and of b folded: a's results and b's in turn.
+template <class Fold>
+inline Floats fold_pair(Floats a, Floats b) {
+#if defined(__AVX__)
+  return Fold::of(__builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13), __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15));
+#else
+  return Fold::of(__builtin_shufflevector(a, b, 0, 4, 1, 5), __builtin_shufflevector(a, b, 2, 6, 3, 7));
+#endif
+}
+/// Each of kLanes rows of kLanes numbers folded to one lane.
+template <class Fold>
+inline Floats fold_rows(const float* rows) {
+  auto four = [rows](int first) {
+    const float* p = rows + first * kLanes;
+    return fold_pair<Fold>(fold_pair<Fold>(load(p), load(p + 2 * kLanes)), fold_pair<Fold>(load(p + kLanes), load(p + 3 * kLanes)));
+  };
+#if defined(__AVX__)
+  const Floats a = four(0), b = four(4);
+  return Fold::of(__builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11), __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15));
+#else
+  return four(0);
 #endif
 }
 inline float sum(Floats v) {

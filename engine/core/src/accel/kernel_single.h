@@ -53,7 +53,7 @@ struct BoxHits {
       const Floats far_y = (load(planes + b.far_plane[1]) - b.far_o[1]) * b.far_inverse[1];
       const Floats far_z = (load(planes + b.far_plane[2]) - b.far_o[2]) * b.far_inverse[2];
       near[first / kLanes] = larger(larger(near_x, near_y), larger(near_z, b.first));
-      mask |= bits(near[first / kLanes] <= smaller(smaller(smaller(far_x, far_y), far_z), b.last)) << first;
+      mask |= bits(at_most(near[first / kLanes], smaller(smaller(smaller(far_x, far_y), far_z), b.last))) << first;
     }
   }
 };
@@ -107,7 +107,7 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
     if (!mask) continue;
     Floats lo, hi;
     t.depth(t.extent(), tile.far_room, lo, hi);
-    mask &= ~bits(t.sure() & ((lo > splat(tile.hi[r])) | (hi < splat(tile.begin_lo[r]))));
+    mask &= ~bits(t.sure() & (less(splat(tile.hi[r]), lo) | less(hi, splat(tile.begin_lo[r]))));
     if (mask) take_triangles(w, r, ref, first, mask, t, lo, hi);
   }
 }

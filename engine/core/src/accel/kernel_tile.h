@@ -54,6 +54,7 @@ struct Tile {
   uint32_t kind[kTile];               // longest axis, + 4 when the direction along it is negative
   uint8_t slot[kTile];                // in `answers`
   int count;
+  bool even, common;                  // all rays as kernel_even.h wants them; and beginning at one point
   float room;                         // bound of the rounding of float coordinates, for boxes
   float far_room;                     // of that, the rounding of double for rays from far away
   double close;                       // exact rays pass triangles that they hit within this

@@ -48,7 +48,7 @@ struct GroupLevel {
   }
 
   uint32_t met(const Boxes& box) const { return units_met(w.bundles.rays, k, kLanes, box); }
-  uint32_t still(uint32_t rays, float distance) const { return rays & bits(load(w.bundles.rays.last + k) > splat(distance)); }
+  uint32_t still(uint32_t rays, float distance) const { return rays & bits(less(splat(distance), load(w.bundles.rays.last + k))); }
   static bool few(uint32_t rays) { return __builtin_popcount(rays) <= 2; }
   void split(ChildRef child, uint32_t rays) {
     walk_rays(w, uint64_t(rays) << k, child);
@@ -76,6 +76,9 @@ struct GroupLevel {
       const Boxes boxes = triangle_boxes(leaf_triangles, first, order);
       const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
       uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
+      if (!mask) continue;
+      if (w.pencil.exists && __builtin_popcount(mask) > 3)
+        mask &= ~bits(edge_lines(w.pencil, leaf_triangles, first, order).beside(w.pencil.group(g)));
       if (!mask) continue;
       store(extent, extent_of(boxes));
       const Corners<Common> corners(leaf_triangles, first, order, origin<Common>(w.tile, k));
@@ -125,15 +128,18 @@ struct TileLevel {
   const Order& order;
   bool common;
   WideFrustum whole;
+  int tests = 0, found = 0;  // groups tested against triangles, and those with a hit
   TileLevel(Walk<Any>& walk, const Order& o, bool one) : w(walk), order(o), common(one), whole(walk.bundles.all) {}
 
   uint32_t met(const Boxes& box) const { return units_met(w.bundles.groups, 0, kGroups, box); }
   uint32_t still(uint32_t groups, float distance) const {
     uint32_t mask = 0;
-    for (int k = 0; k < kGroups; k += kLanes) mask |= bits(load(w.bundles.groups.last + k) > splat(distance)) << k;
+    for (int k = 0; k < kGroups; k += kLanes) mask |= bits(less(splat(distance), load(w.bundles.groups.last + k))) << k;
     return groups & mask;
   }
-  static bool few(uint32_t groups) { return __builtin_popcount(groups) <= kGroups / 4; }
+  bool few(uint32_t groups) const { return wasteful() || __builtin_popcount(groups) <= kGroups / 4; }
+  /// Most triangles are missed by whole groups, as where a mesh is finer than the rays.
+  bool wasteful() const { return tests > 3 * found + 2 * kGroups; }
   void split(ChildRef child, uint32_t groups) {
     for (; groups; groups &= groups - 1) {
       GroupLevel<Any> level(w, order, __builtin_ctz(groups), common);
@@ -147,7 +153,9 @@ struct TileLevel {
     whole.last = splat(last);
   }
   void leaf(ChildRef child, uint32_t groups, uint32_t box) {
-    if (w.tree.kind == kTriangleLeaf && !few(groups)) {
+    if (w.tree.kind == kTriangleLeaf && wasteful() && box != kNoBox) {
+      ray_by_ray(child, groups, box);
+    } else if (w.tree.kind == kTriangleLeaf && !few(groups)) {
       common ? triangles<true>(child, groups) : triangles<false>(child, groups);
     } else if (w.tree.kind == kInstanceLeaf) {
       instances(child, groups, box);
@@ -158,6 +166,14 @@ struct TileLevel {
       }
     }
     shorten();
+  }
+  /// Only the rays that meet a leaf's own box.
+  void ray_by_ray(ChildRef child, uint32_t groups, uint32_t box) {
+    const Boxes own = child_box(w.tree.nodes[box / kWidth], int(box % kWidth), order);
+    for (; groups; groups &= groups - 1) {
+      GroupLevel<Any> level(w, order, __builtin_ctz(groups), common);
+      if (const uint32_t rays = level.met(own)) level.leaf(child, rays, box);
+    }
   }
   void instances(ChildRef child, uint32_t groups, uint32_t box) {
     uint64_t rays = 0;
@@ -177,26 +193,60 @@ struct TileLevel {
   template <bool Common>
   void triangles(ChildRef child, uint32_t groups) {
     const Triangles leaf_triangles(w.tree, child);
-    alignas(64) float extent[kLanes], box[6][kLanes];
     for (int first = 0; first < leaf_triangles.n; first += kLanes) {
-      const Boxes b = triangle_boxes(leaf_triangles, first, order);
+      const Boxes boxes = triangle_boxes(leaf_triangles, first, order);
       const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
-      uint32_t mask = whole.meet(b) & ((1u << rest) - 1);
+      const uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
       if (!mask) continue;
-      store(extent, extent_of(b));
-      const Corners<Common> corners(leaf_triangles, first, order, origin<Common>(w.tile, __builtin_ctz(groups) * kLanes));
-      store(box[0], b.low_x), store(box[1], b.high_x), store(box[2], b.low_y), store(box[3], b.high_y);
-      store(box[4], b.front), store(box[5], b.rear);
-      for (; mask; mask &= mask - 1) {
-        const int lane = __builtin_ctz(mask);
-        const Boxes one{splat(box[0][lane]), splat(box[1][lane]), splat(box[2][lane]), splat(box[3][lane]), splat(box[4][lane]),
-                        splat(box[5][lane])};
-        for (uint32_t m = met(one) & groups; m; m &= m - 1) {
-          const int g = __builtin_ctz(m);
-          if (hit_group<Any, Common>(w, g * kLanes, corners, first, lane, order, extent[lane], child))
-            w.bundles.groups.last[g] = largest(load(w.bundles.rays.last + g * kLanes));
-        }
+      const int pairs = __builtin_popcount(mask) * __builtin_popcount(groups);  // edges are worth their while for several
+      if (w.pencil.exists && pairs > kGroups) pencil_triangles<Common>(child, leaf_triangles, first, mask, boxes, groups);
+      else parted_triangles<Common>(child, leaf_triangles, first, mask, boxes, groups);
+    }
+  }
+  /// Groups of a pencil: triangles beside them are known by their edges.
+  template <bool Common>
+  void pencil_triangles(ChildRef child, const Triangles& triangles, int first, uint32_t mask, const Boxes& boxes, uint32_t groups) {
+    const EdgeLines lines = edge_lines(w.pencil, triangles, first, order);
+    mask &= ~bits(lines.beside(w.pencil.all));
+    if (!mask) return;
+    const EdgeTable edges(lines);
+    alignas(64) float extent[kLanes], front[kLanes], rear[kLanes];
+    store(extent, extent_of(boxes)), store(front, boxes.front), store(rear, boxes.rear);
+    const Corners<Common> corners(triangles, first, order, origin<Common>(w.tile, 0));
+    for (; mask; mask &= mask - 1) {
+      const int lane = __builtin_ctz(mask);
+      const EdgeLines one = edges.at(lane);
+      uint32_t met = 0;
+      for (int g = 0; g < kGroups; g += kLanes) {
+        const Mask before = less(load(w.bundles.groups.last + g), splat(front[lane]));
+        const Mask after = less(splat(rear[lane]), load(w.bundles.groups.first + g));
+        met |= (~bits(before | after | one.beside(w.pencil.groups(g))) & ((1u << kLanes) - 1)) << g;
       }
+      hit_groups(met & groups, corners, first, lane, extent[lane], child);
+    }
+  }
+  template <bool Common>
+  void parted_triangles(ChildRef child, const Triangles& triangles, int first, uint32_t mask, const Boxes& boxes, uint32_t groups) {
+    alignas(64) float extent[kLanes], box[6][kLanes];
+    store(extent, extent_of(boxes));
+    store(box[0], boxes.low_x), store(box[1], boxes.high_x), store(box[2], boxes.low_y), store(box[3], boxes.high_y);
+    store(box[4], boxes.front), store(box[5], boxes.rear);
+    const Corners<Common> corners(triangles, first, order, origin<Common>(w.tile, __builtin_ctz(groups) * kLanes));
+    for (; mask; mask &= mask - 1) {
+      const int lane = __builtin_ctz(mask);
+      const Boxes one{splat(box[0][lane]), splat(box[1][lane]), splat(box[2][lane]), splat(box[3][lane]), splat(box[4][lane]),
+                      splat(box[5][lane])};
+      hit_groups(met(one) & groups, corners, first, lane, extent[lane], child);
+    }
+  }
+  template <bool Common>
+  void hit_groups(uint32_t groups, const Corners<Common>& corners, int first, int lane, float extent, ChildRef child) {
+    tests += __builtin_popcount(groups);
+    for (; groups; groups &= groups - 1) {
+      const int g = __builtin_ctz(groups);
+      if (!hit_group<Any, Common>(w, g * kLanes, corners, first, lane, order, extent, child)) continue;
+      ++found;
+      w.bundles.groups.last[g] = largest(load(w.bundles.rays.last + g * kLanes));
     }
   }
 };
@@ -239,6 +289,10 @@ inline bool at_one_point(const Tile& tile, int k, int head) {
 template <bool Any>
 inline void walk_tile(Walk<Any>& w) {
   Tile& tile = w.tile;
+  if (tile.even) {
+    set_even_bundles(tile, w.bundles);
+    return walk_together(w, (1u << kGroups) - 1, tile.common);
+  }
   uint32_t alive_groups = 0, even = 0;
   bool one_kind = true, one_point = true;
   int head = -1;
@@ -253,7 +307,7 @@ inline void walk_tile(Walk<Any>& w) {
   }
   for (uint32_t m = even; m; m &= m - 1) {
     const int g = __builtin_ctz(m), k = g * kLanes;
-    set_ray_depths(tile, w.bundles, k);
+    set_ray_depths(tile, w.bundles, k, DepthRange(tile, order_of(tile, k)));
     const bool one = at_one_point(tile, k, head);
     const bool ahead = smallest(load(w.bundles.rays.first + k)) >= tile.start[head] - 3 * tile.room;
     one_point &= one;
@@ -273,9 +327,12 @@ inline void walk_tile(Walk<Any>& w) {
 /// The tile's rays through its tree. xyz_o, xyz_d, slot, count, instances, answers, tree and world are set.
 template <bool Any>
 __attribute__((noinline)) void trace_tile(Tile& tile) {
-  if (tile.count == 0 || !set_tile(tile)) return;
+  tile.even = set_even_tile(tile);
+  if (!tile.even && !set_tile(tile)) return;
   Bundles bundles;
-  Walk<Any> w{*tile.world, *tile.tree, tile, bundles};
+  Pencil pencil;
+  if (tile.even) set_pencil(tile, pencil);
+  Walk<Any> w{*tile.world, *tile.tree, tile, bundles, pencil};
   walk_tile(w);
   if constexpr (!Any)
     for (int k = 0; k < tile.count; k += kLanes) finish_group(w, k);
@@ -296,12 +353,24 @@ inline void show_rays(const Rays& rays, size_t first, int count, Columns& column
   columns.show(tile);
 }
 
+/// Asks for the numbers of the tile after this one, to have them when it is its turn.
+inline void fetch_ahead(const Rays& rays, size_t first) {
+  constexpr size_t kLine = 64 / sizeof(double);
+  if (first + 2 * kTile > rays.count) return;
+  for (size_t k = first + kTile; k < first + 2 * kTile; k += kLine) {
+    for (int a = 0; a < 3; ++a) __builtin_prefetch(rays.o[a] + k), __builtin_prefetch(rays.d[a] + k);
+    __builtin_prefetch(rays.t_min + k), __builtin_prefetch(rays.t_max + k);
+  }
+}
+
+template <class T>
+inline void fill(T* p, int count, T value) {
+  for (int k = 0; k < count; ++k) p[k] = value;
+}
+
 inline void clear(const Answers& a, int count) {
-  for (int k = 0; k < count; ++k) a.t[k] = kInf;
-  for (int k = 0; k < count; ++k) a.instance[k] = Hit::kNone;
-  for (int k = 0; k < count; ++k) a.primitive[k] = 0;
-  for (int k = 0; k < count; ++k) a.u[k] = a.v[k] = 0;
-  for (int k = 0; a.fallbacks && k < count; ++k) a.fallbacks[k] = 0;
+  fill(a.t, count, kInf), fill(a.instance, count, Hit::kNone), fill(a.primitive, count, 0u), fill(a.u, count, 0.0f), fill(a.v, count, 0.0f);
+  if (a.fallbacks) fill(a.fallbacks, count, uint8_t(0));
 }
 
 /// The nearer of a ray's end and its best hit, or nothing left of a ray that is blocked.
@@ -321,6 +390,7 @@ inline void trace(const WorldView& world, const Rays& rays, size_t first, int co
   answers.t_min = rays.t_min + first, answers.t_max = rays.t_max + first;
   for (int k = 0; k < kTile; ++k) tile.slot[k] = uint8_t(k);
   show_rays(rays, first, count, columns, tile);
+  fetch_ahead(rays, first);
   for (size_t k = 0; k < world.tree_count; ++k) {
     if (k > 0) limit_rays<Any>(answers, columns, tile);
     tile.tree = &world.trees[k];
@@ -342,7 +412,7 @@ void closest(const WorldView& world, const Rays& rays, const Hits& hits) {
 void occluded(const WorldView& world, const Rays& rays, uint8_t* blocked) {
   for (size_t k = 0; k < rays.count; k += kTile) {
     Answers answers{nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, blocked + k, nullptr, 0, nullptr};
-    for (int j = 0; j < tile_size(rays, k); ++j) blocked[k + size_t(j)] = 0;
+    fill(blocked + k, tile_size(rays, k), uint8_t(0));
     trace<true>(world, rays, k, tile_size(rays, k), answers);
   }
 }

@@ -1,0 +1,177 @@
+// Triangles against pencils: rays whose lines all pass through one point, as camera rays and rays to a light do. Counted in slopes, a
+// triangle's edge functions are linear there; so a few products tell that it lies beside a whole bundle. Nothing is left out that the
+// test of single rays would find.
+#pragma once
+#include <initializer_list>
+
+#include "kernel_even.h"
+
+namespace glint {
+namespace {
+
+inline uint32_t leaf_first(ChildRef leaf) { return leaf & kOrdinal; }
+inline int leaf_count(ChildRef leaf) { return int(leaf >> kCountShift & 7) + 1; }
+
+/// The triangles of one leaf: n floats for each coordinate.
+struct Triangles {
+  const float* p;
+  int n;
+  Triangles(const TreeView& tree, ChildRef leaf) : p(tree.floats + 9 * size_t(leaf_first(leaf))), n(leaf_count(leaf)) {}
+  const float* at(int corner, int axis) const { return p + (3 * corner + axis) * n; }
+};
+
+/// A point in the rays' order and sense, as the sum of two floats.
+struct Origin {
+  float o[3], rest[3];
+};
+
+/// Coordinates of the triangles [first, first + kLanes) of a leaf, corner by corner, in the rays' order and sense, from `from`.
+__attribute__((always_inline)) inline void corners_from(const Origin& from, const Triangles& leaf, int first, const Order& order,
+                                                        Floats (&p)[9]) {
+  for (int j = 0; j < 3; ++j)
+    for (int a = 0; a < 3; ++a) {
+      const Floats v = load(leaf.at(j, order.axes[a]) + first);
+      p[3 * j + a] = (a == 2 ? v * splat(order.sign) : v) - splat(from.o[a]) - splat(from.rest[a]);
+    }
+}
+
+/// Slopes of bundles, from the middle of the pencil: one in all lanes, or one to a lane.
+struct Slopes {
+  Floats low[2], high[2];
+};
+
+/// The rays of an even tile, where they are a pencil.
+struct Pencil {
+  bool exists = false;
+  Origin apex;
+  float middle[2];  // of the slopes
+  float distance;   // from the rays' beginnings to the apex, in depth; and 2^21 times what rays miss it by, which comes to the same
+  alignas(64) float low[2][kGroups], high[2][kGroups];
+  Slopes all;
+
+  Slopes groups(int g) const {
+    return {{load(low[0] + g), load(low[1] + g)}, {load(high[0] + g), load(high[1] + g)}};
+  }
+  Slopes group(int g) const {
+    return {{splat(low[0][g]), splat(low[1][g])}, {splat(high[0][g]), splat(high[1][g])}};
+  }
+};
+
+/// Edge functions of triangles, k + x slope + y slope', turned so that they are positive inside. A bundle lies beside a triangle where
+/// one of them stays below -margin.
+struct EdgeLines {
+  Floats k[3], x[3], y[3], margin;
+
+  __attribute__((always_inline)) Mask beside(const Slopes& s) const {
+    Floats least = splat(kFar);
+    for (int e = 0; e < 3; ++e)
+      least = smaller(k[e] + larger(x[e] * s.low[0], x[e] * s.high[0]) + larger(y[e] * s.low[1], y[e] * s.high[1]), least);
+    return less(least, -margin);
+  }
+};
+
+/// The edges of the triangles [first, first + kLanes) of a leaf. With m no less than any corner is away across, and z than it is along,
+/// the rays' edge functions and these are each off by less than 2^-20 m (z + m): 4 m times the rounding of a corner, 2^-24 (4 z + 2 m), and
+/// that of the products. When one stays 2^-17 m (z + m) below 0 and their sum above, then the rays see different signs.
+__attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, const Triangles& leaf, int first, const Order& order) {
+  Floats p[9], most{}, deepest{};
+  corners_from(pencil.apex, leaf, first, order, p);
+  for (int j = 0; j < 3; ++j) {
+    const Floats z = p[3 * j + 2];
+    for (int a = 0; a < 2; ++a) p[3 * j + a] -= splat(pencil.middle[a]) * z, most = larger(magnitude(p[3 * j + a]), most);
+    deepest = larger(magnitude(z), deepest);
+  }
+  most += deepest * larger(larger(pencil.all.high[0], -pencil.all.low[0]), larger(pencil.all.high[1], -pencil.all.low[1]));
+  EdgeLines l;
+  for (int e = 0; e < 3; ++e) {
+    const Floats *a = p + 3 * ((e + 1) % 3), *b = p + 3 * ((e + 2) % 3);
+    l.k[e] = b[0] * a[1] - b[1] * a[0], l.x[e] = b[1] * a[2] - b[2] * a[1], l.y[e] = b[2] * a[0] - b[0] * a[2];
+  }
+  const Floats k = l.k[0] + l.k[1] + l.k[2], x = l.x[0] + l.x[1] + l.x[2], y = l.y[0] + l.y[1] + l.y[2];
+  const Ints side = Ints(k) & INT32_MIN;
+  const Floats swing = larger(magnitude(x * pencil.all.low[0]), magnitude(x * pencil.all.high[0])) +
+                       larger(magnitude(y * pencil.all.low[1]), magnitude(y * pencil.all.high[1]));
+  const Floats margin = splat(0x1p-17f) * most * (deepest + splat(pencil.distance) + most);
+  l.margin = select(less(margin, magnitude(k) - swing), margin, splat(__builtin_inff()));  // edge-on: no side is known
+  for (int e = 0; e < 3; ++e)
+    l.k[e] = Floats(Ints(l.k[e]) ^ side), l.x[e] = Floats(Ints(l.x[e]) ^ side), l.y[e] = Floats(Ints(l.y[e]) ^ side);
+  return l;
+}
+
+/// The edges of several triangles in memory, to be had one by one.
+struct EdgeTable {
+  alignas(64) float lines[10][kLanes];
+  explicit EdgeTable(const EdgeLines& l) {
+    for (int e = 0; e < 3; ++e) store(lines[3 * e], l.k[e]), store(lines[3 * e + 1], l.x[e]), store(lines[3 * e + 2], l.y[e]);
+    store(lines[9], l.margin);
+  }
+  EdgeLines at(int lane) const {
+    EdgeLines l;
+    for (int e = 0; e < 3; ++e) {
+      const float(*line)[kLanes] = lines + 3 * e;
+      l.k[e] = splat(line[0][lane]), l.x[e] = splat(line[1][lane]), l.y[e] = splat(line[2][lane]);
+    }
+    l.margin = splat(lines[9][lane]);
+    return l;
+  }
+};
+
+/// Where the first ray of an even tile ends, and how far from there the others do.
+inline double common_end(const Tile& tile, double (&end)[3]) {
+  const Order& order = order_of(tile, 0);
+  Doubles off{};
+  for (int a = 0; a < 3; ++a) {
+    const double* d = tile.xyz_d[order.axes[a]];
+    end[a] = tile.o[a][0] + *d * *tile.t_max;
+    for (int k = 0; k < kTile; k += kDoubles)
+      off = larger(magnitude(load(tile.o[a] + k) + load(d + k) * load(tile.t_max + k) - splat(end[a])), off);
+  }
+  double most = 0;
+  for (int j = 0; j < kDoubles; ++j) most = larger(off[j], most);
+  return most;
+}
+
+/// How far rays begin from the pencil's apex, in depth, at most.
+inline float distance_from(const Tile& tile, float apex) {
+  Floats most{};
+  for (int k = 0; k < kTile; k += kLanes) most = larger(magnitude(load(tile.start + k) - splat(apex)), most);
+  return largest(most);
+}
+
+/// The apex of an even tile. False when its rays are no pencil.
+inline bool set_apex(const Tile& tile, Pencil& pencil) {
+  Origin& apex = pencil.apex;
+  pencil.distance = 0;
+  if (tile.common) {
+    apex = {{tile.of[0][0], tile.of[1][0], tile.start[0]}, {tile.rest[0][0], tile.rest[1][0], tile.rest[2][0]}};
+    return true;
+  }
+  if (!(*tile.t_max < 1e20)) return false;
+  double end[3];
+  const double off = common_end(tile, end);
+  end[2] *= double(order_of(tile, 0).sign);
+  for (int a = 0; a < 3; ++a) apex.o[a] = float(end[a]), apex.rest[a] = float(end[a] - double(apex.o[a]));
+  const float distance = distance_from(tile, apex.o[2]), blur = float(off) * 0x1p21f;
+  pencil.distance = distance + blur;
+  return blur < 8 * distance;
+}
+
+inline void set_pencil(const Tile& tile, Pencil& pencil) {
+  pencil.exists = set_apex(tile, pencil);
+  if (!pencil.exists) return;
+  for (int a = 0; a < 2; ++a) {
+    Floats low = splat(kFar), high = splat(-kFar);
+    for (int g = 0; g < kGroups; g += kLanes) {
+      const Floats least = fold_rows<Smaller>(tile.slope[a] + g * kLanes), most = fold_rows<Larger>(tile.slope[a] + g * kLanes);
+      store(pencil.low[a] + g, least), store(pencil.high[a] + g, most);
+      low = smaller(least, low), high = larger(most, high);
+    }
+    const float first = smallest(low), last = largest(high), middle = 0.5f * first + 0.5f * last;
+    pencil.middle[a] = middle, pencil.all.low[a] = splat(first - middle), pencil.all.high[a] = splat(last - middle);
+    for (float* bounds : {pencil.low[a], pencil.high[a]})
+      for (int g = 0; g < kGroups; g += kLanes) store(bounds + g, load(bounds + g) - splat(middle));
+  }
+}
+
+}  // namespace
+}  // namespace glint
