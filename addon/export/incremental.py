@@ -1,7 +1,8 @@
 """The export again and again: what has not changed since the last time is not read again, and the scene is the same as if it had been.
 
 Blender says what changed (`depsgraph.updates`); arrays of meshes, compiled materials, decoded images and the world's mean colours are kept.
-The walk over the instances and the lights is done anew: it takes microseconds an object.
+Where only objects moved or lamps changed, these alone are read (`moves`). Else the walk over the instances and the lights is done anew: it
+takes ten microseconds an object.
 """
 
 from __future__ import annotations
@@ -11,17 +12,23 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...engine.scene import Camera, Geometry, Material, Mesh, Scene, Texture, World
 from .export import Collector, _instances, _Lamp, _Placed, _world
 from .graph import node_tree
 from .images import Images
-from .instances import Thing, walk
+from .instances import Census, Thing, walk
 from .materials import Materials, Wanted, compile_material, default_material, wanted_by, without_unused
 from .meshes import MeshSource, mesh_key, read_attributes, read_mesh, readable
+from .moves import Stage
 from .placing import without_collapsed
 from .report import Report
 from .shapes import export_points
 from .world import export_world
+
+NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
+"""Stands in scenes until a view brings its own."""
 
 
 @dataclass
@@ -128,26 +135,43 @@ class LiveExport:
     def __init__(self) -> None:
         self._store = Store()
         self._frame: tuple[int, float] | None = None
+        self._stage: Stage | None = None
+        self._asked: tuple = ()
 
     def clear(self) -> None:
         """Read everything again the next time."""
-        self._store = Store()
+        self._store, self._stage = Store(), None
 
     def update(self, depsgraph: Any, camera: Camera, *, passes: frozenset[str] = frozenset(), space: Any = None) -> Scene:
         """The scene now. `depsgraph.updates` must tell all that changed since the last call.
 
         space: the 3D view whose local view and visibility count, None for none.  passes: as for `export_scene`.
         """
-        store, report = self._store, Report()
+        moved = self._moved(depsgraph, (passes, shown_in(space)))
+        return replace(moved if moved is not None else self._walked(depsgraph, passes, space), camera=camera)
+
+    def _moved(self, depsgraph: Any, asked: tuple) -> Scene | None:
+        """The scene where only transforms and lamps changed, else None."""
+        asked = (*asked, _frame_of(depsgraph.scene_eval))
+        stage, same = self._stage, asked == self._asked
+        self._stage, self._asked = None, asked
+        if stage is None or not same:
+            return None
+        scene = stage.follow(depsgraph.updates, depsgraph.view_layer, _KeepingImages(self._store, Report()))
+        self._stage = stage if scene is not None else None
+        return scene
+
+    def _walked(self, depsgraph: Any, passes: frozenset[str], space: Any) -> Scene:
+        store, report, census = self._store, Report(), Census()
         store.forget(_changes(depsgraph.updates))
         self._note_frame(depsgraph.scene_eval)
         collector = _KeepingCollector(store, depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report)
-        things = walk(depsgraph, collector.meet, report, lambda thing: space is None or thing.visible_in_viewport_get(space))
-        world = self._surroundings(depsgraph, report)
-        return collector.scene(camera, things, world)
+        things = walk(depsgraph, collector.meet, report, lambda thing: space is None or thing.visible_in_viewport_get(space), census)
+        scene, self._stage = collector.staged(things, self._surroundings(depsgraph, report), census)
+        return scene
 
     def _note_frame(self, scene: Any) -> None:
-        frame = (scene.frame_current, scene.frame_subframe)
+        frame = _frame_of(scene)
         if self._frame not in (None, frame):
             self._store.forget_moving_images()
         self._frame = frame
@@ -160,6 +184,19 @@ class LiveExport:
             images = _KeepingImages(self._store, report)
             self._store.worlds[key] = export_world(world, scene.render.film_transparent, images, report)
         return self._store.worlds[key]
+
+
+def _frame_of(scene: Any) -> tuple[int, float]:
+    return scene.frame_current, scene.frame_subframe
+
+
+def shown_in(space: Any) -> tuple:
+    """Equal as long as a 3D view leaves out the same kinds of objects and stays in the same local view; no update tells of these."""
+    if space is None:
+        return ()
+    kinds = [name for name in dir(space) if name.startswith("show_object_viewport_")]
+    local = space.local_view
+    return (local.as_pointer() if local else 0, space.use_local_collections, *(getattr(space, name) for name in kinds))
 
 
 def _changes(updates: Iterable[Any]) -> Changes:
@@ -326,15 +363,27 @@ class _KeepingCollector(Collector):
             shape.finished[wishes] = shape.states.get(wishes, shape.geometry).finished()
         return shape.finished[wishes]
 
-    def scene(self, camera: Camera, things: list[Thing], world: World) -> Scene:
+    def staged(self, things: list[Thing], world: World, census: Census) -> tuple[Scene, Stage]:
+        """The scene, without a camera, and where its things are."""
         self._store.shapes = self._shapes
         geometries = tuple(self._finished(number) for number in range(len(self._geometries)))
-        instances = without_collapsed(tuple(_instances(thing) for thing in things if isinstance(thing.content, _Placed)), self.report)
-        for thing in things:
-            if isinstance(thing.content, _Lamp):
-                self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
+        placed = [(thing, _instances(thing)) for thing in things if isinstance(thing.content, _Placed)]
+        instances = without_collapsed(tuple(block for _, block in placed), self.report)
+        lamps = [(thing, self._light(thing)) for thing in things if isinstance(thing.content, _Lamp)]
         materials, textures = self.materials.joined()
-        return Scene(camera, geometries, instances, materials, textures, tuple(self.lights.lights), world)
+        scene = Scene(NO_CAMERA, geometries, instances, materials, textures, tuple(self.lights.lights), world)
+        stage, numbers = Stage(scene, census), {id(block): number for number, block in enumerate(instances)}
+        for thing, block in placed:
+            stage.place_instances(thing, numbers.get(id(block)))
+        for thing, number in lamps:
+            stage.place_light(thing, number)
+        return scene, stage
+
+    def _light(self, thing: Thing) -> int | None:
+        """Adds a lamp's lights; the number of the one where there is just one."""
+        first = len(self.lights.lights)
+        self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
+        return first if len(self.lights.lights) == first + 1 else None
 
 
 def _about(data: Any, owner: Any) -> frozenset[int]:

@@ -16,7 +16,7 @@ import numpy as np
 from ... import engine
 from ...engine.scene import Camera, Scene
 from ..export import ExportError
-from ..export.incremental import LiveExport
+from ..export.incremental import NO_CAMERA, LiveExport
 from ..properties import viewport_settings_from
 from . import bounds, timer
 from .draw import Picture, as_colors
@@ -24,9 +24,6 @@ from .pacing import Pacer
 from .view import View, read_view
 
 log = logging.getLogger(__name__)
-
-_NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
-"""Stands in scenes until a view brings its own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +71,7 @@ class Session:
         self._forget_if_other(depsgraph)
         self._settings, self._shown_pass = viewport_settings_from(depsgraph.scene)
         passes = self._settings.passes
-        self._content = self._export.update(depsgraph, _NO_CAMERA, passes=passes, space=context.space_data)
+        self._content = self._export.update(depsgraph, NO_CAMERA, passes=passes, space=context.space_data)
         self._view = None  # the scene is another: the next draw asks for its picture
         self.region = context.region.as_pointer()
 

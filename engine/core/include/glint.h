@@ -29,7 +29,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 4
+#define GLINT_ABI_VERSION 5
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -216,10 +216,12 @@ GLINT_API const char* glint_isa(void);
 /* Checks everything; null and text in `error` when something is wrong or memory is short. */
 GLINT_API GlintScene* glint_scene_create(const GlintSceneData* data, char* error, size_t error_size);
 
-/* A scene with the geometries and instances of `base` (materials' numbers aside), as the same arrays: its trees are shared if they are
- * made, and what it draws may differ in the last bits from what glint_scene_create would give, unless the camera stands at the same place.
- * Null and text in `error` also when the camera is too far from that of `base`. The two may be destroyed in any order. */
-GLINT_API GlintScene* glint_scene_create_like(const GlintScene* base, const GlintSceneData* data, char* error, size_t error_size);
+/* The scene of `data`, which may be any; what is expensive is taken over from `base` where the arrays are the same, by address. The arrays of
+ * `base` must still be there. exact: what it draws has the bits that it has after glint_scene_create. Else it may differ in the last bits,
+ * and less is made anew: the trees stay where they are while the camera moves about the scene, and geometries that moved or changed get trees
+ * of their own. The two may be destroyed in any order. */
+GLINT_API GlintScene* glint_scene_create_like(const GlintScene* base, const GlintSceneData* data, int32_t exact, char* error,
+                                              size_t error_size);
 GLINT_API void glint_scene_destroy(GlintScene* scene);
 
 /* Starts the work on threads of its own: trees first (kept in the scene for later renders), then waves of 1, 2, 4, 8 … samples. */

@@ -73,12 +73,24 @@ struct AccelStats {
 /// How much time a build takes, and how little the rays: hits are the same.
 enum class BuildQuality { kFast, kBalanced };
 
+class Accel;
+
+/// An accelerator whose trees serve where nothing has changed since.
+struct AccelBase {
+  static constexpr uint32_t kNone = 0xffffffffu;
+  std::shared_ptr<const Accel> accel;
+  std::vector<uint32_t> geometry;  // of each geometry its number in `accel`, kNone for one that is not there
+  bool same_space = false;         // world space is the same
+  bool exact = true;               // else meshes that moved leave the world's trees for ones of their own, and their hits differ in the last bits
+};
+
 class Accel {
  public:
   virtual ~Accel() = default;
   /// Null when `cancel` became true. Throws std::bad_alloc.
   static std::unique_ptr<Accel> build(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
-                                      const std::atomic<bool>& cancel, BuildQuality quality = BuildQuality::kBalanced);
+                                      const std::atomic<bool>& cancel, BuildQuality quality = BuildQuality::kBalanced,
+                                      const AccelBase& base = {});
   virtual void closest(const Rays& rays, const Hits& hits) const = 0;
   /// blocked[k] = 1 when anything lies inside the open interval of ray k.
   virtual void occluded(const Rays& rays, uint8_t* blocked) const = 0;
