@@ -67,6 +67,7 @@ struct Hits {
 
 struct AccelStats {
   size_t bytes = 0, nodes = 0, primitives = 0, dropped = 0; // dropped: primitives with a non-finite vertex or no extent
+  size_t built = 0;                                         // primitives whose trees were not taken over
   double seconds = 0;
 };
 

@@ -20,7 +20,8 @@ std::shared_ptr<const Tree> Takeover::object(uint32_t geometry) const {
 bool Takeover::stands(const BakedTree& tree, size_t k) const {
   if (tree.instances[k] >= instances_.size()) return false;
   const InstanceView& now = instances_[tree.instances[k]];
-  return base_.geometry[now.geometry] == tree.geometries[k] &&
+  const uint32_t there = base_.geometry[now.geometry];
+  return there != AccelBase::kNone && there == tree.geometries[k] &&
          std::memcmp(&now.world_from_object, &tree.matrices[k], sizeof(Affine)) == 0;
 }
 

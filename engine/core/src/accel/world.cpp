@@ -79,7 +79,7 @@ World::World(std::vector<GeometryView> geometries, std::vector<InstanceView> ins
   const bool moved = before.move_out(p, geometries_);
   for (int kind = 0; kind < 3; ++kind) {
     baked_[kind] = moved ? before.all(kind) : before.baked(kind, p.baked[kind]);
-    if (!baked_[kind].tree) baked_[kind] = bake(p.baked[kind], team, cancel);
+    if (!baked_[kind].tree) baked_[kind] = bake(p.baked[kind], team, cancel), stats_.built += baked_[kind].tree->count;
   }
   build_objects(p.placed, before, team, cancel);
   build_instances(p.placed, team, cancel);
@@ -145,6 +145,7 @@ void World::build_objects(const std::vector<uint32_t>& placed, const Takeover& b
   for (uint32_t k = 0; k < used.size(); ++k) {
     objects_[k] = before.object(used[k]);
     if (objects_[k]) continue;
+    stats_.built += geometries_[used[k]].primitive_count;
     if (geometries_[used[k]].primitive_count >= kSmall) build(k, team);
     else small.push_back(k);
   }
