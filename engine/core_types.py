@@ -120,7 +120,7 @@ class SettingsData(Structure):
         + _each(c_double, "error_threshold")
         + _each(c_uint32, "samples light_samples max_bounces threads passes")
         + _each(c_uint32 * 4, "region")
-        + _each(c_int32, "illumination hold_waves acceleration")
+        + _each(c_int32, "illumination hold_waves acceleration remember")
     )
 
 

@@ -372,7 +372,7 @@ def _light(light: Light) -> tuple:
 # --- settings -----------------------------------------------------------------------------------------------------------------------
 
 
-def pack_settings(scene: Scene, settings: Settings, hold_waves: bool) -> Packed:
+def pack_settings(scene: Scene, settings: Settings, hold_waves: bool, remember: bool = False) -> Packed:
     """`settings` as a `core_types.SettingsData`, with the sample points that the scene's lights need."""
     packer = _Packer()
     offsets = packer.lend(pixel_offsets(settings.samples, settings.filter_width), np.float64, (settings.samples, 2), "pixel offsets")
@@ -387,6 +387,7 @@ def pack_settings(scene: Scene, settings: Settings, hold_waves: bool) -> Packed:
         illumination=number(settings.illumination, ILLUMINATIONS, "illumination"),
         hold_waves=hold_waves,
         acceleration=BUILDS.index("BALANCED" if settings.acceleration == "AUTO" else settings.acceleration),
+        remember=remember,
     )
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):

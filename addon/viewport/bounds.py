@@ -1,4 +1,4 @@
-"""How deep a scene is along a view."""
+"""What can be said of where things stand: how deep a scene is along a view, and whether two scenes are alike in it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...engine.scene import Camera, Geometry, Scene, Spheres
+from ...engine.scene import Camera, Geometry, Instances, Scene, Spheres
 
 _boxes: weakref.WeakKeyDictionary[Geometry, np.ndarray] = weakref.WeakKeyDictionary()
 
@@ -24,6 +24,19 @@ def stepped_up(camera: Camera, scene: Scene) -> Camera:
     moved = camera.world_from_camera.copy()
     moved[:, 3] -= step * backward
     return replace(camera, world_from_camera=moved, clip_end=camera.clip_end - step)
+
+
+def same_places(a: Scene, b: Scene) -> bool:
+    """Whether the same geometries stand at the same places in two scenes, seen by the same rays."""
+    if a.geometries != b.geometries or len(a.instances) != len(b.instances):
+        return False
+    return a.instances is b.instances or all(map(_same_group, a.instances, b.instances))
+
+
+def _same_group(a: Instances, b: Instances) -> bool:
+    flags = ("geometry", "visible_camera", "visible_mirror", "visible_shadow")
+    same = a is b or all(getattr(a, name) == getattr(b, name) for name in flags)
+    return same and np.array_equal(a.world_from_object, b.world_from_object)
 
 
 def _nearest(geometry: Geometry, matrices: np.ndarray, camera: Camera) -> float:

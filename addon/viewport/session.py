@@ -19,6 +19,7 @@ from ..export import ExportError
 from ..export.incremental import NO_CAMERA, LiveExport
 from ..properties import viewport_settings_from
 from . import bounds, timer
+from .bounds import same_places
 from .draw import Picture, as_colors
 from .pacing import Pacer
 from .view import View, read_view
@@ -56,6 +57,7 @@ class Session:
         self._problem: str | None = None
         self._pictures: dict[str, Picture] = {}
         self._drawn = 0
+        self._traced: tuple[tuple, Scene] | None = None  # the view and the scene of the last picture with all its own trees
         self.requests = 0
         self.answered = 0
         self.newest_at = 0.0
@@ -89,7 +91,7 @@ class Session:
         """Stop tracing and give everything back. May be called more than once."""
         timer.forget(self)
         self._live.close()
-        self._content = None
+        self._content = self._traced = None
         self._pictures.clear()
         self.films.clear()
 
@@ -141,16 +143,23 @@ class Session:
         """New pictures of this view: a coarse one if it takes that to be in time, then all of it."""
         self.requests += 1
         x0, y0, x1, y1 = view.shown
-        divisor = self._pacer.divisor((x1 - x0) * (y1 - y0))
+        shades = self._is_known(view)
+        divisor = 1 if shades else self._pacer.divisor((x1 - x0) * (y1 - y0))
         content = self._scene(view.camera)
         tasks = [self._draft(content, view, divisor)] if divisor > 1 else []
-        if self._pacer.is_slow_to_build:
+        if self._pacer.is_slow_to_build and not shades:
             tasks.append(self._once(content, view, keep=divisor == 1))
         tasks.append(self._full(content, view, keep=divisor == 1 and len(tasks) == 0))
         if view.frame is not None and not _is_whole(view):
             tasks.append(self._frame(view))
         self._live.start(tasks)
         timer.wake()
+
+    def _is_known(self, view: View) -> bool:
+        """Whether all that rays of this view meet was found out for the picture on the screen: then it takes little more than shading."""
+        if self._traced is None or self._traced[0] != view.key:
+            return False
+        return same_places(self._traced[1], self._content)
 
     def _scene(self, camera: Camera) -> Scene:
         return replace(self._content, camera=bounds.stepped_up(camera, self._content))
@@ -199,8 +208,10 @@ class Session:
         target, film = wave.task.tag, wave.film
         if target.request != self.answered:
             self.answered, self.newest_at = target.request, wave.at
-        if film.samples == 1 or wave.final:
+        if (film.samples == 1 or wave.final) and film.stats.get("camera rays", 1):
             self._learn(wave)
+        if wave.task.exact and target.stage == "FULL":
+            self._traced = target.view.key, wave.task.scene
         if target.stage == "FRAME" and not wave.final:
             return
         colors = as_colors(film.passes[target.shown])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from glint.engine import Scene, Settings, available_backends, render
-from glint.engine.scene import Camera, Input, Instances, Light, Lobe, Material, Mesh, Spheres
+from glint.engine.scene import Attribute, Camera, Input, Instances, Light, Lobe, Material, Mesh, Spheres, World
 
 pytestmark = pytest.mark.skipif("NATIVE" not in available_backends(), reason="no core here")
 SETTINGS = Settings(samples=2, threads=1, backend="NATIVE", passes=frozenset({"Depth", "Object Index", "Normal"}))
@@ -110,16 +110,35 @@ def paint(scene, r):
     return replace(scene, materials=_with(scene.materials, 0, Material("0", lobes)))
 
 
+def move_lamp(scene, r):
+    k = r.randrange(2)
+    lamp = replace(scene.lights[k], world_from_light=np.eye(4)[:3] + [[0, 0, 0, r.uniform(-3, 3)]] * 3, cast_shadow=r.random() < 0.8)
+    return replace(scene, lights=_with(scene.lights, k, lamp))
+
+
+def surround(scene, r):
+    return replace(scene, world=World((r.random(), 0.1, 0.1), (0.1, r.random(), 0.3)))
+
+
+def smooth(scene, r):
+    """The same vertices and triangles, other normals."""
+    k = next(k for k, geometry in enumerate(scene.geometries) if isinstance(geometry, Mesh))
+    mesh = scene.geometries[k]
+    normals = np.random.default_rng(r.randrange(1 << 30)).normal(size=mesh.vertices.shape).astype(np.float32)
+    return replace(scene, geometries=_with(scene.geometries, k, replace(mesh, normals=Attribute("normal", "POINT", normals))))
+
+
 def look(scene, r):
     return replace(scene, camera=camera(r.uniform(-1, 1) if r.random() < 0.7 else 200.0))
 
 
-EDITS = [move, move, move_back, edit, add, add_geometry, remove, hide, lamp, paint, look]
+EDITS = [move, move, move_back, edit, add, add_geometry, remove, hide, lamp, move_lamp, paint, surround, smooth, look]
+SHADING = [lamp, move_lamp, paint, surround, smooth]
 
 
-def shown(live, scene, exact):
+def shown(live, scene, exact, settings=SETTINGS):
     films = []
-    live.render(scene, SETTINGS, exact, lambda: False, lambda film, final: films.append(film))
+    live.render(scene, settings, exact, lambda: False, lambda film, final: films.append(film))
     return films[-1]
 
 
@@ -152,5 +171,37 @@ def test_any_sequence_of_edits(seed):
                 assert_same_hits(shown(live, scene, False), truth, what)
             if r.random() < 0.6:
                 assert_same_bits(shown(live, scene, True), truth, what)
+    finally:
+        live.close()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_any_sequence_of_edits_to_the_shading(seed):
+    """What an earlier first wave found out serves, whichever light samples it had."""
+    from glint.engine.native_live import NativeLive
+
+    r, live, scene = random.Random(seed), NativeLive(), first_scene(random.Random(0))
+    try:
+        for _ in range(12):
+            scene = r.choice(SHADING)(scene, r)
+            settings = replace(SETTINGS, light_samples=r.choice([1, 3]), passes=SETTINGS.passes | {"Cost"})
+            assert_same_bits(shown(live, scene, True, settings), render(scene, settings), f"seed {seed}")
+    finally:
+        live.close()
+
+
+@pytest.mark.parametrize("change", [lamp, paint, surround])
+def test_what_is_shaded_anew_traces_no_ray(change):
+    from glint.engine.native_live import NativeLive
+
+    live, scene, settings = NativeLive(), first_scene(random.Random(0)), replace(SETTINGS, samples=1)
+    try:
+        first = shown(live, scene, True, settings)
+        assert first.stats["camera rays"] == 48 * 36 and first.stats["shadow rays"] > 0
+        film = shown(live, change(scene, random.Random(1)), True, settings)
+        assert film.stats["camera rays"] == film.stats["shadow rays"] == film.stats["build"] == 0
+        elsewhere = replace(scene.lights[1], world_from_light=np.eye(4)[:3] + [[0, 0, 0, 1]] * 3)
+        moved = shown(live, replace(scene, lights=_with(scene.lights, 1, elsewhere)), True, settings)
+        assert moved.stats["camera rays"] == 0 and moved.stats["shadow rays"] > 0
     finally:
         live.close()

@@ -173,7 +173,8 @@ enum {
  * pixel_offsets: (samples, 2).  light_square, light_disc: (light_point_count, 2), at least samples * light_samples points when
  * light_samples > 1 and a light has an extent; else they may be null.  error_threshold: in 8-bit levels, at least 0 and below 256; pixels
  * whose estimated error it covers take no further samples after a wave. 0: all take all.  acceleration: of the first render of a scene
- * counts, the trees are kept. */
+ * counts, the trees are kept.  remember: keep what the first wave hit and which lights it saw, some 30 bytes a pixel, in the scene and those
+ * that take its trees over, so that a render of other lights, materials or surroundings need not trace it again. It has the same bits. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -182,7 +183,7 @@ typedef struct GlintRenderSettings {
   double error_threshold;
   uint32_t samples, light_samples, max_bounces, threads, passes;
   uint32_t region[4];
-  int32_t illumination, hold_waves, acceleration;
+  int32_t illumination, hold_waves, acceleration, remember;
 } GlintRenderSettings;
 
 enum { GLINT_PREPARING, GLINT_TRACING, GLINT_HELD, GLINT_DONE, GLINT_CANCELLED, GLINT_FAILED };

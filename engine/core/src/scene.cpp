@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "math.h"
+#include "sight.h"
 
 namespace glint {
 namespace {
@@ -76,6 +77,7 @@ void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, double*& specul
   }
 }
 
+constexpr size_t kSights = 2;  // a viewport shows a view and in it the render's frame
 constexpr uint32_t kVisibility = kCamera | kMirror | kShadow;
 
 bool depends_on_surface(const GlintInput& input) { return input.texture >= 0 || input.attribute >= 0; }
@@ -127,6 +129,19 @@ void Scene::share_trees(const Scene& base, bool exact) {
   std::lock_guard lock(base.build_mutex_);
   if (!base.accel_ || (exact && !base.exact_)) return;
   accel_ = base.accel_, exact_ = base.exact_, earlier_ = {};
+  const auto same = [](const GlintGeometry& a, const GlintGeometry& b) {
+    return a.normals.values == b.normals.values && a.normals.domain == b.normals.domain && a.corners == b.corners;
+  };
+  if (std::equal(geometries.begin(), geometries.end(), base.geometries.begin(), base.geometries.end(), same)) sights_ = base.sights_;
+}
+
+std::shared_ptr<Sight> Scene::sight(const RenderPlan& plan, const Film& film) {
+  std::lock_guard lock(build_mutex_);
+  const auto found = std::find_if(sights_.begin(), sights_.end(), [&](const auto& s) { return s->is_of(camera, plan); });
+  if (found != sights_.end()) std::rotate(sights_.begin(), found, found + 1);
+  else sights_.insert(sights_.begin(), std::make_shared<Sight>(camera, plan, film));
+  if (sights_.size() > kSights) sights_.pop_back();
+  return sights_.front();
 }
 
 void Scene::copy_tables(const GlintSceneData& data) {

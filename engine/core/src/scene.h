@@ -32,7 +32,11 @@ struct Anchor {
 /// What is wrong with the tables and arrays, one sentence a line; empty when they are sound.
 std::string scene_problems(const GlintSceneData& data);
 
+class Film;
 class Scene;
+class Sight;
+struct RenderPlan;
+
 /// The same next to a scene without problems: geometries that are its own were checked before.
 std::string scene_problems(const GlintSceneData& data, const Scene& base);
 
@@ -63,6 +67,8 @@ class Scene {
   /// Makes the trees unless they are there; false when `cancel` became true.
   bool build(int threads, BuildQuality quality, const std::atomic<bool>& cancel);
   const Accel& accel() const { return *accel_; }
+  /// What is known of the first wave of such a render, by this scene or those whose trees it has; nothing as yet for one that is new.
+  std::shared_ptr<Sight> sight(const RenderPlan& plan, const Film& film);
 
   Affine anchored(uint32_t row) const { return anchor.matrix(affine(world_from_object + 12 * size_t(row))); }
   const GlintInstances& group(uint32_t instance) const { return groups[placements[instance].group]; }
@@ -133,6 +139,7 @@ class Scene {
   std::shared_ptr<const Accel> accel_;
   bool exact_ = true;            // accel_ is what a scene without a base would have
   Earlier earlier_;              // until there is accel_
+  std::vector<std::shared_ptr<Sight>> sights_;  // the last ones, newest first
   mutable std::mutex build_mutex_;
 };
 
