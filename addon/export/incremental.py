@@ -91,7 +91,7 @@ class Store:
     """What is kept from one export to the next."""
 
     def __init__(self) -> None:
-        self.shapes: dict[tuple, _Shape] = {}
+        self.met: dict[tuple, dict[tuple, _Shape]] = {}
         self.compiled: dict[int, _Compiled] = {}
         self.pixels: dict[tuple, Any] = {}
         self.textures: dict[tuple, Texture] = {}
@@ -102,7 +102,8 @@ class Store:
     def forget(self, changes: Changes) -> None:
         """Drop what changed."""
         if changes.geometry:
-            self.shapes = {key: shape for key, shape in self.shapes.items() if not shape.about & changes.geometry}
+            for asked, met in self.met.items():
+                self.met[asked] = {key: shape for key, shape in met.items() if not shape.about & changes.geometry}
         if changes.shading:
             self.compiled = {}
         stale = changes.materials
@@ -123,6 +124,14 @@ class Store:
         used = {key for kept in self.compiled.values() for key, _ in kept.textures}
         self.textures = {key: texture for key, texture in self.textures.items() if key in used}
 
+    def keep_met(self, asked: Iterable[tuple]) -> None:
+        """Drop the shapes that none of these walks met: the others are of views that are gone."""
+        self.met = {key: self.met[key] for key in asked}
+
+    def shape(self, key: tuple) -> _Shape | None:
+        """As some view met it."""
+        return next((met[key] for met in self.met.values() if key in met), None)
+
     def forget_moving_images(self) -> None:
         """The frame changed, and any image may be a sequence."""
         self.compiled = {uid: compiled for uid, compiled in self.compiled.items() if not compiled.textures}
@@ -135,40 +144,40 @@ class LiveExport:
     def __init__(self) -> None:
         self._store = Store()
         self._frame: tuple[int, float] | None = None
-        self._stage: Stage | None = None
-        self._asked: tuple = ()
-
-    def clear(self) -> None:
-        """Read everything again the next time."""
-        self._store, self._stage = Store(), None
+        self._stages: dict[tuple, Stage] = {}
 
     def update(self, depsgraph: Any, camera: Camera, *, passes: frozenset[str] = frozenset(), space: Any = None) -> Scene:
-        """The scene now. `depsgraph.updates` must tell all that changed since the last call.
+        """The scene now: `hear` and `scene`."""
+        self.hear(depsgraph)
+        return self.scene(depsgraph, camera, passes=passes, space=space)
+
+    def hear(self, depsgraph: Any) -> None:
+        """Take in `depsgraph.updates`, which must tell all that changed since the last call."""
+        updates, images = list(depsgraph.updates), _KeepingImages(self._store, Report())
+        self._store.keep_met(self._stages)
+        if self._frame != _frame_of(depsgraph.scene_eval):
+            self._stages = {}
+        self._stages = {asked: stage for asked, stage in self._stages.items() if stage.follow(updates, depsgraph.view_layer, images)}
+        self._store.forget(_changes(updates))
+        self._note_frame(depsgraph.scene_eval)
+
+    def scene(self, depsgraph: Any, camera: Camera, *, passes: frozenset[str] = frozenset(), space: Any = None) -> Scene:
+        """The scene as of what was heard. What several views ask for is walked over once for all that see the same.
 
         space: the 3D view whose local view and visibility count, None for none.  passes: as for `export_scene`.
         """
-        moved = self._moved(depsgraph, (passes, shown_in(space)))
-        return replace(moved if moved is not None else self._walked(depsgraph, passes, space), camera=camera)
+        wanted = Wanted(frozenset({""}) if "UV" in passes else frozenset())
+        asked = (wanted, shown_in(space))
+        if asked not in self._stages:
+            self._stages[asked] = self._walked(depsgraph, asked, space)
+        return replace(self._stages[asked].scene, camera=camera)
 
-    def _moved(self, depsgraph: Any, asked: tuple) -> Scene | None:
-        """The scene where only transforms and lamps changed, else None."""
-        asked = (*asked, _frame_of(depsgraph.scene_eval))
-        stage, same = self._stage, asked == self._asked
-        self._stage, self._asked = None, asked
-        if stage is None or not same:
-            return None
-        scene = stage.follow(depsgraph.updates, depsgraph.view_layer, _KeepingImages(self._store, Report()))
-        self._stage = stage if scene is not None else None
-        return scene
-
-    def _walked(self, depsgraph: Any, passes: frozenset[str], space: Any) -> Scene:
-        store, report, census = self._store, Report(), Census()
-        store.forget(_changes(depsgraph.updates))
-        self._note_frame(depsgraph.scene_eval)
-        collector = _KeepingCollector(store, depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report)
+    def _walked(self, depsgraph: Any, asked: tuple, space: Any) -> Stage:
+        report, census = Report(), Census()
+        collector = _KeepingCollector(self._store, depsgraph, asked[0], report)
         things = walk(depsgraph, collector.meet, report, lambda thing: space is None or thing.visible_in_viewport_get(space), census)
-        scene, self._stage = collector.staged(things, self._surroundings(depsgraph, report), census)
-        return scene
+        self._store.met[asked] = collector.met
+        return collector.stage(things, self._surroundings(depsgraph, report), census)
 
     def _note_frame(self, scene: Any) -> None:
         frame = _frame_of(scene)
@@ -312,7 +321,7 @@ class _KeepingCollector(Collector):
         self._store = store
         self.materials = _KeepingMaterials(store, report)
         self._wishes: list[tuple[Wanted, ...]] = []
-        self._shapes: dict[tuple, _Shape] = {}
+        self.met: dict[tuple, _Shape] = {}
 
     def _mesh(self, data: Any, owner: Any) -> int | None:
         key = mesh_key(data)
@@ -336,8 +345,8 @@ class _KeepingCollector(Collector):
 
     def _keep(self, key: tuple, read: Any) -> int | None:
         """The number of the shape with this key, read if the store has none."""
-        shape = self._store.shapes.get(key) or read()
-        self._shapes[key] = shape
+        shape = self._store.shape(key) or read()
+        self.met[key] = shape
         if shape.geometry is None:
             return None
         self._geometries.append(shape)
@@ -363,9 +372,8 @@ class _KeepingCollector(Collector):
             shape.finished[wishes] = shape.states.get(wishes, shape.geometry).finished()
         return shape.finished[wishes]
 
-    def staged(self, things: list[Thing], world: World, census: Census) -> tuple[Scene, Stage]:
+    def stage(self, things: list[Thing], world: World, census: Census) -> Stage:
         """The scene, without a camera, and where its things are."""
-        self._store.shapes = self._shapes
         geometries = tuple(self._finished(number) for number in range(len(self._geometries)))
         placed = [(thing, _instances(thing)) for thing in things if isinstance(thing.content, _Placed)]
         instances = without_collapsed(tuple(block for _, block in placed), self.report)
@@ -377,7 +385,7 @@ class _KeepingCollector(Collector):
             stage.place_instances(thing, numbers.get(id(block)))
         for thing, number in lamps:
             stage.place_light(thing, number)
-        return scene, stage
+        return stage
 
     def _light(self, thing: Thing) -> int | None:
         """Adds a lamp's lights; the number of the one where there is just one."""

@@ -5,7 +5,6 @@ Blender lists every object whose transform was evaluated anew, those that follow
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -30,7 +29,7 @@ class Stage:
     """A scene, and where in it the things are that stand there by themselves, once each."""
 
     def __init__(self, scene: Scene, census: Census) -> None:
-        self._scene, self._census = scene, census
+        self.scene, self._census = scene, census
         self._places: dict[int, _Place | None] = {}
 
     def place_instances(self, thing: Thing, number: int | None) -> None:
@@ -47,22 +46,19 @@ class Stage:
         else:
             numbers(place).append(number)
 
-    def follow(self, updates: Iterable[Any], view_layer: Any, images: Any) -> Scene | None:
-        """The scene after `depsgraph.updates`; None where more changed than these numbers tell.
+    def follow(self, updates: list[Any], view_layer: Any, images: Any) -> bool:
+        """Takes `depsgraph.updates` into the scene; False, with the scene as it was, where more changed than these numbers tell, or nothing
+        at all is said.
 
-        images: for lamps with nodes. After None the stage is of no more use.
+        images: for lamps with nodes.
         """
-        instances, lights = list(self._scene.instances), list(self._scene.lights)
-        heard = list(updates)
-        lamps = {update.id.original.data for update in heard if _is_lamp(update)}
-        for update in heard:
-            if update.id.id_type == "LIGHT" and update.id.original in lamps:
-                continue
-            if not self._apply(update, instances, lights, view_layer, images):
-                return None
-        if heard:
-            self._scene = replace(self._scene, instances=tuple(instances), lights=tuple(lights))
-        return self._scene if heard else None
+        instances, lights = list(self.scene.instances), list(self.scene.lights)
+        lamps = {update.id.original.data for update in updates if _is_lamp(update)}
+        told = [update for update in updates if not (update.id.id_type == "LIGHT" and update.id.original in lamps)]
+        if not told or not all(self._apply(update, instances, lights, view_layer, images) for update in told):
+            return False
+        self.scene = replace(self.scene, instances=tuple(instances), lights=tuple(lights))
+        return True
 
     def _apply(self, update: Any, instances: list[Instances], lights: list[Light], view_layer: Any, images: Any) -> bool:
         """Whether all that the update tells is in the lists now."""
