@@ -98,7 +98,8 @@ class CameraData(Structure):
         + _each(c_double * 4, "window")
         + _each(c_double, "clip_start clip_end")
         + _each(c_uint32, "width height")
-        + _each(c_int32, "kind reserved")
+        + _each(c_int32, "kind clip_plane_count")
+        + _each(c_double * 24, "clip_planes")
     )
 
 

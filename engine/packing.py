@@ -200,6 +200,9 @@ def pack_camera(camera: Camera) -> core_types.CameraData:
     data.world_from_camera[:] = np.asarray(camera.world_from_camera, float).reshape(12)
     data.window[:] = camera.window
     data.width, data.height = camera.resolution
+    data.clip_plane_count = len(camera.clip_planes)
+    planes = np.ravel(camera.clip_planes)[:24]
+    data.clip_planes[: len(planes)] = planes
     data.kind = number(camera.kind, _CAMERAS, "camera kind")
     return data
 

@@ -16,14 +16,14 @@ def stepped_up(camera: Camera, scene: Scene) -> Camera:
     """A parallel camera moved along its view to just before the scene: Blender's stands a thousand metres away, where float32 is coarse."""
     if camera.kind != "ORTHOGRAPHIC":
         return camera
-    nearest = min((_nearest(scene.geometries[i.geometry], i.world_from_object, camera) for i in scene.instances), default=np.inf)
-    step = np.floor(nearest) - 1 - camera.clip_start
+    step = np.floor(_nearest(scene, camera)) - 1 - camera.clip_start
     if not (np.isfinite(step) and 0 < step < camera.clip_end - camera.clip_start):
         return camera
     backward = camera.world_from_camera[:, 2]
     moved = camera.world_from_camera.copy()
     moved[:, 3] -= step * backward
-    return replace(camera, world_from_camera=moved, clip_end=camera.clip_end - step)
+    planes = tuple((a, b, c, d + c * step) for a, b, c, d in camera.clip_planes)
+    return replace(camera, world_from_camera=moved, clip_end=camera.clip_end - step, clip_planes=planes)
 
 
 def same_places(a: Scene, b: Scene) -> bool:
@@ -39,14 +39,18 @@ def _same_group(a: Instances, b: Instances) -> bool:
     return same and np.array_equal(a.world_from_object, b.world_from_object)
 
 
-def _nearest(geometry: Geometry, matrices: np.ndarray, camera: Camera) -> float:
-    """The smallest depth along -w, camera units, of the boxes round all placements of a geometry."""
-    middle, half = _box(geometry)
+def _nearest(scene: Scene, camera: Camera) -> float:
+    """The smallest depth along -w, camera units, of the boxes round all placements; infinite without any."""
+    if not scene.instances:
+        return np.inf
+    boxes = np.stack([_box(scene.geometries[group.geometry]) for group in scene.instances])
+    middle, half = np.repeat(boxes, [len(group.world_from_object) for group in scene.instances], axis=0).transpose(1, 0, 2)
+    matrices = np.concatenate([group.world_from_object for group in scene.instances])
     backward = camera.world_from_camera[:, 2]
     backward = backward / (backward @ backward)
     along = np.einsum("i,kij->kj", backward, matrices[:, :, :3])
-    center = along @ middle + (matrices[:, :, 3] - camera.world_from_camera[:, 3]) @ backward
-    return float((-center - np.abs(along) @ half).min())
+    center = (along * middle).sum(1) + (matrices[:, :, 3] - camera.world_from_camera[:, 3]) @ backward
+    return float((-center - (np.abs(along) * half).sum(1)).min(initial=np.inf))
 
 
 def _box(geometry: Geometry) -> np.ndarray:

@@ -225,10 +225,50 @@ def film(r):
     bpy.context.scene.render.film_transparent = not bpy.context.scene.render.film_transparent
 
 
+def move_inner(r):
+    """What both empties instance."""
+    bpy.data.objects["Inner"].location = _vector(r)
+
+
+def parent(r):
+    bpy.data.objects["Child"].parent = r.choice([None, *(bpy.data.objects[name] for name in ("Shared", "Modified", "EmptyA", "Point"))])
+
+
+def constrain(r):
+    child = bpy.data.objects["Child"]
+    if child.constraints:
+        child.constraints.clear()
+    else:
+        child.constraints.new("COPY_LOCATION").target = bpy.data.objects["Twin"]
+
+
+def see_lamp(r):
+    thing = _some_object(r, "LIGHT")
+    thing.visible_glossy = not thing.visible_glossy
+
+
+def kind_of_lamp(r):
+    r.choice(sorted(bpy.data.lights, key=lambda m: m.name)).type = r.choice(["POINT", "SUN", "SPOT", "AREA"])
+
+
+def squeeze_lamp(r):
+    _some_object(r, "LIGHT").scale = r.choice([(0, 0, 0), (1, 1, 1), (2, 1, 1)])
+
+
+def lose(r):
+    """A place that is no number."""
+    _some_object(r, "MESH").location.x = r.choice([float("nan"), 1.0])
+
+
+def select(r):
+    thing = _some_object(r)
+    thing.select_set(not thing.select_get())
+
+
 EDITS = [
-    move, turn, scale_to_nothing, edit_vertex, add_triangle, subdivide, smooth, color, node_value, unlink_or_link, paint, recolor, reload,
-    interpolate,
-    swap_material, light, surround, hide, exclude, add, delete, step, cast, film,
+    move, move_inner, turn, scale_to_nothing, lose, parent, constrain, edit_vertex, add_triangle, subdivide, smooth, color, node_value,
+    unlink_or_link, paint, recolor, reload, interpolate, swap_material, light, kind_of_lamp, squeeze_lamp, see_lamp, surround, hide,
+    exclude, add, delete, select, step, cast, film,
 ]  # fmt: skip
 
 

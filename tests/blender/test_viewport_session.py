@@ -45,7 +45,8 @@ def view(scene, settings, monkeypatch):  # noqa: F811
     space.shading.use_scene_lights_render = space.shading.use_scene_world_render = True
     projection = camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=SIZE[0], y=SIZE[1])
     region = SimpleNamespace(width=SIZE[0], height=SIZE[1], as_pointer=lambda: 1)
-    looks = SimpleNamespace(window_matrix=projection, view_matrix=camera.matrix_world.inverted(), view_perspective="PERSP")
+    matrices = {"window_matrix": projection, "view_matrix": camera.matrix_world.inverted()}
+    looks = SimpleNamespace(view_perspective="PERSP", use_clip_planes=False, use_box_clip=False, **matrices)
     return SimpleNamespace(space_data=space, region=region, region_data=looks)
 
 
@@ -153,6 +154,17 @@ def test_the_border_of_the_view(watcher):
     shown, settings, view = watcher.session.shown_scene
     assert view.border == (16, 24, 48, 48)
     assert same(film, engine.render(shown, replace(settings, region=view.border)))
+
+
+def test_the_clipping_region(watcher):
+    """A box that leaves the left half of the view: there the picture is as it was, elsewhere it shows the surroundings."""
+    before = watcher.edit(lambda: None, updates=False).combined
+    looks, middle = watcher.view.region_data, 0.5
+    planes = [(-1, 0, 0, middle), (0, 0, 0, 0), (0, 1, 0, 99), (0, 0, 1, 99), (0, 0, 0, 0), (0, 0, 0, 0)]
+    after = watcher.edit(lambda: vars(looks).update(use_clip_planes=True, clip_planes=planes), updates=False).combined
+    assert before[:, 32:, :3].any()
+    assert (after[:, :32] == before[:, :32]).all()
+    assert (after[:, 33:, :3] == np.array(watcher.session.shown_scene[0].world.background, np.float32)).all()
 
 
 def test_surroundings_leave_all_else():

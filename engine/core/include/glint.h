@@ -116,12 +116,14 @@ typedef struct GlintLight {
 
 enum { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC };
 
+/* clip_planes: camera rays see where a x + b y + c z + d >= 0 for each of the first rows (a, b, c, d); x, y along the camera's axes, z depth. */
 typedef struct GlintCamera {
   double world_from_camera[12];
   double window[4]; /* l, r, b, t */
   double clip_start, clip_end;
   uint32_t width, height;
-  int32_t kind, reserved;
+  int32_t kind, clip_plane_count;
+  double clip_planes[6][4];
 } GlintCamera;
 
 typedef struct GlintSceneData {

@@ -155,6 +155,7 @@ void check_surroundings(const GlintSceneData& d, Report& report) {
   report.add(all_finite(c.world_from_camera, 12) && all_finite(c.window, 4), "camera: a number is not finite");
   report.add(any(affine(c.world_from_camera).z), "camera: its view direction is zero");
   report.add(c.clip_start >= 0 && c.clip_end >= c.clip_start, "camera: clip from %g to %g", c.clip_start, c.clip_end);
+  report.add(within(c.clip_plane_count, 6) && all_finite(c.clip_planes[0], 24), "camera: %d clip planes", c.clip_plane_count);
   bool sized = c.width >= 1 && c.height >= 1 && c.width <= 1u << 20 && c.height <= 1u << 20;
   report.add(sized, "camera: resolution %u by %u", c.width, c.height);
   for (uint64_t i = 0; i < d.light_count; ++i)

@@ -62,6 +62,7 @@ void Tracer::camera_rays(uint32_t sample) {
   for (size_t k = 0; k < 3; ++k) stage.o[k] = c[Queue::kO + k], stage.d[k] = c[Queue::kD + k];
   stage.t_min = c[Queue::kTMin], stage.t_max = c[Queue::kTMax];
   stages_.camera(stage);
+  camera_.clip(stage);
   const Vec3d eye = camera_.eye();
   for (size_t k = 0; any(eye) && k < 3; ++k)
     for (size_t i = 0; i < count; ++i) c[Queue::kO + k][i] = (stage.parallel ? c[Queue::kO + k][i] : 0) + eye[int(k)];
