@@ -59,6 +59,27 @@ def same(one, two, where):
     return True
 
 
+def scattering():
+    """Geometry nodes that leave a mesh as it is and instance a cone at a point beside it."""
+    group = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    kinds = (
+        "NodeGroupInput",
+        "GeometryNodePoints",
+        "GeometryNodeMeshCone",
+        "GeometryNodeInstanceOnPoints",
+        "GeometryNodeJoinGeometry",
+        "NodeGroupOutput",
+    )
+    given, point, cone, scatter, join, result = map(group.nodes.new, kinds)
+    point.inputs["Position"].default_value = (1, 2, 0)
+    ends = [(point, scatter, "Points"), (cone, scatter, "Instance"), (scatter, join, 0), (given, join, 0), (join, result, 0)]
+    for source, to, name in ends:
+        group.links.new(source.outputs[0], to.inputs[name])
+    return group
+
+
 @pytest.fixture
 def world(scene):  # noqa: F811
     """Plain and modified meshes, shared data, textures, an empty that instances a collection, lights, a world with nodes."""
@@ -85,6 +106,7 @@ def world(scene):  # noqa: F811
         empty.instance_type, empty.instance_collection = "COLLECTION", instanced
     child = quad("Child")
     child.parent = shared
+    quad("Scatter").modifiers.new("Scatter", "NODES").node_group = scattering()
     for kind in ("POINT", "SUN", "AREA"):
         link(bpy.data.objects.new(kind.title(), bpy.data.lights.new(kind.title(), kind)))
     scene.world = bpy.data.worlds.new("World")
@@ -230,6 +252,11 @@ def move_inner(r):
     bpy.data.objects["Inner"].location = _vector(r)
 
 
+def move_scatter(r):
+    """A mesh that stands there itself and instances another beside it."""
+    bpy.data.objects["Scatter"].location = _vector(r)
+
+
 def parent(r):
     bpy.data.objects["Child"].parent = r.choice([None, *(bpy.data.objects[name] for name in ("Shared", "Modified", "EmptyA", "Point"))])
 
@@ -266,9 +293,9 @@ def select(r):
 
 
 EDITS = [
-    move, move_inner, turn, scale_to_nothing, lose, parent, constrain, edit_vertex, add_triangle, subdivide, smooth, color, node_value,
-    unlink_or_link, paint, recolor, reload, interpolate, swap_material, light, kind_of_lamp, squeeze_lamp, see_lamp, surround, hide,
-    exclude, add, delete, select, step, cast, film,
+    move, move_inner, move_scatter, turn, scale_to_nothing, lose, parent, constrain, edit_vertex, add_triangle, subdivide, smooth, color,
+    node_value, unlink_or_link, paint, recolor, reload, interpolate, swap_material, light, kind_of_lamp, squeeze_lamp, see_lamp,
+    surround, hide, exclude, add, delete, select, step, cast, film,
 ]  # fmt: skip
 
 

@@ -13,8 +13,9 @@ from glint import engine
 from glint.addon import properties
 from glint.addon.export import incremental
 from glint.addon.viewport import draw, session
+from glint.addon.viewport.bounds import same_places
 from glint.addon.viewport.surroundings import Surroundings
-from glint.engine.scene import World
+from glint.engine.scene import Instances, Mesh, World
 
 SIZE = (64, 48)
 LONGEST = 60.0
@@ -171,6 +172,17 @@ def test_surroundings_leave_all_else():
     plain = engine.Scene(None, world=World((1, 1, 1)))
     assert Surroundings().around(plain) is plain
     assert Surroundings(True, World()).around(plain).world == World()
+
+
+def test_scenes_with_the_same_places():
+    """Other materials, lights and worlds are no other places; other matrices, geometries and visibilities are."""
+    mesh = Mesh("Mesh", np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.uint32))
+    group = Instances("Mesh", 0, np.eye(4)[None, :3], ())
+    one = engine.Scene(None, (mesh,), (group,))
+    assert same_places(one, replace(one, world=World((1, 1, 1)), instances=(replace(group, materials=(1,)),)))
+    others = [{"world_from_object": 2 * group.world_from_object}, {"visible_shadow": False}]
+    assert not any(same_places(one, replace(one, instances=(replace(group, **other),))) for other in others)
+    assert not same_places(one, replace(one, geometries=(replace(mesh),)))
 
 
 def test_heat_grows_with_what_it_shows():

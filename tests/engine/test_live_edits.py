@@ -190,6 +190,20 @@ def test_any_sequence_of_edits_to_the_shading(seed):
         live.close()
 
 
+def test_a_lamp_that_moves_a_little_casts_new_shadows():
+    """It reaches almost the same points, most of which were kept with other shadows."""
+    from glint.engine.native_live import NativeLive
+
+    live, scene = NativeLive(), first_scene(random.Random(0))
+    try:
+        for step in range(8):
+            places = np.eye(4)[:3] + [[0, 0, 0, 2 + 0.1 * step], [0, 0, 0, 1.5], [0, 0, 0, 2]]
+            scene = replace(scene, lights=_with(scene.lights, 1, replace(scene.lights[1], world_from_light=places)))
+            assert_same_bits(shown(live, scene, True), render(scene, SETTINGS), f"step {step}")
+    finally:
+        live.close()
+
+
 @pytest.mark.parametrize("change", [lamp, paint, surround])
 def test_what_is_shaded_anew_traces_no_ray(change):
     from glint.engine.native_live import NativeLive
