@@ -5,7 +5,7 @@ from __future__ import annotations
 from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from typing import Any
 
-ABI_VERSION = 4
+ABI_VERSION = 5
 
 PREPARING, TRACING, HELD, DONE, CANCELLED, FAILED = range(6)
 """States of a render."""
@@ -99,7 +99,8 @@ class CameraData(Structure):
         + _each(c_double * 4, "window")
         + _each(c_double, "clip_start clip_end")
         + _each(c_uint32, "width height")
-        + _each(c_int32, "kind reserved")
+        + _each(c_int32, "kind clip_plane_count")
+        + _each(c_double * 24, "clip_planes")
     )
 
 
@@ -121,7 +122,7 @@ class SettingsData(Structure):
         + _each(c_double, "error_threshold")
         + _each(c_uint32, "samples light_samples max_bounces threads passes")
         + _each(c_uint32 * 4, "region")
-        + _each(c_int32, "illumination hold_waves acceleration")
+        + _each(c_int32, "illumination hold_waves acceleration remember")
     )
 
 

@@ -44,7 +44,7 @@ ERROR_BYTES = 8192
 
 _SIGNATURES = {
     "glint_scene_create": (c_void_p, [POINTER(SceneData), c_char_p, c_size_t]),
-    "glint_scene_create_like": (c_void_p, [c_void_p, POINTER(SceneData), c_char_p, c_size_t]),
+    "glint_scene_create_like": (c_void_p, [c_void_p, POINTER(SceneData), c_int32, c_char_p, c_size_t]),
     "glint_scene_destroy": (None, [c_void_p]),
     "glint_render_start": (c_void_p, [c_void_p, POINTER(SettingsData), c_char_p, c_size_t]),
     "glint_render_wait": (ProgressData, [c_void_p, c_uint32]),

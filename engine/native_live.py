@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-import numpy as np
-
-from . import core_types, native
+from . import native
 from .core_types import DONE, FAILED
 from .film import Film
-from .packing import Packed, pack_camera, pack_scene, pack_settings
-from .scene import Instances, Scene
+from .packing import Packed, ScenePacker, pack_settings
+from .scene import Scene
 from .settings import Settings
 from .view_axes import ViewAxes, narrow_view_axes
 
@@ -24,14 +22,14 @@ _POLL_MILLISECONDS = 4
 class _Held:
     """A scene in the core.
 
-    packed: the arrays that it borrows.  eye: (3,) where the camera stood relative to which its trees are made, world.
+    packed: the arrays that it borrows.  exact: it draws what a scene of its own would draw, to the bit.
     """
 
     scene: Scene
     axes: ViewAxes | None
     packed: Packed
     handle: int
-    eye: np.ndarray
+    exact: bool
 
 
 class NativeLive:
@@ -39,6 +37,7 @@ class NativeLive:
 
     def __init__(self) -> None:
         self._core = native.library()
+        self._packer = ScenePacker()
         self._held: _Held | None = None
 
     def render(
@@ -46,10 +45,10 @@ class NativeLive:
     ) -> None:
         """Draw `scene`; `on_film` gets every wave that there is time to read, and True with the last. Raises as `native.render_native`.
 
-        exact: the bits of `native.render_native`. Else trees may be those of another place of the camera.
+        exact: the bits of `native.render_native`. Else trees may be those of another place of the camera, and what moved has its own.
         """
         held = self._hold(scene, exact)
-        plan = pack_settings(scene, settings, hold_waves=False)
+        plan = pack_settings(scene, settings, hold_waves=False, remember=exact)
         with native._render(self._core, held.handle, plan.data) as job:
             self._run(job, native._Render(self._core, job, scene, settings, held.axes), should_stop, on_film)
 
@@ -62,40 +61,24 @@ class NativeLive:
     # --- scenes -------------------------------------------------------------------------------------------------------------------
 
     def _hold(self, scene: Scene, exact: bool) -> _Held:
-        """The scene in the core: the one that is there, one like it, or a new one in its place."""
+        """The scene in the core: the one that is there, or one that takes over from it what has not changed."""
         before = self._held
-        if before is not None and before.scene is scene and (not exact or _stands_at(scene, before.eye)):
+        if before is not None and before.scene is scene and (before.exact or not exact):
             return before
-        alike = self._alike(scene, exact)
-        if alike is None:
-            self.close()
-            alike = self._new(scene)
-        else:
-            self.close()
-        self._held = alike
-        return alike
-
-    def _new(self, scene: Scene) -> _Held:
         axes = narrow_view_axes(scene.camera)
-        packed = pack_scene(axes.scene(scene) if axes else scene)
-        return _Held(scene, axes, packed, self._create("glint_scene_create", packed), _eye(scene))
+        packed = self._packer.pack(axes.scene(scene) if axes else scene)
+        handle = self._create(packed, before, exact)
+        self.close()
+        self._held = _Held(scene, axes, packed, handle, exact or before is None)
+        return self._held
 
-    def _alike(self, scene: Scene, exact: bool) -> _Held | None:
-        """A scene with the trees of the one that is there; None where that does not serve."""
-        before = self._held
-        if before is None or before.axes is not None or (exact and not _stands_at(scene, before.eye)):
-            return None
-        if narrow_view_axes(scene.camera) is not None or not same_placements(scene, before.scene):
-            return None
-        packed = _with_camera(before.packed, scene) if _differ_in_camera(scene, before.scene) else pack_scene(scene)
+    def _create(self, packed: Packed, before: _Held | None, exact: bool) -> int:
         error = ctypes.create_string_buffer(native.ERROR_BYTES)
-        handle = self._core.glint_scene_create_like(before.handle, ctypes.byref(packed.data), error, native.ERROR_BYTES)
-        # Refused, for example for a camera that went far away: a scene of its own will tell if anything else is wrong.
-        return _Held(scene, None, packed, handle, before.eye) if handle else None
-
-    def _create(self, name: str, packed: Packed) -> int:
-        error = ctypes.create_string_buffer(native.ERROR_BYTES)
-        handle = getattr(self._core, name)(ctypes.byref(packed.data), error, native.ERROR_BYTES)
+        data, text = ctypes.byref(packed.data), (error, native.ERROR_BYTES)
+        if before is None:
+            handle = self._core.glint_scene_create(data, *text)
+        else:
+            handle = self._core.glint_scene_create_like(before.handle, data, exact, *text)
         if not handle:
             raise native._refusal(error.value.decode(errors="replace"), packed.data)
         return handle
@@ -118,39 +101,3 @@ class NativeLive:
             if not cancelled and should_stop():
                 self._core.glint_render_cancel(job)
                 cancelled = True
-
-
-def same_placements(a: Scene, b: Scene) -> bool:
-    """Whether two scenes need the same trees: the very same geometries at the same places, seen by the same rays."""
-    if len(a.geometries) != len(b.geometries) or any(x is not y for x, y in zip(a.geometries, b.geometries, strict=True)):
-        return False
-    if a.instances is b.instances:
-        return True
-    return len(a.instances) == len(b.instances) and all(map(_same_block, a.instances, b.instances))
-
-
-def _same_block(a: Instances, b: Instances) -> bool:
-    if a is b:
-        return True
-    flags = ("geometry", "visible_camera", "visible_mirror", "visible_shadow")
-    same = all(getattr(a, name) == getattr(b, name) for name in flags)
-    return same and np.array_equal(a.world_from_object, b.world_from_object)
-
-
-def _differ_in_camera(a: Scene, b: Scene) -> bool:
-    """Whether nothing but the camera may differ."""
-    return all(getattr(a, field.name) is getattr(b, field.name) for field in fields(Scene) if field.name != "camera")
-
-
-def _with_camera(packed: Packed, scene: Scene) -> Packed:
-    data = core_types.SceneData.from_buffer_copy(packed.data)
-    data.camera = pack_camera(scene.camera)
-    return Packed(data, packed.lent)
-
-
-def _eye(scene: Scene) -> np.ndarray:
-    return np.array(scene.camera.world_from_camera, np.float64)[:, 3]
-
-
-def _stands_at(scene: Scene, eye: np.ndarray) -> bool:
-    return bool((_eye(scene) == eye).all())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from . import core_types
 from .errors import SceneError
 from .sampling import light_points, pixel_offsets
-from .scene import LOBES, Attribute, Camera, Geometry, Input, Instances, Light, Lobe, Mesh, Polygons, Scene, Spheres, Texture
+from .scene import LOBES, Attribute, Camera, Geometry, Input, Instances, Light, Lobe, Material, Mesh, Polygons, Scene, Spheres, Texture
 from .settings import BUILDS, ILLUMINATIONS, Settings
 
 _DOMAINS = ("POINT", "CORNER", "FACE")
@@ -29,7 +29,7 @@ class Packed:
     """A structure for the core with everything that it points at."""
 
     data: Any
-    lent: list[np.ndarray] = field(default_factory=list)
+    lent: list = field(default_factory=list)
 
 
 @dataclass
@@ -55,11 +55,6 @@ class _Packer:
         """The address of an array, 0 for None."""
         return 0 if values is None else address(self.lend(values, dtype, shape, what))
 
-    def table(self, structure: type, rows: Sequence[tuple]) -> int:
-        table = np.array(rows, np.dtype(structure)) if rows else np.empty(0, np.dtype(structure))
-        self.lent.append(table)
-        return address(table)
-
     def name(self, text: str) -> int:
         return self.names.setdefault(text, len(self.names))
 
@@ -78,27 +73,125 @@ def number(value: str, names: Sequence[str], what: str) -> int:
 
 def pack_scene(scene: Scene) -> Packed:
     """`scene` as a `core_types.SceneData`. Raises SceneError for arrays of the wrong shape and unknown names."""
+    return ScenePacker().pack(scene)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Tables made from values of a scene. counts: rows of each, by the name of the field that tells it to the core."""
+
+    source: Any
+    tables: dict[str, np.ndarray]
+    lent: list
+
+
+class ScenePacker:
+    """Packs scene after scene: tables of values that are the very same as those of the scene before are not made again.
+
+    What was packed stays as it is: tables are copied before rows of them change.
+    """
+
+    def __init__(self) -> None:
+        self._names: dict[str, int] = {}
+        self._parts: dict[str, _Part] = {}
+
+    def pack(self, scene: Scene) -> Packed:
+        """As `pack_scene`."""
+        data = core_types.SceneData(camera=pack_camera(scene.camera))
+        data.ambient[:], data.background[:] = scene.world.ambient, scene.world.background
+        data.transparent = scene.world.transparent
+        parts = {
+            "geometries": self._part("geometries", scene.geometries, self._geometries),
+            "materials": self._part("materials", scene.materials, self._materials),
+            "textures": self._part("textures", scene.textures, _textures),
+            "lights": self._part("lights", scene.lights, _lights),
+            "instances": self._part("instances", scene.instances, _instances),
+        }
+        self._parts = parts
+        for part in parts.values():
+            for name, table in part.tables.items():
+                setattr(data, name, address(table))
+                setattr(data, _COUNTS[name], len(table))
+        return Packed(data, list(parts.values()))
+
+    def _part(self, name: str, source: tuple, make: Callable[[tuple, _Part | None, list[int]], _Part]) -> _Part:
+        before = self._parts.get(name)
+        if before is None or len(before.source) != len(source):
+            return make(source, None, [])
+        changed = [k for k, (now, then) in enumerate(zip(source, before.source, strict=True)) if now is not then]
+        return make(source, before, changed) if changed else before
+
+    def _geometries(self, geometries: tuple[Geometry, ...], before: _Part | None, changed: list[int]) -> _Part:
+        if before is not None:
+            others = {k: _PackedGeometry(geometries[k], self._names) for k in changed}
+            counts = before.tables["geometries"]["attribute_count"]
+            if all(len(packed.attributes) == counts[k] for k, packed in others.items()):
+                return _patched_geometries(geometries, before, others)
+        fresh = [_PackedGeometry(geometry, self._names) for geometry in geometries]
+        starts = np.cumsum([0] + [len(packed.attributes) for packed in fresh])
+        table = _table(core_types.GeometryData, [packed.row for packed in fresh])
+        table["first_attribute"] = starts[:-1]
+        attributes = _table(core_types.AttributeData, [row for packed in fresh for row in packed.attributes])
+        return _Part(geometries, {"geometries": table, "attributes": attributes}, [packed.lent for packed in fresh])
+
+    def _materials(self, materials: tuple[Material, ...], before: _Part | None, changed: list[int]) -> _Part:
+        packer = _Packer(names=self._names)
+        rows = [_material(packer, material.lobes, material.index) for material in materials]
+        tables = {
+            "materials": _table(core_types.MaterialData, rows),
+            "lobes": _table(core_types.LobeData, packer.lobes),
+            "inputs": _table(core_types.InputData, packer.inputs),
+        }
+        return _Part(materials, tables, [])
+
+
+_COUNTS = {
+    "geometries": "geometry_count",
+    "attributes": "attribute_count",
+    "materials": "material_count",
+    "lobes": "lobe_count",
+    "inputs": "input_count",
+    "textures": "texture_count",
+    "lights": "light_count",
+    "instances": "instances_count",
+    "world_from_object": "row_count",
+    "material_slots": "material_slot_count",
+}
+
+
+def _table(structure: type, rows: Sequence[tuple]) -> np.ndarray:
+    return np.array(rows, np.dtype(structure)) if rows else np.empty(0, np.dtype(structure))
+
+
+class _PackedGeometry:
+    """A geometry's row, whose attributes are counted from 0, and theirs."""
+
+    def __init__(self, geometry: Geometry, names: dict[str, int]) -> None:
+        packer = _Packer(names=names)
+        self.row = _geometry(packer, geometry)
+        self.attributes, self.lent = packer.attributes, packer.lent
+
+
+def _patched_geometries(geometries: tuple[Geometry, ...], before: _Part, fresh: dict[int, _PackedGeometry]) -> _Part:
+    """The tables with other rows for geometries that have as many attributes as those in their places had."""
+    tables = {name: table.copy() for name, table in before.tables.items()}
+    lent = list(before.lent)
+    for k, packed in fresh.items():
+        first = int(tables["geometries"]["first_attribute"][k])
+        tables["geometries"][k] = packed.row
+        tables["geometries"]["first_attribute"][k] = first
+        tables["attributes"][first : first + len(packed.attributes)] = _table(core_types.AttributeData, packed.attributes)
+        lent[k] = packed.lent
+    return _Part(geometries, tables, lent)
+
+
+def _textures(textures: tuple[Texture, ...], before: _Part | None, changed: list[int]) -> _Part:
     packer = _Packer()
-    data = core_types.SceneData(camera=pack_camera(scene.camera))
-    data.ambient[:], data.background[:] = scene.world.ambient, scene.world.background
-    data.transparent = scene.world.transparent
-    geometries = [_geometry(packer, geometry) for geometry in scene.geometries]
-    materials = [_material(packer, material.lobes, material.index) for material in scene.materials]
-    _set_table(packer, data, "geometries", "geometry_count", core_types.GeometryData, geometries)
-    _set_table(packer, data, "attributes", "attribute_count", core_types.AttributeData, packer.attributes)
-    _set_table(packer, data, "materials", "material_count", core_types.MaterialData, materials)
-    _set_table(packer, data, "lobes", "lobe_count", core_types.LobeData, packer.lobes)
-    _set_table(packer, data, "inputs", "input_count", core_types.InputData, packer.inputs)
-    textures = [_texture(packer, texture) for texture in scene.textures]
-    _set_table(packer, data, "textures", "texture_count", core_types.TextureData, textures)
-    _set_table(packer, data, "lights", "light_count", core_types.LightData, [_light(light) for light in scene.lights])
-    _set_instances(packer, data, scene.instances)
-    return Packed(data, packer.lent)
+    return _Part(textures, {"textures": _table(core_types.TextureData, [_texture(packer, t) for t in textures])}, packer.lent)
 
 
-def _set_table(packer: _Packer, data: Any, name: str, count: str, structure: type, rows: Sequence[tuple]) -> None:
-    setattr(data, name, packer.table(structure, rows))
-    setattr(data, count, len(rows))
+def _lights(lights: tuple[Light, ...], before: _Part | None, changed: list[int]) -> _Part:
+    return _Part(lights, {"lights": _table(core_types.LightData, [_light(light) for light in lights])}, [])
 
 
 def pack_camera(camera: Camera) -> core_types.CameraData:
@@ -107,6 +200,9 @@ def pack_camera(camera: Camera) -> core_types.CameraData:
     data.world_from_camera[:] = np.asarray(camera.world_from_camera, float).reshape(12)
     data.window[:] = camera.window
     data.width, data.height = camera.resolution
+    data.clip_plane_count = len(camera.clip_planes)
+    planes = np.ravel(camera.clip_planes)[:24]
+    data.clip_planes[: len(planes)] = planes
     data.kind = number(camera.kind, _CAMERAS, "camera kind")
     return data
 
@@ -180,8 +276,11 @@ def _polygons(packer: _Packer, polygons: Polygons) -> dict[str, Any]:
 # --- instances ----------------------------------------------------------------------------------------------------------------------
 
 
-def _set_instances(packer: _Packer, data: core_types.SceneData, groups: Sequence[Instances]) -> None:
+def _instances(groups: tuple[Instances, ...], before: _Part | None, changed: list[int]) -> _Part:
     """One array of matrices and one of materials for all groups; a scene's only group lends its own."""
+    if before is not None and all(_differ_in_place(groups[k], before.source[k]) for k in changed):
+        return _moved_instances(groups, before, changed)
+    packer = _Packer()
     matrices = [np.asarray(group.world_from_object) for group in groups]
     for group, rows in zip(groups, matrices, strict=True):
         if rows.ndim != 3 or rows.shape[1:] != (3, 4):
@@ -192,9 +291,23 @@ def _set_instances(packer: _Packer, data: core_types.SceneData, groups: Sequence
     first_rows = np.cumsum([0] + [len(rows) for rows in matrices])
     first_slots = np.cumsum([0] + [len(group.materials) for group in groups])
     rows = [_group(*entry) for entry in zip(groups, first_rows, map(len, matrices), first_slots, strict=False)]
-    _set_table(packer, data, "instances", "instances_count", core_types.InstancesData, rows)
-    data.world_from_object, data.row_count = address(joined), len(joined)
-    data.material_slots, data.material_slot_count = address(slots), len(slots)
+    tables = {"instances": _table(core_types.InstancesData, rows), "world_from_object": joined, "material_slots": slots}
+    return _Part(groups, tables, packer.lent)
+
+
+def _differ_in_place(a: Instances, b: Instances) -> bool:
+    """Whether two groups are as many placements of the same."""
+    alike = a.materials == b.materials and _group(a, 0, 0, 0) == _group(b, 0, 0, 0)
+    return alike and np.shape(a.world_from_object) == np.shape(b.world_from_object)
+
+
+def _moved_instances(groups: tuple[Instances, ...], before: _Part, changed: list[int]) -> _Part:
+    matrices = before.tables["world_from_object"].copy()
+    first_rows = before.tables["instances"]["first_row"]
+    for k in changed:
+        first = int(first_rows[k])
+        matrices[first : first + len(groups[k].world_from_object)] = groups[k].world_from_object
+    return _Part(groups, {**before.tables, "world_from_object": matrices}, before.lent)
 
 
 def _group(group: Instances, first_row: int, row_count: int, first_slot: int) -> tuple:
@@ -262,7 +375,7 @@ def _light(light: Light) -> tuple:
 # --- settings -----------------------------------------------------------------------------------------------------------------------
 
 
-def pack_settings(scene: Scene, settings: Settings, hold_waves: bool) -> Packed:
+def pack_settings(scene: Scene, settings: Settings, hold_waves: bool, remember: bool = False) -> Packed:
     """`settings` as a `core_types.SettingsData`, with the sample points that the scene's lights need."""
     packer = _Packer()
     offsets = packer.lend(pixel_offsets(settings.samples, settings.filter_width), np.float64, (settings.samples, 2), "pixel offsets")
@@ -277,6 +390,7 @@ def pack_settings(scene: Scene, settings: Settings, hold_waves: bool) -> Packed:
         illumination=number(settings.illumination, ILLUMINATIONS, "illumination"),
         hold_waves=hold_waves,
         acceleration=BUILDS.index("BALANCED" if settings.acceleration == "AUTO" else settings.acceleration),
+        remember=remember,
     )
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):

@@ -364,6 +364,10 @@ def _clip(camera: Camera) -> Found:
         yield f"clip_start is {start!r}: use 0 or more"
     if not start < end:
         yield f"clip_start {start!r} and clip_end {end!r} leave nothing between: use a smaller clip_start"
+    if len(camera.clip_planes) > 6:
+        yield f"clip_planes has {len(camera.clip_planes)} rows: use 6 at most"
+    for plane in camera.clip_planes:
+        yield from _numbers("clip_planes", plane, 4)
 
 
 def _world(world: World) -> Found:

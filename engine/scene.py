@@ -209,6 +209,8 @@ class Camera:
     window: (l, r, b, t) on the plane at distance 1 in front of the eye (PERSPECTIVE) or through it (ORTHOGRAPHIC), camera units.
     An asymmetric window is lens shift: an oblique projection.
     clip_start, clip_end: bounds of the depth along -w, camera units.
+    clip_planes: at most six rows (a, b, c, d) that bound what camera rays see to a x + b y + c z + d >= 0, where x and y count along u
+    and v and z is the depth, camera units. What light and mirrors meet is not cut.
     resolution: (nx, ny) of the full frame.
     """
 
@@ -218,6 +220,7 @@ class Camera:
     resolution: tuple[int, int]
     clip_start: float = 0.0
     clip_end: float = np.inf
+    clip_planes: tuple[tuple[float, float, float, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,15 @@ import bpy
 from bpy.props import IntProperty
 
 from ..addon import viewport
-from ..engine import PixelExplainer, Ray, SceneError, explanation_lines
+from ..engine import PixelExplainer, Ray, Scene, SceneError, Settings, explanation_lines
+from ..engine.fingerprint import value_fingerprint
 from .scene_copy import read_job
 
 _explained: list[str] = []
 """The last explanation of this session, line by line."""
+
+_ready: dict[str, PixelExplainer] = {}
+"""The explainer of the last scene by the fingerprint of all it depends on: further clicks need no new tree."""
 
 _TABS = 4
 """Spaces of the text that one level of the panel stands for, at most."""
@@ -21,7 +25,7 @@ def explain_render(scene: bpy.types.Scene, view_layer: str, x: int, y: int) -> R
     """The rays of pixel (x, y) of the full frame of a final render, from the bottom left. Raises RuntimeError where Blender cannot render
     the scene, SceneError for a pixel outside."""
     job = read_job(scene, view_layer)
-    return PixelExplainer(job.scene, job.settings).pixel(x, y)
+    return _explainer(job.scene, job.settings).pixel(x, y)
 
 
 def explain_view(region: bpy.types.Region, x: int, y: int) -> Ray:
@@ -29,7 +33,16 @@ def explain_view(region: bpy.types.Region, x: int, y: int) -> Ray:
     picked = viewport.pixel_at(region, x, y)
     if picked is None:
         raise RuntimeError("Glint shows nothing here: turn to Rendered shading and click inside the picture")
-    return PixelExplainer(picked.scene, picked.settings).pixel(*picked.pixel)
+    return _explainer(picked.scene, picked.settings).pixel(*picked.pixel)
+
+
+def _explainer(scene: Scene, settings: Settings) -> PixelExplainer:
+    key = value_fingerprint((scene, settings))
+    if key not in _ready:
+        made = PixelExplainer(scene, settings)
+        _ready.clear()
+        _ready[key] = made
+    return _ready[key]
 
 
 class GLINT_OT_explain_pixel(bpy.types.Operator):

@@ -1,7 +1,8 @@
 """The export again and again: what has not changed since the last time is not read again, and the scene is the same as if it had been.
 
 Blender says what changed (`depsgraph.updates`); arrays of meshes, compiled materials, decoded images and the world's mean colours are kept.
-The walk over the instances and the lights is done anew: it takes microseconds an object.
+Where only objects moved or lamps changed, these alone are read (`moves`). Else the walk over the instances and the lights is done anew: it
+takes ten microseconds an object.
 """
 
 from __future__ import annotations
@@ -11,17 +12,23 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...engine.scene import Camera, Geometry, Material, Mesh, Scene, Texture, World
 from .export import Collector, _instances, _Lamp, _Placed, _world
 from .graph import node_tree
 from .images import Images
-from .instances import Thing, walk
+from .instances import Census, Thing, walk
 from .materials import Materials, Wanted, compile_material, default_material, wanted_by, without_unused
 from .meshes import MeshSource, mesh_key, read_attributes, read_mesh, readable
+from .moves import Stage
 from .placing import without_collapsed
 from .report import Report
 from .shapes import export_points
 from .world import export_world
+
+NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
+"""Stands in scenes until a view brings its own."""
 
 
 @dataclass
@@ -84,7 +91,7 @@ class Store:
     """What is kept from one export to the next."""
 
     def __init__(self) -> None:
-        self.shapes: dict[tuple, _Shape] = {}
+        self.met: dict[tuple, dict[tuple, _Shape]] = {}
         self.compiled: dict[int, _Compiled] = {}
         self.pixels: dict[tuple, Any] = {}
         self.textures: dict[tuple, Texture] = {}
@@ -95,7 +102,8 @@ class Store:
     def forget(self, changes: Changes) -> None:
         """Drop what changed."""
         if changes.geometry:
-            self.shapes = {key: shape for key, shape in self.shapes.items() if not shape.about & changes.geometry}
+            for asked, met in self.met.items():
+                self.met[asked] = {key: shape for key, shape in met.items() if not shape.about & changes.geometry}
         if changes.shading:
             self.compiled = {}
         stale = changes.materials
@@ -116,6 +124,14 @@ class Store:
         used = {key for kept in self.compiled.values() for key, _ in kept.textures}
         self.textures = {key: texture for key, texture in self.textures.items() if key in used}
 
+    def keep_met(self, asked: Iterable[tuple]) -> None:
+        """Drop the shapes that none of these walks met: the others are of views that are gone."""
+        self.met = {key: self.met[key] for key in asked}
+
+    def shape(self, key: tuple) -> _Shape | None:
+        """As some view met it."""
+        return next((met[key] for met in self.met.values() if key in met), None)
+
     def forget_moving_images(self) -> None:
         """The frame changed, and any image may be a sequence."""
         self.compiled = {uid: compiled for uid, compiled in self.compiled.items() if not compiled.textures}
@@ -128,26 +144,43 @@ class LiveExport:
     def __init__(self) -> None:
         self._store = Store()
         self._frame: tuple[int, float] | None = None
-
-    def clear(self) -> None:
-        """Read everything again the next time."""
-        self._store = Store()
+        self._stages: dict[tuple, Stage] = {}
 
     def update(self, depsgraph: Any, camera: Camera, *, passes: frozenset[str] = frozenset(), space: Any = None) -> Scene:
-        """The scene now. `depsgraph.updates` must tell all that changed since the last call.
+        """The scene now: `hear` and `scene`."""
+        self.hear(depsgraph)
+        return self.scene(depsgraph, camera, passes=passes, space=space)
+
+    def hear(self, depsgraph: Any) -> None:
+        """Take in `depsgraph.updates`, which must tell all that changed since the last call."""
+        updates, images = list(depsgraph.updates), _KeepingImages(self._store, Report())
+        self._store.keep_met(self._stages)
+        if self._frame != _frame_of(depsgraph.scene_eval):
+            self._stages = {}
+        self._stages = {asked: stage for asked, stage in self._stages.items() if stage.follow(updates, depsgraph.view_layer, images)}
+        self._store.forget(_changes(updates))
+        self._note_frame(depsgraph.scene_eval)
+
+    def scene(self, depsgraph: Any, camera: Camera, *, passes: frozenset[str] = frozenset(), space: Any = None) -> Scene:
+        """The scene as of what was heard. What several views ask for is walked over once for all that see the same.
 
         space: the 3D view whose local view and visibility count, None for none.  passes: as for `export_scene`.
         """
-        store, report = self._store, Report()
-        store.forget(_changes(depsgraph.updates))
-        self._note_frame(depsgraph.scene_eval)
-        collector = _KeepingCollector(store, depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report)
-        things = walk(depsgraph, collector.meet, report, lambda thing: space is None or thing.visible_in_viewport_get(space))
-        world = self._surroundings(depsgraph, report)
-        return collector.scene(camera, things, world)
+        wanted = Wanted(frozenset({""}) if "UV" in passes else frozenset())
+        asked = (wanted, shown_in(space))
+        if asked not in self._stages:
+            self._stages[asked] = self._walked(depsgraph, asked, space)
+        return replace(self._stages[asked].scene, camera=camera)
+
+    def _walked(self, depsgraph: Any, asked: tuple, space: Any) -> Stage:
+        report, census = Report(), Census()
+        collector = _KeepingCollector(self._store, depsgraph, asked[0], report)
+        things = walk(depsgraph, collector.meet, report, lambda thing: space is None or thing.visible_in_viewport_get(space), census)
+        self._store.met[asked] = collector.met
+        return collector.stage(things, self._surroundings(depsgraph, report), census)
 
     def _note_frame(self, scene: Any) -> None:
-        frame = (scene.frame_current, scene.frame_subframe)
+        frame = _frame_of(scene)
         if self._frame not in (None, frame):
             self._store.forget_moving_images()
         self._frame = frame
@@ -160,6 +193,19 @@ class LiveExport:
             images = _KeepingImages(self._store, report)
             self._store.worlds[key] = export_world(world, scene.render.film_transparent, images, report)
         return self._store.worlds[key]
+
+
+def _frame_of(scene: Any) -> tuple[int, float]:
+    return scene.frame_current, scene.frame_subframe
+
+
+def shown_in(space: Any) -> tuple:
+    """Equal as long as a 3D view leaves out the same kinds of objects and stays in the same local view; no update tells of these."""
+    if space is None:
+        return ()
+    kinds = [name for name in dir(space) if name.startswith("show_object_viewport_")]
+    local = space.local_view
+    return (local.as_pointer() if local else 0, space.use_local_collections, *(getattr(space, name) for name in kinds))
 
 
 def _changes(updates: Iterable[Any]) -> Changes:
@@ -275,7 +321,7 @@ class _KeepingCollector(Collector):
         self._store = store
         self.materials = _KeepingMaterials(store, report)
         self._wishes: list[tuple[Wanted, ...]] = []
-        self._shapes: dict[tuple, _Shape] = {}
+        self.met: dict[tuple, _Shape] = {}
 
     def _mesh(self, data: Any, owner: Any) -> int | None:
         key = mesh_key(data)
@@ -299,8 +345,8 @@ class _KeepingCollector(Collector):
 
     def _keep(self, key: tuple, read: Any) -> int | None:
         """The number of the shape with this key, read if the store has none."""
-        shape = self._store.shapes.get(key) or read()
-        self._shapes[key] = shape
+        shape = self._store.shape(key) or read()
+        self.met[key] = shape
         if shape.geometry is None:
             return None
         self._geometries.append(shape)
@@ -326,15 +372,26 @@ class _KeepingCollector(Collector):
             shape.finished[wishes] = shape.states.get(wishes, shape.geometry).finished()
         return shape.finished[wishes]
 
-    def scene(self, camera: Camera, things: list[Thing], world: World) -> Scene:
-        self._store.shapes = self._shapes
+    def stage(self, things: list[Thing], world: World, census: Census) -> Stage:
+        """The scene, without a camera, and where its things are."""
         geometries = tuple(self._finished(number) for number in range(len(self._geometries)))
-        instances = without_collapsed(tuple(_instances(thing) for thing in things if isinstance(thing.content, _Placed)), self.report)
-        for thing in things:
-            if isinstance(thing.content, _Lamp):
-                self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
+        placed = [(thing, _instances(thing)) for thing in things if isinstance(thing.content, _Placed)]
+        instances = without_collapsed(tuple(block for _, block in placed), self.report)
+        lamps = [(thing, self._light(thing)) for thing in things if isinstance(thing.content, _Lamp)]
         materials, textures = self.materials.joined()
-        return Scene(camera, geometries, instances, materials, textures, tuple(self.lights.lights), world)
+        scene = Scene(NO_CAMERA, geometries, instances, materials, textures, tuple(self.lights.lights), world)
+        stage, numbers = Stage(scene, census), {id(block): number for number, block in enumerate(instances)}
+        for thing, block in placed:
+            stage.place_instances(thing, numbers.get(id(block)))
+        for thing, number in lamps:
+            stage.place_light(thing, number)
+        return stage
+
+    def _light(self, thing: Thing) -> int | None:
+        """Adds a lamp's lights; the number of the one where there is just one."""
+        first = len(self.lights.lights)
+        self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
+        return first if len(self.lights.lights) == first + 1 else None
 
 
 def _about(data: Any, owner: Any) -> frozenset[int]:

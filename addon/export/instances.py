@@ -7,7 +7,7 @@ apart: 100 000 instances of any kind take about 0.15 s.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -35,22 +35,42 @@ class Flags:
 
 @dataclass(eq=False)
 class Thing:
-    """One object as one instancer places it: what `make` of `walk` gave for it, and where it stands."""
+    """One object as one instancer places it: what `make` of `walk` gave for it, and where it stands. uid: the object's session uid."""
 
     content: Any
     name: str
+    uid: int
     matrices: np.ndarray
 
 
+@dataclass
+class Census:
+    """Session uids of the objects that a walk met: those that render, shown or not, and those that instance or are instanced."""
+
+    rendering: set[int] = field(default_factory=set)
+    instancing: set[int] = field(default_factory=set)
+
+    def note(self, instance: Any) -> None:
+        self.rendering.add(instance.object.original.session_uid)
+        for thing in (instance.parent, instance.instance_object) if instance.is_instance else ():
+            if thing is not None:
+                self.instancing.add(thing.original.session_uid)
+
+
 def walk(
-    depsgraph: Any, make: Callable[[Any, Any, Flags], Any], report: Report, shown: Callable[[Any], bool] = lambda instancer: True
+    depsgraph: Any,
+    make: Callable[[Any, Any, Flags], Any],
+    report: Report,
+    shown: Callable[[Any], bool] = lambda instancer: True,
+    census: Census | None = None,
 ) -> list[Thing]:
     """Every distinct (data, object, instancer) that renders, with its places.
 
     make: given the evaluated object, the one behind a temporary one, and its flags, once each, while Blender keeps them valid; None
     leaves the thing out.  shown: asked of every object that stands or instances in the scene itself whether its things are there.
+    census: hears of every thing, also of those left out.
     """
-    things: list[tuple[Any, str] | None] = []
+    things: list[tuple[Any, str, int] | None] = []
     numbers: dict[tuple, int] = {}
     rows: list[int] = []
     for instance in depsgraph.object_instances:
@@ -59,6 +79,8 @@ def walk(
         number = numbers.get(key)
         if number is None:
             number = numbers[key] = len(things)
+            if census is not None:
+                census.note(instance)
             instancer = instance.parent if instance.is_instance else thing
             things.append(_meet(instance, thing, depsgraph, make, report) if shown(instancer) else None)
         rows.append(number)
@@ -86,11 +108,11 @@ def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report
         if not sound.all():
             report.note("Objects whose transform is not finite are left out: {}; clear their transforms", met[1])
         if sound.any():
-            placed.append(Thing(met[0], met[1], own[sound]))
+            placed.append(Thing(*met, own[sound]))
     return placed
 
 
-def _meet(instance: Any, thing: Any, depsgraph: Any, make: Callable, report: Report) -> tuple[Any, str] | None:
+def _meet(instance: Any, thing: Any, depsgraph: Any, make: Callable, report: Report) -> tuple[Any, str, int] | None:
     """What a new thing is, or None where nothing of it is rendered."""
     instancer = instance.parent if instance.is_instance else thing
     name = thing.name
@@ -100,9 +122,9 @@ def _meet(instance: Any, thing: Any, depsgraph: Any, make: Callable, report: Rep
     if thing.type in _UNSUPPORTED:
         report.note(_UNSUPPORTED[thing.type], name)
         return None
-    flags = _flags(thing, instancer, depsgraph.view_layer, report)
+    flags = flags_of(thing, instancer, depsgraph.view_layer, report)
     content = make(thing, instance.instance_object or thing, flags)
-    return (content, name) if content is not None else None
+    return (content, name, thing.original.session_uid) if content is not None else None
 
 
 def _note_hair(instance: Any, thing: Any, report: Report) -> None:
@@ -111,7 +133,7 @@ def _note_hair(instance: Any, thing: Any, report: Report) -> None:
             report.note(HAIR_NOTE, thing.name)
 
 
-def _flags(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Flags:
+def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Flags:
     """Visible to a kind of ray only if thing and instancer both are; holdout by the instancer, as in Cycles."""
     owner = instancer.original
     holdout = owner.holdout_get(view_layer=view_layer)

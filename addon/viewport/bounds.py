@@ -1,4 +1,4 @@
-"""How deep a scene is along a view."""
+"""What can be said of where things stand: how deep a scene is along a view, and whether two scenes are alike in it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...engine.scene import Camera, Geometry, Scene, Spheres
+from ...engine.scene import Camera, Geometry, Instances, Scene, Spheres
 
 _boxes: weakref.WeakKeyDictionary[Geometry, np.ndarray] = weakref.WeakKeyDictionary()
 
@@ -16,24 +16,41 @@ def stepped_up(camera: Camera, scene: Scene) -> Camera:
     """A parallel camera moved along its view to just before the scene: Blender's stands a thousand metres away, where float32 is coarse."""
     if camera.kind != "ORTHOGRAPHIC":
         return camera
-    nearest = min((_nearest(scene.geometries[i.geometry], i.world_from_object, camera) for i in scene.instances), default=np.inf)
-    step = np.floor(nearest) - 1 - camera.clip_start
+    step = np.floor(_nearest(scene, camera)) - 1 - camera.clip_start
     if not (np.isfinite(step) and 0 < step < camera.clip_end - camera.clip_start):
         return camera
     backward = camera.world_from_camera[:, 2]
     moved = camera.world_from_camera.copy()
     moved[:, 3] -= step * backward
-    return replace(camera, world_from_camera=moved, clip_end=camera.clip_end - step)
+    planes = tuple((a, b, c, d + c * step) for a, b, c, d in camera.clip_planes)
+    return replace(camera, world_from_camera=moved, clip_end=camera.clip_end - step, clip_planes=planes)
 
 
-def _nearest(geometry: Geometry, matrices: np.ndarray, camera: Camera) -> float:
-    """The smallest depth along -w, camera units, of the boxes round all placements of a geometry."""
-    middle, half = _box(geometry)
+def same_places(a: Scene, b: Scene) -> bool:
+    """Whether the same geometries stand at the same places in two scenes, seen by the same rays."""
+    if a.geometries != b.geometries or len(a.instances) != len(b.instances):
+        return False
+    return a.instances is b.instances or all(map(_same_group, a.instances, b.instances))
+
+
+def _same_group(a: Instances, b: Instances) -> bool:
+    flags = ("geometry", "visible_camera", "visible_mirror", "visible_shadow")
+    same = a is b or all(getattr(a, name) == getattr(b, name) for name in flags)
+    return same and np.array_equal(a.world_from_object, b.world_from_object)
+
+
+def _nearest(scene: Scene, camera: Camera) -> float:
+    """The smallest depth along -w, camera units, of the boxes round all placements; infinite without any."""
+    if not scene.instances:
+        return np.inf
+    boxes = np.stack([_box(scene.geometries[group.geometry]) for group in scene.instances])
+    middle, half = np.repeat(boxes, [len(group.world_from_object) for group in scene.instances], axis=0).transpose(1, 0, 2)
+    matrices = np.concatenate([group.world_from_object for group in scene.instances])
     backward = camera.world_from_camera[:, 2]
     backward = backward / (backward @ backward)
     along = np.einsum("i,kij->kj", backward, matrices[:, :, :3])
-    center = along @ middle + (matrices[:, :, 3] - camera.world_from_camera[:, 3]) @ backward
-    return float((-center - np.abs(along) @ half).min())
+    center = (along * middle).sum(1) + (matrices[:, :, 3] - camera.world_from_camera[:, 3]) @ backward
+    return float((-center - (np.abs(along) * half).sum(1)).min(initial=np.inf))
 
 
 def _box(geometry: Geometry) -> np.ndarray:

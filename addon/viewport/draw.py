@@ -39,10 +39,24 @@ def _pixel_projection(width: int, height: int) -> Matrix:
     return Matrix(((2 / width, 0, 0, -1), (0, 2 / height, 0, -1), (0, 0, -1, 0), (0, 0, 0, 1)))
 
 
-def as_colors(values: np.ndarray) -> np.ndarray:
-    """(h, w, c) of a pass as (h, w, 4) premultiplied colours: numbers as grey, three channels as they are."""
+_FULL_SCALE = {"Error": 8.0, "Samples": None, "Cost": None}
+"""Passes shown as heat, and what is hottest: None for the largest value of the picture."""
+_HEAT = np.array([[0.0, 0.0, 0.02], [0.05, 0.02, 0.3], [0.5, 0.03, 0.25], [0.95, 0.25, 0.02], [1.0, 0.9, 0.4]], np.float32)
+"""Colours from none to the most, evenly spaced, ever brighter."""
+
+
+def as_colors(values: np.ndarray, name: str = "Combined") -> np.ndarray:
+    """(h, w, c) of a pass as (h, w, 4) premultiplied colours: heat for what counts work or error, other numbers as grey, three channels as
+    they are."""
     if values.shape[2] == 4:
         return values
     colors = np.ones((*values.shape[:2], 4), np.float32)
-    colors[..., :3] = values
+    colors[..., :3] = _heat(values[..., 0], _FULL_SCALE[name]) if name in _FULL_SCALE else values
     return colors
+
+
+def _heat(values: np.ndarray, full_scale: float | None) -> np.ndarray:
+    """(h, w, 3) scene-linear colours of (h, w) numbers from 0 to `full_scale`."""
+    top = float(values.max()) if full_scale is None else full_scale
+    place = np.clip(values / max(top, 1e-30), 0.0, 1.0) * (len(_HEAT) - 1)
+    return np.stack([np.interp(place, np.arange(len(_HEAT)), channel) for channel in _HEAT.T], -1).astype(np.float32)

@@ -16,17 +16,17 @@ import numpy as np
 from ... import engine
 from ...engine.scene import Camera, Scene
 from ..export import ExportError
-from ..export.incremental import LiveExport
+from ..export.incremental import NO_CAMERA, shown_in
 from ..properties import viewport_settings_from
-from . import bounds, timer
+from . import bounds, status, timer
+from .bounds import same_places
 from .draw import Picture, as_colors
 from .pacing import Pacer
+from .sharing import SharedExport, export_of
+from .surroundings import Surroundings, read_surroundings
 from .view import View, read_view
 
 log = logging.getLogger(__name__)
-
-_NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
-"""Stands in scenes until a view brings its own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,25 +44,46 @@ class _Target:
     divisor: int = 1
 
 
+@dataclass(frozen=True)
+class _Wishes:
+    """What decides on a picture and is no data of the depsgraph's, so that no update tells of its changes.
+
+    settings: with the estimated error, which the status line tells.
+    """
+
+    settings: engine.Settings
+    shown_pass: str
+    surroundings: Surroundings
+    shown: tuple
+
+    @classmethod
+    def of(cls, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> _Wishes:
+        settings, shown_pass = viewport_settings_from(depsgraph.scene)
+        settings = replace(settings, passes=settings.passes | {"Error"})
+        return cls(settings, shown_pass, read_surroundings(context.space_data), shown_in(context.space_data))
+
+
 class Session:
     """What a RenderEngine keeps while it draws one region."""
 
     def __init__(self) -> None:
-        self._export = LiveExport()
+        self._export: SharedExport | None = None
         self._live = engine.LiveRender()
         self._pacer = Pacer()
         self._content: Scene | None = None
         self._settings: engine.Settings | None = None
+        self._wishes: _Wishes | None = None
         self._shown_pass = "Combined"
-        self._source: tuple | None = None
         self._view: View | None = None
         self._problem: str | None = None
         self._pictures: dict[str, Picture] = {}
         self._drawn = 0
+        self._traced: tuple[tuple, Scene] | None = None  # the view and the scene of the last picture with all its own trees
         self.requests = 0
         self.answered = 0
         self.newest_at = 0.0
         self._status = ""
+        self._error: float | None = None
         self.region = 0
         self.films: dict[str, engine.Film] = {}
         timer.watch(self)
@@ -71,10 +92,11 @@ class Session:
 
     def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Blender's data changed: read what did, and begin anew."""
-        self._forget_if_other(depsgraph)
-        self._settings, self._shown_pass = viewport_settings_from(depsgraph.scene)
-        passes = self._settings.passes
-        self._content = self._export.update(depsgraph, _NO_CAMERA, passes=passes, space=context.space_data)
+        self._export = export_of(depsgraph)
+        self._wishes = _Wishes.of(context, depsgraph)
+        self._settings, self._shown_pass = self._wishes.settings, self._wishes.shown_pass
+        scene = self._export.update(self, depsgraph, NO_CAMERA, passes=self._settings.passes, space=context.space_data)
+        self._content = self._wishes.surroundings.around(scene)
         self._view = None  # the scene is another: the next draw asks for its picture
         self.region = context.region.as_pointer()
 
@@ -92,7 +114,7 @@ class Session:
         """Stop tracing and give everything back. May be called more than once."""
         timer.forget(self)
         self._live.close()
-        self._content = None
+        self._content = self._traced = self._export = None
         self._pictures.clear()
         self.films.clear()
 
@@ -117,18 +139,11 @@ class Session:
 
     # --- following ----------------------------------------------------------------------------------------------------------------
 
-    def _forget_if_other(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """Another scene, view layer, file or undo step: what was kept may not hold any more."""
-        source = (depsgraph.scene.session_uid, depsgraph.view_layer.name, depsgraph.as_pointer(), timer.epoch())
-        if source != self._source:
-            self._export.clear()
-            self._source = source
-
     def _follow(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         if self._content is None:
             return
-        if viewport_settings_from(depsgraph.scene) != (self._settings, self._shown_pass):
-            self.update(context, depsgraph)  # the settings' changes are no data of the depsgraph's
+        if _Wishes.of(context, depsgraph) != self._wishes:
+            self.update(context, depsgraph)
         try:
             view = read_view(depsgraph, context.region, context.space_data, context.region_data)
         except ExportError as error:
@@ -144,16 +159,23 @@ class Session:
         """New pictures of this view: a coarse one if it takes that to be in time, then all of it."""
         self.requests += 1
         x0, y0, x1, y1 = view.shown
-        divisor = self._pacer.divisor((x1 - x0) * (y1 - y0))
+        shades = self._is_known(view)
+        divisor = 1 if shades else self._pacer.divisor((x1 - x0) * (y1 - y0))
         content = self._scene(view.camera)
         tasks = [self._draft(content, view, divisor)] if divisor > 1 else []
-        if self._pacer.is_slow_to_build:
+        if self._pacer.is_slow_to_build and not shades:
             tasks.append(self._once(content, view, keep=divisor == 1))
         tasks.append(self._full(content, view, keep=divisor == 1 and len(tasks) == 0))
         if view.frame is not None and not _is_whole(view):
             tasks.append(self._frame(view))
         self._live.start(tasks)
         timer.wake()
+
+    def _is_known(self, view: View) -> bool:
+        """Whether all that rays of this view meet was found out for the picture on the screen: then it takes little more than shading."""
+        if self._traced is None or self._traced[0] != view.key:
+            return False
+        return same_places(self._traced[1], self._content)
 
     def _scene(self, camera: Camera) -> Scene:
         return replace(self._content, camera=bounds.stepped_up(camera, self._content))
@@ -162,7 +184,7 @@ class Session:
         """One sample of pixels that are larger than the screen's."""
         size = tuple(max(1, round(extent / divisor)) for extent in scene.camera.resolution)
         region = _scaled(view.border, scene.camera.resolution, size) if view.border else None
-        settings = replace(self._settings, samples=1, region=region)
+        settings = replace(self._settings, samples=1, region=region, passes=self._settings.passes - {"Error"} | {self._shown_pass})
         coarse = replace(scene, camera=replace(scene.camera, resolution=size))
         return engine.Task(coarse, settings, self._target(view, "DRAFT", divisor), keep_first_wave=True, exact=False)
 
@@ -202,11 +224,14 @@ class Session:
         target, film = wave.task.tag, wave.film
         if target.request != self.answered:
             self.answered, self.newest_at = target.request, wave.at
-        if film.samples == 1 or wave.final:
+        if (film.samples == 1 or wave.final) and film.stats.get("camera rays", 1):
             self._learn(wave)
+        if wave.task.exact and target.stage == "FULL":
+            self._traced = target.view.key, wave.task.scene
         if target.stage == "FRAME" and not wave.final:
             return
-        colors = as_colors(film.passes[target.shown])
+        self._error = status.error_of(film)
+        colors = as_colors(film.passes[target.shown], target.shown)
         if target.stage == "FRAME":
             self._pictures["frame"] = _picture(colors, wave.task.settings.region, target.view, target.view.frame)
             self.films["frame"] = film
@@ -228,12 +253,8 @@ class Session:
         if error is not None:
             return f"Glint: {' '.join(str(error).split())}"
         wave = self._live.newest
-        if wave is None:
-            return "Glint: reading the scene"
-        samples, most = wave.film.samples, self._settings.samples if self._settings else 0
-        if self._live.busy or wave.task.tag.stage == "DRAFT":
-            return f"Glint: {samples} of {most} samples"
-        return f"Glint: {samples} samples, {wave.seconds:.2f} s"
+        unfinished = self._live.busy or (wave is not None and wave.task.tag.stage == "DRAFT")
+        return status.progress(wave, self._settings.samples if self._settings else 0, unfinished, self._error)
 
     def _tell(self, render_engine: bpy.types.RenderEngine) -> None:
         text = self._told()

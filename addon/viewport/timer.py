@@ -17,6 +17,7 @@ _PATIENCE = 0.25
 
 _sessions: weakref.WeakSet[Any] = weakref.WeakSet()
 _epoch = 0
+_evaluation = 0
 
 
 def watch(session: Any) -> None:
@@ -44,6 +45,11 @@ def epoch() -> int:
     return _epoch
 
 
+def evaluation() -> int:
+    """Changes before every evaluation of a depsgraph that Blender tells of."""
+    return _evaluation
+
+
 def _look() -> float | None:
     news = {session.region for session in _sessions if session.has_news}
     if news:
@@ -68,18 +74,30 @@ def _advance(*_: Any) -> None:
     _epoch += 1
 
 
-_HANDLERS = ("undo_post", "redo_post", "load_post")
+@bpy.app.handlers.persistent
+def _count(*_: Any) -> None:
+    global _evaluation
+    _evaluation += 1
+
+
+_HANDLERS = {
+    "undo_post": _advance,
+    "redo_post": _advance,
+    "load_post": _advance,
+    "depsgraph_update_pre": _count,
+    "frame_change_pre": _count,
+}
 
 
 def register() -> None:
-    for name in _HANDLERS:
-        getattr(bpy.app.handlers, name).append(_advance)
+    for name, handler in _HANDLERS.items():
+        getattr(bpy.app.handlers, name).append(handler)
 
 
 def unregister() -> None:
     for session in list(_sessions):
         session.close()
-    for name in _HANDLERS:
-        getattr(bpy.app.handlers, name).remove(_advance)
+    for name, handler in _HANDLERS.items():
+        getattr(bpy.app.handlers, name).remove(handler)
     if bpy.app.timers.is_registered(_look):
         bpy.app.timers.unregister(_look)

@@ -7,7 +7,7 @@ view shows the render's pixels one to one, the render's own camera takes over, s
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -68,8 +68,11 @@ def read_view(depsgraph: Any, region: Any, space: Any, region_data: Any) -> View
     scene_camera = _camera_object(space, region_data, depsgraph)
     if scene_camera is not None:
         camera, frame = _through_camera(camera, scene_camera, depsgraph.scene_eval.render)
+    planes = clip_planes(region_data, camera)
+    if planes:
+        camera, frame = replace(camera, clip_planes=planes), None
     part = _border(space, region_data, depsgraph.scene_eval.render, camera, frame, scene_camera)
-    key = (projection.tobytes(), camera.world_from_camera.tobytes(), camera.window, size, pixel_size, part, _key(frame))
+    key = (projection.tobytes(), camera.world_from_camera.tobytes(), camera.window, planes, size, pixel_size, part, _key(frame))
     return View(camera, part, size, pixel_size, frame if pixel_size == 1 else None, key)
 
 
@@ -92,6 +95,18 @@ def view_camera(
         start, end = 0.0, end - start
     kind = "PERSPECTIVE" if perspective else "ORTHOGRAPHIC"
     return Camera(kind, world_from_camera, (left, right, bottom, top), pixels, max(start, 0.0), end)
+
+
+def clip_planes(region_data: Any, camera: Camera) -> tuple[tuple[float, ...], ...]:
+    """The clipping region of a 3D view as `engine.scene.Camera` has it; () without one. Blender's planes are of the world, positive inside,
+    and 0 where there is none."""
+    if not region_data.use_clip_planes:
+        return ()
+    used = np.array(region_data.clip_planes, np.float64)[: 4 if region_data.use_box_clip else 6]
+    u, v, w, e = camera.world_from_camera.T
+    normals = used[:, :3]
+    rows = np.stack([normals @ u, normals @ v, -(normals @ w), normals @ e + used[:, 3]], 1)
+    return tuple(tuple(float(x) for x in row) for row in rows[normals.any(1)])
 
 
 def window_of(projection: np.ndarray) -> Window:

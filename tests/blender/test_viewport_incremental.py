@@ -59,6 +59,27 @@ def same(one, two, where):
     return True
 
 
+def scattering():
+    """Geometry nodes that leave a mesh as it is and instance a cone at a point beside it."""
+    group = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    kinds = (
+        "NodeGroupInput",
+        "GeometryNodePoints",
+        "GeometryNodeMeshCone",
+        "GeometryNodeInstanceOnPoints",
+        "GeometryNodeJoinGeometry",
+        "NodeGroupOutput",
+    )
+    given, point, cone, scatter, join, result = map(group.nodes.new, kinds)
+    point.inputs["Position"].default_value = (1, 2, 0)
+    ends = [(point, scatter, "Points"), (cone, scatter, "Instance"), (scatter, join, 0), (given, join, 0), (join, result, 0)]
+    for source, to, name in ends:
+        group.links.new(source.outputs[0], to.inputs[name])
+    return group
+
+
 @pytest.fixture
 def world(scene):  # noqa: F811
     """Plain and modified meshes, shared data, textures, an empty that instances a collection, lights, a world with nodes."""
@@ -85,6 +106,7 @@ def world(scene):  # noqa: F811
         empty.instance_type, empty.instance_collection = "COLLECTION", instanced
     child = quad("Child")
     child.parent = shared
+    quad("Scatter").modifiers.new("Scatter", "NODES").node_group = scattering()
     for kind in ("POINT", "SUN", "AREA"):
         link(bpy.data.objects.new(kind.title(), bpy.data.lights.new(kind.title(), kind)))
     scene.world = bpy.data.worlds.new("World")
@@ -225,10 +247,55 @@ def film(r):
     bpy.context.scene.render.film_transparent = not bpy.context.scene.render.film_transparent
 
 
+def move_inner(r):
+    """What both empties instance."""
+    bpy.data.objects["Inner"].location = _vector(r)
+
+
+def move_scatter(r):
+    """A mesh that stands there itself and instances another beside it."""
+    bpy.data.objects["Scatter"].location = _vector(r)
+
+
+def parent(r):
+    bpy.data.objects["Child"].parent = r.choice([None, *(bpy.data.objects[name] for name in ("Shared", "Modified", "EmptyA", "Point"))])
+
+
+def constrain(r):
+    child = bpy.data.objects["Child"]
+    if child.constraints:
+        child.constraints.clear()
+    else:
+        child.constraints.new("COPY_LOCATION").target = bpy.data.objects["Twin"]
+
+
+def see_lamp(r):
+    thing = _some_object(r, "LIGHT")
+    thing.visible_glossy = not thing.visible_glossy
+
+
+def kind_of_lamp(r):
+    r.choice(sorted(bpy.data.lights, key=lambda m: m.name)).type = r.choice(["POINT", "SUN", "SPOT", "AREA"])
+
+
+def squeeze_lamp(r):
+    _some_object(r, "LIGHT").scale = r.choice([(0, 0, 0), (1, 1, 1), (2, 1, 1)])
+
+
+def lose(r):
+    """A place that is no number."""
+    _some_object(r, "MESH").location.x = r.choice([float("nan"), 1.0])
+
+
+def select(r):
+    thing = _some_object(r)
+    thing.select_set(not thing.select_get())
+
+
 EDITS = [
-    move, turn, scale_to_nothing, edit_vertex, add_triangle, subdivide, smooth, color, node_value, unlink_or_link, paint, recolor, reload,
-    interpolate,
-    swap_material, light, surround, hide, exclude, add, delete, step, cast, film,
+    move, move_inner, move_scatter, turn, scale_to_nothing, lose, parent, constrain, edit_vertex, add_triangle, subdivide, smooth, color,
+    node_value, unlink_or_link, paint, recolor, reload, interpolate, swap_material, light, kind_of_lamp, squeeze_lamp, see_lamp,
+    surround, hide, exclude, add, delete, select, step, cast, film,
 ]  # fmt: skip
 
 

@@ -29,7 +29,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 4
+#define GLINT_ABI_VERSION 5
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -116,12 +116,14 @@ typedef struct GlintLight {
 
 enum { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC };
 
+/* clip_planes: camera rays see where a x + b y + c z + d >= 0 for each of the first rows (a, b, c, d); x, y along the camera's axes, z depth. */
 typedef struct GlintCamera {
   double world_from_camera[12];
   double window[4]; /* l, r, b, t */
   double clip_start, clip_end;
   uint32_t width, height;
-  int32_t kind, reserved;
+  int32_t kind, clip_plane_count;
+  double clip_planes[6][4];
 } GlintCamera;
 
 typedef struct GlintSceneData {
@@ -174,7 +176,8 @@ enum {
  * pixel_offsets: (samples, 2).  light_square, light_disc: (light_point_count, 2), at least samples * light_samples points when
  * light_samples > 1 and a light has an extent; else they may be null.  error_threshold: in 8-bit levels, at least 0 and below 256; pixels
  * whose estimated error it covers take no further samples after a wave. 0: all take all.  acceleration: of the first render of a scene
- * counts, the trees are kept. */
+ * counts, the trees are kept.  remember: keep what the first wave hit and which lights it saw, some 30 bytes a pixel, in the scene and those
+ * that take its trees over, so that a render of other lights, materials or surroundings need not trace it again. It has the same bits. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -183,7 +186,7 @@ typedef struct GlintRenderSettings {
   double error_threshold;
   uint32_t samples, light_samples, max_bounces, threads, passes;
   uint32_t region[4];
-  int32_t illumination, hold_waves, acceleration;
+  int32_t illumination, hold_waves, acceleration, remember;
 } GlintRenderSettings;
 
 enum { GLINT_PREPARING, GLINT_TRACING, GLINT_HELD, GLINT_DONE, GLINT_CANCELLED, GLINT_FAILED };
@@ -217,10 +220,12 @@ GLINT_API const char* glint_isa(void);
 /* Checks everything; null and text in `error` when something is wrong or memory is short. */
 GLINT_API GlintScene* glint_scene_create(const GlintSceneData* data, char* error, size_t error_size);
 
-/* A scene with the geometries and instances of `base` (materials' numbers aside), as the same arrays: its trees are shared if they are
- * made, and what it draws may differ in the last bits from what glint_scene_create would give, unless the camera stands at the same place.
- * Null and text in `error` also when the camera is too far from that of `base`. The two may be destroyed in any order. */
-GLINT_API GlintScene* glint_scene_create_like(const GlintScene* base, const GlintSceneData* data, char* error, size_t error_size);
+/* The scene of `data`, which may be any; what is expensive is taken over from `base` where the arrays are the same, by address. The arrays of
+ * `base` must still be there. exact: what it draws has the bits that it has after glint_scene_create. Else it may differ in the last bits,
+ * and less is made anew: the trees stay where they are while the camera moves about the scene, and geometries that moved or changed get trees
+ * of their own. The two may be destroyed in any order. */
+GLINT_API GlintScene* glint_scene_create_like(const GlintScene* base, const GlintSceneData* data, int32_t exact, char* error,
+                                              size_t error_size);
 GLINT_API void glint_scene_destroy(GlintScene* scene);
 
 /* Starts the work on threads of its own: trees first (kept in the scene for later renders), then waves of 1, 2, 4, 8 … samples. */

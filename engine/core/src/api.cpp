@@ -41,12 +41,11 @@ GlintScene* glint_scene_create(const GlintSceneData* data, char* error, size_t e
   });
 }
 
-GlintScene* glint_scene_create_like(const GlintScene* base, const GlintSceneData* data, char* error, size_t error_size) {
+GlintScene* glint_scene_create_like(const GlintScene* base, const GlintSceneData* data, int32_t exact, char* error, size_t error_size) {
   return glint::guarded<GlintScene*>(nullptr, error, error_size, [&]() -> GlintScene* {
     std::string problems = base && data ? glint::scene_problems(*data, base->scene) : "no scene";
-    if (problems.empty() && !base->scene.near(data->camera)) problems = "the camera is far from that of the other scene";
     if (!problems.empty()) return glint::tell(error, error_size, problems.c_str()), nullptr;
-    return new GlintScene{glint::Scene(*data, &base->scene)};
+    return new GlintScene{glint::Scene(*data, &base->scene, exact != 0)};
   });
 }
 

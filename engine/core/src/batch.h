@@ -9,6 +9,8 @@
 
 namespace glint {
 
+class Sight;
+
 class Batch {
  public:
   /// `passes`: the parts to keep for camera rays; all that others bring is Mirror.
@@ -51,6 +53,8 @@ class Batch {
   double* specular = nullptr;         // as ShadeStage has it
   size_t stride = 0;
   double *cost = nullptr, *fallbacks = nullptr;  // rays traced for each slot, and float64 tests of them; null when nobody asks
+  Sight* sight = nullptr;             // what is known of these rays, from its row `first_row` on; null for none
+  size_t first_row = 0;
 
  private:
   void reserve(size_t rows);

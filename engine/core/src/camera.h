@@ -26,10 +26,33 @@ class CameraRays {
     return s;
   }
 
+  /// Cuts the rays of a stage to where they are inside the clip planes.
+  void clip(const CameraStage& s) const {
+    for (size_t k = 0; camera_.clip_plane_count && k < s.count; ++k) {
+      const double u = at(s.first_column + s.column[k] + 0.5 + s.dx, s.window, s.width);
+      const double v = at(s.first_row + s.row[k] + 0.5 + s.dy, s.window + 2, s.height);
+      const double step = scale_ * length(s.parallel ? m_.z : u * m_.x + v * m_.y - m_.z);  // of t, to one unit of depth
+      for (int p = 0; p < camera_.clip_plane_count; ++p) cut(camera_.clip_planes[p], u, v, step, s.t_min[k], s.t_max[k]);
+    }
+  }
+
   /// Depth along -w in world units of an anchored point.
   double depth(Vec3d p) const { return -dot(p - eye_, backward_) / scale_; }
 
  private:
+  static double at(double place, const double* ends, double pixels) { return ends[0] + place * (ends[1] - ends[0]) / pixels; }
+
+  /// One plane and the ray (u z, v z, z), or (u, v, z) where rays are parallel.
+  void cut(const double* plane, double u, double v, double step, double& t_min, double& t_max) const {
+    const bool parallel = camera_.kind == GLINT_ORTHOGRAPHIC;
+    const double across = plane[0] * u + plane[1] * v;
+    const double slope = plane[2] + (parallel ? 0 : across), constant = plane[3] + (parallel ? across : 0);
+    const double t = -constant / slope * step;
+    if (slope > 0) t_min = std::max(t_min, t);
+    else if (slope < 0) t_max = std::min(t_max, t);
+    else if (!(constant >= 0)) t_max = -1;
+  }
+
   const GlintCamera& camera_;
   Affine m_;
   Vec3d backward_;

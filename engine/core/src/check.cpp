@@ -155,6 +155,7 @@ void check_surroundings(const GlintSceneData& d, Report& report) {
   report.add(all_finite(c.world_from_camera, 12) && all_finite(c.window, 4), "camera: a number is not finite");
   report.add(any(affine(c.world_from_camera).z), "camera: its view direction is zero");
   report.add(c.clip_start >= 0 && c.clip_end >= c.clip_start, "camera: clip from %g to %g", c.clip_start, c.clip_end);
+  report.add(within(c.clip_plane_count, 6) && all_finite(c.clip_planes[0], 24), "camera: %d clip planes", c.clip_plane_count);
   bool sized = c.width >= 1 && c.height >= 1 && c.width <= 1u << 20 && c.height <= 1u << 20;
   report.add(sized, "camera: resolution %u by %u", c.width, c.height);
   for (uint64_t i = 0; i < d.light_count; ++i)
@@ -178,35 +179,33 @@ GlintGeometry shape_of(GlintGeometry g) {
   return g;
 }
 
-}  // namespace
-
-std::string scene_problems(const GlintSceneData& data) {
+/// All but the geometries.
+Report check_all_else(const GlintSceneData& data) {
   Report report;
   check_tables(data, report);
-  if (!report.good()) return report.text();
+  if (!report.good()) return report;
   check_surroundings(data, report);
   check_textures(data, report);
   check_materials(data, report);
   check_instances(data, report);
+  return report;
+}
+
+}  // namespace
+
+std::string scene_problems(const GlintSceneData& data) {
+  Report report = check_all_else(data);
   for (uint64_t i = 0; i < data.geometry_count && report.good(); ++i) check_geometry(data, data.geometries[i], i, report);
   return report.text();
 }
 
 std::string scene_problems(const GlintSceneData& data, const Scene& base) {
-  Report report;
-  check_tables(data, report);
-  report.add(data.geometry_count == base.geometries.size() && data.instances_count == base.groups.size(), "not the scene's geometries");
+  Report report = check_all_else(data);
   if (!report.good()) return report.text();
-  check_surroundings(data, report);
-  check_textures(data, report);
-  check_materials(data, report);
-  check_instances(data, report);
+  const std::vector<uint32_t> there = same_geometries(data, base);
   for (uint64_t i = 0; i < data.geometry_count && report.good(); ++i) {
-    const GlintGeometry &g = data.geometries[i], &b = base.geometries[i];
-    bool same = g.kind == b.kind && g.vertices == b.vertices && g.triangles == b.triangles && g.corners == b.corners;
-    same = same && g.radii == b.radii && g.indices == b.indices && g.primitive_count == b.primitive_count;
-    same = same && g.normals.values == b.normals.values && g.attribute_count == b.attribute_count;
-    report.add(same, "geometry %llu is not the scene's", ull(i));
+    const GlintGeometry& g = data.geometries[i];
+    if (there[i] == AccelBase::kNone || !same_attributes(data, g, base, base.geometries[there[i]])) check_geometry(data, g, i, report);
   }
   return report.text();
 }

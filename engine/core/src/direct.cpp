@@ -2,6 +2,7 @@
 #include "direct.h"
 
 #include "math.h"
+#include "sight.h"
 #include "timer.h"
 
 namespace glint {
@@ -35,13 +36,15 @@ void DirectLight::prepare(const Batch& batch) {
 
 void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   prepare(batch);
+  size_t number = 0;
   for (const Light& light : scene_.lights) {
     const uint32_t count = light.extended ? plan_.light_samples : 1;
-    for (uint32_t j = 0; j < count && !cancel_; ++j) {
+    for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       light.set(stage_, plan_.light_point(sample, j), count, plan_.physical);
       const size_t reached = stages_.light(stage_);
       if (reached == 0) continue;
-      if (light.casts_shadow()) find_shadows(batch, reached, counts);
+      uint8_t* const known = batch.sight ? batch.sight->shadows(number) : nullptr;
+      if (light.casts_shadow()) find_shadows(batch, reached, known ? known + batch.first_row : nullptr, counts);
       else std::fill_n(blocked_.begin(), reached, uint8_t(0));
       if (glassy_) step_through_surfaces(batch, reached, counts);
       add(batch, reached);
@@ -49,13 +52,26 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   }
 }
 
-void DirectLight::find_shadows(const Batch& batch, size_t count, RayCounts& counts) {
+/// False where a point's shadow is not known.
+bool DirectLight::recall_shadows(const uint8_t* known, size_t count) {
+  bool all = true;
+  for (size_t k = 0; k < count; ++k) {
+    const uint8_t shadow = known[point_[k]];
+    all &= shadow != 0, blocked_[k] = shadow == 2;
+  }
+  return all;
+}
+
+/// known: of the points, as Sight::shadows has it, or null.
+void DirectLight::find_shadows(const Batch& batch, size_t count, uint8_t* known, RayCounts& counts) {
   for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);
+  if (known && recall_shadows(known, count)) return;
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Timer timer(counts.tracing);
   scene_.accel().occluded(Rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow}, blocked_.data());
   counts.shadow += count;
+  for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);
 }
 
 /// Follows blocked rays from surface to surface; each lets its clamped transparency through.

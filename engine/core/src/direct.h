@@ -17,7 +17,8 @@ class DirectLight {
 
  private:
   void prepare(const Batch& batch);
-  void find_shadows(const Batch& batch, size_t count, RayCounts& counts);
+  void find_shadows(const Batch& batch, size_t count, uint8_t* known, RayCounts& counts);
+  bool recall_shadows(const uint8_t* known, size_t count);
   void step_through_surfaces(const Batch& batch, size_t count, RayCounts& counts);
   bool step(const Batch& batch, uint32_t k, const Hit& hit);
   void add(const Batch& batch, size_t count) const;

@@ -58,6 +58,8 @@ class Film {
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const Region& region() const { return region_; }
+  /// Rows of a column over all tiles.
+  size_t rows() const { return sums_.size() / columns_; }
   uint32_t passes() const { return passes_; }
   bool wants(int pass) const { return passes_ >> pass & 1; }
   bool wants_data() const { return passes_ & kDataPasses; }

@@ -25,7 +25,7 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.error_threshold = g.error_threshold;
   plan.samples = g.samples, plan.light_samples = g.light_samples, plan.max_bounces = g.max_bounces, plan.passes = g.passes;
   plan.threads = threads_for(g.threads), plan.quality = BuildQuality(g.acceleration);
-  plan.physical = g.illumination == GLINT_PHYSICAL, plan.hold_waves = g.hold_waves != 0;
+  plan.physical = g.illumination == GLINT_PHYSICAL, plan.hold_waves = g.hold_waves != 0, plan.remember = g.remember != 0;
   plan.pixel_offsets = g.pixel_offsets, plan.light_square = g.light_square, plan.light_disc = g.light_disc;
   return plan;
 }
@@ -102,7 +102,12 @@ void Job::run() {
 
 void Job::trace_waves() {
   team_ = std::make_unique<Team>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
-  for (size_t k = 0; k < team_->size(); ++k) tracers_.push_back(std::make_unique<Tracer>(scene_, plan_, film_, cancel_));
+  const bool looks_up = plan_.remember && !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
+  const std::shared_ptr<Sight> sight = looks_up ? scene_.sight(plan_, film_) : nullptr;
+  const auto held = sight ? std::unique_lock(sight->mutex, std::try_to_lock) : std::unique_lock<std::mutex>();
+  if (held) sight->expect(scene_, plan_);
+  Sight* const usable = held ? sight.get() : nullptr;
+  for (size_t k = 0; k < team_->size(); ++k) tracers_.push_back(std::make_unique<Tracer>(scene_, plan_, film_, cancel_, usable));
   for (uint32_t first = 0, last = 1; first < plan_.samples && !cancel_; first = last) {
     last = first == 0 ? 1 : uint32_t(std::min<uint64_t>(2 * uint64_t(first), plan_.samples));
     double seconds = 0;

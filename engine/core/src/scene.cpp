@@ -2,21 +2,17 @@
 
 #include <chrono>
 #include <cstring>
+#include <numeric>
 
 #include "math.h"
+#include "sight.h"
 
 namespace glint {
 namespace {
 
-struct Bounds {
-  Vec3d low{kInfinity, kInfinity, kInfinity}, high{-kInfinity, -kInfinity, -kInfinity};
-  void grow(Vec3d p) { low = min(low, p), high = max(high, p); }
-  bool empty() const { return !(low.x <= high.x); }
-};
-
 /// Object-space box of a geometry's finite points; spheres with their radii.
-Bounds bounds_of(const GlintGeometry& geometry) {
-  Bounds box;
+Extent extent_of(const GlintGeometry& geometry) {
+  Extent box;
   for (uint64_t i = 0; i < geometry.vertex_count; ++i) {
     Vec3d p(Vec3f{geometry.vertices[3 * i], geometry.vertices[3 * i + 1], geometry.vertices[3 * i + 2]});
     double r = geometry.radii ? geometry.radii[i] : 0;
@@ -27,7 +23,7 @@ Bounds bounds_of(const GlintGeometry& geometry) {
 }
 
 /// The largest distance from `origin` of the box's corners after m.
-double reach(const Bounds& box, const Affine& m, Vec3d origin) {
+double reach(const Extent& box, const Affine& m, Vec3d origin) {
   double far = 0;
   for (int k = 0; k < 8; ++k) {
     Vec3d p{k & 1 ? box.high.x : box.low.x, k & 2 ? box.high.y : box.low.y, k & 4 ? box.high.z : box.low.z};
@@ -81,30 +77,72 @@ void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, double*& specul
   }
 }
 
+constexpr size_t kSights = 2;  // a viewport shows a view and in it the render's frame
+constexpr uint32_t kVisibility = kCamera | kMirror | kShadow;
+
 bool depends_on_surface(const GlintInput& input) { return input.texture >= 0 || input.attribute >= 0; }
 
 }  // namespace
 
-Scene::Scene(const GlintSceneData& data, const Scene* base) : camera(data.camera) {
+Scene::Scene(const GlintSceneData& data, const Scene* base, bool exact) : camera(data.camera) {
   copy_tables(data);
   compile_materials(data);
-  anchor.origin = base ? base->anchor.origin : affine(camera.world_from_camera).t;
+  if (base) take_over(*base, data, exact);
+  const Vec3d eye = affine(camera.world_from_camera).t;
+  const bool stays = earlier_.trees.accel && !exact && earlier_.anchor.near(eye);
+  anchor.origin = stays ? earlier_.anchor.origin : eye;
   place_instances();
-  anchor.scale = base ? base->anchor.scale : power_scale(radius());
+  anchor.scale = stays ? earlier_.anchor.scale : power_scale(radius(base));
   place_lights(data.lights, data.light_count);
   note_features();
   shape_groups();
   shape_instances();
   fold_materials();
   shape_materials();
-  if (!base) return;
-  std::lock_guard lock(base->build_mutex_);
-  accel_ = base->accel_;
+  earlier_.trees.same_space = earlier_.trees.accel && anchor == earlier_.anchor;
+  if (base) share_trees(*base, exact);
 }
 
-bool Scene::near(const GlintCamera& other) const {
-  constexpr double kFarthest = 4;  // anchored radius of the scene: 1 to 2
-  return max_abs(anchor.point(affine(other.world_from_camera).t)) <= kFarthest;
+/// The trees that a later scene may take over: this one's, or as long as it has none those that it would take over itself.
+Scene::Earlier Scene::trees() const {
+  std::lock_guard lock(build_mutex_);
+  if (!accel_) return earlier_;
+  Earlier mine{{accel_, std::vector<uint32_t>(geometries.size()), false, exact_}, anchor};
+  std::iota(mine.trees.geometry.begin(), mine.trees.geometry.end(), 0u);
+  return mine;
+}
+
+void Scene::take_over(const Scene& base, const GlintSceneData& data, bool exact) {
+  earlier_ = base.trees();
+  const std::vector<uint32_t> there = std::move(earlier_.trees.geometry);
+  geometry_in_base_ = same_geometries(data, base);
+  earlier_.trees.geometry = geometry_in_base_;
+  for (uint32_t& g : earlier_.trees.geometry)
+    if (g != AccelBase::kNone) g = there.empty() ? AccelBase::kNone : there[g];
+  const auto none = [](uint32_t g) { return g == AccelBase::kNone; };
+  if (std::all_of(earlier_.trees.geometry.begin(), earlier_.trees.geometry.end(), none)) earlier_.trees = {};
+  earlier_.trees.exact = exact;
+}
+
+/// Where nothing stands elsewhere, the trees are those of `base`.
+void Scene::share_trees(const Scene& base, bool exact) {
+  if (!same_placements(base)) return;
+  std::lock_guard lock(base.build_mutex_);
+  if (!base.accel_ || (exact && !base.exact_)) return;
+  accel_ = base.accel_, exact_ = base.exact_, earlier_ = {};
+  const auto same = [](const GlintGeometry& a, const GlintGeometry& b) {
+    return a.normals.values == b.normals.values && a.normals.domain == b.normals.domain && a.corners == b.corners;
+  };
+  if (std::equal(geometries.begin(), geometries.end(), base.geometries.begin(), base.geometries.end(), same)) sights_ = base.sights_;
+}
+
+std::shared_ptr<Sight> Scene::sight(const RenderPlan& plan, const Film& film) {
+  std::lock_guard lock(build_mutex_);
+  const auto found = std::find_if(sights_.begin(), sights_.end(), [&](const auto& s) { return s->is_of(camera, plan); });
+  if (found != sights_.end()) std::rotate(sights_.begin(), found, found + 1);
+  else sights_.insert(sights_.begin(), std::make_shared<Sight>(camera, plan, film));
+  if (sights_.size() > kSights) sights_.pop_back();
+  return sights_.front();
 }
 
 void Scene::copy_tables(const GlintSceneData& data) {
@@ -170,15 +208,30 @@ void Scene::place_instances() {
   for (const GlintGeometry& geometry : geometries) primitives += geometry.primitive_count;
 }
 
-double Scene::radius() const {
-  std::vector<Bounds> boxes;
-  for (const GlintGeometry& geometry : geometries) boxes.push_back(bounds_of(geometry));
+double Scene::radius(const Scene* base) {
+  for (uint32_t g = 0; g < geometries.size(); ++g) {
+    const uint32_t there = base ? geometry_in_base_[g] : AccelBase::kNone;
+    const bool known = there < (base ? base->extents_.size() : 0);
+    extents_.push_back(known ? base->extents_[there] : extent_of(geometries[g]));
+  }
   double far = 0;
   for (const Placement& p : placements) {
-    const Bounds& box = boxes[groups[p.group].geometry];
+    const Extent& box = extents_[groups[p.group].geometry];
     if (!box.empty()) far = std::max(far, reach(box, affine(world_from_object + 12 * size_t(p.row)), anchor.origin));
   }
   return far;
+}
+
+bool Scene::same_placements(const Scene& base) const {
+  if (!(anchor == base.anchor) || placements.size() != base.placements.size() || geometries.size() != base.geometries.size()) return false;
+  for (size_t i = 0; i < placements.size(); ++i) {
+    const GlintInstances &a = groups[placements[i].group], &b = base.groups[base.placements[i].group];
+    if (geometry_in_base_[a.geometry] != b.geometry || a.geometry != b.geometry || ((a.flags ^ b.flags) & kVisibility)) return false;
+    if (std::memcmp(world_from_object + 12 * size_t(placements[i].row), base.world_from_object + 12 * size_t(base.placements[i].row),
+                    12 * sizeof(double)))
+      return false;
+  }
+  return true;
 }
 
 void Scene::place_lights(const GlintLight* data, size_t count) {
@@ -292,7 +345,7 @@ std::vector<InstanceView> Scene::instance_views() const {
   views.reserve(placements.size());
   for (const Placement& p : placements) {
     const GlintInstances& group = groups[p.group];
-    views.push_back({group.geometry, group.flags & (kCamera | kMirror | kShadow), anchored(p.row)});
+    views.push_back({group.geometry, group.flags & kVisibility, anchored(p.row)});
   }
   return views;
 }
@@ -301,7 +354,8 @@ bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& ca
   std::lock_guard lock(build_mutex_);
   if (accel_) return true;
   auto start = std::chrono::steady_clock::now();
-  accel_ = Accel::build(geometry_views(), instance_views(), threads, cancel, quality);
+  accel_ = Accel::build(geometry_views(), instance_views(), threads, cancel, quality, earlier_.trees);
+  if (accel_) exact_ = !earlier_.trees.accel || earlier_.trees.exact, earlier_ = {};
   build_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return accel_ != nullptr;
 }

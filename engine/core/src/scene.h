@@ -1,6 +1,7 @@
 // The scene behind the door: copied tables, borrowed arrays, everything checked, placed relative to the camera.
 #pragma once
 #include <atomic>
+#include <cmath>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -23,14 +24,34 @@ struct Anchor {
   Vec3d point(Vec3d world) const { return scale * (world - origin); }
   Vec3d world(Vec3d p) const { return (1 / scale) * p + origin; }
   Affine matrix(const Affine& m) const { return {scale * m.x, scale * m.y, scale * m.z, point(m.t)}; }
+  /// Whether single precision is fine enough for an eye that stands there: not far out of the scene.
+  bool near(Vec3d world_eye) const { return max_abs(point(world_eye)) <= 4; }  // the scene's radius is 1 to 2
+  bool operator==(const Anchor& b) const { return origin.x == b.origin.x && origin.y == b.origin.y && origin.z == b.origin.z && scale == b.scale; }
 };
 
 /// What is wrong with the tables and arrays, one sentence a line; empty when they are sound.
 std::string scene_problems(const GlintSceneData& data);
 
+class Film;
 class Scene;
-/// The same for a scene like `base`: what their geometries hold was checked before.
+class Sight;
+struct RenderPlan;
+
+/// The same next to a scene without problems: geometries that are its own were checked before.
 std::string scene_problems(const GlintSceneData& data, const Scene& base);
+
+/// Of each geometry, the number of the one in `base` with the same arrays; AccelBase::kNone for others.
+std::vector<uint32_t> same_geometries(const GlintSceneData& data, const Scene& base);
+
+/// Whether all that is checked of a geometry was checked of one in `base`: it has the same arrays, attributes included.
+bool same_attributes(const GlintSceneData& data, const GlintGeometry& g, const Scene& base, const GlintGeometry& there);
+
+/// Low and high corner; low above high for nothing.
+struct Extent {
+  Vec3d low{HUGE_VAL, HUGE_VAL, HUGE_VAL}, high{-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
+  void grow(Vec3d p) { low = min(low, p), high = max(high, p); }
+  bool empty() const { return !(low.x <= high.x); }
+};
 
 /// An instance as the accelerator numbers them: row of world_from_object and entry of the instances' table.
 struct Placement {
@@ -39,15 +60,15 @@ struct Placement {
 
 class Scene {
  public:
-  /// `data` has no problems. base: a scene with the same geometries and instances, whose anchor and trees, if it has any, are taken over.
-  explicit Scene(const GlintSceneData& data, const Scene* base = nullptr);
-
-  /// Whether single precision is fine enough for a camera that stands there: not far out of the scene as it is anchored.
-  bool near(const GlintCamera& other) const;
+  /// `data` has no problems. base: a scene whose trees serve where nothing changed.  exact: the picture has the bits that it has without
+  /// a base; else the coordinates of `base` stay as long as they are fine enough for the camera, and what moved gets trees of its own.
+  explicit Scene(const GlintSceneData& data, const Scene* base = nullptr, bool exact = true);
 
   /// Makes the trees unless they are there; false when `cancel` became true.
   bool build(int threads, BuildQuality quality, const std::atomic<bool>& cancel);
   const Accel& accel() const { return *accel_; }
+  /// What is known of the first wave of such a render, by this scene or those whose trees it has; nothing as yet for one that is new.
+  std::shared_ptr<Sight> sight(const RenderPlan& plan, const Film& film);
 
   Affine anchored(uint32_t row) const { return anchor.matrix(affine(world_from_object + 12 * size_t(row))); }
   const GlintInstances& group(uint32_t instance) const { return groups[placements[instance].group]; }
@@ -104,11 +125,26 @@ class Scene {
   void shape_instances();
   void fold_materials();
   void shape_materials();
-  double radius() const;
+  double radius(const Scene* base);
+  void take_over(const Scene& base, const GlintSceneData& data, bool exact);
+  void share_trees(const Scene& base, bool exact);
+  bool same_placements(const Scene& base) const;
   std::vector<GeometryView> geometry_views() const;
   std::vector<InstanceView> instance_views() const;
 
+  /// Trees of an earlier scene, and where its coordinates are.
+  struct Earlier {
+    AccelBase trees;
+    Anchor anchor;
+  };
+  Earlier trees() const;
+
+  std::vector<uint32_t> geometry_in_base_;
+  std::vector<Extent> extents_;  // of the geometries, object space
   std::shared_ptr<const Accel> accel_;
+  bool exact_ = true;            // accel_ is what a scene without a base would have
+  Earlier earlier_;              // until there is accel_
+  std::vector<std::shared_ptr<Sight>> sights_;  // the last ones, newest first
   mutable std::mutex build_mutex_;
 };
 

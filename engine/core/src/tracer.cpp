@@ -12,8 +12,8 @@ constexpr size_t kMaxBatch = 8192;  // rays in flight at once
 
 }  // namespace
 
-Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel)
-    : scene_(scene), plan_(plan), film_(film), stages_(best_stages()), cancel_(cancel), camera_(scene), shader_(scene, plan),
+Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel, Sight* sight)
+    : scene_(scene), plan_(plan), film_(film), stages_(best_stages()), cancel_(cancel), sight_(sight), camera_(scene), shader_(scene, plan),
       direct_(scene, plan, stages_, cancel), batch_(scene, film.passes()) {}
 
 Queue Tracer::take(uint32_t visibility) {
@@ -62,11 +62,11 @@ void Tracer::camera_rays(uint32_t sample) {
   for (size_t k = 0; k < 3; ++k) stage.o[k] = c[Queue::kO + k], stage.d[k] = c[Queue::kD + k];
   stage.t_min = c[Queue::kTMin], stage.t_max = c[Queue::kTMax];
   stages_.camera(stage);
+  camera_.clip(stage);
   const Vec3d eye = camera_.eye();
   for (size_t k = 0; any(eye) && k < 3; ++k)
     for (size_t i = 0; i < count; ++i) c[Queue::kO + k][i] = (stage.parallel ? c[Queue::kO + k][i] : 0) + eye[int(k)];
   for (size_t k = 0; (stage.parallel || any(eye)) && k < 3; ++k) std::copy_n(c[Queue::kO + k], count, c[Queue::kStart + k]);
-  counts_.camera += count;
 }
 
 void Tracer::trace(uint32_t sample) {
@@ -107,6 +107,7 @@ void Tracer::follow(uint32_t sample) {
 
 void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced) {
   batch_.begin(queue);
+  batch_.sight = sample == 0 && &queue == &first_ ? sight_ : nullptr, batch_.first_row = tile_->first_row;
   find_points(queue);
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
   if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
@@ -116,12 +117,19 @@ void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue
   keep(queue);
 }
 
-void Tracer::find_points(const Queue& queue) {
+void Tracer::find_hits(const Queue& queue) {
+  if (batch_.sight && batch_.sight->recall(*tile_, batch_.hits())) return;
   {
     const Timer timer(counts_.tracing);
     scene_.accel().closest(queue.rays(), batch_.hits());
   }
   batch_.charge_fallbacks();
+  if (&queue == &first_) counts_.camera += queue.size();
+  if (batch_.sight) batch_.sight->keep(*tile_, batch_.hits());
+}
+
+void Tracer::find_points(const Queue& queue) {
+  find_hits(queue);
   SurfaceStage stage{};
   stage.count = queue.size(), stage.points = batch_.points;
   for (size_t c = 0; c < 3; ++c) stage.start[c] = queue.columns[Queue::kStart + c], stage.d[c] = queue.columns[Queue::kD + c];

@@ -5,6 +5,7 @@
 
 #include "direct.h"
 #include "shade.h"
+#include "sight.h"
 
 namespace glint {
 
@@ -12,7 +13,8 @@ namespace glint {
 /// after generation by age, rays that bounced before those that go straight on. So tiles, regions and threads do not change a bit.
 class Tracer {
  public:
-  Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel);
+  /// sight: to look up the first wave in, and to keep it; null for none.
+  Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel, Sight* sight = nullptr);
   Tracer(const Tracer&) = delete;
   Tracer& operator=(const Tracer&) = delete;
 
@@ -32,6 +34,7 @@ class Tracer {
   void follow(uint32_t sample);
   void process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced);
   void find_points(const Queue& queue);
+  void find_hits(const Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
   size_t vary(const Queue& queue, size_t first, size_t count);
   void record(const Queue& queue);
@@ -46,6 +49,7 @@ class Tracer {
   Film& film_;
   const Stages& stages_;
   const std::atomic<bool>& cancel_;
+  Sight* const sight_;
   const CameraRays camera_;
   const Shader shader_;
   DirectLight direct_;

@@ -148,6 +148,9 @@ GlintCamera camera(Dice& dice) {
   c.window[0] = -positive(dice), c.window[1] = positive(dice), c.window[2] = -positive(dice), c.window[3] = positive(dice);
   c.clip_start = dice.chance(0.5) ? 0 : positive(dice), c.clip_end = dice.chance(0.5) ? kInf : c.clip_start + positive(dice);
   c.width = uint32_t(1 + dice.below(20)), c.height = uint32_t(1 + dice.below(20)), c.kind = int32_t(dice.below(2));
+  if (dice.chance(0.3)) c.clip_plane_count = int32_t(dice.below(7)) + dice.chance(0.1 * dice.wildness);
+  for (int p = 0; p < std::min(c.clip_plane_count, 6); ++p)
+    for (double& x : c.clip_planes[p]) x = dice.number();
   if (dice.chance(0.1 * dice.wildness)) c.width = uint32_t(dice.bits());
   return c;
 }

@@ -70,18 +70,31 @@ struct Hits {
 
 struct AccelStats {
   size_t bytes = 0, nodes = 0, primitives = 0, dropped = 0; // dropped: primitives with a non-finite vertex or no extent
+  size_t built = 0;                                         // primitives whose trees were not taken over
   double seconds = 0;
 };
 
 /// How much time a build takes, and how little the rays: hits are the same. kFine: triangles may be in several leaves.
 enum class BuildQuality { kFast, kBalanced, kFine };
 
+class Accel;
+
+/// An accelerator whose trees serve where nothing has changed since.
+struct AccelBase {
+  static constexpr uint32_t kNone = 0xffffffffu;
+  std::shared_ptr<const Accel> accel;
+  std::vector<uint32_t> geometry;  // of each geometry its number in `accel`, kNone for one that is not there
+  bool same_space = false;         // world space is the same
+  bool exact = true;               // else meshes that moved leave the world's trees for ones of their own, and their hits differ in the last bits
+};
+
 class Accel {
  public:
   virtual ~Accel() = default;
   /// Null when `cancel` became true. Throws std::bad_alloc.
   static std::unique_ptr<Accel> build(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
-                                      const std::atomic<bool>& cancel, BuildQuality quality = BuildQuality::kBalanced);
+                                      const std::atomic<bool>& cancel, BuildQuality quality = BuildQuality::kBalanced,
+                                      const AccelBase& base = {});
   virtual void closest(const Rays& rays, const Hits& hits) const = 0;
   /// blocked[k] = 1 when anything lies inside the open interval of ray k.
   virtual void occluded(const Rays& rays, uint8_t* blocked) const = 0;

@@ -151,18 +151,20 @@ std::string tree_problem(const Tree& tree, const std::vector<Box>& primitives) {
 }
 
 std::string World::validate() const {
-  for (const auto* trees : {&trees_, &objects_})
-    for (const Tree& tree : *trees) {
-      std::vector<Box> boxes = primitive_boxes(tree);
-      for (size_t k = 0; tree.kind == kInstanceLeaf && k < tree.count; ++k) {
-        const InstanceView& i = instances_[records_[k].instance];
-        const BoxD b = world_box(objects_[records_[k].tree].nodes.box, i.world_from_object);
-        boxes[k] = {F4{float(b.lo.x), float(b.lo.y), float(b.lo.z), 0}, F4{float(b.hi.x), float(b.hi.y), float(b.hi.z), 0}};
-      }
-      const std::string problem = tree_problem(tree, boxes);
-      if (!problem.empty()) return problem;
-    }
-  return "";
+  std::vector<const Tree*> trees;
+  for (const BakedTree& baked : baked_) trees.push_back(baked.tree.get());
+  for (const auto& tree : objects_) trees.push_back(tree.get());
+  for (const Tree* tree : trees) {
+    const std::string problem = tree_problem(*tree, primitive_boxes(*tree));
+    if (!problem.empty()) return problem;
+  }
+  std::vector<Box> boxes(instance_tree_->count);
+  for (size_t k = 0; k < boxes.size(); ++k) {
+    const InstanceView& i = instances_[records_[k].instance];
+    const BoxD b = world_box(objects_[records_[k].tree]->nodes.box, i.world_from_object);
+    boxes[k] = {F4{float(b.lo.x), float(b.lo.y), float(b.lo.z), 0}, F4{float(b.hi.x), float(b.hi.y), float(b.hi.z), 0}};
+  }
+  return tree_problem(*instance_tree_, boxes);
 }
 
 }  // namespace glint

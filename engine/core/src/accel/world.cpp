@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 
+#include "takeover.h"
+
 namespace glint {
 namespace {
 
@@ -18,18 +20,21 @@ double similarity(const Affine& m) {
   return even && square ? x : 0;
 }
 
-bool invertible(const Affine& m) {
-  Affine unused;
-  return inverse(m, unused);
-}
-
 std::vector<uint32_t> count_uses(const std::vector<GeometryView>& geometries, const std::vector<InstanceView>& instances) {
   std::vector<uint32_t> uses(geometries.size(), 0);
   for (const InstanceView& i : instances) uses[i.geometry] += finite(i.world_from_object);
   return uses;
 }
 
+/// The factor by which an instance scales the radii of its spheres; 1 for other shapes.
+double radius_scale(const GeometryView& g, const Affine& m) { return g.kind == GeometryView::kSpheres ? similarity(m) : 1; }
+
 }  // namespace
+
+bool invertible(const Affine& m) {
+  Affine unused;
+  return inverse(m, unused);
+}
 
 bool inverse(const Affine& m, Affine& linear) {
   const double ix = 1 / length(m.x), iy = 1 / length(m.y), iz = 1 / length(m.z);
@@ -55,32 +60,37 @@ BoxD world_box(const Box& box, const Affine& m) {
 }
 
 std::unique_ptr<Accel> Accel::build(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
-                                    const std::atomic<bool>& cancel, BuildQuality quality) {
+                                    const std::atomic<bool>& cancel, BuildQuality quality, const AccelBase& base) {
   try {
-    return std::make_unique<World>(std::move(geometries), std::move(instances), threads, cancel, quality);
+    return std::make_unique<World>(std::move(geometries), std::move(instances), threads, cancel, quality, base);
   } catch (const Cancelled&) {
     return nullptr;
   }
 }
 
 World::World(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads, const std::atomic<bool>& cancel,
-             BuildQuality quality)
+             BuildQuality quality, const AccelBase& base)
     : kernel_(best_kernel()), quality_(quality), geometries_(std::move(geometries)), instances_(std::move(instances)) {
   const auto start = std::chrono::steady_clock::now();
   if (cancel.load()) throw Cancelled{};
   Team team(threads);
+  const Takeover before(base, instances_);
   Plan p = plan();
-  for (auto* sources : {&p.meshes, &p.spheres, &p.polygons}) {
-    Tree tree = make_tree(*sources, quality_, team, cancel);
-    p.dropped += tree.dropped;
-    if (tree.count > 0) trees_.push_back(std::move(tree));
-    std::vector<Source>().swap(*sources);
+  const bool moved = before.move_out(p, geometries_);
+  for (int kind = 0; kind < 3; ++kind) {
+    baked_[kind] = moved ? before.all(kind) : before.baked(kind, p.baked[kind]);
+    if (!baked_[kind].tree) baked_[kind] = bake(p.baked[kind], team, cancel), stats_.built += baked_[kind].tree->count;
   }
-  build_objects(p.placed, team, cancel);
+  build_objects(p.placed, before, team, cancel);
   build_instances(p.placed, team, cancel);
+  hide_moved(p);
   make_view();
   count(p);
   stats_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+std::shared_ptr<const Tree> World::object(uint32_t geometry) const {
+  return object_of_[geometry] != kNoTree ? objects_[object_of_[geometry]] : nullptr;
 }
 
 Plan World::plan() const {
@@ -89,23 +99,35 @@ Plan World::plan() const {
   for (uint32_t i = 0; i < instances_.size(); ++i) {
     const Affine& m = instances_[i].world_from_object;
     const GeometryView& g = geometries_[instances_[i].geometry];
-    const bool spheres = g.kind == GeometryView::kSpheres, once = uses[instances_[i].geometry] == 1;
-    const double scale = spheres ? similarity(m) : 1;
+    const bool once = uses[instances_[i].geometry] == 1;
+    const double scale = radius_scale(g, m);
     if (!finite(m)) {
       p.dropped += g.primitive_count;
     } else if (invertible(m) && (!once || scale == 0)) {
       p.placed.push_back(i);
-    } else if (spheres && scale == 0) {
+    } else if (scale == 0) {
       p.dropped += g.primitive_count;  // flattened spheres
     } else {
-      auto& sources = g.kind == GeometryView::kMesh ? p.meshes : spheres ? p.spheres : p.polygons;
-      sources.push_back({&g, i, &m, scale, nullptr, {}});
+      p.baked[g.kind].push_back(i);
     }
   }
   return p;
 }
 
-void World::build_objects(const std::vector<uint32_t>& placed, Team& team, const std::atomic<bool>& cancel) {
+BakedTree World::bake(const std::vector<uint32_t>& wanted, Team& team, const std::atomic<bool>& cancel) const {
+  BakedTree baked;
+  std::vector<Source> sources;
+  for (uint32_t i : wanted) {
+    const InstanceView& v = instances_[i];
+    const GeometryView& g = geometries_[v.geometry];
+    sources.push_back({&g, i, &v.world_from_object, radius_scale(g, v.world_from_object), nullptr, {}});
+    baked.instances.push_back(i), baked.geometries.push_back(v.geometry), baked.matrices.push_back(v.world_from_object);
+  }
+  baked.tree = std::make_shared<const Tree>(make_tree(sources, quality_, team, cancel));
+  return baked;
+}
+
+void World::build_objects(const std::vector<uint32_t>& placed, const Takeover& before, Team& team, const std::atomic<bool>& cancel) {
   object_of_.assign(geometries_.size(), kNoTree);
   std::vector<uint32_t> used, small;
   for (uint32_t i : placed) {
@@ -118,11 +140,15 @@ void World::build_objects(const std::vector<uint32_t>& placed, Team& team, const
   auto build = [&](uint32_t object, Team& with) {
     std::vector<Source> sources;
     sources.push_back({&geometries_[used[object]], 0, nullptr, 1, nullptr, {}});
-    objects_[object] = make_tree(sources, quality_, with, cancel);
+    objects_[object] = std::make_shared<const Tree>(make_tree(sources, quality_, with, cancel));
   };
-  for (uint32_t k = 0; k < used.size(); ++k)
+  for (uint32_t k = 0; k < used.size(); ++k) {
+    objects_[k] = before.object(used[k]);
+    if (objects_[k]) continue;
+    stats_.built += geometries_[used[k]].primitive_count;
     if (geometries_[used[k]].primitive_count >= kSmall) build(k, team);
     else small.push_back(k);
+  }
   team.run(small.size(), [&](size_t k) {
     Team alone(1);
     build(small[k], alone);
@@ -132,7 +158,7 @@ void World::build_objects(const std::vector<uint32_t>& placed, Team& team, const
 void World::build_instances(const std::vector<uint32_t>& placed, Team& team, const std::atomic<bool>& cancel) {
   std::vector<Ref> boxes;
   for (uint32_t i : placed) {
-    const Tree& object = objects_[object_of_[instances_[i].geometry]];
+    const Tree& object = *objects_[object_of_[instances_[i].geometry]];
     if (object.count > 0) boxes.push_back(make_ref(world_box(object.nodes.box, instances_[i].world_from_object), i, 0));
   }
   Tree tree = make_instance_tree(std::move(boxes), team, cancel);
@@ -143,26 +169,41 @@ void World::build_instances(const std::vector<uint32_t>& placed, Team& team, con
     records_.push_back({{n.x.x, n.x.y, n.x.z, n.y.x, n.y.y, n.y.z, n.z.x, n.z.y, n.z.z}, {m.t.x, m.t.y, m.t.z},
                         object_of_[instances_[i].geometry], i, instances_[i].visibility});
   }
-  if (tree.count > 0) trees_.push_back(std::move(tree));
+  instance_tree_ = std::make_shared<const Tree>(std::move(tree));
+}
+
+/// What the world's trees hold and the plan has elsewhere, or nowhere, is not seen there.
+void World::hide_moved(const Plan& plan) {
+  for (const InstanceView& i : instances_) visibility_.push_back(i.visibility);
+  std::vector<uint8_t> stays(instances_.size(), 0);
+  for (const auto& baked : plan.baked)
+    for (uint32_t i : baked) stays[i] = 1;
+  for (const BakedTree& baked : baked_)
+    for (uint32_t i : baked.instances) {
+      if (i >= visibility_.size()) visibility_.resize(i + 1, 0);
+      if (i >= stays.size() || !stays[i]) visibility_[i] = 0;
+    }
 }
 
 void World::make_view() {
   uint32_t common = ~0u;
-  for (const InstanceView& i : instances_) visibility_.push_back(i.visibility), common &= i.visibility;
-  for (const Tree& t : trees_) tree_views_.push_back(t.view());
-  for (const Tree& t : objects_) object_views_.push_back(t.view());
+  for (uint32_t v : visibility_) common &= v;
+  for (const auto* tree : {&baked_[0].tree, &baked_[1].tree, &baked_[2].tree, &instance_tree_})
+    if ((*tree)->count > 0) tree_views_.push_back((*tree)->view());
+  for (const auto& tree : objects_) object_views_.push_back(tree->view());
   view_ = {tree_views_.data(), tree_views_.size(), object_views_.data(), records_.data(), visibility_.data(), common};
 }
 
 void World::count(const Plan& plan) {
   stats_.dropped = plan.dropped;
   stats_.bytes = records_.size() * sizeof(InstanceRecord) + visibility_.size() * sizeof(uint32_t);
-  for (const Tree& t : objects_) stats_.dropped += t.dropped;
-  for (const auto* trees : {&trees_, &objects_})
-    for (const Tree& t : *trees) {
-      stats_.bytes += t.bytes(), stats_.nodes += t.nodes.nodes.size;
-      if (t.kind != kInstanceLeaf) stats_.primitives += t.primitives;
-    }
+  auto add = [&](const Tree& t) {
+    stats_.dropped += t.dropped, stats_.bytes += t.bytes(), stats_.nodes += t.nodes.nodes.size;
+    if (t.kind != kInstanceLeaf) stats_.primitives += t.primitives;
+  };
+  for (const BakedTree& baked : baked_) add(*baked.tree);
+  for (const auto& tree : objects_) add(*tree);
+  add(*instance_tree_);
 }
 
 }  // namespace glint

@@ -1,5 +1,6 @@
 // The accelerator behind accel.h.
 #pragma once
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -9,25 +10,39 @@
 
 namespace glint {
 
-/// Where an instance goes: its vertices into the world's trees, or its matrix into the tree over instances.
+/// Where instances go: into the world's trees with their vertices, or into the tree over instances with their matrix. By number.
 struct Plan {
-  std::vector<Source> meshes, spheres, polygons;  // in world space
-  std::vector<uint32_t> placed;                   // numbers of instances that keep a tree in object space
-  size_t dropped = 0;                             // primitives that can go nowhere
+  std::vector<uint32_t> baked[3];  // meshes, spheres, polygons
+  std::vector<uint32_t> placed;
+  size_t dropped = 0;              // primitives that can go nowhere
 };
+
+/// A tree in world space, and what it was made from.
+struct BakedTree {
+  std::shared_ptr<const Tree> tree;
+  std::vector<uint32_t> instances, geometries;
+  std::vector<Affine> matrices;
+};
+
+class Takeover;
 
 class World final : public Accel {
  public:
   World(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads, const std::atomic<bool>& cancel,
-        BuildQuality quality);
+        BuildQuality quality, const AccelBase& base);
   void closest(const Rays& rays, const Hits& hits) const override { kernel_.closest(view_, rays, hits); }
   void occluded(const Rays& rays, uint8_t* blocked) const override { kernel_.occluded(view_, rays, blocked); }
   std::string validate() const override;
   AccelStats stats() const override { return stats_; }
+  const BakedTree& baked(int kind) const { return baked_[kind]; }
+  /// The tree of a geometry in object space; null where there is none.
+  std::shared_ptr<const Tree> object(uint32_t geometry) const;
 
  private:
   Plan plan() const;
-  void build_objects(const std::vector<uint32_t>& placed, Team& team, const std::atomic<bool>& cancel);
+  BakedTree bake(const std::vector<uint32_t>& wanted, Team& team, const std::atomic<bool>& cancel) const;
+  void hide_moved(const Plan& plan);
+  void build_objects(const std::vector<uint32_t>& placed, const Takeover& before, Team& team, const std::atomic<bool>& cancel);
   void build_instances(const std::vector<uint32_t>& placed, Team& team, const std::atomic<bool>& cancel);
   void make_view();
   void count(const Plan& plan);
@@ -36,15 +51,19 @@ class World final : public Accel {
   const BuildQuality quality_;
   std::vector<GeometryView> geometries_;
   std::vector<InstanceView> instances_;
-  std::vector<Tree> trees_;            // in world space: meshes, spheres, polygons, instances, as far as there are any
-  std::vector<Tree> objects_;          // in object space
-  std::vector<uint32_t> object_of_;    // geometry to object tree, or kNoTree
+  BakedTree baked_[3];                                   // meshes, spheres, polygons
+  std::shared_ptr<const Tree> instance_tree_;
+  std::vector<std::shared_ptr<const Tree>> objects_;     // in object space
+  std::vector<uint32_t> object_of_;                      // geometry to object tree, or kNoTree
   std::vector<InstanceRecord> records_;
-  std::vector<uint32_t> visibility_;
+  std::vector<uint32_t> visibility_;                     // of instances, where the world's trees have them
   std::vector<TreeView> tree_views_, object_views_;
   WorldView view_{};
   AccelStats stats_;
 };
+
+/// Whether an instance with this matrix can keep a tree in object space.
+bool invertible(const Affine& m);
 
 /// Columns of the inverse of a matrix' linear part; false when it has none worth using (columns of length 0, or parallel to 1e-8).
 bool inverse(const Affine& m, Affine& linear);

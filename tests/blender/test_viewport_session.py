@@ -1,0 +1,219 @@
+"""A session of the viewport without a window: real spaces and depsgraphs, a region and matrices made up, pictures not uploaded."""
+
+import time
+from dataclasses import replace
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from export_support import link, quad, scene  # noqa: F401
+from glint import engine
+from glint.addon import properties
+from glint.addon.export import incremental
+from glint.addon.viewport import draw, session
+from glint.addon.viewport.bounds import same_places
+from glint.addon.viewport.surroundings import Surroundings
+from glint.engine.scene import Instances, Mesh, World
+
+SIZE = (64, 48)
+LONGEST = 60.0
+
+
+@pytest.fixture
+def settings():
+    properties.register()
+    yield
+    properties.unregister()
+
+
+@pytest.fixture
+def view(scene, settings, monkeypatch):  # noqa: F811
+    """Two quads, a sun and a point light; what Blender hands to a render engine for a 3D view that looks at them."""
+    monkeypatch.setattr(session, "Picture", lambda *_: SimpleNamespace(draw=lambda *_: None))
+    for x in (-1.5, 0.5):
+        quad(f"Quad {x}").location = (x, 0, 0)
+    for kind in ("POINT", "SUN"):
+        lamp = link(bpy.data.objects.new(kind, bpy.data.lights.new(kind, kind)))
+        lamp.location, lamp.data.energy = (0, 0, 3), 30
+    scene.glint.viewport.samples = 2
+    camera = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
+    camera.location = (0.5, 0.5, 6)
+    link(camera)
+    bpy.context.view_layer.update()
+    space = next(area.spaces[0] for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D")
+    space.shading.use_scene_lights_render = space.shading.use_scene_world_render = True
+    projection = camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=SIZE[0], y=SIZE[1])
+    region = SimpleNamespace(width=SIZE[0], height=SIZE[1], as_pointer=lambda: 1)
+    matrices = {"window_matrix": projection, "view_matrix": camera.matrix_world.inverted()}
+    looks = SimpleNamespace(view_perspective="PERSP", use_clip_planes=False, use_box_clip=False, **matrices)
+    return SimpleNamespace(space_data=space, region=region, region_data=looks)
+
+
+class Watcher:
+    """A session, updated and drawn as Blender would."""
+
+    def __init__(self, view) -> None:
+        self.view, self.session, self.told = view, session.Session(), []
+        self.engine = SimpleNamespace(update_stats=lambda _, text: self.told.append(text))
+        self.edit(lambda: None, updates=True)
+
+    def edit(self, change, updates=True):
+        """Waits for the last picture after a change. updates: whether Blender tells the engine of it."""
+        change()
+        heard = []
+        if updates:
+            handler = lambda _, depsgraph: heard.append(self.session.update(self.view, depsgraph))  # noqa: E731
+            bpy.app.handlers.depsgraph_update_post.append(handler)
+            bpy.context.view_layer.update()
+            bpy.app.handlers.depsgraph_update_post.remove(handler)
+            if not heard:
+                self.session.update(self.view, bpy.context.evaluated_depsgraph_get())
+        deadline = time.monotonic() + LONGEST
+        self.draw()
+        while self.session.busy or self.session.has_news:
+            assert time.monotonic() < deadline, "no picture came"
+            time.sleep(0.005)
+            self.draw()
+        return self.session.films["all"]
+
+    def draw(self):
+        self.session.draw(self.engine, self.view, bpy.context.evaluated_depsgraph_get())
+
+    def expected(self):
+        shown, settings, _ = self.session.shown_scene
+        return engine.render(shown, settings)
+
+
+@pytest.fixture
+def watcher(view):
+    made = Watcher(view)
+    yield made
+    made.session.close()
+
+
+def same(film, truth):
+    return all(film.passes[name].tobytes() == truth.passes[name].tobytes() for name in truth.passes)
+
+
+def test_edits_end_in_the_bits_of_a_render(watcher):
+    sun, point, quads = bpy.data.lights["SUN"], bpy.data.objects["POINT"], [o for o in bpy.data.objects if o.type == "MESH"]
+    edits = [
+        lambda: setattr(sun, "energy", 2.0),
+        lambda: setattr(point, "location", (1, 1, 2)),
+        lambda: setattr(quads[0], "location", (-1.2, 0.1, 0.3)),
+        lambda: setattr(quads[1], "hide_viewport", True),
+        lambda: setattr(quads[1], "hide_viewport", False),
+        lambda: setattr(quads[0], "scale", (1, 0, 0)),
+        lambda: setattr(quads[0], "scale", (1, 2, 1)),
+    ]
+    for edit in edits:
+        film = watcher.edit(edit)
+        assert same(film, watcher.expected())
+    assert watcher.told[-1].startswith("Glint: 2 samples, error ")
+
+
+@pytest.mark.skipif("NATIVE" not in engine.available_backends(), reason="no core here")
+def test_a_brighter_lamp_traces_nothing(watcher):
+    bpy.context.scene.glint.viewport.samples = 1
+    watcher.edit(lambda: None, updates=False)
+    film = watcher.edit(lambda: setattr(bpy.data.lights["POINT"], "energy", 99))
+    assert film.stats["camera rays"] == film.stats["shadow rays"] == 0
+    assert same(film, watcher.expected())
+
+
+def test_the_shading_popover(watcher):
+    shading = watcher.view.space_data.shading
+    watcher.edit(lambda: setattr(shading, "use_scene_lights_render", False), updates=False)
+    assert watcher.session.shown_scene[0].lights == ()
+    watcher.edit(lambda: setattr(shading, "use_scene_world_render", False), updates=False)
+    ambient = np.array(watcher.session.shown_scene[0].world.ambient)
+    assert (ambient > 0).all()
+    watcher.edit(lambda: setattr(shading, "studiolight_intensity", 2 * shading.studiolight_intensity), updates=False)
+    np.testing.assert_allclose(watcher.session.shown_scene[0].world.ambient, 2 * ambient)
+    watcher.edit(
+        lambda: (setattr(shading, "use_scene_lights_render", True), setattr(shading, "use_scene_world_render", True)), updates=False
+    )
+    assert len(watcher.session.shown_scene[0].lights) == 2
+
+
+def test_kinds_of_objects_that_the_view_leaves_out(watcher):
+    space = watcher.view.space_data
+    watcher.edit(lambda: setattr(space, "show_object_viewport_mesh", False), updates=False)
+    assert watcher.session.shown_scene[0].instances == ()
+    watcher.edit(lambda: setattr(bpy.data.objects["SUN"], "location", (1, 0, 0)))
+    assert watcher.session.shown_scene[0].instances == (), "a move brings nothing back"
+    watcher.edit(lambda: setattr(space, "show_object_viewport_mesh", True), updates=False)
+    assert len(watcher.session.shown_scene[0].instances) == 2
+
+
+def test_the_border_of_the_view(watcher):
+    space = watcher.view.space_data
+    space.render_border_min_x, space.render_border_max_x, space.render_border_min_y, space.render_border_max_y = 0.25, 0.75, 0.5, 1.0
+    film = watcher.edit(lambda: setattr(space, "use_render_border", True), updates=False)
+    shown, settings, view = watcher.session.shown_scene
+    assert view.border == (16, 24, 48, 48)
+    assert same(film, engine.render(shown, replace(settings, region=view.border)))
+
+
+def test_the_clipping_region(watcher):
+    """A box that leaves the left half of the view: there the picture is as it was, elsewhere it shows the surroundings."""
+    before = watcher.edit(lambda: None, updates=False).combined
+    looks, middle = watcher.view.region_data, 0.5
+    planes = [(-1, 0, 0, middle), (0, 0, 0, 0), (0, 1, 0, 99), (0, 0, 1, 99), (0, 0, 0, 0), (0, 0, 0, 0)]
+    after = watcher.edit(lambda: vars(looks).update(use_clip_planes=True, clip_planes=planes), updates=False).combined
+    assert before[:, 32:, :3].any()
+    assert (after[:, :32] == before[:, :32]).all()
+    assert (after[:, 33:, :3] == np.array(watcher.session.shown_scene[0].world.background, np.float32)).all()
+
+
+def test_surroundings_leave_all_else():
+    plain = engine.Scene(None, world=World((1, 1, 1)))
+    assert Surroundings().around(plain) is plain
+    assert Surroundings(True, World()).around(plain).world == World()
+
+
+def test_scenes_with_the_same_places():
+    """Other materials, lights and worlds are no other places; other matrices, geometries and visibilities are."""
+    mesh = Mesh("Mesh", np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.uint32))
+    group = Instances("Mesh", 0, np.eye(4)[None, :3], ())
+    one = engine.Scene(None, (mesh,), (group,))
+    assert same_places(one, replace(one, world=World((1, 1, 1)), instances=(replace(group, materials=(1,)),)))
+    others = [{"world_from_object": 2 * group.world_from_object}, {"visible_shadow": False}]
+    assert not any(same_places(one, replace(one, instances=(replace(group, **other),))) for other in others)
+    assert not same_places(one, replace(one, geometries=(replace(mesh),)))
+
+
+def test_heat_grows_with_what_it_shows():
+    colors = draw.as_colors(np.array([[[0.0], [4.0], [8.0], [80.0]]], np.float32), "Error")
+    brightness = colors[0, :, :3].sum(1)
+    assert (np.diff(brightness[:3]) > 0).all() and brightness[2] == brightness[3] and (colors[..., 3] == 1).all()
+    grey = draw.as_colors(np.full((1, 1, 1), 3.0, np.float32), "Depth")
+    assert (grey[0, 0] == (3, 3, 3, 1)).all()
+
+
+def test_views_of_one_scene_read_it_once(view, monkeypatch):
+    """As the four of a quad view: Blender tells each of every evaluation."""
+    reads = []
+    read = incremental.read_mesh
+    monkeypatch.setattr(incremental, "read_mesh", lambda mesh, report: reads.append(mesh.name) or read(mesh, report))
+    views = [session.Session() for _ in range(4)]
+    handler = lambda _, depsgraph: [one.update(view, depsgraph) for one in views]  # noqa: E731
+    try:
+        handler(None, bpy.context.evaluated_depsgraph_get())
+        assert len(reads) == 2
+        bpy.app.handlers.depsgraph_update_post.append(handler)
+        mesh = next(thing.data for thing in bpy.data.objects if thing.type == "MESH")
+        for k in range(3):
+            mesh.vertices[0].co.z = k + 1.0
+            mesh.update()
+            bpy.context.view_layer.update()
+            contents = [one._content for one in views]
+            assert len(reads) == 3 + k
+            assert all(a.geometries == contents[0].geometries for a in contents), "the very same arrays"
+            assert any(geometry.vertices[0, 2] == k + 1.0 for geometry in contents[3].geometries)
+    finally:
+        bpy.app.handlers.depsgraph_update_post.remove(handler)
+        for one in views:
+            one.close()
