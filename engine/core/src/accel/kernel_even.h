@@ -147,7 +147,8 @@ inline void set_parted_groups(const Tile& tile, Bundles& b) {
     }
     for (int g = 0; g < kGroups; g += kLanes) {
       const float *p = near + g * kLanes, *q = far + g * kLanes;
-      float *c = b.groups.c[2 * a] + g, *m = b.groups.m[2 * a] + g, *high_c = b.groups.c[2 * a + 1] + g, *high_m = b.groups.m[2 * a + 1] + g;
+      float *c = b.groups.c[2 * a] + g, *high_c = b.groups.c[2 * a + 1] + g;
+      float *m = b.groups.m[2 * a] + g, *high_m = b.groups.m[2 * a + 1] + g;
       const Floats first = load(b.groups.first + g), last = load(b.groups.last + g), room = splat(2 * tile.room);
       lines_through(fold_rows<Smaller>(p), fold_rows<Smaller>(q), first, last, -room, c, m);
       lines_through(fold_rows<Larger>(p), fold_rows<Larger>(q), first, last, room, high_c, high_m);
