@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import re
 import threading
 import time
@@ -344,8 +345,9 @@ def fields_of_header(name: str) -> list[tuple[str, str, int]]:
     fields = []
     for kind, names in re.findall(r"(?:const )?(\w+\*? ?)([\w, \[\]]+);", re.sub(r"/\*.*?\*/", "", body, flags=re.S)):
         for item in names.split(","):
-            field, length = re.fullmatch(r"\s*(\w+)(?:\[(\d+)\])?\s*", item).groups()
-            fields.append((field, "pointer" if "*" in kind else kind.strip(), int(length or 1)))
+            field, lengths = re.fullmatch(r"\s*(\w+)((?:\[\d+\])*)\s*", item).groups()
+            length = math.prod(map(int, re.findall(r"\d+", lengths)))
+            fields.append((field, "pointer" if "*" in kind else kind.strip(), length))
     return fields
 
 

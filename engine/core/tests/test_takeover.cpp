@@ -27,7 +27,7 @@ struct Stage {
   }
   std::shared_ptr<const Accel> build(const AccelBase& base = {}) const {
     const std::atomic<bool> never{false};
-    return Accel::build(scene.geometries, scene.instances, 2, never, base);
+    return Accel::build(scene.geometries, scene.instances, 2, never, BuildQuality::kBalanced, base);
   }
   AccelBase base(std::shared_ptr<const Accel> accel, bool exact) const {
     return {std::move(accel), {0, 1, 2, 3, 4, 5, 6}, true, exact};
