@@ -57,7 +57,7 @@ def engine_class(window):
 options = arguments()
 window = in_window.load()
 eye = Eye(engine_class(window))
-wall, processor, facts = {}, {}, {}
+wall, processor, traced, facts = {}, {}, {}, {}
 
 
 def is_red(color):
@@ -89,7 +89,7 @@ def scenario():
     yield from converged()
     yield from one_of_many()
     yield from one_vertex()
-    in_window.answer({"wall": wall, "processor": processor, "facts": facts})
+    in_window.answer({"wall": wall, "processor": processor, "traced": traced, "facts": facts})
 
 
 def maximize():
@@ -116,6 +116,8 @@ def event(name, action, has_come):
     yield lambda: eye.at > start and has_come(eye.color)
     wall.setdefault(name, []).append(eye.at - start)
     processor.setdefault(name, []).append(eye.spent - spent)
+    if options.engine == "GLINT":
+        traced.setdefault(name, []).append(current_session().newest_at - start)
     yield from quiet()
 
 
@@ -228,12 +230,22 @@ def current_session():
 
 
 def converged():
-    """Processor time that a second of a converged view costs, of a second; of it, what these scripts' own timer costs is a few ‰."""
+    """Processor time that a second of a converged view costs, of a second, and what Blender itself costs then."""
     yield from quiet()
-    draws, spent, start = eye.draws, time.process_time(), time.perf_counter()
-    yield CONVERGED_SECONDS
-    facts["processor share when converged"] = (time.process_time() - spent) / (time.perf_counter() - start)
+    draws = eye.draws
+    yield from resting("processor share when converged")
     facts["draws when converged"] = eye.draws - draws
+    set_shading("SOLID")
+    yield 1.0
+    yield from resting("processor share in Solid shading")
+    set_shading("RENDERED")
+    yield from quiet()
+
+
+def resting(name):
+    spent, start = time.process_time(), time.perf_counter()
+    yield CONVERGED_SECONDS
+    facts[name] = (time.process_time() - spent) / (time.perf_counter() - start)
 
 
 def one_of_many():

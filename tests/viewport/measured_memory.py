@@ -1,8 +1,8 @@
-"""Runs inside a Blender with a window: the most memory ever held, with a million triangles shown, rendered, or neither."""
+"""Runs inside a Blender with a window: shows or renders a million triangles, and answers when it began to."""
 
 import pathlib
-import resource
 import sys
+import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 
@@ -24,15 +24,16 @@ def scenario():
     scene.camera = bpy.data.objects.new("Camera", camera)
     scene.collection.objects.link(scene.camera)
     scene.camera.location = (0, 0, 5)
-    yield 1.0
+    yield 5.0
+    start = time.monotonic()
     if job == "view":
         window.space.shading.type = "RENDERED"
         yield lambda: window.session is not None
         yield from window.settle()
-    elif job == "final":
+    else:
         in_window.render(pathlib.Path(folder) / "final.exr")
     yield 1.0
-    in_window.answer(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3)
+    in_window.answer(start)
 
 
 in_window.play(scenario, window)

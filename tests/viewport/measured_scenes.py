@@ -39,13 +39,26 @@ def instances(count):
 
 
 def grid(subdivisions):
-    """2 subdivisions² smooth triangles on 2 × 2 units. Returns the mesh."""
+    """2 subdivisions² smooth triangles on 2 × 2 units. Returns the mesh.
+
+    From arrays, because Blender's own operator holds more than a render.
+    """
     lit()
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=subdivisions, y_subdivisions=subdivisions, size=2)
-    thing = bpy.context.object
+    side = subdivisions + 1
+    mesh = bpy.data.meshes.new("grid")
+    y, x = np.mgrid[0:side, 0:side].astype(np.float32) * 2 / subdivisions - 1
+    mesh.vertices.add(side * side)
+    mesh.vertices.foreach_set("co", np.stack([x, y, np.zeros_like(x)], -1).reshape(-1))
+    corner = np.arange(side * side, dtype=np.int32).reshape(side, side)[:-1, :-1].reshape(-1, 1) + (0, 1, side + 1, side)
+    mesh.loops.add(corner.size)
+    mesh.loops.foreach_set("vertex_index", corner.reshape(-1).astype(np.int32))
+    mesh.polygons.add(len(corner))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, corner.size, 4, dtype=np.int32))
+    mesh.update(calc_edges=True)
+    thing = bpy.data.objects.new("grid", mesh)
+    bpy.context.scene.collection.objects.link(thing)
     wear(thing, "grid", RED)
-    thing.data.polygons.foreach_set("use_smooth", np.ones(len(thing.data.polygons), bool))
-    return thing.data
+    return mesh
 
 
 def lit():

@@ -34,7 +34,7 @@ def soak(blender: Blender, seconds: float, seed: int) -> Soak:
         control = _run(blender, "NOTHING", seed, "--first", reloaded, "--steps", step + 1).run
         assert _crashed(control) and _end(control.output, reloaded)[0] == step, f"only with Glint:\n{part.run.output}\n{control.output}"
         result.faults.append(f"Blender itself crashes at steps {reloaded} to {step} of seed {seed}, in {edit}")
-        first, left = step + 1, left - part.memory[-1][0]
+        first, left = step + 1, left - (part.memory[-1][0] - part.memory[0][0])
 
 
 def _run(blender: Blender, engine: str, seed: int, *arguments: object) -> host.WindowRun:
