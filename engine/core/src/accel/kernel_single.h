@@ -1,5 +1,5 @@
-// Rays through a tree each on its own, nearest boxes first. Several are on their way at a time, in turns: a processor that waits for the box
-// or the triangle of one of them has work with the others.
+// Rays through a tree each on its own, nearest boxes first. Several are on their way at a time, in turns: a processor that waits for the
+// box or the triangle of one of them has work with the others.
 #pragma once
 #include "kernel_leaves.h"
 
@@ -121,8 +121,6 @@ struct Waiting {
   float distance;
 };
 
-constexpr ChildRef kDone = ~0u;  // instead of a leaf: there is nothing left to do
-
 /// One ray on its way: `child` is where it goes next.
 struct Walker {
   BoxRay box;
@@ -137,13 +135,12 @@ struct Walker {
   void start(const Tile& tile, int ray, ChildRef root) {
     r = ray, order = &order_of(tile, ray), child = root, end = tile.hi[ray];
     box.set(tile, ray, *order);
-    stack[0] = {kDone, -kFar}, top = stack + 1;
+    stack[0] = {kLeaf, -kFar}, top = stack + 1;
   }
   bool at_node() const { return !(child & kLeaf); }
+  bool done() const { return top == stack; }
   /// After a hit.
   void shorten(const Tile& tile) { end = tile.hi[r], box.last = splat(end); }
-  /// All but the first primitive of a leaf.
-  void push_rest() { *top++ = {child + 1 - (1u << kCountShift), -kFar}; }
   void pop() {
     do --top;
     while (top->distance > end);
@@ -183,11 +180,20 @@ struct Walker {
 
 constexpr int kWalkers = 8;
 
+/// Asks for the memory that a ray needs when it is its turn again. No branch: where it goes cannot be foreseen.
+inline void fetch(const TreeView& tree, ChildRef child) {
+  const uintptr_t node = reinterpret_cast<uintptr_t>(tree.nodes) + child * sizeof(Node);
+  const uintptr_t leaf = reinterpret_cast<uintptr_t>(tree.floats) + leaf_first(child) * 9 * sizeof(float);
+  const uintptr_t at_leaf = uintptr_t(intptr_t(int32_t(child) >> 31));  // all bits or none
+  const char* p = reinterpret_cast<const char*>((node & ~at_leaf) | (leaf & at_leaf));
+  for (size_t k = 0; k < sizeof(Node); k += 64) __builtin_prefetch(p + k);
+}
+
 /// One step of a walker; false when its ray is through.
 template <bool Any>
 inline bool step(Walk<Any>& w, Walker& a) {
   if (a.at_node()) return a.descend(w.tree.nodes[a.child]), true;
-  if (a.child == kDone) return false;
+  if (a.done()) return false;
   hit_leaf(w, a.r, a.child, *a.order);
   a.shorten(w.tile);
   if (Any && !alive(w.tile, a.r)) return false;
@@ -199,6 +205,7 @@ inline bool step(Walk<Any>& w, Walker& a) {
 template <bool Any>
 __attribute__((noinline)) void walk_rays(Walk<Any>& w, uint64_t rays, ChildRef root) {
   if (w.tree.kind == kInstanceLeaf) return visit_instances(w, rays, root);
+  const bool slow = w.tree.large && __builtin_popcountll(rays) > 2;  // memory, and others have the time until it answers
   Walker walkers[kWalkers], *last = walkers;
   for (int k = 0; rays && k < kWalkers; ++k, rays &= rays - 1) {
     last->next = &walkers[k], last = &walkers[k];
@@ -206,8 +213,9 @@ __attribute__((noinline)) void walk_rays(Walk<Any>& w, uint64_t rays, ChildRef r
   }
   last->next = walkers;
   for (Walker *before = last, *a = walkers;; before = a, a = a->next) {
-    if (step(w, *a)) continue;
-    if (rays) {
+    if (step(w, *a)) {
+      if (slow) fetch(w.tree, a->child);
+    } else if (rays) {
       a->start(w.tile, __builtin_ctzll(rays), root), rays &= rays - 1;
     } else {
       if (a == before) return;

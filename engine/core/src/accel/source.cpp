@@ -194,6 +194,8 @@ LeafKind kind_of(const GeometryView& g) {
   return g.kind == GeometryView::kMesh ? kTriangleLeaf : g.kind == GeometryView::kSpheres ? kSphereLeaf : kPolygonLeaf;
 }
 
+constexpr size_t kLarge = size_t(1) << 19;  // bytes
+
 BuildOptions options_of(LeafKind kind, BuildQuality quality) {
   BuildOptions options;
   if (kind == kSphereLeaf) options.max_leaf = 2, options.min_leaf = 1;
@@ -258,7 +260,8 @@ Tree make_instance_tree(std::vector<Ref> boxes, Team& team, const std::atomic<bo
 }
 
 TreeView Tree::view() const {
-  TreeView v{nodes.nodes.data.get(), floats.data.get(), ids.data.get(), polygons.data.get(), corners.data(), {}, 0, nodes.root, kind};
+  TreeView v{nodes.nodes.data.get(), floats.data.get(), ids.data.get(), polygons.data.get(), corners.data(), {}, 0, nodes.root, kind,
+             bytes() > kLarge};
   double square = 0;
   for (int k = 0; k < 3; ++k) {
     const double lo = nodes.box.lo[k], hi = nodes.box.hi[k];

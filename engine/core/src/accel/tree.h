@@ -55,6 +55,7 @@ struct TreeView {
   double center[3], radius;  // a ball round everything, with room to spare
   ChildRef root;
   LeafKind kind;
+  bool large;  // more than the caches next to a processor hold beside other things
 };
 
 /// `trees`: those in world space, one a kind at most. `objects`: those that instances refer to. `visibility`: of every instance.
