@@ -104,13 +104,12 @@ struct Visitor {
   const InstanceRecord* instance;
   ObjectRay ray;
 
-  /// Goes on to the next instance that it may hit; false when there is none.
+  /// Goes on to the next instance that it may hit; false when there is none. A leaf of that tree is one instance.
   template <bool Any>
   bool arrive(const Walk<Any>& w) {
     for (;; walker.pop()) {
       while (walker.at_node()) walker.descend(w.tree.nodes[walker.child]);
       if (walker.done()) return false;
-      if (leaf_count(walker.child) > 1) walker.push_rest();
       instance = w.world.instances + leaf_first(walker.child);
       if (!(instance->visibility & w.tile.answers->visibility)) continue;
       ray = ObjectRay(*instance, w.tile, walker.r);

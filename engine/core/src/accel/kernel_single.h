@@ -143,8 +143,6 @@ struct Walker {
   bool done() const { return top == stack; }
   /// After a hit.
   void shorten(const Tile& tile) { end = tile.hi[r], box.last = splat(end); }
-  /// All but the first primitive of a leaf.
-  void push_rest() { *top++ = {child + 1 - (1u << kCountShift), -kFar}; }
   void pop() {
     do --top;
     while (top->distance > end);
