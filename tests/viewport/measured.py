@@ -230,22 +230,12 @@ def current_session():
 
 
 def converged():
-    """Processor time that a second of a converged view costs, of a second, and what Blender itself costs then."""
+    """Processor time that a second of a converged view costs, of a second."""
     yield from quiet()
-    draws = eye.draws
-    yield from resting("processor share when converged")
-    facts["draws when converged"] = eye.draws - draws
-    set_shading("SOLID")
-    yield 1.0
-    yield from resting("processor share in Solid shading")
-    set_shading("RENDERED")
-    yield from quiet()
-
-
-def resting(name):
-    spent, start = time.process_time(), time.perf_counter()
+    draws, spent, start = eye.draws, time.process_time(), time.perf_counter()
     yield CONVERGED_SECONDS
-    facts[name] = (time.process_time() - spent) / (time.perf_counter() - start)
+    facts["processor share when converged"] = (time.process_time() - spent) / (time.perf_counter() - start)
+    facts["draws when converged"] = eye.draws - draws
 
 
 def one_of_many():
