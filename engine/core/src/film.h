@@ -65,7 +65,7 @@ class Film {
   bool wants_data() const { return passes_ & kDataPasses; }
   Refinement& refinement() { return refinement_; }
 
-  /// The first of the sums of a part, or of Cost or Fallbacks; null where it was not asked for. The next channels follow after tile.stride().
+  /// The first of the sums of a part, of Cost or of Fallbacks; null where nobody asked. The next channels follow after tile.stride().
   double* sums(const Tile& tile, int pass) {
     return at_[pass] < 0 ? nullptr : sums_.data() + tile.first_sum + size_t(at_[pass]) * tile.stride();
   }
