@@ -63,7 +63,7 @@ struct ErrorBuffer {
 // --- renders ---
 
 void check_pixels(GlintRender* render, const GlintRenderSettings& s) {
-  static constexpr int channels[GLINT_PASS_COUNT] = {4, 3, 3, 3, 3, 3, 3, 3, 1, 3, 3, 3, 1, 1, 1, 1, 1, 1, 1};
+  static constexpr int channels[GLINT_PASS_COUNT] = {4, 3, 3, 3, 3, 3, 3, 3, 1, 3, 3, 3, 1, 1, 1, 1, 1, 1, 1, 1};
   const size_t pixels = size_t(s.region[2] - s.region[0]) * (s.region[3] - s.region[1]);
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
     std::vector<float> out(pixels * size_t(channels[pass]));

@@ -10,7 +10,7 @@ namespace {
 struct TermRows {
   const MaterialTerms* of[kLanes];
   const double* specular[kLanes];
-  uint32_t others = 0, has_specular = 0;  // lanes
+  uint32_t others = 0;  // lanes
   bool same = true;
 };
 
@@ -20,7 +20,7 @@ inline void look_up(const ShadeStage& s, size_t k, TermRows& rows) {
     const MaterialTerms& terms = s.terms[material];
     rows.of[lane] = &terms, rows.specular[lane] = s.specular_terms + 4 * size_t(s.max_specular) * material;
     rows.same = rows.same && rows.of[lane] == rows.of[0];
-    rows.others |= (terms.others != 0 && k + lane < s.count ? 1u : 0u) << lane, rows.has_specular |= (terms.has_specular ? 1u : 0u) << lane;
+    rows.others |= (terms.others != 0 && k + lane < s.count ? 1u : 0u) << lane;
   }
 }
 
