@@ -151,7 +151,7 @@ def drive(stop, **options):
     assert began == {"RUNNING_MODAL"}
     if stop:
         assert cls.modal(operator, context, SimpleNamespace(type="ESC")) == {"PASS_THROUGH"}
-    for _ in range(1000):
+    for _ in range(6000):
         time.sleep(0.05)
         ended = cls.modal(operator, context, SimpleNamespace(type="TIMER"))
         if ended != {"RUNNING_MODAL"}:
