@@ -1,7 +1,7 @@
 """`make bench`: every bench of this folder in its short form, one after the other, each in a process of its own.
 
-With names, only those: rays, frames, million, export, instructions, features, viewport. The last one is run by name only: it needs a Blender
-with a window, which GLINT_BLENDER names.
+With names, only those: rays, frames, million, export, instructions, features, viewport. The last one is run by name only: it needs a
+Blender with a window, which GLINT_BLENDER names.
 """
 
 import subprocess
