@@ -22,9 +22,10 @@ constexpr int kDoubles = 8;  // lanes of the double vectors
 constexpr int kDoubles = kLanes / 2;
 #endif
 typedef float Floats __attribute__((vector_size(4 * kLanes)));
-typedef int32_t Ints __attribute__((vector_size(4 * kLanes)));
 typedef double Doubles __attribute__((vector_size(8 * kDoubles)));
-typedef int64_t Longs __attribute__((vector_size(8 * kDoubles)));
+// What comparisons give: 32 and 64 bits, but of which of C's integers differs between compilers and systems.
+typedef decltype(Floats{} < Floats{}) Ints;
+typedef decltype(Doubles{} < Doubles{}) Longs;
 typedef float Halves __attribute__((vector_size(4 * kDoubles)));
 
 // Unaligned. (GCC 12 sends a __builtin_memcpy through the stack.)

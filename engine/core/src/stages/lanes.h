@@ -23,7 +23,7 @@ constexpr size_t kLanes = 2;
 constexpr uint32_t kAllLanes = (1u << kLanes) - 1;
 
 typedef double Doubles __attribute__((vector_size(8 * kLanes)));
-typedef int64_t Mask __attribute__((vector_size(8 * kLanes)));  // 0 or -1 a lane, where it is a mask
+typedef decltype(Doubles{} < Doubles{}) Mask;  // 64 bits a lane, 0 or -1 where it is a mask
 typedef float Singles __attribute__((vector_size(4 * kLanes)));
 typedef int32_t Whole __attribute__((vector_size(4 * kLanes)));
 typedef uint32_t Numbers __attribute__((vector_size(4 * kLanes)));
