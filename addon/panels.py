@@ -106,7 +106,6 @@ class GLINT_RENDER_PT_performance(_Panel, bpy.types.Panel):
         column.prop(group, "backend")
         native = column.column()
         native.active = group.backend == "NATIVE"
-        native.prop(group, "precision")
         native.prop(group, "acceleration")
         native.prop(group, "threads")
         column.prop(context.scene.render, "preview_pixel_size", text="Viewport Pixel Size")

@@ -11,13 +11,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
 
 from .. import engine
-from ..engine.settings import OFFERED, PRECISIONS
+from ..engine.settings import OFFERED
 
-_PRECISION_TEXTS = {
-    "FAST": ("Fast", "Single precision without fallback: fastest, may leak light along shared edges"),
-    "ROBUST": ("Robust", "Single precision, exact where it matters: no ray slips between two triangles"),
-    "DOUBLE": ("Double", "Double precision throughout: about half the speed, for scenes of extreme scale"),
-}
 _ILLUMINATION_ITEMS = (
     ("PHYSICAL", "Physical", "Watts, inverse square and 1/π as in Cycles: a diffuse surface gets the same value in both"),
     ("CLASSIC", "Classic", "The textbook formula as it stands: the strength is the intensity, and light does not fall off with distance"),
@@ -87,12 +82,6 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
         default=OFFERED.max_bounces,
         min=0,
         max=64,
-    )
-    precision: EnumProperty(
-        name="Precision",
-        description="Arithmetic of the native core's ray tests; the NumPy tracer is double precision throughout",
-        items=[(name, *_PRECISION_TEXTS[name]) for name in PRECISIONS],
-        default="ROBUST",
     )
     illumination: EnumProperty(name="Illumination", description="What a light's strength means", items=_ILLUMINATION_ITEMS)
     backend: EnumProperty(name="Tracer", description="Which of the two tracers draws the picture", items=_BACKEND_ITEMS)
@@ -202,7 +191,6 @@ def settings_from(
         error_threshold=group.error_threshold,
         light_samples=group.light_samples,
         max_bounces=group.max_bounces,
-        precision=group.precision,
         illumination=group.illumination,
         backend=group.backend,
         acceleration=group.acceleration,
@@ -221,7 +209,7 @@ def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str
     settings = settings_from(scene.glint.viewport, scene, (scene.glint.viewport_pass,))
     final = settings_from(scene.glint.final, scene)
     backend = final.backend if final.backend in engine.available_backends() else "NUMPY"
-    shared = {name: getattr(final, name) for name in ("illumination", "precision", "threads", "filter_width")}
+    shared = {name: getattr(final, name) for name in ("illumination", "threads", "filter_width")}
     acceleration = "FAST" if final.acceleration == "AUTO" else final.acceleration
     return replace(settings, backend=backend, acceleration=acceleration, **shared), scene.glint.viewport_pass
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-PRECISIONS = ("ROBUST",)
-"""What the native core offers today; the NumPy tracer is float64 throughout."""
 ILLUMINATIONS = ("PHYSICAL", "CLASSIC")
 BACKENDS = ("NATIVE", "NUMPY")
 BUILDS = ("FAST", "BALANCED", "FINE")
@@ -24,7 +22,7 @@ class Settings:
         whose estimated error is smaller after a wave of 4, 8, 16 … samples takes no more; 0 gives all samples to all pixels.
     light_samples: per soft light and pixel sample; 1 is the notes' hard shadow from the light's centre.
     max_bounces: depth of mirror and refraction rays; 0 traces none.
-    precision, illumination, backend: one of PRECISIONS, ILLUMINATIONS, BACKENDS.
+    illumination, backend: one of ILLUMINATIONS, BACKENDS.
     acceleration: one of ACCELERATIONS: how much time the core's trees may take to build, and how little its rays. AUTO builds BALANCED
         ones. Never changes a bit of the picture.
     threads: 0 for one per core. Never changes a bit of the picture.
@@ -37,7 +35,6 @@ class Settings:
     error_threshold: float = 0.0
     light_samples: int = 4
     max_bounces: int = 4
-    precision: str = "ROBUST"
     illumination: str = "PHYSICAL"
     backend: str = "NATIVE"
     acceleration: str = "AUTO"
@@ -57,7 +54,6 @@ class Settings:
                 f"samples × light_samples is {self.samples * self.light_samples}: use at most {MOST_LIGHT_POINTS}",
             ),
             (0 <= self.max_bounces <= 64, f"max_bounces is {self.max_bounces}: use 0 to 64"),
-            (self.precision in PRECISIONS, f"precision {self.precision!r} is not one of {', '.join(PRECISIONS)}"),
             (self.illumination in ILLUMINATIONS, f"illumination {self.illumination!r} is not one of {', '.join(ILLUMINATIONS)}"),
             (self.backend in BACKENDS, f"backend {self.backend!r} is not one of {', '.join(BACKENDS)}"),
             (

@@ -61,7 +61,7 @@ answer({{"given": given, "fixed": fixed, "auto": settings_from(scene.glint.final
 """
     )
     assert run.returncode == 0, run.output
-    expected = {**VALUES, "precision": "ROBUST", "filter_width": 2.5, "passes": ["Depth"], "region": [1, 2, 3, 4]}
+    expected = {**VALUES, "filter_width": 2.5, "passes": ["Depth"], "region": [1, 2, 3, 4]}
     assert run.answer == {"given": expected, "fixed": 3, "auto": 0, "problems": []}
 
 
