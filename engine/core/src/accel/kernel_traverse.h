@@ -381,6 +381,16 @@ inline void limit_rays(const Answers& a, Columns& columns, Tile& tile) {
   tile.t_max = columns.values[7];
 }
 
+/// Whether all rays certainly miss the ball round a tree. Without branches, so that it is done for several rays at once.
+inline bool all_pass_by(const Tile& tile, const TreeView& tree) {
+  int near = 0;
+  for (int r = 0; r < tile.count; ++r) {
+    const D3 o{tile.xyz_o[0][r], tile.xyz_o[1][r], tile.xyz_o[2][r]}, d{tile.xyz_d[0][r], tile.xyz_d[1][r], tile.xyz_d[2][r]};
+    near += !passes_by(tree, o, d);
+  }
+  return near == 0;
+}
+
 template <bool Any>
 inline void trace(const WorldView& world, const Rays& rays, size_t first, int count, Answers& answers) {
   Columns columns;
@@ -392,6 +402,7 @@ inline void trace(const WorldView& world, const Rays& rays, size_t first, int co
   show_rays(rays, first, count, columns, tile);
   fetch_ahead(rays, first);
   for (size_t k = 0; k < world.tree_count; ++k) {
+    if (world.tree_count > 1 && all_pass_by(tile, world.trees[k])) continue;
     if (k > 0) limit_rays<Any>(answers, columns, tile);
     tile.tree = &world.trees[k];
     trace_tile<Any>(tile);
