@@ -1,7 +1,7 @@
 """Where samples fall: the same few points for every pixel, so pictures carry no noise and repeat bit for bit.
 
-Pixels use the Sobol' (0,2)-sequence and lights the R2 sequence (Roberts 2018, the plastic number's Kronecker lattice): two families, so the
-two never line up. Both are kept in 32-bit integers and shifted so that point 0 is the middle.
+Pixels use the Sobol' (0,2)-sequence, scrambled (Owen 1995), and lights the R2 sequence (Roberts 2018, the plastic number's Kronecker
+lattice): two families, so the two never line up. Both are kept in 32-bit integers, and point 0 is the middle.
 """
 
 from __future__ import annotations
@@ -11,11 +11,15 @@ import numpy as np
 _R2 = np.array([3242174889, 2447445414], np.uint64)  # 2^32 / φ and 2^32 / φ², φ³ = φ + 1
 _MIDDLE = np.uint64(1 << 31)
 _WORD = np.uint64((1 << 32) - 1)
+_SCRAMBLE = np.array([8910, 8911], np.uint64) * np.uint64(0x9E3779B1)
+"""By dimension. Of 12 000 scrambles the one whose first 4 to 128 of up to 256 points are, as the filter spreads them, the least off the
+pixel's middle and the filter's width: 4 of 64 by 0.03 pixels, where the plain sequence is off by 0.24."""
 
 
 def sobol_points(count: int) -> np.ndarray:
-    """(count, 2) float64 in (0, 1): van der Corput and the second Sobol' dimension, shifted by a half and to the middle of the cells
-    that `count` points stratify; point 0 is (0.5, 0.5)."""
+    """(count, 2) float64 in (0, 1): van der Corput and the second Sobol' dimension, scrambled, in the middle of the cells that `count`
+    points stratify; point 0 is (0.5, 0.5). The first 4, 8, 16 … are stratified as well and have nearly the middle as their mean, for
+    pixels that stop there."""
     index = np.arange(count, dtype=np.uint64)
     columns = np.zeros((count, 2), np.uint64)
     first, second = np.uint64(1 << 31), np.uint64(1 << 31)
@@ -25,10 +29,29 @@ def sobol_points(count: int) -> np.ndarray:
         first >>= np.uint64(1)
         second ^= second >> np.uint64(1)
         index >>= np.uint64(1)
-    half_cell = 0.5 / (1 << max(count - 1, 0).bit_length())
-    points = ((columns + _MIDDLE) & _WORD) / 2.0**32 + half_cell
+    bits = max(count - 1, 0).bit_length()
+    points = _scrambled(columns, bits) / 2.0**32 + 0.5 / (1 << bits)
     points[:1] = 0.5
     return points
+
+
+def _scrambled(columns: np.ndarray, bits: int) -> np.ndarray:
+    """32-bit fractions (n, 2) with each of the first `bits` binary digits turned or not, by a hash of the digits before it: cells of any
+    size stay stratified. Digits after zeros alone are not, but for the first: 0 becomes a half."""
+    scrambled = columns.copy()
+    for place in range(bits):
+        before = columns >> np.uint64(32 - place) if place else np.zeros_like(columns)
+        turn = _hash(before * np.uint64(64) + np.uint64(place) + _SCRAMBLE) & np.uint64(1)
+        scrambled ^= np.where(before == 0, np.uint64(place == 0), turn) << np.uint64(31 - place)
+    return scrambled
+
+
+def _hash(x: np.ndarray) -> np.ndarray:
+    """32 mixed bits (Wellons 2018, lowbias32)."""
+    x = x & _WORD
+    x = (x ^ x >> np.uint64(16)) * np.uint64(0x7FEB352D) & _WORD
+    x = (x ^ x >> np.uint64(15)) * np.uint64(0x846CA68B) & _WORD
+    return x ^ x >> np.uint64(16)
 
 
 def r2_points(count: int) -> np.ndarray:

@@ -101,6 +101,15 @@ def test_offsets_are_distributed_as_the_filter(width, count):
         assert np.max(np.abs(share - (np.arange(count) + 0.5) / count)) <= 0.5 / count + table + 2.0**-32
 
 
+@pytest.mark.parametrize("count", [16, 64, 256, 1024])
+def test_pixels_that_stop_early_are_not_shifted(count):
+    # In the lower corners of their cells n points miss the middle by half a cell, which is 1 / n pixels through this filter: so did the
+    # sequence before it was scrambled.
+    offsets = sampling.pixel_offsets(count, 1.5)
+    for power in range(2, count.bit_length() - 1):
+        assert np.max(np.abs(np.mean(offsets[: 2**power], axis=0))) < 0.3 / 2**power
+
+
 def test_a_filter_of_no_width_samples_the_centre_only():
     np.testing.assert_array_equal(sampling.pixel_offsets(16, 0.0), np.zeros((16, 2)))
 
