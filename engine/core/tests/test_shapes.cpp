@@ -202,3 +202,21 @@ TEST(shapes, holes) {
   for (Vec3d o : {Vec3d{1.5, 0.1, 1}, Vec3d{-1.5, 0.1, 1}, Vec3d{0.1, 1.5, 1}, Vec3d{0.1, -1.5, 1}})
     CHECK(closest(*accel, ray(o, {0, 0, -1})).t == 1);
 }
+
+TEST(shapes, a_tile_may_pass_by_the_tree_of_one_kind_and_meet_the_others) {
+  const Mesh ball = icosphere(2, 0.5, {-2, 0, 0});
+  const float center[3] = {2, 0, 0}, radius = 0.5f;
+  GeometryView sphere;
+  sphere.kind = GeometryView::kSpheres, sphere.vertices = center, sphere.radii = &radius;
+  sphere.vertex_count = sphere.primitive_count = 1;
+  InstanceView first, second;
+  second.geometry = 1;
+  const auto accel = build({ball.view(), sphere}, {first, second});
+  for (const double x : {-2.0, 2.0, 0.0}) {
+    std::vector<Ray> rays;
+    for (int k = 0; k < 64; ++k) rays.push_back(ray({x + 0.01 * (k % 8), -5, 0.01 * (k / 8)}, {0, 1, 0}));
+    std::vector<Hit> hits(rays.size());
+    accel->closest(rays.data(), hits.data(), rays.size());
+    for (const Hit& hit : hits) CHECK(hit.instance == (x < 0 ? 0u : x > 0 ? 1u : Hit::kNone));
+  }
+}
