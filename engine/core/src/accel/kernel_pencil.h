@@ -45,8 +45,10 @@ struct Pencil {
   bool exists = false;
   Origin apex;
   float middle[2];  // of the slopes
-  float distance;   // from the rays' beginnings to the apex, in depth; and 2^21 times what rays miss it by, which comes to the same
+  float reach;      // from the rays' beginnings to the apex, in depth
+  float distance;   // that, and 2^21 times what rays miss the apex by, which comes to the same
   alignas(64) float low[2][kGroups], high[2][kGroups];
+  alignas(64) float slope[2][kTile], start[kTile];  // of rays: slopes from the middle, and depths from the apex
   Slopes all;
 
   Slopes groups(int g) const {
@@ -58,9 +60,10 @@ struct Pencil {
 };
 
 /// Edge functions of triangles, k + x slope + y slope', turned so that they are positive inside. A bundle lies beside a triangle where
-/// one of them stays below -margin.
+/// one of them stays below -margin; a ray hits it where all are above margin. Depths are counted from the apex: z that of the first
+/// corner, dz of the others from there.
 struct EdgeLines {
-  Floats k[3], x[3], y[3], margin;
+  Floats k[3], x[3], y[3], margin, z, dz[2], front, rear;
 
   __attribute__((always_inline)) Mask beside(const Slopes& s) const {
     Floats least = splat(kFar);
@@ -81,6 +84,7 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, cons
     for (int a = 0; a < 2; ++a) p[3 * j + a] -= splat(pencil.middle[a]) * z, most = larger(magnitude(p[3 * j + a]), most);
     deepest = larger(magnitude(z), deepest);
   }
+  const Floats z0 = p[2], z1 = p[5], z2 = p[8];
   most += deepest * larger(larger(pencil.all.high[0], -pencil.all.low[0]), larger(pencil.all.high[1], -pencil.all.low[1]));
   EdgeLines l;
   for (int e = 0; e < 3; ++e) {
@@ -95,15 +99,18 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, cons
   l.margin = select(less(margin, magnitude(k) - swing), margin, splat(__builtin_inff()));  // edge-on: no side is known
   for (int e = 0; e < 3; ++e)
     l.k[e] = Floats(Ints(l.k[e]) ^ side), l.x[e] = Floats(Ints(l.x[e]) ^ side), l.y[e] = Floats(Ints(l.y[e]) ^ side);
+  l.z = z0, l.dz[0] = z1 - z0, l.dz[1] = z2 - z0;
+  l.front = smaller(z0, smaller(z1, z2)), l.rear = larger(z0, larger(z1, z2));
   return l;
 }
 
 /// The edges of several triangles in memory, to be had one by one.
 struct EdgeTable {
-  alignas(64) float lines[10][kLanes];
+  alignas(64) float lines[15][kLanes];
   explicit EdgeTable(const EdgeLines& l) {
     for (int e = 0; e < 3; ++e) store(lines[3 * e], l.k[e]), store(lines[3 * e + 1], l.x[e]), store(lines[3 * e + 2], l.y[e]);
-    store(lines[9], l.margin);
+    store(lines[9], l.margin), store(lines[10], l.z), store(lines[11], l.dz[0]), store(lines[12], l.dz[1]);
+    store(lines[13], l.front), store(lines[14], l.rear);
   }
   EdgeLines at(int lane) const {
     EdgeLines l;
@@ -111,7 +118,8 @@ struct EdgeTable {
       const float(*line)[kLanes] = lines + 3 * e;
       l.k[e] = splat(line[0][lane]), l.x[e] = splat(line[1][lane]), l.y[e] = splat(line[2][lane]);
     }
-    l.margin = splat(lines[9][lane]);
+    l.margin = splat(lines[9][lane]), l.z = splat(lines[10][lane]), l.dz[0] = splat(lines[11][lane]), l.dz[1] = splat(lines[12][lane]);
+    l.front = splat(lines[13][lane]), l.rear = splat(lines[14][lane]);
     return l;
   }
 };
@@ -131,19 +139,24 @@ inline double common_end(const Tile& tile, double (&end)[3]) {
   return most;
 }
 
-/// How far rays begin from the pencil's apex, in depth, at most.
-inline float distance_from(const Tile& tile, float apex) {
+/// How far the rays begin from the pencil's apex, in depth. Returns the most.
+inline float set_starts(const Tile& tile, Pencil& pencil) {
   Floats most{};
-  for (int k = 0; k < kTile; k += kLanes) most = larger(magnitude(load(tile.start + k) - splat(apex)), most);
+  for (int k = 0; k < kTile; k += kLanes) {
+    const Floats from = (load(tile.start + k) - splat(pencil.apex.o[2])) + (load(tile.rest[2] + k) - splat(pencil.apex.rest[2]));
+    store(pencil.start + k, from);
+    most = larger(magnitude(from), most);
+  }
   return largest(most);
 }
 
 /// The apex of an even tile. False when its rays are no pencil.
 inline bool set_apex(const Tile& tile, Pencil& pencil) {
   Origin& apex = pencil.apex;
-  pencil.distance = 0;
+  pencil.distance = pencil.reach = 0;
   if (tile.common) {
     apex = {{tile.of[0][0], tile.of[1][0], tile.start[0]}, {tile.rest[0][0], tile.rest[1][0], tile.rest[2][0]}};
+    for (int k = 0; k < kTile; k += kLanes) store(pencil.start + k, Floats{});
     return true;
   }
   if (!(*tile.t_max < 1e20)) return false;
@@ -151,9 +164,10 @@ inline bool set_apex(const Tile& tile, Pencil& pencil) {
   const double off = common_end(tile, end);
   end[2] *= double(order_of(tile, 0).sign);
   for (int a = 0; a < 3; ++a) apex.o[a] = float(end[a]), apex.rest[a] = float(end[a] - double(apex.o[a]));
-  const float distance = distance_from(tile, apex.o[2]), blur = float(off) * 0x1p21f;
-  pencil.distance = distance + blur;
-  return blur < 8 * distance;
+  pencil.reach = set_starts(tile, pencil);
+  const float blur = float(off) * 0x1p21f;
+  pencil.distance = pencil.reach + blur;
+  return blur < 8 * pencil.reach;
 }
 
 inline void set_pencil(const Tile& tile, Pencil& pencil) {
@@ -170,6 +184,7 @@ inline void set_pencil(const Tile& tile, Pencil& pencil) {
     pencil.middle[a] = middle, pencil.all.low[a] = splat(first - middle), pencil.all.high[a] = splat(last - middle);
     for (float* bounds : {pencil.low[a], pencil.high[a]})
       for (int g = 0; g < kGroups; g += kLanes) store(bounds + g, load(bounds + g) - splat(middle));
+    for (int k = 0; k < kTile; k += kLanes) store(pencil.slope[a] + k, load(tile.slope[a] + k) - splat(middle));
   }
 }
 
