@@ -159,6 +159,28 @@ TEST(packets, fallbacks_are_counted) {
   }
 }
 
+// Sheets that cross each other at angles of 1e-7: float knows no order of theirs, double does. Rays that spread, and rays that meet.
+TEST(packets, sheets_too_close_for_float_keep_their_order) {
+  Random random(67);
+  Mesh mesh;
+  for (uint32_t k = 0; k < 64; ++k) {
+    const double tilt_x = random.uniform(-1e-7, 1e-7), tilt_y = random.uniform(-1e-7, 1e-7), z = random.uniform(-1e-7, 1e-7);
+    for (Vec3d p : {Vec3d{-3, -3, 0}, Vec3d{3, -3, 0}, Vec3d{0, 4, 0}}) mesh.add({p.x, p.y, z + tilt_x * p.x + tilt_y * p.y});
+    mesh.add(3 * k, 3 * k + 1, 3 * k + 2);
+  }
+  const auto accel = build(mesh);
+  std::vector<Ray> rays;
+  for (int block = 0; block < 40; ++block) {
+    const Vec3d eye = random.in_box(0.3) + Vec3d{0, 0, 2}, at = random.in_box(0.5), x = 1e-3 * random.on_sphere();
+    const double end = block % 4 < 2 ? HUGE_VAL : 1;
+    for (int k = 0; k < 64; ++k) {
+      const Vec3d target{at.x + k % 8 * x.x + k / 8 * x.y, at.y + k % 8 * x.y + k / 8 * x.z, block % 8 < 4 ? -0.5 : 0};
+      rays.push_back(block % 2 ? ray(target, eye - target, 0, end) : ray(eye, target - eye, 0, end));
+    }
+  }
+  CHECK(differences(*accel, rays, kCamera) == 0);
+}
+
 // A tilted box far from the origin, where coordinates are 6e-5 apart in float: rays outwards from a tenth of that above a face hit
 // nothing, those from as much below hit that face. In tiles that go together, and in all directions.
 TEST(packets, rays_know_the_side_of_the_surface_that_they_leave) {
