@@ -250,7 +250,7 @@ enum class Verdict { kMissed, kHit, kDoubtful };
 template <bool Any>
 inline Verdict hit_pencil(Walk<Any>& w, int k, const EdgeLines& l, ChildRef leaf, int place) {
   const Tile& tile = w.tile;
-  const Floats sx = load(w.pencil.slope[0] + k), sy = load(w.pencil.slope[1] + k);
+  const Floats sx = load(w.pencil.place[0] + k), sy = load(w.pencil.place[1] + k);
   const Floats a = l.k[0] + l.x[0] * sx + l.y[0] * sy, b = l.k[1] + l.x[1] * sx + l.y[1] * sy, c = l.k[2] + l.x[2] * sx + l.y[2] * sy;
   const Floats least = smaller(a, smaller(b, c));
   const Mask inside = less(l.margin, least);
