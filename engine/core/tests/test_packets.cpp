@@ -27,7 +27,7 @@ struct Mixed : MixedShapes {
 };
 
 /// 8 by 8 rays from one point, a little apart, or to one point, or side by side, or side by side along a diagonal: no axis is the longest,
-/// or for every second ray.
+/// or for every second ray, or as if from one point that they begin behind, as after a mirror.
 void add_block(std::vector<Ray>& rays, Random& random, int kind) {
   const Vec3d eye = random.in_box(4), target = random.in_box(1.5), d = target - eye;
   const double step = std::pow(10, random.uniform(-5, -1));
@@ -39,6 +39,7 @@ void add_block(std::vector<Ray>& rays, Random& random, int kind) {
     if (kind == 0) rays.push_back(ray(eye, d + shift, t_min, t_max));
     else if (kind == 1) rays.push_back(ray(target + shift, eye - target - shift, 0, 1));
     else if (kind == 2) rays.push_back(ray(eye + shift, d, t_min, t_max));
+    else if (kind == 3) rays.push_back(ray(eye + random.uniform(0.1, 0.2) * (d + shift), d + shift, t_min, t_max));
     else rays.push_back(ray(eye + shift, {std::copysign(1, d.x), std::copysign(second, d.y), std::copysign(k % 2 ? 1 : first, d.z)}));
   }
 }
@@ -67,7 +68,7 @@ void spoil(std::vector<Ray>& rays, Random& random) {
 std::vector<Ray> blocks(int count, bool odd, uint64_t seed) {
   Random random(seed);
   std::vector<Ray> rays;
-  for (int k = 0; k < count; ++k) add_block(rays, random, k % 4);
+  for (int k = 0; k < count; ++k) add_block(rays, random, k % 5);
   if (odd) spoil(rays, random);
   return rays;
 }

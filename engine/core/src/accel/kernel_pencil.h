@@ -1,5 +1,5 @@
-// Triangles against pencils: rays whose lines all pass through one point, as camera rays and rays to a lamp do, or are parallel, as rays
-// to a sun. A ray is two numbers there, its place: the slopes of its line, or where parallel ones start. A triangle's edge functions are
+// Triangles against pencils: rays whose lines all pass through one point, as camera rays, their reflections in a plane and rays to a lamp
+// do, or are parallel, as rays to a sun. A ray is two numbers there, its place: the slopes of its line, or where parallel ones start. A triangle's edge functions are
 // linear in them; so a few products tell that it lies beside a whole bundle, or which rays hit it. Nothing is left out that the test of
 // single rays would find.
 #pragma once
@@ -129,15 +129,24 @@ struct EdgeTable {
   }
 };
 
-/// Where the first ray of an even tile ends, and how far from there the others do.
-inline double common_end(const Tile& tile, double (&end)[3]) {
-  const Order& order = order_of(tile, 0);
+/// Where the lines of an even tile's first and last ray are nearest to each other, in the rays' order. Returns how far from there the
+/// others pass at most.
+inline double meeting_point(const Tile& tile, double (&apex)[3]) {
+  constexpr int kLast = kTile - 1;
+  double across = 0, square = 0;
+  for (int a = 0; a < 2; ++a) {
+    const double first = tile.shear[a][0], turn = tile.shear[a][kLast] - first;
+    across += turn * (tile.o[a][kLast] - tile.o[a][0] - first * (tile.o[2][kLast] - tile.o[2][0])), square += turn * turn;
+  }
+  if (!(square > 0)) return kInf;
+  apex[2] = tile.o[2][kLast] - across / square;
   Doubles off{};
-  for (int a = 0; a < 3; ++a) {
-    const double* d = tile.xyz_d[order.axes[a]];
-    end[a] = tile.o[a][0] + *d * *tile.t_max;
-    for (int k = 0; k < kTile; k += kDoubles)
-      off = larger(magnitude(load(tile.o[a] + k) + load(d + k) * load(tile.t_max + k) - splat(end[a])), off);
+  for (int a = 0; a < 2; ++a) {
+    apex[a] = tile.o[a][0] + tile.shear[a][0] * (apex[2] - tile.o[2][0]);
+    for (int k = 0; k < kTile; k += kDoubles) {
+      const Doubles at = load(tile.o[a] + k) + load(tile.shear[a] + k) * (splat(apex[2]) - load(tile.o[2] + k));
+      off = larger(magnitude(at - splat(apex[a])), off);
+    }
   }
   double most = 0;
   for (int j = 0; j < kDoubles; ++j) most = larger(off[j], most);
@@ -173,10 +182,10 @@ inline bool set_apex(const Tile& tile, Pencil& pencil) {
     return true;
   }
   pencil.parallel = parallel(tile);
-  if (!pencil.parallel && !(*tile.t_max < 1e20)) return false;
   double off = 0, end[3];
   if (!pencil.parallel) {
-    off = common_end(tile, end);
+    off = meeting_point(tile, end);
+    if (!(off < 1e20)) return false;
     end[2] *= double(order_of(tile, 0).sign);
     for (int a = 0; a < 3; ++a) apex.o[a] = float(end[a]), apex.rest[a] = float(end[a] - double(apex.o[a]));
   }
