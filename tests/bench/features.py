@@ -11,14 +11,10 @@ any compiler. Exit code 1 when one does not, or when a count is more than 5 % ab
 
 from __future__ import annotations
 
-import argparse
-import json
-import shutil
 import sys
 from pathlib import Path
 
-import core_program
-from instructions import count, grown
+from instructions import grown, measure
 from ray_tables import table
 
 RECORDED = Path(__file__).with_name("features.json")
@@ -31,24 +27,13 @@ FREE_WITHIN = 1e-3
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--record", action="store_true", help="renew features.json")
-    parser.add_argument("--program", help="a built pipeline_counts")
-    options = parser.parse_args()
-    valgrind = shutil.which("valgrind")
-    if not valgrind:
-        print("features.py: skipped, valgrind is not installed (Debian and Ubuntu: apt-get install valgrind)")
+    found = measure(__doc__, RECORDED, "pipeline_counts", SCENES)
+    if not found:
         return 0
-    program = options.program or str(core_program.build("pipeline_counts"))
-    counted = {scene: count(valgrind, program, scene) for scene in SCENES}
-    measured, compiler = {scene: value for scene, (value, _) in counted.items()}, counted["plain"][1]
-    recorded = json.loads(RECORDED.read_text()) if RECORDED.exists() else {"compiler": "", "per_item": {}}
-    print(features_table(measured, recorded["per_item"]))
-    if options.record:
-        RECORDED.write_text(json.dumps({"compiler": compiler, "per_item": measured}, indent=1) + "\n")
-        print(f"recorded in {RECORDED.name}")
-    same = compiler == recorded["compiler"] and not options.record
-    worse = [*not_free(measured), *(grown(measured, recorded["per_item"]) if same else [])]
+    measured, recorded, renewed = found
+    print(features_table(measured.per_item, recorded.per_item))
+    same = measured.compiler == recorded.compiler and not renewed
+    worse = [*not_free(measured.per_item), *(grown(measured.per_item, recorded.per_item) if same else [])]
     print("\n".join(worse) or "nothing is paid for what a scene does not have" + ("" if same else "; growth is not judged"))
     return int(bool(worse))
 

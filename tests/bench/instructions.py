@@ -19,6 +19,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import core_program
@@ -29,31 +30,48 @@ KINDS = ("primary", "shadow", "shadow_from_light", "mirror", "diffuse", "build")
 GROWTH_ALLOWED = 0.05
 
 
+@dataclass(frozen=True)
+class Counts:
+    """Instructions per item of each kind of work, and the compiler that made the program."""
+
+    compiler: str
+    per_item: dict[str, float]
+
+
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--record", action="store_true", help="renew instructions.json")
-    parser.add_argument("--program", help="a built ray_counts")
+    found = measure(__doc__, RECORDED, "ray_counts", KINDS)
+    if not found:
+        return 0
+    measured, recorded, renewed = found
+    print(counts_table(measured.per_item, recorded.per_item))
+    if renewed:
+        return 0
+    if measured.compiler != recorded.compiler:
+        print(f"not judged: recorded with compiler {recorded.compiler!r}, this is {measured.compiler!r}")
+        return 0
+    worse = grown(measured.per_item, recorded.per_item)
+    print("\n".join(worse) or "no count grew by more than 5 %")
+    return int(bool(worse))
+
+
+def measure(description: str, file: Path, program: str, kinds: tuple[str, ...]) -> tuple[Counts, Counts, bool] | None:
+    """Reads the command line. Counts now, counts in `file`, whether these were renewed; None, and a line that says so, without valgrind."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--record", action="store_true", help=f"renew {file.name}")
+    parser.add_argument("--program", help=f"a built {program}")
     options = parser.parse_args()
     valgrind = shutil.which("valgrind")
     if not valgrind:
-        print("instructions.py: skipped, valgrind is not installed (Debian and Ubuntu: apt-get install valgrind)")
-        return 0
-    program = options.program or str(core_program.build("ray_counts"))
-    measured = {"compiler": "", "per_item": {}}
-    for kind in KINDS:
-        measured["per_item"][kind], measured["compiler"] = count(valgrind, program, kind)
-    recorded = json.loads(RECORDED.read_text()) if RECORDED.exists() else {"compiler": "", "per_item": {}}
-    print(counts_table(measured["per_item"], recorded["per_item"]))
+        print("skipped, valgrind is not installed (Debian and Ubuntu: apt-get install valgrind)")
+        return None
+    built = options.program or str(core_program.build(program))
+    counted = {kind: count(valgrind, built, kind) for kind in kinds}
+    measured = Counts(counted[kinds[0]][1], {kind: value for kind, (value, _) in counted.items()})
+    recorded = Counts(**json.loads(file.read_text())) if file.exists() else Counts("", {})
     if options.record:
-        RECORDED.write_text(json.dumps(measured, indent=1) + "\n")
-        print(f"recorded in {RECORDED.name}")
-        return 0
-    if measured["compiler"] != recorded["compiler"]:
-        print(f"not judged: recorded with compiler {recorded['compiler']!r}, this is {measured['compiler']!r}")
-        return 0
-    worse = grown(measured["per_item"], recorded["per_item"])
-    print("\n".join(worse) or "no count grew by more than 5 %")
-    return int(bool(worse))
+        file.write_text(json.dumps(asdict(measured), indent=1) + "\n")
+        print(f"recorded in {file.name}")
+    return measured, recorded, options.record
 
 
 def count(valgrind: str, program: str, kind: str) -> tuple[float, str]:

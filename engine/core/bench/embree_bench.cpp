@@ -119,8 +119,8 @@ void add_builds(Report& report, const Options& options, const World& world) {
 
 /// One way to trace a set of rays.
 struct Mode {
-  std::string name;          // "glint", or feed, coherence, quality
-  bool embree = true, robust = true, coherent = false;
+  std::string name;          // "glint" and its tree, or feed, coherence, quality
+  bool embree = true, robust = true, coherent = false, fine = false;
   Quality quality = Quality::kMedium;
   Feed feed = Feed::kSingle;
   const RaySet* rays = nullptr;
@@ -138,10 +138,10 @@ class Traversal {
  public:
   Traversal(const Options& options, const World& world, Report& report)
       : options_(options), instanced_(!world.instances.empty()), report_(report), device_(device_config(options, options.threads)) {
-    accel_ = build_glint(world, options.threads);
+    accels_[0] = build_glint(world, options.threads), accels_[1] = build_glint(world, options.threads, BuildQuality::kFine);
     for (int q = 0; q < 3; ++q)
       for (int r = 0; r < 2; ++r) scenes_[q][r] = std::make_unique<EmbreeScene>(device_, world, Quality(q), r != 0);
-    frame_ = make_rays(world, *accel_, options.size);
+    frame_ = make_rays(world, *accels_[0], options.size);
   }
 
   void run() {
@@ -179,14 +179,17 @@ class Traversal {
       mode.rates.clear();
       kept.push_back(mode);
     }
-    add_glint(kept, kind, false);
-    if (kind.reversed) add_glint(kept, kind, true);
+    for (const bool fine : {false, true}) {
+      add_glint(kept, kind, false, fine);
+      if (kind.reversed) add_glint(kept, kind, true, fine);
+    }
     return kept;
   }
 
-  static void add_glint(std::vector<Mode>& modes, const Kind& kind, bool reversed) {
+  static void add_glint(std::vector<Mode>& modes, const Kind& kind, bool reversed, bool fine) {
     Mode mode;
-    mode.name = reversed ? "glint, from the light" : "glint", mode.embree = false;
+    mode.name = std::string(fine ? "glint, fine" : "glint, balanced") + (reversed ? ", from the light" : ""), mode.embree = false;
+    mode.fine = fine;
     mode.rays = reversed ? kind.reversed : kind.rays, mode.reversed = reversed;
     modes.push_back(mode);
   }
@@ -222,10 +225,11 @@ class Traversal {
 
   double glint_seconds(const Mode& mode, const Kind& kind, int threads) {
     make_room(mode.rays->size());
+    const Accel& accel = *accels_[mode.fine];
     return parallel_seconds(mode.rays->size(), threads, [&](size_t first, size_t count) {
       const Rays rays = mode.rays->view(first, count);
-      if (kind.any_hit) accel_->occluded(rays, &blocked_[first]);
-      else accel_->closest(rays, hits_->from(first));
+      if (kind.any_hit) accel.occluded(rays, &blocked_[first]);
+      else accel.closest(rays, hits_->from(first));
     });
   }
 
@@ -299,7 +303,7 @@ class Traversal {
   Report& report_;
   EmbreeDevice device_;
   std::unique_ptr<EmbreeScene> scenes_[3][2];
-  std::unique_ptr<Accel> accel_;
+  std::unique_ptr<Accel> accels_[2];  // balanced, fine
   FrameRays frame_;
   std::unique_ptr<EmbreeRays> layouts_[4][2];
   std::unique_ptr<HitArrays> hits_;

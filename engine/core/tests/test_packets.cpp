@@ -26,17 +26,21 @@ struct Mixed : MixedShapes {
   }
 };
 
-/// 8 by 8 rays from one point, a little apart, or to one point, or side by side.
+/// 8 by 8 rays from one point, a little apart, or to one point, or side by side, or side by side along a diagonal: no axis is the longest,
+/// or for every second ray, or as if from one point that they begin behind, as after a mirror.
 void add_block(std::vector<Ray>& rays, Random& random, int kind) {
   const Vec3d eye = random.in_box(4), target = random.in_box(1.5), d = target - eye;
   const double step = std::pow(10, random.uniform(-5, -1));
   const Vec3d x = step * random.on_sphere(), y = step * random.on_sphere();
   const double t_min = random.below(3) ? 0 : random.uniform(0, 1), t_max = random.below(3) ? HUGE_VAL : random.uniform(0.5, 2);
+  const double first = random.below(2) ? 1 : 1.001, second = random.below(2) ? 1 : 0.5;
   for (int k = 0; k < 64; ++k) {
     const Vec3d shift = double(k % 8) * x + double(k / 8) * y;
     if (kind == 0) rays.push_back(ray(eye, d + shift, t_min, t_max));
     else if (kind == 1) rays.push_back(ray(target + shift, eye - target - shift, 0, 1));
-    else rays.push_back(ray(eye + shift, d, t_min, t_max));
+    else if (kind == 2) rays.push_back(ray(eye + shift, d, t_min, t_max));
+    else if (kind == 3) rays.push_back(ray(eye + random.uniform(0.1, 0.2) * (d + shift), d + shift, t_min, t_max));
+    else rays.push_back(ray(eye + shift, {std::copysign(1, d.x), std::copysign(second, d.y), std::copysign(k % 2 ? 1 : first, d.z)}));
   }
 }
 
@@ -64,7 +68,7 @@ void spoil(std::vector<Ray>& rays, Random& random) {
 std::vector<Ray> blocks(int count, bool odd, uint64_t seed) {
   Random random(seed);
   std::vector<Ray> rays;
-  for (int k = 0; k < count; ++k) add_block(rays, random, k % 3);
+  for (int k = 0; k < count; ++k) add_block(rays, random, k % 5);
   if (odd) spoil(rays, random);
   return rays;
 }
@@ -157,6 +161,28 @@ TEST(packets, fallbacks_are_counted) {
       }
     }
   }
+}
+
+// Sheets that cross each other at angles of 1e-7: float knows no order of theirs, double does. Rays that spread, and rays that meet.
+TEST(packets, sheets_too_close_for_float_keep_their_order) {
+  Random random(67);
+  Mesh mesh;
+  for (uint32_t k = 0; k < 64; ++k) {
+    const double tilt_x = random.uniform(-1e-7, 1e-7), tilt_y = random.uniform(-1e-7, 1e-7), z = random.uniform(-1e-7, 1e-7);
+    for (Vec3d p : {Vec3d{-3, -3, 0}, Vec3d{3, -3, 0}, Vec3d{0, 4, 0}}) mesh.add({p.x, p.y, z + tilt_x * p.x + tilt_y * p.y});
+    mesh.add(3 * k, 3 * k + 1, 3 * k + 2);
+  }
+  const auto accel = build(mesh);
+  std::vector<Ray> rays;
+  for (int block = 0; block < 40; ++block) {
+    const Vec3d eye = random.in_box(0.3) + Vec3d{0, 0, 2}, at = random.in_box(0.5), x = 1e-3 * random.on_sphere();
+    const double end = block % 4 < 2 ? HUGE_VAL : 1;
+    for (int k = 0; k < 64; ++k) {
+      const Vec3d target{at.x + k % 8 * x.x + k / 8 * x.y, at.y + k % 8 * x.y + k / 8 * x.z, block % 8 < 4 ? -0.5 : 0};
+      rays.push_back(block % 2 ? ray(target, eye - target, 0, end) : ray(eye, target - eye, 0, end));
+    }
+  }
+  CHECK(differences(*accel, rays, kCamera) == 0);
 }
 
 // A tilted box far from the origin, where coordinates are 6e-5 apart in float: rays outwards from a tenth of that above a face hit

@@ -11,22 +11,25 @@ struct Span {
   Doubles shortest = splat(kInf), longest{}, earliest = splat(kInf);  // |along|, t_max
 };
 
-/// The kind of rays in direction d, as Tile::kind has it, if one axis is longer than the others.
+/// The kind of rays in direction d, as Tile::kind has it. Of axes of one length the first is the longest.
 inline uint32_t kind_of(const double (&d)[3]) {
   const double x = magnitude(d[0]), y = magnitude(d[1]), z = magnitude(d[2]);
   const uint32_t axis = z > x && z > y ? 2 : y > x ? 1 : 0;
   return axis | (d[axis] < 0 ? 4 : 0);
 }
 
-/// Directions of the rays [k, k + kDoubles), columns in the rays' order. False when they are not even.
-inline bool set_even_directions(Tile& tile, int k, const double* const (&d)[3], Doubles sign, Span& span) {
+/// Directions of the rays [k, k + kDoubles), columns in the rays' order, the longest along `axis`. False when they are not even.
+inline bool set_even_directions(Tile& tile, int k, const double* const (&d)[3], int axis, Doubles sign, Span& span) {
   const Doubles d0 = load(d[0] + k), d1 = load(d[1] + k), along = load(d[2] + k), ahead = flip(along, sign);
   const Doubles inverse = 1 / along, s0 = d0 * inverse, s1 = d1 * inverse, t_max = load(tile.t_max + k), zero{};
   store(tile.shear[0] + k, s0), store(tile.shear[1] + k, s1), store(tile.along + k, along);
   narrow(tile.slope[0] + k, flip(s0, sign)), narrow(tile.slope[1] + k, flip(s1, sign));
   span.shortest = smaller(ahead, span.shortest), span.longest = larger(ahead, span.longest);
   span.earliest = smaller(t_max, span.earliest);
-  const DoubleMask good = less(magnitude(d0), ahead) & less(magnitude(d1), ahead) & less(zero, t_max) & equal(load(tile.t_min + k), zero);
+  const Doubles across[2] = {magnitude(d0), magnitude(d1)};
+  const DoubleMask first = axis < 2 ? at_most(across[0], ahead) : less(across[0], ahead);  // as set_rays decides
+  const DoubleMask second = axis < 1 ? at_most(across[1], ahead) : less(across[1], ahead);
+  const DoubleMask good = first & second & less(zero, t_max) & equal(load(tile.t_min + k), zero);
   return bits(good) == (1u << kDoubles) - 1;
 }
 
@@ -101,7 +104,7 @@ inline bool set_even_tile(Tile& tile) {
   const Doubles sign = splat(double(order.sign));
   Span span;
   for (int k = 0; k < kTile; k += kDoubles)
-    if (!set_even_directions(tile, k, d, sign, span)) return false;
+    if (!set_even_directions(tile, k, d, order.axes[2], sign, span)) return false;
   Doubles square{};
   tile.common = at_one_point(tile);
   if (tile.common) square = set_common_origin(tile, o, center, double(order.sign));

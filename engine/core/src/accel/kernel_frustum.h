@@ -70,7 +70,7 @@ struct WideFrustum {
 
 /// Which bundles [base, base + count) meet one box.
 template <int Count>
-inline uint32_t units_met(const Frusta<Count>& units, int base, int count, const Boxes& box) {
+__attribute__((always_inline)) inline uint32_t units_met(const Frusta<Count>& units, int base, int count, const Boxes& box) {
   uint32_t mask = 0;
   for (int k = 0; k < count; k += kLanes) {
     const int at = base + k;
@@ -82,7 +82,7 @@ inline uint32_t units_met(const Frusta<Count>& units, int base, int count, const
 }
 
 /// One child of a node in all lanes.
-inline Boxes child_box(const Node& n, int child, const Order& order) {
+__attribute__((always_inline)) inline Boxes child_box(const Node& n, int child, const Order& order) {
   const float* p = n.planes[0] + child;
   return {splat(p[order.low[0]]), splat(p[order.high[0]]), splat(p[order.low[1]]), splat(p[order.high[1]]),
           splat(p[order.front] * order.sign), splat(p[order.rear] * order.sign)};

@@ -164,6 +164,25 @@ __attribute__((noinline)) void decide_rays(Walk<Any>& w, int k, uint32_t mask, u
   }
 }
 
+/// Takes hits that are nearer than the best ones without doubt, of the rays [k, k + kLanes): those of `mask`; `nearer` has no other ones
+/// but such that cannot be.
+template <bool Any>
+__attribute__((always_inline)) inline void take_certain(Walk<Any>& w, int k, uint32_t mask, Mask nearer, Floats lo, Floats hi,
+                                                        ChildRef leaf, int place) {
+  Tile& tile = w.tile;
+  float* last = w.bundles.rays.last + k;
+  if (Any) {
+    for (; mask; mask &= mask - 1) tile.answers->blocked[tile.slot[k + __builtin_ctz(mask)]] = 1;
+    for (float* p : {tile.lo + k, tile.hi + k, last}) store(p, select(nearer, splat(-kFar), load(p)));
+    return;
+  }
+  const Floats end = select(nearer, hi, load(tile.hi + k));
+  store(tile.lo + k, select(nearer, lo, load(tile.lo + k))), store(tile.hi + k, end);
+  store(tile.pending + k, select(nearer, Ints{} + int32_t(leaf), load(tile.pending + k)));
+  store(tile.place + k, select(nearer, Ints{} + place, load(tile.place + k)));
+  store(last, smaller(load(last), load(tile.start + k) + end + splat(tile.room)));
+}
+
 /// Candidates among the rays [k, k + kLanes): takes those that are certain, and decides the others.
 template <bool Any>
 __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32_t mask, const TriangleTest& t, float extent,
@@ -177,17 +196,8 @@ __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32
   if (!mask || !visible(tile, leaf_first(leaf) + uint32_t(place))) return;
   const Mask nearer = sure & less(hi, best_lo) & less(begin_hi, lo);
   const uint32_t certain = bits(nearer) & mask;
-  if (Any) {
-    for (uint32_t m = certain; m; m &= m - 1) w.block(k + __builtin_ctz(m)), w.trim(k + __builtin_ctz(m));
-  } else if (certain) {
-    // Lanes of `nearer` outside of `mask` are in conflict: `sure` is false there.
-    const Floats end = select(nearer, hi, best_hi);
-    store(tile.lo + k, select(nearer, lo, best_lo)), store(tile.hi + k, end);
-    store(tile.pending + k, select(nearer, Ints{} + int32_t(leaf), load(tile.pending + k)));
-    store(tile.place + k, select(nearer, Ints{} + place, load(tile.place + k)));
-    float* last = w.bundles.rays.last + k;
-    store(last, smaller(load(last), load(tile.start + k) + end + splat(tile.room)));
-  }
+  // Lanes of `nearer` outside of `mask` are in conflict: `sure` is false there.
+  if (certain) take_certain(w, k, certain, nearer, lo, hi, leaf, place);
   mask &= ~certain;
   if (mask) decide_rays(w, k, mask, mask & bits(sure & at_most(lo, begin_hi)), t, order, leaf, place);
 }
@@ -231,6 +241,30 @@ inline bool hit_group(Walk<Any>& w, int k, const Corners<Common>& corners, int f
   if (!mask) return false;
   take_rays(w, k, mask, t, extent, order, ref, first + lane);
   return true;
+}
+
+enum class Verdict { kMissed, kHit, kDoubtful };
+
+/// One triangle against the rays [k, k + kLanes) of a pencil, by its edges: where these leave no doubt, they agree with hit_group. The
+/// edge functions are off by at most a third of `margin`, and so the depth by its extent times margin over their sum.
+template <bool Any>
+inline Verdict hit_pencil(Walk<Any>& w, int k, const EdgeLines& l, ChildRef leaf, int place) {
+  const Tile& tile = w.tile;
+  const Floats sx = load(w.pencil.place[0] + k), sy = load(w.pencil.place[1] + k);
+  const Floats a = l.k[0] + l.x[0] * sx + l.y[0] * sy, b = l.k[1] + l.x[1] * sx + l.y[1] * sy, c = l.k[2] + l.x[2] * sx + l.y[2] * sy;
+  const Floats least = smaller(a, smaller(b, c));
+  const Mask inside = less(l.margin, least);
+  constexpr uint32_t kAll = (1u << kLanes) - 1;
+  if (bits(inside | less(least, -l.margin)) != kAll) return Verdict::kDoubtful;
+  if (!bits(inside) || !visible(tile, leaf_first(leaf) + uint32_t(place))) return Verdict::kMissed;
+  const Floats inverse = 1 / (a + b + c), at = l.z + (b * l.dz[0] + c * l.dz[1]) * inverse, error = (l.rear - l.front) * l.margin * inverse;
+  const Floats room = (larger(l.rear, -l.front) + splat(w.pencil.reach)) * splat(0x1p-20f), start = load(w.pencil.start + k);
+  const Floats lo = larger(at - error, l.front) - start - room, hi = smaller(at + error, l.rear) - start + room;
+  const Mask nearer = inside & less(hi, load(tile.lo + k)) & less(load(tile.begin_hi + k), lo);
+  const Mask beyond = less(load(tile.hi + k), lo) | less(hi, load(tile.begin_lo + k));
+  if (bits(inside) & ~bits(nearer | beyond)) return Verdict::kDoubtful;
+  if (bits(nearer)) take_certain(w, k, bits(nearer), nearer, lo, hi, leaf, place);
+  return Verdict::kHit;
 }
 
 /// A ray for spheres and polygons, in double; d scaled so that its longest component is in [1, 2).

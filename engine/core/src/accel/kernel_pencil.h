@@ -1,6 +1,7 @@
-// Triangles against pencils: rays whose lines all pass through one point, as camera rays and rays to a light do. Counted in slopes, a
-// triangle's edge functions are linear there; so a few products tell that it lies beside a whole bundle. Nothing is left out that the
-// test of single rays would find.
+// Triangles against pencils: rays whose lines all pass through one point, as camera rays, their reflections in a plane and rays to a lamp
+// do, or are parallel, as rays to a sun. A ray is two numbers there, its place: the slopes of its line, or where parallel ones start. A triangle's edge functions are
+// linear in them; so a few products tell that it lies beside a whole bundle, or which rays hit it. Nothing is left out that the test of
+// single rays would find.
 #pragma once
 #include <initializer_list>
 
@@ -35,34 +36,37 @@ __attribute__((always_inline)) inline void corners_from(const Origin& from, cons
     }
 }
 
-/// Slopes of bundles, from the middle of the pencil: one in all lanes, or one to a lane.
-struct Slopes {
+/// Between which places bundles lie: one in all lanes, or one to a lane.
+struct Places {
   Floats low[2], high[2];
 };
 
 /// The rays of an even tile, where they are a pencil.
 struct Pencil {
-  bool exists = false;
-  Origin apex;
-  float middle[2];  // of the slopes
-  float distance;   // from the rays' beginnings to the apex, in depth; and 2^21 times what rays miss it by, which comes to the same
-  alignas(64) float low[2][kGroups], high[2][kGroups];
-  Slopes all;
+  bool exists = false, parallel = false;
+  Origin apex;      // of parallel rays: where the first one begins
+  float middle[2];  // slopes; places are counted from there, or are distances across
+  float reach;      // from the rays' beginnings to the apex, in depth
+  float distance;   // that, and 2^21 times what rays miss the apex by, which comes to the same
+  alignas(64) float low[2][kGroups], high[2][kGroups];  // of groups
+  alignas(64) float place[2][kTile], start[kTile];      // of rays; and depths of their beginnings from the apex
+  Places all;
 
-  Slopes groups(int g) const {
+  Places groups(int g) const {
     return {{load(low[0] + g), load(low[1] + g)}, {load(high[0] + g), load(high[1] + g)}};
   }
-  Slopes group(int g) const {
+  Places group(int g) const {
     return {{splat(low[0][g]), splat(low[1][g])}, {splat(high[0][g]), splat(high[1][g])}};
   }
 };
 
-/// Edge functions of triangles, k + x slope + y slope', turned so that they are positive inside. A bundle lies beside a triangle where
-/// one of them stays below -margin.
+/// Edge functions of triangles, k + x place + y place', turned so that they are positive inside. A bundle lies beside a triangle where
+/// one of them stays below -margin; a ray hits it where all are above margin. Depths are counted from the apex: z that of the first
+/// corner, dz of the others from there.
 struct EdgeLines {
-  Floats k[3], x[3], y[3], margin;
+  Floats k[3], x[3], y[3], margin, z, dz[2], front, rear;
 
-  __attribute__((always_inline)) Mask beside(const Slopes& s) const {
+  __attribute__((always_inline)) Mask beside(const Places& s) const {
     Floats least = splat(kFar);
     for (int e = 0; e < 3; ++e)
       least = smaller(k[e] + larger(x[e] * s.low[0], x[e] * s.high[0]) + larger(y[e] * s.low[1], y[e] * s.high[1]), least);
@@ -81,29 +85,37 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, cons
     for (int a = 0; a < 2; ++a) p[3 * j + a] -= splat(pencil.middle[a]) * z, most = larger(magnitude(p[3 * j + a]), most);
     deepest = larger(magnitude(z), deepest);
   }
-  most += deepest * larger(larger(pencil.all.high[0], -pencil.all.low[0]), larger(pencil.all.high[1], -pencil.all.low[1]));
+  const Floats z0 = p[2], z1 = p[5], z2 = p[8];
+  const Places& all = pencil.all;
+  const Floats width = larger(larger(all.high[0], -all.low[0]), larger(all.high[1], -all.low[1]));
+  most += pencil.parallel ? width : deepest * width;
   EdgeLines l;
   for (int e = 0; e < 3; ++e) {
     const Floats *a = p + 3 * ((e + 1) % 3), *b = p + 3 * ((e + 2) % 3);
-    l.k[e] = b[0] * a[1] - b[1] * a[0], l.x[e] = b[1] * a[2] - b[2] * a[1], l.y[e] = b[2] * a[0] - b[0] * a[2];
+    l.k[e] = b[0] * a[1] - b[1] * a[0];
+    if (pencil.parallel) l.x[e] = b[1] - a[1], l.y[e] = a[0] - b[0];
+    else l.x[e] = b[1] * a[2] - b[2] * a[1], l.y[e] = b[2] * a[0] - b[0] * a[2];
   }
   const Floats k = l.k[0] + l.k[1] + l.k[2], x = l.x[0] + l.x[1] + l.x[2], y = l.y[0] + l.y[1] + l.y[2];
   const Ints side = Ints(k) & INT32_MIN;
-  const Floats swing = larger(magnitude(x * pencil.all.low[0]), magnitude(x * pencil.all.high[0])) +
-                       larger(magnitude(y * pencil.all.low[1]), magnitude(y * pencil.all.high[1]));
+  const Floats swing = larger(magnitude(x * all.low[0]), magnitude(x * all.high[0])) +
+                       larger(magnitude(y * all.low[1]), magnitude(y * all.high[1]));
   const Floats margin = splat(0x1p-17f) * most * (deepest + splat(pencil.distance) + most);
   l.margin = select(less(margin, magnitude(k) - swing), margin, splat(__builtin_inff()));  // edge-on: no side is known
   for (int e = 0; e < 3; ++e)
     l.k[e] = Floats(Ints(l.k[e]) ^ side), l.x[e] = Floats(Ints(l.x[e]) ^ side), l.y[e] = Floats(Ints(l.y[e]) ^ side);
+  l.z = z0, l.dz[0] = z1 - z0, l.dz[1] = z2 - z0;
+  l.front = smaller(z0, smaller(z1, z2)), l.rear = larger(z0, larger(z1, z2));
   return l;
 }
 
 /// The edges of several triangles in memory, to be had one by one.
 struct EdgeTable {
-  alignas(64) float lines[10][kLanes];
+  alignas(64) float lines[15][kLanes];
   explicit EdgeTable(const EdgeLines& l) {
     for (int e = 0; e < 3; ++e) store(lines[3 * e], l.k[e]), store(lines[3 * e + 1], l.x[e]), store(lines[3 * e + 2], l.y[e]);
-    store(lines[9], l.margin);
+    store(lines[9], l.margin), store(lines[10], l.z), store(lines[11], l.dz[0]), store(lines[12], l.dz[1]);
+    store(lines[13], l.front), store(lines[14], l.rear);
   }
   EdgeLines at(int lane) const {
     EdgeLines l;
@@ -111,65 +123,99 @@ struct EdgeTable {
       const float(*line)[kLanes] = lines + 3 * e;
       l.k[e] = splat(line[0][lane]), l.x[e] = splat(line[1][lane]), l.y[e] = splat(line[2][lane]);
     }
-    l.margin = splat(lines[9][lane]);
+    l.margin = splat(lines[9][lane]), l.z = splat(lines[10][lane]), l.dz[0] = splat(lines[11][lane]), l.dz[1] = splat(lines[12][lane]);
+    l.front = splat(lines[13][lane]), l.rear = splat(lines[14][lane]);
     return l;
   }
 };
 
-/// Where the first ray of an even tile ends, and how far from there the others do.
-inline double common_end(const Tile& tile, double (&end)[3]) {
-  const Order& order = order_of(tile, 0);
+/// Where the lines of an even tile's first and last ray are nearest to each other, in the rays' order. Returns how far from there the
+/// others pass at most.
+inline double meeting_point(const Tile& tile, double (&apex)[3]) {
+  constexpr int kLast = kTile - 1;
+  double across = 0, square = 0;
+  for (int a = 0; a < 2; ++a) {
+    const double first = tile.shear[a][0], turn = tile.shear[a][kLast] - first;
+    across += turn * (tile.o[a][kLast] - tile.o[a][0] - first * (tile.o[2][kLast] - tile.o[2][0])), square += turn * turn;
+  }
+  if (!(square > 0)) return kInf;
+  apex[2] = tile.o[2][kLast] - across / square;
   Doubles off{};
-  for (int a = 0; a < 3; ++a) {
-    const double* d = tile.xyz_d[order.axes[a]];
-    end[a] = tile.o[a][0] + *d * *tile.t_max;
-    for (int k = 0; k < kTile; k += kDoubles)
-      off = larger(magnitude(load(tile.o[a] + k) + load(d + k) * load(tile.t_max + k) - splat(end[a])), off);
+  for (int a = 0; a < 2; ++a) {
+    apex[a] = tile.o[a][0] + tile.shear[a][0] * (apex[2] - tile.o[2][0]);
+    for (int k = 0; k < kTile; k += kDoubles) {
+      const Doubles at = load(tile.o[a] + k) + load(tile.shear[a] + k) * (splat(apex[2]) - load(tile.o[2] + k));
+      off = larger(magnitude(at - splat(apex[a])), off);
+    }
   }
   double most = 0;
   for (int j = 0; j < kDoubles; ++j) most = larger(off[j], most);
   return most;
 }
 
-/// How far rays begin from the pencil's apex, in depth, at most.
-inline float distance_from(const Tile& tile, float apex) {
+/// How far the rays begin from the pencil's apex, in depth. Returns the most.
+inline float set_starts(const Tile& tile, Pencil& pencil) {
   Floats most{};
-  for (int k = 0; k < kTile; k += kLanes) most = larger(magnitude(load(tile.start + k) - splat(apex)), most);
+  for (int k = 0; k < kTile; k += kLanes) {
+    const Floats from = (load(tile.start + k) - splat(pencil.apex.o[2])) + (load(tile.rest[2] + k) - splat(pencil.apex.rest[2]));
+    store(pencil.start + k, from);
+    most = larger(magnitude(from), most);
+  }
   return largest(most);
+}
+
+/// Whether all rays have the first one's slopes.
+inline bool parallel(const Tile& tile) {
+  Ints other{};
+  for (int k = 0; k < kTile; k += kLanes)
+    for (const auto& slope : tile.slope) other |= load(slope + k) != splat(*slope);
+  return all_zero(other);
 }
 
 /// The apex of an even tile. False when its rays are no pencil.
 inline bool set_apex(const Tile& tile, Pencil& pencil) {
   Origin& apex = pencil.apex;
-  pencil.distance = 0;
+  pencil.distance = pencil.reach = 0;
+  apex = {{tile.of[0][0], tile.of[1][0], tile.start[0]}, {tile.rest[0][0], tile.rest[1][0], tile.rest[2][0]}};
   if (tile.common) {
-    apex = {{tile.of[0][0], tile.of[1][0], tile.start[0]}, {tile.rest[0][0], tile.rest[1][0], tile.rest[2][0]}};
+    for (int k = 0; k < kTile; k += kLanes) store(pencil.start + k, Floats{});
     return true;
   }
-  if (!(*tile.t_max < 1e20)) return false;
-  double end[3];
-  const double off = common_end(tile, end);
-  end[2] *= double(order_of(tile, 0).sign);
-  for (int a = 0; a < 3; ++a) apex.o[a] = float(end[a]), apex.rest[a] = float(end[a] - double(apex.o[a]));
-  const float distance = distance_from(tile, apex.o[2]), blur = float(off) * 0x1p21f;
-  pencil.distance = distance + blur;
-  return blur < 8 * distance;
+  pencil.parallel = parallel(tile);
+  double off = 0, end[3];
+  if (!pencil.parallel) {
+    off = meeting_point(tile, end);
+    if (!(off < 1e20)) return false;
+    end[2] *= double(order_of(tile, 0).sign);
+    for (int a = 0; a < 3; ++a) apex.o[a] = float(end[a]), apex.rest[a] = float(end[a] - double(apex.o[a]));
+  }
+  pencil.reach = set_starts(tile, pencil);
+  const float blur = float(off) * 0x1p21f;
+  pencil.distance = pencil.reach + blur;
+  return pencil.parallel || blur < 8 * pencil.reach;
+}
+
+/// Places of the rays [k, k + kLanes) along axis a.
+inline Floats places(const Tile& tile, const Pencil& pencil, int a, int k) {
+  const Floats middle = splat(pencil.middle[a]);
+  if (!pencil.parallel) return load(tile.slope[a] + k) - middle;
+  const Floats across = (load(tile.of[a] + k) - splat(pencil.apex.o[a])) + (load(tile.rest[a] + k) - splat(pencil.apex.rest[a]));
+  return across - middle * load(pencil.start + k);
 }
 
 inline void set_pencil(const Tile& tile, Pencil& pencil) {
   pencil.exists = set_apex(tile, pencil);
   if (!pencil.exists) return;
   for (int a = 0; a < 2; ++a) {
+    pencil.middle[a] = 0.5f * tile.slope[a][0] + 0.5f * tile.slope[a][kTile - 1];
+    for (int k = 0; k < kTile; k += kLanes) store(pencil.place[a] + k, places(tile, pencil, a, k));
     Floats low = splat(kFar), high = splat(-kFar);
     for (int g = 0; g < kGroups; g += kLanes) {
-      const Floats least = fold_rows<Smaller>(tile.slope[a] + g * kLanes), most = fold_rows<Larger>(tile.slope[a] + g * kLanes);
+      const Floats least = fold_rows<Smaller>(pencil.place[a] + g * kLanes), most = fold_rows<Larger>(pencil.place[a] + g * kLanes);
       store(pencil.low[a] + g, least), store(pencil.high[a] + g, most);
       low = smaller(least, low), high = larger(most, high);
     }
-    const float first = smallest(low), last = largest(high), middle = 0.5f * first + 0.5f * last;
-    pencil.middle[a] = middle, pencil.all.low[a] = splat(first - middle), pencil.all.high[a] = splat(last - middle);
-    for (float* bounds : {pencil.low[a], pencil.high[a]})
-      for (int g = 0; g < kGroups; g += kLanes) store(bounds + g, load(bounds + g) - splat(middle));
+    pencil.all.low[a] = splat(smallest(low)), pencil.all.high[a] = splat(largest(high));
   }
 }
 

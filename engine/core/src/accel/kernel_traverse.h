@@ -147,16 +147,23 @@ struct TileLevel {
     }
     shorten();
   }
+  /// After hits of groups' rays. (All at once: a processor waits before it reads a vector of which it has just written a part.)
   void shorten() {
-    float last = w.bundles.groups.last[0];
-    for (int k = 0; k < kGroups; k += kLanes) last = larger(k ? last : -kFar, largest(load(w.bundles.groups.last + k)));
-    whole.last = splat(last);
+    Floats last = splat(-kFar);
+    for (int g = 0; g < kGroups; g += kLanes) {
+      float* groups = w.bundles.groups.last + g;
+      const Floats shorter = smaller(fold_rows<Larger>(w.bundles.rays.last + g * kLanes), load(groups));  // empty ones stay so
+      store(groups, shorter), last = larger(shorter, last);
+    }
+    whole.last = splat(largest(last));
   }
   void leaf(ChildRef child, uint32_t groups, uint32_t box) {
+    const int before = found;
     if (w.tree.kind == kTriangleLeaf && wasteful() && box != kNoBox) {
       ray_by_ray(child, groups, box);
     } else if (w.tree.kind == kTriangleLeaf && !few(groups)) {
       common ? triangles<true>(child, groups) : triangles<false>(child, groups);
+      if (found == before) return;
     } else if (w.tree.kind == kInstanceLeaf) {
       instances(child, groups, box);
     } else {
@@ -212,7 +219,6 @@ struct TileLevel {
     const EdgeTable edges(lines);
     alignas(64) float extent[kLanes], front[kLanes], rear[kLanes];
     store(extent, extent_of(boxes)), store(front, boxes.front), store(rear, boxes.rear);
-    const Corners<Common> corners(triangles, first, order, origin<Common>(w.tile, 0));
     for (; mask; mask &= mask - 1) {
       const int lane = __builtin_ctz(mask);
       const EdgeLines one = edges.at(lane);
@@ -222,8 +228,22 @@ struct TileLevel {
         const Mask after = less(splat(rear[lane]), load(w.bundles.groups.first + g));
         met |= (~bits(before | after | one.beside(w.pencil.groups(g))) & ((1u << kLanes) - 1)) << g;
       }
-      hit_groups(met & groups, corners, first, lane, extent[lane], child);
+      if (const uint32_t doubtful = hit_pencils(met & groups, one, child, first + lane))
+        hit_groups(doubtful, Corners<Common>(triangles, first, order, origin<Common>(w.tile, 0)), first, lane, extent[lane], child);
     }
+  }
+  /// One triangle. Returns the groups that its edges leave in doubt.
+  uint32_t hit_pencils(uint32_t groups, const EdgeLines& edges, ChildRef child, int place) {
+    uint32_t doubtful = 0;
+    for (; groups; groups &= groups - 1) {
+      const Verdict verdict = hit_pencil<Any>(w, __builtin_ctz(groups) * kLanes, edges, child, place);
+      if (verdict == Verdict::kDoubtful) {
+        doubtful |= groups & -groups;
+        continue;
+      }
+      ++tests, found += verdict == Verdict::kHit;
+    }
+    return doubtful;
   }
   template <bool Common>
   void parted_triangles(ChildRef child, const Triangles& triangles, int first, uint32_t mask, const Boxes& boxes, uint32_t groups) {
@@ -243,10 +263,7 @@ struct TileLevel {
   void hit_groups(uint32_t groups, const Corners<Common>& corners, int first, int lane, float extent, ChildRef child) {
     tests += __builtin_popcount(groups);
     for (; groups; groups &= groups - 1) {
-      const int g = __builtin_ctz(groups);
-      if (!hit_group<Any, Common>(w, g * kLanes, corners, first, lane, order, extent, child)) continue;
-      ++found;
-      w.bundles.groups.last[g] = largest(load(w.bundles.rays.last + g * kLanes));
+      found += hit_group<Any, Common>(w, __builtin_ctz(groups) * kLanes, corners, first, lane, order, extent, child);
     }
   }
 };
