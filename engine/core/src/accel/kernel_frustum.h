@@ -37,6 +37,12 @@ struct Order {
 constexpr Order kOrders[8] = {Order(0), Order(1), Order(2), Order(0), Order(4), Order(5), Order(6), Order(4)};
 inline const Order& order_of(const Tile& tile, int r) { return kOrders[tile.kind[r]]; }
 
+/// Which axis is Order::axes[a] for rays of these kinds.
+inline Ints across(Ints kind, int a) {
+  const Ints z = kind & 3;
+  return a == 0 ? (z + 1) & Ints(z < 2) : z - 1 + (Ints(z < 1) & 3);
+}
+
 /// Boxes in the order of the rays' axes, kLanes of them.
 struct Boxes {
   Floats low_x, high_x, low_y, high_y, front, rear;

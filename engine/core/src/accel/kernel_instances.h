@@ -101,16 +101,17 @@ void trace_instances(Walk<Any>& w, ChildRef leaf, uint64_t rays) {
 /// A ray on its own in the tree over instances, and the one that it has come to.
 struct Visitor {
   Walker walker;
+  ChildRef at;
   const InstanceRecord* instance;
   ObjectRay ray;
 
   /// Goes on to the next instance that it may hit; false when there is none. A leaf of that tree is one instance.
   template <bool Any>
   bool arrive(const Walk<Any>& w) {
-    for (;; walker.pop()) {
-      while (walker.at_node()) walker.descend(w.tree.nodes[walker.child]);
-      if (walker.done()) return false;
-      instance = w.world.instances + leaf_first(walker.child);
+    for (;; at = walker.pop()) {
+      while (!(at & kLeaf)) at = walker.descend(w, at);
+      if (at == kDone) return false;
+      instance = w.world.instances + leaf_first(at);
       if (!(instance->visibility & w.tile.answers->visibility)) continue;
       ray = ObjectRay(*instance, w.tile, walker.r);
       if (!passes_by(w.world.objects[instance->tree], ray.o, ray.d)) return true;
@@ -121,7 +122,7 @@ struct Visitor {
   bool leave(const Walk<Any>& w) {
     if (!alive(w.tile, walker.r)) return false;
     walker.shorten(w.tile);
-    walker.pop();
+    at = walker.pop();
     return true;
   }
 };
@@ -134,10 +135,9 @@ template <bool Any>
 struct Visitors {
   Walk<Any>& w;
   uint64_t waiting;  // rays
-  ChildRef root;
   Visitor visitor[kVisitors];
 
-  Visitors(Walk<Any>& walk, uint64_t rays, ChildRef child) : w(walk), waiting(rays), root(child) {}
+  explicit Visitors(Walk<Any>& walk) : w(walk), waiting(walk.left.rays) {}
   void go() {
     for (uint32_t busy = 0, there;; busy = leave(there)) {
       there = 0;
@@ -152,7 +152,7 @@ struct Visitors {
     for (;; busy = true) {
       if (busy && visitor[k].arrive(w)) return true;
       if (!waiting) return false;
-      visitor[k].walker.start(w.tile, __builtin_ctzll(waiting), root);
+      visitor[k].at = visitor[k].walker.start(w.tile, __builtin_ctzll(waiting), w.left);
       waiting &= waiting - 1;
     }
   }
@@ -177,8 +177,8 @@ struct Visitors {
 };
 
 template <bool Any>
-__attribute__((noinline)) void visit_instances(Walk<Any>& w, uint64_t rays, ChildRef root) {
-  Visitors<Any>(w, rays, root).go();
+__attribute__((noinline)) void visit_instances(Walk<Any>& w) {
+  Visitors<Any>(w).go();
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // Rays against the primitives of a leaf. A hit's depth is first known as an interval; double precision is asked only when intervals
 // overlap, and once for the nearest hit of each ray in the end.
 #pragma once
+#include "kernel_boxes.h"
 #include "kernel_pencil.h"
 
 namespace glint {
@@ -25,6 +26,8 @@ struct Walk {
   Tile& tile;
   Bundles& bundles;
   const Pencil& pencil;
+  BoxRays& boxes;
+  Stragglers& left;
 
   void block(int r) {
     tile.answers->blocked[tile.slot[r]] = 1;
@@ -332,25 +335,19 @@ __attribute__((noinline)) void hit_shapes(Walk<Any>& w, int r, ChildRef leaf) {
 }
 
 /// The pending hits of the rays [k, k + kLanes): corner by corner, coordinates in the rays' order, and whose triangles they are. Lanes
-/// without one get 0.
-inline void gather_corners(const Tile& tile, int k, uint32_t mask, float (&corner)[9][kLanes], Ints& instance, Ints& primitive) {
-  Floats p[9] = {};
-  instance = primitive = Ints{};
-  const Ints pending = load(tile.pending + k), place = load(tile.place + k), kind = load(tile.kind + k);
-  while (mask) {
-    const int r = k + __builtin_ctz(mask);
-    const Ints same = (pending == Ints{} + int32_t(tile.pending[r])) & (place == Ints{} + int32_t(tile.place[r])) &
-                      (kind == Ints{} + int32_t(tile.kind[r]));
-    const Triangles leaf(*tile.tree, tile.pending[r]);
-    const Order& order = order_of(tile, r);
-    const PrimitiveId id = id_of(tile, r, leaf_first(tile.pending[r]) + tile.place[r]);
-    for (int j = 0; j < 3; ++j)
-      for (int a = 0; a < 3; ++a) p[3 * j + a] = select(same, splat(leaf.at(j, order.axes[a])[tile.place[r]]), p[3 * j + a]);
-    instance |= same & int32_t(id.instance), primitive |= same & int32_t(id.primitive);
-    mask &= ~bits(same);
+/// without one get any.
+inline void gather_corners(const Tile& tile, int k, float (&corner)[9][kLanes], Ints& instance, Ints& primitive) {
+  const TreeView& tree = *tile.tree;
+  const Ints pending = load(tile.pending + k), some = pending != Ints{}, ordinal = pending & some & int32_t(kOrdinal);
+  const Ints n = ((pending >> kCountShift & 7) + 1) & some, first = 9 * ordinal + (load(tile.place + k) & some);
+  const Ints axis[3] = {across(load(tile.kind + k), 0), across(load(tile.kind + k), 1), load(tile.kind + k) & 3};
+  for (int a = 0; a < 3; ++a) {
+    Ints at = first + axis[a] * n;
+    for (int j = 0; j < 3; ++j, at += 3 * n) store(corner[3 * j + a], gather(tree.floats, at));
   }
-  if (tile.instances) instance = load(tile.instances + k);
-  for (int j = 0; j < 9; ++j) store(corner[j], p[j]);
+  const Ints id = 2 * (ordinal + (load(tile.place + k) & some));
+  const float* ids = reinterpret_cast<const float*>(tree.ids);
+  instance = tile.instances ? load(tile.instances + k) : Ints(gather(ids, id)), primitive = Ints(gather(ids, id + 1));
 }
 
 /// Hits of the rays [k, k + kLanes), computed.
@@ -375,7 +372,7 @@ inline void find_hits(const Tile& tile, int k, uint32_t mask, Found& f) {
     return;
   }
   alignas(64) float corner[9][kLanes];
-  gather_corners(tile, k, mask, corner, f.instance, f.primitive);
+  gather_corners(tile, k, corner, f.instance, f.primitive);
   f.close = 0;
   for (int h = 0; h < kLanes; h += kDoubles) f.close |= exact_hits(tile, k, h, corner, f.t, f.u, f.v) << h;
 }
@@ -388,10 +385,13 @@ inline void finish_group(Walk<false>& w, int k) {
   Found f;
   find_hits(tile, k, mask, f);
   Answers& answers = *tile.answers;
-  if ((mask & f.close) == (1u << kLanes) - 1 && !tile.instances) {  // slots are those of the rays
-    for (int h = 0; h < kLanes; h += kDoubles) store(answers.t + k + h, load(f.t + h));
-    store(answers.u + k, load(f.u)), store(answers.v + k, load(f.v));
-    store(answers.instance + k, f.instance), store(answers.primitive + k, f.primitive);
+  if (!(mask & ~f.close) && !tile.instances && k + kLanes <= tile.count) {  // slots are those of the rays
+    const Mask none = equal(load(tile.pending + k), Ints{});
+    for (int h = 0; h < kLanes; h += kDoubles)
+      store(answers.t + k + h, select(Longs(widen(tile.pending + k + h) != Longs{}), load(f.t + h), load(answers.t + k + h)));
+    store(answers.u + k, select(none, load(answers.u + k), load(f.u))), store(answers.v + k, select(none, load(answers.v + k), load(f.v)));
+    store(answers.instance + k, select(none, load(answers.instance + k), f.instance));
+    store(answers.primitive + k, select(none, load(answers.primitive + k), f.primitive));
     return;
   }
   for (uint32_t m = mask; m; m &= m - 1) {

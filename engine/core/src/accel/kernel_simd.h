@@ -45,6 +45,8 @@ inline void narrow(float* p, Doubles v) { *reinterpret_cast<LooseHalves*>(p) = _
 typedef int32_t LooseHalfInts __attribute__((vector_size(4 * kDoubles), aligned(4), may_alias));
 typedef int32_t HalfInts __attribute__((vector_size(4 * kDoubles)));
 inline void store_low(uint32_t* p, Longs v) { *reinterpret_cast<LooseHalfInts*>(p) = __builtin_convertvector(v, HalfInts); }
+/// With their signs.
+inline Longs widen(const uint32_t* p) { return __builtin_convertvector(*reinterpret_cast<const LooseHalfInts*>(p), Longs); }
 inline Floats splat(float a) { return a - Floats{}; }  // -0 stays -0
 inline Doubles splat(double a) { return a - Doubles{}; }
 
@@ -72,6 +74,20 @@ inline double magnitude(double a) { return __builtin_fabs(a); }
 /// a with its sign changed where `sign` is negative.
 inline Doubles flip(Doubles a, Doubles sign) { return Doubles(Longs(a) ^ (Longs(sign) & INT64_MIN)); }
 inline double flip(double a, double sign) { return __builtin_signbit(sign) ? -a : a; }
+
+/// The numbers at p + index, index unsigned.
+inline Floats gather(const float* p, Ints index) {
+#if defined(__AVX2__)
+  // The processor takes the index for signed: half of them lie before the middle.
+  const auto middle = reinterpret_cast<const float*>(reinterpret_cast<uintptr_t>(p) + (uintptr_t(1) << 33));
+  const Ints every = Ints{} - 1;
+  return Floats(_mm256_mask_i32gather_ps(_mm256_setzero_ps(), middle, __m256i(index ^ INT32_MIN), __m256(every), 4));
+#else
+  Floats v;
+  for (int k = 0; k < kLanes; ++k) v[k] = p[uint32_t(index[k])];
+  return v;
+#endif
+}
 
 /// The larger and the smaller number; where one is NaN, the second argument.
 inline Floats larger(Floats a, Floats b) {
@@ -228,6 +244,19 @@ inline Floats fold_rows(const float* rows) {
   return four(0);
 #endif
 }
+/// The lanes of two vectors as the halves of integers.
+inline void store_pairs(int64_t* p, Ints low, Ints high) {
+  uint32_t* q = reinterpret_cast<uint32_t*>(p);
+#if defined(__AVX__)
+  store(q, __builtin_shufflevector(low, high, 0, 8, 1, 9, 2, 10, 3, 11));
+  store(q + 8, __builtin_shufflevector(low, high, 4, 12, 5, 13, 6, 14, 7, 15));
+#else
+  store(q, __builtin_shufflevector(low, high, 0, 4, 1, 5));
+  store(q + 4, __builtin_shufflevector(low, high, 2, 6, 3, 7));
+#endif
+}
+inline uint32_t lowest_bit(uint32_t mask) { return uint32_t(__builtin_ctz(mask)); }
+inline uint32_t highest_bit(uint32_t mask) { return 31 - uint32_t(__builtin_clz(mask)); }
 inline float sum(Floats v) {
   float s = 0;
   for (int k = 0; k < kLanes; ++k) s += v[k];

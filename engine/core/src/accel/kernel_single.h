@@ -1,5 +1,5 @@
-// Rays through a tree each on its own, nearest boxes first. Several are on their way at a time, in turns: a processor that waits for the
-// box or the triangle of one of them has work with the others.
+// Rays through a tree each on its own, nearest boxes first. Several are on their way at a time: a processor that waits for the box or the
+// triangle of one of them has work with the others.
 #pragma once
 #include "kernel_leaves.h"
 
@@ -7,56 +7,7 @@ namespace glint {
 namespace {
 
 template <bool Any>
-void visit_instances(Walk<Any>& w, uint64_t rays, ChildRef root);
-
-/// One ray's numbers for boxes, in all lanes. Slabs are ordered by the direction's signs.
-struct BoxRay {
-  Floats near_o[3], far_o[3], near_inverse[3], far_inverse[3], first, last;
-  uint32_t near_plane[3], far_plane[3];  // offsets in Node::planes
-  void set(const Tile& tile, int r, const Order& order) {
-    first = splat(tile.begin_lo[r]), last = splat(tile.hi[r]);
-    // The triangle test rounds p - o as these slabs do: what else it rounds is half of the room, and nothing along the depth.
-    const float room = 0.5f * tile.room;
-    for (int k = 0; k < 2; ++k) {
-      const float inverse = 1 / tile.slope[k][r];
-      uint32_t back, outward_bits;
-      __builtin_memcpy(&back, &inverse, sizeof back);
-      __builtin_memcpy(&outward_bits, &room, sizeof room);
-      back &= 0x80000000u, outward_bits |= back;
-      float outward;
-      __builtin_memcpy(&outward, &outward_bits, sizeof outward);
-      near_o[k] = splat(tile.of[k][r] + outward), far_o[k] = splat(tile.of[k][r] - outward);
-      set_inverse(k, inverse);
-      const uint32_t turned = (order.low[k] ^ order.high[k]) & -(back >> 31);
-      near_plane[k] = order.low[k] ^ turned, far_plane[k] = order.high[k] ^ turned;
-    }
-    near_o[2] = far_o[2] = splat(order.sign * tile.start[r]);
-    set_inverse(2, order.sign);
-    near_plane[2] = order.front, far_plane[2] = order.rear;
-  }
-  /// The far side is a little longer than computed (Ize 2013: two ulps; here eight).
-  void set_inverse(int k, float inverse) { near_inverse[k] = splat(inverse), far_inverse[k] = splat(inverse * (1 + 0x1p-20f)); }
-};
-
-/// Which children the ray meets, and how deep. 0 * inf is NaN: `larger` and `smaller` then give up a bound or two, and at worst a box is
-/// entered in vain.
-struct BoxHits {
-  Floats near[kWidth / kLanes];
-  uint32_t mask = 0;
-  __attribute__((always_inline)) BoxHits(const Node& n, const BoxRay& b) {
-    for (int first = 0; first < kWidth; first += kLanes) {
-      const float* planes = n.planes[0] + first;
-      const Floats near_x = (load(planes + b.near_plane[0]) - b.near_o[0]) * b.near_inverse[0];
-      const Floats near_y = (load(planes + b.near_plane[1]) - b.near_o[1]) * b.near_inverse[1];
-      const Floats near_z = (load(planes + b.near_plane[2]) - b.near_o[2]) * b.near_inverse[2];
-      const Floats far_x = (load(planes + b.far_plane[0]) - b.far_o[0]) * b.far_inverse[0];
-      const Floats far_y = (load(planes + b.far_plane[1]) - b.far_o[1]) * b.far_inverse[1];
-      const Floats far_z = (load(planes + b.far_plane[2]) - b.far_o[2]) * b.far_inverse[2];
-      near[first / kLanes] = larger(larger(near_x, near_y), larger(near_z, b.first));
-      mask |= bits(at_most(near[first / kLanes], smaller(smaller(smaller(far_x, far_y), far_z), b.last))) << first;
-    }
-  }
-};
+void visit_instances(Walk<Any>& w);
 
 /// Decides or takes the triangles of `mask`, not culled, whose depths are between lo and hi. `sure`: hit without doubt.
 template <bool Any>
@@ -118,70 +69,6 @@ inline void hit_leaf(Walk<Any>& w, int r, ChildRef leaf, const Order& order) {
   else hit_shapes(w, r, leaf);
 }
 
-struct Waiting {
-  ChildRef child;
-  float distance;
-};
-
-/// One ray on its way: `child` is where it goes next.
-struct Walker {
-  BoxRay box;
-  const Order* order;
-  int r;
-  float end;
-  ChildRef child;
-  Walker* next;  // whose turn it is then
-  Waiting* top;
-  Waiting stack[kStack + 2];
-
-  void start(const Tile& tile, int ray, ChildRef root) {
-    r = ray, order = &order_of(tile, ray), child = root, end = tile.hi[ray];
-    box.set(tile, ray, *order);
-    stack[0] = {kLeaf, -kFar}, top = stack + 1;
-  }
-  bool at_node() const { return !(child & kLeaf); }
-  bool done() const { return top == stack; }
-  /// After a hit.
-  void shorten(const Tile& tile) { end = tile.hi[r], box.last = splat(end); }
-  void pop() {
-    do --top;
-    while (top->distance > end);
-    child = top->child;
-  }
-  /// To the nearest child of a node that the ray meets, or what was left for later.
-  void descend(const Node& n) {
-    const BoxHits met(n, box);
-    alignas(64) float distance[kWidth];
-    for (int k = 0; k < kWidth / kLanes; ++k) store(distance + k * kLanes, met.near[k]);
-    const uint32_t inner = met.mask & (met.mask - 1);
-    if (inner & (inner - 1)) push_many(n, met.mask, distance);
-    else push_two(n, met.mask, distance);
-    pop();
-  }
-  /// No, one or two children, the nearer on top. Nobody can foresee how many, nor which: hence no branches.
-  void push_two(const Node& n, uint32_t mask, const float* distance) {
-    const uint32_t one = lowest_bit(mask | 1u << (kWidth - 1)), two = highest_bit(mask | 1);  // the same one when there is one
-    const float a = distance[one], b = distance[two];
-    const uint32_t swap = (one ^ two) & -uint32_t(a < b);
-    top[0] = {n.child[one ^ swap], larger(a, b)}, top[1] = {n.child[two ^ swap], smaller(a, b)};
-    top += __builtin_popcount(mask);
-  }
-  static uint32_t lowest_bit(uint32_t mask) { return uint32_t(__builtin_ctz(mask)); }
-  static uint32_t highest_bit(uint32_t mask) { return 31 - uint32_t(__builtin_clz(mask)); }
-  /// The nearest on top, the others hardly sorted.
-  void push_many(const Node& n, uint32_t mask, const float* distance) {
-    uint32_t nearest = lowest_bit(mask);
-    while (mask &= mask - 1) {
-      const uint32_t k = lowest_bit(mask), swap = (nearest ^ k) & -uint32_t(distance[k] < distance[nearest]);
-      nearest ^= swap;
-      *top++ = {n.child[k ^ swap], distance[k ^ swap]};
-    }
-    *top++ = {n.child[nearest], distance[nearest]};
-  }
-};
-
-constexpr int kWalkers = 8;
-
 /// Asks for the memory that a ray needs when it is its turn again. No branch: where it goes cannot be foreseen.
 inline void fetch(const TreeView& tree, ChildRef child) {
   const uintptr_t node = reinterpret_cast<uintptr_t>(tree.nodes) + child * sizeof(Node);
@@ -191,38 +78,116 @@ inline void fetch(const TreeView& tree, ChildRef child) {
   for (size_t k = 0; k < sizeof(Node); k += 64) __builtin_prefetch(p + k);
 }
 
-/// One step of a walker; false when its ray is through.
+/// A ray on its own, and what waits for it.
+struct Walker {
+  int r;
+  Waiting limit;  // what is farther away is not worth going to
+  Waiting* top;   // past the last of `stack`
+  Waiting stack[kLongStack];
+
+  /// Returns where to go first; kDone when nothing is left within its reach.
+  ChildRef start(const Tile& tile, int ray, const Stragglers& left) {
+    r = ray, stack[0] = kBottom, top = left.put(ray, stack + 1);
+    return shorten(tile), pop();
+  }
+  /// After a hit.
+  void shorten(const Tile& tile) { limit = limit_of(tile.hi[r]); }
+  ChildRef pop() { return go(*--top); }
+  /// There, or to what waits on top when that is too far away.
+  ChildRef go(Waiting next) {
+    while (next > limit) next = *--top;
+    return ChildRef(next);
+  }
+  /// To the nearest child of a node that the ray meets, or what was left for later.
+  template <bool Any>
+  __attribute__((always_inline)) ChildRef descend(const Walk<Any>& w, ChildRef node) {
+    const Node& n = w.tree.nodes[node];
+    const BoxHits met(n, w.boxes, w.tile, r);
+    const Waiting below = top[-1], nearest = put_met(n, met, top);
+    top += __builtin_popcount(met.mask) - 1;
+    return go(met.mask ? nearest : below);
+  }
+};
+
+constexpr int kWalkers = 32;
+
+/// Several rays on their way. A processor cannot foresee where each of them goes; so they go in step, all that are at nodes or all that are
+/// at leaves, whichever are more.
 template <bool Any>
-inline bool step(Walk<Any>& w, Walker& a) {
-  if (a.at_node()) return a.descend(w.tree.nodes[a.child]), true;
-  if (a.done()) return false;
-  hit_leaf(w, a.r, a.child, *a.order);
-  a.shorten(w.tile);
-  if (Any && !alive(w.tile, a.r)) return false;
-  a.pop();
-  return true;
+struct Walkers {
+  Walk<Any>& w;
+  uint64_t rays;  // that have not started
+  int count;      // walkers, whole vectors of them
+  bool slow;      // memory, and others have the time until it answers
+  alignas(64) ChildRef at[kWalkers];
+  Walker walker[kWalkers];
+
+  Walkers(Walk<Any>& walk, uint64_t all) : w(walk), rays(all) {
+    const int n = __builtin_popcountll(all), most = n < kWalkers ? n : kWalkers;
+    count = (most + kLanes - 1) / kLanes * kLanes, slow = w.tree.large && n > 2;
+    for (int k = 0; k < count; ++k) at[k] = kDone;
+  }
+  void go() {
+    for (;;) {
+      uint32_t nodes = 0, through = 0;
+      for (int k = 0; k < count; k += kLanes) {
+        const Ints child = load(at + k);
+        through |= bits(equal(child, Ints{} + int32_t(kDone))) << k, nodes |= bits(child >= Ints{}) << k;
+      }
+      if (rays) start(nodes, through);
+      const uint32_t all = count == 32 ? ~0u : (1u << count) - 1, leaves = all & ~nodes & ~through;
+      if (through == all) return;
+      if (__builtin_popcount(nodes) >= __builtin_popcount(leaves)) pass_nodes(nodes);
+      else pass_leaves(leaves);
+    }
+  }
+  /// Sends rays on their way in place of those that are through.
+  void start(uint32_t& nodes, uint32_t& through) {
+    for (; through && rays; rays &= rays - 1) {
+      const int k = __builtin_ctz(through);
+      at[k] = walker[k].start(w.tile, __builtin_ctzll(rays), w.left);
+      nodes |= uint32_t(!(at[k] & kLeaf)) << k, through &= ~(uint32_t(at[k] != kDone) << k);
+    }
+  }
+  void pass_nodes(uint32_t mask) {
+    for (; mask; mask &= mask - 1) {
+      const int k = __builtin_ctz(mask);
+      at[k] = walker[k].descend(w, at[k]);
+      if (slow) fetch(w.tree, at[k]);
+    }
+  }
+  void pass_leaves(uint32_t mask) {
+    for (; mask; mask &= mask - 1) {
+      const int k = __builtin_ctz(mask);
+      Walker& a = walker[k];
+      hit_leaf(w, a.r, at[k], order_of(w.tile, a.r));
+      a.shorten(w.tile);
+      at[k] = Any && !alive(w.tile, a.r) ? kDone : a.pop();
+      if (slow) fetch(w.tree, at[k]);
+    }
+  }
+};
+
+/// The rest of the way of all rays that have left their bundles. The bundles do not learn of it: Walk::trim.
+template <bool Any>
+__attribute__((noinline)) void walk_rays(Walk<Any>& w) {
+  w.boxes.prepare(w.tile, w.left.rays);
+  if (w.tree.kind == kInstanceLeaf) visit_instances(w);
+  else Walkers<Any>(w, w.left.rays).go();
+  w.left.rays = 0, w.left.count = 0;
 }
 
-/// Rays of a tile through the part of its tree below `root`. Bundles do not learn of it: Walk::trim.
+/// Rays of the group from k on leave their bundle for a part of the tree that lies behind `distance`, a coordinate of the depth axis.
 template <bool Any>
-__attribute__((noinline)) void walk_rays(Walk<Any>& w, uint64_t rays, ChildRef root) {
-  if (w.tree.kind == kInstanceLeaf) return visit_instances(w, rays, root);
-  const bool slow = w.tree.large && __builtin_popcountll(rays) > 2;  // memory, and others have the time until it answers
-  Walker walkers[kWalkers], *last = walkers;
-  for (int k = 0; rays && k < kWalkers; ++k, rays &= rays - 1) {
-    last->next = &walkers[k], last = &walkers[k];
-    last->start(w.tile, __builtin_ctzll(rays), root);
+inline void leave(Walk<Any>& w, int k, uint32_t rays, ChildRef child, float distance) {
+  if (w.left.full()) {
+    const uint64_t all = w.left.rays;
+    walk_rays(w);
+    for (uint64_t m = all; m; m &= m - 1) w.trim(__builtin_ctzll(m));
   }
-  last->next = walkers;
-  for (Walker *before = last, *a = walkers;; before = a, a = a->next) {
-    if (step(w, *a)) {
-      if (slow) fetch(w.tree, a->child);
-    } else if (rays) {
-      a->start(w.tile, __builtin_ctzll(rays), root), rays &= rays - 1;
-    } else {
-      if (a == before) return;
-      before->next = a->next, a = before;
-    }
+  for (; rays; rays &= rays - 1) {
+    const int r = k + __builtin_ctz(rays);
+    w.left.add(r, child, distance - w.tile.start[r]);
   }
 }
 

@@ -49,12 +49,8 @@ struct GroupLevel {
 
   uint32_t met(const Boxes& box) const { return units_met(w.bundles.rays, k, kLanes, box); }
   uint32_t still(uint32_t rays, float distance) const { return rays & bits(less(splat(distance), load(w.bundles.rays.last + k))); }
-  static bool few(uint32_t rays) { return __builtin_popcount(rays) <= 2; }
-  void split(ChildRef child, uint32_t rays) {
-    walk_rays(w, uint64_t(rays) << k, child);
-    for (; rays; rays &= rays - 1) w.trim(k + __builtin_ctz(rays));
-    shorten();
-  }
+  static bool few(uint32_t rays) { return __builtin_popcount(rays) <= 3; }
+  void split(ChildRef child, uint32_t rays, float distance) { leave(w, k, rays, child, distance); }
   void shorten() {
     w.bundles.groups.last[g] = largest(load(w.bundles.rays.last + k));
     whole.last = splat(w.bundles.groups.last[g]);
@@ -104,7 +100,7 @@ inline void walk(Level& level, const TreeView& tree, ChildRef root, uint32_t uni
       continue;
     }
     if (level.few(rest)) {
-      level.split(e.child, rest);
+      level.split(e.child, rest, e.distance);
       continue;
     }
     const Node& n = tree.nodes[e.child];
@@ -140,7 +136,7 @@ struct TileLevel {
   bool few(uint32_t groups) const { return wasteful() || __builtin_popcount(groups) <= kGroups / 4; }
   /// Most triangles are missed by whole groups, as where a mesh is finer than the rays.
   bool wasteful() const { return tests > 3 * found + 2 * kGroups; }
-  void split(ChildRef child, uint32_t groups) {
+  void split(ChildRef child, uint32_t groups, float) {
     for (; groups; groups &= groups - 1) {
       GroupLevel<Any> level(w, order, __builtin_ctz(groups), common);
       walk(level, w.tree, child, (1u << kLanes) - 1);
@@ -332,13 +328,11 @@ inline void walk_tile(Walk<Any>& w) {
     else set_ray_lines(tile, w.bundles, k), set_group(tile, w.bundles, g);
   }
   if (one_kind && (alive_groups & (alive_groups - 1))) return walk_together(w, alive_groups, one_point);
-  uint64_t single = 0;
   for (uint32_t m = alive_groups; m; m &= m - 1) {
     const int g = __builtin_ctz(m);
     if (even >> g & 1) walk_group(w, g, false);
-    else single |= uint64_t(living(tile, g * kLanes)) << g * kLanes;
+    else leave(w, g * kLanes, living(tile, g * kLanes), w.tree.root, -kFar);
   }
-  if (single) walk_rays(w, single, w.tree.root);
 }
 
 /// The tile's rays through its tree. xyz_o, xyz_d, slot, count, instances, answers, tree and world are set.
@@ -349,8 +343,11 @@ __attribute__((noinline)) void trace_tile(Tile& tile) {
   Bundles bundles;
   Pencil pencil;
   if (tile.even) set_pencil(tile, pencil);
-  Walk<Any> w{*tile.world, *tile.tree, tile, bundles, pencil};
+  BoxRays boxes;
+  Stragglers left;
+  Walk<Any> w{*tile.world, *tile.tree, tile, bundles, pencil, boxes, left};
   walk_tile(w);
+  if (left.rays) walk_rays(w);
   if constexpr (!Any)
     for (int k = 0; k < tile.count; k += kLanes) finish_group(w, k);
 }
