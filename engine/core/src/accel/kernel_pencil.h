@@ -192,7 +192,8 @@ inline bool set_apex(const Tile& tile, Pencil& pencil) {
   pencil.reach = set_starts(tile, pencil);
   const float blur = float(off) * 0x1p21f;
   pencil.distance = pencil.reach + blur;
-  return pencil.parallel || blur < 8 * pencil.reach;
+  const float limit = 256 * float(reach_of(*tile.tree));  // from farther away no edge tells enough
+  return pencil.parallel || (blur < 8 * pencil.reach && pencil.reach < limit);
 }
 
 /// Places of the rays [k, k + kLanes) along axis a.
