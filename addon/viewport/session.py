@@ -1,12 +1,14 @@
 """One 3D view in Rendered shading: follows Blender's data and matrices, asks for pictures, shows the newest.
 
-Nothing here waits: tracing is `engine.LiveRender`'s, reading Blender's data is `addon.export`'s. No Blender data outlives a callback,
-and the region is known by its address only, which is compared, never followed.
+Tracing is `engine.LiveRender`'s, reading Blender's data is `addon.export`'s. A view waits only for a picture that it has just asked for,
+and no longer than drawing the old one would take. No Blender data outlives a callback, and the region is known by its address only, which
+is compared, never followed.
 """
 
 from __future__ import annotations
 
 import logging
+import time
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -82,6 +84,8 @@ class Session:
         self.requests = 0
         self.answered = 0
         self.newest_at = 0.0
+        self._drawn_at = 0.0
+        self._shown_task: engine.Task | None = None
         self._status = ""
         self._error: float | None = None
         self.region = 0
@@ -103,7 +107,9 @@ class Session:
     def draw(self, render_engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Put the newest picture on the screen; ask for another if this view has not been asked for."""
         self.region = context.region.as_pointer()
-        self._follow(context, depsgraph)
+        timer.drawing()
+        if self._follow(context, depsgraph):
+            timer.redraws.wait(self._await, is_first=not self._pictures)
         self._fetch()
         for name in ("all", "frame"):
             if name in self._pictures:
@@ -114,7 +120,7 @@ class Session:
         """Stop tracing and give everything back. May be called more than once."""
         timer.forget(self)
         self._live.close()
-        self._content = self._traced = self._export = None
+        self._content = self._traced = self._export = self._shown_task = None
         self._pictures.clear()
         self.films.clear()
 
@@ -137,30 +143,42 @@ class Session:
         newest = self._live.newest
         return (newest is not None and newest.number != self._drawn) or self._told() != self._status
 
+    @property
+    def wants_redraw(self) -> bool:
+        """Whether to draw now. Better pictures of what is shown already take no more than half of Blender's time from the tracing."""
+        if not self.has_news:
+            return False
+        newest = self._live.newest
+        is_refinement = newest is not None and newest.task is self._shown_task and not newest.final
+        return not is_refinement or time.perf_counter() - self._drawn_at > 2 * timer.redraws.seconds
+
     # --- following ----------------------------------------------------------------------------------------------------------------
 
-    def _follow(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+    def _follow(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
+        """Whether another picture was asked for."""
         if self._content is None:
-            return
+            return False
         if _Wishes.of(context, depsgraph) != self._wishes:
             self.update(context, depsgraph)
         try:
             view = read_view(depsgraph, context.region, context.space_data, context.region_data)
         except ExportError as error:
             self._problem = str(error)
-            return
+            return False
         self._problem = None
         if self._view is not None and view.key == self._view.key:
-            return
+            return False
         self._view = view
         self._ask(view)
+        return True
 
     def _ask(self, view: View) -> None:
         """New pictures of this view: a coarse one if it takes that to be in time, then all of it."""
         self.requests += 1
         x0, y0, x1, y1 = view.shown
-        shades = self._is_known(view)
-        divisor = 1 if shades else self._pacer.divisor((x1 - x0) * (y1 - y0))
+        pixels = (x1 - x0) * (y1 - y0)
+        shades = self._is_known(view) and self._pacer.shades_in_time(pixels)
+        divisor = 1 if shades else self._pacer.divisor(pixels)
         content = self._scene(view.camera)
         tasks = [self._draft(content, view, divisor)] if divisor > 1 else []
         if self._pacer.is_slow_to_build and not shades:
@@ -169,7 +187,6 @@ class Session:
         if view.frame is not None and not _is_whole(view):
             tasks.append(self._frame(view))
         self._live.start(tasks)
-        timer.wake()
 
     def _is_known(self, view: View) -> bool:
         """Whether all that rays of this view meet was found out for the picture on the screen: then it takes little more than shading."""
@@ -213,6 +230,10 @@ class Session:
     def _target(self, view: View, stage: str, divisor: int = 1) -> _Target:
         return _Target(self.requests, view, stage, self._shown_pass, divisor)
 
+    def _await(self, seconds: float) -> None:
+        """Until there is a picture of what was asked for last."""
+        self._live.wait(lambda wave: wave.task.tag.request == self.requests, seconds)
+
     # --- showing ------------------------------------------------------------------------------------------------------------------
 
     def _fetch(self) -> None:
@@ -220,11 +241,11 @@ class Session:
         wave = self._live.newest
         if wave is None or wave.number == self._drawn:
             return
-        self._drawn = wave.number
+        self._drawn, self._drawn_at, self._shown_task = wave.number, time.perf_counter(), wave.task
         target, film = wave.task.tag, wave.film
         if target.request != self.answered:
             self.answered, self.newest_at = target.request, wave.at
-        if (film.samples == 1 or wave.final) and film.stats.get("camera rays", 1):
+        if film.samples == 1 or wave.final:
             self._learn(wave)
         if wave.task.exact and target.stage == "FULL":
             self._traced = target.view.key, wave.task.scene
@@ -241,6 +262,9 @@ class Session:
 
     def _learn(self, wave: engine.Wave) -> None:
         height, width = wave.film.combined.shape[:2]
+        if not wave.film.stats.get("camera rays", 1):
+            self._pacer.note_shading(width * height, wave.seconds)
+            return
         traced = wave.film.stats.get("trace", wave.seconds)
         others = max(0.0, wave.seconds - traced - wave.build_seconds)
         self._pacer.note(width * height, wave.film.samples, traced, wave.build_seconds, others if wave.task.tag.stage == "DRAFT" else None)
