@@ -25,25 +25,26 @@ class Redraws:
     seconds: running mean of a redraw, without what it was kept waiting.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
         self.seconds = BUDGET
+        self._clock = clock
         self._began: float | None = None
         self._waited = 0.0
 
     def begin(self) -> None:
         """A view is being drawn."""
         if self._began is None:
-            self._began = time.perf_counter()
+            self._began = self._clock()
 
     def end(self) -> None:
         """Blender is between two events: what was drawn is on the screen."""
         if self._began is not None:
-            seconds = time.perf_counter() - self._began - self._waited
+            seconds = self._clock() - self._began - self._waited
             self.seconds += _WEIGHT * (min(seconds, _LONGEST_REDRAW) - self.seconds)
         self._began, self._waited = None, 0.0
 
     def wait(self, wait: Callable[[float], object], is_first: bool) -> None:
         """Let a view that is being drawn call `wait` with the seconds it may take. is_first: it has nothing to show yet."""
-        start = time.perf_counter()
+        start = self._clock()
         wait(max(0.0, (_FIRST_WAIT if is_first else min(self.seconds, LONGEST_WAIT)) - self._waited))
-        self._waited += time.perf_counter() - start
+        self._waited += self._clock() - start

@@ -3,6 +3,7 @@
 Each shows what something else shows that Blender itself decides: Solid shading's depth, hidden objects, F12, the picture before.
 """
 
+import itertools
 import pathlib
 import sys
 
@@ -140,7 +141,7 @@ def undo_and_redo():
             bpy.ops.ed.undo_push(message="edit")
         yield from picture()
         pictures.append(film())
-    results["edits"] = not any(same(a, b) for a, b in zip(pictures, pictures[1:], strict=False))
+    results["edits"] = not any(same(a, b) for a, b in itertools.pairwise(pictures))
     for k in (2, 1, 0):
         with window.context():
             bpy.ops.ed.undo()
