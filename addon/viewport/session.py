@@ -201,14 +201,19 @@ class Session:
         """One sample of pixels that are larger than the screen's."""
         size = tuple(max(1, round(extent / divisor)) for extent in scene.camera.resolution)
         region = _scaled(view.border, scene.camera.resolution, size) if view.border else None
-        settings = replace(self._settings, samples=1, region=region, passes=self._settings.passes - {"Error"} | {self._shown_pass})
+        settings = replace(self._settings, samples=1, region=region, passes=self._first_passes)
         coarse = replace(scene, camera=replace(scene.camera, resolution=size))
         return engine.Task(coarse, settings, self._target(view, "DRAFT", divisor), keep_first_wave=True, exact=False)
 
     def _once(self, scene: Scene, view: View, keep: bool) -> engine.Task:
         """One sample of every pixel, with the trees that are there."""
-        settings = replace(self._settings, samples=1, region=view.border)
+        settings = replace(self._settings, samples=1, region=view.border, passes=self._first_passes)
         return engine.Task(scene, settings, self._target(view, "FULL"), keep_first_wave=keep, exact=False)
+
+    @property
+    def _first_passes(self) -> frozenset[str]:
+        """Of pictures of one sample, whose error nobody can tell."""
+        return self._settings.passes - {"Error"} | {self._shown_pass}
 
     def _full(self, scene: Scene, view: View, keep: bool) -> engine.Task:
         if _is_whole(view):

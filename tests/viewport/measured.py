@@ -98,7 +98,7 @@ def scenario():
     yield from moving_the_view()
     yield from shading()
     yield from turning()
-    if options.engine == "GLINT":
+    if options.engine != "CYCLES":
         yield from stopping()
     yield from converged()
     yield from one_of_many()
@@ -223,22 +223,26 @@ def turn():
 
 
 def stopping():
-    """From the last turn until every pixel of the region has been traced for it."""
-    session = current_session()
+    """From the last turn until every pixel of the region has been traced for it; two redraws where every picture is ready."""
+    session = current_session() if options.engine == "GLINT" else None
     for _ in range(REPEATS):
         for _ in range(20):
             turn()
             yield 0.01
-        start, spent, asked = time.perf_counter(), time.process_time(), session.requests
+        start, spent, asked = time.perf_counter(), time.process_time(), session.requests if session else eye.draws
         turn()
-        yield lambda asked=asked: session.answered > asked and is_full(session)
+        yield lambda asked=asked: has_come_to_rest(session, asked)
         wall.setdefault("stop to full resolution", []).append(eye.at - start)
         processor.setdefault("stop to full resolution", []).append(eye.spent - spent)
         yield from quiet()
 
 
-def is_full(session):
-    return session.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
+def has_come_to_rest(session, before):
+    if session is None:
+        if eye.draws == before + 1:
+            window.region.tag_redraw()
+        return eye.draws > before + 1
+    return session.answered > before and session.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
 
 
 def current_session():
