@@ -45,6 +45,11 @@ class _Target:
     shown: str
     divisor: int = 1
 
+    @property
+    def key(self) -> tuple[int, str]:
+        """Equal for pictures of which a later one only refines an earlier one."""
+        return self.request, self.stage
+
 
 @dataclass(frozen=True)
 class _Wishes:
@@ -85,7 +90,7 @@ class Session:
         self.answered = 0
         self.newest_at = 0.0
         self._drawn_at = 0.0
-        self._shown_task: engine.Task | None = None
+        self._shown: tuple[int, str] | None = None
         self._status = ""
         self._error: float | None = None
         self.region = 0
@@ -120,7 +125,7 @@ class Session:
         """Stop tracing and give everything back. May be called more than once."""
         timer.forget(self)
         self._live.close()
-        self._content = self._traced = self._export = self._shown_task = None
+        self._content = self._traced = self._export = None
         self._pictures.clear()
         self.films.clear()
 
@@ -149,7 +154,7 @@ class Session:
         if not self.has_news:
             return False
         newest = self._live.newest
-        is_refinement = newest is not None and newest.task is self._shown_task and not newest.final
+        is_refinement = newest is not None and newest.task.tag.key == self._shown and not newest.final
         return not is_refinement or time.perf_counter() - self._drawn_at > 2 * timer.redraws.seconds
 
     # --- following ----------------------------------------------------------------------------------------------------------------
@@ -181,7 +186,7 @@ class Session:
         divisor = 1 if shades else self._pacer.divisor(pixels)
         content = self._scene(view.camera)
         tasks = [self._draft(content, view, divisor)] if divisor > 1 else []
-        if self._pacer.is_slow_to_build and not shades:
+        if (tasks or self._pacer.is_slow_to_build) and not shades:
             tasks.append(self._once(content, view, keep=divisor == 1))
         tasks.append(self._full(content, view, keep=divisor == 1 and len(tasks) == 0))
         if view.frame is not None and not _is_whole(view):
@@ -246,7 +251,7 @@ class Session:
         wave = self._live.newest
         if wave is None or wave.number == self._drawn:
             return
-        self._drawn, self._drawn_at, self._shown_task = wave.number, time.perf_counter(), wave.task
+        self._drawn, self._drawn_at, self._shown = wave.number, time.perf_counter(), wave.task.tag.key
         target, film = wave.task.tag, wave.film
         if target.request != self.answered:
             self.answered, self.newest_at = target.request, wave.at

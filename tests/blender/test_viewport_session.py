@@ -176,8 +176,9 @@ def test_better_pictures_wait_for_their_redraw_and_the_last_does_not(watcher, mo
     refined = replace(wave, number=wave.number + 1, final=False)
     monkeypatch.setattr(one._live, "_newest", refined)
     assert one.has_news and not one.wants_redraw
-    monkeypatch.setattr(one._live, "_newest", replace(refined, task=replace(wave.task)))
-    assert one.wants_redraw, "the first of another task"
+    other = replace(wave.task, tag=replace(wave.task.tag, request=wave.task.tag.request + 1))
+    monkeypatch.setattr(one._live, "_newest", replace(refined, task=other))
+    assert one.wants_redraw, "the first of another request"
     monkeypatch.setattr(one._live, "_newest", replace(refined, final=True))
     assert one.wants_redraw
     monkeypatch.setattr(session.timer.redraws, "seconds", 0.0)
