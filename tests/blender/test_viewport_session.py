@@ -186,6 +186,17 @@ def test_better_pictures_wait_for_their_redraw_and_the_last_does_not(watcher, mo
     assert one.wants_redraw, "redraws take no time here"
 
 
+def test_a_coarse_picture_then_all_pixels_then_the_exact_one(watcher, monkeypatch):
+    asked, start = [], watcher.session._live.start
+    monkeypatch.setattr(session.Pacer, "divisor", lambda *_: 2)
+    monkeypatch.setattr(watcher.session._live, "start", lambda tasks: (asked.extend(tasks), start(tasks)))
+    quads = [thing for thing in bpy.data.objects if thing.type == "MESH"]
+    film = watcher.edit(lambda: setattr(quads[0], "location", (-1.1, 0, 0)))
+    told = [(task.tag.stage, task.scene.camera.resolution, task.settings.samples, task.exact) for task in asked]
+    assert told == [("DRAFT", (32, 24), 1, False), ("FULL", SIZE, 1, False), ("FULL", SIZE, 2, True)]
+    assert same(film, watcher.expected())
+
+
 def test_a_drawing_shows_what_it_has_just_asked_for(watcher, monkeypatch):
     monkeypatch.setattr(session.timer.redraws, "seconds", LONGEST)
     monkeypatch.setattr(redraws, "LONGEST_WAIT", LONGEST)
