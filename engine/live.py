@@ -1,6 +1,7 @@
 """Pictures for a viewport: asked for at any time, traced behind the caller's back, looked at when convenient.
 
-A `LiveRender` has one thread, which alone talks to a tracer; the core's own threads do the work, so the thread sleeps. No method waits.
+A `LiveRender` has one thread, which alone talks to a tracer; the core's own threads do the work, so the thread sleeps. No method waits but
+`wait`.
 """
 
 from __future__ import annotations
@@ -95,6 +96,16 @@ class LiveRender:
         """The last complete picture, of whichever task."""
         return self._newest
 
+    def wait(self, is_wanted: Callable[[Wave], bool], seconds: float) -> bool:
+        """Whether the newest picture is wanted: at once if it is or none will come, else as soon as one is or the seconds are over."""
+
+        def is_there() -> bool:
+            return self._newest is not None and is_wanted(self._newest)
+
+        with self._changed:
+            self._changed.wait_for(lambda: is_there() or not self.busy, seconds)
+            return is_there()
+
     @property
     def busy(self) -> bool:
         """Whether pictures may still come."""
@@ -135,12 +146,15 @@ class LiveRender:
         with self._changed:
             self._number += 1
             self._shown = task
+            self._running = None if final else task
             now = time.perf_counter()
             self._newest = Wave(task, film, self._number, final, now - start, film.stats.get("build", 0.0), now)
+            self._changed.notify_all()
 
     def _end(self) -> None:
         with self._changed:
             self._running = None
+            self._changed.notify_all()
 
     def _fail(self, error: Exception) -> None:
         if not isinstance(error, SceneError):

@@ -50,7 +50,7 @@ class NativeLive:
         held = self._hold(scene, exact)
         plan = pack_settings(scene, settings, hold_waves=False, remember=exact)
         with native._render(self._core, held.handle, plan.data) as job:
-            self._run(job, native._Render(self._core, job, scene, settings, held.axes), should_stop, on_film)
+            self._run(job, native._Render(self._core, job, scene, settings, held.axes), settings.samples, should_stop, on_film)
 
     def close(self) -> None:
         """Give the scene back."""
@@ -85,15 +85,15 @@ class NativeLive:
 
     # --- renders ------------------------------------------------------------------------------------------------------------------
 
-    def _run(self, job: int, render: native._Render, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]) -> None:
+    def _run(
+        self, job: int, render: native._Render, most: int, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]
+    ) -> None:
         film, cancelled = None, False
         while True:
             progress = self._core.glint_render_wait(job, _POLL_MILLISECONDS)
             if progress.samples > (film.samples if film else 0):
                 film = render._film(progress.samples, complete=True)
-                on_film(film, progress.state == DONE)
-            elif progress.state == DONE:
-                on_film(film, True)
+                on_film(film, progress.samples == most)
             if progress.state == FAILED:
                 render._result(progress)
             if progress.state >= DONE:

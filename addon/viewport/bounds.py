@@ -34,8 +34,10 @@ def same_places(a: Scene, b: Scene) -> bool:
 
 
 def _same_group(a: Instances, b: Instances) -> bool:
+    if a is b:
+        return True
     flags = ("geometry", "visible_camera", "visible_mirror", "visible_shadow")
-    same = a is b or all(getattr(a, name) == getattr(b, name) for name in flags)
+    same = all(getattr(a, name) == getattr(b, name) for name in flags)
     return same and np.array_equal(a.world_from_object, b.world_from_object)
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 BUDGET = 1 / 60
 """Seconds for a picture while the view moves; drawing it takes as long again where there is no graphics card."""
+LONGEST_WAIT = 0.05
+"""Seconds for which the interface may stand still."""
 _WEIGHT = 0.4
 """Of a new measurement in the running mean."""
 _COARSEST = 16
@@ -15,7 +17,8 @@ _COARSEST = 16
 @dataclass
 class Pacer:
     """Running means. per_pixel: seconds of tracing one sample of a pixel.  fixed: seconds of a picture that do not grow with it.
-    build: seconds that trees took when they were made last.
+    build: seconds that trees took when they were made last.  per_shaded: seconds of a pixel whose rays are known,
+    None before there was one.
 
     Before the first measurement the guess is coarse, so that the first picture comes at once.
     """
@@ -23,6 +26,7 @@ class Pacer:
     per_pixel: float = 2e-6
     fixed: float = 0.0
     build: float = 0.0
+    per_shaded: float | None = None
 
     def note(self, pixels: int, samples: int, trace_seconds: float, build_seconds: float, other_seconds: float | None) -> None:
         """A picture was made: `samples` of each of its pixels took `trace_seconds`, trees and all else the other two (None: unknown)."""
@@ -32,6 +36,15 @@ class Pacer:
         self.per_pixel += _WEIGHT * (trace_seconds / (pixels * samples) - self.per_pixel)
         if other_seconds is not None:
             self.fixed += _WEIGHT * (other_seconds - self.fixed)
+
+    def note_shading(self, pixels: int, seconds: float) -> None:
+        """One sample of so many pixels was shaded again."""
+        before = seconds / pixels if self.per_shaded is None else self.per_shaded
+        self.per_shaded = before + _WEIGHT * (seconds / pixels - before)
+
+    def shades_in_time(self, pixels: int) -> bool:
+        """Whether pixels whose rays are known may all be shaded before anything is shown."""
+        return self.per_shaded is not None and pixels * self.per_shaded <= LONGEST_WAIT
 
     def divisor(self, pixels: int) -> int:
         """Screen pixels to a side of a traced one, so that a picture of one sample takes no longer than the budget."""

@@ -1,12 +1,14 @@
 """One 3D view in Rendered shading: follows Blender's data and matrices, asks for pictures, shows the newest.
 
-Nothing here waits: tracing is `engine.LiveRender`'s, reading Blender's data is `addon.export`'s. No Blender data outlives a callback,
-and the region is known by its address only, which is compared, never followed.
+Tracing is `engine.LiveRender`'s, reading Blender's data is `addon.export`'s. A view waits only for a picture that it has just asked for,
+and no longer than drawing the old one would take. No Blender data outlives a callback, and the region is known by its address only, which
+is compared, never followed.
 """
 
 from __future__ import annotations
 
 import logging
+import time
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -42,6 +44,11 @@ class _Target:
     stage: str
     shown: str
     divisor: int = 1
+
+    @property
+    def key(self) -> tuple[int, str]:
+        """Equal for pictures of which a later one only refines an earlier one."""
+        return self.request, self.stage
 
 
 @dataclass(frozen=True)
@@ -82,6 +89,8 @@ class Session:
         self.requests = 0
         self.answered = 0
         self.newest_at = 0.0
+        self._drawn_at = 0.0
+        self._shown: tuple[int, str] | None = None
         self._status = ""
         self._error: float | None = None
         self.region = 0
@@ -103,7 +112,9 @@ class Session:
     def draw(self, render_engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Put the newest picture on the screen; ask for another if this view has not been asked for."""
         self.region = context.region.as_pointer()
-        self._follow(context, depsgraph)
+        timer.drawing()
+        if self._follow(context, depsgraph):
+            timer.redraws.wait(self._await, is_first=not self._pictures)
         self._fetch()
         for name in ("all", "frame"):
             if name in self._pictures:
@@ -137,39 +148,50 @@ class Session:
         newest = self._live.newest
         return (newest is not None and newest.number != self._drawn) or self._told() != self._status
 
+    @property
+    def wants_redraw(self) -> bool:
+        """Whether to draw now. Better pictures of what is shown already take no more than half of Blender's time from the tracing."""
+        if not self.has_news:
+            return False
+        newest = self._live.newest
+        is_refinement = newest is not None and newest.task.tag.key == self._shown and not newest.final
+        return not is_refinement or time.perf_counter() - self._drawn_at > 2 * timer.redraws.seconds
+
     # --- following ----------------------------------------------------------------------------------------------------------------
 
-    def _follow(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+    def _follow(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
+        """Whether another picture was asked for."""
         if self._content is None:
-            return
+            return False
         if _Wishes.of(context, depsgraph) != self._wishes:
             self.update(context, depsgraph)
         try:
             view = read_view(depsgraph, context.region, context.space_data, context.region_data)
         except ExportError as error:
             self._problem = str(error)
-            return
+            return False
         self._problem = None
         if self._view is not None and view.key == self._view.key:
-            return
+            return False
         self._view = view
         self._ask(view)
+        return True
 
     def _ask(self, view: View) -> None:
         """New pictures of this view: a coarse one if it takes that to be in time, then all of it."""
         self.requests += 1
         x0, y0, x1, y1 = view.shown
-        shades = self._is_known(view)
-        divisor = 1 if shades else self._pacer.divisor((x1 - x0) * (y1 - y0))
+        pixels = (x1 - x0) * (y1 - y0)
+        shades = self._is_known(view) and self._pacer.shades_in_time(pixels)
+        divisor = 1 if shades else self._pacer.divisor(pixels)
         content = self._scene(view.camera)
         tasks = [self._draft(content, view, divisor)] if divisor > 1 else []
-        if self._pacer.is_slow_to_build and not shades:
+        if (tasks or self._pacer.is_slow_to_build) and not shades:
             tasks.append(self._once(content, view, keep=divisor == 1))
         tasks.append(self._full(content, view, keep=divisor == 1 and len(tasks) == 0))
         if view.frame is not None and not _is_whole(view):
             tasks.append(self._frame(view))
         self._live.start(tasks)
-        timer.wake()
 
     def _is_known(self, view: View) -> bool:
         """Whether all that rays of this view meet was found out for the picture on the screen: then it takes little more than shading."""
@@ -184,14 +206,19 @@ class Session:
         """One sample of pixels that are larger than the screen's."""
         size = tuple(max(1, round(extent / divisor)) for extent in scene.camera.resolution)
         region = _scaled(view.border, scene.camera.resolution, size) if view.border else None
-        settings = replace(self._settings, samples=1, region=region, passes=self._settings.passes - {"Error"} | {self._shown_pass})
+        settings = replace(self._settings, samples=1, region=region, passes=self._first_passes)
         coarse = replace(scene, camera=replace(scene.camera, resolution=size))
         return engine.Task(coarse, settings, self._target(view, "DRAFT", divisor), keep_first_wave=True, exact=False)
 
     def _once(self, scene: Scene, view: View, keep: bool) -> engine.Task:
         """One sample of every pixel, with the trees that are there."""
-        settings = replace(self._settings, samples=1, region=view.border)
+        settings = replace(self._settings, samples=1, region=view.border, passes=self._first_passes)
         return engine.Task(scene, settings, self._target(view, "FULL"), keep_first_wave=keep, exact=False)
+
+    @property
+    def _first_passes(self) -> frozenset[str]:
+        """Of pictures of one sample, whose error nobody can tell."""
+        return self._settings.passes - {"Error"} | {self._shown_pass}
 
     def _full(self, scene: Scene, view: View, keep: bool) -> engine.Task:
         if _is_whole(view):
@@ -213,6 +240,10 @@ class Session:
     def _target(self, view: View, stage: str, divisor: int = 1) -> _Target:
         return _Target(self.requests, view, stage, self._shown_pass, divisor)
 
+    def _await(self, seconds: float) -> None:
+        """Until there is a picture of what was asked for last."""
+        self._live.wait(lambda wave: wave.task.tag.request == self.requests, seconds)
+
     # --- showing ------------------------------------------------------------------------------------------------------------------
 
     def _fetch(self) -> None:
@@ -220,11 +251,11 @@ class Session:
         wave = self._live.newest
         if wave is None or wave.number == self._drawn:
             return
-        self._drawn = wave.number
+        self._drawn, self._drawn_at, self._shown = wave.number, time.perf_counter(), wave.task.tag.key
         target, film = wave.task.tag, wave.film
         if target.request != self.answered:
             self.answered, self.newest_at = target.request, wave.at
-        if (film.samples == 1 or wave.final) and film.stats.get("camera rays", 1):
+        if film.samples == 1 or wave.final:
             self._learn(wave)
         if wave.task.exact and target.stage == "FULL":
             self._traced = target.view.key, wave.task.scene
@@ -241,6 +272,9 @@ class Session:
 
     def _learn(self, wave: engine.Wave) -> None:
         height, width = wave.film.combined.shape[:2]
+        if not wave.film.stats.get("camera rays", 1):
+            self._pacer.note_shading(width * height, wave.seconds)
+            return
         traced = wave.film.stats.get("trace", wave.seconds)
         others = max(0.0, wave.seconds - traced - wave.build_seconds)
         self._pacer.note(width * height, wave.film.samples, traced, wave.build_seconds, others if wave.task.tag.stage == "DRAFT" else None)

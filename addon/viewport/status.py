@@ -25,4 +25,5 @@ def progress(wave: engine.Wave | None, most: int, busy: bool, error: float | Non
     wrong = f", error {error:.2g}/255" if error is not None else ""
     if busy:
         return f"Glint: {wave.film.samples} of {most} samples{wrong}"
-    return f"Glint: {wave.film.samples} samples{wrong}, {wave.seconds:.2f} s"
+    count = "1 sample" if wave.film.samples == 1 else f"{wave.film.samples} samples"
+    return f"Glint: {count}{wrong}, {wave.seconds:.2f} s"

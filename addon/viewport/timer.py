@@ -10,18 +10,21 @@ from typing import Any
 
 import bpy
 
+from .redraws import Redraws
+
 _INTERVAL = 0.004
 """Seconds between two looks for a new picture."""
 _PATIENCE = 0.25
 """Seconds between looks when a picture lies undrawn, as in a window that is hidden."""
 
+redraws = Redraws()
 _sessions: weakref.WeakSet[Any] = weakref.WeakSet()
 _epoch = 0
 _evaluation = 0
 
 
 def watch(session: Any) -> None:
-    """Redraw this session's region whenever it `has_news`, while it is `busy`."""
+    """Redraw this session's region whenever it `wants_redraw`, while it is `busy`."""
     _sessions.add(session)
 
 
@@ -32,6 +35,12 @@ def forget(session: Any) -> None:
 def session_of(region: int) -> Any | None:
     """The session that draws the region at this address."""
     return next((session for session in _sessions if session.region == region), None)
+
+
+def drawing() -> None:
+    """A view is being drawn."""
+    redraws.begin()
+    wake()
 
 
 def wake() -> None:
@@ -51,7 +60,8 @@ def evaluation() -> int:
 
 
 def _look() -> float | None:
-    news = {session.region for session in _sessions if session.has_news}
+    redraws.end()
+    news = {session.region for session in _sessions if session.wants_redraw}
     if news:
         _redraw(news)
     if any(session.busy for session in _sessions):

@@ -12,7 +12,7 @@ from export_support import link, quad, scene  # noqa: F401
 from glint import engine
 from glint.addon import properties
 from glint.addon.export import incremental
-from glint.addon.viewport import draw, session
+from glint.addon.viewport import draw, redraws, session
 from glint.addon.viewport.bounds import same_places
 from glint.addon.viewport.surroundings import Surroundings
 from glint.engine.scene import Instances, Mesh, World
@@ -166,6 +166,47 @@ def test_the_clipping_region(watcher):
     assert before[:, 32:, :3].any()
     assert (after[:, :32] == before[:, :32]).all()
     assert (after[:, 33:, :3] == np.array(watcher.session.shown_scene[0].world.background, np.float32)).all()
+
+
+def test_better_pictures_wait_for_their_redraw_and_the_last_does_not(watcher, monkeypatch):
+    monkeypatch.setattr(session.timer.redraws, "seconds", 1e9)
+    film = watcher.edit(lambda: None, updates=False)
+    assert film.samples == 2, "drawn at once: nothing better will come"
+    one, wave = watcher.session, watcher.session._live.newest
+    refined = replace(wave, number=wave.number + 1, final=False)
+    monkeypatch.setattr(one._live, "_newest", refined)
+    assert one.has_news and not one.wants_redraw
+    other = replace(wave.task, tag=replace(wave.task.tag, request=wave.task.tag.request + 1))
+    monkeypatch.setattr(one._live, "_newest", replace(refined, task=other))
+    assert one.wants_redraw, "the first of another request"
+    monkeypatch.setattr(one._live, "_newest", replace(refined, final=True))
+    assert one.wants_redraw
+    monkeypatch.setattr(session.timer.redraws, "seconds", 0.0)
+    monkeypatch.setattr(one._live, "_newest", refined)
+    assert one.wants_redraw, "redraws take no time here"
+
+
+def test_a_coarse_picture_then_all_pixels_then_the_exact_one(watcher, monkeypatch):
+    asked, start = [], watcher.session._live.start
+    monkeypatch.setattr(session.Pacer, "divisor", lambda *_: 2)
+    monkeypatch.setattr(watcher.session._live, "start", lambda tasks: (asked.extend(tasks), start(tasks)))
+    quads = [thing for thing in bpy.data.objects if thing.type == "MESH"]
+    film = watcher.edit(lambda: setattr(quads[0], "location", (-1.1, 0, 0)))
+    told = [(task.tag.stage, task.scene.camera.resolution, task.settings.samples, task.exact) for task in asked]
+    assert told == [("DRAFT", (32, 24), 1, False), ("FULL", SIZE, 1, False), ("FULL", SIZE, 2, True)]
+    assert same(film, watcher.expected())
+
+
+def test_a_drawing_shows_what_it_has_just_asked_for(watcher, monkeypatch):
+    monkeypatch.setattr(session.timer.redraws, "seconds", LONGEST)
+    monkeypatch.setattr(redraws, "LONGEST_WAIT", LONGEST)
+    for k in range(3):
+        bpy.data.lights["POINT"].energy = 10 * k
+        bpy.context.view_layer.update()
+        watcher.session.update(watcher.view, bpy.context.evaluated_depsgraph_get())
+        watcher.draw()
+        assert watcher.session.answered == watcher.session.requests
+    watcher.edit(lambda: None, updates=False)
 
 
 def test_surroundings_leave_all_else():

@@ -7,7 +7,8 @@ import pytest
 from glint.addon.export.camera import export_camera
 from glint.addon.export.report import Report
 from glint.addon.viewport import bounds
-from glint.addon.viewport.pacing import BUDGET, Pacer
+from glint.addon.viewport.pacing import BUDGET, LONGEST_WAIT, Pacer
+from glint.addon.viewport.redraws import Redraws
 from glint.addon.viewport.view import clip_of, frame_of, view_camera, window_of
 from glint.engine.scene import Camera, Instances, Mesh, Scene
 
@@ -97,3 +98,62 @@ def test_pictures_while_moving_fit_into_their_time():
     assert pixels / (divisor - 1) ** 2 * 1e-6 + 0.002 > BUDGET, "no coarser than it takes"
     assert Pacer(per_pixel=1e-12).divisor(pixels) == 1
     assert pacer.note(0, 1, 1.0, 0.0, None) is None and pacer.divisor(pixels) == divisor, "an empty picture teaches nothing"
+
+
+def test_pixels_are_shaded_at_once_where_that_was_fast():
+    pacer = Pacer()
+    assert not pacer.shades_in_time(1), "nothing is known yet"
+    pacer.note_shading(1000, 1e-4)
+    assert pacer.shades_in_time(400_000) and not pacer.shades_in_time(600_000)
+    for _ in range(30):
+        pacer.note_shading(1000, 2e-4)
+    assert pacer.shades_in_time(200_000) and not pacer.shades_in_time(300_000)
+
+
+class Clock:
+    """Seconds that pass only when told."""
+
+    def __init__(self):
+        self.now = 5.0
+
+    def __call__(self):
+        return self.now
+
+    def wait(self, seconds):
+        self.now += seconds
+
+
+def redrawn(redraws, clock, seconds, views=1):
+    """A redraw in which every view waits as long as it may; how long each did."""
+    waited = []
+    for _ in range(views):
+        redraws.begin()
+        redraws.wait(lambda most: waited.append(most) or clock.wait(most), is_first=False)
+    clock.wait(seconds)
+    redraws.end()
+    return waited
+
+
+def test_a_view_waits_no_longer_than_a_redraw_takes():
+    clock = Clock()
+    redraws = Redraws(clock)
+    for _ in range(40):
+        redrawn(redraws, clock, 0.02)
+    assert redrawn(redraws, clock, 0.02) == [pytest.approx(0.02)], "waiting does not count as drawing"
+    for _ in range(40):
+        redrawn(redraws, clock, 0.2)
+    assert redrawn(redraws, clock, 0.2) == [LONGEST_WAIT]
+
+
+def test_views_that_are_drawn_together_wait_together():
+    clock = Clock()
+    redraws = Redraws(clock)
+    for _ in range(40):
+        redrawn(redraws, clock, 0.02, views=4)
+    assert sum(redrawn(redraws, clock, 0.02, views=4)) == pytest.approx(0.02)
+
+
+def test_a_view_that_shows_nothing_waits_longer():
+    waited = []
+    Redraws(Clock()).wait(waited.append, is_first=True)
+    assert waited[0] > LONGEST_WAIT

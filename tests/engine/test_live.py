@@ -96,6 +96,24 @@ def test_tasks_of_one_start_follow_each_other(live):
     assert wave.number >= 3, "each of the three was shown"
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_who_waits_gets_what_is_wanted_or_hears_that_none_will_come(live, backend):
+    settings = replace(SETTINGS, backend=backend)
+    assert not live.wait(lambda wave: True, LONGEST), "nothing was asked for"
+    live.start([Task(scene(), settings, 1), Task(scene(0.5), settings, 2)])
+    assert live.wait(lambda wave: wave.task.tag == 2, LONGEST) and live.newest.task.tag == 2
+    assert not live.wait(lambda wave: wave.task.tag == 3, LONGEST) and not live.busy
+    live.start([Task(scene(), replace(settings, samples=65536), 3)])
+    assert not live.wait(lambda wave: wave.task.tag == 3 and wave.final, 0.0) and live.busy, "the time is over"
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_picture_of_one_sample_comes_once(live, backend):
+    live.start([Task(scene(), replace(SETTINGS, samples=1, backend=backend))])
+    wave = wait(live)
+    assert wave.final and (wave.number == 1 or backend == "NUMPY")
+
+
 def test_an_error_is_told_and_the_next_task_runs(live):
     settings = replace(SETTINGS, backend=available_backends()[0])
     broken = replace(scene(), camera=replace(scene().camera, resolution=(0, 0)))

@@ -22,6 +22,9 @@ SHOWN_ERROR = 2.0**-8
 """Relative: a half float rounds by 2^-11 at most when the picture becomes a texture and again when it is drawn, and a software rasteriser
 looks textures up with weights of 8 bits, whose rounding it shows as up to four units of the half float."""
 
+EDGE_SHARE = 0.002
+"""Of the pixels that Solid shading shows: along edges it rounds otherwise."""
+
 SOAK_SECONDS = float(os.environ.get("GLINT_SOAK_SECONDS", "60"))
 GROWTH = 150.0
 """Megabytes by which the second half of a soak may hold more than the first: Blender's own undo steps and software textures."""
@@ -48,6 +51,17 @@ def test_the_events_of_a_day_show_what_a_render_gives(blender):
         assert result["same bits"], f"{name}: differs from F12 by {result['worst']}"
         assert 0 <= result["framebuffer"] <= SHOWN_ERROR, f"{name}: the screen differs from F12 by {result['framebuffer']}"
     assert told["explained"]["color"] == pytest.approx(told["explained"]["pixel"], rel=1e-4)
+
+
+def test_what_a_view_hides_and_brings_back(blender):
+    told = run_in_window(blender, "looks.py", timeout=300).run.answer
+    masks = told.pop("clip border")
+    for name, mask in masks.items():
+        assert max(mask["more"], mask["fewer"]) <= EDGE_SHARE * mask["solid"], f"{name}: Solid shows other pixels: {mask}"
+    assert all(masks[name]["solid"] < 0.7 * masks["without"]["solid"] for name in ("from there", "from elsewhere"))
+    assert 0 <= told.pop("passepartout framebuffer") <= SHOWN_ERROR
+    assert {name for name, same in told.items() if not same} == set()
+    assert told.keys() >= {"local view", "left local view", "undo to 0", "redo to 3", "passepartout"}
 
 
 def _histogram(told):

@@ -1,4 +1,5 @@
-"""Runs inside a Blender with a window: how soon events show in the middle of the 3D view, for Glint or for Cycles. See measure.py.
+"""Runs inside a Blender with a window: how soon events show in the middle of the 3D view, for Glint, for Cycles, or for an engine that has
+every picture ready and so tells what Blender itself takes. See measure.py.
 
 Every event changes the colour of the pixel in the middle, which is read back from the framebuffer after each `view_draw` of the engine:
 the time runs from before Blender's data is changed until that pixel has its new colour. Processor time is that of the whole program.
@@ -15,6 +16,7 @@ import bpy
 import gpu
 import mathutils
 
+import control_engine
 import in_window
 import measured_scenes
 
@@ -25,7 +27,7 @@ CONVERGED_SECONDS = 4.0
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=pathlib.Path)
-    parser.add_argument("engine", choices=("GLINT", "CYCLES"))
+    parser.add_argument("engine", choices=("GLINT", "CYCLES", "CONTROL"))
     return parser.parse_args(sys.argv[sys.argv.index("--") + 1 :])
 
 
@@ -49,6 +51,9 @@ class Eye:
 def engine_class(window):
     if options.engine == "GLINT":
         return sys.modules[window.package + ".addon.render_engine"].GlintRenderEngine
+    if options.engine == "CONTROL":
+        control_engine.register()
+        return control_engine.ControlEngine
     import cycles
 
     return cycles.CyclesRender
@@ -68,13 +73,22 @@ def is_green(color):
     return color[1] > 2 * color[0] and color[1] > 0.01
 
 
+SHADES = {is_red: ((0.8, 0.02, 0.02), (0.7, 0.02, 0.02)), is_green: ((0.02, 0.8, 0.02), (0.02, 0.7, 0.02))}
+"""Two of each, of which the engine with ready pictures shows one that it does not show yet."""
+
+
+def next_shade(has_come):
+    one, other = SHADES.get(has_come, SHADES[is_red])
+    return other if control_engine.ControlEngine.color == one else one
+
+
 def scenario():
     yield from maximize()
     scene = bpy.context.scene
     scene.render.engine = options.engine
     if options.engine == "GLINT":
         scene.glint.viewport.samples = 4
-    else:
+    elif options.engine == "CYCLES":
         scene.cycles.preview_samples, scene.cycles.use_preview_denoising = 1, False
     facts["region"] = [window.region.width, window.region.height]
     measured_scenes.spheres()
@@ -83,8 +97,8 @@ def scenario():
     yield from switching()
     yield from moving_the_view()
     yield from shading()
-    if options.engine == "GLINT":
-        yield from turning()
+    yield from turning()
+    if options.engine != "CYCLES":
         yield from stopping()
     yield from converged()
     yield from one_of_many()
@@ -111,6 +125,7 @@ def look_at(point, distance):
 def event(name, action, has_come):
     """Yield from this: do something and wait until the middle of the view shows it."""
     in_window.say(name)
+    control_engine.show(next_shade(has_come))
     start, spent = time.perf_counter(), time.process_time()
     action()
     yield lambda: eye.at > start and has_come(eye.color)
@@ -189,14 +204,16 @@ def tint(lamp, color):
 
 
 def turning():
-    """New pictures a second while the view turns all the time."""
-    session, answered = current_session(), set()
-    start = time.perf_counter()
+    """New pictures, and redraws, a second while the view turns all the time."""
+    session, answered = current_session() if options.engine == "GLINT" else None, set()
+    draws, start = eye.draws, time.perf_counter()
     while time.perf_counter() < start + 4:
         turn()
-        answered.add(session.answered)
+        answered.add(session.answered if session else eye.draws)
         yield 0.004
-    facts["pictures a second while the view turns"] = (len(answered) - 1) / (time.perf_counter() - start)
+    seconds = time.perf_counter() - start
+    facts["pictures a second while the view turns"] = (len(answered) - 1) / seconds
+    facts["redraws a second while the view turns"] = (eye.draws - draws) / seconds
     yield from quiet()
 
 
@@ -206,22 +223,26 @@ def turn():
 
 
 def stopping():
-    """From the last turn until every pixel of the region has been traced for it."""
-    session = current_session()
+    """From the last turn until every pixel of the region has been traced for it; two redraws where every picture is ready."""
+    session = current_session() if options.engine == "GLINT" else None
     for _ in range(REPEATS):
         for _ in range(20):
             turn()
             yield 0.01
-        start, spent, asked = time.perf_counter(), time.process_time(), session.requests
+        start, spent, asked = time.perf_counter(), time.process_time(), session.requests if session else eye.draws
         turn()
-        yield lambda asked=asked: session.answered > asked and is_full(session)
+        yield lambda asked=asked: has_come_to_rest(session, asked)
         wall.setdefault("stop to full resolution", []).append(eye.at - start)
         processor.setdefault("stop to full resolution", []).append(eye.spent - spent)
         yield from quiet()
 
 
-def is_full(session):
-    return session.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
+def has_come_to_rest(session, before):
+    if session is None:
+        if eye.draws == before + 1:
+            window.region.tag_redraw()
+        return eye.draws > before + 1
+    return session.answered > before and session.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
 
 
 def current_session():

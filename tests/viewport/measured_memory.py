@@ -1,4 +1,4 @@
-"""Runs inside a Blender with a window: shows or renders a million triangles, and answers when it began to."""
+"""Runs inside a Blender with a window: shows or renders a million triangles, or shows a ready picture; answers when it began to."""
 
 import pathlib
 import sys
@@ -8,16 +8,18 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent))
 
 import bpy
 
+import control_engine
 import in_window
 import measured_scenes
 
 folder, job = sys.argv[sys.argv.index("--") + 1 :]
+control_engine.register()
 window = in_window.load()
 
 
 def scenario():
     scene = bpy.context.scene
-    scene.render.engine = "GLINT"
+    scene.render.engine = "CONTROL" if job == "control" else "GLINT"
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 960, 540, 100
     camera = scene.camera.data.copy()
     measured_scenes.grid(708)
@@ -30,6 +32,9 @@ def scenario():
         window.space.shading.type = "RENDERED"
         yield lambda: window.session is not None
         yield from window.settle()
+    elif job == "control":
+        window.space.shading.type = "RENDERED"
+        yield 3.0
     else:
         in_window.render(pathlib.Path(folder) / "final.exr")
     yield 1.0

@@ -1,0 +1,50 @@
+"""How long Blender takes to draw its window, and how long it may be kept waiting for a picture.
+
+An old picture that is drawn while the new one is being traced holds the new one up for a whole redraw, and takes processors from it where
+there is no graphics card. So a view waits for what it has just asked for, but no longer than a redraw: then it would gain nothing.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from .pacing import BUDGET, LONGEST_WAIT
+
+_FIRST_WAIT = 0.15
+"""The same where there is no old picture to draw."""
+_LONGEST_REDRAW = 0.5
+"""Seconds; more than that was something else that Blender did."""
+_WEIGHT = 0.4
+"""Of a new measurement in the running mean."""
+
+
+class Redraws:
+    """Of all views together: Blender draws them one after the other.
+
+    seconds: running mean of a redraw, without what it was kept waiting.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self.seconds = BUDGET
+        self._clock = clock
+        self._began: float | None = None
+        self._waited = 0.0
+
+    def begin(self) -> None:
+        """A view is being drawn."""
+        if self._began is None:
+            self._began = self._clock()
+
+    def end(self) -> None:
+        """Blender is between two events: what was drawn is on the screen."""
+        if self._began is not None:
+            seconds = self._clock() - self._began - self._waited
+            self.seconds += _WEIGHT * (min(seconds, _LONGEST_REDRAW) - self.seconds)
+        self._began, self._waited = None, 0.0
+
+    def wait(self, wait: Callable[[float], object], is_first: bool) -> None:
+        """Let a view that is being drawn call `wait` with the seconds it may take. is_first: it has nothing to show yet."""
+        start = self._clock()
+        wait(max(0.0, (_FIRST_WAIT if is_first else min(self.seconds, LONGEST_WAIT)) - self._waited))
+        self._waited += self._clock() - start
