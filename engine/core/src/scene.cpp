@@ -254,7 +254,7 @@ void Scene::note_features() {
   }
   for (const Light& light : lights) {
     if (light.extended) features |= GLINT_FEATURE_SOFT_LIGHTS;
-    if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR)) features |= GLINT_FEATURE_SEEN_LIGHTS;
+    if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR) && any(light.seen)) features |= GLINT_FEATURE_SEEN_LIGHTS;
   }
   if (!textures.empty()) features |= GLINT_FEATURE_TEXTURES;
 }

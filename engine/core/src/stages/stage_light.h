@@ -91,12 +91,13 @@ inline Sample sample(const LightStage& s, const Three& x) {
 }
 
 inline Three highlights(const LightStage& s, size_t k, const Three& n, const Three& l) {
+  const Slope at = slope(n, l - load3(s.d, k));
   Three sum{};
   for (int term = 0; term < s.max_specular; ++term) {
     const double* column = s.specular + 4 * size_t(term) * s.stride + k;
     const Three Tk = {load(column), load(column + s.stride), load(column + 2 * s.stride)};
     if (!any(nonzero(Tk))) continue;
-    sum = sum + highlight(n, l - load3(s.d, k), load(column + 3 * s.stride)) * Tk;
+    sum = sum + highlight(at, load(column + 3 * s.stride)) * Tk;
   }
   return sum;
 }
