@@ -117,6 +117,7 @@ struct VaryStage {
   const GlintGeometry* geometries;
   const GlintAttribute* attributes;
   const GlintInput* inputs;
+  const uint32_t* reads;          // for each input the number of what it reads of an image: the same for the same
   const TextureShape* textures;
   const LobeShape* lobes;
   uint32_t lobe_count;
