@@ -186,7 +186,8 @@ void Scene::add_lobe(const GlintLobe& g) {
   Lobe lobe{g.kind, g.fresnel != 0, false, g.exponent, g.ior, g.first_input, g.input_count, {1, 1, 1}, false};
   bool varies = false;
   for (uint32_t k = 0; k < g.input_count; ++k) varies = varies || depends_on_surface(inputs[g.first_input + k]);
-  if (!varies) lobe.k = coefficient(*this, lobe, Surface{}), lobe.constant = true;
+  PointReads none;
+  if (!varies) lobe.k = coefficient(*this, lobe, Surface{}, none), lobe.constant = true;
   lobes.push_back(lobe);
 }
 
