@@ -350,7 +350,7 @@ void Scene::fold_materials() {
   }
   MaterialTerms around{}, none{}, hole{};
   for (int c = 0; c < 3; ++c) around.glow[c] = around.environment[c] = background[c];
-  hole.others = 1;
+  hole.others = 1, around.unlit = none.unlit = 1;
   material_terms.insert(material_terms.end(), {around, none, hole});
 }
 

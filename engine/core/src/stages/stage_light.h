@@ -131,9 +131,9 @@ inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample, cons
   append(s.o, o);
   if (s.end_out[0]) append(s.end_out, sample.end);
   if (Shape == kDirection) return append(s.to, sample.l), append(s.t_max, splat(__builtin_inf()));
-  const Three to = sample.end - o;
-  append(s.to, unit(to));
-  append(s.t_max, length(to) - rounding(larger(max_abs(sample.end), max_abs(o))));
+  const Way to = way(sample.end - o);
+  append(s.to, to.d);
+  append(s.t_max, to.length - rounding(larger(max_abs(sample.end), max_abs(o))));
 }
 
 template <int Shape>

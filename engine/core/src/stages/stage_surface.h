@@ -191,13 +191,6 @@ inline Face face_of(const InstanceShape& instance, const GroupShape& group, uint
   return face;
 }
 
-/// Whether all lanes of a group hold the same number.
-inline bool same(const uint32_t* number) {
-  uint32_t different = 0;
-  for (size_t lane = 1; lane < kLanes; ++lane) different |= number[lane] ^ number[0];
-  return different == 0;
-}
-
 /// The triangle that whole groups are on: often that of the group before.
 struct Known {
   Face face;

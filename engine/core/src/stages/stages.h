@@ -68,7 +68,7 @@ struct MaterialTerms {
   double glow[3];                 // the sum of the next three
   double ambient[3], emission[3], environment[3];
   double diffuse[3];
-  uint32_t others;
+  uint32_t others, unlit;         // unlit: lights add nothing
 };
 
 /// Sums of a batch, a column a channel; null where a part was not asked for. total: Combined.
