@@ -69,6 +69,16 @@ def camera_frame(matrix: np.ndarray, name: str) -> np.ndarray:
     return np.concatenate([axes / lengths, matrix[:3, 3:]], 1)
 
 
+def inverse_axes(axes: np.ndarray) -> np.ndarray:
+    """(3, 3) of rank 3: its inverse, by cross products.
+
+    NumPy's own wakes a thread of the linear algebra library, which then spins beside the tracer for 30 to 80 ms.
+    """
+    x, y, z = axes.T
+    rows = np.array([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
+    return rows / (x @ rows[0])
+
+
 def _window(size: tuple[int, int], aspect: tuple[float, float], half: float, fit: str, shift: tuple[float, float]) -> Window:
     """(l, r, b, t) of a window whose fitted side spans 2 `half`; lens shift is in shares of that side."""
     across, up = size[0] * aspect[0], size[1] * aspect[1]

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...engine.scene import Camera
 from ..export import ExportError
-from ..export.camera import border, export_camera, resolution
+from ..export.camera import border, export_camera, inverse_axes, resolution
 from ..export.report import Report
 
 Rectangle = tuple[int, int, int, int]
@@ -62,7 +62,9 @@ def read_view(depsgraph: Any, region: Any, space: Any, region_data: Any) -> View
     pixel_size = _pixel_size(depsgraph.scene_eval.render)
     pixels = tuple(math.ceil(extent / pixel_size) for extent in size)
     projection = np.array(region_data.window_matrix, np.float64)
-    world_from_view = np.linalg.inv(np.array(region_data.view_matrix, np.float64))[:3]
+    view_from_world = np.array(region_data.view_matrix, np.float64)
+    axes = inverse_axes(view_from_world[:3, :3])
+    world_from_view = np.concatenate([axes, -axes @ view_from_world[:3, 3:]], 1)
     camera = view_camera(projection, world_from_view, pixels, size, pixel_size)
     frame = None
     scene_camera = _camera_object(space, region_data, depsgraph)

@@ -10,7 +10,7 @@ from mathutils import Euler, Matrix, Vector
 
 from export_support import export, link, scene  # noqa: F401
 from glint.addon.export import ExportError
-from glint.addon.export.camera import border
+from glint.addon.export.camera import border, inverse_axes
 from glint.engine.scene import Camera
 
 PROPERTY = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -184,3 +184,12 @@ def test_looking_through_a_spot_light_takes_in_its_cone(scene):  # noqa: F811
     scene.camera = link(bpy.data.objects.new("Spot", light))
     camera = export().scene.camera
     np.testing.assert_allclose(camera.window[:2], (-1.125, 1.125), rtol=1e-6)  # 18 / 16, as Cycles' lens for lights
+
+
+def test_inverse_of_axes():
+    """Of unit axes, mirrored and sheared ones among them."""
+    rng = np.random.default_rng(3)
+    for axes in rng.normal(size=(50, 3, 3)):
+        axes /= np.linalg.norm(axes, axis=0)
+        closeness = 1e-15 * np.linalg.cond(axes) ** 2
+        assert np.abs(inverse_axes(axes) @ axes - np.eye(3)).max() < 10 * closeness

@@ -15,7 +15,19 @@ import pytest
 from engine_scenes import SCENES, ball_mesh, camera, checker, grid_mesh, surface
 from glint import engine
 from glint.engine import scene as s
-from native_tools import IDENTITY, constant, lamp, material, needs_core, placed, view_from_above
+from native_tools import (
+    IDENTITY,
+    NO_WORLD,
+    color,
+    constant,
+    draw,
+    lamp,
+    material,
+    needs_core,
+    placed,
+    square,
+    view_from_above,
+)
 
 pytestmark = needs_core
 
@@ -105,3 +117,38 @@ def test_partial_tiles_and_single_pixels() -> None:
     for width in range(1, 18):
         part = engine.render(scene, replace(plan, region=(3, 1, 3 + width, 8))).combined
         assert part.tobytes() == np.ascontiguousarray(whole[1:8, 3 : 3 + width]).tobytes(), width
+
+
+@pytest.mark.parametrize("veiled", [False, True])
+def test_lobes_that_read_images_keep_to_themselves(veiled: bool) -> None:
+    """Ten reads of two images by lobes that share some: their sum is that of pictures with one lobe each, also on surfaces let through."""
+    textures = (checker(), replace(checker(), pixels=np.ascontiguousarray(checker().pixels[::-1, :, ::-1])))
+    shifts = [((1, 0, 0.1 * k), (0, 1, 0)) for k in range(5)]
+    reads = [s.Input((0.1 + 0.01 * k,) * 3, texture=k % 2, uv_transform=shifts[k // 2]) for k in range(10)]
+    lobes = [s.Lobe("EMISSION", (reads[k],)) for k in (*range(10), 3, 0, 9)]
+    veil = (s.Lobe("TRANSPARENT", constant(0.25)),) * veiled
+
+    def picture(*chosen: s.Lobe) -> np.ndarray:
+        scene = s.Scene(view_from_above(16, half=4.0), (square(),), (placed(),), (material(*chosen, *veil),), textures, (), NO_WORLD)
+        return color(scene)
+
+    alone = sum(picture(lobe) for lobe in lobes)
+    assert alone.min() >= 0 and np.ptp(alone) > 0.1
+    assert np.abs(picture(*lobes) - alone).max() < 1e-5
+
+
+def test_ambient_lobes_of_a_black_world_change_nothing() -> None:
+    """The picture is that of a world whose light is too faint to count, for which they stay; lobes beside them read the same image."""
+    read, other = (s.Input(texture=0),), (s.Input((0.5, 0.4, 0.3), texture=0),)
+    lobes = s.Lobe("DIFFUSE", read), s.Lobe("AMBIENT", other), s.Lobe("SPECULAR", other, 8.0), s.Lobe("AMBIENT", read)
+    scene = s.Scene(view_from_above(16), (square(),), (placed(),), (material(*lobes),), (checker(),), (lamp("POINT", strength=50.0),))
+    black, faint = color(scene), color(replace(scene, world=s.World((1e-300, 1e-300, 1e-300))))
+    assert black.max() > 0.1
+    assert black.tobytes() == faint.tobytes()
+
+
+def test_only_lights_with_an_extent_are_visible() -> None:
+    for radius, visible in ((0.0, False), (0.3, True)):
+        light = lamp("POINT", radius=radius, visible_camera=True)
+        film = draw(s.Scene(view_from_above(), (square(),), (placed(),), (material(s.Lobe("DIFFUSE")),), (), (light,), NO_WORLD))
+        assert ("feature: visible lights" in film.stats) == visible

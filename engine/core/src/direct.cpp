@@ -100,9 +100,10 @@ void DirectLight::step_through_surfaces(const Batch& batch, size_t count, RayCou
 /// One surface on the way of shadow ray k; false when nothing is left of its light, or nothing in its way.
 bool DirectLight::step(const Batch& batch, uint32_t k, const Hit& hit) {
   if (hit.instance == Hit::kNone) return false;
+  const Material& material = scene_.materials[scene_.material_of(scene_.group(hit.instance), hit.primitive)];
+  if (!material.has(GLINT_TRANSPARENT)) return set_row(shadow_, k, {}), false;
   const Vec3d origin = row(batch.points.origin, point_[k]), to = row(stage_.to, k);
   const Surface s = surface_at(scene_, origin, stage_.shape == kDirection ? to : unit(row(stage_.end_out, k) - origin), hit);
-  const Material& material = scene_.materials[scene_.material_of(scene_.group(s.instance), s.primitive)];
   const Vec3d S = row(shadow_, k) * max(Vec3d{}, min(Vec3d{1, 1, 1}, transparency(scene_, material, s)));
   set_row(shadow_, k, S);
   stepping_[k].t_min = beyond(hit.t);

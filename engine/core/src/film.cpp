@@ -21,6 +21,13 @@ size_t numbers(size_t pixels, size_t channels) {
   return pixels * channels;
 }
 
+/// Numbers [first, first + count) of some channels, pixel by pixel.
+template <size_t Channels, size_t Size>
+void interleave(const float (&channels)[4][Size], size_t first, size_t count, float* out) {
+  for (size_t k = first; k < first + count; ++k)
+    for (size_t c = 0; c < Channels; ++c) *out++ = channels[c][k];
+}
+
 }  // namespace
 
 int channels_of(int pass) {
@@ -108,9 +115,11 @@ void Film::publish_means(const Tile& tile, int pass, const SlotTable& slots, uin
     else for (size_t k = 0; k < count; ++k) means[c][k] = to_float(from[k] / taken[k]);
   }
   for (size_t k = 0; channels == 4 && k < count; ++k) means[3][k] = 1 - means[3][k];
-  for (size_t k = 0; k < count; ++k) {
+  for (size_t k = 0, run; k < count; k += run) {
+    run = slots.run(k);
     float* out = pictures_[pass].data() + channels * slots.pixel(tile, k, region_.width());
-    for (size_t c = 0; c < channels; ++c) out[c] = means[c][k];
+    if (channels == 4) interleave<4>(means, k, run, out);
+    else interleave<3>(means, k, run, out);
   }
 }
 

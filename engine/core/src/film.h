@@ -1,5 +1,6 @@
 // Sums of samples per pixel, and the picture they make after each wave.
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -29,6 +30,8 @@ class SlotTable {
   void set(uint32_t width, uint32_t height);
   const double* columns() const { return columns_.data(); }
   const double* rows() const { return rows_.data(); }
+  /// How many slots from this one on are neighbours in a row.
+  size_t run(size_t slot) const { return std::min(size_t(Tile::kBlock), width_ - size_t(columns_[slot])); }
   /// Number of the pixel in a region of that width.
   uint32_t pixel(const Tile& tile, size_t slot, uint32_t region_width) const {
     return (tile.y0 + uint32_t(rows_[slot])) * region_width + tile.x0 + uint32_t(columns_[slot]);

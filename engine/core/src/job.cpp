@@ -117,8 +117,7 @@ void Job::trace_waves() {
       on_all_threads([&](Tracer& tracer) { trace_tiles(tracer, first, last, next); });
       if (!cancel_) refine(last);
     }
-    count(seconds);
-    if (!cancel_) publish(last);
+    end_wave(last, seconds);
   }
   team_.reset();
 }
@@ -147,10 +146,17 @@ void Job::on_all_threads(Body body) {
   team_->run(tracers_.size(), [&](size_t k) { body(*tracers_[k]); });
 }
 
-void Job::count(double seconds) {
-  std::lock_guard lock(mutex_);
+/// The wave up to `samples` took `seconds`; its picture, unless it was cancelled, belongs to it.
+void Job::end_wave(uint32_t samples, double seconds) {
+  std::unique_lock lock(mutex_);
+  const bool complete = !cancel_;
+  if (complete) {
+    const Timer timer(seconds);
+    on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.publish(tile, samples); });
+  }
   trace_seconds_ += seconds, rays_ = {};
   for (const auto& tracer : tracers_) rays_ += tracer->counts();
+  if (complete) publish(samples, lock);
 }
 
 /// Samples [first, last) of the tiles that nobody else has begun.
@@ -167,9 +173,7 @@ void Job::trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic
   }
 }
 
-void Job::publish(uint32_t samples) {
-  std::unique_lock lock(mutex_);
-  on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.publish(tile, samples); });
+void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {
   samples_ = samples;
   bool hold = plan_.hold_waves && samples < plan_.samples;
   if (hold) state_ = GLINT_HELD;

@@ -37,9 +37,9 @@ class Job {
   void run();
   void trace_waves();
   void trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic<size_t>& next);
-  void count(double seconds);
   void refine(uint32_t samples);
-  void publish(uint32_t samples);
+  void end_wave(uint32_t samples, double seconds);
+  void publish(uint32_t samples, std::unique_lock<std::mutex>& lock);
   template <class Body>
   void on_all_threads(Body body);
   template <class Body>

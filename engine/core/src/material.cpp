@@ -13,16 +13,26 @@ Vec3d channel_of(const Rgba& c, int channel) {
   return channel == GLINT_LUMINANCE ? Vec3d{grey, grey, grey} : c.color;
 }
 
-Vec3d textured(const Scene& scene, const GlintInput& input, const Surface& s) {
+Rgba read_image(const Scene& scene, const GlintInput& input, const Surface& s) {
   Uv uv = uv_at(scene, s, input.uv);
   const double* m = input.uv_transform;
   double u = m[0] * uv.u + m[1] * uv.v + m[2], v = m[3] * uv.u + m[4] * uv.v + m[5];
-  return channel_of(scene.textures[size_t(input.texture)].lookup(u, v), input.channel);
+  return scene.textures[size_t(input.texture)].lookup(u, v);
 }
 
-Vec3d evaluate(const Scene& scene, const GlintInput& input, const Surface& s) {
+Rgba image_at(const Scene& scene, uint32_t i, const Surface& s, PointReads& reads) {
+  const uint32_t number = scene.reads[i];
+  for (uint32_t k = 0; k < reads.count; ++k)
+    if (reads.number[k] == number) return reads.color[k];
+  const Rgba color = read_image(scene, scene.inputs[i], s);
+  if (reads.count < PointReads::kKept) reads.color[reads.count] = color, reads.number[reads.count++] = number;
+  return color;
+}
+
+Vec3d evaluate(const Scene& scene, uint32_t i, const Surface& s, PointReads& reads) {
+  const GlintInput& input = scene.inputs[i];
   Vec3d product{input.value[0], input.value[1], input.value[2]};
-  if (input.texture >= 0) product = product * textured(scene, input, s);
+  if (input.texture >= 0) product = product * channel_of(image_at(scene, i, s, reads), input.channel);
   if (input.attribute >= 0) product = product * channel_of(color_at(scene, s, input.attribute), input.attribute_channel);
   product = finite_or_zero(product);
   return input.complement ? Vec3d{1, 1, 1} - product : product;
@@ -30,19 +40,20 @@ Vec3d evaluate(const Scene& scene, const GlintInput& input, const Surface& s) {
 
 }  // namespace
 
-Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s) {
+Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s, PointReads& reads) {
   if (lobe.constant) return lobe.k;
   Vec3d k{1, 1, 1};
-  for (uint32_t i = 0; i < lobe.input_count; ++i) k = k * evaluate(scene, scene.inputs[lobe.first_input + i], s);
+  for (uint32_t i = 0; i < lobe.input_count; ++i) k = k * evaluate(scene, lobe.first_input + i, s, reads);
   return finite_or_zero(k);
 }
 
 Vec3d transparency(const Scene& scene, const Material& material, const Surface& s) {
   Vec3d sum;
+  PointReads reads;
   if (!material.has(GLINT_TRANSPARENT)) return sum;
   for (uint32_t i = 0; i < material.lobe_count; ++i) {
     const Lobe& lobe = scene.lobes[material.first_lobe + i];
-    if (lobe.kind == GLINT_TRANSPARENT) sum += coefficient(scene, lobe, s);
+    if (lobe.kind == GLINT_TRANSPARENT) sum += coefficient(scene, lobe, s, reads);
   }
   return sum;
 }

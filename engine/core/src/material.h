@@ -30,8 +30,15 @@ struct Material {
   bool has(int kind) const { return kinds >> kind & 1; }
 };
 
+/// What was read of images at a point, by the number of the read (scene.h): lobes often ask for the same.
+struct PointReads {
+  static constexpr uint32_t kKept = 8;
+  uint32_t count = 0, number[kKept];
+  Rgba color[kKept];
+};
+
 /// The product of a lobe's factors at a point of a surface. Finite.
-Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s);
+Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s, PointReads& reads);
 
 /// The sum of the TRANSPARENT lobes: what goes straight through.
 Vec3d transparency(const Scene& scene, const Material& material, const Surface& s);

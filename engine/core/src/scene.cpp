@@ -80,6 +80,12 @@ void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, double*& specul
 constexpr size_t kSights = 2;  // a viewport shows a view and in it the render's frame
 constexpr uint32_t kVisibility = kCamera | kMirror | kShadow;
 
+constexpr ptrdiff_t kReadsCompared = 16;
+
+bool same_read(const GlintInput& a, const GlintInput& b) {
+  return a.texture == b.texture && a.uv == b.uv && std::equal(a.uv_transform, a.uv_transform + 6, b.uv_transform);
+}
+
 bool depends_on_surface(const GlintInput& input) { return input.texture >= 0 || input.attribute >= 0; }
 
 }  // namespace
@@ -157,29 +163,55 @@ void Scene::copy_tables(const GlintSceneData& data) {
   world_from_object = data.world_from_object;
 }
 
-/// Lobes whose inputs do not vary get their product now; the default surface (white DIFFUSE 0.8 with AMBIENT 0.8) follows the given ones.
+/// The default surface (white DIFFUSE 0.8 with AMBIENT 0.8) follows the given materials.
 void Scene::compile_materials(const GlintSceneData& data) {
-  for (uint64_t i = 0; i < data.lobe_count; ++i) {
-    const GlintLobe& g = data.lobes[i];
-    Lobe lobe{g.kind, g.fresnel != 0, false, g.exponent, g.ior, g.first_input, g.input_count, {1, 1, 1}, false};
-    bool varies = false;
-    for (uint32_t k = 0; k < g.input_count; ++k) varies = varies || depends_on_surface(inputs[g.first_input + k]);
-    if (!varies) lobe.k = coefficient(*this, lobe, Surface{}), lobe.constant = true;
-    lobes.push_back(lobe);
-  }
-  for (uint64_t i = 0; i < data.material_count; ++i) {
-    const GlintMaterial& g = data.materials[i];
-    materials.push_back({g.first_lobe, g.lobe_count, g.index});
-  }
+  reads.resize(inputs.size());
+  std::iota(reads.begin(), reads.end(), 0u);
+  for (uint64_t i = 0; i < data.material_count; ++i) add_material(data.materials[i], data.lobes);
   materials.push_back({uint32_t(lobes.size()), 2, 0});
   for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT}) lobes.push_back({kind, false, true, 0, 1, 0, 0, {0.8, 0.8, 0.8}, false});
-  for (Material& material : materials) {
-    for (uint32_t k = 0; k < material.lobe_count; ++k) {
-      int kind = lobes[material.first_lobe + k].kind;
-      material.kinds |= 1u << kind, material.specular_count += kind == GLINT_SPECULAR;
-      if (k > 0) lobes[material.first_lobe + k].like_last = same_inputs(material.first_lobe + k - 1, material.first_lobe + k);
+  for (Material& material : materials) compare_lobes(material), number_reads(material);
+}
+
+/// AMBIENT lobes of a world that gives them nothing are left out.
+void Scene::add_material(const GlintMaterial& g, const GlintLobe* given) {
+  const size_t first = lobes.size();
+  for (uint32_t k = 0; k < g.lobe_count; ++k)
+    if (given[g.first_lobe + k].kind != GLINT_AMBIENT || any(ambient)) add_lobe(given[g.first_lobe + k]);
+  materials.push_back({uint32_t(first), uint32_t(lobes.size() - first), g.index});
+}
+
+/// Lobes whose inputs do not vary get their product now.
+void Scene::add_lobe(const GlintLobe& g) {
+  Lobe lobe{g.kind, g.fresnel != 0, false, g.exponent, g.ior, g.first_input, g.input_count, {1, 1, 1}, false};
+  bool varies = false;
+  for (uint32_t k = 0; k < g.input_count; ++k) varies = varies || depends_on_surface(inputs[g.first_input + k]);
+  PointReads none;
+  if (!varies) lobe.k = coefficient(*this, lobe, Surface{}, none), lobe.constant = true;
+  lobes.push_back(lobe);
+}
+
+void Scene::compare_lobes(Material& material) {
+  for (uint32_t k = 0; k < material.lobe_count; ++k) {
+    int kind = lobes[material.first_lobe + k].kind;
+    material.kinds |= 1u << kind, material.specular_count += kind == GLINT_SPECULAR;
+    if (k > 0) lobes[material.first_lobe + k].like_last = same_inputs(material.first_lobe + k - 1, material.first_lobe + k);
+  }
+  max_specular = std::max(max_specular, material.specular_count);
+}
+
+/// Compares each input that reads an image with the last few of its material that do.
+void Scene::number_reads(const Material& material) {
+  std::vector<uint32_t> seen;
+  for (uint32_t l = 0; l < material.lobe_count; ++l) {
+    const Lobe& lobe = lobes[material.first_lobe + l];
+    for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i) {
+      if (inputs[i].texture < 0) continue;
+      const auto begin = seen.end() - std::min<ptrdiff_t>(std::ssize(seen), kReadsCompared);
+      const auto same = std::find_if(begin, seen.end(), [&](uint32_t j) { return same_read(inputs[i], inputs[j]); });
+      if (same != seen.end()) reads[i] = reads[*same];
+      else seen.push_back(i);
     }
-    max_specular = std::max(max_specular, material.specular_count);
   }
 }
 
@@ -254,7 +286,7 @@ void Scene::note_features() {
   }
   for (const Light& light : lights) {
     if (light.extended) features |= GLINT_FEATURE_SOFT_LIGHTS;
-    if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR)) features |= GLINT_FEATURE_SEEN_LIGHTS;
+    if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR) && any(light.seen)) features |= GLINT_FEATURE_SEEN_LIGHTS;
   }
   if (!textures.empty()) features |= GLINT_FEATURE_TEXTURES;
 }
@@ -318,7 +350,7 @@ void Scene::fold_materials() {
   }
   MaterialTerms around{}, none{}, hole{};
   for (int c = 0; c < 3; ++c) around.glow[c] = around.environment[c] = background[c];
-  hole.others = 1;
+  hole.others = 1, around.unlit = none.unlit = 1;
   material_terms.insert(material_terms.end(), {around, none, hole});
 }
 

@@ -110,6 +110,7 @@ class Scene {
   std::vector<double> specular_terms;  // max_specular rows of k and exponent a material
   std::vector<LobeShape> lobe_shapes;
   std::vector<TextureShape> texture_shapes;
+  std::vector<uint32_t> reads;         // for each input, the first of its material (or that itself) that reads the same of an image
   /// Whether the vary stage has what points of a material need; else the shader.
   bool varies(uint32_t material) const { return material < materials.size() && materials[material].varies; }
   bool only_meshes = true;
@@ -117,6 +118,10 @@ class Scene {
  private:
   void copy_tables(const GlintSceneData& data);
   void compile_materials(const GlintSceneData& data);
+  void add_material(const GlintMaterial& material, const GlintLobe* given);
+  void add_lobe(const GlintLobe& lobe);
+  void compare_lobes(Material& material);
+  void number_reads(const Material& material);
   bool same_inputs(size_t a, size_t b) const;
   void place_instances();
   void place_lights(const GlintLight* lights, size_t count);

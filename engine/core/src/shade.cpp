@@ -42,8 +42,9 @@ void Shader::hit(Batch& batch, size_t k, Film& film, uint32_t pixel, double& los
   Lobes sum;
   const Lobe* lobes = scene_.lobes.data() + material.first_lobe;
   Vec3d last;
+  PointReads reads;
   for (uint32_t i = 0; i < material.lobe_count; ++i) {
-    if (!lobes[i].like_last) last = coefficient(scene_, lobes[i], at.s);
+    if (!lobes[i].like_last) last = coefficient(scene_, lobes[i], at.s, reads);
     add_lobe(at, lobes[i], last, sum, next, counts);
   }
   if (at.path.wants_data && mean(sum.transparent) < 0.5) record(film, pixel, at.s, material, at.ray.d);

@@ -1,4 +1,4 @@
-// Memory for the big arrays of a build. Large blocks come straight from the system and go straight back: a heap keeps what is freed in its
+// Memory for the big arrays of a build and of a film. Large blocks come straight from the system and go straight back: a heap keeps what is freed in its
 // middle, and a frame's trees would stay resident long after the frame.
 #pragma once
 #include <cstddef>
@@ -10,5 +10,9 @@ void* take_memory(size_t bytes);
 
 /// Gives back what `take_memory(bytes)` gave.
 void give_memory(void* memory, size_t bytes) noexcept;
+
+/// The same for memory that is 0. Pages that nobody touches cost nothing.
+void* take_zeros(size_t bytes);
+void give_zeros(void* memory, size_t bytes) noexcept;
 
 }  // namespace glint

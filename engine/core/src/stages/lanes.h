@@ -93,6 +93,13 @@ inline Mask first_lanes(size_t count) {
 /// Lanes of the group that begins at k of a column of `count`.
 inline Mask valid_lanes(size_t k, size_t count) { return count - k >= kLanes ? ~Mask{} : first_lanes(count - k); }
 
+/// Whether all lanes of a group hold the same number.
+inline bool same(const uint32_t* number) {
+  uint32_t different = 0;
+  for (size_t lane = 1; lane < kLanes; ++lane) different |= number[lane] ^ number[0];
+  return different == 0;
+}
+
 struct Three {
   Doubles x, y, z;
 };
@@ -125,6 +132,19 @@ inline Three unit(Three a) {
 }
 
 inline Doubles length(const Three& a) { return root(dot(a, a)); }
+
+struct Way {
+  Three d;
+  Doubles length;
+};
+
+/// unit(a) and length(a).
+inline Way way(const Three& a) {
+  const Doubles m = max_abs(a);
+  if (!all((m > 1e-100) & (m < 1e100))) return {unit(a), length(a)};
+  const Doubles l = length(a);
+  return {choose(l > 0, splat(1) / l, splat(0)) * a, l};
+}
 
 /// What surface.h calls rounding.
 inline Doubles rounding(Doubles size) { return (8 * 0x1p-24) * size; }

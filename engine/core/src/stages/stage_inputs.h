@@ -127,31 +127,48 @@ inline Three channel_of(const Color& c, int channel) {
   return {grey, grey, grey};
 }
 
-inline Three textured(const VaryStage& s, const OnMesh& p, const GlintInput& input) {
+/// What was read of images for a group of points: inputs of several lobes often ask for the same.
+struct Reads {
+  static constexpr uint32_t kKept = 8;
+  uint32_t count = 0, number[kKept];
+  Color color[kKept];
+};
+
+inline Color read_image(const VaryStage& s, const OnMesh& p, const GlintInput& input) {
   Corners uv;
   look_up(s, p, input.uv, uv);
   const double* m = input.uv_transform;
   Mask has = {};
   for (size_t lane = 0; lane < kLanes; ++lane) has[lane] = uv.channels[lane] >= 2 ? -1 : 0;
   const Doubles x = where(has, blend(p, uv, 0)), y = where(has, blend(p, uv, 1));
-  return channel_of(sample(s.textures[input.texture], m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]), input.channel);
+  return sample(s.textures[input.texture], m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]);
+}
+
+inline Color image_at(const VaryStage& s, const OnMesh& p, uint32_t i, Reads& reads) {
+  const uint32_t number = s.reads[i];
+  for (uint32_t k = 0; k < reads.count; ++k)
+    if (reads.number[k] == number) return reads.color[k];
+  const Color color = read_image(s, p, s.inputs[i]);
+  if (reads.count < Reads::kKept) reads.color[reads.count] = color, reads.number[reads.count++] = number;
+  return color;
 }
 
 inline Three finite_or_zero(const Three& a) { return {finite_or_zero(a.x), finite_or_zero(a.y), finite_or_zero(a.z)}; }
 
-inline Three evaluate(const VaryStage& s, const OnMesh& p, const GlintInput& input) {
+inline Three evaluate(const VaryStage& s, const OnMesh& p, uint32_t i, Reads& reads) {
+  const GlintInput& input = s.inputs[i];
   Three product = splat3(input.value);
-  if (input.texture >= 0) product = product * textured(s, p, input);
+  if (input.texture >= 0) product = product * channel_of(image_at(s, p, i, reads), input.channel);
   if (input.attribute >= 0) product = product * channel_of(color_at(s, p, input.attribute), input.attribute_channel);
   product = finite_or_zero(product);
   return input.complement ? Three{1 - product.x, 1 - product.y, 1 - product.z} : product;
 }
 
 /// The product of a lobe's factors.
-inline Three coefficient(const VaryStage& s, const OnMesh& p, const LobeShape& lobe) {
+inline Three coefficient(const VaryStage& s, const OnMesh& p, const LobeShape& lobe, Reads& reads) {
   if (lobe.constant) return splat3(lobe.k);
   Three k = {splat(1), splat(1), splat(1)};
-  for (uint32_t i = 0; i < lobe.input_count; ++i) k = k * evaluate(s, p, s.inputs[lobe.first_input + i]);
+  for (uint32_t i = 0; i < lobe.input_count; ++i) k = k * evaluate(s, p, lobe.first_input + i, reads);
   return finite_or_zero(k);
 }
 

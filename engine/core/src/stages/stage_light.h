@@ -91,12 +91,13 @@ inline Sample sample(const LightStage& s, const Three& x) {
 }
 
 inline Three highlights(const LightStage& s, size_t k, const Three& n, const Three& l) {
+  const Slope at = slope(n, l - load3(s.d, k));
   Three sum{};
   for (int term = 0; term < s.max_specular; ++term) {
     const double* column = s.specular + 4 * size_t(term) * s.stride + k;
     const Three Tk = {load(column), load(column + s.stride), load(column + 2 * s.stride)};
     if (!any(nonzero(Tk))) continue;
-    sum = sum + highlight(n, l - load3(s.d, k), load(column + 3 * s.stride)) * Tk;
+    sum = sum + highlight(at, load(column + 3 * s.stride)) * Tk;
   }
   return sum;
 }
@@ -130,9 +131,9 @@ inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample, cons
   append(s.o, o);
   if (s.end_out[0]) append(s.end_out, sample.end);
   if (Shape == kDirection) return append(s.to, sample.l), append(s.t_max, splat(__builtin_inf()));
-  const Three to = sample.end - o;
-  append(s.to, unit(to));
-  append(s.t_max, length(to) - rounding(larger(max_abs(sample.end), max_abs(o))));
+  const Way to = way(sample.end - o);
+  append(s.to, to.d);
+  append(s.t_max, to.length - rounding(larger(max_abs(sample.end), max_abs(o))));
 }
 
 template <int Shape>

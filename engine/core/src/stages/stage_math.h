@@ -48,12 +48,20 @@ inline Doubles logarithm_1p(Doubles y) {
 /// cos^p of the angle whose squared tangent is given, for a cosine > 0: exp(-p/2 log1p(tan^2)), accurate at any p >= 0.
 inline Doubles cosine_power(Doubles tangent2, Doubles p) { return exponential(-0.5 * p * logarithm_1p(tangent2)); }
 
-/// max(0, n.h)^p with 0^0 = 1; neither vector need be unit (Blinn-Phong, notes 4.13).
-inline Doubles highlight(const Three& n, const Three& h, Doubles p) {
+/// The angle between two vectors, neither of which need be unit: log(1 + tan^2), and whether it is below a right angle.
+struct Slope {
+  Doubles log;
+  Mask sharp;
+};
+inline Slope slope(const Three& n, const Three& h) {
   const Doubles c = dot(n, h);
   const Three s = cross(n, h);
-  const Doubles tangent2 = where(c > 0, dot(s, s) / (c * c));
-  return choose(p == 0, splat(1), where(c > 0, cosine_power(tangent2, p)));
+  return {logarithm_1p(where(c > 0, dot(s, s) / (c * c))), c > 0};
+}
+
+/// max(0, cos)^p with 0^0 = 1 (Blinn-Phong, notes 4.13).
+inline Doubles highlight(const Slope& at, Doubles p) {
+  return choose(p == 0, splat(1), where(at.sharp, exponential(-0.5 * p * at.log)));
 }
 
 void cosine_powers(const double* tangent2, const double* p, double* out, size_t count) {

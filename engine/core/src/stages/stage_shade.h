@@ -15,6 +15,11 @@ struct TermRows {
 };
 
 inline void look_up(const ShadeStage& s, size_t k, TermRows& rows) {
+  if (s.count - k >= kLanes && same(s.material + k)) {
+    rows.of[0] = s.terms + s.material[k], rows.specular[0] = s.specular_terms + 4 * size_t(s.max_specular) * s.material[k];
+    rows.others = rows.of[0]->others ? kAllLanes : 0;
+    return;
+  }
   for (size_t lane = 0; lane < kLanes; ++lane) {
     const uint32_t material = s.material[k + lane < s.count ? k + lane : k];
     const MaterialTerms& terms = s.terms[material];
@@ -68,11 +73,16 @@ size_t shade(const ShadeStage& s) {
   for (size_t k = 0; k < s.count; k += kLanes) {
     TermRows rows;
     look_up(s, k, rows);
-    const Three T = load3(s.T, k), Tk = T * gather3(rows, &MaterialTerms::diffuse);
+    const Three T = load3(s.T, k);
     store3(s.sums.total, k, T * gather3(rows, &MaterialTerms::glow));
     store_part(s.sums.ambient, k, T, rows, &MaterialTerms::ambient), store_part(s.sums.emission, k, T, rows, &MaterialTerms::emission);
     store_part(s.sums.environment, k, T, rows, &MaterialTerms::environment);
     clear_part(s.sums.diffuse, k), clear_part(s.sums.specular, k), clear_part(s.sums.shadow, k);
+    if (rows.same && rows.of[0]->unlit) {
+      store(s.lit + k, Mask{});
+      continue;
+    }
+    const Three Tk = T * gather3(rows, &MaterialTerms::diffuse);
     store3(s.diffuse, k, Tk);
     Mask lit = nonzero(Tk);
     if (s.max_specular > 0) lit |= store_specular(s, k, T, rows);

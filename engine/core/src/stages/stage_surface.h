@@ -76,21 +76,43 @@ inline Three operator*(const Linear& m, const Three& v) { return v.x * m.x + v.y
 inline Three rows3(const double (*p)[kLanes]) { return {load(p[0]), load(p[1]), load(p[2])}; }
 inline Three rows3(const float (*p)[kLanes]) { return {load(p[0]), load(p[1]), load(p[2])}; }
 
+inline Three vertex_of(const float* values, uint32_t row) {
+  const float* p = values + 3 * size_t(row);
+  return {splat(p[0]), splat(p[1]), splat(p[2])};
+}
+
 struct Matrices {
   Linear m, normal;
   Three t;
   Doubles mirror;
-  explicit Matrices(Gathered& at) {
-    if (at.same_instance) {
-      const InstanceShape& shape = *at.instance[0];
-      const double *p = shape.m, *q = shape.normal;
-      m = {splat3(p), splat3(p + 3), splat3(p + 6)}, t = splat3(p + 9), normal = {splat3(q), splat3(q + 3), splat3(q + 6)};
-      mirror = splat(shape.mirrors ? -1.0 : 1.0);
-    } else {
-      spread_matrices(at);
-      m = {rows3(at.m), rows3(at.m + 3), rows3(at.m + 6)}, t = rows3(at.m + 9);
-      normal = {rows3(at.normal), rows3(at.normal + 3), rows3(at.normal + 6)}, mirror = load(at.mirror);
-    }
+  explicit Matrices(const InstanceShape& shape) {
+    const double *p = shape.m, *q = shape.normal;
+    m = {splat3(p), splat3(p + 3), splat3(p + 6)}, t = splat3(p + 9), normal = {splat3(q), splat3(q + 3), splat3(q + 6)};
+    mirror = splat(shape.mirrors ? -1.0 : 1.0);
+  }
+  /// After spread_matrices.
+  explicit Matrices(const Gathered& at) {
+    m = {rows3(at.m), rows3(at.m + 3), rows3(at.m + 6)}, t = rows3(at.m + 9);
+    normal = {rows3(at.normal), rows3(at.normal + 3), rows3(at.normal + 6)}, mirror = load(at.mirror);
+  }
+};
+
+/// The triangles of a group, a row a lane, in anchored space but for `normals`. g: unit or 0, outward.  upright: unit normals of the vertices.
+struct Face {
+  Three a, e1, e2, g, normals[3], upright[3];
+  Linear normal;
+  Doubles offset;
+  bool smooth = false;
+
+  Face() = default;
+  Face(const Matrices& to_world, const Three (&corners)[3]) : a(to_world.m * corners[0] + to_world.t), normal(to_world.normal) {
+    e1 = to_world.m * (corners[1] - corners[0]), e2 = to_world.m * (corners[2] - corners[0]);
+    g = to_world.mirror * unit(cross(e1, e2));
+    offset = rounding(larger(max_abs(a), larger(max_abs(a + e1), max_abs(a + e2))));
+  }
+  void bend(const Three (&n)[3]) {
+    smooth = true;
+    for (int k = 0; k < 3; ++k) normals[k] = n[k], upright[k] = unit(normal * n[k]);
   }
 };
 
@@ -99,19 +121,18 @@ struct Weights {
 };
 
 /// In double; the accelerator's own where the ray grazes the plane or the triangle is a needle.
-inline Weights solve_weights(const Three& o, const Three& d, const Three& a, const Three& e1, const Three& e2, Doubles hit_u,
-                             Doubles hit_v) {
-  const Three q = cross(d, e2), s = o - a;
-  const Doubles f = 1 / dot(e1, q);
-  Doubles u = f * dot(s, q), v = f * dot(d, cross(s, e1));
+inline Weights solve_weights(const Three& o, const Three& d, const Face& face, Doubles hit_u, Doubles hit_v) {
+  const Three q = cross(d, face.e2), s = o - face.a;
+  const Doubles f = 1 / dot(face.e1, q);
+  Doubles u = f * dot(s, q), v = f * dot(d, cross(s, face.e1));
   const Mask good = (magnitude(u - hit_u) <= 1e-3) & (magnitude(v - hit_v) <= 1e-3);
   u = choose(good, u, hit_u), v = choose(good, v, hit_v);
   u = smaller(larger(u, splat(0)), splat(1)), v = smaller(larger(v, splat(0)), 1 - u);
   return {1 - u - v, u, v};
 }
 
-inline Three blend(const Weights& b, const float (&n)[9][kLanes]) {
-  const Three a = rows3(n), c = rows3(n + 3), e = rows3(n + 6);
+inline Three blend(const Weights& b, const Three (&n)[3]) {
+  const Three &a = n[0], &c = n[1], &e = n[2];
   return {finite_or_zero(b.a * a.x + b.b * c.x + b.c * e.x), finite_or_zero(b.a * a.y + b.b * c.y + b.c * e.y),
           finite_or_zero(b.a * a.z + b.b * c.z + b.c * e.z)};
 }
@@ -122,43 +143,88 @@ inline Three towards_plane(Doubles weight, const Three& vertex, const Three& x, 
 }
 
 /// x moved out to the tangent planes, and never below the face: normals of a thin thing may point there by their rounding.
-inline Three shadow_origin(const Three& x, const Three& g, const Three (&corners)[3], const Weights& b, const Linear& normal,
-                           const float (&n)[9][kLanes], Doubles side) {
+inline Three shadow_origin(const Three& x, const Three& g, const Face& face, const Weights& b, Doubles side) {
+  const Three corners[3] = {face.a, face.a + face.e1, face.a + face.e2};
   const Doubles weights[3] = {b.a, b.b, b.c};
   Three sum{};
-  for (int k = 0; k < 3; ++k) sum = sum + towards_plane(weights[k], corners[k], x, side * unit(normal * rows3(n + 3 * k)));
+  for (int k = 0; k < 3; ++k) sum = sum + towards_plane(weights[k], corners[k], x, side * face.upright[k]);
   return x + (sum - smaller(dot(sum, g), splat(0)) * g);
 }
 
-inline void place_group(const SurfaceStage& s, size_t k, Gathered& at) {
-  const Matrices to_world(at);
+inline void place_group(const SurfaceStage& s, size_t k, const Face& face) {
   const Three d = load3(s.d, k), o = load3(s.start, k);
-  const Three corner = rows3(at.corners), a = to_world.m * corner + to_world.t;
-  const Three e1 = to_world.m * (rows3(at.corners + 3) - corner), e2 = to_world.m * (rows3(at.corners + 6) - corner);
-  const Weights b = solve_weights(o, d, a, e1, e2, load(s.u + k), load(s.v + k));
-  const Three x = a + (b.b * e1 + b.c * e2), corners[3] = {a, a + e1, a + e2};
-  Three g = to_world.mirror * unit(cross(e1, e2));
-  g = choose(nonzero(g), g, -unit(d));  // a triangle squeezed to a line, met by rounding: it faces the viewer
+  const Weights b = solve_weights(o, d, face, load(s.u + k), load(s.v + k));
+  const Three x = face.a + (b.b * face.e1 + b.c * face.e2);
+  const Mask flat = nonzero(face.g);
+  Three g = face.g;
+  if (!all(flat)) g = choose(flat, g, -unit(d));  // a triangle squeezed to a line, met by rounding: it faces the viewer
   const Mask outside = dot(g, d) <= 0;
   const Doubles side = choose(outside, splat(1), splat(-1));
   g = side * g;
-  Three n = g, origin = x;
-  if (at.smooth) {
-    const Three blended = unit(to_world.normal * blend(b, at.normals));
-    n = choose(nonzero(blended), side * blended, g);
-    origin = shadow_origin(x, g, corners, b, to_world.normal, at.normals, side);
-  }
   const PointColumns& p = s.points;
   store3(p.x, k, x), store3(p.g, k, g);
-  if (p.n[0] != p.g[0]) store3(p.n, k, n), store3(p.origin, k, origin);
-  store(p.offset + k, rounding(larger(max_abs(corners[0]), larger(max_abs(corners[1]), max_abs(corners[2])))));
+  if (face.smooth) {
+    const Three blended = unit(face.normal * blend(b, face.normals));
+    store3(p.n, k, choose(nonzero(blended), side * blended, g)), store3(p.origin, k, shadow_origin(x, g, face, b, side));
+  } else if (p.n[0] != p.g[0]) {
+    store3(p.n, k, g), store3(p.origin, k, x);
+  }
+  store(p.offset + k, face.offset);
   store(p.weights[0] + k, b.b), store(p.weights[1] + k, b.c), store(p.outside + k, outside);
 }
 
+/// The face of a group whose lanes may be on different triangles.
+inline Face face_of(Gathered& at) {
+  if (!at.same_instance) spread_matrices(at);
+  const Three corners[3] = {rows3(at.corners), rows3(at.corners + 3), rows3(at.corners + 6)};
+  Face face(at.same_instance ? Matrices(*at.instance[0]) : Matrices(at), corners);
+  if (at.smooth) face.bend({rows3(at.normals), rows3(at.normals + 3), rows3(at.normals + 6)});
+  return face;
+}
+
+/// The face of a group that is on one triangle.
+inline Face face_of(const InstanceShape& instance, const GroupShape& group, uint32_t primitive) {
+  const uint32_t *t = group.triangles + 3 * size_t(primitive), *n = group.normal_rows + 3 * size_t(primitive);
+  const float *x = group.vertices, *y = group.normals;
+  Face face(Matrices(instance), {vertex_of(x, t[0]), vertex_of(x, t[1]), vertex_of(x, t[2])});
+  if (y) face.bend({vertex_of(y, n[0]), vertex_of(y, n[1]), vertex_of(y, n[2])});
+  return face;
+}
+
+/// The triangle that whole groups are on: often that of the group before.
+struct Known {
+  Face face;
+  uint32_t instance = kNoMaterial, primitive = 0, material = 0;
+
+  void look_up(const SurfaceStage& s, uint32_t i, uint32_t p) {
+    if (i == instance && p == primitive) return;
+    const InstanceShape& shape = s.instances[i];
+    const GroupShape& group = s.groups[shape.group];
+    face = face_of(shape, group, p), material = material_of(group, p);
+    instance = i, primitive = p;
+  }
+};
+
+inline bool on_one_mesh(const SurfaceStage& s, uint32_t instance) { return s.groups[s.instances[instance].group].triangles != nullptr; }
+
+inline void set_material(const SurfaceStage& s, size_t k, uint32_t material) {
+  for (size_t lane = 0; lane < kLanes; ++lane) s.points.material[k + lane] = material;
+}
+
 void surface(const SurfaceStage& s) {
+  Known known;
   for (size_t k = 0; k < s.count; k += kLanes) {
-    Gathered at;
-    if (look_up(s, k, at)) place_group(s, k, at);
+    const uint32_t instance = s.instance[k], primitive = s.primitive[k];
+    const bool alike = s.count - k >= kLanes && same(s.instance + k);
+    if (alike && instance == kNoMaterial) {
+      set_material(s, k, s.missed);
+    } else if (alike && same(s.primitive + k) && on_one_mesh(s, instance)) {
+      known.look_up(s, instance, primitive);
+      set_material(s, k, known.material), place_group(s, k, known.face);
+    } else {
+      Gathered at;
+      if (look_up(s, k, at)) place_group(s, k, face_of(at));
+    }
   }
 }
 

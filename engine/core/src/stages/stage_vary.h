@@ -69,8 +69,9 @@ inline void vary_group(const VaryStage& s, const Chosen& at) {
   const Three T = gather3(s.T, at);
   Lobes sum{gather3(s.sums.total, at), {}};
   Three k{};
+  Reads reads;
   for (uint32_t i = 0; i < s.lobe_count; ++i) {
-    if (!s.lobes[i].like_last) k = coefficient(s, p, s.lobes[i]);
+    if (!s.lobes[i].like_last) k = coefficient(s, p, s.lobes[i], reads);
     add_lobe(s, at, s.lobes[i], T, k, sum);
   }
   scatter3(s.sums.total, at, sum.glow);

@@ -68,7 +68,7 @@ struct MaterialTerms {
   double glow[3];                 // the sum of the next three
   double ambient[3], emission[3], environment[3];
   double diffuse[3];
-  uint32_t others;
+  uint32_t others, unlit;         // unlit: lights add nothing
 };
 
 /// Sums of a batch, a column a channel; null where a part was not asked for. total: Combined.
@@ -117,6 +117,7 @@ struct VaryStage {
   const GlintGeometry* geometries;
   const GlintAttribute* attributes;
   const GlintInput* inputs;
+  const uint32_t* reads;          // for each input the number of what it reads of an image: the same for the same
   const TextureShape* textures;
   const LobeShape* lobes;
   uint32_t lobe_count;
