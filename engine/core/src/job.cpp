@@ -125,9 +125,10 @@ void Job::trace_waves() {
 
 /// Looks at what the wave up to `samples` brought, and stops the pixels that are good enough.
 void Job::refine(uint32_t samples) {
-  if (!film_.refinement().on() || samples < Refinement::kFirst) return;
+  if (!film_.refinement().on() || (samples < Refinement::kFirst && !film_.estimate().on())) return;
   on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.measure(tile, samples); });
-  if (samples == Refinement::kFirst) on_all_tiles([&](Tracer&, const Tile& tile) { film_.refinement().look_around(tile); });
+  if (samples < Refinement::kFirst) return;
+  if (samples == Refinement::kFirst) on_all_tiles([&](Tracer&, const Tile& tile) { film_.look_around(tile); });
   on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.decide(tile, samples); });
 }
 
