@@ -58,7 +58,7 @@ def main() -> int:
 
 def sources_of_all() -> dict[str, str]:
     """Folder → file, from the manifest."""
-    with open(SCENES / "MANIFEST.csv", newline="") as file:
+    with (SCENES / "MANIFEST.csv").open(newline="") as file:
         return {Path(row["file"]).parts[0]: str(SCENES / row["file"]) for row in csv.DictReader(file)}
 
 

@@ -109,12 +109,13 @@ def test_the_error_pass_is_what_the_waves_tell(samples: int, backend: str) -> No
     plan = engine.Settings(samples=samples, light_samples=2, passes=frozenset({"Error"}), backend=backend, filter_width=1.5)
     film = engine.render(bigger("alpha", (24, 18)), plan, on_wave=lambda wave: waves.append((wave.samples, wave.combined.astype(float))))
     pictures = dict([*waves, (samples, film.combined.astype(float))])
-    numbers = sorted(pictures)
+    numbers, spread, around = sorted(pictures), np.zeros(0), np.zeros(0)
     assert numbers == [n for n in (1, 2, 4, 8, 16, 20) if n <= samples]
     for m, n in itertools.pairwise(numbers):
         new = apart_on_screen(pictures[m], pictures[n]) ** 2 * m * n / (n - m)
         spread = new if m == 1 else (spread + new) / 2
-        around = mean_of_neighborhood(spread) / 4 if n == 4 else None if n < 4 else around
+        if n == 4:
+            around = mean_of_neighborhood(spread) / 4
     expected = np.sqrt(spread / samples + around * (4 / samples) ** 1.5)
     assert np.abs(film.passes["Error"][..., 0] - np.minimum(expected, 256)).max() <= 0.02  # levels: the pictures are float32
     assert expected.max() > 10
