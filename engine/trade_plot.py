@@ -124,8 +124,8 @@ def _draw_legend(image: Array) -> None:
     top = 60
     for x, color, text, ring in (
         (_LEFT + 6, _FRONT, f"FRONT ({' / '.join(knob.name.replace('_', ' ').upper() for knob in KNOBS)})", 0.0),
-        (_LEFT + 426, _POINT, "OTHER SETTINGS", 0.0),
-        (_LEFT + 556, _CURRENT, "CURRENT SETTINGS", 2.0),
+        (_LEFT + 480, _POINT, "OTHER SETTINGS", 0.0),
+        (_LEFT + 610, _CURRENT, "CURRENT SETTINGS", 2.0),
     ):
         plot.draw_dot(image, (x, top), 4, color, ring)
         plot.draw_text(image, text, (x + 12, top - 3), _TEXT)
