@@ -83,6 +83,17 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
         min=0,
         max=64,
     )
+    cutoff: FloatProperty(
+        name="Cutoff",
+        description="Mirror and refraction rays that would add less than this share to the pixel are not traced; 0 traces all. Measured on "
+        "clear glass at 0.01, rays and what the picture loses: 4 bounces: 0.88 and 0.08 %, 8: 0.60 and 0.14 %, 16: 0.31 and 0.17 %; "
+        "nothing where mirrors alone reflect. The reflection of a very bright lamp may be lost",
+        default=OFFERED.cutoff,
+        min=0.0,
+        soft_max=0.1,
+        max=1.0,
+        precision=3,
+    )
     illumination: EnumProperty(name="Illumination", description="What a light's strength means", items=_ILLUMINATION_ITEMS)
     backend: EnumProperty(name="Tracer", description="Which of the two tracers draws the picture", items=_BACKEND_ITEMS)
     acceleration: EnumProperty(
@@ -102,7 +113,7 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
 
 _TARGET_ITEMS = (
     ("NONE", "Off", "Samples, threshold and light samples are those below"),
-    ("LEVELS", "Visible Error", "The largest error of a pixel on the display, in 8-bit levels, after the view transform"),
+    ("LEVELS", "Visible Error", "The error on the display that 999 of 1000 pixels stay within, in 8-bit levels, after the view transform"),
     ("RMSE", "Mean Error", "The root mean square error of linear colour, in percent of the picture's root mean square"),
 )
 
@@ -118,7 +129,8 @@ class GlintSceneSettings(bpy.types.PropertyGroup):
     )
     target_levels: FloatProperty(
         name="Levels",
-        description="Largest visible error that is good enough: 1 cannot be told apart on an 8-bit display, 4 hardly",
+        description="Largest visible error that is good enough, for all but one of a thousand pixels: 1 cannot be told apart on an 8-bit "
+        "display, 4 hardly",
         default=4.0,
         min=0.1,
         soft_max=32.0,
@@ -164,7 +176,9 @@ class GlintViewLayerSettings(bpy.types.PropertyGroup):
     use_pass_shadow: _part("Shadow", "What shadows take away: zero or negative")
     use_pass_mirror: _part("Mirror", "All that mirror reflection and refraction bring")
     use_pass_error: _part(
-        "Error", "Estimated error in 8-bit levels: at least the true one in 99 of 100 pixels, mostly several times as large"
+        "Error",
+        "Estimated error in 8-bit levels, about two standard deviations. Of pixels with something to see, 9 of 10 are off by less, half of "
+        "them by less than a third of it, and 1 of 100 by more than twice as much (35 scenes)",
     )
     use_pass_samples: _part("Samples", "Samples that the pixel took, fewer where the error threshold stopped it")
     use_pass_cost: _part("Cost", "Rays traced for the pixel, of all kinds")
@@ -191,6 +205,7 @@ def settings_from(
         error_threshold=group.error_threshold,
         light_samples=group.light_samples,
         max_bounces=group.max_bounces,
+        cutoff=group.cutoff,
         illumination=group.illumination,
         backend=group.backend,
         acceleration=group.acceleration,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from typing import Any
 
-ABI_VERSION = 5
+ABI_VERSION = 6
 
 PREPARING, TRACING, HELD, DONE, CANCELLED, FAILED = range(6)
 """States of a render."""
@@ -119,7 +119,7 @@ class SettingsData(Structure):
     _fields_ = (
         _each(c_size_t, "pixel_offsets light_square light_disc")
         + _each(c_uint64, "light_point_count")
-        + _each(c_double, "error_threshold")
+        + _each(c_double, "error_threshold cutoff")
         + _each(c_uint32, "samples light_samples max_bounces threads passes")
         + _each(c_uint32 * 4, "region")
         + _each(c_int32, "illumination hold_waves acceleration remember")

@@ -383,6 +383,7 @@ def pack_settings(scene: Scene, settings: Settings, hold_waves: bool, remember: 
         pixel_offsets=address(offsets),
         samples=settings.samples,
         error_threshold=settings.error_threshold,
+        cutoff=settings.cutoff,
         light_samples=settings.light_samples,
         max_bounces=settings.max_bounces,
         threads=settings.threads,

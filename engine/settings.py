@@ -22,6 +22,8 @@ class Settings:
         whose estimated error is smaller after a wave of 4, 8, 16 … samples takes no more; 0 gives all samples to all pixels.
     light_samples: per soft light and pixel sample; 1 is the notes' hard shadow from the light's centre.
     max_bounces: depth of mirror and refraction rays; 0 traces none.
+    cutoff: mirror and refraction rays that weigh less (the largest of red, green and blue of what they carry to the pixel) are not
+        traced; 0 traces all.
     illumination, backend: one of ILLUMINATIONS, BACKENDS.
     acceleration: one of ACCELERATIONS: how much time the core's trees may take to build, and how little its rays. AUTO builds BALANCED
         ones. Never changes a bit of the picture.
@@ -35,6 +37,7 @@ class Settings:
     error_threshold: float = 0.0
     light_samples: int = 4
     max_bounces: int = 4
+    cutoff: float = 0.0
     illumination: str = "PHYSICAL"
     backend: str = "NATIVE"
     acceleration: str = "AUTO"
@@ -54,6 +57,7 @@ class Settings:
                 f"samples × light_samples is {self.samples * self.light_samples}: use at most {MOST_LIGHT_POINTS}",
             ),
             (0 <= self.max_bounces <= 64, f"max_bounces is {self.max_bounces}: use 0 to 64"),
+            (0 <= self.cutoff <= 1, f"cutoff is {self.cutoff}: use 0 (off) to 1"),
             (self.illumination in ILLUMINATIONS, f"illumination {self.illumination!r} is not one of {', '.join(ILLUMINATIONS)}"),
             (self.backend in BACKENDS, f"backend {self.backend!r} is not one of {', '.join(BACKENDS)}"),
             (

@@ -37,9 +37,12 @@ _SLOPES = (0.5, 1.0)
 """Errors of n samples fall at least as n^-0.5 and at most as n^-1."""
 _LIGHT_SAMPLES = 2
 """Points on a soft light for each pixel sample: pixel samples bring new ones, and smooth edges as well."""
-_UNSEEN = 1.2
-"""How much larger the largest error of the frame is than that of the squares where it is expected, about."""
-_SQUARES, _SMALLEST, _LARGEST, _SHARE = 16, 8, 24, 1 / 16
+VISIBLE = 0.999
+"""The largest visible error is the one that so many of the pixels stay within: the very largest hangs on single pixels, of which squares
+of the frame tell nothing."""
+_CLASSES = 16
+"""Pixels are told apart by how much a first look finds to do round them, in so many classes."""
+_SQUARES, _SMALLEST, _LARGEST, _SHARE = 32, 8, 16, 1 / 16
 """Half of the squares lie where a first look finds most to do, half evenly over the rest."""
 
 
@@ -47,8 +50,8 @@ _SQUARES, _SMALLEST, _LARGEST, _SHARE = 16, 8, 24, 1 / 16
 class Target:
     """How wrong a picture may be.
 
-    measure: LEVELS, the largest difference of a pixel's red, green or blue on the display, in 8-bit levels; or RMSE, of linear colour,
-    over the picture's root mean square.  value: the largest error that is good enough.
+    measure: LEVELS, the difference of red, green or blue on the display, in 8-bit levels, that 999 of 1000 pixels stay within; or RMSE, of
+    linear colour, over the picture's root mean square.  value: the largest error that is good enough.
     """
 
     measure: str
@@ -131,16 +134,34 @@ def reached_error(scene: Scene, forecast: Forecast, film: Film, should_stop: Cal
             true = renderer.render(truth).pictures
         except StoppedError:
             return None
-    x, y = look.frame[:2]
-    return look.error(crops, [film.combined[y0 - y : y1 - y, x0 - x : x1 - x, :3] for x0, y0, x1, y1 in crops], true)
+    return look.error(look.weights(crops), look.cut(film.combined[..., :3], crops), true)
 
 
-def error_between(measure: str, pictures: Sequence[Array], truth: Sequence[Array], display: Display = displayed) -> float:
-    """Of linear pictures (h, w, 3) over all of them together, as Target says."""
-    picture, reference = (np.concatenate([crop.reshape(-1, 3) for crop in crops]) for crops in (pictures, truth))
+def error_between(measure: str, picture: Array, truth: Array, display: Display = displayed) -> float:
+    """Of linear pictures (..., 3), as Target says."""
     if measure == "RMSE":
-        return relative_rmse(picture, reference)
-    return 255 * float(np.abs(display(picture) - display(reference)).max())
+        return relative_rmse(picture, truth)
+    apart = _apart_on(display, picture, truth).ravel()
+    return _weighted_quantile(apart, np.ones(apart.size), VISIBLE)
+
+
+def _apart_on(display: Display, picture: Array, truth: Array) -> Array:
+    """(..., 3) linear colours → (...) largest difference of a channel, in 8-bit levels."""
+    return 255 * np.abs(display(picture) - display(truth)).max(-1)
+
+
+def _weighted_quantile(values: Array, weights: Array, share: float) -> float:
+    """The least of some values (n,) that at least this share of all weight (n,) lies at or below."""
+    order = np.argsort(values, kind="stable")
+    reached = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(reached, share * reached[-1])]])
+
+
+def _sum_around(image: Array) -> Array:
+    """(h, w): of each pixel and its eight neighbours."""
+    height, width = image.shape
+    padded = np.pad(image, 1)
+    return sum(padded[j : j + height, i : i + width] for j in range(3) for i in range(3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +169,7 @@ class Look:
     """A first look at the whole frame: few samples tell where the errors will be, so that small things are not missed.
 
     frame: its rectangle.  side: of the squares.  apart: (h, w) squared difference between four samples and one, of linear colour or of
-    what the display shows.  brightness: root mean square of linear colour.
+    what the display shows, summed over each pixel and its neighbours.  brightness: root mean square of linear colour.
     """
 
     frame: Crop
@@ -164,7 +185,8 @@ class Look:
         few, one = (renderer.render(replace(plain, samples=n)).pictures[0].astype(float) for n in (FIRST_ESTIMATE, 1))
         shown = (few, one) if measure == "RMSE" else (display(few), display(one))
         side = min(max(int(math.sqrt(_SHARE * area([frame]) / _SQUARES)), _SMALLEST), _LARGEST)
-        return cls(frame, side, ((shown[0] - shown[1]) ** 2).sum(-1), float(np.sqrt((few**2).mean())), measure, display)
+        apart = _sum_around(((shown[0] - shown[1]) ** 2).sum(-1))
+        return cls(frame, side, apart, float(np.sqrt((few**2).mean())), measure, display)
 
     def squares(self, is_check: bool) -> tuple[Crop, ...]:
         """Those of the pilot; for the check, as many others as well; the whole frame where it has hardly more."""
@@ -183,18 +205,26 @@ class Look:
         x, y = self.frame[0] + cell % columns * self.side, self.frame[1] + cell // columns * self.side
         return x, y, x + self.side, y + self.side
 
-    def error(self, crops: Sequence[Crop], pictures: Sequence[Array], truth: Sequence[Array]) -> float:
-        """Of the frame, from that of some crops: squared errors are as the squared differences of the first look."""
-        if self.measure == "LEVELS":
-            return error_between(self.measure, pictures, truth, self.display) * (1.0 if crops == (self.frame,) else _UNSEEN)
-        squares = sum(float(((a.astype(float) - b) ** 2).sum()) for a, b in zip(pictures, truth, strict=True))
-        here, everywhere = self._apart_in(crops), float(self.apart.sum())
-        share = everywhere / here if here > 0 else area([self.frame]) / area(crops)
-        return math.sqrt(squares * share / (3 * self.apart.size)) / self.brightness if self.brightness > 0 else 0.0
-
-    def _apart_in(self, crops: Sequence[Crop]) -> float:
+    def cut(self, image: Array, crops: Sequence[Crop]) -> list[Array]:
+        """Those crops of an image of the frame."""
         x, y = self.frame[:2]
-        return sum(float(self.apart[y0 - y : y1 - y, x0 - x : x1 - x].sum()) for x0, y0, x1, y1 in crops)
+        return [image[y0 - y : y1 - y, x0 - x : x1 - x] for x0, y0, x1, y1 in crops]
+
+    def weights(self, crops: Sequence[Crop]) -> Array:
+        """(pixels of the crops,) how many pixels of the frame each stands for: those where the first look found as much to do."""
+        here = np.concatenate([crop.ravel() for crop in self.cut(self.apart, crops)])
+        borders = np.unique(np.sort(here)[np.arange(1, _CLASSES) * here.size // _CLASSES])
+        own, all_of_them = (np.searchsorted(borders, apart, side="right") for apart in (here, self.apart.ravel()))
+        counts, everywhere = (np.bincount(classes, minlength=borders.size + 1) for classes in (own, all_of_them))
+        return everywhere[own] / counts[own]
+
+    def error(self, weights: Array, pictures: Sequence[Array], truth: Sequence[Array]) -> float:
+        """Of the frame, from some crops and their weights."""
+        picture, reference = (np.concatenate([crop.reshape(-1, 3) for crop in crops]).astype(float) for crops in (pictures, truth))
+        if self.measure == "LEVELS":
+            return _weighted_quantile(_apart_on(self.display, picture, reference), weights, VISIBLE)
+        squares = float((weights * ((picture - reference) ** 2).sum(-1)).sum())
+        return math.sqrt(squares / (3 * self.apart.size)) / self.brightness if self.brightness > 0 else 0.0
 
 
 class _Pilot:
@@ -203,6 +233,7 @@ class _Pilot:
     def __init__(self, renderer: CropRenderer, look: Look, settings: Settings, target: Target) -> None:
         self._renderer, self._look, self._wanted, self._target = renderer, look, settings, target
         self._crops = look.squares(is_check=False)
+        self._weights = look.weights(self._crops)
         self._scale = area([look.frame]) / area(self._crops)
         self._known: dict[tuple[int, float], Rendered] = {}
         self._truth_samples, self._truth = 0, []
@@ -249,7 +280,7 @@ class _Pilot:
     def _error(self, samples: int, threshold: float = 0.0) -> float:
         """Measured, or along the slope of what is."""
         measured = self._nearest(samples)
-        error = self._look.error(self._crops, self._rendered(measured, threshold).pictures, self._truth)
+        error = self._look.error(self._weights, self._rendered(measured, threshold).pictures, self._truth)
         return error if measured == samples else error * (samples / measured) ** -self._slope()
 
     def _slope(self) -> float:

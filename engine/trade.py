@@ -71,6 +71,7 @@ KNOBS = (
     Knob("error_threshold", (8.0, 2.0, 0.0), lambda scene: True, falling=True),
     Knob("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
     Knob("max_bounces", (0, 1, 2, 4, 8), has_bounces),
+    Knob("cutoff", (0.01, 0.0), has_bounces, falling=True),
 )
 """Every knob that is measured. A new one needs a row here and nothing else."""
 
@@ -205,8 +206,10 @@ def _ladder(knob: Knob, base: Settings, values: Mapping[str, Sequence[Any]]) -> 
 
 
 def _is_idle(settings: Settings) -> bool:
-    """Whether the error threshold cannot stop a pixel: none stops before the samples that the first estimate takes."""
-    return settings.error_threshold > 0 and settings.samples <= FIRST_ESTIMATE
+    """Whether a knob is turned that can do nothing: no pixel stops before the samples that the first estimate takes, and at most one
+    bounce is hardly worth cutting off."""
+    stops_none = settings.error_threshold > 0 and settings.samples <= FIRST_ESTIMATE
+    return stops_none or (settings.cutoff > 0 and settings.max_bounces <= 1)
 
 
 def with_front(rows: Sequence[Row]) -> tuple[Row, ...]:
@@ -267,7 +270,7 @@ def _reference(work: _Work, grid: Sequence[Settings], samples: int, seconds: flo
     points = max(s.samples * s.light_samples for s in grid)
     light_samples = max(_REFERENCE_LIGHT_SAMPLES, -(-_REFERENCE_MARGIN * points // samples)) if has_soft_lights(work.crops.scene) else 1
     bounces = max(_REFERENCE_BOUNCES, *(s.max_bounces for s in grid))
-    settings = replace(grid[0], samples=samples, error_threshold=0.0, light_samples=light_samples, max_bounces=bounces)
+    settings = replace(grid[0], samples=samples, error_threshold=0.0, light_samples=light_samples, max_bounces=bounces, cutoff=0.0)
     problems = settings.problems()
     if problems:
         raise SceneError("the reference cannot be made: " + "; ".join(problems))

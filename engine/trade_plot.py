@@ -31,20 +31,20 @@ def draw_trade(trade: Trade, title: str = "") -> Array:
         return image
     x_range = _range([row.frame_seconds for row in trade.rows])
     y_range = _range([row.relative_rmse for row in trade.rows])
-    _draw_axes(image, x_range, y_range)
+    _draw_axes(image, x_range, y_range, "SECONDS OF THE WHOLE FRAME")
     _draw_rows(image, trade, lambda row: _place(row.frame_seconds, row.relative_rmse, x_range, y_range))
     _draw_legend(image)
     return image
 
 
 def draw_curves(curves: Mapping[str, Sequence[tuple[float, float]]], title: str, note: str = "") -> Array:
-    """(h, w, 3): several curves of (seconds, error) in one plot, each with its name at its end; colours by order."""
+    """(h, w, 3): several curves of (seconds of processor time, error) in one plot, each with its name on top; colours by order."""
     image = plot.canvas(WIDTH, HEIGHT)
     plot.draw_text(image, title, (_LEFT, 16), _TEXT, 2)
     plot.draw_text(image, note, (_LEFT, 40), _POINT)
     everything = [point for points in curves.values() for point in points]
     x_range, y_range = _range([seconds for seconds, _ in everything]), _range([error for _, error in everything])
-    _draw_axes(image, x_range, y_range)
+    _draw_axes(image, x_range, y_range, "SECONDS OF PROCESSOR TIME")
     for number, (name, points) in enumerate(curves.items()):
         color = _CURVES[number % len(_CURVES)]
         places = [_place(seconds, error, x_range, y_range) for seconds, error in points]
@@ -73,7 +73,7 @@ def _along(value: float, ends: tuple[float, float], start: float, end: float) ->
     return start + min(max(share, 0.0), 1.0) * (end - start)
 
 
-def _draw_axes(image: Array, x_range: tuple[float, float], y_range: tuple[float, float]) -> None:
+def _draw_axes(image: Array, x_range: tuple[float, float], y_range: tuple[float, float], x_title: str) -> None:
     bottom, right = HEIGHT - _BOTTOM, WIDTH - _RIGHT
     for value, label in _ticks(x_range):
         x = _along(value, x_range, _LEFT, right)
@@ -83,7 +83,7 @@ def _draw_axes(image: Array, x_range: tuple[float, float], y_range: tuple[float,
         y = _along(value, y_range, bottom, _TOP)
         plot.draw_line(image, (_LEFT, y), (right, y), _GRID)
         plot.draw_text(image, label, (_LEFT - 8, int(y) - 3), _TEXT, 1, 1.0)
-    plot.draw_text(image, "SECONDS OF THE WHOLE FRAME", ((_LEFT + right) // 2, HEIGHT - 30), _TEXT, 2, 0.5)
+    plot.draw_text(image, x_title, ((_LEFT + right) // 2, HEIGHT - 30), _TEXT, 2, 0.5)
     plot.draw_text(image, "ERROR", (_LEFT - 8, _TOP - 18), _TEXT, 1, 1.0)
     plot.draw_text(image, "(RELATIVE RMSE)", (_LEFT, _TOP - 18), _POINT)
 
@@ -124,8 +124,8 @@ def _draw_legend(image: Array) -> None:
     top = 60
     for x, color, text, ring in (
         (_LEFT + 6, _FRONT, f"FRONT ({' / '.join(knob.name.replace('_', ' ').upper() for knob in KNOBS)})", 0.0),
-        (_LEFT + 426, _POINT, "OTHER SETTINGS", 0.0),
-        (_LEFT + 556, _CURRENT, "CURRENT SETTINGS", 2.0),
+        (_LEFT + 480, _POINT, "OTHER SETTINGS", 0.0),
+        (_LEFT + 610, _CURRENT, "CURRENT SETTINGS", 2.0),
     ):
         plot.draw_dot(image, (x, top), 4, color, ring)
         plot.draw_text(image, text, (x + 12, top - 3), _TEXT)

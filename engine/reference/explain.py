@@ -146,7 +146,7 @@ class Explainer:
 
     def _next(self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array) -> Iterator[Ray]:
         if paths.depth < self.stage.settings.max_bounces:
-            for after in bounced(paths, hit, surface, coefficients):
+            for after in bounced(paths, hit, surface, coefficients, self.stage.settings.cutoff):
                 _, d = after.rays.lines(np.zeros(1, np.intp))
                 yield self.follow(after, "mirror" if dot(d, surface.g)[0] > 0 else "refraction")
         straight = straight_on(paths, hit, surface, depth, coefficients.transparent, np.zeros(1, bool))

@@ -62,7 +62,7 @@ class Generations:
             coefficients = stage.shader.coefficients(surface)
         self._shade(paths, hit, surface, coefficients)
         if paths.depth < stage.settings.max_bounces:
-            deeper += bounced(paths, hit, surface, coefficients)
+            deeper += bounced(paths, hit, surface, coefficients, stage.settings.cutoff)
         return straight_on(paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit))
 
     def _see_lights(self, paths: Paths, depth: Array) -> None:

@@ -70,8 +70,8 @@ def beyond(rays: Rays, surface: Surface, depth: Array) -> Rays:
     return replace(rays, near=depth + surface.offset / np.maximum(incline, 1e-6 * np.sqrt(dot(d, d))))
 
 
-def bounced(paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients) -> list[Paths]:
-    """Mirror and refraction rays, one bounce deeper."""
+def bounced(paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, cutoff: float) -> list[Paths]:
+    """Mirror and refraction rays, one bounce deeper, but for those that weigh less than the cutoff."""
     result = []
     if coefficients.mirrors:
         k = np.zeros((3, len(surface)))
@@ -79,7 +79,7 @@ def bounced(paths: Paths, hit: Array, surface: Surface, coefficients: Coefficien
             add_at(k, term.index, term.k * _reflectance(surface, term.index, term.lobe))
         go = np.flatnonzero(k.any(0))
         some = surface.take(go)
-        result.append(_leaving(paths, hit[go], some, reflected(-some.v, some.n, some.g), pick(k, go)))
+        result.append(_leaving(paths, hit[go], some, reflected(-some.v, some.n, some.g), pick(k, go), cutoff))
     for term in coefficients.refractions:
         some = surface.take(term.index)
         d, passes = refracted(-some.v, some.n, some.g, relative_index(some, term.lobe))
@@ -87,7 +87,7 @@ def bounced(paths: Paths, hit: Array, surface: Surface, coefficients: Coefficien
         if term.lobe.fresnel:
             k = k * (1 - _reflectance(surface, term.index, term.lobe))
         go = np.flatnonzero(k.any(0))
-        result.append(_leaving(paths, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go)))
+        result.append(_leaving(paths, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go), cutoff))
     return [paths for paths in result if len(paths)]
 
 
@@ -103,10 +103,10 @@ def _reflectance(surface: Surface, index: Array, lobe: Lobe) -> Array | float:
     return fresnel(np.abs(dot(some.v, some.n)), relative_index(some, lobe))
 
 
-def _leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array) -> Paths:
+def _leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cutoff: float) -> Paths:
     """Rays from the surface along d, started clear of it on the side that d points to."""
     weight = pick(paths.weight, hit) * k
-    go = np.flatnonzero(weight.any(0))
+    go = np.flatnonzero(weight.any(0) & ~(np.abs(weight).max(0) < cutoff))
     d = pick(d, go)
     side = np.where(dot(d, pick(surface.g, go)) < 0, -1.0, 1.0)
     origin = pick(surface.x, go) + side * surface.offset[go] * pick(surface.g, go)

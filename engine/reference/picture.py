@@ -78,9 +78,9 @@ class Picture:
         for name, values in tile.data.items():
             self._data[name][:, here] = values
 
-    def color(self) -> Array:
-        """(3, pixels) mean so far."""
-        return self._color / np.maximum(self.samples, 1)
+    def color_and_loss(self) -> Array:
+        """(4, pixels) mean so far of the colour and of the alpha lost."""
+        return np.concatenate([self._color, self._lost[None]]) / np.maximum(self.samples, 1)
 
     def means(self) -> dict[str, Array]:
         """The passes so far, float64, (channels, pixels); pixels without a sample are black and transparent."""

@@ -1,4 +1,4 @@
-"""Adaptive refinement: which pixels are good enough after a wave, by how far their samples lie apart (SEMANTICS.md, "Refinement")."""
+"""Which pixels are good enough after a wave, and how far each may be from its limit (SEMANTICS.md, "Refinement" and "Error")."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ import numpy as np
 from ..film import FIRST_ESTIMATE, UNKNOWN_ERROR
 
 Array = np.ndarray
+
+_MOST = 1e30
+"""Squared levels of what is not finite."""
 
 
 def widened(region: tuple[int, int, int, int], resolution: tuple[int, int]) -> tuple[int, int, int, int]:
@@ -55,18 +58,44 @@ class Refinement:
         seen = np.where(np.isfinite(seen), seen, np.inf)
         self._range = np.where(self.active, seen, self._range)
         if samples == FIRST_ESTIMATE:
-            self._around = _largest_of_neighbors(self._range.reshape(self._shown.shape)).ravel()
+            self._around = _neighborhoods(self._range.reshape(self._shown.shape)).max(0).ravel()
             self.active &= self._shown.ravel()
         if self._threshold > 0:
-            self.active &= ~(self.error(np.float64(samples)) <= self._threshold)
+            self.active &= ~(np.maximum(self._range, self._around) / samples**0.75 <= self._threshold)
 
-    def error(self, samples: Array) -> Array:
-        """(pixels,) estimated error in levels of pixels with so many samples."""
-        error = np.maximum(self._range, self._around) / np.maximum(samples, 1) ** 0.75
+
+class ErrorEstimate:
+    """How far pixels may be from their limit, by how their means moved from wave to wave. shape: (h, w) of the region."""
+
+    def __init__(self, shape: tuple[int, int]):
+        self._shape, self._samples = shape, 0
+        self._mean = np.zeros((4, shape[0] * shape[1]))
+        self._spread, self._around = np.zeros((2, shape[0] * shape[1]))
+
+    def end_wave(self, mean: Array, samples: int, active: Array) -> None:
+        """mean: (4, pixels) colour and lost alpha so far.  active: (pixels,) bool, those that took part."""
+        before, self._samples = self._samples, samples
+        if before < samples and before > 0:
+            with np.errstate(invalid="ignore", over="ignore"):
+                apart = np.abs(mean - self._mean)
+                moved = np.concatenate([visible_difference(mean[:3], apart[:3]), 255 * apart[3:]]).max(0)
+                spread = np.minimum(np.where(np.isnan(moved), np.inf, moved) ** 2 * (before * samples / (samples - before)), _MOST)
+            known = spread if before == 1 else (self._spread + spread) / 2
+            self._spread = np.where(active, known, self._spread)
+            if samples == FIRST_ESTIMATE:
+                here = _neighborhoods(self._spread.reshape(self._shape)) / FIRST_ESTIMATE
+                self._around = (here.sum(0) / _neighborhoods(np.ones(self._shape)).sum(0)).ravel()
+        self._mean = mean
+
+    def levels(self, samples: Array) -> Array:
+        """(pixels,) two standard deviations, about, of pixels with so many samples."""
+        n = np.maximum(samples, 1)
+        error = np.sqrt(self._spread / n + self._around * (FIRST_ESTIMATE / n) ** 1.5)
         return np.where(samples < FIRST_ESTIMATE, UNKNOWN_ERROR, np.minimum(error, UNKNOWN_ERROR))
 
 
-def _largest_of_neighbors(image: Array) -> Array:
+def _neighborhoods(image: Array) -> Array:
+    """(9, h, w): each pixel and its eight neighbours, 0 beyond the image."""
     height, width = image.shape
     padded = np.pad(image, 1)
-    return np.max([padded[j : j + height, i : i + width] for j in range(3) for i in range(3)], 0)
+    return np.stack([padded[j : j + height, i : i + width] for j in range(3) for i in range(3)])

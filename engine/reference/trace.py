@@ -14,7 +14,7 @@ from ..settings import Settings
 from .generations import Generations
 from .picture import DATA, Picture, Tile
 from .pulse import Pulse, Stopped
-from .refinement import Refinement, widened
+from .refinement import ErrorEstimate, Refinement, widened
 from .stage import Stage
 
 Array = np.ndarray
@@ -48,6 +48,7 @@ class Tracer:
         x0, y0, x1, y1 = self._region
         self.picture = Picture(x1 - x0, y1 - y0, settings.passes)
         self._refinement = Refinement(settings.error_threshold, self._is_shown()) if refines else None
+        self._estimate = ErrorEstimate((y1 - y0, x1 - x0)) if "Error" in settings.passes else None
         self._finished = 0  # samples
         self._stage: Stage | None = None
         self._seconds: dict[str, float] = {}
@@ -76,8 +77,8 @@ class Tracer:
         stats = self._stage.stats() if self._stage else {}
         notes = self._stage.geometry.left_out if self._stage else ()
         passes = self.picture.means()
-        if "Error" in self._settings.passes:
-            passes["Error"] = self._refinement.error(self.picture.samples)[None]
+        if self._estimate:
+            passes["Error"] = self._estimate.levels(self.picture.samples)[None]
         (x0, y0, x1, y1), (left, bottom, _, _) = self._shown, self._region
         shown = slice(y0 - bottom, y1 - bottom), slice(x0 - left, x1 - left)
         return Film(self.picture.images(passes, shown), self._finished, complete, stats | self._seconds, notes)
@@ -89,8 +90,10 @@ class Tracer:
         return (x0 <= x) & (x < x1) & (y0 <= y) & (y < y1)
 
     def _end_wave(self, samples: int) -> None:
+        if self._estimate:
+            self._estimate.end_wave(self.picture.color_and_loss(), samples, self._refinement.active)
         if self._refinement:
-            self._refinement.end_wave(self.picture.color(), samples)
+            self._refinement.end_wave(self.picture.color_and_loss()[:3], samples)
 
     def _sample(self, stage: Stage, sample: int, offset: Array) -> Iterator[float]:
         """Traces one sample of every pixel tile by tile; yields the finished fraction."""

@@ -1,7 +1,7 @@
 """`make bench`: every bench of this folder in its short form, one after the other, each in a process of its own.
 
-With names, only those: rays, frames, million, export, instructions, features, viewport. The last one is run by name only: it needs a
-Blender with a window, which GLINT_BLENDER names.
+With names, only those: rays, frames, million, export, instructions, features, targets, viewport. The last two are run by name only: targets
+takes ten minutes of a quiet machine, and the viewport needs a Blender with a window, which GLINT_BLENDER names.
 """
 
 import subprocess
@@ -17,8 +17,8 @@ BENCHES = {
     "features": [],
 }
 """Script → the options of its short form."""
-BY_NAME = {"viewport": "../viewport/measure.py"}
-"""Name → script of what the machine must be fit for."""
+BY_NAME = {"targets": "targets.py", "viewport": "../viewport/measure.py"}
+"""Name → script of what takes long, or what the machine must be fit for."""
 
 
 def main() -> int:

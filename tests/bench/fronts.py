@@ -3,8 +3,8 @@
 The same light and materials in both: lamps only (a black world), every surface a plain diffuse one, no bounces, the same pixel filter.
 Seconds are processor time of all threads, so that what else the machine does counts little: Glint's of a whole render on trees that are
 there, Cycles' of what the second and later samples take, so that neither sync nor trees count. Each engine's error is against its own
-picture at 1024 samples, and the gap between these two is told: it is no error that time buys off. One process per scene; `fronts.png` has
-all scenes, `fronts.md` the table. `--only-plot` draws them from the numbers that are there.
+picture at four times the most samples of Cycles (`--most`), and the gap between these two is told: it is no error that time buys off. One
+process per scene; `fronts.png` has all scenes, `fronts.md` the table. `--only-plot` draws them from the numbers that are there.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -26,8 +26,6 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE.parent / "cycles")]
-CYCLES_SAMPLES = (1, 4, 16, 64, 256)
-TRUTH_SAMPLES = 1024
 GRID = [(1, 0.0), (4, 0.0), *((samples, threshold) for samples in (16, 64, 256) for threshold in (16.0, 4.0, 0.0))]
 """Samples and error threshold of Glint's renders."""
 LIGHT_SAMPLES = 2
@@ -41,13 +39,14 @@ def main() -> int:
     parser.add_argument("names", nargs="+", help="folders of ../shared/scenes; NAME:hard makes the lights points")
     parser.add_argument("--out", type=Path, default=Path("out/fronts"))
     parser.add_argument("--side", type=int, default=128, help="pixels of the longer side")
+    parser.add_argument("--most", type=int, default=256, help="most samples of Cycles, a power of four from 256 on")
     parser.add_argument("--only-plot", action="store_true", help="measure nothing")
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     if options.inside:
         return measure_scene(options.names[0], options)
-    command = [sys.executable, __file__, "--inside", "--out", str(options.out), "--side", str(options.side)]
+    command = [sys.executable, __file__, "--inside", "--out", str(options.out), "--side", str(options.side), "--most", str(options.most)]
     code = 0 if options.only_plot else max(subprocess.run([*command, name]).returncode for name in options.names)
     write_all([json.loads((options.out / f"{name}.json").read_text()) for name in options.names], options.out)
     return code
@@ -60,8 +59,8 @@ def measure_scene(name: str, options: argparse.Namespace) -> int:
     scene = matched_scene(name, options.side)
     from glint.engine import metrics
 
-    glint, glint_truth, is_soft = glint_points(scene)
-    cycles, cycles_truth = cycles_points(scene)
+    glint, glint_truth, is_soft = glint_points(scene, 4 * options.most)
+    cycles, cycles_truth = cycles_points(scene, options.most)
     result = {
         "scene": name,
         "soft": is_soft,
@@ -115,7 +114,7 @@ def harden(lights) -> None:
             light.angle = 0.0
 
 
-def glint_points(scene) -> tuple[list[dict], np.ndarray, bool]:
+def glint_points(scene, truth_samples: int) -> tuple[list[dict], np.ndarray, bool]:
     """A point (samples, threshold, seconds, error) for each of the grid, the picture at many samples, whether lights are soft."""
     import bpy
 
@@ -128,7 +127,7 @@ def glint_points(scene) -> tuple[list[dict], np.ndarray, bool]:
     base = Settings(light_samples=LIGHT_SAMPLES, max_bounces=0, filter_width=job.settings.filter_width, backend=job.settings.backend)
     points = {}
     with CropRenderer(job.scene, ((0, 0, *job.scene.camera.resolution),), lambda: False) as frame:
-        truth = frame.render(replace(base, samples=TRUTH_SAMPLES, light_samples=2 * LIGHT_SAMPLES)).pictures[0]
+        truth = frame.render(replace(base, samples=truth_samples, light_samples=2 * LIGHT_SAMPLES)).pictures[0]
         for samples, threshold in GRID * REPEATS:
             began = time.process_time()
             picture = frame.render(replace(base, samples=samples, error_threshold=threshold)).pictures[0]
@@ -138,27 +137,28 @@ def glint_points(scene) -> tuple[list[dict], np.ndarray, bool]:
     return list(points.values()), truth, has_soft_lights(job.scene)
 
 
-def cycles_points(scene) -> tuple[list[dict], np.ndarray]:
-    """A point (samples, seconds, error) for each number of samples, and the picture at many."""
+def cycles_points(scene, most: int) -> tuple[list[dict], np.ndarray]:
+    """A point (samples, seconds, error) for each power of four up to `most`, and the picture at four times as many."""
     import bpy
 
     from glint.engine import metrics
     from glint.operators.compare_cycles import match_cycles
     from glint.operators.scene_copy import copied, rendered
 
+    numbers = [4**k for k in range(1 + round(math.log(most, 4)))]
     pictures, seconds = {}, {}
     layer = bpy.context.view_layer
     with tempfile.TemporaryDirectory() as folder:
-        for samples, seed in ((1, 0), *((n, 0) for n in CYCLES_SAMPLES), (TRUTH_SAMPLES, 1)):
+        for samples, seed in ((1, 0), *((n, 0) for n in numbers), (4 * most, 1)):
             with copied(scene, layer.name, in_focus=True) as copy:
                 copy.render.use_persistent_data = False
                 match_cycles(copy, samples, 0, seed)
                 began = time.process_time()
                 picture, _ = rendered(copy, Path(folder) / "picture.exr")
             pictures[samples], seconds[samples] = picture[..., :3], time.process_time() - began
-    each = max(seconds[TRUTH_SAMPLES] - seconds[1], 1e-6) / (TRUTH_SAMPLES - 1)
-    truth = pictures[TRUTH_SAMPLES]
-    return [{"samples": n, "seconds": n * each, "error": metrics.relative_rmse(pictures[n], truth)} for n in CYCLES_SAMPLES], truth
+    each = max(seconds[4 * most] - seconds[1], 1e-6) / (4 * most - 1)
+    truth = pictures[4 * most]
+    return [{"samples": n, "seconds": n * each, "error": metrics.relative_rmse(pictures[n], truth)} for n in numbers], truth
 
 
 # --- all scenes

@@ -7,6 +7,7 @@ VALUES = {
     "error_threshold": 2.5,
     "light_samples": 3,
     "max_bounces": 2,
+    "cutoff": 0.25,
     "illumination": "CLASSIC",
     "backend": "NUMPY",
     "acceleration": "FAST",

@@ -247,6 +247,7 @@ def test_bad_scenes_are_refused_with_a_sentence(text: str) -> None:
 def test_bad_settings_are_refused_with_a_sentence() -> None:
     assert "beyond the frame" in refusal(SOUND, region=(0, 0, 17, 16))
     assert "is empty" in refusal(SOUND, region=(3, 0, 3, 16))
+    assert "cutoff is not between 0 and 1" in refusal(SOUND, cutoff=float("nan"))
     assert "more than 64 bounces" in refusal(SOUND, max_bounces=65)
     assert "no such pass: Heat" in refusal(SOUND, passes=frozenset({"Heat"}))
 

@@ -148,6 +148,17 @@ def test_mirror_corridor(bounces: int) -> None:
     agree(color(scene, max_bounces=bounces), np.full((16, 16, 3), 2 - 0.5**bounces))
 
 
+@pytest.mark.parametrize("backend", ["NATIVE", "NUMPY"])
+@pytest.mark.parametrize(("cutoff", "bounces"), [(0.25, 2), (0.2, 2), (0.1, 3), (0.6, 0), (0.0, 9)])
+def test_bounces_of_little_weight_are_cut_off(cutoff: float, bounces: int, backend: str) -> None:
+    """The corridor again: rays weigh k, k², k³ … and those below the cutoff are not traced."""
+    mirror = material(s.Lobe("MIRROR", constant(0.5)), s.Lobe("EMISSION", constant(1.0)))
+    scene = s.Scene(view_from_above(), (square(),), (placed(), placed(z=20.0)), (mirror,))
+    film = draw(scene, "Cost", max_bounces=9, cutoff=cutoff, backend=backend)
+    agree(film.combined[..., :3], np.full((16, 16, 3), 2 - 0.5**bounces))
+    assert (film.passes["Cost"] == 1 + bounces).all()
+
+
 def fresnel(cosine: np.ndarray, ior: float) -> np.ndarray:
     """The textbook form by the two angles (Hecht, Optics, section 4.6)."""
     a = np.arccos(cosine)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import subprocess
 import sys
@@ -65,7 +66,7 @@ def test_a_constant_picture_takes_four_samples(backend: str) -> None:
     film = draw(scene, *HEALTH, samples=64, error_threshold=0.01, backend=backend)
     assert (film.passes["Samples"] == 4).all()
     assert (film.passes["Cost"] == 4).all()
-    assert (film.passes["Error"] == 0).all()
+    assert film.passes["Error"].max() <= 1e-4  # of 255: rounding
     assert (film.combined[..., :3] == np.float32(0.7)).all()
 
 
@@ -84,15 +85,41 @@ def test_pixels_that_an_edge_covers_take_all_samples(edge: float, backend: str) 
     beyond = flat & ~np.convolve(~flat, [1, 1, 1], "same").astype(bool)
     assert (samples[:, beyond] == 4).all()
     off = np.abs(srgb_levels(film.combined[..., 0].astype(float)) - srgb_levels(share))
-    assert (off <= np.maximum(film.passes["Error"][..., 0], 1.0)).all()  # 1: the threshold, for a sliver that nobody saw
+    assert (off <= np.maximum(2 * film.passes["Error"][..., 0], 1.0)).all()  # 1: the threshold, for a sliver that nobody saw
 
 
-def test_error_falls_as_the_square_root_of_cubed_samples() -> None:
-    """The estimate at a black and white edge: 255 levels among the samples over n^(3/4)."""
-    for n in (4, 16, 64):
-        error = draw(half_plane(0.031), "Error", samples=n).passes["Error"]
-        assert error.max() == pytest.approx(255 / n**0.75, rel=1e-6)
-    assert (draw(half_plane(0.0), "Error", samples=2).passes["Error"] == 256).all()
+def apart_on_screen(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(h, w) levels between two (h, w, 4) means, as SEMANTICS.md has it, round b."""
+    d = np.abs(a - b)
+    high = np.maximum(np.abs(b), d)[..., :3]
+    return np.maximum((srgb_levels(high) - srgb_levels(high - d[..., :3])).max(-1), 255 * d[..., 3])
+
+
+def mean_of_neighborhood(image: np.ndarray) -> np.ndarray:
+    height, width = image.shape
+    boxes = [[image[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2].mean() for x in range(width)] for y in range(height)]
+    return np.array(boxes)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("samples", [4, 16, 20])
+def test_the_error_pass_is_what_the_waves_tell(samples: int, backend: str) -> None:
+    """Recomputed from the pictures after 1, 2, 4, 8 … samples, in which every pixel takes part."""
+    waves = []
+    plan = engine.Settings(samples=samples, light_samples=2, passes=frozenset({"Error"}), backend=backend, filter_width=1.5)
+    film = engine.render(bigger("alpha", (24, 18)), plan, on_wave=lambda wave: waves.append((wave.samples, wave.combined.astype(float))))
+    pictures = dict([*waves, (samples, film.combined.astype(float))])
+    numbers, spread, around = sorted(pictures), np.zeros(0), np.zeros(0)
+    assert numbers == [n for n in (1, 2, 4, 8, 16, 20) if n <= samples]
+    for m, n in itertools.pairwise(numbers):
+        new = apart_on_screen(pictures[m], pictures[n]) ** 2 * m * n / (n - m)
+        spread = new if m == 1 else (spread + new) / 2
+        if n == 4:
+            around = mean_of_neighborhood(spread) / 4
+    expected = np.sqrt(spread / samples + around * (4 / samples) ** 1.5)
+    assert np.abs(film.passes["Error"][..., 0] - np.minimum(expected, 256)).max() <= 0.02  # levels: the pictures are float32
+    assert expected.max() > 10
+    assert (draw(half_plane(0.0), "Error", samples=2, backend=backend).passes["Error"] == 256).all()
 
 
 ALL = frozenset(engine.PASSES) - {"Combined", "Fallbacks"}
@@ -144,22 +171,26 @@ def test_fewer_samples_for_the_same_error(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "share"),
-    [("flat_and_smooth", 0.99), ("hard_lights", 0.99), ("mirrors", 0.99), ("glass", 0.99), ("alpha", 0.99), ("soft_lights", 0.85)],
+    [("flat_and_smooth", 0.02), ("hard_lights", 0.02), ("mirrors", 0.02), ("glass", 0.02), ("alpha", 0.02), ("soft_lights", 0.15)],
 )
-@pytest.mark.parametrize("threshold", [0.0, 4.0])
-def test_the_error_pass_bounds_the_error(name: str, share: float, threshold: float) -> None:
-    """Of nearly all pixels; half a level is not seen. Soft lights: the same few light points serve all pixels, so a penumbra may be off by
-    a level or two where its samples agree."""
-    scene = bigger(name)
+@pytest.mark.parametrize(("samples", "threshold"), [(16, 0.0), (32, 4.0)])
+def test_the_error_pass_is_about_twice_the_error(name: str, share: float, samples: int, threshold: float) -> None:
+    """Two standard deviations: the root mean square over the picture is half of it, few pixels are off by more and hardly one by twice as
+    much; one level is not seen. The same few light points serve all pixels, so where they agree after four samples a
+    whole penumbra is off by a level or two."""
+    scene = bigger(name, (96, 72))
     truth = engine.render(scene, engine.Settings(samples=512))
-    film = engine.render(scene, engine.Settings(samples=16, error_threshold=threshold, passes=HEALTH))
-    assert (levels_off(film, truth) <= film.passes["Error"][..., 0] + 0.5).mean() >= share
+    film = engine.render(scene, engine.Settings(samples=samples, error_threshold=threshold, passes=HEALTH))
+    true, told = levels_off(film, truth), film.passes["Error"][..., 0].astype(float)
+    assert 0.25 <= np.sqrt((true**2).mean() / (told**2).mean()) <= 1.0
+    assert (true > told + 1).mean() <= share
+    assert (true > 2 * told + 1).mean() <= share / 2
 
 
 @pytest.mark.parametrize("name", ["hard_lights", "alpha", "odd_matrices"])
 def test_core_and_reference_stop_the_same_pixels(name: str) -> None:
-    """But for estimates that rounding takes across the threshold: there the two have different samples, each as good as the threshold
-    asks, so that they differ by at most both estimates."""
+    """But for bounds that rounding takes across the threshold: there the two have different samples, each as good as the threshold
+    asks."""
     plan = engine.Settings(samples=16, error_threshold=2.0, passes=HEALTH)
     scene = SCENES[name]()
     core, reference = engine.render(scene, plan), engine.render(scene, replace(plan, backend="NUMPY"))
@@ -171,9 +202,9 @@ def test_core_and_reference_stop_the_same_pixels(name: str) -> None:
     border = np.abs(full[0] - full[1]) > 1e-4 * np.maximum(np.abs(full[1]), 0.01)  # a sample on the border of a shadow, in single precision
     assert border.any(-1).mean() <= 0.001
     assert not (differ & ~border)[same[..., 0]].any()
-    assert np.abs(core.passes["Error"] - reference.passes["Error"])[same].max() <= 0.05  # of 255: 1e-4 of a dark colour, times its slope
-    allowed = core.passes["Error"] + reference.passes["Error"]
-    assert (levels_off(core, reference)[..., None] <= allowed)[~same].all()
+    told_apart = np.abs(core.passes["Error"] - reference.passes["Error"])
+    assert (told_apart > 0.05)[same].mean() <= 0.002  # of 255: 1e-4 of a dark colour, times its slope; and the border's neighbours
+    assert (levels_off(core, reference)[..., None] <= 2 * plan.error_threshold)[~same].all()
 
 
 def test_off_means_off() -> None:

@@ -71,7 +71,7 @@ def test_the_grid_holds_only_knobs_that_can_matter():
     mirror = replace(hard, materials=(scenes.surface(lobes=(Lobe("MIRROR"),)),))
     base = Settings(samples=3, light_samples=5, max_bounces=7)
     always = {"samples", "error_threshold"}
-    for scene, varied in ((hard, always), (soft_scene(), always | {"light_samples"}), (mirror, always | {"max_bounces"})):
+    for scene, varied in ((hard, always), (soft_scene(), always | {"light_samples"}), (mirror, always | {"max_bounces", "cutoff"})):
         grid = trade.settings_grid(scene, base, {})
         assert {knob.name for knob in trade.KNOBS if len({getattr(s, knob.name) for s in grid}) > 1} == varied
         assert base in grid

@@ -29,7 +29,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 5
+#define GLINT_ABI_VERSION 6
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -175,7 +175,8 @@ enum {
 /* region: x0, y0, x1, y1 half open in the full frame.  threads: 0 for one a core.  hold_waves: see glint_render_resume.
  * pixel_offsets: (samples, 2).  light_square, light_disc: (light_point_count, 2), at least samples * light_samples points when
  * light_samples > 1 and a light has an extent; else they may be null.  error_threshold: in 8-bit levels, at least 0 and below 256; pixels
- * whose estimated error it covers take no further samples after a wave. 0: all take all.  acceleration: of the first render of a scene
+ * whose estimated error it covers take no further samples after a wave. 0: all take all.  cutoff: mirror and refraction rays with no channel
+ * of their weight as large end there, 0 to 1.  acceleration: of the first render of a scene
  * counts, the trees are kept.  remember: keep what the first wave hit and which lights it saw, some 30 bytes a pixel, in the scene and those
  * that take its trees over, so that a render of other lights, materials or surroundings need not trace it again. It has the same bits. */
 typedef struct GlintRenderSettings {
@@ -183,7 +184,7 @@ typedef struct GlintRenderSettings {
   const double* light_square;
   const double* light_disc;
   uint64_t light_point_count;
-  double error_threshold;
+  double error_threshold, cutoff;
   uint32_t samples, light_samples, max_bounces, threads, passes;
   uint32_t region[4];
   int32_t illumination, hold_waves, acceleration, remember;

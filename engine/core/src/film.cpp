@@ -62,7 +62,8 @@ Film::Film(Region region, Region shown, uint32_t passes, double error_threshold)
   for (int pass : {GLINT_PASS_DEPTH, GLINT_PASS_GAP})
     if (wants(pass)) std::fill_n(pictures_[pass].data(), pixels, float(kNoDepth));
   cut();
-  if (error_threshold > 0 || wants(GLINT_PASS_ERROR)) refinement_ = Refinement(error_threshold, region, shown, sums_.size() / columns_);
+  if (error_threshold > 0 || wants(GLINT_PASS_ERROR)) refinement_ = Refinement(error_threshold, region, shown, rows());
+  if (wants(GLINT_PASS_ERROR)) estimate_ = ErrorEstimate(region, rows());
 }
 
 void Film::keep_sums(int pass, int channels) {
@@ -95,6 +96,17 @@ void Film::set_data(uint32_t pixel, const FirstHit& hit) {
   store(GLINT_PASS_UV, pixel, &hit.uv.x);
   store(GLINT_PASS_OBJECT_INDEX, pixel, &object);
   store(GLINT_PASS_MATERIAL_INDEX, pixel, &material);
+}
+
+void Film::measure(const Tile& tile, const SlotTable& slots, uint32_t samples) {
+  const double* after = sums(tile, GLINT_PASS_COMBINED);
+  if (estimate_.on()) estimate_.measure(tile, slots, refinement_, after, tile.stride(), samples);
+  if (samples >= Refinement::kFirst) refinement_.measure(tile, slots, after, tile.stride(), samples);
+}
+
+void Film::look_around(const Tile& tile) {
+  if (estimate_.on()) estimate_.look_around(tile);
+  refinement_.look_around(tile);
 }
 
 void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples, const Stages& stages) {
@@ -132,7 +144,7 @@ void Film::publish_health(const Tile& tile, const SlotTable& slots, uint32_t sam
     if (traced) store(GLINT_PASS_COST, pixel, traced + k);
     if (doubted) store(GLINT_PASS_FALLBACKS, pixel, doubted + k);
     if (!wants(GLINT_PASS_ERROR)) continue;
-    const double error = refinement_.error(pixel, uint32_t(taken));
+    const double error = estimate_.levels(pixel, uint32_t(taken));
     store(GLINT_PASS_ERROR, pixel, &error);
   }
 }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "../include/glint.h"
+#include "estimate.h"
 #include "refine.h"
 #include "stages/stages.h"
 #include "vec.h"
@@ -67,6 +68,7 @@ class Film {
   bool wants(int pass) const { return passes_ >> pass & 1; }
   bool wants_data() const { return passes_ & kDataPasses; }
   Refinement& refinement() { return refinement_; }
+  ErrorEstimate& estimate() { return estimate_; }
 
   /// The first of the sums of a part, of Cost or of Fallbacks; null where nobody asked. The next channels follow after tile.stride().
   double* sums(const Tile& tile, int pass) {
@@ -76,6 +78,9 @@ class Film {
   void set_data(uint32_t pixel, const FirstHit& hit);
   void set_gap(uint32_t pixel, double gap) { store(GLINT_PASS_GAP, pixel, &gap); }
 
+  /// What a wave of that many samples says of the tile's error; then, after the first ones, with that of neighbours.
+  void measure(const Tile& tile, const SlotTable& slots, uint32_t samples);
+  void look_around(const Tile& tile);
   /// Makes the tile's sums of `samples` samples the picture that `read` gives.
   void publish(const Tile& tile, const SlotTable& slots, uint32_t samples, const Stages& stages);
   /// False when the pass was not asked for or the size differs.
@@ -97,6 +102,7 @@ class Film {
   int at_[GLINT_PASS_COUNT];  // first column of what has sums, -1 for none
   Zeros<double> sums_;
   Refinement refinement_;
+  ErrorEstimate estimate_;
   Zeros<float> pictures_[GLINT_PASS_COUNT];
 };
 

@@ -22,7 +22,7 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.shown = plan.region = {g.region[0], g.region[1], g.region[2], g.region[3]};
   const bool refines = g.error_threshold > 0 || g.passes >> GLINT_PASS_ERROR & 1;
   if (refines && g.samples >= Refinement::kFirst) plan.region = widened(plan.shown, camera);
-  plan.error_threshold = g.error_threshold;
+  plan.error_threshold = g.error_threshold, plan.cutoff = g.cutoff;
   plan.samples = g.samples, plan.light_samples = g.light_samples, plan.max_bounces = g.max_bounces, plan.passes = g.passes;
   plan.threads = threads_for(g.threads), plan.quality = BuildQuality(g.acceleration);
   plan.physical = g.illumination == GLINT_PHYSICAL, plan.hold_waves = g.hold_waves != 0, plan.remember = g.remember != 0;
@@ -52,6 +52,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.light_samples >= 1 && enough_points(g, scene), "settings: fewer light points than samples * light_samples");
   add(g.max_bounces <= 64, "settings: more than 64 bounces");
   add(g.error_threshold >= 0 && g.error_threshold < 256, "settings: the error threshold is not between 0 and 256");
+  add(g.cutoff >= 0 && g.cutoff <= 1, "settings: the cutoff is not between 0 and 1");
   add(g.passes < 1u << GLINT_PASS_COUNT, "settings: unknown passes");
   add(sound_region(g.region, scene.camera), "settings: the region is empty or reaches beyond the frame");
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC, "settings: unknown illumination");
@@ -124,9 +125,10 @@ void Job::trace_waves() {
 
 /// Looks at what the wave up to `samples` brought, and stops the pixels that are good enough.
 void Job::refine(uint32_t samples) {
-  if (!film_.refinement().on() || samples < Refinement::kFirst) return;
+  if (!film_.refinement().on() || (samples < Refinement::kFirst && !film_.estimate().on())) return;
   on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.measure(tile, samples); });
-  if (samples == Refinement::kFirst) on_all_tiles([&](Tracer&, const Tile& tile) { film_.refinement().look_around(tile); });
+  if (samples < Refinement::kFirst) return;
+  if (samples == Refinement::kFirst) on_all_tiles([&](Tracer&, const Tile& tile) { film_.look_around(tile); });
   on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.decide(tile, samples); });
 }
 

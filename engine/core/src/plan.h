@@ -10,7 +10,7 @@ namespace glint {
 
 struct RenderPlan {
   Region region, shown;  // shown: the pixels that were asked for; the region has a margin where their neighbours are looked at
-  double error_threshold = 0;
+  double error_threshold = 0, cutoff = 0;
   uint32_t samples = 1, light_samples = 1, max_bounces = 0, passes = 0;
   int threads = 1;
   BuildQuality quality = BuildQuality::kBalanced;

@@ -76,17 +76,15 @@ void Refinement::look_around(const Tile& tile) {
     }
 }
 
-float Refinement::error(uint32_t pixel, uint32_t samples) const {
-  if (samples < kFirst) return kUnknown;
-  const double error = double(std::max(range_.data()[pixel], around_.data()[pixel])) / convergence(samples);
-  return std::min(float(error), kUnknown);
+double Refinement::bound_of_error(uint32_t pixel, uint32_t samples) const {
+  return double(std::max(range_.data()[pixel], around_.data()[pixel])) / convergence(samples);
 }
 
 void Refinement::decide(const Tile& tile, const SlotTable& slots, uint32_t samples) {
   for (uint32_t k = 0; k < tile.pixels(); ++k) {
     uint32_t& stopped = stopped_.data()[tile.first_row + k];
     const uint32_t pixel = slots.pixel(tile, k, width_);
-    const bool good = threshold_ > 0 && double(error(pixel, samples)) <= threshold_;
+    const bool good = threshold_ > 0 && bound_of_error(pixel, samples) <= threshold_;
     if (!stopped && (good || !is_shown(pixel % width_, pixel / width_))) stopped = samples;
   }
 }

@@ -33,6 +33,8 @@ class Refinement {
 
   bool on() const { return width_ > 0; }
   bool stops_pixels() const { return on() && threshold_ > 0; }
+  /// Whether the pixel takes further samples.
+  bool is_active(size_t row) const { return !stopped_.data()[row]; }
   /// Samples of the pixel when others have `samples`.
   uint32_t taken(size_t row, uint32_t samples) const {
     const uint32_t stopped = on() ? stopped_.data()[row] : 0;
@@ -48,10 +50,10 @@ class Refinement {
   void look_around(const Tile& tile);
   /// Stops the pixels whose error is at most the threshold.
   void decide(const Tile& tile, const SlotTable& slots, uint32_t samples);
-  /// Estimated error in levels of a pixel with that many samples.
-  float error(uint32_t pixel, uint32_t samples) const;
 
  private:
+  /// What is held against the threshold, in levels: hardly ever less than the error of a pixel with that many samples.
+  double bound_of_error(uint32_t pixel, uint32_t samples) const;
   float* bound(int k, size_t row) { return bounds_.data() + size_t(k) * rows_ + row; }
   bool is_shown(uint32_t x, uint32_t y) const { return x - shown_.x0 < shown_.width() && y - shown_.y0 < shown_.height(); }
 

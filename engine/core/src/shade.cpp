@@ -72,6 +72,7 @@ void Shader::add_lobe(const Incidence& at, const Lobe& lobe, Vec3d k, Lobes& sum
 bool Shader::push(const Incidence& at, Vec3d d, Vec3d k, Queue& next) const {
   const Path path{at.path.T * k, at.s.x, 0, at.path.slot, uint8_t(at.path.depth + 1), 0, false};
   if (!any(path.T) || path.depth > plan_.max_bounces) return false;
+  if (std::max({std::fabs(path.T.x), std::fabs(path.T.y), std::fabs(path.T.z)}) < plan_.cutoff) return false;
   next.push({leave(at.s, at.s.x, d), d, 0, kInfinity, kMirror}, path);
   return true;
 }

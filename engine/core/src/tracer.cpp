@@ -80,7 +80,7 @@ void Tracer::trace(uint32_t sample) {
 
 void Tracer::measure(const Tile& tile, uint32_t samples) {
   slots_.set(tile.width(), tile.height());
-  film_.refinement().measure(tile, slots_, film_.sums(tile, GLINT_PASS_COMBINED), tile.stride(), samples);
+  film_.measure(tile, slots_, samples);
 }
 
 void Tracer::decide(const Tile& tile, uint32_t samples) {

@@ -22,7 +22,7 @@ class Tracer {
   void choose(const Tile& tile);
   /// One sample of every chosen pixel.
   void trace(uint32_t sample);
-  /// The film's refinement, for one tile after a wave.
+  /// The film's refinement and estimate, for one tile after a wave.
   void measure(const Tile& tile, uint32_t samples);
   void decide(const Tile& tile, uint32_t samples);
   void publish(const Tile& tile, uint32_t samples);

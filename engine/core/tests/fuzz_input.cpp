@@ -262,6 +262,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   s.pixel_offsets = arena.fill<double>(2 * s.samples, [&] { return 0.5 * dice.number(); });
   s.light_point_count = uint64_t(s.samples) * s.light_samples;
   s.error_threshold = dice.chance(0.5) ? 0 : std::fabs(dice.number());
+  s.cutoff = dice.chance(0.7) ? 0 : std::fabs(dice.number());
   s.light_square = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   s.light_disc = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   const uint32_t w = scene.camera.width, h = scene.camera.height;
