@@ -25,7 +25,7 @@ SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 SIZE = (960, 540)
 ENGINES = ("GLINT", "CYCLES")
 TARGETS = {1: 8.0, 16: 20.0}
-"""Samples → the median of Cycles / Glint that issue 3 asks for at least; on no scene below 1."""
+"""Samples → the least that the median of Cycles / Glint should be; on no scene below 1."""
 QUICK = ("living_room", "godot_ball", "clevr_rubber", "SimpleInstancing", "gn_grass")
 SECONDS_ALLOWED = 900
 

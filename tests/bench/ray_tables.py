@@ -10,7 +10,7 @@ from statistics import median
 
 KINDS = ("primary", "shadow", "mirror", "diffuse")
 TARGETS = {"robust": dict(zip(KINDS, (2.5, 1.5, 1.2, 1.1), strict=True)), "fast": dict(zip(KINDS, (1.7, 1.1, 1.0, 1.0), strict=True))}
-"""The medians over the meshes that issue 3 asks for at least, against Embree's best watertight and best other mode."""
+"""The least that the medians over the meshes should be, against Embree's best watertight and best other mode."""
 WORST_TARGET = 0.95
 """On no mesh below that, against the best watertight mode."""
 THREADS_TARGET = 1.9
@@ -83,7 +83,7 @@ def differing(report: dict, kind: str) -> float:
 
 
 def summary_table(reports: dict[str, dict]) -> str:
-    """Median and worst ratios per ray kind beside the issue's targets (one thread), and the gain of a second thread."""
+    """Median and worst ratios per ray kind beside the targets (one thread), and the gain of a second thread."""
     rows = [("rays, against", "median", "target", "", "worst", "mesh", "floor", "")]
     for robust in (True, False):
         for kind in KINDS:
