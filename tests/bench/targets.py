@@ -20,6 +20,8 @@ import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from stages import NoCoreError, require_core
+
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE.parent / "cycles")]
 SCENES = HERE.parents[2] / "shared" / "scenes"
@@ -41,6 +43,11 @@ def main() -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     if options.inside:
         return measure_scene(options.names[0], options)
+    try:
+        require_core()
+    except NoCoreError as error:
+        print(error)
+        return 1
     sources = sources_of_all()
     lines = ["| scene | target | samples, threshold | predicted | checked | true | predicted / true |", "|" + "---|" * 7]
     print("\n".join(lines), flush=True)
