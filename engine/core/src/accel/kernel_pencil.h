@@ -47,7 +47,8 @@ struct Pencil {
   Origin apex;      // of parallel rays: where the first one begins
   float middle[2];  // slopes; places are counted from there, or are distances across
   float reach;      // from the rays' beginnings to the apex, in depth
-  float distance;   // that, and 2^21 times what rays miss the apex by, which comes to the same
+  float steep;      // no slope is more
+  float off;        // what rays miss the apex by
   alignas(64) float low[2][kGroups], high[2][kGroups];  // of groups
   alignas(64) float place[2][kTile], start[kTile];      // of rays; and depths of their beginnings from the apex
   Places all;
@@ -74,9 +75,10 @@ struct EdgeLines {
   }
 };
 
-/// The edges of the triangles [first, first + kLanes) of a leaf. With m no less than any corner is away across, and z than it is along,
-/// the rays' edge functions and these are each off by less than 2^-20 m (z + m): 4 m times the rounding of a corner, 2^-24 (4 z + 2 m), and
-/// that of the products. When one stays 2^-17 m (z + m) below 0 and their sum above, then the rays see different signs.
+/// The edges of the triangles [first, first + kLanes) of a leaf. With m no less than any corner is away across, z than it is along, and s
+/// than any slope, the rays' edge functions and these are each off by less than 2^-20 m (1.25 s z + m): 4 m times the rounding of a corner,
+/// 2^-24 (5 s z + 3 m), and that of the products; these also by 4 m times what rays miss the apex by. Where one stays 2^-18 m (s z + m) and
+/// 8 m times that miss below 0, and their sum above, the rays see different signs.
 __attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, const Triangles& leaf, int first, const Order& order) {
   Floats p[9], most{}, deepest{};
   corners_from(pencil.apex, leaf, first, order, p);
@@ -100,7 +102,8 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, cons
   const Ints side = Ints(k) & INT32_MIN;
   const Floats swing = larger(magnitude(x * all.low[0]), magnitude(x * all.high[0])) +
                        larger(magnitude(y * all.low[1]), magnitude(y * all.high[1]));
-  const Floats margin = splat(0x1p-17f) * most * (deepest + splat(pencil.distance) + most);
+  const Floats far = splat(pencil.steep) * (deepest + splat(pencil.reach)) + splat(pencil.off * 0x1p21f);
+  const Floats margin = splat(0x1p-18f) * most * (far + most);
   l.margin = select(less(margin, magnitude(k) - swing), margin, splat(__builtin_inff()));  // edge-on: no side is known
   for (int e = 0; e < 3; ++e)
     l.k[e] = Floats(Ints(l.k[e]) ^ side), l.x[e] = Floats(Ints(l.x[e]) ^ side), l.y[e] = Floats(Ints(l.y[e]) ^ side);
@@ -175,7 +178,7 @@ inline bool parallel(const Tile& tile) {
 /// The apex of an even tile. False when its rays are no pencil.
 inline bool set_apex(const Tile& tile, Pencil& pencil) {
   Origin& apex = pencil.apex;
-  pencil.distance = pencil.reach = 0;
+  pencil.off = pencil.reach = 0;
   apex = {{tile.of[0][0], tile.of[1][0], tile.start[0]}, {tile.rest[0][0], tile.rest[1][0], tile.rest[2][0]}};
   if (tile.common) {
     for (int k = 0; k < kTile; k += kLanes) store(pencil.start + k, Floats{});
@@ -190,10 +193,9 @@ inline bool set_apex(const Tile& tile, Pencil& pencil) {
     for (int a = 0; a < 3; ++a) apex.o[a] = float(end[a]), apex.rest[a] = float(end[a] - double(apex.o[a]));
   }
   pencil.reach = set_starts(tile, pencil);
-  const float blur = float(off) * 0x1p21f;
-  pencil.distance = pencil.reach + blur;
+  pencil.off = float(off);
   const float limit = 256 * float(reach_of(*tile.tree));  // from farther away no edge tells enough
-  return pencil.parallel || (blur < 8 * pencil.reach && pencil.reach < limit);
+  return pencil.parallel || (pencil.off < 0x1p-18f * pencil.reach && pencil.reach < limit);
 }
 
 /// Places of the rays [k, k + kLanes) along axis a.
@@ -216,7 +218,9 @@ inline void set_pencil(const Tile& tile, Pencil& pencil) {
       store(pencil.low[a] + g, least), store(pencil.high[a] + g, most);
       low = smaller(least, low), high = larger(most, high);
     }
-    pencil.all.low[a] = splat(smallest(low)), pencil.all.high[a] = splat(largest(high));
+    const float least = smallest(low), most = largest(high), turn = pencil.parallel ? 0 : larger(-least, most);
+    pencil.all.low[a] = splat(least), pencil.all.high[a] = splat(most);
+    pencil.steep = larger(magnitude(pencil.middle[a]) + turn, a ? pencil.steep : 0);
   }
 }
 

@@ -70,6 +70,7 @@ inline Doubles select(Longs m, Doubles a, Doubles b) {
 inline Floats magnitude(Floats a) { return Floats(Ints(a) & 0x7fffffff); }
 inline Doubles magnitude(Doubles a) { return Doubles(Longs(a) & 0x7fffffffffffffff); }
 inline double magnitude(double a) { return __builtin_fabs(a); }
+inline float magnitude(float a) { return __builtin_fabsf(a); }
 
 /// a with its sign changed where `sign` is negative.
 inline Doubles flip(Doubles a, Doubles sign) { return Doubles(Longs(a) ^ (Longs(sign) & INT64_MIN)); }
