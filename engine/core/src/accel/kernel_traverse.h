@@ -73,8 +73,7 @@ struct GroupLevel {
       const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
       uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
       if (!mask) continue;
-      if (w.pencil.exists && __builtin_popcount(mask) > 3)
-        mask &= ~bits(edge_lines(w.pencil, leaf_triangles, first, order).beside(w.pencil.group(g)));
+      if (w.pencil.exists && __builtin_popcount(mask) > 1) mask = pencil_triangles(child, leaf_triangles, first, mask);
       if (!mask) continue;
       store(extent, extent_of(boxes));
       const Corners<Common> corners(leaf_triangles, first, order, origin<Common>(w.tile, k));
@@ -83,6 +82,19 @@ struct GroupLevel {
         hit_group<Any, Common>(w, k, corners, first, lane, order, extent[lane], child);
       }
     }
+  }
+  /// Returns the triangles that their edges leave in doubt.
+  uint32_t pencil_triangles(ChildRef child, const Triangles& triangles, int first, uint32_t mask) {
+    const EdgeLines lines = edge_lines(w.pencil, triangles, first, order);
+    mask &= ~bits(lines.beside(w.pencil.group(g)));
+    if (!mask) return 0;
+    const EdgeTable edges(lines);
+    uint32_t doubtful = 0;
+    for (; mask; mask &= mask - 1) {
+      const int lane = __builtin_ctz(mask);
+      if (hit_pencil<Any>(w, k, edges.at(lane), child, first + lane) == Verdict::kDoubtful) doubtful |= mask & -mask;
+    }
+    return doubtful;
   }
 };
 
@@ -202,7 +214,7 @@ struct TileLevel {
       const uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
       if (!mask) continue;
       const int pairs = __builtin_popcount(mask) * __builtin_popcount(groups);  // edges are worth their while for several
-      if (w.pencil.exists && pairs > kGroups) pencil_triangles<Common>(child, leaf_triangles, first, mask, boxes, groups);
+      if (w.pencil.exists && pairs > kGroups / 2) pencil_triangles<Common>(child, leaf_triangles, first, mask, boxes, groups);
       else parted_triangles<Common>(child, leaf_triangles, first, mask, boxes, groups);
     }
   }
