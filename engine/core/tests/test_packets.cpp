@@ -248,3 +248,24 @@ TEST(packets, no_leaks_at_corners) {
     }
   }
 }
+
+// Small triangles far away along slanted rays, which are aimed at their edges: float knows the sides of none of them. From one point, to one
+// point, and side by side.
+TEST(packets, edges_far_away_are_left_to_single_rays) {
+  Random random(68);
+  const Mesh mesh = box_grid(64, 0.2, {});
+  const auto accel = build(mesh);
+  std::vector<Ray> rays;
+  for (int block = 0; block < 600; ++block) {
+    const size_t first = random.below(mesh.count() - 4);
+    const Vec3d d = -4.0 * random.on_sphere(), eye = mesh.corner(first, 0) - d;
+    for (size_t k = 0; k < 64; ++k) {
+      const size_t t = first + random.below(4), j = random.below(3);
+      const Vec3d p = mesh.corner(t, j), at = p + random.uniform(0, 1) * (mesh.corner(t, (j + 1) % 3) - p);
+      if (block % 3 == 0) rays.push_back(ray(eye, at - eye));
+      else if (block % 3 == 1) rays.push_back(ray(at + (at - eye), 2.0 * (eye - at), 0, 1));
+      else rays.push_back(ray(at - d, d));
+    }
+  }
+  CHECK(differences(*accel, rays, kCamera) == 0);
+}
