@@ -253,7 +253,7 @@ TEST(packets, no_leaks_at_corners) {
 // point, and side by side.
 TEST(packets, edges_far_away_are_left_to_single_rays) {
   Random random(68);
-  const Mesh mesh = box_grid(64, 0.2, {});
+  const Mesh mesh = box_grid(128, 1, {});
   const auto accel = build(mesh);
   std::vector<Ray> rays;
   for (int block = 0; block < 600; ++block) {
