@@ -81,8 +81,19 @@ class Picture:
 
     def finish(self, film: engine.Film) -> None:
         """Fill every pass and hand the result over."""
-        self._fill(film, tuple(film.passes))
+        if bpy.app.background:
+            self._finish_unseen(film)
+        else:
+            self._fill(film, tuple(film.passes))
+            self._end(cancel=False)
+
+    def _finish_unseen(self, film: engine.Film) -> None:
+        """Straight into the whole result, for which the end of any part of it makes room: a part of its size would be copied once more."""
+        self._result = self._engine.begin_result(0, 0, 1, 1, layer=self._layer)
         self._end(cancel=False)
+        passes, view = self._engine.get_result().layers[self._layer].passes, self._engine.active_view_get()
+        for name in film.passes:
+            _fill_pass(passes.find_by_name(blender_name(name), view), film.passes[name])
 
     def stamp(self, fields: dict[str, str]) -> None:
         """Make metadata of the files, as glint.<layer>.<field>; after `finish`."""
@@ -100,10 +111,14 @@ class Picture:
             self._result = self._engine.begin_result(0, 0, *self._size, layer=self._layer)
         passes = self._result.layers[0].passes
         for name in names:
-            target = passes.get(blender_name(name))
-            if target is not None:
-                target.rect.foreach_set(np.ascontiguousarray(film.passes[name], dtype=np.float32).ravel())
+            _fill_pass(passes.get(blender_name(name)), film.passes[name])
 
     def _end(self, cancel: bool) -> None:
         self._engine.end_result(self._result, cancel=cancel)
         self._result = None
+
+
+def _fill_pass(target: bpy.types.RenderPass | None, values: np.ndarray) -> None:
+    """values: (h, w, c). Does nothing where Blender has no such pass."""
+    if target is not None:
+        target.rect.foreach_set(np.ascontiguousarray(values, dtype=np.float32).ravel())

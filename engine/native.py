@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import math
 import os
+import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from ctypes import POINTER, byref, c_char_p, c_double, c_int32, c_size_t, c_uint32, c_uint64, c_void_p
+from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int32, c_size_t, c_uint32, c_uint64, c_void_p
 
 import numpy as np
 
@@ -51,6 +53,8 @@ _SIGNATURES = {
     "glint_render_resume": (None, [c_void_p]),
     "glint_render_cancel": (None, [c_void_p]),
     "glint_render_read": (c_int32, [c_void_p, c_int32, c_void_p, c_uint64]),
+    "glint_render_take": (c_void_p, [c_void_p, c_int32, c_uint64]),
+    "glint_picture_free": (None, [c_void_p, c_uint64]),
     "glint_render_stats": (StatsData, [c_void_p]),
     "glint_render_error": (c_char_p, [c_void_p]),
     "glint_render_destroy": (None, [c_void_p]),
@@ -174,7 +178,7 @@ class _Render:
             ended = progress.state >= DONE
             if on_wave is not None and progress.samples > shown:
                 shown = progress.samples
-                film = self._film(shown, complete=True)
+                film = self._film(shown, complete=True, read=self._copied)
                 if progress.state == HELD:
                     self._core.glint_render_resume(self._handle)
                 on_wave(film)
@@ -187,22 +191,38 @@ class _Render:
         if progress.state == FAILED:
             text = self._core.glint_render_error(self._handle).decode(errors="replace")
             raise MemoryError("the core ran out of memory") if text == "out of memory" else RuntimeError(f"the core failed: {text}")
-        return self._film(progress.samples, progress.state != CANCELLED)
+        return self._film(progress.samples, progress.state != CANCELLED, self._taken)
 
-    def _film(self, samples: int, complete: bool) -> Film:
-        passes = {name: self._pass(name, samples) for name in self._names}
+    def _film(self, samples: int, complete: bool, read: Callable[[int, tuple[int, int, int]], np.ndarray | None]) -> Film:
+        """read: gives a pass, by its number and shape, or None when the core cannot."""
+        passes = {name: self._pass(name, samples, read) for name in self._names}
         data = self._core.glint_render_stats(self._handle)
         return Film(self._axes.world_passes(passes) if self._axes else passes, samples, complete, _stats(data), _notes(data))
 
-    def _pass(self, name: str, samples: int) -> np.ndarray:
+    def _pass(self, name: str, samples: int, read: Callable[[int, tuple[int, int, int]], np.ndarray | None]) -> np.ndarray:
         """(h, w, c) float32; of an untouched picture when no wave is complete."""
         shape = (*self._shape, PASSES[name])
         if samples == 0:
             return np.full(shape, empty_value(name), np.float32)
-        picture = np.empty(shape, np.float32)
-        if self._core.glint_render_read(self._handle, core_types.PASS_NUMBERS[name], picture.ctypes.data, picture.size):
-            raise RuntimeError(f"the core has no pass {name!r} of {picture.size} numbers")
+        picture = read(core_types.PASS_NUMBERS[name], shape)
+        if picture is None:
+            raise RuntimeError(f"the core has no pass {name!r} of {math.prod(shape)} numbers")
         return picture
+
+    def _copied(self, number: int, shape: tuple[int, int, int]) -> np.ndarray | None:
+        picture = np.empty(shape, np.float32)
+        failed = self._core.glint_render_read(self._handle, number, picture.ctypes.data, picture.size)
+        return None if failed else picture
+
+    def _taken(self, number: int, shape: tuple[int, int, int]) -> np.ndarray | None:
+        """The core's own memory, which is freed with the array and all that look into it."""
+        size = math.prod(shape)
+        address = self._core.glint_render_take(self._handle, number, size)
+        if not address:
+            return None
+        memory = (c_float * size).from_address(address)
+        weakref.finalize(memory, self._core.glint_picture_free, address, size).atexit = False
+        return np.frombuffer(memory, np.float32).reshape(shape)
 
 
 def _stats(data: StatsData) -> dict[str, float]:

@@ -29,7 +29,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 6
+#define GLINT_ABI_VERSION 7
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -244,6 +244,12 @@ GLINT_API void glint_render_cancel(GlintRender* render);
 /* Copies a pass of the last complete wave, rows from the bottom; `size` is the number of floats of `out`. Returns 0, or -1 when there is no
  * complete wave, the pass was not asked for, or the size does not fit. */
 GLINT_API int32_t glint_render_read(GlintRender* render, int32_t pass, float* out, uint64_t size);
+
+/* The same without a copy, once the render has ended: `size` floats for the caller to keep, beyond the render's own life, and to give to
+ * glint_picture_free with their number. The render has the pass no more. Null where read returns -1, before the end, and when memory is
+ * short. */
+GLINT_API float* glint_render_take(GlintRender* render, int32_t pass, uint64_t size);
+GLINT_API void glint_picture_free(float* picture, uint64_t size);
 
 GLINT_API GlintStats glint_render_stats(GlintRender* render);
 

@@ -65,6 +65,10 @@ void glint_render_cancel(GlintRender* render) { render->job.cancel(); }
 int32_t glint_render_read(GlintRender* render, int32_t pass, float* out, uint64_t size) {
   return render->job.read(pass, out, size) ? 0 : -1;
 }
+float* glint_render_take(GlintRender* render, int32_t pass, uint64_t size) {
+  return glint::guarded<float*>(nullptr, nullptr, 0, [&] { return render->job.take(pass, size).release(); });
+}
+void glint_picture_free(float* picture, uint64_t size) { glint::Zeros<float>::give(picture, size); }
 GlintStats glint_render_stats(GlintRender* render) { return render->job.stats(); }
 const char* glint_render_error(GlintRender* render) { return render->job.error().c_str(); }
 void glint_render_destroy(GlintRender* render) { delete render; }

@@ -160,4 +160,15 @@ bool Film::read(int pass, float* out, uint64_t size) const {
   return true;
 }
 
+Zeros<float> Film::take(int pass, uint64_t size) {
+  const bool all = shown_.width() == region_.width() && shown_.height() == region_.height();
+  if (channels_of(pass) == 0 || !pictures_[pass].data()) return {};
+  if (!all) {
+    Zeros<float> part(numbers(size, 1));
+    if (!read(pass, part.data(), size)) return {};
+    pictures_[pass] = std::move(part);
+  }
+  return pictures_[pass].size() == size ? std::move(pictures_[pass]) : Zeros<float>();
+}
+
 }  // namespace glint

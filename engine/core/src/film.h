@@ -85,6 +85,8 @@ class Film {
   void publish(const Tile& tile, const SlotTable& slots, uint32_t samples, const Stages& stages);
   /// False when the pass was not asked for or the size differs.
   bool read(int pass, float* out, uint64_t size) const;
+  /// The same numbers, which the film has no more; empty where `read` is false.
+  Zeros<float> take(int pass, uint64_t size);
 
  private:
   static constexpr uint32_t kDataPasses =

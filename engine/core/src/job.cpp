@@ -211,6 +211,11 @@ bool Job::read(int pass, float* out, uint64_t size) {
   return samples_ > 0 && film_.read(pass, out, size);
 }
 
+Zeros<float> Job::take(int pass, uint64_t size) {
+  std::lock_guard lock(mutex_);
+  return ended() && samples_ > 0 ? film_.take(pass, size) : Zeros<float>();
+}
+
 GlintStats Job::stats() {
   std::lock_guard lock(mutex_);
   GlintStats s{};

@@ -29,6 +29,8 @@ class Job {
   void resume();
   void cancel();
   bool read(int pass, float* out, uint64_t size);
+  /// After the end. Empty where `read` is false. Throws std::bad_alloc.
+  Zeros<float> take(int pass, uint64_t size);
   GlintStats stats();
   const std::string& error() const { return error_; }
 

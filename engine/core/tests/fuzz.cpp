@@ -1,5 +1,6 @@
 // fuzz [cases] [seconds] [first seed]: feeds the C door arbitrary sizes, indices and floats. It must refuse with a text or answer soundly:
 // finite pixels, hits that exist and lie in their interval, the same verdict from closest and any hit. Run it under the sanitizers.
+#include <algorithm>
 #include <chrono>
 #include <cinttypes>
 #include <cmath>
@@ -73,6 +74,11 @@ void check_pixels(GlintRender* render, const GlintRenderSettings& s) {
     }
     for (float x : out) expect(std::isfinite(x), ("a number of pass " + std::to_string(pass) + " is not finite").c_str());
     expect(glint_render_read(render, pass, out.data(), out.size() + 1) == -1, "read into room of the wrong size");
+    expect(!glint_render_take(render, pass, out.size() + 1), "taken with the wrong size");
+    float* taken = glint_render_take(render, pass, out.size());
+    expect(taken && std::equal(out.begin(), out.end(), taken), "what is taken is not what is read");
+    glint_picture_free(taken, out.size());
+    expect(!glint_render_take(render, pass, out.size()), "taken twice");
   }
 }
 
