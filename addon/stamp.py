@@ -6,6 +6,7 @@ Fields stand in the file as `glint.<view layer>.<field>`.
 from __future__ import annotations
 
 import functools
+import os
 import tomllib
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -15,7 +16,7 @@ from .. import engine
 from ..engine.fingerprint import picture_fingerprint, settings_text, tracer_text, value_fingerprint
 
 FIELDS = ("pixels", "settings", "geometry", "tracer", "frame")
-"""pixels: hash of all passes as float32.  settings: JSON.  geometry: hash of the exported scene.  tracer: which one, and its version."""
+"""pixels: hash of all passes as float32 (`picture_fingerprint`).  settings: JSON.  geometry: hash of the exported scene.  tracer: which one, and its version."""
 
 
 @functools.cache
@@ -30,7 +31,7 @@ class Stamping:
     while Blender takes it over."""
 
     def __init__(self, scene: engine.Scene) -> None:
-        self._threads = ThreadPoolExecutor(2)
+        self._threads = ThreadPoolExecutor(1 + min(os.cpu_count() or 1, 8))  # one waits for the others
         self._geometry = self._threads.submit(value_fingerprint, scene)
         self._pixels: Future[str] | None = None
 
@@ -42,7 +43,7 @@ class Stamping:
 
     def begin_pixels(self, film: engine.Film) -> None:
         """The picture is there; nobody may change its arrays before `fields` is called."""
-        self._pixels = self._threads.submit(picture_fingerprint, film.passes)
+        self._pixels = self._threads.submit(picture_fingerprint, film.passes, self._threads.map)
 
     def fields(self, settings: engine.Settings, frame: int) -> dict[str, str]:
         """Field → text, after `begin_pixels`."""

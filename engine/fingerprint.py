@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
+from itertools import chain, islice
 from typing import Any
 
 import numpy as np
@@ -18,14 +19,34 @@ _WITHOUT_EFFECT = ("threads",)
 """Settings that never change a bit of a picture."""
 
 
-def picture_fingerprint(passes: Mapping[str, np.ndarray]) -> str:
-    """SHA-256 in hexadecimal of every pass's name, shape and float32 bits, in the order of their names, but for `film.EFFORTS`. -0 differs
-    from 0, and NaNs by their bits: the same fingerprint means the same bits."""
+_BLOCK = 1 << 20
+"""Bytes of a picture that are hashed in one piece."""
+
+
+def picture_fingerprint(passes: Mapping[str, np.ndarray], each: Callable[..., Iterable[bytes]] = map) -> str:
+    """SHA-256 in hexadecimal of every pass's name, shape and the SHA-256 of each MiB of its float32 bits, in the order of their names, but
+    for `film.EFFORTS`. -0 differs from 0, and NaNs by their bits: the same fingerprint means the same bits.
+
+    each: `map`, or that of an executor, whose threads then hash side by side.
+    """
+    pictures = {name: np.ascontiguousarray(passes[name], np.float32) for name in sorted(passes.keys() - set(EFFORTS))}
+    blocks = {name: _blocks(picture) for name, picture in pictures.items()}
+    hashes = each(_sha256, chain.from_iterable(blocks.values()))
     digest = hashlib.sha256()
-    for name in sorted(passes.keys() - set(EFFORTS)):
-        digest.update(name.encode())
-        _feed(digest, np.asarray(passes[name], np.float32))
+    for name, picture in pictures.items():
+        digest.update(f"{name} {picture.shape}".encode())
+        for block in islice(hashes, len(blocks[name])):
+            digest.update(block)
     return digest.hexdigest()
+
+
+def _blocks(picture: np.ndarray) -> list[memoryview]:
+    whole = memoryview(picture).cast("B")
+    return [whole[first : first + _BLOCK] for first in range(0, len(whole), _BLOCK)]
+
+
+def _sha256(block: memoryview) -> bytes:
+    return hashlib.sha256(block).digest()
 
 
 def value_fingerprint(value: Any) -> str:

@@ -1,6 +1,7 @@
 """Fingerprints: equal values give equal ones, and every change gives another."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -61,6 +62,17 @@ def test_a_picture_is_known_by_its_bits():
     assert picture_fingerprint({"Combined": passes["Combined"]}) != known
     assert picture_fingerprint({**passes, "Depth": passes["Depth"].reshape(3, 2, 1)}) != known
     assert picture_fingerprint({"Depth": np.float32([[0.0]])}) != picture_fingerprint({"Depth": np.float32([[-0.0]])})
+
+
+def test_a_large_picture_is_known_however_many_threads_look_at_it():
+    passes = {"Combined": np.arange(600_000, dtype=np.float32).reshape(300, 500, 4), "Depth": np.ones((300, 500, 1), np.float32)}
+    known = picture_fingerprint(passes)
+    with ThreadPoolExecutor(3) as threads:
+        assert picture_fingerprint(passes, threads.map) == known
+    for place in (0, 300_000, 599_999):
+        other = passes["Combined"].copy()
+        other.flat[place] += 1
+        assert picture_fingerprint({**passes, "Combined": other}) != known
 
 
 def test_settings_without_threads():

@@ -11,7 +11,7 @@ constexpr size_t kParts = 6 * 3;
 
 Batch::Batch(const Scene& scene, uint32_t passes)
     : scene_(scene), passes_(passes), smooth_(scene.features & GLINT_FEATURE_SMOOTH),
-      columns_(kFixed + (smooth_ ? kSmooth : 0) + 4 * size_t(scene.max_specular) + kParts) {}
+      columns_(kFixed + (smooth_ ? kSmooth : 0) + 4 * size_t(scene.max_specular) + 3 * size_t(scene.max_passing) + kParts) {}
 
 void Batch::begin(const Queue& rays) {
   queue = &rays, count_ = rays.size();
@@ -47,7 +47,8 @@ void Batch::place_columns() {
   part(parts_.environment, GLINT_PASS_ENVIRONMENT);
   bool light_parts = passes_ & (1u << GLINT_PASS_DIFFUSE | 1u << GLINT_PASS_SPECULAR | 1u << GLINT_PASS_SHADOW);
   if (light_parts) three(parts_.diffuse), three(parts_.specular), three(parts_.shadow);
-  specular = scene_.max_specular > 0 ? columns_[next] : nullptr;
+  specular = scene_.max_specular > 0 ? columns_[next] : nullptr, next += 4 * size_t(scene_.max_specular);
+  passing_columns = scene_.max_passing > 0 ? columns_[next] : nullptr;
   stride = columns_.rows();
 }
 
@@ -62,11 +63,6 @@ Surface Batch::surface(size_t k) const {
 void Batch::set_surface(size_t k, const Surface& s) {
   set_row(points.x, k, s.x), set_row(points.g, k, s.g), points.offset[k] = s.offset, outside[k] = s.outside ? -1 : 0;
   if (smooth_) set_row(points.n, k, s.n), set_row(points.origin, k, s.x);
-}
-
-void Batch::set_specular(size_t k, int term, Vec3d Tk, double exponent) {
-  double* column = specular + 4 * size_t(term) * stride + k;
-  column[0] = Tk.x, column[stride] = Tk.y, column[2 * stride] = Tk.z, column[3 * stride] = exponent;
 }
 
 }  // namespace glint

@@ -39,18 +39,22 @@ class Batch {
   void charge_fallbacks() const {
     for (size_t k = 0; fallbacks && k < count_; ++k) fallbacks[queue->slots[k]] += doubts_[k];
   }
-  /// Term number `term` of the highlights of point k.
-  void set_specular(size_t k, int term, Vec3d Tk, double exponent);
+  /// Coefficient of the lobe number `lobe` of those that send rays on from point k.
+  Vec3d passing(size_t k, int lobe) const {
+    const double* column = passing_columns + 3 * size_t(lobe) * stride + k;
+    return {column[0], column[stride], column[2 * stride]};
+  }
 
   const Queue* queue = nullptr;
   double* t = nullptr;
-  std::vector<uint32_t> instance, primitive, material, others;  // others: rays whose material the shade stage leaves to the shader
+  std::vector<uint32_t> instance, primitive, material, others;  // others: rays whose material the shade stage leaves to others
   std::vector<float> u, v;
   std::vector<int64_t> lit, outside;  // masks: points that lights may reach, seen from outside
   PointColumns points{};
   SumColumns sums{};                  // parts that are not kept are null
   double* diffuse[3] = {};            // T k
   double* specular = nullptr;         // as ShadeStage has it
+  double* passing_columns = nullptr;  // as VaryStage has it
   size_t stride = 0;
   double *cost = nullptr, *fallbacks = nullptr;  // rays traced for each slot, and float64 tests of them; null when nobody asks
   Sight* sight = nullptr;             // what is known of these rays, from its row `first_row` on; null for none

@@ -9,12 +9,6 @@ namespace {
 
 constexpr double kNoDepth = 1e10;
 
-/// Largest finite floats stand for what does not fit, 0 for infinity minus infinity.
-float to_float(double x) {
-  constexpr double top = std::numeric_limits<float>::max();
-  return std::isnan(x) ? 0 : float(std::clamp(x, -top, top));
-}
-
 /// Throws std::bad_alloc where they are too many to count.
 size_t numbers(size_t pixels, size_t channels) {
   if (pixels > std::numeric_limits<size_t>::max() / 16 / channels) throw std::bad_alloc();

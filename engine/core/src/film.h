@@ -2,6 +2,7 @@
 #pragma once
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "../include/glint.h"
@@ -50,6 +51,12 @@ struct FirstHit {
   int32_t object = 0, material = 0;
 };
 
+/// Largest finite floats stand for what does not fit, 0 for infinity minus infinity.
+inline float to_float(double x) {
+  constexpr double top = std::numeric_limits<float>::max();
+  return x == x ? float(std::clamp(x, -top, top)) : 0;
+}
+
 /// Channels of a pass, 0 for no such pass.
 int channels_of(int pass);
 
@@ -75,7 +82,9 @@ class Film {
     return at_[pass] < 0 ? nullptr : sums_.data() + tile.first_sum + size_t(at_[pass]) * tile.stride();
   }
   double* lost_alpha(const Tile& tile) { return sums(tile, GLINT_PASS_COMBINED) + 3 * tile.stride(); }
+  bool wants_depth_alone() const { return (passes_ & kDataPasses) == 1u << GLINT_PASS_DEPTH; }
   void set_data(uint32_t pixel, const FirstHit& hit);
+  void set_depth(uint32_t pixel, double depth) { pictures_[GLINT_PASS_DEPTH].data()[pixel] = to_float(depth); }
   void set_gap(uint32_t pixel, double gap) { store(GLINT_PASS_GAP, pixel, &gap); }
 
   /// What a wave of that many samples says of the tile's error; then, after the first ones, with that of neighbours.

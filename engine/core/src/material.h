@@ -11,6 +11,9 @@ namespace glint {
 
 class Scene;
 
+/// Kinds of lobes that send rays on.
+constexpr uint32_t kPassing = 1u << GLINT_MIRROR | 1u << GLINT_REFRACTION | 1u << GLINT_TRANSPARENT;
+
 /// One term of a surface; `k` is final when `constant`.
 struct Lobe {
   int kind = GLINT_DIFFUSE;
@@ -26,7 +29,7 @@ struct Material {
   int32_t index = 0;
   uint32_t kinds = 0;    // bit 1 << kind for each of its lobes
   int specular_count = 0;
-  bool varies = false;   // over the surface, and sends no rays on
+  int passing = 0;       // lobes that send rays on, unless all of these are nothing
   bool has(int kind) const { return kinds >> kind & 1; }
 };
 

@@ -358,8 +358,12 @@ void Scene::shape_materials() {
   for (const Lobe& g : lobes)
     lobe_shapes.push_back({g.kind, g.constant, g.like_last, g.exponent, {g.k.x, g.k.y, g.k.z}, g.first_input, g.input_count});
   for (const Texture& texture : textures) texture_shapes.push_back(texture.shape());
-  constexpr uint32_t staying = 1u << GLINT_AMBIENT | 1u << GLINT_EMISSION | 1u << GLINT_DIFFUSE | 1u << GLINT_SPECULAR;
-  for (size_t m = 0; m < materials.size(); ++m) materials[m].varies = material_terms[m].others && !(materials[m].kinds & ~staying);
+  for (size_t m = 0; m < materials.size(); ++m) {
+    if (!material_terms[m].others) continue;
+    const Lobe* first = lobes.data() + materials[m].first_lobe;
+    materials[m].passing = int(std::count_if(first, first + materials[m].lobe_count, [](const Lobe& g) { return 1u << g.kind & kPassing; }));
+    max_passing = std::max(max_passing, materials[m].passing);
+  }
 }
 
 std::vector<GeometryView> Scene::geometry_views() const {

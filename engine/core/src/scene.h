@@ -96,6 +96,7 @@ class Scene {
   const double* world_from_object = nullptr;
   uint32_t features = 0;       // GLINT_FEATURE_*
   int max_specular = 0;        // SPECULAR lobes of a material, at most
+  int max_passing = 0;         // Material::passing, at most
   size_t triangles = 0, primitives = 0, dropped_instances = 0, dropped_lights = 0;
   double build_seconds = 0;
 
@@ -111,8 +112,6 @@ class Scene {
   std::vector<LobeShape> lobe_shapes;
   std::vector<TextureShape> texture_shapes;
   std::vector<uint32_t> reads;         // for each input, the first of its material (or that itself) that reads the same of an image
-  /// Whether the vary stage has what points of a material need; else the shader.
-  bool varies(uint32_t material) const { return material < materials.size() && materials[material].varies; }
   bool only_meshes = true;
 
  private:

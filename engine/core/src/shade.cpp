@@ -14,8 +14,6 @@ constexpr int kMaxStraight = 128;  // transparent rays in a row
 
 /// A ray that arrives at a surface.
 struct Shader::Incidence {
-  Batch& batch;
-  size_t index;
   Ray ray;
   Path path;
   Surface s;
@@ -24,48 +22,37 @@ struct Shader::Incidence {
 };
 
 /// Sums of the lobes of a kind.
-struct Shader::Lobes {
-  Vec3d diffuse, mirror, transparent;
-  int specular_count = 0;
-  bool lit = false;
+struct Shader::Passing {
+  Vec3d mirror, transparent;
 };
 
-void Shader::hit(Batch& batch, size_t k, Film& film, uint32_t pixel, double& lost, const Leaving& next, RayCounts& counts) const {
-  Incidence at{batch, k, batch.queue->ray(k), batch.queue->path(k), batch.surface(k)};
-  const GlintInstances& group = scene_.group(at.s.instance);
-  const Material& material = scene_.materials[scene_.material_of(group, at.s.primitive)];
-  if (group.flags & GLINT_HOLDOUT) {
-    if (at.path.wants_data && mean(transparency(scene_, material, at.s)) < 0.5) record(film, pixel, at.s, material, at.ray.d);
-    if (at.path.depth == 0) lost += mean(at.path.T);
-    return;
-  }
-  Lobes sum;
-  const Lobe* lobes = scene_.lobes.data() + material.first_lobe;
-  Vec3d last;
-  PointReads reads;
-  for (uint32_t i = 0; i < material.lobe_count; ++i) {
-    if (!lobes[i].like_last) last = coefficient(scene_, lobes[i], at.s, reads);
-    add_lobe(at, lobes[i], last, sum, next, counts);
-  }
+void Shader::pass_on(const Batch& batch, size_t k, Film& film, uint32_t pixel, const Leaving& next, RayCounts& counts) const {
+  const Material& material = scene_.materials[batch.material[k]];
+  bool passes = batch.queue->wants_data[k] != 0;
+  for (int i = 0; !passes && i < material.passing; ++i) passes = any(batch.passing(k, i));
+  if (!passes) return;
+  const Incidence at{batch.queue->ray(k), batch.queue->path(k), batch.surface(k)};
+  Passing sum;
+  const Lobe* lobe = scene_.lobes.data() + material.first_lobe;
+  for (int i = 0; i < material.passing; ++lobe)
+    if (1u << lobe->kind & kPassing) add_lobe(at, *lobe, batch.passing(k, i++), sum, next, counts);
   if (at.path.wants_data && mean(sum.transparent) < 0.5) record(film, pixel, at.s, material, at.ray.d);
-  const Vec3d Tk = at.path.T * sum.diffuse;
-  set_row(batch.diffuse, k, Tk), batch.lit[k] = any(Tk) || sum.lit ? -1 : 0;
   go_on(at, sum, batch.t[k], next, counts);
 }
 
-void Shader::add_lobe(const Incidence& at, const Lobe& lobe, Vec3d k, Lobes& sum, const Leaving& next, RayCounts& counts) const {
-  const Vec3d Tk = at.path.T * k;
+void Shader::add_lobe(const Incidence& at, const Lobe& lobe, Vec3d k, Passing& sum, const Leaving& next, RayCounts& counts) const {
   const double F = lobe.fresnel ? fresnel_reflectance(at.cosine(), at.relative(lobe.ior)) : 1;
-  const SumColumns& sums = at.batch.sums;
-  switch (lobe.kind) {
-    case GLINT_AMBIENT: return at.batch.add(at.index, sums.ambient, Tk * scene_.ambient);
-    case GLINT_EMISSION: return at.batch.add(at.index, sums.emission, Tk);
-    case GLINT_DIFFUSE: sum.diffuse += k; return;
-    case GLINT_SPECULAR: sum.lit |= any(Tk); return at.batch.set_specular(at.index, sum.specular_count++, Tk, lobe.exponent);
-    case GLINT_MIRROR: sum.mirror += F * k; return;
-    case GLINT_REFRACTION: return refraction(at, lobe.fresnel ? (1 - F) * k : k, at.relative(lobe.ior), next, counts);
-    case GLINT_TRANSPARENT: sum.transparent += k; return;
-  }
+  if (lobe.kind == GLINT_MIRROR) sum.mirror += F * k;
+  else if (lobe.kind == GLINT_REFRACTION) refraction(at, lobe.fresnel ? (1 - F) * k : k, at.relative(lobe.ior), next, counts);
+  else sum.transparent += k;
+}
+
+void Shader::hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel, double& lost) const {
+  const Path path = batch.queue->path(k);
+  const Surface s = batch.surface(k);
+  const Material& material = scene_.materials[scene_.material_of(scene_.group(s.instance), s.primitive)];
+  if (path.wants_data && mean(transparency(scene_, material, s)) < 0.5) record(film, pixel, s, material, batch.queue->ray(k).d);
+  if (path.depth == 0) lost += mean(path.T);
 }
 
 /// A ray that leaves the surface one bounce deeper.
@@ -82,8 +69,9 @@ void Shader::refraction(const Incidence& at, Vec3d k, double relative_ior, const
   if (any(d) && push(at, d, k, next.bounced)) ++counts.refraction;
 }
 
-void Shader::go_on(const Incidence& at, const Lobes& sum, double t, const Leaving& next, RayCounts& counts) const {
-  if (any(sum.mirror) && push(at, reflect(at.ray.d, at.s.n, at.s.g), sum.mirror, next.bounced)) ++counts.mirror;
+void Shader::go_on(const Incidence& at, const Passing& sum, double t, const Leaving& next, RayCounts& counts) const {
+  const bool bounces = any(sum.mirror) && at.path.depth < plan_.max_bounces;
+  if (bounces && push(at, reflect(at.ray.d, at.s.n, at.s.g), sum.mirror, next.bounced)) ++counts.mirror;
   if (!any(sum.transparent) || at.path.straight >= kMaxStraight) return;
   Path path = at.path;
   path.T = path.T * sum.transparent, path.from = t, ++path.straight;
@@ -95,6 +83,7 @@ void Shader::go_on(const Incidence& at, const Lobes& sum, double t, const Leavin
 }
 
 void Shader::record(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
+  if (film.wants_depth_alone()) return film.set_depth(pixel, camera_.depth(row(batch.points.x, k)));
   const Surface s = batch.surface(k);
   record(film, pixel, s, scene_.materials[batch.material[k]], batch.queue->ray(k).d);
 }

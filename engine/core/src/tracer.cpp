@@ -159,13 +159,13 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
     if (batch_.missed(k)) lost[queue.slots[k]] += mean(queue.path(k).T);
   for (size_t i = 0; i < others;) {
     const uint32_t k = batch_.others[i];
-    if (scene_.varies(batch_.material[k])) i += vary(queue, i, others - i);
-    else shader_.hit(batch_, k, film_, pixel(queue, k), lost[queue.slots[k]], {straight, bounced}, counts_), ++i;
+    if (batch_.material[k] == scene_.holdout()) shader_.hold_out(batch_, k, film_, pixel(queue, k), lost[queue.slots[k]]), ++i;
+    else i += vary(queue, i, others - i, {straight, bounced});
   }
 }
 
-/// Shades those of the batch's `others` from `first` on, of `count`, that share its material, which varies. How many they are.
-size_t Tracer::vary(const Queue& queue, size_t first, size_t count) {
+/// Shades those of the batch's `others` from `first` on, of `count`, that share its material. How many they are.
+size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leaving& next) {
   const uint32_t* rows = batch_.others.data() + first;
   const Material& material = scene_.materials[batch_.material[rows[0]]];
   VaryStage stage{};
@@ -179,8 +179,9 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count) {
     stage.T[c] = queue.columns[Queue::kT + c], stage.diffuse[c] = batch_.diffuse[c], stage.ambient[c] = scene_.ambient[int(c)];
     if (c < 2) stage.weights[c] = batch_.points.weights[c];
   }
-  stage.specular = batch_.specular, stage.stride = batch_.stride, stage.lit = batch_.lit.data();
+  stage.specular = batch_.specular, stage.passing = batch_.passing_columns, stage.stride = batch_.stride, stage.lit = batch_.lit.data();
   stages_.vary(stage);
+  for (size_t i = 0; material.passing > 0 && i < stage.count; ++i) shader_.pass_on(batch_, rows[i], film_, pixel(queue, rows[i]), next, counts_);
   return stage.count;
 }
 
@@ -200,12 +201,13 @@ void Tracer::find_gaps() {
   }
 }
 
-/// Data passes of the hits that the shader did not look at.
+/// Data passes of the hits on materials that let nothing through.
 void Tracer::record(const Queue& queue) {
-  for (size_t k = 0; k < queue.size(); ++k)
-    if (queue.wants_data[k] && !batch_.missed(k) &&
-        (!scene_.material_terms[batch_.material[k]].others || scene_.varies(batch_.material[k])))
+  for (size_t k = 0; k < queue.size(); ++k) {
+    const uint32_t material = batch_.material[k];
+    if (queue.wants_data[k] && material < scene_.materials.size() && scene_.materials[material].passing == 0)
       shader_.record(batch_, k, film_, pixel(queue, k));
+  }
 }
 
 /// The batch's sums to those of the film.

@@ -36,7 +36,7 @@ class Tracer {
   void find_points(const Queue& queue);
   void find_hits(const Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
-  size_t vary(const Queue& queue, size_t first, size_t count);
+  size_t vary(const Queue& queue, size_t first, size_t count, const Leaving& next);
   void record(const Queue& queue);
   void keep(const Queue& queue);
   void wait(Queue queue);

@@ -1,4 +1,4 @@
-// Materials that vary over the surface and send no ray on (notes 4.12-4.17). Letters: T weight to the pixel, k coefficient of a lobe.
+// Materials that vary over the surface or send rays on (notes 4.12-4.17). Letters: T weight to the pixel, k coefficient of a lobe.
 #pragma once
 #include "stage_inputs.h"
 
@@ -9,9 +9,11 @@ namespace {
 struct Chosen {
   size_t count;
   uint32_t row[kLanes];
+  bool together = false;  // rows that follow each other, in all lanes
 };
 
 inline Doubles gather(const double* column, const Chosen& at) {
+  if (at.together) return load(column + at.row[0]);
   Doubles v;
   for (size_t lane = 0; lane < kLanes; ++lane) v[lane] = column[at.row[lane]];
   return v;
@@ -20,6 +22,7 @@ inline Three gather3(const double* const (&columns)[3], const Chosen& at) {
   return {gather(columns[0], at), gather(columns[1], at), gather(columns[2], at)};
 }
 inline void scatter(double* column, const Chosen& at, Doubles v) {
+  if (at.together) return store(column + at.row[0], v);
   for (size_t lane = 0; lane < at.count; ++lane) column[at.row[lane]] = v[lane];
 }
 inline void scatter3(double* const (&columns)[3], const Chosen& at, const Three& v) {
@@ -45,7 +48,7 @@ inline void add_part(double* const (&part)[3], const Chosen& at, const Three& c)
 struct Lobes {
   Three glow, diffuse;
   Mask lit = {};
-  int specular_count = 0;
+  int specular_count = 0, passing_count = 0;
 };
 
 inline void set_specular(const VaryStage& s, const Chosen& at, const Three& Tk, double exponent, Lobes& sum) {
@@ -55,10 +58,16 @@ inline void set_specular(const VaryStage& s, const Chosen& at, const Three& Tk, 
   sum.lit |= nonzero(Tk);
 }
 
+inline void set_passing(const VaryStage& s, const Chosen& at, const Three& k, Lobes& sum) {
+  double* column = s.passing + 3 * size_t(sum.passing_count++) * s.stride;
+  scatter(column, at, k.x), scatter(column + s.stride, at, k.y), scatter(column + 2 * s.stride, at, k.z);
+}
+
 inline void add_lobe(const VaryStage& s, const Chosen& at, const LobeShape& lobe, const Three& T, const Three& k, Lobes& sum) {
   if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
   if (lobe.kind == GLINT_SPECULAR) return set_specular(s, at, T * k, lobe.exponent, sum);
   const bool ambient = lobe.kind == GLINT_AMBIENT;
+  if (!ambient && lobe.kind != GLINT_EMISSION) return set_passing(s, at, k, sum);
   const Three c = ambient ? T * k * splat3(s.ambient) : T * k;
   sum.glow = sum.glow + c;
   add_part(ambient ? s.sums.ambient : s.sums.emission, at, c);
@@ -85,6 +94,7 @@ void vary(const VaryStage& s) {
   for (size_t i = 0; i < s.count; i += kLanes) {
     Chosen at{s.count - i < kLanes ? s.count - i : kLanes, {}};
     for (size_t lane = 0; lane < kLanes; ++lane) at.row[lane] = s.rows[lane < at.count ? i + lane : i];
+    at.together = at.row[kLanes - 1] - at.row[0] == kLanes - 1;
     vary_group(s, at);
   }
 }

@@ -106,7 +106,8 @@ struct TextureShape {
   int type, extension, interpolation;
 };
 
-/// One material that varies over meshes and sends no rays on. Adds to the sums; sets `diffuse`, `specular` and `lit`, as ShadeStage does.
+/// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`, `specular` and `lit`, as ShadeStage does,
+/// and `passing`.
 struct VaryStage {
   size_t count;
   const uint32_t* rows;           // of its points
@@ -125,6 +126,7 @@ struct VaryStage {
   SumColumns sums;
   double* diffuse[3];
   double* specular;
+  double* passing;                // three columns for each lobe that sends rays on: its coefficient
   size_t stride;
   int64_t* lit;
 };
