@@ -16,7 +16,7 @@ from .. import engine
 from ..engine.fingerprint import picture_fingerprint, settings_text, tracer_text, value_fingerprint
 
 FIELDS = ("pixels", "settings", "geometry", "tracer", "frame")
-"""pixels: hash of all passes as float32 (`picture_fingerprint`).  settings: JSON.  geometry: hash of the exported scene.  tracer: which one, and its version."""
+"""pixels: `picture_fingerprint`.  settings: JSON.  geometry: hash of the exported scene.  tracer: which one, and its version."""
 
 
 @functools.cache

@@ -83,7 +83,8 @@ constexpr uint32_t kVisibility = kCamera | kMirror | kShadow;
 constexpr ptrdiff_t kReadsCompared = 16;
 
 bool same_read(const GlintInput& a, const GlintInput& b) {
-  return a.texture == b.texture && a.uv == b.uv && std::equal(a.uv_transform, a.uv_transform + 6, b.uv_transform);
+  const bool as_alpha = a.channel == GLINT_ALPHA, same_kind = as_alpha == (b.channel == GLINT_ALPHA);
+  return same_kind && a.texture == b.texture && a.uv == b.uv && std::equal(a.uv_transform, a.uv_transform + 6, b.uv_transform);
 }
 
 bool depends_on_surface(const GlintInput& input) { return input.texture >= 0 || input.attribute >= 0; }
@@ -361,7 +362,8 @@ void Scene::shape_materials() {
   for (size_t m = 0; m < materials.size(); ++m) {
     if (!material_terms[m].others) continue;
     const Lobe* first = lobes.data() + materials[m].first_lobe;
-    materials[m].passing = int(std::count_if(first, first + materials[m].lobe_count, [](const Lobe& g) { return 1u << g.kind & kPassing; }));
+    const auto passes = [](const Lobe& lobe) { return (1u << lobe.kind & kPassing) != 0; };
+    materials[m].passing = int(std::count_if(first, first + materials[m].lobe_count, passes));
     max_passing = std::max(max_passing, materials[m].passing);
   }
 }

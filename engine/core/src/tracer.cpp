@@ -181,7 +181,8 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
   }
   stage.specular = batch_.specular, stage.passing = batch_.passing_columns, stage.stride = batch_.stride, stage.lit = batch_.lit.data();
   stages_.vary(stage);
-  for (size_t i = 0; material.passing > 0 && i < stage.count; ++i) shader_.pass_on(batch_, rows[i], film_, pixel(queue, rows[i]), next, counts_);
+  for (size_t i = 0; material.passing > 0 && i < stage.count; ++i)
+    shader_.pass_on(batch_, rows[i], film_, pixel(queue, rows[i]), next, counts_);
   return stage.count;
 }
 

@@ -43,6 +43,19 @@ inline void store(float* p, Doubles v) { *reinterpret_cast<LooseSingles*>(p) = _
 inline void store(uint32_t* p, Numbers v) { *reinterpret_cast<LooseNumbers*>(p) = v; }
 
 inline Doubles splat(double a) { return a - Doubles{}; }  // -0 stays -0
+
+/// The vector of of(0), of(1), … (GCC writes a vector lane by lane with a masked instruction each, and this with few.)
+template <class Vector = Doubles, class Of>
+inline Vector each_lane(Of of) {
+#if defined(__AVX512F__)
+  return Vector{of(0), of(1), of(2), of(3), of(4), of(5), of(6), of(7)};
+#elif defined(__AVX__)
+  return Vector{of(0), of(1), of(2), of(3)};
+#else
+  return Vector{of(0), of(1)};
+#endif
+}
+
 inline Doubles choose(Mask m, Doubles a, Doubles b) { return m ? a : b; }
 inline Doubles where(Mask m, Doubles a) { return Doubles(Mask(a) & m); }  // else 0
 

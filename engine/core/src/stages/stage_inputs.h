@@ -9,15 +9,18 @@ namespace {
 
 /// A group of points on their meshes; rows beyond the last point repeat the first.
 struct OnMesh {
+  size_t different;  // 1 where all are on one primitive, else kLanes
   const GlintGeometry* geometry[kLanes];
   uint32_t primitive[kLanes];
   Doubles weights[3];
 };
 
-struct Color {
-  Three color;
-  Doubles alpha;
-};
+/// A colour as one of its channels.
+inline Three channel_of(const Three& color, int channel) {
+  if (channel != GLINT_LUMINANCE) return color;
+  const Doubles grey = (color.x + color.y + color.z) / 3;
+  return {grey, grey, grey};
+}
 
 inline const GlintAttribute* find(const VaryStage& s, const GlintGeometry& geometry, int32_t name) {
   const GlintAttribute* a = s.attributes + geometry.first_attribute;
@@ -26,41 +29,56 @@ inline const GlintAttribute* find(const VaryStage& s, const GlintGeometry& geome
   return nullptr;
 }
 
-/// An attribute's values at the three corners; 0 where a geometry lacks it, or a channel of it.
+/// Where an attribute's values at the three corners are. A geometry may lack it, or some of its channels: those are 0.
 struct Corners {
-  float at[3][4][kLanes] = {};
-  int channels[kLanes];
+  const float* at[3][kLanes];
+  int channels[kLanes] = {};
+  bool alike = true;  // as many channels in all lanes
 };
 
 inline void look_up(const GlintGeometry& geometry, const GlintAttribute& a, uint32_t primitive, size_t lane, Corners& out) {
   const uint32_t* rows = (a.domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * size_t(primitive);
-  for (size_t v = 0; v < 3; ++v) {
-    const float* p = a.values + size_t(a.channels) * (a.domain == GLINT_FACE ? primitive : rows[v]);
-    for (int c = 0; c < a.channels && c < 4; ++c) out.at[v][c][lane] = p[c];
-  }
+  for (size_t v = 0; v < 3; ++v) out.at[v][lane] = a.values + size_t(a.channels) * (a.domain == GLINT_FACE ? primitive : rows[v]);
 }
 
 inline void look_up(const VaryStage& s, const OnMesh& p, int32_t name, Corners& out) {
   const GlintAttribute* attribute = nullptr;
-  for (size_t lane = 0; lane < kLanes; ++lane) {
+  for (size_t lane = 0; lane < p.different; ++lane) {
     if (lane == 0 || p.geometry[lane] != p.geometry[lane - 1]) attribute = find(s, *p.geometry[lane], name);
     out.channels[lane] = attribute ? attribute->channels : 0;
+    out.alike = out.alike && out.channels[lane] == out.channels[0];
     if (attribute) look_up(*p.geometry[lane], *attribute, p.primitive[lane], lane, out);
   }
 }
 
+/// One channel at one corner.
+inline Doubles corner(const OnMesh& p, const Corners& values, size_t v, int channel) {
+  if (values.alike && values.channels[0] <= channel) return Doubles{};
+  if (p.different == 1) return splat(values.at[v][0][channel]);
+  const auto value = [&](size_t lane) { return values.at[v][lane][channel]; };
+  const auto any_value = [&](size_t lane) { return values.channels[lane] > channel ? value(lane) : 0.0f; };
+  return __builtin_convertvector(values.alike ? each_lane<Singles>(value) : each_lane<Singles>(any_value), Doubles);
+}
+
 inline Doubles blend(const OnMesh& p, const Corners& values, int channel) {
-  const Doubles a = load(values.at[0][channel]), b = load(values.at[1][channel]), c = load(values.at[2][channel]);
+  const Doubles a = corner(p, values, 0, channel), b = corner(p, values, 1, channel), c = corner(p, values, 2, channel);
   return finite_or_zero(p.weights[0] * a + p.weights[1] * b + p.weights[2] * c);
 }
 
-inline Color color_at(const VaryStage& s, const OnMesh& p, int32_t name) {
+/// Lanes that have at least so many channels.
+inline Mask lanes_with(const Corners& values, int channels) {
+  if (values.alike) return values.channels[0] >= channels ? ~Mask{} : Mask{};
+  Mask has{};
+  for (size_t lane = 0; lane < kLanes; ++lane) has[lane] = values.channels[lane] >= channels ? -1 : 0;
+  return has;
+}
+
+inline Three color_at(const VaryStage& s, const OnMesh& p, int32_t name, int channel) {
   Corners values;
   look_up(s, p, name, values);
-  Color c{{blend(p, values, 0), blend(p, values, 1), blend(p, values, 2)}, blend(p, values, 3)};
-  for (size_t lane = 0; lane < kLanes; ++lane)
-    if (values.channels[lane] < 4) c.alpha[lane] = values.channels[lane] > 0 ? 1 : 0;
-  return c;
+  if (channel != GLINT_ALPHA) return channel_of({blend(p, values, 0), blend(p, values, 1), blend(p, values, 2)}, channel);
+  const Doubles alpha = choose(lanes_with(values, 4), blend(p, values, 3), where(lanes_with(values, 1), splat(1)));
+  return {alpha, alpha, alpha};
 }
 
 inline Doubles clamped(Doubles x, double low, double high) { return choose(x < low, splat(low), choose(x > high, splat(high), x)); }
@@ -93,64 +111,74 @@ inline Axis axis_of(const TextureShape& t, Doubles x, double size) {
   return {wrap(first, size, t.extension), wrap(first + 1, size, t.extension), at - 0.5 - first};
 }
 
-inline Color texels(const TextureShape& t, Whole column, Whole row) {
-  Color c{};
-  for (size_t lane = 0; lane < kLanes; ++lane) {
-    if (column[lane] < 0 || row[lane] < 0) continue;
-    const size_t at = 4 * (size_t(row[lane]) * t.width + size_t(column[lane]));
-    if (t.type == GLINT_FLOAT32) {
-      const float* p = static_cast<const float*>(t.pixels) + at;
-      c.color.x[lane] = p[0], c.color.y[lane] = p[1], c.color.z[lane] = p[2], c.alpha[lane] = p[3];
-    } else {
-      const uint8_t* p = static_cast<const uint8_t*>(t.pixels) + at;
-      c.color.x[lane] = t.decode[p[0]], c.color.y[lane] = t.decode[p[1]], c.color.z[lane] = t.decode[p[2]], c.alpha[lane] = t.linear[p[3]];
+/// Texels of a group, as colours or as their alpha.
+struct Texels {
+  size_t at[kLanes];  // of the first channel
+  Mask inside = ~Mask{};
+  Texels(const TextureShape& t, Whole column, Whole row) {
+    for (size_t lane = 0; lane < kLanes; ++lane) at[lane] = 4 * (size_t(row[lane]) * t.width + size_t(column[lane]));
+    if (t.extension != GLINT_CLIP) return;
+    for (size_t lane = 0; lane < kLanes; ++lane) {
+      const bool out = column[lane] < 0 || row[lane] < 0;
+      inside[lane] = out ? 0 : -1, at[lane] = out ? 0 : at[lane];
     }
   }
-  return c;
+};
+
+inline Doubles channel(const TextureShape& t, const Texels& texels, size_t c, const double* codes) {
+  const auto number = [&](size_t lane) { return double(static_cast<const float*>(t.pixels)[texels.at[lane] + c]); };
+  const auto decoded = [&](size_t lane) { return codes[static_cast<const uint8_t*>(t.pixels)[texels.at[lane] + c]]; };
+  const Doubles v = t.type == GLINT_FLOAT32 ? each_lane(number) : each_lane(decoded);
+  return t.extension == GLINT_CLIP ? where(texels.inside, v) : v;
 }
 
-inline Color mix(const Color& a, const Color& b, Doubles t) {
-  return {(1 - t) * a.color + t * b.color, (1 - t) * a.alpha + t * b.alpha};
+inline Three colors(const TextureShape& t, const Texels& at) {
+  return {channel(t, at, 0, t.decode), channel(t, at, 1, t.decode), channel(t, at, 2, t.decode)};
+}
+inline Doubles alphas(const TextureShape& t, const Texels& at) { return channel(t, at, 3, t.linear); }
+
+template <class Value>
+inline Value mix(const Value& a, const Value& b, Doubles t) {
+  return (1 - t) * a + t * b;
 }
 
-inline Color sample(const TextureShape& t, Doubles u, Doubles v) {
+/// What `read`, colors or alphas, makes of the texels at a coordinate.
+template <auto read>
+inline auto sample(const TextureShape& t, Doubles u, Doubles v) {
   const Axis x = axis_of(t, u, t.width), y = axis_of(t, v, t.height);
-  if (t.interpolation == GLINT_CLOSEST) return texels(t, x.first, y.first);
-  return mix(mix(texels(t, x.first, y.first), texels(t, x.second, y.first), x.way),
-             mix(texels(t, x.first, y.second), texels(t, x.second, y.second), x.way), y.way);
-}
-
-inline Three channel_of(const Color& c, int channel) {
-  if (channel == GLINT_ALPHA) return {c.alpha, c.alpha, c.alpha};
-  if (channel != GLINT_LUMINANCE) return c.color;
-  const Doubles grey = (c.color.x + c.color.y + c.color.z) / 3;
-  return {grey, grey, grey};
+  if (t.interpolation == GLINT_CLOSEST) return read(t, {t, x.first, y.first});
+  return mix(mix(read(t, {t, x.first, y.first}), read(t, {t, x.second, y.first}), x.way),
+             mix(read(t, {t, x.first, y.second}), read(t, {t, x.second, y.second}), x.way), y.way);
 }
 
 /// What was read of images for a group of points: inputs of several lobes often ask for the same.
 struct Reads {
   static constexpr uint32_t kKept = 8;
   uint32_t count = 0, number[kKept];
-  Color color[kKept];
+  Three value[kKept];
 };
 
-inline Color read_image(const VaryStage& s, const OnMesh& p, const GlintInput& input) {
+inline Three read_image(const VaryStage& s, const OnMesh& p, const GlintInput& input) {
   Corners uv;
   look_up(s, p, input.uv, uv);
   const double* m = input.uv_transform;
-  Mask has = {};
-  for (size_t lane = 0; lane < kLanes; ++lane) has[lane] = uv.channels[lane] >= 2 ? -1 : 0;
+  const Mask has = lanes_with(uv, 2);
   const Doubles x = where(has, blend(p, uv, 0)), y = where(has, blend(p, uv, 1));
-  return sample(s.textures[input.texture], m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]);
+  const Doubles u = m[0] * x + m[1] * y + m[2], v = m[3] * x + m[4] * y + m[5];
+  const TextureShape& t = s.textures[input.texture];
+  if (input.channel != GLINT_ALPHA) return sample<colors>(t, u, v);
+  const Doubles alpha = sample<alphas>(t, u, v);
+  return {alpha, alpha, alpha};
 }
 
-inline Color image_at(const VaryStage& s, const OnMesh& p, uint32_t i, Reads& reads) {
+/// The colour, or the alpha three times.
+inline Three image_at(const VaryStage& s, const OnMesh& p, uint32_t i, Reads& reads) {
   const uint32_t number = s.reads[i];
   for (uint32_t k = 0; k < reads.count; ++k)
-    if (reads.number[k] == number) return reads.color[k];
-  const Color color = read_image(s, p, s.inputs[i]);
-  if (reads.count < Reads::kKept) reads.color[reads.count] = color, reads.number[reads.count++] = number;
-  return color;
+    if (reads.number[k] == number) return reads.value[k];
+  const Three value = read_image(s, p, s.inputs[i]);
+  if (reads.count < Reads::kKept) reads.value[reads.count] = value, reads.number[reads.count++] = number;
+  return value;
 }
 
 inline Three finite_or_zero(const Three& a) { return {finite_or_zero(a.x), finite_or_zero(a.y), finite_or_zero(a.z)}; }
@@ -159,7 +187,7 @@ inline Three evaluate(const VaryStage& s, const OnMesh& p, uint32_t i, Reads& re
   const GlintInput& input = s.inputs[i];
   Three product = splat3(input.value);
   if (input.texture >= 0) product = product * channel_of(image_at(s, p, i, reads), input.channel);
-  if (input.attribute >= 0) product = product * channel_of(color_at(s, p, input.attribute), input.attribute_channel);
+  if (input.attribute >= 0) product = product * color_at(s, p, input.attribute, input.attribute_channel);
   product = finite_or_zero(product);
   return input.complement ? Three{1 - product.x, 1 - product.y, 1 - product.z} : product;
 }

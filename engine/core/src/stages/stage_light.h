@@ -179,8 +179,7 @@ void sum(const LightSum& s) {
   for (size_t k = 0; k < s.count;) {
     const uint32_t first = s.point[k];
     if (s.count - k >= kLanes && s.point[k + kLanes - 1] - first == kLanes - 1) {
-      Mask open;
-      for (size_t lane = 0; lane < kLanes; ++lane) open[lane] = s.blocked[k + lane] ? 0 : -1;
+      const Mask open = each_lane<Mask>([&](size_t lane) { return s.blocked[k + lane] ? int64_t(0) : int64_t(-1); });
       for (size_t c = 0; c < 3; ++c) store(s.total[c] + first, load(s.total[c] + first) + where(open, load(s.given[c] + k)));
       k += kLanes;
     } else {

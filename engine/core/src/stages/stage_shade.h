@@ -31,19 +31,13 @@ inline void look_up(const ShadeStage& s, size_t k, TermRows& rows) {
 
 inline Three gather3(const TermRows& rows, const double (MaterialTerms::*member)[3]) {
   if (rows.same) return splat3(rows.of[0]->*member);
-  Three v;
-  for (size_t lane = 0; lane < kLanes; ++lane) {
-    const double* p = rows.of[lane]->*member;
-    v.x[lane] = p[0], v.y[lane] = p[1], v.z[lane] = p[2];
-  }
-  return v;
+  const auto channel = [&](size_t c) { return each_lane([&](size_t lane) { return (rows.of[lane]->*member)[c]; }); };
+  return {channel(0), channel(1), channel(2)};
 }
 
 inline Doubles gather(const TermRows& rows, size_t at) {
   if (rows.same) return splat(rows.specular[0][at]);
-  Doubles v{};
-  for (size_t lane = 0; lane < kLanes; ++lane) v[lane] = rows.specular[lane][at];
-  return v;
+  return each_lane([&](size_t lane) { return rows.specular[lane][at]; });
 }
 
 inline void store_part(double* const (&part)[3], size_t k, const Three& T, const TermRows& rows, const double (MaterialTerms::*member)[3]) {

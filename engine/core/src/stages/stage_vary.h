@@ -14,9 +14,7 @@ struct Chosen {
 
 inline Doubles gather(const double* column, const Chosen& at) {
   if (at.together) return load(column + at.row[0]);
-  Doubles v;
-  for (size_t lane = 0; lane < kLanes; ++lane) v[lane] = column[at.row[lane]];
-  return v;
+  return each_lane([&](size_t lane) { return column[at.row[lane]]; });
 }
 inline Three gather3(const double* const (&columns)[3], const Chosen& at) {
   return {gather(columns[0], at), gather(columns[1], at), gather(columns[2], at)};
@@ -37,6 +35,9 @@ inline OnMesh on_mesh(const VaryStage& s, const Chosen& at) {
     const uint32_t group = s.instances[s.instance[at.row[lane]]].group;
     p.geometry[lane] = s.geometries + s.groups[group].geometry, p.primitive[lane] = s.primitive[at.row[lane]];
   }
+  bool one = same(p.primitive);
+  for (size_t lane = 1; one && lane < kLanes; ++lane) one = p.geometry[lane] == p.geometry[0];
+  p.different = one ? 1 : kLanes;
   return p;
 }
 
