@@ -1,10 +1,12 @@
 """Whole frames, Glint beside Cycles: every scene of ../shared/scenes, 960×540, one light, no bounces, by stage.
 
-    python tests/bench/frames.py [--quick] [--scenes NAME …] [--samples 1 16] [--rounds 3] [--fresh] [--out out/frames]
+    python tests/bench/frames.py [--quick] [--scenes NAME …] [--samples 1 16] [--rounds 2] [--fresh] [--out out/frames]
 
-One process per scene, engine, number of samples and round; rounds interleaved, the least of each stage taken (stages.py says what the
-stages are). Both engines get the same file, camera, samples and one light: the first that renders, as a hard point light when it is not
-a sun (a studio light of the shared tools where the file has none). A finished scene is kept in --out and not measured again unless --fresh.
+One process per scene, engine and round, the engines in turn. In each, every number of samples is rendered again and again for two
+seconds, once to five times; the least of each stage counts (stages.py says what the stages are). A scene whose first
+round took more than a minute gets no other. Both engines get the same file, camera, samples and one light: the first that renders, as a
+hard point light when it is not a sun (a studio light of the shared tools where the file has none). A finished scene is kept in --out and
+not measured again unless --fresh.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -17,9 +19,10 @@ import json
 import sys
 from pathlib import Path
 from statistics import median
+from time import perf_counter
 
 from ray_tables import table, verdict
-from stages import STAGES, choose_engine, least, measure, require_core, run_worker
+from stages import STAGES, choose_engine, choose_samples, least, require_core, run_worker, timed_frame
 
 SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 SIZE = (960, 540)
@@ -27,14 +30,17 @@ ENGINES = ("GLINT", "CYCLES")
 TARGETS = {1: 8.0, 16: 20.0}
 """Samples → the least that the median of Cycles / Glint should be; on no scene below 1."""
 QUICK = ("living_room", "godot_ball", "clevr_rubber", "SimpleInstancing", "gn_grass")
-SECONDS_ALLOWED = 900
+SECONDS_ALLOWED = 300
+SLOW = 60.0
+"""Seconds of a round, beyond which there is no other."""
+REPEATS = (1, 5)
+SECONDS_REPEATED = 2.0
 
 
 def main() -> int:
     options = parse_arguments()
     if options.worker:
-        source, engine, samples = options.worker
-        print("RESULT " + json.dumps(measure_scene(source, engine, int(samples))))
+        print("RESULT " + json.dumps(measure_scene(*options.worker, options.samples)))
         return 0
     try:
         require_core()
@@ -46,14 +52,12 @@ def main() -> int:
     out.mkdir(parents=True, exist_ok=True)
     results, failed = {}, []
     for name, path in scenes.items():
-        for samples in options.samples:
-            result = saved_or_measured(name, path, samples, out, options)
-            if "error" in result:
-                failed.append(f"{name}, {samples} samples: {result['error']}")
-            else:
-                results[name, samples] = result
+        try:
+            results[name] = saved_or_measured(name, path, out, options)
+        except RuntimeError as error:
+            failed.append(f"{name}: {error}")
     if results:
-        text = "\n\n".join([frames_table(results), summary_table(results)])
+        text = "\n\n".join([frames_table(results), medians_table(results), summary_table(results)])
         print("\n" + text)
         (out / "frames.txt").write_text(text + "\n")
     for line in failed:
@@ -69,9 +73,9 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--rounds", type=int)
     parser.add_argument("--fresh", action="store_true", help="measure again what an earlier run has saved")
     parser.add_argument("--out", default="out/frames")
-    parser.add_argument("--worker", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--worker", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    options.rounds = options.rounds or (1 if options.quick else 3)
+    options.rounds = options.rounds or (1 if options.quick else 2)
     if options.quick and not options.scenes:
         options.scenes = list(QUICK)
     return options
@@ -89,26 +93,31 @@ def choose_scenes(options) -> dict[str, Path]:
     return {name: files[name] for name in options.scenes} if options.scenes else files
 
 
-def saved_or_measured(name: str, path: Path, samples: int, out: Path, options) -> dict:
-    """{"GLINT": stages, "CYCLES": stages}, or {"error": reason}; only complete results are saved."""
-    saved = out / f"{name}_{samples}.json"
-    if saved.exists() and not options.fresh:
-        return json.loads(saved.read_text())
+def saved_or_measured(name: str, path: Path, out: Path, options) -> dict:
+    """Samples as text → engine → seconds per stage; RuntimeError with the reason when a process failed or took too long."""
+    saved = out / f"{name}.json"
+    wanted = [str(samples) for samples in options.samples]
+    known = json.loads(saved.read_text()) if saved.exists() and not options.fresh else {}
+    if set(wanted) <= known.keys():
+        return {samples: known[samples] for samples in wanted}
     rows = {engine: [] for engine in ENGINES}
-    try:
-        for _ in range(options.rounds):
-            for engine in ENGINES:
-                rows[engine].append(run_worker(__file__, "--worker", str(path), engine, str(samples), seconds=SECONDS_ALLOWED))
-    except RuntimeError as error:
-        return {"error": str(error)}
-    result = {engine: least(rows[engine]) for engine in ENGINES}
-    saved.write_text(json.dumps(result, indent=1))
-    print(f"{name}, {samples} samples: Cycles / Glint {gain(result):.1f}", flush=True)
+    start = perf_counter()
+    for _ in range(options.rounds):
+        for engine in ENGINES:
+            worker = ("--samples", *wanted, "--worker", str(path), engine)
+            rows[engine].append(run_worker(__file__, *worker, seconds=SECONDS_ALLOWED))
+        if perf_counter() - start > SLOW:
+            break
+    result = {samples: {engine: least([row[samples] for row in rows[engine]]) for engine in ENGINES} for samples in wanted}
+    saved.write_text(json.dumps(known | result, indent=1))
+    print(f"{name}: Cycles / Glint " + ", ".join(f"{gain(result[samples]):.1f} at {samples}" for samples in wanted), flush=True)
     return result
 
 
-def measure_scene(source: str, engine: str, samples: int) -> dict[str, float]:
-    """In this process: opens the file, leaves one light, renders."""
+def measure_scene(source: str, engine: str, samples: list[int]) -> dict[str, dict[str, float]]:
+    """In this process: opens the file, leaves one light, renders. Samples as text → seconds per stage."""
+    import bpy
+
     import contact_scene
 
     scene = contact_scene.prepare(source)
@@ -118,8 +127,19 @@ def measure_scene(source: str, engine: str, samples: int) -> dict[str, float]:
     image = scene.render.image_settings
     if hasattr(image, "media_type"):
         image.media_type = "IMAGE"
-    choose_engine(scene, engine, samples)
-    return measure(scene, engine)
+    choose_engine(scene, engine)
+    bpy.context.evaluated_depsgraph_get()
+    bpy.ops.render.render()  # warms what is loaded once: libraries, kernels
+    return {str(n): least(repeated(scene, engine, n)) for n in samples}
+
+
+def repeated(scene, engine: str, samples: int) -> list[dict[str, float]]:
+    """Seconds per stage, a row a render."""
+    choose_samples(scene, engine, samples)
+    start, rows = perf_counter(), []
+    while len(rows) < REPEATS[0] or (len(rows) < REPEATS[1] and perf_counter() - start < SECONDS_REPEATED):
+        rows.append(timed_frame(scene, engine))
+    return rows
 
 
 def keep_one_light(scene) -> None:
@@ -146,27 +166,41 @@ def keep_one_light(scene) -> None:
     cycles_reference.set_world(scene, (0.0, 0.0, 0.0))
 
 
-def gain(result: dict) -> float:
-    return result["CYCLES"]["total"] / result["GLINT"]["total"]
+def gain(result: dict, without: str | None = None) -> float:
+    """Seconds of Cycles over those of Glint, with or without a stage."""
+    cycles, glint = (result[engine]["total"] - (result[engine][without] if without else 0) for engine in ("CYCLES", "GLINT"))
+    return cycles / glint
 
 
 def frames_table(results: dict) -> str:
     """Seconds by stage, Glint and Cycles, a row per scene and number of samples."""
-    rows = [("scene, samples", *(f"{stage} {engine[0]}" for stage in STAGES for engine in ENGINES), "Cycles / Glint")]
-    for (name, samples), result in results.items():
-        seconds = (f"{result[engine][stage]:.3f}" for stage in STAGES for engine in ENGINES)
-        rows.append((f"{name}, {samples}", *seconds, f"{gain(result):.1f}"))
+    rows = [("scene, samples", *(f"{stage} {engine[0]}" for stage in STAGES for engine in ENGINES), "Cycles / Glint", "without write")]
+    for name, of_samples in results.items():
+        for samples, result in of_samples.items():
+            seconds = (f"{result[engine][stage]:.3f}" for stage in STAGES for engine in ENGINES)
+            rows.append((f"{name}, {samples}", *seconds, f"{gain(result):.1f}", f"{gain(result, 'write'):.1f}"))
+    return table(rows)
+
+
+def medians_table(results: dict) -> str:
+    """Medians of the seconds of each stage over the scenes, a row per engine and number of samples."""
+    rows = [(f"medians of {len(results)} scenes, samples", *STAGES)]
+    for samples in next(iter(results.values())):
+        for engine in ENGINES:
+            seconds = (median(result[samples][engine][stage] for result in results.values()) for stage in STAGES)
+            rows.append((f"{engine}, {samples}", *(f"{value:.3f}" for value in seconds)))
     return table(rows)
 
 
 def summary_table(results: dict) -> str:
-    """Median and worst gain per number of samples, beside the issue's targets."""
-    rows = [("samples", "median", "target", "", "worst", "scene", "floor", "")]
-    for samples in sorted({samples for _, samples in results}):
-        gains = {name: gain(result) for (name, s), result in results.items() if s == samples}
-        middle, worst, target = median(gains.values()), min(gains, key=gains.get), TARGETS.get(samples)
+    """Median and worst gain per number of samples, beside the targets."""
+    rows = [("samples", "median", "target", "", "worst", "scene", "floor", "", "median without write")]
+    for samples in next(iter(results.values())):
+        gains = {name: gain(result[samples]) for name, result in results.items()}
+        unwritten = median(gain(result[samples], "write") for result in results.values())
+        middle, worst, target = median(gains.values()), min(gains, key=gains.get), TARGETS.get(int(samples))
         goal = (f"{target}", verdict(middle, target)) if target else ("-", "-")
-        rows.append((f"{samples}", f"{middle:.1f}", *goal, f"{gains[worst]:.2f}", worst, "1", verdict(gains[worst], 1.0)))
+        rows.append((samples, f"{middle:.1f}", *goal, f"{gains[worst]:.2f}", worst, "1", verdict(gains[worst], 1.0), f"{unwritten:.1f}"))
     return table(rows)
 
 

@@ -56,14 +56,21 @@ def measure(scene, engine: str) -> dict[str, float]:
     before = status_megabytes("VmRSS")
     bpy.ops.render.render()  # warms what is loaded once: libraries, kernels
     Path("/proc/self/clear_refs").write_text("5")  # the peak starts again from here
+    seconds = timed_frame(scene, engine)
+    return {**seconds, "megabytes": status_megabytes("VmHWM") - before}
+
+
+def timed_frame(scene, engine: str) -> dict[str, float]:
+    """Seconds per stage of one render, and of saving it."""
+    import bpy
+
     total, stages = timed_render(scene, engine)
-    peak = status_megabytes("VmHWM")
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
         bpy.data.images["Render Result"].save_render(str(Path(folder) / "picture.exr"), scene=scene)
         write = time.perf_counter() - start
     other = total - sum(stages.values())
-    return {**stages, "other": other, "write": write, "total": total + write, "megabytes": peak - before}
+    return {**stages, "other": other, "write": write, "total": total + write}
 
 
 def timed_render(scene, engine: str) -> tuple[float, dict[str, float]]:
@@ -113,17 +120,23 @@ def status_megabytes(field: str) -> float:
 
 def choose_engine(scene, engine: str, samples: int = 1) -> None:
     """`samples` per pixel and light, no bounces."""
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    if engine == "GLINT":
+        import conftest  # noqa: F401  (makes the package importable as glint)
+        from glint import addon
+
+        addon.register()
+        scene.render.engine = "GLINT"
+    choose_samples(scene, engine, samples)
+
+
+def choose_samples(scene, engine: str, samples: int) -> None:
+    """After `choose_engine`."""
     import cycles_reference
 
-    scene.render.image_settings.file_format = "OPEN_EXR"
     if engine == "CYCLES":
         cycles_reference.make_exact(scene, samples)
         return
-    import conftest  # noqa: F401  (makes the package importable as glint)
-    from glint import addon
-
-    addon.register()
-    scene.render.engine = "GLINT"
     final = scene.glint.final
     final.samples, final.light_samples, final.max_bounces, final.error_threshold = samples, 1, 0, 0.0
 
