@@ -175,15 +175,17 @@ def _from_blender(image: Any) -> Raw:
     values = values.reshape(height, width, channels)
     if image.is_float:
         return _raw(values, image.alpha_mode, linear=True, premultiplied=image.alpha_mode in ("STRAIGHT", "PREMUL"))
-    return _raw(np.rint(values * 255).astype(np.uint8), image.alpha_mode)
+    values *= 255  # in place, and rounded by hand: half the time
+    values += 0.5
+    return _raw(values.astype(np.uint8), image.alpha_mode)
 
 
 def _four_channels(values: np.ndarray, alpha_mode: str) -> np.ndarray:
-    """(h, w, 4), a copy: grey and grey-alpha spread out, missing or ignored alpha opaque."""
+    """(h, w, 4): grey and grey-alpha spread out, missing or ignored alpha opaque."""
     height, width, channels = values.shape
     has_alpha = channels in (2, 4) and alpha_mode != "NONE"
     if channels == 4 and has_alpha:
-        return values.copy()
+        return values
     rgba = np.full((height, width, 4), 255 if values.dtype == np.uint8 else 1, values.dtype)
     for k in range(3):  # NumPy takes twice as long for the three at once
         rgba[:, :, k] = values[:, :, k if channels >= 3 else 0]
