@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from .accelerator import Accelerator, Hits
 from .errors import SceneError
-from .explain import PixelExplainer, Ray, explanation_lines
+from .explain import PixelExplainer, explanation_lines
 from .film import PARTS, PASSES, Film
 from .linear import affine_inverse, pixel_bounds_of_box
 from .live import LiveRender, Task, Wave
 from .scene import Scene
 from .settings import Settings
+
+if TYPE_CHECKING:
+    from .reference.explain import Ray
 
 __all__ = [
     "PARTS",
@@ -34,6 +38,15 @@ __all__ = [
     "pixel_bounds_of_box",
     "render",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """`Ray` comes with the float64 reference, which is loaded when somebody asks for it."""
+    if name != "Ray":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from .reference.explain import Ray
+
+    return Ray
 
 
 def available_backends() -> tuple[str, ...]:

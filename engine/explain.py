@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from .errors import SceneError
-from .reference.explain import Explainer, Hit, LightTerm, Ray
 from .scene import Scene
 from .settings import Settings
+
+if TYPE_CHECKING:
+    from .reference.explain import Hit, LightTerm, Ray
 
 
 class PixelExplainer:
@@ -17,6 +20,8 @@ class PixelExplainer:
         problems = settings.problems() + scene.problems()
         if problems:
             raise SceneError("\n".join(problems))
+        from .reference.explain import Explainer  # two thirds of the engine's modules: Blender starts without them
+
         self._resolution = scene.camera.resolution
         self._explainer = Explainer(scene, settings)
 

@@ -3,13 +3,18 @@
 Blender reads the operators' annotations as they are, so this module must not make them strings.
 """
 
+from typing import TYPE_CHECKING
+
 import bpy
 from bpy.props import IntProperty
 
 from ..addon import viewport
-from ..engine import PixelExplainer, Ray, Scene, SceneError, Settings, explanation_lines
+from ..engine import PixelExplainer, Scene, SceneError, Settings, explanation_lines
 from ..engine.fingerprint import value_fingerprint
 from .scene_copy import read_job
+
+if TYPE_CHECKING:
+    from ..engine import Ray
 
 _explained: list[str] = []
 """The last explanation of this session, line by line."""
@@ -21,14 +26,14 @@ _TABS = 4
 """Spaces of the text that one level of the panel stands for, at most."""
 
 
-def explain_render(scene: bpy.types.Scene, view_layer: str, x: int, y: int) -> Ray:
+def explain_render(scene: bpy.types.Scene, view_layer: str, x: int, y: int) -> "Ray":
     """The rays of pixel (x, y) of the full frame of a final render, from the bottom left. Raises RuntimeError where Blender cannot render
     the scene, SceneError for a pixel outside."""
     job = read_job(scene, view_layer)
     return _explainer(job.scene, job.settings).pixel(x, y)
 
 
-def explain_view(region: bpy.types.Region, x: int, y: int) -> Ray:
+def explain_view(region: bpy.types.Region, x: int, y: int) -> "Ray":
     """The rays under a point of a 3D view in Rendered shading. Raises RuntimeError where Glint shows nothing there."""
     picked = viewport.pixel_at(region, x, y)
     if picked is None:
@@ -103,7 +108,7 @@ class GLINT_OT_copy_explanation(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def _explain(context: bpy.types.Context, x: int, y: int) -> Ray:
+def _explain(context: bpy.types.Context, x: int, y: int) -> "Ray":
     if context.area.type == "IMAGE_EDITOR":
         return explain_render(context.scene, context.view_layer.name, x, y)
     region = next(region for region in context.area.regions if region.type == "WINDOW")
