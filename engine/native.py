@@ -161,6 +161,10 @@ def _film_needs(data: SettingsData) -> str:
     return f": a picture of {x1 - x0} by {y1 - y0} pixels with {channels} channels needs {gigabytes:.1f} GB"
 
 
+_Read = Callable[[int, tuple[int, int, int]], np.ndarray | None]
+"""A pass by its number and shape; None when the core cannot give it."""
+
+
 class _Render:
     """One render at work in the core."""
 
@@ -178,7 +182,7 @@ class _Render:
             ended = progress.state >= DONE
             if on_wave is not None and progress.samples > shown:
                 shown = progress.samples
-                film = self._film(shown, complete=True, read=self._copied)
+                film = self._film(shown, complete=True)
                 if progress.state == HELD:
                     self._core.glint_render_resume(self._handle)
                 on_wave(film)
@@ -193,13 +197,13 @@ class _Render:
             raise MemoryError("the core ran out of memory") if text == "out of memory" else RuntimeError(f"the core failed: {text}")
         return self._film(progress.samples, progress.state != CANCELLED, self._taken)
 
-    def _film(self, samples: int, complete: bool, read: Callable[[int, tuple[int, int, int]], np.ndarray | None]) -> Film:
-        """read: gives a pass, by its number and shape, or None when the core cannot."""
-        passes = {name: self._pass(name, samples, read) for name in self._names}
+    def _film(self, samples: int, complete: bool, read: _Read | None = None) -> Film:
+        """read: how passes come from the core: as copies unless told otherwise."""
+        passes = {name: self._pass(name, samples, read or self._copied) for name in self._names}
         data = self._core.glint_render_stats(self._handle)
         return Film(self._axes.world_passes(passes) if self._axes else passes, samples, complete, _stats(data), _notes(data))
 
-    def _pass(self, name: str, samples: int, read: Callable[[int, tuple[int, int, int]], np.ndarray | None]) -> np.ndarray:
+    def _pass(self, name: str, samples: int, read: _Read) -> np.ndarray:
         """(h, w, c) float32; of an untouched picture when no wave is complete."""
         shape = (*self._shape, PASSES[name])
         if samples == 0:

@@ -37,7 +37,7 @@ class CameraRays {
   }
 
   /// Depth along -w in world units of an anchored point.
-  double depth(Vec3d p) const { return -dot(p - eye_, backward_) / scale_; }
+  double depth(Vec3d p) const { return -dot(p - eye_, backward_) * (1 / scale_); }  // a power of two
 
  private:
   static double at(double place, const double* ends, double pixels) { return ends[0] + place * (ends[1] - ends[0]) / pixels; }

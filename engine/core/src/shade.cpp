@@ -83,7 +83,6 @@ void Shader::go_on(const Incidence& at, const Passing& sum, double t, const Leav
 }
 
 void Shader::record(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
-  if (film.wants_depth_alone()) return film.set_depth(pixel, camera_.depth(row(batch.points.x, k)));
   const Surface s = batch.surface(k);
   record(film, pixel, s, scene_.materials[batch.material[k]], batch.queue->ray(k).d);
 }

@@ -204,10 +204,12 @@ void Tracer::find_gaps() {
 
 /// Data passes of the hits on materials that let nothing through.
 void Tracer::record(const Queue& queue) {
+  const bool depth_alone = film_.wants_depth_alone();
   for (size_t k = 0; k < queue.size(); ++k) {
     const uint32_t material = batch_.material[k];
-    if (queue.wants_data[k] && material < scene_.materials.size() && scene_.materials[material].passing == 0)
-      shader_.record(batch_, k, film_, pixel(queue, k));
+    if (!queue.wants_data[k] || material >= scene_.materials.size() || scene_.materials[material].passing > 0) continue;
+    if (depth_alone) film_.set_depth(pixel(queue, k), camera_.depth(row(batch_.points.x, k)));
+    else shader_.record(batch_, k, film_, pixel(queue, k));
   }
 }
 
