@@ -86,6 +86,9 @@ class Session:
         self._pictures: dict[str, Picture] = {}
         self._drawn = 0
         self._traced: tuple[tuple, Scene] | None = None  # the view and the scene of the last picture with all its own trees
+        self._later: list[engine.Task] = []  # while things move: what to make once Blender has drawn
+        self._asked_in = -1  # the redraw in which a picture was asked for last
+        self._is_patient = True
         self.requests = 0
         self.answered = 0
         self.newest_at = 0.0
@@ -114,7 +117,7 @@ class Session:
         self.region = context.region.as_pointer()
         timer.drawing()
         if self._follow(context, depsgraph):
-            timer.redraws.wait(self._await, is_first=not self._pictures)
+            timer.redraws.wait(self._await, is_patient=self._is_patient or not self._pictures)
         self._fetch()
         for name in ("all", "frame"):
             if name in self._pictures:
@@ -125,6 +128,7 @@ class Session:
         """Stop tracing and give everything back. May be called more than once."""
         timer.forget(self)
         self._live.close()
+        self._later = []
         self._content = self._traced = self._export = None
         self._pictures.clear()
         self.films.clear()
@@ -140,7 +144,13 @@ class Session:
 
     @property
     def busy(self) -> bool:
-        return self._live.busy
+        return self._live.busy or bool(self._later)
+
+    def go_on(self) -> None:
+        """Blender has drawn, and nothing moved since."""
+        later, self._later = self._later, []
+        if later:
+            self._live.go_on(later)
 
     @property
     def has_news(self) -> bool:
@@ -178,20 +188,30 @@ class Session:
         return True
 
     def _ask(self, view: View) -> None:
-        """New pictures of this view: a coarse one if it takes that to be in time, then all of it."""
+        """New pictures of this view: a coarse one if it takes that to be in time, then all of it. While things move, all but the first wait
+        until Blender has drawn: they would take its processors for what is outdated soon."""
         self.requests += 1
+        moves, self._asked_in = timer.redraws.follows(self._asked_in), timer.redraws.number
         x0, y0, x1, y1 = view.shown
         pixels = (x1 - x0) * (y1 - y0)
         shades = self._is_known(view) and self._pacer.shades_in_time(pixels)
-        divisor = 1 if shades else self._pacer.divisor(pixels)
+        self._is_patient = moves and self._pacer.prefers_whole(pixels, timer.redraws.seconds)
+        divisor = 1 if shades or self._is_patient else self._pacer.divisor(pixels)
+        tasks = self._tasks(view, divisor, shades)
+        first = 1 if moves else len(tasks)
+        self._later = tasks[first:]
+        self._live.start(tasks[:first])
+
+    def _tasks(self, view: View, divisor: int, shades: bool) -> list[engine.Task]:
+        """shades: the rays of the view are known, so that the exact picture comes as soon as any."""
         content = self._scene(view.camera)
         tasks = [self._draft(content, view, divisor)] if divisor > 1 else []
-        if (tasks or self._pacer.is_slow_to_build) and not shades:
+        if (tasks or self._is_patient or self._pacer.is_slow_to_build) and not shades:
             tasks.append(self._once(content, view, keep=divisor == 1))
         tasks.append(self._full(content, view, keep=divisor == 1 and len(tasks) == 0))
         if view.frame is not None and not _is_whole(view):
             tasks.append(self._frame(view))
-        self._live.start(tasks)
+        return tasks
 
     def _is_known(self, view: View) -> bool:
         """Whether all that rays of this view meet was found out for the picture on the screen: then it takes little more than shading."""
@@ -287,7 +307,7 @@ class Session:
         if error is not None:
             return f"Glint: {' '.join(str(error).split())}"
         wave = self._live.newest
-        unfinished = self._live.busy or (wave is not None and wave.task.tag.stage == "DRAFT")
+        unfinished = self.busy or (wave is not None and wave.task.tag.stage == "DRAFT")
         return status.progress(wave, self._settings.samples if self._settings else 0, unfinished, self._error)
 
     def _tell(self, render_engine: bpy.types.RenderEngine) -> None:

@@ -197,6 +197,23 @@ def test_a_coarse_picture_then_all_pixels_then_the_exact_one(watcher, monkeypatc
     assert same(film, watcher.expected())
 
 
+@pytest.mark.parametrize(("prefers_whole", "first"), [(False, "DRAFT"), (True, "FULL")])
+def test_while_things_move_all_but_the_first_picture_waits_for_the_redraw(watcher, monkeypatch, prefers_whole, first):
+    monkeypatch.setattr(session.Pacer, "divisor", lambda *_: 2)
+    monkeypatch.setattr(session.Pacer, "prefers_whole", lambda *_: prefers_whole)
+    monkeypatch.setattr(session.timer.redraws, "follows", lambda _: True)
+    one = watcher.session
+    watcher.view.region_data.view_matrix = watcher.view.region_data.view_matrix.copy()
+    watcher.view.region_data.view_matrix.translation.x += 0.1
+    watcher.draw()
+    assert one._live.wait(lambda wave: wave.task.tag.request == one.requests, LONGEST)
+    assert one.busy and not one._live.busy, "more is to come, later"
+    assert one._live.newest.task.tag.stage == first
+    session.timer._look()
+    film = watcher.edit(lambda: None, updates=False)
+    assert film.samples == 2 and same(film, watcher.expected())
+
+
 def test_a_drawing_shows_what_it_has_just_asked_for(watcher, monkeypatch):
     monkeypatch.setattr(session.timer.redraws, "seconds", LONGEST)
     monkeypatch.setattr(redraws, "LONGEST_WAIT", LONGEST)
