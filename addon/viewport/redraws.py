@@ -53,7 +53,7 @@ class Redraws:
         self._began, self._waited = None, 0.0
 
     def wait(self, wait: Callable[[float], object], is_patient: bool) -> None:
-        """Let a view that is being drawn call `wait` with the seconds it may take. is_patient: it has nothing that is worth drawing before."""
+        """Let a view that is being drawn call `wait` with the seconds it may take. is_patient: nothing is worth drawing before."""
         start = self._clock()
         wait(max(0.0, (SETTLED if is_patient else min(self.seconds, LONGEST_WAIT)) - self._waited))
         self._waited += self._clock() - start

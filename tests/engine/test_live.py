@@ -98,7 +98,12 @@ def test_tasks_of_one_start_follow_each_other(live):
 
 def test_tasks_that_are_added_end_nothing(live, monkeypatch):
     settings, ends, publish = replace(SETTINGS, backend=available_backends()[0]), [], live._publish
-    monkeypatch.setattr(live, "_publish", lambda task, film, final, at: (ends.append(task.tag) if final else None, publish(task, film, final, at)))
+
+    def published(task, film, final, start):
+        ends.extend([task.tag] if final else [])
+        publish(task, film, final, start)
+
+    monkeypatch.setattr(live, "_publish", published)
     live.start([Task(scene(), replace(settings, samples=8), "first")])
     live.go_on([Task(scene(0.5), settings, "second"), Task(scene(1.0), settings, "third")])
     wait(live)
