@@ -40,9 +40,15 @@ class Redraws:
             self._began = self._clock()
             self.number += 1
 
+    @property
+    def next(self) -> int:
+        """The number of the redraw that is going on, or else of the one to come."""
+        return self.number + (self._began is None)
+
     def follows(self, number: int) -> bool:
-        """Whether the redraw that is going on came right after the one with this number."""
-        return self._began is not None and self.number == number + 1 and self._began - self._ended < _PAUSE
+        """Whether that redraw comes right after the one with this number."""
+        began = self._clock() if self._began is None else self._began
+        return self.next == number + 1 and began - self._ended < _PAUSE
 
     def end(self) -> None:
         """Blender is between two events: what was drawn is on the screen."""

@@ -86,9 +86,11 @@ class Session:
         self._pictures: dict[str, Picture] = {}
         self._drawn = 0
         self._traced: tuple[tuple, Scene] | None = None  # the view and the scene of the last picture with all its own trees
-        self._later: list[engine.Task] = []  # while things move: what to make once Blender has drawn
-        self._asked_in = -1  # the redraw in which a picture was asked for last
-        self._is_patient = True
+        self._later: list[engine.Task] = []  # what to make after the picture that was asked for
+        self._asked_for = -1  # the redraw for which a picture was asked for last
+        self._moves = False  # as in the redraw before
+        self._is_patient = False
+        self._awaited = False
         self.requests = 0
         self.answered = 0
         self.newest_at = 0.0
@@ -103,20 +105,27 @@ class Session:
     # --- Blender calls ------------------------------------------------------------------------------------------------------------
 
     def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Blender's data changed: read what did, and begin anew."""
+        """Blender's data changed: read what did, and begin anew. What looks through a camera, which may have moved, begins when drawn."""
         self._export = export_of(depsgraph)
         self._wishes = _Wishes.of(context, depsgraph)
         self._settings, self._shown_pass = self._wishes.settings, self._wishes.shown_pass
         scene = self._export.update(self, depsgraph, NO_CAMERA, passes=self._settings.passes, space=context.space_data)
         self._content = self._wishes.surroundings.around(scene)
-        self._view = None  # the scene is another: the next draw asks for its picture
         self.region = context.region.as_pointer()
+        if self._view is not None and context.region_data.view_perspective != "CAMERA":
+            self._ask(self._view)  # it is most likely as it was, and Blender takes a while until it draws
+        else:
+            self._view = None
 
     def draw(self, render_engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Put the newest picture on the screen; ask for another if this view has not been asked for."""
         self.region = context.region.as_pointer()
         timer.drawing()
-        if self._follow(context, depsgraph):
+        self._follow(context, depsgraph)
+        if self._awaited:
+            self._awaited = False
+            if not self._moves:
+                self.go_on()
             timer.redraws.wait(self._await, is_patient=self._is_patient or not self._pictures)
         self._fetch()
         for name in ("all", "frame"):
@@ -169,38 +178,37 @@ class Session:
 
     # --- following ----------------------------------------------------------------------------------------------------------------
 
-    def _follow(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
-        """Whether another picture was asked for."""
+    def _follow(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """Ask for another picture if what the view looks at is another."""
         if self._content is None:
-            return False
+            return
         if _Wishes.of(context, depsgraph) != self._wishes:
             self.update(context, depsgraph)
         try:
             view = read_view(depsgraph, context.region, context.space_data, context.region_data)
         except ExportError as error:
-            self._problem = str(error)
-            return False
+            self._problem, self._view = str(error), None
+            return
         self._problem = None
-        if self._view is not None and view.key == self._view.key:
-            return False
-        self._view = view
-        self._ask(view)
-        return True
+        if self._view is None or view.key != self._view.key:
+            self._view = view
+            self._ask(view)
 
     def _ask(self, view: View) -> None:
         """New pictures of this view: a coarse one if it takes that to be in time, then all of it. While things move, all but the first wait
         until Blender has drawn: they would take its processors for what is outdated soon."""
         self.requests += 1
-        moves, self._asked_in = timer.redraws.follows(self._asked_in), timer.redraws.number
+        if self._asked_for != timer.redraws.next:
+            self._moves, self._asked_for = timer.redraws.follows(self._asked_for), timer.redraws.next
         x0, y0, x1, y1 = view.shown
         pixels = (x1 - x0) * (y1 - y0)
         shades = self._is_known(view) and self._pacer.shades_in_time(pixels)
-        self._is_patient = moves and self._pacer.prefers_whole(pixels, timer.redraws.seconds)
+        self._is_patient = self._moves and self._pacer.prefers_whole(pixels, timer.redraws.seconds)
         divisor = 1 if shades or self._is_patient else self._pacer.divisor(pixels)
-        tasks = self._tasks(view, divisor, shades)
-        first = 1 if moves else len(tasks)
-        self._later = tasks[first:]
-        self._live.start(tasks[:first])
+        first, *self._later = self._tasks(view, divisor, shades)
+        self._live.start([first])
+        self._awaited = True
+        timer.wake()
 
     def _tasks(self, view: View, divisor: int, shades: bool) -> list[engine.Task]:
         """shades: the rays of the view are known, so that the exact picture comes as soon as any."""
