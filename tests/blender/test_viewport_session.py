@@ -190,7 +190,8 @@ def test_a_coarse_picture_then_all_pixels_then_the_exact_one(watcher, monkeypatc
     asked, live = [], watcher.session._live
     monkeypatch.setattr(session.Pacer, "divisor", lambda *_: 2)
     for name in ("start", "go_on"):
-        monkeypatch.setattr(live, name, lambda tasks, do=getattr(live, name): (asked.extend(tasks), do(tasks)))
+        do = getattr(live, name)
+        monkeypatch.setattr(live, name, lambda tasks, do=do: (asked.extend(tasks), do(tasks)))
     quads = [thing for thing in bpy.data.objects if thing.type == "MESH"]
     film = watcher.edit(lambda: setattr(quads[0], "location", (-1.1, 0, 0)))
     told = [(task.tag.stage, task.scene.camera.resolution, task.settings.samples, task.exact) for task in asked]
