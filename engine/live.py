@@ -84,12 +84,21 @@ class LiveRender:
             self._waiting = list(tasks)
             self._is_outdated = True
             self._error = None
-            self._changed.notify_all()
-            if self._thread is None and not self._closed:
-                self._thread = threading.Thread(target=_serve, args=(weakref.ref(self), self._changed), name="glint live", daemon=True)
-                self._thread.start()
-                _threads.add(self._thread)
-                _renders.add(self)
+            self._wake_thread()
+
+    def go_on(self, tasks: Sequence[Task]) -> None:
+        """Make these pictures after all that was asked for before."""
+        with self._changed:
+            self._waiting += tasks
+            self._wake_thread()
+
+    def _wake_thread(self) -> None:
+        self._changed.notify_all()
+        if self._thread is None and not self._closed:
+            self._thread = threading.Thread(target=_serve, args=(weakref.ref(self), self._changed), name="glint live", daemon=True)
+            self._thread.start()
+            _threads.add(self._thread)
+            _renders.add(self)
 
     @property
     def newest(self) -> Wave | None:

@@ -14,7 +14,7 @@ from .scene import Scene
 from .settings import Settings
 from .view_axes import ViewAxes, narrow_view_axes
 
-_POLL_MILLISECONDS = 4
+_POLL_MILLISECONDS = 2
 """How soon a task makes room for the next."""
 
 

@@ -7,7 +7,7 @@ takes ten microseconds an object.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from .materials import Materials, Wanted, compile_material, default_material, wa
 from .meshes import MeshSource, mesh_key, read_attributes, read_mesh, readable
 from .moves import Stage
 from .placing import without_collapsed
+from .repaints import repainted
 from .report import Report
 from .shapes import export_points
 from .world import export_world
@@ -157,9 +158,27 @@ class LiveExport:
         self._store.keep_met(self._stages)
         if self._frame != _frame_of(depsgraph.scene_eval):
             self._stages = {}
-        self._stages = {asked: stage for asked, stage in self._stages.items() if stage.follow(updates, depsgraph.view_layer, images)}
-        self._store.forget(_changes(updates))
+        painted = repainted(updates)
+        if painted:
+            self._keep(lambda stage: stage.stands(updates, depsgraph.view_layer))
+            self._store.forget(_changes(update for update in updates if update.id.id_type in ("MATERIAL", "NODETREE")))
+            self._keep(lambda stage: self._repaint(stage, painted))
+        else:
+            self._keep(lambda stage: stage.follow(updates, depsgraph.view_layer, images))
+            self._store.forget(_changes(updates))
         self._note_frame(depsgraph.scene_eval)
+
+    def _keep(self, is_wanted: Callable[[Stage], bool]) -> None:
+        self._stages = {asked: stage for asked, stage in self._stages.items() if is_wanted(stage)}
+
+    def _repaint(self, stage: Stage, painted: dict[int, Any]) -> bool:
+        """Takes edited materials, by session uid, into a stage; False where they read other things of meshes than before."""
+        materials = _KeepingMaterials(self._store, Report())
+        if not all(materials.wear(uid, painted.get(uid)) == before.wanted for uid, before in stage.worn):
+            return False
+        new, textures = materials.joined()
+        stage.scene, stage.worn = replace(stage.scene, materials=new, textures=textures), materials.worn
+        return True
 
     def scene(self, depsgraph: Any, camera: Camera, *, passes: frozenset[str] = frozenset(), space: Any = None) -> Scene:
         """The scene as of what was heard. What several views ask for is walked over once for all that see the same.
@@ -255,7 +274,20 @@ class _KeepingMaterials(Materials):
         self.used: list[_Compiled] = []
 
     def index(self, material: Any) -> int:
-        key = material.original.session_uid if material is not None else 0
+        return self._number(material.original.session_uid if material is not None else 0, material)
+
+    def wear(self, uid: int, material: Any) -> Wanted | None:
+        """Number a material after those before it; what it reads of meshes. None where it is neither kept nor given."""
+        if uid not in self._store.compiled and material is None:
+            return None
+        return self.used[self._number(uid, material)].wanted
+
+    @property
+    def worn(self) -> tuple[tuple[int, _Compiled], ...]:
+        """Session uids, 0 for none, and materials in their order."""
+        return tuple(zip(self._indices, self.used, strict=True))
+
+    def _number(self, key: int, material: Any) -> int:
         if key not in self._indices:
             compiled = self._store.compiled.get(key) or self._compile(material)
             self._store.compiled[key] = compiled
@@ -380,7 +412,7 @@ class _KeepingCollector(Collector):
         lamps = [(thing, self._light(thing)) for thing in things if isinstance(thing.content, _Lamp)]
         materials, textures = self.materials.joined()
         scene = Scene(NO_CAMERA, geometries, instances, materials, textures, tuple(self.lights.lights), world)
-        stage, numbers = Stage(scene, census), {id(block): number for number, block in enumerate(instances)}
+        stage, numbers = Stage(scene, census, self.materials.worn), {id(block): number for number, block in enumerate(instances)}
         for thing, block in placed:
             stage.place_instances(thing, numbers.get(id(block)))
         for thing, number in lamps:

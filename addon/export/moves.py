@@ -28,8 +28,9 @@ class _Place:
 class Stage:
     """A scene, and where in it the things are that stand there by themselves, once each."""
 
-    def __init__(self, scene: Scene, census: Census) -> None:
-        self.scene, self._census = scene, census
+    def __init__(self, scene: Scene, census: Census, worn: tuple = ()) -> None:
+        """worn: what the scene's materials were made from, for whoever makes them anew."""
+        self.scene, self.worn, self._census = scene, worn, census
         self._places: dict[int, _Place | None] = {}
 
     def place_instances(self, thing: Thing, number: int | None) -> None:
@@ -60,6 +61,25 @@ class Stage:
         self.scene = replace(self.scene, instances=tuple(instances), lights=tuple(lights))
         return True
 
+    def stands(self, updates: list[Any], view_layer: Any) -> bool:
+        """Whether objects of which these updates say only that they are shaded anew are seen as before."""
+        return all(self._is_seen_as_before(update.id, view_layer) for update in updates if update.id.id_type == "OBJECT")
+
+    def _is_seen_as_before(self, thing: Any, view_layer: Any) -> bool:
+        uid = thing.original.session_uid
+        if uid not in self._places:
+            return not self._is_met(uid)
+        place = self._places[uid]
+        if place is None or place.lights:
+            return False
+        flags = flags_of(thing, thing, view_layer, Report())
+        now = (thing.pass_index, flags.camera, flags.mirror, flags.shadow, flags.holdout)
+        groups = (self.scene.instances[number] for number in place.instances)
+        return all(now == (g.object_index, g.visible_camera, g.visible_mirror, g.visible_shadow, g.holdout) for g in groups)
+
+    def _is_met(self, uid: int) -> bool:
+        return uid in self._census.rendering or uid in self._census.instancing
+
     def _apply(self, update: Any, instances: list[Instances], lights: list[Light], view_layer: Any, images: Any) -> bool:
         """Whether all that the update tells is in the lists now."""
         changed = update.id
@@ -69,7 +89,7 @@ class Stage:
             return False
         uid = changed.original.session_uid
         if uid not in self._places:
-            return uid not in self._census.rendering | self._census.instancing  # a camera, an empty, something hidden
+            return not self._is_met(uid)  # a camera, an empty, something hidden
         place = self._places[uid]
         if place is None:
             return False

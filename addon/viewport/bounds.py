@@ -30,12 +30,11 @@ def same_places(a: Scene, b: Scene) -> bool:
     """Whether the same geometries stand at the same places in two scenes, seen by the same rays."""
     if a.geometries != b.geometries or len(a.instances) != len(b.instances):
         return False
-    return a.instances is b.instances or all(map(_same_group, a.instances, b.instances))
+    pairs = zip(a.instances, b.instances, strict=True)
+    return a.instances is b.instances or all(_same_group(*pair) for pair in [(x, y) for x, y in pairs if x is not y])
 
 
 def _same_group(a: Instances, b: Instances) -> bool:
-    if a is b:
-        return True
     flags = ("geometry", "visible_camera", "visible_mirror", "visible_shadow")
     same = all(getattr(a, name) == getattr(b, name) for name in flags)
     return same and np.array_equal(a.world_from_object, b.world_from_object)

@@ -6,13 +6,14 @@ there is no graphics card. So a view waits for what it has just asked for, but n
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
-from .pacing import BUDGET, LONGEST_WAIT
+from .pacing import BUDGET, LONGEST_WAIT, SETTLED
 
-_FIRST_WAIT = 0.15
-"""The same where there is no old picture to draw."""
+_PAUSE = 0.1
+"""Seconds between two redraws after which what moves has stopped in between."""
 _LONGEST_REDRAW = 0.5
 """Seconds; more than that was something else that Blender did."""
 _WEIGHT = 0.4
@@ -22,29 +23,43 @@ _WEIGHT = 0.4
 class Redraws:
     """Of all views together: Blender draws them one after the other.
 
-    seconds: running mean of a redraw, without what it was kept waiting.
+    seconds: running mean of a redraw, without what it was kept waiting.  number: counts them.
     """
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
         self.seconds = BUDGET
+        self.number = 0
         self._clock = clock
         self._began: float | None = None
+        self._ended = -math.inf
         self._waited = 0.0
 
     def begin(self) -> None:
         """A view is being drawn."""
         if self._began is None:
             self._began = self._clock()
+            self.number += 1
+
+    @property
+    def next(self) -> int:
+        """The number of the redraw that is going on, or else of the one to come."""
+        return self.number + (self._began is None)
+
+    def follows(self, number: int) -> bool:
+        """Whether that redraw comes right after the one with this number."""
+        began = self._clock() if self._began is None else self._began
+        return self.next == number + 1 and began - self._ended < _PAUSE
 
     def end(self) -> None:
         """Blender is between two events: what was drawn is on the screen."""
         if self._began is not None:
-            seconds = self._clock() - self._began - self._waited
+            self._ended = self._clock()
+            seconds = self._ended - self._began - self._waited
             self.seconds += _WEIGHT * (min(seconds, _LONGEST_REDRAW) - self.seconds)
         self._began, self._waited = None, 0.0
 
-    def wait(self, wait: Callable[[float], object], is_first: bool) -> None:
-        """Let a view that is being drawn call `wait` with the seconds it may take. is_first: it has nothing to show yet."""
+    def wait(self, wait: Callable[[float], object], is_patient: bool) -> None:
+        """Let a view that is being drawn call `wait` with the seconds it may take. is_patient: nothing is worth drawing before."""
         start = self._clock()
-        wait(max(0.0, (_FIRST_WAIT if is_first else min(self.seconds, LONGEST_WAIT)) - self._waited))
+        wait(max(0.0, (SETTLED if is_patient else min(self.seconds, LONGEST_WAIT)) - self._waited))
         self._waited += self._clock() - start

@@ -86,6 +86,11 @@ class Session:
         self._pictures: dict[str, Picture] = {}
         self._drawn = 0
         self._traced: tuple[tuple, Scene] | None = None  # the view and the scene of the last picture with all its own trees
+        self._later: list[engine.Task] = []  # what to make after the picture that was asked for
+        self._asked_for = -1  # the redraw for which a picture was asked for last
+        self._moves = False  # as in the redraw before
+        self._is_patient = False
+        self._awaited = False
         self.requests = 0
         self.answered = 0
         self.newest_at = 0.0
@@ -100,21 +105,28 @@ class Session:
     # --- Blender calls ------------------------------------------------------------------------------------------------------------
 
     def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Blender's data changed: read what did, and begin anew."""
+        """Blender's data changed: read what did, and begin anew. What looks through a camera, which may have moved, begins when drawn."""
         self._export = export_of(depsgraph)
         self._wishes = _Wishes.of(context, depsgraph)
         self._settings, self._shown_pass = self._wishes.settings, self._wishes.shown_pass
         scene = self._export.update(self, depsgraph, NO_CAMERA, passes=self._settings.passes, space=context.space_data)
         self._content = self._wishes.surroundings.around(scene)
-        self._view = None  # the scene is another: the next draw asks for its picture
         self.region = context.region.as_pointer()
+        if self._view is not None and context.region_data.view_perspective != "CAMERA":
+            self._ask(self._view)  # it is most likely as it was, and Blender takes a while until it draws
+        else:
+            self._view = None
 
     def draw(self, render_engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Put the newest picture on the screen; ask for another if this view has not been asked for."""
         self.region = context.region.as_pointer()
         timer.drawing()
-        if self._follow(context, depsgraph):
-            timer.redraws.wait(self._await, is_first=not self._pictures)
+        self._follow(context, depsgraph)
+        if self._awaited:
+            self._awaited = False
+            if not self._moves:
+                self.go_on()
+            timer.redraws.wait(self._await, is_patient=self._is_patient or not self._pictures)
         self._fetch()
         for name in ("all", "frame"):
             if name in self._pictures:
@@ -125,6 +137,7 @@ class Session:
         """Stop tracing and give everything back. May be called more than once."""
         timer.forget(self)
         self._live.close()
+        self._later = []
         self._content = self._traced = self._export = None
         self._pictures.clear()
         self.films.clear()
@@ -140,7 +153,13 @@ class Session:
 
     @property
     def busy(self) -> bool:
-        return self._live.busy
+        return self._live.busy or bool(self._later)
+
+    def go_on(self) -> None:
+        """Blender has drawn, and nothing moved since."""
+        later, self._later = self._later, []
+        if later:
+            self._live.go_on(later)
 
     @property
     def has_news(self) -> bool:
@@ -159,39 +178,48 @@ class Session:
 
     # --- following ----------------------------------------------------------------------------------------------------------------
 
-    def _follow(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
-        """Whether another picture was asked for."""
+    def _follow(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """Ask for another picture if what the view looks at is another."""
         if self._content is None:
-            return False
+            return
         if _Wishes.of(context, depsgraph) != self._wishes:
             self.update(context, depsgraph)
         try:
             view = read_view(depsgraph, context.region, context.space_data, context.region_data)
         except ExportError as error:
-            self._problem = str(error)
-            return False
+            self._problem, self._view = str(error), None
+            return
         self._problem = None
-        if self._view is not None and view.key == self._view.key:
-            return False
-        self._view = view
-        self._ask(view)
-        return True
+        if self._view is None or view.key != self._view.key:
+            self._view = view
+            self._ask(view)
 
     def _ask(self, view: View) -> None:
-        """New pictures of this view: a coarse one if it takes that to be in time, then all of it."""
+        """New pictures of this view: a coarse one if it takes that to be in time, then all of it. While things move, all but the first wait
+        until Blender has drawn: they would take its processors for what is outdated soon."""
         self.requests += 1
+        if self._asked_for != timer.redraws.next:
+            self._moves, self._asked_for = timer.redraws.follows(self._asked_for), timer.redraws.next
         x0, y0, x1, y1 = view.shown
         pixels = (x1 - x0) * (y1 - y0)
         shades = self._is_known(view) and self._pacer.shades_in_time(pixels)
-        divisor = 1 if shades else self._pacer.divisor(pixels)
+        self._is_patient = self._moves and self._pacer.prefers_whole(pixels, timer.redraws.seconds)
+        divisor = 1 if shades or self._is_patient else self._pacer.divisor(pixels)
+        first, *self._later = self._tasks(view, divisor, shades)
+        self._live.start([first])
+        self._awaited = True
+        timer.wake()
+
+    def _tasks(self, view: View, divisor: int, shades: bool) -> list[engine.Task]:
+        """shades: the rays of the view are known, so that the exact picture comes as soon as any."""
         content = self._scene(view.camera)
         tasks = [self._draft(content, view, divisor)] if divisor > 1 else []
-        if (tasks or self._pacer.is_slow_to_build) and not shades:
+        if (tasks or self._is_patient or self._pacer.is_slow_to_build) and not shades:
             tasks.append(self._once(content, view, keep=divisor == 1))
         tasks.append(self._full(content, view, keep=divisor == 1 and len(tasks) == 0))
         if view.frame is not None and not _is_whole(view):
             tasks.append(self._frame(view))
-        self._live.start(tasks)
+        return tasks
 
     def _is_known(self, view: View) -> bool:
         """Whether all that rays of this view meet was found out for the picture on the screen: then it takes little more than shading."""
@@ -287,7 +315,7 @@ class Session:
         if error is not None:
             return f"Glint: {' '.join(str(error).split())}"
         wave = self._live.newest
-        unfinished = self._live.busy or (wave is not None and wave.task.tag.stage == "DRAFT")
+        unfinished = self.busy or (wave is not None and wave.task.tag.stage == "DRAFT")
         return status.progress(wave, self._settings.samples if self._settings else 0, unfinished, self._error)
 
     def _tell(self, render_engine: bpy.types.RenderEngine) -> None:

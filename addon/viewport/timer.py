@@ -61,6 +61,8 @@ def evaluation() -> int:
 
 def _look() -> float | None:
     redraws.end()
+    for session in _sessions:
+        session.go_on()
     news = {session.region for session in _sessions if session.wants_redraw}
     if news:
         _redraw(news)

@@ -327,3 +327,41 @@ def test_what_is_no_geometry_reads_no_mesh(world, edit, monkeypatch):
         edit(random.Random(1))
         bpy.context.view_layer.update()
         assert {id(geometry) for geometry in follower.scene.geometries} <= before
+
+
+def test_an_edited_material_walks_over_nothing(world, monkeypatch):
+    unlink_or_link(random.Random(0))
+    with Follower() as follower:
+        follower.check()
+        before = follower.scene
+        with monkeypatch.context() as patched:
+            patched.setattr(incremental, "walk", lambda *_: pytest.fail("the instances were walked over"))
+            node_value(random.Random(1))
+            bpy.context.view_layer.update()
+        assert follower.scene.materials != before.materials and follower.scene.instances is before.instances
+        follower.check()
+
+
+def number(r):
+    bpy.data.objects["Shared"].pass_index += 1
+
+
+def push(r):
+    bpy.data.objects["Shared"].location.x += 0.25
+
+
+def dress(r):
+    """Another material in a slot of the object, not of its mesh."""
+    slot = bpy.data.objects["Twin"].material_slots[0]
+    slot.link = "OBJECT"
+    slot.material = bpy.data.materials["Textured" if slot.material == bpy.data.materials["Plain"] else "Plain"]
+
+
+@pytest.mark.parametrize("edit", [cast, number, dress, edit_vertex, push, hide, surround, swap_material, film, unlink_or_link])
+def test_an_edited_material_hides_no_other_edit(world, edit):
+    unlink_or_link(random.Random(0))
+    with Follower() as follower:
+        for seed in range(3):
+            node_value(random.Random(seed))
+            edit(random.Random(seed))
+            follower.check()

@@ -187,14 +187,48 @@ def test_better_pictures_wait_for_their_redraw_and_the_last_does_not(watcher, mo
 
 
 def test_a_coarse_picture_then_all_pixels_then_the_exact_one(watcher, monkeypatch):
-    asked, start = [], watcher.session._live.start
+    asked, live = [], watcher.session._live
     monkeypatch.setattr(session.Pacer, "divisor", lambda *_: 2)
-    monkeypatch.setattr(watcher.session._live, "start", lambda tasks: (asked.extend(tasks), start(tasks)))
+    for name in ("start", "go_on"):
+        do = getattr(live, name)
+        monkeypatch.setattr(live, name, lambda tasks, do=do: (asked.extend(tasks), do(tasks)))
     quads = [thing for thing in bpy.data.objects if thing.type == "MESH"]
     film = watcher.edit(lambda: setattr(quads[0], "location", (-1.1, 0, 0)))
     told = [(task.tag.stage, task.scene.camera.resolution, task.settings.samples, task.exact) for task in asked]
     assert told == [("DRAFT", (32, 24), 1, False), ("FULL", SIZE, 1, False), ("FULL", SIZE, 2, True)]
     assert same(film, watcher.expected())
+
+
+@pytest.mark.parametrize(("prefers_whole", "first"), [(False, "DRAFT"), (True, "FULL")])
+def test_while_things_move_all_but_the_first_picture_waits_for_the_redraw(watcher, monkeypatch, prefers_whole, first):
+    monkeypatch.setattr(session.Pacer, "divisor", lambda *_: 2)
+    monkeypatch.setattr(session.Pacer, "prefers_whole", lambda *_: prefers_whole)
+    monkeypatch.setattr(session.timer.redraws, "follows", lambda _: True)
+    one = watcher.session
+    session.timer._look()
+    watcher.view.region_data.view_matrix = watcher.view.region_data.view_matrix.copy()
+    watcher.view.region_data.view_matrix.translation.x += 0.1
+    watcher.draw()
+    assert one._live.wait(lambda wave: wave.task.tag.request == one.requests, LONGEST)
+    assert one.busy and not one._live.busy, "more is to come, later"
+    assert one._live.newest.task.tag.stage == first
+    session.timer._look()
+    film = watcher.edit(lambda: None, updates=False)
+    assert film.samples == 2 and same(film, watcher.expected())
+
+
+def test_an_edit_is_traced_before_blender_draws(watcher):
+    one = watcher.session
+    bpy.data.objects["Quad 0.5"].location.x += 0.1
+    bpy.context.view_layer.update()
+    before = one.requests
+    one.update(watcher.view, bpy.context.evaluated_depsgraph_get())
+    assert one._live.wait(lambda wave: wave.task.tag.request == before + 1, LONGEST)
+    watcher.draw()
+    assert one.requests == before + 1 and one.answered == one.requests, "the draw asks for nothing new"
+    watcher.view.region_data.view_perspective = "CAMERA"
+    one.update(watcher.view, bpy.context.evaluated_depsgraph_get())
+    assert one.requests == before + 1, "the camera may have moved as well"
 
 
 def test_a_drawing_shows_what_it_has_just_asked_for(watcher, monkeypatch):

@@ -96,6 +96,20 @@ def test_tasks_of_one_start_follow_each_other(live):
     assert wave.number >= 3, "each of the three was shown"
 
 
+def test_tasks_that_are_added_end_nothing(live, monkeypatch):
+    settings, ends, publish = replace(SETTINGS, backend=available_backends()[0]), [], live._publish
+
+    def published(task, film, final, start):
+        ends.extend([task.tag] if final else [])
+        publish(task, film, final, start)
+
+    monkeypatch.setattr(live, "_publish", published)
+    live.start([Task(scene(), replace(settings, samples=8), "first")])
+    live.go_on([Task(scene(0.5), settings, "second"), Task(scene(1.0), settings, "third")])
+    wait(live)
+    assert ends == ["first", "second", "third"]
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_who_waits_gets_what_is_wanted_or_hears_that_none_will_come(live, backend):
     settings = replace(SETTINGS, backend=backend)

@@ -64,6 +64,12 @@ def test_what_a_view_hides_and_brings_back(blender):
     assert told.keys() >= {"local view", "left local view", "undo to 0", "redo to 3", "passepartout"}
 
 
+def test_disturbances_of_a_view_that_is_being_traced(blender):
+    told = run_in_window(blender, "disturbances.py", timeout=300).run.answer
+    assert {name for name, same in told.items() if not same} == set()
+    assert told.keys() >= {"delete_an_object", "another_scene", "without_a_number", "no_faces", "no_camera", "two windows"}
+
+
 def _histogram(told):
     """Milliseconds of every event until its picture was traced, and until it was on the screen."""
     for name, seconds in told["latency"].items():

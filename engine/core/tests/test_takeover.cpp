@@ -103,3 +103,29 @@ TEST(takeover, builds_what_changed) {
   elsewhere.same_space = false;
   CHECK(stage.build(elsewhere)->stats().built == 6 * each);
 }
+
+// A few instances that move stand beside the tree over all of them; when they are more it is made anew.
+TEST(takeover, instances_beside_their_tree) {
+  Random random(73);
+  Stage stage(random);
+  for (int k = 0; k < 30; ++k) stage.scene.instances.push_back({6, kSeen, random_affine(random, 3)});
+  std::shared_ptr<const Accel> accel = stage.build();
+  const size_t nodes = accel->stats().nodes;
+  bool was_made_anew = false;
+  for (uint32_t round = 0; round < 12; ++round) {
+    const uint32_t moved = 10 + (round < 4 ? round / 2 : round);
+    stage.scene.instances[moved].world_from_object = random_affine(random, 3);
+    stage.scene.instances[9].visibility = round % 2 ? kSeen : kShadow;
+    accel = stage.build(stage.base(accel, false));
+    CHECK(accel->validate().empty());
+    if (round < 6) CHECK(accel->stats().nodes == nodes + 1);
+    was_made_anew = was_made_anew || accel->stats().nodes != nodes + 1;
+    for (const Ray& r : rays_through(random, 100)) {
+      uint8_t blocked;
+      accel->occluded(&r, &blocked, 1);
+      const std::vector<Truth> truth = brute(stage.scene, r);
+      CHECK(agrees(truth, closest(*accel, r)) && agrees(truth, blocked != 0));
+    }
+  }
+  CHECK(was_made_anew);
+}

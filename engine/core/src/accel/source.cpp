@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "builder_nodes.h"
 #include "builder_spatial.h"
 
 namespace glint {
@@ -270,6 +271,24 @@ Tree make_instance_tree(std::vector<Ref> boxes, Team& team, const std::atomic<bo
   tree.nodes = build_nodes(boxes.data(), tree.count, options_of(tree.kind, BuildQuality::kBalanced), team, cancel);
   for (const Ref& r : boxes) tree.order.push_back(r.primitive);
   return tree;
+}
+
+Tree with_beside(const Tree& tree, const std::vector<Ref>& boxes) {
+  const size_t above = tree.nodes.nodes.size;
+  Tree out;
+  out.kind = kInstanceLeaf, out.count = tree.count + boxes.size();
+  out.nodes = {Buffer<Node>(above + 1), ChildRef(above), tree.nodes.box};
+  std::copy_n(tree.nodes.nodes.data.get(), above, out.nodes.nodes.data.get());
+  Node& top = out.nodes.nodes[above];
+  for (int lane = 0; lane < kWidth; ++lane) set_child(top, lane, lane == 0 ? &tree.nodes.box : nullptr);
+  top.child[0] = tree.nodes.root;
+  for (size_t k = 0; k < boxes.size(); ++k) {
+    const Box box{xyz(low(boxes[k])), xyz(high(boxes[k]))};
+    set_child(top, int(k) + 1, &box);
+    top.child[k + 1] = leaf_ref(tree.count + k, 1);
+    out.nodes.box.add(box);
+  }
+  return out;
 }
 
 TreeView Tree::view() const {

@@ -42,6 +42,9 @@ Tree make_tree(std::vector<Source>& sources, BuildQuality quality, Team& team, c
 /// Makes the tree over boxes alone; `order` tells where they went.
 Tree make_instance_tree(std::vector<Ref> boxes, Team& team, const std::atomic<bool>& cancel);
 
+/// A tree over instances and up to kWidth - 1 boxes that go beside it, one more node. Their numbers follow those in the tree.
+Tree with_beside(const Tree& tree, const std::vector<Ref>& boxes);
+
 /// Newell's normal, centre and projection of a polygon; false when it has no area or a non-finite corner. `box` receives the part of its
 /// plane that it covers.
 bool make_polygon(const Source& source, size_t primitive, PolygonRecord& record, BoxD& box);

@@ -1,11 +1,15 @@
 #include "takeover.h"
 
+#include <algorithm>
 #include <cstring>
 
 namespace glint {
 namespace {
 
-constexpr size_t kFew = 16;  // instances that may always move out; of more, only half
+constexpr size_t kFew = 16;           // instances that may always move out; of more, only half
+constexpr size_t kBeside = kWidth - 1;  // instances beside the tree over them
+
+bool same(const Affine& a, const Affine& b) { return std::memcmp(&a, &b, sizeof(Affine)) == 0; }
 
 }  // namespace
 
@@ -22,7 +26,7 @@ bool Takeover::stands(const BakedTree& tree, size_t k) const {
   const InstanceView& now = instances_[tree.instances[k]];
   const uint32_t there = base_.geometry[now.geometry];
   return there != AccelBase::kNone && there == tree.geometries[k] &&
-         std::memcmp(&now.world_from_object, &tree.matrices[k], sizeof(Affine)) == 0;
+         same(now.world_from_object, tree.matrices[k]);
 }
 
 BakedTree Takeover::baked(int kind, const std::vector<uint32_t>& wanted) const {
@@ -44,6 +48,19 @@ BakedTree Takeover::all(int kind) const {
   }
   for (uint32_t& g : tree.geometries) g = g < now.size() ? now[g] : AccelBase::kNone;
   return tree;
+}
+
+bool Takeover::moved(const std::vector<uint32_t>& placed, std::vector<uint32_t>& moved) const {
+  if (!world_ || !base_.same_space || base_.exact || world_->placed().instances != placed) return false;
+  moved = world_->placed().moved;
+  for (uint32_t i : placed) {
+    const InstanceView &now = instances_[i], &then = world_->instance(i);
+    if (base_.geometry[now.geometry] != then.geometry) return false;
+    if (now.visibility == then.visibility && same(now.world_from_object, then.world_from_object)) continue;
+    if (std::find(moved.begin(), moved.end(), i) == moved.end()) moved.push_back(i);
+    if (moved.size() > kBeside) return false;
+  }
+  return true;
 }
 
 bool Takeover::move_out(Plan& plan, const std::vector<GeometryView>& geometries) const {

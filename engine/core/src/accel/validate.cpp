@@ -158,13 +158,14 @@ std::string World::validate() const {
     const std::string problem = tree_problem(*tree, primitive_boxes(*tree));
     if (!problem.empty()) return problem;
   }
-  std::vector<Box> boxes(instance_tree_->count);
+  std::vector<Box> boxes(placed_.tree->count);
   for (size_t k = 0; k < boxes.size(); ++k) {
-    const InstanceView& i = instances_[records_[k].instance];
-    const BoxD b = world_box(objects_[records_[k].tree]->nodes.box, i.world_from_object);
+    const InstanceRecord& r = placed_.records[k];
+    if (k < placed_.built->count && std::count(placed_.moved.begin(), placed_.moved.end(), r.instance)) continue;  // is beside it
+    const BoxD b = world_box(objects_[r.tree]->nodes.box, instances_[r.instance].world_from_object);
     boxes[k] = {F4{float(b.lo.x), float(b.lo.y), float(b.lo.z), 0}, F4{float(b.hi.x), float(b.hi.y), float(b.hi.z), 0}};
   }
-  return tree_problem(*instance_tree_, boxes);
+  return tree_problem(*placed_.tree, boxes);
 }
 
 }  // namespace glint

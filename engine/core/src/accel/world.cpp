@@ -82,7 +82,7 @@ World::World(std::vector<GeometryView> geometries, std::vector<InstanceView> ins
     if (!baked_[kind].tree) baked_[kind] = bake(p.baked[kind], team, cancel), stats_.built += baked_[kind].tree->count;
   }
   build_objects(p.placed, before, team, cancel);
-  build_instances(p.placed, team, cancel);
+  build_instances(p.placed, before, team, cancel);
   hide_moved(p);
   make_view();
   count(p);
@@ -155,21 +155,44 @@ void World::build_objects(const std::vector<uint32_t>& placed, const Takeover& b
   });
 }
 
-void World::build_instances(const std::vector<uint32_t>& placed, Team& team, const std::atomic<bool>& cancel) {
+InstanceRecord World::record_of(uint32_t instance) const {
+  const Affine& m = instances_[instance].world_from_object;
+  Affine n;
+  inverse(m, n);
+  return {{n.x.x, n.x.y, n.x.z, n.y.x, n.y.y, n.y.z, n.z.x, n.z.y, n.z.z}, {m.t.x, m.t.y, m.t.z},
+          object_of_[instances_[instance].geometry], instance, instances_[instance].visibility};
+}
+
+void World::build_instances(const std::vector<uint32_t>& placed, const Takeover& before, Team& team, const std::atomic<bool>& cancel) {
+  placed_.instances = placed;
+  if (before.moved(placed, placed_.moved)) return keep_instances(before.placed());
+  placed_.moved.clear();
   std::vector<Ref> boxes;
   for (uint32_t i : placed) {
-    const Tree& object = *objects_[object_of_[instances_[i].geometry]];
+    const Tree& object = object_at(i);
     if (object.count > 0) boxes.push_back(make_ref(world_box(object.nodes.box, instances_[i].world_from_object), i, 0));
   }
-  Tree tree = make_instance_tree(std::move(boxes), team, cancel);
-  for (uint32_t i : tree.order) {
-    const Affine& m = instances_[i].world_from_object;
-    Affine n;
-    inverse(m, n);
-    records_.push_back({{n.x.x, n.x.y, n.x.z, n.y.x, n.y.y, n.y.z, n.z.x, n.z.y, n.z.z}, {m.t.x, m.t.y, m.t.z},
-                        object_of_[instances_[i].geometry], i, instances_[i].visibility});
+  placed_.built = placed_.tree = std::make_shared<const Tree>(make_instance_tree(std::move(boxes), team, cancel));
+  for (uint32_t i : placed_.tree->order) placed_.records.push_back(record_of(i));
+}
+
+/// Takes over the tree over instances, with those that moved since beside it.
+void World::keep_instances(const PlacedTree& there) {
+  const std::vector<uint32_t>& moved = placed_.moved;
+  placed_.built = there.built;
+  placed_.records.assign(there.records.begin(), there.records.begin() + ptrdiff_t(there.built->count));
+  for (InstanceRecord& r : placed_.records) {
+    r.tree = object_of_[instances_[r.instance].geometry];
+    if (std::find(moved.begin(), moved.end(), r.instance) != moved.end()) r.visibility = 0;
   }
-  instance_tree_ = std::make_shared<const Tree>(std::move(tree));
+  std::vector<Ref> beside;
+  for (uint32_t i : moved) {
+    const Tree& object = object_at(i);
+    if (object.count == 0) continue;
+    beside.push_back(make_ref(world_box(object.nodes.box, instances_[i].world_from_object), i, 0));
+    placed_.records.push_back(record_of(i));
+  }
+  placed_.tree = beside.empty() ? placed_.built : std::make_shared<const Tree>(with_beside(*placed_.built, beside));
 }
 
 /// What the world's trees hold and the plan has elsewhere, or nowhere, is not seen there.
@@ -188,22 +211,22 @@ void World::hide_moved(const Plan& plan) {
 void World::make_view() {
   uint32_t common = ~0u;
   for (uint32_t v : visibility_) common &= v;
-  for (const auto* tree : {&baked_[0].tree, &baked_[1].tree, &baked_[2].tree, &instance_tree_})
+  for (const auto* tree : {&baked_[0].tree, &baked_[1].tree, &baked_[2].tree, &placed_.tree})
     if ((*tree)->count > 0) tree_views_.push_back((*tree)->view());
   for (const auto& tree : objects_) object_views_.push_back(tree->view());
-  view_ = {tree_views_.data(), tree_views_.size(), object_views_.data(), records_.data(), visibility_.data(), common};
+  view_ = {tree_views_.data(), tree_views_.size(), object_views_.data(), placed_.records.data(), visibility_.data(), common};
 }
 
 void World::count(const Plan& plan) {
   stats_.dropped = plan.dropped;
-  stats_.bytes = records_.size() * sizeof(InstanceRecord) + visibility_.size() * sizeof(uint32_t);
+  stats_.bytes = placed_.records.size() * sizeof(InstanceRecord) + visibility_.size() * sizeof(uint32_t);
   auto add = [&](const Tree& t) {
     stats_.dropped += t.dropped, stats_.bytes += t.bytes(), stats_.nodes += t.nodes.nodes.size;
     if (t.kind != kInstanceLeaf) stats_.primitives += t.primitives;
   };
   for (const BakedTree& baked : baked_) add(*baked.tree);
   for (const auto& tree : objects_) add(*tree);
-  add(*instance_tree_);
+  add(*placed_.tree);
 }
 
 }  // namespace glint

@@ -24,6 +24,13 @@ struct BakedTree {
   std::vector<Affine> matrices;
 };
 
+/// The tree over instances. A few that moved since it was built stand beside it.
+struct PlacedTree {
+  std::shared_ptr<const Tree> built, tree;  // as the builder made it; the same with what moved
+  std::vector<InstanceRecord> records;      // in the order of the leaves; hidden in `built` what moved, at the end where it is now
+  std::vector<uint32_t> instances, moved;   // all there are, and those that moved, by number
+};
+
 class Takeover;
 
 class World final : public Accel {
@@ -37,13 +44,18 @@ class World final : public Accel {
   const BakedTree& baked(int kind) const { return baked_[kind]; }
   /// The tree of a geometry in object space; null where there is none.
   std::shared_ptr<const Tree> object(uint32_t geometry) const;
+  const PlacedTree& placed() const { return placed_; }
+  const InstanceView& instance(uint32_t number) const { return instances_[number]; }
 
  private:
   Plan plan() const;
   BakedTree bake(const std::vector<uint32_t>& wanted, Team& team, const std::atomic<bool>& cancel) const;
   void hide_moved(const Plan& plan);
   void build_objects(const std::vector<uint32_t>& placed, const Takeover& before, Team& team, const std::atomic<bool>& cancel);
-  void build_instances(const std::vector<uint32_t>& placed, Team& team, const std::atomic<bool>& cancel);
+  const Tree& object_at(uint32_t instance) const { return *objects_[object_of_[instances_[instance].geometry]]; }
+  InstanceRecord record_of(uint32_t instance) const;
+  void build_instances(const std::vector<uint32_t>& placed, const Takeover& before, Team& team, const std::atomic<bool>& cancel);
+  void keep_instances(const PlacedTree& there);
   void make_view();
   void count(const Plan& plan);
 
@@ -52,10 +64,9 @@ class World final : public Accel {
   std::vector<GeometryView> geometries_;
   std::vector<InstanceView> instances_;
   BakedTree baked_[3];                                   // meshes, spheres, polygons
-  std::shared_ptr<const Tree> instance_tree_;
+  PlacedTree placed_;
   std::vector<std::shared_ptr<const Tree>> objects_;     // in object space
   std::vector<uint32_t> object_of_;                      // geometry to object tree, or kNoTree
-  std::vector<InstanceRecord> records_;
   std::vector<uint32_t> visibility_;                     // of instances, where the world's trees have them
   std::vector<TreeView> tree_views_, object_views_;
   WorldView view_{};
