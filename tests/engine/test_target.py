@@ -106,3 +106,17 @@ def test_pilot_and_check_look_at_different_squares_and_at_small_things() -> None
         seen[y0:y1, x0:x1] += 1
     assert set(pilot) < set(check) and len(check) == 2 * len(pilot) and seen.max() == 2 and (seen > 0).sum() == area(check)
     assert any(x0 <= 321 < x1 and y0 <= 123 < y1 for x0, y0, x1, y1 in pilot)
+
+
+@needs_core
+def test_pixels_of_the_squares_stand_for_those_of_the_frame_with_as_much_to_do() -> None:
+    """The squares lie where there is most to do, a twentieth of the frame here, which is to count for no more than that."""
+    look = t.choose_settings(scene_of("flat_and_smooth"), BASE, t.Target("RMSE", 0.2)).look
+    busy = np.zeros_like(look.apart)
+    busy[:, -5:] = 1.0
+    look = replace(look, apart=busy)
+    crops = look.squares(is_check=False)
+    here, weights = np.concatenate([crop.ravel() for crop in look.cut(busy, crops)]), look.weights(crops)
+    assert here.mean() > 2 * busy.mean()
+    assert weights[here == 1].sum() == pytest.approx(busy.sum())
+    assert weights.sum() == pytest.approx(busy.size)
