@@ -34,6 +34,8 @@ TRUTH_SAMPLES = 4 * 256
 REPEATS = 2
 EQUAL = (4, 16, 64, 256)
 """Samples at which both engines' errors are compared."""
+LEVELS = (0.3, 0.1, 0.03, 0.01, 0.003)
+"""Errors at which both engines' times are compared."""
 
 
 def main() -> int:
@@ -204,6 +206,12 @@ def gains(result: dict) -> list[float]:
     return [ratio for ratio in ratios if ratio > 0]
 
 
+def gains_at_levels(result: dict) -> list[float]:
+    """How many times as long Cycles takes to each of LEVELS, by lines between the points of both; not a number beyond a curve's ends."""
+    glint, cycles = front(result["glint"]), front(result["cycles"])
+    return [time_at(cycles, error) / time_at(glint, error) for error in LEVELS]
+
+
 def ratios_at_equal_samples(result: dict) -> dict[int, float]:
     """Samples → Glint's error over Cycles'."""
     glint = {point["samples"]: point["error"] for point in result["glint"] if point["threshold"] == 0}
@@ -215,9 +223,11 @@ def row_of(result: dict) -> str:
     """A line of the table."""
     found = gains(result) or [math.nan]
     equal = " / ".join(f"{ratio:.2f}" for ratio in ratios_at_equal_samples(result).values())
+    levels = " / ".join("–" if math.isnan(gain) else f"{gain:.3g}" for gain in gains_at_levels(result))
     kind = "soft" if result["soft"] else "hard"
-    middle, least = statistics.median(found), min(found)
-    return f"| {result['scene']} | {kind} | {middle:.1f} | {least:.1f} | {max(found):.1f} | {equal} | {result['between_truths']:.1%} |"
+    middle = statistics.median(found)
+    least_most = f"{middle:.1f} | {min(found):.1f} | {max(found):.1f}"
+    return f"| {result['scene']} | {kind} | {least_most} | {levels} | {equal} | {result['between_truths']:.1%} |"
 
 
 def write_all(results: list[dict], out: Path) -> None:
@@ -225,7 +235,17 @@ def write_all(results: list[dict], out: Path) -> None:
     import conftest  # noqa: F401  (makes the package importable as glint)
     from glint.engine import plot, trade_plot
 
-    heads = ["scene", "lights", "gain: median", "least", "most", "error at equal samples over Cycles'", "between the truths"]
+    at = ", ".join(f"{error:.1%}".replace(".0%", "%") for error in LEVELS)
+    heads = [
+        "scene",
+        "lights",
+        "gain: median",
+        "least",
+        "most",
+        f"gain at errors of {at}",
+        "error at equal samples over Cycles'",
+        "between the truths",
+    ]
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads), *map(row_of, results)]
     good = sum(max(ratios_at_equal_samples(result).values()) <= 1 for result in results)
     lines += ["", f"At equal samples ({', '.join(map(str, EQUAL))}) Glint's error is at most Cycles' in {good} of {len(results)} scenes."]
