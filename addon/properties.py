@@ -48,7 +48,7 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
         name="Samples",
         description="Samples per pixel for smooth edges; time grows in proportion. One goes through the pixel's centre. "
         "There is no noise at any number, and powers of two are placed best. Measured on the demo scene, relative error: "
-        "4: 3.0 %, 8: 2.3 %, 16: 1.4 %, 32: 0.7 %, 64: 0.5 %. @DEF@",
+        "4: 3.0 %, 8: 2.3 %, 16: 1.4 %, 32: 0.7 %, 64: 0.5 %. The default, 64 with a threshold of 4, is on the front of 9 of 10 scenes",
         default=OFFERED.samples,
         min=1,
         soft_max=256,
