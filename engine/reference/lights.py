@@ -11,12 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scene import Light
-from .vectors import basis_around, dot, length, unit
+from .rectangle import rectangle_point
+from .vectors import basis_around, dot, length, pick, unit
 
 Array = np.ndarray
 
 HUGE = 1e100
 """Intensities saturate here, far beyond any float32, so that products stay finite."""
+
+
+NEAR = 4.0
+"""Half diagonals of a rectangle within which it is seen large."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,13 +140,33 @@ class Source:
         return LightSample(np.repeat(direction, x.shape[1], 1), np.full(x.shape[1], intensity), None)
 
     def _area(self, x: Array, point: LightPoint, n: int) -> LightSample:
+        """Even over the area; over the solid angle where a rectangle of a PHYSICAL light is seen large."""
         a, b = (point.square if self.light.shape == "RECTANGLE" else point.disc) if n > 1 else (0.0, 0.0)
         q = self.position + a * self.right + b * self.up
         to = q - x
         direction = unit(to)
         z = -dot(direction, self.axis)
         share = 4 * z if self.physical else 1.0
-        return LightSample(direction, np.where(z > 0, self.fall_off(length(to), n) * share, 0.0), q)
+        even = LightSample(direction, np.where(z > 0, self.fall_off(length(to), n) * share, 0.0), q)
+        is_rectangle = self.light.shape == "RECTANGLE" and self.light.size_x * self.light.size_y > 0
+        return self._rectangle(x, point, n, even) if n > 1 and self.physical and is_rectangle else even
+
+    def _rectangle(self, x: Array, point: LightPoint, n: int, even: LightSample) -> LightSample:
+        """`even`, but where the rectangle is seen large its point is even over the solid angle."""
+        to, sides = self.position - x, np.array([self.light.size_x, self.light.size_y]) / 2
+        size = np.hypot(*sides)
+        large = np.flatnonzero((length(to) < NEAR * size) & (-dot(to, self.axis) > 1e-30 * size))
+        if not len(large):
+            return even
+        right, up, (half_x, half_y) = unit(self.right), unit(self.up), sides / size
+        i, j, k = (dot(pick(to, large), axis) / size for axis in (right, up, -self.axis))
+        u, v = (point.square + 1) / 2
+        i, j, solid_angle = rectangle_point(np.stack([i - half_x, i + half_x]), np.stack([j - half_y, j + half_y]), k, u, v)
+        way = i * right + j * up - k * self.axis
+        direction, intensity, end = even.direction.copy(), even.intensity.copy(), np.repeat(even.end, x.shape[1], 1)
+        direction[:, large], end[:, large] = unit(way), pick(x, large) + size * way
+        intensity[large] = solid_angle / (np.pi**2 * self.light.size_x * self.light.size_y * n)
+        return LightSample(direction, intensity, end)
 
 
 def in_cone(axis: Array, versine: Array, point: LightPoint) -> Array:

@@ -1,10 +1,11 @@
 """Time to a given error, Glint beside Cycles, on scenes of ../shared/scenes: python tests/bench/fronts.py NAME[:hard] … [--out out/fronts]
 
 The same light and materials in both: lamps only (a black world), every surface a plain diffuse one, no bounces, the same pixel filter.
-Seconds are processor time of all threads, so that what else the machine does counts little: Glint's of a whole render on trees that are
+Seconds are processor time on one thread, so that what else the machine does counts little: Glint's of a whole render on trees that are
 there, Cycles' of what the second and later samples take, so that neither sync nor trees count. Each engine's error is against its own
-picture at four times the most samples of Cycles (`--most`), and the gap between these two is told: it is no error that time buys off. One
-process per scene; `fronts.png` has all scenes, `fronts.md` the table. `--only-plot` draws them from the numbers that are there.
+picture at four times its most samples, and the gap between these two is told: it is no error that time buys off. One process per scene;
+`fronts.png` has all scenes, `fronts.md` the table, and `--keep-cycles` takes Cycles' points and picture of an earlier run of the same size.
+`--only-plot` draws from the numbers that are there.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -29,9 +30,12 @@ sys.path[:0] = [str(HERE.parent), str(HERE.parent / "cycles")]
 GRID = [(1, 0.0), (4, 0.0), *((samples, threshold) for samples in (16, 64, 256) for threshold in (16.0, 4.0, 0.0))]
 """Samples and error threshold of Glint's renders."""
 LIGHT_SAMPLES = 2
+TRUTH_SAMPLES = 4 * 256
 REPEATS = 2
 EQUAL = (4, 16, 64, 256)
 """Samples at which both engines' errors are compared."""
+LEVELS = (0.3, 0.1, 0.03, 0.01, 0.003)
+"""Errors at which both engines' times are compared."""
 
 
 def main() -> int:
@@ -40,6 +44,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("out/fronts"))
     parser.add_argument("--side", type=int, default=128, help="pixels of the longer side")
     parser.add_argument("--most", type=int, default=256, help="most samples of Cycles, a power of four from 256 on")
+    parser.add_argument("--keep-cycles", action="store_true", help="measure Glint alone where Cycles was measured before")
     parser.add_argument("--only-plot", action="store_true", help="measure nothing")
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -47,6 +52,7 @@ def main() -> int:
     if options.inside:
         return measure_scene(options.names[0], options)
     command = [sys.executable, __file__, "--inside", "--out", str(options.out), "--side", str(options.side), "--most", str(options.most)]
+    command += ["--keep-cycles"] * options.keep_cycles
     code = 0 if options.only_plot else max(subprocess.run([*command, name]).returncode for name in options.names)
     write_all([json.loads((options.out / f"{name}.json").read_text()) for name in options.names], options.out)
     return code
@@ -59,8 +65,8 @@ def measure_scene(name: str, options: argparse.Namespace) -> int:
     scene = matched_scene(name, options.side)
     from glint.engine import metrics
 
-    glint, glint_truth, is_soft = glint_points(scene, 4 * options.most)
-    cycles, cycles_truth = cycles_points(scene, options.most)
+    cycles, cycles_truth = kept_cycles_points(scene, options.out / f"{name}.cycles.npz", options)
+    glint, glint_truth, is_soft = glint_points(scene)
     result = {
         "scene": name,
         "soft": is_soft,
@@ -101,6 +107,7 @@ def matched_scene(name: str, side: int):
     tree.links.new(tree.nodes.new("ShaderNodeBsdfDiffuse").outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
     bpy.context.view_layer.material_override = plain
     limit_size(scene, side)
+    scene.render.threads_mode, scene.render.threads = "FIXED", 1
     return scene
 
 
@@ -114,7 +121,7 @@ def harden(lights) -> None:
             light.angle = 0.0
 
 
-def glint_points(scene, truth_samples: int) -> tuple[list[dict], np.ndarray, bool]:
+def glint_points(scene) -> tuple[list[dict], np.ndarray, bool]:
     """A point (samples, threshold, seconds, error) for each of the grid, the picture at many samples, whether lights are soft."""
     import bpy
 
@@ -124,10 +131,10 @@ def glint_points(scene, truth_samples: int) -> tuple[list[dict], np.ndarray, boo
     from glint.operators.scene_copy import read_job
 
     job = read_job(scene, bpy.context.view_layer.name)
-    base = Settings(light_samples=LIGHT_SAMPLES, max_bounces=0, filter_width=job.settings.filter_width, backend=job.settings.backend)
+    base = replace(Settings(light_samples=LIGHT_SAMPLES, max_bounces=0, threads=1), filter_width=job.settings.filter_width)
     points = {}
     with CropRenderer(job.scene, ((0, 0, *job.scene.camera.resolution),), lambda: False) as frame:
-        truth = frame.render(replace(base, samples=truth_samples, light_samples=2 * LIGHT_SAMPLES)).pictures[0]
+        truth = frame.render(replace(base, samples=TRUTH_SAMPLES, light_samples=2 * LIGHT_SAMPLES)).pictures[0]
         for samples, threshold in GRID * REPEATS:
             began = time.process_time()
             picture = frame.render(replace(base, samples=samples, error_threshold=threshold)).pictures[0]
@@ -135,6 +142,15 @@ def glint_points(scene, truth_samples: int) -> tuple[list[dict], np.ndarray, boo
             error = metrics.relative_rmse(picture, truth)
             points[samples, threshold] = {"samples": samples, "threshold": threshold, "seconds": seconds, "error": error}
     return list(points.values()), truth, has_soft_lights(job.scene)
+
+
+def kept_cycles_points(scene, path: Path, options: argparse.Namespace) -> tuple[list[dict], np.ndarray]:
+    """`cycles_points`, kept in a file."""
+    if not (options.keep_cycles and path.exists()):
+        points, truth = cycles_points(scene, options.most)
+        np.savez(path, points=json.dumps(points), truth=truth)
+    with np.load(path) as kept:
+        return json.loads(str(kept["points"])), kept["truth"]
 
 
 def cycles_points(scene, most: int) -> tuple[list[dict], np.ndarray]:
@@ -190,6 +206,12 @@ def gains(result: dict) -> list[float]:
     return [ratio for ratio in ratios if ratio > 0]
 
 
+def gains_at_levels(result: dict) -> list[float]:
+    """How many times as long Cycles takes to each of LEVELS, by lines between the points of both; not a number beyond a curve's ends."""
+    glint, cycles = front(result["glint"]), front(result["cycles"])
+    return [time_at(cycles, error) / time_at(glint, error) for error in LEVELS]
+
+
 def ratios_at_equal_samples(result: dict) -> dict[int, float]:
     """Samples → Glint's error over Cycles'."""
     glint = {point["samples"]: point["error"] for point in result["glint"] if point["threshold"] == 0}
@@ -201,9 +223,11 @@ def row_of(result: dict) -> str:
     """A line of the table."""
     found = gains(result) or [math.nan]
     equal = " / ".join(f"{ratio:.2f}" for ratio in ratios_at_equal_samples(result).values())
+    levels = " / ".join("–" if math.isnan(gain) else f"{gain:.3g}" for gain in gains_at_levels(result))
     kind = "soft" if result["soft"] else "hard"
-    middle, least = statistics.median(found), min(found)
-    return f"| {result['scene']} | {kind} | {middle:.1f} | {least:.1f} | {max(found):.1f} | {equal} | {result['between_truths']:.1%} |"
+    middle = statistics.median(found)
+    least_most = f"{middle:.1f} | {min(found):.1f} | {max(found):.1f}"
+    return f"| {result['scene']} | {kind} | {least_most} | {levels} | {equal} | {result['between_truths']:.1%} |"
 
 
 def write_all(results: list[dict], out: Path) -> None:
@@ -211,7 +235,17 @@ def write_all(results: list[dict], out: Path) -> None:
     import conftest  # noqa: F401  (makes the package importable as glint)
     from glint.engine import plot, trade_plot
 
-    heads = ["scene", "lights", "gain: median", "least", "most", "error at equal samples over Cycles'", "between the truths"]
+    at = ", ".join(f"{error:.1%}".replace(".0%", "%") for error in LEVELS)
+    heads = [
+        "scene",
+        "lights",
+        "gain: median",
+        "least",
+        "most",
+        f"gain at errors of {at}",
+        "error at equal samples over Cycles'",
+        "between the truths",
+    ]
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads), *map(row_of, results)]
     good = sum(max(ratios_at_equal_samples(result).values()) <= 1 for result in results)
     lines += ["", f"At equal samples ({', '.join(map(str, EQUAL))}) Glint's error is at most Cycles' in {good} of {len(results)} scenes."]

@@ -204,6 +204,21 @@ def test_a_lamp_that_moves_a_little_casts_new_shadows():
         live.close()
 
 
+def test_a_rectangle_that_grows_casts_new_shadows():
+    """Its first point lies in the middle of the solid angle, not of the rectangle."""
+    from glint.engine.native_live import NativeLive
+
+    live, scene, settings = NativeLive(), first_scene(random.Random(0)), replace(SETTINGS, light_samples=2)
+    frame = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    try:
+        for step in range(4):
+            light = Light("Area", "AREA", np.c_[frame, [2.0, 1.5, 2.0]], strength=150.0, size_x=1.0 + step, size_y=2.0)
+            scene = replace(scene, lights=_with(scene.lights, 1, light))
+            assert_same_bits(shown(live, scene, True, settings), render(scene, settings), f"step {step}")
+    finally:
+        live.close()
+
+
 @pytest.mark.parametrize("change", [lamp, paint, surround])
 def test_what_is_shaded_anew_traces_no_ray(change):
     from glint.engine.native_live import NativeLive

@@ -46,13 +46,12 @@ void ErrorEstimate::measure(const Tile& tile, const SlotTable& slots, const Refi
 }
 
 void ErrorEstimate::look_around(const Tile& tile) {
-  for (uint32_t y = tile.y0; y < tile.y1; ++y)
-    for (uint32_t x = tile.x0; x < tile.x1; ++x) {
-      double sum = 0, count = 0;
-      for (uint32_t j = y - (y > 0); j <= std::min(y + 1, height_ - 1); ++j)
-        for (uint32_t i = x - (x > 0); i <= std::min(x + 1, width_ - 1); ++i) sum += double(spread_.data()[size_t(j) * width_ + i]), ++count;
-      around_.data()[size_t(y) * width_ + x] = float(sum / (count * Refinement::kFirst));
-    }
+  struct Mean {
+    double sum, count;
+  };
+  const auto add = [&](Mean mean, size_t pixel) { return Mean{mean.sum + double(spread_.data()[pixel]), mean.count + 1}; };
+  const auto keep = [&](size_t pixel, Mean mean) { around_.data()[pixel] = float(mean.sum / (mean.count * Refinement::kFirst)); };
+  sum_neighborhoods<Mean>(tile, width_, height_, add, keep);
 }
 
 float ErrorEstimate::levels(uint32_t pixel, uint32_t samples) const {

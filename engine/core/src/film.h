@@ -25,6 +25,19 @@ struct Tile {
   size_t stride() const { return (pixels() + kPad - 1) / kPad * kPad; }
 };
 
+/// The sum over each pixel of the tile and its neighbours, with add(sum, number) in place of +: keep(number, sum). Numbers are those of pixels
+/// in a region of that size.
+template <class Sum, class Add, class Keep>
+void sum_neighborhoods(const Tile& tile, uint32_t width, uint32_t height, Add add, Keep keep) {
+  for (uint32_t y = tile.y0; y < tile.y1; ++y)
+    for (uint32_t x = tile.x0; x < tile.x1; ++x) {
+      Sum sum{};
+      for (uint32_t j = y - (y > 0); j <= std::min(y + 1, height - 1); ++j)
+        for (uint32_t i = x - (x > 0); i <= std::min(x + 1, width - 1); ++i) sum = add(sum, size_t(j) * width + i);
+      keep(size_t(y) * width + x, sum);
+    }
+}
+
 /// Column and row, within the tile, of each slot of a tile of some size.
 class SlotTable {
  public:

@@ -9,6 +9,8 @@ namespace {
 
 constexpr double kHuge = 1e100;  // beyond any float: intensities saturate here instead of overflowing to NaN later
 
+constexpr double kNear = 4;  // half diagonals of a rectangle within which it is seen large
+
 double saturate(double x) { return std::clamp(x, -kHuge, kHuge); }
 
 /// The direction at the disc point (x, y) of the cone round `axis` with 1 - cos(half angle) = versine, uniform in solid angle.
@@ -50,9 +52,12 @@ double Light::spot(double z) const {
   return t * t * (3 - 2 * t);
 }
 
-LightShape Light::shape(bool soft) const {
+/// With an area: a strip without a width is not.
+bool Light::is_rectangle() const { return kind == GLINT_AREA && !(flags & GLINT_ELLIPSE) && length(right) * length(up) > 0; }
+
+LightShape Light::shape(bool soft, bool physical) const {
   if (kind == GLINT_SUN) return kDirection;
-  if (kind == GLINT_AREA) return kPlaneSource;
+  if (kind == GLINT_AREA) return soft && physical && is_rectangle() ? kRectangleSource : kPlaneSource;
   return !soft ? kPointSource : flags & GLINT_SOFT_FALLOFF ? kDiscSource : kSphereSource;
 }
 
@@ -61,12 +66,20 @@ void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool phy
   const LightPoint q = soft ? p : LightPoint{};
   const Vec3d l = soft && kind == GLINT_SUN ? in_cone(-axis, versine, p) : -axis;
   const Vec3d end = center + (ellipse ? q.x : q.a) * right + (ellipse ? q.y : q.b) * up;
-  stage.shape = shape(soft), stage.physical = physical, stage.spot = kind == GLINT_SPOT, stage.casts_shadow = casts_shadow();
+  stage.shape = shape(soft, physical), stage.physical = physical, stage.spot = kind == GLINT_SPOT, stage.casts_shadow = casts_shadow();
   stage.factor = physical ? (soft ? 2 / (2 - versine) : 1) / kPi : 1;
   for (int c = 0; c < 3; ++c)
     stage.l[c] = l[c], stage.end[c] = end[c], stage.center[c] = center[c], stage.axis[c] = axis[c], stage.color[c] = color[c];
   stage.radius = radius, stage.scale2 = scale2, stage.spot_cosine = spot_cosine, stage.spot_width = (1 - spot_cosine) * spot_blend;
   stage.x = q.x, stage.y = q.y, stage.share = soft ? count : 1;
+  if (stage.shape == kRectangleSource) set_rectangle(stage, q);
+}
+
+void Light::set_rectangle(LightStage& stage, const LightPoint& q) const {
+  const double x = length(right), y = length(up), size = std::sqrt(x * x + y * y);
+  stage.factor = scale2 / (4 * kPi * kPi * x * y), stage.a = q.a, stage.b = q.b;
+  stage.size = size, stage.half[0] = x / size, stage.half[1] = y / size, stage.near2 = kNear * kNear * size * size;
+  for (int c = 0; c < 3; ++c) stage.right[c] = right[c] / x, stage.up[c] = up[c] / y;
 }
 
 double Light::meets_sphere(Vec3d o, Vec3d d) const {

@@ -40,7 +40,9 @@ struct Light {
   Vec3d radiance(Vec3d d, bool physical) const;
 
  private:
-  LightShape shape(bool soft) const;
+  bool is_rectangle() const;
+  LightShape shape(bool soft, bool physical) const;
+  void set_rectangle(LightStage& stage, const LightPoint& q) const;
   double spot(double z) const;
   double meets_sphere(Vec3d o, Vec3d d) const;
   double meets_area(Vec3d o, Vec3d d) const;

@@ -64,16 +64,8 @@ void Refinement::measure(const Tile& tile, const SlotTable& slots, const double*
 }
 
 void Refinement::look_around(const Tile& tile) {
-  for (uint32_t y = tile.y0; y < tile.y1; ++y)
-    for (uint32_t x = tile.x0; x < tile.x1; ++x) {
-      float largest = 0;
-      for (uint32_t j = y - (y > 0); j <= std::min(y + 1, height_ - 1); ++j)
-        for (uint32_t i = x - (x > 0); i <= std::min(x + 1, width_ - 1); ++i) {
-          const float range = range_.data()[size_t(j) * width_ + i];
-          largest = range > largest ? range : largest;
-        }
-      around_.data()[size_t(y) * width_ + x] = largest;
-    }
+  const auto larger = [&](float largest, size_t pixel) { return std::max(largest, range_.data()[pixel]); };
+  sum_neighborhoods<float>(tile, width_, height_, larger, [&](size_t pixel, float largest) { around_.data()[pixel] = largest; });
 }
 
 double Refinement::bound_of_error(uint32_t pixel, uint32_t samples) const {

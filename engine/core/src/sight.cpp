@@ -19,7 +19,8 @@ bool Sight::is_of(const GlintCamera& camera, const RenderPlan& plan) const {
 
 Sight::Rays Sight::rays_of(const LightStage& s) {
   return {double(s.shape), s.l[0], s.l[1], s.l[2], s.end[0], s.end[1], s.end[2], s.center[0], s.center[1], s.center[2],
-          s.axis[0], s.axis[1], s.axis[2], s.radius, s.x, s.y};
+          s.axis[0], s.axis[1], s.axis[2], s.radius, s.x, s.y,
+          s.right[0], s.right[1], s.right[2], s.up[0], s.up[1], s.up[2], s.size, s.half[0], s.half[1], s.a, s.b};
 }
 
 void Sight::expect(const Scene& scene, const RenderPlan& plan) {

@@ -39,7 +39,7 @@ class Sight {
 
  private:
   /// Everything of a LightStage on which its shadow rays depend.
-  using Rays = std::array<double, 16>;
+  using Rays = std::array<double, 27>;
   struct Column {
     Rays rays{};
     Zeros<uint8_t> shadows;

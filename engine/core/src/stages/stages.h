@@ -131,14 +131,16 @@ struct VaryStage {
   int64_t* lit;
 };
 
-enum LightShape : int { kDirection, kPointSource, kSphereSource, kDiscSource, kPlaneSource };
+enum LightShape : int { kDirection, kPointSource, kSphereSource, kDiscSource, kPlaneSource, kRectangleSource };
 
 /// One sample of one light, as light.h has it for one point.
 struct LightStage {
   int shape;
   bool physical, spot, casts_shadow;
-  double l[3], factor;            // kDirection: the unit direction; its intensity
-  double end[3];                  // kPlaneSource: the sample
+  double l[3], factor;            // kDirection: the unit direction; its intensity. kRectangleSource: intensity per steradian
+  double end[3];                  // kPlaneSource, kRectangleSource: the sample, even over the area
+  double right[3], up[3], size, half[2], near2, a, b;  // kRectangleSource: unit axes; half the diagonal, half the sides over it; the square
+                                  // of the distance within which it is seen large; the sample in the square
   double center[3], axis[3], color[3];
   double radius, scale2, spot_cosine, spot_width, x, y, share;  // x, y: of the disc; share: samples of the light
   size_t count;
