@@ -28,7 +28,7 @@ struct Columns {
 /// Whether a ray certainly misses the ball round a tree: by far more than rounding.
 inline bool passes_by(const TreeView& tree, D3 o, D3 d) {
   const D3 f = d3(tree.center) - o, n = {f.y * d.z - f.z * d.y, f.z * d.x - f.x * d.z, f.x * d.y - f.y * d.x};
-  return dot(n, n) > (tree.radius * tree.radius + dot(f, f) * 0x1p-40) * dot(d, d);
+  return dot(n, n) > (tree.ball * tree.ball + dot(f, f) * 0x1p-40) * dot(d, d);
 }
 
 /// A ray in the space of an instance's tree.

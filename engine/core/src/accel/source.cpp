@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "builder_spatial.h"
+#include "outline.h"
 
 namespace glint {
 namespace {
@@ -259,6 +260,7 @@ Tree make_tree(std::vector<Source>& sources, BuildQuality quality, Team& team, c
   refs = {};
   fill_leaves(tree, sources, team);
   name_instances(tree.ids, sources, team);
+  tree.ball = ball_radius(tree);
   return tree;
 }
 
@@ -273,7 +275,7 @@ Tree make_instance_tree(std::vector<Ref> boxes, Team& team, const std::atomic<bo
 }
 
 TreeView Tree::view() const {
-  TreeView v{nodes.nodes.data.get(), floats.data.get(), ids.data.get(), polygons.data.get(), corners.data(), {}, 0, nodes.root, kind,
+  TreeView v{nodes.nodes.data.get(), floats.data.get(), ids.data.get(), polygons.data.get(), corners.data(), {}, 0, 0, nodes.root, kind,
              bytes() > kLarge};
   double square = 0;
   for (int k = 0; k < 3; ++k) {
@@ -282,6 +284,8 @@ TreeView Tree::view() const {
     square += (hi - lo) * (hi - lo);
   }
   v.radius = 0.51 * std::sqrt(square);
+  const double reach = std::max({std::fabs(v.center[0]), std::fabs(v.center[1]), std::fabs(v.center[2])}) + 5 * v.radius;
+  v.ball = 1.001 * ball + 0x1p-18 * reach;
   return v;
 }
 

@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "outline.h"
 #include "world.h"
 
 namespace glint {
@@ -161,7 +162,7 @@ std::string World::validate() const {
   std::vector<Box> boxes(instance_tree_->count);
   for (size_t k = 0; k < boxes.size(); ++k) {
     const InstanceView& i = instances_[records_[k].instance];
-    const BoxD b = world_box(objects_[records_[k].tree]->nodes.box, i.world_from_object);
+    const BoxD b = world_box(*objects_[records_[k].tree], i.world_from_object);
     boxes[k] = {F4{float(b.lo.x), float(b.lo.y), float(b.lo.z), 0}, F4{float(b.hi.x), float(b.hi.y), float(b.hi.z), 0}};
   }
   return tree_problem(*instance_tree_, boxes);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "outline.h"
 #include "takeover.h"
 
 namespace glint {
@@ -44,19 +45,6 @@ bool inverse(const Affine& m, Affine& linear) {
   const Vec3d a = (ix / det) * cross(y, z), b = (iy / det) * cross(z, x), c = (iz / det) * cross(x, y);  // rows
   linear = {{a.x, b.x, c.x}, {a.y, b.y, c.y}, {a.z, b.z, c.z}, {}};
   return finite(linear);
-}
-
-BoxD world_box(const Box& box, const Affine& m) {
-  BoxD out;
-  for (int k = 0; k < 8; ++k) {
-    const Vec3d p(double((k & 1 ? box.hi : box.lo)[0]), double((k & 2 ? box.hi : box.lo)[1]), double((k & 4 ? box.hi : box.lo)[2]));
-    out.add(point(m, p));
-  }
-  // Rays are rounded to float in object space: leave room for four ulps of the largest coordinate there and here.
-  const Vec3d object = max(abs(Vec3d(box.lo[0], box.lo[1], box.lo[2])), abs(Vec3d(box.hi[0], box.hi[1], box.hi[2])));
-  const Vec3d room = 0x1p-22 * (abs(m.x) * object.x + abs(m.y) * object.y + abs(m.z) * object.z);
-  out.lo = out.lo - room, out.hi = out.hi + room;
-  return out;
 }
 
 std::unique_ptr<Accel> Accel::build(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
@@ -159,7 +147,7 @@ void World::build_instances(const std::vector<uint32_t>& placed, Team& team, con
   std::vector<Ref> boxes;
   for (uint32_t i : placed) {
     const Tree& object = *objects_[object_of_[instances_[i].geometry]];
-    if (object.count > 0) boxes.push_back(make_ref(world_box(object.nodes.box, instances_[i].world_from_object), i, 0));
+    if (object.count > 0) boxes.push_back(make_ref(world_box(object, instances_[i].world_from_object), i, 0));
   }
   Tree tree = make_instance_tree(std::move(boxes), team, cancel);
   for (uint32_t i : tree.order) {
