@@ -98,81 +98,52 @@ void trace_instances(Walk<Any>& w, ChildRef leaf, uint64_t rays) {
   }
 }
 
-/// A ray on its own in the tree over instances, and the one that it has come to.
-struct Visitor {
-  Walker walker;
-  ChildRef at;
-  const InstanceRecord* instance;
-  ObjectRay ray;
-
-  /// Goes on to the next instance that it may hit; false when there is none. A leaf of that tree is one instance.
-  template <bool Any>
-  bool arrive(const Walk<Any>& w) {
-    for (;; at = walker.pop()) {
-      while (!(at & kLeaf)) at = walker.descend(w, at);
-      if (at == kDone) return false;
-      instance = w.world.instances + leaf_first(at);
-      if (!(instance->visibility & w.tile.answers->visibility)) continue;
-      ray = ObjectRay(*instance, w.tile, walker.r);
-      if (!passes_by(w.world.objects[instance->tree], ray.o, ray.d)) return true;
-    }
-  }
-  /// After the visit; false when its ray is through.
-  template <bool Any>
-  bool leave(const Walk<Any>& w) {
-    if (!alive(w.tile, walker.r)) return false;
-    walker.shorten(w.tile);
-    at = walker.pop();
-    return true;
-  }
-};
-
-constexpr int kVisitors = 16;
-
-/// Rays without company through the tree over instances. Whenever all of them have come to one, those at instances of the same object go
-/// into its tree together: the instances may be different ones.
+/// Rays without company in the tree over instances. Each goes on until it has come to an instance that it may hit. When all have, those
+/// at instances of the same object go into its tree together: the instances may be different ones. A leaf is one instance.
 template <bool Any>
-struct Visitors {
-  Walk<Any>& w;
-  uint64_t waiting;  // rays
-  Visitor visitor[kVisitors];
+struct Visitors : Company<Any, true> {
+  using Company<Any, true>::w, Company<Any, true>::at, Company<Any, true>::walker;
+  ObjectRay ray[kWalkers];
+  uint32_t there = 0;  // have come to an instance
 
-  explicit Visitors(Walk<Any>& walk) : w(walk), waiting(walk.left.rays) {}
+  explicit Visitors(Walk<Any>& walk) : Company<Any, true>(walk, walk.left.rays) {}
   void go() {
-    for (uint32_t busy = 0, there;; busy = leave(there)) {
-      there = 0;
-      for (int k = 0; k < kVisitors; ++k)
-        if (arrive(k, busy >> k & 1)) there |= 1u << k;
-      if (!there) return;
-      for (uint32_t m = there; m;) m &= ~enter(m);
+    for (uint32_t nodes, through;;) {
+      this->look(nodes, through);
+      const uint32_t leaves = this->everybody() & ~nodes & ~through & ~there;
+      if (!(nodes | leaves | there)) return;
+      if (leaves) arrive(leaves);
+      else if (nodes) this->pass_nodes(nodes);
+      else while (there) enter();
     }
   }
-  /// Visitor k, or the next ray that waits in its place.
-  bool arrive(int k, bool busy) {
-    for (;; busy = true) {
-      if (busy && visitor[k].arrive(w)) return true;
-      if (!waiting) return false;
-      visitor[k].at = visitor[k].walker.start(w.tile, __builtin_ctzll(waiting), w.left);
-      waiting &= waiting - 1;
+  const InstanceRecord& instance(int k) const { return w.world.instances[leaf_first(at[k])]; }
+  /// Those that may hit their instance stay there.
+  void arrive(uint32_t mask) {
+    for (; mask; mask &= mask - 1) {
+      const int k = __builtin_ctz(mask);
+      const InstanceRecord& i = instance(k);
+      ray[k] = ObjectRay(i, w.tile, walker[k].r);
+      if (i.visibility & w.tile.answers->visibility && !passes_by(w.world.objects[i.tree], ray[k].o, ray[k].d)) there |= 1u << k;
+      else Company<Any, true>::go(k, walker[k].pop());
     }
   }
-  /// Sends those of `there` on their way that are at the same object as the first; returns which.
-  uint32_t enter(uint32_t there) {
-    const uint32_t tree = visitor[__builtin_ctz(there)].instance->tree;
+  /// Sends those on their way that are at the same object as the first one.
+  void enter() {
+    const uint32_t tree = instance(__builtin_ctz(there)).tree;
     uint32_t same = 0;
     Visit<Any> visit(w, tree);
-    for (; there; there &= there - 1) {
-      const Visitor& v = visitor[__builtin_ctz(there)];
-      if (v.instance->tree == tree) visit.add(v.walker.r, *v.instance, v.ray), same |= there & -there;
+    for (uint32_t m = there; m; m &= m - 1) {
+      const int k = __builtin_ctz(m);
+      if (instance(k).tree == tree) visit.add(walker[k].r, instance(k), ray[k]), same |= m & -m;
     }
     visit.trace();
-    return same;
+    there &= ~same;
+    for (; same; same &= same - 1) leave(__builtin_ctz(same));
   }
-  uint32_t leave(uint32_t there) {
-    uint32_t busy = 0;
-    for (; there; there &= there - 1)
-      if (visitor[__builtin_ctz(there)].leave(w)) busy |= there & -there;
-    return busy;
+  void leave(int k) {
+    walker[k].shorten(w.tile);
+    Company<Any, true>::go(k, alive(w.tile, walker[k].r) ? walker[k].pop() : kDone);
   }
 };
 
