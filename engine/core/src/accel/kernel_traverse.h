@@ -410,10 +410,7 @@ inline void limit_rays(const Answers& a, Columns& columns, Tile& tile) {
 /// Whether all rays certainly miss the ball round a tree. Without branches, so that it is done for several rays at once.
 inline bool all_pass_by(const Tile& tile, const TreeView& tree) {
   int near = 0;
-  for (int r = 0; r < tile.count; ++r) {
-    const D3 o{tile.xyz_o[0][r], tile.xyz_o[1][r], tile.xyz_o[2][r]}, d{tile.xyz_d[0][r], tile.xyz_d[1][r], tile.xyz_d[2][r]};
-    near += !passes_by(tree, o, d);
-  }
+  for (int r = 0; r < tile.count; ++r) near += !OpenRay<double>(tile, r).passes_by(tree);
   return near == 0;
 }
 
