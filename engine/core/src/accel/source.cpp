@@ -116,23 +116,15 @@ Buffer<Ref> collect(const std::vector<Source>& sources, Team& team, const std::a
   return refs;
 }
 
-/// body(k) for all k below `count`, shared out in chunks.
-template <class Body>
-void each_chunk(size_t count, Team& team, Body body) {
-  team.run((count + kChunk - 1) / kChunk, [&](size_t c) {
-    for (size_t k = c * kChunk; k < std::min(count, (c + 1) * kChunk); ++k) body(k);
-  });
-}
-
 /// What the leaves need of the refs, a quarter of their size; `instance` is the number of the source until `name_instances`.
 Buffer<PrimitiveId> origins(const Buffer<Ref>& refs, Team& team) {
   Buffer<PrimitiveId> ids(refs.size);
-  each_chunk(ids.size, team, [&](size_t k) { ids[k] = {refs[k].source, refs[k].primitive}; });
+  each_chunk(ids.size, kChunk, team, [&](size_t k) { ids[k] = {refs[k].source, refs[k].primitive}; });
   return ids;
 }
 
 void name_instances(Buffer<PrimitiveId>& ids, const std::vector<Source>& sources, Team& team) {
-  each_chunk(ids.size, team, [&](size_t k) { ids[k].instance = sources[ids[k].instance].instance; });
+  each_chunk(ids.size, kChunk, team, [&](size_t k) { ids[k].instance = sources[ids[k].instance].instance; });
 }
 
 void fill_triangles(const std::vector<Source>& sources, const PrimitiveId* from, size_t count, float* out) {
@@ -271,6 +263,7 @@ Tree make_instance_tree(std::vector<Ref> boxes, Team& team, const std::atomic<bo
   if (tree.count == 0) return tree;
   tree.nodes = build_nodes(boxes.data(), tree.count, options_of(tree.kind, BuildQuality::kBalanced), team, cancel);
   for (const Ref& r : boxes) tree.order.push_back(r.primitive);
+  tree.ball = ball_radius(tree);
   return tree;
 }
 

@@ -144,11 +144,14 @@ void World::build_objects(const std::vector<uint32_t>& placed, const Takeover& b
 }
 
 void World::build_instances(const std::vector<uint32_t>& placed, Team& team, const std::atomic<bool>& cancel) {
-  std::vector<Ref> boxes;
-  for (uint32_t i : placed) {
-    const Tree& object = *objects_[object_of_[instances_[i].geometry]];
-    if (object.count > 0) boxes.push_back(make_ref(world_box(object, instances_[i].world_from_object), i, 0));
-  }
+  std::vector<uint32_t> seen;
+  for (uint32_t i : placed)
+    if (objects_[object_of_[instances_[i].geometry]]->count > 0) seen.push_back(i);
+  std::vector<Ref> boxes(seen.size());
+  each_chunk(seen.size(), 256, team, [&](size_t k) {
+    const InstanceView& i = instances_[seen[k]];
+    boxes[k] = make_ref(world_box(*objects_[object_of_[i.geometry]], i.world_from_object), seen[k], 0);
+  });
   Tree tree = make_instance_tree(std::move(boxes), team, cancel);
   for (uint32_t i : tree.order) {
     const Affine& m = instances_[i].world_from_object;
