@@ -6,9 +6,6 @@
 namespace glint {
 namespace {
 
-template <bool Any>
-void visit_instances(Walk<Any>& w);
-
 /// Decides or takes the triangles of `mask`, not culled, whose depths are between lo and hi. `sure`: hit without doubt.
 template <bool Any>
 __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref, int first, uint32_t mask, const TriangleTest& t, Floats lo,
@@ -182,12 +179,19 @@ struct Walkers : Company<Any, false> {
   }
 };
 
+/// In functions of their own: both take much of the stack, and a ray in an object's tree is in the tree over instances at the same time.
+template <bool Any>
+void visit_instances(Walk<Any>& w);
+template <bool Any>
+__attribute__((noinline)) void visit_primitives(Walk<Any>& w) {
+  Walkers<Any>(w, w.left.rays).go();
+}
+
 /// The rest of the way of all rays that have left their bundles. The bundles do not learn of it: Walk::trim.
 template <bool Any>
 __attribute__((noinline)) void walk_rays(Walk<Any>& w) {
   w.boxes.prepare(w.tile, w.left.rays);
-  if (w.tree.kind == kInstanceLeaf) visit_instances(w);
-  else Walkers<Any>(w, w.left.rays).go();
+  w.tree.kind == kInstanceLeaf ? visit_instances(w) : visit_primitives(w);
   w.left.rays = 0, w.left.count = 0;
 }
 
