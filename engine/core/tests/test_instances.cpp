@@ -1,6 +1,7 @@
 // Instances with odd matrices, and which rays see them.
 #include <cmath>
 
+#include "../src/accel/outline.h"
 #include "brute.h"
 #include "check.h"
 #include "shapes.h"
@@ -50,7 +51,49 @@ double compare(const Placed& p, const std::vector<Ray>& rays) {
 
 Affine scaled(Vec3d s, Vec3d t = {}) { return {{s.x, 0, 0}, {0, s.y, 0}, {0, 0, s.z}, t}; }
 
+Tree tree_of(const Mesh& mesh, BuildQuality quality) {
+  const GeometryView geometry = mesh.view();
+  std::vector<Source> sources;
+  sources.push_back({&geometry, 0, nullptr, 1, nullptr, {}});
+  Team team(1);
+  const std::atomic<bool> cancel{false};
+  return make_tree(sources, quality, team, cancel);
+}
+
+/// Checks that a turned mesh is within its box in the world, and that this is no wider than it by more than a twentieth.
+void check_world_box(const Mesh& mesh, const Tree& tree, const Affine& m) {
+  BoxD exact;
+  for (size_t t = 0; t < mesh.count(); ++t)
+    for (size_t k = 0; k < 3; ++k) exact.add(point(m, mesh.corner(t, k)));
+  const BoxD box = world_box(tree, m);
+  for (int axis = 0; axis < 3; ++axis) {
+    const double slack = 0.05 * (exact.hi[axis] - exact.lo[axis]);
+    CHECK(box.lo[axis] <= exact.lo[axis] && exact.lo[axis] <= box.lo[axis] + slack);
+    CHECK(box.hi[axis] >= exact.hi[axis] && exact.hi[axis] >= box.hi[axis] - slack);
+  }
+}
+
 }  // namespace
+
+TEST(instances, boxes_in_the_world_fit) {
+  Random random(45);
+  for (const Mesh& mesh : {icosphere(3, 1, {3, 0, 0}), bumpy_sphere(30, 60), box_grid(8, 1, {0, 2, 0}), soup(random, 3, 1, 1)})
+    for (BuildQuality quality : kQualities) {
+      const Tree tree = tree_of(mesh, quality);
+      for (int k = 0; k < 50; ++k) check_world_box(mesh, tree, random_affine(random, 2));
+    }
+}
+
+TEST(instances, a_ball_holds_an_object) {
+  for (const Mesh& mesh : {icosphere(3, 1, {3, 0, 0}), bumpy_sphere(30, 60), box_grid(8, 1, {0, 2, 0})}) {
+    const TreeView tree = tree_of(mesh, BuildQuality::kBalanced).view();
+    double farthest = 0;
+    for (size_t t = 0; t < mesh.count(); ++t)
+      for (size_t k = 0; k < 3; ++k)
+        farthest = std::max(farthest, length(mesh.corner(t, k) - Vec3d(tree.center[0], tree.center[1], tree.center[2])));
+    CHECK(farthest < tree.ball && tree.ball < 1.01 * farthest);
+  }
+}
 
 TEST(instances, odd_matrices_against_brute_force) {
   Random random(40);

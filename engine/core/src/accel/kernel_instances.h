@@ -8,8 +8,6 @@ namespace {
 template <bool Any>
 void trace_tile(Tile& tile);
 
-inline D3 to_object(const InstanceRecord& i, D3 v) { return v.x * d3(i.linear) + v.y * d3(i.linear + 3) + v.z * d3(i.linear + 6); }
-
 /// Rays in arrays of their own.
 struct Columns {
   alignas(64) double values[8][kTile];
@@ -25,19 +23,35 @@ struct Columns {
   }
 };
 
-/// Whether a ray certainly misses the ball round a tree: by far more than rounding.
-inline bool passes_by(const TreeView& tree, D3 o, D3 d) {
-  const D3 f = d3(tree.center) - o, n = {f.y * d.z - f.z * d.y, f.z * d.x - f.x * d.z, f.x * d.y - f.y * d.x};
-  return dot(n, n) > (tree.radius * tree.radius + dot(f, f) * 0x1p-40) * dot(d, d);
-}
+inline void take(const double* p, double& v) { v = *p; }
+inline void take(const double* p, Doubles& v) { v = load(p); }
 
-/// A ray in the space of an instance's tree.
-struct ObjectRay {
-  D3 o, d;
-  ObjectRay() = default;
-  ObjectRay(const InstanceRecord& i, const Tile& tile, int r)
-      : o(to_object(i, D3{tile.xyz_o[0][r], tile.xyz_o[1][r], tile.xyz_o[2][r]} - d3(i.origin))),
-        d(to_object(i, {tile.xyz_d[0][r], tile.xyz_d[1][r], tile.xyz_d[2][r]})) {}
+/// A ray, or several, by component: origin and direction.
+template <class V>
+struct OpenRay {
+  V o[3], d[3];
+  OpenRay() = default;
+  OpenRay(const Tile& tile, int r) {
+    for (int a = 0; a < 3; ++a) take(tile.xyz_o[a] + r, o[a]), take(tile.xyz_d[a] + r, d[a]);
+  }
+  /// In the space of an instance's tree.
+  OpenRay(const InstanceRecord& i, const Tile& tile, int r) {
+    const OpenRay world(tile, r);
+    const V p[3] = {world.o[0] - i.origin[0], world.o[1] - i.origin[1], world.o[2] - i.origin[2]};
+    for (int a = 0; a < 3; ++a) {
+      o[a] = p[0] * i.linear[a] + p[1] * i.linear[3 + a] + p[2] * i.linear[6 + a];
+      d[a] = world.d[0] * i.linear[a] + world.d[1] * i.linear[3 + a] + world.d[2] * i.linear[6 + a];
+    }
+  }
+  /// Whether it certainly misses the ball round a tree: by far more than rounding.
+  auto passes_by(const TreeView& tree) const {
+    const V f[3] = {tree.center[0] - o[0], tree.center[1] - o[1], tree.center[2] - o[2]};
+    const V n[3] = {f[1] * d[2] - f[2] * d[1], f[2] * d[0] - f[0] * d[2], f[0] * d[1] - f[1] * d[0]};
+    return dot(n, n) > (tree.ball * tree.ball + dot(f, f) * 0x1p-40) * dot(d, d);
+  }
+
+ private:
+  static V dot(const V (&a)[3], const V (&b)[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 };
 
 /// Rays of a tile on a visit to one object's tree, each by way of an instance of it.
@@ -53,12 +67,27 @@ struct Visit {
     inner.answers = w.tile.answers, inner.tree = &w.world.objects[tree], inner.world = &w.world;
     inner.instances = instances, inner.count = 0;
   }
-  void add(int r, const InstanceRecord& instance, const ObjectRay& ray) {
+  void add(int r, const InstanceRecord& instance, const OpenRay<double>& ray) {
+    for (int a = 0; a < 3; ++a) columns.values[a][inner.count] = ray.o[a], columns.values[3 + a][inner.count] = ray.d[a];
+    add_end(r, instance);
+  }
+  /// Those of the rays [k, k + kDoubles) that do not pass by.
+  void add(int k, uint32_t rays, const InstanceRecord& instance) {
+    const OpenRay<Doubles> all(instance, w.tile, k);
+    rays &= ~bits(all.passes_by(*inner.tree));
+    alignas(64) double numbers[6][kDoubles];
+    for (int a = 0; a < 3; ++a) store(numbers[a], all.o[a]), store(numbers[3 + a], all.d[a]);
+    for (; rays; rays &= rays - 1) {
+      const int lane = __builtin_ctz(rays);
+      for (int c = 0; c < 6; ++c) columns.values[c][inner.count] = numbers[c][lane];
+      add_end(k + lane, instance);
+    }
+  }
+  void add_end(int r, const InstanceRecord& instance) {
     const Answers& answers = *w.tile.answers;
     const int k = inner.count++, s = w.tile.slot[r];
-    const double end = Any || answers.t_max[s] < answers.t[s] ? answers.t_max[s] : answers.t[s];
-    const double row[8] = {ray.o.x, ray.o.y, ray.o.z, ray.d.x, ray.d.y, ray.d.z, w.tile.t_min[r], end};
-    for (int c = 0; c < 8; ++c) columns.values[c][k] = row[c];
+    columns.values[6][k] = w.tile.t_min[r];
+    columns.values[7][k] = Any || answers.t_max[s] < answers.t[s] ? answers.t_max[s] : answers.t[s];
     inner.slot[k] = uint8_t(s), from[k] = uint8_t(r), instances[k] = instance.instance;
   }
   void trace() {
@@ -77,102 +106,69 @@ struct Visit {
 template <bool Any>
 __attribute__((noinline)) void trace_instance(Walk<Any>& w, const InstanceRecord& instance, uint64_t rays) {
   Visit<Any> visit(w, instance.tree);
-  for (; rays; rays &= rays - 1) {
-    const int r = __builtin_ctzll(rays);
-    const ObjectRay ray(instance, w.tile, r);
-    if (!passes_by(*visit.inner.tree, ray.o, ray.d)) visit.add(r, instance, ray);
-  }
+  for (int k = 0; k < w.tile.count; k += kDoubles)
+    if (const uint32_t some = rays >> k & ((1u << kDoubles) - 1)) visit.add(k, some, instance);
   visit.trace();
 }
 
 /// Rays of a tile through the instances of a leaf.
 template <bool Any>
 void trace_instances(Walk<Any>& w, ChildRef leaf, uint64_t rays) {
-  for (uint32_t k = leaf_first(leaf), last = k + uint32_t(leaf_count(leaf)); k < last; ++k) {
-    const InstanceRecord& instance = w.world.instances[k];
+  for (uint32_t i = leaf_first(leaf), last = i + uint32_t(leaf_count(leaf)); i < last; ++i) {
+    const InstanceRecord& instance = w.world.instances[i];
     if (!(instance.visibility & w.tile.answers->visibility)) continue;
-    uint64_t living = 0;
-    for (uint64_t m = rays; m; m &= m - 1)
-      if (alive(w.tile, __builtin_ctzll(m))) living |= m & -m;
-    if (living) trace_instance(w, instance, living);
+    uint64_t alive = 0;
+    for (int k = 0; k < w.tile.count; k += kLanes) alive |= uint64_t(living(w.tile, k)) << k;
+    if (alive & rays) trace_instance(w, instance, alive & rays);
   }
 }
 
-/// A ray on its own in the tree over instances, and the one that it has come to.
-struct Visitor {
-  Walker walker;
-  ChildRef at;
-  const InstanceRecord* instance;
-  ObjectRay ray;
-
-  /// Goes on to the next instance that it may hit; false when there is none. A leaf of that tree is one instance.
-  template <bool Any>
-  bool arrive(const Walk<Any>& w) {
-    for (;; at = walker.pop()) {
-      while (!(at & kLeaf)) at = walker.descend(w, at);
-      if (at == kDone) return false;
-      instance = w.world.instances + leaf_first(at);
-      if (!(instance->visibility & w.tile.answers->visibility)) continue;
-      ray = ObjectRay(*instance, w.tile, walker.r);
-      if (!passes_by(w.world.objects[instance->tree], ray.o, ray.d)) return true;
-    }
-  }
-  /// After the visit; false when its ray is through.
-  template <bool Any>
-  bool leave(const Walk<Any>& w) {
-    if (!alive(w.tile, walker.r)) return false;
-    walker.shorten(w.tile);
-    at = walker.pop();
-    return true;
-  }
-};
-
-constexpr int kVisitors = 16;
-
-/// Rays without company through the tree over instances. Whenever all of them have come to one, those at instances of the same object go
-/// into its tree together: the instances may be different ones.
+/// Rays without company in the tree over instances. Each goes on until it has come to an instance that it may hit. When all have, those
+/// at instances of the same object go into its tree together: the instances may be different ones. A leaf is one instance.
 template <bool Any>
-struct Visitors {
-  Walk<Any>& w;
-  uint64_t waiting;  // rays
-  Visitor visitor[kVisitors];
+struct Visitors : Company<Any, true> {
+  using Company<Any, true>::w, Company<Any, true>::at, Company<Any, true>::walker;
+  OpenRay<double> ray[kWalkers];
+  uint32_t there = 0;  // have come to an instance
 
-  explicit Visitors(Walk<Any>& walk) : w(walk), waiting(walk.left.rays) {}
+  explicit Visitors(Walk<Any>& walk) : Company<Any, true>(walk, walk.left.rays) {}
   void go() {
-    for (uint32_t busy = 0, there;; busy = leave(there)) {
-      there = 0;
-      for (int k = 0; k < kVisitors; ++k)
-        if (arrive(k, busy >> k & 1)) there |= 1u << k;
-      if (!there) return;
-      for (uint32_t m = there; m;) m &= ~enter(m);
+    for (uint32_t nodes, through;;) {
+      this->look(nodes, through);
+      const uint32_t leaves = this->everybody() & ~nodes & ~through & ~there;
+      if (!(nodes | leaves | there)) return;
+      if (leaves) arrive(leaves);
+      else if (nodes) this->pass_nodes(nodes);
+      else while (there) enter();
     }
   }
-  /// Visitor k, or the next ray that waits in its place.
-  bool arrive(int k, bool busy) {
-    for (;; busy = true) {
-      if (busy && visitor[k].arrive(w)) return true;
-      if (!waiting) return false;
-      visitor[k].at = visitor[k].walker.start(w.tile, __builtin_ctzll(waiting), w.left);
-      waiting &= waiting - 1;
+  const InstanceRecord& instance(int k) const { return w.world.instances[leaf_first(at[k])]; }
+  /// Those that may hit their instance stay there.
+  void arrive(uint32_t mask) {
+    for (; mask; mask &= mask - 1) {
+      const int k = __builtin_ctz(mask);
+      const InstanceRecord& i = instance(k);
+      ray[k] = {i, w.tile, walker[k].r};
+      if (i.visibility & w.tile.answers->visibility && !ray[k].passes_by(w.world.objects[i.tree])) there |= 1u << k;
+      else Company<Any, true>::go(k, walker[k].pop());
     }
   }
-  /// Sends those of `there` on their way that are at the same object as the first; returns which.
-  uint32_t enter(uint32_t there) {
-    const uint32_t tree = visitor[__builtin_ctz(there)].instance->tree;
+  /// Sends those on their way that are at the same object as the first one.
+  void enter() {
+    const uint32_t tree = instance(__builtin_ctz(there)).tree;
     uint32_t same = 0;
     Visit<Any> visit(w, tree);
-    for (; there; there &= there - 1) {
-      const Visitor& v = visitor[__builtin_ctz(there)];
-      if (v.instance->tree == tree) visit.add(v.walker.r, *v.instance, v.ray), same |= there & -there;
+    for (uint32_t m = there; m; m &= m - 1) {
+      const int k = __builtin_ctz(m);
+      if (instance(k).tree == tree) visit.add(walker[k].r, instance(k), ray[k]), same |= m & -m;
     }
     visit.trace();
-    return same;
+    there &= ~same;
+    for (; same; same &= same - 1) leave(__builtin_ctz(same));
   }
-  uint32_t leave(uint32_t there) {
-    uint32_t busy = 0;
-    for (; there; there &= there - 1)
-      if (visitor[__builtin_ctz(there)].leave(w)) busy |= there & -there;
-    return busy;
+  void leave(int k) {
+    walker[k].shorten(w.tile);
+    Company<Any, true>::go(k, alive(w.tile, walker[k].r) ? walker[k].pop() : kDone);
   }
 };
 

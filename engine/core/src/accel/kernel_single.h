@@ -6,9 +6,6 @@
 namespace glint {
 namespace {
 
-template <bool Any>
-void visit_instances(Walk<Any>& w);
-
 /// Decides or takes the triangles of `mask`, not culled, whose depths are between lo and hi. `sure`: hit without doubt.
 template <bool Any>
 __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref, int first, uint32_t mask, const TriangleTest& t, Floats lo,
@@ -69,10 +66,11 @@ inline void hit_leaf(Walk<Any>& w, int r, ChildRef leaf, const Order& order) {
   else hit_shapes(w, r, leaf);
 }
 
-/// Asks for the memory that a ray needs when it is its turn again. No branch: where it goes cannot be foreseen.
-inline void fetch(const TreeView& tree, ChildRef child) {
+/// Asks for the memory that a ray needs when it is its turn again: a node, or what a leaf holds, `size` bytes each from `held` on. No
+/// branch: where it goes cannot be foreseen.
+inline void fetch(const TreeView& tree, ChildRef child, const void* held, size_t size) {
   const uintptr_t node = reinterpret_cast<uintptr_t>(tree.nodes) + child * sizeof(Node);
-  const uintptr_t leaf = reinterpret_cast<uintptr_t>(tree.floats) + leaf_first(child) * 9 * sizeof(float);
+  const uintptr_t leaf = reinterpret_cast<uintptr_t>(held) + leaf_first(child) * size;
   const uintptr_t at_leaf = uintptr_t(intptr_t(int32_t(child) >> 31));  // all bits or none
   const char* p = reinterpret_cast<const char*>((node & ~at_leaf) | (leaf & at_leaf));
   for (size_t k = 0; k < sizeof(Node); k += 64) __builtin_prefetch(p + k);
@@ -111,10 +109,10 @@ struct Walker {
 
 constexpr int kWalkers = 32;
 
-/// Several rays on their way. A processor cannot foresee where each of them goes; so they go in step, all that are at nodes or all that are
-/// at leaves, whichever are more.
-template <bool Any>
-struct Walkers {
+/// Several rays on their way, through a tree over instances or another one. A processor cannot foresee where each of them goes; so they go
+/// in step.
+template <bool Any, bool Placed>
+struct Company {
   Walk<Any>& w;
   uint64_t rays;  // that have not started
   int count;      // walkers, whole vectors of them
@@ -122,27 +120,19 @@ struct Walkers {
   alignas(64) ChildRef at[kWalkers];
   Walker walker[kWalkers];
 
-  Walkers(Walk<Any>& walk, uint64_t all) : w(walk), rays(all) {
+  Company(Walk<Any>& walk, uint64_t all) : w(walk), rays(all) {
     const int n = __builtin_popcountll(all), most = n < kWalkers ? n : kWalkers;
     count = (most + kLanes - 1) / kLanes * kLanes, slow = w.tree.large && n > 2;
     for (int k = 0; k < count; ++k) at[k] = kDone;
   }
-  void go() {
-    for (;;) {
-      uint32_t nodes = 0, through = 0;
-      for (int k = 0; k < count; k += kLanes) {
-        const Ints child = load(at + k);
-        through |= bits(equal(child, Ints{} + int32_t(kDone))) << k, nodes |= bits(child >= Ints{}) << k;
-      }
-      if (rays) start(nodes, through);
-      const uint32_t all = count == 32 ? ~0u : (1u << count) - 1, leaves = all & ~nodes & ~through;
-      if (through == all) return;
-      if (__builtin_popcount(nodes) >= __builtin_popcount(leaves)) pass_nodes(nodes);
-      else pass_leaves(leaves);
+  uint32_t everybody() const { return count == 32 ? ~0u : (1u << count) - 1; }
+  /// Who is at a node, and whose ray is through, after others have started in place of those.
+  void look(uint32_t& nodes, uint32_t& through) {
+    nodes = through = 0;
+    for (int k = 0; k < count; k += kLanes) {
+      const Ints child = load(at + k);
+      through |= bits(equal(child, Ints{} + int32_t(kDone))) << k, nodes |= bits(child >= Ints{}) << k;
     }
-  }
-  /// Sends rays on their way in place of those that are through.
-  void start(uint32_t& nodes, uint32_t& through) {
     for (; through && rays; rays &= rays - 1) {
       const int k = __builtin_ctz(through);
       at[k] = walker[k].start(w.tile, __builtin_ctzll(rays), w.left);
@@ -152,8 +142,30 @@ struct Walkers {
   void pass_nodes(uint32_t mask) {
     for (; mask; mask &= mask - 1) {
       const int k = __builtin_ctz(mask);
-      at[k] = walker[k].descend(w, at[k]);
-      if (slow) fetch(w.tree, at[k]);
+      go(k, walker[k].descend(w, at[k]));
+    }
+  }
+  void go(int k, ChildRef next) {
+    at[k] = next;
+    if (!slow) return;
+    if constexpr (Placed) fetch(w.tree, next, w.world.instances, sizeof(InstanceRecord));
+    else fetch(w.tree, next, w.tree.floats, 9 * sizeof(float));
+  }
+};
+
+/// Rays in a tree over primitives: those at nodes take a step, or those at leaves, whichever are more.
+template <bool Any>
+struct Walkers : Company<Any, false> {
+  using Company<Any, false>::w, Company<Any, false>::at, Company<Any, false>::walker;
+  using Company<Any, false>::Company;
+
+  void go() {
+    for (uint32_t nodes, through;;) {
+      this->look(nodes, through);
+      const uint32_t leaves = this->everybody() & ~nodes & ~through;
+      if (!(nodes | leaves)) return;
+      if (__builtin_popcount(nodes) >= __builtin_popcount(leaves)) this->pass_nodes(nodes);
+      else pass_leaves(leaves);
     }
   }
   void pass_leaves(uint32_t mask) {
@@ -162,18 +174,24 @@ struct Walkers {
       Walker& a = walker[k];
       hit_leaf(w, a.r, at[k], order_of(w.tile, a.r));
       a.shorten(w.tile);
-      at[k] = Any && !alive(w.tile, a.r) ? kDone : a.pop();
-      if (slow) fetch(w.tree, at[k]);
+      Company<Any, false>::go(k, Any && !alive(w.tile, a.r) ? kDone : a.pop());
     }
   }
 };
+
+/// In functions of their own: both take much of the stack, and a ray in an object's tree is in the tree over instances at the same time.
+template <bool Any>
+void visit_instances(Walk<Any>& w);
+template <bool Any>
+__attribute__((noinline)) void visit_primitives(Walk<Any>& w) {
+  Walkers<Any>(w, w.left.rays).go();
+}
 
 /// The rest of the way of all rays that have left their bundles. The bundles do not learn of it: Walk::trim.
 template <bool Any>
 __attribute__((noinline)) void walk_rays(Walk<Any>& w) {
   w.boxes.prepare(w.tile, w.left.rays);
-  if (w.tree.kind == kInstanceLeaf) visit_instances(w);
-  else Walkers<Any>(w, w.left.rays).go();
+  w.tree.kind == kInstanceLeaf ? visit_instances(w) : visit_primitives(w);
   w.left.rays = 0, w.left.count = 0;
 }
 

@@ -310,6 +310,9 @@ inline bool at_one_point(const Tile& tile, int k, int head) {
   return !bits(other);
 }
 
+/// Fewer rays for an object are too far apart for its triangles: they go one by one.
+constexpr int kCompany = kTile / 4;
+
 /// Sorts a tile's rays into bundles and sends them down.
 template <bool Any>
 inline void walk_tile(Walk<Any>& w) {
@@ -317,6 +320,10 @@ inline void walk_tile(Walk<Any>& w) {
   if (tile.even) {
     set_even_bundles(tile, w.bundles);
     return walk_together(w, (1u << kGroups) - 1, tile.common);
+  }
+  if (tile.instances && tile.count < kCompany) {
+    for (int k = 0; k < tile.count; k += kLanes) leave(w, k, living(tile, k), tile.tree->root, -kFar);
+    return;
   }
   uint32_t alive_groups = 0, even = 0;
   bool one_kind = true, one_point = true;
@@ -410,10 +417,7 @@ inline void limit_rays(const Answers& a, Columns& columns, Tile& tile) {
 /// Whether all rays certainly miss the ball round a tree. Without branches, so that it is done for several rays at once.
 inline bool all_pass_by(const Tile& tile, const TreeView& tree) {
   int near = 0;
-  for (int r = 0; r < tile.count; ++r) {
-    const D3 o{tile.xyz_o[0][r], tile.xyz_o[1][r], tile.xyz_o[2][r]}, d{tile.xyz_d[0][r], tile.xyz_d[1][r], tile.xyz_d[2][r]};
-    near += !passes_by(tree, o, d);
-  }
+  for (int r = 0; r < tile.count; ++r) near += !OpenRay<double>(tile, r).passes_by(tree);
   return near == 0;
 }
 

@@ -5,6 +5,7 @@
 
 #include "builder_nodes.h"
 #include "builder_spatial.h"
+#include "outline.h"
 
 namespace glint {
 namespace {
@@ -116,23 +117,15 @@ Buffer<Ref> collect(const std::vector<Source>& sources, Team& team, const std::a
   return refs;
 }
 
-/// body(k) for all k below `count`, shared out in chunks.
-template <class Body>
-void each_chunk(size_t count, Team& team, Body body) {
-  team.run((count + kChunk - 1) / kChunk, [&](size_t c) {
-    for (size_t k = c * kChunk; k < std::min(count, (c + 1) * kChunk); ++k) body(k);
-  });
-}
-
 /// What the leaves need of the refs, a quarter of their size; `instance` is the number of the source until `name_instances`.
 Buffer<PrimitiveId> origins(const Buffer<Ref>& refs, Team& team) {
   Buffer<PrimitiveId> ids(refs.size);
-  each_chunk(ids.size, team, [&](size_t k) { ids[k] = {refs[k].source, refs[k].primitive}; });
+  each_chunk(ids.size, kChunk, team, [&](size_t k) { ids[k] = {refs[k].source, refs[k].primitive}; });
   return ids;
 }
 
 void name_instances(Buffer<PrimitiveId>& ids, const std::vector<Source>& sources, Team& team) {
-  each_chunk(ids.size, team, [&](size_t k) { ids[k].instance = sources[ids[k].instance].instance; });
+  each_chunk(ids.size, kChunk, team, [&](size_t k) { ids[k].instance = sources[ids[k].instance].instance; });
 }
 
 void fill_triangles(const std::vector<Source>& sources, const PrimitiveId* from, size_t count, float* out) {
@@ -260,6 +253,7 @@ Tree make_tree(std::vector<Source>& sources, BuildQuality quality, Team& team, c
   refs = {};
   fill_leaves(tree, sources, team);
   name_instances(tree.ids, sources, team);
+  tree.ball = ball_radius(tree);
   return tree;
 }
 
@@ -270,6 +264,7 @@ Tree make_instance_tree(std::vector<Ref> boxes, Team& team, const std::atomic<bo
   if (tree.count == 0) return tree;
   tree.nodes = build_nodes(boxes.data(), tree.count, options_of(tree.kind, BuildQuality::kBalanced), team, cancel);
   for (const Ref& r : boxes) tree.order.push_back(r.primitive);
+  tree.ball = ball_radius(tree);
   return tree;
 }
 
@@ -288,11 +283,12 @@ Tree with_beside(const Tree& tree, const std::vector<Ref>& boxes) {
     top.child[k + 1] = leaf_ref(tree.count + k, 1);
     out.nodes.box.add(box);
   }
+  out.ball = ball_radius(out);
   return out;
 }
 
 TreeView Tree::view() const {
-  TreeView v{nodes.nodes.data.get(), floats.data.get(), ids.data.get(), polygons.data.get(), corners.data(), {}, 0, nodes.root, kind,
+  TreeView v{nodes.nodes.data.get(), floats.data.get(), ids.data.get(), polygons.data.get(), corners.data(), {}, 0, 0, nodes.root, kind,
              bytes() > kLarge};
   double square = 0;
   for (int k = 0; k < 3; ++k) {
@@ -301,6 +297,8 @@ TreeView Tree::view() const {
     square += (hi - lo) * (hi - lo);
   }
   v.radius = 0.51 * std::sqrt(square);
+  const double reach = std::max({std::fabs(v.center[0]), std::fabs(v.center[1]), std::fabs(v.center[2])}) + 5 * v.radius;
+  v.ball = 1.001 * ball + 0x1p-18 * reach;
   return v;
 }
 

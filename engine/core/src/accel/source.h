@@ -28,6 +28,7 @@ struct Tree {
   std::vector<uint32_t> order;  // kInstanceLeaf: the numbers of the refs in the order of the leaves
   size_t count = 0;       // what the leaves hold: primitives, some of them perhaps more than once
   size_t primitives = 0, dropped = 0;
+  double ball = 0;        // radius of a ball round the middle of the box that holds everything, to float precision
   bool parts = false;     // leaves may hold parts of triangles: then only all leaves of a triangle together hold it
 
   TreeView view() const;

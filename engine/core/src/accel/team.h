@@ -1,5 +1,6 @@
 // A few threads that share loops.
 #pragma once
+#include <algorithm>
 #include <atomic>
 #include <condition_variable>
 #include <cstddef>
@@ -37,5 +38,13 @@ class Team {
   std::exception_ptr error_;
   bool stop_ = false;
 };
+
+/// Calls body(0) … body(count - 1) on a team, `chunk` of them at a time.
+template <class Body>
+void each_chunk(size_t count, size_t chunk, Team& team, Body body) {
+  team.run((count + chunk - 1) / chunk, [&](size_t c) {
+    for (size_t k = c * chunk; k < std::min(count, (c + 1) * chunk); ++k) body(k);
+  });
+}
 
 }  // namespace glint

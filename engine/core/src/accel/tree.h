@@ -53,6 +53,7 @@ struct TreeView {
   const PolygonRecord* polygons;
   const float* corners;
   double center[3], radius;  // a ball round everything, with room to spare
+  double ball;               // radius of the smallest one there, with room for rounding
   ChildRef root;
   LeafKind kind;
   bool large;  // more than the caches next to a processor hold beside other things

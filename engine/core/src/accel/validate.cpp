@@ -107,14 +107,17 @@ Box polygon_box(const Tree& tree, const PolygonRecord& r) {
   return {F4{float(box.lo.x), float(box.lo.y), float(box.lo.z), 0}, F4{float(box.hi.x), float(box.hi.y), float(box.hi.z), 0}};
 }
 
-void triangle_boxes(const Tree& tree, ChildRef c, std::vector<Box>& boxes) {
-  const size_t first = c & kOrdinal, count = (c >> kCountShift & 7) + 1;
-  const float* p = &tree.floats[9 * first];
-  for (size_t k = 0; k < count; ++k)
-    for (size_t j = 0; j < 3; ++j) {
-      const float* x = p + 3 * j * count + k;
-      boxes[first + k].add(F4{x[0], x[count], x[2 * count], 0});
-    }
+/// Calls body(ordinal, corners) for every triangle that a tree's leaves hold.
+template <class Body>
+void each_triangle(const Tree& tree, Body body) {
+  const auto leaf = [&](ChildRef c) {
+    const size_t first = c & kOrdinal, count = (c >> kCountShift & 7) + 1;
+    for (size_t k = 0; k < count; ++k) body(first + k, held(tree, c, k, {}).corner);
+  };
+  if (tree.nodes.root & kLeaf) leaf(tree.nodes.root);
+  for (size_t n = 0; n < tree.nodes.nodes.size; ++n)
+    for (ChildRef c : tree.nodes.nodes[n].child)
+      if (c & kLeaf) leaf(c);
 }
 
 Box sphere_box(const float* p) {
@@ -123,16 +126,26 @@ Box sphere_box(const float* p) {
   return b;
 }
 
+/// What the box of a placed object must hold: its triangles' corners, or those of the boxes of other primitives.
+std::vector<Vec3d> outer_points(const Tree& tree) {
+  std::vector<Vec3d> points;
+  if (tree.kind == kTriangleLeaf) {
+    each_triangle(tree, [&points](size_t, const Vec3d (&corner)[3]) { points.insert(points.end(), corner, corner + 3); });
+    return points;
+  }
+  for (const Box& b : primitive_boxes(tree))
+    for (int k = 0; k < 8; ++k) points.push_back({(k & 1 ? b.hi : b.lo)[0], (k & 2 ? b.hi : b.lo)[1], (k & 4 ? b.hi : b.lo)[2]});
+  return points;
+}
+
 }  // namespace
 
 std::vector<Box> primitive_boxes(const Tree& tree) {
   std::vector<Box> boxes(tree.count);
-  if (tree.kind == kTriangleLeaf) {
-    if (tree.nodes.root & kLeaf) triangle_boxes(tree, tree.nodes.root, boxes);
-    for (size_t n = 0; n < tree.nodes.nodes.size; ++n)
-      for (ChildRef c : tree.nodes.nodes[n].child)
-        if (c & kLeaf) triangle_boxes(tree, c, boxes);
-  }
+  const auto add = [&boxes](size_t k, const Vec3d (&corner)[3]) {
+    for (const Vec3d& p : corner) boxes[k].add(F4{float(p.x), float(p.y), float(p.z), 0});
+  };
+  if (tree.kind == kTriangleLeaf) each_triangle(tree, add);
   for (size_t k = 0; k < tree.count; ++k) {
     if (tree.kind == kSphereLeaf) boxes[k] = sphere_box(&tree.floats[4 * k]);
     if (tree.kind == kPolygonLeaf) boxes[k] = polygon_box(tree, tree.polygons[k]);
@@ -158,11 +171,14 @@ std::string World::validate() const {
     const std::string problem = tree_problem(*tree, primitive_boxes(*tree));
     if (!problem.empty()) return problem;
   }
+  std::vector<std::vector<Vec3d>> points;
+  for (const auto& tree : objects_) points.push_back(outer_points(*tree));
   std::vector<Box> boxes(placed_.tree->count);
   for (size_t k = 0; k < boxes.size(); ++k) {
     const InstanceRecord& r = placed_.records[k];
     if (k < placed_.built->count && std::count(placed_.moved.begin(), placed_.moved.end(), r.instance)) continue;  // is beside it
-    const BoxD b = world_box(objects_[r.tree]->nodes.box, instances_[r.instance].world_from_object);
+    BoxD b;
+    for (const Vec3d& p : points[r.tree]) b.add(point(instances_[r.instance].world_from_object, p));
     boxes[k] = {F4{float(b.lo.x), float(b.lo.y), float(b.lo.z), 0}, F4{float(b.hi.x), float(b.hi.y), float(b.hi.z), 0}};
   }
   return tree_problem(*placed_.tree, boxes);

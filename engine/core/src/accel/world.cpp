@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "outline.h"
 #include "takeover.h"
 
 namespace glint {
@@ -44,19 +45,6 @@ bool inverse(const Affine& m, Affine& linear) {
   const Vec3d a = (ix / det) * cross(y, z), b = (iy / det) * cross(z, x), c = (iz / det) * cross(x, y);  // rows
   linear = {{a.x, b.x, c.x}, {a.y, b.y, c.y}, {a.z, b.z, c.z}, {}};
   return finite(linear);
-}
-
-BoxD world_box(const Box& box, const Affine& m) {
-  BoxD out;
-  for (int k = 0; k < 8; ++k) {
-    const Vec3d p(double((k & 1 ? box.hi : box.lo)[0]), double((k & 2 ? box.hi : box.lo)[1]), double((k & 4 ? box.hi : box.lo)[2]));
-    out.add(point(m, p));
-  }
-  // Rays are rounded to float in object space: leave room for four ulps of the largest coordinate there and here.
-  const Vec3d object = max(abs(Vec3d(box.lo[0], box.lo[1], box.lo[2])), abs(Vec3d(box.hi[0], box.hi[1], box.hi[2])));
-  const Vec3d room = 0x1p-22 * (abs(m.x) * object.x + abs(m.y) * object.y + abs(m.z) * object.z);
-  out.lo = out.lo - room, out.hi = out.hi + room;
-  return out;
 }
 
 std::unique_ptr<Accel> Accel::build(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
@@ -167,11 +155,13 @@ void World::build_instances(const std::vector<uint32_t>& placed, const Takeover&
   placed_.instances = placed;
   if (before.moved(placed, placed_.moved)) return keep_instances(before.placed());
   placed_.moved.clear();
-  std::vector<Ref> boxes;
-  for (uint32_t i : placed) {
-    const Tree& object = object_at(i);
-    if (object.count > 0) boxes.push_back(make_ref(world_box(object.nodes.box, instances_[i].world_from_object), i, 0));
-  }
+  std::vector<uint32_t> seen;
+  for (uint32_t i : placed)
+    if (object_at(i).count > 0) seen.push_back(i);
+  std::vector<Ref> boxes(seen.size());
+  each_chunk(seen.size(), 256, team, [&](size_t k) {
+    boxes[k] = make_ref(world_box(object_at(seen[k]), instances_[seen[k]].world_from_object), seen[k], 0);
+  });
   placed_.built = placed_.tree = std::make_shared<const Tree>(make_instance_tree(std::move(boxes), team, cancel));
   for (uint32_t i : placed_.tree->order) placed_.records.push_back(record_of(i));
 }
@@ -189,7 +179,7 @@ void World::keep_instances(const PlacedTree& there) {
   for (uint32_t i : moved) {
     const Tree& object = object_at(i);
     if (object.count == 0) continue;
-    beside.push_back(make_ref(world_box(object.nodes.box, instances_[i].world_from_object), i, 0));
+    beside.push_back(make_ref(world_box(object, instances_[i].world_from_object), i, 0));
     placed_.records.push_back(record_of(i));
   }
   placed_.tree = beside.empty() ? placed_.built : std::make_shared<const Tree>(with_beside(*placed_.built, beside));

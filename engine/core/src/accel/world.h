@@ -85,7 +85,4 @@ std::string tree_problem(const Tree& tree, const std::vector<Box>& primitives);
 /// The box of every primitive of a tree, in the order of the leaves.
 std::vector<Box> primitive_boxes(const Tree& tree);
 
-/// A box in world space round a box in object space; NaN-free for finite matrices.
-BoxD world_box(const Box& box, const Affine& m);
-
 }  // namespace glint
