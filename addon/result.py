@@ -91,9 +91,7 @@ class Picture:
         """Straight into the whole result, for which the end of any part of it makes room: a part of its size would be copied once more."""
         self._result = self._engine.begin_result(0, 0, 1, 1, layer=self._layer)
         self._end(cancel=False)
-        passes, view = self._engine.get_result().layers[self._layer].passes, self._engine.active_view_get()
-        for name in film.passes:
-            _fill_pass(passes.find_by_name(blender_name(name), view), film.passes[name])
+        _fill_passes(self._engine.get_result().layers[self._layer].passes, film, tuple(film.passes))
 
     def stamp(self, fields: dict[str, str]) -> None:
         """Make metadata of the files, as glint.<layer>.<field>; after `finish`."""
@@ -109,16 +107,16 @@ class Picture:
     def _fill(self, film: engine.Film, names: tuple[str, ...]) -> None:
         if self._result is None:
             self._result = self._engine.begin_result(0, 0, *self._size, layer=self._layer)
-        passes = self._result.layers[0].passes
-        for name in names:
-            _fill_pass(passes.get(blender_name(name)), film.passes[name])
+        _fill_passes(self._result.layers[0].passes, film, names)
 
     def _end(self, cancel: bool) -> None:
         self._engine.end_result(self._result, cancel=cancel)
         self._result = None
 
 
-def _fill_pass(target: bpy.types.RenderPass | None, values: np.ndarray) -> None:
-    """values: (h, w, c). Does nothing where Blender has no such pass."""
-    if target is not None:
-        target.rect.foreach_set(np.ascontiguousarray(values, dtype=np.float32).ravel())
+def _fill_passes(passes: bpy.types.RenderPasses, film: engine.Film, names: tuple[str, ...]) -> None:
+    """Of every view, as all of them are the camera's own; passes that Blender has not are left out."""
+    numbers = {blender_name(name): np.ascontiguousarray(film.passes[name], dtype=np.float32).ravel() for name in names}
+    for target in passes:
+        if target.name in numbers:
+            target.rect.foreach_set(numbers[target.name])

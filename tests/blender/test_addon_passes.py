@@ -142,3 +142,22 @@ def test_statistics_are_in_the_metadata(tmp_path):
     attributes = {attribute.name: attribute.value for attribute in oiio.ImageInput.open(str(tmp_path / "stamp.exr")).spec().extra_attribs}
     assert "12 triangles" in attributes["glint.ViewLayer.scene"], sorted(attributes)
     assert "trace" in attributes["glint.ViewLayer.seconds"]
+
+
+def test_every_view_of_a_stereo_picture_is_the_cameras_own(tmp_path):
+    """The export says that stereoscopy is not rendered; until it is, no view may stay black."""
+    run = Blender(tmp_path).run(
+        DRAW
+        + """
+if hasattr(settings, "media_type"):
+    settings.media_type = "IMAGE"
+settings.file_format = "OPEN_EXR"
+scene.render.use_multiview, settings.views_format = True, "INDIVIDUAL"
+scene.render.filepath = str(FOLDER / "eye")
+bpy.ops.render.render(write_still=True)
+"""
+    )
+    assert run.returncode == 0, run.output
+    left, right = (oiio.ImageBuf(str(tmp_path / f"eye_{side}.exr")).get_pixels(oiio.FLOAT) for side in "LR")
+    assert left.max() > 0
+    np.testing.assert_array_equal(left, right)
