@@ -14,10 +14,10 @@ class CameraRays {
   /// Where the camera stands in anchored space: the origin, except in a scene that was made like one of another camera.
   Vec3d eye() const { return eye_; }
 
-  /// What the stage needs for rays through points of pixels (first_column + i + 0.5 + dx, first_row + j + 0.5 + dy).
-  CameraStage stage(double first_column, double first_row, double dx, double dy) const {
+  /// What the stage needs for rays through points (first_column + column + 0.5 + dx, first_row + row + 0.5 + dy), but for these four.
+  CameraStage stage(double first_column, double first_row) const {
     CameraStage s{};
-    s.first_column = first_column, s.first_row = first_row, s.dx = dx, s.dy = dy;
+    s.first_column = first_column, s.first_row = first_row;
     s.width = camera_.width, s.height = camera_.height;
     std::copy_n(camera_.window, 4, s.window);
     for (int c = 0; c < 3; ++c) s.u[c] = m_.x[c], s.v[c] = m_.y[c], s.w[c] = m_.z[c];
@@ -29,8 +29,8 @@ class CameraRays {
   /// Cuts the rays of a stage to where they are inside the clip planes.
   void clip(const CameraStage& s) const {
     for (size_t k = 0; camera_.clip_plane_count && k < s.count; ++k) {
-      const double u = at(s.first_column + s.column[k] + 0.5 + s.dx, s.window, s.width);
-      const double v = at(s.first_row + s.row[k] + 0.5 + s.dy, s.window + 2, s.height);
+      const double u = at(s.first_column + s.column[k] + 0.5 + s.dx[k], s.window, s.width);
+      const double v = at(s.first_row + s.row[k] + 0.5 + s.dy[k], s.window + 2, s.height);
       const double step = scale_ * length(s.parallel ? m_.z : u * m_.x + v * m_.y - m_.z);  // of t, to one unit of depth
       for (int p = 0; p < camera_.clip_plane_count; ++p) cut(camera_.clip_planes[p], u, v, step, s.t_min[k], s.t_max[k]);
     }

@@ -82,6 +82,9 @@ class Film {
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const Region& region() const { return region_; }
+  /// Columns of sums, and the first of a part's, of Cost's or of Fallbacks'; -1 where nobody asked.
+  size_t columns() const { return columns_; }
+  int column_of(int pass) const { return at_[pass]; }
   /// Rows of a column over all tiles.
   size_t rows() const { return sums_.size() / columns_; }
   uint32_t passes() const { return passes_; }
@@ -94,7 +97,6 @@ class Film {
   double* sums(const Tile& tile, int pass) {
     return at_[pass] < 0 ? nullptr : sums_.data() + tile.first_sum + size_t(at_[pass]) * tile.stride();
   }
-  double* lost_alpha(const Tile& tile) { return sums(tile, GLINT_PASS_COMBINED) + 3 * tile.stride(); }
   bool wants_depth_alone() const { return (passes_ & kDataPasses) == 1u << GLINT_PASS_DEPTH; }
   void set_data(uint32_t pixel, const FirstHit& hit);
   void set_depth(uint32_t pixel, double depth) { pictures_[GLINT_PASS_DEPTH].data()[pixel] = to_float(depth); }

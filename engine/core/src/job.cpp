@@ -167,7 +167,7 @@ void Job::trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic
   try {
     for (size_t k; !cancel_ && (k = next++) < tiles.size();) {
       tracer.choose(tiles[k]);
-      for (uint32_t sample = first; sample < last && !cancel_; ++sample, ++done_) tracer.trace(sample);
+      for (uint32_t sample = first, count; sample < last && !cancel_; sample += count, done_ += count) count = tracer.trace(sample, last);
     }
   } catch (...) {
     cancel_ = true;  // the other threads need not go on

@@ -13,14 +13,13 @@ void Queue::push(const Ray& ray, const Path& path) {
   slots.push_back(path.slot), depths.push_back(path.depth), straights.push_back(path.straight), wants_data.push_back(path.wants_data);
 }
 
-void Queue::start_at_camera(const std::vector<uint32_t>& to, bool wanting_data) {
-  const size_t count = to.size();
+void Queue::start_at_camera(size_t count) {
+  wants_data.assign(count, false);
+  if (slots.size() == count) return;
   columns.reserve(count);
-  if (slots != to) {
-    slots = to, depths.assign(count, 0), straights.assign(count, 0);
-    for (size_t c = 0; c < kColumns; ++c) std::fill_n(columns[c], columns.rows(), c >= kT && c < kT + 3 ? 1.0 : 0.0);
-  }
-  wants_data.assign(count, wanting_data);
+  slots.resize(count), depths.assign(count, 0), straights.assign(count, 0);
+  std::iota(slots.begin(), slots.end(), 0u);
+  for (size_t c = 0; c < kColumns; ++c) std::fill_n(columns[c], columns.rows(), c >= kT && c < kT + 3 ? 1.0 : 0.0);
 }
 
 Rays Queue::rays() const {

@@ -9,7 +9,7 @@
 namespace glint {
 
 /// T: the weight to the pixel.  start: where the ray starts exactly, before it was moved clear of its surface; surfaces are met from there.
-/// from: ray parameter up to which visible lights were already counted.  slot: of the pixel in its tile.
+/// from: ray parameter up to which visible lights were already counted.  slot: number of its camera ray (Paths).
 struct Path {
   Vec3d T, start;
   double from = 0;
@@ -26,8 +26,8 @@ class Queue {
   size_t size() const { return slots.size(); }
   void clear() { slots.clear(), depths.clear(), straights.clear(), wants_data.clear(); }
   void push(const Ray& ray, const Path& path);
-  /// Rays from o = start = 0 with weight 1 to these slots; directions and bounds are to be filled in.
-  void start_at_camera(const std::vector<uint32_t>& to, bool wanting_data);
+  /// `count` rays from o = start = 0 with weight 1; directions, bounds and who wants data are to be filled in.
+  void start_at_camera(size_t count);
 
   Ray ray(size_t k) const { return {at(kO, k), at(kD, k), columns[kTMin][k], columns[kTMax][k], visibility}; }
   Path path(size_t k) const {
@@ -46,8 +46,8 @@ class Queue {
   void put(size_t column, size_t k, Vec3d v) { columns[column][k] = v.x, columns[column + 1][k] = v.y, columns[column + 2][k] = v.z; }
 };
 
-/// Cuts a queue into pieces of at most `limit` rays, in order. All rays of a pixel stay in one piece unless it alone has more than `limit`:
-/// then its pieces hold its own first `limit`, the next `limit`, … So the cut of a pixel does not depend on other pixels.
+/// Cuts a queue into pieces of at most `limit` rays, in order. All rays of a path stay in one piece unless it alone has more than `limit`:
+/// then its pieces hold its own first `limit`, the next `limit`, … So the cut of a path does not depend on other paths.
 std::vector<Queue> split(const Queue& queue, size_t limit);
 
 }  // namespace glint

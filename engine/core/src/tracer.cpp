@@ -9,6 +9,7 @@ namespace glint {
 namespace {
 
 constexpr size_t kMaxBatch = 8192;  // rays in flight at once
+constexpr uint32_t kMostTogether = 8;
 
 }  // namespace
 
@@ -43,21 +44,22 @@ void Tracer::choose(const Tile& tile) {
   slots_.set(tile.width(), tile.height());
   if (film_.refinement().on()) film_.refinement().list_active(tile, active_);
   else if (active_.size() != tile.pixels()) active_.resize(tile.pixels()), std::iota(active_.begin(), active_.end(), 0u);
-  all_active_ = active_.size() == tile.pixels();
-  const size_t rows = (active_.size() + kPad - 1) / kPad * kPad;
-  if (!all_active_) places_.assign(2 * rows, 0);
-  for (size_t k = 0; !all_active_ && k < active_.size(); ++k)
-    places_[k] = slots_.columns()[active_[k]], places_[rows + k] = slots_.rows()[active_[k]];
 }
 
-void Tracer::camera_rays(uint32_t sample) {
-  const size_t count = active_.size();
-  first_.start_at_camera(active_, sample == 0 && film_.wants_data());
-  const double* offset = plan_.pixel_offsets + 2 * size_t(sample);
-  CameraStage stage = camera_.stage(plan_.region.x0 + tile_->x0, plan_.region.y0 + tile_->y0, offset[0], offset[1]);
-  stage.count = count;
-  stage.column = all_active_ ? slots_.columns() : places_.data();
-  stage.row = all_active_ ? slots_.rows() : places_.data() + places_.size() / 2;
+/// How many of a pixel's next samples are traced at once: points of soft lights are common to a sample of many pixels.
+uint32_t Tracer::together(uint32_t samples) const {
+  if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
+  uint32_t count = kMostTogether;
+  while (count > samples) count /= 2;
+  return count;
+}
+
+void Tracer::camera_rays() {
+  first_.start_at_camera(paths_.size());
+  for (size_t k = 0; film_.wants_data() && k < paths_.size(); ++k) first_.wants_data[k] = paths_.is_first(k);
+  CameraStage stage = camera_.stage(plan_.region.x0 + tile_->x0, plan_.region.y0 + tile_->y0);
+  stage.count = paths_.size();
+  stage.column = paths_.column(), stage.row = paths_.row(), stage.dx = paths_.dx(), stage.dy = paths_.dy();
   Columns& c = first_.columns;
   for (size_t k = 0; k < 3; ++k) stage.o[k] = c[Queue::kO + k], stage.d[k] = c[Queue::kD + k];
   stage.t_min = c[Queue::kTMin], stage.t_max = c[Queue::kTMax];
@@ -65,17 +67,21 @@ void Tracer::camera_rays(uint32_t sample) {
   camera_.clip(stage);
   const Vec3d eye = camera_.eye();
   for (size_t k = 0; any(eye) && k < 3; ++k)
-    for (size_t i = 0; i < count; ++i) c[Queue::kO + k][i] = (stage.parallel ? c[Queue::kO + k][i] : 0) + eye[int(k)];
-  for (size_t k = 0; (stage.parallel || any(eye)) && k < 3; ++k) std::copy_n(c[Queue::kO + k], count, c[Queue::kStart + k]);
+    for (size_t i = 0; i < stage.count; ++i) c[Queue::kO + k][i] = (stage.parallel ? c[Queue::kO + k][i] : 0) + eye[int(k)];
+  for (size_t k = 0; (stage.parallel || any(eye)) && k < 3; ++k) std::copy_n(c[Queue::kO + k], stage.count, c[Queue::kStart + k]);
 }
 
-void Tracer::trace(uint32_t sample) {
-  if (active_.empty()) return;
-  const double* sums = film_.sums(*tile_, GLINT_PASS_COMBINED);
-  if (film_.refinement().on()) before_.assign(sums, sums + 4 * tile_->stride());
-  batch_.cost = film_.sums(*tile_, GLINT_PASS_COST), batch_.fallbacks = film_.sums(*tile_, GLINT_PASS_FALLBACKS);
-  follow(sample);
-  if (film_.refinement().on()) film_.refinement().note(*tile_, active_, before_.data(), sums, tile_->stride(), sample == 0);
+uint32_t Tracer::trace(uint32_t first, uint32_t last) {
+  const uint32_t count = together(last - first);
+  const size_t step = Paths::kMost / count;
+  for (size_t k = 0; k < active_.size() && !cancel_; k += step) {
+    const uint32_t* const begin = active_.data() + k;
+    paths_.choose(film_, slots_, begin, begin + std::min(step, active_.size() - k), plan_, first, count);
+    batch_.cost = paths_.sums(film_, GLINT_PASS_COST), batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
+    follow(first);
+    paths_.add_to(film_, *tile_, stages_);
+  }
+  return count;
 }
 
 void Tracer::measure(const Tile& tile, uint32_t samples) {
@@ -88,9 +94,9 @@ void Tracer::decide(const Tile& tile, uint32_t samples) {
   film_.refinement().decide(tile, slots_, samples);
 }
 
-/// One sample of the active pixels, to the end of their rays.
+/// The paths to the end of their rays.
 void Tracer::follow(uint32_t sample) {
-  camera_rays(sample);
+  camera_rays();
   Queue straight = take(kCamera), bounced = take(kMirror);
   process(first_, sample, straight, bounced);
   wait(std::move(straight)), wait(std::move(bounced));
@@ -107,7 +113,7 @@ void Tracer::follow(uint32_t sample) {
 
 void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced) {
   batch_.begin(queue);
-  batch_.sight = sample == 0 && &queue == &first_ ? sight_ : nullptr, batch_.first_row = tile_->first_row;
+  batch_.sight = sample == 0 && &queue == &first_ && paths_.is_whole(*tile_) ? sight_ : nullptr, batch_.first_row = tile_->first_row;
   find_points(queue);
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
   if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
@@ -154,7 +160,7 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   stage.specular = batch_.specular, stage.stride = batch_.stride, stage.lit = batch_.lit.data(), stage.others = batch_.others.data();
   const size_t others = stages_.shade(stage);
   for (size_t k = 0; (scene_.features & GLINT_FEATURE_SEEN_LIGHTS) && k < queue.size(); ++k) shader_.seen_lights(batch_, k);
-  double* lost = film_.lost_alpha(*tile_);
+  double* lost = paths_.lost_alpha();
   for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size(); ++k)
     if (batch_.missed(k)) lost[queue.slots[k]] += mean(queue.path(k).T);
   for (size_t i = 0; i < others;) {
@@ -191,7 +197,7 @@ void Tracer::find_gaps() {
   std::vector<Ray> rays;
   std::vector<uint32_t> from;
   for (uint32_t k = 0; k < first_.size(); ++k) {
-    if (batch_.missed(k)) continue;
+    if (batch_.missed(k) || !paths_.is_first(k)) continue;
     rays.push_back(first_.ray(k)), from.push_back(k);
     rays.back().t_min = beyond(batch_.t[k]);
   }
@@ -213,12 +219,12 @@ void Tracer::record(const Queue& queue) {
   }
 }
 
-/// The batch's sums to those of the film.
+/// The batch's sums to those of the paths.
 void Tracer::keep(const Queue& queue) {
   auto keep_part = [&](int part, double* const (&columns)[3]) {
-    double* sums = film_.sums(*tile_, part);
-    for (size_t c = 0; sums && columns[0] && c < 3; ++c, sums += tile_->stride()) {
-      if (&queue == &first_ && all_active_) stages_.add(sums, columns[c], queue.size());
+    double* sums = paths_.sums(film_, part);
+    for (size_t c = 0; sums && columns[0] && c < 3; ++c, sums += paths_.stride()) {
+      if (&queue == &first_) stages_.add(sums, columns[c], queue.size());
       else for (size_t k = 0; k < queue.size(); ++k) sums[queue.slots[k]] += columns[c][k];
     }
   };

@@ -1,16 +1,18 @@
-// A wavefront over the rays of one tile and one sample: closest hits, surfaces, lobes, direct light, the rays that go on.
+// A wavefront over the rays of one tile and a few samples: closest hits, surfaces, lobes, direct light, the rays that go on.
 #pragma once
 #include <atomic>
 #include <vector>
 
 #include "direct.h"
+#include "paths.h"
 #include "shade.h"
 #include "sight.h"
 
 namespace glint {
 
-/// One thread's tracer. What a pixel receives, and in which order, depends on that pixel's rays alone: sample after sample, generation
-/// after generation by age, rays that bounced before those that go straight on. So tiles, regions and threads do not change a bit.
+/// One thread's tracer. What a pixel receives, and in which order, depends on that pixel's rays alone: sample after sample, within
+/// each generation after generation by age, rays that bounced before those that go straight on. So tiles, regions, threads and how many
+/// samples are traced at once do not change a bit.
 class Tracer {
  public:
   /// sight: to look up the first wave in, and to keep it; null for none.
@@ -20,8 +22,8 @@ class Tracer {
 
   /// `trace` is of this tile from now on, and of those of its pixels that take further samples.
   void choose(const Tile& tile);
-  /// One sample of every chosen pixel.
-  void trace(uint32_t sample);
+  /// Some of the samples from `first` up to `last` of every chosen pixel. Returns how many.
+  uint32_t trace(uint32_t first, uint32_t last);
   /// The film's refinement and estimate, for one tile after a wave.
   void measure(const Tile& tile, uint32_t samples);
   void decide(const Tile& tile, uint32_t samples);
@@ -29,7 +31,8 @@ class Tracer {
   const RayCounts& counts() const { return counts_; }
 
  private:
-  void camera_rays(uint32_t sample);
+  uint32_t together(uint32_t samples) const;
+  void camera_rays();
   void find_gaps();
   void follow(uint32_t sample);
   void process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced);
@@ -42,7 +45,7 @@ class Tracer {
   void wait(Queue queue);
   Queue take(uint32_t visibility);
   void give(Queue queue);
-  uint32_t pixel(const Queue& queue, size_t k) const { return slots_.pixel(*tile_, queue.slots[k], plan_.region.width()); }
+  uint32_t pixel(const Queue& queue, size_t k) const { return slots_.pixel(*tile_, paths_.slot(queue.slots[k]), plan_.region.width()); }
 
   const Scene& scene_;
   const RenderPlan& plan_;
@@ -57,9 +60,8 @@ class Tracer {
   const Tile* tile_ = nullptr;
   SlotTable slots_;
   std::vector<uint32_t> active_;       // slots that take samples
-  std::vector<double> places_, before_;  // columns, then rows of the active slots where they are not all; sums before the sample
-  bool all_active_ = true;
-  Queue first_{kCamera};               // of camera rays
+  Paths paths_;                        // those that are followed now
+  Queue first_{kCamera};               // their camera rays
   std::vector<Queue> waiting_, spare_;
   RayCounts counts_;
 };

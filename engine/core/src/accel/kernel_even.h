@@ -1,4 +1,4 @@
-// The common case of a tile, quickly: all its rays are of one kind that begin at t = 0 within four radii of the tree's ball. The rays'
+// The common case of a tile, quickly: all its rays are of one kind, with origins within four radii of the tree's ball. The rays'
 // numbers are those of set_tile; what all rays share is computed once, and all groups' bundles side by side.
 #pragma once
 #include "kernel_frustum.h"
@@ -8,7 +8,7 @@ namespace {
 
 /// What is known of an even tile's directions and ends.
 struct Span {
-  Doubles shortest = splat(kInf), longest{}, earliest = splat(kInf);  // |along|, t_max
+  Doubles shortest = splat(kInf), longest{}, earliest = splat(kInf), latest{};  // |along|, t_max, t_min
 };
 
 /// The kind of rays in direction d, as Tile::kind has it. Of axes of one length the first is the longest.
@@ -21,15 +21,16 @@ inline uint32_t kind_of(const double (&d)[3]) {
 /// Directions of the rays [k, k + kDoubles), columns in the rays' order, the longest along `axis`. False when they are not even.
 inline bool set_even_directions(Tile& tile, int k, const double* const (&d)[3], int axis, Doubles sign, Span& span) {
   const Doubles d0 = load(d[0] + k), d1 = load(d[1] + k), along = load(d[2] + k), ahead = flip(along, sign);
-  const Doubles inverse = 1 / along, s0 = d0 * inverse, s1 = d1 * inverse, t_max = load(tile.t_max + k), zero{};
+  const Doubles inverse = 1 / along, s0 = d0 * inverse, s1 = d1 * inverse;
+  const Doubles t_min = load(tile.t_min + k), t_max = load(tile.t_max + k), zero{};
   store(tile.shear[0] + k, s0), store(tile.shear[1] + k, s1), store(tile.along + k, along);
   narrow(tile.slope[0] + k, flip(s0, sign)), narrow(tile.slope[1] + k, flip(s1, sign));
   span.shortest = smaller(ahead, span.shortest), span.longest = larger(ahead, span.longest);
-  span.earliest = smaller(t_max, span.earliest);
+  span.earliest = smaller(t_max, span.earliest), span.latest = larger(t_min, span.latest);
   const Doubles across[2] = {magnitude(d0), magnitude(d1)};
   const DoubleMask first = axis < 2 ? at_most(across[0], ahead) : less(across[0], ahead);  // as set_rays decides
   const DoubleMask second = axis < 1 ? at_most(across[1], ahead) : less(across[1], ahead);
-  const DoubleMask good = first & second & less(zero, t_max) & equal(load(tile.t_min + k), zero);
+  const DoubleMask good = first & second & less(t_min, t_max) & at_most(zero, t_min);
   return bits(good) == (1u << kDoubles) - 1;
 }
 
@@ -77,14 +78,22 @@ inline void set_even_ends(Tile& tile, int k) {
   narrow(tile.lo + k, depth - room), narrow(tile.hi + k, smaller(depth + room, splat(double(kFar))));
 }
 
+/// Where the rays [k, k + kDoubles) begin.
+inline void set_even_begins(Tile& tile, int k) {
+  const Doubles depth = smaller(magnitude(load(tile.t_min + k) * load(tile.along + k)), splat(double(kFar))), room = depth * 0x1p-22;
+  narrow(tile.begin_lo + k, depth - room), narrow(tile.begin_hi + k, smaller(depth + room, splat(double(kFar))));
+}
+
 /// What is the same for all rays of an even tile but their origins.
 inline void set_even_depths(Tile& tile, uint32_t kind, const Span& span) {
   double end = kInf, shortest = kInf;
   for (int j = 0; j < kDoubles; ++j)
     end = span.earliest[j] < end ? span.earliest[j] : end, shortest = span.shortest[j] < shortest ? span.shortest[j] : shortest;
   const bool endless = end * shortest >= 8 * tile.tree->radius;  // rays that end behind everything need not know where
+  const bool at_once = !any(Longs(span.latest != Doubles{}));  // all rays begin at their origins
   for (int k = 0; k < kTile; k += kLanes) {
-    store(tile.begin_lo + k, Floats{}), store(tile.begin_hi + k, Floats{});
+    if (at_once) store(tile.begin_lo + k, Floats{}), store(tile.begin_hi + k, Floats{});
+    else for (int h = 0; h < kLanes; h += kDoubles) set_even_begins(tile, k + h);
     store(tile.kind + k, Ints{} + int32_t(kind)), store(tile.pending + k, Ints{});
     if (endless) store(tile.lo + k, splat(kFar)), store(tile.hi + k, splat(kFar));
     else for (int h = 0; h < kLanes; h += kDoubles) set_even_ends(tile, k + h);

@@ -16,7 +16,8 @@ constexpr uint32_t kNoMaterial = 0xffffffffu;  // of a point that the stages lea
 struct CameraStage {
   size_t count;
   const double *column, *row;     // of each ray's pixel, from (first_column, first_row) on
-  double first_column, first_row, dx, dy;
+  const double *dx, *dy;          // of each ray's point, from the pixel's centre
+  double first_column, first_row;
   double window[4];               // l, r, b, t
   double width, height;
   double u[3], v[3], w[3];        // columns of world_from_camera
