@@ -5,10 +5,13 @@ from __future__ import annotations
 from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from typing import Any
 
-ABI_VERSION = 7
+ABI_VERSION = 8
 
 PREPARING, TRACING, HELD, DONE, CANCELLED, FAILED = range(6)
 """States of a render."""
+
+WAVES = ("UNSEEN", "SEEN", "HELD")
+"""Who looks at a render's waves: nobody before the end, whoever passes by, somebody for whom each of them waits."""
 
 PASS_NUMBERS = {
     "Combined": 0,
@@ -122,7 +125,7 @@ class SettingsData(Structure):
         + _each(c_double, "error_threshold cutoff")
         + _each(c_uint32, "samples light_samples max_bounces threads passes")
         + _each(c_uint32 * 4, "region")
-        + _each(c_int32, "illumination hold_waves acceleration remember")
+        + _each(c_int32, "illumination waves acceleration remember")
     )
 
 

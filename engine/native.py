@@ -118,7 +118,7 @@ def render_native(
     Raises SceneError for what the core refuses, MemoryError, ImportError and OSError (see `library`), RuntimeError for a fault of the core.
     """
     core, axes = library(), narrow_view_axes(scene.camera)
-    packed, plan = pack_scene(axes.scene(scene) if axes else scene), pack_settings(scene, settings, on_wave is not None)
+    packed, plan = pack_scene(axes.scene(scene) if axes else scene), pack_settings(scene, settings, "UNSEEN" if on_wave is None else "HELD")
     with _scene(core, packed.data) as handle, _render(core, handle, plan.data) as job:
         return _Render(core, job, scene, settings, axes).run(should_stop, on_progress, on_wave)
 

@@ -48,7 +48,7 @@ class NativeLive:
         exact: the bits of `native.render_native`. Else trees may be those of another place of the camera, and what moved has its own.
         """
         held = self._hold(scene, exact)
-        plan = pack_settings(scene, settings, hold_waves=False, remember=exact)
+        plan = pack_settings(scene, settings, waves="SEEN", remember=exact)
         with native._render(self._core, held.handle, plan.data) as job:
             self._run(job, native._Render(self._core, job, scene, settings, held.axes), settings.samples, should_stop, on_film)
 

@@ -375,8 +375,11 @@ def _light(light: Light) -> tuple:
 # --- settings -----------------------------------------------------------------------------------------------------------------------
 
 
-def pack_settings(scene: Scene, settings: Settings, hold_waves: bool, remember: bool = False) -> Packed:
-    """`settings` as a `core_types.SettingsData`, with the sample points that the scene's lights need."""
+def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool = False) -> Packed:
+    """`settings` as a `core_types.SettingsData`, with the sample points that the scene's lights need.
+
+    waves: one of `core_types.WAVES`.
+    """
     packer = _Packer()
     offsets = packer.lend(pixel_offsets(settings.samples, settings.filter_width), np.float64, (settings.samples, 2), "pixel offsets")
     data = core_types.SettingsData(
@@ -389,7 +392,7 @@ def pack_settings(scene: Scene, settings: Settings, hold_waves: bool, remember: 
         threads=settings.threads,
         passes=sum(1 << core_types.PASS_NUMBERS[name] for name in passes_of(settings)),
         illumination=number(settings.illumination, ILLUMINATIONS, "illumination"),
-        hold_waves=hold_waves,
+        waves=core_types.WAVES.index(waves),
         acceleration=BUILDS.index("BALANCED" if settings.acceleration == "AUTO" else settings.acceleration),
         remember=remember,
     )

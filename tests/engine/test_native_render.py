@@ -77,6 +77,16 @@ def test_same_bits_whatever_is_asked_for() -> None:
     assert watched.combined.tobytes() == engine.render(scene, BUSY).combined.tobytes()
 
 
+@pytest.mark.parametrize("threshold", [0.0, 4.0])
+def test_same_bits_however_many_samples_are_traced_at_once(threshold: float) -> None:
+    """Under hard lights up to eight, and fewer for a watcher: waves of 1, 1, 2, 4 and 5 samples, or of 4 or 13 from the start."""
+    asked = replace(BUSY, samples=13, light_samples=1, error_threshold=threshold, passes=ALL - {"Error"}, threads=2)
+    waves = []
+    alone, watched = engine.render(busy_scene(), asked), engine.render(busy_scene(), asked, on_wave=waves.append)
+    assert [film.samples for film in waves] == [1, 2, 4, 8, 13]
+    assert bits(alone) == bits(watched)
+
+
 @pytest.mark.parametrize(("size", "bounces"), [(32, 8), (3, 13)])
 def test_rays_beyond_one_batch_change_nothing(size: int, bounces: int) -> None:
     """Six panes that mirror and refract double their rays at each bounce. Batches are cut, between pixels and within one (2^13 rays); a
@@ -139,7 +149,7 @@ def test_cancel_is_prompt_and_keeps_the_last_wave() -> None:
     def should_stop() -> bool:
         return fractions[-1] > 2.5 / settings.samples  # in the midst of the third wave
 
-    film = engine.render(scene, settings, should_stop=should_stop, on_progress=fractions.append)
+    film = engine.render(scene, settings, should_stop=should_stop, on_progress=fractions.append, on_wave=lambda film: None)
     # The core looks at the flag before each batch of rays; the slack, a 64th of the work, is for a machine that does other things as well.
     assert film.samples <= settings.samples >> 6
     assert not film.complete

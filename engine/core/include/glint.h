@@ -29,7 +29,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 7
+#define GLINT_ABI_VERSION 8
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -146,6 +146,7 @@ typedef struct GlintSceneData {
 
 enum { GLINT_PHYSICAL, GLINT_CLASSIC };
 enum { GLINT_BUILD_FAST, GLINT_BUILD_BALANCED, GLINT_BUILD_FINE };
+enum { GLINT_WAVES_UNSEEN, GLINT_WAVES_SEEN, GLINT_WAVES_HELD };
 
 /* Passes, as numbers for glint_render_read and as bits (1 << pass) for GlintRenderSettings. */
 enum {
@@ -172,7 +173,8 @@ enum {
   GLINT_PASS_COUNT
 };
 
-/* region: x0, y0, x1, y1 half open in the full frame.  threads: 0 for one a core.  hold_waves: see glint_render_resume.
+/* region: x0, y0, x1, y1 half open in the full frame.  threads: 0 for one a core.  waves: whether anybody looks before the
+ * end; if nobody does, more samples are traced at once, to the same bits.  HELD: see glint_render_resume.
  * pixel_offsets: (samples, 2).  light_square, light_disc: (light_point_count, 2), at least samples * light_samples points when
  * light_samples > 1 and a light has an extent; else they may be null.  error_threshold: in 8-bit levels, at least 0 and below 256; pixels
  * whose estimated error it covers take no further samples after a wave. 0: all take all.  cutoff: mirror and refraction rays with no channel
@@ -187,7 +189,7 @@ typedef struct GlintRenderSettings {
   double error_threshold, cutoff;
   uint32_t samples, light_samples, max_bounces, threads, passes;
   uint32_t region[4];
-  int32_t illumination, hold_waves, acceleration, remember;
+  int32_t illumination, waves, acceleration, remember;
 } GlintRenderSettings;
 
 enum { GLINT_PREPARING, GLINT_TRACING, GLINT_HELD, GLINT_DONE, GLINT_CANCELLED, GLINT_FAILED };
@@ -229,13 +231,14 @@ GLINT_API GlintScene* glint_scene_create_like(const GlintScene* base, const Glin
                                               size_t error_size);
 GLINT_API void glint_scene_destroy(GlintScene* scene);
 
-/* Starts the work on threads of its own: trees first (kept in the scene for later renders), then waves of 1, 2, 4, 8 … samples. */
+/* Starts the work on threads of its own: trees first (kept in the scene for later renders), then waves of 1, 2, 4, 8 … samples; where
+ * they are unseen, the first ones are one. */
 GLINT_API GlintRender* glint_render_start(GlintScene* scene, const GlintRenderSettings* settings, char* error, size_t error_size);
 
 /* Sleeps until a wave is complete that no earlier call reported, the render ends, or `milliseconds` are over. */
 GLINT_API GlintProgress glint_render_wait(GlintRender* render, uint32_t milliseconds);
 
-/* With hold_waves the work pauses after each wave but the last (state HELD) until this call. */
+/* With GLINT_WAVES_HELD the work pauses after each wave but the last (state HELD) until this call. */
 GLINT_API void glint_render_resume(GlintRender* render);
 
 /* Returns at once; the state turns CANCELLED soon. */

@@ -6,6 +6,7 @@ namespace glint {
 namespace {
 
 constexpr uint32_t kMaxThreads = 1024;
+constexpr uint32_t kUnseenWave = 16;  // of samples: long enough for bundles, short enough to be cancelled
 
 int threads_for(uint32_t wanted) {
   uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
@@ -24,8 +25,9 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   if (refines && g.samples >= Refinement::kFirst) plan.region = widened(plan.shown, camera);
   plan.error_threshold = g.error_threshold, plan.cutoff = g.cutoff;
   plan.samples = g.samples, plan.light_samples = g.light_samples, plan.max_bounces = g.max_bounces, plan.passes = g.passes;
+  plan.unseen = g.waves == GLINT_WAVES_UNSEEN, plan.hold_waves = g.waves == GLINT_WAVES_HELD;
   plan.threads = threads_for(g.threads), plan.quality = BuildQuality(g.acceleration);
-  plan.physical = g.illumination == GLINT_PHYSICAL, plan.hold_waves = g.hold_waves != 0, plan.remember = g.remember != 0;
+  plan.physical = g.illumination == GLINT_PHYSICAL, plan.remember = g.remember != 0;
   plan.pixel_offsets = g.pixel_offsets, plan.light_square = g.light_square, plan.light_disc = g.light_disc;
   return plan;
 }
@@ -56,6 +58,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.passes < 1u << GLINT_PASS_COUNT, "settings: unknown passes");
   add(sound_region(g.region, scene.camera), "settings: the region is empty or reaches beyond the frame");
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC, "settings: unknown illumination");
+  add(g.waves >= GLINT_WAVES_UNSEEN && g.waves <= GLINT_WAVES_HELD, "settings: unknown waves");
   add(g.acceleration >= GLINT_BUILD_FAST && g.acceleration <= GLINT_BUILD_FINE, "settings: unknown acceleration");
   return text;
 }
@@ -101,6 +104,12 @@ void Job::run() {
   enter(cancel_ ? GLINT_CANCELLED : GLINT_DONE);
 }
 
+/// Samples of the first wave: no more than somebody wants to look at.
+uint32_t Job::first_wave() {
+  if (!plan_.unseen || film_.estimate().on()) return 1;
+  return std::min(plan_.samples, film_.refinement().on() ? Refinement::kFirst : kUnseenWave);
+}
+
 void Job::trace_waves() {
   team_ = std::make_unique<Team>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
   const bool looks_up = plan_.remember && !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
@@ -110,7 +119,7 @@ void Job::trace_waves() {
   Sight* const usable = held ? sight.get() : nullptr;
   for (size_t k = 0; k < team_->size(); ++k) tracers_.push_back(std::make_unique<Tracer>(scene_, plan_, film_, cancel_, usable));
   for (uint32_t first = 0, last = 1; first < plan_.samples && !cancel_; first = last) {
-    last = first == 0 ? 1 : uint32_t(std::min<uint64_t>(2 * uint64_t(first), plan_.samples));
+    last = first == 0 ? first_wave() : uint32_t(std::min<uint64_t>(2 * uint64_t(first), plan_.samples));
     double seconds = 0;
     {
       const Timer timer(seconds);

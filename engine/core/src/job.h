@@ -37,6 +37,7 @@ class Job {
  private:
   void work();
   void run();
+  uint32_t first_wave();
   void trace_waves();
   void trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic<size_t>& next);
   void refine(uint32_t samples);

@@ -14,7 +14,7 @@ struct RenderPlan {
   uint32_t samples = 1, light_samples = 1, max_bounces = 0, passes = 0;
   int threads = 1;
   BuildQuality quality = BuildQuality::kBalanced;
-  bool physical = true, hold_waves = false, remember = false;
+  bool physical = true, unseen = false, hold_waves = false, remember = false;  // unseen: nobody looks before the last wave
   const double* pixel_offsets = nullptr;
   const double* light_square = nullptr;
   const double* light_disc = nullptr;

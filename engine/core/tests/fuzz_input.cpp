@@ -268,7 +268,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   const uint32_t w = scene.camera.width, h = scene.camera.height;
   const bool part = dice.chance(0.3);
   s.region[0] = part ? uint32_t(dice.below(w)) : 0, s.region[1] = part ? uint32_t(dice.below(h)) : 0, s.region[2] = w, s.region[3] = h;
-  s.illumination = int32_t(dice.below(2)), s.hold_waves = int32_t(dice.below(2)), s.acceleration = int32_t(dice.below(3));
+  s.illumination = int32_t(dice.below(2)), s.waves = int32_t(dice.below(3)), s.acceleration = int32_t(dice.below(3));
   if (dice.wildness == 0 || !dice.chance(0.1)) return s;
   switch (dice.below(8)) {
     case 0: s.region[dice.below(4)] = uint32_t(dice.bits()); break;
