@@ -228,8 +228,9 @@ class Traversal {
     const Accel& accel = *accels_[mode.fine];
     return parallel_seconds(mode.rays->size(), threads, [&](size_t first, size_t count) {
       const Rays rays = mode.rays->view(first, count);
-      if (kind.any_hit) accel.occluded(rays, &blocked_[first]);
-      else accel.closest(rays, hits_->from(first));
+      Scratch scratch;
+      if (kind.any_hit) accel.occluded(rays, &blocked_[first], scratch);
+      else accel.closest(rays, hits_->from(first), scratch);
     });
   }
 
