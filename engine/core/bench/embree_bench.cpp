@@ -19,7 +19,7 @@ using namespace glint::bench;
 namespace {
 
 constexpr int kMostKept = 4;   // of Embree's robust modes, and of its fast ones
-constexpr double kEnough = 4;  // seconds of measuring after which two rounds will do
+constexpr double kEnough = 3;  // seconds of measuring after which two rounds will do
 
 struct Options {
   std::string mesh = "bumpy:132x264", rays = "primary,shadow,mirror,diffuse", only, json, config = "frequency_level=simd512";

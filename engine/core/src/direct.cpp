@@ -105,7 +105,7 @@ bool DirectLight::step(const Batch& batch, uint32_t k, const Hit& hit) {
   const Material& material = scene_.materials[scene_.material_of(scene_.group(hit.instance), hit.primitive)];
   if (!material.has(GLINT_TRANSPARENT)) return set_row(shadow_, k, {}), false;
   const Vec3d origin = row(batch.points.origin, point_[k]), to = row(stage_.to, k);
-  const Surface s = surface_at(scene_, origin, stage_.shape == kDirection ? to : unit(row(stage_.end_out, k) - origin), hit);
+  const Surface s = weights_at(scene_, origin, stage_.shape == kDirection ? to : unit(row(stage_.end_out, k) - origin), hit);
   const Vec3d S = row(shadow_, k) * max(Vec3d{}, min(Vec3d{1, 1, 1}, transparency(scene_, material, s)));
   set_row(shadow_, k, S);
   stepping_[k].t_min = beyond(hit.t);
