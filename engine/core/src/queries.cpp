@@ -235,7 +235,8 @@ void closest(const GlintAccel& accel, const Given& rays, const Room& room) {
     float *u = room.u + first, *v = room.v + first;
     auto number = [](int32_t* p) { return reinterpret_cast<uint32_t*>(p); };  // Hit::kNone reads as -1
     double* const t = work.block.t;
-    accel.accel->closest(work.block.fill(rays, first, count, accel.anchor), Hits{t, number(instance), number(primitive), u, v}, work.scratch);
+    const Rays anchored = work.block.fill(rays, first, count, accel.anchor);
+    accel.accel->closest(anchored, Hits{t, number(instance), number(primitive), u, v}, work.scratch);
     finish(t, instance, primitive, u, v, room.t + first, count);
   });
 }
