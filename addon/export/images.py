@@ -61,8 +61,8 @@ class Images:
         if len(sources) > 1:
             with ThreadPoolExecutor(min(len(sources), os.cpu_count() or 1)) as threads:
                 self._decoded.update(zip(sources, threads.map(self._decode, sources.values()), strict=True))
-        for key, source in sources.items() if len(sources) == 1 else ():
-            self._decoded[key] = self._decode(source)
+        else:
+            self._decoded.update({key: self._decode(source) for key, source in sources.items()})
 
     def pixels(self, image: Any, user: Any) -> Pixels:
         """The pixels of a Blender image at the frame that `user` (its ImageUser) shows."""
