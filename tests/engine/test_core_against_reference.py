@@ -46,7 +46,7 @@ def test_same_picture(name: str, illumination: str) -> None:
 
 
 @pytest.mark.parametrize("copies", [1, 2])
-@pytest.mark.parametrize("thickness, seen", [(0.0, False), (5e-9, False), (2e-8, True)])
+@pytest.mark.parametrize(("thickness", "seen"), [(0.0, False), (5e-9, False), (2e-8, True)])
 def test_spheres_without_thickness_are_left_out(thickness: float, seen: bool, copies: int) -> None:
     """Two unit columns that lie apart by the angle `thickness`: the determinant of all three."""
     flat = np.array([[1.0, 1.0, 0.0, 0.0], [0.0, thickness, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
