@@ -12,7 +12,7 @@ import bpy
 
 from .. import engine
 from .aim import Aim, aim_from
-from .export import export_scene
+from .export import Decoded, export_scene
 from .properties import settings_from
 from .result import Picture, wanted_passes
 from .skipped import skipped_things
@@ -51,6 +51,8 @@ class Job:
 
 
 _readers: list[list[Job]] = []
+_decoded = Decoded() if bpy.app.background else None
+"""For the frames of animations. Where a person works, the memory between renders is theirs."""
 
 
 @contextmanager
@@ -70,7 +72,7 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
     layer = depsgraph.view_layer
     passes = wanted_passes(layer)
     width, height = render_engine.resolution_x, render_engine.resolution_y
-    export = export_scene(depsgraph, width=width, height=height, passes=passes)
+    export = export_scene(depsgraph, width=width, height=height, passes=passes, decoded=_decoded)
     settings, notes = _with_backend(settings_from(depsgraph.scene_eval.glint.final, depsgraph.scene_eval, passes, export.region))
     statistics = Statistics(settings.samples, settings.backend, export.stats)
     if not render_engine.is_preview:

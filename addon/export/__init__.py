@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .camera import ExportError
+from .decoded import Decoded
 from .export import Export, export_scene
 
-__all__ = ["Export", "ExportError", "export_scene"]
+__all__ = ["Decoded", "Export", "ExportError", "export_scene"]

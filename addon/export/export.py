@@ -10,6 +10,7 @@ import numpy as np
 
 from ...engine.scene import Geometry, Instances, Scene
 from .camera import border, export_camera, resolution
+from .decoded import Decoded
 from .images import Images
 from .instances import Flags, Thing, walk
 from .lights import Lights, Seen
@@ -38,23 +39,33 @@ class Export:
     region: tuple[int, int, int, int] | None = None
 
 
-def export_scene(depsgraph: Any, *, width: int | None = None, height: int | None = None, passes: frozenset[str] = frozenset()) -> Export:
+def export_scene(
+    depsgraph: Any,
+    *,
+    width: int | None = None,
+    height: int | None = None,
+    passes: frozenset[str] = frozenset(),
+    decoded: Decoded | None = None,
+) -> Export:
     """The scene that an evaluated depsgraph shows, for its own view layer and frame.
 
     width, height: pixels of the full frame instead of the scene's.  passes: names from `film.PASSES`; "UV" makes all meshes bring their
-    active map. Only on Blender's thread. Raises ExportError where there is no usable camera or border.
+    active map.  decoded: images of the export before; this one's take their place. Only on Blender's thread. Raises
+    ExportError where there is no usable camera or border.
     """
     start = time.perf_counter()
     scene, report = depsgraph.scene_eval, Report()
     size = resolution(scene.render, width, height)
     region = border(scene.render, size)
     camera = export_camera(_evaluated(scene.camera, depsgraph), scene.render, size, report)
-    collector = Collector(depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report)
+    collector = Collector(depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, decoded)
     things = walk(depsgraph, collector.meet, report)
     met = time.perf_counter()
     world = _world(depsgraph, scene)
     surroundings = export_world(world, scene.render.film_transparent, collector.images, report)
     exported = collector.scene(camera, things, surroundings)
+    if decoded is not None:
+        decoded.forget_unused()
     end = time.perf_counter()
     stats = {"objects": met - start, "finish": end - met, "export": end - start, **_counts(exported)}
     return Export(exported, report.notes(), stats, region)
@@ -91,9 +102,9 @@ class _Lamp:
 class Collector:
     """Gathers geometries and materials while the depsgraph is walked."""
 
-    def __init__(self, depsgraph: Any, wanted: Wanted, report: Report) -> None:
+    def __init__(self, depsgraph: Any, wanted: Wanted, report: Report, decoded: Decoded | None = None) -> None:
         self.depsgraph, self.wanted, self.report = depsgraph, wanted, report
-        self.images = Images(report)
+        self.images = Images(report, decoded)
         self.materials = Materials(self.images, report)
         self.lights = Lights(self.images, report)
         self.override = _evaluated(depsgraph.view_layer.material_override, depsgraph)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...engine.scene import Input, Texture
 from . import colorspace, pixels
+from .decoded import Decoded
 from .pixels import ImageError, Pixels, Raw
 from .report import Report
 
@@ -24,7 +25,9 @@ Function = Callable[[np.ndarray], np.ndarray]
 class Images:
     """The textures of one scene, and what materials ask about them."""
 
-    def __init__(self, report: Report) -> None:
+    def __init__(self, report: Report, decoded: Decoded | None = None) -> None:
+        """decoded: what an export before has decoded, and where this one's images are kept for the next."""
+        self._decode = decoded.decode if decoded is not None else pixels.decode
         self.textures: list[Texture] = []
         self.report = report
         self._pixels: dict[tuple, Pixels] = {}
@@ -57,12 +60,15 @@ class Images:
         sources = {key: source for key, source in sources.items() if source is not None}
         if len(sources) > 1:
             with ThreadPoolExecutor(min(len(sources), os.cpu_count() or 1)) as threads:
-                self._decoded.update(zip(sources, threads.map(pixels.decode, sources.values()), strict=True))
+                self._decoded.update(zip(sources, threads.map(self._decode, sources.values()), strict=True))
+        else:
+            self._decoded.update({key: self._decode(source) for key, source in sources.items()})
 
     def pixels(self, image: Any, user: Any) -> Pixels:
         """The pixels of a Blender image at the frame that `user` (its ImageUser) shows."""
         key = self._key(image, user)
         if key not in self._pixels:
+            self.expect([(image, user)])
             self._pixels[key] = self._load(image, key[1], self._decoded.pop(key, None))
         return self._pixels[key]
 

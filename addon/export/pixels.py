@@ -68,14 +68,13 @@ def openimageio() -> Any:
     return OpenImageIO
 
 
-def read(image: Any, path: str, decoded: Raw | ImageError | None = None) -> Pixels:
+def read(image: Any, path: str, decoded: Raw | ImageError | None) -> Pixels:
     """Pixels of `image` (original data-block), of the file `path` where the image stands for several files. Raises ImageError.
 
-    decoded: what `decode` gave for it, where that was called already.
+    decoded: what `decode` gave for its `source`; None where it has none.
     """
     if decoded is None:
-        origin = source(image, path)
-        decoded = decode(origin) if origin is not None else _from_blender(image)
+        source(image, path)  # raises where a file is missing
     raw = decoded if isinstance(decoded, Raw) else _from_blender(image)
     return _managed(raw, image)
 

@@ -17,22 +17,23 @@ from .vectors import pick
 
 Array = np.ndarray
 
+THIN = 1e-8
+"""Spheres are left out where the unit columns of their matrix have no larger determinant (SEMANTICS.md, Hits)."""
+
 KINDS = ("camera", "mirror", "shadow")
 """Kinds of rays; an `Instances` has a flag visible_<kind> for each."""
 
 
 @dataclass(frozen=True, eq=False)
 class Balls:
-    """Spheres under their matrices. object_from_world: (k, 3, 3) inverse, or pseudo-inverse where `flat` (k,); normal: (3, k) of flat
-    ones; center_world (3, k), center (3, k) in the object, radius (k,), row (k,) of `Placements`."""
+    """Spheres under their matrices. object_from_world: (k, 3, 3) inverse; center_world (3, k), center (3, k) in the object, radius (k,),
+    row (k,) of `Placements`."""
 
     center: Array
     radius: Array
     row: Array
     center_world: Array
     object_from_world: Array
-    normal: Array
-    flat: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +113,8 @@ class _Drawn:
         self.instances = scene.instances[block]
         self.geometry = scene.geometries[self.instances.geometry]
         mine = np.flatnonzero(placements.block == block)
-        self.rows = mine[placements.rank[mine] >= 2]
+        shown = _has_inside(placements, mine) if isinstance(self.geometry, Spheres) else placements.rank[mine] >= 2
+        self.rows = mine[shown]
         self.matrices = placements.world_from_object[self.rows]
         sound = _finite_primitives(self.geometry)
         self.kept = np.flatnonzero(sound)
@@ -124,9 +126,18 @@ class _Drawn:
     def _notes(self, squeezed: int, broken: int) -> Iterator[str]:
         name = self.instances.name
         if squeezed:
-            yield f"{name!r}: {squeezed} placements are squeezed to a line or a point and were left out; give them a scale"
+            shape = "so flat that their spheres have no inside" if isinstance(self.geometry, Spheres) else "squeezed to a line or a point"
+            yield f"{name!r}: {squeezed} placements are {shape} and were left out; give them a scale"
         if broken:
             yield f"{name!r}: {broken} primitives have coordinates that are not finite and were left out; repair the mesh"
+
+
+def _has_inside(placements: Placements, rows: Array) -> Array:
+    """(k,) bool: the unit columns span a volume worth an inverse, by `THIN`."""
+    linear = placements.world_from_object[rows][:, :, :3]
+    linear = linear / np.maximum(np.abs(linear).max((1, 2)), 1e-300)[:, None, None]
+    with np.errstate(invalid="ignore"):
+        return np.abs(np.linalg.det(linear / np.linalg.norm(linear, axis=1)[:, None, :])) > THIN
 
 
 def _finite_primitives(geometry: Mesh | Spheres | Polygons) -> Array:
@@ -176,19 +187,17 @@ def _balls(drawn: list[_Drawn], placements: Placements) -> Balls:
     radius = _joined([np.tile(d.geometry.radii[d.kept].astype(np.float64), len(d.rows)) for d in drawn], np.float64)
     row = _joined([d.row for d in drawn], np.intp)
     used, place_of = np.unique(row, return_inverse=True)
-    inverse, normal, flat = _inverses(placements, used)
+    inverse = _inverses(placements, used)
     m = placements.world_from_object[row]
     world = np.stack([m[:, i, 0] * center[0] + m[:, i, 1] * center[1] + m[:, i, 2] * center[2] + m[:, i, 3] for i in range(3)])
-    return Balls(center, radius, row, world, inverse[place_of], pick(normal, place_of), flat[place_of])
+    return Balls(center, radius, row, world, inverse[place_of])
 
 
-def _inverses(placements: Placements, rows: Array) -> tuple[Array, Array, Array]:
-    """Inverse or, of matrices of rank 2, pseudo-inverse through the SVD (notes, sections 5.3 and 6.5), and the normal of their plane."""
+def _inverses(placements: Placements, rows: Array) -> Array:
+    """(k, 3, 3) through the SVD (notes, sections 5.3 and 6.5)."""
     linear = placements.world_from_object[rows][:, :, :3]
     u, s, vt = np.linalg.svd(linear) if len(rows) else (linear, linear[:, 0], linear)
-    flat = placements.rank[rows] < 3
-    s[flat, 2] = np.inf
-    return np.einsum("rji,rj,rkj->rik", vt, 1 / s, u), u[:, :, 2].T, flat
+    return np.einsum("rji,rj,rkj->rik", vt, 1 / s, u)
 
 
 def _faces(drawn: list[_Drawn]) -> Faces:

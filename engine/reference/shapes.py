@@ -11,7 +11,7 @@ Array = np.ndarray
 
 
 def meet_ball(balls: Balls, index: Array, o: Array, d: Array) -> Array:
-    """(2, m) parameters of both roots, nearer first, NaN where the ray misses. A sphere squeezed flat by its matrix is a disc.
+    """(2, m) parameters of both roots, nearer first, NaN where the ray misses.
 
     The ray is taken into the object, where the sphere is round; then Haines' form (Ray Tracing Gems, chapter 7): the discriminant from the
     distance of the centre to the ray, and the smaller root without cancellation.
@@ -20,11 +20,7 @@ def meet_ball(balls: Balls, index: Array, o: Array, d: Array) -> Array:
     f = transform_each(inverse, o - pick(balls.center_world, index))
     e = transform_each(inverse, d)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        roots = _round_roots(f, e, radius)
-    flat = np.flatnonzero(balls.flat[index])
-    if len(flat):
-        roots[:, flat] = _disc_roots(balls, index[flat], pick(o, flat), pick(d, flat))
-    return roots
+        return _round_roots(f, e, radius)
 
 
 def _round_roots(f: Array, e: Array, radius: Array) -> Array:
@@ -34,16 +30,6 @@ def _round_roots(f: Array, e: Array, radius: Array) -> Array:
     q = b + np.copysign(np.sqrt(np.where(discriminant >= 0, a * discriminant, np.nan)), b)
     first, second = (dot(f, f) - radius * radius) / q, q / a
     return np.stack([np.minimum(first, second), np.maximum(first, second)])
-
-
-def _disc_roots(balls: Balls, index: Array, o: Array, d: Array) -> Array:
-    """The plane that the sphere is squeezed to, inside where some point of the ball is mapped: |M⁺(p − c)| <= r."""
-    n, from_center = pick(balls.normal, index), o - pick(balls.center_world, index)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = -dot(n, from_center) / dot(n, d)
-        p = transform_each(balls.object_from_world[index], from_center + t * d)
-    inside = np.isfinite(t) & (dot(p, p) <= balls.radius[index] ** 2)
-    return np.stack([np.where(inside, t, np.nan), np.full(len(t), np.nan)])
 
 
 def meet_face(faces: Faces, index: Array, o: Array, d: Array) -> Array:

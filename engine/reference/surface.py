@@ -128,10 +128,9 @@ def _ball_points(geometry: Geometry, index: Array, at: Array, o: Array) -> tuple
     row = balls.row[index]
     from_center = transform_each(balls.object_from_world[index], at - pick(balls.center_world, index))
     direction = unit(from_center)
-    arm = np.where(balls.flat[index], from_center, balls.radius[index] * direction)
+    arm = balls.radius[index] * direction
     x = pick(balls.center_world, index) + transform_each(placements.world_from_object[row], arm)
-    normal = unit(transform_each(placements.normals[row], direction)) * placements.mirror[row]
-    return x, np.where(balls.flat[index], pick(balls.normal, index), normal)
+    return x, unit(transform_each(placements.normals[row], direction)) * placements.mirror[row]
 
 
 def _shading_normals(geometry: Geometry, attributes: Attributes, spot: Spot, row: Array, x: Array, g: Array, side: Array):

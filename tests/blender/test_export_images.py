@@ -1,5 +1,6 @@
 """Images from every source end as the pixels that Blender shows; broken ones are magenta and named."""
 
+import os
 from pathlib import Path
 
 import bpy
@@ -9,6 +10,7 @@ import pytest
 
 from export_support import Shader, image, scene, srgb_to_linear  # noqa: F401
 from glint.addon.export import colorspace, pixels
+from glint.addon.export.decoded import Decoded
 from glint.addon.export.graph import images_behind
 from glint.addon.export.images import Images, mean_color, texels
 from glint.addon.export.report import Report
@@ -262,6 +264,32 @@ def test_images_decoded_side_by_side_are_the_same(scene, tmp_path):  # noqa: F81
     together.expect([*wanted, (None, None), wanted[0]])
     for picture, user in wanted:
         np.testing.assert_array_equal(together.pixels(picture, user).pixels, alone.pixels(picture, user).pixels)
+
+
+def test_what_the_last_export_decoded_is_not_decoded_again(scene, tmp_path, monkeypatch):  # noqa: F811
+    asked, decode = [], pixels.decode
+    monkeypatch.setattr(pixels, "decode", lambda origin: asked.append(origin) or decode(origin))
+    files = [_file(tmp_path / f"{k}.tga", np.roll(GRADIENT, k, 1)) for k in range(3)]  # all of one size
+    pictures = [bpy.data.images.load(file) for file in files]
+    pictures[2].pack()
+    decoded = Decoded()
+
+    def exported(*numbers):
+        """How many were decoded for an export of these, which has their pixels as they are now."""
+        del asked[:]
+        images = Images(Report(), decoded)
+        for k in numbers:
+            np.testing.assert_array_equal(images.pixels(pictures[k], None).pixels, Images(Report()).pixels(pictures[k], None).pixels)
+        decoded.forget_unused()
+        return len(asked) - len(numbers)  # without those that they are compared with
+
+    assert [exported(0, 1, 2), exported(0, 1, 2), exported(0, 2), exported(0, 1, 2)] == [3, 0, 0, 1]
+    _file(files[0], GRADIENT[::-1])
+    os.utime(files[0], ns=(1, 1))  # clocks of file systems are coarse
+    pictures[2].pack(data=Path(files[1]).read_bytes(), data_len=Path(files[1]).stat().st_size)
+    assert [exported(0, 1, 2), exported(0, 1, 2)] == [2, 0]
+    pictures[0].alpha_mode = "NONE"
+    assert exported(0, 1, 2) == 1
 
 
 def test_what_cannot_be_decoded_ahead_is_told_once(scene, tmp_path):  # noqa: F811

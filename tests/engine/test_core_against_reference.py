@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine_scenes import SCENES
+from engine_scenes import SCENES, look_at
 from glint import engine
+from glint.engine import scene as s
 
 pytestmark = pytest.mark.skipif("NATIVE" not in engine.available_backends(), reason="the core's library is not built")
 
@@ -42,6 +43,20 @@ def test_same_picture(name: str, illumination: str) -> None:
     errors = {key: relative_error(*(conditioned(key, film.passes[key]) for film in (core, reference))) for key in reference.passes}
     worst = {key: (float(error.max()), int((error > 1e-4).sum())) for key, error in errors.items() if error.max() > 1e-4}
     assert not worst, f"{name}: pass -> (largest relative error, pixels beyond 1e-4): {worst}"
+
+
+@pytest.mark.parametrize("copies", [1, 2])
+@pytest.mark.parametrize(("thickness", "seen"), [(0.0, False), (5e-9, False), (2e-8, True)])
+def test_spheres_without_thickness_are_left_out(thickness: float, seen: bool, copies: int) -> None:
+    """Two unit columns that lie apart by the angle `thickness`: the determinant of all three."""
+    flat = np.array([[1.0, 1.0, 0.0, 0.0], [0.0, thickness, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+    ball = s.Spheres("b", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
+    glow = s.Material("glow", (s.Lobe("EMISSION", (s.Input((1.0, 1.0, 1.0)),)),))
+    camera = s.Camera("PERSPECTIVE", look_at((0, -5, 0), (0, 0, 0)), (-0.5, 0.5, -0.5, 0.5), (16, 16))
+    scene = s.Scene(camera, (ball,), (s.Instances("i", 0, np.repeat(flat[None], copies, 0), (0,)),), (glow,))
+    for backend in ("NATIVE", "NUMPY"):
+        film = engine.render(scene, engine.Settings(samples=1, backend=backend))
+        assert (film.combined[..., 0] > 0).any() == seen == (not film.notes), backend
 
 
 @pytest.mark.parametrize("name", SCENES)

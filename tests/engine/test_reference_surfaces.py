@@ -185,8 +185,9 @@ def test_interpolated_normals_exactly() -> None:
 
 def test_flattened_objects_are_lit_on_both_sides() -> None:
     sun = s.Light("sun", "SUN", look_at((0, 0, 9), (0, 0, 0), (0, 1, 0)), strength=np.pi)
-    for shape in (ball_mesh(), s.Spheres("b", np.zeros((1, 3), np.float32), np.ones(1, np.float32))):
-        for scale_z in (0.0, 1e-6):
+    ball = s.Spheres("b", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
+    for shape, scales in ((ball_mesh(), (0.0, 1e-6)), (ball, (1e-6,))):
+        for scale_z in scales:
             flat = (s.Instances("m", 0, at((0, 0, 0), np.diag([3, 3, scale_z])), (0,)),)
             for eye, expected in (((0, 0, 5), 0.5), ((0, 0, -5), 0.0)):
                 view = replace(DOWN, world_from_camera=look_at(eye, (0, 0, 0), (0, 1, 0)))

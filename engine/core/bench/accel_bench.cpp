@@ -47,10 +47,12 @@ struct Answer {
 };
 
 void closest(const Accel& accel, const Batch& batch, Answer& a) {
-  batch.each([&](size_t k, const Rays& r) { accel.closest(r, {&a.t[k], &a.instance[k], &a.primitive[k], &a.u[k], &a.v[k]}); });
+  Scratch s;
+  batch.each([&](size_t k, const Rays& r) { accel.closest(r, {&a.t[k], &a.instance[k], &a.primitive[k], &a.u[k], &a.v[k]}, s); });
 }
 void occluded(const Accel& accel, const Batch& batch, Answer& a) {
-  batch.each([&](size_t k, const Rays& r) { accel.occluded(r, &a.blocked[k]); });
+  Scratch scratch;
+  batch.each([&](size_t k, const Rays& r) { accel.occluded(r, &a.blocked[k], scratch); });
 }
 
 struct Scene {

@@ -1,8 +1,9 @@
 // Glint and Embree on the same rays, interleaved in one process. `embree_bench --help` lists the options; tests/bench/rays.py runs it over
 // many meshes and makes the tables.
 //
-// Per ray kind: every mode of Embree (build quality, robust or not, single rays, packets, streams, coherent or not) runs once; those
-// within `--keep` of the best robust and of the best fast mode then take turns with Glint for `--rounds` rounds; rates are medians.
+// Per ray kind: every mode of Embree (build quality, robust or not, single rays, packets, streams, coherent or not) traces a quarter of the
+// rays once, on one thread; those within `--keep` of the best robust and of the best fast mode, four each at most, then take turns with
+// Glint for `--rounds` rounds, fewer where these take long; rates are medians.
 // Embree's rays lie filled in its own layout, Glint's in columns, before the clock starts; both write complete hits.
 #include <cstdlib>
 #include <cstring>
@@ -16,6 +17,9 @@ using namespace glint;
 using namespace glint::bench;
 
 namespace {
+
+constexpr int kMostKept = 4;   // of Embree's robust modes, and of its fast ones
+constexpr double kEnough = 3;  // seconds of measuring after which two rounds will do
 
 struct Options {
   std::string mesh = "bumpy:132x264", rays = "primary,shadow,mirror,diffuse", only, json, config = "frequency_level=simd512";
@@ -104,7 +108,8 @@ void add_builds(Report& report, const Options& options, const World& world) {
     if (threads == 1) builders.push_back({"embree", "medium", true, true, threads, {}, {}});
   }
   for (int round = 0; round < std::min(options.rounds, 3); ++round)
-    for (Builder& b : builders) build_once(b, options, world);
+    for (Builder& b : builders)
+      if (round == 0 || b.wall[0] * round < kEnough) build_once(b, options, world);
   for (const Builder& b : builders) {
     const double cpu = median(b.cpu), wall = median(b.wall), each = b.bytes / double(world.mesh.count());
     report.lists["builds"].push_back(Row().word("tracer", b.tracer).word("quality", b.quality).truth("robust", b.robust)
@@ -156,27 +161,31 @@ class Traversal {
  private:
   void run(const Kind& kind) {
     compare_answers(kind);
+    std::vector<Mode> modes = keep_best(kind);
     for (int threads = 1; threads <= options_.threads; ++threads) {
-      std::vector<Mode> modes = keep_best(kind, threads);
-      for (int round = 0; round < options_.rounds; ++round)
-        for (Mode& mode : modes) measure(mode, kind, threads);
+      const double start = wall_seconds();
+      for (Mode& mode : modes) mode.rates.clear();
+      for (int round = 0; round < options_.rounds && (round < 2 || wall_seconds() - start < kEnough); ++round)
+        for (Mode& mode : modes) measure(mode, kind, threads, 0, mode.rays->size());
       for (const Mode& mode : modes) add_row(mode, kind, threads);
     }
   }
 
-  /// Glint's modes, and those of Embree's that one run shows near the best.
-  std::vector<Mode> keep_best(const Kind& kind, int threads) {
+  /// Glint's modes, and those of Embree's that one run with a quarter of the rays shows near the best.
+  std::vector<Mode> keep_best(const Kind& kind) {
     std::vector<Mode> kept;
     double best[2] = {};
     std::vector<Mode> candidates = embree_modes(kind);
     for (Mode& mode : candidates) {
-      measure(mode, kind, threads);
+      const size_t all = mode.rays->size(), some = all / 256 * 64;
+      measure(mode, kind, 1, some, some > 0 ? some : all);
       best[mode.robust] = std::max(best[mode.robust], mode.rates[0]);
     }
     for (Mode& mode : candidates) {
       const bool baseline = mode.feed == Feed::kSingle && !mode.coherent && mode.quality == Quality::kMedium && !mode.reversed;
-      if (!baseline && mode.rates[0] < options_.keep * best[mode.robust]) continue;
-      mode.rates.clear();
+      const auto better = [&](const Mode& other) { return other.robust == mode.robust && other.rates[0] > mode.rates[0]; };
+      const bool among_best = std::count_if(candidates.begin(), candidates.end(), better) < kMostKept;
+      if (!baseline && !(among_best && mode.rates[0] >= options_.keep * best[mode.robust])) continue;
       kept.push_back(mode);
     }
     for (const bool fine : {false, true}) {
@@ -217,9 +226,9 @@ class Traversal {
     return modes;
   }
 
-  void measure(Mode& mode, const Kind& kind, int threads) {
-    const size_t count = mode.rays->size();
-    const double seconds = mode.embree ? embree_seconds(mode, kind, threads) : glint_seconds(mode, kind, threads);
+  /// Traces the mode's rays [first, first + count).
+  void measure(Mode& mode, const Kind& kind, int threads, size_t first, size_t count) {
+    const double seconds = mode.embree ? embree_seconds(mode, kind, threads, first, count) : glint_seconds(mode, kind, threads);
     mode.rates.push_back(1e-6 * double(count) / seconds);
   }
 
@@ -228,19 +237,20 @@ class Traversal {
     const Accel& accel = *accels_[mode.fine];
     return parallel_seconds(mode.rays->size(), threads, [&](size_t first, size_t count) {
       const Rays rays = mode.rays->view(first, count);
-      if (kind.any_hit) accel.occluded(rays, &blocked_[first]);
-      else accel.closest(rays, hits_->from(first));
+      Scratch scratch;
+      if (kind.any_hit) accel.occluded(rays, &blocked_[first], scratch);
+      else accel.closest(rays, hits_->from(first), scratch);
     });
   }
 
-  double embree_seconds(const Mode& mode, const Kind& kind, int threads) {
+  double embree_seconds(const Mode& mode, const Kind& kind, int threads, size_t begin, size_t all) {
     std::unique_ptr<EmbreeRays>& rays = layouts_[int(mode.feed)][kind.any_hit];
     if (!rays) rays = EmbreeRays::make(mode.feed, kind.any_hit);
     rays->fill(*mode.rays);
     const EmbreeScene& scene = *scenes_[int(mode.quality)][mode.robust];
-    return parallel_seconds(mode.rays->size(), threads, [&](size_t first, size_t count) {
-      if (kind.any_hit) rays->occluded(scene, mode.coherent, first, count);
-      else rays->closest(scene, mode.coherent, first, count);
+    return parallel_seconds(all, threads, [&](size_t first, size_t count) {
+      if (kind.any_hit) rays->occluded(scene, mode.coherent, begin + first, count);
+      else rays->closest(scene, mode.coherent, begin + first, count);
     });
   }
 
@@ -265,8 +275,8 @@ class Traversal {
   void compare_answers(const Kind& kind) {
     Mode theirs, mine;
     theirs.rays = mine.rays = kind.rays, mine.embree = false;
-    measure(theirs, kind, 1), measure(mine, kind, 1);
     const size_t count = kind.rays->size();
+    measure(theirs, kind, 1, 0, count), measure(mine, kind, 1, 0, count);
     const EmbreeRays& rays = *layouts_[int(Feed::kSingle)][kind.any_hit];
     size_t hits = 0, found = 0, distance = 0, primitive = 0;
     if (kind.any_hit) {

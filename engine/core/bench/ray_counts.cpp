@@ -17,7 +17,8 @@ struct Work {
   bool any_hit = false;
   HitArrays hits;
   std::vector<uint8_t> blocked;
-  std::unique_ptr<Accel> built;
+  std::unique_ptr<Accel> built = {};
+  Scratch scratch = {};
 };
 
 std::unique_ptr<Accel> build(const World& world) {
@@ -33,8 +34,8 @@ extern "C" __attribute__((noinline, visibility("default"))) void glint_counted_r
     return;
   }
   const Rays rays = work.rays->view(0, work.rays->size());
-  if (work.any_hit) work.accel->occluded(rays, work.blocked.data());
-  else work.accel->closest(rays, work.hits.from(0));
+  if (work.any_hit) work.accel->occluded(rays, work.blocked.data(), work.scratch);
+  else work.accel->closest(rays, work.hits.from(0), work.scratch);
 }
 
 int main(int argc, char** argv) {

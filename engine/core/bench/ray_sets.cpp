@@ -132,7 +132,8 @@ FrameRays make_rays(const World& world, const Accel& accel, uint32_t size) {
   frame.shadow.visibility = frame.shadow_from_light.visibility = kShadow;
   frame.mirror.visibility = frame.diffuse.visibility = kMirror;
   HitArrays hits(frame.primary.size());
-  accel.closest(frame.primary.view(0, frame.primary.size()), hits.from(0));
+  Scratch scratch;
+  accel.closest(frame.primary.view(0, frame.primary.size()), hits.from(0), scratch);
   test::Random random(7);
   for (size_t k = 0; k < frame.primary.size(); ++k) {
     if (hits.instance[k] == Hit::kNone) continue;

@@ -12,8 +12,9 @@ constexpr size_t kColumns = 1 + 3 + 3 + 1 + 3 + 3 + 3 + 3;  // zeros, o, to, t_m
 
 }  // namespace
 
-DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages, const std::atomic<bool>& cancel)
-    : scene_(scene), plan_(plan), stages_(stages), cancel_(cancel), glassy_(scene.features & GLINT_FEATURE_TRANSPARENT),
+DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages, const std::atomic<bool>& cancel,
+                         Scratch& scratch)
+    : scene_(scene), plan_(plan), stages_(stages), cancel_(cancel), scratch_(scratch), glassy_(scene.features & GLINT_FEATURE_TRANSPARENT),
       columns_(kColumns) {}
 
 void DirectLight::prepare(const Batch& batch) {
@@ -69,7 +70,8 @@ void DirectLight::find_shadows(const Batch& batch, size_t count, uint8_t* known,
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Timer timer(counts.tracing);
-  scene_.accel().occluded(Rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow}, blocked_.data());
+  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  scene_.accel().occluded(rays, blocked_.data(), scratch_);
   counts.shadow += count;
   for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);
 }
@@ -88,7 +90,7 @@ void DirectLight::step_through_surfaces(const Batch& batch, size_t count, RayCou
     hits_.resize(rays.size());
     {
       const Timer timer(counts.tracing);
-      scene_.accel().closest(rays.data(), hits_.data(), rays.size());
+      scene_.accel().closest(rays.data(), hits_.data(), rays.size(), scratch_);
     }
     size_t kept = 0;
     for (size_t i = 0; i < rays.size(); ++i)
@@ -103,7 +105,7 @@ bool DirectLight::step(const Batch& batch, uint32_t k, const Hit& hit) {
   const Material& material = scene_.materials[scene_.material_of(scene_.group(hit.instance), hit.primitive)];
   if (!material.has(GLINT_TRANSPARENT)) return set_row(shadow_, k, {}), false;
   const Vec3d origin = row(batch.points.origin, point_[k]), to = row(stage_.to, k);
-  const Surface s = surface_at(scene_, origin, stage_.shape == kDirection ? to : unit(row(stage_.end_out, k) - origin), hit);
+  const Surface s = weights_at(scene_, origin, stage_.shape == kDirection ? to : unit(row(stage_.end_out, k) - origin), hit);
   const Vec3d S = row(shadow_, k) * max(Vec3d{}, min(Vec3d{1, 1, 1}, transparency(scene_, material, s)));
   set_row(shadow_, k, S);
   stepping_[k].t_min = beyond(hit.t);

@@ -10,7 +10,7 @@ namespace glint {
 
 class DirectLight {
  public:
-  DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages, const std::atomic<bool>& cancel);
+  DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages, const std::atomic<bool>& cancel, Scratch& scratch);
 
   /// Adds all lights to the points of `batch`, for pixel sample `sample`.
   void illuminate(Batch& batch, uint32_t sample, RayCounts& counts);
@@ -27,6 +27,7 @@ class DirectLight {
   const RenderPlan& plan_;
   const Stages& stages_;
   const std::atomic<bool>& cancel_;
+  Scratch& scratch_;
   const bool glassy_;                 // some surface lets light through
   LightStage stage_{};                // what it writes: a row for each point that a light sample reaches
   Columns columns_;

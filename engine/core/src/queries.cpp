@@ -201,14 +201,21 @@ struct Block {
   }
 };
 
-/// Calls body(block, first, count) for runs of rays, on all threads.
+/// What a thread works with. Not on its stack, which may be small.
+struct Workspace {
+  Block block;
+  Scratch scratch;
+};
+
+/// Calls body(workspace, first, count) for runs of rays, on all threads.
 template <class Body>
 void in_blocks(uint64_t count, uint32_t wanted, const Body& body) {
   const size_t blocks = count / kBlock + (count % kBlock != 0);
   Team team(threads_for(wanted, blocks));
-  team.run(blocks, [&](size_t k) {
-    Block block;
-    body(block, k * kBlock, std::min<size_t>(kBlock, count - k * kBlock));
+  std::atomic<size_t> next{0};
+  team.run(team.size(), [&](size_t) {
+    const auto workspace = std::make_unique_for_overwrite<Workspace>();
+    for (size_t k; (k = next++) < blocks;) body(*workspace, k * kBlock, std::min<size_t>(kBlock, count - k * kBlock));
   });
 }
 
@@ -223,19 +230,21 @@ void finish(const double* t, const int32_t* instance, int32_t* primitive, float*
 
 template <class Given, class Room>
 void closest(const GlintAccel& accel, const Given& rays, const Room& room) {
-  in_blocks(rays.count, rays.threads, [&](Block& block, size_t first, size_t count) {
+  in_blocks(rays.count, rays.threads, [&](Workspace& work, size_t first, size_t count) {
     int32_t *instance = room.instance + first, *primitive = room.primitive + first;
     float *u = room.u + first, *v = room.v + first;
     auto number = [](int32_t* p) { return reinterpret_cast<uint32_t*>(p); };  // Hit::kNone reads as -1
-    accel.accel->closest(block.fill(rays, first, count, accel.anchor), Hits{block.t, number(instance), number(primitive), u, v});
-    finish(block.t, instance, primitive, u, v, room.t + first, count);
+    double* const t = work.block.t;
+    const Rays anchored = work.block.fill(rays, first, count, accel.anchor);
+    accel.accel->closest(anchored, Hits{t, number(instance), number(primitive), u, v}, work.scratch);
+    finish(t, instance, primitive, u, v, room.t + first, count);
   });
 }
 
 template <class Given>
 void occluded(const GlintAccel& accel, const Given& rays, uint8_t* blocked) {
-  in_blocks(rays.count, rays.threads, [&](Block& block, size_t first, size_t count) {
-    accel.accel->occluded(block.fill(rays, first, count, accel.anchor), blocked + first);
+  in_blocks(rays.count, rays.threads, [&](Workspace& work, size_t first, size_t count) {
+    accel.accel->occluded(work.block.fill(rays, first, count, accel.anchor), blocked + first, work.scratch);
   });
 }
 

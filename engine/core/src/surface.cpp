@@ -37,9 +37,14 @@ void solve_weights(const Line& ray, Vec3d a, Vec3d e1, Vec3d e2, const Hit& hit,
   b[0] = 1 - u - v, b[1] = u, b[2] = v;
 }
 
+/// A corner of a triangle in anchored space, and the edges that leave it.
+struct Spread {
+  Vec3d a, e1, e2;
+  Spread(const Affine& m, const Corners& t) : a(point(m, t.a)), e1(direction(m, t.b - t.a)), e2(direction(m, t.c - t.a)) {}
+};
+
 void place_on_triangle(const Affine& m, const GlintGeometry& geometry, const Line& ray, const Hit& hit, Surface& s) {
-  Corners t = triangle(geometry, hit.primitive);
-  Vec3d a = point(m, t.a), e1 = direction(m, t.b - t.a), e2 = direction(m, t.c - t.a);
+  const auto [a, e1, e2] = Spread(m, triangle(geometry, hit.primitive));
   solve_weights(ray, a, e1, e2, hit, s.weights);
   s.x = a + (s.weights[1] * e1 + s.weights[2] * e2);
   s.g = unit(cross(e1, e2));
@@ -155,6 +160,16 @@ Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
   s.n = shading_normal(to_world, geometry, s);
   s.outside = dot(s.g, d) <= 0;
   if (!s.outside) s.g = -s.g, s.n = -s.n;
+  return s;
+}
+
+Surface weights_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
+  Surface s;
+  s.instance = hit.instance, s.primitive = hit.primitive;
+  const GlintGeometry& geometry = scene.geometry(scene.group(hit.instance));
+  if (geometry.kind != GLINT_MESH) return s;
+  const Spread t(scene.matrix(hit.instance), triangle(geometry, hit.primitive));
+  solve_weights({o, d}, t.a, t.e1, t.e2, hit, s.weights);
   return s;
 }
 

@@ -24,6 +24,9 @@ struct Uv {
 /// Where o + t d, d unit, meets what `hit` names, near hit.t.
 Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit);
 
+/// As much of it as inputs read: which primitive, and the weights.
+Surface weights_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit);
+
 /// The UV attribute called `name`, the active one for -1; (0, 0) when the geometry lacks it.
 Uv uv_at(const Scene& scene, const Surface& s, int32_t name);
 bool has_uv(const Scene& scene, const Surface& s);

@@ -15,7 +15,7 @@ constexpr uint32_t kMostTogether = 8;
 
 Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel, Sight* sight)
     : scene_(scene), plan_(plan), film_(film), stages_(best_stages()), cancel_(cancel), sight_(sight), camera_(scene), shader_(scene, plan),
-      direct_(scene, plan, stages_, cancel), batch_(scene, film.passes()) {}
+      direct_(scene, plan, stages_, cancel, scratch_), batch_(scene, film.passes()) {}
 
 Queue Tracer::take(uint32_t visibility) {
   if (spare_.empty()) return Queue(visibility);
@@ -127,7 +127,7 @@ void Tracer::find_hits(const Queue& queue) {
   if (batch_.sight && batch_.sight->recall(*tile_, batch_.hits())) return;
   {
     const Timer timer(counts_.tracing);
-    scene_.accel().closest(queue.rays(), batch_.hits());
+    scene_.accel().closest(queue.rays(), batch_.hits(), scratch_);
   }
   batch_.charge_fallbacks();
   if (&queue == &first_) counts_.camera += queue.size();
@@ -202,7 +202,7 @@ void Tracer::find_gaps() {
     rays.back().t_min = beyond(batch_.t[k]);
   }
   std::vector<Hit> hits(rays.size());
-  scene_.accel().closest(rays.data(), hits.data(), rays.size());
+  scene_.accel().closest(rays.data(), hits.data(), rays.size(), scratch_);
   for (size_t i = 0; i < hits.size(); ++i) {
     if (hits[i].instance != Hit::kNone) film_.set_gap(pixel(first_, from[i]), (hits[i].t - batch_.t[from[i]]) / scene_.anchor.scale);
   }

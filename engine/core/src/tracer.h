@@ -55,6 +55,7 @@ class Tracer {
   Sight* const sight_;
   const CameraRays camera_;
   const Shader shader_;
+  Scratch scratch_;
   DirectLight direct_;
   Batch batch_;
   const Tile* tile_ = nullptr;

@@ -154,8 +154,9 @@ TEST(packets, fallbacks_are_counted) {
         std::vector<uint32_t> instance(count), primitive(count);
         std::vector<float> u(count), v(count);
         std::vector<uint8_t> fallbacks(count, 77);
+        Scratch scratch;
         accel->closest({{x.data(), y.data(), z.data()}, {zero.data(), zero.data(), down.data()}, zero.data(), end.data(), count, kCamera},
-                       {t.data(), instance.data(), primitive.data(), u.data(), v.data(), fallbacks.data()});
+                       {t.data(), instance.data(), primitive.data(), u.data(), v.data(), fallbacks.data()}, scratch);
         const size_t expected = target.x > 0 ? faces - 1 : faces;
         for (uint8_t n : fallbacks) CHECK(n == std::min<size_t>(expected, 255));
       }

@@ -3,10 +3,12 @@
 
 #include <algorithm>
 
+#include "tree.h"
+
 namespace glint {
 namespace {
 
-constexpr size_t kBatch = 1024;
+constexpr size_t kBatch = 128;
 
 /// Up to kBatch rays of one visibility.
 struct Columns {
@@ -25,26 +27,39 @@ struct Columns {
 
 }  // namespace
 
-void Accel::closest(const Ray* rays, Hit* hits, size_t count) const {
+Scratch::Scratch() : stacks_(std::make_unique_for_overwrite<WalkerStacks>()) {}
+Scratch::~Scratch() = default;
+
+void Accel::closest(const Ray* rays, Hit* hits, size_t count, Scratch& scratch) const {
   Columns columns;
   double t[kBatch];
   uint32_t instance[kBatch], primitive[kBatch];
   float u[kBatch], v[kBatch];
   for (size_t first = 0; first < count;) {
     const Rays batch = columns.fill(rays + first, count - first);
-    closest(batch, Hits{t, instance, primitive, u, v});
+    closest(batch, Hits{t, instance, primitive, u, v}, scratch);
     for (size_t k = 0; k < batch.count; ++k) hits[first + k] = {t[k], instance[k], primitive[k], u[k], v[k]};
     first += batch.count;
   }
 }
 
-void Accel::occluded(const Ray* rays, uint8_t* blocked, size_t count) const {
+void Accel::occluded(const Ray* rays, uint8_t* blocked, size_t count, Scratch& scratch) const {
   Columns columns;
   for (size_t first = 0; first < count;) {
     const Rays batch = columns.fill(rays + first, count - first);
-    occluded(batch, blocked + first);
+    occluded(batch, blocked + first, scratch);
     first += batch.count;
   }
+}
+
+void Accel::closest(const Ray* rays, Hit* hits, size_t count) const {
+  Scratch scratch;
+  closest(rays, hits, count, scratch);
+}
+
+void Accel::occluded(const Ray* rays, uint8_t* blocked, size_t count) const {
+  Scratch scratch;
+  occluded(rays, blocked, count, scratch);
 }
 
 }  // namespace glint

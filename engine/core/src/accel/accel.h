@@ -77,6 +77,21 @@ struct AccelStats {
 /// How much time a build takes, and how little the rays: hits are the same. kFine: triangles may be in several leaves.
 enum class BuildQuality { kFast, kBalanced, kFine };
 
+struct WalkerStacks;
+
+/// Memory that one thread's rays need on their way, for one call at a time. Not on the stack: see WalkerStacks.
+class Scratch {
+ public:
+  Scratch();
+  ~Scratch();
+  Scratch(const Scratch&) = delete;
+  Scratch& operator=(const Scratch&) = delete;
+  WalkerStacks& stacks() { return *stacks_; }
+
+ private:
+  std::unique_ptr<WalkerStacks> stacks_;
+};
+
 class Accel;
 
 /// An accelerator whose trees serve where nothing has changed since.
@@ -95,10 +110,13 @@ class Accel {
   static std::unique_ptr<Accel> build(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
                                       const std::atomic<bool>& cancel, BuildQuality quality = BuildQuality::kBalanced,
                                       const AccelBase& base = {});
-  virtual void closest(const Rays& rays, const Hits& hits) const = 0;
+  virtual void closest(const Rays& rays, const Hits& hits, Scratch& scratch) const = 0;
   /// blocked[k] = 1 when anything lies inside the open interval of ray k.
-  virtual void occluded(const Rays& rays, uint8_t* blocked) const = 0;
+  virtual void occluded(const Rays& rays, uint8_t* blocked, Scratch& scratch) const = 0;
   /// The same for rays one by one, each with a visibility of its own.
+  void closest(const Ray* rays, Hit* hits, size_t count, Scratch& scratch) const;
+  void occluded(const Ray* rays, uint8_t* blocked, size_t count, Scratch& scratch) const;
+  /// With memory of their own, for a few.
   void closest(const Ray* rays, Hit* hits, size_t count) const;
   void occluded(const Ray* rays, uint8_t* blocked, size_t count) const;
   /// Empty when every primitive lies in its boxes and every node is reached once; else what is wrong.

@@ -7,8 +7,8 @@ namespace glint {
 
 struct Kernel {
   const char* name;
-  void (*closest)(const WorldView&, const Rays&, const Hits&);
-  void (*occluded)(const WorldView&, const Rays&, uint8_t*);
+  void (*closest)(const WorldView&, const Rays&, const Hits&, WalkerStacks&);
+  void (*occluded)(const WorldView&, const Rays&, uint8_t*, WalkerStacks&);
 };
 
 #if defined(GLINT_X86_KERNELS)

@@ -74,13 +74,12 @@ inline Waiting limit_of(float end) { return waiting(kDone, larger(0.0f, end)); }
 
 /// Rays that have left their bundles, and which parts of the tree each has yet to visit. They go on together, later.
 struct Stragglers {
-  static constexpr int kCapacity = 128;
   uint64_t rays = 0;
   int count = 0;
-  Waiting part[kCapacity];
-  int16_t before[kCapacity], last[kTile];  // the same ray's part that came before; -1: none
+  Waiting part[kLeftParts];
+  int16_t before[kLeftParts], last[kTile];  // the same ray's part that came before; -1: none
 
-  bool full() const { return count > kCapacity - kLanes; }
+  bool full() const { return count > kLeftParts - kLanes; }
   void add(int r, ChildRef child, float distance) {
     before[count] = rays >> r & 1 ? last[r] : int16_t(-1), rays |= uint64_t(1) << r;
     part[count] = waiting(child, distance), last[r] = int16_t(count++);
@@ -91,7 +90,6 @@ struct Stragglers {
     return top;
   }
 };
-constexpr int kLongStack = kStack + kWidth + Stragglers::kCapacity + 1;
 
 /// Puts the children that are met where `top` is but for the nearest, which it returns. Nobody can foresee how many: no branches where the
 /// instruction set can do without. Writes kWidth entries in any case. Without a child that is met the result means nothing.

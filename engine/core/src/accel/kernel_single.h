@@ -80,11 +80,10 @@ inline void fetch(const TreeView& tree, ChildRef child, const void* held, size_t
 struct Walker {
   int r;
   Waiting limit;  // what is farther away is not worth going to
-  Waiting* top;   // past the last of `stack`
-  Waiting stack[kLongStack];
+  Waiting* top;   // past the last that waits
 
   /// Returns where to go first; kDone when nothing is left within its reach.
-  ChildRef start(const Tile& tile, int ray, const Stragglers& left) {
+  ChildRef start(const Tile& tile, int ray, const Stragglers& left, Waiting* stack) {
     r = ray, stack[0] = kBottom, top = left.put(ray, stack + 1);
     return shorten(tile), pop();
   }
@@ -107,8 +106,6 @@ struct Walker {
   }
 };
 
-constexpr int kWalkers = 32;
-
 /// Several rays on their way, through a tree over instances or another one. A processor cannot foresee where each of them goes; so they go
 /// in step.
 template <bool Any, bool Placed>
@@ -119,8 +116,10 @@ struct Company {
   bool slow;      // memory, and others have the time until it answers
   alignas(64) ChildRef at[kWalkers];
   Walker walker[kWalkers];
+  Waiting (*const stacks)[kWalkerStack];
 
-  Company(Walk<Any>& walk, uint64_t all) : w(walk), rays(all) {
+  Company(Walk<Any>& walk, uint64_t all)
+      : w(walk), rays(all), stacks(Placed ? walk.tile.answers->stacks->placed : walk.tile.answers->stacks->own) {
     const int n = __builtin_popcountll(all), most = n < kWalkers ? n : kWalkers;
     count = (most + kLanes - 1) / kLanes * kLanes, slow = w.tree.large && n > 2;
     for (int k = 0; k < count; ++k) at[k] = kDone;
@@ -135,7 +134,7 @@ struct Company {
     }
     for (; through && rays; rays &= rays - 1) {
       const int k = __builtin_ctz(through);
-      at[k] = walker[k].start(w.tile, __builtin_ctzll(rays), w.left);
+      at[k] = walker[k].start(w.tile, __builtin_ctzll(rays), w.left, stacks[k]);
       nodes |= uint32_t(!(at[k] & kLeaf)) << k, through &= ~(uint32_t(at[k] != kDone) << k);
     }
   }
@@ -179,7 +178,6 @@ struct Walkers : Company<Any, false> {
   }
 };
 
-/// In functions of their own: both take much of the stack, and a ray in an object's tree is in the tree over instances at the same time.
 template <bool Any>
 void visit_instances(Walk<Any>& w);
 template <bool Any>

@@ -19,6 +19,7 @@ struct Answers {
   uint8_t *blocked, *fallbacks;  // fallbacks: null when nobody asks
   uint32_t visibility;
   const uint32_t* masks;  // visibility of every instance; null when all can be seen
+  WalkerStacks* stacks;
 
   void count_fallback(int slot) {
     if (fallbacks && fallbacks[slot] < 255) ++fallbacks[slot];

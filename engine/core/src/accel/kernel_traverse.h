@@ -441,18 +441,18 @@ inline void trace(const WorldView& world, const Rays& rays, size_t first, int co
 
 inline int tile_size(const Rays& rays, size_t first) { return rays.count - first < kTile ? int(rays.count - first) : kTile; }
 
-void closest(const WorldView& world, const Rays& rays, const Hits& hits) {
+void closest(const WorldView& world, const Rays& rays, const Hits& hits, WalkerStacks& stacks) {
   for (size_t k = 0; k < rays.count; k += kTile) {
     Answers answers{nullptr, nullptr, hits.t + k, hits.instance + k, hits.primitive + k, hits.u + k, hits.v + k, nullptr,
-                    hits.fallbacks ? hits.fallbacks + k : nullptr, 0, nullptr};
+                    hits.fallbacks ? hits.fallbacks + k : nullptr, 0, nullptr, &stacks};
     clear(answers, tile_size(rays, k));
     trace<false>(world, rays, k, tile_size(rays, k), answers);
   }
 }
 
-void occluded(const WorldView& world, const Rays& rays, uint8_t* blocked) {
+void occluded(const WorldView& world, const Rays& rays, uint8_t* blocked, WalkerStacks& stacks) {
   for (size_t k = 0; k < rays.count; k += kTile) {
-    Answers answers{nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, blocked + k, nullptr, 0, nullptr};
+    Answers answers{nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr, blocked + k, nullptr, 0, nullptr, &stacks};
     fill(blocked + k, tile_size(rays, k), uint8_t(0));
     trace<true>(world, rays, k, tile_size(rays, k), answers);
   }

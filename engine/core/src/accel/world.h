@@ -37,8 +37,12 @@ class World final : public Accel {
  public:
   World(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads, const std::atomic<bool>& cancel,
         BuildQuality quality, const AccelBase& base);
-  void closest(const Rays& rays, const Hits& hits) const override { kernel_.closest(view_, rays, hits); }
-  void occluded(const Rays& rays, uint8_t* blocked) const override { kernel_.occluded(view_, rays, blocked); }
+  void closest(const Rays& rays, const Hits& hits, Scratch& scratch) const override {
+    kernel_.closest(view_, rays, hits, scratch.stacks());
+  }
+  void occluded(const Rays& rays, uint8_t* blocked, Scratch& scratch) const override {
+    kernel_.occluded(view_, rays, blocked, scratch.stacks());
+  }
   std::string validate() const override;
   AccelStats stats() const override { return stats_; }
   const BakedTree& baked(int kind) const { return baked_[kind]; }
