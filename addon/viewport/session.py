@@ -23,7 +23,7 @@ from ..properties import viewport_settings_from
 from . import bounds, status, timer
 from .bounds import same_places
 from .draw import Picture, as_colors
-from .pacing import Pacer
+from .pacing import Motion, Pacer
 from .sharing import SharedExport, export_of
 from .surroundings import Surroundings, read_surroundings
 from .view import View, read_view
@@ -77,6 +77,7 @@ class Session:
         self._export: SharedExport | None = None
         self._live = engine.LiveRender()
         self._pacer = Pacer()
+        self._motion = Motion()
         self._content: Scene | None = None
         self._settings: engine.Settings | None = None
         self._wishes: _Wishes | None = None
@@ -196,14 +197,15 @@ class Session:
 
     def _ask(self, view: View) -> None:
         """New pictures of this view: a coarse one if it takes that to be in time, then all of it. While things move, all but the first wait
-        until Blender has drawn: they would take its processors for what is outdated soon."""
+        until Blender has drawn and found nothing newer: they would take its processors for what is outdated soon."""
         self.requests += 1
         if self._asked_for != timer.redraws.next:
             self._moves, self._asked_for = timer.redraws.follows(self._asked_for), timer.redraws.next
         x0, y0, x1, y1 = view.shown
         pixels = (x1 - x0) * (y1 - y0)
         shades = self._is_known(view) and self._pacer.shades_in_time(pixels)
-        self._is_patient = self._moves and self._pacer.prefers_whole(pixels, timer.redraws.seconds)
+        is_stopping = self._motion.slows(view.place, time.perf_counter()) and self._moves
+        self._is_patient = is_stopping and self._pacer.prefers_whole(pixels, timer.redraws.seconds)
         divisor = 1 if shades or self._is_patient else self._pacer.divisor(pixels)
         first, *self._later = self._tasks(view, divisor, shades)
         self._live.start([first])
