@@ -28,6 +28,7 @@ def scenario():
     yield from local_view()
     yield from undo_and_redo()
     yield from passepartout()
+    both_eyes()
     in_window.answer(results)
 
 
@@ -186,6 +187,16 @@ def passepartout():
     inside = window.framebuffer[y : y + frame[1], x : x + frame[0]]
     results["passepartout"] = same(shown, final)
     results["passepartout framebuffer"] = float((np.abs(inside - final) / np.maximum(np.abs(final), 2.0**-14)).max())
+
+
+def both_eyes():
+    """F12 with stereoscopy in a program with a window: no view stays black, each is the camera's own."""
+    settings = bpy.context.scene.render
+    flat = in_window.render(folder / "flat.exr")
+    settings.use_multiview, settings.image_settings.views_format = True, "INDIVIDUAL"
+    settings.filepath = str(folder / "eye.exr")
+    bpy.ops.render.render(write_still=True)
+    results["both eyes"] = all(same(in_window.read_file(folder / f"eye_{side}.exr"), flat) for side in "LR")
 
 
 def same(one, other):
