@@ -192,11 +192,14 @@ def passepartout():
 def both_eyes():
     """F12 with stereoscopy in a program with a window: no view stays black, each is the camera's own."""
     settings = bpy.context.scene.render
-    flat = in_window.render(folder / "flat.exr")
-    settings.use_multiview, settings.image_settings.views_format = True, "INDIVIDUAL"
-    settings.filepath = str(folder / "eye.exr")
-    bpy.ops.render.render(write_still=True)
-    results["both eyes"] = all(same(in_window.read_file(folder / f"eye_{side}.exr"), flat) for side in "LR")
+    settings.image_settings.file_format, settings.image_settings.color_depth = "PNG", "16"  # an EXR would be read as part of two views
+    for name, is_stereo in (("flat", False), ("eye", True)):
+        settings.use_multiview, settings.image_settings.views_format = is_stereo, "INDIVIDUAL"
+        settings.filepath = str(folder / f"{name}.png")
+        bpy.ops.render.render(write_still=True)
+    settings.use_multiview = False
+    flat, left, right = (in_window.read_file(folder / f"{name}.png") for name in ("flat", "eye_L", "eye_R"))
+    results["both eyes"] = bool(flat[:, :, :3].any()) and same(left, flat) and same(right, flat)
 
 
 def same(one, other):
