@@ -293,12 +293,11 @@ class Session:
             return
         self._error = status.error_of(film)
         colors = as_colors(film.passes[target.shown], target.shown)
-        if target.stage == "FRAME":
-            self._pictures["frame"] = _picture(colors, wave.task.settings.region, target.view, target.view.frame)
-            self.films["frame"] = film
-            return
-        self._pictures = {"all": _picture(colors, wave.task.settings.region, target.view, None, wave.task.scene.camera.resolution)}
-        self.films = {"all": film}
+        name, frame = ("frame", target.view.frame) if target.stage == "FRAME" else ("all", None)
+        for gone in ("frame",) if frame else ("all", "frame"):  # before what comes needs room
+            self._pictures.pop(gone, None), self.films.pop(gone, None)
+        self._pictures[name] = _picture(colors, wave.task.settings.region, target.view, frame, wave.task.scene.camera.resolution)
+        self.films[name] = film
 
     def _learn(self, wave: engine.Wave) -> None:
         height, width = wave.film.combined.shape[:2]
@@ -339,8 +338,8 @@ def _scaled(border: tuple[int, ...], size: tuple[int, int], new: tuple[int, int]
     return x0, y0, max(x1, x0 + 1), max(y1, y0 + 1)
 
 
-def _picture(colors: np.ndarray, region: Any, view: View, frame: Any, resolution: Any = None) -> Picture:
-    """A film's colours where they belong on the screen."""
+def _picture(colors: np.ndarray, region: Any, view: View, frame: Any, resolution: tuple[int, int]) -> Picture:
+    """A film's colours where they belong on the screen. frame: of the render, if they are its; else pixels of a view in that resolution."""
     if frame is not None:
         x0, y0 = region[:2] if region else (0, 0)
         return Picture(colors, (frame.x + x0, frame.y + y0), (colors.shape[1], colors.shape[0]))
