@@ -88,15 +88,16 @@ class NativeLive:
     def _run(
         self, job: int, render: native._Render, most: int, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]
     ) -> None:
-        film, cancelled = None, False
+        shown, cancelled = 0, False
         while True:
             progress = self._core.glint_render_wait(job, _POLL_MILLISECONDS)
-            if progress.samples > (film.samples if film else 0):
-                film = render._film(progress.samples, complete=True)
-                on_film(film, progress.samples == most)
+            ended = progress.state >= DONE
+            if progress.samples > shown and (ended or progress.samples < most):
+                shown = progress.samples
+                on_film(render._film(shown, True, render._taken if ended else None), shown == most)
             if progress.state == FAILED:
                 render._result(progress)
-            if progress.state >= DONE:
+            if ended:
                 return
             if not cancelled and should_stop():
                 self._core.glint_render_cancel(job)

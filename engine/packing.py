@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import compress, count
+from operator import is_not
 from typing import Any
 
 import numpy as np
@@ -22,6 +25,9 @@ _CHANNELS = ("COLOR", "ALPHA", "LUMINANCE")
 _LIGHTS = ("POINT", "SUN", "SPOT", "AREA")
 _SHAPES = ("RECTANGLE", "ELLIPSE")
 _CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
+
+_pixel_offsets = functools.lru_cache(maxsize=16)(pixel_offsets)  # a viewport asks for the same few all the time
+_light_points = functools.lru_cache(maxsize=16)(light_points)
 
 
 @dataclass
@@ -118,7 +124,7 @@ class ScenePacker:
         before = self._parts.get(name)
         if before is None or len(before.source) != len(source):
             return make(source, None, [])
-        changed = [k for k, (now, then) in enumerate(zip(source, before.source, strict=True)) if now is not then]
+        changed = list(compress(count(), map(is_not, source, before.source)))
         return make(source, before, changed) if changed else before
 
     def _geometries(self, geometries: tuple[Geometry, ...], before: _Part | None, changed: list[int]) -> _Part:
@@ -381,7 +387,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     waves: one of `core_types.WAVES`.
     """
     packer = _Packer()
-    offsets = packer.lend(pixel_offsets(settings.samples, settings.filter_width), np.float64, (settings.samples, 2), "pixel offsets")
+    offsets = packer.lend(_pixel_offsets(settings.samples, settings.filter_width), np.float64, (settings.samples, 2), "pixel offsets")
     data = core_types.SettingsData(
         pixel_offsets=address(offsets),
         samples=settings.samples,
@@ -398,7 +404,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     )
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
-        square, disc = light_points(settings.samples * settings.light_samples)
+        square, disc = _light_points(settings.samples * settings.light_samples)
         data.light_square = address(packer.lend(square, np.float64, (None, 2), "light points"))
         data.light_disc = address(packer.lend(disc, np.float64, (None, 2), "light points"))
         data.light_point_count = len(square)

@@ -154,7 +154,7 @@ class LiveExport:
 
     def hear(self, depsgraph: Any) -> None:
         """Take in `depsgraph.updates`, which must tell all that changed since the last call."""
-        updates, images = list(depsgraph.updates), _KeepingImages(self._store, Report())
+        updates, images = depsgraph.updates[:], _KeepingImages(self._store, Report())
         self._store.keep_met(self._stages)
         if self._frame != _frame_of(depsgraph.scene_eval):
             self._stages = {}

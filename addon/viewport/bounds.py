@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import replace
+from itertools import compress, starmap
+from operator import is_not
 
 import numpy as np
 
@@ -30,8 +32,8 @@ def same_places(a: Scene, b: Scene) -> bool:
     """Whether the same geometries stand at the same places in two scenes, seen by the same rays."""
     if a.geometries != b.geometries or len(a.instances) != len(b.instances):
         return False
-    pairs = zip(a.instances, b.instances, strict=True)
-    return a.instances is b.instances or all(_same_group(*pair) for pair in [(x, y) for x, y in pairs if x is not y])
+    others = map(is_not, a.instances, b.instances)
+    return a.instances is b.instances or all(starmap(_same_group, compress(zip(a.instances, b.instances, strict=True), others)))
 
 
 def _same_group(a: Instances, b: Instances) -> bool:

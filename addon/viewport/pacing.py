@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 BUDGET = 1 / 60
 """Seconds for a picture while the view moves; drawing it takes as long again where there is no graphics card."""
 LONGEST_WAIT = 0.05
@@ -17,6 +19,25 @@ _COARSEST = 16
 _GROWTH = 0.7
 """The power of the pixels with which tracing grows: neighbouring rays of a fine picture have more in common (0.7 to 0.8 was measured
 from 2000 to 500 000 pixels)."""
+
+_STOPPING = 0.75
+"""Of the speed before, below which a view is about to stop: a hand brakes, and what it moved last is but part of a redraw's time."""
+
+
+class Motion:
+    """How fast a view moves, from redraw to redraw."""
+
+    def __init__(self) -> None:
+        self._place, self._at, self._speed = np.empty(0), 0.0, 0.0
+
+    def slows(self, place: np.ndarray, at: float) -> bool:
+        """Whether a view that shows `place`, any numbers that change with it, at `at` seconds moves slower than the last time it moved."""
+        moved = float(np.linalg.norm(place - self._place)) if place.shape == self._place.shape else math.inf
+        if moved == 0:
+            return False
+        before, self._speed = self._speed, moved / max(at - self._at, 1e-6)
+        self._place, self._at = place, at
+        return self._speed < _STOPPING * before < math.inf
 
 
 @dataclass
@@ -63,8 +84,8 @@ class Pacer:
         return min(_COARSEST, max(1, math.ceil(math.sqrt(pixels / most))))
 
     def prefers_whole(self, pixels: int, redraw_seconds: float) -> bool:
-        """Whether to trace all pixels although the view moves on: where Blender takes so long to draw that after a coarse picture the whole
-        one would come too late, and it comes in time by itself. Coarse pictures would not be many more there."""
+        """Whether to trace all pixels of a view that is about to stop: where Blender takes so long to draw that after a coarse picture the
+        whole one would come too late, and it comes in time by itself."""
         whole = self.seconds(pixels)
         return whole <= SETTLED < BUDGET + redraw_seconds + whole
 

@@ -12,6 +12,8 @@ from collections.abc import Callable
 
 from .pacing import BUDGET, LONGEST_WAIT, SETTLED
 
+LOOK = 0.004
+"""Seconds between two looks at whether Blender has drawn. Between two of them it takes all events that wait for it."""
 _PAUSE = 0.1
 """Seconds between two redraws after which what moves has stopped in between."""
 _LONGEST_REDRAW = 0.5
@@ -44,6 +46,11 @@ class Redraws:
     def next(self) -> int:
         """The number of the redraw that is going on, or else of the one to come."""
         return self.number + (self._began is None)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether Blender has drawn, and looked after what was done meanwhile without beginning anew."""
+        return self._began is None and self._clock() - self._ended >= LOOK / 2
 
     def follows(self, number: int) -> bool:
         """Whether that redraw comes right after the one with this number."""

@@ -23,7 +23,7 @@ from ..properties import viewport_settings_from
 from . import bounds, status, timer
 from .bounds import same_places
 from .draw import Picture, as_colors
-from .pacing import Pacer
+from .pacing import Motion, Pacer
 from .sharing import SharedExport, export_of
 from .surroundings import Surroundings, read_surroundings
 from .view import View, read_view
@@ -77,6 +77,7 @@ class Session:
         self._export: SharedExport | None = None
         self._live = engine.LiveRender()
         self._pacer = Pacer()
+        self._motion = Motion()
         self._content: Scene | None = None
         self._settings: engine.Settings | None = None
         self._wishes: _Wishes | None = None
@@ -196,14 +197,15 @@ class Session:
 
     def _ask(self, view: View) -> None:
         """New pictures of this view: a coarse one if it takes that to be in time, then all of it. While things move, all but the first wait
-        until Blender has drawn: they would take its processors for what is outdated soon."""
+        until Blender has drawn and found nothing newer: they would take its processors for what is outdated soon."""
         self.requests += 1
         if self._asked_for != timer.redraws.next:
             self._moves, self._asked_for = timer.redraws.follows(self._asked_for), timer.redraws.next
         x0, y0, x1, y1 = view.shown
         pixels = (x1 - x0) * (y1 - y0)
         shades = self._is_known(view) and self._pacer.shades_in_time(pixels)
-        self._is_patient = self._moves and self._pacer.prefers_whole(pixels, timer.redraws.seconds)
+        is_stopping = self._motion.slows(view.place, time.perf_counter()) and self._moves
+        self._is_patient = is_stopping and self._pacer.prefers_whole(pixels, timer.redraws.seconds)
         divisor = 1 if shades or self._is_patient else self._pacer.divisor(pixels)
         first, *self._later = self._tasks(view, divisor, shades)
         self._live.start([first])
@@ -291,12 +293,11 @@ class Session:
             return
         self._error = status.error_of(film)
         colors = as_colors(film.passes[target.shown], target.shown)
-        if target.stage == "FRAME":
-            self._pictures["frame"] = _picture(colors, wave.task.settings.region, target.view, target.view.frame)
-            self.films["frame"] = film
-            return
-        self._pictures = {"all": _picture(colors, wave.task.settings.region, target.view, None, wave.task.scene.camera.resolution)}
-        self.films = {"all": film}
+        name, frame = ("frame", target.view.frame) if target.stage == "FRAME" else ("all", None)
+        for gone in ("frame",) if frame else ("all", "frame"):  # before what comes needs room
+            self._pictures.pop(gone, None), self.films.pop(gone, None)
+        self._pictures[name] = _picture(colors, wave.task.settings.region, target.view, frame, wave.task.scene.camera.resolution)
+        self.films[name] = film
 
     def _learn(self, wave: engine.Wave) -> None:
         height, width = wave.film.combined.shape[:2]
@@ -337,8 +338,8 @@ def _scaled(border: tuple[int, ...], size: tuple[int, int], new: tuple[int, int]
     return x0, y0, max(x1, x0 + 1), max(y1, y0 + 1)
 
 
-def _picture(colors: np.ndarray, region: Any, view: View, frame: Any, resolution: Any = None) -> Picture:
-    """A film's colours where they belong on the screen."""
+def _picture(colors: np.ndarray, region: Any, view: View, frame: Any, resolution: tuple[int, int]) -> Picture:
+    """A film's colours where they belong on the screen. frame: of the render, if they are its; else pixels of a view in that resolution."""
     if frame is not None:
         x0, y0 = region[:2] if region else (0, 0)
         return Picture(colors, (frame.x + x0, frame.y + y0), (colors.shape[1], colors.shape[0]))

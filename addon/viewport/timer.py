@@ -10,10 +10,8 @@ from typing import Any
 
 import bpy
 
-from .redraws import Redraws
+from .redraws import LOOK, Redraws
 
-_INTERVAL = 0.004
-"""Seconds between two looks for a new picture."""
 _PATIENCE = 0.25
 """Seconds between looks when a picture lies undrawn, as in a window that is hidden."""
 
@@ -46,7 +44,7 @@ def drawing() -> None:
 def wake() -> None:
     """Work has begun."""
     if not bpy.app.timers.is_registered(_look):
-        bpy.app.timers.register(_look, first_interval=_INTERVAL, persistent=True)
+        bpy.app.timers.register(_look, first_interval=LOOK, persistent=True)
 
 
 def epoch() -> int:
@@ -61,13 +59,14 @@ def evaluation() -> int:
 
 def _look() -> float | None:
     redraws.end()
-    for session in _sessions:
-        session.go_on()
+    if redraws.is_over:
+        for session in _sessions:
+            session.go_on()
     news = {session.region for session in _sessions if session.wants_redraw}
     if news:
         _redraw(news)
     if any(session.busy for session in _sessions):
-        return _INTERVAL
+        return LOOK
     return _PATIENCE if news else None
 
 

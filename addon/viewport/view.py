@@ -51,6 +51,11 @@ class View:
     key: tuple
 
     @property
+    def place(self) -> np.ndarray:
+        """(16,) numbers that tell how far one view is from another: eye, axes and window."""
+        return np.concatenate([np.ravel(self.camera.world_from_camera), self.camera.window])
+
+    @property
     def shown(self) -> Rectangle:
         """The pixels that are traced."""
         return self.border or (0, 0, *self.camera.resolution)

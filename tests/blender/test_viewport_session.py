@@ -199,10 +199,11 @@ def test_a_coarse_picture_then_all_pixels_then_the_exact_one(watcher, monkeypatc
     assert same(film, watcher.expected())
 
 
-@pytest.mark.parametrize(("prefers_whole", "first"), [(False, "DRAFT"), (True, "FULL")])
-def test_while_things_move_all_but_the_first_picture_waits_for_the_redraw(watcher, monkeypatch, prefers_whole, first):
+@pytest.mark.parametrize(("prefers_whole", "slows", "first"), [(False, True, "DRAFT"), (True, True, "FULL"), (True, False, "DRAFT")])
+def test_while_things_move_all_but_the_first_picture_waits_for_the_redraw(watcher, monkeypatch, prefers_whole, slows, first):
     monkeypatch.setattr(session.Pacer, "divisor", lambda *_: 2)
     monkeypatch.setattr(session.Pacer, "prefers_whole", lambda *_: prefers_whole)
+    monkeypatch.setattr(session.Motion, "slows", lambda *_: slows)
     monkeypatch.setattr(session.timer.redraws, "follows", lambda _: True)
     one = watcher.session
     session.timer._look()
@@ -212,6 +213,10 @@ def test_while_things_move_all_but_the_first_picture_waits_for_the_redraw(watche
     assert one._live.wait(lambda wave: wave.task.tag.request == one.requests, LONGEST)
     assert one.busy and not one._live.busy, "more is to come, later"
     assert one._live.newest.task.tag.stage == first
+    monkeypatch.setattr(session.timer.redraws, "_clock", lambda: 0.0)
+    session.timer._look()
+    assert not one._live.busy, "Blender may have something newer"
+    monkeypatch.setattr(session.timer.redraws, "_clock", lambda: redraws.LOOK)
     session.timer._look()
     film = watcher.edit(lambda: None, updates=False)
     assert film.samples == 2 and same(film, watcher.expected())

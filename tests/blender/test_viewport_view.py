@@ -7,8 +7,8 @@ import pytest
 from glint.addon.export.camera import export_camera
 from glint.addon.export.report import Report
 from glint.addon.viewport import bounds
-from glint.addon.viewport.pacing import BUDGET, LONGEST_WAIT, Pacer
-from glint.addon.viewport.redraws import Redraws
+from glint.addon.viewport.pacing import BUDGET, LONGEST_WAIT, Motion, Pacer
+from glint.addon.viewport.redraws import LOOK, Redraws
 from glint.addon.viewport.view import clip_of, frame_of, view_camera, window_of
 from glint.engine.scene import Camera, Instances, Mesh, Scene
 
@@ -119,6 +119,20 @@ def test_whole_pictures_are_traced_in_motion_where_coarse_ones_would_delay_them(
     assert not taught(0.2, 518400).prefers_whole(pixels, 0.08), "it would be late by itself"
 
 
+def test_a_view_that_moves_slower_than_before_is_about_to_stop():
+    motion, now, x = Motion(), 0.0, 0.0
+    for _ in range(5):
+        now, x = now + 0.08, x + 0.4
+        assert not motion.slows(np.array([x, 0.0]), now), "it moves evenly"
+    now, x = now + 0.04, x + 0.2
+    assert not motion.slows(np.array([x, 0.0]), now), "the redraw took less time, and the view was no slower"
+    assert not motion.slows(np.array([x, 0.0]), now + 0.01), "what does not move says nothing"
+    now, x = now + 0.08, x + 0.2
+    assert motion.slows(np.array([x, 0.0]), now)
+    assert not motion.slows(np.array([x + 0.4, 0.0]), now + 0.08), "it goes on"
+    assert not motion.slows(np.zeros(3), now + 1), "another kind of view"
+
+
 def test_pixels_are_shaded_at_once_where_that_was_fast():
     pacer = Pacer()
     assert not pacer.shades_in_time(1), "nothing is known yet"
@@ -176,6 +190,18 @@ def test_a_view_that_shows_nothing_waits_longer():
     waited = []
     Redraws(Clock()).wait(waited.append, is_patient=True)
     assert waited[0] > LONGEST_WAIT
+
+
+def test_a_redraw_is_over_when_blender_had_time_to_begin_another():
+    clock = Clock()
+    redraws = Redraws(clock)
+    redrawn(redraws, clock, 0.02)
+    assert not redraws.is_over, "events may wait"
+    clock.wait(LOOK)
+    assert redraws.is_over
+    redraws.begin()
+    clock.wait(LOOK)
+    assert not redraws.is_over
 
 
 def test_redraws_without_a_pause_follow_each_other():

@@ -64,6 +64,20 @@ def test_the_last_wave_has_the_bits_of_a_render(live, backend):
     assert same(wave.film, render(scene(), settings))
 
 
+@pytest.mark.skipif("NATIVE" not in available_backends(), reason="no core here")
+def test_the_last_picture_is_handed_over_and_outlives_its_maker():
+    live, expected = LiveRender(), render(scene(), SETTINGS)
+    live.start([Task(scene(), replace(SETTINGS, backend="NATIVE"))])
+    film = wait(live).film
+    assert not any(picture.flags.owndata for picture in film.passes.values()), "copied"
+    live.start([Task(scene(0.5), replace(SETTINGS, backend="NATIVE"))])
+    wait(live)
+    live.close()
+    del live
+    gc.collect()
+    assert same(film, expected)
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_only_what_was_asked_last_is_made_to_the_end(live, backend):
     many = replace(SETTINGS, backend=backend, samples=4096)

@@ -61,7 +61,7 @@ def test_what_a_view_hides_and_brings_back(blender):
     assert all(masks[name]["solid"] < 0.7 * masks["without"]["solid"] for name in ("from there", "from elsewhere"))
     assert 0 <= told.pop("passepartout framebuffer") <= SHOWN_ERROR
     assert {name for name, same in told.items() if not same} == set()
-    assert told.keys() >= {"local view", "left local view", "undo to 0", "redo to 3", "passepartout"}
+    assert told.keys() >= {"local view", "left local view", "undo to 0", "redo to 3", "passepartout", "both eyes"}
 
 
 def test_disturbances_of_a_view_that_is_being_traced(blender):

@@ -191,6 +191,11 @@ def render(path):
     settings.file_format, settings.color_depth, settings.exr_codec = "OPEN_EXR", "32", "ZIP"
     bpy.context.scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True)
+    return read_file(path)
+
+
+def read_file(path):
+    """(h, w, 4) float32 of a file of a picture, row 0 at the bottom."""
     image = bpy.data.images.load(str(path))
     pixels = np.empty(image.size[0] * image.size[1] * 4, np.float32)
     image.pixels.foreach_get(pixels)

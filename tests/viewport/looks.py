@@ -28,6 +28,7 @@ def scenario():
     yield from local_view()
     yield from undo_and_redo()
     yield from passepartout()
+    both_eyes()
     in_window.answer(results)
 
 
@@ -186,6 +187,19 @@ def passepartout():
     inside = window.framebuffer[y : y + frame[1], x : x + frame[0]]
     results["passepartout"] = same(shown, final)
     results["passepartout framebuffer"] = float((np.abs(inside - final) / np.maximum(np.abs(final), 2.0**-14)).max())
+
+
+def both_eyes():
+    """F12 with stereoscopy in a program with a window: no view stays black, each is the camera's own."""
+    settings = bpy.context.scene.render
+    settings.image_settings.file_format, settings.image_settings.color_depth = "PNG", "16"  # an EXR would be read as part of two views
+    for name, is_stereo in (("flat", False), ("eye", True)):
+        settings.use_multiview, settings.image_settings.views_format = is_stereo, "INDIVIDUAL"
+        settings.filepath = str(folder / f"{name}.png")
+        bpy.ops.render.render(write_still=True)
+    settings.use_multiview = False
+    flat, left, right = (in_window.read_file(folder / f"{name}.png") for name in ("flat", "eye_L", "eye_R"))
+    results["both eyes"] = bool(flat[:, :, :3].any()) and same(left, flat) and same(right, flat)
 
 
 def same(one, other):

@@ -22,6 +22,8 @@ import measured_scenes
 
 REPEATS = 8
 CONVERGED_SECONDS = 4.0
+TURN = 1.0
+"""Radians a second."""
 
 
 def arguments():
@@ -206,9 +208,10 @@ def tint(lamp, color):
 def turning():
     """New pictures, and redraws, a second while the view turns all the time."""
     session, answered = current_session() if options.engine == "GLINT" else None, set()
-    draws, start = eye.draws, time.perf_counter()
-    while time.perf_counter() < start + 4:
-        turn()
+    draws, last = eye.draws, time.perf_counter()
+    start = last
+    while last < start + 4:
+        last = turn(last, time.perf_counter())
         answered.add(session.answered if session else eye.draws)
         yield 0.004
     seconds = time.perf_counter() - start
@@ -217,23 +220,28 @@ def turning():
     yield from quiet()
 
 
-def turn():
-    window.view.view_rotation = mathutils.Quaternion((0, 0, 1), 0.02) @ window.view.view_rotation
+def turn(last, now):
+    """Turn the view by what a hand does from one time to another: it waits for no redraw."""
+    window.view.view_rotation = mathutils.Quaternion((0, 0, 1), TURN * (now - last)) @ window.view.view_rotation
     window.region.tag_redraw()
+    return now
 
 
 def stopping():
-    """From the last turn until every pixel of the region has been traced for it; two redraws where every picture is ready."""
+    """From the last turn that Blender handles, and from the hand's stop, at any time of a redraw, until every pixel of the region has been
+    traced for it; two redraws where every picture is ready."""
     session = current_session() if options.engine == "GLINT" else None
-    for _ in range(REPEATS):
-        for _ in range(20):
-            turn()
-            yield 0.01
-        start, spent, asked = time.perf_counter(), time.process_time(), session.requests if session else eye.draws
-        turn()
-        yield lambda asked=asked: has_come_to_rest(session, asked)
+    for k in range(2 * REPEATS):
+        last = time.perf_counter()
+        stop = last + 0.4 + 0.017 * k
+        while last < stop:
+            start, spent, asked = time.perf_counter(), time.process_time(), session.requests if session else eye.draws
+            last = turn(last, min(start, stop))
+            yield 0.004 if last < stop else lambda asked=asked: has_come_to_rest(session, asked)
         wall.setdefault("stop to full resolution", []).append(eye.at - start)
-        processor.setdefault("stop to full resolution", []).append(eye.spent - spent)
+        wall.setdefault("the same from the hand's stop", []).append(eye.at - stop)
+        for name in ("stop to full resolution", "the same from the hand's stop"):
+            processor.setdefault(name, []).append(eye.spent - spent)
         yield from quiet()
 
 

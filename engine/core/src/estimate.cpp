@@ -12,35 +12,33 @@ namespace {
 
 constexpr double kMost = 1e30;  // squared levels of what is not finite
 
-}  // namespace
-
-ErrorEstimate::ErrorEstimate(Region region, size_t rows)
-    : width_(region.width()), height_(region.height()), rows_(rows), means_(4 * rows), spread_(size_t(width_) * height_),
-      around_(size_t(width_) * height_) {}
-
-/// By how many levels the mean moved since the last call; the largest of its channels.
-double ErrorEstimate::moved(size_t row, size_t slot, const double* after, size_t stride, uint32_t samples) {
+/// By how many levels the mean of a pixel moved, the largest of its channels. before: colour and alpha.  after: sums of colour and lost alpha.
+double moved(const float* before, const double* after, size_t stride, uint32_t samples) {
   double largest = 0;
   for (size_t c = 0; c < 4; ++c) {
-    float& before = means_.data()[c * rows_ + row];
-    const double mean = after[c * stride + slot] / samples, apart = std::fabs(mean - double(before));
-    const double seen = c == 3 ? 255 * apart : visible_difference(mean, apart);
+    const double mean = after[c * stride] / samples, then = c == 3 ? 1 - double(before[c]) : double(before[c]);
+    const double apart = std::fabs(mean - then), seen = c == 3 ? 255 * apart : visible_difference(mean, apart);
     largest = seen >= largest ? seen : seen == seen ? largest : kInfinity;
-    before = float(mean);
   }
   return largest;
 }
 
-void ErrorEstimate::measure(const Tile& tile, const SlotTable& slots, const Refinement& refinement, const double* after, size_t stride,
-                            uint32_t samples) {
-  const double n = samples, m = samples > 1 ? std::bit_floor(samples - 1) : 0;  // samples before the wave
+}  // namespace
+
+ErrorEstimate::ErrorEstimate(Region region)
+    : width_(region.width()), height_(region.height()), spread_(size_t(width_) * height_), around_(size_t(width_) * height_) {}
+
+void ErrorEstimate::measure(const Tile& tile, const SlotTable& slots, const Refinement& refinement, const float* before,
+                            const double* after, size_t stride, uint32_t samples) {
+  if (samples == 1) return;
+  const double n = samples, m = std::bit_floor(samples - 1);  // samples before the wave
   for (uint32_t k = 0; k < tile.pixels(); ++k) {
     const size_t row = tile.first_row + k;
     if (!refinement.is_active(row)) continue;
-    const double d = moved(row, k, after, stride, samples);
-    if (samples == 1) continue;
+    const uint32_t pixel = slots.pixel(tile, k, width_);
+    const double d = moved(before + 4 * size_t(pixel), after + k, stride, samples);
     const double spread = std::min(d * d * (m * n / (n - m)), kMost);
-    float& known = spread_.data()[slots.pixel(tile, k, width_)];
+    float& known = spread_.data()[pixel];
     known = float(samples == 2 ? spread : (double(known) + spread) / 2);
   }
 }

@@ -57,7 +57,7 @@ Film::Film(Region region, Region shown, uint32_t passes, double error_threshold)
     if (wants(pass)) std::fill_n(pictures_[pass].data(), pixels, float(kNoDepth));
   cut();
   if (error_threshold > 0 || wants(GLINT_PASS_ERROR)) refinement_ = Refinement(error_threshold, region, shown, rows());
-  if (wants(GLINT_PASS_ERROR)) estimate_ = ErrorEstimate(region, rows());
+  if (wants(GLINT_PASS_ERROR)) estimate_ = ErrorEstimate(region);
 }
 
 void Film::keep_sums(int pass, int channels) {
@@ -94,7 +94,8 @@ void Film::set_data(uint32_t pixel, const FirstHit& hit) {
 
 void Film::measure(const Tile& tile, const SlotTable& slots, uint32_t samples) {
   const double* after = sums(tile, GLINT_PASS_COMBINED);
-  if (estimate_.on()) estimate_.measure(tile, slots, refinement_, after, tile.stride(), samples);
+  const float* before = pictures_[GLINT_PASS_COMBINED].data();
+  if (estimate_.on()) estimate_.measure(tile, slots, refinement_, before, after, tile.stride(), samples);
   if (samples >= Refinement::kFirst) refinement_.measure(tile, slots, after, tile.stride(), samples);
 }
 

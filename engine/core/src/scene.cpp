@@ -38,6 +38,16 @@ double power_scale(double radius) {
   return power_of_two(-std::clamp(std::ilogb(radius), -200, 200));
 }
 
+/// Of a matrix to anchored space; the group is the caller's to set.
+InstanceShape shape_of(const Affine& m) {
+  const NormalMatrix n(m);
+  const Vec3d columns[7] = {m.x, m.y, m.z, m.t, n.x, n.y, n.z};
+  InstanceShape shape{};
+  for (int k = 0; k < 21; ++k) (k < 12 ? shape.m[k] : shape.normal[k - 12]) = columns[k / 3][k % 3];
+  shape.mirrors = dot(m.x, cross(m.y, m.z)) < 0;
+  return shape;
+}
+
 bool no_rank(const Affine& m) {
   NormalMatrix n(m);
   return !any(n.x) && !any(n.y) && !any(n.z);
@@ -98,12 +108,12 @@ Scene::Scene(const GlintSceneData& data, const Scene* base, bool exact) : camera
   const Vec3d eye = affine(camera.world_from_camera).t;
   const bool stays = earlier_.trees.accel && !exact && earlier_.anchor.near(eye);
   anchor.origin = stays ? earlier_.anchor.origin : eye;
-  place_instances();
+  place_instances(base);
   anchor.scale = stays ? earlier_.anchor.scale : power_scale(radius(base));
   place_lights(data.lights, data.light_count);
   note_features();
   shape_groups();
-  shape_instances();
+  shape_instances(base);
   fold_materials();
   shape_materials();
   earlier_.trees.same_space = earlier_.trees.accel && anchor == earlier_.anchor;
@@ -225,16 +235,26 @@ bool Scene::same_inputs(size_t a, size_t b) const {
   return good;
 }
 
+/// Whether the instance with that number stands as in `base`, whose rows of matrices may be others.
+bool Scene::stands(const Scene* base, size_t i) const {
+  return base && i < base->placements.size() && anchor.same_origin(base->anchor) &&
+         std::memcmp(matrix_row(placements[i].row), base->matrix_row(base->placements[i].row), 12 * sizeof(double)) == 0;
+}
+
 /// Numbers the instances, leaving out those whose matrix is not finite or squeezes everything to a line.
-void Scene::place_instances() {
+void Scene::place_instances(const Scene* base) {
+  placements.reserve(groups.size());
   for (uint32_t g = 0; g < groups.size(); ++g) {
     const GlintInstances& group = groups[g];
     const GlintGeometry& geometry = geometries[group.geometry];
     for (uint64_t row = group.first_row; row < group.first_row + group.row_count; ++row) {
-      Affine m = affine(world_from_object + 12 * row);
-      bool good = finite(m) && finite(m.t - anchor.origin) && !no_rank(m);
-      if (!good) { ++dropped_instances; continue; }
       placements.push_back({uint32_t(row), g});
+      const Affine m = affine(matrix_row(uint32_t(row)));
+      const bool good = stands(base, placements.size() - 1) || (finite(m) && finite(m.t - anchor.origin) && !no_rank(m));
+      if (!good) {
+        placements.pop_back(), ++dropped_instances;
+        continue;
+      }
       if (geometry.kind == GLINT_MESH) triangles += geometry.primitive_count;
     }
   }
@@ -250,7 +270,7 @@ double Scene::radius(const Scene* base) {
   double far = 0;
   for (const Placement& p : placements) {
     const Extent& box = extents_[groups[p.group].geometry];
-    if (!box.empty()) far = std::max(far, reach(box, affine(world_from_object + 12 * size_t(p.row)), anchor.origin));
+    if (!box.empty()) far = std::max(far, reach(box, affine(matrix_row(p.row)), anchor.origin));
   }
   return far;
 }
@@ -260,9 +280,7 @@ bool Scene::same_placements(const Scene& base) const {
   for (size_t i = 0; i < placements.size(); ++i) {
     const GlintInstances &a = groups[placements[i].group], &b = base.groups[base.placements[i].group];
     if (geometry_in_base_[a.geometry] != b.geometry || a.geometry != b.geometry || ((a.flags ^ b.flags) & kVisibility)) return false;
-    if (std::memcmp(world_from_object + 12 * size_t(placements[i].row), base.world_from_object + 12 * size_t(base.placements[i].row),
-                    12 * sizeof(double)))
-      return false;
+    if (!stands(&base, i)) return false;
   }
   return true;
 }
@@ -300,6 +318,7 @@ uint32_t Scene::material_of(const GlintInstances& group, uint32_t primitive) con
 }
 
 void Scene::shape_groups() {
+  group_shapes.reserve(groups.size());
   for (const GlintInstances& group : groups) {
     const GlintGeometry& g = geometries[group.geometry];
     GroupShape shape{};
@@ -315,16 +334,12 @@ void Scene::shape_groups() {
   }
 }
 
-void Scene::shape_instances() {
+void Scene::shape_instances(const Scene* base) {
   instance_shapes.reserve(placements.size());
-  for (const Placement& p : placements) {
-    const Affine m = anchored(p.row);
-    const NormalMatrix n(m);
-    const Vec3d columns[7] = {m.x, m.y, m.z, m.t, n.x, n.y, n.z};
-    InstanceShape shape{};
-    for (int k = 0; k < 21; ++k) (k < 12 ? shape.m[k] : shape.normal[k - 12]) = columns[k / 3][k % 3];
-    shape.group = p.group, shape.mirrors = dot(m.x, cross(m.y, m.z)) < 0;
-    instance_shapes.push_back(shape);
+  const Scene* alike = base && anchor == base->anchor ? base : nullptr;
+  for (size_t i = 0; i < placements.size(); ++i) {
+    instance_shapes.push_back(stands(alike, i) ? base->instance_shapes[i] : shape_of(anchored(placements[i].row)));
+    instance_shapes.back().group = placements[i].group;
   }
 }
 

@@ -26,7 +26,8 @@ struct Anchor {
   Affine matrix(const Affine& m) const { return {scale * m.x, scale * m.y, scale * m.z, point(m.t)}; }
   /// Whether single precision is fine enough for an eye that stands there: not far out of the scene.
   bool near(Vec3d world_eye) const { return max_abs(point(world_eye)) <= 4; }  // the scene's radius is 1 to 2
-  bool operator==(const Anchor& b) const { return origin.x == b.origin.x && origin.y == b.origin.y && origin.z == b.origin.z && scale == b.scale; }
+  bool same_origin(const Anchor& b) const { return origin.x == b.origin.x && origin.y == b.origin.y && origin.z == b.origin.z; }
+  bool operator==(const Anchor& b) const { return same_origin(b) && scale == b.scale; }
 };
 
 /// What is wrong with the tables and arrays, one sentence a line; empty when they are sound.
@@ -70,7 +71,8 @@ class Scene {
   /// What is known of the first wave of such a render, by this scene or those whose trees it has; nothing as yet for one that is new.
   std::shared_ptr<Sight> sight(const RenderPlan& plan, const Film& film);
 
-  Affine anchored(uint32_t row) const { return anchor.matrix(affine(world_from_object + 12 * size_t(row))); }
+  const double* matrix_row(uint32_t row) const { return world_from_object + 12 * size_t(row); }
+  Affine anchored(uint32_t row) const { return anchor.matrix(affine(matrix_row(row))); }
   const GlintInstances& group(uint32_t instance) const { return groups[placements[instance].group]; }
   const GlintGeometry& geometry(const GlintInstances& group) const { return geometries[group.geometry]; }
   /// The instance's matrix to anchored space.
@@ -122,11 +124,12 @@ class Scene {
   void compare_lobes(Material& material);
   void number_reads(const Material& material);
   bool same_inputs(size_t a, size_t b) const;
-  void place_instances();
+  bool stands(const Scene* base, size_t i) const;
+  void place_instances(const Scene* base);
   void place_lights(const GlintLight* lights, size_t count);
   void note_features();
   void shape_groups();
-  void shape_instances();
+  void shape_instances(const Scene* base);
   void fold_materials();
   void shape_materials();
   double radius(const Scene* base);

@@ -187,6 +187,7 @@ void World::keep_instances(const PlacedTree& there) {
 
 /// What the world's trees hold and the plan has elsewhere, or nowhere, is not seen there.
 void World::hide_moved(const Plan& plan) {
+  visibility_.reserve(instances_.size());
   for (const InstanceView& i : instances_) visibility_.push_back(i.visibility);
   std::vector<uint8_t> stays(instances_.size(), 0);
   for (const auto& baked : plan.baked)
