@@ -74,6 +74,7 @@ void Tracer::trace(uint32_t sample) {
   const double* sums = film_.sums(*tile_, GLINT_PASS_COMBINED);
   if (film_.refinement().on()) before_.assign(sums, sums + 4 * tile_->stride());
   batch_.cost = film_.sums(*tile_, GLINT_PASS_COST), batch_.fallbacks = film_.sums(*tile_, GLINT_PASS_FALLBACKS);
+  batch_.softly_lit = film_.refinement().softly_lit(*tile_, sample);
   follow(sample);
   if (film_.refinement().on()) film_.refinement().note(*tile_, active_, before_.data(), sums, tile_->stride(), sample == 0);
 }
