@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .lights import Source
 from .materials import Coefficients
 from .paths import Paths, beyond, bounced, joined, straight_on
 from .picture import Tile
@@ -127,9 +128,15 @@ class Generations:
             if values.any():
                 self._tile.add(paths.part(part), pixel, weight * values)
 
+        def on_reach(source: Source, seen: Array) -> None:
+            if source.light.cast_shadow:
+                self._tile.charge(pixel[seen])
+            if source.sample_count(self._stage.settings.light_samples) > 1:
+                self._tile.softly_lit[pixel[seen]] = True
+
         add("Ambient", coefficients.ambient * self._stage.ambient)
         add("Emission", coefficients.emission)
-        light = self._stage.lighting.direct(surface, coefficients, self._sample, lambda seen: self._tile.charge(pixel[seen]))
+        light = self._stage.lighting.direct(surface, coefficients, self._sample, on_reach)
         add("Diffuse", light.diffuse)
         add("Specular", light.specular)
         add("Shadow", light.shadow)

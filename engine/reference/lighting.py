@@ -37,8 +37,9 @@ class Lighting:
     shadows: Shadows
     pulse: Pulse
 
-    def direct(self, surface: Surface, coefficients: Coefficients, sample: int, charge: Callable[[Array], None]) -> DirectLight:
-        """What all lights add at the points of `surface` in sample `sample` of their pixels. charge: told the points of shadow rays."""
+    def direct(self, surface: Surface, coefficients: Coefficients, sample: int, on_reach: Callable[[Source, Array], None]) -> DirectLight:
+        """What all lights add at the points of `surface` in sample `sample` of their pixels. on_reach: told which points each sample of a
+        light reaches."""
         total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(3)))
         lit = coefficients.diffuse.any(0)
         for term in coefficients.highlights:
@@ -48,7 +49,7 @@ class Lighting:
             for j in range(n):
                 point = CENTER if n == 1 else self.points[sample * self.light_samples + j]
                 self.pulse.beat()
-                self._add(surface, coefficients, lit, source, source.sample(surface.x, point, n), total, charge)
+                on_reach(source, self._add(surface, coefficients, lit, source, source.sample(surface.x, point, n), total))
         return total
 
     def _add(
@@ -59,14 +60,13 @@ class Lighting:
         source: Source,
         sample: LightSample,
         total: DirectLight,
-        charge: Callable[[Array], None],
-    ) -> None:
-        """One sample of one light."""
+    ) -> Array:
+        """One sample of one light; the points that it reaches, whatever stands between."""
         self.pulse.beat()
         cosine = dot(surface.n, sample.direction)
         seen = np.flatnonzero(lit & (cosine > 0) & (sample.intensity != 0))
         if not len(seen) or not source.color.any():
-            return
+            return seen[:0]
         end = sample.end if sample.end is None or sample.end.shape[1] == 1 else pick(sample.end, seen)
         sample = LightSample(pick(sample.direction, seen), sample.intensity[seen], end)
         light = source.color[:, None] * sample.intensity
@@ -76,8 +76,8 @@ class Lighting:
         add_at(total.specular, seen, specular)
         if source.light.cast_shadow:
             self.pulse.beat()
-            charge(seen)
             add_at(total.shadow, seen, (self.shadows.towards(surface, seen, sample).T - 1.0) * (diffuse + specular))
+        return seen
 
 
 def _highlights(surface: Surface, coefficients: Coefficients, seen: Array, sample: LightSample) -> Array:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..film import FIRST_ESTIMATE, UNKNOWN_ERROR
+from ..settings import Settings
 
 Array = np.ndarray
 
+_LIGHT_POINTS = 16
+"""Of each soft light, that a pixel has looked at before it may stop."""
 _MOST = 1e30
 """Squared levels of what is not finite."""
 
@@ -32,24 +35,29 @@ def visible_difference(mean: Array, difference: Array) -> Array:
 class Refinement:
     """What is known of the samples of each pixel of a region of height by width pixels.
 
-    threshold: in levels, 0 stops no pixel.  shown: (h, w) bool, pixels that are drawn; others are only looked at by their neighbours.
+    settings: their error_threshold is in levels, 0 stops no pixel.
+    shown: (h, w) bool, pixels that are drawn; others are only looked at by their neighbours.
     active: (pixels,) bool, those that take further samples.
     """
 
-    def __init__(self, threshold: float, shown: Array):
-        self._threshold, self._shown = threshold, shown
+    def __init__(self, settings: Settings, shown: Array):
+        self._threshold, self._light_samples, self._shown = settings.error_threshold, settings.light_samples, shown
+        self._softly_lit, self._samples = np.zeros(shown.size, bool), 0
         self.active = np.ones(shown.size, bool)
         self._low, self._high = np.full((4, shown.size), np.inf), np.full((4, shown.size), -np.inf)
         self._range = np.zeros(shown.size)
         self._around = np.zeros(shown.size)
 
-    def note(self, pixel: Array | slice, values: Array) -> None:
-        """Another sample of these pixels: (4, m) colour and lost alpha."""
+    def note(self, pixel: Array | slice, values: Array, softly_lit: Array) -> None:
+        """Another sample of these pixels: (4, m) colour and lost alpha, (m,) bool whether a soft light reached them."""
+        if self._samples < FIRST_ESTIMATE:
+            self._softly_lit[pixel] |= softly_lit
         self._low[:, pixel] = np.minimum(self._low[:, pixel], values)
         self._high[:, pixel] = np.maximum(self._high[:, pixel], values)
 
     def end_wave(self, mean: Array, samples: int) -> None:
         """Stops the pixels that are good enough. mean: (3, pixels) colour so far."""
+        self._samples = samples
         if samples < FIRST_ESTIMATE:
             return
         apart = self._high - self._low
@@ -61,7 +69,8 @@ class Refinement:
             self._around = _neighborhoods(self._range.reshape(self._shown.shape)).max(0).ravel()
             self.active &= self._shown.ravel()
         if self._threshold > 0:
-            self.active &= ~(np.maximum(self._range, self._around) / samples**0.75 <= self._threshold)
+            waits = self._softly_lit & (samples * self._light_samples < _LIGHT_POINTS)
+            self.active &= waits | ~(np.maximum(self._range, self._around) / samples**0.75 <= self._threshold)
 
 
 class ErrorEstimate:

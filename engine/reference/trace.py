@@ -47,7 +47,7 @@ class Tracer:
             self._region = widened(self._shown, scene.camera.resolution)
         x0, y0, x1, y1 = self._region
         self.picture = Picture(x1 - x0, y1 - y0, settings.passes)
-        self._refinement = Refinement(settings.error_threshold, self._is_shown()) if refines else None
+        self._refinement = Refinement(settings, self._is_shown()) if refines else None
         self._estimate = ErrorEstimate((y1 - y0, x1 - x0)) if "Error" in settings.passes else None
         self._finished = 0  # samples
         self._stage: Stage | None = None
@@ -113,7 +113,7 @@ class Tracer:
                 Generations(stage, tile, sample).run(rays, strips)
             self.picture.keep(here, tile)
             if self._refinement:
-                self._refinement.note(here, np.concatenate([tile.color(), tile.lost[None]]))
+                self._refinement.note(here, np.concatenate([tile.color(), tile.lost[None]]), tile.softly_lit)
             yield (above - y0) / (y1 - y0)
 
     def _clock(self, name: str) -> _Clock:

@@ -4,7 +4,8 @@
 
 Runs engine/core/bench/pipeline_counts on its fixed scenes as instructions.py does ray_counts. A scene called "… beside" is the plain one
 with something that no ray meets, or with a setting that nothing reads. Those of `FREE` must cost what the plain scene costs: this holds for
-any compiler. Exit code 1 when one does not, or when a count is more than 5 % above features.json; --record renews that file.
+any compiler. Scenes of one light without shadows tell what a sample of each kind of light costs. Exit code 1 when a feature is not free, or
+when a count is more than 5 % above features.json; --record renews that file.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -23,15 +24,18 @@ SCENES = (
     "plain", *FREE, "highlights beside", "alpha beside", "sphere beside",
     "highlights", "texture", "alpha", "mirror", "glass", "soft light, 4 samples",
 )  # fmt: skip
+SOFT_LIGHTS = ("sun", "sphere", "disc", "rectangle", "near rectangle", "ellipse")
+"""Scenes of one light of 4 samples that casts no shadow; beside them, one without a light."""
 FREE_WITHIN = 1e-3
 
 
 def main() -> int:
-    found = measure(__doc__, RECORDED, "pipeline_counts", SCENES)
+    found = measure(__doc__, RECORDED, "pipeline_counts", (*SCENES, "no light", *SOFT_LIGHTS))
     if not found:
         return 0
     measured, recorded, renewed = found
     print(features_table(measured.per_item, recorded.per_item))
+    print(light_samples_table(measured.per_item, recorded.per_item))
     same = measured.compiler == recorded.compiler and not renewed
     worse = [*not_free(measured.per_item), *(grown(measured.per_item, recorded.per_item) if same else [])]
     print("\n".join(worse) or "nothing is paid for what a scene does not have" + ("" if same else "; growth is not judged"))
@@ -52,6 +56,16 @@ def features_table(measured: dict[str, float], recorded: dict[str, float]) -> st
         known = recorded.get(scene)
         rows.append((scene, f"{value:.0f}", f"{value / measured['plain'] - 1:+.2%}", f"{known:.0f}" if known else "-"))
     return table(rows)
+
+
+def light_samples_table(measured: dict[str, float], recorded: dict[str, float]) -> str:
+    """What a pixel pays for a sample of each kind of light, but for its shadow ray."""
+
+    def one_sample(counts: dict[str, float], kind: str) -> str:
+        return f"{(counts[kind] - counts['no light']) / 4:.0f}" if kind in counts else "-"
+
+    rows = [("instructions a light sample", "now", "recorded")]
+    return table(rows + [(kind, one_sample(measured, kind), one_sample(recorded, kind)) for kind in SOFT_LIGHTS])
 
 
 if __name__ == "__main__":

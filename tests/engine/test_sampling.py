@@ -36,7 +36,6 @@ def test_prefixes_of_powers_of_two_are_nets_too(count):
 @pytest.mark.parametrize("count", [1, 2, 3, 16, 100])
 def test_the_first_point_is_the_middle(count):
     np.testing.assert_array_equal(sampling.sobol_points(count)[0], [0.5, 0.5])
-    np.testing.assert_array_equal(sampling.r2_points(count)[0], [0.5, 0.5])
     np.testing.assert_array_equal(sampling.pixel_offsets(count, 1.5)[0], [0.0, 0.0])
     for points in sampling.light_points(count):
         np.testing.assert_array_equal(points[0], [0.0, 0.0])
@@ -49,27 +48,43 @@ def test_each_axis_of_a_net_sits_in_the_middle_of_its_cells(power):
         np.testing.assert_allclose((axis * count) % 1, 0.5, rtol=0, atol=count * 2.0**-32)
 
 
-def test_r2_prefixes_are_the_sequence():
-    long = sampling.r2_points(1000)
-    for count in (1, 7, 64, 999):
-        np.testing.assert_array_equal(sampling.r2_points(count), long[:count])
-        for part, whole in zip(sampling.light_points(count), sampling.light_points(1000), strict=True):
-            np.testing.assert_array_equal(part, whole[:count])
+@pytest.mark.parametrize("count", [32, 100, 1024])
+def test_prefixes_of_light_points_are_spread_evenly_along_both_axes(count):
+    # One in each cell of an axis, so that n points miss the middle by half a cell at most, 1 / n of the light's half.
+    square = sampling.light_points(count)[0]
+    assert np.all(np.abs(square) < 1)
+    for n in (2**power for power in range(count.bit_length())):
+        assert all(len(np.unique(np.floor((axis + 1) / 2 * n))) == n for axis in square[:n].T)
+        assert np.max(np.abs(np.mean(square[:n], axis=0))) <= 1 / n
 
 
-def test_r2_steps_by_the_plastic_number():
-    plastic = float(np.real(np.roots([1, 0, -1, -1])[np.argmin(np.abs(np.imag(np.roots([1, 0, -1, -1]))))]))
-    step = np.diff(sampling.r2_points(2), axis=0)[0] % 1
-    np.testing.assert_allclose(step, [1 / plastic, 1 / plastic**2], rtol=0, atol=2.0**-32 + 8 * EPS)
+def half_planes(*scales):
+    """(axes, 400) normals, each pair of axes of random direction and given length, and (400,) places of planes that part the space."""
+    rng = np.random.default_rng(4)
+    angle = rng.uniform(0, 2 * np.pi, (len(scales), 400))
+    normals = np.stack([np.cos(angle), np.sin(angle)], 1) * np.array(scales)[:, None, None]
+    return normals.reshape(-1, 400), rng.uniform(-1.2, 1.2, 400) * max(scales)
 
 
-def test_r2_points_keep_their_distance():
-    # On the torus no two of n points of a lattice of this kind come closer than about 0.5 / √n (Roberts 2018 finds 0.549).
-    for count in (10, 100, 1000):
-        points = sampling.r2_points(count)
-        apart = np.abs(points[:, None] - points[None])
-        apart = np.hypot(*np.moveaxis(np.minimum(apart, 1 - apart), -1, 0))
-        assert np.min(apart[~np.eye(count, dtype=bool)]) > 0.5 / np.sqrt(count)
+@pytest.mark.parametrize(("count", "most"), [(16, 0.045), (32, 0.03), (128, 0.01), (512, 0.004)])
+def test_light_points_tell_how_much_of_a_light_an_edge_hides(count, most):
+    # Independent points would be off by 0.35 / √n: 0.09 at 16 and 0.015 at 512.
+    normals, place = half_planes(1)
+    axis = (np.arange(400) + 0.5) / 200 - 1
+    hidden = np.mean(np.stack(np.meshgrid(axis, axis), -1).reshape(-1, 2) @ normals > place, 0)
+    told = np.mean(sampling.light_points(1024)[0][:count] @ normals > place, 0)
+    assert np.sqrt(np.mean((told - hidden) ** 2)) <= most
+
+
+@pytest.mark.parametrize("scale", [0.3, 1.0, 4.0])
+@pytest.mark.parametrize("light_samples", [2, 4])
+def test_points_of_pixel_and_light_do_not_line_up(scale, light_samples):
+    # Edges that both the place in the pixel and the point on the light cross. The pixel's own two dimensions for lights are off by 0.03.
+    pixel = np.repeat(2 * sampling.sobol_points(256) - 1, light_samples, axis=0)
+    points = np.concatenate([pixel, sampling.light_points(256 * light_samples)[0]], 1)
+    normals, place = half_planes(1, scale)
+    truth = np.mean(np.random.default_rng(5).uniform(-1, 1, (200_000, 4)) @ normals > place, 0)
+    assert np.sqrt(np.mean((np.mean(points @ normals > place, 0) - truth) ** 2)) <= 0.012
 
 
 def window_share(x):

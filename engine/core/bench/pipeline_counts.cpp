@@ -17,6 +17,11 @@ const std::vector<int> kDull = {GLINT_DIFFUSE, GLINT_AMBIENT};
 const std::vector<int> kShiny = {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_SPECULAR}, kMirroring = {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_MIRROR};
 const std::vector<int> kGlass = {GLINT_REFRACTION, GLINT_MIRROR}, kVeil = {GLINT_DIFFUSE, GLINT_TRANSPARENT};
 
+/// A dull grid and one light of 4 samples that needs no shadow rays.
+Variant soft(const char* name, int kind, double extent, uint32_t flags = 0) {
+  return {name, false, false, kDull, {kind}, extent, 4, kDull, false, false, flags};
+}
+
 const Variant kVariants[] = {
     {"plain", false, false, kDull, {GLINT_POINT_LIGHT}, 0, 1, kDull},
     {"highlights", false, false, kShiny, {GLINT_POINT_LIGHT}, 0, 1, kDull},
@@ -30,6 +35,13 @@ const Variant kVariants[] = {
     {"texture", false, true, kDull, {GLINT_POINT_LIGHT}, 0, 1, kDull},
     {"texture beside", false, false, kDull, {GLINT_POINT_LIGHT}, 0, 1, kDull, true},
     {"sphere beside", false, false, kDull, {GLINT_POINT_LIGHT}, 0, 1, kDull, false, true},
+    {"no light", false, false, kDull, {}, 0, 1, kDull},
+    soft("sun", GLINT_SUN, 0.1),
+    soft("sphere", GLINT_POINT_LIGHT, 0.4),
+    soft("disc", GLINT_POINT_LIGHT, 0.4, GLINT_SOFT_FALLOFF),
+    soft("rectangle", GLINT_AREA, 0.8),
+    soft("near rectangle", GLINT_AREA, 4),
+    soft("ellipse", GLINT_AREA, 0.8, GLINT_ELLIPSE),
     {"soft light, 4 samples", false, false, kDull, {GLINT_POINT_LIGHT}, 0.4, 4, kDull},
     {"4 light samples beside", false, false, kDull, {GLINT_POINT_LIGHT}, 0, 4, kDull},
 };

@@ -43,6 +43,7 @@ struct Variant {
   uint32_t light_samples;
   std::vector<int> unseen = {};       // lobes of a triangle behind the camera
   bool unseen_textured = false, unseen_sphere = false;
+  uint32_t light_flags = GLINT_CAST_SHADOW;
 };
 
 /// Columns x, y, z, t of a frame at `eye` whose z axis points away from the origin.
@@ -73,7 +74,7 @@ struct Description {
     place(grid, v);
     if (!v.unseen.empty()) place_behind(v);
     paint(v);
-    for (int kind : v.lights) light(kind, v.radius);
+    for (int kind : v.lights) light(kind, v.radius, v.light_flags);
     GlintCamera& c = data.camera;
     look_at_origin(c.world_from_camera, {5.5, -7, 5});
     const double window[4] = {-0.5, 0.5, -0.5 * kHeight / kWidth, 0.5 * kHeight / kWidth};
@@ -117,12 +118,13 @@ struct Description {
     }
   }
 
-  void light(int kind, double radius) {
+  /// extent: the radius, the sun's angle or the sides of an area.
+  void light(int kind, double extent, uint32_t flags) {
     GlintLight g{};
     look_at_origin(g.world_from_light, kind == GLINT_SUN ? Vec3d{-2, -1, 3} : Vec3d{2, -3, 5});
     for (double& c : g.color) c = 1;
-    g.strength = kind == GLINT_SUN ? 3 : 900, g.radius = radius, g.spot_size = 1, g.spot_blend = 0.3, g.kind = kind;
-    g.flags = GLINT_CAST_SHADOW;
+    g.strength = kind == GLINT_SUN ? 3 : 900, g.spot_size = 1, g.spot_blend = 0.3, g.kind = kind;
+    g.flags = flags, g.radius = g.angle = g.size_x = g.size_y = extent;
     lights.push_back(g);
   }
 

@@ -35,6 +35,8 @@ class Batch {
   }
   /// Counts a ray for the pixel of ray k.
   void charge(size_t k) const { if (cost) cost[queue->slots[k]] += 1; }
+  /// Notes that a soft light reached point k.
+  void mark_softly_lit(size_t k) const { softly_lit[queue->slots[k]] = 1; }
   /// Adds what `hits` counted of float tests that could not decide.
   void charge_fallbacks() const {
     for (size_t k = 0; fallbacks && k < count_; ++k) fallbacks[queue->slots[k]] += doubts_[k];
@@ -57,6 +59,7 @@ class Batch {
   double* passing_columns = nullptr;  // as VaryStage has it
   size_t stride = 0;
   double *cost = nullptr, *fallbacks = nullptr;  // rays traced for each slot, and float64 tests of them; null when nobody asks
+  uint8_t* softly_lit = nullptr;      // of each path, as Refinement has it of slots; null when nobody asks
   Sight* sight = nullptr;             // what is known of these rays, from its row `first_row` on; null for none
   size_t first_row = 0;
 

@@ -44,6 +44,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
       light.set(stage_, plan_.light_point(sample, j), count, plan_.physical);
       const size_t reached = stages_.light(stage_);
       if (reached == 0) continue;
+      for (size_t k = 0; batch.softly_lit && count > 1 && k < reached; ++k) batch.mark_softly_lit(point_[k]);
       uint8_t* const known = batch.sight ? batch.sight->shadows(number) : nullptr;
       if (light.casts_shadow()) find_shadows(batch, reached, known ? known + batch.first_row : nullptr, counts);
       else std::fill_n(blocked_.begin(), reached, uint8_t(0));

@@ -42,7 +42,7 @@ void SlotTable::set(uint32_t width, uint32_t height) {
   for (; columns_.size() % kPad; columns_.push_back(0)) rows_.push_back(0);
 }
 
-Film::Film(Region region, Region shown, uint32_t passes, double error_threshold)
+Film::Film(Region region, Region shown, uint32_t passes, double error_threshold, uint32_t light_samples)
     : region_(region), shown_(shown), passes_(passes | 1u << GLINT_PASS_COMBINED) {
   std::fill_n(at_, int(GLINT_PASS_COUNT), -1);
   at_[GLINT_PASS_COMBINED] = 0;
@@ -56,7 +56,7 @@ Film::Film(Region region, Region shown, uint32_t passes, double error_threshold)
   for (int pass : {GLINT_PASS_DEPTH, GLINT_PASS_GAP})
     if (wants(pass)) std::fill_n(pictures_[pass].data(), pixels, float(kNoDepth));
   cut();
-  if (error_threshold > 0 || wants(GLINT_PASS_ERROR)) refinement_ = Refinement(error_threshold, region, shown, rows());
+  if (error_threshold > 0 || wants(GLINT_PASS_ERROR)) refinement_ = Refinement(error_threshold, light_samples, region, shown, rows());
   if (wants(GLINT_PASS_ERROR)) estimate_ = ErrorEstimate(region);
 }
 

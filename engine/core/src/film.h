@@ -76,9 +76,9 @@ int channels_of(int pass);
 /// One thread a tile at a time. Sums are kept tile by tile, a column a channel: Combined's colour, lost alpha, then three for each part.
 class Film {
  public:
-  Film(Region region, uint32_t passes) : Film(region, region, passes, 0) {}
-  /// shown: what `read` gives of the region.  error_threshold: see Refinement.
-  Film(Region region, Region shown, uint32_t passes, double error_threshold);
+  Film(Region region, uint32_t passes) : Film(region, region, passes, 0, 1) {}
+  /// shown: what `read` gives of the region.  error_threshold, light_samples: see Refinement.
+  Film(Region region, Region shown, uint32_t passes, double error_threshold, uint32_t light_samples);
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const Region& region() const { return region_; }

@@ -64,7 +64,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
 }
 
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
-    : scene_(scene), plan_(plan_of(settings, scene.camera)), film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold),
+    : scene_(scene), plan_(plan_of(settings, scene.camera)),
+      film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples),
       thread_([this] { work(); }) {}
 
 Job::~Job() {

@@ -11,7 +11,7 @@ void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* be
   for (uint32_t slot : slots_) x = std::fill_n(x, count, places.columns()[slot]), y = std::fill_n(y, count, places.rows()[slot]);
   place_samples(plan);
   if (columns_ != film.columns()) sums_ = Columns(columns_ = film.columns());
-  sums_.reserve(kMost);
+  sums_.reserve(kMost), softly_lit_.assign(size(), 0);
   for (size_t c = 0; c < columns_; ++c) std::fill_n(sums_[c], size(), 0.0);
 }
 
@@ -51,6 +51,8 @@ void Paths::add_to(Film& film, const Tile& tile, const Stages& stages) {
   double* const sums = film.sums(tile, GLINT_PASS_COMBINED);
   const bool noted = film.refinement().on();
   if (noted) add_noted(film, tile);
+  uint8_t* const softly_lit = film.refinement().softly_lit(tile, first_);
+  for (size_t k = 0; softly_lit && k < size(); ++k) softly_lit[slot(k)] |= softly_lit_[k];
   for (size_t c = noted ? 4 : 0; c < columns_; ++c) {
     double* const to = sums + c * tile.stride();
     if (is_whole(tile)) stages.add(to, sums_[c], size());

@@ -35,6 +35,8 @@ class Paths {
   double* sums(const Film& film, int pass) { return film.column_of(pass) < 0 ? nullptr : sums_[size_t(film.column_of(pass))]; }
   double* lost_alpha() { return sums_[3]; }
   size_t stride() const { return sums_.stride(); }
+  /// Whether a soft light reached each path's camera ray: as Refinement::softly_lit has it of slots.
+  uint8_t* softly_lit() { return softly_lit_.data(); }
   /// Adds that to the film, sample by sample, and tells its refinement.
   void add_to(Film& film, const Tile& tile, const Stages& stages);
 
@@ -46,6 +48,7 @@ class Paths {
   uint32_t first_ = 0, shift_ = 0;
   std::vector<uint32_t> slots_;
   std::vector<double> column_, row_, dx_, dy_, before_;
+  std::vector<uint8_t> softly_lit_;
   Columns sums_;
   size_t columns_ = 0;
 };

@@ -27,10 +27,14 @@ double visible_difference(double mean, double difference) {
   return levels(high) - levels(high - difference);
 }
 
-Refinement::Refinement(double threshold, Region region, Region shown, size_t rows)
-    : threshold_(threshold), width_(region.width()), height_(region.height()),
+Refinement::Refinement(double threshold, uint32_t light_samples, Region region, Region shown, size_t rows)
+    : threshold_(threshold), light_samples_(light_samples), width_(region.width()), height_(region.height()),
       shown_{shown.x0 - region.x0, shown.y0 - region.y0, shown.x1 - region.x0, shown.y1 - region.y0}, rows_(rows), bounds_(8 * rows),
-      stopped_(rows), range_(size_t(width_) * height_), around_(size_t(width_) * height_) {}
+      stopped_(rows), softly_lit_(rows), range_(size_t(width_) * height_), around_(size_t(width_) * height_) {}
+
+uint8_t* Refinement::softly_lit(const Tile& tile, uint32_t sample) {
+  return stops_pixels() && sample < kFirst ? softly_lit_.data() + tile.first_row : nullptr;
+}
 
 void Refinement::list_active(const Tile& tile, std::vector<uint32_t>& slots) const {
   slots.clear();
@@ -73,10 +77,13 @@ double Refinement::bound_of_error(uint32_t pixel, uint32_t samples) const {
 }
 
 void Refinement::decide(const Tile& tile, const SlotTable& slots, uint32_t samples) {
+  const bool saw_lights = uint64_t(samples) * light_samples_ >= kLightPoints;
   for (uint32_t k = 0; k < tile.pixels(); ++k) {
-    uint32_t& stopped = stopped_.data()[tile.first_row + k];
+    const size_t row = tile.first_row + k;
+    uint32_t& stopped = stopped_.data()[row];
     const uint32_t pixel = slots.pixel(tile, k, width_);
-    const bool good = threshold_ > 0 && bound_of_error(pixel, samples) <= threshold_;
+    const bool may_stop = threshold_ > 0 && (saw_lights || !softly_lit_.data()[row]);
+    const bool good = may_stop && bound_of_error(pixel, samples) <= threshold_;
     if (!stopped && (good || !is_shown(pixel % width_, pixel / width_))) stopped = samples;
   }
 }

@@ -24,12 +24,13 @@ double visible_difference(double mean, double difference);
 class Refinement {
  public:
   static constexpr uint32_t kFirst = 4;  // samples of the first estimate: everywhere, and what neighbours look at
+  static constexpr uint32_t kLightPoints = 16;  // of each soft light that a pixel has looked at before it may stop
   static constexpr float kUnknown = 256;  // the error of a pixel with fewer samples: beyond all levels
 
   Refinement() = default;
-  /// threshold: in levels, 0 stops no pixel.  region: with the pixels round `shown` that only their neighbours look at, and that take no
+  /// threshold: in levels, 0 stops no pixel.  light_samples: points on a soft light a sample.  region: with the pixels round `shown` that only their neighbours look at, and that take no
   /// more than the first samples.  rows: slots of all tiles.
-  Refinement(double threshold, Region region, Region shown, size_t rows);
+  Refinement(double threshold, uint32_t light_samples, Region region, Region shown, size_t rows);
 
   bool on() const { return width_ > 0; }
   bool stops_pixels() const { return on() && threshold_ > 0; }
@@ -41,6 +42,8 @@ class Refinement {
     return stopped && stopped < samples ? stopped : samples;
   }
 
+  /// Where to note, of each slot of the tile, that a soft light reached it in that sample; null where nobody asks.
+  uint8_t* softly_lit(const Tile& tile, uint32_t sample);
   /// The tile's slots that take further samples.
   void list_active(const Tile& tile, std::vector<uint32_t>& slots) const;
   /// Another sample of some slots. before, after: the tile's sums of colour and lost alpha round it, `stride` apart.
@@ -58,11 +61,13 @@ class Refinement {
   bool is_shown(uint32_t x, uint32_t y) const { return x - shown_.x0 < shown_.width() && y - shown_.y0 < shown_.height(); }
 
   double threshold_ = 0;
+  uint32_t light_samples_ = 1;
   uint32_t width_ = 0, height_ = 0;
   Region shown_;              // counted from the corner of the region
   size_t rows_ = 0;
   Zeros<float> bounds_;       // rows of the least red, green, blue, lost alpha; then of the largest
   Zeros<uint32_t> stopped_;   // samples of rows that take no more
+  Zeros<uint8_t> softly_lit_;  // rows that a soft light reached in the first samples
   Zeros<float> range_, around_;  // levels between samples of a pixel; between the first samples of it or a neighbour
 };
 

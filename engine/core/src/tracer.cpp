@@ -78,6 +78,7 @@ uint32_t Tracer::trace(uint32_t first, uint32_t last) {
     const uint32_t* const begin = active_.data() + k;
     paths_.choose(film_, slots_, begin, begin + std::min(step, active_.size() - k), plan_, first, count);
     batch_.cost = paths_.sums(film_, GLINT_PASS_COST), batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
+    batch_.softly_lit = film_.refinement().softly_lit(*tile_, first) ? paths_.softly_lit() : nullptr;
     follow(first);
     paths_.add_to(film_, *tile_, stages_);
   }
