@@ -45,7 +45,7 @@ Seconds measure(Tracer& tracer, const Film& film) {
       double all = 0;
       {
         const Timer timer(all);
-        tracer.trace(1);
+        tracer.trace(1, 2);
       }
       if (all < best.all) best = {all, tracer.counts().tracing - before};
     }
