@@ -57,7 +57,7 @@ class GlintRenderEngine(bpy.types.RenderEngine):
         self._in_view(lambda session: session.update(context, depsgraph))
 
     def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Blender wants the region drawn; never waits for a picture."""
+        """Blender wants the region drawn, and waits a little for a picture that is all but there."""
         self._in_view(lambda session: session.draw(self, context, depsgraph))
 
     def __del__(self) -> None:
