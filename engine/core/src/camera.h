@@ -1,5 +1,6 @@
 // Camera rays (notes 4.4-4.6) in anchored space.
 #pragma once
+#include "accel/vacancy.h"
 #include "scene.h"
 #include "stages/stages.h"
 
@@ -14,12 +15,13 @@ class CameraRays {
   /// Where the camera stands in anchored space: the origin, except in a scene that was made like one of another camera.
   Vec3d eye() const { return eye_; }
 
-  /// What the stage needs for rays through points (first_column + column + 0.5 + dx, first_row + row + 0.5 + dy), but for these four.
-  CameraStage stage(double first_column, double first_row) const {
+  /// Where column + 0.5 + dx of the frame's columns is in the window, and row + 0.5 + dy of its rows.
+  double u(double column, double dx) const { return at(column + 0.5 + dx, camera_.window, camera_.width); }
+  double v(double row, double dy) const { return at(row + 0.5 + dy, camera_.window + 2, camera_.height); }
+
+  /// What the stage needs but for the points that the rays go through.
+  CameraStage stage() const {
     CameraStage s{};
-    s.first_column = first_column, s.first_row = first_row;
-    s.width = camera_.width, s.height = camera_.height;
-    std::copy_n(camera_.window, 4, s.window);
     for (int c = 0; c < 3; ++c) s.u[c] = m_.x[c], s.v[c] = m_.y[c], s.w[c] = m_.z[c];
     s.scale = scale_, s.clip_start = camera_.clip_start, s.clip_end = camera_.clip_end;
     s.parallel = camera_.kind == GLINT_ORTHOGRAPHIC;
@@ -29,11 +31,22 @@ class CameraRays {
   /// Cuts the rays of a stage to where they are inside the clip planes.
   void clip(const CameraStage& s) const {
     for (size_t k = 0; camera_.clip_plane_count && k < s.count; ++k) {
-      const double u = at(s.first_column + s.column[k] + 0.5 + s.dx[k], s.window, s.width);
-      const double v = at(s.first_row + s.row[k] + 0.5 + s.dy[k], s.window + 2, s.height);
+      const double u = s.across[k], v = s.upward[k];
       const double step = scale_ * length(s.parallel ? m_.z : u * m_.x + v * m_.y - m_.z);  // of t, to one unit of depth
       for (int p = 0; p < camera_.clip_plane_count; ++p) cut(camera_.clip_planes[p], u, v, step, s.t_min[k], s.t_max[k]);
     }
+  }
+
+  /// Round all rays through points of the window from (u0, v0) to (u1, v1).
+  Beam beam(double u0, double v0, double u1, double v1) const {
+    const double corners[4][2] = {{u0, v0}, {u1, v0}, {u1, v1}, {u0, v1}};
+    Vec3d origins[4], directions[4];
+    for (int j = 0; j < 4; ++j) {
+      const Vec3d across = corners[j][0] * m_.x + corners[j][1] * m_.y;
+      const bool parallel = camera_.kind == GLINT_ORTHOGRAPHIC;
+      origins[j] = parallel ? scale_ * across + eye_ : eye_, directions[j] = unit(parallel ? -m_.z : across - m_.z);
+    }
+    return Beam(origins, directions);
   }
 
   /// Depth along -w in world units of an anchored point.

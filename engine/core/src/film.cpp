@@ -105,7 +105,7 @@ void Film::look_around(const Tile& tile) {
 }
 
 void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples, const Stages& stages) {
-  for (int pass = 0; pass < GLINT_PASS_DEPTH; ++pass)
+  for (int pass = refinement_.rested(tile, samples) ? GLINT_PASS_DEPTH : 0; pass < GLINT_PASS_DEPTH; ++pass)
     if (sums(tile, pass)) publish_means(tile, pass, slots, samples, stages);
   if (passes_ >> GLINT_PASS_ERROR) publish_health(tile, slots, samples);
 }

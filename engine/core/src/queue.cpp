@@ -15,10 +15,12 @@ void Queue::push(const Ray& ray, const Path& path) {
 
 void Queue::start_at_camera(size_t count) {
   wants_data.assign(count, false);
-  if (slots.size() == count) return;
-  columns.reserve(count);
+  const size_t before = slots.size();
+  if (before == count) return;
   slots.resize(count), depths.assign(count, 0), straights.assign(count, 0);
-  std::iota(slots.begin(), slots.end(), 0u);
+  for (size_t k = before; k < count; ++k) slots[k] = uint32_t(k);
+  if (count <= columns.rows()) return;
+  columns.reserve(count);
   for (size_t c = 0; c < kColumns; ++c) std::fill_n(columns[c], columns.rows(), c >= kT && c < kT + 3 ? 1.0 : 0.0);
 }
 

@@ -26,7 +26,8 @@ class Queue {
   size_t size() const { return slots.size(); }
   void clear() { slots.clear(), depths.clear(), straights.clear(), wants_data.clear(); }
   void push(const Ray& ray, const Path& path);
-  /// `count` rays from o = start = 0 with weight 1; directions, bounds and who wants data are to be filled in.
+  /// `count` rays from o = start = 0 with weight 1, but for what was written there after an earlier call; directions, bounds and who wants
+  /// data are to be filled in. Nothing is ever pushed here.
   void start_at_camera(size_t count);
 
   Ray ray(size_t k) const { return {at(kO, k), at(kD, k), columns[kTMin][k], columns[kTMax][k], visibility}; }

@@ -42,15 +42,14 @@ void Refinement::list_active(const Tile& tile, std::vector<uint32_t>& slots) con
     if (!stopped_.data()[tile.first_row + k]) slots.push_back(k);
 }
 
-void Refinement::note(const Tile& tile, const std::vector<uint32_t>& slots, const double* before, const double* after, size_t stride,
-                      bool is_first) {
-  for (int c = 0; c < 4; ++c, before += stride, after += stride) {
-    float *low = bound(c, tile.first_row), *high = bound(c + 4, tile.first_row);
-    for (uint32_t k : slots) {
-      const float value = float(after[k] - before[k]);
-      low[k] = is_first || value < low[k] ? value : low[k], high[k] = is_first || value > high[k] ? value : high[k];
-    }
-  }
+bool Refinement::rested(const Tile& tile, uint32_t samples) const {
+  if (!on()) return false;
+  const uint32_t* const stopped = stopped_.data() + tile.first_row;
+  return std::all_of(stopped, stopped + tile.pixels(), [samples](uint32_t at) { return at != 0 && at < samples; });
+}
+
+Refinement::Ranges Refinement::ranges(const Tile& tile, size_t channel) {
+  return {bound(int(channel), tile.first_row), bound(int(channel) + 4, tile.first_row)};
 }
 
 void Refinement::measure(const Tile& tile, const SlotTable& slots, const double* after, size_t stride, uint32_t samples) {

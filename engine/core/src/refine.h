@@ -19,6 +19,16 @@ class SlotTable;
 /// How far two linear values seem apart on an sRGB screen, in 8-bit levels, given their mean and their difference >= 0.
 double visible_difference(double mean, double difference);
 
+/// Between which values some samples of a pixel lie.
+struct Between {
+  float low = 0, high = 0;
+  void add(double sample, bool is_first) {
+    const float value = float(sample);
+    low = is_first || value < low ? value : low, high = is_first || value > high ? value : high;
+  }
+  bool operator==(const Between&) const = default;
+};
+
 /// What is known of the samples of each pixel. Rows are those of the film's tiles and their slots, pixels those of its region.
 /// One thread a tile at a time, and all threads at the same step: note, measure, look_around (once), decide.
 class Refinement {
@@ -26,6 +36,13 @@ class Refinement {
   static constexpr uint32_t kFirst = 4;  // samples of the first estimate: everywhere, and what neighbours look at
   static constexpr uint32_t kLightPoints = 16;  // of each soft light that a pixel has looked at before it may stop
   static constexpr float kUnknown = 256;  // the error of a pixel with fewer samples: beyond all levels
+
+  /// Of the slots of a tile.
+  struct Ranges {
+    float *low, *high;
+    Between operator[](uint32_t slot) const { return {low[slot], high[slot]}; }
+    void set(uint32_t slot, const Between& range) const { low[slot] = range.low, high[slot] = range.high; }
+  };
 
   Refinement() = default;
   /// threshold: in levels, 0 stops no pixel.  light_samples: points on a soft light a sample.  region: with the pixels round `shown` that only their neighbours look at, and that take no
@@ -36,6 +53,8 @@ class Refinement {
   bool stops_pixels() const { return on() && threshold_ > 0; }
   /// Whether the pixel takes further samples.
   bool is_active(size_t row) const { return !stopped_.data()[row]; }
+  /// Whether no pixel of the tile took any of the samples of the wave that has brought it to so many.
+  bool rested(const Tile& tile, uint32_t samples) const;
   /// Samples of the pixel when others have `samples`.
   uint32_t taken(size_t row, uint32_t samples) const {
     const uint32_t stopped = on() ? stopped_.data()[row] : 0;
@@ -46,8 +65,8 @@ class Refinement {
   uint8_t* softly_lit(const Tile& tile, uint32_t sample);
   /// The tile's slots that take further samples.
   void list_active(const Tile& tile, std::vector<uint32_t>& slots) const;
-  /// Another sample of some slots. before, after: the tile's sums of colour and lost alpha round it, `stride` apart.
-  void note(const Tile& tile, const std::vector<uint32_t>& slots, const double* before, const double* after, size_t stride, bool is_first);
+  /// Between which values the samples lie of each slot of the tile: in a channel of colour, or in lost alpha, the fourth.
+  Ranges ranges(const Tile& tile, size_t channel);
   /// How far the samples of each pixel lie apart. after: its sums.
   void measure(const Tile& tile, const SlotTable& slots, const double* after, size_t stride, uint32_t samples);
   void look_around(const Tile& tile);

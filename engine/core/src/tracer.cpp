@@ -9,13 +9,21 @@ namespace glint {
 namespace {
 
 constexpr size_t kMaxBatch = 8192;  // rays in flight at once
-constexpr uint32_t kMostTogether = 8;
+
+/// How far samples lie from their pixels' centres.
+WindowReach reach_of(const RenderPlan& plan) {
+  const double* p = plan.pixel_offsets;
+  WindowReach r{p[0], p[1], p[0], p[1]};
+  for (const double* const end = p + 2 * size_t(plan.samples); p != end; p += 2)
+    r = {std::min(r.x0, p[0]), std::min(r.y0, p[1]), std::max(r.x1, p[0]), std::max(r.y1, p[1])};
+  return r;
+}
 
 }  // namespace
 
 Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel, Sight* sight)
     : scene_(scene), plan_(plan), film_(film), stages_(best_stages()), cancel_(cancel), sight_(sight), camera_(scene), shader_(scene, plan),
-      direct_(scene, plan, stages_, cancel, scratch_), batch_(scene, film.passes()) {}
+      direct_(scene, plan, stages_, cancel, scratch_), batch_(scene, film.passes()), reach_(reach_of(plan)) {}
 
 Queue Tracer::take(uint32_t visibility) {
   if (spare_.empty()) return Queue(visibility);
@@ -44,22 +52,38 @@ void Tracer::choose(const Tile& tile) {
   slots_.set(tile.width(), tile.height());
   if (film_.refinement().on()) film_.refinement().list_active(tile, active_);
   else if (active_.size() != tile.pixels()) active_.resize(tile.pixels()), std::iota(active_.begin(), active_.end(), 0u);
+  vacant_ = !active_.empty() && !(scene_.features & GLINT_FEATURE_SEEN_LIGHTS) && scene_.accel().vacant(beam(tile));
+}
+
+/// Round all camera rays of the tile's samples.
+Beam Tracer::beam(const Tile& tile) const {
+  const double column = plan_.region.x0 + tile.x0, row = plan_.region.y0 + tile.y0;
+  return camera_.beam(camera_.u(column, reach_.x0), camera_.v(row, reach_.y0), camera_.u(column + tile.width() - 1, reach_.x1),
+                      camera_.v(row + tile.height() - 1, reach_.y1));
 }
 
 /// How many of a pixel's next samples are traced at once: points of soft lights are common to a sample of many pixels.
 uint32_t Tracer::together(uint32_t samples) const {
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
-  uint32_t count = kMostTogether;
+  uint32_t count = WindowPoints::kMostTogether;
   while (count > samples) count /= 2;
   return count;
 }
 
-void Tracer::camera_rays() {
+/// The queue's camera rays hit nothing, and nobody asks where they lead.
+void Tracer::miss(const Queue& queue) {
+  counts_.camera += queue.size();
+  std::fill_n(batch_.instance.data(), queue.size(), Hit::kNone), std::fill_n(batch_.material.data(), queue.size(), missed(queue));
+}
+
+void Tracer::start_paths() {
   first_.start_at_camera(paths_.size());
   for (size_t k = 0; film_.wants_data() && k < paths_.size(); ++k) first_.wants_data[k] = paths_.is_first(k);
-  CameraStage stage = camera_.stage(plan_.region.x0 + tile_->x0, plan_.region.y0 + tile_->y0);
-  stage.count = paths_.size();
-  stage.column = paths_.column(), stage.row = paths_.row(), stage.dx = paths_.dx(), stage.dy = paths_.dy();
+}
+
+void Tracer::camera_rays() {
+  CameraStage stage = camera_.stage();
+  stage.count = paths_.size(), stage.across = paths_.u(), stage.upward = paths_.v();
   Columns& c = first_.columns;
   for (size_t k = 0; k < 3; ++k) stage.o[k] = c[Queue::kO + k], stage.d[k] = c[Queue::kD + k];
   stage.t_min = c[Queue::kTMin], stage.t_max = c[Queue::kTMax];
@@ -71,15 +95,31 @@ void Tracer::camera_rays() {
   for (size_t k = 0; (stage.parallel || any(eye)) && k < 3; ++k) std::copy_n(c[Queue::kO + k], stage.count, c[Queue::kStart + k]);
 }
 
+/// One path through a vacant tile stands for all.
+uint32_t Tracer::trace_vacant(uint32_t first, uint32_t last) {
+  points_.set(camera_, plan_, *tile_, first, 1);
+  follow_some(active_.data(), active_.data() + 1, first);
+  counts_.camera += uint64_t(last - first) * active_.size() - 1;
+  paths_.spread(film_, *tile_, active_, last - first);
+  return last - first;
+}
+
+/// The samples that `points_` is of, of the slots [begin, end).
+void Tracer::follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first) {
+  paths_.choose(film_, slots_, begin, end, points_);
+  batch_.cost = paths_.sums(film_, GLINT_PASS_COST), batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
+  batch_.softly_lit = film_.refinement().softly_lit(*tile_, first) ? paths_.softly_lit() : nullptr;
+  follow(first);
+}
+
 uint32_t Tracer::trace(uint32_t first, uint32_t last) {
+  if (vacant_) return trace_vacant(first, last);
   const uint32_t count = together(last - first);
   const size_t step = Paths::kMost / count;
+  if (!active_.empty()) points_.set(camera_, plan_, *tile_, first, count);
   for (size_t k = 0; k < active_.size() && !cancel_; k += step) {
     const uint32_t* const begin = active_.data() + k;
-    paths_.choose(film_, slots_, begin, begin + std::min(step, active_.size() - k), plan_, first, count);
-    batch_.cost = paths_.sums(film_, GLINT_PASS_COST), batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
-    batch_.softly_lit = film_.refinement().softly_lit(*tile_, first) ? paths_.softly_lit() : nullptr;
-    follow(first);
+    follow_some(begin, begin + std::min(step, active_.size() - k), first);
     paths_.add_to(film_, *tile_, stages_);
   }
   return count;
@@ -97,7 +137,8 @@ void Tracer::decide(const Tile& tile, uint32_t samples) {
 
 /// The paths to the end of their rays.
 void Tracer::follow(uint32_t sample) {
-  camera_rays();
+  start_paths();
+  if (!vacant_) camera_rays();
   Queue straight = take(kCamera), bounced = take(kMirror);
   process(first_, sample, straight, bounced);
   wait(std::move(straight)), wait(std::move(bounced));
@@ -115,7 +156,7 @@ void Tracer::follow(uint32_t sample) {
 void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced) {
   batch_.begin(queue);
   batch_.sight = sample == 0 && &queue == &first_ && paths_.is_whole(*tile_) ? sight_ : nullptr, batch_.first_row = tile_->first_row;
-  find_points(queue);
+  vacant_ ? miss(queue) : find_points(queue);
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
   if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
   shade(queue, straight, bounced);
@@ -142,7 +183,7 @@ void Tracer::find_points(const Queue& queue) {
   for (size_t c = 0; c < 3; ++c) stage.start[c] = queue.columns[Queue::kStart + c], stage.d[c] = queue.columns[Queue::kD + c];
   stage.instance = batch_.instance.data(), stage.primitive = batch_.primitive.data(), stage.u = batch_.u.data(), stage.v = batch_.v.data();
   stage.instances = scene_.instance_shapes.data(), stage.groups = scene_.group_shapes.data();
-  stage.missed = scene_.transparent_film && queue.visibility == kCamera ? scene_.nothing() : scene_.surroundings();
+  stage.missed = missed(queue);
   stages_.surface(stage);
   for (size_t k = 0; !scene_.only_meshes && k < queue.size(); ++k) {
     if (batch_.material[k] != kNoMaterial) continue;

@@ -10,6 +10,11 @@
 
 namespace glint {
 
+/// From (x0, y0) to (x1, y1), in pixels.
+struct WindowReach {
+  double x0, y0, x1, y1;
+};
+
 /// One thread's tracer. What a pixel receives, and in which order, depends on that pixel's rays alone: sample after sample, within
 /// each generation after generation by age, rays that bounced before those that go straight on. So tiles, regions, threads and how many
 /// samples are traced at once do not change a bit.
@@ -32,8 +37,17 @@ class Tracer {
 
  private:
   uint32_t together(uint32_t samples) const;
+  Beam beam(const Tile& tile) const;
+  void start_paths();
+  void miss(const Queue& queue);
+  /// The material of its rays that hit nothing.
+  uint32_t missed(const Queue& queue) const {
+    return scene_.transparent_film && queue.visibility == kCamera ? scene_.nothing() : scene_.surroundings();
+  }
   void camera_rays();
   void find_gaps();
+  uint32_t trace_vacant(uint32_t first, uint32_t last);
+  void follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first);
   void follow(uint32_t sample);
   void process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced);
   void find_points(const Queue& queue);
@@ -58,9 +72,12 @@ class Tracer {
   Scratch scratch_;
   DirectLight direct_;
   Batch batch_;
+  const WindowReach reach_;            // of all samples
   const Tile* tile_ = nullptr;
+  bool vacant_ = false;                // nothing can be hit in the tile
   SlotTable slots_;
   std::vector<uint32_t> active_;       // slots that take samples
+  WindowPoints points_;                // of the samples that are traced now
   Paths paths_;                        // those that are followed now
   Queue first_{kCamera};               // their camera rays
   std::vector<Queue> waiting_, spare_;

@@ -77,6 +77,7 @@ struct AccelStats {
 /// How much time a build takes, and how little the rays: hits are the same. kFine: triangles may be in several leaves.
 enum class BuildQuality { kFast, kBalanced, kFine };
 
+class Beam;
 struct WalkerStacks;
 
 /// Memory that one thread's rays need on their way, for one call at a time. Not on the stack: see WalkerStacks.
@@ -119,6 +120,8 @@ class Accel {
   /// With memory of their own, for a few.
   void closest(const Ray* rays, Hit* hits, size_t count) const;
   void occluded(const Ray* rays, uint8_t* blocked, size_t count) const;
+  /// Whether certainly nothing lies on any ray of the beam.
+  virtual bool vacant(const Beam& beam) const = 0;
   /// Empty when every primitive lies in its boxes and every node is reached once; else what is wrong.
   virtual std::string validate() const = 0;
   virtual AccelStats stats() const = 0;

@@ -5,6 +5,7 @@
 
 #include "outline.h"
 #include "takeover.h"
+#include "vacancy.h"
 
 namespace glint {
 namespace {
@@ -206,6 +207,10 @@ void World::make_view() {
     if ((*tree)->count > 0) tree_views_.push_back((*tree)->view());
   for (const auto& tree : objects_) object_views_.push_back(tree->view());
   view_ = {tree_views_.data(), tree_views_.size(), object_views_.data(), placed_.records.data(), visibility_.data(), common};
+}
+
+bool World::vacant(const Beam& beam) const {
+  return std::all_of(tree_views_.begin(), tree_views_.end(), [&](const TreeView& tree) { return glint::vacant(tree, beam); });
 }
 
 void World::count(const Plan& plan) {

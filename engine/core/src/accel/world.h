@@ -43,6 +43,7 @@ class World final : public Accel {
   void occluded(const Rays& rays, uint8_t* blocked, Scratch& scratch) const override {
     kernel_.occluded(view_, rays, blocked, scratch.stacks());
   }
+  bool vacant(const Beam& beam) const override;
   std::string validate() const override;
   AccelStats stats() const override { return stats_; }
   const BakedTree& baked(int kind) const { return baked_[kind]; }

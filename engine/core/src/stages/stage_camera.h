@@ -8,11 +8,8 @@ namespace {
 
 void camera(const CameraStage& c) {
   const Three mx = splat3(c.u), my = splat3(c.v), mz = splat3(c.w);
-  const double* w = c.window;
   for (size_t k = 0; k < c.count; k += kLanes) {
-    const Doubles i = c.first_column + load(c.column + k), j = c.first_row + load(c.row + k);
-    const Doubles u = w[0] + (i + 0.5 + load(c.dx + k)) * (w[1] - w[0]) / c.width, v = w[2] + (j + 0.5 + load(c.dy + k)) * (w[3] - w[2]) / c.height;
-    const Three across = u * mx + v * my;
+    const Three across = load(c.across + k) * mx + load(c.upward + k) * my;
     const Three towards = c.parallel ? -mz : across - mz, d = unit(towards);
     if (c.parallel) store3(c.o, k, splat(c.scale) * across);
     store3(c.d, k, d);

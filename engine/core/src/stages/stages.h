@@ -12,14 +12,10 @@ namespace glint {
 constexpr size_t kPad = 8;
 constexpr uint32_t kNoMaterial = 0xffffffffu;  // of a point that the stages leave to others: no mesh
 
-/// Camera rays (notes 4.4-4.6) in anchored space through points of the frame, which are counted from its bottom left. d is unit.
+/// Camera rays (notes 4.4-4.6) in anchored space through points of the window. d is unit.
 struct CameraStage {
   size_t count;
-  const double *column, *row;     // of each ray's pixel, from (first_column, first_row) on
-  const double *dx, *dy;          // of each ray's point, from the pixel's centre
-  double first_column, first_row;
-  double window[4];               // l, r, b, t
-  double width, height;
+  const double *across, *upward;  // of each ray's point: u and v of the notes
   double u[3], v[3], w[3];        // columns of world_from_camera
   double scale, clip_start, clip_end;
   bool parallel;
