@@ -87,6 +87,32 @@ def test_same_bits_however_many_samples_are_traced_at_once(threshold: float) -> 
     assert bits(alone) == bits(watched)
 
 
+@pytest.mark.parametrize("threshold", [0.0, 4.0])
+@pytest.mark.parametrize("transparent", [False, True])
+def test_tiles_that_look_at_nothing_are_as_if_they_were_traced(threshold: float, transparent: bool) -> None:
+    """A lamp behind the camera that camera rays could see has every tile traced: it changes no bit of any pass."""
+    scene = busy_scene()
+    left, right, bottom, top = scene.camera.window
+    wide = replace(scene.camera, window=(4 * left, 4 * right, 4 * bottom, 4 * top), resolution=(200, 141))
+    behind = lamp("AREA", wide.world_from_camera @ (0, 0, 1, 1), wide.world_from_camera[:, :3], size_x=1.0, size_y=1.0)
+    scenes = [
+        replace(
+            scene,
+            camera=wide,
+            lights=(*scene.lights, replace(behind, visible_camera=seen)),
+            world=replace(scene.world, transparent=transparent),
+        )
+        for seen in (False, True)
+    ]
+    asked = replace(BUSY, samples=9, max_bounces=1, error_threshold=threshold, threads=2)
+    vacant, traced = (engine.render(each, asked) for each in scenes)
+    assert "feature: visible lights" in traced.stats and "feature: visible lights" not in vacant.stats
+    assert bits(vacant) == bits(traced)
+    assert vacant.stats["camera rays"] == traced.stats["camera rays"]
+    nothing = scene.world.background if not transparent else (0, 0, 0)
+    assert np.mean(np.all(vacant.combined[..., :3] == np.float32(nothing), -1)) > 0.7
+
+
 @pytest.mark.parametrize(("size", "bounces"), [(32, 8), (3, 13)])
 def test_rays_beyond_one_batch_change_nothing(size: int, bounces: int) -> None:
     """Six panes that mirror and refract double their rays at each bounce. Batches are cut, between pixels and within one (2^13 rays); a

@@ -24,7 +24,6 @@ struct Pile {
     sum += sample;
     range.add(sum - before, is_first);
   }
-  bool operator==(const Pile&) const = default;
 };
 
 }  // namespace
@@ -96,17 +95,11 @@ void Paths::spread(Film& film, const Tile& tile, const std::vector<uint32_t>& sl
   double* to = film.sums(tile, GLINT_PASS_COMBINED);
   for (size_t c = 0; c < columns_; ++c, to += tile.stride()) {
     const Refinement::Ranges ranges = c < noted ? film.refinement().ranges(tile, c) : Refinement::Ranges{};
-    const auto pile_of = [&](uint32_t slot) { return Pile{to[slot], c < noted ? ranges[slot] : Between{}}; };
-    const auto grown = [&](Pile pile) {
-      for (uint32_t s = 0; s < samples; ++s) pile.add(sums_[c][0], first_ + s == 0);
-      return pile;
-    };
-    Pile before = pile_of(slots[0]), after = grown(before);  // most pixels are alike
+    Pile pile{to[slots[0]], c < noted ? ranges[slots[0]] : Between{}};
+    for (uint32_t s = 0; s < samples; ++s) pile.add(sums_[c][0], first_ + s == 0);
     for (uint32_t slot : slots) {
-      const Pile pile = pile_of(slot);
-      if (!(pile == before)) before = pile, after = grown(pile);
-      to[slot] = after.sum;
-      if (c < noted) ranges.set(slot, after.range);
+      to[slot] = pile.sum;
+      if (c < noted) ranges.set(slot, pile.range);
     }
   }
 }

@@ -55,7 +55,7 @@ class Paths {
   uint8_t* softly_lit() { return softly_lit_.data(); }
   /// Adds that to the film, sample by sample, and tells its refinement.
   void add_to(Film& film, const Tile& tile, const Stages& stages);
-  /// The same as if each of some slots had `samples` samples that bring what the only path here brought.
+  /// The same as if each of some slots, which are alike so far, had `samples` samples that bring what the only path here brought.
   void spread(Film& film, const Tile& tile, const std::vector<uint32_t>& slots, uint32_t samples) const;
 
  private:

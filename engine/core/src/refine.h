@@ -26,7 +26,6 @@ struct Between {
     const float value = float(sample);
     low = is_first || value < low ? value : low, high = is_first || value > high ? value : high;
   }
-  bool operator==(const Between&) const = default;
 };
 
 /// What is known of the samples of each pixel. Rows are those of the film's tiles and their slots, pixels those of its region.
