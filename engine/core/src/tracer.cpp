@@ -72,7 +72,6 @@ uint32_t Tracer::together(uint32_t samples) const {
 
 /// The queue's camera rays hit nothing, and nobody asks where they lead.
 void Tracer::miss(const Queue& queue) {
-  counts_.camera += queue.size();
   std::fill_n(batch_.instance.data(), queue.size(), Hit::kNone), std::fill_n(batch_.material.data(), queue.size(), missed(queue));
 }
 
@@ -99,7 +98,6 @@ void Tracer::camera_rays() {
 uint32_t Tracer::trace_vacant(uint32_t first, uint32_t last) {
   points_.set(camera_, plan_, *tile_, first, 1);
   follow_some(active_.data(), active_.data() + 1, first);
-  counts_.camera += uint64_t(last - first) * active_.size() - 1;
   paths_.spread(film_, *tile_, active_, last - first);
   return last - first;
 }
