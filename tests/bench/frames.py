@@ -1,10 +1,11 @@
-"""Whole frames, Glint beside Cycles: every scene of ../shared/scenes, 960×540, one light, no bounces, by stage.
+"""Whole frames, Glint beside Cycles and beside Blender itself: every scene of ../shared/scenes, 960×540, one light, no bounces, by stage.
 
     python tests/bench/frames.py [--quick] [--scenes NAME …] [--samples 1 16] [--rounds 2] [--fresh] [--out out/frames]
 
+READY is an engine that hands Glint's finished picture over and does nothing else: no engine can be faster.
 One process per scene, engine and round, the engines in turn. In each, every number of samples is rendered again and again for two
 seconds, once to five times; the least of each stage counts (stages.py says what the stages are). A scene whose first
-round took more than a minute gets no other. Both engines get the same file, camera, samples and one light: the first that renders, as a
+round took more than a minute gets no other. All get the same file, camera, samples and one light: the first that renders, as a
 hard point light when it is not a sun (a studio light of the shared tools where the file has none). A finished scene is kept in --out and
 not measured again unless --fresh.
 """
@@ -26,7 +27,8 @@ from stages import STAGES, choose_engine, choose_samples, least, require_core, r
 
 SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 SIZE = (960, 540)
-ENGINES = ("GLINT", "CYCLES")
+TRACERS = ("GLINT", "CYCLES")
+ENGINES = (*TRACERS, "READY")
 TARGETS = {1: 8.0, 16: 20.0}
 """Samples → the least that the median of Cycles / Glint should be; on no scene below 1."""
 QUICK = ("living_room", "godot_ball", "clevr_rubber", "SimpleInstancing", "gn_grass")
@@ -98,7 +100,7 @@ def saved_or_measured(name: str, path: Path, out: Path, options) -> dict:
     saved = out / f"{name}.json"
     wanted = [str(samples) for samples in options.samples]
     known = json.loads(saved.read_text()) if saved.exists() and not options.fresh else {}
-    if set(wanted) <= known.keys():
+    if all(set(ENGINES) <= known.get(samples, {}).keys() for samples in wanted):
         return {samples: known[samples] for samples in wanted}
     rows = {engine: [] for engine in ENGINES}
     start = perf_counter()
@@ -166,19 +168,21 @@ def keep_one_light(scene) -> None:
     cycles_reference.set_world(scene, (0.0, 0.0, 0.0))
 
 
-def gain(result: dict, without: str | None = None) -> float:
-    """Seconds of Cycles over those of Glint, with or without a stage."""
-    cycles, glint = (result[engine]["total"] - (result[engine][without] if without else 0) for engine in ("CYCLES", "GLINT"))
-    return cycles / glint
+def gain(result: dict, without: str | None = None, engine: str = "GLINT") -> float:
+    """Seconds of Cycles over those of an engine, with or without a stage."""
+    cycles, other = (result[name]["total"] - (result[name][without] if without else 0) for name in ("CYCLES", engine))
+    return cycles / other
 
 
 def frames_table(results: dict) -> str:
-    """Seconds by stage, Glint and Cycles, a row per scene and number of samples."""
-    rows = [("scene, samples", *(f"{stage} {engine[0]}" for stage in STAGES for engine in ENGINES), "Cycles / Glint", "without write")]
+    """Seconds by stage, Glint and Cycles, and those of a ready picture, a row per scene and number of samples."""
+    stages = [f"{stage} {engine[0]}" for stage in STAGES for engine in TRACERS]
+    rows = [("scene, samples", *stages, "total R", "Cycles / Glint", "without write", "Cycles / ready")]
     for name, of_samples in results.items():
         for samples, result in of_samples.items():
-            seconds = (f"{result[engine][stage]:.3f}" for stage in STAGES for engine in ENGINES)
-            rows.append((f"{name}, {samples}", *seconds, f"{gain(result):.1f}", f"{gain(result, 'write'):.1f}"))
+            seconds = [f"{result[engine][stage]:.3f}" for stage in STAGES for engine in TRACERS] + [f"{result['READY']['total']:.3f}"]
+            gains = (gain(result), gain(result, "write"), gain(result, engine="READY"))
+            rows.append((f"{name}, {samples}", *seconds, *(f"{value:.1f}" for value in gains)))
     return table(rows)
 
 
@@ -193,14 +197,18 @@ def medians_table(results: dict) -> str:
 
 
 def summary_table(results: dict) -> str:
-    """Median and worst gain per number of samples, beside the targets."""
-    rows = [("samples", "median", "target", "", "worst", "scene", "floor", "", "median without write")]
+    """Median and worst gain per number of samples, beside the targets and what a ready picture would reach."""
+    headings = ("samples", "median", "target", "", "worst", "scene", "floor", "")
+    rows = [(*headings, "median without write", "ready: median", "without write", "scenes below target")]
     for samples in next(iter(results.values())):
         gains = {name: gain(result[samples]) for name, result in results.items()}
-        unwritten = median(gain(result[samples], "write") for result in results.values())
         middle, worst, target = median(gains.values()), min(gains, key=gains.get), TARGETS.get(int(samples))
         goal = (f"{target}", verdict(middle, target)) if target else ("-", "-")
-        rows.append((samples, f"{middle:.1f}", *goal, f"{gains[worst]:.2f}", worst, "1", verdict(gains[worst], 1.0), f"{unwritten:.1f}"))
+        floor = (f"{gains[worst]:.2f}", worst, "1", verdict(gains[worst], 1.0))
+        ready = [gain(result[samples], engine="READY") for result in results.values()]
+        below = str(sum(value < target for value in ready)) if target else "-"
+        unwritten = [median(gain(r[samples], "write", engine) for r in results.values()) for engine in ("GLINT", "READY")]
+        rows.append((samples, f"{middle:.1f}", *goal, *floor, f"{unwritten[0]:.1f}", f"{median(ready):.1f}", f"{unwritten[1]:.1f}", below))
     return table(rows)
 
 

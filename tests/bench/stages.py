@@ -4,7 +4,8 @@ Cycles' stages end at its own status messages (handler `render_stats`): sync at 
 device) at "Sample 0", trace at "Finished". Glint's are those of its own clock, cut at the same places: build is all between the export and
 the first ray (checks, packing, trees), trace goes on until the picture is with Blender, shading within; `other` is the rest of a whole
 render; `write` saves the result as EXR. Memory is the peak resident size during the render above that of the process before its first
-render (Linux only).
+render (Linux only). READY is an engine whose picture is there before its render begins: what it takes, all of it `other` and `write`, is
+Blender's own share, the least that any engine can take.
 """
 
 from __future__ import annotations
@@ -87,7 +88,14 @@ def timed_render(scene, engine: str) -> tuple[float, dict[str, float]]:
     bpy.ops.render.render()
     total = time.perf_counter() - start
     bpy.app.handlers.render_stats.remove(note)
-    return total, own_stages(scene) if engine == "GLINT" else cycles_stages(messages)
+    return total, stages_of(scene, engine, messages)
+
+
+def stages_of(scene, engine: str, messages: list[tuple[float, str]]) -> dict[str, float]:
+    """Seconds of the stages that the engine tells of itself."""
+    if engine == "READY":
+        return dict.fromkeys(("sync", "build", "trace"), 0.0)
+    return own_stages(scene) if engine == "GLINT" else cycles_stages(messages)
 
 
 def cycles_stages(messages: list[tuple[float, str]]) -> dict[str, float]:
@@ -121,7 +129,7 @@ def status_megabytes(field: str) -> float:
 def choose_engine(scene, engine: str, samples: int = 1) -> None:
     """`samples` per pixel and light, no bounces."""
     scene.render.image_settings.file_format = "OPEN_EXR"
-    if engine == "GLINT":
+    if engine != "CYCLES":
         import conftest  # noqa: F401  (makes the package importable as glint)
         from glint import addon
 
@@ -131,7 +139,7 @@ def choose_engine(scene, engine: str, samples: int = 1) -> None:
 
 
 def choose_samples(scene, engine: str, samples: int) -> None:
-    """After `choose_engine`."""
+    """After `choose_engine`; READY holds Glint's picture of so many samples ready."""
     import cycles_reference
 
     if engine == "CYCLES":
@@ -139,6 +147,10 @@ def choose_samples(scene, engine: str, samples: int) -> None:
         return
     final = scene.glint.final
     final.samples, final.light_samples, final.max_bounces, final.error_threshold = samples, 1, 0, 0.0
+    if engine == "READY":
+        import ready_engine
+
+        ready_engine.hold_glints_picture(scene)
 
 
 def least(rows: list[dict[str, float]]) -> dict[str, float]:
