@@ -72,7 +72,14 @@ void Film::cut() {
       tiles_.push_back({x, y, right, top, first, first / columns_});
       first += columns_ * tiles_.back().stride();
     }
-  sums_ = Zeros<double>(first);
+  sums_ = Zeros<double>(columns_ * tiles_.size() * tiles_[0].stride());  // the first tile is the largest: `at_desk` finds room
+}
+
+Tile Film::at_desk(const Tile& tile, size_t desk) {
+  Tile there = tile;
+  there.first_sum = desk * columns_ * tiles_[0].stride();
+  std::fill_n(sums_.data() + there.first_sum, columns_ * there.stride(), 0.0);
+  return there;
 }
 
 void Film::store(int pass, uint32_t pixel, const double* values) {

@@ -97,6 +97,9 @@ class Film {
   double* sums(const Tile& tile, int pass) {
     return at_[pass] < 0 ? nullptr : sums_.data() + tile.first_sum + size_t(at_[pass]) * tile.stride();
   }
+  /// The tile with its sums, all 0, where others put theirs before: for tiles that are published as soon as they are traced. Of each thread
+  /// its own desk, below the number of tiles.
+  Tile at_desk(const Tile& tile, size_t desk);
   bool wants_depth_alone() const { return (passes_ & kDataPasses) == 1u << GLINT_PASS_DEPTH; }
   void set_data(uint32_t pixel, const FirstHit& hit);
   void set_depth(uint32_t pixel, double depth) { pictures_[GLINT_PASS_DEPTH].data()[pixel] = to_float(depth); }

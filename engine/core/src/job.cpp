@@ -111,6 +111,9 @@ uint32_t Job::first_wave() {
   return std::min(plan_.samples, film_.refinement().on() ? Refinement::kFirst : kUnseenWave);
 }
 
+/// Whether the first wave is all: each tile's picture is then made while its sums are at hand, in memory that the next tile takes over.
+bool Job::at_once() { return first_wave() == plan_.samples && !film_.refinement().on() && !film_.estimate().on(); }
+
 void Job::trace_waves() {
   team_ = std::make_unique<Team>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
   const bool looks_up = plan_.remember && !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
@@ -125,7 +128,7 @@ void Job::trace_waves() {
     {
       const Timer timer(seconds);
       std::atomic<size_t> next{0};
-      on_all_threads([&](Tracer& tracer) { trace_tiles(tracer, first, last, next); });
+      team_->run(tracers_.size(), [&](size_t desk) { trace_tiles(desk, first, last, next); });
       if (!cancel_) refine(last);
     }
     end_wave(last, seconds);
@@ -162,7 +165,7 @@ void Job::on_all_threads(Body body) {
 void Job::end_wave(uint32_t samples, double seconds) {
   std::unique_lock lock(mutex_);
   const bool complete = !cancel_;
-  if (complete) {
+  if (complete && !at_once()) {
     const Timer timer(seconds);
     on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.publish(tile, samples); });
   }
@@ -172,17 +175,25 @@ void Job::end_wave(uint32_t samples, double seconds) {
 }
 
 /// Samples [first, last) of the tiles that nobody else has begun.
-void Job::trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic<size_t>& next) {
+void Job::trace_tiles(size_t desk, uint32_t first, uint32_t last, std::atomic<size_t>& next) {
   const std::vector<Tile>& tiles = film_.tiles();
+  Tracer& tracer = *tracers_[desk];
+  const bool publishes = at_once();
   try {
     for (size_t k; !cancel_ && (k = next++) < tiles.size();) {
-      tracer.choose(tiles[k]);
-      for (uint32_t sample = first, count; sample < last && !cancel_; sample += count, done_ += count) count = tracer.trace(sample, last);
+      const Tile tile = publishes ? film_.at_desk(tiles[k], desk) : tiles[k];
+      trace_tile(tracer, tile, first, last);
+      if (publishes && !cancel_) tracer.publish(tile, last);
     }
   } catch (...) {
     cancel_ = true;  // the other threads need not go on
     throw;
   }
+}
+
+void Job::trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t last) {
+  tracer.choose(tile);
+  for (uint32_t sample = first, count; sample < last && !cancel_; sample += count, done_ += count) count = tracer.trace(sample, last);
 }
 
 void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {

@@ -38,8 +38,10 @@ class Job {
   void work();
   void run();
   uint32_t first_wave();
+  bool at_once();
   void trace_waves();
-  void trace_tiles(Tracer& tracer, uint32_t first, uint32_t last, std::atomic<size_t>& next);
+  void trace_tiles(size_t desk, uint32_t first, uint32_t last, std::atomic<size_t>& next);
+  void trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t last);
   void refine(uint32_t samples);
   void end_wave(uint32_t samples, double seconds);
   void publish(uint32_t samples, std::unique_lock<std::mutex>& lock);
