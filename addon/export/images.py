@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
@@ -28,6 +28,7 @@ class Images:
     def __init__(self, report: Report, decoded: Decoded | None = None) -> None:
         """decoded: what an export before has decoded, and where this one's images are kept for the next."""
         self._decode = decoded.decode if decoded is not None else pixels.decode
+        self._worked_out = decoded.worked_out if decoded is not None else _work
         self.textures: list[Texture] = []
         self.report = report
         self._pixels: dict[tuple, Pixels] = {}
@@ -46,7 +47,9 @@ class Images:
         key = (*self._key(image, user), EXTENSIONS.get(extension, "REPEAT"), filtering, associated)
         if key not in self._indices:
             name = image.name if image is not None else "no image"
-            values = pixels.associated(found) if associated else found.pixels
+            values = found.pixels
+            if associated:
+                values = self._worked_out(values, "associated", lambda: pixels.associated(found))
             self._indices[key] = self._append(Texture(name, values, found.encoding, key[2], filtering))
         return self._indices[key]
 
@@ -81,11 +84,7 @@ class Images:
         index_key = (source.texture, source.channel, source.value, source.complement, key)
         if index_key not in self._indices:
             texture = self.textures[source.texture]
-            plain = source.value == (1.0, 1.0, 1.0) and source.channel == "COLOR" and not source.complement
-            if key[0] == "channel" and key[-1] == (1.0, 1.0, 1.0) and plain:
-                stored = {"pixels": _one_channel(texture.pixels, key[1])}
-            else:
-                stored = _of_codes(texture, source, function) or _stored(function(_colors(texture, source)), texture)
+            stored = self._worked_out(texture.pixels, (texture.encoding, *index_key[1:]), lambda: _derived(texture, source, key, function))
             self._indices[index_key] = self._append(replace(texture, **stored))
         return replace(source, texture=self._indices[index_key], value=(1.0, 1.0, 1.0), channel="COLOR", complement=False)
 
@@ -106,7 +105,9 @@ class Images:
 
     def _mean(self, index: int, channel: str) -> np.ndarray:
         if (index, channel) not in self._means:
-            self._means[index, channel] = mean_color(self.textures[index], channel)
+            texture = self.textures[index]
+            key = ("mean", texture.encoding, channel)
+            self._means[index, channel] = self._worked_out(texture.pixels, key, lambda: mean_color(texture, channel))
         return self._means[index, channel]
 
     def _append(self, texture: Texture) -> int:
@@ -124,16 +125,36 @@ class Images:
             return Pixels(pixels.MAGENTA, "SRGB")
         self._approximations(image)
         try:
-            return pixels.read(_original(image), path, decoded)
+            return self._read(_original(image), path, decoded)
         except ImageError as error:
             self.report.note(f"Image '{image.name}' {error}: it is magenta; find or pack its file ('{path}')")
             return Pixels(pixels.MAGENTA, "SRGB")
+
+    def _read(self, image: Any, path: str, decoded: Raw | ImageError | None) -> Pixels:
+        if not isinstance(decoded, Raw):
+            return pixels.read(image, path, decoded)
+        space = image.colorspace_settings
+        key = (image.alpha_mode, space.name, space.is_data, colorspace.working_space())
+        return self._worked_out(decoded.rgba, key, lambda: pixels.read(image, path, decoded))
 
     def _approximations(self, image: Any) -> None:
         if image.source == "TILED":
             self.report.note("Only the first tile of tiled images is rendered ({}): bake them into one image", image.name)
         if image.source == "MOVIE":
             self.report.note("Movies are rendered as the frame that Blender holds ({}): use an image sequence", image.name)
+
+
+def _work(values: np.ndarray, key: Hashable, work: Callable[[], Any]) -> Any:
+    """`Decoded.worked_out` where nothing is kept."""
+    return work()
+
+
+def _derived(texture: Texture, source: Input, key: tuple, function: Function) -> dict[str, Any]:
+    """The pixels and the encoding of `Images.derived`."""
+    plain = source.value == (1.0, 1.0, 1.0) and source.channel == "COLOR" and not source.complement
+    if key[0] == "channel" and key[-1] == (1.0, 1.0, 1.0) and plain:
+        return {"pixels": _one_channel(texture.pixels, key[1])}
+    return _of_codes(texture, source, function) or _stored(function(_colors(texture, source)), texture)
 
 
 def texels(texture: Texture, channel: str) -> np.ndarray:

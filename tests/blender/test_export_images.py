@@ -292,6 +292,32 @@ def test_what_the_last_export_decoded_is_not_decoded_again(scene, tmp_path, monk
     assert exported(0, 1, 2) == 1
 
 
+def test_what_the_last_export_made_of_images_is_not_made_again(scene, tmp_path):  # noqa: F811
+    file = _file(tmp_path / "colors.png", GRADIENT)
+    picture, decoded, made = bpy.data.images.load(file), Decoded(), []
+
+    def exported(power: float, channel: str = "COLOR") -> Texture:
+        images = Images(Report(), decoded)
+        source = Input((1.0, 1.0, 1.0), images.texture(picture, None, "REPEAT", "Linear"), channel)
+        images.mean(source)
+        result = images.derived(source, ("power", power), lambda colors: made.append(power) or colors**power)
+        decoded.forget_unused()
+        return images.textures[result.texture]
+
+    first = exported(2.0)
+    assert exported(2.0).pixels is first.pixels and made == [2.0]
+    assert exported(3.0).pixels.tolist() != first.pixels.tolist()
+    exported(2.0)  # forgotten by the export before
+    exported(2.0, "LUMINANCE")
+    picture.colorspace_settings.name = "Non-Color"
+    assert exported(2.0).encoding != first.encoding
+    _file(tmp_path / "colors.png", GRADIENT[::-1])
+    os.utime(file, ns=(1, 1))
+    picture.colorspace_settings.name = "sRGB"
+    np.testing.assert_array_equal(exported(2.0).pixels, first.pixels[::-1])
+    assert made == [2.0, 3.0, *[2.0] * 4]
+
+
 def test_what_cannot_be_decoded_ahead_is_told_once(scene, tmp_path):  # noqa: F811
     broken = [bpy.data.images.new(name, 1, 1) for name in ("Corrupt", "Gone")]
     for picture, path in zip(broken, (_corrupt(tmp_path), tmp_path / "gone.png"), strict=True):
