@@ -113,7 +113,7 @@ class Evaluator:
 
     def _note_circle(self, found: Place | None) -> None:
         """`found` as `source` gave it: None after too many steps, or an input where Blender cut the circle itself."""
-        if found is None or (not found.socket.is_output and closes_circle(found.socket)):
+        if found is None or (not found.socket.is_output and closes_circle(found)):
             self.note(_CIRCLE)
 
     def limited(self, terms: Sum) -> Sum:

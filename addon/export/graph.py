@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 LONGEST = 4096
@@ -20,12 +20,32 @@ def node_tree(block: Any) -> Any:
     return block.node_tree if bpy.app.version >= (5, 0, 0) or block.use_nodes else None
 
 
+class Links:
+    """The links of node trees by the input they lead to. Blender's own `NodeSocket.links` looks through all links of the tree."""
+
+    def __init__(self) -> None:
+        self._of_trees: dict[int, dict[int, list[Any]]] = {}
+
+    def into(self, socket: Any) -> list[Any]:
+        """The links that end at an input."""
+        if not socket.is_linked:
+            return []
+        tree = socket.id_data
+        key = tree.as_pointer()
+        if key not in self._of_trees:
+            self._of_trees[key] = by_input = {}
+            for link in tree.links:
+                by_input.setdefault(link.to_socket.as_pointer(), []).append(link)
+        return self._of_trees[key].get(socket.as_pointer(), [])
+
+
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A socket and the chain of group nodes, outermost first, that leads to the tree in which it lives."""
+    """A socket and the chain of group nodes, outermost first, that leads to the tree in which it lives. links: of all trees on the way."""
 
     socket: Any
     path: tuple[Any, ...] = ()
+    links: Links = field(default_factory=Links)
 
     @property
     def node(self) -> Any:
@@ -38,7 +58,7 @@ class Place:
 
     def beside(self, socket: Any) -> Place:
         """Another socket of the same tree."""
-        return Place(socket, self.path)
+        return Place(socket, self.path, self.links)
 
 
 def source(place: Place) -> Place | None:
@@ -48,7 +68,7 @@ def source(place: Place) -> Place | None:
     """
     for _ in range(LONGEST):
         if not place.socket.is_output:
-            link = _link(place.socket)
+            link = _link(place)
             if link is None:
                 return place
             place = place.beside(link.from_socket)
@@ -63,9 +83,9 @@ _GEOMETRIC = ("Vector", "Normal", "Coat Normal", "Tangent")
 """Inputs that colour no surface here."""
 
 
-def images_behind(socket: Any) -> list[tuple[Any, Any]]:
+def images_behind(shader: Place) -> list[tuple[Any, Any]]:
     """Image and ImageUser of the Image Texture nodes that may colour what a shader socket gets, each node once."""
-    found, seen, waiting = [], set(), [Place(socket)]
+    found, seen, waiting = [], set(), [shader]
     while waiting:
         place = source(waiting.pop())
         if place is None or not place.socket.is_output or place.node.mute:
@@ -81,19 +101,17 @@ def images_behind(socket: Any) -> list[tuple[Any, Any]]:
     return found
 
 
-def closes_circle(socket: Any) -> bool:
+def closes_circle(place: Place) -> bool:
     """Whether a link comes in that Blender marked as invalid because it closes a circle, and which `source` therefore does not follow.
 
     Links between a shader and a value are invalid as well, and no circle.
     """
-    return any(not link.is_valid and (link.from_socket.type == "SHADER") == (socket.type == "SHADER") for link in socket.links)
+    wants_shader = place.socket.type == "SHADER"
+    return any(not link.is_valid and (link.from_socket.type == "SHADER") == wants_shader for link in place.links.into(place.socket))
 
 
-def _link(socket: Any) -> Any:
-    for link in socket.links if socket.is_linked else ():
-        if link.is_valid and not link.is_muted:
-            return link
-    return None
+def _link(place: Place) -> Any:
+    return next((link for link in place.links.into(place.socket) if link.is_valid and not link.is_muted), None)
 
 
 def _through(place: Place) -> Place | None:
@@ -107,7 +125,7 @@ def _through(place: Place) -> Place | None:
         return _into_group(place)
     if node.type == "GROUP_INPUT" and place.path:
         outside = _by_identifier(place.path[-1].inputs, place.socket.identifier)
-        return Place(outside, place.path[:-1]) if outside is not None else None
+        return Place(outside, place.path[:-1], place.links) if outside is not None else None
     return None
 
 
@@ -124,7 +142,7 @@ def _into_group(place: Place) -> Place | None:
     outputs = [node for node in place.node.node_tree.nodes if node.type == "GROUP_OUTPUT"]
     active = [node for node in outputs if node.is_active_output] or outputs
     inside = _by_identifier(active[0].inputs, place.socket.identifier) if active else None
-    return Place(inside, (*place.path, place.node)) if inside is not None else None
+    return Place(inside, (*place.path, place.node), place.links) if inside is not None else None
 
 
 def _by_identifier(sockets: Any, identifier: str) -> Any:

@@ -84,9 +84,9 @@ def _surface(tree: Any, evaluator: Evaluator) -> Closure:
         socket = socket_named(output.inputs, name)
         if socket is not None and socket.is_linked:
             evaluator.note(sentence)
-    surface = socket_named(output.inputs, "Surface")
+    surface = Place(socket_named(output.inputs, "Surface"))
     evaluator.images.expect(images_behind(surface))
-    return evaluator.closure(Place(surface))
+    return evaluator.closure(surface)
 
 
 def _viewport_surface(material: Any) -> Closure:

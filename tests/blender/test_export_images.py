@@ -11,7 +11,7 @@ import pytest
 from export_support import Shader, image, scene, srgb_to_linear  # noqa: F401
 from glint.addon.export import colorspace, pixels
 from glint.addon.export.decoded import Decoded
-from glint.addon.export.graph import images_behind
+from glint.addon.export.graph import Place, images_behind
 from glint.addon.export.images import Images, mean_color, texels
 from glint.addon.export.report import Report
 from glint.engine.scene import Input, Texture
@@ -342,7 +342,7 @@ def test_only_images_that_colour_the_surface_are_expected(scene):  # noqa: F811
     shader.link(bump, "Color", normal, "Color")
     shader.link(normal, "Normal", principled, "Normal")
     shader.link(principled, "BSDF", shader.output, "Surface")
-    found = images_behind(shader.output.inputs["Surface"])
+    found = images_behind(Place(shader.output.inputs["Surface"]))
     assert sorted(picture.name for picture, _ in found) == ["Color", "Roughness"]
 
 
