@@ -272,6 +272,16 @@ def test_instances_are_numbered_by_group_and_row(backend: str) -> None:
     assert hits.instance.tolist() == [0, 1, 2, 3, 4, 5]
 
 
+@needs_core
+def test_nodes_over_many_instances_are_well_filled() -> None:
+    """Where a node's ranges were parted until it is full, those below it would have 3.4 children each."""
+    rng = np.random.default_rng(3)
+    matrices = np.concatenate([at(*position) for position in rng.uniform(-20, 20, (1000, 3))])
+    with engine.Accelerator([s.Mesh("square", SQUARE, HALVES)], [s.Instances("squares", 0, matrices, (0,))], backend="NATIVE") as tree:
+        nodes = tree.stats["nodes"] - 1  # one is the square's
+        assert (nodes - 1 + 1000) / nodes > 4.5
+
+
 @both
 def test_coincident_faces_give_the_lowest(backend: str) -> None:
     mesh = s.Mesh("twice", SQUARE, np.concatenate([HALVES, HALVES]))

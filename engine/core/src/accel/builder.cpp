@@ -114,10 +114,12 @@ struct NodeMaker {
 
   /// Splits the child with the largest box until there are eight or none is worth it.
   int open(const Range& r, int depth, Range* children) {
+    const BuildOptions& options = splitter.options;
+    const size_t shut = r.weight > kWidth ? std::max(options.min_leaf, options.min_node) : options.min_leaf;
     double area[kWidth] = {half_area(r.box)};
     int count = 1;
     children[0] = r;
-    for (int k; count < kWidth && (k = largest(children, area, count)) >= 0;) {
+    for (int k; count < kWidth && (k = largest(children, area, count, shut)) >= 0;) {
       Range a, b;
       if (!splitter.split(children[k], depth, a, b)) {
         area[k] = -1;
@@ -130,10 +132,10 @@ struct NodeMaker {
     return count;
   }
 
-  int largest(const Range* children, const double* area, int count) const {
+  int largest(const Range* children, const double* area, int count, size_t shut) const {
     int best = -1;
     for (int k = 0; k < count; ++k) {
-      if (area[k] < 0 || children[k].count() == 1 || children[k].weight <= splitter.options.min_leaf) continue;
+      if (area[k] < 0 || children[k].count() == 1 || children[k].weight <= shut) continue;
       if (best < 0 || area[k] > area[best] || (area[k] == area[best] && children[k].weight > children[best].weight)) best = k;
     }
     return best;
@@ -174,7 +176,7 @@ class TreeMaker {
   /// The top nodes over a range, and tasks for what is below. A range that the grid cannot part is left to one thread.
   void part(const Task& task) {
     std::vector<Task> found;
-    const BuildOptions over{1, 1, kCluster, kTask, false};
+    const BuildOptions over{1, 1, 0, kCluster, kTask, false};
     const ChildRef root = over_clusters(task, over, team_, top_, found);
     if (found.size() == 1 && found[0].node == kNoNode) return small_.push_back(task);
     place(task, root);

@@ -19,6 +19,7 @@ struct Cancelled {};
 struct BuildOptions {
   uint32_t max_leaf = 8;  // at most this many primitives a leaf
   uint32_t min_leaf = 4;  // children with more are split while their node has room
+  uint32_t min_node = 0;  // children with no more become a node of their own where theirs has more than eight refs
   uint32_t cluster = 8;   // refs a cluster, where nodes are made over few refs
   uint32_t crowd = 512;   // refs: nodes over fewer are made over those themselves
   bool halve = false;     // nodes over few refs halve the cells of a grid, whatever that costs a ray

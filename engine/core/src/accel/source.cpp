@@ -196,6 +196,7 @@ BuildOptions options_of(LeafKind kind, BuildQuality quality) {
   BuildOptions options;
   if (kind == kSphereLeaf) options.max_leaf = 2, options.min_leaf = 1;
   else if (kind != kTriangleLeaf) options.max_leaf = options.min_leaf = 1;
+  if (kind == kInstanceLeaf) options.min_node = kWidth;
   options.halve = quality == BuildQuality::kFast;
   return options;
 }
