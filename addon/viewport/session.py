@@ -100,7 +100,6 @@ class Session:
         self._status = ""
         self._error: float | None = None
         self.region = 0
-        self.films: dict[str, engine.Film] = {}
         timer.watch(self)
 
     # --- Blender calls ------------------------------------------------------------------------------------------------------------
@@ -141,7 +140,6 @@ class Session:
         self._later = []
         self._content = self._traced = self._export = None
         self._pictures.clear()
-        self.films.clear()
 
     @property
     def shown_scene(self) -> tuple[Scene, engine.Settings, View] | None:
@@ -236,19 +234,19 @@ class Session:
         """One sample of pixels that are larger than the screen's."""
         size = tuple(max(1, round(extent / divisor)) for extent in scene.camera.resolution)
         region = _scaled(view.border, scene.camera.resolution, size) if view.border else None
-        settings = replace(self._settings, samples=1, region=region, passes=self._first_passes)
+        settings = replace(self._first_settings, region=region)
         coarse = replace(scene, camera=replace(scene.camera, resolution=size))
         return engine.Task(coarse, settings, self._target(view, "DRAFT", divisor), keep_first_wave=True, exact=False)
 
     def _once(self, scene: Scene, view: View, keep: bool) -> engine.Task:
         """One sample of every pixel, with the trees that are there."""
-        settings = replace(self._settings, samples=1, region=view.border, passes=self._first_passes)
+        settings = replace(self._first_settings, region=view.border)
         return engine.Task(scene, settings, self._target(view, "FULL"), keep_first_wave=keep, exact=False)
 
     @property
-    def _first_passes(self) -> frozenset[str]:
-        """Of pictures of one sample, whose error nobody can tell."""
-        return self._settings.passes - {"Error"} | {self._shown_pass}
+    def _first_settings(self) -> engine.Settings:
+        """Of pictures of one sample, whose error nobody can tell and no pixel needs to know."""
+        return replace(self._settings, samples=1, error_threshold=0.0, passes=self._settings.passes - {"Error"} | {self._shown_pass})
 
     def _full(self, scene: Scene, view: View, keep: bool) -> engine.Task:
         if _is_whole(view):
@@ -295,9 +293,8 @@ class Session:
         colors = as_colors(film.passes[target.shown], target.shown)
         name, frame = ("frame", target.view.frame) if target.stage == "FRAME" else ("all", None)
         for gone in ("frame",) if frame else ("all", "frame"):  # before what comes needs room
-            self._pictures.pop(gone, None), self.films.pop(gone, None)
+            self._pictures.pop(gone, None)
         self._pictures[name] = _picture(colors, wave.task.settings.region, target.view, frame, wave.task.scene.camera.resolution)
-        self.films[name] = film
 
     def _learn(self, wave: engine.Wave) -> None:
         height, width = wave.film.combined.shape[:2]

@@ -76,7 +76,7 @@ class Watcher:
             assert time.monotonic() < deadline, "no picture came"
             time.sleep(0.005)
             self.draw()
-        return self.session.films["all"]
+        return self.session._live.newest.film
 
     def draw(self):
         self.session.draw(self.engine, self.view, bpy.context.evaluated_depsgraph_get())

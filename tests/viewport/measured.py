@@ -250,7 +250,7 @@ def has_come_to_rest(session, before):
         if eye.draws == before + 1:
             window.region.tag_redraw()
         return eye.draws > before + 1
-    return session.answered > before and session.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
+    return session.answered > before and window.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
 
 
 def current_session():
