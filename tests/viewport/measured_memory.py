@@ -1,7 +1,7 @@
 """Runs inside a Blender with a window: shows or renders a million triangles, or shows a ready picture; answers when it began to.
 
-Without overlays: to draw them over a million triangles a software rasteriser takes 50 to 80 MB for the moment of each redraw, which would hide
-what Glint takes, at another moment in every run.
+Without overlays: to draw them over a million triangles a software rasteriser takes 50 to 80 MB for the moment of each redraw. That would
+hide what Glint takes, in every run another part of it.
 """
 
 import pathlib
