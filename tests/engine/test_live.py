@@ -79,6 +79,7 @@ def test_pictures_of_waves_are_handed_over_and_stay_as_they_are():
         assert all(film.passes[name].tobytes() == copy.tobytes() for name, copy in copies.items())
     assert not any(picture.flags.writeable for film, _ in waves[:4] for picture in film.passes.values())
     assert not same(waves[0][0], waves[1][0])
+    assert same(waves[-1][0], render(scene(), settings)), "the Error pass looks at the picture of the wave before"
 
 
 @pytest.mark.skipif("NATIVE" not in available_backends(), reason="no core here")
