@@ -21,7 +21,7 @@ from ..export import ExportError
 from ..export.incremental import NO_CAMERA, shown_in
 from ..properties import viewport_settings_from
 from . import bounds, status, timer
-from .bounds import same_places
+from .bounds import same_content, same_places
 from .draw import Picture, as_colors
 from .pacing import Motion, Pacer
 from .sharing import SharedExport, export_of
@@ -106,16 +106,22 @@ class Session:
 
     def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Blender's data changed: read what did, and begin anew. What looks through a camera, which may have moved, begins when drawn."""
-        self._export = export_of(depsgraph)
-        self._wishes = _Wishes.of(context, depsgraph)
-        self._settings, self._shown_pass = self._wishes.settings, self._wishes.shown_pass
-        scene = self._export.update(self, depsgraph, NO_CAMERA, passes=self._settings.passes, space=context.space_data)
-        self._content = self._wishes.surroundings.around(scene)
         self.region = context.region.as_pointer()
+        self._export, wishes = export_of(depsgraph), _Wishes.of(context, depsgraph)
+        scene = self._export.update(self, depsgraph, NO_CAMERA, passes=wishes.settings.passes, space=context.space_data)
+        content = wishes.surroundings.around(scene)
+        if self._shows(content, wishes):
+            return  # another object is selected, or the display transform is another
+        self._content, self._wishes = content, wishes
+        self._settings, self._shown_pass = wishes.settings, wishes.shown_pass
         if self._view is not None and context.region_data.view_perspective != "CAMERA":
             self._ask(self._view)  # it is most likely as it was, and Blender takes a while until it draws
         else:
             self._view = None
+
+    def _shows(self, content: Scene, wishes: _Wishes) -> bool:
+        """Whether the pictures that are there, or were asked for, are of this."""
+        return self._content is not None and self._live.error is None and wishes == self._wishes and same_content(content, self._content)
 
     def draw(self, render_engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Put the newest picture on the screen; ask for another if this view has not been asked for."""
