@@ -46,19 +46,18 @@ def same_content(a: Scene, b: Scene) -> bool:
 
 def _all_same(some: tuple[Any, ...], others: tuple[Any, ...], matrix: str) -> bool:
     """Of lights, or of instances, of which all but one field are no arrays."""
-    if some is others or len(some) != len(others):
-        return len(some) == len(others)
-    matrix_of = attrgetter(matrix)
-    return all(
-        a is b or (_PLAIN[type(a)](a) == _PLAIN[type(b)](b) and matrix_of(a).tobytes() == matrix_of(b).tobytes())
-        for a, b in zip(some, others, strict=True)
-    )
+    if len(some) != len(others):
+        return False
+    plain, matrix_of = _PLAIN[matrix], attrgetter(matrix)
+    anew = compress(zip(some, others, strict=True), map(is_not, some, others))
+    return all(plain(a) == plain(b) and matrix_of(a).tobytes() == matrix_of(b).tobytes() for a, b in anew)
 
 
 _PLAIN = {
-    kind: attrgetter(*(field.name for field in fields(kind) if field.name != matrix))
+    matrix: attrgetter(*(field.name for field in fields(kind) if field.name != matrix))
     for kind, matrix in ((Light, "world_from_light"), (Instances, "world_from_object"))
 }
+"""By the name of a kind's matrix: all its other fields."""
 
 
 def _same_group(a: Instances, b: Instances) -> bool:
