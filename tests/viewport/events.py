@@ -70,7 +70,7 @@ def orbit(k):
 
 
 def move_cube(k):
-    bpy.data.objects["Cube"].location.x = 0.05 * k
+    bpy.data.objects["Cube"].location.x = 0.05 * (k + 1)  # never where it stands: that would ask for no picture
 
 
 def edit_light(k):
