@@ -52,9 +52,9 @@ _SIGNATURES = {
     "glint_render_wait": (ProgressData, [c_void_p, c_uint32]),
     "glint_render_resume": (None, [c_void_p]),
     "glint_render_cancel": (None, [c_void_p]),
-    "glint_render_read": (c_int32, [c_void_p, c_int32, c_void_p, c_uint64]),
-    "glint_render_take": (c_void_p, [c_void_p, c_int32, c_uint64]),
-    "glint_picture_free": (None, [c_void_p, c_uint64]),
+    "glint_render_picture": (c_void_p, [c_void_p, c_int32, c_uint64]),
+    "glint_picture_values": (c_void_p, [c_void_p]),
+    "glint_picture_free": (None, [c_void_p]),
     "glint_render_stats": (StatsData, [c_void_p]),
     "glint_render_error": (c_char_p, [c_void_p]),
     "glint_render_destroy": (None, [c_void_p]),
@@ -161,10 +161,6 @@ def _film_needs(data: SettingsData) -> str:
     return f": a picture of {x1 - x0} by {y1 - y0} pixels with {channels} channels needs {gigabytes:.1f} GB"
 
 
-_Read = Callable[[int, tuple[int, int, int]], np.ndarray | None]
-"""A pass by its number and shape; None when the core cannot give it."""
-
-
 class _Render:
     """One render at work in the core."""
 
@@ -182,7 +178,7 @@ class _Render:
             ended = progress.state >= DONE
             if on_wave is not None and progress.samples > shown:
                 shown = progress.samples
-                film = self._film(shown, complete=True)
+                film = self._film(shown, complete=True, ended=ended)
                 if progress.state == HELD:
                     self._core.glint_render_resume(self._handle)
                 on_wave(film)
@@ -195,38 +191,30 @@ class _Render:
         if progress.state == FAILED:
             text = self._core.glint_render_error(self._handle).decode(errors="replace")
             raise MemoryError("the core ran out of memory") if text == "out of memory" else RuntimeError(f"the core failed: {text}")
-        return self._film(progress.samples, progress.state != CANCELLED, self._taken)
+        return self._film(progress.samples, complete=progress.state != CANCELLED, ended=True)
 
-    def _film(self, samples: int, complete: bool, read: _Read | None = None) -> Film:
-        """read: how passes come from the core: as copies unless told otherwise."""
-        passes = {name: self._pass(name, samples, read or self._copied) for name in self._names}
+    def _film(self, samples: int, complete: bool, ended: bool) -> Film:
+        passes = {name: self._pass(name, samples, ended) for name in self._names}
         data = self._core.glint_render_stats(self._handle)
         return Film(self._axes.world_passes(passes) if self._axes else passes, samples, complete, _stats(data), _notes(data))
 
-    def _pass(self, name: str, samples: int, read: _Read) -> np.ndarray:
-        """(h, w, c) float32; of an untouched picture when no wave is complete."""
+    def _pass(self, name: str, samples: int, ended: bool) -> np.ndarray:
+        """(h, w, c) float32; of an untouched picture when no wave is complete.
+
+        The core's own memory, which is freed with the array and all that look into it. Read-only unless the render has `ended`.
+        """
         shape = (*self._shape, PASSES[name])
         if samples == 0:
             return np.full(shape, empty_value(name), np.float32)
-        picture = read(core_types.PASS_NUMBERS[name], shape)
-        if picture is None:
-            raise RuntimeError(f"the core has no pass {name!r} of {math.prod(shape)} numbers")
-        return picture
-
-    def _copied(self, number: int, shape: tuple[int, int, int]) -> np.ndarray | None:
-        picture = np.empty(shape, np.float32)
-        failed = self._core.glint_render_read(self._handle, number, picture.ctypes.data, picture.size)
-        return None if failed else picture
-
-    def _taken(self, number: int, shape: tuple[int, int, int]) -> np.ndarray | None:
-        """The core's own memory, which is freed with the array and all that look into it."""
         size = math.prod(shape)
-        address = self._core.glint_render_take(self._handle, number, size)
-        if not address:
-            return None
-        memory = (c_float * size).from_address(address)
-        weakref.finalize(memory, self._core.glint_picture_free, address, size).atexit = False
-        return np.frombuffer(memory, np.float32).reshape(shape)
+        handle = self._core.glint_render_picture(self._handle, core_types.PASS_NUMBERS[name], size)
+        if not handle:
+            raise RuntimeError(f"the core has no pass {name!r} of {size} numbers")
+        memory = (c_float * size).from_address(self._core.glint_picture_values(handle))
+        weakref.finalize(memory, self._core.glint_picture_free, handle).atexit = False
+        picture = np.frombuffer(memory, np.float32).reshape(shape)
+        picture.flags.writeable = ended
+        return picture
 
 
 def _stats(data: StatsData) -> dict[str, float]:

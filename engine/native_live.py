@@ -94,7 +94,7 @@ class NativeLive:
             ended = progress.state >= DONE
             if progress.samples > shown and (ended or progress.samples < most):
                 shown = progress.samples
-                on_film(render._film(shown, True, render._taken if ended else None), shown == most)
+                on_film(render._film(shown, complete=True, ended=ended), shown == most)
             if progress.state == FAILED:
                 render._result(progress)
             if ended:

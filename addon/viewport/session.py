@@ -21,7 +21,7 @@ from ..export import ExportError
 from ..export.incremental import NO_CAMERA, shown_in
 from ..properties import viewport_settings_from
 from . import bounds, status, timer
-from .bounds import same_places
+from .bounds import same_content, same_places
 from .draw import Picture, as_colors
 from .pacing import Motion, Pacer
 from .sharing import SharedExport, export_of
@@ -100,23 +100,28 @@ class Session:
         self._status = ""
         self._error: float | None = None
         self.region = 0
-        self.films: dict[str, engine.Film] = {}
         timer.watch(self)
 
     # --- Blender calls ------------------------------------------------------------------------------------------------------------
 
     def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Blender's data changed: read what did, and begin anew. What looks through a camera, which may have moved, begins when drawn."""
-        self._export = export_of(depsgraph)
-        self._wishes = _Wishes.of(context, depsgraph)
-        self._settings, self._shown_pass = self._wishes.settings, self._wishes.shown_pass
-        scene = self._export.update(self, depsgraph, NO_CAMERA, passes=self._settings.passes, space=context.space_data)
-        self._content = self._wishes.surroundings.around(scene)
         self.region = context.region.as_pointer()
+        self._export, wishes = export_of(depsgraph), _Wishes.of(context, depsgraph)
+        scene = self._export.update(self, depsgraph, NO_CAMERA, passes=wishes.settings.passes, space=context.space_data)
+        content = wishes.surroundings.around(scene)
+        if self._shows(content, wishes):
+            return  # another object is selected, or the display transform is another
+        self._content, self._wishes = content, wishes
+        self._settings, self._shown_pass = wishes.settings, wishes.shown_pass
         if self._view is not None and context.region_data.view_perspective != "CAMERA":
             self._ask(self._view)  # it is most likely as it was, and Blender takes a while until it draws
         else:
             self._view = None
+
+    def _shows(self, content: Scene, wishes: _Wishes) -> bool:
+        """Whether the pictures that are there, or were asked for, are of this."""
+        return self._content is not None and self._live.error is None and wishes == self._wishes and same_content(content, self._content)
 
     def draw(self, render_engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Put the newest picture on the screen; ask for another if this view has not been asked for."""
@@ -141,7 +146,6 @@ class Session:
         self._later = []
         self._content = self._traced = self._export = None
         self._pictures.clear()
-        self.films.clear()
 
     @property
     def shown_scene(self) -> tuple[Scene, engine.Settings, View] | None:
@@ -236,19 +240,19 @@ class Session:
         """One sample of pixels that are larger than the screen's."""
         size = tuple(max(1, round(extent / divisor)) for extent in scene.camera.resolution)
         region = _scaled(view.border, scene.camera.resolution, size) if view.border else None
-        settings = replace(self._settings, samples=1, region=region, passes=self._first_passes)
+        settings = replace(self._first_settings, region=region)
         coarse = replace(scene, camera=replace(scene.camera, resolution=size))
         return engine.Task(coarse, settings, self._target(view, "DRAFT", divisor), keep_first_wave=True, exact=False)
 
     def _once(self, scene: Scene, view: View, keep: bool) -> engine.Task:
         """One sample of every pixel, with the trees that are there."""
-        settings = replace(self._settings, samples=1, region=view.border, passes=self._first_passes)
+        settings = replace(self._first_settings, region=view.border)
         return engine.Task(scene, settings, self._target(view, "FULL"), keep_first_wave=keep, exact=False)
 
     @property
-    def _first_passes(self) -> frozenset[str]:
-        """Of pictures of one sample, whose error nobody can tell."""
-        return self._settings.passes - {"Error"} | {self._shown_pass}
+    def _first_settings(self) -> engine.Settings:
+        """Of pictures of one sample, whose error nobody can tell and no pixel needs to know."""
+        return replace(self._settings, samples=1, error_threshold=0.0, passes=self._settings.passes - {"Error"} | {self._shown_pass})
 
     def _full(self, scene: Scene, view: View, keep: bool) -> engine.Task:
         if _is_whole(view):
@@ -295,9 +299,8 @@ class Session:
         colors = as_colors(film.passes[target.shown], target.shown)
         name, frame = ("frame", target.view.frame) if target.stage == "FRAME" else ("all", None)
         for gone in ("frame",) if frame else ("all", "frame"):  # before what comes needs room
-            self._pictures.pop(gone, None), self.films.pop(gone, None)
+            self._pictures.pop(gone, None)
         self._pictures[name] = _picture(colors, wave.task.settings.region, target.view, frame, wave.task.scene.camera.resolution)
-        self.films[name] = film
 
     def _learn(self, wave: engine.Wave) -> None:
         height, width = wave.film.combined.shape[:2]

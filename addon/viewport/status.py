@@ -6,24 +6,31 @@ import numpy as np
 
 from ... import engine
 
+_FIRST = 4
+"""Samples of which an error can be estimated at all (SEMANTICS.md, Error)."""
 _SHARE = 0.99
 """Of the pixels, whose estimated error the text states."""
 
 
 def error_of(film: engine.Film) -> float | None:
     """8-bit levels below which the estimated error of 99 of 100 pixels lies; None where it was not estimated."""
-    if "Error" not in film.passes or film.samples < 2:
+    if "Error" not in film.passes or film.samples < _FIRST:
         return None
     levels = film.passes["Error"].reshape(-1)
     return float(np.partition(levels, int(_SHARE * (levels.size - 1)))[int(_SHARE * (levels.size - 1))])
+
+
+def _wrong(error: float | None) -> str:
+    if error is None:
+        return ""
+    return ", error " + ("under 0.01" if error < 0.01 else f"{error:.2g}" if error < 100 else f"{error:.0f}") + "/255"
 
 
 def progress(wave: engine.Wave | None, most: int, busy: bool, error: float | None) -> str:
     """How far a picture of `most` samples is, and how wrong."""
     if wave is None:
         return "Glint: reading the scene"
-    wrong = f", error {error:.2g}/255" if error is not None else ""
     if busy:
-        return f"Glint: {wave.film.samples} of {most} samples{wrong}"
+        return f"Glint: {wave.film.samples} of {most} samples{_wrong(error)}"
     count = "1 sample" if wave.film.samples == 1 else f"{wave.film.samples} samples"
-    return f"Glint: {count}{wrong}, {wave.seconds:.2f} s"
+    return f"Glint: {count}{_wrong(error)}, {wave.seconds:.2f} s"

@@ -12,7 +12,7 @@ from export_support import link, quad, scene  # noqa: F401
 from glint import engine
 from glint.addon import properties
 from glint.addon.export import incremental
-from glint.addon.viewport import draw, redraws, session
+from glint.addon.viewport import draw, redraws, session, status
 from glint.addon.viewport.bounds import same_places
 from glint.addon.viewport.surroundings import Surroundings
 from glint.engine.scene import Instances, Mesh, World
@@ -76,7 +76,7 @@ class Watcher:
             assert time.monotonic() < deadline, "no picture came"
             time.sleep(0.005)
             self.draw()
-        return self.session.films["all"]
+        return self.session._live.newest.film
 
     def draw(self):
         self.session.draw(self.engine, self.view, bpy.context.evaluated_depsgraph_get())
@@ -111,7 +111,42 @@ def test_edits_end_in_the_bits_of_a_render(watcher):
     for edit in edits:
         film = watcher.edit(edit)
         assert same(film, watcher.expected())
-    assert watcher.told[-1].startswith("Glint: 2 samples, error ")
+    assert watcher.told[-1].startswith("Glint: 2 samples, ") and "error" not in watcher.told[-1], "two samples tell no error"
+
+
+def test_the_status_line_tells_errors_in_levels(watcher):
+    bpy.context.scene.glint.viewport.samples = 4
+    watcher.edit(lambda: None, updates=False)
+    assert ", error " in watcher.told[-1] and "e+" not in watcher.told[-1]
+    assert [status._wrong(error) for error in (None, 8e-7, 0.123, 99.0, 256.0)] == [
+        "", ", error under 0.01/255", ", error 0.12/255", ", error 99/255", ", error 256/255"
+    ]  # fmt: skip
+
+
+def test_only_what_can_be_seen_asks_for_another_picture(watcher):
+    quads, scene = [o for o in bpy.data.objects if o.type == "MESH"], bpy.context.scene  # noqa: F811
+    unseen = [
+        lambda: quads[0].select_set(not quads[0].select_get()),
+        lambda: setattr(scene.view_settings, "exposure", 1.5),
+        lambda: setattr(scene.cursor, "location", (1, 2, 3)),
+        lambda: link(bpy.data.objects.new("Empty", None)),
+    ]
+    seen = [
+        lambda: setattr(quads[0], "pass_index", 3),
+        lambda: setattr(quads[1], "visible_shadow", False),
+        lambda: setattr(bpy.data.lights["SUN"], "use_shadow", False),
+        lambda: setattr(bpy.data.lights["SUN"], "angle", 0.3),
+        lambda: setattr(scene.render, "film_transparent", True),
+        lambda: quads[0].data.materials.append(bpy.data.materials.new("New")),
+        lambda: quads[0].data.transform(np.diag((2, 1, 1, 1))),
+        lambda: setattr(scene.glint.viewport, "light_samples", 3),
+    ]
+    for edits, expected in ((unseen, False), (seen, True)):
+        for number, edit in enumerate(edits):
+            before = watcher.session.requests
+            watcher.edit(edit)
+            assert (watcher.session.requests > before) == expected, f"edit {number}"
+            assert same(watcher.session._live.newest.film, watcher.expected())
 
 
 @pytest.mark.skipif("NATIVE" not in engine.available_backends(), reason="no core here")

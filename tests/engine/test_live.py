@@ -65,6 +65,24 @@ def test_the_last_wave_has_the_bits_of_a_render(live, backend):
 
 
 @pytest.mark.skipif("NATIVE" not in available_backends(), reason="no core here")
+def test_pictures_of_waves_are_handed_over_and_stay_as_they_are():
+    passes = frozenset({"Depth", "Diffuse", "Samples", "Error"})
+    settings, waves = Settings(samples=16, backend="NATIVE", passes=passes), []
+
+    def keep(film):
+        waves.append((film, {name: picture.copy() for name, picture in film.passes.items()}))
+
+    keep(render(scene(), settings, on_wave=keep))
+    assert [film.samples for film, _ in waves] == [1, 2, 4, 8, 16, 16]
+    for film, copies in waves:
+        assert not any(picture.flags.owndata for picture in film.passes.values()), "copied"
+        assert all(film.passes[name].tobytes() == copy.tobytes() for name, copy in copies.items())
+    assert not any(picture.flags.writeable for film, _ in waves[:4] for picture in film.passes.values())
+    assert not same(waves[0][0], waves[1][0])
+    assert same(waves[-1][0], render(scene(), settings)), "the Error pass looks at the picture of the wave before"
+
+
+@pytest.mark.skipif("NATIVE" not in available_backends(), reason="no core here")
 def test_the_last_picture_is_handed_over_and_outlives_its_maker():
     live, expected = LiveRender(), render(scene(), SETTINGS)
     live.start([Task(scene(), replace(SETTINGS, backend="NATIVE"))])

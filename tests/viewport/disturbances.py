@@ -62,7 +62,7 @@ def is_as_anew():
     shown, settings, view = window.session.shown_scene
     depsgraph = bpy.context.evaluated_depsgraph_get()
     anew = export.LiveExport().update(depsgraph, shown.camera, passes=settings.passes, space=window.space)
-    film = window.session.films["all"]
+    film = window.films["all"]
     truth = engine.render(anew, replace(settings, region=view.border))
     return film.combined.shape == truth.combined.shape and film.combined.tobytes() == truth.combined.tobytes()
 

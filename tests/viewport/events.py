@@ -47,7 +47,7 @@ def compare(name):
     yield from window.read()
     window.space.overlay.show_overlays = True
     final = in_window.render(folder / "final.exr")
-    film = window.session.films.get("frame", window.session.films.get("all"))
+    film = window.films.get("frame", window.films.get("all"))
     shown = film.combined
     same = shown.shape == final.shape and shown.tobytes() == final.tobytes()
     worst = float(np.abs(shown - final).max()) if shown.shape == final.shape else -1.0
@@ -70,7 +70,7 @@ def orbit(k):
 
 
 def move_cube(k):
-    bpy.data.objects["Cube"].location.x = 0.05 * k
+    bpy.data.objects["Cube"].location.x = 0.05 * (k + 1)  # never where it stands: that would ask for no picture
 
 
 def edit_light(k):
@@ -103,7 +103,7 @@ def scenario():
     yield from timed("orbit", 40, orbit)
     yield from playing()
     start = time.perf_counter()
-    yield lambda: window.session.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
+    yield lambda: window.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
     latency["stop to full resolution"] = [time.perf_counter() - start]
     yield from window.settle()
     yield from idle()
@@ -157,12 +157,12 @@ def explain():
     """Explain Pixel against the picture of one sample: the pixel in the middle."""
     bpy.context.scene.glint.viewport.samples = 1
     window.region.tag_redraw()
-    yield lambda: window.session.films["all"].samples == 1
+    yield lambda: window.films["all"].samples == 1
     yield from window.settle()
     operator = sys.modules[window.package + ".operators.explain_pixel"]
     x, y = window.region.width // 2, window.region.height // 2
     explained["color"] = operator.explain_view(window.region, x, y).color
-    explained["pixel"] = window.session.films["all"].combined[y, x, :3].tolist()
+    explained["pixel"] = window.films["all"].combined[y, x, :3].tolist()
     with window.context():
         assert bpy.ops.glint.explain_pixel(x=x, y=y) == {"FINISHED"}
         assert bpy.ops.glint.copy_explanation() == {"FINISHED"}

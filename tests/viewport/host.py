@@ -20,7 +20,7 @@ _SIZE = (900, 560)
 
 @dataclass(frozen=True)
 class WindowRun:
-    """How a program with a window ended. memory: (time.monotonic(), the same inside, megabytes held) ten times a second."""
+    """How a program with a window ended. memory: (time.monotonic(), the same inside, megabytes held) twenty times a second."""
 
     run: Run
     memory: list[tuple[float, float]]
@@ -68,4 +68,4 @@ def _watch(process: subprocess.Popen[str], memory: list[tuple[float, float]]) ->
         except (OSError, IndexError):
             return
         memory.append((time.monotonic(), pages * _PAGE))
-        time.sleep(0.1)
+        time.sleep(0.05)

@@ -20,6 +20,7 @@ class Window:
     """The 3D view of the first window, its Glint session, and when pictures were drawn. package: of Glint, None without it.
 
     draws: (time, which request was answered, stage of the newest picture, seconds that view_draw took) of every view_draw.
+    films: what is on the screen: "all" of the region, "frame" of the render in it; held for as long as it is shown, if `keeps_films`.
     """
 
     def __init__(self, package):
@@ -28,6 +29,7 @@ class Window:
         self.updates = []
         self.framebuffer = None
         self.session = None
+        self.films, self.keeps_films = {}, True
         self._wants_framebuffer = False
         if package is not None:
             self._watch(sys.modules[package + ".addon.viewport.session"].Session)
@@ -116,6 +118,8 @@ class Window:
                 return
             self.session = session
             newest = session._live.newest
+            if self.keeps_films and newest is not None and newest.number == session._drawn:
+                self._keep(newest)
             self.draws.append((end, session.answered, newest.task.tag.stage if newest else "", end - start))
             if self._wants_framebuffer:
                 self._wants_framebuffer = False
@@ -127,6 +131,12 @@ class Window:
             self.updates.append(time.perf_counter() - start)
 
         session_class.draw, session_class.update = watched_draw, watched_update
+
+    def _keep(self, wave):
+        if wave.task.tag.stage != "FRAME":
+            self.films = {"all": wave.film}
+        elif wave.final:
+            self.films["frame"] = wave.film
 
 
 def _framebuffer(width, height):

@@ -58,7 +58,7 @@ def picture():
 
 
 def film(name="all"):
-    return window.session.films[name].combined
+    return window.films[name].combined
 
 
 # --- clip border -----------------------------------------------------------------------------------------------------------------
@@ -181,7 +181,7 @@ def passepartout():
     view.view_camera_zoom = (2 * (frame[0] / width) ** 0.5 - 2**0.5) * 50
     yield from picture()
     yield from window.read()
-    shown = film("frame") if "frame" in window.session.films else film()
+    shown = film("frame") if "frame" in window.films else film()
     final = in_window.render(folder / "final.exr")
     x, y = width // 6, height // 6
     inside = window.framebuffer[y : y + frame[1], x : x + frame[0]]

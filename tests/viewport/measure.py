@@ -26,13 +26,15 @@ SIZE = (960, 540)
 TARGETS = {
     "view moved": (1 / 30, 1 / 60),
     "stop to full resolution": (0.150, 0.060),
-    "one of 10 000 instances": (0.050, 0.016),
+    "one of 10 000 objects": (0.050, 0.016),
+    "one among 10 000 instances": (0.050, 0.016),
     "one vertex of 1 M triangles": (1.0, 0.250),
     "light color": (0.050, 0.016),
     "material color": (0.050, 0.016),
 }
 """Event → seconds that it may take at most, and that are aimed at."""
 LIMIT = 1500.0
+MEMORY_RUNS = 3
 
 
 def main() -> None:
@@ -101,12 +103,16 @@ def print_histograms(wall: dict[str, list[float]]) -> None:
 
 
 def print_memory(blender: Blender) -> None:
-    """What a view of a million triangles holds beside a final render, and what Blender itself holds for a view: with a software rasteriser,
-    its window's buffers as well."""
-    runs = (host.run_in_window(blender, "measured_memory.py", job, timeout=LIMIT, size=SIZE) for job in ("final", "view", "control"))
-    final, view, own = map(_growth, runs)
+    """What a view of a million triangles holds at most, beside a final render, and what Blender itself takes for a view: with a software
+    rasteriser, its window's buffers as well. Three runs of each, in turn."""
+    grown = {job: [] for job in ("final", "view", "control")}
+    for _ in range(MEMORY_RUNS):
+        for job, growths in grown.items():
+            growths.append(_growth(host.run_in_window(blender, "measured_memory.py", job, timeout=LIMIT, size=SIZE)))
+    final, view, own = (statistics.median(growths) for growths in grown.values())
+    runs = "; ".join(f"{job} {', '.join(f'{growth:.0f}' for growth in growths)}" for job, growths in grown.items())
     print(f"memory of 1 M triangles beyond the file's own: final render {final:.0f} MB, viewport {view:.0f} MB, {view / final:.2f} of it")
-    print(f"Blender's own share of the viewport's: {own:.0f} MB; without it {(view - own) / final:.2f} of the final render's")
+    print(f"Blender's own share of the viewport's: {own:.0f} MB; without it {(view - own) / final:.2f} of the final render's (MB: {runs})")
 
 
 def _growth(done: host.WindowRun) -> float:

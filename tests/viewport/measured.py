@@ -103,7 +103,8 @@ def scenario():
     if options.engine != "CYCLES":
         yield from stopping()
     yield from converged()
-    yield from one_of_many()
+    yield from one_of_many("one of 10 000 objects", carried=False)
+    yield from one_of_many("one among 10 000 instances", carried=True)
     yield from one_vertex()
     in_window.answer({"wall": wall, "processor": processor, "traced": traced, "facts": facts})
 
@@ -250,7 +251,7 @@ def has_come_to_rest(session, before):
         if eye.draws == before + 1:
             window.region.tag_redraw()
         return eye.draws > before + 1
-    return session.answered > before and session.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
+    return session.answered > before and window.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
 
 
 def current_session():
@@ -267,13 +268,13 @@ def converged():
     facts["draws when converged"] = eye.draws - draws
 
 
-def one_of_many():
+def one_of_many(name, carried):
     set_shading("SOLID")
-    one = measured_scenes.instances(10_000)
+    one = measured_scenes.instances(10_000, carried)
     look_at((0, 0, 0), 12)
     set_shading("RENDERED")
     yield from quiet()
-    yield from alternating("one of 10 000 instances", lambda: place(one, 0), lambda: place(one, 3))
+    yield from alternating(name, lambda: place(one, 0), lambda: place(one, 3))
 
 
 def place(thing, x):

@@ -17,17 +17,26 @@ def spheres():
     wear(bpy.context.object, "plane", GREY)
 
 
-def instances(count):
-    """A red cube among `count` green ones that share its mesh's triangles, which lie in a plane below it. Returns the red one."""
+def instances(count, carried=False):
+    """A red cube among `count` green ones that share its mesh's triangles, which lie in a plane below it. Returns the red one.
+
+    carried: the green ones are no objects, but one at each vertex of a mesh.
+    """
     lit()
     bpy.ops.mesh.primitive_cube_add(size=0.08)
     mesh = bpy.context.object.data
     wear(bpy.context.object, "many", GREEN)
     bpy.data.objects.remove(bpy.context.object)
     side, many = int(count**0.5), bpy.data.collections.new("many")
-    for k in range(count):
+    places = [((k % side - side / 2) * 0.07, (k // side - side / 2) * 0.07, -1) for k in range(count)]
+    if carried:
+        carrier = bpy.data.objects.new("carrier", bpy.data.meshes.new("vertices"))
+        carrier.data.from_pydata(places, [], [])
+        carrier.instance_type, places = "VERTS", [(0, 0, 0)]
+        many.objects.link(carrier)
+    for place in places:
         thing = bpy.data.objects.new("one", mesh)
-        thing.location = ((k % side - side / 2) * 0.07, (k // side - side / 2) * 0.07, -1)
+        thing.location, thing.parent = place, carrier if carried else None
         many.objects.link(thing)
     bpy.context.scene.collection.children.link(many)  # at the end: Blender counts all objects anew after each change of the scene
     red = bpy.data.objects.new("the one", mesh)

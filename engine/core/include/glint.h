@@ -29,7 +29,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 8
+#define GLINT_ABI_VERSION 9
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -194,7 +194,7 @@ typedef struct GlintRenderSettings {
 
 enum { GLINT_PREPARING, GLINT_TRACING, GLINT_HELD, GLINT_DONE, GLINT_CANCELLED, GLINT_FAILED };
 
-/* fraction: share of all samples traced.  samples: those of the last complete wave, which glint_render_read gives. */
+/* fraction: share of all samples traced.  samples: those of the last complete wave, which glint_render_picture gives. */
 typedef struct GlintProgress {
   double fraction;
   uint32_t samples;
@@ -214,6 +214,7 @@ typedef struct GlintStats {
 
 typedef struct GlintScene GlintScene;
 typedef struct GlintRender GlintRender;
+typedef struct GlintPicture GlintPicture;
 
 GLINT_API uint32_t glint_abi_version(void);
 
@@ -244,15 +245,12 @@ GLINT_API void glint_render_resume(GlintRender* render);
 /* Returns at once; the state turns CANCELLED soon. */
 GLINT_API void glint_render_cancel(GlintRender* render);
 
-/* Copies a pass of the last complete wave, rows from the bottom; `size` is the number of floats of `out`. Returns 0, or -1 when there is no
- * complete wave, the pass was not asked for, or the size does not fit. */
-GLINT_API int32_t glint_render_read(GlintRender* render, int32_t pass, float* out, uint64_t size);
-
-/* The same without a copy, once the render has ended: `size` floats for the caller to keep, beyond the render's own life, and to give to
- * glint_picture_free with their number. The render has the pass no more. Null where read returns -1, before the end, and when memory is
- * short. */
-GLINT_API float* glint_render_take(GlintRender* render, int32_t pass, uint64_t size);
-GLINT_API void glint_picture_free(float* picture, uint64_t size);
+/* A pass of the last complete wave, `size` floats, rows from the bottom. It is not copied: the next wave is drawn elsewhere, so that these
+ * stay as they are until glint_picture_free, beyond the render's own life. The render may read them until it ends, and nothing may write
+ * them before. Null when there is no complete wave, the pass was not asked for, the size does not fit, or memory is short. */
+GLINT_API GlintPicture* glint_render_picture(GlintRender* render, int32_t pass, uint64_t size);
+GLINT_API float* glint_picture_values(GlintPicture* picture);
+GLINT_API void glint_picture_free(GlintPicture* picture);
 
 GLINT_API GlintStats glint_render_stats(GlintRender* render);
 

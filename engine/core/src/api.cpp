@@ -15,6 +15,10 @@ struct GlintRender {
   glint::Job job;
 };
 
+struct GlintPicture {
+  std::shared_ptr<glint::Zeros<float>> values;
+};
+
 namespace {
 
 double evaluate(int32_t function, double x, double y) {
@@ -62,13 +66,14 @@ GlintRender* glint_render_start(GlintScene* scene, const GlintRenderSettings* se
 GlintProgress glint_render_wait(GlintRender* render, uint32_t milliseconds) { return render->job.wait(milliseconds); }
 void glint_render_resume(GlintRender* render) { render->job.resume(); }
 void glint_render_cancel(GlintRender* render) { render->job.cancel(); }
-int32_t glint_render_read(GlintRender* render, int32_t pass, float* out, uint64_t size) {
-  return render->job.read(pass, out, size) ? 0 : -1;
+GlintPicture* glint_render_picture(GlintRender* render, int32_t pass, uint64_t size) {
+  return glint::guarded<GlintPicture*>(nullptr, nullptr, 0, [&]() -> GlintPicture* {
+    auto values = render->job.picture(pass, size);
+    return values ? new GlintPicture{std::move(values)} : nullptr;
+  });
 }
-float* glint_render_take(GlintRender* render, int32_t pass, uint64_t size) {
-  return glint::guarded<float*>(nullptr, nullptr, 0, [&] { return render->job.take(pass, size).release(); });
-}
-void glint_picture_free(float* picture, uint64_t size) { glint::Zeros<float>::give(picture, size); }
+float* glint_picture_values(GlintPicture* picture) { return picture->values->data(); }
+void glint_picture_free(GlintPicture* picture) { delete picture; }
 GlintStats glint_render_stats(GlintRender* render) { return render->job.stats(); }
 const char* glint_render_error(GlintRender* render) { return render->job.error().c_str(); }
 void glint_render_destroy(GlintRender* render) { delete render; }

@@ -51,10 +51,10 @@ Film::Film(Region region, Region shown, uint32_t passes, double error_threshold,
   const size_t pixels = size_t(region.width()) * region.height();
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
     if (!wants(pass)) continue;
-    pictures_[pass] = Zeros<float>(numbers(pixels, size_t(channels_of(pass))));
+    pictures_[pass] = std::make_shared<Zeros<float>>(numbers(pixels, size_t(channels_of(pass))));
   }
   for (int pass : {GLINT_PASS_DEPTH, GLINT_PASS_GAP})
-    if (wants(pass)) std::fill_n(pictures_[pass].data(), pixels, float(kNoDepth));
+    if (wants(pass)) std::fill_n(values(pass), pixels, float(kNoDepth));
   cut();
   if (error_threshold > 0 || wants(GLINT_PASS_ERROR)) refinement_ = Refinement(error_threshold, light_samples, region, shown, rows());
   if (wants(GLINT_PASS_ERROR)) estimate_ = ErrorEstimate(region);
@@ -82,10 +82,10 @@ Tile Film::at_desk(const Tile& tile, size_t desk) {
   return there;
 }
 
-void Film::store(int pass, uint32_t pixel, const double* values) {
+void Film::store(int pass, uint32_t pixel, const double* from) {
   int count = channels_of(pass);
   if (!wants(pass)) return;
-  for (int i = 0; i < count; ++i) pictures_[pass].data()[size_t(pixel) * size_t(count) + size_t(i)] = to_float(values[i]);
+  for (int i = 0; i < count; ++i) values(pass)[size_t(pixel) * size_t(count) + size_t(i)] = to_float(from[i]);
 }
 
 void Film::set_data(uint32_t pixel, const FirstHit& hit) {
@@ -101,7 +101,7 @@ void Film::set_data(uint32_t pixel, const FirstHit& hit) {
 
 void Film::measure(const Tile& tile, const SlotTable& slots, uint32_t samples) {
   const double* after = sums(tile, GLINT_PASS_COMBINED);
-  const float* before = pictures_[GLINT_PASS_COMBINED].data();
+  const float* before = values(GLINT_PASS_COMBINED);
   if (estimate_.on()) estimate_.measure(tile, slots, refinement_, before, after, tile.stride(), samples);
   if (samples >= Refinement::kFirst) refinement_.measure(tile, slots, after, tile.stride(), samples);
 }
@@ -112,8 +112,9 @@ void Film::look_around(const Tile& tile) {
 }
 
 void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples, const Stages& stages) {
-  for (int pass = refinement_.rested(tile, samples) ? GLINT_PASS_DEPTH : 0; pass < GLINT_PASS_DEPTH; ++pass)
-    if (sums(tile, pass)) publish_means(tile, pass, slots, samples, stages);
+  const bool rested = refinement_.rested(tile, samples);  // its pixels are in the picture as they are
+  for (int pass = 0; pass < GLINT_PASS_DEPTH; ++pass)
+    if (sums(tile, pass) && (!rested || renewed_ >> pass & 1)) publish_means(tile, pass, slots, samples, stages);
   if (passes_ >> GLINT_PASS_ERROR) publish_health(tile, slots, samples);
 }
 
@@ -131,7 +132,7 @@ void Film::publish_means(const Tile& tile, int pass, const SlotTable& slots, uin
   for (size_t k = 0; channels == 4 && k < count; ++k) means[3][k] = 1 - means[3][k];
   for (size_t k = 0, run; k < count; k += run) {
     run = slots.run(k);
-    float* out = pictures_[pass].data() + channels * slots.pixel(tile, k, region_.width());
+    float* out = values(pass) + channels * slots.pixel(tile, k, region_.width());
     if (channels == 4) interleave<4>(means, k, run, out);
     else interleave<3>(means, k, run, out);
   }
@@ -151,26 +152,31 @@ void Film::publish_health(const Tile& tile, const SlotTable& slots, uint32_t sam
   }
 }
 
-bool Film::read(int pass, float* out, uint64_t size) const {
-  if (pass < 0 || pass >= GLINT_PASS_COUNT || !out) return false;
-  const Zeros<float>& picture = pictures_[pass];
-  const size_t channels = size_t(channels_of(pass)), row = channels * shown_.width();
-  if (!picture.data() || row * shown_.height() != size) return false;
-  const size_t left = shown_.x0 - region_.x0, below = shown_.y0 - region_.y0;
-  for (size_t y = 0; y < shown_.height(); ++y)
-    std::memcpy(out + y * row, picture.data() + channels * ((y + below) * region_.width() + left), row * sizeof(float));
-  return true;
+std::shared_ptr<Zeros<float>> Film::picture(int pass, uint64_t size) {
+  const size_t channels = size_t(channels_of(pass)), pixels = numbers(size_t(shown_.width()) * shown_.height(), 1);
+  if (channels == 0 || !pictures_[pass] || channels * pixels != size) return nullptr;
+  if (pictures_[pass]->size() != size) return cropped(pass);
+  lent_ |= 1u << pass;
+  return pictures_[pass];
 }
 
-Zeros<float> Film::take(int pass, uint64_t size) {
-  const bool all = shown_.width() == region_.width() && shown_.height() == region_.height();
-  if (channels_of(pass) == 0 || !pictures_[pass].data()) return {};
-  if (!all) {
-    Zeros<float> part(numbers(size, 1));
-    if (!read(pass, part.data(), size)) return {};
-    pictures_[pass] = std::move(part);
-  }
-  return pictures_[pass].size() == size ? std::move(pictures_[pass]) : Zeros<float>();
+/// The pass of the pixels that are shown, which are not all.
+std::shared_ptr<Zeros<float>> Film::cropped(int pass) const {
+  const size_t channels = size_t(channels_of(pass)), row = channels * shown_.width();
+  const size_t left = shown_.x0 - region_.x0, below = shown_.y0 - region_.y0;
+  auto part = std::make_shared<Zeros<float>>(row * shown_.height());
+  for (size_t y = 0; y < shown_.height(); ++y)
+    std::memcpy(part->data() + y * row, values(pass) + channels * ((y + below) * region_.width() + left), row * sizeof(float));
+  return part;
 }
+
+void Film::renew() {
+  renewed_ = lent_ & ~kDataPasses;
+  for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass)
+    if (renewed_ >> pass & 1) pictures_[pass] = std::make_shared<Zeros<float>>(pictures_[pass]->size());
+  lent_ = 0;
+}
+
+void Film::forget_sums() { sums_ = {}, refinement_ = {}, estimate_ = {}; }
 
 }  // namespace glint

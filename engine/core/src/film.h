@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "../include/glint.h"
@@ -77,7 +78,7 @@ int channels_of(int pass);
 class Film {
  public:
   Film(Region region, uint32_t passes) : Film(region, region, passes, 0, 1) {}
-  /// shown: what `read` gives of the region.  error_threshold, light_samples: see Refinement.
+  /// shown: what `picture` gives of the region.  error_threshold, light_samples: see Refinement.
   Film(Region region, Region shown, uint32_t passes, double error_threshold, uint32_t light_samples);
 
   const std::vector<Tile>& tiles() const { return tiles_; }
@@ -102,24 +103,29 @@ class Film {
   Tile at_desk(const Tile& tile, size_t desk);
   bool wants_depth_alone() const { return (passes_ & kDataPasses) == 1u << GLINT_PASS_DEPTH; }
   void set_data(uint32_t pixel, const FirstHit& hit);
-  void set_depth(uint32_t pixel, double depth) { pictures_[GLINT_PASS_DEPTH].data()[pixel] = to_float(depth); }
+  void set_depth(uint32_t pixel, double depth) { values(GLINT_PASS_DEPTH)[pixel] = to_float(depth); }
   void set_gap(uint32_t pixel, double gap) { store(GLINT_PASS_GAP, pixel, &gap); }
 
   /// What a wave of that many samples says of the tile's error; then, after the first ones, with that of neighbours.
   void measure(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void look_around(const Tile& tile);
-  /// Makes the tile's sums of `samples` samples the picture that `read` gives.
+  /// Before a wave is published: pictures that somebody has are left to them, and others take their place.
+  void renew();
+  /// Makes the tile's sums of `samples` samples the picture that `picture` gives.
   void publish(const Tile& tile, const SlotTable& slots, uint32_t samples, const Stages& stages);
-  /// False when the pass was not asked for or the size differs.
-  bool read(int pass, float* out, uint64_t size) const;
-  /// The same numbers, which the film has no more; empty where `read` is false.
-  Zeros<float> take(int pass, uint64_t size);
+  /// What was published last, of the pixels that are shown, and nothing will write any more; null when the pass was not asked for or the
+  /// size differs.
+  std::shared_ptr<Zeros<float>> picture(int pass, uint64_t size);
+  /// After the last wave: only pictures are left.
+  void forget_sums();
 
  private:
   static constexpr uint32_t kDataPasses =
       ((1u << GLINT_PASS_ERROR) - (1u << GLINT_PASS_DEPTH)) | 1u << GLINT_PASS_GRAZING | 1u << GLINT_PASS_GAP;
   void keep_sums(int pass, int channels);
-  void store(int pass, uint32_t pixel, const double* values);
+  std::shared_ptr<Zeros<float>> cropped(int pass) const;
+  float* values(int pass) const { return pictures_[pass]->data(); }
+  void store(int pass, uint32_t pixel, const double* from);
   void publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples, const Stages& stages);
   void publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void cut();
@@ -132,7 +138,8 @@ class Film {
   Zeros<double> sums_;
   Refinement refinement_;
   ErrorEstimate estimate_;
-  Zeros<float> pictures_[GLINT_PASS_COUNT];
+  std::shared_ptr<Zeros<float>> pictures_[GLINT_PASS_COUNT];
+  uint32_t lent_ = 0, renewed_ = 0;  // passes whose pictures somebody else has as well; that are new and empty for this wave
 };
 
 }  // namespace glint

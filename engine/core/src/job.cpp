@@ -167,8 +167,10 @@ void Job::end_wave(uint32_t samples, double seconds) {
   const bool complete = !cancel_;
   if (complete && !at_once()) {
     const Timer timer(seconds);
+    film_.renew();
     on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.publish(tile, samples); });
   }
+  if (complete && samples == plan_.samples) film_.forget_sums();  // before anybody who looks at the picture needs room
   trace_seconds_ += seconds, rays_ = {};
   for (const auto& tracer : tracers_) rays_ += tracer->counts();
   if (complete) publish(samples, lock);
@@ -227,14 +229,9 @@ void Job::cancel() {
   resumed_.notify_all();
 }
 
-bool Job::read(int pass, float* out, uint64_t size) {
+std::shared_ptr<Zeros<float>> Job::picture(int pass, uint64_t size) {
   std::lock_guard lock(mutex_);
-  return samples_ > 0 && film_.read(pass, out, size);
-}
-
-Zeros<float> Job::take(int pass, uint64_t size) {
-  std::lock_guard lock(mutex_);
-  return ended() && samples_ > 0 ? film_.take(pass, size) : Zeros<float>();
+  return samples_ > 0 ? film_.picture(pass, size) : nullptr;
 }
 
 GlintStats Job::stats() {

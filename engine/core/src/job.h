@@ -28,9 +28,8 @@ class Job {
   GlintProgress wait(uint32_t milliseconds);
   void resume();
   void cancel();
-  bool read(int pass, float* out, uint64_t size);
-  /// After the end. Empty where `read` is false. Throws std::bad_alloc.
-  Zeros<float> take(int pass, uint64_t size);
+  /// As Film has it, of the last complete wave. Throws std::bad_alloc.
+  std::shared_ptr<Zeros<float>> picture(int pass, uint64_t size);
   GlintStats stats();
   const std::string& error() const { return error_; }
 

@@ -17,9 +17,6 @@ class Zeros {
   explicit Zeros(size_t size) : size_(size), values_(take(size), Give{size * sizeof(T)}) {}
   T* data() const { return values_.get(); }
   size_t size() const { return size_; }
-  /// The numbers are the caller's, to be given back with `give`.
-  T* release() { return values_.release(); }
-  static void give(T* values, size_t size) noexcept { give_zeros(values, size * sizeof(T)); }
 
  private:
   struct Give {

@@ -63,27 +63,48 @@ struct ErrorBuffer {
 
 // --- renders ---
 
+size_t pixels_of(const GlintRenderSettings& s) { return size_t(s.region[2] - s.region[0]) * (s.region[3] - s.region[1]); }
+
+/// The picture of the first wave that was there, which is to stay as it is whatever comes after.
+class Kept {
+ public:
+  void look(GlintRender* render, const GlintRenderSettings& s) {
+    if (picture_) return;
+    const size_t size = 4 * pixels_of(s);
+    picture_ = glint_render_picture(render, GLINT_PASS_COMBINED, size);
+    if (picture_) copy_.assign(values(), values() + size);
+  }
+  ~Kept() {
+    if (!picture_) return;
+    expect(std::equal(copy_.begin(), copy_.end(), values()), "a later wave was drawn into the picture of an earlier one");
+    glint_picture_free(picture_);
+  }
+
+ private:
+  const float* values() const { return glint_picture_values(picture_); }
+  GlintPicture* picture_ = nullptr;
+  std::vector<float> copy_;
+};
+
 void check_pixels(GlintRender* render, const GlintRenderSettings& s) {
   static constexpr int channels[GLINT_PASS_COUNT] = {4, 3, 3, 3, 3, 3, 3, 3, 1, 3, 3, 3, 1, 1, 1, 1, 1, 1, 1, 1};
-  const size_t pixels = size_t(s.region[2] - s.region[0]) * (s.region[3] - s.region[1]);
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
-    std::vector<float> out(pixels * size_t(channels[pass]));
-    if (glint_render_read(render, pass, out.data(), out.size()) != 0) {
-      expect(!(s.passes >> pass & 1), "a pass that was asked for cannot be read");
+    const size_t size = pixels_of(s) * size_t(channels[pass]);
+    expect(!glint_render_picture(render, pass, size + 1), "a picture of the wrong size");
+    GlintPicture* picture = glint_render_picture(render, pass, size);
+    if (!picture) {
+      expect(!(s.passes >> pass & 1), "there is no picture of a pass that was asked for");
       continue;
     }
-    for (float x : out) expect(std::isfinite(x), ("a number of pass " + std::to_string(pass) + " is not finite").c_str());
-    expect(glint_render_read(render, pass, out.data(), out.size() + 1) == -1, "read into room of the wrong size");
-    expect(!glint_render_take(render, pass, out.size() + 1), "taken with the wrong size");
-    float* taken = glint_render_take(render, pass, out.size());
-    expect(taken && std::equal(out.begin(), out.end(), taken), "what is taken is not what is read");
-    glint_picture_free(taken, out.size());
-    expect(!glint_render_take(render, pass, out.size()), "taken twice");
+    const float* values = glint_picture_values(picture);
+    const bool finite = std::all_of(values, values + size, [](float x) { return std::isfinite(x); });
+    expect(finite, ("a number of pass " + std::to_string(pass) + " is not finite").c_str());
+    glint_picture_free(picture);
   }
 }
 
 /// Mirrors and glass one behind the other can ask for millions of rays: after a while such a render is cancelled, and has to end soon.
-void run(GlintRender* render, const GlintRenderSettings& s, Dice& dice) {
+void run(GlintRender* render, const GlintRenderSettings& s, Dice& dice, Kept& kept) {
   constexpr double kPatience = 15, kLongest = 60;  // seconds
   bool cancel = dice.chance(0.2);
   Dice pace = dice;  // how often it is thrown depends on the machine, and what comes after must not
@@ -92,6 +113,7 @@ void run(GlintRender* render, const GlintRenderSettings& s, Dice& dice) {
   do {
     progress = glint_render_wait(render, uint32_t(pace.below(30)));
     expect(progress.fraction >= 0 && progress.fraction <= 1, "the fraction is not between 0 and 1");
+    kept.look(render, s);
     if (progress.state == GLINT_HELD) glint_render_resume(render);
     cancel |= seconds_since(start) > kPatience;
     if (cancel) glint_render_cancel(render);
@@ -117,7 +139,8 @@ void try_render(Dice& dice, Tally& tally) {
       ++tally.refused, why.check();
       continue;
     }
-    if (dice.chance(0.9)) run(render, s, dice), ++tally.renders;
+    Kept kept;
+    if (dice.chance(0.9)) run(render, s, dice, kept), ++tally.renders;
     glint_render_destroy(render);
   }
   glint_scene_destroy(handle);
