@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import engine_scenes as scenes
+from glint import engine
 from glint.engine import Scene, SceneError, Settings, available_backends, trade, trade_crops, trade_plot
 from glint.engine.scene import Lobe
 
@@ -30,6 +31,20 @@ def row(seconds, error, **more):
 def measured(scene=None, **more):
     options = {"values": {"samples": [1, 4, 16], "error_threshold": [0.0], "light_samples": [2]}, "reference_samples": 64, "repeats": 1}
     return trade.measure(scene or soft_scene(), Settings(samples=4, light_samples=2, backend=BACKEND), **{**options, **more})
+
+
+# --- crops
+
+
+@pytest.mark.parametrize("samples", [1, 4, 16])
+def test_crops_cost_and_show_what_a_render_does_however_often_they_are_drawn(samples):
+    """No ray is remembered from before: else the second time of a setting would be told as its time."""
+    scene, settings = soft_scene(), Settings(samples=samples, light_samples=2, backend=BACKEND)
+    film = engine.render(scene, settings)
+    with trade_crops.CropRenderer(scene, ((0, 0, 16, 12),), lambda: False) as renderer:
+        for drawn in (renderer.render(settings) for _ in range(3)):
+            assert drawn.rays == film.stats["rays"]
+            np.testing.assert_array_equal(drawn.pictures[0], film.combined[..., :3])
 
 
 # --- the front
