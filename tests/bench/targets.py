@@ -22,6 +22,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
+
 from stages import NoCoreError, require_core
 
 HERE = Path(__file__).resolve().parent
