@@ -98,6 +98,18 @@ def test_each_knob_goes_from_fast_to_accurate_and_the_threshold_only_where_it_ca
     assert [(s.samples, s.error_threshold) for s in grid] == [(4, 0.0), (16, 8.0), (16, 4.0), (16, 2.0), (16, 0.0)]
 
 
+def test_bounces_are_combined_with_each_other_but_not_with_samples():
+    mirror = replace(soft_scene(), materials=(scenes.surface(lobes=(Lobe("MIRROR"),)),))
+    base = Settings(samples=16, light_samples=2, max_bounces=4)
+    values = {"samples": [1, 16], "error_threshold": [0.0], "light_samples": [2, 4], "max_bounces": [0, 2], "cutoff": [0.01]}
+    grid = trade.settings_grid(mirror, base, values)
+    sampling, bounces = (base.max_bounces, base.cutoff), (base.samples, base.light_samples)
+    assert [(s.samples, s.light_samples) for s in grid if (s.max_bounces, s.cutoff) == sampling] == [(1, 2), (1, 4), (16, 2), (16, 4)]
+    others = [(s.max_bounces, s.cutoff) for s in grid if s != base and (s.samples, s.light_samples) == bounces]
+    assert others == [(0, 0), (2, 0.01), (2, 0), (4, 0.01)]
+    assert len(grid) == 8
+
+
 def test_an_error_threshold_saves_time_and_loses_little():
     """A picture that is flat but for a box: the threshold stops the floor's pixels."""
     found = measured(values={"samples": [64], "error_threshold": [0.0, 20.0]}, reference_seconds=0.0)
