@@ -52,6 +52,13 @@ class NativeLive:
         with native._render(self._core, held.handle, plan.data) as job:
             self._run(job, native._Render(self._core, job, scene, settings, held.axes), settings.samples, should_stop, on_film)
 
+    def draw(self, scene: Scene, settings: Settings, should_stop: Callable[[], bool]) -> Film:
+        """`native.render_native` on the scene that is held: the same bits and the same work, so that its time and rays can be told."""
+        held = self._hold(scene, exact=True)
+        plan = pack_settings(scene, settings, waves="UNSEEN")
+        with native._render(self._core, held.handle, plan.data) as job:
+            return native._Render(self._core, job, scene, settings, held.axes).run(should_stop, lambda fraction: None, None)
+
     def close(self) -> None:
         """Give the scene back."""
         held, self._held = self._held, None

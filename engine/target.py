@@ -147,7 +147,13 @@ def error_between(measure: str, picture: Array, truth: Array, display: Display =
 
 def _apart_on(display: Display, picture: Array, truth: Array) -> Array:
     """(..., 3) linear colours → (...) largest difference of a channel, in 8-bit levels."""
-    return 255 * np.abs(display(picture) - display(truth)).max(-1)
+    shown, true = _shown(display, picture, truth)
+    return 255 * np.abs(shown - true).max(-1)
+
+
+def _shown(display: Display, *pictures: Array) -> Array:
+    """Pictures of one shape as the display shows them, at once: a view transform takes long to begin with."""
+    return display(np.stack(pictures))
 
 
 def _weighted_quantile(values: Array, weights: Array, share: float) -> float:
@@ -183,7 +189,7 @@ class Look:
     def at(cls, renderer: CropRenderer, frame: Crop, settings: Settings, measure: str, display: Display) -> Look:
         plain = replace(settings, passes=frozenset())
         few, one = (renderer.render(replace(plain, samples=n)).pictures[0].astype(float) for n in (FIRST_ESTIMATE, 1))
-        shown = (few, one) if measure == "RMSE" else (display(few), display(one))
+        shown = (few, one) if measure == "RMSE" else _shown(display, few, one)
         side = min(max(int(math.sqrt(_SHARE * area([frame]) / _SQUARES)), _SMALLEST), _LARGEST)
         apart = _sum_around(((shown[0] - shown[1]) ** 2).sum(-1))
         return cls(frame, side, apart, float(np.sqrt((few**2).mean())), measure, display)
@@ -236,6 +242,7 @@ class _Pilot:
         self._weights = look.weights(self._crops)
         self._scale = area([look.frame]) / area(self._crops)
         self._known: dict[tuple[int, float], Rendered] = {}
+        self._errors: dict[tuple[int, float], float] = {}
         self._truth_samples, self._truth = 0, []
 
     def forecast(self, began: float) -> Forecast:
@@ -263,6 +270,7 @@ class _Pilot:
 
     def _make_truth(self, samples: int) -> None:
         self._truth_samples, self._truth = samples, self._rendered(samples, 0.0).pictures
+        self._errors = {}
 
     def _rendered(self, samples: int, threshold: float) -> Rendered:
         if (samples, threshold) not in self._known:
@@ -280,8 +288,15 @@ class _Pilot:
     def _error(self, samples: int, threshold: float = 0.0) -> float:
         """Measured, or along the slope of what is."""
         measured = self._nearest(samples)
-        error = self._look.error(self._weights, self._rendered(measured, threshold).pictures, self._truth)
+        error = self._measured_error(measured, threshold)
         return error if measured == samples else error * (samples / measured) ** -self._slope()
+
+    def _measured_error(self, samples: int, threshold: float) -> float:
+        """Against the truth at hand; kept, as a display's own transform takes longer than many samples."""
+        if (samples, threshold) not in self._errors:
+            pictures = self._rendered(samples, threshold).pictures
+            self._errors[samples, threshold] = self._look.error(self._weights, pictures, self._truth)
+        return self._errors[samples, threshold]
 
     def _slope(self) -> float:
         """How the errors of measured numbers of samples fall: s in n^-s, by least squares."""

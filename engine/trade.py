@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -38,13 +38,14 @@ class Knob:
     """A setting that trades time for accuracy.
 
     name: a field of Settings.  values: from fast to accurate.  matters: whether it can change a picture of this scene.
-    falling: smaller values are the more accurate ones.
+    falling: smaller values are the more accurate ones.  group: knobs of one group are combined with each other.
     """
 
     name: str
     values: tuple[Any, ...]
     matters: Callable[[Scene], bool]
     falling: bool = False
+    group: str = "sampling"
 
     @property
     def kind(self) -> type:
@@ -70,8 +71,8 @@ KNOBS = (
     Knob("samples", (1, 2, 4, 8, 16, 32, 64), lambda scene: True),
     Knob("error_threshold", (8.0, 2.0, 0.0), lambda scene: True, falling=True),
     Knob("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
-    Knob("max_bounces", (0, 1, 2, 4, 8), has_bounces),
-    Knob("cutoff", (0.01, 0.0), has_bounces, falling=True),
+    Knob("max_bounces", (0, 1, 2, 4, 8), has_bounces, group="bounces"),
+    Knob("cutoff", (0.01, 0.0), has_bounces, falling=True, group="bounces"),
 )
 """Every knob that is measured. A new one needs a row here and nothing else."""
 
@@ -191,14 +192,22 @@ def _fill(found: _Found, work: _Work, grid: list[Settings], repeats: int, sample
 
 
 def settings_grid(scene: Scene, base: Settings, values: Mapping[str, Sequence[Any]]) -> list[Settings]:
-    """Every combination of the knobs that can change a picture of this scene, the base's own values always among them."""
+    """Every combination of each group's knobs that can change a picture of this scene, the base's own values always among them; the other
+    groups' knobs are as the base has them: what rays leave out and how many there are hardly depend on each other, and a grid over all
+    knobs takes seven times as long."""
     unknown = sorted(set(values) - {knob.name for knob in KNOBS})
     if unknown:
         raise SceneError(f"no such knob: {', '.join(unknown)}; there are {', '.join(knob.name for knob in KNOBS)}")
-    names = [knob.name for knob in KNOBS if knob.matters(scene)]
-    ladders = [_ladder(knob, base, values) for knob in KNOBS if knob.matters(scene)]
-    grid = [replace(base, **dict(zip(names, steps, strict=True))) for steps in itertools.product(*ladders)]
+    knobs = [knob for knob in KNOBS if knob.matters(scene)]
+    groups = [[knob for knob in knobs if knob.group == group] for group in dict.fromkeys(knob.group for knob in knobs)]
+    grid = dict.fromkeys(settings for group in groups for settings in _combinations(group, base, values))
     return [settings for settings in grid if settings == base or not _is_idle(settings)]
+
+
+def _combinations(knobs: Sequence[Knob], base: Settings, values: Mapping[str, Sequence[Any]]) -> Iterator[Settings]:
+    """All of some knobs."""
+    for steps in itertools.product(*(_ladder(knob, base, values) for knob in knobs)):
+        yield replace(base, **{knob.name: step for knob, step in zip(knobs, steps, strict=True)})
 
 
 def _ladder(knob: Knob, base: Settings, values: Mapping[str, Sequence[Any]]) -> list[Any]:

@@ -92,11 +92,11 @@ class CropRenderer:
     def film(self, settings: Settings) -> Film:
         """One picture, of the settings' region."""
         film = self._traced(settings)
-        if film is None or not film.complete or self.should_stop():
+        if not film.complete or self.should_stop():
             raise StoppedError
         return film
 
-    def _traced(self, settings: Settings) -> Film | None:
+    def _traced(self, settings: Settings) -> Film:
         if settings.backend != "NATIVE":
             from .reference import render_reference
 
@@ -105,6 +105,4 @@ class CropRenderer:
             from .native_live import NativeLive
 
             self._held = NativeLive()
-        films: list[Film] = []
-        self._held.render(self.scene, settings, True, self.should_stop, lambda film, final: films.append(film) if final else None)
-        return films[-1] if films else None
+        return self._held.draw(self.scene, settings, self.should_stop)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -101,7 +102,7 @@ def _measure(options: argparse.Namespace) -> int:
     settings = measure_scene.Options(
         values, options.reference_samples, options.reference_seconds, options.repeats, options.crops, options.crop_side
     )
-    trade = measure_scene.measure_scene(scene, view_layer, settings, on_progress=_show_progress)
+    trade = measure_scene.measure_scene(scene, view_layer, settings, on_progress=_progress())
     sys.stderr.write("\n")
     measure_scene.write(trade, options.file.stem, options.json, options.plot)
     _tell(measure_scene.table(trade))
@@ -140,9 +141,19 @@ def _open(path: Path) -> tuple[bpy.types.Scene, str]:
     return bpy.context.scene, bpy.context.view_layer.name
 
 
-def _show_progress(fraction: float) -> None:
-    sys.stderr.write(f"\r{fraction:4.0%}")
-    sys.stderr.flush()
+def _progress() -> Callable[[float], None]:
+    """Shows a fraction on the error stream, each whole per cent once."""
+    shown = ""
+
+    def show(fraction: float) -> None:
+        nonlocal shown
+        text = f"\r{fraction:4.0%}"
+        if text != shown:
+            sys.stderr.write(text)
+            sys.stderr.flush()
+            shown = text
+
+    return show
 
 
 def _tell(lines: list[str]) -> None:

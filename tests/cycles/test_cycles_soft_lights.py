@@ -14,6 +14,7 @@ import pytest
 
 import cycles_reference as cycles
 import small_scenes as build
+from glint.engine import Film
 from glint_picture import BACKENDS, Pair, interior, render_glint, spread, verdict
 
 SIDE = 40
@@ -32,10 +33,6 @@ SOFT_LIGHTS = {
     "area_disk": ("AREA", {"energy": 80.0, "shape": "DISK", "size": 1.4}),
     "area_ellipse": ("AREA", {"energy": 80.0, "shape": "ELLIPSE", "size": 2.0, "size_y": 0.8}),
 }
-
-
-SIZE_UNEXPLAINED = 1e-3
-"""Cycles' spots are larger by 0.08 % at 4096 points as at 16384, and with other points too; why is not known."""
 
 
 def build_scene(light: str):
@@ -64,13 +61,18 @@ def box_mean(values: np.ndarray, half: int = 2) -> np.ndarray:
     return sum(padded[i : i + values.shape[0], j : j + values.shape[1]] for i in range(size) for j in range(size)) / size**2
 
 
+def pair_of(name: str, passes: dict[str, np.ndarray], film: Film) -> Pair:
+    """Cycles' passes beside those of Glint's film."""
+    return Pair(name, passes, {k: np.squeeze(v) for k, v in film.passes.items()})
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("light", SOFT_LIGHTS)
 def test_soft_light(light, backend):
     passes, mean, variance = reference(light)
     scene = build_scene(light)
     coarse, fine = (render_glint(scene, backend, light_samples=n) for n in (256, 512))
-    pair = Pair(f"soft-{light}-{backend.lower()}", passes, {k: np.squeeze(v) for k, v in fine.passes.items()})
+    pair = pair_of(f"soft-{light}-{backend.lower()}", passes, fine)
     inside = interior(pair)
     picture = fine.combined[..., 0].astype(float)
     own = (picture - coarse.combined[..., 0]) ** 2
@@ -93,21 +95,24 @@ def larger(scene, factor: float):
 def test_size_of_the_light(light):
     """The size that Cycles' penumbra shows, by least squares along Glint's derivative with respect to it, is the one exported.
 
+    Away from edges: one pixel's centre lies on the plate's silhouette, and Cycles' samples, 4e-6 px apart, meet both sides of it.
     σ: of Cycles' noise. Glint's discretisation falls faster than with the root of the samples, but unevenly: the larger of what a quarter
     and a half of the light samples change is more than what is left. With σ it is below 1 %: no light can be 1.1 % too large.
     """
-    _, mean, variance = reference(light)
+    passes, mean, variance = reference(light)
     scene, step = build_scene(light), 0.05
-    quarter, half, fine, smaller, bigger = (
-        render_glint(scene, "NATIVE", light_samples=n, edit=lambda s, f=f: larger(s, f)).combined[..., 0].astype(float)
+    films = [
+        render_glint(scene, "NATIVE", light_samples=n, edit=lambda s, f=f: larger(s, f))
         for n, f in ((1024, 1.0), (2048, 1.0), (4096, 1.0), (4096, 1 - step), (4096, 1 + step))
-    )
-    slope, weight = (bigger - smaller) / (2 * step), 1 / (variance + (1e-4 * mean.max()) ** 2)
+    ]
+    quarter, half, fine, smaller, bigger = (film.combined[..., 0].astype(float) for film in films)
+    inside = interior(pair_of(f"size-{light}", passes, films[2]))
+    slope, weight = (bigger - smaller) / (2 * step), inside / (variance + (1e-4 * mean.max()) ** 2)
     sigma = np.sum(weight * slope**2) ** -0.5
     size, *changes = (np.sum(weight * slope * difference) * sigma**2 for difference in (mean - fine, fine - quarter, fine - half))
     own = max(map(abs, changes))
     assert 4 * sigma + own < 0.01
-    assert abs(size) < 4 * sigma + own + SIZE_UNEXPLAINED, f"Cycles' {light} is {size:.2%} larger, σ {sigma:.2%}, discretisation {own:.2%}"
+    assert abs(size) < 4 * sigma + own, f"Cycles' {light} is {size:.2%} larger, σ {sigma:.2%}, discretisation {own:.2%}"
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -16,8 +16,8 @@ import pytest
 from engine_scenes import SCENES
 from glint import engine
 from glint.engine import scene as s
-from glint.engine.sampling import blackman_harris
-from native_tools import draw, lamp, material, needs_core, placed, square, view_from_above
+from glint.engine.sampling import blackman_harris, pixel_offsets
+from native_tools import color, draw, lamp, material, needs_core, placed, square, view_from_above
 
 pytestmark = needs_core
 
@@ -108,6 +108,33 @@ def test_pixels_in_soft_light_stop_after_16_points_on_it(light_samples: int, sam
     assert (lit == samples).all() and (dark == 4).all()
     hard = replace(scene, lights=(replace(sun, angle=0.0),))
     assert draw(hard, *HEALTH, **plan).passes["Samples"][:, -SIZE // 4 :].max() == 4
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_soft_light_that_a_later_sample_meets_counts_too(backend: str) -> None:
+    """Half a plane under a sun, before a background as bright: nothing varies, and some pixels' first sample misses the plane."""
+    edge, samples = -0.05, 32
+    scene = replace(half_plane(edge), lights=(lamp("SUN", angle=0.01),), materials=(material(s.Lobe("DIFFUSE", (s.Input((0.5,) * 3),))),))
+    scene = replace(scene, world=s.World(background=tuple(color(scene)[0, -1])))
+    taken = draw(scene, *HEALTH, samples=samples, light_samples=2, error_threshold=4.0, backend=backend).passes["Samples"][..., 0]
+    centers = (2 * np.arange(SIZE) + 1) / SIZE - 1
+    meets = centers[:, None] + pixel_offsets(samples, 1.5)[:4, 0] * 2 / SIZE > edge
+    assert (meets.any(1) & ~meets[:, 0]).any()
+    assert (taken == np.where(meets.any(1), 8, 4)).all()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_soft_light_in_a_mirror_counts_too(backend: str) -> None:
+    """Half a plane is a mirror under a ceiling that a sun lights from below."""
+    ceiling, sun = placed(materials=(1,), z=20.0), lamp("SUN", axes=np.diag([1.0, -1.0, -1.0]), angle=0.01, cast_shadow=False)
+    mirror, white = (material(s.Lobe(kind, (s.Input((0.5,) * 3),))) for kind in ("MIRROR", "DIFFUSE"))
+    plane = half_plane(0.0)
+    scene = replace(plane, instances=(*plane.instances, ceiling), materials=(mirror, white), lights=(sun,))
+    plan = {"samples": 32, "light_samples": 2, "max_bounces": 1, "error_threshold": 1.0, "backend": backend}
+    film = draw(scene, *HEALTH, **plan)
+    taken, lit = film.passes["Samples"][..., 0], film.combined[..., 0]
+    assert (taken[:, -SIZE // 4 :] == 8).all() and lit[:, -SIZE // 4 :].min() > 0.01
+    assert (taken[:, : SIZE // 4] == 4).all()
 
 
 def apart_on_screen(a: np.ndarray, b: np.ndarray) -> np.ndarray:

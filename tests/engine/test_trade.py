@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import engine_scenes as scenes
+from glint import engine
 from glint.engine import Scene, SceneError, Settings, available_backends, trade, trade_crops, trade_plot
 from glint.engine.scene import Lobe
 
@@ -30,6 +31,20 @@ def row(seconds, error, **more):
 def measured(scene=None, **more):
     options = {"values": {"samples": [1, 4, 16], "error_threshold": [0.0], "light_samples": [2]}, "reference_samples": 64, "repeats": 1}
     return trade.measure(scene or soft_scene(), Settings(samples=4, light_samples=2, backend=BACKEND), **{**options, **more})
+
+
+# --- crops
+
+
+@pytest.mark.parametrize("samples", [1, 4, 16])
+def test_crops_cost_and_show_what_a_render_does_however_often_they_are_drawn(samples):
+    """No ray is remembered from before: else the second time of a setting would be told as its time."""
+    scene, settings = soft_scene(), Settings(samples=samples, light_samples=2, backend=BACKEND)
+    film = engine.render(scene, settings)
+    with trade_crops.CropRenderer(scene, ((0, 0, 16, 12),), lambda: False) as renderer:
+        for drawn in (renderer.render(settings) for _ in range(3)):
+            assert drawn.rays == film.stats["rays"]
+            np.testing.assert_array_equal(drawn.pictures[0], film.combined[..., :3])
 
 
 # --- the front
@@ -81,6 +96,18 @@ def test_each_knob_goes_from_fast_to_accurate_and_the_threshold_only_where_it_ca
     hard = replace(soft_scene(), lights=(scenes.light("POINT"),))
     grid = trade.settings_grid(hard, Settings(samples=16, error_threshold=4.0), {"samples": [4, 16]})
     assert [(s.samples, s.error_threshold) for s in grid] == [(4, 0.0), (16, 8.0), (16, 4.0), (16, 2.0), (16, 0.0)]
+
+
+def test_bounces_are_combined_with_each_other_but_not_with_samples():
+    mirror = replace(soft_scene(), materials=(scenes.surface(lobes=(Lobe("MIRROR"),)),))
+    base = Settings(samples=16, light_samples=2, max_bounces=4)
+    values = {"samples": [1, 16], "error_threshold": [0.0], "light_samples": [2, 4], "max_bounces": [0, 2], "cutoff": [0.01]}
+    grid = trade.settings_grid(mirror, base, values)
+    sampling, bounces = (base.max_bounces, base.cutoff), (base.samples, base.light_samples)
+    assert [(s.samples, s.light_samples) for s in grid if (s.max_bounces, s.cutoff) == sampling] == [(1, 2), (1, 4), (16, 2), (16, 4)]
+    others = [(s.max_bounces, s.cutoff) for s in grid if s != base and (s.samples, s.light_samples) == bounces]
+    assert others == [(0, 0), (2, 0.01), (2, 0), (4, 0.01)]
+    assert len(grid) == 8
 
 
 def test_an_error_threshold_saves_time_and_loses_little():
