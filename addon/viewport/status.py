@@ -5,16 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from ... import engine
+from ...engine.film import FIRST_ESTIMATE
 
-_FIRST = 4
-"""Samples of which an error can be estimated at all (SEMANTICS.md, Error)."""
 _SHARE = 0.99
 """Of the pixels, whose estimated error the text states."""
 
 
 def error_of(film: engine.Film) -> float | None:
     """8-bit levels below which the estimated error of 99 of 100 pixels lies; None where it was not estimated."""
-    if "Error" not in film.passes or film.samples < _FIRST:
+    if "Error" not in film.passes or film.samples < FIRST_ESTIMATE:
         return None
     levels = film.passes["Error"].reshape(-1)
     return float(np.partition(levels, int(_SHARE * (levels.size - 1)))[int(_SHARE * (levels.size - 1))])
