@@ -90,6 +90,20 @@ TEST(vacancy, a_ray_to_a_vertex_may_hit_it) {
   }
 }
 
+TEST(vacancy, trees_of_any_size_are_found) {
+  for (double size : {1e-37, 1e-25, 1.0, 1e25, 1e37}) {
+    const Mesh ball = icosphere(3, size, {}), other = icosphere(3, size, {4 * size, 0, 0});
+    MixedShapes shapes;
+    shapes.add(ball), shapes.add(other);
+    shapes.place(0, {}), shapes.place(0, translation({0, 4 * size, 0})), shapes.place(1, {});  // two that have a tree of their own
+    const auto accel = build(shapes.geometries, shapes.instances);
+    const Camera camera({0, 0, 9 * size}, {}, 4 * size, false);
+    CHECK(!accel->vacant(camera.beam(-0.1, -0.1, 0.1, 0.1)) && accel->vacant(camera.beam(-1, -1, -0.8, -0.8)));
+    for (const Vec3d& at : {Vec3d{}, Vec3d{4 * size, 0, 0}, Vec3d{0, 4 * size, 0}})
+      CHECK(closest(*accel, ray(camera.eye, at - camera.eye)).instance != Hit::kNone);
+  }
+}
+
 TEST(vacancy, a_gap_is_seen) {
   const Mesh ball = icosphere(3, 1, {});
   std::vector<InstanceView> pair(2);

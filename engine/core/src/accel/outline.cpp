@@ -110,8 +110,13 @@ BoxD world_box(const Tree& tree, const Affine& m) {
 double ball_radius(const Tree& tree) {
   const Vec3d c = middle(tree.nodes.box);
   const float center[3] = {float(c.x), float(c.y), float(c.z)};
-  const auto square = [&center](int axis, float p) { return (p - center[axis]) * (p - center[axis]); };
-  return std::sqrt(double(Farthest(tree, square, 0, 1000).find(kInfinite)));
+  const double extent = max_abs(at(tree.nodes.box.hi) - at(tree.nodes.box.lo));
+  const double unit = extent > 0 ? std::ldexp(1.0, std::ilogb(extent)) : 1;  // squares of others do not fit into floats
+  const auto square = [&center, unit](int axis, float p) {
+    const float far = float(double(p - center[axis]) / unit);
+    return far * far;
+  };
+  return unit * std::sqrt(double(Farthest(tree, square, 0, 1000).find(kInfinite)));
 }
 
 }  // namespace glint
