@@ -105,14 +105,32 @@ def _draw_rows(image: Array, trade: Trade, place: Callable[[Row], tuple[float, f
     front = trade.front
     for first, second in itertools.pairwise(front):
         plot.draw_line(image, place(first), place(second), _FRONT, 2)
-    for number, row in enumerate(front):
-        x, y = place(row)
-        plot.draw_dot(image, (x, y), 5, _FRONT)
-        at_left = x > WIDTH - _RIGHT - 160
-        corner = (int(x) - 10, int(y) + 8) if at_left else (int(x) + 9, int(y) - 12 + 4 * (number % 2))
-        plot.draw_text(image, _name(row), corner, _TEXT, 1, 1.0 if at_left else 0.0)
+    for row in front:
+        plot.draw_dot(image, place(row), 5, _FRONT)
+    _draw_names(image, [(_name(row), place(row)) for row in front])
     if trade.current is not None:
         plot.draw_dot(image, place(trade.current), 9, _CURRENT, ring=2.5)
+
+
+_Box = tuple[float, float, float, float]
+"""Left, top, right, bottom; pixels."""
+
+
+def _draw_names(image: Array, named: Sequence[tuple[str, tuple[float, float]]]) -> None:
+    """Each name beside its dot where it lies over no other and no dot; names without such a place are left out."""
+    taken = [(x - 5, y - 5, x + 5, y + 5) for _, (x, y) in named]
+    for name, (x, y) in named:
+        width = plot.text_width(name)
+        for left, top in ((x + 9, y - 12), (x + 9, y + 6), (x - 9 - width, y + 8), (x - 9 - width, y - 14)):
+            box = (left - 3, top - 2, left + width + 3, top + 9)
+            if left >= _LEFT and box[2] <= WIDTH and not any(_overlap(box, other) for other in taken):
+                plot.draw_text(image, name, (int(left), int(top)), _TEXT)
+                taken.append(box)
+                break
+
+
+def _overlap(a: _Box, b: _Box) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def _name(row: Row) -> str:
