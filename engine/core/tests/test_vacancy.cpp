@@ -77,9 +77,11 @@ TEST(vacancy, a_ray_to_a_vertex_may_hit_it) {
       const auto accel = build(mesh);
       for (size_t k = 0; k < mesh.vertices.size(); k += 3) {
         const Vec3d vertex{double(mesh.vertices[k]), double(mesh.vertices[k + 1]), double(mesh.vertices[k + 2])};
-        for (bool parallel : {false, true}) {
+        for (int turn = 0; turn < 8; ++turn) {
+          const bool parallel = turn % 2 == 1;
           // The vertex lies in the middle of the window, and each of four beams has it in a corner; many have nothing else.
-          const Camera c(middle + (4 + 1e5 * random.uniform()) * random.on_sphere(), vertex, 1e-3, parallel);
+          const double away = 4 + 1e5 * random.uniform();
+          const Camera c(middle + away * random.on_sphere(), vertex, 1e-3, parallel);
           for (int quarter = 0; quarter < 4; ++quarter) {
             const double u = quarter & 1 ? -1 : 0, v = quarter & 2 ? -1 : 0;
             CHECK(!accel->vacant(c.beam(u, v, u + 1, v + 1)));
