@@ -108,6 +108,8 @@ def test_tiles_that_look_at_nothing_are_as_if_they_were_traced(threshold: float,
     vacant, traced = (engine.render(each, asked) for each in scenes)
     assert "feature: visible lights" in traced.stats and "feature: visible lights" not in vacant.stats
     assert bits(vacant) == bits(traced)
+    waves: list[engine.Film] = []  # held, so that later ones are drawn elsewhere
+    assert bits(engine.render(scenes[0], asked, on_wave=waves.append)) == bits(vacant)
     assert 0 < vacant.stats["camera rays"] < 0.5 * traced.stats["camera rays"]
     nothing = scene.world.background if not transparent else (0, 0, 0)
     assert np.mean(np.all(vacant.combined[..., :3] == np.float32(nothing), -1)) > 0.7

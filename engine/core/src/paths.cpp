@@ -1,5 +1,7 @@
 #include "paths.h"
 
+#include <type_traits>
+
 namespace glint {
 
 namespace {

@@ -29,7 +29,7 @@ struct Between {
 };
 
 /// What is known of the samples of each pixel. Rows are those of the film's tiles and their slots, pixels those of its region.
-/// One thread a tile at a time, and all threads at the same step: note, measure, look_around (once), decide.
+/// One thread a tile at a time, and all threads at the same step: ranges, measure, look_around (once), decide.
 class Refinement {
  public:
   static constexpr uint32_t kFirst = 4;  // samples of the first estimate: everywhere, and what neighbours look at
@@ -44,8 +44,8 @@ class Refinement {
   };
 
   Refinement() = default;
-  /// threshold: in levels, 0 stops no pixel.  light_samples: points on a soft light a sample.  region: with the pixels round `shown` that only their neighbours look at, and that take no
-  /// more than the first samples.  rows: slots of all tiles.
+  /// threshold: in levels, 0 stops no pixel.  light_samples: points on a soft light a sample.  region: with the pixels round `shown` that
+  /// only their neighbours look at, and that take no more than the first samples.  rows: slots of all tiles.
   Refinement(double threshold, uint32_t light_samples, Region region, Region shown, size_t rows);
 
   bool on() const { return width_ > 0; }

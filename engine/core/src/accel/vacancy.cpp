@@ -45,7 +45,8 @@ Beam::Beam(const Vec3d (&origins)[4], const Vec3d (&directions)[4]) {
 bool Beam::misses(const Vec3d& low, const Vec3d& high, double margin, double reach) const {
   for (int j = 0; j < 4; ++j) {
     const Vec3d n = n_[j], a = low - origins_[j], b = high - origins_[j];
-    if (std::max(n.x * a.x, n.x * b.x) + std::max(n.y * a.y, n.y * b.y) + std::max(n.z * a.z, n.z * b.z) < -(margin + turn_[j] * reach)) return true;
+    const double farthest = std::max(n.x * a.x, n.x * b.x) + std::max(n.y * a.y, n.y * b.y) + std::max(n.z * a.z, n.z * b.z);
+    if (farthest < -(margin + turn_[j] * reach)) return true;
   }
   return false;
 }

@@ -24,7 +24,8 @@ class Beam {
   double turn_[4];  // sines of the angles by which they may be off
 };
 
-/// Whether no ray of the beam hits anything of a tree: then no box lies nearer to it than rays are rounded by. False where it takes long to say.
+/// Whether certainly no ray of the beam hits anything of a tree: all its boxes lie beside the beam, by more than rays are rounded by. False
+/// where it takes long to say.
 bool vacant(const TreeView& tree, const Beam& beam);
 
 }  // namespace glint
