@@ -148,7 +148,7 @@ enum { GLINT_PHYSICAL, GLINT_CLASSIC };
 enum { GLINT_BUILD_FAST, GLINT_BUILD_BALANCED, GLINT_BUILD_FINE };
 enum { GLINT_WAVES_UNSEEN, GLINT_WAVES_SEEN, GLINT_WAVES_HELD };
 
-/* Passes, as numbers for glint_render_read and as bits (1 << pass) for GlintRenderSettings. */
+/* Passes, as numbers for glint_render_picture and as bits (1 << pass) for GlintRenderSettings. */
 enum {
   GLINT_PASS_COMBINED,
   GLINT_PASS_DIFFUSE,
