@@ -57,6 +57,19 @@ def test_sun() -> None:
     agree(picture, np.broadcast_to(2.5 * TINT * axes[2, 2] / np.pi, picture.shape))
 
 
+@pytest.mark.parametrize("exponent", [0.5, 1, 7, 60])
+def test_highlights_of_a_ball_lit_from_the_eye(exponent: float) -> None:
+    """There h is the direction to the eye, and n.h the height on the unit ball, down to its rim."""
+    size = 128
+    p = pixel_centers(size)
+    inside = (p**2).sum(-1) < 1
+    shine = material(s.Lobe("SPECULAR", constant(1.0), exponent))
+    ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
+    picture = color(s.Scene(view_from_above(size), (ball,), (placed(),), (shine,), (), (lamp("SUN", strength=np.pi),)))
+    height = np.sqrt(1 - np.minimum((p**2).sum(-1), 1))
+    agree(picture[inside][:, 0], height[inside] ** exponent, 2.0**-22)
+
+
 @pytest.mark.parametrize("blend", [0.0, 0.4, 1.0])
 def test_spot(blend: float) -> None:
     c, size = np.array([0.1, 0.2, 1.5]), 0.9

@@ -29,7 +29,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 9
+#define GLINT_ABI_VERSION 10
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -343,7 +343,7 @@ GLINT_API int32_t glint_accel_occluded_f32(const GlintAccel* accel, const GlintR
 GLINT_API int32_t glint_accel_occluded_f64(const GlintAccel* accel, const GlintRaysF64* rays, uint8_t* blocked, char* error,
                                            size_t error_size);
 
-enum { GLINT_EXP, GLINT_LOG, GLINT_LOG1P, GLINT_COS, GLINT_SIN, GLINT_COSINE_POWER };
+enum { GLINT_EXP, GLINT_LOG, GLINT_COS, GLINT_SIN, GLINT_COSINE_POWER };
 
 /* The core's own mathematics, for tests: out[k] = f(x[k]). COSINE_POWER: max(0, cos)^y from tan^2 = x of the angle. */
 GLINT_API void glint_math(int32_t function, const double* x, const double* y, double* out, uint64_t count);
