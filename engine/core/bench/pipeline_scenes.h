@@ -1,4 +1,5 @@
-// Scenes of a wavy grid for the benches of the pipeline: one material and its lights, and a small thing behind the camera that no ray meets.
+// Scenes of a wavy grid for the benches of the pipeline: one material and its lights, and a small thing behind the camera that no ray
+// meets.
 #pragma once
 #include <algorithm>
 #include <cmath>

@@ -116,7 +116,8 @@ typedef struct GlintLight {
 
 enum { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC };
 
-/* clip_planes: camera rays see where a x + b y + c z + d >= 0 for each of the first rows (a, b, c, d); x, y along the camera's axes, z depth. */
+/* clip_planes: camera rays see where a x + b y + c z + d >= 0 for each of the first rows (a, b, c, d); x, y along the camera's axes, z
+ * depth. */
 typedef struct GlintCamera {
   double world_from_camera[12];
   double window[4]; /* l, r, b, t */
@@ -173,14 +174,14 @@ enum {
   GLINT_PASS_COUNT
 };
 
-/* region: x0, y0, x1, y1 half open in the full frame.  threads: 0 for one a core.  waves: whether anybody looks before the
- * end; if nobody does, more samples are traced at once, to the same bits.  HELD: see glint_render_resume.
- * pixel_offsets: (samples, 2).  light_square, light_disc: (light_point_count, 2), at least samples * light_samples points when
- * light_samples > 1 and a light has an extent; else they may be null.  error_threshold: in 8-bit levels, at least 0 and below 256; pixels
- * whose estimated error it covers take no further samples after a wave. 0: all take all.  cutoff: mirror and refraction rays with no channel
- * of their weight as large end there, 0 to 1.  acceleration: of the first render of a scene
- * counts, the trees are kept.  remember: keep what the first wave hit and which lights it saw, some 30 bytes a pixel, in the scene and those
- * that take its trees over, so that a render of other lights, materials or surroundings need not trace it again. It has the same bits. */
+/* region: x0, y0, x1, y1 half open in the full frame. threads: 0 for one a core. waves: whether anybody looks before the end; if nobody
+ * does, more samples are traced at once, to the same bits. HELD: see glint_render_resume. pixel_offsets: (samples, 2). light_square,
+ * light_disc: (light_point_count, 2), at least samples * light_samples points when light_samples > 1 and a light has an extent; else they
+ * may be null. error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose estimated error it covers take no further samples
+ * after a wave. 0: all take all. cutoff: mirror and refraction rays with no channel of their weight as large end there, 0 to 1.
+ * acceleration: of the first render of a scene counts, the trees are kept. remember: keep what the first wave hit and which lights it saw,
+ * some 30 bytes a pixel, in the scene and those that take its trees over, so that a render of other lights, materials or surroundings need
+ * not trace it again. It has the same bits. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -224,10 +225,10 @@ GLINT_API const char* glint_isa(void);
 /* Checks everything; null and text in `error` when something is wrong or memory is short. */
 GLINT_API GlintScene* glint_scene_create(const GlintSceneData* data, char* error, size_t error_size);
 
-/* The scene of `data`, which may be any; what is expensive is taken over from `base` where the arrays are the same, by address. The arrays of
- * `base` must still be there. exact: what it draws has the bits that it has after glint_scene_create. Else it may differ in the last bits,
- * and less is made anew: the trees stay where they are while the camera moves about the scene, and geometries that moved or changed get trees
- * of their own. The two may be destroyed in any order. */
+/* The scene of `data`, which may be any; what is expensive is taken over from `base` where the arrays are the same, by address. The arrays
+ * of `base` must still be there. exact: what it draws has the bits that it has after glint_scene_create. Else it may differ in the last
+ * bits, and less is made anew: the trees stay where they are while the camera moves about the scene, and geometries that moved or changed
+ * get trees of their own. The two may be destroyed in any order. */
 GLINT_API GlintScene* glint_scene_create_like(const GlintScene* base, const GlintSceneData* data, int32_t exact, char* error,
                                               size_t error_size);
 GLINT_API void glint_scene_destroy(GlintScene* scene);

@@ -24,7 +24,7 @@ class CameraRays {
     CameraStage s{};
     for (int c = 0; c < 3; ++c) s.u[c] = m_.x[c], s.v[c] = m_.y[c], s.w[c] = m_.z[c];
     s.scale = scale_, s.clip_start = camera_.clip_start, s.clip_end = camera_.clip_end;
-    s.parallel = camera_.kind == GLINT_ORTHOGRAPHIC;
+    s.parallel = parallel();
     return s;
   }
 
@@ -43,8 +43,7 @@ class CameraRays {
     Vec3d origins[4], directions[4];
     for (int j = 0; j < 4; ++j) {
       const Vec3d across = corners[j][0] * m_.x + corners[j][1] * m_.y;
-      const bool parallel = camera_.kind == GLINT_ORTHOGRAPHIC;
-      origins[j] = parallel ? scale_ * across + eye_ : eye_, directions[j] = unit(parallel ? -m_.z : across - m_.z);
+      origins[j] = parallel() ? scale_ * across + eye_ : eye_, directions[j] = unit(parallel() ? -m_.z : across - m_.z);
     }
     return Beam(origins, directions);
   }
@@ -53,13 +52,13 @@ class CameraRays {
   double depth(Vec3d p) const { return -dot(p - eye_, backward_) * (1 / scale_); }  // a power of two
 
  private:
+  bool parallel() const { return camera_.kind == GLINT_ORTHOGRAPHIC; }
   static double at(double place, const double* ends, double pixels) { return ends[0] + place * (ends[1] - ends[0]) / pixels; }
 
   /// One plane and the ray (u z, v z, z), or (u, v, z) where rays are parallel.
   void cut(const double* plane, double u, double v, double step, double& t_min, double& t_max) const {
-    const bool parallel = camera_.kind == GLINT_ORTHOGRAPHIC;
     const double across = plane[0] * u + plane[1] * v;
-    const double slope = plane[2] + (parallel ? 0 : across), constant = plane[3] + (parallel ? across : 0);
+    const double slope = plane[2] + (parallel() ? 0 : across), constant = plane[3] + (parallel() ? across : 0);
     const double t = -constant / slope * step;
     if (slope > 0) t_min = std::max(t_min, t);
     else if (slope < 0) t_max = std::min(t_max, t);

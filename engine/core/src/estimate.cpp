@@ -12,7 +12,8 @@ namespace {
 
 constexpr double kMost = 1e30;  // squared levels of what is not finite
 
-/// By how many levels the mean of a pixel moved, the largest of its channels. before: colour and alpha.  after: sums of colour and lost alpha.
+/// By how many levels the mean of a pixel moved, the largest of its channels. before: colour and alpha.  after: sums of colour and lost
+/// alpha.
 double moved(const float* before, const double* after, size_t stride, uint32_t samples) {
   double largest = 0;
   for (size_t c = 0; c < 4; ++c) {

@@ -26,8 +26,8 @@ struct Tile {
   size_t stride() const { return (pixels() + kPad - 1) / kPad * kPad; }
 };
 
-/// The sum over each pixel of the tile and its neighbours, with add(sum, number) in place of +: keep(number, sum). Numbers are those of pixels
-/// in a region of that size.
+/// The sum over each pixel of the tile and its neighbours, with add(sum, number) in place of +: keep(number, sum). Numbers are those of
+/// pixels in a region of that size.
 template <class Sum, class Add, class Keep>
 void sum_neighborhoods(const Tile& tile, uint32_t width, uint32_t height, Add add, Keep keep) {
   for (uint32_t y = tile.y0; y < tile.y1; ++y)

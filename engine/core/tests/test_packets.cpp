@@ -250,8 +250,8 @@ TEST(packets, no_leaks_at_corners) {
   }
 }
 
-// Small triangles far away along slanted rays, which are aimed at their edges: float knows the sides of none of them. From one point, to one
-// point, and side by side.
+// Small triangles far away along slanted rays, which are aimed at their edges: float knows the sides of none of them. From one point, to
+// one point, and side by side.
 TEST(packets, edges_far_away_are_left_to_single_rays) {
   Random random(68);
   const Mesh mesh = box_grid(128, 1, {});

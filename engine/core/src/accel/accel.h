@@ -101,7 +101,7 @@ struct AccelBase {
   std::shared_ptr<const Accel> accel;
   std::vector<uint32_t> geometry;  // of each geometry its number in `accel`, kNone for one that is not there
   bool same_space = false;         // world space is the same
-  bool exact = true;               // else meshes that moved leave the world's trees for ones of their own, and their hits differ in the last bits
+  bool exact = true;               // else meshes that moved leave the world's trees, and their hits differ in the last bits
 };
 
 class Accel {

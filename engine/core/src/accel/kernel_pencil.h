@@ -1,7 +1,7 @@
 // Triangles against pencils: rays whose lines all pass through one point, as camera rays, their reflections in a plane and rays to a lamp
-// do, or are parallel, as rays to a sun. A ray is two numbers there, its place: the slopes of its line, or where parallel ones start. A triangle's edge functions are
-// linear in them; so a few products tell that it lies beside a whole bundle, or which rays hit it. Nothing is left out that the test of
-// single rays would find.
+// do, or are parallel, as rays to a sun. A ray is two numbers there, its place: the slopes of its line, or where parallel ones start. A
+// triangle's edge functions are linear in them; so a few products tell that it lies beside a whole bundle, or which rays hit it. Nothing is
+// left out that the test of single rays would find.
 #pragma once
 #include <initializer_list>
 

@@ -5,8 +5,8 @@ namespace {
 
 constexpr float kInfinite = std::numeric_limits<float>::infinity();
 
-/// Bounds the values over the points of a tree of term(0, x) + term(1, y) + term(2, z), convex functions: no point of a box has more than one
-/// of its corners. Looks first where most can be, and nowhere for less than `slack`.
+/// Bounds the values over the points of a tree of term(0, x) + term(1, y) + term(2, z), convex functions: no point of a box has more than
+/// one of its corners. Looks first where most can be, and nowhere for less than `slack`.
 template <class Term>
 class Farthest {
  public:

@@ -18,8 +18,9 @@ inline Turn back(const Turn& a) { return {a.c, -a.s}; }
 
 /// Its angle, from 0 to a full turn.
 inline Doubles angle(const Turn& a) {
-  static constexpr double c[] = {0.02275052699336167,  -0.04483334622272886, 0.05736332165907643, -0.06649613695291669, 0.0769105515839315,
-                                 -0.09090852557176049, 0.11111109636534361,  -0.1428571426609662, 0.19999999999898407,  -0.3333333333333325};
+  static constexpr double c[] = {0.02275052699336167, -0.04483334622272886, 0.05736332165907643, -0.06649613695291669,
+                                 0.0769105515839315,  -0.09090852557176049, 0.11111109636534361, -0.1428571426609662,
+                                 0.19999999999898407, -0.3333333333333325};
   constexpr double turn = 6.28318530717958647692;
   const Doubles x = magnitude(a.c), y = magnitude(a.s), low = smaller(x, y), high = larger(x, y);
   const Mask wide = low > 0.41421356237309503 * high;  // above an eighth of a half turn: what is left to a quarter
@@ -31,7 +32,8 @@ inline Doubles angle(const Turn& a) {
 
 /// The unit turn by an angle from 0 to a full turn: the series for an eighth of it, doubled three times.
 inline Turn turn_by(Doubles angle) {
-  static constexpr double sine[] = {-1.0 / 1307674368000, 1.0 / 6227020800, -1.0 / 39916800, 1.0 / 362880, -1.0 / 5040, 1.0 / 120, -1.0 / 6};
+  static constexpr double sine[] = {-1.0 / 1307674368000, 1.0 / 6227020800, -1.0 / 39916800, 1.0 / 362880,
+                                    -1.0 / 5040,          1.0 / 120,        -1.0 / 6};
   static constexpr double versine[] = {-1.0 / 20922789888000, 1.0 / 87178291200, -1.0 / 479001600, 1.0 / 3628800,
                                        -1.0 / 40320,          1.0 / 720,         -1.0 / 24,        0.5};
   const Doubles a = 0.125 * angle, a2 = a * a;

@@ -97,7 +97,8 @@ struct Matrices {
   }
 };
 
-/// The triangles of a group, a row a lane, in anchored space but for `normals`. g: unit or 0, outward.  upright: unit normals of the vertices.
+/// The triangles of a group, a row a lane, in anchored space but for `normals`. g: unit or 0, outward.  upright: unit normals of the
+/// vertices.
 struct Face {
   Three a, e1, e2, g, normals[3], upright[3];
   Linear normal;
