@@ -42,6 +42,12 @@ class Decoded:
         self._used[known] = found
         return found[1]
 
+    def made(self, recipe: Hashable, work: Callable[[], T]) -> T:
+        """work(), or what it gave at the export before for this recipe, which says all that it depends on. Nothing of it is written to."""
+        found = self._used.get(recipe) or self._kept.get(recipe) or work()
+        self._used[recipe] = found
+        return found
+
     def forget_unused(self) -> None:
         """To be called after an export: what it did not ask for goes."""
         self._kept, self._used = self._used, {}

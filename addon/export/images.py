@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Hashable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ class Images:
         """decoded: what an export before has decoded, and where this one's images are kept for the next."""
         self._decode = decoded.decode if decoded is not None else pixels.decode
         self._worked_out = decoded.worked_out if decoded is not None else _work
+        self._made = decoded.made if decoded is not None else _make
         self.textures: list[Texture] = []
         self.report = report
         self._pixels: dict[tuple, Pixels] = {}
@@ -131,10 +133,12 @@ class Images:
             return Pixels(pixels.MAGENTA, "SRGB")
 
     def _read(self, image: Any, path: str, decoded: Raw | ImageError | None) -> Pixels:
-        if not isinstance(decoded, Raw):
-            return pixels.read(image, path, decoded)
         space = image.colorspace_settings
         key = (image.alpha_mode, space.name, space.is_data, colorspace.working_space())
+        if not isinstance(decoded, Raw):
+            recipe = pixels.recipe(image)
+            work = partial(pixels.read, image, path, decoded)
+            return self._made((*recipe, *key), work) if recipe is not None else work()
         return self._worked_out(decoded.rgba, key, lambda: pixels.read(image, path, decoded))
 
     def _approximations(self, image: Any) -> None:
@@ -146,6 +150,11 @@ class Images:
 
 def _work(values: np.ndarray, key: Hashable, work: Callable[[], Any]) -> Any:
     """`Decoded.worked_out` where nothing is kept."""
+    return work()
+
+
+def _make(recipe: Hashable, work: Callable[[], Any]) -> Any:
+    """`Decoded.made` where nothing is kept."""
     return work()
 
 

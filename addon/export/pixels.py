@@ -89,6 +89,14 @@ def source(image: Any, path: str) -> Source | None:
     return Source(path, packed, image.alpha_mode)
 
 
+def recipe(image: Any) -> tuple | None:
+    """What Blender makes the values of a generated image from that nobody has painted; None for any other."""
+    if image.source != "GENERATED" or image.is_dirty:
+        return None
+    made_as = (image.generated_type, image.generated_width, image.generated_height, tuple(image.generated_color))
+    return ("generated", *made_as, tuple(image.size), image.channels, image.is_float)
+
+
 def decode(origin: Source) -> Raw | ImageError:
     """The values, or why there are none. Asks nothing of Blender: any thread may call it."""
     try:

@@ -318,6 +318,47 @@ def test_what_the_last_export_made_of_images_is_not_made_again(scene, tmp_path):
     assert made == [2.0, 3.0, *[2.0] * 4]
 
 
+def test_generated_images_are_not_read_again(scene):  # noqa: F811
+    """Until something that their pixels follow from has changed, or somebody has painted on them."""
+    picture, decoded = bpy.data.images.new("Drawn", 8, 4), Decoded()
+    picture.generated_type = "COLOR_GRID"
+
+    def export() -> np.ndarray:
+        images = Images(Report(), decoded)
+        found = images.pixels(picture, None).pixels
+        decoded.forget_unused()
+        np.testing.assert_array_equal(found, Images(Report()).pixels(picture, None).pixels)
+        return found
+
+    first = export()
+    assert export() is first
+
+    def paint() -> None:
+        picture.pixels.foreach_set(np.full(len(picture.pixels), 0.25, np.float32))
+
+    def enlarge() -> None:
+        picture.generated_width = 16
+
+    def clear() -> None:
+        picture.generated_type = "BLANK"
+
+    def color() -> None:
+        picture.generated_color = (0.25, 0.5, 1.0, 0.5)
+
+    def tell_floats() -> None:
+        picture.use_generated_float = True
+
+    def tell_data() -> None:
+        picture.colorspace_settings.name = "Non-Color"
+
+    for change in (enlarge, clear, color, tell_floats, tell_data, paint):
+        before = export()
+        change()
+        after = export()
+        assert after is not before and (after.shape, after.tobytes()) != (before.shape, before.tobytes()), change.__name__
+    assert export() is not export()  # painted: nobody knows what has changed
+
+
 def test_what_cannot_be_decoded_ahead_is_told_once(scene, tmp_path):  # noqa: F811
     broken = [bpy.data.images.new(name, 1, 1) for name in ("Corrupt", "Gone")]
     for picture, path in zip(broken, (_corrupt(tmp_path), tmp_path / "gone.png"), strict=True):
