@@ -124,7 +124,7 @@ def _through(place: Place) -> Place | None:
     if node.bl_idname not in OWN_GROUPS and getattr(node, "node_tree", None) is not None:
         return _into_group(place)
     if node.type == "GROUP_INPUT" and place.path:
-        outside = _by_identifier(place.path[-1].inputs, place.socket.identifier)
+        outside = _by_identifier(place.path[-1].inputs, place.socket.identifier, place.socket.name)
         return Place(outside, place.path[:-1], place.links) if outside is not None else None
     return None
 
@@ -141,17 +141,21 @@ def _behind_muted(place: Place) -> Place | None:
 def _into_group(place: Place) -> Place | None:
     outputs = [node for node in place.node.node_tree.nodes if node.type == "GROUP_OUTPUT"]
     active = [node for node in outputs if node.is_active_output] or outputs
-    inside = _by_identifier(active[0].inputs, place.socket.identifier) if active else None
+    inside = _by_identifier(active[0].inputs, place.socket.identifier, place.socket.name) if active else None
     return Place(inside, (*place.path, place.node), place.links) if inside is not None else None
 
 
-def _by_identifier(sockets: Any, identifier: str) -> Any:
+def _by_identifier(sockets: Any, identifier: str, name: str) -> Any:
+    """name: what the socket is probably called; by that Blender finds it sooner than a loop here."""
+    found = sockets.get(name)
+    if found is not None and found.identifier == identifier:
+        return found
     return next((socket for socket in sockets if socket.identifier == identifier), None)
 
 
 def socket_named(sockets: Any, name: str) -> Any:
     """The socket with this identifier, or else the enabled one with this name, or None. Never looked up by position."""
-    by_identifier = _by_identifier(sockets, name)
+    by_identifier = _by_identifier(sockets, name, name)
     if by_identifier is not None:
         return by_identifier
     named = [socket for socket in sockets if socket.name == name]
