@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from types import TracebackType
 from typing import Any, NamedTuple, Protocol
 
@@ -93,7 +94,7 @@ class Accelerator:
         problems = scene_problems(scene)
         if problems:
             raise SceneError("\n".join(problems))
-        self._tracer: Tracer | None = _tracer(scene, threads, backend)
+        self._tracer: Tracer | None = _tracer(scene, int(threads), backend)
 
     @classmethod
     def from_triangles(cls, vertices: Any, triangles: Any, *, threads: int = 0, backend: str | None = None) -> Accelerator:
@@ -168,7 +169,7 @@ def _bare(group: Instances) -> Instances:
 
 
 def _check_options(threads: Any, backend: Any) -> None:
-    if isinstance(threads, bool) or not isinstance(threads, int) or threads < 0:
+    if isinstance(threads, bool) or not isinstance(threads, Integral) or threads < 0:
         raise ValueError(f"threads is {threads!r}: use 0 (one per core) or more")
     if backend is not None and backend not in BACKENDS:
         raise ValueError(f"backend is {backend!r}: use {', '.join(BACKENDS)} or None")
