@@ -116,8 +116,9 @@ class Accelerator:
         t_min, t_max: (n,) or a number; t_min below 0 counts as 0.
         When origins and directions are both float32 everything is float32, else float64.
         visibility: "camera", "mirror" or "shadow" leaves out instances that are hidden from such rays; None shows what any of them sees.
-        Of things met at one distance (faces that coincide, neighbours in their common edge) the lowest (instance, primitive) is given.
-        No ray slips through between neighbouring triangles.
+        Of things met at one distance (faces that coincide, neighbours where rounding leaves the ray in both) the lowest (instance,
+        primitive) is given. No ray slips through between neighbouring triangles. One that begins on a surface may find it again, as far
+        away as rounding goes: give t_min.
 
         Misses by definition: rays with a number that is not finite (t_max may be infinite), directions of length 0 or outside
         1e-150 to 1e150. Raises ValueError for shapes and dtypes that do not fit and on a closed accelerator, MemoryError.
