@@ -53,6 +53,35 @@ def test_intervals_that_end_just_before_and_just_behind_a_wall(backend: str, com
         assert not hit(0, there * (1 - 1e-9)).any() and not hit(there * (1 + 1e-9), there + 1e-6).any()
 
 
+def fan(count: int) -> s.Mesh:
+    """A disc of radius 1 whose triangles all begin at its middle."""
+    angle = np.arange(count) * 2 * np.pi / count
+    rim = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)
+    k = np.arange(1, count + 1)
+    vertices = np.concatenate([[[0, 0, 0]], rim]).astype(np.float32)
+    return s.Mesh("fan", vertices, np.stack([0 * k, k, k % count + 1], 1).astype(np.uint32))
+
+
+LONELY = {
+    "triangle": s.Mesh("triangle", SQUARE, HALVES[:1]),
+    "sphere": s.Spheres("sphere", np.zeros((1, 3), np.float32), np.ones(1, np.float32)),
+    "polygon": s.Polygons("polygon", SQUARE, np.array([0, 4], np.uint32), np.arange(4, dtype=np.uint32)),
+    "fan": fan(40),
+}
+
+
+@both
+@pytest.mark.parametrize("name", LONELY)
+def test_a_primitive_alone_of_any_size(backend: str, name: str) -> None:
+    """Nothing but its own extent tells how large the scene is."""
+    for exponent in range(-45, 46, 3):
+        size = 10.0**exponent
+        with engine.Accelerator((LONELY[name],), (s.Instances(name, 0, at(linear=size), ()),), backend=backend) as tree:
+            o, d = np.array([0.3, 0.1, 5]) * size, np.array([[0, 0, -1], [-0.01, -0.02, -1]]) * size
+            np.testing.assert_allclose(tree.closest(o, d).t, 5, atol=1.5)
+            assert tree.occluded(o, d).all()
+
+
 @both
 @pytest.mark.parametrize("exponent", [5, 17, 30, 100, 300])
 def test_a_ray_from_very_far_away(backend: str, exponent: int) -> None:
