@@ -76,7 +76,7 @@ def render(
     Raises SceneError for a scene or settings that are not sound, MemoryError when memory cannot be had.
     """
     settings = settings or Settings()
-    problems = settings.problems() + scene.problems()
+    problems = settings.problems() + scene.problems() or _beyond_the_frame(settings.region, scene.camera.resolution)
     if problems:
         raise SceneError("\n".join(problems))
     if settings.backend == "NATIVE":
@@ -84,3 +84,8 @@ def render(
     else:
         from .reference import render_reference as tracer
     return tracer(scene, settings, should_stop, on_progress, on_wave)
+
+
+def _beyond_the_frame(region: tuple[int, int, int, int] | None, resolution: tuple[int, int]) -> list[str]:
+    beyond = region is not None and (region[2] > resolution[0] or region[3] > resolution[1])
+    return [f"region {region} reaches beyond the frame of {resolution[0]} by {resolution[1]} pixels"] if beyond else []

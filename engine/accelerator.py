@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from types import TracebackType
 from typing import Any, NamedTuple, Protocol
 
@@ -93,7 +94,7 @@ class Accelerator:
         problems = scene_problems(scene)
         if problems:
             raise SceneError("\n".join(problems))
-        self._tracer: Tracer | None = _tracer(scene, threads, backend)
+        self._tracer: Tracer | None = _tracer(scene, int(threads), backend)
 
     @classmethod
     def from_triangles(cls, vertices: Any, triangles: Any, *, threads: int = 0, backend: str | None = None) -> Accelerator:
@@ -115,8 +116,9 @@ class Accelerator:
         t_min, t_max: (n,) or a number; t_min below 0 counts as 0.
         When origins and directions are both float32 everything is float32, else float64.
         visibility: "camera", "mirror" or "shadow" leaves out instances that are hidden from such rays; None shows what any of them sees.
-        Of things met at one distance (faces that coincide, neighbours in their common edge) the lowest (instance, primitive) is given.
-        No ray slips through between neighbouring triangles.
+        Of things met at one distance (faces that coincide, neighbours where rounding leaves the ray in both) the lowest (instance,
+        primitive) is given. No ray slips through between neighbouring triangles. One that begins on a surface may find it again, as far
+        away as rounding goes: give t_min.
 
         Misses by definition: rays with a number that is not finite (t_max may be infinite), directions of length 0 or outside
         1e-150 to 1e150. Raises ValueError for shapes and dtypes that do not fit and on a closed accelerator, MemoryError.
@@ -168,7 +170,7 @@ def _bare(group: Instances) -> Instances:
 
 
 def _check_options(threads: Any, backend: Any) -> None:
-    if isinstance(threads, bool) or not isinstance(threads, int) or threads < 0:
+    if isinstance(threads, bool) or not isinstance(threads, Integral) or threads < 0:
         raise ValueError(f"threads is {threads!r}: use 0 (one per core) or more")
     if backend is not None and backend not in BACKENDS:
         raise ValueError(f"backend is {backend!r}: use {', '.join(BACKENDS)} or None")

@@ -48,7 +48,13 @@ _ORTHONORMAL = 1e-4
 
 
 def scene_problems(scene: Scene) -> list[str]:
-    """Every problem of `scene`, in the order of its fields; empty when it is sound. Reads each array at most twice and copies no mesh."""
+    """Every problem of `scene`, in the order of its fields; empty when it is sound. Reads each array at most twice and copies no mesh.
+
+    Things of other classes than those of `scene.py` are told before anybody looks into them.
+    """
+    strangers = [*_strangers(scene)]
+    if strangers:
+        return strangers
     checks: tuple[tuple[Iterable[Any], Callable[[Any], Found]], ...] = (
         ((scene.camera,), _camera),
         (scene.geometries, _geometry),
@@ -59,6 +65,30 @@ def scene_problems(scene: Scene) -> list[str]:
         ((scene.world,), _world),
     )
     return [f"{_label(thing)}: {text}" for things, check in checks for thing in things for text in check(thing)]
+
+
+_HELD = {"geometries": (Mesh, Spheres, Polygons), "instances": (Instances,), "materials": (Material,), "textures": (Texture,),
+         "lights": (Light,)}  # fmt: skip
+
+
+def _strangers(scene: Scene) -> Found:
+    """Tuples without their comma, and what else is not of the classes that are looked into."""
+    for name, kind in (("camera", Camera), ("world", World)):
+        if not isinstance(getattr(scene, name), kind):
+            yield f"scene: {name} is a {type(getattr(scene, name)).__name__}: use {kind.__name__}"
+    for name, kinds in _HELD.items():
+        yield from (f"scene: {text}" for text in _holds(name, getattr(scene, name), kinds))
+
+
+def _holds(name: str, things: Any, kinds: tuple[type, ...]) -> Found:
+    """A tuple or list of nothing but `kinds`."""
+    wanted = " or ".join(kind.__name__ for kind in kinds)
+    if not isinstance(things, (tuple, list)):
+        yield f"{name} is a {type(things).__name__}: use a tuple of {wanted}"
+        return
+    strange = [thing for thing in things if not isinstance(thing, kinds)]
+    if strange:
+        yield f"{name} holds a {type(strange[0]).__name__}: use {wanted}"
 
 
 def _label(thing: Any) -> str:
@@ -129,20 +159,16 @@ def _handle(name: str, handle: Any, count: int, things: str, none: bool = False)
 
 
 def _whole(name: str, value: Any) -> Found:
-    if not isinstance(value, Integral):
-        yield f"{name} is {value!r}: use a whole number"
+    if not (isinstance(value, Integral) and -(2**31) <= value < 2**31):
+        yield f"{name} is {value!r}: use a whole number of 32 bits"
 
 
 # --- geometry -----------------------------------------------------------------------------------------------------------------------
 
 
 def _geometry(geometry: Any) -> Found:
-    checks = {Mesh: _mesh, Spheres: _spheres, Polygons: _polygons}
-    check = checks.get(type(geometry))
-    if check is None:
-        yield "is no geometry: use Mesh, Spheres or Polygons"
-    else:
-        yield from check(geometry)
+    check = _mesh if isinstance(geometry, Mesh) else _spheres if isinstance(geometry, Spheres) else _polygons
+    yield from check(geometry)
 
 
 def _mesh(mesh: Mesh) -> Found:
@@ -166,6 +192,11 @@ def _slots(slots: np.ndarray | None, count: int, primitive: str) -> Found:
 
 def _attributes(mesh: Mesh) -> Found:
     rows = {POINT: len(mesh.vertices), CORNER: _corner_rows(mesh), FACE: len(mesh.triangles)}
+    strangers = [*_holds("attributes", mesh.attributes, (Attribute,))]
+    strangers += _holds("normals", () if mesh.normals is None else (mesh.normals,), (Attribute,))
+    yield from strangers
+    if strangers:
+        return
     if mesh.normals is not None:
         yield from _one_of("the domain of normals", mesh.normals.domain, (POINT, CORNER))
         yield from _attribute("normals", mesh.normals, rows, (3,))
@@ -242,6 +273,9 @@ def _instances(scene: Scene, instances: Instances) -> Found:
     yield from _handle("geometry", instances.geometry, len(scene.geometries), "geometries")
     shapes = [*_array("world_from_object", instances.world_from_object, np.float64, (None, 3, 4))]
     yield from shapes or _finite_array("world_from_object", instances.world_from_object)
+    if not isinstance(instances.materials, (tuple, list, np.ndarray)):
+        yield f"materials is {instances.materials!r}: use a tuple of whole numbers"
+        return
     for material in instances.materials:
         yield from _handle("a material", material, len(scene.materials), "materials")
     yield from _whole("object_index", instances.object_index)
@@ -252,7 +286,9 @@ def _instances(scene: Scene, instances: Instances) -> Found:
 
 def _material(textures: int, material: Material) -> Found:
     yield from _whole("index", material.index)
-    for number, lobe in enumerate(material.lobes):
+    strangers = [*_holds("lobes", material.lobes, (Lobe,))]
+    yield from strangers
+    for number, lobe in enumerate(() if strangers else material.lobes):
         yield from (f"lobe {number}: {text}" for text in _lobe(lobe, textures))
 
 
@@ -261,7 +297,9 @@ def _lobe(lobe: Lobe, textures: int) -> Found:
     yield from _at_least("exponent", lobe.exponent, 0)
     if not (isinstance(lobe.ior, _REAL) and np.isfinite(lobe.ior) and lobe.ior > 0):
         yield f"ior is {lobe.ior!r}: use a finite number above 0"
-    for factor in lobe.factors:
+    strangers = [*_holds("factors", lobe.factors, (Input,))]
+    yield from strangers
+    for factor in () if strangers else lobe.factors:
         yield from _input(factor, textures)
 
 

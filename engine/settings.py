@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any
+
+from .film import PASSES
 
 ILLUMINATIONS = ("PHYSICAL", "CLASSIC")
 BACKENDS = ("NATIVE", "NUMPY")
@@ -46,8 +50,23 @@ class Settings:
     passes: frozenset[str] = frozenset()
     region: tuple[int, int, int, int] | None = None
 
+    def __post_init__(self) -> None:
+        """NumPy's whole numbers become Python's, and names of passes a set."""
+        for name in _WHOLE:
+            if _is_whole(value := getattr(self, name)):
+                object.__setattr__(self, name, int(value))
+        if isinstance(self.passes, (set, list, tuple)):
+            object.__setattr__(self, "passes", frozenset(self.passes))
+
     def problems(self) -> list[str]:
         """What is wrong with these settings, one sentence each."""
+        strange = [f"{name} is {getattr(self, name)!r}: use a whole number" for name in _WHOLE if not _is_whole(getattr(self, name))]
+        strange += [f"{name} is {getattr(self, name)!r}: use a number" for name in _REAL if not isinstance(getattr(self, name), Real)]
+        if not isinstance(self.passes, frozenset):
+            strange.append(f"passes is {self.passes!r}: use a set of names")
+        if strange:
+            return strange
+        unknown = sorted(str(name) for name in self.passes if name not in PASSES)
         rules = (
             (self.samples >= 1, f"samples is {self.samples}: use at least 1"),
             (0 <= self.error_threshold < 256, f"error_threshold is {self.error_threshold}: use 0 (off) or up to 255 levels"),
@@ -66,8 +85,25 @@ class Settings:
             ),
             (self.threads >= 0, f"threads is {self.threads}: use 0 (all cores) or more"),
             (0 <= self.filter_width <= 100, f"filter_width is {self.filter_width}: use 0 to 100 pixels"),
+            (not unknown, f"no such pass: {', '.join(unknown)}"),
+            (self.region is None or _is_region(self.region), f"region is {self.region!r}: use whole numbers 0 <= x0 < x1 and 0 <= y0 < y1"),
         )
         return [text for good, text in rules if not good]
+
+
+_WHOLE = ("samples", "light_samples", "max_bounces", "threads")
+_REAL = ("error_threshold", "cutoff", "filter_width")
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def _is_region(region: Any) -> bool:
+    if not isinstance(region, (tuple, list)) or len(region) != 4 or not all(map(_is_whole, region)):
+        return False
+    x0, y0, x1, y1 = region
+    return 0 <= x0 < x1 and 0 <= y0 < y1
 
 
 OFFERED = Settings(samples=64, error_threshold=4.0, light_samples=2)

@@ -54,6 +54,24 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _count(text: str) -> int:
+    """A whole number of things that there must be at least one of."""
+    if not (text.isdecimal() and int(text) >= 1):
+        raise argparse.ArgumentTypeError(f"{text}: use a whole number, 1 or more")
+    return int(text)
+
+
+def _error(text: str) -> float:
+    """How wrong a picture may be."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"{text}: use a number above 0")
+    return value
+
+
 def _add_measure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help=".blend file")
     parser.add_argument("--json", type=Path, help="file for the whole table")
@@ -61,20 +79,20 @@ def _add_measure(parser: argparse.ArgumentParser) -> None:
     for knob in KNOBS:
         option = f"--{knob.name.replace('_', '-')}"
         parser.add_argument(option, type=knob.kind, nargs="+", metavar="N", help=f"values of {knob.name} to try")
-    parser.add_argument("--reference-samples", type=int, default=1024, metavar="N")
+    parser.add_argument("--reference-samples", type=_count, default=1024, metavar="N")
     parser.add_argument("--reference-seconds", type=float, default=60.0, metavar="S", help="longest time for a float64 reference")
-    parser.add_argument("--repeats", type=int, default=5, metavar="N", help="renders per setting, of which the fastest counts")
-    parser.add_argument("--crops", type=int, default=16, metavar="N", help="squares, evenly spread over the frame")
-    parser.add_argument("--crop-side", type=int, default=20, metavar="PIXELS")
+    parser.add_argument("--repeats", type=_count, default=5, metavar="N", help="renders per setting, of which the fastest counts")
+    parser.add_argument("--crops", type=_count, default=16, metavar="N", help="squares, evenly spread over the frame")
+    parser.add_argument("--crop-side", type=_count, default=20, metavar="PIXELS")
     parser.set_defaults(act=_measure)
 
 
 def _add_compare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help=".blend file")
     parser.add_argument("--out", type=Path, required=True, help="folder for compare.png, compare.json and the EXR pictures")
-    parser.add_argument("--samples", type=int, default=64, help="of Cycles")
+    parser.add_argument("--samples", type=_count, default=64, help="of Cycles")
     parser.add_argument("--bounces", type=int, default=0, help="of mirrors and glass, in both")
-    parser.add_argument("--side", type=int, default=512, help="pixels of the longer side at most")
+    parser.add_argument("--side", type=_count, default=512, help="pixels of the longer side at most")
     parser.add_argument("--direct-only", action="store_true", help="do not render Cycles with all light as well")
     parser.set_defaults(act=_compare)
 
@@ -82,8 +100,8 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
 def _add_target(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help=".blend file")
     asked = parser.add_mutually_exclusive_group(required=True)
-    asked.add_argument("--levels", type=float, metavar="N", help="largest error on the display, in 8-bit levels")
-    asked.add_argument("--rmse", type=float, metavar="PERCENT", help="root mean square error of linear colour")
+    asked.add_argument("--levels", type=_error, metavar="N", help="largest error on the display, in 8-bit levels")
+    asked.add_argument("--rmse", type=_error, metavar="PERCENT", help="root mean square error of linear colour")
     parser.add_argument("--out", type=Path, required=True, help="EXR file for the picture")
     parser.set_defaults(act=_target)
 

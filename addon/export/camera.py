@@ -41,7 +41,7 @@ def border(render: Any, size: tuple[int, int]) -> Region | None:
 def export_camera(camera: Any, render: Any, size: tuple[int, int], report: Report) -> Camera:
     """The evaluated camera object (or any object, which then looks along its -z) for a frame of `size` pixels.
 
-    Raises ExportError for one that is missing, not finite or flat.
+    Raises ExportError for one that is missing, not finite or flat, or sees nothing.
     """
     if camera is None:
         raise ExportError("The scene has no camera: add one, or choose one in the scene's properties")
@@ -55,6 +55,8 @@ def export_camera(camera: Any, render: Any, size: tuple[int, int], report: Repor
     orthographic = data.type == "ORTHO"
     half = data.ortho_scale / 2 if orthographic else _sensor(data) / 2 / data.lens
     window = _window(size, _pixel_aspect(render), half, data.sensor_fit, (data.shift_x, data.shift_y))
+    if window[0] == window[1] or window[2] == window[3] or not all(map(math.isfinite, window)):
+        raise ExportError(f"Camera '{camera.name}' has a view of no width: set its orthographic scale or its lens, and its shift")
     return Camera("ORTHOGRAPHIC" if orthographic else "PERSPECTIVE", frame, window, size, data.clip_start, data.clip_end)
 
 

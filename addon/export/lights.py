@@ -127,7 +127,9 @@ def _cone(angle: float, lengths: np.ndarray) -> float:
     The cone's edge is exact; what is between a blended edge and the axis follows the cosine of the unscaled cone in Cycles.
     """
     across = math.sqrt(lengths[0] * lengths[1])
-    return angle if _same(across, lengths[2]) else 2 * math.atan(math.tan(angle / 2) * across / lengths[2])
+    if _same(across, lengths[2]):
+        return angle
+    return 2 * math.atan2(math.sin(angle / 2) * across, math.cos(angle / 2) * lengths[2])  # Blender's float32 half circle is a little more
 
 
 def _same(a: float, b: float) -> bool:

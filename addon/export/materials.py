@@ -75,7 +75,7 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
 
 
 def _surface(tree: Any, evaluator: Evaluator) -> Closure:
-    """What the active output shows; black without one, as in Cycles."""
+    """What the active output shows, as in Cycles: black without one; what is but the bounds of a volume lets everything through."""
     output = next(filter(None, (tree.get_output_node(target) for target in ("ALL", "CYCLES", "EEVEE"))), None)
     if output is None:
         evaluator.note("Materials without an output node are black: {}; add a Material Output")
@@ -84,7 +84,10 @@ def _surface(tree: Any, evaluator: Evaluator) -> Closure:
         socket = socket_named(output.inputs, name)
         if socket is not None and socket.is_linked:
             evaluator.note(sentence)
-    surface = Place(socket_named(output.inputs, "Surface"))
+    socket, volume = (socket_named(output.inputs, name) for name in ("Surface", "Volume"))
+    if volume.is_linked and not socket.is_linked:
+        return {LobeKey("TRANSPARENT"): constant(1.0)}
+    surface = Place(socket)
     evaluator.images.expect(images_behind(surface))
     return evaluator.closure(surface)
 

@@ -11,7 +11,7 @@ from ..scene import Scene
 from .geometry import KINDS, Geometry, gather
 from .placements import primitive_count
 from .pulse import Pulse
-from .rays import Bundle
+from .rays import ULPS, Bundle
 from .surface import spot_at
 from .visibility import NOTHING, Visibility
 
@@ -81,7 +81,7 @@ class ReferenceQueries:
         length = np.sqrt(((d / largest) ** 2).sum(0)) * largest
         d, along = d / length, length * self._scale
         with np.errstate(over="ignore", invalid="ignore"):
-            nearest = -(o * d).sum(0) - self._reach * np.sqrt(3)
+            nearest = -(o * d).sum(0) * (1 - ULPS) - self._reach * np.sqrt(3)  # before the ball, though rounded
             skipped = np.maximum(np.where(nearest < np.inf, nearest, 0), 0)
             near, far = low * along - skipped, high * along - skipped
             start = o + skipped * d

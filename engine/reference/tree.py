@@ -118,14 +118,15 @@ def _octants(rays: Bundle, chosen: Array) -> Iterator[_Octant]:
     origin, direction = pick(rays.origin, chosen), pick(rays.direction, chosen)
     signs = (direction[0] < 0) + 2 * (direction[1] < 0) + 4 * (direction[2] < 0)
     with np.errstate(divide="ignore", over="ignore"):
-        inverse = np.clip(1 / direction, -1e30, 1e30)  # of a component 0 too: huge times 0 is 0, infinite times 0 is not
+        # Of a component 0 too: huge times 0 is 0, infinite times 0 is not. + 0: `signs` takes -0 for 0.
+        inverse = np.clip(1 / (direction + 0.0), -1e30, 1e30).astype(np.float32)
+        origin, begin = origin.astype(np.float32), (rays.near[chosen] * (1 - WIDEN)).astype(np.float32)
     for sign in range(8):
         mine = np.flatnonzero(signs == sign)
         if len(mine):
             negative = [sign >> a & 1 for a in range(3)]
             yield _Octant(
-                chosen[mine], pick(origin, mine).astype(np.float32), pick(inverse, mine).astype(np.float32),
-                (rays.near[chosen[mine]] * (1 - WIDEN)).astype(np.float32),
+                chosen[mine], pick(origin, mine), pick(inverse, mine), begin[mine],
                 tuple(a + 3 * n for a, n in enumerate(negative)), tuple(a + 3 - 3 * n for a, n in enumerate(negative)),
             )  # fmt: skip
 

@@ -165,6 +165,14 @@ def test_bad_cameras_are_errors(scene):  # noqa: F811
         export()
 
 
+@pytest.mark.parametrize("change", [{"type": "ORTHO", "ortho_scale": 0}, {"shift_x": 1e30}, {"shift_y": np.inf}], ids=str)
+def test_a_view_of_no_width_is_an_error_that_names_the_camera(scene, change):  # noqa: F811
+    for name, value in change.items():
+        setattr(scene.camera.data, name, value)
+    with pytest.raises(ExportError, match="Camera 'Camera' has a view of no width"):
+        export()
+
+
 def test_an_empty_border_is_an_error(scene):  # noqa: F811
     scene.render.use_border, scene.render.border_min_x, scene.render.border_max_x = True, 0.5, 0.5
     with pytest.raises(ExportError, match="border"):

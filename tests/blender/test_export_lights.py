@@ -69,6 +69,12 @@ def test_a_spots_cone_is_scaled_with_its_object(scene, scale, tangent, noted):  
     assert bool(result.notes) == noted
 
 
+def test_the_widest_cone_stays_as_wide_in_any_scale(scene):  # noqa: F811
+    """Blender's 180 degrees are in float32, a little more than pi: its tangent is negative."""
+    _light("SPOT", spot_size=np.pi).scale = (1, 2, 0.5)
+    np.testing.assert_allclose(export().scene.lights[0].spot_size, np.pi, rtol=1e-6)
+
+
 SHAPES = {"SQUARE": ("RECTANGLE", 4, 6), "RECTANGLE": ("RECTANGLE", 4, 15), "DISK": ("ELLIPSE", 4, 6), "ELLIPSE": ("ELLIPSE", 4, 15)}
 
 

@@ -146,6 +146,18 @@ def test_bumps_and_displacement_are_noted_once(scene):  # noqa: F811
     assert all("'Material'" in note for note in notes)
 
 
+def test_the_bounds_of_a_volume_are_not_seen(scene):  # noqa: F811
+    """Fog round a whole scene has a volume and no surface."""
+    shader = Shader()
+    shader.link(shader.node("ShaderNodeVolumePrincipled"), 0, shader.output, "Volume")
+    shader.tree.links.remove(shader.output.inputs["Surface"].links[0])
+    result, lobes = shader.export()
+    (note,) = result.notes
+    assert "Volumes are not rendered" in note
+    assert [lobe.kind for lobe in lobes] == ["TRANSPARENT"]
+    np.testing.assert_allclose(total(lobes, "TRANSPARENT"), 1)
+
+
 def test_no_output_is_black(scene):  # noqa: F811
     shader = Shader()
     shader.tree.nodes.remove(shader.output)

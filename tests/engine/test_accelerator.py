@@ -383,8 +383,10 @@ def test_options_that_do_not_fit() -> None:
             engine.Accelerator.from_triangles(SQUARE, HALVES, **options)
     with pytest.raises(engine.SceneError, match="is no block of instances"):
         engine.Accelerator((), ("instances",))
-    with pytest.raises(engine.SceneError, match="is no geometry"):
+    with pytest.raises(engine.SceneError, match="geometries holds a str"):
         engine.Accelerator(("mesh",), ())
+    with engine.Accelerator.from_triangles(SQUARE, HALVES, threads=np.int64(1)) as tree:  # as NumPy counts
+        assert tree.occluded([0.25, 0.5, 3.0], DOWN)[0]
 
 
 @both

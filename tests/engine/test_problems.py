@@ -92,6 +92,9 @@ SOUND = {
         normals=None,
         attributes=(),
     ),
+    "lists for tuples": scene(
+        geometries=[mesh(attributes=[])], lights=[light()], materials=[s.Material("Paint", [s.Lobe("DIFFUSE", [s.Input()])])]
+    ),
     "bare mesh": with_mesh(corners=None, material_slots=None, normals=None, attributes=()),
     "non-finite vertices": with_mesh(vertices=np.array([[np.nan, 0, 0], [np.inf, 0, 0], [1, 1, 0], [3e38, 1, 0]], F)),
     "non-finite spheres": scene(geometries=(spheres(centers=np.full((2, 3), np.nan, F), radii=np.array([np.nan, 1], F)),)),
@@ -115,7 +118,15 @@ def test_sound_scenes_have_no_problems(name):
 
 FAULTS = {
     # Meshes
-    "geometry of no kind": (scene(geometries=([1, 2],)), "list: is no geometry: use Mesh, Spheres or Polygons"),
+    "geometry of no kind": (scene(geometries=([1, 2],)), "scene: geometries holds a list: use Mesh or Spheres or Polygons"),
+    "geometry without a comma": (scene(geometries=mesh()), "scene: geometries is a Mesh: use a tuple of Mesh or Spheres or Polygons"),
+    "no camera": (scene(camera=None), "scene: camera is a NoneType: use Camera"),
+    "lamps for materials": (scene(materials=(light(),)), "scene: materials holds a Light: use Material"),
+    "lobe without a comma": (scene(materials=(s.Material("Paint", s.Lobe("DIFFUSE")),)), "lobes is a Lobe: use a tuple of Lobe"),
+    "a colour as a factor": (scene(materials=(material(s.Lobe("DIFFUSE", (1.0, 0.5, 0.5))),)), "lobe 0: factors holds a float: use Input"),
+    "material without a comma": (scene(instances=(instances(materials=0),)), "materials is 0: use a tuple of whole numbers"),
+    "normals as an array": (scene(geometries=(mesh(normals=np.zeros((4, 3), F)),)), "normals holds a ndarray: use Attribute"),
+    "attributes by name": (scene(geometries=(mesh(attributes={"UVMap": None}),)), "attributes is a dict: use a tuple of Attribute"),
     "float64 vertices": (with_mesh(vertices=np.zeros((4, 3))), "mesh 'Quad': vertices has dtype float64: use float32"),
     "swapped bytes": (with_mesh(triangles=np.array([[0, 1, 2], [0, 2, 3]], ">u4")), "triangles has dtype >u4: use uint32"),
     "vertices as a list": (with_mesh(vertices=[[0, 0, 0]]), "mesh 'Quad': vertices is a list: use a NumPy array"),
@@ -171,6 +182,7 @@ FAULTS = {
         "instances 'Row': geometry is 3 but the scene has 3 geometries: use 0 to 2",
     ),
     "negative geometry": (scene(instances=(instances(geometry=-1),)), "geometry is -1"),
+    "an index too large": (scene(instances=(instances(object_index=2**31),)), "object_index is 2147483648: use a whole number of 32 bits"),
     "no such material": (scene(instances=(instances(materials=(0, 1)),)), "a material is 1 but the scene has 1 materials: use 0 to 0"),
     "no materials at all": (scene(materials=()), "a material is 0 but the scene has 0 materials: add one of the materials"),
     "one matrix": (scene(instances=(instances(world_from_object=IDENTITY),)), "world_from_object has shape (3, 4): use (any, 3, 4)"),

@@ -94,7 +94,7 @@ double radius_about(const std::vector<Vec3d>& points, Vec3d p) {
 
 /// The middle of the scene and the power of two that brings half of it within 1. Medians, so that a stray vertex at 1e38 moves neither. The
 /// origin of a placement close to the middle is as good and keeps that mesh's vertices to the bit.
-Anchor anchor_of(const Sample& sample) {
+Anchor anchor_of(const Sample& sample, const Bounds& box) {
   Anchor anchor;
   if (sample.points.empty()) return anchor;
   for (int axis = 0; axis < 3; ++axis) {
@@ -102,7 +102,8 @@ Anchor anchor_of(const Sample& sample) {
     for (Vec3d p : sample.points) values.push_back(p[axis]);
     anchor.origin[axis] = median(std::move(values));
   }
-  const double radius = radius_about(sample.points, anchor.origin);
+  double radius = radius_about(sample.points, anchor.origin);
+  if (radius == 0) radius = std::max(max_abs(box.low - anchor.origin), max_abs(box.high - anchor.origin));  // one primitive, or a fan
   auto nearer = [&](Vec3d a, Vec3d b) { return max_abs(a - anchor.origin) < max_abs(b - anchor.origin); };
   const Vec3d own = *std::min_element(sample.origins.begin(), sample.origins.end(), nearer);
   if (max_abs(own - anchor.origin) <= 4 * radius) anchor.origin = own;
@@ -271,7 +272,7 @@ bool has_room(const Room* hits) {
 GlintAccel::GlintAccel(const GlintAccelData& data, uint32_t threads) {
   std::vector<glint::InstanceView> instances = glint::instance_views(data);
   const glint::Bounds box = glint::world_bounds(data, instances);
-  anchor = glint::anchor_of(glint::Sample(data, instances));
+  anchor = glint::anchor_of(glint::Sample(data, instances), box);
   for (glint::InstanceView& i : instances) i.world_from_object = anchor.matrix(i.world_from_object);
   stats.instances = instances.size();
   const std::atomic<bool> never{false};

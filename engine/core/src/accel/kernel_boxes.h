@@ -8,7 +8,7 @@ namespace {
 /// A tile's rays as boxes are tested against them, by column. Slabs are ordered by the direction's signs. Where a ray begins and ends is in
 /// the tile.
 struct BoxRays {
-  alignas(64) float near_o[3][kTile], far_o[2][kTile], inverse[3][kTile];
+  alignas(64) float near_o[3][kTile], far_o[3][kTile], inverse[3][kTile];
   float far_inverse[kTile];       // along the depth; a little longer than it is (Ize 2013: two ulps; here eight)
   uint32_t near_plane[3][kTile];  // offsets in Node::planes; of the far plane: ^ kWidth
   uint32_t ready = 0;             // groups whose numbers are there
@@ -30,8 +30,12 @@ struct BoxRays {
       store(near_o[a] + k, o + outward), store(far_o[a] + k, o - outward), store(inverse[a] + k, steep);
       store(near_plane[a] + k, across(kind, a) * (2 * kWidth) + (Ints(sign < 0) & kWidth));
     }
+    // Where a ray begins and ends is known to more digits than `start` has: planes ahead of it are near enough, and far enough.
+    const Floats start = load(tile.start + k), rest = load(tile.rest[2] + k), ulps = magnitude(start) * splat(0x1p-23f);
     const Floats sign = Floats(Ints(splat(1.0f)) | (back << 29));
-    store(near_o[2] + k, sign * load(tile.start + k)), store(inverse[2] + k, sign);
+    store(near_o[2] + k, sign * (start + select(less(Floats{}, rest), ulps, Floats{})));
+    store(far_o[2] + k, sign * (start - select(less(rest, Floats{}), ulps, Floats{})));
+    store(inverse[2] + k, sign);
     store(far_inverse + k, sign * splat(1 + 0x1p-20f));
     store(near_plane[2] + k, (kind & 3) * (2 * kWidth) + back * (kWidth / 4));
   }
@@ -51,7 +55,7 @@ struct BoxHits {
       const Floats near_z = (load(planes + z) - splat(b.near_o[2][r])) * splat(b.inverse[2][r]);
       const Floats far_x = (load(planes + (x ^ kWidth)) - splat(b.far_o[0][r])) * splat(b.inverse[0][r]);
       const Floats far_y = (load(planes + (y ^ kWidth)) - splat(b.far_o[1][r])) * splat(b.inverse[1][r]);
-      const Floats far_z = (load(planes + (z ^ kWidth)) - splat(b.near_o[2][r])) * splat(b.far_inverse[r]);
+      const Floats far_z = (load(planes + (z ^ kWidth)) - splat(b.far_o[2][r])) * splat(b.far_inverse[r]);
       near[first / kLanes] = larger(larger(near_x, near_y), larger(near_z, splat(tile.begin_lo[r])));
       mask |= bits(at_most(near[first / kLanes], smaller(smaller(smaller(far_x, far_y), far_z), splat(tile.hi[r])))) << first;
     }

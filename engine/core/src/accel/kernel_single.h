@@ -203,7 +203,7 @@ inline void leave(Walk<Any>& w, int k, uint32_t rays, ChildRef child, float dist
   }
   for (; rays; rays &= rays - 1) {
     const int r = k + __builtin_ctz(rays);
-    w.left.add(r, child, distance - w.tile.start[r]);
+    w.left.add(r, child, distance - w.tile.start[r] - larger(0.0f, w.tile.rest[2][r]));
   }
 }
 
