@@ -3,6 +3,7 @@
 #pragma once
 #include "stage_math.h"
 #include "stage_rectangle.h"
+#include "stage_rows.h"
 #include "stages.h"
 
 namespace glint {
@@ -118,24 +119,6 @@ inline Three highlights(const LightStage& s, size_t k, const Three& n, const Thr
   }
   return sum;
 }
-
-/// Numbers of some lanes go to the end of columns.
-struct Appender {
-  uint32_t lanes;
-  size_t at;
-  void operator()(double* column, Doubles v) const {
-    if (lanes == kAllLanes) return store(column + at, v);
-    size_t to = at;
-    for (uint32_t m = lanes; m; m &= m - 1) column[to++] = v[__builtin_ctz(m)];
-  }
-  void operator()(double* const (&columns)[3], const Three& v) const {
-    (*this)(columns[0], v.x), (*this)(columns[1], v.y), (*this)(columns[2], v.z);
-  }
-  void number(uint32_t* column, uint32_t first) const {
-    size_t to = at;
-    for (uint32_t m = lanes; m; m &= m - 1) column[to++] = first + uint32_t(__builtin_ctz(m));
-  }
-};
 
 /// The open segment from the point to the sample; its far end stops short of what the sample lies on.
 template <int Shape>

@@ -92,8 +92,8 @@ struct ShadeStage {
 /// A lobe and an image as the stages read them (material.h, texture.h).
 struct LobeShape {
   int kind;
-  bool constant, like_last;
-  double exponent, k[3];          // k: where constant
+  bool constant, like_last, fresnel;
+  double exponent, ior, k[3];     // k: where constant
   uint32_t first_input, input_count;
 };
 struct TextureShape {
@@ -124,8 +124,50 @@ struct VaryStage {
   double* diffuse[3];
   double* specular;
   double* passing;                // three columns for each lobe that sends rays on: its coefficient
+  uint32_t* passing_rows;         // points where one of these is not zero
   size_t stride;
   int64_t* lit;
+};
+
+/// Columns of a queue of rays (queue.h).
+struct RayLayout {
+  static constexpr size_t kO = 0, kD = 3, kT = 6, kStart = 9, kTMin = 12, kTMax = 13, kFrom = 14, kColumns = 15;
+};
+
+/// What else a ray carries, in one number of 64 bits: from bit 0 on its slot, from these on how often it bounced and how often it went
+/// straight on since (8 bits each), and whether it wants data.
+struct RayTag {
+  static constexpr int kDepth = 32, kStraight = 40, kWantsData = 48;
+};
+
+/// The end of a queue that has room for what is added.
+struct RayEnd {
+  double* columns;
+  size_t stride;
+  int64_t* tags;
+  size_t* size;
+};
+
+/// Rays that leave points which share a material. Of a path's rays those of the lobes come in the lobes' order: refracted ones, then one
+/// mirrored, then one that goes straight on.
+struct PassStage {
+  size_t count;
+  const uint32_t* rows;           // of the points, of different paths
+  const double* from;             // the queue whose rays arrive there
+  size_t from_stride;
+  const int64_t* from_tags;
+  const double *t, *x[3], *g[3], *n[3], *offset;
+  const int64_t* outside;
+  const double* passing;          // as VaryStage has it
+  size_t passing_stride;
+  const LobeShape* lobes;
+  uint32_t lobe_count, max_bounces, max_straight;
+  double cutoff;                  // of weights
+  RayEnd straight, bounced;       // room for each row, and for each row and lobe
+};
+
+struct PassedRays {
+  size_t refraction, mirror, transparent;
 };
 
 enum LightShape : int { kDirection, kPointSource, kSphereSource, kDiscSource, kPlaneSource, kRectangleSource };
@@ -166,7 +208,8 @@ struct Stages {
   void (*camera)(const CameraStage&);
   void (*surface)(const SurfaceStage&);
   size_t (*shade)(const ShadeStage&);   // how many `others`
-  void (*vary)(const VaryStage&);
+  size_t (*vary)(const VaryStage&);     // how many `passing_rows`
+  PassedRays (*pass)(const PassStage&);
   size_t (*light)(const LightStage&);   // how many points the sample reaches
   void (*sum)(const LightSum&);
   void (*add)(double* to, const double* from, size_t count);
