@@ -215,11 +215,9 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
   const uint32_t* rows = batch_.others.data() + first;
   const Material& material = scene_.materials[batch_.material[rows[0]]];
   VaryStage stage{};
+  stage.tables = scene_.input_tables();
   while (stage.count < count && batch_.material[rows[stage.count]] == batch_.material[rows[0]]) ++stage.count;
   stage.rows = rows, stage.instance = batch_.instance.data(), stage.primitive = batch_.primitive.data();
-  stage.instances = scene_.instance_shapes.data(), stage.groups = scene_.groups.data(), stage.geometries = scene_.geometries.data();
-  stage.attributes = scene_.attributes.data(), stage.inputs = scene_.inputs.data(), stage.reads = scene_.reads.data();
-  stage.textures = scene_.texture_shapes.data();
   stage.lobes = scene_.lobe_shapes.data() + material.first_lobe, stage.lobe_count = material.lobe_count, stage.sums = batch_.sums;
   for (size_t c = 0; c < 3; ++c) {
     stage.T[c] = queue.column(Queue::kT + c), stage.diffuse[c] = batch_.diffuse[c], stage.ambient[c] = scene_.ambient[int(c)];

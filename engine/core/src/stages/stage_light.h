@@ -190,5 +190,19 @@ void sum(const LightSum& s) {
   }
 }
 
+void sum_parts(const LightParts& s) {
+  const auto add = [](double* const (&columns)[3], const Chosen& at, const Three& c) {
+    if (columns[0]) scatter3(columns, at, gather3(columns, at) + c);
+  };
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Chosen at = chosen(s.point, k, s.count);
+    const Three diffuse = load3(s.diffuse, k), specular = s.specular[0] ? load3(s.specular, k) : Three{}, full = diffuse + specular;
+    const Doubles open = each_lane([&](size_t lane) { return s.blocked[k + lane] ? 0.0 : 1.0; });
+    const Three lit = full * (s.shadow[0] ? load3(s.shadow, k) : Three{open, open, open});
+    add(s.sums.total, at, lit), add(s.sums.diffuse, at, diffuse), add(s.sums.specular, at, specular);
+    add(s.sums.shadow, at, lit - full);
+  }
+}
+
 }  // namespace
 }  // namespace glint

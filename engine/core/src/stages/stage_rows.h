@@ -52,15 +52,15 @@ struct Appender {
   uint32_t lanes;
   size_t at;
   template <class Number, class Vector>
-  void operator()(Number* column, Vector v) const {
+  __attribute__((always_inline)) void operator()(Number* column, Vector v) const {
     if (lanes == kAllLanes) return store(column + at, v);
     size_t to = at;
     for (uint32_t m = lanes; m; m &= m - 1) column[to++] = v[__builtin_ctz(m)];
   }
-  void operator()(double* const (&columns)[3], const Three& v) const {
+  __attribute__((always_inline)) void operator()(double* const (&columns)[3], const Three& v) const {
     (*this)(columns[0], v.x), (*this)(columns[1], v.y), (*this)(columns[2], v.z);
   }
-  void operator()(double* column, size_t stride, const Three& v) const {
+  __attribute__((always_inline)) void operator()(double* column, size_t stride, const Three& v) const {
     (*this)(column, v.x), (*this)(column + stride, v.y), (*this)(column + 2 * stride, v.z);
   }
   void number(uint32_t* column, uint32_t first) const {

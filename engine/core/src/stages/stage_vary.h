@@ -10,13 +10,7 @@ inline OnMesh on_mesh(const VaryStage& s, const Chosen& at) {
   OnMesh p;
   p.weights[1] = gather(s.weights[0], at), p.weights[2] = gather(s.weights[1], at);
   p.weights[0] = 1 - p.weights[1] - p.weights[2];
-  for (size_t lane = 0; lane < kLanes; ++lane) {
-    const uint32_t group = s.instances[s.instance[at.row[lane]]].group;
-    p.geometry[lane] = s.geometries + s.groups[group].geometry, p.primitive[lane] = s.primitive[at.row[lane]];
-  }
-  bool one = same(p.primitive);
-  for (size_t lane = 1; one && lane < kLanes; ++lane) one = p.geometry[lane] == p.geometry[0];
-  p.different = one ? 1 : kLanes;
+  find_primitives(s.tables, [&](size_t lane) { return s.instance[at.row[lane]]; }, [&](size_t lane) { return s.primitive[at.row[lane]]; }, p);
   return p;
 }
 
@@ -62,7 +56,7 @@ inline uint32_t vary_group(const VaryStage& s, const Chosen& at) {
   Three k{};
   Reads reads;
   for (uint32_t i = 0; i < s.lobe_count; ++i) {
-    if (!s.lobes[i].like_last) k = coefficient(s, p, s.lobes[i], reads);
+    if (!s.lobes[i].like_last) k = coefficient(s.tables, p, s.lobes[i], reads);
     add_lobe(s, at, s.lobes[i], T, k, sum);
   }
   scatter3(s.sums.total, at, sum.glow);

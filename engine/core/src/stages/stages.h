@@ -103,13 +103,8 @@ struct TextureShape {
   int type, extension, interpolation;
 };
 
-/// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`, `specular` and `lit`, as ShadeStage does,
-/// and `passing`.
-struct VaryStage {
-  size_t count;
-  const uint32_t* rows;           // of its points
-  const double *T[3], *weights[2];
-  const uint32_t *instance, *primitive;
+/// What inputs that vary over a surface are read from.
+struct InputTables {
   const InstanceShape* instances;
   const GlintInstances* groups;
   const GlintGeometry* geometries;
@@ -117,6 +112,16 @@ struct VaryStage {
   const GlintInput* inputs;
   const uint32_t* reads;          // for each input the number of what it reads of an image: the same for the same
   const TextureShape* textures;
+};
+
+/// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`, `specular` and `lit`, as ShadeStage does,
+/// and `passing`.
+struct VaryStage {
+  InputTables tables;
+  size_t count;
+  const uint32_t* rows;           // of its points
+  const double *T[3], *weights[2];
+  const uint32_t *instance, *primitive;
   const LobeShape* lobes;
   uint32_t lobe_count;
   double ambient[3];
@@ -203,6 +208,37 @@ struct LightSum {
   double* total[3];
 };
 
+/// The same with what else is known: diffuse and specular light apart, how much of it gets through, and the parts that are kept.
+struct LightParts {
+  size_t count;
+  const uint32_t* point;
+  const uint8_t* blocked;
+  const double *shadow[3], *diffuse[3], *specular[3];  // shadow: S, null where rays are free or blocked and no more.  specular: or null
+  SumColumns sums;
+};
+
+/// Columns of rays on their way through surfaces, but for their weight and the like.
+struct VeiledRay {
+  static constexpr size_t kO = 0, kD = 3, kTMin = 6, kTMax = 7, kT = 8, kColumns = 9;  // kT: of their hits
+};
+
+/// Some of the shadow rays of a light sample, which met surfaces of one material that lets light through.
+struct VeilStage {
+  InputTables tables;
+  size_t first, count;            // rows of the columns of rays and hits
+  const GroupShape* shapes;
+  double* rays;                   // VeiledRay. Those with light left follow each other from row `kept` <= first on, bound to start there
+  size_t stride, kept;
+  uint32_t* number;               // of the ray in the sample; moves with the rays
+  const uint32_t *instance, *primitive;
+  const float *u, *v;
+  const uint32_t* point;          // of each ray of the sample, as what follows but `origin`
+  const double *origin[3], *to[3], *end[3];  // origin: of each point.  end: null where `to` is exact
+  double* shadow[3];              // S
+  const LobeShape* lobes;
+  uint32_t lobe_count;
+};
+
 struct Stages {
   const char* name;
   void (*camera)(const CameraStage&);
@@ -211,7 +247,9 @@ struct Stages {
   size_t (*vary)(const VaryStage&);     // how many `passing_rows`
   PassedRays (*pass)(const PassStage&);
   size_t (*light)(const LightStage&);   // how many points the sample reaches
+  size_t (*veil)(const VeilStage&);     // how many rays are kept in all
   void (*sum)(const LightSum&);
+  void (*sum_parts)(const LightParts&);
   void (*add)(double* to, const double* from, size_t count);
   void (*mean)(const double* sums, double samples, float* out, size_t count);  // NaN becomes 0, infinities the largest float
   void (*cosine_power)(const double* tangent2, const double* exponent, double* out, size_t count);
