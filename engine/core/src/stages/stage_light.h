@@ -108,7 +108,7 @@ inline Sample sample(const LightStage& s, const Three& x) {
   return sample;
 }
 
-inline Three highlights(const LightStage& s, size_t k, const Three& n, const Three& l) {
+__attribute__((always_inline)) inline Three highlights(const LightStage& s, size_t k, const Three& n, const Three& l) {
   const Slope at = slope(n, l - load3(s.d, k));
   Three sum{};
   for (int term = 0; term < s.max_specular; ++term) {
