@@ -1,6 +1,5 @@
 #include "direct.h"
 
-#include "math.h"
 #include "sight.h"
 #include "timer.h"
 

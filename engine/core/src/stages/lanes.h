@@ -162,5 +162,8 @@ inline Way way(const Three& a) {
 /// What surface.h calls rounding.
 inline Doubles rounding(Doubles size) { return (8 * 0x1p-24) * size; }
 
+/// What surface.h calls beyond.
+inline Doubles beyond(Doubles t) { return t + 0x1p-39 * t; }
+
 }  // namespace
 }  // namespace glint

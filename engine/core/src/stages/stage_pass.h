@@ -136,7 +136,7 @@ inline size_t go_on(const PassStage& s, const Chosen& at, const Three& k) {
   for (size_t c = 0; c < RayLayout::kT; ++c) keep(c);
   for (size_t c = RayLayout::kStart; c < RayLayout::kTMin; ++c) keep(c);
   const Doubles t = gather(s.t, at);
-  add(RayLayout::kT, T), add(RayLayout::kTMin, t + 0x1p-39 * t), keep(RayLayout::kTMax), add(RayLayout::kFrom, t);
+  add(RayLayout::kT, T), add(RayLayout::kTMin, beyond(t)), keep(RayLayout::kTMax), add(RayLayout::kFrom, t);
   const Mask kept = tag & ((int64_t(1) << RayTag::kWantsData) - 1);
   add.tag((kept + (int64_t(1) << RayTag::kStraight)) | wants_data);
   return add.count();

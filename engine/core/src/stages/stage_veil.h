@@ -77,7 +77,7 @@ inline void keep(const VeilStage& s, size_t k, const Chosen& ray, uint32_t lanes
   const Appender append{lanes, kept};
   for (size_t c = 0; c < VeiledRay::kTMin; ++c) append(s.rays + c * s.stride, load(s.rays + c * s.stride + k));
   const Doubles t = load(s.rays + VeiledRay::kT * s.stride + k), t_max = load(s.rays + VeiledRay::kTMax * s.stride + k);
-  append(s.rays + VeiledRay::kTMin * s.stride, t + 0x1p-39 * t), append(s.rays + VeiledRay::kTMax * s.stride, t_max);
+  append(s.rays + VeiledRay::kTMin * s.stride, beyond(t)), append(s.rays + VeiledRay::kTMax * s.stride, t_max);
   for (uint32_t m = lanes; m; m &= m - 1) s.number[kept++] = ray.row[__builtin_ctz(m)];
 }
 
