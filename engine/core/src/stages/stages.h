@@ -1,4 +1,5 @@
-// The stages of the pipeline that run over whole batches: camera rays, points on meshes, constant lobes, light from one light sample, sums.
+// The stages of the pipeline that run over whole batches: camera rays, points on meshes, lobes, rays that go on, light from one light
+// sample, shadow rays through surfaces, sums.
 // One source (stage_*.h), compiled once per instruction set, with the same bits from each. Plain data only: nothing here may emit code.
 // Columns are arrays of one number a ray; they have room for a multiple of kPad numbers, and stages may write that far.
 #pragma once
