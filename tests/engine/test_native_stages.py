@@ -137,6 +137,63 @@ def test_lobes_that_read_images_keep_to_themselves(veiled: bool) -> None:
     assert np.abs(picture(*lobes) - alone).max() < 1e-5
 
 
+def turned(angle: float, scale: float, position: tuple[float, float, float]) -> np.ndarray:
+    """(1, 3, 4) world_from_object: a turn about y, a scale and a shift."""
+    c, n = np.cos(angle), np.sin(angle)
+    return np.column_stack([scale * np.array([[c, 0, n], [0, 1, 0], [-n, 0, c]]), position])[None]
+
+
+def test_rays_of_a_path_bring_their_light_in_order() -> None:
+    """What is refracted brings 1e17 and takes it away again before what is mirrored adds 1: in another order the 1 is lost to rounding."""
+    splitter = material(s.Lobe("REFRACTION", constant(1.0), ior=1.0), s.Lobe("MIRROR", constant(1.0)))
+    again = replace(splitter, name="again")
+    glows = [s.Material(f"glow {value}", (s.Lobe("EMISSION", constant(value)),)) for value in (1e17, -1e17, 1.0)]
+    out_of_sight = {"visible_camera": False}
+    sheets = (
+        placed(0, (0,)),
+        s.Instances("tilted", 0, turned(np.pi / 4, 0.4, (0, 0, -2)), (1,)),
+        s.Instances("below", 0, turned(0, 1, (0, 0, -5)), (2,)),
+        s.Instances("beside", 0, turned(np.pi / 2, 1, (6, 0, -2)), (3,)),
+        placed(0, (1,), z=1.0, **out_of_sight),
+        placed(0, (4,), z=2.0, **out_of_sight),
+    )
+    scene = s.Scene(view_from_above(16), (square(),), sheets, (splitter, again, *glows), (), (), NO_WORLD)
+    assert np.array_equal(color(scene, max_bounces=2), np.ones((16, 16, 3)))
+
+
+def veils(layers: int) -> tuple[s.Mesh, tuple[s.Material, ...], tuple[s.Instances, ...]]:
+    """Bumpy sheets over each other, each turned or mirrored; their faces let through an image, a tint times alpha, a half, or nothing."""
+    mesh = grid_mesh(7, extent=1.2, height=lambda x, y: 0.1 * np.sin(9 * x + 5 * y))
+    tint = np.random.default_rng(3).uniform(0.2, 1, (len(mesh.vertices), 4)).astype(np.float32)
+    slots = np.random.default_rng(4).choice(4, len(mesh.triangles), p=(0.4, 0.3, 0.2, 0.1)).astype(np.uint16)
+    mesh = replace(mesh, attributes=(*mesh.attributes, s.Attribute("tint", s.POINT, tint)), material_slots=slots)
+    by_alpha = s.Input((0.5, 0.9, 0.7), texture=0, channel="ALPHA", complement=True)
+    materials = (
+        s.Material("image", (s.Lobe("TRANSPARENT", (s.Input((0.9, 0.8, 0.7), texture=0),)),)),
+        s.Material("tinted", (s.Lobe("TRANSPARENT", (s.Input(attribute="tint"), by_alpha)), s.Lobe("DIFFUSE", constant(0.0)))),
+        s.Material("half", (s.Lobe("TRANSPARENT", constant(0.5)),)),
+        s.Material("opaque", (s.Lobe("DIFFUSE", constant(0.0)),)),
+    )
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    linears = [np.eye(3), quarter, np.diag([-1.0, 1.0, 1.3])]
+    return mesh, materials, tuple(placed(0, (0, 1, 2, 3), z=1.0 + k, linear=linears[k]) for k in range(layers))
+
+
+@pytest.mark.parametrize("layers", [1, 3])
+def test_light_through_veils_is_what_is_seen_through_them(layers: int) -> None:
+    """The sun overhead through sheets of several materials, and a white world through the same sheets."""
+    mesh, materials, sheets = veils(layers)
+    view, white = view_from_above(48), s.World(background=(1, 1, 1))
+    seen = color(s.Scene(view, (mesh,), sheets, materials, (checker(),), (), white))
+    hidden = tuple(replace(sheet, visible_camera=False) for sheet in sheets)
+    floor = s.Scene(
+        view, (mesh, square()), (placed(1, (4,)),), (*materials, material(s.Lobe("DIFFUSE"))), (checker(),), (lamp("SUN"),), NO_WORLD
+    )
+    lit = color(replace(floor, instances=(*hidden, placed(1, (4,))))) / color(floor)
+    assert len(np.unique(seen.round(4))) > 300 and (seen == 0).any()
+    assert np.abs(lit - seen).max() < 1e-5
+
+
 def test_ambient_lobes_of_a_black_world_change_nothing() -> None:
     """The picture is that of a world whose light is too faint to count, for which they stay; lobes beside them read the same image."""
     read, other = (s.Input(texture=0),), (s.Input((0.5, 0.4, 0.3), texture=0),)

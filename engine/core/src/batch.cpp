@@ -25,7 +25,7 @@ void Batch::begin(const Queue& rays) {
 void Batch::reserve(size_t rows) {
   columns_.reserve(rows);
   rows = columns_.rows();
-  instance.resize(rows), primitive.resize(rows), material.resize(rows), others.resize(rows);
+  instance.resize(rows), primitive.resize(rows), material.resize(rows), others.resize(rows), passing_rows.resize(rows);
   u.resize(rows), v.resize(rows), lit.resize(rows), outside.resize(rows);
   if (passes_ >> GLINT_PASS_FALLBACKS & 1) doubts_.resize(rows);
   place_columns();

@@ -34,12 +34,12 @@ class Batch {
     if (columns[0]) columns[0][k] += c.x, columns[1][k] += c.y, columns[2][k] += c.z;
   }
   /// Counts a ray for the pixel of ray k.
-  void charge(size_t k) const { if (cost) cost[queue->slots[k]] += 1; }
+  void charge(size_t k) const { if (cost) cost[queue->slot(k)] += 1; }
   /// Notes that a soft light reached point k.
-  void mark_softly_lit(size_t k) const { softly_lit[queue->slots[k]] = 1; }
+  void mark_softly_lit(size_t k) const { softly_lit[queue->slot(k)] = 1; }
   /// Adds what `hits` counted of float tests that could not decide.
   void charge_fallbacks() const {
-    for (size_t k = 0; fallbacks && k < count_; ++k) fallbacks[queue->slots[k]] += doubts_[k];
+    for (size_t k = 0; fallbacks && k < count_; ++k) fallbacks[queue->slot(k)] += doubts_[k];
   }
   /// Coefficient of the lobe number `lobe` of those that send rays on from point k.
   Vec3d passing(size_t k, int lobe) const {
@@ -50,6 +50,7 @@ class Batch {
   const Queue* queue = nullptr;
   double* t = nullptr;
   std::vector<uint32_t> instance, primitive, material, others;  // others: rays whose material the shade stage leaves to others
+  std::vector<uint32_t> passing_rows;  // as VaryStage has it
   std::vector<float> u, v;
   std::vector<int64_t> lit, outside;  // masks: points that lights may reach, seen from outside
   PointColumns points{};

@@ -1,7 +1,5 @@
-// Letters: l direction to the light, T weight to the pixel, k coefficient of a lobe, I intensity, S shadow.
 #include "direct.h"
 
-#include "math.h"
 #include "sight.h"
 #include "timer.h"
 
@@ -15,7 +13,7 @@ constexpr size_t kColumns = 1 + 3 + 3 + 1 + 3 + 3 + 3 + 3;  // zeros, o, to, t_m
 DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages, const std::atomic<bool>& cancel,
                          Scratch& scratch)
     : scene_(scene), plan_(plan), stages_(stages), cancel_(cancel), scratch_(scratch), glassy_(scene.features & GLINT_FEATURE_TRANSPARENT),
-      columns_(kColumns) {}
+      columns_(kColumns), veils_(scene, stages, cancel, scratch) {}
 
 void DirectLight::prepare(const Batch& batch) {
   columns_.reserve(batch.size()), point_.resize(columns_.rows()), blocked_.resize(columns_.rows());
@@ -48,7 +46,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
       uint8_t* const known = batch.sight ? batch.sight->shadows(number) : nullptr;
       if (light.casts_shadow()) find_shadows(batch, reached, known ? known + batch.first_row : nullptr, counts);
       else std::fill_n(blocked_.begin(), reached, uint8_t(0));
-      if (glassy_) step_through_surfaces(batch, reached, counts);
+      if (glassy_) veils_.follow(batch, stage_, blocked_.data(), reached, shadow_, counts);
       add(batch, reached);
     }
   }
@@ -77,42 +75,6 @@ void DirectLight::find_shadows(const Batch& batch, size_t count, uint8_t* known,
   for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);
 }
 
-/// Follows blocked rays from surface to surface; each lets its clamped transparency through.
-void DirectLight::step_through_surfaces(const Batch& batch, size_t count, RayCounts& counts) {
-  open_.clear();
-  for (double* channel : shadow_) std::fill_n(channel, count, 1.0);
-  for (uint32_t k = 0; k < count; ++k)
-    if (blocked_[k]) open_.push_back(k);
-  stepping_.resize(count);
-  for (uint32_t k : open_) stepping_[k] = {row(stage_.o, k), row(stage_.to, k), 0, stage_.t_max[k], kShadow};
-  while (!open_.empty() && !cancel_) {
-    std::vector<Ray> rays;
-    for (uint32_t k : open_) rays.push_back(stepping_[k]);
-    hits_.resize(rays.size());
-    {
-      const Timer timer(counts.tracing);
-      scene_.accel().closest(rays.data(), hits_.data(), rays.size(), scratch_);
-    }
-    size_t kept = 0;
-    for (size_t i = 0; i < rays.size(); ++i)
-      if (step(batch, open_[i], hits_[i])) open_[kept++] = open_[i];
-    open_.resize(kept);
-  }
-}
-
-/// One surface on the way of shadow ray k; false when nothing is left of its light, or nothing in its way.
-bool DirectLight::step(const Batch& batch, uint32_t k, const Hit& hit) {
-  if (hit.instance == Hit::kNone) return false;
-  const Material& material = scene_.materials[scene_.material_of(scene_.group(hit.instance), hit.primitive)];
-  if (!material.has(GLINT_TRANSPARENT)) return set_row(shadow_, k, {}), false;
-  const Vec3d origin = row(batch.points.origin, point_[k]), to = row(stage_.to, k);
-  const Surface s = weights_at(scene_, origin, stage_.shape == kDirection ? to : unit(row(stage_.end_out, k) - origin), hit);
-  const Vec3d S = row(shadow_, k) * max(Vec3d{}, min(Vec3d{1, 1, 1}, transparency(scene_, material, s)));
-  set_row(shadow_, k, S);
-  stepping_[k].t_min = beyond(hit.t);
-  return any(S);
-}
-
 void DirectLight::add(const Batch& batch, size_t count) const {
   const SumColumns& sums = batch.sums;
   if (!glassy_ && !sums.diffuse[0]) {
@@ -120,13 +82,10 @@ void DirectLight::add(const Batch& batch, size_t count) const {
     for (int c = 0; c < 3; ++c) sum.given[c] = stage_.diffuse_out[c], sum.total[c] = sums.total[c];
     return stages_.sum(sum);
   }
-  for (size_t k = 0; k < count; ++k) {
-    const Vec3d diffuse = row(stage_.diffuse_out, k), specular = stage_.specular_out[0] ? row(stage_.specular_out, k) : Vec3d{};
-    const Vec3d full = diffuse + specular, free = blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1}, lit = full * (glassy_ ? row(shadow_, k) : free);
-    Batch::add_to(sums.total, point_[k], lit);
-    Batch::add_to(sums.diffuse, point_[k], diffuse), Batch::add_to(sums.specular, point_[k], specular);
-    Batch::add_to(sums.shadow, point_[k], lit - full);
-  }
+  LightParts parts{count, point_.data(), blocked_.data(), {}, {}, {}, sums};
+  for (int c = 0; c < 3; ++c)
+    parts.shadow[c] = shadow_[c], parts.diffuse[c] = stage_.diffuse_out[c], parts.specular[c] = stage_.specular_out[c];
+  stages_.sum_parts(parts);
 }
 
 }  // namespace glint

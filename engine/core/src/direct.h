@@ -5,6 +5,7 @@
 
 #include "batch.h"
 #include "plan.h"
+#include "veils.h"
 
 namespace glint {
 
@@ -19,8 +20,6 @@ class DirectLight {
   void prepare(const Batch& batch);
   void find_shadows(const Batch& batch, size_t count, uint8_t* known, RayCounts& counts);
   bool recall_shadows(const uint8_t* known, size_t count);
-  void step_through_surfaces(const Batch& batch, size_t count, RayCounts& counts);
-  bool step(const Batch& batch, uint32_t k, const Hit& hit);
   void add(const Batch& batch, size_t count) const;
 
   const Scene& scene_;
@@ -34,9 +33,7 @@ class DirectLight {
   double *zeros_ = nullptr, *shadow_[3] = {};  // shadow_: S a channel; null where rays are free or blocked and no more
   std::vector<uint32_t> point_;
   std::vector<uint8_t> blocked_;
-  std::vector<Ray> stepping_;         // rays on their way through transparent surfaces
-  std::vector<uint32_t> open_;        // rows of `stepping_`
-  std::vector<Hit> hits_;
+  Veils veils_;
 };
 
 }  // namespace glint

@@ -58,24 +58,4 @@ Vec3d transparency(const Scene& scene, const Material& material, const Surface& 
   return sum;
 }
 
-double fresnel_reflectance(double cosine, double relative_ior) {
-  double sine2 = (1 - cosine * cosine) / (relative_ior * relative_ior);
-  if (!(sine2 < 1)) return 1;
-  double beyond = std::sqrt(1 - sine2);
-  double s = (cosine - relative_ior * beyond) / (cosine + relative_ior * beyond);
-  double p = (relative_ior * cosine - beyond) / (relative_ior * cosine + beyond);
-  return 0.5 * (s * s + p * p);
-}
-
-Vec3d refract(Vec3d d, Vec3d n, double relative_ior) {
-  double cosine = -dot(d, n), sine2 = (1 - cosine * cosine) / (relative_ior * relative_ior);
-  if (!(sine2 < 1)) return {};
-  return unit((1 / relative_ior) * d + (cosine / relative_ior - std::sqrt(1 - sine2)) * n);
-}
-
-Vec3d reflect(Vec3d d, Vec3d n, Vec3d g) {
-  Vec3d r = d - 2 * dot(d, n) * n;
-  return dot(r, g) < 0 ? unit(d - 2 * dot(d, g) * g) : unit(r);
-}
-
 }  // namespace glint

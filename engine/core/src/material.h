@@ -46,14 +46,4 @@ Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s, PointR
 /// The sum of the TRANSPARENT lobes: what goes straight through.
 Vec3d transparency(const Scene& scene, const Material& material, const Surface& s);
 
-/// Unpolarised reflectance of a dielectric for the cosine of incidence (>= 0) and the relative index beyond / before. 1 at total
-/// reflection.
-double fresnel_reflectance(double cosine, double relative_ior);
-
-/// The unit direction of d refracted at the normal n (n.d <= 0); zero at total reflection.
-Vec3d refract(Vec3d d, Vec3d n, double relative_ior);
-
-/// d mirrored at n, or at the geometric normal g when that points below the surface.
-Vec3d reflect(Vec3d d, Vec3d n, Vec3d g);
-
 }  // namespace glint

@@ -18,33 +18,57 @@ struct Path {
   bool wants_data = false;
 };
 
-/// Rays that look for the same visibility: kCamera at depth 0, else kMirror.
-class Queue {
+/// Rays that look for the same visibility: kCamera at depth 0, one of a path, else kMirror.
+class Queue : public RayLayout {
  public:
   explicit Queue(uint32_t visibility_ = kMirror) : visibility(visibility_) {}
 
-  size_t size() const { return slots.size(); }
-  void clear() { slots.clear(), depths.clear(), straights.clear(), wants_data.clear(); }
+  size_t size() const { return size_; }
+  void clear() { size_ = 0; }
+  /// Room for so many rays in all.
+  void reserve(size_t count);
   void push(const Ray& ray, const Path& path);
+  /// Where a stage adds rays.
+  RayEnd end() { return {columns_[0], columns_.stride(), tags_.data(), &size_}; }
   /// `count` rays from o = start = 0 with weight 1, but for what was written there after an earlier call; directions, bounds and who wants
   /// data are to be filled in. Nothing is ever pushed here.
   void start_at_camera(size_t count);
 
-  Ray ray(size_t k) const { return {at(kO, k), at(kD, k), columns[kTMin][k], columns[kTMax][k], visibility}; }
+  Ray ray(size_t k) const { return {at(kO, k), at(kD, k), columns_[kTMin][k], columns_[kTMax][k], visibility}; }
   Path path(size_t k) const {
-    return {at(kT, k), at(kStart, k), columns[kFrom][k], slots[k], depths[k], straights[k], wants_data[k] != 0};
+    return {at(kT, k), at(kStart, k), columns_[kFrom][k], slot(k), depth(k), straight(k), wants_data(k)};
   }
+  uint32_t slot(size_t k) const { return uint32_t(tags_[k]); }
+  bool wants_data(size_t k) const { return tags_[k] >> RayTag::kWantsData & 1; }
+  void want_data(size_t k) { tags_[k] |= int64_t(1) << RayTag::kWantsData, numbered_ = 0; }
   Rays rays() const;
+  double* column(size_t c) { return columns_[c]; }
+  const double* column(size_t c) const { return columns_[c]; }
+  size_t stride() const { return columns_.stride(); }
+  const int64_t* tags() const { return tags_.data(); }
 
-  static constexpr size_t kO = 0, kD = 3, kT = 6, kStart = 9, kTMin = 12, kTMax = 13, kFrom = 14, kColumns = 15;
   uint32_t visibility;
-  Columns columns{kColumns};
-  std::vector<uint32_t> slots;
-  std::vector<uint8_t> depths, straights, wants_data;
 
  private:
-  Vec3d at(size_t column, size_t k) const { return {columns[column][k], columns[column + 1][k], columns[column + 2][k]}; }
-  void put(size_t column, size_t k, Vec3d v) { columns[column][k] = v.x, columns[column + 1][k] = v.y, columns[column + 2][k] = v.z; }
+  uint8_t depth(size_t k) const { return uint8_t(tags_[k] >> RayTag::kDepth); }
+  uint8_t straight(size_t k) const { return uint8_t(tags_[k] >> RayTag::kStraight); }
+  Vec3d at(size_t column, size_t k) const { return {columns_[column][k], columns_[column + 1][k], columns_[column + 2][k]}; }
+  void put(size_t column, size_t k, Vec3d v) { columns_[column][k] = v.x, columns_[column + 1][k] = v.y, columns_[column + 2][k] = v.z; }
+
+  Columns columns_{kColumns};
+  std::vector<int64_t> tags_;  // RayTag
+  size_t size_ = 0, numbered_ = 0;  // numbered_: tags that are but their number
+};
+
+/// Cuts lists of a queue's rays where a path comes again.
+class PathCuts {
+ public:
+  /// How many of the rays, from the first on, are of different paths.
+  size_t leading(const Queue& queue, const uint32_t* rows, size_t count);
+
+ private:
+  std::vector<uint32_t> seen_;  // by slot, the list where it was seen last
+  uint32_t list_ = 0;
 };
 
 /// Cuts a queue into pieces of at most `limit` rays, in order. All rays of a path stay in one piece unless it alone has more than `limit`:

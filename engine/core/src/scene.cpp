@@ -372,7 +372,8 @@ void Scene::fold_materials() {
 
 void Scene::shape_materials() {
   for (const Lobe& g : lobes)
-    lobe_shapes.push_back({g.kind, g.constant, g.like_last, g.exponent, {g.k.x, g.k.y, g.k.z}, g.first_input, g.input_count});
+    lobe_shapes.push_back(
+        {g.kind, g.constant, g.like_last, g.fresnel, g.exponent, g.ior, {g.k.x, g.k.y, g.k.z}, g.first_input, g.input_count});
   for (const Texture& texture : textures) texture_shapes.push_back(texture.shape());
   for (size_t m = 0; m < materials.size(); ++m) {
     if (!material_terms[m].others) continue;

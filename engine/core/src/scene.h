@@ -113,6 +113,10 @@ class Scene {
   std::vector<double> specular_terms;  // max_specular rows of k and exponent a material
   std::vector<LobeShape> lobe_shapes;
   std::vector<TextureShape> texture_shapes;
+  InputTables input_tables() const {
+    return {instance_shapes.data(), groups.data(), geometries.data(), attributes.data(), inputs.data(), reads.data(),
+            texture_shapes.data()};
+  }
   std::vector<uint32_t> reads;         // for each input, the first of its material (or that itself) that reads the same of an image
   bool only_meshes = true;
 

@@ -15,11 +15,13 @@ struct Leaving {
 
 class Shader {
  public:
-  Shader(const Scene& scene, const RenderPlan& plan) : scene_(scene), plan_(plan), camera_(scene) {}
+  Shader(const Scene& scene, const RenderPlan& plan, const Stages& stages)
+      : scene_(scene), plan_(plan), stages_(stages), camera_(scene) {}
 
-  /// Sends on the rays of point k of the batch, whose material the vary stage has seen. Data passes go to pixel `pixel` of the film unless
-  /// the surface lets most through.
-  void pass_on(const Batch& batch, size_t k, Film& film, uint32_t pixel, const Leaving& next, RayCounts& counts) const;
+  /// Sends on the rays of some points of the batch, of different paths, whose material the vary stage has seen.
+  void pass_on(const Batch& batch, const uint32_t* rows, size_t count, const Leaving& next, RayCounts& counts) const;
+  /// Data passes of a point that the vary stage has seen, unless the surface lets most through.
+  void record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
   /// A hit on a holdout; alpha lost is added to `lost`.
   void hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel, double& lost) const;
   /// Data passes of a hit that lets nothing through.
@@ -28,16 +30,11 @@ class Shader {
   void seen_lights(Batch& batch, size_t k) const;
 
  private:
-  struct Incidence;
-  struct Passing;
-  void add_lobe(const Incidence& at, const Lobe& lobe, Vec3d k, Passing& sum, const Leaving& next, RayCounts& counts) const;
-  void go_on(const Incidence& at, const Passing& sum, double t, const Leaving& next, RayCounts& counts) const;
-  void refraction(const Incidence& at, Vec3d k, double relative_ior, const Leaving& next, RayCounts& counts) const;
-  bool push(const Incidence& at, Vec3d d, Vec3d k, Queue& next) const;
   void record(Film& film, uint32_t pixel, const Surface& s, const Material& material, Vec3d d) const;
 
   const Scene& scene_;
   const RenderPlan& plan_;
+  const Stages& stages_;
   CameraRays camera_;
 };
 

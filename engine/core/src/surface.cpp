@@ -1,4 +1,4 @@
-// Letters: o d ray, e1 e2 edges, m world_from_object, b barycentric weights.
+// Letters: o d ray, m world_from_object, b barycentric weights.
 #include "surface.h"
 
 #include "math.h"
@@ -15,42 +15,6 @@ Vec3d vertex(const GlintGeometry& geometry, size_t row) {
 struct Line {
   Vec3d o, d;
 };
-
-struct Corners {
-  Vec3d a, b, c;
-};
-
-Corners triangle(const GlintGeometry& geometry, size_t primitive) {
-  const uint32_t* t = geometry.triangles + 3 * primitive;
-  return {vertex(geometry, t[0]), vertex(geometry, t[1]), vertex(geometry, t[2])};
-}
-
-/// Whether mirroring by m turns outside in, to be undone.
-bool mirrors(const Affine& m) { return dot(m.x, cross(m.y, m.z)) < 0; }
-
-/// Weights of the second and third vertex in double; the accelerator's own where the ray grazes the plane or the triangle is a needle.
-void solve_weights(const Line& ray, Vec3d a, Vec3d e1, Vec3d e2, const Hit& hit, double (&b)[3]) {
-  Vec3d q = cross(ray.d, e2), s = ray.o - a;
-  double f = 1 / dot(e1, q), u = f * dot(s, q), v = f * dot(ray.d, cross(s, e1));
-  if (!(std::fabs(u - hit.u) <= 1e-3 && std::fabs(v - hit.v) <= 1e-3)) u = hit.u, v = hit.v;
-  u = std::clamp(u, 0.0, 1.0), v = std::clamp(v, 0.0, 1 - u);
-  b[0] = 1 - u - v, b[1] = u, b[2] = v;
-}
-
-/// A corner of a triangle in anchored space, and the edges that leave it.
-struct Spread {
-  Vec3d a, e1, e2;
-  Spread(const Affine& m, const Corners& t) : a(point(m, t.a)), e1(direction(m, t.b - t.a)), e2(direction(m, t.c - t.a)) {}
-};
-
-void place_on_triangle(const Affine& m, const GlintGeometry& geometry, const Line& ray, const Hit& hit, Surface& s) {
-  const auto [a, e1, e2] = Spread(m, triangle(geometry, hit.primitive));
-  solve_weights(ray, a, e1, e2, hit, s.weights);
-  s.x = a + (s.weights[1] * e1 + s.weights[2] * e2);
-  s.g = unit(cross(e1, e2));
-  if (mirrors(m)) s.g = -s.g;
-  s.offset = rounding(std::max({max_abs(a), max_abs(a + e1), max_abs(a + e2)}));
-}
 
 /// Object-space ray through m; false when m has no inverse.
 bool to_object(const Affine& m, const Line& ray, Vec3d& o, Vec3d& d) {
@@ -122,16 +86,6 @@ double blend(const Rows& rows, const double (&b)[3], int channel) {
   return std::isfinite(value) ? value : 0;
 }
 
-Vec3d blend3(const Rows& rows, const double (&b)[3]) { return {blend(rows, b, 0), blend(rows, b, 1), blend(rows, b, 2)}; }
-
-bool smooth(const GlintGeometry& geometry) { return geometry.normals.values != nullptr; }
-
-Vec3d shading_normal(const NormalMatrix& to_world, const GlintGeometry& geometry, const Surface& s) {
-  if (!smooth(geometry)) return s.g;
-  Vec3d n = to_world(blend3(rows_of(geometry, geometry.normals, s.primitive), s.weights));
-  return any(n) ? n : s.g;
-}
-
 /// The attribute called `name`, or for -1 the first with two columns; null when there is none.
 const GlintAttribute* find(const Scene& scene, const Surface& s, int32_t name) {
   const GlintGeometry& geometry = scene.geometry(scene.group(s.instance));
@@ -154,22 +108,11 @@ Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
   const GlintGeometry& geometry = scene.geometry(scene.group(hit.instance));
   const Affine m = scene.matrix(hit.instance);
   const NormalMatrix to_world = scene.normal_matrix(hit.instance);
-  if (geometry.kind == GLINT_MESH) place_on_triangle(m, geometry, ray, hit, s);
-  else if (geometry.kind == GLINT_SPHERES) place_on_sphere(m, to_world, geometry, ray, hit, s);
+  if (geometry.kind == GLINT_SPHERES) place_on_sphere(m, to_world, geometry, ray, hit, s);
   else place_on_polygon(m, to_world, geometry, ray, hit, s);
-  s.n = shading_normal(to_world, geometry, s);
+  s.n = s.g;
   s.outside = dot(s.g, d) <= 0;
   if (!s.outside) s.g = -s.g, s.n = -s.n;
-  return s;
-}
-
-Surface weights_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
-  Surface s;
-  s.instance = hit.instance, s.primitive = hit.primitive;
-  const GlintGeometry& geometry = scene.geometry(scene.group(hit.instance));
-  if (geometry.kind != GLINT_MESH) return s;
-  const Spread t(scene.matrix(hit.instance), triangle(geometry, hit.primitive));
-  solve_weights({o, d}, t.a, t.e1, t.e2, hit, s.weights);
   return s;
 }
 

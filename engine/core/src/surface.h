@@ -21,11 +21,8 @@ struct Uv {
   double u = 0, v = 0;
 };
 
-/// Where o + t d, d unit, meets what `hit` names, near hit.t.
+/// Where o + t d, d unit, meets the sphere or polygon that `hit` names, near hit.t.
 Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit);
-
-/// As much of it as inputs read: which primitive, and the weights.
-Surface weights_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit);
 
 /// The UV attribute called `name`, the active one for -1; (0, 0) when the geometry lacks it.
 Uv uv_at(const Scene& scene, const Surface& s, int32_t name);
@@ -33,9 +30,6 @@ bool has_uv(const Scene& scene, const Surface& s);
 
 /// The colour attribute called `name`, 0 when the geometry lacks it.
 Rgba color_at(const Scene& scene, const Surface& s, int32_t name);
-
-/// The start of a ray that leaves along d: `from` moved off the surface to the side that d points to.
-inline Vec3d leave(const Surface& s, Vec3d from, Vec3d d) { return from + (dot(s.g, d) < 0 ? -s.offset : s.offset) * s.g; }
 
 /// How far a surface of coordinates up to `magnitude` may lie from where the accelerator has it: the accelerator rounds its vertices to
 /// float, half an ulp (2^-24) in each of three coordinates, sqrt(3)/2 ulps in all, and finds t in double. Eight half ulps leave room.

@@ -22,8 +22,8 @@ WindowReach reach_of(const RenderPlan& plan) {
 }  // namespace
 
 Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel, Sight* sight)
-    : scene_(scene), plan_(plan), film_(film), stages_(best_stages()), cancel_(cancel), sight_(sight), camera_(scene), shader_(scene, plan),
-      direct_(scene, plan, stages_, cancel, scratch_), batch_(scene, film.passes()), reach_(reach_of(plan)) {}
+    : scene_(scene), plan_(plan), film_(film), stages_(best_stages()), cancel_(cancel), sight_(sight), camera_(scene),
+      shader_(scene, plan, stages_), direct_(scene, plan, stages_, cancel, scratch_), batch_(scene, film.passes()), reach_(reach_of(plan)) {}
 
 Queue Tracer::take(uint32_t visibility) {
   if (spare_.empty()) return Queue(visibility);
@@ -77,21 +77,21 @@ void Tracer::miss(const Queue& queue) {
 
 void Tracer::start_paths() {
   first_.start_at_camera(paths_.size());
-  for (size_t k = 0; film_.wants_data() && k < paths_.size(); ++k) first_.wants_data[k] = paths_.is_first(k);
+  for (size_t k = 0; film_.wants_data() && k < paths_.size(); ++k)
+    if (paths_.is_first(k)) first_.want_data(k);
 }
 
 void Tracer::camera_rays() {
   CameraStage stage = camera_.stage();
   stage.count = paths_.size(), stage.across = paths_.u(), stage.upward = paths_.v();
-  Columns& c = first_.columns;
-  for (size_t k = 0; k < 3; ++k) stage.o[k] = c[Queue::kO + k], stage.d[k] = c[Queue::kD + k];
-  stage.t_min = c[Queue::kTMin], stage.t_max = c[Queue::kTMax];
+  for (size_t k = 0; k < 3; ++k) stage.o[k] = first_.column(Queue::kO + k), stage.d[k] = first_.column(Queue::kD + k);
+  stage.t_min = first_.column(Queue::kTMin), stage.t_max = first_.column(Queue::kTMax);
   stages_.camera(stage);
   camera_.clip(stage);
   const Vec3d eye = camera_.eye();
   for (size_t k = 0; any(eye) && k < 3; ++k)
-    for (size_t i = 0; i < stage.count; ++i) c[Queue::kO + k][i] = (stage.parallel ? c[Queue::kO + k][i] : 0) + eye[int(k)];
-  for (size_t k = 0; (stage.parallel || any(eye)) && k < 3; ++k) std::copy_n(c[Queue::kO + k], stage.count, c[Queue::kStart + k]);
+    for (size_t i = 0; i < stage.count; ++i) stage.o[k][i] = (stage.parallel ? stage.o[k][i] : 0) + eye[int(k)];
+  for (size_t k = 0; (stage.parallel || any(eye)) && k < 3; ++k) std::copy_n(stage.o[k], stage.count, first_.column(Queue::kStart + k));
 }
 
 /// One path through a vacant tile stands for all.
@@ -178,7 +178,7 @@ void Tracer::find_points(const Queue& queue) {
   find_hits(queue);
   SurfaceStage stage{};
   stage.count = queue.size(), stage.points = batch_.points;
-  for (size_t c = 0; c < 3; ++c) stage.start[c] = queue.columns[Queue::kStart + c], stage.d[c] = queue.columns[Queue::kD + c];
+  for (size_t c = 0; c < 3; ++c) stage.start[c] = queue.column(Queue::kStart + c), stage.d[c] = queue.column(Queue::kD + c);
   stage.instance = batch_.instance.data(), stage.primitive = batch_.primitive.data(), stage.u = batch_.u.data(), stage.v = batch_.v.data();
   stage.instances = scene_.instance_shapes.data(), stage.groups = scene_.group_shapes.data();
   stage.missed = missed(queue);
@@ -196,16 +196,16 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   ShadeStage stage{};
   stage.count = queue.size(), stage.material = batch_.material.data(), stage.terms = scene_.material_terms.data();
   stage.specular_terms = scene_.specular_terms.data(), stage.max_specular = scene_.max_specular, stage.sums = batch_.sums;
-  for (size_t c = 0; c < 3; ++c) stage.T[c] = queue.columns[Queue::kT + c], stage.diffuse[c] = batch_.diffuse[c];
+  for (size_t c = 0; c < 3; ++c) stage.T[c] = queue.column(Queue::kT + c), stage.diffuse[c] = batch_.diffuse[c];
   stage.specular = batch_.specular, stage.stride = batch_.stride, stage.lit = batch_.lit.data(), stage.others = batch_.others.data();
   const size_t others = stages_.shade(stage);
   for (size_t k = 0; (scene_.features & GLINT_FEATURE_SEEN_LIGHTS) && k < queue.size(); ++k) shader_.seen_lights(batch_, k);
   double* lost = paths_.lost_alpha();
   for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size(); ++k)
-    if (batch_.missed(k)) lost[queue.slots[k]] += mean(queue.path(k).T);
+    if (batch_.missed(k)) lost[queue.slot(k)] += mean(queue.path(k).T);
   for (size_t i = 0; i < others;) {
     const uint32_t k = batch_.others[i];
-    if (batch_.material[k] == scene_.holdout()) shader_.hold_out(batch_, k, film_, pixel(queue, k), lost[queue.slots[k]]), ++i;
+    if (batch_.material[k] == scene_.holdout()) shader_.hold_out(batch_, k, film_, pixel(queue, k), lost[queue.slot(k)]), ++i;
     else i += vary(queue, i, others - i, {straight, bounced});
   }
 }
@@ -215,21 +215,29 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
   const uint32_t* rows = batch_.others.data() + first;
   const Material& material = scene_.materials[batch_.material[rows[0]]];
   VaryStage stage{};
+  stage.tables = scene_.input_tables();
   while (stage.count < count && batch_.material[rows[stage.count]] == batch_.material[rows[0]]) ++stage.count;
   stage.rows = rows, stage.instance = batch_.instance.data(), stage.primitive = batch_.primitive.data();
-  stage.instances = scene_.instance_shapes.data(), stage.groups = scene_.groups.data(), stage.geometries = scene_.geometries.data();
-  stage.attributes = scene_.attributes.data(), stage.inputs = scene_.inputs.data(), stage.reads = scene_.reads.data();
-  stage.textures = scene_.texture_shapes.data();
   stage.lobes = scene_.lobe_shapes.data() + material.first_lobe, stage.lobe_count = material.lobe_count, stage.sums = batch_.sums;
   for (size_t c = 0; c < 3; ++c) {
-    stage.T[c] = queue.columns[Queue::kT + c], stage.diffuse[c] = batch_.diffuse[c], stage.ambient[c] = scene_.ambient[int(c)];
+    stage.T[c] = queue.column(Queue::kT + c), stage.diffuse[c] = batch_.diffuse[c], stage.ambient[c] = scene_.ambient[int(c)];
     if (c < 2) stage.weights[c] = batch_.points.weights[c];
   }
   stage.specular = batch_.specular, stage.passing = batch_.passing_columns, stage.stride = batch_.stride, stage.lit = batch_.lit.data();
-  stages_.vary(stage);
-  for (size_t i = 0; material.passing > 0 && i < stage.count; ++i)
-    shader_.pass_on(batch_, rows[i], film_, pixel(queue, rows[i]), next, counts_);
+  stage.passing_rows = batch_.passing_rows.data();
+  pass_on(queue, stages_.vary(stage), next);
+  for (size_t i = 0; film_.wants_data() && material.passing > 0 && i < stage.count; ++i)
+    if (queue.wants_data(rows[i])) shader_.record_veil(batch_, rows[i], film_, pixel(queue, rows[i]));
   return stage.count;
+}
+
+/// Sends on the rays of the first `count` of the batch's `passing_rows`, which share a material.
+void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
+  for (size_t first = 0, some; first < count; first += some) {
+    const uint32_t* const rows = batch_.passing_rows.data() + first;
+    some = cuts_.leading(queue, rows, count - first);
+    shader_.pass_on(batch_, rows, some, next, counts_);
+  }
 }
 
 /// How far behind the first hits of the camera rays the next ones lie.
@@ -253,7 +261,7 @@ void Tracer::record(const Queue& queue) {
   const bool depth_alone = film_.wants_depth_alone();
   for (size_t k = 0; k < queue.size(); ++k) {
     const uint32_t material = batch_.material[k];
-    if (!queue.wants_data[k] || material >= scene_.materials.size() || scene_.materials[material].passing > 0) continue;
+    if (!queue.wants_data(k) || material >= scene_.materials.size() || scene_.materials[material].passing > 0) continue;
     if (depth_alone) film_.set_depth(pixel(queue, k), camera_.depth(row(batch_.points.x, k)));
     else shader_.record(batch_, k, film_, pixel(queue, k));
   }
@@ -265,7 +273,7 @@ void Tracer::keep(const Queue& queue) {
     double* sums = paths_.sums(film_, part);
     for (size_t c = 0; sums && columns[0] && c < 3; ++c, sums += paths_.stride()) {
       if (&queue == &first_) stages_.add(sums, columns[c], queue.size());
-      else for (size_t k = 0; k < queue.size(); ++k) sums[queue.slots[k]] += columns[c][k];
+      else for (size_t k = 0; k < queue.size(); ++k) sums[queue.slot(k)] += columns[c][k];
     }
   };
   const SumColumns& s = batch_.sums;

@@ -54,12 +54,13 @@ class Tracer {
   void find_hits(const Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
   size_t vary(const Queue& queue, size_t first, size_t count, const Leaving& next);
+  void pass_on(const Queue& queue, size_t count, const Leaving& next);
   void record(const Queue& queue);
   void keep(const Queue& queue);
   void wait(Queue queue);
   Queue take(uint32_t visibility);
   void give(Queue queue);
-  uint32_t pixel(const Queue& queue, size_t k) const { return slots_.pixel(*tile_, paths_.slot(queue.slots[k]), plan_.region.width()); }
+  uint32_t pixel(const Queue& queue, size_t k) const { return slots_.pixel(*tile_, paths_.slot(queue.slot(k)), plan_.region.width()); }
 
   const Scene& scene_;
   const RenderPlan& plan_;
@@ -81,6 +82,7 @@ class Tracer {
   Paths paths_;                        // those that are followed now
   Queue first_{kCamera};               // their camera rays
   std::vector<Queue> waiting_, spare_;
+  PathCuts cuts_;
   RayCounts counts_;
 };
 

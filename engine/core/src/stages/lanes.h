@@ -132,7 +132,7 @@ inline Mask nonzero(const Three& a) { return (a.x != 0) | (a.y != 0) | (a.z != 0
 inline Doubles max_abs(const Three& a) { return larger(magnitude(a.x), larger(magnitude(a.y), magnitude(a.z))); }
 
 /// The direction of any finite non-zero vector, however short or long; otherwise the zero vector. The same as vec.h's.
-inline Three unit(Three a) {
+__attribute__((always_inline)) inline Three unit(Three a) {
   const Doubles m = max_abs(a);
   const Mask common = (m > 1e-100) & (m < 1e100);
   if (!all(common)) {
@@ -161,6 +161,9 @@ inline Way way(const Three& a) {
 
 /// What surface.h calls rounding.
 inline Doubles rounding(Doubles size) { return (8 * 0x1p-24) * size; }
+
+/// What surface.h calls beyond.
+inline Doubles beyond(Doubles t) { return t + 0x1p-39 * t; }
 
 }  // namespace
 }  // namespace glint

@@ -15,6 +15,16 @@ struct OnMesh {
   Doubles weights[3];
 };
 
+/// Where the points of a group are, from the instance and the primitive of each lane.
+template <class Instance, class Primitive>
+inline void find_primitives(const InputTables& s, Instance instance, Primitive primitive, OnMesh& p) {
+  for (size_t lane = 0; lane < kLanes; ++lane)
+    p.geometry[lane] = s.geometries + s.groups[s.instances[instance(lane)].group].geometry, p.primitive[lane] = primitive(lane);
+  bool one = same(p.primitive);
+  for (size_t lane = 1; one && lane < kLanes; ++lane) one = p.geometry[lane] == p.geometry[0];
+  p.different = one ? 1 : kLanes;
+}
+
 /// A colour as one of its channels.
 inline Three channel_of(const Three& color, int channel) {
   if (channel != GLINT_LUMINANCE) return color;
@@ -22,7 +32,7 @@ inline Three channel_of(const Three& color, int channel) {
   return {grey, grey, grey};
 }
 
-inline const GlintAttribute* find(const VaryStage& s, const GlintGeometry& geometry, int32_t name) {
+inline const GlintAttribute* find(const InputTables& s, const GlintGeometry& geometry, int32_t name) {
   const GlintAttribute* a = s.attributes + geometry.first_attribute;
   for (uint32_t i = 0; i < geometry.attribute_count; ++i)
     if (name < 0 ? a[i].channels == 2 : a[i].name == name) return a + i;
@@ -41,7 +51,7 @@ inline void look_up(const GlintGeometry& geometry, const GlintAttribute& a, uint
   for (size_t v = 0; v < 3; ++v) out.at[v][lane] = a.values + size_t(a.channels) * (a.domain == GLINT_FACE ? primitive : rows[v]);
 }
 
-inline void look_up(const VaryStage& s, const OnMesh& p, int32_t name, Corners& out) {
+inline void look_up(const InputTables& s, const OnMesh& p, int32_t name, Corners& out) {
   const GlintAttribute* attribute = nullptr;
   for (size_t lane = 0; lane < p.different; ++lane) {
     if (lane == 0 || p.geometry[lane] != p.geometry[lane - 1]) attribute = find(s, *p.geometry[lane], name);
@@ -73,10 +83,10 @@ inline Mask lanes_with(const Corners& values, int channels) {
   return has;
 }
 
-inline Three color_at(const VaryStage& s, const OnMesh& p, int32_t name, int channel) {
+inline Three read_color(const InputTables& s, const OnMesh& p, int32_t name, int channel) {
   Corners values;
   look_up(s, p, name, values);
-  if (channel != GLINT_ALPHA) return channel_of({blend(p, values, 0), blend(p, values, 1), blend(p, values, 2)}, channel);
+  if (channel != GLINT_ALPHA) return {blend(p, values, 0), blend(p, values, 1), blend(p, values, 2)};
   const Doubles alpha = choose(lanes_with(values, 4), blend(p, values, 3), where(lanes_with(values, 1), splat(1)));
   return {alpha, alpha, alpha};
 }
@@ -151,14 +161,31 @@ inline auto sample(const TextureShape& t, Doubles u, Doubles v) {
              mix(read(t, {t, x.first, y.second}), read(t, {t, x.second, y.second}), x.way), y.way);
 }
 
-/// What was read of images for a group of points: inputs of several lobes often ask for the same.
-struct Reads {
-  static constexpr uint32_t kKept = 8;
-  uint32_t count = 0, number[kKept];
-  Three value[kKept];
+/// What was read for a group of points, by number: inputs of several lobes often ask for the same.
+class Recent {
+ public:
+  /// The value of that number, which `read` makes.
+  template <class Read>
+  Three get(uint32_t number, Read read) {
+    for (uint32_t k = 0; k < count_; ++k)
+      if (number_[k] == number) return value_[k];
+    const Three value = read();
+    if (count_ < kMost) value_[count_] = value, number_[count_++] = number;
+    return value;
+  }
+
+ private:
+  static constexpr uint32_t kMost = 8;
+  uint32_t count_ = 0, number_[kMost];
+  Three value_[kMost];
 };
 
-inline Three read_image(const VaryStage& s, const OnMesh& p, const GlintInput& input) {
+/// Images and attributes: the colour, or the alpha three times.
+struct Reads {
+  Recent images, colors;
+};
+
+inline Three read_image(const InputTables& s, const OnMesh& p, const GlintInput& input) {
   Corners uv;
   look_up(s, p, input.uv, uv);
   const double* m = input.uv_transform;
@@ -171,33 +198,35 @@ inline Three read_image(const VaryStage& s, const OnMesh& p, const GlintInput& i
   return {alpha, alpha, alpha};
 }
 
-/// The colour, or the alpha three times.
-inline Three image_at(const VaryStage& s, const OnMesh& p, uint32_t i, Reads& reads) {
-  const uint32_t number = s.reads[i];
-  for (uint32_t k = 0; k < reads.count; ++k)
-    if (reads.number[k] == number) return reads.value[k];
-  const Three value = read_image(s, p, s.inputs[i]);
-  if (reads.count < Reads::kKept) reads.value[reads.count] = value, reads.number[reads.count++] = number;
-  return value;
+inline Three image_at(const InputTables& s, const OnMesh& p, uint32_t i, Reads& reads) {
+  return reads.images.get(s.reads[i], [&] { return read_image(s, p, s.inputs[i]); });
+}
+
+inline Three color_at(const InputTables& s, const OnMesh& p, int32_t name, int channel, Reads& reads) {
+  const uint32_t number = 2 * uint32_t(name) + (channel == GLINT_ALPHA);
+  return reads.colors.get(number, [&] { return read_color(s, p, name, channel); });
 }
 
 inline Three finite_or_zero(const Three& a) { return {finite_or_zero(a.x), finite_or_zero(a.y), finite_or_zero(a.z)}; }
 
-inline Three evaluate(const VaryStage& s, const OnMesh& p, uint32_t i, Reads& reads) {
+inline Three evaluate(const InputTables& s, const OnMesh& p, uint32_t i, Reads& reads) {
   const GlintInput& input = s.inputs[i];
   Three product = splat3(input.value);
   if (input.texture >= 0) product = product * channel_of(image_at(s, p, i, reads), input.channel);
-  if (input.attribute >= 0) product = product * color_at(s, p, input.attribute, input.attribute_channel);
+  if (input.attribute >= 0) product = product * channel_of(color_at(s, p, input.attribute, input.attribute_channel, reads), input.attribute_channel);
   product = finite_or_zero(product);
   return input.complement ? Three{1 - product.x, 1 - product.y, 1 - product.z} : product;
 }
 
-/// The product of a lobe's factors.
-inline Three coefficient(const VaryStage& s, const OnMesh& p, const LobeShape& lobe, Reads& reads) {
-  if (lobe.constant) return splat3(lobe.k);
+/// The product of a lobe's factors where they vary: one copy for all stages.
+__attribute__((noinline, flatten)) Three product(const InputTables& s, const OnMesh& p, const LobeShape& lobe, Reads& reads) {
   Three k = {splat(1), splat(1), splat(1)};
   for (uint32_t i = 0; i < lobe.input_count; ++i) k = k * evaluate(s, p, lobe.first_input + i, reads);
   return finite_or_zero(k);
+}
+
+inline Three coefficient(const InputTables& s, const OnMesh& p, const LobeShape& lobe, Reads& reads) {
+  return lobe.constant ? splat3(lobe.k) : product(s, p, lobe, reads);
 }
 
 }  // namespace

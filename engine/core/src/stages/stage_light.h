@@ -3,6 +3,7 @@
 #pragma once
 #include "stage_math.h"
 #include "stage_rectangle.h"
+#include "stage_rows.h"
 #include "stages.h"
 
 namespace glint {
@@ -107,7 +108,7 @@ inline Sample sample(const LightStage& s, const Three& x) {
   return sample;
 }
 
-inline Three highlights(const LightStage& s, size_t k, const Three& n, const Three& l) {
+__attribute__((always_inline)) inline Three highlights(const LightStage& s, size_t k, const Three& n, const Three& l) {
   const Slope at = slope(n, l - load3(s.d, k));
   Three sum{};
   for (int term = 0; term < s.max_specular; ++term) {
@@ -118,24 +119,6 @@ inline Three highlights(const LightStage& s, size_t k, const Three& n, const Thr
   }
   return sum;
 }
-
-/// Numbers of some lanes go to the end of columns.
-struct Appender {
-  uint32_t lanes;
-  size_t at;
-  void operator()(double* column, Doubles v) const {
-    if (lanes == kAllLanes) return store(column + at, v);
-    size_t to = at;
-    for (uint32_t m = lanes; m; m &= m - 1) column[to++] = v[__builtin_ctz(m)];
-  }
-  void operator()(double* const (&columns)[3], const Three& v) const {
-    (*this)(columns[0], v.x), (*this)(columns[1], v.y), (*this)(columns[2], v.z);
-  }
-  void number(uint32_t* column, uint32_t first) const {
-    size_t to = at;
-    for (uint32_t m = lanes; m; m &= m - 1) column[to++] = first + uint32_t(__builtin_ctz(m));
-  }
-};
 
 /// The open segment from the point to the sample; its far end stops short of what the sample lies on.
 template <int Shape>
@@ -204,6 +187,20 @@ void sum(const LightSum& s) {
       for (size_t c = 0; c < 3; ++c) s.total[c][first] = s.total[c][first] + (s.blocked[k] ? 0 : s.given[c][k]);
       ++k;
     }
+  }
+}
+
+void sum_parts(const LightParts& s) {
+  const auto add = [](double* const (&columns)[3], const Chosen& at, const Three& c) {
+    if (columns[0]) scatter3(columns, at, gather3(columns, at) + c);
+  };
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Chosen at = chosen(s.point, k, s.count);
+    const Three diffuse = load3(s.diffuse, k), specular = s.specular[0] ? load3(s.specular, k) : Three{}, full = diffuse + specular;
+    const Doubles open = each_lane([&](size_t lane) { return s.blocked[k + lane] ? 0.0 : 1.0; });
+    const Three lit = full * (s.shadow[0] ? load3(s.shadow, k) : Three{open, open, open});
+    add(s.sums.total, at, lit), add(s.sums.diffuse, at, diffuse), add(s.sums.specular, at, specular);
+    add(s.sums.shadow, at, lit - full);
   }
 }
 

@@ -97,17 +97,23 @@ struct Matrices {
   }
 };
 
-/// The triangles of a group, a row a lane, in anchored space but for `normals`. g: unit or 0, outward.  upright: unit normals of the
-/// vertices.
-struct Face {
-  Three a, e1, e2, g, normals[3], upright[3];
+/// A corner of each triangle of a group in anchored space, and the edges that leave it.
+struct Spread {
+  Three a, e1, e2;
+  Spread() = default;
+  Spread(const Matrices& to_world, const Three (&corners)[3])
+      : a(to_world.m * corners[0] + to_world.t), e1(to_world.m * (corners[1] - corners[0])), e2(to_world.m * (corners[2] - corners[0])) {}
+};
+
+/// What else there is of them, in anchored space but for `normals`. g: unit or 0, outward.  upright: unit normals of the vertices.
+struct Face : Spread {
+  Three g, normals[3], upright[3];
   Linear normal;
   Doubles offset;
   bool smooth = false;
 
   Face() = default;
-  Face(const Matrices& to_world, const Three (&corners)[3]) : a(to_world.m * corners[0] + to_world.t), normal(to_world.normal) {
-    e1 = to_world.m * (corners[1] - corners[0]), e2 = to_world.m * (corners[2] - corners[0]);
+  Face(const Matrices& to_world, const Three (&corners)[3]) : Spread(to_world, corners), normal(to_world.normal) {
     g = to_world.mirror * unit(cross(e1, e2));
     offset = rounding(larger(max_abs(a), larger(max_abs(a + e1), max_abs(a + e2))));
   }
@@ -122,7 +128,7 @@ struct Weights {
 };
 
 /// In double; the accelerator's own where the ray grazes the plane or the triangle is a needle.
-inline Weights solve_weights(const Three& o, const Three& d, const Face& face, Doubles hit_u, Doubles hit_v) {
+inline Weights solve_weights(const Three& o, const Three& d, const Spread& face, Doubles hit_u, Doubles hit_v) {
   const Three q = cross(d, face.e2), s = o - face.a;
   const Doubles f = 1 / dot(face.e1, q);
   Doubles u = f * dot(s, q), v = f * dot(d, cross(s, face.e1));

@@ -1,43 +1,17 @@
 // Materials that vary over the surface or send rays on (notes 4.12-4.17). Letters: T weight to the pixel, k coefficient of a lobe.
 #pragma once
 #include "stage_inputs.h"
+#include "stage_rows.h"
 
 namespace glint {
 namespace {
-
-/// The points of a group: their rows in the columns.
-struct Chosen {
-  size_t count;
-  uint32_t row[kLanes];
-  bool together = false;  // rows that follow each other, in all lanes
-};
-
-inline Doubles gather(const double* column, const Chosen& at) {
-  if (at.together) return load(column + at.row[0]);
-  return each_lane([&](size_t lane) { return column[at.row[lane]]; });
-}
-inline Three gather3(const double* const (&columns)[3], const Chosen& at) {
-  return {gather(columns[0], at), gather(columns[1], at), gather(columns[2], at)};
-}
-inline void scatter(double* column, const Chosen& at, Doubles v) {
-  if (at.together) return store(column + at.row[0], v);
-  for (size_t lane = 0; lane < at.count; ++lane) column[at.row[lane]] = v[lane];
-}
-inline void scatter3(double* const (&columns)[3], const Chosen& at, const Three& v) {
-  scatter(columns[0], at, v.x), scatter(columns[1], at, v.y), scatter(columns[2], at, v.z);
-}
 
 inline OnMesh on_mesh(const VaryStage& s, const Chosen& at) {
   OnMesh p;
   p.weights[1] = gather(s.weights[0], at), p.weights[2] = gather(s.weights[1], at);
   p.weights[0] = 1 - p.weights[1] - p.weights[2];
-  for (size_t lane = 0; lane < kLanes; ++lane) {
-    const uint32_t group = s.instances[s.instance[at.row[lane]]].group;
-    p.geometry[lane] = s.geometries + s.groups[group].geometry, p.primitive[lane] = s.primitive[at.row[lane]];
-  }
-  bool one = same(p.primitive);
-  for (size_t lane = 1; one && lane < kLanes; ++lane) one = p.geometry[lane] == p.geometry[0];
-  p.different = one ? 1 : kLanes;
+  find_primitives(
+      s.tables, [&](size_t lane) { return s.instance[at.row[lane]]; }, [&](size_t lane) { return s.primitive[at.row[lane]]; }, p);
   return p;
 }
 
@@ -48,20 +22,21 @@ inline void add_part(double* const (&part)[3], const Chosen& at, const Three& c)
 /// What the lobes come to without light, and what lights need of them.
 struct Lobes {
   Three glow, diffuse;
-  Mask lit = {};
+  Mask lit = {}, passes = {};
   int specular_count = 0, passing_count = 0;
 };
 
 inline void set_specular(const VaryStage& s, const Chosen& at, const Three& Tk, double exponent, Lobes& sum) {
   double* column = s.specular + 4 * size_t(sum.specular_count++) * s.stride;
-  scatter(column, at, Tk.x), scatter(column + s.stride, at, Tk.y), scatter(column + 2 * s.stride, at, Tk.z);
+  scatter3(column, s.stride, at, Tk);
   scatter(column + 3 * s.stride, at, splat(exponent));
   sum.lit |= nonzero(Tk);
 }
 
 inline void set_passing(const VaryStage& s, const Chosen& at, const Three& k, Lobes& sum) {
   double* column = s.passing + 3 * size_t(sum.passing_count++) * s.stride;
-  scatter(column, at, k.x), scatter(column + s.stride, at, k.y), scatter(column + 2 * s.stride, at, k.z);
+  scatter3(column, s.stride, at, k);
+  sum.passes |= nonzero(k);
 }
 
 inline void add_lobe(const VaryStage& s, const Chosen& at, const LobeShape& lobe, const Three& T, const Three& k, Lobes& sum) {
@@ -74,14 +49,15 @@ inline void add_lobe(const VaryStage& s, const Chosen& at, const LobeShape& lobe
   add_part(ambient ? s.sums.ambient : s.sums.emission, at, c);
 }
 
-inline void vary_group(const VaryStage& s, const Chosen& at) {
+/// Which lanes send rays on.
+inline uint32_t vary_group(const VaryStage& s, const Chosen& at) {
   const OnMesh p = on_mesh(s, at);
   const Three T = gather3(s.T, at);
   Lobes sum{gather3(s.sums.total, at), {}};
   Three k{};
   Reads reads;
   for (uint32_t i = 0; i < s.lobe_count; ++i) {
-    if (!s.lobes[i].like_last) k = coefficient(s, p, s.lobes[i], reads);
+    if (!s.lobes[i].like_last) k = coefficient(s.tables, p, s.lobes[i], reads);
     add_lobe(s, at, s.lobes[i], T, k, sum);
   }
   scatter3(s.sums.total, at, sum.glow);
@@ -89,15 +65,16 @@ inline void vary_group(const VaryStage& s, const Chosen& at) {
   scatter3(s.diffuse, at, Tk);
   sum.lit |= nonzero(Tk);
   for (size_t lane = 0; lane < at.count; ++lane) s.lit[at.row[lane]] = sum.lit[lane];
+  return bits(sum.passes) & lanes_of(at);
 }
 
-void vary(const VaryStage& s) {
+size_t vary(const VaryStage& s) {
+  size_t passing = 0;
   for (size_t i = 0; i < s.count; i += kLanes) {
-    Chosen at{s.count - i < kLanes ? s.count - i : kLanes, {}};
-    for (size_t lane = 0; lane < kLanes; ++lane) at.row[lane] = s.rows[lane < at.count ? i + lane : i];
-    at.together = at.row[kLanes - 1] - at.row[0] == kLanes - 1;
-    vary_group(s, at);
+    const Chosen at = chosen(s.rows, i, s.count);
+    for (uint32_t m = vary_group(s, at); m; m &= m - 1) s.passing_rows[passing++] = at.row[__builtin_ctz(m)];
   }
+  return passing;
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// The stages of the pipeline that run over whole batches: camera rays, points on meshes, constant lobes, light from one light sample, sums.
+// The stages of the pipeline that run over whole batches: camera rays, points on meshes, lobes, rays that go on, light from one light
+// sample, shadow rays through surfaces, sums.
 // One source (stage_*.h), compiled once per instruction set, with the same bits from each. Plain data only: nothing here may emit code.
 // Columns are arrays of one number a ray; they have room for a multiple of kPad numbers, and stages may write that far.
 #pragma once
@@ -92,8 +93,8 @@ struct ShadeStage {
 /// A lobe and an image as the stages read them (material.h, texture.h).
 struct LobeShape {
   int kind;
-  bool constant, like_last;
-  double exponent, k[3];          // k: where constant
+  bool constant, like_last, fresnel;
+  double exponent, ior, k[3];     // k: where constant
   uint32_t first_input, input_count;
 };
 struct TextureShape {
@@ -103,13 +104,8 @@ struct TextureShape {
   int type, extension, interpolation;
 };
 
-/// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`, `specular` and `lit`, as ShadeStage does,
-/// and `passing`.
-struct VaryStage {
-  size_t count;
-  const uint32_t* rows;           // of its points
-  const double *T[3], *weights[2];
-  const uint32_t *instance, *primitive;
+/// What inputs that vary over a surface are read from.
+struct InputTables {
   const InstanceShape* instances;
   const GlintInstances* groups;
   const GlintGeometry* geometries;
@@ -117,6 +113,16 @@ struct VaryStage {
   const GlintInput* inputs;
   const uint32_t* reads;          // for each input the number of what it reads of an image: the same for the same
   const TextureShape* textures;
+};
+
+/// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`, `specular` and `lit`, as ShadeStage does,
+/// and `passing`.
+struct VaryStage {
+  InputTables tables;
+  size_t count;
+  const uint32_t* rows;           // of its points
+  const double *T[3], *weights[2];
+  const uint32_t *instance, *primitive;
   const LobeShape* lobes;
   uint32_t lobe_count;
   double ambient[3];
@@ -124,8 +130,50 @@ struct VaryStage {
   double* diffuse[3];
   double* specular;
   double* passing;                // three columns for each lobe that sends rays on: its coefficient
+  uint32_t* passing_rows;         // points where one of these is not zero
   size_t stride;
   int64_t* lit;
+};
+
+/// Columns of a queue of rays (queue.h).
+struct RayLayout {
+  static constexpr size_t kO = 0, kD = 3, kT = 6, kStart = 9, kTMin = 12, kTMax = 13, kFrom = 14, kColumns = 15;
+};
+
+/// What else a ray carries, in one number of 64 bits: from bit 0 on its slot, from these on how often it bounced and how often it went
+/// straight on since (8 bits each), and whether it wants data.
+struct RayTag {
+  static constexpr int kDepth = 32, kStraight = 40, kWantsData = 48;
+};
+
+/// The end of a queue that has room for what is added.
+struct RayEnd {
+  double* columns;
+  size_t stride;
+  int64_t* tags;
+  size_t* size;
+};
+
+/// Rays that leave points which share a material. Of a path's rays those of the lobes come in the lobes' order: refracted ones, then one
+/// mirrored, then one that goes straight on.
+struct PassStage {
+  size_t count;
+  const uint32_t* rows;           // of the points, of different paths
+  const double* from;             // the queue whose rays arrive there
+  size_t from_stride;
+  const int64_t* from_tags;
+  const double *t, *x[3], *g[3], *n[3], *offset;
+  const int64_t* outside;
+  const double* passing;          // as VaryStage has it
+  size_t passing_stride;
+  const LobeShape* lobes;
+  uint32_t lobe_count, max_bounces, max_straight;
+  double cutoff;                  // of weights
+  RayEnd straight, bounced;       // room for each row, and for each row and lobe
+};
+
+struct PassedRays {
+  size_t refraction, mirror, transparent;
 };
 
 enum LightShape : int { kDirection, kPointSource, kSphereSource, kDiscSource, kPlaneSource, kRectangleSource };
@@ -161,14 +209,48 @@ struct LightSum {
   double* total[3];
 };
 
+/// The same with what else is known: diffuse and specular light apart, how much of it gets through, and the parts that are kept.
+struct LightParts {
+  size_t count;
+  const uint32_t* point;
+  const uint8_t* blocked;
+  const double *shadow[3], *diffuse[3], *specular[3];  // shadow: S, null where rays are free or blocked and no more.  specular: or null
+  SumColumns sums;
+};
+
+/// Columns of rays on their way through surfaces, but for their weight and the like.
+struct VeiledRay {
+  static constexpr size_t kO = 0, kD = 3, kTMin = 6, kTMax = 7, kT = 8, kColumns = 9;  // kT: of their hits
+};
+
+/// Some of the shadow rays of a light sample, which met surfaces of one material that lets light through.
+struct VeilStage {
+  InputTables tables;
+  size_t first, count;            // rows of the columns of rays and hits
+  const GroupShape* shapes;
+  double* rays;                   // VeiledRay. Those with light left follow each other from row `kept` <= first on, bound to start there
+  size_t stride, kept;
+  uint32_t* number;               // of the ray in the sample; moves with the rays
+  const uint32_t *instance, *primitive;
+  const float *u, *v;
+  const uint32_t* point;          // of each ray of the sample, as what follows but `origin`
+  const double *origin[3], *to[3], *end[3];  // origin: of each point.  end: null where `to` is exact
+  double* shadow[3];              // S
+  const LobeShape* lobes;
+  uint32_t lobe_count;
+};
+
 struct Stages {
   const char* name;
   void (*camera)(const CameraStage&);
   void (*surface)(const SurfaceStage&);
   size_t (*shade)(const ShadeStage&);   // how many `others`
-  void (*vary)(const VaryStage&);
+  size_t (*vary)(const VaryStage&);     // how many `passing_rows`
+  PassedRays (*pass)(const PassStage&);
   size_t (*light)(const LightStage&);   // how many points the sample reaches
+  size_t (*veil)(const VeilStage&);     // how many rays are kept in all
   void (*sum)(const LightSum&);
+  void (*sum_parts)(const LightParts&);
   void (*add)(double* to, const double* from, size_t count);
   void (*mean)(const double* sums, double samples, float* out, size_t count);  // NaN becomes 0, infinities the largest float
   void (*cosine_power)(const double* tangent2, const double* exponent, double* out, size_t count);
