@@ -16,10 +16,11 @@ struct Columns {
     for (int a = 0; a < 3; ++a) tile.xyz_o[a] = values[a], tile.xyz_d[a] = values[3 + a];
     tile.t_min = values[6], tile.t_max = values[7];
   }
-  /// Rays that hit nothing, up to a whole group.
+  /// Rays that hit nothing, up to a whole group; where all of them may be one bundle, up to a whole tile, beside the first one.
   void fill(int count) {
-    for (int k = count; k % kLanes; ++k)
-      for (auto& column : values) column[k] = 0;
+    const int end = count < kCompany ? (count + kLanes - 1) / kLanes * kLanes : kTile;
+    for (int c = 0; c < 8; ++c)
+      for (int k = count; k < end; ++k) values[c][k] = c < 6 ? values[c][0] : 0;
   }
 };
 
