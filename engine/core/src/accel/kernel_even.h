@@ -164,7 +164,7 @@ inline bool set_even_origins(Tile& tile, const double* const (&o)[3], const doub
 
 /// set_tile for a tile that is even. False when it is not: then set_tile has to do it.
 inline bool set_even_tile(Tile& tile) {
-  if (tile.count < kTile / 2 || !(reach_of(*tile.tree) < 1e30)) return false;
+  if (tile.count < kCompany || !(reach_of(*tile.tree) < 1e30)) return false;
   const uint32_t kind = kind_of({*tile.xyz_d[0], *tile.xyz_d[1], *tile.xyz_d[2]});
   const Order& order = kOrders[kind];
   const double *d[3], *o[3], sign = double(order.sign);
