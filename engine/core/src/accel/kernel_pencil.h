@@ -47,7 +47,7 @@ struct Places {
 struct Pencil {
   bool exists = false;
   float constant, linear;
-  Origin apex;      // from where depths are counted; of parallel rays: where the first one begins; far from it: of a ray in the middle
+  Origin apex;      // from where depths are counted; of parallel rays: where the first one begins; far away: of a ray in the middle
   float middle[2];  // slopes of the ray whose place is 0
   float reach;      // from the rays' beginnings to the apex, in depth
   float steep;      // no slope is more

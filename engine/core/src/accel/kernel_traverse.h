@@ -34,6 +34,8 @@ struct Stack {
   }
 };
 
+constexpr int kFewTriangles = 3;  // to a group, they are tested sooner than their edges are known
+
 /// A group of rays of one kind.
 template <bool Any>
 struct GroupLevel {
@@ -73,7 +75,7 @@ struct GroupLevel {
       const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
       uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
       if (!mask) continue;
-      if (w.pencil.exists && __builtin_popcount(mask) > 3) mask = pencil_triangles(child, leaf_triangles, first, mask);
+      if (w.pencil.exists && __builtin_popcount(mask) > kFewTriangles) mask = pencil_triangles(child, leaf_triangles, first, mask);
       if (!mask) continue;
       store(extent, extent_of(boxes));
       const Corners<Common> corners(leaf_triangles, first, order, origin<Common>(w.tile, k));
