@@ -23,7 +23,8 @@ WindowReach reach_of(const RenderPlan& plan) {
 
 Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel, Sight* sight)
     : scene_(scene), plan_(plan), film_(film), stages_(best_stages()), cancel_(cancel), sight_(sight), camera_(scene),
-      shader_(scene, plan, stages_), direct_(scene, plan, stages_, cancel, scratch_), batch_(scene, film.passes()), reach_(reach_of(plan)) {}
+      shader_(scene, plan, stages_), direct_(scene, plan, stages_, cancel, scratch_), batch_(scene, film.passes()),
+      reach_(reach_of(plan)) {}
 
 Queue Tracer::take(uint32_t visibility) {
   if (spare_.empty()) return Queue(visibility);

@@ -16,10 +16,11 @@ struct Columns {
     for (int a = 0; a < 3; ++a) tile.xyz_o[a] = values[a], tile.xyz_d[a] = values[3 + a];
     tile.t_min = values[6], tile.t_max = values[7];
   }
-  /// Rays that hit nothing, up to a whole group.
+  /// Rays that hit nothing, up to a whole group; where all of them may be one bundle, up to a whole tile, beside the first one.
   void fill(int count) {
-    for (int k = count; k % kLanes; ++k)
-      for (auto& column : values) column[k] = 0;
+    const int end = count < kCompany ? (count + kLanes - 1) / kLanes * kLanes : kTile;
+    for (int c = 0; c < 8; ++c)
+      for (int k = count; k < end; ++k) values[c][k] = c < 6 ? values[c][0] : 0;
   }
 };
 
@@ -54,14 +55,13 @@ struct OpenRay {
   static V dot(const V (&a)[3], const V (&b)[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 };
 
-/// Rays of a tile on a visit to one object's tree, each by way of an instance of it.
+/// Rays of a tile on a visit to one object's tree, each by way of an instance of it. Slots of a tile in the world are its rays.
 template <bool Any>
 struct Visit {
   Walk<Any>& w;
   Tile inner;
   Columns columns;
   uint32_t instances[kTile];
-  uint8_t from[kTile];
 
   Visit(Walk<Any>& walk, uint32_t tree) : w(walk) {
     inner.answers = w.tile.answers, inner.tree = &w.world.objects[tree], inner.world = &w.world;
@@ -75,6 +75,7 @@ struct Visit {
   void add(int k, uint32_t rays, const InstanceRecord& instance) {
     const OpenRay<Doubles> all(instance, w.tile, k);
     rays &= ~bits(all.passes_by(*inner.tree));
+    if (rays == (1u << kDoubles) - 1) return add_all(k, all, instance);
     alignas(64) double numbers[6][kDoubles];
     for (int a = 0; a < 3; ++a) store(numbers[a], all.o[a]), store(numbers[3 + a], all.d[a]);
     for (; rays; rays &= rays - 1) {
@@ -83,12 +84,22 @@ struct Visit {
       add_end(k + lane, instance);
     }
   }
+  void add_all(int k, const OpenRay<Doubles>& rays, const InstanceRecord& instance) {
+    const Answers& answers = *w.tile.answers;
+    const Doubles end = load(answers.t_max + k);
+    const int to = inner.count;
+    for (int a = 0; a < 3; ++a) store(columns.values[a] + to, rays.o[a]), store(columns.values[3 + a] + to, rays.d[a]);
+    store(columns.values[6] + to, load(w.tile.t_min + k));
+    store(columns.values[7] + to, Any ? end : smaller(end, load(answers.t + k)));
+    for (int j = 0; j < kDoubles; ++j) inner.slot[to + j] = uint8_t(k + j), instances[to + j] = instance.instance;
+    inner.count += kDoubles;
+  }
   void add_end(int r, const InstanceRecord& instance) {
     const Answers& answers = *w.tile.answers;
-    const int k = inner.count++, s = w.tile.slot[r];
+    const int k = inner.count++;
     columns.values[6][k] = w.tile.t_min[r];
-    columns.values[7][k] = Any || answers.t_max[s] < answers.t[s] ? answers.t_max[s] : answers.t[s];
-    inner.slot[k] = uint8_t(s), from[k] = uint8_t(r), instances[k] = instance.instance;
+    columns.values[7][k] = Any || answers.t_max[r] < answers.t[r] ? answers.t_max[r] : answers.t[r];
+    inner.slot[k] = uint8_t(r), instances[k] = instance.instance;
   }
   void trace() {
     if (inner.count == 0) return;
@@ -96,8 +107,9 @@ struct Visit {
     columns.show(inner);
     trace_tile<Any>(inner);
     for (int k = 0; k < inner.count; ++k) {
-      if (!Any && w.tile.answers->t[inner.slot[k]] == columns.values[7][k]) continue;
-      w.update(from[k]), w.trim(from[k]);
+      const int r = inner.slot[k];
+      if (Any ? !w.tile.answers->blocked[r] : w.tile.answers->t[r] == columns.values[7][k]) continue;
+      w.update(r), w.trim(r);
     }
   }
 };

@@ -41,11 +41,15 @@ struct Places {
   Floats low[2], high[2];
 };
 
-/// The rays of an even tile, where they are a pencil.
+/// The rays of an even tile, where they are a pencil. What a corner is away from them across grows with their places times its weight:
+/// constant + linear times its depth. That is the depth where places are slopes from an apex, and 1 where parallel rays start at them. Of
+/// pencils from far away places are where the rays are in the middle of the tree, and the weight is 1 there: slopes would differ too
+/// little.
 struct Pencil {
-  bool exists = false, parallel = false;
-  Origin apex;      // of parallel rays: where the first one begins
-  float middle[2];  // slopes; places are counted from there, or are distances across
+  bool exists = false;
+  float constant, linear;
+  Origin apex;      // from where depths are counted; of parallel rays: where the first one begins; far away: of a ray in the middle
+  float middle[2];  // slopes of the ray whose place is 0
   float reach;      // from the rays' beginnings to the apex, in depth
   float steep;      // no slope is more
   float off;        // what rays miss the apex by
@@ -90,13 +94,14 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, cons
   const Floats z0 = p[2], z1 = p[5], z2 = p[8];
   const Places& all = pencil.all;
   const Floats width = larger(larger(all.high[0], -all.low[0]), larger(all.high[1], -all.low[1]));
-  most += pencil.parallel ? width : deepest * width;
+  most += width * (splat(pencil.constant) + deepest * splat(magnitude(pencil.linear)));
+  const Floats constant = splat(pencil.constant), linear = splat(pencil.linear);
   EdgeLines l;
   for (int e = 0; e < 3; ++e) {
     const Floats *a = p + 3 * ((e + 1) % 3), *b = p + 3 * ((e + 2) % 3);
     l.k[e] = b[0] * a[1] - b[1] * a[0];
-    if (pencil.parallel) l.x[e] = b[1] - a[1], l.y[e] = a[0] - b[0];
-    else l.x[e] = b[1] * a[2] - b[2] * a[1], l.y[e] = b[2] * a[0] - b[0] * a[2];
+    const Floats wa = constant + linear * a[2], wb = constant + linear * b[2];
+    l.x[e] = b[1] * wa - wb * a[1], l.y[e] = wb * a[0] - b[0] * wa;
   }
   const Floats k = l.k[0] + l.k[1] + l.k[2], x = l.x[0] + l.x[1] + l.x[2], y = l.y[0] + l.y[1] + l.y[2];
   const Ints side = Ints(k) & INT32_MIN;
@@ -135,14 +140,14 @@ struct EdgeTable {
 /// Where the lines of an even tile's first and last ray are nearest to each other, in the rays' order. Returns how far from there the
 /// others pass at most.
 inline double meeting_point(const Tile& tile, double (&apex)[3]) {
-  constexpr int kLast = kTile - 1;
+  const int final = tile.count - 1;
   double across = 0, square = 0;
   for (int a = 0; a < 2; ++a) {
-    const double first = tile.shear[a][0], turn = tile.shear[a][kLast] - first;
-    across += turn * (tile.o[a][kLast] - tile.o[a][0] - first * (tile.o[2][kLast] - tile.o[2][0])), square += turn * turn;
+    const double first = tile.shear[a][0], turn = tile.shear[a][final] - first;
+    across += turn * (tile.o[a][final] - tile.o[a][0] - first * (tile.o[2][final] - tile.o[2][0])), square += turn * turn;
   }
   if (!(square > 0)) return kInf;
-  apex[2] = tile.o[2][kLast] - across / square;
+  apex[2] = tile.o[2][final] - across / square;
   Doubles off{};
   for (int a = 0; a < 2; ++a) {
     apex[a] = tile.o[a][0] + tile.shear[a][0] * (apex[2] - tile.o[2][0]);
@@ -151,9 +156,7 @@ inline double meeting_point(const Tile& tile, double (&apex)[3]) {
       off = larger(magnitude(at - splat(apex[a])), off);
     }
   }
-  double most = 0;
-  for (int j = 0; j < kDoubles; ++j) most = larger(off[j], most);
-  return most;
+  return most_of(off);
 }
 
 /// How far the rays begin from the pencil's apex, in depth. Returns the most.
@@ -175,42 +178,67 @@ inline bool parallel(const Tile& tile) {
   return all_zero(other);
 }
 
+/// An even tile's rays that meet far away. `meeting`: where, in their order; `off`: what they miss it by. The ray in the middle is one half
+/// way between the first and the last. A ray is off its place by what it misses the apex by, less where that is far, and by rounding.
+inline void set_far_apex(const Tile& tile, const double (&meeting)[3], double off, Pencil& pencil) {
+  const int final = tile.count - 1;
+  const Order& order = order_of(tile, 0);
+  const double sign = double(order.sign), radius = tile.tree->radius;
+  const float plane = float(sign * tile.tree->center[order.axes[2]]);
+  const double depth = sign * double(plane), distance = double(plane) - sign * meeting[2];
+  for (int a = 0; a < 2; ++a) {
+    const double first = tile.o[a][0] + tile.shear[a][0] * (depth - tile.o[2][0]);
+    const double last = tile.o[a][final] + tile.shear[a][final] * (depth - tile.o[2][final]), middle = 0.5 * first + 0.5 * last;
+    pencil.apex.o[a] = float(middle), pencil.apex.rest[a] = float(middle - double(pencil.apex.o[a]));
+    pencil.middle[a] = float((middle - meeting[a]) / distance);
+  }
+  pencil.apex.o[2] = plane, pencil.apex.rest[2] = 0;
+  pencil.constant = 1, pencil.linear = float(1 / distance);
+  pencil.off = float(off * (2 * radius / magnitude(distance)) + 0x1p-21 * radius) + 16 * tile.far_room;
+}
+
 /// The apex of an even tile. False when its rays are no pencil.
 inline bool set_apex(const Tile& tile, Pencil& pencil) {
   Origin& apex = pencil.apex;
-  pencil.off = pencil.reach = 0;
+  pencil.off = pencil.reach = pencil.constant = 0, pencil.linear = 1;
+  for (int a = 0; a < 2; ++a) pencil.middle[a] = 0.5f * tile.slope[a][0] + 0.5f * tile.slope[a][tile.count - 1];
   apex = {{tile.of[0][0], tile.of[1][0], tile.start[0]}, {tile.rest[0][0], tile.rest[1][0], tile.rest[2][0]}};
   if (tile.common) {
     for (int k = 0; k < kTile; k += kLanes) store(pencil.start + k, Floats{});
     return true;
   }
-  pencil.parallel = parallel(tile);
-  double off = 0, end[3];
-  if (!pencil.parallel) {
-    off = meeting_point(tile, end);
-    if (!(off < 1e20)) return false;
-    end[2] *= double(order_of(tile, 0).sign);
-    for (int a = 0; a < 3; ++a) apex.o[a] = float(end[a]), apex.rest[a] = float(end[a] - double(apex.o[a]));
+  if (parallel(tile)) {
+    pencil.constant = 1, pencil.linear = 0, pencil.reach = set_starts(tile, pencil);
+    return true;
   }
+  const double radius = tile.tree->radius;
+  double meeting[3], off = meeting_point(tile, meeting);
+  if (!(off < 1e20)) return false;
+  const Order& order = order_of(tile, 0);
+  if (magnitude(meeting[2] - tile.tree->center[order.axes[2]]) > 4 * radius) {
+    set_far_apex(tile, meeting, off, pencil);
+    pencil.reach = set_starts(tile, pencil);
+    return pencil.off < 0x1p-18f * float(radius);
+  }
+  meeting[2] *= double(order.sign);
+  for (int a = 0; a < 3; ++a) apex.o[a] = float(meeting[a]), apex.rest[a] = float(meeting[a] - double(apex.o[a]));
   pencil.reach = set_starts(tile, pencil);
   pencil.off = float(off);
-  const float limit = 256 * float(reach_of(*tile.tree));  // from farther away no edge tells enough
-  return pencil.parallel || (pencil.off < 0x1p-18f * pencil.reach && pencil.reach < limit);
+  return pencil.off < 0x1p-18f * pencil.reach;
 }
 
 /// Places of the rays [k, k + kLanes) along axis a.
 inline Floats places(const Tile& tile, const Pencil& pencil, int a, int k) {
-  const Floats middle = splat(pencil.middle[a]);
-  if (!pencil.parallel) return load(tile.slope[a] + k) - middle;
+  const Floats slope = load(tile.slope[a] + k);
+  if (pencil.constant == 0) return slope - splat(pencil.middle[a]);
   const Floats across = (load(tile.of[a] + k) - splat(pencil.apex.o[a])) + (load(tile.rest[a] + k) - splat(pencil.apex.rest[a]));
-  return across - middle * load(pencil.start + k);
+  return across - slope * load(pencil.start + k);
 }
 
 inline void set_pencil(const Tile& tile, Pencil& pencil) {
   pencil.exists = set_apex(tile, pencil);
   if (!pencil.exists) return;
   for (int a = 0; a < 2; ++a) {
-    pencil.middle[a] = 0.5f * tile.slope[a][0] + 0.5f * tile.slope[a][kTile - 1];
     for (int k = 0; k < kTile; k += kLanes) store(pencil.place[a] + k, places(tile, pencil, a, k));
     Floats low = splat(kFar), high = splat(-kFar);
     for (int g = 0; g < kGroups; g += kLanes) {
@@ -218,7 +246,7 @@ inline void set_pencil(const Tile& tile, Pencil& pencil) {
       store(pencil.low[a] + g, least), store(pencil.high[a] + g, most);
       low = smaller(least, low), high = larger(most, high);
     }
-    const float least = smallest(low), most = largest(high), turn = pencil.parallel ? 0 : larger(-least, most);
+    const float least = smallest(low), most = largest(high), turn = larger(-least, most) * magnitude(pencil.linear);
     pencil.all.low[a] = splat(least), pencil.all.high[a] = splat(most);
     pencil.steep = larger(magnitude(pencil.middle[a]) + turn, a ? pencil.steep : 0);
   }

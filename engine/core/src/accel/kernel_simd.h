@@ -170,6 +170,7 @@ inline Mask operator|(Mask a, Mask b) { return {__mmask8(a.lanes | b.lanes)}; }
 inline uint32_t bits(Mask m) { return m.lanes; }
 inline Floats select(Mask m, Floats a, Floats b) { return Floats(_mm256_mask_blend_ps(m.lanes, __m256(b), __m256(a))); }
 inline Ints select(Mask m, Ints a, Ints b) { return Ints(_mm256_mask_blend_epi32(m.lanes, __m256i(b), __m256i(a))); }
+inline Doubles select(DoubleMask m, Doubles a, Doubles b) { return Doubles(_mm512_mask_blend_pd(m.lanes, __m512d(b), __m512d(a))); }
 inline Mask less(Floats a, Floats b) { return {_mm256_cmp_ps_mask(__m256(a), __m256(b), _CMP_LT_OQ)}; }
 inline Mask at_most(Floats a, Floats b) { return {_mm256_cmp_ps_mask(__m256(a), __m256(b), _CMP_LE_OQ)}; }
 inline Mask equal(Ints a, Ints b) { return {_mm256_cmpeq_epi32_mask(__m256i(a), __m256i(b))}; }

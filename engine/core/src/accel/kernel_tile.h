@@ -7,6 +7,7 @@ namespace {
 
 constexpr int kTile = 64;
 constexpr int kGroups = kTile / kLanes;
+constexpr int kCompany = kTile / 2;  // fewer rays are not worth a bundle of all
 constexpr float kFar = 3e38f;
 constexpr ChildRef kNothing = 0;  // as `pending`: leaves have kLeaf set
 

@@ -34,6 +34,8 @@ struct Stack {
   }
 };
 
+constexpr int kFewTriangles = 3;  // to a group, they are tested sooner than their edges are known
+
 /// A group of rays of one kind.
 template <bool Any>
 struct GroupLevel {
@@ -73,7 +75,7 @@ struct GroupLevel {
       const int rest = leaf_triangles.n - first < kLanes ? leaf_triangles.n - first : kLanes;
       uint32_t mask = whole.meet(boxes) & ((1u << rest) - 1);
       if (!mask) continue;
-      if (w.pencil.exists && __builtin_popcount(mask) > 1) mask = pencil_triangles(child, leaf_triangles, first, mask);
+      if (w.pencil.exists && __builtin_popcount(mask) > kFewTriangles) mask = pencil_triangles(child, leaf_triangles, first, mask);
       if (!mask) continue;
       store(extent, extent_of(boxes));
       const Corners<Common> corners(leaf_triangles, first, order, origin<Common>(w.tile, k));
@@ -310,8 +312,12 @@ inline bool at_one_point(const Tile& tile, int k, int head) {
   return !bits(other);
 }
 
-/// Fewer rays for an object are too far apart for its triangles: they go one by one.
-constexpr int kCompany = kTile / 4;
+/// Groups of an even tile with a ray alive.
+inline uint32_t living_groups(const Tile& tile) {
+  uint32_t groups = 0;
+  for (int g = 0; g < kGroups; ++g) groups |= uint32_t(living(tile, g * kLanes) != 0) << g;
+  return groups;
+}
 
 /// Sorts a tile's rays into bundles and sends them down.
 template <bool Any>
@@ -319,9 +325,10 @@ inline void walk_tile(Walk<Any>& w) {
   Tile& tile = w.tile;
   if (tile.even) {
     set_even_bundles(tile, w.bundles);
-    return walk_together(w, (1u << kGroups) - 1, tile.common);
+    const uint32_t groups = living_groups(tile);
+    return groups ? walk_together(w, groups, tile.common) : void();
   }
-  if (tile.instances && tile.count < kCompany) {
+  if (tile.instances && tile.count < kCompany) {  // too far apart for an object's triangles: one by one
     for (int k = 0; k < tile.count; k += kLanes) leave(w, k, living(tile, k), tile.tree->root, -kFar);
     return;
   }

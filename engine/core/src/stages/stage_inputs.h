@@ -213,7 +213,8 @@ inline Three evaluate(const InputTables& s, const OnMesh& p, uint32_t i, Reads& 
   const GlintInput& input = s.inputs[i];
   Three product = splat3(input.value);
   if (input.texture >= 0) product = product * channel_of(image_at(s, p, i, reads), input.channel);
-  if (input.attribute >= 0) product = product * channel_of(color_at(s, p, input.attribute, input.attribute_channel, reads), input.attribute_channel);
+  const int channel = input.attribute_channel;
+  if (input.attribute >= 0) product = product * channel_of(color_at(s, p, input.attribute, channel, reads), channel);
   product = finite_or_zero(product);
   return input.complement ? Three{1 - product.x, 1 - product.y, 1 - product.z} : product;
 }
