@@ -13,10 +13,11 @@ import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int32, c_size_t, c_uint32, c_uint64, c_void_p
+from dataclasses import replace
 
 import numpy as np
 
-from . import core_types
+from . import core_types, left_out
 from .core_types import (
     CANCELLED,
     DONE,
@@ -120,7 +121,8 @@ def render_native(
     core, axes = library(), narrow_view_axes(scene.camera)
     packed, plan = pack_scene(axes.scene(scene) if axes else scene), pack_settings(scene, settings, "UNSEEN" if on_wave is None else "HELD")
     with _scene(core, packed.data) as handle, _render(core, handle, plan.data) as job:
-        return _Render(core, job, scene, settings, axes).run(should_stop, on_progress, on_wave)
+        film = _Render(core, job, scene, settings, axes).run(should_stop, on_progress, on_wave)
+    return replace(film, notes=tuple(left_out.sentences(scene, film.stats)))
 
 
 @contextmanager
@@ -196,7 +198,7 @@ class _Render:
     def _film(self, samples: int, complete: bool, ended: bool) -> Film:
         passes = {name: self._pass(name, samples, ended) for name in self._names}
         data = self._core.glint_render_stats(self._handle)
-        return Film(self._axes.world_passes(passes) if self._axes else passes, samples, complete, _stats(data), _notes(data))
+        return Film(self._axes.world_passes(passes) if self._axes else passes, samples, complete, _stats(data))
 
     def _pass(self, name: str, samples: int, ended: bool) -> np.ndarray:
         """(h, w, c) float32; of an untouched picture when no wave is complete.
@@ -233,12 +235,3 @@ def _stats(data: StatsData) -> dict[str, float]:
         **rays,
         **features,
     }
-
-
-def _notes(data: StatsData) -> tuple[str, ...]:
-    sentences = (
-        (data.dropped_primitives, "faces, spheres or polygons were left out: they have no extent or a coordinate that is not finite"),
-        (data.dropped_instances, "instances were left out: their matrix is not finite or squeezes them to a line"),
-        (data.dropped_lights, "lights were left out: one of their numbers is not finite"),
-    )
-    return tuple(f"{count} {text}" for count, text in sentences if count)
