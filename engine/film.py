@@ -59,7 +59,7 @@ class Film:
     samples: how many samples a pixel holds, where refinement did not stop it before.
     complete: False when the render was stopped early.
     stats: seconds per stage ("build", "trace"), and counts ("triangles", "instances", "rays", "bytes", …).
-    notes: what the tracer had to leave out, one sentence each.
+    notes: what the tracer had to leave out, one sentence each; of the whole picture, waves have none.
     """
 
     passes: dict[str, np.ndarray]

@@ -37,7 +37,7 @@ def sentences(scene: Scene, stats: Mapping[str, float]) -> Iterator[str]:
 
 
 def _of(names: Iterator[str]) -> str:
-    """ " of 'A', 'B', 'C' and 2 more", each name once; empty where nobody is known."""
+    """Such as " of 'A', 'B', 'C' and 2 more": each name once; empty where nobody is known."""
     unique = [*dict.fromkeys(names)]
     shown = ", ".join(repr(name) for name in unique[:NAMES])
     more = f" and {len(unique) - NAMES} more" if len(unique) > NAMES else ""
