@@ -73,8 +73,8 @@ inline Waiting waiting(ChildRef child, float distance) {
   return Waiting(high) << 32 | child;
 }
 
-/// What waits farther away than `end` is not worth going to.
-inline Waiting limit_of(float end) { return waiting(kDone, larger(0.0f, end)); }
+/// What waits farther away than `end` is not worth going to. (-0 would be below the bottom.)
+inline Waiting limit_of(float end) { return waiting(kDone, larger(end, 0.0f)); }
 
 /// Rays that have left their bundles, and which parts of the tree each has yet to visit. They go on together, later.
 struct Stragglers {

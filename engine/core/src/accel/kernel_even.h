@@ -153,7 +153,7 @@ inline bool set_even_origins(Tile& tile, const double* const (&o)[3], const doub
   else for (int k = 0; k < kTile; k += kDoubles) span.add(set_near_origins(tile, k, o, center, splat(sign)));
   constexpr double kClose = 0x1p-40;  // set_rays adds up squares in another order
   if (!any(~(span.farthest < splat(limit * (1 - kClose))))) return set_near_depths(tile, span), set_room(tile, span.farthest, 0), true;
-  if (any(~((span.nearest > splat(limit * (1 + kClose))) & (span.farthest < splat(1e60))))) return false;
+  if (any(~((span.nearest > splat(limit * (1 + kClose))) & (span.farthest < splat(kWide * kWide))))) return false;
   tile.common = false;
   const float plane = float(center[2] - flip(radius, sign));
   for (int k = 0; k < kTile; k += kDoubles) set_far_origins(tile, k, o, plane, sign);
@@ -164,7 +164,7 @@ inline bool set_even_origins(Tile& tile, const double* const (&o)[3], const doub
 
 /// set_tile for a tile that is even. False when it is not: then set_tile has to do it.
 inline bool set_even_tile(Tile& tile) {
-  if (tile.count < kCompany || !(reach_of(*tile.tree) < 1e30)) return false;
+  if (tile.count < kCompany || !(reach_of(*tile.tree) < kWide)) return false;
   const uint32_t kind = kind_of({*tile.xyz_d[0], *tile.xyz_d[1], *tile.xyz_d[2]});
   const Order& order = kOrders[kind];
   const double *d[3], *o[3], sign = double(order.sign);

@@ -79,18 +79,22 @@ struct TriangleTest {
   uint32_t conflict() const { return bits(less(low, Floats{}) & less(Floats{}, high)); }
   /// All edge functions of one sign, 0 excluded: no doubt that the ray hits.
   Mask sure() const { return less(Floats{}, low) | less(high, Floats{}); }
-  bool exactly(int lane) const {
+  /// Whether a candidate is hit indeed. (Beyond 1e19 edge functions may be infinity less infinity.)
+  bool hit(int lane, bool sure) const {
+    const float sum = a[lane] + b[lane] + c[lane];
+    if (sure && sum == sum) return true;
     const float px[3] = {x[0][lane], x[1][lane], x[2][lane]}, py[3] = {y[0][lane], y[1][lane], y[2][lane]};
     return exactly_hit(px, py);
   }
   /// Bounds of the depth. The sheared corners are off by up to 2^-24 (4 z + 2 x) + far, the edge functions by 6 x times that, and where
   /// such weights put the point by 72 times that and the depth's extent over the area. x: `extent`, no corner is farther away across.
+  /// NaN where numbers are too large for it.
   void depth(Floats extent, float far, Floats& lo, Floats& hi) const {
     const Floats inverse = 1 / (a + b + c), at = (a * z[0] + b * z[1] + c * z[2]) * inverse;
     const Floats front = smaller(z[0], smaller(z[1], z[2])), rear = larger(z[0], larger(z[1], z[2]));
     const Floats most = larger(rear, -front), off = splat(0x1p-15f) * (most + extent) + splat(128 * far);
     const Floats error = magnitude(extent * (rear - front) * off * inverse), room = most * splat(0x1p-20f);
-    lo = larger(at - error, front) - room, hi = smaller(at + error, rear) + room;
+    lo = larger(front, at - error) - room, hi = smaller(rear, at + error) + room;
   }
   /// The largest coordinate of any corner across.
   Floats extent() const {
@@ -163,7 +167,7 @@ __attribute__((noinline)) void decide_rays(Walk<Any>& w, int k, uint32_t mask, u
     const int lane = __builtin_ctz(mask), r = k + lane;
     if (!alive(w.tile, r)) continue;
     w.tile.answers->count_fallback(w.tile.slot[r]);
-    if ((sure >> lane & 1) || t.exactly(lane)) w.decide(r, leaf, place), w.trim(r);
+    if (t.hit(lane, sure >> lane & 1)) w.decide(r, leaf, place), w.trim(r);
   }
 }
 

@@ -9,6 +9,7 @@ namespace glint {
 namespace {
 
 constexpr double kInf = __builtin_inf();
+constexpr double kLast = 0x1.fffffffffffffp+1023;  // no hit is farther away, whatever t_max is
 
 struct D3 {
   double x, y, z;
@@ -51,7 +52,7 @@ struct Edges {
 inline bool exactly_hit(const float (&x)[3], const float (&y)[3]) {
   const double ax = x[0], ay = y[0], bx = x[1], by = y[1], cx = x[2], cy = y[2];
   const Edges e{cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax};
-  return !e.conflict() && e.sum() != 0;
+  return !e.conflict() && magnitude(e.sum()) > 0;
 }
 
 /// A ray (V: double) or several against a triangle each, in double: depth of the hit as a multiple of the direction's length along.
@@ -75,9 +76,15 @@ struct Exact {
     const V sum = a + b + c;
     a = larger(flip(a, sum), zero), b = larger(flip(b, sum), zero), c = larger(flip(c, sum), zero);
     const V inverse = 1 / (a + b + c);
-    u = b * inverse, v = c * inverse;
-    off_x = x[0] + u * (x[1] - x[0]) + v * (x[2] - x[0]), off_y = y[0] + u * (y[1] - y[0]) + v * (y[2] - y[0]);
-    depth = z[0] + u * (z[1] - z[0]) + v * (z[2] - z[0]);
+    set(a * inverse, b * inverse, c * inverse);
+  }
+  /// The point with these weights. A corner far away gets a small one: taken from there, the depth would have the rounding of all its
+  /// distance, and could even lie outside of the triangle's box, where bundles and single rays would come to different answers.
+  void set(V w, V wu, V wv) {
+    u = wu, v = wv;
+    off_x = w * x[0] + u * x[1] + v * x[2], off_y = w * y[0] + u * y[1] + v * y[2];
+    const V front = smaller(z[0], smaller(z[1], z[2])), rear = larger(z[0], larger(z[1], z[2]));
+    depth = smaller(larger(w * z[0] + u * z[1] + v * z[2], front), rear);
   }
 };
 
@@ -92,7 +99,7 @@ inline void weigh_edges(Exact<double>& e) {
     if (!(distance < nearest)) continue;
     nearest = distance;
     const double weight[3] = {j == 0 ? 1 - s : j == 2 ? s : 0, j == 0 ? s : j == 1 ? 1 - s : 0, j == 1 ? s : j == 2 ? 1 - s : 0};
-    e.u = weight[1], e.v = weight[2], e.depth = e.z[j] + s * (e.z[k] - e.z[j]);
+    e.set(weight[0], weight[1], weight[2]);
   }
 }
 

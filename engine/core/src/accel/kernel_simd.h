@@ -128,6 +128,7 @@ inline Doubles smaller(Doubles a, Doubles b) {
 #endif
 }
 inline double larger(double a, double b) { return a > b ? a : b; }
+inline double smaller(double a, double b) { return a < b ? a : b; }
 inline float larger(float a, float b) { return a > b ? a : b; }
 inline float smaller(float a, float b) { return a < b ? a : b; }
 

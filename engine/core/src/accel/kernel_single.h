@@ -25,7 +25,7 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
       continue;
     }
     tile.answers->count_fallback(tile.slot[r]);
-    if (!hit && !t.exactly(lane)) continue;
+    if (!t.hit(lane, hit)) continue;
     w.decide(r, ref, place);
     if (Any && !alive(tile, r)) return;
   }

@@ -58,13 +58,16 @@ struct Tile {
   int count;
   bool even, common;                  // all rays as kernel_even.h wants them; and beginning at one point
   float room;                         // bound of the rounding of float coordinates, for boxes
-  float far_room;                     // of that, the rounding of double for rays from far away
+  float far_room;                     // of that, the rounding of double for rays from far away; infinite in trees wider than kWide
   double close;                       // exact rays pass triangles that they hit within this
   const uint32_t* instances;          // by way of which each ray came, or null in world space: the leaves know
   Answers* answers;
   const TreeView* tree;
   const WorldView* world;
 };
+
+/// Float tests multiply three coordinates: so much each, or rays that begin farther across, which miss all that is nearer.
+constexpr double kWide = 1e12;
 
 inline double reach_of(const TreeView& tree) {
   double m = 0;
@@ -149,10 +152,10 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
   const Longs kind = (m2 & 2) | (~m2 & m1 & 1) | (back & 4);
   store_low(tile.kind + k, kind), store_low(tile.pending + k, Longs{});
   const Doubles sum = (s0 + s1 + along) * zero + (p0 + p1 + p2) * zero;
-  const Doubles t_min = load(tile.t_min + k), t_max = load(tile.t_max + k);
-  const Doubles limit = splat(double(kFar));
-  const Longs good = (sum == zero) & (magnitude(along) >= splat(0x1p-1022)) & (magnitude(p0) < limit) &
-                     (magnitude(p1) < limit) & (magnitude(p2) < limit) & (t_min < t_max);
+  const Doubles t_min = load(tile.t_min + k), t_max = smaller(load(tile.t_max + k), splat(kLast));
+  const Doubles limit = splat(double(kFar)), wide = splat(reach_of(tree) < kWide ? 10 * kWide : double(kFar));
+  const Longs good = (sum == zero) & (magnitude(along) >= splat(0x1p-1022)) & (magnitude(p0) < wide) &
+                     (magnitude(p1) < wide) & (magnitude(p2) < limit) & (t_min < t_max);
   if (any(Longs(t_min != zero))) {
     depth_interval(t_min, along, h, sign, tile.begin_lo + k, tile.begin_hi + k);
   } else {
@@ -182,11 +185,12 @@ inline uint32_t living(const Tile& tile, int k) { return bits(load(tile.hi + k) 
 /// Bound of all rounding on the way to a float test, in coordinates: 20 ulps of the largest numbers that occur. `square`: distances of the
 /// float rays' origins from the tree's centre; `farthest`: the rounding of double for rays from far away.
 inline void set_room(Tile& tile, Doubles square, double farthest) {
+  const double size = reach_of(*tile.tree);
   double most = 0;
   for (int j = 0; j < kDoubles; ++j) most = square[j] > most ? square[j] : most;
-  const double reach = reach_of(*tile.tree) - 4 * tile.tree->radius + __builtin_sqrt(most);
-  tile.room = float(0x1.4p-20 * reach + farthest), tile.far_room = float(farthest);
-  tile.close = 0x1p-21 * reach_of(*tile.tree);
+  const double reach = size - 4 * tile.tree->radius + __builtin_sqrt(most);
+  tile.room = float(0x1.4p-20 * reach + farthest), tile.far_room = float(size < kWide ? farthest : kInf);
+  tile.close = 0x1p-21 * size;
 }
 
 /// Lanes without rays.

@@ -328,7 +328,8 @@ inline void walk_tile(Walk<Any>& w) {
     const uint32_t groups = living_groups(tile);
     return groups ? walk_together(w, groups, tile.common) : void();
   }
-  if (tile.instances && tile.count < kCompany) {  // too far apart for an object's triangles: one by one
+  // Too far apart for an object's triangles, or numbers too large for products of bundles: one by one.
+  if ((tile.instances && tile.count < kCompany) || !(tile.far_room < kFar)) {
     for (int k = 0; k < tile.count; k += kLanes) leave(w, k, living(tile, k), tile.tree->root, -kFar);
     return;
   }
