@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <map>
 
 namespace glint::test {
@@ -202,6 +203,28 @@ Hit closest(const Accel& accel, const Ray& r) {
   Hit h;
   accel.closest(&r, &h, 1);
   return h;
+}
+
+bool same(const Hit& a, const Hit& b) {
+  return std::memcmp(&a.t, &b.t, sizeof a.t) == 0 && a.instance == b.instance && a.primitive == b.primitive &&
+         std::memcmp(&a.u, &b.u, sizeof a.u) == 0 && std::memcmp(&a.v, &b.v, sizeof a.v) == 0;
+}
+
+int differences(const Accel& accel, std::vector<Ray> rays, uint32_t visibility) {
+  for (Ray& r : rays) r.visibility = visibility;
+  std::vector<Hit> hits(rays.size());
+  std::vector<uint8_t> blocked(rays.size());
+  accel.closest(rays.data(), hits.data(), rays.size());
+  accel.occluded(rays.data(), blocked.data(), rays.size());
+  int count = 0;
+  for (size_t k = 0; k < rays.size(); ++k) {
+    Hit hit;
+    uint8_t stopped = 0;
+    accel.closest(&rays[k], &hit, 1);
+    accel.occluded(&rays[k], &stopped, 1);
+    count += !same(hit, hits[k]) || stopped != blocked[k] || (hit.instance != Hit::kNone) != (stopped != 0);
+  }
+  return count;
 }
 
 }  // namespace glint::test

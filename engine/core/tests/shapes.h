@@ -70,4 +70,9 @@ std::unique_ptr<Accel> build(const std::vector<GeometryView>& geometries, const 
 std::unique_ptr<Accel> build(const Mesh& mesh, const Affine& m = {}, int threads = 2, BuildQuality quality = BuildQuality::kBalanced);
 Hit closest(const Accel& accel, const Ray& r);
 
+/// All bits of two hits.
+bool same(const Hit& a, const Hit& b);
+/// How many rays get another answer in a batch than alone, or are blocked without a hit or hit without being blocked.
+int differences(const Accel& accel, std::vector<Ray> rays, uint32_t visibility);
+
 }  // namespace glint::test

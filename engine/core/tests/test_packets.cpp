@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <cstring>
 
 #include "check.h"
 #include "shapes.h"
@@ -71,29 +70,6 @@ std::vector<Ray> blocks(int count, bool odd, uint64_t seed) {
   for (int k = 0; k < count; ++k) add_block(rays, random, k % 5);
   if (odd) spoil(rays, random);
   return rays;
-}
-
-bool same(const Hit& a, const Hit& b) {
-  return std::memcmp(&a.t, &b.t, sizeof a.t) == 0 && a.instance == b.instance && a.primitive == b.primitive &&
-         std::memcmp(&a.u, &b.u, sizeof a.u) == 0 && std::memcmp(&a.v, &b.v, sizeof a.v) == 0;
-}
-
-/// How many rays get another answer in a batch than alone.
-int differences(const Accel& accel, std::vector<Ray> rays, uint32_t visibility) {
-  for (Ray& r : rays) r.visibility = visibility;
-  std::vector<Hit> hits(rays.size());
-  std::vector<uint8_t> blocked(rays.size());
-  accel.closest(rays.data(), hits.data(), rays.size());
-  accel.occluded(rays.data(), blocked.data(), rays.size());
-  int count = 0;
-  for (size_t k = 0; k < rays.size(); ++k) {
-    Hit hit;
-    uint8_t stopped = 0;
-    accel.closest(&rays[k], &hit, 1);
-    accel.occluded(&rays[k], &stopped, 1);
-    count += !same(hit, hits[k]) || stopped != blocked[k] || (hit.instance != Hit::kNone) != (stopped != 0);
-  }
-  return count;
 }
 
 /// Answers of every instruction set against the first one's.

@@ -152,7 +152,7 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
   const Longs kind = (m2 & 2) | (~m2 & m1 & 1) | (back & 4);
   store_low(tile.kind + k, kind), store_low(tile.pending + k, Longs{});
   const Doubles sum = (s0 + s1 + along) * zero + (p0 + p1 + p2) * zero;
-  const Doubles t_min = load(tile.t_min + k), t_max = smaller(load(tile.t_max + k), splat(kLast));
+  const Doubles t_min = load(tile.t_min + k), t_max = smaller(splat(kLast), load(tile.t_max + k));  // NaN stays NaN
   const Doubles limit = splat(double(kFar)), wide = splat(reach_of(tree) < kWide ? 10 * kWide : double(kFar));
   const Longs good = (sum == zero) & (magnitude(along) >= splat(0x1p-1022)) & (magnitude(p0) < wide) &
                      (magnitude(p1) < wide) & (magnitude(p2) < limit) & (t_min < t_max);
