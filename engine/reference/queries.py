@@ -19,7 +19,8 @@ Array = np.ndarray
 
 CHUNK = 1 << 15  # rays that are answered together
 GIANT = 1e18
-"""Triangles that reach farther than this many times the size of the scene are taken for broken, as the core takes them."""
+"""Triangles that reach farther than this many times the size of the scene are left out and counted: squares of their coordinates are beyond
+float32. (The core keeps them.)"""
 ANY = "any"
 """The kind of ray that sees what any kind sees."""
 
