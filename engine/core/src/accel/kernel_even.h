@@ -15,17 +15,6 @@ struct Span {
   void add(Doubles square) { nearest = smaller(square, nearest), farthest = larger(square, farthest); }
 };
 
-inline double least_of(Doubles v) {
-  double least = kInf;
-  for (int j = 0; j < kDoubles; ++j) least = v[j] < least ? v[j] : least;
-  return least;
-}
-inline double most_of(Doubles v) {
-  double most = 0;
-  for (int j = 0; j < kDoubles; ++j) most = v[j] > most ? v[j] : most;
-  return most;
-}
-
 /// The kind of rays in direction d, as Tile::kind has it. Of axes of one length the first is the longest.
 inline uint32_t kind_of(const double (&d)[3]) {
   const double x = magnitude(d[0]), y = magnitude(d[1]), z = magnitude(d[2]);

@@ -88,12 +88,13 @@ struct TriangleTest {
   }
   /// Bounds of the depth. The sheared corners are off by up to 2^-24 (4 z + 2 x) + far, the edge functions by 6 x times that, and where
   /// such weights put the point by 72 times that and the depth's extent over the area. x: `extent`, no corner is farther away across.
-  /// NaN where numbers are too large for it.
-  void depth(Floats extent, float far, Floats& lo, Floats& hi) const {
+  /// NaN where numbers are too large for it, wide where they are too small.
+  __attribute__((always_inline)) void depth(Floats extent, float far, Floats& lo, Floats& hi) const {
     const Floats inverse = 1 / (a + b + c), at = (a * z[0] + b * z[1] + c * z[2]) * inverse;
     const Floats front = smaller(z[0], smaller(z[1], z[2])), rear = larger(z[0], larger(z[1], z[2]));
     const Floats most = larger(rear, -front), off = splat(0x1p-15f) * (most + extent) + splat(128 * far);
-    const Floats error = magnitude(extent * (rear - front) * off * inverse), room = most * splat(0x1p-20f);
+    const Floats error = magnitude((extent * (rear - front) * off + splat(kUnderflow)) * inverse);
+    const Floats room = most * splat(0x1p-20f) + splat(kFarTie * far);
     lo = larger(front, at - error) - room, hi = smaller(rear, at + error) + room;
   }
   /// The largest coordinate of any corner across.
@@ -264,8 +265,9 @@ inline Verdict hit_pencil(Walk<Any>& w, int k, const EdgeLines& l, ChildRef leaf
   constexpr uint32_t kAll = (1u << kLanes) - 1;
   if (bits(inside | less(least, -l.margin)) != kAll) return Verdict::kDoubtful;
   if (!bits(inside) || !visible(tile, leaf_first(leaf) + uint32_t(place))) return Verdict::kMissed;
-  const Floats inverse = 1 / (a + b + c), at = l.z + (b * l.dz[0] + c * l.dz[1]) * inverse, error = (l.rear - l.front) * l.margin * inverse;
-  const Floats room = (larger(l.rear, -l.front) + splat(w.pencil.reach)) * splat(0x1p-20f), start = load(w.pencil.start + k);
+  const Floats inverse = 1 / (a + b + c), at = l.z + (b * l.dz[0] + c * l.dz[1]) * inverse;
+  const Floats error = ((l.rear - l.front) * l.margin + splat(kUnderflow)) * inverse;
+  const Floats room = larger(l.rear, -l.front) * splat(0x1p-20f) + splat(w.pencil.room), start = load(w.pencil.start + k);
   const Floats lo = larger(at - error, l.front) - start - room, hi = smaller(at + error, l.rear) - start + room;
   const Mask nearer = inside & less(hi, load(tile.lo + k)) & less(load(tile.begin_hi + k), lo);
   const Mask beyond = less(load(tile.hi + k), lo) | less(hi, load(tile.begin_lo + k));

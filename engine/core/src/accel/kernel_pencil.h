@@ -53,6 +53,7 @@ struct Pencil {
   float reach;      // from the rays' beginnings to the apex, in depth
   float steep;      // no slope is more
   float off;        // what rays miss the apex by
+  float room;       // bound of what depths are off by, but for those of triangles
   alignas(64) float low[2][kGroups], high[2][kGroups];  // of groups
   alignas(64) float place[2][kTile], start[kTile];      // of rays; and depths of their beginnings from the apex
   Places all;
@@ -108,7 +109,7 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, cons
   const Floats swing = larger(magnitude(x * all.low[0]), magnitude(x * all.high[0])) +
                        larger(magnitude(y * all.low[1]), magnitude(y * all.high[1]));
   const Floats far = splat(pencil.steep) * (deepest + splat(pencil.reach)) + splat(pencil.off * 0x1p21f);
-  const Floats margin = splat(0x1p-18f) * most * (far + most);
+  const Floats margin = splat(0x1p-18f) * most * (far + most) + splat(kUnderflow);
   l.margin = select(less(margin, magnitude(k) - swing), margin, splat(__builtin_inff()));  // edge-on: no side is known
   for (int e = 0; e < 3; ++e)
     l.k[e] = Floats(Ints(l.k[e]) ^ side), l.x[e] = Floats(Ints(l.x[e]) ^ side), l.y[e] = Floats(Ints(l.y[e]) ^ side);
@@ -208,7 +209,7 @@ inline bool set_apex(const Tile& tile, Pencil& pencil) {
     return true;
   }
   if (parallel(tile)) {
-    pencil.constant = 1, pencil.linear = 0, pencil.reach = set_starts(tile, pencil);
+    pencil.constant = 1, pencil.linear = 0, pencil.reach = set_starts(tile, pencil), pencil.off = 16 * tile.far_room;
     return true;
   }
   const double radius = tile.tree->radius;
@@ -223,7 +224,7 @@ inline bool set_apex(const Tile& tile, Pencil& pencil) {
   meeting[2] *= double(order.sign);
   for (int a = 0; a < 3; ++a) apex.o[a] = float(meeting[a]), apex.rest[a] = float(meeting[a] - double(apex.o[a]));
   pencil.reach = set_starts(tile, pencil);
-  pencil.off = float(off);
+  pencil.off = float(off) + 16 * tile.far_room;
   return pencil.off < 0x1p-18f * pencil.reach;
 }
 
@@ -238,6 +239,7 @@ inline Floats places(const Tile& tile, const Pencil& pencil, int a, int k) {
 inline void set_pencil(const Tile& tile, Pencil& pencil) {
   pencil.exists = set_apex(tile, pencil);
   if (!pencil.exists) return;
+  pencil.room = 0x1p-20f * pencil.reach + kFarTie * tile.far_room;
   for (int a = 0; a < 2; ++a) {
     for (int k = 0; k < kTile; k += kLanes) store(pencil.place[a] + k, places(tile, pencil, a, k));
     Floats low = splat(kFar), high = splat(-kFar);

@@ -69,20 +69,39 @@ struct Tile {
 /// Float tests multiply three coordinates: so much each, or rays that begin farther across, which miss all that is nearer.
 constexpr double kWide = 1e12;
 
+/// What products of edge functions and depths lose below the smallest normal float is less.
+constexpr float kUnderflow = 0x1p-104f;
+/// far_room times this: kTie of the distance of rays from far away.
+constexpr float kFarTie = float(kTie * 0x1p46);
+
 inline double reach_of(const TreeView& tree) {
   double m = 0;
   for (double c : tree.center) m = c > m ? c : -c > m ? -c : m;
   return m + 5 * tree.radius;
 }
 
-/// Depth interval of ray parameter t; t * along may be infinite.
+inline double least_of(Doubles v) {
+  double least = kInf;
+  for (int j = 0; j < kDoubles; ++j) least = v[j] < least ? v[j] : least;
+  return least;
+}
+inline double most_of(Doubles v) {
+  double most = 0;
+  for (int j = 0; j < kDoubles; ++j) most = v[j] > most ? v[j] : most;
+  return most;
+}
+
+/// No farther than kFar, where NaN comes from infinity.
+inline Doubles limited(Doubles depth) {
+  const Doubles limit = splat(double(kFar));
+  return select(depth < limit, select(depth > -limit, depth, -limit), limit);
+}
+inline double limited(double depth) { return depth < double(kFar) ? larger(depth, -double(kFar)) : double(kFar); }
+
+/// Depth interval of ray parameter t, and of those that count as the same; t * along may be infinite.
 inline void depth_interval(Doubles t, Doubles along, Doubles h, Doubles sign, float* lo, float* hi) {
-  const Doubles at = t * along, limit = splat(3e38);
-  Doubles depth = sign * (at - h);
-  depth = select(depth < limit, select(depth > -limit, depth, -limit), limit);
-  const Doubles size = magnitude(at) + magnitude(h);
-  const Doubles room = magnitude(depth) * 0x1p-22 + select(size < limit, size, limit) * 0x1p-50;
-  narrow(lo, depth - room), narrow(hi, depth + room);
+  const Doubles at = t * along, depth = sign * (at - h), room = magnitude(depth) * 0x1p-22 + (magnitude(at) + magnitude(h)) * kTie;
+  narrow(lo, limited(depth - room)), narrow(hi, limited(depth + room));
 }
 
 /// Ray parameter interval of one ray, after its best hit has become nearer.
@@ -90,11 +109,9 @@ inline void refresh(Tile& tile, int r) {
   const Answers& a = *tile.answers;
   const int s = tile.slot[r];
   const double t = a.t[s] < a.t_max[s] ? a.t[s] : a.t_max[s], along = tile.along[r], sign = along < 0 ? -1 : 1;
-  const double at = t * along, h = tile.skipped[r], limit = 3e38;
-  double depth = sign * (at - h), size = magnitude(at) + magnitude(h);
-  depth = depth < limit ? depth > -limit ? depth : -limit : limit;
-  const double room = magnitude(depth) * 0x1p-22 + (size < limit ? size : limit) * 0x1p-50;
-  tile.lo[r] = float(depth - room), tile.hi[r] = float(depth + room);
+  const double at = t * along, h = tile.skipped[r], depth = sign * (at - h);
+  const double room = magnitude(depth) * 0x1p-22 + (magnitude(at) + magnitude(h)) * kTie;
+  tile.lo[r] = float(limited(depth - room)), tile.hi[r] = float(limited(depth + room));
 }
 
 /// Vectors in the order of the rays' axes: m1 and m2 say which of x, y, z is the longest.
@@ -140,10 +157,6 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
     const Doubles at = widen(plane);
     p2 = select(far, at, a2);
     p0 = select(far, a0 + s0 * (at - a2), a0), p1 = select(far, a1 + s1 * (at - a2), a1);
-    for (int j = 0; j < kDoubles; ++j) {
-      const double far_room = __builtin_sqrt(square[j]) * 0x1p-46;
-      if (far[j] && far_room < 1e30) farthest = far_room > farthest ? far_room : farthest;
-    }
   }
   const Doubles q2 = sign * p2, h = p2 - a2;
   narrow(tile.of[0] + k, p0), narrow(tile.of[1] + k, p1), narrow(tile.start + k, q2);
@@ -156,6 +169,7 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
   const Doubles limit = splat(double(kFar)), wide = splat(reach_of(tree) < kWide ? 10 * kWide : double(kFar));
   const Longs good = (sum == zero) & (magnitude(along) >= splat(0x1p-1022)) & (magnitude(p0) < wide) &
                      (magnitude(p1) < wide) & (magnitude(p2) < limit) & (t_min < t_max);
+  if (any(far & good)) farthest = larger(__builtin_sqrt(most_of(select(far & good, square, zero))) * 0x1p-46, farthest);
   if (any(Longs(t_min != zero))) {
     depth_interval(t_min, along, h, sign, tile.begin_lo + k, tile.begin_hi + k);
   } else {
@@ -164,7 +178,8 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
   }
   // Rays that end behind everything need not know where.
   const Doubles beyond = splat(8 * tree.radius);
-  if (any(Longs(sign * (t_max * along) - magnitude(h) < beyond))) depth_interval(t_max, along, h, sign, tile.lo + k, tile.hi + k);
+  const Longs within = sign * (t_max * along) - magnitude(h) * (1 + kTie) < beyond;
+  if (any(within)) depth_interval(t_max, along, h, sign, tile.lo + k, tile.hi + k);
   else narrow(tile.lo + k, limit), narrow(tile.hi + k, limit);
   if (!any(~good)) return;
   for (int j = 0; j < kDoubles; ++j)
@@ -189,8 +204,9 @@ inline void set_room(Tile& tile, Doubles square, double farthest) {
   double most = 0;
   for (int j = 0; j < kDoubles; ++j) most = square[j] > most ? square[j] : most;
   const double reach = size - 4 * tile.tree->radius + __builtin_sqrt(most);
-  tile.room = float(0x1.4p-20 * reach + farthest), tile.far_room = float(size < kWide ? farthest : kInf);
-  tile.close = 0x1p-21 * size;
+  const double bent = tile.tree->kind == kInstanceLeaf ? 0x1p12 : 1;  // by matrices that are hard to invert
+  tile.room = float(0x1.4p-20 * reach + bent * farthest), tile.far_room = float(size < kWide && farthest < 1e30 ? farthest : kInf);
+  tile.close = 0x1p-21 * (size - 4 * tile.tree->radius);
 }
 
 /// Lanes without rays.

@@ -68,13 +68,20 @@ bool triangle_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref, 
   return true;
 }
 
+/// With room for where double puts hits on what is not made of triangles.
+Ref roomy_ref(BoxD box, uint32_t primitive, uint32_t number) {
+  const double far = std::max(max_abs(box.lo), max_abs(box.hi)), room = 0x1p-48 * far;
+  box.lo = box.lo - Vec3d{room, room, room}, box.hi = box.hi + Vec3d{room, room, room};
+  return make_ref(box, primitive, number);
+}
+
 bool sphere_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
   const Vec3d c(vertex(s, primitive));
   const double r = double(float(s.geometry->radii[primitive] * s.radius_scale));
   if (!finite(c) || !(r > 0 && std::isfinite(r))) return false;
   BoxD box;
   box.add(c - Vec3d(r, r, r)), box.add(c + Vec3d(r, r, r));
-  ref = make_ref(box, uint32_t(primitive), number);
+  ref = roomy_ref(box, uint32_t(primitive), number);
   return true;
 }
 
@@ -82,7 +89,7 @@ bool polygon_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
   PolygonRecord record;
   BoxD box;
   if (!make_polygon(s, primitive, record, box)) return false;
-  ref = make_ref(box, uint32_t(primitive), number);
+  ref = roomy_ref(box, uint32_t(primitive), number);
   return true;
 }
 
