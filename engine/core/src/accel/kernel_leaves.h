@@ -92,9 +92,10 @@ struct TriangleTest {
   __attribute__((always_inline)) void depth(Floats extent, float far, Floats& lo, Floats& hi) const {
     const Floats inverse = 1 / (a + b + c), at = (a * z[0] + b * z[1] + c * z[2]) * inverse;
     const Floats front = smaller(z[0], smaller(z[1], z[2])), rear = larger(z[0], larger(z[1], z[2]));
-    const Floats most = larger(rear, -front), off = splat(0x1p-15f) * (most + extent) + splat(128 * far);
+    const Floats most = larger(rear, -front), apart = splat(2 * kFarTie * far);
+    const Floats off = splat(0x1p-15f) * (most + extent) + apart;
     const Floats error = magnitude((extent * (rear - front) * off + splat(kUnderflow)) * inverse);
-    const Floats room = most * splat(0x1p-20f) + splat(kFarTie * far);
+    const Floats room = most * splat(0x1p-20f) + apart;
     lo = larger(front, at - error) - room, hi = smaller(rear, at + error) + room;
   }
   /// The largest coordinate of any corner across.
