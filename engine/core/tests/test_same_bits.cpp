@@ -48,7 +48,23 @@ std::vector<unsigned char> answers(const Everything& scene, int threads, BuildQu
   return bytes;
 }
 
+/// Numbers as the sum of two floats, as kernels keep the origins of rays.
+struct Split {
+  float coarse[3], rest[3];
+};
+__attribute__((noinline)) Split split(const double (&numbers)[3]) {
+  Split s;
+  for (int k = 0; k < 3; ++k) s.coarse[k] = float(numbers[k]), s.rest[k] = float(numbers[k] - double(s.coarse[k]));
+  return s;
+}
+
 }  // namespace
+
+TEST(same_bits, the_compiler_rounds_what_is_to_be_rounded) {
+  const Split s = split({1.0 / 3, 0.1, 0.7});
+  const double rest[3] = {0x1.5555555555555p-2 - 0x1.555556p-2, 0x1.999999999999ap-4 - 0x1.99999ap-4, 0x1.6666666666666p-1 - 0x1.666666p-1};
+  for (int k = 0; k < 3; ++k) CHECK(s.rest[k] == float(rest[k]) && rest[k] != 0);
+}
 
 TEST(same_bits, any_number_of_threads) {
   const Everything scene;
