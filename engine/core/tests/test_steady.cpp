@@ -1,7 +1,6 @@
 // Rays from so far away, and shapes so small, large or thin, that float or double rounds away most of them: whatever is hit there, it is
 // the same alone and in company, and is found again within ends that are next to it.
 #include <cmath>
-#include <cstring>
 
 #include "check.h"
 #include "shapes.h"
@@ -26,11 +25,7 @@ std::vector<Answer> ask(const Accel& accel, const std::vector<Ray>& rays) {
   return answers;
 }
 
-bool same(const Answer& a, const Answer& b) {
-  return std::memcmp(&a.hit.t, &b.hit.t, sizeof a.hit.t) == 0 && a.hit.instance == b.hit.instance &&
-         a.hit.primitive == b.hit.primitive && std::memcmp(&a.hit.u, &b.hit.u, sizeof a.hit.u) == 0 &&
-         std::memcmp(&a.hit.v, &b.hit.v, sizeof a.hit.v) == 0 && a.blocked == b.blocked;
-}
+bool same(const Answer& a, const Answer& b) { return test::same(a.hit, b.hit) && a.blocked == b.blocked; }
 
 bool sound(const Answer& a, const Ray& r) {
   const bool hit = a.hit.instance != Hit::kNone;
