@@ -198,6 +198,35 @@ TEST(packets, rays_know_the_side_of_the_surface_that_they_leave) {
   CHECK(wrong == 0);
 }
 
+/// A tile of rays that begin on one triangle, or off its plane by up to 1e-4 of its size to either side: to a point, side by side, or as if
+/// from one. That point may be next to the plane too.
+void add_departures(std::vector<Ray>& rays, const Mesh& mesh, Random& random, size_t block) {
+  const size_t t = random.below(mesh.count());
+  const Vec3d a = mesh.corner(t, 0), e1 = mesh.corner(t, 1) - a, e2 = mesh.corner(t, 2) - a, normal = cross(e1, e2);
+  const double size = length(e1) + length(e2), off = size * std::pow(10, random.uniform(-17, -4)) * (block % 2 ? 1 : -1);
+  const double height = size * std::pow(10, random.uniform(-8, 2)) * (random.below(2) ? 1 : -1);
+  const Vec3d n = normalize(normal), point = a + 2 * random.uniform() * e1 + 2 * random.uniform() * e2 + height * n;
+  for (int k = 0; k < 64; ++k) {
+    const double u = random.uniform(0.1, 0.4), v = random.uniform(0.1, 0.4);
+    const Vec3d o = a + u * e1 + v * e2 + off * n;
+    if (block % 3 == 0) rays.push_back(ray(o, point - o, block % 4 ? 0 : 1e-6, 1));
+    else if (block % 3 == 1) rays.push_back(ray(o, point - a));
+    else rays.push_back(ray(o, o - point));
+  }
+}
+
+// Float does not know on which side of the triangle such rays begin. Fat and thin ones, flat ones far from the origin, and crossing ones.
+TEST(packets, rays_that_begin_on_a_triangle_get_the_answers_of_single_rays) {
+  Random random(69);
+  for (const Mesh& mesh : {box_grid(4, 1, {}), box_grid(8, 1, {1000, 3, -200}), bumpy_sphere(8, 200), icosphere(2, 1e-3, {0, 0, 1}),
+                           icosphere(1, 1e4, {}), soup(random, 60, 1, 2)}) {
+    const auto accel = build(mesh);
+    std::vector<Ray> rays;
+    for (size_t block = 0; block < 600; ++block) add_departures(rays, mesh, random, block);
+    CHECK(differences(*accel, rays, kCamera) == 0);
+  }
+}
+
 // Each mesh is closed and the tiles are aimed at its corners from inside; so every ray ends there, from a common point or side by side.
 TEST(packets, no_leaks_at_corners) {
   Random random(65);

@@ -252,7 +252,47 @@ inline bool hit_group(Walk<Any>& w, int k, const Corners<Common>& corners, int f
   return true;
 }
 
+/// The plane of a triangle, in the rays' order.
+struct Plane {
+  D3 corner, normal;    // normal: as long as twice the area
+  double size, square;  // of two edges, all components
+  Plane(const Triangles& leaf, int place, const Order& order) : corner(vertex(leaf, place, order, 0)) {
+    const D3 p = vertex(leaf, place, order, 1) - corner, q = vertex(leaf, place, order, 2) - corner;
+    normal = {p.y * q.z - p.z * q.y, p.z * q.x - p.x * q.z, p.x * q.y - p.y * q.x};
+    size = (magnitude(p.x) + magnitude(q.x)) + (magnitude(p.y) + magnitude(q.y)) + (magnitude(p.z) + magnitude(q.z));
+    square = size * size;
+  }
+  static D3 vertex(const Triangles& leaf, int place, const Order& order, int j) {
+    return {leaf.at(j, order.axes[0])[place], leaf.at(j, order.axes[1])[place], leaf.at(j, order.axes[2])[place]};
+  }
+};
+
+/// Which of the rays [k, k + kDoubles), if they pass inside a triangle, surely meet it behind their origins. Exact would come to negative
+/// depths: with m no less than any corner is away and N twice the area that the ray sees, its point is off the ray by less than
+/// 2^-42 m^3 / N. Where that is less than `close`, and less than half of s when multiplied by the normal, the depth has the sign of s.
+inline uint32_t well_behind(const Tile& tile, int k, const Plane& plane, double sign) {
+  const Doubles x = splat(plane.corner.x) - load(tile.o[0] + k), y = splat(plane.corner.y) - load(tile.o[1] + k);
+  const Doubles z = splat(plane.corner.z) - load(tile.o[2] + k);
+  const Doubles nx = splat(plane.normal.x), ny = splat(plane.normal.y), nz = splat(plane.normal.z);
+  const Doubles s = nx * x + ny * y + nz * z, seen = nx * load(tile.shear[0] + k) + ny * load(tile.shear[1] + k) + nz;
+  const Doubles m = magnitude(x) + magnitude(y) + magnitude(z) + splat(plane.size), back = flip(s, seen * splat(-sign));
+  return bits(less(splat(0x1p-42 * plane.square) * (m * m * m), magnitude(seen) * smaller(back, splat(tile.close * plane.square))));
+}
+
 enum class Verdict { kMissed, kHit, kDoubtful };
+
+/// One triangle and those of the rays [k, k + kLanes) that may begin on it: kHit when they have left it behind, as shadow rays and
+/// reflections have. `rays`: pass inside of it without doubt.
+template <bool Any>
+__attribute__((noinline)) Verdict leave_behind(const Walk<Any>& w, int k, uint32_t rays, ChildRef leaf, int place) {
+  const Order& order = order_of(w.tile, k);
+  const Plane plane(Triangles(w.tree, leaf), place, order);
+  for (int h = 0; h < kLanes; h += kDoubles) {
+    const uint32_t some = rays >> h & ((1u << kDoubles) - 1);
+    if (some && some & ~well_behind(w.tile, k + h, plane, double(order.sign))) return Verdict::kDoubtful;
+  }
+  return Verdict::kHit;
+}
 
 /// One triangle against the rays [k, k + kLanes) of a pencil, by its edges: where these leave no doubt, they agree with hit_group. The
 /// edge functions are off by at most a third of `margin`, and so the depth by its extent times margin over their sum.
@@ -270,9 +310,12 @@ inline Verdict hit_pencil(Walk<Any>& w, int k, const EdgeLines& l, ChildRef leaf
   const Floats error = ((l.rear - l.front) * l.margin + splat(kUnderflow)) * inverse;
   const Floats room = larger(l.rear, -l.front) * splat(0x1p-20f) + splat(w.pencil.room), start = load(w.pencil.start + k);
   const Floats lo = larger(at - error, l.front) - start - room, hi = smaller(at + error, l.rear) - start + room;
-  const Mask nearer = inside & less(hi, load(tile.lo + k)) & less(load(tile.begin_hi + k), lo);
+  const Mask begun = less(load(tile.begin_hi + k), lo), nearer = inside & less(hi, load(tile.lo + k)) & begun;
   const Mask beyond = less(load(tile.hi + k), lo) | less(hi, load(tile.begin_lo + k));
-  if (bits(inside) & ~bits(nearer | beyond)) return Verdict::kDoubtful;
+  if (const uint32_t open = bits(inside) & ~bits(nearer | beyond)) {
+    const Mask ahead = less((hi - lo) * splat(0.125f), lo + hi);  // by its looks: not worth asking
+    return (open & bits(begun | ahead)) | bits(nearer) ? Verdict::kDoubtful : leave_behind(w, k, open, leaf, place);
+  }
   if (bits(nearer)) take_certain(w, k, bits(nearer), nearer, lo, hi, leaf, place);
   return Verdict::kHit;
 }
