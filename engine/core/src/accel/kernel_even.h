@@ -60,7 +60,7 @@ inline Doubles set_common_origin(Tile& tile, const double* const (&o)[3], const 
   double square = 0;
   for (int a = 0; a < 3; ++a) {
     const double p = *o[a], f = center[a] - p, q = a == 2 ? flip(p, sign) : p;
-    const float coarse = float(q), rest = rest_of(q, coarse);
+    const float coarse = float(q), rest = float(q - double(coarse));
     for (int k = 0; k < kTile; k += kDoubles) store(tile.o[a] + k, splat(p));
     for (int k = 0; k < kTile; k += kLanes)
       store((a == 2 ? tile.start : tile.of[a]) + k, splat(coarse)), store(tile.rest[a] + k, splat(rest));

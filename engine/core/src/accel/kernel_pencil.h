@@ -190,7 +190,7 @@ inline void set_far_apex(const Tile& tile, const double (&meeting)[3], double of
   for (int a = 0; a < 2; ++a) {
     const double first = tile.o[a][0] + tile.shear[a][0] * (depth - tile.o[2][0]);
     const double last = tile.o[a][final] + tile.shear[a][final] * (depth - tile.o[2][final]), middle = 0.5 * first + 0.5 * last;
-    pencil.apex.o[a] = float(middle), pencil.apex.rest[a] = rest_of(middle, pencil.apex.o[a]);
+    pencil.apex.o[a] = float(middle), pencil.apex.rest[a] = float(middle - double(pencil.apex.o[a]));
     pencil.middle[a] = float((middle - meeting[a]) / distance);
   }
   pencil.apex.o[2] = plane, pencil.apex.rest[2] = 0;
@@ -222,7 +222,7 @@ inline bool set_apex(const Tile& tile, Pencil& pencil) {
     return pencil.off < 0x1p-18f * float(radius);
   }
   meeting[2] *= double(order.sign);
-  for (int a = 0; a < 3; ++a) apex.o[a] = float(meeting[a]), apex.rest[a] = rest_of(meeting[a], apex.o[a]);
+  for (int a = 0; a < 3; ++a) apex.o[a] = float(meeting[a]), apex.rest[a] = float(meeting[a] - double(apex.o[a]));
   pencil.reach = set_starts(tile, pencil);
   pencil.off = float(off) + 16 * tile.far_room;
   return pencil.off < 0x1p-18f * pencil.reach;

@@ -41,9 +41,6 @@ inline Doubles load(const double* p) { return *reinterpret_cast<const LooseDoubl
 inline void store(double* p, Doubles v) { *reinterpret_cast<LooseDoubles*>(p) = v; }
 inline Doubles widen(const float* p) { return __builtin_convertvector(*reinterpret_cast<const LooseHalves*>(p), Doubles); }
 inline void narrow(float* p, Doubles v) { *reinterpret_cast<LooseHalves*>(p) = __builtin_convertvector(v, Halves); }
-/// What `coarse`, a rounded, is short of a. (A call: where GCC 12 puts two of these into a vector, it takes double(float(a)) for a, and
-/// nothing is left.)
-__attribute__((noinline)) inline float rest_of(double a, float coarse) { return float(a - double(coarse)); }
 /// The lower halves of the lanes.
 typedef int32_t LooseHalfInts __attribute__((vector_size(4 * kDoubles), aligned(4), may_alias));
 typedef int32_t HalfInts __attribute__((vector_size(4 * kDoubles)));
