@@ -58,7 +58,7 @@ struct Tile {
   int count;
   bool even, common;                  // all rays as kernel_even.h wants them; and beginning at one point
   float room;                         // bound of the rounding of float coordinates, for boxes
-  float far_room;                     // of that, the rounding of double for rays from far away; infinite in trees wider than kWide
+  float far_room;                     // of that, the rounding of double for rays from far away; infinite where rays go one by one
   double close;                       // exact rays pass triangles that they hit within this
   const uint32_t* instances;          // by way of which each ray came, or null in world space: the leaves know
   Answers* answers;
@@ -201,9 +201,7 @@ inline uint32_t living(const Tile& tile, int k) { return bits(load(tile.hi + k) 
 /// float rays' origins from the tree's centre; `farthest`: the rounding of double for rays from far away.
 inline void set_room(Tile& tile, Doubles square, double farthest) {
   const double size = reach_of(*tile.tree);
-  double most = 0;
-  for (int j = 0; j < kDoubles; ++j) most = square[j] > most ? square[j] : most;
-  const double reach = size - 4 * tile.tree->radius + __builtin_sqrt(most);
+  const double reach = size - 4 * tile.tree->radius + __builtin_sqrt(most_of(square));
   const double bent = tile.tree->kind == kInstanceLeaf ? 0x1p12 : 1;  // by matrices that are hard to invert
   tile.room = float(0x1.4p-20 * reach + bent * farthest), tile.far_room = float(size < kWide && farthest < 1e30 ? farthest : kInf);
   tile.close = 0x1p-21 * (size - 4 * tile.tree->radius);
