@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 
@@ -93,15 +93,22 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
     )
 
 
-def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
-    """Trace the job and fill Blender's render result. After an error the result is gone and the exception goes on."""
+def run(render_engine: bpy.types.RenderEngine, job: Job, is_interrupted: Callable[[], bool]) -> None:
+    """Trace the job and fill Blender's render result. After an error the result is gone and the exception goes on; KeyboardInterrupt is
+    raised where `is_interrupted` stopped the work."""
     if _readers and not job.preview:
         _readers[-1].append(job)
         return
     picture = Picture(render_engine, job.layer, job.size)
+
+    def should_stop() -> bool:
+        return is_interrupted() or render_engine.test_break()
+
     try:
         with nullcontext() if job.preview else Stamping(job.scene) as stamping:
-            film = _trace(render_engine, job, picture)
+            film = _trace(render_engine, job, picture, should_stop)
+            if is_interrupted():
+                raise KeyboardInterrupt
             _finish(render_engine, job, picture, film, stamping)
     except BaseException:
         picture.discard()
@@ -110,21 +117,21 @@ def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
         tell_notes(render_engine, [*job.notes, *film.notes])
 
 
-def _trace(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture) -> engine.Film:
+def _trace(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, should_stop: Callable[[], bool]) -> engine.Film:
     """The picture, with the settings that reach the job's aim if it has one; statistics learn the seconds and what was reached."""
     start = time.perf_counter()
-    forecast = job.aim.choose(job.scene, job.settings, render_engine.test_break) if job.aim else None
+    forecast = job.aim.choose(job.scene, job.settings, should_stop) if job.aim else None
     job.settings = forecast.settings if forecast else job.settings
     film = engine.render(
         job.scene,
         job.settings,
-        should_stop=render_engine.test_break,
+        should_stop=should_stop,
         on_progress=render_engine.update_progress,
         on_wave=None if bpy.app.background else picture.show,
     )
     job.statistics.seconds["engine"] = time.perf_counter() - start
     if forecast:
-        job.statistics.target = job.aim.told(job.scene, forecast, film, render_engine.test_break)
+        job.statistics.target = job.aim.told(job.scene, forecast, film, should_stop)
     return film
 
 

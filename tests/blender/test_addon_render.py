@@ -122,3 +122,59 @@ draw("dark.exr")
     )
     assert run.returncode == 0, run.output
     assert ("has no light and a black world" in run.output) == said
+
+
+def test_nothing_that_ends_a_render_leaves_a_picture(tmp_path):
+    """Ctrl-C (twice, as people press it) while tracing, after it and while reading; an exit; an error."""
+    run = Blender(tmp_path).run(
+        DRAW
+        + """
+import gc, os, signal
+import glint.addon.final as final
+signal.signal(signal.SIGINT, signal.default_int_handler)
+true = {"export_scene": final.export_scene, "_trace": final._trace, "_finish": final._finish}
+
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+    os.kill(os.getpid(), signal.SIGINT)
+
+def raising(error):
+    def broken(*arguments, **options):
+        raise error
+    return broken
+
+def pressing(name):
+    def pressed(*arguments, **options):
+        interrupt()
+        return true[name](*arguments, **options)
+    return pressed
+
+ends = {
+    "traced": ("_trace", pressing("_trace")),
+    "written": ("_finish", pressing("_finish")),
+    "read": ("export_scene", raising(KeyboardInterrupt())),
+    "exit": ("_trace", raising(SystemExit(0))),
+    "error": ("_trace", raising(ValueError("broken on purpose"))),
+}
+told = {}
+for file_format in ("PNG", "OPEN_EXR"):
+    scene.render.image_settings.file_format = file_format
+    for end, (name, function) in ends.items():
+        setattr(final, name, function)
+        try:
+            told[end] = str(draw(f"{file_format}_{end}"))
+        except RuntimeError as error:
+            told[end] = str(error).strip()
+        setattr(final, name, true[name])
+draw("whole")
+ends.clear()
+gc.collect()  # errors hold engines that Blender has freed
+answer(told)
+"""
+    )
+    assert run.returncode == 0, run.output
+    interrupted = "Error: Glint was interrupted: there is no picture"
+    assert [run.answer[end] for end in ("traced", "written", "read")] == [interrupted] * 3
+    assert "SystemExit" in run.answer["exit"] and "broken on purpose" in run.answer["error"]
+    assert [path.name for path in tmp_path.glob("*.*") if path.suffix in (".png", ".exr")] == ["whole.exr"]
+    assert "Exception ignored" not in run.output
