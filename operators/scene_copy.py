@@ -22,7 +22,7 @@ def copied(scene: bpy.types.Scene, view_layer: str, *, in_focus: bool = False) -
     copy = scene.copy()
     cameras: list[tuple] = []
     try:
-        if in_focus and copy.camera is not None:
+        if in_focus and copy.camera is not None and copy.camera.type == "CAMERA":
             cameras.append(_focused_camera(copy))
         render = copy.render
         render.use_border = render.use_compositing = render.use_sequencer = render.use_motion_blur = render.use_freestyle = False
