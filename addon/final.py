@@ -86,7 +86,7 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         layer=layer.name,
         size=_size(export.region, width, height),
         statistics=statistics,
-        notes=[*notes, *aim_notes, *export.notes, *_darkness(export.scene)],
+        notes=[*notes, *aim_notes, *export.notes, *_emptiness(export.scene), *_darkness(export.scene)],
         preview=render_engine.is_preview,
         frame=depsgraph.scene.frame_current,
         aim=aim,
@@ -151,6 +151,13 @@ def _with_backend(settings: engine.Settings) -> tuple[engine.Settings, list[str]
     if settings.backend in engine.available_backends():
         return settings, []
     return replace(settings, backend="NUMPY"), [_FALLBACK.format(engine.native_error())]
+
+
+def _emptiness(scene: engine.Scene) -> list[str]:
+    """A note when the camera has nothing to see."""
+    if any(block.visible_camera for block in scene.instances):
+        return []
+    return ["No object is there for the camera to see: all are hidden, from renders or from cameras, or have no faces"]
 
 
 def _darkness(scene: engine.Scene) -> list[str]:

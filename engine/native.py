@@ -42,6 +42,9 @@ from .view_axes import ViewAxes, narrow_view_axes
 LIBRARY_VARIABLE = "GLINT_CORE_LIBRARY"
 """Environment variable with the path of another build of the core."""
 
+ISA_VARIABLE = "GLINT_ISA"
+"""Environment variable that picks one of the core's instruction sets."""
+
 _POLL_MILLISECONDS = 40
 ERROR_BYTES = 8192
 
@@ -122,7 +125,14 @@ def render_native(
     packed, plan = pack_scene(axes.scene(scene) if axes else scene), pack_settings(scene, settings, "UNSEEN" if on_wave is None else "HELD")
     with _scene(core, packed.data) as handle, _render(core, handle, plan.data) as job:
         film = _Render(core, job, scene, settings, axes).run(should_stop, on_progress, on_wave)
-    return replace(film, notes=tuple(left_out.sentences(scene, film.stats)))
+    return replace(film, notes=(*left_out.sentences(scene, film.stats), *_instruction_set(core)))
+
+
+def _instruction_set(core: ctypes.CDLL) -> Iterator[str]:
+    """A note where the environment asks for one that is not to be had."""
+    asked, taken = os.environ.get(ISA_VARIABLE), core.glint_isa().decode()
+    if asked and asked != taken:
+        yield f"{ISA_VARIABLE} is {asked!r}, which this machine or the core does not have: {taken} draws the same picture; unset it"
 
 
 @contextmanager

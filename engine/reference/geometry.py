@@ -126,8 +126,8 @@ class _Drawn:
     def _notes(self, squeezed: int, broken: int) -> Iterator[str]:
         name = self.instances.name
         if squeezed:
-            shape = "so flat that their spheres have no inside" if isinstance(self.geometry, Spheres) else "squeezed to a line or a point"
-            yield f"{name!r}: {squeezed} placements are {shape} and were left out; give them a scale"
+            shape = "so flat that the spheres have no inside" if isinstance(self.geometry, Spheres) else "of scales that leave no surface"
+            yield f"{name!r}: {squeezed} placements are {shape} and were left out; scale two axes alike"
         if broken:
             yield f"{name!r}: {broken} primitives have coordinates that are not finite and were left out; repair the mesh"
 

@@ -106,6 +106,24 @@ def test_no_camera_is_blenders_own_error(tmp_path):
     assert not (tmp_path / "none.exr").exists()
 
 
+def test_nothing_to_see_is_said_and_an_object_is_not(tmp_path):
+    run = Blender(tmp_path).run(
+        DRAW
+        + """
+def told(**settings):
+    for name, value in settings.items():
+        setattr(bpy.data.objects["Cube"], name, value)
+    print("next", flush=True)
+    draw("a.exr")
+
+told()
+told(hide_render=True)
+told(hide_render=False, visible_camera=False)
+"""
+    )
+    assert ["No object is there" in part for part in run.output.split("next")[1:]] == [False, True, True], run.output
+
+
 @pytest.mark.parametrize(("change", "said"), [("", True), ('scene.world = bpy.data.worlds.new("World")', False), ("lamp()", False)])
 def test_a_black_picture_says_why(tmp_path, change, said):
     run = Blender(tmp_path).run(
