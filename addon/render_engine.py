@@ -85,8 +85,11 @@ def _message(error: BaseException) -> str:
     text = " ".join(str(error).split())
     if isinstance(error, (engine.SceneError, ExportError)):
         return f"Glint cannot render this scene: {text}"
+    if isinstance(error, RuntimeError) and text == "can't start new thread":
+        text, error = engine.NO_THREAD, MemoryError()
     if isinstance(error, MemoryError):
-        return f"Glint ran out of memory: {text or 'use fewer triangles, smaller images or a smaller picture'}"
+        remedy = "" if ": " in text else "; use fewer triangles, smaller images or a smaller picture"
+        return f"Glint ran out of memory: {text}{remedy}"
     return f"Glint failed ({type(error).__name__}): {text}. The traceback is in the log"
 
 

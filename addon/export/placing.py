@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...engine import affine_inverse, pixel_bounds_of_box
+from ...engine import affine_inverse, determinant, pixel_bounds_of_box
 from ...engine.scene import Camera, Geometry, Instances, Spheres
 from .camera import inverse_axes
 from .report import Report
@@ -39,7 +39,7 @@ def _ranks(linear: np.ndarray) -> np.ndarray:
     """(k,) of the (k, 3, 3) matrices, by the SVD (notes, section 6.5) where the determinant leaves a doubt."""
     size = np.abs(linear).max((1, 2))
     unit = linear / np.where(size > 0, size, 1.0)[:, None, None]
-    doubtful = np.abs(np.linalg.det(unit)) < _NEARLY_SINGULAR
+    doubtful = np.abs(determinant(unit)) < _NEARLY_SINGULAR
     ranks = np.full(len(linear), 3)
     if doubtful.any():
         placement = np.concatenate([unit[doubtful], np.zeros((doubtful.sum(), 3, 1))], 2)

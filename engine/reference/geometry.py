@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..linear import determinant
 from ..scene import Mesh, Polygons, Scene, Spheres
 from .placements import Placements, place, primitive_count
 from .vectors import pick
@@ -137,7 +138,7 @@ def _has_inside(placements: Placements, rows: Array) -> Array:
     linear = placements.world_from_object[rows][:, :, :3]
     linear = linear / np.maximum(np.abs(linear).max((1, 2)), 1e-300)[:, None, None]
     with np.errstate(invalid="ignore"):
-        return np.abs(np.linalg.det(linear / np.linalg.norm(linear, axis=1)[:, None, :])) > THIN
+        return np.abs(determinant(linear / np.linalg.norm(linear, axis=1)[:, None, :])) > THIN
 
 
 def _finite_primitives(geometry: Mesh | Spheres | Polygons) -> Array:

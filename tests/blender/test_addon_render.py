@@ -196,3 +196,18 @@ answer(told)
     assert "SystemExit" in run.answer["exit"] and "broken on purpose" in run.answer["error"]
     assert [path.name for path in tmp_path.glob("*.*") if path.suffix in (".png", ".exr")] == ["whole.exr"]
     assert "Exception ignored" not in run.output
+
+
+def test_a_thread_that_does_not_start_is_told_as_what_it_is(tmp_path):
+    run = Blender(tmp_path).run(
+        DRAW
+        + """
+import threading
+def refused(thread):
+    raise RuntimeError("can't start new thread")
+threading.Thread.start = refused
+draw("none.exr")
+"""
+    )
+    assert run.returncode == 1 and not (tmp_path / "none.exr").exists()
+    assert "Error: Glint ran out of memory: the system starts no further thread: close programs" in run.output
