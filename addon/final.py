@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 
@@ -86,22 +86,29 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         layer=layer.name,
         size=_size(export.region, width, height),
         statistics=statistics,
-        notes=[*notes, *aim_notes, *export.notes, *_darkness(export.scene)],
+        notes=[*notes, *aim_notes, *export.notes, *_emptiness(export.scene), *_darkness(export.scene)],
         preview=render_engine.is_preview,
         frame=depsgraph.scene.frame_current,
         aim=aim,
     )
 
 
-def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
-    """Trace the job and fill Blender's render result. After an error the result is gone and the exception goes on."""
+def run(render_engine: bpy.types.RenderEngine, job: Job, is_interrupted: Callable[[], bool]) -> None:
+    """Trace the job and fill Blender's render result. After an error the result is gone and the exception goes on; KeyboardInterrupt is
+    raised where `is_interrupted` stopped the work."""
     if _readers and not job.preview:
         _readers[-1].append(job)
         return
     picture = Picture(render_engine, job.layer, job.size)
+
+    def should_stop() -> bool:
+        return is_interrupted() or render_engine.test_break()
+
     try:
         with nullcontext() if job.preview else Stamping(job.scene) as stamping:
-            film = _trace(render_engine, job, picture)
+            film = _trace(render_engine, job, picture, should_stop)
+            if is_interrupted():
+                raise KeyboardInterrupt
             _finish(render_engine, job, picture, film, stamping)
     except BaseException:
         picture.discard()
@@ -110,21 +117,21 @@ def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
         tell_notes(render_engine, [*job.notes, *film.notes])
 
 
-def _trace(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture) -> engine.Film:
+def _trace(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, should_stop: Callable[[], bool]) -> engine.Film:
     """The picture, with the settings that reach the job's aim if it has one; statistics learn the seconds and what was reached."""
     start = time.perf_counter()
-    forecast = job.aim.choose(job.scene, job.settings, render_engine.test_break) if job.aim else None
+    forecast = job.aim.choose(job.scene, job.settings, should_stop) if job.aim else None
     job.settings = forecast.settings if forecast else job.settings
     film = engine.render(
         job.scene,
         job.settings,
-        should_stop=render_engine.test_break,
+        should_stop=should_stop,
         on_progress=render_engine.update_progress,
         on_wave=None if bpy.app.background else picture.show,
     )
     job.statistics.seconds["engine"] = time.perf_counter() - start
     if forecast:
-        job.statistics.target = job.aim.told(job.scene, forecast, film, render_engine.test_break)
+        job.statistics.target = job.aim.told(job.scene, forecast, film, should_stop)
     return film
 
 
@@ -144,6 +151,13 @@ def _with_backend(settings: engine.Settings) -> tuple[engine.Settings, list[str]
     if settings.backend in engine.available_backends():
         return settings, []
     return replace(settings, backend="NUMPY"), [_FALLBACK.format(engine.native_error())]
+
+
+def _emptiness(scene: engine.Scene) -> list[str]:
+    """A note when the camera has nothing to see."""
+    if any(block.visible_camera for block in scene.instances):
+        return []
+    return ["No object is there for the camera to see: all are hidden, from renders or from cameras, or have no faces"]
 
 
 def _darkness(scene: engine.Scene) -> list[str]:

@@ -52,7 +52,7 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
         default=OFFERED.samples,
         min=1,
         soft_max=256,
-        max=65536,
+        max=1 << 24,  # Blender cuts what is above in silence: this is more than the engine takes, and it says so
     )
     error_threshold: FloatProperty(
         name="Error Threshold",

@@ -102,6 +102,12 @@ def test_no_file_imports_through_a_wall():
     assert [breach for path in python_files() for breach in breaches(path, (ROOT / path).read_text())] == []
 
 
+def test_nothing_reads_the_data_of_an_original_object():
+    """After an undo it may point at memory that Blender has freed."""
+    room = sorted((ROOT / "addon").rglob("*.py"))
+    assert [str(path) for path in room if re.search(r"original\.data|original,\s*.data", path.read_text().replace('"', ""))] == []
+
+
 def test_the_root_imports_lazily():
     """Nothing at module level: Blender reads this file even when the extension is disabled, and pytest imports it too."""
     body = ast.parse((ROOT / "__init__.py").read_text()).body

@@ -65,11 +65,12 @@ class Changes:
 class _Shape:
     """What is kept of a geometry.
 
-    about: the uids of the object and the data that it came from.  states: the mesh with its attributes after each sequence of wishes.
+    about: the uids of the objects that were met with it, of each of which Blender tells when its data change. The data of an original
+    object may point at nothing after an undo.  states: the mesh with its attributes after each sequence of wishes.
     """
 
     geometry: MeshSource | Geometry | None
-    about: frozenset[int]
+    about: set[int]
     states: dict[tuple[Wanted, ...], MeshSource] = field(default_factory=dict)
     finished: dict[tuple[Wanted, ...], Mesh] = field(default_factory=dict)
 
@@ -359,6 +360,7 @@ class _KeepingCollector(Collector):
         key = mesh_key(data)
         if key not in self._known:
             self._known[key] = self._keep(key, lambda: self._new_mesh(data, owner))
+        self.met[key].about.add(owner.original.session_uid)
         return self._known[key]
 
     def _used_slots(self, number: int) -> tuple[int, ...]:
@@ -368,12 +370,12 @@ class _KeepingCollector(Collector):
     def _points(self, cloud: Any) -> int | None:
         key = (cloud.as_pointer(), len(cloud.points), cloud.name)
         if key not in self._known:
-            self._known[key] = self._keep(key, lambda: _Shape(export_points(cloud), frozenset({cloud.original.session_uid})))
+            self._known[key] = self._keep(key, lambda: _Shape(export_points(cloud), {cloud.original.session_uid}))
         return self._known[key]
 
     def _new_mesh(self, data: Any, owner: Any) -> _Shape:
         with readable(data, owner) as mesh:
-            return _Shape(read_mesh(mesh, self.report), _about(data, owner))
+            return _Shape(read_mesh(mesh, self.report), set())
 
     def _keep(self, key: tuple, read: Any) -> int | None:
         """The number of the shape with this key, read if the store has none."""
@@ -424,9 +426,3 @@ class _KeepingCollector(Collector):
         first = len(self.lights.lights)
         self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
         return first if len(self.lights.lights) == first + 1 else None
-
-
-def _about(data: Any, owner: Any) -> frozenset[int]:
-    """The uids of all that a mesh may have been made from."""
-    blocks = (data.original, owner.original, getattr(owner.original, "data", None))
-    return frozenset(block.session_uid for block in blocks if block is not None)

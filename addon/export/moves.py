@@ -54,8 +54,8 @@ class Stage:
         images: for lamps with nodes.
         """
         instances, lights = list(self.scene.instances), list(self.scene.lights)
-        lamps = {update.id.original.data for update in updates if _is_lamp(update)}
-        told = [update for update in updates if not (update.id.id_type == "LIGHT" and update.id.original in lamps)]
+        lamps = {update.id.data for update in updates if _is_lamp(update)}
+        told = [update for update in updates if not (update.id.id_type == "LIGHT" and update.id in lamps)]
         if not told or not all(self._apply(update, instances, lights, view_layer, images) for update in told):
             return False
         self.scene = replace(self.scene, instances=tuple(instances), lights=tuple(lights))

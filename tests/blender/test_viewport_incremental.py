@@ -365,3 +365,32 @@ def test_an_edited_material_hides_no_other_edit(world, edit):
             node_value(random.Random(seed))
             edit(random.Random(seed))
             follower.check()
+
+
+@pytest.mark.parametrize("kind", ["MESH", "CURVE"])
+def test_data_that_several_objects_share_outlive_each_of_them(scene, kind, monkeypatch):  # noqa: F811
+    """Whichever of them brought the shape first, an edit is heard of through those that are left; and if Blender puts what was edited at
+    the same address again."""
+    if kind == "MESH":  # each curve object has a temporary mesh of its own
+        monkeypatch.setattr(incremental, "mesh_key", lambda mesh: (mesh.name,))
+    data = bpy.data.curves.new("Shared", "CURVE") if kind == "CURVE" else quad("Model").data
+    if kind == "CURVE":
+        data.splines.new("POLY").points.add(2)
+        data.splines[0].points[1].co = data.splines[0].points[2].co = (1, 1, 0, 1)
+        data.bevel_depth = 0.1
+    for model in list(scene.collection.objects)[1:]:
+        bpy.data.objects.remove(model)
+    names = [f"User {k}" for k in range(3)]
+    for name in names:
+        link(bpy.data.objects.new(name, data))
+    with Follower() as follower:
+        follower.check()
+        for number, name in enumerate(names[:2]):
+            bpy.data.objects.remove(bpy.data.objects[name])
+            follower.check()
+            if kind == "CURVE":
+                data.bevel_depth = 0.2 + number
+            else:
+                data.vertices[0].co.z = 0.2 + number
+                data.update()
+            follower.check()
