@@ -26,7 +26,7 @@ NOTES_SHOWN = 12
 _PREVIEW = {"samples": 4, "light_samples": 2, "max_bounces": 2}
 _FALLBACK = (
     "Glint's native core cannot be used here ({}), so the NumPy tracer renders: the same picture, much slower. "
-    "Install the edition of Glint for this platform, or set the tracer to NumPy to silence this"
+    "Install the edition of Glint for this platform, or set the tracer to Python (reference) to silence this"
 )
 
 
