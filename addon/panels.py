@@ -13,6 +13,7 @@ import bpy
 from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
 
 from . import result, statistics
+from .lines import draw_text
 from .render_engine import GlintRenderEngine
 
 ENGINE = GlintRenderEngine.bl_idname
@@ -184,13 +185,22 @@ class GLINT_RENDER_PT_statistics(_Panel, bpy.types.Panel):
     bl_label = "Statistics"
     bl_options = {"DEFAULT_CLOSED"}
 
+    def draw_header(self, context):
+        last = statistics.of_last_render(context.scene.name)
+        if statistics.of_views(context.scene.name) or (last and last.notes):
+            self.layout.label(icon="ERROR")
+
     def draw(self, context):
         last = statistics.of_last_render(context.scene.name)
+        views = [note for note in statistics.of_views(context.scene.name) if not (last and note in last.notes)]
+        for title, notes in (("Warnings of the last render", last.notes if last else ()), ("Warnings of the 3D views", views)):
+            if notes:
+                self.layout.label(text=title, icon="ERROR")
+                draw_text(self.layout.column(align=True), notes, context.region, "• ")
         for title, lines in last.sections.items() if last else (("Nothing has been rendered yet", ()),):
             column = self.layout.column(align=True)
             column.label(text=title)
-            for line in lines:
-                column.label(text=f"    {line}")
+            draw_text(column, lines, context.region)
 
 
 class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
