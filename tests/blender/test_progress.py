@@ -7,7 +7,6 @@ import numpy as np
 from glint import engine
 from glint.addon.progress import Progress
 
-
 SETTINGS = engine.Settings(samples=64, error_threshold=4.0)
 
 
