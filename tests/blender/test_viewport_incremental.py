@@ -38,8 +38,9 @@ class Follower:
 
     def check(self):
         bpy.context.view_layer.update()
-        full = export_scene(bpy.context.evaluated_depsgraph_get(), passes=self.passes).scene
-        assert same(self.scene, dataclasses.replace(full, camera=CAMERA), "scene")
+        full = export_scene(bpy.context.evaluated_depsgraph_get(), passes=self.passes)
+        assert same(self.scene, dataclasses.replace(full.scene, camera=CAMERA), "scene")
+        assert set(self.live.notes(self.passes)) == {note for note in full.notes if "camera" not in note}
 
 
 def same(one, two, where):
@@ -78,6 +79,28 @@ def scattering():
     for source, to, name in ends:
         group.links.new(source.outputs[0], to.inputs[name])
     return group
+
+
+def test_notes_last_as_long_as_what_they_are_about(scene):  # noqa: F811
+    odd = Shader("Odd")
+    velvet = odd.node("ShaderNodeTexWhiteNoise")
+    odd.link(velvet, "Color", odd.shader, "Color")
+    use_nodes(odd.material)
+    plain, lamp = quad("Plain"), link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT")))
+    with Follower() as follower:
+        follower.check()
+        told = follower.live.notes()
+        assert any("'Odd'" in note for note in told), told
+        plain.location = (1, 0, 0)
+        follower.check()
+        plain.hide_viewport = True
+        follower.check()
+        lamp.data.energy = 7
+        follower.check()
+        assert follower.live.notes() == told
+        odd.material.node_tree.links.clear()
+        follower.check()
+        assert not any("'Odd'" in note and "Noise" in note for note in follower.live.notes())
 
 
 @pytest.fixture
