@@ -5,7 +5,7 @@ from __future__ import annotations
 from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from typing import Any
 
-ABI_VERSION = 10
+ABI_VERSION = 11
 
 PREPARING, TRACING, HELD, DONE, CANCELLED, FAILED = range(6)
 """States of a render."""
@@ -74,7 +74,9 @@ class InputData(Structure):
     _fields_ = (
         _each(c_double * 3, "value")
         + _each(c_double * 6, "uv_transform")
-        + _each(c_int32, "texture channel uv attribute attribute_channel complement")
+        + _each(c_double * 3, "offset")
+        + _each(c_double, "low high")
+        + _each(c_int32, "texture channel uv attribute attribute_channel bounded complement reserved")
     )
 
 

@@ -337,12 +337,17 @@ def _input(packer: _Packer, factor: Input) -> tuple:
     return (
         factor.value,
         sum(map(tuple, factor.uv_transform), ()),
+        factor.offset,
+        factor.low,
+        factor.high,
         factor.texture,
         number(factor.channel, _CHANNELS, "channel"),
         packer.name(factor.uv) if factor.uv else -1,
         packer.name(factor.attribute) if factor.attribute else -1,
         number(factor.attribute_channel, _CHANNELS, "channel"),
+        not factor.is_plain,
         factor.complement,
+        0,
     )
 
 

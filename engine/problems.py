@@ -308,6 +308,9 @@ def _input(factor: Input, textures: int) -> Found:
     yield from _handle("texture", factor.texture, textures, "textures", none=True)
     yield from _one_of("channel", factor.channel, ("COLOR", "ALPHA", "LUMINANCE"))
     yield from _one_of("attribute_channel", factor.attribute_channel, ("COLOR", "ALPHA"))
+    yield from _numbers("offset", factor.offset, 3)
+    if not (isinstance(factor.low, _REAL) and isinstance(factor.high, _REAL) and factor.low <= factor.high):
+        yield f"low is {factor.low!r} and high {factor.high!r}: use numbers, low at most high"
     for row in factor.uv_transform:
         yield from _numbers("a row of uv_transform", row, 3)
     if len(factor.uv_transform) != 2:

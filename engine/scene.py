@@ -123,13 +123,13 @@ class Texture:
 
 @dataclass(frozen=True)
 class Input:
-    """A colour that may vary over the surface: value × texture(uv) × attribute, or one minus that.
+    """A colour that may vary over the surface: value × texture(uv) × attribute + offset, kept between low and high, or one minus that.
 
     value: RGB.  texture: index into `Scene.textures`, -1 for none.  channel: COLOR, or ALPHA (the texture's alpha on all three),
     or LUMINANCE (the mean of the three as grey).  uv: name of the UV attribute, "" for the active one.
     uv_transform: ((a, b, c), (d, e, f)) with u' = a u + b v + c and v' = d u + e v + f.
     attribute: name of a colour attribute, "" for none; a name the mesh lacks reads as 0.
-    attribute_channel: COLOR or ALPHA.  complement: the result is 1 - the product.
+    attribute_channel: COLOR or ALPHA.  offset: RGB.  low, high: bounds of each channel.  complement: the result is 1 - all that.
     """
 
     value: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -139,7 +139,15 @@ class Input:
     uv_transform: tuple[tuple[float, float, float], tuple[float, float, float]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     attribute: str = ""
     attribute_channel: str = "COLOR"
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    low: float = -np.inf
+    high: float = np.inf
     complement: bool = False
+
+    @property
+    def is_plain(self) -> bool:
+        """A product without offset and bounds, or one minus that."""
+        return self.low == -np.inf and self.high == np.inf and not any(self.offset)
 
 
 LOBES = ("AMBIENT", "DIFFUSE", "SPECULAR", "MIRROR", "REFRACTION", "TRANSPARENT", "EMISSION")

@@ -75,7 +75,7 @@ def note_bump(view: NodeView, *names: str) -> None:
 
 def _diffuse(view: NodeView) -> Closure:
     note_bump(view, "Normal")
-    return diffuse_closure(view.color("Color"))
+    return diffuse_closure(view.reflectance("Color"))
 
 
 def _as_diffuse(view: NodeView) -> Closure:
@@ -85,19 +85,19 @@ def _as_diffuse(view: NodeView) -> Closure:
 
 def _glossy(view: NodeView) -> Closure:
     note_bump(view, "Normal")
-    return glossy_closure(view.color("Color"), view.constant("Roughness"), is_multiscatter(view))
+    return glossy_closure(view.reflectance("Color"), view.constant("Roughness"), is_multiscatter(view))
 
 
 def _metallic(view: NodeView) -> Closure:
     note_bump(view, "Normal")
     if view.node.fresnel_type != "F82":
         view.note("The Metallic shader's physical conductor is rendered by its base colour in {}: choose F82 Tint")
-    return glossy_closure(view.color("Base Color"), view.constant("Roughness"), is_multiscatter(view))
+    return glossy_closure(view.reflectance("Base Color"), view.constant("Roughness"), is_multiscatter(view))
 
 
 def _glass(view: NodeView) -> Closure:
     note_bump(view, "Normal")
-    color = view.color("Color")
+    color = view.reflectance("Color")
     return glass_closure(view, color, color, view.constant("Roughness"), sound_ior(view))
 
 
@@ -105,7 +105,7 @@ def _refraction(view: NodeView) -> Closure:
     note_bump(view, "Normal")
     if view.constant("Roughness") > MIRROR_ROUGHNESS:
         view.note("Rough refraction is rendered clear in {}")
-    return {LobeKey("REFRACTION", ior=sound_ior(view)): view.color("Color")}
+    return {LobeKey("REFRACTION", ior=sound_ior(view)): view.reflectance("Color")}
 
 
 def _transparent(view: NodeView) -> Closure:

@@ -106,6 +106,8 @@ class Shader:
         if factor.attribute:
             color = self._attributes.color(factor.attribute).at(spot.geometry[index], spot.local[index], pick(spot.weights, index))
             value = value * (color[3:4] if factor.attribute_channel == "ALPHA" else color[:3])
+        if not factor.is_plain:
+            value = np.clip(value + np.array(factor.offset, np.float64)[:, None], factor.low, factor.high)
         return 1.0 - value if factor.complement else value
 
     def _texture(self, factor: Input, spot: Spot, index: Array) -> Array:

@@ -144,6 +144,7 @@ def _factor(factor: Input, textures, colors) -> np.ndarray:
         value = value * {"COLOR": rgb, "ALPHA": texel[3], "LUMINANCE": np.mean(rgb)}[factor.channel]
     if factor.attribute:
         value = value * np.array(colors[factor.attribute])
+    value = np.clip(value + np.array(factor.offset), factor.low, factor.high)
     return 1 - value if factor.complement else value
 
 

@@ -167,10 +167,11 @@ def veils(layers: int) -> tuple[s.Mesh, tuple[s.Material, ...], tuple[s.Instance
     tint = np.random.default_rng(3).uniform(0.2, 1, (len(mesh.vertices), 4)).astype(np.float32)
     slots = np.random.default_rng(4).choice(4, len(mesh.triangles), p=(0.4, 0.3, 0.2, 0.1)).astype(np.uint16)
     mesh = replace(mesh, attributes=(*mesh.attributes, s.Attribute("tint", s.POINT, tint)), material_slots=slots)
+    bounded = s.Input((2.0, 2.5, 3.0), attribute="tint", offset=(-1.0, -0.8, -1.5), low=0.2, high=0.9)
     by_alpha = s.Input((0.5, 0.9, 0.7), texture=0, channel="ALPHA", complement=True)
     materials = (
         s.Material("image", (s.Lobe("TRANSPARENT", (s.Input((0.9, 0.8, 0.7), texture=0),)),)),
-        s.Material("tinted", (s.Lobe("TRANSPARENT", (s.Input(attribute="tint"), by_alpha)), s.Lobe("DIFFUSE", constant(0.0)))),
+        s.Material("tinted", (s.Lobe("TRANSPARENT", (bounded, by_alpha)), s.Lobe("DIFFUSE", constant(0.0)))),
         s.Material("half", (s.Lobe("TRANSPARENT", constant(0.5)),)),
         s.Material("opaque", (s.Lobe("DIFFUSE", constant(0.0)),)),
     )
@@ -209,3 +210,17 @@ def test_only_lights_with_an_extent_are_visible() -> None:
         light = lamp("POINT", radius=radius, visible_camera=True)
         film = draw(s.Scene(view_from_above(), (square(),), (placed(),), (material(s.Lobe("DIFFUSE")),), (), (light,), NO_WORLD))
         assert ("feature: visible lights" in film.stats) == visible
+
+
+def test_bounded_inputs_are_those_of_the_reference() -> None:
+    """An image and an attribute, each beyond its bounds somewhere and within them elsewhere."""
+    mesh, *_ = veils(0)
+    inputs = (
+        s.Input((4.0, 3.0, 5.0), texture=0, offset=(-1.0, -0.5, -2.0), low=0.0, high=1.0),
+        s.Input((2.0, 2.0, 2.0), attribute="tint", offset=(-1.0, -1.2, -0.8), low=0.1, high=0.7, complement=True),
+    )
+    glow = material(s.Lobe("EMISSION", inputs), s.Lobe("EMISSION", (s.Input((-1.0, 0.2, 3.0), low=0.0, high=1.5),)))
+    scene = s.Scene(view_from_above(24), (mesh,), (placed(),), (glow,), (checker(),), (), NO_WORLD)
+    core, truth = color(scene), color(scene, backend="NUMPY")
+    assert len(np.unique(truth.round(4))) > 100
+    assert np.abs(core - truth).max() < 1e-5

@@ -137,6 +137,7 @@ void check_materials(const GlintSceneData& d, Report& report) {
                g.texture, ull(d.texture_count));
     report.add(within(g.channel, GLINT_LUMINANCE) && within(g.attribute_channel, GLINT_LUMINANCE) && g.uv >= -1 && g.attribute >= -1,
                "input %llu: unknown channel or name", ull(i));
+    report.add(!g.bounded || g.low <= g.high, "input %llu: low %g is not at most high %g", ull(i), g.low, g.high);
   }
   for (uint64_t i = 0; i < d.lobe_count; ++i) {
     const GlintLobe& g = d.lobes[i];

@@ -117,6 +117,8 @@ GlintInput input(Dice& dice, size_t textures) {
   for (double& x : g.uv_transform) x = dice.number();
   g.texture = int32_t(dice.below(textures + 1)) - 1, g.channel = int32_t(dice.below(3)), g.uv = int32_t(dice.below(4)) - 1;
   g.attribute = int32_t(dice.below(4)) - 1, g.attribute_channel = int32_t(dice.below(3)), g.complement = int32_t(dice.below(2));
+  for (double& x : g.offset) x = dice.number();
+  g.bounded = int32_t(dice.below(2)), g.low = dice.number(), g.high = g.low + positive(dice);
   if (dice.chance(0.1 * dice.wildness)) g.texture = int32_t(dice.bits());
   return g;
 }
