@@ -44,9 +44,14 @@ def _principled(view: NodeView) -> Closure:
 
 def plastic_closure(base: Sum, tint: Sum, roughness: float, ior: float, multiscatter: bool) -> Closure:
     """A dielectric layer over a diffuse one, which gets what the layer lets through."""
-    lamps, world = (1 - layer_loss(roughness, ior, multiscatter, from_world) for from_world in (False, True))
-    below = {LobeKey("DIFFUSE"): scale(base, lamps), LobeKey("AMBIENT"): scale(base, world)}
+    lamps, world = (scale(_largest(tint), layer_loss(roughness, ior, multiscatter, from_world)) for from_world in (False, True))
+    below = {LobeKey("DIFFUSE"): multiply(base, complement(lamps)), LobeKey("AMBIENT"): multiply(base, complement(world))}
     return add_closures(below, coat_closure(tint, roughness, ior))
+
+
+def _largest(color: Sum) -> Sum:
+    """The largest channel, by which Cycles dims what lies below a tinted layer; each channel of what varies."""
+    return constant(max(constant_value(color))) if is_constant(color) else color
 
 
 def _plastic(view: NodeView, base: Sum, roughness: float) -> Closure:

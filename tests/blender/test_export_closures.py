@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from export_support import RED, Shader, kinds, layer_share, of_kind, principled, scene, set_inputs, total, weight  # noqa: F401
+from export_support import RED, Shader, image, kinds, layer_share, of_kind, principled, scene, set_inputs, total, weight  # noqa: F401
 from glint.addon.export.fresnel import fresnel, normal_reflectance
 from glint.addon.export.roughness import dielectric_highlights, highlights, layer_albedo, sheen_albedo, specular_albedo
 
@@ -234,3 +234,22 @@ def test_blinn_phong_node(scene):  # noqa: F811
         assert not any("supported" in note for note in result.notes)
     finally:
         nodes.unregister()
+
+
+@pytest.mark.parametrize("tint", [(0.0, 0.0, 0.0), (0.2, 0.5, 0.1)])
+def test_a_tinted_layer_keeps_less_from_what_is_below(scene, tint):  # noqa: F811
+    """The layer below loses what the tinted one reflects, by its largest channel, as in Cycles."""
+    _, lobes = principled(Base_Color=RED, Specular_Tint=(*tint, 1.0)).export()
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), np.multiply(RED[:3], 1 - max(tint) * layer_share()), rtol=1e-6)
+
+
+@pytest.mark.parametrize("roughness", [0.5, 1.0])
+def test_a_metal_coloured_by_a_texture_is_the_same_metal(scene, roughness):  # noqa: F811
+    shader = principled(Base_Color=RED, Metallic=1.0, Roughness=roughness)
+    plain = shader.export()[1]
+    texture = shader.node("ShaderNodeTexImage", image=image(pixels=(RED,), float_buffer=True, space="Non-Color"))
+    shader.link(texture, "Color", shader.shader, "Base Color")
+    result, textured = shader.export()
+    assert any(factor.texture >= 0 for lobe in textured for factor in lobe.factors)
+    for kind in ("SPECULAR", "AMBIENT"):
+        np.testing.assert_allclose(total(textured, kind, result.scene.textures), total(plain, kind), rtol=1e-6)
