@@ -81,7 +81,7 @@ class InputData(Structure):
 
 
 class LobeData(Structure):
-    _fields_ = _each(c_double, "exponent ior") + _each(c_uint32, "first_input input_count") + _each(c_int32, "kind fresnel")
+    _fields_ = _each(c_double, "exponent ior masking") + _each(c_uint32, "first_input input_count") + _each(c_int32, "kind fresnel")
 
 
 class MaterialData(Structure):

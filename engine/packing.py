@@ -328,7 +328,8 @@ def _material(packer: _Packer, lobes: Sequence[Lobe], index: int) -> tuple:
     first = len(packer.lobes)
     for lobe in lobes:
         kind = number(lobe.kind, LOBES, "lobe kind")
-        packer.lobes.append((lobe.exponent, lobe.ior, len(packer.inputs), len(lobe.factors), kind, lobe.fresnel))
+        fresnel = lobe.fresnel | lobe.schlick << 1
+        packer.lobes.append((lobe.exponent, lobe.ior, lobe.masking, len(packer.inputs), len(lobe.factors), kind, fresnel))
         packer.inputs.extend([_input(packer, factor) for factor in lobe.factors])
     return (first, len(lobes), index, 0)
 

@@ -297,6 +297,7 @@ def _lobe(lobe: Lobe, textures: int) -> Found:
     yield from _at_least("exponent", lobe.exponent, 0)
     if not (isinstance(lobe.ior, _REAL) and np.isfinite(lobe.ior) and lobe.ior > 0):
         yield f"ior is {lobe.ior!r}: use a finite number above 0"
+    yield from _at_least("masking", lobe.masking, 0, 1)
     strangers = [*_holds("factors", lobe.factors, (Input,))]
     yield from strangers
     for factor in () if strangers else lobe.factors:

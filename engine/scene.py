@@ -157,9 +157,11 @@ LOBES = ("AMBIENT", "DIFFUSE", "SPECULAR", "MIRROR", "REFRACTION", "TRANSPARENT"
 class Lobe:
     """One term of a surface: `kind` times the product of `factors` (the notes' coefficient k).
 
-    exponent: Phong exponent p >= 0 of a SPECULAR lobe.
+    exponent: >= 0, Phong's of a SPECULAR lobe; an AMBIENT or DIFFUSE one is times (1 - n·v) to that power.
     ior: > 0. On REFRACTION the index inside the surface. `fresnel` multiplies a MIRROR lobe by the dielectric Fresnel reflectance
-    of `ior`, and a REFRACTION lobe by one minus it.
+    of `ior`, a REFRACTION lobe by one minus it, and a SPECULAR lobe by what it is between v and h.
+    schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵ (Schlick 1994): what a metal's reflectance gains towards grazing angles.
+    masking: 0 to 1, of a SPECULAR lobe: the α of Smith's shadowing and masking, as GGX has them, which it is times; 0 for none.
     """
 
     kind: str
@@ -167,6 +169,8 @@ class Lobe:
     exponent: float = 0.0
     ior: float = 1.0
     fresnel: bool = False
+    schlick: bool = False
+    masking: float = 0.0
 
 
 @dataclass(frozen=True)

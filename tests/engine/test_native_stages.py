@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine_scenes import SCENES, ball_mesh, camera, checker, grid_mesh, surface
+from engine_scenes import SCENES, ball_mesh, camera, checker, gloss, grid_mesh, surface
 from glint import engine
 from glint.engine import scene as s
 from native_tools import (
@@ -38,7 +38,7 @@ TESTS = Path(__file__).resolve().parents[1]
 def hashes() -> str:
     """A line a scene: Combined alone, and with all passes."""
     lines = []
-    for name, make in SCENES.items():
+    for name, make in (*SCENES.items(), ("gloss", gloss)):
         scene, plan = make(), engine.Settings(samples=2, light_samples=3, max_bounces=4)
         for passes in (frozenset(), PARTS):
             film = engine.render(scene, replace(plan, passes=passes))
@@ -55,6 +55,11 @@ def test_same_bits_from_every_instruction_set(isa: str) -> None:
     done = subprocess.run([sys.executable, "-c", command], env={**os.environ, "GLINT_ISA": isa}, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == hashes().splitlines()
+
+
+def test_highlights_and_lobes_of_the_view_are_those_of_the_reference() -> None:
+    core, truth = color(gloss(), light_samples=2), color(gloss(), light_samples=2, backend="NUMPY")
+    assert np.abs(core - truth).max() < 1e-4 * truth.mean()
 
 
 def test_materials_of_one_batch_keep_to_themselves() -> None:

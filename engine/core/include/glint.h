@@ -93,8 +93,10 @@ typedef struct GlintInput {
 
 enum { GLINT_AMBIENT, GLINT_DIFFUSE, GLINT_SPECULAR, GLINT_MIRROR, GLINT_REFRACTION, GLINT_TRANSPARENT, GLINT_EMISSION };
 
+/* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK. masking: 0 to 1, Smith's alpha of a SPECULAR lobe, 0 for none. */
+enum { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
 typedef struct GlintLobe {
-  double exponent, ior;
+  double exponent, ior, masking;
   uint32_t first_input, input_count;
   int32_t kind, fresnel;
 } GlintLobe;

@@ -144,6 +144,7 @@ void check_materials(const GlintSceneData& d, Report& report) {
     report.add(within(g.kind, GLINT_EMISSION), "lobe %llu: unknown kind %d", ull(i), g.kind);
     report.add(range(g.first_input, g.input_count, d.input_count), "lobe %llu: inputs beyond the table", ull(i));
     report.add(g.exponent >= 0 && g.exponent <= 1e30, "lobe %llu: exponent %g is not between 0 and 1e30", ull(i), g.exponent);
+    report.add(g.masking >= 0 && g.masking <= 1, "lobe %llu: masking %g is not between 0 and 1", ull(i), g.masking);
     report.add(g.ior > 0 && g.ior <= 1e30, "lobe %llu: index of refraction %g is not above 0", ull(i), g.ior);
   }
   for (uint64_t i = 0; i < d.material_count; ++i)
