@@ -34,6 +34,8 @@ class LobeKey:
     exponent: float = 0.0
     ior: float = 1.0
     fresnel: bool = False
+    schlick: bool = False
+    masking: float = 0.0
 
 
 Closure = dict[LobeKey, Sum]

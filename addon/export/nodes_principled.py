@@ -7,11 +7,12 @@ import math
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .fresnel import ior_from_reflectance, normal_reflectance
 from .nodes_shader import (
+    below_coat,
     coat_closure,
     diffuse_closure,
     glass_closure,
-    glossy_closure,
     is_multiscatter,
+    metal_closure,
     note_bump,
     sound_ior,
     under_alpha,
@@ -32,9 +33,7 @@ def _principled(view: NodeView) -> Closure:
     metallic, transmission = view.factor("Metallic"), view.factor("Transmission Weight")
     insulator = complement(metallic)
     surface = add_closures(
-        scale_closure(glossy_closure(view.evaluator.clamped(base, 0.0, 1.0), roughness, is_multiscatter(view)), metallic)
-        if metallic
-        else {},
+        scale_closure(metal_closure(view, base, roughness), metallic) if metallic else {},
         scale_closure(_plastic(view, base, roughness), multiply(insulator, complement(transmission))),
         scale_closure(_glass(view, base, roughness), multiply(insulator, transmission)) if transmission else {},
         {LobeKey("EMISSION"): multiply(view.reflectance("Emission Color"), view.amount("Emission Strength"))},
@@ -44,9 +43,8 @@ def _principled(view: NodeView) -> Closure:
 
 def plastic_closure(base: Sum, tint: Sum, roughness: float, ior: float, multiscatter: bool) -> Closure:
     """A dielectric layer over a diffuse one, which gets what the layer lets through."""
-    lamps, world = (scale(_largest(tint), layer_loss(roughness, ior, multiscatter, from_world)) for from_world in (False, True))
-    below = {LobeKey("DIFFUSE"): multiply(base, complement(lamps)), LobeKey("AMBIENT"): multiply(base, complement(world))}
-    return add_closures(below, coat_closure(tint, roughness, ior))
+    below = below_coat(base, _largest(tint), roughness, ior, multiscatter)
+    return add_closures(below, coat_closure(ONE, roughness, ior, multiscatter, tint))
 
 
 def _largest(color: Sum) -> Sum:
@@ -79,7 +77,7 @@ def _coated(view: NodeView, surface: Closure) -> Closure:
     ior = max(view.constant("Coat IOR", 1.5), 1e-3)
     tint = view.reflectance("Coat Tint", 1.0)
     roughness = view.constant("Coat Roughness", 0.03)
-    through = multiply(complement(scale(weight, layer_loss(roughness, ior, multiscatter=True))), mix(weight, ONE, tint))
+    through = multiply(complement(scale(weight, layer_loss(roughness, ior))), mix(weight, ONE, tint))
     coat = coat_closure(weight, roughness, ior)
     return add_closures(scale_closure(surface, through), coat)
 
