@@ -31,6 +31,7 @@ void DirectLight::prepare(const Batch& batch) {
   }
   stage_.count = batch.size(), stage_.offset = p.offset, stage_.lit = batch.lit.data();
   stage_.specular = batch.specular, stage_.stride = batch.stride, stage_.max_specular = scene_.max_specular;
+  stage_.specular_columns = scene_.specular_columns;
 }
 
 void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {

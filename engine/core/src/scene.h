@@ -98,6 +98,8 @@ class Scene {
   const double* world_from_object = nullptr;
   uint32_t features = 0;       // GLINT_FEATURE_*
   int max_specular = 0;        // SPECULAR lobes of a material, at most
+  int specular_columns = 4;    // numbers of each as the stages read them
+  int max_view = 0;            // lobes of a material that depend on the view, at most
   int max_passing = 0;         // Material::passing, at most
   size_t triangles = 0, primitives = 0, dropped_instances = 0, dropped_lights = 0;
   double build_seconds = 0;
@@ -110,7 +112,8 @@ class Scene {
   std::vector<GroupShape> group_shapes;
   std::vector<InstanceShape> instance_shapes;
   std::vector<MaterialTerms> material_terms;
-  std::vector<double> specular_terms;  // max_specular rows of k and exponent a material
+  std::vector<double> specular_terms;  // max_specular rows of specular_columns numbers a material
+  std::vector<double> view_terms;      // max_view rows of ViewTerm::kColumns a material
   std::vector<LobeShape> lobe_shapes;
   std::vector<TextureShape> texture_shapes;
   InputTables input_tables() const {
