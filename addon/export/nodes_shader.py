@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .fresnel import dielectric_albedo, normal_reflectance
-from .graph import source
+from .graph import BLINN_PHONG, source
 from .roughness import Highlight, dielectric_highlights, highlights, layer_albedo, specular_albedo
 from .terms import Sum, add, complement, constant, is_constant, multiply, scale
 
@@ -212,6 +212,6 @@ CLOSURE_NODES.update(
         "ShaderNodeVolumePrincipled": _volume,
         "ShaderNodeVolumeAbsorption": _volume,
         "ShaderNodeVolumeScatter": _volume,
-        "GlintBlinnPhongNode": _blinn_phong,
+        BLINN_PHONG: _blinn_phong,
     }
 )
