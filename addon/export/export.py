@@ -15,10 +15,10 @@ from .images import Images
 from .instances import Flags, Thing, walk
 from .lights import Lights, Seen
 from .materials import Materials, Wanted, without_unused
-from .meshes import MeshSource, mesh_key, read_attributes, read_mesh, readable
+from .meshes import MeshSource, mesh_key, read_attributes, readable
 from .placing import note_empty_view, without_collapsed
 from .report import Report
-from .shapes import export_points
+from .shapes import export_points, read_shape
 from .world import export_world
 
 
@@ -108,7 +108,6 @@ class Collector:
         self.override = _evaluated(depsgraph.view_layer.material_override, depsgraph)
         self._geometries: list[MeshSource | Geometry] = []
         self._known: dict[tuple, int | None] = {}
-        self._lasting: dict[Any, int | None] = {}
         self._wanted_by_slots: dict[tuple[int, ...], Wanted] = {}
 
     def meet(self, thing: Any, owner: Any, flags: Flags) -> _Placed | _Lamp | None:
@@ -120,17 +119,14 @@ class Collector:
         kind = type(data).__name__
         if kind not in ("Mesh", "PointCloud"):
             return None
-        if data in self._lasting:
-            geometry = self._lasting[data]
-        else:
-            geometry = self._mesh(data, owner) if kind == "Mesh" else self._points(data)
-            if thing == owner:
-                self._lasting[data] = geometry  # a temporary object's data may give its address to the next one's
+        geometry = self._mesh(data, owner) if kind == "Mesh" else self._points(data)
         if geometry is None:
             return None
         slots = self._slots(thing, self._used_slots(geometry))
-        if kind == "Mesh":
+        if isinstance(self._geometry(geometry), MeshSource):
             self._add_attributes(geometry, data, owner, self._wanted(slots))
+        elif self.materials.wanted(slots):
+            self.report.note("True spheres have no UV maps or attributes, which materials read: {}; render them as meshes", thing.name)
         return _Placed(geometry, slots, thing.pass_index, flags)
 
     def _slots(self, thing: Any, used: tuple[int, ...]) -> tuple[int, ...]:
@@ -151,17 +147,18 @@ class Collector:
         if slots not in self._wanted_by_slots:
             self._wanted_by_slots[slots] = self.wanted | self.materials.wanted(slots)
         return self._wanted_by_slots[slots]
+    def _geometry(self, number: int) -> MeshSource | Geometry:
+        return self._geometries[number]
 
     def _used_slots(self, number: int) -> tuple[int, ...]:
-        geometry = self._geometries[number]
+        geometry = self._geometry(number)
         return geometry.used_slots if isinstance(geometry, MeshSource) else (0,)
 
     def _mesh(self, data: Any, owner: Any) -> int | None:
-        """Index of a mesh's geometry, read when first met; None without faces."""
+        """Index of a mesh's geometry, which is a sphere where it is marked as one, read when first met; None without faces."""
         key = mesh_key(data)
         if key not in self._known:
-            with readable(data, owner) as mesh:
-                self._known[key] = self._append(read_mesh(mesh, self.report))
+            self._known[key] = self._append(read_shape(data, owner, self.report))
         return self._known[key]
 
     def _add_attributes(self, number: int, data: Any, owner: Any, wanted: Wanted) -> None:
@@ -187,7 +184,7 @@ class Collector:
         geometries = tuple(g.finished() if isinstance(g, MeshSource) else g for g in self._geometries)
         instances = tuple(_instances(thing) for thing in things if isinstance(thing.content, _Placed))
         instances = without_collapsed(instances, self.report)
-        note_empty_view(camera, geometries, instances, self.report)
+        note_empty_view(camera, geometries, instances, self.report, self.depsgraph.scene_eval.camera.name)
         for thing in things:
             if isinstance(thing.content, _Lamp):
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
