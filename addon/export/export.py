@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -83,8 +83,7 @@ def _world(depsgraph: Any, scene: Any) -> Any:
     return _evaluated(override, depsgraph) if override is not None else scene.world
 
 
-@dataclass(frozen=True)
-class _Placed:
+class _Placed(NamedTuple):
     """A geometry with what its instances need."""
 
     geometry: int
@@ -93,8 +92,7 @@ class _Placed:
     flags: Flags
 
 
-@dataclass(frozen=True)
-class _Lamp:
+class _Lamp(NamedTuple):
     light: Any
     seen: Seen
 
@@ -110,6 +108,7 @@ class Collector:
         self.override = _evaluated(depsgraph.view_layer.material_override, depsgraph)
         self._geometries: list[MeshSource | Geometry] = []
         self._known: dict[tuple, int | None] = {}
+        self._wanted_by_slots: dict[tuple[int, ...], Wanted] = {}
 
     def meet(self, thing: Any, owner: Any, flags: Flags) -> _Placed | _Lamp | None:
         """What an object (its owner is the one that is not temporary) is to the scene; None for what has no shape of its own (curves
@@ -117,17 +116,16 @@ class Collector:
         data = thing.data
         if thing.type == "LIGHT":
             return _Lamp(data, Seen(flags.camera, flags.mirror))
-        kind = data.bl_rna.identifier
+        kind = type(data).__name__
         if kind not in ("Mesh", "PointCloud"):
             return None
         geometry = self._mesh(data, owner) if kind == "Mesh" else self._points(data)
         if geometry is None:
             return None
         slots = self._slots(thing, self._used_slots(geometry))
-        wanted = self.materials.wanted(slots)
         if isinstance(self._geometry(geometry), MeshSource):
-            self._add_attributes(geometry, data, owner, self.wanted | wanted)
-        elif wanted != Wanted():
+            self._add_attributes(geometry, data, owner, self._wanted(slots))
+        elif self.materials.wanted(slots):
             self.report.note("True spheres have no UV maps or attributes, which materials read: {}; render them as meshes", thing.name)
         return _Placed(geometry, slots, thing.pass_index, flags)
 
@@ -139,9 +137,16 @@ class Collector:
         slots = thing.material_slots
         if not slots:
             return (self.materials.index(None),)
+        if used == (0,):
+            return (self.materials.index(slots[0].material),)
         numbers = {k: self.materials.index(slots[k].material) for k in dict.fromkeys(min(k, len(slots) - 1) for k in used)}
         return tuple(numbers.get(k, numbers[min(numbers)]) for k in range(max(numbers) + 1))
 
+    def _wanted(self, slots: tuple[int, ...]) -> Wanted:
+        """What the passes and the materials in these slots read of a mesh."""
+        if slots not in self._wanted_by_slots:
+            self._wanted_by_slots[slots] = self.wanted | self.materials.wanted(slots)
+        return self._wanted_by_slots[slots]
     def _geometry(self, number: int) -> MeshSource | Geometry:
         return self._geometries[number]
 
@@ -158,7 +163,7 @@ class Collector:
 
     def _add_attributes(self, number: int, data: Any, owner: Any, wanted: Wanted) -> None:
         """What an object's materials read of its mesh."""
-        if wanted != Wanted():
+        if wanted:
             with readable(data, owner) as mesh:
                 read_attributes(mesh, self._geometries[number], wanted, self.report)
 

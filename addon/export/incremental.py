@@ -405,7 +405,7 @@ class _KeepingCollector(Collector):
         return len(self._geometries) - 1
 
     def _add_attributes(self, number: int, data: Any, owner: Any, wanted: Wanted) -> None:
-        if wanted == Wanted():
+        if not wanted:
             return
         shape, before = self._geometries[number], self._wishes[number]
         wishes = self._wishes[number] = (*before, wanted) if wanted not in before else before
