@@ -13,6 +13,7 @@ import bpy
 from .. import engine
 from .aim import Aim, aim_from
 from .export import Decoded, export_scene
+from .progress import Progress
 from .properties import settings_from
 from .result import Picture, wanted_passes
 from .skipped import skipped_things
@@ -26,7 +27,7 @@ NOTES_SHOWN = 12
 _PREVIEW = {"samples": 4, "light_samples": 2, "max_bounces": 2}
 _FALLBACK = (
     "Glint's native core cannot be used here ({}), so the NumPy tracer renders: the same picture, much slower. "
-    "Install the edition of Glint for this platform, or set the tracer to NumPy to silence this"
+    "Install the edition of Glint for this platform, or set the tracer to Python (reference) to silence this"
 )
 
 
@@ -70,6 +71,8 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
     """Read the evaluated scene. To be called from `update()`, where Blender keeps its data still."""
     start = time.perf_counter()
     layer = depsgraph.view_layer
+    if not (bpy.app.background or render_engine.is_preview):
+        render_engine.update_stats(f"{depsgraph.scene.name}, {layer.name}", "Reading the scene")
     passes = wanted_passes(layer)
     width, height = render_engine.resolution_x, render_engine.resolution_y
     export = export_scene(depsgraph, width=width, height=height, passes=passes, decoded=_decoded)
@@ -120,15 +123,25 @@ def run(render_engine: bpy.types.RenderEngine, job: Job, is_interrupted: Callabl
 def _trace(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, should_stop: Callable[[], bool]) -> engine.Film:
     """The picture, with the settings that reach the job's aim if it has one; statistics learn the seconds and what was reached."""
     start = time.perf_counter()
-    forecast = job.aim.choose(job.scene, job.settings, should_stop) if job.aim else None
+    is_seen = not (bpy.app.background or job.preview)
+    progress = Progress(render_engine, f"{job.scene_name}, {job.layer}", is_seen)
+    watched = progress.watching("Looking for settings", should_stop)
+    forecast = job.aim.choose(job.scene, job.settings, watched) if job.aim else None
     job.settings = forecast.settings if forecast else job.settings
+    passes = job.settings.passes
+
+    def show(film: engine.Film) -> None:
+        progress.end_wave(film, film.samples / job.settings.samples)
+        picture.show(film)
+
     film = engine.render(
         job.scene,
-        job.settings,
+        replace(job.settings, passes=passes | {"Error"}) if is_seen else job.settings,
         should_stop=should_stop,
-        on_progress=render_engine.update_progress,
-        on_wave=None if bpy.app.background else picture.show,
+        on_progress=lambda fraction: progress.trace(fraction, job.settings),
+        on_wave=None if bpy.app.background else show,
     )
+    film = replace(film, passes={name: values for name, values in film.passes.items() if name in passes | {"Combined"}})
     job.statistics.seconds["engine"] = time.perf_counter() - start
     if forecast:
         job.statistics.target = job.aim.told(job.scene, forecast, film, should_stop)

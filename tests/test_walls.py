@@ -26,8 +26,8 @@ BLENDER = {
 }
 ENGINES_DOOR = {"engine", "engine.scene", "engine.settings", "engine.film", "engine.fingerprint", "engine.target"}
 MEASURES = {"engine.comparison", "engine.flip", "engine.metrics", "engine.plot", "engine.trade", "engine.trade_crops", "engine.trade_plot"}
-ADDONS_DOOR = {"addon.final", "addon.stamp", "addon.statistics", "addon.viewport"}
-"""What operators need of a final render: what it reads, what it stamps, what it took."""
+ADDONS_DOOR = {"addon.final", "addon.lines", "addon.stamp", "addon.statistics", "addon.viewport"}
+"""What operators need of a final render: what it reads, what it stamps, what it took; and how text is drawn in panels."""
 
 # Room → what it may import from other packages, and a test for what it may import from this one.
 STDLIB = set(sys.stdlib_module_names)

@@ -13,7 +13,7 @@ from .images import Images
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .report import Report
-from .terms import complement, constant, factors_of
+from .terms import complement, constant, constant_value, factors_of
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def _viewport_surface(material: Any, evaluator: Evaluator) -> Closure:
         evaluator.note(NOT_FINITE)
     color, metallic = constant(tuple(material.diffuse_color)[:3]), constant(material.metallic)
     closures = (
-        scale_closure(glossy_closure(color, material.roughness, True), metallic),
+        scale_closure(glossy_closure(color, constant_value(color), material.roughness, True), metallic),
         scale_closure(diffuse_closure(color), complement(metallic)),
     )
     return add_closures(*closures)
@@ -106,12 +106,12 @@ def _viewport_surface(material: Any, evaluator: Evaluator) -> Closure:
 
 def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
     """The lobes of a closure in the order of `engine.scene.LOBES`; none of weight 0."""
-    ordered = sorted(closure.items(), key=lambda item: (LOBES.index(item[0].kind), item[0].exponent, item[0].ior))
+    ordered = sorted(closure.items(), key=lambda item: (LOBES.index(item[0].kind), item[0].exponent, item[0].ior, item[0].schlick))
     return tuple(_lobe(key, factors_of(term)) for key, terms in ordered for term in terms)
 
 
 def _lobe(key: LobeKey, factors: tuple) -> Lobe:
-    return Lobe(key.kind, factors, key.exponent, key.ior, key.fresnel)
+    return Lobe(key.kind, factors, key.exponent, key.ior, key.fresnel, key.schlick, key.masking)
 
 
 def wanted_by(material: Material) -> Wanted:

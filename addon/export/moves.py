@@ -28,9 +28,9 @@ class _Place:
 class Stage:
     """A scene, and where in it the things are that stand there by themselves, once each."""
 
-    def __init__(self, scene: Scene, census: Census, worn: tuple = ()) -> None:
-        """worn: what the scene's materials were made from, for whoever makes them anew."""
-        self.scene, self.worn, self._census = scene, worn, census
+    def __init__(self, scene: Scene, census: Census, worn: tuple = (), report: Report | None = None) -> None:
+        """worn: what the scene's materials were made from, for whoever makes them anew.  report: of all but them."""
+        self.scene, self.worn, self.report, self._census = scene, worn, report or Report(), census
         self._places: dict[int, _Place | None] = {}
 
     def place_instances(self, thing: Thing, number: int | None) -> None:

@@ -108,14 +108,23 @@ inline Sample sample(const LightStage& s, const Three& x) {
   return sample;
 }
 
-__attribute__((always_inline)) inline Three highlights(const LightStage& s, size_t k, const Three& n, const Three& l) {
-  const Slope at = slope(n, l - load3(s.d, k));
+/// cosine: n.l. Lobes that differ in their Fresnel factor alone share their power.
+__attribute__((always_inline)) inline Three highlights(const LightStage& s, size_t k, const Three& n, const Three& l, Doubles cosine) {
+  const Three d = load3(s.d, k);
+  const Slope at = slope(n, l - d);
+  Gloss gloss(cosine, seen_cosine(n, d), root(larger(0.5 * (1 - dot(l, d)), splat(0))));
+  Doubles exponent = splat(0), power = splat(1);
   Three sum{};
   for (int term = 0; term < s.max_specular; ++term) {
-    const double* column = s.specular + 4 * size_t(term) * s.stride + k;
+    const double* column = s.specular + size_t(s.specular_columns * term) * s.stride + k;
     const Three Tk = {load(column), load(column + s.stride), load(column + 2 * s.stride)};
     if (!any(nonzero(Tk))) continue;
-    sum = sum + highlight(at, load(column + 3 * s.stride)) * Tk;
+    const Doubles p = load(column + SpecularTerm::kExponent * s.stride);
+    if (bits(p != exponent)) exponent = p, power = highlight(at, p);
+    Doubles factor = power;
+    if (s.specular_columns == SpecularTerm::kShaped)
+      factor = power * gloss.factor(load(column + SpecularTerm::kMasking * s.stride), load(column + SpecularTerm::kFresnel * s.stride));
+    sum = sum + factor * Tk;
   }
   return sum;
 }
@@ -150,7 +159,7 @@ size_t light_from(const LightStage& s) {
     if (!any(reached)) continue;
     const Three I = at.factor * color, diffuse = cosine * (I * load3(s.diffuse, k));
     Three specular{};
-    if (s.max_specular > 0) specular = I * highlights(s, k, n, at.l);
+    if (s.max_specular > 0) specular = I * highlights(s, k, n, at.l, cosine);
     reached &= nonzero(diffuse) | nonzero(specular);
     const uint32_t lanes = bits(reached);
     if (!lanes) continue;
