@@ -78,7 +78,8 @@ void DirectLight::find_shadows(const Batch& batch, size_t count, uint8_t* known,
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Timer timer(counts.tracing);
-  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow,
+                  known ? nullptr : scene_.opacity()};
   scene_.accel().occluded(rays, blocked_.data(), scratch_);
   counts.shadow += count;
   for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);
