@@ -133,6 +133,20 @@ def _note_hair(instance: Any, thing: Any, report: Report) -> None:
             report.note(HAIR_NOTE, thing.name)
 
 
+def _note_light_settings(thing: Any, both: tuple[Any, Any], report: Report) -> None:
+    """Settings of who is lit by what, and by which rays, that have no counterpart here."""
+    linking = [getattr(x, "light_linking", None) for x in both]
+    if any(x is not None and (x.receiver_collection or x.blocker_collection) for x in linking):
+        report.note("Light and shadow linking are not rendered: {} light everything and get shadows from everything", thing.name)
+    if thing.type == "LIGHT":
+        if not all(x.visible_diffuse and x.visible_glossy for x in both):
+            report.note(
+                "Ray visibility hides the shape of a light but not its light on surfaces: {} light both matt and glossy", thing.name
+            )
+    elif any(x.visible_transmission != x.visible_glossy for x in both):
+        report.note("Refracted rays see what glossy rays see, whatever the transmission visibility of {} says", thing.name)
+
+
 def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Flags:
     """Visible to a kind of ray only if thing and instancer both are; holdout by the instancer, as in Cycles."""
     owner = instancer.original
@@ -143,6 +157,7 @@ def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Fla
     if thing.type != "LIGHT" and (thing.is_shadow_catcher or instancer.is_shadow_catcher):
         report.note("Shadow catchers are rendered as plain objects: {}", thing.name)
     both = (thing, instancer)
+    _note_light_settings(thing, both, report)
     return Flags(
         camera=all(x.visible_camera for x in both) and not indirect_only,
         mirror=all(x.visible_glossy for x in both),
