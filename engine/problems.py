@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from .linear import length, pseudo_inverse
+from .linear import determinant, length, pseudo_inverse
 from .scene import (
     CORNER,
     FACE,
@@ -371,7 +371,7 @@ def _not_a_frame(name: str, matrix: np.ndarray) -> Found:
 
 def _is_flat(axes: np.ndarray) -> bool:
     """(3, 3) unit columns. The decomposition decides, where the volume of the axes leaves a doubt."""
-    return not abs(np.linalg.det(axes)) >= _DOUBTFUL_VOLUME and pseudo_inverse(axes).rank < 3
+    return not abs(determinant(axes)) >= _DOUBTFUL_VOLUME and pseudo_inverse(axes).rank < 3
 
 
 def _camera(camera: Camera) -> Found:

@@ -7,7 +7,7 @@ seam for full node trees: whoever compiles nodes to programs replaces the tables
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +23,7 @@ DEEPEST = 48
 """Nested node evaluations; deeper trees get the socket's default."""
 MOST_TERMS = 16
 """Terms of one sum; longer ones become their mean colour."""
+NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 _CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
 
 
@@ -151,11 +152,18 @@ class Evaluator:
         self._note_circle(found)
         found = place if found is None else found
         if not found.socket.is_output:
-            return default_value(found.socket), found.socket.type
+            return self._default(found.socket), found.socket.type
         if found.node.mute:
             return ZERO, "VALUE"
         value = self._once(found, lambda: self._call(COLOR_NODES, found), None)
-        return (default_value(place.socket), place.socket.type) if value is None else (self.limited(value), found.socket.type)
+        return (self._default(place.socket), place.socket.type) if value is None else (self.limited(value), found.socket.type)
+
+    def _default(self, socket: Any) -> Sum:
+        """What an unlinked socket shows, said where it is no number."""
+        value = getattr(socket, "default_value", 0.0)
+        if not is_finite(value if hasattr(value, "__len__") else (value,)):
+            self.note(NOT_FINITE)
+        return default_value(socket)
 
     def _shader(self, found: Place) -> Closure:
         handler = CLOSURE_NODES.get(found.node.bl_idname, CLOSURE_NODES["unknown"])
@@ -252,3 +260,8 @@ def default_value(socket: Any) -> Sum:
     if isinstance(value, str) or not hasattr(value, "__len__"):
         return ZERO
     return constant(tuple(float(x) for x in value)[:3])
+
+
+def is_finite(values: Iterable[Any]) -> bool:
+    """Whether all numbers among the values are; other things count as finite."""
+    return all(math.isfinite(x) for x in values if isinstance(x, float))

@@ -174,7 +174,7 @@ class Collector:
         geometries = tuple(g.finished() if isinstance(g, MeshSource) else g for g in self._geometries)
         instances = tuple(_instances(thing) for thing in things if isinstance(thing.content, _Placed))
         instances = without_collapsed(instances, self.report)
-        note_empty_view(camera, geometries, instances, self.report)
+        note_empty_view(camera, geometries, instances, self.report, self.depsgraph.scene_eval.camera.name)
         for thing in things:
             if isinstance(thing.content, _Lamp):
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)

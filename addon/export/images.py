@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -34,7 +35,7 @@ class Images:
         self.textures: list[Texture] = []
         self.report = report
         self._pixels: dict[tuple, Pixels] = {}
-        self._decoded: dict[tuple, Raw | ImageError] = {}
+        self._decoded: dict[tuple, Raw | ImageError | MemoryError] = {}
         self._indices: dict[tuple, int] = {}
         self._means: dict[tuple[int, str], np.ndarray] = {}
 
@@ -51,7 +52,8 @@ class Images:
             name = image.name if image is not None else "no image"
             values = found.pixels
             if associated:
-                values = self._worked_out(values, "associated", lambda: pixels.associated(found))
+                with _that_fits(name):
+                    values = self._worked_out(values, "associated", lambda: pixels.associated(found))
             self._indices[key] = self._append(Texture(name, values, found.encoding, key[2], filtering))
         return self._indices[key]
 
@@ -86,9 +88,9 @@ class Images:
         index_key = (replace(source, uv="", uv_transform=Input().uv_transform), key)
         if index_key not in self._indices:
             texture = self.textures[source.texture]
-            stored = self._worked_out(
-                texture.pixels, (texture.encoding, replace(index_key[0], texture=-1), key), lambda: _derived(texture, source, key, function)
-            )
+            with _that_fits(texture.name):
+                what = (texture.encoding, replace(index_key[0], texture=-1), key)
+                stored = self._worked_out(texture.pixels, what, lambda: _derived(texture, source, key, function))
             self._indices[index_key] = self._append(replace(texture, **stored))
         return Input(texture=self._indices[index_key], uv=source.uv, uv_transform=source.uv_transform)
 
@@ -133,13 +135,16 @@ class Images:
             return (0, "")
         return (_original(image).as_pointer(), _path(_original(image), user))
 
-    def _load(self, image: Any, path: str, decoded: Raw | ImageError | None) -> Pixels:
+    def _load(self, image: Any, path: str, decoded: Raw | ImageError | MemoryError | None) -> Pixels:
         if image is None:
             self.report.note("An image texture without an image is magenta: choose an image")
             return Pixels(pixels.MAGENTA, "SRGB")
         self._approximations(image)
         try:
-            return self._read(_original(image), path, decoded)
+            with _that_fits(image.name):
+                if isinstance(decoded, MemoryError):
+                    raise decoded
+                return self._read(_original(image), path, decoded)
         except ImageError as error:
             self.report.note(f"Image '{image.name}' {error}: it is magenta; find or pack its file ('{path}')")
             return Pixels(pixels.MAGENTA, "SRGB")
@@ -158,6 +163,15 @@ class Images:
             self.report.note("Only the first tile of tiled images is rendered ({}): bake them into one image", image.name)
         if image.source == "MOVIE":
             self.report.note("Movies are rendered as the frame that Blender holds ({}): use an image sequence", image.name)
+
+
+@contextmanager
+def _that_fits(name: str) -> Iterator[None]:
+    """Names the image in a MemoryError."""
+    try:
+        yield
+    except MemoryError as error:
+        raise MemoryError(f"image '{name}' does not fit into it: use a smaller one, or close programs") from error
 
 
 def _work(values: np.ndarray, key: Hashable, work: Callable[[], Any]) -> Any:

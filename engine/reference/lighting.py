@@ -38,15 +38,24 @@ class Lighting:
     shadows: Shadows
     pulse: Pulse
 
-    def direct(self, surface: Surface, coefficients: Coefficients, sample: int, on_reach: Callable[[Source, Array], None]) -> DirectLight:
+    def direct(
+        self,
+        surface: Surface,
+        coefficients: Coefficients,
+        sample: int,
+        on_reach: Callable[[Source, Array], None],
+        on_cut: Callable[[Array], None],
+    ) -> DirectLight:
         """What all lights add at the points of `surface` in sample `sample` of their pixels. on_reach: told which points each sample of a
-        light reaches."""
+        light reaches.  on_cut: told the points whose horizon cuts a light of more than one sample."""
         total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(3)))
         lit = coefficients.diffuse.any(0)
         for term in coefficients.highlights:
             lit[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
         for source in self.sources if lit.any() else ():
             n = source.sample_count(self.light_samples)
+            if n > 1 and source.color.any():
+                on_cut(np.flatnonzero(lit & source.is_cut(surface.x, surface.n)))
             for j in range(n):
                 point = CENTER if n == 1 else self.points[sample * self.light_samples + j]
                 self.pulse.beat()

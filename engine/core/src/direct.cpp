@@ -39,11 +39,13 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   size_t number = 0;
   for (const Light& light : scene_.lights) {
     const uint32_t count = light.extended ? plan_.light_samples : 1;
+    const bool notes = batch.softly_lit && count > 1;
+    if (notes) find_cut(batch, light);
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       light.set(stage_, plan_.light_point(sample, j), count, plan_.physical);
       const size_t reached = stages_.light(stage_);
       if (reached == 0) continue;
-      for (size_t k = 0; batch.softly_lit && count > 1 && k < reached; ++k) batch.mark_softly_lit(point_[k]);
+      for (size_t k = 0; notes && k < reached; ++k) batch.mark_softly_lit(point_[k], Refinement::kReached);
       uint8_t* const known = batch.sight ? batch.sight->shadows(number) : nullptr;
       if (light.casts_shadow()) find_shadows(batch, reached, known ? known + batch.first_row : nullptr, counts);
       else std::fill_n(blocked_.begin(), reached, uint8_t(0));
@@ -51,6 +53,12 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
       add(batch, reached);
     }
   }
+}
+
+/// Notes the points whose horizon cuts the light.
+void DirectLight::find_cut(const Batch& batch, const Light& light) const {
+  for (size_t k = 0; k < batch.size(); ++k)
+    if (batch.lit[k] && light.is_cut(row(batch.points.x, k), row(batch.points.n, k))) batch.mark_softly_lit(k, Refinement::kCut);
 }
 
 /// False where a point's shadow is not known.
@@ -70,7 +78,8 @@ void DirectLight::find_shadows(const Batch& batch, size_t count, uint8_t* known,
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Timer timer(counts.tracing);
-  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow,
+                  known ? nullptr : scene_.opacity()};
   scene_.accel().occluded(rays, blocked_.data(), scratch_);
   counts.shadow += count;
   for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "math.h"
+#include "opacity.h"
 #include "sight.h"
 
 namespace glint {
@@ -140,6 +141,10 @@ Scene::Scene(const GlintSceneData& data, const Scene* base, bool exact) : camera
   earlier_.trees.same_space = earlier_.trees.accel && anchor == earlier_.anchor;
   if (base) share_trees(*base, exact);
 }
+
+Scene::~Scene() = default;
+
+const Opacity* Scene::opacity() const { return opacity_ ? &opacity_->view() : nullptr; }
 
 /// The trees that a later scene may take over: this one's, or as long as it has none those that it would take over itself.
 Scene::Earlier Scene::trees() const {
@@ -433,6 +438,7 @@ std::vector<InstanceView> Scene::instance_views() const {
 
 bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& cancel) {
   std::lock_guard lock(build_mutex_);
+  if (!opacity_ && features & GLINT_FEATURE_TRANSPARENT) opacity_ = std::make_unique<const OpacityMaps>(*this);
   if (accel_) return true;
   auto start = std::chrono::steady_clock::now();
   accel_ = Accel::build(geometry_views(), instance_views(), threads, cancel, quality, earlier_.trees);

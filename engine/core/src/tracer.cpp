@@ -168,7 +168,11 @@ void Tracer::find_hits(const Queue& queue) {
   if (batch_.sight && batch_.sight->recall(*tile_, batch_.hits())) return;
   {
     const Timer timer(counts_.tracing);
-    scene_.accel().closest(queue.rays(), batch_.hits(), scratch_);
+    Rays rays = queue.rays();
+    // Every surface counts for what is remembered, and for passes that tell of holes as of other surfaces.
+    const bool all = batch_.sight || film_.wants(GLINT_PASS_COST) || film_.wants(GLINT_PASS_GAP);
+    rays.opacity = all ? nullptr : scene_.opacity();
+    scene_.accel().closest(rays, batch_.hits(), scratch_);
   }
   batch_.charge_fallbacks();
   if (&queue == &first_) counts_.camera += queue.size();

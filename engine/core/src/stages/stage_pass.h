@@ -131,7 +131,8 @@ inline size_t go_on(const PassStage& s, const Chosen& at, const Three& k) {
   const Doubles t = gather(s.t, at);
   add(RayLayout::kT, T), add(RayLayout::kTMin, beyond(t)), keep(RayLayout::kTMax), add(RayLayout::kFrom, t);
   const Mask kept = tag & ((int64_t(1) << RayTag::kWantsData) - 1);
-  add.tag((kept + (int64_t(1) << RayTag::kStraight)) | wants_data);
+  const Mask dimmed = (k.x != 1) | (k.y != 1) | (k.z != 1);
+  add.tag((kept + (dimmed & int64_t(1) << RayTag::kStraight)) | wants_data);
   return add.count();
 }
 
