@@ -129,6 +129,19 @@ def _note_hair(instance: Any, thing: Any, report: Report) -> None:
             report.note(HAIR_NOTE, thing.name)
 
 
+def _note_light_settings(name: str, thing: Any, report: Report) -> None:
+    """Settings of who is lit by what, and by which rays, that have no counterpart here. name: of what stands there; thing: it or its
+    instancer."""
+    linking = getattr(thing, "light_linking", None)
+    if linking is not None and (linking.receiver_collection or linking.blocker_collection):
+        report.note("Light and shadow linking are not rendered: {} light everything and get shadows from everything", name)
+    if thing.type == "LIGHT":
+        if not (thing.visible_diffuse and thing.visible_glossy):
+            report.note("Ray visibility hides the shape of a light but not its light on surfaces: {} light both matt and glossy", name)
+    elif thing.visible_transmission != thing.visible_glossy:
+        report.note("Refracted rays see what glossy rays see, whatever the transmission visibility of {} says", name)
+
+
 def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Flags:
     """Visible to a kind of ray only if thing and instancer both are; holdout by the instancer, as in Cycles."""
     owner = instancer.original
@@ -138,6 +151,8 @@ def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Fla
         report.note("Indirect only hides {} from the camera; light is not carried on from there", thing.name)
     if thing.type != "LIGHT" and (thing.is_shadow_catcher or instancer.is_shadow_catcher):
         report.note("Shadow catchers are rendered as plain objects: {}", thing.name)
+    for x in (thing,) if instancer is thing else (thing, instancer):
+        _note_light_settings(thing.name, x, report)
     return Flags(
         thing.visible_camera and instancer.visible_camera and not indirect_only,
         thing.visible_glossy and instancer.visible_glossy,

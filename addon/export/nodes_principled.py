@@ -7,6 +7,7 @@ import math
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .fresnel import ior_from_reflectance, normal_reflectance
 from .nodes_shader import (
+    LEFT_OUT,
     below_coat,
     coat_closure,
     diffuse_closure,
@@ -14,17 +15,13 @@ from .nodes_shader import (
     is_multiscatter,
     metal_closure,
     note_bump,
+    note_edge_tint,
+    note_left_out,
     sound_ior,
     under_alpha,
 )
 from .roughness import layer_loss, sheen_albedo
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply, scale
-
-_LEFT_OUT = {
-    "Thin Film Thickness": "thin film",
-    "Anisotropic": "anisotropy",
-    "Diffuse Roughness": "diffuse roughness",
-}
 
 
 def _principled(view: NodeView) -> Closure:
@@ -94,9 +91,9 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
 
 def _note_what_is_left_out(view: NodeView) -> None:
     note_bump(view, "Normal", "Coat Normal")
-    for socket, word in _LEFT_OUT.items():
-        if view.input(socket) and view.number(socket):
-            view.note(f"Principled's {word} is not rendered: {{}} go without it")
+    note_left_out(view, LEFT_OUT)
+    if view.number("Metallic"):
+        note_edge_tint(view, "Specular Tint")
     if view.number("Subsurface Weight"):
         view.note("Subsurface scattering is rendered as diffuse in {}")
 

@@ -134,8 +134,42 @@ def note_bump(view: NodeView, *names: str) -> None:
         view.note("Normal maps and bumps are not rendered: {} keep the mesh's normals; bake them to geometry")
 
 
+LEFT_OUT = {
+    "Anisotropy": "anisotropy",
+    "Anisotropic": "anisotropy",
+    "Thin Film Thickness": "thin film",
+    "Diffuse Roughness": "diffuse roughness",
+}
+"""Inputs that have no effect where they are not 0."""
+_MICROFACETS = ("GGX", "MULTI_GGX")
+
+
+def note_left_out(view: NodeView, names: dict[str, str]) -> None:
+    """A note for each input, by name and in words, that is not 0 and has no effect here."""
+    for name, word in names.items():
+        if view.input(name) and view.number(name):
+            view.note(f"The {word} of {view.node.bl_label} is not rendered: {{}} go without it")
+
+
+def note_microfacets(view: NodeView) -> None:
+    """What is left out of a node with microfacets."""
+    note_bump(view, "Normal")
+    note_left_out(view, LEFT_OUT)
+    distribution = getattr(view.node, "distribution", "GGX")
+    if distribution not in _MICROFACETS:
+        view.note(f"The distribution {distribution.replace('_', ' ').title()} is rendered as GGX in {{}}")
+
+
+def note_edge_tint(view: NodeView, name: str) -> None:
+    """Where a metal's colour at grazing angles is not white."""
+    if view.input(name) and view.color(name) != ONE:
+        view.note(f"The {name.lower()} of metals is not rendered: {{}} turn white at grazing angles")
+
+
 def _diffuse(view: NodeView) -> Closure:
     note_bump(view, "Normal")
+    if view.node.bl_idname == "ShaderNodeBsdfDiffuse":
+        note_left_out(view, {"Roughness": "roughness"})
     return diffuse_closure(view.reflectance("Color"))
 
 
@@ -145,20 +179,21 @@ def _as_diffuse(view: NodeView) -> Closure:
 
 
 def _glossy(view: NodeView) -> Closure:
-    note_bump(view, "Normal")
+    note_microfacets(view)
     color = view.reflectance("Color")
     return glossy_closure(color, view.evaluator.mean(color), view.constant("Roughness"), is_multiscatter(view), edge=False)
 
 
 def _metallic(view: NodeView) -> Closure:
-    note_bump(view, "Normal")
+    note_microfacets(view)
+    note_edge_tint(view, "Edge Tint")
     if view.node.fresnel_type != "F82":
         view.note("The Metallic shader's physical conductor is rendered by its base colour in {}: choose F82 Tint")
     return metal_closure(view, view.reflectance("Base Color"), view.constant("Roughness"))
 
 
 def _glass(view: NodeView) -> Closure:
-    note_bump(view, "Normal")
+    note_microfacets(view)
     color = view.reflectance("Color")
     return glass_closure(view, color, color, view.constant("Roughness"), sound_ior(view))
 
