@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
+from functools import cache
 from itertools import chain, islice
 from typing import Any
 
@@ -49,6 +50,9 @@ def _sha256(block: memoryview) -> bytes:
     return hashlib.sha256(block).digest()
 
 
+_PLAIN = (str, int, bool, float)
+
+
 def value_fingerprint(value: Any) -> str:
     """SHA-256 in hexadecimal of a scene, or of any value made of dataclasses, tuples, mappings, arrays and plain values."""
     digest = hashlib.sha256()
@@ -69,11 +73,14 @@ def tracer_text(backend: str) -> str:
 
 def _feed(digest: Any, value: Any) -> None:
     """Every value is led by its kind and size, so that no two values run together."""
-    if isinstance(value, np.ndarray):
+    kind = type(value)
+    if kind in _PLAIN:
+        digest.update(f"{kind.__name__} {value!r};".encode())
+    elif isinstance(value, np.ndarray):
         digest.update(f"array {value.dtype.str} {value.shape}".encode())
         digest.update(np.ascontiguousarray(value).data)
     elif is_dataclass(value):
-        _feed_all(digest, type(value).__name__, [getattr(value, field.name) for field in fields(value)])
+        _feed_all(digest, kind.__name__, [getattr(value, name) for name in _names(kind)])
     elif isinstance(value, (tuple, list)):
         _feed_all(digest, "list", value)
     elif isinstance(value, (frozenset, set)):
@@ -81,7 +88,12 @@ def _feed(digest: Any, value: Any) -> None:
     elif isinstance(value, Mapping):
         _feed_all(digest, "mapping", [part for pair in value.items() for part in pair])
     else:
-        digest.update(f"{type(value).__name__} {value!r};".encode())
+        digest.update(f"{kind.__name__} {value!r};".encode())
+
+
+@cache
+def _names(kind: type) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind))
 
 
 def _feed_all(digest: Any, kind: str, values: Any) -> None:

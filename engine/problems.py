@@ -58,7 +58,7 @@ def scene_problems(scene: Scene) -> list[str]:
     checks: tuple[tuple[Iterable[Any], Callable[[Any], Found]], ...] = (
         ((scene.camera,), _camera),
         (scene.geometries, _geometry),
-        (scene.instances, partial(_instances, scene)),
+        (() if _all_sound(scene) else scene.instances, partial(_instances, scene)),
         (scene.materials, partial(_material, len(scene.textures))),
         (scene.textures, _texture),
         (scene.lights, _light),
@@ -267,6 +267,22 @@ def _offsets(offsets: np.ndarray, count: int) -> Found:
     elif np.any(corners < 3):
         k = int(np.argmax(corners < 3))
         yield f"polygon {k} has {corners[k]} corners: use at least 3"
+
+
+def _all_sound(scene: Scene) -> bool:
+    """Whether `_instances` will find nothing: all groups at once, for where there are many. False where it is in doubt."""
+    geometries, materials = len(scene.geometries), len(scene.materials)
+    matrices = [group.world_from_object for group in scene.instances]
+    if not all(type(m) is np.ndarray and m.dtype == np.float64 and m.ndim == 3 and m.shape[1:] == (3, 4) for m in matrices):
+        return False
+    for group in scene.instances:
+        if type(group.geometry) is not int or not 0 <= group.geometry < geometries or type(group.materials) is not tuple:
+            return False
+        if not all(type(number) is int and 0 <= number < materials for number in group.materials):
+            return False
+        if type(group.object_index) is not int or not -(2**31) <= group.object_index < 2**31:
+            return False
+    return len(matrices) == 0 or not [*_finite_array("", matrices[0] if len(matrices) == 1 else np.concatenate(matrices))]
 
 
 def _instances(scene: Scene, instances: Instances) -> Found:

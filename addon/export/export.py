@@ -126,7 +126,8 @@ class Collector:
         slots = self._slots(thing, self._used_slots(geometry))
         wanted = self.materials.wanted(slots)
         if isinstance(self._geometry(geometry), MeshSource):
-            self._add_attributes(geometry, data, owner, self.wanted | wanted)
+            if wanted != Wanted() or self.wanted != Wanted():
+                self._add_attributes(geometry, data, owner, self.wanted | wanted)
         elif wanted != Wanted():
             self.report.note("True spheres have no UV maps or attributes, which materials read: {}; render them as meshes", thing.name)
         return _Placed(geometry, slots, thing.pass_index, flags)
@@ -137,9 +138,10 @@ class Collector:
         if self.override is not None:
             return (self.materials.index(self.override),)
         slots = thing.material_slots
-        if not slots:
-            return (self.materials.index(None),)
-        numbers = {k: self.materials.index(slots[k].material) for k in dict.fromkeys(min(k, len(slots) - 1) for k in used)}
+        count = len(slots)
+        if count <= 1:
+            return (self.materials.index(slots[0].material if count else None),)
+        numbers = {k: self.materials.index(slots[k].material) for k in dict.fromkeys(min(k, count - 1) for k in used)}
         return tuple(numbers.get(k, numbers[min(numbers)]) for k in range(max(numbers) + 1))
 
     def _geometry(self, number: int) -> MeshSource | Geometry:

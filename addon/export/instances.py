@@ -98,13 +98,19 @@ def _matrices(depsgraph: Any, count: int) -> np.ndarray:
 def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report) -> list[Thing]:
     """Things with their rows of the matrices, in the order in which they were met; places that are not finite are dropped."""
     order = np.argsort(rows, kind="stable")
-    bounds = np.searchsorted(rows[order], np.arange(len(things) + 1))
+    bounds = np.searchsorted(rows[order], np.arange(len(things) + 1)).tolist()
+    matrices = matrices[order]
+    finite = np.isfinite(matrices).all((1, 2))
+    all_finite = bool(finite.all())
     placed = []
     for number, met in enumerate(things):
         if met is None:
             continue
-        own = matrices[order[bounds[number] : bounds[number + 1]]]
-        sound = np.isfinite(own).all((1, 2))
+        here = slice(bounds[number], bounds[number + 1])
+        if all_finite:
+            placed.append(Thing(*met, matrices[here]))
+            continue
+        own, sound = matrices[here], finite[here]
         if not sound.all():
             report.note("Objects whose transform is not finite are left out: {}; clear their transforms", met[1])
         if sound.any():
@@ -140,9 +146,9 @@ def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Fla
     indirect_only = not holdout and owner.indirect_only_get(view_layer=view_layer)
     if indirect_only:
         report.note("Indirect only hides {} from the camera; light is not carried on from there", thing.name)
-    if thing.type != "LIGHT" and (thing.is_shadow_catcher or instancer.is_shadow_catcher):
+    if thing.type != "LIGHT" and (thing.is_shadow_catcher or (instancer is not thing and instancer.is_shadow_catcher)):
         report.note("Shadow catchers are rendered as plain objects: {}", thing.name)
-    both = (thing, instancer)
+    both = (thing,) if thing is instancer else (thing, instancer)
     return Flags(
         camera=all(x.visible_camera for x in both) and not indirect_only,
         mirror=all(x.visible_glossy for x in both),

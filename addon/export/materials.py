@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import or_
 from typing import Any
 
 from ...engine.scene import LOBES, Lobe, Material, Texture
@@ -35,6 +37,7 @@ class Materials:
         self.images, self.report = images, report
         self._indices: dict[int, int] = {}
         self._wanted: list[Wanted] = []
+        self._wanted_by_all: dict[tuple[int, ...], Wanted] = {}
 
     def index(self, material: Any) -> int:
         """Index of an evaluated Blender material; of Blender's default surface for None."""
@@ -48,10 +51,9 @@ class Materials:
 
     def wanted(self, indices: tuple[int, ...]) -> Wanted:
         """What the materials with these indices read from a mesh."""
-        total = Wanted()
-        for index in indices:
-            total = total | self._wanted[index]
-        return total
+        if indices not in self._wanted_by_all:
+            self._wanted_by_all[indices] = reduce(or_, (self._wanted[index] for index in indices), Wanted())
+        return self._wanted_by_all[indices]
 
 
 def default_material() -> Material:

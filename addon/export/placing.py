@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -23,8 +24,10 @@ _FIRST = 16
 
 def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple[Instances, ...]:
     """Without the placements that are no surface any more: matrices of rank 0 or 1 squash everything to a line or a point."""
-    kept = []
+    kept: list[Instances] = []
     ranks = _ranks(np.concatenate([np.zeros((0, 3, 3)), *(block.world_from_object[:, :, :3] for block in instances)]))
+    if (ranks >= 2).all():
+        return instances
     ends = np.cumsum([len(block.world_from_object) for block in instances], dtype=np.intp)
     for block, surface in zip(instances, np.split(ranks >= 2, ends[:-1]), strict=False):
         if not surface.all():
@@ -49,10 +52,12 @@ def _ranks(linear: np.ndarray) -> np.ndarray:
 
 def note_empty_view(camera: Camera, geometries: tuple[Geometry, ...], instances: tuple[Instances, ...], report: Report) -> None:
     """Say so when the box round everything that the camera may see projects beside the frame (notes, section 7.5)."""
-    seen = [(geometries[block.geometry], block.world_from_object) for block in instances if block.visible_camera]
-    seen = [(geometry, matrices) for geometry, matrices in seen if len(_points(geometry))]
-    if any(shows_a_point(geometry, matrices[0], camera) for geometry, matrices in seen[:_FIRST]):
+    shown = ((geometries[block.geometry], block.world_from_object) for block in instances if block.visible_camera)
+    placed = ((geometry, matrices) for geometry, matrices in shown if len(_points(geometry)))
+    first = list(islice(placed, _FIRST))
+    if any(shows_a_point(geometry, matrices[0], camera) for geometry, matrices in first):
         return
+    seen = [*first, *placed]
     # Where the box round a few vertices reaches the frame, the box round all of them does.
     if seen and not (_may_be_seen(seen, camera, _FEW) or _may_be_seen(seen, camera, None)):
         report.note("The camera sees no object: all of them are beside the frame, behind it or outside its clip distances")
