@@ -149,7 +149,7 @@ def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Fla
     indirect_only = not holdout and owner.indirect_only_get(view_layer=view_layer)
     if indirect_only:
         report.note("Indirect only hides {} from the camera; light is not carried on from there", thing.name)
-    if thing.type != "LIGHT" and (thing.is_shadow_catcher or instancer.is_shadow_catcher):
+    if thing.type != "LIGHT" and (thing.is_shadow_catcher or (instancer is not thing and instancer.is_shadow_catcher)):
         report.note("Shadow catchers are rendered as plain objects: {}", thing.name)
     for x in (thing,) if instancer is thing else (thing, instancer):
         _note_light_settings(thing.name, x, report)
