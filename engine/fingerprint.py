@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from functools import cache
 from itertools import chain, islice
 from typing import Any
 
@@ -48,9 +47,6 @@ def _blocks(picture: np.ndarray) -> list[memoryview]:
 
 def _sha256(block: memoryview) -> bytes:
     return hashlib.sha256(block).digest()
-
-
-_PLAIN = (str, int, bool, float)
 
 
 def value_fingerprint(value: Any) -> str:

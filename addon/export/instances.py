@@ -129,17 +129,16 @@ def _note_hair(instance: Any, thing: Any, report: Report) -> None:
             report.note(HAIR_NOTE, thing.name)
 
 
-def _note_light_settings(name: str, thing: Any, report: Report) -> None:
-    """Settings of who is lit by what, and by which rays, that have no counterpart here. name: of what stands there; thing: it or its
-    instancer."""
-    linking = getattr(thing, "light_linking", None)
+def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
+    """Settings of who is lit by what, and by which rays, that have no counterpart here. owner: the thing or its instancer."""
+    linking = getattr(owner, "light_linking", None)
     if linking is not None and (linking.receiver_collection or linking.blocker_collection):
-        report.note("Light and shadow linking are not rendered: {} light everything and get shadows from everything", name)
+        report.note("Light and shadow linking are not rendered: {} light everything and get shadows from everything", thing.name)
     if thing.type == "LIGHT":
-        if not (thing.visible_diffuse and thing.visible_glossy):
-            report.note("Ray visibility hides the shape of a light but not its light on surfaces: {} light both matt and glossy", name)
-    elif thing.visible_transmission != thing.visible_glossy:
-        report.note("Refracted rays see what glossy rays see, whatever the transmission visibility of {} says", name)
+        if not (owner.visible_diffuse and owner.visible_glossy):
+            report.note("Ray visibility hides the shape of a light but not its light on surfaces: {} light both", thing.name)
+    elif owner.visible_transmission != owner.visible_glossy:
+        report.note("Refracted rays see what glossy rays see, whatever the transmission visibility of {} says", thing.name)
 
 
 def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Flags:
@@ -152,7 +151,7 @@ def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Fla
     if thing.type != "LIGHT" and (thing.is_shadow_catcher or (instancer is not thing and instancer.is_shadow_catcher)):
         report.note("Shadow catchers are rendered as plain objects: {}", thing.name)
     for x in (thing,) if instancer is thing else (thing, instancer):
-        _note_light_settings(thing.name, x, report)
+        _note_light_settings(thing, x, report)
     return Flags(
         thing.visible_camera and instancer.visible_camera and not indirect_only,
         thing.visible_glossy and instancer.visible_glossy,

@@ -5,8 +5,6 @@ from __future__ import annotations
 import functools
 import operator
 from dataclasses import dataclass, replace
-from functools import reduce
-from operator import or_
 from typing import Any
 
 from ...engine.scene import LOBES, Lobe, Material, Texture
@@ -42,7 +40,6 @@ class Materials:
         self.images, self.report = images, report
         self._indices: dict[int, int] = {}
         self._wanted: list[Wanted] = []
-        self._wanted_by_all: dict[tuple[int, ...], Wanted] = {}
 
     def index(self, material: Any) -> int:
         """Index of an evaluated Blender material; of Blender's default surface for None."""
