@@ -18,6 +18,10 @@ class Report:
         if name:
             names[name] = None
 
+    def mentions(self, name: str) -> bool:
+        """Whether any note is about a thing of this name."""
+        return any(name in names for names in self._names.values())
+
     def add(self, other: Report) -> None:
         """Take in the notes of another."""
         for sentence, names in other._names.items():

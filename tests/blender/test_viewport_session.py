@@ -323,8 +323,8 @@ def test_heat_grows_with_what_it_shows():
 def test_views_of_one_scene_read_it_once(view, monkeypatch):
     """As the four of a quad view: Blender tells each of every evaluation."""
     reads = []
-    read = incremental.read_mesh
-    monkeypatch.setattr(incremental, "read_mesh", lambda mesh, report: reads.append(mesh.name) or read(mesh, report))
+    read = incremental.read_shape
+    monkeypatch.setattr(incremental, "read_shape", lambda data, *others: reads.append(data.name) or read(data, *others))
     views = [session.Session() for _ in range(4)]
     handler = lambda _, depsgraph: [one.update(view, depsgraph) for one in views]  # noqa: E731
     try:
