@@ -204,7 +204,8 @@ void Scene::add_lobe(const GlintLobe& g) {
 
 void Scene::compare_lobes(Material& material) {
   for (uint32_t k = 0; k < material.lobe_count; ++k) {
-    int kind = lobes[material.first_lobe + k].kind;
+    const int kind = lobes[material.first_lobe + k].kind;
+    if (kind == GLINT_SPECULAR) most_exponent = std::max(most_exponent, lobes[material.first_lobe + k].exponent);
     material.kinds |= 1u << kind, material.specular_count += kind == GLINT_SPECULAR;
     if (k > 0) lobes[material.first_lobe + k].like_last = same_inputs(material.first_lobe + k - 1, material.first_lobe + k);
   }

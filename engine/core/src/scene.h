@@ -98,6 +98,7 @@ class Scene {
   const double* world_from_object = nullptr;
   uint32_t features = 0;       // GLINT_FEATURE_*
   int max_specular = 0;        // SPECULAR lobes of a material, at most
+  double most_exponent = 0;    // of SPECULAR lobes
   int max_passing = 0;         // Material::passing, at most
   size_t triangles = 0, primitives = 0, dropped_instances = 0, dropped_lights = 0;
   double build_seconds = 0;
