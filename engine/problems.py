@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from .linear import length, pseudo_inverse
+from .linear import determinant, length, pseudo_inverse
 from .scene import (
     CORNER,
     FACE,
@@ -297,6 +297,7 @@ def _lobe(lobe: Lobe, textures: int) -> Found:
     yield from _at_least("exponent", lobe.exponent, 0)
     if not (isinstance(lobe.ior, _REAL) and np.isfinite(lobe.ior) and lobe.ior > 0):
         yield f"ior is {lobe.ior!r}: use a finite number above 0"
+    yield from _at_least("masking", lobe.masking, 0, 1)
     strangers = [*_holds("factors", lobe.factors, (Input,))]
     yield from strangers
     for factor in () if strangers else lobe.factors:
@@ -308,6 +309,9 @@ def _input(factor: Input, textures: int) -> Found:
     yield from _handle("texture", factor.texture, textures, "textures", none=True)
     yield from _one_of("channel", factor.channel, ("COLOR", "ALPHA", "LUMINANCE"))
     yield from _one_of("attribute_channel", factor.attribute_channel, ("COLOR", "ALPHA"))
+    yield from _numbers("offset", factor.offset, 3)
+    if not (isinstance(factor.low, _REAL) and isinstance(factor.high, _REAL) and factor.low <= factor.high):
+        yield f"low is {factor.low!r} and high {factor.high!r}: use numbers, low at most high"
     for row in factor.uv_transform:
         yield from _numbers("a row of uv_transform", row, 3)
     if len(factor.uv_transform) != 2:
@@ -367,7 +371,7 @@ def _not_a_frame(name: str, matrix: np.ndarray) -> Found:
 
 def _is_flat(axes: np.ndarray) -> bool:
     """(3, 3) unit columns. The decomposition decides, where the volume of the axes leaves a doubt."""
-    return not abs(np.linalg.det(axes)) >= _DOUBTFUL_VOLUME and pseudo_inverse(axes).rank < 3
+    return not abs(determinant(axes)) >= _DOUBTFUL_VOLUME and pseudo_inverse(axes).rank < 3
 
 
 def _camera(camera: Camera) -> Found:

@@ -15,10 +15,10 @@ from .images import Images
 from .instances import Flags, Thing, walk
 from .lights import Lights, Seen
 from .materials import Materials, Wanted, without_unused
-from .meshes import MeshSource, mesh_key, read_attributes, read_mesh, readable
+from .meshes import MeshSource, mesh_key, read_attributes, readable
 from .placing import note_empty_view, without_collapsed
 from .report import Report
-from .shapes import export_points
+from .shapes import export_points, read_shape
 from .world import export_world
 
 
@@ -124,8 +124,11 @@ class Collector:
         if geometry is None:
             return None
         slots = self._slots(thing, self._used_slots(geometry))
-        if kind == "Mesh":
-            self._add_attributes(geometry, data, owner, self.wanted | self.materials.wanted(slots))
+        wanted = self.materials.wanted(slots)
+        if isinstance(self._geometry(geometry), MeshSource):
+            self._add_attributes(geometry, data, owner, self.wanted | wanted)
+        elif wanted != Wanted():
+            self.report.note("True spheres have no UV maps or attributes, which materials read: {}; render them as meshes", thing.name)
         return _Placed(geometry, slots, thing.pass_index, flags)
 
     def _slots(self, thing: Any, used: tuple[int, ...]) -> tuple[int, ...]:
@@ -139,16 +142,18 @@ class Collector:
         numbers = {k: self.materials.index(slots[k].material) for k in dict.fromkeys(min(k, len(slots) - 1) for k in used)}
         return tuple(numbers.get(k, numbers[min(numbers)]) for k in range(max(numbers) + 1))
 
+    def _geometry(self, number: int) -> MeshSource | Geometry:
+        return self._geometries[number]
+
     def _used_slots(self, number: int) -> tuple[int, ...]:
-        geometry = self._geometries[number]
+        geometry = self._geometry(number)
         return geometry.used_slots if isinstance(geometry, MeshSource) else (0,)
 
     def _mesh(self, data: Any, owner: Any) -> int | None:
-        """Index of a mesh's geometry, read when first met; None without faces."""
+        """Index of a mesh's geometry, which is a sphere where it is marked as one, read when first met; None without faces."""
         key = mesh_key(data)
         if key not in self._known:
-            with readable(data, owner) as mesh:
-                self._known[key] = self._append(read_mesh(mesh, self.report))
+            self._known[key] = self._append(read_shape(data, owner, self.report))
         return self._known[key]
 
     def _add_attributes(self, number: int, data: Any, owner: Any, wanted: Wanted) -> None:
@@ -174,7 +179,7 @@ class Collector:
         geometries = tuple(g.finished() if isinstance(g, MeshSource) else g for g in self._geometries)
         instances = tuple(_instances(thing) for thing in things if isinstance(thing.content, _Placed))
         instances = without_collapsed(instances, self.report)
-        note_empty_view(camera, geometries, instances, self.report)
+        note_empty_view(camera, geometries, instances, self.report, self.depsgraph.scene_eval.camera.name)
         for thing in things:
             if isinstance(thing.content, _Lamp):
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)

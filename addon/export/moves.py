@@ -28,9 +28,9 @@ class _Place:
 class Stage:
     """A scene, and where in it the things are that stand there by themselves, once each."""
 
-    def __init__(self, scene: Scene, census: Census, worn: tuple = ()) -> None:
-        """worn: what the scene's materials were made from, for whoever makes them anew."""
-        self.scene, self.worn, self._census = scene, worn, census
+    def __init__(self, scene: Scene, census: Census, worn: tuple = (), report: Report | None = None) -> None:
+        """worn: what the scene's materials were made from, for whoever makes them anew.  report: of all but them."""
+        self.scene, self.worn, self.report, self._census = scene, worn, report or Report(), census
         self._places: dict[int, _Place | None] = {}
 
     def place_instances(self, thing: Thing, number: int | None) -> None:
@@ -54,8 +54,8 @@ class Stage:
         images: for lamps with nodes.
         """
         instances, lights = list(self.scene.instances), list(self.scene.lights)
-        lamps = {update.id.original.data for update in updates if _is_lamp(update)}
-        told = [update for update in updates if not (update.id.id_type == "LIGHT" and update.id.original in lamps)]
+        lamps = {update.id.data for update in updates if _is_lamp(update)}
+        told = [update for update in updates if not (update.id.id_type == "LIGHT" and update.id in lamps)]
         if not told or not all(self._apply(update, instances, lights, view_layer, images) for update in told):
             return False
         self.scene = replace(self.scene, instances=tuple(instances), lights=tuple(lights))

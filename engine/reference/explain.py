@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..scene import Scene
+from ..scene import Lobe, Scene
 from ..settings import Settings
 from .gloss import Narrow
-from .lighting import balance
+from .lighting import balance, highlight
 from .lights import LightSample, Source
 from .materials import Coefficients
-from .optics import blinn_phong
 from .paths import Paths, bounced, straight_on
 from .pulse import Pulse
 from .rays import ULPS, Bundle
@@ -194,7 +193,7 @@ class Explainer:
         n_dot_l = float(dot(surface.n, sample.direction)[0])
         intensity = source.color * sample.intensity[0]
         lit = n_dot_l > 0 and intensity.any()
-        specular = sum((term.k[:, 0] * self._power(surface, sample, term.lobe.exponent) for term in coefficients.highlights), np.zeros(3))
+        specular = sum((term.k[:, 0] * self._highlight(surface, sample, term.lobe) for term in coefficients.highlights), np.zeros(3))
         specular = specular * balance(narrow, np.zeros(1, np.intp), sample)
         shadow, blocker, distance = self._shadow(surface, source, sample) if lit else (np.ones(3), "", np.inf)
         return LightTerm(
@@ -212,8 +211,8 @@ class Explainer:
             specular=_numbers(specular * intensity if lit else np.zeros(3)),
         )
 
-    def _power(self, surface: Surface, sample: LightSample, exponent: float) -> float:
-        return float(blinn_phong(surface.n, surface.v, sample.direction, exponent)[0])
+    def _highlight(self, surface: Surface, sample: LightSample, lobe: Lobe) -> float:
+        return float(highlight(lobe, surface.n, surface.v, sample.direction)[0])
 
     def _shadow(self, surface: Surface, source: Source, sample: LightSample) -> tuple[Array, str, float]:
         """S, and the first thing that stands between the point and the light's sample."""

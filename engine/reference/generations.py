@@ -134,9 +134,12 @@ class Generations:
             if source.sample_count(self._stage.settings.light_samples) > 1:
                 self._tile.softly_lit[pixel[seen]] = True
 
+        def on_cut(seen: Array) -> None:
+            self._tile.cut[pixel[seen]] = True
+
         add("Ambient", coefficients.ambient * self._stage.ambient)
         add("Emission", coefficients.emission)
-        light = self._stage.lighting.direct(surface, coefficients, weight, self._sample, on_reach)
+        light = self._stage.lighting.direct(surface, coefficients, weight, self._sample, on_reach, on_cut)
         add("Diffuse", light.diffuse)
         add("Specular", light.specular)
         add("Shadow", light.shadow)

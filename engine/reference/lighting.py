@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..scene import Lobe
 from .gloss import Narrow
 from .lights import CENTER, LightPoint, LightSample, Source
 from .materials import Coefficients
-from .optics import blinn_phong
+from .optics import blinn_phong, gloss
 from .pulse import Pulse
 from .shadows import Shadows
 from .surface import Surface
@@ -39,15 +40,24 @@ class Lighting:
     pulse: Pulse
 
     def direct(
-        self, surface: Surface, coefficients: Coefficients, weight: Array, sample: int, on_reach: Callable[[Source, Array], None]
+        self,
+        surface: Surface,
+        coefficients: Coefficients,
+        weight: Array,
+        sample: int,
+        on_reach: Callable[[Source, Array], None],
+        on_cut: Callable[[Array], None],
     ) -> DirectLight:
         """What all lights add at the points of `surface` in sample `sample` of their pixels. weight: (3, n) T of the rays that see them.
-        on_reach: told which points each sample of a light reaches."""
+        on_reach: told which points each sample of a light reaches.  on_cut: told the points whose horizon cuts a light of more than one
+        sample."""
         total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(3)))
         lit = coefficients.diffuse.any(0)
         for term in coefficients.highlights:
             lit[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
         for source in self.sources if lit.any() else ():
+            if source.sample_count(self.light_samples) > 1 and source.color.any():
+                on_cut(np.flatnonzero(lit & source.is_cut(surface.x, surface.n)))
             for narrow, light_sample, diffuse in self.samples(surface, coefficients, weight, source, sample):
                 self.pulse.beat()
                 on_reach(source, self._add(surface, coefficients, lit, source, narrow, light_sample, diffuse, total))
@@ -104,6 +114,11 @@ def balance(narrow: Narrow | None, seen: Array, sample: LightSample) -> Array | 
     return 1 / (1 + narrow.density(seen, sample.direction) * sample.spread) if narrow else 1.0
 
 
+def highlight(lobe: Lobe, n: Array, v: Array, l: Array) -> Array:  # noqa: E741, the notes' letter
+    """(m,) max(0, n·h)^p of a SPECULAR lobe with all that it is times, for points with n·l > 0."""
+    return blinn_phong(n, v, l, lobe.exponent) * gloss(n, v, l, lobe.masking, lobe.ior, lobe.fresnel, lobe.schlick)
+
+
 def _highlights(surface: Surface, coefficients: Coefficients, seen: Array, sample: LightSample) -> Array:
     """Σ k_s max(0, n·h)^p at the points `seen` of the surface."""
     total = np.zeros((3, len(seen)))
@@ -116,5 +131,5 @@ def _highlights(surface: Surface, coefficients: Coefficients, seen: Array, sampl
         chosen = np.flatnonzero(known)[place[term.index[known]] >= 0]
         here, at = term.index[chosen], place[term.index[chosen]]
         k = term.k if term.k.shape[1] == 1 else pick(term.k, chosen)
-        add_at(total, at, k * blinn_phong(pick(surface.n, here), pick(surface.v, here), pick(sample.direction, at), term.lobe.exponent))
+        add_at(total, at, k * highlight(term.lobe, pick(surface.n, here), pick(surface.v, here), pick(sample.direction, at)))
     return total

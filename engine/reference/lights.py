@@ -75,6 +75,18 @@ class Source:
         """n: how many samples it takes."""
         return light_samples if self.is_extended else 1
 
+    def is_cut(self, x: Array, n: Array) -> Array:
+        """(k,) bool whether the horizon of points, the plane through x (3, k) across n (3, k), cuts the light's shape, and the light shines
+        that way."""
+        light, to = self.light, self.position - x
+        if light.kind == "SUN":
+            return dot(n, self.axis) ** 2 < np.sin(min(light.angle, np.pi) / 2) ** 2
+        if light.kind != "AREA":
+            return dot(n, to) ** 2 < light.radius**2
+        a, b = np.abs(dot(n, self.right)), np.abs(dot(n, self.up))
+        reach2 = (a + b) ** 2 if light.shape == "RECTANGLE" else a * a + b * b
+        return (dot(to, self.axis) < 0) & (dot(n, to) ** 2 < reach2)
+
     def sample(self, x: Array, point: LightPoint, n: int) -> LightSample:
         """How the points x (3, k) see the sample at `point`, one of n; n = 1 is the light's centre, as if it had no extent."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

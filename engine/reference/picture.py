@@ -16,14 +16,14 @@ LARGEST = float(np.finfo(np.float32).max)
 
 class Tile:
     """One sample of n pixels. parts: (3, n) per part that anything was added to.  lost: (n,) alpha.  cost: (n,) rays.
-    softly_lit: (n,) bool, whether a light of more than one sample reached them.  data: (channels, n) for the passes named.
-    wanted: (n,) bool, pixels whose data is still to come."""
+    softly_lit, cut: (n,) bool, whether a light of more than one sample reached them, and whether their horizon cuts one.
+    data: (channels, n) for the passes named.  wanted: (n,) bool, pixels whose data is still to come."""
 
     def __init__(self, count: int, data: frozenset[str]):
         self._count = count
         self.parts: dict[str, Array] = {}
         self.lost, self.cost = np.zeros(count), np.zeros(count)
-        self.softly_lit = np.zeros(count, bool)
+        self.softly_lit, self.cut = np.zeros(count, bool), np.zeros(count, bool)
         self.data = {name: np.full((PASSES[name], count), empty_value(name)) for name in data}
         self.wanted = np.full(count, bool(data))
 

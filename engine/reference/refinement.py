@@ -11,6 +11,8 @@ Array = np.ndarray
 
 _LIGHT_POINTS = 16
 """Of each soft light, that a pixel has looked at before it may stop."""
+_DIM_POINTS = 32
+"""The same where it is black so far, or where its horizon cuts the light."""
 _MOST = 1e30
 """Squared levels of what is not finite."""
 
@@ -42,16 +44,18 @@ class Refinement:
 
     def __init__(self, settings: Settings, shown: Array):
         self._threshold, self._light_samples, self._shown = settings.error_threshold, settings.light_samples, shown
-        self._softly_lit, self._samples = np.zeros(shown.size, bool), 0
+        self._softly_lit, self._cut, self._samples = np.zeros(shown.size, bool), np.zeros(shown.size, bool), 0
         self.active = np.ones(shown.size, bool)
         self._low, self._high = np.full((4, shown.size), np.inf), np.full((4, shown.size), -np.inf)
         self._range = np.zeros(shown.size)
         self._around = np.zeros(shown.size)
 
-    def note(self, pixel: Array | slice, values: Array, softly_lit: Array) -> None:
-        """Another sample of these pixels: (4, m) colour and lost alpha, (m,) bool whether a soft light reached them."""
+    def note(self, pixel: Array | slice, values: Array, softly_lit: Array, cut: Array) -> None:
+        """Another sample of these pixels: (4, m) colour and lost alpha, (m,) bool whether a soft light reached them, and whether their
+        horizon cuts one."""
         if self._samples < FIRST_ESTIMATE:
             self._softly_lit[pixel] |= softly_lit
+            self._cut[pixel] |= cut
         self._low[:, pixel] = np.minimum(self._low[:, pixel], values)
         self._high[:, pixel] = np.maximum(self._high[:, pixel], values)
 
@@ -69,7 +73,9 @@ class Refinement:
             self._around = _neighborhoods(self._range.reshape(self._shown.shape)).max(0).ravel()
             self.active &= self._shown.ravel()
         if self._threshold > 0:
-            waits = self._softly_lit & (samples * self._light_samples < _LIGHT_POINTS)
+            black, points = (self._low[:3] == 0).all(0) & (self._high[:3] == 0).all(0), samples * self._light_samples
+            met, dim = self._softly_lit | self._cut, black | self._cut
+            waits = met & (points < np.where(dim, _DIM_POINTS, _LIGHT_POINTS)) | black & self._cut
             self.active &= waits | ~(np.maximum(self._range, self._around) / samples**0.75 <= self._threshold)
 
 

@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 import pytest
 
-from export_support import link, quad, scene  # noqa: F401
+from export_support import Shader, link, quad, scene  # noqa: F401
 from glint import engine
-from glint.addon import properties
+from glint.addon import properties, statistics
 from glint.addon.export import incremental
 from glint.addon.viewport import draw, redraws, session, status
 from glint.addon.viewport.bounds import same_places
@@ -112,6 +112,18 @@ def test_edits_end_in_the_bits_of_a_render(watcher):
         film = watcher.edit(edit)
         assert same(film, watcher.expected())
     assert watcher.told[-1].startswith("Glint: 2 samples, ") and "error" not in watcher.told[-1], "two samples tell no error"
+
+
+def test_warnings_are_counted_in_the_status_line_and_kept_for_the_panel(watcher):
+    told = statistics.of_views(bpy.context.scene.name)
+    assert told == () and "warning" not in watcher.told[-1]
+    odd = Shader("Odd")
+    odd.link(odd.node("ShaderNodeTexWhiteNoise"), "Color", odd.shader, "Color")
+    watcher.edit(lambda: None)
+    [note] = statistics.of_views(bpy.context.scene.name)
+    assert "'Odd'" in note and watcher.told[-1].endswith(", 1 warning: Render Properties, Statistics")
+    watcher.edit(odd.quad.data.materials.clear)
+    assert statistics.of_views(bpy.context.scene.name) == () and "warning" not in watcher.told[-1]
 
 
 def test_the_status_line_tells_errors_in_levels(watcher):

@@ -110,6 +110,53 @@ def test_pixels_in_soft_light_stop_after_16_points_on_it(light_samples: int, sam
     assert draw(hard, *HEALTH, **plan).passes["Samples"][:, -SIZE // 4 :].max() == 4
 
 
+ALONG = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+"""Axes of a lamp that shines along -x, its y upwards."""
+RISING = {
+    "sphere": {"kind": "POINT", "radius": 0.3},
+    "square": {"kind": "AREA", "axes": ALONG, "size_x": 0.6, "size_y": 0.6},
+    "disc": {"kind": "AREA", "axes": ALONG, "size_x": 0.6, "size_y": 0.6, "shape": "ELLIPSE"},
+}
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("shape", [*RISING, "sun"])
+def test_light_on_the_horizon_is_not_cut_to_black(shape: str, backend: str) -> None:
+    """A plane under a lamp of which a sliver is above its horizon, and too little for the first points on it; a lamp that has set."""
+
+    def lit(middle: float) -> s.Scene:
+        light = {"position": (8.0, 0.0, middle), "strength": 4000.0, "cast_shadow": False}
+        if shape == "sun":  # by angles, as seen from the plane: 0.3 / 8 of a radius, the middle of what there is of it
+            z = np.array([np.cos(middle), 0, np.sin(middle)])
+            kind = {"kind": "SUN", "axes": np.stack([(-z[2], 0, z[0]), (0, -1, 0), z], 1), "angle": 0.6, "strength": 100.0}
+        else:
+            kind = RISING[shape]
+        white = material(s.Lobe("DIFFUSE", (s.Input((0.8,) * 3),)))
+        return s.Scene(view_from_above(4, 0.1), (square(1.0),), (placed(),), (white,), lights=(lamp(**{**light, **kind}),))
+
+    plan = {"samples": 64, "light_samples": 2, "backend": backend}
+    truth = draw(lit(-0.28), **plan)
+    film = draw(lit(-0.28), "Samples", error_threshold=4.0, **plan)
+    assert truth.combined[..., :3].min() > 0
+    assert film.combined[..., :3].min() > 0
+    assert levels_off(film, truth).max() <= 4.0
+    first = draw(lit(-0.28), **{**plan, "samples": 4})
+    assert first.combined[..., :3].max() == 0  # else nothing is tried here
+    set_lamp = draw(lit(-0.32), "Samples", error_threshold=4.0, **plan)
+    assert (set_lamp.passes["Samples"] == 4).all() and set_lamp.combined[..., :3].max() == 0
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_black_in_soft_light_looks_at_32_points(backend: str) -> None:
+    """A lid over a plane under a sun: what it hides from all points on the sun is looked at longer than what is lit."""
+    white, sun = material(s.Lobe("DIFFUSE", (s.Input((0.5,) * 3),))), lamp("SUN", angle=0.01)
+    lid = placed(z=1.0, materials=(0,), visible_camera=False)
+    plan = {"samples": 64, "light_samples": 2, "error_threshold": 4.0, "backend": backend}
+    for instances, samples in (((placed(), lid), 16), ((placed(),), 8)):
+        film = draw(s.Scene(view_from_above(4), (square(9.0),), instances, (white,), lights=(sun,)), "Samples", **plan)
+        assert (film.passes["Samples"] == samples).all() and (film.combined[..., :3].max() == 0) == (samples == 16)
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_soft_light_that_a_later_sample_meets_counts_too(backend: str) -> None:
     """Half a plane under a sun, before a background as bright: nothing varies, and some pixels' first sample misses the plane."""

@@ -35,8 +35,8 @@ class Batch {
   }
   /// Counts a ray for the pixel of ray k.
   void charge(size_t k) const { if (cost) cost[queue->slot(k)] += 1; }
-  /// Notes that a soft light reached point k.
-  void mark_softly_lit(size_t k) const { softly_lit[queue->slot(k)] = 1; }
+  /// Notes what of a soft light point k has met: Refinement::SoftLight.
+  void mark_softly_lit(size_t k, uint8_t met) const { softly_lit[queue->slot(k)] |= met; }
   /// Adds what `hits` counted of float tests that could not decide.
   void charge_fallbacks() const {
     for (size_t k = 0; fallbacks && k < count_; ++k) fallbacks[queue->slot(k)] += doubts_[k];

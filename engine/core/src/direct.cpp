@@ -32,6 +32,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.count = batch.size(), stage_.offset = p.offset, stage_.lit = batch.lit.data();
   stage_.specular = batch.specular, stage_.stride = batch.stride, stage_.max_specular = scene_.max_specular;
   stage_.most_exponent = scene_.most_exponent;
+  stage_.specular_columns = scene_.specular_columns;
 }
 
 void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
@@ -39,6 +40,8 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   size_t number = 0;
   for (const Light& light : scene_.lights) {
     const uint32_t count = light.extended ? plan_.light_samples : 1;
+    const bool notes = batch.softly_lit && count > 1;
+    if (notes) find_cut(batch, light);
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       light.set(stage_, plan_.light_point(sample, j), count, plan_.physical);
       uint8_t* const known = batch.sight ? batch.sight->shadows(number) : nullptr;
@@ -51,11 +54,17 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
 /// Adds the `count` points of the stage.
 void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known, RayCounts& counts) {
   if (count == 0) return;
-  for (size_t k = 0; batch.softly_lit && stage_.share > 1 && k < count; ++k) batch.mark_softly_lit(point_[k]);
+  for (size_t k = 0; batch.softly_lit && stage_.share > 1 && k < count; ++k) batch.mark_softly_lit(point_[k], Refinement::kReached);
   if (light.casts_shadow()) find_shadows(batch, count, known, counts);
   else std::fill_n(blocked_.begin(), count, uint8_t(0));
   if (glassy_) veils_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
   add(batch, count);
+}
+
+/// Notes the points whose horizon cuts the light.
+void DirectLight::find_cut(const Batch& batch, const Light& light) const {
+  for (size_t k = 0; k < batch.size(); ++k)
+    if (batch.lit[k] && light.is_cut(row(batch.points.x, k), row(batch.points.n, k))) batch.mark_softly_lit(k, Refinement::kCut);
 }
 
 /// False where a point's shadow is not known.
@@ -75,7 +84,8 @@ void DirectLight::find_shadows(const Batch& batch, size_t count, uint8_t* known,
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Timer timer(counts.tracing);
-  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow,
+                  known ? nullptr : scene_.opacity()};
   scene_.accel().occluded(rays, blocked_.data(), scratch_);
   counts.shadow += count;
   for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);

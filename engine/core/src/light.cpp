@@ -96,6 +96,18 @@ void Light::set_rectangle(LightStage& stage, const LightPoint& q) const {
   for (int c = 0; c < 3; ++c) stage.right[c] = right[c] / x, stage.up[c] = up[c] / y;
 }
 
+bool Light::is_cut(Vec3d x, Vec3d n) const {
+  if (!any(color)) return false;
+  if (kind == GLINT_SUN) {
+    const double z = dot(n, axis), v = std::min(versine, 1.0);
+    return z * z < v * (2 - v);
+  }
+  const Vec3d to = center - x;
+  const double z = dot(n, to), a = std::fabs(dot(n, right)), b = std::fabs(dot(n, up));
+  if (kind != GLINT_AREA) return z * z < radius * radius;
+  return dot(to, axis) < 0 && z * z < (flags & GLINT_ELLIPSE ? a * a + b * b : (a + b) * (a + b));
+}
+
 double Light::meets_sphere(Vec3d o, Vec3d d) const {
   Vec3d f = center - o;
   double b = dot(f, d);

@@ -34,6 +34,9 @@ struct Light {
   /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1: the centre).
   void set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
 
+  /// Whether the horizon of the point x, the plane through it across n, cuts the light's shape, and the light shines that way.
+  bool is_cut(Vec3d x, Vec3d n) const;
+
   /// Ray parameter at which o + t d (d unit) first meets the visible shape, infinity for the sun's disc, negative for never.
   double meets(Vec3d o, Vec3d d) const;
   /// What a ray along the unit vector d sees there; 0 behind an area light.

@@ -75,14 +75,26 @@ double Refinement::bound_of_error(uint32_t pixel, uint32_t samples) const {
   return double(std::max(range_.data()[pixel], around_.data()[pixel])) / convergence(samples);
 }
 
+bool Refinement::is_black(size_t row) const {
+  bool black = true;
+  for (int c = 0; c < 3; ++c) black &= *bound(c, row) == 0 && *bound(c + 4, row) == 0;
+  return black;
+}
+
+/// Whether the row has seen enough of the soft lights. light_points: of each that it has looked at.
+bool Refinement::may_stop(size_t row, uint64_t light_points) const {
+  const uint8_t met = softly_lit_.data()[row];
+  if (!met) return true;
+  const bool black = is_black(row), cut = met & kCut;
+  return light_points >= (black || cut ? kDimPoints : kLightPoints) && !(black && cut);
+}
+
 void Refinement::decide(const Tile& tile, const SlotTable& slots, uint32_t samples) {
-  const bool saw_lights = uint64_t(samples) * light_samples_ >= kLightPoints;
   for (uint32_t k = 0; k < tile.pixels(); ++k) {
     const size_t row = tile.first_row + k;
     uint32_t& stopped = stopped_.data()[row];
     const uint32_t pixel = slots.pixel(tile, k, width_);
-    const bool may_stop = threshold_ > 0 && (saw_lights || !softly_lit_.data()[row]);
-    const bool good = may_stop && bound_of_error(pixel, samples) <= threshold_;
+    const bool good = threshold_ > 0 && bound_of_error(pixel, samples) <= threshold_ && may_stop(row, uint64_t(samples) * light_samples_);
     if (!stopped && (good || !is_shown(pixel % width_, pixel / width_))) stopped = samples;
   }
 }

@@ -34,6 +34,8 @@ class Refinement {
  public:
   static constexpr uint32_t kFirst = 4;  // samples of the first estimate: everywhere, and what neighbours look at
   static constexpr uint32_t kLightPoints = 16;  // of each soft light that a pixel has looked at before it may stop
+  static constexpr uint32_t kDimPoints = 32;    // where it is black so far, or the horizon cuts the light
+  enum SoftLight : uint8_t { kReached = 1, kCut = 2 };  // by one sample, whatever stands between; by the horizon
   static constexpr float kUnknown = 256;  // the error of a pixel with fewer samples: beyond all levels
 
   /// Of the slots of a tile.
@@ -60,7 +62,7 @@ class Refinement {
     return stopped && stopped < samples ? stopped : samples;
   }
 
-  /// Where to note, of each slot of the tile, that a soft light reached it in that sample; null where nobody asks.
+  /// Where to note what each slot of the tile has met of `SoftLight` in that sample; null where nobody asks.
   uint8_t* softly_lit(const Tile& tile, uint32_t sample);
   /// The tile's slots that take further samples.
   void list_active(const Tile& tile, std::vector<uint32_t>& slots) const;
@@ -75,7 +77,10 @@ class Refinement {
  private:
   /// What is held against the threshold, in levels: hardly ever less than the error of a pixel with that many samples.
   double bound_of_error(uint32_t pixel, uint32_t samples) const;
-  float* bound(int k, size_t row) { return bounds_.data() + size_t(k) * rows_ + row; }
+  bool may_stop(size_t row, uint64_t light_points) const;
+  /// Whether all samples of the row are.
+  bool is_black(size_t row) const;
+  float* bound(int k, size_t row) const { return bounds_.data() + size_t(k) * rows_ + row; }
   bool is_shown(uint32_t x, uint32_t y) const { return x - shown_.x0 < shown_.width() && y - shown_.y0 < shown_.height(); }
 
   double threshold_ = 0;
@@ -85,7 +90,7 @@ class Refinement {
   size_t rows_ = 0;
   Zeros<float> bounds_;       // rows of the least red, green, blue, lost alpha; then of the largest
   Zeros<uint32_t> stopped_;   // samples of rows that take no more
-  Zeros<uint8_t> softly_lit_;  // rows that a soft light reached in the first samples
+  Zeros<uint8_t> softly_lit_;  // what rows met of `SoftLight` in the first samples
   Zeros<float> range_, around_;  // levels between samples of a pixel; between the first samples of it or a neighbour
 };
 

@@ -117,13 +117,16 @@ GlintInput input(Dice& dice, size_t textures) {
   for (double& x : g.uv_transform) x = dice.number();
   g.texture = int32_t(dice.below(textures + 1)) - 1, g.channel = int32_t(dice.below(3)), g.uv = int32_t(dice.below(4)) - 1;
   g.attribute = int32_t(dice.below(4)) - 1, g.attribute_channel = int32_t(dice.below(3)), g.complement = int32_t(dice.below(2));
+  for (double& x : g.offset) x = dice.number();
+  g.bounded = int32_t(dice.below(2)), g.low = dice.number(), g.high = g.low + positive(dice);
   if (dice.chance(0.1 * dice.wildness)) g.texture = int32_t(dice.bits());
   return g;
 }
 
 GlintLobe lobe(Dice& dice, std::vector<GlintInput>& inputs, size_t textures) {
   GlintLobe g{};
-  g.exponent = 40 * positive(dice), g.ior = 0.2 + positive(dice), g.kind = int32_t(dice.below(7)), g.fresnel = int32_t(dice.below(2));
+  g.exponent = 40 * positive(dice), g.ior = 0.2 + positive(dice), g.kind = int32_t(dice.below(7)), g.fresnel = int32_t(dice.below(4));
+  if (dice.chance(0.3)) g.masking = dice.below(65) / 64.0;
   g.first_input = uint32_t(inputs.size()), g.input_count = uint32_t(dice.below(3));
   for (uint32_t k = 0; k < g.input_count; ++k) inputs.push_back(input(dice, textures));
   if (dice.chance(0.1 * dice.wildness)) g.kind = int32_t(dice.bits());

@@ -207,8 +207,8 @@ struct Term {
   Three k;
   Doubles exponent;
   Term(const LightStage& s, size_t at, int number) {
-    const double* column = s.specular + 4 * size_t(number) * s.stride + at;
-    k = {load(column), load(column + s.stride), load(column + 2 * s.stride)}, exponent = load(column + 3 * s.stride);
+    const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + at;
+    k = {load(column), load(column + s.stride), load(column + 2 * s.stride)}, exponent = load(column + SpecularTerm::kExponent * s.stride);
   }
   Doubles weight(const Narrow& narrow) const { return where(exponent >= narrow.least, magnitude(k.x) + magnitude(k.y) + magnitude(k.z)); }
   /// How many of the drawn directions belong to it, of `total`.
@@ -222,22 +222,30 @@ inline Narrow narrow_terms(const LightStage& s, size_t k, const Three& x) {
   return narrow;
 }
 
-/// Sum of T k max(0, n·h)^p, and how densely (a steradian) directions are drawn where l is.
+/// Sum of the terms, and how densely (a steradian) directions are drawn where l is.
 struct Highlights {
   Three light;
   Doubles density;
 };
 
-__attribute__((always_inline)) inline Highlights highlights(const LightStage& s, size_t k, const Three& n, const Three& l,
+/// cosine: n.l.  narrow: or null. Lobes that differ in their Fresnel factor alone share their power.
+__attribute__((always_inline)) inline Highlights highlights(const LightStage& s, size_t k, const Three& n, const Three& l, Doubles cosine,
                                                             const Narrow* narrow) {
-  const Three h = l - load3(s.d, k);
+  const Three d = load3(s.d, k), h = l - d;
   const Slope at = slope(n, h);
+  Gloss gloss(cosine, seen_cosine(n, d), root(larger(0.5 * (1 - dot(l, d)), splat(0))));
+  Doubles exponent = splat(0), power = splat(1);
   Highlights sum{};
   for (int number = 0; number < s.max_specular; ++number) {
     const Term term(s, k, number);
     if (!any(nonzero(term.k))) continue;
-    const Doubles power = highlight(at, term.exponent);
-    sum.light = sum.light + power * term.k;
+    if (bits(term.exponent != exponent)) exponent = term.exponent, power = highlight(at, exponent);
+    Doubles factor = power;
+    if (s.specular_columns == SpecularTerm::kShaped) {
+      const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
+      factor = power * gloss.factor(load(column + SpecularTerm::kMasking * s.stride), load(column + SpecularTerm::kFresnel * s.stride));
+    }
+    sum.light = sum.light + factor * term.k;
     if (narrow) sum.density = sum.density + power * term.weight(*narrow);
   }
   const Doubles size = length(h);
@@ -319,10 +327,10 @@ size_t light_from(const LightStage& s) {
     Three specular{};
     if (s.draws) {
       const Narrow narrow = narrow_terms(s, k, x);
-      const Highlights seen = highlights(s, k, n, at.l, &narrow);
+      const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
       specular = balanced(at, seen) * (color * seen.light);
     } else if (s.max_specular > 0) {
-      specular = I * highlights(s, k, n, at.l, nullptr).light;
+      specular = I * highlights(s, k, n, at.l, cosine, nullptr).light;
     }
     found += append_lit<Shape>(s, k, at, reached, diffuse, specular, found);
   }
@@ -342,9 +350,10 @@ size_t gloss_from(const LightStage& s) {
     if (!any(lit & (narrow.total > 0))) continue;
     const Drawn drawn = draw(s, k, n, narrow);
     const Sample at = sample_at<Shape>(s, x, drawn.l);
-    const Mask reached = lit & drawn.good & at.good & (dot(n, at.l) > 0);
+    const Doubles cosine = dot(n, at.l);
+    const Mask reached = lit & drawn.good & at.good & (cosine > 0);
     if (!any(reached)) continue;
-    const Highlights seen = highlights(s, k, n, at.l, &narrow);
+    const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
     found += append_lit<Shape>(s, k, at, reached, Three{}, balanced(at, seen) * (color * seen.light), found);
   }
   return found;
