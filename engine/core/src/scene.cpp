@@ -232,6 +232,7 @@ void Scene::compare_lobes(Material& material) {
   for (uint32_t k = 0; k < material.lobe_count; ++k) {
     const Lobe& lobe = lobes[material.first_lobe + k];
     material.kinds |= 1u << lobe.kind, material.specular_count += lobe.kind == GLINT_SPECULAR;
+    if (lobe.kind == GLINT_SPECULAR) most_exponent = std::max(most_exponent, lobe.exponent);
     material.view_count += depends_on_view(lobe);
     if (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)) specular_columns = SpecularTerm::kShaped;
     if (k > 0) lobes[material.first_lobe + k].like_last = same_inputs(material.first_lobe + k - 1, material.first_lobe + k);

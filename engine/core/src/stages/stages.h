@@ -200,13 +200,18 @@ enum LightShape : int { kDirection, kPointSource, kSphereSource, kDiscSource, kP
 /// One sample of one light, as light.h has it for one point.
 struct LightStage {
   int shape;
-  bool physical, spot, casts_shadow;
+  bool physical, spot, casts_shadow, ellipse;
   double l[3], factor;            // kDirection: the unit direction; its intensity. kRectangleSource: intensity per steradian
+  double versine, spread;         // kDirection: 1 - cos of the half angle, and the solid angle
   double end[3];                  // kPlaneSource, kRectangleSource: the sample, even over the area
   double right[3], up[3], size, half[2], near2, a, b;  // kRectangleSource: unit axes; half the diagonal, half the sides over it; the square
                                   // of the distance within which it is seen large; the sample in the square
   double center[3], axis[3], color[3];
   double radius, scale2, spot_cosine, spot_width, x, y, share;  // x, y: of the disc; share: samples of the light
+  double area, across[3], upward[3];  // kPlaneSource, kRectangleSource: what takes their sides, or axes, to 1
+  bool draws;                     // whether directions are drawn from lobes whose exponent at the distance d is least_near d^2 + least
+  double least_near, least, radius2, azimuth[2];  // or more; where in a lobe: the unit disc's radius^2 and unit direction
+  double most_exponent;           // of the scene
   size_t count;
   const double *points_x[3], *g[3], *n[3], *origin[3], *offset, *d[3], *diffuse[3];
   const double* specular;
@@ -267,6 +272,7 @@ struct Stages {
   size_t (*vary)(const VaryStage&);     // how many `passing_rows`
   PassedRays (*pass)(const PassStage&);
   size_t (*light)(const LightStage&);   // how many points the sample reaches
+  size_t (*gloss)(const LightStage&);   // how many points the directions drawn from their lobes light
   size_t (*veil)(const VeilStage&);     // how many rays are kept in all
   void (*sum)(const LightSum&);
   void (*sum_parts)(const LightParts&);
