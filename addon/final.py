@@ -144,7 +144,7 @@ def _trace(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, sh
     film = replace(film, passes={name: values for name, values in film.passes.items() if name in passes | {"Combined"}})
     job.statistics.seconds["engine"] = time.perf_counter() - start
     if forecast:
-        job.statistics.target = job.aim.told(job.scene, forecast, film, should_stop)
+        job.statistics.target = job.aim.told(job.scene, forecast, film, progress.watching("Checking the error", should_stop))
     return film
 
 

@@ -10,8 +10,8 @@ from typing import Any
 from .. import engine
 from .viewport.status import error_of, error_text
 
-_PAUSE = 0.2
-"""Seconds between two texts."""
+_PAUSE = 0.5
+"""Seconds between two texts: Blender draws its window for each, which takes processors from the render."""
 _LEAD, _PACE = 0.05, 5.0
 """While nobody knows how much is left, the bar creeps towards this share, and has gone half of it after so many seconds."""
 _TRUSTED = 0.5

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from .clamps import clamped, usual
-from .graph import Place, closes_circle, socket_named, source
+from .graph import Place, closes_circle, kind_of, socket_named, source
 from .images import Images
 from .report import Report
 from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant, multiply
@@ -166,7 +166,7 @@ class Evaluator:
         return default_value(socket)
 
     def _shader(self, found: Place) -> Closure:
-        handler = CLOSURE_NODES.get(found.node.bl_idname, CLOSURE_NODES["unknown"])
+        handler = CLOSURE_NODES.get(kind_of(found.node), CLOSURE_NODES["unknown"])
         return {key: self.limited(terms) for key, terms in handler(NodeView(self, found)).items()}
 
     def _call(self, table: dict[str, Callable], found: Place) -> Any:

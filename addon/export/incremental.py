@@ -20,12 +20,12 @@ from .graph import node_tree
 from .images import Images
 from .instances import Census, Thing, walk
 from .materials import Materials, Wanted, compile_material, default_material, wanted_by, without_unused
-from .meshes import MeshSource, mesh_key, read_attributes, read_mesh, readable
+from .meshes import MeshSource, mesh_key, read_attributes, readable
 from .moves import Stage
 from .placing import without_collapsed
 from .repaints import repainted
 from .report import Report
-from .shapes import export_points
+from .shapes import export_points, read_shape
 from .world import export_world
 
 NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
@@ -381,9 +381,8 @@ class _KeepingCollector(Collector):
         self.met[key].about.add(owner.original.session_uid)
         return self._known[key]
 
-    def _used_slots(self, number: int) -> tuple[int, ...]:
-        geometry = self._geometries[number].geometry
-        return geometry.used_slots if isinstance(geometry, MeshSource) else (0,)
+    def _geometry(self, number: int) -> MeshSource | Geometry:
+        return self._geometries[number].geometry
 
     def _points(self, cloud: Any) -> int | None:
         key = (cloud.as_pointer(), len(cloud.points), cloud.name)
@@ -393,8 +392,7 @@ class _KeepingCollector(Collector):
 
     def _new_mesh(self, data: Any, owner: Any) -> _Shape:
         report = Report()
-        with readable(data, owner) as mesh:
-            return _Shape(read_mesh(mesh, report), set(), report=report)
+        return _Shape(read_shape(data, owner, report), set(), report=report)
 
     def _keep(self, key: tuple, read: Any) -> int | None:
         """The number of the shape with this key, read if the store has none."""
@@ -407,7 +405,7 @@ class _KeepingCollector(Collector):
         return len(self._geometries) - 1
 
     def _add_attributes(self, number: int, data: Any, owner: Any, wanted: Wanted) -> None:
-        if wanted == Wanted():
+        if not wanted:
             return
         shape, before = self._geometries[number], self._wishes[number]
         wishes = self._wishes[number] = (*before, wanted) if wanted not in before else before

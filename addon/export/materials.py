@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import operator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,6 +28,9 @@ class Wanted:
     def __or__(self, other: Wanted) -> Wanted:
         return Wanted(self.uv_maps | other.uv_maps, self.attributes | other.attributes)
 
+    def __bool__(self) -> bool:
+        return bool(self.uv_maps or self.attributes)
+
 
 class Materials:
     """The materials of one scene, each compiled once."""
@@ -48,10 +53,7 @@ class Materials:
 
     def wanted(self, indices: tuple[int, ...]) -> Wanted:
         """What the materials with these indices read from a mesh."""
-        total = Wanted()
-        for index in indices:
-            total = total | self._wanted[index]
-        return total
+        return functools.reduce(operator.or_, (self._wanted[index] for index in indices), Wanted())
 
 
 def default_material() -> Material:

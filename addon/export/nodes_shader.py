@@ -7,7 +7,7 @@ from typing import Any
 
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .fresnel import dielectric_albedo, normal_reflectance
-from .graph import source
+from .graph import BLINN_PHONG, source
 from .roughness import World, dielectric_world, highlights, scattered, scattered_narrow, scattered_wide, width, world_of
 from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
 
@@ -309,6 +309,6 @@ CLOSURE_NODES.update(
         "ShaderNodeVolumePrincipled": _volume,
         "ShaderNodeVolumeAbsorption": _volume,
         "ShaderNodeVolumeScatter": _volume,
-        "GlintBlinnPhongNode": _blinn_phong,
+        BLINN_PHONG: _blinn_phong,
     }
 )

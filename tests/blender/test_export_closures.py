@@ -6,6 +6,7 @@ import pytest
 from export_support import RED, Shader, image, kinds, layer_share, of_kind, principled, scene, set_inputs, total, weight  # noqa: F401
 from glint.addon.export.fresnel import fresnel, normal_reflectance
 from glint.addon.export.roughness import highlights, layer_loss, scattered, scattered_narrow, scattered_wide, sheen_albedo, world_of
+from glint.addon.nodes import add_blinn_phong
 
 
 def test_diffuse(scene):  # noqa: F811
@@ -236,22 +237,18 @@ def test_a_mirror_mixed_by_fresnel_is_exact(scene):  # noqa: F811
 
 
 def test_blinn_phong_node(scene):  # noqa: F811
-    from glint.addon import nodes
-
-    nodes.register()
-    try:
-        shader = Shader(shader="GlintBlinnPhongNode")
-        colors = {"Ambient": (0.1, 0.2, 0.3), "Diffuse": (0.4, 0.5, 0.6), "Specular": (0.7, 0.8, 0.9), "Mirror": (0.25, 0.5, 0.75)}
-        set_inputs(shader.shader, Exponent=20, Alpha=0.5, Emission=(2, 3, 4, 1), **{name: (*rgb, 1) for name, rgb in colors.items()})
-        result, lobes = shader.export()
-        for name, rgb in {**colors, "Emission": (2, 3, 4)}.items():
-            np.testing.assert_allclose(total(lobes, name.upper()), np.multiply(rgb, 0.5), rtol=1e-6)
-        np.testing.assert_allclose(total(lobes, "TRANSPARENT"), 0.5)
-        assert of_kind(lobes, "SPECULAR")[0].exponent == 20
-        assert len(lobes) == 6
-        assert not any("supported" in note for note in result.notes)
-    finally:
-        nodes.unregister()
+    shader = Shader(shader=None)
+    node = add_blinn_phong(shader.tree)
+    shader.link(node, "BSDF", shader.output, "Surface")
+    colors = {"Ambient": (0.1, 0.2, 0.3), "Diffuse": (0.4, 0.5, 0.6), "Specular": (0.7, 0.8, 0.9), "Mirror": (0.25, 0.5, 0.75)}
+    set_inputs(node, Exponent=20, Alpha=0.5, Emission=(2, 3, 4, 1), **{name: (*rgb, 1) for name, rgb in colors.items()})
+    result, lobes = shader.export()
+    for name, rgb in {**colors, "Emission": (2, 3, 4)}.items():
+        np.testing.assert_allclose(total(lobes, name.upper()), np.multiply(rgb, 0.5), rtol=1e-6)
+    np.testing.assert_allclose(total(lobes, "TRANSPARENT"), 0.5)
+    assert of_kind(lobes, "SPECULAR")[0].exponent == 20
+    assert len(lobes) == 6
+    assert not any("supported" in note for note in result.notes)
 
 
 @pytest.mark.parametrize("tint", [(0.0, 0.0, 0.0), (0.2, 0.5, 0.1)])

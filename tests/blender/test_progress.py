@@ -57,7 +57,7 @@ def test_the_text_tells_samples_error_and_what_remains():
     render.at(3).trace(0.15625, SETTINGS)
     assert render.texts[-1] == "Sample 10/64 | Error 12/255 | Remaining 00:27"
     render.at(3.05).trace(0.2, SETTINGS)
-    assert render.texts[-1].startswith("Sample 10/64"), "no more than five texts a second"
+    assert render.texts[-1].startswith("Sample 10/64"), "no more than two texts a second"
 
 
 def test_a_program_without_windows_is_told_no_texts():

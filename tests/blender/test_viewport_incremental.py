@@ -10,6 +10,7 @@ import pytest
 from export_support import Shader, link, mesh_object, quad, scene, use_nodes  # noqa: F401
 from glint.addon.export import export_scene, incremental
 from glint.addon.export.incremental import LiveExport
+from glint.addon.export.shapes import mark_sphere
 from glint.engine.scene import Camera
 
 CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1, 1, -1, 1), (4, 4))
@@ -310,6 +311,12 @@ def lose(r):
     _some_object(r, "MESH").location.x = r.choice([float("nan"), 1.0])
 
 
+def mark(r):
+    """Four corners of a square lie on a sphere."""
+    mesh = _some_object(r, "MESH").data
+    mark_sphere(mesh, "glint_sphere" not in mesh.attributes)
+
+
 def select(r):
     thing = _some_object(r)
     thing.select_set(not thing.select_get())
@@ -318,7 +325,7 @@ def select(r):
 EDITS = [
     move, move_inner, move_scatter, turn, scale_to_nothing, lose, parent, constrain, edit_vertex, add_triangle, subdivide, smooth, color,
     node_value, unlink_or_link, paint, recolor, reload, interpolate, swap_material, light, kind_of_lamp, squeeze_lamp, see_lamp,
-    surround, hide, exclude, add, delete, select, step, cast, film,
+    surround, hide, exclude, add, delete, select, step, cast, film, mark,
 ]  # fmt: skip
 
 
@@ -345,7 +352,7 @@ def test_what_is_no_geometry_reads_no_mesh(world, edit, monkeypatch):
     with Follower() as follower:
         follower.check()
         before = {id(geometry) for geometry in follower.scene.geometries}
-        monkeypatch.setattr(incremental, "read_mesh", lambda *_: pytest.fail("a mesh was read"))
+        monkeypatch.setattr(incremental, "read_shape", lambda *_: pytest.fail("a mesh was read"))
         monkeypatch.setattr(incremental, "read_attributes", lambda *_: pytest.fail("an attribute was read"))
         edit(random.Random(1))
         bpy.context.view_layer.update()
