@@ -147,6 +147,7 @@ class Collector:
         if slots not in self._wanted_by_slots:
             self._wanted_by_slots[slots] = self.wanted | self.materials.wanted(slots)
         return self._wanted_by_slots[slots]
+
     def _geometry(self, number: int) -> MeshSource | Geometry:
         return self._geometries[number]
 
