@@ -136,9 +136,7 @@ def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
         report.note("Light and shadow linking are not rendered: {} light everything and get shadows from everything", thing.name)
     if thing.type == "LIGHT":
         if not (owner.visible_diffuse and owner.visible_glossy):
-            report.note(
-                "Ray visibility hides the shape of a light but not its light on surfaces: {} light both matt and glossy", thing.name
-            )
+            report.note("Ray visibility hides the shape of a light, not its light: {} light matt and glossy surfaces", thing.name)
     elif owner.visible_transmission != owner.visible_glossy:
         report.note("Refracted rays see what glossy rays see, whatever the transmission visibility of {} says", thing.name)
 

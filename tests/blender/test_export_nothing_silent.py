@@ -78,5 +78,5 @@ def test_linking_and_ray_visibility_are_told(scene):  # noqa: F811
     thing.visible_transmission = False
     notes = export().notes
     assert any("linking" in note and "'Lamp'" in note for note in notes)
-    assert any("light both matt and glossy" in note and "'Lamp'" in note for note in notes)
+    assert any("light matt and glossy surfaces" in note and "'Lamp'" in note for note in notes)
     assert any("Refracted rays" in note and "'Thing'" in note for note in notes)

@@ -52,6 +52,22 @@ def test_holes_are_passed_to_the_same_picture(interpolation: str, extension: str
     assert np.isclose(found, truth, rtol=1e-5, atol=1e-6).all(-1).mean() > 0.98  # a texel's edge may fall on a pixel's ray
 
 
+@pytest.mark.parametrize(("value", "offset"), [(0.5, 0.25), (2.0, -0.5), (-1.0, 1.0)])
+def test_holes_are_where_bounded_inputs_make_them(value: float, offset: float) -> None:
+    """An image times a value plus an offset, clamped: no holes, some where it is 0, and some where it is 1."""
+    scene = cards(dots(), lights=(SUN,))
+
+    def bounded(factor: s.Input) -> s.Input:
+        return replace(factor, value=(value,) * 3, offset=(offset,) * 3, low=0.0, high=1.0) if factor.texture >= 0 else factor
+
+    card, floor = scene.materials
+    lobes = tuple(replace(lobe, factors=tuple(map(bounded, lobe.factors))) for lobe in card.lobes)
+    scene = replace(scene, materials=(replace(card, lobes=lobes), floor))
+    found = color(scene)
+    assert np.array_equal(found, draw(scene, "Cost").combined[..., :3])
+    assert np.isclose(found, color(scene, backend="NUMPY"), rtol=1e-5, atol=1e-6).all(-1).mean() > 0.98
+
+
 def test_a_ray_passes_holes_at_once() -> None:
     """One ray a pixel through six sheets, and its shadow ray."""
     scene = cards(np.zeros((4, 4, 4), np.uint8), lights=(SUN,))

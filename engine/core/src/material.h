@@ -46,6 +46,9 @@ struct PointReads {
   Rgba color[kKept];
 };
 
+/// What an input comes to whose value, image and attribute multiply to `product`: with its offset, bounds and complement.
+Vec3d of_product(const GlintInput& input, Vec3d product);
+
 /// The product of a lobe's factors at a point of a surface. Finite.
 Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s, PointReads& reads);
 

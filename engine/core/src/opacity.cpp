@@ -157,7 +157,7 @@ bool OpacityMaps::product(const Lobe& lobe, uint32_t input, double reading, Vec3
       continue;
     }
     const Vec3d value = zero ? Vec3d{} : finite_or_zero({in.value[0], in.value[1], in.value[2]});
-    const Vec3d factor = in.complement ? Vec3d{1, 1, 1} - value : value;
+    const Vec3d factor = of_product(in, value);
     if (!any(factor)) return k = {}, true;
     k = k * factor;
   }
