@@ -62,9 +62,11 @@ def ball(center: Sequence[float], radius: float) -> Spheres:
 
 
 def paint(exponent: float = 0.0, **lobes: float | Sequence[float]) -> Material:
-    """A material from lobes by their lower-case names and coefficients, grey or RGB: paint(diffuse=0.5, mirror=(1, 0, 0))."""
+    """A material from lobes by their lower-case names and coefficients, grey or RGB: paint(diffuse=0.5, mirror=(1, 0, 0)). exponent: of
+    the highlight."""
     colors = {kind: tuple(float(x) for x in np.broadcast_to(k, 3)) for kind, k in lobes.items()}
-    return Material("paint", tuple(Lobe(kind.upper(), (Input(value=k),), exponent=exponent) for kind, k in colors.items()))
+    exponents = {"specular": exponent}
+    return Material("paint", tuple(Lobe(kind.upper(), (Input(value=k),), exponents.get(kind, 0.0)) for kind, k in colors.items()))
 
 
 def lamp(position: Sequence[float], color: Sequence[float] = (1.0, 1.0, 1.0), strength: float = 1.0) -> Light:
