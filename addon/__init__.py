@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-_MODULES = ("properties", "nodes", "render_engine", "panels")
+_MODULES = ("properties", "former_node", "node_menu", "render_engine", "panels", "sphere")
 
 
 def register() -> None:

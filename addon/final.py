@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 
@@ -13,6 +13,7 @@ import bpy
 from .. import engine
 from .aim import Aim, aim_from
 from .export import Decoded, export_scene
+from .progress import Progress
 from .properties import settings_from
 from .result import Picture, wanted_passes
 from .skipped import skipped_things
@@ -26,7 +27,7 @@ NOTES_SHOWN = 12
 _PREVIEW = {"samples": 4, "light_samples": 2, "max_bounces": 2}
 _FALLBACK = (
     "Glint's native core cannot be used here ({}), so the NumPy tracer renders: the same picture, much slower. "
-    "Install the edition of Glint for this platform, or set the tracer to NumPy to silence this"
+    "Install the edition of Glint for this platform, or set the tracer to Python (reference) to silence this"
 )
 
 
@@ -70,6 +71,8 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
     """Read the evaluated scene. To be called from `update()`, where Blender keeps its data still."""
     start = time.perf_counter()
     layer = depsgraph.view_layer
+    if not (bpy.app.background or render_engine.is_preview):
+        render_engine.update_stats(f"{depsgraph.scene.name}, {layer.name}", "Reading the scene")
     passes = wanted_passes(layer)
     width, height = render_engine.resolution_x, render_engine.resolution_y
     export = export_scene(depsgraph, width=width, height=height, passes=passes, decoded=_decoded)
@@ -86,22 +89,29 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         layer=layer.name,
         size=_size(export.region, width, height),
         statistics=statistics,
-        notes=[*notes, *aim_notes, *export.notes, *_darkness(export.scene)],
+        notes=[*notes, *aim_notes, *export.notes, *_emptiness(export.scene), *_darkness(export.scene)],
         preview=render_engine.is_preview,
         frame=depsgraph.scene.frame_current,
         aim=aim,
     )
 
 
-def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
-    """Trace the job and fill Blender's render result. After an error the result is gone and the exception goes on."""
+def run(render_engine: bpy.types.RenderEngine, job: Job, is_interrupted: Callable[[], bool]) -> None:
+    """Trace the job and fill Blender's render result. After an error the result is gone and the exception goes on; KeyboardInterrupt is
+    raised where `is_interrupted` stopped the work."""
     if _readers and not job.preview:
         _readers[-1].append(job)
         return
     picture = Picture(render_engine, job.layer, job.size)
+
+    def should_stop() -> bool:
+        return is_interrupted() or render_engine.test_break()
+
     try:
         with nullcontext() if job.preview else Stamping(job.scene) as stamping:
-            film = _trace(render_engine, job, picture)
+            film = _trace(render_engine, job, picture, should_stop)
+            if is_interrupted():
+                raise KeyboardInterrupt
             _finish(render_engine, job, picture, film, stamping)
     except BaseException:
         picture.discard()
@@ -110,21 +120,31 @@ def run(render_engine: bpy.types.RenderEngine, job: Job) -> None:
         tell_notes(render_engine, [*job.notes, *film.notes])
 
 
-def _trace(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture) -> engine.Film:
+def _trace(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, should_stop: Callable[[], bool]) -> engine.Film:
     """The picture, with the settings that reach the job's aim if it has one; statistics learn the seconds and what was reached."""
     start = time.perf_counter()
-    forecast = job.aim.choose(job.scene, job.settings, render_engine.test_break) if job.aim else None
+    is_seen = not (bpy.app.background or job.preview)
+    progress = Progress(render_engine, f"{job.scene_name}, {job.layer}", is_seen)
+    watched = progress.watching("Looking for settings", should_stop)
+    forecast = job.aim.choose(job.scene, job.settings, watched) if job.aim else None
     job.settings = forecast.settings if forecast else job.settings
+    passes = job.settings.passes
+
+    def show(film: engine.Film) -> None:
+        progress.end_wave(film, film.samples / job.settings.samples)
+        picture.show(film)
+
     film = engine.render(
         job.scene,
-        job.settings,
-        should_stop=render_engine.test_break,
-        on_progress=render_engine.update_progress,
-        on_wave=None if bpy.app.background else picture.show,
+        replace(job.settings, passes=passes | {"Error"}) if is_seen else job.settings,
+        should_stop=should_stop,
+        on_progress=lambda fraction: progress.trace(fraction, job.settings),
+        on_wave=None if bpy.app.background else show,
     )
+    film = replace(film, passes={name: values for name, values in film.passes.items() if name in passes | {"Combined"}})
     job.statistics.seconds["engine"] = time.perf_counter() - start
     if forecast:
-        job.statistics.target = job.aim.told(job.scene, forecast, film, render_engine.test_break)
+        job.statistics.target = job.aim.told(job.scene, forecast, film, progress.watching("Checking the error", should_stop))
     return film
 
 
@@ -144,6 +164,13 @@ def _with_backend(settings: engine.Settings) -> tuple[engine.Settings, list[str]
     if settings.backend in engine.available_backends():
         return settings, []
     return replace(settings, backend="NUMPY"), [_FALLBACK.format(engine.native_error())]
+
+
+def _emptiness(scene: engine.Scene) -> list[str]:
+    """A note when the camera has nothing to see."""
+    if any(block.visible_camera for block in scene.instances):
+        return []
+    return ["No object is there for the camera to see: all are hidden, from renders or from cameras, or have no faces"]
 
 
 def _darkness(scene: engine.Scene) -> list[str]:

@@ -1,15 +1,18 @@
-"""The Blinn-Phong shader node: the notes' coefficients as sockets, and a node group inside so that Cycles and Eevee show it too.
+"""The Blinn-Phong shader node: an ordinary node group with a mark, whose sockets are the notes' coefficients.
 
-Glint reads the sockets by name (`SOCKETS`) and never looks inside. Inside, a Diffuse and two Glossy closures stand for the same surface:
-with α = roughness², α² = 2.25/(p + 1.9) and F0 = k_s α²/0.26, which follows the one lobe of exponent p that is nearest to GGX to 5 % in
-roughness (tests/cycles/fit_roughness.py measures it).
+So it needs no extension to be opened, appended, duplicated or shown: Glint knows it by the mark (`export.graph.is_blinn_phong`), reads the
+sockets by name (`SOCKETS`) and never looks inside. Inside, for Cycles and Eevee, a Diffuse and two Glossy closures stand for the same
+surface: with α = roughness², α² = 2.25/(p + 1.9) and F0 = k_s α²/0.26, which follows the one lobe of exponent p that is nearest to GGX to
+5 % in roughness (tests/cycles/fit_roughness.py measures it).
 """
 
 from __future__ import annotations
 
 import bpy
 
-NODE_IDNAME = "GlintBlinnPhongNode"
+from .export.graph import BLINN_PHONG, MARK, is_blinn_phong
+
+NAME = "Blinn-Phong"
 OUTPUT = "BSDF"
 SOCKETS = (
     ("Ambient", "NodeSocketColor", (0.8, 0.8, 0.8, 1.0), "k_a: share of the world's ambient light that comes back"),
@@ -22,32 +25,30 @@ SOCKETS = (
 )
 """(name, socket type, default, description), in the order shown."""
 
-_STAYS = bpy.app.version < (4, 5, 0)
-"""Blender 4.2 crashes when it frees a scene that was evaluated with nodes whose class was unregistered since (the copies for evaluation
-keep a pointer to it). So there the class outlives the extension until Blender is left, and serves an extension that comes back."""
-
 _LIMITS = {"Exponent": (0.0, 1e9), "Alpha": (0.0, 1.0)}
-_GROUP = "Glint Blinn-Phong"
 
 
-class GlintBlinnPhongNode(bpy.types.ShaderNodeCustomGroup):
-    """Ambient, diffuse and specular light with Blinn's half vector, and an ideal mirror."""
+def blinn_phong_group() -> bpy.types.NodeTree:
+    """The file's own Blinn-Phong group, made where there is none. Groups of that name without the mark are somebody else's."""
+    own = (tree for tree in bpy.data.node_groups if is_blinn_phong(tree) and tree.library is None and _is_whole(tree))
+    return next(own, None) or _make_group()
 
-    bl_idname = NODE_IDNAME
-    bl_label = "Blinn-Phong"
-    bl_icon = "MATERIAL"
-    bl_width_default = 180
 
-    def init(self, context: bpy.types.Context) -> None:
-        """The sockets come from the group, which all nodes of a file share."""
-        self.node_tree = bpy.data.node_groups.get(_GROUP) or _make_group()
+def _is_whole(tree: bpy.types.NodeTree) -> bool:
+    """Whether nobody has taken a socket away."""
+    names = {item.name for item in tree.interface.items_tree if item.item_type == "SOCKET"}
+    return names >= {OUTPUT, *(name for name, *_ in SOCKETS)}
 
-    def draw_label(self) -> str:
-        return self.bl_label
+
+def add_blinn_phong(tree: bpy.types.NodeTree) -> bpy.types.Node:
+    """A new Blinn-Phong node in a shader node tree."""
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree, node.width = blinn_phong_group(), 180
+    return node
 
 
 def _make_group() -> bpy.types.NodeTree:
-    tree = bpy.data.node_groups.new(_GROUP, "ShaderNodeTree")
+    tree = bpy.data.node_groups.new(NAME, "ShaderNodeTree")
     for name, kind, default, description in SOCKETS:
         socket = tree.interface.new_socket(name, description=description, in_out="INPUT", socket_type=kind)
         if name in _LIMITS:
@@ -59,13 +60,18 @@ def _make_group() -> bpy.types.NodeTree:
 
 
 def _fill_group(tree: bpy.types.NodeTree) -> None:
-    """mix(transparent, diffuse + highlight + mirror + emission, alpha)"""
+    """Marks a tree with the sockets as Blinn-Phong, with mix(transparent, diffuse + highlight + mirror + emission, alpha) inside.
+
+    Other engines have no ambient light of its own: 0 · ambient is in the sum because Blender greys out sockets that lead nowhere.
+    """
+    tree[MARK] = BLINN_PHONG
+    tree.nodes.clear()
     given = tree.nodes.new("NodeGroupInput").outputs
     alpha_squared = _math(tree, "DIVIDE", 2.25, _math(tree, "ADD", given["Exponent"], 1.9), clamp=True)
     roughness = _math(tree, "POWER", alpha_squared, 0.25)
     f0 = _scaled(tree, given["Specular"], _math(tree, "DIVIDE", alpha_squared, 0.26))
     parts = [
-        _closure(tree, "ShaderNodeBsdfDiffuse", Color=given["Diffuse"]),
+        _closure(tree, "ShaderNodeBsdfDiffuse", Color=_plus_nothing(tree, given["Diffuse"], given["Ambient"])),
         _closure(tree, "ShaderNodeBsdfAnisotropic", Color=f0, Roughness=roughness),
         _closure(tree, "ShaderNodeBsdfAnisotropic", Color=given["Mirror"], Roughness=0.0),
         _closure(tree, "ShaderNodeEmission", Color=given["Emission"]),
@@ -104,6 +110,15 @@ def _scaled(tree: bpy.types.NodeTree, color: bpy.types.NodeSocket, factor: bpy.t
     return node.outputs[0]
 
 
+def _plus_nothing(tree: bpy.types.NodeTree, color: bpy.types.NodeSocket, other: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """0 · other + color"""
+    node = tree.nodes.new("ShaderNodeVectorMath")
+    node.operation = "MULTIPLY_ADD"
+    for socket, value in zip(node.inputs, (other, (0.0, 0.0, 0.0), color), strict=False):
+        _set(tree, socket, value)
+    return node.outputs[0]
+
+
 def _closure(tree: bpy.types.NodeTree, kind: str, **inputs: object) -> bpy.types.NodeSocket:
     node = tree.nodes.new(kind)
     if kind == "ShaderNodeBsdfAnisotropic":
@@ -119,23 +134,3 @@ def _joined(tree: bpy.types.NodeTree, kind: str, values: tuple) -> bpy.types.Nod
     for socket, value in zip(node.inputs, values, strict=True):
         _set(tree, socket, value)
     return node.outputs[0]
-
-
-def _draw_menu_entry(self: bpy.types.Menu, context: bpy.types.Context) -> None:
-    """In Add → Shader of the shader editor."""
-    if context.engine == "GLINT":
-        entry = self.layout.operator("node.add_node", text=GlintBlinnPhongNode.bl_label)
-        entry.type = NODE_IDNAME
-        entry.use_transform = True
-
-
-def register() -> None:
-    if not (_STAYS and bpy.types.Node.bl_rna_get_subclass_py(NODE_IDNAME)):
-        bpy.utils.register_class(GlintBlinnPhongNode)
-    bpy.types.NODE_MT_category_shader_shader.append(_draw_menu_entry)
-
-
-def unregister() -> None:
-    bpy.types.NODE_MT_category_shader_shader.remove(_draw_menu_entry)
-    if not _STAYS:
-        bpy.utils.unregister_class(GlintBlinnPhongNode)

@@ -7,11 +7,13 @@ Eevee we borrow the material slots, the node view of material and world, and the
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import bpy
+from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
 
 from . import result, statistics
+from .lines import draw_text
 from .render_engine import GlintRenderEngine
 
 ENGINE = GlintRenderEngine.bl_idname
@@ -20,10 +22,17 @@ _REPLACED_OR_WITHOUT_EFFECT = {
     "DATA_PT_camera_dof",
     "DATA_PT_falloff_curve",
     "DATA_PT_light",
+    "DATA_PT_lightprobe",
+    "DATA_PT_lightprobe_display",
+    "DATA_PT_lightprobe_parallax",
+    "DATA_PT_lightprobe_visibility",
     "DATA_PT_spot",
     "NODE_DATA_PT_light",
     "NODE_DATA_PT_spot",
-    "RENDER_PT_freestyle",
+    "RENDER_PT_simplify",
+    "RENDER_PT_simplify_greasepencil",
+    "RENDER_PT_simplify_render",
+    "RENDER_PT_simplify_viewport",
     "VIEWLAYER_PT_filter",
     "VIEWLAYER_PT_layer_passes",
 }
@@ -33,6 +42,15 @@ _BORROWED_FROM_EEVEE = {
     "EEVEE_WORLD_PT_surface",
     "MATERIAL_PT_preview",
 }
+_WITHOUT_EFFECT = {
+    "DATA_PT_camera_stereoscopy": "No effect in Glint: every view is the camera's own",
+    "DATA_PT_volume_render": "No effect in Glint: volumes are not drawn",
+    "OBJECT_PT_light_linking": "No effect in Glint: lights shine on everything",
+    "OBJECT_PT_shadow_linking": "No effect in Glint: everything casts shadows",
+    "PARTICLE_PT_hair_shape": "No effect in Glint: hair is not drawn",
+    "RENDER_PT_stereoscopy": "No effect in Glint: every view is the camera's own",
+}
+"""Blender's panels that a file's settings are looked for in, and what each says on top."""
 
 
 class _Panel:
@@ -50,8 +68,13 @@ class _Panel:
     @property
     def column(self) -> bpy.types.UILayout:
         """A column in which names stand left and values right."""
-        self.layout.use_property_split = True
         self.layout.use_property_decorate = False
+        return self.animated_column
+
+    @property
+    def animated_column(self) -> bpy.types.UILayout:
+        """The same with a dot for keyframes beside each value."""
+        self.layout.use_property_split = True
         return self.layout.column()
 
 
@@ -96,6 +119,52 @@ class GLINT_RENDER_PT_sampling_viewport(_SamplingPanel, bpy.types.Panel):
         self.column.prop(context.scene.glint, "viewport_pass")
 
 
+class GLINT_RENDER_PT_simplify(_Panel, bpy.types.Panel):
+    bl_label = "Simplify"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.render, "use_simplify", text="")
+
+    def draw(self, context):
+        pass
+
+
+class _SimplifyPanel(_Panel):
+    bl_parent_id = "GLINT_RENDER_PT_simplify"
+
+    def draw(self, context):
+        render = context.scene.render
+        self.layout.active = render.use_simplify
+        column = self.column
+        column.prop(render, f"simplify_subdivision{self.suffix}", text="Max Subdivision")
+        column.prop(render, f"simplify_child_particles{self.suffix}", text="Max Child Particles")
+
+
+class GLINT_RENDER_PT_simplify_viewport(_SimplifyPanel, bpy.types.Panel):
+    bl_label = "Viewport"
+    suffix = ""
+
+
+class GLINT_RENDER_PT_simplify_render(_SimplifyPanel, bpy.types.Panel):
+    bl_label = "Render"
+    suffix = "_render"
+
+
+class GLINT_RENDER_PT_simplify_grease_pencil(_Panel, GreasePencilSimplifyPanel, bpy.types.Panel):
+    bl_label = "Grease Pencil"
+    bl_parent_id = "GLINT_RENDER_PT_simplify"
+    bl_options = {"DEFAULT_CLOSED"}
+
+
+class GLINT_RENDER_PT_film(_Panel, bpy.types.Panel):
+    bl_label = "Film"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        self.column.prop(context.scene.render, "film_transparent", text="Transparent")
+
+
 class GLINT_RENDER_PT_performance(_Panel, bpy.types.Panel):
     bl_label = "Performance"
     bl_options = {"DEFAULT_CLOSED"}
@@ -112,25 +181,26 @@ class GLINT_RENDER_PT_performance(_Panel, bpy.types.Panel):
         column.prop(context.scene.render, "use_persistent_data", text="Persistent Data")
 
 
-class GLINT_RENDER_PT_film(_Panel, bpy.types.Panel):
-    bl_label = "Film"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context):
-        self.column.prop(context.scene.render, "film_transparent", text="Transparent")
-
-
 class GLINT_RENDER_PT_statistics(_Panel, bpy.types.Panel):
     bl_label = "Statistics"
     bl_options = {"DEFAULT_CLOSED"}
 
+    def draw_header(self, context):
+        last = statistics.of_last_render(context.scene.name)
+        if statistics.of_views(context.scene.name) or (last and last.notes):
+            self.layout.label(icon="ERROR")
+
     def draw(self, context):
         last = statistics.of_last_render(context.scene.name)
+        views = [note for note in statistics.of_views(context.scene.name) if not (last and note in last.notes)]
+        for title, notes in (("Warnings of the last render", last.notes if last else ()), ("Warnings of the 3D views", views)):
+            if notes:
+                self.layout.label(text=title, icon="ERROR")
+                draw_text(self.layout.column(align=True), notes, context.region, "• ")
         for title, lines in last.sections.items() if last else (("Nothing has been rendered yet", ()),):
             column = self.layout.column(align=True)
             column.label(text=title)
-            for line in lines:
-                column.label(text=f"    {line}")
+            draw_text(column, lines, context.region)
 
 
 class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
@@ -150,6 +220,26 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
             health.prop(context.view_layer.glint, switch)
 
 
+class GLINT_VIEWLAYER_PT_filter(_Panel, bpy.types.Panel):
+    bl_label = "Filter"
+    bl_context = "view_layer"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        self.column.prop(context.view_layer, "use_sky", text="Environment")
+
+
+class GLINT_VIEWLAYER_PT_override(_Panel, bpy.types.Panel):
+    bl_label = "Override"
+    bl_context = "view_layer"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        column = self.column
+        for name in ("material_override", "world_override"):
+            _draw_if_known(column, context.view_layer, name)
+
+
 class GLINT_LIGHT_PT_light(_Panel, bpy.types.Panel):
     bl_label = "Light"
     bl_context = "data"
@@ -161,7 +251,7 @@ class GLINT_LIGHT_PT_light(_Panel, bpy.types.Panel):
     def draw(self, context):
         light = context.light
         self.layout.row().prop(light, "type", expand=True)
-        column = self.column
+        column = self.animated_column
         _draw_color(column, light)
         column.separator()
         for name in ("energy", "exposure", "normalize"):
@@ -183,10 +273,10 @@ def _draw_color(column: bpy.types.UILayout, light: bpy.types.Light) -> None:
     column.prop(light, "color", text="Tint" if light.use_temperature else "Color")
 
 
-def _draw_if_known(column: bpy.types.UILayout, light: bpy.types.Light, name: str) -> None:
-    """Exposure and normalize came with Blender 4.5."""
-    if hasattr(light, name):
-        column.prop(light, name)
+def _draw_if_known(column: bpy.types.UILayout, owner: bpy.types.bpy_struct, name: str) -> None:
+    """A light's exposure and normalize came with Blender 4.5, a view layer's world_override with 4.3."""
+    if hasattr(owner, name):
+        column.prop(owner, name)
 
 
 def _shape_of(light: bpy.types.Light) -> tuple[tuple[str, str], ...]:
@@ -214,10 +304,46 @@ class GLINT_OBJECT_PT_ray_visibility(_Panel, bpy.types.Panel):
     bl_parent_id = "OBJECT_PT_visibility"
 
     def draw(self, context):
-        column = self.column
+        column = self.animated_column
         column.prop(context.object, "visible_camera", text="Camera")
         column.prop(context.object, "visible_glossy", text="Reflections")
         column.prop(context.object, "visible_shadow", text="Shadow")
+
+
+class _ShadingPanel:
+    """Of the popover of the 3D view's header."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "HEADER"
+    bl_parent_id = "VIEW3D_PT_shading"
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine == ENGINE and context.space_data.shading.type == "RENDERED"
+
+
+class GLINT_VIEW3D_PT_shading_lighting(_ShadingPanel, bpy.types.Panel):
+    bl_label = "Lighting"
+
+    def draw(self, context):
+        shading = context.space_data.shading
+        column = self.layout.column()
+        column.prop(shading, "use_scene_lights_render")
+        column.prop(shading, "use_scene_world_render")
+        if shading.use_scene_world_render:
+            return
+        choice = column.column()
+        choice.scale_y = 0.6
+        choice.template_icon_view(shading, "studio_light", scale_popup=3.0)
+        column.prop(shading, "studiolight_intensity")
+        column.prop(shading, "studiolight_background_alpha")
+
+
+class GLINT_VIEW3D_PT_shading_render_pass(_ShadingPanel, bpy.types.Panel):
+    bl_label = "Render Pass"
+
+    def draw(self, context):
+        self.layout.prop(context.scene.glint, "viewport_pass", text="")
 
 
 def _blender_panels() -> Iterator[type]:
@@ -229,16 +355,42 @@ def _blender_panels() -> Iterator[type]:
             yield panel
 
 
+def _line(text: str) -> Callable[[bpy.types.Panel, bpy.types.Context], None]:
+    def draw(self: bpy.types.Panel, context: bpy.types.Context) -> None:
+        if context.engine == ENGINE:
+            self.layout.label(text=text, icon="INFO")
+
+    return draw
+
+
+_LINES = {name: _line(text) for name, text in _WITHOUT_EFFECT.items()}
+
+
+def _panels_with_lines() -> Iterator[tuple[type, Callable]]:
+    """Those of `_LINES` that this Blender has."""
+    known = {name: getattr(bpy.types, name, None) for name in _LINES}
+    return ((panel, _LINES[name]) for name, panel in known.items() if panel is not None)
+
+
+# Panels of one tab stand in this order, as those of Cycles do.
 _CLASSES = (
     GLINT_RENDER_PT_sampling,
-    GLINT_RENDER_PT_sampling_final,
     GLINT_RENDER_PT_sampling_viewport,
-    GLINT_RENDER_PT_performance,
+    GLINT_RENDER_PT_sampling_final,
+    GLINT_RENDER_PT_simplify,
+    GLINT_RENDER_PT_simplify_viewport,
+    GLINT_RENDER_PT_simplify_render,
+    GLINT_RENDER_PT_simplify_grease_pencil,
     GLINT_RENDER_PT_film,
+    GLINT_RENDER_PT_performance,
     GLINT_RENDER_PT_statistics,
     GLINT_VIEWLAYER_PT_passes,
+    GLINT_VIEWLAYER_PT_filter,
+    GLINT_VIEWLAYER_PT_override,
     GLINT_LIGHT_PT_light,
     GLINT_OBJECT_PT_ray_visibility,
+    GLINT_VIEW3D_PT_shading_lighting,
+    GLINT_VIEW3D_PT_shading_render_pass,
 )
 
 
@@ -247,9 +399,13 @@ def register() -> None:
         bpy.utils.register_class(cls)
     for panel in _blender_panels():
         panel.COMPAT_ENGINES.add(ENGINE)
+    for panel, line in _panels_with_lines():
+        panel.prepend(line)
 
 
 def unregister() -> None:
+    for panel, line in _panels_with_lines():
+        panel.remove(line)
     for panel in _blender_panels():
         panel.COMPAT_ENGINES.discard(ENGINE)
     for cls in reversed(_CLASSES):

@@ -18,25 +18,24 @@ _ILLUMINATION_ITEMS = (
     ("CLASSIC", "Classic", "The textbook formula as it stands: the strength is the intensity, and light does not fall off with distance"),
 )
 _BACKEND_ITEMS = (
-    ("NATIVE", "Native", "The C++ core, on all cores of the CPU. Where it cannot be loaded, NumPy takes over with a message"),
-    ("NUMPY", "NumPy", "The float64 reference in Python: the same picture to float precision, tens of times slower"),
+    (
+        "NATIVE",
+        "Native",
+        "For every render: the compiled core, on all cores of the CPU. Where it cannot be loaded, Python takes over with a message",
+    ),
+    ("NUMPY", "Python (reference)", "To check a picture against double precision: the same to float precision, tens of times slower"),
 )
 
 
 _ACCELERATION_ITEMS = (
-    ("AUTO", "Automatic", "Fast in the viewport, balanced in final renders"),
-    (
-        "FAST",
-        "Fast",
-        "Cells of a grid, halved. Measured on meshes of 58 000 to 75 000 triangles beside Balanced: built in 0.41 to 0.48 of the "
-        "time, rays at 0.80 to 0.95 of the speed",
-    ),
-    ("BALANCED", "Balanced", "By the surface area heuristic: what a picture mostly takes the least time with"),
+    ("AUTO", "Automatic", "For nearly everything: fast in the viewport, balanced in final renders"),
+    ("FAST", "Fast", "For quick looks at large scenes: the first ray comes in half the time, the rays are somewhat slower"),
+    ("BALANCED", "Balanced", "For most renders: the least time for sorting and tracing together"),
     (
         "FINE",
         "Fine",
-        "Also cuts triangles where boxes overlap, for long renders of rooms with large, long triangles. Measured beside Balanced: "
-        "built in 6 to 9 times the time, rays at 1.1 to 1.6 times the speed in a game level, about the same on curved meshes",
+        "For long renders of rooms with large, long triangles: sorting takes several times as long, rays are faster. Curved meshes "
+        "gain nothing",
     ),
 )
 
@@ -46,19 +45,18 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
 
     samples: IntProperty(
         name="Samples",
-        description="Samples per pixel for smooth edges; time grows in proportion. One goes through the pixel's centre. "
-        "There is no noise at any number, and powers of two are placed best. Measured on the demo scene, relative error: "
-        "4: 2.8 %, 8: 1.7 %, 16: 1.0 %, 32: 0.6 %, 64: 0.4 %. The default, 64 with a threshold of 4, is on the front of 11 scenes",
+        description="Most samples of a pixel; more make edges and soft shadows smoother and take longer in proportion. Choose 4 to 16 for "
+        "a look, 64 for most pictures, 256 for fine textures and large soft shadows. There is no noise at any number; powers of two "
+        "are placed best",
         default=OFFERED.samples,
         min=1,
         soft_max=256,
-        max=65536,
+        max=1 << 24,  # Blender cuts what is above in silence: this is more than the engine takes, and it says so
     )
     error_threshold: FloatProperty(
-        name="Error Threshold",
-        description="A pixel takes no more samples once its estimated error is at most this many 8-bit levels; 0 gives all samples "
-        "to all pixels. Its neighbours are looked at as well, so edges are not missed, and soft lights through 16 points. Measured on the "
-        "demo scene at 64 samples, time and relative error: 0: 1 and 0.37 %, 2: 0.58 and 0.42 %, 4: 0.52 and 0.45 %, 8: 0.49 and 0.52 %",
+        name="Threshold",
+        description="A pixel takes no more samples once its estimated error is at most this many of the 256 levels of a display. Choose 4 "
+        "for most pictures, 1 to 2 where dark gradients will be brightened later, 0 to give all samples to all pixels",
         default=OFFERED.error_threshold,
         min=0.0,
         soft_max=16.0,
@@ -67,9 +65,8 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
     )
     light_samples: IntProperty(
         name="Light Samples",
-        description="Points on each soft light per pixel sample; shadow time grows in proportion. "
-        "1 makes hard shadows from the light's centre; the pixel samples take different points, so both numbers multiply. Measured on "
-        "the demo scene at 16 samples, time and relative error: 1: 0.8 and 2.7 %, 2: 1 and 0.95 %, 4: 1.2 and 0.92 %, 8: 1.7 and 0.93 %",
+        description="Points on each soft light per pixel sample; shadow time grows in proportion. Both numbers multiply, so choose 2 for "
+        "most pictures, 4 to 8 with few samples and large lights. 1 makes hard shadows from the light's centre",
         default=OFFERED.light_samples,
         min=1,
         soft_max=64,
@@ -77,17 +74,16 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
     )
     max_bounces: IntProperty(
         name="Bounces",
-        description="Depth of mirror and refraction rays. 0 shows no reflections; costs nothing without mirrors or glass. Measured on the "
-        "demo scene at 16 samples, time and relative error: 0: 0.7 and 12.5 %, 1: 1 and 1.9 %, 2 and 4: 1 and 1.4 %",
+        description="Depth of mirror and refraction rays; costs nothing without mirrors or glass. Choose 4 for mirrors, 8 and more where "
+        "glass stands behind glass, 0 for no reflections",
         default=OFFERED.max_bounces,
         min=0,
         max=64,
     )
     cutoff: FloatProperty(
-        name="Cutoff",
-        description="Mirror and refraction rays that would add less than this share to the pixel are not traced; 0 traces all. Measured on "
-        "clear glass at 0.01, rays and what the picture loses: 4 bounces: 0.88 and 0.08 %, 8: 0.60 and 0.14 %, 16: 0.31 and 0.17 %; "
-        "nothing where mirrors alone reflect. The reflection of a very bright lamp may be lost",
+        name="Ray Cutoff",
+        description="Mirror and refraction rays that would add less than this share to the pixel are not traced. Choose 0 for all of them, "
+        "0.01 to save time in glass with many bounces: the faint reflection of a very bright lamp may be lost",
         default=OFFERED.cutoff,
         min=0.0,
         soft_max=0.1,
@@ -113,8 +109,8 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
 
 _TARGET_ITEMS = (
     ("NONE", "Off", "Samples, threshold and light samples are those below"),
-    ("LEVELS", "Visible Error", "The error on the display that 999 of 1000 pixels stay within, in 8-bit levels, after the view transform"),
-    ("RMSE", "Mean Error", "The root mean square error of linear colour, in percent of the picture's root mean square"),
+    ("LEVELS", "Visible Error", "For pictures to look at: the error on the display that all but one of a thousand pixels stay within"),
+    ("RMSE", "Mean Error", "For pictures to calculate with: the root mean square error of linear colour, in percent of the picture's"),
 )
 
 
@@ -122,15 +118,15 @@ class GlintSceneSettings(bpy.types.PropertyGroup):
     """`scene.glint`."""
 
     target: EnumProperty(
-        name="Target",
-        description="Say how wrong the picture may be, and a pilot on small squares of the frame finds the samples, threshold and light "
-        "samples that reach it with the fewest rays. Predicted and reached error stand in the statistics, the log and the file",
+        name="Quality Target",
+        description="Say how wrong the picture may be instead of how it is sampled: a short look at parts of the frame finds the samples, "
+        "threshold and light samples that reach it with the fewest rays. The statistics say what was reached",
         items=_TARGET_ITEMS,
     )
     target_levels: FloatProperty(
         name="Levels",
-        description="Largest visible error that is good enough, for all but one of a thousand pixels: 1 cannot be told apart on an 8-bit "
-        "display, 4 hardly",
+        description="Largest visible error that is good enough, of the 256 levels of a display. Choose 1 for what cannot be told apart, 4 "
+        "for what hardly can, 16 for a look",
         default=4.0,
         min=0.1,
         soft_max=32.0,
@@ -139,7 +135,7 @@ class GlintSceneSettings(bpy.types.PropertyGroup):
     )
     target_rmse: FloatProperty(
         name="Error",
-        description="Root mean square error that is good enough",
+        description="Root mean square error that is good enough. Choose 1 % for most pictures, 0.1 % for comparisons",
         default=1.0,
         min=0.001,
         soft_max=10.0,
@@ -177,8 +173,8 @@ class GlintViewLayerSettings(bpy.types.PropertyGroup):
     use_pass_mirror: _part("Mirror", "All that mirror reflection and refraction bring")
     use_pass_error: _part(
         "Error",
-        "Estimated error in 8-bit levels, about two standard deviations. Of pixels with something to see, 9 of 10 are off by less, half of "
-        "them by less than a third of it, and 1 of 100 by more than twice as much (35 scenes)",
+        "Estimated error in 8-bit levels, to see where more samples would help: most pixels are off by less, few by more than twice as "
+        "much",
     )
     use_pass_samples: _part("Samples", "Samples that the pixel took, fewer where the error threshold stopped it")
     use_pass_cost: _part("Cost", "Rays traced for the pixel, of all kinds")

@@ -1,4 +1,4 @@
-"""The class that Blender calls. Every method delegates; none lets an exception out.
+"""The class that Blender calls. Every method delegates; none lets an exception out, Ctrl-C (KeyboardInterrupt) included.
 
 Blender saves a blank picture with exit code 0, or crashes, when an exception leaves `render()`; `report({"ERROR"})` alone makes it
 write nothing and fail.
@@ -14,6 +14,7 @@ import bpy
 from .. import engine
 from . import final, result, viewport
 from .export import ExportError
+from .interrupts import interrupts_held
 
 log = logging.getLogger(__name__)
 
@@ -28,26 +29,31 @@ class GlintRenderEngine(bpy.types.RenderEngine):
     bl_use_shading_nodes_custom = False
     bl_use_eevee_viewport = True
 
-    _job: final.Job | Exception | None = None
+    _job: final.Job | BaseException | None = None
     _session: viewport.Session | None = None
 
     def update(self, data: bpy.types.BlendData, depsgraph: bpy.types.Depsgraph) -> None:
         """Read everything here: Blender locks its data around `update()` only. An error waits for `render()`, which can report it."""
         try:
             self._job = final.prepare(self, depsgraph)
-        except Exception as error:  # noqa: BLE001 (nothing may leave; render() reports it)
+        except BaseException as error:  # noqa: BLE001 (nothing may leave; render() reports it)
             self._job = error
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Draw one view layer."""
-        job, self._job = self._job, None
-        try:
-            if isinstance(job, Exception):
-                raise job
-            final.run(self, job)
-        except Exception as error:
-            log.exception("the render failed")
-            self.report({"ERROR"}, _message(error))
+        with interrupts_held() as is_interrupted:
+            job, self._job = self._job or KeyboardInterrupt(), None  # nothing but an interrupt keeps update() from leaving something
+            try:
+                if isinstance(job, BaseException):
+                    raise job
+                final.run(self, job, is_interrupted)
+                if is_interrupted():
+                    raise KeyboardInterrupt
+            except KeyboardInterrupt:
+                self.report({"ERROR"}, "Glint was interrupted: there is no picture")
+            except BaseException as error:
+                log.exception("the render failed")
+                self.report({"ERROR"}, _message(error))
 
     def update_render_passes(self, scene: bpy.types.Scene, renderlayer: bpy.types.ViewLayer) -> None:
         result.register_passes(self, scene, renderlayer)
@@ -61,8 +67,9 @@ class GlintRenderEngine(bpy.types.RenderEngine):
         self._in_view(lambda session: session.draw(self, context, depsgraph))
 
     def __del__(self) -> None:
-        if self._session is not None:
-            self._session.close()
+        session = object.__getattribute__(self, "_session")  # Blender's own raises ReferenceError once its half of the engine is gone
+        if session is not None:
+            session.close()
 
     def _in_view(self, action: Callable[[viewport.Session], None]) -> None:
         try:
@@ -73,13 +80,16 @@ class GlintRenderEngine(bpy.types.RenderEngine):
             self.update_stats("", _message(error))
 
 
-def _message(error: Exception) -> str:
+def _message(error: BaseException) -> str:
     """One line for the user: what is wrong with the scene, or which fault of Glint's it is."""
     text = " ".join(str(error).split())
     if isinstance(error, (engine.SceneError, ExportError)):
         return f"Glint cannot render this scene: {text}"
+    if isinstance(error, RuntimeError) and text == "can't start new thread":
+        text, error = engine.NO_THREAD, MemoryError()
     if isinstance(error, MemoryError):
-        return f"Glint ran out of memory: {text or 'use fewer triangles, smaller images or a smaller picture'}"
+        remedy = "" if ": " in text else "; use fewer triangles, smaller images or a smaller picture"
+        return f"Glint ran out of memory: {text}{remedy}"
     return f"Glint failed ({type(error).__name__}): {text}. The traceback is in the log"
 
 

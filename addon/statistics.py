@@ -13,6 +13,7 @@ _COUNTS = ("meshes", "instances", "triangles", "lights", "materials", "textures"
 _FEATURE = "feature: "
 
 _last: dict[str, dict[str, Statistics]] = {}
+_views: dict[str, tuple[str, ...]] = {}
 
 
 @dataclass
@@ -56,13 +57,12 @@ class Statistics:
 
     @property
     def sections(self) -> dict[str, list[str]]:
-        """Title → lines, for the panel; none is empty."""
+        """Title → lines, for the panel, where `notes` have a place of their own; none is empty."""
         sections = {
             "Time": [f"{name}: {self.seconds.get(name, 0.0):.3f} s" for name in STAGES],
             "Target error": re.split(r"[;:,] ", self.target) if self.target else [],
             "Required": self.scene_line.split(", "),
             "Not needed, not read": [f"{kind}: {names}" for kind, names in self.skipped.items()],
-            "Left out or changed": list(self.notes),
             "Stamp": [f"{name}: {text[:24]}" for name, text in self.stamp.items() if name in ("pixels", "geometry", "tracer")],
         }
         return {title: lines for title, lines in sections.items() if lines}
@@ -85,6 +85,16 @@ def remember(scene_name: str, layer_name: str, statistics: Statistics) -> None:
     layers = _last.setdefault(scene_name, {})
     layers.pop(layer_name, None)
     layers[layer_name] = statistics
+
+
+def remember_view(scene_name: str, notes: tuple[str, ...]) -> None:
+    """Keep what a 3D view could not show of a scene as it is."""
+    _views[scene_name] = notes
+
+
+def of_views(scene_name: str) -> tuple[str, ...]:
+    """What the 3D view of this scene that was read last could not show as it is."""
+    return _views.get(scene_name, ())
 
 
 def forget(scene_name: str) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from .accelerator import Accelerator, Hits
-from .errors import SceneError
+from .errors import NO_THREAD, SceneError
 from .explain import PixelExplainer, explanation_lines
 from .film import PARTS, PASSES, Film
-from .linear import affine_inverse, pixel_bounds_of_box
+from .linear import affine_inverse, determinant, pixel_bounds_of_box
 from .live import LiveRender, Task, Wave
 from .scene import Scene
 from .settings import Settings
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from .reference.explain import Ray
 
 __all__ = [
+    "NO_THREAD",
     "PARTS",
     "PASSES",
     "Accelerator",
@@ -33,11 +36,16 @@ __all__ = [
     "Wave",
     "affine_inverse",
     "available_backends",
+    "determinant",
     "explanation_lines",
     "native_error",
     "pixel_bounds_of_box",
     "render",
 ]
+
+np.eye(2) @ np.eye(2)
+"""OpenBLAS, which multiplies NumPy's matrices, takes 32 MB at its first product and keeps them. Asked when memory is short it spins for
+ever instead of failing, so it is asked here."""
 
 
 def __getattr__(name: str) -> Any:

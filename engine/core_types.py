@@ -5,7 +5,7 @@ from __future__ import annotations
 from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from typing import Any
 
-ABI_VERSION = 10
+ABI_VERSION = 11
 
 PREPARING, TRACING, HELD, DONE, CANCELLED, FAILED = range(6)
 """States of a render."""
@@ -74,12 +74,14 @@ class InputData(Structure):
     _fields_ = (
         _each(c_double * 3, "value")
         + _each(c_double * 6, "uv_transform")
-        + _each(c_int32, "texture channel uv attribute attribute_channel complement")
+        + _each(c_double * 3, "offset")
+        + _each(c_double, "low high")
+        + _each(c_int32, "texture channel uv attribute attribute_channel bounded complement reserved")
     )
 
 
 class LobeData(Structure):
-    _fields_ = _each(c_double, "exponent ior") + _each(c_uint32, "first_input input_count") + _each(c_int32, "kind fresnel")
+    _fields_ = _each(c_double, "exponent ior masking") + _each(c_uint32, "first_input input_count") + _each(c_int32, "kind fresnel")
 
 
 class MaterialData(Structure):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -37,8 +38,67 @@ class PixelExplainer:
 
 
 def explanation_lines(ray: Ray) -> tuple[str, ...]:
-    """The tree of rays as text, two spaces a generation."""
-    return tuple(_ray_lines(ray, 0))
+    """What a pixel shows in plain words, then the tree of rays, two spaces a generation."""
+    return (summary(ray), *_ray_lines(ray, 0))
+
+
+def summary(ray: Ray) -> str:
+    """One sentence: what the pixel shows, which lights make which share of its luminance, and what keeps others from it."""
+    what = f"'{ray.hit.thing}' with the material '{ray.hit.material}'" if ray.hit else "Nothing but the surroundings"
+    if ray.hit and ray.hit.holdout:
+        return f"{what} is a holdout: nothing is seen here"
+    shares = _listed_shares(_contributions(ray))
+    lit = f": lit by {shares}" if shares else ": no light comes from here"
+    blocked = [f"{light} is blocked by {thing}" for light, thing in _blocked(ray.hit)] if ray.hit else []
+    return "; ".join([what + lit, *blocked])
+
+
+def _contributions(ray: Ray, way: str = "") -> Iterator[tuple[str, float]]:
+    """(source, luminance) of all that a ray and those after it bring. way: by which the first of them left the camera's line."""
+    yield from ((name + way, _luminance(ray.weight, radiance)) for name, radiance in ray.shapes)
+    yield "the surroundings" + way, _luminance(ray.weight, ray.background)
+    if ray.hit is not None and not ray.hit.holdout:
+        yield "ambient light" + way, _luminance(ray.weight, ray.hit.ambient)
+        yield f"the glow of '{ray.hit.thing}'" + way, _luminance(ray.weight, ray.hit.emission)
+        for term in ray.hit.lights:
+            for part in (term.diffuse, term.specular):
+                yield term.light + way, _luminance(ray.weight, part, term.shadow)
+    for after in ray.follow:
+        yield from _contributions(after, way or _WAYS.get(after.kind, ""))
+
+
+_WAYS = {"mirror": " (mirrored)", "refraction": " (refracted)"}
+_LUMINANCE = (0.2126, 0.7152, 0.0722)
+_NAMED = 4
+"""Sources that a sentence names at most."""
+
+
+def _luminance(*factors: tuple[float, ...]) -> float:
+    """Of the product of RGB colours."""
+    return sum(weight * math.prod(channels) for weight, *channels in zip(_LUMINANCE, *factors, strict=True))
+
+
+def _listed_shares(contributions: Iterator[tuple[str, float]]) -> str:
+    """'Sun 60 %, Softbox 30 %', the largest first; "" without any light."""
+    sums: dict[str, float] = {}
+    for name, luminance in contributions:
+        sums[name] = sums.get(name, 0.0) + luminance
+    total = sum(map(abs, sums.values()))
+    if not 0 < total < math.inf:
+        return ""
+    shares = sorted(((100 * value / total, name) for name, value in sums.items()), key=lambda share: -abs(share[0]))
+    named = [(share, name) for share, name in shares[:_NAMED] if abs(share) >= 1]
+    rest = 100 - sum(abs(share) for share, _ in named)
+    return ", ".join([f"{name} {share:.0f} %" for share, name in named] + ([f"others {rest:.0f} %"] if rest >= 1 else []))
+
+
+def _blocked(hit: Hit) -> list[tuple[str, str]]:
+    """(light, thing) for the lights of which nothing comes through, the first thing in their way."""
+    by_light: dict[str, list[LightTerm]] = {}
+    for term in hit.lights:
+        by_light.setdefault(term.light, []).append(term)
+    dark = {light: terms for light, terms in by_light.items() if not any(any(term.shadow) for term in terms)}
+    return [(light, f"'{terms[0].blocker}'") for light, terms in dark.items() if terms[0].blocker]
 
 
 def _ray_lines(ray: Ray, level: int) -> Iterator[str]:

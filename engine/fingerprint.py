@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from itertools import chain, islice
 from typing import Any
@@ -52,7 +52,8 @@ def _sha256(block: memoryview) -> bytes:
 def value_fingerprint(value: Any) -> str:
     """SHA-256 in hexadecimal of a scene, or of any value made of dataclasses, tuples, mappings, arrays and plain values."""
     digest = hashlib.sha256()
-    _feed(digest, value)
+    for piece in _pieces(value):
+        digest.update(piece)
     return digest.hexdigest()
 
 
@@ -67,24 +68,46 @@ def tracer_text(backend: str) -> str:
     return "NumPy" if backend == "NUMPY" else f"core interface {ABI_VERSION}"
 
 
-def _feed(digest: Any, value: Any) -> None:
-    """Every value is led by its kind and size, so that no two values run together."""
+_PLAIN = frozenset({str, int, float, bool, type(None)})
+
+
+def _pieces(value: Any) -> Iterator[bytes | memoryview]:
+    """What is hashed. Every value is led by its kind and size, so that no two values run together."""
     if isinstance(value, np.ndarray):
-        digest.update(f"array {value.dtype.str} {value.shape}".encode())
-        digest.update(np.ascontiguousarray(value).data)
+        yield f"array {value.dtype.str} {value.shape}".encode()
+        yield np.ascontiguousarray(value).data
     elif is_dataclass(value):
-        _feed_all(digest, type(value).__name__, [getattr(value, field.name) for field in fields(value)])
+        yield from _columns([value])
     elif isinstance(value, (tuple, list)):
-        _feed_all(digest, "list", value)
+        yield from _list_pieces(value)
     elif isinstance(value, (frozenset, set)):
-        _feed_all(digest, "set", sorted(value))
+        yield b"set"
+        yield from _pieces(sorted(value))
     elif isinstance(value, Mapping):
-        _feed_all(digest, "mapping", [part for pair in value.items() for part in pair])
+        yield b"mapping"
+        yield from _pieces(list(value.keys()))
+        yield from _pieces(list(value.values()))
     else:
-        digest.update(f"{type(value).__name__} {value!r};".encode())
+        yield f"{type(value).__name__} {value!r};".encode()
 
 
-def _feed_all(digest: Any, kind: str, values: Any) -> None:
-    digest.update(f"{kind} {len(values)}".encode())
-    for value in values:
-        _feed(digest, value)
+def _list_pieces(values: Sequence[Any]) -> Iterator[bytes | memoryview]:
+    """Where a scene has 50 000 objects, its lists are long and of one kind: they are hashed field by field, plain values in one go."""
+    kinds = set(map(type, values))
+    if kinds <= _PLAIN:
+        yield f"plain {len(values)} {list(values)!r};".encode()
+    elif kinds == {tuple} and set(map(type, chain.from_iterable(values))) <= _PLAIN:
+        yield f"plain tuples {len(values)} {list(values)!r};".encode()
+    elif len(kinds) == 1 and is_dataclass(next(iter(kinds))):
+        yield from _columns(values)
+    else:
+        yield f"list {len(values)}".encode()
+        for value in values:
+            yield from _pieces(value)
+
+
+def _columns(values: Sequence[Any]) -> Iterator[bytes | memoryview]:
+    """Of dataclasses of one kind."""
+    yield f"{type(values[0]).__name__} {len(values)}".encode()
+    for field in fields(values[0]):
+        yield from _pieces([getattr(value, field.name) for value in values])

@@ -28,8 +28,8 @@ def sentences(scene: Scene, stats: Mapping[str, float]) -> Iterator[str]:
         )
     if count := int(stats["dropped instances"]):
         yield (
-            f"{count} instances{_of(_bad_instances(scene))} have a matrix that is not finite or squeezes them to a line, and are left out: "
-            "give them a scale"
+            f"{count} instances{_of(_bad_instances(scene))} have a matrix that is not finite or leaves no surface (scales of 0, "
+            "or vastly unequal), and are left out: scale two axes alike"
         )
     if count := int(stats["dropped lights"]):
         names = (light.name for light in scene.lights if not _finite(light))

@@ -95,9 +95,10 @@ class LiveRender:
     def _wake_thread(self) -> None:
         self._changed.notify_all()
         if self._thread is None and not self._closed:
-            self._thread = threading.Thread(target=_serve, args=(weakref.ref(self), self._changed), name="glint live", daemon=True)
-            self._thread.start()
-            _threads.add(self._thread)
+            thread = threading.Thread(target=_serve, args=(weakref.ref(self), self._changed), name="glint live", daemon=True)
+            thread.start()
+            self._thread = thread
+            _threads.add(thread)
             _renders.add(self)
 
     @property

@@ -32,7 +32,7 @@ from .core_types import (
     SettingsData,
     StatsData,
 )
-from .errors import SceneError
+from .errors import NO_THREAD, SceneError
 from .film import PASSES, Film, empty_value
 from .packing import pack_scene, pack_settings, passes_of
 from .scene import Scene
@@ -41,6 +41,9 @@ from .view_axes import ViewAxes, narrow_view_axes
 
 LIBRARY_VARIABLE = "GLINT_CORE_LIBRARY"
 """Environment variable with the path of another build of the core."""
+
+ISA_VARIABLE = "GLINT_ISA"
+"""Environment variable that picks one of the core's instruction sets."""
 
 _POLL_MILLISECONDS = 40
 ERROR_BYTES = 8192
@@ -122,7 +125,14 @@ def render_native(
     packed, plan = pack_scene(axes.scene(scene) if axes else scene), pack_settings(scene, settings, "UNSEEN" if on_wave is None else "HELD")
     with _scene(core, packed.data) as handle, _render(core, handle, plan.data) as job:
         film = _Render(core, job, scene, settings, axes).run(should_stop, on_progress, on_wave)
-    return replace(film, notes=tuple(left_out.sentences(scene, film.stats)))
+    return replace(film, notes=(*left_out.sentences(scene, film.stats), *_instruction_set(core)))
+
+
+def _instruction_set(core: ctypes.CDLL) -> Iterator[str]:
+    """A note where the environment asks for one that is not to be had."""
+    asked, taken = os.environ.get(ISA_VARIABLE), core.glint_isa().decode()
+    if asked and asked != taken:
+        yield f"{ISA_VARIABLE} is {asked!r}, which this machine or the core does not have: {taken} draws the same picture; unset it"
 
 
 @contextmanager
@@ -150,17 +160,23 @@ def _render(core: ctypes.CDLL, scene: int, data: SettingsData) -> Iterator[int]:
 
 
 def _refusal(text: str, data: SceneData | SettingsData) -> Exception:
+    if text == "no thread":
+        return MemoryError(NO_THREAD)
     if text != "out of memory":
         return SceneError(text)
-    return MemoryError("the core ran out of memory" + (_film_needs(data) if isinstance(data, SettingsData) else ""))
+    return MemoryError(f"the core ran out of memory: {_film_needs(data) if isinstance(data, SettingsData) else _scene_needs(data)}")
+
+
+def _scene_needs(data: SceneData) -> str:
+    return f"{data.geometry_count} meshes in {data.row_count} places do not fit; use fewer, or close programs"
 
 
 def _film_needs(data: SettingsData) -> str:
     """Sums in double and the picture in float32 of every pass that is asked for."""
     x0, y0, x1, y1 = data.region
     channels = sum(PASSES[name] for name, number in core_types.PASS_NUMBERS.items() if data.passes >> number & 1)
-    gigabytes = (x1 - x0) * (y1 - y0) * channels * 12 / 1e9
-    return f": a picture of {x1 - x0} by {y1 - y0} pixels with {channels} channels needs {gigabytes:.1f} GB"
+    gigabytes = max(0.1, (x1 - x0) * (y1 - y0) * channels * 12 / 1e9)
+    return f"a picture of {x1 - x0} by {y1 - y0} pixels with {channels} channels needs {gigabytes:.1f} GB; use a smaller one, fewer passes"
 
 
 class _Render:
@@ -192,7 +208,11 @@ class _Render:
     def _result(self, progress: ProgressData) -> Film:
         if progress.state == FAILED:
             text = self._core.glint_render_error(self._handle).decode(errors="replace")
-            raise MemoryError("the core ran out of memory") if text == "out of memory" else RuntimeError(f"the core failed: {text}")
+            if text == "out of memory":
+                count = self._core.glint_render_stats(self._handle).primitives
+                needs = f"{count} triangles, spheres and polygons with their trees do not fit"
+                raise MemoryError(f"the core ran out of memory: {needs}; use fewer, a smaller picture, or close programs")
+            raise RuntimeError(f"the core failed: {text}")
         return self._film(progress.samples, complete=progress.state != CANCELLED, ended=True)
 
     def _film(self, samples: int, complete: bool, ended: bool) -> Film:
@@ -211,7 +231,8 @@ class _Render:
         size = math.prod(shape)
         handle = self._core.glint_render_picture(self._handle, core_types.PASS_NUMBERS[name], size)
         if not handle:
-            raise RuntimeError(f"the core has no pass {name!r} of {size} numbers")
+            needs = f"pass {name!r} needs {size * 4 / 1e9:.1f} GB"
+            raise MemoryError(f"the core ran out of memory: {needs}; use a smaller picture or fewer passes")
         memory = (c_float * size).from_address(self._core.glint_picture_values(handle))
         weakref.finalize(memory, self._core.glint_picture_free, handle).atexit = False
         picture = np.frombuffer(memory, np.float32).reshape(shape)

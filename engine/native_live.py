@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from . import native
+from . import left_out, native
 from .core_types import DONE, FAILED
 from .film import Film
 from .packing import Packed, ScenePacker, pack_settings
@@ -47,10 +47,14 @@ class NativeLive:
 
         exact: the bits of `native.render_native`. Else trees may be those of another place of the camera, and what moved has its own.
         """
+
+        def give(film: Film, final: bool) -> None:
+            on_film(replace(film, notes=tuple(left_out.sentences(scene, film.stats))) if final else film, final)
+
         held = self._hold(scene, exact)
         plan = pack_settings(scene, settings, waves="SEEN", remember=exact)
         with native._render(self._core, held.handle, plan.data) as job:
-            self._run(job, native._Render(self._core, job, scene, settings, held.axes), settings.samples, should_stop, on_film)
+            self._run(job, native._Render(self._core, job, scene, settings, held.axes), settings.samples, should_stop, give)
 
     def draw(self, scene: Scene, settings: Settings, should_stop: Callable[[], bool]) -> Film:
         """`native.render_native` on the scene that is held: the same bits and the same work, so that its time and rays can be told."""

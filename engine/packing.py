@@ -328,7 +328,8 @@ def _material(packer: _Packer, lobes: Sequence[Lobe], index: int) -> tuple:
     first = len(packer.lobes)
     for lobe in lobes:
         kind = number(lobe.kind, LOBES, "lobe kind")
-        packer.lobes.append((lobe.exponent, lobe.ior, len(packer.inputs), len(lobe.factors), kind, lobe.fresnel))
+        fresnel = lobe.fresnel | lobe.schlick << 1
+        packer.lobes.append((lobe.exponent, lobe.ior, lobe.masking, len(packer.inputs), len(lobe.factors), kind, fresnel))
         packer.inputs.extend([_input(packer, factor) for factor in lobe.factors])
     return (first, len(lobes), index, 0)
 
@@ -337,12 +338,17 @@ def _input(packer: _Packer, factor: Input) -> tuple:
     return (
         factor.value,
         sum(map(tuple, factor.uv_transform), ()),
+        factor.offset,
+        factor.low,
+        factor.high,
         factor.texture,
         number(factor.channel, _CHANNELS, "channel"),
         packer.name(factor.uv) if factor.uv else -1,
         packer.name(factor.attribute) if factor.attribute else -1,
         number(factor.attribute_channel, _CHANNELS, "channel"),
+        not factor.is_plain,
         factor.complement,
+        0,
     )
 
 

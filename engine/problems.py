@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from .linear import length, pseudo_inverse
+from .linear import determinant, length, pseudo_inverse
 from .scene import (
     CORNER,
     FACE,
@@ -58,7 +58,7 @@ def scene_problems(scene: Scene) -> list[str]:
     checks: tuple[tuple[Iterable[Any], Callable[[Any], Found]], ...] = (
         ((scene.camera,), _camera),
         (scene.geometries, _geometry),
-        (scene.instances, partial(_instances, scene)),
+        (_worth_asking(scene.instances), partial(_instances, scene)),
         (scene.materials, partial(_material, len(scene.textures))),
         (scene.textures, _texture),
         (scene.lights, _light),
@@ -269,6 +269,24 @@ def _offsets(offsets: np.ndarray, count: int) -> Found:
         yield f"polygon {k} has {corners[k]} corners: use at least 3"
 
 
+def _worth_asking(groups: Sequence[Instances]) -> Sequence[Instances]:
+    """All of them; but where all matrices are sound, one of those that differ in names and matrices alone. A file of 50 000 objects has as
+    many groups, and to ask each takes longer than to trace them."""
+    if {getattr(group.world_from_object, "dtype", None) for group in groups} != {np.dtype(np.float64)}:
+        return groups
+    if {group.world_from_object.shape[1:] for group in groups} != {(3, 4)} or {type(group.materials) for group in groups} != {tuple}:
+        return groups
+    if not np.isfinite(np.concatenate([group.world_from_object for group in groups])).all():
+        return groups
+    return list({_kind(group): group for group in reversed(groups)}.values())[::-1]
+
+
+def _kind(group: Instances) -> tuple:
+    """What `_instances` looks at but for the matrices, with the types: 1.0 equals 1 and is no index."""
+    values = (group.geometry, group.object_index, *group.materials)
+    return values, tuple(map(type, values))
+
+
 def _instances(scene: Scene, instances: Instances) -> Found:
     yield from _handle("geometry", instances.geometry, len(scene.geometries), "geometries")
     shapes = [*_array("world_from_object", instances.world_from_object, np.float64, (None, 3, 4))]
@@ -297,6 +315,7 @@ def _lobe(lobe: Lobe, textures: int) -> Found:
     yield from _at_least("exponent", lobe.exponent, 0)
     if not (isinstance(lobe.ior, _REAL) and np.isfinite(lobe.ior) and lobe.ior > 0):
         yield f"ior is {lobe.ior!r}: use a finite number above 0"
+    yield from _at_least("masking", lobe.masking, 0, 1)
     strangers = [*_holds("factors", lobe.factors, (Input,))]
     yield from strangers
     for factor in () if strangers else lobe.factors:
@@ -308,6 +327,9 @@ def _input(factor: Input, textures: int) -> Found:
     yield from _handle("texture", factor.texture, textures, "textures", none=True)
     yield from _one_of("channel", factor.channel, ("COLOR", "ALPHA", "LUMINANCE"))
     yield from _one_of("attribute_channel", factor.attribute_channel, ("COLOR", "ALPHA"))
+    yield from _numbers("offset", factor.offset, 3)
+    if not (isinstance(factor.low, _REAL) and isinstance(factor.high, _REAL) and factor.low <= factor.high):
+        yield f"low is {factor.low!r} and high {factor.high!r}: use numbers, low at most high"
     for row in factor.uv_transform:
         yield from _numbers("a row of uv_transform", row, 3)
     if len(factor.uv_transform) != 2:
@@ -367,7 +389,7 @@ def _not_a_frame(name: str, matrix: np.ndarray) -> Found:
 
 def _is_flat(axes: np.ndarray) -> bool:
     """(3, 3) unit columns. The decomposition decides, where the volume of the axes leaves a doubt."""
-    return not abs(np.linalg.det(axes)) >= _DOUBTFUL_VOLUME and pseudo_inverse(axes).rank < 3
+    return not abs(determinant(axes)) >= _DOUBTFUL_VOLUME and pseudo_inverse(axes).rank < 3
 
 
 def _camera(camera: Camera) -> Found:

@@ -123,13 +123,13 @@ class Texture:
 
 @dataclass(frozen=True)
 class Input:
-    """A colour that may vary over the surface: value × texture(uv) × attribute, or one minus that.
+    """A colour that may vary over the surface: value × texture(uv) × attribute + offset, kept between low and high, or one minus that.
 
     value: RGB.  texture: index into `Scene.textures`, -1 for none.  channel: COLOR, or ALPHA (the texture's alpha on all three),
     or LUMINANCE (the mean of the three as grey).  uv: name of the UV attribute, "" for the active one.
     uv_transform: ((a, b, c), (d, e, f)) with u' = a u + b v + c and v' = d u + e v + f.
     attribute: name of a colour attribute, "" for none; a name the mesh lacks reads as 0.
-    attribute_channel: COLOR or ALPHA.  complement: the result is 1 - the product.
+    attribute_channel: COLOR or ALPHA.  offset: RGB.  low, high: bounds of each channel.  complement: the result is 1 - all that.
     """
 
     value: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -139,7 +139,15 @@ class Input:
     uv_transform: tuple[tuple[float, float, float], tuple[float, float, float]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     attribute: str = ""
     attribute_channel: str = "COLOR"
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    low: float = -np.inf
+    high: float = np.inf
     complement: bool = False
+
+    @property
+    def is_plain(self) -> bool:
+        """A product without offset and bounds, or one minus that."""
+        return self.low == -np.inf and self.high == np.inf and not any(self.offset)
 
 
 LOBES = ("AMBIENT", "DIFFUSE", "SPECULAR", "MIRROR", "REFRACTION", "TRANSPARENT", "EMISSION")
@@ -149,9 +157,11 @@ LOBES = ("AMBIENT", "DIFFUSE", "SPECULAR", "MIRROR", "REFRACTION", "TRANSPARENT"
 class Lobe:
     """One term of a surface: `kind` times the product of `factors` (the notes' coefficient k).
 
-    exponent: Phong exponent p >= 0 of a SPECULAR lobe.
+    exponent: >= 0, Phong's of a SPECULAR lobe; an AMBIENT or DIFFUSE one is times (1 - n·v) to that power.
     ior: > 0. On REFRACTION the index inside the surface. `fresnel` multiplies a MIRROR lobe by the dielectric Fresnel reflectance
-    of `ior`, and a REFRACTION lobe by one minus it.
+    of `ior`, a REFRACTION lobe by one minus it, and a SPECULAR lobe by what it is between v and h.
+    schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵ (Schlick 1994): what a metal's reflectance gains towards grazing angles.
+    masking: 0 to 1, of a SPECULAR lobe: the α of Smith's shadowing and masking, as GGX has them, which it is times; 0 for none.
     """
 
     kind: str
@@ -159,6 +169,8 @@ class Lobe:
     exponent: float = 0.0
     ior: float = 1.0
     fresnel: bool = False
+    schlick: bool = False
+    masking: float = 0.0
 
 
 @dataclass(frozen=True)

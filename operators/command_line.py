@@ -13,6 +13,8 @@ from .. import engine
 from ..addon.stamp import manifest
 from ..engine.trade import KNOBS
 
+_INTERRUPTED = 130
+"""Exit code after Ctrl-C, as in a shell."""
 _commands: list = []
 
 
@@ -28,13 +30,17 @@ def information() -> list[tuple[str, str]]:
 
 
 def run(arguments: list[str]) -> int:
-    """The command's body; returns the exit code: 0 for success, 1 for a difference or a failure, 2 for what cannot be answered."""
+    """The command's body; returns the exit code: 0 for success, 1 for a difference or a failure, 2 for what cannot be answered, 130 after
+    Ctrl-C."""
     options = _parser().parse_args(arguments)
     try:
         return options.act(options)
     except (RuntimeError, ValueError, OSError, MemoryError) as error:
         sys.stderr.write(f"glint {options.action}: {' '.join(str(error).split())}\n")
         return 2
+    except KeyboardInterrupt:
+        sys.stderr.write(f"glint {options.action}: interrupted\n")
+        return _INTERRUPTED
 
 
 def _parser() -> argparse.ArgumentParser:

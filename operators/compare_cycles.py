@@ -5,6 +5,7 @@ Blender reads the operator's annotations as they are, so this module must not ma
 
 import json
 import logging
+import tempfile
 from collections.abc import Generator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -97,7 +98,7 @@ def limit_size(scene: bpy.types.Scene, side: int) -> None:
 def compare_with_cycles(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options = Options()) -> Comparison:
     """Render both and write compare.png, compare.json and the pictures as EXR into `folder`; the scene stays as it is.
 
-    Raises RuntimeError with Blender's message when a render fails.
+    Raises RuntimeError with Blender's message when a render fails, OSError when a file cannot be written.
     """
     steps = comparison_steps(scene, view_layer, folder, options)
     while True:
@@ -203,7 +204,10 @@ Esc stops between two pictures"""
     bl_label = "Compare with Cycles"
 
     directory: bpy.props.StringProperty(
-        name="Folder", description="Where the pictures and numbers go", subtype="DIR_PATH", default="//compare"
+        name="Folder",
+        description="Where the pictures and numbers go; while the file is not saved, a folder among the temporary ones stands for //",
+        subtype="DIR_PATH",
+        default="//compare",
     )
     samples: bpy.props.IntProperty(name="Cycles Samples", description="Time grows in proportion", default=64, min=4, max=65536)
     bounces: bpy.props.IntProperty(name="Bounces", description="Of mirrors and glass, in both engines", default=0, min=0, max=64)
@@ -225,8 +229,8 @@ Esc stops between two pictures"""
     def execute(self, context: bpy.types.Context) -> set[str]:
         """All at once for scripts; picture by picture where there is a window, so that Esc is heard."""
         options = Options(self.samples, self.bounces, self.side, self.full_light)
-        folder = Path(bpy.path.abspath(self.directory))
-        self._steps = comparison_steps(context.scene, context.view_layer.name, folder, options)
+        self._folder = chosen_folder(self.directory)
+        self._steps = comparison_steps(context.scene, context.view_layer.name, self._folder, options)
         if self._with_window:
             self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
             context.window_manager.modal_handler_add(self)
@@ -259,9 +263,9 @@ Esc stops between two pictures"""
             fraction = next(self._steps)
         except StopIteration as end:
             return self._finish(context, end.value)
-        except (RuntimeError, OSError) as error:
+        except Exception as error:
             log.exception("the comparison failed")
-            self.report({"ERROR"}, f"The comparison failed: {' '.join(str(error).split())}")
+            self.report({"ERROR"}, f"The comparison failed: {_reason(error)}")
             return {"CANCELLED"}
         if self._with_window:
             context.workspace.status_text_set(f"Glint compares with Cycles: {fraction:.0%} (Esc stops)")
@@ -271,9 +275,22 @@ Esc stops between two pictures"""
         from .show_picture import show
 
         show("Glint and Cycles", result.strip, context)
-        for line in report_lines(result):
+        for line in (*report_lines(result), f"Pictures and numbers are in {self._folder}"):
             self.report({"INFO"}, line)
         return {"FINISHED"}
+
+
+def chosen_folder(directory: str) -> Path:
+    """The folder that a user named. Beside a file that was never saved there is none: then a new one among the temporary files."""
+    if directory.startswith("//") and not bpy.data.filepath:
+        return Path(tempfile.mkdtemp(prefix="glint-compare-"))
+    return Path(bpy.path.abspath(directory))
+
+
+def _reason(error: Exception) -> str:
+    """In one line; what Blender reported begins with Error: already."""
+    text = " ".join(str(error).split()).removeprefix("Error: ")
+    return text if isinstance(error, (RuntimeError, OSError, MemoryError)) and text else f"{type(error).__name__}: {text}"
 
 
 def report_lines(result: Comparison) -> list[str]:

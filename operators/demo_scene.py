@@ -14,6 +14,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from ..addon.export.shapes import mark_sphere
+
 CORAL, TEAL, BRASS = (0.80, 0.115, 0.075), (0.03, 0.30, 0.32), (0.83, 0.55, 0.22)
 CHAMPAGNE, IVORY, SLATE, INK = (0.97, 0.83, 0.68), (0.80, 0.76, 0.68), (0.125, 0.175, 0.235), (0.035, 0.045, 0.06)
 
@@ -56,12 +58,13 @@ def _build_knot(scene) -> None:
 
 def _build_spheres(scene) -> None:
     """True spheres: a mirror ball, a brass ball and an arc of pearls that grow along it."""
-    _add_points(scene, "Mirror Ball", [(2.62, 0.75, 1.16)], [1.02], _mirror("Mirror", CHAMPAGNE))
-    _add_points(scene, "Brass Ball", [(-1.42, -1.05, 0.60)], [0.46], _polished("Brass", BRASS))
-    angles = [radians(-66 + 6.3 * k + 0.12 * k * k) for k in range(10)]
-    radii = [0.10 + 0.013 * k for k in range(10)]
-    centers = [(3.45 * sin(a), 0.1 - 3.45 * cos(a), 0.14 + r) for a, r in zip(angles, radii, strict=True)]
-    _add_points(scene, "Pearls", centers, radii, _glossy("Pearl", IVORY, roughness=0.15))
+    _add(scene, "Mirror Ball", _ball_mesh("Mirror Ball", 1.02), _mirror("Mirror", CHAMPAGNE), location=(2.62, 0.75, 1.16))
+    _add(scene, "Brass Ball", _ball_mesh("Brass Ball", 0.46), _polished("Brass", BRASS), location=(-1.42, -1.05, 0.60))
+    pearl, material = _ball_mesh("Pearl", 1.0), _glossy("Pearl", IVORY, roughness=0.15)
+    for k in range(10):
+        angle, radius = radians(-66 + 6.3 * k + 0.12 * k * k), 0.10 + 0.013 * k
+        center = (3.45 * sin(angle), 0.1 - 3.45 * cos(angle), 0.14 + radius)
+        _add(scene, f"Pearl {k}", pearl, material if k == 0 else None, location=center).scale = (radius,) * 3
 
 
 def _build_tower(scene) -> None:
@@ -140,35 +143,6 @@ def _add_light(scene, name: str, kind: str, location, target, energy: float, col
     return light
 
 
-def _add_points(scene, name: str, centers, radii, material) -> None:
-    """True spheres, as a point cloud that geometry nodes make from vertices with a radius."""
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata([tuple(c) for c in centers], [], [])
-    mesh.attributes.new("sphere_radius", "FLOAT", "POINT").data.foreach_set("value", np.asarray(radii, np.float32))
-    item = _add(scene, name, mesh, material)
-    item.modifiers.new("Spheres", "NODES").node_group = _sphere_nodes(name, material)
-
-
-def _sphere_nodes(name: str, material):
-    """Geometry nodes: vertices → points of radius `sphere_radius` → material."""
-    group = bpy.data.node_groups.new(f"{name} Spheres", "GeometryNodeTree")
-    group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
-    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    kinds = ("NodeGroupInput", "GeometryNodeInputNamedAttribute", "GeometryNodeMeshToPoints", "GeometryNodeSetMaterial", "NodeGroupOutput")
-    source, radius, points, paint, sink = (group.nodes.new(kind) for kind in kinds)
-    radius.data_type = "FLOAT"
-    radius.inputs["Name"].default_value = "sphere_radius"
-    paint.inputs["Material"].default_value = material
-    for output, target in (
-        (source.outputs[0], points.inputs["Mesh"]),
-        (radius.outputs["Attribute"], points.inputs["Radius"]),
-        (points.outputs[0], paint.inputs["Geometry"]),
-        (paint.outputs[0], sink.inputs[0]),
-    ):
-        group.links.new(output, target)
-    return group
-
-
 def _looking_at(location, target) -> Matrix:
     direction = Vector(target) - Vector(location)
     return Matrix.Translation(location) @ direction.to_track_quat("-Z", "Y").to_matrix().to_4x4()
@@ -225,6 +199,17 @@ def _disc_mesh(name: str, radius: float, height: float, segments: int):
         for loop in face.loops:
             loop[uv].uv = (0.5 + loop.vert.co.x / (2 * radius), 0.5 + loop.vert.co.y / (2 * radius))
     return _to_mesh(name, shape)
+
+
+def _ball_mesh(name: str, radius: float):
+    """A fine smooth sphere, with the mark by which Glint takes it for a true one."""
+    shape = bmesh.new()
+    bmesh.ops.create_uvsphere(shape, u_segments=96, v_segments=48, radius=radius)
+    for face in shape.faces:
+        face.smooth = True
+    mesh = _to_mesh(name, shape)
+    mark_sphere(mesh)
+    return mesh
 
 
 def _slab_mesh(name: str):

@@ -3,12 +3,14 @@
 Blender reads the operators' annotations as they are, so this module must not make them strings.
 """
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import bpy
 from bpy.props import IntProperty
 
 from ..addon import viewport
+from ..addon.lines import draw_text
 from ..engine import PixelExplainer, Scene, SceneError, Settings, explanation_lines
 from ..engine.fingerprint import value_fingerprint
 from .scene_copy import read_job
@@ -19,11 +21,14 @@ if TYPE_CHECKING:
 _explained: list[str] = []
 """The last explanation of this session, line by line."""
 
+_DRAWN = 0.2
+"""Seconds after which Blender has drawn a sidebar."""
+
 _ready: dict[str, PixelExplainer] = {}
 """The explainer of the last scene by the fingerprint of all it depends on: further clicks need no new tree."""
 
-_TABS = 4
-"""Spaces of the text that one level of the panel stands for, at most."""
+TEXT = "Explain Pixel"
+"""Name of the text that an explanation becomes when somebody wants it as one."""
 
 
 def explain_render(scene: bpy.types.Scene, view_layer: str, x: int, y: int) -> "Ray":
@@ -51,7 +56,7 @@ def _explainer(scene: Scene, settings: Settings) -> PixelExplainer:
 
 
 class GLINT_OT_explain_pixel(bpy.types.Operator):
-    """Click on a pixel: its rays with hit points, normals, every light's terms, shadows and their blockers, mirrors and refraction"""
+    """Click on a pixel to learn what lights it and what blocks its lights. The answer stands in the sidebar, tab Glint"""
 
     bl_idname = "glint.explain_pixel"
     bl_label = "Explain Pixel"
@@ -64,23 +69,36 @@ class GLINT_OT_explain_pixel(bpy.types.Operator):
         return context.engine == "GLINT" and context.area is not None and context.area.type in ("VIEW_3D", "IMAGE_EDITOR")
 
     def invoke(self, context, event):
+        self._pressed = False
         context.window.cursor_modal_set("EYEDROPPER")
+        context.workspace.status_text_set("Click on a pixel to explain it (Esc leaves)")
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
+        """The click ends with its release: what is shown before would take the release for a click of its own."""
         if event.type in ("ESC", "RIGHTMOUSE"):
-            context.window.cursor_modal_restore()
+            self._leave(context)
             return {"CANCELLED"}
-        if event.type != "LEFTMOUSE" or event.value != "PRESS":
+        if event.type != "LEFTMOUSE" or not self._pressed or event.value != "RELEASE":
+            self._pressed = self._pressed or (event.type == "LEFTMOUSE" and event.value == "PRESS")
             return {"RUNNING_MODAL"}
-        context.window.cursor_modal_restore()
-        region = next((region for region in context.area.regions if region.type == "WINDOW"), None)
+        self._leave(context)
+        region = next(region for region in context.area.regions if region.type == "WINDOW")
         self.x, self.y = _point(context, region, event.mouse_x - region.x, event.mouse_y - region.y)
         result = self.execute(context)
         if result == {"FINISHED"}:
-            context.window_manager.popup_menu(_draw_popup, title="Explain Pixel", icon="EYEDROPPER")
+            _open_sidebar(context.area)
+            self.report({"INFO"}, _explained[0])
         return result
+
+    def cancel(self, context):
+        """Blender itself ends the operator: a file is loaded, a window closes."""
+        self._leave(context)
+
+    def _leave(self, context: bpy.types.Context) -> None:
+        context.window.cursor_modal_restore()
+        context.workspace.status_text_set(None)
 
     def execute(self, context):
         try:
@@ -97,7 +115,7 @@ class GLINT_OT_copy_explanation(bpy.types.Operator):
     """Copy the explanation of the last pixel to the clipboard"""
 
     bl_idname = "glint.copy_explanation"
-    bl_label = "Copy as Text"
+    bl_label = "Copy to Clipboard"
 
     @classmethod
     def poll(cls, context):
@@ -106,6 +124,59 @@ class GLINT_OT_copy_explanation(bpy.types.Operator):
     def execute(self, context):
         context.window_manager.clipboard = "\n".join(_explained)
         return {"FINISHED"}
+
+
+class GLINT_OT_explanation_as_text(bpy.types.Operator):
+    """Put the explanation of the last pixel into a text block, and that into a text editor: the one that is open, or a new window"""
+
+    bl_idname = "glint.explanation_as_text"
+    bl_label = "Open as Text"
+
+    @classmethod
+    def poll(cls, context):
+        return bool(_explained)
+
+    def execute(self, context):
+        text = bpy.data.texts.get(TEXT) or bpy.data.texts.new(TEXT)
+        text.from_string("\n".join([*_explained, ""]))
+        editor = _text_editor(context)
+        if editor is not None:
+            editor.text, editor.top, editor.show_word_wrap = text, 0, True
+        return {"FINISHED"}
+
+
+def _text_editor(context: bpy.types.Context) -> bpy.types.SpaceTextEditor | None:
+    """One that is open, else one in a window of its own; None in a program without windows."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "TEXT_EDITOR":
+                return area.spaces.active
+    if bpy.app.background or context.area is None:
+        return None
+    before = set(context.window_manager.windows)
+    bpy.ops.screen.area_dupli("INVOKE_DEFAULT")
+    [window] = set(context.window_manager.windows) - before
+    area = window.screen.areas[0]
+    area.type = "TEXT_EDITOR"
+    return area.spaces.active
+
+
+def _open_sidebar(area: bpy.types.Area) -> None:
+    """With the tab that has the answer, which a sidebar has only when it was drawn."""
+    area.spaces.active.show_region_ui = True
+    address = area.as_pointer()
+    bpy.app.timers.register(lambda: _turn_to_answer(address), first_interval=_DRAWN)
+
+
+def _turn_to_answer(address: int) -> None:
+    """Of the area at this address, if it is still there."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.as_pointer() == address:
+                sidebar = next(region for region in area.regions if region.type == "UI")
+                with suppress(TypeError):  # where the user has closed the sidebar again, it has no tabs
+                    sidebar.active_panel_category = _ExplainPanel.bl_category
+                sidebar.tag_redraw()
 
 
 def _explain(context: bpy.types.Context, x: int, y: int) -> "Ray":
@@ -125,18 +196,6 @@ def _point(context: bpy.types.Context, region: bpy.types.Region, x: int, y: int)
     return int(u * width), int(v * height)
 
 
-def _draw_lines(layout: bpy.types.UILayout) -> None:
-    column = layout.column(align=True)
-    for line in _explained:
-        text = line.lstrip(" ")
-        column.label(text=" " * min(len(line) - len(text), 4 * _TABS) + text)
-
-
-def _draw_popup(self: bpy.types.Menu, context: bpy.types.Context) -> None:
-    _draw_lines(self.layout)
-    self.layout.operator(GLINT_OT_copy_explanation.bl_idname, icon="COPYDOWN")
-
-
 class _ExplainPanel:
     bl_label = "Explain Pixel"
     bl_region_type = "UI"
@@ -149,8 +208,11 @@ class _ExplainPanel:
     def draw(self, context):
         row = self.layout.row(align=True)
         row.operator(GLINT_OT_explain_pixel.bl_idname, icon="EYEDROPPER")
+        row.operator(GLINT_OT_explanation_as_text.bl_idname, text="", icon="TEXT")
         row.operator(GLINT_OT_copy_explanation.bl_idname, text="", icon="COPYDOWN")
-        _draw_lines(self.layout)
+        if _explained:
+            draw_text(self.layout.box().column(align=True), _explained[:1], context.region)
+            draw_text(self.layout.column(align=True), _explained[1:], context.region)
 
 
 class GLINT_VIEW3D_PT_explain_pixel(_ExplainPanel, bpy.types.Panel):
@@ -161,6 +223,12 @@ class GLINT_IMAGE_PT_explain_pixel(_ExplainPanel, bpy.types.Panel):
     bl_space_type = "IMAGE_EDITOR"
 
 
-_CLASSES = (GLINT_OT_explain_pixel, GLINT_OT_copy_explanation, GLINT_VIEW3D_PT_explain_pixel, GLINT_IMAGE_PT_explain_pixel)
+_CLASSES = (
+    GLINT_OT_explain_pixel,
+    GLINT_OT_copy_explanation,
+    GLINT_OT_explanation_as_text,
+    GLINT_VIEW3D_PT_explain_pixel,
+    GLINT_IMAGE_PT_explain_pixel,
+)
 
 register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -128,7 +128,7 @@ class GLINT_OT_measure_scene(bpy.types.Operator):
 and keeps what was measured"""
 
     bl_idname = "glint.measure_scene"
-    bl_label = "Measure This Scene"
+    bl_label = "Tune Settings"
 
     json_path: bpy.props.StringProperty(name="JSON", description="File for the table, if any", subtype="FILE_PATH", options={"SKIP_SAVE"})
     plot_path: bpy.props.StringProperty(

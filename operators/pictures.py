@@ -14,6 +14,17 @@ import numpy as np
 _EXR = b"v/1\x01"
 _PNG = b"\x89PNG\r\n\x1a\n"
 _MULTIPART = 0x1000
+_EXR_BLOCK_LINES = (1, 1, 1, 16, 32, 16, 32, 32, 32, 256)
+"""Lines of a block by compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
+_PNG_END = b"IEND\xaeB`\x82"
+
+
+def render_result() -> bpy.types.Image:
+    """The image that holds the last render; its name is the user's to change. Raises RuntimeError before the first render."""
+    found = next((image for image in bpy.data.images if image.type == "RENDER_RESULT"), None)
+    if found is None:
+        raise RuntimeError("Blender has no Render Result: nothing was rendered")
+    return found
 
 
 def read_picture(path: Path) -> np.ndarray:
@@ -77,6 +88,17 @@ def header_texts(path: Path) -> dict[str, str]:
     raise ValueError(f"{path} is neither OpenEXR nor PNG, so it carries no stamp")
 
 
+def check_whole(path: Path) -> None:
+    """Raises OSError where an OpenEXR or PNG file is missing or cut off: Blender says on a full disk, too, that it saved the picture."""
+    data = path.read_bytes() if path.is_file() else b""
+    try:
+        is_whole = _exr_is_whole(data) if data.startswith(_EXR) else data.endswith(_PNG_END)
+    except (IndexError, KeyError, ValueError, struct.error):
+        is_whole = False
+    if not is_whole:
+        raise OSError(f"{path} is not whole ({len(data)} bytes are there): make room on its disk or write elsewhere, then render again")
+
+
 def is_multilayer(path: Path) -> bool:
     """Whether an EXR file names its channels by layer."""
     data = path.read_bytes()
@@ -93,20 +115,42 @@ def sample_bits(path: Path) -> int:
     return 16 if struct.unpack_from("<i", channels, first_kind)[0] == 1 else 32
 
 
-def _exr_attributes(data: bytes) -> Iterator[tuple[str, str, bytes]]:
-    """(name, type, value) of every part's header (OpenEXR file layout)."""
-    multipart, place = struct.unpack_from("<I", data, 4)[0] & _MULTIPART, 8
-    while data[place]:
+def _exr_headers(data: bytes) -> tuple[list[dict[str, tuple[str, bytes]]], int]:
+    """Every part's attributes, name → (type, value), and where the tables of blocks begin (OpenEXR file layout)."""
+    multipart, place, parts = struct.unpack_from("<I", data, 4)[0] & _MULTIPART, 8, []
+    while data[place] and (multipart or not parts):
+        parts.append({})
         while data[place]:
             name_end = data.index(b"\0", place)
             kind_end = data.index(b"\0", name_end + 1)
             (size,) = struct.unpack_from("<I", data, kind_end + 1)
             start = kind_end + 5
-            yield data[place:name_end].decode(), data[name_end + 1 : kind_end].decode(), data[start : start + size]
+            parts[-1][data[place:name_end].decode()] = (data[name_end + 1 : kind_end].decode(), data[start : start + size])
             place = start + size
         place += 1
-        if not multipart:
-            return
+    return parts, place + bool(multipart)
+
+
+def _exr_attributes(data: bytes) -> Iterator[tuple[str, str, bytes]]:
+    """(name, type, value) of every part's header."""
+    for part in _exr_headers(data)[0]:
+        for name, (kind, value) in part.items():
+            yield name, kind, value
+
+
+def _exr_is_whole(data: bytes) -> bool:
+    """Whether the tables name a place for every block of lines, and the last of them lies inside the file."""
+    multipart = struct.unpack_from("<I", data, 4)[0] & _MULTIPART
+    parts, tables = _exr_headers(data)
+    places = struct.unpack_from(f"<{sum(map(_exr_blocks, parts))}Q", data, tables)
+    size_at = max(places) + (8 if multipart else 4)  # behind the part's number, in files of several, and that of the block's first line
+    return min(places) > 0 and size_at + 4 + struct.unpack_from("<i", data, size_at)[0] <= len(data)
+
+
+def _exr_blocks(part: dict[str, tuple[str, bytes]]) -> int:
+    """Blocks of lines in a part, none of which Blender makes of tiles."""
+    _, low, _, high = struct.unpack("<4i", part["dataWindow"][1])
+    return -(-(high - low + 1) // _EXR_BLOCK_LINES[part["compression"][1][0]])
 
 
 def _png_texts(data: bytes) -> Iterator[tuple[str, str]]:

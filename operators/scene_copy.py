@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ..addon import final, statistics
-from .pictures import read_picture
+from .pictures import check_whole, read_picture, render_result
 
 
 @contextmanager
@@ -22,7 +22,7 @@ def copied(scene: bpy.types.Scene, view_layer: str, *, in_focus: bool = False) -
     copy = scene.copy()
     cameras: list[tuple] = []
     try:
-        if in_focus and copy.camera is not None:
+        if in_focus and copy.camera is not None and copy.camera.type == "CAMERA":
             cameras.append(_focused_camera(copy))
         render = copy.render
         render.use_border = render.use_compositing = render.use_sequencer = render.use_motion_blur = render.use_freestyle = False
@@ -59,7 +59,8 @@ def read_job(scene: bpy.types.Scene, view_layer: str) -> final.Job:
 
 def rendered(copy: bpy.types.Scene, path: Path) -> tuple[np.ndarray, float]:
     """Render a copy with its own engine into an EXR file; gives the picture, (h, w, 4) float32 with row 0 at the bottom, and the
-    seconds, Blender's own work included. Raises RuntimeError with Blender's message when the render fails."""
+    seconds, Blender's own work included. Raises RuntimeError with Blender's message when the render fails, OSError when the file is not
+    whole."""
     image = copy.render.image_settings
     if hasattr(image, "media_type"):
         image.media_type = "IMAGE"
@@ -67,7 +68,8 @@ def rendered(copy: bpy.types.Scene, path: Path) -> tuple[np.ndarray, float]:
     start = time.perf_counter()
     bpy.ops.render.render(scene=copy.name)
     seconds = time.perf_counter() - start
-    bpy.data.images["Render Result"].save_render(str(path), scene=copy)
+    render_result().save_render(str(path), scene=copy)
+    check_whole(path)
     return read_picture(path), seconds
 
 

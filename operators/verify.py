@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ..addon import stamp, statistics
-from .pictures import header_texts, is_multilayer, read_planes, sample_bits
+from .pictures import check_whole, header_texts, is_multilayer, read_planes, sample_bits
 
 _PREFIX = "glint."
 
@@ -32,7 +32,8 @@ class Verdict:
 def verify(picture: Path, blend: Path | None = None) -> Verdict:
     """Open the .blend file (None: the one that the picture names), render the picture's frame and compare with stamp and pixels.
 
-    Raises NoStampError, and RuntimeError with Blender's message when the file cannot be opened or rendered.
+    Raises NoStampError, OSError for a picture that is cut off, and RuntimeError with Blender's message when the file cannot be opened or
+    rendered.
     """
     texts = header_texts(picture)
     stamps = read_stamps(texts)
@@ -41,6 +42,7 @@ def verify(picture: Path, blend: Path | None = None) -> Verdict:
     source = blend or Path(texts.get("File", ""))
     if not source.is_file():
         raise NoStampError(f"{picture} was made from {texts.get('File', 'an unknown file')}, which is not there: name the .blend file")
+    check_whole(picture)
     bpy.ops.wm.open_mainfile(filepath=str(source), load_ui=False)
     scene = bpy.data.scenes.get(texts.get("Scene", "")) or bpy.context.scene
     statistics.forget(scene.name)
@@ -74,7 +76,9 @@ def _render_again(scene: bpy.types.Scene, picture: Path, frame: int, folder: Pat
     image.color_depth = str(sample_bits(picture))
     render.filepath, render.use_file_extension = str(folder / "again"), True
     bpy.ops.render.render(write_still=True, scene=scene.name)
-    return folder / f"again{render.file_extension}"
+    again = folder / f"again{render.file_extension}"
+    check_whole(again)
+    return again
 
 
 def _compare_stamps(layer: str, old: Mapping[str, str], new: Mapping[str, str]) -> Verdict:

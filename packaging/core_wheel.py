@@ -5,10 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import platform
+import sys
+import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import environment
+import glibc
 import tree
 
 WHEELS = tree.BUILD / "wheels"
@@ -24,6 +27,7 @@ def build(blender: tree.Blender) -> Path:
             old.unlink()
         with tree.step("building the native core"):
             pip_wheel(blender, WHEELS)
+            _tag(blender, _wheels()[0])
         tree.write_stamp(stamp, mark)
     return _wheels()[0]
 
@@ -40,8 +44,30 @@ def install(blender: tree.Blender) -> Path:
 
 
 def _mark() -> str:
-    sources = [tree.CORE, tree.ROOT / "pyproject.toml", tree.ROOT / "blender_manifest.toml"]
+    sources = [Path(__file__), Path(glibc.__file__), tree.CORE, tree.ROOT / "pyproject.toml", tree.ROOT / "blender_manifest.toml"]
     return tree.fingerprint(sources, extra=f"{platform.machine()} {os.environ.get('CXX', '')}")
+
+
+def _tag(blender: tree.Blender, wheel: Path) -> None:
+    """Name a wheel that was built on Linux after the oldest C library that it runs with."""
+    if sys.platform != "linux":
+        return
+    major, minor = glibc.needed(library_of(wheel))
+    retag(blender, wheel, f"manylinux_{major}_{minor}_{platform.machine()}")
+
+
+def library_of(wheel: Path, name: str = "libglint_core.so") -> bytes:
+    """The shared library in a wheel of the core. Raises SetupError where it holds none."""
+    with zipfile.ZipFile(wheel) as packed:
+        if f"glint_core/{name}" not in packed.namelist():
+            raise tree.SetupError(f"{wheel.name} does not hold {name}.")
+        return packed.read(f"glint_core/{name}")
+
+
+def retag(blender: tree.Blender, wheel: Path, tag: str) -> None:
+    """Give a wheel the name of another platform."""
+    command = [blender.interpreter, "-m", "wheel", "tags", "--remove", "--platform-tag", tag, wheel]
+    tree.call(command, "The wheel cannot be renamed.", cwd=wheel.parent)
 
 
 def _wheels() -> list[Path]:

@@ -80,6 +80,7 @@ def _open(path: str) -> str:
 def _write_pictures(scene, exr: Path, png: Path) -> float:
     """Render once into a multilayer EXR, then save the same result as PNG; returns the seconds altogether."""
     import bpy
+    from bl_ext.user_default.glint.operators import pictures
 
     start = time.perf_counter()
     for path in (exr, png):
@@ -92,10 +93,12 @@ def _write_pictures(scene, exr: Path, png: Path) -> float:
     except RuntimeError as error:
         raise tree.SetupError(f"the render failed: {error}") from error
     _set_format(scene, "PNG", "8")
-    bpy.data.images["Render Result"].save_render(str(png), scene=scene)
-    missing = [str(path) for path in (exr, png) if not path.is_file()]
-    if missing:
-        raise tree.SetupError(f"the render ended without an error, but did not write {', '.join(missing)}")
+    try:
+        pictures.render_result().save_render(str(png), scene=scene)
+        for path in (exr, png):
+            pictures.check_whole(path)
+    except (RuntimeError, OSError) as error:
+        raise tree.SetupError(f"the picture was rendered, but not written: {error}") from error
     return time.perf_counter() - start
 
 

@@ -10,7 +10,7 @@ import environment
 import tree
 
 KINDS = {"address": "address;undefined", "thread": "thread"}
-FUZZ_CASES, FUZZ_SECONDS, FUZZ_SEED = "20000", "600", "1000000"
+FUZZ_CASES, FUZZ_SECONDS, FUZZ_SEED = "10000", "600", "1000000"
 """Other inputs than those of ctest: their number ends a run, so that every machine tries the same ones; the time is for machines that are
 far too slow. A failure names the seed to begin the next run with."""
 

@@ -121,9 +121,12 @@ def call(command: list, remedy: str, **options) -> str:
 
 
 def main(body: Callable[[], int | None]) -> None:
-    """Run a script's body; a SetupError becomes its message and exit code 1."""
+    """Run a script's body; a SetupError becomes its message and exit code 1, Ctrl-C one line and exit code 130, as in a shell."""
     try:
         sys.exit(body() or 0)
     except SetupError as failure:
         print(f"glint: {failure}", file=sys.stderr)
         sys.exit(1)
+    except KeyboardInterrupt:
+        print("glint: interrupted", file=sys.stderr)
+        sys.exit(130)

@@ -10,13 +10,13 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
-import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import core_wheel
 import environment
 import extension_zips
+import glibc
 import tree
 
 TOOLCHAIN = tree.CORE / "zig.cmake"
@@ -34,6 +34,7 @@ class Target:
     library: str
 
 
+_GLIBC = (2, 17)
 PLATFORMS = {
     "linux-x64": Target("x86_64-linux-gnu.2.17", "Linux", "x86_64", "manylinux_2_17_x86_64", "libglint_core.so"),
     "linux-arm64": Target("aarch64-linux-gnu.2.17", "Linux", "aarch64", "manylinux_2_17_aarch64", "libglint_core.so"),
@@ -45,7 +46,7 @@ PLATFORMS = {
 
 
 def install_zig(blender: tree.Blender) -> None:
-    """Zig and the tool that names wheels, into the environment; only here are they needed."""
+    """Zig, into the environment; only here is it needed."""
     requirements = tree.settings()["dependency-groups"]["wheels"]
     stamp = blender.venv / "glint-wheels-stamp"
     if not tree.is_current(stamp, "\n".join(requirements)):
@@ -62,11 +63,11 @@ def build(blender: tree.Blender, platform: str) -> Path:
     with tree.step(f"building the core for {platform}"):
         core_wheel.pip_wheel(blender, folder, variables(blender, target), ["--config-settings", f"build-dir={BUILDS / platform}"])
     [wheel] = folder.glob("*.whl")
-    command = [blender.interpreter, "-m", "wheel", "tags", "--remove", "--platform-tag", target.tag, wheel]
-    tree.call(command, "The wheel cannot be renamed.", cwd=folder)
+    library = core_wheel.library_of(wheel, target.library)
+    if target.system == "Linux" and glibc.needed(library) > _GLIBC:
+        raise tree.SetupError(f"{wheel.name} needs the GNU C library {glibc.needed(library)}, its name promises {_GLIBC}.")
+    core_wheel.retag(blender, wheel, target.tag)
     [wheel] = folder.glob("*.whl")
-    if f"glint_core/{target.library}" not in zipfile.ZipFile(wheel).namelist():
-        raise tree.SetupError(f"{wheel.name} does not hold {target.library}.")
     return wheel
 
 

@@ -57,6 +57,9 @@ def export_camera(camera: Any, render: Any, size: tuple[int, int], report: Repor
     window = _window(size, _pixel_aspect(render), half, data.sensor_fit, (data.shift_x, data.shift_y))
     if window[0] == window[1] or window[2] == window[3] or not all(map(math.isfinite, window)):
         raise ExportError(f"Camera '{camera.name}' has a view of no width: set its orthographic scale or its lens, and its shift")
+    if not data.clip_start < data.clip_end:
+        clip = f"its clip start {data.clip_start:g} is not below its clip end {data.clip_end:g}"
+        raise ExportError(f"Camera '{camera.name}' shows nothing: {clip}; use a smaller clip start")
     return Camera("ORTHOGRAPHIC" if orthographic else "PERSPECTIVE", frame, window, size, data.clip_start, data.clip_end)
 
 

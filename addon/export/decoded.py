@@ -23,7 +23,7 @@ class Decoded:
         self._kept: dict[tuple, Any] = {}
         self._used: dict[tuple, Any] = {}
 
-    def decode(self, origin: Source) -> Raw | ImageError:
+    def decode(self, origin: Source) -> Raw | ImageError | MemoryError:
         """As `pixels.decode`, which is asked only for what is new. The values cannot be written to."""
         key = _content(origin)
         raw = self._used.get(key) or self._kept.get(key) or pixels.decode(origin)

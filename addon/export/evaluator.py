@@ -6,13 +6,15 @@ seam for full node trees: whoever compiles nodes to programs replaces the tables
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from .graph import Place, closes_circle, socket_named, source
+from .clamps import clamped, usual
+from .graph import Place, closes_circle, kind_of, socket_named, source
 from .images import Images
 from .report import Report
 from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant, multiply
@@ -21,6 +23,7 @@ DEEPEST = 48
 """Nested node evaluations; deeper trees get the socket's default."""
 MOST_TERMS = 16
 """Terms of one sum; longer ones become their mean colour."""
+NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 _CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
 
 
@@ -32,6 +35,8 @@ class LobeKey:
     exponent: float = 0.0
     ior: float = 1.0
     fresnel: bool = False
+    schlick: bool = False
+    masking: float = 0.0
 
 
 Closure = dict[LobeKey, Sum]
@@ -123,6 +128,15 @@ class Evaluator:
         self.note("Colours mixed from too many textures are rendered as their mean in {}: bake them into one texture")
         return constant(self.mean(terms))
 
+    def clamped(self, terms: Sum, low: float, high: float) -> Sum:
+        """A sum whose channels are kept between low and high; its mean, with a note, where that cannot be said of what varies."""
+        found = clamped(terms, low, high, self.images)
+        if found is not None:
+            return found
+        self.note("Values mixed from several textures or attributes are not clamped as in Blender in {}: bake them into one texture")
+        found = usual(terms, low, high, self.images)
+        return found if found is not None else clamped(constant(self.mean(terms)), low, high, self.images)
+
     def mean(self, terms: Sum) -> RGB:
         """The mean of a sum over its textures; attributes count as one half."""
         return constant_value(add(*((self._mean_term(term),) for term in terms)))
@@ -138,14 +152,21 @@ class Evaluator:
         self._note_circle(found)
         found = place if found is None else found
         if not found.socket.is_output:
-            return default_value(found.socket), found.socket.type
+            return self._default(found.socket), found.socket.type
         if found.node.mute:
             return ZERO, "VALUE"
         value = self._once(found, lambda: self._call(COLOR_NODES, found), None)
-        return (default_value(place.socket), place.socket.type) if value is None else (self.limited(value), found.socket.type)
+        return (self._default(place.socket), place.socket.type) if value is None else (self.limited(value), found.socket.type)
+
+    def _default(self, socket: Any) -> Sum:
+        """What an unlinked socket shows, said where it is no number."""
+        value = getattr(socket, "default_value", 0.0)
+        if not is_finite(value if hasattr(value, "__len__") else (value,)):
+            self.note(NOT_FINITE)
+        return default_value(socket)
 
     def _shader(self, found: Place) -> Closure:
-        handler = CLOSURE_NODES.get(found.node.bl_idname, CLOSURE_NODES["unknown"])
+        handler = CLOSURE_NODES.get(kind_of(found.node), CLOSURE_NODES["unknown"])
         return {key: self.limited(terms) for key, terms in handler(NodeView(self, found)).items()}
 
     def _call(self, table: dict[str, Callable], found: Place) -> Any:
@@ -202,9 +223,16 @@ class NodeView:
         return self.evaluator.mean(terms)[0]
 
     def factor(self, name: str, otherwise: float = 0.0) -> Sum:
-        """A number between 0 and 1; constants are clamped."""
-        terms = self.number(name, otherwise)
-        return constant(min(max(constant_value(terms)[0], 0.0), 1.0)) if is_constant(terms) else terms
+        """A number kept between 0 and 1."""
+        return self.evaluator.clamped(self.number(name, otherwise), 0.0, 1.0)
+
+    def reflectance(self, name: str, otherwise: float | RGB = 0.0) -> Sum:
+        """A colour kept at 0 or above, as Cycles does with what surfaces reflect."""
+        return self.evaluator.clamped(self.color(name, otherwise), 0.0, math.inf)
+
+    def amount(self, name: str, otherwise: float = 0.0) -> Sum:
+        """A number kept at 0 or above."""
+        return self.evaluator.clamped(self.number(name, otherwise), 0.0, math.inf)
 
     def vector(self, name: str) -> tuple[float, float, float] | None:
         """A constant vector, or None when it varies."""
@@ -232,3 +260,8 @@ def default_value(socket: Any) -> Sum:
     if isinstance(value, str) or not hasattr(value, "__len__"):
         return ZERO
     return constant(tuple(float(x) for x in value)[:3])
+
+
+def is_finite(values: Iterable[Any]) -> bool:
+    """Whether all numbers among the values are; other things count as finite."""
+    return all(math.isfinite(x) for x in values if isinstance(x, float))

@@ -8,9 +8,23 @@ from typing import Any
 LONGEST = 4096
 """Steps after which links are taken to go round in a circle."""
 
+BLINN_PHONG = "BLINN_PHONG"
+MARK = "glint_shader"
+"""A custom property of a node group. Where it is BLINN_PHONG the node means something itself; what is inside is for other engines."""
+FORMER_NODE = "GlintBlinnPhongNode"
+"""What the Blinn-Phong node was before it was a marked group, a class of its own: in linked and appended materials it still is."""
 
-OWN_GROUPS = {"GlintBlinnPhongNode"}
-"""Group nodes that mean something themselves; what is inside is for other engines."""
+
+def is_blinn_phong(tree: Any) -> bool:
+    return tree.get(MARK) == BLINN_PHONG
+
+
+def kind_of(node: Any) -> str:
+    """What a node is to the tables of `evaluator`: BLINN_PHONG, or Blender's name of its type."""
+    name = node.bl_idname
+    if name == FORMER_NODE or (name == "ShaderNodeGroup" and node.node_tree is not None and is_blinn_phong(node.node_tree)):
+        return BLINN_PHONG
+    return name
 
 
 def node_tree(block: Any) -> Any:
@@ -121,7 +135,7 @@ def _through(place: Place) -> Place | None:
         return _behind_muted(place)
     if node.type == "REROUTE":
         return place.beside(node.inputs[0])
-    if node.bl_idname not in OWN_GROUPS and getattr(node, "node_tree", None) is not None:
+    if getattr(node, "node_tree", None) is not None and kind_of(node) != BLINN_PHONG:
         return _into_group(place)
     if node.type == "GROUP_INPUT" and place.path:
         outside = _by_identifier(place.path[-1].inputs, place.socket.identifier, place.socket.name)

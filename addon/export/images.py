@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -34,7 +35,7 @@ class Images:
         self.textures: list[Texture] = []
         self.report = report
         self._pixels: dict[tuple, Pixels] = {}
-        self._decoded: dict[tuple, Raw | ImageError] = {}
+        self._decoded: dict[tuple, Raw | ImageError | MemoryError] = {}
         self._indices: dict[tuple, int] = {}
         self._means: dict[tuple[int, str], np.ndarray] = {}
 
@@ -51,7 +52,8 @@ class Images:
             name = image.name if image is not None else "no image"
             values = found.pixels
             if associated:
-                values = self._worked_out(values, "associated", lambda: pixels.associated(found))
+                with _that_fits(name):
+                    values = self._worked_out(values, "associated", lambda: pixels.associated(found))
             self._indices[key] = self._append(Texture(name, values, found.encoding, key[2], filtering))
         return self._indices[key]
 
@@ -83,12 +85,14 @@ class Images:
         key: tells functions apart; ("channel", k, …, factor) picks one channel of the colour times a factor. The function comes before
         filtering instead of after it.
         """
-        index_key = (source.texture, source.channel, source.value, source.complement, key)
+        index_key = (replace(source, uv="", uv_transform=Input().uv_transform), key)
         if index_key not in self._indices:
             texture = self.textures[source.texture]
-            stored = self._worked_out(texture.pixels, (texture.encoding, *index_key[1:]), lambda: _derived(texture, source, key, function))
+            with _that_fits(texture.name):
+                what = (texture.encoding, replace(index_key[0], texture=-1), key)
+                stored = self._worked_out(texture.pixels, what, lambda: _derived(texture, source, key, function))
             self._indices[index_key] = self._append(replace(texture, **stored))
-        return replace(source, texture=self._indices[index_key], value=(1.0, 1.0, 1.0), channel="COLOR", complement=False)
+        return Input(texture=self._indices[index_key], uv=source.uv, uv_transform=source.uv_transform)
 
     def mean(self, source: Input) -> np.ndarray:
         """(3,) float64: the mean of a factor over its texture; an attribute counts as one half."""
@@ -97,7 +101,17 @@ class Images:
             value = value * self._mean(source.texture, source.channel)
         if source.attribute:
             value = value * 0.5
+        value = np.clip(value + source.offset, source.low, source.high)
         return 1 - value if source.complement else value
+
+    def range(self, source: Input) -> tuple[float, float]:
+        """The least and the largest value that a factor's texture can give; of bytes 0 and 1."""
+        texture = self.textures[source.texture]
+        if texture.pixels.dtype == np.uint8:
+            return 0.0, 1.0
+        key = ("range", source.channel)
+        low, high = self._worked_out(texture.pixels, key, lambda: _range_of(texels(texture, source.channel)))
+        return (min(low, 0.0), max(high, 0.0)) if texture.extension == "CLIP" else (low, high)
 
     def sphere_mean(self, index: int) -> np.ndarray:
         """(3,) float64: the mean colour of an equirectangular image over all directions."""
@@ -121,13 +135,16 @@ class Images:
             return (0, "")
         return (_original(image).as_pointer(), _path(_original(image), user))
 
-    def _load(self, image: Any, path: str, decoded: Raw | ImageError | None) -> Pixels:
+    def _load(self, image: Any, path: str, decoded: Raw | ImageError | MemoryError | None) -> Pixels:
         if image is None:
             self.report.note("An image texture without an image is magenta: choose an image")
             return Pixels(pixels.MAGENTA, "SRGB")
         self._approximations(image)
         try:
-            return self._read(_original(image), path, decoded)
+            with _that_fits(image.name):
+                if isinstance(decoded, MemoryError):
+                    raise decoded
+                return self._read(_original(image), path, decoded)
         except ImageError as error:
             self.report.note(f"Image '{image.name}' {error}: it is magenta; find or pack its file ('{path}')")
             return Pixels(pixels.MAGENTA, "SRGB")
@@ -148,6 +165,15 @@ class Images:
             self.report.note("Movies are rendered as the frame that Blender holds ({}): use an image sequence", image.name)
 
 
+@contextmanager
+def _that_fits(name: str) -> Iterator[None]:
+    """Names the image in a MemoryError."""
+    try:
+        yield
+    except MemoryError as error:
+        raise MemoryError(f"image '{name}' does not fit into it: use a smaller one, or close programs") from error
+
+
 def _work(values: np.ndarray, key: Hashable, work: Callable[[], Any]) -> Any:
     """`Decoded.worked_out` where nothing is kept."""
     return work()
@@ -160,10 +186,14 @@ def _make(recipe: Hashable, work: Callable[[], Any]) -> Any:
 
 def _derived(texture: Texture, source: Input, key: tuple, function: Function) -> dict[str, Any]:
     """The pixels and the encoding of `Images.derived`."""
-    plain = source.value == (1.0, 1.0, 1.0) and source.channel == "COLOR" and not source.complement
+    plain = source.is_plain and source.value == (1.0, 1.0, 1.0) and source.channel == "COLOR" and not source.complement
     if key[0] == "channel" and key[-1] == (1.0, 1.0, 1.0) and plain:
         return {"pixels": _one_channel(texture.pixels, key[1])}
     return _of_codes(texture, source, function) or _stored(function(_colors(texture, source)), texture)
+
+
+def _range_of(values: np.ndarray) -> tuple[float, float]:
+    return float(values.min()), float(values.max())
 
 
 def texels(texture: Texture, channel: str) -> np.ndarray:
@@ -195,6 +225,8 @@ def _colors(texture: Texture, source: Input) -> np.ndarray:
     colors = texels(texture, source.channel)
     if source.value != (1.0, 1.0, 1.0):
         colors = colors * np.array(source.value, np.float32)
+    if not source.is_plain:
+        colors = np.clip(colors + np.array(source.offset, np.float32), source.low, source.high)
     return 1 - colors if source.complement else colors
 
 

@@ -20,12 +20,12 @@ from .graph import node_tree
 from .images import Images
 from .instances import Census, Thing, walk
 from .materials import Materials, Wanted, compile_material, default_material, wanted_by, without_unused
-from .meshes import MeshSource, mesh_key, read_attributes, read_mesh, readable
+from .meshes import MeshSource, mesh_key, read_attributes, readable
 from .moves import Stage
 from .placing import without_collapsed
 from .repaints import repainted
 from .report import Report
-from .shapes import export_points
+from .shapes import export_points, read_shape
 from .world import export_world
 
 NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
@@ -65,13 +65,15 @@ class Changes:
 class _Shape:
     """What is kept of a geometry.
 
-    about: the uids of the object and the data that it came from.  states: the mesh with its attributes after each sequence of wishes.
+    about: the uids of the objects that were met with it, of each of which Blender tells when its data change. The data of an original
+    object may point at nothing after an undo.  states: the mesh with its attributes after each sequence of wishes.  report: of reading it.
     """
 
     geometry: MeshSource | Geometry | None
-    about: frozenset[int]
+    about: set[int]
     states: dict[tuple[Wanted, ...], MeshSource] = field(default_factory=dict)
     finished: dict[tuple[Wanted, ...], Mesh] = field(default_factory=dict)
+    report: Report = field(default_factory=Report)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +81,7 @@ class _Compiled:
     """A material whose inputs name places of `textures`, (key, texture) in the order in which compiling met them.
 
     tree: address of the material's own node tree, 0 without one.  in_memory: reads an image whose pixels only Blender has.
+    report: of compiling it.
     """
 
     material: Material
@@ -86,6 +89,7 @@ class _Compiled:
     in_memory: bool
     textures: tuple[tuple[tuple, Texture], ...]
     wanted: Wanted
+    report: Report
 
 
 class Store:
@@ -96,7 +100,7 @@ class Store:
         self.compiled: dict[int, _Compiled] = {}
         self.pixels: dict[tuple, Any] = {}
         self.textures: dict[tuple, Texture] = {}
-        self.worlds: dict[tuple, World] = {}
+        self.worlds: dict[tuple, tuple[World, Report]] = {}
         self.memory_epoch = 0
         self.joined: tuple[tuple[_Compiled, ...], tuple[Material, ...], tuple[Texture, ...]] | None = None
 
@@ -185,11 +189,17 @@ class LiveExport:
 
         space: the 3D view whose local view and visibility count, None for none.  passes: as for `export_scene`.
         """
-        wanted = Wanted(frozenset({""}) if "UV" in passes else frozenset())
-        asked = (wanted, shown_in(space))
+        asked = _asked(passes, space)
         if asked not in self._stages:
             self._stages[asked] = self._walked(depsgraph, asked, space)
         return replace(self._stages[asked].scene, camera=camera)
+
+    def notes(self, passes: frozenset[str] = frozenset(), space: Any = None) -> tuple[str, ...]:
+        """What could not be exported as it is, of the scene that `scene` gave last for the same view."""
+        stage, report = self._stages[_asked(passes, space)], Report()
+        for part in (stage.report, *(compiled.report for _, compiled in stage.worn)):
+            report.add(part)
+        return report.notes()
 
     def _walked(self, depsgraph: Any, asked: tuple, space: Any) -> Stage:
         report, census = Report(), Census()
@@ -209,9 +219,17 @@ class LiveExport:
         world = _world(depsgraph, scene)
         key = (world.original.session_uid if world is not None else 0, scene.render.film_transparent)
         if key not in self._store.worlds:
-            images = _KeepingImages(self._store, report)
-            self._store.worlds[key] = export_world(world, scene.render.film_transparent, images, report)
-        return self._store.worlds[key]
+            own = Report()
+            images = _KeepingImages(self._store, own)
+            self._store.worlds[key] = export_world(world, scene.render.film_transparent, images, own), own
+        surroundings, notes = self._store.worlds[key]
+        report.add(notes)
+        return surroundings
+
+
+def _asked(passes: frozenset[str], space: Any) -> tuple:
+    """What a view wants of meshes, and what it shows."""
+    return Wanted(frozenset({""}) if "UV" in passes else frozenset()), shown_in(space)
 
 
 def _frame_of(scene: Any) -> tuple[int, float]:
@@ -297,12 +315,13 @@ class _KeepingMaterials(Materials):
         return self._indices[key]
 
     def _compile(self, material: Any) -> _Compiled:
-        images = _KeepingImages(self._store, self.report)
-        result = compile_material(material, images, self.report) if material is not None else default_material()
+        report = Report()
+        images = _KeepingImages(self._store, report)
+        result = compile_material(material, images, report) if material is not None else default_material()
         keys = _lasting_keys(images)
         textures = tuple((key, self._store.textures.setdefault(key, images.textures[k])) for k, key in enumerate(keys))
         tree = node_tree(material.original) if material is not None else None
-        return _Compiled(result, tree.as_pointer() if tree is not None else 0, images.in_memory, textures, wanted_by(result))
+        return _Compiled(result, tree.as_pointer() if tree is not None else 0, images.in_memory, textures, wanted_by(result), report)
 
     def joined(self) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:
         """Materials and textures as one export would have numbered them."""
@@ -359,21 +378,21 @@ class _KeepingCollector(Collector):
         key = mesh_key(data)
         if key not in self._known:
             self._known[key] = self._keep(key, lambda: self._new_mesh(data, owner))
+        self.met[key].about.add(owner.original.session_uid)
         return self._known[key]
 
-    def _used_slots(self, number: int) -> tuple[int, ...]:
-        geometry = self._geometries[number].geometry
-        return geometry.used_slots if isinstance(geometry, MeshSource) else (0,)
+    def _geometry(self, number: int) -> MeshSource | Geometry:
+        return self._geometries[number].geometry
 
     def _points(self, cloud: Any) -> int | None:
         key = (cloud.as_pointer(), len(cloud.points), cloud.name)
         if key not in self._known:
-            self._known[key] = self._keep(key, lambda: _Shape(export_points(cloud), frozenset({cloud.original.session_uid})))
+            self._known[key] = self._keep(key, lambda: _Shape(export_points(cloud), {cloud.original.session_uid}))
         return self._known[key]
 
     def _new_mesh(self, data: Any, owner: Any) -> _Shape:
-        with readable(data, owner) as mesh:
-            return _Shape(read_mesh(mesh, self.report), _about(data, owner))
+        report = Report()
+        return _Shape(read_shape(data, owner, report), set(), report=report)
 
     def _keep(self, key: tuple, read: Any) -> int | None:
         """The number of the shape with this key, read if the store has none."""
@@ -386,7 +405,7 @@ class _KeepingCollector(Collector):
         return len(self._geometries) - 1
 
     def _add_attributes(self, number: int, data: Any, owner: Any, wanted: Wanted) -> None:
-        if wanted == Wanted():
+        if not wanted:
             return
         shape, before = self._geometries[number], self._wishes[number]
         wishes = self._wishes[number] = (*before, wanted) if wanted not in before else before
@@ -394,7 +413,7 @@ class _KeepingCollector(Collector):
             source = shape.states.get(before, shape.geometry)
             source = shape.states[wishes] = replace(source, uv_maps=dict(source.uv_maps), attributes=dict(source.attributes))
             with readable(data, owner) as mesh:
-                read_attributes(mesh, source, wanted, self.report)
+                read_attributes(mesh, source, wanted, shape.report)
 
     def _finished(self, number: int) -> Geometry:
         shape, wishes = self._geometries[number], self._wishes[number]
@@ -412,7 +431,12 @@ class _KeepingCollector(Collector):
         lamps = [(thing, self._light(thing)) for thing in things if isinstance(thing.content, _Lamp)]
         materials, textures = self.materials.joined()
         scene = Scene(NO_CAMERA, geometries, instances, materials, textures, tuple(self.lights.lights), world)
-        stage, numbers = Stage(scene, census, self.materials.worn), {id(block): number for number, block in enumerate(instances)}
+        for shape in self._geometries:
+            self.report.add(shape.report)
+        stage, numbers = (
+            Stage(scene, census, self.materials.worn, self.report),
+            {id(block): number for number, block in enumerate(instances)},
+        )
         for thing, block in placed:
             stage.place_instances(thing, numbers.get(id(block)))
         for thing, number in lamps:
@@ -424,9 +448,3 @@ class _KeepingCollector(Collector):
         first = len(self.lights.lights)
         self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
         return first if len(self.lights.lights) == first + 1 else None
-
-
-def _about(data: Any, owner: Any) -> frozenset[int]:
-    """The uids of all that a mesh may have been made from."""
-    blocks = (data.original, owner.original, getattr(owner.original, "data", None))
-    return frozenset(block.session_uid for block in blocks if block is not None)

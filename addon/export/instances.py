@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,8 +23,7 @@ _UNSUPPORTED = {
 }
 
 
-@dataclass(frozen=True)
-class Flags:
+class Flags(NamedTuple):
     """What an object's settings say of its visibility, with its instancer's."""
 
     camera: bool
@@ -97,19 +96,16 @@ def _matrices(depsgraph: Any, count: int) -> np.ndarray:
 
 def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report) -> list[Thing]:
     """Things with their rows of the matrices, in the order in which they were met; places that are not finite are dropped."""
+    sound = np.isfinite(matrices).all((1, 2))
+    for number in dict.fromkeys(rows[~sound].tolist()):
+        if things[number] is not None:
+            report.note("Objects whose transform is not finite are left out: {}; clear their transforms", things[number][1])
+    rows, matrices = rows[sound], matrices[sound]
     order = np.argsort(rows, kind="stable")
-    bounds = np.searchsorted(rows[order], np.arange(len(things) + 1))
-    placed = []
-    for number, met in enumerate(things):
-        if met is None:
-            continue
-        own = matrices[order[bounds[number] : bounds[number + 1]]]
-        sound = np.isfinite(own).all((1, 2))
-        if not sound.all():
-            report.note("Objects whose transform is not finite are left out: {}; clear their transforms", met[1])
-        if sound.any():
-            placed.append(Thing(*met, own[sound]))
-    return placed
+    matrices = matrices[order]
+    bounds = np.searchsorted(rows[order], np.arange(len(things) + 1)).tolist()
+    spans = zip(things, bounds, bounds[1:], strict=False)
+    return [Thing(*met, matrices[first:end]) for met, first, end in spans if met is not None and first < end]
 
 
 def _meet(instance: Any, thing: Any, depsgraph: Any, make: Callable, report: Report) -> tuple[Any, str, int] | None:
@@ -133,6 +129,18 @@ def _note_hair(instance: Any, thing: Any, report: Report) -> None:
             report.note(HAIR_NOTE, thing.name)
 
 
+def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
+    """Settings of who is lit by what, and by which rays, that have no counterpart here. owner: the thing or its instancer."""
+    linking = getattr(owner, "light_linking", None)
+    if linking is not None and (linking.receiver_collection or linking.blocker_collection):
+        report.note("Light and shadow linking are not rendered: {} light everything and get shadows from everything", thing.name)
+    if thing.type == "LIGHT":
+        if not (owner.visible_diffuse and owner.visible_glossy):
+            report.note("Ray visibility hides the shape of a light, not its light: {} light matt and glossy surfaces", thing.name)
+    elif owner.visible_transmission != owner.visible_glossy:
+        report.note("Refracted rays see what glossy rays see, whatever the transmission visibility of {} says", thing.name)
+
+
 def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Flags:
     """Visible to a kind of ray only if thing and instancer both are; holdout by the instancer, as in Cycles."""
     owner = instancer.original
@@ -140,12 +148,13 @@ def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Fla
     indirect_only = not holdout and owner.indirect_only_get(view_layer=view_layer)
     if indirect_only:
         report.note("Indirect only hides {} from the camera; light is not carried on from there", thing.name)
-    if thing.type != "LIGHT" and (thing.is_shadow_catcher or instancer.is_shadow_catcher):
+    if thing.type != "LIGHT" and (thing.is_shadow_catcher or (instancer is not thing and instancer.is_shadow_catcher)):
         report.note("Shadow catchers are rendered as plain objects: {}", thing.name)
-    both = (thing, instancer)
+    for x in (thing,) if instancer is thing else (thing, instancer):
+        _note_light_settings(thing, x, report)
     return Flags(
-        camera=all(x.visible_camera for x in both) and not indirect_only,
-        mirror=all(x.visible_glossy for x in both),
-        shadow=all(x.visible_shadow for x in both),
-        holdout=holdout,
+        thing.visible_camera and instancer.visible_camera and not indirect_only,
+        thing.visible_glossy and instancer.visible_glossy,
+        thing.visible_shadow and instancer.visible_shadow,
+        holdout,
     )

@@ -59,6 +59,8 @@ class Lights:
         if not math.isfinite(strength):
             self.report.note("Lights whose power is not finite are left out ({}): set their power", name)
             return None
+        if not strength or not any(color):
+            self.report.note("Lights without power or of black colour shed no light ({}): set them, or hide the lights", name)
         return Light(name, data.type, frame, color, strength, cast_shadow=data.use_shadow, visible_camera=seen.camera,
                      visible_mirror=seen.mirror, **shape)  # fmt: skip
 

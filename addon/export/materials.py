@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import functools
+import operator
 from dataclasses import dataclass, replace
 from typing import Any
 
 from ...engine.scene import LOBES, Lobe, Material, Texture
 from . import nodes_color, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
-from .evaluator import Closure, Evaluator, LobeKey, add_closures, scale_closure
+from .evaluator import NOT_FINITE, Closure, Evaluator, LobeKey, add_closures, is_finite, scale_closure
 from .graph import Place, images_behind, node_tree, socket_named
 from .images import Images
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .report import Report
-from .terms import complement, constant, factors_of
+from .terms import complement, constant, constant_value, factors_of
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,9 @@ class Wanted:
 
     def __or__(self, other: Wanted) -> Wanted:
         return Wanted(self.uv_maps | other.uv_maps, self.attributes | other.attributes)
+
+    def __bool__(self) -> bool:
+        return bool(self.uv_maps or self.attributes)
 
 
 class Materials:
@@ -48,10 +53,7 @@ class Materials:
 
     def wanted(self, indices: tuple[int, ...]) -> Wanted:
         """What the materials with these indices read from a mesh."""
-        total = Wanted()
-        for index in indices:
-            total = total | self._wanted[index]
-        return total
+        return functools.reduce(operator.or_, (self._wanted[index] for index in indices), Wanted())
 
 
 def default_material() -> Material:
@@ -67,7 +69,7 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     """One Blender material as lobes."""
     evaluator = Evaluator(material.name, images, report)
     tree = node_tree(material)
-    closure = _surface(tree, evaluator) if tree is not None else _viewport_surface(material)
+    closure = _surface(tree, evaluator) if tree is not None else _viewport_surface(material, evaluator)
     lobes = lobes_of(closure)
     if any(lobe.kind == "EMISSION" for lobe in lobes):
         report.note("Glowing surfaces are seen but light nothing ({}): add lights where they should", material.name)
@@ -92,11 +94,13 @@ def _surface(tree: Any, evaluator: Evaluator) -> Closure:
     return evaluator.closure(surface)
 
 
-def _viewport_surface(material: Any) -> Closure:
+def _viewport_surface(material: Any, evaluator: Evaluator) -> Closure:
     """A material without nodes: its viewport colour, metallic and roughness, as Principled would take them."""
+    if not is_finite((*material.diffuse_color, material.metallic, material.roughness)):
+        evaluator.note(NOT_FINITE)
     color, metallic = constant(tuple(material.diffuse_color)[:3]), constant(material.metallic)
     closures = (
-        scale_closure(glossy_closure(color, material.roughness, True), metallic),
+        scale_closure(glossy_closure(color, constant_value(color), material.roughness, True), metallic),
         scale_closure(diffuse_closure(color), complement(metallic)),
     )
     return add_closures(*closures)
@@ -104,12 +108,12 @@ def _viewport_surface(material: Any) -> Closure:
 
 def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
     """The lobes of a closure in the order of `engine.scene.LOBES`; none of weight 0."""
-    ordered = sorted(closure.items(), key=lambda item: (LOBES.index(item[0].kind), item[0].exponent, item[0].ior))
+    ordered = sorted(closure.items(), key=lambda item: (LOBES.index(item[0].kind), item[0].exponent, item[0].ior, item[0].schlick))
     return tuple(_lobe(key, factors_of(term)) for key, terms in ordered for term in terms)
 
 
 def _lobe(key: LobeKey, factors: tuple) -> Lobe:
-    return Lobe(key.kind, factors, key.exponent, key.ior, key.fresnel)
+    return Lobe(key.kind, factors, key.exponent, key.ior, key.fresnel, key.schlick, key.masking)
 
 
 def wanted_by(material: Material) -> Wanted:

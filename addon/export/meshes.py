@@ -74,7 +74,7 @@ def read_mesh(mesh: Any, report: Report) -> MeshSource | None:
     """Triangles, slots and normals of an evaluated mesh; None without faces. Its name goes into notes."""
     if len(mesh.polygons) == 0 or len(mesh.vertices) == 0:
         return None
-    vertices = _array(mesh.attributes["position"].data, "vector", len(mesh.vertices), 3)
+    vertices = vertices_of(mesh)
     triangles = _triangles(mesh)
     kept = _finite_triangles(mesh.name, vertices, triangles, report)
     triangles = triangles if kept is None else triangles[kept]
@@ -96,6 +96,11 @@ def read_attributes(mesh: Any, source: MeshSource, wanted: Wanted, report: Repor
         attribute = _color_attribute(mesh, source, name, report)
         if attribute is not None:
             source.attributes[name] = attribute
+
+
+def vertices_of(mesh: Any) -> np.ndarray:
+    """(n, 3) float32, object space."""
+    return _array(mesh.attributes["position"].data, "vector", len(mesh.vertices), 3)
 
 
 def _array(data: Any, what: str, count: int, columns: int, dtype: Any = np.float32) -> np.ndarray:

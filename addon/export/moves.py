@@ -28,9 +28,9 @@ class _Place:
 class Stage:
     """A scene, and where in it the things are that stand there by themselves, once each."""
 
-    def __init__(self, scene: Scene, census: Census, worn: tuple = ()) -> None:
-        """worn: what the scene's materials were made from, for whoever makes them anew."""
-        self.scene, self.worn, self._census = scene, worn, census
+    def __init__(self, scene: Scene, census: Census, worn: tuple = (), report: Report | None = None) -> None:
+        """worn: what the scene's materials were made from, for whoever makes them anew.  report: of all but them."""
+        self.scene, self.worn, self.report, self._census = scene, worn, report or Report(), census
         self._places: dict[int, _Place | None] = {}
 
     def place_instances(self, thing: Thing, number: int | None) -> None:
@@ -54,8 +54,8 @@ class Stage:
         images: for lamps with nodes.
         """
         instances, lights = list(self.scene.instances), list(self.scene.lights)
-        lamps = {update.id.original.data for update in updates if _is_lamp(update)}
-        told = [update for update in updates if not (update.id.id_type == "LIGHT" and update.id.original in lamps)]
+        lamps = {update.id.data for update in updates if _is_lamp(update)}
+        told = [update for update in updates if not (update.id.id_type == "LIGHT" and update.id in lamps)]
         if not told or not all(self._apply(update, instances, lights, view_layer, images) for update in told):
             return False
         self.scene = replace(self.scene, instances=tuple(instances), lights=tuple(lights))
@@ -72,7 +72,10 @@ class Stage:
         place = self._places[uid]
         if place is None or place.lights:
             return False
-        flags = flags_of(thing, thing, view_layer, Report())
+        report = Report()
+        flags = flags_of(thing, thing, view_layer, report)
+        if report.mentions(thing.name) or self.report.mentions(thing.name):
+            return False  # what is said of it may be another thing now
         now = (thing.pass_index, flags.camera, flags.mirror, flags.shadow, flags.holdout)
         groups = (self.scene.instances[number] for number in place.instances)
         return all(now == (g.object_index, g.visible_camera, g.visible_mirror, g.visible_shadow, g.holdout) for g in groups)
@@ -94,7 +97,9 @@ class Stage:
         if place is None:
             return False
         matrix = np.array(changed.matrix_world, np.float64)[None, :3]
-        return _move(place.instances, matrix, instances) and _relight(place.lights, changed, matrix, lights, view_layer, images)
+        return _move(place.instances, matrix, instances) and _relight(
+            place.lights, changed, matrix, lights, view_layer, images, self.report
+        )
 
 
 def _is_lamp(update: Any) -> bool:
@@ -111,13 +116,14 @@ def _move(numbers: list[int], matrix: np.ndarray, instances: list[Instances]) ->
     return len(without_collapsed(moved, Report())) == len(moved)
 
 
-def _relight(numbers: list[int], lamp: Any, matrix: np.ndarray, lights: list[Light], view_layer: Any, images: Any) -> bool:
-    """False where the lamp is not one light any more."""
+def _relight(numbers: list[int], lamp: Any, matrix: np.ndarray, lights: list[Light], view_layer: Any, images: Any, report: Report) -> bool:
+    """False where the lamp is not one light any more, or something is or was said of it in `report`."""
     for number in numbers:
-        flags = flags_of(lamp, lamp, view_layer, Report())
-        made = Lights(images, Report())
+        own = Report()
+        flags = flags_of(lamp, lamp, view_layer, own)
+        made = Lights(images, own)
         made.add(lamp.name, lamp.data, matrix, Seen(flags.camera, flags.mirror))
-        if len(made.lights) != 1:
+        if len(made.lights) != 1 or own.notes() or report.mentions(lamp.name):
             return False
         lights[number] = made.lights[0]
     return True

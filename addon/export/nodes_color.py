@@ -104,15 +104,15 @@ def _arithmetic(operation: str, a: Sum, b: Sum, c: Sum) -> Sum | None:
 
 
 def _clamped(view: NodeView, terms: Sum | None, low: float = 0.0, high: float = 1.0) -> Sum | None:
-    """Constants clamped; what varies is left alone where it cannot be worked out texel by texel."""
-    if terms is None:
-        return None
-    result = pointwise(view, ("clamp", low, high), lambda a: np.clip(a, low, high), terms)
-    return terms if result is None else result
+    return view.evaluator.clamped(terms, low, high) if terms is not None else None
 
 
 def _clamp(view: NodeView, output: Any) -> Sum | None:
-    return _clamped(view, view.number("Value"), view.constant("Min", 0.0), view.constant("Max", 1.0))
+    """min(max(value, low), high), so high where the two are the wrong way round; RANGE puts them right."""
+    low, high = view.constant("Min", 0.0), view.constant("Max", 1.0)
+    if low > high:
+        low, high = (high, low) if view.node.clamp_type == "RANGE" else (high, high)
+    return _clamped(view, view.number("Value"), low, high)
 
 
 def _mix(view: NodeView, output: Any) -> Sum | None:

@@ -7,48 +7,50 @@ import math
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .fresnel import ior_from_reflectance, normal_reflectance
 from .nodes_shader import (
+    LEFT_OUT,
+    below_coat,
     coat_closure,
     diffuse_closure,
     glass_closure,
-    glossy_closure,
     is_multiscatter,
+    metal_closure,
     note_bump,
+    note_edge_tint,
+    note_left_out,
     sound_ior,
     under_alpha,
 )
 from .roughness import layer_loss, sheen_albedo
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply, scale
 
-_LEFT_OUT = {
-    "Thin Film Thickness": "thin film",
-    "Anisotropic": "anisotropy",
-    "Diffuse Roughness": "diffuse roughness",
-}
-
 
 def _principled(view: NodeView) -> Closure:
     _note_what_is_left_out(view)
-    base, roughness = view.color("Base Color"), view.constant("Roughness", 0.5)
+    base, roughness = view.reflectance("Base Color"), view.constant("Roughness", 0.5)
     metallic, transmission = view.factor("Metallic"), view.factor("Transmission Weight")
     insulator = complement(metallic)
     surface = add_closures(
-        scale_closure(glossy_closure(base, roughness, is_multiscatter(view)), metallic) if metallic else {},
+        scale_closure(metal_closure(view, base, roughness), metallic) if metallic else {},
         scale_closure(_plastic(view, base, roughness), multiply(insulator, complement(transmission))),
         scale_closure(_glass(view, base, roughness), multiply(insulator, transmission)) if transmission else {},
-        {LobeKey("EMISSION"): multiply(view.color("Emission Color"), view.number("Emission Strength"))},
+        {LobeKey("EMISSION"): multiply(view.reflectance("Emission Color"), view.amount("Emission Strength"))},
     )
     return under_alpha(_sheened(view, _coated(view, surface)), view.factor("Alpha", 1.0))
 
 
 def plastic_closure(base: Sum, tint: Sum, roughness: float, ior: float, multiscatter: bool) -> Closure:
     """A dielectric layer over a diffuse one, which gets what the layer lets through."""
-    lamps, world = (1 - layer_loss(roughness, ior, multiscatter, from_world) for from_world in (False, True))
-    below = {LobeKey("DIFFUSE"): scale(base, lamps), LobeKey("AMBIENT"): scale(base, world)}
-    return add_closures(below, coat_closure(tint, roughness, ior))
+    below = below_coat(base, _largest(tint), roughness, ior, multiscatter)
+    return add_closures(below, coat_closure(ONE, roughness, ior, multiscatter, tint))
+
+
+def _largest(color: Sum) -> Sum:
+    """The largest channel, by which Cycles dims what lies below a tinted layer; each channel of what varies."""
+    return constant(max(constant_value(color))) if is_constant(color) else color
 
 
 def _plastic(view: NodeView, base: Sum, roughness: float) -> Closure:
-    return plastic_closure(base, view.color("Specular Tint", 1.0), roughness, _specular_ior(view), is_multiscatter(view))
+    return plastic_closure(base, view.reflectance("Specular Tint", 1.0), roughness, _specular_ior(view), is_multiscatter(view))
 
 
 def _specular_ior(view: NodeView) -> float:
@@ -61,7 +63,7 @@ def _glass(view: NodeView, base: Sum, roughness: float) -> Closure:
     """Refraction takes the root of the base colour, so that light which enters and leaves takes all of it."""
     ior = sound_ior(view)
     root = constant(tuple(math.sqrt(max(x, 0.0)) for x in constant_value(base))) if is_constant(base) else base
-    return glass_closure(view, view.color("Specular Tint", 1.0), root, roughness, ior)
+    return glass_closure(view, view.reflectance("Specular Tint", 1.0), root, roughness, ior)
 
 
 def _coated(view: NodeView, surface: Closure) -> Closure:
@@ -70,9 +72,9 @@ def _coated(view: NodeView, surface: Closure) -> Closure:
     if not weight:
         return surface
     ior = max(view.constant("Coat IOR", 1.5), 1e-3)
-    tint = view.color("Coat Tint", 1.0)
+    tint = view.reflectance("Coat Tint", 1.0)
     roughness = view.constant("Coat Roughness", 0.03)
-    through = multiply(complement(scale(weight, layer_loss(roughness, ior, multiscatter=True))), mix(weight, ONE, tint))
+    through = multiply(complement(scale(weight, layer_loss(roughness, ior))), mix(weight, ONE, tint))
     coat = coat_closure(weight, roughness, ior)
     return add_closures(scale_closure(surface, through), coat)
 
@@ -83,15 +85,15 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
     if not weight:
         return surface
     view.note("Principled's sheen is rendered as diffuse in {}")
-    reflected = scale(multiply(weight, view.color("Sheen Tint", 1.0)), sheen_albedo(view.constant("Sheen Roughness", 0.5)))
+    reflected = scale(multiply(weight, view.reflectance("Sheen Tint", 1.0)), sheen_albedo(view.constant("Sheen Roughness", 0.5)))
     return add_closures(scale_closure(surface, complement(reflected)), diffuse_closure(reflected))
 
 
 def _note_what_is_left_out(view: NodeView) -> None:
     note_bump(view, "Normal", "Coat Normal")
-    for socket, word in _LEFT_OUT.items():
-        if view.input(socket) and view.number(socket):
-            view.note(f"Principled's {word} is not rendered: {{}} go without it")
+    note_left_out(view, LEFT_OUT)
+    if view.number("Metallic"):
+        note_edge_tint(view, "Specular Tint")
     if view.number("Subsurface Weight"):
         view.note("Subsurface scattering is rendered as diffuse in {}")
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .fresnel import dielectric_albedo, normal_reflectance
-from .graph import source
-from .roughness import Highlight, dielectric_highlights, highlights, layer_albedo, specular_albedo
-from .terms import Sum, add, complement, constant, is_constant, multiply, scale
+from .graph import BLINN_PHONG, source
+from .roughness import World, dielectric_world, highlights, scattered, scattered_narrow, scattered_wide, width, world_of
+from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
 
 MIRROR_ROUGHNESS = 0.05
 """Up to here a glossy lobe is an ideal mirror: GGX's α = 0.0025 blurs a reflection by 0.14°, a pixel or two of usual pictures."""
@@ -17,38 +20,96 @@ def diffuse_closure(color: Sum) -> Closure:
     return {LobeKey("DIFFUSE"): color, LobeKey("AMBIENT"): color}
 
 
-def glossy_closure(color: Sum, roughness: float, multiscatter: bool) -> Closure:
-    """A metal-like lobe that reflects `color` at every angle."""
+def glossy_closure(color: Sum, mean: RGB, roughness: float, multiscatter: bool, edge: bool = True) -> Closure:
+    """A metal-like lobe that reflects `color`, whose mean is given; edge: white at grazing angles (Schlick), as metals do.
+
+    What scatters more than once is the mean's: exact for constants.
+    """
     if roughness <= MIRROR_ROUGHNESS:
         return {LobeKey("MIRROR"): color}
-    if multiscatter:
-        color = _scattered(color, specular_albedo(roughness, multiscatter=False))
-    ambient = scale(color, specular_albedo(roughness, multiscatter))
-    return _highlight_closure(color, highlights(roughness, "MULTI_GGX" if multiscatter else "GGX"), ambient)
+    world, rest = world_of(roughness, "METAL"), complement(color) if edge else ZERO
+    again = tuple(scattered(f + (1 - f) / 21 if edge else f, roughness) for f in mean) if multiscatter else (0.0, 0.0, 0.0)
+    brighter = constant(tuple(1 + x * scattered_narrow(roughness) for x in again))
+    spread = multiply(color, constant(again))
+    once = multiply(color, constant(tuple(1 - x for x in again)))
+    always, grazing = add(spread, scale(once, world.a0), scale(rest, world.b0)), add(scale(once, world.a1), scale(rest, world.b1))
+    return add_closures(
+        _highlights(multiply(color, brighter), roughness),
+        _highlights(multiply(rest, brighter), roughness, schlick=True),
+        _matt(scale(spread, scattered_wide(roughness)), world, 1 - world.a0, -world.a1),
+        _seen("AMBIENT", always, grazing, world),
+    )
 
 
-def _scattered(color: Sum, once: float) -> Sum:
-    """What comes back of a rough surface that reflects `color` at each bounce and sends the share `once` out after the first.
-
-    Within 4 % of Cycles for greys from 0.1 to 1 and roughness 0.5 and 0.8. Textures count as 0.6, a usual metal's reflectance.
-    """
-    if not is_constant(color):
-        return scale(color, once + (1 - once) * 0.6)
-    return add(scale(color, once), scale(multiply(color, color), 1 - once))
+def metal_closure(view: NodeView, color: Sum, roughness: float) -> Closure:
+    """A metal of a node with microfacets; colours above 1 count as 1, as in Cycles."""
+    color = view.evaluator.clamped(color, 0.0, 1.0)
+    return glossy_closure(color, view.evaluator.mean(color), roughness, is_multiscatter(view))
 
 
-def _highlight_closure(color: Sum, lobes: tuple[Highlight, ...], ambient: Sum) -> Closure:
-    return {**{LobeKey("SPECULAR", exponent=p): scale(color, s) for p, s in lobes}, LobeKey("AMBIENT"): ambient}
+def _highlights(weight: Sum, roughness: float, **more: Any) -> Closure:
+    masking = width(roughness)
+    return add_closures(*({LobeKey("SPECULAR", p, masking=masking, **more): scale(weight, s)} for p, s in highlights(roughness)))
 
 
-def coat_closure(tint: Sum, roughness: float, ior: float) -> Closure:
-    """A dielectric interface's reflection: Fresnel's where it is smooth, its mean where it is rough."""
+def _seen(kind: str, always: Sum, grazing: Sum, world: World) -> Closure:
+    """always + grazing (1 - n·v)^q."""
+    return {LobeKey(kind): always, LobeKey(kind, exponent=world.q): grazing}
+
+
+def _matt(color: Sum, world: World, always: float, grazing: float) -> Closure:
+    return _seen("DIFFUSE", scale(color, always), scale(color, grazing), world)
+
+
+def coat_closure(weight: Sum, roughness: float, ior: float, multiscatter: bool = True, tint: Sum = ONE) -> Closure:
+    """A dielectric interface's reflection, by Fresnel; tint: of the reflectance at normal incidence, not of that at grazing angles."""
     if ior == 1.0:
         return {}
     if roughness <= MIRROR_ROUGHNESS:
-        return {LobeKey("MIRROR", ior=ior, fresnel=True): tint}
+        return {LobeKey("MIRROR", ior=ior, fresnel=True): multiply(weight, tint)}
+    f0, world = normal_reflectance(ior), dielectric_world(roughness, ior)
+    again = scattered(f0 + (1 - f0) / 21, roughness) if multiscatter else 0.0
+    tinted = scale(tint, f0)
+    highlight = _dielectric_highlights(tint, roughness, ior, 1 + again * scattered_narrow(roughness))
+    closures = add_closures(
+        highlight,
+        _matt(scale(tinted, again * scattered_wide(roughness)), world, 1 - world.a0, -world.a1),
+        _reflected("AMBIENT", tinted, world, again),
+    )
+    return scale_closure(closures, weight)
+
+
+def _dielectric_highlights(tint: Sum, roughness: float, ior: float, brighter: float) -> Closure:
+    """F = a F_ior + b, so that it is the tint times F0 at normal incidence and 1 at grazing angles."""
     f0 = normal_reflectance(ior)
-    return _highlight_closure(scale(tint, f0), dielectric_highlights(roughness, f0), scale(tint, layer_albedo(roughness, ior)))
+    if tint == ONE:
+        return _highlights(constant(brighter), roughness, fresnel=True, ior=ior)
+    white = scale(complement(scale(tint, f0)), brighter)
+    if f0 > 0.5:  # where a and b would all but cancel; Schlick's weight is as good there
+        return add_closures(_highlights(scale(tint, f0 * brighter), roughness), _highlights(white, roughness, schlick=True))
+    b = scale(complement(tint), -f0 / (1 - f0) * brighter)
+    return add_closures(_highlights(scale(white, 1 / (1 - f0)), roughness, fresnel=True, ior=ior), _highlights(b, roughness))
+
+
+def _reflected(kind: str, f0: Sum, world: World, again: float) -> Closure:
+    """What of a uniform world a dielectric layer reflects; again: the share of what is not sent out at once."""
+    rest, once = complement(f0), scale(f0, 1 - again)
+    always = add(scale(f0, again), scale(once, world.a0), scale(rest, world.b0))
+    return _seen(kind, always, add(scale(once, world.a1), scale(rest, world.b1)), world)
+
+
+def below_coat(base: Sum, tint: Sum, roughness: float, ior: float, multiscatter: bool) -> Closure:
+    """A diffuse layer under a dielectric one, which by Cycles keeps what it reflects of a uniform world in the direction of view.
+
+    Scattering once it keeps the rough share of F0 too.
+    """
+    world, f0 = dielectric_world(roughness, ior), normal_reflectance(ior)
+    if not multiscatter:
+        world = replace(world, a0=1.0, a1=0.0)
+    kept = _reflected("DIFFUSE", scale(tint, f0), world, scattered(f0 + (1 - f0) / 21, roughness) if multiscatter else 0.0)
+    always, grazing = kept[LobeKey("DIFFUSE")], kept[LobeKey("DIFFUSE", exponent=world.q)]
+    through, less = multiply(base, complement(always)), scale(multiply(base, grazing), -1.0)
+    return add_closures(_seen("DIFFUSE", through, less, world), _seen("AMBIENT", through, less, world))
 
 
 def glass_closure(view: NodeView, reflected: Sum, refracted: Sum, roughness: float, ior: float) -> Closure:
@@ -73,9 +134,43 @@ def note_bump(view: NodeView, *names: str) -> None:
         view.note("Normal maps and bumps are not rendered: {} keep the mesh's normals; bake them to geometry")
 
 
+LEFT_OUT = {
+    "Anisotropy": "anisotropy",
+    "Anisotropic": "anisotropy",
+    "Thin Film Thickness": "thin film",
+    "Diffuse Roughness": "diffuse roughness",
+}
+"""Inputs that have no effect where they are not 0."""
+_MICROFACETS = ("GGX", "MULTI_GGX")
+
+
+def note_left_out(view: NodeView, names: dict[str, str]) -> None:
+    """A note for each input, by name and in words, that is not 0 and has no effect here."""
+    for name, word in names.items():
+        if view.input(name) and view.number(name):
+            view.note(f"The {word} of {view.node.bl_label} is not rendered: {{}} go without it")
+
+
+def note_microfacets(view: NodeView) -> None:
+    """What is left out of a node with microfacets."""
+    note_bump(view, "Normal")
+    note_left_out(view, LEFT_OUT)
+    distribution = getattr(view.node, "distribution", "GGX")
+    if distribution not in _MICROFACETS:
+        view.note(f"The distribution {distribution.replace('_', ' ').title()} is rendered as GGX in {{}}")
+
+
+def note_edge_tint(view: NodeView, name: str) -> None:
+    """Where a metal's colour at grazing angles is not white."""
+    if view.input(name) and view.color(name) != ONE:
+        view.note(f"The {name.lower()} of metals is not rendered: {{}} turn white at grazing angles")
+
+
 def _diffuse(view: NodeView) -> Closure:
     note_bump(view, "Normal")
-    return diffuse_closure(view.color("Color"))
+    if view.node.bl_idname == "ShaderNodeBsdfDiffuse":
+        note_left_out(view, {"Roughness": "roughness"})
+    return diffuse_closure(view.reflectance("Color"))
 
 
 def _as_diffuse(view: NodeView) -> Closure:
@@ -84,20 +179,22 @@ def _as_diffuse(view: NodeView) -> Closure:
 
 
 def _glossy(view: NodeView) -> Closure:
-    note_bump(view, "Normal")
-    return glossy_closure(view.color("Color"), view.constant("Roughness"), is_multiscatter(view))
+    note_microfacets(view)
+    color = view.reflectance("Color")
+    return glossy_closure(color, view.evaluator.mean(color), view.constant("Roughness"), is_multiscatter(view), edge=False)
 
 
 def _metallic(view: NodeView) -> Closure:
-    note_bump(view, "Normal")
+    note_microfacets(view)
+    note_edge_tint(view, "Edge Tint")
     if view.node.fresnel_type != "F82":
         view.note("The Metallic shader's physical conductor is rendered by its base colour in {}: choose F82 Tint")
-    return glossy_closure(view.color("Base Color"), view.constant("Roughness"), is_multiscatter(view))
+    return metal_closure(view, view.reflectance("Base Color"), view.constant("Roughness"))
 
 
 def _glass(view: NodeView) -> Closure:
-    note_bump(view, "Normal")
-    color = view.color("Color")
+    note_microfacets(view)
+    color = view.reflectance("Color")
     return glass_closure(view, color, color, view.constant("Roughness"), sound_ior(view))
 
 
@@ -105,7 +202,7 @@ def _refraction(view: NodeView) -> Closure:
     note_bump(view, "Normal")
     if view.constant("Roughness") > MIRROR_ROUGHNESS:
         view.note("Rough refraction is rendered clear in {}")
-    return {LobeKey("REFRACTION", ior=sound_ior(view)): view.color("Color")}
+    return {LobeKey("REFRACTION", ior=sound_ior(view)): view.reflectance("Color")}
 
 
 def _transparent(view: NodeView) -> Closure:
@@ -212,6 +309,6 @@ CLOSURE_NODES.update(
         "ShaderNodeVolumePrincipled": _volume,
         "ShaderNodeVolumeAbsorption": _volume,
         "ShaderNodeVolumeScatter": _volume,
-        "GlintBlinnPhongNode": _blinn_phong,
+        BLINN_PHONG: _blinn_phong,
     }
 )

@@ -20,6 +20,8 @@ def _image_texture(view: NodeView, output: Any) -> Sum:
     node = view.node
     colors_alone = not node.outputs["Alpha"].is_linked
     index = view.evaluator.images.texture(node.image, node.image_user, node.extension, node.interpolation, colors_alone)
+    if node.interpolation in ("Cubic", "Smart"):
+        view.note("Cubic interpolation of images is rendered as linear in {}")
     if node.projection != "FLAT":
         view.note(f"The {node.projection.lower()} projection of images is not supported: {{}} use the UV map; bake to an image")
     uv, transform = _uv_transform(view)

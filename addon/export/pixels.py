@@ -97,13 +97,13 @@ def recipe(image: Any) -> tuple | None:
     return ("generated", *made_as, tuple(image.size), image.channels, image.is_float)
 
 
-def decode(origin: Source) -> Raw | ImageError:
+def decode(origin: Source) -> Raw | ImageError | MemoryError:
     """The values, or why there are none. Asks nothing of Blender: any thread may call it."""
     try:
         from_bytes = origin.packed is not None
         values, premultiplied = _from_bytes(origin.packed, origin.path) if from_bytes else _from_file(origin.path)
         return _raw(values, origin.alpha_mode, premultiplied=premultiplied and origin.alpha_mode == "PREMUL")
-    except ImageError as error:
+    except (ImageError, MemoryError) as error:
         return error
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
-from ...engine import affine_inverse, pixel_bounds_of_box
+from ...engine import affine_inverse, determinant, pixel_bounds_of_box
 from ...engine.scene import Camera, Geometry, Instances, Spheres
 from .camera import inverse_axes
 from .report import Report
@@ -24,11 +25,14 @@ _FIRST = 16
 def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple[Instances, ...]:
     """Without the placements that are no surface any more: matrices of rank 0 or 1 squash everything to a line or a point."""
     kept = []
-    ranks = _ranks(np.concatenate([np.zeros((0, 3, 3)), *(block.world_from_object[:, :, :3] for block in instances)]))
-    ends = np.cumsum([len(block.world_from_object) for block in instances], dtype=np.intp)
-    for block, surface in zip(instances, np.split(ranks >= 2, ends[:-1]), strict=False):
+    matrices = [block.world_from_object for block in instances]
+    surfaces = _ranks(np.concatenate([np.zeros((0, 3, 4)), *matrices])[:, :, :3]) >= 2
+    if surfaces.all():
+        return instances
+    ends = np.cumsum([len(rows) for rows in matrices], dtype=np.intp)
+    for block, surface in zip(instances, np.split(surfaces, ends[:-1]), strict=False):
         if not surface.all():
-            report.note("Objects scaled to a line or a point are left out: {}; give them two axes that are not 0", block.name)
+            report.note("Objects whose scale leaves no surface (0, or vastly unequal) are left out: {}; scale two axes alike", block.name)
             block = replace(block, world_from_object=block.world_from_object[surface])
         if surface.any():
             kept.append(block)
@@ -39,7 +43,7 @@ def _ranks(linear: np.ndarray) -> np.ndarray:
     """(k,) of the (k, 3, 3) matrices, by the SVD (notes, section 6.5) where the determinant leaves a doubt."""
     size = np.abs(linear).max((1, 2))
     unit = linear / np.where(size > 0, size, 1.0)[:, None, None]
-    doubtful = np.abs(np.linalg.det(unit)) < _NEARLY_SINGULAR
+    doubtful = np.abs(determinant(unit)) < _NEARLY_SINGULAR
     ranks = np.full(len(linear), 3)
     if doubtful.any():
         placement = np.concatenate([unit[doubtful], np.zeros((doubtful.sum(), 3, 1))], 2)
@@ -47,15 +51,17 @@ def _ranks(linear: np.ndarray) -> np.ndarray:
     return ranks
 
 
-def note_empty_view(camera: Camera, geometries: tuple[Geometry, ...], instances: tuple[Instances, ...], report: Report) -> None:
-    """Say so when the box round everything that the camera may see projects beside the frame (notes, section 7.5)."""
-    seen = [(geometries[block.geometry], block.world_from_object) for block in instances if block.visible_camera]
-    seen = [(geometry, matrices) for geometry, matrices in seen if len(_points(geometry))]
-    if any(shows_a_point(geometry, matrices[0], camera) for geometry, matrices in seen[:_FIRST]):
+def note_empty_view(camera: Camera, geometries: tuple[Geometry, ...], instances: tuple[Instances, ...], report: Report, name: str) -> None:
+    """Say so when the box round everything that the camera, called `name`, may see projects beside the frame (notes, section 7.5)."""
+    seen = ((geometries[block.geometry], block.world_from_object) for block in instances if block.visible_camera)
+    seen = ((geometry, matrices) for geometry, matrices in seen if len(_points(geometry)))
+    first = list(islice(seen, _FIRST))
+    if any(shows_a_point(geometry, matrices[0], camera) for geometry, matrices in first):
         return
+    seen = [*first, *seen]
     # Where the box round a few vertices reaches the frame, the box round all of them does.
     if seen and not (_may_be_seen(seen, camera, _FEW) or _may_be_seen(seen, camera, None)):
-        report.note("The camera sees no object: all of them are beside the frame, behind it or outside its clip distances")
+        report.note("The camera ({}) sees no object: all of them are beside the frame, behind it or outside its clip distances", name)
 
 
 def _points(geometry: Geometry) -> np.ndarray:

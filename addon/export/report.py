@@ -18,6 +18,15 @@ class Report:
         if name:
             names[name] = None
 
+    def mentions(self, name: str) -> bool:
+        """Whether any note is about a thing of this name."""
+        return any(name in names for names in self._names.values())
+
+    def add(self, other: Report) -> None:
+        """Take in the notes of another."""
+        for sentence, names in other._names.items():
+            self._names.setdefault(sentence, {}).update(names)
+
     def notes(self) -> tuple[str, ...]:
         """One sentence per kind of note, in the order in which they came up first."""
         return tuple(sentence.replace("{}", _listed(list(names))) for sentence, names in self._names.items())

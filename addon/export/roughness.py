@@ -1,19 +1,16 @@
-"""Cycles' microfacets, as its `roughness` has them, to the Blinn-Phong lobes that stand for them, and back.
+"""Cycles' microfacets, as its `roughness` has them, to the Blinn-Phong lobes that stand for them.
 
-Measured against Cycles 5.0.1 by tests/cycles/fit_roughness.py, which also says what is minimised. Two lobes, a narrow and a wide one,
-stand for one microfacet lobe of constant reflectance F0: its direct light is `F0 · Σ s_k · max(0, n·h)^p_k · E/π`. One power falls far
-below GGX's tail, which a display shows nearly as bright as its peak; two follow it. What two leave is mostly the gain at grazing view.
-`HIGHLIGHTS` has the residuals.
+GGX of width α = roughness² reflects D(h) F(v·h) G / (4 n·l n·v) of the light. Power lobes stand for D alone, Σ s_k max(0, n·h)^p_k for
+π D / 4; the lobes' own masking and Fresnel factors are the rest (SEMANTICS.md), so that grazing angles come out as in Cycles. Where
+roughness is small, D spans more decades and takes more lobes. tests/cycles/fit_roughness.py makes the tables, and says what is minimised.
 
-A dielectric is fitted with its Fresnel reflectance, which grows from F0 when seen straight to 1 at grazing view, as a lobe in units of
-F0 = 0.04.
-
-p·α² and s·α² with α = roughness² vary slowly and settle below 0.2, so they are tabled; between the rows they follow powers of roughness.
+What of a uniform world a surface reflects is F0 · A + (1 - F0) · B, with A and B nearly a0 + a1 (1 - n·v)^q and b0 + b1 (1 - n·v)^q.
 """
 
 from __future__ import annotations
 
 import functools
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,113 +19,145 @@ from .fresnel import fresnel, normal_reflectance
 Highlight = tuple[float, float]
 """Exponent and scale of one lobe."""
 
-ROUGHNESS = np.array([0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
-"""Rows of the tables below."""
+LOBES = (
+    ((0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4), np.array([
+        [2.5958, 0.4196, 0.0690, 0.0106, 0.208645, 0.016417, 0.000521, 0.000015],
+        [2.6563, 0.4411, 0.0738, 0.0109, 0.208624, 0.017714, 0.000598, 0.000018],
+        [2.7887, 0.4892, 0.0848, 0.0116, 0.208139, 0.020726, 0.000798, 0.000027],
+        [2.9959, 0.5681, 0.1037, 0.0125, 0.206240, 0.025895, 0.001209, 0.000049],
+        [2.9786, 0.5611, 0.0975, 0.0071, 0.205921, 0.025960, 0.001233, 0.000055],
+        [3.3109, 0.7233, 0.1443, 0.0105, 0.197400, 0.036519, 0.002559, 0.000158],
+        [3.8510, 0.9529, 0.2104, 0.0153, 0.184461, 0.052666, 0.005143, 0.000406],
+    ])),
+    ((0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7), np.array([
+        [2.5107, 0.3860, 0.0263, 0.205260, 0.017381, 0.000652],
+        [2.8393, 0.4970, 0.0353, 0.203876, 0.026192, 0.001393],
+        [3.1484, 0.6196, 0.0442, 0.196694, 0.037079, 0.002727],
+        [3.4884, 0.7574, 0.0531, 0.185757, 0.050414, 0.005016],
+        [3.8187, 0.9028, 0.0606, 0.170705, 0.065130, 0.008704],
+        [4.1424, 1.0559, 0.0655, 0.151754, 0.080681, 0.014421],
+        [4.4419, 1.2098, 0.0662, 0.129795, 0.095613, 0.022917],
+    ])),
+    ((0.7, 0.8, 0.9, 1.0), np.array([
+        [2.3722, 0.1548, 0.198212, 0.035840],
+        [2.5947, 0.1451, 0.172610, 0.071704],
+        [2.5613, 0.0794, 0.117400, 0.131519],
+        [0.0000, 0.0000, 0.085000, 0.165000],
+    ])),
+)  # fmt: skip
+"""Roughnesses, and a row for each: p·α² of the lobes, then s·α². Four lobes and three follow D to 20 %, two to 8 %, up to 75°
+from the half vector (up to 25 α where roughness is below 0.3)."""
 
-HIGHLIGHTS = {
-    "GGX": np.array([
-        [1.58818, 1.60598, 1.74445, 1.98292, 2.27322, 2.58956, 2.90891, 3.33605, 4.83043],
-        [0.19714, 0.20020, 0.21338, 0.22995, 0.23934, 0.23332, 0.20755, 0.16080, 0.09028],
-        [0.10748, 0.10150, 0.11172, 0.13318, 0.15401, 0.16611, 0.15873, 0.12019, 0.05532],
-        [0.00292, 0.00336, 0.00587, 0.01207, 0.02355, 0.04189, 0.06771, 0.10373, 0.15730],
-        [0.19826, 0.18386, 0.16580, 0.15874, 0.16685, 0.18399, 0.20664, 0.22894, 0.24834],
-    ]),
-    "MULTI_GGX": np.array([
-        [1.58781, 1.60142, 1.73131, 1.97051, 2.28495, 2.65538, 3.04788, 3.51699, 4.67637],
-        [0.19755, 0.20238, 0.22192, 0.25561, 0.29687, 0.33459, 0.35340, 0.33394, 0.23478],
-        [0.10739, 0.10030, 0.10768, 0.12797, 0.15641, 0.19468, 0.24283, 0.30155, 0.40388],
-        [0.00292, 0.00336, 0.00598, 0.01329, 0.02977, 0.06302, 0.12303, 0.22776, 0.42193],
-        [0.19878, 0.18687, 0.17268, 0.16628, 0.16827, 0.17461, 0.18635, 0.20055, 0.21514],
+ROUGHNESS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
+"""Columns of the tables below."""
+
+WORLD = {
+    "METAL": np.array([
+        [5.0, 5.0, 4.5, 3.8, 3.4, 2.9, 3.3, 3.1, 3.2, 2.9, 2.7],
+        [1.0000, 1.0009, 1.0071, 0.9873, 0.9440, 0.8801, 0.7961, 0.6861, 0.5661, 0.4405, 0.3284],
+        [-0.0009, -0.0111, -0.1148, -0.1681, -0.1173, -0.0321, 0.0819, 0.2265, 0.3939, 0.5367, 0.6431],
+        [0.0000, 0.0002, 0.0000, 0.0000, 0.0000, 0.0000, 0.0008, 0.0004, 0.0003, 0.0000, 0.0000],
+        [0.9992, 0.9879, 0.7854, 0.5082, 0.3165, 0.1837, 0.1351, 0.0851, 0.0591, 0.0400, 0.0279],
     ]),
     "DIELECTRIC": np.array([
-        [1.58534, 1.60124, 1.74106, 1.96210, 2.21701, 2.48835, 2.75716, 3.06200, 3.83861],
-        [0.21407, 0.21782, 0.23387, 0.25492, 0.27204, 0.27758, 0.26515, 0.22989, 0.16146],
-        [0.10678, 0.10037, 0.11313, 0.13663, 0.15841, 0.16963, 0.15863, 0.11125, 0.04585],
-        [0.00314, 0.00362, 0.00652, 0.01351, 0.02630, 0.04642, 0.07434, 0.11233, 0.17259],
-        [0.25435, 0.24241, 0.22686, 0.21631, 0.21235, 0.21372, 0.22065, 0.23036, 0.24090],
+        [4.1, 4.0, 3.6, 3.1, 2.6, 2.3, 2.5, 2.4, 2.5, 2.6, 2.4],
+        [1.0000, 1.0011, 1.0098, 0.9937, 0.9477, 0.8811, 0.7933, 0.6793, 0.5585, 0.4362, 0.3240],
+        [-0.0008, -0.0100, -0.1046, -0.1587, -0.1079, -0.0301, 0.0747, 0.2076, 0.3443, 0.5118, 0.6036],
+        [0.0026, 0.0022, 0.0016, 0.0010, 0.0008, 0.0004, 0.0018, 0.0015, 0.0012, 0.0008, 0.0000],
+        [0.8050, 0.7693, 0.6212, 0.4331, 0.2674, 0.1738, 0.1273, 0.0837, 0.0606, 0.0454, 0.0331],
     ]),
 }  # fmt: skip
-"""Per kind of microfacets: p·α² and s·α² of the narrow lobe, the same of the wide one, and the relative root-mean-square residual in
-display values (x^(1/2.2)) that the fit leaves. One lobe leaves 0.48, 0.41, 0.26 of MULTI_GGX at 0.2, 0.5, 0.7 and
-0.50, 0.44, 0.28 of DIELECTRIC. GGX scatters once, MULTI_GGX as often as it takes (Blender's default)."""
+"""q, a0, a1, b0, b1 by roughness, B for Schlick's weight and for a dielectric of IOR 1.5; within 7 % of the integral from 6° to 90°."""
 
-ALBEDO = np.array([0.9940, 0.9765, 0.9407, 0.8819, 0.8026, 0.7079, 0.6046, 0.5027, 0.4095])
-"""Share of a uniform world that GGX reflects at F = 1, averaged over the view with the cosine; 1 for MULTI_GGX."""
-
-DIELECTRIC_ALBEDO = np.array([0.0883, 0.0806, 0.0708, 0.0606, 0.0511, 0.0425, 0.0349, 0.0283, 0.0228])
-"""The same share for Principled's dielectric lobe of IOR 1.5; 0.0919 where it is smooth."""
+ALBEDO = np.array([1.0, 0.9995, 0.9941, 0.9767, 0.9406, 0.8824, 0.8030, 0.7075, 0.6043, 0.5025, 0.4093])
+"""Share of a uniform world that GGX reflects at F = 1, averaged over the view with the cosine; 1 where it scatters until it is out."""
 
 SMALLEST = 0.03
-"""Below it a lobe is narrower than 0.05° and roughness no longer matters: p stays under 3e6."""
+"""Below it a lobe is narrower than 0.05° and roughness no longer matters: p stays under 4e6."""
 
 
-def highlights(roughness: float, kind: str = "MULTI_GGX") -> tuple[Highlight, Highlight]:
-    """(exponent p, scale s) of the narrow and of the wide lobe for Blender's `roughness` (0 to 1, clamped); k_s = F0 · s.
+@dataclass(frozen=True)
+class World:
+    """What of a uniform world GGX reflects: F0 · (a0 + a1 x) + (1 - F0) · (b0 + b1 x), x = (1 - n·v)^q."""
 
-    kind: a key of `HIGHLIGHTS`.
-    """
-    return _pairs(_row(kind, roughness))
-
-
-def dielectric_highlights(roughness: float, f0: float) -> tuple[Highlight, Highlight]:
-    """The same for a dielectric of normal reflectance `f0`: the larger it is, the less Fresnel's rise matters and the more it is GGX."""
-    rise = min(1.0, 0.04 / 0.96 * (1 - f0) / max(f0, 1e-6))
-    return _pairs(_row("DIELECTRIC", roughness) ** rise * _row("GGX", roughness) ** (1 - rise))
+    q: float
+    a0: float
+    a1: float
+    b0: float
+    b1: float
 
 
-def specular_albedo(roughness: float, multiscatter: bool = True) -> float:
-    """Share of a uniform white world that the lobe reflects for F0 = 1 (no Fresnel): the ambient coefficient of the lobe per F0."""
-    if multiscatter:
-        return 1.0
-    return float(np.interp(_clamped(roughness), [0.0, *ROUGHNESS], [1.0, *ALBEDO]))
+def highlights(roughness: float) -> tuple[Highlight, ...]:
+    """(exponent p, scale s) of the lobes for Blender's `roughness` (0 to 1, clamped), from narrow to wide; k_s = F0 · s."""
+    roughness = _clamped(roughness)
+    rows, table = next(lobes for lobes in LOBES if roughness <= lobes[0][-1])
+    if (table > 0).all():  # what falls by a factor from row to row does so in between
+        row = np.exp([np.interp(roughness, rows, column) for column in np.log(table).T])
+    else:
+        row = np.array([np.interp(roughness, rows, column) for column in table.T])
+    exponents, scales = np.split(row / roughness**4, 2)
+    return tuple((float(p), float(x)) for p, x in zip(exponents, scales, strict=True))
 
 
-def layer_albedo(roughness: float, ior: float) -> float:
-    """Share of a uniform white world that Principled's dielectric lobe reflects, Fresnel included: 0.092 at roughness 0, 0.061 at 0.5,
-    0.023 at 1 for IOR 1.5. GGX's share of F0 plus what is left of Fresnel's rise; within 0.006 of Cycles up to IOR 2.5, 0.015 up to 4
-    (but 0.04 for MULTI_GGX at IOR 4 and roughness 1)."""
-    return normal_reflectance(ior) * specular_albedo(roughness, multiscatter=False) + _grazing_share(roughness, ior)
+def world_of(roughness: float, kind: str) -> World:
+    """kind: a key of `WORLD`."""
+    return World(*(float(np.interp(_clamped(roughness), ROUGHNESS, row)) for row in WORLD[kind]))
 
 
-def layer_loss(roughness: float, ior: float, multiscatter: bool, world: bool = False) -> float:
-    """What Principled's dielectric lobe keeps from the diffuse layer below: of a uniform world, or of lamps, which seldom shine at
-    grazing angles (0.63 of Fresnel's rise; within 0.006 of Cycles for IOR 1.45 to 4).
+def specular_albedo(roughness: float) -> float:
+    """Share of a uniform white world that GGX reflects for F = 1 when it scatters once, averaged over the view."""
+    return float(np.interp(_clamped(roughness), ROUGHNESS, ALBEDO))
 
-    Multiple scattering passes on what is not reflected (a white furnace gives 1), single scattering loses the rough share of F0 too.
-    """
-    straight = specular_albedo(roughness, multiscatter=False) if multiscatter else 1.0
-    return normal_reflectance(ior) * straight + (1.0 if world else 0.63) * _grazing_share(roughness, ior)
+
+def width(roughness: float) -> float:
+    """GGX's α."""
+    return _clamped(roughness) ** 2
+
+
+def scattered(reflectance: float, roughness: float) -> float:
+    """What of the light that GGX does not send out at once comes back, later, of a surface that reflects `reflectance` at each bounce."""
+    once = specular_albedo(roughness)
+    return reflectance * once / (1 - min(reflectance, 1.0) * (1 - once))
+
+
+def scattered_narrow(roughness: float) -> float:
+    """Which share of that, beside what is sent out at once, looks like the highlight; the rest of it looks matt."""
+    once = specular_albedo(roughness)
+    return (1 - once) / once * _narrow(roughness)
+
+
+def scattered_wide(roughness: float) -> float:
+    """Which share of it looks matt."""
+    return 1 - _narrow(roughness)
+
+
+def _narrow(roughness: float) -> float:
+    return float(np.interp(_clamped(roughness), [0.6, 1.0], [1.0, 0.0]))
+
+
+def dielectric_world(roughness: float, ior: float) -> World:
+    """The same for a dielectric: with B for its own index."""
+    found, own = world_of(roughness, "DIELECTRIC"), _smooth_rise(ior) / _smooth_rise(1.5)
+    return World(found.q, found.a0, found.a1, found.b0 * own, found.b1 * own)
+
+
+def layer_loss(roughness: float, ior: float) -> float:
+    """What a dielectric layer keeps, on average over the view, from what lies below."""
+    world, f0 = dielectric_world(roughness, ior), normal_reflectance(ior)
+    mean = 2 / ((world.q + 1) * (world.q + 2))
+    return f0 * (world.a0 + world.a1 * mean) + (1 - f0) * (world.b0 + world.b1 * mean)
 
 
 @functools.lru_cache(maxsize=1024)
-def _grazing_share(roughness: float, ior: float) -> float:
-    """The mean of F - F0 over a uniform world, and the share of it that roughness leaves."""
-    cosines = (np.arange(32) + 0.5) / 32
-    smooth = np.mean([2 * c * fresnel(c, ior) for c in cosines]) - normal_reflectance(ior)
-    left = (DIELECTRIC_ALBEDO - 0.04 * ALBEDO) / (0.0919 - 0.04)
-    return float(smooth * np.interp(_clamped(roughness), [0.0, *ROUGHNESS], [1.0, *left]))
+def _smooth_rise(ior: float) -> float:
+    """The mean over a uniform world of (F - F0) / (1 - F0)."""
+    cosines, f0 = (np.arange(32) + 0.5) / 32, normal_reflectance(ior)
+    return float(np.mean([2 * c * (fresnel(c, ior) - f0) for c in cosines]) / max(1 - f0, 1e-6))
 
 
 def sheen_albedo(roughness: float) -> float:
     """Share of a uniform white world that Principled's sheen reflects at weight 1 and white tint; measured, with what lamps see of it."""
     return float(np.interp(_clamped(roughness), [0.0, 0.1, 0.3, 0.5, 0.8, 1.0], [0.0, 0.0017, 0.035, 0.1185, 0.3133, 0.4473]))
-
-
-@functools.lru_cache(maxsize=1024)
-def _row(kind: str, roughness: float) -> np.ndarray:
-    """(4,) exponent and scale of the narrow lobe, of the wide lobe."""
-    roughness = _clamped(roughness)
-    return np.array([_between(row, roughness) / roughness**4 for row in HIGHLIGHTS[kind][:4]])
-
-
-def _pairs(row: np.ndarray) -> tuple[Highlight, Highlight]:
-    narrow_p, narrow_s, wide_p, wide_s = (float(x) for x in row)
-    return (narrow_p, narrow_s), (wide_p, wide_s)
-
-
-def _between(row: np.ndarray, roughness: float) -> float:
-    """A row's value: constant below the first, powers of roughness in between, so that what falls from row to row falls everywhere."""
-    return float(np.exp(np.interp(np.log(roughness), np.log(ROUGHNESS), np.log(row))))
 
 
 def _clamped(roughness: float) -> float:

@@ -20,7 +20,7 @@ LUMA = (0.2126, 0.7152, 0.0722)
 
 @dataclass(frozen=True)
 class Term:
-    """value times the product of factors; the factors' own values are 1 unless they are complements."""
+    """value times the product of factors; the factors' own values are 1 unless they are complements or have bounds."""
 
     value: RGB
     factors: tuple[Input, ...] = ()
@@ -97,10 +97,12 @@ def complement(terms: Sum) -> Sum:
     """1 - terms. One factor becomes its complement (one term); anything else 1 plus the negative terms."""
     if len(terms) == 1 and len(terms[0].factors) == 1:
         value, factor = terms[0].value, terms[0].factors[0]
-        if not factor.complement:
+        if factor.is_plain and not factor.complement:
             return from_input(replace(factor, value=value, complement=True))
-        if value == (1.0, 1.0, 1.0):
+        if factor.is_plain and value == (1.0, 1.0, 1.0):
             return ((Term(factor.value, (replace(factor, value=(1.0, 1.0, 1.0), complement=False),))),)
+        if value == (1.0, 1.0, 1.0):
+            return from_input(replace(factor, complement=not factor.complement))
     return add(ONE, scale(terms, -1.0))
 
 
@@ -121,7 +123,7 @@ def _grey(term: Term) -> Term:
 
 def _grey_input(source: Input) -> Input:
     """A texture's colour becomes its luminance, an attribute's the mean of its channels (`GREY`)."""
-    value, changes = luminance(source.value), {}
+    value, changes = luminance(source.value), {"offset": (luminance(source.offset),) * 3}
     if source.texture >= 0 and source.channel == "COLOR":
         changes["channel"] = "LUMINANCE"
     if source.attribute and source.attribute_channel == "COLOR" and not source.attribute.startswith(GREY):
@@ -132,7 +134,7 @@ def _grey_input(source: Input) -> Input:
 def factors_of(term: Term) -> tuple[Input, ...]:
     """A term as the factors of a lobe: its value goes into the first factor that can carry it."""
     for k, factor in enumerate(term.factors):
-        if not factor.complement:
+        if factor.is_plain and not factor.complement:
             carrier = replace(factor, value=times(factor.value, term.value))
             return (carrier, *term.factors[:k], *term.factors[k + 1 :])
     if term.value == (1.0, 1.0, 1.0) and term.factors:

@@ -17,6 +17,7 @@ import numpy as np
 
 from ... import engine
 from ...engine.scene import Camera, Scene
+from .. import statistics
 from ..export import ExportError
 from ..export.incremental import NO_CAMERA, shown_in
 from ..properties import viewport_settings_from
@@ -98,6 +99,8 @@ class Session:
         self._drawn_at = 0.0
         self._shown: tuple[int, str] | None = None
         self._status = ""
+        self._scene_name = ""
+        self._notes: dict[str, tuple[str, ...]] = {}  # by who said them
         self._error: float | None = None
         self.region = 0
         timer.watch(self)
@@ -109,6 +112,8 @@ class Session:
         self.region = context.region.as_pointer()
         self._export, wishes = export_of(depsgraph), _Wishes.of(context, depsgraph)
         scene = self._export.update(self, depsgraph, NO_CAMERA, passes=wishes.settings.passes, space=context.space_data)
+        self._scene_name = depsgraph.scene.name
+        self._warn(export=self._export.notes(passes=wishes.settings.passes, space=context.space_data))
         content = wishes.surroundings.around(scene)
         if self._shows(content, wishes):
             return  # another object is selected, or the display transform is another
@@ -296,11 +301,18 @@ class Session:
         if target.stage == "FRAME" and not wave.final:
             return
         self._error = status.error_of(film)
+        if wave.final:
+            self._warn(tracer=film.notes)
         colors = as_colors(film.passes[target.shown], target.shown)
         name, frame = ("frame", target.view.frame) if target.stage == "FRAME" else ("all", None)
         for gone in ("frame",) if frame else ("all", "frame"):  # before what comes needs room
             self._pictures.pop(gone, None)
         self._pictures[name] = _picture(colors, wave.task.settings.region, target.view, frame, wave.task.scene.camera.resolution)
+
+    def _warn(self, **notes: tuple[str, ...]) -> None:
+        """Keep what the exporter or the tracer could not show as it is, where the user can read it."""
+        self._notes |= notes
+        statistics.remember_view(self._scene_name, tuple(note for part in self._notes.values() for note in part))
 
     def _learn(self, wave: engine.Wave) -> None:
         height, width = wave.film.combined.shape[:2]
@@ -320,7 +332,8 @@ class Session:
             return f"Glint: {' '.join(str(error).split())}"
         wave = self._live.newest
         unfinished = self.busy or (wave is not None and wave.task.tag.stage == "DRAFT")
-        return status.progress(wave, self._settings.samples if self._settings else 0, unfinished, self._error)
+        how_far = status.progress(wave, self._settings.samples if self._settings else 0, unfinished, self._error)
+        return how_far + status.warned(sum(map(len, self._notes.values())))
 
     def _tell(self, render_engine: bpy.types.RenderEngine) -> None:
         text = self._told()

@@ -28,6 +28,10 @@ class SharedExport:
         self._told.add(viewer)
         return self._export.scene(depsgraph, camera, **wishes)
 
+    def notes(self, **wishes: Any) -> tuple[str, ...]:
+        """What could not be exported as it is, of the scene that a viewer with these wishes was given."""
+        return self._export.notes(**wishes)
+
 
 _exports: weakref.WeakValueDictionary[tuple, SharedExport] = weakref.WeakValueDictionary()
 

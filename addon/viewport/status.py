@@ -19,10 +19,18 @@ def error_of(film: engine.Film) -> float | None:
     return float(np.partition(levels, int(_SHARE * (levels.size - 1)))[int(_SHARE * (levels.size - 1))])
 
 
+def error_text(error: float) -> str:
+    """Of 8-bit levels."""
+    return ("under 0.01" if error < 0.01 else f"{error:.2g}" if error < 100 else f"{error:.0f}") + "/255"
+
+
 def _wrong(error: float | None) -> str:
-    if error is None:
-        return ""
-    return ", error " + ("under 0.01" if error < 0.01 else f"{error:.2g}" if error < 100 else f"{error:.0f}") + "/255"
+    return "" if error is None else f", error {error_text(error)}"
+
+
+def warned(count: int) -> str:
+    """That there are warnings, and where they stand."""
+    return "" if count == 0 else f", {count} warning{'s' if count > 1 else ''}: Render Properties, Statistics"
 
 
 def progress(wave: engine.Wave | None, most: int, busy: bool, error: float | None) -> str:

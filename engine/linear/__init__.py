@@ -26,7 +26,7 @@ from .transforms import (
     translate,
     window,
 )
-from .vectors import angle_between, cross, dot, length, lerp, piecewise_linear, project, projected_length, unit
+from .vectors import angle_between, cross, determinant, dot, length, lerp, piecewise_linear, project, projected_length, unit
 from .viewing import (
     camera_basis,
     camera_from_world,
@@ -53,6 +53,7 @@ __all__ = [
     "canonical_from_frame",
     "coordinates_in",
     "cross",
+    "determinant",
     "dot",
     "gram_schmidt",
     "homogeneous",

@@ -19,6 +19,12 @@ def cross(a: Array, b: Array) -> Array:
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], -1)
 
 
+def determinant(a: Array) -> Array:
+    """(..., 3, 3) -> (...): a_x · (a_y × a_z) of the columns, the volume that they span (section 2.3)."""
+    a = np.asarray(a, np.float64)
+    return dot(a[..., 0], cross(a[..., 1], a[..., 2]))
+
+
 def power_of_two(magnitude: Array) -> Array:
     """(...) -> (...): the power of two s with 1 <= magnitude / s < 2, so that dividing by it is exact; 1 for 0, infinities and NaN."""
     magnitude = np.asarray(magnitude, np.float64)

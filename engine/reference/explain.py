@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..scene import Scene
+from ..scene import Lobe, Scene
 from ..settings import Settings
-from .lights import CENTER, LightSample, Source
+from .gloss import Narrow
+from .lighting import balance, highlight
+from .lights import LightSample, Source
 from .materials import Coefficients
-from .optics import blinn_phong
 from .paths import Paths, bounced, straight_on
 from .pulse import Pulse
 from .rays import ULPS, Bundle
@@ -31,7 +32,8 @@ class LightTerm:
 
     to_light: l.  n_dot_l, n_dot_h: cosines.  intensity: I.  distance: to the light's sample, infinite for a sun.
     shadow: S.  blocker: name of the first thing in between, "" for none; blocker_distance: how far it is.
-    diffuse, specular: k_d I max(0, n·l) and k_s I max(0, n·h)^p, before the shadow.
+    diffuse, specular: k_d I max(0, n·l) and k_s I max(0, n·h)^p, before the shadow. Directions drawn from narrow highlights are samples
+    too, without diffuse light; both kinds have a share of the highlight.
     """
 
     light: str
@@ -172,24 +174,27 @@ class Explainer:
             geometric_normal=_numbers(surface.g[:, 0]),
             ambient=_numbers(coefficients.ambient[:, 0] * stage.ambient[:, 0]),
             emission=_numbers(coefficients.emission[:, 0]),
-            lights=tuple(self._lights(surface, coefficients)),
+            lights=tuple(self._lights(surface, coefficients, paths.weight)),
             holdout=instances.holdout,
         )
 
     # --- lights -------------------------------------------------------------------------------------------------------------------
 
-    def _lights(self, surface: Surface, coefficients: Coefficients) -> Iterator[LightTerm]:
+    def _lights(self, surface: Surface, coefficients: Coefficients, weight: Array) -> Iterator[LightTerm]:
         lighting = self.stage.lighting
         for source in lighting.sources:
-            n = source.sample_count(lighting.light_samples)
-            for j in range(n):
-                yield self._light(surface, coefficients, source, source.sample(surface.x, CENTER if n == 1 else lighting.points[j], n), j)
+            for j, (narrow, sample, diffuse) in enumerate(lighting.samples(surface, coefficients, weight, source, 0)):
+                if diffuse is coefficients.diffuse or sample.intensity[0]:
+                    yield self._light(surface, replace(coefficients, diffuse=diffuse), source, narrow, sample, j)
 
-    def _light(self, surface: Surface, coefficients: Coefficients, source: Source, sample: LightSample, j: int) -> LightTerm:
+    def _light(
+        self, surface: Surface, coefficients: Coefficients, source: Source, narrow: Narrow | None, sample: LightSample, j: int
+    ) -> LightTerm:
         n_dot_l = float(dot(surface.n, sample.direction)[0])
         intensity = source.color * sample.intensity[0]
         lit = n_dot_l > 0 and intensity.any()
-        specular = sum((term.k[:, 0] * self._power(surface, sample, term.lobe.exponent) for term in coefficients.highlights), np.zeros(3))
+        specular = sum((term.k[:, 0] * self._highlight(surface, sample, term.lobe) for term in coefficients.highlights), np.zeros(3))
+        specular = specular * balance(narrow, np.zeros(1, np.intp), sample)
         shadow, blocker, distance = self._shadow(surface, source, sample) if lit else (np.ones(3), "", np.inf)
         return LightTerm(
             light=source.light.name,
@@ -206,8 +211,8 @@ class Explainer:
             specular=_numbers(specular * intensity if lit else np.zeros(3)),
         )
 
-    def _power(self, surface: Surface, sample: LightSample, exponent: float) -> float:
-        return float(blinn_phong(surface.n, surface.v, sample.direction, exponent)[0])
+    def _highlight(self, surface: Surface, sample: LightSample, lobe: Lobe) -> float:
+        return float(highlight(lobe, surface.n, surface.v, sample.direction)[0])
 
     def _shadow(self, surface: Surface, source: Source, sample: LightSample) -> tuple[Array, str, float]:
         """S, and the first thing that stands between the point and the light's sample."""

@@ -139,7 +139,7 @@ class Generations:
 
         add("Ambient", coefficients.ambient * self._stage.ambient)
         add("Emission", coefficients.emission)
-        light = self._stage.lighting.direct(surface, coefficients, self._sample, on_reach, on_cut)
+        light = self._stage.lighting.direct(surface, coefficients, weight, self._sample, on_reach, on_cut)
         add("Diffuse", light.diffuse)
         add("Specular", light.specular)
         add("Shadow", light.shadow)

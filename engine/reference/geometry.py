@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..linear import determinant
 from ..scene import Mesh, Polygons, Scene, Spheres
 from .placements import Placements, place, primitive_count
 from .vectors import pick
@@ -126,8 +127,8 @@ class _Drawn:
     def _notes(self, squeezed: int, broken: int) -> Iterator[str]:
         name = self.instances.name
         if squeezed:
-            shape = "so flat that their spheres have no inside" if isinstance(self.geometry, Spheres) else "squeezed to a line or a point"
-            yield f"{name!r}: {squeezed} placements are {shape} and were left out; give them a scale"
+            shape = "so flat that the spheres have no inside" if isinstance(self.geometry, Spheres) else "of scales that leave no surface"
+            yield f"{name!r}: {squeezed} placements are {shape} and were left out; scale two axes alike"
         if broken:
             yield f"{name!r}: {broken} primitives have coordinates that are not finite and were left out; repair the mesh"
 
@@ -137,7 +138,7 @@ def _has_inside(placements: Placements, rows: Array) -> Array:
     linear = placements.world_from_object[rows][:, :, :3]
     linear = linear / np.maximum(np.abs(linear).max((1, 2)), 1e-300)[:, None, None]
     with np.errstate(invalid="ignore"):
-        return np.abs(np.linalg.det(linear / np.linalg.norm(linear, axis=1)[:, None, :])) > THIN
+        return np.abs(determinant(linear / np.linalg.norm(linear, axis=1)[:, None, :])) > THIN
 
 
 def _finite_primitives(geometry: Mesh | Spheres | Polygons) -> Array:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..scene import Lobe
+from .gloss import Narrow
 from .lights import CENTER, LightPoint, LightSample, Source
 from .materials import Coefficients
-from .optics import blinn_phong
+from .optics import blinn_phong, gloss
 from .pulse import Pulse
 from .shadows import Shadows
 from .surface import Surface
@@ -41,25 +43,41 @@ class Lighting:
         self,
         surface: Surface,
         coefficients: Coefficients,
+        weight: Array,
         sample: int,
         on_reach: Callable[[Source, Array], None],
         on_cut: Callable[[Array], None],
     ) -> DirectLight:
-        """What all lights add at the points of `surface` in sample `sample` of their pixels. on_reach: told which points each sample of a
-        light reaches.  on_cut: told the points whose horizon cuts a light of more than one sample."""
+        """What all lights add at the points of `surface` in sample `sample` of their pixels. weight: (3, n) T of the rays that see them.
+        on_reach: told which points each sample of a light reaches.  on_cut: told the points whose horizon cuts a light of more than one
+        sample."""
         total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(3)))
         lit = coefficients.diffuse.any(0)
         for term in coefficients.highlights:
             lit[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
         for source in self.sources if lit.any() else ():
-            n = source.sample_count(self.light_samples)
-            if n > 1 and source.color.any():
+            if source.sample_count(self.light_samples) > 1 and source.color.any():
                 on_cut(np.flatnonzero(lit & source.is_cut(surface.x, surface.n)))
-            for j in range(n):
-                point = CENTER if n == 1 else self.points[sample * self.light_samples + j]
+            for narrow, light_sample, diffuse in self.samples(surface, coefficients, weight, source, sample):
                 self.pulse.beat()
-                on_reach(source, self._add(surface, coefficients, lit, source, source.sample(surface.x, point, n), total))
+                on_reach(source, self._add(surface, coefficients, lit, source, narrow, light_sample, diffuse, total))
         return total
+
+    def samples(
+        self, surface: Surface, coefficients: Coefficients, weight: Array, source: Source, sample: int
+    ) -> Iterator[tuple[Narrow | None, LightSample, Array]]:
+        """The samples of a light: highlights narrower than it, if there are any, the sample, and k_d (3, n) or zeros."""
+        n = source.sample_count(self.light_samples)
+        if n == 1:
+            yield None, source.sample(surface.x, CENTER, n), coefficients.diffuse
+            return
+        narrow = Narrow(surface, coefficients.highlights, weight, source)
+        for point in self.points[sample * n : (sample + 1) * n]:
+            yield narrow, source.sample(surface.x, point, n), coefficients.diffuse
+            if narrow:
+                direction, drawn = narrow.draw(point)
+                chosen = source.sample_at(surface.x, direction, n)
+                yield narrow, replace(chosen, intensity=np.where(drawn, chosen.intensity, 0.0)), np.zeros_like(coefficients.diffuse)
 
     def _add(
         self,
@@ -67,7 +85,9 @@ class Lighting:
         coefficients: Coefficients,
         lit: Array,
         source: Source,
+        narrow: Narrow | None,
         sample: LightSample,
+        diffuse: Array,
         total: DirectLight,
     ) -> Array:
         """One sample of one light; the points that it reaches, whatever stands between."""
@@ -77,16 +97,26 @@ class Lighting:
         if not len(seen) or not source.color.any():
             return seen[:0]
         end = sample.end if sample.end is None or sample.end.shape[1] == 1 else pick(sample.end, seen)
-        sample = LightSample(pick(sample.direction, seen), sample.intensity[seen], end)
+        sample = LightSample(pick(sample.direction, seen), sample.intensity[seen], end, sample.spread[seen])
         light = source.color[:, None] * sample.intensity
-        diffuse = pick(coefficients.diffuse, seen) * light * cosine[seen]
-        specular = _highlights(surface, coefficients, seen, sample) * light
+        diffuse = pick(diffuse, seen) * light * cosine[seen]
+        specular = _highlights(surface, coefficients, seen, sample) * light * balance(narrow, seen, sample)
         add_at(total.diffuse, seen, diffuse)
         add_at(total.specular, seen, specular)
         if source.light.cast_shadow:
             self.pulse.beat()
             add_at(total.shadow, seen, (self.shadows.towards(surface, seen, sample).T - 1.0) * (diffuse + specular))
         return seen
+
+
+def balance(narrow: Narrow | None, seen: Array, sample: LightSample) -> Array | float:
+    """(m,) the share of a highlight that the sample stands for, drawn or on the light: by how densely each of them falls there."""
+    return 1 / (1 + narrow.density(seen, sample.direction) * sample.spread) if narrow else 1.0
+
+
+def highlight(lobe: Lobe, n: Array, v: Array, l: Array) -> Array:  # noqa: E741, the notes' letter
+    """(m,) max(0, n·h)^p of a SPECULAR lobe with all that it is times, for points with n·l > 0."""
+    return blinn_phong(n, v, l, lobe.exponent) * gloss(n, v, l, lobe.masking, lobe.ior, lobe.fresnel, lobe.schlick)
 
 
 def _highlights(surface: Surface, coefficients: Coefficients, seen: Array, sample: LightSample) -> Array:
@@ -101,5 +131,5 @@ def _highlights(surface: Surface, coefficients: Coefficients, seen: Array, sampl
         chosen = np.flatnonzero(known)[place[term.index[known]] >= 0]
         here, at = term.index[chosen], place[term.index[chosen]]
         k = term.k if term.k.shape[1] == 1 else pick(term.k, chosen)
-        add_at(total, at, k * blinn_phong(pick(surface.n, here), pick(surface.v, here), pick(sample.direction, at), term.lobe.exponent))
+        add_at(total, at, k * highlight(term.lobe, pick(surface.n, here), pick(surface.v, here), pick(sample.direction, at)))
     return total

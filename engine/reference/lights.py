@@ -6,7 +6,7 @@ n samples per light.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,11 +41,13 @@ class LightSample:
 
     direction: (3, n) l.  intensity: (n,), to be multiplied with the light's colour.
     end: where the shadow segment ends: (3, 1) a point common to all, (3, n) a point for each, or None for never.
+    spread: (n,) one over how densely, a steradian, samples fall there; 0 for a light of no extent.
     """
 
     direction: Array
     intensity: Array
     end: Array | None
+    spread: Array
 
 
 class Source:
@@ -96,6 +98,39 @@ class Source:
                 return self._spotted(self._center(x))
             return self._spotted(self._disc(x, point, n) if self.light.soft_falloff else self._sphere(x, point, n))
 
+    def sample_at(self, x: Array, direction: Array, n: int) -> LightSample:
+        """The sample of n > 1 that the points x (3, k) would see in the directions (3, k); of no intensity where these miss the light."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            if self.light.kind == "SUN":
+                sample, missed = self._endless(direction, n), _half_square(direction + self.axis) > self.versine
+            elif self.light.kind == "AREA":
+                sample, missed = self._area_at(x, direction, n)
+            else:
+                sample, missed = self._disc_at(x, direction, n) if self.light.soft_falloff else self._sphere_at(x, direction, n)
+                sample = self._spotted(sample)
+        return replace(sample, intensity=np.where(missed, 0.0, sample.intensity))
+
+    @property
+    def versine(self) -> float:
+        """1 − cos of the sun's half angle."""
+        return 2 * np.sin(self.light.angle / 4) ** 2
+
+    @property
+    def area(self) -> float:
+        """Of the shape, as seen straight."""
+        light = self.light
+        if light.kind != "AREA":
+            return np.pi * light.radius**2
+        return light.size_x * light.size_y * (1 if light.shape == "RECTANGLE" else np.pi / 4)
+
+    def least_exponent(self, x: Array) -> Array:
+        """(k,) exponents p of the highlights at the points x that are narrower than the light: those whose solid angle 8π / (p + 1), seen
+        straight, is less than about area / (d² + area / 2π)."""
+        if self.light.kind == "SUN":
+            return np.full(x.shape[1], 4 / self.versine - 1)
+        to = self.position - x
+        return 8 * np.pi / self.area * dot(to, to) + 3 if self.area > 0 else np.full(x.shape[1], np.inf)
+
     def fall_off(self, d: Array, n: int) -> Array:
         """1 / (4π² d² n) when PHYSICAL, 1 / n when CLASSIC; 0 where the point is the light."""
         intensity = np.minimum(1 / (4 * np.pi**2 * d * d), HUGE) if self.physical else np.ones_like(d)
@@ -103,36 +138,54 @@ class Source:
 
     def _center(self, x: Array) -> LightSample:
         to = self.position - x
-        return LightSample(unit(to), self.fall_off(length(to), 1), self.position)
+        return LightSample(unit(to), self.fall_off(length(to), 1), self.position, np.zeros(x.shape[1]))
 
     def _sphere(self, x: Array, point: LightPoint, n: int) -> LightSample:
         """Uniform in the cone that the sphere subtends; the segment ends on the sphere."""
+        axis, versine = self._cone(x)
+        return self._sphere_at(x, in_cone(axis, versine, point), n)[0]
+
+    def _cone(self, x: Array) -> tuple[Array, Array]:
+        """Axis and 1 − cos of the half angle of the cone that the sphere subtends."""
         to, r = self.position - x, self.light.radius
         d = length(to)
         sine2 = np.where(d > r, (r / d) ** 2, 1.0)
-        cosine = np.sqrt(1 - sine2)
-        direction = in_cone(unit(to), sine2 / (1 + cosine), point)
-        middle = dot(to, direction)
+        return unit(to), sine2 / (1 + np.sqrt(1 - sine2))
+
+    def _sphere_at(self, x: Array, direction: Array, n: int) -> tuple[LightSample, Array]:
+        to, r, (axis, versine) = self.position - x, self.light.radius, self._cone(x)
+        d, middle = length(to), dot(to, direction)
         off = to - middle * direction
         root = np.sqrt(np.maximum(0.0, r * r - dot(off, off)))
         end = x + np.where(d > r, middle - root, middle + root) * direction
-        share = 2 / (1 + cosine) if self.physical else 1.0
-        return LightSample(direction, self.fall_off(d, n) * share, end)
+        share = 2 / (2 - versine) if self.physical else 1.0
+        sample = LightSample(direction, self.fall_off(d, n) * share, end, 2 * np.pi * versine)
+        return sample, _half_square(direction - axis) > versine
 
     def _disc(self, x: Array, point: LightPoint, n: int) -> LightSample:
         """Uniform on the disc of the light's radius that faces x."""
         towards = unit(self.position - x)
         first, second = basis_around(towards)
         q = self.position + self.light.radius * (point.disc[0] * first + point.disc[1] * second)
-        to = q - x
-        direction = unit(to)
-        share = np.maximum(0.0, dot(direction, towards)) if self.physical else 1.0
-        return LightSample(direction, self.fall_off(length(to), n) * share, q)
+        return self._disc_to(x, towards, q, unit(q - x), n)
+
+    def _disc_to(self, x: Array, towards: Array, q: Array, direction: Array, n: int) -> LightSample:
+        to, z = q - x, np.maximum(0.0, dot(direction, towards))
+        share = z if self.physical else 1.0
+        return LightSample(direction, self.fall_off(length(to), n) * share, q, self.area * z / dot(to, to))
+
+    def _disc_at(self, x: Array, direction: Array, n: int) -> tuple[LightSample, Array]:
+        to = self.position - x
+        towards = unit(to)
+        t = length(to) / dot(direction, towards)
+        q = x + t * direction
+        off = q - self.position
+        return self._disc_to(x, towards, q, direction, n), ~((t > 0) & (dot(off, off) <= self.light.radius**2))
 
     def _spotted(self, sample: LightSample) -> LightSample:
         if self.light.kind != "SPOT":
             return sample
-        return LightSample(sample.direction, sample.intensity * self.spot(-dot(sample.direction, self.axis)), sample.end)
+        return replace(sample, intensity=sample.intensity * self.spot(-dot(sample.direction, self.axis)))
 
     def spot(self, z: Array) -> Array:
         """The spot's share at the cosine z from its axis: a smoothstep, or a step when it has no blend."""
@@ -144,27 +197,41 @@ class Source:
         return t * t * (3 - 2 * t)
 
     def _sun(self, x: Array, point: LightPoint, n: int) -> LightSample:
-        direction, share = -self.axis, 1.0
-        if n > 1:
-            versine = 2 * np.sin(self.light.angle / 4) ** 2
-            direction, share = in_cone(direction, np.array([versine]), point), 2 / (2 - versine)
-        intensity = share / (np.pi * n) if self.physical else 1 / n
-        return LightSample(np.repeat(direction, x.shape[1], 1), np.full(x.shape[1], intensity), None)
+        direction = in_cone(-self.axis, np.array([self.versine]), point) if n > 1 else -self.axis
+        return self._endless(np.repeat(direction, x.shape[1], 1), n)
+
+    def _endless(self, direction: Array, n: int) -> LightSample:
+        versine, some = self.versine if n > 1 else 0.0, np.ones(direction.shape[1])
+        intensity = 2 / (2 - versine) / (np.pi * n) if self.physical else 1 / n
+        return LightSample(direction, intensity * some, None, 2 * np.pi * versine * some)
 
     def _area(self, x: Array, point: LightPoint, n: int) -> LightSample:
         """Even over the area; over the solid angle where a rectangle of a PHYSICAL light is seen large."""
         a, b = (point.square if self.light.shape == "RECTANGLE" else point.disc) if n > 1 else (0.0, 0.0)
         q = self.position + a * self.right + b * self.up
-        to = q - x
-        direction = unit(to)
-        z = -dot(direction, self.axis)
-        share = 4 * z if self.physical else 1.0
-        even = LightSample(direction, np.where(z > 0, self.fall_off(length(to), n) * share, 0.0), q)
-        is_rectangle = self.light.shape == "RECTANGLE" and self.light.size_x * self.light.size_y > 0
-        return self._rectangle(x, point, n, even) if n > 1 and self.physical and is_rectangle else even
+        even = self._area_to(x, q, unit(q - x), n)
+        return self._rectangle(x, point, n, even) if n > 1 and self._may_be_large else even
 
-    def _rectangle(self, x: Array, point: LightPoint, n: int, even: LightSample) -> LightSample:
-        """`even`, but where the rectangle is seen large its point is even over the solid angle."""
+    @property
+    def _may_be_large(self) -> bool:
+        return self.physical and self.light.shape == "RECTANGLE" and self.area > 0
+
+    def _area_to(self, x: Array, q: Array, direction: Array, n: int) -> LightSample:
+        to, z = q - x, -dot(direction, self.axis)
+        share = 4 * z if self.physical else 1.0
+        return LightSample(direction, np.where(z > 0, self.fall_off(length(to), n) * share, 0.0), q, self.area * z / dot(to, to))
+
+    def _area_at(self, x: Array, direction: Array, n: int) -> tuple[LightSample, Array]:
+        t = dot(self.position - x, self.axis) / dot(direction, self.axis)
+        q = x + t * direction
+        a, b = (dot(q - self.position, side) / dot(side, side) for side in (self.right, self.up))
+        hit = (np.abs(a) <= 1) & (np.abs(b) <= 1) if self.light.shape == "RECTANGLE" else a * a + b * b <= 1
+        even = self._area_to(x, q, direction, n)
+        sample = self._rectangle(x, CENTER, n, even, drawn=True) if self._may_be_large else even
+        return sample, ~((t > 0) & hit)
+
+    def _rectangle(self, x: Array, point: LightPoint, n: int, even: LightSample, drawn: bool = False) -> LightSample:
+        """`even`, but where the rectangle is seen large its point, unless directions are drawn, is even over the solid angle."""
         to, sides = self.position - x, np.array([self.light.size_x, self.light.size_y]) / 2
         size = np.hypot(*sides)
         large = np.flatnonzero((length(to) < NEAR * size) & (-dot(to, self.axis) > 1e-30 * size))
@@ -174,11 +241,19 @@ class Source:
         i, j, k = (dot(pick(to, large), axis) / size for axis in (right, up, -self.axis))
         u, v = (point.square + 1) / 2
         i, j, solid_angle = rectangle_point(np.stack([i - half_x, i + half_x]), np.stack([j - half_y, j + half_y]), k, u, v)
-        way = i * right + j * up - k * self.axis
-        direction, intensity, end = even.direction.copy(), even.intensity.copy(), np.repeat(even.end, x.shape[1], 1)
-        direction[:, large], end[:, large] = unit(way), pick(x, large) + size * way
+        direction, intensity, spread = even.direction.copy(), even.intensity.copy(), even.spread.copy()
+        end = even.end if even.end.shape[1] > 1 else np.repeat(even.end, x.shape[1], 1)
+        if not drawn:
+            way = i * right + j * up - k * self.axis
+            direction[:, large], end[:, large] = unit(way), pick(x, large) + size * way
         intensity[large] = solid_angle / (np.pi**2 * self.light.size_x * self.light.size_y * n)
-        return LightSample(direction, intensity, end)
+        spread[large] = solid_angle
+        return LightSample(direction, intensity, end, spread)
+
+
+def _half_square(a: Array) -> Array:
+    """Of a difference of unit vectors: 1 − the cosine between them, however small."""
+    return dot(a, a) / 2
 
 
 def in_cone(axis: Array, versine: Array, point: LightPoint) -> Array:

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..scene import Input, Lobe, Material, Scene
 from .attributes import Attributes
-from .surface import Spot
+from .surface import Spot, Surface
 from .textures import Image
-from .vectors import add_at, pick
+from .vectors import add_at, dot, pick
 
 Array = np.ndarray
 
@@ -60,19 +60,21 @@ class Shader:
         """(n,) Blender's material index; 0 for the default one."""
         return np.array([m.index for m in self._materials])[material]
 
-    def coefficients(self, spot: Spot) -> Coefficients:
+    def coefficients(self, surface: Surface) -> Coefficients:
         """All lobes at each point."""
-        shape = (3, len(spot.primitive))
+        shape = (3, len(surface.primitive))
         sums = {name: np.zeros(shape) for name in _SUMMED.values()}
         terms: dict[str, list[Term]] = {"SPECULAR": [], "MIRROR": [], "REFRACTION": []}
 
         def add(lobe: Lobe, index: Array, k: Array) -> None:
+            if lobe.exponent > 0 and lobe.kind in ("AMBIENT", "DIFFUSE"):
+                k = k * (1 - np.clip(dot(pick(surface.n, index), pick(surface.v, index)), 0.0, 1.0)) ** lobe.exponent
             if lobe.kind in _SUMMED:
                 add_at(sums[_SUMMED[lobe.kind]], index, k)
             else:
                 terms[lobe.kind].append(Term(index, k, lobe))
 
-        self._each_lobe(spot, add)
+        self._each_lobe(surface, add)
         return Coefficients(**sums, highlights=terms["SPECULAR"], mirrors=terms["MIRROR"], refractions=terms["REFRACTION"])
 
     def transmittance(self, spot: Spot) -> Array:
@@ -106,6 +108,8 @@ class Shader:
         if factor.attribute:
             color = self._attributes.color(factor.attribute).at(spot.geometry[index], spot.local[index], pick(spot.weights, index))
             value = value * (color[3:4] if factor.attribute_channel == "ALPHA" else color[:3])
+        if not factor.is_plain:
+            value = np.clip(value + np.array(factor.offset, np.float64)[:, None], factor.low, factor.high)
         return 1.0 - value if factor.complement else value
 
     def _texture(self, factor: Input, spot: Spot, index: Array) -> Array:

@@ -24,6 +24,19 @@ def blinn_phong(n: Array, v: Array, l: Array, exponent: float) -> Array:  # noqa
     return np.where(dot(n, h) > 0, power, 0.0)
 
 
+def gloss(n: Array, v: Array, l: Array, masking: float, ior: float, dielectric: bool, schlick: bool) -> Array:  # noqa: E741
+    """(m,) what a highlight is times beside its power: Smith's masking of GGX of width `masking`, and a Fresnel factor between v and h."""
+    factor = np.ones(n.shape[1])
+    if masking > 0:
+        nl, nv, a2 = np.maximum(dot(n, l), 0.0), np.clip(dot(n, v), 0.0, 1.0), masking * masking
+        down = nl * np.sqrt(a2 + (1 - a2) * nv * nv) + nv * np.sqrt(a2 + (1 - a2) * nl * nl)
+        factor = 2 * nl / np.where(down > 0, down, 1.0)
+    if dielectric or schlick:
+        vh = np.sqrt(np.maximum(0.5 * (1 + dot(l, v)), 0.0))
+        factor = factor * ((1 - vh) ** 5 if schlick else fresnel(vh, np.full(n.shape[1], ior)))
+    return factor
+
+
 def reflected(d: Array, n: Array, g: Array) -> Array:
     """d − 2(d·n)n; where that points below the surface, with g in the place of n."""
     r = d - 2 * dot(d, n) * n

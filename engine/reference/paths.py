@@ -16,12 +16,12 @@ from .vectors import add_at, dot, pick
 Array = np.ndarray
 
 MOST_STRAIGHT = 128
-"""Transparent surfaces that a ray passes in a row."""
+"""Surfaces in a row that a ray passes and that let only some of it through."""
 
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """n rays of one depth. weight: (3, n) T.  pixel: (n,).  straight: (n,) transparent surfaces passed in a row."""
+    """n rays of one depth. weight: (3, n) T.  pixel: (n,).  straight: (n,) surfaces passed in a row that dim it."""
 
     rays: Rays
     weight: Array
@@ -60,7 +60,7 @@ def straight_on(paths: Paths, hit: Array, surface: Surface, depth: Array, k: Arr
         return None
     mine = hit[go]
     rays = beyond(paths.rays.take(mine), surface.take(go), depth[go])
-    return Paths(rays, pick(weight, go), paths.pixel[mine], paths.straight[mine] + 1, paths.depth)
+    return Paths(rays, pick(weight, go), paths.pixel[mine], paths.straight[mine] + (pick(k, go) != 1).any(0), paths.depth)
 
 
 def beyond(rays: Rays, surface: Surface, depth: Array) -> Rays:

@@ -34,8 +34,10 @@ class Shadows:
         beside = np.where(dot(g, sample.direction) < 0, -1.0, 1.0)  # clear of the surface, on the light's side
         reach = offset if end is None else offset + ULPS * np.abs(end).max(0)
         start = pick(surface.start, seen) + (beside * reach) * g
-        if end is None:
+        if end is None and (sample.direction == sample.direction[:, :1]).all():
             return self._parallel(start, sample.direction[:, 0])
+        if end is None:
+            return self._blocked(Bundle.of(start, sample.direction, np.zeros(len(seen)), np.full(len(seen), np.inf)))
         if end.shape[1] == 1:
             return self._through(start, end[:, 0])
         return self._each(start, end)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from glint.addon.export import Export, export_scene
-from glint.addon.export.roughness import layer_loss
+from glint.addon.export.fresnel import normal_reflectance
+from glint.addon.export.roughness import dielectric_world, scattered
 from glint.engine.scene import Input, Lobe
 
 
@@ -109,9 +110,12 @@ def principled(**inputs) -> Shader:
     return shader
 
 
-def layer_share(ior: float = 1.5, roughness: float = 0.5, world: bool = False) -> float:
-    """What a Principled's dielectric layer keeps from what is below."""
-    return layer_loss(roughness, ior, multiscatter=True, world=world)
+def layer_share(ior: float = 1.5, roughness: float = 0.5, cosine: float = 1.0, tint: float = 1.0) -> float:
+    """What a Principled's dielectric layer keeps from what is below where it is seen at an angle of that cosine."""
+    world, f0 = dielectric_world(roughness, ior), tint * normal_reflectance(ior)
+    x = (1 - cosine) ** world.q
+    once, again = world.a0 + world.a1 * x, scattered(normal_reflectance(ior) * 20 / 21 + 1 / 21, roughness)
+    return f0 * (once + again * (1 - once)) + (1 - f0) * (world.b0 + world.b1 * x)
 
 
 def kinds(lobes) -> set[str]:
@@ -144,12 +148,14 @@ def _factor(factor: Input, textures, colors) -> np.ndarray:
         value = value * {"COLOR": rgb, "ALPHA": texel[3], "LUMINANCE": np.mean(rgb)}[factor.channel]
     if factor.attribute:
         value = value * np.array(colors[factor.attribute])
+    value = np.clip(value + np.array(factor.offset), factor.low, factor.high)
     return 1 - value if factor.complement else value
 
 
-def total(lobes, kind: str, textures=(), colors=None) -> np.ndarray:
-    """(3,) the summed weight of all lobes of a kind."""
-    return sum((weight(lobe, textures, colors) for lobe in of_kind(lobes, kind)), np.zeros(3))
+def total(lobes, kind: str, textures=(), colors=None, cosine: float = 1.0) -> np.ndarray:
+    """(3,) the summed weight of all lobes of a kind; of AMBIENT and DIFFUSE ones, where n·v is `cosine`."""
+    shares = ((1 - cosine) ** lobe.exponent if kind in ("AMBIENT", "DIFFUSE") else 1.0 for lobe in of_kind(lobes, kind))
+    return sum((share * weight(lobe, textures, colors) for share, lobe in zip(shares, of_kind(lobes, kind), strict=True)), np.zeros(3))
 
 
 def srgb_to_linear(value):

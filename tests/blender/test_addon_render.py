@@ -106,6 +106,24 @@ def test_no_camera_is_blenders_own_error(tmp_path):
     assert not (tmp_path / "none.exr").exists()
 
 
+def test_nothing_to_see_is_said_and_an_object_is_not(tmp_path):
+    run = Blender(tmp_path).run(
+        DRAW
+        + """
+def told(**settings):
+    for name, value in settings.items():
+        setattr(bpy.data.objects["Cube"], name, value)
+    print("next", flush=True)
+    draw("a.exr")
+
+told()
+told(hide_render=True)
+told(hide_render=False, visible_camera=False)
+"""
+    )
+    assert ["No object is there" in part for part in run.output.split("next")[1:]] == [False, True, True], run.output
+
+
 @pytest.mark.parametrize(("change", "said"), [("", True), ('scene.world = bpy.data.worlds.new("World")', False), ("lamp()", False)])
 def test_a_black_picture_says_why(tmp_path, change, said):
     run = Blender(tmp_path).run(
@@ -122,3 +140,74 @@ draw("dark.exr")
     )
     assert run.returncode == 0, run.output
     assert ("has no light and a black world" in run.output) == said
+
+
+def test_nothing_that_ends_a_render_leaves_a_picture(tmp_path):
+    """Ctrl-C (twice, as people press it) while tracing, after it and while reading; an exit; an error."""
+    run = Blender(tmp_path).run(
+        DRAW
+        + """
+import gc, os, signal
+import glint.addon.final as final
+signal.signal(signal.SIGINT, signal.default_int_handler)
+true = {"export_scene": final.export_scene, "_trace": final._trace, "_finish": final._finish}
+
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+    os.kill(os.getpid(), signal.SIGINT)
+
+def raising(error):
+    def broken(*arguments, **options):
+        raise error
+    return broken
+
+def pressing(name):
+    def pressed(*arguments, **options):
+        interrupt()
+        return true[name](*arguments, **options)
+    return pressed
+
+ends = {
+    "traced": ("_trace", pressing("_trace")),
+    "written": ("_finish", pressing("_finish")),
+    "read": ("export_scene", raising(KeyboardInterrupt())),
+    "exit": ("_trace", raising(SystemExit(0))),
+    "error": ("_trace", raising(ValueError("broken on purpose"))),
+}
+told = {}
+for file_format in ("PNG", "OPEN_EXR"):
+    scene.render.image_settings.file_format = file_format
+    for end, (name, function) in ends.items():
+        setattr(final, name, function)
+        try:
+            told[end] = str(draw(f"{file_format}_{end}"))
+        except RuntimeError as error:
+            told[end] = str(error).strip()
+        setattr(final, name, true[name])
+draw("whole")
+ends.clear()
+gc.collect()  # errors hold engines that Blender has freed
+answer(told)
+"""
+    )
+    assert run.returncode == 0, run.output
+    interrupted = "Error: Glint was interrupted: there is no picture"
+    assert [run.answer[end] for end in ("traced", "written", "read")] == [interrupted] * 3
+    assert "SystemExit" in run.answer["exit"] and "broken on purpose" in run.answer["error"]
+    assert [path.name for path in tmp_path.glob("*.*") if path.suffix in (".png", ".exr")] == ["whole.exr"]
+    assert "Exception ignored" not in run.output
+
+
+def test_a_thread_that_does_not_start_is_told_as_what_it_is(tmp_path):
+    run = Blender(tmp_path).run(
+        DRAW
+        + """
+import threading
+def refused(thread):
+    raise RuntimeError("can't start new thread")
+threading.Thread.start = refused
+draw("none.exr")
+"""
+    )
+    assert run.returncode == 1 and not (tmp_path / "none.exr").exists()
+    assert "Error: Glint ran out of memory: the system starts no further thread: close programs" in run.output

@@ -42,6 +42,25 @@ answer({{
     assert run.answer == {"fresh": 64, "final": VALUES, "viewport": 2, "mirror": True, "shadow": False}
 
 
+def test_many_samples_are_drawn_or_refused(tmp_path):
+    """None is cut in silence."""
+    run = Blender(tmp_path).run(
+        REGISTER_TREE
+        + """
+from glint.addon.properties import settings_from
+told, final = [], bpy.context.scene.glint.final
+for samples in (100_000, 10**9):
+    final.samples = samples
+    settings = settings_from(final, bpy.context.scene)
+    told.append([settings.samples, settings.problems()])
+answer(told)
+"""
+    )
+    (many, fine), (most, problems) = run.answer
+    assert (many, fine) == (100_000, [])
+    assert len(problems) == 1 and problems[0].startswith(f"samples × light_samples is {2 * most}: use at most")
+
+
 def test_settings_arrive_in_the_engine(tmp_path):
     run = Blender(tmp_path).run(
         REGISTER_TREE

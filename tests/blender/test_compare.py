@@ -139,3 +139,34 @@ answer([[sorted(step)[0] for step in steps], files, before == state(), said])
     assert steps == ["RUNNING_MODAL", "RUNNING_MODAL", "PASS_THROUGH", "RUNNING_MODAL", "CANCELLED"]
     assert files == ["glint.exr"] and unchanged
     assert said[-3:] == ["timer removed", None, "The comparison was stopped"]
+
+
+def test_a_file_that_was_never_saved_and_a_render_result_of_another_name(tmp_path):
+    """Nothing goes into the folder that Blender happened to start in; why a comparison failed is told."""
+    run = Blender(tmp_path).run(
+        SCENE
+        + """
+import os, tempfile
+tempfile.tempdir = str(FOLDER / "temporary")
+os.mkdir(tempfile.tempdir)
+before = sorted(os.listdir())
+scene.glint.final.samples, scene.render.engine = 1, "GLINT"
+bpy.ops.render.render()
+next(image for image in bpy.data.images if image.type == "RENDER_RESULT").name = "Image"
+scene.camera = bpy.data.objects["Floor"]  # which is no camera
+bpy.ops.glint.compare_cycles(samples=4, side=8, full_light=False)
+found = [path.name for path in (FOLDER / "temporary").glob("glint-compare-*/*")]
+import glint.operators.compare_cycles as module
+def broken(*arguments):
+    raise LookupError("broken on purpose")
+module.compare = broken
+try:
+    bpy.ops.glint.compare_cycles(samples=4, side=8, full_light=False)
+except RuntimeError as error:
+    answer([before == sorted(os.listdir()), sorted(found), str(error).strip()])
+"""
+    )
+    nowhere_else, found, message = _answer(run)
+    assert nowhere_else and {"compare.json", "compare.png", "glint.exr"} <= set(found)
+    assert f"Pictures and numbers are in {tmp_path}/temporary/glint-compare-" in run.output
+    assert message == "Error: The comparison failed: LookupError: broken on purpose"

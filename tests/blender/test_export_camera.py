@@ -173,6 +173,13 @@ def test_a_view_of_no_width_is_an_error_that_names_the_camera(scene, change):  #
         export()
 
 
+@pytest.mark.parametrize("clip", [(200, 100), (1, 1), (np.nan, 100)])
+def test_a_clip_range_that_shows_nothing_is_an_error_that_names_the_camera(scene, clip):  # noqa: F811
+    scene.camera.data.clip_start, scene.camera.data.clip_end = clip
+    with pytest.raises(ExportError, match="Camera 'Camera' shows nothing: its clip start"):
+        export()
+
+
 def test_an_empty_border_is_an_error(scene):  # noqa: F811
     scene.render.use_border, scene.render.border_min_x, scene.render.border_max_x = True, 0.5, 0.5
     with pytest.raises(ExportError, match="border"):

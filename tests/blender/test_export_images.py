@@ -413,3 +413,13 @@ def test_a_function_of_alpha_bytes_is_that_of_the_texels():
         result = texels(images.textures[derived.texture], "COLOR")
         expected = function(values[:, :, 3].reshape(-1, 1) / np.float32(255))
         np.testing.assert_allclose(result, np.repeat(expected, 3, 1), atol=0.5 / 255 + 1e-6 if function is np.sqrt else 1e-6)
+
+
+def test_an_image_that_does_not_fit_is_named(scene, tmp_path, monkeypatch):  # noqa: F811
+    def short(*arguments):
+        raise MemoryError
+
+    loaded = bpy.data.images.load(_file(tmp_path / "a.png", GRADIENT))
+    monkeypatch.setattr(pixels, "_from_file", short)
+    with pytest.raises(MemoryError, match=f"image '{loaded.name}' does not fit into it: use a smaller one"):
+        Images(Report()).texture(loaded, None, "REPEAT", "Linear")

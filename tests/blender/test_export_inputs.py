@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from export_support import RED, Shader, image, layer_share, of_kind, principled, scene, set_inputs, srgb_to_linear, total, weight  # noqa: F401
-from glint.addon.export.fresnel import normal_reflectance
 from glint.addon.export.images import mean_color, texels
-from glint.addon.export.roughness import dielectric_highlights, highlights
+from glint.addon.export.roughness import highlights
 from glint.engine.scene import Texture
 
 
@@ -174,7 +173,7 @@ def test_separate_channels_of_an_image(scene):  # noqa: F811
         np.multiply(RED[:3], (1 - metallic) * (1 - layer_share(roughness=roughness))),
         rtol=1e-6,
     )
-    exponents = {p for p, _ in (*highlights(roughness), *dielectric_highlights(roughness, normal_reflectance(1.5)))}
+    exponents = {p for p, _ in highlights(roughness)}
     np.testing.assert_allclose(sorted({lobe.exponent for lobe in of_kind(lobes, "SPECULAR")}), sorted(exponents), rtol=1e-4)
     assert any("'Roughness'" in note for note in result.notes)
 
@@ -241,3 +240,98 @@ def test_uv_map_by_name(scene):  # noqa: F811
     result, lobes = shader.export()
     assert {factor.uv for lobe in lobes for factor in lobe.factors} == {"Second"}
     assert [a.name for a in result.scene.geometries[0].attributes] == ["Second"]
+
+
+def _attribute_times_two(shader: Shader):
+    """A node that gives twice the colour attribute, which the tests take to be (x, x, x), less one half."""
+    node = shader.node("ShaderNodeMath", operation="MULTIPLY_ADD")
+    node.inputs[1].default_value, node.inputs[2].default_value = 2.0, -0.5
+    shader.link(shader.node("ShaderNodeVertexColor", layer_name="Col"), "Color", node, node.inputs[0].identifier)
+    return node
+
+
+def _through_math(shader: Shader) -> str:
+    node = _attribute_times_two(shader)
+    node.use_clamp = True
+    shader.link(node, 0, shader.shader, "Strength")
+    return "EMISSION"
+
+
+def _through_map_range(shader: Shader) -> str:
+    node = shader.node("ShaderNodeMapRange", clamp=True)
+    set_inputs(node, From_Min=0.25, From_Max=0.75)
+    shader.link(shader.node("ShaderNodeVertexColor", layer_name="Col"), "Color", node, "Value")
+    shader.link(node, 0, shader.shader, "Strength")
+    return "EMISSION"
+
+
+def _through_clamp(shader: Shader) -> str:
+    node = shader.node("ShaderNodeClamp")
+    shader.link(_attribute_times_two(shader), 0, node, "Value")
+    shader.link(node, 0, shader.shader, "Strength")
+    return "EMISSION"
+
+
+def _through_mix(shader: Shader) -> str:
+    node = shader.node("ShaderNodeMix", data_type="RGBA")
+    for socket, value in (("A_Color", 0.0), ("B_Color", 1.0)):
+        next(s for s in node.inputs if s.identifier == socket).default_value = (value,) * 3 + (1.0,)
+    shader.link(_attribute_times_two(shader), 0, node, "Factor_Float")
+    shader.tree.links.new(next(s for s in node.outputs if s.identifier == "Result_Color"), shader.shader.inputs["Strength"])
+    return "EMISSION"
+
+
+def _through_mix_shader(shader: Shader) -> str:
+    mix, clear = shader.node("ShaderNodeMixShader"), shader.node("ShaderNodeBsdfTransparent")
+    shader.link(_attribute_times_two(shader), 0, mix, mix.inputs[0].identifier)
+    shader.link(shader.shader, 0, mix, mix.inputs[1].identifier)
+    shader.link(clear, 0, mix, mix.inputs[2].identifier)
+    shader.link(mix, 0, shader.output, "Surface")
+    return "TRANSPARENT"
+
+
+def _through_alpha(shader: Shader) -> str:
+    principled_node = shader.node("ShaderNodeBsdfPrincipled")
+    set_inputs(principled_node, Metallic=1.0, Base_Color=(1, 1, 1, 1))
+    shader.link(_attribute_times_two(shader), 0, principled_node, "Alpha")
+    shader.link(principled_node, 0, shader.output, "Surface")
+    return "AMBIENT"
+
+
+def _as_a_reflectance(shader: Shader) -> str:
+    node = shader.node("ShaderNodeBsdfDiffuse")
+    shader.link(_attribute_times_two(shader), 0, node, "Color")
+    shader.link(node, 0, shader.output, "Surface")
+    return "DIFFUSE"
+
+
+CLAMPS = (_through_math, _through_map_range, _through_clamp, _through_mix, _through_mix_shader, _through_alpha)
+
+
+@pytest.mark.parametrize("build", [*CLAMPS, _as_a_reflectance])
+def test_what_varies_is_clamped_where_blender_clamps(scene, build):  # noqa: F811
+    shader = Shader(shader="ShaderNodeEmission")
+    set_inputs(shader.shader, Color=(1, 1, 1, 1), Strength=1.0)
+    kind = build(shader)
+    result, lobes = shader.export()
+    (name,) = {factor.attribute for lobe in lobes for factor in lobe.factors if factor.attribute}
+    for x in (-3.0, 0.3, 0.6, 0.9, 40.0):
+        expected = max(2 * x - 0.5, 0.0) if build is _as_a_reflectance else np.clip(2 * x - 0.5, 0, 1)
+        assert total(lobes, kind, colors={name: (x,) * 3}) == pytest.approx(np.full(3, expected), abs=1e-9), x
+    assert not any("clamped" in note for note in result.notes)
+
+
+def test_a_clamp_that_no_factor_can_say_is_told(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeEmission")
+    add = shader.node("ShaderNodeMath", operation="ADD", use_clamp=True)
+    for number, value in enumerate((0.75, 0.5)):
+        picture = image(f"{value}", ((value,) * 3 + (1,),), space="Non-Color")
+        shader.link(shader.node("ShaderNodeTexImage", image=picture), "Color", add, add.inputs[number].identifier)
+    shader.link(add, 0, shader.shader, "Strength")
+    result, lobes = shader.export()
+    assert total(lobes, "EMISSION", result.scene.textures) == pytest.approx(np.ones(3))
+    assert any("not clamped as in Blender" in note for note in result.notes)
+    add.operation = "MULTIPLY"
+    result, lobes = shader.export()
+    assert len(of_kind(lobes, "EMISSION")[0].factors) == 2, "a product of images cannot leave 0 to 1"
+    assert not result.notes[1:]

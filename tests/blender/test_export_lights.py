@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix, Vector
 
-from export_support import export, link, scene, use_nodes  # noqa: F401
+from export_support import export, link, quad, scene, use_nodes  # noqa: F401
 
 NORMALIZE = "normalize" in bpy.types.Light.bl_rna.properties
 
@@ -155,6 +155,13 @@ def test_odd_powers_are_kept(scene):  # noqa: F811
     _light("SUN", energy=-2)
     _light("POINT", energy=3e38)
     assert [light.strength for light in export().scene.lights] == [-2, np.float32(3e38)]
+
+
+@pytest.mark.parametrize(("settings", "said"), [({"energy": 0}, True), ({"color": (0, 0, 0)}, True), ({"energy": 1e-3}, False)], ids=str)
+def test_a_light_that_sheds_none_is_named(scene, settings, said):  # noqa: F811
+    quad()
+    _light("POINT", **settings)
+    assert any("shed no light ('POINT')" in note for note in export().notes) == said
 
 
 def test_a_flattened_light_is_named_but_a_point_shines(scene):  # noqa: F811

@@ -3,9 +3,12 @@
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 
 from export_support import Shader, export, link, mesh_object, quad, scene  # noqa: F401
+from glint.addon import sphere
 from glint.addon.export import meshes
+from glint.addon.export.shapes import mark_sphere
 from glint.engine.scene import CORNER, POINT, Mesh, Spheres
 
 
@@ -264,6 +267,51 @@ def test_point_clouds_are_spheres(scene):  # noqa: F811
     assert len(spheres) == 1
     np.testing.assert_array_equal(np.sort(spheres[0].centers, 0), np.sort(np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]), 0))
     np.testing.assert_array_equal(spheres[0].radii, np.full(4, 0.125, np.float32))
+
+
+@pytest.mark.parametrize("primitive", ["primitive_uv_sphere_add", "primitive_ico_sphere_add"])
+def test_marked_meshes_are_spheres(scene, primitive):  # noqa: F811
+    """To the last bits of float32, wherever they lie in their object; modifiers keep the mark."""
+    getattr(bpy.ops.mesh, primitive)(radius=0.7)
+    ball = bpy.context.object
+    ball.data.transform(Matrix.Translation((0.25, 1, -0.5)))
+    mark_sphere(ball.data)
+    ball.scale = (1, 2, 3)
+    ball.modifiers.new("Edges", "EDGE_SPLIT").split_angle = 0
+    link(bpy.data.objects.new("Twin", ball.data))
+    result = export()
+    spheres = result.scene.geometries[0]
+    assert isinstance(spheres, Spheres)
+    np.testing.assert_allclose(spheres.centers, [(0.25, 1, -0.5)], atol=5e-7)
+    np.testing.assert_allclose(spheres.radii, [0.7], atol=5e-7)
+    assert [len(block.world_from_object) for block in result.scene.instances] == [1, 1]
+    assert result.notes == ()
+
+
+def test_what_a_mark_cannot_keep_is_said(scene):  # noqa: F811
+    """A mesh that is no sphere is rendered as it is; a texture has no place on a sphere."""
+    bpy.ops.mesh.primitive_cone_add(depth=3)
+    mark_sphere(bpy.context.object.data)
+    shader = Shader()
+    shader.link(shader.node("ShaderNodeTexImage", image=bpy.data.images.new("Image", 4, 4)), "Color", shader.shader, "Color")
+    mark_sphere(shader.quad.data)
+    result = export()
+    assert [type(geometry) for geometry in result.scene.geometries] == [Mesh, Spheres]
+    assert ["vertices lie on no sphere" in note and "Cone" in note for note in result.notes] == [True, False]
+    assert ["no UV maps" in note and "Quad" in note for note in result.notes] == [False, True]
+
+
+def test_the_mark_has_a_switch_and_a_menu_entry(scene):  # noqa: F811
+    sphere.register()
+    try:
+        bpy.ops.mesh.glint_add_sphere()
+        mesh = bpy.context.object.data
+        assert mesh.glint_sphere and all(polygon.use_smooth for polygon in mesh.polygons)
+        assert isinstance(export().scene.geometries[0], Spheres)
+        mesh.glint_sphere = False
+        assert isinstance(export().scene.geometries[0], Mesh)
+    finally:
+        sphere.unregister()
 
 
 def _nodes_on(thing):

@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 import pytest
 
-from export_support import link, quad, scene  # noqa: F401
+from export_support import Shader, link, quad, scene  # noqa: F401
 from glint import engine
-from glint.addon import properties
+from glint.addon import properties, statistics
 from glint.addon.export import incremental
 from glint.addon.viewport import draw, redraws, session, status
 from glint.addon.viewport.bounds import same_places
@@ -112,6 +112,18 @@ def test_edits_end_in_the_bits_of_a_render(watcher):
         film = watcher.edit(edit)
         assert same(film, watcher.expected())
     assert watcher.told[-1].startswith("Glint: 2 samples, ") and "error" not in watcher.told[-1], "two samples tell no error"
+
+
+def test_warnings_are_counted_in_the_status_line_and_kept_for_the_panel(watcher):
+    told = statistics.of_views(bpy.context.scene.name)
+    assert told == () and "warning" not in watcher.told[-1]
+    odd = Shader("Odd")
+    odd.link(odd.node("ShaderNodeTexWhiteNoise"), "Color", odd.shader, "Color")
+    watcher.edit(lambda: None)
+    [note] = statistics.of_views(bpy.context.scene.name)
+    assert "'Odd'" in note and watcher.told[-1].endswith(", 1 warning: Render Properties, Statistics")
+    watcher.edit(odd.quad.data.materials.clear)
+    assert statistics.of_views(bpy.context.scene.name) == () and "warning" not in watcher.told[-1]
 
 
 def test_the_status_line_tells_errors_in_levels(watcher):
@@ -311,8 +323,8 @@ def test_heat_grows_with_what_it_shows():
 def test_views_of_one_scene_read_it_once(view, monkeypatch):
     """As the four of a quad view: Blender tells each of every evaluation."""
     reads = []
-    read = incremental.read_mesh
-    monkeypatch.setattr(incremental, "read_mesh", lambda mesh, report: reads.append(mesh.name) or read(mesh, report))
+    read = incremental.read_shape
+    monkeypatch.setattr(incremental, "read_shape", lambda data, *others: reads.append(data.name) or read(data, *others))
     views = [session.Session() for _ in range(4)]
     handler = lambda _, depsgraph: [one.update(view, depsgraph) for one in views]  # noqa: E731
     try:

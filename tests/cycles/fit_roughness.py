@@ -1,18 +1,20 @@
-"""Measures how well power lobes can stand for Cycles' microfacets and prints the tables of addon/export/roughness.py.
+"""Makes the tables of addon/export/roughness.py and measures how well power lobes can stand for Cycles' microfacets.
 
     python tests/cycles/fit_roughness.py
 
-Set-up: ORTHO camera along -z, one sun of angle 0, a wall of small quads, one per pixel, each turned to a normal of its own, no shadows.
-The normals lie on rings round the half vector whose tangents grow evenly up to GGX's width and then by a constant factor, so that
-lobes of every width and their tails are resolved. For each roughness, half angles δ between light and view of 0° to 70° are rendered
-with a white Glossy BSDF (GGX, MULTI_GGX: F = 1) or a black Principled BSDF of IOR 1.5 (DIELECTRIC, counted per F0 = 0.04).
+Lobes: Σ s_k (n·h)^p_k is fitted to π D / 4 of GGX, by the largest ratio between the two up to 75° from the half vector, up to 25 α where
+roughness is below 0.3. World: GGX's reflectance of a uniform world, integrated with Schlick's weight or a dielectric's Fresnel reflectance,
+by its largest relative error from 6° to 90° for F0 = 0.03 and 0.04.
 
-Minimised, over exponents p_k and scales s_k > 0:  Σ_δ w_δ · Σ_n c_n (g(Σ_k s_k (n·h)^p_k E/π) − g(L))² / Σ_n c_n g(L)²
+Measured in Cycles: the single lobe that stands for the Blinn-Phong node there, and GGX's albedo. Set-up: ORTHO camera along -z, one sun of
+angle 0, a wall of small quads, one per pixel, each turned to a normal of its own, no shadows. The normals lie on rings round the half
+vector whose tangents grow evenly up to GGX's width and then by a constant factor, so that lobes of every width and their tails are
+resolved. For each roughness, half angles δ between light and view of 0° to 70° are rendered with a white Glossy BSDF.
+
+Minimised, over p and s > 0:  Σ_δ w_δ · Σ_n c_n (s (n·h)^p E/π − L)² / Σ_n c_n L²
 L: Cycles' radiance, c_n: solid angle of the normal times n·v (what it covers in a picture of a sphere), w_δ = sin 2δ cos² δ (how
 often a light from anywhere makes that half angle, and how much of a sphere it lights that is seen); every δ counts relative to its own
-lobe, since F and light strength are unknown. g is the display's curve, x^(1/2.2), for the two lobes that are rendered:
-with g(x) = x the peak, which pictures clip, would be all that counts. For the single lobe that stands for the Blinn-Phong node in Cycles
-g(x) = x.
+lobe, since F and light strength are unknown.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -25,13 +27,10 @@ import numpy as np
 
 import cycles_reference as cycles
 from cycles_reference import bpy
+from glint.addon.export.roughness import LOBES, ROUGHNESS
 
 SIDE = 96
 HALF_ANGLES = np.radians([0, 10, 20, 30, 40, 50, 60, 70])
-ROUGHNESSES = np.array([0.1, 0.15, *np.arange(0.2, 1.001, 0.1)])
-KINDS = ("GGX", "MULTI_GGX", "DIELECTRIC")
-DISPLAY = 1 / 2.2
-DIELECTRIC_F0 = 0.04
 EXTENT = 2.0
 STRENGTH = np.pi
 
@@ -114,41 +113,38 @@ def add_sun(scene, direction: np.ndarray) -> None:
     scene.collection.objects.link(node)
 
 
-def microfacet_material(roughness: float, kind: str):
-    """A white Glossy BSDF, or for DIELECTRIC a black Principled BSDF."""
+def glossy_material(roughness: float):
+    """A white Glossy BSDF of GGX that scatters once."""
     material = bpy.data.materials.new("Microfacets")
     cycles.use_nodes(material)
     tree = material.node_tree
     tree.nodes.clear()
-    dielectric = kind == "DIELECTRIC"
     output = tree.nodes.new("ShaderNodeOutputMaterial")
-    node = tree.nodes.new("ShaderNodeBsdfPrincipled" if dielectric else "ShaderNodeBsdfAnisotropic")
-    node.distribution = "MULTI_GGX" if dielectric else kind
-    node.inputs["Base Color" if dielectric else "Color"].default_value = (0, 0, 0, 1) if dielectric else (1, 1, 1, 1)
+    node = tree.nodes.new("ShaderNodeBsdfAnisotropic")
+    node.distribution = "GGX"
+    node.inputs["Color"].default_value = (1, 1, 1, 1)
     node.inputs["Roughness"].default_value = roughness
-    if dielectric:
-        node.inputs["IOR"].default_value = 1.5
     tree.links.new(node.outputs["BSDF"], output.inputs["Surface"])
     return material
 
 
-def measure_lobe(roughness: float, half_angle: float, kind: str = "GGX") -> Lobe:
-    """Cycles' radiance of the lobe, per unit of E/π and of F0."""
+def measure_lobe(roughness: float, half_angle: float) -> Lobe:
+    """Cycles' radiance of the lobe, per unit of E/π."""
     normals, solid_angle, light = lobe_normals(roughness, half_angle)
     scene = build_wall(normals)
-    scene.objects["Wall"].data.materials.append(microfacet_material(roughness, kind))
+    scene.objects["Wall"].data.materials.append(glossy_material(roughness))
     add_sun(scene, light)
     radiance = cycles.render_cycles(scene)["Combined"][..., 0].reshape(-1).astype(float)
     half = light + np.array([0, 0, 1])
-    radiance *= np.pi / STRENGTH / (DIELECTRIC_F0 if kind == "DIELECTRIC" else 1)
+    radiance *= np.pi / STRENGTH
     lobe = Lobe(normals @ half / np.linalg.norm(half), normals[:, 2], normals @ light, solid_angle, radiance)
     seen = (lobe.n_v > 0.02) & (lobe.n_l > 0)
     return Lobe(*(getattr(lobe, name)[seen] for name in ("n_h", "n_v", "n_l", "solid_angle", "radiance")))
 
 
-def measure_lobes(roughness: float, kind: str = "GGX") -> list[Lobe]:
+def measure_lobes(roughness: float) -> list[Lobe]:
     """One lobe per half angle."""
-    return [measure_lobe(roughness, angle, kind) for angle in HALF_ANGLES]
+    return [measure_lobe(roughness, angle) for angle in HALF_ANGLES]
 
 
 def half_angle_weights() -> np.ndarray:
@@ -157,83 +153,139 @@ def half_angle_weights() -> np.ndarray:
     return weights / weights.sum()
 
 
-def power_lobes(parameters: np.ndarray, n_h: np.ndarray) -> np.ndarray:
-    """Σ s (n·h)^p for parameters (log p, log s, log p, log s, …)."""
-    logarithm = np.log(np.maximum(n_h, 1e-9))
-    return sum(np.exp(log_s + np.exp(log_p) * logarithm) for log_p, log_s in parameters.reshape(-1, 2))
+def nearest_exponent(lobes: list[Lobe]) -> float:
+    """The exponent of the single power lobe that is nearest, by golden section in its logarithm; the scale follows from it."""
+    low, high = np.log(0.5), np.log(1e6)
+    ratio = (np.sqrt(5) - 1) / 2
+    while high - low > 1e-4:
+        a, b = high - ratio * (high - low), low + ratio * (high - low)
+        low, high = (low, b) if _misfit(lobes, np.exp(a)) < _misfit(lobes, np.exp(b)) else (a, high)
+    return float(np.exp((low + high) / 2))
 
 
-def differences(lobes: list[Lobe], parameters: np.ndarray, power: float) -> np.ndarray:
-    """The terms whose squares are summed, g(x) = x^power: their norm is the relative residual, 0 perfect and 1 as bad as black."""
-    terms = []
+def _misfit(lobes: list[Lobe], exponent: float) -> float:
+    dots = np.zeros(3)  # of power and power, power and target, target and target
     for lobe, weight in zip(lobes, half_angle_weights(), strict=True):
-        target = np.maximum(lobe.radiance, 0) ** power
-        factor = np.sqrt(weight * lobe.weight / np.sum(lobe.weight * target**2))
-        terms.append(factor * (power_lobes(parameters, lobe.n_h) ** power - target))
-    return np.concatenate(terms)
+        power, target, c = np.maximum(lobe.n_h, 0) ** exponent, lobe.radiance, lobe.weight
+        dots += weight / np.sum(c * target**2) * np.array([np.sum(c * x) for x in (power * power, power * target, target * target)])
+    return dots[2] - dots[1] ** 2 / dots[0]
 
 
-def residual(lobes: list[Lobe], highlights, power: float = DISPLAY) -> float:
-    """The relative root-mean-square residual of given (exponent, scale) pairs."""
-    return float(np.linalg.norm(differences(lobes, np.log(np.ravel(highlights)), power)))
-
-
-def fit_lobes(lobes: list[Lobe], guess, power: float = DISPLAY, largest: float = np.inf) -> np.ndarray:
-    """(k, 2) exponents and scales that fit best from a guess of that shape, by Levenberg and Marquardt's method.
-
-    largest: a bound of the first exponent, so that tables fall with roughness where the fit does not care.
-    """
-    parameters = np.log(np.ravel(guess)).astype(float)
-    free = np.ones(len(parameters), bool)
-    found = _descend(lobes, parameters, free, power)
-    if found[0] > np.log(largest):
-        free[0], found[0] = False, np.log(largest)
-        found = _descend(lobes, found, free, power)
-    return np.exp(found).reshape(-1, 2)
-
-
-def _descend(lobes: list[Lobe], parameters: np.ndarray, free: np.ndarray, power: float) -> np.ndarray:
-    steps, damping = 1e-5 * np.eye(len(parameters))[free], 1e-3
-    now = differences(lobes, parameters, power)
-    for _ in range(200):
-        slopes = np.stack([(differences(lobes, parameters + step, power) - now) / 1e-5 for step in steps], 1)
-        normal = slopes.T @ slopes
-        move = np.zeros(len(parameters))
-        move[free] = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slopes.T @ now)
-        then = differences(lobes, parameters + move, power)
-        if then @ then >= now @ now:
-            damping *= 4
-            if damping > 1e8:
-                break
-            continue
-        parameters, now, damping = parameters + move, then, max(damping / 3, 1e-9)
-        if np.abs(move).max() < 1e-6:
-            break
-    return parameters
-
-
-def measure_albedo(roughness: float, kind: str = "GGX", samples: int = 16) -> float:
+def measure_albedo(roughness: float, samples: int = 16) -> float:
     """Share of a uniform white world that the lobe reflects, averaged over the directions of view with the cosine."""
     scene = build_wall(hemisphere(lambda share: np.sqrt(1 - share)))
     wall = scene.objects["Wall"]
-    wall.data.materials.append(microfacet_material(roughness, kind))
+    wall.data.materials.append(glossy_material(roughness))
     wall.visible_diffuse = wall.visible_glossy = wall.visible_shadow = False
     cycles.set_world(scene, (1, 1, 1))
     return float(cycles.render_cycles(scene, samples)["Combined"][..., 0].mean())
 
 
+def distribution(angle: np.ndarray, roughness: float) -> np.ndarray:
+    """π D / 4 of GGX at angles from the half vector."""
+    a2 = roughness**4
+    return a2 / 4 / (np.cos(angle) ** 2 * (a2 - 1) + 1) ** 2
+
+
+def lobe_angles(roughness: float, count: int = 120) -> np.ndarray:
+    """Where lobes are compared with GGX: tangents that grow evenly up to a third of its width and then by a factor."""
+    alpha = roughness**2
+    farthest = np.tan(np.radians(75)) / alpha if roughness >= 0.3 else 25.0
+    return np.arctan(alpha * np.sinh(np.linspace(0, np.arcsinh(3 * farthest), count)) / 3)
+
+
+def power_lobes(highlights, angle: np.ndarray) -> np.ndarray:
+    """Σ s cos^p of (p, s) pairs."""
+    return sum(s * np.cos(angle) ** p for p, s in highlights)
+
+
+def fit_lobes(roughness: float, count: int) -> tuple[float, np.ndarray]:
+    """The largest |log ratio| to GGX, and (2, count) p·α² and s·α², by Levenberg and Marquardt's method with weights that grow where it
+    is worst."""
+    alpha2, angle = roughness**4, lobe_angles(roughness)
+    target, cosine = np.log(distribution(angle, roughness)), np.log(np.cos(angle))
+    p = np.geomspace(1.8 / alpha2, max(3.0, 0.02 / alpha2) if roughness < 0.55 else 1.0, count)
+    now = np.concatenate([np.log(p), np.log(0.7 * distribution(0.0, roughness) * (p / p[0]) ** 2)])
+
+    def ratios(x: np.ndarray) -> np.ndarray:
+        return np.log(np.exp(x[count:] + np.exp(x[:count]) * cosine[:, None]).sum(1)) - target
+
+    weights, damping, best = np.ones(len(angle)), 1e-2, (np.inf, now)
+    for step in range(600):
+        left = ratios(now)
+        slopes = np.stack([(ratios(now + 1e-5 * axis) - left) / 1e-5 for axis in np.eye(2 * count)], 1)
+        normal = slopes.T @ (slopes * weights[:, None]) + 1e-9 * np.eye(2 * count)
+        move = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -slopes.T @ (weights * left))
+        then = now + np.clip(move, -0.5, 0.5)
+        better = (weights * ratios(then) ** 2).sum() < (weights * left**2).sum()
+        now, damping = (then, max(damping / 3, 1e-7)) if better else (now, min(4 * damping, 1e6))
+        if step % 20 == 19:
+            left = np.abs(ratios(now))
+            best = min(best, (left.max(), now), key=lambda pair: pair[0])
+            weights *= 0.3 + left / left.max()
+            weights /= weights.mean()
+    worst, found = best
+    order = np.argsort(-found[:count])
+    return worst, np.exp(np.stack([found[:count][order], found[count:][order]])) * alpha2
+
+
+def reflected(cosine: float, roughness: float, weight, count: int = 256) -> tuple[float, float]:
+    """What GGX reflects of a uniform world seen at that cosine for F = 1 (A), and for F = weight(v·h) (B), by the midpoint rule over D."""
+    a2 = roughness**4
+    share, turn = np.meshgrid(*2 * ((np.arange(count) + 0.5) / count,))
+    n_h = 1 / np.sqrt(1 + a2 * share / (1 - share))
+    v_h = np.sqrt(1 - cosine**2) * np.sqrt(1 - n_h**2) * np.cos(2 * np.pi * turn) + cosine * n_h
+    n_l = 2 * v_h * n_h - cosine
+    lit = (v_h > 0) & (n_l > 0)
+    n_l, v_h = np.where(lit, n_l, 1), np.clip(v_h, 0, 1)
+    masking = 2 * n_l / (n_l * np.sqrt(a2 + (1 - a2) * cosine**2) + cosine * np.sqrt(a2 + (1 - a2) * n_l**2))
+    value = np.where(lit, masking * v_h / n_h, 0)
+    return float(value.mean()), float((value * weight(v_h)).mean())
+
+
+def schlick(cosine: np.ndarray) -> np.ndarray:
+    return (1 - cosine) ** 5
+
+
+def dielectric(cosine: np.ndarray) -> np.ndarray:
+    """(F - F0) / (1 - F0) of IOR 1.5."""
+    g = np.sqrt(1.25 + cosine**2)
+    reflectance = 0.5 * ((g - cosine) / (g + cosine)) ** 2 * (1 + ((cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)) ** 2)
+    return (reflectance - 0.04) / 0.96
+
+
+def fit_world(roughness: float, weight, f0: float) -> tuple[float, float, np.ndarray]:
+    """The largest relative error, q, and (a0, a1, b0, b1)."""
+    cosines = np.sin(np.radians([6, 8, 10, 12, 15, 20, 25, 30, 37, 45, 53, 60, 70, 80, 90]))
+    a, b = np.array([reflected(c, roughness, weight) for c in cosines]).T
+    kinds = ((a, 1 / a), (b, (1 - f0) / (f0 * a + (1 - f0) * b)))
+    fits = []
+    for q in np.arange(1.0, 6.01, 0.1):
+        basis = np.stack([np.ones_like(cosines), (1 - cosines) ** q], 1)
+        found = [_least_worst(basis, value, scale) for value, scale in kinds]
+        fits.append((max(worst for worst, _ in found), float(q), np.concatenate([c for _, c in found])))
+    return min(fits, key=lambda fit: fit[0])
+
+
+def _least_worst(basis: np.ndarray, value: np.ndarray, scale: np.ndarray) -> tuple[float, np.ndarray]:
+    weights = scale.copy()
+    for _ in range(40):
+        found = np.linalg.lstsq(basis * weights[:, None], value * weights, rcond=None)[0]
+        error = np.abs((basis @ found - value) * scale)
+        weights = weights * (0.5 + error / max(error.max(), 1e-9))
+    return float(error.max()), found
+
+
 def main() -> None:
-    print("kind roughness | narrow p·α², s·α², wide p·α², s·α², residual | one lobe: p·α², s·α², residual (linear) | albedo")
-    for kind in KINDS:
-        narrow, relative = np.inf, np.array([[1.6, 0.23], [0.11, 0.0035]])
-        for roughness in ROUGHNESSES:
-            alpha2 = roughness**4
-            lobes = measure_lobes(roughness, kind)
-            two = fit_lobes(lobes, relative / alpha2, largest=narrow)
-            one = fit_lobes(lobes, np.array([[2.2, 0.28]]) / alpha2, 1.0)
-            numbers = [*(two * alpha2).ravel(), residual(lobes, two), *(one * alpha2).ravel(), residual(lobes, one, 1.0)]
-            print(f"{kind:10s} {roughness:.2f} ", *(f"{x:8.5f}" for x in numbers), f"{measure_albedo(roughness, kind):8.4f}", flush=True)
-            narrow, relative = 0.95 * two[0, 0], two * alpha2
+    for roughnesses, table in LOBES:
+        count = table.shape[1] // 2
+        for roughness in roughnesses:
+            worst, found = fit_lobes(roughness, count)
+            print(f"lobes {roughness:.1f}: off by a factor of {np.exp(worst):.3f};", *(f"{x:.6f}" for x in found.ravel()), flush=True)
+    for kind, weight, f0 in (("METAL", schlick, 0.03), ("DIELECTRIC", dielectric, 0.04)):
+        for roughness in ROUGHNESS:
+            worst, q, found = fit_world(roughness, weight, f0)
+            print(f"{kind} {roughness:.2f}: off by {worst:.3f}; q {q:.1f};", *(f"{x:.4f}" for x in found), flush=True)
 
 
 if __name__ == "__main__":

@@ -355,3 +355,28 @@ def clipped_lamps() -> s.Scene:
         light("POINT", np.array([0.3 * k - 0.6, 0, 0.4]) + share * along, **seen) for k, share in enumerate((0.7, 0.3, -0.1, -0.6))
     )
     return stage(camera=view, lights=lights)
+
+
+def gloss() -> s.Scene:
+    """Highlights with masking and Fresnel, and lobes that depend on the view, constant and textured, beside plain ones."""
+
+    def shaped(k: tuple[s.Input, ...]) -> tuple[s.Lobe, ...]:
+        return (
+            s.Lobe("DIFFUSE", k),
+            s.Lobe("DIFFUSE", (s.Input((-0.2, -0.1, -0.3)), *k), exponent=2.5),
+            s.Lobe("AMBIENT", k, exponent=4.0),
+            s.Lobe("SPECULAR", k, 30.0, masking=0.25),
+            s.Lobe("SPECULAR", k, 30.0, masking=0.25, schlick=True),
+            s.Lobe("SPECULAR", k, 5.0, ior=1.5, masking=0.25, fresnel=True),
+        )
+
+    materials = (
+        s.Material("shaped", shaped(constant(0.8, 0.5, 0.3))),
+        s.Material("textured", shaped((s.Input(texture=0),))),
+        surface("plain", specular=0.5),
+    )
+    placed = tuple(
+        s.Instances(m.name, 1, at((x, 0, 0.8), 0.6), (k,)) for k, (m, x) in enumerate(zip(materials, (-1.2, 0.0, 1.2), strict=True), 1)
+    )
+    world = s.World(ambient=(0.3, 0.4, 0.5), background=(0.1, 0.2, 0.3))
+    return stage(ball_mesh(), instances=placed, materials=materials, textures=(checker(),), world=world)

@@ -123,6 +123,30 @@ def test_the_text_names_what_counts():
         assert words in text, text
 
 
+def test_the_first_line_says_in_plain_words_what_lights_a_pixel():
+    """Two equal lamps and a third of half the strength at the same place, no ambient light: 40, 40 and 20 %."""
+    lamps = [lamp(name, "POINT", (0, -1, 2), strength=strength) for name, strength in (("A", 40.0), ("B", 20.0), ("C", 40.0))]
+    down = np.array([[1.0, 0, 0, 0], [0, 1, 0, -1], [0, 0, 1, 1]])
+    scene = replace(SCENE, instances=SCENE.instances[:1], lights=tuple(lamps), world=World())
+    scene = replace(scene, camera=replace(scene.camera, world_from_camera=down, resolution=(1, 1)))
+    first, second, *_ = explanation_lines(PixelExplainer(scene, SETTINGS).pixel(0, 0))
+    assert first == "'Floor' with the material 'Plastic': lit by A 40 %, C 40 %, B 20 %"
+    assert second.startswith("camera ray")
+
+
+def test_the_first_line_says_what_blocks_and_what_is_mirrored():
+    ball = Instances("Blocker", 1, placed(0, -1, 3), ())
+    scene = replace(SCENE, instances=(SCENE.instances[0], ball), lights=(lamp("Lamp", "POINT", (0, -1, 5)),))
+    below = np.array([[1.0, 0, 0, 0], [0, 1, 0, -1], [0, 0, 1, 1]])
+    scene = replace(scene, camera=replace(scene.camera, world_from_camera=below, resolution=(1, 1)))
+    dark = explanation_lines(PixelExplainer(scene, SETTINGS).pixel(0, 0))[0]
+    assert dark == "'Floor' with the material 'Plastic': lit by ambient light 100 %; Lamp is blocked by 'Blocker'"
+    bare = PixelExplainer(replace(SCENE, instances=SCENE.instances[:3]), SETTINGS)
+    assert " (mirrored) " in explanation_lines(bare.pixel(6, 16))[0]
+    black = replace(scene, world=World())
+    assert ": no light comes from here; " in explanation_lines(PixelExplainer(black, SETTINGS).pixel(0, 0))[0]
+
+
 def test_a_pixel_outside_is_refused():
     with pytest.raises(SceneError, match="outside the frame of 24 by 24"):
         PixelExplainer(SCENE, SETTINGS).pixel(24, 0)

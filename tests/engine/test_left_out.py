@@ -98,7 +98,7 @@ def turned(axes: str, **sizes: tuple[float, float, float]) -> tuple[str, ...]:
 def test_instances_squeezed_to_a_line_are_named(axes: str, flat: tuple[float, float, float]) -> None:
     line = tuple(float(k == 0) for k in range(3))
     (note,) = turned(axes, whole=(1, 1, 1), flat=flat, line=line, tiny=(1e-5, 1e-5, 1e-5))
-    assert note.startswith("1 instances of 'line' have") and "give them a scale" in note
+    assert note.startswith("1 instances of 'line' have") and "scale two axes alike" in note
 
 
 def test_flattened_things_that_stand_on_edge_are_named() -> None:

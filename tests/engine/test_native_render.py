@@ -323,6 +323,16 @@ def test_bad_faces_are_left_out_and_counted() -> None:
     assert note.startswith("3 faces") and "'placed 0'" in note and "repair the mesh" in note
 
 
+def test_an_instruction_set_that_is_not_to_be_had_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = busy_scene()
+    settings = replace(BUSY, samples=1)
+    monkeypatch.setenv("GLINT_ISA", "avx9")
+    (note,) = native.render_native(scene, settings).notes
+    assert "GLINT_ISA is 'avx9'" in note and "unset it" in note
+    monkeypatch.setenv("GLINT_ISA", note.split(": ")[1].split()[0])
+    assert native.render_native(scene, settings).notes == ()
+
+
 def test_bad_instances_and_lights_are_left_out_and_counted() -> None:
     """Past the Python door, which names them: NaN, and a matrix of rank 1."""
     matrices = np.repeat(IDENTITY[None], 3, 0)

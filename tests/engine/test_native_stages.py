@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine_scenes import SCENES, ball_mesh, camera, checker, grid_mesh, surface
+from engine_scenes import SCENES, ball_mesh, camera, checker, gloss, grid_mesh, surface
 from glint import engine
 from glint.engine import scene as s
 from native_tools import (
@@ -38,7 +38,7 @@ TESTS = Path(__file__).resolve().parents[1]
 def hashes() -> str:
     """A line a scene: Combined alone, and with all passes."""
     lines = []
-    for name, make in SCENES.items():
+    for name, make in (*SCENES.items(), ("gloss", gloss)):
         scene, plan = make(), engine.Settings(samples=2, light_samples=3, max_bounces=4)
         for passes in (frozenset(), PARTS):
             film = engine.render(scene, replace(plan, passes=passes))
@@ -55,6 +55,11 @@ def test_same_bits_from_every_instruction_set(isa: str) -> None:
     done = subprocess.run([sys.executable, "-c", command], env={**os.environ, "GLINT_ISA": isa}, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == hashes().splitlines()
+
+
+def test_highlights_and_lobes_of_the_view_are_those_of_the_reference() -> None:
+    core, truth = color(gloss(), light_samples=2), color(gloss(), light_samples=2, backend="NUMPY")
+    assert np.abs(core - truth).max() < 1e-4 * truth.mean()
 
 
 def test_materials_of_one_batch_keep_to_themselves() -> None:
@@ -167,10 +172,11 @@ def veils(layers: int) -> tuple[s.Mesh, tuple[s.Material, ...], tuple[s.Instance
     tint = np.random.default_rng(3).uniform(0.2, 1, (len(mesh.vertices), 4)).astype(np.float32)
     slots = np.random.default_rng(4).choice(4, len(mesh.triangles), p=(0.4, 0.3, 0.2, 0.1)).astype(np.uint16)
     mesh = replace(mesh, attributes=(*mesh.attributes, s.Attribute("tint", s.POINT, tint)), material_slots=slots)
+    bounded = s.Input((2.0, 2.5, 3.0), attribute="tint", offset=(-1.0, -0.8, -1.5), low=0.2, high=0.9)
     by_alpha = s.Input((0.5, 0.9, 0.7), texture=0, channel="ALPHA", complement=True)
     materials = (
         s.Material("image", (s.Lobe("TRANSPARENT", (s.Input((0.9, 0.8, 0.7), texture=0),)),)),
-        s.Material("tinted", (s.Lobe("TRANSPARENT", (s.Input(attribute="tint"), by_alpha)), s.Lobe("DIFFUSE", constant(0.0)))),
+        s.Material("tinted", (s.Lobe("TRANSPARENT", (bounded, by_alpha)), s.Lobe("DIFFUSE", constant(0.0)))),
         s.Material("half", (s.Lobe("TRANSPARENT", constant(0.5)),)),
         s.Material("opaque", (s.Lobe("DIFFUSE", constant(0.0)),)),
     )
@@ -209,3 +215,17 @@ def test_only_lights_with_an_extent_are_visible() -> None:
         light = lamp("POINT", radius=radius, visible_camera=True)
         film = draw(s.Scene(view_from_above(), (square(),), (placed(),), (material(s.Lobe("DIFFUSE")),), (), (light,), NO_WORLD))
         assert ("feature: visible lights" in film.stats) == visible
+
+
+def test_bounded_inputs_are_those_of_the_reference() -> None:
+    """An image and an attribute, each beyond its bounds somewhere and within them elsewhere."""
+    mesh, *_ = veils(0)
+    inputs = (
+        s.Input((4.0, 3.0, 5.0), texture=0, offset=(-1.0, -0.5, -2.0), low=0.0, high=1.0),
+        s.Input((2.0, 2.0, 2.0), attribute="tint", offset=(-1.0, -1.2, -0.8), low=0.1, high=0.7, complement=True),
+    )
+    glow = material(s.Lobe("EMISSION", inputs), s.Lobe("EMISSION", (s.Input((-1.0, 0.2, 3.0), low=0.0, high=1.5),)))
+    scene = s.Scene(view_from_above(24), (mesh,), (placed(),), (glow,), (checker(),), (), NO_WORLD)
+    core, truth = color(scene), color(scene, backend="NUMPY")
+    assert len(np.unique(truth.round(4))) > 100
+    assert np.abs(core - truth).max() < 1e-5

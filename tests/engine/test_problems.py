@@ -297,3 +297,24 @@ def test_meshes_are_not_copied():
     finally:
         tracemalloc.stop()
     assert peak < 100_000  # a copy of the smallest array, the slots, would take twice that; reductions take a buffer of 8192 values
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"world_from_object": np.full((1, 3, 4), np.nan)}, "not finite"),
+        ({"world_from_object": np.zeros((1, 4, 3))}, "shape"),
+        ({"world_from_object": np.zeros((1, 3, 4), F)}, "dtype"),
+        ({"geometry": 0.0}, "geometry is 0.0"),
+        ({"materials": (0.0,)}, "a material is 0.0"),
+        ({"materials": [7]}, "a material is 7"),
+    ],
+)
+def test_one_bad_group_among_many_alike_is_named(changes, text):
+    groups = [instances(name=f"Row {k}") for k in range(5)]
+    groups[3] = instances(name="Odd", **changes)
+    assert scene(instances=tuple(groups[:3])).problems() == []
+    found = scene(instances=tuple(groups)).problems()
+    assert len(found) == 1
+    assert "'Odd'" in found[0]
+    assert text in found[0]

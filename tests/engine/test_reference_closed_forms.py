@@ -294,11 +294,11 @@ def test_coincident_sheets_are_passed_as_one() -> None:
 
 def test_transparent_surfaces_end_after_128() -> None:
     sheets = np.concatenate([at((0, 0, -0.01 * k)) for k in range(129)])
-    for count, expected in ((128, 1.0), (129, 0.0)):
+    for k, count, expected in ((0.5, 128, 0.5**128), (0.5, 129, 0.0), (1.0, 129, 1.0)):
         camera = s.Camera("ORTHOGRAPHIC", look_at((0, 0, 5), (0, 0, 0), (0, 1, 0)), (-1, 1, -1, 1), (2, 2))
-        clear, world = material(s.Lobe("TRANSPARENT", constant(1.0))), s.World(background=(1.0,) * 3)
+        clear, world = material(s.Lobe("TRANSPARENT", constant(k))), s.World(background=(1.0,) * 3)
         scene = s.Scene(camera, (grid_mesh(),), (s.Instances("s", 0, sheets[:count], (0,)),), (clear,), world=world)
-        assert (color(scene) == expected).all()
+        assert np.allclose(color(scene), expected, rtol=1e-13, atol=0)
 
 
 def test_coloured_shadows_multiply() -> None:

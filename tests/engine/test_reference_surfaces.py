@@ -91,6 +91,11 @@ def test_channels_transform_complement_and_second_map() -> None:
         (s.Input(texture=0, channel="ALPHA"), rgba[..., 3:]),
         (s.Input(texture=0, channel="LUMINANCE"), rgba[..., :3].mean(-1, keepdims=True)),
         (s.Input(texture=0, complement=True), 1 - rgba[..., :3]),
+        (
+            s.Input((3.0, 3.0, 3.0), texture=0, offset=(-1.0, -1.2, 0.1), low=0.1, high=0.9),
+            np.clip(rgba[..., :3] * 3 + (-1.0, -1.2, 0.1), 0.1, 0.9),
+        ),
+        (s.Input(texture=0, high=0.5, complement=True), 1 - np.minimum(rgba[..., :3], 0.5)),
         (s.Input(texture=0, uv="second"), image(u / 2, v / 2)[..., :3]),
         (s.Input(texture=0, uv="none such"), np.broadcast_to(Image(texture).read(np.zeros(1), np.zeros(1))[:3, 0], (8, 8, 3))),
         (s.Input(texture=0, uv_transform=((2, 0.5, 0.1), (-0.3, 1, 0.2))), image(2 * u + 0.5 * v + 0.1, -0.3 * u + v + 0.2)[..., :3]),

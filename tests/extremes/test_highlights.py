@@ -12,8 +12,8 @@ import pytest
 
 import extreme_scenes as extreme
 import small_scenes as build
-from cycles_reference import bpy, render_cycles
-from glint.addon import nodes
+from cycles_reference import render_cycles
+from glint.addon.nodes import add_blinn_phong
 from glint_picture import render_glint
 from measuring import compare
 from test_cycles_blinn_phong import Network
@@ -23,22 +23,11 @@ FILM = 2.0**-25
 SUN = (0.0, 1.0, 1.0)
 
 
-@pytest.fixture(autouse=True)
-def blinn_phong_node():
-    """Only the node, not the whole add-on; it stays where another test has registered it, and in Blender 4.2 (addon/nodes.py says why)."""
-    known = bpy.types.Node.bl_rna_get_subclass_py(nodes.NODE_IDNAME) is not None
-    if not known:
-        bpy.utils.register_class(nodes.GlintBlinnPhongNode)
-    yield
-    if not known and bpy.app.version >= (4, 5, 0):
-        bpy.utils.unregister_class(nodes.GlintBlinnPhongNode)
-
-
 def shining_floor(exponent: float, eye=(0.0, -2.0, 2.0)):
     """A floor of k_s 1 and nothing else, under a sun of I = 1, seen where the sun is mirrored; the view spans eight standard widths."""
     scene = extreme.new_scene()
     material, tree, output = build.new_material("Shine")
-    node = tree.nodes.new(nodes.NODE_IDNAME)
+    node = add_blinn_phong(tree)
     for name in ("Ambient", "Diffuse", "Mirror", "Emission"):
         node.inputs[name].default_value = (0.0, 0.0, 0.0, 1.0)
     node.inputs["Specular"].default_value = (1.0, 1.0, 1.0, 1.0)

@@ -1,5 +1,9 @@
 """What the two zips hold. Blender's validator has accepted each when it was packed."""
 
+import io
+import re
+import shutil
+import subprocess
 import tomllib
 import zipfile
 
@@ -29,6 +33,25 @@ def test_only_the_full_zip_has_the_core():
     assert len(wheels["full"]) == 1
     assert "py3-none-" in wheels["full"][0], "one wheel must serve every Python"
     assert wheels["python"] == []
+
+
+@pytest.mark.skipif(not shutil.which("objdump"), reason="needs objdump, which says independently what a library asks for")
+def test_the_wheel_is_named_after_the_c_library_that_it_needs(tmp_path):
+    archive = _open("full")
+    [name] = [name for name in archive.namelist() if name.endswith(".whl")]
+    with zipfile.ZipFile(io.BytesIO(archive.read(name))) as wheel:
+        library = wheel.extract("glint_core/libglint_core.so", tmp_path)
+    table = subprocess.run(["objdump", "-p", library], capture_output=True, text=True, check=True).stdout
+    needed = re.findall(r" GLIBC_(\d+)\.(\d+)", table)
+    assert needed and not re.search("GLIBCXX|CXXABI|GCC_", table)
+    major, minor = max((int(major), int(minor)) for major, minor in needed)
+    assert f"-manylinux_{major}_{minor}_" in name
+
+
+def test_the_manifest_says_what_the_add_on_does_with_files_and_clipboard():
+    manifest = tomllib.loads(_open("full").read("blender_manifest.toml").decode())
+    assert manifest["permissions"].keys() == {"files", "clipboard"}
+    assert all(word in manifest["permissions"]["files"] for word in ("Reads", "writes"))
 
 
 def test_the_manifests_differ_in_platform_and_wheel_alone():

@@ -1,11 +1,13 @@
 """Both editions, installed from their zips in a Blender of their own: they render, and they fail loudly."""
 
+import os
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from blender_process import ROOT
 from packed import ENABLE
 
 SCENE = """
@@ -119,3 +121,23 @@ bpy.ops.render.render(write_still=True)
     assert not (blender.folder / name).exists(), "a picture was saved although the render failed"
     assert "Error: Glint failed (ValueError): broken on purpose" in run.output
     assert "Traceback" in run.output
+
+
+@pytest.mark.skipif("GLINT_BLENDER" in os.environ, reason="`make render` starts bpy")
+def test_make_render_looks_at_what_was_written(installed):
+    """No file may be longer than some bytes: a full disk, of which Blender says that it saved the picture."""
+    blender = installed("python")
+    run = blender.run(
+        ENABLE
+        + SCENE
+        + f"""
+import resource, signal
+sys.path.insert(0, {str(ROOT / "packaging")!r})
+import render_scene, tree
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1500, resource.RLIM_INFINITY))
+tree.main(lambda: render_scene._write_pictures(scene, FOLDER / "full.exr", FOLDER / "full.png") and 0)
+"""
+    )
+    assert run.returncode == 1, run.output
+    assert "the picture was rendered, but not written" in run.output and "full.exr is not whole" in run.output

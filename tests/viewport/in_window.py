@@ -3,6 +3,7 @@
 A scenario is a generator. It yields seconds to wait, or a function to wait for. Its end, or an error, ends Blender.
 """
 
+import faulthandler
 import json
 import sys
 import time
@@ -14,6 +15,9 @@ import numpy as np
 
 LONGEST = 60.0
 """Seconds that a scenario waits for one thing."""
+
+STILL = 60.0
+"""Seconds that one step may take. Then Blender hangs: it says every thread's stack and ends."""
 
 
 class Window:
@@ -166,6 +170,7 @@ class _Player:
         self._waits_for, self._deadline = None, 0.0
 
     def tick(self):
+        faulthandler.dump_traceback_later(STILL, exit=True, file=2)
         try:
             return self._next()
         except StopIteration:

@@ -29,7 +29,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 10
+#define GLINT_ABI_VERSION 11
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -82,17 +82,21 @@ typedef struct GlintTexture {
 
 enum { GLINT_COLOR, GLINT_ALPHA, GLINT_LUMINANCE };
 
-/* value * texture(uv) * attribute, or one minus that. texture, uv, attribute: -1 for none (uv: for the active map). */
+/* value * texture(uv) * attribute, where bounded plus offset and kept between low and high, or one minus that.
+ * texture, uv, attribute: -1 for none (uv: for the active map). */
 typedef struct GlintInput {
   double value[3];
   double uv_transform[6];
-  int32_t texture, channel, uv, attribute, attribute_channel, complement;
+  double offset[3], low, high;
+  int32_t texture, channel, uv, attribute, attribute_channel, bounded, complement, reserved;
 } GlintInput;
 
 enum { GLINT_AMBIENT, GLINT_DIFFUSE, GLINT_SPECULAR, GLINT_MIRROR, GLINT_REFRACTION, GLINT_TRANSPARENT, GLINT_EMISSION };
 
+/* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK. masking: 0 to 1, Smith's alpha of a SPECULAR lobe, 0 for none. */
+enum { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
 typedef struct GlintLobe {
-  double exponent, ior;
+  double exponent, ior, masking;
   uint32_t first_input, input_count;
   int32_t kind, fresnel;
 } GlintLobe;

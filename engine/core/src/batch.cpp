@@ -11,7 +11,8 @@ constexpr size_t kParts = 6 * 3;
 
 Batch::Batch(const Scene& scene, uint32_t passes)
     : scene_(scene), passes_(passes), smooth_(scene.features & GLINT_FEATURE_SMOOTH),
-      columns_(kFixed + (smooth_ ? kSmooth : 0) + 4 * size_t(scene.max_specular) + 3 * size_t(scene.max_passing) + kParts) {}
+      columns_(kFixed + (smooth_ ? kSmooth : 0) + size_t(scene.specular_columns * scene.max_specular) +
+               3 * size_t(scene.max_passing) + kParts) {}
 
 void Batch::begin(const Queue& rays) {
   queue = &rays, count_ = rays.size();
@@ -47,7 +48,7 @@ void Batch::place_columns() {
   part(parts_.environment, GLINT_PASS_ENVIRONMENT);
   bool light_parts = passes_ & (1u << GLINT_PASS_DIFFUSE | 1u << GLINT_PASS_SPECULAR | 1u << GLINT_PASS_SHADOW);
   if (light_parts) three(parts_.diffuse), three(parts_.specular), three(parts_.shadow);
-  specular = scene_.max_specular > 0 ? columns_[next] : nullptr, next += 4 * size_t(scene_.max_specular);
+  specular = scene_.max_specular > 0 ? columns_[next] : nullptr, next += size_t(scene_.specular_columns * scene_.max_specular);
   passing_columns = scene_.max_passing > 0 ? columns_[next] : nullptr;
   stride = columns_.rows();
 }

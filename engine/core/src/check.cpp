@@ -137,12 +137,14 @@ void check_materials(const GlintSceneData& d, Report& report) {
                g.texture, ull(d.texture_count));
     report.add(within(g.channel, GLINT_LUMINANCE) && within(g.attribute_channel, GLINT_LUMINANCE) && g.uv >= -1 && g.attribute >= -1,
                "input %llu: unknown channel or name", ull(i));
+    report.add(!g.bounded || g.low <= g.high, "input %llu: low %g is not at most high %g", ull(i), g.low, g.high);
   }
   for (uint64_t i = 0; i < d.lobe_count; ++i) {
     const GlintLobe& g = d.lobes[i];
     report.add(within(g.kind, GLINT_EMISSION), "lobe %llu: unknown kind %d", ull(i), g.kind);
     report.add(range(g.first_input, g.input_count, d.input_count), "lobe %llu: inputs beyond the table", ull(i));
     report.add(g.exponent >= 0 && g.exponent <= 1e30, "lobe %llu: exponent %g is not between 0 and 1e30", ull(i), g.exponent);
+    report.add(g.masking >= 0 && g.masking <= 1, "lobe %llu: masking %g is not between 0 and 1", ull(i), g.masking);
     report.add(g.ior > 0 && g.ior <= 1e30, "lobe %llu: index of refraction %g is not above 0", ull(i), g.ior);
   }
   for (uint64_t i = 0; i < d.material_count; ++i)

@@ -31,6 +31,8 @@ void DirectLight::prepare(const Batch& batch) {
   }
   stage_.count = batch.size(), stage_.offset = p.offset, stage_.lit = batch.lit.data();
   stage_.specular = batch.specular, stage_.stride = batch.stride, stage_.max_specular = scene_.max_specular;
+  stage_.most_exponent = scene_.most_exponent;
+  stage_.specular_columns = scene_.specular_columns;
 }
 
 void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
@@ -42,16 +44,21 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     if (notes) find_cut(batch, light);
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       light.set(stage_, plan_.light_point(sample, j), count, plan_.physical);
-      const size_t reached = stages_.light(stage_);
-      if (reached == 0) continue;
-      for (size_t k = 0; notes && k < reached; ++k) batch.mark_softly_lit(point_[k], Refinement::kReached);
       uint8_t* const known = batch.sight ? batch.sight->shadows(number) : nullptr;
-      if (light.casts_shadow()) find_shadows(batch, reached, known ? known + batch.first_row : nullptr, counts);
-      else std::fill_n(blocked_.begin(), reached, uint8_t(0));
-      if (glassy_) veils_.follow(batch, stage_, blocked_.data(), reached, shadow_, counts);
-      add(batch, reached);
+      add_lit(batch, light, stages_.light(stage_), known ? known + batch.first_row : nullptr, counts);
+      if (stage_.draws) add_lit(batch, light, stages_.gloss(stage_), nullptr, counts);
     }
   }
+}
+
+/// Adds the `count` points of the stage.
+void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known, RayCounts& counts) {
+  if (count == 0) return;
+  for (size_t k = 0; batch.softly_lit && stage_.share > 1 && k < count; ++k) batch.mark_softly_lit(point_[k], Refinement::kReached);
+  if (light.casts_shadow()) find_shadows(batch, count, known, counts);
+  else std::fill_n(blocked_.begin(), count, uint8_t(0));
+  if (glassy_) veils_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
+  add(batch, count);
 }
 
 /// Notes the points whose horizon cuts the light.
@@ -77,7 +84,8 @@ void DirectLight::find_shadows(const Batch& batch, size_t count, uint8_t* known,
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Timer timer(counts.tracing);
-  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow,
+                  known ? nullptr : scene_.opacity()};
   scene_.accel().occluded(rays, blocked_.data(), scratch_);
   counts.shadow += count;
   for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);

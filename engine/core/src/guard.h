@@ -5,6 +5,7 @@
 #include <cstring>
 #include <new>
 #include <stdexcept>
+#include <system_error>
 
 namespace glint {
 
@@ -25,6 +26,8 @@ Result guarded(Result failed, char* error, size_t size, Make make) {
     tell(error, size, "out of memory");
   } catch (const std::length_error&) {  // more than a vector can ever hold
     tell(error, size, "out of memory");
+  } catch (const std::system_error&) {
+    tell(error, size, "no thread");
   } catch (const std::exception& e) {
     tell(error, size, e.what());
   }

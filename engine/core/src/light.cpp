@@ -72,7 +72,21 @@ void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool phy
     stage.l[c] = l[c], stage.end[c] = end[c], stage.center[c] = center[c], stage.axis[c] = axis[c], stage.color[c] = color[c];
   stage.radius = radius, stage.scale2 = scale2, stage.spot_cosine = spot_cosine, stage.spot_width = (1 - spot_cosine) * spot_blend;
   stage.x = q.x, stage.y = q.y, stage.share = soft ? count : 1;
+  stage.versine = versine, stage.spread = 2 * kPi * stage.versine;
   if (stage.shape == kRectangleSource) set_rectangle(stage, q);
+  set_lobes(stage, q, soft);
+}
+
+/// Where directions are drawn from lobes: those whose solid angle 8 pi / (p + 1), seen straight, is less than the light's, about
+/// area / (d^2 + area / (2 pi)).
+void Light::set_lobes(LightStage& stage, const LightPoint& q, bool soft) const {
+  const double x = length(right), y = length(up), r2 = q.x * q.x + q.y * q.y, r = std::sqrt(r2);
+  const bool ellipse = flags & GLINT_ELLIPSE;
+  stage.ellipse = ellipse, stage.area = kind == GLINT_AREA ? (ellipse ? kPi : 4) * x * y : kPi * radius * radius;
+  for (int c = 0; c < 3; ++c) stage.across[c] = right[c] / (x * x), stage.upward[c] = up[c] / (y * y);
+  stage.least_near = endless() ? 0 : 8 * kPi / stage.area, stage.least = endless() ? 4 / versine - 1 : 3;
+  stage.draws = soft && (endless() || stage.area > 0) && stage.most_exponent >= stage.least;
+  stage.radius2 = r2, stage.azimuth[0] = r > 0 ? q.x / r : 1, stage.azimuth[1] = r > 0 ? q.y / r : 0;
 }
 
 void Light::set_rectangle(LightStage& stage, const LightPoint& q) const {

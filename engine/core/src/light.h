@@ -31,7 +31,7 @@ struct Light {
   bool endless() const { return kind == GLINT_SUN; }
   bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
 
-  /// Sets what a stage needs of the light for sample `p` of `count` (1: the centre).
+  /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1: the centre).
   void set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
 
   /// Whether the horizon of the point x, the plane through it across n, cuts the light's shape, and the light shines that way.
@@ -46,6 +46,7 @@ struct Light {
   bool is_rectangle() const;
   LightShape shape(bool soft, bool physical) const;
   void set_rectangle(LightStage& stage, const LightPoint& q) const;
+  void set_lobes(LightStage& stage, const LightPoint& q, bool soft) const;
   double spot(double z) const;
   double meets_sphere(Vec3d o, Vec3d d) const;
   double meets_area(Vec3d o, Vec3d d) const;

@@ -1,5 +1,7 @@
 #include "material.h"
 
+#include <algorithm>
+
 #include "scene.h"
 
 namespace glint {
@@ -29,16 +31,25 @@ Rgba image_at(const Scene& scene, uint32_t i, const Surface& s, PointReads& read
   return color;
 }
 
+Vec3d bounded(Vec3d a, const GlintInput& input) {
+  const auto channel = [&](double x, double offset) { return std::clamp(x + offset, input.low, input.high); };
+  return {channel(a.x, input.offset[0]), channel(a.y, input.offset[1]), channel(a.z, input.offset[2])};
+}
+
 Vec3d evaluate(const Scene& scene, uint32_t i, const Surface& s, PointReads& reads) {
   const GlintInput& input = scene.inputs[i];
   Vec3d product{input.value[0], input.value[1], input.value[2]};
   if (input.texture >= 0) product = product * channel_of(image_at(scene, i, s, reads), input.channel);
   if (input.attribute >= 0) product = product * channel_of(color_at(scene, s, input.attribute), input.attribute_channel);
-  product = finite_or_zero(product);
-  return input.complement ? Vec3d{1, 1, 1} - product : product;
+  return of_product(input, finite_or_zero(product));
 }
 
 }  // namespace
+
+Vec3d of_product(const GlintInput& input, Vec3d product) {
+  if (input.bounded) product = bounded(product, input);
+  return input.complement ? Vec3d{1, 1, 1} - product : product;
+}
 
 Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s, PointReads& reads) {
   if (lobe.constant) return lobe.k;

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "math.h"
+#include "opacity.h"
 #include "sight.h"
 
 namespace glint {
@@ -73,16 +74,37 @@ Vec3d finite_color(const double* c) {
 
 void add_to(double (&sum)[3], Vec3d c) { sum[0] += c.x, sum[1] += c.y, sum[2] += c.z; }
 
-/// Adds a lobe to the terms of its material; `specular` is where the next SPECULAR lobe goes.
-void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, double*& specular) {
+/// A lobe as a row of ViewTerm.
+void fold_view(const Lobe& lobe, Vec3d ambient, double* row) {
+  const Vec3d k = lobe.kind == GLINT_AMBIENT ? lobe.k * ambient : lobe.k;
+  double* color = row + (lobe.kind == GLINT_AMBIENT ? ViewTerm::kAmbient : ViewTerm::kDiffuse);
+  for (int c = 0; c < 3; ++c) color[c] += k[c];
+  row[ViewTerm::kExponent] = lobe.exponent;
+}
+
+/// Where the next SPECULAR lobe goes, of so many columns, and the next that depends on the view.
+struct Rows {
+  double* specular;
+  int columns;
+  double* view;
+};
+
+/// Adds a lobe to the terms of its material.
+void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
   terms.others |= !lobe.constant;
+  if (depends_on_view(lobe)) return fold_view(lobe, ambient, rows.view), void(rows.view += ViewTerm::kColumns);
   switch (lobe.kind) {
     case GLINT_AMBIENT: return add_to(terms.ambient, lobe.k * ambient), add_to(terms.glow, lobe.k * ambient);
     case GLINT_EMISSION: return add_to(terms.emission, lobe.k), add_to(terms.glow, lobe.k);
     case GLINT_DIFFUSE: return add_to(terms.diffuse, lobe.k);
     case GLINT_SPECULAR:
-      for (double number : {lobe.k.x, lobe.k.y, lobe.k.z, lobe.exponent}) *specular++ = number;
-      return;
+      for (int c = 0; c < 3; ++c) rows.specular[c] = lobe.k[c];
+      rows.specular[SpecularTerm::kExponent] = lobe.exponent;
+      if (rows.columns == SpecularTerm::kShaped) {
+        rows.specular[SpecularTerm::kMasking] = lobe.masking * lobe.masking;
+        rows.specular[SpecularTerm::kFresnel] = SpecularTerm::fresnel(lobe.fresnel, lobe.ior);
+      }
+      return void(rows.specular += rows.columns);
     default: terms.others |= any(lobe.k);
   }
 }
@@ -119,6 +141,10 @@ Scene::Scene(const GlintSceneData& data, const Scene* base, bool exact) : camera
   earlier_.trees.same_space = earlier_.trees.accel && anchor == earlier_.anchor;
   if (base) share_trees(*base, exact);
 }
+
+Scene::~Scene() = default;
+
+const Opacity* Scene::opacity() const { return opacity_ ? &opacity_->view() : nullptr; }
 
 /// The trees that a later scene may take over: this one's, or as long as it has none those that it would take over itself.
 Scene::Earlier Scene::trees() const {
@@ -180,7 +206,7 @@ void Scene::compile_materials(const GlintSceneData& data) {
   std::iota(reads.begin(), reads.end(), 0u);
   for (uint64_t i = 0; i < data.material_count; ++i) add_material(data.materials[i], data.lobes);
   materials.push_back({uint32_t(lobes.size()), 2, 0});
-  for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT}) lobes.push_back({kind, false, true, 0, 1, 0, 0, {0.8, 0.8, 0.8}, false});
+  for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT}) lobes.push_back({kind, 0, true, 0, 1, 0, 0, 0, {0.8, 0.8, 0.8}, false});
   for (Material& material : materials) compare_lobes(material), number_reads(material);
 }
 
@@ -194,7 +220,7 @@ void Scene::add_material(const GlintMaterial& g, const GlintLobe* given) {
 
 /// Lobes whose inputs do not vary get their product now.
 void Scene::add_lobe(const GlintLobe& g) {
-  Lobe lobe{g.kind, g.fresnel != 0, false, g.exponent, g.ior, g.first_input, g.input_count, {1, 1, 1}, false};
+  Lobe lobe{g.kind, g.fresnel, false, g.exponent, g.ior, g.masking, g.first_input, g.input_count, {1, 1, 1}, false};
   bool varies = false;
   for (uint32_t k = 0; k < g.input_count; ++k) varies = varies || depends_on_surface(inputs[g.first_input + k]);
   PointReads none;
@@ -204,11 +230,14 @@ void Scene::add_lobe(const GlintLobe& g) {
 
 void Scene::compare_lobes(Material& material) {
   for (uint32_t k = 0; k < material.lobe_count; ++k) {
-    int kind = lobes[material.first_lobe + k].kind;
-    material.kinds |= 1u << kind, material.specular_count += kind == GLINT_SPECULAR;
+    const Lobe& lobe = lobes[material.first_lobe + k];
+    material.kinds |= 1u << lobe.kind, material.specular_count += lobe.kind == GLINT_SPECULAR;
+    if (lobe.kind == GLINT_SPECULAR) most_exponent = std::max(most_exponent, lobe.exponent);
+    material.view_count += depends_on_view(lobe);
+    if (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)) specular_columns = SpecularTerm::kShaped;
     if (k > 0) lobes[material.first_lobe + k].like_last = same_inputs(material.first_lobe + k - 1, material.first_lobe + k);
   }
-  max_specular = std::max(max_specular, material.specular_count);
+  max_specular = std::max(max_specular, material.specular_count), max_view = std::max(max_view, material.view_count);
 }
 
 /// Compares each input that reads an image with the last few of its material that do.
@@ -355,13 +384,17 @@ NormalMatrix Scene::normal_matrix(uint32_t instance) const {
 
 /// What is the same all over a material; those that vary, or send rays on, are left to the shader.
 void Scene::fold_materials() {
-  specular_terms.assign(4 * size_t(max_specular) * (materials.size() + 3), 0.0);
+  const size_t specular = size_t(specular_columns) * size_t(max_specular), view = ViewTerm::kColumns * size_t(max_view);
+  specular_terms.assign(specular * (materials.size() + 3), 0.0), view_terms.assign(view * (materials.size() + 3), 0.0);
   for (size_t m = 0; m < materials.size(); ++m) {
     MaterialTerms terms{};
-    double* specular = specular_terms.data() + 4 * size_t(max_specular) * m;
-    for (uint32_t i = 0; i < materials[m].lobe_count; ++i) fold(lobes[materials[m].first_lobe + i], ambient, terms, specular);
-    if (terms.others) terms = MaterialTerms{}, terms.others = 1;
-    for (int k = 0; terms.others && k < 4 * max_specular; ++k) specular_terms[4 * size_t(max_specular) * m + size_t(k)] = 0;
+    Rows rows{specular_terms.data() + specular * m, specular_columns, view_terms.data() + view * m};
+    for (uint32_t i = 0; i < materials[m].lobe_count; ++i) fold(lobes[materials[m].first_lobe + i], ambient, terms, rows);
+    terms.view_count = uint32_t(materials[m].view_count);
+    if (terms.others) {
+      terms = MaterialTerms{}, terms.others = 1;
+      std::fill_n(specular_terms.data() + specular * m, specular, 0.0), std::fill_n(view_terms.data() + view * m, view, 0.0);
+    }
     material_terms.push_back(terms);
   }
   MaterialTerms around{}, none{}, hole{};
@@ -373,7 +406,7 @@ void Scene::fold_materials() {
 void Scene::shape_materials() {
   for (const Lobe& g : lobes)
     lobe_shapes.push_back(
-        {g.kind, g.constant, g.like_last, g.fresnel, g.exponent, g.ior, {g.k.x, g.k.y, g.k.z}, g.first_input, g.input_count});
+        {g.kind, g.constant, g.like_last, g.fresnel, g.exponent, g.ior, g.masking, {g.k.x, g.k.y, g.k.z}, g.first_input, g.input_count});
   for (const Texture& texture : textures) texture_shapes.push_back(texture.shape());
   for (size_t m = 0; m < materials.size(); ++m) {
     if (!material_terms[m].others) continue;
@@ -406,6 +439,7 @@ std::vector<InstanceView> Scene::instance_views() const {
 
 bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& cancel) {
   std::lock_guard lock(build_mutex_);
+  if (!opacity_ && features & GLINT_FEATURE_TRANSPARENT) opacity_ = std::make_unique<const OpacityMaps>(*this);
   if (accel_) return true;
   auto start = std::chrono::steady_clock::now();
   accel_ = Accel::build(geometry_views(), instance_views(), threads, cancel, quality, earlier_.trees);

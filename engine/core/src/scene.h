@@ -34,6 +34,7 @@ struct Anchor {
 std::string scene_problems(const GlintSceneData& data);
 
 class Film;
+class OpacityMaps;
 class Scene;
 class Sight;
 struct RenderPlan;
@@ -64,10 +65,13 @@ class Scene {
   /// `data` has no problems. base: a scene whose trees serve where nothing changed.  exact: the picture has the bits that it has without
   /// a base; else the coordinates of `base` stay as long as they are fine enough for the camera, and what moved gets trees of its own.
   explicit Scene(const GlintSceneData& data, const Scene* base = nullptr, bool exact = true);
+  ~Scene();
 
   /// Makes the trees unless they are there; false when `cancel` became true.
   bool build(int threads, BuildQuality quality, const std::atomic<bool>& cancel);
   const Accel& accel() const { return *accel_; }
+  /// Where rays pass surfaces without a stop; null where nothing lets light through. After build().
+  const Opacity* opacity() const;
   /// What is known of the first wave of such a render, by this scene or those whose trees it has; nothing as yet for one that is new.
   std::shared_ptr<Sight> sight(const RenderPlan& plan, const Film& film);
 
@@ -98,6 +102,9 @@ class Scene {
   const double* world_from_object = nullptr;
   uint32_t features = 0;       // GLINT_FEATURE_*
   int max_specular = 0;        // SPECULAR lobes of a material, at most
+  double most_exponent = 0;    // of SPECULAR lobes
+  int specular_columns = 4;    // numbers of each as the stages read them
+  int max_view = 0;            // lobes of a material that depend on the view, at most
   int max_passing = 0;         // Material::passing, at most
   size_t triangles = 0, primitives = 0, dropped_instances = 0, dropped_lights = 0;
   double build_seconds = 0;
@@ -110,7 +117,8 @@ class Scene {
   std::vector<GroupShape> group_shapes;
   std::vector<InstanceShape> instance_shapes;
   std::vector<MaterialTerms> material_terms;
-  std::vector<double> specular_terms;  // max_specular rows of k and exponent a material
+  std::vector<double> specular_terms;  // max_specular rows of specular_columns numbers a material
+  std::vector<double> view_terms;      // max_view rows of ViewTerm::kColumns a material
   std::vector<LobeShape> lobe_shapes;
   std::vector<TextureShape> texture_shapes;
   InputTables input_tables() const {
@@ -153,6 +161,7 @@ class Scene {
   std::vector<uint32_t> geometry_in_base_;
   std::vector<Extent> extents_;  // of the geometries, object space
   std::shared_ptr<const Accel> accel_;
+  std::unique_ptr<const OpacityMaps> opacity_;
   bool exact_ = true;            // accel_ is what a scene without a base would have
   Earlier earlier_;              // until there is accel_
   std::vector<std::shared_ptr<Sight>> sights_;  // the last ones, newest first

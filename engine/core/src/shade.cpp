@@ -8,7 +8,7 @@
 namespace glint {
 namespace {
 
-constexpr uint32_t kMaxStraight = 128;  // transparent rays in a row
+constexpr uint32_t kMaxStraight = 128;  // surfaces in a row that dim a transparent ray
 
 /// What a stage reads of a batch's points and of the rays that arrived there.
 PassStage stage_of(const Batch& batch) {

@@ -168,7 +168,11 @@ void Tracer::find_hits(const Queue& queue) {
   if (batch_.sight && batch_.sight->recall(*tile_, batch_.hits())) return;
   {
     const Timer timer(counts_.tracing);
-    scene_.accel().closest(queue.rays(), batch_.hits(), scratch_);
+    Rays rays = queue.rays();
+    // Every surface counts for what is remembered, and for passes that tell of holes as of other surfaces.
+    const bool all = batch_.sight || film_.wants(GLINT_PASS_COST) || film_.wants(GLINT_PASS_GAP);
+    rays.opacity = all ? nullptr : scene_.opacity();
+    scene_.accel().closest(rays, batch_.hits(), scratch_);
   }
   batch_.charge_fallbacks();
   if (&queue == &first_) counts_.camera += queue.size();
@@ -197,6 +201,8 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   ShadeStage stage{};
   stage.count = queue.size(), stage.material = batch_.material.data(), stage.terms = scene_.material_terms.data();
   stage.specular_terms = scene_.specular_terms.data(), stage.max_specular = scene_.max_specular, stage.sums = batch_.sums;
+  stage.specular_columns = scene_.specular_columns, stage.view_terms = scene_.view_terms.data(), stage.max_view = scene_.max_view;
+  for (size_t c = 0; c < 3; ++c) stage.n[c] = batch_.points.n[c], stage.d[c] = queue.column(Queue::kD + c);
   for (size_t c = 0; c < 3; ++c) stage.T[c] = queue.column(Queue::kT + c), stage.diffuse[c] = batch_.diffuse[c];
   stage.specular = batch_.specular, stage.stride = batch_.stride, stage.lit = batch_.lit.data(), stage.others = batch_.others.data();
   const size_t others = stages_.shade(stage);
@@ -222,8 +228,10 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
   stage.lobes = scene_.lobe_shapes.data() + material.first_lobe, stage.lobe_count = material.lobe_count, stage.sums = batch_.sums;
   for (size_t c = 0; c < 3; ++c) {
     stage.T[c] = queue.column(Queue::kT + c), stage.diffuse[c] = batch_.diffuse[c], stage.ambient[c] = scene_.ambient[int(c)];
+    stage.n[c] = batch_.points.n[c], stage.d[c] = queue.column(Queue::kD + c);
     if (c < 2) stage.weights[c] = batch_.points.weights[c];
   }
+  stage.specular_columns = scene_.specular_columns;
   stage.specular = batch_.specular, stage.passing = batch_.passing_columns, stage.stride = batch_.stride, stage.lit = batch_.lit.data();
   stage.passing_rows = batch_.passing_rows.data();
   pass_on(queue, stages_.vary(stage), next);

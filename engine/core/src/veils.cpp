@@ -6,7 +6,8 @@ namespace glint {
 
 void Veils::follow(const Batch& batch, const LightStage& light, const uint8_t* blocked, size_t count, double* const (&shadow)[3],
                    RayCounts& counts) {
-  for (double* channel : shadow) std::fill_n(channel, count, 1.0);
+  for (double* channel : shadow)
+    for (size_t k = 0; k < count; ++k) channel[k] = blocked[k] == 2 ? 0 : 1;
   start(light, blocked, count);
   VeilStage stage{};
   stage.tables = scene_.input_tables();
@@ -27,7 +28,7 @@ void Veils::start(const LightStage& light, const uint8_t* blocked, size_t count)
   u_.resize(rays_.rows()), v_.resize(rays_.rows());
   open_ = 0;
   for (uint32_t k = 0; k < count; ++k)
-    if (blocked[k]) number_[open_++] = k;
+    if (blocked[k] == 1) number_[open_++] = k;
   const auto take = [&](size_t column, const double* from) {
     for (size_t i = 0; i < open_; ++i) rays_[column][i] = from[number_[i]];
   };
@@ -40,7 +41,7 @@ void Veils::find_hits(RayCounts& counts) {
   const Timer timer(counts.tracing);
   const Columns& c = rays_;
   const Rays rays{{c[VeiledRay::kO], c[VeiledRay::kO + 1], c[VeiledRay::kO + 2]}, {c[VeiledRay::kD], c[VeiledRay::kD + 1],
-                  c[VeiledRay::kD + 2]}, c[VeiledRay::kTMin], c[VeiledRay::kTMax], open_, kShadow};
+                  c[VeiledRay::kD + 2]}, c[VeiledRay::kTMin], c[VeiledRay::kTMax], open_, kShadow, scene_.opacity()};
   scene_.accel().closest(rays, {rays_[VeiledRay::kT], instance_.data(), primitive_.data(), u_.data(), v_.data()}, scratch_);
 }
 

@@ -1,5 +1,6 @@
 // fuzz [cases] [seconds] [first seed]: feeds the C door arbitrary sizes, indices and floats. It must refuse with a text or answer soundly:
-// finite pixels, hits that exist and lie in their interval, the same verdict from closest and any hit. Run it under the sanitizers.
+// finite pixels, hits that exist and lie in their interval, the same verdict from closest and any hit; also where memory and threads run
+// out, where others cancel or ask at the same time, and where a scene takes over from another. Run it under the sanitizers.
 #include <algorithm>
 #include <chrono>
 #include <cinttypes>
@@ -9,8 +10,10 @@
 #include <cstdlib>
 #include <cstring>
 #include <string>
+#include <thread>
 
 #include "fuzz_input.h"
+#include "fuzz_shortage.h"
 
 #if defined(__linux__)
 extern "C" __attribute__((weak)) void __sanitizer_set_death_callback(void (*)());
@@ -23,7 +26,7 @@ using Clock = std::chrono::steady_clock;
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 struct Tally {
-  uint64_t refused = 0, renders = 0, accels = 0, rays = 0, hits = 0;
+  uint64_t refused = 0, renders = 0, taken_over = 0, short_of = 0, accels = 0, rays = 0, hits = 0;
 };
 
 uint64_t current_seed = 0;
@@ -68,6 +71,9 @@ size_t pixels_of(const GlintRenderSettings& s) { return size_t(s.region[2] - s.r
 /// The picture of the first wave that was there, which is to stay as it is whatever comes after.
 class Kept {
  public:
+  Kept() = default;
+  Kept(const Kept&) = delete;
+  Kept& operator=(const Kept&) = delete;
   void look(GlintRender* render, const GlintRenderSettings& s) {
     if (picture_) return;
     const size_t size = 4 * pixels_of(s);
@@ -104,9 +110,14 @@ void check_pixels(GlintRender* render, const GlintRenderSettings& s) {
 }
 
 /// Mirrors and glass one behind the other can ask for millions of rays: after a while such a render is cancelled, and has to end soon.
-void run(GlintRender* render, const GlintRenderSettings& s, Dice& dice, Kept& kept) {
+/// Gives whether it came to its end. is_short: memory or threads may run out.
+bool run(GlintRender* render, const GlintRenderSettings& s, Dice& dice, Kept& kept, bool is_short = false) {
   constexpr double kPatience = 15, kLongest = 60;  // seconds
   bool cancel = dice.chance(0.2);
+  const bool by_another = cancel && dice.chance(0.5);
+  const auto delay = std::chrono::microseconds(dice.below(3000));
+  std::thread other;
+  if (by_another) other = std::thread([=] { std::this_thread::sleep_for(delay), glint_render_cancel(render); });
   Dice pace = dice;  // how often it is thrown depends on the machine, and what comes after must not
   const auto start = Clock::now();
   GlintProgress progress{};
@@ -116,13 +127,64 @@ void run(GlintRender* render, const GlintRenderSettings& s, Dice& dice, Kept& ke
     kept.look(render, s);
     if (progress.state == GLINT_HELD) glint_render_resume(render);
     cancel |= seconds_since(start) > kPatience;
-    if (cancel) glint_render_cancel(render);
+    if (cancel && !by_another) glint_render_cancel(render);
     expect(seconds_since(start) < kLongest, "a small render takes a minute, although it was cancelled");
   } while (progress.state < GLINT_DONE);
-  expect(progress.state != GLINT_FAILED, glint_render_error(render));
-  expect(cancel || progress.state == GLINT_DONE, "the render ended early");
-  if (progress.state == GLINT_DONE) check_pixels(render, s);
+  if (other.joinable()) other.join();
+  expect(is_short || progress.state != GLINT_FAILED, glint_render_error(render));
+  expect(progress.state != GLINT_FAILED || std::strcmp(glint_render_error(render), "out of memory") == 0, glint_render_error(render));
+  expect(cancel || is_short || progress.state == GLINT_DONE, "the render ended early");
+  if (progress.state == GLINT_DONE && !is_short) check_pixels(render, s);
   glint_render_stats(render);
+  return progress.state == GLINT_DONE;
+}
+
+/// One render of a scene; the first of its pictures goes to `kept`, which may outlive the scene.
+void draw(GlintScene* scene, const GlintRenderSettings& s, Dice& dice, Tally& tally, Kept& kept) {
+  ErrorBuffer why(dice);
+  GlintRender* render = glint_render_start(scene, &s, why.data(), why.size);
+  if (!render) return ++tally.refused, why.check();
+  if (dice.chance(0.9)) run(render, s, dice, kept), ++tally.renders;
+  glint_render_destroy(render);
+}
+
+/// Combined of a whole render without anything that disturbs it; empty where it is not to be had.
+std::vector<float> picture_of(GlintScene* scene, const GlintRenderSettings& s, Dice& dice) {
+  std::vector<float> values;
+  GlintRender* render = glint_render_start(scene, &s, nullptr, 0);
+  if (!render) return values;
+  Kept none;
+  Dice calm = dice;
+  calm.wildness = 0;
+  const bool done = run(render, s, calm, none);
+  GlintPicture* picture = done ? glint_render_picture(render, GLINT_PASS_COMBINED, 4 * pixels_of(s)) : nullptr;
+  if (picture) values.assign(glint_picture_values(picture), glint_picture_values(picture) + 4 * pixels_of(s));
+  if (picture) glint_picture_free(picture);
+  glint_render_destroy(render);
+  return values;
+}
+
+/// A scene that takes over from `base`, and another one from that; those that are exact draw what a scene of its own draws, to the bit.
+void take_over(GlintScene* base, const GlintSceneData& before, Dice& dice, Arena& arena, Tally& tally) {
+  const GlintSceneData data = varied(dice, arena, before);
+  const bool exact = dice.chance(0.5);
+  ErrorBuffer error(dice);
+  GlintScene* handle = glint_scene_create_like(base, &data, exact, error.data(), error.size);
+  if (!handle) return ++tally.refused, error.check();
+  ++tally.taken_over;
+  const GlintRenderSettings s = settings(dice, arena, data);
+  if (GlintScene* own = exact ? glint_scene_create(&data, nullptr, 0) : nullptr) {
+    const std::vector<float> one = picture_of(handle, s, dice), other = picture_of(own, s, dice);
+    const bool both = !one.empty() && !other.empty();
+    const bool same = !both || std::memcmp(one.data(), other.data(), one.size() * sizeof(float)) == 0;
+    expect(same, "a scene that took over exactly draws other bits");
+    glint_scene_destroy(own);
+  } else {
+    Kept kept;
+    draw(handle, s, dice, tally, kept);
+  }
+  if (dice.chance(0.3)) take_over(handle, data, dice, arena, tally);
+  glint_scene_destroy(handle);
 }
 
 void try_render(Dice& dice, Tally& tally) {
@@ -131,18 +193,36 @@ void try_render(Dice& dice, Tally& tally) {
   ErrorBuffer error(dice);
   GlintScene* handle = glint_scene_create(dice.chance(0.01) ? nullptr : &data, error.data(), error.size);
   if (!handle) return ++tally.refused, error.check();
-  for (size_t k = 1 + dice.below(2); k > 0; --k) {
-    const GlintRenderSettings s = settings(dice, arena, data);
-    ErrorBuffer why(dice);
-    GlintRender* render = glint_render_start(handle, &s, why.data(), why.size);
-    if (!render) {
-      ++tally.refused, why.check();
-      continue;
+  Kept kept[2];  // beyond the scene's own life
+  for (size_t k = 1 + dice.below(2); k > 0; --k) draw(handle, settings(dice, arena, data), dice, tally, kept[k - 1]);
+  if (dice.chance(0.3)) take_over(handle, data, dice, arena, tally);
+  glint_scene_destroy(handle);
+}
+
+/// Scene and render with the n-th allocation or thread refused, whichever it is: a text, a failed render or a sound one.
+void try_shortage(Dice& dice, Tally& tally) {
+  Arena arena;
+  const GlintSceneData data = scene(dice, arena);
+  const GlintRenderSettings s = settings(dice, arena, data);
+  Dice later = dice;
+  char error[200] = "";
+  GlintScene* handle;
+  GlintRender* render = nullptr;
+  {
+    const bool of_threads = dice.chance(0.3);
+    const size_t number = dice.below(of_threads ? 4 : dice.chance(0.5) ? 50 : 1000);
+    const Shortage shortage(of_threads, number, dice.chance(0.5));
+    {
+      const Inside core;
+      handle = glint_scene_create(&data, error, sizeof error);
+      if (handle) render = glint_render_start(handle, &s, error, sizeof error);
     }
     Kept kept;
-    if (dice.chance(0.9)) run(render, s, dice, kept), ++tally.renders;
-    glint_render_destroy(render);
+    if (render) run(render, s, later, kept, true), ++tally.renders;
+    tally.short_of += shortage.refused();
   }
+  expect(render || error[0], "refused without a text");
+  glint_render_destroy(render);
   glint_scene_destroy(handle);
 }
 
@@ -222,6 +302,20 @@ void check_hits(const Answers<Type>& a, const typename Type::Rays& r, const std:
   }
 }
 
+/// Others ask the same at the same time.
+template <class Type>
+void ask_at_once(const GlintAccel* handle, const typename Type::Rays& r, const Answers<Type>& first) {
+  std::vector<std::thread> others;
+  for (int k = 0; k < 3; ++k)
+    others.emplace_back([&] {
+      Answers<Type> a(r.count);
+      const typename Type::Hits room = a.room();
+      expect(Type::closest(handle, &r, &room, nullptr, 0) == 0, "one of several at once is refused");
+      expect(a.t == first.t && a.primitive == first.primitive && a.instance == first.instance, "answers differ where several ask at once");
+    });
+  for (std::thread& other : others) other.join();
+}
+
 template <class Type>
 void ask(const GlintAccel* handle, const GlintAccelData& data, Dice& dice, Tally& tally) {
   Arena arena;
@@ -232,6 +326,7 @@ void ask(const GlintAccel* handle, const GlintAccelData& data, Dice& dice, Tally
   if (Type::closest(handle, &r, &room, error.data(), error.size) != 0) return ++tally.refused, error.check();
   expect(Type::occluded(handle, &r, a.blocked.data(), error.data(), error.size) == 0, "any hit refuses what closest takes");
   check_hits(a, r, primitives_of(data), tally);
+  if (dice.chance(0.1)) ask_at_once<Type>(handle, r, a);
   tally.rays += r.count;
 }
 
@@ -280,17 +375,18 @@ int main(int argc, char** argv) {
   const double seconds = argc > 2 ? std::strtod(argv[2], nullptr) : 60;
   const uint64_t first = argc > 3 ? std::strtoull(argv[3], nullptr, 10) : 1;
   const auto start = Clock::now();
-  watch_crashes();
+  watch_crashes(), spare_this_thread();
   nulls(), too_many_placements();
   Tally tally;
   uint64_t done = 0;
   for (; done < cases && seconds_since(start) < seconds; ++done) {
     current_seed = first + done;
     Dice dice(current_seed);
-    dice.chance(0.5) ? try_render(dice, tally) : try_accel(dice, tally);
+    dice.chance(0.1) ? try_shortage(dice, tally) : dice.chance(0.5) ? try_render(dice, tally) : try_accel(dice, tally);
   }
-  std::printf("%" PRIu64 " cases, %.0f a second: %" PRIu64 " refused, %" PRIu64 " renders, %" PRIu64 " accelerators, %" PRIu64
-              " rays, %" PRIu64 " hits\n",
-              done, double(done) / seconds_since(start), tally.refused, tally.renders, tally.accels, tally.rays, tally.hits);
+  std::printf("%" PRIu64 " cases, %.0f a second: %" PRIu64 " refused, %" PRIu64 " renders, %" PRIu64 " scenes taken over, %" PRIu64
+              " short of something, %" PRIu64 " accelerators, %" PRIu64 " rays, %" PRIu64 " hits\n",
+              done, double(done) / seconds_since(start), tally.refused, tally.renders, tally.taken_over, tally.short_of, tally.accels,
+              tally.rays, tally.hits);
   return 0;
 }

@@ -1,5 +1,6 @@
 #include "fuzz_input.h"
 
+#include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <limits>
@@ -10,6 +11,8 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kStrange[] = {0,       -0.0,   1,      -1,   NAN,  kInf,   -kInf,   1e-45,  -1e-45, 1e-40, 1e-38,
                                3.4e38, -3.4e38, 1e30, 1e19, 1e-19, 1e-160, 1e160, 1e-308, 5e-324, 1.7e308, -1.7e308};
+
+constexpr double kLarge = 0.03;  // the share of meshes and textures that are not small: trees with several levels, built on several threads
 
 float real(Dice& dice) { return float(dice.number()); }
 double positive(Dice& dice) { return std::fabs(dice.number()); }
@@ -35,7 +38,7 @@ void add_attributes(Dice& dice, Arena& arena, GlintGeometry& g, Placed& placed) 
 }
 
 void make_mesh(Dice& dice, Arena& arena, GlintGeometry& g, Placed& placed) {
-  g.primitive_count = dice.below(60);
+  g.primitive_count = dice.below(g.vertex_count > 40 ? 6000 : 60);
   g.triangles = arena.fill<uint32_t>(3 * g.primitive_count, [&] { return dice.index(g.vertex_count); });
   add_attributes(dice, arena, g, placed);
 }
@@ -54,7 +57,7 @@ GlintGeometry geometry(Dice& dice, Arena& arena, Placed& placed) {
   GlintGeometry g{};
   const size_t kind = dice.below(5);
   g.kind = kind < 3 ? GLINT_MESH : kind == 3 ? GLINT_SPHERES : GLINT_POLYGONS;
-  g.vertex_count = 1 + dice.below(40);
+  g.vertex_count = 1 + dice.below(dice.chance(kLarge) ? 4000 : 40);
   g.vertices = arena.fill<float>(3 * g.vertex_count, [&] { return real(dice); });
   g.first_attribute = uint32_t(placed.attributes.size());
   if (g.kind == GLINT_MESH) make_mesh(dice, arena, g, placed);
@@ -102,7 +105,8 @@ void maybe_wreck(Dice& dice, std::vector<T>& rows) {
 
 GlintTexture texture(Dice& dice, Arena& arena) {
   GlintTexture t{};
-  t.width = uint32_t(1 + dice.below(5)), t.height = uint32_t(1 + dice.below(5)), t.type = int32_t(dice.below(2));
+  const size_t side = dice.chance(kLarge) ? 200 : 5;
+  t.width = uint32_t(1 + dice.below(side)), t.height = uint32_t(1 + dice.below(side)), t.type = int32_t(dice.below(2));
   const size_t count = size_t(t.width) * t.height * 4;
   if (t.type == GLINT_FLOAT32) t.pixels = arena.fill<float>(count, [&] { return real(dice); });
   else t.pixels = arena.fill<uint8_t>(count, [&] { return uint8_t(dice.bits()); }), t.encoding = int32_t(dice.below(2));
@@ -117,13 +121,16 @@ GlintInput input(Dice& dice, size_t textures) {
   for (double& x : g.uv_transform) x = dice.number();
   g.texture = int32_t(dice.below(textures + 1)) - 1, g.channel = int32_t(dice.below(3)), g.uv = int32_t(dice.below(4)) - 1;
   g.attribute = int32_t(dice.below(4)) - 1, g.attribute_channel = int32_t(dice.below(3)), g.complement = int32_t(dice.below(2));
+  for (double& x : g.offset) x = dice.number();
+  g.bounded = int32_t(dice.below(2)), g.low = dice.number(), g.high = g.low + positive(dice);
   if (dice.chance(0.1 * dice.wildness)) g.texture = int32_t(dice.bits());
   return g;
 }
 
 GlintLobe lobe(Dice& dice, std::vector<GlintInput>& inputs, size_t textures) {
   GlintLobe g{};
-  g.exponent = 40 * positive(dice), g.ior = 0.2 + positive(dice), g.kind = int32_t(dice.below(7)), g.fresnel = int32_t(dice.below(2));
+  g.exponent = 40 * positive(dice), g.ior = 0.2 + positive(dice), g.kind = int32_t(dice.below(7)), g.fresnel = int32_t(dice.below(4));
+  if (dice.chance(0.3)) g.masking = dice.below(65) / 64.0;
   g.first_input = uint32_t(inputs.size()), g.input_count = uint32_t(dice.below(3));
   for (uint32_t k = 0; k < g.input_count; ++k) inputs.push_back(input(dice, textures));
   if (dice.chance(0.1 * dice.wildness)) g.kind = int32_t(dice.bits());
@@ -242,6 +249,28 @@ GlintSceneData scene(Dice& dice, Arena& arena) {
   return d;
 }
 
+GlintSceneData varied(Dice& dice, Arena& arena, const GlintSceneData& before) {
+  if (dice.chance(0.1)) return scene(dice, arena);
+  GlintSceneData d = before;
+  if (dice.chance(0.5)) d.camera = camera(dice);
+  if (dice.chance(0.3)) d.ambient[0] = dice.number(), d.transparent = 1 - d.transparent;
+  if (dice.chance(0.4)) {
+    double* matrices = arena.make<double>(12 * d.row_count);
+    std::copy(d.world_from_object, d.world_from_object + 12 * d.row_count, matrices);
+    for (size_t k = 0; k < 12 * d.row_count; ++k)
+      if (dice.chance(0.1)) matrices[k] = dice.number();
+    d.world_from_object = matrices;
+  }
+  if (dice.chance(0.4)) {
+    std::vector<GlintLight> lights;
+    for (size_t k = dice.below(4); k > 0; --k) lights.push_back(light(dice));
+    d.lights = arena.table(lights), d.light_count = lights.size();
+  }
+  if (dice.chance(0.3)) set_materials(dice, arena, d);
+  if (dice.chance(0.3) && d.instances_count > 0) d.instances_count -= dice.below(2);
+  return d;
+}
+
 GlintAccelData accel(Dice& dice, Arena& arena) {
   const Placed p = placed(dice, arena, 0);
   GlintAccelData d{arena.table(p.geometries), arena.table(p.instances), p.matrices, p.geometries.size(), p.instances.size(), p.rows};
@@ -257,11 +286,13 @@ GlintAccelData accel(Dice& dice, Arena& arena) {
 
 GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& scene) {
   GlintRenderSettings s{};
-  s.samples = uint32_t(1 + dice.below(3)), s.light_samples = uint32_t(1 + dice.below(3)), s.max_bounces = uint32_t(dice.below(5));
+  const bool stops_early = dice.chance(0.15);
+  s.samples = uint32_t(stops_early ? 4 + dice.below(29) : 1 + dice.below(3)), s.light_samples = uint32_t(1 + dice.below(3));
+  s.max_bounces = uint32_t(dice.below(stops_early ? 2 : 5));
   s.threads = uint32_t(1 + dice.below(3)), s.passes = uint32_t(dice.below(1u << GLINT_PASS_COUNT)) | 1u;
   s.pixel_offsets = arena.fill<double>(2 * s.samples, [&] { return 0.5 * dice.number(); });
   s.light_point_count = uint64_t(s.samples) * s.light_samples;
-  s.error_threshold = dice.chance(0.5) ? 0 : std::fabs(dice.number());
+  s.error_threshold = stops_early ? dice.uniform(0, 16) : dice.chance(0.5) ? 0 : std::fabs(dice.number());
   s.cutoff = dice.chance(0.7) ? 0 : std::fabs(dice.number());
   s.light_square = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   s.light_disc = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
@@ -269,6 +300,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   const bool part = dice.chance(0.3);
   s.region[0] = part ? uint32_t(dice.below(w)) : 0, s.region[1] = part ? uint32_t(dice.below(h)) : 0, s.region[2] = w, s.region[3] = h;
   s.illumination = int32_t(dice.below(2)), s.waves = int32_t(dice.below(3)), s.acceleration = int32_t(dice.below(3));
+  s.remember = int32_t(dice.below(2));
   if (dice.wildness == 0 || !dice.chance(0.1)) return s;
   switch (dice.below(8)) {
     case 0: s.region[dice.below(4)] = uint32_t(dice.bits()); break;

@@ -66,6 +66,8 @@ struct Placed {
 Placed placed(Dice& dice, Arena& arena, size_t materials);
 
 GlintSceneData scene(Dice& dice, Arena& arena);
+/// What a sound scene may have become a moment later: most arrays are the same ones.
+GlintSceneData varied(Dice& dice, Arena& arena, const GlintSceneData& before);
 GlintAccelData accel(Dice& dice, Arena& arena);
 GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& scene);
 

@@ -38,6 +38,15 @@ struct Ray {
   uint32_t visibility = kCamera;
 };
 
+/// Where surfaces let rays through, as far as that is known without shading: hits are passed where nothing is seen of them.
+struct Opacity {
+  enum Kind : uint8_t { kClear, kVaried, kSolid, kMapped };  // lets all through and gives nothing, some, nothing; depends on the place
+  const uint8_t* of_instance;                                // a Kind each
+  const void* maps;
+  /// What the triangle of an instance is at the weights u and v; never kMapped.
+  uint8_t (*at)(const void* maps, uint32_t instance, uint32_t primitive, double u, double v);
+};
+
 /// Many rays by component, `count` numbers each, all looking for the same visibility: what the kernels read.
 struct Rays {
   const double* o[3];
@@ -46,6 +55,7 @@ struct Rays {
   const double* t_max;
   size_t count;
   uint32_t visibility;
+  const Opacity* opacity = nullptr;  // null: surfaces are met wherever they are
 };
 
 struct Hit {
@@ -112,7 +122,8 @@ class Accel {
                                       const std::atomic<bool>& cancel, BuildQuality quality = BuildQuality::kBalanced,
                                       const AccelBase& base = {});
   virtual void closest(const Rays& rays, const Hits& hits, Scratch& scratch) const = 0;
-  /// blocked[k] = 1 when anything lies inside the open interval of ray k.
+  /// blocked[k] = 1 when anything lies inside the open interval of ray k; 2 when rays.opacity says that it is a triangle that lets nothing
+  /// through.
   virtual void occluded(const Rays& rays, uint8_t* blocked, Scratch& scratch) const = 0;
   /// The same for rays one by one, each with a visibility of its own.
   void closest(const Ray* rays, Hit* hits, size_t count, Scratch& scratch) const;

@@ -108,7 +108,7 @@ struct Visit {
     trace_tile<Any>(inner);
     for (int k = 0; k < inner.count; ++k) {
       const int r = inner.slot[k];
-      if (Any ? !w.tile.answers->blocked[r] : w.tile.answers->t[r] == columns.values[7][k]) continue;
+      if (Any ? w.tile.answers->blocked[r] != w.tile.answers->stop() : w.tile.answers->t[r] == columns.values[7][k]) continue;
       w.update(r), w.trim(r);
     }
   }

@@ -30,13 +30,13 @@ struct Walk {
   Stragglers& left;
 
   void block(int r) {
-    tile.answers->blocked[tile.slot[r]] = 1;
+    tile.answers->blocked[tile.slot[r]] = tile.answers->stop();
     tile.lo[r] = tile.hi[r] = -kFar;
   }
   /// After a change of answers.
   void update(int r) {
     if (!Any) refresh(tile, r);
-    else if (tile.answers->blocked[tile.slot[r]]) block(r);
+    else if (tile.answers->blocked[tile.slot[r]] == tile.answers->stop()) block(r);
   }
   /// The bundles' part of it.
   void trim(int r) { bundles.rays.last[r] = smaller(bundles.rays.last[r], tile.start[r] + tile.hi[r] + tile.room); }
@@ -57,7 +57,8 @@ struct Walk {
   }
   void take(int r, ChildRef leaf, int place) {
     const Exact<double> e = exact(r, leaf, place);
-    tile.answers->template accept<Any>(tile.slot[r], e.depth / tile.along[r], e.u, e.v, id_of(tile, r, leaf_first(leaf) + uint32_t(place)));
+    const PrimitiveId id = id_of(tile, r, leaf_first(leaf) + uint32_t(place));
+    if (tile.answers->template accept<Any>(tile.slot[r], e.depth / tile.along[r], e.u, e.v, id) && Any) block(r);
   }
   /// Decides in double between a triangle and the best hit so far.
   __attribute__((noinline)) void decide(int r, ChildRef leaf, int place) {
@@ -67,6 +68,30 @@ struct Walk {
     update(r);
   }
 };
+
+/// Those of some rays, k the first of them, that a triangle stops where they meet it. Any hit: a ray that it dims is told, and goes on.
+template <bool Any>
+__attribute__((noinline)) uint32_t stopped(const Walk<Any>& w, int k, uint32_t rays, ChildRef leaf, int place) {
+  const Tile& tile = w.tile;
+  const Answers& answers = *tile.answers;
+  const Opacity& opacity = *answers.opacity;
+  uint32_t stopped = rays;
+  for (; rays; rays &= rays - 1) {
+    const int r = k + __builtin_ctz(rays);
+    if (!alive(tile, r)) continue;
+    const PrimitiveId id = id_of(tile, r, leaf_first(leaf) + uint32_t(place));
+    uint8_t kind = opacity.of_instance[id.instance];
+    if (kind == Opacity::kSolid || (!Any && kind == Opacity::kVaried)) continue;
+    const Exact<double> e = w.exact(r, leaf, place);
+    if (kind == Opacity::kMapped) kind = opacity.at(opacity.maps, id.instance, id.primitive, e.u, e.v);
+    if (kind == Opacity::kSolid || (!Any && kind == Opacity::kVaried)) continue;
+    stopped &= ~(rays & -rays);
+    const double t = e.depth / tile.along[r];
+    const int s = tile.slot[r];
+    if (Any && kind == Opacity::kVaried && t > answers.t_min[s] && t < answers.t_max[s]) answers.blocked[s] = 1;
+  }
+  return stopped;
+}
 
 /// Triangles, or one triangle in all lanes, against rays, or one ray in all lanes.
 struct TriangleTest {
@@ -181,7 +206,7 @@ __attribute__((always_inline)) inline void take_certain(Walk<Any>& w, int k, uin
   Tile& tile = w.tile;
   float* last = w.bundles.rays.last + k;
   if (Any) {
-    for (; mask; mask &= mask - 1) tile.answers->blocked[tile.slot[k + __builtin_ctz(mask)]] = 1;
+    for (; mask; mask &= mask - 1) tile.answers->blocked[tile.slot[k + __builtin_ctz(mask)]] = tile.answers->stop();
     for (float* p : {tile.lo + k, tile.hi + k, last}) store(p, select(nearer, splat(-kFar), load(p)));
     return;
   }
@@ -203,7 +228,11 @@ __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32
   const Mask sure = t.sure();
   mask &= ~bits(sure & (less(best_hi, lo) | less(hi, load(tile.begin_lo + k))));
   if (!mask || !visible(tile, leaf_first(leaf) + uint32_t(place))) return;
-  const Mask nearer = sure & less(hi, best_lo) & less(begin_hi, lo);
+  Mask nearer = sure & less(hi, best_lo) & less(begin_hi, lo);
+  if (tile.answers->opacity) {
+    mask = stopped(w, k, mask, leaf, place), nearer = nearer & lanes(mask);
+    if (!mask) return;
+  }
   const uint32_t certain = bits(nearer) & mask;
   // Lanes of `nearer` outside of `mask` are in conflict: `sure` is false there.
   if (certain) take_certain(w, k, certain, nearer, lo, hi, leaf, place);
@@ -302,7 +331,7 @@ inline Verdict hit_pencil(Walk<Any>& w, int k, const EdgeLines& l, ChildRef leaf
   const Floats sx = load(w.pencil.place[0] + k), sy = load(w.pencil.place[1] + k);
   const Floats a = l.k[0] + l.x[0] * sx + l.y[0] * sy, b = l.k[1] + l.x[1] * sx + l.y[1] * sy, c = l.k[2] + l.x[2] * sx + l.y[2] * sy;
   const Floats least = smaller(a, smaller(b, c));
-  const Mask inside = less(l.margin, least);
+  Mask inside = less(l.margin, least);
   constexpr uint32_t kAll = (1u << kLanes) - 1;
   if (bits(inside | less(least, -l.margin)) != kAll) return Verdict::kDoubtful;
   if (!bits(inside) || !visible(tile, leaf_first(leaf) + uint32_t(place))) return Verdict::kMissed;
@@ -310,8 +339,9 @@ inline Verdict hit_pencil(Walk<Any>& w, int k, const EdgeLines& l, ChildRef leaf
   const Floats error = ((l.rear - l.front) * l.margin + splat(kUnderflow)) * inverse;
   const Floats room = larger(l.rear, -l.front) * splat(0x1p-20f) + splat(w.pencil.room), start = load(w.pencil.start + k);
   const Floats lo = larger(at - error, l.front) - start - room, hi = smaller(at + error, l.rear) - start + room;
-  const Mask begun = less(load(tile.begin_hi + k), lo), nearer = inside & less(hi, load(tile.lo + k)) & begun;
-  const Mask beyond = less(load(tile.hi + k), lo) | less(hi, load(tile.begin_lo + k));
+  const Mask begun = less(load(tile.begin_hi + k), lo), beyond = less(load(tile.hi + k), lo) | less(hi, load(tile.begin_lo + k));
+  if (tile.answers->opacity) inside = inside & lanes(stopped(w, k, bits(inside) & ~bits(beyond), leaf, place) | bits(beyond));
+  const Mask nearer = inside & less(hi, load(tile.lo + k)) & begun;
   if (const uint32_t open = bits(inside) & ~bits(nearer | beyond)) {
     const Mask ahead = less((hi - lo) * splat(0.125f), lo + hi);  // by its looks: not worth asking
     return (open & bits(begun | ahead)) | bits(nearer) ? Verdict::kDoubtful : leave_behind(w, k, open, leaf, place);

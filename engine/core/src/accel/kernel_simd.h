@@ -175,6 +175,7 @@ inline Doubles select(DoubleMask m, Doubles a, Doubles b) { return Doubles(_mm51
 inline Mask less(Floats a, Floats b) { return {_mm256_cmp_ps_mask(__m256(a), __m256(b), _CMP_LT_OQ)}; }
 inline Mask at_most(Floats a, Floats b) { return {_mm256_cmp_ps_mask(__m256(a), __m256(b), _CMP_LE_OQ)}; }
 inline Mask equal(Ints a, Ints b) { return {_mm256_cmpeq_epi32_mask(__m256i(a), __m256i(b))}; }
+inline Mask lanes(uint32_t some) { return {__mmask8(some)}; }
 inline DoubleMask less(Doubles a, Doubles b) { return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_LT_OQ)}; }
 inline DoubleMask at_most(Doubles a, Doubles b) { return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_LE_OQ)}; }
 inline DoubleMask equal(Doubles a, Doubles b) { return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_EQ_OQ)}; }
@@ -184,6 +185,11 @@ typedef Longs DoubleMask;
 inline Mask less(Floats a, Floats b) { return a < b; }
 inline Mask at_most(Floats a, Floats b) { return a <= b; }
 inline Mask equal(Ints a, Ints b) { return a == b; }
+inline Mask lanes(uint32_t some) {
+  Mask m = {};
+  for (int k = 0; k < kLanes; ++k) m[k] = some >> k & 1 ? -1 : 0;
+  return m;
+}
 inline DoubleMask less(Doubles a, Doubles b) { return a < b; }
 inline DoubleMask at_most(Doubles a, Doubles b) { return a <= b; }
 inline DoubleMask equal(Doubles a, Doubles b) { return a == b; }

@@ -21,7 +21,10 @@ struct Answers {
   uint32_t visibility;
   const uint32_t* masks;  // visibility of every instance; null when all can be seen
   WalkerStacks* stacks;
+  const Opacity* opacity = nullptr;  // null: all that is met stops a ray
 
+  /// What `blocked` is where no ray gets through.
+  uint8_t stop() const { return opacity ? 2 : 1; }
   void count_fallback(int slot) {
     if (fallbacks && fallbacks[slot] < 255) ++fallbacks[slot];
   }

@@ -418,7 +418,7 @@ inline void clear(const Answers& a, int count) {
 template <bool Any>
 inline void limit_rays(const Answers& a, Columns& columns, Tile& tile) {
   for (int k = 0; k < tile.count; ++k)
-    columns.values[7][k] = Any ? a.blocked[k] ? a.t_min[k] : a.t_max[k] : a.t[k] < a.t_max[k] ? a.t[k] : a.t_max[k];
+    columns.values[7][k] = Any ? a.blocked[k] == a.stop() ? a.t_min[k] : a.t_max[k] : a.t[k] < a.t_max[k] ? a.t[k] : a.t_max[k];
   tile.t_max = columns.values[7];
 }
 
@@ -435,7 +435,7 @@ inline void trace(const WorldView& world, const Rays& rays, size_t first, int co
   Tile tile;
   tile.answers = &answers, tile.world = &world, tile.instances = nullptr;
   answers.visibility = rays.visibility, answers.masks = rays.visibility & world.common_visibility ? nullptr : world.visibility;
-  answers.t_min = rays.t_min + first, answers.t_max = rays.t_max + first;
+  answers.t_min = rays.t_min + first, answers.t_max = rays.t_max + first, answers.opacity = rays.opacity;
   for (int k = 0; k < kTile; ++k) tile.slot[k] = uint8_t(k);
   show_rays(rays, first, count, columns, tile);
   fetch_ahead(rays, first);

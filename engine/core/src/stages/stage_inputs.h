@@ -209,6 +209,10 @@ inline Three color_at(const InputTables& s, const OnMesh& p, int32_t name, int c
 
 inline Three finite_or_zero(const Three& a) { return {finite_or_zero(a.x), finite_or_zero(a.y), finite_or_zero(a.z)}; }
 
+inline Three bounded(const Three& a, double low, double high) {
+  return {clamped(a.x, low, high), clamped(a.y, low, high), clamped(a.z, low, high)};
+}
+
 inline Three evaluate(const InputTables& s, const OnMesh& p, uint32_t i, Reads& reads) {
   const GlintInput& input = s.inputs[i];
   Three product = splat3(input.value);
@@ -216,6 +220,7 @@ inline Three evaluate(const InputTables& s, const OnMesh& p, uint32_t i, Reads& 
   const int channel = input.attribute_channel;
   if (input.attribute >= 0) product = product * channel_of(color_at(s, p, input.attribute, channel, reads), channel);
   product = finite_or_zero(product);
+  if (input.bounded) product = bounded(product + splat3(input.offset), input.low, input.high);
   return input.complement ? Three{1 - product.x, 1 - product.y, 1 - product.z} : product;
 }
 

@@ -72,6 +72,47 @@ inline Doubles highlight(const Slope& at, Doubles p) {
   return choose(p == 0, splat(1), where(at.sharp, exponential(-0.5 * p * at.log)));
 }
 
+/// (1 - cosine)^p for a cosine of 0 to 1 and p > 0.
+inline Doubles grazing_power(Doubles cosine, Doubles p) { return exponential(-p * logarithm_of_one_and(cosine, 1 - cosine)); }
+
+/// n.v of the normal that a ray along d sees, 0 where it is turned away from the ray.
+inline Doubles seen_cosine(const Three& n, const Three& d) { return smaller(larger(-dot(n, d), splat(0)), splat(1)); }
+
+/// Unpolarised reflectance of a dielectric.
+inline Doubles fresnel_reflectance(Doubles cosine, Doubles relative_ior) {
+  const Doubles sine2 = (1 - cosine * cosine) / (relative_ior * relative_ior), beyond = root(1 - sine2);
+  const Doubles s = (cosine - relative_ior * beyond) / (cosine + relative_ior * beyond);
+  const Doubles p = (relative_ior * cosine - beyond) / (relative_ior * cosine + beyond);
+  return choose(sine2 < 1, 0.5 * (s * s + p * p), splat(1));
+}
+
+/// What a highlight is times beside its power (SEMANTICS.md): cosines n.l, n.v and v.h, one light and one direction of view a lane.
+class Gloss {
+ public:
+  Gloss(Doubles nl, Doubles nv, Doubles vh) : nl_(nl), nv_(nv), vh_(vh) {}
+
+  /// masking2: alpha squared, 0 for none. fresnel: as SpecularTerm has it.
+  Doubles factor(Doubles masking2, Doubles fresnel) {
+    if (bits(masking2 != masking2_)) {
+      const Doubles rest = 1 - masking2, down = nl_ * root(masking2 + rest * nv_ * nv_) + nv_ * root(masking2 + rest * nl_ * nl_);
+      masking2_ = masking2, masking_ = choose(masking2 > 0, 2 * nl_ / down, splat(1));
+    }
+    const uint32_t schlick = bits(fresnel < 0), dielectric = bits(fresnel > 0);
+    Doubles result = masking_;
+    if (schlick) result = result * choose(fresnel < 0, schlick_weight(), splat(1));
+    if (dielectric) result = result * choose(fresnel > 0, fresnel_reflectance(vh_, choose(fresnel > 0, fresnel, splat(1))), splat(1));
+    return result;
+  }
+
+ private:
+  Doubles schlick_weight() const {
+    const Doubles rest = 1 - vh_, square = rest * rest;
+    return square * square * rest;
+  }
+
+  Doubles nl_, nv_, vh_, masking2_ = splat(0), masking_ = splat(1);
+};
+
 void cosine_powers(const double* tangent2, const double* p, double* out, size_t count) {
   for (size_t k = 0; k < count; ++k) {
     const Doubles power = cosine_power(splat(tangent2[k]), splat(p[k]));

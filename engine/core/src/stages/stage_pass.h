@@ -1,6 +1,7 @@
 // Rays that leave surfaces: refracted, mirrored, straight on (notes 4.12-4.17). A lobe at a time, so that rays of one kind are neighbours.
 // Letters: d direction, n shading normal, g geometric normal, T weight to the pixel, k coefficient of a lobe.
 #pragma once
+#include "stage_math.h"
 #include "stage_rows.h"
 #include "stages.h"
 
@@ -16,14 +17,6 @@ struct Arriving {
         outside(gather(s.outside, at)) {}
   Doubles relative(double ior) const { return choose(outside, splat(ior), splat(1 / ior)); }
 };
-
-/// Unpolarised reflectance of a dielectric.
-inline Doubles fresnel_reflectance(Doubles cosine, Doubles relative_ior) {
-  const Doubles sine2 = (1 - cosine * cosine) / (relative_ior * relative_ior), beyond = root(1 - sine2);
-  const Doubles s = (cosine - relative_ior * beyond) / (cosine + relative_ior * beyond);
-  const Doubles p = (relative_ior * cosine - beyond) / (relative_ior * cosine + beyond);
-  return choose(sine2 < 1, 0.5 * (s * s + p * p), splat(1));
-}
 
 /// 1 where the lobe has none.
 inline Doubles fresnel(const Arriving& ray, const LobeShape& lobe) {
@@ -138,7 +131,8 @@ inline size_t go_on(const PassStage& s, const Chosen& at, const Three& k) {
   const Doubles t = gather(s.t, at);
   add(RayLayout::kT, T), add(RayLayout::kTMin, beyond(t)), keep(RayLayout::kTMax), add(RayLayout::kFrom, t);
   const Mask kept = tag & ((int64_t(1) << RayTag::kWantsData) - 1);
-  add.tag((kept + (int64_t(1) << RayTag::kStraight)) | wants_data);
+  const Mask dimmed = (k.x != 1) | (k.y != 1) | (k.z != 1);
+  add.tag((kept + (dimmed & int64_t(1) << RayTag::kStraight)) | wants_data);
   return add.count();
 }
 

@@ -60,6 +60,8 @@ struct Rectangle {
   /// The turn of b at x.
   Turn strip(Doubles x) const { return corner(x, y1) * back(corner(x, y0)); }
 
+  Doubles solid_angle() const { return angle(strip(x1) * back(strip(x0))); }
+
   /// The x at which b is the angle of the unit turn given.
   Doubles x_at(const Turn& b) const {
     const Doubles z2 = z * z, q = root((y0 * y0 + z2) * (y1 * y1 + z2));

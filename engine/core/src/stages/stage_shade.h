@@ -1,6 +1,6 @@
 // Constant lobes (notes 4.12-4.17). Letters: T weight to the pixel, k coefficient of a lobe.
 #pragma once
-#include "lanes.h"
+#include "stage_math.h"
 #include "stages.h"
 
 namespace glint {
@@ -9,23 +9,28 @@ namespace {
 /// The materials of a group of points, a row a lane.
 struct TermRows {
   const MaterialTerms* of[kLanes];
-  const double* specular[kLanes];
+  const double *specular[kLanes], *view[kLanes];
   uint32_t others = 0;  // lanes
   bool same = true;
 };
 
+inline void set_row(const ShadeStage& s, uint32_t material, size_t lane, TermRows& rows) {
+  rows.of[lane] = s.terms + material;
+  rows.specular[lane] = s.specular_terms + size_t(s.specular_columns * s.max_specular) * material;
+  rows.view[lane] = s.view_terms + ViewTerm::kColumns * size_t(s.max_view) * material;
+}
+
 inline void look_up(const ShadeStage& s, size_t k, TermRows& rows) {
   if (s.count - k >= kLanes && same(s.material + k)) {
-    rows.of[0] = s.terms + s.material[k], rows.specular[0] = s.specular_terms + 4 * size_t(s.max_specular) * s.material[k];
+    set_row(s, s.material[k], 0, rows);
     rows.others = rows.of[0]->others ? kAllLanes : 0;
     return;
   }
   for (size_t lane = 0; lane < kLanes; ++lane) {
     const uint32_t material = s.material[k + lane < s.count ? k + lane : k];
-    const MaterialTerms& terms = s.terms[material];
-    rows.of[lane] = &terms, rows.specular[lane] = s.specular_terms + 4 * size_t(s.max_specular) * material;
+    set_row(s, material, lane, rows);
     rows.same = rows.same && rows.of[lane] == rows.of[0];
-    rows.others |= (terms.others != 0 && k + lane < s.count ? 1u : 0u) << lane;
+    rows.others |= (rows.of[lane]->others != 0 && k + lane < s.count ? 1u : 0u) << lane;
   }
 }
 
@@ -35,9 +40,37 @@ inline Three gather3(const TermRows& rows, const double (MaterialTerms::*member)
   return {channel(0), channel(1), channel(2)};
 }
 
-inline Doubles gather(const TermRows& rows, size_t at) {
-  if (rows.same) return splat(rows.specular[0][at]);
-  return each_lane([&](size_t lane) { return rows.specular[lane][at]; });
+inline Doubles gather(const TermRows& rows, const double* const (&of)[kLanes], size_t at) {
+  if (rows.same) return splat(of[0][at]);
+  return each_lane([&](size_t lane) { return of[lane][at]; });
+}
+
+inline Three gather3(const TermRows& rows, const double* const (&of)[kLanes], size_t at) {
+  return {gather(rows, of, at), gather(rows, of, at + 1), gather(rows, of, at + 2)};
+}
+
+/// What depends on the view: the ambient light that it brings, and what of T k it adds to the diffuse lobes.
+struct Seen {
+  Three ambient, diffuse;
+};
+
+inline Seen seen(const ShadeStage& s, size_t k, const Three& T, const TermRows& rows) {
+  const Doubles cosine = seen_cosine(load3(s.n, k), load3(s.d, k));
+  Seen sum{};
+  for (size_t term = 0; term < size_t(s.max_view); ++term) {
+    const size_t at = ViewTerm::kColumns * term;
+    const Three share = grazing_power(cosine, larger(gather(rows, rows.view, at + ViewTerm::kExponent), splat(1e-6))) * T;
+    sum.ambient = sum.ambient + share * gather3(rows, rows.view, at + ViewTerm::kAmbient);
+    sum.diffuse = sum.diffuse + share * gather3(rows, rows.view, at + ViewTerm::kDiffuse);
+  }
+  return sum;
+}
+
+/// Whether a material of the group has lobes that depend on the view.
+inline bool any_view(const TermRows& rows) {
+  bool found = rows.of[0]->view_count > 0;
+  for (size_t lane = 1; !rows.same && lane < kLanes; ++lane) found = found || rows.of[lane]->view_count > 0;
+  return found;
 }
 
 inline void store_part(double* const (&part)[3], size_t k, const Three& T, const TermRows& rows, const double (MaterialTerms::*member)[3]) {
@@ -52,11 +85,12 @@ inline void clear_part(double* const (&part)[3], size_t k) {
 inline Mask store_specular(const ShadeStage& s, size_t k, const Three& T, const TermRows& rows) {
   Mask lit{};
   for (int term = 0; term < s.max_specular; ++term) {
-    double* column = s.specular + 4 * size_t(term) * s.stride + k;
-    const size_t at = 4 * size_t(term);
-    const Three Tk = T * Three{gather(rows, at), gather(rows, at + 1), gather(rows, at + 2)};
+    const size_t at = size_t(s.specular_columns * term);
+    double* column = s.specular + at * s.stride + k;
+    const Three Tk = T * gather3(rows, rows.specular, at);
     store(column, Tk.x), store(column + s.stride, Tk.y), store(column + 2 * s.stride, Tk.z);
-    store(column + 3 * s.stride, gather(rows, at + 3));
+    for (int c = SpecularTerm::kExponent; c < s.specular_columns; ++c)
+      store(column + size_t(c) * s.stride, gather(rows, rows.specular, at + size_t(c)));
     lit |= nonzero(Tk);
   }
   return lit;
@@ -76,7 +110,13 @@ size_t shade(const ShadeStage& s) {
       store(s.lit + k, Mask{});
       continue;
     }
-    const Three Tk = T * gather3(rows, &MaterialTerms::diffuse);
+    Three Tk = T * gather3(rows, &MaterialTerms::diffuse);
+    if (s.max_view > 0 && any_view(rows)) {
+      const Seen more = seen(s, k, T, rows);
+      store3(s.sums.total, k, load3(s.sums.total, k) + more.ambient);
+      if (s.sums.ambient[0]) store3(s.sums.ambient, k, load3(s.sums.ambient, k) + more.ambient);
+      Tk = Tk + more.diffuse;
+    }
     store3(s.diffuse, k, Tk);
     Mask lit = nonzero(Tk);
     if (s.max_specular > 0) lit |= store_specular(s, k, T, rows);

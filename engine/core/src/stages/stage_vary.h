@@ -1,6 +1,7 @@
 // Materials that vary over the surface or send rays on (notes 4.12-4.17). Letters: T weight to the pixel, k coefficient of a lobe.
 #pragma once
 #include "stage_inputs.h"
+#include "stage_math.h"
 #include "stage_rows.h"
 
 namespace glint {
@@ -26,10 +27,14 @@ struct Lobes {
   int specular_count = 0, passing_count = 0;
 };
 
-inline void set_specular(const VaryStage& s, const Chosen& at, const Three& Tk, double exponent, Lobes& sum) {
-  double* column = s.specular + 4 * size_t(sum.specular_count++) * s.stride;
+inline void set_specular(const VaryStage& s, const Chosen& at, const Three& Tk, const LobeShape& lobe, Lobes& sum) {
+  double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
   scatter3(column, s.stride, at, Tk);
-  scatter(column + 3 * s.stride, at, splat(exponent));
+  scatter(column + SpecularTerm::kExponent * s.stride, at, splat(lobe.exponent));
+  if (s.specular_columns == SpecularTerm::kShaped) {
+    scatter(column + SpecularTerm::kMasking * s.stride, at, splat(lobe.masking * lobe.masking));
+    scatter(column + SpecularTerm::kFresnel * s.stride, at, splat(SpecularTerm::fresnel(lobe.fresnel, lobe.ior)));
+  }
   sum.lit |= nonzero(Tk);
 }
 
@@ -39,10 +44,17 @@ inline void set_passing(const VaryStage& s, const Chosen& at, const Three& k, Lo
   sum.passes |= nonzero(k);
 }
 
-inline void add_lobe(const VaryStage& s, const Chosen& at, const LobeShape& lobe, const Three& T, const Three& k, Lobes& sum) {
-  if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
-  if (lobe.kind == GLINT_SPECULAR) return set_specular(s, at, T * k, lobe.exponent, sum);
+/// 1, or what AMBIENT and DIFFUSE lobes that depend on the view are times.
+inline Doubles seen_share(const VaryStage& s, const Chosen& at, const LobeShape& lobe) {
+  if (!(lobe.exponent > 0)) return splat(1);
+  return grazing_power(seen_cosine(gather3(s.n, at), gather3(s.d, at)), splat(lobe.exponent));
+}
+
+inline void add_lobe(const VaryStage& s, const Chosen& at, const LobeShape& lobe, const Three& T, Three k, Lobes& sum) {
+  if (lobe.kind == GLINT_SPECULAR) return set_specular(s, at, T * k, lobe, sum);
   const bool ambient = lobe.kind == GLINT_AMBIENT;
+  if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, lobe) * k;
+  if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
   if (!ambient && lobe.kind != GLINT_EMISSION) return set_passing(s, at, k, sum);
   const Three c = ambient ? T * k * splat3(s.ambient) : T * k;
   sum.glow = sum.glow + c;

@@ -63,6 +63,7 @@ struct SurfaceStage {
 /// What a material adds without any light, and its lobes that lights need, all for T = 1. Materials that vary over the surface or send rays
 /// on have zeros here: `others` says so.
 struct MaterialTerms {
+  uint32_t view_count;            // its rows of ViewTerm
   double glow[3];                 // the sum of the next three
   double ambient[3], emission[3], environment[3];
   double diffuse[3];
@@ -74,17 +75,33 @@ struct SumColumns {
   double *total[3], *ambient[3], *emission[3], *environment[3], *diffuse[3], *specular[3], *shadow[3];
 };
 
+/// A SPECULAR lobe: columns of k (three) and the exponent; where some lobe of the scene is shaped, the square of its masking and what
+/// `fresnel` says.
+struct SpecularTerm {
+  static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6;
+  /// 0 for none, -1 for Schlick's weight, or a dielectric's index.
+  static double fresnel(int bits, double ior) { return bits & 2 ? -1 : bits & 1 ? ior : 0; }
+};
+
+/// What of a surface is times (1 - n.v)^exponent.
+struct ViewTerm {
+  static constexpr size_t kDiffuse = 0, kAmbient = 3, kExponent = 6, kColumns = 7;
+};
+
 /// Constant lobes. Writes every column of the sums; `diffuse`, `specular` and `lit` say what lights are to add.
 struct ShadeStage {
   size_t count;
   const double* T[3];
   const uint32_t* material;
   const MaterialTerms* terms;
-  const double* specular_terms;   // max_specular rows of k and exponent a material
-  int max_specular;
+  const double* specular_terms;   // max_specular rows of SpecularTerm a material
+  int max_specular, specular_columns;
+  const double* view_terms;       // max_view rows a material
+  int max_view;
+  const double *n[3], *d[3];      // read where max_view > 0
   SumColumns sums;
   double* diffuse[3];             // T k
-  double* specular;               // columns: T k (three) and exponent of the first term, of the second, …
+  double* specular;               // columns of SpecularTerm, times T, of the first term, of the second, …
   size_t stride;                  // from a column of `specular` to the next
   int64_t* lit;
   uint32_t* others;               // rays whose material the stage leaves to others
@@ -93,8 +110,9 @@ struct ShadeStage {
 /// A lobe and an image as the stages read them (material.h, texture.h).
 struct LobeShape {
   int kind;
-  bool constant, like_last, fresnel;
-  double exponent, ior, k[3];     // k: where constant
+  bool constant, like_last;
+  int fresnel;
+  double exponent, ior, masking, k[3];  // k: where constant
   uint32_t first_input, input_count;
 };
 struct TextureShape {
@@ -121,7 +139,7 @@ struct VaryStage {
   InputTables tables;
   size_t count;
   const uint32_t* rows;           // of its points
-  const double *T[3], *weights[2];
+  const double *T[3], *weights[2], *n[3], *d[3];
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
   uint32_t lobe_count;
@@ -129,6 +147,7 @@ struct VaryStage {
   SumColumns sums;
   double* diffuse[3];
   double* specular;
+  int specular_columns;
   double* passing;                // three columns for each lobe that sends rays on: its coefficient
   uint32_t* passing_rows;         // points where one of these is not zero
   size_t stride;
@@ -181,18 +200,23 @@ enum LightShape : int { kDirection, kPointSource, kSphereSource, kDiscSource, kP
 /// One sample of one light, as light.h has it for one point.
 struct LightStage {
   int shape;
-  bool physical, spot, casts_shadow;
+  bool physical, spot, casts_shadow, ellipse;
   double l[3], factor;            // kDirection: the unit direction; its intensity. kRectangleSource: intensity per steradian
+  double versine, spread;         // kDirection: 1 - cos of the half angle, and the solid angle
   double end[3];                  // kPlaneSource, kRectangleSource: the sample, even over the area
   double right[3], up[3], size, half[2], near2, a, b;  // kRectangleSource: unit axes; half the diagonal, half the sides over it; the square
                                   // of the distance within which it is seen large; the sample in the square
   double center[3], axis[3], color[3];
   double radius, scale2, spot_cosine, spot_width, x, y, share;  // x, y: of the disc; share: samples of the light
+  double area, across[3], upward[3];  // kPlaneSource, kRectangleSource: what takes their sides, or axes, to 1
+  bool draws;                     // whether directions are drawn from lobes whose exponent at the distance d is least_near d^2 + least
+  double least_near, least, radius2, azimuth[2];  // or more; where in a lobe: the unit disc's radius^2 and unit direction
+  double most_exponent;           // of the scene
   size_t count;
   const double *points_x[3], *g[3], *n[3], *origin[3], *offset, *d[3], *diffuse[3];
   const double* specular;
   size_t stride;
-  int max_specular;
+  int max_specular, specular_columns;
   const int64_t* lit;
   uint32_t* point;                // what follows: a number for each point that the sample reaches, before shadows
   double *o[3], *to[3], *t_max;   // shadow rays, where the light casts any
@@ -248,6 +272,7 @@ struct Stages {
   size_t (*vary)(const VaryStage&);     // how many `passing_rows`
   PassedRays (*pass)(const PassStage&);
   size_t (*light)(const LightStage&);   // how many points the sample reaches
+  size_t (*gloss)(const LightStage&);   // how many points the directions drawn from their lobes light
   size_t (*veil)(const VeilStage&);     // how many rays are kept in all
   void (*sum)(const LightSum&);
   void (*sum_parts)(const LightParts&);

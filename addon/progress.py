@@ -1,0 +1,91 @@
+"""What Blender's header and progress bar say while a picture is being made."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+from .. import engine
+from .viewport.status import error_of, error_text
+
+_PAUSE = 0.5
+"""Seconds between two texts: Blender draws its window for each, which takes processors from the render."""
+_LEAD, _PACE = 0.05, 5.0
+"""While nobody knows how much is left, the bar creeps towards this share, and has gone half of it after so many seconds."""
+_TRUSTED = 0.5
+"""Seconds of a wave after which its own speed tells what remains: later waves skip what has converged."""
+
+
+class Progress:
+    """Tells of one render. tells: also in words, which a program without windows would print line by line."""
+
+    def __init__(self, render_engine: Any, about: str, tells: bool, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._engine, self._about, self._tells, self._clock = render_engine, about, tells, clock
+        self._start = clock()
+        self._told_at = -1e9
+        self._shown = 0.0
+        self._error: float | None = None
+        self._wave = (self._start, 0.0)  # when, and at which fraction it began
+        self._speed = 0.0  # fractions a second in the wave before
+
+    def watching(self, stage: str, should_stop: Callable[[], bool]) -> Callable[[], bool]:
+        """`should_stop` for a stage of unknown length, which tells of it whenever it is asked."""
+
+        def ask() -> bool:
+            self.wait(stage)
+            return should_stop()
+
+        return ask
+
+    def wait(self, stage: str) -> None:
+        """A stage of unknown length goes on."""
+        now = self._clock()
+        self._wave = (now, 0.0)
+        self._move(0.0, now)
+        self._say(now, f"{stage} ({now - self._start:.0f} s)")
+
+    def trace(self, fraction: float, settings: engine.Settings) -> None:
+        """fraction: of all samples of all pixels."""
+        if fraction <= 0:
+            self.wait("Sorting the scene")
+            return
+        now, samples = self._clock(), settings.samples
+        self._move(fraction, now)
+        parts = [f"Sample {min(samples, int(fraction * samples))}/{samples}"]
+        if self._error is not None:
+            parts.append(f"Error {error_text(self._error)}")
+        if self._error is not None or settings.error_threshold == 0:  # else nobody knows what the threshold will save
+            parts.extend(_time(self._remaining(fraction, now)))
+        self._say(now, " | ".join(parts))
+
+    def end_wave(self, film: engine.Film, fraction: float) -> None:
+        """Every pixel has had so many samples."""
+        now = self._clock()
+        self._speed = self._speed_of_wave(fraction, now) or self._speed
+        self._wave, self._error = (now, fraction), error_of(film)
+
+    def _remaining(self, fraction: float, now: float) -> float:
+        """Seconds at the speed of this wave, or of the one before while this is young; infinite without any."""
+        own = self._speed_of_wave(fraction, now)
+        speed = own if now - self._wave[0] > _TRUSTED or not self._speed else self._speed
+        return (1.0 - fraction) / speed if speed > 0 else math.inf
+
+    def _speed_of_wave(self, fraction: float, now: float) -> float:
+        began, before = self._wave
+        return (fraction - before) / (now - began) if now > began else 0.0
+
+    def _move(self, fraction: float, now: float) -> None:
+        waited = now - self._start
+        self._shown = max(self._shown, fraction, _LEAD * waited / (waited + _PACE))
+        self._engine.update_progress(self._shown)
+
+    def _say(self, now: float, text: str) -> None:
+        if self._tells and now - self._told_at >= _PAUSE:
+            self._told_at = now
+            self._engine.update_stats(self._about, text)
+
+
+def _time(seconds: float) -> list[str]:
+    return [f"Remaining {int(seconds) // 60:02d}:{int(seconds) % 60:02d}"] if seconds < math.inf else []

@@ -1,0 +1,60 @@
+"""Directions drawn from highlights that are narrower than the light (SEMANTICS.md, Light), where its points alone would show as dots."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .lights import LightPoint, Source
+from .materials import Term
+from .optics import blinn_phong
+from .surface import Surface
+from .vectors import basis_around, dot, length, pick
+
+Array = np.ndarray
+
+
+class Narrow:
+    """Of n points of the surface the highlights narrower than a light. weight: (3, n) T of the rays that see the points."""
+
+    def __init__(self, surface: Surface, terms: list[Term], weight: Array, source: Source) -> None:
+        self._surface, self._terms = surface, []
+        self._total = np.zeros(len(surface))
+        least = source.least_exponent(surface.x)
+        for term in terms:
+            k = np.where(term.lobe.exponent >= least[term.index], np.abs(term.k * pick(weight, term.index)).sum(0), 0.0)
+            if k.any():
+                self._terms.append((term.index, k, term.lobe.exponent))
+                self._total[term.index] += k / (term.lobe.exponent + 1)
+
+    def __bool__(self) -> bool:
+        return bool(self._terms)
+
+    def density(self, seen: Array, direction: Array) -> Array:
+        """(m,) how densely, a steradian, directions are drawn where `direction` (3, m) is from the points `seen` (m,)."""
+        towards, density = self._surface.v.copy(), np.zeros(len(self._surface))
+        towards[:, seen] = direction
+        for index, k, exponent in self._terms:
+            l = pick(towards, index)  # noqa: E741, the notes' letter
+            density[index] += k * blinn_phong(pick(self._surface.n, index), pick(self._surface.v, index), l, exponent)
+        size = length(self._surface.v + towards) * self._total
+        return np.divide(density, 4 * np.pi * size, out=np.zeros_like(size), where=size > 0)[seen]
+
+    def draw(self, point: LightPoint) -> tuple[Array, Array]:
+        """(3, n) the direction in which the half vector at `point` of the lobes mirrors the ray, and (n,) bool where there is one."""
+        x, y = point.disc
+        radius = np.hypot(x, y)
+        across, along = (x / radius, y / radius) if radius > 0 else (1.0, 0.0)
+        at = (x * x + y * y) * self._total
+        before, rest, exponent = np.zeros_like(at), np.zeros_like(at), np.zeros_like(at)
+        for index, k, p in self._terms:
+            part = k / (p + 1)
+            here = (part > 0) & (at[index] >= before[index])
+            chosen = index[here]
+            rest[chosen], exponent[chosen] = (at[chosen] - before[chosen]) / part[here], p
+            before[index] += part
+        log = np.log1p(-np.minimum(rest, 1 - 2.0**-53)) * 2 / (exponent + 1)
+        n, v = self._surface.n, self._surface.v
+        first, second = basis_around(n)
+        h = np.exp(log / 2) * n + np.sqrt(-np.expm1(log)) * (across * first + along * second)
+        cosine = dot(v, h)
+        return 2 * cosine * h - v, (self._total > 0) & (cosine > 0)

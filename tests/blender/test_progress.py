@@ -1,0 +1,66 @@
+"""The header and the bar during a render: they move from the first second on, and say samples, error and what remains."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from glint import engine
+from glint.addon.progress import Progress
+
+SETTINGS = engine.Settings(samples=64, error_threshold=4.0)
+
+
+class Render:
+    """A render engine's half, and a clock that is set by hand."""
+
+    def __init__(self, tells=True):
+        self.now, self.bar, self.texts = 0.0, [], []
+        self.progress = Progress(self, "Scene, ViewLayer", tells, clock=lambda: self.now)
+
+    def update_progress(self, fraction):
+        self.bar.append(fraction)
+
+    def update_stats(self, about, text):
+        assert about == "Scene, ViewLayer"
+        self.texts.append(text)
+
+    def at(self, seconds):
+        self.now = seconds
+        return self.progress
+
+
+def film(samples, level):
+    return SimpleNamespace(samples=samples, passes={"Error": np.full((2, 2, 1), level, np.float32)})
+
+
+def test_the_bar_moves_in_stages_of_unknown_length_and_never_back():
+    render = Render()
+    ask = render.progress.watching("Looking for settings", lambda: False)
+    for k in range(1, 41):
+        render.at(k / 10)
+        assert ask() is False
+    for k in range(41, 61):
+        render.at(k / 10).trace(0.0, SETTINGS)
+    render.at(6.1).trace(0.001, SETTINGS)
+    render.at(7.0).trace(0.5, SETTINGS)
+    assert render.bar[0] > 0 and render.bar == sorted(render.bar) and 0.01 < render.bar[-3] < 0.05 and render.bar[-1] == 0.5
+    assert render.texts[0] == "Looking for settings (0 s)" and "Sorting the scene (5 s)" in render.texts
+    assert all(b >= a for a, b in zip(render.bar, render.bar[1:], strict=False)) and len(set(render.bar[:40])) == 40
+
+
+def test_the_text_tells_samples_error_and_what_remains():
+    render = Render()
+    render.at(1).trace(0.0, SETTINGS)  # the tree took a second, which says nothing of what comes
+    render.at(2).trace(0.1, SETTINGS)
+    assert render.texts[-1] == "Sample 6/64", "nobody knows yet what the threshold saves"
+    render.at(2).end_wave(film(8, 12.0), 0.125)
+    render.at(3).trace(0.15625, SETTINGS)
+    assert render.texts[-1] == "Sample 10/64 | Error 12/255 | Remaining 00:27"
+    render.at(3.05).trace(0.2, SETTINGS)
+    assert render.texts[-1].startswith("Sample 10/64"), "no more than two texts a second"
+
+
+def test_a_program_without_windows_is_told_no_texts():
+    render = Render(tells=False)
+    render.at(1).trace(0.5, SETTINGS)
+    assert render.bar == [0.5] and render.texts == []
