@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine_scenes import SCENES, look_at
+from engine_scenes import SCENES, ball_mesh, light, look_at, surface
 from glint import engine
 from glint.engine import scene as s
 
@@ -43,6 +43,21 @@ def test_same_picture(name: str, illumination: str) -> None:
     errors = {key: relative_error(*(conditioned(key, film.passes[key]) for film in (core, reference))) for key in reference.passes}
     worst = {key: (float(error.max()), int((error > 1e-4).sum())) for key, error in errors.items() if error.max() > 1e-4}
     assert not worst, f"{name}: pass -> (largest relative error, pixels beyond 1e-4): {worst}"
+
+
+@pytest.mark.parametrize("copies", [1, 2])
+@pytest.mark.parametrize("distance", [1e3, 1e4])
+def test_no_shadow_on_a_convex_body_seen_from_afar(distance: float, copies: int) -> None:
+    """A smooth ball through a long lens: where a step of float32 at its distance is more than Hanika's starts lie above the faces."""
+    matrix = np.repeat(np.eye(4)[None, :3], copies, 0)
+    matrix[1:, 2, 3] = 5 * distance  # out of sight
+    eye, half = distance * np.array([0.68, -0.57, 0.46]), 1.1 / distance
+    camera = s.Camera("PERSPECTIVE", look_at(eye, (0, 0, 0)), (-half, half, -half, half), (150, 150))
+    body, paint = s.Instances("ball", 0, matrix, (0,)), surface(diffuse=0.8, ambient=0.0)
+    scene = s.Scene(camera, (ball_mesh(80),), (body,), (paint,), lights=(light("SUN", strength=3.0),))
+    core, reference = (engine.render(scene, replace(SETTINGS, samples=1, backend=backend)).combined for backend in ("NATIVE", "NUMPY"))
+    assert (reference[..., :3].max(-1) > 0).sum() > 5000
+    assert np.abs(core[..., :3].astype(float) - reference[..., :3]).max() <= 1e-4
 
 
 @pytest.mark.parametrize("copies", [1, 2])

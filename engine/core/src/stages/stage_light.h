@@ -253,6 +253,13 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
   return sum;
 }
 
+/// How far along g a ray starts that leaves to the back of its face: beyond the face, but not where Hanika's start is above it already.
+/// There the face is out of its way, and beyond the face it would start within the body.
+inline Doubles below(const LightStage& s, size_t k, const Three& origin, const Three& g, Doubles offset) {
+  if (s.origin[0] == s.points_x[0]) return -offset;  // no smooth faces
+  return choose(dot(origin - load3(s.points_x, k), g) > 0x1p-25 * offset, splat(0), -offset);
+}
+
 /// The direction in which the half vector at the stage's point of the lobes mirrors the ray, and where there is one.
 struct Drawn {
   Three l;
@@ -284,7 +291,7 @@ inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample, cons
   const Doubles offset = load(s.offset + k);
   const Three towards = Shape == kDirection ? sample.l : sample.end - origin;
   // Off the surface along its normal, and back along the ray that found it: there it is free, whatever stands on the surface.
-  const Three o = origin + choose(dot(g, towards) < 0, -offset, offset) * g - offset * load3(s.d, k);
+  const Three o = origin + choose(dot(g, towards) < 0, below(s, k, origin, g, offset), offset) * g - offset * load3(s.d, k);
   append(s.o, o);
   if (s.end_out[0]) append(s.end_out, sample.end);
   if (Shape == kDirection) return append(s.to, sample.l), append(s.t_max, splat(__builtin_inf()));
