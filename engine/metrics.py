@@ -92,3 +92,10 @@ def wrong_fraction(picture: Array, reference: Array, threshold: float = 0.01, fl
     """The share of `wrong_pixels`, 0 to 1; 0 for empty pictures."""
     wrong = wrong_pixels(picture, reference, threshold, floor)
     return float(np.mean(wrong)) if wrong.size else 0.0
+
+
+def weighted_quantile(values: Array, weights: Array, share: float) -> float:
+    """The least of some values (n,) that at least this share of all weight (n,) lies at or below."""
+    order = np.argsort(values, kind="stable")
+    reached = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(reached, share * reached[-1])]])

@@ -16,7 +16,7 @@ import numpy as np
 from .errors import SceneError
 from .film import FIRST_ESTIMATE, Film
 from .flip import displayed
-from .metrics import relative_rmse
+from .metrics import relative_rmse, weighted_quantile
 from .scene import Scene
 from .settings import Settings
 from .trade import has_soft_lights
@@ -142,7 +142,7 @@ def error_between(measure: str, picture: Array, truth: Array, display: Display =
     if measure == "RMSE":
         return relative_rmse(picture, truth)
     apart = _apart_on(display, picture, truth).ravel()
-    return _weighted_quantile(apart, np.ones(apart.size), VISIBLE)
+    return weighted_quantile(apart, np.ones(apart.size), VISIBLE)
 
 
 def _apart_on(display: Display, picture: Array, truth: Array) -> Array:
@@ -154,13 +154,6 @@ def _apart_on(display: Display, picture: Array, truth: Array) -> Array:
 def _shown(display: Display, *pictures: Array) -> Array:
     """Pictures of one shape as the display shows them, at once: a view transform takes long to begin with."""
     return display(np.stack(pictures))
-
-
-def _weighted_quantile(values: Array, weights: Array, share: float) -> float:
-    """The least of some values (n,) that at least this share of all weight (n,) lies at or below."""
-    order = np.argsort(values, kind="stable")
-    reached = np.cumsum(weights[order])
-    return float(values[order[np.searchsorted(reached, share * reached[-1])]])
 
 
 def _sum_around(image: Array) -> Array:
@@ -228,7 +221,7 @@ class Look:
         """Of the frame, from some crops and their weights."""
         picture, reference = (np.concatenate([crop.reshape(-1, 3) for crop in crops]).astype(float) for crops in (pictures, truth))
         if self.measure == "LEVELS":
-            return _weighted_quantile(_apart_on(self.display, picture, reference), weights, VISIBLE)
+            return weighted_quantile(_apart_on(self.display, picture, reference), weights, VISIBLE)
         squares = float((weights * ((picture - reference) ** 2).sum(-1)).sum())
         return math.sqrt(squares / (3 * self.apart.size)) / self.brightness if self.brightness > 0 else 0.0
 

@@ -10,7 +10,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from .flip import displayed, flip
 from .packing import is_soft
 from .scene import Scene
 from .settings import Settings
-from .trade_crops import Crop, CropRenderer, Rendered, StoppedError, area, choose_crops
+from .trade_crops import Crop, CropRenderer, Rendered, Squares, StoppedError, area, pick_squares
 
 Array = np.ndarray
 
@@ -31,6 +31,14 @@ _REFERENCE_LIGHT_SAMPLES = 4
 _REFERENCE_MARGIN = 4
 """The reference takes at least so many times the light points of any point of the grid."""
 _REFERENCE_BOUNCES = 16
+SQUARES, SIDE = 96, 12
+"""Squares and their pixels across: every other one is for choosing settings, the rest for checking what was chosen."""
+VISIBLE = 0.999
+"""The largest difference on screen that counts is the one that so many of the pixels stay within: the very largest hangs on single pixels,
+of which squares of the frame tell nothing."""
+_SHOWN = 6
+_PAUSE = 2.0
+"""Seconds between two tellings of what is known so far."""
 
 
 @dataclass(frozen=True)
@@ -81,10 +89,12 @@ KNOBS = (
 class Row:
     """One setting, measured.
 
-    knobs: field of Settings → value.  seconds: of tracing the crops.  frame_seconds: expected of the whole frame, trees included.
-    relative_rmse: of linear colour, over the reference's root mean square.  max_error: largest difference of linear colour.
-    levels: largest difference on screen, in 8-bit levels.  psnr: decibels of the screen's colours.  flip_mean, flip_p99: LDR-FLIP.
-    wrong: share of pixels that are off by more than 1 %.  on_front: no other row is both faster and better.  current: the base settings.
+    knobs: field of Settings → value.  seconds: of tracing the squares.  Of the whole frame, as the squares tell: frame_seconds, trees
+    included;  relative_rmse: of linear colour, over the picture's root mean square;  levels: difference on screen, in 8-bit levels, that
+    `VISIBLE` of the pixels stay within;  psnr: decibels of the screen's colours;  flip_mean, flip_p99: LDR-FLIP;  wrong: share of pixels
+    that are off by more than 1 %.  max_error: largest difference of linear colour in the squares.  spread: two standard deviations of
+    relative_rmse, as a share of it; 0 where the squares are the whole frame.  on_front: no other row is both faster and better.
+    current: the base settings.  checked: also on squares that had no part in choosing.
     """
 
     knobs: dict[str, Any]
@@ -97,8 +107,10 @@ class Row:
     flip_mean: float
     flip_p99: float
     wrong: float
+    spread: float = 0.0
     on_front: bool = False
     current: bool = False
+    checked: bool = False
 
 
 @dataclass(frozen=True)
@@ -119,6 +131,16 @@ class Trade:
         return tuple(row for row in self.rows if row.on_front)
 
     @property
+    def shown(self) -> tuple[Row, ...]:
+        """At most six of the front, as different as can be, and the current settings; fastest first."""
+        front = self.front
+        chosen = [*front[:1], *front[1:][-1:]]
+        while len(chosen) < min(_SHOWN, len(front)):
+            chosen.append(max(front, key=lambda row: min(_step(row, other) for other in chosen)))
+        current = [self.current] if self.current is not None and not self.current.on_front else []
+        return tuple(sorted([*chosen, *current], key=lambda row: row.seconds))
+
+    @property
     def current(self) -> Row | None:
         """The row of the base settings."""
         return next((row for row in self.rows if row.current), None)
@@ -133,62 +155,46 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def _step(a: Row, b: Row) -> float:
+    """How far apart two rows of a front are, in factors of time and of error."""
+    return math.dist(*([math.log(max(r.frame_seconds, 1e-9)), math.log(max(r.relative_rmse, 1e-6))] for r in (a, b)))
+
+
 def measure(
     scene: Scene,
     base: Settings | None = None,
     *,
     values: Mapping[str, Sequence[Any]] | None = None,
-    crops: Sequence[Crop] | None = None,
+    squares: int = SQUARES,
+    side: int = SIDE,
     reference_samples: int = REFERENCE_SAMPLES,
     reference_seconds: float = 60.0,
     repeats: int = 5,
     should_stop: Callable[[], bool] = lambda: False,
     on_progress: Callable[[float], None] = lambda fraction: None,
+    on_trade: Callable[[Trade], None] = lambda trade: None,
 ) -> Trade:
-    """Render crops of `scene` over the grid of knobs and compare each with a reference.
+    """Render squares of `scene` over the grid of knobs and compare each with a reference.
 
     base: the current settings; what is no knob stays as it is there.  values: knob → values to try instead of those of `KNOBS`.
-    reference_samples: per pixel.  reference_seconds: the float64 tracer makes the reference if it should take no longer than this; else
-    the core does, and `Trade.reference` says so.  should_stop: asked at least every 50 ms; the rows measured until then are returned.
-    Raises SceneError for a scene or settings that are not sound, MemoryError.
+    squares, side: how many of how many pixels across; where the frame has no more, it is measured as a whole.  reference_samples: per
+    pixel.  reference_seconds: the float64 tracer makes the reference if it should take no longer than this; else the core does, and
+    `Trade.reference` says so.  should_stop: asked at least every 50 ms; the rows measured until then are returned.  on_trade: told what is
+    known, early and every now and then.  Raises SceneError for a scene or settings that are not sound, MemoryError.
     """
     base = replace(base or Settings(), passes=frozenset(), region=None)
-    crops = tuple(crops or choose_crops(scene.camera.resolution))
-    grid = settings_grid(scene, base, values or {})
+    grid = sorted(settings_grid(scene, base, values or {}), key=lambda settings: (settings != base, _cost(settings)))
     problems = scene.problems() + [problem for settings in grid for problem in settings.problems()]
     if problems:
         raise SceneError("\n".join(dict.fromkeys(problems)))
-    found = _Found()
-    with CropRenderer(scene, crops, should_stop) as renderer:
+    with CropRenderer(scene, ((0, 0, *scene.camera.resolution),), should_stop) as renderer:
+        work = _Work(renderer, base, grid, on_progress, on_trade)
         try:
-            _fill(found, _Work(renderer, on_progress), grid, repeats, reference_samples, reference_seconds)
+            work.look(squares, side)
+            work.fill(repeats, reference_samples, reference_seconds)
         except StoppedError:
-            found.complete = False
-    share = area(crops) / math.prod(scene.camera.resolution)
-    seconds = found.seconds
-    rows = [_row(s, base, seconds[s], seconds[s] / share + renderer.build_seconds, errors) for s, errors in found.errors.items()]
-    return Trade(with_front(rows), found.reference, crops, scene.camera.resolution, repeats, found.complete)
-
-
-@dataclass
-class _Found:
-    """What is known so far, by settings."""
-
-    reference: str = "none: stopped before it was complete"
-    seconds: dict[Settings, float] = field(default_factory=dict)
-    errors: dict[Settings, dict[str, float]] = field(default_factory=dict)
-    complete: bool = True
-
-
-def _fill(found: _Found, work: _Work, grid: list[Settings], repeats: int, samples: int, seconds: float) -> None:
-    """Make the reference, then render the whole grid, `repeats` times over, so that a busy moment of the machine meets all settings."""
-    truth, found.reference = _reference(work, grid, samples, seconds)
-    work.expect(repeats * sum(_cost(settings) for settings in grid))
-    for settings in grid * repeats:
-        crops = work.render(settings)
-        found.seconds[settings] = min(found.seconds.get(settings, math.inf), crops.seconds)
-        if settings not in found.errors:
-            found.errors[settings] = _errors(crops.pictures, truth)
+            work.complete = False
+        return work.trade()
 
 
 def settings_grid(scene: Scene, base: Settings, values: Mapping[str, Sequence[Any]]) -> list[Settings]:
@@ -224,7 +230,7 @@ def _is_idle(settings: Settings) -> bool:
 def with_front(rows: Sequence[Row]) -> tuple[Row, ...]:
     """The rows by seconds, `on_front` set where no row is as fast and has a smaller relative RMSE, or is faster with an equal one."""
     ordered, least = [], math.inf
-    for row in sorted(rows, key=lambda row: (row.seconds, row.relative_rmse)):
+    for row in sorted(rows, key=_speed):
         ordered.append(replace(row, on_front=row.relative_rmse < least))
         least = min(least, row.relative_rmse)
     return tuple(ordered)
@@ -236,7 +242,7 @@ def advice(trade: Trade) -> str:
     if current is None:
         return "The current settings were not measured"
     if not any(row.relative_rmse for row in trade.rows):
-        return "Every setting gives the same picture in these crops: if the frame has more to show, use more or larger crops"
+        return "Every setting gives the same picture in these squares: if the frame has more to show, use more of them"
     if current.on_front:
         return "The current settings lie on the front: nothing measured is both faster and better"
     better = next(row for row in trade.front if row.relative_rmse <= current.relative_rmse)
@@ -248,78 +254,193 @@ def advice(trade: Trade) -> str:
 
 
 class _Work:
-    """Crops of one scene, and how far the measurement is."""
+    """A measurement on its way."""
 
-    def __init__(self, crops: CropRenderer, on_progress: Callable[[float], None]) -> None:
-        self.crops, self._tell = crops, on_progress
-        self._done, self._expected, self._range = 0.0, 1.0, (0.0, 0.5)
+    def __init__(
+        self,
+        renderer: CropRenderer,
+        base: Settings,
+        grid: list[Settings],
+        on_progress: Callable[[float], None],
+        on_trade: Callable[[Trade], None],
+    ) -> None:
+        self.complete, self.repeats = True, 0
+        self._renderer, self._base, self._grid = renderer, base, grid
+        self._tell, self._tell_trade, self._told_at = on_progress, on_trade, time.monotonic()
+        self._reference = "none: stopped before it was complete"
+        self._size, self._overhead = 0.0, 0.0
+        self._squares = self._others = Squares((), np.zeros(0))
+        self._rendered: dict[Settings, Rendered] = {}
+        self._errors: dict[Settings, dict[str, float]] = {}
+        self._checked: set[Settings] = set()
+        self._done, self._expected = 0.0, 1.0
 
-    def expect(self, cost: float) -> None:
-        """The second half of the progress: the grid, of this cost in all."""
-        self._done, self._expected, self._range = 0.0, cost, (0.5, 1.0)
+    def look(self, count: int, side: int) -> None:
+        """Pick the squares by where few samples, and settings that leave out much, differ from a little more. What a render of a square
+        takes beyond its pixels is told from the first of these pictures, once whole and once in squares."""
+        few = replace(self._base, samples=FIRST_ESTIMATE, error_threshold=0.0, cutoff=0.0, light_samples=min(self._base.light_samples, 2))
+        least = replace(few, samples=1, light_samples=1, max_bounces=0)
+        whole, *others = (self._renderer.render(settings) for settings in (few, replace(few, samples=1), least))
+        picture = whole.pictures[0].astype(float)
+        apart = [np.nan_to_num(((picture - other.pictures[0]) ** 2).sum(-1), posinf=0.0) for other in others]
+        picked = pick_squares(sum(image / max(image.sum(), 1e-300) for image in apart), count, side)
+        self._size = _root_mean_square(np.nan_to_num(picture, posinf=0.0, neginf=0.0), 1.0)
+        self._squares, self._others = picked.halves()
+        if self._others is not self._squares:
+            seconds = np.dot(self._renderer.render(few, crops=self._squares.crops).each, self._squares.weights)
+            self._overhead = max(0.0, seconds - whole.seconds) / self._squares.weights.sum()
 
-    def render(self, settings: Settings, is_reference: bool = False) -> Rendered:
-        """The crops; those of the reference are all of the progress's first half."""
-        cost = 1.0 if is_reference else _cost(settings)
-        return self.crops.render(settings, lambda: self._advance(cost / len(self.crops.crops)))
+    def fill(self, repeats: int, samples: int, seconds: float) -> None:
+        """The grid against a reference of the core's, and against the float64 tracer's where that is not too slow; the front on the other
+        squares; and the grid again and again, so that a busy moment of the machine meets all settings."""
+        quick = reference_settings(self._renderer.scene, self._base, self._grid, samples)
+        exact = quick if self._is_too_slow(quick, seconds) else replace(quick, backend="NUMPY")
+        self._expected = sum(_cost(s) for s in self._grid) * (repeats + 0.2) + sum(_cost(s) for s in {quick, exact}) + _cost(exact)
+        for reference in dict.fromkeys((quick, exact)):
+            truth = self._render(reference, self._squares).pictures
+            self._reference = _in_words(reference)
+            for settings in self._grid:
+                if settings not in self._rendered:
+                    self._rendered[settings] = self._render(settings, self._squares)
+                self._errors[settings] = _errors(self._rendered[settings].pictures, truth, self._squares, self._size)
+                self._publish()
+        self.repeats = 1
+        if self._others is not self._squares:
+            self._check(exact, truth)
+        for _ in range(repeats - 1):
+            for settings in self._grid:
+                known, again = self._rendered[settings], self._render(settings, self._squares)
+                self._rendered[settings] = replace(known, each=list(map(min, known.each, again.each)))
+                self._publish()
+            self.repeats += 1
+        self._tell(1.0)
 
-    def _advance(self, cost: float) -> None:
-        self._done += cost
-        low, high = self._range
-        self._tell(low + (high - low) * min(self._done / self._expected, 1.0))
+    def _check(self, reference: Settings, truth: list[Array]) -> None:
+        """What is on the front, and the current settings, on the other squares too, which had no part in choosing them."""
+        other_truth = self._render(reference, self._others).pictures
+        both = Squares(self._squares.crops + self._others.crops, np.concatenate([self._squares.weights, self._others.weights]) / 2)
+        while True:
+            rows = {settings: row for settings, row in self._rows().items() if settings not in self._checked}
+            best = [settings for settings, row in rows.items() if row.on_front or row.current]
+            if not best:
+                return
+            for settings in best:
+                others = self._render(settings, self._others).pictures
+                pictures = self._rendered[settings].pictures + others
+                self._errors[settings] = _errors(pictures, truth + other_truth, both, self._size)
+                self._checked.add(settings)
+                self._publish()
+
+    def trade(self) -> Trade:
+        """What is known."""
+        crops = self._squares.crops if self._others is self._squares else self._squares.crops + self._others.crops
+        resolution = self._renderer.scene.camera.resolution
+        return Trade(tuple(self._rows().values()), self._reference, crops, resolution, self.repeats, self.complete)
+
+    def _rows(self) -> dict[Settings, Row]:
+        """By seconds."""
+        rows = {settings: self._row(settings, errors) for settings, errors in self._errors.items()}
+        by_row = {id(row): settings for settings, row in rows.items()}
+        ordered = sorted(rows.values(), key=_speed)
+        return {by_row[id(row)]: marked for row, marked in zip(ordered, with_front(ordered), strict=True)}
+
+    def _row(self, settings: Settings, errors: dict[str, float]) -> Row:
+        rendered = self._rendered[settings]
+        each = np.maximum(np.array(rendered.each) - self._overhead, 0.02 * np.array(rendered.each))
+        frame_seconds = float(np.dot(each, self._squares.weights)) + self._renderer.build_seconds
+        knobs = {knob.name: getattr(settings, knob.name) for knob in KNOBS}
+        current = all(getattr(self._base, name) == value for name, value in knobs.items())
+        return Row(knobs, sum(rendered.each), frame_seconds, **errors, current=current, checked=settings in self._checked)
+
+    def _render(self, settings: Settings, squares: Squares) -> Rendered:
+        rendered = self._renderer.render(settings, crops=squares.crops)
+        self._done += _cost(settings)
+        self._tell(min(self._done / self._expected, 1.0))
+        return rendered
+
+    def _publish(self) -> None:
+        now = time.monotonic()
+        if now - self._told_at > _PAUSE:
+            self._tell_trade(self.trade())
+            self._told_at = time.monotonic()
+
+    def _is_too_slow(self, settings: Settings, allowed: float) -> bool:
+        """Whether the float64 tracer would take longer than `allowed` for these settings: one sample of one square tells."""
+        if settings.backend == "NUMPY":
+            return True  # it is the one at work
+        crops = self._squares.crops
+        start = time.perf_counter()
+        self._renderer.film(replace(settings, backend="NUMPY", samples=1, light_samples=1, region=crops[len(crops) // 2]))
+        pilot_seconds = time.perf_counter() - start
+        lights = (1 + settings.light_samples) / 2
+        return pilot_seconds * settings.samples * lights * len(crops) > allowed
+
+
+def reference_settings(scene: Scene, base: Settings, grid: Sequence[Settings], samples: int) -> Settings:
+    """What the errors of a grid are measured against, drawn by the base's tracer. Raises SceneError where it asks for too much."""
+    points = max(s.samples * s.light_samples for s in grid)
+    light_samples = max(_REFERENCE_LIGHT_SAMPLES, -(-_REFERENCE_MARGIN * points // samples)) if has_soft_lights(scene) else 1
+    bounces = max(_REFERENCE_BOUNCES, *(s.max_bounces for s in grid))
+    settings = replace(base, samples=samples, error_threshold=0.0, light_samples=light_samples, max_bounces=bounces, cutoff=0.0)
+    problems = settings.problems()
+    if problems:
+        raise SceneError("the reference cannot be made: " + "; ".join(problems))
+    return settings
+
+
+def _speed(row: Row) -> tuple[float, float]:
+    return row.seconds, row.relative_rmse
 
 
 def _cost(settings: Settings) -> float:
     """About proportional to the time of a render, for the progress."""
-    return settings.samples * (1 + settings.light_samples)
+    return settings.samples * (1 + settings.light_samples) * (1 if settings.backend == "NATIVE" else 30)
 
 
-def _reference(work: _Work, grid: Sequence[Settings], samples: int, seconds: float) -> tuple[list[Array], str]:
-    """The crops of the reference, and what it is in words."""
-    points = max(s.samples * s.light_samples for s in grid)
-    light_samples = max(_REFERENCE_LIGHT_SAMPLES, -(-_REFERENCE_MARGIN * points // samples)) if has_soft_lights(work.crops.scene) else 1
-    bounces = max(_REFERENCE_BOUNCES, *(s.max_bounces for s in grid))
-    settings = replace(grid[0], samples=samples, error_threshold=0.0, light_samples=light_samples, max_bounces=bounces, cutoff=0.0)
-    problems = settings.problems()
-    if problems:
-        raise SceneError("the reference cannot be made: " + "; ".join(problems))
-    backend = grid[0].backend if _too_slow(work, settings, seconds) else "NUMPY"
-    pictures = work.render(replace(settings, backend=backend), is_reference=True).pictures
-    tracer = "the float64 tracer" if backend == "NUMPY" else "the core itself (the float64 tracer would have been too slow)"
-    return pictures, f"{tracer}, {samples} samples × {light_samples} light samples, {bounces} bounces"
-
-
-def _too_slow(work: _Work, settings: Settings, allowed: float) -> bool:
-    """Whether the float64 tracer would take longer than `allowed` for these settings: one sample of one crop tells."""
-    start = time.perf_counter()
-    crops = work.crops.crops
-    middle = crops[len(crops) // 2]
-    work.crops.film(replace(settings, backend="NUMPY", samples=1, light_samples=1, region=middle))
-    pilot_seconds = time.perf_counter() - start
-    lights = (1 + settings.light_samples) / 2
-    return pilot_seconds * settings.samples * lights * area(crops) / area([middle]) > allowed
+def _in_words(reference: Settings) -> str:
+    tracer = "the float64 tracer" if reference.backend == "NUMPY" else "the core itself (the float64 tracer would have been too slow)"
+    return f"{tracer}, {reference.samples} samples × {reference.light_samples} light samples, {reference.max_bounces} bounces"
 
 
 # --- errors -------------------------------------------------------------------------------------------------------------------------
 
 
-def _errors(pictures: list[Array], truth: list[Array]) -> dict[str, float]:
-    """The error columns of a row, over all crops together."""
-    picture, reference = (np.concatenate([crop.reshape(-1, 1, 3) for crop in crops]) for crops in (pictures, truth))
-    shown, shown_reference = displayed(picture), displayed(reference)
+def _errors(pictures: list[Array], truth: list[Array], squares: Squares, size: float) -> dict[str, float]:
+    """The error columns of a row, of the frame that the squares stand for. size: root mean square of its colours."""
+    picture, reference = (np.concatenate([crop.reshape(-1, 3) for crop in crops]) for crops in (pictures, truth))
+    weights = squares.pixel_weights
+    apart, apart_on_screen = metrics.absolute_error(picture, reference), np.abs(displayed(picture) - displayed(reference))
     flips = np.concatenate([flip(*pair).ravel() for pair in zip(pictures, truth, strict=True)])
+    error, shown = _root_mean_square(apart, weights), _root_mean_square(apart_on_screen, weights)
     return {
-        "relative_rmse": metrics.relative_rmse(picture, reference),
-        "max_error": metrics.max_absolute_error(picture, reference),
-        "levels": 255 * metrics.max_absolute_error(shown, shown_reference),
-        "psnr": metrics.psnr(shown, shown_reference),
-        "flip_mean": float(flips.mean()),
-        "flip_p99": float(np.percentile(flips, 99)),
-        "wrong": metrics.wrong_fraction(picture, reference),
+        "relative_rmse": 0.0 if error == 0 else error / size if size > 0 else math.inf,
+        "max_error": float(apart.max()),
+        "levels": 255 * metrics.weighted_quantile(apart_on_screen.max(-1), weights, VISIBLE),
+        "psnr": -20 * math.log10(shown) if shown > 0 else math.inf,
+        "flip_mean": float(np.average(flips, weights=weights)),
+        "flip_p99": metrics.weighted_quantile(flips, weights, 0.99),
+        "wrong": float(np.average(metrics.wrong_pixels(picture, reference), weights=weights)),
+        "spread": _spread(apart, squares),
     }
 
 
-def _row(settings: Settings, base: Settings, seconds: float, frame_seconds: float, errors: dict[str, float]) -> Row:
-    knobs = {knob.name: getattr(settings, knob.name) for knob in KNOBS}
-    current = all(getattr(base, name) == value for name, value in knobs.items())
-    return Row(knobs, seconds, frame_seconds, **errors, current=current)
+def _root_mean_square(values: Array, weights: Array | float) -> float:
+    """Of (n, 3) values, or of any with weights 1; divides by the largest first, so that no square overflows."""
+    top = float(np.max(np.abs(values), initial=0.0))
+    if top == 0.0 or not math.isfinite(top):
+        return top
+    squares = ((values / top) ** 2).mean(-1)
+    return top * math.sqrt(np.average(squares, weights=np.broadcast_to(weights, squares.shape)))
+
+
+def _spread(apart: Array, squares: Squares) -> float:
+    """Two standard deviations of the root of the mean square of (n, 3) errors, as a share of it, from how unlike the squares are; 0 where
+    they are the whole frame."""
+    ends = np.cumsum([area([crop]) for crop in squares.crops])[:-1]
+    sums = np.array([(part**2).sum() for part in np.split(apart, ends)]) * squares.weights
+    total, count = sums.sum(), len(sums)
+    if count == 1 or not 0 < total < math.inf:
+        return 0.0
+    missing = np.maximum(1 - 1 / squares.weights, 0.0)
+    variance = count / (count - 1) * (missing * (sums - total / count) ** 2).sum()
+    return math.sqrt(variance) / total

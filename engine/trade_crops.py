@@ -29,22 +29,66 @@ class StoppedError(Exception):
 @dataclass(frozen=True, eq=False)
 class Rendered:
     """The crops of one setting. seconds: of tracing, as if the whole frame's threads had worked on them.  rays: of all kinds; those of
-    neighbours that refinement looks at count in both.  pictures: (h, w, 3) float32 each, linear."""
+    neighbours that refinement looks at count in both.  pictures: (h, w, 3) float32 each, linear.  each: seconds of each crop."""
 
     seconds: float
     rays: float
     pictures: list[Array]
+    each: list[float]
 
 
-def choose_crops(resolution: tuple[int, int], count: int = 16, side: int = 20) -> tuple[Crop, ...]:
-    """Up to `count` squares spread evenly over the frame, wherever the picture has something to show or not, so that their mean error
-    is the frame's; the whole frame where it is hardly larger than they are."""
-    width, height = resolution
-    across = max(int(math.sqrt(count)), 1)
-    if width <= across * side or height <= across * side:
-        return ((0, 0, width, height),)
-    lefts, bottoms = ([int((k + 0.5) * size / across - side / 2) for k in range(across)] for size in (width, height))
-    return tuple((x, y, x + side, y + side) for y in bottoms for x in lefts)
+@dataclass(frozen=True, eq=False)
+class Squares:
+    """Crops that stand for a frame. weights: (n,) how many like it the frame has of each; all 1 where the crops are the whole frame."""
+
+    crops: tuple[Crop, ...]
+    weights: Array
+
+    @property
+    def pixel_weights(self) -> Array:
+        """(pixels of the crops,) in their order."""
+        return np.repeat(self.weights, [area([crop]) for crop in self.crops])
+
+    def halves(self) -> tuple[Squares, Squares]:
+        """Two that have no square in common, each for the whole frame; twice the same one where a single crop is all there is."""
+        if len(self.crops) == 1:
+            return self, self
+        return tuple(Squares(self.crops[k::2], 2 * self.weights[k::2]) for k in range(2))
+
+
+def pick_squares(apart: Array, count: int, side: int) -> Squares:
+    """Up to `count` squares, the whole frame as one crop where it has hardly more.
+
+    apart: (h, w), 0 or more, what a first look finds to do in each pixel.  side: of a square in pixels; those at the right and upper
+    border may be smaller.  A square is picked with a probability that grows with what there is to do in it, so that its weight, the
+    inverse, makes sums over the squares' pixels estimates of sums over the frame (Horvitz and Thompson 1952). The picks are evenly spaced
+    along the squares in the order of their probabilities: no chance is involved, and neighbours in that order are alike.
+    """
+    height, width = apart.shape
+    bottoms, lefts = np.arange(0, height, side), np.arange(0, width, side)
+    if len(bottoms) * len(lefts) <= count:
+        return Squares(((0, 0, width, height),), np.ones(1))
+    work = np.add.reduceat(np.add.reduceat(apart, bottoms, 0), lefts, 1).ravel()
+    pixels = np.outer(np.diff([*bottoms, height]), np.diff([*lefts, width])).ravel()
+    chances = _chances(sum(size / max(size.sum(), 1e-300) for size in (work, np.sqrt(work * pixels), pixels)), count)
+    order = np.argsort(-chances, kind="stable")
+    ends = np.cumsum(chances[order])
+    picked = order[np.minimum(np.searchsorted(ends, np.arange(count) + 0.5), len(order) - 1)]
+    boxes = [(lefts[k % len(lefts)], bottoms[k // len(lefts)]) for k in picked]
+    crops = tuple((int(x), int(y), int(min(x + side, width)), int(min(y + side, height))) for x, y in boxes)
+    return Squares(crops, 1 / chances[picked])
+
+
+def _chances(sizes: Array, count: int) -> Array:
+    """(n,) probabilities in proportion to sizes, none above 1, that sum up to `count`."""
+    certain = np.zeros(len(sizes), bool)
+    while True:
+        rest = count - certain.sum()
+        chances = np.where(certain, 1.0, rest * sizes / sizes[~certain].sum())
+        above = (chances >= 1) & ~certain
+        if not above.any():
+            return chances
+        certain |= above
 
 
 def area(crops: Sequence[Crop]) -> int:
@@ -77,17 +121,17 @@ class CropRenderer:
 
     def render(self, settings: Settings, on_crop: Callable[[], None] = lambda: None, crops: Sequence[Crop] = ()) -> Rendered:
         """All crops, or those given. Raises StoppedError when should_stop says so."""
-        seconds, rays, pictures = 0.0, 0.0, []
+        each, rays, pictures = [], 0.0, []
         for crop in crops or self.crops:
             film = self.film(replace(settings, region=crop))
             size = (crop[2] - crop[0], crop[3] - crop[1])
             frame = threads_at_work(settings, self.scene.camera.resolution)
-            seconds += film.stats["trace"] * threads_at_work(settings, size) / frame
+            each.append(film.stats["trace"] * threads_at_work(settings, size) / frame)
             rays += film.stats["rays"]
             self.build_seconds = max(self.build_seconds, film.stats["build"])
             pictures.append(film.combined[..., :3])
             on_crop()
-        return Rendered(seconds, rays, pictures)
+        return Rendered(sum(each), rays, pictures, each)
 
     def film(self, settings: Settings) -> Film:
         """One picture, of the settings' region."""

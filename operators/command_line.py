@@ -11,7 +11,7 @@ import bpy
 
 from .. import engine
 from ..addon.stamp import manifest
-from ..engine.trade import KNOBS
+from ..engine.trade import KNOBS, SIDE, SQUARES
 
 _INTERRUPTED = 130
 """Exit code after Ctrl-C, as in a shell."""
@@ -88,8 +88,8 @@ def _add_measure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reference-samples", type=_count, default=1024, metavar="N")
     parser.add_argument("--reference-seconds", type=float, default=60.0, metavar="S", help="longest time for a float64 reference")
     parser.add_argument("--repeats", type=_count, default=5, metavar="N", help="renders per setting, of which the fastest counts")
-    parser.add_argument("--crops", type=_count, default=16, metavar="N", help="squares, evenly spread over the frame")
-    parser.add_argument("--crop-side", type=_count, default=20, metavar="PIXELS")
+    parser.add_argument("--squares", type=_count, default=SQUARES, metavar="N", help="parts of the frame to render; more are more certain")
+    parser.add_argument("--side", type=_count, default=SIDE, metavar="PIXELS", help="across each square")
     parser.set_defaults(act=_measure)
 
 
@@ -124,7 +124,7 @@ def _measure(options: argparse.Namespace) -> int:
     scene, view_layer = _open(options.file)
     values = {knob.name: getattr(options, knob.name) for knob in KNOBS if getattr(options, knob.name)}
     settings = measure_scene.Options(
-        values, options.reference_samples, options.reference_seconds, options.repeats, options.crops, options.crop_side
+        values, options.reference_samples, options.reference_seconds, options.repeats, options.squares, options.side
     )
     trade = measure_scene.measure_scene(scene, view_layer, settings, on_progress=_progress())
     sys.stderr.write("\n")

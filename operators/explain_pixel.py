@@ -13,6 +13,7 @@ from ..addon import viewport
 from ..addon.lines import draw_text
 from ..engine import PixelExplainer, Scene, SceneError, Settings, explanation_lines
 from ..engine.fingerprint import value_fingerprint
+from .editors import editor_of
 from .scene_copy import read_job
 
 if TYPE_CHECKING:
@@ -139,26 +140,10 @@ class GLINT_OT_explanation_as_text(bpy.types.Operator):
     def execute(self, context):
         text = bpy.data.texts.get(TEXT) or bpy.data.texts.new(TEXT)
         text.from_string("\n".join([*_explained, ""]))
-        editor = _text_editor(context)
+        editor = editor_of("TEXT_EDITOR", context)
         if editor is not None:
             editor.text, editor.top, editor.show_word_wrap = text, 0, True
         return {"FINISHED"}
-
-
-def _text_editor(context: bpy.types.Context) -> bpy.types.SpaceTextEditor | None:
-    """One that is open, else one in a window of its own; None in a program without windows."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "TEXT_EDITOR":
-                return area.spaces.active
-    if bpy.app.background or context.area is None:
-        return None
-    before = set(context.window_manager.windows)
-    bpy.ops.screen.area_dupli("INVOKE_DEFAULT")
-    [window] = set(context.window_manager.windows) - before
-    area = window.screen.areas[0]
-    area.type = "TEXT_EDITOR"
-    return area.spaces.active
 
 
 def _open_sidebar(area: bpy.types.Area) -> None:

@@ -3,8 +3,11 @@
 Blender reads the operators' annotations as they are, so this module must not make them strings.
 """
 
+import functools
 import json
 import logging
+import math
+import tempfile
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -12,10 +15,10 @@ from pathlib import Path
 
 import bpy
 
+from ..addon.lines import draw_text
 from ..engine import SceneError
 from ..engine.plot import png_bytes
-from ..engine.trade import REFERENCE_SAMPLES, Row, Trade, advice, measure
-from ..engine.trade_crops import choose_crops
+from ..engine.trade import REFERENCE_SAMPLES, SIDE, SQUARES, Row, Trade, advice, measure
 from ..engine.trade_plot import draw_trade
 from .scene_copy import read_job
 from .show_picture import show
@@ -31,14 +34,14 @@ _measured: dict[str, Trade] = {}
 @dataclass(frozen=True)
 class Options:
     """values: knob → values to try instead of the usual ones.  reference_samples: per pixel.  reference_seconds: how long the float64
-    tracer may take for the reference.  repeats: renders per setting.  crops, crop_side: how many squares of how many pixels."""
+    tracer may take for the reference.  repeats: renders per setting.  squares, side: how many of how many pixels across."""
 
     values: dict | None = None
     reference_samples: int = REFERENCE_SAMPLES
     reference_seconds: float = 60.0
     repeats: int = 5
-    crops: int = 16
-    crop_side: int = 20
+    squares: int = SQUARES
+    side: int = SIDE
 
 
 def measure_scene(
@@ -49,35 +52,24 @@ def measure_scene(
     on_progress: Callable[[float], None] = lambda fraction: None,
 ) -> Trade:
     """Read the scene as a render would and measure it. Raises RuntimeError where Blender cannot render it, SceneError, MemoryError."""
-    return prepared(scene, view_layer, options)(should_stop, on_progress)
+    return prepared(scene, view_layer, options)(should_stop=should_stop, on_progress=on_progress)
 
 
-def prepared(scene: bpy.types.Scene, view_layer: str, options: Options) -> Callable[[Callable, Callable], Trade]:
-    """The measurement as a function of should_stop and on_progress that touches nothing of Blender's, for any thread."""
+def prepared(scene: bpy.types.Scene, view_layer: str, options: Options) -> Callable[..., Trade]:
+    """`engine.trade.measure` of this scene, for should_stop, on_progress and on_trade: it touches nothing of Blender's, for any thread."""
     job = read_job(scene, view_layer)
-    crops = choose_crops(job.scene.camera.resolution, options.crops, options.crop_side)
-    return lambda should_stop, on_progress: measure(
-        job.scene,
-        job.settings,
-        values=options.values,
-        crops=crops,
-        reference_samples=options.reference_samples,
-        reference_seconds=options.reference_seconds,
-        repeats=options.repeats,
-        should_stop=should_stop,
-        on_progress=on_progress,
-    )
+    return functools.partial(measure, job.scene, job.settings, **vars(options))
 
 
 def table(trade: Trade, only_front: bool = False) -> list[str]:
     """Lines of a table, the fastest first; * is the front, <- the current settings."""
     rows = trade.front if only_front else trade.rows
     heads = list(rows[0].knobs) if rows else []
-    lines = ["  ".join([*heads, "  seconds", "rel. RMSE", "levels", "  PSNR", "  FLIP", "wrong %"])]
+    lines = ["  ".join([*heads, "  seconds", "rel. RMSE", "   ±", "levels", "  PSNR", "  FLIP", "wrong %"])]
     for row in rows:
         knobs = "  ".join(f"{value!s:>{len(name)}}" for name, value in row.knobs.items())
-        numbers = f"{row.frame_seconds:9.3f}  {row.relative_rmse:9.2e}  {row.levels:6.1f}  {row.psnr:6.1f}  {row.flip_mean:6.4f}"
-        numbers += f"  {100 * row.wrong:7.2f}"
+        numbers = f"{row.frame_seconds:9.3f}  {row.relative_rmse:9.2e}  {row.spread:3.0%}  {row.levels:6.1f}  {row.psnr:6.1f}"
+        numbers += f"  {row.flip_mean:6.4f}  {100 * row.wrong:7.2f}"
         lines.append(f"{knobs}  {numbers} {'*' if row.on_front else ' '}{' <-' if row.current else ''}")
     return [*lines, advice(trade), f"Errors against {trade.reference}"]
 
@@ -96,9 +88,9 @@ def last_measurement(scene_name: str) -> Trade | None:
 
 
 class _Background:
-    """A measurement on a thread of its own."""
+    """A measurement on a thread of its own. trade: what is known so far."""
 
-    def __init__(self, work: Callable[[Callable, Callable], Trade]) -> None:
+    def __init__(self, work: Callable[..., Trade]) -> None:
         self.fraction, self.trade, self.error = 0.0, None, None
         self._stop, self._work = threading.Event(), work
         self._thread = threading.Thread(target=self._run, name="glint measure", daemon=True)
@@ -106,13 +98,16 @@ class _Background:
 
     def _run(self) -> None:
         try:
-            self.trade = self._work(self._stop.is_set, self._hear)
+            self.trade = self._work(should_stop=self._stop.is_set, on_progress=self._hear, on_trade=self._keep)
         except Exception as error:
             log.exception("the measurement failed")
             self.error = error
 
     def _hear(self, fraction: float) -> None:
         self.fraction = fraction
+
+    def _keep(self, trade: Trade) -> None:
+        self.trade = trade
 
     @property
     def busy(self) -> bool:
@@ -124,8 +119,8 @@ class _Background:
 
 
 class GLINT_OT_measure_scene(bpy.types.Operator):
-    """Render small parts of this scene over a grid of settings, compare each with a reference, and plot time against error. Esc stops \
-and keeps what was measured"""
+    """Find settings for this scene: small parts of it are rendered with many settings, and time and error of each are listed and plotted. \
+The list sharpens while you watch; Esc stops and keeps it"""
 
     bl_idname = "glint.measure_scene"
     bl_label = "Tune Settings"
@@ -141,8 +136,10 @@ and keeps what was measured"""
     repeats: bpy.props.IntProperty(
         name="Repeats", description="Renders per setting, of which the fastest counts", default=5, min=1, max=100
     )
-    crops: bpy.props.IntProperty(name="Crops", description="Squares, evenly spread over the frame", default=16, min=1, max=100)
-    crop_side: bpy.props.IntProperty(name="Crop Side", description="Pixels", default=20, min=8, max=512)
+    squares: bpy.props.IntProperty(
+        name="Squares", description="Parts of the frame to render; more are more certain", default=SQUARES, min=8, max=4096
+    )
+    side: bpy.props.IntProperty(name="Side", description="Pixels across each square", default=SIDE, min=8, max=512)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -161,7 +158,7 @@ and keeps what was measured"""
             work = prepared(context.scene, context.view_layer.name, self._options())
         except RuntimeError as error:
             return self._fail(error)
-        self._scene_name = context.scene.name
+        self._scene_name, self._shown = context.scene.name, None
         self._background = _Background(work)
         self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
         context.window_manager.progress_begin(0, 100)
@@ -176,7 +173,8 @@ and keeps what was measured"""
         if self._background.busy:
             percent = 100 * self._background.fraction
             context.window_manager.progress_update(percent)
-            context.workspace.status_text_set(f"Glint measures this scene: {percent:.0f} % (Esc stops)")
+            context.workspace.status_text_set(f"Glint measures this scene: {percent:.0f} % (Esc stops and keeps what is known)")
+            self._show_news(context)
             return {"RUNNING_MODAL"}
         self._leave(context)
         if self._background.error:
@@ -189,13 +187,20 @@ and keeps what was measured"""
         self._leave(context)
 
     def _options(self) -> Options:
-        return Options(
-            reference_samples=self.reference_samples,
-            reference_seconds=self.reference_seconds,
-            repeats=self.repeats,
-            crops=self.crops,
-            crop_side=self.crop_side,
-        )
+        names = ("reference_samples", "reference_seconds", "repeats", "squares", "side")
+        return Options(**{name: getattr(self, name) for name in names})
+
+    def _show_news(self, context: bpy.types.Context) -> None:
+        """What became known since the last time, in the panel and the plot."""
+        trade = self._background.trade
+        if trade is None or trade is self._shown or not trade.rows:
+            return
+        self._shown = _measured[self._scene_name] = trade
+        show(IMAGE_NAME, draw_trade(trade, self._scene_name), context)
+        for window in context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.type == "PROPERTIES":
+                    area.tag_redraw()
 
     def _leave(self, context: bpy.types.Context) -> None:
         context.window_manager.event_timer_remove(self._timer)
@@ -208,9 +213,14 @@ and keeps what was measured"""
             self.report({"INFO"}, "The measurement was stopped before anything was measured")
             return {"CANCELLED"}
         _measured[name] = trade
-        write(trade, name, *(Path(bpy.path.abspath(path)) if path else None for path in (self.json_path, self.plot_path)))
+        json_path, plot_path = (Path(bpy.path.abspath(path)) if path else None for path in (self.json_path, self.plot_path))
+        plot_path = plot_path or Path(tempfile.mkdtemp(prefix="glint-measure-")) / "time-and-error.png"
+        try:
+            write(trade, name, json_path, plot_path)
+        except OSError as error:
+            return self._fail(error)
         show(IMAGE_NAME, draw_trade(trade, name), context)
-        self.report({"INFO"}, advice(trade))
+        self.report({"INFO"}, f"{advice(trade)}. The plot is the image '{IMAGE_NAME}' and {plot_path}")
         return {"FINISHED"}
 
     def _fail(self, error: Exception) -> set[str]:
@@ -225,18 +235,18 @@ class GLINT_OT_use_measured(bpy.types.Operator):
     bl_label = "Use This"
     bl_options = {"REGISTER", "UNDO"}
 
-    row: bpy.props.IntProperty(name="Row", description="Of the measurement's front, the fastest first", min=0, options={"SKIP_SAVE"})
+    row: bpy.props.IntProperty(name="Row", description="Of those that are shown, the fastest first", min=0, options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return context.scene is not None and context.scene.name in _measured
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        front = _measured[context.scene.name].front
-        if self.row >= len(front):
-            self.report({"ERROR"}, f"The front has {len(front)} rows")
+        shown = _measured[context.scene.name].shown
+        if self.row >= len(shown):
+            self.report({"ERROR"}, f"There are {len(shown)} rows")
             return {"CANCELLED"}
-        use(context.scene, front[self.row])
+        use(context.scene, shown[self.row])
         return {"FINISHED"}
 
 
@@ -269,12 +279,70 @@ class GLINT_RENDER_PT_trade(bpy.types.Panel):
         trade = last_measurement(context.scene.name)
         if trade is None:
             return
-        for number, row in enumerate(trade.front):
-            line = column.row()
-            knobs = " / ".join(f"{value:g}" for value in row.knobs.values())
-            line.label(text=f"{knobs}: {row.frame_seconds:.2f} s, {row.relative_rmse:.2%}", icon="RADIOBUT_ON" if row.current else "NONE")
-            line.operator(GLINT_OT_use_measured.bl_idname).row = number
-        column.label(text=advice(trade))
+        if not trade.complete or trade.repeats == 0:
+            column.label(text="Measured so far:")
+        table = column.box().grid_flow(row_major=True, columns=5, align=True)
+        for heading in ("Time", "Error", "Settings", "What Changes", ""):
+            table.label(text=heading)
+        for number, row in enumerate(trade.shown):
+            table.label(text=seconds_text(row.frame_seconds), icon="RADIOBUT_ON" if row.current else "RADIOBUT_OFF")
+            table.label(text=error_text(row))
+            table.label(text=settings_text(trade, row))
+            table.label(text=change_text(trade, row))
+            if row.current:
+                table.label(text="")
+            else:
+                table.operator(GLINT_OT_use_measured.bl_idname).row = number
+        draw_text(column.column(align=True), [advice(trade)], context.region)
+
+
+_NAMES = {
+    "samples": ("sample", "samples"),
+    "error_threshold": ("threshold",),
+    "light_samples": ("light sample", "light samples"),
+    "max_bounces": ("bounce", "bounces"),
+    "cutoff": ("cutoff",),
+}
+"""Knob → what stands behind its value, one and more; or before it."""
+_SEEN = ((1.0, "not visible"), (3.0, "hardly visible"), (10.0, "visible beside the exact one"), (math.inf, "plainly visible"))
+"""Levels of 255 below which an error is that."""
+
+
+def seconds_text(seconds: float) -> str:
+    return f"{seconds:.2g} s" if seconds < 100 else f"{seconds / 60:.0f} min"
+
+
+def error_text(row: Row) -> str:
+    """In words and levels, and as a share of the picture's brightness."""
+    words = next(words for limit, words in _SEEN if row.levels < limit or limit == math.inf)
+    return f"{words}: {row.levels:.2g} levels, {row.relative_rmse:.2%}"
+
+
+def knob_text(name: str, value: float) -> str:
+    """16 samples; threshold 4."""
+    names = _NAMES[name]
+    return f"{names[0]} {value:g}" if len(names) == 1 else f"{value:g} {names[value != 1]}"
+
+
+def settings_text(trade: Trade, row: Row) -> str:
+    """The samples, and what else the rows differ in."""
+    different = [name for name in row.knobs if name == "samples" or len({other.knobs[name] for other in trade.shown}) > 1]
+    return ", ".join(knob_text(name, row.knobs[name]) for name in different)
+
+
+def change_text(trade: Trade, row: Row) -> str:
+    """What a row takes and loses beside the current settings."""
+    current = trade.current
+    if row.current:
+        return "present settings"
+    if current is None or not current.frame_seconds > 0:
+        return ""
+    time = row.frame_seconds / current.frame_seconds
+    speed = f"{1 / time:.2g} × faster" if time < 1 else f"{time:.2g} × slower"
+    if not (current.relative_rmse > 0 and row.relative_rmse > 0):
+        return speed
+    error = row.relative_rmse / current.relative_rmse
+    return f"{speed}, {error:.2g} × the error"
 
 
 _CLASSES = (GLINT_OT_measure_scene, GLINT_OT_use_measured, GLINT_RENDER_PT_trade)

@@ -5,9 +5,12 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from .editors import editor_of
+
 
 def show(name: str, picture: np.ndarray, context: bpy.types.Context) -> bpy.types.Image:
-    """Put a canvas, (h, w, 3) of what a screen shows with row 0 on top, into the image `name`, and into an image editor if one is open."""
+    """Put a canvas, (h, w, 3) of what a screen shows with row 0 on top, into the image `name`, and that into an
+    image editor: an open one, else one in a new window where there are windows."""
     height, width = picture.shape[:2]
     image = bpy.data.images.get(name)
     if image is None or tuple(image.size) != (width, height):
@@ -18,8 +21,7 @@ def show(name: str, picture: np.ndarray, context: bpy.types.Context) -> bpy.type
     pixels[..., :3] = np.flipud(picture)
     image.pixels.foreach_set(pixels.ravel())
     image.update()
-    for area in context.screen.areas if context.screen else ():
-        if area.type == "IMAGE_EDITOR":
-            area.spaces.active.image = image
-            break
+    editor = editor_of("IMAGE_EDITOR", context)
+    if editor is not None:
+        editor.image = image
     return image

@@ -9,8 +9,8 @@ from glint.operators import command_line
 
 REFUSED = {
     "--repeats: 0: use a whole number, 1 or more": ["measure", "a.blend", "--repeats", "0"],
-    "--crop-side: 0: use a whole number, 1 or more": ["measure", "a.blend", "--crop-side", "0"],
-    "--crops: -1: use a whole number, 1 or more": ["measure", "a.blend", "--crops", "-1"],
+    "--side: 0: use a whole number, 1 or more": ["measure", "a.blend", "--side", "0"],
+    "--squares: -1: use a whole number, 1 or more": ["measure", "a.blend", "--squares", "-1"],
     "--reference-samples: 0: use a whole number, 1 or more": ["measure", "a.blend", "--reference-samples", "0"],
     "--levels: -1: use a number above 0": ["target", "a.blend", "--levels", "-1", "--out", "a.exr"],
     "--rmse: low: use a number above 0": ["target", "a.blend", "--rmse", "low", "--out", "a.exr"],

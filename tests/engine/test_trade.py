@@ -122,20 +122,68 @@ def test_an_unknown_knob_is_named():
         trade.settings_grid(soft_scene(), Settings(), {"colour": [1]})
 
 
-@pytest.mark.parametrize("resolution", [(1920, 1080), (100, 700), (81, 81)])
-def test_crops_lie_inside_apart_and_evenly(resolution):
-    crops = trade_crops.choose_crops(resolution)
+def speckled(width, height, seed=0):
+    """(h, w) errors: little everywhere, much in a few pixels."""
+    random = np.random.default_rng(seed)
+    return random.random((height, width)) ** 8 + 100 * (random.random((height, width)) > 0.999)
+
+
+@pytest.mark.parametrize("resolution", [(1920, 1080), (100, 700), (241, 135)])
+def test_squares_lie_inside_and_apart_and_half_of_them_share_none_with_the_rest(resolution):
+    squares = trade_crops.pick_squares(speckled(*resolution), 96, 12)
     seen = np.zeros(resolution[::-1], int)
-    for x0, y0, x1, y1 in crops:
+    for x0, y0, x1, y1 in squares.crops:
         assert 0 <= x0 < x1 <= resolution[0] and 0 <= y0 < y1 <= resolution[1]
         seen[y0:y1, x0:x1] += 1
-    assert seen.max() == 1 and seen.sum() == 16 * 20 * 20
-    middles = np.mean([((x0 + x1) / 2, (y0 + y1) / 2) for x0, y0, x1, y1 in crops], 0)
-    assert np.abs(middles - np.array(resolution) / 2).max() <= 1
+    assert seen.max() == 1 and len(squares.crops) == 96
+    one, other = squares.halves()
+    assert not set(one.crops) & set(other.crops) and len(one.crops) == len(other.crops) == 48
 
 
-def test_a_small_frame_is_one_crop():
-    assert trade_crops.choose_crops((60, 200)) == ((0, 0, 60, 200),)
+@pytest.mark.parametrize("seed", range(4))
+def test_weighted_squares_sum_up_to_the_frame(seed):
+    """Where the errors lie as the first look said, and where they are everywhere alike; the border's squares are smaller ones."""
+    look = speckled(241, 135, seed)
+    for half in trade_crops.pick_squares(look, 96, 12).halves():
+        for errors, tolerance in ((look, 0.1), (np.ones_like(look), 0.15)):
+            found = sum(weight * errors[y0:y1, x0:x1].sum() for weight, (x0, y0, x1, y1) in zip(half.weights, half.crops, strict=True))
+            assert found == pytest.approx(errors.sum(), rel=tolerance)
+
+
+def test_a_small_frame_is_one_square():
+    squares = trade_crops.pick_squares(np.ones((200, 60)), 96, 12)
+    assert squares.crops == ((0, 0, 60, 200),) and squares.weights.tolist() == [1.0]
+
+
+def test_the_front_tells_the_errors_of_the_whole_frame():
+    """A box before a large, even floor: all that samples change lies along a few edges, which evenly spread squares miss."""
+    scene = replace(soft_scene(), camera=scenes.camera(size=(160, 120)), lights=(scenes.light("POINT"),))
+    base = Settings(samples=4, error_threshold=0.0, backend=BACKEND)
+    found = trade.measure(scene, base, values={"samples": [1, 4, 16], "error_threshold": [0.0]}, reference_samples=64, repeats=1,
+                          reference_seconds=0.0)  # fmt: skip
+    assert len(found.crops) == 96
+    truth = engine.render(scene, replace(base, samples=64)).combined[..., :3]
+    for row in found.front:
+        picture = engine.render(scene, replace(base, **row.knobs)).combined[..., :3]
+        true = trade.metrics.relative_rmse(picture, truth)
+        assert true / 1.25 < row.relative_rmse < 1.25 * true
+        assert row.checked and 0 < row.spread < 0.5
+
+
+def test_something_is_told_early_and_the_last_of_it_is_the_result(monkeypatch):
+    monkeypatch.setattr(trade, "_PAUSE", 0.0)
+    told = []
+    result = measured(on_trade=told.append)
+    assert len(told) >= len(result.rows) and len(told[0].rows) == 1 and told[0].rows[0].current
+
+
+def test_at_most_six_different_points_and_the_current_settings_are_shown():
+    rows = trade.with_front([row(2.0**k, 0.5**k) for k in range(20)] + [row(2.0**19.5, 0.5, current=True)])
+    shown = trade.Trade(rows, "", (), (1, 1), 1, True).shown
+    assert len(shown) == 7 and shown[-1].current
+    assert (shown[0].seconds, shown[5].seconds) == (1.0, 2.0**19)
+    gaps = np.diff(np.log2([r.seconds for r in shown[:6]]))
+    assert gaps.min() >= 2
 
 
 # --- measuring
@@ -176,7 +224,7 @@ def test_stopping_keeps_what_was_measured():
     assert not measured(should_stop=lambda: True).rows
     result = measured(should_stop=stop_late)
     assert not result.complete
-    assert len(result.rows) < 3
+    assert result.repeats == 0
     assert measured().complete
 
 
