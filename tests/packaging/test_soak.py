@@ -1,5 +1,6 @@
 """The soak's own watch: a hang is no work."""
 
+import shutil
 import sys
 
 from blender_process import ROOT, Blender, Run
@@ -10,10 +11,12 @@ import soaking
 
 
 def test_a_step_that_hangs_ends_blender_with_its_stack(tmp_path):
-    run = Blender(tmp_path).run(
-        f"""
+    blender = Blender(tmp_path)
+    shutil.copy(ROOT / "tests" / "viewport" / "in_window.py", blender.folder)
+    run = blender.run(
+        """
 import os, sys, time
-sys.path.insert(0, {str(ROOT / "tests" / "viewport")!r})
+sys.path.insert(0, str(FOLDER))
 import in_window
 
 def hanging_edit():
