@@ -39,7 +39,7 @@ def _floor_of(size: Array) -> float:
 
 def rmse(picture: Array, reference: Array) -> float:
     """Root of the mean squared difference; 0 for empty pictures."""
-    return _root_mean_square(absolute_error(picture, reference))
+    return root_mean_square(absolute_error(picture, reference))
 
 
 def relative_rmse(picture: Array, reference: Array) -> float:
@@ -47,16 +47,18 @@ def relative_rmse(picture: Array, reference: Array) -> float:
     error = rmse(picture, reference)
     if error == 0.0 or not np.isfinite(error):
         return error
-    size = _root_mean_square(np.asarray(reference, np.float64))
+    size = root_mean_square(np.asarray(reference, np.float64))
     return error / size if size > 0 else float("inf")
 
 
-def _root_mean_square(values: Array) -> float:
-    """Divides by the largest value first, so that no square overflows."""
+def root_mean_square(values: Array, weights: Array | None = None) -> float:
+    """Of an array. weights: (n,) of the rows of (n, c) values, for all alike if left out. Divides by the largest value first, so that no
+    square overflows."""
     top = float(np.max(np.abs(values), initial=0.0))
     if top == 0.0 or not np.isfinite(top):
         return top
-    return top * float(np.sqrt(np.mean((values / top) ** 2)))
+    squares = (values / top) ** 2
+    return top * float(np.sqrt(np.mean(squares) if weights is None else np.average(squares.mean(-1), weights=weights)))
 
 
 def max_absolute_error(picture: Array, reference: Array) -> float:

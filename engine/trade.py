@@ -136,7 +136,8 @@ class Trade:
         front = self.front
         chosen = [*front[:1], *front[1:][-1:]]
         while len(chosen) < min(_SHOWN, len(front)):
-            chosen.append(max(front, key=lambda row: min(_step(row, other) for other in chosen)))
+            rest = [row for row in front if not any(row is other for other in chosen)]
+            chosen.append(max(rest, key=lambda row: min(_step(row, other) for other in chosen)))
         current = [self.current] if self.current is not None and not self.current.on_front else []
         return tuple(sorted([*chosen, *current], key=lambda row: row.seconds))
 
@@ -284,7 +285,7 @@ class _Work:
         picture = whole.pictures[0].astype(float)
         apart = [np.nan_to_num(((picture - other.pictures[0]) ** 2).sum(-1), posinf=0.0) for other in others]
         picked = pick_squares(sum(image / max(image.sum(), 1e-300) for image in apart), count, side)
-        self._size = _root_mean_square(np.nan_to_num(picture, posinf=0.0, neginf=0.0), 1.0)
+        self._size = metrics.root_mean_square(np.nan_to_num(picture, posinf=0.0, neginf=0.0))
         self._squares, self._others = picked.halves()
         if self._others is not self._squares:
             seconds = np.dot(self._renderer.render(few, crops=self._squares.crops).each, self._squares.weights)
@@ -411,7 +412,7 @@ def _errors(pictures: list[Array], truth: list[Array], squares: Squares, size: f
     weights = squares.pixel_weights
     apart, apart_on_screen = metrics.absolute_error(picture, reference), np.abs(displayed(picture) - displayed(reference))
     flips = np.concatenate([flip(*pair).ravel() for pair in zip(pictures, truth, strict=True)])
-    error, shown = _root_mean_square(apart, weights), _root_mean_square(apart_on_screen, weights)
+    error, shown = (metrics.root_mean_square(values, weights) for values in (apart, apart_on_screen))
     return {
         "relative_rmse": 0.0 if error == 0 else error / size if size > 0 else math.inf,
         "max_error": float(apart.max()),
@@ -422,15 +423,6 @@ def _errors(pictures: list[Array], truth: list[Array], squares: Squares, size: f
         "wrong": float(np.average(metrics.wrong_pixels(picture, reference), weights=weights)),
         "spread": _spread(apart, squares),
     }
-
-
-def _root_mean_square(values: Array, weights: Array | float) -> float:
-    """Of (n, 3) values, or of any with weights 1; divides by the largest first, so that no square overflows."""
-    top = float(np.max(np.abs(values), initial=0.0))
-    if top == 0.0 or not math.isfinite(top):
-        return top
-    squares = ((values / top) ** 2).mean(-1)
-    return top * math.sqrt(np.average(squares, weights=np.broadcast_to(weights, squares.shape)))
 
 
 def _spread(apart: Array, squares: Squares) -> float:
