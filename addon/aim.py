@@ -1,4 +1,6 @@
-"""A final render for a target error: the settings are found on squares of the frame before, and the picture is checked on others after."""
+"""A final render for a target error: the settings are found on squares of the frame before, and the
+picture is checked on others after.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,9 @@ from .export.pixels import openimageio
 
 @dataclass(frozen=True)
 class Display:
-    """Scene-linear colours as the display shows them: Blender's view transform, look, exposure and gamma. Curves and white balance are not
-    in it. config: OpenColorIO's file."""
+    """Scene-linear colours as the display shows them: Blender's view transform, look, exposure and
+    gamma. Curves and white balance are not in it. config: OpenColorIO's file.
+    """
 
     device: str
     view: str
@@ -28,7 +31,9 @@ class Display:
     config: str
 
     def __call__(self, colors: np.ndarray) -> np.ndarray:
-        """(..., 3) linear → (..., 3) float64 in 0 to 1. Raises RuntimeError where the transform is not known."""
+        """(..., 3) linear → (..., 3) float64 in 0 to 1. Raises RuntimeError where the transform is
+        not known.
+        """
         oiio = openimageio()
         if oiio is None:
             raise RuntimeError("this Blender has no OpenImageIO to apply its view transform with")
@@ -36,10 +41,18 @@ class Display:
         source = oiio.ImageBuf(oiio.ImageSpec(exposed.shape[1], 1, 3, oiio.FLOAT))
         source.set_pixels(oiio.ROI(), exposed)
         shown = oiio.ImageBufAlgo.ociodisplay(
-            source, self.device, self.view, fromspace="scene_linear", looks=self.look, unpremult=False, colorconfig=self.config
+            source,
+            self.device,
+            self.view,
+            fromspace="scene_linear",
+            looks=self.look,
+            unpremult=False,
+            colorconfig=self.config,
         )
         if shown.has_error:
-            raise RuntimeError(f"the view transform {self.view!r} cannot be applied: {shown.geterror()}")
+            raise RuntimeError(
+                f"the view transform {self.view!r} cannot be applied: {shown.geterror()}"
+            )
         pixels = np.clip(np.nan_to_num(shown.get_pixels(oiio.FLOAT).astype(float)), 0, 1)
         return (pixels ** (1 / self.gamma)).reshape(colors.shape)
 
@@ -51,19 +64,33 @@ class Aim:
     target: Target
     display: Callable[[np.ndarray], np.ndarray]
 
-    def choose(self, scene: engine.Scene, settings: engine.Settings, should_stop: Callable[[], bool]) -> Forecast | None:
+    def choose(
+        self, scene: engine.Scene, settings: engine.Settings, should_stop: Callable[[], bool]
+    ) -> Forecast | None:
         return choose_settings(scene, settings, self.target, self.display, should_stop=should_stop)
 
-    def told(self, scene: engine.Scene, forecast: Forecast, film: engine.Film, should_stop: Callable[[], bool]) -> str:
+    def told(
+        self,
+        scene: engine.Scene,
+        forecast: Forecast,
+        film: engine.Film,
+        should_stop: Callable[[], bool],
+    ) -> str:
         """What was asked for, chosen, predicted and reached, in words."""
         reached = reached_error(scene, forecast, film, should_stop) if film.complete else None
         seconds = film.stats.get("build", 0.0) + film.stats.get("trace", 0.0)
-        end = f"reached {self.target.text(reached)} in {seconds:.2f} s" if reached is not None else "stopped before it was reached"
+        end = (
+            f"reached {self.target.text(reached)} in {seconds:.2f} s"
+            if reached is not None
+            else "stopped before it was reached"
+        )
         return f"{forecast.line}; {end}"
 
 
 def aim_from(scene: bpy.types.Scene) -> tuple[Aim | None, list[str]]:
-    """The target of the scene's final renders, None where the settings are the user's own; and what there is to say about it."""
+    """The target of the scene's final renders, None where the settings are the user's own; and what
+    there is to say about it.
+    """
     settings = scene.glint
     if settings.target == "NONE":
         return None, []
@@ -74,7 +101,9 @@ def aim_from(scene: bpy.types.Scene) -> tuple[Aim | None, list[str]]:
     return Aim(Target(settings.target, value), display), notes
 
 
-def _display_or_srgb(scene: bpy.types.Scene) -> tuple[Callable[[np.ndarray], np.ndarray], list[str]]:
+def _display_or_srgb(
+    scene: bpy.types.Scene,
+) -> tuple[Callable[[np.ndarray], np.ndarray], list[str]]:
     display = display_of(scene)
     try:
         display(np.full((1, 3), 0.5))
@@ -89,4 +118,11 @@ def display_of(scene: bpy.types.Scene) -> Display:
     look = "" if view.look == "None" else view.look
     own = Path(bpy.utils.system_resource("DATAFILES", path="colormanagement")) / "config.ocio"
     config = os.environ.get("OCIO") or str(own)
-    return Display(scene.display_settings.display_device, view.view_transform, look, view.exposure, max(view.gamma, 1e-3), config)
+    return Display(
+        scene.display_settings.display_device,
+        view.view_transform,
+        look,
+        view.exposure,
+        max(view.gamma, 1e-3),
+        config,
+    )

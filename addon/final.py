@@ -1,4 +1,6 @@
-"""One view layer of a final render: read Blender's data, trace, fill the passes, tell what happened."""
+"""One view layer of a final render: read Blender's data, trace, fill the passes, tell what
+happened.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +28,10 @@ NOTES_SHOWN = 12
 """More notes than this go to the log only."""
 _PREVIEW = {"samples": 4, "light_samples": 2, "max_bounces": 2}
 _FALLBACK = (
-    "Glint's native core cannot be used here ({}), so the NumPy tracer renders: the same picture, much slower. "
-    "Install the edition of Glint for this platform, or set the tracer to Python (reference) to silence this"
+    "Glint's native core cannot be used here ({}), so the NumPy tracer renders: the same picture, "
+    "much slower. "
+    "Install the edition of Glint for this platform, or set the tracer to Python (reference) to "
+    "silence this"
 )
 
 
@@ -35,8 +39,9 @@ _FALLBACK = (
 class Job:
     """Everything that the render thread needs; no Blender data.
 
-    layer: the view layer's name.  size: of the result in pixels.  preview: a material preview, about which nothing is told.
-    frame: of the animation.  aim: the error that settings are to be found for.
+    layer: the view layer's name.  size: of the result in pixels.  preview: a material preview,
+    about which nothing is told. frame: of the animation.  aim: the error that settings are to be
+    found for.
     """
 
     scene: engine.Scene
@@ -58,7 +63,9 @@ _decoded = Decoded() if bpy.app.background else None
 
 @contextmanager
 def reading_only() -> Iterator[list[Job]]:
-    """Renders within read the scene as ever and put their jobs into the list, but trace nothing and leave a blank result."""
+    """Renders within read the scene as ever and put their jobs into the list, but trace nothing and
+    leave a blank result.
+    """
     jobs: list[Job] = []
     _readers.append(jobs)
     try:
@@ -68,7 +75,9 @@ def reading_only() -> Iterator[list[Job]]:
 
 
 def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> Job:
-    """Read the evaluated scene. To be called from `update()`, where Blender keeps its data still."""
+    """Read the evaluated scene. To be called from `update()`, where Blender keeps its data
+    still.
+    """
     start = time.perf_counter()
     layer = depsgraph.view_layer
     if not (bpy.app.background or render_engine.is_preview):
@@ -76,7 +85,9 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
     passes = wanted_passes(layer)
     width, height = render_engine.resolution_x, render_engine.resolution_y
     export = export_scene(depsgraph, width=width, height=height, passes=passes, decoded=_decoded)
-    settings, notes = _with_backend(settings_from(depsgraph.scene_eval.glint.final, depsgraph.scene_eval, passes, export.region))
+    settings, notes = _with_backend(
+        settings_from(depsgraph.scene_eval.glint.final, depsgraph.scene_eval, passes, export.region)
+    )
     statistics = Statistics(settings.samples, settings.backend, export.stats)
     if not render_engine.is_preview:
         statistics.skipped = skipped_things(depsgraph, export.scene)
@@ -89,16 +100,25 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         layer=layer.name,
         size=_size(export.region, width, height),
         statistics=statistics,
-        notes=[*notes, *aim_notes, *export.notes, *_emptiness(export.scene), *_darkness(export.scene)],
+        notes=[
+            *notes,
+            *aim_notes,
+            *export.notes,
+            *_emptiness(export.scene),
+            *_darkness(export.scene),
+        ],
         preview=render_engine.is_preview,
         frame=depsgraph.scene.frame_current,
         aim=aim,
     )
 
 
-def run(render_engine: bpy.types.RenderEngine, job: Job, is_interrupted: Callable[[], bool]) -> None:
-    """Trace the job and fill Blender's render result. After an error the result is gone and the exception goes on; KeyboardInterrupt is
-    raised where `is_interrupted` stopped the work."""
+def run(
+    render_engine: bpy.types.RenderEngine, job: Job, is_interrupted: Callable[[], bool]
+) -> None:
+    """Trace the job and fill Blender's render result. After an error the result is gone and the
+    exception goes on; KeyboardInterrupt is raised where `is_interrupted` stopped the work.
+    """
     if _readers and not job.preview:
         _readers[-1].append(job)
         return
@@ -120,8 +140,15 @@ def run(render_engine: bpy.types.RenderEngine, job: Job, is_interrupted: Callabl
         tell_notes(render_engine, [*job.notes, *film.notes])
 
 
-def _trace(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, should_stop: Callable[[], bool]) -> engine.Film:
-    """The picture, with the settings that reach the job's aim if it has one; statistics learn the seconds and what was reached."""
+def _trace(
+    render_engine: bpy.types.RenderEngine,
+    job: Job,
+    picture: Picture,
+    should_stop: Callable[[], bool],
+) -> engine.Film:
+    """The picture, with the settings that reach the job's aim if it has one; statistics learn the
+    seconds and what was reached.
+    """
     start = time.perf_counter()
     is_seen = not (bpy.app.background or job.preview)
     progress = Progress(render_engine, f"{job.scene_name}, {job.layer}", is_seen)
@@ -141,10 +168,17 @@ def _trace(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, sh
         on_progress=lambda fraction: progress.trace(fraction, job.settings),
         on_wave=None if bpy.app.background else show,
     )
-    film = replace(film, passes={name: values for name, values in film.passes.items() if name in passes | {"Combined"}})
+    film = replace(
+        film,
+        passes={
+            name: values for name, values in film.passes.items() if name in passes | {"Combined"}
+        },
+    )
     job.statistics.seconds["engine"] = time.perf_counter() - start
     if forecast:
-        job.statistics.target = job.aim.told(job.scene, forecast, film, progress.watching("Checking the error", should_stop))
+        job.statistics.target = job.aim.told(
+            job.scene, forecast, film, progress.watching("Checking the error", should_stop)
+        )
     return film
 
 
@@ -156,7 +190,10 @@ def tell_notes(render_engine: bpy.types.RenderEngine, notes: list[str]) -> None:
     for note in unique[:NOTES_SHOWN]:
         render_engine.report({"WARNING"}, note)
     if len(unique) > NOTES_SHOWN:
-        render_engine.report({"WARNING"}, f"and {len(unique) - NOTES_SHOWN} more notes: the log (level INFO) has them all")
+        render_engine.report(
+            {"WARNING"},
+            f"and {len(unique) - NOTES_SHOWN} more notes: the log (level INFO) has them all",
+        )
 
 
 def _with_backend(settings: engine.Settings) -> tuple[engine.Settings, list[str]]:
@@ -170,7 +207,10 @@ def _emptiness(scene: engine.Scene) -> list[str]:
     """A note when the camera has nothing to see."""
     if any(block.visible_camera for block in scene.instances):
         return []
-    return ["No object is there for the camera to see: all are hidden, from renders or from cameras, or have no faces"]
+    return [
+        "No object is there for the camera to see: all are hidden, from renders or from cameras, "
+        "or have no faces"
+    ]
 
 
 def _darkness(scene: engine.Scene) -> list[str]:
@@ -178,7 +218,10 @@ def _darkness(scene: engine.Scene) -> list[str]:
     glows = any(lobe.kind == "EMISSION" for material in scene.materials for lobe in material.lobes)
     if scene.lights or glows or any(scene.world.ambient) or any(scene.world.background):
         return []
-    return ["The scene has no light and a black world: the picture is black; add a light or give the world a colour"]
+    return [
+        "The scene has no light and a black world: the picture is black; add a light or give the "
+        "world a colour"
+    ]
 
 
 def _size(region: tuple[int, int, int, int] | None, width: int, height: int) -> tuple[int, int]:
@@ -188,7 +231,13 @@ def _size(region: tuple[int, int, int, int] | None, width: int, height: int) -> 
     return x1 - x0, y1 - y0
 
 
-def _finish(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, film: engine.Film, stamping: Stamping | None) -> None:
+def _finish(
+    render_engine: bpy.types.RenderEngine,
+    job: Job,
+    picture: Picture,
+    film: engine.Film,
+    stamping: Stamping | None,
+) -> None:
     """stamping: of the job's scene; None for pictures that get no stamp."""
     if film.samples == 0:
         picture.discard()
@@ -202,7 +251,11 @@ def _finish(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, f
     statistics.notes = tuple(dict.fromkeys((*job.notes, *film.notes)))
     statistics.seconds |= {stage: film.stats.get(stage, 0.0) for stage in ("build", "trace")}
     statistics.stamp = stamping.fields(job.settings, job.frame) if stamped else {}
-    lines = {"scene": statistics.scene_line, "seconds": statistics.stages_line, "target": statistics.target}
+    lines = {
+        "scene": statistics.scene_line,
+        "seconds": statistics.stages_line,
+        "target": statistics.target,
+    }
     picture.stamp({name: text for name, text in lines.items() if text} | statistics.stamp)
     statistics.seconds["write"] = time.perf_counter() - start
     if not job.preview:
@@ -211,9 +264,19 @@ def _finish(render_engine: bpy.types.RenderEngine, job: Job, picture: Picture, f
 
 def _tell_statistics(render_engine: bpy.types.RenderEngine, job: Job) -> None:
     statistics = job.statistics
-    render_engine.update_memory_stats(memory_used=statistics.megabytes, memory_peak=statistics.megabytes)
+    render_engine.update_memory_stats(
+        memory_used=statistics.megabytes, memory_peak=statistics.megabytes
+    )
     render_engine.update_stats(job.layer, statistics.stages_line)
     skipped = f"; not needed: {statistics.skipped_line}" if statistics.skipped else ""
     target = f"; {statistics.target}" if statistics.target else ""
-    log.info("%s, %s: %s; %s%s%s", job.scene_name, job.layer, statistics.stages_line, statistics.scene_line, skipped, target)
+    log.info(
+        "%s, %s: %s; %s%s%s",
+        job.scene_name,
+        job.layer,
+        statistics.stages_line,
+        statistics.scene_line,
+        skipped,
+        target,
+    )
     remember(job.scene_name, job.layer, statistics)

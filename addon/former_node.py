@@ -1,6 +1,8 @@
-"""The Blinn-Phong node of earlier versions, a class of its own: known so that files with it open, and turned into today's group.
+"""The Blinn-Phong node of earlier versions, a class of its own: known so that files with it open,
+and turned into today's group.
 
-Files are carried over when they are opened, and what was appended since when they are saved; linked materials stay as they are.
+Files are carried over when they are opened, and what was appended since when they are saved; linked
+materials stay as they are.
 """
 
 from __future__ import annotations
@@ -14,8 +16,10 @@ from .export.graph import FORMER_NODE, node_tree
 from .nodes import OUTPUT, add_blinn_phong
 
 _STAYS = bpy.app.version < (4, 5, 0)
-"""Blender 4.2 crashes when it frees a scene that was evaluated with nodes whose class was unregistered since (the copies for evaluation
-keep a pointer to it). So there the class outlives the extension until Blender is left, and serves an extension that comes back."""
+"""Blender 4.2 crashes when it frees a scene that was evaluated with nodes whose class was
+unregistered since (the copies for evaluation keep a pointer to it). So there the class outlives the
+extension until Blender is left, and serves an extension that comes back.
+"""
 
 
 class GlintBlinnPhongNode(bpy.types.ShaderNodeCustomGroup):
@@ -41,14 +45,31 @@ def carry_over(*_: Any) -> None:
 
 def _replace(tree: bpy.types.NodeTree, old: bpy.types.Node) -> None:
     new = add_blinn_phong(tree)
-    for name in ("parent", "location", "width", "label", "hide", "mute", "use_custom_color", "color", "select"):
+    for name in (
+        "parent",
+        "location",
+        "width",
+        "label",
+        "hide",
+        "mute",
+        "use_custom_color",
+        "color",
+        "select",
+    ):
         setattr(new, name, getattr(old, name))
     for socket in old.inputs:
         if socket.name in new.inputs:
             new.inputs[socket.name].default_value = socket.default_value
-    links = [(link.from_socket, link.to_socket) for link in tree.links if old in (link.from_node, link.to_node)]
+    links = [
+        (link.from_socket, link.to_socket)
+        for link in tree.links
+        if old in (link.from_node, link.to_node)
+    ]
     for start, end in links:
-        tree.links.new(new.outputs[OUTPUT] if start.node == old else start, new.inputs[end.name] if end.node == old else end)
+        tree.links.new(
+            new.outputs[OUTPUT] if start.node == old else start,
+            new.inputs[end.name] if end.node == old else end,
+        )
     name = old.name
     for curve in _curves(tree.animation_data):
         curve.data_path = curve.data_path.replace(f'nodes["{name}"]', f'nodes["{new.name}"]')
@@ -67,7 +88,13 @@ def _curves(animation: Any) -> list[Any]:
     if action is not None and bpy.app.version < (5, 0, 0):
         curves += action.fcurves
     elif action is not None:
-        curves += [curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves]
+        curves += [
+            curve
+            for layer in action.layers
+            for strip in layer.strips
+            for bag in strip.channelbags
+            for curve in bag.fcurves
+        ]
     return curves
 
 

@@ -1,4 +1,6 @@
-"""Text in panels: Blender cuts labels that are too long, so longer lines are broken where the panel ends."""
+"""Text in panels: Blender cuts labels that are too long, so longer lines are broken where the panel
+ends.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +10,21 @@ from collections.abc import Iterable
 import bpy
 
 _LETTER, _SPACE = 6.2, 3.0
-"""Pixels of a letter and of a space of Blender's font on a screen of scale 1, rather too many than too few."""
+"""Pixels of a letter and of a space of Blender's font on a screen of scale 1, rather too many than
+too few.
+"""
 _MARGIN = 44
 """Pixels of a panel that hold no text."""
 _FEWEST = 16
 """Letters of a line, however narrow the panel and deep the text."""
 
 
-def draw_text(column: bpy.types.UILayout, lines: Iterable[str], region: bpy.types.Region, bullet: str = "") -> None:
-    """Draw lines, broken to the width of the region. They are set in by four spaces and their own."""
+def draw_text(
+    column: bpy.types.UILayout, lines: Iterable[str], region: bpy.types.Region, bullet: str = ""
+) -> None:
+    """Draw lines, broken to the width of the region. They are set in by four spaces and their
+    own.
+    """
     width = region.width / bpy.context.preferences.system.ui_scale - _MARGIN
     for line in lines:
         text = line.lstrip(" ")

@@ -1,6 +1,7 @@
 """Glint's Blinn-Phong node in the shader editor's Add menu and in the material tab.
 
-The list of shaders behind the material tab's Surface button is Blender's own, of built-in types only: so the panel has a button.
+The list of shaders behind the material tab's Surface button is Blender's own, of built-in types
+only: so the panel has a button.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ _COLORS = ("Base Color", "Color", "Diffuse")
 
 
 class GLINT_OT_add_blinn_phong(bpy.types.Operator):
-    """Add the textbook's surface: ambient, diffuse and specular coefficients, exponent and mirror. Cycles and Eevee show a likeness"""
+    """Add the textbook's surface: ambient, diffuse and specular coefficients, exponent and mirror.
+    Cycles and Eevee show a likeness
+    """
 
     bl_idname = "node.glint_add_blinn_phong"
     bl_label = "Add Blinn-Phong"
@@ -27,8 +30,13 @@ class GLINT_OT_add_blinn_phong(bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Under the mouse, which then carries it."""
-        group = {"name": "node_tree", "value": f"bpy.data.node_groups[{blinn_phong_group().name!r}]"}
-        return bpy.ops.node.add_node("INVOKE_DEFAULT", type="ShaderNodeGroup", use_transform=True, settings=[group])
+        group = {
+            "name": "node_tree",
+            "value": f"bpy.data.node_groups[{blinn_phong_group().name!r}]",
+        }
+        return bpy.ops.node.add_node(
+            "INVOKE_DEFAULT", type="ShaderNodeGroup", use_transform=True, settings=[group]
+        )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         add_blinn_phong(context.space_data.edit_tree)
@@ -36,7 +44,9 @@ class GLINT_OT_add_blinn_phong(bpy.types.Operator):
 
 
 class GLINT_OT_use_blinn_phong(bpy.types.Operator):
-    """Make the textbook's Blinn-Phong the surface of this material, in the colour that it has. The shader before it stays, unlinked"""
+    """Make the textbook's Blinn-Phong the surface of this material, in the colour that it has. The
+    shader before it stays, unlinked
+    """
 
     bl_idname = "material.glint_use_blinn_phong"
     bl_label = "Use Blinn-Phong"
@@ -44,7 +54,11 @@ class GLINT_OT_use_blinn_phong(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return context.material is not None and context.material.library is None and not _wears_it(context.material)
+        return (
+            context.material is not None
+            and context.material.library is None
+            and not _wears_it(context.material)
+        )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         use_blinn_phong(context.material)
@@ -52,14 +66,18 @@ class GLINT_OT_use_blinn_phong(bpy.types.Operator):
 
 
 def use_blinn_phong(material: bpy.types.Material) -> bpy.types.Node:
-    """The node, as the surface of a material, with the colour, transparency and light of the shader before it where it has such inputs."""
+    """The node, as the surface of a material, with the colour, transparency and light of the shader
+    before it where it has such inputs.
+    """
     if node_tree(material) is None:
         material.use_nodes = True
     tree = material.node_tree
     output = tree.get_output_node("ALL") or tree.nodes.new("ShaderNodeOutputMaterial")
     before = _shader_behind(output)
     node = add_blinn_phong(tree)
-    node.location = output.location - type(output.location)((240, 0)) if before is None else before.location
+    node.location = (
+        output.location - type(output.location)((240, 0)) if before is None else before.location
+    )
     if before is not None:
         before.location.y += 40 + before.height
         _take_over(tree, before, node)
@@ -81,7 +99,11 @@ def _wears_it(material: bpy.types.Material) -> bool:
 
 def _take_over(tree: bpy.types.NodeTree, before: bpy.types.Node, node: bpy.types.Node) -> None:
     color = next((before.inputs[name] for name in _COLORS if name in before.inputs), None)
-    for name, given in (("Ambient", color), ("Diffuse", color), ("Alpha", before.inputs.get("Alpha"))):
+    for name, given in (
+        ("Ambient", color),
+        ("Diffuse", color),
+        ("Alpha", before.inputs.get("Alpha")),
+    ):
         if given is None:
             continue
         node.inputs[name].default_value = given.default_value
@@ -97,7 +119,11 @@ def _draw_menu_entry(self: bpy.types.Menu, context: bpy.types.Context) -> None:
 
 
 def _draw_button(self: bpy.types.Panel, context: bpy.types.Context) -> None:
-    if context.engine == "GLINT" and context.material is not None and not _wears_it(context.material):
+    if (
+        context.engine == "GLINT"
+        and context.material is not None
+        and not _wears_it(context.material)
+    ):
         self.layout.operator(GLINT_OT_use_blinn_phong.bl_idname, icon="MATERIAL")
 
 

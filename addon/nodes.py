@@ -1,9 +1,11 @@
-"""The Blinn-Phong shader node: an ordinary node group with a mark, whose sockets are the notes' coefficients.
+"""The Blinn-Phong shader node: an ordinary node group with a mark, whose sockets are the notes'
+coefficients.
 
-So it needs no extension to be opened, appended, duplicated or shown: Glint knows it by the mark (`export.graph.is_blinn_phong`), reads the
-sockets by name (`SOCKETS`) and never looks inside. Inside, for Cycles and Eevee, a Diffuse and two Glossy closures stand for the same
-surface: with α = roughness², α² = 2.25/(p + 1.9) and F0 = k_s α²/0.26, which follows the one lobe of exponent p that is nearest to GGX to
-5 % in roughness (tests/cycles/fit_roughness.py measures it).
+So it needs no extension to be opened, appended, duplicated or shown: Glint knows it by the mark
+(`export.graph.is_blinn_phong`), reads the sockets by name (`SOCKETS`) and never looks inside.
+Inside, for Cycles and Eevee, a Diffuse and two Glossy closures stand for the same surface: with α =
+roughness², α² = 2.25/(p + 1.9) and F0 = k_s α²/0.26, which follows the one lobe of exponent p that
+is nearest to GGX to 5 % in roughness (tests/cycles/fit_roughness.py measures it).
 """
 
 from __future__ import annotations
@@ -15,12 +17,27 @@ from .export.graph import BLINN_PHONG, MARK, is_blinn_phong
 NAME = "Blinn-Phong"
 OUTPUT = "BSDF"
 SOCKETS = (
-    ("Ambient", "NodeSocketColor", (0.8, 0.8, 0.8, 1.0), "k_a: share of the world's ambient light that comes back"),
+    (
+        "Ambient",
+        "NodeSocketColor",
+        (0.8, 0.8, 0.8, 1.0),
+        "k_a: share of the world's ambient light that comes back",
+    ),
     ("Diffuse", "NodeSocketColor", (0.8, 0.8, 0.8, 1.0), "k_d: Lambert's share of every light"),
     ("Specular", "NodeSocketColor", (0.5, 0.5, 0.5, 1.0), "k_s: brightness of the highlight"),
     ("Exponent", "NodeSocketFloat", 32.0, "p: the larger, the smaller the highlight"),
-    ("Mirror", "NodeSocketColor", (0.0, 0.0, 0.0, 1.0), "k_m: share of what the mirror reflection sees"),
-    ("Emission", "NodeSocketColor", (0.0, 0.0, 0.0, 1.0), "Light that the surface itself sends to the viewer"),
+    (
+        "Mirror",
+        "NodeSocketColor",
+        (0.0, 0.0, 0.0, 1.0),
+        "k_m: share of what the mirror reflection sees",
+    ),
+    (
+        "Emission",
+        "NodeSocketColor",
+        (0.0, 0.0, 0.0, 1.0),
+        "Light that the surface itself sends to the viewer",
+    ),
     ("Alpha", "NodeSocketFloat", 1.0, "1 covers what is behind, 0 is invisible"),
 )
 """(name, socket type, default, description), in the order shown."""
@@ -29,8 +46,14 @@ _LIMITS = {"Exponent": (0.0, 1e9), "Alpha": (0.0, 1.0)}
 
 
 def blinn_phong_group() -> bpy.types.NodeTree:
-    """The file's own Blinn-Phong group, made where there is none. Groups of that name without the mark are somebody else's."""
-    own = (tree for tree in bpy.data.node_groups if is_blinn_phong(tree) and tree.library is None and _is_whole(tree))
+    """The file's own Blinn-Phong group, made where there is none. Groups of that name without the
+    mark are somebody else's.
+    """
+    own = (
+        tree
+        for tree in bpy.data.node_groups
+        if is_blinn_phong(tree) and tree.library is None and _is_whole(tree)
+    )
     return next(own, None) or _make_group()
 
 
@@ -50,7 +73,9 @@ def add_blinn_phong(tree: bpy.types.NodeTree) -> bpy.types.Node:
 def _make_group() -> bpy.types.NodeTree:
     tree = bpy.data.node_groups.new(NAME, "ShaderNodeTree")
     for name, kind, default, description in SOCKETS:
-        socket = tree.interface.new_socket(name, description=description, in_out="INPUT", socket_type=kind)
+        socket = tree.interface.new_socket(
+            name, description=description, in_out="INPUT", socket_type=kind
+        )
         if name in _LIMITS:
             socket.min_value, socket.max_value = _LIMITS[name]
         socket.default_value = default
@@ -60,18 +85,26 @@ def _make_group() -> bpy.types.NodeTree:
 
 
 def _fill_group(tree: bpy.types.NodeTree) -> None:
-    """Marks a tree with the sockets as Blinn-Phong, with mix(transparent, diffuse + highlight + mirror + emission, alpha) inside.
+    """Marks a tree with the sockets as Blinn-Phong, with mix(transparent, diffuse + highlight +
+    mirror + emission, alpha) inside.
 
-    Other engines have no ambient light of its own: 0 · ambient is in the sum because Blender greys out sockets that lead nowhere.
+    Other engines have no ambient light of its own: 0 · ambient is in the sum because Blender greys
+    out sockets that lead nowhere.
     """
     tree[MARK] = BLINN_PHONG
     tree.nodes.clear()
     given = tree.nodes.new("NodeGroupInput").outputs
-    alpha_squared = _math(tree, "DIVIDE", 2.25, _math(tree, "ADD", given["Exponent"], 1.9), clamp=True)
+    alpha_squared = _math(
+        tree, "DIVIDE", 2.25, _math(tree, "ADD", given["Exponent"], 1.9), clamp=True
+    )
     roughness = _math(tree, "POWER", alpha_squared, 0.25)
     f0 = _scaled(tree, given["Specular"], _math(tree, "DIVIDE", alpha_squared, 0.26))
     parts = [
-        _closure(tree, "ShaderNodeBsdfDiffuse", Color=_plus_nothing(tree, given["Diffuse"], given["Ambient"])),
+        _closure(
+            tree,
+            "ShaderNodeBsdfDiffuse",
+            Color=_plus_nothing(tree, given["Diffuse"], given["Ambient"]),
+        ),
         _closure(tree, "ShaderNodeBsdfAnisotropic", Color=f0, Roughness=roughness),
         _closure(tree, "ShaderNodeBsdfAnisotropic", Color=given["Mirror"], Roughness=0.0),
         _closure(tree, "ShaderNodeEmission", Color=given["Emission"]),
@@ -94,7 +127,9 @@ def _set(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, value: object) 
         socket.default_value = value
 
 
-def _math(tree: bpy.types.NodeTree, operation: str, a: object, b: object, clamp: bool = False) -> bpy.types.NodeSocket:
+def _math(
+    tree: bpy.types.NodeTree, operation: str, a: object, b: object, clamp: bool = False
+) -> bpy.types.NodeSocket:
     node = tree.nodes.new("ShaderNodeMath")
     node.operation, node.use_clamp = operation, clamp
     _set(tree, node.inputs[0], a)
@@ -102,7 +137,9 @@ def _math(tree: bpy.types.NodeTree, operation: str, a: object, b: object, clamp:
     return node.outputs[0]
 
 
-def _scaled(tree: bpy.types.NodeTree, color: bpy.types.NodeSocket, factor: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+def _scaled(
+    tree: bpy.types.NodeTree, color: bpy.types.NodeSocket, factor: bpy.types.NodeSocket
+) -> bpy.types.NodeSocket:
     node = tree.nodes.new("ShaderNodeVectorMath")
     node.operation = "SCALE"
     _set(tree, node.inputs[0], color)
@@ -110,7 +147,9 @@ def _scaled(tree: bpy.types.NodeTree, color: bpy.types.NodeSocket, factor: bpy.t
     return node.outputs[0]
 
 
-def _plus_nothing(tree: bpy.types.NodeTree, color: bpy.types.NodeSocket, other: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+def _plus_nothing(
+    tree: bpy.types.NodeTree, color: bpy.types.NodeSocket, other: bpy.types.NodeSocket
+) -> bpy.types.NodeSocket:
     """0 · other + color"""
     node = tree.nodes.new("ShaderNodeVectorMath")
     node.operation = "MULTIPLY_ADD"

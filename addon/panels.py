@@ -1,8 +1,10 @@
-"""What the user sees: Blender's own panels where they fit, and ours for sampling, passes, lights, visibility and statistics.
+"""What the user sees: Blender's own panels where they fit, and ours for sampling, passes, lights,
+visibility and statistics.
 
-Blender marks the panels that any renderer needs (output, dimensions, camera, scene, view layers, colour management, …) with the engine
-BLENDER_RENDER; we join those, as Blender's own engine add-ons do, except the ones that we replace or that would change nothing. From
-Eevee we borrow the material slots, the node view of material and world, and the preview: they show data that Glint reads too.
+Blender marks the panels that any renderer needs (output, dimensions, camera, scene, view layers,
+colour management, …) with the engine BLENDER_RENDER; we join those, as Blender's own engine add-ons
+do, except the ones that we replace or that would change nothing. From Eevee we borrow the material
+slots, the node view of material and world, and the preview: they show data that Glint reads too.
 """
 
 from __future__ import annotations
@@ -192,12 +194,21 @@ class GLINT_RENDER_PT_statistics(_Panel, bpy.types.Panel):
 
     def draw(self, context):
         last = statistics.of_last_render(context.scene.name)
-        views = [note for note in statistics.of_views(context.scene.name) if not (last and note in last.notes)]
-        for title, notes in (("Warnings of the last render", last.notes if last else ()), ("Warnings of the 3D views", views)):
+        views = [
+            note
+            for note in statistics.of_views(context.scene.name)
+            if not (last and note in last.notes)
+        ]
+        for title, notes in (
+            ("Warnings of the last render", last.notes if last else ()),
+            ("Warnings of the 3D views", views),
+        ):
             if notes:
                 self.layout.label(text=title, icon="ERROR")
                 draw_text(self.layout.column(align=True), notes, context.region, "• ")
-        for title, lines in last.sections.items() if last else (("Nothing has been rendered yet", ()),):
+        for title, lines in (
+            last.sections.items() if last else (("Nothing has been rendered yet", ()),)
+        ):
             column = self.layout.column(align=True)
             column.label(text=title)
             draw_text(column, lines, context.region)
@@ -274,7 +285,9 @@ def _draw_color(column: bpy.types.UILayout, light: bpy.types.Light) -> None:
 
 
 def _draw_if_known(column: bpy.types.UILayout, owner: bpy.types.bpy_struct, name: str) -> None:
-    """A light's exposure and normalize came with Blender 4.5, a view layer's world_override with 4.3."""
+    """A light's exposure and normalize came with Blender 4.5, a view layer's world_override with
+    4.3.
+    """
     if hasattr(owner, name):
         column.prop(owner, name)
 
@@ -283,7 +296,10 @@ def _shape_of(light: bpy.types.Light) -> tuple[tuple[str, str], ...]:
     """(property, label) pairs that say how large the light is and where it shines."""
     if light.type == "AREA":
         one_size = light.shape in {"SQUARE", "DISK"}
-        return (("shape", "Shape"), *((("size", "Size"),) if one_size else (("size", "Size X"), ("size_y", "Y"))))
+        return (
+            ("shape", "Shape"),
+            *((("size", "Size"),) if one_size else (("size", "Size X"), ("size_y", "Y"))),
+        )
     radius = (("shadow_soft_size", "Radius"),)
     return {
         "POINT": (*radius, ("use_soft_falloff", "Soft Falloff")),

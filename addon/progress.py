@@ -11,17 +11,31 @@ from .. import engine
 from .viewport.status import error_of, error_text
 
 _PAUSE = 0.5
-"""Seconds between two texts: Blender draws its window for each, which takes processors from the render."""
+"""Seconds between two texts: Blender draws its window for each, which takes processors from the
+render.
+"""
 _LEAD, _PACE = 0.05, 5.0
-"""While nobody knows how much is left, the bar creeps towards this share, and has gone half of it after so many seconds."""
+"""While nobody knows how much is left, the bar creeps towards this share, and has gone half of it
+after so many seconds.
+"""
 _TRUSTED = 0.5
-"""Seconds of a wave after which its own speed tells what remains: later waves skip what has converged."""
+"""Seconds of a wave after which its own speed tells what remains: later waves skip what has
+converged.
+"""
 
 
 class Progress:
-    """Tells of one render. tells: also in words, which a program without windows would print line by line."""
+    """Tells of one render. tells: also in words, which a program without windows would print line
+    by line.
+    """
 
-    def __init__(self, render_engine: Any, about: str, tells: bool, clock: Callable[[], float] = time.perf_counter) -> None:
+    def __init__(
+        self,
+        render_engine: Any,
+        about: str,
+        tells: bool,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
         self._engine, self._about, self._tells, self._clock = render_engine, about, tells, clock
         self._start = clock()
         self._told_at = -1e9
@@ -56,7 +70,8 @@ class Progress:
         parts = [f"Sample {min(samples, int(fraction * samples))}/{samples}"]
         if self._error is not None:
             parts.append(f"Error {error_text(self._error)}")
-        if self._error is not None or settings.error_threshold == 0:  # else nobody knows what the threshold will save
+        # else nobody knows what the threshold will save
+        if self._error is not None or settings.error_threshold == 0:
             parts.extend(_time(self._remaining(fraction, now)))
         self._say(now, " | ".join(parts))
 
@@ -67,7 +82,9 @@ class Progress:
         self._wave, self._error = (now, fraction), error_of(film)
 
     def _remaining(self, fraction: float, now: float) -> float:
-        """Seconds at the speed of this wave, or of the one before while this is young; infinite without any."""
+        """Seconds at the speed of this wave, or of the one before while this is young; infinite
+        without any.
+        """
         own = self._speed_of_wave(fraction, now)
         speed = own if now - self._wave[0] > _TRUSTED or not self._speed else self._speed
         return (1.0 - fraction) / speed if speed > 0 else math.inf
@@ -88,4 +105,8 @@ class Progress:
 
 
 def _time(seconds: float) -> list[str]:
-    return [f"Remaining {int(seconds) // 60:02d}:{int(seconds) % 60:02d}"] if seconds < math.inf else []
+    return (
+        [f"Remaining {int(seconds) // 60:02d}:{int(seconds) % 60:02d}"]
+        if seconds < math.inf
+        else []
+    )

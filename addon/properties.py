@@ -1,7 +1,8 @@
 """The settings that a .blend file keeps, and how they become `engine.Settings`.
 
-`scene.glint.final` and `scene.glint.viewport` are two of one group, so every setting exists once as a definition.
-Blender reads the annotations as they are, so this module must not make them strings (`from __future__ import annotations`).
+`scene.glint.final` and `scene.glint.viewport` are two of one group, so every setting exists once as
+a definition. Blender reads the annotations as they are, so this module must not make them strings
+(`from __future__ import annotations`).
 """
 
 from collections.abc import Iterable
@@ -14,27 +15,48 @@ from .. import engine
 from ..engine.settings import OFFERED
 
 _ILLUMINATION_ITEMS = (
-    ("PHYSICAL", "Physical", "Watts, inverse square and 1/π as in Cycles: a diffuse surface gets the same value in both"),
-    ("CLASSIC", "Classic", "The textbook formula as it stands: the strength is the intensity, and light does not fall off with distance"),
+    (
+        "PHYSICAL",
+        "Physical",
+        "Watts, inverse square and 1/π as in Cycles: a diffuse surface gets the same value in both",
+    ),
+    (
+        "CLASSIC",
+        "Classic",
+        "The textbook formula as it stands: the strength is the intensity, and light does not fall "
+        "off with distance",
+    ),
 )
 _BACKEND_ITEMS = (
     (
         "NATIVE",
         "Native",
-        "For every render: the compiled core, on all cores of the CPU. Where it cannot be loaded, Python takes over with a message",
+        "For every render: the compiled core, on all cores of the CPU. Where it cannot be loaded, "
+        "Python takes over with a message",
     ),
-    ("NUMPY", "Python (reference)", "To check a picture against double precision: the same to float precision, tens of times slower"),
+    (
+        "NUMPY",
+        "Python (reference)",
+        "To check a picture against double precision: the same to float precision, tens of times "
+        "slower",
+    ),
 )
 
 
 _ACCELERATION_ITEMS = (
     ("AUTO", "Automatic", "For nearly everything: fast in the viewport, balanced in final renders"),
-    ("FAST", "Fast", "For quick looks at large scenes: the first ray comes in half the time, the rays are somewhat slower"),
+    (
+        "FAST",
+        "Fast",
+        "For quick looks at large scenes: the first ray comes in half the time, the rays are "
+        "somewhat slower",
+    ),
     ("BALANCED", "Balanced", "For most renders: the least time for sorting and tracing together"),
     (
         "FINE",
         "Fine",
-        "For long renders of rooms with large, long triangles: sorting takes several times as long, rays are faster. Curved meshes "
+        "For long renders of rooms with large, long triangles: sorting takes several times as "
+        "long, rays are faster. Curved meshes "
         "gain nothing",
     ),
 )
@@ -45,18 +67,23 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
 
     samples: IntProperty(
         name="Samples",
-        description="Most samples of a pixel; more make edges and soft shadows smoother and take longer in proportion. Choose 4 to 16 for "
-        "a look, 64 for most pictures, 256 for fine textures and large soft shadows. There is no noise at any number; powers of two "
+        description="Most samples of a pixel; more make edges and soft shadows smoother and take "
+        "longer in proportion. Choose 4 to 16 for "
+        "a look, 64 for most pictures, 256 for fine textures and large soft shadows. There is no "
+        "noise at any number; powers of two "
         "are placed best",
         default=OFFERED.samples,
         min=1,
         soft_max=256,
-        max=1 << 24,  # Blender cuts what is above in silence: this is more than the engine takes, and it says so
+        # Blender cuts what is above in silence: this is more than the engine takes, and it says so
+        max=1 << 24,
     )
     error_threshold: FloatProperty(
         name="Threshold",
-        description="A pixel takes no more samples once its estimated error is at most this many of the 256 levels of a display. Choose 4 "
-        "for most pictures, 1 to 2 where dark gradients will be brightened later, 0 to give all samples to all pixels",
+        description="A pixel takes no more samples once its estimated error is at most this many "
+        "of the 256 levels of a display. Choose 4 "
+        "for most pictures, 1 to 2 where dark gradients will be brightened later, 0 to give all "
+        "samples to all pixels",
         default=OFFERED.error_threshold,
         min=0.0,
         soft_max=16.0,
@@ -65,8 +92,10 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
     )
     light_samples: IntProperty(
         name="Light Samples",
-        description="Points on each soft light per pixel sample; shadow time grows in proportion. Both numbers multiply, so choose 2 for "
-        "most pictures, 4 to 8 with few samples and large lights. 1 makes hard shadows from the light's centre",
+        description="Points on each soft light per pixel sample; shadow time grows in proportion. "
+        "Both numbers multiply, so choose 2 for "
+        "most pictures, 4 to 8 with few samples and large lights. 1 makes hard shadows from the "
+        "light's centre",
         default=OFFERED.light_samples,
         min=1,
         soft_max=64,
@@ -74,7 +103,8 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
     )
     max_bounces: IntProperty(
         name="Bounces",
-        description="Depth of mirror and refraction rays; costs nothing without mirrors or glass. Choose 4 for mirrors, 8 and more where "
+        description="Depth of mirror and refraction rays; costs nothing without mirrors or glass. "
+        "Choose 4 for mirrors, 8 and more where "
         "glass stands behind glass, 0 for no reflections",
         default=OFFERED.max_bounces,
         min=0,
@@ -82,24 +112,34 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
     )
     cutoff: FloatProperty(
         name="Ray Cutoff",
-        description="Mirror and refraction rays that would add less than this share to the pixel are not traced. Choose 0 for all of them, "
-        "0.01 to save time in glass with many bounces: the faint reflection of a very bright lamp may be lost",
+        description="Mirror and refraction rays that would add less than this share to the pixel "
+        "are not traced. Choose 0 for all of them, "
+        "0.01 to save time in glass with many bounces: the faint reflection of a very bright lamp "
+        "may be lost",
         default=OFFERED.cutoff,
         min=0.0,
         soft_max=0.1,
         max=1.0,
         precision=3,
     )
-    illumination: EnumProperty(name="Illumination", description="What a light's strength means", items=_ILLUMINATION_ITEMS)
-    backend: EnumProperty(name="Tracer", description="Which of the two tracers draws the picture", items=_BACKEND_ITEMS)
+    illumination: EnumProperty(
+        name="Illumination", description="What a light's strength means", items=_ILLUMINATION_ITEMS
+    )
+    backend: EnumProperty(
+        name="Tracer",
+        description="Which of the two tracers draws the picture",
+        items=_BACKEND_ITEMS,
+    )
     acceleration: EnumProperty(
         name="Acceleration",
-        description="How long the core may sort the scene before the first ray. The picture is the same, bit for bit, with any",
+        description="How long the core may sort the scene before the first ray. The picture is the "
+        "same, bit for bit, with any",
         items=_ACCELERATION_ITEMS,
     )
     threads: IntProperty(
         name="Threads",
-        description="Threads of the native core; 0 takes Blender's own setting, which is all cores unless fixed. "
+        description="Threads of the native core; 0 takes Blender's own setting, which is all cores "
+        "unless fixed. "
         "The picture is the same, bit for bit, with any number",
         default=0,
         min=0,
@@ -109,8 +149,18 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
 
 _TARGET_ITEMS = (
     ("NONE", "Off", "Samples, threshold and light samples are those below"),
-    ("LEVELS", "Visible Error", "For pictures to look at: the error on the display that all but one of a thousand pixels stay within"),
-    ("RMSE", "Mean Error", "For pictures to calculate with: the root mean square error of linear colour, in percent of the picture's"),
+    (
+        "LEVELS",
+        "Visible Error",
+        "For pictures to look at: the error on the display that all but one of a thousand pixels "
+        "stay within",
+    ),
+    (
+        "RMSE",
+        "Mean Error",
+        "For pictures to calculate with: the root mean square error of linear colour, in percent "
+        "of the picture's",
+    ),
 )
 
 
@@ -119,13 +169,16 @@ class GlintSceneSettings(bpy.types.PropertyGroup):
 
     target: EnumProperty(
         name="Quality Target",
-        description="Say how wrong the picture may be instead of how it is sampled: a short look at parts of the frame finds the samples, "
-        "threshold and light samples that reach it with the fewest rays. The statistics say what was reached",
+        description="Say how wrong the picture may be instead of how it is sampled: a short look "
+        "at parts of the frame finds the samples, "
+        "threshold and light samples that reach it with the fewest rays. The statistics say what "
+        "was reached",
         items=_TARGET_ITEMS,
     )
     target_levels: FloatProperty(
         name="Levels",
-        description="Largest visible error that is good enough, of the 256 levels of a display. Choose 1 for what cannot be told apart, 4 "
+        description="Largest visible error that is good enough, of the 256 levels of a display. "
+        "Choose 1 for what cannot be told apart, 4 "
         "for what hardly can, 16 for a look",
         default=4.0,
         min=0.1,
@@ -135,7 +188,8 @@ class GlintSceneSettings(bpy.types.PropertyGroup):
     )
     target_rmse: FloatProperty(
         name="Error",
-        description="Root mean square error that is good enough. Choose 1 % for most pictures, 0.1 % for comparisons",
+        description="Root mean square error that is good enough. Choose 1 % for most pictures, 0.1 "
+        "% for comparisons",
         default=1.0,
         min=0.001,
         soft_max=10.0,
@@ -164,7 +218,9 @@ def _part(name: str, description: str) -> BoolProperty:
 
 
 class GlintViewLayerSettings(bpy.types.PropertyGroup):
-    """`view_layer.glint`: the parts of the picture, which with Emission and Environment sum to Combined."""
+    """`view_layer.glint`: the parts of the picture, which with Emission and Environment sum to
+    Combined.
+    """
 
     use_pass_diffuse: _part("Diffuse", "Lambert reflection of the lights, before shadows")
     use_pass_specular: _part("Specular", "Highlights of the lights, before shadows")
@@ -173,15 +229,26 @@ class GlintViewLayerSettings(bpy.types.PropertyGroup):
     use_pass_mirror: _part("Mirror", "All that mirror reflection and refraction bring")
     use_pass_error: _part(
         "Error",
-        "Estimated error in 8-bit levels, to see where more samples would help: most pixels are off by less, few by more than twice as "
+        "Estimated error in 8-bit levels, to see where more samples would help: most pixels are "
+        "off by less, few by more than twice as "
         "much",
     )
-    use_pass_samples: _part("Samples", "Samples that the pixel took, fewer where the error threshold stopped it")
+    use_pass_samples: _part(
+        "Samples", "Samples that the pixel took, fewer where the error threshold stopped it"
+    )
     use_pass_cost: _part("Cost", "Rays traced for the pixel, of all kinds")
-    use_pass_grazing: _part("Grazing", "Cosine between the view and the surface: small where it is seen edge on")
-    use_pass_gap: _part("Gap", "Distance from the first surface to the next behind it: tiny where surfaces lie in one place")
+    use_pass_grazing: _part(
+        "Grazing", "Cosine between the view and the surface: small where it is seen edge on"
+    )
+    use_pass_gap: _part(
+        "Gap",
+        "Distance from the first surface to the next behind it: tiny where surfaces lie in one "
+        "place",
+    )
     use_pass_fallbacks: _part(
-        "Fallbacks", "How often single precision could not decide about a triangle and double precision did: many at edges and far away"
+        "Fallbacks",
+        "How often single precision could not decide about a triangle and double precision did: "
+        "many at edges and far away",
     )
 
 
@@ -193,7 +260,8 @@ def settings_from(
 ) -> engine.Settings:
     """The engine's settings; pixel filter and fixed thread count are Blender's own.
 
-    passes: names from `engine.PASSES`.  region: (x0, y0, x1, y1) in pixels of the full frame, or None for all of it.
+    passes: names from `engine.PASSES`.  region: (x0, y0, x1, y1) in pixels of the full frame, or
+    None for all of it.
     """
     fixed_threads = scene.render.threads if scene.render.threads_mode == "FIXED" else 0
     return engine.Settings(
@@ -215,14 +283,17 @@ def settings_from(
 def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str]:
     """The settings of Rendered shading with a tracer that can run here, and the pass that it shows.
 
-    How finely to sample is the viewport's own; what a picture means and who draws it is the final render's.
+    How finely to sample is the viewport's own; what a picture means and who draws it is the final
+    render's.
     """
     settings = settings_from(scene.glint.viewport, scene, (scene.glint.viewport_pass,))
     final = settings_from(scene.glint.final, scene)
     backend = final.backend if final.backend in engine.available_backends() else "NUMPY"
     shared = {name: getattr(final, name) for name in ("illumination", "threads", "filter_width")}
     acceleration = "FAST" if final.acceleration == "AUTO" else final.acceleration
-    return replace(settings, backend=backend, acceleration=acceleration, **shared), scene.glint.viewport_pass
+    return replace(
+        settings, backend=backend, acceleration=acceleration, **shared
+    ), scene.glint.viewport_pass
 
 
 _CLASSES = (GlintRenderSettings, GlintSceneSettings, GlintViewLayerSettings)

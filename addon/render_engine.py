@@ -1,7 +1,8 @@
-"""The class that Blender calls. Every method delegates; none lets an exception out, Ctrl-C (KeyboardInterrupt) included.
+"""The class that Blender calls. Every method delegates; none lets an exception out, Ctrl-C
+(KeyboardInterrupt) included.
 
-Blender saves a blank picture with exit code 0, or crashes, when an exception leaves `render()`; `report({"ERROR"})` alone makes it
-write nothing and fail.
+Blender saves a blank picture with exit code 0, or crashes, when an exception leaves `render()`;
+`report({"ERROR"})` alone makes it write nothing and fail.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ class GlintRenderEngine(bpy.types.RenderEngine):
     _session: viewport.Session | None = None
 
     def update(self, data: bpy.types.BlendData, depsgraph: bpy.types.Depsgraph) -> None:
-        """Read everything here: Blender locks its data around `update()` only. An error waits for `render()`, which can report it."""
+        """Read everything here: Blender locks its data around `update()` only. An error waits for
+        `render()`, which can report it.
+        """
         try:
             self._job = final.prepare(self, depsgraph)
         except BaseException as error:  # noqa: BLE001 (nothing may leave; render() reports it)
@@ -42,7 +45,8 @@ class GlintRenderEngine(bpy.types.RenderEngine):
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Draw one view layer."""
         with interrupts_held() as is_interrupted:
-            job, self._job = self._job or KeyboardInterrupt(), None  # nothing but an interrupt keeps update() from leaving something
+            # nothing but an interrupt keeps update() from leaving something
+            job, self._job = self._job or KeyboardInterrupt(), None
             try:
                 if isinstance(job, BaseException):
                     raise job
@@ -55,7 +59,9 @@ class GlintRenderEngine(bpy.types.RenderEngine):
                 log.exception("the render failed")
                 self.report({"ERROR"}, _message(error))
 
-    def update_render_passes(self, scene: bpy.types.Scene, renderlayer: bpy.types.ViewLayer) -> None:
+    def update_render_passes(
+        self, scene: bpy.types.Scene, renderlayer: bpy.types.ViewLayer
+    ) -> None:
         result.register_passes(self, scene, renderlayer)
 
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
@@ -63,11 +69,14 @@ class GlintRenderEngine(bpy.types.RenderEngine):
         self._in_view(lambda session: session.update(context, depsgraph))
 
     def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Blender wants the region drawn, and waits a little for a picture that is all but there."""
+        """Blender wants the region drawn, and waits a little for a picture that is all but
+        there.
+        """
         self._in_view(lambda session: session.draw(self, context, depsgraph))
 
     def __del__(self) -> None:
-        session = object.__getattribute__(self, "_session")  # Blender's own raises ReferenceError once its half of the engine is gone
+        # Blender's own raises ReferenceError once its half of the engine is gone
+        session = object.__getattribute__(self, "_session")
         if session is not None:
             session.close()
 
@@ -88,7 +97,9 @@ def _message(error: BaseException) -> str:
     if isinstance(error, RuntimeError) and text == "can't start new thread":
         text, error = engine.NO_THREAD, MemoryError()
     if isinstance(error, MemoryError):
-        remedy = "" if ": " in text else "; use fewer triangles, smaller images or a smaller picture"
+        remedy = (
+            "" if ": " in text else "; use fewer triangles, smaller images or a smaller picture"
+        )
         return f"Glint ran out of memory: {text}{remedy}"
     return f"Glint failed ({type(error).__name__}): {text}. The traceback is in the log"
 

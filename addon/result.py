@@ -1,4 +1,6 @@
-"""Film → Blender's render result: which passes a view layer asks for, what Blender calls them, and how they are filled."""
+"""Film → Blender's render result: which passes a view layer asks for, what Blender calls them, and
+how they are filled.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +21,26 @@ BLENDER_SWITCHES = {
 }
 """Passes that Blender's own view layer properties switch on."""
 
-PART_SWITCHES = {name: f"use_pass_{name.lower()}" for name in ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror")}
+PART_SWITCHES = {
+    name: f"use_pass_{name.lower()}"
+    for name in ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror")
+}
 """Parts of the picture that `view_layer.glint` switches on."""
 
-HEALTH_SWITCHES = {name: f"use_pass_{name.lower()}" for name in ("Error", "Samples", "Cost", "Grazing", "Gap", "Fallbacks")}
+HEALTH_SWITCHES = {
+    name: f"use_pass_{name.lower()}"
+    for name in ("Error", "Samples", "Cost", "Grazing", "Gap", "Fallbacks")
+}
 """Passes about the render itself that `view_layer.glint` switches on."""
 
 GLINT_SWITCHES = PART_SWITCHES | HEALTH_SWITCHES
 
-_NAMES_BEFORE_5_0 = {"Object Index": "IndexOB", "Material Index": "IndexMA", "Emission": "Emit", "Environment": "Env"}
+_NAMES_BEFORE_5_0 = {
+    "Object Index": "IndexOB",
+    "Material Index": "IndexMA",
+    "Emission": "Emit",
+    "Environment": "Env",
+}
 _CHANNELS = {
     "Combined": "RGBA",
     "Depth": "Z",
@@ -38,7 +51,14 @@ _CHANNELS = {
     "Material Index": "X",
     **dict.fromkeys(HEALTH_SWITCHES, "X"),
 }
-_KINDS = {"Z": "VALUE", "X": "VALUE", "XYZ": "VECTOR", "UVA": "VECTOR", "RGB": "COLOR", "RGBA": "COLOR"}
+_KINDS = {
+    "Z": "VALUE",
+    "X": "VALUE",
+    "XYZ": "VECTOR",
+    "UVA": "VECTOR",
+    "RGB": "COLOR",
+    "RGBA": "COLOR",
+}
 
 
 def wanted_passes(view_layer: bpy.types.ViewLayer) -> frozenset[str]:
@@ -53,22 +73,29 @@ def blender_name(name: str) -> str:
     return name if bpy.app.version >= (5, 0, 0) else _NAMES_BEFORE_5_0.get(name, name)
 
 
-def register_passes(render_engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
+def register_passes(
+    render_engine: bpy.types.RenderEngine, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer
+) -> None:
     """Tell Blender which passes this view layer will get, in the order of `engine.PASSES`."""
     wanted = wanted_passes(view_layer)
     for name, count in engine.PASSES.items():
         if name in wanted:
             channels = _CHANNELS.get(name, "RGB")
-            render_engine.register_pass(scene, view_layer, blender_name(name), count, channels, _KINDS[channels])
+            render_engine.register_pass(
+                scene, view_layer, blender_name(name), count, channels, _KINDS[channels]
+            )
 
 
 class Picture:
-    """The render result of one view layer; Blender's part begins with the first film, so that an error before it leaves nothing.
+    """The render result of one view layer; Blender's part begins with the first film, so that an
+    error before it leaves nothing.
 
     size: (width, height) of the result, that is of the border if there is one.
     """
 
-    def __init__(self, render_engine: bpy.types.RenderEngine, layer: str, size: tuple[int, int]) -> None:
+    def __init__(
+        self, render_engine: bpy.types.RenderEngine, layer: str, size: tuple[int, int]
+    ) -> None:
         self._engine = render_engine
         self._layer = layer
         self._size = size
@@ -88,7 +115,9 @@ class Picture:
             self._end(cancel=False)
 
     def _finish_unseen(self, film: engine.Film) -> None:
-        """Straight into the whole result, for which the end of any part of it makes room: a part of its size would be copied once more."""
+        """Straight into the whole result, for which the end of any part of it makes room: a part of
+        its size would be copied once more.
+        """
         self._result = self._engine.begin_result(0, 0, 1, 1, layer=self._layer)
         self._end(cancel=False)
         _fill_passes(self._engine.get_result().layers[self._layer].passes, film, tuple(film.passes))
@@ -115,8 +144,13 @@ class Picture:
 
 
 def _fill_passes(passes: bpy.types.RenderPasses, film: engine.Film, names: tuple[str, ...]) -> None:
-    """Of every view, as all of them are the camera's own; passes that Blender has not are left out."""
-    numbers = {blender_name(name): np.ascontiguousarray(film.passes[name], dtype=np.float32).ravel() for name in names}
+    """Of every view, as all of them are the camera's own; passes that Blender has not are left
+    out.
+    """
+    numbers = {
+        blender_name(name): np.ascontiguousarray(film.passes[name], dtype=np.float32).ravel()
+        for name in names
+    }
     for target in passes:
         if target.name in numbers:
             target.rect.foreach_set(numbers[target.name])

@@ -1,4 +1,6 @@
-"""What a scene holds that its picture does not need, and that was therefore not read: for the statistics."""
+"""What a scene holds that its picture does not need, and that was therefore not read: for the
+statistics.
+"""
 
 from __future__ import annotations
 
@@ -17,17 +19,30 @@ SHOWN = 4
 
 
 def skipped_things(depsgraph: bpy.types.Depsgraph, scene: engine.Scene) -> dict[str, str]:
-    """Kind → names of what nothing reads, each with how often. About 2 µs for each object and mesh of the scene.
+    """Kind → names of what nothing reads, each with how often. About 2 µs for each object and mesh
+    of the scene.
 
-    Names are compared over the whole scene: a map that one of two meshes is read by counts as skipped once.
+    Names are compared over the whole scene: a map that one of two meshes is read by counts as
+    skipped once.
     """
-    offered: dict[str, Counter] = {"UV maps": Counter(), "colour attributes": Counter(), "images": Counter(), "materials": Counter()}
-    reads_active = any(a.name.endswith(ACTIVE_COLOR) for g in scene.geometries for a in getattr(g, "attributes", ()))
+    offered: dict[str, Counter] = {
+        "UV maps": Counter(),
+        "colour attributes": Counter(),
+        "images": Counter(),
+        "materials": Counter(),
+    }
+    reads_active = any(
+        a.name.endswith(ACTIVE_COLOR)
+        for g in scene.geometries
+        for a in getattr(g, "attributes", ())
+    )
     for block in depsgraph.ids:
         if isinstance(block, bpy.types.Mesh):
             offered["UV maps"].update(block.uv_layers.keys())
             active = block.color_attributes.render_color_index if reads_active else -1
-            offered["colour attributes"].update(name for k, name in enumerate(block.color_attributes.keys()) if k != active)
+            offered["colour attributes"].update(
+                name for k, name in enumerate(block.color_attributes.keys()) if k != active
+            )
         elif isinstance(block, bpy.types.Image):
             offered["images"][block.name] += 1
         elif isinstance(block, bpy.types.Material):
@@ -40,10 +55,16 @@ def skipped_things(depsgraph: bpy.types.Depsgraph, scene: engine.Scene) -> dict[
 
 def _read(scene: engine.Scene) -> dict[str, Counter]:
     """Kind → names that the exported scene holds."""
-    attributes = [attribute for geometry in scene.geometries for attribute in getattr(geometry, "attributes", ())]
+    attributes = [
+        attribute
+        for geometry in scene.geometries
+        for attribute in getattr(geometry, "attributes", ())
+    ]
     return {
         "UV maps": Counter(a.name for a in attributes if a.values.shape[1] == 2),
-        "colour attributes": Counter(a.name.removeprefix(GREY) for a in attributes if a.values.shape[1] == 4),
+        "colour attributes": Counter(
+            a.name.removeprefix(GREY) for a in attributes if a.values.shape[1] == 4
+        ),
         "images": Counter({texture.name for texture in scene.textures}),
         "materials": Counter({material.name for material in scene.materials}),
     }

@@ -1,4 +1,6 @@
-"""True spheres: meshes with a mark, which other engines and the other shadings of the viewport show as the meshes that they are."""
+"""True spheres: meshes with a mark, which other engines and the other shadings of the viewport show
+as the meshes that they are.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,9 @@ from .export.shapes import SPHERE_MARK, mark_sphere
 
 
 class GLINT_OT_add_sphere(bpy.types.Operator):
-    """Add a fine, smooth UV sphere that Glint renders as a true sphere, without facets at any distance"""
+    """Add a fine, smooth UV sphere that Glint renders as a true sphere, without facets at any
+    distance
+    """
 
     bl_idname = "mesh.glint_add_sphere"
     bl_label = "True Sphere"
@@ -55,7 +59,8 @@ def register() -> None:
     # Kept as an attribute of the mesh, which modifiers, copies and other files keep as well.
     bpy.types.Mesh.glint_sphere = bpy.props.BoolProperty(
         name="True Sphere",
-        description="Glint renders the sphere round this mesh, whose vertices must lie on it; other engines show the mesh",
+        description="Glint renders the sphere round this mesh, whose vertices must lie on it; "
+        "other engines show the mesh",
         get=lambda mesh: SPHERE_MARK in mesh.attributes,
         set=mark_sphere,
     )

@@ -1,4 +1,5 @@
-"""The stamp: what a picture was made of, in the file's metadata, so that anyone can make it again and compare the bits.
+"""The stamp: what a picture was made of, in the file's metadata, so that anyone can make it again
+and compare the bits.
 
 Fields stand in the file as `glint.<view layer>.<field>`.
 """
@@ -16,7 +17,9 @@ from .. import engine
 from ..engine.fingerprint import picture_fingerprint, settings_text, tracer_text, value_fingerprint
 
 FIELDS = ("pixels", "settings", "geometry", "tracer", "frame")
-"""pixels: `picture_fingerprint`.  settings: JSON.  geometry: hash of the exported scene.  tracer: which one, and its version."""
+"""pixels: `picture_fingerprint`.  settings: JSON.  geometry: hash of the exported scene.  tracer:
+which one, and its version.
+"""
 
 
 @functools.cache
@@ -27,11 +30,13 @@ def manifest() -> dict[str, Any]:
 
 
 class Stamping:
-    """A stamp in the making. Its hashes are worked out on threads of their own: that of the scene while it is traced, that of the picture
-    while Blender takes it over."""
+    """A stamp in the making. Its hashes are worked out on threads of their own: that of the scene
+    while it is traced, that of the picture while Blender takes it over.
+    """
 
     def __init__(self, scene: engine.Scene) -> None:
-        self._threads = ThreadPoolExecutor(1 + min(os.cpu_count() or 1, 8))  # one waits for the others
+        # one waits for the others
+        self._threads = ThreadPoolExecutor(1 + min(os.cpu_count() or 1, 8))
         self._geometry = self._threads.submit(value_fingerprint, scene)
         self._pixels: Future[str] | None = None
 

@@ -1,4 +1,6 @@
-"""What a render took and what its scene required, as text: for the log, the files' metadata, the panel and the command line."""
+"""What a render took and what its scene required, as text: for the log, the files' metadata, the
+panel and the command line.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 STAGES = ("sync", "build", "trace", "write")
-"""sync: Blender → scene; build: acceleration structures; trace: rays and shading; write: film → Blender's passes (→ files)."""
+"""sync: Blender → scene; build: acceleration structures; trace: rays and shading; write: film →
+Blender's passes (→ files).
+"""
 
 _COUNTS = ("meshes", "instances", "triangles", "lights", "materials", "textures")
 _FEATURE = "feature: "
@@ -18,9 +22,11 @@ _views: dict[str, tuple[str, ...]] = {}
 
 @dataclass
 class Statistics:
-    """samples, backend: of the film.  seconds: stage → seconds, and "engine": all that the engine took, with its checks.
-    exported, traced: `Export.stats` and `Film.stats`.  stamp: field → text, of `stamp.Stamping`.  skipped: kind → names of what nothing
-    reads.  notes: what was dropped or changed, and why.  target: what was asked for, chosen, predicted and reached, if anything was."""
+    """samples, backend: of the film.  seconds: stage → seconds, and "engine": all that the engine
+    took, with its checks. exported, traced: `Export.stats` and `Film.stats`.  stamp: field → text,
+    of `stamp.Stamping`.  skipped: kind → names of what nothing reads.  notes: what was dropped or
+    changed, and why.  target: what was asked for, chosen, predicted and reached, if anything was.
+    """
 
     samples: int
     backend: str
@@ -40,7 +46,9 @@ class Statistics:
     def scene_line(self) -> str:
         """What was exported, which features the scene made the tracer use, and what came of it."""
         counts = [_count(self.exported[name], name) for name in _COUNTS if self.exported.get(name)]
-        features = [name.removeprefix(_FEATURE) for name in self.traced if name.startswith(_FEATURE)]
+        features = [
+            name.removeprefix(_FEATURE) for name in self.traced if name.startswith(_FEATURE)
+        ]
         parts = [
             *counts,
             f"features: {' + '.join(features) or 'none'}",
@@ -48,7 +56,9 @@ class Statistics:
             _count(self.samples, "samples") + " per pixel",
         ]
         rays = self.traced.get("rays")
-        return ", ".join([*parts, *([_count(rays, "rays")] if rays else []), f"traced by {self.backend}"])
+        return ", ".join(
+            [*parts, *([_count(rays, "rays")] if rays else []), f"traced by {self.backend}"]
+        )
 
     @property
     def skipped_line(self) -> str:
@@ -63,7 +73,11 @@ class Statistics:
             "Target error": re.split(r"[;:,] ", self.target) if self.target else [],
             "Required": self.scene_line.split(", "),
             "Not needed, not read": [f"{kind}: {names}" for kind, names in self.skipped.items()],
-            "Stamp": [f"{name}: {text[:24]}" for name, text in self.stamp.items() if name in ("pixels", "geometry", "tracer")],
+            "Stamp": [
+                f"{name}: {text[:24]}"
+                for name, text in self.stamp.items()
+                if name in ("pixels", "geometry", "tracer")
+            ],
         }
         return {title: lines for title, lines in sections.items() if lines}
 

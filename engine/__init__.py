@@ -1,4 +1,6 @@
-"""Glint's engine: `render(scene, settings) -> Film`, and rays without a picture: `Accelerator`. Knows nothing of Blender."""
+"""Glint's engine: `render(scene, settings) -> Film`, and rays without a picture: `Accelerator`.
+Knows nothing of Blender.
+"""
 
 from __future__ import annotations
 
@@ -44,8 +46,9 @@ __all__ = [
 ]
 
 np.eye(2) @ np.eye(2)
-"""OpenBLAS, which multiplies NumPy's matrices, takes 32 MB at its first product and keeps them. Asked when memory is short it spins for
-ever instead of failing, so it is asked here."""
+"""OpenBLAS, which multiplies NumPy's matrices, takes 32 MB at its first product and keeps them.
+Asked when memory is short it spins for ever instead of failing, so it is asked here.
+"""
 
 
 def __getattr__(name: str) -> Any:
@@ -58,7 +61,9 @@ def __getattr__(name: str) -> Any:
 
 
 def available_backends() -> tuple[str, ...]:
-    """The tracers that can run here, best first: NATIVE when the core's library loads, NUMPY always."""
+    """The tracers that can run here, best first: NATIVE when the core's library loads, NUMPY
+    always.
+    """
     return ("NATIVE", "NUMPY") if native_error() is None else ("NUMPY",)
 
 
@@ -79,12 +84,15 @@ def render(
 ) -> Film:
     """Draw `scene`.
 
-    should_stop: asked at least every 50 ms on the calling thread; True ends the render with `Film.complete` False.
-    on_progress: told the finished fraction, 0 to 1.  on_wave: given a complete picture after 1, 2, 4, 8 … samples.
-    Raises SceneError for a scene or settings that are not sound, MemoryError when memory cannot be had.
+    should_stop: asked at least every 50 ms on the calling thread; True ends the render with
+    `Film.complete` False. on_progress: told the finished fraction, 0 to 1.  on_wave: given a
+    complete picture after 1, 2, 4, 8 … samples. Raises SceneError for a scene or settings that are
+    not sound, MemoryError when memory cannot be had.
     """
     settings = settings or Settings()
-    problems = settings.problems() + scene.problems() or _beyond_the_frame(settings.region, scene.camera.resolution)
+    problems = settings.problems() + scene.problems() or _beyond_the_frame(
+        settings.region, scene.camera.resolution
+    )
     if problems:
         raise SceneError("\n".join(problems))
     if settings.backend == "NATIVE":
@@ -94,6 +102,12 @@ def render(
     return tracer(scene, settings, should_stop, on_progress, on_wave)
 
 
-def _beyond_the_frame(region: tuple[int, int, int, int] | None, resolution: tuple[int, int]) -> list[str]:
+def _beyond_the_frame(
+    region: tuple[int, int, int, int] | None, resolution: tuple[int, int]
+) -> list[str]:
     beyond = region is not None and (region[2] > resolution[0] or region[3] > resolution[1])
-    return [f"region {region} reaches beyond the frame of {resolution[0]} by {resolution[1]} pixels"] if beyond else []
+    return (
+        [f"region {region} reaches beyond the frame of {resolution[0]} by {resolution[1]} pixels"]
+        if beyond
+        else []
+    )

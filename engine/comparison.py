@@ -20,8 +20,10 @@ _VISIBLE = 0.01
 
 @dataclass(frozen=True)
 class Difference:
-    """rmse, off: of what a screen shows, 0 to 1; off is the share of pixels of which some channel is more than 1 % off.
-    relative_rmse: of linear colour.  flip_mean, flip_p99: LDR-FLIP.  mean, reference_mean: of linear colour."""
+    """rmse, off: of what a screen shows, 0 to 1; off is the share of pixels of which some channel
+    is more than 1 % off. relative_rmse: of linear colour.  flip_mean, flip_p99: LDR-FLIP.  mean,
+    reference_mean: of linear colour.
+    """
 
     rmse: float
     off: float
@@ -54,19 +56,31 @@ def difference_picture(a: Array, b: Array) -> Array:
 
 
 def draw_strip(
-    pictures: Sequence[Array | None], lines: Sequence[str], size: tuple[int, int], color: plot.Color = _WHITE, gap: int = 4
+    pictures: Sequence[Array | None],
+    lines: Sequence[str],
+    size: tuple[int, int],
+    color: plot.Color = _WHITE,
+    gap: int = 4,
 ) -> Array:
     """Pictures beside each other under lines of text, (h, w, 3), row 0 on top.
 
-    pictures: of what a screen shows, row 0 at the bottom, no larger than `size` (width, height); None leaves the place empty.
+    pictures: of what a screen shows, row 0 at the bottom, no larger than `size` (width, height);
+    None leaves the place empty.
     """
     width, height = size
     label = _LINE * len(lines) + 8
-    image = plot.canvas(len(pictures) * width + (len(pictures) - 1) * gap, height + label, _BACKGROUND)
+    image = plot.canvas(
+        len(pictures) * width + (len(pictures) - 1) * gap, height + label, _BACKGROUND
+    )
     for column, picture in enumerate(pictures):
         if picture is not None:
-            top, left = label + (height - picture.shape[0]) // 2, column * (width + gap) + (width - picture.shape[1]) // 2
-            image[top : top + picture.shape[0], left : left + picture.shape[1]] = np.flipud(picture[..., :3])
+            top, left = (
+                label + (height - picture.shape[0]) // 2,
+                column * (width + gap) + (width - picture.shape[1]) // 2,
+            )
+            image[top : top + picture.shape[0], left : left + picture.shape[1]] = np.flipud(
+                picture[..., :3]
+            )
     for number, line in enumerate(lines):
         plot.draw_text(image, line, (6, 8 + _LINE * number), color)
     return image

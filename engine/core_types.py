@@ -1,4 +1,6 @@
-"""The structures of core/include/glint.h, field by field. Pointers are plain addresses (c_size_t), so that tables can be NumPy arrays."""
+"""The structures of core/include/glint.h, field by field. Pointers are plain addresses (c_size_t),
+so that tables can be NumPy arrays.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ PREPARING, TRACING, HELD, DONE, CANCELLED, FAILED = range(6)
 """States of a render."""
 
 WAVES = ("UNSEEN", "SEEN", "HELD")
-"""Who looks at a render's waves: nobody before the end, whoever passes by, somebody for whom each of them waits."""
+"""Who looks at a render's waves: nobody before the end, whoever passes by, somebody for whom each
+of them waits.
+"""
 
 PASS_NUMBERS = {
     "Combined": 0,
@@ -36,7 +40,16 @@ PASS_NUMBERS = {
     "Fallbacks": 19,
 }
 
-FEATURES = ("mirror", "refraction", "transparent", "soft lights", "textures", "smooth normals", "holdout", "visible lights")
+FEATURES = (
+    "mirror",
+    "refraction",
+    "transparent",
+    "soft lights",
+    "textures",
+    "smooth normals",
+    "holdout",
+    "visible lights",
+)
 """Names of the bits of `StatsData.features`, from the lowest."""
 
 
@@ -45,7 +58,11 @@ def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
 
 
 class AttributeData(Structure):
-    _fields_ = _each(c_size_t, "values") + _each(c_uint64, "rows") + _each(c_int32, "name domain channels reserved")
+    _fields_ = (
+        _each(c_size_t, "values")
+        + _each(c_uint64, "rows")
+        + _each(c_int32, "name domain channels reserved")
+    )
 
 
 class GeometryData(Structure):
@@ -67,7 +84,11 @@ class InstancesData(Structure):
 
 
 class TextureData(Structure):
-    _fields_ = _each(c_size_t, "pixels") + _each(c_uint32, "width height") + _each(c_int32, "type encoding extension interpolation")
+    _fields_ = (
+        _each(c_size_t, "pixels")
+        + _each(c_uint32, "width height")
+        + _each(c_int32, "type encoding extension interpolation")
+    )
 
 
 class InputData(Structure):
@@ -76,12 +97,18 @@ class InputData(Structure):
         + _each(c_double * 6, "uv_transform")
         + _each(c_double * 3, "offset")
         + _each(c_double, "low high")
-        + _each(c_int32, "texture channel uv attribute attribute_channel bounded complement reserved")
+        + _each(
+            c_int32, "texture channel uv attribute attribute_channel bounded complement reserved"
+        )
     )
 
 
 class LobeData(Structure):
-    _fields_ = _each(c_double, "exponent ior masking") + _each(c_uint32, "first_input input_count") + _each(c_int32, "kind fresnel")
+    _fields_ = (
+        _each(c_double, "exponent ior masking")
+        + _each(c_uint32, "first_input input_count")
+        + _each(c_int32, "kind fresnel")
+    )
 
 
 class MaterialData(Structure):
@@ -114,8 +141,14 @@ class SceneData(Structure):
         _each(CameraData, "camera")
         + _each(c_double * 3, "ambient background")
         + _each(c_int32, "transparent reserved")
-        + _each(c_size_t, "geometries attributes instances world_from_object material_slots textures inputs lobes materials lights")
-        + _each(c_uint64, "geometry_count attribute_count instances_count row_count material_slot_count")
+        + _each(
+            c_size_t,
+            "geometries attributes instances world_from_object material_slots textures inputs "
+            "lobes materials lights",
+        )
+        + _each(
+            c_uint64, "geometry_count attribute_count instances_count row_count material_slot_count"
+        )
         + _each(c_uint64, "texture_count input_count lobe_count material_count light_count")
     )
 
@@ -146,7 +179,9 @@ class StatsData(Structure):
 
 
 class AccelData(Structure):
-    _fields_ = _each(c_size_t, "geometries instances world_from_object") + _each(c_uint64, "geometry_count instances_count row_count")
+    _fields_ = _each(c_size_t, "geometries instances world_from_object") + _each(
+        c_uint64, "geometry_count instances_count row_count"
+    )
 
 
 class RaysData(Structure):
@@ -155,7 +190,9 @@ class RaysData(Structure):
     _fields_ = (
         _each(c_size_t, "origins directions t_min t_max")
         + _each(c_uint64, "count")
-        + _each(c_uint32, "origin_stride direction_stride t_min_stride t_max_stride visibility threads")
+        + _each(
+            c_uint32, "origin_stride direction_stride t_min_stride t_max_stride visibility threads"
+        )
     )
 
 
@@ -167,5 +204,7 @@ class HitsData(Structure):
 
 class AccelStatsData(Structure):
     _fields_ = (
-        _each(c_double * 3, "low high") + _each(c_double, "build_seconds") + _each(c_uint64, "instances primitives dropped bytes nodes")
+        _each(c_double * 3, "low high")
+        + _each(c_double, "build_seconds")
+        + _each(c_uint64, "instances primitives dropped bytes nodes")
     )

@@ -1,6 +1,9 @@
 """What the engine raises of its own."""
 
-NO_THREAD = "the system starts no further thread: close programs, or let a user have more of them (ulimit -u)"
+NO_THREAD = (
+    "the system starts no further thread: close programs, or let a user have more of them "
+    "(ulimit -u)"
+)
 
 
 class SceneError(ValueError):

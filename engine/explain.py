@@ -1,4 +1,6 @@
-"""Why a pixel has its colour: its rays with the notes' terms in numbers (sections 4.12-4.17), by the float64 reference."""
+"""Why a pixel has its colour: its rays with the notes' terms in numbers (sections 4.12-4.17), by
+the float64 reference.
+"""
 
 from __future__ import annotations
 
@@ -15,21 +17,26 @@ if TYPE_CHECKING:
 
 
 class PixelExplainer:
-    """Explains pixels of one scene, which is made ready once. Raises SceneError for a scene or settings that are not sound."""
+    """Explains pixels of one scene, which is made ready once. Raises SceneError for a scene or
+    settings that are not sound.
+    """
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
         problems = settings.problems() + scene.problems()
         if problems:
             raise SceneError("\n".join(problems))
-        from .reference.explain import Explainer  # two thirds of the engine's modules: Blender starts without them
+        # two thirds of the engine's modules: Blender starts without them
+        from .reference.explain import Explainer
 
         self._resolution = scene.camera.resolution
         self._explainer = Explainer(scene, settings)
 
     def pixel(self, x: int, y: int) -> Ray:
-        """The ray through the centre of pixel (x, y) of the full frame, counted from the bottom left, and all that follow from it.
+        """The ray through the centre of pixel (x, y) of the full frame, counted from the bottom
+        left, and all that follow from it.
 
-        Its `color` is what a picture of one sample has there. Raises SceneError for a pixel outside.
+        Its `color` is what a picture of one sample has there. Raises SceneError for a pixel
+        outside.
         """
         width, height = self._resolution
         if not (0 <= x < width and 0 <= y < height):
@@ -43,18 +50,28 @@ def explanation_lines(ray: Ray) -> tuple[str, ...]:
 
 
 def summary(ray: Ray) -> str:
-    """One sentence: what the pixel shows, which lights make which share of its luminance, and what keeps others from it."""
-    what = f"'{ray.hit.thing}' with the material '{ray.hit.material}'" if ray.hit else "Nothing but the surroundings"
+    """One sentence: what the pixel shows, which lights make which share of its luminance, and what
+    keeps others from it.
+    """
+    what = (
+        f"'{ray.hit.thing}' with the material '{ray.hit.material}'"
+        if ray.hit
+        else "Nothing but the surroundings"
+    )
     if ray.hit and ray.hit.holdout:
         return f"{what} is a holdout: nothing is seen here"
     shares = _listed_shares(_contributions(ray))
     lit = f": lit by {shares}" if shares else ": no light comes from here"
-    blocked = [f"{light} is blocked by {thing}" for light, thing in _blocked(ray.hit)] if ray.hit else []
+    blocked = (
+        [f"{light} is blocked by {thing}" for light, thing in _blocked(ray.hit)] if ray.hit else []
+    )
     return "; ".join([what + lit, *blocked])
 
 
 def _contributions(ray: Ray, way: str = "") -> Iterator[tuple[str, float]]:
-    """(source, luminance) of all that a ray and those after it bring. way: by which the first of them left the camera's line."""
+    """(source, luminance) of all that a ray and those after it bring. way: by which the first of
+    them left the camera's line.
+    """
     yield from ((name + way, _luminance(ray.weight, radiance)) for name, radiance in ray.shapes)
     yield "the surroundings" + way, _luminance(ray.weight, ray.background)
     if ray.hit is not None and not ray.hit.holdout:
@@ -75,7 +92,9 @@ _NAMED = 4
 
 def _luminance(*factors: tuple[float, ...]) -> float:
     """Of the product of RGB colours."""
-    return sum(weight * math.prod(channels) for weight, *channels in zip(_LUMINANCE, *factors, strict=True))
+    return sum(
+        weight * math.prod(channels) for weight, *channels in zip(_LUMINANCE, *factors, strict=True)
+    )
 
 
 def _listed_shares(contributions: Iterator[tuple[str, float]]) -> str:
@@ -86,24 +105,40 @@ def _listed_shares(contributions: Iterator[tuple[str, float]]) -> str:
     total = sum(map(abs, sums.values()))
     if not 0 < total < math.inf:
         return ""
-    shares = sorted(((100 * value / total, name) for name, value in sums.items()), key=lambda share: -abs(share[0]))
+    shares = sorted(
+        ((100 * value / total, name) for name, value in sums.items()),
+        key=lambda share: -abs(share[0]),
+    )
     named = [(share, name) for share, name in shares[:_NAMED] if abs(share) >= 1]
     rest = 100 - sum(abs(share) for share, _ in named)
-    return ", ".join([f"{name} {share:.0f} %" for share, name in named] + ([f"others {rest:.0f} %"] if rest >= 1 else []))
+    return ", ".join(
+        [f"{name} {share:.0f} %" for share, name in named]
+        + ([f"others {rest:.0f} %"] if rest >= 1 else [])
+    )
 
 
 def _blocked(hit: Hit) -> list[tuple[str, str]]:
-    """(light, thing) for the lights of which nothing comes through, the first thing in their way."""
+    """(light, thing) for the lights of which nothing comes through, the first thing in their
+    way.
+    """
     by_light: dict[str, list[LightTerm]] = {}
     for term in hit.lights:
         by_light.setdefault(term.light, []).append(term)
-    dark = {light: terms for light, terms in by_light.items() if not any(any(term.shadow) for term in terms)}
+    dark = {
+        light: terms
+        for light, terms in by_light.items()
+        if not any(any(term.shadow) for term in terms)
+    }
     return [(light, f"'{terms[0].blocker}'") for light, terms in dark.items() if terms[0].blocker]
 
 
 def _ray_lines(ray: Ray, level: int) -> Iterator[str]:
     pad = "  " * level
-    yield f"{pad}{ray.kind} ray, T = {_rgb(ray.weight)}: brings {_rgb(ray.color)}, {_rgb(ray.own)} of it by itself"
+    yield (
+        f"{pad}{ray.kind} ray, T = {_rgb(ray.weight)}: brings {_rgb(ray.color)}, "
+        f"{_rgb(ray.own)} "
+        "of it by itself"
+    )
     yield f"{pad}  from {_rgb(ray.origin)} along {_rgb(ray.direction)}"
     for name, radiance in ray.shapes:
         yield f"{pad}  sees the light '{name}': {_rgb(radiance)}"
@@ -117,7 +152,11 @@ def _ray_lines(ray: Ray, level: int) -> Iterator[str]:
 
 def _hit_lines(hit: Hit) -> Iterator[str]:
     place = f" ({hit.place + 1}. instance)" if hit.place else ""
-    yield f"meets '{hit.thing}'{place}, primitive {hit.primitive}, at {hit.depth:.6g}; barycentric {_rgb(hit.barycentric)}"
+    yield (
+        f"meets '{hit.thing}'{place}, primitive {hit.primitive}, at {hit.depth:.6g}; "
+        "barycentric "
+        f"{_rgb(hit.barycentric)}"
+    )
     yield f"x = {_rgb(hit.position)}, n = {_rgb(hit.normal)}, material '{hit.material}'"
     if hit.holdout:
         yield "it is a holdout: nothing is seen here"
@@ -131,12 +170,20 @@ def _hit_lines(hit: Hit) -> Iterator[str]:
 def _light_lines(term: LightTerm) -> Iterator[str]:
     number = f" (sample {term.sample + 1})" if term.sample else ""
     cosines = f"n·l = {term.n_dot_l:.6g}, n·h = {term.n_dot_h:.6g}"
-    yield f"'{term.light}'{number}: {cosines}, I = {_rgb(term.intensity)}, distance {term.distance:.6g}"
+    yield (
+        f"'{term.light}'{number}: {cosines}, I = {_rgb(term.intensity)}, distance "
+        f"{term.distance:.6g}"
+    )
     if term.n_dot_l <= 0:
         yield "  it shines from behind"
         return
-    blocked = f", blocked by '{term.blocker}' at {term.blocker_distance:.6g}" if term.blocker else ""
-    yield f"  k_d I n·l = {_rgb(term.diffuse)}, k_s I (n·h)^p = {_rgb(term.specular)}, S = {_rgb(term.shadow)}{blocked}"
+    blocked = (
+        f", blocked by '{term.blocker}' at {term.blocker_distance:.6g}" if term.blocker else ""
+    )
+    yield (
+        f"  k_d I n·l = {_rgb(term.diffuse)}, k_s I (n·h)^p = {_rgb(term.specular)}, S = "
+        f"{_rgb(term.shadow)}{blocked}"
+    )
 
 
 def _rgb(values: tuple[float, ...]) -> str:

@@ -34,10 +34,14 @@ PARTS = ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror", "Emission", "Envi
 """The passes whose sum is the colour of Combined."""
 
 EFFORTS = ("Fallbacks",)
-"""Passes that tell how a machine came to the picture, not what is in it: they differ between tracers and instruction sets."""
+"""Passes that tell how a machine came to the picture, not what is in it: they differ between
+tracers and instruction sets.
+"""
 
 NO_DEPTH = 1e10
-"""Depth where a camera ray hits nothing, as Blender writes it; Gap where nothing lies behind its hit."""
+"""Depth where a camera ray hits nothing, as Blender writes it; Gap where nothing lies behind its
+hit.
+"""
 
 FIRST_ESTIMATE = 4
 """Samples that every pixel takes before its error is estimated (SEMANTICS.md, Refinement)."""
@@ -58,8 +62,9 @@ class Film:
     passes: name -> (h, w, c) float32, of the settings' region or the whole frame.
     samples: how many samples a pixel holds, where refinement did not stop it before.
     complete: False when the render was stopped early.
-    stats: seconds per stage ("build", "trace"), and counts ("triangles", "instances", "rays", "bytes", …).
-    notes: what the tracer had to leave out, one sentence each; of the whole picture, waves have none.
+    stats: seconds per stage ("build", "trace"), and counts ("triangles", "instances", "rays",
+    "bytes", …). notes: what the tracer had to leave out, one sentence each; of the whole picture,
+    waves have none.
     """
 
     passes: dict[str, np.ndarray]

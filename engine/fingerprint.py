@@ -1,4 +1,6 @@
-"""Hashes of pictures, settings and scenes, so that two renders can be told to be the same without keeping both."""
+"""Hashes of pictures, settings and scenes, so that two renders can be told to be the same without
+keeping both.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +25,19 @@ _BLOCK = 1 << 20
 """Bytes of a picture that are hashed in one piece."""
 
 
-def picture_fingerprint(passes: Mapping[str, np.ndarray], each: Callable[..., Iterable[bytes]] = map) -> str:
-    """SHA-256 in hexadecimal of every pass's name, shape and the SHA-256 of each MiB of its float32 bits, in the order of their names, but
-    for `film.EFFORTS`. -0 differs from 0, and NaNs by their bits: the same fingerprint means the same bits.
+def picture_fingerprint(
+    passes: Mapping[str, np.ndarray], each: Callable[..., Iterable[bytes]] = map
+) -> str:
+    """SHA-256 in hexadecimal of every pass's name, shape and the SHA-256 of each MiB of its float32
+    bits, in the order of their names, but for `film.EFFORTS`. -0 differs from 0, and NaNs by their
+    bits: the same fingerprint means the same bits.
 
     each: `map`, or that of an executor, whose threads then hash side by side.
     """
-    pictures = {name: np.ascontiguousarray(passes[name], np.float32) for name in sorted(passes.keys() - set(EFFORTS))}
+    pictures = {
+        name: np.ascontiguousarray(passes[name], np.float32)
+        for name in sorted(passes.keys() - set(EFFORTS))
+    }
     blocks = {name: _blocks(picture) for name, picture in pictures.items()}
     hashes = each(_sha256, chain.from_iterable(blocks.values()))
     digest = hashlib.sha256()
@@ -50,7 +58,9 @@ def _sha256(block: memoryview) -> bytes:
 
 
 def value_fingerprint(value: Any) -> str:
-    """SHA-256 in hexadecimal of a scene, or of any value made of dataclasses, tuples, mappings, arrays and plain values."""
+    """SHA-256 in hexadecimal of a scene, or of any value made of dataclasses, tuples, mappings,
+    arrays and plain values.
+    """
     digest = hashlib.sha256()
     for piece in _pieces(value):
         digest.update(piece)
@@ -59,8 +69,18 @@ def value_fingerprint(value: Any) -> str:
 
 def settings_text(settings: Settings) -> str:
     """The settings that a picture depends on, as JSON with sorted keys."""
-    values = {field.name: getattr(settings, field.name) for field in fields(settings) if field.name not in _WITHOUT_EFFECT}
-    return json.dumps({name: sorted(value) if isinstance(value, frozenset) else value for name, value in values.items()}, sort_keys=True)
+    values = {
+        field.name: getattr(settings, field.name)
+        for field in fields(settings)
+        if field.name not in _WITHOUT_EFFECT
+    }
+    return json.dumps(
+        {
+            name: sorted(value) if isinstance(value, frozenset) else value
+            for name, value in values.items()
+        },
+        sort_keys=True,
+    )
 
 
 def tracer_text(backend: str) -> str:
@@ -72,7 +92,9 @@ _PLAIN = frozenset({str, int, float, bool, type(None)})
 
 
 def _pieces(value: Any) -> Iterator[bytes | memoryview]:
-    """What is hashed. Every value is led by its kind and size, so that no two values run together."""
+    """What is hashed. Every value is led by its kind and size, so that no two values run
+    together.
+    """
     if isinstance(value, np.ndarray):
         yield f"array {value.dtype.str} {value.shape}".encode()
         yield np.ascontiguousarray(value).data
@@ -92,7 +114,9 @@ def _pieces(value: Any) -> Iterator[bytes | memoryview]:
 
 
 def _list_pieces(values: Sequence[Any]) -> Iterator[bytes | memoryview]:
-    """Where a scene has 50 000 objects, its lists are long and of one kind: they are hashed field by field, plain values in one go."""
+    """Where a scene has 50 000 objects, its lists are long and of one kind: they are hashed field
+    by field, plain values in one go.
+    """
     kinds = set(map(type, values))
     if kinds <= _PLAIN:
         yield f"plain {len(values)} {list(values)!r};".encode()

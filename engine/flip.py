@@ -1,5 +1,6 @@
-"""LDR-FLIP: how different two pictures look when one flips between them (Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström,
-Fairchild: "FLIP: A Difference Evaluator for Alternating Images", HPG 2020). Section and equation numbers are that paper's.
+"""LDR-FLIP: how different two pictures look when one flips between them (Andersson, Nilsson,
+Akenine-Möller, Oskarsson, Åström, Fairchild: "FLIP: A Difference Evaluator for Alternating Images",
+HPG 2020). Section and equation numbers are that paper's.
 """
 
 from __future__ import annotations
@@ -28,18 +29,25 @@ _Q_COLOR, _Q_FEATURE, _KNEE, _KNEE_VALUE, _FEATURE_WIDTH = 0.7, 0.5, 0.4, 0.95, 
 
 
 def displayed(picture: Array) -> Array:
-    """(h, w, >= 3) linear -> (h, w, 3) float64 in 0 to 1: the sRGB curve over clipped colour; what is not finite counts as its limit."""
+    """(h, w, >= 3) linear -> (h, w, 3) float64 in 0 to 1: the sRGB curve over clipped colour; what
+    is not finite counts as its limit.
+    """
     colors = np.nan_to_num(np.asarray(picture, np.float64)[..., :3], nan=0.0)
     return srgb_from_linear(np.clip(colors, 0.0, 1.0))
 
 
 def flip(picture: Array, reference: Array, pixels_per_degree: float = PIXELS_PER_DEGREE) -> Array:
-    """(h, w, >= 3) linear each -> (h, w) float64 in 0 to 1, 0 where no difference is seen. Raises ValueError for different shapes.
+    """(h, w, >= 3) linear each -> (h, w) float64 in 0 to 1, 0 where no difference is seen. Raises
+    ValueError for different shapes.
 
-    Colours are clipped to what a screen shows (LDR-FLIP, no exposure, no view transform); edges repeat outwards.
+    Colours are clipped to what a screen shows (LDR-FLIP, no exposure, no view transform); edges
+    repeat outwards.
     """
     if np.shape(picture) != np.shape(reference):
-        raise ValueError(f"the picture is {np.shape(picture)} and the reference {np.shape(reference)}: compare equal shapes")
+        raise ValueError(
+            f"the picture is {np.shape(picture)} and the reference {np.shape(reference)}: compare "
+            "equal shapes"
+        )
     opponents = [_opponent_from_linear(_clipped(image)) for image in (reference, picture)]
     color = _color_difference(*opponents, pixels_per_degree)
     feature = _feature_difference(*opponents, pixels_per_degree)
@@ -66,17 +74,26 @@ def _hunt_from_linear(linear: Array) -> Array:
     """Linear RGB to CIELAB whose colourfulness grows with lightness (Hunt's effect, equation 4)."""
     ratio = linear @ _XYZ_FROM_LINEAR.T / _WHITE
     edge = 6 / 29
-    x, y, z = np.moveaxis(np.where(ratio > edge**3, np.cbrt(ratio), ratio / (3 * edge**2) + 4 / 29), -1, 0)
+    x, y, z = np.moveaxis(
+        np.where(ratio > edge**3, np.cbrt(ratio), ratio / (3 * edge**2) + 4 / 29), -1, 0
+    )
     lightness = 116 * y - 16
-    return np.stack([lightness, 0.01 * lightness * 500 * (x - y), 0.01 * lightness * 200 * (y - z)], -1)
+    return np.stack(
+        [lightness, 0.01 * lightness * 500 * (x - y), 0.01 * lightness * 200 * (y - z)], -1
+    )
 
 
 # --- colour (section 4.1)
 
 
 def _color_difference(reference: Array, picture: Array, pixels_per_degree: float) -> Array:
-    """(h, w) in 0 to 1: HyAB distance of the filtered pictures, small ones spread over most of the range (equation 6)."""
-    seen = [_hunt_from_linear(_clipped(_linear_from_opponent(_as_eye(image, pixels_per_degree)))) for image in (reference, picture)]
+    """(h, w) in 0 to 1: HyAB distance of the filtered pictures, small ones spread over most of the
+    range (equation 6).
+    """
+    seen = [
+        _hunt_from_linear(_clipped(_linear_from_opponent(_as_eye(image, pixels_per_degree))))
+        for image in (reference, picture)
+    ]
     distance = _hyab(*seen) ** _Q_COLOR
     green, blue = _hunt_from_linear(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
     largest = _hyab(green, blue) ** _Q_COLOR
@@ -108,27 +125,40 @@ def _as_eye(opponent: Array, pixels_per_degree: float) -> Array:
 
 
 def _feature_difference(reference: Array, picture: Array, pixels_per_degree: float) -> Array:
-    """(h, w) in 0 to 1: the larger difference of edge and point strength in luminance (equation 8)."""
+    """(h, w) in 0 to 1: the larger difference of edge and point strength in luminance
+    (equation 8).
+    """
     luminances = [(image[..., 0] + 16) / 116 for image in (reference, picture)]
     kernels = _feature_kernels(pixels_per_degree)
     differences = []
     for across in kernels[1:]:
-        strengths = [np.hypot(_convolved(y, across, kernels[0]), _convolved(y, kernels[0], across)) for y in luminances]
+        strengths = [
+            np.hypot(_convolved(y, across, kernels[0]), _convolved(y, kernels[0], across))
+            for y in luminances
+        ]
         differences.append(np.abs(strengths[0] - strengths[1]))
     return np.clip(np.maximum(*differences) / np.sqrt(2), 0.0, 1.0) ** _Q_FEATURE
 
 
 def _feature_kernels(pixels_per_degree: float) -> tuple[Array, Array, Array]:
-    """One-dimensional kernels: a Gaussian of sum 1, its first and second derivative, whose weights of each sign sum to ±1."""
+    """One-dimensional kernels: a Gaussian of sum 1, its first and second derivative, whose weights
+    of each sign sum to ±1.
+    """
     deviation = 0.5 * _FEATURE_WIDTH * pixels_per_degree
     radius = int(np.ceil(3 * deviation))
     x = np.arange(-radius, radius + 1, dtype=np.float64)
     gaussian = np.exp(-(x**2) / (2 * deviation**2))
-    return gaussian / gaussian.sum(), _balanced(-x * gaussian), _balanced((x**2 / deviation**2 - 1) * gaussian)
+    return (
+        gaussian / gaussian.sum(),
+        _balanced(-x * gaussian),
+        _balanced((x**2 / deviation**2 - 1) * gaussian),
+    )
 
 
 def _balanced(kernel: Array) -> Array:
-    return np.where(kernel > 0, kernel / kernel[kernel > 0].sum(), kernel / -kernel[kernel < 0].sum())
+    return np.where(
+        kernel > 0, kernel / kernel[kernel > 0].sum(), kernel / -kernel[kernel < 0].sum()
+    )
 
 
 def _convolved(image: Array, across: Array, down: Array) -> Array:

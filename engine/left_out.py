@@ -1,4 +1,6 @@
-"""What the core leaves out of a scene, in sentences that name the things and what to do about them."""
+"""What the core leaves out of a scene, in sentences that name the things and what to do about
+them.
+"""
 
 from __future__ import annotations
 
@@ -13,27 +15,37 @@ NAMES = 3
 """As many things of a kind are named."""
 
 _BLOCK = 1 << 16
-"""Faces that are looked at in one go: most broken meshes are found without reading them to their end."""
+"""Faces that are looked at in one go: most broken meshes are found without reading them to their
+end.
+"""
 
 _THIN = 1e-12
 """Of the product of two lengths: an area below is none."""
 
 
 def sentences(scene: Scene, stats: Mapping[str, float]) -> Iterator[str]:
-    """One for each kind of thing that `Film.stats` counts as dropped. Looks for names only where there are some."""
+    """One for each kind of thing that `Film.stats` counts as dropped. Looks for names only where
+    there are some.
+    """
     if count := int(stats["dropped primitives"]):
         yield (
-            f"{count} faces, spheres or polygons{_of(_bad_geometry(scene))} have no extent or a coordinate that is not finite, and are "
+            f"{count} faces, spheres or polygons{_of(_bad_geometry(scene))} have no extent or a "
+            "coordinate that is not finite, and are "
             "left out: repair the mesh (Mesh > Clean Up in edit mode)"
         )
     if count := int(stats["dropped instances"]):
         yield (
-            f"{count} instances{_of(_bad_instances(scene))} have a matrix that is not finite or leaves no surface (scales of 0, "
+            f"{count} instances{_of(_bad_instances(scene))} have a matrix that is not finite or "
+            "leaves no surface (scales of 0, "
             "or vastly unequal), and are left out: scale two axes alike"
         )
     if count := int(stats["dropped lights"]):
         names = (light.name for light in scene.lights if not _finite(light))
-        yield f"{count} lights{_of(names)} have a number that is not finite, and are left out: set it anew"
+        yield (
+            f"{count} lights{_of(names)} have a number that is not finite, and are left out: "
+            "set "
+            "it anew"
+        )
 
 
 def _of(names: Iterator[str]) -> str:
@@ -45,7 +57,9 @@ def _of(names: Iterator[str]) -> str:
 
 
 def _bad_geometry(scene: Scene) -> Iterator[str]:
-    """Names of what has such a primitive, or else of what is flattened: its faces may stand on edge then."""
+    """Names of what has such a primitive, or else of what is flattened: its faces may stand on edge
+    then.
+    """
     used = {block.geometry for block in scene.instances}
     bad = {number for number in used if _has_bad(scene.geometries[number])}
     for block in scene.instances:
@@ -72,10 +86,16 @@ def _scaled(v: Array) -> Array:
 
 def _has_bad(geometry: Geometry) -> bool:
     if isinstance(geometry, Spheres):
-        return not (np.isfinite(geometry.centers).all() and (np.isfinite(geometry.radii) & (geometry.radii > 0)).all())
+        return not (
+            np.isfinite(geometry.centers).all()
+            and (np.isfinite(geometry.radii) & (geometry.radii > 0)).all()
+        )
     if isinstance(geometry, Polygons):
         return bool(_flat_polygons(geometry).any())
-    blocks = (geometry.triangles[first : first + _BLOCK] for first in range(0, len(geometry.triangles), _BLOCK))
+    blocks = (
+        geometry.triangles[first : first + _BLOCK]
+        for first in range(0, len(geometry.triangles), _BLOCK)
+    )
     return any(_flat(geometry.vertices[block].astype(np.float64)).any() for block in blocks)
 
 
@@ -91,7 +111,8 @@ def _flat_polygons(polygons: Polygons) -> Array:
     first = polygons.offsets[:-1].astype(np.intp)
     corners = polygons.vertices[polygons.indices].astype(np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
-        arms = corners - np.repeat(corners[first], np.diff(polygons.offsets.astype(np.intp)), 0)  # 0 at the first corner
+        # 0 at the first corner
+        arms = corners - np.repeat(corners[first], np.diff(polygons.offsets.astype(np.intp)), 0)
         turns = np.cross(arms, np.roll(arms, -1, 0))
         size = np.maximum.reduceat(np.abs(arms).max(1), first)
         return ~(np.abs(np.add.reduceat(turns, first)).max(1) > _THIN * size**2)
@@ -106,7 +127,9 @@ def _bad_instances(scene: Scene) -> Iterator[str]:
     for block in scene.instances:
         with np.errstate(over="ignore", invalid="ignore"):
             x, y, z = _unit_columns(block)
-            sound = np.isfinite(block.world_from_object).all((1, 2)) & (_spans(x, y) | _spans(y, z) | _spans(z, x))
+            sound = np.isfinite(block.world_from_object).all((1, 2)) & (
+                _spans(x, y) | _spans(y, z) | _spans(z, x)
+            )
         if not sound.all():
             yield block.name
 

@@ -1,7 +1,8 @@
-"""Pictures for a viewport: asked for at any time, traced behind the caller's back, looked at when convenient.
+"""Pictures for a viewport: asked for at any time, traced behind the caller's back, looked at when
+convenient.
 
-A `LiveRender` has one thread, which alone talks to a tracer; the core's own threads do the work, so the thread sleeps. No method waits but
-`wait`.
+A `LiveRender` has one thread, which alone talks to a tracer; the core's own threads do the work, so
+the thread sleeps. No method waits but `wait`.
 """
 
 from __future__ import annotations
@@ -33,9 +34,10 @@ class Task:
     """One picture to make.
 
     tag: whatever tells the caller which picture this is.
-    keep_first_wave: newer tasks wait until this one's first wave is complete, so that pictures come also while tasks come faster.
-    exact: the picture has the bits that `engine.render` gives. Else trees that stand relative to an earlier eye may be used, which
-    differ in the last bits and need not be made anew.
+    keep_first_wave: newer tasks wait until this one's first wave is complete, so that pictures come
+    also while tasks come faster. exact: the picture has the bits that `engine.render` gives. Else
+    trees that stand relative to an earlier eye may be used, which differ in the last bits and need
+    not be made anew.
     """
 
     scene: Scene
@@ -49,8 +51,9 @@ class Task:
 class Wave:
     """A complete picture of a task.
 
-    number: counts the waves of one LiveRender, from 1.  final: no better one of this task will come.
-    seconds: since the task began.  build_seconds: of them, for trees.  at: when it was complete, as time.perf_counter counts.
+    number: counts the waves of one LiveRender, from 1.  final: no better one of this task will
+    come. seconds: since the task began.  build_seconds: of them, for trees.  at: when it was
+    complete, as time.perf_counter counts.
     """
 
     task: Task
@@ -95,7 +98,12 @@ class LiveRender:
     def _wake_thread(self) -> None:
         self._changed.notify_all()
         if self._thread is None and not self._closed:
-            thread = threading.Thread(target=_serve, args=(weakref.ref(self), self._changed), name="glint live", daemon=True)
+            thread = threading.Thread(
+                target=_serve,
+                args=(weakref.ref(self), self._changed),
+                name="glint live",
+                daemon=True,
+            )
             thread.start()
             self._thread = thread
             _threads.add(thread)
@@ -107,7 +115,9 @@ class LiveRender:
         return self._newest
 
     def wait(self, is_wanted: Callable[[Wave], bool], seconds: float) -> bool:
-        """Whether the newest picture is wanted: at once if it is or none will come, else as soon as one is or the seconds are over."""
+        """Whether the newest picture is wanted: at once if it is or none will come, else as soon as
+        one is or the seconds are over.
+        """
 
         def is_there() -> bool:
             return self._newest is not None and is_wanted(self._newest)
@@ -123,7 +133,9 @@ class LiveRender:
 
     @property
     def error(self) -> Exception | None:
-        """What went wrong since the last `start`: SceneError, MemoryError, or a fault of a tracer."""
+        """What went wrong since the last `start`: SceneError, MemoryError, or a fault of a
+        tracer.
+        """
         return self._error
 
     def close(self) -> None:
@@ -133,7 +145,8 @@ class LiveRender:
             self._waiting = []
             self._changed.notify_all()
 
-    # --- on the thread ------------------------------------------------------------------------------------------------------------
+    # --- on the thread
+    # ----------------------------------------------------------------------------------------------
 
     def _should_stop(self) -> bool:
         """Whether the running task is to make room."""
@@ -158,7 +171,9 @@ class LiveRender:
             self._shown = task
             self._running = None if final else task
             now = time.perf_counter()
-            self._newest = Wave(task, film, self._number, final, now - start, film.stats.get("build", 0.0), now)
+            self._newest = Wave(
+                task, film, self._number, final, now - start, film.stats.get("build", 0.0), now
+            )
             self._changed.notify_all()
 
     def _end(self) -> None:
@@ -174,7 +189,9 @@ class LiveRender:
 
 
 def _serve(reference: weakref.ref[LiveRender], changed: threading.Condition) -> None:
-    """The thread: holds its LiveRender only while there is work, so that one nobody wants any more ends by itself."""
+    """The thread: holds its LiveRender only while there is work, so that one nobody wants any more
+    ends by itself.
+    """
     tracer = _Tracers()
     _step_back()
     try:
@@ -193,7 +210,9 @@ def _serve(reference: weakref.ref[LiveRender], changed: threading.Condition) -> 
 
 
 def _step_back() -> None:
-    """Let the interface go first: Linux gives threads a priority of their own, which those that they start inherit."""
+    """Let the interface go first: Linux gives threads a priority of their own, which those that
+    they start inherit.
+    """
     if sys.platform == "linux":
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
 
@@ -206,7 +225,9 @@ def _has_work(reference: weakref.ref[LiveRender]) -> bool:
 def _trace(live: LiveRender, tracer: _Tracers, task: Task) -> None:
     start = time.perf_counter()
     try:
-        tracer.render(task, live._should_stop, lambda film, final: live._publish(task, film, final, start))
+        tracer.render(
+            task, live._should_stop, lambda film, final: live._publish(task, film, final, start)
+        )
     except Exception as error:  # noqa: BLE001 (the thread must live; the caller sees `error`)
         live._fail(error)
     finally:
@@ -224,7 +245,9 @@ class _Tracers:
     def __init__(self) -> None:
         self._native = None
 
-    def render(self, task: Task, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]) -> None:
+    def render(
+        self, task: Task, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]
+    ) -> None:
         if task.settings.backend == "NATIVE":
             from .native_live import NativeLive
 
@@ -240,13 +263,21 @@ class _Tracers:
             native.close()
 
 
-def _render_reference(task: Task, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]) -> None:
+def _render_reference(
+    task: Task, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]
+) -> None:
     from .reference import render_reference
 
     problems = task.settings.problems() + task.scene.problems()
     if problems:
         raise SceneError("\n".join(problems))
-    film = render_reference(task.scene, task.settings, should_stop, lambda fraction: None, lambda film: on_film(film, False))
+    film = render_reference(
+        task.scene,
+        task.settings,
+        should_stop,
+        lambda fraction: None,
+        lambda film: on_film(film, False),
+    )
     if film.complete:
         on_film(film, True)
 

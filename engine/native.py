@@ -1,6 +1,7 @@
 """The native core through its C interface: the only caller of the core's library.
 
-A call into the core releases the GIL; the core works on threads of its own, and this side wakes every 40 ms to ask whether to go on.
+A call into the core releases the GIL; the core works on threads of its own, and this side wakes
+every 40 ms to ask whether to go on.
 """
 
 from __future__ import annotations
@@ -12,7 +13,18 @@ import os
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from ctypes import POINTER, byref, c_char_p, c_double, c_float, c_int32, c_size_t, c_uint32, c_uint64, c_void_p
+from ctypes import (
+    POINTER,
+    byref,
+    c_char_p,
+    c_double,
+    c_float,
+    c_int32,
+    c_size_t,
+    c_uint32,
+    c_uint64,
+    c_void_p,
+)
 from dataclasses import replace
 
 import numpy as np
@@ -50,7 +62,10 @@ ERROR_BYTES = 8192
 
 _SIGNATURES = {
     "glint_scene_create": (c_void_p, [POINTER(SceneData), c_char_p, c_size_t]),
-    "glint_scene_create_like": (c_void_p, [c_void_p, POINTER(SceneData), c_int32, c_char_p, c_size_t]),
+    "glint_scene_create_like": (
+        c_void_p,
+        [c_void_p, POINTER(SceneData), c_int32, c_char_p, c_size_t],
+    ),
     "glint_scene_destroy": (None, [c_void_p]),
     "glint_render_start": (c_void_p, [c_void_p, POINTER(SettingsData), c_char_p, c_size_t]),
     "glint_render_wait": (ProgressData, [c_void_p, c_uint32]),
@@ -67,11 +82,17 @@ _SIGNATURES = {
     "glint_accel_destroy": (None, [c_void_p]),
     "glint_accel_stats": (AccelStatsData, [c_void_p]),
     **{
-        f"glint_accel_{question}_{precision}": (c_int32, [c_void_p, POINTER(RaysData), answer, c_char_p, c_size_t])
+        f"glint_accel_{question}_{precision}": (
+            c_int32,
+            [c_void_p, POINTER(RaysData), answer, c_char_p, c_size_t],
+        )
         for question, answer in (("closest", POINTER(HitsData)), ("occluded", c_void_p))
         for precision in ("f32", "f64")
     },
-    "glint_math": (None, [c_int32, POINTER(c_double), POINTER(c_double), POINTER(c_double), c_uint64]),
+    "glint_math": (
+        None,
+        [c_int32, POINTER(c_double), POINTER(c_double), POINTER(c_double), c_uint64],
+    ),
 }
 
 
@@ -85,7 +106,8 @@ def load_error() -> str | None:
 
 
 def library() -> ctypes.CDLL:
-    """The core's library: the one that GLINT_CORE_LIBRARY names, else the installed `glint_core` wheel's.
+    """The core's library: the one that GLINT_CORE_LIBRARY names, else the installed `glint_core`
+    wheel's.
 
     Raises ImportError when there is none or its version differs, OSError when it cannot be loaded.
     """
@@ -103,7 +125,10 @@ def _load(path: str) -> ctypes.CDLL:
     version = getattr(core, "glint_abi_version", None)
     found = version() if version else None
     if found != core_types.ABI_VERSION:
-        raise ImportError(f"{path} speaks version {found} of the core's interface, this is version {core_types.ABI_VERSION}")
+        raise ImportError(
+            f"{path} speaks version {found} of the core's interface, this is version "
+            f"{core_types.ABI_VERSION}"
+        )
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(core, name)
         function.restype, function.argtypes = result, arguments
@@ -119,10 +144,14 @@ def render_native(
 ) -> Film:
     """Draw `scene` with the core; the arguments are those of `engine.render`.
 
-    Raises SceneError for what the core refuses, MemoryError, ImportError and OSError (see `library`), RuntimeError for a fault of the core.
+    Raises SceneError for what the core refuses, MemoryError, ImportError and OSError (see
+    `library`), RuntimeError for a fault of the core.
     """
     core, axes = library(), narrow_view_axes(scene.camera)
-    packed, plan = pack_scene(axes.scene(scene) if axes else scene), pack_settings(scene, settings, "UNSEEN" if on_wave is None else "HELD")
+    packed, plan = (
+        pack_scene(axes.scene(scene) if axes else scene),
+        pack_settings(scene, settings, "UNSEEN" if on_wave is None else "HELD"),
+    )
     with _scene(core, packed.data) as handle, _render(core, handle, plan.data) as job:
         film = _Render(core, job, scene, settings, axes).run(should_stop, on_progress, on_wave)
     return replace(film, notes=(*left_out.sentences(scene, film.stats), *_instruction_set(core)))
@@ -132,7 +161,11 @@ def _instruction_set(core: ctypes.CDLL) -> Iterator[str]:
     """A note where the environment asks for one that is not to be had."""
     asked, taken = os.environ.get(ISA_VARIABLE), core.glint_isa().decode()
     if asked and asked != taken:
-        yield f"{ISA_VARIABLE} is {asked!r}, which this machine or the core does not have: {taken} draws the same picture; unset it"
+        yield (
+            f"{ISA_VARIABLE} is {asked!r}, which this machine or the core does not have: "
+            f"{taken} "
+            "draws the same picture; unset it"
+        )
 
 
 @contextmanager
@@ -164,31 +197,56 @@ def _refusal(text: str, data: SceneData | SettingsData) -> Exception:
         return MemoryError(NO_THREAD)
     if text != "out of memory":
         return SceneError(text)
-    return MemoryError(f"the core ran out of memory: {_film_needs(data) if isinstance(data, SettingsData) else _scene_needs(data)}")
+    return MemoryError(
+        "the core ran out of memory: "
+        f"{_film_needs(data) if isinstance(data, SettingsData) else _scene_needs(data)}"
+    )
 
 
 def _scene_needs(data: SceneData) -> str:
-    return f"{data.geometry_count} meshes in {data.row_count} places do not fit; use fewer, or close programs"
+    return (
+        f"{data.geometry_count} meshes in {data.row_count} places do not fit; use fewer, or "
+        "close programs"
+    )
 
 
 def _film_needs(data: SettingsData) -> str:
     """Sums in double and the picture in float32 of every pass that is asked for."""
     x0, y0, x1, y1 = data.region
-    channels = sum(PASSES[name] for name, number in core_types.PASS_NUMBERS.items() if data.passes >> number & 1)
+    channels = sum(
+        PASSES[name]
+        for name, number in core_types.PASS_NUMBERS.items()
+        if data.passes >> number & 1
+    )
     gigabytes = max(0.1, (x1 - x0) * (y1 - y0) * channels * 12 / 1e9)
-    return f"a picture of {x1 - x0} by {y1 - y0} pixels with {channels} channels needs {gigabytes:.1f} GB; use a smaller one, fewer passes"
+    return (
+        f"a picture of {x1 - x0} by {y1 - y0} pixels with {channels} channels needs "
+        f"{gigabytes:.1f} GB; use a smaller one, fewer passes"
+    )
 
 
 class _Render:
     """One render at work in the core."""
 
-    def __init__(self, core: ctypes.CDLL, handle: int, scene: Scene, settings: Settings, axes: ViewAxes | None) -> None:
+    def __init__(
+        self,
+        core: ctypes.CDLL,
+        handle: int,
+        scene: Scene,
+        settings: Settings,
+        axes: ViewAxes | None,
+    ) -> None:
         self._core, self._handle, self._axes = core, handle, axes
         self._names = passes_of(settings)
         x0, y0, x1, y1 = settings.region or (0, 0, *scene.camera.resolution)
         self._shape = (y1 - y0, x1 - x0)
 
-    def run(self, should_stop: Callable[[], bool], on_progress: Callable[[float], None], on_wave: Callable[[Film], None] | None) -> Film:
+    def run(
+        self,
+        should_stop: Callable[[], bool],
+        on_progress: Callable[[float], None],
+        on_wave: Callable[[Film], None] | None,
+    ) -> Film:
         shown = 0
         while True:
             progress = self._core.glint_render_wait(self._handle, _POLL_MILLISECONDS)
@@ -211,19 +269,28 @@ class _Render:
             if text == "out of memory":
                 count = self._core.glint_render_stats(self._handle).primitives
                 needs = f"{count} triangles, spheres and polygons with their trees do not fit"
-                raise MemoryError(f"the core ran out of memory: {needs}; use fewer, a smaller picture, or close programs")
+                raise MemoryError(
+                    f"the core ran out of memory: {needs}; use fewer, a smaller picture, or close "
+                    "programs"
+                )
             raise RuntimeError(f"the core failed: {text}")
         return self._film(progress.samples, complete=progress.state != CANCELLED, ended=True)
 
     def _film(self, samples: int, complete: bool, ended: bool) -> Film:
         passes = {name: self._pass(name, samples, ended) for name in self._names}
         data = self._core.glint_render_stats(self._handle)
-        return Film(self._axes.world_passes(passes) if self._axes else passes, samples, complete, _stats(data))
+        return Film(
+            self._axes.world_passes(passes) if self._axes else passes,
+            samples,
+            complete,
+            _stats(data),
+        )
 
     def _pass(self, name: str, samples: int, ended: bool) -> np.ndarray:
         """(h, w, c) float32; of an untouched picture when no wave is complete.
 
-        The core's own memory, which is freed with the array and all that look into it. Read-only unless the render has `ended`.
+        The core's own memory, which is freed with the array and all that look into it. Read-only
+        unless the render has `ended`.
         """
         shape = (*self._shape, PASSES[name])
         if samples == 0:
@@ -232,7 +299,9 @@ class _Render:
         handle = self._core.glint_render_picture(self._handle, core_types.PASS_NUMBERS[name], size)
         if not handle:
             needs = f"pass {name!r} needs {size * 4 / 1e9:.1f} GB"
-            raise MemoryError(f"the core ran out of memory: {needs}; use a smaller picture or fewer passes")
+            raise MemoryError(
+                f"the core ran out of memory: {needs}; use a smaller picture or fewer passes"
+            )
         memory = (c_float * size).from_address(self._core.glint_picture_values(handle))
         weakref.finalize(memory, self._core.glint_picture_free, handle).atexit = False
         picture = np.frombuffer(memory, np.float32).reshape(shape)
@@ -244,8 +313,20 @@ def _stats(data: StatsData) -> dict[str, float]:
     """Seconds, counts, and a 1 for each feature that the scene made active."""
     kinds = ("camera", "shadow", "mirror", "refraction", "transparent")
     rays = {f"{kind} rays": float(getattr(data, f"{kind}_rays")) for kind in kinds}
-    counts = ("triangles", "instances", "primitives", "threads", "dropped_primitives", "dropped_instances", "dropped_lights")
-    features = {f"feature: {name}": 1.0 for bit, name in enumerate(core_types.FEATURES) if data.features >> bit & 1}
+    counts = (
+        "triangles",
+        "instances",
+        "primitives",
+        "threads",
+        "dropped_primitives",
+        "dropped_instances",
+        "dropped_lights",
+    )
+    features = {
+        f"feature: {name}": 1.0
+        for bit, name in enumerate(core_types.FEATURES)
+        if data.features >> bit & 1
+    }
     return {
         "build": data.build_seconds,
         "trace": data.trace_seconds,

@@ -1,4 +1,6 @@
-"""The core for `engine.live`: scenes that outlive a render, so that their trees need not be made anew."""
+"""The core for `engine.live`: scenes that outlive a render, so that their trees need not be made
+anew.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,8 @@ _POLL_MILLISECONDS = 2
 class _Held:
     """A scene in the core.
 
-    packed: the arrays that it borrows.  exact: it draws what a scene of its own would draw, to the bit.
+    packed: the arrays that it borrows.  exact: it draws what a scene of its own would draw, to the
+    bit.
     """
 
     scene: Scene
@@ -41,27 +44,49 @@ class NativeLive:
         self._held: _Held | None = None
 
     def render(
-        self, scene: Scene, settings: Settings, exact: bool, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]
+        self,
+        scene: Scene,
+        settings: Settings,
+        exact: bool,
+        should_stop: Callable[[], bool],
+        on_film: Callable[[Film, bool], None],
     ) -> None:
-        """Draw `scene`; `on_film` gets every wave that there is time to read, and True with the last. Raises as `native.render_native`.
+        """Draw `scene`; `on_film` gets every wave that there is time to read, and True with the
+        last. Raises as `native.render_native`.
 
-        exact: the bits of `native.render_native`. Else trees may be those of another place of the camera, and what moved has its own.
+        exact: the bits of `native.render_native`. Else trees may be those of another place of the
+        camera, and what moved has its own.
         """
 
         def give(film: Film, final: bool) -> None:
-            on_film(replace(film, notes=tuple(left_out.sentences(scene, film.stats))) if final else film, final)
+            on_film(
+                replace(film, notes=tuple(left_out.sentences(scene, film.stats)))
+                if final
+                else film,
+                final,
+            )
 
         held = self._hold(scene, exact)
         plan = pack_settings(scene, settings, waves="SEEN", remember=exact)
         with native._render(self._core, held.handle, plan.data) as job:
-            self._run(job, native._Render(self._core, job, scene, settings, held.axes), settings.samples, should_stop, give)
+            self._run(
+                job,
+                native._Render(self._core, job, scene, settings, held.axes),
+                settings.samples,
+                should_stop,
+                give,
+            )
 
     def draw(self, scene: Scene, settings: Settings, should_stop: Callable[[], bool]) -> Film:
-        """`native.render_native` on the scene that is held: the same bits and the same work, so that its time and rays can be told."""
+        """`native.render_native` on the scene that is held: the same bits and the same work, so
+        that its time and rays can be told.
+        """
         held = self._hold(scene, exact=True)
         plan = pack_settings(scene, settings, waves="UNSEEN")
         with native._render(self._core, held.handle, plan.data) as job:
-            return native._Render(self._core, job, scene, settings, held.axes).run(should_stop, lambda fraction: None, None)
+            return native._Render(self._core, job, scene, settings, held.axes).run(
+                should_stop, lambda fraction: None, None
+            )
 
     def close(self) -> None:
         """Give the scene back."""
@@ -69,10 +94,13 @@ class NativeLive:
         if held is not None:
             self._core.glint_scene_destroy(held.handle)
 
-    # --- scenes -------------------------------------------------------------------------------------------------------------------
+    # --- scenes
+    # ----------------------------------------------------------------------------------------------
 
     def _hold(self, scene: Scene, exact: bool) -> _Held:
-        """The scene in the core: the one that is there, or one that takes over from it what has not changed."""
+        """The scene in the core: the one that is there, or one that takes over from it what has not
+        changed.
+        """
         before = self._held
         if before is not None and before.scene is scene and (before.exact or not exact):
             return before
@@ -94,10 +122,16 @@ class NativeLive:
             raise native._refusal(error.value.decode(errors="replace"), packed.data)
         return handle
 
-    # --- renders ------------------------------------------------------------------------------------------------------------------
+    # --- renders
+    # ----------------------------------------------------------------------------------------------
 
     def _run(
-        self, job: int, render: native._Render, most: int, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]
+        self,
+        job: int,
+        render: native._Render,
+        most: int,
+        should_stop: Callable[[], bool],
+        on_film: Callable[[Film, bool], None],
     ) -> None:
         shown, cancelled = 0, False
         while True:

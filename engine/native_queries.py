@@ -19,10 +19,14 @@ _VISIBLE = {"camera": 1, "mirror": 2, "shadow": 4, None: 7}
 
 
 class NativeQueries:
-    """Geometry in the core. Lives as long as anybody holds it, so that closing an accelerator never pulls trees from under a query."""
+    """Geometry in the core. Lives as long as anybody holds it, so that closing an accelerator never
+    pulls trees from under a query.
+    """
 
     def __init__(self, scene: Scene, threads: int) -> None:
-        """scene: sound (`scene_problems`).  Raises SceneError for what the core refuses, MemoryError, ImportError and OSError."""
+        """scene: sound (`scene_problems`).  Raises SceneError for what the core refuses,
+        MemoryError, ImportError and OSError.
+        """
         self._core, self._threads, self._handle = library(), threads, None
         self._packed = pack_scene(scene)
         table = self._packed.data
@@ -34,7 +38,10 @@ class NativeQueries:
             raise _refusal(error)
         found = self._core.glint_accel_stats(self._handle)
         self.bounds = np.array([found.low, found.high])
-        self.stats = {name: float(getattr(found, name)) for name in ("instances", "primitives", "dropped", "bytes", "nodes")}
+        self.stats = {
+            name: float(getattr(found, name))
+            for name in ("instances", "primitives", "dropped", "bytes", "nodes")
+        }
         self.stats["build"] = found.build_seconds
 
     def __del__(self) -> None:
@@ -42,26 +49,51 @@ class NativeQueries:
             self._core.glint_accel_destroy(self._handle)
 
     def closest(
-        self, origins: Array, directions: Array, t_min: Array, t_max: Array, size: int, visibility: str | None
+        self,
+        origins: Array,
+        directions: Array,
+        t_min: Array,
+        t_max: Array,
+        size: int,
+        visibility: str | None,
     ) -> tuple[Array, Array, Array, Array, Array]:
-        """t, instance, primitive, u, v of `accelerator.Hits`; the arguments are those of `accelerator.Rays`."""
+        """t, instance, primitive, u, v of `accelerator.Hits`; the arguments are those of
+        `accelerator.Rays`.
+        """
         dtypes = (origins.dtype, np.int32, np.int32, np.float32, np.float32)
         answers = tuple(np.empty(size, dtype) for dtype in dtypes)
         hits = HitsData(*(answer.ctypes.data for answer in answers))
         self._ask("closest", byref(hits), origins, directions, t_min, t_max, size, visibility)
         return answers
 
-    def occluded(self, origins: Array, directions: Array, t_min: Array, t_max: Array, size: int, visibility: str | None) -> Array:
+    def occluded(
+        self,
+        origins: Array,
+        directions: Array,
+        t_min: Array,
+        t_max: Array,
+        size: int,
+        visibility: str | None,
+    ) -> Array:
         """(size,) bool."""
         blocked = np.empty(size, bool)
-        self._ask("occluded", blocked.ctypes.data, origins, directions, t_min, t_max, size, visibility)
+        self._ask(
+            "occluded", blocked.ctypes.data, origins, directions, t_min, t_max, size, visibility
+        )
         return blocked
 
-    def _ask(self, question: str, room, origins, directions, t_min, t_max, size, visibility) -> None:
+    def _ask(
+        self, question: str, room, origins, directions, t_min, t_max, size, visibility
+    ) -> None:
         arrays = (origins, directions, t_min, t_max)
-        strides = [0 if len(array) == 1 else columns for array, columns in zip(arrays, (3, 3, 1, 1), strict=True)]
+        strides = [
+            0 if len(array) == 1 else columns
+            for array, columns in zip(arrays, (3, 3, 1, 1), strict=True)
+        ]
         rays = RaysData(*map(address, arrays), size, *strides, _VISIBLE[visibility], self._threads)
-        ask = getattr(self._core, f"glint_accel_{question}_{'f32' if origins.dtype == np.float32 else 'f64'}")
+        ask = getattr(
+            self._core, f"glint_accel_{question}_{'f32' if origins.dtype == np.float32 else 'f64'}"
+        )
         error = ctypes.create_string_buffer(ERROR_BYTES)
         if ask(self._handle, byref(rays), room, error, ERROR_BYTES):
             raise _refusal(error)
@@ -69,4 +101,6 @@ class NativeQueries:
 
 def _refusal(error: ctypes.Array) -> Exception:
     text = error.value.decode(errors="replace")
-    return MemoryError("the core ran out of memory") if text == "out of memory" else SceneError(text)
+    return (
+        MemoryError("the core ran out of memory") if text == "out of memory" else SceneError(text)
+    )

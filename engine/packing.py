@@ -1,4 +1,6 @@
-"""Scene and settings to the core's structures: small tables are made, big arrays are lent where their layout already fits."""
+"""Scene and settings to the core's structures: small tables are made, big arrays are lent where
+their layout already fits.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,22 @@ import numpy as np
 from . import core_types
 from .errors import SceneError
 from .sampling import light_points, pixel_offsets
-from .scene import LOBES, Attribute, Camera, Geometry, Input, Instances, Light, Lobe, Material, Mesh, Polygons, Scene, Spheres, Texture
+from .scene import (
+    LOBES,
+    Attribute,
+    Camera,
+    Geometry,
+    Input,
+    Instances,
+    Light,
+    Lobe,
+    Material,
+    Mesh,
+    Polygons,
+    Scene,
+    Spheres,
+    Texture,
+)
 from .settings import BUILDS, ILLUMINATIONS, Settings
 
 _DOMAINS = ("POINT", "CORNER", "FACE")
@@ -26,7 +43,8 @@ _LIGHTS = ("POINT", "SUN", "SPOT", "AREA")
 _SHAPES = ("RECTANGLE", "ELLIPSE")
 _CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
 
-_pixel_offsets = functools.lru_cache(maxsize=16)(pixel_offsets)  # a viewport asks for the same few all the time
+# a viewport asks for the same few all the time
+_pixel_offsets = functools.lru_cache(maxsize=16)(pixel_offsets)
 _light_points = functools.lru_cache(maxsize=16)(light_points)
 
 
@@ -48,10 +66,16 @@ class _Packer:
     inputs: list[tuple] = field(default_factory=list)
     lobes: list[tuple] = field(default_factory=list)
 
-    def lend(self, values: Any, dtype: type, shape: tuple[int | None, ...], what: str) -> np.ndarray:
-        """`values` as a C-contiguous array of that dtype and shape (None: any size), itself where possible."""
+    def lend(
+        self, values: Any, dtype: type, shape: tuple[int | None, ...], what: str
+    ) -> np.ndarray:
+        """`values` as a C-contiguous array of that dtype and shape (None: any size), itself where
+        possible.
+        """
         array = np.ascontiguousarray(values, dtype)
-        if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
+        if array.ndim != len(shape) or any(
+            want not in (None, have) for want, have in zip(shape, array.shape, strict=True)
+        ):
             wanted = ", ".join("any" if size is None else str(size) for size in shape)
             raise SceneError(f"{what} has the shape {array.shape}: ({wanted}) is needed")
         self.lent.append(array)
@@ -78,13 +102,17 @@ def number(value: str, names: Sequence[str], what: str) -> int:
 
 
 def pack_scene(scene: Scene) -> Packed:
-    """`scene` as a `core_types.SceneData`. Raises SceneError for arrays of the wrong shape and unknown names."""
+    """`scene` as a `core_types.SceneData`. Raises SceneError for arrays of the wrong shape and
+    unknown names.
+    """
     return ScenePacker().pack(scene)
 
 
 @dataclass(frozen=True)
 class _Part:
-    """Tables made from values of a scene. counts: rows of each, by the name of the field that tells it to the core."""
+    """Tables made from values of a scene. counts: rows of each, by the name of the field that tells
+    it to the core.
+    """
 
     source: Any
     tables: dict[str, np.ndarray]
@@ -92,7 +120,8 @@ class _Part:
 
 
 class ScenePacker:
-    """Packs scene after scene: tables of values that are the very same as those of the scene before are not made again.
+    """Packs scene after scene: tables of values that are the very same as those of the scene before
+    are not made again.
 
     What was packed stays as it is: tables are copied before rows of them change.
     """
@@ -120,14 +149,18 @@ class ScenePacker:
                 setattr(data, _COUNTS[name], len(table))
         return Packed(data, list(parts.values()))
 
-    def _part(self, name: str, source: tuple, make: Callable[[tuple, _Part | None, list[int]], _Part]) -> _Part:
+    def _part(
+        self, name: str, source: tuple, make: Callable[[tuple, _Part | None, list[int]], _Part]
+    ) -> _Part:
         before = self._parts.get(name)
         if before is None or len(before.source) != len(source):
             return make(source, None, [])
         changed = list(compress(count(), map(is_not, source, before.source)))
         return make(source, before, changed) if changed else before
 
-    def _geometries(self, geometries: tuple[Geometry, ...], before: _Part | None, changed: list[int]) -> _Part:
+    def _geometries(
+        self, geometries: tuple[Geometry, ...], before: _Part | None, changed: list[int]
+    ) -> _Part:
         if before is not None:
             others = {k: _PackedGeometry(geometries[k], self._names) for k in changed}
             counts = before.tables["geometries"]["attribute_count"]
@@ -137,10 +170,18 @@ class ScenePacker:
         starts = np.cumsum([0] + [len(packed.attributes) for packed in fresh])
         table = _table(core_types.GeometryData, [packed.row for packed in fresh])
         table["first_attribute"] = starts[:-1]
-        attributes = _table(core_types.AttributeData, [row for packed in fresh for row in packed.attributes])
-        return _Part(geometries, {"geometries": table, "attributes": attributes}, [packed.lent for packed in fresh])
+        attributes = _table(
+            core_types.AttributeData, [row for packed in fresh for row in packed.attributes]
+        )
+        return _Part(
+            geometries,
+            {"geometries": table, "attributes": attributes},
+            [packed.lent for packed in fresh],
+        )
 
-    def _materials(self, materials: tuple[Material, ...], before: _Part | None, changed: list[int]) -> _Part:
+    def _materials(
+        self, materials: tuple[Material, ...], before: _Part | None, changed: list[int]
+    ) -> _Part:
         packer = _Packer(names=self._names)
         rows = [_material(packer, material.lobes, material.index) for material in materials]
         tables = {
@@ -178,26 +219,38 @@ class _PackedGeometry:
         self.attributes, self.lent = packer.attributes, packer.lent
 
 
-def _patched_geometries(geometries: tuple[Geometry, ...], before: _Part, fresh: dict[int, _PackedGeometry]) -> _Part:
-    """The tables with other rows for geometries that have as many attributes as those in their places had."""
+def _patched_geometries(
+    geometries: tuple[Geometry, ...], before: _Part, fresh: dict[int, _PackedGeometry]
+) -> _Part:
+    """The tables with other rows for geometries that have as many attributes as those in their
+    places had.
+    """
     tables = {name: table.copy() for name, table in before.tables.items()}
     lent = list(before.lent)
     for k, packed in fresh.items():
         first = int(tables["geometries"]["first_attribute"][k])
         tables["geometries"][k] = packed.row
         tables["geometries"]["first_attribute"][k] = first
-        tables["attributes"][first : first + len(packed.attributes)] = _table(core_types.AttributeData, packed.attributes)
+        tables["attributes"][first : first + len(packed.attributes)] = _table(
+            core_types.AttributeData, packed.attributes
+        )
         lent[k] = packed.lent
     return _Part(geometries, tables, lent)
 
 
 def _textures(textures: tuple[Texture, ...], before: _Part | None, changed: list[int]) -> _Part:
     packer = _Packer()
-    return _Part(textures, {"textures": _table(core_types.TextureData, [_texture(packer, t) for t in textures])}, packer.lent)
+    return _Part(
+        textures,
+        {"textures": _table(core_types.TextureData, [_texture(packer, t) for t in textures])},
+        packer.lent,
+    )
 
 
 def _lights(lights: tuple[Light, ...], before: _Part | None, changed: list[int]) -> _Part:
-    return _Part(lights, {"lights": _table(core_types.LightData, [_light(light) for light in lights])}, [])
+    return _Part(
+        lights, {"lights": _table(core_types.LightData, [_light(light) for light in lights])}, []
+    )
 
 
 def pack_camera(camera: Camera) -> core_types.CameraData:
@@ -213,7 +266,8 @@ def pack_camera(camera: Camera) -> core_types.CameraData:
     return data
 
 
-# --- geometry -----------------------------------------------------------------------------------------------------------------------
+# --- geometry
+# --------------------------------------------------------------------------------------------------
 
 
 def _geometry(packer: _Packer, geometry: Geometry) -> tuple:
@@ -250,7 +304,9 @@ def _mesh(packer: _Packer, mesh: Mesh) -> dict[str, Any]:
 
 
 def _attribute(packer: _Packer, mesh: Mesh, attribute: Attribute) -> tuple:
-    values = packer.lend(attribute.values, np.float32, (None, None), f"{mesh.name}: attribute {attribute.name!r}")
+    values = packer.lend(
+        attribute.values, np.float32, (None, None), f"{mesh.name}: attribute {attribute.name!r}"
+    )
     domain = number(attribute.domain, _DOMAINS, "attribute domain")
     return (address(values), len(values), packer.name(attribute.name), domain, values.shape[1], 0)
 
@@ -259,7 +315,13 @@ def _spheres(packer: _Packer, spheres: Spheres) -> dict[str, Any]:
     centers = packer.lend(spheres.centers, np.float32, (None, 3), f"{spheres.name}: centers")
     radii = packer.lend(spheres.radii, np.float32, (len(centers),), f"{spheres.name}: radii")
     count = len(centers)
-    return {"vertices": address(centers), "radii": address(radii), "vertex_count": count, "primitive_count": count, "kind": 1}
+    return {
+        "vertices": address(centers),
+        "radii": address(radii),
+        "vertex_count": count,
+        "primitive_count": count,
+        "kind": 1,
+    }
 
 
 def _polygons(packer: _Packer, polygons: Polygons) -> dict[str, Any]:
@@ -279,25 +341,45 @@ def _polygons(packer: _Packer, polygons: Polygons) -> dict[str, Any]:
     }
 
 
-# --- instances ----------------------------------------------------------------------------------------------------------------------
+# --- instances
+# --------------------------------------------------------------------------------------------------
 
 
 def _instances(groups: tuple[Instances, ...], before: _Part | None, changed: list[int]) -> _Part:
-    """One array of matrices and one of materials for all groups; a scene's only group lends its own."""
+    """One array of matrices and one of materials for all groups; a scene's only group lends its
+    own.
+    """
     if before is not None and all(_differ_in_place(groups[k], before.source[k]) for k in changed):
         return _moved_instances(groups, before, changed)
     packer = _Packer()
     matrices = [np.asarray(group.world_from_object) for group in groups]
     for group, rows in zip(groups, matrices, strict=True):
         if rows.ndim != 3 or rows.shape[1:] != (3, 4):
-            raise SceneError(f"{group.name}: world_from_object has the shape {rows.shape}: (any, 3, 4) is needed")
-    joined = matrices[0] if len(matrices) == 1 else np.concatenate(matrices) if matrices else np.empty((0, 3, 4))
+            raise SceneError(
+                f"{group.name}: world_from_object has the shape {rows.shape}: (any, 3, 4) is needed"
+            )
+    joined = (
+        matrices[0]
+        if len(matrices) == 1
+        else np.concatenate(matrices)
+        if matrices
+        else np.empty((0, 3, 4))
+    )
     joined = packer.lend(joined, np.float64, (None, 3, 4), "world_from_object")
-    slots = packer.lend([number for group in groups for number in group.materials], np.uint32, (None,), "materials")
+    slots = packer.lend(
+        [number for group in groups for number in group.materials], np.uint32, (None,), "materials"
+    )
     first_rows = np.cumsum([0] + [len(rows) for rows in matrices])
     first_slots = np.cumsum([0] + [len(group.materials) for group in groups])
-    rows = [_group(*entry) for entry in zip(groups, first_rows, map(len, matrices), first_slots, strict=False)]
-    tables = {"instances": _table(core_types.InstancesData, rows), "world_from_object": joined, "material_slots": slots}
+    rows = [
+        _group(*entry)
+        for entry in zip(groups, first_rows, map(len, matrices), first_slots, strict=False)
+    ]
+    tables = {
+        "instances": _table(core_types.InstancesData, rows),
+        "world_from_object": joined,
+        "material_slots": slots,
+    }
     return _Part(groups, tables, packer.lent)
 
 
@@ -317,11 +399,26 @@ def _moved_instances(groups: tuple[Instances, ...], before: _Part, changed: list
 
 
 def _group(group: Instances, first_row: int, row_count: int, first_slot: int) -> tuple:
-    flags = group.visible_camera | group.visible_mirror << 1 | group.visible_shadow << 2 | group.holdout << 3
-    return (first_row, row_count, group.geometry, flags, first_slot, len(group.materials), group.object_index, 0)
+    flags = (
+        group.visible_camera
+        | group.visible_mirror << 1
+        | group.visible_shadow << 2
+        | group.holdout << 3
+    )
+    return (
+        first_row,
+        row_count,
+        group.geometry,
+        flags,
+        first_slot,
+        len(group.materials),
+        group.object_index,
+        0,
+    )
 
 
-# --- materials ----------------------------------------------------------------------------------------------------------------------
+# --- materials
+# --------------------------------------------------------------------------------------------------
 
 
 def _material(packer: _Packer, lobes: Sequence[Lobe], index: int) -> tuple:
@@ -329,7 +426,17 @@ def _material(packer: _Packer, lobes: Sequence[Lobe], index: int) -> tuple:
     for lobe in lobes:
         kind = number(lobe.kind, LOBES, "lobe kind")
         fresnel = lobe.fresnel | lobe.schlick << 1
-        packer.lobes.append((lobe.exponent, lobe.ior, lobe.masking, len(packer.inputs), len(lobe.factors), kind, fresnel))
+        packer.lobes.append(
+            (
+                lobe.exponent,
+                lobe.ior,
+                lobe.masking,
+                len(packer.inputs),
+                len(lobe.factors),
+                kind,
+                fresnel,
+            )
+        )
         packer.inputs.extend([_input(packer, factor) for factor in lobe.factors])
     return (first, len(lobes), index, 0)
 
@@ -368,7 +475,13 @@ def _texture(packer: _Packer, texture: Texture) -> tuple:
 
 def _light(light: Light) -> tuple:
     ellipse = number(light.shape, _SHAPES, "light shape")
-    flags = light.cast_shadow | light.visible_camera << 1 | light.visible_mirror << 2 | light.soft_falloff << 3 | ellipse << 4
+    flags = (
+        light.cast_shadow
+        | light.visible_camera << 1
+        | light.visible_mirror << 2
+        | light.soft_falloff << 3
+        | ellipse << 4
+    )
     return (
         np.asarray(light.world_from_light, float).reshape(12),
         light.color,
@@ -384,16 +497,23 @@ def _light(light: Light) -> tuple:
     )
 
 
-# --- settings -----------------------------------------------------------------------------------------------------------------------
+# --- settings
+# --------------------------------------------------------------------------------------------------
 
 
 def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool = False) -> Packed:
-    """`settings` as a `core_types.SettingsData`, with the sample points that the scene's lights need.
+    """`settings` as a `core_types.SettingsData`, with the sample points that the scene's lights
+    need.
 
     waves: one of `core_types.WAVES`.
     """
     packer = _Packer()
-    offsets = packer.lend(_pixel_offsets(settings.samples, settings.filter_width), np.float64, (settings.samples, 2), "pixel offsets")
+    offsets = packer.lend(
+        _pixel_offsets(settings.samples, settings.filter_width),
+        np.float64,
+        (settings.samples, 2),
+        "pixel offsets",
+    )
     data = core_types.SettingsData(
         pixel_offsets=address(offsets),
         samples=settings.samples,
@@ -405,7 +525,9 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         passes=sum(1 << core_types.PASS_NUMBERS[name] for name in passes_of(settings)),
         illumination=number(settings.illumination, ILLUMINATIONS, "illumination"),
         waves=core_types.WAVES.index(waves),
-        acceleration=BUILDS.index("BALANCED" if settings.acceleration == "AUTO" else settings.acceleration),
+        acceleration=BUILDS.index(
+            "BALANCED" if settings.acceleration == "AUTO" else settings.acceleration
+        ),
         remember=remember,
     )
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
@@ -418,11 +540,15 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
 
 
 def passes_of(settings: Settings) -> tuple[str, ...]:
-    """Combined and what else is wanted, in the core's order. Raises SceneError for an unknown pass."""
+    """Combined and what else is wanted, in the core's order. Raises SceneError for an unknown
+    pass.
+    """
     unknown = sorted(set(settings.passes) - set(core_types.PASS_NUMBERS))
     if unknown:
         raise SceneError(f"no such pass: {', '.join(unknown)}")
-    return tuple(name for name in core_types.PASS_NUMBERS if name == "Combined" or name in settings.passes)
+    return tuple(
+        name for name in core_types.PASS_NUMBERS if name == "Combined" or name in settings.passes
+    )
 
 
 def is_soft(light: Light) -> bool:

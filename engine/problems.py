@@ -1,7 +1,9 @@
-"""The check at the door: what makes a scene unfit to render, one sentence each, with the thing's name and the remedy.
+"""The check at the door: what makes a scene unfit to render, one sentence each, with the thing's
+name and the remedy.
 
-Tracers rely on it: after an empty list every array has the dtype and shape that `scene.py` says, every index is in range, and every
-number is finite except vertices, centres and radii, whose primitives the tracers drop. Flattened placements and negative light are sound.
+Tracers rely on it: after an empty list every array has the dtype and shape that `scene.py` says,
+every index is in range, and every number is finite except vertices, centres and radii, whose
+primitives the tracers drop. Flattened placements and negative light are sound.
 """
 
 from __future__ import annotations
@@ -41,14 +43,19 @@ _REAL = (float, int, Real)
 """For isinstance, the plain ones first: asking an abstract class takes ten times as long."""
 
 _DOUBTFUL_VOLUME = 1e-6
-"""Of three unit axes: from it on the smallest singular value is at least 5e-7 of the largest, far from rounding."""
+"""Of three unit axes: from it on the smallest singular value is at least 5e-7 of the largest, far
+from rounding.
+"""
 
 _ORTHONORMAL = 1e-4
-"""How far a light's axes may be from orthonormal: matrices that went through a few float32 products stay well within."""
+"""How far a light's axes may be from orthonormal: matrices that went through a few float32 products
+stay well within.
+"""
 
 
 def scene_problems(scene: Scene) -> list[str]:
-    """Every problem of `scene`, in the order of its fields; empty when it is sound. Reads each array at most twice and copies no mesh.
+    """Every problem of `scene`, in the order of its fields; empty when it is sound. Reads each
+    array at most twice and copies no mesh.
 
     Things of other classes than those of `scene.py` are told before anybody looks into them.
     """
@@ -64,11 +71,21 @@ def scene_problems(scene: Scene) -> list[str]:
         (scene.lights, _light),
         ((scene.world,), _world),
     )
-    return [f"{_label(thing)}: {text}" for things, check in checks for thing in things for text in check(thing)]
+    return [
+        f"{_label(thing)}: {text}"
+        for things, check in checks
+        for thing in things
+        for text in check(thing)
+    ]
 
 
-_HELD = {"geometries": (Mesh, Spheres, Polygons), "instances": (Instances,), "materials": (Material,), "textures": (Texture,),
-         "lights": (Light,)}  # fmt: skip
+_HELD = {
+    "geometries": (Mesh, Spheres, Polygons),
+    "instances": (Instances,),
+    "materials": (Material,),
+    "textures": (Texture,),
+    "lights": (Light,),
+}
 
 
 def _strangers(scene: Scene) -> Found:
@@ -96,10 +113,13 @@ def _label(thing: Any) -> str:
     return f"{kind} {thing.name!r}" if hasattr(thing, "name") else kind
 
 
-# --- values -------------------------------------------------------------------------------------------------------------------------
+# --- values
+# --------------------------------------------------------------------------------------------------
 
 
-def _array(name: str, array: Any, dtypes: type | tuple[type, ...], shape: Sequence[int | None]) -> Found:
+def _array(
+    name: str, array: Any, dtypes: type | tuple[type, ...], shape: Sequence[int | None]
+) -> Found:
     """The dtype and shape that `array` should have; None in `shape` is any size."""
     dtypes = dtypes if isinstance(dtypes, tuple) else (dtypes,)
     if not isinstance(array, np.ndarray):
@@ -107,7 +127,9 @@ def _array(name: str, array: Any, dtypes: type | tuple[type, ...], shape: Sequen
         return
     if array.dtype.type not in dtypes or not array.dtype.isnative:
         yield f"{name} has dtype {array.dtype}: use {' or '.join(np.dtype(t).name for t in dtypes)}"
-    if array.ndim != len(shape) or any(want is not None and want != got for want, got in zip(shape, array.shape, strict=True)):
+    if array.ndim != len(shape) or any(
+        want is not None and want != got for want, got in zip(shape, array.shape, strict=True)
+    ):
         wanted = ", ".join("any" if size is None else str(size) for size in shape)
         yield f"{name} has shape {array.shape}: use ({wanted})"
 
@@ -163,16 +185,26 @@ def _whole(name: str, value: Any) -> Found:
         yield f"{name} is {value!r}: use a whole number of 32 bits"
 
 
-# --- geometry -----------------------------------------------------------------------------------------------------------------------
+# --- geometry
+# --------------------------------------------------------------------------------------------------
 
 
 def _geometry(geometry: Any) -> Found:
-    check = _mesh if isinstance(geometry, Mesh) else _spheres if isinstance(geometry, Spheres) else _polygons
+    check = (
+        _mesh
+        if isinstance(geometry, Mesh)
+        else _spheres
+        if isinstance(geometry, Spheres)
+        else _polygons
+    )
     yield from check(geometry)
 
 
 def _mesh(mesh: Mesh) -> Found:
-    shapes = [*_array("vertices", mesh.vertices, np.float32, (None, 3)), *_array("triangles", mesh.triangles, np.uint32, (None, 3))]
+    shapes = [
+        *_array("vertices", mesh.vertices, np.float32, (None, 3)),
+        *_array("triangles", mesh.triangles, np.uint32, (None, 3)),
+    ]
     yield from shapes
     if shapes:
         return
@@ -215,8 +247,13 @@ def _corner_rows(mesh: Mesh) -> int | None:
     return int(corners.max()) + 1 if corners.size else 0
 
 
-def _attribute(name: str, attribute: Attribute, rows: dict[str, int | None], columns: tuple[int, ...]) -> Found:
-    shapes = [*_one_of(f"the domain of {name}", attribute.domain, tuple(rows)), *_array(name, attribute.values, np.float32, (None, None))]
+def _attribute(
+    name: str, attribute: Attribute, rows: dict[str, int | None], columns: tuple[int, ...]
+) -> Found:
+    shapes = [
+        *_one_of(f"the domain of {name}", attribute.domain, tuple(rows)),
+        *_array(name, attribute.values, np.float32, (None, None)),
+    ]
     yield from shapes
     if shapes:
         return
@@ -270,11 +307,17 @@ def _offsets(offsets: np.ndarray, count: int) -> Found:
 
 
 def _worth_asking(groups: Sequence[Instances]) -> Sequence[Instances]:
-    """All of them; but where all matrices are sound, one of those that differ in names and matrices alone. A file of 50 000 objects has as
-    many groups, and to ask each takes longer than to trace them."""
-    if {getattr(group.world_from_object, "dtype", None) for group in groups} != {np.dtype(np.float64)}:
+    """All of them; but where all matrices are sound, one of those that differ in names and matrices
+    alone. A file of 50 000 objects has as many groups, and to ask each takes longer than to trace
+    them.
+    """
+    if {getattr(group.world_from_object, "dtype", None) for group in groups} != {
+        np.dtype(np.float64)
+    }:
         return groups
-    if {group.world_from_object.shape[1:] for group in groups} != {(3, 4)} or {type(group.materials) for group in groups} != {tuple}:
+    if {group.world_from_object.shape[1:] for group in groups} != {(3, 4)} or {
+        type(group.materials) for group in groups
+    } != {tuple}:
         return groups
     if not np.isfinite(np.concatenate([group.world_from_object for group in groups])).all():
         return groups
@@ -282,7 +325,9 @@ def _worth_asking(groups: Sequence[Instances]) -> Sequence[Instances]:
 
 
 def _kind(group: Instances) -> tuple:
-    """What `_instances` looks at but for the matrices, with the types: 1.0 equals 1 and is no index."""
+    """What `_instances` looks at but for the matrices, with the types: 1.0 equals 1 and is no
+    index.
+    """
     values = (group.geometry, group.object_index, *group.materials)
     return values, tuple(map(type, values))
 
@@ -299,7 +344,8 @@ def _instances(scene: Scene, instances: Instances) -> Found:
     yield from _whole("object_index", instances.object_index)
 
 
-# --- surfaces -----------------------------------------------------------------------------------------------------------------------
+# --- surfaces
+# --------------------------------------------------------------------------------------------------
 
 
 def _material(textures: int, material: Material) -> Found:
@@ -328,7 +374,11 @@ def _input(factor: Input, textures: int) -> Found:
     yield from _one_of("channel", factor.channel, ("COLOR", "ALPHA", "LUMINANCE"))
     yield from _one_of("attribute_channel", factor.attribute_channel, ("COLOR", "ALPHA"))
     yield from _numbers("offset", factor.offset, 3)
-    if not (isinstance(factor.low, _REAL) and isinstance(factor.high, _REAL) and factor.low <= factor.high):
+    if not (
+        isinstance(factor.low, _REAL)
+        and isinstance(factor.high, _REAL)
+        and factor.low <= factor.high
+    ):
         yield f"low is {factor.low!r} and high {factor.high!r}: use numbers, low at most high"
     for row in factor.uv_transform:
         yield from _numbers("a row of uv_transform", row, 3)
@@ -352,7 +402,8 @@ def _texture(texture: Texture) -> Found:
             yield "encoding SRGB is for uint8: decode float32 pixels to LINEAR"
 
 
-# --- light and view -----------------------------------------------------------------------------------------------------------------
+# --- light and view
+# --------------------------------------------------------------------------------------------------
 
 
 def _light(light: Light) -> Found:
@@ -388,7 +439,9 @@ def _not_a_frame(name: str, matrix: np.ndarray) -> Found:
 
 
 def _is_flat(axes: np.ndarray) -> bool:
-    """(3, 3) unit columns. The decomposition decides, where the volume of the axes leaves a doubt."""
+    """(3, 3) unit columns. The decomposition decides, where the volume of the axes leaves a
+    doubt.
+    """
     return not abs(determinant(axes)) >= _DOUBTFUL_VOLUME and pseudo_inverse(axes).rank < 3
 
 
@@ -403,7 +456,9 @@ def _camera(camera: Camera) -> Found:
 def _window(camera: Camera) -> Found:
     problems = [*_numbers("window", camera.window, 4)]
     yield from problems
-    if not problems and (camera.window[0] == camera.window[1] or camera.window[2] == camera.window[3]):
+    if not problems and (
+        camera.window[0] == camera.window[1] or camera.window[2] == camera.window[3]
+    ):
         yield f"window {camera.window} has no area: use l different from r and b from t"
 
 
@@ -419,11 +474,15 @@ def _resolution(camera: Camera) -> Found:
 
 def _clip(camera: Camera) -> Found:
     start, end = camera.clip_start, camera.clip_end
-    # An orthographic view may start behind its plane, as Blender's viewport does; no ray of a perspective goes there.
+    # An orthographic view may start behind its plane, as Blender's viewport does; no ray of a
+    # perspective goes there.
     if camera.kind == "PERSPECTIVE" and not start >= 0:
         yield f"clip_start is {start!r}: use 0 or more"
     if not start < end:
-        yield f"clip_start {start!r} and clip_end {end!r} leave nothing between: use a smaller clip_start"
+        yield (
+            f"clip_start {start!r} and clip_end {end!r} leave nothing between: use a smaller "
+            "clip_start"
+        )
     if len(camera.clip_planes) > 6:
         yield f"clip_planes has {len(camera.clip_planes)} rows: use 6 at most"
     for plane in camera.clip_planes:

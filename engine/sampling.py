@@ -1,7 +1,8 @@
-"""Where samples fall: the same few points for every pixel, so pictures carry no noise and repeat bit for bit.
+"""Where samples fall: the same few points for every pixel, so pictures carry no noise and repeat
+bit for bit.
 
-Pixels use the first two dimensions of the Sobol' sequence and lights the next two, scrambled (Owen 1995), so that both are spread well
-each for itself and together. They are kept in 32-bit integers.
+Pixels use the first two dimensions of the Sobol' sequence and lights the next two, scrambled (Owen
+1995), so that both are spread well each for itself and together. They are kept in 32-bit integers.
 """
 
 from __future__ import annotations
@@ -11,26 +12,32 @@ import numpy as np
 _WORD = np.uint64((1 << 32) - 1)
 _STEP = np.uint64(0x9E3779B1)
 _POLYNOMIALS = (None, ((), (1,)), ((1,), (1, 3)), ((2,), (1, 3, 1)))
-"""By dimension, None for van der Corput's: which of the last direction numbers make the next one, and the first ones (Joe, Kuo 2008)."""
+"""By dimension, None for van der Corput's: which of the last direction numbers make the next one,
+and the first ones (Joe, Kuo 2008).
+"""
 _PIXEL, _LIGHT = (0, 1), (2, 3)
 """Dimensions."""
 _SCRAMBLES = (8910, 8911, 13970, 31666)
-"""By dimension. Of 12 000 scrambles for pixels the one whose first 4 to 128 of up to 256 points are, as the filter spreads them, the least
-off the pixel's middle and the filter's width: 4 of 64 by 0.03 pixels, where the plain sequence is off by 0.24.
-Of 300 for lights the one with the least error, over 1 to 256 pixel samples of 2 and 4 points each, of half planes that hide a part of the
-light, which the place in the pixel shifts: 0.96 of the median's."""
+"""By dimension. Of 12 000 scrambles for pixels the one whose first 4 to 128 of up to 256 points
+are, as the filter spreads them, the least off the pixel's middle and the filter's width: 4 of 64 by
+0.03 pixels, where the plain sequence is off by 0.24. Of 300 for lights the one with the least
+error, over 1 to 256 pixel samples of 2 and 4 points each, of half planes that hide a part of the
+light, which the place in the pixel shifts: 0.96 of the median's.
+"""
 
 
 def sobol_points(count: int) -> np.ndarray:
-    """(count, 2) float64 in (0, 1): van der Corput and the second Sobol' dimension, scrambled, in the middle of the cells that `count`
-    points stratify; point 0 is (0.5, 0.5). The first 4, 8, 16 … are stratified as well and have nearly the middle as their mean, for
-    pixels that stop there."""
+    """(count, 2) float64 in (0, 1): van der Corput and the second Sobol' dimension, scrambled, in
+    the middle of the cells that `count` points stratify; point 0 is (0.5, 0.5). The first 4, 8, 16
+    … are stratified as well and have nearly the middle as their mean, for pixels that stop there.
+    """
     return _sobol(count, _PIXEL)
 
 
 def _sobol(count: int, dimensions: tuple[int, ...]) -> np.ndarray:
-    """(count, dimensions) float64 in (0, 1), scrambled, in the middle of the cells that `count` points stratify on each axis; point 0 is in
-    the middle."""
+    """(count, dimensions) float64 in (0, 1), scrambled, in the middle of the cells that `count`
+    points stratify on each axis; point 0 is in the middle.
+    """
     bits = max(count - 1, 0).bit_length()
     index = np.arange(count, dtype=np.uint64)
     columns = np.zeros((count, len(dimensions)), np.uint64)
@@ -56,8 +63,10 @@ def _directions(dimension: int) -> list[int]:
 
 
 def _scrambled(columns: np.ndarray, bits: int, scrambles: np.ndarray) -> np.ndarray:
-    """32-bit fractions (n, d) with each of the first `bits` binary digits turned or not, by a hash of the digits before it: cells of any
-    size stay stratified. Digits after zeros alone are not, but for the first: 0 becomes a half.  scrambles: (d,)."""
+    """32-bit fractions (n, d) with each of the first `bits` binary digits turned or not, by a hash
+    of the digits before it: cells of any size stay stratified. Digits after zeros alone are not,
+    but for the first: 0 becomes a half.  scrambles: (d,).
+    """
     scrambled = columns.copy()
     for place in range(bits):
         before = columns >> np.uint64(32 - place) if place else np.zeros_like(columns)
@@ -77,11 +86,17 @@ def _hash(x: np.ndarray) -> np.ndarray:
 def blackman_harris(x: np.ndarray) -> np.ndarray:
     """The four-term Blackman-Harris window over x in [-0.5, 0.5] (Harris 1978), 1 in the middle."""
     angle = 2 * np.pi * (x + 0.5)
-    return 0.35875 - 0.48829 * np.cos(angle) + 0.14128 * np.cos(2 * angle) - 0.01168 * np.cos(3 * angle)
+    return (
+        0.35875
+        - 0.48829 * np.cos(angle)
+        + 0.14128 * np.cos(2 * angle)
+        - 0.01168 * np.cos(3 * angle)
+    )
 
 
 def pixel_offsets(samples: int, filter_width: float) -> np.ndarray:
-    """(samples, 2) float64 offsets from the pixel's centre, in pixels, distributed as the filter; the first is exactly 0.
+    """(samples, 2) float64 offsets from the pixel's centre, in pixels, distributed as the filter;
+    the first is exactly 0.
 
     filter_width as Blender gives it: the Blackman-Harris window spans twice that.
     """
@@ -99,8 +114,9 @@ def _inverse_blackman_harris(u: np.ndarray) -> np.ndarray:
 
 
 def light_points(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The same points in the square [-1, 1]² and, by the concentric map (Shirley, Chiu 1997), in the unit disc; both (count, 2)
-    float64, the first exactly in the middle."""
+    """The same points in the square [-1, 1]² and, by the concentric map (Shirley, Chiu 1997), in
+    the unit disc; both (count, 2) float64, the first exactly in the middle.
+    """
     square = 2 * _sobol(count, _LIGHT) - 1
     return square, concentric_disc(square)
 

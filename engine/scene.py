@@ -1,11 +1,12 @@
 """The scene as plain values: what Blender's export makes and what every tracer takes.
 
-Everything is a frozen dataclass of NumPy arrays and integer handles; handles index the tuples of `Scene`. World quantities are
-float64, geometry stays in object space as float32 (Blender's own precision). `SEMANTICS.md` beside this file says which picture a
-scene stands for; `problems.py` checks a scene at the door.
+Everything is a frozen dataclass of NumPy arrays and integer handles; handles index the tuples of
+`Scene`. World quantities are float64, geometry stays in object space as float32 (Blender's own
+precision). `SEMANTICS.md` beside this file says which picture a scene stands for; `problems.py`
+checks a scene at the door.
 
-Conventions: right-handed, metres as Blender's units, angles in radians, colours scene-linear RGB. A matrix `target_from_source` is
-`(3, 4)`: columns 0-2 the linear part, column 3 the translation.
+Conventions: right-handed, metres as Blender's units, angles in radians, colours scene-linear RGB. A
+matrix `target_from_source` is `(3, 4)`: columns 0-2 the linear part, column 3 the translation.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ class Attribute:
     """Values on a mesh that materials or passes read.
 
     name: how an `Input` finds it.
-    domain: POINT (a row per vertex), CORNER (a row per value of `Mesh.corners`) or FACE (a row per triangle).
-    values: (k, c) float32, c = 2 for UV maps, 3 for normals, 4 for colours.
+    domain: POINT (a row per vertex), CORNER (a row per value of `Mesh.corners`) or FACE (a row per
+    triangle). values: (k, c) float32, c = 2 for UV maps, 3 for normals, 4 for colours.
     """
 
     name: str
@@ -42,7 +43,8 @@ class Mesh:
     corners: (n, 3) uint32, rows of CORNER attributes, or None when there is no such attribute.
     material_slots: (n,) uint16, index into `Instances.materials`, or None when all are 0.
     normals: unit shading normals on POINT or CORNER, or None for flat shading everywhere.
-    attributes: UV maps and colours that something reads; the first one with 2 columns is the active UV map.
+    attributes: UV maps and colours that something reads; the first one with 2 columns is the active
+    UV map.
     """
 
     name: str
@@ -56,7 +58,9 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Spheres:
-    """True spheres in object space: centers (k, 3) float32, radii (k,) float32, material_slots as in `Mesh`."""
+    """True spheres in object space: centers (k, 3) float32, radii (k,) float32, material_slots as
+    in `Mesh`.
+    """
 
     name: str
     centers: Array
@@ -66,10 +70,12 @@ class Spheres:
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """Planar polygons, each tested by the odd-even rule (notes, section 4.9), flat shaded, object space.
+    """Planar polygons, each tested by the odd-even rule (notes, section 4.9), flat shaded, object
+    space.
 
-    vertices: (v, 3) float32.  offsets: (p + 1,) uint32; polygon k has the corners indices[offsets[k]:offsets[k + 1]].
-    indices: (m,) uint32, rows of `vertices`, in order round the polygon; the normal is Newell's.
+    vertices: (v, 3) float32.  offsets: (p + 1,) uint32; polygon k has the corners
+    indices[offsets[k]:offsets[k + 1]]. indices: (m,) uint32, rows of `vertices`, in order round the
+    polygon; the normal is Newell's.
     """
 
     name: str
@@ -84,15 +90,15 @@ Geometry = Mesh | Spheres | Polygons
 
 @dataclass(frozen=True, eq=False)
 class Instances:
-    """One geometry placed k times. Instances are numbered in the order of `Scene.instances`, then by row.
+    """One geometry placed k times. Instances are numbered in the order of `Scene.instances`, then
+    by row.
 
     geometry: index into `Scene.geometries`.
     world_from_object: (k, 3, 4) float64; mirrored, sheared and flattened matrices are welcome.
-    materials: for each material slot an index into `Scene.materials`; a slot beyond the end uses the last one.
-    object_index: Blender's pass index.
-    visible_camera, visible_mirror, visible_shadow: seen by camera rays (and what passes straight through them), by mirror and
-    refraction rays, by shadow rays.
-    holdout: cuts a hole of alpha 0 into the picture.
+    materials: for each material slot an index into `Scene.materials`; a slot beyond the end uses
+    the last one. object_index: Blender's pass index. visible_camera, visible_mirror,
+    visible_shadow: seen by camera rays (and what passes straight through them), by mirror and
+    refraction rays, by shadow rays. holdout: cuts a hole of alpha 0 into the picture.
     """
 
     name: str
@@ -110,8 +116,9 @@ class Instances:
 class Texture:
     """An image. pixels (h, w, 4) uint8 or float32, row 0 at v = 0 (the bottom), straight alpha.
 
-    encoding: LINEAR, or SRGB for uint8 whose colours (not alpha) carry the sRGB curve; decoded before filtering.
-    extension: REPEAT, EXTEND, CLIP (transparent black outside) or MIRROR.  interpolation: LINEAR or CLOSEST.
+    encoding: LINEAR, or SRGB for uint8 whose colours (not alpha) carry the sRGB curve; decoded
+    before filtering. extension: REPEAT, EXTEND, CLIP (transparent black outside) or MIRROR.
+    interpolation: LINEAR or CLOSEST.
     """
 
     name: str
@@ -123,20 +130,25 @@ class Texture:
 
 @dataclass(frozen=True)
 class Input:
-    """A colour that may vary over the surface: value × texture(uv) × attribute + offset, kept between low and high, or one minus that.
+    """A colour that may vary over the surface: value × texture(uv) × attribute + offset, kept
+    between low and high, or one minus that.
 
-    value: RGB.  texture: index into `Scene.textures`, -1 for none.  channel: COLOR, or ALPHA (the texture's alpha on all three),
-    or LUMINANCE (the mean of the three as grey).  uv: name of the UV attribute, "" for the active one.
-    uv_transform: ((a, b, c), (d, e, f)) with u' = a u + b v + c and v' = d u + e v + f.
-    attribute: name of a colour attribute, "" for none; a name the mesh lacks reads as 0.
-    attribute_channel: COLOR or ALPHA.  offset: RGB.  low, high: bounds of each channel.  complement: the result is 1 - all that.
+    value: RGB.  texture: index into `Scene.textures`, -1 for none.  channel: COLOR, or ALPHA (the
+    texture's alpha on all three), or LUMINANCE (the mean of the three as grey).  uv: name of the UV
+    attribute, "" for the active one. uv_transform: ((a, b, c), (d, e, f)) with u' = a u + b v + c
+    and v' = d u + e v + f. attribute: name of a colour attribute, "" for none; a name the mesh
+    lacks reads as 0. attribute_channel: COLOR or ALPHA.  offset: RGB.  low, high: bounds of each
+    channel.  complement: the result is 1 - all that.
     """
 
     value: tuple[float, float, float] = (1.0, 1.0, 1.0)
     texture: int = -1
     channel: str = "COLOR"
     uv: str = ""
-    uv_transform: tuple[tuple[float, float, float], tuple[float, float, float]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    uv_transform: tuple[tuple[float, float, float], tuple[float, float, float]] = (
+        (1.0, 0.0, 0.0),
+        (0.0, 1.0, 0.0),
+    )
     attribute: str = ""
     attribute_channel: str = "COLOR"
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -157,11 +169,13 @@ LOBES = ("AMBIENT", "DIFFUSE", "SPECULAR", "MIRROR", "REFRACTION", "TRANSPARENT"
 class Lobe:
     """One term of a surface: `kind` times the product of `factors` (the notes' coefficient k).
 
-    exponent: >= 0, Phong's of a SPECULAR lobe; an AMBIENT or DIFFUSE one is times (1 - n·v) to that power.
-    ior: > 0. On REFRACTION the index inside the surface. `fresnel` multiplies a MIRROR lobe by the dielectric Fresnel reflectance
-    of `ior`, a REFRACTION lobe by one minus it, and a SPECULAR lobe by what it is between v and h.
-    schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵ (Schlick 1994): what a metal's reflectance gains towards grazing angles.
-    masking: 0 to 1, of a SPECULAR lobe: the α of Smith's shadowing and masking, as GGX has them, which it is times; 0 for none.
+    exponent: >= 0, Phong's of a SPECULAR lobe; an AMBIENT or DIFFUSE one is times (1 - n·v) to that
+    power. ior: > 0. On REFRACTION the index inside the surface. `fresnel` multiplies a MIRROR lobe
+    by the dielectric Fresnel reflectance of `ior`, a REFRACTION lobe by one minus it, and a
+    SPECULAR lobe by what it is between v and h. schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵
+    (Schlick 1994): what a metal's reflectance gains towards grazing angles. masking: 0 to 1, of a
+    SPECULAR lobe: the α of Smith's shadowing and masking, as GGX has them, which it is times; 0 for
+    none.
     """
 
     kind: str
@@ -187,11 +201,12 @@ class Light:
     """A light. kind: POINT, SUN, SPOT or AREA.
 
     world_from_light: (3, 4) float64, orthonormal columns; the light shines along -z.
-    color: RGB; strength: Blender's number (watts; W/m² for SUN) with exposure applied, may be negative.
-    radius: of POINT and SPOT, world units; soft_falloff: the radius is a disc that faces the shaded point instead of a sphere.
-    angle: full angle of the SUN.  spot_size: full cone angle, spot_blend: 0-1.
-    shape: RECTANGLE or ELLIPSE, size_x, size_y: full extents of an AREA light along its x and y, world units.
-    cast_shadow: False lights through everything.  visible_*: the light's own shape is seen by those rays.
+    color: RGB; strength: Blender's number (watts; W/m² for SUN) with exposure applied, may be
+    negative. radius: of POINT and SPOT, world units; soft_falloff: the radius is a disc that faces
+    the shaded point instead of a sphere. angle: full angle of the SUN.  spot_size: full cone angle,
+    spot_blend: 0-1. shape: RECTANGLE or ELLIPSE, size_x, size_y: full extents of an AREA light
+    along its x and y, world units. cast_shadow: False lights through everything.  visible_*: the
+    light's own shape is seen by those rays.
     """
 
     name: str
@@ -217,13 +232,13 @@ class Camera:
     """A pinhole or a parallel camera (notes, sections 4.4-4.6).
 
     kind: PERSPECTIVE or ORTHOGRAPHIC.
-    world_from_camera: (3, 4) float64; columns u (right), v (up), w (backward), e (eye). u, v, w may be mirrored or scaled.
-    window: (l, r, b, t) on the plane at distance 1 in front of the eye (PERSPECTIVE) or through it (ORTHOGRAPHIC), camera units.
-    An asymmetric window is lens shift: an oblique projection.
-    clip_start, clip_end: bounds of the depth along -w, camera units.
-    clip_planes: at most six rows (a, b, c, d) that bound what camera rays see to a x + b y + c z + d >= 0, where x and y count along u
-    and v and z is the depth, camera units. What light and mirrors meet is not cut.
-    resolution: (nx, ny) of the full frame.
+    world_from_camera: (3, 4) float64; columns u (right), v (up), w (backward), e (eye). u, v, w may
+    be mirrored or scaled. window: (l, r, b, t) on the plane at distance 1 in front of the eye
+    (PERSPECTIVE) or through it (ORTHOGRAPHIC), camera units. An asymmetric window is lens shift: an
+    oblique projection. clip_start, clip_end: bounds of the depth along -w, camera units.
+    clip_planes: at most six rows (a, b, c, d) that bound what camera rays see to a x + b y + c z +
+    d >= 0, where x and y count along u and v and z is the depth, camera units. What light and
+    mirrors meet is not cut. resolution: (nx, ny) of the full frame.
     """
 
     kind: str

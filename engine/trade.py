@@ -1,7 +1,8 @@
-"""The trade of time for accuracy, measured on one scene: crops rendered over a grid of knobs, each compared with a reference.
+"""The trade of time for accuracy, measured on one scene: crops rendered over a grid of knobs, each
+compared with a reference.
 
-What a setting costs and what it loses depends on the scene, so it is measured there: seconds are the least of several interleaved
-renders, errors are against a picture of many more samples.
+What a setting costs and what it loses depends on the scene, so it is measured there: seconds are
+the least of several interleaved renders, errors are against a picture of many more samples.
 """
 
 from __future__ import annotations
@@ -32,10 +33,13 @@ _REFERENCE_MARGIN = 4
 """The reference takes at least so many times the light points of any point of the grid."""
 _REFERENCE_BOUNCES = 16
 SQUARES, SIDE = 96, 12
-"""Squares and their pixels across: every other one is for choosing settings, the rest for checking what was chosen."""
+"""Squares and their pixels across: every other one is for choosing settings, the rest for checking
+what was chosen.
+"""
 VISIBLE = 0.999
-"""The largest difference on screen that counts is the one that so many of the pixels stay within: the very largest hangs on single pixels,
-of which squares of the frame tell nothing."""
+"""The largest difference on screen that counts is the one that so many of the pixels stay within:
+the very largest hangs on single pixels, of which squares of the frame tell nothing.
+"""
 _SHOWN = 6
 _PAUSE = 2.0
 """Seconds between two tellings of what is known so far."""
@@ -45,8 +49,9 @@ _PAUSE = 2.0
 class Knob:
     """A setting that trades time for accuracy.
 
-    name: a field of Settings.  values: from fast to accurate.  matters: whether it can change a picture of this scene.
-    falling: smaller values are the more accurate ones.  group: knobs of one group are combined with each other.
+    name: a field of Settings.  values: from fast to accurate.  matters: whether it can change a
+    picture of this scene. falling: smaller values are the more accurate ones.  group: knobs of one
+    group are combined with each other.
     """
 
     name: str
@@ -72,7 +77,11 @@ def has_soft_lights(scene: Scene) -> bool:
 
 def has_bounces(scene: Scene) -> bool:
     """Whether a material reflects or refracts rays."""
-    return any(lobe.kind in ("MIRROR", "REFRACTION") for material in scene.materials for lobe in material.lobes)
+    return any(
+        lobe.kind in ("MIRROR", "REFRACTION")
+        for material in scene.materials
+        for lobe in material.lobes
+    )
 
 
 KNOBS = (
@@ -89,11 +98,13 @@ KNOBS = (
 class Row:
     """One setting, measured.
 
-    knobs: field of Settings → value.  seconds: of tracing the squares.  Of the whole frame, as the squares tell: frame_seconds, trees
-    included;  relative_rmse: of linear colour, over the picture's root mean square;  levels: difference on screen, in 8-bit levels, that
-    `VISIBLE` of the pixels stay within;  psnr: decibels of the screen's colours;  flip_mean, flip_p99: LDR-FLIP;  wrong: share of pixels
-    that are off by more than 1 %.  max_error: largest difference of linear colour in the squares.  spread: two standard deviations of
-    relative_rmse, as a share of it; 0 where the squares are the whole frame.  on_front: no other row is both faster and better.
+    knobs: field of Settings → value.  seconds: of tracing the squares.  Of the whole frame, as the
+    squares tell: frame_seconds, trees included;  relative_rmse: of linear colour, over the
+    picture's root mean square;  levels: difference on screen, in 8-bit levels, that `VISIBLE` of
+    the pixels stay within;  psnr: decibels of the screen's colours;  flip_mean, flip_p99: LDR-FLIP;
+    wrong: share of pixels that are off by more than 1 %.  max_error: largest difference of linear
+    colour in the squares.  spread: two standard deviations of relative_rmse, as a share of it; 0
+    where the squares are the whole frame.  on_front: no other row is both faster and better.
     current: the base settings.  checked: also on squares that had no part in choosing.
     """
 
@@ -115,8 +126,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Trade:
-    """rows: by seconds.  reference: what the errors are against, in words.  crops: (x0, y0, x1, y1) of the full frame.
-    repeats: renders per row, of which the fastest counts.  complete: False when it was stopped before every row had its renders."""
+    """rows: by seconds.  reference: what the errors are against, in words.  crops: (x0, y0, x1, y1)
+    of the full frame. repeats: renders per row, of which the fastest counts.  complete: False when
+    it was stopped before every row had its renders.
+    """
 
     rows: tuple[Row, ...]
     reference: str
@@ -132,7 +145,9 @@ class Trade:
 
     @property
     def shown(self) -> tuple[Row, ...]:
-        """At most six of the front, as different as can be, and the current settings; fastest first."""
+        """At most six of the front, as different as can be, and the current settings; fastest
+        first.
+        """
         front = self.front
         chosen = [*front[:1], *front[1:][-1:]]
         while len(chosen) < min(_SHOWN, len(front)):
@@ -158,7 +173,12 @@ def _plain(value: Any) -> Any:
 
 def _step(a: Row, b: Row) -> float:
     """How far apart two rows of a front are, in factors of time and of error."""
-    return math.dist(*([math.log(max(r.frame_seconds, 1e-9)), math.log(max(r.relative_rmse, 1e-6))] for r in (a, b)))
+    return math.dist(
+        *(
+            [math.log(max(r.frame_seconds, 1e-9)), math.log(max(r.relative_rmse, 1e-6))]
+            for r in (a, b)
+        )
+    )
 
 
 def measure(
@@ -177,14 +197,19 @@ def measure(
 ) -> Trade:
     """Render squares of `scene` over the grid of knobs and compare each with a reference.
 
-    base: the current settings; what is no knob stays as it is there.  values: knob → values to try instead of those of `KNOBS`.
-    squares, side: how many of how many pixels across; where the frame has no more, it is measured as a whole.  reference_samples: per
-    pixel.  reference_seconds: the float64 tracer makes the reference if it should take no longer than this; else the core does, and
-    `Trade.reference` says so.  should_stop: asked at least every 50 ms; the rows measured until then are returned.  on_trade: told what is
-    known, early and every now and then.  Raises SceneError for a scene or settings that are not sound, MemoryError.
+    base: the current settings; what is no knob stays as it is there.  values: knob → values to try
+    instead of those of `KNOBS`. squares, side: how many of how many pixels across; where the frame
+    has no more, it is measured as a whole.  reference_samples: per pixel.  reference_seconds: the
+    float64 tracer makes the reference if it should take no longer than this; else the core does,
+    and `Trade.reference` says so.  should_stop: asked at least every 50 ms; the rows measured until
+    then are returned.  on_trade: told what is known, early and every now and then.  Raises
+    SceneError for a scene or settings that are not sound, MemoryError.
     """
     base = replace(base or Settings(), passes=frozenset(), region=None)
-    grid = sorted(settings_grid(scene, base, values or {}), key=lambda settings: (settings != base, _cost(settings)))
+    grid = sorted(
+        settings_grid(scene, base, values or {}),
+        key=lambda settings: (settings != base, _cost(settings)),
+    )
     problems = scene.problems() + [problem for settings in grid for problem in settings.problems()]
     if problems:
         raise SceneError("\n".join(dict.fromkeys(problems)))
@@ -198,20 +223,34 @@ def measure(
         return work.trade()
 
 
-def settings_grid(scene: Scene, base: Settings, values: Mapping[str, Sequence[Any]]) -> list[Settings]:
-    """Every combination of each group's knobs that can change a picture of this scene, the base's own values always among them; the other
-    groups' knobs are as the base has them: what rays leave out and how many there are hardly depend on each other, and a grid over all
-    knobs takes seven times as long."""
+def settings_grid(
+    scene: Scene, base: Settings, values: Mapping[str, Sequence[Any]]
+) -> list[Settings]:
+    """Every combination of each group's knobs that can change a picture of this scene, the base's
+    own values always among them; the other groups' knobs are as the base has them: what rays leave
+    out and how many there are hardly depend on each other, and a grid over all knobs takes seven
+    times as long.
+    """
     unknown = sorted(set(values) - {knob.name for knob in KNOBS})
     if unknown:
-        raise SceneError(f"no such knob: {', '.join(unknown)}; there are {', '.join(knob.name for knob in KNOBS)}")
+        raise SceneError(
+            f"no such knob: {', '.join(unknown)}; there are "
+            f"{', '.join(knob.name for knob in KNOBS)}"
+        )
     knobs = [knob for knob in KNOBS if knob.matters(scene)]
-    groups = [[knob for knob in knobs if knob.group == group] for group in dict.fromkeys(knob.group for knob in knobs)]
-    grid = dict.fromkeys(settings for group in groups for settings in _combinations(group, base, values))
+    groups = [
+        [knob for knob in knobs if knob.group == group]
+        for group in dict.fromkeys(knob.group for knob in knobs)
+    ]
+    grid = dict.fromkeys(
+        settings for group in groups for settings in _combinations(group, base, values)
+    )
     return [settings for settings in grid if settings == base or not _is_idle(settings)]
 
 
-def _combinations(knobs: Sequence[Knob], base: Settings, values: Mapping[str, Sequence[Any]]) -> Iterator[Settings]:
+def _combinations(
+    knobs: Sequence[Knob], base: Settings, values: Mapping[str, Sequence[Any]]
+) -> Iterator[Settings]:
     """All of some knobs."""
     for steps in itertools.product(*(_ladder(knob, base, values) for knob in knobs)):
         yield replace(base, **{knob.name: step for knob, step in zip(knobs, steps, strict=True)})
@@ -222,14 +261,17 @@ def _ladder(knob: Knob, base: Settings, values: Mapping[str, Sequence[Any]]) -> 
 
 
 def _is_idle(settings: Settings) -> bool:
-    """Whether a knob is turned that can do nothing: no pixel stops before the samples that the first estimate takes, and at most one
-    bounce is hardly worth cutting off."""
+    """Whether a knob is turned that can do nothing: no pixel stops before the samples that the
+    first estimate takes, and at most one bounce is hardly worth cutting off.
+    """
     stops_none = settings.error_threshold > 0 and settings.samples <= FIRST_ESTIMATE
     return stops_none or (settings.cutoff > 0 and settings.max_bounces <= 1)
 
 
 def with_front(rows: Sequence[Row]) -> tuple[Row, ...]:
-    """The rows by seconds, `on_front` set where no row is as fast and has a smaller relative RMSE, or is faster with an equal one."""
+    """The rows by seconds, `on_front` set where no row is as fast and has a smaller relative RMSE,
+    or is faster with an equal one.
+    """
     ordered, least = [], math.inf
     for row in sorted(rows, key=_speed):
         ordered.append(replace(row, on_front=row.relative_rmse < least))
@@ -243,15 +285,21 @@ def advice(trade: Trade) -> str:
     if current is None:
         return "The current settings were not measured"
     if not any(row.relative_rmse for row in trade.rows):
-        return "Every setting gives the same picture in these squares: if the frame has more to show, use more of them"
+        return (
+            "Every setting gives the same picture in these squares: if the frame has more to "
+            "show, use more of them"
+        )
     if current.on_front:
         return "The current settings lie on the front: nothing measured is both faster and better"
     better = next(row for row in trade.front if row.relative_rmse <= current.relative_rmse)
-    change = ", ".join(f"{name} {value}" for name, value in better.knobs.items() if current.knobs[name] != value)
+    change = ", ".join(
+        f"{name} {value}" for name, value in better.knobs.items() if current.knobs[name] != value
+    )
     return f"{change} would be as good in {better.seconds / current.seconds:.0%} of the time"
 
 
-# --- rendering ----------------------------------------------------------------------------------------------------------------------
+# --- rendering
+# --------------------------------------------------------------------------------------------------
 
 
 class _Work:
@@ -277,33 +325,56 @@ class _Work:
         self._done, self._expected = 0.0, 1.0
 
     def look(self, count: int, side: int) -> None:
-        """Pick the squares by where few samples, and settings that leave out much, differ from a little more. What a render of a square
-        takes beyond its pixels is told from the first of these pictures, once whole and once in squares."""
-        few = replace(self._base, samples=FIRST_ESTIMATE, error_threshold=0.0, cutoff=0.0, light_samples=min(self._base.light_samples, 2))
+        """Pick the squares by where few samples, and settings that leave out much, differ from a
+        little more. What a render of a square takes beyond its pixels is told from the first of
+        these pictures, once whole and once in squares.
+        """
+        few = replace(
+            self._base,
+            samples=FIRST_ESTIMATE,
+            error_threshold=0.0,
+            cutoff=0.0,
+            light_samples=min(self._base.light_samples, 2),
+        )
         least = replace(few, samples=1, light_samples=1, max_bounces=0)
-        whole, *others = (self._renderer.render(settings) for settings in (few, replace(few, samples=1), least))
+        whole, *others = (
+            self._renderer.render(settings) for settings in (few, replace(few, samples=1), least)
+        )
         picture = whole.pictures[0].astype(float)
-        apart = [np.nan_to_num(((picture - other.pictures[0]) ** 2).sum(-1), posinf=0.0) for other in others]
+        apart = [
+            np.nan_to_num(((picture - other.pictures[0]) ** 2).sum(-1), posinf=0.0)
+            for other in others
+        ]
         picked = pick_squares(sum(image / max(image.sum(), 1e-300) for image in apart), count, side)
         self._size = metrics.root_mean_square(np.nan_to_num(picture, posinf=0.0, neginf=0.0))
         self._squares, self._others = picked.halves()
         if self._others is not self._squares:
-            seconds = np.dot(self._renderer.render(few, crops=self._squares.crops).each, self._squares.weights)
+            seconds = np.dot(
+                self._renderer.render(few, crops=self._squares.crops).each, self._squares.weights
+            )
             self._overhead = max(0.0, seconds - whole.seconds) / self._squares.weights.sum()
 
     def fill(self, repeats: int, samples: int, seconds: float) -> None:
-        """The grid against a reference of the core's, and against the float64 tracer's where that is not too slow; the front on the other
-        squares; and the grid again and again, so that a busy moment of the machine meets all settings."""
+        """The grid against a reference of the core's, and against the float64 tracer's where that
+        is not too slow; the front on the other squares; and the grid again and again, so that a
+        busy moment of the machine meets all settings.
+        """
         quick = reference_settings(self._renderer.scene, self._base, self._grid, samples)
         exact = quick if self._is_too_slow(quick, seconds) else replace(quick, backend="NUMPY")
-        self._expected = sum(_cost(s) for s in self._grid) * (repeats + 0.2) + sum(_cost(s) for s in {quick, exact}) + _cost(exact)
+        self._expected = (
+            sum(_cost(s) for s in self._grid) * (repeats + 0.2)
+            + sum(_cost(s) for s in {quick, exact})
+            + _cost(exact)
+        )
         for reference in dict.fromkeys((quick, exact)):
             truth = self._render(reference, self._squares).pictures
             self._reference = _in_words(reference)
             for settings in self._grid:
                 if settings not in self._rendered:
                     self._rendered[settings] = self._render(settings, self._squares)
-                self._errors[settings] = _errors(self._rendered[settings].pictures, truth, self._squares, self._size)
+                self._errors[settings] = _errors(
+                    self._rendered[settings].pictures, truth, self._squares, self._size
+                )
                 self._publish()
         self.repeats = 1
         if self._others is not self._squares:
@@ -311,17 +382,28 @@ class _Work:
         for _ in range(repeats - 1):
             for settings in self._grid:
                 known, again = self._rendered[settings], self._render(settings, self._squares)
-                self._rendered[settings] = replace(known, each=list(map(min, known.each, again.each)))
+                self._rendered[settings] = replace(
+                    known, each=list(map(min, known.each, again.each))
+                )
                 self._publish()
             self.repeats += 1
         self._tell(1.0)
 
     def _check(self, reference: Settings, truth: list[Array]) -> None:
-        """What is on the front, and the current settings, on the other squares too, which had no part in choosing them."""
+        """What is on the front, and the current settings, on the other squares too, which had no
+        part in choosing them.
+        """
         other_truth = self._render(reference, self._others).pictures
-        both = Squares(self._squares.crops + self._others.crops, np.concatenate([self._squares.weights, self._others.weights]) / 2)
+        both = Squares(
+            self._squares.crops + self._others.crops,
+            np.concatenate([self._squares.weights, self._others.weights]) / 2,
+        )
         while True:
-            rows = {settings: row for settings, row in self._rows().items() if settings not in self._checked}
+            rows = {
+                settings: row
+                for settings, row in self._rows().items()
+                if settings not in self._checked
+            }
             best = [settings for settings, row in rows.items() if row.on_front or row.current]
             if not best:
                 return
@@ -334,16 +416,30 @@ class _Work:
 
     def trade(self) -> Trade:
         """What is known."""
-        crops = self._squares.crops if self._others is self._squares else self._squares.crops + self._others.crops
+        crops = (
+            self._squares.crops
+            if self._others is self._squares
+            else self._squares.crops + self._others.crops
+        )
         resolution = self._renderer.scene.camera.resolution
-        return Trade(tuple(self._rows().values()), self._reference, crops, resolution, self.repeats, self.complete)
+        return Trade(
+            tuple(self._rows().values()),
+            self._reference,
+            crops,
+            resolution,
+            self.repeats,
+            self.complete,
+        )
 
     def _rows(self) -> dict[Settings, Row]:
         """By seconds."""
         rows = {settings: self._row(settings, errors) for settings, errors in self._errors.items()}
         by_row = {id(row): settings for settings, row in rows.items()}
         ordered = sorted(rows.values(), key=_speed)
-        return {by_row[id(row)]: marked for row, marked in zip(ordered, with_front(ordered), strict=True)}
+        return {
+            by_row[id(row)]: marked
+            for row, marked in zip(ordered, with_front(ordered), strict=True)
+        }
 
     def _row(self, settings: Settings, errors: dict[str, float]) -> Row:
         rendered = self._rendered[settings]
@@ -351,7 +447,14 @@ class _Work:
         frame_seconds = float(np.dot(each, self._squares.weights)) + self._renderer.build_seconds
         knobs = {knob.name: getattr(settings, knob.name) for knob in KNOBS}
         current = all(getattr(self._base, name) == value for name, value in knobs.items())
-        return Row(knobs, sum(rendered.each), frame_seconds, **errors, current=current, checked=settings in self._checked)
+        return Row(
+            knobs,
+            sum(rendered.each),
+            frame_seconds,
+            **errors,
+            current=current,
+            checked=settings in self._checked,
+        )
 
     def _render(self, settings: Settings, squares: Squares) -> Rendered:
         rendered = self._renderer.render(settings, crops=squares.crops)
@@ -366,23 +469,44 @@ class _Work:
             self._told_at = time.monotonic()
 
     def _is_too_slow(self, settings: Settings, allowed: float) -> bool:
-        """Whether the float64 tracer would take longer than `allowed` for these settings: one sample of one square tells."""
+        """Whether the float64 tracer would take longer than `allowed` for these settings: one
+        sample of one square tells.
+        """
         if settings.backend == "NUMPY":
             return True  # it is the one at work
         crops = self._squares.crops
         start = time.perf_counter()
-        self._renderer.film(replace(settings, backend="NUMPY", samples=1, light_samples=1, region=crops[len(crops) // 2]))
+        self._renderer.film(
+            replace(
+                settings, backend="NUMPY", samples=1, light_samples=1, region=crops[len(crops) // 2]
+            )
+        )
         pilot_seconds = time.perf_counter() - start
         lights = (1 + settings.light_samples) / 2
         return pilot_seconds * settings.samples * lights * len(crops) > allowed
 
 
-def reference_settings(scene: Scene, base: Settings, grid: Sequence[Settings], samples: int) -> Settings:
-    """What the errors of a grid are measured against, drawn by the base's tracer. Raises SceneError where it asks for too much."""
+def reference_settings(
+    scene: Scene, base: Settings, grid: Sequence[Settings], samples: int
+) -> Settings:
+    """What the errors of a grid are measured against, drawn by the base's tracer. Raises SceneError
+    where it asks for too much.
+    """
     points = max(s.samples * s.light_samples for s in grid)
-    light_samples = max(_REFERENCE_LIGHT_SAMPLES, -(-_REFERENCE_MARGIN * points // samples)) if has_soft_lights(scene) else 1
+    light_samples = (
+        max(_REFERENCE_LIGHT_SAMPLES, -(-_REFERENCE_MARGIN * points // samples))
+        if has_soft_lights(scene)
+        else 1
+    )
     bounces = max(_REFERENCE_BOUNCES, *(s.max_bounces for s in grid))
-    settings = replace(base, samples=samples, error_threshold=0.0, light_samples=light_samples, max_bounces=bounces, cutoff=0.0)
+    settings = replace(
+        base,
+        samples=samples,
+        error_threshold=0.0,
+        light_samples=light_samples,
+        max_bounces=bounces,
+        cutoff=0.0,
+    )
     problems = settings.problems()
     if problems:
         raise SceneError("the reference cannot be made: " + "; ".join(problems))
@@ -395,24 +519,47 @@ def _speed(row: Row) -> tuple[float, float]:
 
 def _cost(settings: Settings) -> float:
     """About proportional to the time of a render, for the progress."""
-    return settings.samples * (1 + settings.light_samples) * (1 if settings.backend == "NATIVE" else 30)
+    return (
+        settings.samples
+        * (1 + settings.light_samples)
+        * (1 if settings.backend == "NATIVE" else 30)
+    )
 
 
 def _in_words(reference: Settings) -> str:
-    tracer = "the float64 tracer" if reference.backend == "NUMPY" else "the core itself (the float64 tracer would have been too slow)"
-    return f"{tracer}, {reference.samples} samples × {reference.light_samples} light samples, {reference.max_bounces} bounces"
+    tracer = (
+        "the float64 tracer"
+        if reference.backend == "NUMPY"
+        else "the core itself (the float64 tracer would have been too slow)"
+    )
+    return (
+        f"{tracer}, {reference.samples} samples × {reference.light_samples} light samples, "
+        f"{reference.max_bounces} bounces"
+    )
 
 
-# --- errors -------------------------------------------------------------------------------------------------------------------------
+# --- errors
+# --------------------------------------------------------------------------------------------------
 
 
-def _errors(pictures: list[Array], truth: list[Array], squares: Squares, size: float) -> dict[str, float]:
-    """The error columns of a row, of the frame that the squares stand for. size: root mean square of its colours."""
-    picture, reference = (np.concatenate([crop.reshape(-1, 3) for crop in crops]) for crops in (pictures, truth))
+def _errors(
+    pictures: list[Array], truth: list[Array], squares: Squares, size: float
+) -> dict[str, float]:
+    """The error columns of a row, of the frame that the squares stand for. size: root mean square
+    of its colours.
+    """
+    picture, reference = (
+        np.concatenate([crop.reshape(-1, 3) for crop in crops]) for crops in (pictures, truth)
+    )
     weights = squares.pixel_weights
-    apart, apart_on_screen = metrics.absolute_error(picture, reference), np.abs(displayed(picture) - displayed(reference))
+    apart, apart_on_screen = (
+        metrics.absolute_error(picture, reference),
+        np.abs(displayed(picture) - displayed(reference)),
+    )
     flips = np.concatenate([flip(*pair).ravel() for pair in zip(pictures, truth, strict=True)])
-    error, shown = (metrics.root_mean_square(values, weights) for values in (apart, apart_on_screen))
+    error, shown = (
+        metrics.root_mean_square(values, weights) for values in (apart, apart_on_screen)
+    )
     return {
         "relative_rmse": 0.0 if error == 0 else error / size if size > 0 else math.inf,
         "max_error": float(apart.max()),
@@ -426,8 +573,9 @@ def _errors(pictures: list[Array], truth: list[Array], squares: Squares, size: f
 
 
 def _spread(apart: Array, squares: Squares) -> float:
-    """Two standard deviations of the root of the mean square of (n, 3) errors, as a share of it, from how unlike the squares are; 0 where
-    they are the whole frame."""
+    """Two standard deviations of the root of the mean square of (n, 3) errors, as a share of it,
+    from how unlike the squares are; 0 where they are the whole frame.
+    """
     ends = np.cumsum([area([crop]) for crop in squares.crops])[:-1]
     sums = np.array([(part**2).sum() for part in np.split(apart, ends)]) * squares.weights
     total, count = sums.sum(), len(sums)

@@ -1,4 +1,6 @@
-"""Parts of a frame, rendered on their own: what they cost, how many rays they take, and their pictures."""
+"""Parts of a frame, rendered on their own: what they cost, how many rays they take, and their
+pictures.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +30,10 @@ class StoppedError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Rendered:
-    """The crops of one setting. seconds: of tracing, as if the whole frame's threads had worked on them.  rays: of all kinds; those of
-    neighbours that refinement looks at count in both.  pictures: (h, w, 3) float32 each, linear.  each: seconds of each crop."""
+    """The crops of one setting. seconds: of tracing, as if the whole frame's threads had worked on
+    them.  rays: of all kinds; those of neighbours that refinement looks at count in both.
+    pictures: (h, w, 3) float32 each, linear.  each: seconds of each crop.
+    """
 
     seconds: float
     rays: float
@@ -39,7 +43,9 @@ class Rendered:
 
 @dataclass(frozen=True, eq=False)
 class Squares:
-    """Crops that stand for a frame. weights: (n,) how many like it the frame has of each; all 1 where the crops are the whole frame."""
+    """Crops that stand for a frame. weights: (n,) how many like it the frame has of each; all 1
+    where the crops are the whole frame.
+    """
 
     crops: tuple[Crop, ...]
     weights: Array
@@ -50,7 +56,9 @@ class Squares:
         return np.repeat(self.weights, [area([crop]) for crop in self.crops])
 
     def halves(self) -> tuple[Squares, Squares]:
-        """Two that have no square in common, each for the whole frame; twice the same one where a single crop is all there is."""
+        """Two that have no square in common, each for the whole frame; twice the same one where a
+        single crop is all there is.
+        """
         if len(self.crops) == 1:
             return self, self
         return tuple(Squares(self.crops[k::2], 2 * self.weights[k::2]) for k in range(2))
@@ -59,10 +67,12 @@ class Squares:
 def pick_squares(apart: Array, count: int, side: int) -> Squares:
     """Up to `count` squares, the whole frame as one crop where it has hardly more.
 
-    apart: (h, w), 0 or more, what a first look finds to do in each pixel.  side: of a square in pixels; those at the right and upper
-    border may be smaller.  A square is picked with a probability that grows with what there is to do in it, so that its weight, the
-    inverse, makes sums over the squares' pixels estimates of sums over the frame (Horvitz and Thompson 1952). The picks are evenly spaced
-    along the squares in the order of their probabilities: no chance is involved, and neighbours in that order are alike.
+    apart: (h, w), 0 or more, what a first look finds to do in each pixel.  side: of a square in
+    pixels; those at the right and upper border may be smaller.  A square is picked with a
+    probability that grows with what there is to do in it, so that its weight, the inverse, makes
+    sums over the squares' pixels estimates of sums over the frame (Horvitz and Thompson 1952). The
+    picks are evenly spaced along the squares in the order of their probabilities: no chance is
+    involved, and neighbours in that order are alike.
     """
     height, width = apart.shape
     bottoms, lefts = np.arange(0, height, side), np.arange(0, width, side)
@@ -70,12 +80,17 @@ def pick_squares(apart: Array, count: int, side: int) -> Squares:
         return Squares(((0, 0, width, height),), np.ones(1))
     work = np.add.reduceat(np.add.reduceat(apart, bottoms, 0), lefts, 1).ravel()
     pixels = np.outer(np.diff([*bottoms, height]), np.diff([*lefts, width])).ravel()
-    chances = _chances(sum(size / max(size.sum(), 1e-300) for size in (work, np.sqrt(work * pixels), pixels)), count)
+    chances = _chances(
+        sum(size / max(size.sum(), 1e-300) for size in (work, np.sqrt(work * pixels), pixels)),
+        count,
+    )
     order = np.argsort(-chances, kind="stable")
     ends = np.cumsum(chances[order])
     picked = order[np.minimum(np.searchsorted(ends, np.arange(count) + 0.5), len(order) - 1)]
     boxes = [(lefts[k % len(lefts)], bottoms[k // len(lefts)]) for k in picked]
-    crops = tuple((int(x), int(y), int(min(x + side, width)), int(min(y + side, height))) for x, y in boxes)
+    crops = tuple(
+        (int(x), int(y), int(min(x + side, width)), int(min(y + side, height))) for x, y in boxes
+    )
     return Squares(crops, 1 / chances[picked])
 
 
@@ -105,9 +120,13 @@ def threads_at_work(settings: Settings, size: tuple[int, int]) -> int:
 
 
 class CropRenderer:
-    """Renders crops, one settings after the other, on trees that are made once. build_seconds: what these took."""
+    """Renders crops, one settings after the other, on trees that are made once. build_seconds: what
+    these took.
+    """
 
-    def __init__(self, scene: Scene, crops: tuple[Crop, ...], should_stop: Callable[[], bool]) -> None:
+    def __init__(
+        self, scene: Scene, crops: tuple[Crop, ...], should_stop: Callable[[], bool]
+    ) -> None:
         self.scene, self.crops, self.should_stop = scene, crops, should_stop
         self.build_seconds = 0.0
         self._held: Any = None
@@ -119,7 +138,12 @@ class CropRenderer:
         if self._held is not None:
             self._held.close()
 
-    def render(self, settings: Settings, on_crop: Callable[[], None] = lambda: None, crops: Sequence[Crop] = ()) -> Rendered:
+    def render(
+        self,
+        settings: Settings,
+        on_crop: Callable[[], None] = lambda: None,
+        crops: Sequence[Crop] = (),
+    ) -> Rendered:
         """All crops, or those given. Raises StoppedError when should_stop says so."""
         each, rays, pictures = [], 0.0, []
         for crop in crops or self.crops:
@@ -144,7 +168,9 @@ class CropRenderer:
         if settings.backend != "NATIVE":
             from .reference import render_reference
 
-            return render_reference(self.scene, settings, self.should_stop, lambda fraction: None, None)
+            return render_reference(
+                self.scene, settings, self.should_stop, lambda fraction: None, None
+            )
         if self._held is None:
             from .native_live import NativeLive
 

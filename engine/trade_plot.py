@@ -1,4 +1,6 @@
-"""A `trade.Trade` as a plot: time against error on logarithmic axes, the Pareto front and the current settings marked."""
+"""A `trade.Trade` as a plot: time against error on logarithmic axes, the Pareto front and the
+current settings marked.
+"""
 
 from __future__ import annotations
 
@@ -32,18 +34,27 @@ def draw_trade(trade: Trade, title: str = "") -> Array:
     x_range = _range([row.frame_seconds for row in trade.rows])
     y_range = _range([row.relative_rmse for row in trade.rows])
     _draw_axes(image, x_range, y_range, "SECONDS OF THE WHOLE FRAME")
-    _draw_rows(image, trade, lambda row: _place(row.frame_seconds, row.relative_rmse, x_range, y_range))
+    _draw_rows(
+        image, trade, lambda row: _place(row.frame_seconds, row.relative_rmse, x_range, y_range)
+    )
     _draw_legend(image)
     return image
 
 
-def draw_curves(curves: Mapping[str, Sequence[tuple[float, float]]], title: str, note: str = "") -> Array:
-    """(h, w, 3): several curves of (seconds of processor time, error) in one plot, each with its name on top; colours by order."""
+def draw_curves(
+    curves: Mapping[str, Sequence[tuple[float, float]]], title: str, note: str = ""
+) -> Array:
+    """(h, w, 3): several curves of (seconds of processor time, error) in one plot, each with its
+    name on top; colours by order.
+    """
     image = plot.canvas(WIDTH, HEIGHT)
     plot.draw_text(image, title, (_LEFT, 16), _TEXT, 2)
     plot.draw_text(image, note, (_LEFT, 40), _POINT)
     everything = [point for points in curves.values() for point in points]
-    x_range, y_range = _range([seconds for seconds, _ in everything]), _range([error for _, error in everything])
+    x_range, y_range = (
+        _range([seconds for seconds, _ in everything]),
+        _range([error for _, error in everything]),
+    )
     _draw_axes(image, x_range, y_range, "SECONDS OF PROCESSOR TIME")
     for number, (name, points) in enumerate(curves.items()):
         color = _CURVES[number % len(_CURVES)]
@@ -57,23 +68,35 @@ def draw_curves(curves: Mapping[str, Sequence[tuple[float, float]]], title: str,
 
 
 def _range(values: Sequence[float]) -> tuple[float, float]:
-    """Decimal logarithms of the ends of an axis, a little beyond the values and at least a decade apart."""
+    """Decimal logarithms of the ends of an axis, a little beyond the values and at least a decade
+    apart.
+    """
     exponents = [math.log10(value) for value in values if 0 < value < math.inf] or [0.0]
     low, high = min(exponents) - _DECADE_MARGIN, max(exponents) + _DECADE_MARGIN
     missing = max(0.0, 1.0 - (high - low)) / 2
     return low - missing, high + missing
 
 
-def _place(seconds: float, error: float, x_range: tuple[float, float], y_range: tuple[float, float]) -> tuple[float, float]:
-    return _along(seconds, x_range, _LEFT, WIDTH - _RIGHT), _along(error, y_range, HEIGHT - _BOTTOM, _TOP)
+def _place(
+    seconds: float, error: float, x_range: tuple[float, float], y_range: tuple[float, float]
+) -> tuple[float, float]:
+    return _along(seconds, x_range, _LEFT, WIDTH - _RIGHT), _along(
+        error, y_range, HEIGHT - _BOTTOM, _TOP
+    )
 
 
 def _along(value: float, ends: tuple[float, float], start: float, end: float) -> float:
-    share = (math.log10(value) - ends[0]) / (ends[1] - ends[0]) if 0 < value < math.inf else float(value > 0)
+    share = (
+        (math.log10(value) - ends[0]) / (ends[1] - ends[0])
+        if 0 < value < math.inf
+        else float(value > 0)
+    )
     return start + min(max(share, 0.0), 1.0) * (end - start)
 
 
-def _draw_axes(image: Array, x_range: tuple[float, float], y_range: tuple[float, float], x_title: str) -> None:
+def _draw_axes(
+    image: Array, x_range: tuple[float, float], y_range: tuple[float, float], x_title: str
+) -> None:
     bottom, right = HEIGHT - _BOTTOM, WIDTH - _RIGHT
     for value, label in _ticks(x_range):
         x = _along(value, x_range, _LEFT, right)
@@ -89,10 +112,20 @@ def _draw_axes(image: Array, x_range: tuple[float, float], y_range: tuple[float,
 
 
 def _ticks(ends: tuple[float, float]) -> list[tuple[float, str]]:
-    """1, 2 and 5 times the powers of ten within the ends; powers of ten alone over more than three decades."""
+    """1, 2 and 5 times the powers of ten within the ends; powers of ten alone over more than three
+    decades.
+    """
     steps = (1, 2, 5) if ends[1] - ends[0] <= 3 else (1,)
-    values = [(step, power) for power in range(math.floor(ends[0]), math.ceil(ends[1]) + 1) for step in steps]
-    return [(step * 10.0**power, _label(step, power)) for step, power in values if ends[0] <= math.log10(step) + power <= ends[1]]
+    values = [
+        (step, power)
+        for power in range(math.floor(ends[0]), math.ceil(ends[1]) + 1)
+        for step in steps
+    ]
+    return [
+        (step * 10.0**power, _label(step, power))
+        for step, power in values
+        if ends[0] <= math.log10(step) + power <= ends[1]
+    ]
 
 
 def _label(step: int, power: int) -> str:
@@ -117,13 +150,24 @@ _Box = tuple[float, float, float, float]
 
 
 def _draw_names(image: Array, named: Sequence[tuple[str, tuple[float, float]]]) -> None:
-    """Each name beside its dot where it lies over no other and no dot; names without such a place are left out."""
+    """Each name beside its dot where it lies over no other and no dot; names without such a place
+    are left out.
+    """
     taken = [(x - 5, y - 5, x + 5, y + 5) for _, (x, y) in named]
     for name, (x, y) in named:
         width = plot.text_width(name)
-        for left, top in ((x + 9, y - 12), (x + 9, y + 6), (x - 9 - width, y + 8), (x - 9 - width, y - 14)):
+        for left, top in (
+            (x + 9, y - 12),
+            (x + 9, y + 6),
+            (x - 9 - width, y + 8),
+            (x - 9 - width, y - 14),
+        ):
             box = (left - 3, top - 2, left + width + 3, top + 9)
-            if left >= _LEFT and box[2] <= WIDTH and not any(_overlap(box, other) for other in taken):
+            if (
+                left >= _LEFT
+                and box[2] <= WIDTH
+                and not any(_overlap(box, other) for other in taken)
+            ):
                 plot.draw_text(image, name, (int(left), int(top)), _TEXT)
                 taken.append(box)
                 break
@@ -141,7 +185,12 @@ def _name(row: Row) -> str:
 def _draw_legend(image: Array) -> None:
     top = 60
     for x, color, text, ring in (
-        (_LEFT + 6, _FRONT, f"FRONT ({' / '.join(knob.name.replace('_', ' ').upper() for knob in KNOBS)})", 0.0),
+        (
+            _LEFT + 6,
+            _FRONT,
+            f"FRONT ({' / '.join(knob.name.replace('_', ' ').upper() for knob in KNOBS)})",
+            0.0,
+        ),
         (_LEFT + 480, _POINT, "OTHER SETTINGS", 0.0),
         (_LEFT + 610, _CURRENT, "CURRENT SETTINGS", 2.0),
     ):

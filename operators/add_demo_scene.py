@@ -8,7 +8,9 @@ from .demo_scene import build_demo_scene
 
 
 class GLINT_OT_add_demo_scene(bpy.types.Operator):
-    """Add a new scene with Glint's demo: highlights, mirrors, hard and soft shadows, instances and a textured floor"""
+    """Add a new scene with Glint's demo: highlights, mirrors, hard and soft shadows, instances and
+    a textured floor
+    """
 
     bl_idname = "glint.add_demo_scene"
     bl_label = "Add Glint Demo Scene"
@@ -24,7 +26,9 @@ class GLINT_OT_add_demo_scene(bpy.types.Operator):
 
 
 def _draw_menu_entry(self: bpy.types.Menu, context: bpy.types.Context) -> None:
-    self.layout.operator(GLINT_OT_add_demo_scene.bl_idname, text="Glint Demo Scene", icon="SCENE_DATA")
+    self.layout.operator(
+        GLINT_OT_add_demo_scene.bl_idname, text="Glint Demo Scene", icon="SCENE_DATA"
+    )
 
 
 def register() -> None:

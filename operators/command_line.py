@@ -1,4 +1,6 @@
-"""`blender --command glint …`: what this installation can do, and a scene measured, compared with Cycles, or verified without windows."""
+"""`blender --command glint …`: what this installation can do, and a scene measured, compared with
+Cycles, or verified without windows.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +32,9 @@ def information() -> list[tuple[str, str]]:
 
 
 def run(arguments: list[str]) -> int:
-    """The command's body; returns the exit code: 0 for success, 1 for a difference or a failure, 2 for what cannot be answered, 130 after
-    Ctrl-C."""
+    """The command's body; returns the exit code: 0 for success, 1 for a difference or a failure, 2
+    for what cannot be answered, 130 after Ctrl-C.
+    """
     options = _parser().parse_args(arguments)
     try:
         return options.act(options)
@@ -44,18 +47,31 @@ def run(arguments: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="blender --command glint", description="Glint from the command line")
+    parser = argparse.ArgumentParser(
+        prog="blender --command glint", description="Glint from the command line"
+    )
     actions = parser.add_subparsers(dest="action", required=True)
     info = actions.add_parser("info", help="version, edition and the tracers that can run here")
     info.set_defaults(act=_info)
     _add_measure(actions.add_parser("measure", help="what each setting costs and loses on a scene"))
-    _add_compare(actions.add_parser("compare", help="a scene in Glint and in Cycles with matched settings"))
-    _add_target(actions.add_parser("target", help="render a scene for a target error, and tell what was predicted and reached"))
+    _add_compare(
+        actions.add_parser("compare", help="a scene in Glint and in Cycles with matched settings")
+    )
+    _add_target(
+        actions.add_parser(
+            "target",
+            help="render a scene for a target error, and tell what was predicted and reached",
+        )
+    )
     verify = actions.add_parser(
-        "verify", help="render a stamped picture again; exit code 0 if it is the same, 1 if not, 2 if it has no stamp"
+        "verify",
+        help="render a stamped picture again; exit code 0 if it is the same, 1 if not, 2 if it has "
+        "no stamp",
     )
     verify.add_argument("picture", type=Path, help="EXR or PNG file that a render wrote")
-    verify.add_argument("file", type=Path, nargs="?", help=".blend file; the one that the picture names if left out")
+    verify.add_argument(
+        "file", type=Path, nargs="?", help=".blend file; the one that the picture names if left out"
+    )
     verify.set_defaults(act=_verify)
     return parser
 
@@ -84,30 +100,65 @@ def _add_measure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plot", type=Path, help="PNG file for time against error")
     for knob in KNOBS:
         option = f"--{knob.name.replace('_', '-')}"
-        parser.add_argument(option, type=knob.kind, nargs="+", metavar="N", help=f"values of {knob.name} to try")
+        parser.add_argument(
+            option, type=knob.kind, nargs="+", metavar="N", help=f"values of {knob.name} to try"
+        )
     parser.add_argument("--reference-samples", type=_count, default=1024, metavar="N")
-    parser.add_argument("--reference-seconds", type=float, default=60.0, metavar="S", help="longest time for a float64 reference")
-    parser.add_argument("--repeats", type=_count, default=5, metavar="N", help="renders per setting, of which the fastest counts")
-    parser.add_argument("--squares", type=_count, default=SQUARES, metavar="N", help="parts of the frame to render; more are more certain")
-    parser.add_argument("--side", type=_count, default=SIDE, metavar="PIXELS", help="across each square")
+    parser.add_argument(
+        "--reference-seconds",
+        type=float,
+        default=60.0,
+        metavar="S",
+        help="longest time for a float64 reference",
+    )
+    parser.add_argument(
+        "--repeats",
+        type=_count,
+        default=5,
+        metavar="N",
+        help="renders per setting, of which the fastest counts",
+    )
+    parser.add_argument(
+        "--squares",
+        type=_count,
+        default=SQUARES,
+        metavar="N",
+        help="parts of the frame to render; more are more certain",
+    )
+    parser.add_argument(
+        "--side", type=_count, default=SIDE, metavar="PIXELS", help="across each square"
+    )
     parser.set_defaults(act=_measure)
 
 
 def _add_compare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help=".blend file")
-    parser.add_argument("--out", type=Path, required=True, help="folder for compare.png, compare.json and the EXR pictures")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        help="folder for compare.png, compare.json and the EXR pictures",
+    )
     parser.add_argument("--samples", type=_count, default=64, help="of Cycles")
     parser.add_argument("--bounces", type=int, default=0, help="of mirrors and glass, in both")
-    parser.add_argument("--side", type=_count, default=512, help="pixels of the longer side at most")
-    parser.add_argument("--direct-only", action="store_true", help="do not render Cycles with all light as well")
+    parser.add_argument(
+        "--side", type=_count, default=512, help="pixels of the longer side at most"
+    )
+    parser.add_argument(
+        "--direct-only", action="store_true", help="do not render Cycles with all light as well"
+    )
     parser.set_defaults(act=_compare)
 
 
 def _add_target(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help=".blend file")
     asked = parser.add_mutually_exclusive_group(required=True)
-    asked.add_argument("--levels", type=_error, metavar="N", help="largest error on the display, in 8-bit levels")
-    asked.add_argument("--rmse", type=_error, metavar="PERCENT", help="root mean square error of linear colour")
+    asked.add_argument(
+        "--levels", type=_error, metavar="N", help="largest error on the display, in 8-bit levels"
+    )
+    asked.add_argument(
+        "--rmse", type=_error, metavar="PERCENT", help="root mean square error of linear colour"
+    )
     parser.add_argument("--out", type=Path, required=True, help="EXR file for the picture")
     parser.set_defaults(act=_target)
 
@@ -122,9 +173,16 @@ def _measure(options: argparse.Namespace) -> int:
     from . import measure_scene
 
     scene, view_layer = _open(options.file)
-    values = {knob.name: getattr(options, knob.name) for knob in KNOBS if getattr(options, knob.name)}
+    values = {
+        knob.name: getattr(options, knob.name) for knob in KNOBS if getattr(options, knob.name)
+    }
     settings = measure_scene.Options(
-        values, options.reference_samples, options.reference_seconds, options.repeats, options.squares, options.side
+        values,
+        options.reference_samples,
+        options.reference_seconds,
+        options.repeats,
+        options.squares,
+        options.side,
     )
     trade = measure_scene.measure_scene(scene, view_layer, settings, on_progress=_progress())
     sys.stderr.write("\n")
@@ -137,8 +195,14 @@ def _compare(options: argparse.Namespace) -> int:
     from . import compare_cycles
 
     scene, view_layer = _open(options.file)
-    settings = compare_cycles.Options(options.samples, options.bounces, options.side, not options.direct_only)
-    _tell(compare_cycles.report_lines(compare_cycles.compare_with_cycles(scene, view_layer, options.out, settings)))
+    settings = compare_cycles.Options(
+        options.samples, options.bounces, options.side, not options.direct_only
+    )
+    _tell(
+        compare_cycles.report_lines(
+            compare_cycles.compare_with_cycles(scene, view_layer, options.out, settings)
+        )
+    )
     return 0
 
 

@@ -1,4 +1,5 @@
-"""The same scene in Glint and in Cycles with matched settings: both pictures, their difference in numbers, and which of it is expected.
+"""The same scene in Glint and in Cycles with matched settings: both pictures, their difference in
+numbers, and which of it is expected.
 
 Blender reads the operator's annotations as they are, so this module must not make them strings.
 """
@@ -23,14 +24,18 @@ log = logging.getLogger(__name__)
 _TICK = 0.1
 """Seconds between two looks at whether Esc was pressed."""
 _FEWEST = 2
-"""Samples of half a render: with one, Cycles' two halves hardly differ, and nothing would be known of its noise."""
+"""Samples of half a render: with one, Cycles' two halves hardly differ, and nothing would be known
+of its noise.
+"""
 _NO_BOUNCES = ("max", "diffuse", "glossy", "transmission", "volume")
 
 
 @dataclass(frozen=True)
 class Options:
-    """samples: of Cycles.  bounces: of mirrors and glass, in both engines.  side: pixels of the longer side at most.
-    full_light: also render Cycles with the indirect light that the scene's own settings give it."""
+    """samples: of Cycles.  bounces: of mirrors and glass, in both engines.  side: pixels of the
+    longer side at most. full_light: also render Cycles with the indirect light that the scene's own
+    settings give it.
+    """
 
     samples: int = 64
     bounces: int = 0
@@ -40,9 +45,11 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """direct: Glint against Cycles with direct light only.  noise: RMSE of Cycles' own noise in it, as displayed.
-    indirect: Cycles with all light against itself without, None where it was not rendered.  seconds: by picture.
-    expected: which differences are to be expected, one sentence each.  strip: (h, w, 3), row 0 on top."""
+    """direct: Glint against Cycles with direct light only.  noise: RMSE of Cycles' own noise in it,
+    as displayed. indirect: Cycles with all light against itself without, None where it was not
+    rendered.  seconds: by picture. expected: which differences are to be expected, one sentence
+    each.  strip: (h, w, 3), row 0 on top.
+    """
 
     direct: Difference
     noise: float
@@ -79,26 +86,42 @@ def _plain_sampling(scene: bpy.types.Scene, samples: int, seed: int) -> None:
 
 
 def match_cycles(scene: bpy.types.Scene, samples: int, bounces: int, seed: int = 0) -> None:
-    """Cycles with Glint's pixel filter and Glint's light: direct, after `bounces` mirror reflections and refractions."""
+    """Cycles with Glint's pixel filter and Glint's light: direct, after `bounces` mirror
+    reflections and refractions.
+    """
     scene.render.engine = "CYCLES"
     direct_light_only(scene, samples, seed)
-    scene.cycles.max_bounces = scene.cycles.glossy_bounces = scene.cycles.transmission_bounces = bounces
-    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", scene.render.filter_size
+    scene.cycles.max_bounces = scene.cycles.glossy_bounces = scene.cycles.transmission_bounces = (
+        bounces
+    )
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = (
+        "BLACKMAN_HARRIS",
+        scene.render.filter_size,
+    )
 
 
 def limit_size(scene: bpy.types.Scene, side: int) -> None:
     """Fewer pixels of the same view, where it has more than `side` on its longer side."""
     render = scene.render
-    width, height = (max(1, pixels * render.resolution_percentage // 100) for pixels in (render.resolution_x, render.resolution_y))
+    width, height = (
+        max(1, pixels * render.resolution_percentage // 100)
+        for pixels in (render.resolution_x, render.resolution_y)
+    )
     factor = min(1.0, side / max(width, height))
-    render.resolution_x, render.resolution_y = (max(1, round(pixels * factor)) for pixels in (width, height))
+    render.resolution_x, render.resolution_y = (
+        max(1, round(pixels * factor)) for pixels in (width, height)
+    )
     render.resolution_percentage = 100
 
 
-def compare_with_cycles(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options = Options()) -> Comparison:
-    """Render both and write compare.png, compare.json and the pictures as EXR into `folder`; the scene stays as it is.
+def compare_with_cycles(
+    scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options = Options()
+) -> Comparison:
+    """Render both and write compare.png, compare.json and the pictures as EXR into `folder`; the
+    scene stays as it is.
 
-    Raises RuntimeError with Blender's message when a render fails, OSError when a file cannot be written.
+    Raises RuntimeError with Blender's message when a render fails, OSError when a file cannot be
+    written.
     """
     steps = comparison_steps(scene, view_layer, folder, options)
     while True:
@@ -108,8 +131,12 @@ def compare_with_cycles(scene: bpy.types.Scene, view_layer: str, folder: Path, o
             return end.value
 
 
-def comparison_steps(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options) -> Generator[float, None, Comparison]:
-    """`compare_with_cycles`, a picture at a time: yields the finished fraction, and may be closed wherever it does."""
+def comparison_steps(
+    scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options
+) -> Generator[float, None, Comparison]:
+    """`compare_with_cycles`, a picture at a time: yields the finished fraction, and may be closed
+    wherever it does.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     seconds: dict[str, float] = {}
     pictures = 3 + options.full_light
@@ -126,13 +153,22 @@ def comparison_steps(scene: bpy.types.Scene, view_layer: str, folder: Path, opti
     indirect = compare(direct, full) if full is not None else None
     numbers = compare(glint, direct)
     expected = expected_differences(job, numbers, noise, indirect)
-    result = Comparison(numbers, noise, indirect, seconds, expected, _strip(scene.name, glint, direct, full, numbers))
+    result = Comparison(
+        numbers,
+        noise,
+        indirect,
+        seconds,
+        expected,
+        _strip(scene.name, glint, direct, full, numbers),
+    )
     (folder / "compare.png").write_bytes(png_bytes(result.strip))
     (folder / "compare.json").write_text(json.dumps(result.as_json(), indent=1))
     return result
 
 
-def _glint(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, seconds: dict) -> np.ndarray:
+def _glint(
+    scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, seconds: dict
+) -> np.ndarray:
     with copied(scene, view_layer, in_focus=True) as copy:
         copy.render.engine = "GLINT"
         copy.glint.final.max_bounces = options.bounces
@@ -141,7 +177,14 @@ def _glint(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Optio
     return picture
 
 
-def _cycles_direct(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, seconds: dict, seed: int) -> np.ndarray:
+def _cycles_direct(
+    scene: bpy.types.Scene,
+    view_layer: str,
+    folder: Path,
+    options: Options,
+    seconds: dict,
+    seed: int,
+) -> np.ndarray:
     """One of two renders with half of the samples each."""
     with copied(scene, view_layer, in_focus=True) as copy:
         match_cycles(copy, max(_FEWEST, options.samples // 2), options.bounces, seed)
@@ -152,30 +195,48 @@ def _cycles_direct(scene: bpy.types.Scene, view_layer: str, folder: Path, option
 
 
 def _mean_and_noise(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, float]:
-    """Of two pictures with different seeds: their difference tells the noise of their mean, an RMSE as displayed."""
+    """Of two pictures with different seeds: their difference tells the noise of their mean, an RMSE
+    as displayed.
+    """
     shown = (displayed(first) - displayed(second)) / 2
     return (first + second) / 2, float(np.sqrt(np.mean(shown**2)))
 
 
-def _cycles_full(scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, seconds: dict) -> np.ndarray:
+def _cycles_full(
+    scene: bpy.types.Scene, view_layer: str, folder: Path, options: Options, seconds: dict
+) -> np.ndarray:
     with copied(scene, view_layer, in_focus=True) as copy:
         copy.render.engine = "CYCLES"
         _plain_sampling(copy, options.samples, 0)
-        copy.cycles.pixel_filter_type, copy.cycles.filter_width = "BLACKMAN_HARRIS", copy.render.filter_size
+        copy.cycles.pixel_filter_type, copy.cycles.filter_width = (
+            "BLACKMAN_HARRIS",
+            copy.render.filter_size,
+        )
         limit_size(copy, options.side)
         picture, seconds["cycles full"] = rendered(copy, folder / "cycles_full.exr")
     return picture
 
 
-def expected_differences(job, numbers: Difference, noise: float, indirect: Difference | None) -> tuple[str, ...]:
+def expected_differences(
+    job, numbers: Difference, noise: float, indirect: Difference | None
+) -> tuple[str, ...]:
     """What of the difference has a known cause. job: as Glint read it."""
-    lines = [f"Noise of Cycles: RMSE {noise:.4f} of the {numbers.rmse:.4f} between the engines; Glint has none"]
-    glossy = sum(any(lobe.kind == "SPECULAR" for lobe in material.lobes) for material in job.scene.materials)
+    lines = [
+        f"Noise of Cycles: RMSE {noise:.4f} of the {numbers.rmse:.4f} between the engines; Glint "
+        "has none"
+    ]
+    glossy = sum(
+        any(lobe.kind == "SPECULAR" for lobe in material.lobes) for material in job.scene.materials
+    )
     if glossy:
-        lines.append(f"Highlights of {_several(glossy, 'material')}: Glint draws Blinn-Phong lobes where Cycles draws GGX")
+        lines.append(
+            f"Highlights of {_several(glossy, 'material')}: Glint draws Blinn-Phong lobes where "
+            "Cycles draws GGX"
+        )
     if indirect is not None:
         lines.append(
-            f"Indirect light, which Glint does not follow: RMSE {indirect.rmse:.4f}, {indirect.off:.1%} of the pixels off by more than 1 % "
+            f"Indirect light, which Glint does not follow: RMSE {indirect.rmse:.4f}, "
+            f"{indirect.off:.1%} of the pixels off by more than 1 % "
             "between Cycles with and without it; it is in no number above"
         )
     lines += [f"Left out or changed by Glint: {note}" for note in dict.fromkeys(job.notes)]
@@ -186,18 +247,23 @@ def _several(count: int, name: str) -> str:
     return f"{count} {name}{'s' if count != 1 else ''}"
 
 
-def _strip(name: str, glint: np.ndarray, direct: np.ndarray, full: np.ndarray | None, numbers: Difference) -> np.ndarray:
+def _strip(
+    name: str, glint: np.ndarray, direct: np.ndarray, full: np.ndarray | None, numbers: Difference
+) -> np.ndarray:
     pictures = [displayed(glint), displayed(direct), difference_picture(glint, direct)]
     titles = "Glint | Cycles, direct light | difference ×4"
     if full is not None:
         pictures.append(displayed(full))
         titles += " | Cycles, all light"
     text = f"RMSE {numbers.rmse:.4f}, off {numbers.off:.1%}, FLIP {numbers.flip_mean:.4f}"
-    return draw_strip(pictures, (f"{name}: {titles}", text), (max(glint.shape[1], 120), glint.shape[0]))
+    return draw_strip(
+        pictures, (f"{name}: {titles}", text), (max(glint.shape[1], 120), glint.shape[0])
+    )
 
 
 class GLINT_OT_compare_cycles(bpy.types.Operator):
-    """Render this scene with Glint and with Cycles, direct light only, and show both and their difference. Changes nothing of the scene. \
+    """Render this scene with Glint and with Cycles, direct light only, and show both and their
+    difference. Changes nothing of the scene. \
 Esc stops between two pictures"""
 
     bl_idname = "glint.compare_cycles"
@@ -205,15 +271,32 @@ Esc stops between two pictures"""
 
     directory: bpy.props.StringProperty(
         name="Folder",
-        description="Where the pictures and numbers go; while the file is not saved, a folder among the temporary ones stands for //",
+        description="Where the pictures and numbers go; while the file is not saved, a folder "
+        "among the temporary ones stands for //",
         subtype="DIR_PATH",
         default="//compare",
     )
-    samples: bpy.props.IntProperty(name="Cycles Samples", description="Time grows in proportion", default=64, min=4, max=65536)
-    bounces: bpy.props.IntProperty(name="Bounces", description="Of mirrors and glass, in both engines", default=0, min=0, max=64)
-    side: bpy.props.IntProperty(name="Longest Side", description="Pixels; larger frames are made smaller", default=512, min=16, max=16384)
+    samples: bpy.props.IntProperty(
+        name="Cycles Samples", description="Time grows in proportion", default=64, min=4, max=65536
+    )
+    bounces: bpy.props.IntProperty(
+        name="Bounces",
+        description="Of mirrors and glass, in both engines",
+        default=0,
+        min=0,
+        max=64,
+    )
+    side: bpy.props.IntProperty(
+        name="Longest Side",
+        description="Pixels; larger frames are made smaller",
+        default=512,
+        min=16,
+        max=16384,
+    )
     full_light: bpy.props.BoolProperty(
-        name="All Light", description="Also render Cycles with indirect light, to tell its share; takes longest", default=True
+        name="All Light",
+        description="Also render Cycles with indirect light, to tell its share; takes longest",
+        default=True,
     )
 
     @classmethod
@@ -227,10 +310,14 @@ Esc stops between two pictures"""
         return context.window_manager.invoke_props_dialog(self)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """All at once for scripts; picture by picture where there is a window, so that Esc is heard."""
+        """All at once for scripts; picture by picture where there is a window, so that Esc is
+        heard.
+        """
         options = Options(self.samples, self.bounces, self.side, self.full_light)
         self._folder = chosen_folder(self.directory)
-        self._steps = comparison_steps(context.scene, context.view_layer.name, self._folder, options)
+        self._steps = comparison_steps(
+            context.scene, context.view_layer.name, self._folder, options
+        )
         if self._with_window:
             self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
             context.window_manager.modal_handler_add(self)
@@ -268,7 +355,9 @@ Esc stops between two pictures"""
             self.report({"ERROR"}, f"The comparison failed: {_reason(error)}")
             return {"CANCELLED"}
         if self._with_window:
-            context.workspace.status_text_set(f"Glint compares with Cycles: {fraction:.0%} (Esc stops)")
+            context.workspace.status_text_set(
+                f"Glint compares with Cycles: {fraction:.0%} (Esc stops)"
+            )
         return None
 
     def _finish(self, context: bpy.types.Context, result: Comparison) -> set[str]:
@@ -281,7 +370,9 @@ Esc stops between two pictures"""
 
 
 def chosen_folder(directory: str) -> Path:
-    """The folder that a user named. Beside a file that was never saved there is none: then a new one among the temporary files."""
+    """The folder that a user named. Beside a file that was never saved there is none: then a new
+    one among the temporary files.
+    """
     if directory.startswith("//") and not bpy.data.filepath:
         return Path(tempfile.mkdtemp(prefix="glint-compare-"))
     return Path(bpy.path.abspath(directory))
@@ -290,7 +381,11 @@ def chosen_folder(directory: str) -> Path:
 def _reason(error: Exception) -> str:
     """In one line; what Blender reported begins with Error: already."""
     text = " ".join(str(error).split()).removeprefix("Error: ")
-    return text if isinstance(error, (RuntimeError, OSError, MemoryError)) and text else f"{type(error).__name__}: {text}"
+    return (
+        text
+        if isinstance(error, (RuntimeError, OSError, MemoryError)) and text
+        else f"{type(error).__name__}: {text}"
+    )
 
 
 def report_lines(result: Comparison) -> list[str]:
@@ -298,7 +393,8 @@ def report_lines(result: Comparison) -> list[str]:
     d = result.direct
     times = ", ".join(f"{name} {value:.2f} s" for name, value in result.seconds.items())
     return [
-        f"Direct light, matched: RMSE {d.rmse:.4f}, {d.off:.1%} of the pixels off by more than 1 %, FLIP {d.flip_mean:.4f} "
+        f"Direct light, matched: RMSE {d.rmse:.4f}, {d.off:.1%} of the pixels off by more than 1 "
+        f"%, FLIP {d.flip_mean:.4f} "
         f"(99th percentile {d.flip_p99:.3f}), means {d.mean:.4f} and {d.reference_mean:.4f}",
         *result.expected,
         f"Seconds, Blender's own work included: {times}",

@@ -1,8 +1,8 @@
 """The demo scene: a small still life that shows what Glint is for.
 
-A glossy knot on a plinth, a mirror ball and pearls (true spheres), a twisted tower of instances, letters, a textured stage that mirrors a
-little; a hard sun, a soft area light and a spot. Built through the data API alone, so it works headless and inside an operator; nothing
-is random.
+A glossy knot on a plinth, a mirror ball and pearls (true spheres), a twisted tower of instances,
+letters, a textured stage that mirrors a little; a hard sun, a soft area light and a spot. Built
+through the data API alone, so it works headless and inside an operator; nothing is random.
 """
 
 from __future__ import annotations
@@ -17,11 +17,18 @@ from mathutils import Matrix, Vector
 from ..addon.export.shapes import mark_sphere
 
 CORAL, TEAL, BRASS = (0.80, 0.115, 0.075), (0.03, 0.30, 0.32), (0.83, 0.55, 0.22)
-CHAMPAGNE, IVORY, SLATE, INK = (0.97, 0.83, 0.68), (0.80, 0.76, 0.68), (0.125, 0.175, 0.235), (0.035, 0.045, 0.06)
+CHAMPAGNE, IVORY, SLATE, INK = (
+    (0.97, 0.83, 0.68),
+    (0.80, 0.76, 0.68),
+    (0.125, 0.175, 0.235),
+    (0.035, 0.045, 0.06),
+)
 
 
 def build_demo_scene() -> None:
-    """Fills the current scene, which should be empty, and makes it ready to render at 960×540 in engine Glint where that is registered."""
+    """Fills the current scene, which should be empty, and makes it ready to render at 960×540 in
+    engine Glint where that is registered.
+    """
     scene = bpy.context.scene
     _build_set(scene)
     _build_knot(scene)
@@ -42,7 +49,9 @@ def _build_set(scene) -> None:
     stage = _disc_mesh("Stage", radius=4.6, height=0.14, segments=160)
     _add(scene, "Stage", stage, _stage_material())
     plinth = _disc_mesh("Plinth", radius=1.0, height=0.30, segments=96)
-    _add(scene, "Plinth", plinth, _glossy("Plinth", INK, roughness=0.35), location=(0.0, 0.35, 0.14))
+    _add(
+        scene, "Plinth", plinth, _glossy("Plinth", INK, roughness=0.35), location=(0.0, 0.35, 0.14)
+    )
 
 
 def _build_knot(scene) -> None:
@@ -58,17 +67,33 @@ def _build_knot(scene) -> None:
 
 def _build_spheres(scene) -> None:
     """True spheres: a mirror ball, a brass ball and an arc of pearls that grow along it."""
-    _add(scene, "Mirror Ball", _ball_mesh("Mirror Ball", 1.02), _mirror("Mirror", CHAMPAGNE), location=(2.62, 0.75, 1.16))
-    _add(scene, "Brass Ball", _ball_mesh("Brass Ball", 0.46), _polished("Brass", BRASS), location=(-1.42, -1.05, 0.60))
+    _add(
+        scene,
+        "Mirror Ball",
+        _ball_mesh("Mirror Ball", 1.02),
+        _mirror("Mirror", CHAMPAGNE),
+        location=(2.62, 0.75, 1.16),
+    )
+    _add(
+        scene,
+        "Brass Ball",
+        _ball_mesh("Brass Ball", 0.46),
+        _polished("Brass", BRASS),
+        location=(-1.42, -1.05, 0.60),
+    )
     pearl, material = _ball_mesh("Pearl", 1.0), _glossy("Pearl", IVORY, roughness=0.15)
     for k in range(10):
         angle, radius = radians(-66 + 6.3 * k + 0.12 * k * k), 0.10 + 0.013 * k
         center = (3.45 * sin(angle), 0.1 - 3.45 * cos(angle), 0.14 + radius)
-        _add(scene, f"Pearl {k}", pearl, material if k == 0 else None, location=center).scale = (radius,) * 3
+        _add(scene, f"Pearl {k}", pearl, material if k == 0 else None, location=center).scale = (
+            radius,
+        ) * 3
 
 
 def _build_tower(scene) -> None:
-    """Twenty instances of one bevelled slab, each turned and a little smaller than the one below."""
+    """Twenty instances of one bevelled slab, each turned and a little smaller than the one
+    below.
+    """
     slab, material = _slab_mesh("Slab"), _glossy("Teal", TEAL, roughness=0.3)
     for k in range(20):
         size = 1.0 - 0.022 * k
@@ -89,12 +114,20 @@ def _build_letters(scene) -> None:
 
 
 def _build_lights(scene) -> None:
-    """A warm hard sun, a large cool area light and a spot that lifts the objects from the backdrop."""
-    sun = _add_light(scene, "Sun", "SUN", (-4.0, -5.5, 7.0), (0.0, 0.0, 1.0), 1.9, (1.0, 0.92, 0.80))
+    """A warm hard sun, a large cool area light and a spot that lifts the objects from the
+    backdrop.
+    """
+    sun = _add_light(
+        scene, "Sun", "SUN", (-4.0, -5.5, 7.0), (0.0, 0.0, 1.0), 1.9, (1.0, 0.92, 0.80)
+    )
     sun.angle = 0.0
-    area = _add_light(scene, "Softbox", "AREA", (4.6, -3.4, 5.2), (0.2, 0.2, 0.9), 330.0, (0.80, 0.90, 1.0))
+    area = _add_light(
+        scene, "Softbox", "AREA", (4.6, -3.4, 5.2), (0.2, 0.2, 0.9), 330.0, (0.80, 0.90, 1.0)
+    )
     area.shape, area.size, area.size_y = "RECTANGLE", 2.6, 1.8
-    spot = _add_light(scene, "Rim", "SPOT", (-3.6, 4.6, 5.6), (0.0, 0.2, 1.2), 900.0, (1.0, 0.80, 0.62))
+    spot = _add_light(
+        scene, "Rim", "SPOT", (-3.6, 4.6, 5.6), (0.0, 0.2, 1.2), 900.0, (1.0, 0.80, 0.62)
+    )
     spot.spot_size, spot.spot_blend, spot.shadow_soft_size = radians(52), 0.35, 0.0
     world = bpy.data.worlds.new("Demo World")
     _use_nodes(world)
@@ -154,9 +187,19 @@ def _looking_at(location, target) -> Matrix:
 def _grid_mesh(name: str, points: np.ndarray, wrap: tuple[bool, bool]):
     """A smooth quad mesh over (rows, columns, 3) points; wrap closes rows and columns."""
     rows, columns = points.shape[:2]
-    i, j = np.meshgrid(np.arange(rows - (not wrap[0])), np.arange(columns - (not wrap[1])), indexing="ij")
+    i, j = np.meshgrid(
+        np.arange(rows - (not wrap[0])), np.arange(columns - (not wrap[1])), indexing="ij"
+    )
     after_i, after_j = (i + 1) % rows, (j + 1) % columns
-    faces = np.stack([i * columns + j, after_i * columns + j, after_i * columns + after_j, i * columns + after_j], -1).reshape(-1, 4)
+    faces = np.stack(
+        [
+            i * columns + j,
+            after_i * columns + j,
+            after_i * columns + after_j,
+            i * columns + after_j,
+        ],
+        -1,
+    ).reshape(-1, 4)
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(points.reshape(-1, 3).tolist(), [], faces.tolist())
     mesh.polygons.foreach_set("use_smooth", np.ones(len(faces), bool))
@@ -164,10 +207,14 @@ def _grid_mesh(name: str, points: np.ndarray, wrap: tuple[bool, bool]):
 
 
 def _knot_mesh(name: str):
-    """A trefoil knot: a tube of varying thickness round a closed curve, framed by the curve's own normal towards the axis."""
+    """A trefoil knot: a tube of varying thickness round a closed curve, framed by the curve's own
+    normal towards the axis.
+    """
     t = np.linspace(0, 2 * pi, 288, endpoint=False)
     ring = np.linspace(0, 2 * pi, 40, endpoint=False)
-    curve = 0.44 * np.stack([np.sin(t) + 2 * np.sin(2 * t), np.cos(t) - 2 * np.cos(2 * t), -1.1 * np.sin(3 * t)], -1)
+    curve = 0.44 * np.stack(
+        [np.sin(t) + 2 * np.sin(2 * t), np.cos(t) - 2 * np.cos(2 * t), -1.1 * np.sin(3 * t)], -1
+    )
     tangent = np.roll(curve, -1, 0) - np.roll(curve, 1, 0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     side = np.cross(tangent, [0.0, 0.0, 1.0])
@@ -189,7 +236,9 @@ def _sweep_mesh(name: str):
 def _disc_mesh(name: str, radius: float, height: float, segments: int):
     """A round slab with a bevelled rim and planar UVs, its foot at z = 0."""
     shape = bmesh.new()
-    bmesh.ops.create_cone(shape, cap_ends=True, segments=segments, radius1=radius, radius2=radius, depth=height)
+    bmesh.ops.create_cone(
+        shape, cap_ends=True, segments=segments, radius1=radius, radius2=radius, depth=height
+    )
     bmesh.ops.translate(shape, verts=shape.verts, vec=(0, 0, height / 2))
     rim = [e for e in shape.edges if all(v.co.z > height / 2 for v in e.verts)]
     bmesh.ops.bevel(shape, geom=rim, offset=0.03, segments=3, profile=0.5, affect="EDGES")
@@ -216,7 +265,9 @@ def _slab_mesh(name: str):
     """A flat box, 1.5 × 0.62 × 0.128, with round edges."""
     shape = bmesh.new()
     bmesh.ops.create_cube(shape, size=1.0, matrix=Matrix.Diagonal((1.5, 0.62, 0.128, 1.0)))
-    bmesh.ops.bevel(shape, geom=list(shape.edges), offset=0.03, segments=4, profile=0.5, affect="EDGES")
+    bmesh.ops.bevel(
+        shape, geom=list(shape.edges), offset=0.03, segments=4, profile=0.5, affect="EDGES"
+    )
     return _to_mesh(name, shape)
 
 
@@ -250,7 +301,9 @@ def _checker_image(name: str, size: int = 1024, cells: int = 16):
     axis = (np.arange(size) + 0.5) / size
     u, v = np.meshgrid(axis, axis)
     odd = ((u * cells).astype(int) + (v * cells).astype(int)) % 2
-    edge = np.minimum(np.abs(u * cells - np.round(u * cells)), np.abs(v * cells - np.round(v * cells)))
+    edge = np.minimum(
+        np.abs(u * cells - np.round(u * cells)), np.abs(v * cells - np.round(v * cells))
+    )
     radius = np.hypot(u - 0.5, v - 0.5)
     rings = (np.abs(radius - 0.475) < 0.006) | (np.abs(radius - 0.458) < 0.003)
     color = np.where(odd[..., None] == 1, (0.80, 0.76, 0.70), (0.33, 0.35, 0.38))
@@ -268,7 +321,10 @@ def _glossy(name: str, color, roughness: float):
     """A dielectric: colour below, highlights above."""
     material, tree, output = _new_material(name)
     shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
-    shader.inputs["Base Color"].default_value, shader.inputs["Roughness"].default_value = (*color, 1.0), roughness
+    shader.inputs["Base Color"].default_value, shader.inputs["Roughness"].default_value = (
+        (*color, 1.0),
+        roughness,
+    )
     tree.links.new(shader.outputs["BSDF"], output.inputs["Surface"])
     return material
 
@@ -300,7 +356,10 @@ def _polished(name: str, color):
 
 def _glossy_node(tree, color, roughness: float):
     shader = tree.nodes.new("ShaderNodeBsdfAnisotropic")
-    shader.inputs["Color"].default_value, shader.inputs["Roughness"].default_value = (*color, 1.0), roughness
+    shader.inputs["Color"].default_value, shader.inputs["Roughness"].default_value = (
+        (*color, 1.0),
+        roughness,
+    )
     return shader
 
 

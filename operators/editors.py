@@ -8,8 +8,9 @@ import bpy
 
 
 def editor_of(kind: str, context: bpy.types.Context) -> Any:
-    """The space of an open editor of this kind ("TEXT_EDITOR", "IMAGE_EDITOR"), else of one in a window of its own; None in a program
-    without windows."""
+    """The space of an open editor of this kind ("TEXT_EDITOR", "IMAGE_EDITOR"), else of one in a
+    window of its own; None in a program without windows.
+    """
     if bpy.app.background:
         return None
     for window in context.window_manager.windows:

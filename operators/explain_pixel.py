@@ -1,4 +1,5 @@
-"""Explain Pixel: click on a pixel in the viewport or the image editor; its rays are told with the notes' terms in numbers.
+"""Explain Pixel: click on a pixel in the viewport or the image editor; its rays are told with the
+notes' terms in numbers.
 
 Blender reads the operators' annotations as they are, so this module must not make them strings.
 """
@@ -26,24 +27,31 @@ _DRAWN = 0.2
 """Seconds after which Blender has drawn a sidebar."""
 
 _ready: dict[str, PixelExplainer] = {}
-"""The explainer of the last scene by the fingerprint of all it depends on: further clicks need no new tree."""
+"""The explainer of the last scene by the fingerprint of all it depends on: further clicks need no
+new tree.
+"""
 
 TEXT = "Explain Pixel"
 """Name of the text that an explanation becomes when somebody wants it as one."""
 
 
 def explain_render(scene: bpy.types.Scene, view_layer: str, x: int, y: int) -> "Ray":
-    """The rays of pixel (x, y) of the full frame of a final render, from the bottom left. Raises RuntimeError where Blender cannot render
-    the scene, SceneError for a pixel outside."""
+    """The rays of pixel (x, y) of the full frame of a final render, from the bottom left. Raises
+    RuntimeError where Blender cannot render the scene, SceneError for a pixel outside.
+    """
     job = read_job(scene, view_layer)
     return _explainer(job.scene, job.settings).pixel(x, y)
 
 
 def explain_view(region: bpy.types.Region, x: int, y: int) -> "Ray":
-    """The rays under a point of a 3D view in Rendered shading. Raises RuntimeError where Glint shows nothing there."""
+    """The rays under a point of a 3D view in Rendered shading. Raises RuntimeError where Glint
+    shows nothing there.
+    """
     picked = viewport.pixel_at(region, x, y)
     if picked is None:
-        raise RuntimeError("Glint shows nothing here: turn to Rendered shading and click inside the picture")
+        raise RuntimeError(
+            "Glint shows nothing here: turn to Rendered shading and click inside the picture"
+        )
     return _explainer(picked.scene, picked.settings).pixel(*picked.pixel)
 
 
@@ -57,17 +65,27 @@ def _explainer(scene: Scene, settings: Settings) -> PixelExplainer:
 
 
 class GLINT_OT_explain_pixel(bpy.types.Operator):
-    """Click on a pixel to learn what lights it and what blocks its lights. The answer stands in the sidebar, tab Glint"""
+    """Click on a pixel to learn what lights it and what blocks its lights. The answer stands in the
+    sidebar, tab Glint
+    """
 
     bl_idname = "glint.explain_pixel"
     bl_label = "Explain Pixel"
 
-    x: IntProperty(name="X", description="In a 3D view a point of the region; in an image editor a pixel of the picture", default=0)
+    x: IntProperty(
+        name="X",
+        description="In a 3D view a point of the region; in an image editor a pixel of the picture",
+        default=0,
+    )
     y: IntProperty(name="Y", description="From the bottom", default=0)
 
     @classmethod
     def poll(cls, context):
-        return context.engine == "GLINT" and context.area is not None and context.area.type in ("VIEW_3D", "IMAGE_EDITOR")
+        return (
+            context.engine == "GLINT"
+            and context.area is not None
+            and context.area.type in ("VIEW_3D", "IMAGE_EDITOR")
+        )
 
     def invoke(self, context, event):
         self._pressed = False
@@ -77,7 +95,9 @@ class GLINT_OT_explain_pixel(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
-        """The click ends with its release: what is shown before would take the release for a click of its own."""
+        """The click ends with its release: what is shown before would take the release for a click
+        of its own.
+        """
         if event.type in ("ESC", "RIGHTMOUSE"):
             self._leave(context)
             return {"CANCELLED"}
@@ -128,7 +148,9 @@ class GLINT_OT_copy_explanation(bpy.types.Operator):
 
 
 class GLINT_OT_explanation_as_text(bpy.types.Operator):
-    """Put the explanation of the last pixel into a text block, and that into a text editor: the one that is open, or a new window"""
+    """Put the explanation of the last pixel into a text block, and that into a text editor: the one
+    that is open, or a new window
+    """
 
     bl_idname = "glint.explanation_as_text"
     bl_label = "Open as Text"
@@ -159,7 +181,8 @@ def _turn_to_answer(address: int) -> None:
         for area in window.screen.areas:
             if area.as_pointer() == address:
                 sidebar = next(region for region in area.regions if region.type == "UI")
-                with suppress(TypeError):  # where the user has closed the sidebar again, it has no tabs
+                # where the user has closed the sidebar again, it has no tabs
+                with suppress(TypeError):
                     sidebar.active_panel_category = _ExplainPanel.bl_category
                 sidebar.tag_redraw()
 
@@ -168,7 +191,9 @@ def _explain(context: bpy.types.Context, x: int, y: int) -> "Ray":
     if context.area.type == "IMAGE_EDITOR":
         return explain_render(context.scene, context.view_layer.name, x, y)
     region = next(region for region in context.area.regions if region.type == "WINDOW")
-    return explain_view(context.region if context.region and context.region.type == "WINDOW" else region, x, y)
+    return explain_view(
+        context.region if context.region and context.region.type == "WINDOW" else region, x, y
+    )
 
 
 def _point(context: bpy.types.Context, region: bpy.types.Region, x: int, y: int) -> tuple[int, int]:

@@ -1,4 +1,5 @@
-"""Measure This Scene: what each setting costs and loses here, as a table and a plot, and a button that takes a point of it.
+"""Measure This Scene: what each setting costs and loses here, as a table and a plot, and a button
+that takes a point of it.
 
 Blender reads the operators' annotations as they are, so this module must not make them strings.
 """
@@ -33,8 +34,10 @@ _measured: dict[str, Trade] = {}
 
 @dataclass(frozen=True)
 class Options:
-    """values: knob → values to try instead of the usual ones.  reference_samples: per pixel.  reference_seconds: how long the float64
-    tracer may take for the reference.  repeats: renders per setting.  squares, side: how many of how many pixels across."""
+    """values: knob → values to try instead of the usual ones.  reference_samples: per pixel.
+    reference_seconds: how long the float64 tracer may take for the reference.  repeats: renders per
+    setting.  squares, side: how many of how many pixels across.
+    """
 
     values: dict | None = None
     reference_samples: int = REFERENCE_SAMPLES
@@ -51,12 +54,16 @@ def measure_scene(
     should_stop: Callable[[], bool] = lambda: False,
     on_progress: Callable[[float], None] = lambda fraction: None,
 ) -> Trade:
-    """Read the scene as a render would and measure it. Raises RuntimeError where Blender cannot render it, SceneError, MemoryError."""
+    """Read the scene as a render would and measure it. Raises RuntimeError where Blender cannot
+    render it, SceneError, MemoryError.
+    """
     return prepared(scene, view_layer, options)(should_stop=should_stop, on_progress=on_progress)
 
 
 def prepared(scene: bpy.types.Scene, view_layer: str, options: Options) -> Callable[..., Trade]:
-    """`engine.trade.measure` of this scene, for should_stop, on_progress and on_trade: it touches nothing of Blender's, for any thread."""
+    """`engine.trade.measure` of this scene, for should_stop, on_progress and on_trade: it touches
+    nothing of Blender's, for any thread.
+    """
     job = read_job(scene, view_layer)
     return functools.partial(measure, job.scene, job.settings, **vars(options))
 
@@ -65,12 +72,21 @@ def table(trade: Trade, only_front: bool = False) -> list[str]:
     """Lines of a table, the fastest first; * is the front, <- the current settings."""
     rows = trade.front if only_front else trade.rows
     heads = list(rows[0].knobs) if rows else []
-    lines = ["  ".join([*heads, "  seconds", "rel. RMSE", "   ±", "levels", "  PSNR", "  FLIP", "wrong %"])]
+    lines = [
+        "  ".join(
+            [*heads, "  seconds", "rel. RMSE", "   ±", "levels", "  PSNR", "  FLIP", "wrong %"]
+        )
+    ]
     for row in rows:
         knobs = "  ".join(f"{value!s:>{len(name)}}" for name, value in row.knobs.items())
-        numbers = f"{row.frame_seconds:9.3f}  {row.relative_rmse:9.2e}  {row.spread:3.0%}  {row.levels:6.1f}  {row.psnr:6.1f}"
+        numbers = (
+            f"{row.frame_seconds:9.3f}  {row.relative_rmse:9.2e}  {row.spread:3.0%}  "
+            f"{row.levels:6.1f}  {row.psnr:6.1f}"
+        )
         numbers += f"  {row.flip_mean:6.4f}  {100 * row.wrong:7.2f}"
-        lines.append(f"{knobs}  {numbers} {'*' if row.on_front else ' '}{' <-' if row.current else ''}")
+        lines.append(
+            f"{knobs}  {numbers} {'*' if row.on_front else ' '}{' <-' if row.current else ''}"
+        )
     return [*lines, advice(trade), f"Errors against {trade.reference}"]
 
 
@@ -98,7 +114,9 @@ class _Background:
 
     def _run(self) -> None:
         try:
-            self.trade = self._work(should_stop=self._stop.is_set, on_progress=self._hear, on_trade=self._keep)
+            self.trade = self._work(
+                should_stop=self._stop.is_set, on_progress=self._hear, on_trade=self._keep
+            )
         except Exception as error:
             log.exception("the measurement failed")
             self.error = error
@@ -119,27 +137,51 @@ class _Background:
 
 
 class GLINT_OT_measure_scene(bpy.types.Operator):
-    """Find settings for this scene: small parts of it are rendered with many settings, and time and error of each are listed and plotted. \
+    """Find settings for this scene: small parts of it are rendered with many settings, and time and
+    error of each are listed and plotted. \
 The list sharpens while you watch; Esc stops and keeps it"""
 
     bl_idname = "glint.measure_scene"
     bl_label = "Tune Settings"
 
-    json_path: bpy.props.StringProperty(name="JSON", description="File for the table, if any", subtype="FILE_PATH", options={"SKIP_SAVE"})
-    plot_path: bpy.props.StringProperty(
-        name="Plot", description="PNG file for the plot, if any", subtype="FILE_PATH", options={"SKIP_SAVE"}
+    json_path: bpy.props.StringProperty(
+        name="JSON",
+        description="File for the table, if any",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
     )
-    reference_samples: bpy.props.IntProperty(name="Reference Samples", default=REFERENCE_SAMPLES, min=16, max=65536)
+    plot_path: bpy.props.StringProperty(
+        name="Plot",
+        description="PNG file for the plot, if any",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
+    reference_samples: bpy.props.IntProperty(
+        name="Reference Samples", default=REFERENCE_SAMPLES, min=16, max=65536
+    )
     reference_seconds: bpy.props.FloatProperty(
-        name="Reference Seconds", description="The float64 tracer makes the reference if it takes no longer", default=30.0, min=0.0
+        name="Reference Seconds",
+        description="The float64 tracer makes the reference if it takes no longer",
+        default=30.0,
+        min=0.0,
     )
     repeats: bpy.props.IntProperty(
-        name="Repeats", description="Renders per setting, of which the fastest counts", default=5, min=1, max=100
+        name="Repeats",
+        description="Renders per setting, of which the fastest counts",
+        default=5,
+        min=1,
+        max=100,
     )
     squares: bpy.props.IntProperty(
-        name="Squares", description="Parts of the frame to render; more are more certain", default=SQUARES, min=8, max=4096
+        name="Squares",
+        description="Parts of the frame to render; more are more certain",
+        default=SQUARES,
+        min=8,
+        max=4096,
     )
-    side: bpy.props.IntProperty(name="Side", description="Pixels across each square", default=SIDE, min=8, max=512)
+    side: bpy.props.IntProperty(
+        name="Side", description="Pixels across each square", default=SIDE, min=8, max=512
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -173,7 +215,9 @@ The list sharpens while you watch; Esc stops and keeps it"""
         if self._background.busy:
             percent = 100 * self._background.fraction
             context.window_manager.progress_update(percent)
-            context.workspace.status_text_set(f"Glint measures this scene: {percent:.0f} % (Esc stops and keeps what is known)")
+            context.workspace.status_text_set(
+                f"Glint measures this scene: {percent:.0f} % (Esc stops and keeps what is known)"
+            )
             self._show_news(context)
             return {"RUNNING_MODAL"}
         self._leave(context)
@@ -213,14 +257,21 @@ The list sharpens while you watch; Esc stops and keeps it"""
             self.report({"INFO"}, "The measurement was stopped before anything was measured")
             return {"CANCELLED"}
         _measured[name] = trade
-        json_path, plot_path = (Path(bpy.path.abspath(path)) if path else None for path in (self.json_path, self.plot_path))
-        plot_path = plot_path or Path(tempfile.mkdtemp(prefix="glint-measure-")) / "time-and-error.png"
+        json_path, plot_path = (
+            Path(bpy.path.abspath(path)) if path else None
+            for path in (self.json_path, self.plot_path)
+        )
+        plot_path = (
+            plot_path or Path(tempfile.mkdtemp(prefix="glint-measure-")) / "time-and-error.png"
+        )
         try:
             write(trade, name, json_path, plot_path)
         except OSError as error:
             return self._fail(error)
         show(IMAGE_NAME, draw_trade(trade, name), context)
-        self.report({"INFO"}, f"{advice(trade)}. The plot is the image '{IMAGE_NAME}' and {plot_path}")
+        self.report(
+            {"INFO"}, f"{advice(trade)}. The plot is the image '{IMAGE_NAME}' and {plot_path}"
+        )
         return {"FINISHED"}
 
     def _fail(self, error: Exception) -> set[str]:
@@ -235,7 +286,12 @@ class GLINT_OT_use_measured(bpy.types.Operator):
     bl_label = "Use This"
     bl_options = {"REGISTER", "UNDO"}
 
-    row: bpy.props.IntProperty(name="Row", description="Of those that are shown, the fastest first", min=0, options={"SKIP_SAVE"})
+    row: bpy.props.IntProperty(
+        name="Row",
+        description="Of those that are shown, the fastest first",
+        min=0,
+        options={"SKIP_SAVE"},
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -285,7 +341,10 @@ class GLINT_RENDER_PT_trade(bpy.types.Panel):
         for heading in ("Time", "Error", "Settings", "What Changes", ""):
             table.label(text=heading)
         for number, row in enumerate(trade.shown):
-            table.label(text=seconds_text(row.frame_seconds), icon="RADIOBUT_ON" if row.current else "RADIOBUT_OFF")
+            table.label(
+                text=seconds_text(row.frame_seconds),
+                icon="RADIOBUT_ON" if row.current else "RADIOBUT_OFF",
+            )
             table.label(text=error_text(row))
             table.label(text=settings_text(trade, row))
             table.label(text=change_text(trade, row))
@@ -304,7 +363,12 @@ _NAMES = {
     "cutoff": ("cutoff",),
 }
 """Knob → what stands behind its value, one and more; or before it."""
-_SEEN = ((1.0, "not visible"), (3.0, "hardly visible"), (10.0, "visible beside the exact one"), (math.inf, "plainly visible"))
+_SEEN = (
+    (1.0, "not visible"),
+    (3.0, "hardly visible"),
+    (10.0, "visible beside the exact one"),
+    (math.inf, "plainly visible"),
+)
 """Levels of 255 below which an error is that."""
 
 
@@ -326,7 +390,11 @@ def knob_text(name: str, value: float) -> str:
 
 def settings_text(trade: Trade, row: Row) -> str:
     """The samples, and what else the rows differ in."""
-    different = [name for name in row.knobs if name == "samples" or len({other.knobs[name] for other in trade.shown}) > 1]
+    different = [
+        name
+        for name in row.knobs
+        if name == "samples" or len({other.knobs[name] for other in trade.shown}) > 1
+    ]
     return ", ".join(knob_text(name, row.knobs[name]) for name in different)
 
 

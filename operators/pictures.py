@@ -20,7 +20,9 @@ _PNG_END = b"IEND\xaeB`\x82"
 
 
 def render_result() -> bpy.types.Image:
-    """The image that holds the last render; its name is the user's to change. Raises RuntimeError before the first render."""
+    """The image that holds the last render; its name is the user's to change. Raises RuntimeError
+    before the first render.
+    """
     found = next((image for image in bpy.data.images if image.type == "RENDER_RESULT"), None)
     if found is None:
         raise RuntimeError("Blender has no Render Result: nothing was rendered")
@@ -28,7 +30,9 @@ def render_result() -> bpy.types.Image:
 
 
 def read_picture(path: Path) -> np.ndarray:
-    """(h, w, 4) float32, row 0 at the bottom, of a file with one picture. Raises RuntimeError where Blender cannot read it."""
+    """(h, w, 4) float32, row 0 at the bottom, of a file with one picture. Raises RuntimeError where
+    Blender cannot read it.
+    """
     image = bpy.data.images.load(str(path), check_existing=False)
     try:
         image.colorspace_settings.name = "Non-Color"
@@ -43,11 +47,16 @@ def read_picture(path: Path) -> np.ndarray:
 
 
 def read_planes(path: Path) -> dict[str, np.ndarray] | None:
-    """Every channel of every layer by name, (h, w) float32 each, row 0 at the bottom; None for a multilayer file where this Blender has
-    no OpenImageIO to look into it."""
+    """Every channel of every layer by name, (h, w) float32 each, row 0 at the bottom; None for a
+    multilayer file where this Blender has no OpenImageIO to look into it.
+    """
     oiio = _open_image_io()
     if oiio is None:
-        return None if is_multilayer(path) else dict(zip("RGBA", np.moveaxis(read_picture(path), -1, 0), strict=True))
+        return (
+            None
+            if is_multilayer(path)
+            else dict(zip("RGBA", np.moveaxis(read_picture(path), -1, 0), strict=True))
+        )
     source = oiio.ImageInput.open(str(path))
     if source is None:
         raise RuntimeError(f"{path}: {oiio.geterror()}")
@@ -72,15 +81,22 @@ def _open_image_io() -> ModuleType | None:
     return OpenImageIO
 
 
-# --- headers ------------------------------------------------------------------------------------------------------------------------
+# --- headers
+# --------------------------------------------------------------------------------------------------
 
 
 def header_texts(path: Path) -> dict[str, str]:
-    """The texts in the header of an OpenEXR or PNG file. Raises ValueError for any other file or a broken one."""
+    """The texts in the header of an OpenEXR or PNG file. Raises ValueError for any other file or a
+    broken one.
+    """
     data = path.read_bytes()
     try:
         if data.startswith(_EXR):
-            return {name: value.decode(errors="replace") for name, kind, value in _exr_attributes(data) if kind == "string"}
+            return {
+                name: value.decode(errors="replace")
+                for name, kind, value in _exr_attributes(data)
+                if kind == "string"
+            }
         if data.startswith(_PNG):
             return dict(_png_texts(data))
     except (IndexError, ValueError, struct.error, zlib.error) as error:
@@ -89,20 +105,27 @@ def header_texts(path: Path) -> dict[str, str]:
 
 
 def check_whole(path: Path) -> None:
-    """Raises OSError where an OpenEXR or PNG file is missing or cut off: Blender says on a full disk, too, that it saved the picture."""
+    """Raises OSError where an OpenEXR or PNG file is missing or cut off: Blender says on a full
+    disk, too, that it saved the picture.
+    """
     data = path.read_bytes() if path.is_file() else b""
     try:
         is_whole = _exr_is_whole(data) if data.startswith(_EXR) else data.endswith(_PNG_END)
     except (IndexError, KeyError, ValueError, struct.error):
         is_whole = False
     if not is_whole:
-        raise OSError(f"{path} is not whole ({len(data)} bytes are there): make room on its disk or write elsewhere, then render again")
+        raise OSError(
+            f"{path} is not whole ({len(data)} bytes are there): make room on its disk or write "
+            "elsewhere, then render again"
+        )
 
 
 def is_multilayer(path: Path) -> bool:
     """Whether an EXR file names its channels by layer."""
     data = path.read_bytes()
-    return data.startswith(_EXR) and any(kind == "chlist" and b"." in value for _, kind, value in _exr_attributes(data))
+    return data.startswith(_EXR) and any(
+        kind == "chlist" and b"." in value for _, kind, value in _exr_attributes(data)
+    )
 
 
 def sample_bits(path: Path) -> int:
@@ -116,7 +139,9 @@ def sample_bits(path: Path) -> int:
 
 
 def _exr_headers(data: bytes) -> tuple[list[dict[str, tuple[str, bytes]]], int]:
-    """Every part's attributes, name → (type, value), and where the tables of blocks begin (OpenEXR file layout)."""
+    """Every part's attributes, name → (type, value), and where the tables of blocks begin (OpenEXR
+    file layout).
+    """
     multipart, place, parts = struct.unpack_from("<I", data, 4)[0] & _MULTIPART, 8, []
     while data[place] and (multipart or not parts):
         parts.append({})
@@ -125,7 +150,10 @@ def _exr_headers(data: bytes) -> tuple[list[dict[str, tuple[str, bytes]]], int]:
             kind_end = data.index(b"\0", name_end + 1)
             (size,) = struct.unpack_from("<I", data, kind_end + 1)
             start = kind_end + 5
-            parts[-1][data[place:name_end].decode()] = (data[name_end + 1 : kind_end].decode(), data[start : start + size])
+            parts[-1][data[place:name_end].decode()] = (
+                data[name_end + 1 : kind_end].decode(),
+                data[start : start + size],
+            )
             place = start + size
         place += 1
     return parts, place + bool(multipart)
@@ -139,11 +167,14 @@ def _exr_attributes(data: bytes) -> Iterator[tuple[str, str, bytes]]:
 
 
 def _exr_is_whole(data: bytes) -> bool:
-    """Whether the tables name a place for every block of lines, and the last of them lies inside the file."""
+    """Whether the tables name a place for every block of lines, and the last of them lies inside
+    the file.
+    """
     multipart = struct.unpack_from("<I", data, 4)[0] & _MULTIPART
     parts, tables = _exr_headers(data)
     places = struct.unpack_from(f"<{sum(map(_exr_blocks, parts))}Q", data, tables)
-    size_at = max(places) + (8 if multipart else 4)  # behind the part's number, in files of several, and that of the block's first line
+    # behind the part's number, in files of several, and that of the block's first line
+    size_at = max(places) + (8 if multipart else 4)
     return min(places) > 0 and size_at + 4 + struct.unpack_from("<i", data, size_at)[0] <= len(data)
 
 

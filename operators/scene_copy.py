@@ -1,4 +1,6 @@
-"""Renders of a scene that leave it as it is: everything happens on a copy that shares the objects and goes away at the end."""
+"""Renders of a scene that leave it as it is: everything happens on a copy that shares the objects
+and goes away at the end.
+"""
 
 from __future__ import annotations
 
@@ -15,17 +17,22 @@ from .pictures import check_whole, read_picture, render_result
 
 
 @contextmanager
-def copied(scene: bpy.types.Scene, view_layer: str, *, in_focus: bool = False) -> Iterator[bpy.types.Scene]:
-    """A copy of the scene's settings, of which one view layer renders, without compositor, sequencer, border and motion blur. The scene,
-    its picture and the file's data are untouched, whatever happens within. in_focus: through a copy of the camera without depth of
-    field."""
+def copied(
+    scene: bpy.types.Scene, view_layer: str, *, in_focus: bool = False
+) -> Iterator[bpy.types.Scene]:
+    """A copy of the scene's settings, of which one view layer renders, without compositor,
+    sequencer, border and motion blur. The scene, its picture and the file's data are untouched,
+    whatever happens within. in_focus: through a copy of the camera without depth of field.
+    """
     copy = scene.copy()
     cameras: list[tuple] = []
     try:
         if in_focus and copy.camera is not None and copy.camera.type == "CAMERA":
             cameras.append(_focused_camera(copy))
         render = copy.render
-        render.use_border = render.use_compositing = render.use_sequencer = render.use_motion_blur = render.use_freestyle = False
+        render.use_border = render.use_compositing = render.use_sequencer = (
+            render.use_motion_blur
+        ) = render.use_freestyle = False
         for layer in copy.view_layers:
             layer.use = layer.name == view_layer
         yield copy
@@ -47,8 +54,9 @@ def _focused_camera(copy: bpy.types.Scene) -> tuple[bpy.types.Object, bpy.types.
 
 
 def read_job(scene: bpy.types.Scene, view_layer: str) -> final.Job:
-    """What a final render of this view layer would trace: modifiers, visibility and settings as for a render. Raises RuntimeError with
-    the reason where it cannot be rendered."""
+    """What a final render of this view layer would trace: modifiers, visibility and settings as for
+    a render. Raises RuntimeError with the reason where it cannot be rendered.
+    """
     with copied(scene, view_layer) as copy, final.reading_only() as jobs:
         copy.render.engine = "GLINT"
         bpy.ops.render.render(scene=copy.name)
@@ -58,9 +66,10 @@ def read_job(scene: bpy.types.Scene, view_layer: str) -> final.Job:
 
 
 def rendered(copy: bpy.types.Scene, path: Path) -> tuple[np.ndarray, float]:
-    """Render a copy with its own engine into an EXR file; gives the picture, (h, w, 4) float32 with row 0 at the bottom, and the
-    seconds, Blender's own work included. Raises RuntimeError with Blender's message when the render fails, OSError when the file is not
-    whole."""
+    """Render a copy with its own engine into an EXR file; gives the picture, (h, w, 4) float32 with
+    row 0 at the bottom, and the seconds, Blender's own work included. Raises RuntimeError with
+    Blender's message when the render fails, OSError when the file is not whole.
+    """
     image = copy.render.image_settings
     if hasattr(image, "media_type"):
         image.media_type = "IMAGE"
@@ -73,9 +82,13 @@ def rendered(copy: bpy.types.Scene, path: Path) -> tuple[np.ndarray, float]:
     return read_picture(path), seconds
 
 
-def rendered_for(scene: bpy.types.Scene, view_layer: str, path: Path, measure: str, value: float) -> str:
-    """Render a scene with Glint for a target error (`engine.target.Target`; RMSE in percent) into an EXR file; gives what was asked
-    for, chosen, predicted and reached, in words. Raises RuntimeError with Blender's message when the render fails."""
+def rendered_for(
+    scene: bpy.types.Scene, view_layer: str, path: Path, measure: str, value: float
+) -> str:
+    """Render a scene with Glint for a target error (`engine.target.Target`; RMSE in percent) into
+    an EXR file; gives what was asked for, chosen, predicted and reached, in words. Raises
+    RuntimeError with Blender's message when the render fails.
+    """
     with copied(scene, view_layer) as copy:
         copy.render.engine = "GLINT"
         copy.glint.target = measure

@@ -9,8 +9,9 @@ from .editors import editor_of
 
 
 def show(name: str, picture: np.ndarray, context: bpy.types.Context) -> bpy.types.Image:
-    """Put a canvas, (h, w, 3) of what a screen shows with row 0 on top, into the image `name`, and that into an
-    image editor: an open one, else one in a new window where there are windows."""
+    """Put a canvas, (h, w, 3) of what a screen shows with row 0 on top, into the image `name`, and
+    that into an image editor: an open one, else one in a new window where there are windows.
+    """
     height, width = picture.shape[:2]
     image = bpy.data.images.get(name)
     if image is None or tuple(image.size) != (width, height):

@@ -30,24 +30,33 @@ class Verdict:
 
 
 def verify(picture: Path, blend: Path | None = None) -> Verdict:
-    """Open the .blend file (None: the one that the picture names), render the picture's frame and compare with stamp and pixels.
+    """Open the .blend file (None: the one that the picture names), render the picture's frame and
+    compare with stamp and pixels.
 
-    Raises NoStampError, OSError for a picture that is cut off, and RuntimeError with Blender's message when the file cannot be opened or
-    rendered.
+    Raises NoStampError, OSError for a picture that is cut off, and RuntimeError with Blender's
+    message when the file cannot be opened or rendered.
     """
     texts = header_texts(picture)
     stamps = read_stamps(texts)
     if not stamps:
-        raise NoStampError(f"{picture} carries no stamp of Glint: only files that a render itself wrote do (metadata must be on)")
+        raise NoStampError(
+            f"{picture} carries no stamp of Glint: only files that a render itself wrote do "
+            "(metadata must be on)"
+        )
     source = blend or Path(texts.get("File", ""))
     if not source.is_file():
-        raise NoStampError(f"{picture} was made from {texts.get('File', 'an unknown file')}, which is not there: name the .blend file")
+        raise NoStampError(
+            f"{picture} was made from {texts.get('File', 'an unknown file')}, which is not there: "
+            "name the .blend file"
+        )
     check_whole(picture)
     bpy.ops.wm.open_mainfile(filepath=str(source), load_ui=False)
     scene = bpy.data.scenes.get(texts.get("Scene", "")) or bpy.context.scene
     statistics.forget(scene.name)
     with tempfile.TemporaryDirectory() as folder:
-        again = _render_again(scene, picture, int(next(iter(stamps.values()))["frame"]), Path(folder))
+        again = _render_again(
+            scene, picture, int(next(iter(stamps.values()))["frame"]), Path(folder)
+        )
         new = {name: layer.stamp for name, layer in statistics.by_layer(scene.name).items()}
         verdicts = [_compare_stamps(name, old, new.get(name, {})) for name, old in stamps.items()]
         verdicts.append(_compare_files(picture, again))
@@ -85,11 +94,19 @@ def _compare_stamps(layer: str, old: Mapping[str, str], new: Mapping[str, str]) 
     if not new:
         return Verdict(False, (f"{layer}: the file does not render this view layer any more",))
     same = old["pixels"] == new["pixels"]
-    lines = [f"{layer}: {'the same bits in every pass' if same else 'other bits'} ({old['pixels'][:12]}, {new['pixels'][:12]})"]
+    lines = [
+        f"{layer}: {'the same bits in every pass' if same else 'other bits'} "
+        f"({old['pixels'][:12]}, {new['pixels'][:12]})"
+    ]
     if old["settings"] != new["settings"]:
         before, after = json.loads(old["settings"]), json.loads(new["settings"])
-        changed = [name for name in sorted({*before, *after}) if before.get(name) != after.get(name)]
-        lines.append(f"{layer}: the settings changed: " + ", ".join(f"{n} {before.get(n)} → {after.get(n)}" for n in changed))
+        changed = [
+            name for name in sorted({*before, *after}) if before.get(name) != after.get(name)
+        ]
+        lines.append(
+            f"{layer}: the settings changed: "
+            + ", ".join(f"{n} {before.get(n)} → {after.get(n)}" for n in changed)
+        )
     if old["geometry"] != new["geometry"]:
         lines.append(f"{layer}: the scene changed: objects, materials, lights, camera or frame")
     if old["tracer"] != new["tracer"]:
@@ -101,9 +118,17 @@ def _compare_files(picture: Path, again: Path) -> Verdict:
     """The files' pixels, as they were written."""
     old, new = read_planes(picture), read_planes(again)
     if old is None or new is None:
-        return Verdict(True, ("file: this Blender cannot look into multilayer files, so the hashes alone were compared",))
+        return Verdict(
+            True,
+            (
+                "file: this Blender cannot look into multilayer files, so the hashes alone were "
+                "compared",
+            ),
+        )
     if old.keys() != new.keys():
-        return Verdict(False, (f"file: other channels: {', '.join(sorted(old.keys() ^ new.keys()))}",))
+        return Verdict(
+            False, (f"file: other channels: {', '.join(sorted(old.keys() ^ new.keys()))}",)
+        )
     if any(old[name].shape != new[name].shape for name in old):
         return Verdict(False, (f"file: another size: {_size(old)} → {_size(new)}",))
     return describe_difference(old, new)
@@ -115,17 +140,34 @@ def _size(planes: Mapping[str, np.ndarray]) -> str:
 
 
 def describe_difference(old: Mapping[str, np.ndarray], new: Mapping[str, np.ndarray]) -> Verdict:
-    """Where planes (h, w) of the same names and sizes differ: the bounding box and the largest difference. NaN equals NaN."""
-    differs = {name: ~((old[name] == new[name]) | (np.isnan(old[name]) & np.isnan(new[name]))) for name in old}
+    """Where planes (h, w) of the same names and sizes differ: the bounding box and the largest
+    difference. NaN equals NaN.
+    """
+    differs = {
+        name: ~((old[name] == new[name]) | (np.isnan(old[name]) & np.isnan(new[name])))
+        for name in old
+    }
     anywhere = np.any(list(differs.values()), axis=0)
     if not anywhere.any():
         return Verdict(True, ("file: every pixel is the same",))
     rows, columns = np.nonzero(anywhere)
     with np.errstate(invalid="ignore"):
-        sizes = {name: np.where(mask, np.abs(old[name].astype(np.float64) - new[name]), 0.0) for name, mask in differs.items()}
-    largest = {name: float(np.max(np.where(np.isnan(size), np.inf, size))) for name, size in sizes.items()}
+        sizes = {
+            name: np.where(mask, np.abs(old[name].astype(np.float64) - new[name]), 0.0)
+            for name, mask in differs.items()
+        }
+    largest = {
+        name: float(np.max(np.where(np.isnan(size), np.inf, size))) for name, size in sizes.items()
+    }
     worst = max(largest, key=lambda name: largest[name])
-    place = f"columns {columns.min()} to {columns.max()}, rows {rows.min()} to {rows.max()} from the bottom"
+    place = (
+        f"columns {columns.min()} to {columns.max()}, rows {rows.min()} to {rows.max()} from "
+        "the bottom"
+    )
     return Verdict(
-        False, (f"file: {anywhere.sum()} of {anywhere.size} pixels differ, in {place}, by up to {largest[worst]:.6g} ({worst})",)
+        False,
+        (
+            f"file: {anywhere.sum()} of {anywhere.size} pixels differ, in {place}, by up to "
+            f"{largest[worst]:.6g} ({worst})",
+        ),
     )

@@ -1,4 +1,5 @@
-"""`make test-blenders`: the tests that talk to Blender, in every bpy of the matrix and in a whole program where one can be had.
+"""`make test-blenders`: the tests that talk to Blender, in every bpy of the matrix and in a whole
+program where one can be had.
 
 The default one runs in `make test`; 5.2 runs where a Python 3.13 is at hand.
 """
@@ -19,7 +20,11 @@ CANNOT = 77
 
 def main() -> int:
     """One line per Blender at the end; fails when any of them did."""
-    results = {f"bpy {series}": _series(series) for series in tree.settings()["tool"]["glint"]["bpy"] if not _is_default(series)}
+    results = {
+        f"bpy {series}": _series(series)
+        for series in tree.settings()["tool"]["glint"]["bpy"]
+        if not _is_default(series)
+    }
     results["Debian's blender"] = _debian()
     print("\n".join(f"glint: {name:17} {result}" for name, result in results.items()), flush=True)
     return int(any(result.startswith("failed") for result in results.values()))
@@ -45,7 +50,11 @@ def _series(series: str) -> str:
 def _debian() -> str:
     """A whole program: installed zips, exit codes of `blender -b`, the command line."""
     print("glint: === Debian's Blender ===", flush=True)
-    made = subprocess.run([str(tree.ROOT / "packaging" / "debian_blender.sh"), str(DEBIAN)], stdout=subprocess.PIPE, text=True)
+    made = subprocess.run(
+        [str(tree.ROOT / "packaging" / "debian_blender.sh"), str(DEBIAN)],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     if made.returncode == CANNOT:
         return f"left out: {made.stdout.splitlines()[-1]}"
     if made.returncode != 0:

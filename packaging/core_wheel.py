@@ -1,4 +1,6 @@
-"""Builds the native core as a wheel and installs it into an environment; does neither when nothing changed."""
+"""Builds the native core as a wheel and installs it into an environment; does neither when nothing
+changed.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ WHEELS = tree.BUILD / "wheels"
 
 
 def build(blender: tree.Blender) -> Path:
-    """The wheel of the core, built when its sources have changed. Raises SetupError with the end of the compiler's output."""
+    """The wheel of the core, built when its sources have changed. Raises SetupError with the end of
+    the compiler's output.
+    """
     mark = _mark()
     stamp = WHEELS / "stamp"
     if not (tree.is_current(stamp, mark) and _wheels()):
@@ -37,14 +41,29 @@ def install(blender: tree.Blender) -> Path:
     wheel = build(blender)
     stamp = blender.venv / "glint-core-stamp"
     if not tree.is_current(stamp, _mark()):
-        command = [blender.interpreter, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps", "--force-reinstall"]
+        command = [
+            blender.interpreter,
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            "--no-deps",
+            "--force-reinstall",
+        ]
         tree.call([*command, wheel], "Remove the environment and call make again.")
         tree.write_stamp(stamp, _mark())
     return wheel
 
 
 def _mark() -> str:
-    sources = [Path(__file__), Path(glibc.__file__), tree.CORE, tree.ROOT / "pyproject.toml", tree.ROOT / "blender_manifest.toml"]
+    sources = [
+        Path(__file__),
+        Path(glibc.__file__),
+        tree.CORE,
+        tree.ROOT / "pyproject.toml",
+        tree.ROOT / "blender_manifest.toml",
+    ]
     return tree.fingerprint(sources, extra=f"{platform.machine()} {os.environ.get('CXX', '')}")
 
 
@@ -74,9 +93,25 @@ def _wheels() -> list[Path]:
     return sorted(WHEELS.glob("glint_core-*.whl"))
 
 
-def pip_wheel(blender: tree.Blender, folder: Path, variables: dict[str, str] | None = None, options: Sequence[object] = ()) -> None:
-    """Run pip wheel on the tree with these environment variables besides the usual ones; the wheel lands in `folder`."""
-    command = [blender.interpreter, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps", "--no-build-isolation"]
+def pip_wheel(
+    blender: tree.Blender,
+    folder: Path,
+    variables: dict[str, str] | None = None,
+    options: Sequence[object] = (),
+) -> None:
+    """Run pip wheel on the tree with these environment variables besides the usual ones; the wheel
+    lands in `folder`.
+    """
+    command = [
+        blender.interpreter,
+        "-m",
+        "pip",
+        "wheel",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--no-deps",
+        "--no-build-isolation",
+    ]
     path = os.pathsep.join([str(blender.interpreter.parent), os.environ.get("PATH", "")])
     cores = os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL", str(os.cpu_count() or 1))
     remedy = "The core needs a C++20 compiler: GCC 12 or Clang 14, or later."

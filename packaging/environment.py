@@ -1,4 +1,5 @@
-"""Makes the virtual environment with bpy that the make targets run in. Needs nothing but Python 3.11's standard library.
+"""Makes the virtual environment with bpy that the make targets run in. Needs nothing but Python
+3.11's standard library.
 
 A second run finds its stamp and does nothing.
 """
@@ -31,11 +32,16 @@ DEBIAN_PACKAGES = {
     "libEGL.so.1": "libegl1",
     "libgomp.so.1": "libgomp1",
 }
-CXX20_PROGRAM = "#include <bit>\n#include <span>\nint main() { int a[2] = {1, 2}; return std::span(a).size() == 2 ? 0 : 1; }\n"
+CXX20_PROGRAM = (
+    "#include <bit>\n#include <span>\nint main() { int a[2] = {1, 2}; return "
+    "std::span(a).size() == 2 ? 0 : 1; }\n"
+)
 
 
 def prepare(wanted: str = "") -> tree.Blender:
-    """The environment of this Blender, made when missing or out of date. Raises SetupError with the remedy."""
+    """The environment of this Blender, made when missing or out of date. Raises SetupError with the
+    remedy.
+    """
     blender = tree.blender(wanted)
     requirements = [f"bpy=={blender.version}", *tree.settings()["dependency-groups"]["dev"]]
     mark = "\n".join([blender.python, *requirements])
@@ -55,15 +61,19 @@ def find_python(version: str) -> str:
         if _runs(candidate, version):
             return candidate
     raise tree.SetupError(
-        f"Python {version} was not found. Install it (Debian and Ubuntu: apt-get install python{version} python{version}-venv; "
-        f"elsewhere: pyenv install {version}) so that the command python{version} runs, then call make again."
+        f"Python {version} was not found. Install it (Debian and Ubuntu: apt-get install "
+        f"python{version} python{version}-venv; "
+        f"elsewhere: pyenv install {version}) so that the command python{version} runs, then call "
+        "make again."
     )
 
 
 def _python_candidates(version: str) -> list[str]:
     candidates = [sys.executable, f"python{version}", "python3"]
     pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
-    return candidates + [str(path / "bin" / "python") for path in sorted(pyenv.glob(f"{version}.*"), reverse=True)]
+    return candidates + [
+        str(path / "bin" / "python") for path in sorted(pyenv.glob(f"{version}.*"), reverse=True)
+    ]
 
 
 def _runs(command: str, version: str) -> bool:
@@ -76,32 +86,61 @@ def _runs(command: str, version: str) -> bool:
 
 
 def check_compiler() -> None:
-    """Raise SetupError unless a C++20 compiler is at hand: $CXX, or the first of c++, g++, clang++."""
-    remedy = "Install one (Debian and Ubuntu: apt-get install g++; Fedora: dnf install gcc-c++), or name it: make CXX=clang++ …"
+    """Raise SetupError unless a C++20 compiler is at hand: $CXX, or the first of c++, g++,
+    clang++.
+    """
+    remedy = (
+        "Install one (Debian and Ubuntu: apt-get install g++; Fedora: dnf install gcc-c++), "
+        "or name it: make CXX=clang++ …"
+    )
     names = [os.environ["CXX"]] if os.environ.get("CXX") else ["c++", "g++", "clang++"]
     found = [name for name in names if shutil.which(name.split()[0])]
     if not found:
-        raise tree.SetupError(f"There is no C++ compiler here (looked for {', '.join(names)}). {remedy}")
+        raise tree.SetupError(
+            f"There is no C++ compiler here (looked for {', '.join(names)}). {remedy}"
+        )
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "probe.cpp"
         source.write_text(CXX20_PROGRAM)
         command = [*found[0].split(), "-std=c++20", str(source), "-o", str(Path(folder) / "probe")]
-        tree.call(command, f"The compiler {found[0]} cannot build a C++20 program (GCC 12 or Clang 14 can). {remedy}")
+        tree.call(
+            command,
+            f"The compiler {found[0]} cannot build a C++20 program (GCC 12 or Clang 14 can). "
+            f"{remedy}",
+        )
 
 
 def _make_venv(blender: tree.Blender) -> None:
     if _runs(str(blender.interpreter), blender.python):
         return
     python = find_python(blender.python)
-    remedy = f"Debian and Ubuntu keep venv in a package of its own: apt-get install python{blender.python}-venv"
+    remedy = (
+        "Debian and Ubuntu keep venv in a package of its own: apt-get install "
+        f"python{blender.python}-venv"
+    )
     with tree.step(f"making {blender.venv.name} with Python {blender.python}"):
         tree.call([python, "-m", "venv", "--clear", blender.venv], remedy)
 
 
 def _install(blender: tree.Blender, requirements: list[str]) -> None:
-    with tree.step(f"installing bpy {blender.version} and the tools of pyproject.toml (the first time downloads about 500 MB)"):
-        command = [blender.interpreter, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *requirements]
-        tree.call(command, f"The package registry must have bpy {blender.version} for {platform.system()} {platform.machine()}.")
+    with tree.step(
+        f"installing bpy {blender.version} and the tools of pyproject.toml (the first time "
+        "downloads about 500 MB)"
+    ):
+        command = [
+            blender.interpreter,
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            *requirements,
+        ]
+        tree.call(
+            command,
+            f"The package registry must have bpy {blender.version} for {platform.system()} "
+            f"{platform.machine()}.",
+        )
 
 
 def check_libraries(blender: tree.Blender) -> None:
@@ -128,8 +167,14 @@ def missing_libraries_message(missing: list[str]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--bpy", default="", help='"4.2.x", "4.5.x", "5.0.x", "5.2.x", or an exact version')
-    parser.add_argument("--list-debian-packages", action="store_true", help="print what bpy needs from the system, and stop")
+    parser.add_argument(
+        "--bpy", default="", help='"4.2.x", "4.5.x", "5.0.x", "5.2.x", or an exact version'
+    )
+    parser.add_argument(
+        "--list-debian-packages",
+        action="store_true",
+        help="print what bpy needs from the system, and stop",
+    )
     options = parser.parse_args()
     if options.list_debian_packages:
         print(" ".join(DEBIAN_PACKAGES.values()))

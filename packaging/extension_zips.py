@@ -1,4 +1,6 @@
-"""Packs the extension: the full edition with the core's wheel, and the pure-Python one; both checked by Blender's own validator."""
+"""Packs the extension: the full edition with the core's wheel, and the pure-Python one; both
+checked by Blender's own validator.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def full_zip(blender: tree.Blender) -> Path:
 
 
 def pack_platform(blender: tree.Blender, platform: str, wheel: Path) -> Path:
-    """dist/glint-<version>-<platform>.zip with a wheel that was built for it; platform: "linux-x64", "macos-arm64", …"""
+    """dist/glint-<version>-<platform>.zip with a wheel that was built for it; platform:
+    "linux-x64", "macos-arm64", …
+    """
     return _pack(blender, platform, wheel)
 
 
@@ -54,7 +58,11 @@ def _pack(blender: tree.Blender, edition: str, wheel: Path | None) -> Path:
 
 
 def _mark(wheel: Path | None) -> str:
-    sources = [tree.ROOT / name for name in (*PACKED, "blender_manifest.toml") if (tree.ROOT / name).exists()]
+    sources = [
+        tree.ROOT / name
+        for name in (*PACKED, "blender_manifest.toml")
+        if (tree.ROOT / name).exists()
+    ]
     return tree.fingerprint([*sources, Path(__file__), *([wheel] if wheel else [])])
 
 
@@ -77,7 +85,9 @@ def _stage(edition: str, wheel: Path | None) -> Path:
 
 
 def _manifest_text(edition: str, wheel: Path | None) -> str:
-    """The manifest; a full edition's names its platform and its wheel (top-level keys, so before the first table)."""
+    """The manifest; a full edition's names its platform and its wheel (top-level keys, so before
+    the first table).
+    """
     text = (tree.ROOT / "blender_manifest.toml").read_text()
     if wheel is None:
         return text
@@ -88,7 +98,9 @@ def _manifest_text(edition: str, wheel: Path | None) -> str:
 def _blender_extension(blender: tree.Blender, *arguments: object) -> None:
     """Blender's own extension tool; it runs in plain Python."""
     tools = sorted(blender.bpy.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
-    tree.call([blender.interpreter, tools[0], *arguments], "Blender's extension tool rejects the package.")
+    tree.call(
+        [blender.interpreter, tools[0], *arguments], "Blender's extension tool rejects the package."
+    )
 
 
 def main() -> None:

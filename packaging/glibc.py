@@ -1,4 +1,6 @@
-"""Which GNU C library a shared library needs, as its own table of symbol versions says: what a wheel's manylinux tag must promise."""
+"""Which GNU C library a shared library needs, as its own table of symbol versions says: what a
+wheel's manylinux tag must promise.
+"""
 
 from __future__ import annotations
 
@@ -15,20 +17,27 @@ _RELATIVE_RELOCATIONS = {"GLIBC_ABI_DT_RELR": (2, 36)}
 
 
 def needed(library: bytes) -> tuple[int, int]:
-    """The oldest GNU C library with all symbols that a 64-bit little-endian ELF library asks for. Raises SetupError where it asks for
-    versions of other libraries, which no machine need have."""
+    """The oldest GNU C library with all symbols that a 64-bit little-endian ELF library asks for.
+    Raises SetupError where it asks for versions of other libraries, which no machine need have.
+    """
     found = [(2, 5)]
     for name in versions_needed(library):
         plain = re.fullmatch(r"GLIBC_(\d+)\.(\d+)(\.\d+)?", name)
         if not plain and name not in _RELATIVE_RELOCATIONS:
-            raise tree.SetupError(f"the core needs {name}, which a machine with the GNU C library may lack: link it statically")
+            raise tree.SetupError(
+                f"the core needs {name}, which a machine with the GNU C library may lack: link it "
+                "statically"
+            )
         found.append((int(plain[1]), int(plain[2])) if plain else _RELATIVE_RELOCATIONS[name])
     return max(found)
 
 
 def versions_needed(library: bytes) -> list[str]:
     """Names such as GLIBC_2.17."""
-    (table,), (size, count) = struct.unpack_from("<Q", library, 0x28), struct.unpack_from("<HH", library, 0x3A)
+    (table,), (size, count) = (
+        struct.unpack_from("<Q", library, 0x28),
+        struct.unpack_from("<HH", library, 0x3A),
+    )
     sections = [struct.unpack_from("<IIQQQQII", library, table + k * size) for k in range(count)]
     names: list[str] = []
     for _, kind, _, _, start, _, link, entries in sections:

@@ -1,4 +1,5 @@
-"""`make render`: sets everything up, installs the extension as a user would, and renders a .blend file, or the demo, with Glint.
+"""`make render`: sets everything up, installs the extension as a user would, and renders a .blend
+file, or the demo, with Glint.
 
 Run by any Python 3.11 it prepares the environment and starts itself there; inside (bpy) it renders.
 """
@@ -24,7 +25,12 @@ def main() -> int:
         return _render(options)
     blender = environment.prepare(options.bpy)
     zip_path = extension_zips.full_zip(blender)
-    arguments = [f"--inside={zip_path}", f"--out={options.out}", f"--scene={options.scene}", f"--frame={options.frame}"]
+    arguments = [
+        f"--inside={zip_path}",
+        f"--out={options.out}",
+        f"--scene={options.scene}",
+        f"--frame={options.frame}",
+    ]
     variables = {**os.environ, "BLENDER_USER_RESOURCES": str(blender.resources)}
     install_extension.make_way(zip_path, blender.resources)
     return subprocess.run([blender.interpreter, __file__, *arguments], env=variables).returncode
@@ -35,9 +41,13 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bpy", default="", help="which Blender, as in environment.py")
     parser.add_argument("--scene", default="", help=".blend file; the demo when empty")
-    parser.add_argument("--frame", default="", help="frame number; the file's current one when empty")
+    parser.add_argument(
+        "--frame", default="", help="frame number; the file's current one when empty"
+    )
     parser.add_argument("--out", default="out", help="folder for the pictures")
-    parser.add_argument("--inside", default="", help="this is bpy or Blender: install this zip and render")
+    parser.add_argument(
+        "--inside", default="", help="this is bpy or Blender: install this zip and render"
+    )
     return parser.parse_args(arguments)
 
 
@@ -78,7 +88,9 @@ def _open(path: str) -> str:
 
 
 def _write_pictures(scene, exr: Path, png: Path) -> float:
-    """Render once into a multilayer EXR, then save the same result as PNG; returns the seconds altogether."""
+    """Render once into a multilayer EXR, then save the same result as PNG; returns the seconds
+    altogether.
+    """
     import bpy
     from bl_ext.user_default.glint.operators import pictures
 
@@ -112,11 +124,16 @@ def _set_format(scene, file_format: str, depth: str) -> None:
 
 
 def _tell(scene, pictures: list[Path], seconds: float) -> None:
-    """Where the pictures are, seconds per stage of all view layers together, what the scene required."""
+    """Where the pictures are, seconds per stage of all view layers together, what the scene
+    required.
+    """
     from bl_ext.user_default.glint.addon import statistics
 
     layers = statistics.by_layer(scene.name)
-    stages = {stage: sum(layer.seconds[stage] for layer in layers.values()) for stage in ("sync", "build", "trace")}
+    stages = {
+        stage: sum(layer.seconds[stage] for layer in layers.values())
+        for stage in ("sync", "build", "trace")
+    }
     stages["write"] = seconds - sum(stages.values())
     for path in pictures:
         print(f"picture   {path}")

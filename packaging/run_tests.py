@@ -1,4 +1,6 @@
-"""`make test`: prepares the environment and the core, then runs pytest in it with the arguments after `--`."""
+"""`make test`: prepares the environment and the core, then runs pytest in it with the arguments
+after `--`.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,11 @@ def run(wanted: str, pytest_arguments: list[str]) -> int:
     blender = environment.prepare(wanted)
     core_wheel.install(blender)
     blender.bare_resources.mkdir(parents=True, exist_ok=True)
-    variables = {**os.environ, "BLENDER_USER_RESOURCES": str(blender.bare_resources), "PYTHONDONTWRITEBYTECODE": "1"}
+    variables = {
+        **os.environ,
+        "BLENDER_USER_RESOURCES": str(blender.bare_resources),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
     command = [blender.interpreter, tree.ROOT / "packaging" / "pytest_main.py", *pytest_arguments]
     return subprocess.run([str(part) for part in command], cwd=tree.ROOT, env=variables).returncode
 

@@ -1,5 +1,7 @@
-"""`make sanitize`: the core's own tests, and a longer run of the fuzzer of the C door, under AddressSanitizer with
-UndefinedBehaviorSanitizer, and under ThreadSanitizer. What failed is named once more at the end."""
+"""`make sanitize`: the core's own tests, and a longer run of the fuzzer of the C door, under
+AddressSanitizer with UndefinedBehaviorSanitizer, and under ThreadSanitizer. What failed is named
+once more at the end.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +13,24 @@ import tree
 
 KINDS = {"address": "address;undefined", "thread": "thread"}
 FUZZ_CASES, FUZZ_SECONDS, FUZZ_SEED = "10000", "600", "1000000"
-"""Other inputs than those of ctest: their number ends a run, so that every machine tries the same ones; the time is for machines that are
-far too slow. A failure names the seed to begin the next run with."""
+"""Other inputs than those of ctest: their number ends a run, so that every machine tries the same
+ones; the time is for machines that are far too slow. A failure names the seed to begin the next run
+with.
+"""
 
 
 def main() -> int:
     blender = environment.prepare()
     environment.check_compiler()
-    variables = {**os.environ, "PATH": f"{blender.interpreter.parent}{os.pathsep}{os.environ['PATH']}"}
-    failed = [name for kind, sanitizers in KINDS.items() for name in _failures(kind, sanitizers, variables)]
+    variables = {
+        **os.environ,
+        "PATH": f"{blender.interpreter.parent}{os.pathsep}{os.environ['PATH']}",
+    }
+    failed = [
+        name
+        for kind, sanitizers in KINDS.items()
+        for name in _failures(kind, sanitizers, variables)
+    ]
     for name in failed:
         print(f"glint: failed: {name}", flush=True)
     return int(bool(failed))
@@ -29,9 +40,27 @@ def _failures(kind: str, sanitizers: str, variables: dict[str, str]) -> list[str
     folder = tree.BUILD / f"sanitize-{kind}"
     cores = str(os.cpu_count() or 1)
     with tree.step(f"building the core's tests with {sanitizers}"):
-        configure = ["cmake", "-S", tree.CORE, "-B", folder, "-G", "Ninja", "-DCMAKE_BUILD_TYPE=RelWithDebInfo", "-DGLINT_BUILD_TESTS=ON"]
-        tree.call([*configure, f"-DGLINT_SANITIZE={sanitizers}"], "The compiler must know these sanitizers.", env=variables)
-        tree.call(["cmake", "--build", folder, "--parallel", cores], "The core's tests do not build.", env=variables)
+        configure = [
+            "cmake",
+            "-S",
+            tree.CORE,
+            "-B",
+            folder,
+            "-G",
+            "Ninja",
+            "-DCMAKE_BUILD_TYPE=RelWithDebInfo",
+            "-DGLINT_BUILD_TESTS=ON",
+        ]
+        tree.call(
+            [*configure, f"-DGLINT_SANITIZE={sanitizers}"],
+            "The compiler must know these sanitizers.",
+            env=variables,
+        )
+        tree.call(
+            ["cmake", "--build", folder, "--parallel", cores],
+            "The core's tests do not build.",
+            env=variables,
+        )
     fuzzer = [str(folder / "tests" / "fuzz"), FUZZ_CASES, FUZZ_SECONDS, FUZZ_SEED]
     failed = []
     for command in (["ctest", "--test-dir", str(folder), "--output-on-failure"], fuzzer):

@@ -1,4 +1,6 @@
-"""What every packaging script shares: where things are, what pyproject.toml says, and how a failure is told."""
+"""What every packaging script shares: where things are, what pyproject.toml says, and how a failure
+is told.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ class SetupError(Exception):
 
 @dataclass(frozen=True)
 class Blender:
-    """An embedded Blender. version: of the bpy wheel. python: "3.11". venv: its virtual environment."""
+    """An embedded Blender. version: of the bpy wheel. python: "3.11". venv: its virtual
+    environment.
+    """
 
     version: str
     python: str
@@ -38,12 +42,16 @@ class Blender:
 
     @property
     def resources(self) -> Path:
-        """Folder that stands for the user's Blender settings, so that the real ones are never touched."""
+        """Folder that stands for the user's Blender settings, so that the real ones are never
+        touched.
+        """
         return BUILD / f"blender-{self.version}"
 
     @property
     def bare_resources(self) -> Path:
-        """Blender's user folder for tests and tools, which run the tree itself: no extension, and so no other core, is there."""
+        """Blender's user folder for tests and tools, which run the tree itself: no extension, and
+        so no other core, is there.
+        """
         return BUILD / f"bare-{self.version}"
 
     @property
@@ -62,12 +70,17 @@ def manifest() -> dict:
 
 
 def blender(wanted: str = "") -> Blender:
-    """The Blender that BPY= names: "" for the default, "4.2" or "4.2.x" for the pinned one of a series, "4.2.23" for exactly that."""
+    """The Blender that BPY= names: "" for the default, "4.2" or "4.2.x" for the pinned one of a
+    series, "4.2.23" for exactly that.
+    """
     table = settings()["tool"]["glint"]
     wanted = wanted or table["default"]
     series = ".".join(wanted.split(".")[:2])
     if series not in table["bpy"]:
-        raise SetupError(f"BPY={wanted} is not supported. Choose one of: {', '.join(f'{name}.x' for name in table['bpy'])}.")
+        raise SetupError(
+            f"BPY={wanted} is not supported. Choose one of: "
+            f"{', '.join(f'{name}.x' for name in table['bpy'])}."
+        )
     pinned = table["bpy"][series]
     version = pinned["version"] if wanted in (series, f"{series}.x") else wanted
     default = table["bpy"][table["default"]]["version"]
@@ -112,16 +125,29 @@ def step(text: str) -> Iterator[None]:
 
 
 def call(command: list, remedy: str, **options) -> str:
-    """Run a command quietly; when it fails, raise SetupError with the end of its output and the remedy."""
-    done = subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options)
+    """Run a command quietly; when it fails, raise SetupError with the end of its output and the
+    remedy.
+    """
+    done = subprocess.run(
+        [str(part) for part in command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        **options,
+    )
     if done.returncode != 0:
         tail = "\n".join(done.stdout.splitlines()[-40:])
-        raise SetupError(f"{tail}\n\n{Path(str(command[0])).name} failed with exit code {done.returncode}. {remedy}")
+        raise SetupError(
+            f"{tail}\n\n{Path(str(command[0])).name} failed with exit code {done.returncode}. "
+            f"{remedy}"
+        )
     return done.stdout
 
 
 def main(body: Callable[[], int | None]) -> None:
-    """Run a script's body; a SetupError becomes its message and exit code 1, Ctrl-C one line and exit code 130, as in a shell."""
+    """Run a script's body; a SetupError becomes its message and exit code 1, Ctrl-C one line and
+    exit code 130, as in a shell.
+    """
     try:
         sys.exit(body() or 0)
     except SetupError as failure:

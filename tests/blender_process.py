@@ -1,6 +1,8 @@
-"""Runs small Python programs in a Blender of their own: the bpy of this environment, or a whole Blender program.
+"""Runs small Python programs in a Blender of their own: the bpy of this environment, or a whole
+Blender program.
 
-GLINT_BLENDER="blender" or "chroot DIR blender" in the environment picks a program; GLINT_BLENDER_ROOT=DIR says where its "/" is.
+GLINT_BLENDER="blender" or "chroot DIR blender" in the environment picks a program;
+GLINT_BLENDER_ROOT=DIR says where its "/" is.
 """
 
 from __future__ import annotations
@@ -16,8 +18,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Makes the tree importable as `glint`, as tests/conftest.py does. The process then leaves without Blender's own clean-up: bpy 4.2 crashes
-# there once a property with an update function was registered outside an add-on (it frees panels after Python has gone).
+# Makes the tree importable as `glint`, as tests/conftest.py does. The process then leaves without
+# Blender's own clean-up: bpy 4.2 crashes there once a property with an update function was
+# registered outside an add-on (it frees panels after Python has gone).
 REGISTER_TREE = f"""
 import atexit, os, sys, traceback
 sys.path.insert(0, {str(ROOT / "tests")!r})
@@ -64,16 +67,24 @@ class Blender:
     def __init__(self, folder: Path | None = None) -> None:
         self.program = shlex.split(os.environ.get("GLINT_BLENDER", ""))
         self.root = Path(os.environ.get("GLINT_BLENDER_ROOT", "/"))
-        self.folder = folder if folder and self.root == Path("/") else Path(tempfile.mkdtemp(prefix="glint-", dir=self.root / "tmp"))
+        self.folder = (
+            folder
+            if folder and self.root == Path("/")
+            else Path(tempfile.mkdtemp(prefix="glint-", dir=self.root / "tmp"))
+        )
 
     def inside(self, path: Path) -> str:
         """A path as the Blender sees it."""
         return "/" + str(path.relative_to(self.root))
 
     def run(self, program: str, *arguments: str, timeout: float = 300.0) -> Run:
-        """Run the text of a program. It may call `answer(value)` with anything that JSON knows; FOLDER is `self.folder`."""
+        """Run the text of a program. It may call `answer(value)` with anything that JSON knows;
+        FOLDER is `self.folder`.
+        """
         script = self.folder / f"program_{len(list(self.folder.glob('program_*')))}.py"
-        prelude = f"import json, pathlib, bpy\nFOLDER = pathlib.Path({self.inside(self.folder)!r})\n"
+        prelude = (
+            f"import json, pathlib, bpy\nFOLDER = pathlib.Path({self.inside(self.folder)!r})\n"
+        )
         prelude += f"def answer(value):\n    print({ANSWER!r} + json.dumps(value), flush=True)\n"
         script.write_text(prelude + program)
         return self.start([*self._python_command(), self.inside(script), *arguments], timeout)
@@ -83,18 +94,37 @@ class Blender:
         return finish(self.launch(command), timeout)
 
     def launch(self, command: list[str]) -> subprocess.Popen[str]:
-        """Start a command line with this Blender's own folder of settings, and do not wait for it."""
+        """Start a command line with this Blender's own folder of settings, and do not wait for
+        it.
+        """
         resources = self.folder / "resources"
         resources.mkdir(exist_ok=True)
-        variables = {**os.environ, "BLENDER_USER_RESOURCES": self.inside(resources), "PYTHONDONTWRITEBYTECODE": "1"}
-        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=variables, cwd=self.folder)
+        variables = {
+            **os.environ,
+            "BLENDER_USER_RESOURCES": self.inside(resources),
+            "PYTHONDONTWRITEBYTECODE": "1",
+        }
+        return subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=variables,
+            cwd=self.folder,
+        )
 
     def _python_command(self) -> list[str]:
-        return [*self.program, "-b", "--python-exit-code", "1", "-P"] if self.program else [sys.executable]
+        return (
+            [*self.program, "-b", "--python-exit-code", "1", "-P"]
+            if self.program
+            else [sys.executable]
+        )
 
 
 def finish(process: subprocess.Popen[str], timeout: float) -> Run:
-    """Wait for a program's end; one that takes longer than `timeout` seconds is killed, and TimeoutExpired holds what it said."""
+    """Wait for a program's end; one that takes longer than `timeout` seconds is killed, and
+    TimeoutExpired holds what it said.
+    """
     try:
         output, _ = process.communicate(timeout=timeout)
     except subprocess.TimeoutExpired as late:

@@ -26,6 +26,8 @@ def test_every_make_target_of_the_readme_exists():
 
 
 def test_every_file_of_the_readme_exists():
-    linked = re.findall(r"\]\(([^)]+)\)", README) + re.findall(r"`([A-Za-z_/]+\.(?:md|sh|py))`", README)
+    linked = re.findall(r"\]\(([^)]+)\)", README) + re.findall(
+        r"`([A-Za-z_/]+\.(?:md|sh|py))`", README
+    )
     assert linked
     assert not [name for name in linked if not (ROOT / name).exists()]

@@ -24,10 +24,27 @@ BLENDER = {
     "aud",
     "freestyle",
 }
-ENGINES_DOOR = {"engine", "engine.scene", "engine.settings", "engine.film", "engine.fingerprint", "engine.target"}
-MEASURES = {"engine.comparison", "engine.flip", "engine.metrics", "engine.plot", "engine.trade", "engine.trade_crops", "engine.trade_plot"}
+ENGINES_DOOR = {
+    "engine",
+    "engine.scene",
+    "engine.settings",
+    "engine.film",
+    "engine.fingerprint",
+    "engine.target",
+}
+MEASURES = {
+    "engine.comparison",
+    "engine.flip",
+    "engine.metrics",
+    "engine.plot",
+    "engine.trade",
+    "engine.trade_crops",
+    "engine.trade_plot",
+}
 ADDONS_DOOR = {"addon.final", "addon.lines", "addon.stamp", "addon.statistics", "addon.viewport"}
-"""What operators need of a final render: what it reads, what it stamps, what it took; and how text is drawn in panels."""
+"""What operators need of a final render: what it reads, what it stamps, what it took; and how text
+is drawn in panels.
+"""
 
 # Room → what it may import from other packages, and a test for what it may import from this one.
 STDLIB = set(sys.stdlib_module_names)
@@ -38,7 +55,10 @@ def _inside_addon(name: str) -> bool:
 
 
 def _inside_operators(name: str) -> bool:
-    return name.startswith(("operators", "addon.export")) or name in ENGINES_DOOR | MEASURES | ADDONS_DOOR
+    return (
+        name.startswith(("operators", "addon.export"))
+        or name in ENGINES_DOOR | MEASURES | ADDONS_DOOR
+    )
 
 
 def _inside_engine(name: str) -> bool:
@@ -61,8 +81,9 @@ WALLS = {
 
 
 def imports(path: PurePosixPath, source: str) -> tuple[set[str], set[str]]:
-    """(top-level packages from outside, dotted modules of this tree) that a file imports anywhere. Names imported from a package of
-    this tree count as its modules when there is such a module."""
+    """(top-level packages from outside, dotted modules of this tree) that a file imports anywhere.
+    Names imported from a package of this tree count as its modules when there is such a module.
+    """
     outside, inside = set(), set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
@@ -88,39 +109,60 @@ def breaches(path: PurePosixPath, source: str) -> list[str]:
     outside, inside = imports(path, source)
     if room == "__init__.py":
         inside -= {"addon", "operators"}
-    return sorted(f"{path} imports {name}" for name in (outside - allowed_outside) | {name for name in inside if not allowed_inside(name)})
+    return sorted(
+        f"{path} imports {name}"
+        for name in (outside - allowed_outside)
+        | {name for name in inside if not allowed_inside(name)}
+    )
 
 
 def python_files() -> list[PurePosixPath]:
-    paths = [ROOT / "__init__.py", *(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))]
+    paths = [
+        ROOT / "__init__.py",
+        *(path for room in ROOMS for path in (ROOT / room).rglob("*.py")),
+    ]
     found = [PurePosixPath(path.relative_to(ROOT).as_posix()) for path in paths]
     return sorted(path for path in found if not path.is_relative_to("engine/core"))
 
 
 def test_no_file_imports_through_a_wall():
     assert len(python_files()) > 20
-    assert [breach for path in python_files() for breach in breaches(path, (ROOT / path).read_text())] == []
+    assert [
+        breach for path in python_files() for breach in breaches(path, (ROOT / path).read_text())
+    ] == []
 
 
 def test_nothing_reads_the_data_of_an_original_object():
     """After an undo it may point at memory that Blender has freed."""
     room = sorted((ROOT / "addon").rglob("*.py"))
-    assert [str(path) for path in room if re.search(r"original\.data|original,\s*.data", path.read_text().replace('"', ""))] == []
+    assert [
+        str(path)
+        for path in room
+        if re.search(r"original\.data|original,\s*.data", path.read_text().replace('"', ""))
+    ] == []
 
 
 def test_the_root_imports_lazily():
-    """Nothing at module level: Blender reads this file even when the extension is disabled, and pytest imports it too."""
+    """Nothing at module level: Blender reads this file even when the extension is disabled, and
+    pytest imports it too.
+    """
     body = ast.parse((ROOT / "__init__.py").read_text()).body
     assert not [node for node in body if isinstance(node, (ast.Import, ast.ImportFrom))]
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "engine" / "core" / "src").rglob("*.[ch]*")), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "engine" / "core" / "src").rglob("*.[ch]*")), ids=lambda path: path.name
+)
 def test_the_core_includes_the_standard_library_and_itself_alone(path):
     own = {header.name for header in (ROOT / "engine" / "core").rglob("*.h")}
     included = re.findall(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', path.read_text(), re.MULTILINE)
     assert not [name for kind, name in included if kind == '"' and Path(name).name not in own]
     system = [name for kind, name in included if kind == "<"]
-    assert not [name for name in system if re.search(r"Python|numpy|pybind|blender|embree|tbb", name, re.IGNORECASE)]
+    assert not [
+        name
+        for name in system
+        if re.search(r"Python|numpy|pybind|blender|embree|tbb", name, re.IGNORECASE)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -150,11 +192,17 @@ def test_a_hole_in_a_wall_is_seen(path, source):
     ("path", "source"),
     [
         ("addon/final.py", "from .. import engine\nfrom .export import export_scene"),
-        ("addon/export/lights.py", "from ...engine.scene import Light\nimport numpy as np\nimport bpy"),
+        (
+            "addon/export/lights.py",
+            "from ...engine.scene import Light\nimport numpy as np\nimport bpy",
+        ),
         ("engine/reference/trace.py", "from ..scene import Scene\nfrom ..linear import frames"),
         ("engine/native.py", "import ctypes\nimport glint_core"),
         ("operators/add_demo_scene.py", "from .demo_scene import build_demo_scene"),
-        ("operators/measure_scene.py", "from ..engine.trade import measure\nfrom ..addon import final"),
+        (
+            "operators/measure_scene.py",
+            "from ..engine.trade import measure\nfrom ..addon import final",
+        ),
     ],
 )
 def test_a_door_is_open(path, source):

@@ -1,4 +1,6 @@
-"""Blender's evaluated depsgraph to `engine.Scene`. `export_scene` is the one door; nothing of Blender outlives the call."""
+"""Blender's evaluated depsgraph to `engine.Scene`. `export_scene` is the one door; nothing of
+Blender outlives the call.
+"""
 
 from __future__ import annotations
 

@@ -19,7 +19,9 @@ class ExportError(ValueError):
 
 
 def resolution(render: Any, width: int | None = None, height: int | None = None) -> tuple[int, int]:
-    """Pixels of the full frame: the scene's times its percentage, as Blender truncates it, unless given."""
+    """Pixels of the full frame: the scene's times its percentage, as Blender truncates it, unless
+    given.
+    """
     percentage = render.resolution_percentage
     return (
         max(1, width if width is not None else render.resolution_x * percentage // 100),
@@ -28,48 +30,85 @@ def resolution(render: Any, width: int | None = None, height: int | None = None)
 
 
 def border(render: Any, size: tuple[int, int]) -> Region | None:
-    """Blender's pixel rectangle of the render border, None without one. Float32 products, cut to integers as Blender does."""
+    """Blender's pixel rectangle of the render border, None without one. Float32 products, cut to
+    integers as Blender does.
+    """
     if not render.use_border:
         return None
     edges = (render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y)
-    x0, y0, x1, y1 = (int(np.float32(edge) * np.float32(size[k % 2])) for k, edge in enumerate(edges))
+    x0, y0, x1, y1 = (
+        int(np.float32(edge) * np.float32(size[k % 2])) for k, edge in enumerate(edges)
+    )
     if not (x0 < x1 and y0 < y1):
         raise ExportError("The render border holds no pixel: draw a larger border or turn it off")
     return x0, y0, x1, y1
 
 
 def export_camera(camera: Any, render: Any, size: tuple[int, int], report: Report) -> Camera:
-    """The evaluated camera object (or any object, which then looks along its -z) for a frame of `size` pixels.
+    """The evaluated camera object (or any object, which then looks along its -z) for a frame of
+    `size` pixels.
 
     Raises ExportError for one that is missing, not finite or flat, or sees nothing.
     """
     if camera is None:
-        raise ExportError("The scene has no camera: add one, or choose one in the scene's properties")
+        raise ExportError(
+            "The scene has no camera: add one, or choose one in the scene's properties"
+        )
     data = camera.data if camera.type == "CAMERA" else None
     frame = camera_frame(np.array(camera.matrix_world, np.float64), camera.name)
     if data is None:
-        report.note("{} is not a camera: the picture is taken through a 50 mm lens along its -z axis", camera.name)
+        report.note(
+            "{} is not a camera: the picture is taken through a 50 mm lens along its -z axis",
+            camera.name,
+        )
         lens = _light_lens(camera)
-        return Camera("PERSPECTIVE", frame, _window(size, _pixel_aspect(render), 18.0 / lens, "AUTO", (0.0, 0.0)), size, 1e-5, 1e5)
+        return Camera(
+            "PERSPECTIVE",
+            frame,
+            _window(size, _pixel_aspect(render), 18.0 / lens, "AUTO", (0.0, 0.0)),
+            size,
+            1e-5,
+            1e5,
+        )
     _note_approximations(camera, data, render, report)
     orthographic = data.type == "ORTHO"
     half = data.ortho_scale / 2 if orthographic else _sensor(data) / 2 / data.lens
-    window = _window(size, _pixel_aspect(render), half, data.sensor_fit, (data.shift_x, data.shift_y))
+    window = _window(
+        size, _pixel_aspect(render), half, data.sensor_fit, (data.shift_x, data.shift_y)
+    )
     if window[0] == window[1] or window[2] == window[3] or not all(map(math.isfinite, window)):
-        raise ExportError(f"Camera '{camera.name}' has a view of no width: set its orthographic scale or its lens, and its shift")
+        raise ExportError(
+            f"Camera '{camera.name}' has a view of no width: set its orthographic scale or its "
+            "lens, and its shift"
+        )
     if not data.clip_start < data.clip_end:
         clip = f"its clip start {data.clip_start:g} is not below its clip end {data.clip_end:g}"
         raise ExportError(f"Camera '{camera.name}' shows nothing: {clip}; use a smaller clip start")
-    return Camera("ORTHOGRAPHIC" if orthographic else "PERSPECTIVE", frame, window, size, data.clip_start, data.clip_end)
+    return Camera(
+        "ORTHOGRAPHIC" if orthographic else "PERSPECTIVE",
+        frame,
+        window,
+        size,
+        data.clip_start,
+        data.clip_end,
+    )
 
 
 def camera_frame(matrix: np.ndarray, name: str) -> np.ndarray:
-    """(3, 4): the columns of an object's matrix without their scale. Mirrored and sheared ones stay so, as in Cycles."""
+    """(3, 4): the columns of an object's matrix without their scale. Mirrored and sheared ones stay
+    so, as in Cycles.
+    """
     if not np.isfinite(matrix).all():
-        raise ExportError(f"Camera '{name}' stands at a place that is not finite: clear its transform or its constraints")
+        raise ExportError(
+            f"Camera '{name}' stands at a place that is not finite: clear its transform or its "
+            "constraints"
+        )
     axes = matrix[:3, :3]
     lengths = np.linalg.norm(axes, axis=0)
-    if not (lengths > 0).all() or np.linalg.matrix_rank(axes / np.where(lengths > 0, lengths, 1)) < 3:
+    if (
+        not (lengths > 0).all()
+        or np.linalg.matrix_rank(axes / np.where(lengths > 0, lengths, 1)) < 3
+    ):
         raise ExportError(f"Camera '{name}' is scaled to nothing: clear its scale")
     return np.concatenate([axes / lengths, matrix[:3, 3:]], 1)
 
@@ -77,15 +116,24 @@ def camera_frame(matrix: np.ndarray, name: str) -> np.ndarray:
 def inverse_axes(axes: np.ndarray) -> np.ndarray:
     """(3, 3) of rank 3: its inverse, by cross products.
 
-    NumPy's own wakes a thread of the linear algebra library, which then spins beside the tracer for 30 to 80 ms.
+    NumPy's own wakes a thread of the linear algebra library, which then spins beside the tracer for
+    30 to 80 ms.
     """
     x, y, z = axes.T
     rows = np.array([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
     return rows / (x @ rows[0])
 
 
-def _window(size: tuple[int, int], aspect: tuple[float, float], half: float, fit: str, shift: tuple[float, float]) -> Window:
-    """(l, r, b, t) of a window whose fitted side spans 2 `half`; lens shift is in shares of that side."""
+def _window(
+    size: tuple[int, int],
+    aspect: tuple[float, float],
+    half: float,
+    fit: str,
+    shift: tuple[float, float],
+) -> Window:
+    """(l, r, b, t) of a window whose fitted side spans 2 `half`; lens shift is in shares of that
+    side.
+    """
     across, up = size[0] * aspect[0], size[1] * aspect[1]
     horizontal = across > up if fit == "AUTO" else fit == "HORIZONTAL"
     half_x, half_y = (half, half * up / across) if horizontal else (half * across / up, half)
@@ -110,7 +158,11 @@ def _light_lens(camera: Any) -> float:
 
 def _note_approximations(camera: Any, data: Any, render: Any, report: Report) -> None:
     if data.type not in ("PERSP", "ORTHO"):
-        report.note("Panoramic and custom cameras are rendered as perspective ones ({}): choose Perspective", camera.name)
+        report.note(
+            "Panoramic and custom cameras are rendered as perspective ones ({}): choose "
+            "Perspective",
+            camera.name,
+        )
     if data.dof.use_dof:
         report.note("Depth of field is not rendered ({}): everything is in focus", camera.name)
     if render.use_motion_blur:

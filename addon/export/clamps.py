@@ -1,4 +1,5 @@
-"""What varies over a surface, kept within bounds: as a factor with bounds where a sum comes to one, untouched where it cannot leave them.
+"""What varies over a surface, kept within bounds: as a factor with bounds where a sum comes to one,
+untouched where it cannot leave them.
 
 Bounds are worked out after images are filtered and attributes are interpolated, as in Blender.
 """
@@ -32,13 +33,24 @@ def clamped(terms: Sum, low: float, high: float, images: Images) -> Sum | None:
 
 
 def usual(terms: Sum, low: float, high: float, images: Images) -> Sum | None:
-    """The same if attributes lie between 0 and 1, as colours do; their factors keep them there. None where that does not help."""
-    kept = add(tuple(Term(term.value, tuple(_usual_factor(factor) for factor in term.factors)) for term in terms))
+    """The same if attributes lie between 0 and 1, as colours do; their factors keep them there.
+    None where that does not help.
+    """
+    kept = add(
+        tuple(
+            Term(term.value, tuple(_usual_factor(factor) for factor in term.factors))
+            for term in terms
+        )
+    )
     return kept if _within(kept, low, high, images) else None
 
 
 def _usual_factor(factor: Input) -> Input:
-    return replace(factor, low=0.0, high=1.0) if factor.attribute and factor.is_plain and factor.value == _WHITE else factor
+    return (
+        replace(factor, low=0.0, high=1.0)
+        if factor.attribute and factor.is_plain and factor.value == _WHITE
+        else factor
+    )
 
 
 def _within(terms: Sum, low: float, high: float, images: Images) -> bool:
@@ -50,8 +62,8 @@ def _within(terms: Sum, low: float, high: float, images: Images) -> bool:
 def _bounds(terms: Sum, images: Images) -> tuple[float, float] | None:
     """Bounds of all channels of a sum; None with too many reads.
 
-    A sum of products is linear in each thing that it reads: its extremes lie where all of them are at theirs. What is read twice in one
-    product counts as two things, which widens the bounds.
+    A sum of products is linear in each thing that it reads: its extremes lie where all of them are
+    at theirs. What is read twice in one product counts as two things, which widens the bounds.
     """
     numbers: dict[tuple, int] = {}
     ranges, rows = [], []
@@ -69,7 +81,9 @@ def _bounds(terms: Sum, images: Images) -> tuple[float, float] | None:
         rows.append((np.array(term.value), row))
     if len(ranges) > _MOST_READS:
         return None
-    sums = [sum(_at_corner(value, row, corner) for value, row in rows) for corner in product(*ranges)]
+    sums = [
+        sum(_at_corner(value, row, corner) for value, row in rows) for corner in product(*ranges)
+    ]
     return float(np.min(sums)), float(np.max(sums))
 
 
@@ -84,12 +98,18 @@ def _range(read: Input, images: Images) -> tuple[float, float]:
     low, high = (-_UNKNOWN, _UNKNOWN) if read.attribute else images.range(read)
     if read.is_plain:
         return low, high
-    ends = [value * x + offset for value, offset in zip(read.value, read.offset, strict=True) for x in (low, high)]
+    ends = [
+        value * x + offset
+        for value, offset in zip(read.value, read.offset, strict=True)
+        for x in (low, high)
+    ]
     return max(read.low, min(ends), -_UNKNOWN), min(read.high, max(ends), _UNKNOWN)
 
 
 def _affine(factor: Input) -> tuple[Input, RGB, RGB]:
-    """A factor as slope × another + offset, where the other has no complement, nor, if it has no bounds, a value."""
+    """A factor as slope × another + offset, where the other has no complement, nor, if it has no
+    bounds, a value.
+    """
     read, slope, offset = replace(factor, complement=False), _WHITE, (0.0, 0.0, 0.0)
     if factor.is_plain:
         read, slope = replace(read, value=_WHITE), factor.value
@@ -97,7 +117,9 @@ def _affine(factor: Input) -> tuple[Input, RGB, RGB]:
 
 
 def _as_one_input(terms: Sum, low: float, high: float) -> Sum | None:
-    """The clamped sum as one factor with bounds, where it is slope × one product of reads + offset."""
+    """The clamped sum as one factor with bounds, where it is slope × one product of reads +
+    offset.
+    """
     read, slope, offset = None, np.zeros(3), np.zeros(3)
     for term in terms:
         if not term.factors:
@@ -106,14 +128,26 @@ def _as_one_input(terms: Sum, low: float, high: float) -> Sum | None:
         found = _affine_product(term.factors)
         if found is None or read not in (None, found[0]):
             return None
-        read, slope, offset = found[0], slope + np.multiply(term.value, found[1]), offset + np.multiply(term.value, found[2])
+        read, slope, offset = (
+            found[0],
+            slope + np.multiply(term.value, found[1]),
+            offset + np.multiply(term.value, found[2]),
+        )
     if read.is_plain:
         return _one(replace(read, value=_rgb(slope), offset=_rgb(offset), low=low, high=high))
     if np.ptp(slope) or np.ptp(offset):
         return None
     ends = sorted(min(max(slope[0] * x + offset[0], low), high) for x in (read.low, read.high))
     outer = np.array(read.offset) * slope + offset
-    return _one(replace(read, value=_rgb(np.multiply(read.value, slope)), offset=_rgb(outer), low=float(ends[0]), high=float(ends[1])))
+    return _one(
+        replace(
+            read,
+            value=_rgb(np.multiply(read.value, slope)),
+            offset=_rgb(outer),
+            low=float(ends[0]),
+            high=float(ends[1]),
+        )
+    )
 
 
 def _affine_product(factors: tuple[Input, ...]) -> tuple[Input, RGB, RGB] | None:
@@ -125,16 +159,25 @@ def _affine_product(factors: tuple[Input, ...]) -> tuple[Input, RGB, RGB] | None
     attribute = next((factor for factor in whole if factor.texture < 0 and factor.attribute), None)
     if len(factors) != 2 or image is None or attribute is None:
         return None
-    both = replace(image, value=_WHITE, attribute=attribute.attribute, attribute_channel=attribute.attribute_channel)
+    both = replace(
+        image,
+        value=_WHITE,
+        attribute=attribute.attribute,
+        attribute_channel=attribute.attribute_channel,
+    )
     return both, times(image.value, attribute.value), (0.0, 0.0, 0.0)
 
 
 def _factor_by_factor(terms: Sum, images: Images) -> Sum | None:
-    """A product kept above 0 by its factors, where but one may be below: max(0, a b) = a max(0, b) for a ≥ 0."""
+    """A product kept above 0 by its factors, where but one may be below: max(0, a b) = a max(0, b)
+    for a ≥ 0.
+    """
     if len(terms) != 1 or min(terms[0].value) < 0:
         return None
     value, factors = terms[0].value, list(terms[0].factors)
-    loose = [k for k, factor in enumerate(factors) if not _within(_one(factor), 0.0, np.inf, images)]
+    loose = [
+        k for k, factor in enumerate(factors) if not _within(_one(factor), 0.0, np.inf, images)
+    ]
     kept = _as_one_input(_one(factors[loose[0]]), 0.0, np.inf) if len(loose) == 1 else None
     if kept is None:
         return None

@@ -1,4 +1,6 @@
-"""Colour spaces of images: which can stay bytes with the sRGB curve, and the rest to scene-linear by Blender's own OpenColorIO config."""
+"""Colour spaces of images: which can stay bytes with the sRGB curve, and the rest to scene-linear
+by Blender's own OpenColorIO config.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ REC709 = "Linear Rec.709"
 
 
 def working_space() -> str:
-    """The name of Blender's scene-linear space: Rec. 709 before 5.0, a choice of the file from then on."""
+    """The name of Blender's scene-linear space: Rec. 709 before 5.0, a choice of the file from then
+    on.
+    """
     import bpy
 
     settings = getattr(bpy.data, "colorspace", None)
@@ -19,7 +23,9 @@ def working_space() -> str:
 
 
 def stored_encoding(name: str, is_data: bool) -> str | None:
-    """LINEAR or SRGB when values in the space `name` can be kept as they are, None when they must be converted."""
+    """LINEAR or SRGB when values in the space `name` can be kept as they are, None when they must
+    be converted.
+    """
     working = working_space()
     if is_data or name in ("", "Non-Color", working):
         return "LINEAR"
@@ -28,12 +34,16 @@ def stored_encoding(name: str, is_data: bool) -> str | None:
 
 def srgb_to_linear(values: np.ndarray) -> np.ndarray:
     """The sRGB curve (IEC 61966-2-1) undone, elementwise, in the dtype of `values`."""
-    return np.where(values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4).astype(values.dtype)
+    return np.where(
+        values <= 0.04045, values / 12.92, ((np.maximum(values, 0) + 0.055) / 1.055) ** 2.4
+    ).astype(values.dtype)
 
 
 def linear_to_srgb(values: np.ndarray) -> np.ndarray:
     """The sRGB curve, elementwise, in the dtype of `values`."""
-    return np.where(values <= 0.0031308, values * 12.92, 1.055 * np.maximum(values, 0) ** (1 / 2.4) - 0.055).astype(values.dtype)
+    return np.where(
+        values <= 0.0031308, values * 12.92, 1.055 * np.maximum(values, 0) ** (1 / 2.4) - 0.055
+    ).astype(values.dtype)
 
 
 BYTE = (np.arange(256) / 255).astype(np.float32)
@@ -46,7 +56,9 @@ _TO_SRGB_BYTE = np.rint(linear_to_srgb(np.arange(65536) / 65535) * 255).astype(n
 
 
 def srgb_bytes(values: np.ndarray) -> np.ndarray:
-    """uint8 with the sRGB curve of values in 0 to 1, by a table of 2¹⁶ rows: off by one where a value lies within 1e-5 of the border."""
+    """uint8 with the sRGB curve of values in 0 to 1, by a table of 2¹⁶ rows: off by one where a
+    value lies within 1e-5 of the border.
+    """
     return _TO_SRGB_BYTE[(values * np.float32(65535) + np.float32(0.5)).astype(np.uint16)]
 
 

@@ -1,7 +1,9 @@
-"""Reads one material's node tree: sockets to sums of inputs, shader sockets to closures, and notes for what is not understood.
+"""Reads one material's node tree: sockets to sums of inputs, shader sockets to closures, and notes
+for what is not understood.
 
-The nodes themselves are tables: `COLOR_NODES`, `VECTOR_NODES` and `CLOSURE_NODES`, filled by the modules named nodes_*. This is the
-seam for full node trees: whoever compiles nodes to programs replaces the tables' results.
+The nodes themselves are tables: `COLOR_NODES`, `VECTOR_NODES` and `CLOSURE_NODES`, filled by the
+modules named nodes_*. This is the seam for full node trees: whoever compiles nodes to programs
+replaces the tables' results.
 """
 
 from __future__ import annotations
@@ -42,14 +44,18 @@ class LobeKey:
 Closure = dict[LobeKey, Sum]
 
 COLOR_NODES: dict[str, Callable[[NodeView, Any], Sum | None]] = {}
-"""bl_idname -> function of the node and its output socket; None when the node's settings are not understood."""
+"""bl_idname -> function of the node and its output socket; None when the node's settings are not
+understood.
+"""
 VECTOR_NODES: dict[str, Callable[[NodeView, Any], Coordinates | None]] = {}
 CLOSURE_NODES: dict[str, Callable[[NodeView], Closure]] = {}
 
 
 @dataclass(frozen=True)
 class Coordinates:
-    """A vector that is affine in a UV map: `matrix` (3, 3) rows x, y, z over columns u, v, 1; uv is the map's name, "" the active one."""
+    """A vector that is affine in a UV map: `matrix` (3, 3) rows x, y, z over columns u, v, 1; uv is
+    the map's name, "" the active one.
+    """
 
     uv: str
     matrix: tuple[RGB, RGB, RGB] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0))
@@ -78,7 +84,9 @@ def scale_closure(closure: Closure, weight: Sum) -> Closure:
 
 
 class Evaluator:
-    """Evaluates sockets of the material called `name`. Everything is remembered by place, so shared sub-trees are read once."""
+    """Evaluates sockets of the material called `name`. Everything is remembered by place, so shared
+    sub-trees are read once.
+    """
 
     def __init__(self, name: str, images: Images, report: Report) -> None:
         self.name, self.images, self.report = name, images, report
@@ -103,7 +111,9 @@ class Evaluator:
         return self._once(found, lambda: self._call(VECTOR_NODES, found), None)
 
     def closure(self, place: Place) -> Closure:
-        """The lobes that a shader socket gets; colours and numbers shine as emission, as in Cycles."""
+        """The lobes that a shader socket gets; colours and numbers shine as emission, as in
+        Cycles.
+        """
         found = source(place)
         self._note_circle(found)
         if found is None or not found.socket.is_output or found.node.mute:
@@ -117,7 +127,9 @@ class Evaluator:
         self.report.note(sentence, self.name)
 
     def _note_circle(self, found: Place | None) -> None:
-        """`found` as `source` gave it: None after too many steps, or an input where Blender cut the circle itself."""
+        """`found` as `source` gave it: None after too many steps, or an input where Blender cut the
+        circle itself.
+        """
         if found is None or (not found.socket.is_output and closes_circle(found)):
             self.note(_CIRCLE)
 
@@ -125,17 +137,29 @@ class Evaluator:
         """A sum short enough to render: its mean colour where it has too many terms."""
         if len(terms) <= MOST_TERMS:
             return terms
-        self.note("Colours mixed from too many textures are rendered as their mean in {}: bake them into one texture")
+        self.note(
+            "Colours mixed from too many textures are rendered as their mean in {}: bake them into "
+            "one texture"
+        )
         return constant(self.mean(terms))
 
     def clamped(self, terms: Sum, low: float, high: float) -> Sum:
-        """A sum whose channels are kept between low and high; its mean, with a note, where that cannot be said of what varies."""
+        """A sum whose channels are kept between low and high; its mean, with a note, where that
+        cannot be said of what varies.
+        """
         found = clamped(terms, low, high, self.images)
         if found is not None:
             return found
-        self.note("Values mixed from several textures or attributes are not clamped as in Blender in {}: bake them into one texture")
+        self.note(
+            "Values mixed from several textures or attributes are not clamped as in Blender in {}: "
+            "bake them into one texture"
+        )
         found = usual(terms, low, high, self.images)
-        return found if found is not None else clamped(constant(self.mean(terms)), low, high, self.images)
+        return (
+            found
+            if found is not None
+            else clamped(constant(self.mean(terms)), low, high, self.images)
+        )
 
     def mean(self, terms: Sum) -> RGB:
         """The mean of a sum over its textures; attributes count as one half."""
@@ -156,7 +180,11 @@ class Evaluator:
         if found.node.mute:
             return ZERO, "VALUE"
         value = self._once(found, lambda: self._call(COLOR_NODES, found), None)
-        return (self._default(place.socket), place.socket.type) if value is None else (self.limited(value), found.socket.type)
+        return (
+            (self._default(place.socket), place.socket.type)
+            if value is None
+            else (self.limited(value), found.socket.type)
+        )
 
     def _default(self, socket: Any) -> Sum:
         """What an unlinked socket shows, said where it is no number."""
@@ -175,7 +203,10 @@ class Evaluator:
         value = handler(NodeView(self, found), found.socket) if handler else None
         if value is None:
             instead = "the active UV map" if table is VECTOR_NODES else "the socket's default"
-            self.note(f"Node '{node.bl_label}' is not supported here: {instead} takes its place in {{}}; bake it to an image")
+            self.note(
+                f"Node '{node.bl_label}' is not supported here: {instead} takes its place in {{}}; "
+                "bake it to an image"
+            )
         return value
 
     def _once(self, found: Place, compute: Callable[[], Any], otherwise: Any) -> Any:
@@ -184,7 +215,9 @@ class Evaluator:
         if key in self._memo:
             return self._memo[key]
         if key in self._open or len(self._open) >= DEEPEST:
-            deep = "Nodes are nested too deeply in {}: the socket's default is used; simplify the tree"
+            deep = (
+                "Nodes are nested too deeply in {}: the socket's default is used; simplify the tree"
+            )
             self.note(_CIRCLE if key in self._open else deep)
             return otherwise
         self._open.add(key)

@@ -28,9 +28,9 @@ class Export:
 
     scene: plain values, nothing of Blender's.
     notes: what could not be rendered as it is, each said once.
-    stats: seconds per stage ("objects", "finish", "export") and counts ("meshes", "instances", "triangles", "lights", "materials",
-    "textures", "bytes").
-    region: the render border as (x0, y0, x1, y1) pixels of the full frame, origin bottom left, or None.
+    stats: seconds per stage ("objects", "finish", "export") and counts ("meshes", "instances",
+    "triangles", "lights", "materials", "textures", "bytes"). region: the render border as (x0, y0,
+    x1, y1) pixels of the full frame, origin bottom left, or None.
     """
 
     scene: Scene
@@ -49,16 +49,19 @@ def export_scene(
 ) -> Export:
     """The scene that an evaluated depsgraph shows, for its own view layer and frame.
 
-    width, height: pixels of the full frame instead of the scene's.  passes: names from `film.PASSES`; "UV" makes all meshes bring their
-    active map.  decoded: images of the export before; this one's take their place. Only on Blender's thread. Raises
-    ExportError where there is no usable camera or border.
+    width, height: pixels of the full frame instead of the scene's.  passes: names from
+    `film.PASSES`; "UV" makes all meshes bring their active map.  decoded: images of the export
+    before; this one's take their place. Only on Blender's thread. Raises ExportError where there is
+    no usable camera or border.
     """
     start = time.perf_counter()
     scene, report = depsgraph.scene_eval, Report()
     size = resolution(scene.render, width, height)
     region = border(scene.render, size)
     camera = export_camera(_evaluated(scene.camera, depsgraph), scene.render, size, report)
-    collector = Collector(depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, decoded)
+    collector = Collector(
+        depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, decoded
+    )
     things = walk(depsgraph, collector.meet, report)
     met = time.perf_counter()
     world = _world(depsgraph, scene)
@@ -67,7 +70,12 @@ def export_scene(
     if decoded is not None:
         decoded.forget_unused()
     end = time.perf_counter()
-    stats = {"objects": met - start, "finish": end - met, "export": end - start, **_counts(exported)}
+    stats = {
+        "objects": met - start,
+        "finish": end - met,
+        "export": end - start,
+        **_counts(exported),
+    }
     return Export(exported, report.notes(), stats, region)
 
 
@@ -100,7 +108,9 @@ class _Lamp(NamedTuple):
 class Collector:
     """Gathers geometries and materials while the depsgraph is walked."""
 
-    def __init__(self, depsgraph: Any, wanted: Wanted, report: Report, decoded: Decoded | None = None) -> None:
+    def __init__(
+        self, depsgraph: Any, wanted: Wanted, report: Report, decoded: Decoded | None = None
+    ) -> None:
         self.depsgraph, self.wanted, self.report = depsgraph, wanted, report
         self.images = Images(report, decoded)
         self.materials = Materials(self.images, report)
@@ -111,8 +121,9 @@ class Collector:
         self._wanted_by_slots: dict[tuple[int, ...], Wanted] = {}
 
     def meet(self, thing: Any, owner: Any, flags: Flags) -> _Placed | _Lamp | None:
-        """What an object (its owner is the one that is not temporary) is to the scene; None for what has no shape of its own (curves
-        come again as meshes)."""
+        """What an object (its owner is the one that is not temporary) is to the scene; None for
+        what has no shape of its own (curves come again as meshes).
+        """
         data = thing.data
         if thing.type == "LIGHT":
             return _Lamp(data, Seen(flags.camera, flags.mirror))
@@ -126,12 +137,17 @@ class Collector:
         if isinstance(self._geometry(geometry), MeshSource):
             self._add_attributes(geometry, data, owner, self._wanted(slots))
         elif self.materials.wanted(slots):
-            self.report.note("True spheres have no UV maps or attributes, which materials read: {}; render them as meshes", thing.name)
+            self.report.note(
+                "True spheres have no UV maps or attributes, which materials read: {}; render them "
+                "as meshes",
+                thing.name,
+            )
         return _Placed(geometry, slots, thing.pass_index, flags)
 
     def _slots(self, thing: Any, used: tuple[int, ...]) -> tuple[int, ...]:
-        """The materials of an object's slots up to the last that some face uses. A slot that none uses takes what another has, so that
-        materials nobody sees are not read."""
+        """The materials of an object's slots up to the last that some face uses. A slot that none
+        uses takes what another has, so that materials nobody sees are not read.
+        """
         if self.override is not None:
             return (self.materials.index(self.override),)
         slots = thing.material_slots
@@ -139,7 +155,10 @@ class Collector:
             return (self.materials.index(None),)
         if used == (0,):
             return (self.materials.index(slots[0].material),)
-        numbers = {k: self.materials.index(slots[k].material) for k in dict.fromkeys(min(k, len(slots) - 1) for k in used)}
+        numbers = {
+            k: self.materials.index(slots[k].material)
+            for k in dict.fromkeys(min(k, len(slots) - 1) for k in used)
+        }
         return tuple(numbers.get(k, numbers[min(numbers)]) for k in range(max(numbers) + 1))
 
     def _wanted(self, slots: tuple[int, ...]) -> Wanted:
@@ -156,7 +175,9 @@ class Collector:
         return geometry.used_slots if isinstance(geometry, MeshSource) else (0,)
 
     def _mesh(self, data: Any, owner: Any) -> int | None:
-        """Index of a mesh's geometry, which is a sphere where it is marked as one, read when first met; None without faces."""
+        """Index of a mesh's geometry, which is a sphere where it is marked as one, read when first
+        met; None without faces.
+        """
         key = mesh_key(data)
         if key not in self._known:
             self._known[key] = self._append(read_shape(data, owner, self.report))
@@ -182,15 +203,23 @@ class Collector:
 
     def scene(self, camera: Any, things: list[Thing], world: Any) -> Scene:
         """All of it as one value."""
-        geometries = tuple(g.finished() if isinstance(g, MeshSource) else g for g in self._geometries)
-        instances = tuple(_instances(thing) for thing in things if isinstance(thing.content, _Placed))
+        geometries = tuple(
+            g.finished() if isinstance(g, MeshSource) else g for g in self._geometries
+        )
+        instances = tuple(
+            _instances(thing) for thing in things if isinstance(thing.content, _Placed)
+        )
         instances = without_collapsed(instances, self.report)
-        note_empty_view(camera, geometries, instances, self.report, self.depsgraph.scene_eval.camera.name)
+        note_empty_view(
+            camera, geometries, instances, self.report, self.depsgraph.scene_eval.camera.name
+        )
         for thing in things:
             if isinstance(thing.content, _Lamp):
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
         materials, textures = without_unused(self.materials.materials, self.images.textures)
-        return Scene(camera, geometries, instances, materials, textures, tuple(self.lights.lights), world)
+        return Scene(
+            camera, geometries, instances, materials, textures, tuple(self.lights.lights), world
+        )
 
 
 def _instances(thing: Thing) -> Instances:
@@ -210,7 +239,9 @@ def _counts(scene: Scene) -> dict[str, float]:
         "meshes": len(scene.geometries),
         "instances": sum(len(i.world_from_object) for i in scene.instances),
         "triangles": sum(per_geometry),
-        "placed_triangles": sum(len(i.world_from_object) * per_geometry[i.geometry] for i in scene.instances),
+        "placed_triangles": sum(
+            len(i.world_from_object) * per_geometry[i.geometry] for i in scene.instances
+        ),
         "lights": len(scene.lights),
         "materials": len(scene.materials),
         "textures": len(scene.textures),
@@ -220,5 +251,11 @@ def _counts(scene: Scene) -> dict[str, float]:
 
 def _arrays(geometry: Geometry) -> list[np.ndarray]:
     values = list(vars(geometry).values())
-    values += [a.values for a in (*getattr(geometry, "attributes", ()), *filter(None, [getattr(geometry, "normals", None)]))]
+    values += [
+        a.values
+        for a in (
+            *getattr(geometry, "attributes", ()),
+            *filter(None, [getattr(geometry, "normals", None)]),
+        )
+    ]
     return [value for value in values if isinstance(value, np.ndarray)]

@@ -1,4 +1,6 @@
-"""Reflectance of smooth dielectrics: what Principled's specular settings mean, and how much light they leave for what lies below."""
+"""Reflectance of smooth dielectrics: what Principled's specular settings mean, and how much light
+they leave for what lies below.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,8 @@ import math
 
 
 def fresnel(cosine: float, ior: float) -> float:
-    """Unpolarised Fresnel reflectance of a dielectric of relative index `ior` > 0 (entering), 0 to 1; 1 at total reflection.
+    """Unpolarised Fresnel reflectance of a dielectric of relative index `ior` > 0 (entering), 0 to
+    1; 1 at total reflection.
 
     cosine: of the angle of incidence, 0 to 1.
     """
@@ -14,7 +17,10 @@ def fresnel(cosine: float, ior: float) -> float:
     if not squared > 0:
         return 1.0
     g = math.sqrt(squared)
-    parallel, along = (g - cosine) / (g + cosine), (cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)
+    parallel, along = (
+        (g - cosine) / (g + cosine),
+        (cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1),
+    )
     return 0.5 * parallel * parallel * (1 + along * along)
 
 
@@ -30,9 +36,11 @@ def ior_from_reflectance(reflectance: float) -> float:
 
 
 def dielectric_albedo(ior: float) -> float:
-    """What share of light a dielectric layer reflects before it reaches the diffuse layer: the reflectance at 45°.
+    """What share of light a dielectric layer reflects before it reaches the diffuse layer: the
+    reflectance at 45°.
 
-    A constant has to stand for something that grows from F0 when looked at straight to 1 at grazing view; most of a picture is seen
-    between 0° and 60°, where 45° is the median by projected area (∫ 2 cos θ sin θ up to 45° is one half).
+    A constant has to stand for something that grows from F0 when looked at straight to 1 at grazing
+    view; most of a picture is seen between 0° and 60°, where 45° is the median by projected area (∫
+    2 cos θ sin θ up to 45° is one half).
     """
     return fresnel(math.sqrt(0.5), max(ior, 1e-3))

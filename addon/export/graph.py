@@ -1,4 +1,6 @@
-"""Finding what feeds a shader socket: through reroutes, muted nodes and any depth of node groups, without recursion."""
+"""Finding what feeds a shader socket: through reroutes, muted nodes and any depth of node groups,
+without recursion.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +12,13 @@ LONGEST = 4096
 
 BLINN_PHONG = "BLINN_PHONG"
 MARK = "glint_shader"
-"""A custom property of a node group. Where it is BLINN_PHONG the node means something itself; what is inside is for other engines."""
+"""A custom property of a node group. Where it is BLINN_PHONG the node means something itself; what
+is inside is for other engines.
+"""
 FORMER_NODE = "GlintBlinnPhongNode"
-"""What the Blinn-Phong node was before it was a marked group, a class of its own: in linked and appended materials it still is."""
+"""What the Blinn-Phong node was before it was a marked group, a class of its own: in linked and
+appended materials it still is.
+"""
 
 
 def is_blinn_phong(tree: Any) -> bool:
@@ -22,20 +28,26 @@ def is_blinn_phong(tree: Any) -> bool:
 def kind_of(node: Any) -> str:
     """What a node is to the tables of `evaluator`: BLINN_PHONG, or Blender's name of its type."""
     name = node.bl_idname
-    if name == FORMER_NODE or (name == "ShaderNodeGroup" and node.node_tree is not None and is_blinn_phong(node.node_tree)):
+    if name == FORMER_NODE or (
+        name == "ShaderNodeGroup" and node.node_tree is not None and is_blinn_phong(node.node_tree)
+    ):
         return BLINN_PHONG
     return name
 
 
 def node_tree(block: Any) -> Any:
-    """The node tree that a material, world or light uses, or None. From 5.0 on having one is using it, and asking gives a warning."""
+    """The node tree that a material, world or light uses, or None. From 5.0 on having one is using
+    it, and asking gives a warning.
+    """
     import bpy
 
     return block.node_tree if bpy.app.version >= (5, 0, 0) or block.use_nodes else None
 
 
 class Links:
-    """The links of node trees by the input they lead to. Blender's own `NodeSocket.links` looks through all links of the tree."""
+    """The links of node trees by the input they lead to. Blender's own `NodeSocket.links` looks
+    through all links of the tree.
+    """
 
     def __init__(self) -> None:
         self._of_trees: dict[int, dict[int, list[Any]]] = {}
@@ -55,7 +67,9 @@ class Links:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A socket and the chain of group nodes, outermost first, that leads to the tree in which it lives. links: of all trees on the way."""
+    """A socket and the chain of group nodes, outermost first, that leads to the tree in which it
+    lives. links: of all trees on the way.
+    """
 
     socket: Any
     path: tuple[Any, ...] = ()
@@ -76,7 +90,8 @@ class Place:
 
 
 def source(place: Place) -> Place | None:
-    """Where the value of an input comes from: an output of a node that computes it, or an unlinked input whose default holds.
+    """Where the value of an input comes from: an output of a node that computes it, or an unlinked
+    input whose default holds.
 
     None for links that go round in a circle.
     """
@@ -98,7 +113,9 @@ _GEOMETRIC = ("Vector", "Normal", "Coat Normal", "Tangent")
 
 
 def images_behind(shader: Place) -> list[tuple[Any, Any]]:
-    """Image and ImageUser of the Image Texture nodes that may colour what a shader socket gets, each node once."""
+    """Image and ImageUser of the Image Texture nodes that may colour what a shader socket gets,
+    each node once.
+    """
     found, seen, waiting = [], set(), [shader]
     while waiting:
         place = source(waiting.pop())
@@ -111,25 +128,38 @@ def images_behind(shader: Place) -> list[tuple[Any, Any]]:
         if place.node.bl_idname == "ShaderNodeTexImage":
             found.append((place.node.image, place.node.image_user))
         else:
-            waiting += [place.beside(entry) for entry in place.node.inputs if entry.is_linked and entry.name not in _GEOMETRIC]
+            waiting += [
+                place.beside(entry)
+                for entry in place.node.inputs
+                if entry.is_linked and entry.name not in _GEOMETRIC
+            ]
     return found
 
 
 def closes_circle(place: Place) -> bool:
-    """Whether a link comes in that Blender marked as invalid because it closes a circle, and which `source` therefore does not follow.
+    """Whether a link comes in that Blender marked as invalid because it closes a circle, and which
+    `source` therefore does not follow.
 
     Links between a shader and a value are invalid as well, and no circle.
     """
     wants_shader = place.socket.type == "SHADER"
-    return any(not link.is_valid and (link.from_socket.type == "SHADER") == wants_shader for link in place.links.into(place.socket))
+    return any(
+        not link.is_valid and (link.from_socket.type == "SHADER") == wants_shader
+        for link in place.links.into(place.socket)
+    )
 
 
 def _link(place: Place) -> Any:
-    return next((link for link in place.links.into(place.socket) if link.is_valid and not link.is_muted), None)
+    return next(
+        (link for link in place.links.into(place.socket) if link.is_valid and not link.is_muted),
+        None,
+    )
 
 
 def _through(place: Place) -> Place | None:
-    """The socket that stands behind an output of a node which only passes values on; None where a value is made."""
+    """The socket that stands behind an output of a node which only passes values on; None where a
+    value is made.
+    """
     node = place.node
     if node.mute:
         return _behind_muted(place)
@@ -155,12 +185,18 @@ def _behind_muted(place: Place) -> Place | None:
 def _into_group(place: Place) -> Place | None:
     outputs = [node for node in place.node.node_tree.nodes if node.type == "GROUP_OUTPUT"]
     active = [node for node in outputs if node.is_active_output] or outputs
-    inside = _by_identifier(active[0].inputs, place.socket.identifier, place.socket.name) if active else None
+    inside = (
+        _by_identifier(active[0].inputs, place.socket.identifier, place.socket.name)
+        if active
+        else None
+    )
     return Place(inside, (*place.path, place.node), place.links) if inside is not None else None
 
 
 def _by_identifier(sockets: Any, identifier: str, name: str) -> Any:
-    """name: what the socket is probably called; by that Blender finds it sooner than a loop here."""
+    """name: what the socket is probably called; by that Blender finds it sooner than a loop
+    here.
+    """
     found = sockets.get(name)
     if found is not None and found.identifier == identifier:
         return found
@@ -168,7 +204,9 @@ def _by_identifier(sockets: Any, identifier: str, name: str) -> Any:
 
 
 def socket_named(sockets: Any, name: str) -> Any:
-    """The socket with this identifier, or else the enabled one with this name, or None. Never looked up by position."""
+    """The socket with this identifier, or else the enabled one with this name, or None. Never
+    looked up by position.
+    """
     by_identifier = _by_identifier(sockets, name, name)
     if by_identifier is not None:
         return by_identifier

@@ -1,4 +1,6 @@
-"""Blender images to textures, each read once per export; a missing one is magenta, with a note that names its file."""
+"""Blender images to textures, each read once per export; a missing one is magenta, with a note that
+names its file.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ class Images:
     """The textures of one scene, and what materials ask about them."""
 
     def __init__(self, report: Report, decoded: Decoded | None = None) -> None:
-        """decoded: what an export before has decoded, and where this one's images are kept for the next."""
+        """decoded: what an export before has decoded, and where this one's images are kept for the
+        next.
+        """
         self._decode = decoded.decode if decoded is not None else pixels.decode
         self._worked_out = decoded.worked_out if decoded is not None else _work
         self._made = decoded.made if decoded is not None else _make
@@ -39,10 +43,14 @@ class Images:
         self._indices: dict[tuple, int] = {}
         self._means: dict[tuple[int, str], np.ndarray] = {}
 
-    def texture(self, image: Any, user: Any, extension: str, interpolation: str, associated: bool = False) -> int:
-        """Index of the texture of a Blender image (None: magenta) for an image texture node's settings.
+    def texture(
+        self, image: Any, user: Any, extension: str, interpolation: str, associated: bool = False
+    ) -> int:
+        """Index of the texture of a Blender image (None: magenta) for an image texture node's
+        settings.
 
-        associated: colours times alpha, where the image's alpha is not of the kind that is kept apart.
+        associated: colours times alpha, where the image's alpha is not of the kind that is kept
+        apart.
         """
         found = self.pixels(image, user)
         associated = associated and found.associated
@@ -53,12 +61,18 @@ class Images:
             values = found.pixels
             if associated:
                 with _that_fits(name):
-                    values = self._worked_out(values, "associated", lambda: pixels.associated(found))
-            self._indices[key] = self._append(Texture(name, values, found.encoding, key[2], filtering))
+                    values = self._worked_out(
+                        values, "associated", lambda: pixels.associated(found)
+                    )
+            self._indices[key] = self._append(
+                Texture(name, values, found.encoding, key[2], filtering)
+            )
         return self._indices[key]
 
     def expect(self, wanted: Iterable[tuple[Any, Any]]) -> None:
-        """Decodes several images at once, a thread each, ahead of being asked for them: pairs of a Blender image and its ImageUser."""
+        """Decodes several images at once, a thread each, ahead of being asked for them: pairs of a
+        Blender image and its ImageUser.
+        """
         sources = {}
         for image, user in wanted:
             key = self._key(image, user)
@@ -67,7 +81,9 @@ class Images:
         sources = {key: source for key, source in sources.items() if source is not None}
         if len(sources) > 1:
             with ThreadPoolExecutor(min(len(sources), os.cpu_count() or 1)) as threads:
-                self._decoded.update(zip(sources, threads.map(self._decode, sources.values()), strict=True))
+                self._decoded.update(
+                    zip(sources, threads.map(self._decode, sources.values()), strict=True)
+                )
         else:
             self._decoded.update({key: self._decode(source) for key, source in sources.items()})
 
@@ -80,19 +96,24 @@ class Images:
         return self._pixels[key]
 
     def derived(self, source: Input, key: tuple, function: Function) -> Input:
-        """`source` (with a texture, without attribute) after a function of its colour, worked out texel by texel.
+        """`source` (with a texture, without attribute) after a function of its colour, worked out
+        texel by texel.
 
-        key: tells functions apart; ("channel", k, …, factor) picks one channel of the colour times a factor. The function comes before
-        filtering instead of after it.
+        key: tells functions apart; ("channel", k, …, factor) picks one channel of the colour times
+        a factor. The function comes before filtering instead of after it.
         """
         index_key = (replace(source, uv="", uv_transform=Input().uv_transform), key)
         if index_key not in self._indices:
             texture = self.textures[source.texture]
             with _that_fits(texture.name):
                 what = (texture.encoding, replace(index_key[0], texture=-1), key)
-                stored = self._worked_out(texture.pixels, what, lambda: _derived(texture, source, key, function))
+                stored = self._worked_out(
+                    texture.pixels, what, lambda: _derived(texture, source, key, function)
+                )
             self._indices[index_key] = self._append(replace(texture, **stored))
-        return Input(texture=self._indices[index_key], uv=source.uv, uv_transform=source.uv_transform)
+        return Input(
+            texture=self._indices[index_key], uv=source.uv, uv_transform=source.uv_transform
+        )
 
     def mean(self, source: Input) -> np.ndarray:
         """(3,) float64: the mean of a factor over its texture; an attribute counts as one half."""
@@ -110,20 +131,28 @@ class Images:
         if texture.pixels.dtype == np.uint8:
             return 0.0, 1.0
         key = ("range", source.channel)
-        low, high = self._worked_out(texture.pixels, key, lambda: _range_of(texels(texture, source.channel)))
+        low, high = self._worked_out(
+            texture.pixels, key, lambda: _range_of(texels(texture, source.channel))
+        )
         return (min(low, 0.0), max(high, 0.0)) if texture.extension == "CLIP" else (low, high)
 
     def sphere_mean(self, index: int) -> np.ndarray:
         """(3,) float64: the mean colour of an equirectangular image over all directions."""
         height, width = self.textures[index].pixels.shape[:2]
-        rows = texels(self.textures[index], "COLOR").reshape(height, width, 3).mean(1, dtype=np.float64)
+        rows = (
+            texels(self.textures[index], "COLOR")
+            .reshape(height, width, 3)
+            .mean(1, dtype=np.float64)
+        )
         return np.average(rows, axis=0, weights=np.sin((np.arange(height) + 0.5) * np.pi / height))
 
     def _mean(self, index: int, channel: str) -> np.ndarray:
         if (index, channel) not in self._means:
             texture = self.textures[index]
             key = ("mean", texture.encoding, channel)
-            self._means[index, channel] = self._worked_out(texture.pixels, key, lambda: mean_color(texture, channel))
+            self._means[index, channel] = self._worked_out(
+                texture.pixels, key, lambda: mean_color(texture, channel)
+            )
         return self._means[index, channel]
 
     def _append(self, texture: Texture) -> int:
@@ -135,7 +164,9 @@ class Images:
             return (0, "")
         return (_original(image).as_pointer(), _path(_original(image), user))
 
-    def _load(self, image: Any, path: str, decoded: Raw | ImageError | MemoryError | None) -> Pixels:
+    def _load(
+        self, image: Any, path: str, decoded: Raw | ImageError | MemoryError | None
+    ) -> Pixels:
         if image is None:
             self.report.note("An image texture without an image is magenta: choose an image")
             return Pixels(pixels.MAGENTA, "SRGB")
@@ -146,7 +177,9 @@ class Images:
                     raise decoded
                 return self._read(_original(image), path, decoded)
         except ImageError as error:
-            self.report.note(f"Image '{image.name}' {error}: it is magenta; find or pack its file ('{path}')")
+            self.report.note(
+                f"Image '{image.name}' {error}: it is magenta; find or pack its file ('{path}')"
+            )
             return Pixels(pixels.MAGENTA, "SRGB")
 
     def _read(self, image: Any, path: str, decoded: Raw | ImageError | None) -> Pixels:
@@ -160,9 +193,15 @@ class Images:
 
     def _approximations(self, image: Any) -> None:
         if image.source == "TILED":
-            self.report.note("Only the first tile of tiled images is rendered ({}): bake them into one image", image.name)
+            self.report.note(
+                "Only the first tile of tiled images is rendered ({}): bake them into one image",
+                image.name,
+            )
         if image.source == "MOVIE":
-            self.report.note("Movies are rendered as the frame that Blender holds ({}): use an image sequence", image.name)
+            self.report.note(
+                "Movies are rendered as the frame that Blender holds ({}): use an image sequence",
+                image.name,
+            )
 
 
 @contextmanager
@@ -171,7 +210,9 @@ def _that_fits(name: str) -> Iterator[None]:
     try:
         yield
     except MemoryError as error:
-        raise MemoryError(f"image '{name}' does not fit into it: use a smaller one, or close programs") from error
+        raise MemoryError(
+            f"image '{name}' does not fit into it: use a smaller one, or close programs"
+        ) from error
 
 
 def _work(values: np.ndarray, key: Hashable, work: Callable[[], Any]) -> Any:
@@ -186,10 +227,17 @@ def _make(recipe: Hashable, work: Callable[[], Any]) -> Any:
 
 def _derived(texture: Texture, source: Input, key: tuple, function: Function) -> dict[str, Any]:
     """The pixels and the encoding of `Images.derived`."""
-    plain = source.is_plain and source.value == (1.0, 1.0, 1.0) and source.channel == "COLOR" and not source.complement
+    plain = (
+        source.is_plain
+        and source.value == (1.0, 1.0, 1.0)
+        and source.channel == "COLOR"
+        and not source.complement
+    )
     if key[0] == "channel" and key[-1] == (1.0, 1.0, 1.0) and plain:
         return {"pixels": _one_channel(texture.pixels, key[1])}
-    return _of_codes(texture, source, function) or _stored(function(_colors(texture, source)), texture)
+    return _of_codes(texture, source, function) or _stored(
+        function(_colors(texture, source)), texture
+    )
 
 
 def _range_of(values: np.ndarray) -> tuple[float, float]:
@@ -214,14 +262,20 @@ def mean_color(texture: Texture, channel: str) -> np.ndarray:
     columns = [3] if channel == "ALPHA" else [0, 1, 2]
     if texture.encoding == "SRGB" and channel != "ALPHA":
         counts = [np.bincount(stored[..., k].reshape(-1), minlength=256) for k in columns]
-        means = np.array([colorspace.SRGB_BYTE.astype(np.float64) @ count / count.sum() for count in counts])
+        means = np.array(
+            [colorspace.SRGB_BYTE.astype(np.float64) @ count / count.sum() for count in counts]
+        )
     else:  # column by column first: 32 bits hold the sums of 16 M rows
-        means = stored.sum(0, dtype=np.uint32).sum(0, dtype=np.uint64)[columns] / (255.0 * stored.shape[0] * stored.shape[1])
+        means = stored.sum(0, dtype=np.uint32).sum(0, dtype=np.uint64)[columns] / (
+            255.0 * stored.shape[0] * stored.shape[1]
+        )
     return means if channel == "COLOR" else np.full(3, means.mean())
 
 
 def _colors(texture: Texture, source: Input) -> np.ndarray:
-    """(h w, 3) float32 scene-linear values of a factor with this texture, texel by texel, without its attribute."""
+    """(h w, 3) float32 scene-linear values of a factor with this texture, texel by texel, without
+    its attribute.
+    """
     colors = texels(texture, source.channel)
     if source.value != (1.0, 1.0, 1.0):
         colors = colors * np.array(source.value, np.float32)
@@ -231,7 +285,9 @@ def _colors(texture: Texture, source: Input) -> np.ndarray:
 
 
 def _of_codes(texture: Texture, source: Input, function: Function) -> dict[str, Any] | None:
-    """`_stored` of a function of an alpha of bytes, worked out once for each byte that there is; None for other factors."""
+    """`_stored` of a function of an alpha of bytes, worked out once for each byte that there is;
+    None for other factors.
+    """
     if texture.pixels.dtype != np.uint8 or source.channel != "ALPHA":
         return None
     alpha = texture.pixels[..., 3]
@@ -241,13 +297,22 @@ def _of_codes(texture: Texture, source: Input, function: Function) -> dict[str, 
     table = np.zeros((256, 4), stored["pixels"].dtype)
     table[codes] = stored["pixels"][0]
     texel = f"V{4 * table.itemsize}"
-    return {**stored, "pixels": np.take(table.view(texel)[:, 0], alpha).view(table.dtype).reshape(texture.pixels.shape)}
+    return {
+        **stored,
+        "pixels": np.take(table.view(texel)[:, 0], alpha)
+        .view(table.dtype)
+        .reshape(texture.pixels.shape),
+    }
 
 
 def _one_channel(pixels: np.ndarray, channel: int) -> np.ndarray:
-    """A picture in which red, green and blue are one of them, opaque; the encoding of each value stays."""
+    """A picture in which red, green and blue are one of them, opaque; the encoding of each value
+    stays.
+    """
     if pixels.dtype == np.uint8:  # four bytes at a time: a fifth of the time
-        three, opaque = (np.array(texel, np.uint8).view(np.uint32) for texel in ((1, 1, 1, 0), (0, 0, 0, 255)))
+        three, opaque = (
+            np.array(texel, np.uint8).view(np.uint32) for texel in ((1, 1, 1, 0), (0, 0, 0, 255))
+        )
         grey = pixels[..., channel].astype(np.uint32)
         grey *= three
         grey |= opaque
@@ -271,18 +336,28 @@ def _original(image: Any) -> Any:
 
 def _path(image: Any, user: Any) -> str:
     """The absolute path of the file shown now; the first tile of a tiled image."""
-    path = image.filepath_from_user(image_user=user) if user is not None else image.filepath_from_user()
-    return path.replace("<UDIM>", str(image.tiles[0].number if image.tiles else 1001)).replace("<UVTILE>", "u1_v1")
+    path = (
+        image.filepath_from_user(image_user=user)
+        if user is not None
+        else image.filepath_from_user()
+    )
+    return path.replace("<UDIM>", str(image.tiles[0].number if image.tiles else 1001)).replace(
+        "<UVTILE>", "u1_v1"
+    )
 
 
 def _stored(colors: np.ndarray, like: Texture) -> dict[str, Any]:
-    """(h w, 3) colours as the pixels and encoding of a texture: as `like` where that has bytes and the colours lie in 0 to 1."""
+    """(h w, 3) colours as the pixels and encoding of a texture: as `like` where that has bytes and
+    the colours lie in 0 to 1.
+    """
     rgba = np.empty((*like.pixels.shape[:2], 4), like.pixels.dtype)
     sound = np.isfinite(colors.sum(dtype=np.float64))
     colors = colors if sound else np.nan_to_num(colors, nan=0.0, posinf=0.0, neginf=0.0)
     if rgba.dtype == np.uint8 and colors.min() >= 0 and colors.max() <= 1:
         shape = (*rgba.shape[:2], 3)
-        rgba[:, :, :3] = (colorspace.srgb_bytes(colors) if like.encoding == "SRGB" else np.rint(colors * 255)).reshape(shape)
+        rgba[:, :, :3] = (
+            colorspace.srgb_bytes(colors) if like.encoding == "SRGB" else np.rint(colors * 255)
+        ).reshape(shape)
         rgba[:, :, 3] = 255
         return {"pixels": rgba, "encoding": like.encoding}
     floats = np.ones(rgba.shape, np.float32)

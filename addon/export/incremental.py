@@ -1,8 +1,10 @@
-"""The export again and again: what has not changed since the last time is not read again, and the scene is the same as if it had been.
+"""The export again and again: what has not changed since the last time is not read again, and the
+scene is the same as if it had been.
 
-Blender says what changed (`depsgraph.updates`); arrays of meshes, compiled materials, decoded images and the world's mean colours are kept.
-Where only objects moved or lamps changed, these alone are read (`moves`). Else the walk over the instances and the lights is done anew: it
-takes ten microseconds an object.
+Blender says what changed (`depsgraph.updates`); arrays of meshes, compiled materials, decoded
+images and the world's mean colours are kept. Where only objects moved or lamps changed, these alone
+are read (`moves`). Else the walk over the instances and the lights is done anew: it takes ten
+microseconds an object.
 """
 
 from __future__ import annotations
@@ -19,7 +21,14 @@ from .export import Collector, _instances, _Lamp, _Placed, _world
 from .graph import node_tree
 from .images import Images
 from .instances import Census, Thing, walk
-from .materials import Materials, Wanted, compile_material, default_material, wanted_by, without_unused
+from .materials import (
+    Materials,
+    Wanted,
+    compile_material,
+    default_material,
+    wanted_by,
+    without_unused,
+)
 from .meshes import MeshSource, mesh_key, read_attributes, readable
 from .moves import Stage
 from .placing import without_collapsed
@@ -34,7 +43,9 @@ NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
 
 @dataclass
 class Changes:
-    """What must be read again: session uids, addresses of the node trees that belong to one material, everything that shades."""
+    """What must be read again: session uids, addresses of the node trees that belong to one
+    material, everything that shades.
+    """
 
     geometry: set[int] = field(default_factory=set)
     materials: set[int] = field(default_factory=set)
@@ -65,8 +76,9 @@ class Changes:
 class _Shape:
     """What is kept of a geometry.
 
-    about: the uids of the objects that were met with it, of each of which Blender tells when its data change. The data of an original
-    object may point at nothing after an undo.  states: the mesh with its attributes after each sequence of wishes.  report: of reading it.
+    about: the uids of the objects that were met with it, of each of which Blender tells when its
+    data change. The data of an original object may point at nothing after an undo.  states: the
+    mesh with its attributes after each sequence of wishes.  report: of reading it.
     """
 
     geometry: MeshSource | Geometry | None
@@ -78,10 +90,11 @@ class _Shape:
 
 @dataclass(frozen=True, eq=False)
 class _Compiled:
-    """A material whose inputs name places of `textures`, (key, texture) in the order in which compiling met them.
+    """A material whose inputs name places of `textures`, (key, texture) in the order in which
+    compiling met them.
 
-    tree: address of the material's own node tree, 0 without one.  in_memory: reads an image whose pixels only Blender has.
-    report: of compiling it.
+    tree: address of the material's own node tree, 0 without one.  in_memory: reads an image whose
+    pixels only Blender has. report: of compiling it.
     """
 
     material: Material
@@ -102,18 +115,31 @@ class Store:
         self.textures: dict[tuple, Texture] = {}
         self.worlds: dict[tuple, tuple[World, Report]] = {}
         self.memory_epoch = 0
-        self.joined: tuple[tuple[_Compiled, ...], tuple[Material, ...], tuple[Texture, ...]] | None = None
+        self.joined: (
+            tuple[tuple[_Compiled, ...], tuple[Material, ...], tuple[Texture, ...]] | None
+        ) = None
 
     def forget(self, changes: Changes) -> None:
         """Drop what changed."""
         if changes.geometry:
             for asked, met in self.met.items():
-                self.met[asked] = {key: shape for key, shape in met.items() if not shape.about & changes.geometry}
+                self.met[asked] = {
+                    key: shape for key, shape in met.items() if not shape.about & changes.geometry
+                }
         if changes.shading:
             self.compiled = {}
         stale = changes.materials
-        gone = [kept for uid, kept in self.compiled.items() if uid in stale or kept.tree in changes.trees]
-        if changes.images or changes.shading or changes.world or any(kept.in_memory for kept in gone):
+        gone = [
+            kept
+            for uid, kept in self.compiled.items()
+            if uid in stale or kept.tree in changes.trees
+        ]
+        if (
+            changes.images
+            or changes.shading
+            or changes.world
+            or any(kept.in_memory for kept in gone)
+        ):
             self._forget_memory()
         self.compiled = {uid: kept for uid, kept in self.compiled.items() if kept not in gone}
         if changes.images:
@@ -122,10 +148,14 @@ class Store:
             self.worlds = {}
 
     def _forget_memory(self) -> None:
-        """Images that only Blender has may have been painted or reloaded, which it tells as a change of their materials."""
+        """Images that only Blender has may have been painted or reloaded, which it tells as a
+        change of their materials.
+        """
         self.memory_epoch += 1
         self.compiled = {uid: kept for uid, kept in self.compiled.items() if not kept.in_memory}
-        self.pixels = {key: pixels for key, pixels in self.pixels.items() if not _is_in_memory(key[0])}
+        self.pixels = {
+            key: pixels for key, pixels in self.pixels.items() if not _is_in_memory(key[0])
+        }
         used = {key for kept in self.compiled.values() for key, _ in kept.textures}
         self.textures = {key: texture for key, texture in self.textures.items() if key in used}
 
@@ -139,7 +169,9 @@ class Store:
 
     def forget_moving_images(self) -> None:
         """The frame changed, and any image may be a sequence."""
-        self.compiled = {uid: compiled for uid, compiled in self.compiled.items() if not compiled.textures}
+        self.compiled = {
+            uid: compiled for uid, compiled in self.compiled.items() if not compiled.textures
+        }
         self.worlds = {}
 
 
@@ -151,7 +183,14 @@ class LiveExport:
         self._frame: tuple[int, float] | None = None
         self._stages: dict[tuple, Stage] = {}
 
-    def update(self, depsgraph: Any, camera: Camera, *, passes: frozenset[str] = frozenset(), space: Any = None) -> Scene:
+    def update(
+        self,
+        depsgraph: Any,
+        camera: Camera,
+        *,
+        passes: frozenset[str] = frozenset(),
+        space: Any = None,
+    ) -> Scene:
         """The scene now: `hear` and `scene`."""
         self.hear(depsgraph)
         return self.scene(depsgraph, camera, passes=passes, space=space)
@@ -165,7 +204,11 @@ class LiveExport:
         painted = repainted(updates)
         if painted:
             self._keep(lambda stage: stage.stands(updates, depsgraph.view_layer))
-            self._store.forget(_changes(update for update in updates if update.id.id_type in ("MATERIAL", "NODETREE")))
+            self._store.forget(
+                _changes(
+                    update for update in updates if update.id.id_type in ("MATERIAL", "NODETREE")
+                )
+            )
             self._keep(lambda stage: self._repaint(stage, painted))
         else:
             self._keep(lambda stage: stage.follow(updates, depsgraph.view_layer, images))
@@ -176,18 +219,34 @@ class LiveExport:
         self._stages = {asked: stage for asked, stage in self._stages.items() if is_wanted(stage)}
 
     def _repaint(self, stage: Stage, painted: dict[int, Any]) -> bool:
-        """Takes edited materials, by session uid, into a stage; False where they read other things of meshes than before."""
+        """Takes edited materials, by session uid, into a stage; False where they read other things
+        of meshes than before.
+        """
         materials = _KeepingMaterials(self._store, Report())
-        if not all(materials.wear(uid, painted.get(uid)) == before.wanted for uid, before in stage.worn):
+        if not all(
+            materials.wear(uid, painted.get(uid)) == before.wanted for uid, before in stage.worn
+        ):
             return False
         new, textures = materials.joined()
-        stage.scene, stage.worn = replace(stage.scene, materials=new, textures=textures), materials.worn
+        stage.scene, stage.worn = (
+            replace(stage.scene, materials=new, textures=textures),
+            materials.worn,
+        )
         return True
 
-    def scene(self, depsgraph: Any, camera: Camera, *, passes: frozenset[str] = frozenset(), space: Any = None) -> Scene:
-        """The scene as of what was heard. What several views ask for is walked over once for all that see the same.
+    def scene(
+        self,
+        depsgraph: Any,
+        camera: Camera,
+        *,
+        passes: frozenset[str] = frozenset(),
+        space: Any = None,
+    ) -> Scene:
+        """The scene as of what was heard. What several views ask for is walked over once for all
+        that see the same.
 
-        space: the 3D view whose local view and visibility count, None for none.  passes: as for `export_scene`.
+        space: the 3D view whose local view and visibility count, None for none.  passes: as for
+        `export_scene`.
         """
         asked = _asked(passes, space)
         if asked not in self._stages:
@@ -195,7 +254,9 @@ class LiveExport:
         return replace(self._stages[asked].scene, camera=camera)
 
     def notes(self, passes: frozenset[str] = frozenset(), space: Any = None) -> tuple[str, ...]:
-        """What could not be exported as it is, of the scene that `scene` gave last for the same view."""
+        """What could not be exported as it is, of the scene that `scene` gave last for the same
+        view.
+        """
         stage, report = self._stages[_asked(passes, space)], Report()
         for part in (stage.report, *(compiled.report for _, compiled in stage.worn)):
             report.add(part)
@@ -204,7 +265,13 @@ class LiveExport:
     def _walked(self, depsgraph: Any, asked: tuple, space: Any) -> Stage:
         report, census = Report(), Census()
         collector = _KeepingCollector(self._store, depsgraph, asked[0], report)
-        things = walk(depsgraph, collector.meet, report, lambda thing: space is None or thing.visible_in_viewport_get(space), census)
+        things = walk(
+            depsgraph,
+            collector.meet,
+            report,
+            lambda thing: space is None or thing.visible_in_viewport_get(space),
+            census,
+        )
         self._store.met[asked] = collector.met
         return collector.stage(things, self._surroundings(depsgraph, report), census)
 
@@ -217,11 +284,17 @@ class LiveExport:
     def _surroundings(self, depsgraph: Any, report: Report) -> World:
         scene = depsgraph.scene_eval
         world = _world(depsgraph, scene)
-        key = (world.original.session_uid if world is not None else 0, scene.render.film_transparent)
+        key = (
+            world.original.session_uid if world is not None else 0,
+            scene.render.film_transparent,
+        )
         if key not in self._store.worlds:
             own = Report()
             images = _KeepingImages(self._store, own)
-            self._store.worlds[key] = export_world(world, scene.render.film_transparent, images, own), own
+            self._store.worlds[key] = (
+                export_world(world, scene.render.film_transparent, images, own),
+                own,
+            )
         surroundings, notes = self._store.worlds[key]
         report.add(notes)
         return surroundings
@@ -237,12 +310,18 @@ def _frame_of(scene: Any) -> tuple[int, float]:
 
 
 def shown_in(space: Any) -> tuple:
-    """Equal as long as a 3D view leaves out the same kinds of objects and stays in the same local view; no update tells of these."""
+    """Equal as long as a 3D view leaves out the same kinds of objects and stays in the same local
+    view; no update tells of these.
+    """
     if space is None:
         return ()
     kinds = [name for name in dir(space) if name.startswith("show_object_viewport_")]
     local = space.local_view
-    return (local.as_pointer() if local else 0, space.use_local_collections, *(getattr(space, name) for name in kinds))
+    return (
+        local.as_pointer() if local else 0,
+        space.use_local_collections,
+        *(getattr(space, name) for name in kinds),
+    )
 
 
 def _changes(updates: Iterable[Any]) -> Changes:
@@ -269,7 +348,9 @@ class _KeepingImages(Images):
         return (address, state), path
 
     def _state(self, image: Any, path: str) -> tuple:
-        """What a change of the image shows in, should Blender not tell of it: reloaded files and other ways to read them."""
+        """What a change of the image shows in, should Blender not tell of it: reloaded files and
+        other ways to read them.
+        """
         space = image.colorspace_settings
         settings = (image.source, image.alpha_mode, space.name, space.is_data, tuple(image.size))
         if not image.is_dirty and not image.packed_file and Path(path).is_file():
@@ -295,7 +376,9 @@ class _KeepingMaterials(Materials):
         return self._number(material.original.session_uid if material is not None else 0, material)
 
     def wear(self, uid: int, material: Any) -> Wanted | None:
-        """Number a material after those before it; what it reads of meshes. None where it is neither kept nor given."""
+        """Number a material after those before it; what it reads of meshes. None where it is
+        neither kept nor given.
+        """
         if uid not in self._store.compiled and material is None:
             return None
         return self.used[self._number(uid, material)].wanted
@@ -317,11 +400,25 @@ class _KeepingMaterials(Materials):
     def _compile(self, material: Any) -> _Compiled:
         report = Report()
         images = _KeepingImages(self._store, report)
-        result = compile_material(material, images, report) if material is not None else default_material()
+        result = (
+            compile_material(material, images, report)
+            if material is not None
+            else default_material()
+        )
         keys = _lasting_keys(images)
-        textures = tuple((key, self._store.textures.setdefault(key, images.textures[k])) for k, key in enumerate(keys))
+        textures = tuple(
+            (key, self._store.textures.setdefault(key, images.textures[k]))
+            for k, key in enumerate(keys)
+        )
         tree = node_tree(material.original) if material is not None else None
-        return _Compiled(result, tree.as_pointer() if tree is not None else 0, images.in_memory, textures, wanted_by(result), report)
+        return _Compiled(
+            result,
+            tree.as_pointer() if tree is not None else 0,
+            images.in_memory,
+            textures,
+            wanted_by(result),
+            report,
+        )
 
     def joined(self) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:
         """Materials and textures as one export would have numbered them."""
@@ -333,7 +430,9 @@ class _KeepingMaterials(Materials):
 
 
 def _lasting_keys(images: Images) -> list[tuple]:
-    """What tells each texture of `images` from those of other materials: keys of derived ones name their source by number there."""
+    """What tells each texture of `images` from those of other materials: keys of derived ones name
+    their source by number there.
+    """
     keys: list[tuple] = [()] * len(images.textures)
     for key, number in images._indices.items():
         is_derived = len(key) == 5 and isinstance(key[1], str) and isinstance(key[2], tuple)
@@ -350,7 +449,9 @@ def _join(used: tuple[_Compiled, ...]) -> tuple[tuple[Material, ...], tuple[Text
             if key not in numbers:
                 numbers[key] = len(textures)
                 textures.append(texture)
-        materials.append(_renumbered(compiled.material, [numbers[key] for key, _ in compiled.textures]))
+        materials.append(
+            _renumbered(compiled.material, [numbers[key] for key, _ in compiled.textures])
+        )
     return without_unused(materials, textures)
 
 
@@ -359,7 +460,11 @@ def _renumbered(material: Material, numbers: list[int]) -> Material:
         return material
     new = {-1: -1, **dict(enumerate(numbers))}
     lobes = tuple(
-        replace(lobe, factors=tuple(replace(factor, texture=new[factor.texture]) for factor in lobe.factors)) for lobe in material.lobes
+        replace(
+            lobe,
+            factors=tuple(replace(factor, texture=new[factor.texture]) for factor in lobe.factors),
+        )
+        for lobe in material.lobes
     )
     return replace(material, lobes=lobes)
 
@@ -387,7 +492,9 @@ class _KeepingCollector(Collector):
     def _points(self, cloud: Any) -> int | None:
         key = (cloud.as_pointer(), len(cloud.points), cloud.name)
         if key not in self._known:
-            self._known[key] = self._keep(key, lambda: _Shape(export_points(cloud), {cloud.original.session_uid}))
+            self._known[key] = self._keep(
+                key, lambda: _Shape(export_points(cloud), {cloud.original.session_uid})
+            )
         return self._known[key]
 
     def _new_mesh(self, data: Any, owner: Any) -> _Shape:
@@ -411,7 +518,9 @@ class _KeepingCollector(Collector):
         wishes = self._wishes[number] = (*before, wanted) if wanted not in before else before
         if wishes not in shape.states:
             source = shape.states.get(before, shape.geometry)
-            source = shape.states[wishes] = replace(source, uv_maps=dict(source.uv_maps), attributes=dict(source.attributes))
+            source = shape.states[wishes] = replace(
+                source, uv_maps=dict(source.uv_maps), attributes=dict(source.attributes)
+            )
             with readable(data, owner) as mesh:
                 read_attributes(mesh, source, wanted, shape.report)
 
@@ -426,11 +535,17 @@ class _KeepingCollector(Collector):
     def stage(self, things: list[Thing], world: World, census: Census) -> Stage:
         """The scene, without a camera, and where its things are."""
         geometries = tuple(self._finished(number) for number in range(len(self._geometries)))
-        placed = [(thing, _instances(thing)) for thing in things if isinstance(thing.content, _Placed)]
+        placed = [
+            (thing, _instances(thing)) for thing in things if isinstance(thing.content, _Placed)
+        ]
         instances = without_collapsed(tuple(block for _, block in placed), self.report)
-        lamps = [(thing, self._light(thing)) for thing in things if isinstance(thing.content, _Lamp)]
+        lamps = [
+            (thing, self._light(thing)) for thing in things if isinstance(thing.content, _Lamp)
+        ]
         materials, textures = self.materials.joined()
-        scene = Scene(NO_CAMERA, geometries, instances, materials, textures, tuple(self.lights.lights), world)
+        scene = Scene(
+            NO_CAMERA, geometries, instances, materials, textures, tuple(self.lights.lights), world
+        )
         for shape in self._geometries:
             self.report.add(shape.report)
         stage, numbers = (

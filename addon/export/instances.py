@@ -1,7 +1,7 @@
 """Walks the depsgraph's object instances: which geometry stands where, and as what it is seen.
 
-`object_instances.foreach_get` hands out all matrices at once in the order of the iteration, so the Python loop only has to tell things
-apart: 100 000 instances of any kind take about 0.15 s.
+`object_instances.foreach_get` hands out all matrices at once in the order of the iteration, so the
+Python loop only has to tell things apart: 100 000 instances of any kind take about 0.15 s.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ class Flags(NamedTuple):
 
 @dataclass(eq=False)
 class Thing:
-    """One object as one instancer places it: what `make` of `walk` gave for it, and where it stands. uid: the object's session uid."""
+    """One object as one instancer places it: what `make` of `walk` gave for it, and where it
+    stands. uid: the object's session uid.
+    """
 
     content: Any
     name: str
@@ -44,7 +46,9 @@ class Thing:
 
 @dataclass
 class Census:
-    """Session uids of the objects that a walk met: those that render, shown or not, and those that instance or are instanced."""
+    """Session uids of the objects that a walk met: those that render, shown or not, and those that
+    instance or are instanced.
+    """
 
     rendering: set[int] = field(default_factory=set)
     instancing: set[int] = field(default_factory=set)
@@ -65,9 +69,10 @@ def walk(
 ) -> list[Thing]:
     """Every distinct (data, object, instancer) that renders, with its places.
 
-    make: given the evaluated object, the one behind a temporary one, and its flags, once each, while Blender keeps them valid; None
-    leaves the thing out.  shown: asked of every object that stands or instances in the scene itself whether its things are there.
-    census: hears of every thing, also of those left out.
+    make: given the evaluated object, the one behind a temporary one, and its flags, once each,
+    while Blender keeps them valid; None leaves the thing out.  shown: asked of every object that
+    stands or instances in the scene itself whether its things are there. census: hears of every
+    thing, also of those left out.
     """
     things: list[tuple[Any, str, int] | None] = []
     numbers: dict[tuple, int] = {}
@@ -81,7 +86,9 @@ def walk(
             if census is not None:
                 census.note(instance)
             instancer = instance.parent if instance.is_instance else thing
-            things.append(_meet(instance, thing, depsgraph, make, report) if shown(instancer) else None)
+            things.append(
+                _meet(instance, thing, depsgraph, make, report) if shown(instancer) else None
+            )
         rows.append(number)
     return _placed(things, np.array(rows, np.int64), _matrices(depsgraph, len(rows)), report)
 
@@ -95,20 +102,31 @@ def _matrices(depsgraph: Any, count: int) -> np.ndarray:
 
 
 def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report) -> list[Thing]:
-    """Things with their rows of the matrices, in the order in which they were met; places that are not finite are dropped."""
+    """Things with their rows of the matrices, in the order in which they were met; places that are
+    not finite are dropped.
+    """
     sound = np.isfinite(matrices).all((1, 2))
     for number in dict.fromkeys(rows[~sound].tolist()):
         if things[number] is not None:
-            report.note("Objects whose transform is not finite are left out: {}; clear their transforms", things[number][1])
+            report.note(
+                "Objects whose transform is not finite are left out: {}; clear their transforms",
+                things[number][1],
+            )
     rows, matrices = rows[sound], matrices[sound]
     order = np.argsort(rows, kind="stable")
     matrices = matrices[order]
     bounds = np.searchsorted(rows[order], np.arange(len(things) + 1)).tolist()
     spans = zip(things, bounds, bounds[1:], strict=False)
-    return [Thing(*met, matrices[first:end]) for met, first, end in spans if met is not None and first < end]
+    return [
+        Thing(*met, matrices[first:end])
+        for met, first, end in spans
+        if met is not None and first < end
+    ]
 
 
-def _meet(instance: Any, thing: Any, depsgraph: Any, make: Callable, report: Report) -> tuple[Any, str, int] | None:
+def _meet(
+    instance: Any, thing: Any, depsgraph: Any, make: Callable, report: Report
+) -> tuple[Any, str, int] | None:
     """What a new thing is, or None where nothing of it is rendered."""
     instancer = instance.parent if instance.is_instance else thing
     name = thing.name
@@ -130,25 +148,45 @@ def _note_hair(instance: Any, thing: Any, report: Report) -> None:
 
 
 def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
-    """Settings of who is lit by what, and by which rays, that have no counterpart here. owner: the thing or its instancer."""
+    """Settings of who is lit by what, and by which rays, that have no counterpart here. owner: the
+    thing or its instancer.
+    """
     linking = getattr(owner, "light_linking", None)
     if linking is not None and (linking.receiver_collection or linking.blocker_collection):
-        report.note("Light and shadow linking are not rendered: {} light everything and get shadows from everything", thing.name)
+        report.note(
+            "Light and shadow linking are not rendered: {} light everything and get shadows from "
+            "everything",
+            thing.name,
+        )
     if thing.type == "LIGHT":
         if not (owner.visible_diffuse and owner.visible_glossy):
-            report.note("Ray visibility hides the shape of a light, not its light: {} light matt and glossy surfaces", thing.name)
+            report.note(
+                "Ray visibility hides the shape of a light, not its light: {} light matt and "
+                "glossy surfaces",
+                thing.name,
+            )
     elif owner.visible_transmission != owner.visible_glossy:
-        report.note("Refracted rays see what glossy rays see, whatever the transmission visibility of {} says", thing.name)
+        report.note(
+            "Refracted rays see what glossy rays see, whatever the transmission visibility of {} "
+            "says",
+            thing.name,
+        )
 
 
 def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Flags:
-    """Visible to a kind of ray only if thing and instancer both are; holdout by the instancer, as in Cycles."""
+    """Visible to a kind of ray only if thing and instancer both are; holdout by the instancer, as
+    in Cycles.
+    """
     owner = instancer.original
     holdout = owner.holdout_get(view_layer=view_layer)
     indirect_only = not holdout and owner.indirect_only_get(view_layer=view_layer)
     if indirect_only:
-        report.note("Indirect only hides {} from the camera; light is not carried on from there", thing.name)
-    if thing.type != "LIGHT" and (thing.is_shadow_catcher or (instancer is not thing and instancer.is_shadow_catcher)):
+        report.note(
+            "Indirect only hides {} from the camera; light is not carried on from there", thing.name
+        )
+    if thing.type != "LIGHT" and (
+        thing.is_shadow_catcher or (instancer is not thing and instancer.is_shadow_catcher)
+    ):
         report.note("Shadow catchers are rendered as plain objects: {}", thing.name)
     for x in (thing,) if instancer is thing else (thing, instancer):
         _note_light_settings(thing, x, report)

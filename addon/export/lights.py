@@ -1,4 +1,6 @@
-"""Blender's lights to `engine.scene.Light`. Strength is Blender's number for a normalised light, whatever the light's own settings."""
+"""Blender's lights to `engine.scene.Light`. Strength is Blender's number for a normalised light,
+whatever the light's own settings.
+"""
 
 from __future__ import annotations
 
@@ -45,43 +47,73 @@ class Lights:
             if light is not None:
                 self.lights.append(light)
 
-    def _place(self, name: str, data: Any, color: RGB, matrix: np.ndarray, seen: Seen) -> Light | None:
+    def _place(
+        self, name: str, data: Any, color: RGB, matrix: np.ndarray, seen: Seen
+    ) -> Light | None:
         frame, sizes = light_frame(matrix)
         if frame is None and data.type == "POINT":
             frame = np.concatenate([np.eye(3), matrix[:, 3:]], 1)
         if frame is None:
-            self.report.note("Lights that are scaled to nothing are left out ({}): clear their scale", name)
+            self.report.note(
+                "Lights that are scaled to nothing are left out ({}): clear their scale", name
+            )
             return None
         shape = _shape(data, sizes)
         if data.type == "SPOT" and not _same(sizes[0], sizes[1]):
-            self.report.note("The cones of spot lights stay round ({}): give the light one scale along x and y", name)
+            self.report.note(
+                "The cones of spot lights stay round ({}): give the light one scale along x and y",
+                name,
+            )
         strength = light_strength(data, shape)
         if not math.isfinite(strength):
-            self.report.note("Lights whose power is not finite are left out ({}): set their power", name)
+            self.report.note(
+                "Lights whose power is not finite are left out ({}): set their power", name
+            )
             return None
         if not strength or not any(color):
-            self.report.note("Lights without power or of black colour shed no light ({}): set them, or hide the lights", name)
-        return Light(name, data.type, frame, color, strength, cast_shadow=data.use_shadow, visible_camera=seen.camera,
-                     visible_mirror=seen.mirror, **shape)  # fmt: skip
+            self.report.note(
+                "Lights without power or of black colour shed no light ({}): set them, or hide the "
+                "lights",
+                name,
+            )
+        return Light(
+            name,
+            data.type,
+            frame,
+            color,
+            strength,
+            cast_shadow=data.use_shadow,
+            visible_camera=seen.camera,
+            visible_mirror=seen.mirror,
+            **shape,
+        )
 
     def _color(self, name: str, data: Any) -> RGB:
-        """Colour times temperature times what the light's nodes emit; a channel that is not finite counts as 0."""
+        """Colour times temperature times what the light's nodes emit; a channel that is not finite
+        counts as 0.
+        """
         color = np.array(data.color, np.float64)
         if getattr(data, "use_temperature", False):
             color = color * np.array(data.temperature_color)
         color = color * self._node_color(name, data)
         if not np.isfinite(color).all():
-            self.report.note("Lights have a colour that is not finite ({}): its bad channels are black", name)
+            self.report.note(
+                "Lights have a colour that is not finite ({}): its bad channels are black", name
+            )
         self._note_approximations(name, data)
         return tuple(float(x) if math.isfinite(x) else 0.0 for x in color)
 
     def _node_color(self, name: str, data: Any) -> np.ndarray:
-        """What the light's node tree multiplies its colour by: constant emission, or white with a note."""
+        """What the light's node tree multiplies its colour by: constant emission, or white with a
+        note.
+        """
         tree = node_tree(data)
         output = tree and (tree.get_output_node("ALL") or tree.get_output_node("CYCLES"))
         if not output:
             return np.ones(3)
-        closure = Evaluator(name, self.images, self.report).closure(Place(socket_named(output.inputs, "Surface")))
+        closure = Evaluator(name, self.images, self.report).closure(
+            Place(socket_named(output.inputs, "Surface"))
+        )
         emission = closure.get(LobeKey("EMISSION"), ())
         if not is_constant(emission):
             self.report.note("Light textures are not rendered: {} shine with their plain colour")
@@ -90,11 +122,16 @@ class Lights:
 
     def _note_approximations(self, name: str, data: Any) -> None:
         if data.type == "AREA" and data.spread < _FULL_SPREAD:
-            self.report.note("The spread of area lights is not rendered ({}): they shine over the whole half-space", name)
+            self.report.note(
+                "The spread of area lights is not rendered ({}): they shine over the whole "
+                "half-space",
+                name,
+            )
 
 
 def light_frame(matrix: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
-    """The right-handed orthonormal frame (3, 4) of a light, its -z where the light shines, and the lengths (3,) of the matrix's columns.
+    """The right-handed orthonormal frame (3, 4) of a light, its -z where the light shines, and the
+    lengths (3,) of the matrix's columns.
 
     The frame is None where an axis has no length.
     """
@@ -111,27 +148,43 @@ def light_frame(matrix: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
 
 
 def _shape(data: Any, lengths: np.ndarray) -> dict[str, Any]:
-    """The fields of `Light` that say how large it is. Radii are world lengths, whatever the object's scale, as in Cycles."""
+    """The fields of `Light` that say how large it is. Radii are world lengths, whatever the
+    object's scale, as in Cycles.
+    """
     if data.type == "SUN":
         return {"angle": data.angle}
     if data.type == "AREA":
         across = data.size
         up = data.size if data.shape in ("SQUARE", "DISK") else data.size_y
         shape = "ELLIPSE" if data.shape in ("DISK", "ELLIPSE") else "RECTANGLE"
-        return {"shape": shape, "size_x": across * float(lengths[0]), "size_y": up * float(lengths[1])}
-    soft = {"radius": data.shadow_soft_size, "soft_falloff": bool(getattr(data, "use_soft_falloff", False))}
-    return {**soft, "spot_size": _cone(data.spot_size, lengths), "spot_blend": data.spot_blend} if data.type == "SPOT" else soft
+        return {
+            "shape": shape,
+            "size_x": across * float(lengths[0]),
+            "size_y": up * float(lengths[1]),
+        }
+    soft = {
+        "radius": data.shadow_soft_size,
+        "soft_falloff": bool(getattr(data, "use_soft_falloff", False)),
+    }
+    return (
+        {**soft, "spot_size": _cone(data.spot_size, lengths), "spot_blend": data.spot_blend}
+        if data.type == "SPOT"
+        else soft
+    )
 
 
 def _cone(angle: float, lengths: np.ndarray) -> float:
-    """The full angle of a spot whose cone is scaled with its object, as in Cycles; where x and y differ, of a round cone that is as large.
+    """The full angle of a spot whose cone is scaled with its object, as in Cycles; where x and y
+    differ, of a round cone that is as large.
 
-    The cone's edge is exact; what is between a blended edge and the axis follows the cosine of the unscaled cone in Cycles.
+    The cone's edge is exact; what is between a blended edge and the axis follows the cosine of the
+    unscaled cone in Cycles.
     """
     across = math.sqrt(lengths[0] * lengths[1])
     if _same(across, lengths[2]):
         return angle
-    return 2 * math.atan2(math.sin(angle / 2) * across, math.cos(angle / 2) * lengths[2])  # Blender's float32 half circle is a little more
+    # Blender's float32 half circle is a little more
+    return 2 * math.atan2(math.sin(angle / 2) * across, math.cos(angle / 2) * lengths[2])
 
 
 def _same(a: float, b: float) -> bool:
@@ -139,15 +192,23 @@ def _same(a: float, b: float) -> bool:
 
 
 def light_strength(data: Any, shape: dict[str, Any]) -> float:
-    """Power times 2^exposure; where the light is not normalised, times the area by which normalising would divide."""
+    """Power times 2^exposure; where the light is not normalised, times the area by which
+    normalising would divide.
+    """
     strength = data.energy * 2.0 ** getattr(data, "exposure", 0.0)
     return strength if getattr(data, "normalize", True) else strength * _area(data.type, shape)
 
 
 def _area(kind: str, shape: dict[str, Any]) -> float:
-    """Cycles' measure of a light: its surface in m², or the sun's projected solid angle; that of a light of no extent is a convention."""
+    """Cycles' measure of a light: its surface in m², or the sun's projected solid angle; that of a
+    light of no extent is a convention.
+    """
     if kind == "SUN":
         return math.pi * math.sin(shape["angle"] / 2) ** 2 or 1.0
     if kind == "AREA":
-        return shape["size_x"] * shape["size_y"] * (math.pi / 4 if shape["shape"] == "ELLIPSE" else 1.0)
+        return (
+            shape["size_x"]
+            * shape["size_y"]
+            * (math.pi / 4 if shape["shape"] == "ELLIPSE" else 1.0)
+        )
     return 4 * math.pi * shape["radius"] ** 2 or 4.0

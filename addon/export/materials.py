@@ -1,4 +1,6 @@
-"""Blender materials to `engine.scene.Material`: a sum of lobes each, and what the meshes that wear them must bring along."""
+"""Blender materials to `engine.scene.Material`: a sum of lobes each, and what the meshes that wear
+them must bring along.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,15 @@ from typing import Any
 
 from ...engine.scene import LOBES, Lobe, Material, Texture
 from . import nodes_color, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
-from .evaluator import NOT_FINITE, Closure, Evaluator, LobeKey, add_closures, is_finite, scale_closure
+from .evaluator import (
+    NOT_FINITE,
+    Closure,
+    Evaluator,
+    LobeKey,
+    add_closures,
+    is_finite,
+    scale_closure,
+)
 from .graph import Place, images_behind, node_tree, socket_named
 from .images import Images
 from .nodes_principled import plastic_closure
@@ -46,7 +56,11 @@ class Materials:
         key = material.as_pointer() if material is not None else 0
         if key not in self._indices:
             self._indices[key] = len(self.materials)
-            compiled = compile_material(material, self.images, self.report) if material is not None else default_material()
+            compiled = (
+                compile_material(material, self.images, self.report)
+                if material is not None
+                else default_material()
+            )
             self.materials.append(compiled)
             self._wanted.append(wanted_by(compiled))
         return self._indices[key]
@@ -57,11 +71,17 @@ class Materials:
 
 
 def default_material() -> Material:
-    """Blender's surface for things without a material: grey, diffuse before 5.0 and a default Principled from then on, as in Cycles."""
+    """Blender's surface for things without a material: grey, diffuse before 5.0 and a default
+    Principled from then on, as in Cycles.
+    """
     import bpy
 
     grey = constant(0.8)
-    closure = diffuse_closure(grey) if bpy.app.version < (5, 0, 0) else plastic_closure(grey, constant(1.0), 0.5, 1.5, True)
+    closure = (
+        diffuse_closure(grey)
+        if bpy.app.version < (5, 0, 0)
+        else plastic_closure(grey, constant(1.0), 0.5, 1.5, True)
+    )
     return Material("Default", lobes_of(closure))
 
 
@@ -69,20 +89,32 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     """One Blender material as lobes."""
     evaluator = Evaluator(material.name, images, report)
     tree = node_tree(material)
-    closure = _surface(tree, evaluator) if tree is not None else _viewport_surface(material, evaluator)
+    closure = (
+        _surface(tree, evaluator) if tree is not None else _viewport_surface(material, evaluator)
+    )
     lobes = lobes_of(closure)
     if any(lobe.kind == "EMISSION" for lobe in lobes):
-        report.note("Glowing surfaces are seen but light nothing ({}): add lights where they should", material.name)
+        report.note(
+            "Glowing surfaces are seen but light nothing ({}): add lights where they should",
+            material.name,
+        )
     return Material(material.name, lobes, material.pass_index)
 
 
 def _surface(tree: Any, evaluator: Evaluator) -> Closure:
-    """What the active output shows, as in Cycles: black without one; what is but the bounds of a volume lets everything through."""
-    output = next(filter(None, (tree.get_output_node(target) for target in ("ALL", "CYCLES", "EEVEE"))), None)
+    """What the active output shows, as in Cycles: black without one; what is but the bounds of a
+    volume lets everything through.
+    """
+    output = next(
+        filter(None, (tree.get_output_node(target) for target in ("ALL", "CYCLES", "EEVEE"))), None
+    )
     if output is None:
         evaluator.note("Materials without an output node are black: {}; add a Material Output")
         return {}
-    for name, sentence in (("Displacement", "Displacement is not rendered: {}"), ("Volume", "Volumes are not rendered: {}")):
+    for name, sentence in (
+        ("Displacement", "Displacement is not rendered: {}"),
+        ("Volume", "Volumes are not rendered: {}"),
+    ):
         socket = socket_named(output.inputs, name)
         if socket is not None and socket.is_linked:
             evaluator.note(sentence)
@@ -95,12 +127,16 @@ def _surface(tree: Any, evaluator: Evaluator) -> Closure:
 
 
 def _viewport_surface(material: Any, evaluator: Evaluator) -> Closure:
-    """A material without nodes: its viewport colour, metallic and roughness, as Principled would take them."""
+    """A material without nodes: its viewport colour, metallic and roughness, as Principled would
+    take them.
+    """
     if not is_finite((*material.diffuse_color, material.metallic, material.roughness)):
         evaluator.note(NOT_FINITE)
     color, metallic = constant(tuple(material.diffuse_color)[:3]), constant(material.metallic)
     closures = (
-        scale_closure(glossy_closure(color, constant_value(color), material.roughness, True), metallic),
+        scale_closure(
+            glossy_closure(color, constant_value(color), material.roughness, True), metallic
+        ),
         scale_closure(diffuse_closure(color), complement(metallic)),
     )
     return add_closures(*closures)
@@ -108,7 +144,15 @@ def _viewport_surface(material: Any, evaluator: Evaluator) -> Closure:
 
 def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
     """The lobes of a closure in the order of `engine.scene.LOBES`; none of weight 0."""
-    ordered = sorted(closure.items(), key=lambda item: (LOBES.index(item[0].kind), item[0].exponent, item[0].ior, item[0].schlick))
+    ordered = sorted(
+        closure.items(),
+        key=lambda item: (
+            LOBES.index(item[0].kind),
+            item[0].exponent,
+            item[0].ior,
+            item[0].schlick,
+        ),
+    )
     return tuple(_lobe(key, factors_of(term)) for key, terms in ordered for term in terms)
 
 
@@ -125,13 +169,24 @@ def wanted_by(material: Material) -> Wanted:
     )
 
 
-def without_unused(materials: list[Material], textures: list[Texture]) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:
-    """Materials and textures with only the textures that a lobe reads, renumbered: some were only made for their mean."""
-    used = sorted({factor.texture for m in materials for lobe in m.lobes for factor in lobe.factors} - {-1})
+def without_unused(
+    materials: list[Material], textures: list[Texture]
+) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:
+    """Materials and textures with only the textures that a lobe reads, renumbered: some were only
+    made for their mean.
+    """
+    used = sorted(
+        {factor.texture for m in materials for lobe in m.lobes for factor in lobe.factors} - {-1}
+    )
     numbers = {-1: -1, **{old: new for new, old in enumerate(used)}}
 
     def renumbered(lobe: Lobe) -> Lobe:
-        return replace(lobe, factors=tuple(replace(factor, texture=numbers[factor.texture]) for factor in lobe.factors))
+        return replace(
+            lobe,
+            factors=tuple(
+                replace(factor, texture=numbers[factor.texture]) for factor in lobe.factors
+            ),
+        )
 
     kept = tuple(replace(m, lobes=tuple(renumbered(lobe) for lobe in m.lobes)) for m in materials)
     return kept, tuple(textures[old] for old in used)

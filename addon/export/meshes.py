@@ -1,4 +1,6 @@
-"""Evaluated Blender meshes to `engine.scene.Mesh`, by the attribute arrays that Blender hands out without converting."""
+"""Evaluated Blender meshes to `engine.scene.Mesh`, by the attribute arrays that Blender hands out
+without converting.
+"""
 
 from __future__ import annotations
 
@@ -16,22 +18,36 @@ from .report import Report
 from .terms import GREY
 
 _DOMAINS = {"POINT": POINT, "CORNER": CORNER, "FACE": FACE}
-_COLUMNS = {"FLOAT": ("value", 1), "INT": ("value", 1), "INT8": ("value", 1), "BOOLEAN": ("value", 1), "FLOAT2": ("vector", 2),
-            "FLOAT_VECTOR": ("vector", 3), "BYTE_COLOR": ("color", 4), "FLOAT_COLOR": ("color", 4)}  # fmt: skip
+_COLUMNS = {
+    "FLOAT": ("value", 1),
+    "INT": ("value", 1),
+    "INT8": ("value", 1),
+    "BOOLEAN": ("value", 1),
+    "FLOAT2": ("vector", 2),
+    "FLOAT_VECTOR": ("vector", 3),
+    "BYTE_COLOR": ("color", 4),
+    "FLOAT_COLOR": ("color", 4),
+}
 _DTYPES = {"INT": np.int32, "INT8": np.int8, "BOOLEAN": np.bool_}
 _GATHERED = 1 << 18
-"""Corners whose vertices are looked up at once: NumPy widens indices to 64 bits, and so many stay in the cache."""
+"""Corners whose vertices are looked up at once: NumPy widens indices to 64 bits, and so many stay
+in the cache.
+"""
 _LARGEST = float(np.finfo(np.float32).max)
 _FARTHEST = 1e19
-"""Coordinates beyond it count as not finite: single precision cannot hold their squares, so that Blender has no normals for such faces."""
+"""Coordinates beyond it count as not finite: single precision cannot hold their squares, so that
+Blender has no normals for such faces.
+"""
 
 
 @dataclass
 class MeshSource:
-    """A mesh while its instances are being collected: arrays taken when it was first met, attributes as materials ask for them.
+    """A mesh while its instances are being collected: arrays taken when it was first met,
+    attributes as materials ask for them.
 
-    kept: (n,) bool, the triangles of Blender's that are left, None for all.  faces, corners: of the kept ones, once something reads them.
-    used_slots: the material slots that some triangle names, ascending.
+    kept: (n,) bool, the triangles of Blender's that are left, None for all.  faces, corners: of the
+    kept ones, once something reads them. used_slots: the material slots that some triangle names,
+    ascending.
     """
 
     mesh: Mesh
@@ -44,23 +60,35 @@ class MeshSource:
 
     def finished(self) -> Mesh:
         """The mesh with the attributes it was asked for, each once, the active UV map first."""
-        by_name = {attribute.name: attribute for attribute in (*self.attributes.values(), *self.uv_maps.values())}
+        by_name = {
+            attribute.name: attribute
+            for attribute in (*self.attributes.values(), *self.uv_maps.values())
+        }
         maps = {attribute.name: attribute for attribute in self.uv_maps.values()}
         attributes = tuple({**maps, **by_name}.values())
         return replace(self.mesh, corners=self.corners, attributes=attributes)
 
 
 def mesh_key(mesh: Any) -> tuple:
-    """Tells evaluated meshes apart: by address, size and where the vertices lie, so that a temporary mesh at the address of an earlier
-    one is not taken for it."""
+    """Tells evaluated meshes apart: by address, size and where the vertices lie, so that a
+    temporary mesh at the address of an earlier one is not taken for it.
+    """
     if mesh.is_editmode or len(mesh.vertices) == 0:
         return (mesh.as_pointer(), mesh.name)
-    return (mesh.as_pointer(), mesh.name, mesh.vertices[0].as_pointer(), len(mesh.vertices), len(mesh.loops))
+    return (
+        mesh.as_pointer(),
+        mesh.name,
+        mesh.vertices[0].as_pointer(),
+        len(mesh.vertices),
+        len(mesh.loops),
+    )
 
 
 @contextmanager
 def readable(mesh: Any, owner: Any) -> Iterator[Any]:
-    """The mesh with its arrays in place: in edit mode they live in the editor, and its object makes a copy, as for Cycles."""
+    """The mesh with its arrays in place: in edit mode they live in the editor, and its object makes
+    a copy, as for Cycles.
+    """
     if not mesh.is_editmode:
         yield mesh
         return
@@ -71,7 +99,9 @@ def readable(mesh: Any, owner: Any) -> Iterator[Any]:
 
 
 def read_mesh(mesh: Any, report: Report) -> MeshSource | None:
-    """Triangles, slots and normals of an evaluated mesh; None without faces. Its name goes into notes."""
+    """Triangles, slots and normals of an evaluated mesh; None without faces. Its name goes into
+    notes.
+    """
     if len(mesh.polygons) == 0 or len(mesh.vertices) == 0:
         return None
     vertices = vertices_of(mesh)
@@ -89,7 +119,9 @@ def read_mesh(mesh: Any, report: Report) -> MeshSource | None:
 
 
 def read_attributes(mesh: Any, source: MeshSource, wanted: Wanted, report: Report) -> None:
-    """Add what `wanted` names and `source` lacks. Names that the mesh lacks are left out: they read as 0."""
+    """Add what `wanted` names and `source` lacks. Names that the mesh lacks are left out: they read
+    as 0.
+    """
     for name in sorted(wanted.uv_maps - source.uv_maps.keys()):
         _read_uv_map(mesh, source, name)
     for name in sorted(wanted.attributes - source.attributes.keys()):
@@ -104,7 +136,9 @@ def vertices_of(mesh: Any) -> np.ndarray:
 
 
 def _array(data: Any, what: str, count: int, columns: int, dtype: Any = np.float32) -> np.ndarray:
-    """(count, columns) values of an attribute; the dtype must be Blender's own or it converts one by one."""
+    """(count, columns) values of an attribute; the dtype must be Blender's own or it converts one
+    by one.
+    """
     values = np.empty((count, columns), dtype)
     data.foreach_get(what, values.reshape(-1))
     return values
@@ -112,7 +146,9 @@ def _array(data: Any, what: str, count: int, columns: int, dtype: Any = np.float
 
 def _triangles(mesh: Any) -> np.ndarray:
     """(n, 3) uint32: the vertices of Blender's triangulation."""
-    corner_vertices = _array(mesh.attributes[".corner_vert"].data, "value", len(mesh.loops), 1, np.int32).view(np.uint32)[:, 0]
+    corner_vertices = _array(
+        mesh.attributes[".corner_vert"].data, "value", len(mesh.loops), 1, np.int32
+    ).view(np.uint32)[:, 0]
     if _is_triangulated(mesh):
         return corner_vertices.reshape(-1, 3)
     return _looked_up(corner_vertices, _triangle_corners(mesh))
@@ -120,24 +156,31 @@ def _triangles(mesh: Any) -> np.ndarray:
 
 def _is_triangulated(mesh: Any) -> bool:
     """Whether every polygon is a triangle: then the triangles' corners are the mesh's, in order."""
-    return len(mesh.loops) == 3 * len(mesh.polygons) and len(mesh.loop_triangles) == len(mesh.polygons)
+    return len(mesh.loops) == 3 * len(mesh.polygons) and len(mesh.loop_triangles) == len(
+        mesh.polygons
+    )
 
 
 def _triangle_corners(mesh: Any) -> np.ndarray:
-    """(n, 3) uint32 corners of Blender's triangulation. Into uint32, for which Blender copies without converting."""
+    """(n, 3) uint32 corners of Blender's triangulation. Into uint32, for which Blender copies
+    without converting.
+    """
     if _is_triangulated(mesh):
         return np.arange(len(mesh.loops), dtype=np.uint32).reshape(-1, 3)
     return _array(mesh.loop_triangles, "loops", len(mesh.loop_triangles), 3, np.uint32)
 
 
 def _looked_up(table: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """table[indices] in the memory of `indices`, both uint32; takes half the time of that expression."""
+    """table[indices] in the memory of `indices`, both uint32; takes half the time of that
+    expression.
+    """
     flat = indices.reshape(-1)
     wide = np.empty(min(_GATHERED, len(flat)), np.intp)
     for start in range(0, len(flat), _GATHERED):
         part = flat[start : start + _GATHERED]
         wide[: len(part)] = part
-        # Blender's corners are in range; only with "clip" does NumPy write without a buffer in between.
+        # Blender's corners are in range; only with "clip" does NumPy write without a buffer in
+        # between.
         np.take(table, wide[: len(part)], out=part, mode="clip")
     return indices
 
@@ -152,12 +195,16 @@ def _read_corners(mesh: Any, source: MeshSource) -> None:
 def _triangle_faces(mesh: Any, source: MeshSource) -> np.ndarray:
     """(n,) int32: the polygon of each kept triangle."""
     if source.faces is None:
-        faces = _array(mesh.loop_triangle_polygons, "value", len(mesh.loop_triangle_polygons), 1, np.int32)[:, 0]
+        faces = _array(
+            mesh.loop_triangle_polygons, "value", len(mesh.loop_triangle_polygons), 1, np.int32
+        )[:, 0]
         source.faces = faces if source.kept is None else faces[source.kept]
     return source.faces
 
 
-def _finite_triangles(name: str, vertices: np.ndarray, triangles: np.ndarray, report: Report) -> np.ndarray | None:
+def _finite_triangles(
+    name: str, vertices: np.ndarray, triangles: np.ndarray, report: Report
+) -> np.ndarray | None:
     """(n,) bool: the triangles whose vertices are finite, or None when all are."""
     if _all_finite(vertices, _FARTHEST):
         return None
@@ -165,7 +212,10 @@ def _finite_triangles(name: str, vertices: np.ndarray, triangles: np.ndarray, re
         kept = (np.abs(vertices) <= _FARTHEST).all(1)[triangles].all(1)
     lost = int(len(kept) - kept.sum())
     if lost:
-        report.note(f"Mesh '{name}' has vertices that are not finite or beyond 1e19: {lost} of its triangles are left out; repair them")
+        report.note(
+            f"Mesh '{name}' has vertices that are not finite or beyond 1e19: {lost} of its "
+            "triangles are left out; repair them"
+        )
     return kept
 
 
@@ -190,28 +240,39 @@ def _normals(mesh: Any, source: MeshSource) -> Attribute | None:
     domain = mesh.normals_domain
     if domain == "FACE":
         return None
-    normals, domain, count = (mesh.vertex_normals, POINT, len(mesh.vertices)) if domain == "POINT" else (
-        mesh.corner_normals, CORNER, len(mesh.loops))  # fmt: skip
+    normals, domain, count = (
+        (mesh.vertex_normals, POINT, len(mesh.vertices))
+        if domain == "POINT"
+        else (mesh.corner_normals, CORNER, len(mesh.loops))
+    )
     if domain == CORNER:
         _read_corners(mesh, source)
     return Attribute("normal", domain, _finite(_array(normals, "vector", count, 3)))
 
 
 def _all_finite(values: np.ndarray, farthest: float = _LARGEST) -> bool:
-    """By the extremes, which carry any NaN or infinity: a fifth of the time of a sum, and no copy as for isfinite."""
+    """By the extremes, which carry any NaN or infinity: a fifth of the time of a sum, and no copy
+    as for isfinite.
+    """
     with np.errstate(all="ignore"):
         return values.size == 0 or bool(-farthest <= values.min() and values.max() <= farthest)
 
 
 def _finite(values: np.ndarray) -> np.ndarray:
     """NaN and Inf as 0, in place where there are any."""
-    return values if _all_finite(values) else np.nan_to_num(values, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
+    return (
+        values
+        if _all_finite(values)
+        else np.nan_to_num(values, copy=False, nan=0.0, posinf=0.0, neginf=0.0)
+    )
 
 
 def _read_uv_map(mesh: Any, source: MeshSource, name: str) -> None:
-    """A UV map, or any attribute, by name; "" is the map that is active for rendering and goes first.
+    """A UV map, or any attribute, by name; "" is the map that is active for rendering and goes
+    first.
 
-    What has not two columns goes as the colour that it is, whose red and green are u and v: one name stands for both.
+    What has not two columns goes as the colour that it is, whose red and green are u and v: one
+    name stands for both.
     """
     active = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
     attribute = mesh.attributes.get(name or active)
@@ -220,11 +281,15 @@ def _read_uv_map(mesh: Any, source: MeshSource, name: str) -> None:
     values = _values(mesh, source, attribute)
     values = values if values.shape[1] == 2 else _as_color(values, grey=False)
     found = Attribute(attribute.name, _DOMAINS[attribute.domain], _finite(values))
-    source.uv_maps = {name: found, **source.uv_maps} if not name else {**source.uv_maps, name: found}
+    source.uv_maps = (
+        {name: found, **source.uv_maps} if not name else {**source.uv_maps, name: found}
+    )
 
 
 def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -> Attribute | None:
-    """(k, 4) values of a geometry attribute: numbers as grey, vectors as colours, the mean channel where the name asks for grey."""
+    """(k, 4) values of a geometry attribute: numbers as grey, vectors as colours, the mean channel
+    where the name asks for grey.
+    """
     plain = name.removeprefix(GREY)
     if plain == ACTIVE_COLOR:
         index = mesh.color_attributes.render_color_index
@@ -233,9 +298,16 @@ def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -
     if attribute is None:
         return None
     if attribute.data_type not in _COLUMNS or attribute.domain not in _DOMAINS:
-        report.note(f"Attribute '{plain}' ({attribute.data_type.lower()} on {attribute.domain.lower()}s) is not read: it counts as 0")
+        report.note(
+            f"Attribute '{plain}' ({attribute.data_type.lower()} on {attribute.domain.lower()}s) "
+            "is not read: it counts as 0"
+        )
         return None
-    return Attribute(name, _DOMAINS[attribute.domain], _finite(_as_color(_values(mesh, source, attribute), name.startswith(GREY))))
+    return Attribute(
+        name,
+        _DOMAINS[attribute.domain],
+        _finite(_as_color(_values(mesh, source, attribute), name.startswith(GREY))),
+    )
 
 
 def _as_color(values: np.ndarray, grey: bool) -> np.ndarray:
@@ -243,7 +315,11 @@ def _as_color(values: np.ndarray, grey: bool) -> np.ndarray:
     if values.shape[1] == 4 and not grey:
         return values
     color = np.ones((len(values), 4), np.float32)
-    color[:, :3] = values if values.shape[1] == 1 else np.pad(values[:, :3], ((0, 0), (0, max(0, 3 - values.shape[1]))))
+    color[:, :3] = (
+        values
+        if values.shape[1] == 1
+        else np.pad(values[:, :3], ((0, 0), (0, max(0, 3 - values.shape[1]))))
+    )
     if grey:
         color[:, :3] = color[:, :3].mean(1, keepdims=True)
     if values.shape[1] == 4:
@@ -254,7 +330,13 @@ def _as_color(values: np.ndarray, grey: bool) -> np.ndarray:
 def _values(mesh: Any, source: MeshSource, attribute: Any) -> np.ndarray:
     """(k, c) of an attribute; values on faces are handed to the triangles."""
     what, columns = _COLUMNS[attribute.data_type]
-    values = _array(attribute.data, what, len(attribute.data), columns, _DTYPES.get(attribute.data_type, np.float32))
+    values = _array(
+        attribute.data,
+        what,
+        len(attribute.data),
+        columns,
+        _DTYPES.get(attribute.data_type, np.float32),
+    )
     if attribute.domain == "FACE":
         values = values[_triangle_faces(mesh, source)]
     elif attribute.domain == "CORNER":

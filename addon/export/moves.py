@@ -1,6 +1,8 @@
-"""Objects that moved and lamps that changed, in a scene that is known: then nothing else has to be walked over.
+"""Objects that moved and lamps that changed, in a scene that is known: then nothing else has to be
+walked over.
 
-Blender lists every object whose transform was evaluated anew, those that follow another by parenting or constraints as well.
+Blender lists every object whose transform was evaluated anew, those that follow another by
+parenting or constraints as well.
 """
 
 from __future__ import annotations
@@ -28,8 +30,12 @@ class _Place:
 class Stage:
     """A scene, and where in it the things are that stand there by themselves, once each."""
 
-    def __init__(self, scene: Scene, census: Census, worn: tuple = (), report: Report | None = None) -> None:
-        """worn: what the scene's materials were made from, for whoever makes them anew.  report: of all but them."""
+    def __init__(
+        self, scene: Scene, census: Census, worn: tuple = (), report: Report | None = None
+    ) -> None:
+        """worn: what the scene's materials were made from, for whoever makes them anew.  report: of
+        all but them.
+        """
         self.scene, self.worn, self.report, self._census = scene, worn, report or Report(), census
         self._places: dict[int, _Place | None] = {}
 
@@ -42,28 +48,45 @@ class Stage:
 
     def _place(self, thing: Thing, number: int | None, numbers: Any) -> None:
         place = self._places.setdefault(thing.uid, _Place())
-        if number is None or place is None or len(thing.matrices) != 1 or thing.uid in self._census.instancing:
+        if (
+            number is None
+            or place is None
+            or len(thing.matrices) != 1
+            or thing.uid in self._census.instancing
+        ):
             self._places[thing.uid] = None
         else:
             numbers(place).append(number)
 
     def follow(self, updates: list[Any], view_layer: Any, images: Any) -> bool:
-        """Takes `depsgraph.updates` into the scene; False, with the scene as it was, where more changed than these numbers tell, or nothing
-        at all is said.
+        """Takes `depsgraph.updates` into the scene; False, with the scene as it was, where more
+        changed than these numbers tell, or nothing at all is said.
 
         images: for lamps with nodes.
         """
         instances, lights = list(self.scene.instances), list(self.scene.lights)
         lamps = {update.id.data for update in updates if _is_lamp(update)}
-        told = [update for update in updates if not (update.id.id_type == "LIGHT" and update.id in lamps)]
-        if not told or not all(self._apply(update, instances, lights, view_layer, images) for update in told):
+        told = [
+            update
+            for update in updates
+            if not (update.id.id_type == "LIGHT" and update.id in lamps)
+        ]
+        if not told or not all(
+            self._apply(update, instances, lights, view_layer, images) for update in told
+        ):
             return False
         self.scene = replace(self.scene, instances=tuple(instances), lights=tuple(lights))
         return True
 
     def stands(self, updates: list[Any], view_layer: Any) -> bool:
-        """Whether objects of which these updates say only that they are shaded anew are seen as before."""
-        return all(self._is_seen_as_before(update.id, view_layer) for update in updates if update.id.id_type == "OBJECT")
+        """Whether objects of which these updates say only that they are shaded anew are seen as
+        before.
+        """
+        return all(
+            self._is_seen_as_before(update.id, view_layer)
+            for update in updates
+            if update.id.id_type == "OBJECT"
+        )
 
     def _is_seen_as_before(self, thing: Any, view_layer: Any) -> bool:
         uid = thing.original.session_uid
@@ -78,15 +101,27 @@ class Stage:
             return False  # what is said of it may be another thing now
         now = (thing.pass_index, flags.camera, flags.mirror, flags.shadow, flags.holdout)
         groups = (self.scene.instances[number] for number in place.instances)
-        return all(now == (g.object_index, g.visible_camera, g.visible_mirror, g.visible_shadow, g.holdout) for g in groups)
+        return all(
+            now == (g.object_index, g.visible_camera, g.visible_mirror, g.visible_shadow, g.holdout)
+            for g in groups
+        )
 
     def _is_met(self, uid: int) -> bool:
         return uid in self._census.rendering or uid in self._census.instancing
 
-    def _apply(self, update: Any, instances: list[Instances], lights: list[Light], view_layer: Any, images: Any) -> bool:
+    def _apply(
+        self,
+        update: Any,
+        instances: list[Instances],
+        lights: list[Light],
+        view_layer: Any,
+        images: Any,
+    ) -> bool:
         """Whether all that the update tells is in the lists now."""
         changed = update.id
-        if changed.id_type != "OBJECT" or (not update.is_updated_transform and not _is_lamp(update)):
+        if changed.id_type != "OBJECT" or (
+            not update.is_updated_transform and not _is_lamp(update)
+        ):
             return False
         if (update.is_updated_geometry or update.is_updated_shading) and not _is_lamp(update):
             return False
@@ -116,8 +151,18 @@ def _move(numbers: list[int], matrix: np.ndarray, instances: list[Instances]) ->
     return len(without_collapsed(moved, Report())) == len(moved)
 
 
-def _relight(numbers: list[int], lamp: Any, matrix: np.ndarray, lights: list[Light], view_layer: Any, images: Any, report: Report) -> bool:
-    """False where the lamp is not one light any more, or something is or was said of it in `report`."""
+def _relight(
+    numbers: list[int],
+    lamp: Any,
+    matrix: np.ndarray,
+    lights: list[Light],
+    view_layer: Any,
+    images: Any,
+    report: Report,
+) -> bool:
+    """False where the lamp is not one light any more, or something is or was said of it in
+    `report`.
+    """
     for number in numbers:
         own = Report()
         flags = flags_of(lamp, lamp, view_layer, own)

@@ -1,4 +1,6 @@
-"""Nodes that compute colours and numbers: exact on constants, by the algebra of sums where it holds, texel by texel on one texture."""
+"""Nodes that compute colours and numbers: exact on constants, by the algebra of sums where it
+holds, texel by texel on one texture.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,21 @@ import numpy as np
 
 from .evaluator import COLOR_NODES, NodeView
 from .fresnel import dielectric_albedo, fresnel
-from .terms import ONE, ZERO, Sum, add, complement, constant, constant_value, from_input, grey, is_constant, mix, multiply, scale
+from .terms import (
+    ONE,
+    ZERO,
+    Sum,
+    add,
+    complement,
+    constant,
+    constant_value,
+    from_input,
+    grey,
+    is_constant,
+    mix,
+    multiply,
+    scale,
+)
 
 Pointwise = Callable[..., np.ndarray]
 """Of (n, 3) arrays, one per operand, to (n, 3)."""
@@ -18,12 +34,20 @@ Pointwise = Callable[..., np.ndarray]
 # letters as in Blender's Math node: a, b, c the operands
 _MATH: dict[str, Pointwise] = {
     "DIVIDE": lambda a, b, c: np.divide(a, b, out=np.zeros_like(a), where=b != 0),
-    "POWER": lambda a, b, c: np.where((a >= 0) | (b == np.rint(b)), np.power(np.abs(a), b) * np.where((a < 0) & (b % 2 == 1), -1, 1), 0),
+    "POWER": lambda a, b, c: np.where(
+        (a >= 0) | (b == np.rint(b)),
+        np.power(np.abs(a), b) * np.where((a < 0) & (b % 2 == 1), -1, 1),
+        0,
+    ),
     "SQRT": lambda a, b, c: np.sqrt(np.maximum(a, 0)),
     "INVERSE_SQRT": lambda a, b, c: np.where(a > 0, 1 / np.sqrt(np.where(a > 0, a, 1)), 0),
     "ABSOLUTE": lambda a, b, c: np.abs(a),
     "EXPONENT": lambda a, b, c: np.exp(a),
-    "LOGARITHM": lambda a, b, c: np.where((a > 0) & (b > 0) & (b != 1), np.log(np.maximum(a, 1e-30)) / np.log(np.where(b == 1, 2, b)), 0),
+    "LOGARITHM": lambda a, b, c: np.where(
+        (a > 0) & (b > 0) & (b != 1),
+        np.log(np.maximum(a, 1e-30)) / np.log(np.where(b == 1, 2, b)),
+        0,
+    ),
     "MINIMUM": lambda a, b, c: np.minimum(a, b),
     "MAXIMUM": lambda a, b, c: np.maximum(a, b),
     "LESS_THAN": lambda a, b, c: (a < b) * 1.0,
@@ -53,19 +77,37 @@ _BLEND: dict[str, Pointwise] = {
 
 
 def pointwise(view: NodeView, key: tuple, function: Pointwise, *operands: Sum) -> Sum | None:
-    """function of the operands where at most one varies, and that one with a single texture; None otherwise."""
+    """function of the operands where at most one varies, and that one with a single texture; None
+    otherwise.
+    """
     varying = [k for k, terms in enumerate(operands) if not is_constant(terms)]
-    fixed = [np.array([constant_value(terms)], np.float32) if is_constant(terms) else None for terms in operands]
+    fixed = [
+        np.array([constant_value(terms)], np.float32) if is_constant(terms) else None
+        for terms in operands
+    ]
     if not varying:
         with np.errstate(all="ignore"):
             return constant(tuple(float(x) for x in np.broadcast_to(function(*fixed), (1, 3))[0]))
     terms = operands[varying[0]]
-    if len(varying) > 1 or len(terms) > 1 or len(terms[0].factors) > 1 or terms[0].factors[0].texture < 0:
+    if (
+        len(varying) > 1
+        or len(terms) > 1
+        or len(terms[0].factors) > 1
+        or terms[0].factors[0].texture < 0
+    ):
         return None
-    return _texelwise(view, (*key, *(v.tobytes() if v is not None else b"" for v in fixed), terms[0].value), function, fixed, terms)
+    return _texelwise(
+        view,
+        (*key, *(v.tobytes() if v is not None else b"" for v in fixed), terms[0].value),
+        function,
+        fixed,
+        terms,
+    )
 
 
-def _texelwise(view: NodeView, key: tuple, function: Pointwise, fixed: list, terms: Sum) -> Sum | None:
+def _texelwise(
+    view: NodeView, key: tuple, function: Pointwise, fixed: list, terms: Sum
+) -> Sum | None:
     (term,) = terms
     source = term.factors[0]
     if source.attribute:
@@ -108,7 +150,9 @@ def _clamped(view: NodeView, terms: Sum | None, low: float = 0.0, high: float = 
 
 
 def _clamp(view: NodeView, output: Any) -> Sum | None:
-    """min(max(value, low), high), so high where the two are the wrong way round; RANGE puts them right."""
+    """min(max(value, low), high), so high where the two are the wrong way round; RANGE puts them
+    right.
+    """
     low, high = view.constant("Min", 0.0), view.constant("Max", 1.0)
     if low > high:
         low, high = (high, low) if view.node.clamp_type == "RANGE" else (high, high)
@@ -128,7 +172,9 @@ def _mix(view: NodeView, output: Any) -> Sum | None:
 
 
 def _mix_rgb(view: NodeView, output: Any) -> Sum | None:
-    result = _blended(view, view.node.blend_type, view.factor("Fac"), view.color("Color1"), view.color("Color2"))
+    result = _blended(
+        view, view.node.blend_type, view.factor("Fac"), view.color("Color1"), view.color("Color2")
+    )
     return _clamped(view, result) if view.node.use_clamp else result
 
 
@@ -169,11 +215,20 @@ def _bright_contrast(view: NodeView, output: Any) -> Sum | None:
     def apply(color: np.ndarray, bright: np.ndarray, contrast: np.ndarray) -> np.ndarray:
         return np.maximum((1 + contrast) * color + bright - contrast * 0.5, 0)
 
-    return pointwise(view, ("bright",), apply, view.color("Color"), view.number("Bright"), view.number("Contrast"))
+    return pointwise(
+        view,
+        ("bright",),
+        apply,
+        view.color("Color"),
+        view.number("Bright"),
+        view.number("Contrast"),
+    )
 
 
 def _color_ramp(view: NodeView, output: Any) -> Sum | None:
-    """The ramp sampled at 256 places, linear between; exact where both stops and inputs are 8-bit."""
+    """The ramp sampled at 256 places, linear between; exact where both stops and inputs are
+    8-bit.
+    """
     factor = view.number("Fac")
     ramp = view.node.color_ramp
     channels = slice(3, 4) if output.name == "Alpha" else slice(0, 3)
@@ -184,7 +239,9 @@ def _color_ramp(view: NodeView, output: Any) -> Sum | None:
     table = np.broadcast_to(table, (256, 3))
 
     def apply(numbers: np.ndarray) -> np.ndarray:
-        return np.stack([np.interp(numbers[:, 0] * 255, np.arange(256), table[:, k]) for k in range(3)], -1)
+        return np.stack(
+            [np.interp(numbers[:, 0] * 255, np.arange(256), table[:, k]) for k in range(3)], -1
+        )
 
     return pointwise(view, ("ramp", table.tobytes()), apply, factor)
 
@@ -193,21 +250,29 @@ def _map_range(view: NodeView, output: Any) -> Sum | None:
     node = view.node
     if node.data_type != "FLOAT" or node.interpolation_type != "LINEAR":
         return None
-    low, high, to_low, to_high = (view.constant(name) for name in ("From Min", "From Max", "To Min", "To Max"))
+    low, high, to_low, to_high = (
+        view.constant(name) for name in ("From Min", "From Max", "To Min", "To Max")
+    )
     if high == low:
         return ZERO
     slope = (to_high - to_low) / (high - low)
     result = add(scale(view.number("Value"), slope), constant(to_low - low * slope))
-    return _clamped(view, result, min(to_low, to_high), max(to_low, to_high)) if node.clamp else result
+    return (
+        _clamped(view, result, min(to_low, to_high), max(to_low, to_high)) if node.clamp else result
+    )
 
 
 def _separate(view: NodeView, output: Any) -> Sum | None:
     """One channel as a number, of constants and textures, in RGB."""
     if getattr(view.node, "mode", "RGB") != "RGB":
         return None
-    channel = next(k for k, socket in enumerate(view.node.outputs) if socket.identifier == output.identifier)
+    channel = next(
+        k for k, socket in enumerate(view.node.outputs) if socket.identifier == output.identifier
+    )
     color = next(view.color(name) for name in ("Color", "Image", "Vector") if view.input(name))
-    return pointwise(view, ("channel", channel), lambda a: np.repeat(a[:, channel : channel + 1], 3, 1), color)
+    return pointwise(
+        view, ("channel", channel), lambda a: np.repeat(a[:, channel : channel + 1], 3, 1), color
+    )
 
 
 def _combine(view: NodeView, output: Any) -> Sum | None:
@@ -216,11 +281,18 @@ def _combine(view: NodeView, output: Any) -> Sum | None:
         return None
     names = [socket.identifier for socket in view.node.inputs][:3]
     axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    return add(*(multiply(view.number(name), constant(axis)) for name, axis in zip(names, axes, strict=True)))
+    return add(
+        *(
+            multiply(view.number(name), constant(axis))
+            for name, axis in zip(names, axes, strict=True)
+        )
+    )
 
 
 def _hue_saturation(view: NodeView, output: Any) -> Sum | None:
-    """Value alone is a scale; hue and saturation are worked out by Blender's HSV, texel by texel."""
+    """Value alone is a scale; hue and saturation are worked out by Blender's HSV, texel by
+    texel.
+    """
     hue, saturation, value = (view.number(name) for name in ("Hue", "Saturation", "Value"))
     color, factor = view.color("Color"), view.factor("Fac", 1.0)
     if constant_value(hue)[0] == 0.5 and saturation == ONE and is_constant(hue):
@@ -229,23 +301,35 @@ def _hue_saturation(view: NodeView, output: Any) -> Sum | None:
     return mix(factor, color, result) if result is not None else None
 
 
-def _shift_hsv(color: np.ndarray, hue: np.ndarray, saturation: np.ndarray, value: np.ndarray) -> np.ndarray:
+def _shift_hsv(
+    color: np.ndarray, hue: np.ndarray, saturation: np.ndarray, value: np.ndarray
+) -> np.ndarray:
     """The hexcone model (Smith 1978): hue turned by hue - 0.5, saturation and value scaled."""
     high, low = color.max(1), color.min(1)
     span = high - low
     safe = np.where(span == 0, 1, span)
     red, green, blue = color.T
-    sector = np.where(high == red, (green - blue) / safe, np.where(high == green, 2 + (blue - red) / safe, 4 + (red - green) / safe))
+    sector = np.where(
+        high == red,
+        (green - blue) / safe,
+        np.where(high == green, 2 + (blue - red) / safe, 4 + (red - green) / safe),
+    )
     turned = np.mod(sector / 6 + hue[:, 0] + 0.5, 1.0) * 6
-    share = np.clip(np.where(high == 0, 0, span / np.where(high == 0, 1, high)) * saturation[:, 0], 0, 1)
+    share = np.clip(
+        np.where(high == 0, 0, span / np.where(high == 0, 1, high)) * saturation[:, 0], 0, 1
+    )
     offsets = np.mod(turned[:, None] + np.array([5.0, 3.0, 1.0]), 6)
     wave = np.clip(np.minimum(offsets, 4 - offsets), 0, 1)
     return (high * value[:, 0])[:, None] * (1 - share[:, None] * wave)
 
 
 def _fresnel(view: NodeView, output: Any) -> Sum:
-    """View-dependent: the reflectance at 45° stands for it, but for Mix Shader, which knows better."""
-    view.note("A Fresnel node is rendered as its value at 45° in {}: only mixing a mirror by it is exact")
+    """View-dependent: the reflectance at 45° stands for it, but for Mix Shader, which knows
+    better.
+    """
+    view.note(
+        "A Fresnel node is rendered as its value at 45° in {}: only mixing a mirror by it is exact"
+    )
     return constant(dielectric_albedo(view.constant("IOR", 1.5)))
 
 

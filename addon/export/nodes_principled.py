@@ -1,4 +1,6 @@
-"""The Principled BSDF as a sum of lobes, layered as in Blender 4.0 and later: coat over emission, metal, glass, dielectric over diffuse."""
+"""The Principled BSDF as a sum of lobes, layered as in Blender 4.0 and later: coat over emission,
+metal, glass, dielectric over diffuse.
+"""
 
 from __future__ import annotations
 
@@ -31,38 +33,66 @@ def _principled(view: NodeView) -> Closure:
     insulator = complement(metallic)
     surface = add_closures(
         scale_closure(metal_closure(view, base, roughness), metallic) if metallic else {},
-        scale_closure(_plastic(view, base, roughness), multiply(insulator, complement(transmission))),
-        scale_closure(_glass(view, base, roughness), multiply(insulator, transmission)) if transmission else {},
-        {LobeKey("EMISSION"): multiply(view.reflectance("Emission Color"), view.amount("Emission Strength"))},
+        scale_closure(
+            _plastic(view, base, roughness), multiply(insulator, complement(transmission))
+        ),
+        scale_closure(_glass(view, base, roughness), multiply(insulator, transmission))
+        if transmission
+        else {},
+        {
+            LobeKey("EMISSION"): multiply(
+                view.reflectance("Emission Color"), view.amount("Emission Strength")
+            )
+        },
     )
     return under_alpha(_sheened(view, _coated(view, surface)), view.factor("Alpha", 1.0))
 
 
-def plastic_closure(base: Sum, tint: Sum, roughness: float, ior: float, multiscatter: bool) -> Closure:
+def plastic_closure(
+    base: Sum, tint: Sum, roughness: float, ior: float, multiscatter: bool
+) -> Closure:
     """A dielectric layer over a diffuse one, which gets what the layer lets through."""
     below = below_coat(base, _largest(tint), roughness, ior, multiscatter)
     return add_closures(below, coat_closure(ONE, roughness, ior, multiscatter, tint))
 
 
 def _largest(color: Sum) -> Sum:
-    """The largest channel, by which Cycles dims what lies below a tinted layer; each channel of what varies."""
+    """The largest channel, by which Cycles dims what lies below a tinted layer; each channel of
+    what varies.
+    """
     return constant(max(constant_value(color))) if is_constant(color) else color
 
 
 def _plastic(view: NodeView, base: Sum, roughness: float) -> Closure:
-    return plastic_closure(base, view.reflectance("Specular Tint", 1.0), roughness, _specular_ior(view), is_multiscatter(view))
+    return plastic_closure(
+        base,
+        view.reflectance("Specular Tint", 1.0),
+        roughness,
+        _specular_ior(view),
+        is_multiscatter(view),
+    )
 
 
 def _specular_ior(view: NodeView) -> float:
-    """The index of refraction with the node's specular level in it: the level scales F0, one half leaves it as it is."""
+    """The index of refraction with the node's specular level in it: the level scales F0, one half
+    leaves it as it is.
+    """
     ior, level = sound_ior(view), view.constant("Specular IOR Level", 0.5)
-    return ior if level == 0.5 else ior_from_reflectance(normal_reflectance(ior) * 2 * max(level, 0.0))
+    return (
+        ior if level == 0.5 else ior_from_reflectance(normal_reflectance(ior) * 2 * max(level, 0.0))
+    )
 
 
 def _glass(view: NodeView, base: Sum, roughness: float) -> Closure:
-    """Refraction takes the root of the base colour, so that light which enters and leaves takes all of it."""
+    """Refraction takes the root of the base colour, so that light which enters and leaves takes all
+    of it.
+    """
     ior = sound_ior(view)
-    root = constant(tuple(math.sqrt(max(x, 0.0)) for x in constant_value(base))) if is_constant(base) else base
+    root = (
+        constant(tuple(math.sqrt(max(x, 0.0)) for x in constant_value(base)))
+        if is_constant(base)
+        else base
+    )
     return glass_closure(view, view.reflectance("Specular Tint", 1.0), root, roughness, ior)
 
 
@@ -74,7 +104,9 @@ def _coated(view: NodeView, surface: Closure) -> Closure:
     ior = max(view.constant("Coat IOR", 1.5), 1e-3)
     tint = view.reflectance("Coat Tint", 1.0)
     roughness = view.constant("Coat Roughness", 0.03)
-    through = multiply(complement(scale(weight, layer_loss(roughness, ior))), mix(weight, ONE, tint))
+    through = multiply(
+        complement(scale(weight, layer_loss(roughness, ior))), mix(weight, ONE, tint)
+    )
     coat = coat_closure(weight, roughness, ior)
     return add_closures(scale_closure(surface, through), coat)
 
@@ -85,7 +117,10 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
     if not weight:
         return surface
     view.note("Principled's sheen is rendered as diffuse in {}")
-    reflected = scale(multiply(weight, view.reflectance("Sheen Tint", 1.0)), sheen_albedo(view.constant("Sheen Roughness", 0.5)))
+    reflected = scale(
+        multiply(weight, view.reflectance("Sheen Tint", 1.0)),
+        sheen_albedo(view.constant("Sheen Roughness", 0.5)),
+    )
     return add_closures(scale_closure(surface, complement(reflected)), diffuse_closure(reflected))
 
 

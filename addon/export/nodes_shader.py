@@ -8,31 +8,54 @@ from typing import Any
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .fresnel import dielectric_albedo, normal_reflectance
 from .graph import BLINN_PHONG, source
-from .roughness import World, dielectric_world, highlights, scattered, scattered_narrow, scattered_wide, width, world_of
+from .roughness import (
+    World,
+    dielectric_world,
+    highlights,
+    scattered,
+    scattered_narrow,
+    scattered_wide,
+    width,
+    world_of,
+)
 from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
 
 MIRROR_ROUGHNESS = 0.05
-"""Up to here a glossy lobe is an ideal mirror: GGX's α = 0.0025 blurs a reflection by 0.14°, a pixel or two of usual pictures."""
+"""Up to here a glossy lobe is an ideal mirror: GGX's α = 0.0025 blurs a reflection by 0.14°, a
+pixel or two of usual pictures.
+"""
 
 
 def diffuse_closure(color: Sum) -> Closure:
-    """Lambert's lobe and its share of the ambient light: in a uniform world both reflect `color` of it."""
+    """Lambert's lobe and its share of the ambient light: in a uniform world both reflect `color` of
+    it.
+    """
     return {LobeKey("DIFFUSE"): color, LobeKey("AMBIENT"): color}
 
 
-def glossy_closure(color: Sum, mean: RGB, roughness: float, multiscatter: bool, edge: bool = True) -> Closure:
-    """A metal-like lobe that reflects `color`, whose mean is given; edge: white at grazing angles (Schlick), as metals do.
+def glossy_closure(
+    color: Sum, mean: RGB, roughness: float, multiscatter: bool, edge: bool = True
+) -> Closure:
+    """A metal-like lobe that reflects `color`, whose mean is given; edge: white at grazing angles
+    (Schlick), as metals do.
 
     What scatters more than once is the mean's: exact for constants.
     """
     if roughness <= MIRROR_ROUGHNESS:
         return {LobeKey("MIRROR"): color}
     world, rest = world_of(roughness, "METAL"), complement(color) if edge else ZERO
-    again = tuple(scattered(f + (1 - f) / 21 if edge else f, roughness) for f in mean) if multiscatter else (0.0, 0.0, 0.0)
+    again = (
+        tuple(scattered(f + (1 - f) / 21 if edge else f, roughness) for f in mean)
+        if multiscatter
+        else (0.0, 0.0, 0.0)
+    )
     brighter = constant(tuple(1 + x * scattered_narrow(roughness) for x in again))
     spread = multiply(color, constant(again))
     once = multiply(color, constant(tuple(1 - x for x in again)))
-    always, grazing = add(spread, scale(once, world.a0), scale(rest, world.b0)), add(scale(once, world.a1), scale(rest, world.b1))
+    always, grazing = (
+        add(spread, scale(once, world.a0), scale(rest, world.b0)),
+        add(scale(once, world.a1), scale(rest, world.b1)),
+    )
     return add_closures(
         _highlights(multiply(color, brighter), roughness),
         _highlights(multiply(rest, brighter), roughness, schlick=True),
@@ -49,7 +72,12 @@ def metal_closure(view: NodeView, color: Sum, roughness: float) -> Closure:
 
 def _highlights(weight: Sum, roughness: float, **more: Any) -> Closure:
     masking = width(roughness)
-    return add_closures(*({LobeKey("SPECULAR", p, masking=masking, **more): scale(weight, s)} for p, s in highlights(roughness)))
+    return add_closures(
+        *(
+            {LobeKey("SPECULAR", p, masking=masking, **more): scale(weight, s)}
+            for p, s in highlights(roughness)
+        )
+    )
 
 
 def _seen(kind: str, always: Sum, grazing: Sum, world: World) -> Closure:
@@ -61,8 +89,12 @@ def _matt(color: Sum, world: World, always: float, grazing: float) -> Closure:
     return _seen("DIFFUSE", scale(color, always), scale(color, grazing), world)
 
 
-def coat_closure(weight: Sum, roughness: float, ior: float, multiscatter: bool = True, tint: Sum = ONE) -> Closure:
-    """A dielectric interface's reflection, by Fresnel; tint: of the reflectance at normal incidence, not of that at grazing angles."""
+def coat_closure(
+    weight: Sum, roughness: float, ior: float, multiscatter: bool = True, tint: Sum = ONE
+) -> Closure:
+    """A dielectric interface's reflection, by Fresnel; tint: of the reflectance at normal
+    incidence, not of that at grazing angles.
+    """
     if ior == 1.0:
         return {}
     if roughness <= MIRROR_ROUGHNESS:
@@ -70,7 +102,9 @@ def coat_closure(weight: Sum, roughness: float, ior: float, multiscatter: bool =
     f0, world = normal_reflectance(ior), dielectric_world(roughness, ior)
     again = scattered(f0 + (1 - f0) / 21, roughness) if multiscatter else 0.0
     tinted = scale(tint, f0)
-    highlight = _dielectric_highlights(tint, roughness, ior, 1 + again * scattered_narrow(roughness))
+    highlight = _dielectric_highlights(
+        tint, roughness, ior, 1 + again * scattered_narrow(roughness)
+    )
     closures = add_closures(
         highlight,
         _matt(scale(tinted, again * scattered_wide(roughness)), world, 1 - world.a0, -world.a1),
@@ -80,43 +114,66 @@ def coat_closure(weight: Sum, roughness: float, ior: float, multiscatter: bool =
 
 
 def _dielectric_highlights(tint: Sum, roughness: float, ior: float, brighter: float) -> Closure:
-    """F = a F_ior + b, so that it is the tint times F0 at normal incidence and 1 at grazing angles."""
+    """F = a F_ior + b, so that it is the tint times F0 at normal incidence and 1 at grazing
+    angles.
+    """
     f0 = normal_reflectance(ior)
     if tint == ONE:
         return _highlights(constant(brighter), roughness, fresnel=True, ior=ior)
     white = scale(complement(scale(tint, f0)), brighter)
     if f0 > 0.5:  # where a and b would all but cancel; Schlick's weight is as good there
-        return add_closures(_highlights(scale(tint, f0 * brighter), roughness), _highlights(white, roughness, schlick=True))
+        return add_closures(
+            _highlights(scale(tint, f0 * brighter), roughness),
+            _highlights(white, roughness, schlick=True),
+        )
     b = scale(complement(tint), -f0 / (1 - f0) * brighter)
-    return add_closures(_highlights(scale(white, 1 / (1 - f0)), roughness, fresnel=True, ior=ior), _highlights(b, roughness))
+    return add_closures(
+        _highlights(scale(white, 1 / (1 - f0)), roughness, fresnel=True, ior=ior),
+        _highlights(b, roughness),
+    )
 
 
 def _reflected(kind: str, f0: Sum, world: World, again: float) -> Closure:
-    """What of a uniform world a dielectric layer reflects; again: the share of what is not sent out at once."""
+    """What of a uniform world a dielectric layer reflects; again: the share of what is not sent out
+    at once.
+    """
     rest, once = complement(f0), scale(f0, 1 - again)
     always = add(scale(f0, again), scale(once, world.a0), scale(rest, world.b0))
     return _seen(kind, always, add(scale(once, world.a1), scale(rest, world.b1)), world)
 
 
 def below_coat(base: Sum, tint: Sum, roughness: float, ior: float, multiscatter: bool) -> Closure:
-    """A diffuse layer under a dielectric one, which by Cycles keeps what it reflects of a uniform world in the direction of view.
+    """A diffuse layer under a dielectric one, which by Cycles keeps what it reflects of a uniform
+    world in the direction of view.
 
     Scattering once it keeps the rough share of F0 too.
     """
     world, f0 = dielectric_world(roughness, ior), normal_reflectance(ior)
     if not multiscatter:
         world = replace(world, a0=1.0, a1=0.0)
-    kept = _reflected("DIFFUSE", scale(tint, f0), world, scattered(f0 + (1 - f0) / 21, roughness) if multiscatter else 0.0)
+    kept = _reflected(
+        "DIFFUSE",
+        scale(tint, f0),
+        world,
+        scattered(f0 + (1 - f0) / 21, roughness) if multiscatter else 0.0,
+    )
     always, grazing = kept[LobeKey("DIFFUSE")], kept[LobeKey("DIFFUSE", exponent=world.q)]
     through, less = multiply(base, complement(always)), scale(multiply(base, grazing), -1.0)
-    return add_closures(_seen("DIFFUSE", through, less, world), _seen("AMBIENT", through, less, world))
+    return add_closures(
+        _seen("DIFFUSE", through, less, world), _seen("AMBIENT", through, less, world)
+    )
 
 
-def glass_closure(view: NodeView, reflected: Sum, refracted: Sum, roughness: float, ior: float) -> Closure:
+def glass_closure(
+    view: NodeView, reflected: Sum, refracted: Sum, roughness: float, ior: float
+) -> Closure:
     """Both sides of a dielectric interface."""
     if roughness > MIRROR_ROUGHNESS:
         view.note("Rough refraction is rendered clear in {}")
-    return add_closures(coat_closure(reflected, roughness, ior), {LobeKey("REFRACTION", ior=ior, fresnel=True): refracted})
+    return add_closures(
+        coat_closure(reflected, roughness, ior),
+        {LobeKey("REFRACTION", ior=ior, fresnel=True): refracted},
+    )
 
 
 def is_multiscatter(view: NodeView) -> bool:
@@ -131,7 +188,10 @@ def sound_ior(view: NodeView) -> float:
 def note_bump(view: NodeView, *names: str) -> None:
     """One note where a node's normals are bent by something."""
     if any(view.is_linked(name) for name in names):
-        view.note("Normal maps and bumps are not rendered: {} keep the mesh's normals; bake them to geometry")
+        view.note(
+            "Normal maps and bumps are not rendered: {} keep the mesh's normals; bake them to "
+            "geometry"
+        )
 
 
 LEFT_OUT = {
@@ -157,13 +217,17 @@ def note_microfacets(view: NodeView) -> None:
     note_left_out(view, LEFT_OUT)
     distribution = getattr(view.node, "distribution", "GGX")
     if distribution not in _MICROFACETS:
-        view.note(f"The distribution {distribution.replace('_', ' ').title()} is rendered as GGX in {{}}")
+        view.note(
+            f"The distribution {distribution.replace('_', ' ').title()} is rendered as GGX in {{}}"
+        )
 
 
 def note_edge_tint(view: NodeView, name: str) -> None:
     """Where a metal's colour at grazing angles is not white."""
     if view.input(name) and view.color(name) != ONE:
-        view.note(f"The {name.lower()} of metals is not rendered: {{}} turn white at grazing angles")
+        view.note(
+            f"The {name.lower()} of metals is not rendered: {{}} turn white at grazing angles"
+        )
 
 
 def _diffuse(view: NodeView) -> Closure:
@@ -181,14 +245,23 @@ def _as_diffuse(view: NodeView) -> Closure:
 def _glossy(view: NodeView) -> Closure:
     note_microfacets(view)
     color = view.reflectance("Color")
-    return glossy_closure(color, view.evaluator.mean(color), view.constant("Roughness"), is_multiscatter(view), edge=False)
+    return glossy_closure(
+        color,
+        view.evaluator.mean(color),
+        view.constant("Roughness"),
+        is_multiscatter(view),
+        edge=False,
+    )
 
 
 def _metallic(view: NodeView) -> Closure:
     note_microfacets(view)
     note_edge_tint(view, "Edge Tint")
     if view.node.fresnel_type != "F82":
-        view.note("The Metallic shader's physical conductor is rendered by its base colour in {}: choose F82 Tint")
+        view.note(
+            "The Metallic shader's physical conductor is rendered by its base colour in {}: choose "
+            "F82 Tint"
+        )
     return metal_closure(view, view.reflectance("Base Color"), view.constant("Roughness"))
 
 
@@ -223,10 +296,17 @@ def _mix(view: NodeView) -> Closure:
 
 
 def _fresnel_factor(view: NodeView) -> float | None:
-    """The index of refraction of the Fresnel node that drives a Mix Shader, where it is a constant."""
+    """The index of refraction of the Fresnel node that drives a Mix Shader, where it is a
+    constant.
+    """
     place = view.input("Fac") or view.input("Factor")
     found = source(place) if place else None
-    if found is None or not found.socket.is_output or found.node.mute or found.node.bl_idname != "ShaderNodeFresnel":
+    if (
+        found is None
+        or not found.socket.is_output
+        or found.node.mute
+        or found.node.bl_idname != "ShaderNodeFresnel"
+    ):
         return None
     terms = NodeView(view.evaluator, found).number("IOR", 1.5)
     return max(terms[0].value[0], 1e-3) if terms and is_constant(terms) else None
@@ -237,12 +317,20 @@ def _only_rays(closure: Closure) -> bool:
 
 
 def _fresnel_mix(first: Closure, mirror: Closure, ior: float) -> Closure:
-    """F times an ideal mirror plus (1 - F) times the rest: exact for refraction, by the 45° value for other lobes."""
+    """F times an ideal mirror plus (1 - F) times the rest: exact for refraction, by the 45° value
+    for other lobes.
+    """
     rest = constant(1 - dielectric_albedo(ior))
-    closures: list[Closure] = [{LobeKey("MIRROR", ior=ior, fresnel=True): weight for weight in mirror.values()}]
+    closures: list[Closure] = [
+        {LobeKey("MIRROR", ior=ior, fresnel=True): weight for weight in mirror.values()}
+    ]
     for key, weight in first.items():
         exact = key.kind == "REFRACTION" and not key.fresnel and key.ior == ior
-        closures.append({LobeKey("REFRACTION", ior=ior, fresnel=True): weight} if exact else {key: multiply(weight, rest)})
+        closures.append(
+            {LobeKey("REFRACTION", ior=ior, fresnel=True): weight}
+            if exact
+            else {key: multiply(weight, rest)}
+        )
     return add_closures(*closures)
 
 
@@ -276,8 +364,14 @@ def _holdout(view: NodeView) -> Closure:
 def _unknown(view: NodeView) -> Closure:
     """Something with a colour is drawn as diffuse, anything else as Blender's default grey."""
     node = view.node
-    view.note(f"Node '{node.bl_label}' is not supported: {{}} are rendered diffuse where it counts; use Principled or Blinn-Phong")
-    color = next((view.color(name) for name in ("Color", "Base Color", "Diffuse Color") if view.input(name)), None)
+    view.note(
+        f"Node '{node.bl_label}' is not supported: {{}} are rendered diffuse where it counts; use "
+        "Principled or Blinn-Phong"
+    )
+    color = next(
+        (view.color(name) for name in ("Color", "Base Color", "Diffuse Color") if view.input(name)),
+        None,
+    )
     return diffuse_closure(color if color is not None else constant(0.8))
 
 

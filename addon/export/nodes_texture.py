@@ -16,21 +16,41 @@ ACTIVE_COLOR = "(active colour)"
 
 
 def _image_texture(view: NodeView, output: Any) -> Sum:
-    """A texture factor. Where only the colour is used it is times alpha, as in Cycles; where alpha is used too, they are kept apart."""
+    """A texture factor. Where only the colour is used it is times alpha, as in Cycles; where alpha
+    is used too, they are kept apart.
+    """
     node = view.node
     colors_alone = not node.outputs["Alpha"].is_linked
-    index = view.evaluator.images.texture(node.image, node.image_user, node.extension, node.interpolation, colors_alone)
+    index = view.evaluator.images.texture(
+        node.image, node.image_user, node.extension, node.interpolation, colors_alone
+    )
     if node.interpolation in ("Cubic", "Smart"):
         view.note("Cubic interpolation of images is rendered as linear in {}")
     if node.projection != "FLAT":
-        view.note(f"The {node.projection.lower()} projection of images is not supported: {{}} use the UV map; bake to an image")
+        view.note(
+            f"The {node.projection.lower()} projection of images is not supported: {{}} use the UV "
+            "map; bake to an image"
+        )
     uv, transform = _uv_transform(view)
-    return from_input(Input(texture=index, uv=uv, uv_transform=transform, channel="ALPHA" if output.name == "Alpha" else "COLOR"))
+    return from_input(
+        Input(
+            texture=index,
+            uv=uv,
+            uv_transform=transform,
+            channel="ALPHA" if output.name == "Alpha" else "COLOR",
+        )
+    )
 
 
 def _uv_transform(view: NodeView) -> tuple[str, tuple]:
-    """UV map and 2×3 transform of a texture node, its own Mapping settings (old files) included; the plain active map if unknown."""
-    coordinates = view.evaluator.coordinates(view.input("Vector")) if view.input("Vector") else Coordinates("")
+    """UV map and 2×3 transform of a texture node, its own Mapping settings (old files) included;
+    the plain active map if unknown.
+    """
+    coordinates = (
+        view.evaluator.coordinates(view.input("Vector"))
+        if view.input("Vector")
+        else Coordinates("")
+    )
     if coordinates is None:
         coordinates = Coordinates("")
     return coordinates.uv, coordinates.matrix[:2]
@@ -66,18 +86,26 @@ def _texture_coordinate(view: NodeView, output: Any) -> Coordinates | None:
 
 def _attribute_vector(view: NodeView, output: Any) -> Coordinates | None:
     node = view.node
-    plain = node.attribute_type == "GEOMETRY" and node.attribute_name and output.name in ("Vector", "Color")
+    plain = (
+        node.attribute_type == "GEOMETRY"
+        and node.attribute_name
+        and output.name in ("Vector", "Color")
+    )
     return Coordinates(node.attribute_name) if plain else None
 
 
 def _mapping(view: NodeView, output: Any) -> Coordinates | None:
-    """Scale, rotation (XYZ Euler) and translation of an affine vector; TEXTURE is the inverse of POINT."""
+    """Scale, rotation (XYZ Euler) and translation of an affine vector; TEXTURE is the inverse of
+    POINT.
+    """
     kind = view.node.vector_type
     location, rotation, scaling = (view.vector(name) for name in ("Location", "Rotation", "Scale"))
     inner = view.evaluator.coordinates(view.input("Vector"))
     if inner is None or None in (location, rotation, scaling) or kind == "NORMAL":
         return None
-    offset = np.array([[0, 0, x] for x in (location if kind != "VECTOR" else (0, 0, 0))], np.float64)
+    offset = np.array(
+        [[0, 0, x] for x in (location if kind != "VECTOR" else (0, 0, 0))], np.float64
+    )
     turn, size = euler_matrix(rotation), np.array(scaling)
     if kind == "TEXTURE":
         inverse = np.divide(1.0, size, out=np.zeros(3), where=size != 0)

@@ -1,7 +1,9 @@
-"""Pixels of a Blender image, by OpenImageIO from its file or packed bytes, or from Blender itself; row 0 at the bottom, straight alpha.
+"""Pixels of a Blender image, by OpenImageIO from its file or packed bytes, or from Blender itself;
+row 0 at the bottom, straight alpha.
 
-OpenImageIO is preferred: it decodes without loading the image into Blender. Where it is not there, or where only Blender knows the pixels
-(generated, painted, movies), `Image.pixels` gives the same values: bytes come back exactly.
+OpenImageIO is preferred: it decodes without loading the image into Blender. Where it is not there,
+or where only Blender knows the pixels (generated, painted, movies), `Image.pixels` gives the same
+values: bytes come back exactly.
 """
 
 from __future__ import annotations
@@ -25,8 +27,9 @@ class ImageError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    """pixels (h, w, 4) uint8 or float32 and encoding as in `engine.scene.Texture`; associated: colours count times alpha where a node
-    uses the colour alone."""
+    """pixels (h, w, 4) uint8 or float32 and encoding as in `engine.scene.Texture`; associated:
+    colours count times alpha where a node uses the colour alone.
+    """
 
     pixels: np.ndarray
     encoding: str
@@ -35,8 +38,9 @@ class Pixels:
 
 @dataclass(frozen=True, eq=False)
 class Raw:
-    """Decoded values: (h, w, 4) uint8 or float32; opaque: alpha is 1 everywhere; linear: already scene-linear; premultiplied: colours
-    hold alpha already."""
+    """Decoded values: (h, w, 4) uint8 or float32; opaque: alpha is 1 everywhere; linear: already
+    scene-linear; premultiplied: colours hold alpha already.
+    """
 
     rgba: np.ndarray
     opaque: bool
@@ -46,7 +50,9 @@ class Raw:
 
 @dataclass(frozen=True)
 class Source:
-    """What an image is decoded from, apart from Blender: its packed bytes or, without any, the file at `path`."""
+    """What an image is decoded from, apart from Blender: its packed bytes or, without any, the file
+    at `path`.
+    """
 
     path: str
     packed: bytes | None
@@ -69,7 +75,8 @@ def openimageio() -> Any:
 
 
 def read(image: Any, path: str, decoded: Raw | ImageError | None) -> Pixels:
-    """Pixels of `image` (original data-block), of the file `path` where the image stands for several files. Raises ImageError.
+    """Pixels of `image` (original data-block), of the file `path` where the image stands for
+    several files. Raises ImageError.
 
     decoded: what `decode` gave for its `source`; None where it has none.
     """
@@ -80,7 +87,9 @@ def read(image: Any, path: str, decoded: Raw | ImageError | None) -> Pixels:
 
 
 def source(image: Any, path: str) -> Source | None:
-    """What there is to decode; None where only Blender knows the pixels. Raises ImageError where there is no file."""
+    """What there is to decode; None where only Blender knows the pixels. Raises ImageError where
+    there is no file.
+    """
     if image.source in ("GENERATED", "MOVIE") or image.is_dirty or openimageio() is None:
         return None
     packed = _packed_bytes(image, path)
@@ -90,10 +99,17 @@ def source(image: Any, path: str) -> Source | None:
 
 
 def recipe(image: Any) -> tuple | None:
-    """What Blender makes the values of a generated image from that nobody has painted; None for any other."""
+    """What Blender makes the values of a generated image from that nobody has painted; None for any
+    other.
+    """
     if image.source != "GENERATED" or image.is_dirty:
         return None
-    made_as = (image.generated_type, image.generated_width, image.generated_height, tuple(image.generated_color))
+    made_as = (
+        image.generated_type,
+        image.generated_width,
+        image.generated_height,
+        tuple(image.generated_color),
+    )
     return ("generated", *made_as, tuple(image.size), image.channels, image.is_float)
 
 
@@ -101,13 +117,19 @@ def decode(origin: Source) -> Raw | ImageError | MemoryError:
     """The values, or why there are none. Asks nothing of Blender: any thread may call it."""
     try:
         from_bytes = origin.packed is not None
-        values, premultiplied = _from_bytes(origin.packed, origin.path) if from_bytes else _from_file(origin.path)
-        return _raw(values, origin.alpha_mode, premultiplied=premultiplied and origin.alpha_mode == "PREMUL")
+        values, premultiplied = (
+            _from_bytes(origin.packed, origin.path) if from_bytes else _from_file(origin.path)
+        )
+        return _raw(
+            values, origin.alpha_mode, premultiplied=premultiplied and origin.alpha_mode == "PREMUL"
+        )
     except (ImageError, MemoryError) as error:
         return error
 
 
-def _raw(values: np.ndarray, alpha_mode: str, linear: bool = False, premultiplied: bool = False) -> Raw:
+def _raw(
+    values: np.ndarray, alpha_mode: str, linear: bool = False, premultiplied: bool = False
+) -> Raw:
     """From (h, w, 1-4) values. Raises ImageError where there are none."""
     if values.size == 0:
         raise ImageError("is empty")
@@ -132,7 +154,8 @@ def _from_bytes(data: bytes, path: str) -> tuple[np.ndarray, bool]:
 
 
 _FIRST_BYTES = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png", b"v/1\x01": ".exr"}
-"""OpenImageIO tries the format that the name says first; from another it decodes some images twice."""
+"""OpenImageIO tries the format that the name says first; from another it decodes some images twice.
+"""
 
 
 def _suffix(data: bytes, path: str) -> str:
@@ -142,7 +165,9 @@ def _suffix(data: bytes, path: str) -> str:
 
 
 def _from_file(path: str) -> tuple[np.ndarray, bool]:
-    """(h, w, 1-4) values as they lie in the file, and whether its format holds colours times alpha (OpenEXR does, PNG does not)."""
+    """(h, w, 1-4) values as they lie in the file, and whether its format holds colours times alpha
+    (OpenEXR does, PNG does not).
+    """
     oiio = openimageio()
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
@@ -156,7 +181,9 @@ def _from_file(path: str) -> tuple[np.ndarray, bool]:
         if values is None:
             raise ImageError(f"cannot be decoded: {file.geterror().strip()}")
         values, names = np.asarray(values)[::-1], list(spec.channelnames)
-        return values if len(names) <= 4 else values[:, :, _color_channels(names)], not spec.get_int_attribute("oiio:UnassociatedAlpha", 0)
+        return values if len(names) <= 4 else values[
+            :, :, _color_channels(names)
+        ], not spec.get_int_attribute("oiio:UnassociatedAlpha", 0)
     finally:
         file.close()
 
@@ -169,7 +196,9 @@ def _color_channels(names: list[str]) -> list[int]:
 
 
 def _from_blender(image: Any) -> Raw:
-    """`Image.pixels`: bytes in the image's own colour space with straight alpha, or floats that are scene-linear and premultiplied."""
+    """`Image.pixels`: bytes in the image's own colour space with straight alpha, or floats that are
+    scene-linear and premultiplied.
+    """
     width, height = image.size
     channels = image.channels
     if width * height * channels == 0:
@@ -181,7 +210,12 @@ def _from_blender(image: Any) -> Raw:
         raise ImageError(f"cannot be read: {error}") from error
     values = values.reshape(height, width, channels)
     if image.is_float:
-        return _raw(values, image.alpha_mode, linear=True, premultiplied=image.alpha_mode in ("STRAIGHT", "PREMUL"))
+        return _raw(
+            values,
+            image.alpha_mode,
+            linear=True,
+            premultiplied=image.alpha_mode in ("STRAIGHT", "PREMUL"),
+        )
     values *= 255  # in place, and rounded by hand: half the time
     values += 0.5
     return _raw(values.astype(np.uint8), image.alpha_mode)
@@ -202,7 +236,9 @@ def _four_channels(values: np.ndarray, alpha_mode: str) -> np.ndarray:
 
 
 def _managed(raw: Raw, image: Any) -> Pixels:
-    """Into scene-linear colour with straight alpha, as bytes with the sRGB curve where that loses nothing."""
+    """Into scene-linear colour with straight alpha, as bytes with the sRGB curve where that loses
+    nothing.
+    """
     space, rgba, has_alpha = image.colorspace_settings, raw.rgba, not raw.opaque
     if raw.premultiplied and has_alpha:
         rgba = _straight(rgba)
@@ -211,17 +247,28 @@ def _managed(raw: Raw, image: Any) -> Pixels:
         try:
             rgba, encoding = colorspace.to_scene_linear(rgba, space.name, openimageio()), "LINEAR"
         except LookupError as error:
-            raise ImageError(f"has the colour space {error}, which cannot be converted here") from error
+            raise ImageError(
+                f"has the colour space {error}, which cannot be converted here"
+            ) from error
     if rgba.dtype != np.uint8 and not np.isfinite(rgba.sum(dtype=np.float64)):
         rgba = np.nan_to_num(rgba, nan=0.0, posinf=0.0, neginf=0.0)
-    return Pixels(np.ascontiguousarray(rgba), encoding, has_alpha and image.alpha_mode in ("STRAIGHT", "PREMUL"))
+    return Pixels(
+        np.ascontiguousarray(rgba),
+        encoding,
+        has_alpha and image.alpha_mode in ("STRAIGHT", "PREMUL"),
+    )
 
 
 def associated(found: Pixels) -> np.ndarray:
-    """(h, w, 4): colours times alpha, opaque. Bytes are multiplied as they are, under their curve and rounded down, as Cycles does."""
+    """(h, w, 4): colours times alpha, opaque. Bytes are multiplied as they are, under their curve
+    and rounded down, as Cycles does.
+    """
     color, alpha = found.pixels[:, :, :3], found.pixels[:, :, 3:]
     if color.dtype == np.uint8:
-        product, opaque = (color.astype(np.uint16) * alpha // 255).astype(np.uint8), np.full_like(alpha, 255)
+        product, opaque = (
+            (color.astype(np.uint16) * alpha // 255).astype(np.uint8),
+            np.full_like(alpha, 255),
+        )
     else:
         product, opaque = color * alpha, np.ones_like(alpha)
     return np.concatenate([product, opaque], -1)
@@ -235,4 +282,7 @@ def _straight(rgba: np.ndarray) -> np.ndarray:
     """(h, w, 4) float32: colours divided by alpha, where there is any."""
     values = colorspace.as_float(rgba)
     alpha = values[:, :, 3:]
-    return np.concatenate([np.divide(values[:, :, :3], alpha, where=alpha > 0, out=values[:, :, :3].copy()), alpha], -1)
+    return np.concatenate(
+        [np.divide(values[:, :, :3], alpha, where=alpha > 0, out=values[:, :, :3].copy()), alpha],
+        -1,
+    )

@@ -1,4 +1,6 @@
-"""What can be said of placed geometry before a ray is traced: what is squashed to a line, and whether the camera faces anything."""
+"""What can be said of placed geometry before a ray is traced: what is squashed to a line, and
+whether the camera faces anything.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from .camera import inverse_axes
 from .report import Report
 
 _NEARLY_SINGULAR = 1e-6
-"""Share of the largest entry's cube below which a determinant is worth a singular value decomposition."""
+"""Share of the largest entry's cube below which a determinant is worth a singular value
+decomposition.
+"""
 
 _FEW = 1000
 """Points of a geometry, about, that are tried before all of them are."""
@@ -23,7 +27,9 @@ _FIRST = 16
 
 
 def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple[Instances, ...]:
-    """Without the placements that are no surface any more: matrices of rank 0 or 1 squash everything to a line or a point."""
+    """Without the placements that are no surface any more: matrices of rank 0 or 1 squash
+    everything to a line or a point.
+    """
     kept = []
     matrices = [block.world_from_object for block in instances]
     surfaces = _ranks(np.concatenate([np.zeros((0, 3, 4)), *matrices])[:, :, :3]) >= 2
@@ -32,7 +38,11 @@ def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple
     ends = np.cumsum([len(rows) for rows in matrices], dtype=np.intp)
     for block, surface in zip(instances, np.split(surfaces, ends[:-1]), strict=False):
         if not surface.all():
-            report.note("Objects whose scale leaves no surface (0, or vastly unequal) are left out: {}; scale two axes alike", block.name)
+            report.note(
+                "Objects whose scale leaves no surface (0, or vastly unequal) are left out: {}; "
+                "scale two axes alike",
+                block.name,
+            )
             block = replace(block, world_from_object=block.world_from_object[surface])
         if surface.any():
             kept.append(block)
@@ -40,7 +50,9 @@ def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple
 
 
 def _ranks(linear: np.ndarray) -> np.ndarray:
-    """(k,) of the (k, 3, 3) matrices, by the SVD (notes, section 6.5) where the determinant leaves a doubt."""
+    """(k,) of the (k, 3, 3) matrices, by the SVD (notes, section 6.5) where the determinant leaves
+    a doubt.
+    """
     size = np.abs(linear).max((1, 2))
     unit = linear / np.where(size > 0, size, 1.0)[:, None, None]
     doubtful = np.abs(determinant(unit)) < _NEARLY_SINGULAR
@@ -51,9 +63,21 @@ def _ranks(linear: np.ndarray) -> np.ndarray:
     return ranks
 
 
-def note_empty_view(camera: Camera, geometries: tuple[Geometry, ...], instances: tuple[Instances, ...], report: Report, name: str) -> None:
-    """Say so when the box round everything that the camera, called `name`, may see projects beside the frame (notes, section 7.5)."""
-    seen = ((geometries[block.geometry], block.world_from_object) for block in instances if block.visible_camera)
+def note_empty_view(
+    camera: Camera,
+    geometries: tuple[Geometry, ...],
+    instances: tuple[Instances, ...],
+    report: Report,
+    name: str,
+) -> None:
+    """Say so when the box round everything that the camera, called `name`, may see projects beside
+    the frame (notes, section 7.5).
+    """
+    seen = (
+        (geometries[block.geometry], block.world_from_object)
+        for block in instances
+        if block.visible_camera
+    )
     seen = ((geometry, matrices) for geometry, matrices in seen if len(_points(geometry)))
     first = list(islice(seen, _FIRST))
     if any(shows_a_point(geometry, matrices[0], camera) for geometry, matrices in first):
@@ -61,7 +85,11 @@ def note_empty_view(camera: Camera, geometries: tuple[Geometry, ...], instances:
     seen = [*first, *seen]
     # Where the box round a few vertices reaches the frame, the box round all of them does.
     if seen and not (_may_be_seen(seen, camera, _FEW) or _may_be_seen(seen, camera, None)):
-        report.note("The camera ({}) sees no object: all of them are beside the frame, behind it or outside its clip distances", name)
+        report.note(
+            "The camera ({}) sees no object: all of them are beside the frame, behind it or "
+            "outside its clip distances",
+            name,
+        )
 
 
 def _points(geometry: Geometry) -> np.ndarray:
@@ -69,10 +97,18 @@ def _points(geometry: Geometry) -> np.ndarray:
 
 
 def shows_a_point(geometry: Geometry, world_from_object: np.ndarray, camera: Camera) -> bool:
-    """Whether one of a few vertices or centres is in the frame: so the usual scene is told in a tenth of the time that boxes take."""
+    """Whether one of a few vertices or centres is in the frame: so the usual scene is told in a
+    tenth of the time that boxes take.
+    """
     with np.errstate(invalid="ignore"):
-        placed = _some(_points(geometry), _FEW).astype(np.float64) @ world_from_object[:, :3].T + world_from_object[:, 3]
-        x, y, z = inverse_axes(camera.world_from_camera[:, :3]) @ (placed - camera.world_from_camera[:, 3]).T
+        placed = (
+            _some(_points(geometry), _FEW).astype(np.float64) @ world_from_object[:, :3].T
+            + world_from_object[:, 3]
+        )
+        x, y, z = (
+            inverse_axes(camera.world_from_camera[:, :3])
+            @ (placed - camera.world_from_camera[:, 3]).T
+        )
         left, right, bottom, top = camera.window
         width = np.where(z < 0, -z, np.nan) if camera.kind == "PERSPECTIVE" else 1.0
         inside = (x - left * width) * (x - right * width) <= 0
@@ -85,14 +121,20 @@ def _some(points: np.ndarray, count: int) -> np.ndarray:
     return points[:: max(1, len(points) // count)]
 
 
-def _may_be_seen(placed: list[tuple[Geometry, np.ndarray]], camera: Camera, count: int | None) -> bool:
-    """Whether the box round `count` points of each geometry, or round all for None, reaches the frame."""
+def _may_be_seen(
+    placed: list[tuple[Geometry, np.ndarray]], camera: Camera, count: int | None
+) -> bool:
+    """Whether the box round `count` points of each geometry, or round all for None, reaches the
+    frame.
+    """
     boxes = np.array([_world_box(geometry, matrices, count) for geometry, matrices in placed])
     return pixel_bounds_of_box(boxes[:, 0].min(0), boxes[:, 1].max(0), camera) is not None
 
 
 def _world_box(geometry: Geometry, matrices: np.ndarray, count: int | None) -> np.ndarray:
-    """(2, 3): low and high corner of all placements of one geometry; NaN where a vertex is, which counts as everywhere."""
+    """(2, 3): low and high corner of all placements of one geometry; NaN where a vertex is, which
+    counts as everywhere.
+    """
     points = _points(geometry)
     low, high = _extent(points if count is None else _some(points, count))
     if isinstance(geometry, Spheres):
@@ -105,7 +147,9 @@ def _world_box(geometry: Geometry, matrices: np.ndarray, count: int | None) -> n
 
 
 def _extent(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Componentwise smallest and largest of (k, 3) float32, as float64; in rows of 1000 points, which NumPy reduces 50 times faster."""
+    """Componentwise smallest and largest of (k, 3) float32, as float64; in rows of 1000 points,
+    which NumPy reduces 50 times faster.
+    """
     long = len(points) // 1000 * 1000
     rows = points[:long].reshape(-1, 3000)
     low = np.concatenate([rows.min(0).reshape(-1, 3), points[long:]]) if long else points

@@ -7,13 +7,17 @@ SHOWN = 4
 
 
 class Report:
-    """Collects notes. The same note is kept once; notes of one kind share a sentence that lists the things it is about."""
+    """Collects notes. The same note is kept once; notes of one kind share a sentence that lists the
+    things it is about.
+    """
 
     def __init__(self) -> None:
         self._names: dict[str, dict[str, None]] = {}
 
     def note(self, sentence: str, name: str = "") -> None:
-        """Keep `sentence`; where it holds `{}` the names of all the calls with this sentence will stand."""
+        """Keep `sentence`; where it holds `{}` the names of all the calls with this sentence will
+        stand.
+        """
         names = self._names.setdefault(sentence, {})
         if name:
             names[name] = None
@@ -29,7 +33,9 @@ class Report:
 
     def notes(self) -> tuple[str, ...]:
         """One sentence per kind of note, in the order in which they came up first."""
-        return tuple(sentence.replace("{}", _listed(list(names))) for sentence, names in self._names.items())
+        return tuple(
+            sentence.replace("{}", _listed(list(names))) for sentence, names in self._names.items()
+        )
 
 
 def _listed(names: list[str]) -> str:

@@ -1,10 +1,13 @@
 """Cycles' microfacets, as its `roughness` has them, to the Blinn-Phong lobes that stand for them.
 
-GGX of width α = roughness² reflects D(h) F(v·h) G / (4 n·l n·v) of the light. Power lobes stand for D alone, Σ s_k max(0, n·h)^p_k for
-π D / 4; the lobes' own masking and Fresnel factors are the rest (SEMANTICS.md), so that grazing angles come out as in Cycles. Where
-roughness is small, D spans more decades and takes more lobes. tests/cycles/fit_roughness.py makes the tables, and says what is minimised.
+GGX of width α = roughness² reflects D(h) F(v·h) G / (4 n·l n·v) of the light. Power lobes stand for
+D alone, Σ s_k max(0, n·h)^p_k for π D / 4; the lobes' own masking and Fresnel factors are the rest
+(SEMANTICS.md), so that grazing angles come out as in Cycles. Where roughness is small, D spans more
+decades and takes more lobes. tests/cycles/fit_roughness.py makes the tables, and says what is
+minimised.
 
-What of a uniform world a surface reflects is F0 · A + (1 - F0) · B, with A and B nearly a0 + a1 (1 - n·v)^q and b0 + b1 (1 - n·v)^q.
+What of a uniform world a surface reflects is F0 · A + (1 - F0) · B, with A and B nearly a0 + a1 (1
+- n·v)^q and b0 + b1 (1 - n·v)^q.
 """
 
 from __future__ import annotations
@@ -45,32 +48,139 @@ LOBES = (
         [0.0000, 0.0000, 0.085000, 0.165000],
     ])),
 )  # fmt: skip
-"""Roughnesses, and a row for each: p·α² of the lobes, then s·α². Four lobes and three follow D to 20 %, two to 8 %, up to 75°
-from the half vector (up to 25 α where roughness is below 0.3)."""
+"""Roughnesses, and a row for each: p·α² of the lobes, then s·α². Four lobes and three follow D to
+20 %, two to 8 %, up to 75° from the half vector (up to 25 α where roughness is below 0.3).
+"""
 
 ROUGHNESS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 """Columns of the tables below."""
 
 WORLD = {
-    "METAL": np.array([
-        [5.0, 5.0, 4.5, 3.8, 3.4, 2.9, 3.3, 3.1, 3.2, 2.9, 2.7],
-        [1.0000, 1.0009, 1.0071, 0.9873, 0.9440, 0.8801, 0.7961, 0.6861, 0.5661, 0.4405, 0.3284],
-        [-0.0009, -0.0111, -0.1148, -0.1681, -0.1173, -0.0321, 0.0819, 0.2265, 0.3939, 0.5367, 0.6431],
-        [0.0000, 0.0002, 0.0000, 0.0000, 0.0000, 0.0000, 0.0008, 0.0004, 0.0003, 0.0000, 0.0000],
-        [0.9992, 0.9879, 0.7854, 0.5082, 0.3165, 0.1837, 0.1351, 0.0851, 0.0591, 0.0400, 0.0279],
-    ]),
-    "DIELECTRIC": np.array([
-        [4.1, 4.0, 3.6, 3.1, 2.6, 2.3, 2.5, 2.4, 2.5, 2.6, 2.4],
-        [1.0000, 1.0011, 1.0098, 0.9937, 0.9477, 0.8811, 0.7933, 0.6793, 0.5585, 0.4362, 0.3240],
-        [-0.0008, -0.0100, -0.1046, -0.1587, -0.1079, -0.0301, 0.0747, 0.2076, 0.3443, 0.5118, 0.6036],
-        [0.0026, 0.0022, 0.0016, 0.0010, 0.0008, 0.0004, 0.0018, 0.0015, 0.0012, 0.0008, 0.0000],
-        [0.8050, 0.7693, 0.6212, 0.4331, 0.2674, 0.1738, 0.1273, 0.0837, 0.0606, 0.0454, 0.0331],
-    ]),
-}  # fmt: skip
-"""q, a0, a1, b0, b1 by roughness, B for Schlick's weight and for a dielectric of IOR 1.5; within 7 % of the integral from 6° to 90°."""
+    "METAL": np.array(
+        [
+            [5.0, 5.0, 4.5, 3.8, 3.4, 2.9, 3.3, 3.1, 3.2, 2.9, 2.7],
+            [
+                1.0000,
+                1.0009,
+                1.0071,
+                0.9873,
+                0.9440,
+                0.8801,
+                0.7961,
+                0.6861,
+                0.5661,
+                0.4405,
+                0.3284,
+            ],
+            [
+                -0.0009,
+                -0.0111,
+                -0.1148,
+                -0.1681,
+                -0.1173,
+                -0.0321,
+                0.0819,
+                0.2265,
+                0.3939,
+                0.5367,
+                0.6431,
+            ],
+            [
+                0.0000,
+                0.0002,
+                0.0000,
+                0.0000,
+                0.0000,
+                0.0000,
+                0.0008,
+                0.0004,
+                0.0003,
+                0.0000,
+                0.0000,
+            ],
+            [
+                0.9992,
+                0.9879,
+                0.7854,
+                0.5082,
+                0.3165,
+                0.1837,
+                0.1351,
+                0.0851,
+                0.0591,
+                0.0400,
+                0.0279,
+            ],
+        ]
+    ),
+    "DIELECTRIC": np.array(
+        [
+            [4.1, 4.0, 3.6, 3.1, 2.6, 2.3, 2.5, 2.4, 2.5, 2.6, 2.4],
+            [
+                1.0000,
+                1.0011,
+                1.0098,
+                0.9937,
+                0.9477,
+                0.8811,
+                0.7933,
+                0.6793,
+                0.5585,
+                0.4362,
+                0.3240,
+            ],
+            [
+                -0.0008,
+                -0.0100,
+                -0.1046,
+                -0.1587,
+                -0.1079,
+                -0.0301,
+                0.0747,
+                0.2076,
+                0.3443,
+                0.5118,
+                0.6036,
+            ],
+            [
+                0.0026,
+                0.0022,
+                0.0016,
+                0.0010,
+                0.0008,
+                0.0004,
+                0.0018,
+                0.0015,
+                0.0012,
+                0.0008,
+                0.0000,
+            ],
+            [
+                0.8050,
+                0.7693,
+                0.6212,
+                0.4331,
+                0.2674,
+                0.1738,
+                0.1273,
+                0.0837,
+                0.0606,
+                0.0454,
+                0.0331,
+            ],
+        ]
+    ),
+}
+"""q, a0, a1, b0, b1 by roughness, B for Schlick's weight and for a dielectric of IOR 1.5; within 7
+% of the integral from 6° to 90°.
+"""
 
-ALBEDO = np.array([1.0, 0.9995, 0.9941, 0.9767, 0.9406, 0.8824, 0.8030, 0.7075, 0.6043, 0.5025, 0.4093])
-"""Share of a uniform world that GGX reflects at F = 1, averaged over the view with the cosine; 1 where it scatters until it is out."""
+ALBEDO = np.array(
+    [1.0, 0.9995, 0.9941, 0.9767, 0.9406, 0.8824, 0.8030, 0.7075, 0.6043, 0.5025, 0.4093]
+)
+"""Share of a uniform world that GGX reflects at F = 1, averaged over the view with the cosine; 1
+where it scatters until it is out.
+"""
 
 SMALLEST = 0.03
 """Below it a lobe is narrower than 0.05° and roughness no longer matters: p stays under 4e6."""
@@ -78,7 +188,9 @@ SMALLEST = 0.03
 
 @dataclass(frozen=True)
 class World:
-    """What of a uniform world GGX reflects: F0 · (a0 + a1 x) + (1 - F0) · (b0 + b1 x), x = (1 - n·v)^q."""
+    """What of a uniform world GGX reflects: F0 · (a0 + a1 x) + (1 - F0) · (b0 + b1 x), x = (1 -
+    n·v)^q.
+    """
 
     q: float
     a0: float
@@ -88,7 +200,9 @@ class World:
 
 
 def highlights(roughness: float) -> tuple[Highlight, ...]:
-    """(exponent p, scale s) of the lobes for Blender's `roughness` (0 to 1, clamped), from narrow to wide; k_s = F0 · s."""
+    """(exponent p, scale s) of the lobes for Blender's `roughness` (0 to 1, clamped), from narrow
+    to wide; k_s = F0 · s.
+    """
     roughness = _clamped(roughness)
     rows, table = next(lobes for lobes in LOBES if roughness <= lobes[0][-1])
     if (table > 0).all():  # what falls by a factor from row to row does so in between
@@ -105,7 +219,9 @@ def world_of(roughness: float, kind: str) -> World:
 
 
 def specular_albedo(roughness: float) -> float:
-    """Share of a uniform white world that GGX reflects for F = 1 when it scatters once, averaged over the view."""
+    """Share of a uniform white world that GGX reflects for F = 1 when it scatters once, averaged
+    over the view.
+    """
     return float(np.interp(_clamped(roughness), ROUGHNESS, ALBEDO))
 
 
@@ -115,13 +231,17 @@ def width(roughness: float) -> float:
 
 
 def scattered(reflectance: float, roughness: float) -> float:
-    """What of the light that GGX does not send out at once comes back, later, of a surface that reflects `reflectance` at each bounce."""
+    """What of the light that GGX does not send out at once comes back, later, of a surface that
+    reflects `reflectance` at each bounce.
+    """
     once = specular_albedo(roughness)
     return reflectance * once / (1 - min(reflectance, 1.0) * (1 - once))
 
 
 def scattered_narrow(roughness: float) -> float:
-    """Which share of that, beside what is sent out at once, looks like the highlight; the rest of it looks matt."""
+    """Which share of that, beside what is sent out at once, looks like the highlight; the rest of
+    it looks matt.
+    """
     once = specular_albedo(roughness)
     return (1 - once) / once * _narrow(roughness)
 
@@ -156,8 +276,16 @@ def _smooth_rise(ior: float) -> float:
 
 
 def sheen_albedo(roughness: float) -> float:
-    """Share of a uniform white world that Principled's sheen reflects at weight 1 and white tint; measured, with what lamps see of it."""
-    return float(np.interp(_clamped(roughness), [0.0, 0.1, 0.3, 0.5, 0.8, 1.0], [0.0, 0.0017, 0.035, 0.1185, 0.3133, 0.4473]))
+    """Share of a uniform white world that Principled's sheen reflects at weight 1 and white tint;
+    measured, with what lamps see of it.
+    """
+    return float(
+        np.interp(
+            _clamped(roughness),
+            [0.0, 0.1, 0.3, 0.5, 0.8, 1.0],
+            [0.0, 0.0017, 0.035, 0.1185, 0.3133, 0.4473],
+        )
+    )
 
 
 def _clamped(roughness: float) -> float:

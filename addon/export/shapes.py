@@ -14,13 +14,17 @@ DEFAULT_RADIUS = 0.01
 """Blender's radius of points without one, object units."""
 
 SPHERE_MARK = "glint_sphere"
-"""An attribute of meshes that stand for one true sphere, true on all of their faces. Custom properties are lost in modifiers."""
+"""An attribute of meshes that stand for one true sphere, true on all of their faces. Custom
+properties are lost in modifiers.
+"""
 _ROUND = 0.01
 """How far vertices of a marked mesh may lie below the sphere, of its radius."""
 
 
 def mark_sphere(mesh: Any, on: bool = True) -> None:
-    """Makes a mesh data-block stand for a true sphere, or for itself. Not in edit mode, where Blender sets no attributes."""
+    """Makes a mesh data-block stand for a true sphere, or for itself. Not in edit mode, where
+    Blender sets no attributes.
+    """
     mark = mesh.attributes.get(SPHERE_MARK)
     if mark is not None:
         mesh.attributes.remove(mark)
@@ -31,7 +35,9 @@ def mark_sphere(mesh: Any, on: bool = True) -> None:
 
 
 def read_shape(data: Any, owner: Any, report: Report) -> MeshSource | Spheres | None:
-    """An evaluated mesh of an object: a sphere where all of its faces are marked; None without faces."""
+    """An evaluated mesh of an object: a sphere where all of its faces are marked; None without
+    faces.
+    """
     with readable(data, owner) as mesh:
         sphere = _sphere_round(mesh, report) if _is_marked(mesh) else None
         return sphere or read_mesh(mesh, report)
@@ -47,14 +53,20 @@ def _is_marked(mesh: Any) -> bool:
 
 
 def _sphere_round(mesh: Any, report: Report) -> Spheres | None:
-    """The sphere through a mesh's vertices round the middle of their box; None, and a note, where they lie on none."""
+    """The sphere through a mesh's vertices round the middle of their box; None, and a note, where
+    they lie on none.
+    """
     vertices = vertices_of(mesh).astype(np.float64)
     center = (vertices.min(0) + vertices.max(0)) / 2
     with np.errstate(all="ignore"):
         distances = np.sqrt(((vertices - center) ** 2).sum(1))
     radius = np.float32(distances.max())
     if not (np.isfinite(radius) and radius > 0 and distances.min() >= (1 - _ROUND) * radius):
-        report.note("Meshes marked as true spheres whose vertices lie on no sphere are rendered as they are: {}", mesh.name)
+        report.note(
+            "Meshes marked as true spheres whose vertices lie on no sphere are rendered as they "
+            "are: {}",
+            mesh.name,
+        )
         return None
     return Spheres(mesh.name, center[None].astype(np.float32), np.array([radius], np.float32))
 

@@ -1,6 +1,8 @@
-"""Colours that vary over a surface: sums of products of `engine.scene.Input`. What shader sockets evaluate to, and their algebra.
+"""Colours that vary over a surface: sums of products of `engine.scene.Input`. What shader sockets
+evaluate to, and their algebra.
 
-A sum of no terms is black. Every function gives sums whose terms differ in their factors, so adding a thing to itself adds no term.
+A sum of no terms is black. Every function gives sums whose terms differ in their factors, so adding
+a thing to itself adds no term.
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ LUMA = (0.2126, 0.7152, 0.0722)
 
 @dataclass(frozen=True)
 class Term:
-    """value times the product of factors; the factors' own values are 1 unless they are complements or have bounds."""
+    """value times the product of factors; the factors' own values are 1 unless they are complements
+    or have bounds.
+    """
 
     value: RGB
     factors: tuple[Input, ...] = ()
@@ -58,7 +62,9 @@ def is_constant(terms: Sum) -> bool:
 
 def constant_value(terms: Sum) -> RGB:
     """The colour of a sum for which `is_constant` holds."""
-    return tuple(sum(term.value[k] for term in terms) for k in range(3)) if terms else (0.0, 0.0, 0.0)
+    return (
+        tuple(sum(term.value[k] for term in terms) for k in range(3)) if terms else (0.0, 0.0, 0.0)
+    )
 
 
 def add(*sums: Sum) -> Sum:
@@ -69,7 +75,11 @@ def add(*sums: Sum) -> Sum:
     merged: dict[tuple[Input, ...], RGB] = {}
     for term in every:
         before = merged.get(term.factors, (0.0, 0.0, 0.0))
-        merged[term.factors] = (before[0] + term.value[0], before[1] + term.value[1], before[2] + term.value[2])
+        merged[term.factors] = (
+            before[0] + term.value[0],
+            before[1] + term.value[1],
+            before[2] + term.value[2],
+        )
     return tuple(Term(value, factors) for factors, value in merged.items() if any(value))
 
 
@@ -86,7 +96,10 @@ def multiply(*sums: Sum) -> Sum:
 
 def _times(left: Term, right: Term) -> Term:
     factors = left.factors + right.factors
-    return Term(times(left.value, right.value), tuple(sorted(factors, key=repr)) if len(factors) > 1 else factors)
+    return Term(
+        times(left.value, right.value),
+        tuple(sorted(factors, key=repr)) if len(factors) > 1 else factors,
+    )
 
 
 def scale(terms: Sum, factor: float) -> Sum:
@@ -94,13 +107,17 @@ def scale(terms: Sum, factor: float) -> Sum:
 
 
 def complement(terms: Sum) -> Sum:
-    """1 - terms. One factor becomes its complement (one term); anything else 1 plus the negative terms."""
+    """1 - terms. One factor becomes its complement (one term); anything else 1 plus the negative
+    terms.
+    """
     if len(terms) == 1 and len(terms[0].factors) == 1:
         value, factor = terms[0].value, terms[0].factors[0]
         if factor.is_plain and not factor.complement:
             return from_input(replace(factor, value=value, complement=True))
         if factor.is_plain and value == (1.0, 1.0, 1.0):
-            return ((Term(factor.value, (replace(factor, value=(1.0, 1.0, 1.0), complement=False),))),)
+            return (
+                (Term(factor.value, (replace(factor, value=(1.0, 1.0, 1.0), complement=False),))),
+            )
         if value == (1.0, 1.0, 1.0):
             return from_input(replace(factor, complement=not factor.complement))
     return add(ONE, scale(terms, -1.0))
@@ -112,7 +129,9 @@ def mix(factor: Sum, a: Sum, b: Sum) -> Sum:
 
 
 def grey(terms: Sum) -> Sum:
-    """The sum as a number on all three channels: constants by Rec. 709 luminance, textures by their mean channel."""
+    """The sum as a number on all three channels: constants by Rec. 709 luminance, textures by their
+    mean channel.
+    """
     return add(*((_grey(term),) for term in terms))
 
 
@@ -122,11 +141,17 @@ def _grey(term: Term) -> Term:
 
 
 def _grey_input(source: Input) -> Input:
-    """A texture's colour becomes its luminance, an attribute's the mean of its channels (`GREY`)."""
+    """A texture's colour becomes its luminance, an attribute's the mean of its channels
+    (`GREY`).
+    """
     value, changes = luminance(source.value), {"offset": (luminance(source.offset),) * 3}
     if source.texture >= 0 and source.channel == "COLOR":
         changes["channel"] = "LUMINANCE"
-    if source.attribute and source.attribute_channel == "COLOR" and not source.attribute.startswith(GREY):
+    if (
+        source.attribute
+        and source.attribute_channel == "COLOR"
+        and not source.attribute.startswith(GREY)
+    ):
         changes["attribute"] = GREY + source.attribute
     return replace(source, value=(value,) * 3, **changes)
 

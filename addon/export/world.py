@@ -1,4 +1,6 @@
-"""Blender's world to ambient light and background: one colour each, the mean where an image surrounds the scene."""
+"""Blender's world to ambient light and background: one colour each, the mean where an image
+surrounds the scene.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,10 @@ def _color(world: Any, images: Images, report: Report) -> RGB:
 def _environment(view: NodeView, output: Any) -> Sum:
     """The mean colour of the image over the sphere, where rows near the poles count less."""
     node = view.node
-    view.note("Environment images light and surround as their mean colour in {}: the image itself is not seen")
+    view.note(
+        "Environment images light and surround as their mean colour in {}: the image itself is not "
+        "seen"
+    )
     index = view.evaluator.images.texture(node.image, node.image_user, "EXTEND", node.interpolation)
     return constant(tuple(float(x) for x in view.evaluator.images.sphere_mean(index)))
 

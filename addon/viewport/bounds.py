@@ -1,4 +1,6 @@
-"""What can be said of where things stand: how deep a scene is along a view, and whether two scenes are alike, in it or altogether."""
+"""What can be said of where things stand: how deep a scene is along a view, and whether two scenes
+are alike, in it or altogether.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ _boxes: weakref.WeakKeyDictionary[Geometry, np.ndarray] = weakref.WeakKeyDiction
 
 
 def stepped_up(camera: Camera, scene: Scene) -> Camera:
-    """A parallel camera moved along its view to just before the scene: Blender's stands a thousand metres away, where float32 is coarse."""
+    """A parallel camera moved along its view to just before the scene: Blender's stands a thousand
+    metres away, where float32 is coarse.
+    """
     if camera.kind != "ORTHOGRAPHIC":
         return camera
     step = np.floor(_nearest(scene, camera)) - 1 - camera.clip_start
@@ -26,7 +30,9 @@ def stepped_up(camera: Camera, scene: Scene) -> Camera:
     moved = camera.world_from_camera.copy()
     moved[:, 3] -= step * backward
     planes = tuple((a, b, c, d + c * step) for a, b, c, d in camera.clip_planes)
-    return replace(camera, world_from_camera=moved, clip_end=camera.clip_end - step, clip_planes=planes)
+    return replace(
+        camera, world_from_camera=moved, clip_end=camera.clip_end - step, clip_planes=planes
+    )
 
 
 def same_places(a: Scene, b: Scene) -> bool:
@@ -34,14 +40,24 @@ def same_places(a: Scene, b: Scene) -> bool:
     if a.geometries != b.geometries or len(a.instances) != len(b.instances):
         return False
     others = map(is_not, a.instances, b.instances)
-    return a.instances is b.instances or all(starmap(_same_group, compress(zip(a.instances, b.instances, strict=True), others)))
+    return a.instances is b.instances or all(
+        starmap(_same_group, compress(zip(a.instances, b.instances, strict=True), others))
+    )
 
 
 def same_content(a: Scene, b: Scene) -> bool:
-    """Whether two scenes are the same but for their cameras. Meshes and images that were read anew count as others."""
-    if a.world != b.world or (a.geometries, a.materials, a.textures) != (b.geometries, b.materials, b.textures):
+    """Whether two scenes are the same but for their cameras. Meshes and images that were read anew
+    count as others.
+    """
+    if a.world != b.world or (a.geometries, a.materials, a.textures) != (
+        b.geometries,
+        b.materials,
+        b.textures,
+    ):
         return False
-    return _all_same(a.lights, b.lights, "world_from_light") and _all_same(a.instances, b.instances, "world_from_object")
+    return _all_same(a.lights, b.lights, "world_from_light") and _all_same(
+        a.instances, b.instances, "world_from_object"
+    )
 
 
 def _all_same(some: tuple[Any, ...], others: tuple[Any, ...], matrix: str) -> bool:
@@ -50,7 +66,9 @@ def _all_same(some: tuple[Any, ...], others: tuple[Any, ...], matrix: str) -> bo
         return False
     plain, matrix_of = _PLAIN[matrix], attrgetter(matrix)
     anew = compress(zip(some, others, strict=True), map(is_not, some, others))
-    return all(plain(a) == plain(b) and matrix_of(a).tobytes() == matrix_of(b).tobytes() for a, b in anew)
+    return all(
+        plain(a) == plain(b) and matrix_of(a).tobytes() == matrix_of(b).tobytes() for a, b in anew
+    )
 
 
 _PLAIN = {
@@ -67,16 +85,22 @@ def _same_group(a: Instances, b: Instances) -> bool:
 
 
 def _nearest(scene: Scene, camera: Camera) -> float:
-    """The smallest depth along -w, camera units, of the boxes round all placements; infinite without any."""
+    """The smallest depth along -w, camera units, of the boxes round all placements; infinite
+    without any.
+    """
     if not scene.instances:
         return np.inf
     boxes = np.stack([_box(scene.geometries[group.geometry]) for group in scene.instances])
-    middle, half = np.repeat(boxes, [len(group.world_from_object) for group in scene.instances], axis=0).transpose(1, 0, 2)
+    middle, half = np.repeat(
+        boxes, [len(group.world_from_object) for group in scene.instances], axis=0
+    ).transpose(1, 0, 2)
     matrices = np.concatenate([group.world_from_object for group in scene.instances])
     backward = camera.world_from_camera[:, 2]
     backward = backward / (backward @ backward)
     along = np.einsum("i,kij->kj", backward, matrices[:, :, :3])
-    center = (along * middle).sum(1) + (matrices[:, :, 3] - camera.world_from_camera[:, 3]) @ backward
+    center = (along * middle).sum(1) + (
+        matrices[:, :, 3] - camera.world_from_camera[:, 3]
+    ) @ backward
     return float((-center - (np.abs(along) * half).sum(1)).min(initial=np.inf))
 
 

@@ -12,7 +12,9 @@ from . import timer
 
 @dataclass(frozen=True, eq=False)
 class Picked:
-    """A scene with the camera of the view, its settings, and a pixel of the full frame from the bottom left."""
+    """A scene with the camera of the view, its settings, and a pixel of the full frame from the
+    bottom left.
+    """
 
     scene: Scene
     settings: engine.Settings
@@ -20,7 +22,9 @@ class Picked:
 
 
 def pixel_at(region: Any, x: int, y: int) -> Picked | None:
-    """What Glint shows at a point of a region, in screen pixels from its bottom left; None where it shows nothing."""
+    """What Glint shows at a point of a region, in screen pixels from its bottom left; None where it
+    shows nothing.
+    """
     session = timer.session_of(region.as_pointer())
     if session is None or session.shown_scene is None:
         return None

@@ -1,7 +1,8 @@
 """How long Blender takes to draw its window, and how long it may be kept waiting for a picture.
 
-An old picture that is drawn while the new one is being traced holds the new one up for a whole redraw, and takes processors from it where
-there is no graphics card. So a view waits for what it has just asked for, but no longer than a redraw: then it would gain nothing.
+An old picture that is drawn while the new one is being traced holds the new one up for a whole
+redraw, and takes processors from it where there is no graphics card. So a view waits for what it
+has just asked for, but no longer than a redraw: then it would gain nothing.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ from collections.abc import Callable
 from .pacing import BUDGET, LONGEST_WAIT, SETTLED
 
 LOOK = 0.004
-"""Seconds between two looks at whether Blender has drawn. Between two of them it takes all events that wait for it."""
+"""Seconds between two looks at whether Blender has drawn. Between two of them it takes all events
+that wait for it.
+"""
 _PAUSE = 0.1
 """Seconds between two redraws after which what moves has stopped in between."""
 _LONGEST_REDRAW = 0.5
@@ -49,7 +52,9 @@ class Redraws:
 
     @property
     def is_over(self) -> bool:
-        """Whether Blender has drawn, and looked after what was done meanwhile without beginning anew."""
+        """Whether Blender has drawn, and looked after what was done meanwhile without beginning
+        anew.
+        """
         return self._began is None and self._clock() - self._ended >= LOOK / 2
 
     def follows(self, number: int) -> bool:
@@ -66,7 +71,9 @@ class Redraws:
         self._began, self._waited = None, 0.0
 
     def wait(self, wait: Callable[[float], object], is_patient: bool) -> None:
-        """Let a view that is being drawn call `wait` with the seconds it may take. is_patient: nothing is worth drawing before."""
+        """Let a view that is being drawn call `wait` with the seconds it may take. is_patient:
+        nothing is worth drawing before.
+        """
         start = self._clock()
         wait(max(0.0, (SETTLED if is_patient else min(self.seconds, LONGEST_WAIT)) - self._waited))
         self._waited += self._clock() - start

@@ -1,8 +1,10 @@
-"""One 3D view in Rendered shading: follows Blender's data and matrices, asks for pictures, shows the newest.
+"""One 3D view in Rendered shading: follows Blender's data and matrices, asks for pictures, shows
+the newest.
 
-Tracing is `engine.LiveRender`'s, reading Blender's data is `addon.export`'s. A view waits only for a picture that it has just asked for,
-and no longer than drawing the old one would take. No Blender data outlives a callback, and the region is known by its address only, which
-is compared, never followed.
+Tracing is `engine.LiveRender`'s, reading Blender's data is `addon.export`'s. A view waits only for
+a picture that it has just asked for, and no longer than drawing the old one would take. No Blender
+data outlives a callback, and the region is known by its address only, which is compared, never
+followed.
 """
 
 from __future__ import annotations
@@ -54,7 +56,8 @@ class _Target:
 
 @dataclass(frozen=True)
 class _Wishes:
-    """What decides on a picture and is no data of the depsgraph's, so that no update tells of its changes.
+    """What decides on a picture and is no data of the depsgraph's, so that no update tells of its
+    changes.
 
     settings: with the estimated error, which the status line tells.
     """
@@ -68,7 +71,12 @@ class _Wishes:
     def of(cls, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> _Wishes:
         settings, shown_pass = viewport_settings_from(depsgraph.scene)
         settings = replace(settings, passes=settings.passes | {"Error"})
-        return cls(settings, shown_pass, read_surroundings(context.space_data), shown_in(context.space_data))
+        return cls(
+            settings,
+            shown_pass,
+            read_surroundings(context.space_data),
+            shown_in(context.space_data),
+        )
 
 
 class Session:
@@ -87,7 +95,8 @@ class Session:
         self._problem: str | None = None
         self._pictures: dict[str, Picture] = {}
         self._drawn = 0
-        self._traced: tuple[tuple, Scene] | None = None  # the view and the scene of the last picture with all its own trees
+        # the view and the scene of the last picture with all its own trees
+        self._traced: tuple[tuple, Scene] | None = None
         self._later: list[engine.Task] = []  # what to make after the picture that was asked for
         self._asked_for = -1  # the redraw for which a picture was asked for last
         self._moves = False  # as in the redraw before
@@ -105,31 +114,51 @@ class Session:
         self.region = 0
         timer.watch(self)
 
-    # --- Blender calls ------------------------------------------------------------------------------------------------------------
+    # --- Blender calls
+    # ----------------------------------------------------------------------------------------------
 
     def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Blender's data changed: read what did, and begin anew. What looks through a camera, which may have moved, begins when drawn."""
+        """Blender's data changed: read what did, and begin anew. What looks through a camera, which
+        may have moved, begins when drawn.
+        """
         self.region = context.region.as_pointer()
         self._export, wishes = export_of(depsgraph), _Wishes.of(context, depsgraph)
-        scene = self._export.update(self, depsgraph, NO_CAMERA, passes=wishes.settings.passes, space=context.space_data)
+        scene = self._export.update(
+            self, depsgraph, NO_CAMERA, passes=wishes.settings.passes, space=context.space_data
+        )
         self._scene_name = depsgraph.scene.name
-        self._warn(export=self._export.notes(passes=wishes.settings.passes, space=context.space_data))
+        self._warn(
+            export=self._export.notes(passes=wishes.settings.passes, space=context.space_data)
+        )
         content = wishes.surroundings.around(scene)
         if self._shows(content, wishes):
             return  # another object is selected, or the display transform is another
         self._content, self._wishes = content, wishes
         self._settings, self._shown_pass = wishes.settings, wishes.shown_pass
         if self._view is not None and context.region_data.view_perspective != "CAMERA":
-            self._ask(self._view)  # it is most likely as it was, and Blender takes a while until it draws
+            # it is most likely as it was, and Blender takes a while until it draws
+            self._ask(self._view)
         else:
             self._view = None
 
     def _shows(self, content: Scene, wishes: _Wishes) -> bool:
         """Whether the pictures that are there, or were asked for, are of this."""
-        return self._content is not None and self._live.error is None and wishes == self._wishes and same_content(content, self._content)
+        return (
+            self._content is not None
+            and self._live.error is None
+            and wishes == self._wishes
+            and same_content(content, self._content)
+        )
 
-    def draw(self, render_engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Put the newest picture on the screen; ask for another if this view has not been asked for."""
+    def draw(
+        self,
+        render_engine: bpy.types.RenderEngine,
+        context: bpy.types.Context,
+        depsgraph: bpy.types.Depsgraph,
+    ) -> None:
+        """Put the newest picture on the screen; ask for another if this view has not been asked
+        for.
+        """
         self.region = context.region.as_pointer()
         timer.drawing()
         self._follow(context, depsgraph)
@@ -154,12 +183,15 @@ class Session:
 
     @property
     def shown_scene(self) -> tuple[Scene, engine.Settings, View] | None:
-        """The scene with the view's camera, how it is traced, and the view; None while there is nothing to show."""
+        """The scene with the view's camera, how it is traced, and the view; None while there is
+        nothing to show.
+        """
         if self._content is None or self._view is None:
             return None
         return self._scene(self._view.camera), self._settings, self._view
 
-    # --- for the timer ------------------------------------------------------------------------------------------------------------
+    # --- for the timer
+    # ----------------------------------------------------------------------------------------------
 
     @property
     def busy(self) -> bool:
@@ -179,14 +211,19 @@ class Session:
 
     @property
     def wants_redraw(self) -> bool:
-        """Whether to draw now. Better pictures of what is shown already take no more than half of Blender's time from the tracing."""
+        """Whether to draw now. Better pictures of what is shown already take no more than half of
+        Blender's time from the tracing.
+        """
         if not self.has_news:
             return False
         newest = self._live.newest
-        is_refinement = newest is not None and newest.task.tag.key == self._shown and not newest.final
+        is_refinement = (
+            newest is not None and newest.task.tag.key == self._shown and not newest.final
+        )
         return not is_refinement or time.perf_counter() - self._drawn_at > 2 * timer.redraws.seconds
 
-    # --- following ----------------------------------------------------------------------------------------------------------------
+    # --- following
+    # ----------------------------------------------------------------------------------------------
 
     def _follow(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Ask for another picture if what the view looks at is another."""
@@ -205,11 +242,16 @@ class Session:
             self._ask(view)
 
     def _ask(self, view: View) -> None:
-        """New pictures of this view: a coarse one if it takes that to be in time, then all of it. While things move, all but the first wait
-        until Blender has drawn and found nothing newer: they would take its processors for what is outdated soon."""
+        """New pictures of this view: a coarse one if it takes that to be in time, then all of it.
+        While things move, all but the first wait until Blender has drawn and found nothing newer:
+        they would take its processors for what is outdated soon.
+        """
         self.requests += 1
         if self._asked_for != timer.redraws.next:
-            self._moves, self._asked_for = timer.redraws.follows(self._asked_for), timer.redraws.next
+            self._moves, self._asked_for = (
+                timer.redraws.follows(self._asked_for),
+                timer.redraws.next,
+            )
         x0, y0, x1, y1 = view.shown
         pixels = (x1 - x0) * (y1 - y0)
         shades = self._is_known(view) and self._pacer.shades_in_time(pixels)
@@ -222,7 +264,9 @@ class Session:
         timer.wake()
 
     def _tasks(self, view: View, divisor: int, shades: bool) -> list[engine.Task]:
-        """shades: the rays of the view are known, so that the exact picture comes as soon as any."""
+        """shades: the rays of the view are known, so that the exact picture comes as soon as
+        any.
+        """
         content = self._scene(view.camera)
         tasks = [self._draft(content, view, divisor)] if divisor > 1 else []
         if (tasks or self._is_patient or self._pacer.is_slow_to_build) and not shades:
@@ -233,7 +277,9 @@ class Session:
         return tasks
 
     def _is_known(self, view: View) -> bool:
-        """Whether all that rays of this view meet was found out for the picture on the screen: then it takes little more than shading."""
+        """Whether all that rays of this view meet was found out for the picture on the screen: then
+        it takes little more than shading.
+        """
         if self._traced is None or self._traced[0] != view.key:
             return False
         return same_places(self._traced[1], self._content)
@@ -247,22 +293,40 @@ class Session:
         region = _scaled(view.border, scene.camera.resolution, size) if view.border else None
         settings = replace(self._first_settings, region=region)
         coarse = replace(scene, camera=replace(scene.camera, resolution=size))
-        return engine.Task(coarse, settings, self._target(view, "DRAFT", divisor), keep_first_wave=True, exact=False)
+        return engine.Task(
+            coarse,
+            settings,
+            self._target(view, "DRAFT", divisor),
+            keep_first_wave=True,
+            exact=False,
+        )
 
     def _once(self, scene: Scene, view: View, keep: bool) -> engine.Task:
         """One sample of every pixel, with the trees that are there."""
         settings = replace(self._first_settings, region=view.border)
-        return engine.Task(scene, settings, self._target(view, "FULL"), keep_first_wave=keep, exact=False)
+        return engine.Task(
+            scene, settings, self._target(view, "FULL"), keep_first_wave=keep, exact=False
+        )
 
     @property
     def _first_settings(self) -> engine.Settings:
         """Of pictures of one sample, whose error nobody can tell and no pixel needs to know."""
-        return replace(self._settings, samples=1, error_threshold=0.0, passes=self._settings.passes - {"Error"} | {self._shown_pass})
+        return replace(
+            self._settings,
+            samples=1,
+            error_threshold=0.0,
+            passes=self._settings.passes - {"Error"} | {self._shown_pass},
+        )
 
     def _full(self, scene: Scene, view: View, keep: bool) -> engine.Task:
         if _is_whole(view):
             scene = replace(scene, camera=view.frame.camera)
-        return engine.Task(scene, replace(self._settings, region=view.border), self._target(view, "FULL"), keep_first_wave=keep)
+        return engine.Task(
+            scene,
+            replace(self._settings, region=view.border),
+            self._target(view, "FULL"),
+            keep_first_wave=keep,
+        )
 
     def _frame(self, view: View) -> engine.Task:
         """The render's own picture, which the view's equals but for the last bits of its rays."""
@@ -271,9 +335,13 @@ class Session:
             x0, y0, x1, y1 = view.border
             width, height = view.frame.camera.resolution
             moved = (x0 - view.frame.x, y0 - view.frame.y, x1 - view.frame.x, y1 - view.frame.y)
-            region = tuple(min(max(edge, 0), (width, height)[k % 2]) for k, edge in enumerate(moved))
+            region = tuple(
+                min(max(edge, 0), (width, height)[k % 2]) for k, edge in enumerate(moved)
+            )
         return engine.Task(
-            replace(self._content, camera=view.frame.camera), replace(self._settings, region=region), self._target(view, "FRAME")
+            replace(self._content, camera=view.frame.camera),
+            replace(self._settings, region=region),
+            self._target(view, "FRAME"),
         )
 
     def _target(self, view: View, stage: str, divisor: int = 1) -> _Target:
@@ -283,14 +351,19 @@ class Session:
         """Until there is a picture of what was asked for last."""
         self._live.wait(lambda wave: wave.task.tag.request == self.requests, seconds)
 
-    # --- showing ------------------------------------------------------------------------------------------------------------------
+    # --- showing
+    # ----------------------------------------------------------------------------------------------
 
     def _fetch(self) -> None:
         """Make the newest wave a texture, if it is not on the screen yet."""
         wave = self._live.newest
         if wave is None or wave.number == self._drawn:
             return
-        self._drawn, self._drawn_at, self._shown = wave.number, time.perf_counter(), wave.task.tag.key
+        self._drawn, self._drawn_at, self._shown = (
+            wave.number,
+            time.perf_counter(),
+            wave.task.tag.key,
+        )
         target, film = wave.task.tag, wave.film
         if target.request != self.answered:
             self.answered, self.newest_at = target.request, wave.at
@@ -307,12 +380,18 @@ class Session:
         name, frame = ("frame", target.view.frame) if target.stage == "FRAME" else ("all", None)
         for gone in ("frame",) if frame else ("all", "frame"):  # before what comes needs room
             self._pictures.pop(gone, None)
-        self._pictures[name] = _picture(colors, wave.task.settings.region, target.view, frame, wave.task.scene.camera.resolution)
+        self._pictures[name] = _picture(
+            colors, wave.task.settings.region, target.view, frame, wave.task.scene.camera.resolution
+        )
 
     def _warn(self, **notes: tuple[str, ...]) -> None:
-        """Keep what the exporter or the tracer could not show as it is, where the user can read it."""
+        """Keep what the exporter or the tracer could not show as it is, where the user can
+        read it.
+        """
         self._notes |= notes
-        statistics.remember_view(self._scene_name, tuple(note for part in self._notes.values() for note in part))
+        statistics.remember_view(
+            self._scene_name, tuple(note for part in self._notes.values() for note in part)
+        )
 
     def _learn(self, wave: engine.Wave) -> None:
         height, width = wave.film.combined.shape[:2]
@@ -321,7 +400,13 @@ class Session:
             return
         traced = wave.film.stats.get("trace", wave.seconds)
         others = max(0.0, wave.seconds - traced - wave.build_seconds)
-        self._pacer.note(width * height, wave.film.samples, traced, wave.build_seconds, others if wave.task.tag.stage == "DRAFT" else None)
+        self._pacer.note(
+            width * height,
+            wave.film.samples,
+            traced,
+            wave.build_seconds,
+            others if wave.task.tag.stage == "DRAFT" else None,
+        )
 
     def _told(self) -> str:
         """The line of text in the corner of the view."""
@@ -332,7 +417,9 @@ class Session:
             return f"Glint: {' '.join(str(error).split())}"
         wave = self._live.newest
         unfinished = self.busy or (wave is not None and wave.task.tag.stage == "DRAFT")
-        how_far = status.progress(wave, self._settings.samples if self._settings else 0, unfinished, self._error)
+        how_far = status.progress(
+            wave, self._settings.samples if self._settings else 0, unfinished, self._error
+        )
         return how_far + status.warned(sum(map(len, self._notes.values())))
 
     def _tell(self, render_engine: bpy.types.RenderEngine) -> None:
@@ -344,18 +431,28 @@ class Session:
 
 def _is_whole(view: View) -> bool:
     """Whether the view shows just the render's frame."""
-    return view.frame is not None and (view.frame.x, view.frame.y) == (0, 0) and view.frame.camera.resolution == view.camera.resolution
+    return (
+        view.frame is not None
+        and (view.frame.x, view.frame.y) == (0, 0)
+        and view.frame.camera.resolution == view.camera.resolution
+    )
 
 
-def _scaled(border: tuple[int, ...], size: tuple[int, int], new: tuple[int, int]) -> tuple[int, int, int, int]:
+def _scaled(
+    border: tuple[int, ...], size: tuple[int, int], new: tuple[int, int]
+) -> tuple[int, int, int, int]:
     """A pixel rectangle of a picture in one of another size, at least a pixel large."""
     x0, y0, x1, y1 = (int(edge * new[k % 2] / size[k % 2]) for k, edge in enumerate(border))
     x0, y0 = min(x0, new[0] - 1), min(y0, new[1] - 1)
     return x0, y0, max(x1, x0 + 1), max(y1, y0 + 1)
 
 
-def _picture(colors: np.ndarray, region: Any, view: View, frame: Any, resolution: tuple[int, int]) -> Picture:
-    """A film's colours where they belong on the screen. frame: of the render, if they are its; else pixels of a view in that resolution."""
+def _picture(
+    colors: np.ndarray, region: Any, view: View, frame: Any, resolution: tuple[int, int]
+) -> Picture:
+    """A film's colours where they belong on the screen. frame: of the render, if they are its; else
+    pixels of a view in that resolution.
+    """
     if frame is not None:
         x0, y0 = region[:2] if region else (0, 0)
         return Picture(colors, (frame.x + x0, frame.y + y0), (colors.shape[1], colors.shape[0]))

@@ -1,4 +1,6 @@
-"""One export for all views of one scene: quad views, and any number of windows, read Blender's data once."""
+"""One export for all views of one scene: quad views, and any number of windows, read Blender's data
+once.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,9 @@ class SharedExport:
         self._evaluation = -1
 
     def update(self, viewer: Any, depsgraph: Any, camera: Camera, **wishes: Any) -> Scene:
-        """The scene for a viewer whom Blender told of an evaluation. The first to come takes its updates in; who comes again was told of
-        another one."""
+        """The scene for a viewer whom Blender told of an evaluation. The first to come takes its
+        updates in; who comes again was told of another one.
+        """
         if viewer in self._told or self._evaluation != timer.evaluation():
             self._told.clear()
             self._evaluation = timer.evaluation()
@@ -29,7 +32,9 @@ class SharedExport:
         return self._export.scene(depsgraph, camera, **wishes)
 
     def notes(self, **wishes: Any) -> tuple[str, ...]:
-        """What could not be exported as it is, of the scene that a viewer with these wishes was given."""
+        """What could not be exported as it is, of the scene that a viewer with these wishes was
+        given.
+        """
         return self._export.notes(**wishes)
 
 
@@ -37,9 +42,15 @@ _exports: weakref.WeakValueDictionary[tuple, SharedExport] = weakref.WeakValueDi
 
 
 def export_of(depsgraph: Any) -> SharedExport:
-    """The export of this scene and view layer. It lives as long as a viewer holds it; after an undo step or another file it is a new one:
-    what was kept may not hold any more."""
-    source = (depsgraph.scene.session_uid, depsgraph.view_layer.name, depsgraph.as_pointer(), timer.epoch())
+    """The export of this scene and view layer. It lives as long as a viewer holds it; after an undo
+    step or another file it is a new one: what was kept may not hold any more.
+    """
+    source = (
+        depsgraph.scene.session_uid,
+        depsgraph.view_layer.name,
+        depsgraph.as_pointer(),
+        timer.epoch(),
+    )
     found = _exports.get(source)
     if found is None:
         found = _exports[source] = SharedExport()

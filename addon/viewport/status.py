@@ -12,16 +12,22 @@ _SHARE = 0.99
 
 
 def error_of(film: engine.Film) -> float | None:
-    """8-bit levels below which the estimated error of 99 of 100 pixels lies; None where it was not estimated."""
+    """8-bit levels below which the estimated error of 99 of 100 pixels lies; None where it was not
+    estimated.
+    """
     if "Error" not in film.passes or film.samples < FIRST_ESTIMATE:
         return None
     levels = film.passes["Error"].reshape(-1)
-    return float(np.partition(levels, int(_SHARE * (levels.size - 1)))[int(_SHARE * (levels.size - 1))])
+    return float(
+        np.partition(levels, int(_SHARE * (levels.size - 1)))[int(_SHARE * (levels.size - 1))]
+    )
 
 
 def error_text(error: float) -> str:
     """Of 8-bit levels."""
-    return ("under 0.01" if error < 0.01 else f"{error:.2g}" if error < 100 else f"{error:.0f}") + "/255"
+    return (
+        "under 0.01" if error < 0.01 else f"{error:.2g}" if error < 100 else f"{error:.0f}"
+    ) + "/255"
 
 
 def _wrong(error: float | None) -> str:
@@ -30,7 +36,11 @@ def _wrong(error: float | None) -> str:
 
 def warned(count: int) -> str:
     """That there are warnings, and where they stand."""
-    return "" if count == 0 else f", {count} warning{'s' if count > 1 else ''}: Render Properties, Statistics"
+    return (
+        ""
+        if count == 0
+        else f", {count} warning{'s' if count > 1 else ''}: Render Properties, Statistics"
+    )
 
 
 def progress(wave: engine.Wave | None, most: int, busy: bool, error: float | None) -> str:

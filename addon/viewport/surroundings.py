@@ -1,4 +1,6 @@
-"""What the switches of the shading popover make of a scene: without its lights, or in a studio instead of its world."""
+"""What the switches of the shading popover make of a scene: without its lights, or in a studio
+instead of its world.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ _GREY = 0.5
 
 @dataclass(frozen=True)
 class Surroundings:
-    """use_lights: the scene's lights shine.  studio: stands in for the world of the scene, None keeps that."""
+    """use_lights: the scene's lights shine.  studio: stands in for the world of the scene, None
+    keeps that.
+    """
 
     use_lights: bool = True
     studio: World | None = None
@@ -26,11 +30,17 @@ class Surroundings:
         """`scene` as the popover wants it."""
         lights = scene.lights if self.use_lights else ()
         world = scene.world if self.studio is None else self.studio
-        return scene if lights is scene.lights and world is scene.world else replace(scene, lights=lights, world=world)
+        return (
+            scene
+            if lights is scene.lights and world is scene.world
+            else replace(scene, lights=lights, world=world)
+        )
 
 
 def read_surroundings(space: Any) -> Surroundings:
-    """Of a 3D view in Rendered shading. A studio light surrounds as its mean colour, as every environment image does in Glint."""
+    """Of a 3D view in Rendered shading. A studio light surrounds as its mean colour, as every
+    environment image does in Glint.
+    """
     shading = space.shading
     if shading.use_scene_world_render:
         return Surroundings(shading.use_scene_lights_render)
@@ -38,7 +48,10 @@ def read_surroundings(space: Any) -> Surroundings:
     mean = _mean_of(light.path if light is not None else "")
     ambient = tuple(shading.studiolight_intensity * channel for channel in mean)
     alpha = shading.studiolight_background_alpha
-    return Surroundings(shading.use_scene_lights_render, World(ambient, tuple(alpha * channel for channel in ambient), alpha == 0))
+    return Surroundings(
+        shading.use_scene_lights_render,
+        World(ambient, tuple(alpha * channel for channel in ambient), alpha == 0),
+    )
 
 
 @functools.lru_cache(maxsize=64)
@@ -53,5 +66,7 @@ def _mean_of(path: str) -> tuple[float, float, float]:
     finally:
         file.close()
     rows = values[:, :, :3].mean(1, dtype=np.float64)
-    mean = np.average(rows, axis=0, weights=np.sin((np.arange(len(rows)) + 0.5) * np.pi / len(rows)))
+    mean = np.average(
+        rows, axis=0, weights=np.sin((np.arange(len(rows)) + 0.5) * np.pi / len(rows))
+    )
     return tuple(float(channel) for channel in mean)

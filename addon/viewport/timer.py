@@ -1,6 +1,8 @@
-"""Wakes Blender while pictures are being made, and only then; knows when all that was kept has become stale.
+"""Wakes Blender while pictures are being made, and only then; knows when all that was kept has
+become stale.
 
-`bpy.app.timers` run on Blender's thread between its events. Regions are found by address among those that are on the screen now.
+`bpy.app.timers` run on Blender's thread between its events. Regions are found by address among
+those that are on the screen now.
 """
 
 from __future__ import annotations
@@ -48,7 +50,9 @@ def wake() -> None:
 
 
 def epoch() -> int:
-    """Changes when data-blocks may have been exchanged behind the depsgraph's back: undo, redo, another file."""
+    """Changes when data-blocks may have been exchanged behind the depsgraph's back: undo, redo,
+    another file.
+    """
     return _epoch
 
 

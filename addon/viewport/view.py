@@ -1,7 +1,8 @@
 """What a 3D view looks at: Blender's matrices to `engine.scene.Camera`.
 
-Rays come from `region_data.window_matrix`, which holds every projection, zoom, offset and shift. Through the scene's camera, where the
-view shows the render's pixels one to one, the render's own camera takes over, so that the picture can equal the render's.
+Rays come from `region_data.window_matrix`, which holds every projection, zoom, offset and shift.
+Through the scene's camera, where the view shows the render's pixels one to one, the render's own
+camera takes over, so that the picture can equal the render's.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ _PIXEL_SIZES = {"1": 1, "2": 2, "4": 4, "8": 8}
 
 @dataclass(frozen=True)
 class Frame:
-    """The render's frame inside a view that shows it one to one. camera: the render's.  x, y: of its lower left corner in the view."""
+    """The render's frame inside a view that shows it one to one. camera: the render's.  x, y: of
+    its lower left corner in the view.
+    """
 
     camera: Camera
     x: int
@@ -79,16 +82,30 @@ def read_view(depsgraph: Any, region: Any, space: Any, region_data: Any) -> View
     if planes:
         camera, frame = replace(camera, clip_planes=planes), None
     part = _border(space, region_data, depsgraph.scene_eval.render, camera, frame, scene_camera)
-    key = (projection.tobytes(), camera.world_from_camera.tobytes(), camera.window, planes, size, pixel_size, part, _key(frame))
+    key = (
+        projection.tobytes(),
+        camera.world_from_camera.tobytes(),
+        camera.window,
+        planes,
+        size,
+        pixel_size,
+        part,
+        _key(frame),
+    )
     return View(camera, part, size, pixel_size, frame if pixel_size == 1 else None, key)
 
 
 def view_camera(
-    projection: np.ndarray, world_from_view: np.ndarray, pixels: tuple[int, int], size: tuple[int, int], pixel_size: int
+    projection: np.ndarray,
+    world_from_view: np.ndarray,
+    pixels: tuple[int, int],
+    size: tuple[int, int],
+    pixel_size: int,
 ) -> Camera:
     """The camera of a (4, 4) window matrix and the (3, 4) inverse of a view matrix.
 
-    pixels: of the picture.  size: of the region; the last row and column of pixels may reach beyond it.
+    pixels: of the picture.  size: of the region; the last row and column of pixels may reach beyond
+    it.
     """
     perspective = projection[3, 2] != 0
     left, right, bottom, top = window_of(projection)
@@ -97,7 +114,8 @@ def view_camera(
     start, end = clip_of(projection)
     world_from_camera = world_from_view.copy()
     if not perspective:
-        # The view's plane may lie behind what it shows: the eye steps back to where the picture begins.
+        # The view's plane may lie behind what it shows: the eye steps back to where the picture
+        # begins.
         world_from_camera[:, 3] -= start * world_from_camera[:, 2]
         start, end = 0.0, end - start
     kind = "PERSPECTIVE" if perspective else "ORTHOGRAPHIC"
@@ -105,8 +123,9 @@ def view_camera(
 
 
 def clip_planes(region_data: Any, camera: Camera) -> tuple[tuple[float, ...], ...]:
-    """The clipping region of a 3D view as `engine.scene.Camera` has it; () without one. Blender's planes are of the world, positive inside,
-    and 0 where there is none."""
+    """The clipping region of a 3D view as `engine.scene.Camera` has it; () without one. Blender's
+    planes are of the world, positive inside, and 0 where there is none.
+    """
     if not region_data.use_clip_planes:
         return ()
     used = np.array(region_data.clip_planes, np.float64)[: 4 if region_data.use_box_clip else 6]
@@ -121,7 +140,8 @@ def window_of(projection: np.ndarray) -> Window:
     edges = []
     for axis in (0, 1):
         row = projection[axis]
-        # At depth 1: ndc = row[axis] x - row[2] where the view converges, row[axis] x + row[3] where it is parallel.
+        # At depth 1: ndc = row[axis] x - row[2] where the view converges, row[axis] x + row[3]
+        # where it is parallel.
         shift = row[2] if projection[3, 2] != 0 else -row[3]
         edges += [(-1 + shift) / row[axis], (1 + shift) / row[axis]]
     return tuple(float(edge) for edge in edges)
@@ -137,7 +157,9 @@ def clip_of(projection: np.ndarray) -> tuple[float, float]:
 
 
 def frame_of(window: Window, pixels: tuple[int, int], camera: Camera) -> tuple[int, int] | None:
-    """Where the lower left pixel of a render's camera lies in a view with this window, or None unless pixels lie on pixels."""
+    """Where the lower left pixel of a render's camera lies in a view with this window, or None
+    unless pixels lie on pixels.
+    """
     corner = []
     for axis in (0, 1):
         low, high = window[2 * axis : 2 * axis + 2]
@@ -145,7 +167,11 @@ def frame_of(window: Window, pixels: tuple[int, int], camera: Camera) -> tuple[i
         size = (high - low) / pixels[axis]
         here = (start - low) / size
         there = (end - low) / size
-        wrong = abs(here - round(here)), abs(there - round(there)), abs(round(there) - round(here) - camera.resolution[axis])
+        wrong = (
+            abs(here - round(here)),
+            abs(there - round(there)),
+            abs(round(there) - round(here) - camera.resolution[axis]),
+        )
         if max(wrong) > _SAME_PIXEL:
             return None
         corner.append(round(here))
@@ -153,10 +179,23 @@ def frame_of(window: Window, pixels: tuple[int, int], camera: Camera) -> tuple[i
 
 
 def _through_camera(camera: Camera, scene_camera: Any, render: Any) -> tuple[Camera, Frame | None]:
-    """The view's camera with the place, direction and clip distances of the render's; the render's frame if it lies on whole pixels."""
+    """The view's camera with the place, direction and clip distances of the render's; the render's
+    frame if it lies on whole pixels.
+    """
     rendered = export_camera(scene_camera, render, resolution(render), Report())
-    moved = Camera(rendered.kind, rendered.world_from_camera, camera.window, camera.resolution, rendered.clip_start, rendered.clip_end)
-    corner = frame_of(camera.window, camera.resolution, rendered) if rendered.kind == camera.kind else None
+    moved = Camera(
+        rendered.kind,
+        rendered.world_from_camera,
+        camera.window,
+        camera.resolution,
+        rendered.clip_start,
+        rendered.clip_end,
+    )
+    corner = (
+        frame_of(camera.window, camera.resolution, rendered)
+        if rendered.kind == camera.kind
+        else None
+    )
     if rendered.kind != camera.kind:
         return camera, None
     return moved, Frame(rendered, *corner) if corner else None
@@ -171,20 +210,40 @@ def _camera_object(space: Any, region_data: Any, depsgraph: Any) -> Any:
 
 
 def _pixel_size(render: Any) -> int:
-    """Screen pixels to a side of a traced one: `preview_pixel_size`, or the interface's own for AUTO."""
+    """Screen pixels to a side of a traced one: `preview_pixel_size`, or the interface's own for
+    AUTO.
+    """
     import bpy
 
-    return _PIXEL_SIZES.get(render.preview_pixel_size) or max(1, round(bpy.context.preferences.system.pixel_size))
+    return _PIXEL_SIZES.get(render.preview_pixel_size) or max(
+        1, round(bpy.context.preferences.system.pixel_size)
+    )
 
 
-def _border(space: Any, region_data: Any, render: Any, camera: Camera, frame: Frame | None, scene_camera: Any) -> Rectangle | None:
-    """The render border in pixels of the view: the camera's where one looks through it, else the view's own."""
+def _border(
+    space: Any,
+    region_data: Any,
+    render: Any,
+    camera: Camera,
+    frame: Frame | None,
+    scene_camera: Any,
+) -> Rectangle | None:
+    """The render border in pixels of the view: the camera's where one looks through it, else the
+    view's own.
+    """
     width, height = camera.resolution
     if region_data.view_perspective != "CAMERA":
         if not space.use_render_border:
             return None
-        edges = (space.render_border_min_x, space.render_border_min_y, space.render_border_max_x, space.render_border_max_y)
-        return _inside(tuple(edge * (width, height)[k % 2] for k, edge in enumerate(edges)), width, height)
+        edges = (
+            space.render_border_min_x,
+            space.render_border_min_y,
+            space.render_border_max_x,
+            space.render_border_max_y,
+        )
+        return _inside(
+            tuple(edge * (width, height)[k % 2] for k, edge in enumerate(edges)), width, height
+        )
     if not render.use_border or scene_camera is None:
         return None
     if frame is not None:
@@ -195,7 +254,9 @@ def _border(space: Any, region_data: Any, render: Any, camera: Camera, frame: Fr
         return _inside((x0 + frame.x, y0 + frame.y, x1 + frame.x, y1 + frame.y), width, height)
     rendered = export_camera(scene_camera, render, resolution(render), Report())
     edges = (render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y)
-    return _inside(tuple(_pixel(edge, k % 2, rendered, camera) for k, edge in enumerate(edges)), width, height)
+    return _inside(
+        tuple(_pixel(edge, k % 2, rendered, camera) for k, edge in enumerate(edges)), width, height
+    )
 
 
 def _pixel(share: float, axis: int, rendered: Camera, camera: Camera) -> float:
@@ -216,4 +277,12 @@ def _key(frame: Frame | None) -> tuple | None:
     if frame is None:
         return None
     camera = frame.camera
-    return frame.x, frame.y, camera.world_from_camera.tobytes(), camera.window, camera.resolution, camera.clip_start, camera.clip_end
+    return (
+        frame.x,
+        frame.y,
+        camera.world_from_camera.tobytes(),
+        camera.window,
+        camera.resolution,
+        camera.clip_start,
+        camera.clip_end,
+    )

@@ -1,12 +1,27 @@
-"""The linear algebra of the lecture notes (sections 2 and 5-7), in float64, vectorised over leading axes.
+"""The linear algebra of the lecture notes (sections 2 and 5-7), in float64, vectorised over leading
+axes.
 
-Conventions: vectors are columns, so `a_from_c = a_from_b @ b_from_c`; the columns of a basis are its vectors; angles are in radians.
-Matrices of the notes are homogeneous, (n + 1, n + 1); the placements of `engine.scene` are their upper three rows, (3, 4).
+Conventions: vectors are columns, so `a_from_c = a_from_b @ b_from_c`; the columns of a basis are
+its vectors; angles are in radians. Matrices of the notes are homogeneous, (n + 1, n + 1); the
+placements of `engine.scene` are their upper three rows, (3, 4).
 """
 
-from .barycentric import barycentric_by_areas, barycentric_by_solve, interpolate, is_inside, triangle_area
+from .barycentric import (
+    barycentric_by_areas,
+    barycentric_by_solve,
+    interpolate,
+    is_inside,
+    triangle_area,
+)
 from .decompositions import Inverse, affine_inverse, inverse, pseudo_inverse, svd, symmetric_eigen
-from .frames import basis_from_vector, basis_from_vectors, canonical_from_frame, coordinates_in, gram_schmidt, rigid_inverse
+from .frames import (
+    basis_from_vector,
+    basis_from_vectors,
+    canonical_from_frame,
+    coordinates_in,
+    gram_schmidt,
+    rigid_inverse,
+)
 from .transforms import (
     affine,
     homogeneous,
@@ -26,7 +41,18 @@ from .transforms import (
     translate,
     window,
 )
-from .vectors import angle_between, cross, determinant, dot, length, lerp, piecewise_linear, project, projected_length, unit
+from .vectors import (
+    angle_between,
+    cross,
+    determinant,
+    dot,
+    length,
+    lerp,
+    piecewise_linear,
+    project,
+    projected_length,
+    unit,
+)
 from .viewing import (
     camera_basis,
     camera_from_world,

@@ -1,4 +1,6 @@
-"""Eigenvalues, singular values and the inverse through them (notes, sections 5.1-5.3, 6.5), by Jacobi rotations."""
+"""Eigenvalues, singular values and the inverse through them (notes, sections 5.1-5.3, 6.5), by
+Jacobi rotations.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +12,16 @@ from .vectors import Array, dot, length, power_of_two, unit
 
 _EPSILON = np.finfo(np.float64).eps
 _MAX_SWEEPS = 60
-"""Far beyond what convergence takes (5-8 sweeps, a few more for columns of very different sizes)."""
+"""Far beyond what convergence takes (5-8 sweeps, a few more for columns of very different sizes).
+"""
 
 
 def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
-    """(..., n, n) symmetric A -> eigenvalues (..., n), ascending, and Q (..., n, n) with A = Q D Qᵀ, QᵀQ = I (section 5.2).
+    """(..., n, n) symmetric A -> eigenvalues (..., n), ascending, and Q (..., n, n) with A = Q D
+    Qᵀ, QᵀQ = I (section 5.2).
 
-    Cyclic Jacobi (Golub, Van Loan, section 8.5). Only the upper triangle counts. Meant for small n: a sweep takes n(n - 1)/2 rotations.
+    Cyclic Jacobi (Golub, Van Loan, section 8.5). Only the upper triangle counts. Meant for small n:
+    a sweep takes n(n - 1)/2 rotations.
     """
     upper = np.triu(np.asarray(matrix, np.float64))
     step = power_of_two(np.max(np.abs(upper), (-2, -1)))
@@ -34,7 +39,9 @@ def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
 
 
 def _off_diagonal(a: Array) -> Array:
-    """(..., n, n) -> (...): the largest entry off the diagonal that rounding does not already hide beside the diagonal."""
+    """(..., n, n) -> (...): the largest entry off the diagonal that rounding does not already hide
+    beside the diagonal.
+    """
     largest = np.max(np.abs(np.triu(a, 1)), (-2, -1), initial=0.0)
     diagonal = np.max(np.abs(np.diagonal(a, axis1=-2, axis2=-1)), -1, initial=0.0)
     return np.where(largest > _EPSILON / 16 * diagonal, largest, 0.0)
@@ -52,7 +59,9 @@ def _rotate_symmetric(a: Array, q: Array, i: int, j: int) -> None:
 
 
 def _rotation(cotangent: Array) -> tuple[Array, Array]:
-    """cot 2θ -> cos θ, sin θ for the smaller of the two angles; an infinite one means no rotation."""
+    """cot 2θ -> cos θ, sin θ for the smaller of the two angles; an infinite one means no
+    rotation.
+    """
     tangent = np.where(cotangent < 0, -1.0, 1.0) / (np.abs(cotangent) + np.hypot(1.0, cotangent))
     c = 1 / np.hypot(1.0, tangent)
     return c, c * tangent
@@ -66,11 +75,14 @@ def _mix_columns(a: Array, i: int, j: int, c: Array, s: Array) -> None:
 
 
 def svd(matrix: Array) -> tuple[Array, Array, Array]:
-    """(..., m, n) A -> U (..., m, k), S (..., k), V (..., n, k), k = min(m, n), with A = U diag(S) Vᵀ, S descending (section 5.3).
+    """(..., m, n) A -> U (..., m, k), S (..., k), V (..., n, k), k = min(m, n), with A = U diag(S)
+    Vᵀ, S descending (section 5.3).
 
-    UᵀU = VᵀV = I also for matrices without full rank. One-sided Jacobi on A itself (Hestenes 1958): the eigenvalues of AAᵀ, as the notes
-    have it, would square the condition number. Singular values are accurate relative to themselves when A is well-conditioned up to a
-    scaling of its columns (Demmel, Veselic 1992), as placements by rotation × scale are. Raises ValueError for non-finite input.
+    UᵀU = VᵀV = I also for matrices without full rank. One-sided Jacobi on A itself (Hestenes 1958):
+    the eigenvalues of AAᵀ, as the notes have it, would square the condition number. Singular values
+    are accurate relative to themselves when A is well-conditioned up to a scaling of its columns
+    (Demmel, Veselic 1992), as placements by rotation × scale are. Raises ValueError for non-finite
+    input.
     """
     matrix = np.asarray(matrix, np.float64)
     if not np.all(np.isfinite(matrix)):
@@ -88,7 +100,9 @@ def svd(matrix: Array) -> tuple[Array, Array, Array]:
 
 
 def _orthogonal_columns(a: Array) -> tuple[Array, Array]:
-    """(..., m, n) A -> A V with orthogonal columns, and V. The largest columns come first, which speeds convergence up."""
+    """(..., m, n) A -> A V with orthogonal columns, and V. The largest columns come first, which
+    speeds convergence up.
+    """
     order = np.argsort(-length(np.swapaxes(a, -1, -2)), -1, kind="stable")[..., None, :]
     n = a.shape[-1]
     a = np.take_along_axis(a, order, -1)
@@ -101,7 +115,8 @@ def _orthogonal_columns(a: Array) -> tuple[Array, Array]:
 
 
 def _orthogonalise(a: Array, v: Array, i: int, j: int) -> bool:
-    """Makes columns i and j of a orthogonal, in place, and gathers the rotation in v. True when some pair was not yet so.
+    """Makes columns i and j of a orthogonal, in place, and gathers the rotation in v. True when
+    some pair was not yet so.
 
     Works on unit columns and the ratio of their lengths, so that no square underflows.
     """
@@ -136,8 +151,9 @@ def _completed(columns: Array, values: Array) -> Array:
 class Inverse(NamedTuple):
     """An inverse and how far to trust it.
 
-    matrix: (..., n, m).  rank: (...) int, how many singular values counted.  condition: (...), largest over smallest singular value,
-    infinite for a singular matrix; results lose about log10(condition) digits.
+    matrix: (..., n, m).  rank: (...) int, how many singular values counted.  condition: (...),
+    largest over smallest singular value, infinite for a singular matrix; results lose about
+    log10(condition) digits.
     """
 
     matrix: Array
@@ -146,10 +162,12 @@ class Inverse(NamedTuple):
 
 
 def pseudo_inverse(matrix: Array, tolerance: float | None = None) -> Inverse:
-    """(..., m, n) -> the Moore-Penrose inverse V S⁺ Uᵀ (sections 5.3 and 6.5): the inverse where there is one.
+    """(..., m, n) -> the Moore-Penrose inverse V S⁺ Uᵀ (sections 5.3 and 6.5): the inverse where
+    there is one.
 
-    Singular values up to tolerance × the largest count as 0; the default max(m, n) · 2⁻⁵² is what rounding of the matrix's own entries can
-    hide; 0 takes every entry at its word. A flattened matrix gets the inverse within the plane that is left.
+    Singular values up to tolerance × the largest count as 0; the default max(m, n) · 2⁻⁵² is what
+    rounding of the matrix's own entries can hide; 0 takes every entry at its word. A flattened
+    matrix gets the inverse within the plane that is left.
     """
     matrix = np.asarray(matrix, np.float64)
     tolerance = max(matrix.shape[-2:]) * _EPSILON if tolerance is None else tolerance
@@ -158,14 +176,17 @@ def pseudo_inverse(matrix: Array, tolerance: float | None = None) -> Inverse:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         reciprocal = np.where(counted, 1 / values, 0.0)
         condition = np.where(values[..., -1] > 0, values[..., 0] / values[..., -1], np.inf)
-    return Inverse((v * reciprocal[..., None, :]) @ np.swapaxes(u, -1, -2), np.sum(counted, -1), condition)
+    return Inverse(
+        (v * reciprocal[..., None, :]) @ np.swapaxes(u, -1, -2), np.sum(counted, -1), condition
+    )
 
 
 def inverse(matrix: Array) -> Array:
-    """(..., n, n) -> (..., n, n): V S⁻¹ Uᵀ (section 6.5), after exact scaling of the columns to sizes in [1, 2).
+    """(..., n, n) -> (..., n, n): V S⁻¹ Uᵀ (section 6.5), after exact scaling of the columns to
+    sizes in [1, 2).
 
-    So rotation × scale is inverted to rounding whatever the scales. Raises ValueError for a matrix that is singular to working precision
-    for every scaling of its columns.
+    So rotation × scale is inverted to rounding whatever the scales. Raises ValueError for a matrix
+    that is singular to working precision for every scaling of its columns.
     """
     matrix = np.asarray(matrix, np.float64)
     sizes = power_of_two(length(np.swapaxes(matrix, -1, -2)))
@@ -176,11 +197,15 @@ def inverse(matrix: Array) -> Array:
 
 
 def affine_inverse(matrix: Array, tolerance: float | None = None) -> Inverse:
-    """(..., 3, 4) target_from_source -> source_from_target (..., 3, 4) with the rank and condition of the linear part.
+    """(..., 3, 4) target_from_source -> source_from_target (..., 3, 4) with the rank and condition
+    of the linear part.
 
-    For a flattened placement the points of the plane that is left go back exactly; others drop onto it first.
+    For a flattened placement the points of the plane that is left go back exactly; others drop onto
+    it first.
     """
     matrix = np.asarray(matrix, np.float64)
     linear = pseudo_inverse(matrix[..., :3], tolerance)
     translation = -np.einsum("...ij,...j->...i", linear.matrix, matrix[..., 3])
-    return Inverse(np.concatenate([linear.matrix, translation[..., None]], -1), linear.rank, linear.condition)
+    return Inverse(
+        np.concatenate([linear.matrix, translation[..., None]], -1), linear.rank, linear.condition
+    )

@@ -1,4 +1,6 @@
-"""Orthonormal bases and coordinate frames (notes, sections 2.4, 2.5, 6.6). The columns of a basis are its vectors u, v, w."""
+"""Orthonormal bases and coordinate frames (notes, sections 2.4, 2.5, 6.6). The columns of a basis
+are its vectors u, v, w.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +12,21 @@ _EPSILON = np.finfo(np.float64).eps
 
 
 def coordinates_in(basis: Array, vectors: Array) -> Array:
-    """(..., n, n) orthonormal basis, (..., n) vectors -> (..., n): the coordinates <q, b> of section 2.4; Σ <q, b> q gives b back."""
-    return np.einsum("...ij,...i->...j", np.asarray(basis, np.float64), np.asarray(vectors, np.float64))
+    """(..., n, n) orthonormal basis, (..., n) vectors -> (..., n): the coordinates <q, b> of
+    section 2.4; Σ <q, b> q gives b back.
+    """
+    return np.einsum(
+        "...ij,...i->...j", np.asarray(basis, np.float64), np.asarray(vectors, np.float64)
+    )
 
 
 def gram_schmidt(columns: Array) -> Array:
-    """(m, n) -> (m, n): orthonormal columns that span what the given ones span, one by one (section 2.5).
+    """(m, n) -> (m, n): orthonormal columns that span what the given ones span, one by one (section
+    2.5).
 
-    Each column is cleared of the earlier ones twice, which keeps the result orthogonal to rounding for any independent input
-    (Giraud, Langou, Rozloznik 2005). Raises ValueError when a column depends on the earlier ones to working precision.
+    Each column is cleared of the earlier ones twice, which keeps the result orthogonal to rounding
+    for any independent input (Giraud, Langou, Rozloznik 2005). Raises ValueError when a column
+    depends on the earlier ones to working precision.
     """
     columns = np.asarray(columns, np.float64)
     basis = np.zeros_like(columns)
@@ -33,9 +41,11 @@ def gram_schmidt(columns: Array) -> Array:
 
 
 def basis_from_vector(w: Array) -> Array:
-    """(..., 3) non-zero -> (..., 3, 3): a right-handed orthonormal basis whose third vector is w / |w| (section 2.5).
+    """(..., 3) non-zero -> (..., 3, 3): a right-handed orthonormal basis whose third vector is w /
+    |w| (section 2.5).
 
-    The smallest component of w decides which axis is safely away from it. Raises ValueError for a zero or non-finite vector.
+    The smallest component of w decides which axis is safely away from it. Raises ValueError for a
+    zero or non-finite vector.
     """
     w = _direction(w, "w")
     away = np.zeros_like(w)
@@ -44,7 +54,8 @@ def basis_from_vector(w: Array) -> Array:
 
 
 def basis_from_vectors(w: Array, t: Array) -> Array:
-    """(..., 3), (..., 3) -> (..., 3, 3): third vector w / |w|, second in the plane of w and t, on t's side (section 2.5).
+    """(..., 3), (..., 3) -> (..., 3, 3): third vector w / |w|, second in the plane of w and t, on
+    t's side (section 2.5).
 
     Raises ValueError when w or t is zero or non-finite or both are parallel to working precision.
     """
@@ -69,7 +80,9 @@ def _direction(vector: Array, name: str) -> Array:
 
 
 def canonical_from_frame(origin: Array, basis: Array) -> Array:
-    """(..., n), (..., n, n) -> (..., n + 1, n + 1): the frame-to-canonical matrix of section 6.6; the last row is (0, ..., 0, 1)."""
+    """(..., n), (..., n, n) -> (..., n + 1, n + 1): the frame-to-canonical matrix of section 6.6;
+    the last row is (0, ..., 0, 1).
+    """
     origin, basis = np.asarray(origin, np.float64), np.asarray(basis, np.float64)
     n = basis.shape[-1]
     matrix = np.zeros((*np.broadcast_shapes(origin.shape[:-1], basis.shape[:-2]), n + 1, n + 1))
@@ -80,11 +93,15 @@ def canonical_from_frame(origin: Array, basis: Array) -> Array:
 
 
 def rigid_inverse(canonical_from_frame_matrix: Array) -> Array:
-    """(..., n + 1, n + 1) -> the same: the inverse of a frame with an orthonormal basis, by its transpose (sections 6.5, 6.6, 7.5).
+    """(..., n + 1, n + 1) -> the same: the inverse of a frame with an orthonormal basis, by its
+    transpose (sections 6.5, 6.6, 7.5).
 
-    Exact up to the rounding of one product; wrong for bases that are not orthonormal (use `inverse` there).
+    Exact up to the rounding of one product; wrong for bases that are not orthonormal (use `inverse`
+    there).
     """
     matrix = np.asarray(canonical_from_frame_matrix, np.float64)
     n = matrix.shape[-1] - 1
     transpose = np.swapaxes(matrix[..., :n, :n], -1, -2)
-    return canonical_from_frame(-np.einsum("...ij,...j->...i", transpose, matrix[..., :n, n]), transpose)
+    return canonical_from_frame(
+        -np.einsum("...ij,...j->...i", transpose, matrix[..., :n, n]), transpose
+    )

@@ -1,4 +1,6 @@
-"""Linear, affine and windowing transformations (notes, sections 6.1-6.4) and what they do to normals."""
+"""Linear, affine and windowing transformations (notes, sections 6.1-6.4) and what they do to
+normals.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ def scale(*factors: float) -> Array:
 
 
 def shear(axis: int, by: int, amount: float, n: int = 3) -> Array:
-    """(n, n): adds amount × coordinate `by` to coordinate `axis` (section 6.1). The two must differ."""
+    """(n, n): adds amount × coordinate `by` to coordinate `axis` (section 6.1). The two must
+    differ.
+    """
     if axis == by:
         raise ValueError("a shear needs two different axes")
     matrix = np.eye(n)
@@ -23,7 +27,9 @@ def shear(axis: int, by: int, amount: float, n: int = 3) -> Array:
 
 
 def reflect(normal: Array) -> Array:
-    """(n,) -> (n, n): reflection in the plane (line) through the origin with that normal, I - 2 n nᵀ / |n|² (section 6.1)."""
+    """(n,) -> (n, n): reflection in the plane (line) through the origin with that normal, I - 2 n
+    nᵀ / |n|² (section 6.1).
+    """
     n = unit(normal)
     return np.eye(len(n)) - 2 * np.outer(n, n)
 
@@ -58,9 +64,11 @@ def _rotate_about(axis: int, phi: float) -> Array:
 
 
 def rotate(axis: Array, phi: float) -> Array:
-    """(3,) non-zero axis -> (3, 3): Rodrigues' cos φ I + (1 - cos φ) a aᵀ + sin φ [a]× (section 6.2, arbitrary rotations).
+    """(3,) non-zero axis -> (3, 3): Rodrigues' cos φ I + (1 - cos φ) a aᵀ + sin φ [a]× (section
+    6.2, arbitrary rotations).
 
-    1 - cos φ is taken as 2 sin²(φ/2), which keeps small angles exact. Raises ValueError for a zero or non-finite axis.
+    1 - cos φ is taken as 2 sin²(φ/2), which keeps small angles exact. Raises ValueError for a zero
+    or non-finite axis.
     """
     a = basis_from_vector(axis)[:, 2]
     skew = cross(a, np.eye(3)).T
@@ -68,7 +76,9 @@ def rotate(axis: Array, phi: float) -> Array:
 
 
 def rotate_by_frame(axis: Array, phi: float) -> Array:
-    """The same rotation by a change of frame: to a basis whose w is the axis, about z there, and back (section 6.2)."""
+    """The same rotation by a change of frame: to a basis whose w is the axis, about z there, and
+    back (section 6.2).
+    """
     basis = basis_from_vector(axis)
     return basis @ rotate_z(phi) @ basis.T
 
@@ -79,7 +89,9 @@ def translate(*offset: float) -> Array:
 
 
 def affine(linear: Array, translation: Array) -> Array:
-    """(..., n, n), (..., n) -> (..., n + 1, n + 1): the linear map, then the translation (section 6.3)."""
+    """(..., n, n), (..., n) -> (..., n + 1, n + 1): the linear map, then the translation (section
+    6.3).
+    """
     return canonical_from_frame(translation, linear)
 
 
@@ -90,8 +102,10 @@ def homogeneous(matrix: Array) -> Array:
 
 
 def transform_points(matrix: Array, points: Array) -> Array:
-    """(..., n or n + 1, n + 1), (..., n) -> (..., n): homogeneous coordinate 1, divided by the last one where the matrix has that row
-    (sections 6.3, 7.4). Points that a perspective sends to infinity come out non-finite."""
+    """(..., n or n + 1, n + 1), (..., n) -> (..., n): homogeneous coordinate 1, divided by the last
+    one where the matrix has that row (sections 6.3, 7.4). Points that a perspective sends to
+    infinity come out non-finite.
+    """
     matrix, points = np.asarray(matrix, np.float64), np.asarray(points, np.float64)
     n = points.shape[-1]
     moved = np.einsum("...ij,...j->...i", matrix[..., :n], points) + matrix[..., n]
@@ -102,17 +116,21 @@ def transform_points(matrix: Array, points: Array) -> Array:
 
 
 def transform_directions(matrix: Array, directions: Array) -> Array:
-    """(..., n or n + 1, n + 1), (..., n) -> (..., n): homogeneous coordinate 0, so translations leave directions alone (section 6.3)."""
+    """(..., n or n + 1, n + 1), (..., n) -> (..., n): homogeneous coordinate 0, so translations
+    leave directions alone (section 6.3).
+    """
     matrix, directions = np.asarray(matrix, np.float64), np.asarray(directions, np.float64)
     n = directions.shape[-1]
     return np.einsum("...ij,...j->...i", matrix[..., :n, :n], directions)
 
 
 def normal_matrix(matrix: Array) -> Array:
-    """(..., 3, 3) M -> (..., 3, 3): the matrix that carries normals, as M⁻ᵀ does up to a positive factor (section 6.2).
+    """(..., 3, 3) M -> (..., 3, 3): the matrix that carries normals, as M⁻ᵀ does up to a positive
+    factor (section 6.2).
 
-    The cofactor matrix of M / 2^k with the sign of det M (0 counts as +): exists for flattened matrices too, where it gives the normal
-    of the plane that is left, and neither overflows nor underflows with the size of M. Zero when M has rank 1 or 0.
+    The cofactor matrix of M / 2^k with the sign of det M (0 counts as +): exists for flattened
+    matrices too, where it gives the normal of the plane that is left, and neither overflows nor
+    underflows with the size of M. Zero when M has rank 1 or 0.
     """
     matrix = np.asarray(matrix, np.float64)
     columns = matrix / power_of_two(np.max(np.abs(matrix), (-2, -1)))[..., None, None]
@@ -123,15 +141,23 @@ def normal_matrix(matrix: Array) -> Array:
 
 
 def transform_normals(matrix: Array, normals: Array) -> Array:
-    """(..., 3, 3), (..., 3) -> (..., 3): unit normals of the transformed surface; zero where the surface collapses to a line."""
-    return unit(np.einsum("...ij,...j->...i", normal_matrix(matrix), np.asarray(normals, np.float64)))
+    """(..., 3, 3), (..., 3) -> (..., 3): unit normals of the transformed surface; zero where the
+    surface collapses to a line.
+    """
+    return unit(
+        np.einsum("...ij,...j->...i", normal_matrix(matrix), np.asarray(normals, np.float64))
+    )
 
 
 def window(low: Array, high: Array, new_low: Array, new_high: Array) -> Array:
-    """(n,) each -> (n + 1, n + 1): takes the box [low, high] to [new_low, new_high], axis by axis (section 6.4, with its erratum).
+    """(n,) each -> (n + 1, n + 1): takes the box [low, high] to [new_low, new_high], axis by axis
+    (section 6.4, with its erratum).
 
-    The product translate(new_low) · scale(...) · translate(-low), written out; no side of the box may have length 0.
+    The product translate(new_low) · scale(...) · translate(-low), written out; no side of the box
+    may have length 0.
     """
-    low, high, new_low, new_high = (np.asarray(v, np.float64) for v in (low, high, new_low, new_high))
+    low, high, new_low, new_high = (
+        np.asarray(v, np.float64) for v in (low, high, new_low, new_high)
+    )
     side = high - low
     return affine(np.diag((new_high - new_low) / side), (new_low * high - new_high * low) / side)

@@ -1,4 +1,6 @@
-"""Attributes of all meshes, pooled so that hits on many meshes are interpolated in one go (notes, section 2.7)."""
+"""Attributes of all meshes, pooled so that hits on many meshes are interpolated in one go (notes,
+section 2.7).
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,9 @@ _MISSING = -1
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Rows of POINT and of CORNER attributes at the corners of all triangles of all meshes, (3, t) each; first (g,) triangle of each
-    geometry."""
+    """Rows of POINT and of CORNER attributes at the corners of all triangles of all meshes, (3, t)
+    each; first (g,) triangle of each geometry.
+    """
 
     point: Array
     corner: Array
@@ -34,14 +37,18 @@ class Corners:
                 point.append(geometry.triangles)
                 corner.append(geometry.triangles if geometry.corners is None else geometry.corners)
                 count += len(geometry.triangles)
-        joined = [np.concatenate([np.zeros((0, 3), np.uint32), *rows]).T.astype(np.intp) for rows in (point, corner)]
+        joined = [
+            np.concatenate([np.zeros((0, 3), np.uint32), *rows]).T.astype(np.intp)
+            for rows in (point, corner)
+        ]
         return cls(*(np.ascontiguousarray(a) for a in joined), np.array(first, np.intp))
 
 
 @dataclass(frozen=True, eq=False)
 class Pool:
-    """One attribute of many meshes. values (c, k) float64; first (g,) row of each geometry, _MISSING for those that lack it;
-    domain (g,) code."""
+    """One attribute of many meshes. values (c, k) float64; first (g,) row of each geometry,
+    _MISSING for those that lack it; domain (g,) code.
+    """
 
     corners: Corners
     values: Array
@@ -49,8 +56,12 @@ class Pool:
     domain: Array
 
     @classmethod
-    def of(cls, scene: Scene, corners: Corners, find: Callable[[Mesh], Attribute | None], channels: int) -> Pool:
-        """find: picks the attribute of a mesh. It is padded with 1 (the alpha of colours) or cut to `channels`."""
+    def of(
+        cls, scene: Scene, corners: Corners, find: Callable[[Mesh], Attribute | None], channels: int
+    ) -> Pool:
+        """find: picks the attribute of a mesh. It is padded with 1 (the alpha of colours) or cut to
+        `channels`.
+        """
         values, first, domain, count = [np.zeros((channels, 0))], [], [], 0
         for geometry in scene.geometries:
             attribute = find(geometry) if isinstance(geometry, Mesh) else None
@@ -59,7 +70,9 @@ class Pool:
             if attribute is not None:
                 values.append(_padded(attribute.values, channels))
                 count += len(attribute.values)
-        return cls(corners, np.concatenate(values, 1), np.array(first, np.intp), np.array(domain, np.intp))
+        return cls(
+            corners, np.concatenate(values, 1), np.array(first, np.intp), np.array(domain, np.intp)
+        )
 
     def has(self, geometry: Array) -> Array:
         """Which geometries (n,) have the attribute."""
@@ -102,7 +115,9 @@ class Attributes:
         self._corners = Corners.of(scene)
         self._pools: dict[tuple[str, str], Pool] = {}
 
-    def _pool(self, kind: str, name: str, find: Callable[[Mesh], Attribute | None], channels: int) -> Pool:
+    def _pool(
+        self, kind: str, name: str, find: Callable[[Mesh], Attribute | None], channels: int
+    ) -> Pool:
         if (kind, name) not in self._pools:
             self._pools[kind, name] = Pool.of(self._scene, self._corners, find, channels)
         return self._pools[kind, name]
@@ -113,11 +128,15 @@ class Attributes:
 
     def uv(self, name: str) -> Pool:
         """The UV map of this name, "" for the active one, 2 channels."""
-        return self._pool("uv", name, lambda mesh: _first(a for a in mesh.attributes if _is_uv(a, name)), 2)
+        return self._pool(
+            "uv", name, lambda mesh: _first(a for a in mesh.attributes if _is_uv(a, name)), 2
+        )
 
     def color(self, name: str) -> Pool:
         """The colour attribute of this name, 4 channels."""
-        return self._pool("color", name, lambda mesh: _first(a for a in mesh.attributes if a.name == name), 4)
+        return self._pool(
+            "color", name, lambda mesh: _first(a for a in mesh.attributes if a.name == name), 4
+        )
 
 
 def _first(attributes) -> Attribute | None:

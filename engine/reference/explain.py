@@ -30,10 +30,11 @@ Numbers = tuple[float, ...]
 class LightTerm:
     """One sample of a light at a point. Colours are RGB; directions are unit, in the world.
 
-    to_light: l.  n_dot_l, n_dot_h: cosines.  intensity: I.  distance: to the light's sample, infinite for a sun.
-    shadow: S.  blocker: name of the first thing in between, "" for none; blocker_distance: how far it is.
-    diffuse, specular: k_d I max(0, n·l) and k_s I max(0, n·h)^p, before the shadow. Directions drawn from narrow highlights are samples
-    too, without diffuse light; both kinds have a share of the highlight.
+    to_light: l.  n_dot_l, n_dot_h: cosines.  intensity: I.  distance: to the light's sample,
+    infinite for a sun. shadow: S.  blocker: name of the first thing in between, "" for none;
+    blocker_distance: how far it is. diffuse, specular: k_d I max(0, n·l) and k_s I max(0, n·h)^p,
+    before the shadow. Directions drawn from narrow highlights are samples too, without diffuse
+    light; both kinds have a share of the highlight.
     """
 
     light: str
@@ -54,9 +55,10 @@ class LightTerm:
 class Hit:
     """Where a ray meets a surface, world space.
 
-    thing: name of the object.  place: which row of its matrices.  primitive: which triangle, sphere or polygon.
-    barycentric: weights of a triangle's corners, zeros elsewhere.  depth: ray parameter; of camera rays the depth along the view.
-    normal: n, turned to the viewer.  ambient, emission: k_a I_a and k_e.  holdout: nothing is seen here.
+    thing: name of the object.  place: which row of its matrices.  primitive: which triangle, sphere
+    or polygon. barycentric: weights of a triangle's corners, zeros elsewhere.  depth: ray
+    parameter; of camera rays the depth along the view. normal: n, turned to the viewer.  ambient,
+    emission: k_a I_a and k_e.  holdout: nothing is seen here.
     """
 
     thing: str
@@ -78,9 +80,10 @@ class Hit:
 class Ray:
     """A ray and those that follow from it.
 
-    kind: camera, mirror, refraction or transparent (the same ray beyond a surface).  weight: T.  origin, direction: world.
-    hit: None for the surroundings, of which it sees `background`.  shapes: (name, radiance) of the lights whose shape it sees.
-    own: what it brings to the pixel itself, T times its terms; color: with all that follow from it.
+    kind: camera, mirror, refraction or transparent (the same ray beyond a surface).  weight: T.
+    origin, direction: world. hit: None for the surroundings, of which it sees `background`.
+    shapes: (name, radiance) of the lights whose shape it sees. own: what it brings to the pixel
+    itself, T times its terms; color: with all that follow from it.
     """
 
     kind: str
@@ -100,12 +103,20 @@ class Explainer:
     """Follows single rays of a scene; the order of work is that of `Generations`."""
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
-        self.stage = Stage(scene, replace(settings, samples=1, region=None, passes=frozenset()), Pulse(lambda: False))
+        self.stage = Stage(
+            scene,
+            replace(settings, samples=1, region=None, passes=frozenset()),
+            Pulse(lambda: False),
+        )
 
     def pixel(self, x: int, y: int) -> Ray:
-        """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first: the first sample of a picture."""
+        """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first:
+        the first sample of a picture.
+        """
         rays, _ = self.stage.camera.pixels((x, x + 1), (y, y + 1), np.zeros(2))
-        return self.follow(Paths(rays, np.ones((3, 1)), np.zeros(1, np.intp), np.zeros(1, np.intp), 0), "camera")
+        return self.follow(
+            Paths(rays, np.ones((3, 1)), np.zeros(1, np.intp), np.zeros(1, np.intp), 0), "camera"
+        )
 
     def follow(self, paths: Paths, kind: str) -> Ray:
         """One ray and all that follow from it."""
@@ -114,8 +125,19 @@ class Explainer:
         found = stage.visibility.closest(paths.rays, paths.kind)
         weight = paths.weight[:, 0]
         shapes = tuple(self._shapes(paths, o, d, found.depth))
-        ray = Ray(kind, paths.depth, _numbers(weight), _numbers(o[:, 0] + stage.eye), _numbers(unit(d)[:, 0]),
-                  None, _numbers(self._background(paths)), shapes, (), (), ())  # fmt: skip
+        ray = Ray(
+            kind,
+            paths.depth,
+            _numbers(weight),
+            _numbers(o[:, 0] + stage.eye),
+            _numbers(unit(d)[:, 0]),
+            None,
+            _numbers(self._background(paths)),
+            shapes,
+            (),
+            (),
+            (),
+        )
         own = weight * sum((np.array(radiance) for _, radiance in shapes), np.zeros(3))
         if found.primitive[0] == NOTHING:
             own = own + weight * np.array(ray.background)
@@ -125,7 +147,9 @@ class Explainer:
 
     def _at_surface(self, ray: Ray, paths: Paths, found, own: Array) -> Ray:
         stage, hit, depth = self.stage, np.zeros(1, np.intp), found.depth
-        surface = surface_at(stage.geometry, stage.attributes, paths.rays, hit, found.primitive, depth, stage.pulse)
+        surface = surface_at(
+            stage.geometry, stage.attributes, paths.rays, hit, found.primitive, depth, stage.pulse
+        )
         coefficients = stage.shader.coefficients(surface)
         about = self._hit(surface, coefficients, depth, paths)
         if about.holdout:
@@ -135,7 +159,9 @@ class Explainer:
         color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
         return replace(ray, hit=about, own=_numbers(own), color=_numbers(color), follow=follow)
 
-    def _shapes(self, paths: Paths, o: Array, d: Array, depth: Array) -> Iterator[tuple[str, Numbers]]:
+    def _shapes(
+        self, paths: Paths, o: Array, d: Array, depth: Array
+    ) -> Iterator[tuple[str, Numbers]]:
         for source in self.stage.sources:
             if getattr(source.light, "visible_" + paths.kind) and has_shape(source):
                 radiance = seen_radiance(source, o, d, paths.rays.near, depth)[:, 0]
@@ -146,12 +172,16 @@ class Explainer:
         hidden = paths.depth == 0 and self.stage.scene.world.transparent
         return np.zeros(3) if hidden else self.stage.background[:, 0]
 
-    def _next(self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array) -> Iterator[Ray]:
+    def _next(
+        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array
+    ) -> Iterator[Ray]:
         if paths.depth < self.stage.settings.max_bounces:
             for after in bounced(paths, hit, surface, coefficients, self.stage.settings.cutoff):
                 _, d = after.rays.lines(np.zeros(1, np.intp))
                 yield self.follow(after, "mirror" if dot(d, surface.g)[0] > 0 else "refraction")
-        straight = straight_on(paths, hit, surface, depth, coefficients.transparent, np.zeros(1, bool))
+        straight = straight_on(
+            paths, hit, surface, depth, coefficients.transparent, np.zeros(1, bool)
+        )
         if straight is not None:
             yield self.follow(straight, "transparent")
 
@@ -178,24 +208,45 @@ class Explainer:
             holdout=instances.holdout,
         )
 
-    # --- lights -------------------------------------------------------------------------------------------------------------------
+    # --- lights
+    # ----------------------------------------------------------------------------------------------
 
-    def _lights(self, surface: Surface, coefficients: Coefficients, weight: Array) -> Iterator[LightTerm]:
+    def _lights(
+        self, surface: Surface, coefficients: Coefficients, weight: Array
+    ) -> Iterator[LightTerm]:
         lighting = self.stage.lighting
         for source in lighting.sources:
-            for j, (narrow, sample, diffuse) in enumerate(lighting.samples(surface, coefficients, weight, source, 0)):
+            for j, (narrow, sample, diffuse) in enumerate(
+                lighting.samples(surface, coefficients, weight, source, 0)
+            ):
                 if diffuse is coefficients.diffuse or sample.intensity[0]:
-                    yield self._light(surface, replace(coefficients, diffuse=diffuse), source, narrow, sample, j)
+                    yield self._light(
+                        surface, replace(coefficients, diffuse=diffuse), source, narrow, sample, j
+                    )
 
     def _light(
-        self, surface: Surface, coefficients: Coefficients, source: Source, narrow: Narrow | None, sample: LightSample, j: int
+        self,
+        surface: Surface,
+        coefficients: Coefficients,
+        source: Source,
+        narrow: Narrow | None,
+        sample: LightSample,
+        j: int,
     ) -> LightTerm:
         n_dot_l = float(dot(surface.n, sample.direction)[0])
         intensity = source.color * sample.intensity[0]
         lit = n_dot_l > 0 and intensity.any()
-        specular = sum((term.k[:, 0] * self._highlight(surface, sample, term.lobe) for term in coefficients.highlights), np.zeros(3))
+        specular = sum(
+            (
+                term.k[:, 0] * self._highlight(surface, sample, term.lobe)
+                for term in coefficients.highlights
+            ),
+            np.zeros(3),
+        )
         specular = specular * balance(narrow, np.zeros(1, np.intp), sample)
-        shadow, blocker, distance = self._shadow(surface, source, sample) if lit else (np.ones(3), "", np.inf)
+        shadow, blocker, distance = (
+            self._shadow(surface, source, sample) if lit else (np.ones(3), "", np.inf)
+        )
         return LightTerm(
             light=source.light.name,
             sample=j,
@@ -207,23 +258,36 @@ class Explainer:
             shadow=_numbers(shadow),
             blocker=blocker,
             blocker_distance=distance,
-            diffuse=_numbers(coefficients.diffuse[:, 0] * intensity * n_dot_l if lit else np.zeros(3)),
+            diffuse=_numbers(
+                coefficients.diffuse[:, 0] * intensity * n_dot_l if lit else np.zeros(3)
+            ),
             specular=_numbers(specular * intensity if lit else np.zeros(3)),
         )
 
     def _highlight(self, surface: Surface, sample: LightSample, lobe: Lobe) -> float:
         return float(highlight(lobe, surface.n, surface.v, sample.direction)[0])
 
-    def _shadow(self, surface: Surface, source: Source, sample: LightSample) -> tuple[Array, str, float]:
+    def _shadow(
+        self, surface: Surface, source: Source, sample: LightSample
+    ) -> tuple[Array, str, float]:
         """S, and the first thing that stands between the point and the light's sample."""
         if not source.light.cast_shadow:
             return np.ones(3), "", np.inf
         shadow = self.stage.lighting.shadows.towards(surface, np.zeros(1, np.intp), sample)[0]
         if (shadow == 1).all():
             return shadow, "", np.inf
-        start = surface.start + np.where(dot(surface.g, sample.direction) < 0, -1.0, 1.0) * surface.offset * surface.g
-        far = np.array([np.inf]) if sample.end is None else length(sample.end - start) - ULPS * np.abs(sample.end).max(0)
-        found = self.stage.visibility.closest(Bundle.of(start, sample.direction, np.zeros(1), far), "shadow")
+        start = (
+            surface.start
+            + np.where(dot(surface.g, sample.direction) < 0, -1.0, 1.0) * surface.offset * surface.g
+        )
+        far = (
+            np.array([np.inf])
+            if sample.end is None
+            else length(sample.end - start) - ULPS * np.abs(sample.end).max(0)
+        )
+        found = self.stage.visibility.closest(
+            Bundle.of(start, sample.direction, np.zeros(1), far), "shadow"
+        )
         if found.primitive[0] == NOTHING:
             return shadow, "", np.inf
         row = self.stage.geometry.row[found.primitive[0]]

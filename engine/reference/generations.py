@@ -1,4 +1,6 @@
-"""One sample of a tile of pixels, generation by generation: camera rays, what passes straight through, then bounce after bounce."""
+"""One sample of a tile of pixels, generation by generation: camera rays, what passes straight
+through, then bounce after bounce.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ class Generations:
             paths = joined(deeper) if deeper else None
 
     def _step(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
-        """Traces the paths to their hits; bounces go to `deeper`, rays that go straight on are returned."""
+        """Traces the paths to their hits; bounces go to `deeper`, rays that go straight on are
+        returned.
+        """
         stage = self._stage
         stage.rays[paths.kind] += len(paths)
         self._tile.charge(paths.pixel)
@@ -50,7 +54,15 @@ class Generations:
             return None
         depth = hits.depth[hit]
         stage.pulse.beat()
-        surface = surface_at(stage.geometry, stage.attributes, paths.rays, hit, hits.primitive[hit], depth, stage.pulse)
+        surface = surface_at(
+            stage.geometry,
+            stage.attributes,
+            paths.rays,
+            hit,
+            hits.primitive[hit],
+            depth,
+            stage.pulse,
+        )
         coefficients = stage.shader.coefficients(surface)
         stage.pulse.beat()
         self._record(paths, hit, surface, depth, coefficients)
@@ -64,7 +76,9 @@ class Generations:
         self._shade(paths, hit, surface, coefficients)
         if paths.depth < stage.settings.max_bounces:
             deeper += bounced(paths, hit, surface, coefficients, stage.settings.cutoff)
-        return straight_on(paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit))
+        return straight_on(
+            paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
+        )
 
     def _see_lights(self, paths: Paths, depth: Array) -> None:
         flag = "visible_" + paths.kind
@@ -72,7 +86,11 @@ class Generations:
         if sources:
             o, d = paths.rays.lines(np.arange(len(paths)))
             for source in sources:
-                self._tile.add(paths.part("Emission"), paths.pixel, paths.weight * seen_radiance(source, o, d, paths.rays.near, depth))
+                self._tile.add(
+                    paths.part("Emission"),
+                    paths.pixel,
+                    paths.weight * seen_radiance(source, o, d, paths.rays.near, depth),
+                )
 
     def _miss(self, paths: Paths, missed: Array) -> None:
         weight, pixel = pick(paths.weight, missed), paths.pixel[missed]
@@ -93,8 +111,12 @@ class Generations:
         """Which hits belong to pixels whose data passes are still to come."""
         return self._tile.wanted[paths.pixel[hit]] & (paths.depth == 0)
 
-    def _record(self, paths: Paths, hit: Array, surface: Surface, depth: Array, coefficients: Coefficients) -> None:
-        """Data passes of pixels that have none yet, where less than half of the light passes straight through."""
+    def _record(
+        self, paths: Paths, hit: Array, surface: Surface, depth: Array, coefficients: Coefficients
+    ) -> None:
+        """Data passes of pixels that have none yet, where less than half of the light passes
+        straight through.
+        """
         k = coefficients.transparent
         chosen = np.flatnonzero(self._wants_data(paths, hit) & ((k[0] + k[1] + k[2]) / 3 < 0.5))
         if not len(chosen):
@@ -107,7 +129,9 @@ class Generations:
             Position=some.x + stage.eye[:, None],
             Normal=some.n,
             Grazing=np.abs(dot(some.n, some.v))[None],
-            UV=np.concatenate([uv.at(some.geometry, some.local, some.weights), uv.has(some.geometry)[None]]),
+            UV=np.concatenate(
+                [uv.at(some.geometry, some.local, some.weights), uv.has(some.geometry)[None]]
+            ),
             Object_Index=stage.per_object("object_index", some.row),
             Material_Index=stage.shader.pass_index(some.material),
         )
@@ -118,10 +142,16 @@ class Generations:
         again = self._stage.visibility.closest(rays, paths.kind)
         found = np.flatnonzero(again.primitive != NOTHING)
         _, d = rays.lines(found)
-        self._tile.data["Gap"][0, paths.pixel[hit[found]]] = (again.depth[found] - depth[found]) * length(d)
+        self._tile.data["Gap"][0, paths.pixel[hit[found]]] = (
+            again.depth[found] - depth[found]
+        ) * length(d)
 
-    def _shade(self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients) -> None:
-        """L = k_a I_a + Σ (k_d I max(0, n·l) + k_s I max(0, n·h)^p) S + k_e (section 4.15), each part by itself."""
+    def _shade(
+        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
+    ) -> None:
+        """L = k_a I_a + Σ (k_d I max(0, n·l) + k_s I max(0, n·h)^p) S + k_e (section 4.15), each
+        part by itself.
+        """
         weight, pixel = pick(paths.weight, hit), paths.pixel[hit]
 
         def add(part: str, values: Array) -> None:
@@ -139,7 +169,9 @@ class Generations:
 
         add("Ambient", coefficients.ambient * self._stage.ambient)
         add("Emission", coefficients.emission)
-        light = self._stage.lighting.direct(surface, coefficients, weight, self._sample, on_reach, on_cut)
+        light = self._stage.lighting.direct(
+            surface, coefficients, weight, self._sample, on_reach, on_cut
+        )
         add("Diffuse", light.diffuse)
         add("Specular", light.specular)
         add("Shadow", light.shadow)

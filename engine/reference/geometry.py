@@ -1,7 +1,8 @@
 """All primitives of a scene in world space relative to the camera: what rays are tested against.
 
-Primitives are triangles, then spheres, then polygons, and have a *number* in the scene (by instance, then primitive) that settles ties.
-Faces with a vertex that is not finite, and instances squeezed to a line or a point, are left out.
+Primitives are triangles, then spheres, then polygons, and have a *number* in the scene (by
+instance, then primitive) that settles ties. Faces with a vertex that is not finite, and instances
+squeezed to a line or a point, are left out.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from .vectors import pick
 Array = np.ndarray
 
 THIN = 1e-8
-"""Spheres are left out where the unit columns of their matrix have no larger determinant (SEMANTICS.md, Hits)."""
+"""Spheres are left out where the unit columns of their matrix have no larger determinant
+(SEMANTICS.md, Hits).
+"""
 
 KINDS = ("camera", "mirror", "shadow")
 """Kinds of rays; an `Instances` has a flag visible_<kind> for each."""
@@ -27,8 +30,9 @@ KINDS = ("camera", "mirror", "shadow")
 
 @dataclass(frozen=True, eq=False)
 class Balls:
-    """Spheres under their matrices. object_from_world: (k, 3, 3) inverse; center_world (3, k), center (3, k) in the object, radius (k,),
-    row (k,) of `Placements`."""
+    """Spheres under their matrices. object_from_world: (k, 3, 3) inverse; center_world (3, k),
+    center (3, k) in the object, radius (k,), row (k,) of `Placements`.
+    """
 
     center: Array
     radius: Array
@@ -39,7 +43,9 @@ class Balls:
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Polygons: corners (3, m) in world space round each polygon, start (k + 1,) of its first corner, normal (3, k) Newell's, unit."""
+    """Polygons: corners (3, m) in world space round each polygon, start (k + 1,) of its first
+    corner, normal (3, k) Newell's, unit.
+    """
 
     corners: Array
     start: Array
@@ -48,10 +54,11 @@ class Faces:
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """points: (3, v) vertices.  triangles: (3, t) rows of points.  number: (p,) of each primitive in the scene.
-    row: (p,) int32 of `Placements`.  material: (p,) int32 index into `Scene.materials`, -1 for the default one.
-    lower, upper: (3, s) bounds of the s spheres and polygons.  reach: largest coordinate.
-    visible: for each kind of ray the primitives it sees, (p,) bool, or None for all.  left_out: sentences.
+    """points: (3, v) vertices.  triangles: (3, t) rows of points.  number: (p,) of each primitive
+    in the scene. row: (p,) int32 of `Placements`.  material: (p,) int32 index into
+    `Scene.materials`, -1 for the default one. lower, upper: (3, s) bounds of the s spheres and
+    polygons.  reach: largest coordinate. visible: for each kind of ray the primitives it sees, (p,)
+    bool, or None for all.  left_out: sentences.
     """
 
     placements: Placements
@@ -89,48 +96,86 @@ def gather(scene: Scene, eye: Array) -> Geometry:
     """The geometry of a sound scene, seen from `eye`."""
     placements = place(scene, eye)
     drawn = [_Drawn(scene, placements, b) for b in range(len(scene.instances))]
-    meshes, balls, faces = ([d for d in drawn if isinstance(d.geometry, kind)] for kind in (Mesh, Spheres, Polygons))
+    meshes, balls, faces = (
+        [d for d in drawn if isinstance(d.geometry, kind)] for kind in (Mesh, Spheres, Polygons)
+    )
     ordered = meshes + balls + faces
     points, triangles = _triangles(meshes)
     ball = _balls(balls, placements)
     face = _faces(faces)
     lower, upper = _shape_bounds(ball, face, placements)
-    number, row, material = (_joined([getattr(d, name) for d in ordered], np.intp) for name in ("number", "row", "material"))
+    number, row, material = (
+        _joined([getattr(d, name) for d in ordered], np.intp)
+        for name in ("number", "row", "material")
+    )
     reach = max((np.abs(a).max() for a in (points, lower, upper) if a.size), default=0.0)
     return Geometry(
-        placements, points, triangles, ball, face, number, row.astype(np.int32), material.astype(np.int32), lower, upper, float(reach),
-        {kind: _visible(scene, ordered, kind) for kind in KINDS}, tuple(text for d in drawn for text in d.left_out),
-    )  # fmt: skip
+        placements,
+        points,
+        triangles,
+        ball,
+        face,
+        number,
+        row.astype(np.int32),
+        material.astype(np.int32),
+        lower,
+        upper,
+        float(reach),
+        {kind: _visible(scene, ordered, kind) for kind in KINDS},
+        tuple(text for d in drawn for text in d.left_out),
+    )
 
 
-def _joined(parts: list[Array], dtype: type, axis: int = -1, shape: tuple[int, ...] = (0,)) -> Array:
-    return np.concatenate(parts, axis).astype(dtype, copy=False) if parts else np.zeros(shape, dtype)
+def _joined(
+    parts: list[Array], dtype: type, axis: int = -1, shape: tuple[int, ...] = (0,)
+) -> Array:
+    return (
+        np.concatenate(parts, axis).astype(dtype, copy=False) if parts else np.zeros(shape, dtype)
+    )
 
 
 class _Drawn:
-    """The primitives of one block of instances that can be drawn: `rows` of Placements times `kept` primitives of the geometry."""
+    """The primitives of one block of instances that can be drawn: `rows` of Placements times `kept`
+    primitives of the geometry.
+    """
 
     def __init__(self, scene: Scene, placements: Placements, block: int):
         self.instances = scene.instances[block]
         self.geometry = scene.geometries[self.instances.geometry]
         mine = np.flatnonzero(placements.block == block)
-        shown = _has_inside(placements, mine) if isinstance(self.geometry, Spheres) else placements.rank[mine] >= 2
+        shown = (
+            _has_inside(placements, mine)
+            if isinstance(self.geometry, Spheres)
+            else placements.rank[mine] >= 2
+        )
         self.rows = mine[shown]
         self.matrices = placements.world_from_object[self.rows]
         sound = _finite_primitives(self.geometry)
         self.kept = np.flatnonzero(sound)
         self.row = np.repeat(self.rows, len(self.kept))
         self.number = (placements.first[self.rows][:, None] + self.kept).ravel()
-        self.material = np.tile(_materials(scene, self.instances, self.geometry)[self.kept], len(self.rows))
+        self.material = np.tile(
+            _materials(scene, self.instances, self.geometry)[self.kept], len(self.rows)
+        )
         self.left_out = tuple(self._notes(len(mine) - len(self.rows), len(sound) - len(self.kept)))
 
     def _notes(self, squeezed: int, broken: int) -> Iterator[str]:
         name = self.instances.name
         if squeezed:
-            shape = "so flat that the spheres have no inside" if isinstance(self.geometry, Spheres) else "of scales that leave no surface"
-            yield f"{name!r}: {squeezed} placements are {shape} and were left out; scale two axes alike"
+            shape = (
+                "so flat that the spheres have no inside"
+                if isinstance(self.geometry, Spheres)
+                else "of scales that leave no surface"
+            )
+            yield (
+                f"{name!r}: {squeezed} placements are {shape} and were left out; scale two axes "
+                "alike"
+            )
         if broken:
-            yield f"{name!r}: {broken} primitives have coordinates that are not finite and were left out; repair the mesh"
+            yield (
+                f"{name!r}: {broken} primitives have coordinates that are not finite and were "
+                "left out; repair the mesh"
+            )
 
 
 def _has_inside(placements: Placements, rows: Array) -> Array:
@@ -144,12 +189,18 @@ def _has_inside(placements: Placements, rows: Array) -> Array:
 def _finite_primitives(geometry: Mesh | Spheres | Polygons) -> Array:
     """(n,) bool: all coordinates (and the radius) are finite."""
     if isinstance(geometry, Spheres):
-        return np.isfinite(geometry.centers).all(1) & np.isfinite(geometry.radii) & (geometry.radii > 0)
+        return (
+            np.isfinite(geometry.centers).all(1)
+            & np.isfinite(geometry.radii)
+            & (geometry.radii > 0)
+        )
     finite = np.isfinite(geometry.vertices).all(1)
     if isinstance(geometry, Mesh):
         return finite[geometry.triangles].all(1)
     sizes = np.diff(geometry.offsets.astype(np.intp))
-    bad = np.bincount(np.repeat(np.arange(len(sizes)), sizes), ~finite[geometry.indices], len(sizes))
+    bad = np.bincount(
+        np.repeat(np.arange(len(sizes)), sizes), ~finite[geometry.indices], len(sizes)
+    )
     return (bad == 0) & (sizes >= 3)
 
 
@@ -157,7 +208,11 @@ def _materials(scene: Scene, instances, geometry) -> Array:
     """(n,) index into the scene's materials per primitive; -1 where there is none."""
     if not instances.materials:
         return np.full(primitive_count(geometry), -1)
-    slots = np.zeros(primitive_count(geometry), np.intp) if geometry.material_slots is None else geometry.material_slots.astype(np.intp)
+    slots = (
+        np.zeros(primitive_count(geometry), np.intp)
+        if geometry.material_slots is None
+        else geometry.material_slots.astype(np.intp)
+    )
     chosen = np.array(instances.materials, np.intp)[np.minimum(slots, len(instances.materials) - 1)]
     return np.where((chosen >= 0) & (chosen < len(scene.materials)), chosen, -1)
 
@@ -166,7 +221,9 @@ def _placed(vertices: Array, matrices: Array) -> Array:
     """(v, 3) under (k, 3, 4) -> (3, k * v)."""
     x, y, z = vertices.astype(np.float64).T
     m = matrices[:, :, :, None]
-    return np.stack([(m[:, i, 0] * x + m[:, i, 1] * y + m[:, i, 2] * z + m[:, i, 3]).ravel() for i in range(3)])
+    return np.stack(
+        [(m[:, i, 0] * x + m[:, i, 1] * y + m[:, i, 2] * z + m[:, i, 3]).ravel() for i in range(3)]
+    )
 
 
 def _triangles(meshes: list[_Drawn]) -> tuple[Array, Array]:
@@ -179,18 +236,28 @@ def _triangles(meshes: list[_Drawn]) -> tuple[Array, Array]:
         corners = mesh.geometry.triangles[mesh.kept].astype(np.intp)
         triangles.append((starts[:, None, None] + corners).reshape(-1, 3).T)
         base += points[-1].shape[1]
-    return _joined(points, np.float64, 1, (3, 0)), np.ascontiguousarray(_joined(triangles, np.intp, 1, (3, 0)))
+    return _joined(points, np.float64, 1, (3, 0)), np.ascontiguousarray(
+        _joined(triangles, np.intp, 1, (3, 0))
+    )
 
 
 def _balls(drawn: list[_Drawn], placements: Placements) -> Balls:
     centers = [np.tile(d.geometry.centers[d.kept].astype(np.float64).T, len(d.rows)) for d in drawn]
     center = _joined(centers, np.float64, 1, (3, 0))
-    radius = _joined([np.tile(d.geometry.radii[d.kept].astype(np.float64), len(d.rows)) for d in drawn], np.float64)
+    radius = _joined(
+        [np.tile(d.geometry.radii[d.kept].astype(np.float64), len(d.rows)) for d in drawn],
+        np.float64,
+    )
     row = _joined([d.row for d in drawn], np.intp)
     used, place_of = np.unique(row, return_inverse=True)
     inverse = _inverses(placements, used)
     m = placements.world_from_object[row]
-    world = np.stack([m[:, i, 0] * center[0] + m[:, i, 1] * center[1] + m[:, i, 2] * center[2] + m[:, i, 3] for i in range(3)])
+    world = np.stack(
+        [
+            m[:, i, 0] * center[0] + m[:, i, 1] * center[1] + m[:, i, 2] * center[2] + m[:, i, 3]
+            for i in range(3)
+        ]
+    )
     return Balls(center, radius, row, world, inverse[place_of])
 
 
@@ -206,15 +273,25 @@ def _faces(drawn: list[_Drawn]) -> Faces:
     for d in drawn:
         offsets = d.geometry.offsets.astype(np.intp)
         count = np.diff(offsets)[d.kept]
-        row, place_in = np.repeat(d.kept, count), np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        corners.append(_placed(d.geometry.vertices[d.geometry.indices[offsets[row] + place_in]], d.matrices))
+        row, place_in = (
+            np.repeat(d.kept, count),
+            np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count),
+        )
+        corners.append(
+            _placed(d.geometry.vertices[d.geometry.indices[offsets[row] + place_in]], d.matrices)
+        )
         sizes.append(np.tile(count, len(d.rows)))
-    corner, start = np.concatenate(corners, 1), np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.intp)
+    corner, start = (
+        np.concatenate(corners, 1),
+        np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.intp),
+    )
     return Faces(corner, start, _newell(corner, start))
 
 
 def _newell(corners: Array, start: Array) -> Array:
-    """Unit normals (3, k): the sum of cross products of successive corners, taken relative to the first one."""
+    """Unit normals (3, k): the sum of cross products of successive corners, taken relative to the
+    first one.
+    """
     if len(start) < 2:
         return np.zeros((3, 0))
     sizes = np.diff(start)
@@ -223,7 +300,9 @@ def _newell(corners: Array, start: Array) -> Array:
     following[start[1:] - 1] = start[:-1]
     b = pick(relative, following)
     a = relative
-    area = np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    area = np.stack(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
     total = np.add.reduceat(area, start[:-1], 1)
     size = np.sqrt((total * total).sum(0))
     return total / np.where(size > 0, size, 1.0)
@@ -241,4 +320,6 @@ def _shape_bounds(balls: Balls, faces: Faces, placements: Placements) -> tuple[A
 
 def _visible(scene: Scene, ordered: list[_Drawn], kind: str) -> Array | None:
     flags = [getattr(d.instances, "visible_" + kind) for d in ordered]
-    return None if all(flags) else np.repeat(np.array(flags, bool), [len(d.number) for d in ordered])
+    return (
+        None if all(flags) else np.repeat(np.array(flags, bool), [len(d.number) for d in ordered])
+    )

@@ -1,4 +1,6 @@
-"""Directions drawn from highlights that are narrower than the light (SEMANTICS.md, Light), where its points alone would show as dots."""
+"""Directions drawn from highlights that are narrower than the light (SEMANTICS.md, Light), where
+its points alone would show as dots.
+"""
 
 from __future__ import annotations
 
@@ -14,14 +16,20 @@ Array = np.ndarray
 
 
 class Narrow:
-    """Of n points of the surface the highlights narrower than a light. weight: (3, n) T of the rays that see the points."""
+    """Of n points of the surface the highlights narrower than a light. weight: (3, n) T of the rays
+    that see the points.
+    """
 
     def __init__(self, surface: Surface, terms: list[Term], weight: Array, source: Source) -> None:
         self._surface, self._terms = surface, []
         self._total = np.zeros(len(surface))
         least = source.least_exponent(surface.x)
         for term in terms:
-            k = np.where(term.lobe.exponent >= least[term.index], np.abs(term.k * pick(weight, term.index)).sum(0), 0.0)
+            k = np.where(
+                term.lobe.exponent >= least[term.index],
+                np.abs(term.k * pick(weight, term.index)).sum(0),
+                0.0,
+            )
             if k.any():
                 self._terms.append((term.index, k, term.lobe.exponent))
                 self._total[term.index] += k / (term.lobe.exponent + 1)
@@ -30,17 +38,23 @@ class Narrow:
         return bool(self._terms)
 
     def density(self, seen: Array, direction: Array) -> Array:
-        """(m,) how densely, a steradian, directions are drawn where `direction` (3, m) is from the points `seen` (m,)."""
+        """(m,) how densely, a steradian, directions are drawn where `direction` (3, m) is from the
+        points `seen` (m,).
+        """
         towards, density = self._surface.v.copy(), np.zeros(len(self._surface))
         towards[:, seen] = direction
         for index, k, exponent in self._terms:
             l = pick(towards, index)  # noqa: E741, the notes' letter
-            density[index] += k * blinn_phong(pick(self._surface.n, index), pick(self._surface.v, index), l, exponent)
+            density[index] += k * blinn_phong(
+                pick(self._surface.n, index), pick(self._surface.v, index), l, exponent
+            )
         size = length(self._surface.v + towards) * self._total
         return np.divide(density, 4 * np.pi * size, out=np.zeros_like(size), where=size > 0)[seen]
 
     def draw(self, point: LightPoint) -> tuple[Array, Array]:
-        """(3, n) the direction in which the half vector at `point` of the lobes mirrors the ray, and (n,) bool where there is one."""
+        """(3, n) the direction in which the half vector at `point` of the lobes mirrors the ray,
+        and (n,) bool where there is one.
+        """
         x, y = point.disc
         radius = np.hypot(x, y)
         across, along = (x / radius, y / radius) if radius > 0 else (1.0, 0.0)

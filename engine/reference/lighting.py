@@ -1,4 +1,6 @@
-"""Direct light at surfaces (notes, sections 4.12-4.16): k_d I max(0, n·l) + k_s I max(0, n·h)^p, times the shadow, summed over lights."""
+"""Direct light at surfaces (notes, sections 4.12-4.16): k_d I max(0, n·l) + k_s I max(0, n·h)^p,
+times the shadow, summed over lights.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ class DirectLight:
 
 @dataclass(frozen=True, eq=False)
 class Lighting:
-    """The lights of a scene. points: the samples on extended lights, light_samples for each sample of a pixel."""
+    """The lights of a scene. points: the samples on extended lights, light_samples for each sample
+    of a pixel.
+    """
 
     sources: tuple[Source, ...]
     light_samples: int
@@ -48,9 +52,10 @@ class Lighting:
         on_reach: Callable[[Source, Array], None],
         on_cut: Callable[[Array], None],
     ) -> DirectLight:
-        """What all lights add at the points of `surface` in sample `sample` of their pixels. weight: (3, n) T of the rays that see them.
-        on_reach: told which points each sample of a light reaches.  on_cut: told the points whose horizon cuts a light of more than one
-        sample."""
+        """What all lights add at the points of `surface` in sample `sample` of their pixels.
+        weight: (3, n) T of the rays that see them. on_reach: told which points each sample of a
+        light reaches.  on_cut: told the points whose horizon cuts a light of more than one sample.
+        """
         total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(3)))
         lit = coefficients.diffuse.any(0)
         for term in coefficients.highlights:
@@ -58,15 +63,29 @@ class Lighting:
         for source in self.sources if lit.any() else ():
             if source.sample_count(self.light_samples) > 1 and source.color.any():
                 on_cut(np.flatnonzero(lit & source.is_cut(surface.x, surface.n)))
-            for narrow, light_sample, diffuse in self.samples(surface, coefficients, weight, source, sample):
+            for narrow, light_sample, diffuse in self.samples(
+                surface, coefficients, weight, source, sample
+            ):
                 self.pulse.beat()
-                on_reach(source, self._add(surface, coefficients, lit, source, narrow, light_sample, diffuse, total))
+                on_reach(
+                    source,
+                    self._add(
+                        surface, coefficients, lit, source, narrow, light_sample, diffuse, total
+                    ),
+                )
         return total
 
     def samples(
-        self, surface: Surface, coefficients: Coefficients, weight: Array, source: Source, sample: int
+        self,
+        surface: Surface,
+        coefficients: Coefficients,
+        weight: Array,
+        source: Source,
+        sample: int,
     ) -> Iterator[tuple[Narrow | None, LightSample, Array]]:
-        """The samples of a light: highlights narrower than it, if there are any, the sample, and k_d (3, n) or zeros."""
+        """The samples of a light: highlights narrower than it, if there are any, the sample, and
+        k_d (3, n) or zeros.
+        """
         n = source.sample_count(self.light_samples)
         if n == 1:
             yield None, source.sample(surface.x, CENTER, n), coefficients.diffuse
@@ -77,7 +96,11 @@ class Lighting:
             if narrow:
                 direction, drawn = narrow.draw(point)
                 chosen = source.sample_at(surface.x, direction, n)
-                yield narrow, replace(chosen, intensity=np.where(drawn, chosen.intensity, 0.0)), np.zeros_like(coefficients.diffuse)
+                yield (
+                    narrow,
+                    replace(chosen, intensity=np.where(drawn, chosen.intensity, 0.0)),
+                    np.zeros_like(coefficients.diffuse),
+                )
 
     def _add(
         self,
@@ -96,30 +119,46 @@ class Lighting:
         seen = np.flatnonzero(lit & (cosine > 0) & (sample.intensity != 0))
         if not len(seen) or not source.color.any():
             return seen[:0]
-        end = sample.end if sample.end is None or sample.end.shape[1] == 1 else pick(sample.end, seen)
-        sample = LightSample(pick(sample.direction, seen), sample.intensity[seen], end, sample.spread[seen])
+        end = (
+            sample.end if sample.end is None or sample.end.shape[1] == 1 else pick(sample.end, seen)
+        )
+        sample = LightSample(
+            pick(sample.direction, seen), sample.intensity[seen], end, sample.spread[seen]
+        )
         light = source.color[:, None] * sample.intensity
         diffuse = pick(diffuse, seen) * light * cosine[seen]
-        specular = _highlights(surface, coefficients, seen, sample) * light * balance(narrow, seen, sample)
+        specular = (
+            _highlights(surface, coefficients, seen, sample) * light * balance(narrow, seen, sample)
+        )
         add_at(total.diffuse, seen, diffuse)
         add_at(total.specular, seen, specular)
         if source.light.cast_shadow:
             self.pulse.beat()
-            add_at(total.shadow, seen, (self.shadows.towards(surface, seen, sample).T - 1.0) * (diffuse + specular))
+            add_at(
+                total.shadow,
+                seen,
+                (self.shadows.towards(surface, seen, sample).T - 1.0) * (diffuse + specular),
+            )
         return seen
 
 
 def balance(narrow: Narrow | None, seen: Array, sample: LightSample) -> Array | float:
-    """(m,) the share of a highlight that the sample stands for, drawn or on the light: by how densely each of them falls there."""
+    """(m,) the share of a highlight that the sample stands for, drawn or on the light: by how
+    densely each of them falls there.
+    """
     return 1 / (1 + narrow.density(seen, sample.direction) * sample.spread) if narrow else 1.0
 
 
 def highlight(lobe: Lobe, n: Array, v: Array, l: Array) -> Array:  # noqa: E741, the notes' letter
     """(m,) max(0, n·h)^p of a SPECULAR lobe with all that it is times, for points with n·l > 0."""
-    return blinn_phong(n, v, l, lobe.exponent) * gloss(n, v, l, lobe.masking, lobe.ior, lobe.fresnel, lobe.schlick)
+    return blinn_phong(n, v, l, lobe.exponent) * gloss(
+        n, v, l, lobe.masking, lobe.ior, lobe.fresnel, lobe.schlick
+    )
 
 
-def _highlights(surface: Surface, coefficients: Coefficients, seen: Array, sample: LightSample) -> Array:
+def _highlights(
+    surface: Surface, coefficients: Coefficients, seen: Array, sample: LightSample
+) -> Array:
     """Σ k_s max(0, n·h)^p at the points `seen` of the surface."""
     total = np.zeros((3, len(seen)))
     if not coefficients.highlights:
@@ -131,5 +170,12 @@ def _highlights(surface: Surface, coefficients: Coefficients, seen: Array, sampl
         chosen = np.flatnonzero(known)[place[term.index[known]] >= 0]
         here, at = term.index[chosen], place[term.index[chosen]]
         k = term.k if term.k.shape[1] == 1 else pick(term.k, chosen)
-        add_at(total, at, k * highlight(term.lobe, pick(surface.n, here), pick(surface.v, here), pick(sample.direction, at)))
+        add_at(
+            total,
+            at,
+            k
+            * highlight(
+                term.lobe, pick(surface.n, here), pick(surface.v, here), pick(sample.direction, at)
+            ),
+        )
     return total

@@ -1,7 +1,8 @@
-"""Lights as samples: from where, and how brightly, a point is lit (notes, sections 4.11, 4.15 and 4.16).
+"""Lights as samples: from where, and how brightly, a point is lit (notes, sections 4.11, 4.15 and
+4.16).
 
-Letters: x shaded point, c centre of the light, l unit direction to the light, q point on the light, d distance, z cosine at the light,
-n samples per light.
+Letters: x shaded point, c centre of the light, l unit direction to the light, q point on the light,
+d distance, z cosine at the light, n samples per light.
 """
 
 from __future__ import annotations
@@ -40,8 +41,9 @@ class LightSample:
     """One sample of a light as n points see it.
 
     direction: (3, n) l.  intensity: (n,), to be multiplied with the light's colour.
-    end: where the shadow segment ends: (3, 1) a point common to all, (3, n) a point for each, or None for never.
-    spread: (n,) one over how densely, a steradian, samples fall there; 0 for a light of no extent.
+    end: where the shadow segment ends: (3, 1) a point common to all, (3, n) a point for each, or
+    None for never. spread: (n,) one over how densely, a steradian, samples fall there; 0 for a
+    light of no extent.
     """
 
     direction: Array
@@ -51,7 +53,9 @@ class LightSample:
 
 
 class Source:
-    """A light relative to the camera. color: (3,) c, saturated.  position: (3, 1).  axis: (3, 1) along which it shines."""
+    """A light relative to the camera. color: (3,) c, saturated.  position: (3, 1).  axis: (3, 1)
+    along which it shines.
+    """
 
     def __init__(self, light: Light, eye: Array, physical: bool):
         frame = np.asarray(light.world_from_light, np.float64)
@@ -76,8 +80,9 @@ class Source:
         return light_samples if self.is_extended else 1
 
     def is_cut(self, x: Array, n: Array) -> Array:
-        """(k,) bool whether the horizon of points, the plane through x (3, k) across n (3, k), cuts the light's shape, and the light shines
-        that way."""
+        """(k,) bool whether the horizon of points, the plane through x (3, k) across n (3, k), cuts
+        the light's shape, and the light shines that way.
+        """
         light, to = self.light, self.position - x
         if light.kind == "SUN":
             return dot(n, self.axis) ** 2 < np.sin(min(light.angle, np.pi) / 2) ** 2
@@ -88,7 +93,9 @@ class Source:
         return (dot(to, self.axis) < 0) & (dot(n, to) ** 2 < reach2)
 
     def sample(self, x: Array, point: LightPoint, n: int) -> LightSample:
-        """How the points x (3, k) see the sample at `point`, one of n; n = 1 is the light's centre, as if it had no extent."""
+        """How the points x (3, k) see the sample at `point`, one of n; n = 1 is the light's centre,
+        as if it had no extent.
+        """
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             if self.light.kind == "SUN":
                 return self._sun(x, point, n)
@@ -96,17 +103,28 @@ class Source:
                 return self._area(x, point, n)
             if n == 1:
                 return self._spotted(self._center(x))
-            return self._spotted(self._disc(x, point, n) if self.light.soft_falloff else self._sphere(x, point, n))
+            return self._spotted(
+                self._disc(x, point, n) if self.light.soft_falloff else self._sphere(x, point, n)
+            )
 
     def sample_at(self, x: Array, direction: Array, n: int) -> LightSample:
-        """The sample of n > 1 that the points x (3, k) would see in the directions (3, k); of no intensity where these miss the light."""
+        """The sample of n > 1 that the points x (3, k) would see in the directions (3, k); of no
+        intensity where these miss the light.
+        """
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             if self.light.kind == "SUN":
-                sample, missed = self._endless(direction, n), _half_square(direction + self.axis) > self.versine
+                sample, missed = (
+                    self._endless(direction, n),
+                    _half_square(direction + self.axis) > self.versine,
+                )
             elif self.light.kind == "AREA":
                 sample, missed = self._area_at(x, direction, n)
             else:
-                sample, missed = self._disc_at(x, direction, n) if self.light.soft_falloff else self._sphere_at(x, direction, n)
+                sample, missed = (
+                    self._disc_at(x, direction, n)
+                    if self.light.soft_falloff
+                    else self._sphere_at(x, direction, n)
+                )
                 sample = self._spotted(sample)
         return replace(sample, intensity=np.where(missed, 0.0, sample.intensity))
 
@@ -124,21 +142,31 @@ class Source:
         return light.size_x * light.size_y * (1 if light.shape == "RECTANGLE" else np.pi / 4)
 
     def least_exponent(self, x: Array) -> Array:
-        """(k,) exponents p of the highlights at the points x that are narrower than the light: those whose solid angle 8π / (p + 1), seen
-        straight, is less than about area / (d² + area / 2π)."""
+        """(k,) exponents p of the highlights at the points x that are narrower than the light:
+        those whose solid angle 8π / (p + 1), seen straight, is less than about area / (d² + area /
+        2π).
+        """
         if self.light.kind == "SUN":
             return np.full(x.shape[1], 4 / self.versine - 1)
         to = self.position - x
-        return 8 * np.pi / self.area * dot(to, to) + 3 if self.area > 0 else np.full(x.shape[1], np.inf)
+        return (
+            8 * np.pi / self.area * dot(to, to) + 3
+            if self.area > 0
+            else np.full(x.shape[1], np.inf)
+        )
 
     def fall_off(self, d: Array, n: int) -> Array:
         """1 / (4π² d² n) when PHYSICAL, 1 / n when CLASSIC; 0 where the point is the light."""
-        intensity = np.minimum(1 / (4 * np.pi**2 * d * d), HUGE) if self.physical else np.ones_like(d)
+        intensity = (
+            np.minimum(1 / (4 * np.pi**2 * d * d), HUGE) if self.physical else np.ones_like(d)
+        )
         return np.where(d > 0, intensity / n, 0.0)
 
     def _center(self, x: Array) -> LightSample:
         to = self.position - x
-        return LightSample(unit(to), self.fall_off(length(to), 1), self.position, np.zeros(x.shape[1]))
+        return LightSample(
+            unit(to), self.fall_off(length(to), 1), self.position, np.zeros(x.shape[1])
+        )
 
     def _sphere(self, x: Array, point: LightPoint, n: int) -> LightSample:
         """Uniform in the cone that the sphere subtends; the segment ends on the sphere."""
@@ -172,7 +200,9 @@ class Source:
     def _disc_to(self, x: Array, towards: Array, q: Array, direction: Array, n: int) -> LightSample:
         to, z = q - x, np.maximum(0.0, dot(direction, towards))
         share = z if self.physical else 1.0
-        return LightSample(direction, self.fall_off(length(to), n) * share, q, self.area * z / dot(to, to))
+        return LightSample(
+            direction, self.fall_off(length(to), n) * share, q, self.area * z / dot(to, to)
+        )
 
     def _disc_at(self, x: Array, direction: Array, n: int) -> tuple[LightSample, Array]:
         to = self.position - x
@@ -180,15 +210,21 @@ class Source:
         t = length(to) / dot(direction, towards)
         q = x + t * direction
         off = q - self.position
-        return self._disc_to(x, towards, q, direction, n), ~((t > 0) & (dot(off, off) <= self.light.radius**2))
+        return self._disc_to(x, towards, q, direction, n), ~(
+            (t > 0) & (dot(off, off) <= self.light.radius**2)
+        )
 
     def _spotted(self, sample: LightSample) -> LightSample:
         if self.light.kind != "SPOT":
             return sample
-        return replace(sample, intensity=sample.intensity * self.spot(-dot(sample.direction, self.axis)))
+        return replace(
+            sample, intensity=sample.intensity * self.spot(-dot(sample.direction, self.axis))
+        )
 
     def spot(self, z: Array) -> Array:
-        """The spot's share at the cosine z from its axis: a smoothstep, or a step when it has no blend."""
+        """The spot's share at the cosine z from its axis: a smoothstep, or a step when it has no
+        blend.
+        """
         edge = np.cos(self.light.spot_size / 2)
         width = (1 - edge) * self.light.spot_blend
         if not width > 0:
@@ -206,8 +242,14 @@ class Source:
         return LightSample(direction, intensity * some, None, 2 * np.pi * versine * some)
 
     def _area(self, x: Array, point: LightPoint, n: int) -> LightSample:
-        """Even over the area; over the solid angle where a rectangle of a PHYSICAL light is seen large."""
-        a, b = (point.square if self.light.shape == "RECTANGLE" else point.disc) if n > 1 else (0.0, 0.0)
+        """Even over the area; over the solid angle where a rectangle of a PHYSICAL light is seen
+        large.
+        """
+        a, b = (
+            (point.square if self.light.shape == "RECTANGLE" else point.disc)
+            if n > 1
+            else (0.0, 0.0)
+        )
         q = self.position + a * self.right + b * self.up
         even = self._area_to(x, q, unit(q - x), n)
         return self._rectangle(x, point, n, even) if n > 1 and self._may_be_large else even
@@ -219,19 +261,32 @@ class Source:
     def _area_to(self, x: Array, q: Array, direction: Array, n: int) -> LightSample:
         to, z = q - x, -dot(direction, self.axis)
         share = 4 * z if self.physical else 1.0
-        return LightSample(direction, np.where(z > 0, self.fall_off(length(to), n) * share, 0.0), q, self.area * z / dot(to, to))
+        return LightSample(
+            direction,
+            np.where(z > 0, self.fall_off(length(to), n) * share, 0.0),
+            q,
+            self.area * z / dot(to, to),
+        )
 
     def _area_at(self, x: Array, direction: Array, n: int) -> tuple[LightSample, Array]:
         t = dot(self.position - x, self.axis) / dot(direction, self.axis)
         q = x + t * direction
         a, b = (dot(q - self.position, side) / dot(side, side) for side in (self.right, self.up))
-        hit = (np.abs(a) <= 1) & (np.abs(b) <= 1) if self.light.shape == "RECTANGLE" else a * a + b * b <= 1
+        hit = (
+            (np.abs(a) <= 1) & (np.abs(b) <= 1)
+            if self.light.shape == "RECTANGLE"
+            else a * a + b * b <= 1
+        )
         even = self._area_to(x, q, direction, n)
         sample = self._rectangle(x, CENTER, n, even, drawn=True) if self._may_be_large else even
         return sample, ~((t > 0) & hit)
 
-    def _rectangle(self, x: Array, point: LightPoint, n: int, even: LightSample, drawn: bool = False) -> LightSample:
-        """`even`, but where the rectangle is seen large its point, unless directions are drawn, is even over the solid angle."""
+    def _rectangle(
+        self, x: Array, point: LightPoint, n: int, even: LightSample, drawn: bool = False
+    ) -> LightSample:
+        """`even`, but where the rectangle is seen large its point, unless directions are drawn, is
+        even over the solid angle.
+        """
         to, sides = self.position - x, np.array([self.light.size_x, self.light.size_y]) / 2
         size = np.hypot(*sides)
         large = np.flatnonzero((length(to) < NEAR * size) & (-dot(to, self.axis) > 1e-30 * size))
@@ -240,8 +295,14 @@ class Source:
         right, up, (half_x, half_y) = unit(self.right), unit(self.up), sides / size
         i, j, k = (dot(pick(to, large), axis) / size for axis in (right, up, -self.axis))
         u, v = (point.square + 1) / 2
-        i, j, solid_angle = rectangle_point(np.stack([i - half_x, i + half_x]), np.stack([j - half_y, j + half_y]), k, u, v)
-        direction, intensity, spread = even.direction.copy(), even.intensity.copy(), even.spread.copy()
+        i, j, solid_angle = rectangle_point(
+            np.stack([i - half_x, i + half_x]), np.stack([j - half_y, j + half_y]), k, u, v
+        )
+        direction, intensity, spread = (
+            even.direction.copy(),
+            even.intensity.copy(),
+            even.spread.copy(),
+        )
         end = even.end if even.end.shape[1] > 1 else np.repeat(even.end, x.shape[1], 1)
         if not drawn:
             way = i * right + j * up - k * self.axis
@@ -257,7 +318,9 @@ def _half_square(a: Array) -> Array:
 
 
 def in_cone(axis: Array, versine: Array, point: LightPoint) -> Array:
-    """(3, n) unit directions in the cone round `axis` with 1 − cos α = versine (n,), uniform in solid angle over the disc's points."""
+    """(3, n) unit directions in the cone round `axis` with 1 − cos α = versine (n,), uniform in
+    solid angle over the disc's points.
+    """
     x, y = point.disc
     first, second = basis_around(axis)
     cosine = 1 - (x * x + y * y) * versine

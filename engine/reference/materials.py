@@ -1,4 +1,6 @@
-"""Materials as the notes' coefficients at points of the surface: k_a, k_d, k_s and the rest, each the product of a lobe's factors."""
+"""Materials as the notes' coefficients at points of the surface: k_a, k_d, k_s and the rest, each
+the product of a lobe's factors.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,12 @@ _WHITE = (Input((0.8, 0.8, 0.8)),)
 DEFAULT = Material("default", (Lobe("DIFFUSE", _WHITE), Lobe("AMBIENT", _WHITE)))
 """What faces without any material look like."""
 
-_SUMMED = {"AMBIENT": "ambient", "DIFFUSE": "diffuse", "EMISSION": "emission", "TRANSPARENT": "transparent"}
+_SUMMED = {
+    "AMBIENT": "ambient",
+    "DIFFUSE": "diffuse",
+    "EMISSION": "emission",
+    "TRANSPARENT": "transparent",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +61,9 @@ class Shader:
 
     def is_transparent(self, material: Array) -> Array:
         """(n,) bool: has a TRANSPARENT lobe."""
-        return np.array([any(lobe.kind == "TRANSPARENT" for lobe in m.lobes) for m in self._materials])[material]
+        return np.array(
+            [any(lobe.kind == "TRANSPARENT" for lobe in m.lobes) for m in self._materials]
+        )[material]
 
     def pass_index(self, material: Array) -> Array:
         """(n,) Blender's material index; 0 for the default one."""
@@ -68,14 +77,23 @@ class Shader:
 
         def add(lobe: Lobe, index: Array, k: Array) -> None:
             if lobe.exponent > 0 and lobe.kind in ("AMBIENT", "DIFFUSE"):
-                k = k * (1 - np.clip(dot(pick(surface.n, index), pick(surface.v, index)), 0.0, 1.0)) ** lobe.exponent
+                k = (
+                    k
+                    * (1 - np.clip(dot(pick(surface.n, index), pick(surface.v, index)), 0.0, 1.0))
+                    ** lobe.exponent
+                )
             if lobe.kind in _SUMMED:
                 add_at(sums[_SUMMED[lobe.kind]], index, k)
             else:
                 terms[lobe.kind].append(Term(index, k, lobe))
 
         self._each_lobe(surface, add)
-        return Coefficients(**sums, highlights=terms["SPECULAR"], mirrors=terms["MIRROR"], refractions=terms["REFRACTION"])
+        return Coefficients(
+            **sums,
+            highlights=terms["SPECULAR"],
+            mirrors=terms["MIRROR"],
+            refractions=terms["REFRACTION"],
+        )
 
     def transmittance(self, spot: Spot) -> Array:
         """(n, 3): what passes straight through, the clamped sum of the TRANSPARENT lobes."""
@@ -87,7 +105,9 @@ class Shader:
         self._each_lobe(spot, add, ("TRANSPARENT",))
         return np.clip(total, 0.0, 1.0)
 
-    def _each_lobe(self, spot: Spot, add: Callable[[Lobe, Array, Array], None], kinds: tuple[str, ...] = ()) -> None:
+    def _each_lobe(
+        self, spot: Spot, add: Callable[[Lobe, Array, Array], None], kinds: tuple[str, ...] = ()
+    ) -> None:
         for material in np.unique(spot.material):
             index = np.flatnonzero(spot.material == material)
             for lobe in self._materials[material].lobes:
@@ -106,14 +126,20 @@ class Shader:
         if factor.texture >= 0:
             value = value * self._texture(factor, spot, index)
         if factor.attribute:
-            color = self._attributes.color(factor.attribute).at(spot.geometry[index], spot.local[index], pick(spot.weights, index))
+            color = self._attributes.color(factor.attribute).at(
+                spot.geometry[index], spot.local[index], pick(spot.weights, index)
+            )
             value = value * (color[3:4] if factor.attribute_channel == "ALPHA" else color[:3])
         if not factor.is_plain:
-            value = np.clip(value + np.array(factor.offset, np.float64)[:, None], factor.low, factor.high)
+            value = np.clip(
+                value + np.array(factor.offset, np.float64)[:, None], factor.low, factor.high
+            )
         return 1.0 - value if factor.complement else value
 
     def _texture(self, factor: Input, spot: Spot, index: Array) -> Array:
-        u, v = self._attributes.uv(factor.uv).at(spot.geometry[index], spot.local[index], pick(spot.weights, index))
+        u, v = self._attributes.uv(factor.uv).at(
+            spot.geometry[index], spot.local[index], pick(spot.weights, index)
+        )
         (a, b, c), (d, e, f) = factor.uv_transform
         rgba = self._images[factor.texture].read(a * u + b * v + c, d * u + e * v + f)
         if factor.channel == "COLOR":

@@ -1,4 +1,6 @@
-"""Highlights, mirrors and refraction (notes, sections 4.13 and 4.17). d unit direction of the ray, n unit normal on its side."""
+"""Highlights, mirrors and refraction (notes, sections 4.13 and 4.17). d unit direction of the ray,
+n unit normal on its side.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,8 @@ Array = np.ndarray
 def blinn_phong(n: Array, v: Array, l: Array, exponent: float) -> Array:  # noqa: E741, the notes' letter
     """(m,) max(0, n·h)^p with h = (v + l)/|v + l|, for points with n·l > 0; 0^0 is 1.
 
-    cos^p as exp(p/2 · log1p(−|n×h|²)), from h before it is normalised: pow of a rounded cosine is wrong for large p.
+    cos^p as exp(p/2 · log1p(−|n×h|²)), from h before it is normalised: pow of a rounded cosine is
+    wrong for large p.
     """
     if exponent == 0:
         return np.ones(n.shape[1])
@@ -24,8 +27,18 @@ def blinn_phong(n: Array, v: Array, l: Array, exponent: float) -> Array:  # noqa
     return np.where(dot(n, h) > 0, power, 0.0)
 
 
-def gloss(n: Array, v: Array, l: Array, masking: float, ior: float, dielectric: bool, schlick: bool) -> Array:  # noqa: E741
-    """(m,) what a highlight is times beside its power: Smith's masking of GGX of width `masking`, and a Fresnel factor between v and h."""
+def gloss(
+    n: Array,
+    v: Array,
+    l: Array,  # noqa: E741
+    masking: float,
+    ior: float,
+    dielectric: bool,
+    schlick: bool,
+) -> Array:
+    """(m,) what a highlight is times beside its power: Smith's masking of GGX of width `masking`,
+    and a Fresnel factor between v and h.
+    """
     factor = np.ones(n.shape[1])
     if masking > 0:
         nl, nv, a2 = np.maximum(dot(n, l), 0.0), np.clip(dot(n, v), 0.0, 1.0), masking * masking
@@ -44,7 +57,9 @@ def reflected(d: Array, n: Array, g: Array) -> Array:
 
 
 def fresnel(cosine: Array, index: Array) -> Array:
-    """Unpolarised reflectance of a dielectric for the cosine of incidence; `index` is that beyond the surface over that before it."""
+    """Unpolarised reflectance of a dielectric for the cosine of incidence; `index` is that beyond
+    the surface over that before it.
+    """
     sine2 = (1 - cosine * cosine) / (index * index)
     inner = np.sqrt(np.maximum(0.0, 1 - sine2))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -54,7 +69,9 @@ def fresnel(cosine: Array, index: Array) -> Array:
 
 
 def refracted(d: Array, n: Array, g: Array, index: Array) -> tuple[Array, Array]:
-    """Snell's direction, and (m,) bool where there is one (no total reflection). Where n is turned away from the ray, g takes its place."""
+    """Snell's direction, and (m,) bool where there is one (no total reflection). Where n is turned
+    away from the ray, g takes its place.
+    """
     n = np.where(dot(d, n) > 0, g, n)
     cosine = -dot(d, n)
     sine2 = (1 - cosine * cosine) / (index * index)

@@ -1,4 +1,6 @@
-"""Rays on their way from a pixel: what they weigh, where they go on from a surface (notes, section 4.17)."""
+"""Rays on their way from a pixel: what they weigh, where they go on from a surface (notes, section
+4.17).
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ MOST_STRAIGHT = 128
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """n rays of one depth. weight: (3, n) T.  pixel: (n,).  straight: (n,) surfaces passed in a row that dim it."""
+    """n rays of one depth. weight: (3, n) T.  pixel: (n,).  straight: (n,) surfaces passed in a row
+    that dim it.
+    """
 
     rays: Rays
     weight: Array
@@ -45,33 +49,57 @@ class Paths:
 def joined(paths: list[Paths]) -> Paths:
     """Bundles of one depth as one."""
     bundles = [p.rays for p in paths]
-    origin, direction = (np.concatenate([getattr(b, name) for b in bundles], 1) for name in ("origin", "direction"))
+    origin, direction = (
+        np.concatenate([getattr(b, name) for b in bundles], 1) for name in ("origin", "direction")
+    )
     near, far = (np.concatenate([getattr(b, name) for b in bundles]) for name in ("near", "far"))
-    pixel, straight = (np.concatenate([getattr(p, name) for p in paths]) for name in ("pixel", "straight"))
+    pixel, straight = (
+        np.concatenate([getattr(p, name) for p in paths]) for name in ("pixel", "straight")
+    )
     rays = Bundle.of(origin, direction, near, far)
-    return Paths(rays, np.concatenate([p.weight for p in paths], 1), pixel, straight, paths[0].depth)
+    return Paths(
+        rays, np.concatenate([p.weight for p in paths], 1), pixel, straight, paths[0].depth
+    )
 
 
-def straight_on(paths: Paths, hit: Array, surface: Surface, depth: Array, k: Array, wanted: Array) -> Paths | None:
-    """The same rays beyond transparent surfaces. hit: (m,) places in `paths` of the surfaces; wanted: (m,) bool, go on for data."""
+def straight_on(
+    paths: Paths, hit: Array, surface: Surface, depth: Array, k: Array, wanted: Array
+) -> Paths | None:
+    """The same rays beyond transparent surfaces. hit: (m,) places in `paths` of the surfaces;
+    wanted: (m,) bool, go on for data.
+    """
     weight = pick(paths.weight, hit) * k
-    go = np.flatnonzero((weight.any(0) | (wanted & k.any(0))) & (paths.straight[hit] < MOST_STRAIGHT))
+    go = np.flatnonzero(
+        (weight.any(0) | (wanted & k.any(0))) & (paths.straight[hit] < MOST_STRAIGHT)
+    )
     if not len(go):
         return None
     mine = hit[go]
     rays = beyond(paths.rays.take(mine), surface.take(go), depth[go])
-    return Paths(rays, pick(weight, go), paths.pixel[mine], paths.straight[mine] + (pick(k, go) != 1).any(0), paths.depth)
+    return Paths(
+        rays,
+        pick(weight, go),
+        paths.pixel[mine],
+        paths.straight[mine] + (pick(k, go) != 1).any(0),
+        paths.depth,
+    )
 
 
 def beyond(rays: Rays, surface: Surface, depth: Array) -> Rays:
     """The rays (m,) that meet `surface` at `depth`, clear of it on the other side."""
     _, d = rays.lines(np.arange(len(rays)))
     incline = np.abs(dot(surface.g, d))
-    return replace(rays, near=depth + surface.offset / np.maximum(incline, 1e-6 * np.sqrt(dot(d, d))))
+    return replace(
+        rays, near=depth + surface.offset / np.maximum(incline, 1e-6 * np.sqrt(dot(d, d)))
+    )
 
 
-def bounced(paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, cutoff: float) -> list[Paths]:
-    """Mirror and refraction rays, one bounce deeper, but for those that weigh less than the cutoff."""
+def bounced(
+    paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, cutoff: float
+) -> list[Paths]:
+    """Mirror and refraction rays, one bounce deeper, but for those that weigh less than the
+    cutoff.
+    """
     result = []
     if coefficients.mirrors:
         k = np.zeros((3, len(surface)))
@@ -79,7 +107,9 @@ def bounced(paths: Paths, hit: Array, surface: Surface, coefficients: Coefficien
             add_at(k, term.index, term.k * _reflectance(surface, term.index, term.lobe))
         go = np.flatnonzero(k.any(0))
         some = surface.take(go)
-        result.append(_leaving(paths, hit[go], some, reflected(-some.v, some.n, some.g), pick(k, go), cutoff))
+        result.append(
+            _leaving(paths, hit[go], some, reflected(-some.v, some.n, some.g), pick(k, go), cutoff)
+        )
     for term in coefficients.refractions:
         some = surface.take(term.index)
         d, passes = refracted(-some.v, some.n, some.g, relative_index(some, term.lobe))
@@ -87,7 +117,9 @@ def bounced(paths: Paths, hit: Array, surface: Surface, coefficients: Coefficien
         if term.lobe.fresnel:
             k = k * (1 - _reflectance(surface, term.index, term.lobe))
         go = np.flatnonzero(k.any(0))
-        result.append(_leaving(paths, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go), cutoff))
+        result.append(
+            _leaving(paths, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go), cutoff)
+        )
     return [paths for paths in result if len(paths)]
 
 
@@ -103,7 +135,9 @@ def _reflectance(surface: Surface, index: Array, lobe: Lobe) -> Array | float:
     return fresnel(np.abs(dot(some.v, some.n)), relative_index(some, lobe))
 
 
-def _leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cutoff: float) -> Paths:
+def _leaving(
+    paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cutoff: float
+) -> Paths:
     """Rays from the surface along d, started clear of it on the side that d points to."""
     weight = pick(paths.weight, hit) * k
     go = np.flatnonzero(weight.any(0) & ~(np.abs(weight).max(0) < cutoff))
@@ -112,4 +146,6 @@ def _leaving(paths: Paths, hit: Array, surface: Surface, d: Array, k: Array, cut
     origin = pick(surface.x, go) + side * surface.offset[go] * pick(surface.g, go)
     zero = np.zeros(len(go))
     rays = Bundle.of(origin, d, zero, zero + np.inf)
-    return Paths(rays, pick(weight, go), paths.pixel[hit[go]], np.zeros(len(go), np.intp), paths.depth + 1)
+    return Paths(
+        rays, pick(weight, go), paths.pixel[hit[go]], np.zeros(len(go), np.intp), paths.depth + 1
+    )

@@ -1,4 +1,6 @@
-"""The picture as it grows: parts of the colour per wave, sums over the samples, passes at the end."""
+"""The picture as it grows: parts of the colour per wave, sums over the samples, passes at the
+end.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +17,11 @@ LARGEST = float(np.finfo(np.float32).max)
 
 
 class Tile:
-    """One sample of n pixels. parts: (3, n) per part that anything was added to.  lost: (n,) alpha.  cost: (n,) rays.
-    softly_lit, cut: (n,) bool, whether a light of more than one sample reached them, and whether their horizon cuts one.
-    data: (channels, n) for the passes named.  wanted: (n,) bool, pixels whose data is still to come."""
+    """One sample of n pixels. parts: (3, n) per part that anything was added to.  lost: (n,) alpha.
+    cost: (n,) rays. softly_lit, cut: (n,) bool, whether a light of more than one sample reached
+    them, and whether their horizon cuts one. data: (channels, n) for the passes named.  wanted:
+    (n,) bool, pixels whose data is still to come.
+    """
 
     def __init__(self, count: int, data: frozenset[str]):
         self._count = count
@@ -28,7 +32,9 @@ class Tile:
         self.wanted = np.full(count, bool(data))
 
     def add(self, part: str, pixel: Array, values: Array) -> None:
-        """values (3, m) to pixels (m,), in their order: a pixel's sum does not depend on its neighbours."""
+        """values (3, m) to pixels (m,), in their order: a pixel's sum does not depend on its
+        neighbours.
+        """
         if part not in self.parts:
             self.parts[part] = np.zeros((3, self._count))
         for total, value in zip(self.parts[part], values, strict=True):
@@ -85,13 +91,24 @@ class Picture:
         return np.concatenate([self._color, self._lost[None]]) / np.maximum(self.samples, 1)
 
     def means(self) -> dict[str, Array]:
-        """The passes so far, float64, (channels, pixels); pixels without a sample are black and transparent."""
+        """The passes so far, float64, (channels, pixels); pixels without a sample are black and
+        transparent.
+        """
         samples = np.maximum(self.samples, 1)
         alpha = np.where(self.samples > 0, 1 - self._lost / samples, 0.0)
         color = {"Combined": np.concatenate([self._color / samples, alpha[None]])}
-        health = {"Samples": self.samples[None], "Cost": self._cost[None], "Fallbacks": np.zeros_like(self._cost[None])}
+        health = {
+            "Samples": self.samples[None],
+            "Cost": self._cost[None],
+            "Fallbacks": np.zeros_like(self._cost[None]),
+        }
         chosen = {name: values for name, values in health.items() if name in self._passes}
-        return color | {name: total / samples for name, total in self._parts.items()} | self._data | chosen
+        return (
+            color
+            | {name: total / samples for name, total in self._parts.items()}
+            | self._data
+            | chosen
+        )
 
     def images(self, passes: dict[str, Array], shown: tuple[slice, slice]) -> dict[str, Array]:
         """Passes (c, pixels) as float32 images of the rows and columns that are shown."""

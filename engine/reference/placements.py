@@ -1,4 +1,6 @@
-"""Instances spelled out: one row per placed geometry, with its matrix relative to the camera and the matrix for its normals."""
+"""Instances spelled out: one row per placed geometry, with its matrix relative to the camera and
+the matrix for its normals.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from ..scene import Mesh, Polygons, Scene, Spheres
 Array = np.ndarray
 
 FLAT = 1e-14
-"""Singular values below this share of the largest count as 0: float64 cannot tell them from 0 after a product of matrices."""
+"""Singular values below this share of the largest count as 0: float64 cannot tell them from 0 after
+a product of matrices.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,10 +24,10 @@ class Placements:
 
     block: (r,) index into `Scene.instances`.  geometry: (r,) index into `Scene.geometries`.
     world_from_object: (r, 3, 4) float64, the world's origin moved to the camera.
-    normals: (r, 3, 3) cofactor matrices, scaled to about 1 (notes, section 6.2: they are (M⁻¹)ᵀ times det M, and exist for every M).
-    mirror: (r,) sign of the determinant, 0 counts as +1.
-    rank: (r,) of the linear part; rows of rank 0 and 1 show nothing.
-    first: (r + 1,) number of the row's first primitive among all primitives of the scene.
+    normals: (r, 3, 3) cofactor matrices, scaled to about 1 (notes, section 6.2: they are (M⁻¹)ᵀ
+    times det M, and exist for every M). mirror: (r,) sign of the determinant, 0 counts as +1. rank:
+    (r,) of the linear part; rows of rank 0 and 1 show nothing. first: (r + 1,) number of the row's
+    first primitive among all primitives of the scene.
     """
 
     block: Array
@@ -50,7 +54,9 @@ def place(scene: Scene, eye: Array) -> Placements:
     """All rows of the scene relative to the point `eye` (3,)."""
     counts = [len(block.world_from_object) for block in scene.instances]
     block = np.repeat(np.arange(len(counts)), counts)
-    matrices = np.concatenate([np.zeros((0, 3, 4)), *(b.world_from_object for b in scene.instances)])
+    matrices = np.concatenate(
+        [np.zeros((0, 3, 4)), *(b.world_from_object for b in scene.instances)]
+    )
     matrices[:, :, 3] -= eye
     geometry = np.array([b.geometry for b in scene.instances], np.intp)[block]
     sizes = np.array([primitive_count(g) for g in scene.geometries], np.intp)
@@ -60,7 +66,15 @@ def place(scene: Scene, eye: Array) -> Placements:
     rank = (values > FLAT * np.maximum(values[:, :1], 1e-300)).sum(1)
     normals = _cofactors(unit)
     determinant = (unit[:, :, 0] * normals[:, :, 0]).sum(1)
-    return Placements(block, geometry, matrices, normals, np.where((determinant < 0) & (rank == 3), -1.0, 1.0), rank, first)
+    return Placements(
+        block,
+        geometry,
+        matrices,
+        normals,
+        np.where((determinant < 0) & (rank == 3), -1.0, 1.0),
+        rank,
+        first,
+    )
 
 
 def _scaled(linear: Array) -> Array:

@@ -13,7 +13,9 @@ class Stopped(Exception):  # noqa: N818, it is no error
 
 
 class Pulse:
-    """Asks `should_stop` now and then. Callers beat between blocks of work of at most some 20 ms."""
+    """Asks `should_stop` now and then. Callers beat between blocks of work of at most some 20
+    ms.
+    """
 
     def __init__(self, should_stop: Callable[[], bool]):
         self._should_stop = should_stop

@@ -19,36 +19,66 @@ Array = np.ndarray
 
 CHUNK = 1 << 15  # rays that are answered together
 GIANT = 1e18
-"""Triangles that reach farther than this many times the size of the scene are left out and counted: squares of their coordinates are beyond
-float32. (The core keeps them.)"""
+"""Triangles that reach farther than this many times the size of the scene are left out and counted:
+squares of their coordinates are beyond float32. (The core keeps them.)
+"""
 ANY = "any"
 """The kind of ray that sees what any kind sees."""
 
 
 class ReferenceQueries:
-    """Geometry in the reference's tree. bounds: (2, 3) world box.  stats: counts, and seconds of the build."""
+    """Geometry in the reference's tree. bounds: (2, 3) world box.  stats: counts, and seconds of
+    the build.
+    """
 
     def __init__(self, scene: Scene) -> None:
         began = perf_counter()
         self._middle, self._scale = _anchor(gather(scene, np.zeros(3)))
         geometry = _without_giants(gather(_anchored(scene, self._middle, self._scale), np.zeros(3)))
         flags = [geometry.visible[kind] for kind in KINDS]
-        geometry.visible[ANY] = None if any(flag is None for flag in flags) else np.logical_or.reduce(flags)
+        geometry.visible[ANY] = (
+            None if any(flag is None for flag in flags) else np.logical_or.reduce(flags)
+        )
         self._visibility = Visibility(geometry, np.ones(geometry.count, bool), Pulse(lambda: False))
-        # Everything lies within a ball round the origin: rays from farther away start where they enter it, as float32 boxes need.
+        # Everything lies within a ball round the origin: rays from farther away start where they
+        # enter it, as float32 boxes need.
         self._reach = 2 * geometry.reach
         tree = self._visibility.tree if geometry.count else None
-        given = sum(len(group.world_from_object) * primitive_count(scene.geometries[group.geometry]) for group in scene.instances)
+        given = sum(
+            len(group.world_from_object) * primitive_count(scene.geometries[group.geometry])
+            for group in scene.instances
+        )
         self.bounds = _bounds(geometry) / self._scale + self._middle
-        counts = {"instances": len(geometry.placements.block), "primitives": geometry.count, "dropped": given - geometry.count}
-        counts |= {"bytes": tree.bytes if tree else 0, "nodes": sum(level.shape[2] for level in tree.levels) if tree else 0}
-        self.stats = {name: float(value) for name, value in counts.items()} | {"build": perf_counter() - began}
+        counts = {
+            "instances": len(geometry.placements.block),
+            "primitives": geometry.count,
+            "dropped": given - geometry.count,
+        }
+        counts |= {
+            "bytes": tree.bytes if tree else 0,
+            "nodes": sum(level.shape[2] for level in tree.levels) if tree else 0,
+        }
+        self.stats = {name: float(value) for name, value in counts.items()} | {
+            "build": perf_counter() - began
+        }
 
     def closest(
-        self, origins: Array, directions: Array, t_min: Array, t_max: Array, size: int, visibility: str | None
+        self,
+        origins: Array,
+        directions: Array,
+        t_min: Array,
+        t_max: Array,
+        size: int,
+        visibility: str | None,
     ) -> tuple[Array, Array, Array, Array, Array]:
-        """t, instance, primitive, u, v of `accelerator.Hits`; the arguments are those of `accelerator.Rays`."""
-        t, instance, primitive = np.full(size, np.inf, origins.dtype), np.full(size, -1, np.int32), np.full(size, -1, np.int32)
+        """t, instance, primitive, u, v of `accelerator.Hits`; the arguments are those of
+        `accelerator.Rays`.
+        """
+        t, instance, primitive = (
+            np.full(size, np.inf, origins.dtype),
+            np.full(size, -1, np.int32),
+            np.full(size, -1, np.int32),
+        )
         u, v = np.zeros(size, np.float32), np.zeros(size, np.float32)
         for rays, bundle, along, skipped in self._bundles(origins, directions, t_min, t_max, size):
             found = self._visibility.closest(bundle, visibility or ANY)
@@ -57,32 +87,58 @@ class ReferenceQueries:
             rays = rays[hit]
             with np.errstate(over="ignore"):  # beyond float32 reads as infinite
                 t[rays] = (found.depth[hit] + skipped[hit]) / along[hit]
-            instance[rays], primitive[rays] = self._visibility.geometry.row[spot.primitive], spot.local
+            instance[rays], primitive[rays] = (
+                self._visibility.geometry.row[spot.primitive],
+                spot.local,
+            )
             u[rays], v[rays] = spot.weights[1:]
         return t, instance, primitive, u, v
 
-    def occluded(self, origins: Array, directions: Array, t_min: Array, t_max: Array, size: int, visibility: str | None) -> Array:
+    def occluded(
+        self,
+        origins: Array,
+        directions: Array,
+        t_min: Array,
+        t_max: Array,
+        size: int,
+        visibility: str | None,
+    ) -> Array:
         """(size,) bool."""
         return self.closest(origins, directions, t_min, t_max, size, visibility)[1] >= 0
 
     def _bundles(self, origins: Array, directions: Array, t_min: Array, t_max: Array, size: int):
-        """Rays that can hit, in chunks: their places, the bundle, the length of their directions, and how far from the origin it starts."""
-        arrays = [np.broadcast_to(array, (size, *array.shape[1:])) for array in (origins, directions, t_min, t_max)]
+        """Rays that can hit, in chunks: their places, the bundle, the length of their directions,
+        and how far from the origin it starts.
+        """
+        arrays = [
+            np.broadcast_to(array, (size, *array.shape[1:]))
+            for array in (origins, directions, t_min, t_max)
+        ]
         for begin in range(0, size, CHUNK):
             o, d, low, high = (array[begin : begin + CHUNK].astype(np.float64) for array in arrays)
             with np.errstate(invalid="ignore", over="ignore"):
                 o = ((o - self._middle) * self._scale).T
                 span = np.abs(d).sum(1)
-                sound = np.isfinite(o).all(0) & (span >= 1e-150) & (span <= 1e150) & (low < np.inf) & (high > 0)
+                sound = (
+                    np.isfinite(o).all(0)
+                    & (span >= 1e-150)
+                    & (span <= 1e150)
+                    & (low < np.inf)
+                    & (high > 0)
+                )
             rays = np.flatnonzero(sound)
-            yield begin + rays, *self._bundle(o[:, rays], d[rays].T, np.maximum(low[rays], 0), high[rays])
+            yield (
+                begin + rays,
+                *self._bundle(o[:, rays], d[rays].T, np.maximum(low[rays], 0), high[rays]),
+            )
 
     def _bundle(self, o: Array, d: Array, low: Array, high: Array) -> tuple[Bundle, Array, Array]:
         largest = np.abs(d).max(0, initial=0)
         length = np.sqrt(((d / largest) ** 2).sum(0)) * largest
         d, along = d / length, length * self._scale
         with np.errstate(over="ignore", invalid="ignore"):
-            nearest = -(o * d).sum(0) * (1 - ULPS) - self._reach * np.sqrt(3)  # before the ball, though rounded
+            # before the ball, though rounded
+            nearest = -(o * d).sum(0) * (1 - ULPS) - self._reach * np.sqrt(3)
             skipped = np.maximum(np.where(nearest < np.inf, nearest, 0), 0)
             near, far = low * along - skipped, high * along - skipped
             start = o + skipped * d
@@ -98,10 +154,22 @@ def _without_giants(geometry: Geometry) -> Geometry:
         return geometry
     points[:, ~np.isfinite(points).all(0)] = 0
     keep = np.concatenate([small, np.ones(geometry.count - geometry.triangle_count, bool)])
-    visible = {kind: None if flags is None else flags[keep] for kind, flags in geometry.visible.items()}
-    reach = max((float(np.abs(a).max()) for a in (points, geometry.lower, geometry.upper) if a.size), default=0.0)
+    visible = {
+        kind: None if flags is None else flags[keep] for kind, flags in geometry.visible.items()
+    }
+    reach = max(
+        (float(np.abs(a).max()) for a in (points, geometry.lower, geometry.upper) if a.size),
+        default=0.0,
+    )
     kept = {name: getattr(geometry, name)[keep] for name in ("number", "row", "material")}
-    return replace(geometry, points=points, triangles=geometry.triangles[:, small], visible=visible, reach=reach, **kept)
+    return replace(
+        geometry,
+        points=points,
+        triangles=geometry.triangles[:, small],
+        visible=visible,
+        reach=reach,
+        **kept,
+    )
 
 
 def _bounds(geometry: Geometry) -> Array:
@@ -112,7 +180,9 @@ def _bounds(geometry: Geometry) -> Array:
 
 
 def _anchor(geometry: Geometry) -> tuple[Array, float]:
-    """The middle of the geometry, and the power of two that brings half of it within 1. Medians: a stray vertex at 1e38 moves neither."""
+    """The middle of the geometry, and the power of two that brings half of it within 1. Medians: a
+    stray vertex at 1e38 moves neither.
+    """
     points = np.concatenate([geometry.points, geometry.lower / 2 + geometry.upper / 2], 1)
     if not points.size:
         return np.zeros(3), 1.0
@@ -130,4 +200,9 @@ def _anchored(scene: Scene, middle: Array, scale: float) -> Scene:
         result[:, :, 3] = (matrix[:, :, 3] - middle) * scale
         return result
 
-    return replace(scene, instances=tuple(replace(g, world_from_object=moved(g.world_from_object)) for g in scene.instances))
+    return replace(
+        scene,
+        instances=tuple(
+            replace(g, world_from_object=moved(g.world_from_object)) for g in scene.instances
+        ),
+    )

@@ -1,8 +1,11 @@
-"""Which triangles each ray of a pencil may hit: triangles and rays are both projected and meet in strips of the image.
+"""Which triangles each ray of a pencil may hit: triangles and rays are both projected and meet in
+strips of the image.
 
-Rays are sorted into strips of like v (the rows of pixels, or strips of equally many rays) and by u within a strip. Triangle by triangle,
-the part of the triangle that lies over a strip covers a range of u, hence a run of consecutive rays. All margins are wide enough for
-rounding, so the pairs contain every hit; the exact test decides (notes, section 7: object-order rendering of an image-order picture).
+Rays are sorted into strips of like v (the rows of pixels, or strips of equally many rays) and by u
+within a strip. Triangle by triangle, the part of the triangle that lies over a strip covers a range
+of u, hence a run of consecutive rays. All margins are wide enough for rounding, so the pairs
+contain every hit; the exact test decides (notes, section 7: object-order rendering of an
+image-order picture).
 """
 
 from __future__ import annotations
@@ -22,15 +25,16 @@ Pairs = Iterator[tuple[Array, Array]]
 
 PAIRS = 1 << 16  # pairs per block: their arrays fit into the processor's cache
 TRIANGLES = 1 << 15
-MARGIN = 2.0**-46  # of projected coordinates: well beyond the rounding of a division, a product and a sum
+# of projected coordinates: well beyond the rounding of a division, a product and a sum
+MARGIN = 2.0**-46
 
 
 @dataclass(frozen=True, eq=False)
 class Strips:
     """s strips of rays: lower and upper v (s,), start (s + 1,) of each strip's rays.
 
-    search: sorted keys of the rays, strip · width + u − least, or None where the rays are evenly spaced pixels:
-    then ray k of a strip lies at u = first + k · step.
+    search: sorted keys of the rays, strip · width + u − least, or None where the rays are evenly
+    spaced pixels: then ray k of a strip lies at u = first + k · step.
     """
 
     lower: Array
@@ -49,15 +53,21 @@ class Strips:
             begin = np.ceil((low - self.first) / self.step - 1e-6)
             end = np.floor((high - self.first) / self.step + 1e-6) + 1
             row = self.start[strip]
-            return row + np.clip(begin, 0, size).astype(np.intp), row + np.clip(end, 0, size).astype(np.intp)
+            return row + np.clip(begin, 0, size).astype(np.intp), row + np.clip(
+                end, 0, size
+            ).astype(np.intp)
         base = strip * self.width
         low = base + np.clip(low - self.first - self.slack, 0, self.width)
         high = base + np.clip(high - self.first + self.slack, 0, self.width)
-        return np.searchsorted(self.search, low, "left"), np.searchsorted(self.search, high, "right")
+        return np.searchsorted(self.search, low, "left"), np.searchsorted(
+            self.search, high, "right"
+        )
 
 
 def pixel_strips(u: Array, v: Array) -> Strips:
-    """Strips of whole rows of pixels: u (w,) of a row, evenly spaced and ascending, v (h,) of the rows, ascending."""
+    """Strips of whole rows of pixels: u (w,) of a row, evenly spaced and ascending, v (h,) of the
+    rows, ascending.
+    """
     step = (u[-1] - u[0]) / max(len(u) - 1, 1) or 1.0
     return Strips(v, v, len(u) * np.arange(len(v) + 1), None, 0.0, float(u[0]), float(step), 0.0)
 
@@ -84,15 +94,26 @@ def sorted_strips(u: Array, v: Array) -> tuple[Array, Strips]:
 
 
 def _order(values: Array) -> Array:
-    """The order that sorts by values rounded to float32: radix sort on the two halves of their order-preserving bits."""
+    """The order that sorts by values rounded to float32: radix sort on the two halves of their
+    order-preserving bits.
+    """
     bits = values.astype(np.float32).view(np.uint32)
     bits = np.where(bits >> 31, ~bits, bits | np.uint32(1 << 31))
     order = np.argsort(bits.astype(np.uint16), kind="stable")
     return order[np.argsort((bits >> 16).astype(np.uint16)[order], kind="stable")]
 
 
-def raster_pairs(pencil: Pencil, strips: Strips, geometry: Geometry, seen: Array | None, limit: Array, pulse: Pulse) -> Pairs:
-    """Blocks of (ray, primitive) that may meet. `limit` (n,) is the depth beyond which a ray no longer looks; the caller lowers it."""
+def raster_pairs(
+    pencil: Pencil,
+    strips: Strips,
+    geometry: Geometry,
+    seen: Array | None,
+    limit: Array,
+    pulse: Pulse,
+) -> Pairs:
+    """Blocks of (ray, primitive) that may meet. `limit` (n,) is the depth beyond which a ray no
+    longer looks; the caller lowers it.
+    """
     window = _Window.of(pencil)
     for begin in range(0, geometry.triangle_count, TRIANGLES):
         chunk = np.arange(begin, min(begin + TRIANGLES, geometry.triangle_count))
@@ -109,7 +130,9 @@ def raster_pairs(pencil: Pencil, strips: Strips, geometry: Geometry, seen: Array
 
 @dataclass(frozen=True)
 class _Window:
-    """What the rays of a pencil span: least and most u and v, the nearest `near`, the farthest `far`."""
+    """What the rays of a pencil span: least and most u and v, the nearest `near`, the farthest
+    `far`.
+    """
 
     u0: float
     u1: float
@@ -126,14 +149,21 @@ class _Window:
     def sees(self, u0: Array, u1: Array, v0: Array, v1: Array, z0: Array, z1: Array) -> Array:
         """Which of the boxes in u, v and depth the rays may meet."""
         du, dv = MARGIN * (np.abs(u0) + np.abs(u1)), MARGIN * (np.abs(v0) + np.abs(v1))
-        across = (u1 + du >= self.u0) & (u0 - du <= self.u1) & (v1 + dv >= self.v0) & (v0 - dv <= self.v1)
+        across = (
+            (u1 + du >= self.u0)
+            & (u0 - du <= self.u1)
+            & (v1 + dv >= self.v0)
+            & (v0 - dv <= self.v1)
+        )
         dz = MARGIN * (np.abs(z0) + np.abs(z1))
         return across & (z1 + dz > self.near) & (z0 - dz < self.far)
 
 
 @dataclass(frozen=True, eq=False)
 class _Outlines:
-    """Projected shapes: u, v (k, m) of the k corners of triangles, or None; bounds (m,); depth z0 (m,) that no part is nearer than."""
+    """Projected shapes: u, v (k, m) of the k corners of triangles, or None; bounds (m,); depth z0
+    (m,) that no part is nearer than.
+    """
 
     primitive: Array
     u: Array | None
@@ -150,8 +180,12 @@ class _Outlines:
         return _Outlines(self.primitive[index], u, v, *rest)
 
 
-def _outlines(frame: Frame, geometry: Geometry, chunk: Array, window: _Window) -> tuple[_Outlines, Array]:
-    """Triangles in front of the pencil's origin as outlines, and those that reach behind it and may still be seen."""
+def _outlines(
+    frame: Frame, geometry: Geometry, chunk: Array, window: _Window
+) -> tuple[_Outlines, Array]:
+    """Triangles in front of the pencil's origin as outlines, and those that reach behind it and may
+    still be seen.
+    """
     corners = pick(geometry.triangles, chunk)
     u, v = frame.projected[0].take(corners), frame.projected[1].take(corners)
     z = frame.points[2].take(corners)
@@ -168,8 +202,12 @@ def _outlines(frame: Frame, geometry: Geometry, chunk: Array, window: _Window) -
 def _in_cone(frame: Frame, window: _Window, corners: Array) -> Array:
     """Which triangles no single side plane of the window's cone separates from it."""
     x, y, z = (axis.take(corners) for axis in frame.points)
-    outside = ((x > window.u1 * z + _slack(x, window.u1 * z)).all(0)) | ((x < window.u0 * z - _slack(x, window.u0 * z)).all(0))
-    outside |= ((y > window.v1 * z + _slack(y, window.v1 * z)).all(0)) | ((y < window.v0 * z - _slack(y, window.v0 * z)).all(0))
+    outside = ((x > window.u1 * z + _slack(x, window.u1 * z)).all(0)) | (
+        (x < window.u0 * z - _slack(x, window.u0 * z)).all(0)
+    )
+    outside |= ((y > window.v1 * z + _slack(y, window.v1 * z)).all(0)) | (
+        (y < window.v0 * z - _slack(y, window.v0 * z)).all(0)
+    )
     return ~outside
 
 
@@ -177,10 +215,18 @@ def _slack(a: Array, b: Array) -> Array:
     return MARGIN * (np.abs(a) + np.abs(b))
 
 
-def _boxes(frame: Frame, geometry: Geometry, seen: Array | None, window: _Window) -> tuple[_Outlines, Array]:
+def _boxes(
+    frame: Frame, geometry: Geometry, seen: Array | None, window: _Window
+) -> tuple[_Outlines, Array]:
     """Spheres and polygons by the projection of their boxes."""
     primitive = geometry.triangle_count + np.arange(len(geometry.lower[0]))
-    corners = np.stack([np.stack([(geometry.lower, geometry.upper)[k >> a & 1][a] for a in range(3)]) for k in range(8)], 1)
+    corners = np.stack(
+        [
+            np.stack([(geometry.lower, geometry.upper)[k >> a & 1][a] for a in range(3)])
+            for k in range(8)
+        ],
+        1,
+    )
     points = transform(frame.matrix, corners - frame.origin[:, None, None])
     u, v = Frame.project(points) if frame.perspective else points[:2]
     z0, z1 = points[2].min(0), points[2].max(0)
@@ -202,7 +248,9 @@ def _everywhere(rays: int, primitives: Array, pulse: Pulse) -> Pairs:
             yield ray, np.full(len(ray), primitive)
 
 
-def _covered(pencil: Pencil, strips: Strips, outlines: _Outlines, limit: Array, pulse: Pulse) -> Pairs:
+def _covered(
+    pencil: Pencil, strips: Strips, outlines: _Outlines, limit: Array, pulse: Pulse
+) -> Pairs:
     """The pairs of outlines with the rays that they may cover."""
     dv = MARGIN * (np.abs(outlines.v0) + np.abs(outlines.v1))
     top = np.searchsorted(strips.upper, outlines.v0 - dv, "left")
@@ -218,15 +266,28 @@ def _covered(pencil: Pencil, strips: Strips, outlines: _Outlines, limit: Array, 
             low, high = edges.span(shape, strips.lower[strip], strips.upper[strip])
         start, stop = strips.run(strip, low, high)
         used = np.flatnonzero(stop > start)
-        yield from _pairs(pencil, outlines, shape[used], start[used], stop[used], limit, pulse, strips.search is not None)
+        yield from _pairs(
+            pencil,
+            outlines,
+            shape[used],
+            start[used],
+            stop[used],
+            limit,
+            pulse,
+            strips.search is not None,
+        )
 
 
 def _pairs(pencil, outlines, shape, start, stop, limit, pulse, tall) -> Pairs:
-    """Runs of rays spelled out; those outside the outline's v (where strips are `tall`) or behind what the ray has met are dropped."""
+    """Runs of rays spelled out; those outside the outline's v (where strips are `tall`) or behind
+    what the ray has met are dropped.
+    """
     size = stop - start
     for begin, end in ragged_blocks(size, PAIRS):
         pulse.beat()
-        ray = np.arange(size[begin:end].sum()) + np.repeat(start[begin:end] - np.cumsum(size[begin:end]) + size[begin:end], size[begin:end])
+        ray = np.arange(size[begin:end].sum()) + np.repeat(
+            start[begin:end] - np.cumsum(size[begin:end]) + size[begin:end], size[begin:end]
+        )
         mine = np.repeat(shape[begin:end], size[begin:end])
         good = outlines.z0.take(mine) <= limit.take(ray)
         if tall:
@@ -239,7 +300,9 @@ def _pairs(pencil, outlines, shape, start, stop, limit, pulse, tall) -> Pairs:
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """Edges of triangles, (3, m) each: from the lower end (u, v) to v = top with du/dv = slope; margins du, dv (m,)."""
+    """Edges of triangles, (3, m) each: from the lower end (u, v) to v = top with du/dv = slope;
+    margins du, dv (m,).
+    """
 
     u: Array
     v: Array
@@ -262,7 +325,9 @@ class _Edges:
         return cls(low_u, low_v, high_v, slope, du, dv)
 
     def span(self, shape: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
-        """Least and most u of the triangles between v = lower and upper: each edge's ends, cut to the strip."""
+        """Least and most u of the triangles between v = lower and upper: each edge's ends, cut to
+        the strip.
+        """
         dv = self.dv.take(shape)
         lower, upper = lower - dv, upper + dv
         low, high = np.full(len(shape), np.inf), np.full(len(shape), -np.inf)

@@ -1,14 +1,18 @@
 """Two kinds of ray sets and their exact triangle test.
 
-A `Pencil` (all rays through one point, or all parallel) is described in a `Frame` where they run along z: hits of a pencil are a
-rasterisation, exact for camera rays and for the shadow rays of a hard light. A `Bundle` is any set of rays.
+A `Pencil` (all rays through one point, or all parallel) is described in a `Frame` where they run
+along z: hits of a pencil are a rasterisation, exact for camera rays and for the shadow rays of a
+hard light. A `Bundle` is any set of rays.
 
-The test (notes, section 4.8, made watertight; Woop, Benthin, Wald 2013): the triangle is sheared so that the ray becomes the z axis;
-the 2D edge functions p_x q_y − p_y q_x of its corners are then differences of two rounded products, whose sign is right or zero because
-rounding keeps order. Corners shared by triangles are sheared to the same bits, so with zero counting as inside (closed triangles) a ray
-cannot slip through between neighbours. Nothing may contract these products into fused multiply-adds.
+The test (notes, section 4.8, made watertight; Woop, Benthin, Wald 2013): the triangle is sheared so
+that the ray becomes the z axis; the 2D edge functions p_x q_y − p_y q_x of its corners are then
+differences of two rounded products, whose sign is right or zero because rounding keeps order.
+Corners shared by triangles are sheared to the same bits, so with zero counting as inside (closed
+triangles) a ray cannot slip through between neighbours. Nothing may contract these products into
+fused multiply-adds.
 
-Letters: a b c corners relative to the ray, u v w edge functions opposite to them, z depth along the ray.
+Letters: a b c corners relative to the ray, u v w edge functions opposite to them, z depth along the
+ray.
 """
 
 from __future__ import annotations
@@ -24,10 +28,14 @@ from .vectors import pick, transform
 Array = np.ndarray
 
 ULPS = 64 * 2.0**-52
-"""Relative size of the margins round computed points: hit points, corners and shears each err by a few ulps (NumPy's float64)."""
+"""Relative size of the margins round computed points: hit points, corners and shears each err by a
+few ulps (NumPy's float64).
+"""
 
 FAR_AWAY = 1e9
-"""Projected coordinates beyond this (all but sideways) lose too many digits; such triangles are tested against every ray."""
+"""Projected coordinates beyond this (all but sideways) lose too many digits; such triangles are
+tested against every ray.
+"""
 
 
 class Weights(NamedTuple):
@@ -40,7 +48,9 @@ class Weights(NamedTuple):
     depth: Array
 
     def barycentric(self) -> Array:
-        """(3, m) weights of the corners (notes, section 2.7), clipped to the triangle and summing to 1."""
+        """(3, m) weights of the corners (notes, section 2.7), clipped to the triangle and summing
+        to 1.
+        """
         b, c = (np.clip(part / self.total, 0.0, 1.0) for part in (self.v, self.w))
         c = np.minimum(c, 1.0 - b)
         return np.stack([1.0 - b - c, b, c])
@@ -50,9 +60,10 @@ class Weights(NamedTuple):
 class Frame:
     """Where the rays of a pencil run along z.
 
-    matrix: (3, 3) frame from world.  origin: (3,) the common point in the world, 0 for parallel rays.
-    perspective: rays through the origin (u, v, 1) z; else parallel ones (u, v, z).
-    points: (3, v) all vertices in the frame.  projected: (2, v) their u and v, infinite where they are not in front.
+    matrix: (3, 3) frame from world.  origin: (3,) the common point in the world, 0 for parallel
+    rays. perspective: rays through the origin (u, v, 1) z; else parallel ones (u, v, z). points:
+    (3, v) all vertices in the frame.  projected: (2, v) their u and v, infinite where they are not
+    in front.
     """
 
     matrix: Array
@@ -64,11 +75,15 @@ class Frame:
     @classmethod
     def of(cls, geometry: Geometry, matrix: Array, origin: Array, perspective: bool) -> Frame:
         points = transform(matrix, geometry.points - origin[:, None])
-        return cls(matrix, origin, perspective, points, cls.project(points) if perspective else points[:2])
+        return cls(
+            matrix, origin, perspective, points, cls.project(points) if perspective else points[:2]
+        )
 
     @staticmethod
     def project(points: Array) -> Array:
-        """(3, n) in the frame -> (2, n): x/z and y/z where z > 0, infinite elsewhere and where the quotient is huge."""
+        """(3, n) in the frame -> (2, n): x/z and y/z where z > 0, infinite elsewhere and where the
+        quotient is huge.
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             projected = points[:2] / points[2]
         front = (points[2] > 0) & (np.abs(projected[0]) + np.abs(projected[1]) < FAR_AWAY)
@@ -90,11 +105,19 @@ class Pencil:
 
     def take(self, rays: Array) -> Pencil:
         """The rays at these places."""
-        return replace(self, u=self.u[rays], v=self.v[rays], near=self.near[rays], far=self.far[rays])
+        return replace(
+            self, u=self.u[rays], v=self.v[rays], near=self.near[rays], far=self.far[rays]
+        )
 
     def tie(self, ray: Array, depth: Array) -> Array:
-        """(m,) how far apart two hits of rays `ray` (m,) at `depth` may lie and be one to rounding: ULPS of the coordinates there."""
-        reach = np.abs(self.frame.origin).max() if self.frame.perspective else np.maximum(np.abs(self.u), np.abs(self.v)).take(ray)
+        """(m,) how far apart two hits of rays `ray` (m,) at `depth` may lie and be one to rounding:
+        ULPS of the coordinates there.
+        """
+        reach = (
+            np.abs(self.frame.origin).max()
+            if self.frame.perspective
+            else np.maximum(np.abs(self.u), np.abs(self.v)).take(ray)
+        )
         return ULPS * (reach + np.abs(depth))
 
     def lines(self, rays: Array) -> tuple[Array, Array]:
@@ -102,10 +125,14 @@ class Pencil:
         world = np.linalg.inv(self.frame.matrix)
         u, v = self.u[rays], self.v[rays]
         if self.frame.perspective:
-            return np.repeat(self.frame.origin[:, None], len(rays), 1), transform(world, (u, v, np.ones(len(rays))))
+            return np.repeat(self.frame.origin[:, None], len(rays), 1), transform(
+                world, (u, v, np.ones(len(rays)))
+            )
         return transform(world, (u, v, np.zeros(len(rays)))), np.repeat(world[:, 2:], len(rays), 1)
 
-    def corners(self, geometry: Geometry, ray: Array, triangle: Array) -> list[tuple[Array, Array, Array]]:
+    def corners(
+        self, geometry: Geometry, ray: Array, triangle: Array
+    ) -> list[tuple[Array, Array, Array]]:
         """Corners relative to the rays, sheared; z as depth."""
         u, v = self.u.take(ray), self.v.take(ray)
         x, y, z = self.frame.points
@@ -122,9 +149,11 @@ class Pencil:
 
 @dataclass(frozen=True, eq=False)
 class Bundle:
-    """n rays with origins and unit directions (3, n) in the world; hits count where near < t < far, (n,) each.
+    """n rays with origins and unit directions (3, n) in the world; hits count where near < t < far,
+    (n,) each.
 
-    axes: (3, n) Woop's order of the coordinates, the direction's largest last.  shear: (3, n) dx/dz, dy/dz, 1/dz in that order.
+    axes: (3, n) Woop's order of the coordinates, the direction's largest last.  shear: (3, n)
+    dx/dz, dy/dz, 1/dz in that order.
     """
 
     origin: Array
@@ -146,18 +175,24 @@ class Bundle:
 
     def take(self, rays: Array) -> Bundle:
         """The rays at these places."""
-        o, d, axes, shear = (pick(a, rays) for a in (self.origin, self.direction, self.axes, self.shear))
+        o, d, axes, shear = (
+            pick(a, rays) for a in (self.origin, self.direction, self.axes, self.shear)
+        )
         return Bundle(o, d, self.near[rays], self.far[rays], axes, shear)
 
     def tie(self, ray: Array, depth: Array) -> Array:
-        """(m,) how far apart two hits of rays `ray` (m,) at `depth` may lie and be one to rounding: ULPS of the coordinates there."""
+        """(m,) how far apart two hits of rays `ray` (m,) at `depth` may lie and be one to rounding:
+        ULPS of the coordinates there.
+        """
         return ULPS * (np.abs(self.origin).max(0).take(ray) + np.abs(depth))
 
     def lines(self, rays: Array) -> tuple[Array, Array]:
         """World origins and directions (3, m) with t as parameter."""
         return pick(self.origin, rays), pick(self.direction, rays)
 
-    def corners(self, geometry: Geometry, ray: Array, triangle: Array) -> list[tuple[Array, Array, Array]]:
+    def corners(
+        self, geometry: Geometry, ray: Array, triangle: Array
+    ) -> list[tuple[Array, Array, Array]]:
         """Corners relative to the rays, sheared; z as t."""
         points, count = geometry.points.ravel(), geometry.points.shape[1]
         axes = [axis.take(ray) for axis in self.axes]
@@ -166,7 +201,9 @@ class Bundle:
         result = []
         for corner in geometry.triangles:
             k = corner.take(triangle)
-            x, y, z = (points.take(axis * count + k) - o for axis, o in zip(axes, start, strict=True))
+            x, y, z = (
+                points.take(axis * count + k) - o for axis, o in zip(axes, start, strict=True)
+            )
             result.append((x - sx * z, y - sy * z, z * sz))
         return result
 
@@ -192,8 +229,11 @@ def _with_depth(edges, depths) -> Weights:
         return Weights(u, v, w, total, (u * za + v * zb + w * zc) / total)
 
 
-def hit_triangles(rays: Rays, geometry: Geometry, ray: Array, triangle: Array, limit: Array) -> tuple[Array, Array]:
-    """Which of the pairs (ray, triangle) (m,) meet in near < z <= limit, as places in the arrays, and at which depth.
+def hit_triangles(
+    rays: Rays, geometry: Geometry, ray: Array, triangle: Array, limit: Array
+) -> tuple[Array, Array]:
+    """Which of the pairs (ray, triangle) (m,) meet in near < z <= limit, as places in the arrays,
+    and at which depth.
 
     Triangles seen exactly edge on (all of u v w zero) are never met.
     """
@@ -202,5 +242,9 @@ def hit_triangles(rays: Rays, geometry: Geometry, ray: Array, triangle: Array, l
     inside = np.flatnonzero(((least >= 0) & (most > 0)) | ((most <= 0) & (least < 0)))
     weights = _with_depth([e.take(inside) for e in (u, v, w)], [z.take(inside) for z in depths])
     mine = ray.take(inside)
-    good = (weights.depth > rays.near.take(mine)) & (weights.depth < rays.far.take(mine)) & (weights.depth <= limit.take(mine))
+    good = (
+        (weights.depth > rays.near.take(mine))
+        & (weights.depth < rays.far.take(mine))
+        & (weights.depth <= limit.take(mine))
+    )
     return inside[good], weights.depth[good]

@@ -1,4 +1,6 @@
-"""Which pixels are good enough after a wave, and how far each may be from its limit (SEMANTICS.md, "Refinement" and "Error")."""
+"""Which pixels are good enough after a wave, and how far each may be from its limit (SEMANTICS.md,
+"Refinement" and "Error").
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ _MOST = 1e30
 """Squared levels of what is not finite."""
 
 
-def widened(region: tuple[int, int, int, int], resolution: tuple[int, int]) -> tuple[int, int, int, int]:
+def widened(
+    region: tuple[int, int, int, int], resolution: tuple[int, int]
+) -> tuple[int, int, int, int]:
     """The region with the pixels of the frame next to it, x0, y0, x1, y1."""
     x0, y0, x1, y1 = region
     return max(x0 - 1, 0), max(y0 - 1, 0), min(x1 + 1, resolution[0]), min(y1 + 1, resolution[1])
@@ -25,11 +29,15 @@ def widened(region: tuple[int, int, int, int], resolution: tuple[int, int]) -> t
 
 def levels(x: Array) -> Array:
     """8-bit levels of the sRGB curve over linear values >= 0, which goes on above 1."""
-    return 255 * np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
+    return 255 * np.where(
+        x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055
+    )
 
 
 def visible_difference(mean: Array, difference: Array) -> Array:
-    """How far two linear values seem apart on an sRGB screen, in 8-bit levels, given their mean and their difference >= 0."""
+    """How far two linear values seem apart on an sRGB screen, in 8-bit levels, given their mean and
+    their difference >= 0.
+    """
     high = np.maximum(np.abs(mean), difference)
     return levels(high) - levels(high - difference)
 
@@ -43,16 +51,25 @@ class Refinement:
     """
 
     def __init__(self, settings: Settings, shown: Array):
-        self._threshold, self._light_samples, self._shown = settings.error_threshold, settings.light_samples, shown
-        self._softly_lit, self._cut, self._samples = np.zeros(shown.size, bool), np.zeros(shown.size, bool), 0
+        self._threshold, self._light_samples, self._shown = (
+            settings.error_threshold,
+            settings.light_samples,
+            shown,
+        )
+        self._softly_lit, self._cut, self._samples = (
+            np.zeros(shown.size, bool),
+            np.zeros(shown.size, bool),
+            0,
+        )
         self.active = np.ones(shown.size, bool)
         self._low, self._high = np.full((4, shown.size), np.inf), np.full((4, shown.size), -np.inf)
         self._range = np.zeros(shown.size)
         self._around = np.zeros(shown.size)
 
     def note(self, pixel: Array | slice, values: Array, softly_lit: Array, cut: Array) -> None:
-        """Another sample of these pixels: (4, m) colour and lost alpha, (m,) bool whether a soft light reached them, and whether their
-        horizon cuts one."""
+        """Another sample of these pixels: (4, m) colour and lost alpha, (m,) bool whether a soft
+        light reached them, and whether their horizon cuts one.
+        """
         if self._samples < FIRST_ESTIMATE:
             self._softly_lit[pixel] |= softly_lit
             self._cut[pixel] |= cut
@@ -73,14 +90,21 @@ class Refinement:
             self._around = _neighborhoods(self._range.reshape(self._shown.shape)).max(0).ravel()
             self.active &= self._shown.ravel()
         if self._threshold > 0:
-            black, points = (self._low[:3] == 0).all(0) & (self._high[:3] == 0).all(0), samples * self._light_samples
+            black, points = (
+                (self._low[:3] == 0).all(0) & (self._high[:3] == 0).all(0),
+                samples * self._light_samples,
+            )
             met, dim = self._softly_lit | self._cut, black | self._cut
             waits = met & (points < np.where(dim, _DIM_POINTS, _LIGHT_POINTS)) | black & self._cut
-            self.active &= waits | ~(np.maximum(self._range, self._around) / samples**0.75 <= self._threshold)
+            self.active &= waits | ~(
+                np.maximum(self._range, self._around) / samples**0.75 <= self._threshold
+            )
 
 
 class ErrorEstimate:
-    """How far pixels may be from their limit, by how their means moved from wave to wave. shape: (h, w) of the region."""
+    """How far pixels may be from their limit, by how their means moved from wave to wave. shape:
+    (h, w) of the region.
+    """
 
     def __init__(self, shape: tuple[int, int]):
         self._shape, self._samples = shape, 0
@@ -88,13 +112,21 @@ class ErrorEstimate:
         self._spread, self._around = np.zeros((2, shape[0] * shape[1]))
 
     def end_wave(self, mean: Array, samples: int, active: Array) -> None:
-        """mean: (4, pixels) colour and lost alpha so far.  active: (pixels,) bool, those that took part."""
+        """mean: (4, pixels) colour and lost alpha so far.  active: (pixels,) bool, those that took
+        part.
+        """
         before, self._samples = self._samples, samples
         if before < samples and before > 0:
             with np.errstate(invalid="ignore", over="ignore"):
                 apart = np.abs(mean - self._mean)
-                moved = np.concatenate([visible_difference(mean[:3], apart[:3]), 255 * apart[3:]]).max(0)
-                spread = np.minimum(np.where(np.isnan(moved), np.inf, moved) ** 2 * (before * samples / (samples - before)), _MOST)
+                moved = np.concatenate(
+                    [visible_difference(mean[:3], apart[:3]), 255 * apart[3:]]
+                ).max(0)
+                spread = np.minimum(
+                    np.where(np.isnan(moved), np.inf, moved) ** 2
+                    * (before * samples / (samples - before)),
+                    _MOST,
+                )
             known = spread if before == 1 else (self._spread + spread) / 2
             self._spread = np.where(active, known, self._spread)
             if samples == FIRST_ESTIMATE:

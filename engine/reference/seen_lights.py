@@ -11,7 +11,9 @@ Array = np.ndarray
 
 
 def seen_radiance(source: Source, o: Array, d: Array, near: Array, depth: Array) -> Array:
-    """(3, n): what rays o + t d (d need not be unit) see of the light's shape with near < t < depth; infinite depth is the sky."""
+    """(3, n): what rays o + t d (d need not be unit) see of the light's shape with near < t <
+    depth; infinite depth is the sky.
+    """
     light = source.light
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         t = _MEETS[light.kind](source, o, d)
@@ -31,7 +33,9 @@ def _shape(source: Source) -> float:
     if light.kind == "SUN":
         return np.pi * np.sin(light.angle / 2) ** 2
     if light.kind == "AREA":
-        return np.pi * light.size_x * light.size_y * (np.pi / 4 if light.shape == "ELLIPSE" else 1.0)
+        return (
+            np.pi * light.size_x * light.size_y * (np.pi / 4 if light.shape == "ELLIPSE" else 1.0)
+        )
     return 4 * np.pi**2 * light.radius**2
 
 
@@ -59,8 +63,15 @@ def _meets_area(source: Source, o: Array, d: Array) -> Array:
     facing = dot(d, source.axis)
     t = dot(source.position - o, source.axis) / facing
     q = o + t * d - source.position
-    a, b = dot(q, source.right) / dot(source.right, source.right), dot(q, source.up) / dot(source.up, source.up)
-    inside = (np.abs(a) <= 1) & (np.abs(b) <= 1) if source.light.shape == "RECTANGLE" else a * a + b * b <= 1
+    a, b = (
+        dot(q, source.right) / dot(source.right, source.right),
+        dot(q, source.up) / dot(source.up, source.up),
+    )
+    inside = (
+        (np.abs(a) <= 1) & (np.abs(b) <= 1)
+        if source.light.shape == "RECTANGLE"
+        else a * a + b * b <= 1
+    )
     return np.where(inside & (facing < 0), t, np.nan)
 
 

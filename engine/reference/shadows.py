@@ -1,7 +1,9 @@
-"""Shadows (notes, section 4.16): the share of a light sample's light that reaches the shaded points.
+"""Shadows (notes, section 4.16): the share of a light sample's light that reaches the shaded
+points.
 
-Rays to a light's point that all share are a pencil through it, rays to a point of the sun are parallel: both are traced from the light's
-side as a rasterisation. Rays to a point of their own go through the tree.
+Rays to a light's point that all share are a pencil through it, rays to a point of the sun are
+parallel: both are traced from the light's side as a rasterisation. Rays to a point of their own go
+through the tree.
 """
 
 from __future__ import annotations
@@ -31,13 +33,16 @@ class Shadows:
         """S (m, 3) for the points `seen` (m,) of the surface, which the sample lights."""
         self._rays["shadow"] += len(seen)
         g, offset, end = pick(surface.g, seen), surface.offset[seen], sample.end
-        beside = np.where(dot(g, sample.direction) < 0, -1.0, 1.0)  # clear of the surface, on the light's side
+        # clear of the surface, on the light's side
+        beside = np.where(dot(g, sample.direction) < 0, -1.0, 1.0)
         reach = offset if end is None else offset + ULPS * np.abs(end).max(0)
         start = pick(surface.start, seen) + (beside * reach) * g
         if end is None and (sample.direction == sample.direction[:, :1]).all():
             return self._parallel(start, sample.direction[:, 0])
         if end is None:
-            return self._blocked(Bundle.of(start, sample.direction, np.zeros(len(seen)), np.full(len(seen), np.inf)))
+            return self._blocked(
+                Bundle.of(start, sample.direction, np.zeros(len(seen)), np.full(len(seen), np.inf))
+            )
         if end.shape[1] == 1:
             return self._through(start, end[:, 0])
         return self._each(start, end)
@@ -69,7 +74,9 @@ class Shadows:
                 frame = Frame.of(self._geometry, matrix, light, perspective=True)
                 seen = np.flatnonzero(z > 0)
                 x, y, z = x[seen], y[seen], z[seen]
-                result[mine[seen]] = self._blocked(Pencil(frame, x / z, y / z, np.full(len(z), near), z))
+                result[mine[seen]] = self._blocked(
+                    Pencil(frame, x / z, y / z, np.full(len(z), near), z)
+                )
         return result
 
     def _each(self, start: Array, end: Array) -> Array:
@@ -82,7 +89,9 @@ class Shadows:
 
 
 def cube_frame(face: int) -> Array:
-    """(3, 3) that turns side `face` of a cube (+x −x +y −y +z −z) to +z by exchanging and mirroring axes."""
+    """(3, 3) that turns side `face` of a cube (+x −x +y −y +z −z) to +z by exchanging and mirroring
+    axes.
+    """
     axis, sign = face // 2, 1.0 - 2.0 * (face % 2)
     matrix = np.zeros((3, 3))
     matrix[0, (axis + 1) % 3] = matrix[1, (axis + 2) % 3] = 1.0
@@ -91,11 +100,16 @@ def cube_frame(face: int) -> Array:
 
 
 def parallel_frame(direction: Array) -> Array:
-    """(3, 3) that shears the world so that `direction` runs along +z (Woop's shear with a common direction)."""
+    """(3, 3) that shears the world so that `direction` runs along +z (Woop's shear with a common
+    direction).
+    """
     axis = int(np.abs(direction).argmax())
     i, j = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.zeros((3, 3))
     matrix[0, i] = matrix[1, j] = 1.0
-    matrix[0, axis], matrix[1, axis] = -direction[i] / direction[axis], -direction[j] / direction[axis]
+    matrix[0, axis], matrix[1, axis] = (
+        -direction[i] / direction[axis],
+        -direction[j] / direction[axis],
+    )
     matrix[2, axis] = np.copysign(1.0, direction[axis])
     return matrix

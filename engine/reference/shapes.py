@@ -1,4 +1,6 @@
-"""Rays against spheres and polygons (notes, sections 4.7 and 4.9). Pairs are given as arrays: ray k (o, d) against shape k."""
+"""Rays against spheres and polygons (notes, sections 4.7 and 4.9). Pairs are given as arrays: ray k
+(o, d) against shape k.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,9 @@ Array = np.ndarray
 def meet_ball(balls: Balls, index: Array, o: Array, d: Array) -> Array:
     """(2, m) parameters of both roots, nearer first, NaN where the ray misses.
 
-    The ray is taken into the object, where the sphere is round; then Haines' form (Ray Tracing Gems, chapter 7): the discriminant from the
-    distance of the centre to the ray, and the smaller root without cancellation.
+    The ray is taken into the object, where the sphere is round; then Haines' form (Ray Tracing
+    Gems, chapter 7): the discriminant from the distance of the centre to the ray, and the smaller
+    root without cancellation.
     """
     inverse, radius = balls.object_from_world[index], balls.radius[index]
     f = transform_each(inverse, o - pick(balls.center_world, index))
@@ -33,7 +36,9 @@ def _round_roots(f: Array, e: Array, radius: Array) -> Array:
 
 
 def meet_face(faces: Faces, index: Array, o: Array, d: Array) -> Array:
-    """(m,) parameter t = (p1 − o)·n / d·n of the polygon's plane where the odd-even rule says inside, NaN elsewhere."""
+    """(m,) parameter t = (p1 − o)·n / d·n of the polygon's plane where the odd-even rule says
+    inside, NaN elsewhere.
+    """
     n, first = pick(faces.normal, index), pick(faces.corners, faces.start[index])
     with np.errstate(divide="ignore", invalid="ignore"):
         t = dot(first - o, n) / dot(d, n)
@@ -44,7 +49,9 @@ def meet_face(faces: Faces, index: Array, o: Array, d: Array) -> Array:
 
 
 def _is_odd(faces: Faces, index: Array, drop: Array, hit: Array) -> Array:
-    """Whether a ray along the first kept axis from `hit` crosses the boundary an odd number of times; `drop` is the axis left out."""
+    """Whether a ray along the first kept axis from `hit` crosses the boundary an odd number of
+    times; `drop` is the axis left out.
+    """
     sizes = np.diff(faces.start)[index]
     pair, place = explode(sizes)
     start = faces.start[index][pair]

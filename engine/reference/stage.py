@@ -35,14 +35,22 @@ class Stage:
         pulse.beat()
         self.attributes = Attributes(scene)
         self.shader = Shader(scene, self.attributes)
-        self.visibility = Visibility(self.geometry, ~self.shader.is_transparent(self.geometry.material), pulse)
+        self.visibility = Visibility(
+            self.geometry, ~self.shader.is_transparent(self.geometry.material), pulse
+        )
         pulse.beat()
         self.rays: Counter[str] = Counter()
-        self.sources = tuple(Source(light, self.eye, settings.illumination == "PHYSICAL") for light in scene.lights)
+        self.sources = tuple(
+            Source(light, self.eye, settings.illumination == "PHYSICAL") for light in scene.lights
+        )
         shadows = Shadows(self.visibility, self.shader, self.rays)
-        self.lighting = Lighting(self.sources, settings.light_samples, self._light_points(), shadows, pulse)
+        self.lighting = Lighting(
+            self.sources, settings.light_samples, self._light_points(), shadows, pulse
+        )
         self.camera = CameraRays.of(scene.camera, self.geometry)
-        self.ambient, self.background = (np.array(c, np.float64)[:, None] for c in (scene.world.ambient, scene.world.background))
+        self.ambient, self.background = (
+            np.array(c, np.float64)[:, None] for c in (scene.world.ambient, scene.world.background)
+        )
 
     def _light_points(self) -> list[LightPoint]:
         if all(source.sample_count(self.settings.light_samples) == 1 for source in self.sources):

@@ -1,4 +1,6 @@
-"""Where rays meet surfaces: points, normals and the side that is seen (notes, sections 2.7, 4.7-4.9 and 6.2)."""
+"""Where rays meet surfaces: points, normals and the side that is seen (notes, sections 2.7, 4.7-4.9
+and 6.2).
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ BLOCK = 1 << 15
 
 @dataclass(frozen=True, eq=False)
 class Spot:
-    """Which place on which primitive: enough to read materials. All (n,), weights (3, n) barycentric (0 off triangles)."""
+    """Which place on which primitive: enough to read materials. All (n,), weights (3, n)
+    barycentric (0 off triangles).
+    """
 
     primitive: Array
     geometry: Array
@@ -30,10 +34,12 @@ class Spot:
 
 @dataclass(frozen=True, eq=False)
 class Surface(Spot):
-    """n shaded points, relative to the camera. x g n (3, n): point, geometric and shading normal, both turned to the viewer.
+    """n shaded points, relative to the camera. x g n (3, n): point, geometric and shading normal,
+    both turned to the viewer.
 
-    v: (3, n) unit, to the viewer.  start: (3, n) where shadow rays start.  outside: (n,) bool, the outer side is seen.
-    offset: (n,) how far from the surface other rays must start to be clear of rounding.  row: (n,) of Placements.
+    v: (3, n) unit, to the viewer.  start: (3, n) where shadow rays start.  outside: (n,) bool, the
+    outer side is seen. offset: (n,) how far from the surface other rays must start to be clear of
+    rounding.  row: (n,) of Placements.
     """
 
     row: Array
@@ -59,11 +65,27 @@ def spot_at(geometry: Geometry, rays: Rays, ray: Array, primitive: Array) -> Spo
     flat = np.flatnonzero(primitive < geometry.triangle_count)
     weights[:, flat] = weigh(rays, geometry, ray[flat], primitive[flat]).barycentric()
     row = geometry.row[primitive]
-    return Spot(primitive, geometry.placements.geometry[row], geometry.primitive_of(primitive), weights, geometry.material[primitive])
+    return Spot(
+        primitive,
+        geometry.placements.geometry[row],
+        geometry.primitive_of(primitive),
+        weights,
+        geometry.material[primitive],
+    )
 
 
-def surface_at(geometry: Geometry, attributes: Attributes, rays: Rays, ray: Array, primitive: Array, depth: Array, pulse: Pulse) -> Surface:
-    """The surfaces that rays `ray` meet at `depth`, worked out in blocks that fit into the processor's cache."""
+def surface_at(
+    geometry: Geometry,
+    attributes: Attributes,
+    rays: Rays,
+    ray: Array,
+    primitive: Array,
+    depth: Array,
+    pulse: Pulse,
+) -> Surface:
+    """The surfaces that rays `ray` meet at `depth`, worked out in blocks that fit into the
+    processor's cache.
+    """
     parts = []
     for begin in range(0, max(len(ray), 1), BLOCK):
         pulse.beat()
@@ -71,12 +93,24 @@ def surface_at(geometry: Geometry, attributes: Attributes, rays: Rays, ray: Arra
         parts.append(_surface(geometry, attributes, rays, ray[part], primitive[part], depth[part]))
     if len(parts) == 1:
         return parts[0]
-    whole = Surface(**{f.name: np.concatenate([getattr(part, f.name) for part in parts], -1) for f in fields(Surface)})
+    whole = Surface(
+        **{
+            f.name: np.concatenate([getattr(part, f.name) for part in parts], -1)
+            for f in fields(Surface)
+        }
+    )
     pulse.beat()
     return whole
 
 
-def _surface(geometry: Geometry, attributes: Attributes, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Surface:
+def _surface(
+    geometry: Geometry,
+    attributes: Attributes,
+    rays: Rays,
+    ray: Array,
+    primitive: Array,
+    depth: Array,
+) -> Surface:
     spot = spot_at(geometry, rays, ray, primitive)
     o, d = rays.lines(ray)
     row = geometry.row[primitive]
@@ -86,13 +120,29 @@ def _surface(geometry: Geometry, attributes: Attributes, rays: Rays, ray: Array,
     outside = dot(g, v) >= 0
     side = np.where(outside, 1.0, -1.0)
     n, start = _shading_normals(geometry, attributes, spot, row, x, g, side)
-    return Surface(**vars(spot), row=row, x=x, g=g * side, n=n, v=v, start=start, outside=outside, offset=ULPS * reach)
+    return Surface(
+        **vars(spot),
+        row=row,
+        x=x,
+        g=g * side,
+        n=n,
+        v=v,
+        start=start,
+        outside=outside,
+        offset=ULPS * reach,
+    )
 
 
 def _triangle_points(geometry: Geometry, spot: Spot) -> tuple[Array, Array, Array]:
-    """Points from barycentric weights, outward normals, largest coordinates of the corners; zeros off triangles."""
+    """Points from barycentric weights, outward normals, largest coordinates of the corners; zeros
+    off triangles.
+    """
     flat = np.flatnonzero(spot.primitive < geometry.triangle_count)
-    x, g, reach = np.zeros((3, len(spot.primitive))), np.zeros((3, len(spot.primitive))), np.zeros(len(spot.primitive))
+    x, g, reach = (
+        np.zeros((3, len(spot.primitive))),
+        np.zeros((3, len(spot.primitive))),
+        np.zeros(len(spot.primitive)),
+    )
     triangle, w = spot.primitive[flat], pick(spot.weights, flat)
     a, b, c = (pick(geometry.points, corner[triangle]) for corner in geometry.triangles)
     x[:, flat] = w[0] * a + w[1] * b + w[2] * c
@@ -102,16 +152,30 @@ def _triangle_points(geometry: Geometry, spot: Spot) -> tuple[Array, Array, Arra
     return x, g, reach
 
 
-def _place_shapes(geometry: Geometry, primitive: Array, o: Array, d: Array, depth: Array, x: Array, g: Array, reach: Array) -> None:
+def _place_shapes(
+    geometry: Geometry,
+    primitive: Array,
+    o: Array,
+    d: Array,
+    depth: Array,
+    x: Array,
+    g: Array,
+    reach: Array,
+) -> None:
     """Fills in spheres and polygons."""
     shape = primitive - geometry.triangle_count
     balls = np.flatnonzero((shape >= 0) & (shape < geometry.ball_count))
     if len(balls):
-        x[:, balls], g[:, balls] = _ball_points(geometry, shape[balls], pick(o, balls) + depth[balls] * pick(d, balls), pick(o, balls))
+        x[:, balls], g[:, balls] = _ball_points(
+            geometry, shape[balls], pick(o, balls) + depth[balls] * pick(d, balls), pick(o, balls)
+        )
     faces = np.flatnonzero(shape >= geometry.ball_count)
     if len(faces):
         index = shape[faces] - geometry.ball_count
-        n, first = pick(geometry.faces.normal, index), pick(geometry.faces.corners, geometry.faces.start[index])
+        n, first = (
+            pick(geometry.faces.normal, index),
+            pick(geometry.faces.corners, geometry.faces.start[index]),
+        )
         at = pick(o, faces) + depth[faces] * pick(d, faces)
         x[:, faces] = at - dot(at - first, n) * n
         g[:, faces] = n * geometry.placements.mirror[geometry.row[primitive[faces]]]
@@ -123,27 +187,48 @@ def _place_shapes(geometry: Geometry, primitive: Array, o: Array, d: Array, dept
 
 
 def _ball_points(geometry: Geometry, index: Array, at: Array, o: Array) -> tuple[Array, Array]:
-    """Points brought back to the sphere in its object, and outward normals by the cofactor matrix."""
+    """Points brought back to the sphere in its object, and outward normals by the cofactor
+    matrix.
+    """
     balls, placements = geometry.balls, geometry.placements
     row = balls.row[index]
-    from_center = transform_each(balls.object_from_world[index], at - pick(balls.center_world, index))
+    from_center = transform_each(
+        balls.object_from_world[index], at - pick(balls.center_world, index)
+    )
     direction = unit(from_center)
     arm = balls.radius[index] * direction
     x = pick(balls.center_world, index) + transform_each(placements.world_from_object[row], arm)
     return x, unit(transform_each(placements.normals[row], direction)) * placements.mirror[row]
 
 
-def _shading_normals(geometry: Geometry, attributes: Attributes, spot: Spot, row: Array, x: Array, g: Array, side: Array):
-    """Interpolated normals, and Hanika's starts of shadow rays (Hacking the shadow terminator, 2021)."""
+def _shading_normals(
+    geometry: Geometry,
+    attributes: Attributes,
+    spot: Spot,
+    row: Array,
+    x: Array,
+    g: Array,
+    side: Array,
+):
+    """Interpolated normals, and Hanika's starts of shadow rays (Hacking the shadow terminator,
+    2021).
+    """
     pool = attributes.normals()
     smooth = np.flatnonzero(pool.has(spot.geometry) & (spot.primitive < geometry.triangle_count))
     n, start = g * side, x.copy()
     if not len(smooth):
         return n, start
     w, side = pick(spot.weights, smooth), side[smooth]
-    matrix, mirror = geometry.placements.normals[row[smooth]], geometry.placements.mirror[row[smooth]]
+    matrix, mirror = (
+        geometry.placements.normals[row[smooth]],
+        geometry.placements.mirror[row[smooth]],
+    )
     corners = pool.at_corners(spot.geometry[smooth], spot.local[smooth])
-    mixed = unit(transform_each(matrix, w[0] * corners[0] + w[1] * corners[1] + w[2] * corners[2])) * mirror * side
+    mixed = (
+        unit(transform_each(matrix, w[0] * corners[0] + w[1] * corners[1] + w[2] * corners[2]))
+        * mirror
+        * side
+    )
     zero = ~mixed.any(0)
     n[:, smooth] = np.where(zero, pick(n, smooth), mixed)
     lift = np.zeros_like(mixed)
@@ -152,6 +237,7 @@ def _shading_normals(geometry: Geometry, attributes: Attributes, spot: Spot, row
         v_k = pick(geometry.points, geometry.triangles[k][spot.primitive[smooth]])
         lift += w[k] * np.maximum(0.0, dot(v_k - pick(x, smooth), n_k)) * n_k
     face = pick(g, smooth) * side
-    lift -= np.minimum(0.0, dot(lift, face)) * face  # never below the face: a thin thing's normals may point there by their rounding
+    # never below the face: a thin thing's normals may point there by their rounding
+    lift -= np.minimum(0.0, dot(lift, face)) * face
     add_at(start, smooth, lift)
     return n, start

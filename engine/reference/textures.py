@@ -1,4 +1,6 @@
-"""Images read at points of the surface: (u, v) in [0, 1]² spans the image, v = 0 is its bottom row."""
+"""Images read at points of the surface: (u, v) in [0, 1]² spans the image, v = 0 is its bottom
+row.
+"""
 
 from __future__ import annotations
 
@@ -33,14 +35,22 @@ class Image:
     def _texels(self, x: Array, y: Array) -> Array:
         """(4, n) of whole texel coordinates, extended past the borders."""
         height, width = self._texture.pixels.shape[:2]
-        (column, left), (row, up) = (_extended(k, size, self._texture.extension) for k, size in ((x, width), (y, height)))
+        (column, left), (row, up) = (
+            _extended(k, size, self._texture.extension) for k, size in ((x, width), (y, height))
+        )
         raw = self._pixels[row * width + column]
-        values = raw.T.astype(np.float64) if self._table is None else np.stack([self._table[c][raw[:, c]] for c in range(4)])
+        values = (
+            raw.T.astype(np.float64)
+            if self._table is None
+            else np.stack([self._table[c][raw[:, c]] for c in range(4)])
+        )
         return np.where(left | up, 0.0, values)
 
 
 def _decode_table(texture: Texture) -> Array:
-    """(4, 256): the value of each byte; the sRGB curve (IEC 61966-2-1) on colours when the texture says so."""
+    """(4, 256): the value of each byte; the sRGB curve (IEC 61966-2-1) on colours when the texture
+    says so.
+    """
     linear = np.arange(256) / 255.0
     curve = np.where(linear <= 0.04045, linear / 12.92, ((linear + 0.055) / 1.055) ** 2.4)
     color = curve if texture.encoding == "SRGB" else linear
@@ -52,7 +62,9 @@ def _finite(a: Array) -> Array:
 
 
 def _extended(k: Array, size: int, extension: str) -> tuple[Array, Array]:
-    """Texel numbers within the image for any whole number, and which lie outside of a CLIP image."""
+    """Texel numbers within the image for any whole number, and which lie outside of a CLIP
+    image.
+    """
     k = k.astype(np.int64)
     outside = np.zeros(len(k), bool)
     if extension == "REPEAT":

@@ -1,4 +1,6 @@
-"""The render loop: samples, and tiles of pixels within a sample (notes, section 4.2: image-order rendering)."""
+"""The render loop: samples, and tiles of pixels within a sample (notes, section 4.2: image-order
+rendering).
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ from .stage import Stage
 Array = np.ndarray
 
 TILE = 1 << 19
-"""Pixels traced together: many, because each tile projects the whole scene; not all of a large picture, because of memory."""
+"""Pixels traced together: many, because each tile projects the whole scene; not all of a large
+picture, because of memory.
+"""
 
 
 def render_reference(
@@ -53,12 +57,18 @@ class Tracer:
         self._stage: Stage | None = None
         self._seconds: dict[str, float] = {}
 
-    def run(self, on_progress: Callable[[float], None] = lambda _: None, on_wave: Callable[[Film], None] | None = None) -> bool:
+    def run(
+        self,
+        on_progress: Callable[[float], None] = lambda _: None,
+        on_wave: Callable[[Film], None] | None = None,
+    ) -> bool:
         """Traces all samples; False when stopped."""
         try:
             with self._clock("build"):
                 self._stage = Stage(self._scene, self._settings, self._pulse)
-            for sample, offset in enumerate(pixel_offsets(self._settings.samples, self._settings.filter_width)):
+            for sample, offset in enumerate(
+                pixel_offsets(self._settings.samples, self._settings.filter_width)
+            ):
                 with self._clock("trace"):
                     for done in self._sample(self._stage, sample, offset):
                         on_progress((sample + done) / self._settings.samples)
@@ -81,7 +91,13 @@ class Tracer:
             passes["Error"] = self._estimate.levels(self.picture.samples)[None]
         (x0, y0, x1, y1), (left, bottom, _, _) = self._shown, self._region
         shown = slice(y0 - bottom, y1 - bottom), slice(x0 - left, x1 - left)
-        return Film(self.picture.images(passes, shown), self._finished, complete, stats | self._seconds, notes)
+        return Film(
+            self.picture.images(passes, shown),
+            self._finished,
+            complete,
+            stats | self._seconds,
+            notes,
+        )
 
     def _is_shown(self) -> Array:
         """(h, w) bool of the region."""
@@ -108,12 +124,16 @@ class Tracer:
             if self._refinement and not self._refinement.active[here].all():
                 chosen = np.flatnonzero(self._refinement.active[here])
                 here, rays, strips = first + chosen, rays.take(chosen), None
-            tile = Tile(len(rays), self._settings.passes.intersection(DATA) if sample == 0 else frozenset())
+            tile = Tile(
+                len(rays), self._settings.passes.intersection(DATA) if sample == 0 else frozenset()
+            )
             if len(rays):
                 Generations(stage, tile, sample).run(rays, strips)
             self.picture.keep(here, tile)
             if self._refinement:
-                self._refinement.note(here, np.concatenate([tile.color(), tile.lost[None]]), tile.softly_lit, tile.cut)
+                self._refinement.note(
+                    here, np.concatenate([tile.color(), tile.lost[None]]), tile.softly_lit, tile.cut
+                )
             yield (above - y0) / (y1 - y0)
 
     def _clock(self, name: str) -> _Clock:
@@ -121,7 +141,9 @@ class Tracer:
 
 
 class _Clock:
-    """Adds the seconds that a with block takes to an entry of a dictionary, however the block ends."""
+    """Adds the seconds that a with block takes to an entry of a dictionary, however the block
+    ends.
+    """
 
     def __init__(self, seconds: dict[str, float], name: str):
         self._seconds, self._name = seconds, name
@@ -130,4 +152,6 @@ class _Clock:
         self._began = perf_counter()
 
     def __exit__(self, *_: object) -> None:
-        self._seconds[self._name] = self._seconds.get(self._name, 0.0) + perf_counter() - self._began
+        self._seconds[self._name] = (
+            self._seconds.get(self._name, 0.0) + perf_counter() - self._began
+        )

@@ -1,8 +1,10 @@
-"""A bounding volume hierarchy without pointers, and the pairs of rays and primitives that it leaves.
+"""A bounding volume hierarchy without pointers, and the pairs of rays and primitives that it
+leaves.
 
-The primitives are halved again and again at the median along the longest axis of their centres, all segments of a level at once, so that
-the tree is complete: node i of a level has the children 8i ... 8i + 7 on the next one, and leaf k holds a fixed run of primitives.
-Rays go down breadth first: a level is one array of (ray, node) pairs, tested against the eight child boxes of each node.
+The primitives are halved again and again at the median along the longest axis of their centres, all
+segments of a level at once, so that the tree is complete: node i of a level has the children 8i ...
+8i + 7 on the next one, and leaf k holds a fixed run of primitives. Rays go down breadth first: a
+level is one array of (ray, node) pairs, tested against the eight child boxes of each node.
 """
 
 from __future__ import annotations
@@ -23,14 +25,17 @@ LEAF = 4
 CHUNK = 1 << 13  # rays that go down together
 PAIRS = 1 << 16
 WIDEN = 2.0**-18
-"""Boxes and rays are float32: boxes grow by this share of the largest coordinate, distances by this share of themselves."""
+"""Boxes and rays are float32: boxes grow by this share of the largest coordinate, distances by this
+share of themselves.
+"""
 NONE = -1
 
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """levels: (6, 8, n) float32 per level from the root down: lower x y z, upper x y z of the eight children of each of n nodes.
-    leaves: (l, k) primitives of each leaf, NONE where there is none.  reach: largest coordinate of any box.
+    """levels: (6, 8, n) float32 per level from the root down: lower x y z, upper x y z of the eight
+    children of each of n nodes. leaves: (l, k) primitives of each leaf, NONE where there is none.
+    reach: largest coordinate of any box.
     """
 
     levels: list[Array]
@@ -55,7 +60,9 @@ def build(geometry: Geometry, pulse: Pulse) -> Tree:
     high = np.where(empty, -np.inf, pick(upper, order) + grow).max(2)
     levels = []
     for _ in range(depth):
-        levels.append(np.concatenate([low, high]).reshape(6, -1, 8).swapaxes(1, 2).astype(np.float32))
+        levels.append(
+            np.concatenate([low, high]).reshape(6, -1, 8).swapaxes(1, 2).astype(np.float32)
+        )
         low, high = low.reshape(3, -1, 8).min(2), high.reshape(3, -1, 8).max(2)
     return Tree([np.ascontiguousarray(level) for level in levels[::-1]], order, geometry.reach)
 
@@ -81,7 +88,9 @@ def _median_order(centers: Array, leaves: int, pulse: Pulse) -> Array:
 
 
 def _halved(centers: Array, segments: Array) -> Array:
-    """(s, m) -> (2s, m/2): each segment cut at its median along its longest axis; empty places go last."""
+    """(s, m) -> (2s, m/2): each segment cut at its median along its longest axis; empty places go
+    last.
+    """
     empty = segments == NONE
     places = pick(centers, segments)
     with np.errstate(invalid="ignore"):
@@ -93,8 +102,12 @@ def _halved(centers: Array, segments: Array) -> Array:
     return np.take_along_axis(segments, cut, 1).reshape(2 * len(segments), half)
 
 
-def tree_pairs(tree: Tree, rays: Bundle, seen: Array | None, limit: Array, pulse: Pulse) -> Iterator[tuple[Array, Array]]:
-    """Blocks of (ray, primitive) that may meet. `limit` (n,) is the distance beyond which a ray no longer looks; the caller lowers it."""
+def tree_pairs(
+    tree: Tree, rays: Bundle, seen: Array | None, limit: Array, pulse: Pulse
+) -> Iterator[tuple[Array, Array]]:
+    """Blocks of (ray, primitive) that may meet. `limit` (n,) is the distance beyond which a ray no
+    longer looks; the caller lowers it.
+    """
     for begin in range(0, len(rays), CHUNK):
         chosen = np.arange(begin, min(begin + CHUNK, len(rays)))
         chosen = chosen[limit[chosen] > rays.near[chosen]]
@@ -104,7 +117,9 @@ def tree_pairs(tree: Tree, rays: Bundle, seen: Array | None, limit: Array, pulse
 
 @dataclass(frozen=True, eq=False)
 class _Octant:
-    """Rays whose directions have the same signs: near and far sides of a box are the same rows of it for all of them."""
+    """Rays whose directions have the same signs: near and far sides of a box are the same rows of
+    it for all of them.
+    """
 
     ray: Array
     origin: Array
@@ -118,21 +133,33 @@ def _octants(rays: Bundle, chosen: Array) -> Iterator[_Octant]:
     origin, direction = pick(rays.origin, chosen), pick(rays.direction, chosen)
     signs = (direction[0] < 0) + 2 * (direction[1] < 0) + 4 * (direction[2] < 0)
     with np.errstate(divide="ignore", over="ignore"):
-        # Of a component 0 too: huge times 0 is 0, infinite times 0 is not. + 0: `signs` takes -0 for 0.
+        # Of a component 0 too: huge times 0 is 0, infinite times 0 is not. + 0: `signs` takes -0
+        # for 0.
         inverse = np.clip(1 / (direction + 0.0), -1e30, 1e30).astype(np.float32)
-        origin, begin = origin.astype(np.float32), (rays.near[chosen] * (1 - WIDEN)).astype(np.float32)
+        origin, begin = (
+            origin.astype(np.float32),
+            (rays.near[chosen] * (1 - WIDEN)).astype(np.float32),
+        )
     for sign in range(8):
         mine = np.flatnonzero(signs == sign)
         if len(mine):
             negative = [sign >> a & 1 for a in range(3)]
             yield _Octant(
-                chosen[mine], pick(origin, mine), pick(inverse, mine), begin[mine],
-                tuple(a + 3 * n for a, n in enumerate(negative)), tuple(a + 3 - 3 * n for a, n in enumerate(negative)),
-            )  # fmt: skip
+                chosen[mine],
+                pick(origin, mine),
+                pick(inverse, mine),
+                begin[mine],
+                tuple(a + 3 * n for a, n in enumerate(negative)),
+                tuple(a + 3 - 3 * n for a, n in enumerate(negative)),
+            )
 
 
-def _descend(tree: Tree, octant: _Octant, seen: Array | None, limit: Array, pulse: Pulse) -> Iterator[tuple[Array, Array]]:
-    """From the root to the leaves, a level at a time; blocks that grow too long are cut and finished one after the other."""
+def _descend(
+    tree: Tree, octant: _Octant, seen: Array | None, limit: Array, pulse: Pulse
+) -> Iterator[tuple[Array, Array]]:
+    """From the root to the leaves, a level at a time; blocks that grow too long are cut and
+    finished one after the other.
+    """
     stack = [(0, np.arange(len(octant.ray)), np.zeros(len(octant.ray), np.intp), octant.begin)]
     while stack:
         pulse.beat()
@@ -144,11 +171,17 @@ def _descend(tree: Tree, octant: _Octant, seen: Array | None, limit: Array, puls
             continue
         for begin in reversed(range(0, len(which), PAIRS // 8)):
             part = slice(begin, begin + PAIRS // 8)
-            stack.append((level + 1, *_children(tree.levels[level], octant, which[part], node[part], limit)))
+            stack.append(
+                (level + 1, *_children(tree.levels[level], octant, which[part], node[part], limit))
+            )
 
 
-def _children(boxes: Array, octant: _Octant, which: Array, node: Array, limit: Array) -> tuple[Array, Array, Array]:
-    """Pairs (place in the octant, child) whose box the ray enters before `limit`, and where it enters."""
+def _children(
+    boxes: Array, octant: _Octant, which: Array, node: Array, limit: Array
+) -> tuple[Array, Array, Array]:
+    """Pairs (place in the octant, child) whose box the ray enters before `limit`, and where it
+    enters.
+    """
     near = octant.begin.take(which)
     far = (limit.take(octant.ray.take(which)) * (1 + WIDEN)).astype(np.float32)
     for axis in range(3):
@@ -160,8 +193,12 @@ def _children(boxes: Array, octant: _Octant, which: Array, node: Array, limit: A
     return which.take(place), node.take(place) * 8 + child, near.ravel().take(met)
 
 
-def _leaf_pairs(tree: Tree, ray: Array, leaf: Array, enter: Array, seen: Array | None, limit: Array) -> Iterator[tuple[Array, Array]]:
-    """The primitives of the leaves: first of the leaf that each ray enters first, so that most of the rest is out of reach by then."""
+def _leaf_pairs(
+    tree: Tree, ray: Array, leaf: Array, enter: Array, seen: Array | None, limit: Array
+) -> Iterator[tuple[Array, Array]]:
+    """The primitives of the leaves: first of the leaf that each ray enters first, so that most of
+    the rest is out of reach by then.
+    """
     if not len(ray):
         return
     first = np.full(ray.max() - ray.min() + 1, np.inf, np.float32)

@@ -1,6 +1,8 @@
-"""Vectors in columns: an array (3, n) holds n vectors, component by component, which is the layout NumPy is fastest on.
+"""Vectors in columns: an array (3, n) holds n vectors, component by component, which is the layout
+NumPy is fastest on.
 
-Every sum is written out, so that a vector's bits never depend on how many others lie beside it (BLAS and `sum` promise no order).
+Every sum is written out, so that a vector's bits never depend on how many others lie beside it
+(BLAS and `sum` promise no order).
 """
 
 from __future__ import annotations
@@ -17,7 +19,9 @@ def dot(a: Array, b: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """(3, n) × (3, n) -> (3, n), right-handed (section 2.3)."""
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    return np.stack(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
 
 
 def length(a: Array) -> Array:
@@ -46,7 +50,9 @@ def transform_each(matrices: Array, a: Array) -> Array:
 
 
 def pick(a: Array, index: Array) -> Array:
-    """The columns `index` of (3, n); unlike a[:, index] its rows are contiguous, which is several times faster, now and later."""
+    """The columns `index` of (3, n); unlike a[:, index] its rows are contiguous, which is several
+    times faster, now and later.
+    """
     return a.take(index, 1)
 
 
@@ -57,7 +63,9 @@ def add_at(total: Array, index: Array, values: Array) -> None:
 
 
 def basis_around(n: Array) -> tuple[Array, Array]:
-    """Two unit vectors (3, k) that make a right-handed frame with the unit vectors n (Duff et al. 2017, section 2.5 of the notes)."""
+    """Two unit vectors (3, k) that make a right-handed frame with the unit vectors n (Duff et al.
+    2017, section 2.5 of the notes).
+    """
     sign = np.copysign(1.0, n[2])
     a = -1.0 / (sign + n[2])
     b = n[0] * n[1] * a
@@ -67,7 +75,9 @@ def basis_around(n: Array) -> tuple[Array, Array]:
 
 
 def explode(counts: Array) -> tuple[Array, Array]:
-    """Row numbers and places within the row of a ragged table with `counts` (n,) entries in its rows."""
+    """Row numbers and places within the row of a ragged table with `counts` (n,) entries in its
+    rows.
+    """
     row = np.repeat(np.arange(len(counts)), counts)
     ends = np.cumsum(counts)
     place = np.arange(len(row)) - np.repeat(ends - counts, counts)

@@ -22,7 +22,9 @@ NOTHING = -1
 
 
 class Hits(NamedTuple):
-    """The closest hits of n rays: primitive (n,), NOTHING for none; depth (n,) along the ray, infinite for none."""
+    """The closest hits of n rays: primitive (n,), NOTHING for none; depth (n,) along the ray,
+    infinite for none.
+    """
 
     primitive: Array
     depth: Array
@@ -55,7 +57,8 @@ class Visibility:
         return vars(self).get("tree")
 
     def closest(self, rays: Rays, kind: str, strips: Strips | None = None) -> Hits:
-        """The first hit of each ray; of hits in a tie (coincident faces, neighbours met in their common edge) that of the lowest primitive.
+        """The first hit of each ray; of hits in a tie (coincident faces, neighbours met in their
+        common edge) that of the lowest primitive.
 
         strips: of a pencil that is sorted already.
         """
@@ -63,19 +66,30 @@ class Visibility:
             return Hits(np.full(len(rays), NOTHING), np.full(len(rays), np.inf))
         if isinstance(rays, Pencil) and strips is None:
             order, strips = sorted_strips(rays.u, rays.v)
-            return Hits(*(_unsorted(a, order) for a in self._closest(rays.take(order), kind, strips)))
+            return Hits(
+                *(_unsorted(a, order) for a in self._closest(rays.take(order), kind, strips))
+            )
         return self._closest(rays, kind, strips)
 
     def _closest(self, rays: Rays, kind: str, strips: Strips | None) -> Hits:
         limit, found = rays.far.copy(), []
         for meetings in self._meetings(rays, kind, strips, limit):
-            np.minimum.at(limit, meetings.ray, meetings.depth + rays.tie(meetings.ray, meetings.depth))
+            np.minimum.at(
+                limit, meetings.ray, meetings.depth + rays.tie(meetings.ray, meetings.depth)
+            )
             found.append(meetings)
         ray, primitive, depth = _together(found)
         return _lowest(self.geometry, len(rays), ray, primitive, depth, limit)
 
-    def blocked(self, rays: Rays, transmittance: Callable[[Array, Array, Array], Array], strips: Strips | None = None) -> Array:
-        """S (n, 3): the share of light that passes along each ray. transmittance(primitive, ray, depth): (m, 3) of surfaces met."""
+    def blocked(
+        self,
+        rays: Rays,
+        transmittance: Callable[[Array, Array, Array], Array],
+        strips: Strips | None = None,
+    ) -> Array:
+        """S (n, 3): the share of light that passes along each ray. transmittance(primitive, ray,
+        depth): (m, 3) of surfaces met.
+        """
         if not len(rays) or not self.geometry.count:
             return np.ones((len(rays), 3))
         if isinstance(rays, Pencil):
@@ -92,12 +106,16 @@ class Visibility:
         passed = np.where(limit == -np.inf, 0.0, 1.0)[:, None] * np.ones(3)
         ray, primitive, depth = _together(found)
         open_ray = limit[ray] > -np.inf
-        ray, primitive, depth = _once(self.geometry, rays, ray[open_ray], primitive[open_ray], depth[open_ray])
+        ray, primitive, depth = _once(
+            self.geometry, rays, ray[open_ray], primitive[open_ray], depth[open_ray]
+        )
         if len(ray):
             np.multiply.at(passed, ray, transmittance(rays, ray, primitive))
         return passed
 
-    def _meetings(self, rays: Rays, kind: str, strips: Strips | None, limit: Array) -> Iterator[_Meetings]:
+    def _meetings(
+        self, rays: Rays, kind: str, strips: Strips | None, limit: Array
+    ) -> Iterator[_Meetings]:
         seen = self.geometry.visible[kind]
         if isinstance(rays, Bundle):
             pairs = tree_pairs(self.tree, rays, seen, limit, self.pulse)
@@ -110,7 +128,9 @@ class Visibility:
             else:
                 yield from self._meet_all(rays, ray, primitive, limit)
 
-    def _meet_all(self, rays: Rays, ray: Array, primitive: Array, limit: Array) -> Iterator[_Meetings]:
+    def _meet_all(
+        self, rays: Rays, ray: Array, primitive: Array, limit: Array
+    ) -> Iterator[_Meetings]:
         """Pairs of rays with primitives of every sort."""
         triangles, balls = self.geometry.triangle_count, self.geometry.ball_count
         flat = primitive < triangles
@@ -119,12 +139,20 @@ class Visibility:
         round_ = ~flat & (primitive < triangles + balls)
         for some, first, meet in (
             (round_, triangles, lambda k, o, d: meet_ball(self.geometry.balls, k, o, d)),
-            (~flat & ~round_, triangles + balls, lambda k, o, d: meet_face(self.geometry.faces, k, o, d)[None]),
+            (
+                ~flat & ~round_,
+                triangles + balls,
+                lambda k, o, d: meet_face(self.geometry.faces, k, o, d)[None],
+            ),
         ):
             mine = ray[some]
             if len(mine):
                 for depth in meet(primitive[some] - first, *rays.lines(mine)):
-                    good = (depth > rays.near[mine]) & (depth < rays.far[mine]) & (depth <= limit[mine])
+                    good = (
+                        (depth > rays.near[mine])
+                        & (depth < rays.far[mine])
+                        & (depth <= limit[mine])
+                    )
                     yield _Meetings(mine[good], primitive[some][good], depth[good])
 
 
@@ -140,8 +168,12 @@ def _together(found: list[_Meetings]) -> _Meetings:
     return _Meetings(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
-def _lowest(geometry: Geometry, rays: int, ray: Array, primitive: Array, depth: Array, limit: Array) -> Hits:
-    """Of all meetings not beyond `limit` (the closest of each ray, with its tie) the primitive of the lowest number."""
+def _lowest(
+    geometry: Geometry, rays: int, ray: Array, primitive: Array, depth: Array, limit: Array
+) -> Hits:
+    """Of all meetings not beyond `limit` (the closest of each ray, with its tie) the primitive of
+    the lowest number.
+    """
     close = np.flatnonzero(depth <= limit[ray])
     ray, primitive, depth = ray[close], primitive[close], depth[close]
     number = geometry.number[primitive]
@@ -165,5 +197,7 @@ def _once(geometry: Geometry, rays: Rays, ray: Array, primitive: Array, depth: A
     lowest = np.minimum.reduceat(geometry.number[primitive], start)
     group = np.repeat(np.arange(len(start)), np.diff(np.append(start, len(ray))))
     winner = np.flatnonzero(geometry.number[primitive] == lowest[group])
-    winner = winner[np.concatenate([np.ones(min(len(winner), 1), bool), np.diff(group[winner]) > 0])]
+    winner = winner[
+        np.concatenate([np.ones(min(len(winner), 1), bool), np.diff(group[winner]) > 0])
+    ]
     return _Meetings(ray[winner], primitive[winner], depth[winner])

@@ -1,7 +1,9 @@
-"""`make bench`: every bench of this folder in its short form, one after the other, each in a process of its own.
+"""`make bench`: every bench of this folder in its short form, one after the other, each in a
+process of its own.
 
-With names, only those: rays, frames, million, export, instructions, features, targets, viewport. The last two are run by name only: targets
-takes ten minutes of a quiet machine, and the viewport needs a Blender with a window, which GLINT_BLENDER names.
+With names, only those: rays, frames, million, export, instructions, features, targets, viewport.
+The last two are run by name only: targets takes ten minutes of a quiet machine, and the viewport
+needs a Blender with a window, which GLINT_BLENDER names.
 """
 
 import subprocess
@@ -25,9 +27,13 @@ def main() -> int:
     wanted = sys.argv[1:] or list(BENCHES)
     unknown = [name for name in wanted if name not in (*BENCHES, *BY_NAME)]
     if unknown:
-        raise SystemExit(f"no bench is called {', '.join(unknown)}; there are {', '.join((*BENCHES, *BY_NAME))}")
+        raise SystemExit(
+            f"no bench is called {', '.join(unknown)}; there are {', '.join((*BENCHES, *BY_NAME))}"
+        )
     here = Path(__file__).parent
-    commands = [[str(here / BY_NAME.get(name, f"{name}.py")), *BENCHES.get(name, [])] for name in wanted]
+    commands = [
+        [str(here / BY_NAME.get(name, f"{name}.py")), *BENCHES.get(name, [])] for name in wanted
+    ]
     return max(subprocess.run([sys.executable, *command]).returncode for command in commands)
 
 

@@ -10,11 +10,22 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def build(target: str, remedy: str = "") -> Path:
-    """The program, built in Release with the CMake beside this Python or on the path; SystemExit, with `remedy`, without such a target."""
+    """The program, built in Release with the CMake beside this Python or on the path; SystemExit,
+    with `remedy`, without such a target.
+    """
     folder = ROOT / "build" / "bench"
     beside = Path(sys.executable).parent / "cmake"
     cmake = str(beside) if beside.exists() else "cmake"
-    run([cmake, "-S", str(ROOT / "engine" / "core"), "-B", str(folder), "-DCMAKE_BUILD_TYPE=Release"])
+    run(
+        [
+            cmake,
+            "-S",
+            str(ROOT / "engine" / "core"),
+            "-B",
+            str(folder),
+            "-DCMAKE_BUILD_TYPE=Release",
+        ]
+    )
     if target not in run([cmake, "--build", str(folder), "--target", "help"]):
         raise SystemExit(f"engine/core has no {target} here. {remedy}")
     run([cmake, "--build", str(folder), "--target", target, "--parallel", "2"])

@@ -1,8 +1,10 @@
-"""How long the export takes: a million triangles, and a hundred thousand instances by geometry nodes.
+"""How long the export takes: a million triangles, and a hundred thousand instances by geometry
+nodes.
 
     python tests/bench/export.py
 
-Processor time, the least of five exports; Blender works the mesh's normals and triangles out anew before each.
+Processor time, the least of five exports; Blender works the mesh's normals and triangles out anew
+before each.
 """
 
 # ruff: noqa: T201  (a command talks to a person)

@@ -1,10 +1,13 @@
-"""Time to a given error, Glint beside Cycles, on scenes of ../shared/scenes: python tests/bench/fronts.py NAME[:hard] … [--out out/fronts]
+"""Time to a given error, Glint beside Cycles, on scenes of ../shared/scenes: python
+tests/bench/fronts.py NAME[:hard] … [--out out/fronts]
 
-The same light and materials in both: lamps only (a black world), every surface a plain diffuse one, no bounces, the same pixel filter.
-Seconds are processor time on one thread, so that what else the machine does counts little: Glint's of a whole render on trees that are
-there, Cycles' of what the second and later samples take, so that neither sync nor trees count. Each engine's error is against its own
-picture at four times its most samples, and the gap between these two is told: it is no error that time buys off. One process per scene;
-`fronts.png` has all scenes, `fronts.md` the table, and `--keep-cycles` takes Cycles' points and picture of an earlier run of the same size.
+The same light and materials in both: lamps only (a black world), every surface a plain diffuse one,
+no bounces, the same pixel filter. Seconds are processor time on one thread, so that what else the
+machine does counts little: Glint's of a whole render on trees that are there, Cycles' of what the
+second and later samples take, so that neither sync nor trees count. Each engine's error is against
+its own picture at four times its most samples, and the gap between these two is told: it is no
+error that time buys off. One process per scene; `fronts.png` has all scenes, `fronts.md` the table,
+and `--keep-cycles` takes Cycles' points and picture of an earlier run of the same size.
 `--only-plot` draws from the numbers that are there.
 """
 
@@ -27,7 +30,11 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE.parent / "cycles")]
-GRID = [(1, 0.0), (4, 0.0), *((samples, threshold) for samples in (16, 64, 256) for threshold in (16.0, 4.0, 0.0))]
+GRID = [
+    (1, 0.0),
+    (4, 0.0),
+    *((samples, threshold) for samples in (16, 64, 256) for threshold in (16.0, 4.0, 0.0)),
+]
 """Samples and error threshold of Glint's renders."""
 LIGHT_SAMPLES = 2
 TRUTH_SAMPLES = 4 * 256
@@ -39,22 +46,49 @@ LEVELS = (0.3, 0.1, 0.03, 0.01, 0.003)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="+", help="folders of ../shared/scenes; NAME:hard makes the lights points")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "names", nargs="+", help="folders of ../shared/scenes; NAME:hard makes the lights points"
+    )
     parser.add_argument("--out", type=Path, default=Path("out/fronts"))
     parser.add_argument("--side", type=int, default=128, help="pixels of the longer side")
-    parser.add_argument("--most", type=int, default=256, help="most samples of Cycles, a power of four from 256 on")
-    parser.add_argument("--keep-cycles", action="store_true", help="measure Glint alone where Cycles was measured before")
+    parser.add_argument(
+        "--most", type=int, default=256, help="most samples of Cycles, a power of four from 256 on"
+    )
+    parser.add_argument(
+        "--keep-cycles",
+        action="store_true",
+        help="measure Glint alone where Cycles was measured before",
+    )
     parser.add_argument("--only-plot", action="store_true", help="measure nothing")
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     if options.inside:
         return measure_scene(options.names[0], options)
-    command = [sys.executable, __file__, "--inside", "--out", str(options.out), "--side", str(options.side), "--most", str(options.most)]
+    command = [
+        sys.executable,
+        __file__,
+        "--inside",
+        "--out",
+        str(options.out),
+        "--side",
+        str(options.side),
+        "--most",
+        str(options.most),
+    ]
     command += ["--keep-cycles"] * options.keep_cycles
-    code = 0 if options.only_plot else max(subprocess.run([*command, name]).returncode for name in options.names)
-    write_all([json.loads((options.out / f"{name}.json").read_text()) for name in options.names], options.out)
+    code = (
+        0
+        if options.only_plot
+        else max(subprocess.run([*command, name]).returncode for name in options.names)
+    )
+    write_all(
+        [json.loads((options.out / f"{name}.json").read_text()) for name in options.names],
+        options.out,
+    )
     return code
 
 
@@ -90,7 +124,9 @@ def matched_scene(name: str, side: int):
 
     name, _, wish = name.partition(":")
     folder = contact_scene.SCENES / name
-    source = next(path for kind in ("*.blend", "*.glb", "*.gltf") for path in sorted(folder.glob(kind)))
+    source = next(
+        path for kind in ("*.blend", "*.glb", "*.gltf") for path in sorted(folder.glob(kind))
+    )
     scene = contact_scene.prepare(str(source))
     addon.register()
     if wish == "hard":
@@ -104,7 +140,10 @@ def matched_scene(name: str, side: int):
         plain.use_nodes = True
     tree = plain.node_tree
     tree.nodes.clear()
-    tree.links.new(tree.nodes.new("ShaderNodeBsdfDiffuse").outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
+    tree.links.new(
+        tree.nodes.new("ShaderNodeBsdfDiffuse").outputs[0],
+        tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"],
+    )
     bpy.context.view_layer.material_override = plain
     limit_size(scene, side)
     scene.render.threads_mode, scene.render.threads = "FIXED", 1
@@ -122,7 +161,9 @@ def harden(lights) -> None:
 
 
 def glint_points(scene) -> tuple[list[dict], np.ndarray, bool]:
-    """A point (samples, threshold, seconds, error) for each of the grid, the picture at many samples, whether lights are soft."""
+    """A point (samples, threshold, seconds, error) for each of the grid, the picture at many
+    samples, whether lights are soft.
+    """
     import bpy
 
     from glint.engine import Settings, metrics
@@ -131,20 +172,37 @@ def glint_points(scene) -> tuple[list[dict], np.ndarray, bool]:
     from glint.operators.scene_copy import read_job
 
     job = read_job(scene, bpy.context.view_layer.name)
-    base = replace(Settings(light_samples=LIGHT_SAMPLES, max_bounces=0, threads=1), filter_width=job.settings.filter_width)
+    base = replace(
+        Settings(light_samples=LIGHT_SAMPLES, max_bounces=0, threads=1),
+        filter_width=job.settings.filter_width,
+    )
     points = {}
     with CropRenderer(job.scene, ((0, 0, *job.scene.camera.resolution),), lambda: False) as frame:
-        truth = frame.render(replace(base, samples=TRUTH_SAMPLES, light_samples=2 * LIGHT_SAMPLES)).pictures[0]
+        truth = frame.render(
+            replace(base, samples=TRUTH_SAMPLES, light_samples=2 * LIGHT_SAMPLES)
+        ).pictures[0]
         for samples, threshold in GRID * REPEATS:
             began = time.process_time()
-            picture = frame.render(replace(base, samples=samples, error_threshold=threshold)).pictures[0]
-            seconds = min(time.process_time() - began, points.get((samples, threshold), {"seconds": math.inf})["seconds"])
+            picture = frame.render(
+                replace(base, samples=samples, error_threshold=threshold)
+            ).pictures[0]
+            seconds = min(
+                time.process_time() - began,
+                points.get((samples, threshold), {"seconds": math.inf})["seconds"],
+            )
             error = metrics.relative_rmse(picture, truth)
-            points[samples, threshold] = {"samples": samples, "threshold": threshold, "seconds": seconds, "error": error}
+            points[samples, threshold] = {
+                "samples": samples,
+                "threshold": threshold,
+                "seconds": seconds,
+                "error": error,
+            }
     return list(points.values()), truth, has_soft_lights(job.scene)
 
 
-def kept_cycles_points(scene, path: Path, options: argparse.Namespace) -> tuple[list[dict], np.ndarray]:
+def kept_cycles_points(
+    scene, path: Path, options: argparse.Namespace
+) -> tuple[list[dict], np.ndarray]:
     """`cycles_points`, kept in a file."""
     if not (options.keep_cycles and path.exists()):
         points, truth = cycles_points(scene, options.most)
@@ -154,7 +212,9 @@ def kept_cycles_points(scene, path: Path, options: argparse.Namespace) -> tuple[
 
 
 def cycles_points(scene, most: int) -> tuple[list[dict], np.ndarray]:
-    """A point (samples, seconds, error) for each power of four up to `most`, and the picture at four times as many."""
+    """A point (samples, seconds, error) for each power of four up to `most`, and the picture at
+    four times as many.
+    """
     import bpy
 
     from glint.engine import metrics
@@ -174,7 +234,10 @@ def cycles_points(scene, most: int) -> tuple[list[dict], np.ndarray]:
             pictures[samples], seconds[samples] = picture[..., :3], time.process_time() - began
     each = max(seconds[4 * most] - seconds[1], 1e-6) / (4 * most - 1)
     truth = pictures[4 * most]
-    return [{"samples": n, "seconds": n * each, "error": metrics.relative_rmse(pictures[n], truth)} for n in numbers], truth
+    return [
+        {"samples": n, "seconds": n * each, "error": metrics.relative_rmse(pictures[n], truth)}
+        for n in numbers
+    ], truth
 
 
 # --- all scenes
@@ -191,7 +254,9 @@ def front(points: list[dict]) -> list[tuple[float, float]]:
 
 
 def time_at(curve: list[tuple[float, float]], error: float) -> float:
-    """Seconds to an error, by lines between the points in logarithms; not a number beyond the curve's ends."""
+    """Seconds to an error, by lines between the points in logarithms; not a number beyond the
+    curve's ends.
+    """
     times, errors = (np.log([point[k] for point in curve]) for k in (0, 1))
     if not errors.min() <= math.log(error) <= errors.max():
         return math.nan
@@ -200,21 +265,29 @@ def time_at(curve: list[tuple[float, float]], error: float) -> float:
 
 
 def gains(result: dict) -> list[float]:
-    """How many times as long Cycles takes for the error of each point of Glint's front that its curve reaches."""
+    """How many times as long Cycles takes for the error of each point of Glint's front that its
+    curve reaches.
+    """
     cycles = front(result["cycles"])
-    ratios = [time_at(cycles, error) / seconds for seconds, error in front(result["glint"]) if error > 0]
+    ratios = [
+        time_at(cycles, error) / seconds for seconds, error in front(result["glint"]) if error > 0
+    ]
     return [ratio for ratio in ratios if ratio > 0]
 
 
 def gains_at_levels(result: dict) -> list[float]:
-    """How many times as long Cycles takes to each of LEVELS, by lines between the points of both; not a number beyond a curve's ends."""
+    """How many times as long Cycles takes to each of LEVELS, by lines between the points of both;
+    not a number beyond a curve's ends.
+    """
     glint, cycles = front(result["glint"]), front(result["cycles"])
     return [time_at(cycles, error) / time_at(glint, error) for error in LEVELS]
 
 
 def ratios_at_equal_samples(result: dict) -> dict[int, float]:
     """Samples → Glint's error over Cycles'."""
-    glint = {point["samples"]: point["error"] for point in result["glint"] if point["threshold"] == 0}
+    glint = {
+        point["samples"]: point["error"] for point in result["glint"] if point["threshold"] == 0
+    }
     cycles = {point["samples"]: point["error"] for point in result["cycles"]}
     return {n: glint[n] / cycles[n] for n in EQUAL}
 
@@ -223,11 +296,16 @@ def row_of(result: dict) -> str:
     """A line of the table."""
     found = gains(result) or [math.nan]
     equal = " / ".join(f"{ratio:.2f}" for ratio in ratios_at_equal_samples(result).values())
-    levels = " / ".join("–" if math.isnan(gain) else f"{gain:.3g}" for gain in gains_at_levels(result))
+    levels = " / ".join(
+        "–" if math.isnan(gain) else f"{gain:.3g}" for gain in gains_at_levels(result)
+    )
     kind = "soft" if result["soft"] else "hard"
     middle = statistics.median(found)
     least_most = f"{middle:.1f} | {min(found):.1f} | {max(found):.1f}"
-    return f"| {result['scene']} | {kind} | {least_most} | {levels} | {equal} | {result['between_truths']:.1%} |"
+    return (
+        f"| {result['scene']} | {kind} | {least_most} | {levels} | {equal} | "
+        f"{result['between_truths']:.1%} |"
+    )
 
 
 def write_all(results: list[dict], out: Path) -> None:
@@ -248,14 +326,19 @@ def write_all(results: list[dict], out: Path) -> None:
     ]
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads), *map(row_of, results)]
     good = sum(max(ratios_at_equal_samples(result).values()) <= 1 for result in results)
-    lines += ["", f"At equal samples ({', '.join(map(str, EQUAL))}) Glint's error is at most Cycles' in {good} of {len(results)} scenes."]
+    lines += [
+        "",
+        f"At equal samples ({', '.join(map(str, EQUAL))}) Glint's error is at most Cycles' in "
+        f"{good} of {len(results)} scenes.",
+    ]
     (out / "fronts.md").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))
     pictures = [
         trade_plot.draw_curves(
             {"Glint": front(result["glint"]), "Cycles": front(result["cycles"])},
             result["scene"],
-            f"{'soft' if result['soft'] else 'hard'} lights; seconds of processor time; between the truths {result['between_truths']:.1%}",
+            f"{'soft' if result['soft'] else 'hard'} lights; seconds of processor time; between "
+            f"the truths {result['between_truths']:.1%}",
         )
         for result in results
     ]

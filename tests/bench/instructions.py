@@ -1,10 +1,13 @@
-"""Instructions per ray and kind of ray, counted by callgrind, against the recorded ones: a regression shows on a noisy machine.
+"""Instructions per ray and kind of ray, counted by callgrind, against the recorded ones: a
+regression shows on a noisy machine.
 
     python tests/bench/instructions.py [--record] [--program build/bench/bench/ray_counts]
 
-Runs engine/core/bench/ray_counts (built when not given) on its fixed mesh under `valgrind --tool=callgrind`, with GLINT_ISA=avx2 because
-valgrind knows no AVX-512. Exit code 1 when a count is more than 5 % above instructions.json; --record renews that file. Counts are those
-of one compiler: with another one the table is printed, and nothing is judged. Without valgrind there is nothing to do but say so.
+Runs engine/core/bench/ray_counts (built when not given) on its fixed mesh under `valgrind
+--tool=callgrind`, with GLINT_ISA=avx2 because valgrind knows no AVX-512. Exit code 1 when a count
+is more than 5 % above instructions.json; --record renews that file. Counts are those of one
+compiler: with another one the table is printed, and nothing is judged. Without valgrind there is
+nothing to do but say so.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -47,16 +50,25 @@ def main() -> int:
     if renewed:
         return 0
     if measured.compiler != recorded.compiler:
-        print(f"not judged: recorded with compiler {recorded.compiler!r}, this is {measured.compiler!r}")
+        print(
+            f"not judged: recorded with compiler {recorded.compiler!r}, this is "
+            f"{measured.compiler!r}"
+        )
         return 0
     worse = grown(measured.per_item, recorded.per_item)
     print("\n".join(worse) or "no count grew by more than 5 %")
     return int(bool(worse))
 
 
-def measure(description: str, file: Path, program: str, kinds: tuple[str, ...]) -> tuple[Counts, Counts, bool] | None:
-    """Reads the command line. Counts now, counts in `file`, whether these were renewed; None, and a line that says so, without valgrind."""
-    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+def measure(
+    description: str, file: Path, program: str, kinds: tuple[str, ...]
+) -> tuple[Counts, Counts, bool] | None:
+    """Reads the command line. Counts now, counts in `file`, whether these were renewed; None, and a
+    line that says so, without valgrind.
+    """
+    parser = argparse.ArgumentParser(
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--record", action="store_true", help=f"renew {file.name}")
     parser.add_argument("--program", help=f"a built {program}")
     options = parser.parse_args()
@@ -77,12 +89,21 @@ def measure(description: str, file: Path, program: str, kinds: tuple[str, ...]) 
 def count(valgrind: str, program: str, kind: str) -> tuple[float, str]:
     """Instructions per ray (build: per triangle), and the compiler's version."""
     with tempfile.TemporaryDirectory() as folder:
-        tool = [valgrind, "--tool=callgrind", "--toggle-collect=glint_counted_region", f"--callgrind-out-file={folder}/counts"]
+        tool = [
+            valgrind,
+            "--tool=callgrind",
+            "--toggle-collect=glint_counted_region",
+            f"--callgrind-out-file={folder}/counts",
+        ]
         environment = {**os.environ, "GLINT_ISA": "avx2"}
-        done = subprocess.run([*tool, program, kind], capture_output=True, text=True, env=environment)
+        done = subprocess.run(
+            [*tool, program, kind], capture_output=True, text=True, env=environment
+        )
     found = re.search(r"Collected : (\d+)", done.stderr)
     if done.returncode or not found:
-        raise SystemExit(f"{kind} failed under valgrind:\n{done.stdout[-1000:]}{done.stderr[-2000:]}")
+        raise SystemExit(
+            f"{kind} failed under valgrind:\n{done.stdout[-1000:]}{done.stderr[-2000:]}"
+        )
     items, compiler = done.stdout.strip().split(" ", 1)
     return round(int(found[1]) / int(items), 2), compiler
 
@@ -94,7 +115,10 @@ def grown(measured: dict[str, float], recorded: dict[str, float]) -> list[str]:
         if kind not in recorded:
             lines.append(f"{kind}: not recorded (--record does)")
         elif value > (1 + GROWTH_ALLOWED) * recorded[kind]:
-            lines.append(f"{kind}: {value:.0f} instructions, recorded {recorded[kind]:.0f}: {100 * (value / recorded[kind] - 1):+.1f} %")
+            lines.append(
+                f"{kind}: {value:.0f} instructions, recorded {recorded[kind]:.0f}: "
+                f"{100 * (value / recorded[kind] - 1):+.1f} %"
+            )
     return lines
 
 
@@ -102,7 +126,14 @@ def counts_table(measured: dict[str, float], recorded: dict[str, float]) -> str:
     rows = [("instructions per ray (build: per triangle)", "now", "recorded", "change")]
     for kind, value in measured.items():
         known = recorded.get(kind)
-        rows.append((kind, f"{value:.0f}", f"{known:.0f}" if known else "-", f"{100 * (value / known - 1):+.1f} %" if known else "-"))
+        rows.append(
+            (
+                kind,
+                f"{value:.0f}",
+                f"{known:.0f}" if known else "-",
+                f"{100 * (value / known - 1):+.1f} %" if known else "-",
+            )
+        )
     return table(rows)
 
 

@@ -1,7 +1,8 @@
 """Dumps a mesh for embree_bench: python ray_meshes.py NAME FILE. The names are the keys of MESHES.
 
-The world-space triangles of everything that renders, moved and scaled so that their bounding box has its centre at the origin and half its
-diagonal is 1. Layout of the file: engine/core/bench/ray_sets.h.
+The world-space triangles of everything that renders, moved and scaled so that their bounding box
+has its centre at the origin and half its diagonal is 1. Layout of the file:
+engine/core/bench/ray_sets.h.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ CLOSE = ((1.9, -2.6, 1.3), (0.0, 0.0, 0.0), 0.13, LAMP)
 ROOM = ((-0.15, -0.1, 0.05), (1.0, 0.6, -0.1), 0.7, (0.1, 0.3, 0.05))
 HALL = ((-0.15, -0.1, 0.05), (1.0, 0.6, -0.1), 0.7, (0.0, -0.2, 0.1))
 
-# Name → (source, view). Source: a file of ../shared/scenes, or the subdivision level of Blender's monkey on a floor.
+# Name → (source, view). Source: a file of ../shared/scenes, or the subdivision level of Blender's
+# monkey on a floor.
 MESHES = {
     "suzanne_16k": (2, CLOSE),
     "suzanne_1M": (5, CLOSE),
@@ -55,7 +57,9 @@ def make_suzanne(level: int) -> None:
     bpy.ops.mesh.primitive_monkey_add()
     subdivision = bpy.context.object.modifiers.new("Subdivision", "SUBSURF")
     subdivision.levels = subdivision.render_levels = level
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=16, y_subdivisions=16, size=5, location=(0, 0, -1))
+    bpy.ops.mesh.primitive_grid_add(
+        x_subdivisions=16, y_subdivisions=16, size=5, location=(0, 0, -1)
+    )
 
 
 def world_triangles() -> tuple[np.ndarray, np.ndarray]:
@@ -64,11 +68,16 @@ def world_triangles() -> tuple[np.ndarray, np.ndarray]:
 
     points, corners, first = [], [], 0
     for item in bpy.context.evaluated_depsgraph_get().object_instances:
-        if item.object.type != "MESH" or (not item.is_instance and item.object.original.hide_render):
+        if item.object.type != "MESH" or (
+            not item.is_instance and item.object.original.hide_render
+        ):
             continue
         mesh = item.object.to_mesh()
         mesh.calc_loop_triangles()
-        position, index = np.empty(3 * len(mesh.vertices)), np.empty(3 * len(mesh.loop_triangles), np.int32)
+        position, index = (
+            np.empty(3 * len(mesh.vertices)),
+            np.empty(3 * len(mesh.loop_triangles), np.int32),
+        )
         mesh.vertices.foreach_get("co", position)
         mesh.loop_triangles.foreach_get("vertices", index)
         matrix = np.array(item.matrix_world)
@@ -84,7 +93,9 @@ def normalised(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray,
     triangles = triangles[np.isfinite(vertices).all(1)[triangles].all(1)]
     used = vertices[np.unique(triangles)]
     low, high = used.min(0), used.max(0)
-    return np.nan_to_num((vertices - (low + high) / 2) / (np.linalg.norm(high - low) / 2)), triangles
+    return np.nan_to_num(
+        (vertices - (low + high) / 2) / (np.linalg.norm(high - low) / 2)
+    ), triangles
 
 
 def write(path: Path, vertices: np.ndarray, triangles: np.ndarray, view) -> None:

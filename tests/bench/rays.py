@@ -1,10 +1,13 @@
-"""Glint beside Embree on the same rays: rates, builds, memory; tables, a plot and the numbers as JSON.
+"""Glint beside Embree on the same rays: rates, builds, memory; tables, a plot and the numbers as
+JSON.
 
-    python tests/bench/rays.py [--quick] [--meshes NAME …] [--size 1024] [--rounds 5] [--threads 2] [--out out/rays]
+    python tests/bench/rays.py [--quick] [--meshes NAME …] [--size 1024] [--rounds 5] [--threads 2]
+    [--out out/rays]
 
-Builds engine/core with its benchmark (into build/bench; needs Embree 3 or 4 with headers, Debian: libembree-dev), dumps Blender's and the
-shared scenes' meshes, and runs engine/core/bench/embree_bench on each in a process of its own. `--program` takes a built one, `--reuse`
-keeps the reports that are there. Scenes that are absent are named, not passed over.
+Builds engine/core with its benchmark (into build/bench; needs Embree 3 or 4 with headers, Debian:
+libembree-dev), dumps Blender's and the shared scenes' meshes, and runs
+engine/core/bench/embree_bench on each in a process of its own. `--program` takes a built one,
+`--reuse` keeps the reports that are there. Scenes that are absent are named, not passed over.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -21,18 +24,30 @@ import core_program
 import ray_tables
 from ray_meshes import MESHES, SCENES
 
-GENERATED = {"icosphere_5k": "icosphere:4", "bumpy_70k": "bumpy:132x264", "bumpy_2M": "bumpy:708x1414", "instances_10k": "instances:10000"}
+GENERATED = {
+    "icosphere_5k": "icosphere:4",
+    "bumpy_70k": "bumpy:132x264",
+    "bumpy_2M": "bumpy:708x1414",
+    "instances_10k": "instances:10000",
+}
 """Made by the program itself: name → its --mesh."""
 QUICK = ("icosphere_5k", "suzanne_16k", "living_room", "bumpy_70k", "instances_10k")
 SECONDS_ALLOWED = 1800
-NEEDS_EMBREE = "It needs Embree 3 or 4 with its headers and CMake files (Debian and Ubuntu: apt-get install libembree-dev)."
+NEEDS_EMBREE = (
+    "It needs Embree 3 or 4 with its headers and CMake files (Debian and Ubuntu: "
+    "apt-get install libembree-dev)."
+)
 
 
 def main() -> int:
     options = parse_arguments()
     out = Path(options.out)
     out.mkdir(parents=True, exist_ok=True)
-    program = Path(options.program) if options.program else core_program.build("embree_bench", NEEDS_EMBREE)
+    program = (
+        Path(options.program)
+        if options.program
+        else core_program.build("embree_bench", NEEDS_EMBREE)
+    )
     if options.dump:
         return max(dump(name, out) is None for name in options.meshes if name in MESHES)
     reports, failed = {}, False
@@ -59,10 +74,16 @@ def main() -> int:
 
 
 def parse_arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     everything = [*GENERATED, *MESHES]
-    parser.add_argument("--quick", action="store_true", help="five meshes, 512², one thread, three rounds")
-    parser.add_argument("--meshes", nargs="+", choices=everything, metavar="NAME", help=", ".join(everything))
+    parser.add_argument(
+        "--quick", action="store_true", help="five meshes, 512², one thread, three rounds"
+    )
+    parser.add_argument(
+        "--meshes", nargs="+", choices=everything, metavar="NAME", help=", ".join(everything)
+    )
     parser.add_argument("--size", type=int)
     parser.add_argument("--rounds", type=int)
     parser.add_argument("--threads", type=int)
@@ -71,7 +92,12 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--dump", action="store_true", help="only dump the meshes into --out")
     parser.add_argument("--out", default="out/rays")
     options = parser.parse_args()
-    for name, quick, full in (("meshes", list(QUICK), everything), ("size", 512, 1024), ("rounds", 3, 5), ("threads", 1, 2)):
+    for name, quick, full in (
+        ("meshes", list(QUICK), everything),
+        ("size", 512, 1024),
+        ("rounds", 3, 5),
+        ("threads", 1, 2),
+    ):
         if getattr(options, name) is None:
             setattr(options, name, quick if options.quick else full)
     return options
@@ -85,7 +111,14 @@ def measure(program: Path, name: str, out: Path, options) -> dict | None:
     source = GENERATED.get(name) or dump(name, out)
     if source is None:
         return None
-    numbers = ["--size", str(options.size), "--rounds", str(options.rounds), "--threads", str(options.threads)]
+    numbers = [
+        "--size",
+        str(options.size),
+        "--rounds",
+        str(options.rounds),
+        "--threads",
+        str(options.threads),
+    ]
     command = [str(program), "--mesh", str(source), "--json", str(saved), *numbers]
     print(f"{name}: {' '.join(command)}", flush=True)
     saved.unlink(missing_ok=True)
@@ -101,7 +134,9 @@ def measure(program: Path, name: str, out: Path, options) -> dict | None:
 
 
 def dump(name: str, out: Path) -> Path | None:
-    """The mesh's file, made in a process of its own when it is not there; None, with the reason printed, when it cannot be."""
+    """The mesh's file, made in a process of its own when it is not there; None, with the reason
+    printed, when it cannot be.
+    """
     path = out / f"{name}.rays"
     source = MESHES[name][0]
     if path.exists():
@@ -109,7 +144,11 @@ def dump(name: str, out: Path) -> Path | None:
     if isinstance(source, str) and not (SCENES / source).exists():
         print(f"{name}: FAILED, {SCENES / source} is not there")
         return None
-    done = subprocess.run([sys.executable, str(Path(__file__).with_name("ray_meshes.py")), name, str(path)], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, str(Path(__file__).with_name("ray_meshes.py")), name, str(path)],
+        capture_output=True,
+        text=True,
+    )
     if done.returncode:
         print(f"{name}: FAILED, Blender did not dump it:\n{done.stderr[-1000:]}")
         return None

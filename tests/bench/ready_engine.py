@@ -1,4 +1,6 @@
-"""A render engine whose picture is ready: what a frame takes with it is what Blender itself takes, the least of any engine."""
+"""A render engine whose picture is ready: what a frame takes with it is what Blender itself takes,
+the least of any engine.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ class ReadyEngine(bpy.types.RenderEngine):
 
 
 def hold_glints_picture(scene) -> None:
-    """Has Glint trace `scene` by its settings and holds that picture ready; the scene's engine is READY from here on."""
+    """Has Glint trace `scene` by its settings and holds that picture ready; the scene's engine is
+    READY from here on.
+    """
     if not ReadyEngine.is_registered:
         bpy.utils.register_class(ReadyEngine)
     scene.render.engine = "GLINT"

@@ -1,10 +1,12 @@
 """Whole renders by stage, Glint's beside Cycles': what million.py and frames.py share.
 
-Cycles' stages end at its own status messages (handler `render_stats`): sync at "Initializing", build (its "Updating …": BVH, normals,
-device) at "Sample 0", trace at "Finished". Glint's are those of its own clock, cut at the same places: build is all between the export and
-the first ray (checks, packing, trees), trace goes on until the picture is with Blender, shading within; `other` is the rest of a whole
-render; `write` saves the result as EXR. Memory is the peak resident size during the render above that of the process before its first
-render (Linux only). READY is an engine whose picture is there before its render begins: what it takes, all of it `other` and `write`, is
+Cycles' stages end at its own status messages (handler `render_stats`): sync at "Initializing",
+build (its "Updating …": BVH, normals, device) at "Sample 0", trace at "Finished". Glint's are those
+of its own clock, cut at the same places: build is all between the export and the first ray (checks,
+packing, trees), trace goes on until the picture is with Blender, shading within; `other` is the
+rest of a whole render; `write` saves the result as EXR. Memory is the peak resident size during the
+render above that of the process before its first render (Linux only). READY is an engine whose
+picture is there before its render begins: what it takes, all of it `other` and `write`, is
 Blender's own share, the least that any engine can take.
 """
 
@@ -27,28 +29,40 @@ class NoCoreError(RuntimeError):
 
 
 def require_core() -> None:
-    """Raise NoCoreError with the reason unless the native core is there: without it the NumPy tracer would be timed."""
+    """Raise NoCoreError with the reason unless the native core is there: without it the NumPy
+    tracer would be timed.
+    """
     import conftest  # noqa: F401  (makes the package importable as glint)
     from glint import engine
 
     if "NATIVE" not in engine.available_backends():
-        raise NoCoreError(f"the benchmark times the native core, and that does not load: {engine.native_error()}")
+        raise NoCoreError(
+            f"the benchmark times the native core, and that does not load: {engine.native_error()}"
+        )
 
 
 def run_worker(script: str, *arguments: str, seconds: float | None = None) -> dict:
-    """The object that `script` prints after "RESULT "; RuntimeError with the end of its output when there is none."""
+    """The object that `script` prints after "RESULT "; RuntimeError with the end of its output when
+    there is none.
+    """
     try:
-        done = subprocess.run([sys.executable, script, *arguments], capture_output=True, text=True, timeout=seconds)
+        done = subprocess.run(
+            [sys.executable, script, *arguments], capture_output=True, text=True, timeout=seconds
+        )
     except subprocess.TimeoutExpired:
         raise RuntimeError(f"{' '.join(arguments)}: more than {seconds:g} s") from None
     lines = [line for line in done.stdout.splitlines() if line.startswith("RESULT ")]
     if done.returncode or not lines:
-        raise RuntimeError(f"{' '.join(arguments)} failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+        raise RuntimeError(
+            f"{' '.join(arguments)} failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+        )
     return json.loads(lines[-1][7:])
 
 
 def measure(scene, engine: str) -> dict[str, float]:
-    """Seconds per stage and megabytes of the scene's render by its present engine, GLINT or CYCLES."""
+    """Seconds per stage and megabytes of the scene's render by its present engine, GLINT or
+    CYCLES.
+    """
     import bpy
 
     if engine == "GLINT":
@@ -99,7 +113,9 @@ def stages_of(scene, engine: str, messages: list[tuple[float, str]]) -> dict[str
 
 
 def cycles_stages(messages: list[tuple[float, str]]) -> dict[str, float]:
-    """From the first status that mentions the end of each stage; RuntimeError when one never came."""
+    """From the first status that mentions the end of each stage; RuntimeError when one never
+    came.
+    """
     ends = []
     for mark in ("Initializing", "Sample 0", "Finished"):
         when = next((when for when, text in messages if mark in text), None)
@@ -115,14 +131,25 @@ def own_stages(scene) -> dict[str, float]:
 
     last = statistics.of_last_render(scene.name)
     if last is None or last.backend != "NATIVE":
-        raise NoCoreError(f"the picture was not drawn by the native core but by {last.backend if last else 'nobody'}")
+        raise NoCoreError(
+            "the picture was not drawn by the native core but by "
+            f"{last.backend if last else 'nobody'}"
+        )
     seconds = last.seconds
-    return {"sync": seconds["sync"], "build": seconds["engine"] - seconds["trace"], "trace": seconds["trace"] + seconds["write"]}
+    return {
+        "sync": seconds["sync"],
+        "build": seconds["engine"] - seconds["trace"],
+        "trace": seconds["trace"] + seconds["write"],
+    }
 
 
 def status_megabytes(field: str) -> float:
     """VmRSS (now) or VmHWM (peak) of this process."""
-    line = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith(field))
+    line = next(
+        line
+        for line in Path("/proc/self/status").read_text().splitlines()
+        if line.startswith(field)
+    )
     return int(line.split()[1]) / 1024
 
 
@@ -146,7 +173,12 @@ def choose_samples(scene, engine: str, samples: int) -> None:
         cycles_reference.make_exact(scene, samples)
         return
     final = scene.glint.final
-    final.samples, final.light_samples, final.max_bounces, final.error_threshold = samples, 1, 0, 0.0
+    final.samples, final.light_samples, final.max_bounces, final.error_threshold = (
+        samples,
+        1,
+        0,
+        0.0,
+    )
     if engine == "READY":
         import ready_engine
 

@@ -1,10 +1,14 @@
-"""Predicted beside true error on the scenes of ../shared/scenes: python tests/bench/targets.py [NAME …] [--side 128] [--out out/targets]
+"""Predicted beside true error on the scenes of ../shared/scenes: python tests/bench/targets.py
+[NAME …] [--side 128] [--out out/targets]
 
-Every scene with its own materials and, where it has none, a camera and three lights, is rendered for two targets: a largest visible error
-on its own display, and a relative RMSE. Told are the settings that were found, the error that was predicted before, the one that the
-check afterwards found, and the true one: the whole picture against the core at 1024 samples, or four times the picture's where that is
-more (the core equals the float64 tracer to 1e-4: tests/engine/test_core_against_reference.py). An error below what a display or a float
-shows counts as that. One process per scene, 15 minutes of processor time at most; `targets.md` has the table, `NAME.json` the numbers.
+Every scene with its own materials and, where it has none, a camera and three lights, is rendered
+for two targets: a largest visible error on its own display, and a relative RMSE. Told are the
+settings that were found, the error that was predicted before, the one that the check afterwards
+found, and the true one: the whole picture against the core at 1024 samples, or four times the
+picture's where that is more (the core equals the float64 tracer to 1e-4:
+tests/engine/test_core_against_reference.py). An error below what a display or a float shows counts
+as that. One process per scene, 15 minutes of processor time at most; `targets.md` has the table,
+`NAME.json` the numbers.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -37,7 +41,9 @@ SECONDS_ALLOWED = 900
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("names", nargs="*", help="folders of ../shared/scenes; all if left out")
     parser.add_argument("--out", type=Path, default=Path("out/targets"))
     parser.add_argument("--side", type=int, default=128, help="pixels of the longer side")
@@ -53,7 +59,10 @@ def main() -> int:
         print(error)
         return 1
     sources = sources_of_all()
-    lines = ["| scene | target | samples, threshold | predicted | checked | true | predicted / true |", "|" + "---|" * 7]
+    lines = [
+        "| scene | target | samples, threshold | predicted | checked | true | predicted / true |",
+        "|" + "---|" * 7,
+    ]
     print("\n".join(lines), flush=True)
     rows, failed = [], []
     for name in options.names or list(sources):
@@ -71,15 +80,29 @@ def main() -> int:
 
 
 def measured(name: str, source: str, options: argparse.Namespace) -> bool:
-    """Whether a process of its own could measure the scene in the time allowed; what went wrong is on stderr."""
-    command = [sys.executable, __file__, "--inside", source, "--out", str(options.out), "--side", str(options.side), name]
+    """Whether a process of its own could measure the scene in the time allowed; what went wrong is
+    on stderr.
+    """
+    command = [
+        sys.executable,
+        __file__,
+        "--inside",
+        source,
+        "--out",
+        str(options.out),
+        "--side",
+        str(options.side),
+        name,
+    ]
     return subprocess.run(command, stdout=subprocess.DEVNULL).returncode == 0
 
 
 def sources_of_all() -> dict[str, str]:
     """Folder → file, from the manifest."""
     with (SCENES / "MANIFEST.csv").open(newline="") as file:
-        return {Path(row["file"]).parts[0]: str(SCENES / row["file"]) for row in csv.DictReader(file)}
+        return {
+            Path(row["file"]).parts[0]: str(SCENES / row["file"]) for row in csv.DictReader(file)
+        }
 
 
 # --- one scene
@@ -110,9 +133,16 @@ def found_for(scene, settings, display) -> list[dict]:
     from glint import engine
     from glint.engine import target
 
-    forecasts = [target.choose_settings(scene, settings, target.Target(*wish), display) for wish in TARGETS.items()]
-    samples = max(TRUTH_SAMPLES, *(TRUTH_MARGIN * forecast.settings.samples for forecast in forecasts))
-    truth = engine.render(scene, replace(forecasts[0].settings, samples=samples, error_threshold=0.0)).combined[..., :3]
+    forecasts = [
+        target.choose_settings(scene, settings, target.Target(*wish), display)
+        for wish in TARGETS.items()
+    ]
+    samples = max(
+        TRUTH_SAMPLES, *(TRUTH_MARGIN * forecast.settings.samples for forecast in forecasts)
+    )
+    truth = engine.render(
+        scene, replace(forecasts[0].settings, samples=samples, error_threshold=0.0)
+    ).combined[..., :3]
     return [row_for(scene, forecast, truth, display) for forecast in forecasts]
 
 
@@ -122,7 +152,10 @@ def row_for(scene, forecast, truth: np.ndarray, display) -> dict:
     from glint.engine import target
 
     film, measure = engine.render(scene, forecast.settings), forecast.target.measure
-    chosen = {key: asdict(forecast.settings)[key] for key in ("samples", "error_threshold", "light_samples")}
+    chosen = {
+        key: asdict(forecast.settings)[key]
+        for key in ("samples", "error_threshold", "light_samples")
+    }
     return {
         "measure": measure,
         **chosen,
@@ -145,9 +178,15 @@ def ratio_of(row: dict) -> float:
 def row_of(row: dict) -> str:
     """A line of the table."""
     scale, unit = (1, "levels") if row["measure"] == "LEVELS" else (100, "%")
-    numbers = " | ".join(f"{scale * row[key]:.2f} {unit}" for key in ("predicted", "reached", "true"))
+    numbers = " | ".join(
+        f"{scale * row[key]:.2f} {unit}" for key in ("predicted", "reached", "true")
+    )
     asked = f"{scale * TARGETS[row['measure']]:g} {unit}"
-    return f"| {row['scene']} | {asked} | {row['samples']}, {row['error_threshold']:g} | {numbers} | {ratio_of(row):.2f} |"
+    return (
+        f"| {row['scene']} | {asked} | {row['samples']}, {row['error_threshold']:g} | "
+        f"{numbers} "
+        f"| {ratio_of(row):.2f} |"
+    )
 
 
 def summary(rows: list[dict]) -> list[str]:
@@ -159,8 +198,10 @@ def summary(rows: list[dict]) -> list[str]:
             continue
         good = sum(1 / FACTOR <= ratio <= FACTOR for ratio in ratios)
         sentences.append(
-            f"{measure}: predicted within a factor of {FACTOR:g} of the true error in {good} of {len(ratios)} scenes; "
-            f"predicted / true {min(ratios):.2f} to {max(ratios):.2f}, median {statistics.median(ratios):.2f}."
+            f"{measure}: predicted within a factor of {FACTOR:g} of the true error in {good} of "
+            f"{len(ratios)} scenes; "
+            f"predicted / true {min(ratios):.2f} to {max(ratios):.2f}, median "
+            f"{statistics.median(ratios):.2f}."
         )
     return sentences
 

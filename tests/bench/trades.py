@@ -1,8 +1,10 @@
-"""What Measure tells of a scene beside its whole frame: python tests/bench/trades.py [NAME …] [--side 256] [--samples 256]
+"""What Measure tells of a scene beside its whole frame: python tests/bench/trades.py [NAME …]
+[--side 256] [--samples 256]
 
-Every scene of ../shared/scenes, as for targets.py, and Blender's default cube: each point of the measured front is rendered as a whole and
-compared with a whole picture of the reference's settings. Told is the point whose measured relative RMSE is furthest from that, as
-measured / true; errors below 1e-4 count as that. One process per scene; `trades.md` has the table.
+Every scene of ../shared/scenes, as for targets.py, and Blender's default cube: each point of the
+measured front is rendered as a whole and compared with a whole picture of the reference's settings.
+Told is the point whose measured relative RMSE is furthest from that, as measured / true; errors
+below 1e-4 count as that. One process per scene; `trades.md` has the table.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -26,8 +28,12 @@ FACTOR = 1.5
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", help="folders of ../shared/scenes, or 'default cube'; all if left out")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "names", nargs="*", help="folders of ../shared/scenes, or 'default cube'; all if left out"
+    )
     parser.add_argument("--out", type=Path, default=Path("out/trades"))
     parser.add_argument("--side", type=int, default=256, help="pixels of the longer side")
     parser.add_argument("--samples", type=int, default=256, help="of the reference")
@@ -42,12 +48,27 @@ def main() -> int:
         print(error)
         return 1
     sources = {CUBE: CUBE, **sources_of_all()}
-    lines = ["| scene | points | settings of the worst | measured | true | measured / true | told spread | seconds |", "|" + "---|" * 8]
+    lines = [
+        "| scene | points | settings of the worst | measured | true | measured / true | told "
+        "spread | seconds |",
+        "|" + "---|" * 8,
+    ]
     print("\n".join(lines), flush=True)
     worst = []
     for name in options.names or list(sources):
-        command = [sys.executable, __file__, "--inside", sources[name], "--out", str(options.out), "--side", str(options.side)]
-        if subprocess.run([*command, "--samples", str(options.samples), name], stdout=subprocess.DEVNULL).returncode:
+        command = [
+            sys.executable,
+            __file__,
+            "--inside",
+            sources[name],
+            "--out",
+            str(options.out),
+            "--side",
+            str(options.side),
+        ]
+        if subprocess.run(
+            [*command, "--samples", str(options.samples), name], stdout=subprocess.DEVNULL
+        ).returncode:
             print(f"{name}: not measured")
             worst.append(math.inf)
             continue
@@ -56,7 +77,11 @@ def main() -> int:
         worst.append(max(map(factor, rows)))
         print(lines[-1], flush=True)
     good = sum(value <= FACTOR for value in worst)
-    lines += ["", f"Every point of the front is within a factor of {FACTOR:g} in {good} of {len(worst)} scenes."]
+    lines += [
+        "",
+        f"Every point of the front is within a factor of {FACTOR:g} in {good} of {len(worst)} "
+        "scenes.",
+    ]
     print(lines[-1])
     (options.out / "trades.md").write_text("\n".join(lines) + "\n")
     return int(good < len(worst))
@@ -100,7 +125,9 @@ def measure_scene(options: argparse.Namespace) -> int:
     limit_size(scene, options.side)
     job = read_job(scene, bpy.context.view_layer.name)
     began = time.perf_counter()
-    found = trade.measure(job.scene, job.settings, reference_samples=options.samples, reference_seconds=0.0, repeats=1)
+    found = trade.measure(
+        job.scene, job.settings, reference_samples=options.samples, reference_seconds=0.0, repeats=1
+    )
     took = time.perf_counter() - began
     plain = replace(job.settings, passes=frozenset())
     grid = trade.settings_grid(job.scene, plain, {})
@@ -110,8 +137,18 @@ def measure_scene(options: argparse.Namespace) -> int:
     for row in found.front:
         picture = engine.render(job.scene, replace(plain, **row.knobs)).combined[..., :3]
         true = metrics.relative_rmse(picture, truth)
-        rows.append({"knobs": row.knobs, "measured": row.relative_rmse, "true": true, "spread": row.spread, "took": took})
-    (options.out / f"{options.names[0]}.json").write_text(json.dumps(rows, indent=1, default=lambda value: np.asarray(value).tolist()))
+        rows.append(
+            {
+                "knobs": row.knobs,
+                "measured": row.relative_rmse,
+                "true": true,
+                "spread": row.spread,
+                "took": took,
+            }
+        )
+    (options.out / f"{options.names[0]}.json").write_text(
+        json.dumps(rows, indent=1, default=lambda value: np.asarray(value).tolist())
+    )
     return 0
 
 

@@ -21,7 +21,11 @@ def scene():
     scene = bpy.context.scene
     scene.camera = link(bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera")))
     scene.camera.location, scene.camera.rotation_euler = (0, -6, 0), (np.pi / 2, 0, 0)
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 48, 100
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = (
+        64,
+        48,
+        100,
+    )
     return scene
 
 
@@ -57,7 +61,9 @@ def mesh_object(name: str, vertices, faces, *materials):
 
 
 def quad(name: str = "Quad", *materials):
-    return mesh_object(name, [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)], *materials)
+    return mesh_object(
+        name, [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)], *materials
+    )
 
 
 RED = (0.8, 0.2, 0.1, 1.0)
@@ -66,7 +72,9 @@ RED = (0.8, 0.2, 0.1, 1.0)
 class Shader:
     """A material under construction, worn by a quad with a UV map and a colour attribute."""
 
-    def __init__(self, name: str = "Material", shader: str | None = "ShaderNodeBsdfDiffuse") -> None:
+    def __init__(
+        self, name: str = "Material", shader: str | None = "ShaderNodeBsdfDiffuse"
+    ) -> None:
         self.material = bpy.data.materials.new(name)
         use_nodes(self.material)
         self.tree = self.material.node_tree
@@ -79,7 +87,9 @@ class Shader:
         self.quad.data.color_attributes.new("Col", "FLOAT_COLOR", "CORNER")
 
     def node(self, kind: str, **settings):
-        """A new node; settings are attributes, or inputs by name where the node has no such attribute."""
+        """A new node; settings are attributes, or inputs by name where the node has no such
+        attribute.
+        """
         node = self.tree.nodes.new(kind)
         for name, value in settings.items():
             setattr(node, name, value)
@@ -110,11 +120,18 @@ def principled(**inputs) -> Shader:
     return shader
 
 
-def layer_share(ior: float = 1.5, roughness: float = 0.5, cosine: float = 1.0, tint: float = 1.0) -> float:
-    """What a Principled's dielectric layer keeps from what is below where it is seen at an angle of that cosine."""
+def layer_share(
+    ior: float = 1.5, roughness: float = 0.5, cosine: float = 1.0, tint: float = 1.0
+) -> float:
+    """What a Principled's dielectric layer keeps from what is below where it is seen at an angle of
+    that cosine.
+    """
     world, f0 = dielectric_world(roughness, ior), tint * normal_reflectance(ior)
     x = (1 - cosine) ** world.q
-    once, again = world.a0 + world.a1 * x, scattered(normal_reflectance(ior) * 20 / 21 + 1 / 21, roughness)
+    once, again = (
+        world.a0 + world.a1 * x,
+        scattered(normal_reflectance(ior) * 20 / 21 + 1 / 21, roughness),
+    )
     return f0 * (once + again * (1 - once)) + (1 - f0) * (world.b0 + world.b1 * x)
 
 
@@ -132,7 +149,9 @@ def of_kind(lobes, kind: str) -> list[Lobe]:
 
 
 def weight(lobe: Lobe, textures=(), colors=None) -> np.ndarray:
-    """(3,) the product of a lobe's factors where textures give their first texel and attributes give `colors[name]`."""
+    """(3,) the product of a lobe's factors where textures give their first texel and attributes
+    give `colors[name]`.
+    """
     product = np.ones(3)
     for factor in lobe.factors:
         product = product * _factor(factor, textures, colors or {})
@@ -143,7 +162,9 @@ def _factor(factor: Input, textures, colors) -> np.ndarray:
     value = np.array(factor.value)
     if factor.texture >= 0:
         texture = textures[factor.texture]
-        texel = texture.pixels[0, 0] / 255 if texture.pixels.dtype == np.uint8 else texture.pixels[0, 0]
+        texel = (
+            texture.pixels[0, 0] / 255 if texture.pixels.dtype == np.uint8 else texture.pixels[0, 0]
+        )
         rgb = srgb_to_linear(texel[:3]) if texture.encoding == "SRGB" else texel[:3]
         value = value * {"COLOR": rgb, "ALPHA": texel[3], "LUMINANCE": np.mean(rgb)}[factor.channel]
     if factor.attribute:
@@ -153,9 +174,20 @@ def _factor(factor: Input, textures, colors) -> np.ndarray:
 
 
 def total(lobes, kind: str, textures=(), colors=None, cosine: float = 1.0) -> np.ndarray:
-    """(3,) the summed weight of all lobes of a kind; of AMBIENT and DIFFUSE ones, where n·v is `cosine`."""
-    shares = ((1 - cosine) ** lobe.exponent if kind in ("AMBIENT", "DIFFUSE") else 1.0 for lobe in of_kind(lobes, kind))
-    return sum((share * weight(lobe, textures, colors) for share, lobe in zip(shares, of_kind(lobes, kind), strict=True)), np.zeros(3))
+    """(3,) the summed weight of all lobes of a kind; of AMBIENT and DIFFUSE ones, where n·v is
+    `cosine`.
+    """
+    shares = (
+        (1 - cosine) ** lobe.exponent if kind in ("AMBIENT", "DIFFUSE") else 1.0
+        for lobe in of_kind(lobes, kind)
+    )
+    return sum(
+        (
+            share * weight(lobe, textures, colors)
+            for share, lobe in zip(shares, of_kind(lobes, kind), strict=True)
+        ),
+        np.zeros(3),
+    )
 
 
 def srgb_to_linear(value):
@@ -163,8 +195,16 @@ def srgb_to_linear(value):
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
-def image(name: str = "Image", pixels=((0.5, 0.25, 0.75, 1.0),), size=(1, 1), float_buffer: bool = False, space: str = ""):
-    """A generated image whose pixels are repeated from `pixels`, in a colour space (which would clear them if set later)."""
+def image(
+    name: str = "Image",
+    pixels=((0.5, 0.25, 0.75, 1.0),),
+    size=(1, 1),
+    float_buffer: bool = False,
+    space: str = "",
+):
+    """A generated image whose pixels are repeated from `pixels`, in a colour space (which would
+    clear them if set later).
+    """
     picture = bpy.data.images.new(name, *size, alpha=True, float_buffer=float_buffer)
     if space:
         picture.colorspace_settings.name = space

@@ -1,4 +1,6 @@
-"""The Blinn-Phong node: its sockets, its file, its picture elsewhere, and what was made with the node class of earlier versions."""
+"""The Blinn-Phong node: its sockets, its file, its picture elsewhere, and what was made with the
+node class of earlier versions.
+"""
 
 import numpy as np
 import OpenImageIO as oiio
@@ -70,7 +72,7 @@ answer({"inputs": [socket.name for socket in node.inputs], "outputs": [socket.na
         "exponent": again.inputs["Exponent"].default_value, "alpha": node.inputs["Alpha"].default_value,
         "least": node.node_tree.interface.items_tree["Exponent"].min_value, "shared": node.node_tree == again.node_tree,
         "groups": len(bpy.data.node_groups), "grey": [socket.name for socket in node.inputs if getattr(socket, "is_inactive", False)]})
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
     assert run.answer == {
@@ -86,7 +88,9 @@ answer({"inputs": [socket.name for socket in node.inputs], "outputs": [socket.na
 
 
 def test_a_file_with_the_node_needs_no_extension(tmp_path):
-    """Saved again without it, too; a copy of the group and one appended to another file are Blinn-Phong as well, a namesake is not."""
+    """Saved again without it, too; a copy of the group and one appended to another file are
+    Blinn-Phong as well, a namesake is not.
+    """
     blender = Blender(tmp_path)
     saved = blender.run(
         REGISTER_TREE
@@ -105,7 +109,7 @@ node = next(node for node in bpy.data.materials["Phong"].node_tree.nodes if node
 inside = [node.bl_idname for node in node.node_tree.nodes]
 bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "node.blend"))
 answer([node.bl_idname, node.inputs["Exponent"].default_value, [socket.name for socket in node.inputs], "NodeUndefined" in inside])
-"""
+"""  # noqa: E501 - a script for another Blender
     without = blender.run(read)
     assert without.returncode == 0, without.output
     assert without.answer == ["ShaderNodeGroup", 77.0, SOCKETS, False]
@@ -130,7 +134,9 @@ answer(found)
 
 
 def test_a_file_with_the_former_class_is_carried_over(tmp_path):
-    """Values, links, drivers and keys; what was appended when the file is saved; a linked material stays and is rendered."""
+    """Values, links, drivers and keys; what was appended when the file is saved; a linked material
+    stays and is rendered.
+    """
     blender = Blender(tmp_path)
     saved = blender.run(
         MATERIAL
@@ -149,7 +155,7 @@ old.inputs["Alpha"].driver_add("default_value").driver.expression = "0.5"
 show(material, old)
 bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "old.blend"))
 bpy.utils.unregister_class(Former)  # Blender 4.2 ends with a crash where nodes outlive their class
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert saved.returncode == 0, saved.output
     run = blender.run(
@@ -180,18 +186,30 @@ for link in (True, False):
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "new.blend"))
     kinds.append([told(material)[i] for i in (0, -1)])
 answer([opened, kinds])
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
     links = [["ShaderNodeGroup", "Surface"], ["ShaderNodeRGB", "Diffuse"]]
     opened, kinds = run.answer
-    assert opened == ["ShaderNodeGroup", "Blinn-Phong", "Wood", "NodeFrame", [10, 20], links, 2, 77.0, [77.0]]
+    assert opened == [
+        "ShaderNodeGroup",
+        "Blinn-Phong",
+        "Wood",
+        "NodeFrame",
+        [10, 20],
+        links,
+        2,
+        77.0,
+        [77.0],
+    ]
     former, group = ["GlintBlinnPhongNode", [77.0]], ["ShaderNodeGroup", [77.0]]
     assert kinds == [former, former, former, group]
 
 
 def test_the_button_of_the_material_tab(tmp_path):
-    """The surface's colour, transparency and their links are taken over; one undo takes the node and its group back."""
+    """The surface's colour, transparency and their links are taken over; one undo takes the node
+    and its group back.
+    """
     run = Blender(tmp_path).run(
         REGISTER_TREE
         + EXPORT
@@ -220,7 +238,9 @@ answer([*seen, len(bpy.data.node_groups), len(bpy.data.materials["Material"].nod
 
 
 def test_a_file_with_the_former_node_outlives_the_extension(tmp_path):
-    """Blender 4.2 crashed here: the evaluated copy of the material was freed after the node's class."""
+    """Blender 4.2 crashed here: the evaluated copy of the material was freed after the node's
+    class.
+    """
     run = Blender(tmp_path).run(
         REGISTER_TREE
         + MATERIAL
@@ -252,7 +272,9 @@ answer(True)
 
 
 def test_cycles_shows_the_group_inside(tmp_path):
-    """Emission and Alpha are exact in any renderer; diffuse light adds to them, and the ambient coefficient adds none."""
+    """Emission and Alpha are exact in any renderer; diffuse light adds to them, and the ambient
+    coefficient adds none.
+    """
     blender = Blender(tmp_path)
     run = blender.run(
         REGISTER_TREE
@@ -282,9 +304,12 @@ draw("clear.exr")
     )
     assert run.returncode == 0, run.output
     emission, diffuse, clear = (
-        oiio.ImageBuf(str(tmp_path / f"{name}.exr")).get_pixels(oiio.FLOAT) for name in ("emission", "diffuse", "clear")
+        oiio.ImageBuf(str(tmp_path / f"{name}.exr")).get_pixels(oiio.FLOAT)
+        for name in ("emission", "diffuse", "clear")
     )
     centre = (slice(14, 18), slice(14, 18))
-    np.testing.assert_allclose(emission[centre][..., :3], np.broadcast_to([0.25, 0.5, 0.75], (4, 4, 3)), rtol=1e-4)
+    np.testing.assert_allclose(
+        emission[centre][..., :3], np.broadcast_to([0.25, 0.5, 0.75], (4, 4, 3)), rtol=1e-4
+    )
     assert (diffuse[centre][..., :3].mean(axis=(0, 1)) > [0.26, 0.51, 0.76]).all()
     assert np.abs(clear[centre]).max() == 0.0

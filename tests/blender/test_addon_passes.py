@@ -22,21 +22,34 @@ settings = scene.render.image_settings
 if hasattr(settings, "media_type"):
     settings.media_type = "MULTI_LAYER_IMAGE"
 settings.file_format, settings.color_depth = "OPEN_EXR_MULTILAYER", "32"
-"""
+"""  # noqa: E501 - a script for another Blender
 )
 
-BLENDER_SWITCHES = ("z", "position", "normal", "uv", "object_index", "material_index", "emit", "environment")
+BLENDER_SWITCHES = (
+    "z",
+    "position",
+    "normal",
+    "uv",
+    "object_index",
+    "material_index",
+    "emit",
+    "environment",
+)
 OUR_SWITCHES = ("diffuse", "specular", "ambient", "shadow", "mirror")
 
 
 def read_channels(path: Path) -> dict[str, np.ndarray]:
-    """Channel name ("ViewLayer.Depth.Z") → (h, w) float32; 4.x writes one part, 5.x one part per pass."""
+    """Channel name ("ViewLayer.Depth.Z") → (h, w) float32; 4.x writes one part, 5.x one part per
+    pass.
+    """
     image, channels, part = oiio.ImageInput.open(str(path)), {}, 0
     while image.seek_subimage(part, 0):
         pixels = image.read_image(part, 0, 0, image.spec().nchannels, oiio.FLOAT)
         prefix = image.spec().getattribute("name") or ""
         for index, name in enumerate(image.spec().channelnames):
-            channels[name if name.count(".") > 1 or not prefix else f"{prefix}.{name}"] = pixels[..., index]
+            channels[name if name.count(".") > 1 or not prefix else f"{prefix}.{name}"] = pixels[
+                ..., index
+            ]
         part += 1
     return channels
 
@@ -72,8 +85,19 @@ def _pass(channels: dict[str, np.ndarray], name: str) -> np.ndarray:
 
 def test_every_pass_is_written_under_the_name_that_this_blender_uses(all_passes):
     channels, version = all_passes
-    renamed = ("Object Index", "Material Index", "Emission", "Environment") if version >= (5, 0) else ("IndexOB", "IndexMA", "Emit", "Env")
-    counts = {"Combined": 4, "Depth": 1, "Position": 3, "Normal": 3, "UV": 3, **dict(zip(renamed, (1, 1, 3, 3), strict=True))}
+    renamed = (
+        ("Object Index", "Material Index", "Emission", "Environment")
+        if version >= (5, 0)
+        else ("IndexOB", "IndexMA", "Emit", "Env")
+    )
+    counts = {
+        "Combined": 4,
+        "Depth": 1,
+        "Position": 3,
+        "Normal": 3,
+        "UV": 3,
+        **dict(zip(renamed, (1, 1, 3, 3), strict=True)),
+    }
     counts |= dict.fromkeys(("Diffuse", "Specular", "Ambient", "Shadow", "Mirror"), 3)
     assert {name: _pass(channels, name).shape[-1] for name in counts} == counts
 
@@ -84,18 +108,42 @@ def test_the_passes_hold_their_own_values(all_passes):
     hit = depth < 1e9
     assert 0.02 < hit.mean() < 0.9
     assert depth[~hit].min() == np.float32(1e10)
-    assert set(np.unique(_pass(channels, "Object Index" if version >= (5, 0) else "IndexOB"))) == {0.0, 7.0}
-    assert set(np.unique(_pass(channels, "Material Index" if version >= (5, 0) else "IndexMA"))) == {0.0, 5.0}
-    np.testing.assert_allclose(np.linalg.norm(_pass(channels, "Normal")[hit], axis=-1), 1.0, rtol=1e-5)
+    assert set(np.unique(_pass(channels, "Object Index" if version >= (5, 0) else "IndexOB"))) == {
+        0.0,
+        7.0,
+    }
+    assert set(
+        np.unique(_pass(channels, "Material Index" if version >= (5, 0) else "IndexMA"))
+    ) == {0.0, 5.0}
+    np.testing.assert_allclose(
+        np.linalg.norm(_pass(channels, "Normal")[hit], axis=-1), 1.0, rtol=1e-5
+    )
 
 
 def test_the_parts_sum_to_combined(all_passes):
     channels, version = all_passes
-    names = ["Diffuse", "Specular", "Ambient", "Shadow", "Mirror", *(("Emission", "Environment") if version >= (5, 0) else ("Emit", "Env"))]
-    parts = [{channel: values for channel, values in channels.items() if f".{name}." in f".{channel}"} for name in names]
+    names = [
+        "Diffuse",
+        "Specular",
+        "Ambient",
+        "Shadow",
+        "Mirror",
+        *(("Emission", "Environment") if version >= (5, 0) else ("Emit", "Env")),
+    ]
+    parts = [
+        {channel: values for channel, values in channels.items() if f".{name}." in f".{channel}"}
+        for name in names
+    ]
     for letter in "RGB":
-        total = sum(values.astype(float) for part in parts for channel, values in part.items() if channel.endswith(f".{letter}"))
-        combined = next(values for channel, values in channels.items() if channel.endswith(f"Combined.{letter}"))
+        total = sum(
+            values.astype(float)
+            for part in parts
+            for channel, values in part.items()
+            if channel.endswith(f".{letter}")
+        )
+        combined = next(
+            values for channel, values in channels.items() if channel.endswith(f"Combined.{letter}")
+        )
         np.testing.assert_allclose(total, combined, rtol=1e-5, atol=1e-6)
 
 
@@ -137,9 +185,15 @@ bpy.ops.render.render(write_still=True)
 
 def test_statistics_are_in_the_metadata(tmp_path):
     blender = Blender(tmp_path)
-    run = blender.run(DRAW + 'scene.render.filepath = str(FOLDER / "stamp.exr")\nbpy.ops.render.render(write_still=True)\n')
+    run = blender.run(
+        DRAW + "scene.render.filepath = str(FOLDER / "
+        '"stamp.exr")\nbpy.ops.render.render(write_still=True)\n'
+    )
     assert run.returncode == 0, run.output
-    attributes = {attribute.name: attribute.value for attribute in oiio.ImageInput.open(str(tmp_path / "stamp.exr")).spec().extra_attribs}
+    attributes = {
+        attribute.name: attribute.value
+        for attribute in oiio.ImageInput.open(str(tmp_path / "stamp.exr")).spec().extra_attribs
+    }
     assert "12 triangles" in attributes["glint.ViewLayer.scene"], sorted(attributes)
     assert "trace" in attributes["glint.ViewLayer.seconds"]
 
@@ -158,6 +212,8 @@ bpy.ops.render.render(write_still=True)
 """
     )
     assert run.returncode == 0, run.output
-    left, right = (oiio.ImageBuf(str(tmp_path / f"eye_{side}.exr")).get_pixels(oiio.FLOAT) for side in "LR")
+    left, right = (
+        oiio.ImageBuf(str(tmp_path / f"eye_{side}.exr")).get_pixels(oiio.FLOAT) for side in "LR"
+    )
     assert left.max() > 0
     np.testing.assert_array_equal(left, right)

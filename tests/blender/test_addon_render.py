@@ -23,7 +23,7 @@ scene.render.image_settings.color_depth = "32"
 def draw(name):
     scene.render.filepath = str(FOLDER / name)
     bpy.ops.render.render(write_still=True)
-"""
+"""  # noqa: E501 - a script for another Blender
 )
 
 
@@ -31,7 +31,15 @@ def _picture(path) -> np.ndarray:
     return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)
 
 
-@pytest.mark.parametrize("border", [(0.0, 1.0, 0.0, 1.0), (0.2, 0.7, 0.1, 0.6), (0.333, 0.667, 0.45, 0.55), (0.01, 0.99, 0.99, 1.0)])
+@pytest.mark.parametrize(
+    "border",
+    [
+        (0.0, 1.0, 0.0, 1.0),
+        (0.2, 0.7, 0.1, 0.6),
+        (0.333, 0.667, 0.45, 0.55),
+        (0.01, 0.99, 0.99, 1.0),
+    ],
+)
 def test_a_border_is_the_same_pixels_cut_out(tmp_path, border):
     blender = Blender(tmp_path)
     run = blender.run(
@@ -43,10 +51,12 @@ scene.render.border_min_x, scene.render.border_max_x, scene.render.border_min_y,
 draw("border.exr")
 scene.render.use_crop_to_border = True
 draw("crop.exr")
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
-    whole, bordered, crop = (_picture(tmp_path / name) for name in ("whole.exr", "border.exr", "crop.exr"))
+    whole, bordered, crop = (
+        _picture(tmp_path / name) for name in ("whole.exr", "border.exr", "crop.exr")
+    )
     assert whole.shape == bordered.shape == (30, 50, 4)
     inside = np.argwhere(bordered[..., 3] > 0)
     (y0, x0), (y1, x1) = inside.min(axis=0), inside.max(axis=0) + 1
@@ -74,7 +84,9 @@ draw("still.exr")
 """
     )
     assert run.returncode == 0, run.output
-    first, last, still = (_picture(tmp_path / name) for name in ("frame_0001.exr", "frame_0003.exr", "still.exr"))
+    first, last, still = (
+        _picture(tmp_path / name) for name in ("frame_0001.exr", "frame_0003.exr", "still.exr")
+    )
     np.testing.assert_array_equal(last, still)
     assert np.abs(first - last).max() > 0.05
 
@@ -121,10 +133,17 @@ told(hide_render=True)
 told(hide_render=False, visible_camera=False)
 """
     )
-    assert ["No object is there" in part for part in run.output.split("next")[1:]] == [False, True, True], run.output
+    assert ["No object is there" in part for part in run.output.split("next")[1:]] == [
+        False,
+        True,
+        True,
+    ], run.output
 
 
-@pytest.mark.parametrize(("change", "said"), [("", True), ('scene.world = bpy.data.worlds.new("World")', False), ("lamp()", False)])
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [("", True), ('scene.world = bpy.data.worlds.new("World")', False), ("lamp()", False)],
+)
 def test_a_black_picture_says_why(tmp_path, change, said):
     run = Blender(tmp_path).run(
         DRAW
@@ -136,14 +155,16 @@ bpy.data.objects.remove(bpy.data.objects["Light"])
 scene.world = None
 {change}
 draw("dark.exr")
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
     assert ("has no light and a black world" in run.output) == said
 
 
 def test_nothing_that_ends_a_render_leaves_a_picture(tmp_path):
-    """Ctrl-C (twice, as people press it) while tracing, after it and while reading; an exit; an error."""
+    """Ctrl-C (twice, as people press it) while tracing, after it and while reading; an exit; an
+    error.
+    """
     run = Blender(tmp_path).run(
         DRAW
         + """
@@ -194,7 +215,9 @@ answer(told)
     interrupted = "Error: Glint was interrupted: there is no picture"
     assert [run.answer[end] for end in ("traced", "written", "read")] == [interrupted] * 3
     assert "SystemExit" in run.answer["exit"] and "broken on purpose" in run.answer["error"]
-    assert [path.name for path in tmp_path.glob("*.*") if path.suffix in (".png", ".exr")] == ["whole.exr"]
+    assert [path.name for path in tmp_path.glob("*.*") if path.suffix in (".png", ".exr")] == [
+        "whole.exr"
+    ]
     assert "Exception ignored" not in run.output
 
 
@@ -210,4 +233,7 @@ draw("none.exr")
 """
     )
     assert run.returncode == 1 and not (tmp_path / "none.exr").exists()
-    assert "Error: Glint ran out of memory: the system starts no further thread: close programs" in run.output
+    assert (
+        "Error: Glint ran out of memory: the system starts no further thread: close programs"
+        in run.output
+    )

@@ -39,7 +39,13 @@ answer({{
 """
     )
     assert run.returncode == 0, run.output
-    assert run.answer == {"fresh": 64, "final": VALUES, "viewport": 2, "mirror": True, "shadow": False}
+    assert run.answer == {
+        "fresh": 64,
+        "final": VALUES,
+        "viewport": 2,
+        "mirror": True,
+        "shadow": False,
+    }
 
 
 def test_many_samples_are_drawn_or_refused(tmp_path):
@@ -58,7 +64,9 @@ answer(told)
     )
     (many, fine), (most, problems) = run.answer
     assert (many, fine) == (100_000, [])
-    assert len(problems) == 1 and problems[0].startswith(f"samples × light_samples is {2 * most}: use at most")
+    assert len(problems) == 1 and problems[0].startswith(
+        f"samples × light_samples is {2 * most}: use at most"
+    )
 
 
 def test_settings_arrive_in_the_engine(tmp_path):
@@ -78,7 +86,7 @@ scene.render.threads_mode, scene.render.threads = "FIXED", 3
 fixed = settings_from(scene.glint.final, scene).threads
 scene.render.threads_mode = "AUTO"
 answer({{"given": given, "fixed": fixed, "auto": settings_from(scene.glint.final, scene).threads, "problems": settings.problems()}})
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
     expected = {**VALUES, "filter_width": 2.5, "passes": ["Depth"], "region": [1, 2, 3, 4]}
@@ -94,7 +102,7 @@ from glint import engine
 from glint.addon.properties import settings_from
 scene = bpy.context.scene
 answer([settings_from(group, scene) == engine.settings.OFFERED for group in (scene.glint.final, scene.glint.viewport)])
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
     assert run.answer == [True, True]
@@ -115,7 +123,7 @@ again = joined()
 glint.unregister()
 left = [name for name in dir(bpy.types) if "glint" in name.lower() and name not in before]
 answer({"left": left, "joined": during == again > 20, "after": joined(), "scene": hasattr(bpy.types.Scene, "glint")})
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
     assert run.answer == {"left": [], "joined": True, "after": 0, "scene": False}

@@ -1,4 +1,6 @@
-"""A target error instead of samples: chosen, rendered, told in statistics, log and file; the display as Blender shows it."""
+"""A target error instead of samples: chosen, rendered, told in statistics, log and file; the
+display as Blender shows it.
+"""
 
 from blender_process import REGISTER_TREE, Blender
 
@@ -10,12 +12,14 @@ scene = bpy.context.scene
 scene.render.engine = "GLINT"
 scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 48, 32, 100
 scene.glint.final.samples, scene.glint.final.light_samples = 1, 2
-"""
+"""  # noqa: E501 - a script for another Blender
 )
 
 
 def test_a_render_for_a_target_tells_what_was_predicted_and_reached(tmp_path):
-    """The file's stamp holds the settings that were found; a render with these alone gives the same bits."""
+    """The file's stamp holds the settings that were found; a render with these alone gives the same
+    bits.
+    """
     run = Blender(tmp_path).run(
         SCENE
         + """
@@ -33,7 +37,7 @@ for name in ("samples", "error_threshold", "light_samples"):
     setattr(scene.glint.final, name, settings[name])
 plain = render()
 answer([aimed.target, aimed.sections["Target error"], aimed.stamp["pixels"] == plain.stamp["pixels"], plain.target, settings])
-""".replace("from glint.addon import statistics", "import json\nfrom glint.addon import statistics")
+""".replace("from glint.addon import statistics", "import json\nfrom glint.addon import statistics")  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
     line, section, same, nothing, settings = run.answer
@@ -43,7 +47,9 @@ answer([aimed.target, aimed.sections["Target error"], aimed.stamp["pixels"] == p
 
 
 def test_the_display_is_blenders_own(tmp_path):
-    """A picture that Blender saves as PNG through AgX, exposure and gamma, against the transform that errors are measured with."""
+    """A picture that Blender saves as PNG through AgX, exposure and gamma, against the transform
+    that errors are measured with.
+    """
     run = Blender(tmp_path).run(
         SCENE
         + """
@@ -62,7 +68,7 @@ image.save_render(str(path), scene=scene)
 shown = read_picture(path)[..., :3]
 ours = display_of(scene)(linear[..., :3])
 answer([float(np.abs(shown - ours).max()), float(shown.std())])
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
     off, spread = run.answer
@@ -80,7 +86,7 @@ bpy.ops.wm.save_as_mainfile(filepath=blend)
 good = command_line.run(["target", blend, "--levels", "40", "--out", str(FOLDER / "out.exr")])
 unsound = command_line.run(["target", str(FOLDER / "none.blend"), "--rmse", "5", "--out", str(FOLDER / "none.exr")])
 answer([good, unsound, (FOLDER / "out.exr").stat().st_size > 0])
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
     assert run.answer == [0, 2, True]

@@ -11,12 +11,31 @@ REFUSED = {
     "--repeats: 0: use a whole number, 1 or more": ["measure", "a.blend", "--repeats", "0"],
     "--side: 0: use a whole number, 1 or more": ["measure", "a.blend", "--side", "0"],
     "--squares: -1: use a whole number, 1 or more": ["measure", "a.blend", "--squares", "-1"],
-    "--reference-samples: 0: use a whole number, 1 or more": ["measure", "a.blend", "--reference-samples", "0"],
+    "--reference-samples: 0: use a whole number, 1 or more": [
+        "measure",
+        "a.blend",
+        "--reference-samples",
+        "0",
+    ],
     "--levels: -1: use a number above 0": ["target", "a.blend", "--levels", "-1", "--out", "a.exr"],
     "--rmse: low: use a number above 0": ["target", "a.blend", "--rmse", "low", "--out", "a.exr"],
     "--rmse: nan: use a number above 0": ["target", "a.blend", "--rmse", "nan", "--out", "a.exr"],
-    "--samples: 0: use a whole number, 1 or more": ["compare", "a.blend", "--out", "a", "--samples", "0"],
-    "--side: many: use a whole number, 1 or more": ["compare", "a.blend", "--out", "a", "--side", "many"],
+    "--samples: 0: use a whole number, 1 or more": [
+        "compare",
+        "a.blend",
+        "--out",
+        "a",
+        "--samples",
+        "0",
+    ],
+    "--side: many: use a whole number, 1 or more": [
+        "compare",
+        "a.blend",
+        "--out",
+        "a",
+        "--side",
+        "many",
+    ],
 }
 
 

@@ -1,4 +1,6 @@
-"""Compare with Cycles: a matched diffuse scene agrees, what is expected is said, and the file stays as it is."""
+"""Compare with Cycles: a matched diffuse scene agrees, what is expected is said, and the file stays
+as it is.
+"""
 
 import json
 
@@ -38,7 +40,7 @@ def state():
                 scene.camera.name, scene.camera.data.dof.use_dof, scene.render.image_settings.file_format, scene.glint.final.max_bounces,
                 scene.timeline_markers[0].camera.name, [layer.use for layer in scene.view_layers]]
     return [sorted(name for name in getattr(bpy.data, kind).keys() if name != "Render Result") for kind in kinds] + settings
-"""
+"""  # noqa: E501 - a script for another Blender
 )
 
 
@@ -55,12 +57,13 @@ def test_a_diffuse_scene_agrees_and_nothing_changes(tmp_path):
 before = state()
 result = compare_with_cycles(scene, bpy.context.view_layer.name, FOLDER / "out", Options(samples=64))
 answer({"unchanged": before == state(), "strip": result.strip.shape, **result.as_json()})
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     answer = _answer(run)
     assert answer["unchanged"]
     direct = answer["direct"]
-    # What is left is Cycles' noise on edges; the floor and box alone take half of the light that the full one adds.
+    # What is left is Cycles' noise on edges; the floor and box alone take half of the light that
+    # the full one adds.
     assert direct["rmse"] < 3 * answer["noise"] + 0.005
     assert direct["mean"] == pytest.approx(direct["reference_mean"], rel=0.02)
     assert answer["indirect"]["rmse"] > 2 * direct["rmse"]
@@ -79,7 +82,7 @@ def test_a_difference_is_seen(tmp_path):
 scene.glint.final.illumination = "CLASSIC"
 result = compare_with_cycles(scene, bpy.context.view_layer.name, FOLDER / "out", Options(samples=8, full_light=False))
 answer(result.as_json())
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     answer = _answer(run)
     assert answer["direct"]["rmse"] > 10 * answer["noise"] and answer["direct"]["off"] > 0.5
@@ -104,7 +107,7 @@ except RuntimeError:
     failed = True
 code = command_line.run(["compare", str(FOLDER / "a.blend"), "--out", str(FOLDER / "command"), "--samples", "4", "--side", "16"])
 answer([unchanged, failed, len(bpy.data.scenes), code, (FOLDER / "command" / "compare.png").is_file()])
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert _answer(run) == [True, True, 1, 0, True], run.output
     assert "Direct light, matched: RMSE" in run.output and "Indirect light" in run.output
@@ -133,7 +136,7 @@ for kind in ("TIMER", "MOUSEMOVE", "TIMER", "ESC"):
     steps.append(cls.modal(operator, context, SimpleNamespace(type=kind)))
 files = sorted(path.name for path in (FOLDER / "out").iterdir())
 answer([[sorted(step)[0] for step in steps], files, before == state(), said])
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     steps, files, unchanged, said = _answer(run)
     assert steps == ["RUNNING_MODAL", "RUNNING_MODAL", "PASS_THROUGH", "RUNNING_MODAL", "CANCELLED"]
@@ -142,7 +145,9 @@ answer([[sorted(step)[0] for step in steps], files, before == state(), said])
 
 
 def test_a_file_that_was_never_saved_and_a_render_result_of_another_name(tmp_path):
-    """Nothing goes into the folder that Blender happened to start in; why a comparison failed is told."""
+    """Nothing goes into the folder that Blender happened to start in; why a comparison failed is
+    told.
+    """
     run = Blender(tmp_path).run(
         SCENE
         + """

@@ -60,7 +60,7 @@ answer({
     "text": explanation_lines(explained["16 12"]),
     **clicked(),
 })
-"""
+"""  # noqa: E501 - a script for another Blender
 )
 
 
@@ -82,5 +82,7 @@ def test_a_click_ends_with_its_release_and_leaves_the_clipboard_alone(told):
     waiting, done = ["RUNNING_MODAL"], ["FINISHED"]
     assert told["results"] == [waiting, waiting, False, waiting, False, done, True]
     assert told["sidebar"]
-    assert told["reports"] == told["text"][:1] and told["text"][0].startswith("'Cube' with the material 'Material': lit by Light ")
+    assert told["reports"] == told["text"][:1] and told["text"][0].startswith(
+        "'Cube' with the material 'Material': lit by Light "
+    )
     assert told["block"].splitlines() == told["text"]

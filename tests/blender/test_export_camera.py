@@ -13,7 +13,12 @@ from glint.addon.export import ExportError
 from glint.addon.export.camera import border, inverse_axes
 from glint.engine.scene import Camera
 
-PROPERTY = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+PROPERTY = settings(
+    max_examples=60,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 
 
 def pixel_of(camera: Camera, point) -> np.ndarray:
@@ -23,7 +28,9 @@ def pixel_of(camera: Camera, point) -> np.ndarray:
     if camera.kind == "PERSPECTIVE":
         u, v = u / -w, v / -w
     left, right, bottom, top = camera.window
-    return np.array([(u - left) / (right - left), (v - bottom) / (top - bottom)]) * camera.resolution
+    return (
+        np.array([(u - left) / (right - left), (v - bottom) / (top - bottom)]) * camera.resolution
+    )
 
 
 def _blenders_pixel(scene, point) -> np.ndarray:  # noqa: F811
@@ -62,13 +69,20 @@ def _set(thing, values) -> None:
 @PROPERTY
 @given(lens=lenses, frame=frames, point=st.tuples(unit, unit, unit))
 def test_the_window_is_blenders(scene, lens, frame, point):  # noqa: F811
-    """Blender works its view frame out in float32: a few ulps of the window's largest number, in pixels, is all that may differ."""
+    """Blender works its view frame out in float32: a few ulps of the window's largest number, in
+    pixels, is all that may differ.
+    """
     _set(scene.camera.data, lens)
     _set(scene.render, frame)
     camera = export().scene.camera
     spot = (point[0], 2 + point[1], point[2])
     window = np.abs(camera.window)
-    cells = np.array([window[:2].max() / (camera.window[1] - camera.window[0]), window[2:].max() / (camera.window[3] - camera.window[2])])
+    cells = np.array(
+        [
+            window[:2].max() / (camera.window[1] - camera.window[0]),
+            window[2:].max() / (camera.window[3] - camera.window[2]),
+        ]
+    )
     ours, theirs = pixel_of(camera, spot), _blenders_pixel(scene, spot)
     size = np.array(camera.resolution)
     tolerance = 16 * np.finfo(np.float32).eps * size * (1 + cells + np.abs(theirs / size))
@@ -85,15 +99,23 @@ def test_the_corners_are_those_of_the_view_frame(scene, lens, frame):  # noqa: F
     plane = corners[:, :2] / (-corners[:, 2:] if camera.kind == "PERSPECTIVE" else 1)
     left, right, bottom, top = camera.window
     tolerance = 16 * np.finfo(np.float32).eps * np.abs(camera.window).max()
-    np.testing.assert_allclose([plane[:, 0].min(), plane[:, 0].max()], [left, right], rtol=0, atol=tolerance)
-    np.testing.assert_allclose([plane[:, 1].min(), plane[:, 1].max()], [bottom, top], rtol=0, atol=tolerance)
+    np.testing.assert_allclose(
+        [plane[:, 0].min(), plane[:, 0].max()], [left, right], rtol=0, atol=tolerance
+    )
+    np.testing.assert_allclose(
+        [plane[:, 1].min(), plane[:, 1].max()], [bottom, top], rtol=0, atol=tolerance
+    )
 
 
 def test_the_window_by_hand(scene):  # noqa: F811
-    """36 mm on 50 mm across 64 pixels, shifted by a quarter of the sensor; half as wide pixels as high."""
+    """36 mm on 50 mm across 64 pixels, shifted by a quarter of the sensor; half as wide pixels as
+    high.
+    """
     scene.camera.data.shift_x = 0.25
     scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = 1, 1
-    np.testing.assert_allclose(export().scene.camera.window, (-0.36 + 0.18, 0.36 + 0.18, -0.27, 0.27), rtol=1e-7)
+    np.testing.assert_allclose(
+        export().scene.camera.window, (-0.36 + 0.18, 0.36 + 0.18, -0.27, 0.27), rtol=1e-7
+    )
     scene.camera.data.sensor_fit, scene.camera.data.shift_x = "VERTICAL", 0
     np.testing.assert_allclose(export().scene.camera.window, (-0.32, 0.32, -0.24, 0.24), rtol=1e-7)
 
@@ -135,13 +157,25 @@ class _Rectangles(bpy.types.RenderEngine):
         self.seen.append((pixels, width * height))
 
 
-@pytest.mark.parametrize("edges", [(0.1, 0.2, 0.7, 0.9), (0.0, 0.0, 1.0, 1.0), (0.333, 0.25, 0.667, 0.75), (0.3, 0.7, 0.31, 0.72)])
+@pytest.mark.parametrize(
+    "edges",
+    [
+        (0.1, 0.2, 0.7, 0.9),
+        (0.0, 0.0, 1.0, 1.0),
+        (0.333, 0.25, 0.667, 0.75),
+        (0.3, 0.7, 0.31, 0.72),
+    ],
+)
 @pytest.mark.parametrize("crop", [False, True])
 def test_the_border_is_blenders_rectangle(scene, edges, crop):  # noqa: F811
     bpy.utils.register_class(_Rectangles)
     try:
         render = scene.render
-        render.engine, render.use_border, render.use_crop_to_border = _Rectangles.bl_idname, True, crop
+        render.engine, render.use_border, render.use_crop_to_border = (
+            _Rectangles.bl_idname,
+            True,
+            crop,
+        )
         render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y = edges
         render.resolution_x, render.resolution_y = 203, 117
         x0, y0, x1, y1 = export().region
@@ -165,7 +199,9 @@ def test_bad_cameras_are_errors(scene):  # noqa: F811
         export()
 
 
-@pytest.mark.parametrize("change", [{"type": "ORTHO", "ortho_scale": 0}, {"shift_x": 1e30}, {"shift_y": np.inf}], ids=str)
+@pytest.mark.parametrize(
+    "change", [{"type": "ORTHO", "ortho_scale": 0}, {"shift_x": 1e30}, {"shift_y": np.inf}], ids=str
+)
 def test_a_view_of_no_width_is_an_error_that_names_the_camera(scene, change):  # noqa: F811
     for name, value in change.items():
         setattr(scene.camera.data, name, value)
@@ -198,7 +234,8 @@ def test_looking_through_a_spot_light_takes_in_its_cone(scene):  # noqa: F811
     light.spot_size = np.pi / 2
     scene.camera = link(bpy.data.objects.new("Spot", light))
     camera = export().scene.camera
-    np.testing.assert_allclose(camera.window[:2], (-1.125, 1.125), rtol=1e-6)  # 18 / 16, as Cycles' lens for lights
+    # 18 / 16, as Cycles' lens for lights
+    np.testing.assert_allclose(camera.window[:2], (-1.125, 1.125), rtol=1e-6)
 
 
 def test_inverse_of_axes():

@@ -3,9 +3,29 @@
 import numpy as np
 import pytest
 
-from export_support import RED, Shader, image, kinds, layer_share, of_kind, principled, scene, set_inputs, total, weight  # noqa: F401
+from export_support import (  # noqa: F401
+    RED,
+    Shader,
+    image,
+    kinds,
+    layer_share,
+    of_kind,
+    principled,
+    scene,
+    set_inputs,
+    total,
+    weight,
+)
 from glint.addon.export.fresnel import fresnel, normal_reflectance
-from glint.addon.export.roughness import highlights, layer_loss, scattered, scattered_narrow, scattered_wide, sheen_albedo, world_of
+from glint.addon.export.roughness import (
+    highlights,
+    layer_loss,
+    scattered,
+    scattered_narrow,
+    scattered_wide,
+    sheen_albedo,
+    world_of,
+)
 from glint.addon.nodes import add_blinn_phong
 
 
@@ -22,30 +42,49 @@ def test_diffuse(scene):  # noqa: F811
 @pytest.mark.parametrize("distribution", ["GGX", "MULTI_GGX"])
 @pytest.mark.parametrize("roughness", [0.2, 0.5, 1.0])
 def test_rough_glossy(scene, roughness, distribution):  # noqa: F811
-    """The fit's lobes with GGX's masking; what is scattered again makes them brighter, or the surface matt where it is very rough."""
+    """The fit's lobes with GGX's masking; what is scattered again makes them brighter, or the
+    surface matt where it is very rough.
+    """
     shader = Shader(shader="ShaderNodeBsdfAnisotropic")
     shader.shader.distribution = distribution
     set_inputs(shader.shader, Color=RED, Roughness=roughness)
     _, lobes = shader.export()
     roughness, color = float(np.float32(roughness)), np.array(RED[:3])
-    again = np.array([scattered(x, roughness) for x in color]) if distribution == "MULTI_GGX" else np.zeros(3)
+    again = (
+        np.array([scattered(x, roughness) for x in color])
+        if distribution == "MULTI_GGX"
+        else np.zeros(3)
+    )
     glossy, fit = of_kind(lobes, "SPECULAR"), highlights(roughness)
     assert sorted({lobe.exponent for lobe in glossy}) == sorted({p for p, _ in fit})
-    assert {(lobe.masking, lobe.fresnel, lobe.schlick) for lobe in glossy} == {(roughness**2, False, False)}
+    assert {(lobe.masking, lobe.fresnel, lobe.schlick) for lobe in glossy} == {
+        (roughness**2, False, False)
+    }
     brighter = color * (1 + again * scattered_narrow(roughness))
-    np.testing.assert_allclose(total(lobes, "SPECULAR"), brighter * sum(s for _, s in fit), rtol=1e-6)
+    np.testing.assert_allclose(
+        total(lobes, "SPECULAR"), brighter * sum(s for _, s in fit), rtol=1e-6
+    )
     world = world_of(roughness, "METAL")
     for cosine in (1.0, 0.3):
         once = world.a0 + world.a1 * (1 - cosine) ** world.q
-        np.testing.assert_allclose(total(lobes, "AMBIENT", cosine=cosine), color * (once + again * (1 - once)), rtol=1e-6)
+        np.testing.assert_allclose(
+            total(lobes, "AMBIENT", cosine=cosine), color * (once + again * (1 - once)), rtol=1e-6
+        )
         matt = color * again * (1 - once) * scattered_wide(roughness)
-        np.testing.assert_allclose(total(lobes, "DIFFUSE", cosine=cosine), matt, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(
+            total(lobes, "DIFFUSE", cosine=cosine), matt, rtol=1e-6, atol=1e-12
+        )
 
 
 def test_metals_turn_white_at_grazing_angles(scene):  # noqa: F811
-    """Principled's metal: beside F0 what Schlick's weight brings; the Glossy BSDF has the same colour from everywhere."""
+    """Principled's metal: beside F0 what Schlick's weight brings; the Glossy BSDF has the same
+    colour from everywhere.
+    """
     _, lobes = principled(Base_Color=(*RED[:3], 1.0), Metallic=1.0, Roughness=0.3).export()
-    plain, edge = ([lobe for lobe in of_kind(lobes, "SPECULAR") if lobe.schlick is schlick] for schlick in (False, True))
+    plain, edge = (
+        [lobe for lobe in of_kind(lobes, "SPECULAR") if lobe.schlick is schlick]
+        for schlick in (False, True)
+    )
     assert len(plain) == len(edge) == len(highlights(0.3))
     for lobe, other in zip(plain, edge, strict=True):
         f0 = np.array(RED[:3])
@@ -110,13 +149,23 @@ def test_translucent_is_noted(scene):  # noqa: F811
 def test_principled_plastic(scene):  # noqa: F811
     _, lobes = principled(Base_Color=RED, Roughness=0.5).export()
     f0 = normal_reflectance(1.5)
-    np.testing.assert_allclose(total(lobes, "DIFFUSE"), np.multiply(RED[:3], 1 - layer_share()), rtol=1e-6)
+    np.testing.assert_allclose(
+        total(lobes, "DIFFUSE"), np.multiply(RED[:3], 1 - layer_share()), rtol=1e-6
+    )
     brighter = 1 + scattered(f0 * 20 / 21 + 1 / 21, 0.5) * scattered_narrow(0.5)
-    np.testing.assert_allclose(total(lobes, "SPECULAR"), brighter * sum(s for _, s in highlights(0.5)), rtol=1e-6)
-    assert {(lobe.fresnel, lobe.ior, lobe.masking) for lobe in of_kind(lobes, "SPECULAR")} == {(True, 1.5, 0.25)}
+    np.testing.assert_allclose(
+        total(lobes, "SPECULAR"), brighter * sum(s for _, s in highlights(0.5)), rtol=1e-6
+    )
+    assert {(lobe.fresnel, lobe.ior, lobe.masking) for lobe in of_kind(lobes, "SPECULAR")} == {
+        (True, 1.5, 0.25)
+    }
     for cosine in (1.0, 0.2):
         share = layer_share(cosine=cosine)
-        np.testing.assert_allclose(total(lobes, "AMBIENT", cosine=cosine), np.multiply(RED[:3], 1 - share) + share, rtol=1e-6)
+        np.testing.assert_allclose(
+            total(lobes, "AMBIENT", cosine=cosine),
+            np.multiply(RED[:3], 1 - share) + share,
+            rtol=1e-6,
+        )
     assert kinds(lobes) == {"AMBIENT", "DIFFUSE", "SPECULAR"}
 
 
@@ -131,19 +180,31 @@ def test_principled_specular_level_scales_f0(scene):  # noqa: F811
 
 @pytest.mark.parametrize("cosine", [1.0, 0.5, 0.17])
 def test_a_white_furnace_stays_white(scene, cosine):  # noqa: F811
-    """As in Cycles: white plastic that scatters as often as it takes gives back all of a white world, from each direction."""
+    """As in Cycles: white plastic that scatters as often as it takes gives back all of a white
+    world, from each direction.
+    """
     for roughness in (0.0, 0.1, 0.5, 1.0):
         _, lobes = principled(Base_Color=(1, 1, 1, 1), Roughness=roughness).export()
         mirrored = fresnel(cosine, 1.5) if of_kind(lobes, "MIRROR") else 0.0
-        np.testing.assert_allclose(total(lobes, "AMBIENT", cosine=cosine) + mirrored, 1.0, atol=0.02 if mirrored else 1e-6)
+        np.testing.assert_allclose(
+            total(lobes, "AMBIENT", cosine=cosine) + mirrored, 1.0, atol=0.02 if mirrored else 1e-6
+        )
 
 
 def test_principled_sheen(scene):  # noqa: F811
     tint = (0.2, 1.0, 0.4, 1.0)
-    shader = principled(Base_Color=RED, Specular_IOR_Level=0.0, Sheen_Weight=0.5, Sheen_Roughness=0.8, Sheen_Tint=tint)
+    shader = principled(
+        Base_Color=RED,
+        Specular_IOR_Level=0.0,
+        Sheen_Weight=0.5,
+        Sheen_Roughness=0.8,
+        Sheen_Tint=tint,
+    )
     result, lobes = shader.export()
     reflected = 0.5 * sheen_albedo(0.8) * np.array(tint[:3])
-    np.testing.assert_allclose(total(lobes, "DIFFUSE"), RED[:3] * (1 - reflected) + reflected, rtol=1e-6)
+    np.testing.assert_allclose(
+        total(lobes, "DIFFUSE"), RED[:3] * (1 - reflected) + reflected, rtol=1e-6
+    )
     assert any("sheen" in note for note in result.notes)
 
 
@@ -171,32 +232,54 @@ def test_principled_coat(scene):  # noqa: F811
     _, lobes = principled(Base_Color=RED, Coat_Weight=1.0, Coat_Roughness=0.0).export()
     (mirror,) = of_kind(lobes, "MIRROR")
     assert (mirror.fresnel, mirror.ior) == (True, 1.5)
-    np.testing.assert_allclose(total(lobes, "DIFFUSE"), np.multiply(RED[:3], (1 - layer_share()) * (1 - layer_loss(0.0, 1.5))), rtol=1e-6)
+    np.testing.assert_allclose(
+        total(lobes, "DIFFUSE"),
+        np.multiply(RED[:3], (1 - layer_share()) * (1 - layer_loss(0.0, 1.5))),
+        rtol=1e-6,
+    )
 
 
 def test_alpha_lets_through_what_the_surface_does_not_cover(scene):  # noqa: F811
     _, lobes = principled(Base_Color=RED, Alpha=0.25).export()
     np.testing.assert_allclose(total(lobes, "TRANSPARENT"), 0.75)
-    np.testing.assert_allclose(total(lobes, "DIFFUSE"), np.multiply(RED[:3], 0.25 * (1 - layer_share())), rtol=1e-6)
+    np.testing.assert_allclose(
+        total(lobes, "DIFFUSE"), np.multiply(RED[:3], 0.25 * (1 - layer_share())), rtol=1e-6
+    )
 
 
-WHITE = ({"Metallic": 1.0}, {"Metallic": 1.0, "Roughness": 0.0}, {"Alpha": 0.5, "Metallic": 1.0}, {"Roughness": 0.0}, {"Roughness": 0.7})
+WHITE = (
+    {"Metallic": 1.0},
+    {"Metallic": 1.0, "Roughness": 0.0},
+    {"Alpha": 0.5, "Metallic": 1.0},
+    {"Roughness": 0.0},
+    {"Roughness": 0.7},
+)
 
 
 @pytest.mark.parametrize("inputs", WHITE)
 def test_a_uniform_world_is_a_furnace(scene, inputs):  # noqa: F811
-    """White things give back the ambient light, all of it: what they reflect, mirror and let through sums to one over all views."""
+    """White things give back the ambient light, all of it: what they reflect, mirror and let
+    through sums to one over all views.
+    """
     cosines = (np.arange(1000) + 0.5) / 1000
     _, lobes = principled(Base_Color=(1.0, 1.0, 1.0, 1.0), **inputs).export()
-    back = np.mean([2 * c * total(lobes, "AMBIENT", cosine=c) for c in cosines[5::10]], 0) + total(lobes, "TRANSPARENT")
+    back = np.mean([2 * c * total(lobes, "AMBIENT", cosine=c) for c in cosines[5::10]], 0) + total(
+        lobes, "TRANSPARENT"
+    )
     for mirror in of_kind(lobes, "MIRROR"):
-        back = back + weight(mirror) * (np.mean([2 * c * fresnel(c, mirror.ior) for c in cosines]) if mirror.fresnel else 1)
-    np.testing.assert_allclose(back, 1, atol=5e-3)  # the tables are as good as that where the layer is smooth
+        back = back + weight(mirror) * (
+            np.mean([2 * c * fresnel(c, mirror.ior) for c in cosines]) if mirror.fresnel else 1
+        )
+    # the tables are as good as that where the layer is smooth
+    np.testing.assert_allclose(back, 1, atol=5e-3)
 
 
 def test_lobes_of_weight_zero_are_gone(scene):  # noqa: F811
     shader = Shader(shader="ShaderNodeMixShader")
-    for name, kind in (("Shader", "ShaderNodeBsdfDiffuse"), ("Shader_001", "ShaderNodeBsdfTransparent")):
+    for name, kind in (
+        ("Shader", "ShaderNodeBsdfDiffuse"),
+        ("Shader_001", "ShaderNodeBsdfTransparent"),
+    ):
         shader.link(shader.node(kind), 0, shader.shader, name)
     shader.shader.inputs[0].default_value = 0.0
     assert kinds(shader.export()[1]) == {"AMBIENT", "DIFFUSE"}
@@ -224,7 +307,10 @@ def test_mix_and_add(scene):  # noqa: F811
 
 def test_a_mirror_mixed_by_fresnel_is_exact(scene):  # noqa: F811
     shader = Shader(shader="ShaderNodeMixShader")
-    glossy, clear, factor = (shader.node(f"ShaderNode{name}") for name in ("BsdfAnisotropic", "BsdfRefraction", "Fresnel"))
+    glossy, clear, factor = (
+        shader.node(f"ShaderNode{name}")
+        for name in ("BsdfAnisotropic", "BsdfRefraction", "Fresnel")
+    )
     set_inputs(glossy, Roughness=0.0, Color=(1, 1, 1, 1))
     set_inputs(clear, Roughness=0.0, IOR=1.25, Color=(1, 1, 1, 1))
     set_inputs(factor, IOR=1.25)
@@ -240,8 +326,19 @@ def test_blinn_phong_node(scene):  # noqa: F811
     shader = Shader(shader=None)
     node = add_blinn_phong(shader.tree)
     shader.link(node, "BSDF", shader.output, "Surface")
-    colors = {"Ambient": (0.1, 0.2, 0.3), "Diffuse": (0.4, 0.5, 0.6), "Specular": (0.7, 0.8, 0.9), "Mirror": (0.25, 0.5, 0.75)}
-    set_inputs(node, Exponent=20, Alpha=0.5, Emission=(2, 3, 4, 1), **{name: (*rgb, 1) for name, rgb in colors.items()})
+    colors = {
+        "Ambient": (0.1, 0.2, 0.3),
+        "Diffuse": (0.4, 0.5, 0.6),
+        "Specular": (0.7, 0.8, 0.9),
+        "Mirror": (0.25, 0.5, 0.75),
+    }
+    set_inputs(
+        node,
+        Exponent=20,
+        Alpha=0.5,
+        Emission=(2, 3, 4, 1),
+        **{name: (*rgb, 1) for name, rgb in colors.items()},
+    )
     result, lobes = shader.export()
     for name, rgb in {**colors, "Emission": (2, 3, 4)}.items():
         np.testing.assert_allclose(total(lobes, name.upper()), np.multiply(rgb, 0.5), rtol=1e-6)
@@ -255,16 +352,22 @@ def test_blinn_phong_node(scene):  # noqa: F811
 def test_a_tinted_layer_keeps_less_from_what_is_below(scene, tint):  # noqa: F811
     """The layer below loses what the tinted one reflects, by its largest channel, as in Cycles."""
     _, lobes = principled(Base_Color=RED, Specular_Tint=(*tint, 1.0)).export()
-    np.testing.assert_allclose(total(lobes, "DIFFUSE"), np.multiply(RED[:3], 1 - layer_share(tint=max(tint))), rtol=1e-6)
+    np.testing.assert_allclose(
+        total(lobes, "DIFFUSE"), np.multiply(RED[:3], 1 - layer_share(tint=max(tint))), rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("roughness", [0.5, 1.0])
 def test_a_metal_coloured_by_a_texture_is_the_same_metal(scene, roughness):  # noqa: F811
     shader = principled(Base_Color=RED, Metallic=1.0, Roughness=roughness)
     plain = shader.export()[1]
-    texture = shader.node("ShaderNodeTexImage", image=image(pixels=(RED,), float_buffer=True, space="Non-Color"))
+    texture = shader.node(
+        "ShaderNodeTexImage", image=image(pixels=(RED,), float_buffer=True, space="Non-Color")
+    )
     shader.link(texture, "Color", shader.shader, "Base Color")
     result, textured = shader.export()
     assert any(factor.texture >= 0 for lobe in textured for factor in lobe.factors)
     for kind in ("SPECULAR", "AMBIENT"):
-        np.testing.assert_allclose(total(textured, kind, result.scene.textures), total(plain, kind), rtol=1e-6)
+        np.testing.assert_allclose(
+            total(textured, kind, result.scene.textures), total(plain, kind), rtol=1e-6
+        )

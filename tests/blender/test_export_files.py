@@ -1,4 +1,6 @@
-"""The export of real files by other people: sound scenes, notes that make sense, and every triangle that Blender has."""
+"""The export of real files by other people: sound scenes, notes that make sense, and every triangle
+that Blender has.
+"""
 
 import csv
 import json
@@ -9,7 +11,11 @@ from pathlib import Path
 import pytest
 
 SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
-FILES = [row["file"] for row in csv.DictReader((SCENES / "MANIFEST.csv").open())] if SCENES.is_dir() else []
+FILES = (
+    [row["file"] for row in csv.DictReader((SCENES / "MANIFEST.csv").open())]
+    if SCENES.is_dir()
+    else []
+)
 PROGRAM = """
 import json, sys
 import bpy
@@ -38,8 +44,11 @@ print("RESULT " + json.dumps({
 }), flush=True)
 import os
 os._exit(0)
-"""
-NEWER = {"khronos_pointcloud/38_pointcloud_object.blend": (5, 0), "khronos_node_groups/22_node_groups.blend": (5, 0)}
+"""  # noqa: E501 - a script for another Blender
+NEWER = {
+    "khronos_pointcloud/38_pointcloud_object.blend": (5, 0),
+    "khronos_node_groups/22_node_groups.blend": (5, 0),
+}
 """Files whose format is newer than these Blenders."""
 
 
@@ -51,7 +60,14 @@ def test_a_real_file_exports_soundly(file):
 
     if bpy.app.version[:2] < NEWER.get(file, (0, 0)):
         pytest.skip("saved by a newer Blender")
-    arguments = [sys.executable, "-c", PROGRAM, str(Path(__file__).parents[1]), str(SCENES), str(SCENES / file)]
+    arguments = [
+        sys.executable,
+        "-c",
+        PROGRAM,
+        str(Path(__file__).parents[1]),
+        str(SCENES),
+        str(SCENES / file),
+    ]
     run = subprocess.run(arguments, capture_output=True, text=True, timeout=300, check=False)
     lines = [line for line in run.stdout.splitlines() if line.startswith("RESULT ")]
     assert lines, run.stdout + run.stderr

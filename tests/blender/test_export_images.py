@@ -1,4 +1,6 @@
-"""Images from every source end as the pixels that Blender shows; broken ones are magenta and named."""
+"""Images from every source end as the pixels that Blender shows; broken ones are magenta and
+named.
+"""
 
 import os
 from pathlib import Path
@@ -17,7 +19,12 @@ from glint.addon.export.report import Report
 from glint.engine.scene import Input, Texture
 
 GRADIENT = np.stack(
-    [*np.meshgrid(np.linspace(0, 1, 5), np.linspace(0, 1, 3), indexing="xy"), np.full((3, 5), 0.25), np.ones((3, 5))], -1
+    [
+        *np.meshgrid(np.linspace(0, 1, 5), np.linspace(0, 1, 3), indexing="xy"),
+        np.full((3, 5), 0.25),
+        np.ones((3, 5)),
+    ],
+    -1,
 ).astype(np.float32)
 """(3, 5, 4): red grows to the right, green upwards (row 0 is the bottom)."""
 
@@ -80,7 +87,9 @@ def test_non_color_is_linear(scene, tmp_path):  # noqa: F811
 def test_sixteen_bits_become_linear_floats(scene, tmp_path):  # noqa: F811
     texture, _ = _texture(bpy.data.images.load(_file(tmp_path / "a.png", GRADIENT, "uint16")))
     assert (texture.encoding, texture.pixels.dtype) == ("LINEAR", np.float32)
-    np.testing.assert_allclose(texture.pixels[:, :, :3], srgb_to_linear(GRADIENT[:, :, :3]), atol=1 / 65535)
+    np.testing.assert_allclose(
+        texture.pixels[:, :, :3], srgb_to_linear(GRADIENT[:, :, :3]), atol=1 / 65535
+    )
 
 
 def test_exr_colours_are_divided_by_alpha(scene, tmp_path):  # noqa: F811
@@ -93,13 +102,17 @@ def test_exr_colours_are_divided_by_alpha(scene, tmp_path):  # noqa: F811
 
 
 def test_hdr(scene, tmp_path):  # noqa: F811
-    texture, _ = _texture(bpy.data.images.load(_file(tmp_path / "a.hdr", GRADIENT[:, :, :3] * 8, "float")))
+    texture, _ = _texture(
+        bpy.data.images.load(_file(tmp_path / "a.hdr", GRADIENT[:, :, :3] * 8, "float"))
+    )
     np.testing.assert_allclose(texture.pixels[:, :, :3], GRADIENT[:, :, :3] * 8, atol=8 / 128)
 
 
 @pytest.mark.parametrize("name", ["Linear Rec.2020", "ACEScg", "Linear Rec.709"])
 def test_other_colour_spaces_are_what_blender_makes_of_them(scene, tmp_path, name):  # noqa: F811
-    """Blender converts float files when it loads them: `Image.pixels` is the truth, in half precision as it stores them."""
+    """Blender converts float files when it loads them: `Image.pixels` is the truth, in half
+    precision as it stores them.
+    """
     picture = bpy.data.images.load(_file(tmp_path / "a.exr", GRADIENT, "float"))
     picture.colorspace_settings.name = name
     texture, notes = _texture(picture)
@@ -120,7 +133,9 @@ def test_packed_images_need_no_file(scene, tmp_path):  # noqa: F811
 
 @pytest.mark.parametrize("float_buffer", [False, True])
 def test_generated_images(scene, float_buffer):  # noqa: F811
-    texture, _ = _texture(image(pixels=GRADIENT.reshape(-1, 4), size=(5, 3), float_buffer=float_buffer))
+    texture, _ = _texture(
+        image(pixels=GRADIENT.reshape(-1, 4), size=(5, 3), float_buffer=float_buffer)
+    )
     assert texture.encoding == ("LINEAR" if float_buffer else "SRGB")
     np.testing.assert_array_equal(texture.pixels, GRADIENT if float_buffer else _bytes(GRADIENT))
 
@@ -154,8 +169,15 @@ def test_alpha_modes(scene, tmp_path, mode):  # noqa: F811
 @pytest.mark.parametrize("interpolation", ["Linear", "Closest", "Cubic", "Smart"])
 def test_extension_and_interpolation(scene, extension, interpolation):  # noqa: F811
     texture, notes = _texture(image(), extension=extension, interpolation=interpolation)
-    assert (texture.extension, texture.interpolation) == (extension, "CLOSEST" if interpolation == "Closest" else "LINEAR")
-    told = ["Cubic interpolation of images is rendered as linear in 'Material'"] if interpolation in ("Cubic", "Smart") else []
+    assert (texture.extension, texture.interpolation) == (
+        extension,
+        "CLOSEST" if interpolation == "Closest" else "LINEAR",
+    )
+    told = (
+        ["Cubic interpolation of images is rendered as linear in 'Material'"]
+        if interpolation in ("Cubic", "Smart")
+        else []
+    )
     assert list(notes) == told
 
 
@@ -212,7 +234,9 @@ def test_tiled_images_show_their_first_tile(scene, tmp_path):  # noqa: F811
     picture.filepath = str(tmp_path / "tile.<UDIM>.png")
     texture, notes = _texture(picture)
     np.testing.assert_array_equal(texture.pixels, _bytes(GRADIENT))
-    assert any("first tile" in note and f"'{picture.name}'" in note and "bake" in note for note in notes)
+    assert any(
+        "first tile" in note and f"'{picture.name}'" in note and "bake" in note for note in notes
+    )
 
 
 def test_an_image_is_read_once(scene, tmp_path):  # noqa: F811
@@ -220,7 +244,10 @@ def test_an_image_is_read_once(scene, tmp_path):  # noqa: F811
     picture = bpy.data.images.load(_file(tmp_path / "a.png", GRADIENT))
     shader = Shader(shader="ShaderNodeAddShader")
     for name, settings in (("Shader", {}), ("Shader_001", {}), ("Shader", {"extension": "CLIP"})):
-        diffuse, node = shader.node("ShaderNodeBsdfDiffuse"), shader.node("ShaderNodeTexImage", image=picture, **settings)
+        diffuse, node = (
+            shader.node("ShaderNodeBsdfDiffuse"),
+            shader.node("ShaderNodeTexImage", image=picture, **settings),
+        )
         shader.link(node, "Color", diffuse, "Color")
         shader.link(diffuse, 0, shader.shader, name)
     textures = shader.export()[0].scene.textures
@@ -232,7 +259,10 @@ def test_without_openimageio_blender_gives_the_same(scene, tmp_path, monkeypatch
     values = GRADIENT.copy()
     values[:, :, 3] = 0.5
     files = {"a.png": values, "b.exr": GRADIENT}
-    pictures = [bpy.data.images.load(_file(tmp_path / name, v, "float" if "exr" in name else "uint8")) for name, v in files.items()]
+    pictures = [
+        bpy.data.images.load(_file(tmp_path / name, v, "float" if "exr" in name else "uint8"))
+        for name, v in files.items()
+    ]
     for picture in pictures:
         with monkeypatch.context() as patch:
             with_it = _texture(picture)[0]
@@ -254,23 +284,33 @@ def test_values_that_are_not_finite_are_zero(scene, tmp_path):  # noqa: F811
 def test_the_srgb_curve_there_and_back():
     values = np.arange(256) / 255
     np.testing.assert_array_equal(colorspace.srgb_bytes(colorspace.SRGB_BYTE), np.arange(256))
-    np.testing.assert_allclose(colorspace.srgb_to_linear(values), srgb_to_linear(values), rtol=1e-12)
-    np.testing.assert_allclose(colorspace.linear_to_srgb(colorspace.srgb_to_linear(values)), values, atol=1e-6)
+    np.testing.assert_allclose(
+        colorspace.srgb_to_linear(values), srgb_to_linear(values), rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        colorspace.linear_to_srgb(colorspace.srgb_to_linear(values)), values, atol=1e-6
+    )
 
 
 def test_images_decoded_side_by_side_are_the_same(scene, tmp_path):  # noqa: F811
-    pictures = [bpy.data.images.load(_file(tmp_path / f"{k}.png", np.roll(GRADIENT, k, 1))) for k in range(5)]
+    pictures = [
+        bpy.data.images.load(_file(tmp_path / f"{k}.png", np.roll(GRADIENT, k, 1)))
+        for k in range(5)
+    ]
     wanted = [(picture, None) for picture in pictures]
     together, alone = Images(Report()), Images(Report())
     together.expect([*wanted, (None, None), wanted[0]])
     for picture, user in wanted:
-        np.testing.assert_array_equal(together.pixels(picture, user).pixels, alone.pixels(picture, user).pixels)
+        np.testing.assert_array_equal(
+            together.pixels(picture, user).pixels, alone.pixels(picture, user).pixels
+        )
 
 
 def test_what_the_last_export_decoded_is_not_decoded_again(scene, tmp_path, monkeypatch):  # noqa: F811
     asked, decode = [], pixels.decode
     monkeypatch.setattr(pixels, "decode", lambda origin: asked.append(origin) or decode(origin))
-    files = [_file(tmp_path / f"{k}.tga", np.roll(GRADIENT, k, 1)) for k in range(3)]  # all of one size
+    # all of one size
+    files = [_file(tmp_path / f"{k}.tga", np.roll(GRADIENT, k, 1)) for k in range(3)]
     pictures = [bpy.data.images.load(file) for file in files]
     pictures[2].pack()
     decoded = Decoded()
@@ -280,7 +320,10 @@ def test_what_the_last_export_decoded_is_not_decoded_again(scene, tmp_path, monk
         del asked[:]
         images = Images(Report(), decoded)
         for k in numbers:
-            np.testing.assert_array_equal(images.pixels(pictures[k], None).pixels, Images(Report()).pixels(pictures[k], None).pixels)
+            np.testing.assert_array_equal(
+                images.pixels(pictures[k], None).pixels,
+                Images(Report()).pixels(pictures[k], None).pixels,
+            )
         decoded.forget_unused()
         return len(asked) - len(numbers)  # without those that they are compared with
 
@@ -301,7 +344,9 @@ def test_what_the_last_export_made_of_images_is_not_made_again(scene, tmp_path):
         images = Images(Report(), decoded)
         source = Input((1.0, 1.0, 1.0), images.texture(picture, None, "REPEAT", "Linear"), channel)
         images.mean(source)
-        result = images.derived(source, ("power", power), lambda colors: made.append(power) or colors**power)
+        result = images.derived(
+            source, ("power", power), lambda colors: made.append(power) or colors**power
+        )
         decoded.forget_unused()
         return images.textures[result.texture]
 
@@ -320,7 +365,9 @@ def test_what_the_last_export_made_of_images_is_not_made_again(scene, tmp_path):
 
 
 def test_generated_images_are_not_read_again(scene):  # noqa: F811
-    """Until something that their pixels follow from has changed, or somebody has painted on them."""
+    """Until something that their pixels follow from has changed, or somebody has painted on
+    them.
+    """
     picture, decoded = bpy.data.images.new("Drawn", 8, 4), Decoded()
     picture.generated_type = "COLOR_GRID"
 
@@ -356,7 +403,10 @@ def test_generated_images_are_not_read_again(scene):  # noqa: F811
         before = export()
         change()
         after = export()
-        assert after is not before and (after.shape, after.tobytes()) != (before.shape, before.tobytes()), change.__name__
+        assert after is not before and (after.shape, after.tobytes()) != (
+            before.shape,
+            before.tobytes(),
+        ), change.__name__
     assert export() is not export()  # painted: nobody knows what has changed
 
 
@@ -368,15 +418,22 @@ def test_what_cannot_be_decoded_ahead_is_told_once(scene, tmp_path):  # noqa: F8
     report = Report()
     images = Images(report)
     images.expect([(picture, None) for picture in (*broken, sound)])
-    assert all(images.pixels(picture, None).pixels.tolist() == pixels.MAGENTA.tolist() for picture in broken)
+    assert all(
+        images.pixels(picture, None).pixels.tolist() == pixels.MAGENTA.tolist()
+        for picture in broken
+    )
     np.testing.assert_array_equal(images.pixels(sound, None).pixels, _bytes(GRADIENT))
-    assert [sum(f"'{picture.name}'" in note for note in report.notes()) for picture in (*broken, sound)] == [1, 1, 0]
+    assert [
+        sum(f"'{picture.name}'" in note for note in report.notes()) for picture in (*broken, sound)
+    ] == [1, 1, 0]
 
 
 def test_only_images_that_colour_the_surface_are_expected(scene):  # noqa: F811
     shader = Shader()
     names = ("Color", "Bump", "Unlinked", "Roughness")
-    color, bump, _, rough = (shader.node("ShaderNodeTexImage", image=image(name, size=(2, 2))) for name in names)
+    color, bump, _, rough = (
+        shader.node("ShaderNodeTexImage", image=image(name, size=(2, 2))) for name in names
+    )
     normal = shader.node("ShaderNodeNormalMap")
     principled = shader.node("ShaderNodeBsdfPrincipled")
     shader.link(color, "Color", principled, "Base Color")
@@ -401,7 +458,9 @@ def test_a_packed_jpeg_needs_no_suffix(scene, tmp_path):  # noqa: F811
 def test_the_mean_of_bytes_is_that_of_their_colours(encoding, channel):
     values = np.random.default_rng(1).integers(0, 256, (7, 300, 4), np.uint8)
     texture = Texture("t", values, encoding)
-    np.testing.assert_allclose(mean_color(texture, channel), texels(texture, channel).mean(0, dtype=np.float64), rtol=1e-6)
+    np.testing.assert_allclose(
+        mean_color(texture, channel), texels(texture, channel).mean(0, dtype=np.float64), rtol=1e-6
+    )
 
 
 def test_a_function_of_alpha_bytes_is_that_of_the_texels():
@@ -413,7 +472,11 @@ def test_a_function_of_alpha_bytes_is_that_of_the_texels():
         derived = images.derived(Input(texture=0, channel="ALPHA"), (function,), function)
         result = texels(images.textures[derived.texture], "COLOR")
         expected = function(values[:, :, 3].reshape(-1, 1) / np.float32(255))
-        np.testing.assert_allclose(result, np.repeat(expected, 3, 1), atol=0.5 / 255 + 1e-6 if function is np.sqrt else 1e-6)
+        np.testing.assert_allclose(
+            result,
+            np.repeat(expected, 3, 1),
+            atol=0.5 / 255 + 1e-6 if function is np.sqrt else 1e-6,
+        )
 
 
 def test_an_image_that_does_not_fit_is_named(scene, tmp_path, monkeypatch):  # noqa: F811
@@ -422,5 +485,7 @@ def test_an_image_that_does_not_fit_is_named(scene, tmp_path, monkeypatch):  # n
 
     loaded = bpy.data.images.load(_file(tmp_path / "a.png", GRADIENT))
     monkeypatch.setattr(pixels, "_from_file", short)
-    with pytest.raises(MemoryError, match=f"image '{loaded.name}' does not fit into it: use a smaller one"):
+    with pytest.raises(
+        MemoryError, match=f"image '{loaded.name}' does not fit into it: use a smaller one"
+    ):
         Images(Report()).texture(loaded, None, "REPEAT", "Linear")

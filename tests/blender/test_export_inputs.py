@@ -3,7 +3,19 @@
 import numpy as np
 import pytest
 
-from export_support import RED, Shader, image, layer_share, of_kind, principled, scene, set_inputs, srgb_to_linear, total, weight  # noqa: F401
+from export_support import (  # noqa: F401
+    RED,
+    Shader,
+    image,
+    layer_share,
+    of_kind,
+    principled,
+    scene,
+    set_inputs,
+    srgb_to_linear,
+    total,
+    weight,
+)
 from glint.addon.export.images import mean_color, texels
 from glint.addon.export.roughness import highlights
 from glint.engine.scene import Texture
@@ -22,19 +34,30 @@ def test_image_on_a_colour(scene):  # noqa: F811
 
 def test_alpha_of_an_image(scene):  # noqa: F811
     shader = principled(Metallic=1.0, Base_Color=(1, 1, 1, 1))
-    texture = shader.node("ShaderNodeTexImage", image=image(pixels=((1, 1, 1, 0.25),), float_buffer=False))
+    texture = shader.node(
+        "ShaderNodeTexImage", image=image(pixels=((1, 1, 1, 0.25),), float_buffer=False)
+    )
     shader.link(texture, "Alpha", shader.shader, "Alpha")
     result, lobes = shader.export()
     alpha = np.rint(0.25 * 255) / 255
     np.testing.assert_allclose(total(lobes, "TRANSPARENT", result.scene.textures), 1 - alpha)
     np.testing.assert_allclose(total(lobes, "AMBIENT", result.scene.textures), alpha)
-    assert [factor.channel for lobe in of_kind(lobes, "TRANSPARENT") for factor in lobe.factors] == ["ALPHA"]
+    assert [
+        factor.channel for lobe in of_kind(lobes, "TRANSPARENT") for factor in lobe.factors
+    ] == ["ALPHA"]
 
 
 def test_colour_of_an_image_alone_is_times_alpha_under_its_curve(scene):  # noqa: F811
-    """As Cycles does it (seen in 4.2 and 5.0): bytes are multiplied before the sRGB curve is undone."""
+    """As Cycles does it (seen in 4.2 and 5.0): bytes are multiplied before the sRGB curve is
+    undone.
+    """
     shader = Shader()
-    shader.link(shader.node("ShaderNodeTexImage", image=image(pixels=((0.5, 0.25, 0.75, 0.5),))), "Color", shader.shader, "Color")
+    shader.link(
+        shader.node("ShaderNodeTexImage", image=image(pixels=((0.5, 0.25, 0.75, 0.5),))),
+        "Color",
+        shader.shader,
+        "Color",
+    )
     result, lobes = shader.export()
     found = total(lobes, "DIFFUSE", result.scene.textures)
     np.testing.assert_allclose(found, (0.05126947, 0.01444384, 0.11443541), rtol=1e-5)
@@ -45,14 +68,25 @@ def test_texture_drives_a_mix(scene):  # noqa: F811
     red, clear = shader.node("ShaderNodeBsdfDiffuse"), shader.node("ShaderNodeBsdfTransparent")
     set_inputs(red, Color=RED)
     mask = image(pixels=((0.25, 0.25, 0.25, 1),), space="Non-Color")
-    shader.link(shader.node("ShaderNodeTexImage", image=mask), "Color", shader.shader, shader.shader.inputs[0].identifier)
+    shader.link(
+        shader.node("ShaderNodeTexImage", image=mask),
+        "Color",
+        shader.shader,
+        shader.shader.inputs[0].identifier,
+    )
     shader.link(red, 0, shader.shader, "Shader")
     shader.link(clear, 0, shader.shader, "Shader_001")
     result, lobes = shader.export()
     value = np.rint(0.25 * 255) / 255
-    np.testing.assert_allclose(total(lobes, "DIFFUSE", result.scene.textures), np.multiply(RED[:3], 1 - value), rtol=1e-6)
+    np.testing.assert_allclose(
+        total(lobes, "DIFFUSE", result.scene.textures), np.multiply(RED[:3], 1 - value), rtol=1e-6
+    )
     np.testing.assert_allclose(total(lobes, "TRANSPARENT", result.scene.textures), value, rtol=1e-6)
-    assert all(factor.channel == "LUMINANCE" for factor in of_kind(lobes, "TRANSPARENT")[0].factors if factor.texture >= 0)
+    assert all(
+        factor.channel == "LUMINANCE"
+        for factor in of_kind(lobes, "TRANSPARENT")[0].factors
+        if factor.texture >= 0
+    )
 
 
 def test_vertex_colour_times_texture(scene):  # noqa: F811
@@ -61,19 +95,28 @@ def test_vertex_colour_times_texture(scene):  # noqa: F811
     mix.inputs["Factor_Float" if "Factor_Float" in mix.inputs else 0].default_value = 1.0
     shader.link(shader.node("ShaderNodeTexImage", image=image()), "Color", mix, "A_Color")
     shader.link(shader.node("ShaderNodeVertexColor", layer_name="Col"), "Color", mix, "B_Color")
-    shader.tree.links.new(next(s for s in mix.outputs if s.identifier == "Result_Color"), shader.shader.inputs["Color"])
+    shader.tree.links.new(
+        next(s for s in mix.outputs if s.identifier == "Result_Color"),
+        shader.shader.inputs["Color"],
+    )
     result, lobes = shader.export()
     (lobe,) = of_kind(lobes, "DIFFUSE")
     assert {factor.attribute for factor in lobe.factors} == {"", "Col"}
     expected = srgb_to_linear(np.rint(np.array([0.5, 0.25, 0.75]) * 255) / 255) * (0.1, 0.2, 0.3)
-    np.testing.assert_allclose(weight(lobe, result.scene.textures, {"Col": (0.1, 0.2, 0.3)}), expected, rtol=1e-6)
+    np.testing.assert_allclose(
+        weight(lobe, result.scene.textures, {"Col": (0.1, 0.2, 0.3)}), expected, rtol=1e-6
+    )
     assert {a.name for a in result.scene.geometries[0].attributes} == {"UVMap", "Col"}
 
 
 def test_attribute_as_a_number_is_grey(scene):  # noqa: F811
     shader = principled(Base_Color=RED)
-    shader.quad.data.color_attributes["Col"].data.foreach_set("color", np.tile(np.array([0.1, 0.2, 0.6, 1], np.float32), 4))
-    shader.link(shader.node("ShaderNodeVertexColor", layer_name="Col"), "Color", shader.shader, "Alpha")
+    shader.quad.data.color_attributes["Col"].data.foreach_set(
+        "color", np.tile(np.array([0.1, 0.2, 0.6, 1], np.float32), 4)
+    )
+    shader.link(
+        shader.node("ShaderNodeVertexColor", layer_name="Col"), "Color", shader.shader, "Alpha"
+    )
     result, lobes = shader.export()
     (attribute,) = result.scene.geometries[0].attributes
     np.testing.assert_allclose(attribute.values[:, :3], 0.3, rtol=1e-6)
@@ -96,10 +139,27 @@ def test_mix_of_textures_by_a_constant_is_a_sum(scene):  # noqa: F811
 
 
 MATHS = {
-    "ADD": 0.75 + 0.5, "SUBTRACT": 0.25, "MULTIPLY": 0.375, "DIVIDE": 1.5, "POWER": 0.75**0.5, "MINIMUM": 0.5, "MAXIMUM": 0.75,
-    "LESS_THAN": 0.0, "GREATER_THAN": 1.0, "SQRT": 0.75**0.5, "MULTIPLY_ADD": 0.375 + 0.125, "SINE": np.sin(0.75), "FRACT": 0.75,
-    "ABSOLUTE": 0.75, "ROUND": 1.0, "FLOOR": 0.0, "CEIL": 1.0, "MODULO": 0.25, "COMPARE": 0.0, "SIGN": 1.0,
-}  # fmt: skip
+    "ADD": 0.75 + 0.5,
+    "SUBTRACT": 0.25,
+    "MULTIPLY": 0.375,
+    "DIVIDE": 1.5,
+    "POWER": 0.75**0.5,
+    "MINIMUM": 0.5,
+    "MAXIMUM": 0.75,
+    "LESS_THAN": 0.0,
+    "GREATER_THAN": 1.0,
+    "SQRT": 0.75**0.5,
+    "MULTIPLY_ADD": 0.375 + 0.125,
+    "SINE": np.sin(0.75),
+    "FRACT": 0.75,
+    "ABSOLUTE": 0.75,
+    "ROUND": 1.0,
+    "FLOOR": 0.0,
+    "CEIL": 1.0,
+    "MODULO": 0.25,
+    "COMPARE": 0.0,
+    "SIGN": 1.0,
+}
 
 
 @pytest.mark.parametrize("textured", [False, True])
@@ -111,12 +171,19 @@ def test_math(scene, operation, textured):  # noqa: F811
         socket.default_value = value
     if textured:
         picture = image(pixels=((0.75, 0.75, 0.75, 1),), float_buffer=True)
-        shader.link(shader.node("ShaderNodeTexImage", image=picture), "Color", node, node.inputs[0].identifier)
+        shader.link(
+            shader.node("ShaderNodeTexImage", image=picture),
+            "Color",
+            node,
+            node.inputs[0].identifier,
+        )
     shader.link(node, 0, shader.shader, "Strength")
     set_inputs(shader.shader, Color=(1, 1, 1, 1))
     result, lobes = shader.export()
     assert not any("not supported" in note for note in result.notes)
-    np.testing.assert_allclose(total(lobes, "EMISSION", result.scene.textures), MATHS[operation], rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(
+        total(lobes, "EMISSION", result.scene.textures), MATHS[operation], rtol=1e-6, atol=1e-7
+    )
 
 
 def _colour_nodes():
@@ -124,7 +191,10 @@ def _colour_nodes():
     return {
         "ShaderNodeInvert": (None, lambda c: 1 - c),
         "ShaderNodeGamma": ({"Gamma": 2.0}, lambda c: c**2),
-        "ShaderNodeBrightContrast": ({"Bright": 0.1, "Contrast": 0.5}, lambda c: np.maximum(1.5 * c + 0.1 - 0.25, 0)),
+        "ShaderNodeBrightContrast": (
+            {"Bright": 0.1, "Contrast": 0.5},
+            lambda c: np.maximum(1.5 * c + 0.1 - 0.25, 0),
+        ),
         "ShaderNodeHueSaturation": ({"Value": 0.5}, lambda c: c * 0.5),
         "ramp": (ramp, lambda c: np.full(3, c @ (0.2126, 0.7152, 0.0722))),
         "ShaderNodeRGBToBW": (None, lambda c: np.full(3, c @ (0.2126, 0.7152, 0.0722))),
@@ -159,7 +229,9 @@ def test_hue_is_turned_as_blender_turns_it(scene):  # noqa: F811
 
 
 def test_separate_channels_of_an_image(scene):  # noqa: F811
-    """glTF's packed texture: metallic is blue, roughness green; the roughness is its mean, with a note."""
+    """glTF's packed texture: metallic is blue, roughness green; the roughness is its mean, with a
+    note.
+    """
     shader = principled(Base_Color=RED)
     packed = image(pixels=((0.9, 0.5, 0.25, 1),), space="Non-Color")
     split = shader.node("ShaderNodeSeparateColor")
@@ -174,14 +246,21 @@ def test_separate_channels_of_an_image(scene):  # noqa: F811
         rtol=1e-6,
     )
     exponents = {p for p, _ in highlights(roughness)}
-    np.testing.assert_allclose(sorted({lobe.exponent for lobe in of_kind(lobes, "SPECULAR")}), sorted(exponents), rtol=1e-4)
+    np.testing.assert_allclose(
+        sorted({lobe.exponent for lobe in of_kind(lobes, "SPECULAR")}), sorted(exponents), rtol=1e-4
+    )
     assert any("'Roughness'" in note for note in result.notes)
 
 
 def test_separate_takes_the_factor_along(scene):  # noqa: F811
-    """A channel of a picture times a colour is that channel times the colour's, whatever the picture's encoding."""
+    """A channel of a picture times a colour is that channel times the colour's, whatever the
+    picture's encoding.
+    """
     shader = Shader(shader="ShaderNodeEmission")
-    shown, split = shader.node("ShaderNodeTexImage", image=image(pixels=((0.8, 0.4, 0.2, 1),))), shader.node("ShaderNodeSeparateColor")
+    shown, split = (
+        shader.node("ShaderNodeTexImage", image=image(pixels=((0.8, 0.4, 0.2, 1),))),
+        shader.node("ShaderNodeSeparateColor"),
+    )
     scaled = shader.node("ShaderNodeMixRGB", blend_type="MULTIPLY")
     set_inputs(scaled, Fac=1.0, Color2=(1.0, 0.5, 1.0, 1.0))
     shader.link(shown, "Color", scaled, "Color1")
@@ -190,7 +269,9 @@ def test_separate_takes_the_factor_along(scene):  # noqa: F811
     result, lobes = shader.export()
     green = 0.5 * srgb_to_linear(np.rint(0.4 * 255) / 255)
     # The product is kept in sRGB bytes like the picture: near 0.07 a byte is 0.0033.
-    np.testing.assert_allclose(total(lobes, "EMISSION", result.scene.textures), np.full(3, green), atol=0.0033 / 2)
+    np.testing.assert_allclose(
+        total(lobes, "EMISSION", result.scene.textures), np.full(3, green), atol=0.0033 / 2
+    )
 
 
 @pytest.mark.parametrize("encoding", ["SRGB", "LINEAR"])
@@ -199,8 +280,14 @@ def test_means_are_counted_right(encoding, channel):
     """Bytes by their counts, against the mean of the decoded texels."""
     bytes_ = np.random.default_rng(3).integers(0, 256, (31, 17, 4), np.uint8)
     for pixels in (bytes_, bytes_.astype(np.float32) / 255):
-        texture = Texture("t", pixels, encoding if pixels is bytes_ else "LINEAR", "REPEAT", "LINEAR")
-        np.testing.assert_allclose(mean_color(texture, channel), texels(texture, channel).mean(0, dtype=np.float64), rtol=1e-6)
+        texture = Texture(
+            "t", pixels, encoding if pixels is bytes_ else "LINEAR", "REPEAT", "LINEAR"
+        )
+        np.testing.assert_allclose(
+            mean_color(texture, channel),
+            texels(texture, channel).mean(0, dtype=np.float64),
+            rtol=1e-6,
+        )
 
 
 @pytest.mark.parametrize("kind", ["POINT", "TEXTURE", "VECTOR"])
@@ -208,7 +295,11 @@ def test_mapping(scene, kind):  # noqa: F811
     from mathutils import Euler, Vector
 
     shader = Shader()
-    texture, mapping, uv = shader.node("ShaderNodeTexImage", image=image()), shader.node("ShaderNodeMapping", vector_type=kind), None
+    texture, mapping, uv = (
+        shader.node("ShaderNodeTexImage", image=image()),
+        shader.node("ShaderNodeMapping", vector_type=kind),
+        None,
+    )
     uv = shader.node("ShaderNodeTexCoord")
     rotation, scaling = Euler((0.3, 0.2, 1.0)), Vector((2.0, 0.5, 3.0))
     location = Vector((0.25, -0.5, 1.0))
@@ -243,10 +334,17 @@ def test_uv_map_by_name(scene):  # noqa: F811
 
 
 def _attribute_times_two(shader: Shader):
-    """A node that gives twice the colour attribute, which the tests take to be (x, x, x), less one half."""
+    """A node that gives twice the colour attribute, which the tests take to be (x, x, x), less one
+    half.
+    """
     node = shader.node("ShaderNodeMath", operation="MULTIPLY_ADD")
     node.inputs[1].default_value, node.inputs[2].default_value = 2.0, -0.5
-    shader.link(shader.node("ShaderNodeVertexColor", layer_name="Col"), "Color", node, node.inputs[0].identifier)
+    shader.link(
+        shader.node("ShaderNodeVertexColor", layer_name="Col"),
+        "Color",
+        node,
+        node.inputs[0].identifier,
+    )
     return node
 
 
@@ -277,7 +375,10 @@ def _through_mix(shader: Shader) -> str:
     for socket, value in (("A_Color", 0.0), ("B_Color", 1.0)):
         next(s for s in node.inputs if s.identifier == socket).default_value = (value,) * 3 + (1.0,)
     shader.link(_attribute_times_two(shader), 0, node, "Factor_Float")
-    shader.tree.links.new(next(s for s in node.outputs if s.identifier == "Result_Color"), shader.shader.inputs["Strength"])
+    shader.tree.links.new(
+        next(s for s in node.outputs if s.identifier == "Result_Color"),
+        shader.shader.inputs["Strength"],
+    )
     return "EMISSION"
 
 
@@ -305,7 +406,14 @@ def _as_a_reflectance(shader: Shader) -> str:
     return "DIFFUSE"
 
 
-CLAMPS = (_through_math, _through_map_range, _through_clamp, _through_mix, _through_mix_shader, _through_alpha)
+CLAMPS = (
+    _through_math,
+    _through_map_range,
+    _through_clamp,
+    _through_mix,
+    _through_mix_shader,
+    _through_alpha,
+)
 
 
 @pytest.mark.parametrize("build", [*CLAMPS, _as_a_reflectance])
@@ -316,8 +424,12 @@ def test_what_varies_is_clamped_where_blender_clamps(scene, build):  # noqa: F81
     result, lobes = shader.export()
     (name,) = {factor.attribute for lobe in lobes for factor in lobe.factors if factor.attribute}
     for x in (-3.0, 0.3, 0.6, 0.9, 40.0):
-        expected = max(2 * x - 0.5, 0.0) if build is _as_a_reflectance else np.clip(2 * x - 0.5, 0, 1)
-        assert total(lobes, kind, colors={name: (x,) * 3}) == pytest.approx(np.full(3, expected), abs=1e-9), x
+        expected = (
+            max(2 * x - 0.5, 0.0) if build is _as_a_reflectance else np.clip(2 * x - 0.5, 0, 1)
+        )
+        assert total(lobes, kind, colors={name: (x,) * 3}) == pytest.approx(
+            np.full(3, expected), abs=1e-9
+        ), x
     assert not any("clamped" in note for note in result.notes)
 
 
@@ -326,12 +438,19 @@ def test_a_clamp_that_no_factor_can_say_is_told(scene):  # noqa: F811
     add = shader.node("ShaderNodeMath", operation="ADD", use_clamp=True)
     for number, value in enumerate((0.75, 0.5)):
         picture = image(f"{value}", ((value,) * 3 + (1,),), space="Non-Color")
-        shader.link(shader.node("ShaderNodeTexImage", image=picture), "Color", add, add.inputs[number].identifier)
+        shader.link(
+            shader.node("ShaderNodeTexImage", image=picture),
+            "Color",
+            add,
+            add.inputs[number].identifier,
+        )
     shader.link(add, 0, shader.shader, "Strength")
     result, lobes = shader.export()
     assert total(lobes, "EMISSION", result.scene.textures) == pytest.approx(np.ones(3))
     assert any("not clamped as in Blender" in note for note in result.notes)
     add.operation = "MULTIPLY"
     result, lobes = shader.export()
-    assert len(of_kind(lobes, "EMISSION")[0].factors) == 2, "a product of images cannot leave 0 to 1"
+    assert len(of_kind(lobes, "EMISSION")[0].factors) == 2, (
+        "a product of images cannot leave 0 to 1"
+    )
     assert not result.notes[1:]

@@ -13,7 +13,11 @@ def _plain_walk(kinds=("MESH",)) -> dict[tuple, np.ndarray]:
     """Object data's name → (k, 3, 4) places, one matrix at a time."""
     places: dict[str, list] = {}
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
-        if instance.show_self and instance.object.type in kinds and len(instance.object.data.polygons):
+        if (
+            instance.show_self
+            and instance.object.type in kinds
+            and len(instance.object.data.polygons)
+        ):
             places.setdefault(instance.object.name, []).append(np.array(instance.matrix_world)[:3])
     return {name: np.array(rows) for name, rows in places.items()}
 
@@ -85,7 +89,12 @@ def test_particles(scene):  # noqa: F811
     emitter, part = bpy.context.object, quad("Part")
     emitter.modifiers.new("Particles", "PARTICLE_SYSTEM")
     settings = emitter.particle_systems[0].settings
-    settings.count, settings.frame_end, settings.render_type, settings.instance_object = 30, 1, "OBJECT", part
+    settings.count, settings.frame_end, settings.render_type, settings.instance_object = (
+        30,
+        1,
+        "OBJECT",
+        part,
+    )
     scene.frame_set(5)
     _assert_same_places()
     assert len(_places(export().scene.instances)["Part"]) > 20
@@ -94,7 +103,9 @@ def test_particles(scene):  # noqa: F811
 
 
 def scatter(count: int, node: str = "GeometryNodeObjectInfo"):
-    """A grid of about `count` points that geometry nodes turn into placed, turned and scaled icospheres."""
+    """A grid of about `count` points that geometry nodes turn into placed, turned and scaled
+    icospheres.
+    """
     bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=1)
     part = bpy.context.object
     side = round(count**0.5)
@@ -103,7 +114,13 @@ def scatter(count: int, node: str = "GeometryNodeObjectInfo"):
     tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
     for way in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-    names = ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeInstanceOnPoints", node, "FunctionNodeRandomValue")
+    names = (
+        "NodeGroupInput",
+        "NodeGroupOutput",
+        "GeometryNodeInstanceOnPoints",
+        node,
+        "FunctionNodeRandomValue",
+    )
     start, end, place, what, random = (tree.nodes.new(name) for name in names)
     random.data_type = "FLOAT_VECTOR"
     if node == "GeometryNodeObjectInfo":
@@ -160,7 +177,10 @@ def test_only_the_bad_places_of_many_are_dropped(scene):  # noqa: F811
     child = quad("Child")
     child.parent, parent.instance_type = parent, "VERTS"
     result = export()
-    blocks = {len(row.world_from_object): row.world_from_object[:, 0, 3].tolist() for row in result.scene.instances}
+    blocks = {
+        len(row.world_from_object): row.world_from_object[:, 0, 3].tolist()
+        for row in result.scene.instances
+    }
     assert blocks[2] == [0, 2]
     assert any("'Child'" in note for note in result.notes)
 
@@ -192,7 +212,10 @@ def test_each_flag_has_its_field(scene, flag):  # noqa: F811
 
 def test_an_instancer_hides_what_it_places(scene):  # noqa: F811
     _empty_with(_collection(), visible_camera=False, is_holdout=True)
-    assert all(not row.visible_camera and row.visible_shadow and row.holdout for row in export().scene.instances)
+    assert all(
+        not row.visible_camera and row.visible_shadow and row.holdout
+        for row in export().scene.instances
+    )
 
 
 def test_collections_of_the_view_layer_hold_out_and_hide(scene):  # noqa: F811

@@ -32,7 +32,9 @@ def test_the_frame_has_no_scale_and_shines_along_minus_z(scene):  # noqa: F811
 
 @pytest.mark.parametrize("scale", [(-1, 1, 1), (1, -2, 1), (1, 1, -1)])
 def test_a_mirrored_light_keeps_its_direction_and_is_right_handed(scene, scale):  # noqa: F811
-    _light("AREA").matrix_world = Matrix.LocRotScale((0, 0, 0), Euler((1, 2, 3)).to_matrix(), Vector(scale))
+    _light("AREA").matrix_world = Matrix.LocRotScale(
+        (0, 0, 0), Euler((1, 2, 3)).to_matrix(), Vector(scale)
+    )
     bpy.context.view_layer.update()
     frame = _only_light().world_from_light
     z = np.array(bpy.data.objects["AREA"].matrix_world)[:3, 2]
@@ -43,7 +45,12 @@ def test_a_mirrored_light_keeps_its_direction_and_is_right_handed(scene, scale):
 def test_point(scene):  # noqa: F811
     _light("POINT", energy=12, shadow_soft_size=0.5, color=(1, 0.5, 0.25)).scale = (3, 3, 3)
     light = _only_light()
-    assert (light.kind, light.strength, light.radius, light.color) == ("POINT", 12, 0.5, (1, 0.5, 0.25))
+    assert (light.kind, light.strength, light.radius, light.color) == (
+        "POINT",
+        12,
+        0.5,
+        (1, 0.5, 0.25),
+    )
 
 
 def test_sun(scene):  # noqa: F811
@@ -55,17 +62,27 @@ def test_sun(scene):  # noqa: F811
 def test_spot(scene):  # noqa: F811
     _light("SPOT", spot_size=0.5, spot_blend=0.25, shadow_soft_size=0.125)
     light = _only_light()
-    assert (light.kind, light.spot_size, light.spot_blend, light.radius) == ("SPOT", 0.5, 0.25, 0.125)
+    assert (light.kind, light.spot_size, light.spot_blend, light.radius) == (
+        "SPOT",
+        0.5,
+        0.25,
+        0.125,
+    )
 
 
-@pytest.mark.parametrize(("scale", "tangent", "noted"), [((3, 3, 3), 1, False), ((-2, 2, 4), 0.5, False), ((4, 1, 1), 2, True)])
+@pytest.mark.parametrize(
+    ("scale", "tangent", "noted"),
+    [((3, 3, 3), 1, False), ((-2, 2, 4), 0.5, False), ((4, 1, 1), 2, True)],
+)
 def test_a_spots_cone_is_scaled_with_its_object(scene, scale, tangent, noted):  # noqa: F811
     """By what Cycles does along each axis; a round cone stands for an oval one, with a note."""
     _light("SPOT", spot_size=0.5).scale = scale
     result = export()
     (light,) = result.scene.lights
     np.testing.assert_allclose(np.tan(light.spot_size / 2), tangent * np.tan(0.25), rtol=1e-6)
-    assert [note for note in result.notes if "round" in note and "'SPOT'" in note] == list(result.notes)
+    assert [note for note in result.notes if "round" in note and "'SPOT'" in note] == list(
+        result.notes
+    )
     assert bool(result.notes) == noted
 
 
@@ -75,7 +92,12 @@ def test_the_widest_cone_stays_as_wide_in_any_scale(scene):  # noqa: F811
     np.testing.assert_allclose(export().scene.lights[0].spot_size, np.pi, rtol=1e-6)
 
 
-SHAPES = {"SQUARE": ("RECTANGLE", 4, 6), "RECTANGLE": ("RECTANGLE", 4, 15), "DISK": ("ELLIPSE", 4, 6), "ELLIPSE": ("ELLIPSE", 4, 15)}
+SHAPES = {
+    "SQUARE": ("RECTANGLE", 4, 6),
+    "RECTANGLE": ("RECTANGLE", 4, 15),
+    "DISK": ("ELLIPSE", 4, 6),
+    "ELLIPSE": ("ELLIPSE", 4, 15),
+}
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -95,7 +117,10 @@ def test_flags(scene):  # noqa: F811
     assert (light.visible_camera, light.visible_mirror) == (True, False)
 
 
-@pytest.mark.skipif("use_soft_falloff" not in bpy.types.PointLight.bl_rna.properties, reason="this Blender has no soft falloff")
+@pytest.mark.skipif(
+    "use_soft_falloff" not in bpy.types.PointLight.bl_rna.properties,
+    reason="this Blender has no soft falloff",
+)
 def test_soft_falloff(scene):  # noqa: F811
     thing = _light("POINT", use_soft_falloff=True)
     assert _only_light().soft_falloff
@@ -103,9 +128,14 @@ def test_soft_falloff(scene):  # noqa: F811
     assert not _only_light().soft_falloff
 
 
-@pytest.mark.skipif("exposure" not in bpy.types.Light.bl_rna.properties, reason="this Blender's lights have no exposure")
+@pytest.mark.skipif(
+    "exposure" not in bpy.types.Light.bl_rna.properties,
+    reason="this Blender's lights have no exposure",
+)
 def test_exposure_and_temperature(scene):  # noqa: F811
-    thing = _light("SUN", energy=3, exposure=2, color=(1, 0.5, 1), use_temperature=True, temperature=4000)
+    thing = _light(
+        "SUN", energy=3, exposure=2, color=(1, 0.5, 1), use_temperature=True, temperature=4000
+    )
     light = _only_light()
     assert light.strength == 12
     np.testing.assert_allclose(light.color, np.array(thing.data.temperature_color) * (1, 0.5, 1))
@@ -119,7 +149,11 @@ def test_instanced_lights(scene):  # noqa: F811
     collection.objects.link(lamp)
     for x in (1, 2, 3):
         empty = link(bpy.data.objects.new("Empty", None))
-        empty.instance_type, empty.instance_collection, empty.location = "COLLECTION", collection, (x, 0, 0)
+        empty.instance_type, empty.instance_collection, empty.location = (
+            "COLLECTION",
+            collection,
+            (x, 0, 0),
+        )
     assert sorted(light.world_from_light[0, 3] for light in export().scene.lights) == [1, 2, 3]
 
 
@@ -128,7 +162,10 @@ def test_constant_nodes_multiply(scene):  # noqa: F811
     use_nodes(thing.data)
     tree = thing.data.node_tree
     emission = tree.nodes.new("ShaderNodeEmission")
-    emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = (1, 0.5, 0.25, 1), 4
+    emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = (
+        (1, 0.5, 0.25, 1),
+        4,
+    )
     tree.links.new(emission.outputs[0], tree.nodes.new("ShaderNodeOutputLight").inputs["Surface"])
     assert _only_light().color == (4, 2, 1)
     tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], emission.inputs["Strength"])
@@ -157,7 +194,11 @@ def test_odd_powers_are_kept(scene):  # noqa: F811
     assert [light.strength for light in export().scene.lights] == [-2, np.float32(3e38)]
 
 
-@pytest.mark.parametrize(("settings", "said"), [({"energy": 0}, True), ({"color": (0, 0, 0)}, True), ({"energy": 1e-3}, False)], ids=str)
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [({"energy": 0}, True), ({"color": (0, 0, 0)}, True), ({"energy": 1e-3}, False)],
+    ids=str,
+)
 def test_a_light_that_sheds_none_is_named(scene, settings, said):  # noqa: F811
     quad()
     _light("POINT", **settings)
@@ -187,7 +228,10 @@ def test_narrow_spread_is_noted(scene):  # noqa: F811
 
 UNNORMALIZED = {
     "POINT": ({"shadow_soft_size": 0.5, "use_soft_falloff": False}, 4 * np.pi * 0.25),
-    "SPOT": ({"shadow_soft_size": 0.5, "use_soft_falloff": False, "spot_size": 2}, 4 * np.pi * 0.25),
+    "SPOT": (
+        {"shadow_soft_size": 0.5, "use_soft_falloff": False, "spot_size": 2},
+        4 * np.pi * 0.25,
+    ),
     "AREA": ({"shape": "ELLIPSE", "size": 0.5, "size_y": 0.25}, np.pi / 4 * 0.5 * 0.25 * 4),
     "SUN": ({"angle": 0.5}, np.pi * np.sin(0.25) ** 2),
 }
@@ -212,7 +256,12 @@ def test_a_light_that_is_not_normalised_equals_one_that_is_in_cycles(scene, kind
 def _cycles_mean(scene, path) -> float:  # noqa: F811
     """Cycles draws the same samples both times, so that its noise does not matter."""
     render = scene.render
-    render.engine, scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = "CYCLES", 4, False, False
+    (
+        render.engine,
+        scene.cycles.samples,
+        scene.cycles.use_denoising,
+        scene.cycles.use_adaptive_sampling,
+    ) = "CYCLES", 4, False, False
     render.resolution_x = render.resolution_y = 16
     if hasattr(render.image_settings, "media_type"):
         render.image_settings.media_type = "IMAGE"

@@ -1,25 +1,50 @@
-"""Whole node trees and materials: groups, circles, outputs, defaults, and what is not understood by its note."""
+"""Whole node trees and materials: groups, circles, outputs, defaults, and what is not understood by
+its note.
+"""
 
 import bpy
 import numpy as np
 import pytest
 
-from export_support import RED, Shader, export, kinds, layer_share, of_kind, quad, scene, set_inputs, total, weight  # noqa: F401
+from export_support import (  # noqa: F401
+    RED,
+    Shader,
+    export,
+    kinds,
+    layer_share,
+    of_kind,
+    quad,
+    scene,
+    set_inputs,
+    total,
+    weight,
+)
 
 
 def _group(depth: int, kind: str = "NodeSocketColor"):
-    """Node groups, `depth` deep, that pass a colour through every level and through a reroute in the innermost."""
+    """Node groups, `depth` deep, that pass a colour through every level and through a reroute in
+    the innermost.
+    """
     tree = None
     for level in range(depth):
         outer = bpy.data.node_groups.new(f"Level{level}", "ShaderNodeTree")
         for way in ("INPUT", "OUTPUT"):
             outer.interface.new_socket("Color", in_out=way, socket_type=kind)
         start, end, middle = (
-            outer.nodes.new(name) for name in ("NodeGroupInput", "NodeGroupOutput", "NodeReroute" if level % 2 else "ShaderNodeGroup")
+            outer.nodes.new(name)
+            for name in (
+                "NodeGroupInput",
+                "NodeGroupOutput",
+                "NodeReroute" if level % 2 else "ShaderNodeGroup",
+            )
         )
         if tree is None or level % 2:
             outer.nodes.remove(middle)
-            middle = outer.nodes.new("NodeReroute") if tree is None else outer.nodes.new("ShaderNodeGroup")
+            middle = (
+                outer.nodes.new("NodeReroute")
+                if tree is None
+                else outer.nodes.new("ShaderNodeGroup")
+            )
         if tree is not None:
             middle.node_tree = tree
         outer.links.new(start.outputs[0], middle.inputs[0])
@@ -43,7 +68,10 @@ def test_groups_with_a_shader_inside(scene):  # noqa: F811
     tree = bpy.data.node_groups.new("Paint", "ShaderNodeTree")
     tree.interface.new_socket("Paint", in_out="INPUT", socket_type="NodeSocketColor")
     tree.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
-    start, end, diffuse = (tree.nodes.new(name) for name in ("NodeGroupInput", "NodeGroupOutput", "ShaderNodeBsdfDiffuse"))
+    start, end, diffuse = (
+        tree.nodes.new(name)
+        for name in ("NodeGroupInput", "NodeGroupOutput", "ShaderNodeBsdfDiffuse")
+    )
     tree.links.new(start.outputs[0], diffuse.inputs["Color"])
     tree.links.new(diffuse.outputs[0], end.inputs[0])
     shader = Shader(shader=None)
@@ -62,7 +90,10 @@ def test_two_uses_of_a_group_are_told_apart(scene):  # noqa: F811
     tree.links.new(gamma.outputs[0], tree.nodes["Group Output"].inputs[0])
     shader = Shader(shader="ShaderNodeAddShader")
     for name, rgb in (("Shader", (0.5, 0, 0, 1)), ("Shader_001", (0, 0.25, 0, 1))):
-        group, diffuse = shader.node("ShaderNodeGroup", node_tree=tree), shader.node("ShaderNodeBsdfDiffuse")
+        group, diffuse = (
+            shader.node("ShaderNodeGroup", node_tree=tree),
+            shader.node("ShaderNodeBsdfDiffuse"),
+        )
         group.inputs[0].default_value = rgb
         shader.link(group, 0, diffuse, "Color")
         shader.link(diffuse, 0, shader.shader, name)
@@ -109,7 +140,9 @@ def test_circles_of_reroutes_and_shaders_end(scene):  # noqa: F811
 
 @pytest.mark.parametrize("kind", ["ShaderNodeAddShader", "ShaderNodeMixShader"])
 def test_long_chains_end(scene, kind):  # noqa: F811
-    """40 nodes that each use the one before twice would be 2⁴⁰ ways; 300 in a row would be too deep to recurse."""
+    """40 nodes that each use the one before twice would be 2⁴⁰ ways; 300 in a row would be too deep
+    to recurse.
+    """
     shader = Shader()
     before = shader.shader
     for _ in range(300 if kind == "ShaderNodeMixShader" else 40):
@@ -177,7 +210,10 @@ def test_a_colour_on_the_surface_glows(scene):  # noqa: F811
 def test_the_output_for_all_engines_counts(scene):  # noqa: F811
     shader = Shader()
     set_inputs(shader.shader, Color=RED)
-    eevee, black = shader.node("ShaderNodeOutputMaterial", target="EEVEE"), shader.node("ShaderNodeEmission")
+    eevee, black = (
+        shader.node("ShaderNodeOutputMaterial", target="EEVEE"),
+        shader.node("ShaderNodeEmission"),
+    )
     shader.link(black, 0, eevee, "Surface")
     assert kinds(shader.export()[1]) == {"AMBIENT", "DIFFUSE"}
 
@@ -185,8 +221,11 @@ def test_the_output_for_all_engines_counts(scene):  # noqa: F811
 def test_no_material_is_blenders_default_grey(scene):  # noqa: F811
     quad()
     (material,) = export().scene.materials
-    layered = bpy.app.version >= (5, 0, 0)  # seen in Cycles: 5.0 made the default surface a Principled BSDF
-    np.testing.assert_allclose(total(material.lobes, "DIFFUSE"), 0.8 * (1 - layer_share() if layered else 1), rtol=1e-6)
+    # seen in Cycles: 5.0 made the default surface a Principled BSDF
+    layered = bpy.app.version >= (5, 0, 0)
+    np.testing.assert_allclose(
+        total(material.lobes, "DIFFUSE"), 0.8 * (1 - layer_share() if layered else 1), rtol=1e-6
+    )
     assert bool(of_kind(material.lobes, "SPECULAR")) == layered
 
 
@@ -198,7 +237,9 @@ def test_empty_slots_are_the_default(scene):  # noqa: F811
     assert result.scene.materials[result.scene.instances[0].materials[1]].name == "Default"
 
 
-@pytest.mark.skipif(bpy.app.version >= (5, 0, 0), reason="every material has nodes from Blender 5.0 on")
+@pytest.mark.skipif(
+    bpy.app.version >= (5, 0, 0), reason="every material has nodes from Blender 5.0 on"
+)
 def test_a_material_without_nodes(scene):  # noqa: F811
     material = bpy.data.materials.new("Plain")
     material.use_nodes, material.diffuse_color, material.metallic = False, (*RED[:3], 1), 0.25

@@ -13,7 +13,9 @@ from glint.engine.scene import CORNER, POINT, Mesh, Spheres
 
 
 def _slow(thing):
-    """What the plain API says of an evaluated mesh: vertices, triangles, corners, polygon of each triangle."""
+    """What the plain API says of an evaluated mesh: vertices, triangles, corners, polygon of each
+    triangle.
+    """
     mesh = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     mesh.calc_loop_triangles()
     triangles = mesh.loop_triangles
@@ -35,8 +37,12 @@ SHAPES = {
     "monkey": lambda: bpy.ops.mesh.primitive_monkey_add(),
     "n-gon": lambda: bpy.ops.mesh.primitive_circle_add(vertices=11, fill_type="NGON"),
     "triangles": lambda: bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=2),
-    "concave": lambda: mesh_object("C", [(0, 0, 0), (2, 0, 0), (2, 2, 0), (1, 0.5, 0), (0, 2, 0)], [(0, 1, 2, 3, 4)]),
-    "loose edges": lambda: mesh_object("L", [(0, 0, 0), (1, 0, 0), (0, 1, 0), (9, 9, 9)], [(0, 1, 2)]),
+    "concave": lambda: mesh_object(
+        "C", [(0, 0, 0), (2, 0, 0), (2, 2, 0), (1, 0.5, 0), (0, 2, 0)], [(0, 1, 2, 3, 4)]
+    ),
+    "loose edges": lambda: mesh_object(
+        "L", [(0, 0, 0), (1, 0, 0), (0, 1, 0), (9, 9, 9)], [(0, 1, 2)]
+    ),
 }
 
 
@@ -107,7 +113,11 @@ def test_material_slots_follow_the_faces(scene):  # noqa: F811
     result = export()
     _, _, _, _, faces = _slow(bpy.context.object)
     np.testing.assert_array_equal(result.scene.geometries[0].material_slots, faces * 7 % 3)
-    assert [result.scene.materials[k].name for k in result.scene.instances[0].materials] == ["A", "B", "C"]
+    assert [result.scene.materials[k].name for k in result.scene.instances[0].materials] == [
+        "A",
+        "B",
+        "C",
+    ]
 
 
 def test_a_material_index_beyond_the_slots_is_kept_for_the_last_slot(scene):  # noqa: F811
@@ -126,7 +136,9 @@ def test_only_the_uv_maps_that_something_reads_are_exported(scene):  # noqa: F81
     slow, _, _, loops, _ = _slow(bpy.context.object)
     uv = np.array([x.vector for x in slow.uv_layers[0].uv])
     assert [a.name for a in mesh.attributes] == [slow.uv_layers[0].name]
-    np.testing.assert_array_equal(mesh.attributes[0].values[mesh.corners], uv.astype(np.float32)[loops])
+    np.testing.assert_array_equal(
+        mesh.attributes[0].values[mesh.corners], uv.astype(np.float32)[loops]
+    )
 
 
 def test_the_map_that_is_active_for_rendering_comes_first(scene):  # noqa: F811
@@ -166,23 +178,35 @@ def test_colour_attributes_are_scene_linear(scene, kind, domain):  # noqa: F811
     np.testing.assert_array_equal(found.values, slow.astype(np.float32))
 
 
-@pytest.mark.parametrize(("name", "values"), [("Col", [0.25, 0.5, 0.75, 0.125]), ("UVMap", [0.25, 0.5])])
+@pytest.mark.parametrize(
+    ("name", "values"), [("Col", [0.25, 0.5, 0.75, 0.125]), ("UVMap", [0.25, 0.5])]
+)
 def test_one_attribute_is_read_as_colour_and_as_coordinates(scene, name, values):  # noqa: F811
-    """By the same name, which finds one array: the tracers read (u, v, 0) of a map, and the first two columns of a colour."""
+    """By the same name, which finds one array: the tracers read (u, v, 0) of a map, and the first
+    two columns of a colour.
+    """
     shader = Shader(shader="ShaderNodeAddShader")
     data = shader.quad.data
     if name == "Col":
-        data.color_attributes["Col"].data.foreach_set("color", np.tile(np.float32(values), len(data.loops)))
+        data.color_attributes["Col"].data.foreach_set(
+            "color", np.tile(np.float32(values), len(data.loops))
+        )
     else:
         data.uv_layers["UVMap"].data.foreach_set("uv", np.tile(np.float32(values), len(data.loops)))
-    texture, node = shader.node("ShaderNodeTexImage"), shader.node("ShaderNodeAttribute", attribute_name=name)
+    texture, node = (
+        shader.node("ShaderNodeTexImage"),
+        shader.node("ShaderNodeAttribute", attribute_name=name),
+    )
     shader.link(node, "Vector", texture, "Vector")
     for socket, source in (("Shader", texture), ("Shader_001", node)):
         diffuse = shader.node("ShaderNodeBsdfDiffuse")
         shader.link(source, "Color", diffuse, "Color")
         shader.link(diffuse, 0, shader.shader, socket)
     result, lobes = shader.export()
-    assert {(factor.uv, factor.attribute) for lobe in lobes for factor in lobe.factors} == {(name, ""), ("", name)}
+    assert {(factor.uv, factor.attribute) for lobe in lobes for factor in lobe.factors} == {
+        (name, ""),
+        ("", name),
+    }
     (attribute,) = result.scene.geometries[0].attributes
     np.testing.assert_array_equal(attribute.values, np.tile(np.float32(values), (4, 1)))
 
@@ -193,12 +217,16 @@ def test_attributes_on_faces_are_handed_to_triangles(scene):  # noqa: F811
     bpy.ops.mesh.primitive_monkey_add()
     data = bpy.context.object.data
     data.materials.append(shader.material)
-    data.attributes.new("Number", "FLOAT", "FACE").data.foreach_set("value", np.arange(500, dtype=np.float32))
+    data.attributes.new("Number", "FLOAT", "FACE").data.foreach_set(
+        "value", np.arange(500, dtype=np.float32)
+    )
     node = shader.node("ShaderNodeAttribute", attribute_name="Number")
     shader.link(node, "Color", shader.shader, "Color")
     mesh = _only_mesh()
     _, _, _, _, faces = _slow(bpy.context.object)
-    np.testing.assert_array_equal(mesh.attributes[0].values, np.repeat(faces[:, None], 4, 1) * [1, 1, 1, 0] + [0, 0, 0, 1])
+    np.testing.assert_array_equal(
+        mesh.attributes[0].values, np.repeat(faces[:, None], 4, 1) * [1, 1, 1, 0] + [0, 0, 0, 1]
+    )
 
 
 def test_a_mesh_in_edit_mode_is_read(scene):  # noqa: F811
@@ -215,8 +243,14 @@ def test_a_mesh_in_edit_mode_is_read(scene):  # noqa: F811
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_faces_with_vertices_that_are_not_finite_are_counted_out(scene, bad):  # noqa: F811
-    thing = mesh_object("Broken", [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (bad, 0, 0)], [(0, 1, 2), (0, 2, 3), (0, 3, 4)])
-    thing.data.attributes.new("material_index", "INT", "FACE").data.foreach_set("value", np.array([0, 1, 2], np.int32))
+    thing = mesh_object(
+        "Broken",
+        [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (bad, 0, 0)],
+        [(0, 1, 2), (0, 2, 3), (0, 3, 4)],
+    )
+    thing.data.attributes.new("material_index", "INT", "FACE").data.foreach_set(
+        "value", np.array([0, 1, 2], np.int32)
+    )
     result = export()
     mesh = result.scene.geometries[0]
     assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
@@ -225,7 +259,11 @@ def test_faces_with_vertices_that_are_not_finite_are_counted_out(scene, bad):  #
 
 
 def test_corners_go_with_the_triangles_that_are_left(scene):  # noqa: F811
-    thing = mesh_object("Broken", [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (np.nan, 0, 0)], [(0, 1, 4), (0, 1, 2, 3), (0, 3, 4)])
+    thing = mesh_object(
+        "Broken",
+        [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (np.nan, 0, 0)],
+        [(0, 1, 4), (0, 1, 2, 3), (0, 3, 4)],
+    )
     thing.data.uv_layers.new(name="UVMap").data.foreach_set("uv", np.arange(20, dtype=np.float32))
     mesh = _only_mesh(passes=frozenset({"UV"}))
     uv = mesh.attributes[0].values[mesh.corners]
@@ -253,7 +291,9 @@ def test_curves_texts_and_the_like_come_once_as_meshes(scene, kind):  # noqa: F8
     result = export()
     assert result.notes == ()
     assert len(result.scene.geometries) == len(result.scene.instances) == 1
-    copy = bpy.data.meshes.new_from_object(bpy.context.object.evaluated_get(bpy.context.evaluated_depsgraph_get()))
+    copy = bpy.data.meshes.new_from_object(
+        bpy.context.object.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    )
     copy.calc_loop_triangles()
     assert len(result.scene.geometries[0].triangles) == len(copy.loop_triangles)
 
@@ -265,7 +305,10 @@ def test_point_clouds_are_spheres(scene):  # noqa: F811
     _between(tree, points)
     spheres = [g for g in export().scene.geometries if isinstance(g, Spheres)]
     assert len(spheres) == 1
-    np.testing.assert_array_equal(np.sort(spheres[0].centers, 0), np.sort(np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]), 0))
+    np.testing.assert_array_equal(
+        np.sort(spheres[0].centers, 0),
+        np.sort(np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]), 0),
+    )
     np.testing.assert_array_equal(spheres[0].radii, np.full(4, 0.125, np.float32))
 
 
@@ -293,11 +336,19 @@ def test_what_a_mark_cannot_keep_is_said(scene):  # noqa: F811
     bpy.ops.mesh.primitive_cone_add(depth=3)
     mark_sphere(bpy.context.object.data)
     shader = Shader()
-    shader.link(shader.node("ShaderNodeTexImage", image=bpy.data.images.new("Image", 4, 4)), "Color", shader.shader, "Color")
+    shader.link(
+        shader.node("ShaderNodeTexImage", image=bpy.data.images.new("Image", 4, 4)),
+        "Color",
+        shader.shader,
+        "Color",
+    )
     mark_sphere(shader.quad.data)
     result = export()
     assert [type(geometry) for geometry in result.scene.geometries] == [Mesh, Spheres]
-    assert ["vertices lie on no sphere" in note and "Cone" in note for note in result.notes] == [True, False]
+    assert ["vertices lie on no sphere" in note and "Cone" in note for note in result.notes] == [
+        True,
+        False,
+    ]
     assert ["no UV maps" in note and "Quad" in note for note in result.notes] == [False, True]
 
 

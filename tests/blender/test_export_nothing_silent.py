@@ -11,15 +11,23 @@ COVERED = ("rendered as diffuse", "is not supported", "The Holdout shader")
 """Notes that speak of a whole node."""
 WITH = {
     "ShaderNodeBsdfPrincipled": {
-        "Coat Weight": 0.5, "Sheen Weight": 0.5, "Transmission Weight": 0.5, "Metallic": 0.25, "Subsurface Weight": 0.25,
-        "Emission Strength": 1.0, "Anisotropic": 0.5, "Thin Film Thickness": 300.0, "Diffuse Roughness": 0.5,
+        "Coat "
+        "Weight": 0.5, "Sheen "
+                       "Weight": 0.5, "Transmission "
+                                      "Weight": 0.5, "Metallic": 0.25, "Subsurface Weight": 0.25,
+        "Emission "
+        "Strength": 1.0, "Anisotropic": 0.5, "Thin Film Thickness": 300.0, "Diffuse Roughness": 0.5,
     },
     "ShaderNodeBsdfAnisotropic": {"Anisotropy": 0.5},
     "ShaderNodeBsdfMetallic": {"Anisotropy": 0.5, "Thin Film Thickness": 300.0},
     "ShaderNodeBsdfGlass": {"Thin Film Thickness": 300.0},
 }  # fmt: skip
 """What must not be 0 for other inputs to count."""
-FAMILIES = {"anisotropic": "anisotropy", "rotation": "anisotropy", "diffuse roughness": "diffuse roughness"}
+FAMILIES = {
+    "anisotropic": "anisotropy",
+    "rotation": "anisotropy",
+    "diffuse roughness": "diffuse roughness",
+}
 KINDS = sorted(name for name in dir(bpy.types) if name.startswith("ShaderNodeBsdf")) + [
     "ShaderNodeEmission",
     "ShaderNodeSubsurfaceScattering",
@@ -36,8 +44,13 @@ def _other(value):
 
 
 def _told(name: str, notes: tuple[str, ...]) -> bool:
-    """Whether a note speaks of the node, or of the family of inputs that begins with the same word."""
-    family = next((word for start, word in FAMILIES.items() if name.lower().startswith(start)), name.split()[0].lower())
+    """Whether a note speaks of the node, or of the family of inputs that begins with the same
+    word.
+    """
+    family = next(
+        (word for start, word in FAMILIES.items() if name.lower().startswith(start)),
+        name.split()[0].lower(),
+    )
     return any(family in note.lower() or any(text in note for text in COVERED) for note in notes)
 
 
@@ -53,7 +66,11 @@ def test_every_input_counts_or_is_told(scene, kind):  # noqa: F811
         value = _other(getattr(socket, "default_value", None))
         if value is None or socket.name in IDLE or socket.is_unavailable:
             continue
-        kept = socket.default_value if isinstance(socket.default_value, (int, float)) else tuple(socket.default_value)
+        kept = (
+            socket.default_value
+            if isinstance(socket.default_value, (int, float))
+            else tuple(socket.default_value)
+        )
         socket.default_value = value
         after, lobes = shader.export()
         socket.default_value = kept

@@ -25,7 +25,10 @@ def test_no_world_is_black(scene):  # noqa: F811
 
 
 def test_background_times_strength(scene, world):  # noqa: F811
-    world[1].inputs["Color"].default_value, world[1].inputs["Strength"].default_value = (1, 0.5, 0.25, 1), 2
+    world[1].inputs["Color"].default_value, world[1].inputs["Strength"].default_value = (
+        (1, 0.5, 0.25, 1),
+        2,
+    )
     found = export().scene.world
     assert found.ambient == found.background == (2, 1, 0.5)
 

@@ -1,4 +1,6 @@
-"""Measure This Scene: by script and by command, the front, "Use this", and a file that stays as it is."""
+"""Measure This Scene: by script and by command, the front, "Use this", and a file that stays as it
+is.
+"""
 
 import json
 
@@ -20,7 +22,7 @@ def state():
     kinds = ("scenes", "objects", "cameras", "meshes", "lights", "materials", "worlds", "collections", "node_groups")
     settings = [scene.render.engine, scene.render.resolution_x, scene.camera.name, scene.camera.data.dof.use_dof]
     return [sorted(getattr(bpy.data, kind).keys()) for kind in kinds] + settings + [scene.glint.final.samples]
-"""
+"""  # noqa: E501 - a script for another Blender
 )
 SMALL = "repeats=1, squares=96, side=12, reference_samples=16"
 
@@ -43,7 +45,7 @@ answer({{
     "levels": len(set(pixels)),
     "current": last_measurement(scene.name).current.knobs,
 }})
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
     answer = run.answer
@@ -72,12 +74,13 @@ trade = measure_scene(
 )
 stopped = measure_scene(scene, bpy.context.view_layer.name, should_stop=lambda: True)
 answer([len(job.scene.geometries[0].triangles), len(trade.rows), fractions[-1], len(stopped.rows), stopped.complete])
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
     triangles, rows, fraction, stopped_rows, complete = run.answer
     assert (triangles, fraction, stopped_rows, complete) == (192, 1.0, 0, False)
-    assert rows == 2 * 5  # samples 1 and the scene's 4, all light samples (the lamp has a radius), no mirrors
+    # samples 1 and the scene's 4, all light samples (the lamp has a radius), no mirrors
+    assert rows == 2 * 5
 
 
 def test_a_failure_is_reported_and_leaves_nothing(tmp_path):
@@ -116,7 +119,7 @@ good = command_line.run(["measure", blend, "--json", str(FOLDER / "a.json"), "--
 missing = command_line.run(["measure", str(FOLDER / "none.blend")])
 unsound = command_line.run(["measure", blend, "--samples", "0"])
 answer([good, missing, unsound, (FOLDER / "a.json").stat().st_size > 0, (FOLDER / "a.png").stat().st_size > 0])
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
     assert run.answer == [0, 2, 2, True, True]
@@ -159,10 +162,12 @@ def drive(stop, **options):
 stopped = drive(stop=True, reference_samples=2048, reference_seconds=1e9)
 finished = drive(stop=False)
 answer([stopped, finished, len(measure_scene.last_measurement(scene.name).rows) > 3])
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 0, run.output
     (stopped, stopped_words), (finished, finished_words), rows = run.answer
     assert (stopped, finished, rows) == ("CANCELLED", "FINISHED", True)
     assert "stopped before anything" in stopped_words[-1]
-    assert finished_words[-4:-1] == ["timer removed", "end", None] and any("Esc stops" in str(word) for word in finished_words)
+    assert finished_words[-4:-1] == ["timer removed", "end", None] and any(
+        "Esc stops" in str(word) for word in finished_words
+    )

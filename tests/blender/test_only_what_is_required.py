@@ -1,4 +1,6 @@
-"""Only what the scene requires: things that nothing reads change no byte of the exported scene, and so neither time nor picture."""
+"""Only what the scene requires: things that nothing reads change no byte of the exported scene, and
+so neither time nor picture.
+"""
 
 import bpy
 import numpy as np
@@ -9,9 +11,13 @@ from glint.engine.fingerprint import value_fingerprint
 
 
 def textured() -> Shader:
-    """A quad whose colour is an image; it has an active UV map and a colour attribute that nothing reads."""
+    """A quad whose colour is an image; it has an active UV map and a colour attribute that nothing
+    reads.
+    """
     shader = Shader()
-    shader.link(shader.node("ShaderNodeTexImage", image=image("Read")), "Color", shader.shader, "Color")
+    shader.link(
+        shader.node("ShaderNodeTexImage", image=image("Read")), "Color", shader.shader, "Color"
+    )
     return shader
 
 
@@ -28,18 +34,24 @@ def unused_color_attributes(shader):
 
 
 def other_attributes(shader):
-    for number, (kind, domain) in enumerate((("FLOAT", "POINT"), ("INT", "FACE"), ("FLOAT_VECTOR", "CORNER"), ("BOOLEAN", "EDGE"))):
+    for number, (kind, domain) in enumerate(
+        (("FLOAT", "POINT"), ("INT", "FACE"), ("FLOAT_VECTOR", "CORNER"), ("BOOLEAN", "EDGE"))
+    ):
         shader.quad.data.attributes.new(f"extra {number}", kind, domain)
     shader.quad.vertex_groups.new(name="weights").add([0, 1], 0.5, "REPLACE")
 
 
 def hidden_objects(shader):
-    """Hidden from the view layer that is exported; a viewport's one, so by the viewport's switch."""
+    """Hidden from the view layer that is exported; a viewport's one, so by the viewport's
+    switch.
+    """
     quad("Hidden", glowing()).hide_viewport = True
     quad("Put away", glowing()).hide_set(True)
     lamp = link(bpy.data.objects.new("Hidden lamp", bpy.data.lights.new("Hidden lamp", "POINT")))
     lamp.hide_viewport = True
-    bpy.data.collections.new("Not linked").objects.link(bpy.data.objects.new("Elsewhere", quad("Q").data))
+    bpy.data.collections.new("Not linked").objects.link(
+        bpy.data.objects.new("Elsewhere", quad("Q").data)
+    )
     bpy.data.objects.remove(bpy.data.objects["Q"])
 
 
@@ -47,7 +59,9 @@ def glowing():
     material = bpy.data.materials.new("Glow")
     use_nodes(material)
     tree = material.node_tree
-    texture, shader, output = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexImage", "Emission", "OutputMaterial"))
+    texture, shader, output = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexImage", "Emission", "OutputMaterial")
+    )
     texture.image = image("Never seen", size=(8, 8))
     tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
     tree.links.new(shader.outputs[0], output.inputs["Surface"])
@@ -57,7 +71,9 @@ def glowing():
 def unlinked_nodes(shader):
     texture = shader.node("ShaderNodeTexImage", image=image("Not linked", size=(8, 8)))
     noise = shader.node("ShaderNodeTexNoise")
-    shader.link(noise, "Fac" if "Fac" in noise.outputs else 0, shader.node("ShaderNodeEmission"), "Strength")
+    shader.link(
+        noise, "Fac" if "Fac" in noise.outputs else 0, shader.node("ShaderNodeEmission"), "Strength"
+    )
     shader.link(shader.node("ShaderNodeUVMap", uv_map="UVMap"), "UV", texture, "Vector")
 
 
@@ -76,7 +92,9 @@ def an_object_without_faces(shader):
 
 
 def another_scene(shader):
-    bpy.data.scenes.new("Other").collection.objects.link(bpy.data.objects.new("There", shader.quad.data))
+    bpy.data.scenes.new("Other").collection.objects.link(
+        bpy.data.objects.new("There", shader.quad.data)
+    )
 
 
 ADDITIONS = (
@@ -120,7 +138,9 @@ def test_what_is_read_does_change_it(scene):  # noqa: F811
 
 
 def test_slots_between_used_ones_are_not_read(scene):  # noqa: F811
-    """Faces of slots 0 and 2: the material of slot 1 is not exported, the others are where the faces look for them."""
+    """Faces of slots 0 and 2: the material of slot 1 is not exported, the others are where the
+    faces look for them.
+    """
     first, last = (bpy.data.materials.new(name) for name in ("First", "Last"))
     strip = [(x, y, 0.0) for x in (0.0, 1.0, 2.0) for y in (0.0, 1.0)]
     thing = mesh_object("Two", strip, [(0, 2, 3, 1), (2, 4, 5, 3)], first, glowing(), last)

@@ -1,4 +1,6 @@
-"""What the user sees: which panels a tab has, in which order, what they offer, and that those without effect say so."""
+"""What the user sees: which panels a tab has, in which order, what they offer, and that those
+without effect say so.
+"""
 
 import re
 
@@ -39,7 +41,8 @@ def offered(panel, context):
 def roots(tab):
     ours = [panel for panel in panels._CLASSES if getattr(panel, "bl_context", "") == tab]
     blenders = [panel for panel in panels._blender_panels() if getattr(panel, "bl_context", "") == tab]
-    found = [panel for panel in (*blenders, *ours) if not getattr(panel, "bl_parent_id", "")]  # as registered
+    # as registered
+    found = [panel for panel in (*blenders, *ours) if not getattr(panel, "bl_parent_id", "")]
     return [panel.bl_label for panel in sorted(found, key=lambda panel: getattr(panel, "bl_order", 0))]
 
 scene = bpy.context.scene
@@ -75,7 +78,7 @@ answer({
     "descriptions": [prop.description for prop in properties.values()] + [item.description for prop in properties.values()
         if prop.type == "ENUM" for item in prop.enum_items],
 })
-"""
+"""  # noqa: E501 - a script for another Blender
 )
 
 
@@ -89,7 +92,11 @@ def told(tmp_path_factory):
 def test_panels_stand_in_the_order_of_cycles(told):
     own = ["Sampling", "Simplify", "Film", "Performance", "Statistics"]
     assert told["render"] == [*own, "Grease Pencil", "Freestyle", "Color Management"]
-    assert [label for label in told["view layer"] if label in ("View Layer", "Passes", "Filter", "Override")] == [
+    assert [
+        label
+        for label in told["view layer"]
+        if label in ("View Layer", "Passes", "Filter", "Override")
+    ] == [
         "View Layer",
         "Passes",
         "Filter",
@@ -99,14 +106,19 @@ def test_panels_stand_in_the_order_of_cycles(told):
 
 def test_what_works_is_offered(told):
     assert ["material_override", False] in told["override"]
-    assert told["simplify"] == [["simplify_subdivision_render", False], ["simplify_child_particles_render", False]]
+    assert told["simplify"] == [
+        ["simplify_subdivision_render", False],
+        ["simplify_child_particles_render", False],
+    ]
     assert told["lighting"] == [["use_scene_lights_render", True], ["use_scene_world_render", True]]
     assert [name for name, _ in told["pass"]] == ["viewport_pass"]
 
 
 def test_light_settings_have_dots_for_keyframes(told):
     values = {name: dot for name, dot in told["light"] if name != "type"}
-    assert values.keys() >= {"color", "energy", "shadow_soft_size", "use_shadow"} and all(values.values()), values
+    assert values.keys() >= {"color", "energy", "shadow_soft_size", "use_shadow"} and all(
+        values.values()
+    ), values
 
 
 def test_panels_without_effect_say_so_with_glint_only(told):
@@ -119,4 +131,6 @@ def test_names_and_tooltips_say_what_to_choose(told):
     names = {"target": "Quality Target", "cutoff": "Ray Cutoff", "error_threshold": "Threshold"}
     assert {name: told["names"][name] for name in names} == names
     assert told["tracers"] == {"NATIVE": "Native", "NUMPY": "Python (reference)"}
-    assert [text for text in told["descriptions"] if re.search(r"[Mm]easured|\d \d{3}|: 0\.\d", text)] == []
+    assert [
+        text for text in told["descriptions"] if re.search(r"[Mm]easured|\d \d{3}|: 0\.\d", text)
+    ] == []

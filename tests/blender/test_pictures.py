@@ -1,4 +1,6 @@
-"""Picture files that are cut off, as on a full disk, are told from whole ones; whatever Blender says."""
+"""Picture files that are cut off, as on a full disk, are told from whole ones; whatever Blender
+says.
+"""
 
 from blender_process import REGISTER_TREE, Blender
 
@@ -25,7 +27,7 @@ def is_whole(path):
     except OSError:
         return False
     return True
-"""
+"""  # noqa: E501 - a script for another Blender
 )
 
 
@@ -75,7 +77,7 @@ def test_a_full_disk_is_no_success(tmp_path):
 bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "a.blend"))
 full_disk()
 answer(command_line.run(["target", str(FOLDER / "a.blend"), "--levels", "100", "--out", str(FOLDER / "a.exr")]))
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.answer == 2, run.output
     assert "a.exr is not whole" in run.output and "make room on its disk" in run.output

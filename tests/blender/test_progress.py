@@ -1,4 +1,6 @@
-"""The header and the bar during a render: they move from the first second on, and say samples, error and what remains."""
+"""The header and the bar during a render: they move from the first second on, and say samples,
+error and what remains.
+"""
 
 from types import SimpleNamespace
 
@@ -43,9 +45,20 @@ def test_the_bar_moves_in_stages_of_unknown_length_and_never_back():
         render.at(k / 10).trace(0.0, SETTINGS)
     render.at(6.1).trace(0.001, SETTINGS)
     render.at(7.0).trace(0.5, SETTINGS)
-    assert render.bar[0] > 0 and render.bar == sorted(render.bar) and 0.01 < render.bar[-3] < 0.05 and render.bar[-1] == 0.5
-    assert render.texts[0] == "Looking for settings (0 s)" and "Sorting the scene (5 s)" in render.texts
-    assert all(b >= a for a, b in zip(render.bar, render.bar[1:], strict=False)) and len(set(render.bar[:40])) == 40
+    assert (
+        render.bar[0] > 0
+        and render.bar == sorted(render.bar)
+        and 0.01 < render.bar[-3] < 0.05
+        and render.bar[-1] == 0.5
+    )
+    assert (
+        render.texts[0] == "Looking for settings (0 s)"
+        and "Sorting the scene (5 s)" in render.texts
+    )
+    assert (
+        all(b >= a for a, b in zip(render.bar, render.bar[1:], strict=False))
+        and len(set(render.bar[:40])) == 40
+    )
 
 
 def test_the_text_tells_samples_error_and_what_remains():

@@ -40,7 +40,7 @@ def render():
     bpy.ops.render.render()
     last = statistics.of_last_render(scene.name)
     return {"skipped": dict(last.skipped), "sections": last.sections, "log": list(lines.lines), "notes": list(last.notes)}
-"""
+"""  # noqa: E501 - a script for another Blender
 )
 
 
@@ -72,10 +72,20 @@ answer([plain, more, render()])
         "materials": "'Spare'",
         "hidden objects": "'Hidden'",
     }
-    assert textured["skipped"]["UV maps"] == "'Lightmap'" and textured["skipped"]["images"] == "'Not linked'"
-    assert "Required" in more["sections"] and more["sections"]["Not needed, not read"][0] == "UV maps: 'UVMap', 'Lightmap'"
+    assert (
+        textured["skipped"]["UV maps"] == "'Lightmap'"
+        and textured["skipped"]["images"] == "'Not linked'"
+    )
+    assert (
+        "Required" in more["sections"]
+        and more["sections"]["Not needed, not read"][0] == "UV maps: 'UVMap', 'Lightmap'"
+    )
     one_line = [line for line in more["log"] if "12 triangles" in line]
-    assert len(one_line) == 1 and "not needed: UV maps 'UVMap', 'Lightmap'; colour attributes" in one_line[0] and "sync" in one_line[0]
+    assert (
+        len(one_line) == 1
+        and "not needed: UV maps 'UVMap', 'Lightmap'; colour attributes" in one_line[0]
+        and "sync" in one_line[0]
+    )
 
 
 def test_what_was_left_out_is_told_with_its_reason(tmp_path):

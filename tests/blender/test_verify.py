@@ -38,7 +38,7 @@ def save(name):
 
 def verify(*names):
     return command_line.run(["verify", *(str(FOLDER / name) for name in names)])
-"""
+"""  # noqa: E501 - a script for another Blender
 )
 
 
@@ -86,9 +86,14 @@ def test_where_a_file_was_changed_is_told(tmp_path):
     forged.open(str(tmp_path / "forged.exr"), spec)
     forged.write_image(np.ascontiguousarray(pixels))
     forged.close()
-    run = blender.run(MAKE + 'answer([verify("a.exr", "a.blend"), verify("forged.exr", "a.blend")])')
+    run = blender.run(
+        MAKE + 'answer([verify("a.exr", "a.blend"), verify("forged.exr", "a.blend")])'
+    )
     assert run.answer == [0, 1], run.output
-    assert "1 of 384 pixels differ, in columns 7 to 7, rows 11 to 11 from the bottom, by up to 0.5" in run.output
+    assert (
+        "1 of 384 pixels differ, in columns 7 to 7, rows 11 to 11 from the bottom, by up to 0.5"
+        in run.output
+    )
     assert "the same bits in every pass" in run.output.split("1 of 384")[0].splitlines()[-2]
 
 

@@ -1,4 +1,6 @@
-"""The export that keeps what did not change: after any sequence of edits it gives what a full export gives, bit for bit."""
+"""The export that keeps what did not change: after any sequence of edits it gives what a full
+export gives, bit for bit.
+"""
 
 import dataclasses
 import random
@@ -41,7 +43,9 @@ class Follower:
         bpy.context.view_layer.update()
         full = export_scene(bpy.context.evaluated_depsgraph_get(), passes=self.passes)
         assert same(self.scene, dataclasses.replace(full.scene, camera=CAMERA), "scene")
-        assert set(self.live.notes(self.passes)) == {note for note in full.notes if "camera" not in note}
+        assert set(self.live.notes(self.passes)) == {
+            note for note in full.notes if "camera" not in note
+        }
 
 
 def same(one, two, where):
@@ -52,7 +56,9 @@ def same(one, two, where):
         assert one.tobytes() == two.tobytes(), where
     elif isinstance(one, tuple):
         assert len(one) == len(two), f"{where}: {len(one)} and {len(two)}"
-        assert all(same(a, b, f"{where}[{k}]") for k, (a, b) in enumerate(zip(one, two, strict=True)))
+        assert all(
+            same(a, b, f"{where}[{k}]") for k, (a, b) in enumerate(zip(one, two, strict=True))
+        )
     elif dataclasses.is_dataclass(one):
         for name in (field.name for field in dataclasses.fields(one)):
             same(getattr(one, name), getattr(two, name), f"{where}.{name}")
@@ -76,7 +82,13 @@ def scattering():
     )
     given, point, cone, scatter, join, result = map(group.nodes.new, kinds)
     point.inputs["Position"].default_value = (1, 2, 0)
-    ends = [(point, scatter, "Points"), (cone, scatter, "Instance"), (scatter, join, 0), (given, join, 0), (join, result, 0)]
+    ends = [
+        (point, scatter, "Points"),
+        (cone, scatter, "Instance"),
+        (scatter, join, 0),
+        (given, join, 0),
+        (join, result, 0),
+    ]
     for source, to, name in ends:
         group.links.new(source.outputs[0], to.inputs[name])
     return group
@@ -87,7 +99,10 @@ def test_notes_last_as_long_as_what_they_are_about(scene):  # noqa: F811
     velvet = odd.node("ShaderNodeTexWhiteNoise")
     odd.link(velvet, "Color", odd.shader, "Color")
     use_nodes(odd.material)
-    plain, lamp = quad("Plain"), link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT")))
+    plain, lamp = (
+        quad("Plain"),
+        link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))),
+    )
     with Follower() as follower:
         follower.check()
         told = follower.live.notes()
@@ -106,7 +121,9 @@ def test_notes_last_as_long_as_what_they_are_about(scene):  # noqa: F811
 
 @pytest.fixture
 def world(scene):  # noqa: F811
-    """Plain and modified meshes, shared data, textures, an empty that instances a collection, lights, a world with nodes."""
+    """Plain and modified meshes, shared data, textures, an empty that instances a collection,
+    lights, a world with nodes.
+    """
     material = Shader("Textured")
     image = bpy.data.images.new("Image", 4, 4)
     image.pixels.foreach_set(np.random.default_rng(1).random(64, np.float32))
@@ -136,7 +153,10 @@ def world(scene):  # noqa: F811
     scene.world = bpy.data.worlds.new("World")
     use_nodes(scene.world)
     tree = scene.world.node_tree
-    tree.links.new(tree.nodes.new("ShaderNodeBackground").outputs[0], tree.nodes.new("ShaderNodeOutputWorld").inputs[0])
+    tree.links.new(
+        tree.nodes.new("ShaderNodeBackground").outputs[0],
+        tree.nodes.new("ShaderNodeOutputWorld").inputs[0],
+    )
     bpy.context.view_layer.update()
     return scene
 
@@ -146,7 +166,13 @@ def _vector(r):
 
 
 def _some_object(r, *kinds):
-    return r.choice([thing for thing in sorted(bpy.context.scene.objects, key=lambda o: o.name) if not kinds or thing.type in kinds])
+    return r.choice(
+        [
+            thing
+            for thing in sorted(bpy.context.scene.objects, key=lambda o: o.name)
+            if not kinds or thing.type in kinds
+        ]
+    )
 
 
 def move(r):
@@ -189,13 +215,20 @@ def color(r):
 
 
 def node_value(r):
-    node = next(node for node in bpy.data.materials["Textured"].node_tree.nodes if node.type == "BSDF_DIFFUSE")
+    node = next(
+        node
+        for node in bpy.data.materials["Textured"].node_tree.nodes
+        if node.type == "BSDF_DIFFUSE"
+    )
     node.inputs["Color"].default_value = (*[r.random() for _ in range(3)], 1)
 
 
 def unlink_or_link(r):
     tree = bpy.data.materials["Textured"].node_tree
-    texture, shader = (next(node for node in tree.nodes if node.type == kind) for kind in ("TEX_IMAGE", "BSDF_DIFFUSE"))
+    texture, shader = (
+        next(node for node in tree.nodes if node.type == kind)
+        for kind in ("TEX_IMAGE", "BSDF_DIFFUSE")
+    )
     if shader.inputs["Color"].is_linked:
         tree.links.remove(shader.inputs["Color"].links[0])
     else:
@@ -219,7 +252,9 @@ def reload(r):
 
 def interpolate(r):
     tree = bpy.data.materials["Textured"].node_tree
-    next(node for node in tree.nodes if node.type == "TEX_IMAGE").interpolation = r.choice(["Linear", "Closest"])
+    next(node for node in tree.nodes if node.type == "TEX_IMAGE").interpolation = r.choice(
+        ["Linear", "Closest"]
+    )
 
 
 def swap_material(r):
@@ -236,7 +271,10 @@ def light(r):
 
 def surround(r):
     world = bpy.context.scene.world
-    world.node_tree.nodes["Background"].inputs["Color"].default_value = (*[r.random() for _ in range(3)], 1)
+    world.node_tree.nodes["Background"].inputs["Color"].default_value = (
+        *[r.random() for _ in range(3)],
+        1,
+    )
 
 
 def hide(r):
@@ -245,7 +283,9 @@ def hide(r):
 
 
 def exclude(r):
-    bpy.data.objects[r.choice(["EmptyA", "EmptyB"])].instance_type = r.choice(["NONE", "COLLECTION"])
+    bpy.data.objects[r.choice(["EmptyA", "EmptyB"])].instance_type = r.choice(
+        ["NONE", "COLLECTION"]
+    )
 
 
 def add(r):
@@ -282,7 +322,9 @@ def move_scatter(r):
 
 
 def parent(r):
-    bpy.data.objects["Child"].parent = r.choice([None, *(bpy.data.objects[name] for name in ("Shared", "Modified", "EmptyA", "Point"))])
+    bpy.data.objects["Child"].parent = r.choice(
+        [None, *(bpy.data.objects[name] for name in ("Shared", "Modified", "EmptyA", "Point"))]
+    )
 
 
 def constrain(r):
@@ -299,7 +341,9 @@ def see_lamp(r):
 
 
 def kind_of_lamp(r):
-    r.choice(sorted(bpy.data.lights, key=lambda m: m.name)).type = r.choice(["POINT", "SUN", "SPOT", "AREA"])
+    r.choice(sorted(bpy.data.lights, key=lambda m: m.name)).type = r.choice(
+        ["POINT", "SUN", "SPOT", "AREA"]
+    )
 
 
 def squeeze_lamp(r):
@@ -323,10 +367,41 @@ def select(r):
 
 
 EDITS = [
-    move, move_inner, move_scatter, turn, scale_to_nothing, lose, parent, constrain, edit_vertex, add_triangle, subdivide, smooth, color,
-    node_value, unlink_or_link, paint, recolor, reload, interpolate, swap_material, light, kind_of_lamp, squeeze_lamp, see_lamp,
-    surround, hide, exclude, add, delete, select, step, cast, film, mark,
-]  # fmt: skip
+    move,
+    move_inner,
+    move_scatter,
+    turn,
+    scale_to_nothing,
+    lose,
+    parent,
+    constrain,
+    edit_vertex,
+    add_triangle,
+    subdivide,
+    smooth,
+    color,
+    node_value,
+    unlink_or_link,
+    paint,
+    recolor,
+    reload,
+    interpolate,
+    swap_material,
+    light,
+    kind_of_lamp,
+    squeeze_lamp,
+    see_lamp,
+    surround,
+    hide,
+    exclude,
+    add,
+    delete,
+    select,
+    step,
+    cast,
+    film,
+    mark,
+]
 
 
 @pytest.mark.parametrize("edit", EDITS)
@@ -353,7 +428,9 @@ def test_what_is_no_geometry_reads_no_mesh(world, edit, monkeypatch):
         follower.check()
         before = {id(geometry) for geometry in follower.scene.geometries}
         monkeypatch.setattr(incremental, "read_shape", lambda *_: pytest.fail("a mesh was read"))
-        monkeypatch.setattr(incremental, "read_attributes", lambda *_: pytest.fail("an attribute was read"))
+        monkeypatch.setattr(
+            incremental, "read_attributes", lambda *_: pytest.fail("an attribute was read")
+        )
         edit(random.Random(1))
         bpy.context.view_layer.update()
         assert {id(geometry) for geometry in follower.scene.geometries} <= before
@@ -365,10 +442,15 @@ def test_an_edited_material_walks_over_nothing(world, monkeypatch):
         follower.check()
         before = follower.scene
         with monkeypatch.context() as patched:
-            patched.setattr(incremental, "walk", lambda *_: pytest.fail("the instances were walked over"))
+            patched.setattr(
+                incremental, "walk", lambda *_: pytest.fail("the instances were walked over")
+            )
             node_value(random.Random(1))
             bpy.context.view_layer.update()
-        assert follower.scene.materials != before.materials and follower.scene.instances is before.instances
+        assert (
+            follower.scene.materials != before.materials
+            and follower.scene.instances is before.instances
+        )
         follower.check()
 
 
@@ -384,10 +466,15 @@ def dress(r):
     """Another material in a slot of the object, not of its mesh."""
     slot = bpy.data.objects["Twin"].material_slots[0]
     slot.link = "OBJECT"
-    slot.material = bpy.data.materials["Textured" if slot.material == bpy.data.materials["Plain"] else "Plain"]
+    slot.material = bpy.data.materials[
+        "Textured" if slot.material == bpy.data.materials["Plain"] else "Plain"
+    ]
 
 
-@pytest.mark.parametrize("edit", [cast, number, dress, edit_vertex, push, hide, surround, swap_material, film, unlink_or_link])
+@pytest.mark.parametrize(
+    "edit",
+    [cast, number, dress, edit_vertex, push, hide, surround, swap_material, film, unlink_or_link],
+)
 def test_an_edited_material_hides_no_other_edit(world, edit):
     unlink_or_link(random.Random(0))
     with Follower() as follower:
@@ -399,8 +486,9 @@ def test_an_edited_material_hides_no_other_edit(world, edit):
 
 @pytest.mark.parametrize("kind", ["MESH", "CURVE"])
 def test_data_that_several_objects_share_outlive_each_of_them(scene, kind, monkeypatch):  # noqa: F811
-    """Whichever of them brought the shape first, an edit is heard of through those that are left; and if Blender puts what was edited at
-    the same address again."""
+    """Whichever of them brought the shape first, an edit is heard of through those that are left;
+    and if Blender puts what was edited at the same address again.
+    """
     if kind == "MESH":  # each curve object has a temporary mesh of its own
         monkeypatch.setattr(incremental, "mesh_key", lambda mesh: (mesh.name,))
     data = bpy.data.curves.new("Shared", "CURVE") if kind == "CURVE" else quad("Model").data

@@ -1,4 +1,6 @@
-"""A session of the viewport without a window: real spaces and depsgraphs, a region and matrices made up, pictures not uploaded."""
+"""A session of the viewport without a window: real spaces and depsgraphs, a region and matrices
+made up, pictures not uploaded.
+"""
 
 import time
 from dataclasses import replace
@@ -30,7 +32,9 @@ def settings():
 
 @pytest.fixture
 def view(scene, settings, monkeypatch):  # noqa: F811
-    """Two quads, a sun and a point light; what Blender hands to a render engine for a 3D view that looks at them."""
+    """Two quads, a sun and a point light; what Blender hands to a render engine for a 3D view that
+    looks at them.
+    """
     monkeypatch.setattr(session, "Picture", lambda *_: SimpleNamespace(draw=lambda *_: None))
     for x in (-1.5, 0.5):
         quad(f"Quad {x}").location = (x, 0, 0)
@@ -42,12 +46,21 @@ def view(scene, settings, monkeypatch):  # noqa: F811
     camera.location = (0.5, 0.5, 6)
     link(camera)
     bpy.context.view_layer.update()
-    space = next(area.spaces[0] for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D")
+    space = next(
+        area.spaces[0]
+        for screen in bpy.data.screens
+        for area in screen.areas
+        if area.type == "VIEW_3D"
+    )
     space.shading.use_scene_lights_render = space.shading.use_scene_world_render = True
-    projection = camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=SIZE[0], y=SIZE[1])
+    projection = camera.calc_matrix_camera(
+        bpy.context.evaluated_depsgraph_get(), x=SIZE[0], y=SIZE[1]
+    )
     region = SimpleNamespace(width=SIZE[0], height=SIZE[1], as_pointer=lambda: 1)
     matrices = {"window_matrix": projection, "view_matrix": camera.matrix_world.inverted()}
-    looks = SimpleNamespace(view_perspective="PERSP", use_clip_planes=False, use_box_clip=False, **matrices)
+    looks = SimpleNamespace(
+        view_perspective="PERSP", use_clip_planes=False, use_box_clip=False, **matrices
+    )
     return SimpleNamespace(space_data=space, region=region, region_data=looks)
 
 
@@ -60,7 +73,9 @@ class Watcher:
         self.edit(lambda: None, updates=True)
 
     def edit(self, change, updates=True):
-        """Waits for the last picture after a change. updates: whether Blender tells the engine of it."""
+        """Waits for the last picture after a change. updates: whether Blender tells the engine of
+        it.
+        """
         change()
         heard = []
         if updates:
@@ -98,7 +113,11 @@ def same(film, truth):
 
 
 def test_edits_end_in_the_bits_of_a_render(watcher):
-    sun, point, quads = bpy.data.lights["SUN"], bpy.data.objects["POINT"], [o for o in bpy.data.objects if o.type == "MESH"]
+    sun, point, quads = (
+        bpy.data.lights["SUN"],
+        bpy.data.objects["POINT"],
+        [o for o in bpy.data.objects if o.type == "MESH"],
+    )
     edits = [
         lambda: setattr(sun, "energy", 2.0),
         lambda: setattr(point, "location", (1, 1, 2)),
@@ -111,7 +130,9 @@ def test_edits_end_in_the_bits_of_a_render(watcher):
     for edit in edits:
         film = watcher.edit(edit)
         assert same(film, watcher.expected())
-    assert watcher.told[-1].startswith("Glint: 2 samples, ") and "error" not in watcher.told[-1], "two samples tell no error"
+    assert watcher.told[-1].startswith("Glint: 2 samples, ") and "error" not in watcher.told[-1], (
+        "two samples tell no error"
+    )
 
 
 def test_warnings_are_counted_in_the_status_line_and_kept_for_the_panel(watcher):
@@ -121,7 +142,9 @@ def test_warnings_are_counted_in_the_status_line_and_kept_for_the_panel(watcher)
     odd.link(odd.node("ShaderNodeTexWhiteNoise"), "Color", odd.shader, "Color")
     watcher.edit(lambda: None)
     [note] = statistics.of_views(bpy.context.scene.name)
-    assert "'Odd'" in note and watcher.told[-1].endswith(", 1 warning: Render Properties, Statistics")
+    assert "'Odd'" in note and watcher.told[-1].endswith(
+        ", 1 warning: Render Properties, Statistics"
+    )
     watcher.edit(odd.quad.data.materials.clear)
     assert statistics.of_views(bpy.context.scene.name) == () and "warning" not in watcher.told[-1]
 
@@ -177,10 +200,17 @@ def test_the_shading_popover(watcher):
     watcher.edit(lambda: setattr(shading, "use_scene_world_render", False), updates=False)
     ambient = np.array(watcher.session.shown_scene[0].world.ambient)
     assert (ambient > 0).all()
-    watcher.edit(lambda: setattr(shading, "studiolight_intensity", 2 * shading.studiolight_intensity), updates=False)
+    watcher.edit(
+        lambda: setattr(shading, "studiolight_intensity", 2 * shading.studiolight_intensity),
+        updates=False,
+    )
     np.testing.assert_allclose(watcher.session.shown_scene[0].world.ambient, 2 * ambient)
     watcher.edit(
-        lambda: (setattr(shading, "use_scene_lights_render", True), setattr(shading, "use_scene_world_render", True)), updates=False
+        lambda: (
+            setattr(shading, "use_scene_lights_render", True),
+            setattr(shading, "use_scene_world_render", True),
+        ),
+        updates=False,
     )
     assert len(watcher.session.shown_scene[0].lights) == 2
 
@@ -197,7 +227,12 @@ def test_kinds_of_objects_that_the_view_leaves_out(watcher):
 
 def test_the_border_of_the_view(watcher):
     space = watcher.view.space_data
-    space.render_border_min_x, space.render_border_max_x, space.render_border_min_y, space.render_border_max_y = 0.25, 0.75, 0.5, 1.0
+    (
+        space.render_border_min_x,
+        space.render_border_max_x,
+        space.render_border_min_y,
+        space.render_border_max_y,
+    ) = 0.25, 0.75, 0.5, 1.0
     film = watcher.edit(lambda: setattr(space, "use_render_border", True), updates=False)
     shown, settings, view = watcher.session.shown_scene
     assert view.border == (16, 24, 48, 48)
@@ -205,14 +240,27 @@ def test_the_border_of_the_view(watcher):
 
 
 def test_the_clipping_region(watcher):
-    """A box that leaves the left half of the view: there the picture is as it was, elsewhere it shows the surroundings."""
+    """A box that leaves the left half of the view: there the picture is as it was, elsewhere it
+    shows the surroundings.
+    """
     before = watcher.edit(lambda: None, updates=False).combined
     looks, middle = watcher.view.region_data, 0.5
-    planes = [(-1, 0, 0, middle), (0, 0, 0, 0), (0, 1, 0, 99), (0, 0, 1, 99), (0, 0, 0, 0), (0, 0, 0, 0)]
-    after = watcher.edit(lambda: vars(looks).update(use_clip_planes=True, clip_planes=planes), updates=False).combined
+    planes = [
+        (-1, 0, 0, middle),
+        (0, 0, 0, 0),
+        (0, 1, 0, 99),
+        (0, 0, 1, 99),
+        (0, 0, 0, 0),
+        (0, 0, 0, 0),
+    ]
+    after = watcher.edit(
+        lambda: vars(looks).update(use_clip_planes=True, clip_planes=planes), updates=False
+    ).combined
     assert before[:, 32:, :3].any()
     assert (after[:, :32] == before[:, :32]).all()
-    assert (after[:, 33:, :3] == np.array(watcher.session.shown_scene[0].world.background, np.float32)).all()
+    assert (
+        after[:, 33:, :3] == np.array(watcher.session.shown_scene[0].world.background, np.float32)
+    ).all()
 
 
 def test_better_pictures_wait_for_their_redraw_and_the_last_does_not(watcher, monkeypatch):
@@ -241,13 +289,25 @@ def test_a_coarse_picture_then_all_pixels_then_the_exact_one(watcher, monkeypatc
         monkeypatch.setattr(live, name, lambda tasks, do=do: (asked.extend(tasks), do(tasks)))
     quads = [thing for thing in bpy.data.objects if thing.type == "MESH"]
     film = watcher.edit(lambda: setattr(quads[0], "location", (-1.1, 0, 0)))
-    told = [(task.tag.stage, task.scene.camera.resolution, task.settings.samples, task.exact) for task in asked]
-    assert told == [("DRAFT", (32, 24), 1, False), ("FULL", SIZE, 1, False), ("FULL", SIZE, 2, True)]
+    told = [
+        (task.tag.stage, task.scene.camera.resolution, task.settings.samples, task.exact)
+        for task in asked
+    ]
+    assert told == [
+        ("DRAFT", (32, 24), 1, False),
+        ("FULL", SIZE, 1, False),
+        ("FULL", SIZE, 2, True),
+    ]
     assert same(film, watcher.expected())
 
 
-@pytest.mark.parametrize(("prefers_whole", "slows", "first"), [(False, True, "DRAFT"), (True, True, "FULL"), (True, False, "DRAFT")])
-def test_while_things_move_all_but_the_first_picture_waits_for_the_redraw(watcher, monkeypatch, prefers_whole, slows, first):
+@pytest.mark.parametrize(
+    ("prefers_whole", "slows", "first"),
+    [(False, True, "DRAFT"), (True, True, "FULL"), (True, False, "DRAFT")],
+)
+def test_while_things_move_all_but_the_first_picture_waits_for_the_redraw(
+    watcher, monkeypatch, prefers_whole, slows, first
+):
     monkeypatch.setattr(session.Pacer, "divisor", lambda *_: 2)
     monkeypatch.setattr(session.Pacer, "prefers_whole", lambda *_: prefers_whole)
     monkeypatch.setattr(session.Motion, "slows", lambda *_: slows)
@@ -277,7 +337,9 @@ def test_an_edit_is_traced_before_blender_draws(watcher):
     one.update(watcher.view, bpy.context.evaluated_depsgraph_get())
     assert one._live.wait(lambda wave: wave.task.tag.request == before + 1, LONGEST)
     watcher.draw()
-    assert one.requests == before + 1 and one.answered == one.requests, "the draw asks for nothing new"
+    assert one.requests == before + 1 and one.answered == one.requests, (
+        "the draw asks for nothing new"
+    )
     watcher.view.region_data.view_perspective = "CAMERA"
     one.update(watcher.view, bpy.context.evaluated_depsgraph_get())
     assert one.requests == before + 1, "the camera may have moved as well"
@@ -302,20 +364,30 @@ def test_surroundings_leave_all_else():
 
 
 def test_scenes_with_the_same_places():
-    """Other materials, lights and worlds are no other places; other matrices, geometries and visibilities are."""
+    """Other materials, lights and worlds are no other places; other matrices, geometries and
+    visibilities are.
+    """
     mesh = Mesh("Mesh", np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.uint32))
     group = Instances("Mesh", 0, np.eye(4)[None, :3], ())
     one = engine.Scene(None, (mesh,), (group,))
-    assert same_places(one, replace(one, world=World((1, 1, 1)), instances=(replace(group, materials=(1,)),)))
+    assert same_places(
+        one, replace(one, world=World((1, 1, 1)), instances=(replace(group, materials=(1,)),))
+    )
     others = [{"world_from_object": 2 * group.world_from_object}, {"visible_shadow": False}]
-    assert not any(same_places(one, replace(one, instances=(replace(group, **other),))) for other in others)
+    assert not any(
+        same_places(one, replace(one, instances=(replace(group, **other),))) for other in others
+    )
     assert not same_places(one, replace(one, geometries=(replace(mesh),)))
 
 
 def test_heat_grows_with_what_it_shows():
     colors = draw.as_colors(np.array([[[0.0], [4.0], [8.0], [80.0]]], np.float32), "Error")
     brightness = colors[0, :, :3].sum(1)
-    assert (np.diff(brightness[:3]) > 0).all() and brightness[2] == brightness[3] and (colors[..., 3] == 1).all()
+    assert (
+        (np.diff(brightness[:3]) > 0).all()
+        and brightness[2] == brightness[3]
+        and (colors[..., 3] == 1).all()
+    )
     grey = draw.as_colors(np.full((1, 1, 1), 3.0, np.float32), "Depth")
     assert (grey[0, 0] == (3, 3, 3, 1)).all()
 
@@ -324,7 +396,11 @@ def test_views_of_one_scene_read_it_once(view, monkeypatch):
     """As the four of a quad view: Blender tells each of every evaluation."""
     reads = []
     read = incremental.read_shape
-    monkeypatch.setattr(incremental, "read_shape", lambda data, *others: reads.append(data.name) or read(data, *others))
+    monkeypatch.setattr(
+        incremental,
+        "read_shape",
+        lambda data, *others: reads.append(data.name) or read(data, *others),
+    )
     views = [session.Session() for _ in range(4)]
     handler = lambda _, depsgraph: [one.update(view, depsgraph) for one in views]  # noqa: E731
     try:
@@ -338,7 +414,9 @@ def test_views_of_one_scene_read_it_once(view, monkeypatch):
             bpy.context.view_layer.update()
             contents = [one._content for one in views]
             assert len(reads) == 3 + k
-            assert all(a.geometries == contents[0].geometries for a in contents), "the very same arrays"
+            assert all(a.geometries == contents[0].geometries for a in contents), (
+                "the very same arrays"
+            )
             assert any(geometry.vertices[0, 2] == k + 1.0 for geometry in contents[3].geometries)
     finally:
         bpy.app.handlers.depsgraph_update_post.remove(handler)

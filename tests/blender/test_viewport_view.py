@@ -1,4 +1,6 @@
-"""The camera of a 3D view from Blender's matrices: checked with projections made by Blender itself and by hand."""
+"""The camera of a 3D view from Blender's matrices: checked with projections made by Blender itself
+and by hand.
+"""
 
 import bpy
 import numpy as np
@@ -16,7 +18,9 @@ SIZE = (96, 54)
 
 
 def blenders_camera(**settings):
-    """A camera object with these settings of its data, and Blender's own projection of it, float32."""
+    """A camera object with these settings of its data, and Blender's own projection of it,
+    float32.
+    """
     bpy.ops.wm.read_factory_settings(use_empty=True)
     data = bpy.data.cameras.new("Camera")
     for name, value in settings.items():
@@ -48,14 +52,19 @@ def test_a_projection_gives_back_the_window_and_the_clip_distances(settings):
 @pytest.mark.parametrize("settings", KINDS)
 @pytest.mark.parametrize("pixel_size", [1, 2, 4])
 def test_points_of_the_screen_are_points_of_rays(settings, pixel_size):
-    """A point on the ray of a traced pixel's centre projects to the middle of the screen pixels that it stands for."""
+    """A point on the ray of a traced pixel's centre projects to the middle of the screen pixels
+    that it stands for.
+    """
     thing, projection = blenders_camera(**settings)
     view = np.linalg.inv(np.array(thing.matrix_world, np.float64))
     pixels = tuple(-(-extent // pixel_size) for extent in SIZE)
     camera = view_camera(projection, np.linalg.inv(view)[:3], pixels, SIZE, pixel_size)
     left, right, bottom, top = camera.window
     for i, j in ((0, 0), (5, 7), (pixels[0] - 1, pixels[1] - 1)):
-        u, v = left + (i + 0.5) * (right - left) / pixels[0], bottom + (j + 0.5) * (top - bottom) / pixels[1]
+        u, v = (
+            left + (i + 0.5) * (right - left) / pixels[0],
+            bottom + (j + 0.5) * (top - bottom) / pixels[1],
+        )
         x, y, z, e = camera.world_from_camera.T
         depth = 3.0
         point = e + (u * x + v * y) * (depth if camera.kind == "PERSPECTIVE" else 1.0) - depth * z
@@ -70,21 +79,37 @@ def test_a_view_that_shows_the_render_one_to_one_is_known():
     around = (-0.4 - 7 * step, 0.4 + 9 * step, -0.3 - 5 * step, 0.3 + 3 * step)
     assert frame_of(around, (96, 68), frame) == (7, 5)
     assert frame_of(frame.window, (80, 60), frame) == (0, 0)
-    assert frame_of(tuple(np.float32(edge) for edge in around), (96, 68), frame) == (7, 5), "float32 rounding is no other place"
-    assert frame_of(tuple(edge + 0.3 * step for edge in around), (96, 68), frame) is None, "between the pixels"
+    assert frame_of(tuple(np.float32(edge) for edge in around), (96, 68), frame) == (7, 5), (
+        "float32 rounding is no other place"
+    )
+    assert frame_of(tuple(edge + 0.3 * step for edge in around), (96, 68), frame) is None, (
+        "between the pixels"
+    )
     assert frame_of(tuple(edge * 1.01 for edge in around), (96, 68), frame) is None, "another size"
 
 
 def test_a_parallel_view_steps_up_to_the_scene():
-    """Blender's eye stands behind by the clip distance: the same rays from just before the scene, what was in front stays in front."""
-    mesh = Mesh("Mesh", np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32), np.array([[0, 1, 2]], np.uint32))
-    scene = Scene(Camera("PERSPECTIVE", np.eye(4)[:3], (-1, 1, -1, 1), (1, 1)), (mesh,), (Instances("Mesh", 0, np.eye(4)[None, :3], ()),))
+    """Blender's eye stands behind by the clip distance: the same rays from just before the scene,
+    what was in front stays in front.
+    """
+    mesh = Mesh(
+        "Mesh",
+        np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32),
+        np.array([[0, 1, 2]], np.uint32),
+    )
+    scene = Scene(
+        Camera("PERSPECTIVE", np.eye(4)[:3], (-1, 1, -1, 1), (1, 1)),
+        (mesh,),
+        (Instances("Mesh", 0, np.eye(4)[None, :3], ()),),
+    )
     above = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1000]])
     away = Camera("ORTHOGRAPHIC", above, (-1, 1, -1, 1), (4, 4), 0.0, 2000.0)
     near = bounds.stepped_up(away, scene)
     step = 1000 - near.world_from_camera[2, 3]
     assert 0 < near.world_from_camera[2, 3] <= 2 and near.clip_end == away.clip_end - step
-    inside = bounds.stepped_up(Camera("ORTHOGRAPHIC", np.eye(4)[:3], (-1, 1, -1, 1), (4, 4), 0.0, 10.0), scene)
+    inside = bounds.stepped_up(
+        Camera("ORTHOGRAPHIC", np.eye(4)[:3], (-1, 1, -1, 1), (4, 4), 0.0, 10.0), scene
+    )
     assert inside.world_from_camera[2, 3] == 0, "a scene that begins at the eye needs no step"
 
 
@@ -103,18 +128,27 @@ def test_pictures_while_moving_fit_into_their_time():
     assert pacer.seconds(pixels / divisor**2) <= BUDGET * 1.001
     assert pacer.seconds(pixels / (divisor - 1) ** 2) > BUDGET, "no coarser than it takes"
     assert Pacer(rate=1e-12).divisor(pixels) == 1
-    assert pacer.note(0, 1, 1.0, 0.0, None) is None and pacer.divisor(pixels) == divisor, "an empty picture teaches nothing"
+    assert pacer.note(0, 1, 1.0, 0.0, None) is None and pacer.divisor(pixels) == divisor, (
+        "an empty picture teaches nothing"
+    )
 
 
 def test_coarse_pictures_tell_what_fine_ones_take():
-    """Milliseconds measured on 62 000 triangles: the divisor does not depend on which of them were seen."""
-    divisors = {taught(seconds, pixels).divisor(960 * 540) for pixels, seconds in ((518400, 0.082), (129600, 0.032), (14400, 0.007))}
+    """Milliseconds measured on 62 000 triangles: the divisor does not depend on which of them were
+    seen.
+    """
+    divisors = {
+        taught(seconds, pixels).divisor(960 * 540)
+        for pixels, seconds in ((518400, 0.082), (129600, 0.032), (14400, 0.007))
+    }
     assert max(divisors) - min(divisors) <= 1
 
 
 def test_whole_pictures_are_traced_in_motion_where_coarse_ones_would_delay_them():
     pacer, pixels = taught(0.09, 518400), 518400
-    assert not pacer.prefers_whole(pixels, 0.01), "after a coarse picture and a fast redraw the whole one is in time"
+    assert not pacer.prefers_whole(pixels, 0.01), (
+        "after a coarse picture and a fast redraw the whole one is in time"
+    )
     assert pacer.prefers_whole(pixels, 0.08)
     assert not taught(0.2, 518400).prefers_whole(pixels, 0.08), "it would be late by itself"
 
@@ -125,7 +159,9 @@ def test_a_view_that_moves_slower_than_before_is_about_to_stop():
         now, x = now + 0.08, x + 0.4
         assert not motion.slows(np.array([x, 0.0]), now), "it moves evenly"
     now, x = now + 0.04, x + 0.2
-    assert not motion.slows(np.array([x, 0.0]), now), "the redraw took less time, and the view was no slower"
+    assert not motion.slows(np.array([x, 0.0]), now), (
+        "the redraw took less time, and the view was no slower"
+    )
     assert not motion.slows(np.array([x, 0.0]), now + 0.01), "what does not move says nothing"
     now, x = now + 0.08, x + 0.2
     assert motion.slows(np.array([x, 0.0]), now)
@@ -172,7 +208,9 @@ def test_a_view_waits_no_longer_than_a_redraw_takes():
     redraws = Redraws(clock)
     for _ in range(40):
         redrawn(redraws, clock, 0.02)
-    assert redrawn(redraws, clock, 0.02) == [pytest.approx(0.02)], "waiting does not count as drawing"
+    assert redrawn(redraws, clock, 0.02) == [pytest.approx(0.02)], (
+        "waiting does not count as drawing"
+    )
     for _ in range(40):
         redrawn(redraws, clock, 0.2)
     assert redrawn(redraws, clock, 0.2) == [LONGEST_WAIT]

@@ -1,9 +1,10 @@
-"""Worker of contact_sheet.py: renders one file with Glint and with Cycles, each in linear float32, and writes EXRs.
+"""Worker of contact_sheet.py: renders one file with Glint and with Cycles, each in linear float32,
+and writes EXRs.
 
     python contact_scene.py SOURCE OUT_STEM {GLINT|CYCLES} BOUNCES
 
-Both see direct light only (after BOUNCES mirror reflections and refractions), the same pixel filter, no depth of field, no motion
-blur, no compositor; 256 pixels on the longer side.
+Both see direct light only (after BOUNCES mirror reflections and refractions), the same pixel
+filter, no depth of field, no motion blur, no compositor; 256 pixels on the longer side.
 """
 
 from __future__ import annotations
@@ -44,9 +45,13 @@ def prepare(source: str):
         render.pixel_aspect_x = render.pixel_aspect_y = 1.0
     maker.ensure()
     factor = LONG_SIDE / max(render.resolution_x, render.resolution_y)
-    render.resolution_x, render.resolution_y = (max(1, round(side * factor)) for side in (render.resolution_x, render.resolution_y))
+    render.resolution_x, render.resolution_y = (
+        max(1, round(side * factor)) for side in (render.resolution_x, render.resolution_y)
+    )
     render.resolution_percentage = 100
-    render.use_border = render.use_compositing = render.use_sequencer = render.use_motion_blur = render.use_freestyle = False
+    render.use_border = render.use_compositing = render.use_sequencer = render.use_motion_blur = (
+        render.use_freestyle
+    ) = False
     scene.camera.data.dof.use_dof = False
     for layer in scene.view_layers:
         layer.use = layer == bpy.context.view_layer
@@ -65,7 +70,12 @@ def set_glint(scene, bounces: int) -> None:
     addon.register()
     scene.render.engine = "GLINT"
     settings = scene.glint.final
-    settings.samples, settings.light_samples, settings.max_bounces, settings.error_threshold = 16, 4, bounces, 0.0
+    settings.samples, settings.light_samples, settings.max_bounces, settings.error_threshold = (
+        16,
+        4,
+        bounces,
+        0.0,
+    )
 
 
 def main() -> None:
@@ -80,7 +90,9 @@ def main() -> None:
     picture = cycles_reference.render_passes(scene)["Combined"]
     seconds = time.perf_counter() - start
     np.save(f"{stem}_{engine.lower()}.npy", picture)
-    Path(f"{stem}_{engine.lower()}.json").write_text(json.dumps({"seconds": round(seconds, 2), "finite": bool(np.isfinite(picture).all())}))
+    Path(f"{stem}_{engine.lower()}.json").write_text(
+        json.dumps({"seconds": round(seconds, 2), "finite": bool(np.isfinite(picture).all())})
+    )
 
 
 if __name__ == "__main__":

@@ -1,10 +1,12 @@
-"""The contact sheet: every scene of ../shared/scenes as Glint | Cycles, 64 samples, direct light only | difference × 4.
+"""The contact sheet: every scene of ../shared/scenes as Glint | Cycles, 64 samples, direct light
+only | difference × 4.
 
-    python tests/cycles/contact_sheet.py [--core12] [--only NAME …] [--bounces 0] [--reuse-cycles] [--out out]
+    python tests/cycles/contact_sheet.py [--core12] [--only NAME …] [--bounces 0] [--reuse-cycles]
+    [--out out]
 
-Writes out/contact_sheet.png, out/contact/<scene>.png, out/contact.json and out/contact.csv, and ends with exit code 1 if a scene fails
-or holds a non-finite pixel. One process per scene and engine. RMSE and "% off" are those of the displayed values: sRGB of clipped
-linear colour, 0 to 1.
+Writes out/contact_sheet.png, out/contact/<scene>.png, out/contact.json and out/contact.csv, and
+ends with exit code 1 if a scene fails or holds a non-finite pixel. One process per scene and
+engine. RMSE and "% off" are those of the displayed values: sRGB of clipped linear colour, 0 to 1.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -34,8 +36,9 @@ SECONDS_ALLOWED = 600
 
 @dataclass
 class Row:
-    """One scene's outcome. rmse, off_percent: displayed values; linear_rmse: relative to Cycles' mean; flip: the mean of LDR-FLIP.
-    error: "" when all went well."""
+    """One scene's outcome. rmse, off_percent: displayed values; linear_rmse: relative to Cycles'
+    mean; flip: the mean of LDR-FLIP. error: "" when all went well.
+    """
 
     scene: str
     rmse: float = float("nan")
@@ -60,18 +63,33 @@ def main() -> int:
         row, strip = render_scene(name, path, folder, options)
         rows.append(row)
         strips.append(strip)
-        print(f"{number:2d}/{len(scenes)} {name:28s} RMSE {row.rmse:.4f}  off {row.off_percent:5.1f} %  {row.error}", flush=True)
+        print(
+            f"{number:2d}/{len(scenes)} {name:28s} RMSE {row.rmse:.4f}  off {row.off_percent:5.1f} "
+            f"%  {row.error}",
+            flush=True,
+        )
     write_png(Path(options.out) / "contact_sheet.png", arrange(strips))
     write_numbers(Path(options.out), rows)
     return summarise(rows, Path(options.out))
 
 
 def parse_arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--core12", action="store_true", help="the quick dozen")
-    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="folders of ../shared/scenes")
-    parser.add_argument("--bounces", type=int, default=0, help="mirror reflections and refractions before the direct light, in both")
-    parser.add_argument("--reuse-cycles", action="store_true", help="keep the Cycles pictures of an earlier run")
+    parser.add_argument(
+        "--only", nargs="+", default=[], metavar="NAME", help="folders of ../shared/scenes"
+    )
+    parser.add_argument(
+        "--bounces",
+        type=int,
+        default=0,
+        help="mirror reflections and refractions before the direct light, in both",
+    )
+    parser.add_argument(
+        "--reuse-cycles", action="store_true", help="keep the Cycles pictures of an earlier run"
+    )
     parser.add_argument("--out", default="out")
     return parser.parse_args()
 
@@ -79,7 +97,10 @@ def parse_arguments() -> argparse.Namespace:
 def choose_scenes(options) -> list[tuple[str, Path]]:
     """(name, path) from the manifest."""
     if not SCENES.is_dir():
-        raise SystemExit(f"{SCENES} is not there: the contact sheet needs the shared scenes beside this repository")
+        raise SystemExit(
+            f"{SCENES} is not there: the contact sheet needs the shared scenes beside this "
+            "repository"
+        )
     with (SCENES / "MANIFEST.csv").open(newline="") as table:
         entries = list(csv.DictReader(table))
     chosen = [e["file"] for e in entries if not options.core12 or e["core12"] == "yes"]
@@ -111,8 +132,17 @@ def render_scene(name: str, path: Path, folder: Path, options) -> tuple[Row, np.
 
 
 def run_worker(row: Row, path: Path, stem: Path, engine: str, bounces: int) -> None:
-    """Renders in a process of its own; its log goes beside the picture, its failure into the row."""
-    command = [sys.executable, str(HERE / "contact_scene.py"), str(path), str(stem), engine, str(bounces)]
+    """Renders in a process of its own; its log goes beside the picture, its failure into the
+    row.
+    """
+    command = [
+        sys.executable,
+        str(HERE / "contact_scene.py"),
+        str(path),
+        str(stem),
+        engine,
+        str(bounces),
+    ]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS_ALLOWED)
     except subprocess.TimeoutExpired:
@@ -121,7 +151,11 @@ def run_worker(row: Row, path: Path, stem: Path, engine: str, bounces: int) -> N
     log = done.stdout + done.stderr
     Path(f"{stem}_{engine.lower()}.log").write_text(log)
     if engine == "GLINT":
-        row.notes = " / ".join(dict.fromkeys(line.split("Warning: ", 1)[1] for line in log.splitlines() if "Warning: " in line))
+        row.notes = " / ".join(
+            dict.fromkeys(
+                line.split("Warning: ", 1)[1] for line in log.splitlines() if "Warning: " in line
+            )
+        )
     if done.returncode:
         lines = [line for line in log.splitlines() if line.strip()] or ["no message"]
         row.error += f"{engine}: exit code {done.returncode}: {lines[-1][:200]}; "
@@ -153,7 +187,9 @@ def arrange(strips: list[np.ndarray]) -> np.ndarray:
     blank = np.full_like(strips[0], 0.08)
     columns = min(COLUMNS, len(strips))
     strips = strips + [blank] * (-len(strips) % columns)
-    return np.concatenate([np.concatenate(strips[k : k + columns], 1) for k in range(0, len(strips), columns)], 0)
+    return np.concatenate(
+        [np.concatenate(strips[k : k + columns], 1) for k in range(0, len(strips), columns)], 0
+    )
 
 
 def write_png(path: Path, image: np.ndarray) -> None:

@@ -1,7 +1,9 @@
-"""Cycles as the reference: a pixel-exact set-up, rendered to float arrays (row 0 at the bottom, as in Film).
+"""Cycles as the reference: a pixel-exact set-up, rendered to float arrays (row 0 at the bottom, as
+in Film).
 
-Rays go through the pixels' centres (a Gaussian filter of 0.01 px: 4e-6 px), one sample, no bounces, no clamping, no light tree. With one
-hard light per scene, one sample is then exact; Cycles picks one light at random, so scenes with two lights need two renders.
+Rays go through the pixels' centres (a Gaussian filter of 0.01 px: 4e-6 px), one sample, no bounces,
+no clamping, no light tree. With one hard light per scene, one sample is then exact; Cycles picks
+one light at random, so scenes with two lights need two renders.
 """
 
 from __future__ import annotations
@@ -12,8 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-bpy = __import__("pytest").importorskip("bpy", reason="the Cycles checks need Blender as a Python module")
-oiio = __import__("pytest").importorskip("OpenImageIO", reason="the Cycles checks read EXR through OpenImageIO")
+bpy = __import__("pytest").importorskip(
+    "bpy", reason="the Cycles checks need Blender as a Python module"
+)
+oiio = __import__("pytest").importorskip(
+    "OpenImageIO", reason="the Cycles checks read EXR through OpenImageIO"
+)
 
 if "glint" not in sys.modules:  # a command of this folder, not pytest
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -44,13 +50,17 @@ def set_world(scene, color, strength: float = 1.0) -> None:
 
 
 def use_nodes(owner) -> None:
-    """Gives a material or world its node tree; from 5.0 on it is born with one and the switch is deprecated."""
+    """Gives a material or world its node tree; from 5.0 on it is born with one and the switch is
+    deprecated.
+    """
     if bpy.app.version < (5, 0):
         owner.use_nodes = True
 
 
 def make_exact(scene, samples: int = 1, seed: int = 0, bounces: int = 0) -> None:
-    """Sets the engine to Cycles with one ray through every pixel's centre and direct light only, after `bounces` glossy bounces."""
+    """Sets the engine to Cycles with one ray through every pixel's centre and direct light only,
+    after `bounces` glossy bounces.
+    """
     scene.render.engine = "CYCLES"
     direct_light_only(scene, samples, seed)
     scene.cycles.max_bounces = scene.cycles.glossy_bounces = bounces
@@ -58,8 +68,12 @@ def make_exact(scene, samples: int = 1, seed: int = 0, bounces: int = 0) -> None
     scene.cycles.filter_width = 0.01
 
 
-def render_cycles(scene, samples: int = 1, seed: int = 0, bounces: int = 0) -> dict[str, np.ndarray]:
-    """Pixel-exact passes of `scene`: (h, w) Depth; (h, w, 3) Position, Normal; (h, w, 4) Combined; float32, linear."""
+def render_cycles(
+    scene, samples: int = 1, seed: int = 0, bounces: int = 0
+) -> dict[str, np.ndarray]:
+    """Pixel-exact passes of `scene`: (h, w) Depth; (h, w, 3) Position, Normal; (h, w, 4) Combined;
+    float32, linear.
+    """
     make_exact(scene, samples, seed, bounces)
     return render_passes(scene)
 
@@ -76,14 +90,17 @@ def render_passes(scene) -> dict[str, np.ndarray]:
         path = str(Path(folder) / "reference.exr")
         bpy.ops.render.render()
         aspect = scene.render.pixel_aspect_x, scene.render.pixel_aspect_y
-        scene.render.pixel_aspect_x = scene.render.pixel_aspect_y = 1.0  # 5.0 cannot write a multilayer EXR with any other
+        # 5.0 cannot write a multilayer EXR with any other
+        scene.render.pixel_aspect_x = scene.render.pixel_aspect_y = 1.0
         bpy.data.images["Render Result"].save_render(path, scene=scene)
         scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = aspect
         return read_exr(path)
 
 
 def read_exr(path: str) -> dict[str, np.ndarray]:
-    """Passes of the first view layer of a multilayer EXR: one part for all (up to 4.x) or one per pass (5.x)."""
+    """Passes of the first view layer of a multilayer EXR: one part for all (up to 4.x) or one per
+    pass (5.x).
+    """
     planes: dict[str, dict[str, np.ndarray]] = {}
     source = oiio.ImageInput.open(path)
     part = 0

@@ -1,20 +1,25 @@
-"""Makes the tables of addon/export/roughness.py and measures how well power lobes can stand for Cycles' microfacets.
+"""Makes the tables of addon/export/roughness.py and measures how well power lobes can stand for
+Cycles' microfacets.
 
     python tests/cycles/fit_roughness.py
 
-Lobes: Σ s_k (n·h)^p_k is fitted to π D / 4 of GGX, by the largest ratio between the two up to 75° from the half vector, up to 25 α where
-roughness is below 0.3. World: GGX's reflectance of a uniform world, integrated with Schlick's weight or a dielectric's Fresnel reflectance,
-by its largest relative error from 6° to 90° for F0 = 0.03 and 0.04.
+Lobes: Σ s_k (n·h)^p_k is fitted to π D / 4 of GGX, by the largest ratio between the two up to 75°
+from the half vector, up to 25 α where roughness is below 0.3. World: GGX's reflectance of a uniform
+world, integrated with Schlick's weight or a dielectric's Fresnel reflectance, by its largest
+relative error from 6° to 90° for F0 = 0.03 and 0.04.
 
-Measured in Cycles: the single lobe that stands for the Blinn-Phong node there, and GGX's albedo. Set-up: ORTHO camera along -z, one sun of
-angle 0, a wall of small quads, one per pixel, each turned to a normal of its own, no shadows. The normals lie on rings round the half
-vector whose tangents grow evenly up to GGX's width and then by a constant factor, so that lobes of every width and their tails are
-resolved. For each roughness, half angles δ between light and view of 0° to 70° are rendered with a white Glossy BSDF.
+Measured in Cycles: the single lobe that stands for the Blinn-Phong node there, and GGX's albedo.
+Set-up: ORTHO camera along -z, one sun of angle 0, a wall of small quads, one per pixel, each turned
+to a normal of its own, no shadows. The normals lie on rings round the half vector whose tangents
+grow evenly up to GGX's width and then by a constant factor, so that lobes of every width and their
+tails are resolved. For each roughness, half angles δ between light and view of 0° to 70° are
+rendered with a white Glossy BSDF.
 
 Minimised, over p and s > 0:  Σ_δ w_δ · Σ_n c_n (s (n·h)^p E/π − L)² / Σ_n c_n L²
-L: Cycles' radiance, c_n: solid angle of the normal times n·v (what it covers in a picture of a sphere), w_δ = sin 2δ cos² δ (how
-often a light from anywhere makes that half angle, and how much of a sphere it lights that is seen); every δ counts relative to its own
-lobe, since F and light strength are unknown.
+L: Cycles' radiance, c_n: solid angle of the normal times n·v (what it covers in a picture of a
+sphere), w_δ = sin 2δ cos² δ (how often a light from anywhere makes that half angle, and how much of
+a sphere it lights that is seen); every δ counts relative to its own lobe, since F and light
+strength are unknown.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -37,7 +42,9 @@ STRENGTH = np.pi
 
 @dataclass
 class Lobe:
-    """Radiance per unit of E/π at n normals. n_h, n_v, n_l: cosines. solid_angle: what each normal stands for."""
+    """Radiance per unit of E/π at n normals. n_h, n_v, n_l: cosines. solid_angle: what each normal
+    stands for.
+    """
 
     n_h: np.ndarray
     n_v: np.ndarray
@@ -51,17 +58,23 @@ class Lobe:
 
 
 def hemisphere(cosine) -> np.ndarray:
-    """(SIDE², 3) normals round +z: cosine maps the share of a distribution, 0 to 1, to the cosine of the polar angle."""
-    share, azimuth = np.meshgrid((np.arange(SIDE) + 0.5) / SIDE, 2 * np.pi * (np.arange(SIDE) + 0.5) / SIDE, indexing="ij")
+    """(SIDE², 3) normals round +z: cosine maps the share of a distribution, 0 to 1, to the cosine
+    of the polar angle.
+    """
+    share, azimuth = np.meshgrid(
+        (np.arange(SIDE) + 0.5) / SIDE, 2 * np.pi * (np.arange(SIDE) + 0.5) / SIDE, indexing="ij"
+    )
     up = cosine(share)
     around = np.sqrt(1 - up**2)
     return np.stack([around * np.cos(azimuth), around * np.sin(azimuth), up], -1).reshape(-1, 3)
 
 
 def lobe_normals(roughness: float, half_angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(k, 3) normals round the half vector at `half_angle` from +z in the xz plane, (k,) solid angles, and the light's direction.
+    """(k, 3) normals round the half vector at `half_angle` from +z in the xz plane, (k,) solid
+    angles, and the light's direction.
 
-    The rings' tangents grow evenly up to GGX's width α and then by a constant factor, up to 86° from the half vector.
+    The rings' tangents grow evenly up to GGX's width α and then by a constant factor, up to 86°
+    from the half vector.
     """
     alpha = max(roughness, 1e-3) ** 2
     farthest = np.arcsinh(np.tan(np.radians(86)) / alpha)
@@ -78,7 +91,9 @@ def lobe_normals(roughness: float, half_angle: float) -> tuple[np.ndarray, np.nd
 
 
 def build_wall(normals: np.ndarray):
-    """A scene with one quad per pixel, facing `normals` (rows of pixels from the bottom left); returns it."""
+    """A scene with one quad per pixel, facing `normals` (rows of pixels from the bottom left);
+    returns it.
+    """
     scene = cycles.empty_scene(SIDE, SIDE)
     pixel = EXTENT / SIDE
     centre = (np.arange(SIDE) + 0.5) * pixel - EXTENT / 2
@@ -89,7 +104,9 @@ def build_wall(normals: np.ndarray):
     t2 = np.cross(normals, t1)
     middle = np.stack([x.ravel(), y.ravel(), np.zeros(SIDE**2)], -1)
     signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-    corners = np.stack([middle + 0.3 * pixel * (a * t1 + b * t2) for a, b in signs], 1).reshape(-1, 3)
+    corners = np.stack([middle + 0.3 * pixel * (a * t1 + b * t2) for a, b in signs], 1).reshape(
+        -1, 3
+    )
     mesh = bpy.data.meshes.new("Wall")
     mesh.from_pydata(corners.tolist(), [], np.arange(4 * SIDE**2).reshape(-1, 4).tolist())
     scene.collection.objects.link(bpy.data.objects.new("Wall", mesh))
@@ -137,9 +154,13 @@ def measure_lobe(roughness: float, half_angle: float) -> Lobe:
     radiance = cycles.render_cycles(scene)["Combined"][..., 0].reshape(-1).astype(float)
     half = light + np.array([0, 0, 1])
     radiance *= np.pi / STRENGTH
-    lobe = Lobe(normals @ half / np.linalg.norm(half), normals[:, 2], normals @ light, solid_angle, radiance)
+    lobe = Lobe(
+        normals @ half / np.linalg.norm(half), normals[:, 2], normals @ light, solid_angle, radiance
+    )
     seen = (lobe.n_v > 0.02) & (lobe.n_l > 0)
-    return Lobe(*(getattr(lobe, name)[seen] for name in ("n_h", "n_v", "n_l", "solid_angle", "radiance")))
+    return Lobe(
+        *(getattr(lobe, name)[seen] for name in ("n_h", "n_v", "n_l", "solid_angle", "radiance"))
+    )
 
 
 def measure_lobes(roughness: float) -> list[Lobe]:
@@ -154,7 +175,9 @@ def half_angle_weights() -> np.ndarray:
 
 
 def nearest_exponent(lobes: list[Lobe]) -> float:
-    """The exponent of the single power lobe that is nearest, by golden section in its logarithm; the scale follows from it."""
+    """The exponent of the single power lobe that is nearest, by golden section in its logarithm;
+    the scale follows from it.
+    """
     low, high = np.log(0.5), np.log(1e6)
     ratio = (np.sqrt(5) - 1) / 2
     while high - low > 1e-4:
@@ -167,12 +190,18 @@ def _misfit(lobes: list[Lobe], exponent: float) -> float:
     dots = np.zeros(3)  # of power and power, power and target, target and target
     for lobe, weight in zip(lobes, half_angle_weights(), strict=True):
         power, target, c = np.maximum(lobe.n_h, 0) ** exponent, lobe.radiance, lobe.weight
-        dots += weight / np.sum(c * target**2) * np.array([np.sum(c * x) for x in (power * power, power * target, target * target)])
+        dots += (
+            weight
+            / np.sum(c * target**2)
+            * np.array([np.sum(c * x) for x in (power * power, power * target, target * target)])
+        )
     return dots[2] - dots[1] ** 2 / dots[0]
 
 
 def measure_albedo(roughness: float, samples: int = 16) -> float:
-    """Share of a uniform white world that the lobe reflects, averaged over the directions of view with the cosine."""
+    """Share of a uniform white world that the lobe reflects, averaged over the directions of view
+    with the cosine.
+    """
     scene = build_wall(hemisphere(lambda share: np.sqrt(1 - share)))
     wall = scene.objects["Wall"]
     wall.data.materials.append(glossy_material(roughness))
@@ -188,7 +217,9 @@ def distribution(angle: np.ndarray, roughness: float) -> np.ndarray:
 
 
 def lobe_angles(roughness: float, count: int = 120) -> np.ndarray:
-    """Where lobes are compared with GGX: tangents that grow evenly up to a third of its width and then by a factor."""
+    """Where lobes are compared with GGX: tangents that grow evenly up to a third of its width and
+    then by a factor.
+    """
     alpha = roughness**2
     farthest = np.tan(np.radians(75)) / alpha if roughness >= 0.3 else 25.0
     return np.arctan(alpha * np.sinh(np.linspace(0, np.arcsinh(3 * farthest), count)) / 3)
@@ -200,8 +231,9 @@ def power_lobes(highlights, angle: np.ndarray) -> np.ndarray:
 
 
 def fit_lobes(roughness: float, count: int) -> tuple[float, np.ndarray]:
-    """The largest |log ratio| to GGX, and (2, count) p·α² and s·α², by Levenberg and Marquardt's method with weights that grow where it
-    is worst."""
+    """The largest |log ratio| to GGX, and (2, count) p·α² and s·α², by Levenberg and Marquardt's
+    method with weights that grow where it is worst.
+    """
     alpha2, angle = roughness**4, lobe_angles(roughness)
     target, cosine = np.log(distribution(angle, roughness)), np.log(np.cos(angle))
     p = np.geomspace(1.8 / alpha2, max(3.0, 0.02 / alpha2) if roughness < 0.55 else 1.0, count)
@@ -213,9 +245,13 @@ def fit_lobes(roughness: float, count: int) -> tuple[float, np.ndarray]:
     weights, damping, best = np.ones(len(angle)), 1e-2, (np.inf, now)
     for step in range(600):
         left = ratios(now)
-        slopes = np.stack([(ratios(now + 1e-5 * axis) - left) / 1e-5 for axis in np.eye(2 * count)], 1)
+        slopes = np.stack(
+            [(ratios(now + 1e-5 * axis) - left) / 1e-5 for axis in np.eye(2 * count)], 1
+        )
         normal = slopes.T @ (slopes * weights[:, None]) + 1e-9 * np.eye(2 * count)
-        move = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -slopes.T @ (weights * left))
+        move = np.linalg.solve(
+            normal + damping * np.diag(np.diag(normal)), -slopes.T @ (weights * left)
+        )
         then = now + np.clip(move, -0.5, 0.5)
         better = (weights * ratios(then) ** 2).sum() < (weights * left**2).sum()
         now, damping = (then, max(damping / 3, 1e-7)) if better else (now, min(4 * damping, 1e6))
@@ -230,7 +266,9 @@ def fit_lobes(roughness: float, count: int) -> tuple[float, np.ndarray]:
 
 
 def reflected(cosine: float, roughness: float, weight, count: int = 256) -> tuple[float, float]:
-    """What GGX reflects of a uniform world seen at that cosine for F = 1 (A), and for F = weight(v·h) (B), by the midpoint rule over D."""
+    """What GGX reflects of a uniform world seen at that cosine for F = 1 (A), and for F =
+    weight(v·h) (B), by the midpoint rule over D.
+    """
     a2 = roughness**4
     share, turn = np.meshgrid(*2 * ((np.arange(count) + 0.5) / count,))
     n_h = 1 / np.sqrt(1 + a2 * share / (1 - share))
@@ -238,7 +276,11 @@ def reflected(cosine: float, roughness: float, weight, count: int = 256) -> tupl
     n_l = 2 * v_h * n_h - cosine
     lit = (v_h > 0) & (n_l > 0)
     n_l, v_h = np.where(lit, n_l, 1), np.clip(v_h, 0, 1)
-    masking = 2 * n_l / (n_l * np.sqrt(a2 + (1 - a2) * cosine**2) + cosine * np.sqrt(a2 + (1 - a2) * n_l**2))
+    masking = (
+        2
+        * n_l
+        / (n_l * np.sqrt(a2 + (1 - a2) * cosine**2) + cosine * np.sqrt(a2 + (1 - a2) * n_l**2))
+    )
     value = np.where(lit, masking * v_h / n_h, 0)
     return float(value.mean()), float((value * weight(v_h)).mean())
 
@@ -250,7 +292,11 @@ def schlick(cosine: np.ndarray) -> np.ndarray:
 def dielectric(cosine: np.ndarray) -> np.ndarray:
     """(F - F0) / (1 - F0) of IOR 1.5."""
     g = np.sqrt(1.25 + cosine**2)
-    reflectance = 0.5 * ((g - cosine) / (g + cosine)) ** 2 * (1 + ((cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)) ** 2)
+    reflectance = (
+        0.5
+        * ((g - cosine) / (g + cosine)) ** 2
+        * (1 + ((cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)) ** 2)
+    )
     return (reflectance - 0.04) / 0.96
 
 
@@ -263,11 +309,15 @@ def fit_world(roughness: float, weight, f0: float) -> tuple[float, float, np.nda
     for q in np.arange(1.0, 6.01, 0.1):
         basis = np.stack([np.ones_like(cosines), (1 - cosines) ** q], 1)
         found = [_least_worst(basis, value, scale) for value, scale in kinds]
-        fits.append((max(worst for worst, _ in found), float(q), np.concatenate([c for _, c in found])))
+        fits.append(
+            (max(worst for worst, _ in found), float(q), np.concatenate([c for _, c in found]))
+        )
     return min(fits, key=lambda fit: fit[0])
 
 
-def _least_worst(basis: np.ndarray, value: np.ndarray, scale: np.ndarray) -> tuple[float, np.ndarray]:
+def _least_worst(
+    basis: np.ndarray, value: np.ndarray, scale: np.ndarray
+) -> tuple[float, np.ndarray]:
     weights = scale.copy()
     for _ in range(40):
         found = np.linalg.lstsq(basis * weights[:, None], value * weights, rcond=None)[0]
@@ -281,11 +331,19 @@ def main() -> None:
         count = table.shape[1] // 2
         for roughness in roughnesses:
             worst, found = fit_lobes(roughness, count)
-            print(f"lobes {roughness:.1f}: off by a factor of {np.exp(worst):.3f};", *(f"{x:.6f}" for x in found.ravel()), flush=True)
+            print(
+                f"lobes {roughness:.1f}: off by a factor of {np.exp(worst):.3f};",
+                *(f"{x:.6f}" for x in found.ravel()),
+                flush=True,
+            )
     for kind, weight, f0 in (("METAL", schlick, 0.03), ("DIELECTRIC", dielectric, 0.04)):
         for roughness in ROUGHNESS:
             worst, q, found = fit_world(roughness, weight, f0)
-            print(f"{kind} {roughness:.2f}: off by {worst:.3f}; q {q:.1f};", *(f"{x:.4f}" for x in found), flush=True)
+            print(
+                f"{kind} {roughness:.2f}: off by {worst:.3f}; q {q:.1f};",
+                *(f"{x:.4f}" for x in found),
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

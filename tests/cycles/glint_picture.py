@@ -30,14 +30,25 @@ class Pair:
 
 
 def render_glint(scene, backend: str, edit=None, **settings) -> Film:
-    """Exports and traces `scene` with one sample through the pixels' centres. edit: engine.Scene → engine.Scene before tracing."""
+    """Exports and traces `scene` with one sample through the pixels' centres. edit: engine.Scene →
+    engine.Scene before tracing.
+    """
     if backend not in available_backends():
-        raise RuntimeError(f"the {backend} tracer does not load here, and the checks against Cycles need it")
+        raise RuntimeError(
+            f"the {backend} tracer does not load here, and the checks against Cycles need it"
+        )
     factor = scene.render.resolution_percentage / 100
     width, height = int(scene.render.resolution_x * factor), int(scene.render.resolution_y * factor)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     export = export_scene(depsgraph, width=width, height=height, passes=PASSES)
-    options = {"samples": 1, "light_samples": 1, "passes": PASSES, "region": export.region, "backend": backend, **settings}
+    options = {
+        "samples": 1,
+        "light_samples": 1,
+        "passes": PASSES,
+        "region": export.region,
+        "backend": backend,
+        **settings,
+    }
     return render(edit(export.scene) if edit else export.scene, Settings(**options))
 
 
@@ -46,7 +57,11 @@ def render_pair(scene, backend: str, name: str, bounces: int = 0, **options) -> 
     film = render_glint(scene, backend, max_bounces=bounces, **options)
     reference = cycles.render_cycles(scene, bounces=bounces)
     cut = {pass_name: _cut(values, scene) for pass_name, values in reference.items()}
-    return Pair(f"{name}-{backend.lower()}", cut, {pass_name: np.squeeze(values) for pass_name, values in film.passes.items()})
+    return Pair(
+        f"{name}-{backend.lower()}",
+        cut,
+        {pass_name: np.squeeze(values) for pass_name, values in film.passes.items()},
+    )
 
 
 def _cut(values: np.ndarray, scene) -> np.ndarray:
@@ -55,8 +70,12 @@ def _cut(values: np.ndarray, scene) -> np.ndarray:
     full = (int(render_settings.resolution_y), int(render_settings.resolution_x))
     if not render_settings.use_border or (height, width) != full:
         return values
-    x0, x1 = (int(edge * width) for edge in (render_settings.border_min_x, render_settings.border_max_x))
-    y0, y1 = (int(edge * height) for edge in (render_settings.border_min_y, render_settings.border_max_y))
+    x0, x1 = (
+        int(edge * width) for edge in (render_settings.border_min_x, render_settings.border_max_x)
+    )
+    y0, y1 = (
+        int(edge * height) for edge in (render_settings.border_min_y, render_settings.border_max_y)
+    )
     return values[y0:y1, x0:x1]
 
 
@@ -77,7 +96,9 @@ def same_around(mask: np.ndarray) -> np.ndarray:
 
 
 def surface_interior(passes: dict[str, np.ndarray], bend: float = 0.35) -> np.ndarray:
-    """Pixels whose nine neighbours hit one surface: all hit, normals within `bend`, no depth step that the slopes do not explain."""
+    """Pixels whose nine neighbours hit one surface: all hit, normals within `bend`, no depth step
+    that the slopes do not explain.
+    """
     hit = passes["Depth"] < 1e9
     depth = np.where(hit, passes["Depth"], 0.0).astype(float)
     normal = passes["Normal"]
@@ -87,7 +108,12 @@ def surface_interior(passes: dict[str, np.ndarray], bend: float = 0.35) -> np.nd
         np.abs(padded[1:-1, 2:] + padded[1:-1, :-2] - 2 * depth),
         np.abs(padded[2:, 1:-1] + padded[:-2, 1:-1] - 2 * depth),
     )
-    return hit & same_around(hit) & (turned < bend) & (spread(curvature, True) < 0.02 * np.maximum(depth, 1e-6))
+    return (
+        hit
+        & same_around(hit)
+        & (turned < bend)
+        & (spread(curvature, True) < 0.02 * np.maximum(depth, 1e-6))
+    )
 
 
 def shadow_interior(passes: dict[str, np.ndarray]) -> np.ndarray:
@@ -96,9 +122,13 @@ def shadow_interior(passes: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def interior(pair: Pair, bend: float = 0.35) -> np.ndarray:
-    """Pixels away from edges of surfaces in both pictures; at least a fifth of the picture, or the check would be empty."""
+    """Pixels away from edges of surfaces in both pictures; at least a fifth of the picture, or the
+    check would be empty.
+    """
     inside = surface_interior(pair.cycles, bend) & surface_interior(pair.glint, bend)
-    assert inside.mean() > 0.2, f"{pair.name}: only {inside.mean():.1%} of the pixels are away from edges"
+    assert inside.mean() > 0.2, (
+        f"{pair.name}: only {inside.mean():.1%} of the pixels are away from edges"
+    )
     return inside
 
 
@@ -106,19 +136,35 @@ def interior(pair: Pair, bend: float = 0.35) -> np.ndarray:
 
 
 def check_geometry(pair: Pair, inside: np.ndarray, tolerance: float = 1e-4) -> None:
-    """Depth, Position (relative to the distance) and Normal agree to `tolerance` where `inside`; hits agree away from edges."""
+    """Depth, Position (relative to the distance) and Normal agree to `tolerance` where `inside`;
+    hits agree away from edges.
+    """
     hits = [p["Depth"] < 1e9 for p in (pair.cycles, pair.glint)]
     both = same_around(hits[0]) & same_around(hits[1])
     verdict(pair, "hit", (hits[0] != hits[1]) & both, 0)
     depth = pair.cycles["Depth"].astype(float)
     verdict(pair, "Depth", np.abs(pair.glint["Depth"] - depth) / depth * inside, tolerance)
     scale = np.maximum(np.abs(pair.cycles["Position"]).max(-1), depth)
-    verdict(pair, "Position", np.abs(pair.glint["Position"] - pair.cycles["Position"]).max(-1) / scale * inside, tolerance)
-    verdict(pair, "Normal", np.abs(pair.glint["Normal"] - pair.cycles["Normal"]).max(-1) * inside, tolerance)
+    verdict(
+        pair,
+        "Position",
+        np.abs(pair.glint["Position"] - pair.cycles["Position"]).max(-1) / scale * inside,
+        tolerance,
+    )
+    verdict(
+        pair,
+        "Normal",
+        np.abs(pair.glint["Normal"] - pair.cycles["Normal"]).max(-1) * inside,
+        tolerance,
+    )
 
 
-def check_radiance(pair: Pair, inside: np.ndarray, tolerance: float = 1e-4, floor: float = 1e-6) -> None:
-    """Shadow pixels agree exactly and lit ones to a relative `tolerance`. floor: what counts as zero, relative to the brightest pixel."""
+def check_radiance(
+    pair: Pair, inside: np.ndarray, tolerance: float = 1e-4, floor: float = 1e-6
+) -> None:
+    """Shadow pixels agree exactly and lit ones to a relative `tolerance`. floor: what counts as
+    zero, relative to the brightest pixel.
+    """
     truth, picture = (c.astype(float) for c in pair.colors())
     inside = inside & shadow_interior(pair.cycles) & shadow_interior(pair.glint)
     lit, lit_here = truth.sum(-1) > 0, picture.sum(-1) > 0
@@ -129,15 +175,19 @@ def check_radiance(pair: Pair, inside: np.ndarray, tolerance: float = 1e-4, floo
 
 
 def verdict(pair: Pair, what: str, error: np.ndarray, tolerance: float) -> None:
-    """Fails, and writes image, reference and error to out/, when any pixel's error is above `tolerance` or not a number."""
+    """Fails, and writes image, reference and error to out/, when any pixel's error is above
+    `tolerance` or not a number.
+    """
     wrong = ~(error <= tolerance)
     if not wrong.any():
         return
     paths = dump(pair, what, error)
     row, column = np.unravel_index(np.argmax(np.where(np.isnan(error), np.inf, error)), error.shape)
     raise AssertionError(
-        f"{pair.name}: {what} is off on {wrong.sum()} of {error.size} pixels, by up to {np.nanmax(error.astype(float)):.3g} (allowed "
-        f"{tolerance:g}) at column {column}, row {row} from the bottom; see {', '.join(str(p) for p in paths)}"
+        f"{pair.name}: {what} is off on {wrong.sum()} of {error.size} pixels, by up to "
+        f"{np.nanmax(error.astype(float)):.3g} (allowed "
+        f"{tolerance:g}) at column {column}, row {row} from the bottom; see "
+        f"{', '.join(str(p) for p in paths)}"
     )
 
 
@@ -146,7 +196,9 @@ def dump(pair: Pair, what: str, error: np.ndarray) -> list[Path]:
     OUT.mkdir(exist_ok=True)
     key = what if what in pair.cycles else "Combined"
     images = {"glint": pair.glint[key], "cycles": pair.cycles[key], "difference": error}
-    return [write_exr(OUT / f"{pair.name}-{what}-{label}.exr", image) for label, image in images.items()]
+    return [
+        write_exr(OUT / f"{pair.name}-{what}-{label}.exr", image) for label, image in images.items()
+    ]
 
 
 def write_exr(path: Path, image: np.ndarray) -> Path:
@@ -161,9 +213,14 @@ def write_exr(path: Path, image: np.ndarray) -> Path:
 
 
 def with_lobes(table):
-    """An `edit` for render_glint: materials named in `table` get its lobes, the others keep theirs."""
+    """An `edit` for render_glint: materials named in `table` get its lobes, the others keep
+    theirs.
+    """
 
     def edit(scene):
-        return replace(scene, materials=tuple(replace(m, lobes=table.get(m.name, m.lobes)) for m in scene.materials))
+        return replace(
+            scene,
+            materials=tuple(replace(m, lobes=table.get(m.name, m.lobes)) for m in scene.materials),
+        )
 
     return edit

@@ -1,4 +1,6 @@
-"""Small scenes for the Cycles checks: every one is a few objects, Lambert materials and one light."""
+"""Small scenes for the Cycles checks: every one is a few objects, Lambert materials and one
+light.
+"""
 
 from __future__ import annotations
 
@@ -72,7 +74,12 @@ def mesh(name: str, vertices, faces, smooth: bool = False, material=None):
 
 
 def plane(size: float, material=None):
-    return mesh("Plane", [(-size, -size, 0), (size, -size, 0), (size, size, 0), (-size, size, 0)], [(0, 1, 2, 3)], material=material)
+    return mesh(
+        "Plane",
+        [(-size, -size, 0), (size, -size, 0), (size, size, 0), (-size, size, 0)],
+        [(0, 1, 2, 3)],
+        material=material,
+    )
 
 
 def cube(material=None):
@@ -87,7 +94,14 @@ def ball(segments: int = 24, rings: int = 16, smooth: bool = True, material=None
     points = [(0, 0, 1.0)]
     for i in range(1, rings):
         polar = pi * i / rings
-        points += [(sin(polar) * cos(2 * pi * j / segments), sin(polar) * sin(2 * pi * j / segments), cos(polar)) for j in range(segments)]
+        points += [
+            (
+                sin(polar) * cos(2 * pi * j / segments),
+                sin(polar) * sin(2 * pi * j / segments),
+                cos(polar),
+            )
+            for j in range(segments)
+        ]
     points.append((0, 0, -1.0))
     last = len(points) - 1
     faces = []
@@ -105,7 +119,12 @@ def prism(sides: int = 7, material=None):
     ring = [(cos(2 * pi * k / sides), sin(2 * pi * k / sides)) for k in range(sides)]
     points = [(x, y, z) for z in (-1, 1) for x, y in ring]
     walls = [(k, (k + 1) % sides, sides + (k + 1) % sides, sides + k) for k in range(sides)]
-    return mesh("Prism", points, [*walls, tuple(range(sides))[::-1], tuple(range(sides, 2 * sides))], material=material)
+    return mesh(
+        "Prism",
+        points,
+        [*walls, tuple(range(sides))[::-1], tuple(range(sides, 2 * sides))],
+        material=material,
+    )
 
 
 def add_camera(scene, location=(4.2, -5.6, 4.4), target=(0.0, 0.0, 0.4), **properties):
@@ -130,15 +149,37 @@ def add_light(scene, kind: str, location, target=(0.0, 0.0, 0.0), **properties):
 
 
 def still_life(scene) -> None:
-    """A floor, a flat box, a prism with n-gons and a flat-shaded ball, which throw shadows on each other."""
+    """A floor, a flat box, a prism with n-gons and a flat-shaded ball, which throw shadows on each
+    other.
+    """
     add(scene, "Floor", plane(5.0, lambert((0.8, 0.75, 0.7))))
     add(scene, "Box", cube(lambert((0.7, 0.2, 0.1))), moved(-1.3, 0.5, 0.61, 0.7, 0.5, 0.6))
-    add(scene, "Prism", prism(material=lambert((0.1, 0.5, 0.3))), moved(1.1, 1.2, 0.81, 0.6, 0.6, 0.8))
-    add(scene, "Ball", ball(12, 8, False, lambert((0.2, 0.3, 0.8))), moved(0.6, -0.9, 0.71, 0.7, 0.7, 0.7))
+    add(
+        scene,
+        "Prism",
+        prism(material=lambert((0.1, 0.5, 0.3))),
+        moved(1.1, 1.2, 0.81, 0.6, 0.6, 0.8),
+    )
+    add(
+        scene,
+        "Ball",
+        ball(12, 8, False, lambert((0.2, 0.3, 0.8))),
+        moved(0.6, -0.9, 0.71, 0.7, 0.7, 0.7),
+    )
 
 
 def smooth_life(scene) -> None:
     """A floor, two smooth balls."""
     add(scene, "Floor", plane(5.0, lambert((0.8, 0.75, 0.7))))
-    add(scene, "Ball", ball(48, 32, True, lambert((0.2, 0.3, 0.8))), moved(0.6, -0.7, 0.91, 0.9, 0.9, 0.9))
-    add(scene, "Small", ball(40, 24, True, lambert((0.7, 0.3, 0.2))), moved(-1.1, 0.7, 0.61, 0.6, 0.6, 0.6))
+    add(
+        scene,
+        "Ball",
+        ball(48, 32, True, lambert((0.2, 0.3, 0.8))),
+        moved(0.6, -0.7, 0.91, 0.9, 0.9, 0.9),
+    )
+    add(
+        scene,
+        "Small",
+        ball(40, 24, True, lambert((0.7, 0.3, 0.2))),
+        moved(-1.1, 0.7, 0.61, 0.6, 0.6, 0.6),
+    )

@@ -1,7 +1,9 @@
-"""Blinn-Phong with a hard shadow, and seen in a mirror, against the same formula as a Cycles shader network.
+"""Blinn-Phong with a hard shadow, and seen in a mirror, against the same formula as a Cycles shader
+network.
 
-The network computes k_d max(0, n·l) + k_s [n·l > 0] max(0, n·h)^p times I = P/(4π² d²) from Geometry's Position, Normal and Incoming
-and the light's position, into Emission; the shadow is the mask of a Lambert render of the same scene.
+The network computes k_d max(0, n·l) + k_s [n·l > 0] max(0, n·h)^p times I = P/(4π² d²) from
+Geometry's Position, Normal and Incoming and the light's position, into Emission; the shadow is the
+mask of a Lambert render of the same scene.
 """
 
 from math import pi
@@ -39,7 +41,9 @@ class Network:
         return node.outputs[output]
 
     def vector(self, operation: str, *inputs):
-        return self.node("ShaderNodeVectorMath", inputs, operation, "Value" if operation == "DOT_PRODUCT" else 0)
+        return self.node(
+            "ShaderNodeVectorMath", inputs, operation, "Value" if operation == "DOT_PRODUCT" else 0
+        )
 
     def math(self, operation: str, *inputs):
         return self.node("ShaderNodeMath", inputs, operation)
@@ -56,11 +60,23 @@ def blinn_phong_emission(material, diffuse, specular, exponent) -> None:
     half = net.vector("NORMALIZE", net.vector("ADD", light, geometry["Incoming"]))
     facing = net.vector("DOT_PRODUCT", geometry["Normal"], light)
     lambert = net.math("MAXIMUM", facing, 0.0)
-    shine = net.math("POWER", net.math("MAXIMUM", net.vector("DOT_PRODUCT", geometry["Normal"], half), 0.0), exponent)
+    shine = net.math(
+        "POWER",
+        net.math("MAXIMUM", net.vector("DOT_PRODUCT", geometry["Normal"], half), 0.0),
+        exponent,
+    )
     shine = net.math("MULTIPLY", shine, net.math("GREATER_THAN", facing, 0.0))
-    intensity = net.math("DIVIDE", POWER / (4 * pi**2), net.vector("DOT_PRODUCT", to_light, to_light))
-    parts = [_scaled(net, net.math("MULTIPLY", term, intensity), color) for term, color in ((lambert, diffuse), (shine, specular))]
-    emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
+    intensity = net.math(
+        "DIVIDE", POWER / (4 * pi**2), net.vector("DOT_PRODUCT", to_light, to_light)
+    )
+    parts = [
+        _scaled(net, net.math("MULTIPLY", term, intensity), color)
+        for term, color in ((lambert, diffuse), (shine, specular))
+    ]
+    emission, output = (
+        tree.nodes.new("ShaderNodeEmission"),
+        tree.nodes.new("ShaderNodeOutputMaterial"),
+    )
     tree.links.new(net.vector("ADD", *parts), emission.inputs["Color"])
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
 
@@ -81,8 +97,15 @@ def build_scene(with_mirror: bool):
         materials[name] = build.lambert((0.8, 0.8, 0.8))
         materials[name].name = name
     build.add(scene, "Floor", build.plane(5.0, materials["Ground"]))
-    build.add(scene, "Box", build.cube(materials["Red"]), build.moved(-1.2, 0.3, 0.61, 0.7, 0.5, 0.6))
-    build.add(scene, "Ball", build.ball(64, 48, True, materials["Blue"]), build.moved(0.9, -0.4, 1.01, 1.0, 1.0, 1.0))
+    build.add(
+        scene, "Box", build.cube(materials["Red"]), build.moved(-1.2, 0.3, 0.61, 0.7, 0.5, 0.6)
+    )
+    build.add(
+        scene,
+        "Ball",
+        build.ball(64, 48, True, materials["Blue"]),
+        build.moved(0.9, -0.4, 1.01, 1.0, 1.0, 1.0),
+    )
     if with_mirror:
         glass = build.add(scene, "Wall", build.plane(2.0, build.mirror((0.9, 0.8, 0.7))))
         glass.matrix_world = build.looking_at((-0.4, 2.6, 1.6), (-0.6, 6.0, 1.2))
@@ -93,13 +116,24 @@ def build_scene(with_mirror: bool):
 
 def render_both(backend: str, with_mirror: bool) -> Pair:
     scene, materials = build_scene(with_mirror)
-    table = {n: (Lobe("DIFFUSE", (Input(d),)), Lobe("SPECULAR", (Input(s),), exponent=p)) for n, (d, s, p) in SURFACES.items()}
+    table = {
+        n: (Lobe("DIFFUSE", (Input(d),)), Lobe("SPECULAR", (Input(s),), exponent=p))
+        for n, (d, s, p) in SURFACES.items()
+    }
     bounces = int(with_mirror)
-    pair = render_pair(scene, backend, f"blinn-phong-{'mirror' if with_mirror else 'shadow'}", bounces=bounces, edit=with_lobes(table))
+    pair = render_pair(
+        scene,
+        backend,
+        f"blinn-phong-{'mirror' if with_mirror else 'shadow'}",
+        bounces=bounces,
+        edit=with_lobes(table),
+    )
     lit = pair.cycles["Combined"][..., :3] > 0
     for name, values in SURFACES.items():
         blinn_phong_emission(materials[name], *values)
-    pair.cycles["Combined"][..., :3] = cycles.render_cycles(scene, bounces=bounces)["Combined"][..., :3] * lit
+    pair.cycles["Combined"][..., :3] = (
+        cycles.render_cycles(scene, bounces=bounces)["Combined"][..., :3] * lit
+    )
     return pair
 
 

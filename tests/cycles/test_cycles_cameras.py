@@ -1,4 +1,6 @@
-"""Cameras: depth, position, normal and Lambert radiance under every projection that Blender's camera panel offers."""
+"""Cameras: depth, position, normal and Lambert radiance under every projection that Blender's
+camera panel offers.
+"""
 
 import pytest
 
@@ -10,15 +12,37 @@ CAMERAS = {
     "perspective": ((112, 112), {}, {}),
     "wide": ((112, 112), {"lens": 20.0}, {}),
     "ortho": ((112, 80), {"type": "ORTHO", "ortho_scale": 6.0}, {}),
-    "ortho_shift": ((80, 112), {"type": "ORTHO", "ortho_scale": 6.0, "shift_x": 0.1, "shift_y": -0.2}, {}),
+    "ortho_shift": (
+        (80, 112),
+        {"type": "ORTHO", "ortho_scale": 6.0, "shift_x": 0.1, "shift_y": -0.2},
+        {},
+    ),
     "shift": ((112, 80), {"shift_x": 0.25, "shift_y": -0.15}, {}),
     "fit_horizontal": ((80, 112), {"sensor_fit": "HORIZONTAL", "lens": 30.0}, {}),
-    "fit_vertical": ((112, 80), {"sensor_fit": "VERTICAL", "sensor_height": 18.0, "lens": 30.0}, {}),
-    "fit_vertical_shift": ((112, 80), {"sensor_fit": "VERTICAL", "sensor_height": 18.0, "lens": 25.0, "shift_x": 0.2, "shift_y": 0.1}, {}),
+    "fit_vertical": (
+        (112, 80),
+        {"sensor_fit": "VERTICAL", "sensor_height": 18.0, "lens": 30.0},
+        {},
+    ),
+    "fit_vertical_shift": (
+        (112, 80),
+        {
+            "sensor_fit": "VERTICAL",
+            "sensor_height": 18.0,
+            "lens": 25.0,
+            "shift_x": 0.2,
+            "shift_y": 0.1,
+        },
+        {},
+    ),
     "portrait": ((72, 128), {"shift_y": 0.1}, {}),
     "pixel_aspect_x": ((112, 80), {"shift_x": 0.1, "shift_y": 0.1}, {"pixel_aspect_x": 2.0}),
     "pixel_aspect_y": ((112, 80), {"shift_x": -0.1}, {"pixel_aspect_y": 1.5}),
-    "ortho_pixel_aspect": ((112, 80), {"type": "ORTHO", "ortho_scale": 6.0, "shift_y": 0.1}, {"pixel_aspect_y": 1.5}),
+    "ortho_pixel_aspect": (
+        (112, 80),
+        {"type": "ORTHO", "ortho_scale": 6.0, "shift_y": 0.1},
+        {"pixel_aspect_y": 1.5},
+    ),
     "percentage": ((150, 131), {}, {"resolution_percentage": 67}),
     "clip": ((112, 112), {"clip_start": 6.0, "clip_end": 9.5}, {}),
 }
@@ -49,9 +73,16 @@ def test_projection(name, backend):
 @pytest.mark.parametrize("crop", [False, True])
 def test_border(crop, backend):
     """A border is the same pixels of the full frame, cropped or not."""
-    scene, _ = build_view(120, 90, {"shift_x": 0.1}, {"use_border": True, "use_crop_to_border": crop})
+    scene, _ = build_view(
+        120, 90, {"shift_x": 0.1}, {"use_border": True, "use_crop_to_border": crop}
+    )
     render = scene.render
-    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.22, 0.81, 0.13, 0.77
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = (
+        0.22,
+        0.81,
+        0.13,
+        0.77,
+    )
     pair = render_pair(scene, backend, f"camera-border-{crop}")
     assert pair.glint["Combined"].shape == pair.cycles["Combined"].shape
     inside = interior(pair)

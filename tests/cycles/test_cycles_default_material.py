@@ -1,4 +1,6 @@
-"""An object without a material: a grey diffuse surface up to Blender 4.5, from 5.0 on a Principled BSDF with the node's defaults."""
+"""An object without a material: a grey diffuse surface up to Blender 4.5, from 5.0 on a Principled
+BSDF with the node's defaults.
+"""
 
 import numpy as np
 
@@ -18,7 +20,9 @@ def build_floor(material=None):
 
 def newborn_principled():
     material, tree, output = build.new_material("Principled")
-    tree.links.new(tree.nodes.new("ShaderNodeBsdfPrincipled").outputs["BSDF"], output.inputs["Surface"])
+    tree.links.new(
+        tree.nodes.new("ShaderNodeBsdfPrincipled").outputs["BSDF"], output.inputs["Surface"]
+    )
     return material
 
 
@@ -26,14 +30,18 @@ def grey():
     return build.lambert((0.8, 0.8, 0.8))
 
 
-STAND_IN, OTHER = (newborn_principled, grey) if bpy.app.version >= (5, 0, 0) else (grey, newborn_principled)
+STAND_IN, OTHER = (
+    (newborn_principled, grey) if bpy.app.version >= (5, 0, 0) else (grey, newborn_principled)
+)
 """What this version's default surface should be, and what the other versions have."""
 
 
 def test_cycles_default_is_the_stand_in():
     """Against the sun, where the kinds differ most."""
     without = cycles.render_cycles(build_floor(), 16)["Combined"]
-    with_it, other = (cycles.render_cycles(_with(make), 16)["Combined"] for make in (STAND_IN, OTHER))
+    with_it, other = (
+        cycles.render_cycles(_with(make), 16)["Combined"] for make in (STAND_IN, OTHER)
+    )
     assert without.max() > 0.1
     np.testing.assert_allclose(without, with_it, rtol=1e-5, atol=1e-6)
     assert np.abs(other - without).max() > 0.05 * without.max()

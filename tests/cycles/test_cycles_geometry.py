@@ -1,9 +1,10 @@
 """Normals of every kind and instances under odd matrices.
 
-Two habits of Cycles to know. It bakes the matrix of a mesh with a single user into the mesh, normals included, before it interpolates
-them, which under a non-uniform scale is not what it gives for two users; Glint always interpolates in object space. And on a mesh with
-flat and smooth faces but no sharp edges it interpolates vertex normals, where Blender's own corner normals, which Glint takes, split at
-the flat faces.
+Two habits of Cycles to know. It bakes the matrix of a mesh with a single user into the mesh,
+normals included, before it interpolates them, which under a non-uniform scale is not what it gives
+for two users; Glint always interpolates in object space. And on a mesh with flat and smooth faces
+but no sharp edges it interpolates vertex normals, where Blender's own corner normals, which Glint
+takes, split at the flat faces.
 """
 
 import numpy as np
@@ -30,7 +31,9 @@ def ball_mixed(with_sharp_edges: bool = True):
     flags = np.arange(len(data.polygons)) % 3 != 0
     data.polygons.foreach_set("use_smooth", flags)
     if with_sharp_edges:
-        flat = {key for polygon in data.polygons if not polygon.use_smooth for key in polygon.edge_keys}
+        flat = {
+            key for polygon in data.polygons if not polygon.use_smooth for key in polygon.edge_keys
+        }
         mark_sharp(data, [edge.key in flat for edge in data.edges])
     return data
 
@@ -44,14 +47,18 @@ def ball_custom():
     data = build.ball(24, 14, True, build.lambert((0.6, 0.6, 0.6)))
     points = np.array([data.vertices[loop.vertex_index].co[:] for loop in data.loops])
     normals = points * [1.0, 0.7, 1.3] + [0.15, 0.0, 0.1]
-    data.normals_split_custom_set((normals / np.linalg.norm(normals, axis=1, keepdims=True)).tolist())
+    data.normals_split_custom_set(
+        (normals / np.linalg.norm(normals, axis=1, keepdims=True)).tolist()
+    )
     return data
 
 
 def ball_sharp():
     """Smooth with sharp edges along two meridians."""
     data = build.ball(24, 14, True, build.lambert((0.6, 0.6, 0.6)))
-    mark_sharp(data, [all(abs(data.vertices[v].co.y) < 1e-6 for v in edge.vertices) for edge in data.edges])
+    mark_sharp(
+        data, [all(abs(data.vertices[v].co.y) < 1e-6 for v in edge.vertices) for edge in data.edges]
+    )
     return data
 
 
@@ -80,11 +87,14 @@ def test_normals(shape, backend):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_mixed_without_sharp_edges(backend):
-    """Glint shows Blender's corner normals: the picture is the one with the flat faces' edges marked sharp, and Cycles' is not.
+    """Glint shows Blender's corner normals: the picture is the one with the flat faces' edges
+    marked sharp, and Cycles' is not.
 
-    Blender's mesh says what normal each corner has (`Mesh.corner_normals`), split where a smooth face meets a flat one; the viewport and
-    every exporter show those. Cycles interpolates vertex normals on smooth faces, which lean on the flat neighbours' normals as well,
-    unless an edge is marked sharp. A file looks in Glint as it does in Blender's viewport; marking the edges makes Cycles agree.
+    Blender's mesh says what normal each corner has (`Mesh.corner_normals`), split where a smooth
+    face meets a flat one; the viewport and every exporter show those. Cycles interpolates vertex
+    normals on smooth faces, which lean on the flat neighbours' normals as well, unless an edge is
+    marked sharp. A file looks in Glint as it does in Blender's viewport; marking the edges makes
+    Cycles agree.
     """
     pictures = []
     for with_sharp_edges in (True, False):
@@ -94,7 +104,10 @@ def test_mixed_without_sharp_edges(backend):
         pictures.append(render_pair(scene, backend, "normals-mixed"))
     marked, unmarked = pictures
     assert np.abs(marked.glint["Normal"] - unmarked.glint["Normal"]).max() < 1e-6
-    assert np.abs(unmarked.glint["Normal"] - unmarked.cycles["Normal"])[interior(unmarked)].max() > 0.05
+    assert (
+        np.abs(unmarked.glint["Normal"] - unmarked.cycles["Normal"])[interior(unmarked)].max()
+        > 0.05
+    )
 
 
 def sheared():
@@ -107,7 +120,9 @@ def sheared():
 def turned(*scale):
     from mathutils import Matrix
 
-    return Matrix.Rotation(0.5, 4, "X") @ Matrix.Rotation(0.8, 4, "Z") @ Matrix.Diagonal((*scale, 1.0))
+    return (
+        Matrix.Rotation(0.5, 4, "X") @ Matrix.Rotation(0.8, 4, "Z") @ Matrix.Diagonal((*scale, 1.0))
+    )
 
 
 MATRICES = {
@@ -124,7 +139,9 @@ MATRICES = {
 @pytest.mark.parametrize("smooth", [False, True], ids=("flat", "smooth"))
 @pytest.mark.parametrize("name", MATRICES)
 def test_instances(name, smooth, backend):
-    """Two objects that share one mesh; the odd matrix goes through the parent's inverse, where no decomposition loses the shear."""
+    """Two objects that share one mesh; the odd matrix goes through the parent's inverse, where no
+    decomposition loses the shear.
+    """
     scene = build_view(use_shadow=not smooth)
     shared = build.ball(24, 14, smooth, build.lambert((0.6, 0.4, 0.3)))
     build.add(scene, "Floor", build.plane(5.0, build.lambert((0.8, 0.8, 0.8))))
@@ -140,8 +157,10 @@ def test_instances(name, smooth, backend):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_smooth_shadow(backend):
-    """Smooth balls with shadows. Near the terminator both engines move the shadow ray's origin, each by its own rule, so pixels where
-    the sun stands lower than 15° over the shading normal are left out."""
+    """Smooth balls with shadows. Near the terminator both engines move the shadow ray's origin,
+    each by its own rule, so pixels where the sun stands lower than 15° over the shading normal are
+    left out.
+    """
     scene = build_view(use_shadow=True)
     build.smooth_life(scene)
     pair = render_pair(scene, backend, "normals-smooth-shadow")
@@ -159,8 +178,16 @@ def test_collection_instances(backend):
     build.add(scene, "Floor", build.plane(5.0, build.lambert((0.8, 0.8, 0.8))))
     collection = bpy.data.collections.new("Pieces")
     for name, data, place in (
-        ("Box", build.cube(build.lambert((0.7, 0.2, 0.1))), build.moved(-0.5, 0, 0.5, 0.4, 0.4, 0.5)),
-        ("Ball", build.ball(16, 10, False, build.lambert((0.1, 0.4, 0.7))), build.moved(0.6, 0, 0.6, 0.5, 0.5, 0.6)),
+        (
+            "Box",
+            build.cube(build.lambert((0.7, 0.2, 0.1))),
+            build.moved(-0.5, 0, 0.5, 0.4, 0.4, 0.5),
+        ),
+        (
+            "Ball",
+            build.ball(16, 10, False, build.lambert((0.1, 0.4, 0.7))),
+            build.moved(0.6, 0, 0.6, 0.5, 0.5, 0.6),
+        ),
     ):
         item = bpy.data.objects.new(name, data)
         item.matrix_world = place

@@ -40,8 +40,10 @@ def test_lambert_and_shadow(light, backend):
 
 
 def spot_edge(pair, light) -> np.ndarray:
-    """Where a spot's smoothstep t²(3 − 2t) starts, 0 < t < 0.1: there 2 δt/t, its relative error from the rounding of a float32 cosine
-    of 2e-7, which the blend makes δt = 2e-7/((1 − outer) blend) = 4e-6 of a 50° spot, is near and above 1e-4."""
+    """Where a spot's smoothstep t²(3 − 2t) starts, 0 < t < 0.1: there 2 δt/t, its relative error
+    from the rounding of a float32 cosine of 2e-7, which the blend makes δt = 2e-7/((1 − outer)
+    blend) = 4e-6 of a 50° spot, is near and above 1e-4.
+    """
     if light.data.type != "SPOT" or not light.data.spot_blend:
         return np.zeros(pair.cycles["Depth"].shape, bool)
     place = np.array(light.matrix_world)
@@ -55,7 +57,9 @@ def spot_edge(pair, light) -> np.ndarray:
 @pytest.mark.parametrize("scale", [(2.0, 2.0, 2.0), (-1.5, 1.5, 2.0)])
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_scaled_and_mirrored_light_object(backend, scale):
-    """A cone is as wide as its object's scale across it by the scale along it; a mirrored one shines along its own -z."""
+    """A cone is as wide as its object's scale across it by the scale along it; a mirrored one
+    shines along its own -z.
+    """
     scene = cycles.empty_scene(96, 96)
     build.still_life(scene)
     build.add_camera(scene)
@@ -67,7 +71,9 @@ def test_scaled_and_mirrored_light_object(backend, scale):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_lights_add_up(backend):
-    """Two lights at once give the sum of Cycles' pictures of each (one sample of Cycles sees one light only)."""
+    """Two lights at once give the sum of Cycles' pictures of each (one sample of Cycles sees one
+    light only).
+    """
     scene = cycles.empty_scene(96, 96)
     build.still_life(scene)
     build.add_camera(scene)

@@ -13,14 +13,26 @@ from glint_picture import render_glint
 GRID = np.linspace(0, 1, 101)
 
 
-FOLLOWED = ((0.1, 1.2), (0.225, 1.18), (0.275, 1.18), (0.38, 1.18), (0.425, 1.18), (0.525, 1.18), (0.68, 1.18), (0.85, 1.08), (1.0, 1.0001))
+FOLLOWED = (
+    (0.1, 1.2),
+    (0.225, 1.18),
+    (0.275, 1.18),
+    (0.38, 1.18),
+    (0.425, 1.18),
+    (0.525, 1.18),
+    (0.68, 1.18),
+    (0.85, 1.08),
+    (1.0, 1.0001),
+)
 
 
 @pytest.mark.parametrize(("roughness", "worst"), FOLLOWED)
 def test_lobes_follow_ggx(roughness, worst):
     """As documented, and between the table's rows."""
     angle = fit_roughness.lobe_angles(roughness)
-    ratio = fit_roughness.power_lobes(table.highlights(roughness), angle) / fit_roughness.distribution(angle, roughness)
+    ratio = fit_roughness.power_lobes(
+        table.highlights(roughness), angle
+    ) / fit_roughness.distribution(angle, roughness)
     assert 1 / worst < ratio.min()
     assert ratio.max() < worst
 
@@ -29,7 +41,10 @@ def test_lobes_follow_ggx(roughness, worst):
 @pytest.mark.parametrize("kind", ["METAL", "DIELECTRIC"])
 def test_what_is_reflected_of_a_world(roughness, kind):
     """To 10 % of the integral between the table's rows."""
-    weight, f0 = {"METAL": (fit_roughness.schlick, 0.03), "DIELECTRIC": (fit_roughness.dielectric, 0.04)}[kind]
+    weight, f0 = {
+        "METAL": (fit_roughness.schlick, 0.03),
+        "DIELECTRIC": (fit_roughness.dielectric, 0.04),
+    }[kind]
     world = table.world_of(roughness, kind)
     for cosine in (0.15, 0.3, 0.6, 1.0):
         a, b = fit_roughness.reflected(cosine, roughness, weight, 64)
@@ -40,7 +55,9 @@ def test_what_is_reflected_of_a_world(roughness, kind):
 
 @pytest.mark.parametrize("roughness", [0.25, 0.9])
 def test_the_blinn_phong_nodes_likeness_has_the_roughness_of_its_exponent(roughness):
-    """To the 5 % that addon/nodes.py speaks of: its α² = 2.25/(p + 1.9) for the exponent of the single lobe nearest to GGX."""
+    """To the 5 % that addon/nodes.py speaks of: its α² = 2.25/(p + 1.9) for the exponent of the
+    single lobe nearest to GGX.
+    """
     exponent = fit_roughness.nearest_exponent(fit_roughness.measure_lobes(roughness))
     assert (2.25 / (exponent + 1.9)) ** 0.25 == pytest.approx(roughness, rel=0.05)
 
@@ -48,7 +65,9 @@ def test_the_blinn_phong_nodes_likeness_has_the_roughness_of_its_exponent(roughn
 @pytest.mark.parametrize("roughness", [0.3, 1.0])
 def test_albedo(roughness):
     """To 0.003: a sample count of a few per normal, 9216 normals."""
-    assert abs(fit_roughness.measure_albedo(roughness, 8) - table.specular_albedo(roughness)) < 0.003
+    assert (
+        abs(fit_roughness.measure_albedo(roughness, 8) - table.specular_albedo(roughness)) < 0.003
+    )
 
 
 def test_lobes_are_finite_and_take_no_light_away():
@@ -69,7 +88,12 @@ def _floor(roughness: float, metal: float, base: float, world: bool):
     material, tree, output = build.new_material("Floor")
     node = tree.nodes.new("ShaderNodeBsdfPrincipled")
     node.distribution = "MULTI_GGX"
-    for name, value in (("Roughness", roughness), ("Metallic", metal), ("IOR", 1.5), ("Base Color", (base, base, base, 1))):
+    for name, value in (
+        ("Roughness", roughness),
+        ("Metallic", metal),
+        ("IOR", 1.5),
+        ("Base Color", (base, base, base, 1)),
+    ):
         node.inputs[name].default_value = value
     tree.links.new(node.outputs[0], output.inputs["Surface"])
     build.add(scene, "Floor", build.plane(20.0, material))
@@ -96,7 +120,13 @@ def test_grazing_angles_are_those_of_cycles(metal, base, roughness, world):
     scene = _floor(roughness, metal, base, world)
     for elevation, azimuth in VIEWS:
         e, a = np.radians(elevation), np.radians(azimuth)
-        scene.camera.location = (5 * np.cos(e) * np.cos(a), 5 * np.cos(e) * np.sin(a), 5 * np.sin(e))
+        scene.camera.location = (
+            5 * np.cos(e) * np.cos(a),
+            5 * np.cos(e) * np.sin(a),
+            5 * np.sin(e),
+        )
         scene.camera.rotation_euler = (np.pi / 2 - e, 0, a + np.pi / 2)
         truth = cycles.render_cycles(scene, 32)["Combined"][..., :3].mean()
-        assert render_glint(scene, "NUMPY").combined[..., :3].mean() == pytest.approx(truth, rel=0.15), (elevation, azimuth)
+        assert render_glint(scene, "NUMPY").combined[..., :3].mean() == pytest.approx(
+            truth, rel=0.15
+        ), (elevation, azimuth)

@@ -38,9 +38,16 @@ def test_it_builds_always_the_same():
 def test_it_shows_what_it_promises():
     build()
     kinds = [item.object.type for item in bpy.context.evaluated_depsgraph_get().object_instances]
-    balls = [item.data for item in bpy.data.objects if item.type == "MESH" and "glint_sphere" in item.data.attributes]
+    balls = [
+        item.data
+        for item in bpy.data.objects
+        if item.type == "MESH" and "glint_sphere" in item.data.attributes
+    ]
     assert len(balls) == 12
-    assert all(len(ball.polygons) == 96 * 48 and all(polygon.use_smooth for polygon in ball.polygons) for ball in balls)
+    assert all(
+        len(ball.polygons) == 96 * 48 and all(polygon.use_smooth for polygon in ball.polygons)
+        for ball in balls
+    )
     assert {"MESH", "LIGHT", "CAMERA"} <= set(kinds)
     lights = {light.type for light in bpy.data.lights}
     assert lights == {"SUN", "AREA", "SPOT"}

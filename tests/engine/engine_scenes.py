@@ -1,4 +1,6 @@
-"""A dozen and more small scenes that together use every feature of the engine; plain values, nothing random that is not seeded."""
+"""A dozen and more small scenes that together use every feature of the engine; plain values,
+nothing random that is not seeded.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,13 @@ def look_at(eye, target, up=(0.0, 0.0, 1.0)) -> np.ndarray:
 
 
 def camera(
-    eye=(2.1, -4.3, 2.7), target=(0.0, 0.0, 0.4), half=0.42, size=(64, 48), kind="PERSPECTIVE", shift=(0.0, 0.0), **more
+    eye=(2.1, -4.3, 2.7),
+    target=(0.0, 0.0, 0.4),
+    half=0.42,
+    size=(64, 48),
+    kind="PERSPECTIVE",
+    shift=(0.0, 0.0),
+    **more,
 ) -> s.Camera:
     half_y = half * size[1] / size[0]
     window = (-half + shift[0], half + shift[0], -half_y + shift[1], half_y + shift[1])
@@ -48,7 +56,9 @@ def constant(*rgb: float) -> tuple[s.Input, ...]:
     return (s.Input(value=rgb if len(rgb) == 3 else rgb * 3),)
 
 
-def surface(name="surface", diffuse=0.8, ambient=None, specular=None, exponent=40.0, lobes=(), index=0) -> s.Material:
+def surface(
+    name="surface", diffuse=0.8, ambient=None, specular=None, exponent=40.0, lobes=(), index=0
+) -> s.Material:
     """Diffuse with optional ambient, highlight and further lobes."""
     terms = [s.Lobe("DIFFUSE", constant(*np.atleast_1d(diffuse)))]
     if ambient is not None:
@@ -65,8 +75,12 @@ def grid_mesh(cells=1, extent=3.0, height=lambda x, y: 0 * x, smooth=False, name
     corner = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).reshape(-1, 1)
     quads = corner + np.array([0, 1, cells + 2, cells + 1])
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.uint32)
-    uv = s.Attribute("UVMap", s.POINT, ((vertices[:, :2] + extent) / (2 * extent)).astype(np.float32))
-    normals = s.Attribute("normals", s.POINT, vertex_normals(vertices, triangles)) if smooth else None
+    uv = s.Attribute(
+        "UVMap", s.POINT, ((vertices[:, :2] + extent) / (2 * extent)).astype(np.float32)
+    )
+    normals = (
+        s.Attribute("normals", s.POINT, vertex_normals(vertices, triangles)) if smooth else None
+    )
     return s.Mesh(name, vertices, triangles, normals=normals, attributes=(uv,))
 
 
@@ -91,7 +105,11 @@ def box_mesh(name="box") -> s.Mesh:
 def ball_mesh(rings=12, smooth=True, name="ball") -> s.Mesh:
     """A unit sphere of triangles."""
     theta, phi = np.linspace(0, np.pi, rings + 1)[1:-1], np.arange(2 * rings) * np.pi / rings
-    circle = [np.outer(np.sin(theta), np.cos(phi)), np.outer(np.sin(theta), np.sin(phi)), np.outer(np.cos(theta), np.ones_like(phi))]
+    circle = [
+        np.outer(np.sin(theta), np.cos(phi)),
+        np.outer(np.sin(theta), np.sin(phi)),
+        np.outer(np.cos(theta), np.ones_like(phi)),
+    ]
     ring = np.stack(circle, -1)
     vertices = np.concatenate([[[0, 0, 1]], ring.reshape(-1, 3), [[0, 0, -1]]]).astype(np.float32)
     n, last, triangles = 2 * rings, len(vertices) - 1, []
@@ -101,7 +119,11 @@ def ball_mesh(rings=12, smooth=True, name="ball") -> s.Mesh:
         for r in range(rings - 2):
             a, b = 1 + r * n, 1 + (r + 1) * n
             triangles += [[a + k, b + k, b + m], [a + k, b + m, a + m]]
-    normals = s.Attribute("normals", s.POINT, vertices / np.linalg.norm(vertices, axis=1, keepdims=True)) if smooth else None
+    normals = (
+        s.Attribute("normals", s.POINT, vertices / np.linalg.norm(vertices, axis=1, keepdims=True))
+        if smooth
+        else None
+    )
     return s.Mesh(name, vertices, np.array(triangles, np.uint32), normals=normals)
 
 
@@ -144,7 +166,12 @@ def flat_and_smooth() -> s.Scene:
         s.Instances("ball", 1, at((-0.8, 0, 0.9), 0.9), (1,), object_index=2),
         s.Instances("facets", 2, at((1.1, 0.3, 0.8), 0.8), (1,)),
     )
-    return stage(ball_mesh(), ball_mesh(6, smooth=False), instances=placed, materials=(surface(ambient=0.5, specular=0.4),))
+    return stage(
+        ball_mesh(),
+        ball_mesh(6, smooth=False),
+        instances=placed,
+        materials=(surface(ambient=0.5, specular=0.4),),
+    )
 
 
 @scene
@@ -156,7 +183,12 @@ def hard_lights() -> s.Scene:
         light("SPOT", (0.4, -2.4, 3.1), spot_size=0.6, spot_blend=0.35, strength=900),
     )
     placed = (s.Instances("box", 1, at((0.1, 0.2, 0.6), 0.55), (1,)),)
-    return stage(box_mesh(), instances=placed, materials=(surface(specular=0.3, exponent=120),), lights=lights)
+    return stage(
+        box_mesh(),
+        instances=placed,
+        materials=(surface(specular=0.3, exponent=120),),
+        lights=lights,
+    )
 
 
 @scene
@@ -178,7 +210,9 @@ def soft_lights() -> s.Scene:
 
 @scene
 def mirrors() -> s.Scene:
-    """Two mirrors that see each other, and a coarse smooth one whose reflections meet its own surface."""
+    """Two mirrors that see each other, and a coarse smooth one whose reflections meet its own
+    surface.
+    """
     metal = s.Material("metal", (s.Lobe("MIRROR", constant(0.9, 0.8, 0.6)),), 3)
     wall = np.array([[0.2, 0, -1], [0, 1, 0], [1, 0, 0.2]])
     placed = (
@@ -193,14 +227,20 @@ def mirrors() -> s.Scene:
 def glass() -> s.Scene:
     """A refracting true sphere and a box, with Fresnel reflection and total reflection inside.
 
-    The box floats a little: were its lower face in the floor's plane, rounding would say which of the two a ray inside meets first.
+    The box floats a little: were its lower face in the floor's plane, rounding would say which of
+    the two a ray inside meets first.
     """
     lobes = (
         s.Lobe("REFRACTION", constant(0.9, 1, 0.95), ior=1.5, fresnel=True),
         s.Lobe("MIRROR", constant(1.0), ior=1.5, fresnel=True),
     )
-    spheres = s.Spheres("drops", np.array([[-0.7, 0, 0.7]], np.float32), np.array([0.7], np.float32))
-    placed = (s.Instances("drops", 1, at(), (1,)), s.Instances("box", 2, at((0.9, 0.3, 0.52), 0.5), (1,)))
+    spheres = s.Spheres(
+        "drops", np.array([[-0.7, 0, 0.7]], np.float32), np.array([0.7], np.float32)
+    )
+    placed = (
+        s.Instances("drops", 1, at(), (1,)),
+        s.Instances("box", 2, at((0.9, 0.3, 0.52), 0.5), (1,)),
+    )
     return stage(spheres, box_mesh(), instances=placed, materials=(s.Material("glass", lobes),))
 
 
@@ -209,7 +249,10 @@ def alpha() -> s.Scene:
     """Cut-out and coloured transparency, transparent shadows, film transparent."""
     by_alpha = s.Input(texture=0, channel="ALPHA")
     seen_through = s.Input(texture=0, channel="ALPHA", complement=True)
-    leaf = s.Material("leaf", (s.Lobe("DIFFUSE", (s.Input(texture=0), by_alpha)), s.Lobe("TRANSPARENT", (seen_through,))))
+    leaf = s.Material(
+        "leaf",
+        (s.Lobe("DIFFUSE", (s.Input(texture=0), by_alpha)), s.Lobe("TRANSPARENT", (seen_through,))),
+    )
     foil = s.Material("foil", (s.Lobe("TRANSPARENT", constant(0.9, 0.5, 0.3)),))
     upright = np.array([[1, 0, 0], [0, 0.2, -1], [0, 1, 0.2]]) * 0.3
     placed = (
@@ -218,12 +261,17 @@ def alpha() -> s.Scene:
         s.Instances("behind", 1, at((0.2, 0.9, 0.9), upright), (1,)),
     )
     world = s.World(ambient=(0.1,) * 3, background=(0.3, 0.2, 0.1), transparent=True)
-    return stage(grid_mesh(), instances=placed, materials=(leaf, foil), textures=(checker(),), world=world)
+    return stage(
+        grid_mesh(), instances=placed, materials=(leaf, foil), textures=(checker(),), world=world
+    )
 
 
 def _textured(**texture) -> s.Scene:
     transform = ((2.3, 0.4, -0.31), (-0.2, 1.7, 0.23))
-    picture = s.Material("picture", (s.Lobe("DIFFUSE", (s.Input((0.9, 0.8, 1.0), 0, uv="UVMap", uv_transform=transform),)),))
+    picture = s.Material(
+        "picture",
+        (s.Lobe("DIFFUSE", (s.Input((0.9, 0.8, 1.0), 0, uv="UVMap", uv_transform=transform),)),),
+    )
     base = stage(textures=(checker(**texture),))
     return s.Scene(**{**base.__dict__, "materials": (picture,)})
 
@@ -260,10 +308,21 @@ def attributes() -> s.Scene:
     slots = (np.arange(n) % 3).astype(np.uint16)
     mesh = s.Mesh("box", box.vertices, box.triangles, corners, slots, None, (corner, face))
     painted = [
-        s.Material(a, (s.Lobe("DIFFUSE", (s.Input(attribute=a),)), s.Lobe("AMBIENT", (s.Input(attribute=a),))), k)
+        s.Material(
+            a,
+            (
+                s.Lobe("DIFFUSE", (s.Input(attribute=a),)),
+                s.Lobe("AMBIENT", (s.Input(attribute=a),)),
+            ),
+            k,
+        )
         for k, a in enumerate(("corner", "face", "missing"), 4)
     ]
-    return stage(mesh, instances=(s.Instances("box", 1, at((0, 0, 0.9), 0.8), (1, 2, 3)),), materials=tuple(painted))
+    return stage(
+        mesh,
+        instances=(s.Instances("box", 1, at((0, 0, 0.9), 0.8), (1, 2, 3)),),
+        materials=tuple(painted),
+    )
 
 
 @scene
@@ -285,7 +344,11 @@ def odd_matrices() -> s.Scene:
     matrices[:, 1, 3] = [0, 0.1, 0, 0, 0.1, 0.4, -1.2]
     matrices[:, 2, 3] = [0.6, 0.6, 0.6, 0.9, 0.6, 0.7, 0.4]
     placed = s.Instances("many", 1, matrices, (1,), object_index=5)
-    return stage(ball_mesh(8), instances=(placed,), materials=(surface(ambient=0.3, specular=0.5, exponent=25),))
+    return stage(
+        ball_mesh(8),
+        instances=(placed,),
+        materials=(surface(ambient=0.3, specular=0.5, exponent=25),),
+    )
 
 
 @scene
@@ -294,15 +357,24 @@ def round_and_plane() -> s.Scene:
     centers = np.array([[-1, 0, 0.5], [0, 0.7, 0.4], [0.3, -0.9, 0.25]], np.float32)
     spheres = s.Spheres("drops", centers, np.array([0.5, 0.4, 0.25], np.float32))
     angle, radius = np.arange(10) * np.pi / 5, np.where(np.arange(10) % 2, 0.8, 0.35)
-    star = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], -1).astype(np.float32)
-    polygons = s.Polygons("star", star, np.array([0, 10], np.uint32), np.arange(10, dtype=np.uint32))
+    star = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], -1).astype(
+        np.float32
+    )
+    polygons = s.Polygons(
+        "star", star, np.array([0, 10], np.uint32), np.arange(10, dtype=np.uint32)
+    )
     upright = np.array([[1, 0, 0], [0, 0.1, -1], [0, 1, 0.1]])
     placed = (
         s.Instances("drops", 1, at(), (1,)),
         s.Instances("squashed", 1, at((1.2, 0.3, 0.1), np.diag([0.5, 0.8, 1.4])), (1,)),
         s.Instances("star", 2, at((0.8, 0.9, 0.9), upright), (1,)),
     )
-    return stage(spheres, polygons, instances=placed, materials=(surface(ambient=0.4, specular=0.6, exponent=60),))
+    return stage(
+        spheres,
+        polygons,
+        instances=placed,
+        materials=(surface(ambient=0.4, specular=0.6, exponent=60),),
+    )
 
 
 @scene
@@ -311,20 +383,38 @@ def who_sees_what() -> s.Scene:
     mirror = s.Material("mirror", (s.Lobe("MIRROR", constant(0.9)),))
     ball = {"geometry": 1, "materials": (1,)}
     placed = (
-        s.Instances("no camera", world_from_object=at((-0.9, -0.4, 0.4), 0.4), visible_camera=False, **ball),
-        s.Instances("no mirror", world_from_object=at((0, -0.5, 0.4), 0.4), visible_mirror=False, **ball),
-        s.Instances("no shadow", world_from_object=at((0.9, -0.4, 0.4), 0.4), visible_shadow=False, **ball),
+        s.Instances(
+            "no camera", world_from_object=at((-0.9, -0.4, 0.4), 0.4), visible_camera=False, **ball
+        ),
+        s.Instances(
+            "no mirror", world_from_object=at((0, -0.5, 0.4), 0.4), visible_mirror=False, **ball
+        ),
+        s.Instances(
+            "no shadow", world_from_object=at((0.9, -0.4, 0.4), 0.4), visible_shadow=False, **ball
+        ),
         s.Instances("hole", world_from_object=at((1.7, 0.5, 0.4), 0.4), holdout=True, **ball),
-        s.Instances("back", 2, at((0, 1.2, 0.9), np.array([[1, 0, 0], [0, 0.1, -1], [0, 1, 0.1]]) * 0.5), (2,)),
+        s.Instances(
+            "back",
+            2,
+            at((0, 1.2, 0.9), np.array([[1, 0, 0], [0, 0.1, -1], [0, 1, 0.1]]) * 0.5),
+            (2,),
+        ),
     )
-    return stage(ball_mesh(), grid_mesh(), instances=placed, materials=(surface(ambient=0.5), mirror))
+    return stage(
+        ball_mesh(), grid_mesh(), instances=placed, materials=(surface(ambient=0.5), mirror)
+    )
 
 
 @scene
 def parallel_oblique() -> s.Scene:
     """A shifted parallel camera with clip planes that cut the box."""
     view = camera(half=2.2, kind="ORTHOGRAPHIC", shift=(0.3, -0.2), clip_start=3.6, clip_end=7.5)
-    return stage(box_mesh(), instances=(s.Instances("box", 1, at((0, 0, 0.7), 0.7), (1,)),), materials=(surface(ambient=0.4),), camera=view)
+    return stage(
+        box_mesh(),
+        instances=(s.Instances("box", 1, at((0, 0, 0.7), 0.7), (1,)),),
+        materials=(surface(ambient=0.4),),
+        camera=view,
+    )
 
 
 @scene
@@ -352,13 +442,16 @@ def clipped_lamps() -> s.Scene:
     seen = {"visible_camera": True, "radius": 0.25, "strength": 60}
     along = np.array([2.1, -4.3, 2.7]) - np.array([0, 0, 0.4])
     lights = tuple(
-        light("POINT", np.array([0.3 * k - 0.6, 0, 0.4]) + share * along, **seen) for k, share in enumerate((0.7, 0.3, -0.1, -0.6))
+        light("POINT", np.array([0.3 * k - 0.6, 0, 0.4]) + share * along, **seen)
+        for k, share in enumerate((0.7, 0.3, -0.1, -0.6))
     )
     return stage(camera=view, lights=lights)
 
 
 def gloss() -> s.Scene:
-    """Highlights with masking and Fresnel, and lobes that depend on the view, constant and textured, beside plain ones."""
+    """Highlights with masking and Fresnel, and lobes that depend on the view, constant and
+    textured, beside plain ones.
+    """
 
     def shaped(k: tuple[s.Input, ...]) -> tuple[s.Lobe, ...]:
         return (
@@ -376,7 +469,10 @@ def gloss() -> s.Scene:
         surface("plain", specular=0.5),
     )
     placed = tuple(
-        s.Instances(m.name, 1, at((x, 0, 0.8), 0.6), (k,)) for k, (m, x) in enumerate(zip(materials, (-1.2, 0.0, 1.2), strict=True), 1)
+        s.Instances(m.name, 1, at((x, 0, 0.8), 0.6), (k,))
+        for k, (m, x) in enumerate(zip(materials, (-1.2, 0.0, 1.2), strict=True), 1)
     )
     world = s.World(ambient=(0.3, 0.4, 0.5), background=(0.1, 0.2, 0.3))
-    return stage(ball_mesh(), instances=placed, materials=materials, textures=(checker(),), world=world)
+    return stage(
+        ball_mesh(), instances=placed, materials=materials, textures=(checker(),), world=world
+    )

@@ -1,4 +1,6 @@
-"""What the tests of the native core share: small views, and the mark that skips them where there is no core."""
+"""What the tests of the native core share: small views, and the mark that skips them where there is
+no core.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,10 @@ from glint import engine
 from glint.engine import native
 from glint.engine import scene as s
 
-needs_core = pytest.mark.skipif(native.load_error() is not None, reason=f"the core's library is not built: {native.load_error()}")
+needs_core = pytest.mark.skipif(
+    native.load_error() is not None,
+    reason=f"the core's library is not built: {native.load_error()}",
+)
 
 IDENTITY = np.eye(4)[:3]
 NO_WORLD = s.World()
@@ -23,7 +28,9 @@ def view_from_above(size: int = 16, half: float = 1.0, height: float = 10.0, **m
 
 
 def pixel_centers(size: int = 16, half: float = 1.0) -> np.ndarray:
-    """(size, size, 3) points of the plane z = 0 that the pixels of `view_from_above` see at their centres."""
+    """(size, size, 3) points of the plane z = 0 that the pixels of `view_from_above` see at their
+    centres.
+    """
     line = half * ((2 * np.arange(size) + 1) / size - 1)
     x, y = np.meshgrid(line, line)
     return np.stack([x, y, 0 * x], -1)
@@ -37,7 +44,13 @@ def square(extent: float = 5.0, name: str = "square") -> s.Mesh:
     return s.Mesh(name, vertices, np.array([[0, 1, 2], [0, 2, 3]], np.uint32), attributes=(uv,))
 
 
-def placed(geometry: int = 0, materials: tuple[int, ...] = (0,), z: float = 0.0, linear: np.ndarray | float = 1.0, **more) -> s.Instances:
+def placed(
+    geometry: int = 0,
+    materials: tuple[int, ...] = (0,),
+    z: float = 0.0,
+    linear: np.ndarray | float = 1.0,
+    **more,
+) -> s.Instances:
     matrix = np.zeros((1, 3, 4))
     matrix[0, :, :3] = linear * np.eye(3) if np.isscalar(linear) else linear
     matrix[0, 2, 3] = z

@@ -1,6 +1,8 @@
-"""Reference renders: the bits that the core draws of the engine's own scenes, kept as hashes, with pictures to look at when one differs.
+"""Reference renders: the bits that the core draws of the engine's own scenes, kept as hashes, with
+pictures to look at when one differs.
 
-The hashes hold on every machine, instruction set and number of threads. `renew_references.py` beside this file renews them.
+The hashes hold on every machine, instruction set and number of threads. `renew_references.py`
+beside this file renews them.
 """
 
 from __future__ import annotations
@@ -21,14 +23,20 @@ HERE = Path(__file__).resolve().parent
 
 HASHES = HERE / "reference_hashes.json"
 PICTURES = HERE / "reference_pictures"
-SETTINGS = engine.Settings(samples=4, light_samples=3, max_bounces=4, passes=frozenset(engine.PASSES) - {"Combined", "Fallbacks"})
+SETTINGS = engine.Settings(
+    samples=4,
+    light_samples=3,
+    max_bounces=4,
+    passes=frozenset(engine.PASSES) - {"Combined", "Fallbacks"},
+)
 
 Array = np.ndarray
 
 
 def rounded(value: Any) -> Any:
-    """A scene's value with every float64 in it rounded to float32's digits: the last bits of NumPy's sines and norms differ between
-    machines, and are not what these renders are about."""
+    """A scene's value with every float64 in it rounded to float32's digits: the last bits of
+    NumPy's sines and norms differ between machines, and are not what these renders are about.
+    """
     if isinstance(value, np.ndarray):
         return value.astype(np.float32).astype(np.float64) if value.dtype == np.float64 else value
     if isinstance(value, float):
@@ -36,7 +44,9 @@ def rounded(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(rounded(item) for item in value)
     if is_dataclass(value):
-        return replace(value, **{field.name: rounded(getattr(value, field.name)) for field in fields(value)})
+        return replace(
+            value, **{field.name: rounded(getattr(value, field.name)) for field in fields(value)}
+        )
     return value
 
 
@@ -46,8 +56,13 @@ def draw(name: str, settings: engine.Settings = SETTINGS) -> dict[str, Array]:
 
 
 def hashes_of(passes: dict[str, Array]) -> dict[str, str]:
-    """Pass name -> the first 16 digits of the SHA-256 of its little-endian float32 rows, bottom row first."""
-    return {name: hashlib.sha256(array.astype("<f4").tobytes()).hexdigest()[:16] for name, array in sorted(passes.items())}
+    """Pass name -> the first 16 digits of the SHA-256 of its little-endian float32 rows, bottom row
+    first.
+    """
+    return {
+        name: hashlib.sha256(array.astype("<f4").tobytes()).hexdigest()[:16]
+        for name, array in sorted(passes.items())
+    }
 
 
 def kept_hashes() -> dict[str, dict[str, str]]:
@@ -79,19 +94,28 @@ def write_exr(path: Path, picture: Array) -> None:
     spec.attribute("compression", "zip")
     path.parent.mkdir(parents=True, exist_ok=True)
     image = oiio.ImageOutput.create(str(path))
-    if image is None or not image.open(str(path), spec) or not image.write_image(np.ascontiguousarray(picture[::-1])) or not image.close():
+    if (
+        image is None
+        or not image.open(str(path), spec)
+        or not image.write_image(np.ascontiguousarray(picture[::-1]))
+        or not image.close()
+    ):
         raise OSError(f"{path} cannot be written: {oiio.geterror()}")
 
 
 def difference(name: str, passes: dict[str, Array], folder: Path) -> str:
-    """What differs from the kept render, in words; "" when nothing does. Writes both pictures and their difference into `folder`."""
+    """What differs from the kept render, in words; "" when nothing does. Writes both pictures and
+    their difference into `folder`.
+    """
     kept, found = kept_hashes().get(name), hashes_of(passes)
     if found == kept:
         return ""
     if kept is None:
         return f"{name}: there is no reference render of this scene"
     changed = [key for key in sorted({*kept, *found}) if kept.get(key) != found.get(key)]
-    return f"{name}: other bits in {', '.join(changed)}; {_how_much(name, passes['Combined'], folder)}"
+    return (
+        f"{name}: other bits in {', '.join(changed)}; {_how_much(name, passes['Combined'], folder)}"
+    )
 
 
 def _how_much(name: str, picture: Array, folder: Path) -> str:
@@ -106,8 +130,14 @@ def _how_much(name: str, picture: Array, folder: Path) -> str:
     write_exr(folder / f"{name}_difference.exr", apart.astype(np.float32))
     relative = apart / np.maximum(np.abs(kept), 1e-3 * np.abs(kept).max() + 1e-30)
     pixels = apart.any(-1)
-    size = f"by {apart.max():.3g} at most, {relative.max():.3g} relative to the pixel, {apart.mean():.3g} on average"
-    return f"Combined differs in {pixels.sum()} of {pixels.size} pixels, {size}; both and the difference are in {folder}"
+    size = (
+        f"by {apart.max():.3g} at most, {relative.max():.3g} relative to the pixel, "
+        f"{apart.mean():.3g} on average"
+    )
+    return (
+        f"Combined differs in {pixels.sum()} of {pixels.size} pixels, {size}; both and the "
+        f"difference are in {folder}"
+    )
 
 
 def renew(folder: Path) -> list[str]:
@@ -117,7 +147,9 @@ def renew(folder: Path) -> list[str]:
     hashes = {name: hashes_of(passes) for name, passes in drawn.items()}
     for name, passes in drawn.items():
         kept = kept_picture(name)
-        if kept is None or not np.array_equal(kept.view(np.uint32), passes["Combined"].view(np.uint32)):
+        if kept is None or not np.array_equal(
+            kept.view(np.uint32), passes["Combined"].view(np.uint32)
+        ):
             write_exr(PICTURES / f"{name}.exr", passes["Combined"])
     for path in PICTURES.glob("*.exr"):
         if path.stem not in drawn:

@@ -2,9 +2,10 @@
 
     python tests/engine/renew_references.py [--unchecked]
 
-Runs the checks against Cycles and the float64 reference, and that all instruction sets and threads give the same bits, first; when one
-fails nothing is renewed. --unchecked leaves that out, for work in progress. Says what has changed and by how much, and leaves old, new
-and difference in --out: look at them before committing.
+Runs the checks against Cycles and the float64 reference, and that all instruction sets and threads
+give the same bits, first; when one fails nothing is renewed. --unchecked leaves that out, for work
+in progress. Says what has changed and by how much, and leaves old, new and difference in --out:
+look at them before committing.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -18,13 +19,26 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-CHECKS = ("tests/cycles", "tests/engine/test_core_against_reference.py", "tests/engine/test_watertight.py")
+CHECKS = (
+    "tests/cycles",
+    "tests/engine/test_core_against_reference.py",
+    "tests/engine/test_watertight.py",
+)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--unchecked", action="store_true", help="without the checks against Cycles and the float64 reference")
-    parser.add_argument("--out", type=Path, default=ROOT / "out" / "references", help="where old, new and difference go")
+    parser.add_argument(
+        "--unchecked",
+        action="store_true",
+        help="without the checks against Cycles and the float64 reference",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=ROOT / "out" / "references",
+        help="where old, new and difference go",
+    )
     options = parser.parse_args()
     sys.path[:0] = [str(HERE.parent), str(HERE)]
     import conftest  # noqa: F401  (makes the tree importable as `glint`)

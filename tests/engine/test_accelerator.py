@@ -1,4 +1,6 @@
-"""Ray queries against closed forms, brute force and the float64 reference, and what they do with bad input."""
+"""Ray queries against closed forms, brute force and the float64 reference, and what they do with
+bad input.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ ULP = 2.0**-52
 both = pytest.mark.parametrize("backend", BACKENDS)
 
 
-def random_rays(rng: np.random.Generator, count: int, spread: float = 3.0) -> tuple[np.ndarray, np.ndarray]:
+def random_rays(
+    rng: np.random.Generator, count: int, spread: float = 3.0
+) -> tuple[np.ndarray, np.ndarray]:
     """Most of them towards the unit ball, directions of any length."""
     origins = rng.normal(size=(count, 3)) * spread
     return origins, (rng.normal(size=(count, 3)) * 0.7 - origins) * rng.uniform(0.1, 10, (count, 1))
@@ -45,7 +49,8 @@ def fields(hits: engine.Hits) -> tuple[np.ndarray, ...]:
     return hits.t, hits.instance, hits.primitive, hits.u, hits.v
 
 
-# --- truth --------------------------------------------------------------------------------------------------------------------------
+# --- truth
+# --------------------------------------------------------------------------------------------------
 
 
 @both
@@ -65,10 +70,17 @@ def test_square_in_closed_form(backend: str, dtype: type) -> None:
     assert np.array_equal(blocked, inside)
     first = inside & (y < x)
     second = inside & (y > x)
-    assert (hits.primitive[first] == 0).all() and (hits.primitive[second] == 1).all() and (hits.primitive[~inside] == -1).all()
+    assert (
+        (hits.primitive[first] == 0).all()
+        and (hits.primitive[second] == 1).all()
+        and (hits.primitive[~inside] == -1).all()
+    )
     a, b = (x + 1) / 2, (y + 1) / 2
     for where, u, v in ((first, a - b, b), (second, a, b - a)):
-        assert np.abs(hits.u - u)[where].max() <= 2.0**-23 and np.abs(hits.v - v)[where].max() <= 2.0**-23
+        assert (
+            np.abs(hits.u - u)[where].max() <= 2.0**-23
+            and np.abs(hits.v - v)[where].max() <= 2.0**-23
+        )
     assert not hits.u[~inside].any() and not hits.v[~inside].any()
 
 
@@ -98,25 +110,46 @@ def test_ball_in_closed_form(backend: str) -> None:
 
 @both
 @settings(max_examples=60, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 40), rows=st.integers(1, 4), exponent=st.integers(-12, 12))
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(1, 40),
+    rows=st.integers(1, 4),
+    exponent=st.integers(-12, 12),
+)
 def test_against_brute_force(backend: str, seed: int, count: int, rows: int, exponent: int) -> None:
     rng = np.random.default_rng(seed)
     scale = 10.0**exponent
     vertices = (rng.normal(size=(3 * count, 3)) * scale).astype(np.float32)
     triangles = rng.integers(0, 3 * count, (count, 3)).astype(np.uint32)
-    matrices = np.concatenate([rng.normal(size=(rows, 3, 3)), rng.normal(size=(rows, 3, 1)) * scale], 2)
+    matrices = np.concatenate(
+        [rng.normal(size=(rows, 3, 3)), rng.normal(size=(rows, 3, 1)) * scale], 2
+    )
     corners = vertices.astype(float)[triangles]
-    world = (np.einsum("rij,tcj->rtci", matrices[:, :, :3], corners) + matrices[:, None, None, :, 3]).reshape(-1, 3, 3)
+    world = (
+        np.einsum("rij,tcj->rtci", matrices[:, :, :3], corners) + matrices[:, None, None, :, 3]
+    ).reshape(-1, 3, 3)
     o, d = rng.normal(size=(200, 3)) * 3 * scale, rng.normal(size=(200, 3)) * scale
     t_min, t_max = np.zeros(200), np.where(rng.random(200) < 0.5, np.inf, rng.uniform(0, 4, 200))
     mesh = s.Mesh("soup", vertices, triangles)
-    with engine.Accelerator((mesh,), (s.Instances("soup", 0, matrices, ()),), backend=backend) as tree:
-        check(tree, world, (o, d, t_min, t_max), rounding=2.0**-22 * np.abs(world).max(), stride=count)
+    with engine.Accelerator(
+        (mesh,), (s.Instances("soup", 0, matrices, ()),), backend=backend
+    ) as tree:
+        check(
+            tree, world, (o, d, t_min, t_max), rounding=2.0**-22 * np.abs(world).max(), stride=count
+        )
 
 
-def check(tree: engine.Accelerator, corners: np.ndarray, rays: tuple[np.ndarray, ...], rounding: float, stride: int) -> int:
-    """Compares with brute force wherever moving everything by `rounding`, the error of the coordinates in the tree, changes no answer.
-    `stride`: triangles of a placement. Returns how many hits were compared."""
+def check(
+    tree: engine.Accelerator,
+    corners: np.ndarray,
+    rays: tuple[np.ndarray, ...],
+    rounding: float,
+    stride: int,
+) -> int:
+    """Compares with brute force wherever moving everything by `rounding`, the error of the
+    coordinates in the tree, changes no answer. `stride`: triangles of a placement. Returns how many
+    hits were compared.
+    """
     t, clear, cosine = brute_force(corners, *rays)
     hits, blocked = tree.closest(*rays), tree.occluded(*rays)
     assert np.array_equal(hits.instance >= 0, blocked)
@@ -126,10 +159,13 @@ def check(tree: engine.Accelerator, corners: np.ndarray, rays: tuple[np.ndarray,
     hit = np.flatnonzero(sure & blocked)
     which = hits.instance[hit].astype(np.intp) * stride + hits.primitive[hit]
     met, length = t[hit, which], np.linalg.norm(rays[1][hit], axis=1)
-    # Within the triangle its plane is off by at most `rounding`, so that t is off by that over the cosine.
+    # Within the triangle its plane is off by at most `rounding`, so that t is off by that over the
+    # cosine.
     error = 2 * rounding / (cosine[hit, which] * length)
     assert (np.abs(hits.t[hit] - met) <= error).all()  # that it is met at all, too: NaN otherwise
-    best = np.where(np.isnan(t[hit]), np.inf, t[hit] - 2 * rounding / (cosine[hit] * length[:, None])).min(1)
+    best = np.where(
+        np.isnan(t[hit]), np.inf, t[hit] - 2 * rounding / (cosine[hit] * length[:, None])
+    ).min(1)
     assert (hits.t[hit] >= best - error).all()  # that nothing is nearer
     return len(hit)
 
@@ -147,7 +183,8 @@ def test_core_against_reference(name: str, kind: str | None) -> None:
             found.append(tree.closest(o, d, visibility=kind))
             assert np.array_equal(tree.occluded(o, d, visibility=kind), found[-1].instance >= 0)
     core, truth = found
-    # A ray may pass an outline on the other side by the rounding of one to float32; of 3000 random ones none should.
+    # A ray may pass an outline on the other side by the rounding of one to float32; of 3000 random
+    # ones none should.
     same = (core.instance == truth.instance) & (core.primitive == truth.primitive)
     found = (core.instance >= 0) & (truth.instance >= 0)
     assert np.array_equal(core.instance >= 0, truth.instance >= 0)
@@ -172,7 +209,12 @@ def test_far_from_the_origin(backend: str, shift: float, size: float) -> None:
     with engine.Accelerator.from_triangles(vertices, triangles, backend=backend) as tree:
         rounding = 2.0**-23 * size + 8 * ULP * shift
         assert np.abs(tree.bounds - np.array([vertices.min(0), vertices.max(0)])).max() <= rounding
-        assert check(tree, vertices[triangles], (o * size + place, d, *bounds), rounding, len(triangles)) > 300
+        assert (
+            check(
+                tree, vertices[triangles], (o * size + place, d, *bounds), rounding, len(triangles)
+            )
+            > 300
+        )
 
 
 @both
@@ -182,9 +224,13 @@ def test_any_scale(backend: str, exponent: int) -> None:
     o, d = random_rays(np.random.default_rng(8), 2000)
     scale = 2.0 ** (exponent * 3)
     for shortened in (1.0, 1e-100, 1e100):
-        with engine.Accelerator.from_triangles(vertices.astype(np.float32) * np.float32(scale), triangles, backend=backend) as tree:
+        with engine.Accelerator.from_triangles(
+            vertices.astype(np.float32) * np.float32(scale), triangles, backend=backend
+        ) as tree:
             scaled = tree.closest(o * scale, d * shortened)
-        with engine.Accelerator.from_triangles(vertices.astype(np.float32), triangles, backend=backend) as tree:
+        with engine.Accelerator.from_triangles(
+            vertices.astype(np.float32), triangles, backend=backend
+        ) as tree:
             plain = tree.closest(o, d)
         assert np.array_equal(scaled.primitive, plain.primitive)
         hit = plain.primitive >= 0
@@ -192,7 +238,8 @@ def test_any_scale(backend: str, exponent: int) -> None:
         assert (np.abs(scaled.t[hit] / (scale / shortened) / plain.t[hit] - 1) <= 64 * ULP).all()
 
 
-# --- arguments ----------------------------------------------------------------------------------------------------------------------
+# --- arguments
+# --------------------------------------------------------------------------------------------------
 
 
 @both
@@ -201,11 +248,16 @@ def test_shapes_that_go_together(backend: str) -> None:
     with engine.Accelerator.from_triangles(*bumpy(8), backend=backend) as tree:
         shared = tree.closest(o[0], d)
         spelled = tree.closest(np.repeat(o[:1], 50, 0), d, np.zeros(50), np.full(50, np.inf))
-        assert all(np.array_equal(a, b) for a, b in zip(fields(shared), fields(spelled), strict=True))
+        assert all(
+            np.array_equal(a, b) for a, b in zip(fields(shared), fields(spelled), strict=True)
+        )
         assert len(tree.closest(o, d[0])) == 50
         assert len(tree.closest(o[0], d[0])) == 1
         assert len(tree.closest(o[0], d[0], np.zeros(7))) == 7
-        assert len(tree.closest(np.zeros((0, 3)), d[0])) == 0 and len(tree.occluded(np.zeros((0, 3)), np.zeros((0, 3)))) == 0
+        assert (
+            len(tree.closest(np.zeros((0, 3)), d[0])) == 0
+            and len(tree.occluded(np.zeros((0, 3)), np.zeros((0, 3)))) == 0
+        )
         backwards = tree.closest(o[::-1], d[::-1])  # not contiguous
         assert np.array_equal(backwards.t[::-1], tree.closest(o, d).t)
         assert np.array_equal(tree.closest(o.tolist(), d.tolist()).t, tree.closest(o, d).t)
@@ -216,13 +268,39 @@ def test_shapes_that_go_together(backend: str) -> None:
 @both
 def test_the_interval_is_open(backend: str) -> None:
     """t_min < t < t_max, per ray; t_min below 0 counts as 0; empty intervals hold nothing."""
-    bounds = np.array([[0, 3], [0, 3.5], [3, 9], [2.5, 9], [-9, 9], [-9, -1], [4, 2], [0, 0], [3.5, np.inf], [-np.inf, np.inf]])
+    bounds = np.array(
+        [
+            [0, 3],
+            [0, 3.5],
+            [3, 9],
+            [2.5, 9],
+            [-9, 9],
+            [-9, -1],
+            [4, 2],
+            [0, 0],
+            [3.5, np.inf],
+            [-np.inf, np.inf],
+        ]
+    )
     with engine.Accelerator.from_triangles(SQUARE, HALVES, backend=backend) as tree:
         for dtype in (np.float32, np.float64):
             o, d = np.array([0.25, 0.5, 3], dtype), DOWN.astype(dtype)
             blocked = tree.occluded(o, d, bounds[:, 0], bounds[:, 1])
-            assert blocked.tolist() == [False, True, False, True, True, False, False, False, False, True]
-            assert np.array_equal(tree.closest(o, d, bounds[:, 0], bounds[:, 1]).t, np.where(blocked, 3, np.inf))
+            assert blocked.tolist() == [
+                False,
+                True,
+                False,
+                True,
+                True,
+                False,
+                False,
+                False,
+                False,
+                True,
+            ]
+            assert np.array_equal(
+                tree.closest(o, d, bounds[:, 0], bounds[:, 1]).t, np.where(blocked, 3, np.inf)
+            )
         assert not tree.occluded([0.25, 0.5, -3], DOWN, -9, 9)[0]
 
 
@@ -245,26 +323,41 @@ def test_rays_that_miss_by_definition(backend: str, dtype: type) -> None:
         arguments = (rays[:, :3], rays[:, 3:6], rays[:, 6], rays[:, 7])
         hits = tree.closest(*arguments)
         assert np.array_equal(tree.occluded(*arguments), expected)
-    assert np.array_equal(hits.instance, np.where(expected, 0, -1)) and np.array_equal(hits.t, np.where(expected, 3, np.inf))
-    assert (hits.primitive[~expected] == -1).all() and not hits.u[~expected].any() and not hits.v[~expected].any()
+    assert np.array_equal(hits.instance, np.where(expected, 0, -1)) and np.array_equal(
+        hits.t, np.where(expected, 3, np.inf)
+    )
+    assert (
+        (hits.primitive[~expected] == -1).all()
+        and not hits.u[~expected].any()
+        and not hits.v[~expected].any()
+    )
 
 
 @both
 def test_visibility(backend: str) -> None:
     mesh = s.Mesh("square", SQUARE, HALVES)
-    shown = ({"visible_mirror": False, "visible_shadow": False}, {"visible_camera": False, "visible_shadow": False})
+    shown = (
+        {"visible_mirror": False, "visible_shadow": False},
+        {"visible_camera": False, "visible_shadow": False},
+    )
     groups = [s.Instances(str(k), 0, at(0, 0, -k), (), **flags) for k, flags in enumerate(shown)]
     hidden = dict.fromkeys(("visible_camera", "visible_mirror", "visible_shadow"), False)
     groups.append(s.Instances("hidden", 0, at(0, 0, 1), (), **hidden))
     with engine.Accelerator((mesh,), groups, backend=backend) as tree:
-        seen = {kind: tree.closest([0.2, 0.1, 3.0], DOWN, visibility=kind).instance[0] for kind in ("camera", "mirror", "shadow", None)}
+        seen = {
+            kind: tree.closest([0.2, 0.1, 3.0], DOWN, visibility=kind).instance[0]
+            for kind in ("camera", "mirror", "shadow", None)
+        }
     assert seen == {"camera": 0, "mirror": 1, "shadow": -1, None: 0}
 
 
 @both
 def test_instances_are_numbered_by_group_and_row(backend: str) -> None:
     mesh = s.Mesh("square", SQUARE, HALVES)
-    rows = [np.concatenate([np.zeros((0, 3, 4)), *(at(10 * k, 0, 0) for k in group)]) for group in ((0, 1, 2), (), (3,), (4, 5))]
+    rows = [
+        np.concatenate([np.zeros((0, 3, 4)), *(at(10 * k, 0, 0) for k in group)])
+        for group in ((0, 1, 2), (), (3,), (4, 5))
+    ]
     groups = [s.Instances(f"group {k}", 0, matrices, (99,)) for k, matrices in enumerate(rows)]
     with engine.Accelerator((mesh,), groups, backend=backend) as tree:
         hits = tree.closest([[10 * k + 0.5, 0.25, 1] for k in range(6)], DOWN)
@@ -274,10 +367,16 @@ def test_instances_are_numbered_by_group_and_row(backend: str) -> None:
 
 @needs_core
 def test_nodes_over_many_instances_are_well_filled() -> None:
-    """Where a node's ranges were parted until it is full, those below it would have 3.4 children each."""
+    """Where a node's ranges were parted until it is full, those below it would have 3.4 children
+    each.
+    """
     rng = np.random.default_rng(3)
     matrices = np.concatenate([at(*position) for position in rng.uniform(-20, 20, (1000, 3))])
-    with engine.Accelerator([s.Mesh("square", SQUARE, HALVES)], [s.Instances("squares", 0, matrices, (0,))], backend="NATIVE") as tree:
+    with engine.Accelerator(
+        [s.Mesh("square", SQUARE, HALVES)],
+        [s.Instances("squares", 0, matrices, (0,))],
+        backend="NATIVE",
+    ) as tree:
         nodes = tree.stats["nodes"] - 1  # one is the square's
         assert (nodes - 1 + 1000) / nodes > 4.5
 
@@ -285,7 +384,11 @@ def test_nodes_over_many_instances_are_well_filled() -> None:
 @both
 def test_coincident_faces_give_the_lowest(backend: str) -> None:
     mesh = s.Mesh("twice", SQUARE, np.concatenate([HALVES, HALVES]))
-    with engine.Accelerator((mesh, mesh), [s.Instances(str(k), k % 2, at(0, 0, 0), ()) for k in range(4)], backend=backend) as tree:
+    with engine.Accelerator(
+        (mesh, mesh),
+        [s.Instances(str(k), k % 2, at(0, 0, 0), ()) for k in range(4)],
+        backend=backend,
+    ) as tree:
         hits = tree.closest([[0.5, -0.5, 1], [-0.5, 0.5, 1]], DOWN)
     assert hits.instance.tolist() == [0, 0] and hits.primitive.tolist() == [0, 1]
 
@@ -298,10 +401,21 @@ def test_bad_primitives_are_left_out_and_counted(backend: str) -> None:
     o, d = random_rays(np.random.default_rng(10), 2000)
     with engine.Accelerator.from_triangles(vertices, triangles, backend=backend) as tree:
         plain = tree.closest(o, d)
-    stray = np.array([[np.nan, 0, 0], [0, np.inf, 0], [3e38, 3e38, 3e38], [3e38, 3e38, -3e38], [3e38, -3e38, 3e38]], np.float32)
+    stray = np.array(
+        [
+            [np.nan, 0, 0],
+            [0, np.inf, 0],
+            [3e38, 3e38, 3e38],
+            [3e38, 3e38, -3e38],
+            [3e38, -3e38, 3e38],
+        ],
+        np.float32,
+    )
     n = len(vertices)
     worse = np.array([[0, 1, n], [n + 1, 2, 3], [n + 2, n + 3, n + 4]], np.uint32)
-    with engine.Accelerator.from_triangles(np.concatenate([vertices, stray]), np.concatenate([triangles, worse]), backend=backend) as tree:
+    with engine.Accelerator.from_triangles(
+        np.concatenate([vertices, stray]), np.concatenate([triangles, worse]), backend=backend
+    ) as tree:
         hits = tree.closest(o, d, 0, 1e6)
         assert tree.stats["dropped"] == 3
     assert all(np.array_equal(a, b) for a, b in zip(fields(plain), fields(hits), strict=True))
@@ -319,18 +433,34 @@ def test_nothing_to_hit(backend: str, vertices: np.ndarray) -> None:
         assert (tree.bounds[0] > tree.bounds[1]).all()
 
 
-# --- bad input ----------------------------------------------------------------------------------------------------------------------
+# --- bad input
+# --------------------------------------------------------------------------------------------------
 
 
 @both
 @pytest.mark.parametrize(
     ("origins", "directions", "rest", "words"),
     [
-        (np.zeros((4, 2)), np.ones((4, 3)), {}, r"origins has shape \(4, 2\): use \(n, 3\) or \(3,\)"),
+        (
+            np.zeros((4, 2)),
+            np.ones((4, 3)),
+            {},
+            r"origins has shape \(4, 2\): use \(n, 3\) or \(3,\)",
+        ),
         (np.zeros((4, 3)), np.ones((5, 3)), {}, "directions has 5 rows: the other arrays have 4"),
         (np.zeros((4, 3)), np.ones((4, 3)), {"t_max": np.ones(3)}, "t_max has 3 rows"),
-        (np.zeros((4, 3)), np.ones((4, 3)), {"t_min": np.ones((4, 1))}, r"t_min has shape \(4, 1\): use \(n,\) or one number"),
-        (np.zeros((4, 3), complex), np.ones((4, 3)), {}, "origins has dtype complex128: use float32 or float64"),
+        (
+            np.zeros((4, 3)),
+            np.ones((4, 3)),
+            {"t_min": np.ones((4, 1))},
+            r"t_min has shape \(4, 1\): use \(n,\) or one number",
+        ),
+        (
+            np.zeros((4, 3), complex),
+            np.ones((4, 3)),
+            {},
+            "origins has dtype complex128: use float32 or float64",
+        ),
         (np.zeros((4, 3), object), np.ones((4, 3)), {}, "origins has dtype object"),
         (np.zeros((4, 3)), "down", {}, "directions has dtype"),
         (np.zeros(12), np.ones((4, 3)), {}, "origins has shape"),
@@ -365,9 +495,15 @@ def test_triangles_that_do_not_fit(backend: str, vertices, triangles, words: str
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"world_from_object": np.full((1, 3, 4), np.nan)}, "world_from_object has a value that is not finite"),
+        (
+            {"world_from_object": np.full((1, 3, 4), np.nan)},
+            "world_from_object has a value that is not finite",
+        ),
         ({"world_from_object": np.zeros((1, 4, 4))}, r"world_from_object has shape \(1, 4, 4\)"),
-        ({"world_from_object": np.zeros((1, 3, 4), np.float32)}, "world_from_object has dtype float32"),
+        (
+            {"world_from_object": np.zeros((1, 3, 4), np.float32)},
+            "world_from_object has dtype float32",
+        ),
         ({"geometry": 1}, "geometry is 1 but the scene has 1 geometries"),
     ],
 )
@@ -378,14 +514,19 @@ def test_instances_that_do_not_fit(backend: str, change: dict, words: str) -> No
 
 
 def test_options_that_do_not_fit() -> None:
-    for options, words in (({"threads": -1}, "threads is -1"), ({"threads": 1.5}, "threads is 1.5"), ({"backend": "GPU"}, "is 'GPU'")):
+    for options, words in (
+        ({"threads": -1}, "threads is -1"),
+        ({"threads": 1.5}, "threads is 1.5"),
+        ({"backend": "GPU"}, "is 'GPU'"),
+    ):
         with pytest.raises(ValueError, match=words):
             engine.Accelerator.from_triangles(SQUARE, HALVES, **options)
     with pytest.raises(engine.SceneError, match="is no block of instances"):
         engine.Accelerator((), ("instances",))
     with pytest.raises(engine.SceneError, match="geometries holds a str"):
         engine.Accelerator(("mesh",), ())
-    with engine.Accelerator.from_triangles(SQUARE, HALVES, threads=np.int64(1)) as tree:  # as NumPy counts
+    # as NumPy counts
+    with engine.Accelerator.from_triangles(SQUARE, HALVES, threads=np.int64(1)) as tree:
         assert tree.occluded([0.25, 0.5, 3.0], DOWN)[0]
 
 
@@ -393,12 +534,18 @@ def test_options_that_do_not_fit() -> None:
 def test_more_rays_than_memory(backend: str) -> None:
     """10^14 of them: an error before anything is touched."""
     many = np.broadcast_to(np.zeros(3), (10**14, 3))
-    with engine.Accelerator.from_triangles(SQUARE, HALVES, backend=backend) as tree, pytest.raises(MemoryError):
+    with (
+        engine.Accelerator.from_triangles(SQUARE, HALVES, backend=backend) as tree,
+        pytest.raises(MemoryError),
+    ):
         tree.closest(many, DOWN)
 
 
 @needs_core
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits a process' memory with setrlimit, as Linux has it")
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux"),
+    reason="limits a process' memory with setrlimit, as Linux has it",
+)
 def test_more_triangles_than_memory() -> None:
     """A tree that does not fit into what the process may have is a MemoryError."""
     program = """
@@ -417,11 +564,16 @@ except MemoryError as error:
     print("MemoryError:", error)
 """
     folder = Path(__file__).resolve().parent.parent
-    run = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=False)
-    assert run.stdout == "MemoryError: the core ran out of memory\n", run.stdout + run.stderr[-2000:]
+    run = subprocess.run(
+        [sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert run.stdout == "MemoryError: the core ran out of memory\n", (
+        run.stdout + run.stderr[-2000:]
+    )
 
 
-# --- life ---------------------------------------------------------------------------------------------------------------------------
+# --- life
+# --------------------------------------------------------------------------------------------------
 
 
 @both
@@ -429,7 +581,12 @@ def test_closed(backend: str) -> None:
     tree = engine.Accelerator.from_triangles(SQUARE, HALVES, backend=backend)
     tree.close()
     tree.close()
-    for use in (lambda: tree.closest(DOWN, DOWN), lambda: tree.occluded(DOWN, DOWN), lambda: tree.bounds, lambda: tree.stats):
+    for use in (
+        lambda: tree.closest(DOWN, DOWN),
+        lambda: tree.occluded(DOWN, DOWN),
+        lambda: tree.bounds,
+        lambda: tree.stats,
+    ):
         with pytest.raises(ValueError, match="the accelerator is closed"):
             use()
 
@@ -473,7 +630,9 @@ def test_same_bits_from_any_number_of_threads_and_any_cut(dtype: type) -> None:
     for threads in (1, 2, 8):
         with engine.Accelerator.from_triangles(vertices, triangles, threads=threads) as tree:
             answers.append(fields(tree.closest(o, d)))
-            parts = [fields(tree.closest(o[k : k + 777], d[k : k + 777])) for k in range(0, len(o), 777)]
+            parts = [
+                fields(tree.closest(o[k : k + 777], d[k : k + 777])) for k in range(0, len(o), 777)
+            ]
             answers.append(tuple(np.concatenate(column) for column in zip(*parts, strict=True)))
             assert np.array_equal(tree.occluded(o, d), answers[0][1] >= 0)
     for other in answers[1:]:

@@ -1,4 +1,6 @@
-"""Planes that cut what a camera sees: both tracers against closed forms, and shadows that come from beyond them."""
+"""Planes that cut what a camera sees: both tracers against closed forms, and shadows that come from
+beyond them.
+"""
 
 from dataclasses import replace
 
@@ -15,22 +17,35 @@ SIZE = (40, 30)
 
 def sheets(kind, planes=()):
     """Large squares at depths 2 and 4, the first above y = 0 only; lit from the camera's side."""
-    corners = [[(-9, 0, -2), (9, 0, -2), (9, 9, -2), (-9, 9, -2)], [(-9, -9, -4), (9, -9, -4), (9, 9, -4), (-9, 9, -4)]]
+    corners = [
+        [(-9, 0, -2), (9, 0, -2), (9, 9, -2), (-9, 9, -2)],
+        [(-9, -9, -4), (9, -9, -4), (9, 9, -4), (-9, 9, -4)],
+    ]
     triangles = np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
     meshes = tuple(Mesh(f"{k}", np.array(c, np.float32), triangles) for k, c in enumerate(corners))
-    instances = tuple(Instances(f"{k}", k, np.eye(4)[None, :3], (), object_index=k + 1) for k in range(2))
+    instances = tuple(
+        Instances(f"{k}", k, np.eye(4)[None, :3], (), object_index=k + 1) for k in range(2)
+    )
     window = (-0.5, 0.5, -0.375, 0.375) if kind == "PERSPECTIVE" else (-2.0, 2.0, -1.5, 1.5)
     camera = Camera(kind, np.eye(4)[:3], window, SIZE, clip_planes=planes)
     return Scene(camera, meshes, instances, lights=(Light("Sun", "SUN", np.eye(4)[:3]),))
 
 
 def traced(scene, backend):
-    return render(scene, Settings(samples=1, backend=backend, threads=1, passes=frozenset({"Depth", "Object Index"}))).passes
+    return render(
+        scene,
+        Settings(
+            samples=1, backend=backend, threads=1, passes=frozenset({"Depth", "Object Index"})
+        ),
+    ).passes
 
 
 def centers(scene):
     left, right, b, t = scene.camera.window
-    return np.meshgrid(left + (np.arange(SIZE[0]) + 0.5) * (right - left) / SIZE[0], b + (np.arange(SIZE[1]) + 0.5) * (t - b) / SIZE[1])
+    return np.meshgrid(
+        left + (np.arange(SIZE[0]) + 0.5) * (right - left) / SIZE[0],
+        b + (np.arange(SIZE[1]) + 0.5) * (t - b) / SIZE[1],
+    )
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -48,7 +63,12 @@ def test_a_slanted_plane(kind, backend):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_box_and_a_plane_that_no_ray_crosses(backend):
-    between = ((0.0, 0.0, 1.0, -3.0), (0.0, 0.0, -1.0, 5.0), (1.0, 0.0, 0.0, 0.52), (-1.0, 0.0, 0.0, 0.52))
+    between = (
+        (0.0, 0.0, 1.0, -3.0),
+        (0.0, 0.0, -1.0, 5.0),
+        (1.0, 0.0, 0.0, 0.52),
+        (-1.0, 0.0, 0.0, 0.52),
+    )
     scene = sheets("ORTHOGRAPHIC", between)
     u, _ = centers(scene)
     seen = traced(scene, backend)
@@ -68,6 +88,9 @@ def test_what_is_cut_away_casts_shadows(backend):
 
 def test_planes_that_are_none_are_told():
     camera = sheets("PERSPECTIVE").camera
-    for planes, text in ((((0.0,) * 4,) * 7, "6 at most"), (((0.0, np.nan, 0.0, 1.0),), "clip_planes")):
+    for planes, text in (
+        (((0.0,) * 4,) * 7, "6 at most"),
+        (((0.0, np.nan, 0.0, 1.0),), "clip_planes"),
+    ):
         with pytest.raises(SceneError, match=text):
             render(replace(sheets("PERSPECTIVE"), camera=replace(camera, clip_planes=planes)))

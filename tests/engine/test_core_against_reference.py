@@ -1,4 +1,6 @@
-"""The float32 core against the float64 reference on scenes that use every feature (SEMANTICS.md is the text both are written from)."""
+"""The float32 core against the float64 reference on scenes that use every feature (SEMANTICS.md is
+the text both are written from).
+"""
 
 from dataclasses import replace
 
@@ -9,7 +11,9 @@ from engine_scenes import SCENES, ball_mesh, light, look_at, surface
 from glint import engine
 from glint.engine import scene as s
 
-pytestmark = pytest.mark.skipif("NATIVE" not in engine.available_backends(), reason="the core's library is not built")
+pytestmark = pytest.mark.skipif(
+    "NATIVE" not in engine.available_backends(), reason="the core's library is not built"
+)
 
 ALL_PASSES = frozenset(engine.PASSES) - {"Combined", "Fallbacks"}
 SETTINGS = engine.Settings(samples=1, light_samples=3, max_bounces=4, passes=ALL_PASSES)
@@ -21,7 +25,8 @@ def both(name: str, settings: engine.Settings) -> tuple[engine.Film, engine.Film
 
 
 def relative_error(measured: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """(h, w) largest channel's |measured - truth| over the larger of |truth| and 1 % of the picture's mean.
+    """(h, w) largest channel's |measured - truth| over the larger of |truth| and 1 % of the
+    picture's mean.
 
     The floor keeps a pixel that is black but for rounding from counting as infinitely wrong.
     """
@@ -32,7 +37,9 @@ def relative_error(measured: np.ndarray, truth: np.ndarray) -> np.ndarray:
 
 
 def conditioned(key: str, values: np.ndarray) -> np.ndarray:
-    """Gap squared: the chord of a ray that all but touches a sphere is 2 √(r² − b²), whose square alone moves in step with the ray."""
+    """Gap squared: the chord of a ray that all but touches a sphere is 2 √(r² − b²), whose square
+    alone moves in step with the ray.
+    """
     return values.astype(float) ** 2 if key == "Gap" else values
 
 
@@ -40,22 +47,38 @@ def conditioned(key: str, values: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("name", SCENES)
 def test_same_picture(name: str, illumination: str) -> None:
     core, reference = both(name, replace(SETTINGS, illumination=illumination))
-    errors = {key: relative_error(*(conditioned(key, film.passes[key]) for film in (core, reference))) for key in reference.passes}
-    worst = {key: (float(error.max()), int((error > 1e-4).sum())) for key, error in errors.items() if error.max() > 1e-4}
+    errors = {
+        key: relative_error(*(conditioned(key, film.passes[key]) for film in (core, reference)))
+        for key in reference.passes
+    }
+    worst = {
+        key: (float(error.max()), int((error > 1e-4).sum()))
+        for key, error in errors.items()
+        if error.max() > 1e-4
+    }
     assert not worst, f"{name}: pass -> (largest relative error, pixels beyond 1e-4): {worst}"
 
 
 @pytest.mark.parametrize("copies", [1, 2])
 @pytest.mark.parametrize("distance", [1e3, 1e4])
 def test_no_shadow_on_a_convex_body_seen_from_afar(distance: float, copies: int) -> None:
-    """A smooth ball through a long lens: where a step of float32 at its distance is more than Hanika's starts lie above the faces."""
+    """A smooth ball through a long lens: where a step of float32 at its distance is more than
+    Hanika's starts lie above the faces.
+    """
     matrix = np.repeat(np.eye(4)[None, :3], copies, 0)
     matrix[1:, 2, 3] = 5 * distance  # out of sight
     eye, half = distance * np.array([0.68, -0.57, 0.46]), 1.1 / distance
-    camera = s.Camera("PERSPECTIVE", look_at(eye, (0, 0, 0)), (-half, half, -half, half), (150, 150))
+    camera = s.Camera(
+        "PERSPECTIVE", look_at(eye, (0, 0, 0)), (-half, half, -half, half), (150, 150)
+    )
     body, paint = s.Instances("ball", 0, matrix, (0,)), surface(diffuse=0.8, ambient=0.0)
-    scene = s.Scene(camera, (ball_mesh(80),), (body,), (paint,), lights=(light("SUN", strength=3.0),))
-    core, reference = (engine.render(scene, replace(SETTINGS, samples=1, backend=backend)).combined for backend in ("NATIVE", "NUMPY"))
+    scene = s.Scene(
+        camera, (ball_mesh(80),), (body,), (paint,), lights=(light("SUN", strength=3.0),)
+    )
+    core, reference = (
+        engine.render(scene, replace(SETTINGS, samples=1, backend=backend)).combined
+        for backend in ("NATIVE", "NUMPY")
+    )
     assert (reference[..., :3].max(-1) > 0).sum() > 5000
     assert np.abs(core[..., :3].astype(float) - reference[..., :3]).max() <= 1e-4
 
@@ -67,8 +90,12 @@ def test_spheres_without_thickness_are_left_out(thickness: float, seen: bool, co
     flat = np.array([[1.0, 1.0, 0.0, 0.0], [0.0, thickness, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
     ball = s.Spheres("b", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
     glow = s.Material("glow", (s.Lobe("EMISSION", (s.Input((1.0, 1.0, 1.0)),)),))
-    camera = s.Camera("PERSPECTIVE", look_at((0, -5, 0), (0, 0, 0)), (-0.5, 0.5, -0.5, 0.5), (16, 16))
-    scene = s.Scene(camera, (ball,), (s.Instances("i", 0, np.repeat(flat[None], copies, 0), (0,)),), (glow,))
+    camera = s.Camera(
+        "PERSPECTIVE", look_at((0, -5, 0), (0, 0, 0)), (-0.5, 0.5, -0.5, 0.5), (16, 16)
+    )
+    scene = s.Scene(
+        camera, (ball,), (s.Instances("i", 0, np.repeat(flat[None], copies, 0), (0,)),), (glow,)
+    )
     for backend in ("NATIVE", "NUMPY"):
         film = engine.render(scene, engine.Settings(samples=1, backend=backend))
         assert (film.combined[..., 0] > 0).any() == seen == (not film.notes), backend
@@ -87,7 +114,9 @@ def test_parts_sum_to_combined(name: str, backend: str) -> None:
     total = sum(film.passes[part].astype(float) for part in engine.PARTS)
     size = sum(np.abs(film.passes[part].astype(float)) for part in engine.PARTS)
     # Every part and Combined are rounded to float32 once: half an ulp each.
-    assert (np.abs(total - film.combined[..., :3]) <= 2.0**-23 * (size + np.abs(film.combined[..., :3]))).all()
+    assert (
+        np.abs(total - film.combined[..., :3]) <= 2.0**-23 * (size + np.abs(film.combined[..., :3]))
+    ).all()
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -98,9 +127,15 @@ def test_same_bits_whatever_the_threads_and_regions(name: str) -> None:
     for threads in (2, 5, 1):
         again = engine.render(scene, replace(settings, threads=threads))
         for key, value in whole.passes.items():
-            assert np.array_equal(value.view(np.uint32), again.passes[key].view(np.uint32)), (key, threads)
+            assert np.array_equal(value.view(np.uint32), again.passes[key].view(np.uint32)), (
+                key,
+                threads,
+            )
     for x0, x1 in ((0, nx // 3), (nx // 3, nx)):
         for y0, y1 in ((0, ny // 2 + 1), (ny // 2 + 1, ny)):
             part = engine.render(scene, replace(settings, region=(x0, y0, x1, y1)))
             for key, value in part.passes.items():
-                assert np.array_equal(value.view(np.uint32), np.ascontiguousarray(whole.passes[key][y0:y1, x0:x1]).view(np.uint32)), key
+                assert np.array_equal(
+                    value.view(np.uint32),
+                    np.ascontiguousarray(whole.passes[key][y0:y1, x0:x1]).view(np.uint32),
+                ), key

@@ -7,7 +7,18 @@ import pytest
 
 from glint.engine import SceneError, Settings, render
 from glint.engine.explain import PixelExplainer, explanation_lines
-from glint.engine.scene import Camera, Input, Instances, Light, Lobe, Material, Mesh, Scene, Spheres, World
+from glint.engine.scene import (
+    Camera,
+    Input,
+    Instances,
+    Light,
+    Lobe,
+    Material,
+    Mesh,
+    Scene,
+    Spheres,
+    World,
+)
 
 
 def lobe(kind, value, **more):
@@ -22,12 +33,21 @@ def lamp(name, kind, at, **more):
     return Light(name, kind, np.concatenate([np.eye(3), np.array(at, float)[:, None]], 1), **more)
 
 
-PLASTIC = Material("Plastic", (lobe("AMBIENT", 0.5), lobe("DIFFUSE", 0.8), lobe("SPECULAR", 0.3, exponent=20.0)))
+PLASTIC = Material(
+    "Plastic", (lobe("AMBIENT", 0.5), lobe("DIFFUSE", 0.8), lobe("SPECULAR", 0.3, exponent=20.0))
+)
 MIRROR = Material("Mirror", (lobe("DIFFUSE", 0.2), lobe("MIRROR", 0.7)))
-GLASS = Material("Glass", (lobe("MIRROR", 0.9, ior=1.5, fresnel=True), lobe("REFRACTION", 0.9, ior=1.5, fresnel=True)))
+GLASS = Material(
+    "Glass",
+    (lobe("MIRROR", 0.9, ior=1.5, fresnel=True), lobe("REFRACTION", 0.9, ior=1.5, fresnel=True)),
+)
 VEIL = Material("Veil", (lobe("TRANSPARENT", 0.6), lobe("DIFFUSE", 0.3), lobe("EMISSION", 0.05)))
 
-FLOOR = Mesh("Floor", np.array([[-5, -5, 0], [5, -5, 0], [5, 5, 0], [-5, 5, 0]], np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.uint32))
+FLOOR = Mesh(
+    "Floor",
+    np.array([[-5, -5, 0], [5, -5, 0], [5, 5, 0], [-5, 5, 0]], np.float32),
+    np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
+)
 BALL = Spheres("Ball", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
 LOOKING_DOWN = np.array([[1.0, 0, 0, 0], [0, 1, 0, -1], [0, 0, 1, 6]])
 
@@ -44,7 +64,9 @@ SCENE = Scene(
     lights=(
         lamp("Sun", "SUN", (0, 0, 0), angle=0.1),
         lamp("Point", "POINT", (2, -2, 4), strength=300.0),
-        lamp("Area", "AREA", (-2, 2, 5), strength=200.0, size_x=1.0, size_y=2.0, visible_mirror=True),
+        lamp(
+            "Area", "AREA", (-2, 2, 5), strength=200.0, size_x=1.0, size_y=2.0, visible_mirror=True
+        ),
     ),
     world=World((0.1, 0.2, 0.3), (0.05, 0.06, 0.07)),
 )
@@ -61,7 +83,9 @@ def test_the_tree_adds_up_to_the_picture(illumination):
     settings = replace(SETTINGS, illumination=illumination)
     picture, explainer = render(SCENE, settings).combined, PixelExplainer(SCENE, settings)
     for x, y in [*BALLS, (0, 0), (12, 12), (20, 3), (8, 20)]:
-        np.testing.assert_allclose(explainer.pixel(x, y).color, picture[y, x, :3], rtol=2**-22, atol=1e-12)
+        np.testing.assert_allclose(
+            explainer.pixel(x, y).color, picture[y, x, :3], rtol=2**-22, atol=1e-12
+        )
 
 
 def every(ray):
@@ -74,13 +98,23 @@ def test_all_kinds_of_rays_and_blockers_are_told():
     explainer = PixelExplainer(SCENE, SETTINGS)
     rays = [found for x, y in [*BALLS, (8, 12)] for found in every(explainer.pixel(x, y))]
     assert {ray.kind for ray in rays} == {"camera", "mirror", "refraction", "transparent"}
-    assert {"", "Mirror Ball", "Veil"} <= {term.blocker for ray in rays if ray.hit for term in ray.hit.lights}
+    assert {"", "Mirror Ball", "Veil"} <= {
+        term.blocker for ray in rays if ray.hit for term in ray.hit.lights
+    }
 
 
 def test_the_shape_of_a_light_and_the_surroundings_are_told():
     turned = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, -3]])
     lights = (
-        Light("Panel", "AREA", np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]), size_x=1, size_y=2, strength=8, visible_camera=True),
+        Light(
+            "Panel",
+            "AREA",
+            np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]),
+            size_x=1,
+            size_y=2,
+            strength=8,
+            visible_camera=True,
+        ),
     )
     camera = replace(SCENE.camera, world_from_camera=turned, resolution=(3, 1))
     explainer = PixelExplainer(replace(SCENE, camera=camera, instances=(), lights=lights), SETTINGS)
@@ -92,40 +126,77 @@ def test_the_shape_of_a_light_and_the_surroundings_are_told():
 
 
 def test_a_point_light_over_a_floor_in_closed_form():
-    """Straight below a lamp 2 above the floor: n·l = 1, I = c/(4π² d²), L = k_a I_a + k_d I + k_s I (n·h)^p."""
-    scene = replace(SCENE, instances=SCENE.instances[:1], lights=(lamp("Lamp", "POINT", (0, -1, 2), strength=40.0),))
+    """Straight below a lamp 2 above the floor: n·l = 1, I = c/(4π² d²), L = k_a I_a + k_d I + k_s I
+    (n·h)^p.
+    """
+    scene = replace(
+        SCENE,
+        instances=SCENE.instances[:1],
+        lights=(lamp("Lamp", "POINT", (0, -1, 2), strength=40.0),),
+    )
     scene = replace(scene, camera=replace(scene.camera, resolution=(1, 1)))
     ray = PixelExplainer(scene, SETTINGS).pixel(0, 0)
     (term,) = ray.hit.lights
     intensity = 40.0 / (4 * np.pi**2 * 4)
-    assert ray.hit.thing == "Floor" and ray.hit.material == "Plastic" and ray.hit.depth == pytest.approx(6)
+    assert (
+        ray.hit.thing == "Floor"
+        and ray.hit.material == "Plastic"
+        and ray.hit.depth == pytest.approx(6)
+    )
     assert sum(ray.hit.barycentric) == pytest.approx(1)
-    assert (term.n_dot_l, term.n_dot_h, term.distance, term.blocker) == (pytest.approx(1), pytest.approx(1), pytest.approx(2), "")
+    assert (term.n_dot_l, term.n_dot_h, term.distance, term.blocker) == (
+        pytest.approx(1),
+        pytest.approx(1),
+        pytest.approx(2),
+        "",
+    )
     np.testing.assert_allclose(term.intensity, [intensity] * 3)
     np.testing.assert_allclose(ray.hit.ambient, np.array([0.5, 0.25, 0.125]) * [0.1, 0.2, 0.3])
     np.testing.assert_allclose(term.diffuse, np.array([0.8, 0.4, 0.2]) * intensity)
     np.testing.assert_allclose(term.specular, np.array([0.3, 0.15, 0.075]) * intensity)
-    np.testing.assert_allclose(ray.color, np.add(ray.hit.ambient, np.add(term.diffuse, term.specular)))
+    np.testing.assert_allclose(
+        ray.color, np.add(ray.hit.ambient, np.add(term.diffuse, term.specular))
+    )
 
 
 def test_a_blocker_has_its_name_and_distance():
     ball = Instances("Blocker", 1, placed(0, -1, 3), ())
-    scene = replace(SCENE, instances=(SCENE.instances[0], ball), lights=(lamp("Lamp", "POINT", (0, -1, 5)),))
+    scene = replace(
+        SCENE, instances=(SCENE.instances[0], ball), lights=(lamp("Lamp", "POINT", (0, -1, 5)),)
+    )
     below = np.array([[1.0, 0, 0, 0], [0, 1, 0, -1], [0, 0, 1, 1]])
     scene = replace(scene, camera=replace(scene.camera, world_from_camera=below, resolution=(1, 1)))
     (term,) = PixelExplainer(scene, SETTINGS).pixel(0, 0).hit.lights
-    assert term.blocker == "Blocker" and term.blocker_distance == pytest.approx(2) and term.shadow == (0, 0, 0)
+    assert (
+        term.blocker == "Blocker"
+        and term.blocker_distance == pytest.approx(2)
+        and term.shadow == (0, 0, 0)
+    )
 
 
 def test_the_text_names_what_counts():
     text = "\n".join(explanation_lines(PixelExplainer(SCENE, SETTINGS).pixel(6, 16)))
-    for words in ("camera ray", "mirror ray", "n·l", "n·h", "k_a I_a", "'Sun'", "barycentric", "Mirror Ball"):
+    for words in (
+        "camera ray",
+        "mirror ray",
+        "n·l",
+        "n·h",
+        "k_a I_a",
+        "'Sun'",
+        "barycentric",
+        "Mirror Ball",
+    ):
         assert words in text, text
 
 
 def test_the_first_line_says_in_plain_words_what_lights_a_pixel():
-    """Two equal lamps and a third of half the strength at the same place, no ambient light: 40, 40 and 20 %."""
-    lamps = [lamp(name, "POINT", (0, -1, 2), strength=strength) for name, strength in (("A", 40.0), ("B", 20.0), ("C", 40.0))]
+    """Two equal lamps and a third of half the strength at the same place, no ambient light: 40, 40
+    and 20 %.
+    """
+    lamps = [
+        lamp(name, "POINT", (0, -1, 2), strength=strength)
+        for name, strength in (("A", 40.0), ("B", 20.0), ("C", 40.0))
+    ]
     down = np.array([[1.0, 0, 0, 0], [0, 1, 0, -1], [0, 0, 1, 1]])
     scene = replace(SCENE, instances=SCENE.instances[:1], lights=tuple(lamps), world=World())
     scene = replace(scene, camera=replace(scene.camera, world_from_camera=down, resolution=(1, 1)))
@@ -136,15 +207,24 @@ def test_the_first_line_says_in_plain_words_what_lights_a_pixel():
 
 def test_the_first_line_says_what_blocks_and_what_is_mirrored():
     ball = Instances("Blocker", 1, placed(0, -1, 3), ())
-    scene = replace(SCENE, instances=(SCENE.instances[0], ball), lights=(lamp("Lamp", "POINT", (0, -1, 5)),))
+    scene = replace(
+        SCENE, instances=(SCENE.instances[0], ball), lights=(lamp("Lamp", "POINT", (0, -1, 5)),)
+    )
     below = np.array([[1.0, 0, 0, 0], [0, 1, 0, -1], [0, 0, 1, 1]])
     scene = replace(scene, camera=replace(scene.camera, world_from_camera=below, resolution=(1, 1)))
     dark = explanation_lines(PixelExplainer(scene, SETTINGS).pixel(0, 0))[0]
-    assert dark == "'Floor' with the material 'Plastic': lit by ambient light 100 %; Lamp is blocked by 'Blocker'"
+    assert (
+        dark
+        == "'Floor' with the material 'Plastic': lit by ambient light 100 %; Lamp is blocked by "
+        "'Blocker'"
+    )
     bare = PixelExplainer(replace(SCENE, instances=SCENE.instances[:3]), SETTINGS)
     assert " (mirrored) " in explanation_lines(bare.pixel(6, 16))[0]
     black = replace(scene, world=World())
-    assert ": no light comes from here; " in explanation_lines(PixelExplainer(black, SETTINGS).pixel(0, 0))[0]
+    assert (
+        ": no light comes from here; "
+        in explanation_lines(PixelExplainer(black, SETTINGS).pixel(0, 0))[0]
+    )
 
 
 def test_a_pixel_outside_is_refused():

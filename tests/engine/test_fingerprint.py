@@ -15,7 +15,13 @@ from glint.engine.fingerprint import picture_fingerprint, settings_text, value_f
 def make_scene() -> Scene:
     lamp = scenes.light("POINT")
     placed = (scenes.s.Instances("box", 0, scenes.at(), (0,)),)
-    return Scene(scenes.camera(), (scenes.box_mesh(),), placed, (scenes.surface(specular=0.5),), lights=(lamp,))
+    return Scene(
+        scenes.camera(),
+        (scenes.box_mesh(),),
+        placed,
+        (scenes.surface(specular=0.5),),
+        lights=(lamp,),
+    )
 
 
 def nudged(array):
@@ -32,11 +38,17 @@ def test_a_scene_made_twice_has_one_fingerprint():
 @pytest.mark.parametrize(
     "change",
     [
-        lambda s: replace(s, camera=replace(s.camera, world_from_camera=nudged(s.camera.world_from_camera))),
-        lambda s: replace(s, geometries=(replace(s.geometries[0], vertices=nudged(s.geometries[0].vertices)),)),
+        lambda s: replace(
+            s, camera=replace(s.camera, world_from_camera=nudged(s.camera.world_from_camera))
+        ),
+        lambda s: replace(
+            s, geometries=(replace(s.geometries[0], vertices=nudged(s.geometries[0].vertices)),)
+        ),
         lambda s: replace(s, instances=(replace(s.instances[0], visible_shadow=False),)),
         lambda s: replace(s, materials=(replace(s.materials[0], lobes=s.materials[0].lobes[:1]),)),
-        lambda s: replace(s, materials=(replace(s.materials[0], lobes=s.materials[0].lobes[::-1]),)),
+        lambda s: replace(
+            s, materials=(replace(s.materials[0], lobes=s.materials[0].lobes[::-1]),)
+        ),
         lambda s: replace(s, lights=()),
         lambda s: replace(s, lights=(replace(s.lights[0], strength=400.00000000000006),)),
         lambda s: replace(s, world=replace(s.world, transparent=True)),
@@ -48,8 +60,17 @@ def test_every_change_of_a_scene_is_seen(change):
 
 
 def test_values_do_not_run_together():
-    pairs = [(("ab", "c"), ("a", "bc")), ((1, (2, 3)), ((1, 2), 3)), ((1,), (1.0,)), ((None,), ("None",)), ((), ((),))]
-    pairs += [((np.zeros(2, np.float32),), (np.zeros(1, np.float64),)), ((np.zeros((2, 3)),), (np.zeros((3, 2)),))]
+    pairs = [
+        (("ab", "c"), ("a", "bc")),
+        ((1, (2, 3)), ((1, 2), 3)),
+        ((1,), (1.0,)),
+        ((None,), ("None",)),
+        ((), ((),)),
+    ]
+    pairs += [
+        ((np.zeros(2, np.float32),), (np.zeros(1, np.float64),)),
+        ((np.zeros((2, 3)),), (np.zeros((3, 2)),)),
+    ]
     for one, other in pairs:
         assert value_fingerprint(one) != value_fingerprint(other)
 
@@ -61,11 +82,16 @@ def test_a_picture_is_known_by_its_bits():
     assert picture_fingerprint({**passes, "Depth": nudged(passes["Depth"])}) != known
     assert picture_fingerprint({"Combined": passes["Combined"]}) != known
     assert picture_fingerprint({**passes, "Depth": passes["Depth"].reshape(3, 2, 1)}) != known
-    assert picture_fingerprint({"Depth": np.float32([[0.0]])}) != picture_fingerprint({"Depth": np.float32([[-0.0]])})
+    assert picture_fingerprint({"Depth": np.float32([[0.0]])}) != picture_fingerprint(
+        {"Depth": np.float32([[-0.0]])}
+    )
 
 
 def test_a_large_picture_is_known_however_many_threads_look_at_it():
-    passes = {"Combined": np.arange(600_000, dtype=np.float32).reshape(300, 500, 4), "Depth": np.ones((300, 500, 1), np.float32)}
+    passes = {
+        "Combined": np.arange(600_000, dtype=np.float32).reshape(300, 500, 4),
+        "Depth": np.ones((300, 500, 1), np.float32),
+    }
     known = picture_fingerprint(passes)
     with ThreadPoolExecutor(3) as threads:
         assert picture_fingerprint(passes, threads.map) == known

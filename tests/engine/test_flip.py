@@ -1,4 +1,6 @@
-"""FLIP against the authors' own evaluator (its values for this pair of pictures) and against what the paper says of it."""
+"""FLIP against the authors' own evaluator (its values for this pair of pictures) and against what
+the paper says of it.
+"""
 
 import numpy as np
 import pytest
@@ -9,7 +11,9 @@ HEIGHT, WIDTH = 24, 32
 
 
 def pair():
-    """(picture, reference): a smooth reference; a picture with a darker box, a faint pattern and a bright line."""
+    """(picture, reference): a smooth reference; a picture with a darker box, a faint pattern and a
+    bright line.
+    """
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     reference = np.stack([x / WIDTH, y / HEIGHT, 0.5 + 0.4 * np.sin(x / 3.0) * np.cos(y / 4.0)], -1)
     picture = reference.copy()
@@ -20,7 +24,9 @@ def pair():
 
 
 def test_it_equals_the_authors_evaluator():
-    """flip-evaluator 1.7 (LDR, linear input) computes in float32; so do its values of the map, to 1e-5."""
+    """flip-evaluator 1.7 (LDR, linear input) computes in float32; so do its values of the map, to
+    1e-5.
+    """
     seen = flip(*pair())
     assert seen.mean() == pytest.approx(0.143124520778656, abs=1e-6)
     assert np.percentile(seen, 99) == pytest.approx(0.7056486, abs=1e-5)
@@ -34,7 +40,9 @@ def test_equal_pictures_differ_nowhere():
 
 
 def test_black_against_white_differs_as_much_as_can_be_but_for_hue():
-    """Equation 6 puts the largest distance of the gamut, green against blue, at 1; white against black is a lightness step of 100."""
+    """Equation 6 puts the largest distance of the gamut, green against blue, at 1; white against
+    black is a lightness step of 100.
+    """
     black, white = np.zeros((9, 9, 3)), np.ones((9, 9, 3))
     assert flip(white, black)[4, 4] == pytest.approx(0.9704, abs=0.02)
     green, blue = black + [0, 1, 0], black + [0, 0, 1]

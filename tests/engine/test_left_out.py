@@ -10,7 +10,8 @@ from native_tools import draw, needs_core, placed, square, view_from_above
 
 pytestmark = needs_core
 
-CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0.2, 0.1, 0]], np.float32)  # the last one turns inwards
+# the last one turns inwards
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0.2, 0.1, 0]], np.float32)
 NAN = np.float32(np.nan)
 
 
@@ -31,7 +32,9 @@ def notes(*geometries: s.Geometry, **named: s.Geometry) -> tuple[str, ...]:
     """Of a picture of these, the later ones under their names."""
     everything = (*geometries, *named.values())
     names = [f"sound {k}" for k in range(len(geometries))] + [*named]
-    blocks = tuple(s.Instances(name, k, placed(k).world_from_object, ()) for k, name in enumerate(names))
+    blocks = tuple(
+        s.Instances(name, k, placed(k).world_from_object, ()) for k, name in enumerate(names)
+    )
     return draw(s.Scene(view_from_above(), everything, blocks)).notes
 
 
@@ -39,7 +42,8 @@ SOUND = (
     square(),
     square(1e-5),
     mesh((0, 1, 2), (0, 2, 3)),
-    mesh((0, 1, 2), vertices=np.array([[0, 0, 0], [1, 0, 0], [0.5, 1e-5, 0]], np.float32)),  # a sliver
+    # a sliver
+    mesh((0, 1, 2), vertices=np.array([[0, 0, 0], [1, 0, 0], [0.5, 1e-5, 0]], np.float32)),
     polygons((0, 1, 2, 3), (0, 1, 2), (3, 0, 1)),
     polygons((0, 1, 2), vertices=CORNERS * np.float32(1e-5)),
     balls(1, 1e-5),
@@ -54,11 +58,21 @@ def test_nothing_is_told_of_a_sound_scene() -> None:
     ("bad", "count"),
     [
         (mesh((0, 1, 2), (1, 1, 2)), 1),
-        (mesh((0, 1, 2), (0, 1, 3), vertices=np.array([[0, 0, 0], [1, 1, 1], [0, 1, 0], [0.5, 0.5, 0.5]], np.float32)), 1),
+        (
+            mesh(
+                (0, 1, 2),
+                (0, 1, 3),
+                vertices=np.array([[0, 0, 0], [1, 1, 1], [0, 1, 0], [0.5, 0.5, 0.5]], np.float32),
+            ),
+            1,
+        ),
         (mesh((0, 1, 2), vertices=np.array([[0, 0, 0], [1, 0, 0], [0, NAN, 0]], np.float32)), 1),
         (mesh((0, 1, 2), vertices=np.array([[0, 0, 0], [1, 0, 0], [0, np.inf, 0]], np.float32)), 1),
         (polygons((0, 1, 2), (0, 1, 0, 1), (0, 1, 2, 3)), 1),
-        (polygons((0, 1, 2), vertices=np.array([[0, 0, 0], [1, 0, 0], [0, NAN, 0]], np.float32)), 1),
+        (
+            polygons((0, 1, 2), vertices=np.array([[0, 0, 0], [1, 0, 0], [0, NAN, 0]], np.float32)),
+            1,
+        ),
         (balls(1, 0, 0.5), 1),
         (balls(1, np.inf), 1),
     ],
@@ -86,16 +100,24 @@ def test_three_are_named_and_the_others_counted() -> None:
 
 
 def turned(axes: str, **sizes: tuple[float, float, float]) -> tuple[str, ...]:
-    """Notes on a square in the plane of two axes, stretched and squeezed along x, y and z under these names."""
+    """Notes on a square in the plane of two axes, stretched and squeezed along x, y and z under
+    these names.
+    """
     columns = [axes.index(axis) if axis in axes else 2 for axis in "xyz"]
     flat = square()
     turned = s.Mesh("turned", np.ascontiguousarray(flat.vertices[:, columns]), flat.triangles)
-    blocks = (s.Instances(name, 0, np.diag((*size, 1.0))[None, :3], ()) for name, size in sizes.items())
+    blocks = (
+        s.Instances(name, 0, np.diag((*size, 1.0))[None, :3], ()) for name, size in sizes.items()
+    )
     return draw(s.Scene(view_from_above(), (turned,), tuple(blocks))).notes
 
 
-@pytest.mark.parametrize(("axes", "flat"), [("xy", (1, 1, 0)), ("yz", (0, 1, 1)), ("xz", (1, 0, 1))])
-def test_instances_squeezed_to_a_line_are_named(axes: str, flat: tuple[float, float, float]) -> None:
+@pytest.mark.parametrize(
+    ("axes", "flat"), [("xy", (1, 1, 0)), ("yz", (0, 1, 1)), ("xz", (1, 0, 1))]
+)
+def test_instances_squeezed_to_a_line_are_named(
+    axes: str, flat: tuple[float, float, float]
+) -> None:
     line = tuple(float(k == 0) for k in range(3))
     (note,) = turned(axes, whole=(1, 1, 1), flat=flat, line=line, tiny=(1e-5, 1e-5, 1e-5))
     assert note.startswith("1 instances of 'line' have") and "scale two axes alike" in note

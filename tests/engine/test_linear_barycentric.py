@@ -1,4 +1,6 @@
-"""Barycentric coordinates by both ways, in the plane and in space, against exact rationals and each other."""
+"""Barycentric coordinates by both ways, in the plane and in space, against exact rationals and each
+other.
+"""
 
 from fractions import Fraction
 
@@ -19,7 +21,11 @@ def exact_in_the_plane(p, a, b, c):
         return (x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0)
 
     whole = doubled(ax, ay, bx, by, cx, cy)
-    parts = doubled(px, py, bx, by, cx, cy), doubled(px, py, cx, cy, ax, ay), doubled(px, py, ax, ay, bx, by)
+    parts = (
+        doubled(px, py, bx, by, cx, cy),
+        doubled(px, py, cx, cy, ax, ay),
+        doubled(px, py, ax, ay, bx, by),
+    )
     return [float(part / whole) for part in parts]
 
 
@@ -29,7 +35,12 @@ def test_the_plane_against_rational_arithmetic(way):
         exact = exact_in_the_plane(p, a, b, c)
         # Each product of differences carries 4 roundings; dividing by the area stretches them.
         sides = max(np.linalg.norm(x - y) for x in (p, a, b, c) for y in (p, a, b, c))
-        bound = 16 * EPS * (sides**2 / abs(2 * linear.triangle_area(a, b, c))) * (1 + max(map(abs, exact)))
+        bound = (
+            16
+            * EPS
+            * (sides**2 / abs(2 * linear.triangle_area(a, b, c)))
+            * (1 + max(map(abs, exact)))
+        )
         np.testing.assert_allclose(way(p, a, b, c), exact, rtol=0, atol=bound)
 
 
@@ -54,7 +65,9 @@ def test_off_the_plane_areas_project_at_right_angles():
     a, b, c = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1.0]])
     normal = np.cross(b - a, c - a)
     p = 0.2 * a + 0.3 * b + 0.5 * c
-    np.testing.assert_allclose(linear.barycentric_by_areas(p + 7 * normal, a, b, c), [0.2, 0.3, 0.5], rtol=0, atol=64 * EPS)
+    np.testing.assert_allclose(
+        linear.barycentric_by_areas(p + 7 * normal, a, b, c), [0.2, 0.3, 0.5], rtol=0, atol=64 * EPS
+    )
 
 
 @WAYS
@@ -69,7 +82,9 @@ def test_huge_and_tiny_triangles(way):
     a, b, c = RNG.normal(size=(3, 2))
     p = (a + b + 2 * c) / 4
     for size in (1e-60, 1e60):
-        np.testing.assert_allclose(way(size * p, size * a, size * b, size * c), way(p, a, b, c), rtol=1e-12)
+        np.testing.assert_allclose(
+            way(size * p, size * a, size * b, size * c), way(p, a, b, c), rtol=1e-12
+        )
 
 
 def test_areas_are_signed_in_the_plane_only():

@@ -1,4 +1,6 @@
-"""Eigenvalues, singular values and inverses by Jacobi rotations against LAPACK, mpmath and their own definitions."""
+"""Eigenvalues, singular values and inverses by Jacobi rotations against LAPACK, mpmath and their
+own definitions.
+"""
 
 import mpmath
 import numpy as np
@@ -20,7 +22,9 @@ def size_of(a):
 
 def assert_orthonormal_columns(q):
     eye = np.eye(q.shape[-1])
-    np.testing.assert_allclose(transposed(q) @ q, np.broadcast_to(eye, (*q.shape[:-2], *eye.shape)), rtol=0, atol=32 * EPS)
+    np.testing.assert_allclose(
+        transposed(q) @ q, np.broadcast_to(eye, (*q.shape[:-2], *eye.shape)), rtol=0, atol=32 * EPS
+    )
 
 
 SYMMETRIC = {
@@ -41,15 +45,22 @@ def test_symmetric_eigen_against_lapack(name):
     values, q = linear.symmetric_eigen(a)
     assert_orthonormal_columns(q)
     size = np.where(size_of(a) == 0, 1.0, size_of(a))
-    # Both methods are backward stable: eigenvalues to a few n ulp of the largest (Golub, Van Loan, section 8.5).
+    # Both methods are backward stable: eigenvalues to a few n ulp of the largest (Golub, Van Loan,
+    # section 8.5).
     bound = 16 * a.shape[-1] * EPS
-    np.testing.assert_allclose(values / size[..., 0], np.linalg.eigvalsh(a / size), rtol=0, atol=bound)
-    np.testing.assert_allclose(q @ (values[..., None] / size * transposed(q)), a / size, rtol=0, atol=bound)
+    np.testing.assert_allclose(
+        values / size[..., 0], np.linalg.eigvalsh(a / size), rtol=0, atol=bound
+    )
+    np.testing.assert_allclose(
+        q @ (values[..., None] / size * transposed(q)), a / size, rtol=0, atol=bound
+    )
 
 
 def test_eigen_reads_the_upper_triangle_only():
     a = np.array([[2.0, 1.0], [999.0, 3.0]])
-    np.testing.assert_allclose(linear.symmetric_eigen(a)[0], np.linalg.eigvalsh([[2, 1], [1, 3]]), rtol=0, atol=16 * EPS)
+    np.testing.assert_allclose(
+        linear.symmetric_eigen(a)[0], np.linalg.eigvalsh([[2, 1], [1, 3]]), rtol=0, atol=16 * EPS
+    )
 
 
 RECTANGLES = {
@@ -79,15 +90,26 @@ def test_svd_against_lapack(name):
     size = np.where(size_of(a) == 0, 1.0, size_of(a))
     # Below the normal range singular values are rounded to multiples of 2^-1074.
     bound = 16 * max(a.shape[-2:]) * EPS + np.max(5e-324 / size)
-    np.testing.assert_allclose(values / size[..., 0], np.linalg.svd(a / size, compute_uv=False), rtol=0, atol=bound)
-    np.testing.assert_allclose(u @ (values[..., None] / size * transposed(v)), a / size, rtol=0, atol=bound)
+    np.testing.assert_allclose(
+        values / size[..., 0], np.linalg.svd(a / size, compute_uv=False), rtol=0, atol=bound
+    )
+    np.testing.assert_allclose(
+        u @ (values[..., None] / size * transposed(v)), a / size, rtol=0, atol=bound
+    )
 
 
 def test_singular_values_are_relatively_accurate_for_scaled_columns():
     # Truth in 80 digits. LAPACK's bidiagonalisation gets the smallest of these wrong altogether.
-    a = linear.rotate([1.0, 2.0, 3.0], 0.8) @ np.array([[1, 0.5, 0.2], [0, 1, 0.4], [0, 0, 1]]) * [1.0, 1e-12, 1e-24]
+    a = (
+        linear.rotate([1.0, 2.0, 3.0], 0.8)
+        @ np.array([[1, 0.5, 0.2], [0, 1, 0.4], [0, 0, 1]])
+        * [1.0, 1e-12, 1e-24]
+    )
     with mpmath.workdps(80):
-        exact = sorted((float(x) for x in mpmath.svd_r(mpmath.matrix(a.tolist()), compute_uv=False)), reverse=True)
+        exact = sorted(
+            (float(x) for x in mpmath.svd_r(mpmath.matrix(a.tolist()), compute_uv=False)),
+            reverse=True,
+        )
     np.testing.assert_allclose(linear.svd(a)[1], exact, rtol=64 * EPS)
 
 
@@ -105,15 +127,25 @@ def test_inverse_of_stacks():
     np.testing.assert_allclose(condition, np.linalg.cond(a), rtol=1e-13 * condition.max())
 
 
-@pytest.mark.parametrize("scales", [(1, 1e-6, 1e6), (1e-30, 1, 1e30), (1e-150,) * 3, (1e150,) * 3, (1, 1, 1e-200)])
+@pytest.mark.parametrize(
+    "scales", [(1, 1e-6, 1e6), (1e-30, 1, 1e30), (1e-150,) * 3, (1e150,) * 3, (1, 1, 1e-200)]
+)
 def test_inverse_of_rotation_times_any_scale_is_exact_to_rounding(scales):
     rotation = linear.rotate([3.0, -1.0, 2.0], 1.1)
     expected = rotation.T / np.array(scales, np.float64)[:, None]
     found = linear.inverse(rotation * np.array(scales, np.float64))
-    np.testing.assert_allclose(found * np.array(scales)[:, None], expected * np.array(scales)[:, None], rtol=0, atol=32 * EPS)
+    np.testing.assert_allclose(
+        found * np.array(scales)[:, None],
+        expected * np.array(scales)[:, None],
+        rtol=0,
+        atol=32 * EPS,
+    )
 
 
-@pytest.mark.parametrize("singular", [np.zeros((3, 3)), np.ones((3, 3)), np.arange(9.0).reshape(3, 3), np.diag([1.0, 0.0, 1.0])])
+@pytest.mark.parametrize(
+    "singular",
+    [np.zeros((3, 3)), np.ones((3, 3)), np.arange(9.0).reshape(3, 3), np.diag([1.0, 0.0, 1.0])],
+)
 def test_inverse_refuses_singular_matrices_and_pseudo_inverse_reports_their_rank(singular):
     with pytest.raises(ValueError, match="singular"):
         linear.inverse(singular)
@@ -131,7 +163,9 @@ def test_pseudo_inverse_satisfies_the_penrose_conditions(name):
     spread = np.max(values[..., 0] / np.maximum(values[..., k - 1], 1e-30)) if np.any(rank) else 1.0
     bound = 64 * EPS * spread**2 * max(1.0, np.max(np.abs(a)))
     np.testing.assert_allclose(a @ plus @ a, a, rtol=0, atol=bound)
-    np.testing.assert_allclose(plus @ a @ plus, plus, rtol=0, atol=bound * max(1.0, np.max(np.abs(plus)) ** 2))
+    np.testing.assert_allclose(
+        plus @ a @ plus, plus, rtol=0, atol=bound * max(1.0, np.max(np.abs(plus)) ** 2)
+    )
     np.testing.assert_allclose(a @ plus, transposed(a @ plus), rtol=0, atol=bound)
     np.testing.assert_allclose(plus @ a, transposed(plus @ a), rtol=0, atol=bound)
 
@@ -144,12 +178,16 @@ def test_the_tolerance_decides_what_counts():
 
 
 def test_affine_inverse_of_a_flattened_placement_keeps_its_plane():
-    flat = np.column_stack([linear.rotate([1.0, 1.0, 0.0], 0.7) @ linear.scale(2, 3, 0), [10.0, -20.0, 30.0]])
+    flat = np.column_stack(
+        [linear.rotate([1.0, 1.0, 0.0], 0.7) @ linear.scale(2, 3, 0), [10.0, -20.0, 30.0]]
+    )
     back = linear.affine_inverse(flat)
     assert back.rank == 2
     points = np.array([[0.5, -1.5, 0.0], [4.0, 2.0, 0.0]])
     moved = linear.transform_points(flat, points)
-    np.testing.assert_allclose(linear.transform_points(back.matrix, moved), points, rtol=0, atol=32 * EPS * 40)
+    np.testing.assert_allclose(
+        linear.transform_points(back.matrix, moved), points, rtol=0, atol=32 * EPS * 40
+    )
 
 
 def test_affine_inverse_of_stacks():

@@ -1,4 +1,6 @@
-"""Vectors and interpolation beyond the notes' examples: scale, precision, broadcasting, bad input."""
+"""Vectors and interpolation beyond the notes' examples: scale, precision, broadcasting, bad
+input.
+"""
 
 import mpmath
 import numpy as np
@@ -64,14 +66,19 @@ def test_piecewise_linear_agrees_with_numpy_and_keeps_columns():
     x = np.concatenate([rng.normal(size=50) * 2, knots])
     found = linear.piecewise_linear(x, knots, values)
     for column in range(2):
-        np.testing.assert_allclose(found[:, column], np.interp(x, knots, values[:, column]), rtol=0, atol=16 * EPS)
+        np.testing.assert_allclose(
+            found[:, column], np.interp(x, knots, values[:, column]), rtol=0, atol=16 * EPS
+        )
 
 
 def test_piecewise_linear_with_one_knot_is_constant():
     np.testing.assert_array_equal(linear.piecewise_linear([-1.0, 5.0], [2.0], [3.0]), [3.0, 3.0])
 
 
-@pytest.mark.parametrize(("knots", "values"), [([0.0, 0.0], [1.0, 2.0]), ([1.0, 0.0], [1.0, 2.0]), ([0.0, 1.0], [1.0]), ([], [])])
+@pytest.mark.parametrize(
+    ("knots", "values"),
+    [([0.0, 0.0], [1.0, 2.0]), ([1.0, 0.0], [1.0, 2.0]), ([0.0, 1.0], [1.0]), ([], [])],
+)
 def test_piecewise_linear_rejects_knots_that_do_not_rise(knots, values):
     with pytest.raises(ValueError, match="strictly increasing"):
         linear.piecewise_linear(0.5, knots, values)

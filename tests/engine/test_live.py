@@ -1,4 +1,6 @@
-"""Pictures made behind the caller's back: the bits of `render`, in the order of asking, without anything left behind."""
+"""Pictures made behind the caller's back: the bits of `render`, in the order of asking, without
+anything left behind.
+"""
 
 import gc
 import threading
@@ -14,17 +16,26 @@ from glint.engine.scene import Camera, Instances, Light, Mesh
 
 LONGEST = 60.0
 BACKENDS = [
-    pytest.param(name, marks=pytest.mark.skipif(name not in available_backends(), reason="no core here")) for name in ("NATIVE", "NUMPY")
+    pytest.param(
+        name, marks=pytest.mark.skipif(name not in available_backends(), reason="no core here")
+    )
+    for name in ("NATIVE", "NUMPY")
 ]
 
 
 def scene(x=0.0, kind="PERSPECTIVE", energy=1.0):
     """Triangles all over the place before a camera at (x, 0, 5)."""
     r = np.random.default_rng(1)
-    corners = (r.random((400, 1, 3)) * 2 - 1 + r.normal(size=(400, 3, 3)) * 0.1).reshape(-1, 3).astype(np.float32)
+    corners = (
+        (r.random((400, 1, 3)) * 2 - 1 + r.normal(size=(400, 3, 3)) * 0.1)
+        .reshape(-1, 3)
+        .astype(np.float32)
+    )
     mesh = Mesh("Mesh", corners, np.arange(1200, dtype=np.uint32).reshape(-1, 3))
     window = (-0.5, 0.5, -0.4, 0.4) if kind == "PERSPECTIVE" else (-1, 1, -0.8, 0.8)
-    camera = Camera(kind, np.array([[1.0, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 5]]), window, (60, 48), 0.1, 100.0)
+    camera = Camera(
+        kind, np.array([[1.0, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 5]]), window, (60, 48), 0.1, 100.0
+    )
     lights = (
         Light("Sun", "SUN", np.eye(4)[:3], strength=energy),
         Light("Point", "POINT", np.eye(4)[:3] + [[0, 0, 0, 1]] * 3, strength=99.0),
@@ -77,9 +88,13 @@ def test_pictures_of_waves_are_handed_over_and_stay_as_they_are():
     for film, copies in waves:
         assert not any(picture.flags.owndata for picture in film.passes.values()), "copied"
         assert all(film.passes[name].tobytes() == copy.tobytes() for name, copy in copies.items())
-    assert not any(picture.flags.writeable for film, _ in waves[:4] for picture in film.passes.values())
+    assert not any(
+        picture.flags.writeable for film, _ in waves[:4] for picture in film.passes.values()
+    )
     assert not same(waves[0][0], waves[1][0])
-    assert same(waves[-1][0], render(scene(), settings)), "the Error pass looks at the picture of the wave before"
+    assert same(waves[-1][0], render(scene(), settings)), (
+        "the Error pass looks at the picture of the wave before"
+    )
 
 
 @pytest.mark.skipif("NATIVE" not in available_backends(), reason="no core here")
@@ -109,7 +124,8 @@ def test_only_what_was_asked_last_is_made_to_the_end(live, backend):
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_first_wave_that_is_kept_comes_however_fast_others_are_asked_for(live, backend):
     settings, seen = replace(SETTINGS, backend=backend, samples=4096), set()
-    large = replace(scene(), camera=replace(scene().camera, resolution=(800, 640)))  # a wave takes longer than the next task waits
+    # a wave takes longer than the next task waits
+    large = replace(scene(), camera=replace(scene().camera, resolution=(800, 640)))
     deadline = time.monotonic() + LONGEST
     for number in range(10**6):
         live.start([Task(large, settings, number, keep_first_wave=True)])
@@ -150,7 +166,9 @@ def test_who_waits_gets_what_is_wanted_or_hears_that_none_will_come(live, backen
     assert live.wait(lambda wave: wave.task.tag == 2, LONGEST) and live.newest.task.tag == 2
     assert not live.wait(lambda wave: wave.task.tag == 3, LONGEST) and not live.busy
     live.start([Task(scene(), replace(settings, samples=65536), 3)])
-    assert not live.wait(lambda wave: wave.task.tag == 3 and wave.final, 0.0) and live.busy, "the time is over"
+    assert not live.wait(lambda wave: wave.task.tag == 3 and wave.final, 0.0) and live.busy, (
+        "the time is over"
+    )
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -175,7 +193,18 @@ def test_an_error_is_told_and_the_next_task_runs(live):
 @pytest.mark.parametrize("end", ["close", "forget"])
 def test_nothing_stays_behind(end):
     live = LiveRender()
-    live.start([Task(scene(), replace(SETTINGS, samples=65536 if end == "close" else 1, backend=available_backends()[0]))])
+    live.start(
+        [
+            Task(
+                scene(),
+                replace(
+                    SETTINGS,
+                    samples=65536 if end == "close" else 1,
+                    backend=available_backends()[0],
+                ),
+            )
+        ]
+    )
     wait(live, lambda live: live.newest is not None)
     thread = next(thread for thread in threading.enumerate() if thread is live._thread)
     if end == "close":
@@ -196,7 +225,9 @@ native = pytest.mark.skipif("NATIVE" not in available_backends(), reason="no cor
 @pytest.mark.parametrize("kind", ["PERSPECTIVE", "ORTHOGRAPHIC"])
 @pytest.mark.parametrize("exact", [True, False])
 def test_a_camera_that_moves(live, kind, exact):
-    """Exactly: the bits of a render. With the trees of another place: the same hits, to float32's rounding of rays that start elsewhere."""
+    """Exactly: the bits of a render. With the trees of another place: the same hits, to float32's
+    rounding of rays that start elsewhere.
+    """
     first = scene(0.0, kind)
     live.start([Task(first, SETTINGS)])
     wait(live)
@@ -207,9 +238,14 @@ def test_a_camera_that_moves(live, kind, exact):
         if exact:
             assert same(wave.film, truth)
             continue
-        there = np.abs(wave.film.passes["Depth"] - truth.passes["Depth"]) <= 2**-18 * truth.passes["Depth"]
+        there = (
+            np.abs(wave.film.passes["Depth"] - truth.passes["Depth"])
+            <= 2**-18 * truth.passes["Depth"]
+        )
         assert (~there).sum() <= 2, "a pixel at an edge may see the other side of it"
-        assert (wave.film.stats["build"] == 0) == (x != 60.0), "the trees serve near cameras, far ones get their own"
+        assert (wave.film.stats["build"] == 0) == (x != 60.0), (
+            "the trees serve near cameras, far ones get their own"
+        )
 
 
 @native

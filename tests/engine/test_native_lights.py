@@ -1,4 +1,6 @@
-"""Lights of the native core on a white plane against the formulas of SEMANTICS.md, worked out here in float64."""
+"""Lights of the native core on a white plane against the formulas of SEMANTICS.md, worked out here
+in float64.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,17 @@ import pytest
 
 from glint.engine import scene as s
 from glint.engine.sampling import light_points
-from native_tools import color, constant, lamp, material, needs_core, pixel_centers, placed, square, view_from_above
+from native_tools import (
+    color,
+    constant,
+    lamp,
+    material,
+    needs_core,
+    pixel_centers,
+    placed,
+    square,
+    view_from_above,
+)
 
 pytestmark = needs_core
 
@@ -19,8 +31,18 @@ UP = np.array([0.0, 0.0, 1.0])
 ROUNDING = 2.0**-23
 
 
-def plane(*lights: s.Light, extra: tuple[s.Instances, ...] = (), geometries=(), materials=(), **more) -> s.Scene:
-    return s.Scene(view_from_above(), (square(), *geometries), (placed(), *extra), (WHITE, *materials), (), lights, **more)
+def plane(
+    *lights: s.Light, extra: tuple[s.Instances, ...] = (), geometries=(), materials=(), **more
+) -> s.Scene:
+    return s.Scene(
+        view_from_above(),
+        (square(), *geometries),
+        (placed(), *extra),
+        (WHITE, *materials),
+        (),
+        lights,
+        **more,
+    )
 
 
 def agree(measured: np.ndarray, truth: np.ndarray, rounding: float = ROUNDING) -> None:
@@ -33,7 +55,9 @@ def unit(a: np.ndarray) -> np.ndarray:
 
 
 def frame(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Any fixed pair of vectors round n will do for the picture's meaning; this is the pair both tracers use (Duff et al. 2017)."""
+    """Any fixed pair of vectors round n will do for the picture's meaning; this is the pair both
+    tracers use (Duff et al. 2017).
+    """
     sign = np.copysign(1.0, n[..., 2])
     a = -1 / (sign + n[..., 2])
     b = n[..., 0] * n[..., 1] * a
@@ -44,7 +68,9 @@ def frame(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("cast_shadow", [True, False])
 def test_point(cast_shadow: bool) -> None:
     c = np.array([0.3, -0.2, 1.7])
-    picture = color(plane(lamp("POINT", c, color=tuple(TINT), strength=120.0, cast_shadow=cast_shadow)))
+    picture = color(
+        plane(lamp("POINT", c, color=tuple(TINT), strength=120.0, cast_shadow=cast_shadow))
+    )
     to = c - P
     d2 = (to**2).sum(-1)
     agree(picture, (120 * TINT) * (to[..., 2] / np.sqrt(d2) / (4 * np.pi**2 * d2))[..., None])
@@ -65,7 +91,16 @@ def test_highlights_of_a_ball_lit_from_the_eye(exponent: float) -> None:
     inside = (p**2).sum(-1) < 1
     shine = material(s.Lobe("SPECULAR", constant(1.0), exponent))
     ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
-    picture = color(s.Scene(view_from_above(size), (ball,), (placed(),), (shine,), (), (lamp("SUN", strength=np.pi),)))
+    picture = color(
+        s.Scene(
+            view_from_above(size),
+            (ball,),
+            (placed(),),
+            (shine,),
+            (),
+            (lamp("SUN", strength=np.pi),),
+        )
+    )
     height = np.sqrt(1 - np.minimum((p**2).sum(-1), 1))
     agree(picture[inside][:, 0], height[inside] ** exponent, 2.0**-22)
 
@@ -84,36 +119,66 @@ def test_spot(blend: float) -> None:
     agree(picture[..., 0], truth)
 
 
-def area_light(center: tuple[float, float, float], tilt: float, size_x: float, size_y: float, shape: str = "RECTANGLE") -> s.Light:
+def area_light(
+    center: tuple[float, float, float],
+    tilt: float,
+    size_x: float,
+    size_y: float,
+    shape: str = "RECTANGLE",
+) -> s.Light:
     """Turned round y, shining down."""
     axes = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
     return lamp("AREA", center, axes, strength=30.0, shape=shape, size_x=size_x, size_y=size_y)
 
 
 @pytest.mark.parametrize(
-    ("shape", "samples", "height"), [("RECTANGLE", 1, 1.4), ("ELLIPSE", 1, 1.4), ("ELLIPSE", 3, 1.4), ("RECTANGLE", 3, 2.4)]
+    ("shape", "samples", "height"),
+    [("RECTANGLE", 1, 1.4), ("ELLIPSE", 1, 1.4), ("ELLIPSE", 3, 1.4), ("RECTANGLE", 3, 2.4)],
 )
 def test_area(shape: str, samples: int, height: float) -> None:
     """Even over the area: discs, and rectangles farther away than four half diagonals."""
     light = area_light((0.3, 0.1, height), 0.5, 0.8, 0.5, shape)
     picture = color(plane(light), light_samples=samples)
-    points = light_points(samples)[0 if shape == "RECTANGLE" else 1] if samples > 1 else np.zeros((1, 2))
+    points = (
+        light_points(samples)[0 if shape == "RECTANGLE" else 1] if samples > 1 else np.zeros((1, 2))
+    )
     axes, q0 = light.world_from_light[:, :3], light.world_from_light[:, 3]
     truth = np.zeros(P.shape[:2])
     for a, b in points:
         to = q0 + a * 0.4 * axes[:, 0] + b * 0.25 * axes[:, 1] - P
         d = np.linalg.norm(to, axis=-1)
-        truth += 30 * np.maximum(0, (to @ axes[:, 2]) / d) * (to[..., 2] / d) / (np.pi**2 * d * d * samples)
+        truth += (
+            30
+            * np.maximum(0, (to @ axes[:, 2]) / d)
+            * (to[..., 2] / d)
+            / (np.pi**2 * d * d * samples)
+        )
     agree(picture[..., 0], truth)
 
 
 def spherical_rectangle_point(light: s.Light, u: float, v: float) -> tuple[np.ndarray, np.ndarray]:
-    """From each P the point of the light (h, w, 3), less P, and the solid angle (h, w), by the formulas of Ureña, Fajardo, King 2013."""
+    """From each P the point of the light (h, w, 3), less P, and the solid angle (h, w), by the
+    formulas of Ureña, Fajardo, King 2013.
+    """
     axes, center = light.world_from_light[:, :3], light.world_from_light[:, 3]
     x, y, z = np.moveaxis((center - P) @ axes, -1, 0)
-    x0, x1, y0, y1, z0 = x - light.size_x / 2, x + light.size_x / 2, y - light.size_y / 2, y + light.size_y / 2, -np.abs(z)
-    normals = -y0 / np.hypot(z0, y0), x1 / np.hypot(z0, x1), y1 / np.hypot(z0, y1), -x0 / np.hypot(z0, x0)
-    g = [np.arccos(-first * second) for first, second in zip(normals, normals[1:] + normals[:1], strict=True)]
+    x0, x1, y0, y1, z0 = (
+        x - light.size_x / 2,
+        x + light.size_x / 2,
+        y - light.size_y / 2,
+        y + light.size_y / 2,
+        -np.abs(z),
+    )
+    normals = (
+        -y0 / np.hypot(z0, y0),
+        x1 / np.hypot(z0, x1),
+        y1 / np.hypot(z0, y1),
+        -x0 / np.hypot(z0, x0),
+    )
+    g = [
+        np.arccos(-first * second)
+        for first, second in zip(normals, normals[1:] + normals[:1], strict=True)
+    ]
     solid_angle = sum(g) - 2 * np.pi
     angle = u * solid_angle + 2 * np.pi - g[2] - g[3]
     f = (np.cos(angle) * normals[0] - normals[2]) / np.sin(angle)
@@ -141,12 +206,20 @@ def test_rectangles_seen_large_are_even_over_the_solid_angle(light: s.Light) -> 
     truth = np.zeros(P.shape[:2])
     for a, b in light_points(n)[0]:
         to, solid_angle = spherical_rectangle_point(light, (a + 1) / 2, (b + 1) / 2)
-        truth += 30 * solid_angle / (np.pi**2 * light.size_x * light.size_y * n) * np.maximum(0, unit(to)[..., 2])
-    agree(color(plane(light), light_samples=n)[..., 0], truth, 1e-6)  # the formulas of the paper lose some digits at grazing angles
+        truth += (
+            30
+            * solid_angle
+            / (np.pi**2 * light.size_x * light.size_y * n)
+            * np.maximum(0, unit(to)[..., 2])
+        )
+    # the formulas of the paper lose some digits at grazing angles
+    agree(color(plane(light), light_samples=n)[..., 0], truth, 1e-6)
 
 
 def irradiance_of_polygon(corners: np.ndarray) -> np.ndarray:
-    """Irradiance (h, w) at P from a polygon wholly above z = 0 that shines with radiance 1 (Lambert 1760)."""
+    """Irradiance (h, w) at P from a polygon wholly above z = 0 that shines with radiance 1 (Lambert
+    1760).
+    """
     to = unit(corners[:, None, None] - P)
     following = np.roll(to, -1, 0)
     normal = np.cross(to, following)
@@ -154,12 +227,30 @@ def irradiance_of_polygon(corners: np.ndarray) -> np.ndarray:
     return np.abs((np.arctan2(size, (to * following).sum(-1)) * normal[..., 2] / size).sum(0)) / 2
 
 
-@pytest.mark.parametrize(("backend", "samples", "room"), [("NATIVE", 512, 0.005), ("NUMPY", 128, 0.025)])
-@pytest.mark.parametrize("light", [*NEAR, area_light((0.3, 0.1, 2.4), 0.5, 0.8, 0.5), area_light((0.2, 0.1, 1e-4), 0.0, 1.0, 2.0)])
-def test_rectangles_converge_to_the_irradiance_of_a_polygon(light: s.Light, backend: str, samples: int, room: float) -> None:
-    """Near, far and nearly touching, in the light's plane and beside it. room: the points' discrepancy."""
+@pytest.mark.parametrize(
+    ("backend", "samples", "room"), [("NATIVE", 512, 0.005), ("NUMPY", 128, 0.025)]
+)
+@pytest.mark.parametrize(
+    "light",
+    [
+        *NEAR,
+        area_light((0.3, 0.1, 2.4), 0.5, 0.8, 0.5),
+        area_light((0.2, 0.1, 1e-4), 0.0, 1.0, 2.0),
+    ],
+)
+def test_rectangles_converge_to_the_irradiance_of_a_polygon(
+    light: s.Light, backend: str, samples: int, room: float
+) -> None:
+    """Near, far and nearly touching, in the light's plane and beside it. room: the points'
+    discrepancy.
+    """
     frame = light.world_from_light
-    corners = np.array([frame @ [a * light.size_x / 2, b * light.size_y / 2, 0, 1] for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    corners = np.array(
+        [
+            frame @ [a * light.size_x / 2, b * light.size_y / 2, 0, 1]
+            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        ]
+    )
     truth = 30 / (np.pi**2 * light.size_x * light.size_y) * irradiance_of_polygon(corners)
     found = color(plane(light), light_samples=samples, backend=backend)[..., 0]
     assert np.abs(found - truth).max() <= room * truth.max()
@@ -168,7 +259,9 @@ def test_rectangles_converge_to_the_irradiance_of_a_polygon(light: s.Light, back
 @pytest.mark.parametrize("height", [0.0, -1e-9, 1e-300])
 def test_a_rectangle_on_the_surface_gives_finite_light(height: float) -> None:
     for backend in ("NATIVE", "NUMPY"):
-        picture = color(plane(area_light((0.2, 0.1, height), 0.0, 1.0, 2.0)), light_samples=3, backend=backend)
+        picture = color(
+            plane(area_light((0.2, 0.1, height), 0.0, 1.0, 2.0)), light_samples=3, backend=backend
+        )
         assert np.isfinite(picture).all()
         assert picture.max() == 0
 
@@ -197,14 +290,18 @@ def test_soft_point_sphere() -> None:
 
 def test_soft_point_disc() -> None:
     c, radius, n = np.array([0.3, -0.2, 1.2]), 0.4, 5
-    picture = color(plane(lamp("POINT", c, strength=80.0, radius=radius, soft_falloff=True)), light_samples=n)
+    picture = color(
+        plane(lamp("POINT", c, strength=80.0, radius=radius, soft_falloff=True)), light_samples=n
+    )
     axis = unit(c - P)
     first, second = frame(axis)
     truth = 0
     for x, y in light_points(n)[1]:
         to = c + radius * (x * first + y * second) - P
         d = np.linalg.norm(to, axis=-1)
-        truth = truth + 80 * ((to * axis).sum(-1) / d) * (to[..., 2] / d) / (4 * np.pi**2 * d * d * n)
+        truth = truth + 80 * ((to * axis).sum(-1) / d) * (to[..., 2] / d) / (
+            4 * np.pi**2 * d * d * n
+        )
     agree(picture[..., 0], truth)
 
 
@@ -214,18 +311,29 @@ def test_soft_sun() -> None:
     versine = 1 - np.cos(angle / 2)
     disc = light_points(n)[1]
     cosines = 1 - (disc**2).sum(-1) * versine
-    agree(picture[..., 0], np.full(P.shape[:2], 2 / np.pi * 2 / (1 + np.cos(angle / 2)) * cosines.mean()))
+    agree(
+        picture[..., 0],
+        np.full(P.shape[:2], 2 / np.pi * 2 / (1 + np.cos(angle / 2)) * cosines.mean()),
+    )
 
 
 def test_one_light_sample_is_the_hard_light() -> None:
-    for kind, more in (("POINT", {"radius": 0.5}), ("SUN", {"angle": 0.5}), ("SPOT", {"radius": 0.3, "spot_size": 2.0})):
+    for kind, more in (
+        ("POINT", {"radius": 0.5}),
+        ("SUN", {"angle": 0.5}),
+        ("SPOT", {"radius": 0.3, "spot_size": 2.0}),
+    ):
         hard = {name: 0.0 for name in more if name in ("radius", "angle")}
-        soft, sharp = (color(plane(lamp(kind, strength=9.0, **v)), samples=4) for v in (more, {**more, **hard}))
+        soft, sharp = (
+            color(plane(lamp(kind, strength=9.0, **v)), samples=4) for v in (more, {**more, **hard})
+        )
         assert np.array_equal(soft, sharp), kind
 
 
 def test_one_more_sample_of_many_lights_is_the_mean_over_them() -> None:
-    """Pixel sample s takes the points s * n + j: 2 pixel samples of 3 light samples each use the first 6 points."""
+    """Pixel sample s takes the points s * n + j: 2 pixel samples of 3 light samples each use the
+    first 6 points.
+    """
     light = lamp("AREA", (0.3, 0.1, 1.4), strength=30.0, size_x=0.8, size_y=0.5)
     twice = color(plane(light), samples=2, light_samples=3, filter_width=0.0)
     agree(twice[..., 0], color(plane(light), samples=1, light_samples=6)[..., 0])
@@ -269,7 +377,9 @@ def test_hard_shadow_is_where_the_blocker_stands() -> None:
     """A square of half width 0.2 at half the lamp's height throws one of half width 0.4."""
     blocker = placed(1, z=1.0, visible_camera=False)
     light = lamp("POINT", (0, 0, 2), strength=50.0)
-    shaded, open_ = (color(plane(light, extra=e, geometries=(square(0.2),)))[..., 0] for e in ((blocker,), ()))
+    shaded, open_ = (
+        color(plane(light, extra=e, geometries=(square(0.2),)))[..., 0] for e in ((blocker,), ())
+    )
     dark = (np.abs(P[..., :2]) < 0.4).all(-1)
     assert np.array_equal(shaded == 0, dark)
     assert np.array_equal(shaded[~dark], open_[~dark])
@@ -280,7 +390,9 @@ def test_blockers_behind_the_light_or_the_surface_cast_no_shadow(height: float) 
     """The segment is open: even a blocker through the light's own point lets it shine."""
     blocker = placed(1, z=height, visible_camera=False)
     light = lamp("POINT", (0, 0, 2), strength=50.0)
-    shaded, open_ = (color(plane(light, extra=e, geometries=(square(0.2),))) for e in ((blocker,), ()))
+    shaded, open_ = (
+        color(plane(light, extra=e, geometries=(square(0.2),))) for e in ((blocker,), ())
+    )
     assert np.array_equal(shaded, open_)
 
 
@@ -288,7 +400,10 @@ def test_segments_to_a_soft_sphere_end_on_it() -> None:
     """A blocker within the lamp's sphere blocks the ray to its centre only."""
     light = lamp("POINT", (0, 0, 2), strength=50.0, radius=0.5)
     within = placed(1, z=1.7, visible_camera=False)
-    shaded, open_ = (color(plane(light, extra=e, geometries=(square(0.2),)), light_samples=5) for e in ((within,), ()))
+    shaded, open_ = (
+        color(plane(light, extra=e, geometries=(square(0.2),)), light_samples=5)
+        for e in ((within,), ())
+    )
     assert np.array_equal(shaded, open_)
     assert color(plane(light, extra=(within,), geometries=(square(0.2),))).min() == 0
 
@@ -300,14 +415,35 @@ def test_light_without_shadow_shines_through() -> None:
 
 
 SEEN = {
-    "POINT": (lamp("POINT", (0, 0, 3), strength=7.0, radius=0.5, visible_camera=True), 7 / (4 * np.pi**2 * 0.25), "disc"),
+    "POINT": (
+        lamp("POINT", (0, 0, 3), strength=7.0, radius=0.5, visible_camera=True),
+        7 / (4 * np.pi**2 * 0.25),
+        "disc",
+    ),
     "RECTANGLE": (
-        lamp("AREA", (0, 0, 3), np.diag([1.0, -1, -1]), strength=7.0, size_x=1.0, size_y=0.6, visible_camera=True),
+        lamp(
+            "AREA",
+            (0, 0, 3),
+            np.diag([1.0, -1, -1]),
+            strength=7.0,
+            size_x=1.0,
+            size_y=0.6,
+            visible_camera=True,
+        ),
         7 / (np.pi * 0.6),
         "rectangle",
     ),
     "ELLIPSE": (
-        lamp("AREA", (0, 0, 3), np.diag([1.0, -1, -1]), strength=7.0, size_x=1.0, size_y=0.6, shape="ELLIPSE", visible_camera=True),
+        lamp(
+            "AREA",
+            (0, 0, 3),
+            np.diag([1.0, -1, -1]),
+            strength=7.0,
+            size_x=1.0,
+            size_y=0.6,
+            shape="ELLIPSE",
+            visible_camera=True,
+        ),
         7 / (np.pi * np.pi * 0.15),
         "ellipse",
     ),
@@ -325,14 +461,18 @@ def test_visible_shapes(name: str, illumination: str) -> None:
         "rectangle": (np.abs(x) <= 0.5) & (np.abs(y) <= 0.3),
         "ellipse": (x / 0.5) ** 2 + (y / 0.3) ** 2 <= 1,
     }[shape]
-    scene = s.Scene(view_from_above(), lights=(light,), world=s.World(background=(0.25, 0.25, 0.25)))
+    scene = s.Scene(
+        view_from_above(), lights=(light,), world=s.World(background=(0.25, 0.25, 0.25))
+    )
     picture = color(scene, illumination=illumination)
     agree(picture[..., 0], 0.25 + np.where(inside, radiance, 0))
 
 
 def test_visible_lights_stay_behind_surfaces_and_show_their_front_only() -> None:
     light, _, _ = SEEN["POINT"]
-    covered = s.Scene(view_from_above(), (square(),), (placed(z=4.0),), (s.Material("black", ()),), (), (light,))
+    covered = s.Scene(
+        view_from_above(), (square(),), (placed(z=4.0),), (s.Material("black", ()),), (), (light,)
+    )
     assert color(covered).max() == 0
     back = lamp("AREA", (0, 0, 3), strength=7.0, size_x=1.0, size_y=0.6, visible_camera=True)
     assert color(s.Scene(view_from_above(), lights=(back,))).max() == 0
@@ -340,7 +480,9 @@ def test_visible_lights_stay_behind_surfaces_and_show_their_front_only() -> None
 
 def test_visible_sun_is_a_disc_in_the_sky() -> None:
     angle = 0.5
-    sun = lamp("SUN", (0, 0, 0), np.diag([1.0, -1, -1]), strength=3.0, angle=angle, visible_camera=True)
+    sun = lamp(
+        "SUN", (0, 0, 0), np.diag([1.0, -1, -1]), strength=3.0, angle=angle, visible_camera=True
+    )
     camera = s.Camera("PERSPECTIVE", np.eye(4)[:3], (-0.5, 0.5, -0.5, 0.5), (33, 33))
     picture = color(s.Scene(camera, lights=(sun,)))[..., 0]
     line = (np.arange(33) + 0.5) / 33 - 0.5
@@ -352,7 +494,10 @@ def test_visible_sun_is_a_disc_in_the_sky() -> None:
 def test_light_at_the_surface_gives_finite_light() -> None:
     """N9: on the surface, 1e-6 above it, below it."""
     for height in (0.0, 1e-6, -1e-6):
-        picture = color(plane(lamp("POINT", (1 / 16, 1 / 16, height), strength=50.0, radius=0.1)), light_samples=4)
+        picture = color(
+            plane(lamp("POINT", (1 / 16, 1 / 16, height), strength=50.0, radius=0.1)),
+            light_samples=4,
+        )
         assert np.isfinite(picture).all(), height
     assert color(plane(lamp("POINT", (0.0, 0.0, 0.0), strength=50.0))).max() == 0
 

@@ -52,12 +52,17 @@ def test_sine_and_cosine_from_zero_to_pi(name: str) -> None:
 
 
 def test_limits() -> None:
-    assert np.array_equal(evaluate("exp", np.array([-1000, 0, 800, -np.inf, np.inf])), [0, 1, np.inf, 0, np.inf])
+    assert np.array_equal(
+        evaluate("exp", np.array([-1000, 0, 800, -np.inf, np.inf])), [0, 1, np.inf, 0, np.inf]
+    )
     assert np.array_equal(evaluate("log", np.array([0, 1, np.inf])), [-np.inf, 0, np.inf])
     assert np.isnan(evaluate("log", np.array([-1.0, np.nan]))).all()
 
 
-@pytest.mark.parametrize(("exponent", "allowed"), [(0, 0), (1, 1e-12), (1e2, 1e-12), (1e4, 1e-12), (1e6, 1e-9), (1e9, 1e-6)])
+@pytest.mark.parametrize(
+    ("exponent", "allowed"),
+    [(0, 0), (1, 1e-12), (1e2, 1e-12), (1e4, 1e-12), (1e6, 1e-9), (1e9, 1e-6)],
+)
 def test_highlight_power(exponent: float, allowed: float) -> None:
     """cos^p from the squared tangent; N14 asks for 1e-6, 1e-6, 1e-6, 1e-5, 1e-4 and 5e-3."""
     angle = np.concatenate([np.linspace(0, 1.57, 400), 10 ** np.linspace(-9, 0, 400)])
@@ -69,21 +74,31 @@ def test_highlight_power(exponent: float, allowed: float) -> None:
 
 
 def test_highlight_power_at_any_tangent() -> None:
-    """To 1e-13 of itself, also where the sum of the squares is near a power of two or of its root, and where 1 + tan^2 is 1."""
+    """To 1e-13 of itself, also where the sum of the squares is near a power of two or of its root,
+    and where 1 + tan^2 is 1.
+    """
     corners = np.array([np.sqrt(2), 2, np.sqrt(8), 4, 1e3]) - 1
-    tangent2 = np.concatenate([np.exp(RANDOM.uniform(-690, 690, 2000)), np.outer(corners, 1 + np.arange(-4, 5) * 2e-16).ravel()])
+    tangent2 = np.concatenate(
+        [
+            np.exp(RANDOM.uniform(-690, 690, 2000)),
+            np.outer(corners, 1 + np.arange(-4, 5) * 2e-16).ravel(),
+        ]
+    )
     exponent = RANDOM.uniform(0.01, 2, len(tangent2))
     power = evaluate("cosine_power", tangent2, exponent)
     with mpmath.workdps(40):
         pairs = zip(tangent2.tolist(), exponent.tolist(), strict=True)
         exact = np.array([float((1 + mpmath.mpf(t)) ** (-mpmath.mpf(p) / 2)) for t, p in pairs])
     assert (np.abs(power - exact) <= 1e-13 * exact).all()
-    small = np.exp(RANDOM.uniform(-60, -5, 500))  # there 1 - cos^p is as small as tan^2, and as exactly known
+    # there 1 - cos^p is as small as tan^2, and as exactly known
+    small = np.exp(RANDOM.uniform(-60, -5, 500))
     large = 1 / small
     exact = np.exp(-np.log1p(small) * large / 2)
     assert np.abs(evaluate("cosine_power", small, large) - exact).max() <= 1e-15
 
 
 def test_highlight_power_of_what_is_no_angle_is_finite() -> None:
-    power = evaluate("cosine_power", np.array([1e308, np.inf, np.nan, 0.0, 5e-324]), np.full(5, 3.0))
+    power = evaluate(
+        "cosine_power", np.array([1e308, np.inf, np.nan, 0.0, 5e-324]), np.full(5, 3.0)
+    )
     assert np.array_equal(power, [power[0], power[0], power[0], 1, 1]) and 0 <= power[0] <= 1e-300

@@ -1,4 +1,6 @@
-"""The native core at work: the same bits however it is cut, waves, progress, cancel, bad input, what it reports."""
+"""The native core at work: the same bits however it is cut, waves, progress, cancel, bad input,
+what it reports.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,17 @@ from engine_scenes import ball_mesh, camera, grid_mesh, surface
 from glint import engine
 from glint.engine import core_types, native, packing
 from glint.engine import scene as s
-from native_tools import IDENTITY, constant, draw, lamp, material, needs_core, placed, square, view_from_above
+from native_tools import (
+    IDENTITY,
+    constant,
+    draw,
+    lamp,
+    material,
+    needs_core,
+    placed,
+    square,
+    view_from_above,
+)
 
 pytestmark = needs_core
 
@@ -25,14 +37,38 @@ ALL = frozenset(engine.PASSES) - {"Combined", "Fallbacks"}
 
 
 def busy_scene() -> s.Scene:
-    """Mirrors, glass, a veil and soft lights: rays of every kind, several generations, several materials in a tile."""
-    glass = s.Material("glass", (s.Lobe("REFRACTION", constant(0.9), ior=1.4, fresnel=True), s.Lobe("MIRROR", ior=1.4, fresnel=True)))
-    veil = surface("veil", 0.3, specular=0.4, lobes=(s.Lobe("TRANSPARENT", constant(0.5, 0.6, 0.7)), s.Lobe("MIRROR", constant(0.2))))
+    """Mirrors, glass, a veil and soft lights: rays of every kind, several generations, several
+    materials in a tile.
+    """
+    glass = s.Material(
+        "glass",
+        (
+            s.Lobe("REFRACTION", constant(0.9), ior=1.4, fresnel=True),
+            s.Lobe("MIRROR", ior=1.4, fresnel=True),
+        ),
+    )
+    veil = surface(
+        "veil",
+        0.3,
+        specular=0.4,
+        lobes=(s.Lobe("TRANSPARENT", constant(0.5, 0.6, 0.7)), s.Lobe("MIRROR", constant(0.2))),
+    )
     matrices = np.repeat(IDENTITY[None], 9, 0)
     matrices[:, :, :3] *= 0.4
-    matrices[:, 0, 3], matrices[:, 1, 3], matrices[:, 2, 3] = np.tile([-1, 0, 1], 3), np.repeat([-1, 0, 1], 3), 0.4
-    groups = (placed(0, (0,)), s.Instances("glass", 1, matrices[::2], (1,)), s.Instances("veil", 1, matrices[1::2], (2,)))
-    lights = (lamp("POINT", (1, -1, 3), strength=300.0, radius=0.3), lamp("SUN", strength=1.0, angle=0.1))
+    matrices[:, 0, 3], matrices[:, 1, 3], matrices[:, 2, 3] = (
+        np.tile([-1, 0, 1], 3),
+        np.repeat([-1, 0, 1], 3),
+        0.4,
+    )
+    groups = (
+        placed(0, (0,)),
+        s.Instances("glass", 1, matrices[::2], (1,)),
+        s.Instances("veil", 1, matrices[1::2], (2,)),
+    )
+    lights = (
+        lamp("POINT", (1, -1, 3), strength=300.0, radius=0.3),
+        lamp("SUN", strength=1.0, angle=0.1),
+    )
     return s.Scene(
         camera(size=(75, 53)),
         (grid_mesh(4), ball_mesh(8)),
@@ -66,35 +102,65 @@ def test_same_bits_in_four_regions() -> None:
         for y0, y1 in ((0, 17), (17, 53)):
             part = engine.render(scene, replace(BUSY, region=(x0, y0, x1, y1), threads=2))
             for name, values in part.passes.items():
-                assert values.tobytes() == np.ascontiguousarray(whole.passes[name][y0:y1, x0:x1]).tobytes(), name
+                assert (
+                    values.tobytes()
+                    == np.ascontiguousarray(whole.passes[name][y0:y1, x0:x1]).tobytes()
+                ), name
 
 
 def test_same_bits_whatever_is_asked_for() -> None:
     """More passes or a watcher change nothing in Combined."""
     scene = busy_scene()
-    assert engine.render(scene, replace(BUSY, passes=frozenset())).combined.tobytes() == engine.render(scene, BUSY).combined.tobytes()
+    assert (
+        engine.render(scene, replace(BUSY, passes=frozenset())).combined.tobytes()
+        == engine.render(scene, BUSY).combined.tobytes()
+    )
     watched = engine.render(scene, BUSY, on_wave=lambda film: None)
     assert watched.combined.tobytes() == engine.render(scene, BUSY).combined.tobytes()
 
 
 @pytest.mark.parametrize("threshold", [0.0, 4.0])
 def test_same_bits_however_many_samples_are_traced_at_once(threshold: float) -> None:
-    """Under hard lights up to eight, and fewer for a watcher: waves of 1, 1, 2, 4 and 5 samples, or of 4 or 13 from the start."""
-    asked = replace(BUSY, samples=13, light_samples=1, error_threshold=threshold, passes=ALL - {"Error"}, threads=2)
+    """Under hard lights up to eight, and fewer for a watcher: waves of 1, 1, 2, 4 and 5 samples, or
+    of 4 or 13 from the start.
+    """
+    asked = replace(
+        BUSY,
+        samples=13,
+        light_samples=1,
+        error_threshold=threshold,
+        passes=ALL - {"Error"},
+        threads=2,
+    )
     waves = []
-    alone, watched = engine.render(busy_scene(), asked), engine.render(busy_scene(), asked, on_wave=waves.append)
+    alone, watched = (
+        engine.render(busy_scene(), asked),
+        engine.render(busy_scene(), asked, on_wave=waves.append),
+    )
     assert [film.samples for film in waves] == [1, 2, 4, 8, 13]
     assert bits(alone) == bits(watched)
 
 
 @pytest.mark.parametrize("threshold", [0.0, 4.0])
 @pytest.mark.parametrize("transparent", [False, True])
-def test_tiles_that_look_at_nothing_are_as_if_they_were_traced(threshold: float, transparent: bool) -> None:
-    """A lamp behind the camera that camera rays could see has every tile traced: it changes no bit of any pass."""
+def test_tiles_that_look_at_nothing_are_as_if_they_were_traced(
+    threshold: float, transparent: bool
+) -> None:
+    """A lamp behind the camera that camera rays could see has every tile traced: it changes no bit
+    of any pass.
+    """
     scene = busy_scene()
     left, right, bottom, top = scene.camera.window
-    wide = replace(scene.camera, window=(4 * left, 4 * right, 4 * bottom, 4 * top), resolution=(200, 141))
-    behind = lamp("AREA", wide.world_from_camera @ (0, 0, 1, 1), wide.world_from_camera[:, :3], size_x=1.0, size_y=1.0)
+    wide = replace(
+        scene.camera, window=(4 * left, 4 * right, 4 * bottom, 4 * top), resolution=(200, 141)
+    )
+    behind = lamp(
+        "AREA",
+        wide.world_from_camera @ (0, 0, 1, 1),
+        wide.world_from_camera[:, :3],
+        size_x=1.0,
+        size_y=1.0,
+    )
     scenes = [
         replace(
             scene,
@@ -106,7 +172,9 @@ def test_tiles_that_look_at_nothing_are_as_if_they_were_traced(threshold: float,
     ]
     asked = replace(BUSY, samples=9, max_bounces=1, error_threshold=threshold, threads=2)
     vacant, traced = (engine.render(each, asked) for each in scenes)
-    assert "feature: visible lights" in traced.stats and "feature: visible lights" not in vacant.stats
+    assert (
+        "feature: visible lights" in traced.stats and "feature: visible lights" not in vacant.stats
+    )
     assert bits(vacant) == bits(traced)
     waves: list[engine.Film] = []  # held, so that later ones are drawn elsewhere
     assert bits(engine.render(scenes[0], asked, on_wave=waves.append)) == bits(vacant)
@@ -117,14 +185,22 @@ def test_tiles_that_look_at_nothing_are_as_if_they_were_traced(threshold: float,
 
 @pytest.mark.parametrize(("size", "bounces"), [(32, 8), (3, 13)])
 def test_rays_beyond_one_batch_change_nothing(size: int, bounces: int) -> None:
-    """Six panes that mirror and refract double their rays at each bounce. Batches are cut, between pixels and within one (2^13 rays); a
-    lone pixel gets the same bits all the same."""
-    pane = material(s.Lobe("MIRROR", constant(0.45, 0.4, 0.35)), s.Lobe("REFRACTION", constant(0.55, 0.6, 0.65), ior=1.02))
+    """Six panes that mirror and refract double their rays at each bounce. Batches are cut, between
+    pixels and within one (2^13 rays); a lone pixel gets the same bits all the same.
+    """
+    pane = material(
+        s.Lobe("MIRROR", constant(0.45, 0.4, 0.35)),
+        s.Lobe("REFRACTION", constant(0.55, 0.6, 0.65), ior=1.02),
+    )
     panes = np.repeat(IDENTITY[None], 6, 0)
     panes[:, 2, 3], panes[:, 0, 2] = np.arange(6), 0.1 * np.arange(6)
-    view = s.Camera("PERSPECTIVE", np.column_stack([np.eye(3), (0, 0, 9)]), (-0.2, 0.2, -0.2, 0.2), (size, size))
+    view = s.Camera(
+        "PERSPECTIVE", np.column_stack([np.eye(3), (0, 0, 9)]), (-0.2, 0.2, -0.2, 0.2), (size, size)
+    )
     tilted = s.Instances("panes", 0, panes, (0,))
-    scene = s.Scene(view, (square(30.0),), (tilted,), (pane,), (), (), s.World(background=(0.3, 0.5, 0.7)))
+    scene = s.Scene(
+        view, (square(30.0),), (tilted,), (pane,), (), (), s.World(background=(0.3, 0.5, 0.7))
+    )
     deep = engine.Settings(samples=1, max_bounces=bounces)
     whole = engine.render(scene, deep)
     assert whole.stats["mirror rays"] + whole.stats["refraction rays"] > size**2 * 40
@@ -135,7 +211,10 @@ def test_rays_beyond_one_batch_change_nothing(size: int, bounces: int) -> None:
 
 def test_two_renders_at_once() -> None:
     scene, films = busy_scene(), []
-    threads = [threading.Thread(target=lambda: films.append(bits(engine.render(scene, BUSY)))) for _ in range(2)]
+    threads = [
+        threading.Thread(target=lambda: films.append(bits(engine.render(scene, BUSY))))
+        for _ in range(2)
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -148,7 +227,8 @@ def test_waves_are_complete_pictures() -> None:
     final = engine.render(scene, replace(BUSY, samples=6), on_wave=waves.append)
     assert [wave.samples for wave in waves] == [1, 2, 4, 6]
     assert bits(waves[-1]) == bits(final)
-    # A wave is the mean of its samples: wave 1 alone is the picture of one sample whose light points are those of six.
+    # A wave is the mean of its samples: wave 1 alone is the picture of one sample whose light
+    # points are those of six.
     assert np.isfinite(waves[0].combined).all()
     assert np.array_equal(waves[0].passes["Depth"], final.passes["Depth"])
     assert all(wave.complete for wave in waves)
@@ -157,7 +237,9 @@ def test_waves_are_complete_pictures() -> None:
 def test_no_wave_is_lost_when_waves_are_quick() -> None:
     waves: list[int] = []
     scene = s.Scene(view_from_above(1), world=s.World(background=(1, 1, 1)))
-    engine.render(scene, engine.Settings(samples=1024), on_wave=lambda film: waves.append(film.samples))
+    engine.render(
+        scene, engine.Settings(samples=1024), on_wave=lambda film: waves.append(film.samples)
+    )
     assert waves == [2**k for k in range(11)]
 
 
@@ -171,14 +253,24 @@ def test_progress_rises_to_one() -> None:
 
 def test_cancel_is_prompt_and_keeps_the_last_wave() -> None:
     """Minutes of work: only a cancel ends it soon."""
-    scene, settings = busy_scene(), replace(BUSY, samples=1 << 16, light_samples=1, passes=frozenset(("Depth",)), threads=2)
+    scene, settings = (
+        busy_scene(),
+        replace(BUSY, samples=1 << 16, light_samples=1, passes=frozenset(("Depth",)), threads=2),
+    )
     fractions = [0.0]
 
     def should_stop() -> bool:
         return fractions[-1] > 2.5 / settings.samples  # in the midst of the third wave
 
-    film = engine.render(scene, settings, should_stop=should_stop, on_progress=fractions.append, on_wave=lambda film: None)
-    # The core looks at the flag before each batch of rays; the slack, a 64th of the work, is for a machine that does other things as well.
+    film = engine.render(
+        scene,
+        settings,
+        should_stop=should_stop,
+        on_progress=fractions.append,
+        on_wave=lambda film: None,
+    )
+    # The core looks at the flag before each batch of rays; the slack, a 64th of the work, is for a
+    # machine that does other things as well.
     assert film.samples <= settings.samples >> 6
     assert not film.complete
     assert film.samples in [2**k for k in range(1, 16)]
@@ -186,7 +278,9 @@ def test_cancel_is_prompt_and_keeps_the_last_wave() -> None:
 
 
 def test_cancel_before_the_first_wave() -> None:
-    film = engine.render(busy_scene(), replace(BUSY, samples=1 << 12, light_samples=16), should_stop=lambda: True)
+    film = engine.render(
+        busy_scene(), replace(BUSY, samples=1 << 12, light_samples=16), should_stop=lambda: True
+    )
     assert not film.complete
     if film.samples == 0:
         assert film.passes["Depth"].min() == np.float32(1e10)
@@ -199,7 +293,9 @@ def test_exceptions_of_callbacks_end_the_render() -> None:
 
     for name in ("on_progress", "on_wave", "should_stop"):
         with pytest.raises(KeyError, match="mine"):
-            engine.render(busy_scene(), replace(BUSY, samples=1 << 14, light_samples=1), **{name: broken})
+            engine.render(
+                busy_scene(), replace(BUSY, samples=1 << 14, light_samples=1), **{name: broken}
+            )
 
 
 def test_the_gil_is_free_while_the_core_works() -> None:
@@ -219,13 +315,21 @@ def test_the_gil_is_free_while_the_core_works() -> None:
 
 
 def test_mean_of_a_million_samples_is_exact() -> None:
-    """N16: 1e6 samples of 0.1 + 0.3 average to their value to 1e-6 (here: to the last bit of float32)."""
-    scene = s.Scene(view_from_above(1), (square(),), (placed(),), (material(s.Lobe("EMISSION", constant(0.1, 0.3, 1e-3))),))
+    """N16: 1e6 samples of 0.1 + 0.3 average to their value to 1e-6 (here: to the last bit of
+    float32).
+    """
+    scene = s.Scene(
+        view_from_above(1),
+        (square(),),
+        (placed(),),
+        (material(s.Lobe("EMISSION", constant(0.1, 0.3, 1e-3))),),
+    )
     film = draw(scene, samples=1_000_000, filter_width=0.0)
     assert np.abs(film.combined[0, 0, :3] - np.float32([0.1, 0.3, 1e-3])).max() <= 1e-9
 
 
-# --- what the core refuses or leaves out ------------------------------------------------------------------------------------------------
+# --- what the core refuses or leaves out
+# ------------------------------------------------------------------------------------------------
 
 
 def refusal(scene: s.Scene, **settings) -> str:
@@ -235,7 +339,9 @@ def refusal(scene: s.Scene, **settings) -> str:
     return str(error.value)
 
 
-SOUND = s.Scene(view_from_above(), (square(),), (placed(),), (material(s.Lobe("DIFFUSE")),), (), (lamp("SUN"),))
+SOUND = s.Scene(
+    view_from_above(), (square(),), (placed(),), (material(s.Lobe("DIFFUSE")),), (), (lamp("SUN"),)
+)
 MESH = SOUND.geometries[0]
 
 
@@ -244,7 +350,9 @@ def mesh_with(**changes: object) -> s.Scene:
 
 
 def polygons(offsets: list[int], indices: list[int]) -> s.Scene:
-    return replace(SOUND, geometries=(s.Polygons("p", MESH.vertices, np.uint32(offsets), np.uint32(indices)),))
+    return replace(
+        SOUND, geometries=(s.Polygons("p", MESH.vertices, np.uint32(offsets), np.uint32(indices)),)
+    )
 
 
 def lobe_with(**changes: object) -> s.Scene:
@@ -255,25 +363,45 @@ BAD = {
     "a triangle names vertex 9 of 4": mesh_with(triangles=np.array([[0, 1, 9]], np.uint32)),
     "vertices has the shape (4, 2)": mesh_with(vertices=np.zeros((4, 2), np.float32)),
     "material_slots has the shape (7,)": mesh_with(material_slots=np.zeros(7, np.uint16)),
-    "normals has 2 rows but 4 are read": mesh_with(normals=s.Attribute("n", s.POINT, np.zeros((2, 3), np.float32))),
-    "normals on corners but no corners": mesh_with(normals=s.Attribute("n", s.CORNER, np.zeros((6, 3), np.float32))),
-    "an attribute has 1 rows but 2 are read": mesh_with(attributes=(s.Attribute("a", s.FACE, np.zeros((1, 4), np.float32)),)),
-    "with domain 0 and 9 channels": mesh_with(attributes=(s.Attribute("a", s.POINT, np.zeros((4, 9), np.float32)),)),
+    "normals has 2 rows but 4 are read": mesh_with(
+        normals=s.Attribute("n", s.POINT, np.zeros((2, 3), np.float32))
+    ),
+    "normals on corners but no corners": mesh_with(
+        normals=s.Attribute("n", s.CORNER, np.zeros((6, 3), np.float32))
+    ),
+    "an attribute has 1 rows but 2 are read": mesh_with(
+        attributes=(s.Attribute("a", s.FACE, np.zeros((1, 4), np.float32)),)
+    ),
+    "with domain 0 and 9 channels": mesh_with(
+        attributes=(s.Attribute("a", s.POINT, np.zeros((4, 9), np.float32)),)
+    ),
     "instances 0: geometry 3 of 1": replace(SOUND, instances=(placed(3),)),
     "instances name material 5 of 1": replace(SOUND, instances=(placed(0, (5,)),)),
-    "world_from_object has the shape (1, 4, 4)": replace(SOUND, instances=(replace(placed(), world_from_object=np.zeros((1, 4, 4))),)),
+    "world_from_object has the shape (1, 4, 4)": replace(
+        SOUND, instances=(replace(placed(), world_from_object=np.zeros((1, 4, 4))),)
+    ),
     "input 0: texture 0 of 0": lobe_with(factors=(s.Input(texture=0),)),
     "index of refraction -1 is not above 0": lobe_with(ior=-1.0),
     "exponent nan is not between": lobe_with(exponent=np.nan),
     "lobe kind 'SHINY' is not one of": lobe_with(kind="SHINY"),
-    "texture 0: no pixels": replace(SOUND, textures=(s.Texture("empty", np.zeros((0, 3, 4), np.float32)),)),
-    "camera: a number is not finite": replace(SOUND, camera=replace(SOUND.camera, window=(0.0, np.inf, 0.0, 1.0))),
-    "camera: clip from 2 to 1": replace(SOUND, camera=replace(SOUND.camera, clip_start=2.0, clip_end=1.0)),
+    "texture 0: no pixels": replace(
+        SOUND, textures=(s.Texture("empty", np.zeros((0, 3, 4), np.float32)),)
+    ),
+    "camera: a number is not finite": replace(
+        SOUND, camera=replace(SOUND.camera, window=(0.0, np.inf, 0.0, 1.0))
+    ),
+    "camera: clip from 2 to 1": replace(
+        SOUND, camera=replace(SOUND.camera, clip_start=2.0, clip_end=1.0)
+    ),
     "camera: resolution 0 by 9": replace(SOUND, camera=replace(SOUND.camera, resolution=(0, 9))),
-    "light kind 'LASER' is not one of": replace(SOUND, lights=(replace(SOUND.lights[0], kind="LASER"),)),
+    "light kind 'LASER' is not one of": replace(
+        SOUND, lights=(replace(SOUND.lights[0], kind="LASER"),)
+    ),
     "offsets do not rise": polygons([0, 9], [0, 1, 2, 3]),
     "a polygon names vertex 8 of 4": polygons([0, 3], [0, 1, 8]),
-    "radii has the shape (2,)": replace(SOUND, geometries=(s.Spheres("s", np.zeros((1, 3), np.float32), np.ones(2, np.float32)),)),
+    "radii has the shape (2,)": replace(
+        SOUND, geometries=(s.Spheres("s", np.zeros((1, 3), np.float32), np.ones(2, np.float32)),)
+    ),
 }
 
 
@@ -292,7 +420,9 @@ def test_bad_settings_are_refused_with_a_sentence() -> None:
 
 def test_memory_that_cannot_be_had_is_named() -> None:
     huge = replace(SOUND, camera=replace(SOUND.camera, resolution=(1 << 20, 1 << 20)))
-    with pytest.raises(MemoryError, match=r"1048576 by 1048576 pixels with 4 channels needs 52776\.6 GB"):
+    with pytest.raises(
+        MemoryError, match=r"1048576 by 1048576 pixels with 4 channels needs 52776\.6 GB"
+    ):
         native.render_native(huge, engine.Settings(samples=1))
 
 
@@ -305,15 +435,25 @@ def test_many_problems_are_all_told() -> None:
 
 def test_scene_without_anything() -> None:
     film = draw(s.Scene(view_from_above(), world=s.World(background=(0.5, 0.25, 0.125))), *ALL)
-    assert np.array_equal(film.combined, np.broadcast_to(np.float32([0.5, 0.25, 0.125, 1]), (16, 16, 4)))
+    assert np.array_equal(
+        film.combined, np.broadcast_to(np.float32([0.5, 0.25, 0.125, 1]), (16, 16, 4))
+    )
     assert film.passes["Depth"].min() == np.float32(1e10)
     empty = s.Mesh("empty", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
-    draw(s.Scene(view_from_above(), (empty, square()), (placed(0, ()), replace(placed(1, ()), world_from_object=np.zeros((0, 3, 4))))))
+    draw(
+        s.Scene(
+            view_from_above(),
+            (empty, square()),
+            (placed(0, ()), replace(placed(1, ()), world_from_object=np.zeros((0, 3, 4)))),
+        )
+    )
 
 
 def test_bad_faces_are_left_out_and_counted() -> None:
     """N6: the picture without them, and a note."""
-    vertices = np.concatenate([MESH.vertices, np.float32([[np.nan, 0, 1], [0, np.inf, 1], [0.5, 0.5, 1], [0, 0, 1]])])
+    vertices = np.concatenate(
+        [MESH.vertices, np.float32([[np.nan, 0, 1], [0, np.inf, 1], [0.5, 0.5, 1], [0, 0, 1]])]
+    )
     triangles = np.concatenate([MESH.triangles, np.uint32([[0, 1, 4], [5, 6, 7], [6, 6, 7]])])
     bad = mesh_with(vertices=vertices, triangles=triangles, attributes=())
     film = draw(bad)
@@ -342,7 +482,10 @@ def test_bad_instances_and_lights_are_left_out_and_counted() -> None:
     film = native.render_native(many, engine.Settings(samples=1, light_samples=1))
     assert np.array_equal(film.combined, draw(SOUND).combined)
     assert (film.stats["dropped instances"], film.stats["dropped lights"]) == (2, 1)
-    assert [note.split(" have ")[0] for note in film.notes] == ["2 instances of 'placed 0'", "1 lights of 'point'"]
+    assert [note.split(" have ")[0] for note in film.notes] == [
+        "2 instances of 'placed 0'",
+        "1 lights of 'point'",
+    ]
 
 
 def test_statistics_say_what_was_done() -> None:
@@ -350,7 +493,15 @@ def test_statistics_say_what_was_done() -> None:
     assert film.stats["camera rays"] == 75 * 53 * 3
     assert film.stats["instances"] == 10
     assert film.stats["triangles"] == 32 + 9 * 224
-    for name in ("build", "trace", "bytes", "shadow rays", "mirror rays", "refraction rays", "transparent rays"):
+    for name in (
+        "build",
+        "trace",
+        "bytes",
+        "shadow rays",
+        "mirror rays",
+        "refraction rays",
+        "transparent rays",
+    ):
         assert film.stats[name] > 0, name
     active = {name.removeprefix("feature: ") for name in film.stats if name.startswith("feature: ")}
     assert active == {"mirror", "refraction", "transparent", "soft lights", "smooth normals"}
@@ -359,7 +510,8 @@ def test_statistics_say_what_was_done() -> None:
     assert not [name for name in plain.stats if name.startswith("feature")]
 
 
-# --- the binding ----------------------------------------------------------------------------------------------------------------------
+# --- the binding
+# --------------------------------------------------------------------------------------------------
 
 
 def test_arrays_that_fit_are_lent_not_copied() -> None:
@@ -372,8 +524,14 @@ def test_arrays_that_fit_are_lent_not_copied() -> None:
 
 
 def test_arrays_of_other_layouts_are_converted() -> None:
-    wide = replace(MESH, vertices=np.asfortranarray(MESH.vertices.astype(float)), triangles=MESH.triangles.astype(np.int64)[:, ::1])
-    film = native.render_native(replace(SOUND, geometries=(wide,)), engine.Settings(samples=1, light_samples=1))
+    wide = replace(
+        MESH,
+        vertices=np.asfortranarray(MESH.vertices.astype(float)),
+        triangles=MESH.triangles.astype(np.int64)[:, ::1],
+    )
+    film = native.render_native(
+        replace(SOUND, geometries=(wide,)), engine.Settings(samples=1, light_samples=1)
+    )
     assert np.array_equal(film.combined, draw(SOUND).combined)
 
 
@@ -391,7 +549,9 @@ def fields_of_header(name: str) -> list[tuple[str, str, int]]:
     """(field, type, length) of a structure in glint.h, pointers as their address."""
     body = re.search(rf"typedef struct {name} {{(.*?)}} {name};", HEADER.read_text(), re.S).group(1)
     fields = []
-    for kind, names in re.findall(r"(?:const )?(\w+\*? ?)([\w, \[\]]+);", re.sub(r"/\*.*?\*/", "", body, flags=re.S)):
+    for kind, names in re.findall(
+        r"(?:const )?(\w+\*? ?)([\w, \[\]]+);", re.sub(r"/\*.*?\*/", "", body, flags=re.S)
+    ):
         for item in names.split(","):
             field, lengths = re.fullmatch(r"\s*(\w+)((?:\[\d+\])*)\s*", item).groups()
             length = math.prod(map(int, re.findall(r"\d+", lengths)))
@@ -399,15 +559,33 @@ def fields_of_header(name: str) -> list[tuple[str, str, int]]:
     return fields
 
 
-TABLES = ["Attribute", "Geometry", "Instances", "Texture", "Input", "Lobe", "Material", "Light", "Camera"]
+TABLES = [
+    "Attribute",
+    "Geometry",
+    "Instances",
+    "Texture",
+    "Input",
+    "Lobe",
+    "Material",
+    "Light",
+    "Camera",
+]
 
 
 @pytest.mark.parametrize("name", [*TABLES, "SceneData", "RenderSettings", "Progress", "Stats"])
 def test_structures_are_those_of_the_header(name: str) -> None:
-    structure = getattr(core_types, {"SceneData": "SceneData", "RenderSettings": "SettingsData"}.get(name, f"{name}Data"))
-    for (field, kind, length), (own, own_type) in zip(fields_of_header(f"Glint{name}"), structure._fields_, strict=True):
+    structure = getattr(
+        core_types,
+        {"SceneData": "SceneData", "RenderSettings": "SettingsData"}.get(name, f"{name}Data"),
+    )
+    for (field, kind, length), (own, own_type) in zip(
+        fields_of_header(f"Glint{name}"), structure._fields_, strict=True
+    ):
         assert field == own
-        nested = {"GlintCamera": core_types.CameraData, "GlintAttribute": core_types.AttributeData}.get(kind)
+        nested = {
+            "GlintCamera": core_types.CameraData,
+            "GlintAttribute": core_types.AttributeData,
+        }.get(kind)
         wanted = (
             nested
             or {

@@ -1,4 +1,6 @@
-"""Surfaces of the native core against closed forms: normals, highlights, mirrors, glass, transparency, inputs, data passes."""
+"""Surfaces of the native core against closed forms: normals, highlights, mirrors, glass,
+transparency, inputs, data passes.
+"""
 
 from __future__ import annotations
 
@@ -29,14 +31,40 @@ SUN = lamp("SUN", strength=np.pi)  # lights a white Lambert surface to n.l
 EYE = np.array([0.0, 0.0, 10.0])
 
 
-def balls(*lobes: s.Lobe, radius: float = 0.9, lights=(SUN,), world: s.World | None = None, **more) -> s.Scene:
+def balls(
+    *lobes: s.Lobe, radius: float = 0.9, lights=(SUN,), world: s.World | None = None, **more
+) -> s.Scene:
     sphere = s.Spheres("ball", np.zeros((1, 3), np.float32), np.array([radius], np.float32))
-    return s.Scene(view_from_above(), (sphere,), (placed(),), (material(*lobes),), (), lights, world or s.World(), **more)
+    return s.Scene(
+        view_from_above(),
+        (sphere,),
+        (placed(),),
+        (material(*lobes),),
+        (),
+        lights,
+        world or s.World(),
+        **more,
+    )
 
 
-def plane(*lobes: s.Lobe, lights=(SUN,), world: s.World | None = None, camera: s.Camera | None = None, textures=(), mesh=None) -> s.Scene:
+def plane(
+    *lobes: s.Lobe,
+    lights=(SUN,),
+    world: s.World | None = None,
+    camera: s.Camera | None = None,
+    textures=(),
+    mesh=None,
+) -> s.Scene:
     camera = camera or view_from_above()
-    return s.Scene(camera, (mesh or square(),), (placed(),), (material(*lobes),), textures, lights, world or s.World())
+    return s.Scene(
+        camera,
+        (mesh or square(),),
+        (placed(),),
+        (material(*lobes),),
+        textures,
+        lights,
+        world or s.World(),
+    )
 
 
 def agree(measured: np.ndarray, truth: np.ndarray, rounding: float = ROUNDING) -> None:
@@ -57,10 +85,16 @@ def test_lambert_sphere_under_the_sun() -> None:
     tilt = 1.1
     axes = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
     radius = float(np.float32(0.9))
-    picture = color(balls(s.Lobe("DIFFUSE", constant(0.8, 0.6, 0.4)), lights=(lamp("SUN", axes=axes, strength=np.pi),)))
+    picture = color(
+        balls(
+            s.Lobe("DIFFUSE", constant(0.8, 0.6, 0.4)),
+            lights=(lamp("SUN", axes=axes, strength=np.pi),),
+        )
+    )
     n, _ = on_ball(radius)
     truth = np.maximum(0, n @ axes[:, 2])[..., None] * [0.8, 0.6, 0.4]
-    # x and y of the normal are exact; z = sqrt(R² - x² - y²) loses nothing here, so only the last rounding is left.
+    # x and y of the normal are exact; z = sqrt(R² - x² - y²) loses nothing here, so only the last
+    # rounding is left.
     assert np.abs(picture - truth).max() <= ROUNDING
 
 
@@ -69,7 +103,10 @@ def test_blinn_phong(exponent: float) -> None:
     """4.13 on a sphere: k_s I max(0, n·h)^p where n·l > 0."""
     tilt = 0.7
     axes = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
-    scene = balls(s.Lobe("SPECULAR", constant(0.5), exponent=exponent), lights=(lamp("SUN", axes=axes, strength=np.pi),))
+    scene = balls(
+        s.Lobe("SPECULAR", constant(0.5), exponent=exponent),
+        lights=(lamp("SUN", axes=axes, strength=np.pi),),
+    )
     n, inside = on_ball(float(np.float32(0.9)))
     h = axes[:, 2] + [0, 0, 1]
     cosine = n @ (h / np.linalg.norm(h))
@@ -78,36 +115,57 @@ def test_blinn_phong(exponent: float) -> None:
     assert np.abs(color(scene)[..., 0] - truth).max() <= 0.5 * (ROUNDING + exponent * 2**-52)
 
 
-@pytest.mark.parametrize(("masking", "fresnel"), [(0.3, ""), (1.0, ""), (0.0, "schlick"), (0.0, "fresnel"), (0.09, "fresnel")])
+@pytest.mark.parametrize(
+    ("masking", "fresnel"),
+    [(0.3, ""), (1.0, ""), (0.0, "schlick"), (0.0, "fresnel"), (0.09, "fresnel")],
+)
 def test_masking_and_fresnel_of_a_highlight(masking: float, fresnel: str) -> None:
-    """Times Smith's shadowing and masking, 1 at normal incidence, and Schlick's weight or a dielectric's reflectance between v and h."""
+    """Times Smith's shadowing and masking, 1 at normal incidence, and Schlick's weight or a
+    dielectric's reflectance between v and h.
+    """
     tilt = 1.3
     axes = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
-    lobe = s.Lobe("SPECULAR", constant(0.5), 3.0, 1.5, masking=masking, **({fresnel: True} if fresnel else {}))
+    lobe = s.Lobe(
+        "SPECULAR", constant(0.5), 3.0, 1.5, masking=masking, **({fresnel: True} if fresnel else {})
+    )
     scene = balls(lobe, lights=(lamp("SUN", axes=axes, strength=np.pi),))
     n, inside = on_ball(float(np.float32(0.9)))
     h = (axes[:, 2] + [0, 0, 1]) / np.linalg.norm(axes[:, 2] + [0, 0, 1])
     nl, nv, vh = np.maximum(n @ axes[:, 2], 1e-300), n[..., 2], h[2]
     tangents = [np.sqrt(np.maximum(1 / np.maximum(c, 1e-9) ** 2 - 1, 0)) for c in (nl, nv)]
-    lambdas = [(np.sqrt(1 + masking**2 * t**2) - 1) / 2 for t in tangents]  # Heitz 2014, G2 = 1 / (1 + the two)
+    # Heitz 2014, G2 = 1 / (1 + the two)
+    lambdas = [(np.sqrt(1 + masking**2 * t**2) - 1) / 2 for t in tangents]
     factor = 1 / (1 + sum(lambdas)) / np.maximum(nv, 1e-9) if masking else 1.0
     beyond = np.sqrt(1 - (1 - vh**2) / 1.5**2)
-    across, along = (vh - 1.5 * beyond) / (vh + 1.5 * beyond), (1.5 * vh - beyond) / (1.5 * vh + beyond)
-    factor = factor * {"": 1.0, "schlick": (1 - vh) ** 5, "fresnel": (across**2 + along**2) / 2}[fresnel]
+    across, along = (
+        (vh - 1.5 * beyond) / (vh + 1.5 * beyond),
+        (1.5 * vh - beyond) / (1.5 * vh + beyond),
+    )
+    factor = (
+        factor * {"": 1.0, "schlick": (1 - vh) ** 5, "fresnel": (across**2 + along**2) / 2}[fresnel]
+    )
     truth = np.where(inside & (n @ axes[:, 2] > 0), 0.5 * np.maximum(0, n @ h) ** 3 * factor, 0)
     for backend in ("NATIVE", "NUMPY"):
-        np.testing.assert_allclose(color(scene, backend=backend)[..., 0], truth, rtol=2e-6, atol=1e-9)
+        np.testing.assert_allclose(
+            color(scene, backend=backend)[..., 0], truth, rtol=2e-6, atol=1e-9
+        )
 
 
 @pytest.mark.parametrize("kind", ["AMBIENT", "DIFFUSE"])
 def test_lobes_that_depend_on_the_view(kind: str) -> None:
     """Times (1 - n·v)^exponent, beside one that does not."""
     n, inside = on_ball(float(np.float32(0.9)))
-    scene = balls(s.Lobe(kind, constant(0.5)), s.Lobe(kind, constant(0.4), exponent=2.5), world=s.World(ambient=(0.7,) * 3))
+    scene = balls(
+        s.Lobe(kind, constant(0.5)),
+        s.Lobe(kind, constant(0.4), exponent=2.5),
+        world=s.World(ambient=(0.7,) * 3),
+    )
     light = n[..., 2] if kind == "DIFFUSE" else 0.7
     truth = np.where(inside, (0.5 + 0.4 * (1 - n[..., 2]) ** 2.5) * light, 0)
     for backend in ("NATIVE", "NUMPY"):
-        np.testing.assert_allclose(color(scene, backend=backend)[..., 0], truth, rtol=2e-6, atol=1e-9)
+        np.testing.assert_allclose(
+            color(scene, backend=backend)[..., 0], truth, rtol=2e-6, atol=1e-9
+        )
 
 
 def test_highlight_only_where_the_light_is_above() -> None:
@@ -120,9 +178,19 @@ def test_exponent_zero_is_constant_over_the_lit_side() -> None:
     """0^0 = 1: even where n·h < 0, as a shading normal bent away from the viewer has it."""
     n, to_light = np.array([0.96, 0.0, -0.28]), np.array([0.28, 0.96, 0.0])
     mesh = square()
-    mesh = s.Mesh("bent", mesh.vertices, mesh.triangles, normals=s.Attribute("n", s.POINT, np.tile(n.astype(np.float32), (4, 1))))
+    mesh = s.Mesh(
+        "bent",
+        mesh.vertices,
+        mesh.triangles,
+        normals=s.Attribute("n", s.POINT, np.tile(n.astype(np.float32), (4, 1))),
+    )
     assert n @ to_light > 0 > n @ (to_light + [0, 0, 1])
-    sun = lamp("SUN", axes=np.column_stack([(0.96, -0.28, 0), (0, 0, 1), to_light]), strength=np.pi, cast_shadow=False)
+    sun = lamp(
+        "SUN",
+        axes=np.column_stack([(0.96, -0.28, 0), (0, 0, 1), to_light]),
+        strength=np.pi,
+        cast_shadow=False,
+    )
     for exponent, value in ((0.0, 1.0), (1.0, 0.0)):
         picture = color(plane(s.Lobe("SPECULAR", exponent=exponent), lights=(sun,), mesh=mesh))
         assert np.abs(picture - value).max() <= ROUNDING, exponent
@@ -130,18 +198,28 @@ def test_exponent_zero_is_constant_over_the_lit_side() -> None:
 
 def test_ambient_and_emission_need_no_light() -> None:
     world = s.World(ambient=(0.2, 0.3, 0.4))
-    scene = plane(s.Lobe("AMBIENT", constant(0.5)), s.Lobe("EMISSION", constant(1.0, 2.0, 3.0)), lights=(), world=world)
+    scene = plane(
+        s.Lobe("AMBIENT", constant(0.5)),
+        s.Lobe("EMISSION", constant(1.0, 2.0, 3.0)),
+        lights=(),
+        world=world,
+    )
     agree(color(scene), np.broadcast_to([1.1, 2.15, 3.2], (16, 16, 3)))
 
 
 def test_factors_multiply_and_complement() -> None:
     factors = (s.Input((0.5, 0.25, 1.0)), s.Input((0.2, 0.4, 0.6), complement=True))
-    agree(color(plane(s.Lobe("EMISSION", factors), lights=())), np.broadcast_to([0.4, 0.15, 0.4], (16, 16, 3)))
+    agree(
+        color(plane(s.Lobe("EMISSION", factors), lights=())),
+        np.broadcast_to([0.4, 0.15, 0.4], (16, 16, 3)),
+    )
 
 
 def test_surface_without_material_is_white() -> None:
     scene = plane(world=s.World(ambient=(0.5, 0.5, 0.5)))
-    scene = s.Scene(scene.camera, scene.geometries, (placed(materials=()),), (), (), (SUN,), scene.world)
+    scene = s.Scene(
+        scene.camera, scene.geometries, (placed(materials=()),), (), (), (SUN,), scene.world
+    )
     agree(color(scene), np.full((16, 16, 3), 0.8 + 0.4))
 
 
@@ -157,12 +235,24 @@ def test_slots_beyond_the_end_use_the_last_material() -> None:
 
 
 def test_mirror_sees_what_is_above() -> None:
-    """4.17: the plane mirrors a square at z = 4 that only mirror rays see; the perspective eye sees it twice as far as the floor."""
-    camera = s.Camera("PERSPECTIVE", np.column_stack([np.eye(3), (0, 0, 2)]), (-0.5, 0.5, -0.5, 0.5), (16, 16))
+    """4.17: the plane mirrors a square at z = 4 that only mirror rays see; the perspective eye sees
+    it twice as far as the floor.
+    """
+    camera = s.Camera(
+        "PERSPECTIVE", np.column_stack([np.eye(3), (0, 0, 2)]), (-0.5, 0.5, -0.5, 0.5), (16, 16)
+    )
     glow = s.Material("glow", (s.Lobe("EMISSION", constant(0.5, 1.0, 2.0)),))
     mirror = material(s.Lobe("MIRROR", constant(0.5)))
     instances = (placed(), placed(1, (1,), z=4.0, visible_camera=False))
-    scene = s.Scene(camera, (square(), square(1.0)), instances, (mirror, glow), (), (), s.World(background=(0.1, 0.1, 0.1)))
+    scene = s.Scene(
+        camera,
+        (square(), square(1.0)),
+        instances,
+        (mirror, glow),
+        (),
+        (),
+        s.World(background=(0.1, 0.1, 0.1)),
+    )
     seen = (np.abs(P[..., :2] * 0.5 * 6) < 1).all(-1)[..., None]
     truth = np.where(seen, [0.25, 0.5, 1.0], 0.05)
     film = draw(scene, "Mirror", "Environment", max_bounces=1)
@@ -200,9 +290,14 @@ def fresnel(cosine: np.ndarray, ior: float) -> np.ndarray:
 
 def test_fresnel_mirror_and_refraction_share_the_light() -> None:
     """A water surface in a white furnace: F + (1 − F) = 1; each alone against the textbook."""
-    camera = s.Camera("PERSPECTIVE", look_at((0, -3, 1.0), (0, 0, 0)), (-0.15, 0.15, -0.15, 0.15), (16, 16))
+    camera = s.Camera(
+        "PERSPECTIVE", look_at((0, -3, 1.0), (0, 0, 0)), (-0.15, 0.15, -0.15, 0.15), (16, 16)
+    )
     white = s.World(background=(1.0, 1.0, 1.0))
-    mirror, beyond = s.Lobe("MIRROR", ior=1.33, fresnel=True), s.Lobe("REFRACTION", ior=1.33, fresnel=True)
+    mirror, beyond = (
+        s.Lobe("MIRROR", ior=1.33, fresnel=True),
+        s.Lobe("REFRACTION", ior=1.33, fresnel=True),
+    )
     both = color(plane(mirror, beyond, lights=(), world=white, camera=camera))
     assert np.abs(both - 1).max() <= 2 * ROUNDING
     film = draw(plane(mirror, lights=(), world=white, camera=camera), "Position")
@@ -210,13 +305,23 @@ def test_fresnel_mirror_and_refraction_share_the_light() -> None:
     F = fresnel(to_eye[..., 2] / np.linalg.norm(to_eye, axis=-1), 1.33)  # noqa: N806
     # Position is float32: a relative 2^-24 of the cosine; dF/dcos stays below 3 here.
     assert np.abs(film.combined[..., 0] - F).max() <= 4 * ROUNDING
-    agree(color(plane(s.Lobe("REFRACTION", ior=1.33), lights=(), world=white, camera=camera)), np.ones((16, 16, 3)))
+    agree(
+        color(plane(s.Lobe("REFRACTION", ior=1.33), lights=(), world=white, camera=camera)),
+        np.ones((16, 16, 3)),
+    )
 
 
 def test_snell_through_a_slab() -> None:
-    """A ray bent by a thick plate of glass comes out parallel, shifted by t sin(a − b)/cos(b): the stripe it meets moves so far."""
+    """A ray bent by a thick plate of glass comes out parallel, shifted by t sin(a − b)/cos(b): the
+    stripe it meets moves so far.
+    """
     angle = 0.6
-    camera = s.Camera("ORTHOGRAPHIC", look_at((0, -10 * np.tan(angle), 10), (0, 0, 0)), (-0.4, 0.4, -0.4, 0.4), (16, 16))
+    camera = s.Camera(
+        "ORTHOGRAPHIC",
+        look_at((0, -10 * np.tan(angle), 10), (0, 0, 0)),
+        (-0.4, 0.4, -0.4, 0.4),
+        (16, 16),
+    )
     glass = material(s.Lobe("REFRACTION", ior=1.5))
     ramp = s.Attribute("map", s.POINT, np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32))
     mesh = square(4.0)
@@ -228,15 +333,21 @@ def test_snell_through_a_slab() -> None:
     under = placed(0, (1,), z=-2.0)
     slab = (placed(0, (0,), z=0.0), placed(0, (0,), z=-thick, linear=np.diag([1.0, -1, -1])))
     mesh = s.Mesh("m", mesh.vertices, mesh.triangles, attributes=(ramp,))
-    bent, straight = (color(s.Scene(camera, (mesh,), (*extra, under), (glass, floor), (texture,)))[..., 0] for extra in (slab, ()))
+    bent, straight = (
+        color(s.Scene(camera, (mesh,), (*extra, under), (glass, floor), (texture,)))[..., 0]
+        for extra in (slab, ())
+    )
     inner = np.arcsin(np.sin(angle) / 1.5)
-    # Rays run to +y while they sink; the texture rises by 2/8 per unit of y (v runs over 8 units, half of them blend).
+    # Rays run to +y while they sink; the texture rises by 2/8 per unit of y (v runs over 8 units,
+    # half of them blend).
     shift = -thick * (np.tan(angle) - np.tan(inner)) * 2 / 8
     assert np.abs((bent - straight) - shift).max() <= 4 * ROUNDING
 
 
 def test_ball_of_glass_bends_rays_twice() -> None:
-    """Parallel rays through a ball: in at the angle a, out after the central angle π − 2b, turned by 2(a − b); a ramp lies below."""
+    """Parallel rays through a ball: in at the angle a, out after the central angle π − 2b, turned
+    by 2(a − b); a ramp lies below.
+    """
     radius, ior, depth = 0.875, 1.5, 3.0
     ball = s.Spheres("ball", np.zeros((1, 3), np.float32), np.array([radius], np.float32))
     pixels = np.zeros((1, 2, 4), np.float32)
@@ -245,7 +356,9 @@ def test_ball_of_glass_bends_rays_twice() -> None:
     textures = (s.Texture("ramp", pixels, extension="EXTEND"),)
     glass = material(s.Lobe("REFRACTION", ior=ior))
     instances = (placed(0, (0,)), placed(1, (1,), z=-depth))
-    picture = color(s.Scene(view_from_above(), (ball, square(8.0)), instances, (glass, floor), textures))
+    picture = color(
+        s.Scene(view_from_above(), (ball, square(8.0)), instances, (glass, floor), textures)
+    )
     x, r = P[..., 0], np.hypot(P[..., 0], P[..., 1])
     inner = r < 0.7 * radius
     a = np.arcsin(np.where(inner, r, 0) / radius)
@@ -258,14 +371,18 @@ def test_ball_of_glass_bends_rays_twice() -> None:
 
 
 def test_total_reflection_and_leaving_index() -> None:
-    """From inside (the mesh seen from behind) the index is 1/ior: nothing beyond the critical angle, F = 1 there."""
+    """From inside (the mesh seen from behind) the index is 1/ior: nothing beyond the critical
+    angle, F = 1 there.
+    """
     for tilt, passes in ((0.6, True), (0.8, False)):  # the critical angle of 1.5 is 0.7297
         eye = (0, -10 * np.sin(tilt), -10 * np.cos(tilt))
         camera = s.Camera("ORTHOGRAPHIC", look_at(eye, (0, 0, 0)), (-0.5, 0.5, -0.5, 0.5), (4, 4))
         white = s.World(background=(1.0, 1.0, 1.0))
         through = color(plane(s.Lobe("REFRACTION", ior=1.5), lights=(), world=white, camera=camera))
         assert np.array_equal(through, np.full((4, 4, 3), float(passes)))
-        mirrored = color(plane(s.Lobe("MIRROR", ior=1.5, fresnel=True), lights=(), world=white, camera=camera))
+        mirrored = color(
+            plane(s.Lobe("MIRROR", ior=1.5, fresnel=True), lights=(), world=white, camera=camera)
+        )
         assert (mirrored.min() == 1) == (not passes)
 
 
@@ -273,7 +390,12 @@ def test_transparency_shows_what_is_behind() -> None:
     """Compositing of section 3: α c_f + (1 − α) c_b."""
     veil = material(s.Lobe("EMISSION", constant(0.25)), s.Lobe("TRANSPARENT", constant(0.75)))
     glow = s.Material("glow", (s.Lobe("EMISSION", constant(0.8, 0.4, 0.2)),))
-    scene = s.Scene(view_from_above(), (square(),), (placed(z=1.0), placed(z=2.0), placed(0, (1,))), (veil, glow))
+    scene = s.Scene(
+        view_from_above(),
+        (square(),),
+        (placed(z=1.0), placed(z=2.0), placed(0, (1,))),
+        (veil, glow),
+    )
     truth = 0.25 + 0.75 * (0.25 + 0.75 * np.array([0.8, 0.4, 0.2]))
     agree(color(scene, max_bounces=0), np.broadcast_to(truth, (16, 16, 3)))
 
@@ -286,17 +408,33 @@ def test_transparent_rays_end_black_after_128(k: float) -> None:
         matrices = np.repeat(IDENTITY[None], sheets, 0)
         matrices[:, 2, 3] = np.linspace(-3, 3, sheets)
         stack = s.Instances("sheets", 0, matrices, (0,))
-        scene = s.Scene(view_from_above(4), (square(),), (stack,), (clear,), (), (), s.World(background=(1, 1, 1)))
+        scene = s.Scene(
+            view_from_above(4),
+            (square(),),
+            (stack,),
+            (clear,),
+            (),
+            (),
+            s.World(background=(1, 1, 1)),
+        )
         assert np.allclose(color(scene), np.full((4, 4, 3), seen), rtol=1e-6, atol=0), sheets
 
 
 def test_shadow_through_transparency() -> None:
     """The clamped transparency of every sheet between, colour by colour; above 1 counts as 1."""
-    foil = s.Material("foil", (s.Lobe("TRANSPARENT", constant(0.5, 0.25, 0.0)), s.Lobe("TRANSPARENT", constant(0.25, 0.0, 0.0))))
+    foil = s.Material(
+        "foil",
+        (
+            s.Lobe("TRANSPARENT", constant(0.5, 0.25, 0.0)),
+            s.Lobe("TRANSPARENT", constant(0.25, 0.0, 0.0)),
+        ),
+    )
     bright = s.Material("bright", (s.Lobe("TRANSPARENT", constant(3.0)),))
     sheets = [placed(0, (k,), z=z, visible_camera=False) for k, z in ((1, 1.0), (1, 2.0), (2, 3.0))]
     floor = material(s.Lobe("DIFFUSE", constant(1.0)))
-    scene = s.Scene(view_from_above(), (square(),), (placed(), *sheets), (floor, foil, bright), (), (SUN,))
+    scene = s.Scene(
+        view_from_above(), (square(),), (placed(), *sheets), (floor, foil, bright), (), (SUN,)
+    )
     agree(color(scene), np.broadcast_to([0.5625, 0.0625, 0.0], (16, 16, 3)))
 
 
@@ -308,7 +446,17 @@ def test_film_transparent_and_holdout_lose_alpha() -> None:
     picture = draw(scene, samples=3, filter_width=0.0).combined
     assert np.array_equal(picture[..., :3], np.zeros((16, 16, 3)))
     agree(picture[..., 3], np.full((16, 16), 0.5))
-    seen = draw(s.Scene(view_from_above(), (square(), square(0.5)), instances, (veil,), (), (), s.World(background=(1, 1, 1)))).combined
+    seen = draw(
+        s.Scene(
+            view_from_above(),
+            (square(), square(0.5)),
+            instances,
+            (veil,),
+            (),
+            (),
+            s.World(background=(1, 1, 1)),
+        )
+    ).combined
     hole = (np.abs(P[..., :2]) < 0.5).all(-1)
     agree(seen[..., 3], np.where(hole, 0.5, 1.0))
     assert np.array_equal(seen[..., 0], np.where(hole, 0, 0.5))
@@ -318,24 +466,38 @@ def test_holdout_in_a_mirror_is_black_and_solid() -> None:
     mirror = material(s.Lobe("MIRROR"))
     hole = placed(0, (1,), z=12.0, holdout=True)
     glow = s.Material("glow", (s.Lobe("EMISSION"),))
-    picture = draw(s.Scene(view_from_above(), (square(),), (placed(), hole), (mirror, glow))).combined
+    picture = draw(
+        s.Scene(view_from_above(), (square(),), (placed(), hole), (mirror, glow))
+    ).combined
     assert np.array_equal(picture, np.broadcast_to(np.float32([0, 0, 0, 1]), (16, 16, 4)))
 
 
-# --- inputs -------------------------------------------------------------------------------------------------------------------------
+# --- inputs
+# --------------------------------------------------------------------------------------------------
 
-TEXELS = np.array([[[10, 20, 30, 255], [200, 100, 50, 0]], [[0, 255, 128, 51], [90, 91, 92, 102]]], np.uint8)
+TEXELS = np.array(
+    [[[10, 20, 30, 255], [200, 100, 50, 0]], [[0, 255, 128, 51], [90, 91, 92, 102]]], np.uint8
+)
 
 
-def sampled(pixels: np.ndarray, u: np.ndarray, v: np.ndarray, extension: str, interpolation: str) -> np.ndarray:
+def sampled(
+    pixels: np.ndarray, u: np.ndarray, v: np.ndarray, extension: str, interpolation: str
+) -> np.ndarray:
     """(..., 4) texels of (h, w, 4) values, written for clarity."""
     h, w = pixels.shape[:2]
 
     def texel(i: np.ndarray, j: np.ndarray) -> np.ndarray:
         outside = (i < 0) | (i >= w) | (j < 0) | (j >= h)
         if extension == "MIRROR":
-            i, j = np.abs(((i + w) % (2 * w)) - w + 0.5) - 0.5, np.abs(((j + h) % (2 * h)) - h + 0.5) - 0.5
-        i, j = (i % w, j % h) if extension == "REPEAT" else (np.clip(i, 0, w - 1), np.clip(j, 0, h - 1))
+            i, j = (
+                np.abs(((i + w) % (2 * w)) - w + 0.5) - 0.5,
+                np.abs(((j + h) % (2 * h)) - h + 0.5) - 0.5,
+            )
+        i, j = (
+            (i % w, j % h)
+            if extension == "REPEAT"
+            else (np.clip(i, 0, w - 1), np.clip(j, 0, h - 1))
+        )
         value = pixels[j.astype(int), i.astype(int)]
         return np.where((outside & (extension == "CLIP"))[..., None], 0, value)
 
@@ -343,13 +505,17 @@ def sampled(pixels: np.ndarray, u: np.ndarray, v: np.ndarray, extension: str, in
         return texel(np.floor(u * w), np.floor(v * h))
     i, j = np.floor(u * w - 0.5), np.floor(v * h - 0.5)
     s_, t = (u * w - 0.5 - i)[..., None], (v * h - 0.5 - j)[..., None]
-    return (1 - t) * ((1 - s_) * texel(i, j) + s_ * texel(i + 1, j)) + t * ((1 - s_) * texel(i, j + 1) + s_ * texel(i + 1, j + 1))
+    return (1 - t) * ((1 - s_) * texel(i, j) + s_ * texel(i + 1, j)) + t * (
+        (1 - s_) * texel(i, j + 1) + s_ * texel(i + 1, j + 1)
+    )
 
 
 def decode(pixels: np.ndarray, encoding: str) -> np.ndarray:
     c = pixels / 255.0
     if encoding == "SRGB":
-        c[..., :3] = np.where(c[..., :3] <= 0.04045, c[..., :3] / 12.92, ((c[..., :3] + 0.055) / 1.055) ** 2.4)
+        c[..., :3] = np.where(
+            c[..., :3] <= 0.04045, c[..., :3] / 12.92, ((c[..., :3] + 0.055) / 1.055) ** 2.4
+        )
     return c
 
 
@@ -364,8 +530,14 @@ def test_texture(encoding: str, extension: str, interpolation: str, channel: str
     picture = color(plane(lobe, lights=(), textures=(texture,)))
     u, v = (P[..., 0] + 5) / 10, (P[..., 1] + 5) / 10
     (a, b, c), (d, e, f) = transform
-    rgba = sampled(decode(TEXELS, encoding), a * u + b * v + c, d * u + e * v + f, extension, interpolation)
-    rgb = {"COLOR": rgba[..., :3], "ALPHA": rgba[..., 3:], "LUMINANCE": rgba[..., :3].mean(-1, keepdims=True)}[channel]
+    rgba = sampled(
+        decode(TEXELS, encoding), a * u + b * v + c, d * u + e * v + f, extension, interpolation
+    )
+    rgb = {
+        "COLOR": rgba[..., :3],
+        "ALPHA": rgba[..., 3:],
+        "LUMINANCE": rgba[..., :3].mean(-1, keepdims=True),
+    }[channel]
     # The float32 UVs of the corners are exact here; uv is then good to 1e-15 of a texel.
     assert np.abs(picture - rgb * [2.0, 1.0, 0.5]).max() <= 2 * ROUNDING
 
@@ -373,7 +545,10 @@ def test_texture(encoding: str, extension: str, interpolation: str, channel: str
 def test_float_texture_and_coordinates_out_of_all_bounds() -> None:
     pixels = np.array([[[5.0, 1e10, -1.0, 0.5]]], np.float32)
     lobe = s.Lobe("EMISSION", (s.Input(texture=0, uv_transform=((1e300, 0, 0), (0, 1, 0))),))
-    agree(color(plane(lobe, lights=(), textures=(s.Texture("one", pixels),))), np.broadcast_to([5.0, 1e10, -1.0], (16, 16, 3)))
+    agree(
+        color(plane(lobe, lights=(), textures=(s.Texture("one", pixels),))),
+        np.broadcast_to([5.0, 1e10, -1.0], (16, 16, 3)),
+    )
 
 
 @pytest.mark.parametrize("domain", [s.POINT, s.CORNER, s.FACE])
@@ -382,7 +557,13 @@ def test_attributes(domain: str) -> None:
     values = np.random.default_rng(3).random((rows, 4), np.float32)
     base = square(1.0)
     corners = np.arange(6, dtype=np.uint32).reshape(2, 3)
-    mesh = s.Mesh("painted", base.vertices, base.triangles, corners, attributes=(s.Attribute("paint", domain, values),))
+    mesh = s.Mesh(
+        "painted",
+        base.vertices,
+        base.triangles,
+        corners,
+        attributes=(s.Attribute("paint", domain, values),),
+    )
     picture = color(plane(s.Lobe("EMISSION", (s.Input(attribute="paint"),)), lights=(), mesh=mesh))
     u, v = (P[..., 0] + 1) / 2, (P[..., 1] + 1) / 2
     below = (v <= u)[..., None]
@@ -391,19 +572,40 @@ def test_attributes(domain: str) -> None:
     else:
         row = base.triangles if domain == s.POINT else corners
         weights = (np.stack([1 - u, u - v, v], -1), np.stack([1 - v, u, v - u], -1))
-        truth = np.where(below, *[w @ values[r].astype(float) for w, r in zip(weights, row, strict=True)])
+        truth = np.where(
+            below, *[w @ values[r].astype(float) for w, r in zip(weights, row, strict=True)]
+        )
     agree(picture, truth[..., :3], 2 * ROUNDING)
-    alpha = color(plane(s.Lobe("EMISSION", (s.Input(attribute="paint", attribute_channel="ALPHA"),)), lights=(), mesh=mesh))
+    alpha = color(
+        plane(
+            s.Lobe("EMISSION", (s.Input(attribute="paint", attribute_channel="ALPHA"),)),
+            lights=(),
+            mesh=mesh,
+        )
+    )
     agree(alpha, np.repeat(truth[..., 3:], 3, -1), 2 * ROUNDING)
-    assert color(plane(s.Lobe("EMISSION", (s.Input(attribute="none"),)), lights=(), mesh=mesh)).max() == 0
+    assert (
+        color(plane(s.Lobe("EMISSION", (s.Input(attribute="none"),)), lights=(), mesh=mesh)).max()
+        == 0
+    )
 
 
-# --- normals and data passes ----------------------------------------------------------------------------------------------------------
+# --- normals and data passes
+# --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("linear", [np.diag([0.9, 0.5, 0.7]), np.diag([-0.9, 0.5, 0.7]), [[0.8, 0.3, 0], [0, 0.7, 0.2], [0.1, 0, 0.9]]])
+@pytest.mark.parametrize(
+    "linear",
+    [
+        np.diag([0.9, 0.5, 0.7]),
+        np.diag([-0.9, 0.5, 0.7]),
+        [[0.8, 0.3, 0], [0, 0.7, 0.2], [0.1, 0, 0.9]],
+    ],
+)
 def test_normals_of_stretched_and_mirrored_balls(linear: np.ndarray) -> None:
-    """6.2: the normal of an ellipsoid at x is M⁻ᵀ M⁻¹ x, whatever the sign of det M; smooth triangles approach it."""
+    """6.2: the normal of an ellipsoid at x is M⁻ᵀ M⁻¹ x, whatever the sign of det M; smooth
+    triangles approach it.
+    """
     linear = np.array(linear)
     sphere = s.Spheres("ball", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
     for geometry, tolerance in ((sphere, 4 * ROUNDING), (ball_mesh(96), 2e-3)):
@@ -421,9 +623,13 @@ def test_normals_of_stretched_and_mirrored_balls(linear: np.ndarray) -> None:
 def test_faces_are_two_sided() -> None:
     for flip in (1.0, -1.0):
         turned = placed(linear=np.diag([1.0, flip, flip]))
-        scene = s.Scene(view_from_above(), (square(),), (turned,), (material(s.Lobe("DIFFUSE")),), (), (SUN,))
+        scene = s.Scene(
+            view_from_above(), (square(),), (turned,), (material(s.Lobe("DIFFUSE")),), (), (SUN,)
+        )
         film = draw(scene, "Normal")
-        assert np.array_equal(film.passes["Normal"], np.broadcast_to(np.float32([0, 0, 1]), (16, 16, 3)))
+        assert np.array_equal(
+            film.passes["Normal"], np.broadcast_to(np.float32([0, 0, 1]), (16, 16, 3))
+        )
         agree(film.combined[..., 0], np.ones((16, 16)))
 
 
@@ -431,9 +637,21 @@ def test_flattened_object_is_lit_on_both_sides() -> None:
     """N7: one axis scaled to 0."""
     for up in (1.0, -1.0):
         light = lamp("SUN", axes=np.diag([1.0, up, up]), strength=np.pi)
-        camera = s.Camera("ORTHOGRAPHIC", np.column_stack([np.diag([1.0, up, up]), (0, 0, 5 * up)]), (-0.5, 0.5, -0.5, 0.5), (8, 8))
+        camera = s.Camera(
+            "ORTHOGRAPHIC",
+            np.column_stack([np.diag([1.0, up, up]), (0, 0, 5 * up)]),
+            (-0.5, 0.5, -0.5, 0.5),
+            (8, 8),
+        )
         flat = placed(linear=np.diag([1.0, 1.0, 0.0]))
-        scene = s.Scene(camera, (ball_mesh(8, smooth=False),), (flat,), (material(s.Lobe("DIFFUSE")),), (), (light,))
+        scene = s.Scene(
+            camera,
+            (ball_mesh(8, smooth=False),),
+            (flat,),
+            (material(s.Lobe("DIFFUSE")),),
+            (),
+            (light,),
+        )
         agree(color(scene), np.ones((8, 8, 3)))
 
 
@@ -443,7 +661,9 @@ def test_data_passes() -> None:
     small = square(0.5)
     instances = (placed(0, (0,), z=2.0, object_index=7), placed(1, (1,), z=1.0, object_index=8))
     scene = s.Scene(view_from_above(), (square(), small), instances, (veil, thin))
-    film = draw(scene, "Depth", "Position", "Normal", "UV", "Object Index", "Material Index", samples=4)
+    film = draw(
+        scene, "Depth", "Position", "Normal", "UV", "Object Index", "Material Index", samples=4
+    )
     inside = (np.abs(P[..., :2]) < 0.5).all(-1)[..., None]
     expected = {
         "Depth": np.where(inside, 9.0, 1e10),
@@ -454,27 +674,48 @@ def test_data_passes() -> None:
         "Material Index": np.where(inside, 5, 0),
     }
     for name, truth in expected.items():
-        assert np.abs(film.passes[name] - truth).max() <= ROUNDING * np.where(truth > 1e9, 0, np.abs(truth)).max(), name
+        assert (
+            np.abs(film.passes[name] - truth).max()
+            <= ROUNDING * np.where(truth > 1e9, 0, np.abs(truth)).max()
+        ), name
 
 
 def test_depth_is_along_the_view_in_world_units() -> None:
-    """A perspective camera scaled by 3 sees depth in world units; a floor at distance 6 has depth 6 everywhere."""
-    camera = s.Camera("PERSPECTIVE", np.column_stack([3 * np.eye(3), (0, 0, 6)]), (-0.5, 0.5, -0.4, 0.3), (16, 16))
+    """A perspective camera scaled by 3 sees depth in world units; a floor at distance 6 has depth 6
+    everywhere.
+    """
+    camera = s.Camera(
+        "PERSPECTIVE", np.column_stack([3 * np.eye(3), (0, 0, 6)]), (-0.5, 0.5, -0.4, 0.3), (16, 16)
+    )
     film = draw(s.Scene(camera, (square(9.0),), (placed(),), (material(),)), "Depth", "Position")
     assert np.abs(film.passes["Depth"] - 6).max() <= 6 * ROUNDING
     x, y = np.meshgrid((np.arange(16) + 0.5) / 16 - 0.5, -0.4 + 0.7 * (np.arange(16) + 0.5) / 16)
-    assert np.abs(film.passes["Position"] - np.stack([6 * x, 6 * y, 0 * x], -1)).max() <= 3 * ROUNDING
+    assert (
+        np.abs(film.passes["Position"] - np.stack([6 * x, 6 * y, 0 * x], -1)).max() <= 3 * ROUNDING
+    )
 
 
-CLIPS = [(0, np.inf, 2), (8.5, np.inf, 1), (0, 7.5, 0), (8.0, 8.5, 2), (7.5, 8.0, 2), (9.0, 9.5, 1), (9.5, np.inf, 0)]
+CLIPS = [
+    (0, np.inf, 2),
+    (8.5, np.inf, 1),
+    (0, 7.5, 0),
+    (8.0, 8.5, 2),
+    (7.5, 8.0, 2),
+    (9.0, 9.5, 1),
+    (9.5, np.inf, 0),
+]
 
 
 @pytest.mark.parametrize(("start", "end", "seen"), CLIPS)
 def test_clip_interval_is_closed(start: float, end: float, seen: int) -> None:
-    """Sheets that glow by 2 and 1 at depth 8 and 9; a ray through a transparent one stays within the interval."""
+    """Sheets that glow by 2 and 1 at depth 8 and 9; a ray through a transparent one stays within
+    the interval.
+    """
     glow = [s.Material(f"{k}", (s.Lobe("EMISSION", constant(k)),)) for k in (1, 2)]
     instances = (placed(0, (0,), z=1.0), placed(0, (1,), z=2.0))
-    scene = s.Scene(view_from_above(clip_start=start, clip_end=end), (square(),), instances, tuple(glow))
+    scene = s.Scene(
+        view_from_above(clip_start=start, clip_end=end), (square(),), instances, tuple(glow)
+    )
     assert np.array_equal(color(scene), np.full((16, 16, 3), float(seen)))
 
 
@@ -484,7 +725,9 @@ def test_visibility_by_kind_of_ray() -> None:
     for camera_sees, mirror_sees in ((True, False), (False, True)):
         sheet = placed(0, (1,), z=12.0, visible_mirror=mirror_sees)
         floor = placed(0, (0,), visible_camera=not camera_sees)
-        scene = s.Scene(view_from_above(), (square(),), (floor, sheet, placed(0, (1,), z=-1.0)), (mirror, glow))
+        scene = s.Scene(
+            view_from_above(), (square(),), (floor, sheet, placed(0, (1,), z=-1.0)), (mirror, glow)
+        )
         assert color(scene).min() == 1
 
 
@@ -500,7 +743,15 @@ def test_parts_sum_to_combined() -> None:
     world = s.World((0.1, 0.2, 0.3), (0.5, 0.6, 0.7))
     lights = (lamp("POINT", (0.4, 0.3, 1.8), strength=70.0, radius=0.2, visible_camera=True), SUN)
     small = placed(1, (0,), z=1.0)
-    scene = s.Scene(view_from_above(), (square(), square(0.3)), (placed(), small), (material(*lobes),), (), lights, world)
+    scene = s.Scene(
+        view_from_above(),
+        (square(), square(0.3)),
+        (placed(), small),
+        (material(*lobes),),
+        (),
+        lights,
+        world,
+    )
     parts = ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror", "Emission", "Environment")
     film = draw(scene, *parts, samples=3, light_samples=3)
     total = sum(film.passes[name].astype(float) for name in parts)

@@ -1,4 +1,6 @@
-"""Holes that images make in surfaces: the core passes them without a stop, and the picture is what it is with one."""
+"""Holes that images make in surfaces: the core passes them without a stop, and the picture is what
+it is with one.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,17 @@ import numpy as np
 import pytest
 
 from glint.engine import scene as s
-from native_tools import color, constant, draw, lamp, material, needs_core, placed, square, view_from_above
+from native_tools import (
+    color,
+    constant,
+    draw,
+    lamp,
+    material,
+    needs_core,
+    placed,
+    square,
+    view_from_above,
+)
 
 pytestmark = needs_core
 
@@ -16,21 +28,43 @@ SIZE = 12
 SLANTED = ((1.7, 0.4, 0.13), (-0.3, 2.1, -0.41))
 
 
-def cards(pixels: np.ndarray, channel: str = "ALPHA", lights: tuple[s.Light, ...] = (), **texture) -> s.Scene:
-    """Six sheets, mixed from glow and dullness where the image is 1 and a hole where it is 0, over a floor."""
+def cards(
+    pixels: np.ndarray, channel: str = "ALPHA", lights: tuple[s.Light, ...] = (), **texture
+) -> s.Scene:
+    """Six sheets, mixed from glow and dullness where the image is 1 and a hole where it is 0, over
+    a floor.
+    """
     fac = s.Input(texture=0, channel=channel, uv_transform=SLANTED)
     hole = s.Input(texture=0, channel=channel, uv_transform=SLANTED, complement=True)
-    card = material(s.Lobe("DIFFUSE", (fac, *constant(0.6))), s.Lobe("EMISSION", (fac, *constant(0.1))), s.Lobe("TRANSPARENT", (hole,)))
+    card = material(
+        s.Lobe("DIFFUSE", (fac, *constant(0.6))),
+        s.Lobe("EMISSION", (fac, *constant(0.1))),
+        s.Lobe("TRANSPARENT", (hole,)),
+    )
     floor = s.Material("floor", (s.Lobe("DIFFUSE", constant(0.8)),))
     turned = np.array([[0.9, 0.3, 0.1], [-0.3, 0.9, 0.0], [0.0, 0.2, 1.0]])
-    sheets = [placed(0, (0,), z=0.3 + 0.2137 * k, linear=turned if k % 2 else 0.8) for k in range(6)]
+    sheets = [
+        placed(0, (0,), z=0.3 + 0.2137 * k, linear=turned if k % 2 else 0.8) for k in range(6)
+    ]
     image = s.Texture("holes", pixels, **texture)
-    return s.Scene(view_from_above(SIZE), (square(1.5),), (placed(0, (1,)), *sheets), (card, floor), (image,), lights)
+    return s.Scene(
+        view_from_above(SIZE),
+        (square(1.5),),
+        (placed(0, (1,)), *sheets),
+        (card, floor),
+        (image,),
+        lights,
+    )
 
 
 def dots(kind: type = np.uint8, seed: int = 1) -> np.ndarray:
     """(9, 12, 4): blocks of 0, of 1 and of what lies between."""
-    values = np.random.default_rng(seed).choice([0.0, 1.0, 1.0, 0.0, 0.4], (3, 4)).repeat(3, 0).repeat(3, 1)
+    values = (
+        np.random.default_rng(seed)
+        .choice([0.0, 1.0, 1.0, 0.0, 0.4], (3, 4))
+        .repeat(3, 0)
+        .repeat(3, 1)
+    )
     pixels = np.repeat(values[..., None], 4, 2)
     return (255 * pixels).astype(np.uint8) if kind is np.uint8 else pixels.astype(np.float32)
 
@@ -42,30 +76,45 @@ SOFT = lamp("POINT", (0.4, -0.3, 3.0), radius=0.3, strength=60.0)
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CLOSEST"])
 @pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "CLIP", "MIRROR"])
 @pytest.mark.parametrize(("channel", "kind"), [("ALPHA", np.uint8), ("COLOR", np.float32)])
-def test_holes_are_passed_to_the_same_picture(interpolation: str, extension: str, channel: str, kind: type) -> None:
-    """Beside the reference, and beside the core that stops at every surface because the Cost pass counts them."""
-    scene = cards(dots(kind), channel, (SUN, SOFT), extension=extension, interpolation=interpolation)
+def test_holes_are_passed_to_the_same_picture(
+    interpolation: str, extension: str, channel: str, kind: type
+) -> None:
+    """Beside the reference, and beside the core that stops at every surface because the Cost pass
+    counts them.
+    """
+    scene = cards(
+        dots(kind), channel, (SUN, SOFT), extension=extension, interpolation=interpolation
+    )
     settings = {"light_samples": 2}
     found = color(scene, **settings)
     assert np.array_equal(found, draw(scene, "Cost", **settings).combined[..., :3])
     truth = color(scene, backend="NUMPY", **settings)
-    assert np.isclose(found, truth, rtol=1e-5, atol=1e-6).all(-1).mean() > 0.98  # a texel's edge may fall on a pixel's ray
+    # a texel's edge may fall on a pixel's ray
+    assert np.isclose(found, truth, rtol=1e-5, atol=1e-6).all(-1).mean() > 0.98
 
 
 @pytest.mark.parametrize(("value", "offset"), [(0.5, 0.25), (2.0, -0.5), (-1.0, 1.0)])
 def test_holes_are_where_bounded_inputs_make_them(value: float, offset: float) -> None:
-    """An image times a value plus an offset, clamped: no holes, some where it is 0, and some where it is 1."""
+    """An image times a value plus an offset, clamped: no holes, some where it is 0, and some where
+    it is 1.
+    """
     scene = cards(dots(), lights=(SUN,))
 
     def bounded(factor: s.Input) -> s.Input:
-        return replace(factor, value=(value,) * 3, offset=(offset,) * 3, low=0.0, high=1.0) if factor.texture >= 0 else factor
+        return (
+            replace(factor, value=(value,) * 3, offset=(offset,) * 3, low=0.0, high=1.0)
+            if factor.texture >= 0
+            else factor
+        )
 
     card, floor = scene.materials
     lobes = tuple(replace(lobe, factors=tuple(map(bounded, lobe.factors))) for lobe in card.lobes)
     scene = replace(scene, materials=(replace(card, lobes=lobes), floor))
     found = color(scene)
     assert np.array_equal(found, draw(scene, "Cost").combined[..., :3])
-    assert np.isclose(found, color(scene, backend="NUMPY"), rtol=1e-5, atol=1e-6).all(-1).mean() > 0.98
+    assert (
+        np.isclose(found, color(scene, backend="NUMPY"), rtol=1e-5, atol=1e-6).all(-1).mean() > 0.98
+    )
 
 
 def test_a_ray_passes_holes_at_once() -> None:
@@ -77,5 +126,7 @@ def test_a_ray_passes_holes_at_once() -> None:
 
 def test_a_holdout_has_no_holes() -> None:
     scene = cards(np.zeros((4, 4, 4), np.uint8))
-    held = replace(scene, instances=tuple(replace(i, holdout=k == 3) for k, i in enumerate(scene.instances)))
+    held = replace(
+        scene, instances=tuple(replace(i, holdout=k == 3) for k, i in enumerate(scene.instances))
+    )
     assert (draw(held).combined[SIZE // 2, SIZE // 2] == 0).all()

@@ -20,7 +20,12 @@ def test_a_horizontal_line_covers_its_length_times_its_width():
     plot.draw_line(image, (5, 10), (30, 10), WHITE, 3.0)
     # Between its round ends: rows 9 to 11 whole, 8 and 12 not at all.
     np.testing.assert_array_equal(image[9:12, 6:30], 1.0)
-    assert not image[:8].any() and not image[13:].any() and not image[:, :3].any() and not image[:, 33:].any()
+    assert (
+        not image[:8].any()
+        and not image[13:].any()
+        and not image[:, :3].any()
+        and not image[:, 33:].any()
+    )
 
 
 def test_a_dot_has_the_area_of_a_disc():
@@ -30,10 +35,14 @@ def test_a_dot_has_the_area_of_a_disc():
     assert image[..., 0].sum() == pytest.approx(np.pi * 64, rel=0.01)
     ring = dark()
     plot.draw_dot(ring, (20, 15), 8.0, WHITE, ring=2.0)
-    assert ring[15, 20].sum() == 0 and ring[..., 0].sum() == pytest.approx(2 * np.pi * 8 * 2, rel=0.02)
+    assert ring[15, 20].sum() == 0 and ring[..., 0].sum() == pytest.approx(
+        2 * np.pi * 8 * 2, rel=0.02
+    )
 
 
-@pytest.mark.parametrize("start", [(-50.0, -50.0), (1e9, 3.0), (float("nan"), 3.0), (float("inf"), 0.0)])
+@pytest.mark.parametrize(
+    "start", [(-50.0, -50.0), (1e9, 3.0), (float("nan"), 3.0), (float("inf"), 0.0)]
+)
 def test_what_leaves_the_canvas_is_cut_off(start):
     image = dark()
     plot.draw_line(image, start, start, WHITE)

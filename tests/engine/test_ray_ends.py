@@ -1,4 +1,6 @@
-"""Ray queries whose answer hangs on the last digits: intervals that end at what they hit, and things at one distance."""
+"""Ray queries whose answer hangs on the last digits: intervals that end at what they hit, and
+things at one distance.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,15 @@ both = pytest.mark.parametrize("backend", engine.available_backends())
 
 
 def rays_to_walls(count: int, tilt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Origins in the cube of [-4, 4], 1e-6 to 3 from one of its walls and not representable in float32; directions all but straight to
-    it; where each meets it."""
+    """Origins in the cube of [-4, 4], 1e-6 to 3 from one of its walls and not representable in
+    float32; directions all but straight to it; where each meets it.
+    """
     rng = np.random.default_rng(21)
-    origins, axis, side = rng.uniform(-3.9, 3.9, (count, 3)), rng.integers(3, size=count), rng.choice([-1.0, 1.0], count)
+    origins, axis, side = (
+        rng.uniform(-3.9, 3.9, (count, 3)),
+        rng.integers(3, size=count),
+        rng.choice([-1.0, 1.0], count),
+    )
     rows = np.arange(count)
     origins[rows, axis] = side * (4 - 10 ** rng.uniform(-6, 0.5, count))
     directions = rng.normal(size=(count, 3)) * tilt
@@ -32,17 +39,23 @@ def rays_to_walls(count: int, tilt: float) -> tuple[np.ndarray, np.ndarray, np.n
 @both
 @pytest.mark.parametrize("tilt", [0.0, 1e-9, 1e-3])
 @pytest.mark.parametrize("company", ["alone", "mixed", "sorted"])
-def test_intervals_that_end_just_before_and_just_behind_a_wall(backend: str, company: str, tilt: float) -> None:
+def test_intervals_that_end_just_before_and_just_behind_a_wall(
+    backend: str, company: str, tilt: float
+) -> None:
     o, d, there = rays_to_walls(80 if company == "alone" else 2000, tilt)
     if company == "sorted":
         order = np.lexsort((o[:, 0], *d.T.round()))
         o, d, there = o[order], d[order], there[order]
     vertices, triangles = box_grid(8)
-    with engine.Accelerator.from_triangles((4 * vertices).astype(np.float32), triangles, backend=backend) as tree:
+    with engine.Accelerator.from_triangles(
+        (4 * vertices).astype(np.float32), triangles, backend=backend
+    ) as tree:
 
         def hit(low: np.ndarray | float, high: np.ndarray | float) -> np.ndarray:
             bounds = [np.broadcast_to(bound, len(o)) for bound in (low, high)]
-            parts = [slice(k, k + 1) for k in range(len(o))] if company == "alone" else [slice(None)]
+            parts = (
+                [slice(k, k + 1) for k in range(len(o))] if company == "alone" else [slice(None)]
+            )
             asked = [(o[k], d[k], *(bound[k] for bound in bounds)) for k in parts]
             closest = np.concatenate([tree.closest(*rays).instance >= 0 for rays in asked])
             assert np.array_equal(np.concatenate([tree.occluded(*rays) for rays in asked]), closest)
@@ -50,7 +63,9 @@ def test_intervals_that_end_just_before_and_just_behind_a_wall(backend: str, com
 
         assert hit(0, there * (1 + 1e-9)).all() and hit(there * (1 - 1e-9), 9).all()
         assert hit(there * (1 - 1e-9), there * (1 + 1e-9)).all()
-        assert not hit(0, there * (1 - 1e-9)).any() and not hit(there * (1 + 1e-9), there + 1e-6).any()
+        assert (
+            not hit(0, there * (1 - 1e-9)).any() and not hit(there * (1 + 1e-9), there + 1e-6).any()
+        )
 
 
 def fan(count: int) -> s.Mesh:
@@ -65,7 +80,9 @@ def fan(count: int) -> s.Mesh:
 LONELY = {
     "triangle": s.Mesh("triangle", SQUARE, HALVES[:1]),
     "sphere": s.Spheres("sphere", np.zeros((1, 3), np.float32), np.ones(1, np.float32)),
-    "polygon": s.Polygons("polygon", SQUARE, np.array([0, 4], np.uint32), np.arange(4, dtype=np.uint32)),
+    "polygon": s.Polygons(
+        "polygon", SQUARE, np.array([0, 4], np.uint32), np.arange(4, dtype=np.uint32)
+    ),
     "fan": fan(40),
 }
 
@@ -76,7 +93,9 @@ def test_a_primitive_alone_of_any_size(backend: str, name: str) -> None:
     """Nothing but its own extent tells how large the scene is."""
     for exponent in range(-45, 46, 3):
         size = 10.0**exponent
-        with engine.Accelerator((LONELY[name],), (s.Instances(name, 0, at(linear=size), ()),), backend=backend) as tree:
+        with engine.Accelerator(
+            (LONELY[name],), (s.Instances(name, 0, at(linear=size), ()),), backend=backend
+        ) as tree:
             o, d = np.array([0.3, 0.1, 5]) * size, np.array([[0, 0, -1], [-0.01, -0.02, -1]]) * size
             np.testing.assert_allclose(tree.closest(o, d).t, 5, atol=1.5)
             assert tree.occluded(o, d).all()
@@ -87,14 +106,19 @@ def test_a_primitive_alone_of_any_size(backend: str, name: str) -> None:
 def test_a_ray_from_very_far_away(backend: str, exponent: int) -> None:
     """Along an axis nothing is rounded, however far away it begins."""
     with engine.Accelerator.from_triangles(SQUARE, HALVES, backend=backend) as tree:
-        for far, ends in ((10.0**exponent, (0, np.inf)), (10.0**exponent, (0.9 * 10.0**exponent, 1.1 * 10.0**exponent))):
+        for far, ends in (
+            (10.0**exponent, (0, np.inf)),
+            (10.0**exponent, (0.9 * 10.0**exponent, 1.1 * 10.0**exponent)),
+        ):
             assert tree.closest([0.25, 0.5, far], [0.0, 0.0, -1.0], *ends).t[0] == far
             assert tree.occluded([0.25, 0.5, far], [-0.0, 0.0, -1.0], *ends)[0]
 
 
 @needs_core
 def test_things_at_one_distance_in_any_order_of_rays() -> None:
-    """Rays along a stepped terrain meet edges of two objects in one place and of others that touch them there."""
+    """Rays along a stepped terrain meet edges of two objects in one place and of others that touch
+    them there.
+    """
     rng = np.random.default_rng(7)
     terrain = grid_mesh(cells=30, extent=15, height=lambda x, y: rng.integers(0, 3, x.shape))
     places = np.concatenate([at(), at(), at((3, 0, 0), -1), at((-5, 0, 0), 2)])

@@ -1,4 +1,6 @@
-"""The reference's picture against formulas that hold for it, in float64: lights, highlights, mirrors, glass, transparency."""
+"""The reference's picture against formulas that hold for it, in float64: lights, highlights,
+mirrors, glass, transparency.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +14,26 @@ from glint import engine
 from glint.engine import scene as s
 from glint.engine.reference.optics import blinn_phong, fresnel, reflected, refracted
 from glint.engine.sampling import light_points
-from test_reference_support import DIFFUSE, EYE, K_D, PI, POINT, ROUNDING, VIEW, color, floor, hard, material, values
+from test_reference_support import (
+    DIFFUSE,
+    EYE,
+    K_D,
+    PI,
+    POINT,
+    ROUNDING,
+    VIEW,
+    color,
+    floor,
+    hard,
+    material,
+    values,
+)
 
 MANY = 512
 LAW = np.log(MANY) / MANY
-"""Light samples, and how far the mean over as many points of the R2 sequence may be off: its discrepancy falls like log n / n."""
+"""Light samples, and how far the mean over as many points of the R2 sequence may be off: its
+discrepancy falls like log n / n.
+"""
 
 
 def viewing_rays(camera: s.Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -49,7 +66,9 @@ def test_depth_and_position_are_those_of_the_viewing_rays() -> None:
     assert np.array_equal(found["Normal"], np.broadcast_to([0.0, 0.0, 1.0], (6, 9, 3)))
 
 
-def expected_intensity(light: s.Light, x: np.ndarray, illumination: str) -> tuple[np.ndarray, np.ndarray]:
+def expected_intensity(
+    light: s.Light, x: np.ndarray, illumination: str
+) -> tuple[np.ndarray, np.ndarray]:
     """l (h, w, 3) and I without the light's colour, by the table of SEMANTICS.md."""
     axis, physical = -light.world_from_light[:, 2], illumination == "PHYSICAL"
     to = POINT - x
@@ -67,7 +86,13 @@ def expected_intensity(light: s.Light, x: np.ndarray, illumination: str) -> tupl
     return direction, intensity
 
 
-HARD_LIGHTS = [hard("POINT"), hard("SUN"), hard("SPOT", spot_size=1.1, spot_blend=0.7), hard("AREA"), hard("POINT", radius=0.2)]
+HARD_LIGHTS = [
+    hard("POINT"),
+    hard("SUN"),
+    hard("SPOT", spot_size=1.1, spot_blend=0.7),
+    hard("AREA"),
+    hard("POINT", radius=0.2),
+]
 
 
 @pytest.mark.parametrize("illumination", engine.settings.ILLUMINATIONS)
@@ -84,8 +109,15 @@ def test_the_formula_of_section_4_15(light: s.Light, illumination: str) -> None:
         + K_D * i * np.maximum(0, direction @ n)[..., None]
         + 0.6 * i * (np.maximum(0, half @ n) ** 31.0)[..., None]
     )
-    lobes = (DIFFUSE, s.Lobe("SPECULAR", constant(0.6), exponent=31.0), s.Lobe("AMBIENT", constant(0.5)))
-    found = color(floor(*lobes, lights=(light,), world=s.World(ambient=(0.1, 0.2, 0.3))), illumination=illumination)
+    lobes = (
+        DIFFUSE,
+        s.Lobe("SPECULAR", constant(0.6), exponent=31.0),
+        s.Lobe("AMBIENT", constant(0.5)),
+    )
+    found = color(
+        floor(*lobes, lights=(light,), world=s.World(ambient=(0.1, 0.2, 0.3))),
+        illumination=illumination,
+    )
     assert np.allclose(found, expected, rtol=ROUNDING, atol=0)
 
 
@@ -97,9 +129,13 @@ def test_lights_add_up() -> None:
 def test_lambert_sphere_under_a_sun() -> None:
     """k_d E/π cos θ on a true sphere, black on the far side."""
     ball = s.Spheres("b", np.zeros((1, 3), np.float32), np.ones(1, np.float32))
-    camera = s.Camera("ORTHOGRAPHIC", look_at((0, -5, 0), (0, 0, 0)), (-1.1, 1.1, -1.1, 1.1), (40, 40))
+    camera = s.Camera(
+        "ORTHOGRAPHIC", look_at((0, -5, 0), (0, 0, 0)), (-1.1, 1.1, -1.1, 1.1), (40, 40)
+    )
     sun = s.Light("sun", "SUN", look_at((2, -1, 3), (0, 0, 0)), strength=3.0)
-    scene = s.Scene(camera, (ball,), (s.Instances("b", 0, at(), (0,)),), (material(DIFFUSE),), (), (sun,))
+    scene = s.Scene(
+        camera, (ball,), (s.Instances("b", 0, at(), (0,)),), (material(DIFFUSE),), (), (sun,)
+    )
     o, _ = viewing_rays(camera)
     inside = 1 - o[..., 0] ** 2 - o[..., 2] ** 2
     normal = np.stack([o[..., 0], -np.sqrt(np.maximum(inside, 0)), o[..., 2]], -1)
@@ -108,30 +144,49 @@ def test_lambert_sphere_under_a_sun() -> None:
 
 
 def form_factor(light: s.Light, x: np.ndarray) -> np.ndarray:
-    """Irradiance over π at points of z = 0 from a small-enough area light, by midpoints on a fine grid, c = 1."""
+    """Irradiance over π at points of z = 0 from a small-enough area light, by midpoints on a fine
+    grid, c = 1.
+    """
     k = (np.arange(400) + 0.5) / 200 - 1
     a, b = np.meshgrid(k, k)
     keep = np.ones_like(a, bool) if light.shape == "RECTANGLE" else a * a + b * b <= 1
     frame = light.world_from_light
-    q = frame[:, 3] + (a[keep][:, None] * frame[:, 0] * light.size_x + b[keep][:, None] * frame[:, 1] * light.size_y) / 2
+    q = (
+        frame[:, 3]
+        + (
+            a[keep][:, None] * frame[:, 0] * light.size_x
+            + b[keep][:, None] * frame[:, 1] * light.size_y
+        )
+        / 2
+    )
     to = q - x
     d = np.linalg.norm(to, axis=-1)
-    return (np.maximum(0, to[:, 2] / d) * np.maximum(0, to @ frame[:, 2] / d) / (PI**2 * d**2)).mean()
+    return (
+        np.maximum(0, to[:, 2] / d) * np.maximum(0, to @ frame[:, 2] / d) / (PI**2 * d**2)
+    ).mean()
 
 
 @pytest.mark.parametrize("shape", ["RECTANGLE", "ELLIPSE"])
 def test_area_light_converges_to_the_integral(shape: str) -> None:
-    light = s.Light("a", "AREA", look_at((0.5, 0.3, 1.0), (0, 0, 0)), shape=shape, size_x=1.2, size_y=0.7)
-    found = color(floor(s.Lobe("DIFFUSE", constant(1.0)), lights=(light,)), light_samples=MANY)[3, 4, 0]
+    light = s.Light(
+        "a", "AREA", look_at((0.5, 0.3, 1.0), (0, 0, 0)), shape=shape, size_x=1.2, size_y=0.7
+    )
+    found = color(floor(s.Lobe("DIFFUSE", constant(1.0)), lights=(light,)), light_samples=MANY)[
+        3, 4, 0
+    ]
     assert found == pytest.approx(form_factor(light, floor_points()[3, 4]), rel=LAW)
 
 
 @pytest.mark.parametrize("radius", [0.01, 0.5, 0.99])
 def test_sphere_light_above_a_plane_is_a_point_light(radius: float) -> None:
-    """The irradiance of a uniform sphere wholly above the horizon is Φ cos θ / (4π d²), whatever its radius."""
+    """The irradiance of a uniform sphere wholly above the horizon is Φ cos θ / (4π d²), whatever
+    its radius.
+    """
     frame = look_at((0.2, 0.1, 1.0), (0, 0, 0))
     one = s.Lobe("DIFFUSE", constant(1.0))
-    soft = color(floor(one, lights=(s.Light("l", "POINT", frame, radius=radius),)), light_samples=MANY)
+    soft = color(
+        floor(one, lights=(s.Light("l", "POINT", frame, radius=radius),)), light_samples=MANY
+    )
     point = color(floor(one, lights=(s.Light("l", "POINT", frame),)))
     x = floor_points()
     above = np.linalg.norm(np.array([0.2, 0.1, 1.0]) - x, axis=-1) > radius
@@ -139,7 +194,9 @@ def test_sphere_light_above_a_plane_is_a_point_light(radius: float) -> None:
 
 
 def test_soft_sun_above_a_plane_is_a_hard_one() -> None:
-    """Irradiance E cos θ of a disc in the sky: the mean cosine over the cone, cos θ (1 + cos α)/2, is made good by 2/(1 + cos α)."""
+    """Irradiance E cos θ of a disc in the sky: the mean cosine over the cone, cos θ (1 + cos α)/2,
+    is made good by 2/(1 + cos α).
+    """
     frame = look_at((0.5, -0.3, 1.0), (0, 0, 0))
     suns = [s.Light("s", "SUN", frame, angle=angle, strength=2.0) for angle in (0.0, 0.8)]
     hard_sun, soft_sun = (color(floor(DIFFUSE, lights=(sun,)), light_samples=MANY) for sun in suns)
@@ -151,19 +208,36 @@ def test_soft_shadows_end_on_the_sphere() -> None:
     light = s.Light("l", "POINT", look_at((0, 0, 1.5), (0, 0, 0), (0, 1, 0)), radius=0.4)
     base = floor(DIFFUSE, lights=(light,))
     for radius, share in ((0.39, 0.0), (0.41, -1.0)):
-        ball = s.Spheres("ball", np.array([[0, 0, 1.5]], np.float32), np.array([radius], np.float32))
+        ball = s.Spheres(
+            "ball", np.array([[0, 0, 1.5]], np.float32), np.array([radius], np.float32)
+        )
         inside = s.Instances("ball", 1, at(), (0,), visible_camera=False)
-        scene = replace(base, geometries=(*base.geometries, ball), instances=(*base.instances, inside))
+        scene = replace(
+            base, geometries=(*base.geometries, ball), instances=(*base.instances, inside)
+        )
         found = values(scene, light_samples=16)
         assert np.allclose(found["Shadow"], share * found["Diffuse"], rtol=ROUNDING)
         assert found["Diffuse"].min() > 0
 
 
 def test_facing_disc_light() -> None:
-    """soft_falloff at the point below: Σ cos θ cos θ_Q / (4π² d² n) over the disc, straight from the sample points."""
-    light = s.Light("l", "POINT", look_at((0, 0, 1.5), (0, 0, 0), (0, 1, 0)), strength=5.0, radius=0.4, soft_falloff=True)
-    down = s.Camera("PERSPECTIVE", look_at((0, 0, 4), (0, 0, 0), (0, 1, 0)), (-0.1, 0.1, -0.1, 0.1), (1, 1))
-    found = color(floor(s.Lobe("DIFFUSE", constant(1.0)), lights=(light,), camera=down), light_samples=16)[0, 0, 0]
+    """soft_falloff at the point below: Σ cos θ cos θ_Q / (4π² d² n) over the disc, straight from
+    the sample points.
+    """
+    light = s.Light(
+        "l",
+        "POINT",
+        look_at((0, 0, 1.5), (0, 0, 0), (0, 1, 0)),
+        strength=5.0,
+        radius=0.4,
+        soft_falloff=True,
+    )
+    down = s.Camera(
+        "PERSPECTIVE", look_at((0, 0, 4), (0, 0, 0), (0, 1, 0)), (-0.1, 0.1, -0.1, 0.1), (1, 1)
+    )
+    found = color(
+        floor(s.Lobe("DIFFUSE", constant(1.0)), lights=(light,), camera=down), light_samples=16
+    )[0, 0, 0]
     _, disc = light_points(16)
     d2 = 1.5**2 + 0.16 * (disc**2).sum(1)
     assert found == pytest.approx((5.0 * (1.5**2 / d2) / (4 * PI**2 * d2)).mean(), rel=ROUNDING)
@@ -172,19 +246,32 @@ def test_facing_disc_light() -> None:
 @pytest.mark.parametrize("illumination", engine.settings.ILLUMINATIONS)
 def test_white_furnace_of_the_ambient_term(illumination: str) -> None:
     """A closed world of k_a in ambient light shows k_a · I_a everywhere, exactly."""
-    camera = s.Camera("PERSPECTIVE", look_at((0.1, 0.2, -0.1), (1, 0.4, 0.3)), (-1.0, 1.0, -1.0, 1.0), (32, 32))
+    camera = s.Camera(
+        "PERSPECTIVE", look_at((0.1, 0.2, -0.1), (1, 0.4, 0.3)), (-1.0, 1.0, -1.0, 1.0), (32, 32)
+    )
     inside = s.Scene(
-        camera, (ball_mesh(),), (s.Instances("b", 0, at(), (0,)),), (material(s.Lobe("AMBIENT", constant(0.75))),),
+        camera,
+        (ball_mesh(),),
+        (s.Instances("b", 0, at(), (0,)),),
+        (material(s.Lobe("AMBIENT", constant(0.75))),),
         world=s.World(ambient=(0.5, 1.0, 3.0), background=(9.0, 9.0, 9.0)),
-    )  # fmt: skip
+    )
     found = values(inside, illumination=illumination)
     assert np.array_equal(found["Combined"], np.broadcast_to([0.375, 0.75, 2.25, 1.0], (32, 32, 4)))
 
 
 def test_no_light_leaks_into_closed_meshes() -> None:
     for mesh in (ball_mesh(9), box_mesh(), ball_mesh(20, smooth=False)):
-        camera = s.Camera("PERSPECTIVE", look_at((0, 0, 0), (1, 0, 0)), (-1.0, 1.0, -1.0, 1.0), (64, 64))
-        scene = s.Scene(camera, (mesh,), (s.Instances("b", 0, at(), (0,)),), (material(),), world=s.World(background=(1.0, 1.0, 1.0)))
+        camera = s.Camera(
+            "PERSPECTIVE", look_at((0, 0, 0), (1, 0, 0)), (-1.0, 1.0, -1.0, 1.0), (64, 64)
+        )
+        scene = s.Scene(
+            camera,
+            (mesh,),
+            (s.Instances("b", 0, at(), (0,)),),
+            (material(),),
+            world=s.World(background=(1.0, 1.0, 1.0)),
+        )
         assert color(scene, samples=4).max() == 0
 
 
@@ -193,8 +280,15 @@ def test_mirror_corridor_is_a_geometric_series(bounces: int) -> None:
     """Two parallel mirrors of k_m = 0.7 that glow with 1: Σ 0.7^j for j <= bounces."""
     walls = (s.Instances("w", 0, np.concatenate([at((0, 0, -1)), at((0, 0, 1))]), (0,)),)
     lobes = (s.Lobe("EMISSION", constant(1.0)), s.Lobe("MIRROR", constant(0.7)))
-    camera = s.Camera("PERSPECTIVE", look_at((0, 0, 0), (0.1, 0.0, 1.0), (0, 1, 0)), (-0.1, 0.1, -0.1, 0.1), (3, 3))
-    found = values(s.Scene(camera, (grid_mesh(1, 50.0),), walls, (material(*lobes),)), max_bounces=bounces)
+    camera = s.Camera(
+        "PERSPECTIVE",
+        look_at((0, 0, 0), (0.1, 0.0, 1.0), (0, 1, 0)),
+        (-0.1, 0.1, -0.1, 0.1),
+        (3, 3),
+    )
+    found = values(
+        s.Scene(camera, (grid_mesh(1, 50.0),), walls, (material(*lobes),)), max_bounces=bounces
+    )
     assert np.allclose(found["Combined"][..., :3], (1 - 0.7 ** (bounces + 1)) / 0.3, rtol=1e-14)
     assert np.allclose(found["Mirror"], (1 - 0.7 ** (bounces + 1)) / 0.3 - 1, rtol=1e-14)
 
@@ -202,17 +296,27 @@ def test_mirror_corridor_is_a_geometric_series(bounces: int) -> None:
 def test_fresnel_at_normal_incidence_brewster_and_total_reflection() -> None:
     assert fresnel(np.array([1.0]), np.array([1.5]))[0] == pytest.approx(0.04, rel=1e-14)
     brewster = np.cos(np.arctan(1.5))  # only one polarisation is left: half of sin²(θ − θ')
-    assert fresnel(np.array([brewster]), np.array([1.5]))[0] == pytest.approx(0.5 * np.cos(2 * np.arctan(1.5)) ** 2, rel=1e-13)
+    assert fresnel(np.array([brewster]), np.array([1.5]))[0] == pytest.approx(
+        0.5 * np.cos(2 * np.arctan(1.5)) ** 2, rel=1e-13
+    )
     cosine = np.array([0.2, np.cos(np.arcsin(1 / 1.5)) * (1 - 1e-9), 0.9])
     assert np.array_equal(fresnel(cosine, np.full(3, 1 / 1.5)) == 1, [True, True, False])
 
 
 def slab(ior: float, down: bool = True) -> s.Scene:
-    """Looking through the one face z = 0 of glass at a glowing floor below, from above or from inside."""
-    glass = material(s.Lobe("REFRACTION", constant(1.0), ior=ior, fresnel=True), s.Lobe("MIRROR", constant(1.0), ior=ior, fresnel=True))
+    """Looking through the one face z = 0 of glass at a glowing floor below, from above or from
+    inside.
+    """
+    glass = material(
+        s.Lobe("REFRACTION", constant(1.0), ior=ior, fresnel=True),
+        s.Lobe("MIRROR", constant(1.0), ior=ior, fresnel=True),
+    )
     glow = s.Material("glow", (s.Lobe("EMISSION", constant(1.0)),))
     flip = 1.0 if down else -1.0
-    placed = (s.Instances("glass", 0, at((0, 0, 0), np.diag([1, flip, flip])), (0,)), s.Instances("floor", 0, at((0, 0, -3)), (1,)))
+    placed = (
+        s.Instances("glass", 0, at((0, 0, 0), np.diag([1, flip, flip])), (0,)),
+        s.Instances("floor", 0, at((0, 0, -3)), (1,)),
+    )
     return s.Scene(VIEW, (grid_mesh(1, 500.0),), placed, (glass, glow))
 
 
@@ -230,13 +334,17 @@ def test_reflected_and_refracted_rays_are_both_followed() -> None:
     scene = slab(1.5)
     ceiling = s.Instances("ceiling", 0, at((0, 0, 10)), (2,))
     bright = s.Material("bright", (s.Lobe("EMISSION", constant(2.0)),))
-    scene = replace(scene, instances=(*scene.instances, ceiling), materials=(*scene.materials, bright))
+    scene = replace(
+        scene, instances=(*scene.instances, ceiling), materials=(*scene.materials, bright)
+    )
     _, d = viewing_rays(VIEW)
     assert np.allclose(color(scene)[..., 0], 1 + fresnel(-unit(d)[..., 2], 1.5), rtol=1e-12)
 
 
 def test_refracted_rays_obey_snell() -> None:
-    """The floor under glass shows the place that the bent ray reaches: its emission is a texture of x and y."""
+    """The floor under glass shows the place that the bent ray reaches: its emission is a texture of
+    x and y.
+    """
     ramp = np.zeros((2, 2, 4), np.float32)
     ramp[..., 0], ramp[..., 1], ramp[..., 3] = [[0, 1], [0, 1]], [[0, 0], [1, 1]], 1
     texture = s.Texture("ramp", ramp, extension="EXTEND")
@@ -255,7 +363,9 @@ def test_refracted_rays_obey_snell() -> None:
 
 
 def test_where_a_shading_normal_turns_away_the_geometric_one_takes_its_place() -> None:
-    """Mirror directions below the surface, and refraction at a normal that faces away from the ray."""
+    """Mirror directions below the surface, and refraction at a normal that faces away from the
+    ray.
+    """
     g = np.array([[0.0], [0.0], [1.0]])
     d = unit(np.array([1.0, 0.0, -0.1]))[:, None]
     towards, away = (unit(np.array([x, 0.0, 1.0]))[:, None] for x in (-0.3, 0.3))
@@ -268,23 +378,37 @@ def test_where_a_shading_normal_turns_away_the_geometric_one_takes_its_place() -
 
 
 def test_alpha_compositing() -> None:
-    """c = α c_f + (1 − α) c_b (section 3.6b), and alpha 1 − (1 − α)² of two sheets before nothing."""
+    """c = α c_f + (1 − α) c_b (section 3.6b), and alpha 1 − (1 − α)² of two sheets before
+    nothing.
+    """
     alpha = 0.3
-    leaf = material(s.Lobe("EMISSION", constant(0.9 * alpha)), s.Lobe("TRANSPARENT", constant(1 - alpha)))
-    camera = s.Camera("ORTHOGRAPHIC", look_at((0, 0, 5), (0, 0, 0), (0, 1, 0)), (-1, 1, -1, 1), (4, 4))
+    leaf = material(
+        s.Lobe("EMISSION", constant(0.9 * alpha)), s.Lobe("TRANSPARENT", constant(1 - alpha))
+    )
+    camera = s.Camera(
+        "ORTHOGRAPHIC", look_at((0, 0, 5), (0, 0, 0), (0, 1, 0)), (-1, 1, -1, 1), (4, 4)
+    )
     sheets = (s.Instances("s", 0, np.concatenate([at((0, 0, 1)), at((0, 0, 2))]), (0,)),)
-    scene = s.Scene(camera, (grid_mesh(),), sheets, (leaf,), world=s.World(background=(0.2, 0.2, 0.2)))
+    scene = s.Scene(
+        camera, (grid_mesh(),), sheets, (leaf,), world=s.World(background=(0.2, 0.2, 0.2))
+    )
     over = alpha * 0.9 + (1 - alpha) * (alpha * 0.9 + (1 - alpha) * 0.2)
     assert np.allclose(color(scene), over, rtol=1e-14)
-    clear = values(replace(scene, world=s.World(transparent=True, background=(0.2, 0.2, 0.2))), samples=3)
+    clear = values(
+        replace(scene, world=s.World(transparent=True, background=(0.2, 0.2, 0.2))), samples=3
+    )
     assert np.allclose(clear["Combined"][..., 3], 1 - (1 - alpha) ** 2, rtol=1e-14)
 
 
 def test_coincident_sheets_are_passed_as_one() -> None:
-    """Two sheets cut along different diagonals, whose depths differ by rounding, and rays through both diagonals."""
+    """Two sheets cut along different diagonals, whose depths differ by rounding, and rays through
+    both diagonals.
+    """
     quad = grid_mesh(1, 3.0)
     other = replace(quad, triangles=np.array([[0, 1, 2], [1, 3, 2]], np.uint32))
-    camera = s.Camera("PERSPECTIVE", look_at((0.1, -1, 2.3), (0, 0, 0)), (-0.3, 0.3, -0.3, 0.3), (41, 41))
+    camera = s.Camera(
+        "PERSPECTIVE", look_at((0.1, -1, 2.3), (0, 0, 0)), (-0.3, 0.3, -0.3, 0.3), (41, 41)
+    )
     tilt = at((0, 0, 0), np.array([[1, 0, 0.1], [0.2, 1, 0], [0.3, 0.7, 1]]))
     sheets = (s.Instances("a", 0, tilt, (0,)), s.Instances("b", 1, tilt, (0,)))
     clear = material(s.Lobe("TRANSPARENT", constant(0.5)))
@@ -295,9 +419,17 @@ def test_coincident_sheets_are_passed_as_one() -> None:
 def test_transparent_surfaces_end_after_128() -> None:
     sheets = np.concatenate([at((0, 0, -0.01 * k)) for k in range(129)])
     for k, count, expected in ((0.5, 128, 0.5**128), (0.5, 129, 0.0), (1.0, 129, 1.0)):
-        camera = s.Camera("ORTHOGRAPHIC", look_at((0, 0, 5), (0, 0, 0), (0, 1, 0)), (-1, 1, -1, 1), (2, 2))
+        camera = s.Camera(
+            "ORTHOGRAPHIC", look_at((0, 0, 5), (0, 0, 0), (0, 1, 0)), (-1, 1, -1, 1), (2, 2)
+        )
         clear, world = material(s.Lobe("TRANSPARENT", constant(k))), s.World(background=(1.0,) * 3)
-        scene = s.Scene(camera, (grid_mesh(),), (s.Instances("s", 0, sheets[:count], (0,)),), (clear,), world=world)
+        scene = s.Scene(
+            camera,
+            (grid_mesh(),),
+            (s.Instances("s", 0, sheets[:count], (0,)),),
+            (clear,),
+            world=world,
+        )
         assert np.allclose(color(scene), expected, rtol=1e-13, atol=0)
 
 
@@ -306,19 +438,29 @@ def test_coloured_shadows_multiply() -> None:
     foil = s.Material("foil", (s.Lobe("TRANSPARENT", constant(0.9, 0.5, 0.1)),))
     sun = s.Light("sun", "SUN", look_at((0, 0, 9), (0, 0, 0), (0, 1, 0)))
     base = floor(DIFFUSE, lights=(sun,))
-    foils = s.Instances("foils", 0, np.concatenate([at((0, 0, 4)), at((0, 0, 5))]), (1,), visible_camera=False)
-    found = values(replace(base, instances=(*base.instances, foils), materials=(*base.materials, foil)))
-    assert np.allclose(found["Combined"][..., :3], K_D / PI * np.array([0.81, 0.25, 0.01]), rtol=1e-14)
+    foils = s.Instances(
+        "foils", 0, np.concatenate([at((0, 0, 4)), at((0, 0, 5))]), (1,), visible_camera=False
+    )
+    found = values(
+        replace(base, instances=(*base.instances, foils), materials=(*base.materials, foil))
+    )
+    assert np.allclose(
+        found["Combined"][..., :3], K_D / PI * np.array([0.81, 0.25, 0.01]), rtol=1e-14
+    )
     assert np.allclose(found["Diffuse"], K_D / PI, rtol=1e-14)
     assert np.allclose(found["Shadow"], K_D / PI * (np.array([0.81, 0.25, 0.01]) - 1), rtol=1e-13)
 
 
 @pytest.mark.parametrize("exponent", [0.0, 1.0, 1e2, 1e4, 1e6, 1e9])
 def test_highlight_value(exponent: float) -> None:
-    """cos^p at an angle a = 1/√p: exp(p log cos a) with log cos a = −a²/2 − a⁴/12 − … in long double."""
+    """cos^p at an angle a = 1/√p: exp(p log cos a) with log cos a = −a²/2 − a⁴/12 − … in long
+    double.
+    """
     angle = np.longdouble(1) / np.sqrt(np.longdouble(max(exponent, 1)))
     cosine = np.cos(angle)
-    exact = np.exp(np.longdouble(exponent) * np.log1p(-(np.sin(angle) ** 2)) / 2) if exponent else 1.0
+    exact = (
+        np.exp(np.longdouble(exponent) * np.log1p(-(np.sin(angle) ** 2)) / 2) if exponent else 1.0
+    )
     a = float(angle)
     n = np.array([[0.0], [0.0], [1.0]])
     h = np.array([[np.sin(a)], [0.0], [float(cosine)]])
@@ -328,7 +470,9 @@ def test_highlight_value(exponent: float) -> None:
 
 
 def test_highlights_need_light_above_the_surface() -> None:
-    """A light below the horizon gives none (errata of sections 4.13-15), nor does an opposite v + l = 0."""
+    """A light below the horizon gives none (errata of sections 4.13-15), nor does an opposite v + l
+    = 0.
+    """
     below = s.Light("l", "SUN", look_at((0, 3, -0.1), (0, 0, 0)), cast_shadow=False)
     assert color(floor(s.Lobe("SPECULAR", constant(1.0), exponent=0.0), lights=(below,))).max() == 0
     n = np.array([[0.0], [0.0], [1.0]])
@@ -345,15 +489,41 @@ def test_coincident_faces_are_lit_as_one(copies: int) -> None:
 
 
 def test_visible_lights_show_their_radiance() -> None:
-    """Sphere c/(4π² R²), rectangle c/(π A) on its front, sun c/(π sin² α); each counted once, before what lies behind."""
+    """Sphere c/(4π² R²), rectangle c/(π A) on its front, sun c/(π sin² α); each counted once,
+    before what lies behind.
+    """
     camera = s.Camera("PERSPECTIVE", look_at((0, 0, 0), (0, 1, 0)), (-0.1, 0.1, -0.1, 0.1), (1, 1))
     frame, away = look_at((0, 5, 0), (0, 0, 0)), look_at((0, 5, 0), (0, 9, 0))
     shapes = [
-        (s.Light("l", "POINT", frame, radius=0.5, strength=6.0, visible_camera=True), 6 / (4 * PI**2 * 0.25)),
-        (s.Light("l", "AREA", frame, size_x=1.0, size_y=2.0, strength=6.0, visible_camera=True), 6 / (PI * 2)),
-        (s.Light("l", "AREA", frame, shape="ELLIPSE", size_x=1.0, size_y=2.0, strength=6.0, visible_camera=True), 6 / (PI**2 / 2)),
-        (s.Light("l", "AREA", away, size_x=1.0, size_y=2.0, strength=6.0, visible_camera=True), 0.0),
-        (s.Light("l", "SUN", frame, angle=0.1, strength=6.0, visible_camera=True), 6 / (PI * np.sin(0.05) ** 2)),
+        (
+            s.Light("l", "POINT", frame, radius=0.5, strength=6.0, visible_camera=True),
+            6 / (4 * PI**2 * 0.25),
+        ),
+        (
+            s.Light("l", "AREA", frame, size_x=1.0, size_y=2.0, strength=6.0, visible_camera=True),
+            6 / (PI * 2),
+        ),
+        (
+            s.Light(
+                "l",
+                "AREA",
+                frame,
+                shape="ELLIPSE",
+                size_x=1.0,
+                size_y=2.0,
+                strength=6.0,
+                visible_camera=True,
+            ),
+            6 / (PI**2 / 2),
+        ),
+        (
+            s.Light("l", "AREA", away, size_x=1.0, size_y=2.0, strength=6.0, visible_camera=True),
+            0.0,
+        ),
+        (
+            s.Light("l", "SUN", frame, angle=0.1, strength=6.0, visible_camera=True),
+            6 / (PI * np.sin(0.05) ** 2),
+        ),
         (s.Light("l", "SUN", frame, angle=0.1, strength=6.0), 0.0),
     ]
     for light, expected in shapes:
@@ -365,11 +535,34 @@ def test_visible_lights_show_their_radiance() -> None:
 
 
 def test_a_light_behind_a_surface_is_not_seen_and_one_between_sheets_is_seen_once() -> None:
-    light = s.Light("l", "POINT", look_at((0, 0, 2), (0, 0, 0), (0, 1, 0)), radius=0.5, strength=1.0, visible_camera=True)
-    camera = s.Camera("PERSPECTIVE", look_at((0, 0, 9), (0, 0, 0), (0, 1, 0)), (-0.01, 0.01, -0.01, 0.01), (1, 1))
+    light = s.Light(
+        "l",
+        "POINT",
+        look_at((0, 0, 2), (0, 0, 0), (0, 1, 0)),
+        radius=0.5,
+        strength=1.0,
+        visible_camera=True,
+    )
+    camera = s.Camera(
+        "PERSPECTIVE", look_at((0, 0, 9), (0, 0, 0), (0, 1, 0)), (-0.01, 0.01, -0.01, 0.01), (1, 1)
+    )
     clear = material(s.Lobe("TRANSPARENT", constant(0.5)))
     for height, expected in ((8.0, 0.5), (2.0, 1.0), (1.0, 1.0)):
-        scene = s.Scene(camera, (grid_mesh(),), (s.Instances("f", 0, at((0, 0, height)), (0,)),), (clear,), (), (light,))
+        scene = s.Scene(
+            camera,
+            (grid_mesh(),),
+            (s.Instances("f", 0, at((0, 0, height)), (0,)),),
+            (clear,),
+            (),
+            (light,),
+        )
         assert np.allclose(color(scene), expected / PI**2, rtol=1e-14)
-    opaque = s.Scene(camera, (grid_mesh(),), (s.Instances("f", 0, at((0, 0, 8)), (0,)),), (material(),), (), (light,))
+    opaque = s.Scene(
+        camera,
+        (grid_mesh(),),
+        (s.Instances("f", 0, at((0, 0, 8)), (0,)),),
+        (material(),),
+        (),
+        (light,),
+    )
     assert color(opaque).max() == 0

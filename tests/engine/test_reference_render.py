@@ -1,4 +1,6 @@
-"""The reference as a tracer: regions, samples, waves, stopping, clipping, far scenes, precision of the door."""
+"""The reference as a tracer: regions, samples, waves, stopping, clipping, far scenes, precision of
+the door.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine_scenes import SCENES, at, ball_mesh, box_mesh, camera, constant, grid_mesh, light, look_at, stage, surface
+from engine_scenes import (
+    SCENES,
+    at,
+    ball_mesh,
+    box_mesh,
+    camera,
+    constant,
+    grid_mesh,
+    light,
+    look_at,
+    stage,
+    surface,
+)
 from glint import engine
 from glint.engine import scene as s
 from glint.engine.reference import generations, trace
@@ -27,7 +41,9 @@ def test_parts_sum_to_combined_and_all_is_finite(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_regions_tiles_and_repeats_have_the_same_bits(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_regions_tiles_and_repeats_have_the_same_bits(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scene = SCENES[name]()
     nx, ny = scene.camera.resolution
     whole = engine.render(scene, SETTINGS)
@@ -44,7 +60,10 @@ def test_regions_tiles_and_repeats_have_the_same_bits(name: str, monkeypatch: py
 
 def test_passes_do_not_change_the_picture() -> None:
     scene = SCENES["alpha"]()
-    assert np.array_equal(engine.render(scene, SETTINGS).combined, engine.render(scene, replace(SETTINGS, passes=frozenset())).combined)
+    assert np.array_equal(
+        engine.render(scene, SETTINGS).combined,
+        engine.render(scene, replace(SETTINGS, passes=frozenset())).combined,
+    )
 
 
 def test_samples_are_the_filter_s_offsets_at_equal_weight() -> None:
@@ -59,12 +78,15 @@ def test_samples_are_the_filter_s_offsets_at_equal_weight() -> None:
         moved.append(color(replace(scene, camera=replace(view, window=window))))
     found = color(scene, samples=4)
     far_off = np.abs(found - np.mean(moved, 0)).max(-1) > 1e-9
-    assert far_off.sum() <= 2  # a window moved and moved back differs by an ulp, which may cross an edge
+    # a window moved and moved back differs by an ulp, which may cross an edge
+    assert far_off.sum() <= 2
 
 
 def test_waves_and_progress() -> None:
     scene, waves, progress = SCENES["hard_lights"](), [], []
-    film = engine.render(scene, replace(SETTINGS, samples=5), on_progress=progress.append, on_wave=waves.append)
+    film = engine.render(
+        scene, replace(SETTINGS, samples=5), on_progress=progress.append, on_wave=waves.append
+    )
     assert [w.samples for w in waves] == [1, 2, 4]
     assert film.samples == 5
     assert film.complete
@@ -94,23 +116,43 @@ def test_stopping_returns_what_is_there() -> None:
 
 @pytest.mark.slow
 def test_should_stop_is_asked_for_every_few_thousand_rays() -> None:
-    """A quarter of a million pixels with mirror and soft light; 50 ms is some 30 000 simple rays of this tracer on a slow core."""
+    """A quarter of a million pixels with mirror and soft light; 50 ms is some 30 000 simple rays of
+    this tracer on a slow core.
+    """
     mirror = surface("m", 0.5, lobes=(s.Lobe("MIRROR", constant(0.5)),))
     scene = stage(
         ball_mesh(100), instances=(s.Instances("b", 1, at((0, 0, 1)), (1,)),), materials=(mirror,),
         lights=(light("POINT", radius=0.3), light("SUN")), camera=camera(size=(512, 480)),
     )  # fmt: skip
     asked = []
-    film = engine.render(scene, engine.Settings(samples=1, backend="NUMPY"), should_stop=lambda: bool(asked.append(1)))
+    film = engine.render(
+        scene,
+        engine.Settings(samples=1, backend="NUMPY"),
+        should_stop=lambda: bool(asked.append(1)),
+    )
     assert film.stats["rays"] / len(asked) < 30_000
 
 
 def test_clip_range_is_closed() -> None:
     """Hits exactly at clip_start and clip_end count; just outside they do not."""
-    sheets = (s.Instances("s", 0, np.concatenate([at((0, 0, z)) for z in (0.0, 1.0, 2.0)]), (0,), object_index=1),)
-    ranges = (((0, np.inf), 2), ((2, 9), 2), ((2.0001, 9), 3), ((3, 3.5), 3), ((2.5, 3), 3), ((2.1, 2.9), 1e10), ((3.5, 4), 4))
+    sheets = (
+        s.Instances(
+            "s", 0, np.concatenate([at((0, 0, z)) for z in (0.0, 1.0, 2.0)]), (0,), object_index=1
+        ),
+    )
+    ranges = (
+        ((0, np.inf), 2),
+        ((2, 9), 2),
+        ((2.0001, 9), 3),
+        ((3, 3.5), 3),
+        ((2.5, 3), 3),
+        ((2.1, 2.9), 1e10),
+        ((3.5, 4), 4),
+    )
     for kind in ("PERSPECTIVE", "ORTHOGRAPHIC"):
-        view = s.Camera(kind, look_at((0, 0, 4), (0, 0, 0), (0, 1, 0)), (-0.1, 0.1, -0.1, 0.1), (2, 2))
+        view = s.Camera(
+            kind, look_at((0, 0, 4), (0, 0, 0), (0, 1, 0)), (-0.1, 0.1, -0.1, 0.1), (2, 2)
+        )
         for clip, depth in ranges:
             clipped = replace(view, clip_start=clip[0], clip_end=clip[1])
             found = values(s.Scene(clipped, (grid_mesh(),), sheets, (material(GLOW),)))
@@ -119,14 +161,23 @@ def test_clip_range_is_closed() -> None:
 
 @pytest.mark.parametrize("distance", [1e3, 1e5, 1e7])
 def test_far_from_the_origin(distance: float) -> None:
-    """Object, camera and light moved together: the same picture to the rounding of the placements, 1.1e-16 of the distance."""
+    """Object, camera and light moved together: the same picture to the rounding of the placements,
+    1.1e-16 of the distance.
+    """
     away = distance * np.array([1.0, -2.0, 0.5])
 
     def picture(offset: np.ndarray) -> np.ndarray:
         view = camera(np.array([2.1, -4.3, 2.7]) + offset, np.array([0, 0, 0.4]) + offset)
-        placed = (s.Instances("floor", 0, at(offset), (0,)), s.Instances("ball", 1, at(offset + [0, 0, 0.8], 0.8), (0,)))
+        placed = (
+            s.Instances("floor", 0, at(offset), (0,)),
+            s.Instances("ball", 1, at(offset + [0, 0, 0.8], 0.8), (0,)),
+        )
         lamp = light("POINT", np.array([1.7, -2.2, 4.1]) + offset, offset)
-        return color(s.Scene(view, (grid_mesh(4), ball_mesh()), placed, (surface(specular=0.4),), (), (lamp,)))
+        return color(
+            s.Scene(
+                view, (grid_mesh(4), ball_mesh()), placed, (surface(specular=0.4),), (), (lamp,)
+            )
+        )
 
     here, there = picture(np.zeros(3)), picture(away)
     wrong = (np.abs(here - there) > 1e-3 * here.max()).any(-1)
@@ -138,9 +189,15 @@ def test_far_from_the_origin(distance: float) -> None:
 def test_scale_of_the_whole_scene_does_not_matter(scale: float) -> None:
     def picture(k: float) -> np.ndarray:
         view = camera(k * np.array([2.1, -4.3, 2.7]), (0, 0, 0.4 * k))
-        placed = (s.Instances("floor", 0, at(linear=k), (0,)), s.Instances("ball", 1, at((0, 0, 0.8 * k), 0.8 * k), (0,)))
+        placed = (
+            s.Instances("floor", 0, at(linear=k), (0,)),
+            s.Instances("ball", 1, at((0, 0, 0.8 * k), 0.8 * k), (0,)),
+        )
         lamp = light("POINT", k * np.array([1.7, -2.2, 4.1]), strength=400 * k * k, radius=0.2 * k)
-        return color(s.Scene(view, (grid_mesh(4), ball_mesh()), placed, (surface(),), (), (lamp,)), light_samples=3)
+        return color(
+            s.Scene(view, (grid_mesh(4), ball_mesh()), placed, (surface(),), (), (lamp,)),
+            light_samples=3,
+        )
 
     one, scaled = picture(1.0), picture(scale)
     wrong = (np.abs(one - scaled) > 1e-6 * one.max()).any(-1)
@@ -149,19 +206,25 @@ def test_scale_of_the_whole_scene_does_not_matter(scale: float) -> None:
 
 @pytest.mark.parametrize("elevation", [30.0, 85.0, 89.5])
 def test_no_acne(elevation: float) -> None:
-    """A tilted grid and a facetted ball under a grazing sun, near the origin and far: nothing convex shadows itself."""
+    """A tilted grid and a facetted ball under a grazing sun, near the origin and far: nothing
+    convex shadows itself.
+    """
     a = np.radians(elevation)
     sun = s.Light("sun", "SUN", look_at((np.sin(a), 0.1, np.cos(a)), (0, 0, 0)))
     for where in (0.0, 1e6):
         offset = np.full(3, where)
         view = camera(offset + [2.1, -4.3, 2.7], offset)
         for mesh in (grid_mesh(9), ball_mesh(8, smooth=False)):
-            scene = s.Scene(view, (mesh,), (s.Instances("m", 0, at(offset), (0,)),), (surface(),), (), (sun,))
+            scene = s.Scene(
+                view, (mesh,), (s.Instances("m", 0, at(offset), (0,)),), (surface(),), (), (sun,)
+            )
             assert not values(scene)["Shadow"].any()
 
 
 def test_lights_at_and_under_the_surface() -> None:
-    """The shadow segment is open: a light on the plane lights nothing of it, one just above lights, one below does not."""
+    """The shadow segment is open: a light on the plane lights nothing of it, one just above lights,
+    one below does not.
+    """
     for height, lit in ((0.0, False), (1e-6, True), (-1e-6, False)):
         lamp = s.Light("l", "POINT", at((0.1, 0.2, height))[0])
         found = color(floor(s.Lobe("DIFFUSE", constant(1.0)), lights=(lamp,)))
@@ -187,7 +250,9 @@ def test_a_light_on_a_tilted_face_lights_what_is_under_it() -> None:
     tilted = np.array([[0.3, 0.1, 0.2], [0.1, 0.3, -0.1], [0.2, 0.1, 0.3]])
     base = floor(s.Lobe("DIFFUSE", constant(1.0)))
     roof = s.Instances("roof", 1, at((0.1, 0.2, 1.3), tilted), (0,), visible_camera=False)
-    scene = replace(base, geometries=(*base.geometries, grid_mesh(1, 1.0)), instances=(*base.instances, roof))
+    scene = replace(
+        base, geometries=(*base.geometries, grid_mesh(1, 1.0)), instances=(*base.instances, roof)
+    )
     for x, y in generator.uniform(-0.9, 0.9, (20, 2)):
         place = tilted @ [x, y, 0] + [0.1, 0.2, 1.3]
         found = values(replace(scene, lights=(s.Light("l", "POINT", at(place)[0]),)))
@@ -205,12 +270,18 @@ def test_blockers_behind_the_light_cast_no_shadow() -> None:
 
 
 def test_contact_has_no_light_leaks() -> None:
-    """A cube that stands on, or is sunk into, the floor: no lit floor pixel under it through the crack, seen from inside."""
+    """A cube that stands on, or is sunk into, the floor: no lit floor pixel under it through the
+    crack, seen from inside.
+    """
     inside = s.Camera("PERSPECTIVE", look_at((0, 0, 0.5), (0.9, 0.2, 0)), (-1, 1, -1, 1), (48, 48))
     for sink in (0.0, 1e-3):
         box = s.Instances("box", 1, at((0, 0, 1 - sink)), (0,))
-        scene = stage(ball_mesh(), camera=inside, lights=(light("SUN"),), world=s.World(), materials=())
-        scene = replace(scene, geometries=(grid_mesh(4), box_mesh()), instances=(scene.instances[0], box))
+        scene = stage(
+            ball_mesh(), camera=inside, lights=(light("SUN"),), world=s.World(), materials=()
+        )
+        scene = replace(
+            scene, geometries=(grid_mesh(4), box_mesh()), instances=(scene.instances[0], box)
+        )
         assert color(replace(scene, materials=(surface(ambient=None),))).max() == 0
 
 
@@ -224,7 +295,10 @@ def test_empty_scenes() -> None:
 
 def test_extreme_power_saturates() -> None:
     for strength in (3e38, -3e38):
-        scene = floor(s.Lobe("DIFFUSE", constant(1.0)), lights=(replace(hard("POINT"), strength=strength, color=(1e30, 1, 0)),))
+        scene = floor(
+            s.Lobe("DIFFUSE", constant(1.0)),
+            lights=(replace(hard("POINT"), strength=strength, color=(1e30, 1, 0)),),
+        )
         film = engine.render(scene, SETTINGS)
         assert all(np.isfinite(image).all() for image in film.passes.values())
 
@@ -236,10 +310,17 @@ def test_negative_light_takes_away() -> None:
 
 
 def test_generations_is_where_the_loop_ends() -> None:
-    """Rays of one depth are followed together: as many steps as the scene has layers and bounces, not as it has branches."""
+    """Rays of one depth are followed together: as many steps as the scene has layers and bounces,
+    not as it has branches.
+    """
     lobes = (s.Lobe("MIRROR", constant(0.9)), s.Lobe("TRANSPARENT", constant(0.5)), GLOW)
     walls = (s.Instances("w", 0, np.concatenate([at((0, 0, -1)), at((0, 0, 1))]), (0,)),)
-    view = s.Camera("PERSPECTIVE", look_at((0, 0, 0), (0.1, 0.0, 1.0), (0, 1, 0)), (-0.1, 0.1, -0.1, 0.1), (2, 2))
+    view = s.Camera(
+        "PERSPECTIVE",
+        look_at((0, 0, 0), (0.1, 0.0, 1.0), (0, 1, 0)),
+        (-0.1, 0.1, -0.1, 0.1),
+        (2, 2),
+    )
     steps = []
     original = generations.Generations._step
 

@@ -61,7 +61,9 @@ def test_a_single_bit_is_seen_and_measured(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_rounding_leaves_no_long_float() -> None:
-    """What goes into a reference render has float32's digits, so that NumPy's last bits do not matter."""
+    """What goes into a reference render has float32's digits, so that NumPy's last bits do not
+    matter.
+    """
     scene = references.rounded(SCENES["soft_lights"]())
     for light in scene.lights:
         assert light.strength == np.float32(light.strength)

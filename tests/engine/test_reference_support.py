@@ -1,4 +1,6 @@
-"""What the tests of the reference share: its passes in float64, a floor under a camera, a light, a geometry."""
+"""What the tests of the reference share: its passes in float64, a floor under a camera, a light, a
+geometry.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,15 @@ VIEW = s.Camera("PERSPECTIVE", look_at(EYE, (0, 0, 0)), (-0.3, 0.3, -0.2, 0.2), 
 
 def floor(*lobes: s.Lobe, lights=(), camera=VIEW, world=None) -> s.Scene:
     """The plane z = 0 under a camera."""
-    return s.Scene(camera, (grid_mesh(1, 50.0),), (s.Instances("f", 0, at(), (0,)),), (material(*lobes),), (), lights, world or s.World())
+    return s.Scene(
+        camera,
+        (grid_mesh(1, 50.0),),
+        (s.Instances("f", 0, at(), (0,)),),
+        (material(*lobes),),
+        (),
+        lights,
+        world or s.World(),
+    )
 
 
 POINT = np.array([0.4, 0.7, 1.3])
@@ -54,6 +64,11 @@ def hard(kind: str, **more) -> s.Light:
     return s.Light(kind, kind, frame, (1.0, 0.6, 0.3), 7.0, **more)
 
 
-def geometry_of(*meshes: s.Mesh | s.Spheres | s.Polygons, matrix: np.ndarray | None = None, **flags) -> Geometry:
-    placed = tuple(s.Instances(m.name, k, at() if matrix is None else matrix, (), **flags) for k, m in enumerate(meshes))
+def geometry_of(
+    *meshes: s.Mesh | s.Spheres | s.Polygons, matrix: np.ndarray | None = None, **flags
+) -> Geometry:
+    placed = tuple(
+        s.Instances(m.name, k, at() if matrix is None else matrix, (), **flags)
+        for k, m in enumerate(meshes)
+    )
     return gather(s.Scene(camera(), meshes, placed), np.zeros(3))

@@ -1,4 +1,6 @@
-"""The reference's hits: its two searches against brute force, closed meshes without leaks, ties, boxes in floats."""
+"""The reference's hits: its two searches against brute force, closed meshes without leaks, ties,
+boxes in floats.
+"""
 
 from __future__ import annotations
 
@@ -33,12 +35,21 @@ def triangle_soup(generator: np.random.Generator, count: int) -> s.Mesh:
     """Triangles of all sizes, from slivers to ones that span everything."""
     size = 10.0 ** generator.uniform(-3, 0.5, (count, 1, 1))
     corners = generator.normal(size=(count, 1, 3)) + size * generator.normal(size=(count, 3, 3))
-    return s.Mesh("soup", corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count, dtype=np.uint32).reshape(-1, 3))
+    return s.Mesh(
+        "soup",
+        corners.reshape(-1, 3).astype(np.float32),
+        np.arange(3 * count, dtype=np.uint32).reshape(-1, 3),
+    )
 
 
 def lines(generator: np.random.Generator, count: int) -> Bundle:
     origin = 3 * generator.normal(size=(3, count))
-    return Bundle.of(origin, unit(generator.normal(size=(3, count)) - origin), np.zeros(count), np.full(count, np.inf))
+    return Bundle.of(
+        origin,
+        unit(generator.normal(size=(3, count)) - origin),
+        np.zeros(count),
+        np.full(count, np.inf),
+    )
 
 
 def pencil_through(geometry: Geometry, point: np.ndarray, targets: np.ndarray, face: int) -> Pencil:
@@ -47,17 +58,31 @@ def pencil_through(geometry: Geometry, point: np.ndarray, targets: np.ndarray, f
     x, y, z = transform(matrix, targets - point[:, None])
     chosen = np.flatnonzero((z > 0) & (np.abs(x) <= z) & (np.abs(y) <= z))
     x, y, z = x[chosen], y[chosen], z[chosen]
-    return Pencil(Frame.of(geometry, matrix, point, True), x / z, y / z, np.zeros(len(z)), np.full(len(z), np.inf))
+    return Pencil(
+        Frame.of(geometry, matrix, point, True),
+        x / z,
+        y / z,
+        np.zeros(len(z)),
+        np.full(len(z), np.inf),
+    )
 
 
 def pencil_along(geometry: Geometry, direction: np.ndarray, targets: np.ndarray) -> Pencil:
     matrix = parallel_frame(direction)
     u, v, _ = transform(matrix, targets)
-    return Pencil(Frame.of(geometry, matrix, np.zeros(3), False), u, v, np.full(len(u), -np.inf), np.full(len(u), np.inf))
+    return Pencil(
+        Frame.of(geometry, matrix, np.zeros(3), False),
+        u,
+        v,
+        np.full(len(u), -np.inf),
+        np.full(len(u), np.inf),
+    )
 
 
 def brute_force(geometry: Geometry, rays) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest closest triangle and its depth, every ray against every triangle by the same exact test."""
+    """Lowest closest triangle and its depth, every ray against every triangle by the same exact
+    test.
+    """
     t, n = geometry.triangle_count, len(rays)
     ray, triangle = np.repeat(np.arange(n), t), np.tile(np.arange(t), n)
     which, depth = hit_triangles(rays, geometry, ray, triangle, np.full(n, np.inf))
@@ -67,7 +92,9 @@ def brute_force(geometry: Geometry, rays) -> tuple[np.ndarray, np.ndarray]:
 
 
 def moller_trumbore(geometry: Geometry, o: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """(n,) nearest t by Cramer's rule (notes, section 4.8): another formula, for rays that stay clear of edges."""
+    """(n,) nearest t by Cramer's rule (notes, section 4.8): another formula, for rays that stay
+    clear of edges.
+    """
     a, b, c = (geometry.points[:, corner].T for corner in geometry.triangles)
     e, f = (b - a)[None], (c - a)[None]
     o, d = o.T[:, None], d.T[:, None]
@@ -91,7 +118,9 @@ def test_tree_finds_what_brute_force_finds(seed: int) -> None:
     primitive, depth = brute_force(geometry, rays)
     assert np.array_equal(hits.primitive, primitive)
     assert np.array_equal(hits.depth, depth)
-    assert np.allclose(hits.depth, moller_trumbore(geometry, rays.origin, rays.direction), rtol=1e-6)
+    assert np.allclose(
+        hits.depth, moller_trumbore(geometry, rays.origin, rays.direction), rtol=1e-6
+    )
 
 
 @settings(max_examples=25, deadline=None)
@@ -101,7 +130,10 @@ def test_raster_finds_what_brute_force_finds(seed: int) -> None:
     geometry = geometry_of(triangle_soup(generator, int(generator.integers(1, 400))))
     targets = generator.normal(size=(3, 150)) * 10.0 ** generator.uniform(-3, 1)
     point = generator.normal(size=3)
-    for rays in (pencil_through(geometry, point, targets, int(generator.integers(6))), pencil_along(geometry, point, targets)):
+    for rays in (
+        pencil_through(geometry, point, targets, int(generator.integers(6))),
+        pencil_along(geometry, point, targets),
+    ):
         hits = visibility_of(geometry).closest(rays, "camera")
         primitive, depth = brute_force(geometry, rays)
         assert np.array_equal(hits.primitive, primitive)
@@ -114,32 +146,54 @@ def test_raster_finds_triangles_that_reach_behind_its_point(seed: int) -> None:
     """Large triangles round the point, seen through a narrow window off the axis."""
     generator = np.random.default_rng(seed)
     corners = 5 * generator.normal(size=(100, 3, 3))
-    mesh = s.Mesh("m", corners.reshape(-1, 3).astype(np.float32), np.arange(300, dtype=np.uint32).reshape(-1, 3))
+    mesh = s.Mesh(
+        "m",
+        corners.reshape(-1, 3).astype(np.float32),
+        np.arange(300, dtype=np.uint32).reshape(-1, 3),
+    )
     geometry, point = geometry_of(mesh), generator.normal(size=3)
-    targets = point[:, None] + generator.uniform(0.1, 1, 3)[:, None] + 0.05 * generator.normal(size=(3, 60))
+    targets = (
+        point[:, None]
+        + generator.uniform(0.1, 1, 3)[:, None]
+        + 0.05 * generator.normal(size=(3, 60))
+    )
     for face in (0, 2, 4):
         rays = pencil_through(geometry, point, targets, face)
         if len(rays):
-            assert np.array_equal(visibility_of(geometry).closest(rays, "camera").primitive, brute_force(geometry, rays)[0])
+            assert np.array_equal(
+                visibility_of(geometry).closest(rays, "camera").primitive,
+                brute_force(geometry, rays)[0],
+            )
 
 
 @settings(max_examples=10, deadline=None)
 @given(SEEDS)
 def test_raster_and_tree_agree_on_spheres_and_polygons(seed: int) -> None:
     generator = np.random.default_rng(seed)
-    spheres = s.Spheres("s", generator.normal(size=(20, 3)).astype(np.float32), generator.uniform(0.05, 0.5, 20).astype(np.float32))
+    spheres = s.Spheres(
+        "s",
+        generator.normal(size=(20, 3)).astype(np.float32),
+        generator.uniform(0.05, 0.5, 20).astype(np.float32),
+    )
     angle = np.sort(generator.uniform(0, 2 * np.pi, 7))
-    flat = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1) * generator.uniform(0.2, 2, (7, 1))
-    polygon = s.Polygons("p", flat.astype(np.float32), np.array([0, 7], np.uint32), np.arange(7, dtype=np.uint32))
+    flat = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1) * generator.uniform(
+        0.2, 2, (7, 1)
+    )
+    polygon = s.Polygons(
+        "p", flat.astype(np.float32), np.array([0, 7], np.uint32), np.arange(7, dtype=np.uint32)
+    )
     matrix = at(generator.normal(size=3), generator.normal(size=(3, 3)))
     geometry = geometry_of(triangle_soup(generator, 30), spheres, polygon, matrix=matrix)
     point = 2 * generator.normal(size=3)
-    rays = pencil_through(geometry, point, 2 * generator.normal(size=(3, 300)), int(generator.integers(6)))
+    rays = pencil_through(
+        geometry, point, 2 * generator.normal(size=(3, 300)), int(generator.integers(6))
+    )
     o, d = rays.lines(np.arange(len(rays)))
     size = np.sqrt((d * d).sum(0))
     straight = Bundle.of(o, d / size, np.zeros(len(rays)), np.full(len(rays), np.inf))
     by_raster, by_tree = (visibility_of(geometry).closest(r, "camera") for r in (rays, straight))
-    assert (by_raster.primitive != by_tree.primitive).sum() <= 1  # a ray that grazes an outline may round differently
+    # a ray that grazes an outline may round differently
+    assert (by_raster.primitive != by_tree.primitive).sum() <= 1
     same = by_raster.primitive == by_tree.primitive
     assert np.allclose(by_raster.depth[same] * size[same], by_tree.depth[same], rtol=1e-9)
 
@@ -169,8 +223,11 @@ def test_no_leaks_at_edges_and_vertices_of_closed_meshes(offset: float, radius: 
     direction = np.array([0.3, -0.5, 0.8])
     off = targets - center[:, None]
     across = off - direction[:, None] * (direction @ off) / (direction @ direction)
-    inner = targets[:, (across**2).sum(0) < (0.9 * radius) ** 2]  # not on the silhouette, where a miss is right
-    assert (visibility.closest(pencil_along(geometry, direction, inner), "camera").primitive == NOTHING).sum() == 0
+    # not on the silhouette, where a miss is right
+    inner = targets[:, (across**2).sum(0) < (0.9 * radius) ** 2]
+    assert (
+        visibility.closest(pencil_along(geometry, direction, inner), "camera").primitive == NOTHING
+    ).sum() == 0
 
 
 def test_rays_at_the_vertices_of_a_grid_hit_it() -> None:
@@ -178,20 +235,30 @@ def test_rays_at_the_vertices_of_a_grid_hit_it() -> None:
     inner = geometry.points[:, np.abs(geometry.points[:2]).max(0) < 1]
     eye = np.array([0.123, -2.345, 0.789])
     far = np.full(inner.shape[1], np.inf)
-    rays = Bundle.of(np.repeat(eye[:, None], len(far), 1), unit(inner - eye[:, None]), 0 * far.clip(0, 0), far)
+    rays = Bundle.of(
+        np.repeat(eye[:, None], len(far), 1), unit(inner - eye[:, None]), 0 * far.clip(0, 0), far
+    )
     assert (visibility_of(geometry).closest(rays, "camera").primitive == NOTHING).sum() == 0
 
 
 def test_ties_go_to_the_lower_instance_and_primitive() -> None:
     """Coincident faces of meshes cut along different diagonals."""
     quad = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)
-    cuts = [np.array(t, np.uint32) for t in ([[0, 1, 2], [0, 2, 3]], [[1, 2, 3], [1, 3, 0]], [[2, 3, 0], [0, 1, 2]])]
+    cuts = [
+        np.array(t, np.uint32)
+        for t in ([[0, 1, 2], [0, 2, 3]], [[1, 2, 3], [1, 3, 0]], [[2, 3, 0], [0, 1, 2]])
+    ]
     geometry = geometry_of(*(s.Mesh(str(k), quad, cut) for k, cut in enumerate(cuts)))
     generator = np.random.default_rng(3)
     targets = np.concatenate([generator.uniform(-1, 1, (2, 500)), np.zeros((1, 500))])
     eye = np.array([0.31, 0.2, 1.7])
     rays = pencil_through(geometry, eye, targets, 5)
-    bundle = Bundle.of(np.repeat(eye[:, None], 500, 1), unit(targets - eye[:, None]), np.zeros(500), np.full(500, np.inf))
+    bundle = Bundle.of(
+        np.repeat(eye[:, None], 500, 1),
+        unit(targets - eye[:, None]),
+        np.zeros(500),
+        np.full(500, np.inf),
+    )
     for some in (rays, bundle):
         primitive = visibility_of(geometry).closest(some, "camera").primitive
         assert set(primitive) == {0, 1}
@@ -203,7 +270,12 @@ def test_ties_go_to_the_lower_instance_and_primitive() -> None:
 
 def test_a_ray_edge_on_passes() -> None:
     geometry = geometry_of(grid_mesh(1, extent=1.0))
-    rays = Bundle.of(np.array([[-2.0], [0.1], [0.0]]), np.array([[1.0], [0.0], [0.0]]), np.zeros(1), np.full(1, np.inf))
+    rays = Bundle.of(
+        np.array([[-2.0], [0.1], [0.0]]),
+        np.array([[1.0], [0.0], [0.0]]),
+        np.zeros(1),
+        np.full(1, np.inf),
+    )
     assert visibility_of(geometry).closest(rays, "camera").primitive[0] == NOTHING
 
 
@@ -214,7 +286,9 @@ def test_every_primitive_is_in_one_leaf_within_all_boxes_above() -> None:
         tree = build(geometry, QUIET)
         kept = tree.leaves[tree.leaves != NONE]
         assert np.array_equal(np.sort(kept), np.arange(count))
-        leaf = np.repeat(np.arange(len(tree.leaves)), tree.leaves.shape[1])[tree.leaves.ravel() != NONE]
+        leaf = np.repeat(np.arange(len(tree.leaves)), tree.leaves.shape[1])[
+            tree.leaves.ravel() != NONE
+        ]
         corners = geometry.points[:, geometry.triangles[:, kept]]
         for level in reversed(tree.levels):
             node, child = leaf // 8, leaf % 8
@@ -239,13 +313,23 @@ def test_strips_hold_every_ray_and_find_it_again(seed: int, count: int) -> None:
 def test_flags_hide_instances_from_their_kind_of_ray_only() -> None:
     for flags, seen in (({"visible_camera": False}, (0, 1)), ({"visible_mirror": False}, (1, 0))):
         geometry = geometry_of(box_mesh(), **flags)
-        rays = Bundle.of(np.array([[0.1], [0.2], [5.0]]), np.array([[0.0], [0.0], [-1.0]]), np.zeros(1), np.full(1, np.inf))
-        found = [visibility_of(geometry).closest(rays, kind).primitive[0] != NOTHING for kind in ("camera", "mirror")]
+        rays = Bundle.of(
+            np.array([[0.1], [0.2], [5.0]]),
+            np.array([[0.0], [0.0], [-1.0]]),
+            np.zeros(1),
+            np.full(1, np.inf),
+        )
+        found = [
+            visibility_of(geometry).closest(rays, kind).primitive[0] != NOTHING
+            for kind in ("camera", "mirror")
+        ]
         assert tuple(map(int, found)) == seen
 
 
 def test_blocked_counts_surfaces_once_and_only_within_the_segment() -> None:
-    """Three half transparent sheets, two of them coincident; rays end before, between and beyond."""
+    """Three half transparent sheets, two of them coincident; rays end before, between and
+    beyond.
+    """
     matrices = np.concatenate([at((0, 0, z)) for z in (1.0, 1.0, 2.0)])
     geometry = geometry_of(grid_mesh(1, 1.0), matrix=matrices)
     visibility = Visibility(geometry, np.zeros(geometry.count, bool), QUIET)
@@ -259,24 +343,39 @@ def test_blocked_counts_surfaces_once_and_only_within_the_segment() -> None:
 
 
 def test_ties_are_measured_by_the_coordinates_not_by_the_distance() -> None:
-    """Two planes an ulp of their coordinates apart, met a thousandth of them away: one hit, the lower instance's, whichever is nearer."""
+    """Two planes an ulp of their coordinates apart, met a thousandth of them away: one hit, the
+    lower instance's, whichever is nearer.
+    """
     square = grid_mesh(1, 1.0)
     matrices = np.concatenate([at((0, 0, 3.0)), at((0, 0, np.nextafter(3.0, 4)))])
     geometry = geometry_of(square, matrix=matrices)
     for above, down in ((0.003, -1.0), (-0.003, 1.0)):
-        rays = Bundle.of(np.array([[0.1], [0.3], [3 + above]]), np.array([[0.0], [0.0], [down]]), np.zeros(1), np.full(1, np.inf))
+        rays = Bundle.of(
+            np.array([[0.1], [0.3], [3 + above]]),
+            np.array([[0.0], [0.0], [down]]),
+            np.zeros(1),
+            np.full(1, np.inf),
+        )
         assert visibility_of(geometry).closest(rays, "camera").primitive[0] in (0, 1)
 
 
-def test_the_nearer_of_two_close_sheets_wins_whichever_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_nearer_of_two_close_sheets_wins_whichever_comes_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Pair by pair, so that what a ray has met already is known when the next comes."""
     monkeypatch.setattr(raster, "PAIRS", 1)
     monkeypatch.setattr(tree_module, "PAIRS", 8)
     for first, second in ((1.0, 1.0 - 1e-6), (1.0 - 1e-6, 1.0)):
-        geometry = geometry_of(grid_mesh(1, 1.0), matrix=np.concatenate([at((0, 0, first)), at((0, 0, second))]))
+        geometry = geometry_of(
+            grid_mesh(1, 1.0), matrix=np.concatenate([at((0, 0, first)), at((0, 0, second))])
+        )
         targets = np.array([[0.1, 0.2], [0.3, -0.1], [1.0, 1.0]])
         up = np.repeat(np.array([[0.0], [0.0], [1.0]]), 2, 1)
         bundle = Bundle.of(targets - 2 * up, up, np.zeros(2), np.full(2, np.inf))
-        for rays in (pencil_through(geometry, np.zeros(3), targets, 4), pencil_along(geometry, np.array([0.0, 0.0, 1.0]), targets), bundle):
+        for rays in (
+            pencil_through(geometry, np.zeros(3), targets, 4),
+            pencil_along(geometry, np.array([0.0, 0.0, 1.0]), targets),
+            bundle,
+        ):
             row = geometry.row[visibility_of(geometry).closest(rays, "camera").primitive]
             assert (row == int(second < first)).all()

@@ -1,4 +1,6 @@
-"""Settings at the door: the same refusals from both tracers, and numbers of any kind that are as good."""
+"""Settings at the door: the same refusals from both tracers, and numbers of any kind that are as
+good.
+"""
 
 from __future__ import annotations
 
@@ -42,8 +44,21 @@ def test_a_fault_is_named(backend: str, text: str) -> None:
 
 @pytest.mark.parametrize("backend", engine.available_backends())
 def test_numbers_as_numpy_counts_and_passes_in_a_list(backend: str) -> None:
-    plain = engine.Settings(samples=2, light_samples=3, backend=backend, passes=frozenset({"Depth"}), region=(0, 0, 4, 4))
-    same = replace(plain, samples=np.int64(2), light_samples=np.uint8(3), threads=np.int32(0), passes=["Depth"], region=[0, 0, 4, 4])
+    plain = engine.Settings(
+        samples=2,
+        light_samples=3,
+        backend=backend,
+        passes=frozenset({"Depth"}),
+        region=(0, 0, 4, 4),
+    )
+    same = replace(
+        plain,
+        samples=np.int64(2),
+        light_samples=np.uint8(3),
+        threads=np.int32(0),
+        passes=["Depth"],
+        region=[0, 0, 4, 4],
+    )
     first, second = engine.render(SOFT, plain), engine.render(SOFT, same)
     assert set(first.passes) == set(second.passes) == {"Combined", "Depth"}
     assert all(np.array_equal(first.passes[name], second.passes[name]) for name in first.passes)

@@ -8,7 +8,9 @@ import pytest
 
 from native_tools import needs_core
 
-pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits a process with setrlimit, as Linux has it")
+pytestmark = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="limits a process with setrlimit, as Linux has it"
+)
 
 TESTS = Path(__file__).resolve().parent.parent
 STACK = 1 << 29
@@ -37,16 +39,24 @@ def told(action):
 
 def _lines(program: str, stack: int = 0) -> list[str]:
     """What a program prints in a process of its own."""
-    limit = f"import os, resource, sys\nresource.setrlimit(resource.RLIMIT_STACK, ({stack}, -1))\n" if stack else "import os, sys\n"
+    limit = (
+        f"import os, resource, sys\nresource.setrlimit(resource.RLIMIT_STACK, ({stack}, -1))\n"
+        if stack
+        else "import os, sys\n"
+    )
     start = limit + "os.execv(sys.executable, [sys.executable, '-c', sys.argv[1]])"
-    done = subprocess.run([sys.executable, "-c", start, PRELUDE + program], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", start, PRELUDE + program], capture_output=True, text=True, timeout=60
+    )
     assert done.returncode == 0, done.stdout + done.stderr[-2000:]
     return done.stdout.splitlines()
 
 
 def test_products_of_matrices_when_memory_is_short() -> None:
     """NumPy's OpenBLAS spins for ever in its first product where it cannot have 32 MB."""
-    program = "leave(8)\ntold(lambda: np.linalg.det(np.eye(3)) + (np.eye(3) @ np.ones((3, 40))).sum())"
+    program = (
+        "leave(8)\ntold(lambda: np.linalg.det(np.eye(3)) + (np.eye(3) @ np.ones((3, 40))).sum())"
+    )
     assert _lines(program) == ["121.0"]
 
 
@@ -63,13 +73,16 @@ told(lambda: render.start([engine.Task(scene, settings)]))
 """
     refused = "RuntimeError: can't start new thread"
     assert _lines(program, STACK) == [
-        "MemoryError: the system starts no further thread: close programs, or let a user have more of them (ulimit -u)", refused, refused
+        "MemoryError: the system starts no further thread: close programs, or let a user have more "
+        "of them (ulimit -u)", refused, refused
     ]  # fmt: skip
 
 
 @needs_core
 def test_a_picture_that_does_not_fit() -> None:
-    """With some memory the sums cannot be had, with more the tracer's own arrays or the picture: each names what, and the remedy."""
+    """With some memory the sums cannot be had, with more the tracer's own arrays or the picture:
+    each names what, and the remedy.
+    """
     program = """
 from dataclasses import replace
 scene, settings = hard_lights(), engine.Settings(samples=2, threads=1, backend="NATIVE")

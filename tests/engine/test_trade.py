@@ -8,7 +8,15 @@ import pytest
 
 import engine_scenes as scenes
 from glint import engine
-from glint.engine import Scene, SceneError, Settings, available_backends, trade, trade_crops, trade_plot
+from glint.engine import (
+    Scene,
+    SceneError,
+    Settings,
+    available_backends,
+    trade,
+    trade_crops,
+    trade_plot,
+)
 from glint.engine.scene import Lobe
 
 BACKEND = available_backends()[0]
@@ -19,7 +27,10 @@ def soft_scene(**more) -> Scene:
     """A floor and a box under an area light, 16 × 12 pixels."""
     lamp = scenes.light("AREA", size_x=2.0, size_y=2.0)
     floor, box = scenes.grid_mesh(), scenes.box_mesh()
-    placed = (scenes.s.Instances("floor", 0, scenes.at(), (0,)), scenes.s.Instances("box", 1, scenes.at((0, 0, 0.5), 0.5), (0,)))
+    placed = (
+        scenes.s.Instances("floor", 0, scenes.at(), (0,)),
+        scenes.s.Instances("box", 1, scenes.at((0, 0, 0.5), 0.5), (0,)),
+    )
     view = scenes.camera(size=(16, 12))
     return Scene(view, (floor, box), placed, (scenes.surface(),), lights=(lamp,), **more)
 
@@ -29,8 +40,16 @@ def row(seconds, error, **more):
 
 
 def measured(scene=None, **more):
-    options = {"values": {"samples": [1, 4, 16], "error_threshold": [0.0], "light_samples": [2]}, "reference_samples": 64, "repeats": 1}
-    return trade.measure(scene or soft_scene(), Settings(samples=4, light_samples=2, backend=BACKEND), **{**options, **more})
+    options = {
+        "values": {"samples": [1, 4, 16], "error_threshold": [0.0], "light_samples": [2]},
+        "reference_samples": 64,
+        "repeats": 1,
+    }
+    return trade.measure(
+        scene or soft_scene(),
+        Settings(samples=4, light_samples=2, backend=BACKEND),
+        **{**options, **more},
+    )
 
 
 # --- crops
@@ -38,7 +57,9 @@ def measured(scene=None, **more):
 
 @pytest.mark.parametrize("samples", [1, 4, 16])
 def test_crops_cost_and_show_what_a_render_does_however_often_they_are_drawn(samples):
-    """No ray is remembered from before: else the second time of a setting would be told as its time."""
+    """No ray is remembered from before: else the second time of a setting would be told as its
+    time.
+    """
     scene, settings = soft_scene(), Settings(samples=samples, light_samples=2, backend=BACKEND)
     film = engine.render(scene, settings)
     with trade_crops.CropRenderer(scene, ((0, 0, 16, 12),), lambda: False) as renderer:
@@ -51,8 +72,23 @@ def test_crops_cost_and_show_what_a_render_does_however_often_they_are_drawn(sam
 
 
 def test_the_front_is_what_nothing_beats():
-    rows = trade.with_front([row(3, 0.5), row(1, 1.0), row(2, 0.6), row(2, 0.7), row(2.5, 0.6), row(4, 0.1), row(5, 0.1)])
-    assert [(r.seconds, r.relative_rmse) for r in rows if r.on_front] == [(1, 1.0), (2, 0.6), (3, 0.5), (4, 0.1)]
+    rows = trade.with_front(
+        [
+            row(3, 0.5),
+            row(1, 1.0),
+            row(2, 0.6),
+            row(2, 0.7),
+            row(2.5, 0.6),
+            row(4, 0.1),
+            row(5, 0.1),
+        ]
+    )
+    assert [(r.seconds, r.relative_rmse) for r in rows if r.on_front] == [
+        (1, 1.0),
+        (2, 0.6),
+        (3, 0.5),
+        (4, 0.1),
+    ]
 
 
 def test_no_row_of_the_front_is_dominated_and_every_other_is():
@@ -70,9 +106,16 @@ def test_no_row_of_the_front_is_dominated_and_every_other_is():
 
 def test_advice_names_the_faster_setting_that_is_as_good():
     slow = replace(row(4, 0.5, current=True), knobs={**KNOBS, "samples": 64})
-    rows = trade.with_front([row(1, 1.0), replace(row(2, 0.5), knobs={**KNOBS, "samples": 16}), slow])
-    assert trade.advice(trade.Trade(rows, "", (), (1, 1), 1, True)) == "samples 16 would be as good in 50% of the time"
-    flat = trade.Trade(trade.with_front([row(1, 0.0), row(2, 0.0, current=True)]), "", (), (1, 1), 1, True)
+    rows = trade.with_front(
+        [row(1, 1.0), replace(row(2, 0.5), knobs={**KNOBS, "samples": 16}), slow]
+    )
+    assert (
+        trade.advice(trade.Trade(rows, "", (), (1, 1), 1, True))
+        == "samples 16 would be as good in 50% of the time"
+    )
+    flat = trade.Trade(
+        trade.with_front([row(1, 0.0), row(2, 0.0, current=True)]), "", (), (1, 1), 1, True
+    )
     assert "same picture" in trade.advice(flat)
     alone = trade.Trade(trade.with_front([row(1, 1.0, current=True)]), "", (), (1, 1), 1, True)
     assert "lie on the front" in trade.advice(alone)
@@ -86,33 +129,61 @@ def test_the_grid_holds_only_knobs_that_can_matter():
     mirror = replace(hard, materials=(scenes.surface(lobes=(Lobe("MIRROR"),)),))
     base = Settings(samples=3, light_samples=5, max_bounces=7)
     always = {"samples", "error_threshold"}
-    for scene, varied in ((hard, always), (soft_scene(), always | {"light_samples"}), (mirror, always | {"max_bounces", "cutoff"})):
+    for scene, varied in (
+        (hard, always),
+        (soft_scene(), always | {"light_samples"}),
+        (mirror, always | {"max_bounces", "cutoff"}),
+    ):
         grid = trade.settings_grid(scene, base, {})
-        assert {knob.name for knob in trade.KNOBS if len({getattr(s, knob.name) for s in grid}) > 1} == varied
+        assert {
+            knob.name for knob in trade.KNOBS if len({getattr(s, knob.name) for s in grid}) > 1
+        } == varied
         assert base in grid
 
 
 def test_each_knob_goes_from_fast_to_accurate_and_the_threshold_only_where_it_can_stop_a_pixel():
     hard = replace(soft_scene(), lights=(scenes.light("POINT"),))
-    grid = trade.settings_grid(hard, Settings(samples=16, error_threshold=4.0), {"samples": [4, 16]})
-    assert [(s.samples, s.error_threshold) for s in grid] == [(4, 0.0), (16, 8.0), (16, 4.0), (16, 2.0), (16, 0.0)]
+    grid = trade.settings_grid(
+        hard, Settings(samples=16, error_threshold=4.0), {"samples": [4, 16]}
+    )
+    assert [(s.samples, s.error_threshold) for s in grid] == [
+        (4, 0.0),
+        (16, 8.0),
+        (16, 4.0),
+        (16, 2.0),
+        (16, 0.0),
+    ]
 
 
 def test_bounces_are_combined_with_each_other_but_not_with_samples():
     mirror = replace(soft_scene(), materials=(scenes.surface(lobes=(Lobe("MIRROR"),)),))
     base = Settings(samples=16, light_samples=2, max_bounces=4)
-    values = {"samples": [1, 16], "error_threshold": [0.0], "light_samples": [2, 4], "max_bounces": [0, 2], "cutoff": [0.01]}
+    values = {
+        "samples": [1, 16],
+        "error_threshold": [0.0],
+        "light_samples": [2, 4],
+        "max_bounces": [0, 2],
+        "cutoff": [0.01],
+    }
     grid = trade.settings_grid(mirror, base, values)
     sampling, bounces = (base.max_bounces, base.cutoff), (base.samples, base.light_samples)
-    assert [(s.samples, s.light_samples) for s in grid if (s.max_bounces, s.cutoff) == sampling] == [(1, 2), (1, 4), (16, 2), (16, 4)]
-    others = [(s.max_bounces, s.cutoff) for s in grid if s != base and (s.samples, s.light_samples) == bounces]
+    assert [
+        (s.samples, s.light_samples) for s in grid if (s.max_bounces, s.cutoff) == sampling
+    ] == [(1, 2), (1, 4), (16, 2), (16, 4)]
+    others = [
+        (s.max_bounces, s.cutoff)
+        for s in grid
+        if s != base and (s.samples, s.light_samples) == bounces
+    ]
     assert others == [(0, 0), (2, 0.01), (2, 0), (4, 0.01)]
     assert len(grid) == 8
 
 
 def test_an_error_threshold_saves_time_and_loses_little():
     """A picture that is flat but for a box: the threshold stops the floor's pixels."""
-    found = measured(values={"samples": [64], "error_threshold": [0.0, 20.0]}, reference_seconds=0.0)
+    found = measured(
+        values={"samples": [64], "error_threshold": [0.0, 20.0]}, reference_seconds=0.0
+    )
     rows = {r.knobs["error_threshold"]: r for r in found.rows}
     assert 0 < rows[0.0].relative_rmse < rows[20.0].relative_rmse < 0.05
 
@@ -142,11 +213,16 @@ def test_squares_lie_inside_and_apart_and_half_of_them_share_none_with_the_rest(
 
 @pytest.mark.parametrize("seed", range(4))
 def test_weighted_squares_sum_up_to_the_frame(seed):
-    """Where the errors lie as the first look said, and where they are everywhere alike; the border's squares are smaller ones."""
+    """Where the errors lie as the first look said, and where they are everywhere alike; the
+    border's squares are smaller ones.
+    """
     look = speckled(241, 135, seed)
     for half in trade_crops.pick_squares(look, 96, 12).halves():
         for errors, tolerance in ((look, 0.1), (np.ones_like(look), 0.15)):
-            found = sum(weight * errors[y0:y1, x0:x1].sum() for weight, (x0, y0, x1, y1) in zip(half.weights, half.crops, strict=True))
+            found = sum(
+                weight * errors[y0:y1, x0:x1].sum()
+                for weight, (x0, y0, x1, y1) in zip(half.weights, half.crops, strict=True)
+            )
             assert found == pytest.approx(errors.sum(), rel=tolerance)
 
 
@@ -156,11 +232,21 @@ def test_a_small_frame_is_one_square():
 
 
 def test_the_front_tells_the_errors_of_the_whole_frame():
-    """A box before a large, even floor: all that samples change lies along a few edges, which evenly spread squares miss."""
-    scene = replace(soft_scene(), camera=scenes.camera(size=(160, 120)), lights=(scenes.light("POINT"),))
+    """A box before a large, even floor: all that samples change lies along a few edges, which
+    evenly spread squares miss.
+    """
+    scene = replace(
+        soft_scene(), camera=scenes.camera(size=(160, 120)), lights=(scenes.light("POINT"),)
+    )
     base = Settings(samples=4, error_threshold=0.0, backend=BACKEND)
-    found = trade.measure(scene, base, values={"samples": [1, 4, 16], "error_threshold": [0.0]}, reference_samples=64, repeats=1,
-                          reference_seconds=0.0)  # fmt: skip
+    found = trade.measure(
+        scene,
+        base,
+        values={"samples": [1, 4, 16], "error_threshold": [0.0]},
+        reference_samples=64,
+        repeats=1,
+        reference_seconds=0.0,
+    )
     assert len(found.crops) == 96
     truth = engine.render(scene, replace(base, samples=64)).combined[..., :3]
     for row in found.front:
@@ -178,7 +264,9 @@ def test_something_is_told_early_and_the_last_of_it_is_the_result(monkeypatch):
 
 
 def test_at_most_six_different_points_and_the_current_settings_are_shown():
-    rows = trade.with_front([row(2.0**k, 0.5**k) for k in range(20)] + [row(2.0**19.5, 0.5, current=True)])
+    rows = trade.with_front(
+        [row(2.0**k, 0.5**k) for k in range(20)] + [row(2.0**19.5, 0.5, current=True)]
+    )
     shown = trade.Trade(rows, "", (), (1, 1), 1, True).shown
     assert len(shown) == 7 and shown[-1].current
     assert (shown[0].seconds, shown[5].seconds) == (1.0, 2.0**19)
@@ -193,19 +281,36 @@ def test_more_samples_are_nearer_to_the_reference():
     rows = {r.knobs["samples"]: r for r in measured().rows}
     assert rows.keys() == {1, 4, 16}
     assert rows[1].relative_rmse > 2 * rows[4].relative_rmse > 2 * rows[16].relative_rmse > 0
-    assert rows[1].flip_mean > rows[16].flip_mean and rows[1].psnr < rows[16].psnr and rows[1].wrong >= rows[16].wrong
+    assert (
+        rows[1].flip_mean > rows[16].flip_mean
+        and rows[1].psnr < rows[16].psnr
+        and rows[1].wrong >= rows[16].wrong
+    )
     assert [r.current for r in rows.values()] == [k == 4 for k in rows]
 
 
 def exact(**more):
-    """A hard light, where a row and the reference have the same samples and the same tracer: the same picture."""
+    """A hard light, where a row and the reference have the same samples and the same tracer: the
+    same picture.
+    """
     scene = replace(soft_scene(), lights=(scenes.light("POINT"),))
-    return measured(scene, values={"samples": [64], "error_threshold": [0.0]}, reference_seconds=1e9 if BACKEND == "NUMPY" else 0.0, **more)
+    return measured(
+        scene,
+        values={"samples": [64], "error_threshold": [0.0]},
+        reference_seconds=1e9 if BACKEND == "NUMPY" else 0.0,
+        **more,
+    )
 
 
 def test_the_reference_itself_has_no_error():
     last = next(r for r in exact().rows if r.knobs["samples"] == 64)
-    assert (last.relative_rmse, last.max_error, last.levels, last.flip_mean, last.wrong) == (0, 0, 0, 0, 0)
+    assert (last.relative_rmse, last.max_error, last.levels, last.flip_mean, last.wrong) == (
+        0,
+        0,
+        0,
+        0,
+        0,
+    )
 
 
 def test_the_reference_says_who_made_it():
@@ -264,12 +369,16 @@ def test_the_plot_rises_to_the_left_and_marks_the_current_settings():
 
 def test_curves_keep_their_order():
     """The slower curve with the larger error lies to the upper right of the other."""
-    image = trade_plot.draw_curves({"fast": [(0.1, 0.1), (1.0, 0.01)], "slow": [(1.0, 0.1), (10.0, 0.01)]}, "two")
+    image = trade_plot.draw_curves(
+        {"fast": [(0.1, 0.1), (1.0, 0.01)], "slow": [(1.0, 0.1), (10.0, 0.01)]}, "two"
+    )
     places = [np.argwhere(_ink(image, color)[110:]).mean(0) for color in trade_plot._CURVES[:2]]
     assert places[0][1] < places[1][1] - 50 and abs(places[0][0] - places[1][0]) < 10
 
 
-@pytest.mark.parametrize("rows", [[], [row(0.0, 0.0)], [row(1.0, float("inf"))], [row(1.0, 0.0), row(2.0, 1e-300)]])
+@pytest.mark.parametrize(
+    "rows", [[], [row(0.0, 0.0)], [row(1.0, float("inf"))], [row(1.0, 0.0), row(2.0, 1e-300)]]
+)
 def test_odd_numbers_make_a_plot_too(rows):
     image = trade_plot.draw_trade(trade.Trade(trade.with_front(rows), "truth", (), (1, 1), 1, True))
     assert image.shape == (trade_plot.HEIGHT, trade_plot.WIDTH, 3) and np.isfinite(image).all()

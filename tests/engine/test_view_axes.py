@@ -16,11 +16,28 @@ PASSES = ("Normal", "Position", "Depth", "Object Index")
 
 
 def view(half: float, kind: str = "PERSPECTIVE", side: int = 32) -> s.Scene:
-    """A ball on a floor, 0.8 across and turned from the axes, seen from 5 away through a window of ±half."""
-    groups = (placed(0, (0,)), replace(placed(1, (1,), z=0.4, linear=0.4 * np.eye(3)), object_index=3))
-    look = replace(camera((3.1, -3.3, 2.2), (0.1, 0.0, 0.5)), kind=kind, window=(-half, half, -half, half), resolution=(side, side))
+    """A ball on a floor, 0.8 across and turned from the axes, seen from 5 away through a window of
+    ±half.
+    """
+    groups = (
+        placed(0, (0,)),
+        replace(placed(1, (1,), z=0.4, linear=0.4 * np.eye(3)), object_index=3),
+    )
+    look = replace(
+        camera((3.1, -3.3, 2.2), (0.1, 0.0, 0.5)),
+        kind=kind,
+        window=(-half, half, -half, half),
+        resolution=(side, side),
+    )
     lights = (lamp("POINT", (1.5, -1, 3), strength=300.0), lamp("SUN", strength=2.0))
-    return s.Scene(look, (grid_mesh(3), ball_mesh(12, smooth=True)), groups, (surface("floor", 0.5), surface("ball", 0.7)), (), lights)
+    return s.Scene(
+        look,
+        (grid_mesh(3), ball_mesh(12, smooth=True)),
+        groups,
+        (surface("floor", 0.5), surface("ball", 0.7)),
+        (),
+        lights,
+    )
 
 
 def test_usual_views_are_left_alone() -> None:
@@ -29,7 +46,9 @@ def test_usual_views_are_left_alone() -> None:
 
 
 def test_pixel_angle() -> None:
-    """The angle between the rays of neighbouring pixels is never less, and at the end of the middle row not more than about twice that."""
+    """The angle between the rays of neighbouring pixels is never less, and at the end of the middle
+    row not more than about twice that.
+    """
     for half in (1e-4, 0.3, 12.0):
         scene = view(half, side=64)
         line = half * ((2 * np.arange(64) + 1) / 64 - 1)
@@ -52,13 +71,22 @@ def test_the_frame_is_a_rotation_even_of_a_mirrored_and_sheared_camera() -> None
 
 @needs_core
 def test_passes_are_those_of_the_world() -> None:
-    """Against the float64 tracer, which knows nothing of such frames. Position: float32 of coordinates up to 4; Depth is near 5."""
+    """Against the float64 tracer, which knows nothing of such frames. Position: float32 of
+    coordinates up to 4; Depth is near 5.
+    """
     scene = view(2e-4)
     assert pixel_angle(scene.camera) < NARROW
     ours = draw(scene, *PASSES)
-    truth = engine.render(scene, engine.Settings(samples=1, light_samples=1, backend="NUMPY", passes=frozenset(PASSES)))
-    assert np.abs(ours.passes["Position"] - truth.passes["Position"]).max() <= 2 * np.spacing(np.float32(4))
-    assert np.abs(ours.passes["Depth"] - truth.passes["Depth"]).max() <= 2 * np.spacing(np.float32(5))
+    truth = engine.render(
+        scene,
+        engine.Settings(samples=1, light_samples=1, backend="NUMPY", passes=frozenset(PASSES)),
+    )
+    assert np.abs(ours.passes["Position"] - truth.passes["Position"]).max() <= 2 * np.spacing(
+        np.float32(4)
+    )
+    assert np.abs(ours.passes["Depth"] - truth.passes["Depth"]).max() <= 2 * np.spacing(
+        np.float32(5)
+    )
     assert np.abs(ours.passes["Normal"] - truth.passes["Normal"]).max() <= 1e-6
     assert np.array_equal(ours.passes["Object Index"], truth.passes["Object Index"])
     assert np.abs(ours.combined - truth.combined).max() <= 1e-6 * truth.combined.max()
@@ -68,7 +96,9 @@ def test_passes_are_those_of_the_world() -> None:
 def test_no_hit_is_no_place() -> None:
     """Where nothing is, Position stays 0 and does not become the eye."""
     scene = view(2e-4)
-    sky = replace(scene, instances=scene.instances[1:], camera=camera((3.1, -3.3, 2.2), (9.0, 9.0, 9.0)))
+    sky = replace(
+        scene, instances=scene.instances[1:], camera=camera((3.1, -3.3, 2.2), (9.0, 9.0, 9.0))
+    )
     sky = replace(sky, camera=replace(sky.camera, window=scene.camera.window))
     assert narrow_view_axes(sky.camera) is not None
     assert not draw(sky, *PASSES).passes["Position"].any()

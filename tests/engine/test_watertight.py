@@ -1,6 +1,8 @@
-"""No ray slips between two triangles, and no bit depends on the machine: rows N1, N2 and N15 of the numerics' acceptance table.
+"""No ray slips between two triangles, and no bit depends on the machine: rows N1, N2 and N15 of the
+numerics' acceptance table.
 
-The fast tests take a few thousand rays each, those marked slow the numbers of the table: 1e7 and 5e7.
+The fast tests take a few thousand rays each, those marked slow the numbers of the table: 1e7 and
+5e7.
 """
 
 from __future__ import annotations
@@ -33,26 +35,44 @@ BLOCK = 1 << 18
 CASES = [(name, radius, shift) for name in CLOSED for radius in RADII for shift in SHIFTS]
 
 
-# --- N1: rays exactly at edges and vertices -----------------------------------------------------------------------------------------
+# --- N1: rays exactly at edges and vertices
+# -----------------------------------------------------------------------------------------
 
 
-def targets(vertices: np.ndarray, triangles: np.ndarray, rng: np.random.Generator, count: int) -> np.ndarray:
-    """(count, 3) float64 points where leaks would be: a third vertices, a third middles of edges, a third anywhere on edges."""
+def targets(
+    vertices: np.ndarray, triangles: np.ndarray, rng: np.random.Generator, count: int
+) -> np.ndarray:
+    """(count, 3) float64 points where leaks would be: a third vertices, a third middles of edges, a
+    third anywhere on edges.
+    """
     triangle, side = rng.integers(len(triangles), size=count), rng.integers(3, size=count)
     a = vertices[triangles[triangle, side]].astype(float)
     b = vertices[triangles[triangle, (side + 1) % 3]].astype(float)
-    along = np.choose(rng.integers(3, size=count), [np.zeros(count), np.full(count, 0.5), rng.random(count)])
+    along = np.choose(
+        rng.integers(3, size=count), [np.zeros(count), np.full(count, 0.5), rng.random(count)]
+    )
     return a + along[:, None] * (b - a)
 
 
-def leaks_of_closed(vertices: np.ndarray, triangles: np.ndarray, center: np.ndarray, radius: float, rays: int, seed: int) -> int:
-    """Rays from inside that see nothing. Half of them start at the middle; a quarter of the origins are float32 numbers, so that most of
-    their differences to a vertex are exact."""
+def leaks_of_closed(
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    center: np.ndarray,
+    radius: float,
+    rays: int,
+    seed: int,
+) -> int:
+    """Rays from inside that see nothing. Half of them start at the middle; a quarter of the origins
+    are float32 numbers, so that most of their differences to a vertex are exact.
+    """
     rng, leaks = np.random.default_rng(seed), 0
     with engine.Accelerator.from_triangles(vertices, triangles) as tree:
         for begin in range(0, rays, BLOCK):
             count = min(BLOCK, rays - begin)
-            o = center + 0.3 * radius * rng.uniform(-1, 1, (count, 3)) * (np.arange(count) % 2)[:, None]
+            o = (
+                center
+                + 0.3 * radius * rng.uniform(-1, 1, (count, 3)) * (np.arange(count) % 2)[:, None]
+            )
             o[::4] = o[::4].astype(np.float32)
             d = targets(vertices, triangles, rng, count) - o
             for dtype in (np.float64, np.float32) if begin % (4 * BLOCK) == 0 else (np.float64,):
@@ -62,10 +82,22 @@ def leaks_of_closed(vertices: np.ndarray, triangles: np.ndarray, center: np.ndar
     return leaks
 
 
-def leaks_of_grid(vertices: np.ndarray, triangles: np.ndarray, center: np.ndarray, radius: float, rays: int, seed: int) -> int:
-    """Rays from both sides at the inner edges and vertices of an open grid that do not stop there."""
+def leaks_of_grid(
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    center: np.ndarray,
+    radius: float,
+    rays: int,
+    seed: int,
+) -> int:
+    """Rays from both sides at the inner edges and vertices of an open grid that do not stop
+    there.
+    """
     inner = (np.abs(vertices - center)[:, 0] < 0.95 * radius)[triangles].all(1)
-    inner &= (np.abs(0.6 * (vertices - center)[:, 1] + 0.8 * (vertices - center)[:, 2])[triangles] < 0.9 * radius).all(1)
+    inner &= (
+        np.abs(0.6 * (vertices - center)[:, 1] + 0.8 * (vertices - center)[:, 2])[triangles]
+        < 0.9 * radius
+    ).all(1)
     rng, leaks = np.random.default_rng(seed), 0
     normal = np.cross([1, -0.3, 0.2], [0, 0.6, 0.8])
     normal /= np.linalg.norm(normal)
@@ -74,7 +106,8 @@ def leaks_of_grid(vertices: np.ndarray, triangles: np.ndarray, center: np.ndarra
             count = min(BLOCK, rays - begin)
             at = targets(vertices, triangles[inner], rng, count)
             d = 2 * radius * rng.normal(size=(count, 3))
-            steep = np.abs(d @ normal) > 1e-2 * np.linalg.norm(d, axis=1)  # all but along it a float32 ray passes beside the open grid
+            # all but along it a float32 ray passes beside the open grid
+            steep = np.abs(d @ normal) > 1e-2 * np.linalg.norm(d, axis=1)
             at, d = at[steep], d[steep]
             leaks += int((~(tree.closest(at - d, d).t < np.inf)).sum())
     return leaks
@@ -94,7 +127,9 @@ def test_n1_closed_meshes(name: str, radius: float, shift: float) -> None:
 
 
 def test_n1_triangles_squeezed_to_lines() -> None:
-    """float32 holds this mesh to 6 % of its radius and squeezes 38 of its triangles to lines between three different corners."""
+    """float32 holds this mesh to 6 % of its radius and squeezes 38 of its triangles to lines
+    between three different corners.
+    """
     vertices, triangles = bumpy()
     placed, center = placed_mesh(vertices, 1e-3, 1e3)
     assert leaks_of_closed(placed, triangles, center, 1e-3, 200_000, seed=1) == 0
@@ -117,18 +152,24 @@ def test_n1_ten_million_rays() -> None:
         placed, center = placed_mesh(vertices, radius, shift)
         leaks[name, radius, shift] = leaks_of_closed(placed, triangles, center, radius, rays, seed)
     for radius in RADII:
-        for shift in (0.0, 1.0) if radius < 1 else SHIFTS:  # at 1e3 float32 no longer holds an open grid of size 1e-3
+        # at 1e3 float32 no longer holds an open grid of size 1e-3
+        for shift in (0.0, 1.0) if radius < 1 else SHIFTS:
             vertices, triangles = oblique_grid()
             placed, center = placed_mesh(vertices, radius, shift)
-            leaks["grid", radius, shift] = leaks_of_grid(placed, triangles, center, radius, rays, seed=99)
+            leaks["grid", radius, shift] = leaks_of_grid(
+                placed, triangles, center, radius, rays, seed=99
+            )
     assert not {case: count for case, count in leaks.items() if count}
 
 
-# --- N2: closed black meshes in a white world ---------------------------------------------------------------------------------------
+# --- N2: closed black meshes in a white world
+# ---------------------------------------------------------------------------------------
 
 
 def lit_pixels(name: str, size: int, seed: int) -> int:
-    """Of size² camera rays from a random place inside a closed black mesh those that see the white world."""
+    """Of size² camera rays from a random place inside a closed black mesh those that see the white
+    world.
+    """
     rng = np.random.default_rng(seed)
     vertices, triangles = CLOSED[name]()
     mesh = s.Mesh(name, vertices.astype(np.float32), triangles)
@@ -139,7 +180,9 @@ def lit_pixels(name: str, size: int, seed: int) -> int:
     half = 0.3 if kind == "ORTHOGRAPHIC" else 1.0
     camera = s.Camera(kind, view, (-half, half, -half, half), (size, size))
     group = s.Instances(name, 0, np.eye(4)[None, :3], (0,))
-    scene = s.Scene(camera, (mesh,), (group,), (material(),), world=s.World(background=(1.0, 1.0, 1.0)))
+    scene = s.Scene(
+        camera, (mesh,), (group,), (material(),), world=s.World(background=(1.0, 1.0, 1.0))
+    )
     film = engine.render(scene, engine.Settings(samples=1))
     assert film.combined.shape == (size, size, 4) and (film.combined[..., 3] == 1).all()
     return int((film.combined[..., :3] > 0).any(-1).sum())
@@ -169,7 +212,8 @@ def test_n2_would_see_a_leak() -> None:
         del CLOSED["open box"]
 
 
-# --- N15: the same bits -------------------------------------------------------------------------------------------------------------
+# --- N15: the same bits
+# --------------------------------------------------------------------------------------------------
 
 TESTS = Path(__file__).resolve().parent.parent
 INSTRUCTION_SETS = ("sse42", "avx2", "avx512", "neon", "generic")
@@ -177,9 +221,18 @@ INSTRUCTION_SETS = ("sse42", "avx2", "avx512", "neon", "generic")
 
 
 def fingerprints(threads: int, cut: bool) -> dict[str, str]:
-    """name -> hash of all passes of every scene, whole or put together from four regions, and of ray queries."""
-    plan = engine.Settings(samples=2, light_samples=3, threads=threads, passes=frozenset(engine.PASSES) - {"Combined", "Fallbacks"})
-    return {name: _hash(_passes(make(), plan, cut)) for name, make in SCENES.items()} | {"queries": _hash(_queries(threads))}
+    """name -> hash of all passes of every scene, whole or put together from four regions, and of
+    ray queries.
+    """
+    plan = engine.Settings(
+        samples=2,
+        light_samples=3,
+        threads=threads,
+        passes=frozenset(engine.PASSES) - {"Combined", "Fallbacks"},
+    )
+    return {name: _hash(_passes(make(), plan, cut)) for name, make in SCENES.items()} | {
+        "queries": _hash(_queries(threads))
+    }
 
 
 def _passes(scene: s.Scene, plan: engine.Settings, cut: bool) -> list[np.ndarray]:
@@ -187,7 +240,10 @@ def _passes(scene: s.Scene, plan: engine.Settings, cut: bool) -> list[np.ndarray
         return [passed for _, passed in sorted(engine.render(scene, plan).passes.items())]
     (nx, ny), found = scene.camera.resolution, []
     for y0, y1 in ((0, 7), (7, ny)):
-        row = [engine.render(scene, replace(plan, region=(x0, y0, x1, y1))).passes for x0, x1 in ((0, 33), (33, nx))]
+        row = [
+            engine.render(scene, replace(plan, region=(x0, y0, x1, y1))).passes
+            for x0, x1 in ((0, 33), (33, nx))
+        ]
         found.append({name: np.concatenate([part[name] for part in row], 1) for name in row[0]})
     return [np.concatenate([part[name] for part in found], 0) for name in sorted(found[0])]
 
@@ -197,7 +253,9 @@ def _queries(threads: int) -> list[np.ndarray]:
     rng = np.random.default_rng(4)
     o = rng.normal(size=(5000, 3))
     d = vertices[rng.integers(len(vertices), size=5000)] - o
-    with engine.Accelerator.from_triangles(vertices.astype(np.float32), triangles, threads=threads) as tree:
+    with engine.Accelerator.from_triangles(
+        vertices.astype(np.float32), triangles, threads=threads
+    ) as tree:
         hits = tree.closest(o, d)
         return [hits.t, hits.instance, hits.primitive, hits.u, hits.v, tree.occluded(o, d, 0, 1)]
 
@@ -210,10 +268,22 @@ def _hash(arrays: list[np.ndarray]) -> str:
 
 
 def _elsewhere(instruction_set: str) -> dict | None:
-    """What `fingerprints` says in a process whose core is made to use that instruction set; None where it cannot."""
-    program = "import sys, conftest; sys.path.append('engine'); import test_watertight; test_watertight.report()"
+    """What `fingerprints` says in a process whose core is made to use that instruction set; None
+    where it cannot.
+    """
+    program = (
+        "import sys, conftest; sys.path.append('engine'); import test_watertight; "
+        "test_watertight.report()"
+    )
     variables = {**os.environ, "GLINT_ISA": instruction_set}
-    run = subprocess.run([sys.executable, "-c", program], cwd=TESTS, env=variables, capture_output=True, text=True, check=False)
+    run = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=TESTS,
+        env=variables,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert run.returncode == 0, run.stderr[-2000:]
     answer = json.loads(run.stdout)
     return answer if answer["isa"] == instruction_set else None

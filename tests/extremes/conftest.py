@@ -1,4 +1,5 @@
-"""The table of the run: extreme, Cycles' wrong pixels, Glint's wrong pixels; printed at its end and kept as JSON for table.py.
+"""The table of the run: extreme, Cycles' wrong pixels, Glint's wrong pixels; printed at its end and
+kept as JSON for table.py.
 
 GLINT_EXTREMES_JSON=PATH in the environment says where; without it nothing is written.
 """
@@ -25,7 +26,9 @@ def rows(request: pytest.FixtureRequest) -> list:
     return request.config.stash.setdefault(_ROWS, [])
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
     found = config.stash.get(_ROWS, [])
     if not found:
         return

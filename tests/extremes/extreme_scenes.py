@@ -21,8 +21,10 @@ def new_scene(side: int = SIDE):
 
 
 def still_life(scale: float = 1.0, shift=(0.0, 0.0, 0.0)):
-    """Four flat-shaded things under a point light, about 40 across; every coordinate is a whole number, so that float32 holds them up to
-    2^24 from the origin. All is scaled about the origin, then shifted."""
+    """Four flat-shaded things under a point light, about 40 across; every coordinate is a whole
+    number, so that float32 holds them up to 2^24 from the origin. All is scaled about the origin,
+    then shifted.
+    """
     scene = new_scene()
     things = (
         ("Floor", build.plane(16.0, build.lambert((0.8, 0.75, 0.7))), (0, 0, 0), (1, 1, 1)),
@@ -41,7 +43,9 @@ def still_life(scale: float = 1.0, shift=(0.0, 0.0, 0.0)):
 
 
 def placed(place, size, scale: float = 1.0, shift=(0.0, 0.0, 0.0)):
-    """A 4×4 matrix: a diagonal, then a translation, then the scale and the shift of the whole scene."""
+    """A 4×4 matrix: a diagonal, then a translation, then the scale and the shift of the whole
+    scene.
+    """
     return build.moved(*(np.multiply(place, scale) + shift), *(float(scale * x) for x in size))
 
 
@@ -55,7 +59,9 @@ def sun_at(direction):
 
 
 def grid_mesh(count: int, size: float, heights=None, material=None, turn=None):
-    """A grid of count × count quads over [-size, size]²; heights (count + 1, count + 1); turned by a (3, 3) matrix before float32."""
+    """A grid of count × count quads over [-size, size]²; heights (count + 1, count + 1); turned by
+    a (3, 3) matrix before float32.
+    """
     line = np.linspace(-size, size, count + 1)
     x, y = np.meshgrid(line, line)
     points = np.stack([x, y, np.zeros_like(x) if heights is None else heights], -1).reshape(-1, 3)
@@ -70,7 +76,9 @@ def grey(value: float = 0.8):
 
 
 def add_parented(scene, name: str, data, matrix):
-    """An object under a matrix that no decomposition into location, rotation and scale touches: the parent's inverse takes it whole."""
+    """An object under a matrix that no decomposition into location, rotation and scale touches: the
+    parent's inverse takes it whole.
+    """
     item = build.add(scene, name, data)
     item.parent = build.add(scene, name + " parent", None)
     item.matrix_parent_inverse = matrix

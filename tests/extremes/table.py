@@ -2,8 +2,9 @@
 
     python tests/extremes/table.py [ROWS.json] [--all]
 
-Without ROWS.json all tests here are run first, slow ones too. Prints Markdown: one line for each extreme with the cases that were worst for
-Cycles and for Glint, or with --all a line for every case.
+Without ROWS.json all tests here are run first, slow ones too. Prints Markdown: one line for each
+extreme with the cases that were worst for Cycles and for Glint, or with --all a line for every
+case.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -30,7 +31,8 @@ TITLES = {
     "N9": "Lamp on a surface, 1e-6 above, at a corner, inside",
     "N10": "Where a cube meets the floor, seen 1 to 1e-4 across",
     "N11": "Coarse smooth balls: acne",
-    "N12": "Field of view 0.01° to 179.9°, shift 100, parallel 1e-6 to 1e6, clip 1e-6 to 1e30, scaled cameras",
+    "N12": "Field of view 0.01° to 179.9°, shift 100, parallel 1e-6 to 1e6, clip 1e-6 to 1e30, "
+    "scaled cameras",
     "N13": "2 and 100 faces in the same place",
     "N14": "Highlights of exponent 0 to 1e9",
     "N16": "Mean of a million samples",
@@ -38,8 +40,12 @@ TITLES = {
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("rows", nargs="?", type=Path, help="what GLINT_EXTREMES_JSON of an earlier run holds")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "rows", nargs="?", type=Path, help="what GLINT_EXTREMES_JSON of an earlier run holds"
+    )
     parser.add_argument("--all", action="store_true", help="every case")
     options = parser.parse_args()
     rows = json.loads(options.rows.read_text()) if options.rows else measured()
@@ -52,7 +58,9 @@ def measured() -> list[dict]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rows.json"
         command = [sys.executable, "-m", "pytest", "-q", str(HERE)]
-        run = subprocess.run(command, env={**os.environ, JSON_VARIABLE: str(path)}, stdout=sys.stderr)
+        run = subprocess.run(
+            command, env={**os.environ, JSON_VARIABLE: str(path)}, stdout=sys.stderr
+        )
         if run.returncode or not path.exists():
             raise SystemExit(run.returncode or 1)
         return json.loads(path.read_text())
@@ -65,17 +73,30 @@ def summary(rows: list[dict]) -> list[str]:
         mine = [row for row in rows if row["extreme"] == extreme]
         if mine:
             worst = max(mine, key=lambda row: row["cycles"] / row["pixels"])
-            cycles = f"{worst['cycles']} of {worst['pixels']} ({worst['case']})" if worst["cycles"] else "0"
-            lines.append(f"| {title} | {len(mine)} | {cycles} | {max(row['glint'] for row in mine)} |")
+            cycles = (
+                f"{worst['cycles']} of {worst['pixels']} ({worst['case']})"
+                if worst["cycles"]
+                else "0"
+            )
+            lines.append(
+                f"| {title} | {len(mine)} | {cycles} | {max(row['glint'] for row in mine)} |"
+            )
     return lines
 
 
 def every_case(rows: list[dict]) -> list[str]:
     """A line for each case, with the largest relative error of pixels that are not wrong."""
-    lines = ["| id | case | pixels | Cycles: wrong | Glint: wrong | Cycles: error of the others | Glint |", "|---|---|---|---|---|---|---|"]
+    lines = [
+        "| id | case | pixels | Cycles: wrong | Glint: wrong | Cycles: error of the others | Glint "
+        "|",
+        "|---|---|---|---|---|---|---|",
+    ]
     for row in rows:
         errors = f"{row['cycles_error']:.1e} | {row['glint_error']:.1e}"
-        lines.append(f"| {row['extreme']} | {row['case']} | {row['pixels']} | {row['cycles']} | {row['glint']} | {errors} |")
+        lines.append(
+            f"| {row['extreme']} | {row['case']} | {row['pixels']} | {row['cycles']} | "
+            f"{row['glint']} | {errors} |"
+        )
     return lines
 
 

@@ -34,10 +34,15 @@ SOUND = {
 
 
 def scene_with(faces):
-    """The still life whose ball has these triangles more, on vertices of their own; None: one of its own faces again."""
+    """The still life whose ball has these triangles more, on vertices of their own; None: one of
+    its own faces again.
+    """
     scene = extreme.still_life()
     ball = scene.objects["Ball"]
-    points, corners = [v.co[:] for v in ball.data.vertices], [p.vertices[:] for p in ball.data.polygons]
+    points, corners = (
+        [v.co[:] for v in ball.data.vertices],
+        [p.vertices[:] for p in ball.data.polygons],
+    )
     for face in faces:
         corners.append(tuple(range(len(points), len(points) + 3)) if face else corners[0])
         points += face or ()
@@ -63,7 +68,9 @@ def test_faces_that_are_none(name, rows):
 
 @pytest.mark.parametrize("name", SOUND)
 def test_faces_that_hardly_are(name, rows):
-    """Whether they are left out or stay (the tracer's rounding may take a sliver's last extent): no pixel's centre sees a difference."""
+    """Whether they are left out or stay (the tracer's rounding may take a sliver's last extent): no
+    pixel's centre sees a difference.
+    """
     truth = true_picture(extreme.still_life())
     assert measure(rows, "N6", name, scene_with([SOUND[name]]), truth).glint == 0
 
@@ -83,6 +90,9 @@ def test_smooth_neighbours_of_a_bad_vertex(rows):
     data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
     data.vertices[40].co = (NAN, NAN, NAN)
     data.update()
-    film = render(export_scene(bpy.context.evaluated_depsgraph_get(), width=64, height=64).scene, Settings(samples=1))
+    film = render(
+        export_scene(bpy.context.evaluated_depsgraph_get(), width=64, height=64).scene,
+        Settings(samples=1),
+    )
     assert np.isfinite(film.combined).all()
     assert film.combined[..., 3].mean() > 0.3

@@ -1,18 +1,24 @@
-"""The table of bad input, row by row, from a Blender scene to the pixel. Tests of the parts live elsewhere:
+"""The table of bad input, row by row, from a Blender scene to the pixel. Tests of the parts live
+elsewhere:
 
-NaN, Inf transform   test_a_transform_that_is_no_place; blender/test_export_instances: test_places_that_are_not_finite_are_named
-NaN, Inf vertex      test_bad_faces.py; blender/test_export_meshes: test_faces_with_vertices_that_are_not_finite_are_counted_out
-NaN, Inf light       test_a_light_with_no_power, test_a_colour_channel_that_is_no_number; blender/test_export_lights
-NaN, Inf colour      test_a_colour_channel_that_is_no_number; blender/test_export_materials, _world: test_values_that_are_not_finite_…
-NaN, Inf camera      test_a_camera_nowhere_is_an_error; blender/test_export_camera: test_bad_cameras_are_errors
-power 3e38, negative test_the_largest_power_saturates, test_negative_power_…; blender/test_export_lights: test_odd_powers_are_kept
-image                test_images_that_cannot_be_read_are_magenta; blender/test_export_images: test_what_cannot_be_read_…
-circles of links     test_a_circle_of_nodes_counts_as_the_default; blender/test_export_materials: test_circles_…
-256 nested groups    test_the_depth_of_256_groups; blender/test_export_materials: test_nested_groups
-material slots       test_no_material_is_…, test_a_slot_that_is_not_there_…; blender/test_export_materials, _meshes
-no light, no world   test_nothing_that_shines; blender/test_addon_render: test_a_black_picture_says_why
-2^32, no memory      test_more_triangles_than_an_index_counts, test_blender_lives_on_…; engine/test_native_render: test_memory_…
-cancel               test_a_cancel_stops_within_few_rays; engine/test_native_render: test_cancel_…; _reference_render: test_should_stop_…
+NaN, Inf transform   test_a_transform_that_is_no_place; blender/test_export_instances:
+test_places_that_are_not_finite_are_named NaN, Inf vertex      test_bad_faces.py;
+blender/test_export_meshes: test_faces_with_vertices_that_are_not_finite_are_counted_out NaN, Inf
+light       test_a_light_with_no_power, test_a_colour_channel_that_is_no_number;
+blender/test_export_lights NaN, Inf colour      test_a_colour_channel_that_is_no_number;
+blender/test_export_materials, _world: test_values_that_are_not_finite_… NaN, Inf camera
+test_a_camera_nowhere_is_an_error; blender/test_export_camera: test_bad_cameras_are_errors power
+3e38, negative test_the_largest_power_saturates, test_negative_power_…; blender/test_export_lights:
+test_odd_powers_are_kept image                test_images_that_cannot_be_read_are_magenta;
+blender/test_export_images: test_what_cannot_be_read_… circles of links
+test_a_circle_of_nodes_counts_as_the_default; blender/test_export_materials: test_circles_… 256
+nested groups    test_the_depth_of_256_groups; blender/test_export_materials: test_nested_groups
+material slots       test_no_material_is_…, test_a_slot_that_is_not_there_…;
+blender/test_export_materials, _meshes no light, no world   test_nothing_that_shines;
+blender/test_addon_render: test_a_black_picture_says_why 2^32, no memory
+test_more_triangles_than_an_index_counts, test_blender_lives_on_…; engine/test_native_render:
+test_memory_… cancel               test_a_cancel_stops_within_few_rays; engine/test_native_render:
+test_cancel_…; _reference_render: test_should_stop_…
 """
 
 from __future__ import annotations
@@ -43,7 +49,9 @@ def notes() -> tuple[str, ...]:
 
 
 def floor_scene():
-    """A floor that fills the view of a camera above, under a sun in the zenith of E = π; a pixel is the albedo."""
+    """A floor that fills the view of a camera above, under a sun in the zenith of E = π; a pixel is
+    the albedo.
+    """
     scene = extreme.new_scene(SIDE)
     build.add(scene, "Floor", build.plane(50.0, extreme.grey()))
     build.add_light(scene, "SUN", (0, 0, 1), energy=pi)
@@ -209,7 +217,9 @@ def default_surface():
     if bpy.app.version < (5, 0, 0):
         return extreme.grey()
     material, tree, output = build.new_material("Default")
-    tree.links.new(tree.nodes.new("ShaderNodeBsdfPrincipled").outputs["BSDF"], output.inputs["Surface"])
+    tree.links.new(
+        tree.nodes.new("ShaderNodeBsdfPrincipled").outputs["BSDF"], output.inputs["Surface"]
+    )
     return material
 
 
@@ -217,7 +227,9 @@ def test_a_slot_that_is_not_there_is_the_last():
     scene = floor_scene()
     data = scene.objects["Floor"].data
     data.materials.append(extreme.grey(0.6))
-    data.attributes.new("material_index", "INT", "FACE").data.foreach_set("value", np.full(len(data.polygons), 77, np.int32))
+    data.attributes.new("material_index", "INT", "FACE").data.foreach_set(
+        "value", np.full(len(data.polygons), 77, np.int32)
+    )
     assert np.abs(colors(scene) - 0.6).max() < 1e-6
 
 
@@ -235,7 +247,9 @@ def test_nothing_that_shines(backend):
 
 
 def test_more_triangles_than_an_index_counts():
-    """2^40 of them, past the door that would look at each: an error, and the next picture is drawn."""
+    """2^40 of them, past the door that would look at each: an error, and the next picture is
+    drawn.
+    """
     scene = floor_scene()
     given = export_scene(bpy.context.evaluated_depsgraph_get(), width=SIDE, height=SIDE).scene
     triangles = np.broadcast_to(given.geometries[0].triangles[:1], (2**40, 3))
@@ -246,7 +260,9 @@ def test_more_triangles_than_an_index_counts():
 
 
 def test_blender_lives_on_after_a_lack_of_memory(tmp_path):
-    """The operator fails with a message that says how much; the next render of the same process succeeds."""
+    """The operator fails with a message that says how much; the next render of the same process
+    succeeds.
+    """
     run = Blender(tmp_path).run(
         REGISTER_TREE
         + """
@@ -279,13 +295,19 @@ answer({"said": said, "then": sorted(bpy.ops.render.render())})
 
 
 def test_a_cancel_stops_within_few_rays():
-    """100 ms are more than 100 000 of these rays on the slowest core there is: at most so many are traced after the word."""
+    """100 ms are more than 100 000 of these rays on the slowest core there is: at most so many are
+    traced after the word.
+    """
     scene = extreme.still_life()
     samples, told = 1 << 14, [0.0]
     film = render_glint(scene, "NATIVE", samples=1)
     rays = film.stats["rays"]
-    export = export_scene(bpy.context.evaluated_depsgraph_get(), width=extreme.SIDE, height=extreme.SIDE)
+    export = export_scene(
+        bpy.context.evaluated_depsgraph_get(), width=extreme.SIDE, height=extreme.SIDE
+    )
     settings = engine.Settings(samples=samples, light_samples=1, threads=2)
-    film = engine.render(export.scene, settings, should_stop=lambda: told[-1] > 4 / samples, on_progress=told.append)
+    film = engine.render(
+        export.scene, settings, should_stop=lambda: told[-1] > 4 / samples, on_progress=told.append
+    )
     assert not film.complete
     assert film.stats["rays"] - told[-1] * samples * rays < 1e5 + rays

@@ -15,7 +15,9 @@ DIRECTION = np.array([1.0, -0.7, 0.4])
 
 @pytest.mark.parametrize("exponent", [3, 4, 5, 6, 7])
 def test_far_from_the_origin(exponent, rows):
-    """N3: object, camera and light moved to 10^k; no wrong pixel, and at most twice the largest error at the origin."""
+    """N3: object, camera and light moved to 10^k; no wrong pixel, and at most twice the largest
+    error at the origin.
+    """
     at_home = extreme.still_life()
     home = render_glint(at_home, "NATIVE").combined
     truth = true_picture(at_home)

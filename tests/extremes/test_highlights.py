@@ -1,8 +1,10 @@
-"""N14: highlights from the broadest to the sharpest, k_s I (n·h)^p through Blender's node to the pixel.
+"""N14: highlights from the broadest to the sharpest, k_s I (n·h)^p through Blender's node to the
+pixel.
 
-The view is so narrow that the highlight fills it: a pixel's h turns by half of what its ray turns. The closed form takes the rays and the
-sun from Blender's matrices in float64. What the acceptance list allows is for the power itself; Film rounds it to float32, which adds
-half a unit in the last place of values up to 1: 2^-25.
+The view is so narrow that the highlight fills it: a pixel's h turns by half of what its ray turns.
+The closed form takes the rays and the sun from Blender's matrices in float64. What the acceptance
+list allows is for the power itself; Film rounds it to float32, which adds half a unit in the last
+place of values up to 1: 2^-25.
 """
 
 from __future__ import annotations
@@ -24,7 +26,9 @@ SUN = (0.0, 1.0, 1.0)
 
 
 def shining_floor(exponent: float, eye=(0.0, -2.0, 2.0)):
-    """A floor of k_s 1 and nothing else, under a sun of I = 1, seen where the sun is mirrored; the view spans eight standard widths."""
+    """A floor of k_s 1 and nothing else, under a sun of I = 1, seen where the sun is mirrored; the
+    view spans eight standard widths.
+    """
     scene = extreme.new_scene()
     material, tree, output = build.new_material("Shine")
     node = add_blinn_phong(tree)
@@ -46,7 +50,9 @@ def axes_of(item) -> np.ndarray:
 
 
 def power_of(scene, exponent: float) -> np.ndarray:
-    """(h, w) of (n·h)^p with n = +z, from the squared sine: right to 1e-15 relative for every p here."""
+    """(h, w) of (n·h)^p with n = +z, from the squared sine: right to 1e-15 relative for every p
+    here.
+    """
     axes, light = axes_of(scene.camera), axes_of(scene.objects["Light"])[:, 2]
     half = scene.camera.data.sensor_width / 2 / scene.camera.data.lens
     line = half * ((2 * np.arange(extreme.SIDE) + 1) / extreme.SIDE - 1)
@@ -63,9 +69,19 @@ def as_cycles_network(scene, exponent: float) -> None:
     tree.nodes.clear()
     net = Network(tree)
     geometry = tree.nodes.new("ShaderNodeNewGeometry").outputs
-    half = net.vector("NORMALIZE", net.vector("ADD", tuple(axes_of(scene.objects["Light"])[:, 2]), geometry["Incoming"]))
-    shine = net.math("POWER", net.math("MAXIMUM", net.vector("DOT_PRODUCT", geometry["Normal"], half), 0.0), exponent)
-    emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
+    half = net.vector(
+        "NORMALIZE",
+        net.vector("ADD", tuple(axes_of(scene.objects["Light"])[:, 2]), geometry["Incoming"]),
+    )
+    shine = net.math(
+        "POWER",
+        net.math("MAXIMUM", net.vector("DOT_PRODUCT", geometry["Normal"], half), 0.0),
+        exponent,
+    )
+    emission, output = (
+        tree.nodes.new("ShaderNodeEmission"),
+        tree.nodes.new("ShaderNodeOutputMaterial"),
+    )
     tree.links.new(shine, emission.inputs["Color"])
     tree.links.new(emission.outputs[0], output.inputs["Surface"])
 
@@ -80,7 +96,9 @@ def test_exponent(exponent, rows):
     assert exponent < 2 or truth.min() < 0.1
     glint = render_glint(scene, "NATIVE").combined
     as_cycles_network(scene, exponent)
-    row = compare(rows, "N14", f"exponent {exponent:g}", (render_cycles(scene)["Combined"], glint), truth)
+    row = compare(
+        rows, "N14", f"exponent {exponent:g}", (render_cycles(scene)["Combined"], glint), truth
+    )
     assert np.isfinite(glint).all()
     assert np.abs(glint - truth).max() <= ALLOWED[exponent] + FILM
     assert row.glint == 0
@@ -88,7 +106,9 @@ def test_exponent(exponent, rows):
 
 @pytest.mark.parametrize("exponent", [0.0, 1e9])
 def test_no_half_vector(exponent):
-    """Seen along the sun's rays from below, v + l is 0 in the middle and the sun is behind the surface: black, not NaN."""
+    """Seen along the sun's rays from below, v + l is 0 in the middle and the sun is behind the
+    surface: black, not NaN.
+    """
     picture = render_glint(shining_floor(exponent, eye=(0.0, -2.0, -2.0)), "NATIVE").combined
     assert (picture[..., 3] == 1).all()
     assert (picture[..., :3] == 0).all()

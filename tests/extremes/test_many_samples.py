@@ -17,7 +17,9 @@ WIDTH = 1.5
 
 
 def four_pixels():
-    """An empty scene of two by two pixels, which is half of the smallest size that Blender knows."""
+    """An empty scene of two by two pixels, which is half of the smallest size that Blender
+    knows.
+    """
     scene = extreme.new_scene(4)
     scene.render.resolution_percentage = 50
     return scene
@@ -47,7 +49,9 @@ def test_mean_of_equal_samples(rows):
 
 @pytest.mark.slow
 def test_mean_of_a_million_different_samples():
-    """Under a point light every sample has a radiance of its own: a I cos θ / (4 π² d²) at its place on the floor, averaged in float64."""
+    """Under a point light every sample has a radiance of its own: a I cos θ / (4 π² d²) at its
+    place on the floor, averaged in float64.
+    """
     scene = four_pixels()
     build.add(scene, "Floor", build.plane(100.0, extreme.grey(0.7)))
     build.add_light(scene, "POINT", (1.0, -0.5, 2.0), energy=100.0)

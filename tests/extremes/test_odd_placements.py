@@ -50,9 +50,13 @@ def placed_ball(scene, name: str, smooth: bool):
     points = np.array([v.co[:] for v in data.vertices]) * size
     data.vertices.foreach_set("co", points.astype(np.float32).ravel())
     data.update()
-    place = Matrix.Translation((0.1, 0.2, 1.2)) @ Matrix.Rotation(radians(20), 4, "X") @ Matrix.Rotation(radians(50), 4, "Z")
-    # Cycles bakes the matrix of a mesh with one user into the normals before it interpolates them; a second user, out of sight, prevents
-    # that.
+    place = (
+        Matrix.Translation((0.1, 0.2, 1.2))
+        @ Matrix.Rotation(radians(20), 4, "X")
+        @ Matrix.Rotation(radians(50), 4, "Z")
+    )
+    # Cycles bakes the matrix of a mesh with one user into the normals before it interpolates them;
+    # a second user, out of sight, prevents that.
     extreme.add_parented(scene, "User", data, Matrix.Translation((0, 0, -900)) @ matrix())
     return extreme.add_parented(scene, "Ball", data, place @ matrix())
 
@@ -78,7 +82,10 @@ def test_odd_matrix(name, smooth, below, rows):
     truth = true_picture(scene, cast_shadow=not (below and name.startswith("one axis")))
     assert (truth[..., :3].sum(-1) > 0).sum() > 500
     side = "from below" if below else "from above"
-    assert measure(rows, "N7", f"{name}, {'smooth' if smooth else 'flat'}, {side}", scene, truth).glint == 0
+    assert (
+        measure(rows, "N7", f"{name}, {'smooth' if smooth else 'flat'}, {side}", scene, truth).glint
+        == 0
+    )
 
 
 def stack(copies: int, as_objects: bool, floor_last: bool = False):
@@ -91,10 +98,18 @@ def stack(copies: int, as_objects: bool, floor_last: bool = False):
         build.add(scene, "Floor", build.plane(6.0, extreme.grey()))
     if as_objects:
         for number in range(copies):
-            build.add(scene, f"Square {number:03d}", build.mesh("Square", corners, triangles, material=material))
+            build.add(
+                scene,
+                f"Square {number:03d}",
+                build.mesh("Square", corners, triangles, material=material),
+            )
     else:
         points = [corner for _ in range(copies) for corner in corners]
-        faces = [tuple(4 * number + k for k in triangle) for number in range(copies) for triangle in triangles]
+        faces = [
+            tuple(4 * number + k for k in triangle)
+            for number in range(copies)
+            for triangle in triangles
+        ]
         build.add(scene, "Square 000", build.mesh("Squares", points, faces, material=material))
     if floor_last:
         build.add(scene, "Floor", build.plane(6.0, extreme.grey()))

@@ -10,7 +10,9 @@ EPS = np.finfo(np.float64).eps
 
 def close(found, expected, ulps=8.0):
     """Equal to a few roundings of numbers of size about 1."""
-    np.testing.assert_allclose(found, expected, rtol=0, atol=ulps * EPS * max(1.0, np.max(np.abs(expected))))
+    np.testing.assert_allclose(
+        found, expected, rtol=0, atol=ulps * EPS * max(1.0, np.max(np.abs(expected)))
+    )
 
 
 def test_2_1_trigonometric_identities_are_products_of_rotations():
@@ -60,7 +62,8 @@ def test_2_5_gram_schmidt_makes_an_orthonormal_basis_of_the_same_spans():
     basis = linear.gram_schmidt(columns)
     close(basis.T @ basis, np.eye(3))
     close(basis[:, 0], [0.6, 0.0, 0.8])
-    close(np.tril(basis.T @ columns, -1), np.zeros((3, 3)), 16)  # column k needs only the first k basis vectors
+    # column k needs only the first k basis vectors
+    close(np.tril(basis.T @ columns, -1), np.zeros((3, 3)), 16)
     assert np.all(np.diag(basis.T @ columns) > 0)
 
 
@@ -75,7 +78,9 @@ def test_2_5_a_basis_from_one_vector_or_two():
 
 def test_2_6_linear_interpolation_over_two_points():
     assert linear.lerp(2.5, 2.0, 4.0, 10.0, 30.0) == 15.0
-    np.testing.assert_array_equal(linear.lerp(0.5, 0.0, 1.0, np.array([0.0, 1.0]), np.array([1.0, 3.0])), [0.5, 2.0])
+    np.testing.assert_array_equal(
+        linear.lerp(0.5, 0.0, 1.0, np.array([0.0, 1.0]), np.array([1.0, 3.0])), [0.5, 2.0]
+    )
 
 
 def test_2_6_piecewise_linear_interpolation():
@@ -97,7 +102,16 @@ def test_2_7_barycentric_coordinates_by_solving():
 def test_2_7_barycentric_coordinates_by_areas():
     p = 0.2 * A + 0.3 * B + 0.5 * C
     whole = linear.triangle_area(A, B, C)
-    by_hand = np.array([linear.triangle_area(p, B, C), linear.triangle_area(p, C, A), linear.triangle_area(p, A, B)]) / whole
+    by_hand = (
+        np.array(
+            [
+                linear.triangle_area(p, B, C),
+                linear.triangle_area(p, C, A),
+                linear.triangle_area(p, A, B),
+            ]
+        )
+        / whole
+    )
     close(by_hand, [0.2, 0.3, 0.5])
     close(linear.barycentric_by_areas(p, A, B, C), by_hand)
 

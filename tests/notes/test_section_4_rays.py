@@ -1,4 +1,6 @@
-"""Section 4 of the lecture notes, Ray Tracing, first half: viewing rays and what they meet (4.1-4.10)."""
+"""Section 4 of the lecture notes, Ray Tracing, first half: viewing rays and what they meet
+(4.1-4.10).
+"""
 
 from dataclasses import replace
 
@@ -21,9 +23,12 @@ def hit_mask(film):
 
 
 def test_4_1_object_order_and_image_order_draw_the_same_picture(draw):
-    # Object order: each triangle is taken to the pixels by the matrices of section 7 and leaves its depth where it is nearest.
+    # Object order: each triangle is taken to the pixels by the matrices of section 7 and leaves its
+    # depth where it is nearest.
     camera = view(resolution=(24, 20))
-    vertices = np.random.default_rng(13).uniform([-3, -3, -6], [3, 3, -2], (12, 3)).astype(np.float32)
+    vertices = (
+        np.random.default_rng(13).uniform([-3, -3, -6], [3, 3, -2], (12, 3)).astype(np.float32)
+    )
     triangles = np.arange(12).reshape(4, 3)
     depth = np.full((20, 24), np.inf)
     centers = np.stack(np.meshgrid(np.arange(24.0), np.arange(20.0)), -1)
@@ -42,22 +47,33 @@ def test_4_3_straight_lines_stay_straight():
     camera = view(**TILTED)
     a, b = np.array([1.0, 4.0, -3.0]), np.array([-2.0, 1.0, -9.0])
     line = linear.project_to_pixels(a + np.linspace(0, 1, 20)[:, None] * (b - a), camera)[:, :2]
-    off = linear.cross(np.append(line[-1] - line[0], 0.0), np.column_stack([line - line[0], np.zeros(20)]))[:, 2]
+    off = linear.cross(
+        np.append(line[-1] - line[0], 0.0), np.column_stack([line - line[0], np.zeros(20)])
+    )[:, 2]
     np.testing.assert_allclose(off, 0.0, atol=1e-12)
     steps = np.diff(line, axis=0)
-    assert linear.length(steps[0]) > 1.5 * linear.length(steps[-1])  # and equal steps shrink with the distance
+    # and equal steps shrink with the distance
+    assert linear.length(steps[0]) > 1.5 * linear.length(steps[-1])
 
 
 def test_4_4_parallel_projection_keeps_sizes_at_any_depth():
     camera = view("ORTHOGRAPHIC", resolution=(16, 16))
-    near, far = (linear.project_to_pixels([[0, 0, z], [0.5, 0.25, z]], camera)[:, :2] for z in (-1.0, -9.0))
+    near, far = (
+        linear.project_to_pixels([[0, 0, z], [0.5, 0.25, z]], camera)[:, :2] for z in (-1.0, -9.0)
+    )
     np.testing.assert_allclose(near, far, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("kind", ["ORTHOGRAPHIC", "PERSPECTIVE"])
 def test_4_5_u_is_right_v_is_up_w_is_backward(draw, kind):
-    # Small balls right of, above and in front of the eye; the image plane is in front, so the picture stands upright.
-    for offset, (column, row) in (((1.0, 0.0), (7, 4)), ((0.0, 1.0), (4, 7)), ((-1.0, 0.0), (1, 4)), ((0.0, -1.0), (4, 1))):
+    # Small balls right of, above and in front of the eye; the image plane is in front, so the
+    # picture stands upright.
+    for offset, (column, row) in (
+        ((1.0, 0.0), (7, 4)),
+        ((0.0, 1.0), (4, 7)),
+        ((-1.0, 0.0), (1, 4)),
+        ((0.0, -1.0), (4, 1)),
+    ):
         thing = ball((0.75 * offset[0], 0.75 * offset[1], -1.0), 0.125)
         camera = view(kind, window=(-1.125, 1.125, -1.125, 1.125), resolution=(9, 9))
         rows, columns = np.nonzero(hit_mask(draw(scene(camera, (thing, GLOW)), "Depth")))
@@ -112,7 +128,9 @@ def test_4_7_ray_sphere(draw, kind):
 def test_4_7_from_inside_the_sphere_the_far_root_counts(draw):
     camera = view(eye=(0.25, 0.0, 0.5))
     _, far = sphere_roots(*viewing_rays(camera), np.zeros(3), 2.0)
-    draw.check(draw(scene(camera, (ball((0, 0, 0), 2.0), GLOW)), "Depth").passes["Depth"][..., 0], far)
+    draw.check(
+        draw(scene(camera, (ball((0, 0, 0), 2.0), GLOW)), "Depth").passes["Depth"][..., 0], far
+    )
 
 
 CORNERS = np.array([[-1.5, -1.25, -3.0], [2.0, -0.75, -4.0], [0.25, 1.75, -2.5]])
@@ -123,7 +141,14 @@ def test_4_8_ray_triangle_by_cramers_rule(draw, kind):
     camera = view(kind, window=(-1.0, 1.0, -1.1, 0.9), resolution=(19, 17))
     origins, directions = viewing_rays(camera)
     a, b, c = CORNERS
-    columns = np.stack([np.broadcast_to(a - b, directions.shape), np.broadcast_to(a - c, directions.shape), directions], -1)
+    columns = np.stack(
+        [
+            np.broadcast_to(a - b, directions.shape),
+            np.broadcast_to(a - c, directions.shape),
+            directions,
+        ],
+        -1,
+    )
     beta, gamma, t = np.moveaxis(np.linalg.solve(columns, (a - origins)[..., None])[..., 0], -1, 0)
     inside = (beta > 0) & (gamma > 0) & (beta + gamma < 1)
     film = draw(scene(camera, (mesh(CORNERS, (0, 1, 2)), GLOW)), "Depth", "Position")
@@ -135,15 +160,20 @@ def test_4_8_ray_triangle_by_cramers_rule(draw, kind):
 
 
 def test_4_8_rays_through_a_shared_edge_hit(draw):
-    # The diagonal of the square runs through the centres of pixels (i, i): the open test of the notes loses them in both triangles.
+    # The diagonal of the square runs through the centres of pixels (i, i): the open test of the
+    # notes loses them in both triangles.
     camera = view("ORTHOGRAPHIC", resolution=(16, 16))
     film = draw(scene(camera, (wall(-2.0, half=1.0), GLOW)), "Depth")
     assert hit_mask(film).all()
     origins, _ = viewing_rays(camera)
     lower, upper = np.array([[-1.0, -1], [1, -1], [1, 1]]), np.array([[-1.0, -1], [1, 1], [-1, 1]])
-    weights = [linear.barycentric_by_areas(origins[..., :2], *corners) for corners in (lower, upper)]
+    weights = [
+        linear.barycentric_by_areas(origins[..., :2], *corners) for corners in (lower, upper)
+    ]
     np.testing.assert_array_equal(linear.is_inside(weights[0]) | linear.is_inside(weights[1]), True)
-    by_open_test = linear.is_inside(weights[0], closed=False) | linear.is_inside(weights[1], closed=False)
+    by_open_test = linear.is_inside(weights[0], closed=False) | linear.is_inside(
+        weights[1], closed=False
+    )
     np.testing.assert_array_equal(by_open_test, ~np.eye(16, dtype=bool))
 
 
@@ -156,13 +186,20 @@ def test_4_8_rays_through_a_shared_edge_hit(draw):
     ],
 )
 def test_4_8_no_solution_for_degenerate_triangles_and_parallel_rays(draw, corners):
-    film = draw(scene(view("ORTHOGRAPHIC", resolution=(9, 9)), (mesh(corners, (0, 1, 2)), GLOW)), "Depth")
+    film = draw(
+        scene(view("ORTHOGRAPHIC", resolution=(9, 9)), (mesh(corners, (0, 1, 2)), GLOW)), "Depth"
+    )
     assert not hit_mask(film).any()
 
 
 def polygon(*corners, z=-2.0):
     vertices = np.array([(x, y, z) for x, y in corners], np.float32)
-    return Polygons("polygon", vertices, np.array([0, len(corners)], np.uint32), np.arange(len(corners), dtype=np.uint32))
+    return Polygons(
+        "polygon",
+        vertices,
+        np.array([0, len(corners)], np.uint32),
+        np.arange(len(corners), dtype=np.uint32),
+    )
 
 
 def plane_points(camera):
@@ -171,7 +208,16 @@ def plane_points(camera):
 
 def test_4_9_ray_polygon_with_a_notch(draw):
     camera = view("ORTHOGRAPHIC", resolution=(32, 32))
-    shape = polygon((-0.75, -0.75), (0.75, -0.75), (0.75, 0.0), (0.125, 0.0), (0.125, 0.5), (0.75, 0.5), (0.75, 0.875), (-0.75, 0.875))
+    shape = polygon(
+        (-0.75, -0.75),
+        (0.75, -0.75),
+        (0.75, 0.0),
+        (0.125, 0.0),
+        (0.125, 0.5),
+        (0.75, 0.5),
+        (0.75, 0.875),
+        (-0.75, 0.875),
+    )
     x, y = np.moveaxis(plane_points(camera), -1, 0)
     inside = (np.abs(x) < 0.75) & (y > -0.75) & (y < 0.875) & ~((x > 0.125) & (y > 0) & (y < 0.5))
     film = draw(scene(camera, (shape, GLOW)), "Depth")
@@ -180,12 +226,16 @@ def test_4_9_ray_polygon_with_a_notch(draw):
 
 
 def test_4_9_odd_crossings_are_inside_even_are_outside(draw):
-    # A pentagram: its tips lie on the inner side of exactly four of its five lines, the hole in the middle of all five.
+    # A pentagram: its tips lie on the inner side of exactly four of its five lines, the hole in the
+    # middle of all five.
     angles = np.pi / 2 + 4 * np.pi / 5 * np.arange(5)
     tips = np.float32(0.9 * np.stack([np.cos(angles), np.sin(angles)], -1)).astype(np.float64)
     camera = view("ORTHOGRAPHIC", resolution=(40, 40))
     points = plane_points(camera)
-    inner = sum(linear.barycentric_by_areas(points, np.zeros(2), a, b)[..., 0] > 0 for a, b in zip(tips, np.roll(tips, -1, 0), strict=True))
+    inner = sum(
+        linear.barycentric_by_areas(points, np.zeros(2), a, b)[..., 0] > 0
+        for a, b in zip(tips, np.roll(tips, -1, 0), strict=True)
+    )
     film = draw(scene(camera, (polygon(*tips), GLOW)), "Depth")
     np.testing.assert_array_equal(hit_mask(film), inner == 4)
     assert np.any(inner == 5)
@@ -193,7 +243,8 @@ def test_4_9_odd_crossings_are_inside_even_are_outside(draw):
 
 def test_4_9_the_plane_of_a_tilted_polygon(draw):
     camera = view(window=(-0.5, 0.5, -0.5, 0.5), resolution=(12, 12))
-    vertices = np.array([[-4, -4, -3], [4, -4, -5], [4, 4, -4], [-4, 4, -2]], np.float32)  # the plane x - 0.5 y + 4 z + 14 = 0
+    # the plane x - 0.5 y + 4 z + 14 = 0
+    vertices = np.array([[-4, -4, -3], [4, -4, -5], [4, 4, -4], [-4, 4, -2]], np.float32)
     shape = Polygons("tilted", vertices, np.array([0, 4], np.uint32), np.arange(4, dtype=np.uint32))
     t, points = on_plane(*viewing_rays(camera), vertices[0].astype(np.float64), (1.0, -0.5, 4.0))
     film = draw(scene(camera, (shape, GLOW)), "Depth", "Position", "Normal")
@@ -204,7 +255,11 @@ def test_4_9_the_plane_of_a_tilted_polygon(draw):
 
 def test_4_10_the_scene_answers_with_the_smallest_t(draw):
     camera = view(resolution=(24, 24))
-    things = [(ball((0.5, 0.25, -3.0), 1.0), GLOW), (wall(-2.5, half=1.25, center=(-1.0, 0.0)), GLOW), (mesh(CORNERS, (0, 1, 2)), GLOW)]
+    things = [
+        (ball((0.5, 0.25, -3.0), 1.0), GLOW),
+        (wall(-2.5, half=1.25, center=(-1.0, 0.0)), GLOW),
+        (mesh(CORNERS, (0, 1, 2)), GLOW),
+    ]
     alone = [draw(scene(camera, thing), "Depth").passes["Depth"] for thing in things]
     for order in ((0, 1, 2), (2, 1, 0), (1, 0, 2)):
         film = draw(scene(camera, *(things[k] for k in order)), "Depth")

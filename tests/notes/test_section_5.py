@@ -10,7 +10,9 @@ GENERAL = np.array([[1.0, 2.0, 0.5], [-1.0, 3.0, 2.0], [0.0, 1.0, -4.0]])
 
 
 def close(found, expected, ulps=32.0):
-    np.testing.assert_allclose(found, expected, rtol=0, atol=ulps * EPS * max(1.0, np.max(np.abs(expected))))
+    np.testing.assert_allclose(
+        found, expected, rtol=0, atol=ulps * EPS * max(1.0, np.max(np.abs(expected)))
+    )
 
 
 def test_5_1_eigenvalues_of_a_2x2_solve_the_quadratic():
@@ -42,8 +44,13 @@ def test_5_3_singular_vectors_are_eigenvectors_of_both_products():
 
 
 def test_5_3_the_way_through_the_product_loses_half_the_digits():
-    # A has singular values 1, 1 and 1e-10 up to its own rounding; through A Aᵀ the last one drowns below sqrt(eps) = 1.5e-8.
-    a = linear.rotate([1.0, 2.0, 3.0], 0.5) @ linear.scale(1, 1, 1e-10) @ linear.rotate([0.0, 1.0, 1.0], 1.5)
+    # A has singular values 1, 1 and 1e-10 up to its own rounding; through A Aᵀ the last one drowns
+    # below sqrt(eps) = 1.5e-8.
+    a = (
+        linear.rotate([1.0, 2.0, 3.0], 0.5)
+        @ linear.scale(1, 1, 1e-10)
+        @ linear.rotate([0.0, 1.0, 1.0], 1.5)
+    )
     through_product = np.sqrt(np.abs(linear.symmetric_eigen(a @ a.T)[0][0]))
     assert abs(linear.svd(a)[1][2] - 1e-10) <= 8 * EPS
     assert abs(through_product - 1e-10) > 1e6 * EPS

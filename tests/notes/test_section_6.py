@@ -9,7 +9,9 @@ EPS = np.finfo(np.float64).eps
 
 
 def close(found, expected, ulps=16.0):
-    np.testing.assert_allclose(found, expected, rtol=0, atol=ulps * EPS * max(1.0, np.max(np.abs(expected))))
+    np.testing.assert_allclose(
+        found, expected, rtol=0, atol=ulps * EPS * max(1.0, np.max(np.abs(expected)))
+    )
 
 
 def test_6_1_shear_and_reflection_in_the_plane():
@@ -34,9 +36,11 @@ def test_6_1_any_matrix_is_a_rotation_a_scale_and_another_rotation():
     a = linear.shear(0, 1, 1.0, n=2)
     u, values, v = linear.svd(a)
     close(u @ linear.scale(*values) @ v.T, a)
-    close(values, [(1 + np.sqrt(5)) / 2, (np.sqrt(5) - 1) / 2])  # the golden ratio, FCG's own example
+    # the golden ratio, FCG's own example
+    close(values, [(1 + np.sqrt(5)) / 2, (np.sqrt(5) - 1) / 2])
     circle = np.stack([np.cos(np.linspace(0, 6, 50)), np.sin(np.linspace(0, 6, 50))])
-    close(linear.length(((u.T @ a @ circle).T) / values), np.ones(50))  # the circle becomes an ellipse along the columns of U
+    # the circle becomes an ellipse along the columns of U
+    close(linear.length(((u.T @ a @ circle).T) / values), np.ones(50))
 
 
 def test_6_2_scaling():
@@ -58,7 +62,9 @@ def test_6_2_arbitrary_rotations():
     close(matrix @ axis, axis)
     close(matrix.T @ matrix, np.eye(3))
     assert np.trace(matrix) == pytest.approx(1 + 2 * np.cos(phi), abs=8 * EPS)
-    for about, unit in zip((linear.rotate_x, linear.rotate_y, linear.rotate_z), np.eye(3), strict=True):
+    for about, unit in zip(
+        (linear.rotate_x, linear.rotate_y, linear.rotate_z), np.eye(3), strict=True
+    ):
         close(linear.rotate(unit, phi), about(phi))
 
 
@@ -68,7 +74,8 @@ def test_6_2_normals_need_the_inverse_transpose():
     assert linear.dot(n, t) == 0.0
     moved = linear.transform_normals(matrix, n)
     assert linear.dot(moved, matrix @ t) == pytest.approx(0.0, abs=8 * EPS)
-    assert abs(linear.dot(matrix @ n, matrix @ t)) > 0.1  # transformed as a vector, it is no normal any more
+    # transformed as a vector, it is no normal any more
+    assert abs(linear.dot(matrix @ n, matrix @ t)) > 0.1
     close(moved, linear.unit(np.linalg.inv(matrix).T @ n))
 
 
@@ -82,7 +89,9 @@ def test_6_3_affine_transformations_compose_by_products():
 
 
 def test_6_3_directions_do_not_translate():
-    np.testing.assert_array_equal(linear.transform_directions(linear.translate(5, 6, 7), [1.0, 2.0, 3.0]), [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(
+        linear.transform_directions(linear.translate(5, 6, 7), [1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]
+    )
     np.testing.assert_array_equal(linear.translate(5, 6) @ [1.0, 2.0, 0.0], [1.0, 2.0, 0.0])
 
 
@@ -93,18 +102,25 @@ def test_6_3_translation_is_a_shear_one_dimension_up():
 
 def test_6_4_windowing_in_the_plane_is_the_product_of_three():
     low, high, new_low, new_high = (1.0, 2.0), (3.0, 6.0), (-1.0, 0.0), (4.0, 1.0)
-    product = linear.translate(*new_low) @ linear.scale(5 / 2, 1 / 4, 1) @ linear.translate(-1.0, -2.0)
+    product = (
+        linear.translate(*new_low) @ linear.scale(5 / 2, 1 / 4, 1) @ linear.translate(-1.0, -2.0)
+    )
     close(linear.window(low, high, new_low, new_high), product)
 
 
 def test_6_4_windowing_in_space_has_z_in_its_third_row():
-    low, high, new_low, new_high = np.array([[0.0, 1, 2], [2.0, 5, 10], [-1.0, -1, -1], [1.0, 1, 1]])
+    low, high, new_low, new_high = np.array(
+        [[0.0, 1, 2], [2.0, 5, 10], [-1.0, -1, -1], [1.0, 1, 1]]
+    )
     matrix = linear.window(low, high, new_low, new_high)
-    np.testing.assert_array_equal(matrix[2], [0, 0, (1 - -1) / (10 - 2), (-1 * 10 - 1 * 2) / (10 - 2)])
+    np.testing.assert_array_equal(
+        matrix[2], [0, 0, (1 - -1) / (10 - 2), (-1 * 10 - 1 * 2) / (10 - 2)]
+    )
     np.testing.assert_array_equal(linear.transform_points(matrix, low), new_low)
     np.testing.assert_array_equal(linear.transform_points(matrix, high), new_high)
     as_printed = matrix.copy()
-    as_printed[2] = [0, 0, matrix[2, 3], 0]  # the notes' row: the constant stands where the factor belongs
+    # the notes' row: the constant stands where the factor belongs
+    as_printed[2] = [0, 0, matrix[2, 3], 0]
     assert linear.transform_points(as_printed, low)[2] != -1.0
 
 
@@ -140,5 +156,7 @@ def test_6_6_frame_to_canonical_and_back():
 
 
 def test_6_6_the_same_in_space():
-    matrix = linear.canonical_from_frame([1.0, 2.0, 3.0], linear.basis_from_vector([1.0, -1.0, 2.0]))
+    matrix = linear.canonical_from_frame(
+        [1.0, 2.0, 3.0], linear.basis_from_vector([1.0, -1.0, 2.0])
+    )
     close(linear.rigid_inverse(matrix) @ matrix, np.eye(4))

@@ -10,7 +10,9 @@ EYE, GAZE, UP = np.array([4.0, 3.0, 5.0]), np.array([-4.0, -2.0, -5.0]), np.arra
 
 
 def close(found, expected, ulps=32.0):
-    np.testing.assert_allclose(found, expected, rtol=0, atol=ulps * EPS * max(1.0, np.max(np.abs(expected))))
+    np.testing.assert_allclose(
+        found, expected, rtol=0, atol=ulps * EPS * max(1.0, np.max(np.abs(expected)))
+    )
 
 
 def test_7_2_each_space_leads_to_the_next():
@@ -26,7 +28,12 @@ def test_7_2_each_space_leads_to_the_next():
 
 def test_7_3_viewport_matrix():
     nx, ny = 8, 6
-    expected = [[nx / 2, 0, 0, (nx - 1) / 2], [0, ny / 2, 0, (ny - 1) / 2], [0, 0, 1, 0], [0, 0, 0, 1]]
+    expected = [
+        [nx / 2, 0, 0, (nx - 1) / 2],
+        [0, ny / 2, 0, (ny - 1) / 2],
+        [0, 0, 1, 0],
+        [0, 0, 0, 1],
+    ]
     np.testing.assert_array_equal(linear.viewport(nx, ny), expected)
     corners = linear.transform_points(linear.viewport(nx, ny), [[-1, -1, 0.25], [1, 1, 0.25]])
     np.testing.assert_array_equal(corners, [[-0.5, -0.5, 0.25], [7.5, 5.5, 0.25]])
@@ -41,7 +48,10 @@ def test_7_4_orthographic_matrix():
         [0, 0, 0, 1],
     ]
     close(linear.orthographic(l, r, b, t, n, f), expected)
-    close(linear.transform_points(linear.orthographic(l, r, b, t, n, f), [[l, b, f], [r, t, n]]), [[-1, -1, -1], [1, 1, 1]])
+    close(
+        linear.transform_points(linear.orthographic(l, r, b, t, n, f), [[l, b, f], [r, t, n]]),
+        [[-1, -1, -1], [1, 1, 1]],
+    )
 
 
 def test_7_2_perspective_keeps_the_near_plane_and_shrinks_with_distance():
@@ -77,7 +87,11 @@ def placed(kind, window):
 
 def test_7_5_the_chain_takes_a_point_to_its_pixel():
     camera = placed("ORTHOGRAPHIC", (-2.0, 2.0, -1.5, 1.5))
-    chain = linear.viewport(16, 12) @ linear.orthographic(-2, 2, -1.5, 1.5, -1, -2) @ linear.camera_from_world(EYE, GAZE, UP)
+    chain = (
+        linear.viewport(16, 12)
+        @ linear.orthographic(-2, 2, -1.5, 1.5, -1, -2)
+        @ linear.camera_from_world(EYE, GAZE, UP)
+    )
     points = EYE + np.random.default_rng(12).normal(size=(50, 3))
     pixel = np.concatenate([points, np.ones((50, 1))], 1) @ chain.T
     close(pixel[:, 3], np.ones(50))
@@ -94,6 +108,12 @@ def test_7_1_every_point_of_a_pixels_viewing_ray_projects_to_that_pixel():
         for i, j in ((0, 0), (15, 11), (7, 3)):
             u, v = l + (i + 0.5) * (r - l) / 16, b + (j + 0.5) * (t - b) / 12
             offset = u * u_axis + v * v_axis
-            origin, direction = (e, offset - w_axis) if kind == "PERSPECTIVE" else (e + offset, -w_axis)
+            origin, direction = (
+                (e, offset - w_axis) if kind == "PERSPECTIVE" else (e + offset, -w_axis)
+            )
             points = origin + np.array([[0.5], [3.0], [70.0]]) * direction
-            close(linear.project_to_pixels(points, camera), [[i, j, 0.5], [i, j, 3.0], [i, j, 70.0]], 128)
+            close(
+                linear.project_to_pixels(points, camera),
+                [[i, j, 0.5], [i, j, 3.0], [i, j, 70.0]],
+                128,
+            )

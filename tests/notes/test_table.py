@@ -1,6 +1,8 @@
-"""README's table "section of the notes → where it lives → its test" names only what exists, and leaves no section out.
+"""README's table "section of the notes → where it lives → its test" names only what exists, and
+leaves no section out.
 
-In a cell, a code span with a slash is a path from the root; the spans after it are names in that file, with * for any characters.
+In a cell, a code span with a slash is a path from the root; the spans after it are names in that
+file, with * for any characters.
 """
 
 import ast
@@ -34,7 +36,13 @@ def names_in(path: Path) -> set[str]:
         return set(re.findall(r"\w+", text))
     body = ast.parse(text).body
     defined = {node.name for node in body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
-    return defined | {target.id for node in body if isinstance(node, ast.Assign) for target in node.targets if isinstance(target, ast.Name)}
+    return defined | {
+        target.id
+        for node in body
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
 
 
 def missing_in(cell: str) -> Iterator[str]:
@@ -45,7 +53,11 @@ def missing_in(cell: str) -> Iterator[str]:
             path = ROOT / span
             if not path.exists():
                 yield span
-        elif path is None or not path.is_file() or not any(fnmatchcase(name, span) for name in names_in(path)):
+        elif (
+            path is None
+            or not path.is_file()
+            or not any(fnmatchcase(name, span) for name in names_in(path))
+        ):
             yield f"{span} in {path.name if path else 'no file'}"
 
 
@@ -62,16 +74,27 @@ def test_all_that_the_table_names_exists():
 
 def test_the_table_has_every_section_of_the_notes():
     rows = table_of(README.read_text(encoding="utf-8"))
-    listed = [tuple(map(int, found)) for row in rows for found in re.findall(r"\b(\d)\.(\d+)\b", row[0])]
-    assert listed == [(section, item) for section, last in LAST.items() for item in range(1, last + 1)]
+    listed = [
+        tuple(map(int, found)) for row in rows for found in re.findall(r"\b(\d)\.(\d+)\b", row[0])
+    ]
+    assert listed == [
+        (section, item) for section, last in LAST.items() for item in range(1, last + 1)
+    ]
 
 
 def test_the_table_leads_to_every_test_of_the_notes():
     rows = table_of(README.read_text(encoding="utf-8"))
     patterns = [span for row in rows for span in re.findall(r"`(test_[^`/]+)`", row[2])]
-    tests = {name for path in Path(__file__).parent.glob("test_section_*.py") for name in names_in(path) if name.startswith("test_")}
+    tests = {
+        name
+        for path in Path(__file__).parent.glob("test_section_*.py")
+        for name in names_in(path)
+        if name.startswith("test_")
+    }
     assert tests
-    assert {name for name in tests if not any(fnmatchcase(name, pattern) for pattern in patterns)} == set()
+    assert {
+        name for name in tests if not any(fnmatchcase(name, pattern) for pattern in patterns)
+    } == set()
 
 
 @pytest.mark.parametrize(

@@ -17,14 +17,14 @@ import sys
 bpy.ops.extensions.package_install_files(filepath=sys.argv[-1], repo="user_default", enable_on_install=True, overwrite=True)
 bpy.ops.wm.save_userpref()
 answer(sorted(bpy.context.preferences.addons.keys()))
-"""
+"""  # noqa: E501 - a script for another Blender
 
 ENABLE = """
 import sys
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.glint")
 # The environment of the tests has the core too: only what the extension brought may be found.
 sys.path[:] = [path for path in sys.path if str(FOLDER) in path or not (pathlib.Path(path) / "glint_core").is_dir()]
-"""
+"""  # noqa: E501 - a script for another Blender
 
 
 def pack(edition: str) -> Path:

@@ -1,4 +1,6 @@
-"""The benches' arithmetic: ratios, verdicts, tables and the judgement of instruction counts. Nothing is timed."""
+"""The benches' arithmetic: ratios, verdicts, tables and the judgement of instruction counts.
+Nothing is timed.
+"""
 
 import sys
 from pathlib import Path
@@ -15,24 +17,60 @@ import ray_tables  # noqa: E402
 import stages  # noqa: E402
 
 
-def row(tracer: str, mrays: float, robust: bool = True, threads: int = 1, rays: str = "primary") -> dict:
-    return {"tracer": tracer, "mrays": mrays, "robust": robust, "threads": threads, "rays": rays, "mode": f"{tracer} {mrays}"}
+def row(
+    tracer: str, mrays: float, robust: bool = True, threads: int = 1, rays: str = "primary"
+) -> dict:
+    return {
+        "tracer": tracer,
+        "mrays": mrays,
+        "robust": robust,
+        "threads": threads,
+        "rays": rays,
+        "mode": f"{tracer} {mrays}",
+    }
 
 
 def build_row(tracer: str, cpu: float, size: float, threads: int = 1) -> dict:
     return {
-        "tracer": tracer, "quality": "balanced" if tracer == "glint" else "medium", "robust": True, "compact": False, "threads": threads,
-        "cpu_seconds": cpu, "wall_seconds": cpu, "bytes_per_triangle": size,
-    }  # fmt: skip
+        "tracer": tracer,
+        "quality": "balanced" if tracer == "glint" else "medium",
+        "robust": True,
+        "compact": False,
+        "threads": threads,
+        "cpu_seconds": cpu,
+        "wall_seconds": cpu,
+        "bytes_per_triangle": size,
+    }
 
 
 @pytest.fixture
 def report() -> dict:
     traversal = [row("glint", 30), row("glint", 20), row("glint", 57, threads=2)]
-    traversal += [row("embree", 10), row("embree", 12), row("embree", 40, robust=False), row("embree", 99, threads=2)]
-    answers = [{"rays": "primary", "hit_or_miss_per_million": 2.0, "distance_per_million": 0.5, "primitive_per_million": 9.0}]
-    builds = [build_row("glint", 0.5, 30), build_row("embree", 1.0, 60), build_row("glint", 0.25, 30, threads=2)]
-    return {"head": {"triangles": 2_000_000}, "traversal": traversal, "answers": answers, "builds": builds}
+    traversal += [
+        row("embree", 10),
+        row("embree", 12),
+        row("embree", 40, robust=False),
+        row("embree", 99, threads=2),
+    ]
+    answers = [
+        {
+            "rays": "primary",
+            "hit_or_miss_per_million": 2.0,
+            "distance_per_million": 0.5,
+            "primitive_per_million": 9.0,
+        }
+    ]
+    builds = [
+        build_row("glint", 0.5, 30),
+        build_row("embree", 1.0, 60),
+        build_row("glint", 0.25, 30, threads=2),
+    ]
+    return {
+        "head": {"triangles": 2_000_000},
+        "traversal": traversal,
+        "answers": answers,
+        "builds": builds,
+    }
 
 
 def test_ratios_take_the_best_mode_of_each_class(report):
@@ -94,7 +132,13 @@ def test_instruction_counts_may_grow_by_five_per_cent():
 
 
 def test_cycles_stages_end_at_its_messages():
-    messages = [(1.0, "Initializing"), (1.5, "Updating"), (3.0, "Sample 0/1"), (3.5, "Sample 1/1"), (7.0, "Finished")]
+    messages = [
+        (1.0, "Initializing"),
+        (1.5, "Updating"),
+        (3.0, "Sample 0/1"),
+        (3.5, "Sample 1/1"),
+        (7.0, "Finished"),
+    ]
     assert stages.cycles_stages(messages) == {"sync": 1.0, "build": 2.0, "trace": 4.0}
     with pytest.raises(RuntimeError, match="Sample 0"):
         stages.cycles_stages([(1.0, "Initializing")])

@@ -11,7 +11,17 @@ import pytest
 
 from packed import pack
 
-DEVELOPMENT = ("tests/", "packaging/", "Makefile", "pyproject.toml", ".ci/", ".git", "build/", "engine/core/", "__pycache__")
+DEVELOPMENT = (
+    "tests/",
+    "packaging/",
+    "Makefile",
+    "pyproject.toml",
+    ".ci/",
+    ".git",
+    "build/",
+    "engine/core/",
+    "__pycache__",
+)
 
 
 def _open(edition: str) -> zipfile.ZipFile:
@@ -21,27 +31,45 @@ def _open(edition: str) -> zipfile.ZipFile:
 @pytest.mark.parametrize("edition", ["full", "python"])
 def test_a_zip_holds_the_add_on_and_nothing_of_its_development(edition):
     names = _open(edition).namelist()
-    assert {"__init__.py", "blender_manifest.toml", "LICENSE", "addon/render_engine.py", "engine/scene.py", "operators/__init__.py"} <= set(
-        names
-    )
-    assert not [name for name in names for part in DEVELOPMENT if name.startswith(part) or f"/{part}" in name]
+    assert {
+        "__init__.py",
+        "blender_manifest.toml",
+        "LICENSE",
+        "addon/render_engine.py",
+        "engine/scene.py",
+        "operators/__init__.py",
+    } <= set(names)
+    assert not [
+        name
+        for name in names
+        for part in DEVELOPMENT
+        if name.startswith(part) or f"/{part}" in name
+    ]
     assert not [name for name in names if name.endswith((".cpp", ".h", ".pyc", ".so"))]
 
 
 def test_only_the_full_zip_has_the_core():
-    wheels = {edition: [name for name in _open(edition).namelist() if name.endswith(".whl")] for edition in ("full", "python")}
+    wheels = {
+        edition: [name for name in _open(edition).namelist() if name.endswith(".whl")]
+        for edition in ("full", "python")
+    }
     assert len(wheels["full"]) == 1
     assert "py3-none-" in wheels["full"][0], "one wheel must serve every Python"
     assert wheels["python"] == []
 
 
-@pytest.mark.skipif(not shutil.which("objdump"), reason="needs objdump, which says independently what a library asks for")
+@pytest.mark.skipif(
+    not shutil.which("objdump"),
+    reason="needs objdump, which says independently what a library asks for",
+)
 def test_the_wheel_is_named_after_the_c_library_that_it_needs(tmp_path):
     archive = _open("full")
     [name] = [name for name in archive.namelist() if name.endswith(".whl")]
     with zipfile.ZipFile(io.BytesIO(archive.read(name))) as wheel:
         library = wheel.extract("glint_core/libglint_core.so", tmp_path)
-    table = subprocess.run(["objdump", "-p", library], capture_output=True, text=True, check=True).stdout
+    table = subprocess.run(
+        ["objdump", "-p", library], capture_output=True, text=True, check=True
+    ).stdout
     needed = re.findall(r" GLIBC_(\d+)\.(\d+)", table)
     assert needed and not re.search("GLIBCXX|CXXABI|GCC_", table)
     major, minor = max((int(major), int(minor)) for major, minor in needed)
@@ -55,11 +83,20 @@ def test_the_manifest_says_what_the_add_on_does_with_files_and_clipboard():
 
 
 def test_the_manifests_differ_in_platform_and_wheel_alone():
-    full, python = (tomllib.loads(_open(edition).read("blender_manifest.toml").decode()) for edition in ("full", "python"))
-    assert full.pop("wheels") == [f"./{name}" for name in _open("full").namelist() if name.endswith(".whl")]
+    full, python = (
+        tomllib.loads(_open(edition).read("blender_manifest.toml").decode())
+        for edition in ("full", "python")
+    )
+    assert full.pop("wheels") == [
+        f"./{name}" for name in _open("full").namelist() if name.endswith(".whl")
+    ]
     assert len(full.pop("platforms")) == 1
     assert full == python
-    assert (full["id"], full["blender_version_min"], full["license"]) == ("glint", "4.2.0", ["SPDX:GPL-3.0-or-later"])
+    assert (full["id"], full["blender_version_min"], full["license"]) == (
+        "glint",
+        "4.2.0",
+        ["SPDX:GPL-3.0-or-later"],
+    )
 
 
 def test_the_names_say_version_and_edition():

@@ -1,4 +1,6 @@
-"""Both editions, installed from their zips in a Blender of their own: they render, and they fail loudly."""
+"""Both editions, installed from their zips in a Blender of their own: they render, and they fail
+loudly.
+"""
 
 import os
 from pathlib import Path
@@ -29,7 +31,7 @@ def output(scene, name, file_format):
     scene.render.filepath = str(FOLDER / name)
 
 scene = small_scene()
-"""
+"""  # noqa: E501 - a script for another Blender
 FORMATS = {"PNG": "picture.png", "OPEN_EXR": "picture.exr", "OPEN_EXR_MULTILAYER": "layers.exr"}
 
 
@@ -75,7 +77,9 @@ def test_an_edition_renders_png_and_exr(pictures, edition):
 def test_the_full_edition_traces_with_the_core_of_its_own_wheel(pictures):
     run, blender = pictures["full"]
     assert run.answer["backends"] == ["NATIVE", "NUMPY"], run.output
-    assert run.answer["core"].startswith(blender.inside(blender.folder)), "the core came from somewhere else"
+    assert run.answer["core"].startswith(blender.inside(blender.folder)), (
+        "the core came from somewhere else"
+    )
     assert "NumPy tracer" not in run.output
 
 
@@ -86,8 +90,12 @@ def test_the_python_edition_says_once_per_render_that_numpy_traces(pictures):
 
 
 def test_both_editions_draw_the_same_picture(pictures):
-    """float32 tracing against float64: 1e-4 of the radiance, and no pixel that sees something else."""
-    full, python = (_pixels(pictures[edition][1].folder / "picture.exr") for edition in ("full", "python"))
+    """float32 tracing against float64: 1e-4 of the radiance, and no pixel that sees something
+    else.
+    """
+    full, python = (
+        _pixels(pictures[edition][1].folder / "picture.exr") for edition in ("full", "python")
+    )
     np.testing.assert_allclose(full, python, rtol=1e-4, atol=1e-6)
 
 
@@ -125,7 +133,9 @@ bpy.ops.render.render(write_still=True)
 
 @pytest.mark.skipif("GLINT_BLENDER" in os.environ, reason="`make render` starts bpy")
 def test_make_render_looks_at_what_was_written(installed):
-    """No file may be longer than some bytes: a full disk, of which Blender says that it saved the picture."""
+    """No file may be longer than some bytes: a full disk, of which Blender says that it saved the
+    picture.
+    """
     blender = installed("python")
     run = blender.run(
         ENABLE
@@ -137,7 +147,10 @@ import render_scene, tree
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1500, resource.RLIM_INFINITY))
 tree.main(lambda: render_scene._write_pictures(scene, FOLDER / "full.exr", FOLDER / "full.png") and 0)
-"""
+"""  # noqa: E501 - a script for another Blender
     )
     assert run.returncode == 1, run.output
-    assert "the picture was rendered, but not written" in run.output and "full.exr is not whole" in run.output
+    assert (
+        "the picture was rendered, but not written" in run.output
+        and "full.exr is not whole" in run.output
+    )

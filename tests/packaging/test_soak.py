@@ -38,6 +38,12 @@ while True:
 
 
 def test_a_hang_is_judged_like_a_crash():
-    hang = Run(1, "step 7 add in OBJECT\nTimeout (0:01:00)!\nThread 0x1 (most recent call first):\n")
+    hang = Run(
+        1, "step 7 add in OBJECT\nTimeout (0:01:00)!\nThread 0x1 (most recent call first):\n"
+    )
     assert soaking._crashed(hang) and soaking._end(hang.output, 0)[:2] == (7, "add")
-    assert soaking._crashed(Run(-11, "")) and not soaking._crashed(Run(1, "Traceback")) and not soaking._crashed(Run(0, soaking._HANG))
+    assert (
+        soaking._crashed(Run(-11, ""))
+        and not soaking._crashed(Run(1, "Traceback"))
+        and not soaking._crashed(Run(0, soaking._HANG))
+    )

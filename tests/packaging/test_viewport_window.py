@@ -1,6 +1,8 @@
-"""Rendered shading in a real Blender window on a virtual screen: what is shown equals F12, how soon it comes is printed, and it lasts.
+"""Rendered shading in a real Blender window on a virtual screen: what is shown equals F12, how soon
+it comes is printed, and it lasts.
 
-`make test-blenders` runs these in Debian's Blender. GLINT_SOAK_SECONDS sets how long the random edits go on (600 for the long one).
+`make test-blenders` runs these in Debian's Blender. GLINT_SOAK_SECONDS sets how long the random
+edits go on (600 for the long one).
 """
 
 import os
@@ -16,18 +18,25 @@ sys.path.insert(0, str(ROOT / "tests" / "viewport"))
 import host
 import soaking
 
-pytestmark = pytest.mark.skipif(not os.environ.get("GLINT_BLENDER"), reason="needs a whole Blender program: GLINT_BLENDER names one")
+pytestmark = pytest.mark.skipif(
+    not os.environ.get("GLINT_BLENDER"),
+    reason="needs a whole Blender program: GLINT_BLENDER names one",
+)
 
 SHOWN_ERROR = 2.0**-8
-"""Relative: a half float rounds by 2^-11 at most when the picture becomes a texture and again when it is drawn, and a software rasteriser
-looks textures up with weights of 8 bits, whose rounding it shows as up to four units of the half float."""
+"""Relative: a half float rounds by 2^-11 at most when the picture becomes a texture and again when
+it is drawn, and a software rasteriser looks textures up with weights of 8 bits, whose rounding it
+shows as up to four units of the half float.
+"""
 
 EDGE_SHARE = 0.002
 """Of the pixels that Solid shading shows: along edges it rounds otherwise."""
 
 SOAK_SECONDS = float(os.environ.get("GLINT_SOAK_SECONDS", "60"))
 GROWTH = 150.0
-"""Megabytes by which the second half of a soak may hold more than the first: Blender's own undo steps and software textures."""
+"""Megabytes by which the second half of a soak may hold more than the first: Blender's own undo
+steps and software textures.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +58,9 @@ def test_the_events_of_a_day_show_what_a_render_gives(blender):
     assert told["results"].keys() == {"camera view", "object", "light", "material", "world"}
     for name, result in told["results"].items():
         assert result["same bits"], f"{name}: differs from F12 by {result['worst']}"
-        assert 0 <= result["framebuffer"] <= SHOWN_ERROR, f"{name}: the screen differs from F12 by {result['framebuffer']}"
+        assert 0 <= result["framebuffer"] <= SHOWN_ERROR, (
+            f"{name}: the screen differs from F12 by {result['framebuffer']}"
+        )
     assert told["explained"]["color"] == pytest.approx(told["explained"]["pixel"], rel=1e-4)
 
 
@@ -57,17 +68,36 @@ def test_what_a_view_hides_and_brings_back(blender):
     told = run_in_window(blender, "looks.py", timeout=300).run.answer
     masks = told.pop("clip border")
     for name, mask in masks.items():
-        assert max(mask["more"], mask["fewer"]) <= EDGE_SHARE * mask["solid"], f"{name}: Solid shows other pixels: {mask}"
-    assert all(masks[name]["solid"] < 0.7 * masks["without"]["solid"] for name in ("from there", "from elsewhere"))
+        assert max(mask["more"], mask["fewer"]) <= EDGE_SHARE * mask["solid"], (
+            f"{name}: Solid shows other pixels: {mask}"
+        )
+    assert all(
+        masks[name]["solid"] < 0.7 * masks["without"]["solid"]
+        for name in ("from there", "from elsewhere")
+    )
     assert 0 <= told.pop("passepartout framebuffer") <= SHOWN_ERROR
     assert {name for name, same in told.items() if not same} == set()
-    assert told.keys() >= {"local view", "left local view", "undo to 0", "redo to 3", "passepartout", "both eyes"}
+    assert told.keys() >= {
+        "local view",
+        "left local view",
+        "undo to 0",
+        "redo to 3",
+        "passepartout",
+        "both eyes",
+    }
 
 
 def test_disturbances_of_a_view_that_is_being_traced(blender):
     told = run_in_window(blender, "disturbances.py", timeout=300).run.answer
     assert {name for name, same in told.items() if not same} == set()
-    assert told.keys() >= {"delete_an_object", "another_scene", "without_a_number", "no_faces", "no_camera", "two windows"}
+    assert told.keys() >= {
+        "delete_an_object",
+        "another_scene",
+        "without_a_number",
+        "no_faces",
+        "no_camera",
+        "two windows",
+    }
 
 
 def _histogram(told):
@@ -77,18 +107,31 @@ def _histogram(told):
             if values:
                 ordered = sorted(1e3 * value for value in values)
                 median = statistics.median(ordered)
-                yield f"{name:24} {what:10} median {median:7.1f} ms, {ordered[0]:.1f} to {ordered[-1]:.1f} ({len(ordered)})"
+                yield (
+                    f"{name:24} {what:10} median {median:7.1f} ms, {ordered[0]:.1f} to "
+                    f"{ordered[-1]:.1f} ({len(ordered)})"
+                )
     glint, solid = told["pictures and Solid's redraws a second"]
-    yield f"view turning: {glint:.1f} pictures a second; Blender's Solid shading redraws {solid:.1f} times here"
-    yield f"converged: {100 * told['idle'][0]:.1f} % of a processor; view_update: median {1e3 * statistics.median(told['updates']):.1f} ms"
+    yield (
+        f"view turning: {glint:.1f} pictures a second; Blender's Solid shading redraws "
+        f"{solid:.1f} times here"
+    )
+    yield (
+        f"converged: {100 * told['idle'][0]:.1f} % of a processor; view_update: median "
+        f"{1e3 * statistics.median(told['updates']):.1f} ms"
+    )
 
 
 def test_random_edits_undo_reloads_and_switches(blender):
     soak = soaking.soak(blender, SOAK_SECONDS, seed=1)
     last = soak.parts[-1]
     told, memory = last.run.answer, [megabytes for _, megabytes in last.memory]
-    sys.stdout.write("\n".join([*soak.faults, f"{told['steps']} steps, {max(memory):.0f} MB at most", ""]))
-    assert "ALL STEPS DONE" in last.run.output and "Traceback" not in last.run.output, last.run.output
+    sys.stdout.write(
+        "\n".join([*soak.faults, f"{told['steps']} steps, {max(memory):.0f} MB at most", ""])
+    )
+    assert "ALL STEPS DONE" in last.run.output and "Traceback" not in last.run.output, (
+        last.run.output
+    )
     assert told["converged"] and not told["busy"] and told["error"] == "None", told
     assert len(told["threads"]) <= 1, "one view is left, and its one thread"
     half = len(memory) // 2

@@ -1,4 +1,6 @@
-"""What only a whole Blender program has: its command line, its exit codes, its windows. `make test-blenders` runs these in Debian's."""
+"""What only a whole Blender program has: its command line, its exit codes, its windows. `make
+test-blenders` runs these in Debian's.
+"""
 
 import os
 import subprocess
@@ -9,7 +11,10 @@ import pytest
 from packed import ENABLE
 from test_installed_extension import SCENE
 
-pytestmark = pytest.mark.skipif(not os.environ.get("GLINT_BLENDER"), reason="needs a whole Blender program: GLINT_BLENDER names one")
+pytestmark = pytest.mark.skipif(
+    not os.environ.get("GLINT_BLENDER"),
+    reason="needs a whole Blender program: GLINT_BLENDER names one",
+)
 
 BREAK = """
 import sys
@@ -19,7 +24,8 @@ def broken(*args, **kwargs):
 final.export_scene = broken
 """
 
-# Visits the tabs of the Properties editor with each kind of light, Rendered shading, F12 and the demo, then quits.
+# Visits the tabs of the Properties editor with each kind of light, Rendered shading, F12 and the
+# demo, then quits.
 USE_THE_WINDOWS = """
 import bpy, sys, traceback
 
@@ -63,7 +69,7 @@ def tick():
     return 0.7 if steps else None
 
 bpy.app.timers.register(tick, first_interval=1.0)
-"""
+"""  # noqa: E501 - a script for another Blender
 
 
 @pytest.fixture(scope="module")
@@ -74,14 +80,31 @@ def blender(installed):
 @pytest.fixture(scope="module")
 def scene_file(blender) -> str:
     """A small .blend file as the Blender sees it."""
-    run = blender.run(ENABLE + SCENE + 'bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "small.blend"))\n')
+    run = blender.run(
+        ENABLE + SCENE + 'bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "small.blend"))\n'
+    )
     assert run.returncode == 0, run.output
     return blender.inside(blender.folder / "small.blend")
 
 
 def _render(blender, scene_file: str, name: str, file_format: str, *options: str):
     output = blender.inside(blender.folder / name) + "_####"
-    return blender.start([*blender.program, "-b", scene_file, *options, "-E", "GLINT", "-o", output, "-F", file_format, "-f", "1"])
+    return blender.start(
+        [
+            *blender.program,
+            "-b",
+            scene_file,
+            *options,
+            "-E",
+            "GLINT",
+            "-o",
+            output,
+            "-F",
+            file_format,
+            "-f",
+            "1",
+        ]
+    )
 
 
 @pytest.mark.parametrize(("file_format", "suffix"), [("PNG", "png"), ("OPEN_EXR", "exr")])
@@ -91,11 +114,15 @@ def test_the_command_line_renders(blender, scene_file, file_format, suffix):
     assert (blender.folder / f"good_0001.{suffix}").stat().st_size > 1000
 
 
-@pytest.mark.parametrize(("file_format", "suffix"), [("PNG", "png"), ("OPEN_EXR", "exr"), ("OPEN_EXR_MULTILAYER", "exr")])
+@pytest.mark.parametrize(
+    ("file_format", "suffix"), [("PNG", "png"), ("OPEN_EXR", "exr"), ("OPEN_EXR_MULTILAYER", "exr")]
+)
 def test_an_error_gives_exit_code_1_and_no_file(blender, scene_file, file_format, suffix):
     patch = blender.folder / "break.py"
     patch.write_text(BREAK)
-    run = _render(blender, scene_file, f"bad_{file_format}", file_format, "-P", blender.inside(patch))
+    run = _render(
+        blender, scene_file, f"bad_{file_format}", file_format, "-P", blender.inside(patch)
+    )
     assert run.returncode == 1, run.output
     assert not (blender.folder / f"bad_{file_format}_0001.{suffix}").exists()
     assert "Glint failed (ValueError): broken on purpose" in run.output
@@ -104,7 +131,11 @@ def test_an_error_gives_exit_code_1_and_no_file(blender, scene_file, file_format
 def test_the_command_says_what_is_installed(blender):
     run = blender.start([*blender.program, "-b", "--command", "glint", "info"])
     assert run.returncode == 0, run.output
-    values = dict(line.split(maxsplit=1) for line in run.output.splitlines() if line.startswith(("version ", "edition ", "tracers ")))
+    values = dict(
+        line.split(maxsplit=1)
+        for line in run.output.splitlines()
+        if line.startswith(("version ", "edition ", "tracers "))
+    )
     assert values.keys() == {"version", "edition", "tracers"}, run.output
     assert (values["edition"], values["tracers"]) == ("pure Python", "NUMPY")
 
@@ -114,10 +145,22 @@ def test_the_windows_draw_without_an_error(blender):
     script = blender.folder / "windows.py"
     script.write_text(USE_THE_WINDOWS)
     host = blender.program[:-1]
-    screen = subprocess.Popen([*host, "Xvfb", ":78", "-screen", "0", "1280x800x24"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    screen = subprocess.Popen(
+        [*host, "Xvfb", ":78", "-screen", "0", "1280x800x24"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     try:
         time.sleep(2)
-        command = [*host, "env", "DISPLAY=:78", "LIBGL_ALWAYS_SOFTWARE=1", blender.program[-1], "-P", blender.inside(script)]
+        command = [
+            *host,
+            "env",
+            "DISPLAY=:78",
+            "LIBGL_ALWAYS_SOFTWARE=1",
+            blender.program[-1],
+            "-P",
+            blender.inside(script),
+        ]
         run = blender.start(command, timeout=180)
     finally:
         screen.terminate()

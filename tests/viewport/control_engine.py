@@ -1,4 +1,6 @@
-"""Runs inside a Blender with a window: a render engine that shows ready pictures at once. What it takes is what Blender itself takes."""
+"""Runs inside a Blender with a window: a render engine that shows ready pictures at once. What it
+takes is what Blender itself takes.
+"""
 
 import bpy
 import gpu
@@ -7,7 +9,9 @@ from gpu_extras.presets import draw_texture_2d
 
 
 class ControlEngine(bpy.types.RenderEngine):
-    """Fills the region with `color` through the display transform, from a half-float texture of the region's size that is made once."""
+    """Fills the region with `color` through the display transform, from a half-float texture of the
+    region's size that is made once.
+    """
 
     bl_idname = "CONTROL"
     bl_label = "Control"

@@ -1,5 +1,6 @@
-"""What an artist may do to a view that is being traced: each disturbance comes a moment after the view moved, and the picture that the view
-comes to rest with is that of an export made anew."""
+"""What an artist may do to a view that is being traced: each disturbance comes a moment after the
+view moved, and the picture that the view comes to rest with is that of an export made anew.
+"""
 
 import pathlib
 import sys
@@ -61,13 +62,19 @@ def is_as_anew():
     engine = sys.modules[window.package + ".engine"]
     shown, settings, view = window.session.shown_scene
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    anew = export.LiveExport().update(depsgraph, shown.camera, passes=settings.passes, space=window.space)
+    anew = export.LiveExport().update(
+        depsgraph, shown.camera, passes=settings.passes, space=window.space
+    )
     film = window.films["all"]
     truth = engine.render(anew, replace(settings, region=view.border))
-    return film.combined.shape == truth.combined.shape and film.combined.tobytes() == truth.combined.tobytes()
+    return (
+        film.combined.shape == truth.combined.shape
+        and film.combined.tobytes() == truth.combined.tobytes()
+    )
 
 
-# --- disturbances ----------------------------------------------------------------------------------------------------------------
+# --- disturbances
+# --------------------------------------------------------------------------------------------------
 
 
 def delete_an_object():
@@ -75,7 +82,12 @@ def delete_an_object():
 
 
 def rename():
-    for block in (bpy.data.objects["Sphere 1"], bpy.data.meshes[0], bpy.data.materials[0], bpy.data.lights[0]):
+    for block in (
+        bpy.data.objects["Sphere 1"],
+        bpy.data.meshes[0],
+        bpy.data.materials[0],
+        bpy.data.lights[0],
+    ):
         block.name = "Another"
 
 
@@ -127,7 +139,10 @@ def far_away():
 
 def back_again():
     for k in range(2, 6):
-        bpy.data.objects[f"Sphere {k}"].location.x, bpy.data.objects[f"Sphere {k}"].scale = 0.3 * k, (1, 1, 1)
+        bpy.data.objects[f"Sphere {k}"].location.x, bpy.data.objects[f"Sphere {k}"].scale = (
+            0.3 * k,
+            (1, 1, 1),
+        )
 
 
 def coarse_pixels():

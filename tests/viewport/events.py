@@ -1,4 +1,6 @@
-"""The events of a working day in one window, in sequence: what each shows is compared with the final render, how soon is printed."""
+"""The events of a working day in one window, in sequence: what each shows is compared with the
+final render, how soon is printed.
+"""
 
 import pathlib
 import sys
@@ -24,14 +26,18 @@ def scene_up():
     for group in (scene.glint.final, scene.glint.viewport):
         group.samples, group.light_samples, group.max_bounces = 4, 2, 2
     cube = bpy.data.objects["Cube"]
-    cube.modifiers.new("Subdivide", "SUBSURF").levels = cube.modifiers["Subdivide"].render_levels = 3
+    cube.modifiers.new("Subdivide", "SUBSURF").levels = cube.modifiers[
+        "Subdivide"
+    ].render_levels = 3
     bpy.ops.mesh.primitive_plane_add(size=8, location=(0, 0, -1))
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
     scene.collection.objects.link(sun)
 
 
 def through_the_camera():
-    """The render's pixels one to one: a frame of the region's size, and the zoom at which Blender shows it so."""
+    """The render's pixels one to one: a frame of the region's size, and the zoom at which Blender
+    shows it so.
+    """
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = window.region.width, window.region.height
     scene.render.resolution_percentage = 100
@@ -51,8 +57,16 @@ def compare(name):
     shown = film.combined
     same = shown.shape == final.shape and shown.tobytes() == final.tobytes()
     worst = float(np.abs(shown - final).max()) if shown.shape == final.shape else -1.0
-    error = np.abs(window.framebuffer - final) / np.maximum(np.abs(final), 2.0**-14) if window.framebuffer.shape == final.shape else None
-    results[name] = {"same bits": same, "worst": worst, "framebuffer": float(error.max()) if error is not None else -1.0}
+    error = (
+        np.abs(window.framebuffer - final) / np.maximum(np.abs(final), 2.0**-14)
+        if window.framebuffer.shape == final.shape
+        else None
+    )
+    results[name] = {
+        "same bits": same,
+        "worst": worst,
+        "framebuffer": float(error.max()) if error is not None else -1.0,
+    }
 
 
 def timed(name, count, action, pause=0.0):
@@ -70,7 +84,8 @@ def orbit(k):
 
 
 def move_cube(k):
-    bpy.data.objects["Cube"].location.x = 0.05 * (k + 1)  # never where it stands: that would ask for no picture
+    # never where it stands: that would ask for no picture
+    bpy.data.objects["Cube"].location.x = 0.05 * (k + 1)
 
 
 def edit_light(k):
@@ -78,11 +93,18 @@ def edit_light(k):
 
 
 def edit_material(k):
-    bpy.data.materials["Material"].node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.1 * k, 0.4, 0.5, 1)
+    bpy.data.materials["Material"].node_tree.nodes["Principled BSDF"].inputs[
+        "Base Color"
+    ].default_value = (0.1 * k, 0.4, 0.5, 1)
 
 
 def edit_world(k):
-    bpy.data.worlds["World"].node_tree.nodes["Background"].inputs["Color"].default_value = (0.02 * k, 0.05, 0.05, 1)
+    bpy.data.worlds["World"].node_tree.nodes["Background"].inputs["Color"].default_value = (
+        0.02 * k,
+        0.05,
+        0.05,
+        1,
+    )
 
 
 def scenario():
@@ -95,7 +117,12 @@ def scenario():
     yield from window.settle()
     through_the_camera()
     yield from compare("camera view")
-    for name, edit in (("object", move_cube), ("light", edit_light), ("material", edit_material), ("world", edit_world)):
+    for name, edit in (
+        ("object", move_cube),
+        ("light", edit_light),
+        ("material", edit_material),
+        ("world", edit_world),
+    ):
         yield from timed(name, 10, edit, 0.05)
         yield from compare(name)
     window.view.view_perspective = "PERSP"
@@ -103,7 +130,11 @@ def scenario():
     yield from timed("orbit", 40, orbit)
     yield from playing()
     start = time.perf_counter()
-    yield lambda: window.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
+    yield (
+        lambda: (
+            window.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
+        )
+    )
     latency["stop to full resolution"] = [time.perf_counter() - start]
     yield from window.settle()
     yield from idle()
@@ -136,7 +167,9 @@ def playing():
 def solid():
     """What Blender's own Solid shading does here at most: redraws a second while the view turns."""
     count = []
-    handler = bpy.types.SpaceView3D.draw_handler_add(lambda: count.append(1), (), "WINDOW", "POST_PIXEL")
+    handler = bpy.types.SpaceView3D.draw_handler_add(
+        lambda: count.append(1), (), "WINDOW", "POST_PIXEL"
+    )
     window.space.shading.type = "SOLID"
     yield 0.5
     count.clear()

@@ -20,21 +20,43 @@ _SIZE = (900, 560)
 
 @dataclass(frozen=True)
 class WindowRun:
-    """How a program with a window ended. memory: (time.monotonic(), the same inside, megabytes held) twenty times a second."""
+    """How a program with a window ended. memory: (time.monotonic(), the same inside, megabytes
+    held) twenty times a second.
+    """
 
     run: Run
     memory: list[tuple[float, float]]
 
 
-def run_in_window(blender: Blender, script: str, *arguments: object, timeout: float, size: tuple[int, int] = _SIZE) -> WindowRun:
-    """Run a script of this folder in a window of `size` pixels, its first argument being Blender's folder."""
+def run_in_window(
+    blender: Blender, script: str, *arguments: object, timeout: float, size: tuple[int, int] = _SIZE
+) -> WindowRun:
+    """Run a script of this folder in a window of `size` pixels, its first argument being Blender's
+    folder.
+    """
     for source in HERE.glob("*.py"):
         shutil.copy(source, blender.folder)
     host, program = blender.program[:-1], blender.program[-1]
     with _screen(host, size) as display:
-        command = [*host, "env", f"DISPLAY=:{display}", "LIBGL_ALWAYS_SOFTWARE=1", program, "--factory-startup"]
-        command += ["--window-geometry", "0", "0", *map(str, size), "-P", blender.inside(blender.folder / script)]
-        process = blender.launch([*command, "--", blender.inside(blender.folder), *map(str, arguments)])
+        command = [
+            *host,
+            "env",
+            f"DISPLAY=:{display}",
+            "LIBGL_ALWAYS_SOFTWARE=1",
+            program,
+            "--factory-startup",
+        ]
+        command += [
+            "--window-geometry",
+            "0",
+            "0",
+            *map(str, size),
+            "-P",
+            blender.inside(blender.folder / script),
+        ]
+        process = blender.launch(
+            [*command, "--", blender.inside(blender.folder), *map(str, arguments)]
+        )
         memory: list[tuple[float, float]] = []
         watcher = threading.Thread(target=_watch, args=(process, memory), daemon=True)
         watcher.start()

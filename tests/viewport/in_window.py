@@ -1,6 +1,8 @@
-"""Runs inside a Blender with a window: steps between Blender's events, and what the 3D view showed after each.
+"""Runs inside a Blender with a window: steps between Blender's events, and what the 3D view showed
+after each.
 
-A scenario is a generator. It yields seconds to wait, or a function to wait for. Its end, or an error, ends Blender.
+A scenario is a generator. It yields seconds to wait, or a function to wait for. Its end, or an
+error, ends Blender.
 """
 
 import faulthandler
@@ -21,10 +23,12 @@ STILL = 60.0
 
 
 class Window:
-    """The 3D view of the first window, its Glint session, and when pictures were drawn. package: of Glint, None without it.
+    """The 3D view of the first window, its Glint session, and when pictures were drawn. package: of
+    Glint, None without it.
 
-    draws: (time, which request was answered, stage of the newest picture, seconds that view_draw took) of every view_draw.
-    films: what is on the screen: "all" of the region, "frame" of the render in it; held for as long as it is shown, if `keeps_films`.
+    draws: (time, which request was answered, stage of the newest picture, seconds that view_draw
+    took) of every view_draw. films: what is on the screen: "all" of the region, "frame" of the
+    render in it; held for as long as it is shown, if `keeps_films`.
     """
 
     def __init__(self, package):
@@ -40,7 +44,11 @@ class Window:
 
     @property
     def area(self):
-        return next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == "VIEW_3D")
+        return next(
+            area
+            for area in bpy.context.window_manager.windows[0].screen.areas
+            if area.type == "VIEW_3D"
+        )
 
     @property
     def space(self):
@@ -96,7 +104,12 @@ class Window:
     def state(self):
         """What to know when something does not come."""
         session, scene = self.session, bpy.context.scene
-        about = {"engine": scene.render.engine, "shading": self.space.shading.type, "draws": len(self.draws), "mode": bpy.context.mode}
+        about = {
+            "engine": scene.render.engine,
+            "shading": self.space.shading.type,
+            "draws": len(self.draws),
+            "mode": bpy.context.mode,
+        }
         if session is not None:
             newest = session._live.newest
             about |= {
@@ -105,7 +118,10 @@ class Window:
                 "told": session._told(),
                 "region": session.region == self.region.as_pointer(),
             }
-            about |= {"newest": newest and (newest.number, newest.final, newest.task.tag.stage), "drawn": session._drawn}
+            about |= {
+                "newest": newest and (newest.number, newest.final, newest.task.tag.stage),
+                "drawn": session._drawn,
+            }
         return about
 
     times = ready = ()
@@ -116,7 +132,8 @@ class Window:
         def watched_draw(session, render_engine, context, depsgraph):
             start = time.perf_counter()
             draw(session, render_engine, context, depsgraph)
-            gpu.state.active_framebuffer_get().read_color(0, 0, 1, 1, 4, 0, "FLOAT")  # waits until the pixels are there
+            # waits until the pixels are there
+            gpu.state.active_framebuffer_get().read_color(0, 0, 1, 1, 4, 0, "FLOAT")
             end = time.perf_counter()
             if context.region.as_pointer() != self.region.as_pointer():
                 return
@@ -124,7 +141,9 @@ class Window:
             newest = session._live.newest
             if self.keeps_films and newest is not None and newest.number == session._drawn:
                 self._keep(newest)
-            self.draws.append((end, session.answered, newest.task.tag.stage if newest else "", end - start))
+            self.draws.append(
+                (end, session.answered, newest.task.tag.stage if newest else "", end - start)
+            )
             if self._wants_framebuffer:
                 self._wants_framebuffer = False
                 self.framebuffer = _framebuffer(context.region.width, context.region.height)

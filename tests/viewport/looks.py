@@ -1,6 +1,8 @@
-"""What a 3D view may hide or bring back, in one window: a clip border, local view, the passepartout, undo and redo.
+"""What a 3D view may hide or bring back, in one window: a clip border, local view, the
+passepartout, undo and redo.
 
-Each shows what something else shows that Blender itself decides: Solid shading's depth, hidden objects, F12, the picture before.
+Each shows what something else shows that Blender itself decides: Solid shading's depth, hidden
+objects, F12, the picture before.
 """
 
 import itertools
@@ -61,17 +63,27 @@ def film(name="all"):
     return window.films[name].combined
 
 
-# --- clip border -----------------------------------------------------------------------------------------------------------------
+# --- clip border
+# --------------------------------------------------------------------------------------------------
 
 
 def clip_border():
-    """Planes through a border round the left part of the region, seen from there and from elsewhere: shown is where Solid has a depth."""
+    """Planes through a border round the left part of the region, seen from there and from
+    elsewhere: shown is where Solid has a depth.
+    """
     masks = results["clip border"] = {}
     yield from clipped("without", masks)
     width, height = window.region.width, window.region.height
     with window.context():
-        border = {"xmin": width // 4, "xmax": width // 2, "ymin": height // 4, "ymax": 3 * height // 4}
-        assert bpy.ops.view3d.clip_border("EXEC_DEFAULT", **border, wait_for_input=False) == {"FINISHED"}
+        border = {
+            "xmin": width // 4,
+            "xmax": width // 2,
+            "ymin": height // 4,
+            "ymax": 3 * height // 4,
+        }
+        assert bpy.ops.view3d.clip_border("EXEC_DEFAULT", **border, wait_for_input=False) == {
+            "FINISHED"
+        }
     assert window.view.use_clip_planes
     yield from clipped("from there", masks)
     look(0.5)
@@ -85,7 +97,11 @@ def clipped(name, masks):
     yield from solid_depth()
     yield from picture()
     solid, glint = depth[0] < 1, film()[:, :, 3] > 0.5
-    masks[name] = {"solid": int(solid.sum()), "more": int((glint & ~solid).sum()), "fewer": int((solid & ~glint).sum())}
+    masks[name] = {
+        "solid": int(solid.sum()),
+        "more": int((glint & ~solid).sum()),
+        "fewer": int((solid & ~glint).sum()),
+    }
 
 
 depth = []
@@ -109,7 +125,8 @@ def solid_depth():
     bpy.types.SpaceView3D.draw_handler_remove(handler, "WINDOW")
 
 
-# --- local view, undo, passepartout ----------------------------------------------------------------------------------------------
+# --- local view, undo, passepartout
+# ----------------------------------------------------------------------------------------------
 
 
 def local_view():
@@ -160,7 +177,9 @@ def move():
 
 
 def paint():
-    bpy.data.materials["Material"].node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.9, 0.1, 0.2, 1)
+    bpy.data.materials["Material"].node_tree.nodes["Principled BSDF"].inputs[
+        "Base Color"
+    ].default_value = (0.9, 0.1, 0.2, 1)
 
 
 def lift():
@@ -170,12 +189,17 @@ def lift():
 
 
 def passepartout():
-    """A frame inside the region, pixel on pixel: the same bits as F12 there, and drawn where it is."""
+    """A frame inside the region, pixel on pixel: the same bits as F12 there, and drawn where
+    it is.
+    """
     scene, view = bpy.context.scene, window.view
     width, height = window.region.width, window.region.height
     frame = width - 2 * (width // 6), height - 2 * (height // 6)
     scene.render.film_transparent = False
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = *frame, 100
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = (
+        *frame,
+        100,
+    )
     scene.camera.data.show_passepartout, scene.camera.data.passepartout_alpha = True, 1.0
     view.view_perspective, view.view_camera_offset = "CAMERA", (0, 0)
     view.view_camera_zoom = (2 * (frame[0] / width) ** 0.5 - 2**0.5) * 50
@@ -186,19 +210,26 @@ def passepartout():
     x, y = width // 6, height // 6
     inside = window.framebuffer[y : y + frame[1], x : x + frame[0]]
     results["passepartout"] = same(shown, final)
-    results["passepartout framebuffer"] = float((np.abs(inside - final) / np.maximum(np.abs(final), 2.0**-14)).max())
+    results["passepartout framebuffer"] = float(
+        (np.abs(inside - final) / np.maximum(np.abs(final), 2.0**-14)).max()
+    )
 
 
 def both_eyes():
-    """F12 with stereoscopy in a program with a window: no view stays black, each is the camera's own."""
+    """F12 with stereoscopy in a program with a window: no view stays black, each is the camera's
+    own.
+    """
     settings = bpy.context.scene.render
-    settings.image_settings.file_format, settings.image_settings.color_depth = "PNG", "16"  # an EXR would be read as part of two views
+    # an EXR would be read as part of two views
+    settings.image_settings.file_format, settings.image_settings.color_depth = "PNG", "16"
     for name, is_stereo in (("flat", False), ("eye", True)):
         settings.use_multiview, settings.image_settings.views_format = is_stereo, "INDIVIDUAL"
         settings.filepath = str(folder / f"{name}.png")
         bpy.ops.render.render(write_still=True)
     settings.use_multiview = False
-    flat, left, right = (in_window.read_file(folder / f"{name}.png") for name in ("flat", "eye_L", "eye_R"))
+    flat, left, right = (
+        in_window.read_file(folder / f"{name}.png") for name in ("flat", "eye_L", "eye_R")
+    )
     results["both eyes"] = bool(flat[:, :, :3].any()) and same(left, flat) and same(right, flat)
 
 

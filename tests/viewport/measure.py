@@ -1,10 +1,13 @@
-"""How soon the viewport shows an event, in a real Blender window on a virtual screen, beside Cycles in a window of its own.
+"""How soon the viewport shows an event, in a real Blender window on a virtual screen, beside Cycles
+in a window of its own.
 
-    make bench ARGS=viewport          (GLINT_BLENDER names the program, GLINT_BLENDER_ROOT its folder: see packaging/debian_blender.sh)
+    make bench ARGS=viewport          (GLINT_BLENDER names the program, GLINT_BLENDER_ROOT its
+    folder: see packaging/debian_blender.sh)
 
-A 62 k-triangle scene with a sun and a point light, 960 × 540 pixels. Wall time is what a user waits, and what else the machine does is in
-it; processor time is the whole program's, on all cores. "Blender" is an engine that has every picture ready: what is shown later than there
-is the tracing's share. Nothing here fails for being slow.
+A 62 k-triangle scene with a sun and a point light, 960 × 540 pixels. Wall time is what a user
+waits, and what else the machine does is in it; processor time is the whole program's, on all cores.
+"Blender" is an engine that has every picture ready: what is shown later than there is the tracing's
+share. Nothing here fails for being slow.
 """
 
 # ruff: noqa: T201  (a command talks to a person)
@@ -55,12 +58,20 @@ def installed() -> Blender:
 
 
 def report(blender: Blender) -> None:
-    print(f"load before: {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors; region {SIZE[0]} × {SIZE[1]}\n")
+    print(
+        f"load before: {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors; region {SIZE[0]} × "
+        f"{SIZE[1]}\n"
+    )
     told = {engine: measured(blender, engine) for engine in ("GLINT", "CYCLES", "CONTROL")}
-    print_table(told["GLINT"], {"Blender": told["CONTROL"]["wall"], "Cycles": told["CYCLES"]["wall"]})
+    print_table(
+        told["GLINT"], {"Blender": told["CONTROL"]["wall"], "Cycles": told["CYCLES"]["wall"]}
+    )
     print_histograms(told["GLINT"]["wall"])
     for fact, value in told["GLINT"]["facts"].items():
-        print(f"{fact}: {value}; Cycles {told['CYCLES']['facts'][fact]}; Blender {told['CONTROL']['facts'][fact]}")
+        print(
+            f"{fact}: {value}; Cycles {told['CYCLES']['facts'][fact]}; Blender "
+            f"{told['CONTROL']['facts'][fact]}"
+        )
     print(f"\nload after: {os.getloadavg()[0]:.1f}")
     print_memory(blender)
 
@@ -72,12 +83,21 @@ def measured(blender: Blender, engine: str) -> dict:
 
 
 def print_table(glint: dict, others: dict[str, dict[str, list[float]]]) -> None:
-    """Milliseconds: medians, with the least and the most; of other engines the median, and how many times Glint's it is."""
+    """Milliseconds: medians, with the least and the most; of other engines the median, and how many
+    times Glint's it is.
+    """
     heads = "".join(f" {name:>8} {'ratio':>6}" for name in others)
-    print(f"{'event':28} {'traced':>7} {'shown':>7} {'least':>7} {'most':>7} {'processor':>9}{heads} {'at least':>9} {'aim':>6}")
+    print(
+        f"{'event':28} {'traced':>7} {'shown':>7} {'least':>7} {'most':>7} {'processor':>9}{heads} "
+        f"{'at least':>9} {'aim':>6}"
+    )
     for event, seconds in glint["wall"].items():
         median, spent = statistics.median(seconds), statistics.median(glint["processor"][event])
-        ready = f"{1e3 * statistics.median(glint['traced'][event]):7.1f}" if event in glint["traced"] else f"{'':7}"
+        ready = (
+            f"{1e3 * statistics.median(glint['traced'][event]):7.1f}"
+            if event in glint["traced"]
+            else f"{'':7}"
+        )
         beside = "".join(_beside(wall.get(event), median) for wall in others.values())
         goals = "".join(f" {1e3 * goal:8.0f}" for goal in TARGETS.get(event, ()))
         shown = " ".join(f"{1e3 * value:7.1f}" for value in (median, min(seconds), max(seconds)))
@@ -97,22 +117,40 @@ def print_histograms(wall: dict[str, list[float]]) -> None:
     edges = [8 * 2**k for k in range(11)]
     print(f"\n{'up to ms':28}" + "".join(f"{edge:6}" for edge in edges))
     for event, seconds in wall.items():
-        counts = [sum(low < 1e3 * value <= edge for value in seconds) for low, edge in zip([0, *edges], edges, strict=False)]
+        counts = [
+            sum(low < 1e3 * value <= edge for value in seconds)
+            for low, edge in zip([0, *edges], edges, strict=False)
+        ]
         print(f"{event:28}" + "".join(f"{count or '':>6}" for count in counts))
     print()
 
 
 def print_memory(blender: Blender) -> None:
-    """What a view of a million triangles holds at most, beside a final render, and what Blender itself takes for a view: with a software
-    rasteriser, its window's buffers as well. Three runs of each, in turn."""
+    """What a view of a million triangles holds at most, beside a final render, and what Blender
+    itself takes for a view: with a software rasteriser, its window's buffers as well. Three runs of
+    each, in turn.
+    """
     grown = {job: [] for job in ("final", "view", "control")}
     for _ in range(MEMORY_RUNS):
         for job, growths in grown.items():
-            growths.append(_growth(host.run_in_window(blender, "measured_memory.py", job, timeout=LIMIT, size=SIZE)))
+            growths.append(
+                _growth(
+                    host.run_in_window(blender, "measured_memory.py", job, timeout=LIMIT, size=SIZE)
+                )
+            )
     final, view, own = (statistics.median(growths) for growths in grown.values())
-    runs = "; ".join(f"{job} {', '.join(f'{growth:.0f}' for growth in growths)}" for job, growths in grown.items())
-    print(f"memory of 1 M triangles beyond the file's own: final render {final:.0f} MB, viewport {view:.0f} MB, {view / final:.2f} of it")
-    print(f"Blender's own share of the viewport's: {own:.0f} MB; without it {(view - own) / final:.2f} of the final render's (MB: {runs})")
+    runs = "; ".join(
+        f"{job} {', '.join(f'{growth:.0f}' for growth in growths)}"
+        for job, growths in grown.items()
+    )
+    print(
+        f"memory of 1 M triangles beyond the file's own: final render {final:.0f} MB, viewport "
+        f"{view:.0f} MB, {view / final:.2f} of it"
+    )
+    print(
+        f"Blender's own share of the viewport's: {own:.0f} MB; without it "
+        f"{(view - own) / final:.2f} of the final render's (MB: {runs})"
+    )
 
 
 def _growth(done: host.WindowRun) -> float:

@@ -1,8 +1,10 @@
-"""Runs inside a Blender with a window: how soon events show in the middle of the 3D view, for Glint, for Cycles, or for an engine that has
-every picture ready and so tells what Blender itself takes. See measure.py.
+"""Runs inside a Blender with a window: how soon events show in the middle of the 3D view, for
+Glint, for Cycles, or for an engine that has every picture ready and so tells what Blender itself
+takes. See measure.py.
 
-Every event changes the colour of the pixel in the middle, which is read back from the framebuffer after each `view_draw` of the engine:
-the time runs from before Blender's data is changed until that pixel has its new colour. Processor time is that of the whole program.
+Every event changes the colour of the pixel in the middle, which is read back from the framebuffer
+after each `view_draw` of the engine: the time runs from before Blender's data is changed until that
+pixel has its new colour. Processor time is that of the whole program.
 """
 
 import argparse
@@ -34,7 +36,9 @@ def arguments():
 
 
 class Eye:
-    """Looks at the middle of the region. color: what is there.  at, spent: when it was drawn, and the processor time until then."""
+    """Looks at the middle of the region. color: what is there.  at, spent: when it was drawn, and
+    the processor time until then.
+    """
 
     def __init__(self, engine_class):
         self.color, self.at, self.spent, self.draws = (0.0, 0.0, 0.0), 0.0, 0.0, 0
@@ -43,8 +47,16 @@ class Eye:
         def watched(render_engine, context, depsgraph):
             draw(render_engine, context, depsgraph)
             x, y = context.region.width // 2, context.region.height // 2
-            pixel = gpu.state.active_framebuffer_get().read_color(x, y, 1, 1, 4, 0, "FLOAT").to_list()[0][0]
-            self.color, self.at, self.spent = tuple(pixel[:3]), time.perf_counter(), time.process_time()
+            pixel = (
+                gpu.state.active_framebuffer_get()
+                .read_color(x, y, 1, 1, 4, 0, "FLOAT")
+                .to_list()[0][0]
+            )
+            self.color, self.at, self.spent = (
+                tuple(pixel[:3]),
+                time.perf_counter(),
+                time.process_time(),
+            )
             self.draws += 1
 
         engine_class.view_draw = watched
@@ -75,7 +87,10 @@ def is_green(color):
     return color[1] > 2 * color[0] and color[1] > 0.01
 
 
-SHADES = {is_red: ((0.8, 0.02, 0.02), (0.7, 0.02, 0.02)), is_green: ((0.02, 0.8, 0.02), (0.02, 0.7, 0.02))}
+SHADES = {
+    is_red: ((0.8, 0.02, 0.02), (0.7, 0.02, 0.02)),
+    is_green: ((0.02, 0.8, 0.02), (0.02, 0.7, 0.02)),
+}
 """Two of each, of which the engine with ready pictures shows one that it does not show yet."""
 
 
@@ -163,7 +178,11 @@ def alternating(name, red, green):
 
 def switching():
     for k in range(4):
-        yield from event("first picture" if k == 0 else "first picture again", lambda: set_shading("RENDERED"), is_red)
+        yield from event(
+            "first picture" if k == 0 else "first picture again",
+            lambda: set_shading("RENDERED"),
+            is_red,
+        )
         set_shading("SOLID")
         eye.color = (0.0, 0.0, 0.0)
         yield 0.5
@@ -188,11 +207,17 @@ def moving_the_view():
 def shading():
     material, lamp = bpy.data.materials["red"], bpy.data.lights["Point"]
     sun = bpy.data.lights["Sun"]
-    yield from alternating("material color", lambda: paint(material, measured_scenes.RED), lambda: paint(material, measured_scenes.GREEN))
+    yield from alternating(
+        "material color",
+        lambda: paint(material, measured_scenes.RED),
+        lambda: paint(material, measured_scenes.GREEN),
+    )
     paint(material, (0.8, 0.8, 0.8, 1))
     sun.energy, lamp.color = 0, (1, 0.1, 0.1)
     yield from quiet()
-    yield from alternating("light color", lambda: tint(lamp, (1, 0.1, 0.1)), lambda: tint(lamp, (0.1, 1, 0.1)))
+    yield from alternating(
+        "light color", lambda: tint(lamp, (1, 0.1, 0.1)), lambda: tint(lamp, (0.1, 1, 0.1))
+    )
     paint(material, measured_scenes.RED)
     sun.energy, lamp.color = 2, (1, 1, 1)
     yield from quiet()
@@ -223,20 +248,28 @@ def turning():
 
 def turn(last, now):
     """Turn the view by what a hand does from one time to another: it waits for no redraw."""
-    window.view.view_rotation = mathutils.Quaternion((0, 0, 1), TURN * (now - last)) @ window.view.view_rotation
+    window.view.view_rotation = (
+        mathutils.Quaternion((0, 0, 1), TURN * (now - last)) @ window.view.view_rotation
+    )
     window.region.tag_redraw()
     return now
 
 
 def stopping():
-    """From the last turn that Blender handles, and from the hand's stop, at any time of a redraw, until every pixel of the region has been
-    traced for it; two redraws where every picture is ready."""
+    """From the last turn that Blender handles, and from the hand's stop, at any time of a redraw,
+    until every pixel of the region has been traced for it; two redraws where every picture is
+    ready.
+    """
     session = current_session() if options.engine == "GLINT" else None
     for k in range(2 * REPEATS):
         last = time.perf_counter()
         stop = last + 0.4 + 0.017 * k
         while last < stop:
-            start, spent, asked = time.perf_counter(), time.process_time(), session.requests if session else eye.draws
+            start, spent, asked = (
+                time.perf_counter(),
+                time.process_time(),
+                session.requests if session else eye.draws,
+            )
             last = turn(last, min(start, stop))
             yield 0.004 if last < stop else lambda asked=asked: has_come_to_rest(session, asked)
         wall.setdefault("stop to full resolution", []).append(eye.at - start)
@@ -251,7 +284,10 @@ def has_come_to_rest(session, before):
         if eye.draws == before + 1:
             window.region.tag_redraw()
         return eye.draws > before + 1
-    return session.answered > before and window.films["all"].combined.shape[:2] == (window.region.height, window.region.width)
+    return session.answered > before and window.films["all"].combined.shape[:2] == (
+        window.region.height,
+        window.region.width,
+    )
 
 
 def current_session():
@@ -264,7 +300,9 @@ def converged():
     yield from quiet()
     draws, spent, start = eye.draws, time.process_time(), time.perf_counter()
     yield CONVERGED_SECONDS
-    facts["processor share when converged"] = (time.process_time() - spent) / (time.perf_counter() - start)
+    facts["processor share when converged"] = (time.process_time() - spent) / (
+        time.perf_counter() - start
+    )
     facts["draws when converged"] = eye.draws - draws
 
 
@@ -296,7 +334,9 @@ def one_vertex():
     for k in range(REPEATS // 2):
         before = eye.color
         yield from event(
-            "one vertex of 1 M triangles", lambda k=k: lift(0.01 * (1 - k % 2)), lambda color, before=before: differ(color, before)
+            "one vertex of 1 M triangles",
+            lambda k=k: lift(0.01 * (1 - k % 2)),
+            lambda color, before=before: differ(color, before),
         )
 
 

@@ -1,7 +1,8 @@
-"""Runs inside a Blender with a window: shows or renders a million triangles, or shows a ready picture; answers when it began to.
+"""Runs inside a Blender with a window: shows or renders a million triangles, or shows a ready
+picture; answers when it began to.
 
-Without overlays: to draw them over a million triangles a software rasteriser takes 50 to 80 MB for the moment of each redraw. That would
-hide what Glint takes, in every run another part of it.
+Without overlays: to draw them over a million triangles a software rasteriser takes 50 to 80 MB for
+the moment of each redraw. That would hide what Glint takes, in every run another part of it.
 """
 
 import pathlib
@@ -25,7 +26,11 @@ window.keeps_films = False  # what is measured is Glint's
 def scenario():
     scene = bpy.context.scene
     scene.render.engine = "CONTROL" if job == "control" else "GLINT"
-    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 960, 540, 100
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = (
+        960,
+        540,
+        100,
+    )
     camera = scene.camera.data.copy()
     measured_scenes.grid(708)
     scene.camera = bpy.data.objects.new("Camera", camera)

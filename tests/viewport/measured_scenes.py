@@ -7,18 +7,27 @@ RED, GREEN, GREY = (0.8, 0.02, 0.02, 1), (0.02, 0.8, 0.02, 1), (0.5, 0.5, 0.5, 1
 
 
 def spheres():
-    """62 k triangles, one sun and one point light: a red sphere left of a green one, and another behind, on a grey plane."""
+    """62 k triangles, one sun and one point light: a red sphere left of a green one, and another
+    behind, on a grey plane.
+    """
     lit()
-    for name, color, location in (("red", RED, (-1, 0, 0)), ("green", GREEN, (1, 0, 0)), ("grey", GREY, (0, 2, 0))):
+    for name, color, location in (
+        ("red", RED, (-1, 0, 0)),
+        ("green", GREEN, (1, 0, 0)),
+        ("grey", GREY, (0, 2, 0)),
+    ):
         bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6, radius=0.9, location=location)
         wear(bpy.context.object, name, color)
         bpy.context.object.data.shade_smooth()
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=16, y_subdivisions=16, size=12, location=(0, 0, -1))
+    bpy.ops.mesh.primitive_grid_add(
+        x_subdivisions=16, y_subdivisions=16, size=12, location=(0, 0, -1)
+    )
     wear(bpy.context.object, "plane", GREY)
 
 
 def instances(count, carried=False):
-    """A red cube among `count` green ones that share its mesh's triangles, which lie in a plane below it. Returns the red one.
+    """A red cube among `count` green ones that share its mesh's triangles, which lie in a plane
+    below it. Returns the red one.
 
     carried: the green ones are no objects, but one at each vertex of a mesh.
     """
@@ -28,7 +37,9 @@ def instances(count, carried=False):
     wear(bpy.context.object, "many", GREEN)
     bpy.data.objects.remove(bpy.context.object)
     side, many = int(count**0.5), bpy.data.collections.new("many")
-    places = [((k % side - side / 2) * 0.07, (k // side - side / 2) * 0.07, -1) for k in range(count)]
+    places = [
+        ((k % side - side / 2) * 0.07, (k // side - side / 2) * 0.07, -1) for k in range(count)
+    ]
     if carried:
         carrier = bpy.data.objects.new("carrier", bpy.data.meshes.new("vertices"))
         carrier.data.from_pydata(places, [], [])
@@ -38,7 +49,8 @@ def instances(count, carried=False):
         thing = bpy.data.objects.new("one", mesh)
         thing.location, thing.parent = place, carrier if carried else None
         many.objects.link(thing)
-    bpy.context.scene.collection.children.link(many)  # at the end: Blender counts all objects anew after each change of the scene
+    # at the end: Blender counts all objects anew after each change of the scene
+    bpy.context.scene.collection.children.link(many)
     red = bpy.data.objects.new("the one", mesh)
     red.scale = (6, 6, 6)
     red.material_slots[0].link = "OBJECT"
@@ -58,7 +70,12 @@ def grid(subdivisions):
     y, x = np.mgrid[0:side, 0:side].astype(np.float32) * 2 / subdivisions - 1
     mesh.vertices.add(side * side)
     mesh.vertices.foreach_set("co", np.stack([x, y, np.zeros_like(x)], -1).reshape(-1))
-    corner = np.arange(side * side, dtype=np.int32).reshape(side, side)[:-1, :-1].reshape(-1, 1) + (0, 1, side + 1, side)
+    corner = np.arange(side * side, dtype=np.int32).reshape(side, side)[:-1, :-1].reshape(-1, 1) + (
+        0,
+        1,
+        side + 1,
+        side,
+    )
     mesh.loops.add(corner.size)
     mesh.loops.foreach_set("vertex_index", corner.reshape(-1).astype(np.int32))
     mesh.polygons.add(len(corner))
@@ -72,7 +89,15 @@ def grid(subdivisions):
 
 def lit():
     """Nothing but a sun and a point light."""
-    bpy.data.batch_remove([*bpy.data.objects, *bpy.data.lights, *bpy.data.meshes, *bpy.data.materials, *bpy.data.collections])
+    bpy.data.batch_remove(
+        [
+            *bpy.data.objects,
+            *bpy.data.lights,
+            *bpy.data.meshes,
+            *bpy.data.materials,
+            *bpy.data.collections,
+        ]
+    )
     sun, point = bpy.data.lights.new("Sun", "SUN"), bpy.data.lights.new("Point", "POINT")
     sun.energy, point.energy, point.shadow_soft_size = 2, 400, 0
     sun.angle = 0

@@ -1,7 +1,9 @@
-"""Random edits, undo, resizes, mode switches, file reloads and engine switches in one window: no crash, no stuck thread, no growth.
+"""Random edits, undo, resizes, mode switches, file reloads and engine switches in one window: no
+crash, no stuck thread, no growth.
 
-Step k of a seed does the same whatever came before it, and is said before it is done, so that a crash names it. `--engine NOTHING` is
-the control: the same edits with a render engine that only exists, and without Glint.
+Step k of a seed does the same whatever came before it, and is said before it is done, so that a
+crash names it. `--engine NOTHING` is the control: the same edits with a render engine that only
+exists, and without Glint.
 """
 
 import argparse
@@ -63,7 +65,9 @@ def scenario():
         yield dice.choice([0.0, 0.02, 0.1])
         step += 1
     yield from rest(step)
-    in_window.answer({"steps": step, "done": done, "failed": failed, "threads": threads(), **shown()})
+    in_window.answer(
+        {"steps": step, "done": done, "failed": failed, "threads": threads(), **shown()}
+    )
 
 
 def set_up(scene):

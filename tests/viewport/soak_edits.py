@@ -1,4 +1,6 @@
-"""What a restless user does in a 3D view, at random. Each edit takes a `Hand`, whose dice alone decide what happens."""
+"""What a restless user does in a 3D view, at random. Each edit takes a `Hand`, whose dice alone
+decide what happens.
+"""
 
 import pathlib
 import random
@@ -23,7 +25,9 @@ class Hand:
         return [self.dice.uniform(-size, size) for _ in range(3)]
 
     def thing(self, *kinds):
-        return self.dice.choice([found for found in bpy.context.scene.objects if not kinds or found.type in kinds])
+        return self.dice.choice(
+            [found for found in bpy.context.scene.objects if not kinds or found.type in kinds]
+        )
 
 
 def move(hand):
@@ -32,7 +36,9 @@ def move(hand):
 
 def orbit(hand):
     view = hand.window.view
-    view.view_rotation = mathutils.Quaternion(hand.vector(1), hand.dice.uniform(0, 0.5)) @ view.view_rotation
+    view.view_rotation = (
+        mathutils.Quaternion(hand.vector(1), hand.dice.uniform(0, 0.5)) @ view.view_rotation
+    )
 
 
 def zoom(hand):
@@ -64,7 +70,9 @@ def vertex(hand):
 
 
 def add(hand):
-    kind = hand.dice.choice(["primitive_cube_add", "primitive_uv_sphere_add", "primitive_monkey_add"])
+    kind = hand.dice.choice(
+        ["primitive_cube_add", "primitive_uv_sphere_add", "primitive_monkey_add"]
+    )
     with hand.window.context():
         getattr(bpy.ops.mesh, kind)(location=hand.vector())
 
@@ -109,7 +117,9 @@ def shading(hand):
 
 
 def engine(hand):
-    bpy.context.scene.render.engine = hand.dice.choice([hand.engine, hand.engine, "BLENDER_WORKBENCH"])
+    bpy.context.scene.render.engine = hand.dice.choice(
+        [hand.engine, hand.engine, "BLENDER_WORKBENCH"]
+    )
 
 
 def resize(hand):
@@ -141,7 +151,9 @@ def settings(hand):
     scene, dice = bpy.context.scene, hand.dice
     if hand.engine == "GLINT":
         scene.glint.viewport.samples = dice.choice([1, 2, 8])
-        scene.glint.viewport_pass = dice.choice(["Combined", "Combined", "Normal", "Depth", "Shadow"])
+        scene.glint.viewport_pass = dice.choice(
+            ["Combined", "Combined", "Normal", "Depth", "Shadow"]
+        )
     scene.render.preview_pixel_size = dice.choice(["AUTO", "1", "2", "4"])
     scene.render.film_transparent = dice.random() < 0.5
 
@@ -169,15 +181,47 @@ def nothing_left(hand):
         bpy.data.objects.remove(found)
 
 
-EDITS = (move, move, orbit, orbit, zoom, projection, light, material, vertex, add, delete, edit_mode, edit_vertices, undo, redo, push,
-         shading, engine, resize, quad_view, local_view, border, settings, hide, frame, play, reload, nothing_left)  # fmt: skip
+EDITS = (
+    move,
+    move,
+    orbit,
+    orbit,
+    zoom,
+    projection,
+    light,
+    material,
+    vertex,
+    add,
+    delete,
+    edit_mode,
+    edit_vertices,
+    undo,
+    redo,
+    push,
+    shading,
+    engine,
+    resize,
+    quad_view,
+    local_view,
+    border,
+    settings,
+    hide,
+    frame,
+    play,
+    reload,
+    nothing_left,
+)
 
 UNTOLD = {move, light, material, vertex, delete, border, settings, hide, nothing_left}
-"""Changes that no operator makes: they are pushed, so that Blender's undo knows of them, as it does of all that buttons change.
+"""Changes that no operator makes: they are pushed, so that Blender's undo knows of them, as it does
+of all that buttons change.
 
-Without it Blender 4.3.2 itself crashes: an object is hidden by `hide_viewport`, another is added by an operator, one is hidden again, and
-then undo leaves freed data-blocks in the file, whose names the Outliner draws, or which redo follows. It does so with NOTHING, too.
+Without it Blender 4.3.2 itself crashes: an object is hidden by `hide_viewport`, another is added by
+an operator, one is hidden again, and then undo leaves freed data-blocks in the file, whose names
+the Outliner draws, or which redo follows. It does so with NOTHING, too.
 """
 
 EXCHANGING = {undo, redo, reload, quad_view, local_view, engine, shading}
-"""After these Blender wants to see its events before another operator runs, as it does in a user's hands."""
+"""After these Blender wants to see its events before another operator runs, as it does in a user's
+hands.
+"""

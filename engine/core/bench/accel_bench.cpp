@@ -1,5 +1,6 @@
-// Rays a second of the accelerator by kind of ray: accel_bench [rounds [mesh [kind]]]. With a mesh (0 ...) and a kind (0 primary, 1 shadow,
-// 2 mirror, 3 diffuse) only that one: to count its instructions with callgrind or perf, subtract a run with 0 rounds.
+// Rays a second of the accelerator by kind of ray: accel_bench [rounds [mesh [kind]]]. With a mesh
+// (0 ...) and a kind (0 primary, 1 shadow, 2 mirror, 3 diffuse) only that one: to count its
+// instructions with callgrind or perf, subtract a run with 0 rounds.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -30,7 +31,8 @@ struct Batch {
   Vec3d direction(size_t k) const { return {columns[3][k], columns[4][k], columns[5][k]}; }
   Rays rays(size_t first, size_t n) const {
     auto at = [&](int k) { return columns[k].data() + first; };
-    return {{at(0), at(1), at(2)}, {at(3), at(4), at(5)}, at(6), at(7), n, kCamera | kMirror | kShadow};
+    return {{at(0), at(1), at(2)},      {at(3), at(4), at(5)}, at(6), at(7), n,
+            kCamera | kMirror | kShadow};
   }
   template <class Trace>
   void each(Trace trace) const {
@@ -48,7 +50,9 @@ struct Answer {
 
 void closest(const Accel& accel, const Batch& batch, Answer& a) {
   Scratch s;
-  batch.each([&](size_t k, const Rays& r) { accel.closest(r, {&a.t[k], &a.instance[k], &a.primitive[k], &a.u[k], &a.v[k]}, s); });
+  batch.each([&](size_t k, const Rays& r) {
+    accel.closest(r, {&a.t[k], &a.instance[k], &a.primitive[k], &a.u[k], &a.v[k]}, s);
+  });
 }
 void occluded(const Accel& accel, const Batch& batch, Answer& a) {
   Scratch scratch;
@@ -64,11 +68,15 @@ struct Scene {
 
 Batch camera_rays(const Scene& s) {
   Batch batch;
-  const Vec3d forward = normalize(-s.eye), right = normalize(cross(forward, Vec3d{0, 0, 1})), up = cross(right, forward);
+  const Vec3d forward = normalize(-s.eye), right = normalize(cross(forward, Vec3d{0, 0, 1})),
+              up = cross(right, forward);
   for (int b = 0; b < kSide * kSide / 64; ++b)
     for (int k = 0; k < 64; ++k) {
       const int i = b % (kSide / 8) * 8 + k % 8, j = b / (kSide / 8) * 8 + k / 8;
-      batch.add(s.eye, forward + (0.8 * ((i + 0.5) / kSide - 0.5)) * right + (0.8 * ((j + 0.5) / kSide - 0.5)) * up, 0, HUGE_VAL);
+      batch.add(s.eye,
+                forward + (0.8 * ((i + 0.5) / kSide - 0.5)) * right +
+                    (0.8 * ((j + 0.5) / kSide - 0.5)) * up,
+                0, HUGE_VAL);
     }
   return batch;
 }
@@ -79,7 +87,8 @@ void secondary_rays(const Scene& s, const Batch& primary, const Answer& hits, Ba
   for (size_t k = 0; k < primary.count(); ++k) {
     if (hits.instance[k] == Hit::kNone) continue;
     const Affine& m = s.instances[hits.instance[k]].world_from_object;
-    const Vec3d a = point(m, s.mesh.corner(hits.primitive[k], 0)), b = point(m, s.mesh.corner(hits.primitive[k], 1)),
+    const Vec3d a = point(m, s.mesh.corner(hits.primitive[k], 0)),
+                b = point(m, s.mesh.corner(hits.primitive[k], 1)),
                 c = point(m, s.mesh.corner(hits.primitive[k], 2)), d = primary.direction(k);
     Vec3d n = normalize(cross(b - a, c - a));
     if (dot(n, d) > 0) n = -n;
@@ -105,9 +114,12 @@ Scene instances_scene() {
 
 std::vector<std::function<Scene()>> scenes() {
   Random random(2);
-  return {[] { return Scene{"bumpy 5k", bumpy_sphere(36, 70)}; },     [] { return Scene{"bumpy 70k", bumpy_sphere(132, 264)}; },
-          [] { return Scene{"bumpy 1M", bumpy_sphere(500, 1000)}; },  [] { return Scene{"boxes 19k", box_grid(40, 0.8, {})}; },
-          [random]() mutable { return Scene{"soup 50k", soup(random, 50000, 1, 0.03)}; }, instances_scene};
+  return {[] { return Scene{"bumpy 5k", bumpy_sphere(36, 70)}; },
+          [] { return Scene{"bumpy 70k", bumpy_sphere(132, 264)}; },
+          [] { return Scene{"bumpy 1M", bumpy_sphere(500, 1000)}; },
+          [] { return Scene{"boxes 19k", box_grid(40, 0.8, {})}; },
+          [random]() mutable { return Scene{"soup 50k", soup(random, 50000, 1, 0.03)}; },
+          instances_scene};
 }
 
 void measure(const Scene& s, int rounds, int only) {
@@ -139,7 +151,8 @@ void measure(const Scene& s, int rounds, int only) {
 int main(int argc, char** argv) {
   const int rounds = argc > 1 ? std::atoi(argv[1]) : 5;
   const int mesh = argc > 2 ? std::atoi(argv[2]) : -1, kind = argc > 3 ? std::atoi(argv[3]) : -1;
-  std::printf("%-16s %9s %9s %9s %9s   (million rays a second)\n", "", "primary", "shadow", "mirror", "diffuse");
+  std::printf("%-16s %9s %9s %9s %9s   (million rays a second)\n", "", "primary", "shadow",
+              "mirror", "diffuse");
   const auto list = scenes();
   for (int k = 0; k < int(list.size()); ++k)
     if (mesh < 0 || k == mesh) measure(list[size_t(k)](), rounds, kind);

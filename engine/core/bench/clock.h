@@ -1,4 +1,5 @@
-// Time that other work on the machine does not lengthen: processor time of the threads that did the work.
+// Time that other work on the machine does not lengthen: processor time of the threads that did the
+// work.
 #pragma once
 #include <algorithm>
 #include <ctime>
@@ -16,7 +17,8 @@ inline double wall_seconds() { return seconds_of(CLOCK_MONOTONIC); }
 inline double process_seconds() { return seconds_of(CLOCK_PROCESS_CPUTIME_ID); }
 inline double thread_seconds() { return seconds_of(CLOCK_THREAD_CPUTIME_ID); }
 
-/// body(first, count) over [0, count), in equal shares (multiples of 64) on `threads` threads; processor time of the busiest thread.
+/// body(first, count) over [0, count), in equal shares (multiples of 64) on `threads` threads;
+/// processor time of the busiest thread.
 template <class Body>
 double parallel_seconds(size_t count, int threads, Body body) {
   std::vector<double> taken(static_cast<size_t>(threads));

@@ -1,4 +1,5 @@
-// Embree 3 or 4 through its C interface: devices that count their memory, scenes, and rays laid out as Embree likes them best.
+// Embree 3 or 4 through its C interface: devices that count their memory, scenes, and rays laid out
+// as Embree likes them best.
 #pragma once
 #include <atomic>
 #include <memory>
@@ -31,7 +32,8 @@ class EmbreeDevice {
   /// Held at present, as the memory monitor reports.
   ptrdiff_t bytes() const { return bytes_; }
   std::string version() const;
-  /// The widest packet that runs in one go: 4, 8 or 16 rays. Shows which instruction set is at work.
+  /// The widest packet that runs in one go: 4, 8 or 16 rays. Shows which instruction set is at
+  /// work.
   int native_width() const;
 
  private:
@@ -41,8 +43,10 @@ class EmbreeDevice {
 
 class EmbreeScene {
  public:
-  /// The world's arrays are shared, not copied. Embree drops spatial splits (high quality) when `robust`.
-  EmbreeScene(EmbreeDevice& device, const World& world, Quality quality, bool robust, bool compact = false);
+  /// The world's arrays are shared, not copied. Embree drops spatial splits (high quality) when
+  /// `robust`.
+  EmbreeScene(EmbreeDevice& device, const World& world, Quality quality, bool robust,
+              bool compact = false);
   ~EmbreeScene();
   EmbreeScene(const EmbreeScene&) = delete;
   EmbreeScene& operator=(const EmbreeScene&) = delete;
@@ -53,7 +57,8 @@ class EmbreeScene {
   RTCScene scene_, mesh_ = nullptr;
 };
 
-/// The rays of a RaySet in one of Embree's layouts. Tracing overwrites them (Embree's interface), so that `fill` comes before each run.
+/// The rays of a RaySet in one of Embree's layouts. Tracing overwrites them (Embree's interface),
+/// so that `fill` comes before each run.
 class EmbreeRays {
  public:
   virtual ~EmbreeRays() = default;

@@ -1,6 +1,7 @@
 // Nanoseconds a pixel sample, tracing apart from all the rest, on one thread:
 //   pipeline_bench [quads a side, default 300] [name of a scene]
-// Each tile is traced several times and the least time taken, so that other work on the machine is left out.
+// Each tile is traced several times and the least time taken, so that other work on the machine is
+// left out.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -21,11 +22,29 @@ const Variant kVariants[] = {
     {"sun", false, false, {GLINT_DIFFUSE, GLINT_AMBIENT}, {GLINT_SUN}, 0, 1},
     {"point", false, false, {GLINT_DIFFUSE, GLINT_AMBIENT}, {GLINT_POINT_LIGHT}, 0, 1},
     {"smooth", true, false, {GLINT_DIFFUSE, GLINT_AMBIENT}, {GLINT_POINT_LIGHT}, 0, 1},
-    {"phong", true, false, {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_SPECULAR}, {GLINT_POINT_LIGHT}, 0, 1},
+    {"phong",
+     true,
+     false,
+     {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_SPECULAR},
+     {GLINT_POINT_LIGHT},
+     0,
+     1},
     {"textured", true, true, {GLINT_DIFFUSE, GLINT_AMBIENT}, {GLINT_POINT_LIGHT}, 0, 1},
-    {"three lights", true, false, {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_SPECULAR}, {GLINT_POINT_LIGHT, GLINT_SUN, GLINT_SPOT}, 0, 1},
+    {"three lights",
+     true,
+     false,
+     {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_SPECULAR},
+     {GLINT_POINT_LIGHT, GLINT_SUN, GLINT_SPOT},
+     0,
+     1},
     {"soft, 16 samples", true, false, {GLINT_DIFFUSE, GLINT_AMBIENT}, {GLINT_POINT_LIGHT}, 0.4, 16},
-    {"mirror", true, false, {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_MIRROR}, {GLINT_POINT_LIGHT}, 0, 1},
+    {"mirror",
+     true,
+     false,
+     {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_MIRROR},
+     {GLINT_POINT_LIGHT},
+     0,
+     1},
     {"glass", true, false, {GLINT_REFRACTION, GLINT_MIRROR}, {GLINT_POINT_LIGHT}, 0, 1},
     {"veil", true, false, {GLINT_DIFFUSE, GLINT_TRANSPARENT}, {GLINT_POINT_LIGHT}, 0, 1},
 };
@@ -66,8 +85,10 @@ void run(const Grid& grid, const Variant& v) {
   const double pixels = double(kWidth) * kHeight, rays = kRepeats * pixels;
   const RayCounts& c = tracer.counts();
   const double others = double(c.mirror + c.refraction + c.transparent) / rays;
-  std::printf("%-18s %7.1f ns = tracing %7.1f + rest %7.1f;  rays: camera 1, shadow %.2f, others %.2f\n", v.name, 1e9 * s.all / pixels,
-              1e9 * s.tracing / pixels, 1e9 * (s.all - s.tracing) / pixels, double(c.shadow) / rays, others);
+  std::printf(
+      "%-18s %7.1f ns = tracing %7.1f + rest %7.1f;  rays: camera 1, shadow %.2f, others %.2f\n",
+      v.name, 1e9 * s.all / pixels, 1e9 * s.tracing / pixels, 1e9 * (s.all - s.tracing) / pixels,
+      double(c.shadow) / rays, others);
 }
 
 }  // namespace

@@ -1,7 +1,8 @@
-// One sample of each pixel of one scene, for counting instructions: pipeline_counts NAME. Whatever has "beside" in its name is the plain
-// scene with something in it that no ray meets, or a setting that nothing reads.
-// Everything to be counted happens inside glint_counted_region (valgrind --tool=callgrind --toggle-collect=glint_counted_region).
-// Prints how many pixels that were, and the compiler; tests/bench/features.py runs it.
+// One sample of each pixel of one scene, for counting instructions: pipeline_counts NAME. Whatever
+// has "beside" in its name is the plain scene with something in it that no ray meets, or a setting
+// that nothing reads. Everything to be counted happens inside glint_counted_region (valgrind
+// --tool=callgrind --toggle-collect=glint_counted_region). Prints how many pixels that were, and
+// the compiler; tests/bench/features.py runs it.
 #include <cstdio>
 #include <string>
 
@@ -14,8 +15,10 @@ using namespace glint::bench;
 namespace {
 
 const std::vector<int> kDull = {GLINT_DIFFUSE, GLINT_AMBIENT};
-const std::vector<int> kShiny = {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_SPECULAR}, kMirroring = {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_MIRROR};
-const std::vector<int> kGlass = {GLINT_REFRACTION, GLINT_MIRROR}, kVeil = {GLINT_DIFFUSE, GLINT_TRANSPARENT};
+const std::vector<int> kShiny = {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_SPECULAR},
+                       kMirroring = {GLINT_DIFFUSE, GLINT_AMBIENT, GLINT_MIRROR};
+const std::vector<int> kGlass = {GLINT_REFRACTION, GLINT_MIRROR},
+                       kVeil = {GLINT_DIFFUSE, GLINT_TRANSPARENT};
 
 /// A dull grid and one light of 4 samples that needs no shadow rays.
 Variant soft(const char* name, int kind, double extent, uint32_t flags = 0) {
@@ -48,7 +51,8 @@ const Variant kVariants[] = {
 
 }  // namespace
 
-extern "C" __attribute__((noinline, visibility("default"))) void glint_counted_region(Tracer& tracer, const Film& film) {
+extern "C" __attribute__((noinline, visibility("default"))) void glint_counted_region(
+    Tracer& tracer, const Film& film) {
   for (const Tile& tile : film.tiles()) tracer.choose(tile), tracer.trace(1, 2);
 }
 

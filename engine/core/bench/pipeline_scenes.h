@@ -1,5 +1,5 @@
-// Scenes of a wavy grid for the benches of the pipeline: one material and its lights, and a small thing behind the camera that no ray
-// meets.
+// Scenes of a wavy grid for the benches of the pipeline: one material and its lights, and a small
+// thing behind the camera that no ray meets.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -28,8 +28,11 @@ struct Grid {
       }
   }
   void add(double x, double y) {
-    for (double c : {x, y, 0.35 * std::sin(3 * x) * std::cos(2.5 * y) + 0.03 * std::sin(41 * x + 37 * y)}) vertices.push_back(float(c));
-    for (double c : {-1.05 * std::cos(3 * x) * std::cos(2.5 * y), 0.875 * std::sin(3 * x) * std::sin(2.5 * y), 1.0})
+    for (double c :
+         {x, y, 0.35 * std::sin(3 * x) * std::cos(2.5 * y) + 0.03 * std::sin(41 * x + 37 * y)})
+      vertices.push_back(float(c));
+    for (double c : {-1.05 * std::cos(3 * x) * std::cos(2.5 * y),
+                     0.875 * std::sin(3 * x) * std::sin(2.5 * y), 1.0})
       normals.push_back(float(c));
     for (double c : {x / 8 + 0.5, y / 8 + 0.5}) uv.push_back(float(c));
   }
@@ -42,7 +45,7 @@ struct Variant {
   std::vector<int> lights;
   double radius;
   uint32_t light_samples;
-  std::vector<int> unseen = {};       // lobes of a triangle behind the camera
+  std::vector<int> unseen = {};  // lobes of a triangle behind the camera
   bool unseen_textured = false, unseen_sphere = false;
   uint32_t light_flags = GLINT_CAST_SHADOW;
 };
@@ -50,7 +53,8 @@ struct Variant {
 /// Columns x, y, z, t of a frame at `eye` whose z axis points away from the origin.
 inline void look_at_origin(double (&m)[12], Vec3d eye) {
   Vec3d z = unit(eye), x = unit(cross({0, 0, 1}, z)), y = cross(z, x);
-  for (int r = 0; r < 3; ++r) m[4 * r] = x[r], m[4 * r + 1] = y[r], m[4 * r + 2] = z[r], m[4 * r + 3] = eye[r];
+  for (int r = 0; r < 3; ++r)
+    m[4 * r] = x[r], m[4 * r + 1] = y[r], m[4 * r + 2] = z[r], m[4 * r + 3] = eye[r];
 }
 
 /// Everything that a scene's description points at.
@@ -80,7 +84,8 @@ struct Description {
     look_at_origin(c.world_from_camera, {5.5, -7, 5});
     const double window[4] = {-0.5, 0.5, -0.5 * kHeight / kWidth, 0.5 * kHeight / kWidth};
     std::copy_n(window, 4, c.window);
-    c.clip_start = 0.1, c.clip_end = 1000, c.width = kWidth, c.height = kHeight, c.kind = GLINT_PERSPECTIVE;
+    c.clip_start = 0.1, c.clip_end = 1000, c.width = kWidth, c.height = kHeight,
+    c.kind = GLINT_PERSPECTIVE;
     for (int k = 0; k < 3; ++k) data.ambient[k] = 0.05, data.background[k] = 0.2;
     point_at_tables();
   }
@@ -88,23 +93,30 @@ struct Description {
   void place(const Grid& grid, const Variant& v) {
     GlintGeometry& geometry = geometries[0];
     geometry.vertices = grid.vertices.data(), geometry.vertex_count = grid.vertices.size() / 3;
-    geometry.triangles = grid.triangles.data(), geometry.primitive_count = grid.triangles.size() / 3, geometry.kind = GLINT_MESH;
+    geometry.triangles = grid.triangles.data(),
+    geometry.primitive_count = grid.triangles.size() / 3, geometry.kind = GLINT_MESH;
     geometry.attribute_count = 1;
-    if (v.smooth) geometry.normals = {grid.normals.data(), grid.normals.size() / 3, 0, GLINT_POINT, 3, 0};
+    if (v.smooth)
+      geometry.normals = {grid.normals.data(), grid.normals.size() / 3, 0, GLINT_POINT, 3, 0};
     uv = {grid.uv.data(), grid.uv.size() / 2, 0, GLINT_POINT, 2, 0};
-    instances[0] = {0, 1, 0, GLINT_VISIBLE_CAMERA | GLINT_VISIBLE_MIRROR | GLINT_VISIBLE_SHADOW, 0, 1, 0, 0};
-    data.geometry_count = data.instances_count = data.row_count = data.material_slot_count = data.material_count = 1;
+    instances[0] = {0, 1, 0, GLINT_VISIBLE_CAMERA | GLINT_VISIBLE_MIRROR | GLINT_VISIBLE_SHADOW,
+                    0, 1, 0, 0};
+    data.geometry_count = data.instances_count = data.row_count = data.material_slot_count =
+        data.material_count = 1;
   }
 
   /// A second thing and its material.
   void place_behind(const Variant& v) {
     GlintGeometry& geometry = geometries[1];
-    geometry.vertices = behind, geometry.vertex_count = v.unseen_sphere ? 1 : 3, geometry.primitive_count = 1;
+    geometry.vertices = behind, geometry.vertex_count = v.unseen_sphere ? 1 : 3,
+    geometry.primitive_count = 1;
     geometry.kind = v.unseen_sphere ? GLINT_SPHERES : GLINT_MESH;
     if (v.unseen_sphere) geometry.radii = &unseen_radius;
     else geometry.triangles = triangle;
-    instances[1] = instances[0], instances[1].first_row = 1, instances[1].geometry = 1, instances[1].first_material = 1;
-    data.geometry_count = data.instances_count = data.row_count = data.material_slot_count = data.material_count = 2;
+    instances[1] = instances[0], instances[1].first_row = 1, instances[1].geometry = 1,
+    instances[1].first_material = 1;
+    data.geometry_count = data.instances_count = data.row_count = data.material_slot_count =
+        data.material_count = 2;
   }
 
   void paint(const Variant& v) {
@@ -112,10 +124,19 @@ struct Description {
     texture = {pixels.data(), 512, 512, GLINT_UINT8, GLINT_SRGB, GLINT_REPEAT, GLINT_LINEAR};
     const bool textured[2] = {v.textured, v.unseen_textured};
     for (uint32_t m = 0; m < 2; ++m) {
-      inputs[m] = {{0.5, 0.4, 0.3}, {3, 0, 0, 0, 3, 0}, textured[m] ? 0 : -1, GLINT_COLOR, -1, -1, GLINT_COLOR, 0};
+      inputs[m] = {{0.5, 0.4, 0.3},
+                   {3, 0, 0, 0, 3, 0},
+                   textured[m] ? 0 : -1,
+                   GLINT_COLOR,
+                   -1,
+                   -1,
+                   GLINT_COLOR,
+                   0};
       const std::vector<int>& kinds = m == 0 ? v.lobes : v.unseen;
       materials[m] = {uint32_t(lobes.size()), uint32_t(kinds.size()), 0, 0};
-      for (int kind : kinds) lobes.push_back({60, 1.5, m, 1, kind, kind == GLINT_REFRACTION || kinds[0] == GLINT_REFRACTION});
+      for (int kind : kinds)
+        lobes.push_back(
+            {60, 1.5, m, 1, kind, kind == GLINT_REFRACTION || kinds[0] == GLINT_REFRACTION});
     }
   }
 
@@ -142,7 +163,8 @@ struct Description {
 struct Plan : RenderPlan {
   std::vector<double> points;
   Plan(const Variant& v, Region of) : points(4 * v.light_samples + 4) {
-    for (size_t k = 0; k < points.size(); ++k) points[k] = std::fmod(0.618 * double(k), 1.0) * 1.4 - 0.7;
+    for (size_t k = 0; k < points.size(); ++k)
+      points[k] = std::fmod(0.618 * double(k), 1.0) * 1.4 - 0.7;
     region = of, samples = 2, light_samples = v.light_samples, max_bounces = 2;
     pixel_offsets = light_square = light_disc = points.data();
   }

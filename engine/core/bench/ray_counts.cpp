@@ -1,6 +1,8 @@
-// One kind of work on a fixed mesh, for counting instructions: ray_counts primary|shadow|shadow_from_light|mirror|diffuse|build.
-// Everything to be counted happens inside glint_counted_region (valgrind --tool=callgrind --toggle-collect=glint_counted_region).
-// Prints how many rays (build: triangles) that were, and the compiler; tests/bench/instructions.py runs it.
+// One kind of work on a fixed mesh, for counting instructions: ray_counts
+// primary|shadow|shadow_from_light|mirror|diffuse|build. Everything to be counted happens inside
+// glint_counted_region (valgrind --tool=callgrind --toggle-collect=glint_counted_region). Prints
+// how many rays (build: triangles) that were, and the compiler; tests/bench/instructions.py runs
+// it.
 #include <cstdio>
 
 #include "ray_sets.h"
@@ -12,7 +14,7 @@ namespace {
 
 struct Work {
   const World& world;
-  const Accel* accel;   // null: build
+  const Accel* accel;  // null: build
   const RaySet* rays = nullptr;
   bool any_hit = false;
   HitArrays hits;
@@ -49,12 +51,19 @@ int main(int argc, char** argv) {
   }
   const std::unique_ptr<Accel> accel = build(world);
   const FrameRays frame = make_rays(world, *accel, 256);
-  const RaySet* const sets[] = {&frame.primary, &frame.shadow, &frame.shadow_from_light, &frame.mirror, &frame.diffuse};
+  const RaySet* const sets[] = {&frame.primary, &frame.shadow, &frame.shadow_from_light,
+                                &frame.mirror, &frame.diffuse};
   const char* const names[] = {"primary", "shadow", "shadow_from_light", "mirror", "diffuse"};
   for (int k = 0; k < 5; ++k) {
     if (kind != names[k]) continue;
     const size_t count = sets[k]->size();
-    Work work{world, accel.get(), sets[k], k == 1 || k == 2, HitArrays(count), std::vector<uint8_t>(count), {}};
+    Work work{world,
+              accel.get(),
+              sets[k],
+              k == 1 || k == 2,
+              HitArrays(count),
+              std::vector<uint8_t>(count),
+              {}};
     glint_counted_region(work);
     std::printf("%zu %s\n", count, __VERSION__);
     return 0;

@@ -23,12 +23,16 @@ World read_world(const std::string& path) {
   uint64_t counts[2] = {};
   float view[13] = {};
   read(file, magic, 8), read(file, counts, 2), read(file, view, 13);
-  if (!file || std::memcmp(magic, "GLINTRAY", 8) != 0) throw std::runtime_error(path + ": not a mesh of this benchmark");
+  if (!file || std::memcmp(magic, "GLINTRAY", 8) != 0)
+    throw std::runtime_error(path + ": not a mesh of this benchmark");
   World world;
   world.mesh.vertices.resize(3 * counts[0]), world.mesh.triangles.resize(3 * counts[1]);
-  read(file, world.mesh.vertices.data(), 3 * counts[0]), read(file, world.mesh.triangles.data(), 3 * counts[1]);
+  read(file, world.mesh.vertices.data(), 3 * counts[0]),
+      read(file, world.mesh.triangles.data(), 3 * counts[1]);
   if (!file) throw std::runtime_error(path + ": shorter than its header says");
-  auto vec = [&](int k) { return Vec3d{double(view[k]), double(view[k + 1]), double(view[k + 2])}; };
+  auto vec = [&](int k) {
+    return Vec3d{double(view[k]), double(view[k + 1]), double(view[k + 2])};
+  };
   world.view = {vec(0), vec(3), vec(6), double(view[9]), vec(10)};
   return world;
 }
@@ -53,16 +57,19 @@ World instances(size_t count) {
 /// Pixel of the k-th primary ray: the bits of k are row and column within 4x4, then turn by turn.
 void pixel_of(uint32_t k, uint32_t& column, uint32_t& row) {
   column = k & 3, row = (k >> 2) & 3;
-  for (uint32_t bit = 2, rest = k >> 4; rest; ++bit, rest >>= 2) column |= (rest & 1) << bit, row |= ((rest >> 1) & 1) << bit;
+  for (uint32_t bit = 2, rest = k >> 4; rest; ++bit, rest >>= 2)
+    column |= (rest & 1) << bit, row |= ((rest >> 1) & 1) << bit;
 }
 
 RaySet primary_rays(const View& view, uint32_t size) {
-  const Vec3d forward = normalize(view.target - view.eye), right = normalize(cross(forward, view.up)), up = cross(right, forward);
+  const Vec3d forward = normalize(view.target - view.eye),
+              right = normalize(cross(forward, view.up)), up = cross(right, forward);
   RaySet rays;
   for (uint32_t k = 0; k < size * size; ++k) {
     uint32_t column, row;
     pixel_of(k, column, row);
-    const double x = (2 * (column + 0.5) / size - 1) * view.half_width, y = (1 - 2 * (row + 0.5) / size) * view.half_width;
+    const double x = (2 * (column + 0.5) / size - 1) * view.half_width,
+                 y = (1 - 2 * (row + 0.5) / size) * view.half_width;
     rays.add(view.eye, forward + x * right + y * up, 0, kFar);
   }
   return rays;
@@ -97,7 +104,8 @@ std::vector<uint32_t> shuffled(size_t count) {
 
 World load_world(const std::string& name) {
   const size_t colon = name.find(':');
-  const std::string kind = name.substr(0, colon), numbers = colon == std::string::npos ? "" : name.substr(colon + 1);
+  const std::string kind = name.substr(0, colon),
+                    numbers = colon == std::string::npos ? "" : name.substr(colon + 1);
   World world;
   unsigned a = 0, b = 0;
   const int found = std::sscanf(numbers.c_str(), "%ux%u", &a, &b);
@@ -105,18 +113,25 @@ World load_world(const std::string& name) {
   else if (kind == "bumpy" && found == 2) world.mesh = test::bumpy_sphere(int(a), int(b));
   else if (kind == "instances" && found == 1) world = instances(a);
   else world = read_world(name);
-  world.mesh.vertices.reserve(world.mesh.vertices.size() + 1);  // Embree reads 16 bytes at the last vertex
+  world.mesh.vertices.reserve(world.mesh.vertices.size() +
+                              1);  // Embree reads 16 bytes at the last vertex
   return world;
 }
 
 void RaySet::add(Vec3d from, Vec3d along, double near, double far) {
-  for (int k = 0; k < 3; ++k) o[k].push_back(double(float(from[k]))), d[k].push_back(double(float(along[k])));
+  for (int k = 0; k < 3; ++k)
+    o[k].push_back(double(float(from[k]))), d[k].push_back(double(float(along[k])));
   t_min.push_back(double(float(near))), t_max.push_back(double(float(far)));
 }
 
 Rays RaySet::view(size_t first, size_t count) const {
   auto at = [&](const std::vector<double>& column) { return column.data() + first; };
-  return {{at(o[0]), at(o[1]), at(o[2])}, {at(d[0]), at(d[1]), at(d[2])}, at(t_min), at(t_max), count, visibility};
+  return {{at(o[0]), at(o[1]), at(o[2])},
+          {at(d[0]), at(d[1]), at(d[2])},
+          at(t_min),
+          at(t_max),
+          count,
+          visibility};
 }
 
 RaySet RaySet::permuted(const std::vector<uint32_t>& order) const {
@@ -137,7 +152,8 @@ FrameRays make_rays(const World& world, const Accel& accel, uint32_t size) {
   test::Random random(7);
   for (size_t k = 0; k < frame.primary.size(); ++k) {
     if (hits.instance[k] == Hit::kNone) continue;
-    const Vec3d d = frame.primary.direction(k), n = facing_normal(world, hits.instance[k], hits.primitive[k], d);
+    const Vec3d d = frame.primary.direction(k),
+                n = facing_normal(world, hits.instance[k], hits.primitive[k], d);
     const Vec3d p = frame.primary.origin(k) + hits.t[k] * d + kOffset * n;
     frame.shadow.add(p, world.view.light - p, 0, 1);
     frame.shadow_from_light.add(world.view.light, p - world.view.light, 0, 1);

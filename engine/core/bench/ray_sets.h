@@ -1,4 +1,5 @@
-// What the comparison with Embree traces: a world of one mesh, once or as many instances, and the rays that a Whitted-style engine shoots.
+// What the comparison with Embree traces: a world of one mesh, once or as many instances, and the
+// rays that a Whitted-style engine shoots.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -24,9 +25,10 @@ struct World {
   size_t triangles() const { return mesh.count() * std::max<size_t>(1, instances.size()); }
 };
 
-/// `icosphere:LEVEL`, `bumpy:ROWSxCOLUMNS`, `instances:COUNT` (of icosphere:3, scattered in a box, any orientation), or the path of a file:
-/// 8 bytes "GLINTRAY", uint64 vertices, uint64 triangles, 13 float32 (eye, target, up, half width, light), then float32 vertices and uint32
-/// triangles, all little-endian. Throws std::runtime_error with the reason.
+/// `icosphere:LEVEL`, `bumpy:ROWSxCOLUMNS`, `instances:COUNT` (of icosphere:3, scattered in a box,
+/// any orientation), or the path of a file: 8 bytes "GLINTRAY", uint64 vertices, uint64 triangles,
+/// 13 float32 (eye, target, up, half width, light), then float32 vertices and uint32 triangles, all
+/// little-endian. Throws std::runtime_error with the reason.
 World load_world(const std::string& name);
 
 /// Rays by component. The numbers are float32, so that every tracer gets the same ones.
@@ -45,23 +47,29 @@ class RaySet {
 
 /// Closest hits with room of their own.
 struct HitArrays {
-  explicit HitArrays(size_t count) : t(count), instance(count), primitive(count), u(count), v(count) {}
-  Hits from(size_t first) { return {&t[first], &instance[first], &primitive[first], &u[first], &v[first]}; }
+  explicit HitArrays(size_t count)
+      : t(count), instance(count), primitive(count), u(count), v(count) {}
+  Hits from(size_t first) {
+    return {&t[first], &instance[first], &primitive[first], &u[first], &v[first]};
+  }
   std::vector<double> t;
   std::vector<uint32_t> instance, primitive;
   std::vector<float> u, v;
 };
 
-/// The rays of one frame. Secondary rays start from the primary hits, off the surface by 1e-4 along the geometric normal, misses left out.
+/// The rays of one frame. Secondary rays start from the primary hits, off the surface by 1e-4 along
+/// the geometric normal, misses left out.
 struct FrameRays {
-  RaySet primary;             // one a pixel, through its centre, in nested blocks: 4x4 pixels by rows, 2x2 of those, 2x2 of those, ...
-  RaySet shadow;              // any hit, from the surface to the light
-  RaySet shadow_from_light;   // the same segments the other way
-  RaySet mirror;              // reflected about the geometric normal
-  RaySet diffuse;             // one a hit, cosine-weighted round the geometric normal, in random order
+  RaySet primary;  // one a pixel, through its centre, in nested blocks: 4x4 pixels by rows, 2x2 of
+                   // those, 2x2 of those, ...
+  RaySet shadow;   // any hit, from the surface to the light
+  RaySet shadow_from_light;  // the same segments the other way
+  RaySet mirror;             // reflected about the geometric normal
+  RaySet diffuse;  // one a hit, cosine-weighted round the geometric normal, in random order
 };
 
-/// `size` x `size` pixels, size a power of two from 4 on. Reproducible: the random numbers have fixed seeds.
+/// `size` x `size` pixels, size a power of two from 4 on. Reproducible: the random numbers have
+/// fixed seeds.
 FrameRays make_rays(const World& world, const Accel& accel, uint32_t size);
 
 }  // namespace glint::bench

@@ -1,16 +1,19 @@
 /* Glint's core: one scene in, one picture out, as a flat C interface for 64-bit machines.
  *
- * Numbers: world quantities are double, geometry and textures are float32, uint32, uint16 and uint8 as named. A matrix
- * target_from_source is double[12], row by row of a (3, 4) matrix. engine/SEMANTICS.md says which picture a scene stands for.
+ * Numbers: world quantities are double, geometry and textures are float32, uint32, uint16 and uint8
+ * as named. A matrix target_from_source is double[12], row by row of a (3, 4) matrix.
+ * engine/SEMANTICS.md says which picture a scene stands for.
  *
- * Ownership: the caller keeps every array that a GlintSceneData points at alive and unchanged until glint_scene_destroy, and the arrays
- * of GlintRenderSettings until glint_render_destroy. Only the small tables (geometries, attributes, textures, inputs, lobes, materials,
- * groups, lights) are copied. Destroy the renders of a scene before the scene. The arrays of the geometries that a GlintAccelData points at
- * stay until glint_accel_destroy; its other arrays are copied.
+ * Ownership: the caller keeps every array that a GlintSceneData points at alive and unchanged until
+ * glint_scene_destroy, and the arrays of GlintRenderSettings until glint_render_destroy. Only the
+ * small tables (geometries, attributes, textures, inputs, lobes, materials, groups, lights) are
+ * copied. Destroy the renders of a scene before the scene. The arrays of the geometries that a
+ * GlintAccelData points at stay until glint_accel_destroy; its other arrays are copied.
  *
- * Errors: functions that can fail take `error`, a buffer of `error_size` bytes that receives UTF-8 text, one problem a line. There is no
- * global state; handles may be used from any thread, each handle from one thread at a time, except glint_render_cancel: from any, and the
- * queries of an accelerator: from many at once.
+ * Errors: functions that can fail take `error`, a buffer of `error_size` bytes that receives UTF-8
+ * text, one problem a line. There is no global state; handles may be used from any thread, each
+ * handle from one thread at a time, except glint_render_cancel: from any, and the queries of an
+ * accelerator: from many at once.
  */
 #ifndef GLINT_H
 #define GLINT_H
@@ -34,7 +37,8 @@ extern "C" {
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
 
-/* Values on a mesh: `rows` rows of `channels` floats. `name` is any number >= 0 that GlintInput names. */
+/* Values on a mesh: `rows` rows of `channels` floats. `name` is any number >= 0 that GlintInput
+ * names. */
 typedef struct GlintAttribute {
   const float* values;
   uint64_t rows;
@@ -42,9 +46,10 @@ typedef struct GlintAttribute {
 } GlintAttribute;
 
 /* Object space. Unused pointers are null.
- * MESH: vertices, triangles (3 a primitive), corners (3 a primitive, rows of CORNER attributes), normals (values null: flat).
- * SPHERES: vertices are the centres, radii.  POLYGONS: vertices, offsets (primitive_count + 1), indices.
- * attributes: rows [first_attribute, first_attribute + attribute_count) of the scene's table. */
+ * MESH: vertices, triangles (3 a primitive), corners (3 a primitive, rows of CORNER attributes),
+ * normals (values null: flat). SPHERES: vertices are the centres, radii.  POLYGONS: vertices,
+ * offsets (primitive_count + 1), indices. attributes: rows [first_attribute, first_attribute +
+ * attribute_count) of the scene's table. */
 typedef struct GlintGeometry {
   const float* vertices;
   const uint32_t* triangles;
@@ -59,9 +64,15 @@ typedef struct GlintGeometry {
   int32_t kind, reserved;
 } GlintGeometry;
 
-enum { GLINT_VISIBLE_CAMERA = 1, GLINT_VISIBLE_MIRROR = 2, GLINT_VISIBLE_SHADOW = 4, GLINT_HOLDOUT = 8 };
+enum {
+  GLINT_VISIBLE_CAMERA = 1,
+  GLINT_VISIBLE_MIRROR = 2,
+  GLINT_VISIBLE_SHADOW = 4,
+  GLINT_HOLDOUT = 8
+};
 
-/* A geometry placed row_count times: rows [first_row, …) of world_from_object, material_count numbers from first_material on. */
+/* A geometry placed row_count times: rows [first_row, …) of world_from_object, material_count
+ * numbers from first_material on. */
 typedef struct GlintInstances {
   uint64_t first_row, row_count;
   uint32_t geometry, flags, first_material, material_count;
@@ -82,8 +93,8 @@ typedef struct GlintTexture {
 
 enum { GLINT_COLOR, GLINT_ALPHA, GLINT_LUMINANCE };
 
-/* value * texture(uv) * attribute, where bounded plus offset and kept between low and high, or one minus that.
- * texture, uv, attribute: -1 for none (uv: for the active map). */
+/* value * texture(uv) * attribute, where bounded plus offset and kept between low and high, or one
+ * minus that. texture, uv, attribute: -1 for none (uv: for the active map). */
 typedef struct GlintInput {
   double value[3];
   double uv_transform[6];
@@ -91,9 +102,18 @@ typedef struct GlintInput {
   int32_t texture, channel, uv, attribute, attribute_channel, bounded, complement, reserved;
 } GlintInput;
 
-enum { GLINT_AMBIENT, GLINT_DIFFUSE, GLINT_SPECULAR, GLINT_MIRROR, GLINT_REFRACTION, GLINT_TRANSPARENT, GLINT_EMISSION };
+enum {
+  GLINT_AMBIENT,
+  GLINT_DIFFUSE,
+  GLINT_SPECULAR,
+  GLINT_MIRROR,
+  GLINT_REFRACTION,
+  GLINT_TRANSPARENT,
+  GLINT_EMISSION
+};
 
-/* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK. masking: 0 to 1, Smith's alpha of a SPECULAR lobe, 0 for none. */
+/* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK. masking: 0 to 1, Smith's alpha of a SPECULAR lobe,
+ * 0 for none. */
 enum { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
 typedef struct GlintLobe {
   double exponent, ior, masking;
@@ -107,9 +127,16 @@ typedef struct GlintMaterial {
 } GlintMaterial;
 
 enum { GLINT_POINT_LIGHT, GLINT_SUN, GLINT_SPOT, GLINT_AREA };
-enum { GLINT_CAST_SHADOW = 1, GLINT_SEEN_BY_CAMERA = 2, GLINT_SEEN_BY_MIRROR = 4, GLINT_SOFT_FALLOFF = 8, GLINT_ELLIPSE = 16 };
+enum {
+  GLINT_CAST_SHADOW = 1,
+  GLINT_SEEN_BY_CAMERA = 2,
+  GLINT_SEEN_BY_MIRROR = 4,
+  GLINT_SOFT_FALLOFF = 8,
+  GLINT_ELLIPSE = 16
+};
 
-/* Lengths in world units, angles in radians. A light with a number that is not finite is left out and counted. */
+/* Lengths in world units, angles in radians. A light with a number that is not finite is left out
+ * and counted. */
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];
@@ -120,8 +147,8 @@ typedef struct GlintLight {
 
 enum { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC };
 
-/* clip_planes: camera rays see where a x + b y + c z + d >= 0 for each of the first rows (a, b, c, d); x, y along the camera's axes, z
- * depth. */
+/* clip_planes: camera rays see where a x + b y + c z + d >= 0 for each of the first rows (a, b, c,
+ * d); x, y along the camera's axes, z depth. */
 typedef struct GlintCamera {
   double world_from_camera[12];
   double window[4]; /* l, r, b, t */
@@ -178,14 +205,17 @@ enum {
   GLINT_PASS_COUNT
 };
 
-/* region: x0, y0, x1, y1 half open in the full frame. threads: 0 for one a core. waves: whether anybody looks before the end; if nobody
- * does, more samples are traced at once, to the same bits. HELD: see glint_render_resume. pixel_offsets: (samples, 2). light_square,
- * light_disc: (light_point_count, 2), at least samples * light_samples points when light_samples > 1 and a light has an extent; else they
- * may be null. error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose estimated error it covers take no further samples
- * after a wave. 0: all take all. cutoff: mirror and refraction rays with no channel of their weight as large end there, 0 to 1.
- * acceleration: of the first render of a scene counts, the trees are kept. remember: keep what the first wave hit and which lights it saw,
- * some 30 bytes a pixel, in the scene and those that take its trees over, so that a render of other lights, materials or surroundings need
- * not trace it again. It has the same bits. */
+/* region: x0, y0, x1, y1 half open in the full frame. threads: 0 for one a core. waves: whether
+ * anybody looks before the end; if nobody does, more samples are traced at once, to the same bits.
+ * HELD: see glint_render_resume. pixel_offsets: (samples, 2). light_square, light_disc:
+ * (light_point_count, 2), at least samples * light_samples points when light_samples > 1 and a
+ * light has an extent; else they may be null. error_threshold: in 8-bit levels, at least 0 and
+ * below 256; pixels whose estimated error it covers take no further samples after a wave. 0: all
+ * take all. cutoff: mirror and refraction rays with no channel of their weight as large end there,
+ * 0 to 1. acceleration: of the first render of a scene counts, the trees are kept. remember: keep
+ * what the first wave hit and which lights it saw, some 30 bytes a pixel, in the scene and those
+ * that take its trees over, so that a render of other lights, materials or surroundings need not
+ * trace it again. It has the same bits. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -199,15 +229,24 @@ typedef struct GlintRenderSettings {
 
 enum { GLINT_PREPARING, GLINT_TRACING, GLINT_HELD, GLINT_DONE, GLINT_CANCELLED, GLINT_FAILED };
 
-/* fraction: share of all samples traced.  samples: those of the last complete wave, which glint_render_picture gives. */
+/* fraction: share of all samples traced.  samples: those of the last complete wave, which
+ * glint_render_picture gives. */
 typedef struct GlintProgress {
   double fraction;
   uint32_t samples;
   int32_t state;
 } GlintProgress;
 
-enum { GLINT_FEATURE_MIRROR = 1, GLINT_FEATURE_REFRACTION = 2, GLINT_FEATURE_TRANSPARENT = 4, GLINT_FEATURE_SOFT_LIGHTS = 8,
-       GLINT_FEATURE_TEXTURES = 16, GLINT_FEATURE_SMOOTH = 32, GLINT_FEATURE_HOLDOUT = 64, GLINT_FEATURE_SEEN_LIGHTS = 128 };
+enum {
+  GLINT_FEATURE_MIRROR = 1,
+  GLINT_FEATURE_REFRACTION = 2,
+  GLINT_FEATURE_TRANSPARENT = 4,
+  GLINT_FEATURE_SOFT_LIGHTS = 8,
+  GLINT_FEATURE_TEXTURES = 16,
+  GLINT_FEATURE_SMOOTH = 32,
+  GLINT_FEATURE_HOLDOUT = 64,
+  GLINT_FEATURE_SEEN_LIGHTS = 128
+};
 
 typedef struct GlintStats {
   double build_seconds, trace_seconds;
@@ -223,36 +262,45 @@ typedef struct GlintPicture GlintPicture;
 
 GLINT_API uint32_t glint_abi_version(void);
 
-/* The instruction set whose kernels trace here, for example "avx2"; what the environment variable GLINT_ISA forces, where it can. */
+/* The instruction set whose kernels trace here, for example "avx2"; what the environment variable
+ * GLINT_ISA forces, where it can. */
 GLINT_API const char* glint_isa(void);
 
 /* Checks everything; null and text in `error` when something is wrong or memory is short. */
-GLINT_API GlintScene* glint_scene_create(const GlintSceneData* data, char* error, size_t error_size);
+GLINT_API GlintScene* glint_scene_create(const GlintSceneData* data, char* error,
+                                         size_t error_size);
 
-/* The scene of `data`, which may be any; what is expensive is taken over from `base` where the arrays are the same, by address. The arrays
- * of `base` must still be there. exact: what it draws has the bits that it has after glint_scene_create. Else it may differ in the last
- * bits, and less is made anew: the trees stay where they are while the camera moves about the scene, and geometries that moved or changed
- * get trees of their own. The two may be destroyed in any order. */
-GLINT_API GlintScene* glint_scene_create_like(const GlintScene* base, const GlintSceneData* data, int32_t exact, char* error,
-                                              size_t error_size);
+/* The scene of `data`, which may be any; what is expensive is taken over from `base` where the
+ * arrays are the same, by address. The arrays of `base` must still be there. exact: what it draws
+ * has the bits that it has after glint_scene_create. Else it may differ in the last bits, and less
+ * is made anew: the trees stay where they are while the camera moves about the scene, and
+ * geometries that moved or changed get trees of their own. The two may be destroyed in any order.
+ */
+GLINT_API GlintScene* glint_scene_create_like(const GlintScene* base, const GlintSceneData* data,
+                                              int32_t exact, char* error, size_t error_size);
 GLINT_API void glint_scene_destroy(GlintScene* scene);
 
-/* Starts the work on threads of its own: trees first (kept in the scene for later renders), then waves of 1, 2, 4, 8 … samples; where
- * they are unseen, the first ones are one. */
-GLINT_API GlintRender* glint_render_start(GlintScene* scene, const GlintRenderSettings* settings, char* error, size_t error_size);
+/* Starts the work on threads of its own: trees first (kept in the scene for later renders), then
+ * waves of 1, 2, 4, 8 … samples; where they are unseen, the first ones are one. */
+GLINT_API GlintRender* glint_render_start(GlintScene* scene, const GlintRenderSettings* settings,
+                                          char* error, size_t error_size);
 
-/* Sleeps until a wave is complete that no earlier call reported, the render ends, or `milliseconds` are over. */
+/* Sleeps until a wave is complete that no earlier call reported, the render ends, or `milliseconds`
+ * are over. */
 GLINT_API GlintProgress glint_render_wait(GlintRender* render, uint32_t milliseconds);
 
-/* With GLINT_WAVES_HELD the work pauses after each wave but the last (state HELD) until this call. */
+/* With GLINT_WAVES_HELD the work pauses after each wave but the last (state HELD) until this call.
+ */
 GLINT_API void glint_render_resume(GlintRender* render);
 
 /* Returns at once; the state turns CANCELLED soon. */
 GLINT_API void glint_render_cancel(GlintRender* render);
 
-/* A pass of the last complete wave, `size` floats, rows from the bottom. It is not copied: the next wave is drawn elsewhere, so that these
- * stay as they are until glint_picture_free, beyond the render's own life. The render may read them until it ends, and nothing may write
- * them before. Null when there is no complete wave, the pass was not asked for, the size does not fit, or memory is short. */
+/* A pass of the last complete wave, `size` floats, rows from the bottom. It is not copied: the next
+ * wave is drawn elsewhere, so that these stay as they are until glint_picture_free, beyond the
+ * render's own life. The render may read them until it ends, and nothing may write them before.
+ * Null when there is no complete wave, the pass was not asked for, the size does not fit, or memory
+ * is short. */
 GLINT_API GlintPicture* glint_render_picture(GlintRender* render, int32_t pass, uint64_t size);
 GLINT_API float* glint_picture_values(GlintPicture* picture);
 GLINT_API void glint_picture_free(GlintPicture* picture);
@@ -265,10 +313,13 @@ GLINT_API const char* glint_render_error(GlintRender* render);
 /* Cancels, waits for the threads, and frees. */
 GLINT_API void glint_render_destroy(GlintRender* render);
 
-/* --- Rays without a picture ------------------------------------------------------------------------------------------------------ */
+/* --- Rays without a picture
+ * ------------------------------------------------------------------------------------------------
+ */
 
-/* What rays meet: geometries, of which corners, material_slots, normals and attributes are not looked at, and where they stand, of which
- * geometry, rows and the GLINT_VISIBLE flags count. Placements are numbered from 0 in the order of `instances`, then by row. */
+/* What rays meet: geometries, of which corners, material_slots, normals and attributes are not
+ * looked at, and where they stand, of which geometry, rows and the GLINT_VISIBLE flags count.
+ * Placements are numbered from 0 in the order of `instances`, then by row. */
 typedef struct GlintAccelData {
   const GlintGeometry* geometries;
   const GlintInstances* instances;
@@ -276,11 +327,13 @@ typedef struct GlintAccelData {
   uint64_t geometry_count, instances_count, row_count;
 } GlintAccelData;
 
-/* `count` rays o + t d in world space; d need not have length 1, t counts in its lengths. Ray k begins at origins[k * origin_stride]:
- * strides count numbers, 3 or more for rows, 0 for one row that serves all; those of t_min and t_max: 1 or more, or 0.
- * A hit counts where t_min < t < t_max. t_min below 0 counts as 0; null pointers stand for 0 and infinity.
- * Misses by definition: a number that is not finite (t_max may be infinite), a direction of length 0 or beyond 1e-150 ... 1e150.
- * visibility: GLINT_VISIBLE bits; placements that have none of them are not there.  threads: 0 for one a core. */
+/* `count` rays o + t d in world space; d need not have length 1, t counts in its lengths. Ray k
+ * begins at origins[k * origin_stride]: strides count numbers, 3 or more for rows, 0 for one row
+ * that serves all; those of t_min and t_max: 1 or more, or 0. A hit counts where t_min < t < t_max.
+ * t_min below 0 counts as 0; null pointers stand for 0 and infinity. Misses by definition: a number
+ * that is not finite (t_max may be infinite), a direction of length 0 or beyond 1e-150 ... 1e150.
+ * visibility: GLINT_VISIBLE bits; placements that have none of them are not there.  threads: 0 for
+ * one a core. */
 typedef struct GlintRaysF32 {
   const float* origins;
   const float* directions;
@@ -301,8 +354,8 @@ typedef struct GlintRaysF64 {
   uint32_t visibility, threads;
 } GlintRaysF64;
 
-/* Room for `count` of each. Misses: t infinite, placement and primitive -1, u and v 0. u, v: on triangles the barycentric weights of the
- * second and third vertex, elsewhere 0. */
+/* Room for `count` of each. Misses: t infinite, placement and primitive -1, u and v 0. u, v: on
+ * triangles the barycentric weights of the second and third vertex, elsewhere 0. */
 typedef struct GlintHitsF32 {
   float* t;
   int32_t* instance;
@@ -319,8 +372,9 @@ typedef struct GlintHitsF64 {
   float* v;
 } GlintHitsF64;
 
-/* low, high: world-space box round all finite vertices and spheres; low above high when there are none.
- * dropped: primitives without extent or with a vertex that is not finite, which no ray meets. */
+/* low, high: world-space box round all finite vertices and spheres; low above high when there are
+ * none. dropped: primitives without extent or with a vertex that is not finite, which no ray meets.
+ */
 typedef struct GlintAccelStats {
   double low[3], high[3];
   double build_seconds;
@@ -329,29 +383,33 @@ typedef struct GlintAccelStats {
 
 typedef struct GlintAccel GlintAccel;
 
-/* Checks everything and builds the trees on `threads` threads (0: one a core); null and text in `error` when something is wrong, a matrix
- * is not finite, or memory is short. */
-GLINT_API GlintAccel* glint_accel_create(const GlintAccelData* data, uint32_t threads, char* error, size_t error_size);
+/* Checks everything and builds the trees on `threads` threads (0: one a core); null and text in
+ * `error` when something is wrong, a matrix is not finite, or memory is short. */
+GLINT_API GlintAccel* glint_accel_create(const GlintAccelData* data, uint32_t threads, char* error,
+                                         size_t error_size);
 GLINT_API void glint_accel_destroy(GlintAccel* accel);
 GLINT_API GlintAccelStats glint_accel_stats(const GlintAccel* accel);
 
-/* The first hit of every ray; of hits at one distance (to 2^-40) that of the lowest placement, then primitive. The answers do not depend on
- * the number of threads. Return 0, or -1 and text in `error`. */
-GLINT_API int32_t glint_accel_closest_f32(const GlintAccel* accel, const GlintRaysF32* rays, const GlintHitsF32* hits, char* error,
-                                          size_t error_size);
-GLINT_API int32_t glint_accel_closest_f64(const GlintAccel* accel, const GlintRaysF64* rays, const GlintHitsF64* hits, char* error,
-                                          size_t error_size);
+/* The first hit of every ray; of hits at one distance (to 2^-40) that of the lowest placement, then
+ * primitive. The answers do not depend on the number of threads. Return 0, or -1 and text in
+ * `error`. */
+GLINT_API int32_t glint_accel_closest_f32(const GlintAccel* accel, const GlintRaysF32* rays,
+                                          const GlintHitsF32* hits, char* error, size_t error_size);
+GLINT_API int32_t glint_accel_closest_f64(const GlintAccel* accel, const GlintRaysF64* rays,
+                                          const GlintHitsF64* hits, char* error, size_t error_size);
 
 /* blocked[k] = 1 when ray k hits anything, else 0. Return 0, or -1 and text in `error`. */
-GLINT_API int32_t glint_accel_occluded_f32(const GlintAccel* accel, const GlintRaysF32* rays, uint8_t* blocked, char* error,
-                                           size_t error_size);
-GLINT_API int32_t glint_accel_occluded_f64(const GlintAccel* accel, const GlintRaysF64* rays, uint8_t* blocked, char* error,
-                                           size_t error_size);
+GLINT_API int32_t glint_accel_occluded_f32(const GlintAccel* accel, const GlintRaysF32* rays,
+                                           uint8_t* blocked, char* error, size_t error_size);
+GLINT_API int32_t glint_accel_occluded_f64(const GlintAccel* accel, const GlintRaysF64* rays,
+                                           uint8_t* blocked, char* error, size_t error_size);
 
 enum { GLINT_EXP, GLINT_LOG, GLINT_COS, GLINT_SIN, GLINT_COSINE_POWER };
 
-/* The core's own mathematics, for tests: out[k] = f(x[k]). COSINE_POWER: max(0, cos)^y from tan^2 = x of the angle. */
-GLINT_API void glint_math(int32_t function, const double* x, const double* y, double* out, uint64_t count);
+/* The core's own mathematics, for tests: out[k] = f(x[k]). COSINE_POWER: max(0, cos)^y from tan^2 =
+ * x of the angle. */
+GLINT_API void glint_math(int32_t function, const double* x, const double* y, double* out,
+                          uint64_t count);
 
 #ifdef __cplusplus
 }

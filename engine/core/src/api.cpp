@@ -23,11 +23,16 @@ namespace {
 
 double evaluate(int32_t function, double x, double y) {
   switch (function) {
-    case GLINT_EXP: return glint::exponential(x);
-    case GLINT_LOG: return glint::logarithm(x);
-    case GLINT_COS: return glint::cosine(x);
-    case GLINT_SIN: return glint::sine(x);
-    default: return glint::cosine_power(x, y);
+    case GLINT_EXP:
+      return glint::exponential(x);
+    case GLINT_LOG:
+      return glint::logarithm(x);
+    case GLINT_COS:
+      return glint::cosine(x);
+    case GLINT_SIN:
+      return glint::sine(x);
+    default:
+      return glint::cosine_power(x, y);
   }
 }
 
@@ -44,7 +49,8 @@ GlintScene* glint_scene_create(const GlintSceneData* data, char* error, size_t e
   });
 }
 
-GlintScene* glint_scene_create_like(const GlintScene* base, const GlintSceneData* data, int32_t exact, char* error, size_t error_size) {
+GlintScene* glint_scene_create_like(const GlintScene* base, const GlintSceneData* data,
+                                    int32_t exact, char* error, size_t error_size) {
   return glint::guarded<GlintScene*>(nullptr, error, error_size, [&]() -> GlintScene* {
     std::string problems = base && data ? glint::scene_problems(*data, base->scene) : "no scene";
     if (!problems.empty()) return glint::tell(error, error_size, problems.c_str()), nullptr;
@@ -54,15 +60,19 @@ GlintScene* glint_scene_create_like(const GlintScene* base, const GlintSceneData
 
 void glint_scene_destroy(GlintScene* scene) { delete scene; }
 
-GlintRender* glint_render_start(GlintScene* scene, const GlintRenderSettings* settings, char* error, size_t error_size) {
+GlintRender* glint_render_start(GlintScene* scene, const GlintRenderSettings* settings, char* error,
+                                size_t error_size) {
   return glint::guarded<GlintRender*>(nullptr, error, error_size, [&]() -> GlintRender* {
-    std::string problems = scene && settings ? glint::settings_problems(*settings, scene->scene) : "no scene or no settings";
+    std::string problems = scene && settings ? glint::settings_problems(*settings, scene->scene)
+                                             : "no scene or no settings";
     if (!problems.empty()) return glint::tell(error, error_size, problems.c_str()), nullptr;
     return new GlintRender{{scene->scene, *settings}};
   });
 }
 
-GlintProgress glint_render_wait(GlintRender* render, uint32_t milliseconds) { return render->job.wait(milliseconds); }
+GlintProgress glint_render_wait(GlintRender* render, uint32_t milliseconds) {
+  return render->job.wait(milliseconds);
+}
 void glint_render_resume(GlintRender* render) { render->job.resume(); }
 void glint_render_cancel(GlintRender* render) { render->job.cancel(); }
 GlintPicture* glint_render_picture(GlintRender* render, int32_t pass, uint64_t size) {

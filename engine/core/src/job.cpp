@@ -6,7 +6,8 @@ namespace glint {
 namespace {
 
 constexpr uint32_t kMaxThreads = 1024;
-constexpr uint32_t kUnseenWave = 16;  // of samples: long enough for bundles, short enough to be cancelled
+constexpr uint32_t kUnseenWave =
+    16;  // of samples: long enough for bundles, short enough to be cancelled
 
 int threads_for(uint32_t wanted) {
   uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
@@ -15,7 +16,8 @@ int threads_for(uint32_t wanted) {
 
 /// The region with the pixels next to it.
 Region widened(Region r, const GlintCamera& camera) {
-  return {r.x0 - (r.x0 > 0), r.y0 - (r.y0 > 0), std::min(r.x1 + 1, camera.width), std::min(r.y1 + 1, camera.height)};
+  return {r.x0 - (r.x0 > 0), r.y0 - (r.y0 > 0), std::min(r.x1 + 1, camera.width),
+          std::min(r.y1 + 1, camera.height)};
 }
 
 RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
@@ -24,11 +26,13 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   const bool refines = g.error_threshold > 0 || g.passes >> GLINT_PASS_ERROR & 1;
   if (refines && g.samples >= Refinement::kFirst) plan.region = widened(plan.shown, camera);
   plan.error_threshold = g.error_threshold, plan.cutoff = g.cutoff;
-  plan.samples = g.samples, plan.light_samples = g.light_samples, plan.max_bounces = g.max_bounces, plan.passes = g.passes;
+  plan.samples = g.samples, plan.light_samples = g.light_samples, plan.max_bounces = g.max_bounces,
+  plan.passes = g.passes;
   plan.unseen = g.waves == GLINT_WAVES_UNSEEN, plan.hold_waves = g.waves == GLINT_WAVES_HELD;
   plan.threads = threads_for(g.threads), plan.quality = BuildQuality(g.acceleration);
   plan.physical = g.illumination == GLINT_PHYSICAL, plan.remember = g.remember != 0;
-  plan.pixel_offsets = g.pixel_offsets, plan.light_square = g.light_square, plan.light_disc = g.light_disc;
+  plan.pixel_offsets = g.pixel_offsets, plan.light_square = g.light_square,
+  plan.light_disc = g.light_disc;
   return plan;
 }
 
@@ -51,20 +55,26 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
     text += sentence;
   };
   add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
-  add(g.light_samples >= 1 && enough_points(g, scene), "settings: fewer light points than samples * light_samples");
+  add(g.light_samples >= 1 && enough_points(g, scene),
+      "settings: fewer light points than samples * light_samples");
   add(g.max_bounces <= 64, "settings: more than 64 bounces");
-  add(g.error_threshold >= 0 && g.error_threshold < 256, "settings: the error threshold is not between 0 and 256");
+  add(g.error_threshold >= 0 && g.error_threshold < 256,
+      "settings: the error threshold is not between 0 and 256");
   add(g.cutoff >= 0 && g.cutoff <= 1, "settings: the cutoff is not between 0 and 1");
   add(g.passes < 1u << GLINT_PASS_COUNT, "settings: unknown passes");
-  add(sound_region(g.region, scene.camera), "settings: the region is empty or reaches beyond the frame");
-  add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC, "settings: unknown illumination");
+  add(sound_region(g.region, scene.camera),
+      "settings: the region is empty or reaches beyond the frame");
+  add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC,
+      "settings: unknown illumination");
   add(g.waves >= GLINT_WAVES_UNSEEN && g.waves <= GLINT_WAVES_HELD, "settings: unknown waves");
-  add(g.acceleration >= GLINT_BUILD_FAST && g.acceleration <= GLINT_BUILD_FINE, "settings: unknown acceleration");
+  add(g.acceleration >= GLINT_BUILD_FAST && g.acceleration <= GLINT_BUILD_FINE,
+      "settings: unknown acceleration");
   return text;
 }
 
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
-    : scene_(scene), plan_(plan_of(settings, scene.camera)),
+    : scene_(scene),
+      plan_(plan_of(settings, scene.camera)),
       film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples),
       thread_([this] { work(); }) {}
 
@@ -111,19 +121,27 @@ uint32_t Job::first_wave() {
   return std::min(plan_.samples, film_.refinement().on() ? Refinement::kFirst : kUnseenWave);
 }
 
-/// Whether the first wave is all: each tile's picture is then made while its sums are at hand, in memory that the next tile takes over.
-bool Job::at_once() { return first_wave() == plan_.samples && !film_.refinement().on() && !film_.estimate().on(); }
+/// Whether the first wave is all: each tile's picture is then made while its sums are at hand, in
+/// memory that the next tile takes over.
+bool Job::at_once() {
+  return first_wave() == plan_.samples && !film_.refinement().on() && !film_.estimate().on();
+}
 
 void Job::trace_waves() {
   team_ = std::make_unique<Team>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
-  const bool looks_up = plan_.remember && !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
+  const bool looks_up =
+      plan_.remember &&
+      !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
   const std::shared_ptr<Sight> sight = looks_up ? scene_.sight(plan_, film_) : nullptr;
-  const auto held = sight ? std::unique_lock(sight->mutex, std::try_to_lock) : std::unique_lock<std::mutex>();
+  const auto held =
+      sight ? std::unique_lock(sight->mutex, std::try_to_lock) : std::unique_lock<std::mutex>();
   if (held) sight->expect(scene_, plan_);
   Sight* const usable = held ? sight.get() : nullptr;
-  for (size_t k = 0; k < team_->size(); ++k) tracers_.push_back(std::make_unique<Tracer>(scene_, plan_, film_, cancel_, usable));
+  for (size_t k = 0; k < team_->size(); ++k)
+    tracers_.push_back(std::make_unique<Tracer>(scene_, plan_, film_, cancel_, usable));
   for (uint32_t first = 0, last = 1; first < plan_.samples && !cancel_; first = last) {
-    last = first == 0 ? first_wave() : uint32_t(std::min<uint64_t>(2 * uint64_t(first), plan_.samples));
+    last = first == 0 ? first_wave()
+                      : uint32_t(std::min<uint64_t>(2 * uint64_t(first), plan_.samples));
     double seconds = 0;
     {
       const Timer timer(seconds);
@@ -141,7 +159,8 @@ void Job::refine(uint32_t samples) {
   if (!film_.refinement().on() || (samples < Refinement::kFirst && !film_.estimate().on())) return;
   on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.measure(tile, samples); });
   if (samples < Refinement::kFirst) return;
-  if (samples == Refinement::kFirst) on_all_tiles([&](Tracer&, const Tile& tile) { film_.look_around(tile); });
+  if (samples == Refinement::kFirst)
+    on_all_tiles([&](Tracer&, const Tile& tile) { film_.look_around(tile); });
   on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.decide(tile, samples); });
 }
 
@@ -170,7 +189,8 @@ void Job::end_wave(uint32_t samples, double seconds) {
     film_.renew();
     on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.publish(tile, samples); });
   }
-  if (complete && samples == plan_.samples) film_.forget_sums();  // before anybody who looks at the picture needs room
+  if (complete && samples == plan_.samples)
+    film_.forget_sums();  // before anybody who looks at the picture needs room
   trace_seconds_ += seconds, rays_ = {};
   for (const auto& tracer : tracers_) rays_ += tracer->counts();
   if (complete) publish(samples, lock);
@@ -195,7 +215,8 @@ void Job::trace_tiles(size_t desk, uint32_t first, uint32_t last, std::atomic<si
 
 void Job::trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t last) {
   tracer.choose(tile);
-  for (uint32_t sample = first, count; sample < last && !cancel_; sample += count, done_ += count) count = tracer.trace(sample, last);
+  for (uint32_t sample = first, count; sample < last && !cancel_; sample += count, done_ += count)
+    count = tracer.trace(sample, last);
 }
 
 void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {
@@ -208,11 +229,14 @@ void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {
   state_ = GLINT_TRACING;
 }
 
-double Job::fraction() const { return double(done_.load()) / (double(film_.tiles().size()) * plan_.samples); }
+double Job::fraction() const {
+  return double(done_.load()) / (double(film_.tiles().size()) * plan_.samples);
+}
 
 GlintProgress Job::wait(uint32_t milliseconds) {
   std::unique_lock lock(mutex_);
-  changed_.wait_for(lock, std::chrono::milliseconds(milliseconds), [&] { return ended() || samples_ > reported_; });
+  changed_.wait_for(lock, std::chrono::milliseconds(milliseconds),
+                    [&] { return ended() || samples_ > reported_; });
   reported_ = samples_;
   return {fraction(), samples_, state_};
 }
@@ -238,7 +262,8 @@ GlintStats Job::stats() {
   std::lock_guard lock(mutex_);
   GlintStats s{};
   s.trace_seconds = trace_seconds_;
-  s.triangles = scene_.triangles, s.instances = scene_.placements.size(), s.primitives = scene_.primitives;
+  s.triangles = scene_.triangles, s.instances = scene_.placements.size(),
+  s.primitives = scene_.primitives;
   s.dropped_instances = scene_.dropped_instances, s.dropped_lights = scene_.dropped_lights;
   s.features = scene_.features, s.threads = uint32_t(plan_.threads);
   s.camera_rays = rays_.camera, s.shadow_rays = rays_.shadow, s.mirror_rays = rays_.mirror;

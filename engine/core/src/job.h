@@ -1,4 +1,5 @@
-// A render at work on threads of its own: trees, then waves of samples, with progress, cancel and a picture after each wave.
+// A render at work on threads of its own: trees, then waves of samples, with progress, cancel and a
+// picture after each wave.
 #pragma once
 #include <atomic>
 #include <condition_variable>
@@ -57,11 +58,11 @@ class Job {
   RenderPlan plan_;
   Film film_;
   std::atomic<bool> cancel_{false};
-  std::atomic<uint64_t> done_{0};  // tiles times samples
-  std::unique_ptr<Team> team_;     // while waves are traced, and
+  std::atomic<uint64_t> done_{0};                 // tiles times samples
+  std::unique_ptr<Team> team_;                    // while waves are traced, and
   std::vector<std::unique_ptr<Tracer>> tracers_;  // one for each of its threads
 
-  std::mutex mutex_;               // guards what follows, and the film's pictures
+  std::mutex mutex_;  // guards what follows, and the film's pictures
   std::condition_variable changed_, resumed_;
   int state_ = GLINT_PREPARING;
   bool built_ = false;  // the scene's trees are there to stay

@@ -1,4 +1,5 @@
-// Lights in anchored space: how they illuminate a point, and what a ray that meets their shape sees.
+// Lights in anchored space: how they illuminate a point, and what a ray that meets their shape
+// sees.
 #pragma once
 #include <vector>
 
@@ -18,26 +19,30 @@ struct LightPoint {
 struct Light {
   int kind = GLINT_POINT_LIGHT;
   uint32_t flags = 0;
-  Vec3d color;                 // c = color * strength
+  Vec3d color;                    // c = color * strength
   Vec3d center, axis, right, up;  // right, up: the area's half extents along its x and y
   double radius = 0;
-  double scale2 = 1;           // (anchored length / world length)^2: inverse squares are taken in world units
-  double versine = 0;          // 1 - cos of the sun's half angle
+  double scale2 =
+      1;  // (anchored length / world length)^2: inverse squares are taken in world units
+  double versine = 0;  // 1 - cos of the sun's half angle
   double spot_cosine = -1, spot_blend = 0;
-  Vec3d seen;                  // radiance of the visible shape
-  bool extended = false;       // has more than one sample when the settings want them
+  Vec3d seen;             // radiance of the visible shape
+  bool extended = false;  // has more than one sample when the settings want them
 
   Light(const GlintLight& data, const Anchor& anchor);
   bool endless() const { return kind == GLINT_SUN; }
   bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
 
-  /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1: the centre).
+  /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1:
+  /// the centre).
   void set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
 
-  /// Whether the horizon of the point x, the plane through it across n, cuts the light's shape, and the light shines that way.
+  /// Whether the horizon of the point x, the plane through it across n, cuts the light's shape, and
+  /// the light shines that way.
   bool is_cut(Vec3d x, Vec3d n) const;
 
-  /// Ray parameter at which o + t d (d unit) first meets the visible shape, infinity for the sun's disc, negative for never.
+  /// Ray parameter at which o + t d (d unit) first meets the visible shape, infinity for the sun's
+  /// disc, negative for never.
   double meets(Vec3d o, Vec3d d) const;
   /// What a ray along the unit vector d sees there; 0 behind an area light.
   Vec3d radiance(Vec3d d, bool physical) const;

@@ -7,7 +7,9 @@
 namespace glint {
 namespace {
 
-Vec3d finite_or_zero(Vec3d c) { return {std::isfinite(c.x) ? c.x : 0, std::isfinite(c.y) ? c.y : 0, std::isfinite(c.z) ? c.z : 0}; }
+Vec3d finite_or_zero(Vec3d c) {
+  return {std::isfinite(c.x) ? c.x : 0, std::isfinite(c.y) ? c.y : 0, std::isfinite(c.z) ? c.z : 0};
+}
 
 Vec3d channel_of(const Rgba& c, int channel) {
   if (channel == GLINT_ALPHA) return {c.alpha, c.alpha, c.alpha};
@@ -27,20 +29,26 @@ Rgba image_at(const Scene& scene, uint32_t i, const Surface& s, PointReads& read
   for (uint32_t k = 0; k < reads.count; ++k)
     if (reads.number[k] == number) return reads.color[k];
   const Rgba color = read_image(scene, scene.inputs[i], s);
-  if (reads.count < PointReads::kKept) reads.color[reads.count] = color, reads.number[reads.count++] = number;
+  if (reads.count < PointReads::kKept)
+    reads.color[reads.count] = color, reads.number[reads.count++] = number;
   return color;
 }
 
 Vec3d bounded(Vec3d a, const GlintInput& input) {
-  const auto channel = [&](double x, double offset) { return std::clamp(x + offset, input.low, input.high); };
-  return {channel(a.x, input.offset[0]), channel(a.y, input.offset[1]), channel(a.z, input.offset[2])};
+  const auto channel = [&](double x, double offset) {
+    return std::clamp(x + offset, input.low, input.high);
+  };
+  return {channel(a.x, input.offset[0]), channel(a.y, input.offset[1]),
+          channel(a.z, input.offset[2])};
 }
 
 Vec3d evaluate(const Scene& scene, uint32_t i, const Surface& s, PointReads& reads) {
   const GlintInput& input = scene.inputs[i];
   Vec3d product{input.value[0], input.value[1], input.value[2]};
-  if (input.texture >= 0) product = product * channel_of(image_at(scene, i, s, reads), input.channel);
-  if (input.attribute >= 0) product = product * channel_of(color_at(scene, s, input.attribute), input.attribute_channel);
+  if (input.texture >= 0)
+    product = product * channel_of(image_at(scene, i, s, reads), input.channel);
+  if (input.attribute >= 0)
+    product = product * channel_of(color_at(scene, s, input.attribute), input.attribute_channel);
   return of_product(input, finite_or_zero(product));
 }
 
@@ -54,7 +62,8 @@ Vec3d of_product(const GlintInput& input, Vec3d product) {
 Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s, PointReads& reads) {
   if (lobe.constant) return lobe.k;
   Vec3d k{1, 1, 1};
-  for (uint32_t i = 0; i < lobe.input_count; ++i) k = k * evaluate(scene, lobe.first_input + i, s, reads);
+  for (uint32_t i = 0; i < lobe.input_count; ++i)
+    k = k * evaluate(scene, lobe.first_input + i, s, reads);
   return finite_or_zero(k);
 }
 

@@ -28,25 +28,28 @@ struct Lobe {
 struct Material {
   uint32_t first_lobe = 0, lobe_count = 0;
   int32_t index = 0;
-  uint32_t kinds = 0;    // bit 1 << kind for each of its lobes
+  uint32_t kinds = 0;  // bit 1 << kind for each of its lobes
   int specular_count = 0, view_count = 0;
-  int passing = 0;       // lobes that send rays on, unless all of these are nothing
+  int passing = 0;  // lobes that send rays on, unless all of these are nothing
   bool has(int kind) const { return kinds >> kind & 1; }
 };
 
-/// Lobes that light from everywhere, or of matt surfaces, meets at some directions of view more than at others.
+/// Lobes that light from everywhere, or of matt surfaces, meets at some directions of view more
+/// than at others.
 inline bool depends_on_view(const Lobe& lobe) {
   return (lobe.kind == GLINT_AMBIENT || lobe.kind == GLINT_DIFFUSE) && lobe.exponent > 0;
 }
 
-/// What was read of images at a point, by the number of the read (scene.h): lobes often ask for the same.
+/// What was read of images at a point, by the number of the read (scene.h): lobes often ask for the
+/// same.
 struct PointReads {
   static constexpr uint32_t kKept = 8;
   uint32_t count = 0, number[kKept];
   Rgba color[kKept];
 };
 
-/// What an input comes to whose value, image and attribute multiply to `product`: with its offset, bounds and complement.
+/// What an input comes to whose value, image and attribute multiply to `product`: with its offset,
+/// bounds and complement.
 Vec3d of_product(const GlintInput& input, Vec3d product);
 
 /// The product of a lobe's factors at a point of a surface. Finite.

@@ -8,31 +8,42 @@
 namespace glint {
 namespace {
 
-/// The point that is shaded may differ by so much from the weights of a hit (stages/stage_surface.h, solve_weights), with room for float.
+/// The point that is shaded may differ by so much from the weights of a hit
+/// (stages/stage_surface.h, solve_weights), with room for float.
 constexpr double kOff = 1.001e-3;
 constexpr double kMostOff = 0.5;  // texels
-constexpr double kFarOut = 1e6;  // of an image's repetitions, so that texels have their digits
+constexpr double kFarOut = 1e6;   // of an image's repetitions, so that texels have their digits
 
-uint8_t reading(double value) { return value == 0 ? TexelMap::kZero : value == 1 ? TexelMap::kOne : TexelMap::kMixed; }
+uint8_t reading(double value) {
+  return value == 0 ? TexelMap::kZero : value == 1 ? TexelMap::kOne : TexelMap::kMixed;
+}
 
 uint8_t reading_of(const TextureShape& t, size_t texel, bool of_alpha) {
   uint8_t all = TexelMap::kZero | TexelMap::kOne;
-  for (size_t at = 4 * texel + (of_alpha ? 3 : 0), end = 4 * texel + (of_alpha ? 4 : 3); at < end; ++at) {
+  for (size_t at = 4 * texel + (of_alpha ? 3 : 0), end = 4 * texel + (of_alpha ? 4 : 3); at < end;
+       ++at) {
     if (t.type == GLINT_FLOAT32) all &= reading(double(static_cast<const float*>(t.pixels)[at]));
-    else all &= reading((of_alpha ? t.linear : t.decode)[static_cast<const uint8_t*>(t.pixels)[at]]);
+    else
+      all &= reading((of_alpha ? t.linear : t.decode)[static_cast<const uint8_t*>(t.pixels)[at]]);
   }
   return all;
 }
 
 /// The texel after the last one.
-size_t next(size_t i, size_t size, int extension) { return i + 1 < size ? i + 1 : extension == GLINT_REPEAT ? 0 : i; }
+size_t next(size_t i, size_t size, int extension) {
+  return i + 1 < size ? i + 1 : extension == GLINT_REPEAT ? 0 : i;
+}
 
-Vec3d finite_or_zero(Vec3d c) { return {std::isfinite(c.x) ? c.x : 0, std::isfinite(c.y) ? c.y : 0, std::isfinite(c.z) ? c.z : 0}; }
+Vec3d finite_or_zero(Vec3d c) {
+  return {std::isfinite(c.x) ? c.x : 0, std::isfinite(c.y) ? c.y : 0, std::isfinite(c.z) ? c.z : 0};
+}
 
 /// Whether two inputs look at the same of an image.
 bool same_read(const GlintInput& a, const GlintInput& b) {
-  const bool as_alpha = a.channel == GLINT_ALPHA, same_kind = as_alpha == (b.channel == GLINT_ALPHA);
-  return same_kind && a.texture == b.texture && a.uv == b.uv && std::equal(a.uv_transform, a.uv_transform + 6, b.uv_transform);
+  const bool as_alpha = a.channel == GLINT_ALPHA,
+             same_kind = as_alpha == (b.channel == GLINT_ALPHA);
+  return same_kind && a.texture == b.texture && a.uv == b.uv &&
+         std::equal(a.uv_transform, a.uv_transform + 6, b.uv_transform);
 }
 
 }  // namespace
@@ -114,13 +125,17 @@ OpacityMaps::Known OpacityMaps::known(uint32_t m) {
   if (!material.has(GLINT_TRANSPARENT)) return found.always = Opacity::kSolid, found;
   for (uint32_t l = material.first_lobe; l < material.first_lobe + material.lobe_count; ++l) {
     const Lobe& lobe = scene_.lobes[l];
-    for (uint32_t i = lobe.first_input; lobe.kind == GLINT_TRANSPARENT && i < lobe.first_input + lobe.input_count; ++i) {
+    for (uint32_t i = lobe.first_input;
+         lobe.kind == GLINT_TRANSPARENT && i < lobe.first_input + lobe.input_count; ++i) {
       const GlintInput& input = scene_.inputs[i];
       if (input.texture < 0) continue;
       found.at_zero = where(m, i, 0), found.at_one = where(m, i, 1);
       if (found.at_zero == Opacity::kVaried && found.at_one == Opacity::kVaried) continue;
       const bool of_alpha = input.channel == GLINT_ALPHA;
-      found.map = &maps_.try_emplace({input.texture, of_alpha}, scene_.texture_shapes[size_t(input.texture)], of_alpha).first->second;
+      found.map = &maps_
+                       .try_emplace({input.texture, of_alpha},
+                                    scene_.texture_shapes[size_t(input.texture)], of_alpha)
+                       .first->second;
       return found.always = Opacity::kMapped, found.input = &input, found;
     }
   }
@@ -139,8 +154,10 @@ uint8_t OpacityMaps::where(uint32_t m, uint32_t input, double reading) const {
     if (lobe.kind == GLINT_TRANSPARENT) passes += k, all = all && sure;
     else nothing_else = nothing_else && sure && !any(k);
   }
-  if (all && nothing_else && passes.x == 1 && passes.y == 1 && passes.z == 1) return Opacity::kClear;
-  return all && passes.x <= 0 && passes.y <= 0 && passes.z <= 0 ? Opacity::kSolid : Opacity::kVaried;
+  if (all && nothing_else && passes.x == 1 && passes.y == 1 && passes.z == 1)
+    return Opacity::kClear;
+  return all && passes.x <= 0 && passes.y <= 0 && passes.z <= 0 ? Opacity::kSolid
+                                                                : Opacity::kVaried;
 }
 
 /// A lobe's coefficient there; false where it depends on something else.
@@ -170,7 +187,8 @@ uint8_t OpacityMaps::of_group(uint32_t g) const {
   if (group.material_count == 0) return Opacity::kSolid;
   uint8_t all = known_[scene_.material_slots[group.first_material]].always;
   for (uint32_t k = 1; k < group.material_count; ++k)
-    if (known_[scene_.material_slots[group.first_material + k]].always != all) all = Opacity::kMapped;
+    if (known_[scene_.material_slots[group.first_material + k]].always != all)
+      all = Opacity::kMapped;
   return all;
 }
 
@@ -182,24 +200,32 @@ uint8_t OpacityMaps::at(uint32_t instance, uint32_t primitive, double u, double 
   const GlintGeometry& geometry = scene_.geometry(group);
   const GlintAttribute* a = scene_.attributes.data() + geometry.first_attribute;
   const GlintAttribute* const end = a + geometry.attribute_count;
-  a = std::find_if(a, end, [&](const GlintAttribute& b) { return input.uv < 0 ? b.channels == 2 : b.name == input.uv; });
+  a = std::find_if(a, end, [&](const GlintAttribute& b) {
+    return input.uv < 0 ? b.channels == 2 : b.name == input.uv;
+  });
   if (a == end || a->channels < 2 || a->domain == GLINT_FACE) return Opacity::kVaried;
-  const uint32_t* rows = (a->domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * size_t(primitive);
+  const uint32_t* rows =
+      (a->domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * size_t(primitive);
   double corner[3][2];
   for (int k = 0; k < 3; ++k) {
     const float* uv = a->values + size_t(a->channels) * rows[k];
     const double* m = input.uv_transform;
-    for (int c = 0; c < 2; ++c) corner[k][c] = m[3 * c] * double(uv[0]) + m[3 * c + 1] * double(uv[1]) + m[3 * c + 2];
+    for (int c = 0; c < 2; ++c)
+      corner[k][c] = m[3 * c] * double(uv[0]) + m[3 * c + 1] * double(uv[1]) + m[3 * c + 2];
   }
   double at[2], off[2];
   for (int c = 0; c < 2; ++c) {
     const double q = corner[1][c] - corner[0][c], r = corner[2][c] - corner[0][c];
-    at[c] = corner[0][c] + u * q + v * r, off[c] = kOff * (std::fabs(q) + std::fabs(r)) * known.map->size(c) + kOff;
+    at[c] = corner[0][c] + u * q + v * r,
+    off[c] = kOff * (std::fabs(q) + std::fabs(r)) * known.map->size(c) + kOff;
     if (!(off[c] < kMostOff && std::fabs(at[c]) < kFarOut)) return Opacity::kVaried;
   }
   const uint8_t read = known.map->around(at, off);
-  const uint8_t found = read == TexelMap::kZero ? known.at_zero : read == TexelMap::kOne ? known.at_one : uint8_t(Opacity::kVaried);
-  return found == Opacity::kClear && group.flags & GLINT_HOLDOUT ? uint8_t(Opacity::kVaried) : found;
+  const uint8_t found = read == TexelMap::kZero  ? known.at_zero
+                        : read == TexelMap::kOne ? known.at_one
+                                                 : uint8_t(Opacity::kVaried);
+  return found == Opacity::kClear && group.flags & GLINT_HOLDOUT ? uint8_t(Opacity::kVaried)
+                                                                 : found;
 }
 
 }  // namespace glint

@@ -13,7 +13,8 @@ namespace glint {
 class Scene;
 struct Lobe;
 
-/// Of each square of texels that a lookup reads, whether all of it is 0, or 1: two bits each, which stay in a cache where images do not.
+/// Of each square of texels that a lookup reads, whether all of it is 0, or 1: two bits each, which
+/// stay in a cache where images do not.
 class TexelMap {
  public:
   enum Reading : uint8_t { kMixed = 0, kZero = 1, kOne = 2 };

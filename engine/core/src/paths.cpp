@@ -6,14 +6,19 @@ namespace glint {
 
 namespace {
 
-/// body(N) for the power of two that `count` is, as a constant: loops over a pixel's samples are short.
+/// body(N) for the power of two that `count` is, as a constant: loops over a pixel's samples are
+/// short.
 template <class Body>
 void with_constant(uint32_t count, Body body) {
   switch (count) {
-    case 1: return body(std::integral_constant<size_t, 1>());
-    case 2: return body(std::integral_constant<size_t, 2>());
-    case 4: return body(std::integral_constant<size_t, 4>());
-    default: return body(std::integral_constant<size_t, WindowPoints::kMostTogether>());
+    case 1:
+      return body(std::integral_constant<size_t, 1>());
+    case 2:
+      return body(std::integral_constant<size_t, 2>());
+    case 4:
+      return body(std::integral_constant<size_t, 4>());
+    default:
+      return body(std::integral_constant<size_t, WindowPoints::kMostTogether>());
   }
 }
 
@@ -30,17 +35,21 @@ struct Pile {
 
 }  // namespace
 
-void WindowPoints::set(const CameraRays& camera, const RenderPlan& plan, const Tile& tile, uint32_t first, uint32_t count) {
+void WindowPoints::set(const CameraRays& camera, const RenderPlan& plan, const Tile& tile,
+                       uint32_t first, uint32_t count) {
   first_ = first, count_ = count;
   const double column = plan.region.x0 + tile.x0, row = plan.region.y0 + tile.y0;
   const double* const offsets = plan.pixel_offsets + 2 * size_t(first);
   for (size_t s = 0; s < count; ++s) {
-    for (uint32_t k = 0; k < tile.width(); ++k) u_[k * count + s] = camera.u(column + k, offsets[2 * s]);
-    for (uint32_t k = 0; k < tile.height(); ++k) v_[k * count + s] = camera.v(row + k, offsets[2 * s + 1]);
+    for (uint32_t k = 0; k < tile.width(); ++k)
+      u_[k * count + s] = camera.u(column + k, offsets[2 * s]);
+    for (uint32_t k = 0; k < tile.height(); ++k)
+      v_[k * count + s] = camera.v(row + k, offsets[2 * s + 1]);
   }
 }
 
-void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* begin, const uint32_t* end, const WindowPoints& points) {
+void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* begin,
+                   const uint32_t* end, const WindowPoints& points) {
   slots_.assign(begin, end);
   first_ = points.first(), shift_ = uint32_t(__builtin_ctz(points.count()));
   for (std::vector<double>* v : {&u_, &v_}) v->resize((size() + kPad - 1) / kPad * kPad);
@@ -86,17 +95,22 @@ void Paths::add_to(Film& film, const Tile& tile, const Stages& stages) {
   for (size_t k = 0; softly_lit && k < size(); ++k) softly_lit[slot(k)] |= softly_lit_[k];
   for (size_t c = 0; c < columns_; ++c) {
     double* const to = sums + c * tile.stride();
-    if (c < noted) with_constant(1u << shift_, [&](auto count) { add_noted<count>(to, sums_[c], film.refinement().ranges(tile, c)); });
+    if (c < noted)
+      with_constant(1u << shift_, [&](auto count) {
+        add_noted<count>(to, sums_[c], film.refinement().ranges(tile, c));
+      });
     else if (is_whole(tile)) stages.add(to, sums_[c], size());
     else with_constant(1u << shift_, [&](auto count) { add_column<count>(to, sums_[c]); });
   }
 }
 
-void Paths::spread(Film& film, const Tile& tile, const std::vector<uint32_t>& slots, uint32_t samples) const {
+void Paths::spread(Film& film, const Tile& tile, const std::vector<uint32_t>& slots,
+                   uint32_t samples) const {
   const size_t noted = film.refinement().on() ? 4 : 0;
   double* to = film.sums(tile, GLINT_PASS_COMBINED);
   for (size_t c = 0; c < columns_; ++c, to += tile.stride()) {
-    const Refinement::Ranges ranges = c < noted ? film.refinement().ranges(tile, c) : Refinement::Ranges{};
+    const Refinement::Ranges ranges =
+        c < noted ? film.refinement().ranges(tile, c) : Refinement::Ranges{};
     Pile pile{to[slots[0]], c < noted ? ranges[slots[0]] : Between{}};
     for (uint32_t s = 0; s < samples; ++s) pile.add(sums_[c][0], first_ + s == 0);
     for (uint32_t slot : slots) {

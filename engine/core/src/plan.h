@@ -9,12 +9,14 @@
 namespace glint {
 
 struct RenderPlan {
-  Region region, shown;  // shown: the pixels that were asked for; the region has a margin where their neighbours are looked at
+  Region region, shown;  // shown: the pixels that were asked for; the region has a margin where
+                         // their neighbours are looked at
   double error_threshold = 0, cutoff = 0;
   uint32_t samples = 1, light_samples = 1, max_bounces = 0, passes = 0;
   int threads = 1;
   BuildQuality quality = BuildQuality::kBalanced;
-  bool physical = true, unseen = false, hold_waves = false, remember = false;  // unseen: nobody looks before the last wave
+  bool physical = true, unseen = false, hold_waves = false,
+       remember = false;  // unseen: nobody looks before the last wave
   const double* pixel_offsets = nullptr;
   const double* light_square = nullptr;
   const double* light_disc = nullptr;
@@ -33,7 +35,8 @@ struct RayCounts {
   double tracing = 0;  // seconds in the accelerator
   RayCounts& operator+=(const RayCounts& b) {
     tracing += b.tracing;
-    camera += b.camera, shadow += b.shadow, mirror += b.mirror, refraction += b.refraction, transparent += b.transparent;
+    camera += b.camera, shadow += b.shadow, mirror += b.mirror, refraction += b.refraction,
+        transparent += b.transparent;
     return *this;
   }
 };

@@ -1,4 +1,5 @@
-// Rays without a picture: the accelerator behind the C door, in world space and in the caller's arrays.
+// Rays without a picture: the accelerator behind the C door, in world space and in the caller's
+// arrays.
 #pragma once
 #include <memory>
 #include <string>

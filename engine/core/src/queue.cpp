@@ -16,14 +16,16 @@ void Queue::push(const Ray& ray, const Path& path) {
   reserve(size_);
   put(kO, k, ray.o), put(kD, k, ray.d), put(kT, k, path.T), put(kStart, k, path.start);
   columns_[kTMin][k] = ray.t_min, columns_[kTMax][k] = ray.t_max, columns_[kFrom][k] = path.from;
-  tags_[k] = int64_t(path.slot) | int64_t(path.depth) << RayTag::kDepth | int64_t(path.straight) << RayTag::kStraight;
+  tags_[k] = int64_t(path.slot) | int64_t(path.depth) << RayTag::kDepth |
+             int64_t(path.straight) << RayTag::kStraight;
   if (path.wants_data) want_data(k);
 }
 
 void Queue::start_at_camera(size_t count) {
   if (count > columns_.rows()) {
     reserve(count);
-    for (size_t c = 0; c < kColumns; ++c) std::fill_n(columns_[c], columns_.rows(), c >= kT && c < kT + 3 ? 1.0 : 0.0);
+    for (size_t c = 0; c < kColumns; ++c)
+      std::fill_n(columns_[c], columns_.rows(), c >= kT && c < kT + 3 ? 1.0 : 0.0);
   }
   size_ = count;
   for (; numbered_ < count; ++numbered_) tags_[numbered_] = int64_t(numbered_);
@@ -31,17 +33,25 @@ void Queue::start_at_camera(size_t count) {
 
 Rays Queue::rays() const {
   const Columns& c = columns_;
-  return {{c[kO], c[kO + 1], c[kO + 2]}, {c[kD], c[kD + 1], c[kD + 2]}, c[kTMin], c[kTMax], size(), visibility};
+  return {{c[kO], c[kO + 1], c[kO + 2]},
+          {c[kD], c[kD + 1], c[kD + 2]},
+          c[kTMin],
+          c[kTMax],
+          size(),
+          visibility};
 }
 
 std::vector<Queue> split(const Queue& queue, size_t limit) {
   std::vector<uint32_t> order(queue.size());
   std::iota(order.begin(), order.end(), 0u);
-  std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) { return queue.slot(a) < queue.slot(b); });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](uint32_t a, uint32_t b) { return queue.slot(a) < queue.slot(b); });
   std::vector<Queue> pieces(1, Queue(queue.visibility));
   for (size_t begin = 0, end; begin < order.size(); begin = end) {
-    for (end = begin + 1; end < order.size() && queue.slot(order[end]) == queue.slot(order[begin]);) ++end;
-    if (pieces.back().size() > 0 && pieces.back().size() + (end - begin) > limit) pieces.emplace_back(queue.visibility);
+    for (end = begin + 1; end < order.size() && queue.slot(order[end]) == queue.slot(order[begin]);)
+      ++end;
+    if (pieces.back().size() > 0 && pieces.back().size() + (end - begin) > limit)
+      pieces.emplace_back(queue.visibility);
     for (size_t k = begin; k < end; ++k) {
       if (pieces.back().size() == limit) pieces.emplace_back(queue.visibility);
       pieces.back().push(queue.ray(order[k]), queue.path(order[k]));

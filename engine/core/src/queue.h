@@ -8,8 +8,9 @@
 
 namespace glint {
 
-/// T: the weight to the pixel.  start: where the ray starts exactly, before it was moved clear of its surface; surfaces are met from there.
-/// from: ray parameter up to which visible lights were already counted.  slot: number of its camera ray (Paths).
+/// T: the weight to the pixel.  start: where the ray starts exactly, before it was moved clear of
+/// its surface; surfaces are met from there. from: ray parameter up to which visible lights were
+/// already counted.  slot: number of its camera ray (Paths).
 struct Path {
   Vec3d T, start;
   double from = 0;
@@ -30,13 +31,16 @@ class Queue : public RayLayout {
   void push(const Ray& ray, const Path& path);
   /// Where a stage adds rays.
   RayEnd end() { return {columns_[0], columns_.stride(), tags_.data(), &size_}; }
-  /// `count` rays from o = start = 0 with weight 1, but for what was written there after an earlier call; directions, bounds and who wants
-  /// data are to be filled in. Nothing is ever pushed here.
+  /// `count` rays from o = start = 0 with weight 1, but for what was written there after an earlier
+  /// call; directions, bounds and who wants data are to be filled in. Nothing is ever pushed here.
   void start_at_camera(size_t count);
 
-  Ray ray(size_t k) const { return {at(kO, k), at(kD, k), columns_[kTMin][k], columns_[kTMax][k], visibility}; }
+  Ray ray(size_t k) const {
+    return {at(kO, k), at(kD, k), columns_[kTMin][k], columns_[kTMax][k], visibility};
+  }
   Path path(size_t k) const {
-    return {at(kT, k), at(kStart, k), columns_[kFrom][k], slot(k), depth(k), straight(k), wants_data(k)};
+    return {at(kT, k), at(kStart, k), columns_[kFrom][k], slot(k),
+            depth(k),  straight(k),   wants_data(k)};
   }
   uint32_t slot(size_t k) const { return uint32_t(tags_[k]); }
   bool wants_data(size_t k) const { return tags_[k] >> RayTag::kWantsData & 1; }
@@ -52,11 +56,15 @@ class Queue : public RayLayout {
  private:
   uint8_t depth(size_t k) const { return uint8_t(tags_[k] >> RayTag::kDepth); }
   uint8_t straight(size_t k) const { return uint8_t(tags_[k] >> RayTag::kStraight); }
-  Vec3d at(size_t column, size_t k) const { return {columns_[column][k], columns_[column + 1][k], columns_[column + 2][k]}; }
-  void put(size_t column, size_t k, Vec3d v) { columns_[column][k] = v.x, columns_[column + 1][k] = v.y, columns_[column + 2][k] = v.z; }
+  Vec3d at(size_t column, size_t k) const {
+    return {columns_[column][k], columns_[column + 1][k], columns_[column + 2][k]};
+  }
+  void put(size_t column, size_t k, Vec3d v) {
+    columns_[column][k] = v.x, columns_[column + 1][k] = v.y, columns_[column + 2][k] = v.z;
+  }
 
   Columns columns_{kColumns};
-  std::vector<int64_t> tags_;  // RayTag
+  std::vector<int64_t> tags_;       // RayTag
   size_t size_ = 0, numbered_ = 0;  // numbered_: tags that are but their number
 };
 
@@ -71,8 +79,9 @@ class PathCuts {
   uint32_t list_ = 0;
 };
 
-/// Cuts a queue into pieces of at most `limit` rays, in order. All rays of a path stay in one piece unless it alone has more than `limit`:
-/// then its pieces hold its own first `limit`, the next `limit`, … So the cut of a path does not depend on other paths.
+/// Cuts a queue into pieces of at most `limit` rays, in order. All rays of a path stay in one piece
+/// unless it alone has more than `limit`: then its pieces hold its own first `limit`, the next
+/// `limit`, … So the cut of a path does not depend on other paths.
 std::vector<Queue> split(const Queue& queue, size_t limit);
 
 }  // namespace glint

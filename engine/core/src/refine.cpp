@@ -27,10 +27,20 @@ double visible_difference(double mean, double difference) {
   return levels(high) - levels(high - difference);
 }
 
-Refinement::Refinement(double threshold, uint32_t light_samples, Region region, Region shown, size_t rows)
-    : threshold_(threshold), light_samples_(light_samples), width_(region.width()), height_(region.height()),
-      shown_{shown.x0 - region.x0, shown.y0 - region.y0, shown.x1 - region.x0, shown.y1 - region.y0}, rows_(rows), bounds_(8 * rows),
-      stopped_(rows), softly_lit_(rows), range_(size_t(width_) * height_), around_(size_t(width_) * height_) {}
+Refinement::Refinement(double threshold, uint32_t light_samples, Region region, Region shown,
+                       size_t rows)
+    : threshold_(threshold),
+      light_samples_(light_samples),
+      width_(region.width()),
+      height_(region.height()),
+      shown_{shown.x0 - region.x0, shown.y0 - region.y0, shown.x1 - region.x0,
+             shown.y1 - region.y0},
+      rows_(rows),
+      bounds_(8 * rows),
+      stopped_(rows),
+      softly_lit_(rows),
+      range_(size_t(width_) * height_),
+      around_(size_t(width_) * height_) {}
 
 uint8_t* Refinement::softly_lit(const Tile& tile, uint32_t sample) {
   return stops_pixels() && sample < kFirst ? softly_lit_.data() + tile.first_row : nullptr;
@@ -45,14 +55,16 @@ void Refinement::list_active(const Tile& tile, std::vector<uint32_t>& slots) con
 bool Refinement::rested(const Tile& tile, uint32_t samples) const {
   if (!on()) return false;
   const uint32_t* const stopped = stopped_.data() + tile.first_row;
-  return std::all_of(stopped, stopped + tile.pixels(), [samples](uint32_t at) { return at != 0 && at < samples; });
+  return std::all_of(stopped, stopped + tile.pixels(),
+                     [samples](uint32_t at) { return at != 0 && at < samples; });
 }
 
 Refinement::Ranges Refinement::ranges(const Tile& tile, size_t channel) {
   return {bound(int(channel), tile.first_row), bound(int(channel) + 4, tile.first_row)};
 }
 
-void Refinement::measure(const Tile& tile, const SlotTable& slots, const double* after, size_t stride, uint32_t samples) {
+void Refinement::measure(const Tile& tile, const SlotTable& slots, const double* after,
+                         size_t stride, uint32_t samples) {
   for (uint32_t k = 0; k < tile.pixels(); ++k) {
     const size_t row = tile.first_row + k;
     if (stopped_.data()[row]) continue;
@@ -67,8 +79,11 @@ void Refinement::measure(const Tile& tile, const SlotTable& slots, const double*
 }
 
 void Refinement::look_around(const Tile& tile) {
-  const auto larger = [&](float largest, size_t pixel) { return std::max(largest, range_.data()[pixel]); };
-  sum_neighborhoods<float>(tile, width_, height_, larger, [&](size_t pixel, float largest) { around_.data()[pixel] = largest; });
+  const auto larger = [&](float largest, size_t pixel) {
+    return std::max(largest, range_.data()[pixel]);
+  };
+  sum_neighborhoods<float>(tile, width_, height_, larger,
+                           [&](size_t pixel, float largest) { around_.data()[pixel] = largest; });
 }
 
 double Refinement::bound_of_error(uint32_t pixel, uint32_t samples) const {
@@ -94,7 +109,8 @@ void Refinement::decide(const Tile& tile, const SlotTable& slots, uint32_t sampl
     const size_t row = tile.first_row + k;
     uint32_t& stopped = stopped_.data()[row];
     const uint32_t pixel = slots.pixel(tile, k, width_);
-    const bool good = threshold_ > 0 && bound_of_error(pixel, samples) <= threshold_ && may_stop(row, uint64_t(samples) * light_samples_);
+    const bool good = threshold_ > 0 && bound_of_error(pixel, samples) <= threshold_ &&
+                      may_stop(row, uint64_t(samples) * light_samples_);
     if (!stopped && (good || !is_shown(pixel % width_, pixel / width_))) stopped = samples;
   }
 }

@@ -15,7 +15,8 @@ namespace {
 Extent extent_of(const GlintGeometry& geometry) {
   Extent box;
   for (uint64_t i = 0; i < geometry.vertex_count; ++i) {
-    Vec3d p(Vec3f{geometry.vertices[3 * i], geometry.vertices[3 * i + 1], geometry.vertices[3 * i + 2]});
+    Vec3d p(Vec3f{geometry.vertices[3 * i], geometry.vertices[3 * i + 1],
+                  geometry.vertices[3 * i + 2]});
     double r = geometry.radii ? geometry.radii[i] : 0;
     if (!finite(p) || !std::isfinite(r)) continue;
     box.grow(p - Vec3d{r, r, r}), box.grow(p + Vec3d{r, r, r});
@@ -27,7 +28,8 @@ Extent extent_of(const GlintGeometry& geometry) {
 double reach(const Extent& box, const Affine& m, Vec3d origin) {
   double far = 0;
   for (int k = 0; k < 8; ++k) {
-    Vec3d p{k & 1 ? box.high.x : box.low.x, k & 2 ? box.high.y : box.low.y, k & 4 ? box.high.z : box.low.z};
+    Vec3d p{k & 1 ? box.high.x : box.low.x, k & 2 ? box.high.y : box.low.y,
+            k & 4 ? box.high.z : box.low.z};
     far = std::max(far, max_abs(direction(m, p) + (m.t - origin)));
   }
   return far;
@@ -56,7 +58,8 @@ bool no_rank(const Affine& m) {
 
 bool sound(const GlintLight& g) {
   bool good = finite(affine(g.world_from_light)) && any(affine(g.world_from_light).z);
-  for (double x : {g.color[0], g.color[1], g.color[2], g.strength, g.radius, g.angle, g.spot_size, g.spot_blend, g.size_x, g.size_y})
+  for (double x : {g.color[0], g.color[1], g.color[2], g.strength, g.radius, g.angle, g.spot_size,
+                   g.spot_blend, g.size_x, g.size_y})
     good = good && std::isfinite(x);
   return good;
 }
@@ -92,11 +95,15 @@ struct Rows {
 /// Adds a lobe to the terms of its material.
 void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
   terms.others |= !lobe.constant;
-  if (depends_on_view(lobe)) return fold_view(lobe, ambient, rows.view), void(rows.view += ViewTerm::kColumns);
+  if (depends_on_view(lobe))
+    return fold_view(lobe, ambient, rows.view), void(rows.view += ViewTerm::kColumns);
   switch (lobe.kind) {
-    case GLINT_AMBIENT: return add_to(terms.ambient, lobe.k * ambient), add_to(terms.glow, lobe.k * ambient);
-    case GLINT_EMISSION: return add_to(terms.emission, lobe.k), add_to(terms.glow, lobe.k);
-    case GLINT_DIFFUSE: return add_to(terms.diffuse, lobe.k);
+    case GLINT_AMBIENT:
+      return add_to(terms.ambient, lobe.k * ambient), add_to(terms.glow, lobe.k * ambient);
+    case GLINT_EMISSION:
+      return add_to(terms.emission, lobe.k), add_to(terms.glow, lobe.k);
+    case GLINT_DIFFUSE:
+      return add_to(terms.diffuse, lobe.k);
     case GLINT_SPECULAR:
       for (int c = 0; c < 3; ++c) rows.specular[c] = lobe.k[c];
       rows.specular[SpecularTerm::kExponent] = lobe.exponent;
@@ -105,7 +112,8 @@ void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
         rows.specular[SpecularTerm::kFresnel] = SpecularTerm::fresnel(lobe.fresnel, lobe.ior);
       }
       return void(rows.specular += rows.columns);
-    default: terms.others |= any(lobe.k);
+    default:
+      terms.others |= any(lobe.k);
   }
 }
 
@@ -115,11 +123,15 @@ constexpr uint32_t kVisibility = kCamera | kMirror | kShadow;
 constexpr ptrdiff_t kReadsCompared = 16;
 
 bool same_read(const GlintInput& a, const GlintInput& b) {
-  const bool as_alpha = a.channel == GLINT_ALPHA, same_kind = as_alpha == (b.channel == GLINT_ALPHA);
-  return same_kind && a.texture == b.texture && a.uv == b.uv && std::equal(a.uv_transform, a.uv_transform + 6, b.uv_transform);
+  const bool as_alpha = a.channel == GLINT_ALPHA,
+             same_kind = as_alpha == (b.channel == GLINT_ALPHA);
+  return same_kind && a.texture == b.texture && a.uv == b.uv &&
+         std::equal(a.uv_transform, a.uv_transform + 6, b.uv_transform);
 }
 
-bool depends_on_surface(const GlintInput& input) { return input.texture >= 0 || input.attribute >= 0; }
+bool depends_on_surface(const GlintInput& input) {
+  return input.texture >= 0 || input.attribute >= 0;
+}
 
 }  // namespace
 
@@ -146,7 +158,8 @@ Scene::~Scene() = default;
 
 const Opacity* Scene::opacity() const { return opacity_ ? &opacity_->view() : nullptr; }
 
-/// The trees that a later scene may take over: this one's, or as long as it has none those that it would take over itself.
+/// The trees that a later scene may take over: this one's, or as long as it has none those that it
+/// would take over itself.
 Scene::Earlier Scene::trees() const {
   std::lock_guard lock(build_mutex_);
   if (!accel_) return earlier_;
@@ -163,7 +176,8 @@ void Scene::take_over(const Scene& base, const GlintSceneData& data, bool exact)
   for (uint32_t& g : earlier_.trees.geometry)
     if (g != AccelBase::kNone) g = there.empty() ? AccelBase::kNone : there[g];
   const auto none = [](uint32_t g) { return g == AccelBase::kNone; };
-  if (std::all_of(earlier_.trees.geometry.begin(), earlier_.trees.geometry.end(), none)) earlier_.trees = {};
+  if (std::all_of(earlier_.trees.geometry.begin(), earlier_.trees.geometry.end(), none))
+    earlier_.trees = {};
   earlier_.trees.exact = exact;
 }
 
@@ -174,14 +188,18 @@ void Scene::share_trees(const Scene& base, bool exact) {
   if (!base.accel_ || (exact && !base.exact_)) return;
   accel_ = base.accel_, exact_ = base.exact_, earlier_ = {};
   const auto same = [](const GlintGeometry& a, const GlintGeometry& b) {
-    return a.normals.values == b.normals.values && a.normals.domain == b.normals.domain && a.corners == b.corners;
+    return a.normals.values == b.normals.values && a.normals.domain == b.normals.domain &&
+           a.corners == b.corners;
   };
-  if (std::equal(geometries.begin(), geometries.end(), base.geometries.begin(), base.geometries.end(), same)) sights_ = base.sights_;
+  if (std::equal(geometries.begin(), geometries.end(), base.geometries.begin(),
+                 base.geometries.end(), same))
+    sights_ = base.sights_;
 }
 
 std::shared_ptr<Sight> Scene::sight(const RenderPlan& plan, const Film& film) {
   std::lock_guard lock(build_mutex_);
-  const auto found = std::find_if(sights_.begin(), sights_.end(), [&](const auto& s) { return s->is_of(camera, plan); });
+  const auto found = std::find_if(sights_.begin(), sights_.end(),
+                                  [&](const auto& s) { return s->is_of(camera, plan); });
   if (found != sights_.end()) std::rotate(sights_.begin(), found, found + 1);
   else sights_.insert(sights_.begin(), std::make_shared<Sight>(camera, plan, film));
   if (sights_.size() > kSights) sights_.pop_back();
@@ -206,7 +224,8 @@ void Scene::compile_materials(const GlintSceneData& data) {
   std::iota(reads.begin(), reads.end(), 0u);
   for (uint64_t i = 0; i < data.material_count; ++i) add_material(data.materials[i], data.lobes);
   materials.push_back({uint32_t(lobes.size()), 2, 0});
-  for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT}) lobes.push_back({kind, 0, true, 0, 1, 0, 0, 0, {0.8, 0.8, 0.8}, false});
+  for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT})
+    lobes.push_back({kind, 0, true, 0, 1, 0, 0, 0, {0.8, 0.8, 0.8}, false});
   for (Material& material : materials) compare_lobes(material), number_reads(material);
 }
 
@@ -214,15 +233,18 @@ void Scene::compile_materials(const GlintSceneData& data) {
 void Scene::add_material(const GlintMaterial& g, const GlintLobe* given) {
   const size_t first = lobes.size();
   for (uint32_t k = 0; k < g.lobe_count; ++k)
-    if (given[g.first_lobe + k].kind != GLINT_AMBIENT || any(ambient)) add_lobe(given[g.first_lobe + k]);
+    if (given[g.first_lobe + k].kind != GLINT_AMBIENT || any(ambient))
+      add_lobe(given[g.first_lobe + k]);
   materials.push_back({uint32_t(first), uint32_t(lobes.size() - first), g.index});
 }
 
 /// Lobes whose inputs do not vary get their product now.
 void Scene::add_lobe(const GlintLobe& g) {
-  Lobe lobe{g.kind, g.fresnel, false, g.exponent, g.ior, g.masking, g.first_input, g.input_count, {1, 1, 1}, false};
+  Lobe lobe{g.kind,    g.fresnel,     false,         g.exponent, g.ior,
+            g.masking, g.first_input, g.input_count, {1, 1, 1},  false};
   bool varies = false;
-  for (uint32_t k = 0; k < g.input_count; ++k) varies = varies || depends_on_surface(inputs[g.first_input + k]);
+  for (uint32_t k = 0; k < g.input_count; ++k)
+    varies = varies || depends_on_surface(inputs[g.first_input + k]);
   PointReads none;
   if (!varies) lobe.k = coefficient(*this, lobe, Surface{}, none), lobe.constant = true;
   lobes.push_back(lobe);
@@ -234,10 +256,14 @@ void Scene::compare_lobes(Material& material) {
     material.kinds |= 1u << lobe.kind, material.specular_count += lobe.kind == GLINT_SPECULAR;
     if (lobe.kind == GLINT_SPECULAR) most_exponent = std::max(most_exponent, lobe.exponent);
     material.view_count += depends_on_view(lobe);
-    if (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)) specular_columns = SpecularTerm::kShaped;
-    if (k > 0) lobes[material.first_lobe + k].like_last = same_inputs(material.first_lobe + k - 1, material.first_lobe + k);
+    if (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel))
+      specular_columns = SpecularTerm::kShaped;
+    if (k > 0)
+      lobes[material.first_lobe + k].like_last =
+          same_inputs(material.first_lobe + k - 1, material.first_lobe + k);
   }
-  max_specular = std::max(max_specular, material.specular_count), max_view = std::max(max_view, material.view_count);
+  max_specular = std::max(max_specular, material.specular_count),
+  max_view = std::max(max_view, material.view_count);
 }
 
 /// Compares each input that reads an image with the last few of its material that do.
@@ -248,7 +274,8 @@ void Scene::number_reads(const Material& material) {
     for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i) {
       if (inputs[i].texture < 0) continue;
       const auto begin = seen.end() - std::min<ptrdiff_t>(std::ssize(seen), kReadsCompared);
-      const auto same = std::find_if(begin, seen.end(), [&](uint32_t j) { return same_read(inputs[i], inputs[j]); });
+      const auto same = std::find_if(begin, seen.end(),
+                                     [&](uint32_t j) { return same_read(inputs[i], inputs[j]); });
       if (same != seen.end()) reads[i] = reads[*same];
       else seen.push_back(i);
     }
@@ -258,7 +285,10 @@ void Scene::number_reads(const Material& material) {
 /// Whether two lobes read the same: they often differ in their kind alone.
 bool Scene::same_inputs(size_t a, size_t b) const {
   const Lobe &p = lobes[a], &q = lobes[b];
-  auto same = [&](uint32_t k) { return std::memcmp(&inputs[p.first_input + k], &inputs[q.first_input + k], sizeof(GlintInput)) == 0; };
+  auto same = [&](uint32_t k) {
+    return std::memcmp(&inputs[p.first_input + k], &inputs[q.first_input + k],
+                       sizeof(GlintInput)) == 0;
+  };
   bool good = !p.constant && !q.constant && p.input_count == q.input_count;
   for (uint32_t k = 0; good && k < p.input_count; ++k) good = same(k);
   return good;
@@ -267,10 +297,12 @@ bool Scene::same_inputs(size_t a, size_t b) const {
 /// Whether the instance with that number stands as in `base`, whose rows of matrices may be others.
 bool Scene::stands(const Scene* base, size_t i) const {
   return base && i < base->placements.size() && anchor.same_origin(base->anchor) &&
-         std::memcmp(matrix_row(placements[i].row), base->matrix_row(base->placements[i].row), 12 * sizeof(double)) == 0;
+         std::memcmp(matrix_row(placements[i].row), base->matrix_row(base->placements[i].row),
+                     12 * sizeof(double)) == 0;
 }
 
-/// Numbers the instances, leaving out those whose matrix is not finite or squeezes everything to a line.
+/// Numbers the instances, leaving out those whose matrix is not finite or squeezes everything to a
+/// line.
 void Scene::place_instances(const Scene* base) {
   placements.reserve(groups.size());
   for (uint32_t g = 0; g < groups.size(); ++g) {
@@ -279,7 +311,8 @@ void Scene::place_instances(const Scene* base) {
     for (uint64_t row = group.first_row; row < group.first_row + group.row_count; ++row) {
       placements.push_back({uint32_t(row), g});
       const Affine m = affine(matrix_row(uint32_t(row)));
-      const bool good = stands(base, placements.size() - 1) || (finite(m) && finite(m.t - anchor.origin) && !no_rank(m));
+      const bool good = stands(base, placements.size() - 1) ||
+                        (finite(m) && finite(m.t - anchor.origin) && !no_rank(m));
       if (!good) {
         placements.pop_back(), ++dropped_instances;
         continue;
@@ -305,10 +338,15 @@ double Scene::radius(const Scene* base) {
 }
 
 bool Scene::same_placements(const Scene& base) const {
-  if (!(anchor == base.anchor) || placements.size() != base.placements.size() || geometries.size() != base.geometries.size()) return false;
+  if (!(anchor == base.anchor) || placements.size() != base.placements.size() ||
+      geometries.size() != base.geometries.size())
+    return false;
   for (size_t i = 0; i < placements.size(); ++i) {
-    const GlintInstances &a = groups[placements[i].group], &b = base.groups[base.placements[i].group];
-    if (geometry_in_base_[a.geometry] != b.geometry || a.geometry != b.geometry || ((a.flags ^ b.flags) & kVisibility)) return false;
+    const GlintInstances &a = groups[placements[i].group],
+                         &b = base.groups[base.placements[i].group];
+    if (geometry_in_base_[a.geometry] != b.geometry || a.geometry != b.geometry ||
+        ((a.flags ^ b.flags) & kVisibility))
+      return false;
     if (!stands(&base, i)) return false;
   }
   return true;
@@ -334,7 +372,8 @@ void Scene::note_features() {
   }
   for (const Light& light : lights) {
     if (light.extended) features |= GLINT_FEATURE_SOFT_LIGHTS;
-    if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR) && any(light.seen)) features |= GLINT_FEATURE_SEEN_LIGHTS;
+    if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR) && any(light.seen))
+      features |= GLINT_FEATURE_SEEN_LIGHTS;
   }
   if (!textures.empty()) features |= GLINT_FEATURE_TEXTURES;
 }
@@ -351,12 +390,15 @@ void Scene::shape_groups() {
   for (const GlintInstances& group : groups) {
     const GlintGeometry& g = geometries[group.geometry];
     GroupShape shape{};
-    if (g.kind == GLINT_MESH) shape.vertices = g.vertices, shape.triangles = g.triangles, shape.normals = g.normals.values;
+    if (g.kind == GLINT_MESH)
+      shape.vertices = g.vertices, shape.triangles = g.triangles, shape.normals = g.normals.values;
     shape.normal_rows = g.normals.domain == GLINT_CORNER ? g.corners : g.triangles;
-    shape.material = group.material_count > 0 ? material_slots[group.first_material] : uint32_t(materials.size() - 1);
+    shape.material = group.material_count > 0 ? material_slots[group.first_material]
+                                              : uint32_t(materials.size() - 1);
     if (group.flags & GLINT_HOLDOUT) shape.material = holdout();
     if (g.material_slots && group.material_count > 1 && !(group.flags & GLINT_HOLDOUT))
-      shape.slots = g.material_slots, shape.materials = material_slots.data() + group.first_material;
+      shape.slots = g.material_slots,
+      shape.materials = material_slots.data() + group.first_material;
     shape.material_count = group.material_count;
     only_meshes = only_meshes && g.kind == GLINT_MESH;
     group_shapes.push_back(shape);
@@ -367,7 +409,8 @@ void Scene::shape_instances(const Scene* base) {
   instance_shapes.reserve(placements.size());
   const Scene* alike = base && anchor == base->anchor ? base : nullptr;
   for (size_t i = 0; i < placements.size(); ++i) {
-    instance_shapes.push_back(stands(alike, i) ? base->instance_shapes[i] : shape_of(anchored(placements[i].row)));
+    instance_shapes.push_back(stands(alike, i) ? base->instance_shapes[i]
+                                               : shape_of(anchored(placements[i].row)));
     instance_shapes.back().group = placements[i].group;
   }
 }
@@ -384,16 +427,20 @@ NormalMatrix Scene::normal_matrix(uint32_t instance) const {
 
 /// What is the same all over a material; those that vary, or send rays on, are left to the shader.
 void Scene::fold_materials() {
-  const size_t specular = size_t(specular_columns) * size_t(max_specular), view = ViewTerm::kColumns * size_t(max_view);
-  specular_terms.assign(specular * (materials.size() + 3), 0.0), view_terms.assign(view * (materials.size() + 3), 0.0);
+  const size_t specular = size_t(specular_columns) * size_t(max_specular),
+               view = ViewTerm::kColumns * size_t(max_view);
+  specular_terms.assign(specular * (materials.size() + 3), 0.0),
+      view_terms.assign(view * (materials.size() + 3), 0.0);
   for (size_t m = 0; m < materials.size(); ++m) {
     MaterialTerms terms{};
     Rows rows{specular_terms.data() + specular * m, specular_columns, view_terms.data() + view * m};
-    for (uint32_t i = 0; i < materials[m].lobe_count; ++i) fold(lobes[materials[m].first_lobe + i], ambient, terms, rows);
+    for (uint32_t i = 0; i < materials[m].lobe_count; ++i)
+      fold(lobes[materials[m].first_lobe + i], ambient, terms, rows);
     terms.view_count = uint32_t(materials[m].view_count);
     if (terms.others) {
       terms = MaterialTerms{}, terms.others = 1;
-      std::fill_n(specular_terms.data() + specular * m, specular, 0.0), std::fill_n(view_terms.data() + view * m, view, 0.0);
+      std::fill_n(specular_terms.data() + specular * m, specular, 0.0),
+          std::fill_n(view_terms.data() + view * m, view, 0.0);
     }
     material_terms.push_back(terms);
   }
@@ -405,8 +452,16 @@ void Scene::fold_materials() {
 
 void Scene::shape_materials() {
   for (const Lobe& g : lobes)
-    lobe_shapes.push_back(
-        {g.kind, g.constant, g.like_last, g.fresnel, g.exponent, g.ior, g.masking, {g.k.x, g.k.y, g.k.z}, g.first_input, g.input_count});
+    lobe_shapes.push_back({g.kind,
+                           g.constant,
+                           g.like_last,
+                           g.fresnel,
+                           g.exponent,
+                           g.ior,
+                           g.masking,
+                           {g.k.x, g.k.y, g.k.z},
+                           g.first_input,
+                           g.input_count});
   for (const Texture& texture : textures) texture_shapes.push_back(texture.shape());
   for (size_t m = 0; m < materials.size(); ++m) {
     if (!material_terms[m].others) continue;
@@ -420,13 +475,14 @@ void Scene::shape_materials() {
 std::vector<GeometryView> Scene::geometry_views() const {
   std::vector<GeometryView> views;
   for (const GlintGeometry& g : geometries)
-    views.push_back(
-        {GeometryView::Kind(g.kind), g.vertices, g.vertex_count, g.triangles, g.radii, g.offsets, g.indices, g.primitive_count});
+    views.push_back({GeometryView::Kind(g.kind), g.vertices, g.vertex_count, g.triangles, g.radii,
+                     g.offsets, g.indices, g.primitive_count});
   return views;
 }
 
 std::vector<InstanceView> Scene::instance_views() const {
-  static_assert(kCamera == uint32_t(GLINT_VISIBLE_CAMERA) && kMirror == uint32_t(GLINT_VISIBLE_MIRROR));
+  static_assert(kCamera == uint32_t(GLINT_VISIBLE_CAMERA) &&
+                kMirror == uint32_t(GLINT_VISIBLE_MIRROR));
   static_assert(kShadow == uint32_t(GLINT_VISIBLE_SHADOW));
   std::vector<InstanceView> views;
   views.reserve(placements.size());
@@ -439,10 +495,12 @@ std::vector<InstanceView> Scene::instance_views() const {
 
 bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& cancel) {
   std::lock_guard lock(build_mutex_);
-  if (!opacity_ && features & GLINT_FEATURE_TRANSPARENT) opacity_ = std::make_unique<const OpacityMaps>(*this);
+  if (!opacity_ && features & GLINT_FEATURE_TRANSPARENT)
+    opacity_ = std::make_unique<const OpacityMaps>(*this);
   if (accel_) return true;
   auto start = std::chrono::steady_clock::now();
-  accel_ = Accel::build(geometry_views(), instance_views(), threads, cancel, quality, earlier_.trees);
+  accel_ =
+      Accel::build(geometry_views(), instance_views(), threads, cancel, quality, earlier_.trees);
   if (accel_) exact_ = !earlier_.trees.accel || earlier_.trees.exact, earlier_ = {};
   build_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return accel_ != nullptr;

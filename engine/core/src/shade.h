@@ -1,4 +1,5 @@
-// Surfaces that send rays on, and what stages do not do for a hit: holdouts, data passes, lights that are seen (notes 4.12-4.17).
+// Surfaces that send rays on, and what stages do not do for a hit: holdouts, data passes, lights
+// that are seen (notes 4.12-4.17).
 #pragma once
 #include "batch.h"
 #include "camera.h"
@@ -18,8 +19,10 @@ class Shader {
   Shader(const Scene& scene, const RenderPlan& plan, const Stages& stages)
       : scene_(scene), plan_(plan), stages_(stages), camera_(scene) {}
 
-  /// Sends on the rays of some points of the batch, of different paths, whose material the vary stage has seen.
-  void pass_on(const Batch& batch, const uint32_t* rows, size_t count, const Leaving& next, RayCounts& counts) const;
+  /// Sends on the rays of some points of the batch, of different paths, whose material the vary
+  /// stage has seen.
+  void pass_on(const Batch& batch, const uint32_t* rows, size_t count, const Leaving& next,
+               RayCounts& counts) const;
   /// Data passes of a point that the vary stage has seen, unless the surface lets most through.
   void record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
   /// A hit on a holdout; alpha lost is added to `lost`.
@@ -30,7 +33,8 @@ class Shader {
   void seen_lights(Batch& batch, size_t k) const;
 
  private:
-  void record(Film& film, uint32_t pixel, const Surface& s, const Material& material, Vec3d d) const;
+  void record(Film& film, uint32_t pixel, const Surface& s, const Material& material,
+              Vec3d d) const;
 
   const Scene& scene_;
   const RenderPlan& plan_;

@@ -1,5 +1,5 @@
-// What a first wave found out and a later one of another light, material or world need not trace again: where its rays hit, and which
-// points see which sample of a light.
+// What a first wave found out and a later one of another light, material or world need not trace
+// again: where its rays hit, and which points see which sample of a light.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -17,8 +17,9 @@ namespace glint {
 
 class Scene;
 
-/// Of one camera, region and first sample point, in one accelerator. 24 bytes a pixel, and one for each of the first light samples. Its
-/// rows are the film's; threads may write rows of different tiles at once. Whoever uses it holds `mutex`.
+/// Of one camera, region and first sample point, in one accelerator. 24 bytes a pixel, and one for
+/// each of the first light samples. Its rows are the film's; threads may write rows of different
+/// tiles at once. Whoever uses it holds `mutex`.
 class Sight {
  public:
   static constexpr size_t kMaxColumns = 8;
@@ -32,8 +33,11 @@ class Sight {
   /// False where the tile's rays were not kept.
   bool recall(const Tile& tile, const Hits& hits) const;
   void keep(const Tile& tile, const Hits& hits);
-  /// Shadow of each row in the light sample of that number: 0 unknown, 1 free, 2 blocked. Null for samples that are not kept.
-  uint8_t* shadows(size_t number) { return number < columns_.size() ? columns_[number].shadows.data() : nullptr; }
+  /// Shadow of each row in the light sample of that number: 0 unknown, 1 free, 2 blocked. Null for
+  /// samples that are not kept.
+  uint8_t* shadows(size_t number) {
+    return number < columns_.size() ? columns_[number].shadows.data() : nullptr;
+  }
 
   std::mutex mutex;
 

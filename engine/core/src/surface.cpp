@@ -20,7 +20,8 @@ struct Line {
 bool to_object(const Affine& m, const Line& ray, Vec3d& o, Vec3d& d) {
   Vec3d x = cross(m.y, m.z), y = cross(m.z, m.x), z = cross(m.x, m.y), p = ray.o - m.t;
   double f = 1 / dot(m.x, x);
-  o = f * Vec3d{dot(x, p), dot(y, p), dot(z, p)}, d = f * Vec3d{dot(x, ray.d), dot(y, ray.d), dot(z, ray.d)};
+  o = f * Vec3d{dot(x, p), dot(y, p), dot(z, p)},
+  d = f * Vec3d{dot(x, ray.d), dot(y, ray.d), dot(z, ray.d)};
   return finite(o) && finite(d);
 }
 
@@ -30,23 +31,27 @@ Vec3d on_sphere(Vec3d o, Vec3d d, double t, Vec3d center, double radius) {
   Vec3d n = (1 / scale) * d, f = center - o;
   double b = dot(f, n);
   Vec3d miss = f - b * n;
-  double root = std::sqrt(std::max(0.0, radius * radius - dot(miss, miss))), near = b - root, far = b + root;
+  double root = std::sqrt(std::max(0.0, radius * radius - dot(miss, miss))), near = b - root,
+         far = b + root;
   double at = std::fabs(near - t * scale) <= std::fabs(far - t * scale) ? near : far;
   return unit(o + at * n - center);
 }
 
-void place_on_sphere(const Affine& m, const NormalMatrix& to_world, const GlintGeometry& geometry, const Line& ray, const Hit& hit,
-                     Surface& s) {
+void place_on_sphere(const Affine& m, const NormalMatrix& to_world, const GlintGeometry& geometry,
+                     const Line& ray, const Hit& hit, Surface& s) {
   Vec3d center = vertex(geometry, hit.primitive), o, d, n{0, 0, 1};
   double radius = geometry.radii[hit.primitive];
   s.x = ray.o + hit.t * ray.d;
-  if (to_object(m, ray, o, d)) n = on_sphere(o, d, hit.t, center, radius), s.x = point(m, center + radius * n);
+  if (to_object(m, ray, o, d))
+    n = on_sphere(o, d, hit.t, center, radius), s.x = point(m, center + radius * n);
   s.g = to_world(n);
-  s.offset = rounding(max_abs(point(m, center)) + radius * (max_abs(m.x) + max_abs(m.y) + max_abs(m.z)));
+  s.offset =
+      rounding(max_abs(point(m, center)) + radius * (max_abs(m.x) + max_abs(m.y) + max_abs(m.z)));
 }
 
 /// Newell's normal in object space; `reach` becomes the corners' largest coordinate after m.
-Vec3d newell(const Affine& m, const GlintGeometry& geometry, size_t primitive, Vec3d& first, double& reach) {
+Vec3d newell(const Affine& m, const GlintGeometry& geometry, size_t primitive, Vec3d& first,
+             double& reach) {
   size_t begin = geometry.offsets[primitive], end = geometry.offsets[primitive + 1];
   first = vertex(geometry, geometry.indices[begin]);
   Vec3d sum, last;
@@ -58,8 +63,8 @@ Vec3d newell(const Affine& m, const GlintGeometry& geometry, size_t primitive, V
   return sum;
 }
 
-void place_on_polygon(const Affine& m, const NormalMatrix& to_world, const GlintGeometry& geometry, const Line& ray, const Hit& hit,
-                      Surface& s) {
+void place_on_polygon(const Affine& m, const NormalMatrix& to_world, const GlintGeometry& geometry,
+                      const Line& ray, const Hit& hit, Surface& s) {
   Vec3d first;
   double reach = 0;
   s.g = to_world(newell(m, geometry, hit.primitive, first, reach));
@@ -76,13 +81,16 @@ struct Rows {
 Rows rows_of(const GlintGeometry& geometry, const GlintAttribute& attribute, size_t primitive) {
   const float* v = attribute.values;
   size_t c = size_t(attribute.channels);
-  if (attribute.domain == GLINT_FACE) return {{v + c * primitive, v + c * primitive, v + c * primitive}};
-  const uint32_t* t = (attribute.domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * primitive;
+  if (attribute.domain == GLINT_FACE)
+    return {{v + c * primitive, v + c * primitive, v + c * primitive}};
+  const uint32_t* t =
+      (attribute.domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * primitive;
   return {{v + c * t[0], v + c * t[1], v + c * t[2]}};
 }
 
 double blend(const Rows& rows, const double (&b)[3], int channel) {
-  double value = b[0] * rows.at[0][channel] + b[1] * rows.at[1][channel] + b[2] * rows.at[2][channel];
+  double value =
+      b[0] * rows.at[0][channel] + b[1] * rows.at[1][channel] + b[2] * rows.at[2][channel];
   return std::isfinite(value) ? value : 0;
 }
 

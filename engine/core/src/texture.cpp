@@ -39,8 +39,8 @@ double reduce(double x, int extension) {
   return std::clamp(x, -2.0, 3.0);
 }
 
-/// The stored index for index i of an endless row of texels; -1 outside a clipped image. i is at most one period off, as `reduce` leaves
-/// it.
+/// The stored index for index i of an endless row of texels; -1 outside a clipped image. i is at
+/// most one period off, as `reduce` leaves it.
 int64_t wrap(int64_t i, int64_t size, int extension) {
   if (extension == GLINT_EXTEND) return std::clamp<int64_t>(i, 0, size - 1);
   if (extension == GLINT_CLIP) return i >= 0 && i < size ? i : -1;
@@ -49,16 +49,21 @@ int64_t wrap(int64_t i, int64_t size, int extension) {
   return i < size ? i : 2 * size - 1 - i;
 }
 
-Rgba mix(const Rgba& a, const Rgba& b, double t) { return {(1 - t) * a.color + t * b.color, (1 - t) * a.alpha + t * b.alpha}; }
+Rgba mix(const Rgba& a, const Rgba& b, double t) {
+  return {(1 - t) * a.color + t * b.color, (1 - t) * a.alpha + t * b.alpha};
+}
 
 }  // namespace
 
 Texture::Texture(const GlintTexture& data)
-    : data_(data), decode_(data.encoding == GLINT_LINEAR_ENCODING ? linear_codes().data() : srgb_codes().data()) {}
+    : data_(data),
+      decode_(data.encoding == GLINT_LINEAR_ENCODING ? linear_codes().data()
+                                                     : srgb_codes().data()) {}
 
 TextureShape Texture::shape() const {
   const GlintTexture& t = data_;
-  return {t.pixels, decode_, linear_codes().data(), t.width, t.height, t.type, t.extension, t.interpolation};
+  return {t.pixels, decode_, linear_codes().data(), t.width,
+          t.height, t.type,  t.extension,           t.interpolation};
 }
 
 /// The two texels next to a coordinate and the way between them.
@@ -69,9 +74,11 @@ struct Texture::Axis {
 
 Texture::Axis Texture::axis(double x, uint32_t size) const {
   const double at = reduce(x, data_.extension) * size;
-  if (data_.interpolation == GLINT_CLOSEST) return {wrap(int64_t(std::floor(at)), size, data_.extension), 0, 0};
+  if (data_.interpolation == GLINT_CLOSEST)
+    return {wrap(int64_t(std::floor(at)), size, data_.extension), 0, 0};
   const double first = std::floor(at - 0.5);
-  return {wrap(int64_t(first), size, data_.extension), wrap(int64_t(first) + 1, size, data_.extension), at - 0.5 - first};
+  return {wrap(int64_t(first), size, data_.extension),
+          wrap(int64_t(first) + 1, size, data_.extension), at - 0.5 - first};
 }
 
 Rgba Texture::texel(int64_t column, int64_t row) const {
@@ -88,8 +95,8 @@ Rgba Texture::texel(int64_t column, int64_t row) const {
 Rgba Texture::lookup(double u, double v) const {
   const Axis x = axis(u, data_.width), y = axis(v, data_.height);
   if (data_.interpolation == GLINT_CLOSEST) return texel(x.first, y.first);
-  return mix(mix(texel(x.first, y.first), texel(x.second, y.first), x.way), mix(texel(x.first, y.second), texel(x.second, y.second), x.way),
-             y.way);
+  return mix(mix(texel(x.first, y.first), texel(x.second, y.first), x.way),
+             mix(texel(x.first, y.second), texel(x.second, y.second), x.way), y.way);
 }
 
 }  // namespace glint

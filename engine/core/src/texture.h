@@ -14,7 +14,8 @@ struct Rgba {
 class Texture {
  public:
   explicit Texture(const GlintTexture& data);
-  /// At (u, v) of the unit square, texel centres at (i + 0.5) / width. A coordinate that is not finite reads as 0.
+  /// At (u, v) of the unit square, texel centres at (i + 0.5) / width. A coordinate that is not
+  /// finite reads as 0.
   Rgba lookup(double u, double v) const;
   /// The same for the stages.
   TextureShape shape() const;

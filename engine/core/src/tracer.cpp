@@ -21,9 +21,18 @@ WindowReach reach_of(const RenderPlan& plan) {
 
 }  // namespace
 
-Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel, Sight* sight)
-    : scene_(scene), plan_(plan), film_(film), stages_(best_stages()), cancel_(cancel), sight_(sight), camera_(scene),
-      shader_(scene, plan, stages_), direct_(scene, plan, stages_, cancel, scratch_), batch_(scene, film.passes()),
+Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
+               const std::atomic<bool>& cancel, Sight* sight)
+    : scene_(scene),
+      plan_(plan),
+      film_(film),
+      stages_(best_stages()),
+      cancel_(cancel),
+      sight_(sight),
+      camera_(scene),
+      shader_(scene, plan, stages_),
+      direct_(scene, plan, stages_, cancel, scratch_),
+      batch_(scene, film.passes()),
       reach_(reach_of(plan)) {}
 
 Queue Tracer::take(uint32_t visibility) {
@@ -52,18 +61,22 @@ void Tracer::choose(const Tile& tile) {
   tile_ = &tile;
   slots_.set(tile.width(), tile.height());
   if (film_.refinement().on()) film_.refinement().list_active(tile, active_);
-  else if (active_.size() != tile.pixels()) active_.resize(tile.pixels()), std::iota(active_.begin(), active_.end(), 0u);
-  vacant_ = !active_.empty() && !(scene_.features & GLINT_FEATURE_SEEN_LIGHTS) && scene_.accel().vacant(beam(tile));
+  else if (active_.size() != tile.pixels())
+    active_.resize(tile.pixels()), std::iota(active_.begin(), active_.end(), 0u);
+  vacant_ = !active_.empty() && !(scene_.features & GLINT_FEATURE_SEEN_LIGHTS) &&
+            scene_.accel().vacant(beam(tile));
 }
 
 /// Round all camera rays of the tile's samples.
 Beam Tracer::beam(const Tile& tile) const {
   const double column = plan_.region.x0 + tile.x0, row = plan_.region.y0 + tile.y0;
-  return camera_.beam(camera_.u(column, reach_.x0), camera_.v(row, reach_.y0), camera_.u(column + tile.width() - 1, reach_.x1),
+  return camera_.beam(camera_.u(column, reach_.x0), camera_.v(row, reach_.y0),
+                      camera_.u(column + tile.width() - 1, reach_.x1),
                       camera_.v(row + tile.height() - 1, reach_.y1));
 }
 
-/// How many of a pixel's next samples are traced at once: points of soft lights are common to a sample of many pixels.
+/// How many of a pixel's next samples are traced at once: points of soft lights are common to a
+/// sample of many pixels.
 uint32_t Tracer::together(uint32_t samples) const {
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
   uint32_t count = WindowPoints::kMostTogether;
@@ -73,7 +86,8 @@ uint32_t Tracer::together(uint32_t samples) const {
 
 /// The queue's camera rays hit nothing, and nobody asks where they lead.
 void Tracer::miss(const Queue& queue) {
-  std::fill_n(batch_.instance.data(), queue.size(), Hit::kNone), std::fill_n(batch_.material.data(), queue.size(), missed(queue));
+  std::fill_n(batch_.instance.data(), queue.size(), Hit::kNone),
+      std::fill_n(batch_.material.data(), queue.size(), missed(queue));
 }
 
 void Tracer::start_paths() {
@@ -85,14 +99,17 @@ void Tracer::start_paths() {
 void Tracer::camera_rays() {
   CameraStage stage = camera_.stage();
   stage.count = paths_.size(), stage.across = paths_.u(), stage.upward = paths_.v();
-  for (size_t k = 0; k < 3; ++k) stage.o[k] = first_.column(Queue::kO + k), stage.d[k] = first_.column(Queue::kD + k);
+  for (size_t k = 0; k < 3; ++k)
+    stage.o[k] = first_.column(Queue::kO + k), stage.d[k] = first_.column(Queue::kD + k);
   stage.t_min = first_.column(Queue::kTMin), stage.t_max = first_.column(Queue::kTMax);
   stages_.camera(stage);
   camera_.clip(stage);
   const Vec3d eye = camera_.eye();
   for (size_t k = 0; any(eye) && k < 3; ++k)
-    for (size_t i = 0; i < stage.count; ++i) stage.o[k][i] = (stage.parallel ? stage.o[k][i] : 0) + eye[int(k)];
-  for (size_t k = 0; (stage.parallel || any(eye)) && k < 3; ++k) std::copy_n(stage.o[k], stage.count, first_.column(Queue::kStart + k));
+    for (size_t i = 0; i < stage.count; ++i)
+      stage.o[k][i] = (stage.parallel ? stage.o[k][i] : 0) + eye[int(k)];
+  for (size_t k = 0; (stage.parallel || any(eye)) && k < 3; ++k)
+    std::copy_n(stage.o[k], stage.count, first_.column(Queue::kStart + k));
 }
 
 /// One path through a vacant tile stands for all.
@@ -106,7 +123,8 @@ uint32_t Tracer::trace_vacant(uint32_t first, uint32_t last) {
 /// The samples that `points_` is of, of the slots [begin, end).
 void Tracer::follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first) {
   paths_.choose(film_, slots_, begin, end, points_);
-  batch_.cost = paths_.sums(film_, GLINT_PASS_COST), batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
+  batch_.cost = paths_.sums(film_, GLINT_PASS_COST),
+  batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
   batch_.softly_lit = film_.refinement().softly_lit(*tile_, first) ? paths_.softly_lit() : nullptr;
   follow(first);
 }
@@ -154,7 +172,8 @@ void Tracer::follow(uint32_t sample) {
 
 void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced) {
   batch_.begin(queue);
-  batch_.sight = sample == 0 && &queue == &first_ && paths_.is_whole(*tile_) ? sight_ : nullptr, batch_.first_row = tile_->first_row;
+  batch_.sight = sample == 0 && &queue == &first_ && paths_.is_whole(*tile_) ? sight_ : nullptr,
+  batch_.first_row = tile_->first_row;
   vacant_ ? miss(queue) : find_points(queue);
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
   if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
@@ -169,7 +188,8 @@ void Tracer::find_hits(const Queue& queue) {
   {
     const Timer timer(counts_.tracing);
     Rays rays = queue.rays();
-    // Every surface counts for what is remembered, and for passes that tell of holes as of other surfaces.
+    // Every surface counts for what is remembered, and for passes that tell of holes as of other
+    // surfaces.
     const bool all = batch_.sight || film_.wants(GLINT_PASS_COST) || film_.wants(GLINT_PASS_GAP);
     rays.opacity = all ? nullptr : scene_.opacity();
     scene_.accel().closest(rays, batch_.hits(), scratch_);
@@ -183,8 +203,10 @@ void Tracer::find_points(const Queue& queue) {
   find_hits(queue);
   SurfaceStage stage{};
   stage.count = queue.size(), stage.points = batch_.points;
-  for (size_t c = 0; c < 3; ++c) stage.start[c] = queue.column(Queue::kStart + c), stage.d[c] = queue.column(Queue::kD + c);
-  stage.instance = batch_.instance.data(), stage.primitive = batch_.primitive.data(), stage.u = batch_.u.data(), stage.v = batch_.v.data();
+  for (size_t c = 0; c < 3; ++c)
+    stage.start[c] = queue.column(Queue::kStart + c), stage.d[c] = queue.column(Queue::kD + c);
+  stage.instance = batch_.instance.data(), stage.primitive = batch_.primitive.data(),
+  stage.u = batch_.u.data(), stage.v = batch_.v.data();
   stage.instances = scene_.instance_shapes.data(), stage.groups = scene_.group_shapes.data();
   stage.missed = missed(queue);
   stages_.surface(stage);
@@ -193,50 +215,68 @@ void Tracer::find_points(const Queue& queue) {
     const Path path = queue.path(k);
     batch_.set_surface(k, surface_at(scene_, path.start, queue.ray(k).d, batch_.hit(k)));
     const GlintInstances& group = scene_.group(batch_.instance[k]);
-    batch_.material[k] = group.flags & GLINT_HOLDOUT ? scene_.holdout() : scene_.material_of(group, batch_.primitive[k]);
+    batch_.material[k] = group.flags & GLINT_HOLDOUT
+                             ? scene_.holdout()
+                             : scene_.material_of(group, batch_.primitive[k]);
   }
 }
 
 void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   ShadeStage stage{};
-  stage.count = queue.size(), stage.material = batch_.material.data(), stage.terms = scene_.material_terms.data();
-  stage.specular_terms = scene_.specular_terms.data(), stage.max_specular = scene_.max_specular, stage.sums = batch_.sums;
-  stage.specular_columns = scene_.specular_columns, stage.view_terms = scene_.view_terms.data(), stage.max_view = scene_.max_view;
-  for (size_t c = 0; c < 3; ++c) stage.n[c] = batch_.points.n[c], stage.d[c] = queue.column(Queue::kD + c);
-  for (size_t c = 0; c < 3; ++c) stage.T[c] = queue.column(Queue::kT + c), stage.diffuse[c] = batch_.diffuse[c];
-  stage.specular = batch_.specular, stage.stride = batch_.stride, stage.lit = batch_.lit.data(), stage.others = batch_.others.data();
+  stage.count = queue.size(), stage.material = batch_.material.data(),
+  stage.terms = scene_.material_terms.data();
+  stage.specular_terms = scene_.specular_terms.data(), stage.max_specular = scene_.max_specular,
+  stage.sums = batch_.sums;
+  stage.specular_columns = scene_.specular_columns, stage.view_terms = scene_.view_terms.data(),
+  stage.max_view = scene_.max_view;
+  for (size_t c = 0; c < 3; ++c)
+    stage.n[c] = batch_.points.n[c], stage.d[c] = queue.column(Queue::kD + c);
+  for (size_t c = 0; c < 3; ++c)
+    stage.T[c] = queue.column(Queue::kT + c), stage.diffuse[c] = batch_.diffuse[c];
+  stage.specular = batch_.specular, stage.stride = batch_.stride, stage.lit = batch_.lit.data(),
+  stage.others = batch_.others.data();
   const size_t others = stages_.shade(stage);
-  for (size_t k = 0; (scene_.features & GLINT_FEATURE_SEEN_LIGHTS) && k < queue.size(); ++k) shader_.seen_lights(batch_, k);
+  for (size_t k = 0; (scene_.features & GLINT_FEATURE_SEEN_LIGHTS) && k < queue.size(); ++k)
+    shader_.seen_lights(batch_, k);
   double* lost = paths_.lost_alpha();
-  for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size(); ++k)
+  for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size();
+       ++k)
     if (batch_.missed(k)) lost[queue.slot(k)] += mean(queue.path(k).T);
   for (size_t i = 0; i < others;) {
     const uint32_t k = batch_.others[i];
-    if (batch_.material[k] == scene_.holdout()) shader_.hold_out(batch_, k, film_, pixel(queue, k), lost[queue.slot(k)]), ++i;
+    if (batch_.material[k] == scene_.holdout())
+      shader_.hold_out(batch_, k, film_, pixel(queue, k), lost[queue.slot(k)]), ++i;
     else i += vary(queue, i, others - i, {straight, bounced});
   }
 }
 
-/// Shades those of the batch's `others` from `first` on, of `count`, that share its material. How many they are.
+/// Shades those of the batch's `others` from `first` on, of `count`, that share its material. How
+/// many they are.
 size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leaving& next) {
   const uint32_t* rows = batch_.others.data() + first;
   const Material& material = scene_.materials[batch_.material[rows[0]]];
   VaryStage stage{};
   stage.tables = scene_.input_tables();
-  while (stage.count < count && batch_.material[rows[stage.count]] == batch_.material[rows[0]]) ++stage.count;
-  stage.rows = rows, stage.instance = batch_.instance.data(), stage.primitive = batch_.primitive.data();
-  stage.lobes = scene_.lobe_shapes.data() + material.first_lobe, stage.lobe_count = material.lobe_count, stage.sums = batch_.sums;
+  while (stage.count < count && batch_.material[rows[stage.count]] == batch_.material[rows[0]])
+    ++stage.count;
+  stage.rows = rows, stage.instance = batch_.instance.data(),
+  stage.primitive = batch_.primitive.data();
+  stage.lobes = scene_.lobe_shapes.data() + material.first_lobe,
+  stage.lobe_count = material.lobe_count, stage.sums = batch_.sums;
   for (size_t c = 0; c < 3; ++c) {
-    stage.T[c] = queue.column(Queue::kT + c), stage.diffuse[c] = batch_.diffuse[c], stage.ambient[c] = scene_.ambient[int(c)];
+    stage.T[c] = queue.column(Queue::kT + c), stage.diffuse[c] = batch_.diffuse[c],
+    stage.ambient[c] = scene_.ambient[int(c)];
     stage.n[c] = batch_.points.n[c], stage.d[c] = queue.column(Queue::kD + c);
     if (c < 2) stage.weights[c] = batch_.points.weights[c];
   }
   stage.specular_columns = scene_.specular_columns;
-  stage.specular = batch_.specular, stage.passing = batch_.passing_columns, stage.stride = batch_.stride, stage.lit = batch_.lit.data();
+  stage.specular = batch_.specular, stage.passing = batch_.passing_columns,
+  stage.stride = batch_.stride, stage.lit = batch_.lit.data();
   stage.passing_rows = batch_.passing_rows.data();
   pass_on(queue, stages_.vary(stage), next);
   for (size_t i = 0; film_.wants_data() && material.passing > 0 && i < stage.count; ++i)
-    if (queue.wants_data(rows[i])) shader_.record_veil(batch_, rows[i], film_, pixel(queue, rows[i]));
+    if (queue.wants_data(rows[i]))
+      shader_.record_veil(batch_, rows[i], film_, pixel(queue, rows[i]));
   return stage.count;
 }
 
@@ -261,7 +301,8 @@ void Tracer::find_gaps() {
   std::vector<Hit> hits(rays.size());
   scene_.accel().closest(rays.data(), hits.data(), rays.size(), scratch_);
   for (size_t i = 0; i < hits.size(); ++i) {
-    if (hits[i].instance != Hit::kNone) film_.set_gap(pixel(first_, from[i]), (hits[i].t - batch_.t[from[i]]) / scene_.anchor.scale);
+    if (hits[i].instance != Hit::kNone)
+      film_.set_gap(pixel(first_, from[i]), (hits[i].t - batch_.t[from[i]]) / scene_.anchor.scale);
   }
 }
 
@@ -270,7 +311,9 @@ void Tracer::record(const Queue& queue) {
   const bool depth_alone = film_.wants_depth_alone();
   for (size_t k = 0; k < queue.size(); ++k) {
     const uint32_t material = batch_.material[k];
-    if (!queue.wants_data(k) || material >= scene_.materials.size() || scene_.materials[material].passing > 0) continue;
+    if (!queue.wants_data(k) || material >= scene_.materials.size() ||
+        scene_.materials[material].passing > 0)
+      continue;
     if (depth_alone) film_.set_depth(pixel(queue, k), camera_.depth(row(batch_.points.x, k)));
     else shader_.record(batch_, k, film_, pixel(queue, k));
   }
@@ -278,18 +321,21 @@ void Tracer::record(const Queue& queue) {
 
 /// The batch's sums to those of the paths.
 void Tracer::keep(const Queue& queue) {
-  auto keep_part = [&](int part, double* const (&columns)[3]) {
+  auto keep_part = [&](int part, double* const(&columns)[3]) {
     double* sums = paths_.sums(film_, part);
     for (size_t c = 0; sums && columns[0] && c < 3; ++c, sums += paths_.stride()) {
       if (&queue == &first_) stages_.add(sums, columns[c], queue.size());
-      else for (size_t k = 0; k < queue.size(); ++k) sums[queue.slot(k)] += columns[c][k];
+      else
+        for (size_t k = 0; k < queue.size(); ++k) sums[queue.slot(k)] += columns[c][k];
     }
   };
   const SumColumns& s = batch_.sums;
   keep_part(GLINT_PASS_COMBINED, s.total);
   if (queue.visibility != kCamera) return keep_part(GLINT_PASS_MIRROR, s.total);
-  keep_part(GLINT_PASS_AMBIENT, s.ambient), keep_part(GLINT_PASS_EMISSION, s.emission), keep_part(GLINT_PASS_ENVIRONMENT, s.environment);
-  keep_part(GLINT_PASS_DIFFUSE, s.diffuse), keep_part(GLINT_PASS_SPECULAR, s.specular), keep_part(GLINT_PASS_SHADOW, s.shadow);
+  keep_part(GLINT_PASS_AMBIENT, s.ambient), keep_part(GLINT_PASS_EMISSION, s.emission),
+      keep_part(GLINT_PASS_ENVIRONMENT, s.environment);
+  keep_part(GLINT_PASS_DIFFUSE, s.diffuse), keep_part(GLINT_PASS_SPECULAR, s.specular),
+      keep_part(GLINT_PASS_SHADOW, s.shadow);
 }
 
 void Tracer::publish(const Tile& tile, uint32_t samples) {

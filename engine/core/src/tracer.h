@@ -1,4 +1,5 @@
-// A wavefront over the rays of one tile and a few samples: closest hits, surfaces, lobes, direct light, the rays that go on.
+// A wavefront over the rays of one tile and a few samples: closest hits, surfaces, lobes, direct
+// light, the rays that go on.
 #pragma once
 #include <atomic>
 #include <vector>
@@ -15,13 +16,15 @@ struct WindowReach {
   double x0, y0, x1, y1;
 };
 
-/// One thread's tracer. What a pixel receives, and in which order, depends on that pixel's rays alone: sample after sample, within
-/// each generation after generation by age, rays that bounced before those that go straight on. So tiles, regions, threads and how many
-/// samples are traced at once do not change a bit.
+/// One thread's tracer. What a pixel receives, and in which order, depends on that pixel's rays
+/// alone: sample after sample, within each generation after generation by age, rays that bounced
+/// before those that go straight on. So tiles, regions, threads and how many samples are traced at
+/// once do not change a bit.
 class Tracer {
  public:
   /// sight: to look up the first wave in, and to keep it; null for none.
-  Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel, Sight* sight = nullptr);
+  Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel,
+         Sight* sight = nullptr);
   Tracer(const Tracer&) = delete;
   Tracer& operator=(const Tracer&) = delete;
 
@@ -42,7 +45,8 @@ class Tracer {
   void miss(const Queue& queue);
   /// The material of its rays that hit nothing.
   uint32_t missed(const Queue& queue) const {
-    return scene_.transparent_film && queue.visibility == kCamera ? scene_.nothing() : scene_.surroundings();
+    return scene_.transparent_film && queue.visibility == kCamera ? scene_.nothing()
+                                                                  : scene_.surroundings();
   }
   void camera_rays();
   void find_gaps();
@@ -60,7 +64,9 @@ class Tracer {
   void wait(Queue queue);
   Queue take(uint32_t visibility);
   void give(Queue queue);
-  uint32_t pixel(const Queue& queue, size_t k) const { return slots_.pixel(*tile_, paths_.slot(queue.slot(k)), plan_.region.width()); }
+  uint32_t pixel(const Queue& queue, size_t k) const {
+    return slots_.pixel(*tile_, paths_.slot(queue.slot(k)), plan_.region.width());
+  }
 
   const Scene& scene_;
   const RenderPlan& plan_;
@@ -73,14 +79,14 @@ class Tracer {
   Scratch scratch_;
   DirectLight direct_;
   Batch batch_;
-  const WindowReach reach_;            // of all samples
+  const WindowReach reach_;  // of all samples
   const Tile* tile_ = nullptr;
-  bool vacant_ = false;                // nothing can be hit in the tile
+  bool vacant_ = false;  // nothing can be hit in the tile
   SlotTable slots_;
-  std::vector<uint32_t> active_;       // slots that take samples
-  WindowPoints points_;                // of the samples that are traced now
-  Paths paths_;                        // those that are followed now
-  Queue first_{kCamera};               // their camera rays
+  std::vector<uint32_t> active_;  // slots that take samples
+  WindowPoints points_;           // of the samples that are traced now
+  Paths paths_;                   // those that are followed now
+  Queue first_{kCamera};          // their camera rays
   std::vector<Queue> waiting_, spare_;
   PathCuts cuts_;
   RayCounts counts_;

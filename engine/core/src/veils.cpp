@@ -4,18 +4,21 @@
 
 namespace glint {
 
-void Veils::follow(const Batch& batch, const LightStage& light, const uint8_t* blocked, size_t count, double* const (&shadow)[3],
-                   RayCounts& counts) {
+void Veils::follow(const Batch& batch, const LightStage& light, const uint8_t* blocked,
+                   size_t count, double* const (&shadow)[3], RayCounts& counts) {
   for (double* channel : shadow)
     for (size_t k = 0; k < count; ++k) channel[k] = blocked[k] == 2 ? 0 : 1;
   start(light, blocked, count);
   VeilStage stage{};
   stage.tables = scene_.input_tables();
-  stage.shapes = scene_.group_shapes.data(), stage.rays = rays_[0], stage.stride = rays_.stride(), stage.number = number_.data();
-  stage.instance = instance_.data(), stage.primitive = primitive_.data(), stage.u = u_.data(), stage.v = v_.data();
+  stage.shapes = scene_.group_shapes.data(), stage.rays = rays_[0], stage.stride = rays_.stride(),
+  stage.number = number_.data();
+  stage.instance = instance_.data(), stage.primitive = primitive_.data(), stage.u = u_.data(),
+  stage.v = v_.data();
   stage.point = light.point;
   for (size_t c = 0; c < 3; ++c) {
-    stage.origin[c] = batch.points.origin[c], stage.to[c] = light.to[c], stage.shadow[c] = shadow[c];
+    stage.origin[c] = batch.points.origin[c], stage.to[c] = light.to[c],
+    stage.shadow[c] = shadow[c];
     stage.end[c] = light.shape == kDirection ? nullptr : light.end_out[c];
   }
   while (open_ > 0 && !cancel_) find_hits(counts), open_ = step(stage);
@@ -32,7 +35,8 @@ void Veils::start(const LightStage& light, const uint8_t* blocked, size_t count)
   const auto take = [&](size_t column, const double* from) {
     for (size_t i = 0; i < open_; ++i) rays_[column][i] = from[number_[i]];
   };
-  for (size_t c = 0; c < 3; ++c) take(VeiledRay::kO + c, light.o[c]), take(VeiledRay::kD + c, light.to[c]);
+  for (size_t c = 0; c < 3; ++c)
+    take(VeiledRay::kO + c, light.o[c]), take(VeiledRay::kD + c, light.to[c]);
   take(VeiledRay::kTMax, light.t_max);
   std::fill_n(rays_[VeiledRay::kTMin], open_, 0.0);
 }
@@ -40,9 +44,16 @@ void Veils::start(const LightStage& light, const uint8_t* blocked, size_t count)
 void Veils::find_hits(RayCounts& counts) {
   const Timer timer(counts.tracing);
   const Columns& c = rays_;
-  const Rays rays{{c[VeiledRay::kO], c[VeiledRay::kO + 1], c[VeiledRay::kO + 2]}, {c[VeiledRay::kD], c[VeiledRay::kD + 1],
-                  c[VeiledRay::kD + 2]}, c[VeiledRay::kTMin], c[VeiledRay::kTMax], open_, kShadow, scene_.opacity()};
-  scene_.accel().closest(rays, {rays_[VeiledRay::kT], instance_.data(), primitive_.data(), u_.data(), v_.data()}, scratch_);
+  const Rays rays{{c[VeiledRay::kO], c[VeiledRay::kO + 1], c[VeiledRay::kO + 2]},
+                  {c[VeiledRay::kD], c[VeiledRay::kD + 1], c[VeiledRay::kD + 2]},
+                  c[VeiledRay::kTMin],
+                  c[VeiledRay::kTMax],
+                  open_,
+                  kShadow,
+                  scene_.opacity()};
+  scene_.accel().closest(
+      rays, {rays_[VeiledRay::kT], instance_.data(), primitive_.data(), u_.data(), v_.data()},
+      scratch_);
 }
 
 /// Of the hit of ray k; one beyond the last for none.

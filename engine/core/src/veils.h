@@ -13,10 +13,11 @@ class Veils {
   Veils(const Scene& scene, const Stages& stages, const std::atomic<bool>& cancel, Scratch& scratch)
       : scene_(scene), stages_(stages), cancel_(cancel), scratch_(scratch) {}
 
-  /// What gets through of the light of a sample, a row of `shadow` for each of the `count` rays that it was found to send: each surface on
-  /// the way of a blocked one lets its clamped transparency through.
-  void follow(const Batch& batch, const LightStage& light, const uint8_t* blocked, size_t count, double* const (&shadow)[3],
-              RayCounts& counts);
+  /// What gets through of the light of a sample, a row of `shadow` for each of the `count` rays
+  /// that it was found to send: each surface on the way of a blocked one lets its clamped
+  /// transparency through.
+  void follow(const Batch& batch, const LightStage& light, const uint8_t* blocked, size_t count,
+              double* const (&shadow)[3], RayCounts& counts);
 
  private:
   void start(const LightStage& light, const uint8_t* blocked, size_t count);
@@ -30,8 +31,8 @@ class Veils {
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
   Columns rays_{VeiledRay::kColumns};
-  size_t open_ = 0;                                       // rows of the rest: rays with light left
-  std::vector<uint32_t> number_, instance_, primitive_;   // number_: of the ray in the sample
+  size_t open_ = 0;                                      // rows of the rest: rays with light left
+  std::vector<uint32_t> number_, instance_, primitive_;  // number_: of the ray in the sample
   std::vector<float> u_, v_;
 };
 

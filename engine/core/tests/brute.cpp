@@ -35,17 +35,21 @@ struct Caster {
 
   /// Close to the ends of the ray nothing is certain.
   void keep(Truth t) const {
-    if (t.inside > -t.room && t.t + t.t_room > Real(ray.t_min) && t.t - t.t_room < Real(ray.t_max)) {
+    if (t.inside > -t.room && t.t + t.t_room > Real(ray.t_min) &&
+        t.t - t.t_room < Real(ray.t_max)) {
       if (t.t - t.t_room <= Real(ray.t_min) || t.t + t.t_room >= Real(ray.t_max)) t.inside = 0;
       out.push_back(t);
     }
   }
   V vertex(size_t k) const { return world(i.world_from_object, g.vertices + 3 * k); }
 
-  /// Bound of the rounding of a point: 8 ulps of what is added up on the way to it, in object space and in the world.
+  /// Bound of the rounding of a point: 8 ulps of what is added up on the way to it, in object space
+  /// and in the world.
   Real blur(Real distance) const {
     const Affine& m = i.world_from_object;
-    return 8 * kFloat * (size(V(m.t)) + 3 * extent * (size(V(m.x)) + size(V(m.y)) + size(V(m.z))) + size(o) + distance);
+    return 8 * kFloat *
+           (size(V(m.t)) + 3 * extent * (size(V(m.x)) + size(V(m.y)) + size(V(m.z))) + size(o) +
+            distance);
   }
   Real largest_coordinate() const {
     Real e = 0;
@@ -55,7 +59,8 @@ struct Caster {
 
   void triangle(uint32_t primitive) const {
     const uint32_t* t = g.triangles + 3 * size_t(primitive);
-    const V a = vertex(t[0]), b = vertex(t[1]) - a, c = vertex(t[2]) - a, n = cross(b, c), s = o - a;
+    const V a = vertex(t[0]), b = vertex(t[1]) - a, c = vertex(t[2]) - a, n = cross(b, c),
+            s = o - a;
     const Real det = -dot(n, d);
     if (!(std::fabs(det) > 0)) return squeezed(primitive, a, b, c);
     const V q = cross(s, d);
@@ -63,17 +68,22 @@ struct Caster {
     const Real edge = std::max({size(b), size(c), size(c - b)}), length_d = size(d);
     const Real e = blur(std::fabs(at) * length_d + edge);
     const Real room = 4 * e * length_d * edge / std::fabs(det);
-    keep({number, primitive, at, std::min({u, v, 1 - u - v}), room, 2 * e * size(n) / std::fabs(det) + room * edge / length_d, u, v});
+    keep({number, primitive, at, std::min({u, v, 1 - u - v}), room,
+          2 * e * size(n) / std::fabs(det) + room * edge / length_d, u, v});
   }
 
-  /// A triangle seen from its edge, or squeezed to a line: it may or may not be hit by rays that come within rounding of one of its edges.
+  /// A triangle seen from its edge, or squeezed to a line: it may or may not be hit by rays that
+  /// come within rounding of one of its edges.
   void squeezed(uint32_t primitive, V a, V b, V c) const {
     const Real edge = std::max({size(b), size(c), size(c - b)}), dd = dot(d, d);
     const V corners[3] = {a, a + b, a + c};
     for (int k = 0; k < 3; ++k) {
       const V p = corners[k] - o, e = corners[(k + 1) % 3] - corners[k];
       const V across = e - dot(e, d) / dd * d, from = p - dot(p, d) / dd * d;  // seen along the ray
-      const Real s = dot(across, across) > 0 ? std::min(std::max(-dot(from, across) / dot(across, across), Real(0)), Real(1)) : 0;
+      const Real s =
+          dot(across, across) > 0
+              ? std::min(std::max(-dot(from, across) / dot(across, across), Real(0)), Real(1))
+              : 0;
       const Real at = dot(p + s * e, d) / dd;
       if (size(from + s * across) <= 4 * blur(std::fabs(at) * std::sqrt(dd) + edge))
         out.push_back({number, primitive, at, 0, HUGE_VALL, 2 * edge / std::sqrt(dd), 0, 0});
@@ -90,12 +100,17 @@ struct Caster {
     const V f = lo - V(Real(c[0]), Real(c[1]), Real(c[2]));
     const Real r = g.radii[k], dd = dot(ld, ld), b = -dot(f, ld) / dd;
     const V nearest = f + b * ld;
-    const Real inside = r - size(nearest), half = std::sqrt(std::max(r * r - dot(nearest, nearest), Real(0)) / dd);
+    const Real inside = r - size(nearest),
+               half = std::sqrt(std::max(r * r - dot(nearest, nearest), Real(0)) / dd);
     const Affine& m = i.world_from_object;
-    const Real scale = std::cbrt(std::fabs(det));  // of a similarity: only then the sphere is rounded in world space
-    const Real room = 8 * kFloat * (size(V(m.t)) / scale + size(V(Real(c[0]), Real(c[1]), Real(c[2]))) + r) + 64 * kDouble * size(lo);
+    const Real scale = std::cbrt(
+        std::fabs(det));  // of a similarity: only then the sphere is rounded in world space
+    const Real room =
+        8 * kFloat * (size(V(m.t)) / scale + size(V(Real(c[0]), Real(c[1]), Real(c[2]))) + r) +
+        64 * kDouble * size(lo);
     const Real t_room = std::sqrt(2 * room * (r + room) / dd);
-    for (Real t : {b - half, b + half}) keep({number, k, t, inside, room, t_room + 64 * kDouble * std::fabs(t)});
+    for (Real t : {b - half, b + half})
+      keep({number, k, t, inside, room, t_room + 64 * kDouble * std::fabs(t)});
   }
 
   void polygon(uint32_t k) const {
@@ -112,7 +127,8 @@ struct Caster {
     keep({number, k, t, inside(p, n, o + t * d), e + t_room * size(d), t_room});
   }
 
-  /// Distance to the nearest edge, positive inside by the winding of angles (the polygons of the tests do not cross themselves).
+  /// Distance to the nearest edge, positive inside by the winding of angles (the polygons of the
+  /// tests do not cross themselves).
   static Real inside(const std::vector<V>& p, V n, V x) {
     Real angle = 0, nearest = HUGE_VALL;
     for (size_t k = 0; k < p.size(); ++k) {
@@ -126,7 +142,8 @@ struct Caster {
 
   void cast() const {
     if (g.kind == GeometryView::kSpheres) return spheres();
-    for (uint32_t k = 0; k < g.primitive_count; ++k) g.kind == GeometryView::kMesh ? triangle(k) : polygon(k);
+    for (uint32_t k = 0; k < g.primitive_count; ++k)
+      g.kind == GeometryView::kMesh ? triangle(k) : polygon(k);
   }
 };
 
@@ -147,7 +164,8 @@ bool agrees(const std::vector<Truth>& truth, const Hit& hit) {
   const Real t = found ? HUGE_VALL : Real(hit.t);
   for (const Truth& a : truth) {
     const Real off = std::max(std::fabs(a.u - Real(hit.u)), std::fabs(a.v - Real(hit.v)));
-    found |= a.instance == hit.instance && a.primitive == hit.primitive && std::fabs(a.t - t) <= a.t_room && off <= a.room + kFloat;
+    found |= a.instance == hit.instance && a.primitive == hit.primitive &&
+             std::fabs(a.t - t) <= a.t_room && off <= a.room + kFloat;
     if (a.inside > a.room && a.t + a.t_room < t) return false;
   }
   return found;

@@ -21,8 +21,8 @@ inline void check(bool good, const char* what, const char* file, int line) {
 
 }  // namespace glint::test
 
-#define TEST(group, name)                                                \
-  static void group##_##name();                                          \
+#define TEST(group, name)                                                         \
+  static void group##_##name();                                                   \
   static glint::test::Test group##_##name##_entry(#group, #name, group##_##name); \
   static void group##_##name()
 #define CHECK(condition) glint::test::check(condition, #condition, __FILE__, __LINE__)

@@ -1,6 +1,8 @@
-// fuzz [cases] [seconds] [first seed]: feeds the C door arbitrary sizes, indices and floats. It must refuse with a text or answer soundly:
-// finite pixels, hits that exist and lie in their interval, the same verdict from closest and any hit; also where memory and threads run
-// out, where others cancel or ask at the same time, and where a scene takes over from another. Run it under the sanitizers.
+// fuzz [cases] [seconds] [first seed]: feeds the C door arbitrary sizes, indices and floats. It
+// must refuse with a text or answer soundly: finite pixels, hits that exist and lie in their
+// interval, the same verdict from closest and any hit; also where memory and threads run out, where
+// others cancel or ask at the same time, and where a scene takes over from another. Run it under
+// the sanitizers.
 #include <algorithm>
 #include <chrono>
 #include <cinttypes>
@@ -23,7 +25,9 @@ namespace glint::fuzz {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
 
 struct Tally {
   uint64_t refused = 0, renders = 0, taken_over = 0, short_of = 0, accels = 0, rays = 0, hits = 0;
@@ -53,12 +57,14 @@ void expect(bool good, const char* what) {
 
 /// A caller's buffer for errors, of any size, with a mark behind it.
 struct ErrorBuffer {
-  explicit ErrorBuffer(Dice& dice) : size(dice.chance(0.2) ? dice.below(4) : 64 + dice.below(4000)), bytes(size + 1, '#') {}
+  explicit ErrorBuffer(Dice& dice)
+      : size(dice.chance(0.2) ? dice.below(4) : 64 + dice.below(4000)), bytes(size + 1, '#') {}
   char* data() { return size ? bytes.data() : nullptr; }
   /// After a refusal: a text that ends in time and says something.
   void check() const {
     expect(bytes[size] == '#', "the error text runs over its buffer");
-    expect(size < 2 || (std::memchr(bytes.data(), 0, size) != nullptr && bytes[0] != 0), "refused without a text");
+    expect(size < 2 || (std::memchr(bytes.data(), 0, size) != nullptr && bytes[0] != 0),
+           "refused without a text");
   }
   size_t size;
   std::string bytes;
@@ -66,7 +72,9 @@ struct ErrorBuffer {
 
 // --- renders ---
 
-size_t pixels_of(const GlintRenderSettings& s) { return size_t(s.region[2] - s.region[0]) * (s.region[3] - s.region[1]); }
+size_t pixels_of(const GlintRenderSettings& s) {
+  return size_t(s.region[2] - s.region[0]) * (s.region[3] - s.region[1]);
+}
 
 /// The picture of the first wave that was there, which is to stay as it is whatever comes after.
 class Kept {
@@ -82,7 +90,8 @@ class Kept {
   }
   ~Kept() {
     if (!picture_) return;
-    expect(std::equal(copy_.begin(), copy_.end(), values()), "a later wave was drawn into the picture of an earlier one");
+    expect(std::equal(copy_.begin(), copy_.end(), values()),
+           "a later wave was drawn into the picture of an earlier one");
     glint_picture_free(picture_);
   }
 
@@ -93,7 +102,8 @@ class Kept {
 };
 
 void check_pixels(GlintRender* render, const GlintRenderSettings& s) {
-  static constexpr int channels[GLINT_PASS_COUNT] = {4, 3, 3, 3, 3, 3, 3, 3, 1, 3, 3, 3, 1, 1, 1, 1, 1, 1, 1, 1};
+  static constexpr int channels[GLINT_PASS_COUNT] = {4, 3, 3, 3, 3, 3, 3, 3, 1, 3,
+                                                     3, 3, 1, 1, 1, 1, 1, 1, 1, 1};
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
     const size_t size = pixels_of(s) * size_t(channels[pass]);
     expect(!glint_render_picture(render, pass, size + 1), "a picture of the wrong size");
@@ -103,21 +113,25 @@ void check_pixels(GlintRender* render, const GlintRenderSettings& s) {
       continue;
     }
     const float* values = glint_picture_values(picture);
-    const bool finite = std::all_of(values, values + size, [](float x) { return std::isfinite(x); });
+    const bool finite =
+        std::all_of(values, values + size, [](float x) { return std::isfinite(x); });
     expect(finite, ("a number of pass " + std::to_string(pass) + " is not finite").c_str());
     glint_picture_free(picture);
   }
 }
 
-/// Mirrors and glass one behind the other can ask for millions of rays: after a while such a render is cancelled, and has to end soon.
-/// Gives whether it came to its end. is_short: memory or threads may run out.
-bool run(GlintRender* render, const GlintRenderSettings& s, Dice& dice, Kept& kept, bool is_short = false) {
+/// Mirrors and glass one behind the other can ask for millions of rays: after a while such a render
+/// is cancelled, and has to end soon. Gives whether it came to its end. is_short: memory or threads
+/// may run out.
+bool run(GlintRender* render, const GlintRenderSettings& s, Dice& dice, Kept& kept,
+         bool is_short = false) {
   constexpr double kPatience = 15, kLongest = 60;  // seconds
   bool cancel = dice.chance(0.2);
   const bool by_another = cancel && dice.chance(0.5);
   const auto delay = std::chrono::microseconds(dice.below(3000));
   std::thread other;
-  if (by_another) other = std::thread([=] { std::this_thread::sleep_for(delay), glint_render_cancel(render); });
+  if (by_another)
+    other = std::thread([=] { std::this_thread::sleep_for(delay), glint_render_cancel(render); });
   Dice pace = dice;  // how often it is thrown depends on the machine, and what comes after must not
   const auto start = Clock::now();
   GlintProgress progress{};
@@ -128,11 +142,14 @@ bool run(GlintRender* render, const GlintRenderSettings& s, Dice& dice, Kept& ke
     if (progress.state == GLINT_HELD) glint_render_resume(render);
     cancel |= seconds_since(start) > kPatience;
     if (cancel && !by_another) glint_render_cancel(render);
-    expect(seconds_since(start) < kLongest, "a small render takes a minute, although it was cancelled");
+    expect(seconds_since(start) < kLongest,
+           "a small render takes a minute, although it was cancelled");
   } while (progress.state < GLINT_DONE);
   if (other.joinable()) other.join();
   expect(is_short || progress.state != GLINT_FAILED, glint_render_error(render));
-  expect(progress.state != GLINT_FAILED || std::strcmp(glint_render_error(render), "out of memory") == 0, glint_render_error(render));
+  expect(progress.state != GLINT_FAILED ||
+             std::strcmp(glint_render_error(render), "out of memory") == 0,
+         glint_render_error(render));
   expect(cancel || is_short || progress.state == GLINT_DONE, "the render ended early");
   if (progress.state == GLINT_DONE && !is_short) check_pixels(render, s);
   glint_render_stats(render);
@@ -157,15 +174,19 @@ std::vector<float> picture_of(GlintScene* scene, const GlintRenderSettings& s, D
   Dice calm = dice;
   calm.wildness = 0;
   const bool done = run(render, s, calm, none);
-  GlintPicture* picture = done ? glint_render_picture(render, GLINT_PASS_COMBINED, 4 * pixels_of(s)) : nullptr;
-  if (picture) values.assign(glint_picture_values(picture), glint_picture_values(picture) + 4 * pixels_of(s));
+  GlintPicture* picture =
+      done ? glint_render_picture(render, GLINT_PASS_COMBINED, 4 * pixels_of(s)) : nullptr;
+  if (picture)
+    values.assign(glint_picture_values(picture), glint_picture_values(picture) + 4 * pixels_of(s));
   if (picture) glint_picture_free(picture);
   glint_render_destroy(render);
   return values;
 }
 
-/// A scene that takes over from `base`, and another one from that; those that are exact draw what a scene of its own draws, to the bit.
-void take_over(GlintScene* base, const GlintSceneData& before, Dice& dice, Arena& arena, Tally& tally) {
+/// A scene that takes over from `base`, and another one from that; those that are exact draw what a
+/// scene of its own draws, to the bit.
+void take_over(GlintScene* base, const GlintSceneData& before, Dice& dice, Arena& arena,
+               Tally& tally) {
   const GlintSceneData data = varied(dice, arena, before);
   const bool exact = dice.chance(0.5);
   ErrorBuffer error(dice);
@@ -176,7 +197,8 @@ void take_over(GlintScene* base, const GlintSceneData& before, Dice& dice, Arena
   if (GlintScene* own = exact ? glint_scene_create(&data, nullptr, 0) : nullptr) {
     const std::vector<float> one = picture_of(handle, s, dice), other = picture_of(own, s, dice);
     const bool both = !one.empty() && !other.empty();
-    const bool same = !both || std::memcmp(one.data(), other.data(), one.size() * sizeof(float)) == 0;
+    const bool same =
+        !both || std::memcmp(one.data(), other.data(), one.size() * sizeof(float)) == 0;
     expect(same, "a scene that took over exactly draws other bits");
     glint_scene_destroy(own);
   } else {
@@ -191,15 +213,18 @@ void try_render(Dice& dice, Tally& tally) {
   Arena arena;
   const GlintSceneData data = scene(dice, arena);
   ErrorBuffer error(dice);
-  GlintScene* handle = glint_scene_create(dice.chance(0.01) ? nullptr : &data, error.data(), error.size);
+  GlintScene* handle =
+      glint_scene_create(dice.chance(0.01) ? nullptr : &data, error.data(), error.size);
   if (!handle) return ++tally.refused, error.check();
   Kept kept[2];  // beyond the scene's own life
-  for (size_t k = 1 + dice.below(2); k > 0; --k) draw(handle, settings(dice, arena, data), dice, tally, kept[k - 1]);
+  for (size_t k = 1 + dice.below(2); k > 0; --k)
+    draw(handle, settings(dice, arena, data), dice, tally, kept[k - 1]);
   if (dice.chance(0.3)) take_over(handle, data, dice, arena, tally);
   glint_scene_destroy(handle);
 }
 
-/// Scene and render with the n-th allocation or thread refused, whichever it is: a text, a failed render or a sound one.
+/// Scene and render with the n-th allocation or thread refused, whichever it is: a text, a failed
+/// render or a sound one.
 void try_shortage(Dice& dice, Tally& tally) {
   Arena arena;
   const GlintSceneData data = scene(dice, arena);
@@ -267,7 +292,9 @@ template <class Type>
 struct Answers {
   using Real = typename Type::Real;
   explicit Answers(size_t n) : t(n), u(n), v(n), instance(n), primitive(n), blocked(n) {}
-  typename Type::Hits room() { return {t.data(), instance.data(), primitive.data(), u.data(), v.data()}; }
+  typename Type::Hits room() {
+    return {t.data(), instance.data(), primitive.data(), u.data(), v.data()};
+  }
   std::vector<Real> t;
   std::vector<float> u, v;
   std::vector<int32_t> instance, primitive;
@@ -278,40 +305,49 @@ struct Answers {
 std::vector<uint64_t> primitives_of(const GlintAccelData& data) {
   std::vector<uint64_t> counts;
   for (uint64_t i = 0; i < data.instances_count; ++i)
-    counts.insert(counts.end(), data.instances[i].row_count, data.geometries[data.instances[i].geometry].primitive_count);
+    counts.insert(counts.end(), data.instances[i].row_count,
+                  data.geometries[data.instances[i].geometry].primitive_count);
   return counts;
 }
 
 template <class Type>
-void check_hits(const Answers<Type>& a, const typename Type::Rays& r, const std::vector<uint64_t>& primitives, Tally& tally) {
+void check_hits(const Answers<Type>& a, const typename Type::Rays& r,
+                const std::vector<uint64_t>& primitives, Tally& tally) {
   using Real = typename Type::Real;
   for (size_t k = 0; k < r.count; ++k) {
     const bool hit = a.instance[k] >= 0;
     expect(a.blocked[k] == hit, "closest and any hit disagree");
     if (!hit) {
-      expect(a.instance[k] == -1 && a.primitive[k] == -1 && std::isinf(a.t[k]) && a.u[k] == 0 && a.v[k] == 0, "a miss is marked badly");
+      expect(a.instance[k] == -1 && a.primitive[k] == -1 && std::isinf(a.t[k]) && a.u[k] == 0 &&
+                 a.v[k] == 0,
+             "a miss is marked badly");
       continue;
     }
     ++tally.hits;
     expect(size_t(a.instance[k]) < primitives.size(), "a placement that does not exist");
-    expect(a.primitive[k] >= 0 && uint64_t(a.primitive[k]) < primitives[size_t(a.instance[k])], "a primitive that does not exist");
+    expect(a.primitive[k] >= 0 && uint64_t(a.primitive[k]) < primitives[size_t(a.instance[k])],
+           "a primitive that does not exist");
     const Real low = r.t_min ? std::max(r.t_min[k * r.t_min_stride], Real(0)) : Real(0);
     const Real high = r.t_max ? r.t_max[k * r.t_max_stride] : Real(INFINITY);
     expect(a.t[k] >= low && a.t[k] <= high, "a hit outside of its interval");
-    expect(a.u[k] >= 0 && a.v[k] >= 0 && a.u[k] + a.v[k] <= 1.000001f, "barycentric weights outside of the triangle");
+    expect(a.u[k] >= 0 && a.v[k] >= 0 && a.u[k] + a.v[k] <= 1.000001f,
+           "barycentric weights outside of the triangle");
   }
 }
 
 /// Others ask the same at the same time.
 template <class Type>
-void ask_at_once(const GlintAccel* handle, const typename Type::Rays& r, const Answers<Type>& first) {
+void ask_at_once(const GlintAccel* handle, const typename Type::Rays& r,
+                 const Answers<Type>& first) {
   std::vector<std::thread> others;
   for (int k = 0; k < 3; ++k)
     others.emplace_back([&] {
       Answers<Type> a(r.count);
       const typename Type::Hits room = a.room();
-      expect(Type::closest(handle, &r, &room, nullptr, 0) == 0, "one of several at once is refused");
-      expect(a.t == first.t && a.primitive == first.primitive && a.instance == first.instance, "answers differ where several ask at once");
+      expect(Type::closest(handle, &r, &room, nullptr, 0) == 0,
+             "one of several at once is refused");
+      expect(a.t == first.t && a.primitive == first.primitive && a.instance == first.instance,
+             "answers differ where several ask at once");
     });
   for (std::thread& other : others) other.join();
 }
@@ -323,8 +359,10 @@ void ask(const GlintAccel* handle, const GlintAccelData& data, Dice& dice, Tally
   Answers<Type> a(r.count);
   ErrorBuffer error(dice);
   const typename Type::Hits room = a.room();
-  if (Type::closest(handle, &r, &room, error.data(), error.size) != 0) return ++tally.refused, error.check();
-  expect(Type::occluded(handle, &r, a.blocked.data(), error.data(), error.size) == 0, "any hit refuses what closest takes");
+  if (Type::closest(handle, &r, &room, error.data(), error.size) != 0)
+    return ++tally.refused, error.check();
+  expect(Type::occluded(handle, &r, a.blocked.data(), error.data(), error.size) == 0,
+         "any hit refuses what closest takes");
   check_hits(a, r, primitives_of(data), tally);
   if (dice.chance(0.1)) ask_at_once<Type>(handle, r, a);
   tally.rays += r.count;
@@ -334,11 +372,13 @@ void try_accel(Dice& dice, Tally& tally) {
   Arena arena;
   const GlintAccelData data = accel(dice, arena);
   ErrorBuffer error(dice);
-  GlintAccel* handle = glint_accel_create(dice.chance(0.01) ? nullptr : &data, uint32_t(dice.below(4)), error.data(), error.size);
+  GlintAccel* handle = glint_accel_create(dice.chance(0.01) ? nullptr : &data,
+                                          uint32_t(dice.below(4)), error.data(), error.size);
   if (!handle) return ++tally.refused, error.check();
   const GlintAccelStats stats = glint_accel_stats(handle);
   expect(stats.primitives + stats.dropped <= 1000000, "more primitives than were given");
-  for (int k = 0; k < 3; ++k) dice.chance(0.5) ? ask<F32>(handle, data, dice, tally) : ask<F64>(handle, data, dice, tally);
+  for (int k = 0; k < 3; ++k)
+    dice.chance(0.5) ? ask<F32>(handle, data, dice, tally) : ask<F64>(handle, data, dice, tally);
   glint_accel_destroy(handle);
   ++tally.accels;
 }
@@ -354,14 +394,19 @@ void too_many_placements() {
   const GlintGeometry nothing{};
   const GlintAccelData data{&nothing, groups.data(), matrices.data(), 1, n, n};
   char error[200] = "";
-  expect(!glint_accel_create(&data, 1, error, sizeof error) && std::strstr(error, "2^31"), "2^32 placements are not refused");
+  expect(!glint_accel_create(&data, 1, error, sizeof error) && std::strstr(error, "2^31"),
+         "2^32 placements are not refused");
 }
 
 void nulls() {
   char error[200] = "";
-  expect(glint_accel_closest_f32(nullptr, nullptr, nullptr, error, sizeof error) == -1 && error[0], "null is not refused");
-  expect(glint_accel_occluded_f64(nullptr, nullptr, nullptr, nullptr, 0) == -1, "null is not refused");
-  expect(!glint_scene_create(nullptr, error, sizeof error) && !glint_render_start(nullptr, nullptr, error, sizeof error), "null scene");
+  expect(glint_accel_closest_f32(nullptr, nullptr, nullptr, error, sizeof error) == -1 && error[0],
+         "null is not refused");
+  expect(glint_accel_occluded_f64(nullptr, nullptr, nullptr, nullptr, 0) == -1,
+         "null is not refused");
+  expect(!glint_scene_create(nullptr, error, sizeof error) &&
+             !glint_render_start(nullptr, nullptr, error, sizeof error),
+         "null scene");
   glint_accel_destroy(nullptr), glint_scene_destroy(nullptr), glint_render_destroy(nullptr);
   expect(std::strlen(glint_isa()) > 0, "no name of an instruction set");
 }
@@ -382,11 +427,14 @@ int main(int argc, char** argv) {
   for (; done < cases && seconds_since(start) < seconds; ++done) {
     current_seed = first + done;
     Dice dice(current_seed);
-    dice.chance(0.1) ? try_shortage(dice, tally) : dice.chance(0.5) ? try_render(dice, tally) : try_accel(dice, tally);
+    dice.chance(0.1)   ? try_shortage(dice, tally)
+    : dice.chance(0.5) ? try_render(dice, tally)
+                       : try_accel(dice, tally);
   }
-  std::printf("%" PRIu64 " cases, %.0f a second: %" PRIu64 " refused, %" PRIu64 " renders, %" PRIu64 " scenes taken over, %" PRIu64
-              " short of something, %" PRIu64 " accelerators, %" PRIu64 " rays, %" PRIu64 " hits\n",
-              done, double(done) / seconds_since(start), tally.refused, tally.renders, tally.taken_over, tally.short_of, tally.accels,
-              tally.rays, tally.hits);
+  std::printf("%" PRIu64 " cases, %.0f a second: %" PRIu64 " refused, %" PRIu64 " renders, %" PRIu64
+              " scenes taken over, %" PRIu64 " short of something, %" PRIu64
+              " accelerators, %" PRIu64 " rays, %" PRIu64 " hits\n",
+              done, double(done) / seconds_since(start), tally.refused, tally.renders,
+              tally.taken_over, tally.short_of, tally.accels, tally.rays, tally.hits);
   return 0;
 }

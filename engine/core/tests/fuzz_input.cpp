@@ -9,18 +9,23 @@ namespace glint::fuzz {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kStrange[] = {0,       -0.0,   1,      -1,   NAN,  kInf,   -kInf,   1e-45,  -1e-45, 1e-40, 1e-38,
-                               3.4e38, -3.4e38, 1e30, 1e19, 1e-19, 1e-160, 1e160, 1e-308, 5e-324, 1.7e308, -1.7e308};
+constexpr double kStrange[] = {0,      -0.0,  1,      -1,     NAN,     kInf,    -kInf, 1e-45,
+                               -1e-45, 1e-40, 1e-38,  3.4e38, -3.4e38, 1e30,    1e19,  1e-19,
+                               1e-160, 1e160, 1e-308, 5e-324, 1.7e308, -1.7e308};
 
-constexpr double kLarge = 0.03;  // the share of meshes and textures that are not small: trees with several levels, built on several threads
+constexpr double kLarge = 0.03;  // the share of meshes and textures that are not small: trees with
+                                 // several levels, built on several threads
 
 float real(Dice& dice) { return float(dice.number()); }
 double positive(Dice& dice) { return std::fabs(dice.number()); }
 
-GlintAttribute attribute(Dice& dice, Arena& arena, const GlintGeometry& g, size_t corner_rows, int32_t channels) {
+GlintAttribute attribute(Dice& dice, Arena& arena, const GlintGeometry& g, size_t corner_rows,
+                         int32_t channels) {
   GlintAttribute a{};
   a.domain = int32_t(dice.below(g.corners ? 3 : 1)) * (g.corners ? 1 : 2);
-  a.rows = a.domain == GLINT_POINT ? g.vertex_count : a.domain == GLINT_CORNER ? corner_rows : g.primitive_count;
+  a.rows = a.domain == GLINT_POINT    ? g.vertex_count
+           : a.domain == GLINT_CORNER ? corner_rows
+                                      : g.primitive_count;
   a.channels = channels, a.name = int32_t(dice.below(3));
   a.values = arena.fill<float>(a.rows * size_t(channels), [&] { return real(dice); });
   return a;
@@ -28,7 +33,8 @@ GlintAttribute attribute(Dice& dice, Arena& arena, const GlintGeometry& g, size_
 
 void add_attributes(Dice& dice, Arena& arena, GlintGeometry& g, Placed& placed) {
   const size_t rows = 1 + dice.below(20);
-  if (dice.chance(0.5)) g.corners = arena.fill<uint32_t>(3 * g.primitive_count, [&] { return dice.index(rows); });
+  if (dice.chance(0.5))
+    g.corners = arena.fill<uint32_t>(3 * g.primitive_count, [&] { return dice.index(rows); });
   if (dice.chance(0.4)) {
     g.normals = attribute(dice, arena, g, rows, 3);
     if (g.normals.domain == GLINT_FACE) g.normals = {};
@@ -39,16 +45,20 @@ void add_attributes(Dice& dice, Arena& arena, GlintGeometry& g, Placed& placed) 
 
 void make_mesh(Dice& dice, Arena& arena, GlintGeometry& g, Placed& placed) {
   g.primitive_count = dice.below(g.vertex_count > 40 ? 6000 : 60);
-  g.triangles = arena.fill<uint32_t>(3 * g.primitive_count, [&] { return dice.index(g.vertex_count); });
+  g.triangles =
+      arena.fill<uint32_t>(3 * g.primitive_count, [&] { return dice.index(g.vertex_count); });
   add_attributes(dice, arena, g, placed);
 }
 
 void make_polygons(Dice& dice, Arena& arena, GlintGeometry& g) {
   g.primitive_count = dice.below(8);
   uint32_t* offsets = arena.make<uint32_t>(g.primitive_count + 1);
-  for (size_t k = 0; k < g.primitive_count; ++k) offsets[k + 1] = offsets[k] + uint32_t(dice.below(7));
-  if (dice.chance(dice.wildness)) offsets[dice.below(g.primitive_count + 1)] = uint32_t(dice.bits());
-  g.offsets = offsets, g.index_count = dice.chance(0.95) ? offsets[g.primitive_count] : dice.below(30);
+  for (size_t k = 0; k < g.primitive_count; ++k)
+    offsets[k + 1] = offsets[k] + uint32_t(dice.below(7));
+  if (dice.chance(dice.wildness))
+    offsets[dice.below(g.primitive_count + 1)] = uint32_t(dice.bits());
+  g.offsets = offsets,
+  g.index_count = dice.chance(0.95) ? offsets[g.primitive_count] : dice.below(30);
   if (g.index_count > 1000) g.index_count = 3;
   g.indices = arena.fill<uint32_t>(g.index_count, [&] { return dice.index(g.vertex_count); });
 }
@@ -66,50 +76,90 @@ GlintGeometry geometry(Dice& dice, Arena& arena, Placed& placed) {
     g.primitive_count = g.vertex_count;
     g.radii = arena.fill<float>(g.primitive_count, [&] { return 0.3f * real(dice); });
   }
-  if (dice.chance(0.3)) g.material_slots = arena.fill<uint16_t>(g.primitive_count, [&] { return uint16_t(dice.below(4)); });
+  if (dice.chance(0.3))
+    g.material_slots =
+        arena.fill<uint16_t>(g.primitive_count, [&] { return uint16_t(dice.below(4)); });
   return g;
 }
 
 void wreck(Dice& dice, GlintGeometry& g) {
   switch (dice.below(12)) {
-    case 0: g.vertices = nullptr; break;
-    case 1: g.triangles = nullptr, g.radii = nullptr, g.offsets = nullptr; break;
-    case 2: g.kind = int32_t(dice.bits()); break;
-    case 3: g.vertex_count = uint64_t(1) << (33 + dice.below(31)); break;
-    case 4: g.primitive_count = uint64_t(1) << (33 + dice.below(31)); break;
-    case 5: g.index_count = uint64_t(1) << (33 + dice.below(31)); break;
-    case 6: g.vertex_count /= 2; break;
-    case 7: g.first_attribute = uint32_t(dice.bits()); break;
-    case 8: g.attribute_count = uint32_t(dice.bits()); break;
-    case 9: g.indices = nullptr; break;
-    case 10: g.normals.domain = int32_t(dice.bits()); break;
-    default: g.normals.channels = int32_t(dice.bits()); break;
+    case 0:
+      g.vertices = nullptr;
+      break;
+    case 1:
+      g.triangles = nullptr, g.radii = nullptr, g.offsets = nullptr;
+      break;
+    case 2:
+      g.kind = int32_t(dice.bits());
+      break;
+    case 3:
+      g.vertex_count = uint64_t(1) << (33 + dice.below(31));
+      break;
+    case 4:
+      g.primitive_count = uint64_t(1) << (33 + dice.below(31));
+      break;
+    case 5:
+      g.index_count = uint64_t(1) << (33 + dice.below(31));
+      break;
+    case 6:
+      g.vertex_count /= 2;
+      break;
+    case 7:
+      g.first_attribute = uint32_t(dice.bits());
+      break;
+    case 8:
+      g.attribute_count = uint32_t(dice.bits());
+      break;
+    case 9:
+      g.indices = nullptr;
+      break;
+    case 10:
+      g.normals.domain = int32_t(dice.bits());
+      break;
+    default:
+      g.normals.channels = int32_t(dice.bits());
+      break;
   }
 }
 
 void wreck(Dice& dice, GlintInstances& i) {
   switch (dice.below(5)) {
-    case 0: i.geometry = uint32_t(dice.bits()); break;
-    case 1: i.first_row = dice.bits(); break;
-    case 2: i.row_count = dice.bits(); break;
-    case 3: i.first_material = uint32_t(dice.bits()); break;
-    default: i.material_count = uint32_t(dice.bits()); break;
+    case 0:
+      i.geometry = uint32_t(dice.bits());
+      break;
+    case 1:
+      i.first_row = dice.bits();
+      break;
+    case 2:
+      i.row_count = dice.bits();
+      break;
+    case 3:
+      i.first_material = uint32_t(dice.bits());
+      break;
+    default:
+      i.material_count = uint32_t(dice.bits());
+      break;
   }
 }
 
 /// Breaks one row of a table, in wild cases.
 template <class T>
 void maybe_wreck(Dice& dice, std::vector<T>& rows) {
-  if (dice.wildness > 0 && !rows.empty() && dice.chance(0.1)) wreck(dice, rows[dice.below(rows.size())]);
+  if (dice.wildness > 0 && !rows.empty() && dice.chance(0.1))
+    wreck(dice, rows[dice.below(rows.size())]);
 }
 
 GlintTexture texture(Dice& dice, Arena& arena) {
   GlintTexture t{};
   const size_t side = dice.chance(kLarge) ? 200 : 5;
-  t.width = uint32_t(1 + dice.below(side)), t.height = uint32_t(1 + dice.below(side)), t.type = int32_t(dice.below(2));
+  t.width = uint32_t(1 + dice.below(side)), t.height = uint32_t(1 + dice.below(side)),
+  t.type = int32_t(dice.below(2));
   const size_t count = size_t(t.width) * t.height * 4;
   if (t.type == GLINT_FLOAT32) t.pixels = arena.fill<float>(count, [&] { return real(dice); });
-  else t.pixels = arena.fill<uint8_t>(count, [&] { return uint8_t(dice.bits()); }), t.encoding = int32_t(dice.below(2));
+  else
+    t.pixels = arena.fill<uint8_t>(count, [&] { return uint8_t(dice.bits()); }),
+    t.encoding = int32_t(dice.below(2));
   t.extension = int32_t(dice.below(4)), t.interpolation = int32_t(dice.below(2));
   if (dice.chance(0.1 * dice.wildness)) t.extension = int32_t(dice.bits());
   return t;
@@ -119,8 +169,10 @@ GlintInput input(Dice& dice, size_t textures) {
   GlintInput g{};
   for (double& x : g.value) x = dice.number();
   for (double& x : g.uv_transform) x = dice.number();
-  g.texture = int32_t(dice.below(textures + 1)) - 1, g.channel = int32_t(dice.below(3)), g.uv = int32_t(dice.below(4)) - 1;
-  g.attribute = int32_t(dice.below(4)) - 1, g.attribute_channel = int32_t(dice.below(3)), g.complement = int32_t(dice.below(2));
+  g.texture = int32_t(dice.below(textures + 1)) - 1, g.channel = int32_t(dice.below(3)),
+  g.uv = int32_t(dice.below(4)) - 1;
+  g.attribute = int32_t(dice.below(4)) - 1, g.attribute_channel = int32_t(dice.below(3)),
+  g.complement = int32_t(dice.below(2));
   for (double& x : g.offset) x = dice.number();
   g.bounded = int32_t(dice.below(2)), g.low = dice.number(), g.high = g.low + positive(dice);
   if (dice.chance(0.1 * dice.wildness)) g.texture = int32_t(dice.bits());
@@ -129,7 +181,8 @@ GlintInput input(Dice& dice, size_t textures) {
 
 GlintLobe lobe(Dice& dice, std::vector<GlintInput>& inputs, size_t textures) {
   GlintLobe g{};
-  g.exponent = 40 * positive(dice), g.ior = 0.2 + positive(dice), g.kind = int32_t(dice.below(7)), g.fresnel = int32_t(dice.below(4));
+  g.exponent = 40 * positive(dice), g.ior = 0.2 + positive(dice), g.kind = int32_t(dice.below(7)),
+  g.fresnel = int32_t(dice.below(4));
   if (dice.chance(0.3)) g.masking = dice.below(65) / 64.0;
   g.first_input = uint32_t(inputs.size()), g.input_count = uint32_t(dice.below(3));
   for (uint32_t k = 0; k < g.input_count; ++k) inputs.push_back(input(dice, textures));
@@ -142,8 +195,10 @@ GlintLight light(Dice& dice) {
   GlintLight g{};
   for (double& x : g.world_from_light) x = dice.number();
   for (double& x : g.color) x = dice.number();
-  g.strength = 10 * dice.number(), g.radius = dice.chance(0.5) ? 0 : positive(dice), g.angle = dice.chance(0.5) ? 0 : positive(dice);
-  g.spot_size = positive(dice), g.spot_blend = positive(dice), g.size_x = positive(dice), g.size_y = positive(dice);
+  g.strength = 10 * dice.number(), g.radius = dice.chance(0.5) ? 0 : positive(dice),
+  g.angle = dice.chance(0.5) ? 0 : positive(dice);
+  g.spot_size = positive(dice), g.spot_blend = positive(dice), g.size_x = positive(dice),
+  g.size_y = positive(dice);
   g.kind = int32_t(dice.below(4)), g.flags = uint32_t(dice.below(32));
   if (dice.chance(0.1 * dice.wildness)) g.kind = int32_t(dice.bits());
   return g;
@@ -152,10 +207,14 @@ GlintLight light(Dice& dice) {
 GlintCamera camera(Dice& dice) {
   GlintCamera c{};
   for (double& x : c.world_from_camera) x = dice.number();
-  c.window[0] = -positive(dice), c.window[1] = positive(dice), c.window[2] = -positive(dice), c.window[3] = positive(dice);
-  c.clip_start = dice.chance(0.5) ? 0 : positive(dice), c.clip_end = dice.chance(0.5) ? kInf : c.clip_start + positive(dice);
-  c.width = uint32_t(1 + dice.below(20)), c.height = uint32_t(1 + dice.below(20)), c.kind = int32_t(dice.below(2));
-  if (dice.chance(0.3)) c.clip_plane_count = int32_t(dice.below(7)) + dice.chance(0.1 * dice.wildness);
+  c.window[0] = -positive(dice), c.window[1] = positive(dice), c.window[2] = -positive(dice),
+  c.window[3] = positive(dice);
+  c.clip_start = dice.chance(0.5) ? 0 : positive(dice),
+  c.clip_end = dice.chance(0.5) ? kInf : c.clip_start + positive(dice);
+  c.width = uint32_t(1 + dice.below(20)), c.height = uint32_t(1 + dice.below(20)),
+  c.kind = int32_t(dice.below(2));
+  if (dice.chance(0.3))
+    c.clip_plane_count = int32_t(dice.below(7)) + dice.chance(0.1 * dice.wildness);
   for (int p = 0; p < std::min(c.clip_plane_count, 6); ++p)
     for (double& x : c.clip_planes[p]) x = dice.number();
   if (dice.chance(0.1 * dice.wildness)) c.width = uint32_t(dice.bits());
@@ -166,16 +225,36 @@ GlintCamera camera(Dice& dice) {
 void wreck_tables(Dice& dice, GlintSceneData& d) {
   const uint64_t many = uint64_t(1) << dice.below(64);
   switch (dice.below(10)) {
-    case 0: d.geometries = nullptr, d.geometry_count = many; break;
-    case 1: d.attributes = nullptr, d.attribute_count = many; break;
-    case 2: d.instances = nullptr, d.instances_count = many; break;
-    case 3: d.world_from_object = nullptr, d.row_count = many; break;
-    case 4: d.material_slots = nullptr, d.material_slot_count = many; break;
-    case 5: d.textures = nullptr, d.texture_count = many; break;
-    case 6: d.lobes = nullptr, d.lobe_count = many; break;
-    case 7: d.lights = nullptr, d.light_count = many; break;
-    case 8: d.material_count = d.material_count / 2; break;
-    default: d.input_count = d.input_count / 2; break;
+    case 0:
+      d.geometries = nullptr, d.geometry_count = many;
+      break;
+    case 1:
+      d.attributes = nullptr, d.attribute_count = many;
+      break;
+    case 2:
+      d.instances = nullptr, d.instances_count = many;
+      break;
+    case 3:
+      d.world_from_object = nullptr, d.row_count = many;
+      break;
+    case 4:
+      d.material_slots = nullptr, d.material_slot_count = many;
+      break;
+    case 5:
+      d.textures = nullptr, d.texture_count = many;
+      break;
+    case 6:
+      d.lobes = nullptr, d.lobe_count = many;
+      break;
+    case 7:
+      d.lights = nullptr, d.light_count = many;
+      break;
+    case 8:
+      d.material_count = d.material_count / 2;
+      break;
+    default:
+      d.input_count = d.input_count / 2;
+      break;
   }
 }
 
@@ -204,10 +283,13 @@ uint64_t Dice::bits() {
 
 double Dice::number() {
   if (!chance(wildness)) return chance(0.2) ? double(int(below(5)) - 2) : uniform(-2, 2);
-  return chance(0.5) ? kStrange[below(std::size(kStrange))] : std::ldexp(uniform(-1, 1), int(below(2000)) - 1000);
+  return chance(0.5) ? kStrange[below(std::size(kStrange))]
+                     : std::ldexp(uniform(-1, 1), int(below(2000)) - 1000);
 }
 
-uint32_t Dice::index(size_t n) { return chance(0.02 * wildness) ? uint32_t(bits()) : uint32_t(below(n)); }
+uint32_t Dice::index(size_t n) {
+  return chance(0.02 * wildness) ? uint32_t(bits()) : uint32_t(below(n));
+}
 
 Placed placed(Dice& dice, Arena& arena, size_t materials) {
   Placed p;
@@ -217,7 +299,8 @@ Placed placed(Dice& dice, Arena& arena, size_t materials) {
   for (size_t k = p.geometries.empty() ? 0 : dice.below(5); k > 0; --k) {
     GlintInstances i{};
     i.first_row = dice.below(p.rows + 1), i.row_count = dice.below(p.rows - i.first_row + 1);
-    i.geometry = dice.index(p.geometries.size()), i.flags = uint32_t(dice.below(16)) | (dice.chance(0.7) ? 7 : 0);
+    i.geometry = dice.index(p.geometries.size()),
+    i.flags = uint32_t(dice.below(16)) | (dice.chance(0.7) ? 7 : 0);
     i.material_count = uint32_t(materials ? dice.below(materials + 1) : 0);
     p.instances.push_back(i);
   }
@@ -232,7 +315,8 @@ GlintSceneData scene(Dice& dice, Arena& arena) {
   for (double& x : d.background) x = dice.number();
   d.transparent = int32_t(dice.below(2));
   const size_t slots = dice.below(5);
-  d.material_slots = arena.fill<uint32_t>(slots, [&] { return dice.index(4); }), d.material_slot_count = slots;
+  d.material_slots = arena.fill<uint32_t>(slots, [&] { return dice.index(4); }),
+  d.material_slot_count = slots;
   const Placed p = placed(dice, arena, slots);
   d.geometries = arena.table(p.geometries), d.geometry_count = p.geometries.size();
   d.attributes = arena.table(p.attributes), d.attribute_count = p.attributes.size();
@@ -273,13 +357,20 @@ GlintSceneData varied(Dice& dice, Arena& arena, const GlintSceneData& before) {
 
 GlintAccelData accel(Dice& dice, Arena& arena) {
   const Placed p = placed(dice, arena, 0);
-  GlintAccelData d{arena.table(p.geometries), arena.table(p.instances), p.matrices, p.geometries.size(), p.instances.size(), p.rows};
+  GlintAccelData d{arena.table(p.geometries), arena.table(p.instances), p.matrices,
+                   p.geometries.size(),       p.instances.size(),       p.rows};
   if (dice.wildness == 0 || !dice.chance(0.1)) return d;
   const uint64_t many = uint64_t(1) << dice.below(64);
   switch (dice.below(3)) {
-    case 0: d.geometries = nullptr, d.geometry_count = many; break;
-    case 1: d.instances = nullptr, d.instances_count = many; break;
-    default: d.world_from_object = nullptr, d.row_count = many; break;
+    case 0:
+      d.geometries = nullptr, d.geometry_count = many;
+      break;
+    case 1:
+      d.instances = nullptr, d.instances_count = many;
+      break;
+    default:
+      d.world_from_object = nullptr, d.row_count = many;
+      break;
   }
   return d;
 }
@@ -287,30 +378,52 @@ GlintAccelData accel(Dice& dice, Arena& arena) {
 GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& scene) {
   GlintRenderSettings s{};
   const bool stops_early = dice.chance(0.15);
-  s.samples = uint32_t(stops_early ? 4 + dice.below(29) : 1 + dice.below(3)), s.light_samples = uint32_t(1 + dice.below(3));
+  s.samples = uint32_t(stops_early ? 4 + dice.below(29) : 1 + dice.below(3)),
+  s.light_samples = uint32_t(1 + dice.below(3));
   s.max_bounces = uint32_t(dice.below(stops_early ? 2 : 5));
-  s.threads = uint32_t(1 + dice.below(3)), s.passes = uint32_t(dice.below(1u << GLINT_PASS_COUNT)) | 1u;
+  s.threads = uint32_t(1 + dice.below(3)),
+  s.passes = uint32_t(dice.below(1u << GLINT_PASS_COUNT)) | 1u;
   s.pixel_offsets = arena.fill<double>(2 * s.samples, [&] { return 0.5 * dice.number(); });
   s.light_point_count = uint64_t(s.samples) * s.light_samples;
-  s.error_threshold = stops_early ? dice.uniform(0, 16) : dice.chance(0.5) ? 0 : std::fabs(dice.number());
+  s.error_threshold = stops_early        ? dice.uniform(0, 16)
+                      : dice.chance(0.5) ? 0
+                                         : std::fabs(dice.number());
   s.cutoff = dice.chance(0.7) ? 0 : std::fabs(dice.number());
   s.light_square = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   s.light_disc = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   const uint32_t w = scene.camera.width, h = scene.camera.height;
   const bool part = dice.chance(0.3);
-  s.region[0] = part ? uint32_t(dice.below(w)) : 0, s.region[1] = part ? uint32_t(dice.below(h)) : 0, s.region[2] = w, s.region[3] = h;
-  s.illumination = int32_t(dice.below(2)), s.waves = int32_t(dice.below(3)), s.acceleration = int32_t(dice.below(3));
+  s.region[0] = part ? uint32_t(dice.below(w)) : 0,
+  s.region[1] = part ? uint32_t(dice.below(h)) : 0, s.region[2] = w, s.region[3] = h;
+  s.illumination = int32_t(dice.below(2)), s.waves = int32_t(dice.below(3)),
+  s.acceleration = int32_t(dice.below(3));
   s.remember = int32_t(dice.below(2));
   if (dice.wildness == 0 || !dice.chance(0.1)) return s;
   switch (dice.below(8)) {
-    case 0: s.region[dice.below(4)] = uint32_t(dice.bits()); break;
-    case 1: s.pixel_offsets = nullptr; break;
-    case 2: s.light_point_count = 0, s.light_square = nullptr; break;
-    case 3: s.max_bounces = uint32_t(dice.bits()); break;
-    case 4: s.passes = uint32_t(dice.bits()); break;
-    case 5: s.illumination = int32_t(dice.bits()); break;
-    case 6: s.acceleration = int32_t(dice.bits()); break;
-    default: s.samples = 0; break;
+    case 0:
+      s.region[dice.below(4)] = uint32_t(dice.bits());
+      break;
+    case 1:
+      s.pixel_offsets = nullptr;
+      break;
+    case 2:
+      s.light_point_count = 0, s.light_square = nullptr;
+      break;
+    case 3:
+      s.max_bounces = uint32_t(dice.bits());
+      break;
+    case 4:
+      s.passes = uint32_t(dice.bits());
+      break;
+    case 5:
+      s.illumination = int32_t(dice.bits());
+      break;
+    case 6:
+      s.acceleration = int32_t(dice.bits());
+      break;
+    default:
+      s.samples = 0;
+      break;
   }
   return s;
 }

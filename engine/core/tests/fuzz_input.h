@@ -28,7 +28,8 @@ class Dice {
   uint64_t state_;
 };
 
-/// Memory that lives as long as a case. Every array has exactly its size, so that a sanitizer sees the first byte beyond.
+/// Memory that lives as long as a case. Every array has exactly its size, so that a sanitizer sees
+/// the first byte beyond.
 class Arena {
  public:
   template <class T>

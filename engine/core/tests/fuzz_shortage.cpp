@@ -49,8 +49,10 @@ namespace {
 
 void* allocate(std::size_t size, std::size_t alignment) {
   if (glint::fuzz::refuses(false)) throw std::bad_alloc();
-  const std::size_t rounded = (size + alignment) / alignment * alignment;  // one more than is needed at most, and never 0
-  void* memory = alignment <= alignof(std::max_align_t) ? std::malloc(size ? size : 1) : std::aligned_alloc(alignment, rounded);
+  const std::size_t rounded =
+      (size + alignment) / alignment * alignment;  // one more than is needed at most, and never 0
+  void* memory = alignment <= alignof(std::max_align_t) ? std::malloc(size ? size : 1)
+                                                        : std::aligned_alloc(alignment, rounded);
   if (!memory) throw std::bad_alloc();
   return memory;
 }
@@ -58,13 +60,16 @@ void* allocate(std::size_t size, std::size_t alignment) {
 }  // namespace
 
 void* operator new(std::size_t size) { return allocate(size, 1); }
-void* operator new(std::size_t size, std::align_val_t alignment) { return allocate(size, std::size_t(alignment)); }
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  return allocate(size, std::size_t(alignment));
+}
 void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
 
-extern "C" int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*body)(void*), void* argument) noexcept {
+extern "C" int pthread_create(pthread_t* thread, const pthread_attr_t* attributes,
+                              void* (*body)(void*), void* argument) noexcept {
   using Create = int (*)(pthread_t*, const pthread_attr_t*, void* (*)(void*), void*);
   static const Create next = reinterpret_cast<Create>(dlsym(RTLD_NEXT, "pthread_create"));
   return glint::fuzz::refuses(true) ? EAGAIN : next(thread, attributes, body, argument);

@@ -4,9 +4,10 @@
 
 namespace glint::fuzz {
 
-/// While it lives an allocation by `operator new`, or the start of a thread, is refused: the n-th, and with `for_good` all after it. The
-/// core's threads count everywhere, the harness's only while `Inside` lives. Where the core hides a C++ runtime of its own, its allocations
-/// are out of reach and threads alone are refused; nothing is where there is no Linux.
+/// While it lives an allocation by `operator new`, or the start of a thread, is refused: the n-th,
+/// and with `for_good` all after it. The core's threads count everywhere, the harness's only while
+/// `Inside` lives. Where the core hides a C++ runtime of its own, its allocations are out of reach
+/// and threads alone are refused; nothing is where there is no Linux.
 class Shortage {
  public:
   Shortage(bool of_threads, size_t n, bool for_good);

@@ -1,4 +1,5 @@
-// accel_tests [group]: runs all tests, or those of a group; exit code 1 when one fails or the group is empty.
+// accel_tests [group]: runs all tests, or those of a group; exit code 1 when one fails or the group
+// is empty.
 #include <chrono>
 #include <cstring>
 
@@ -8,7 +9,10 @@ namespace glint::test {
 namespace {
 Test* tests = nullptr;
 }
-Test::Test(const char* group_, const char* name_, void (*body_)()) : group(group_), name(name_), body(body_), next(tests) { tests = this; }
+Test::Test(const char* group_, const char* name_, void (*body_)())
+    : group(group_), name(name_), body(body_), next(tests) {
+  tests = this;
+}
 }  // namespace glint::test
 
 int main(int argc, char** argv) {
@@ -19,7 +23,8 @@ int main(int argc, char** argv) {
     const auto start = std::chrono::steady_clock::now();
     failures = 0;
     t->body();
-    const double s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    const double s =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     std::printf("%-6s %s.%s (%.2f s)\n", failures ? "FAILED" : "ok", t->group, t->name, s);
     ++run, failed += failures > 0;
   }

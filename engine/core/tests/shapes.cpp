@@ -62,7 +62,8 @@ struct Sphere {
   }
   bool near(uint32_t a, uint32_t b) const { return length(points[a] - points[b]) < 1.2; }
   uint32_t middle(uint32_t a, uint32_t b) {
-    const auto [at, fresh] = middles.insert({{std::min(a, b), std::max(a, b)}, uint32_t(points.size())});
+    const auto [at, fresh] =
+        middles.insert({{std::min(a, b), std::max(a, b)}, uint32_t(points.size())});
     if (fresh) points.push_back(normalize(points[a] + points[b]));
     return at->second;
   }
@@ -92,7 +93,9 @@ Mesh box_grid(int n, double half, Vec3d center) {
   std::map<std::array<int, 3>, uint32_t> known;
   auto vertex = [&](std::array<int, 3> at) {
     const auto [entry, fresh] = known.insert({at, uint32_t(known.size())});
-    if (fresh) mesh.add(center + Vec3d((2.0 * at[0] / n - 1) * half, (2.0 * at[1] / n - 1) * half, (2.0 * at[2] / n - 1) * half));
+    if (fresh)
+      mesh.add(center + Vec3d((2.0 * at[0] / n - 1) * half, (2.0 * at[1] / n - 1) * half,
+                              (2.0 * at[2] / n - 1) * half));
     return entry->second;
   };
   for (size_t axis = 0; axis < 3; ++axis)
@@ -116,7 +119,8 @@ Mesh bumpy_sphere(int rows, int columns) {
   for (int i = 0; i <= rows; ++i)
     for (int j = 0; j < columns; ++j) {
       const double a = pi * i / rows, b = 2 * pi * j / columns;
-      const double r = 1 + 0.05 * std::sin(9 * a) * std::cos(7 * b) + 0.01 * std::sin(41 * a + 3) * std::sin(37 * b);
+      const double r = 1 + 0.05 * std::sin(9 * a) * std::cos(7 * b) +
+                       0.01 * std::sin(41 * a + 3) * std::sin(37 * b);
       mesh.add(r * Vec3d(std::sin(a) * std::cos(b), std::sin(a) * std::sin(b), std::cos(a)));
     }
   auto at = [columns](int i, int j) { return uint32_t(i * columns + j % columns); };
@@ -140,8 +144,10 @@ Mesh soup(Random& random, size_t count, double half, double size) {
 
 void MixedShapes::add_round_and_square(Random& random, int count, double size) {
   for (int k = 0; k < count; ++k) {
-    const Vec3d at = random.in_box(2), c = random.in_box(2), x = size * random.on_sphere(), y = size * random.on_sphere();
-    centers_.insert(centers_.end(), {float(at.x), float(at.y), float(at.z)}), radii_.push_back(0.05f);
+    const Vec3d at = random.in_box(2), c = random.in_box(2), x = size * random.on_sphere(),
+                y = size * random.on_sphere();
+    centers_.insert(centers_.end(), {float(at.x), float(at.y), float(at.z)}),
+        radii_.push_back(0.05f);
     for (Vec3d p : {c + x, c + y, c - x, c - y}) {
       indices_.push_back(uint32_t(indices_.size()));
       corners_.insert(corners_.end(), {float(p.x), float(p.y), float(p.z)});
@@ -152,10 +158,13 @@ void MixedShapes::add_round_and_square(Random& random, int count, double size) {
 
 void MixedShapes::add_shapes() {
   GeometryView spheres, polygons;
-  spheres.kind = GeometryView::kSpheres, spheres.vertices = centers_.data(), spheres.radii = radii_.data();
+  spheres.kind = GeometryView::kSpheres, spheres.vertices = centers_.data(),
+  spheres.radii = radii_.data();
   spheres.vertex_count = spheres.primitive_count = radii_.size();
-  polygons.kind = GeometryView::kPolygons, polygons.vertices = corners_.data(), polygons.vertex_count = indices_.size();
-  polygons.offsets = offsets_.data(), polygons.indices = indices_.data(), polygons.primitive_count = offsets_.size() - 1;
+  polygons.kind = GeometryView::kPolygons, polygons.vertices = corners_.data(),
+  polygons.vertex_count = indices_.size();
+  polygons.offsets = offsets_.data(), polygons.indices = indices_.data(),
+  polygons.primitive_count = offsets_.size() - 1;
   geometries.push_back(spheres), geometries.push_back(polygons);
 }
 
@@ -176,9 +185,12 @@ Affine random_affine(Random& random, double half) {
   return {x, y, z, random.in_box(half)};
 }
 
-Ray ray(Vec3d o, Vec3d d, double t_min, double t_max, uint32_t visibility) { return {o, d, t_min, t_max, visibility}; }
+Ray ray(Vec3d o, Vec3d d, double t_min, double t_max, uint32_t visibility) {
+  return {o, d, t_min, t_max, visibility};
+}
 
-std::unique_ptr<Accel> build(const std::vector<GeometryView>& geometries, const std::vector<InstanceView>& instances, int threads,
+std::unique_ptr<Accel> build(const std::vector<GeometryView>& geometries,
+                             const std::vector<InstanceView>& instances, int threads,
                              BuildQuality quality) {
   const std::atomic<bool> cancel{false};
   std::unique_ptr<Accel> wanted;
@@ -206,8 +218,9 @@ Hit closest(const Accel& accel, const Ray& r) {
 }
 
 bool same(const Hit& a, const Hit& b) {
-  return std::memcmp(&a.t, &b.t, sizeof a.t) == 0 && a.instance == b.instance && a.primitive == b.primitive &&
-         std::memcmp(&a.u, &b.u, sizeof a.u) == 0 && std::memcmp(&a.v, &b.v, sizeof a.v) == 0;
+  return std::memcmp(&a.t, &b.t, sizeof a.t) == 0 && a.instance == b.instance &&
+         a.primitive == b.primitive && std::memcmp(&a.u, &b.u, sizeof a.u) == 0 &&
+         std::memcmp(&a.v, &b.v, sizeof a.v) == 0;
 }
 
 int differences(const Accel& accel, std::vector<Ray> rays, uint32_t visibility) {
@@ -222,7 +235,8 @@ int differences(const Accel& accel, std::vector<Ray> rays, uint32_t visibility) 
     uint8_t stopped = 0;
     accel.closest(&rays[k], &hit, 1);
     accel.occluded(&rays[k], &stopped, 1);
-    count += !same(hit, hits[k]) || stopped != blocked[k] || (hit.instance != Hit::kNone) != (stopped != 0);
+    count += !same(hit, hits[k]) || stopped != blocked[k] ||
+             (hit.instance != Hit::kNone) != (stopped != 0);
   }
   return count;
 }

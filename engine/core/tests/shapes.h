@@ -41,7 +41,8 @@ Mesh soup(Random& random, size_t count, double half, double size);
 
 Affine translation(Vec3d t);
 
-/// What a build is made from, of all kinds: meshes of the caller's, squares as polygons, spheres. It holds the arrays that its views show.
+/// What a build is made from, of all kinds: meshes of the caller's, squares as polygons, spheres.
+/// It holds the arrays that its views show.
 class MixedShapes {
  public:
   /// Adds `count` spheres and as many squares, `size` across, within a box of half side 2.
@@ -62,17 +63,22 @@ Affine random_affine(Random& random, double half);
 
 Ray ray(Vec3d o, Vec3d d, double t_min = 0, double t_max = HUGE_VAL, uint32_t visibility = kCamera);
 
-constexpr BuildQuality kQualities[] = {BuildQuality::kFast, BuildQuality::kBalanced, BuildQuality::kFine};
+constexpr BuildQuality kQualities[] = {BuildQuality::kFast, BuildQuality::kBalanced,
+                                       BuildQuality::kFine};
 
-/// Builds with every quality, checks validate(), and ends the test when it complains. Returns the one of `quality`.
-std::unique_ptr<Accel> build(const std::vector<GeometryView>& geometries, const std::vector<InstanceView>& instances, int threads = 2,
+/// Builds with every quality, checks validate(), and ends the test when it complains. Returns the
+/// one of `quality`.
+std::unique_ptr<Accel> build(const std::vector<GeometryView>& geometries,
+                             const std::vector<InstanceView>& instances, int threads = 2,
                              BuildQuality quality = BuildQuality::kBalanced);
-std::unique_ptr<Accel> build(const Mesh& mesh, const Affine& m = {}, int threads = 2, BuildQuality quality = BuildQuality::kBalanced);
+std::unique_ptr<Accel> build(const Mesh& mesh, const Affine& m = {}, int threads = 2,
+                             BuildQuality quality = BuildQuality::kBalanced);
 Hit closest(const Accel& accel, const Ray& r);
 
 /// All bits of two hits.
 bool same(const Hit& a, const Hit& b);
-/// How many rays get another answer in a batch than alone, or are blocked without a hit or hit without being blocked.
+/// How many rays get another answer in a batch than alone, or are blocked without a hit or hit
+/// without being blocked.
 int differences(const Accel& accel, std::vector<Ray> rays, uint32_t visibility);
 
 }  // namespace glint::test

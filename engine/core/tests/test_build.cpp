@@ -1,8 +1,9 @@
-// What the builder promises: sound trees for any input, counted losses, memory, cancel, and exceptions that reach the caller.
+// What the builder promises: sound trees for any input, counted losses, memory, cancel, and
+// exceptions that reach the caller.
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
-#include <chrono>
 #include <limits>
 #include <new>
 #include <thread>
@@ -19,14 +20,18 @@ void* allocate(std::size_t size, std::size_t alignment) {
   long left = allocations_left.load();
   while (left > 0 && !allocations_left.compare_exchange_weak(left, left - 1)) continue;
   if (left == 1) throw std::bad_alloc();
-  if (void* p = std::aligned_alloc(alignment, (std::max<std::size_t>(size, 1) + alignment - 1) / alignment * alignment)) return p;
+  if (void* p = std::aligned_alloc(
+          alignment, (std::max<std::size_t>(size, 1) + alignment - 1) / alignment * alignment))
+    return p;
   throw std::bad_alloc();
 }
 
 }  // namespace
 
 void* operator new(std::size_t size) { return allocate(size, alignof(std::max_align_t)); }
-void* operator new(std::size_t size, std::align_val_t alignment) { return allocate(size, std::size_t(alignment)); }
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  return allocate(size, std::size_t(alignment));
+}
 void operator delete(void* p) noexcept { std::free(p); }
 void operator delete(void* p, std::size_t) noexcept { std::free(p); }
 void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
@@ -84,7 +89,8 @@ TEST(build, boxes_do_not_span_the_void) {
   const std::atomic<bool> cancel{false};
   const NodeTree tree = build_nodes(refs.data(), refs.size(), {}, team, cancel);
   for (size_t n = 0; n < tree.nodes.size; ++n)
-    for (int lane = 0; lane < kWidth; ++lane) CHECK(!(tree.nodes[n].planes[0][lane] < 2 && tree.nodes[n].planes[1][lane] > 90));
+    for (int lane = 0; lane < kWidth; ++lane)
+      CHECK(!(tree.nodes[n].planes[0][lane] < 2 && tree.nodes[n].planes[1][lane] > 90));
 }
 
 TEST(build, all_coincident) {
@@ -101,7 +107,8 @@ TEST(build, all_in_a_plane_or_on_a_line) {
     Mesh mesh = soup(random, 3000, 1, 0.05);
     for (size_t k = 0; k < mesh.vertices.size(); ++k)
       if (int(k % 3) < flat) mesh.vertices[k] = 0.25f;
-    CHECK(build(mesh)->stats().primitives == 3000);  // those on a line stay: a mesh must not lose the edges that meet in them
+    CHECK(build(mesh)->stats().primitives ==
+          3000);  // those on a line stay: a mesh must not lose the edges that meet in them
   }
 }
 
@@ -116,17 +123,21 @@ TEST(build, huge_and_tiny) {
     }
   }
   const AccelStats stats = build(mesh)->stats();
-  CHECK(stats.primitives + stats.dropped == 3000 && stats.dropped < 100);  // beyond the range of float there is nothing
-  Mesh geometric;  // each half as large as the one before: the deepest tree that the heuristic can make
+  CHECK(stats.primitives + stats.dropped == 3000 &&
+        stats.dropped < 100);  // beyond the range of float there is nothing
+  Mesh geometric;  // each half as large as the one before: the deepest tree that the heuristic can
+                   // make
   for (int k = 0; k < 250; ++k) {
     const double s = std::ldexp(1.0, 120 - k);
-    geometric.add(geometric.add({s, s, 0}), geometric.add({1.5 * s, s, 0}), geometric.add({s, 1.5 * s, 0}));
+    geometric.add(geometric.add({s, s, 0}), geometric.add({1.5 * s, s, 0}),
+                  geometric.add({s, 1.5 * s, 0}));
   }
   CHECK(build(geometric)->stats().primitives == 250);
 }
 
-// The builder's grid: a crowd in one cell, which needs a grid of its own; boxes of all sizes; boxes that all are as large as the scene.
-// Every ray from a triangle's middle must find something, and the tree must be the same for every team.
+// The builder's grid: a crowd in one cell, which needs a grid of its own; boxes of all sizes; boxes
+// that all are as large as the scene. Every ray from a triangle's middle must find something, and
+// the tree must be the same for every team.
 TEST(build, crowds_and_giants) {
   Random random(6);
   Mesh crowd = soup(random, 60000, 1e-3, 1e-5), sizes, giants = soup(random, 40000, 1, 3);
@@ -137,14 +148,16 @@ TEST(build, crowds_and_giants) {
   for (int k = 0; k < 50000; ++k) {
     const Vec3d p = random.in_box(1);
     const double size = std::ldexp(1.0, -int(random.below(16)));
-    sizes.add(sizes.add(p), sizes.add(p + size * random.in_box(1)), sizes.add(p + size * random.in_box(1)));
+    sizes.add(sizes.add(p), sizes.add(p + size * random.in_box(1)),
+              sizes.add(p + size * random.in_box(1)));
   }
   for (const Mesh* mesh : {&crowd, &sizes, &giants}) {
     const auto one = build(*mesh, {}, 1), five = build(*mesh, {}, 5);
     CHECK(one->stats().primitives == mesh->count() && one->stats().nodes == five->stats().nodes);
     for (size_t k = 0; k < mesh->count(); k += 97) {
       const Vec3d middle = 1 / 3.0 * (mesh->corner(k, 0) + mesh->corner(k, 1) + mesh->corner(k, 2));
-      const Vec3d n = normalize(cross(mesh->corner(k, 1) - mesh->corner(k, 0), mesh->corner(k, 2) - mesh->corner(k, 0)));
+      const Vec3d n = normalize(
+          cross(mesh->corner(k, 1) - mesh->corner(k, 0), mesh->corner(k, 2) - mesh->corner(k, 0)));
       const Ray r = ray(middle + 1e-7 * n, -n, 0, 1);
       const Hit a = closest(*one, r), b = closest(*five, r);
       CHECK(a.instance == 0 && a.t == b.t && a.primitive == b.primitive);
@@ -155,10 +168,13 @@ TEST(build, crowds_and_giants) {
 TEST(build, bad_primitives_are_dropped_and_counted) {
   Random random(4);
   Mesh mesh = soup(random, 100, 1, 0.3);
-  const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+  const float nan = std::numeric_limits<float>::quiet_NaN(),
+              inf = std::numeric_limits<float>::infinity();
   mesh.vertices[9 * 10] = nan, mesh.vertices[9 * 20 + 4] = inf, mesh.vertices[9 * 30 + 8] = -inf;
-  for (int k = 0; k < 3; ++k) mesh.vertices[size_t(9 * 40 + k)] = mesh.vertices[size_t(9 * 40 + 3 + k)];  // two corners are one
-  mesh.triangles[3 * 50] = 100000;                                                                // no such vertex
+  for (int k = 0; k < 3; ++k)
+    mesh.vertices[size_t(9 * 40 + k)] =
+        mesh.vertices[size_t(9 * 40 + 3 + k)];  // two corners are one
+  mesh.triangles[3 * 50] = 100000;              // no such vertex
   const auto accel = build(mesh);
   CHECK(accel->stats().primitives == 95 && accel->stats().dropped == 5);
   InstanceView bad;
@@ -182,7 +198,8 @@ TEST(build, thousands_of_objects) {
   const auto accel = build(views, instances);
   CHECK(accel->stats().primitives == 60000);
   int hits = 0;
-  for (const InstanceView& i : instances) hits += closest(*accel, ray({0, 0, 0}, i.world_from_object.t)).t < 1;
+  for (const InstanceView& i : instances)
+    hits += closest(*accel, ray({0, 0, 0}, i.world_from_object.t)).t < 1;
   CHECK(hits == 3000);
 }
 
@@ -191,12 +208,14 @@ TEST(build, bytes_a_triangle) {
   CHECK(double(build(mesh)->stats().bytes) <= 70.0 * double(mesh.count()));
 }
 
-// Half of a crowd in each of ever smaller boxes: whatever halves space leaves half of it together, and the depth is limited.
+// Half of a crowd in each of ever smaller boxes: whatever halves space leaves half of it together,
+// and the depth is limited.
 TEST(build, crowds_within_crowds) {
   Random random(8);
   Mesh mesh;
   for (size_t count = 1 << 16, k = 0; count > 0; count /= 2, ++k) {
-    const Mesh part = soup(random, count, std::ldexp(1.0, -4 * int(k)), std::ldexp(1.0, -4 * int(k) - 8));
+    const Mesh part =
+        soup(random, count, std::ldexp(1.0, -4 * int(k)), std::ldexp(1.0, -4 * int(k) - 8));
     for (size_t t = 0; t < part.count(); ++t) {
       const uint32_t a = mesh.add(part.corner(t, 0)), b = mesh.add(part.corner(t, 1));
       mesh.add(a, b, mesh.add(part.corner(t, 2)));
@@ -208,9 +227,11 @@ TEST(build, crowds_within_crowds) {
 TEST(build, cancel) {
   const Mesh mesh = bumpy_sphere(132, 264);
   std::atomic<bool> cancel{true};
-  for (BuildQuality quality : kQualities) CHECK(Accel::build({mesh.view()}, {InstanceView{}}, 2, cancel, quality) == nullptr);
+  for (BuildQuality quality : kQualities)
+    CHECK(Accel::build({mesh.view()}, {InstanceView{}}, 2, cancel, quality) == nullptr);
   cancel = false;
-  for (BuildQuality quality : kQualities) CHECK(Accel::build({mesh.view()}, {InstanceView{}}, 2, cancel, quality) != nullptr);
+  for (BuildQuality quality : kQualities)
+    CHECK(Accel::build({mesh.view()}, {InstanceView{}}, 2, cancel, quality) != nullptr);
 }
 
 TEST(build, cancel_while_it_runs) {
@@ -224,9 +245,10 @@ TEST(build, cancel_while_it_runs) {
   other.join();
 }
 
-// Fails the first allocation of a build, then only the second, … : each must throw std::bad_alloc here, whatever its thread was. (Only a
-// thread that cannot be started does not matter: then the tree must be right. Two are started, with one to three allocations each, as the
-// C++ library likes.)
+// Fails the first allocation of a build, then only the second, … : each must throw std::bad_alloc
+// here, whatever its thread was. (Only a thread that cannot be started does not matter: then the
+// tree must be right. Two are started, with one to three allocations each, as the C++ library
+// likes.)
 TEST(build, out_of_memory) {
   const Mesh mesh = bumpy_sphere(100, 90);
   const std::vector<GeometryView> views{mesh.view(), mesh.view()};

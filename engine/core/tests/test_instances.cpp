@@ -27,7 +27,8 @@ std::vector<Ray> aimed(const Placed& p, Random& random, int count, double distan
     const Affine& m = p.scene.instances[random.below(p.scene.instances.size())].world_from_object;
     const size_t t = random.below(p.mesh.count());
     const double u = random.uniform(), v = random.uniform(0, 1 - u);
-    const Vec3d object = (1 - u - v) * p.mesh.corner(t, 0) + u * p.mesh.corner(t, 1) + v * p.mesh.corner(t, 2);
+    const Vec3d object =
+        (1 - u - v) * p.mesh.corner(t, 0) + u * p.mesh.corner(t, 1) + v * p.mesh.corner(t, 2);
     const Vec3d o = m.t + distance * random.on_sphere();
     rays.push_back(ray(o, point(m, object) - o, 0, HUGE_VAL, 1u << random.below(3)));
   }
@@ -60,7 +61,8 @@ Tree tree_of(const Mesh& mesh, BuildQuality quality) {
   return make_tree(sources, quality, team, cancel);
 }
 
-/// Checks that a turned mesh is within its box in the world, and that this is no wider than it by more than a twentieth.
+/// Checks that a turned mesh is within its box in the world, and that this is no wider than it by
+/// more than a twentieth.
 void check_world_box(const Mesh& mesh, const Tree& tree, const Affine& m) {
   BoxD exact;
   for (size_t t = 0; t < mesh.count(); ++t)
@@ -77,7 +79,8 @@ void check_world_box(const Mesh& mesh, const Tree& tree, const Affine& m) {
 
 TEST(instances, boxes_in_the_world_fit) {
   Random random(45);
-  for (const Mesh& mesh : {icosphere(3, 1, {3, 0, 0}), bumpy_sphere(30, 60), box_grid(8, 1, {0, 2, 0}), soup(random, 3, 1, 1)})
+  for (const Mesh& mesh : {icosphere(3, 1, {3, 0, 0}), bumpy_sphere(30, 60),
+                           box_grid(8, 1, {0, 2, 0}), soup(random, 3, 1, 1)})
     for (BuildQuality quality : kQualities) {
       const Tree tree = tree_of(mesh, quality);
       for (int k = 0; k < 50; ++k) check_world_box(mesh, tree, random_affine(random, 2));
@@ -85,12 +88,15 @@ TEST(instances, boxes_in_the_world_fit) {
 }
 
 TEST(instances, a_ball_holds_an_object) {
-  for (const Mesh& mesh : {icosphere(3, 1, {3, 0, 0}), bumpy_sphere(30, 60), box_grid(8, 1, {0, 2, 0})}) {
+  for (const Mesh& mesh :
+       {icosphere(3, 1, {3, 0, 0}), bumpy_sphere(30, 60), box_grid(8, 1, {0, 2, 0})}) {
     const TreeView tree = tree_of(mesh, BuildQuality::kBalanced).view();
     double farthest = 0;
     for (size_t t = 0; t < mesh.count(); ++t)
       for (size_t k = 0; k < 3; ++k)
-        farthest = std::max(farthest, length(mesh.corner(t, k) - Vec3d(tree.center[0], tree.center[1], tree.center[2])));
+        farthest = std::max(
+            farthest,
+            length(mesh.corner(t, k) - Vec3d(tree.center[0], tree.center[1], tree.center[2])));
     CHECK(farthest < tree.ball && tree.ball < 1.01 * farthest);
   }
 }
@@ -99,7 +105,8 @@ TEST(instances, odd_matrices_against_brute_force) {
   Random random(40);
   for (int round = 0; round < 20; ++round) {
     std::vector<Affine> matrices;
-    for (int k = 0; k < 1 + round % 4; ++k) matrices.push_back(random_affine(random, 2));  // mirrored and sheared as it comes
+    for (int k = 0; k < 1 + round % 4; ++k)
+      matrices.push_back(random_affine(random, 2));  // mirrored and sheared as it comes
     const Placed p(icosphere(1, 1, {0.3, 0, 0}), matrices);
     CHECK(compare(p, aimed(p, random, 500, 5)) > 0.99);
   }
@@ -107,7 +114,8 @@ TEST(instances, odd_matrices_against_brute_force) {
 
 TEST(instances, scales) {
   Random random(41);
-  const Vec3d scales[] = {{1e-6, 1e-6, 1e-6}, {1e6, 1e6, 1e6}, {1, 1, 1e-6}, {1, -1e-3, 1}, {-1, 1, 1e3}};
+  const Vec3d scales[] = {
+      {1e-6, 1e-6, 1e-6}, {1e6, 1e6, 1e6}, {1, 1, 1e-6}, {1, -1e-3, 1}, {-1, 1, 1e3}};
   for (Vec3d s : scales)
     for (int copies : {1, 2}) {
       std::vector<Affine> matrices{scaled(s)};
@@ -134,7 +142,8 @@ TEST(instances, flattened) {
     }
 }
 
-// Flat not along an axis of the object: two columns are parallel, or so close to it that an inverse would be noise.
+// Flat not along an axis of the object: two columns are parallel, or so close to it that an inverse
+// would be noise.
 TEST(instances, flattened_by_shear) {
   for (double thickness : {0.0, 1e-16, 1e-13})
     for (int copies : {1, 2}) {
@@ -150,7 +159,8 @@ TEST(instances, flattened_by_shear) {
 }
 
 TEST(instances, a_line_or_a_point_is_no_surface) {
-  const Placed line(icosphere(1, 1, {}), {scaled({1, 0, 0}), scaled({0, 0, 0}), translation({5, 0, 0})});
+  const Placed line(icosphere(1, 1, {}),
+                    {scaled({1, 0, 0}), scaled({0, 0, 0}), translation({5, 0, 0})});
   const auto accel = build(line.scene.geometries, line.scene.instances);
   CHECK(closest(*accel, ray({0.1, 0.2, 3}, {0, 0, -1})).instance == Hit::kNone);
   CHECK(closest(*accel, ray({5, 0.1, 3}, {0, 0, -1})).instance == 2);
@@ -161,16 +171,19 @@ TEST(instances, far_and_small) {
   Random random(42);
   const Mesh mesh = icosphere(3, 1, {});
   for (double distance : {1e2, 1e4, 1e7}) {
-    const Placed p(mesh, {translation(distance * Vec3d(0.6, 0.64, 0.48)), translation(distance * Vec3d(-0.48, 0.6, 0.64))});
+    const Placed p(mesh, {translation(distance * Vec3d(0.6, 0.64, 0.48)),
+                          translation(distance * Vec3d(-0.48, 0.6, 0.64))});
     const auto accel = build(p.scene.geometries, p.scene.instances);
     int wrong = 0;
     for (int k = 0; k < 3000; ++k) {
-      const Vec3d c = p.scene.instances[size_t(k % 2)].world_from_object.t, side = cross(normalize(c), random.on_sphere());
+      const Vec3d c = p.scene.instances[size_t(k % 2)].world_from_object.t,
+                  side = cross(normalize(c), random.on_sphere());
       const double b = random.uniform(0, 1.5);
       if (std::fabs(b - 1) < 0.03) continue;  // the mesh is up to 0.01 inside the sphere
       const Vec3d o(0.1, 0.2, 0.3);
       const Hit h = closest(*accel, ray(o, c + b * normalize(side) - o));
-      wrong += b < 1 ? h.instance != uint32_t(k % 2) || std::fabs(h.t * length(c) - distance) > 1.1 : h.instance != Hit::kNone;
+      wrong += b < 1 ? h.instance != uint32_t(k % 2) || std::fabs(h.t * length(c) - distance) > 1.1
+                     : h.instance != Hit::kNone;
     }
     CHECK(wrong == 0);
   }
@@ -183,7 +196,9 @@ TEST(instances, visibility) {
     for (int k = 0; k < 12; ++k) meshes.push_back(icosphere(1, 1, {}));
     BruteScene scene;
     for (const Mesh& m : meshes) scene.geometries.push_back(m.view());
-    for (uint32_t k = 0; k < 12; ++k) scene.instances.push_back({shared ? 0 : k, uint32_t(random.below(8)), translation(random.in_box(2))});
+    for (uint32_t k = 0; k < 12; ++k)
+      scene.instances.push_back(
+          {shared ? 0 : k, uint32_t(random.below(8)), translation(random.in_box(2))});
     const auto accel = build(scene.geometries, scene.instances);
     for (int k = 0; k < 3000; ++k) {
       const Vec3d o = random.in_box(4);

@@ -1,4 +1,5 @@
-// The same bits for any number of threads of the build, for every instruction set and for every kind of tree.
+// The same bits for any number of threads of the build, for every instruction set and for every
+// kind of tree.
 #include <cstdlib>
 #include <cstring>
 
@@ -13,13 +14,16 @@ namespace {
 /// One of everything: baked and shared meshes, coincident faces, spheres, polygons.
 struct Everything : MixedShapes {
   Random random{50};
-  Mesh bumpy = bumpy_sphere(150, 200), small = icosphere(2, 0.2, {}), twice = soup(random, 2000, 1.5, 0.05);
+  Mesh bumpy = bumpy_sphere(150, 200), small = icosphere(2, 0.2, {}),
+       twice = soup(random, 2000, 1.5, 0.05);
 
   Everything() {
-    for (int k = 0; k < 3000; ++k) bumpy.add(bumpy.triangles[0], bumpy.triangles[4], bumpy.triangles[8]);
+    for (int k = 0; k < 3000; ++k)
+      bumpy.add(bumpy.triangles[0], bumpy.triangles[4], bumpy.triangles[8]);
     for (const Mesh* mesh : {&bumpy, &small, &twice, &twice}) add(*mesh);
     add_round_and_square(random, 500, 0.05), add_shapes();
-    for (uint32_t g : {0u, 2u, 3u, 4u, 5u, 5u}) place(g, g == 5 ? random_affine(random, 1) : Affine{});
+    for (uint32_t g : {0u, 2u, 3u, 4u, 5u, 5u})
+      place(g, g == 5 ? random_affine(random, 1) : Affine{});
     for (int k = 0; k < 200; ++k) place(1, random_affine(random, 3));
   }
 };
@@ -27,7 +31,8 @@ struct Everything : MixedShapes {
 std::vector<unsigned char> answers(const Accel& accel) {
   Random random(51);
   std::vector<Ray> rays;
-  for (int k = 0; k < 40000; ++k) rays.push_back(ray(random.in_box(4), random.on_sphere(), 0, k % 5 ? HUGE_VAL : 2));
+  for (int k = 0; k < 40000; ++k)
+    rays.push_back(ray(random.in_box(4), random.on_sphere(), 0, k % 5 ? HUGE_VAL : 2));
   std::vector<Hit> hits(rays.size());
   std::vector<uint8_t> blocked(rays.size());
   accel.closest(rays.data(), hits.data(), rays.size());
@@ -39,7 +44,8 @@ std::vector<unsigned char> answers(const Accel& accel) {
 }
 
 /// The same, with what the tree is.
-std::vector<unsigned char> answers(const Everything& scene, int threads, BuildQuality quality = BuildQuality::kBalanced) {
+std::vector<unsigned char> answers(const Everything& scene, int threads,
+                                   BuildQuality quality = BuildQuality::kBalanced) {
   const auto accel = build(scene.geometries, scene.instances, threads, quality);
   std::vector<unsigned char> bytes = answers(*accel);
   const AccelStats s = accel->stats();
@@ -54,7 +60,8 @@ struct Split {
 };
 __attribute__((noinline)) Split split(const double (&numbers)[3]) {
   Split s;
-  for (int k = 0; k < 3; ++k) s.coarse[k] = float(numbers[k]), s.rest[k] = float(numbers[k] - double(s.coarse[k]));
+  for (int k = 0; k < 3; ++k)
+    s.coarse[k] = float(numbers[k]), s.rest[k] = float(numbers[k] - double(s.coarse[k]));
   return s;
 }
 
@@ -62,7 +69,9 @@ __attribute__((noinline)) Split split(const double (&numbers)[3]) {
 
 TEST(same_bits, the_compiler_rounds_what_is_to_be_rounded) {
   const Split s = split({1.0 / 3, 0.1, 0.7});
-  const double rest[3] = {0x1.5555555555555p-2 - 0x1.555556p-2, 0x1.999999999999ap-4 - 0x1.99999ap-4, 0x1.6666666666666p-1 - 0x1.666666p-1};
+  const double rest[3] = {0x1.5555555555555p-2 - 0x1.555556p-2,
+                          0x1.999999999999ap-4 - 0x1.99999ap-4,
+                          0x1.6666666666666p-1 - 0x1.666666p-1};
   for (int k = 0; k < 3; ++k) CHECK(s.rest[k] == float(rest[k]) && rest[k] != 0);
 }
 

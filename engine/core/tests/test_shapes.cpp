@@ -18,7 +18,9 @@ struct Spheres {
     g.radii = radii.data(), g.primitive_count = radii.size();
     return g;
   }
-  void add(Vec3d c, double r) { centers.insert(centers.end(), {float(c.x), float(c.y), float(c.z)}), radii.push_back(float(r)); }
+  void add(Vec3d c, double r) {
+    centers.insert(centers.end(), {float(c.x), float(c.y), float(c.z)}), radii.push_back(float(r));
+  }
 };
 
 struct Polygons {
@@ -26,7 +28,8 @@ struct Polygons {
   std::vector<uint32_t> offsets{0}, indices;
   GeometryView view() const {
     GeometryView g;
-    g.kind = GeometryView::kPolygons, g.vertices = vertices.data(), g.vertex_count = vertices.size() / 3;
+    g.kind = GeometryView::kPolygons, g.vertices = vertices.data(),
+    g.vertex_count = vertices.size() / 3;
     g.offsets = offsets.data(), g.indices = indices.data(), g.primitive_count = offsets.size() - 1;
     return g;
   }
@@ -47,7 +50,8 @@ void compare(const BruteScene& scene, Random& random, int count, double half) {
     uint8_t blocked;
     accel->occluded(&r, &blocked, 1);
     const std::vector<Truth> truth = brute(scene, r);
-    CHECK(agrees(truth, h) && agrees(truth, blocked != 0) && (h.instance != Hit::kNone) == (blocked != 0));
+    CHECK(agrees(truth, h) && agrees(truth, blocked != 0) &&
+          (h.instance != Hit::kNone) == (blocked != 0));
     hits += h.instance != Hit::kNone;
   }
   CHECK(hits > count / 200);
@@ -83,7 +87,8 @@ TEST(shapes, spheres_against_brute_force) {
     compare({{spheres.view()}, placed({{}})}, random, 2000, 1);
     compare({{spheres.view()}, placed({turned})}, random, 2000, 1);
     compare({{spheres.view()}, placed({{}, translation({3, 0, 0})})}, random, 2000, 1);
-    for (int k = 0; k < 5; ++k) compare({{spheres.view()}, placed({random_affine(random, 0.3)})}, random, 1000, 0.5);
+    for (int k = 0; k < 5; ++k)
+      compare({{spheres.view()}, placed({random_affine(random, 0.3)})}, random, 1000, 0.5);
   }
 }
 
@@ -107,7 +112,8 @@ TEST(shapes, far_spheres) {
     const double r = double(spheres.radii[0]);
     int wrong = 0;
     for (int k = 0; k < 100000; ++k) {
-      const Vec3d n = random.on_sphere(), side = normalize(cross(n, random.on_sphere())), o = (1e4 * radius) * n;
+      const Vec3d n = random.on_sphere(), side = normalize(cross(n, random.on_sphere())),
+                  o = (1e4 * radius) * n;
       const double b = random.uniform(0, 2) * r;
       const Ray ray_k = ray(o, b * side - o);
       const Hit h = closest(*accel, ray_k);
@@ -115,9 +121,11 @@ TEST(shapes, far_spheres) {
       const Real dd = dot(d, d), along = -dot(f, d) / dd;
       const V nearest = f + along * d;
       const Real rest = Real(r) * Real(r) - dot(nearest, nearest);
-      if (std::fabs(rest) < 1e-9L * Real(r * r)) continue;  // double's rounding at 1e4 radii is 1e-12
+      if (std::fabs(rest) < 1e-9L * Real(r * r))
+        continue;  // double's rounding at 1e4 radii is 1e-12
       const Real t = along - std::sqrt(std::max(rest, Real(0)) / dd);
-      wrong += rest > 0 ? std::fabs(Real(h.t) - t) * 1e4L > 1e-9L * Real(r) / std::sqrt(rest) : h.instance != Hit::kNone;
+      wrong += rest > 0 ? std::fabs(Real(h.t) - t) * 1e4L > 1e-9L * Real(r) / std::sqrt(rest)
+                        : h.instance != Hit::kNone;
     }
     CHECK(wrong == 0);
   }
@@ -125,7 +133,8 @@ TEST(shapes, far_spheres) {
 
 TEST(shapes, bad_spheres_and_polygons_are_counted) {
   Spheres spheres;
-  spheres.add({0, 0, 0}, 1), spheres.add({0, 0, 0}, 0), spheres.add({0, 0, 0}, -1), spheres.add({std::nan(""), 0, 0}, 1);
+  spheres.add({0, 0, 0}, 1), spheres.add({0, 0, 0}, 0), spheres.add({0, 0, 0}, -1),
+      spheres.add({std::nan(""), 0, 0}, 1);
   spheres.add({0, 0, 0}, std::nan(""));
   const AccelStats stats = build({spheres.view()}, placed({{}}))->stats();
   CHECK(stats.primitives == 1 && stats.dropped == 4);
@@ -135,8 +144,10 @@ TEST(shapes, bad_spheres_and_polygons_are_counted) {
   Polygons polygons;
   star(polygons, 5, {}, {1, 0, 0}, {0, 1, 0});
   polygons.corner({0, 0, 0}), polygons.corner({1, 0, 0}), polygons.close();
-  polygons.corner({0, 0, 0}), polygons.corner({1, 1, 1}), polygons.corner({2, 2, 2}), polygons.close();
-  polygons.corner({0, 0, 0}), polygons.corner({1, 0, 0}), polygons.corner({0, std::nan(""), 0}), polygons.close();
+  polygons.corner({0, 0, 0}), polygons.corner({1, 1, 1}), polygons.corner({2, 2, 2}),
+      polygons.close();
+  polygons.corner({0, 0, 0}), polygons.corner({1, 0, 0}), polygons.corner({0, std::nan(""), 0}),
+      polygons.close();
   CHECK(build({polygons.view()}, placed({{}}))->stats().dropped == 3);
 }
 
@@ -171,16 +182,21 @@ TEST(shapes, polygons_in_the_planes_of_the_axes) {
   }
 }
 
-// Newell's plane through the middle, and the corners moved onto it along z: a box of the corners would lose hits.
+// Newell's plane through the middle, and the corners moved onto it along z: a box of the corners
+// would lose hits.
 TEST(shapes, a_bent_polygon_is_its_plane) {
   Polygons p;
-  const double z_of[6] = {0.25, 0, 0.25, 0.25, 0.25, 0}, xy[6][2] = {{0, 0}, {0.5, 0}, {1, 0}, {1, 1}, {0.5, 1}, {0, 1}};
+  const double z_of[6] = {0.25, 0, 0.25, 0.25, 0.25, 0},
+               xy[6][2] = {{0, 0}, {0.5, 0}, {1, 0}, {1, 1}, {0.5, 1}, {0, 1}};
   for (int k = 0; k < 6; ++k) p.corner({xy[k][0], xy[k][1], z_of[k]});
   p.close();
   V n, middle;  // by hand, in long double
   std::vector<V> corners;
-  for (size_t k = 0; k < 6; ++k) corners.push_back(V(Real(p.vertices[3 * k]), Real(p.vertices[3 * k + 1]), Real(p.vertices[3 * k + 2])));
-  for (size_t k = 0; k < 6; ++k) n += cross(corners[k], corners[(k + 1) % 6]), middle += Real(1) / 6 * corners[k];
+  for (size_t k = 0; k < 6; ++k)
+    corners.push_back(
+        V(Real(p.vertices[3 * k]), Real(p.vertices[3 * k + 1]), Real(p.vertices[3 * k + 2])));
+  for (size_t k = 0; k < 6; ++k)
+    n += cross(corners[k], corners[(k + 1) % 6]), middle += Real(1) / 6 * corners[k];
   const auto accel = build({p.view()}, placed({{}}));
   for (double x : {0.001, 0.3, 0.999})
     for (double y : {0.001, 0.6, 0.999}) {
@@ -193,7 +209,8 @@ TEST(shapes, a_bent_polygon_is_its_plane) {
 // One outline that runs around a hole and back along the same cut: odd-even leaves the hole open.
 TEST(shapes, holes) {
   Polygons p;
-  const double outer[5][2] = {{-2, -2}, {2, -2}, {2, 2}, {-2, 2}, {-2, -2}}, inner[5][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {-1, -1}};
+  const double outer[5][2] = {{-2, -2}, {2, -2}, {2, 2}, {-2, 2}, {-2, -2}},
+               inner[5][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {-1, -1}};
   for (const auto& c : outer) p.corner({c[0], c[1], 0});
   for (const auto& c : inner) p.corner({c[0], c[1], 0});
   p.close();
@@ -214,7 +231,8 @@ TEST(shapes, a_tile_may_pass_by_the_tree_of_one_kind_and_meet_the_others) {
   const auto accel = build({ball.view(), sphere}, {first, second});
   for (const double x : {-2.0, 2.0, 0.0}) {
     std::vector<Ray> rays;
-    for (int k = 0; k < 64; ++k) rays.push_back(ray({x + 0.01 * (k % 8), -5, 0.01 * (k / 8)}, {0, 1, 0}));
+    for (int k = 0; k < 64; ++k)
+      rays.push_back(ray({x + 0.01 * (k % 8), -5, 0.01 * (k / 8)}, {0, 1, 0}));
     std::vector<Hit> hits(rays.size());
     accel->closest(rays.data(), hits.data(), rays.size());
     for (const Hit& hit : hits) CHECK(hit.instance == (x < 0 ? 0u : x > 0 ? 1u : Hit::kNone));

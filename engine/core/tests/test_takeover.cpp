@@ -1,4 +1,5 @@
-// Accelerators that take trees over from the one before: the bits of a build without it, or the same surfaces.
+// Accelerators that take trees over from the one before: the bits of a build without it, or the
+// same surfaces.
 #include <cmath>
 
 #include "brute.h"
@@ -18,7 +19,8 @@ struct Stage {
   BruteScene scene;
   explicit Stage(Random& random) {
     for (int k = 0; k < 7; ++k) meshes.push_back(icosphere(1, 0.5, {0.1 * k, 0, 0}));
-    for (uint32_t k = 0; k < 9; ++k) scene.instances.push_back({std::min(k, 6u), kSeen, random_affine(random, 3)});
+    for (uint32_t k = 0; k < 9; ++k)
+      scene.instances.push_back({std::min(k, 6u), kSeen, random_affine(random, 3)});
     see();
   }
   void see() {
@@ -44,7 +46,8 @@ std::vector<Ray> rays_through(Random& random, int count) {
 }
 
 bool same_bits(const Hit& a, const Hit& b) {
-  return a.t == b.t && a.instance == b.instance && a.primitive == b.primitive && a.u == b.u && a.v == b.v;
+  return a.t == b.t && a.instance == b.instance && a.primitive == b.primitive && a.u == b.u &&
+         a.v == b.v;
 }
 
 }  // namespace
@@ -58,7 +61,8 @@ TEST(takeover, exactly_as_without) {
     accel = stage.build(stage.base(accel, true));
     CHECK(accel->validate().empty());
     const auto fresh = stage.build();
-    for (const Ray& r : rays_through(random, 300)) CHECK(same_bits(closest(*accel, r), closest(*fresh, r)));
+    for (const Ray& r : rays_through(random, 300))
+      CHECK(same_bits(closest(*accel, r), closest(*fresh, r)));
   }
 }
 
@@ -87,7 +91,8 @@ TEST(takeover, the_same_surfaces_after_moves_and_edits) {
   }
 }
 
-// Shared trees in object space are never made anew; those in world space only where something in them changed.
+// Shared trees in object space are never made anew; those in world space only where something in
+// them changed.
 TEST(takeover, builds_what_changed) {
   Random random(72);
   Stage stage(random);
@@ -104,11 +109,13 @@ TEST(takeover, builds_what_changed) {
   CHECK(stage.build(elsewhere)->stats().built == 6 * each);
 }
 
-// A few instances that move stand beside the tree over all of them; when they are more it is made anew.
+// A few instances that move stand beside the tree over all of them; when they are more it is made
+// anew.
 TEST(takeover, instances_beside_their_tree) {
   Random random(73);
   Stage stage(random);
-  for (int k = 0; k < 30; ++k) stage.scene.instances.push_back({6, kSeen, random_affine(random, 3)});
+  for (int k = 0; k < 30; ++k)
+    stage.scene.instances.push_back({6, kSeen, random_affine(random, 3)});
   std::shared_ptr<const Accel> accel = stage.build();
   const size_t nodes = accel->stats().nodes;
   bool was_made_anew = false;

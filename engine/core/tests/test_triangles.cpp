@@ -12,7 +12,9 @@ using namespace glint::test;
 
 namespace {
 
-InstanceView at(uint32_t geometry, const Affine& m = {}) { return {geometry, kCamera | kMirror | kShadow, m}; }
+InstanceView at(uint32_t geometry, const Affine& m = {}) {
+  return {geometry, kCamera | kMirror | kShadow, m};
+}
 
 /// Rays of all sorts through a region of half width `half`.
 Ray any_ray(Random& random, double half) {
@@ -58,14 +60,17 @@ TEST(triangles, distance_and_weights_are_those_of_double) {
     const Ray r = ray(random.in_box(4), random.on_sphere());
     const Hit h = closest(*accel, r);
     if (h.instance == Hit::kNone) continue;
-    const V a(mesh.corner(h.primitive, 0)), b(mesh.corner(h.primitive, 1)), c(mesh.corner(h.primitive, 2));
+    const V a(mesh.corner(h.primitive, 0)), b(mesh.corner(h.primitive, 1)),
+        c(mesh.corner(h.primitive, 2));
     const V n = cross(b - a, c - a);
     const Real det = dot(n, V(r.d)), cosine = std::fabs(det) / std::sqrt(dot(n, n));
     if (cosine < 0.01L || std::min({h.u, h.v, 1 - h.u - h.v}) < 1e-3f) continue;
-    // Each coordinate is below 8; the solution loses what the cosine and the triangle's size (0.06) take.
+    // Each coordinate is below 8; the solution loses what the cosine and the triangle's size (0.06)
+    // take.
     const Real t = dot(n, a - V(r.o)) / det, room = 64 * 0x1p-53L * 8 / cosine;
     CHECK(std::fabs(t - Real(h.t)) <= room);
-    const V p = V(r.o) + t * V(r.d), q = (1 - Real(h.u) - Real(h.v)) * a + Real(h.u) * b + Real(h.v) * c;
+    const V p = V(r.o) + t * V(r.d),
+            q = (1 - Real(h.u) - Real(h.v)) * a + Real(h.u) * b + Real(h.v) * c;
     CHECK(std::sqrt(dot(p - q, p - q)) <= room + 4 * 0x1p-24L * 0.2L);  // u and v are floats
   }
 }
@@ -159,13 +164,16 @@ TEST(triangles, slivers_and_extremes_against_brute_force) {
   for (int k = 0; k < 400; ++k) {
     const Vec3d c = random.in_box(1), e = random.in_box(0.5), thin = random.in_box(1e-7);
     const double s = std::pow(10, random.uniform(-6, 0));
-    mesh.add(mesh.add(c), mesh.add(c + s * e), mesh.add(k % 2 ? c + 0.5 * s * e + s * thin : c + s * random.in_box(1)));
+    mesh.add(mesh.add(c), mesh.add(c + s * e),
+             mesh.add(k % 2 ? c + 0.5 * s * e + s * thin : c + s * random.in_box(1)));
   }
   const BruteScene scene{{mesh.view()}, {at(0)}};
   std::vector<Ray> rays;
   for (int k = 0; k < 3000; ++k) {
     const size_t t = random.below(mesh.count());
-    const Vec3d target = 0.4 * mesh.corner(t, 0) + 0.3 * mesh.corner(t, 1) + 0.3 * mesh.corner(t, 2), o = random.in_box(2);
+    const Vec3d target =
+                    0.4 * mesh.corner(t, 0) + 0.3 * mesh.corner(t, 1) + 0.3 * mesh.corner(t, 2),
+                o = random.in_box(2);
     rays.push_back(ray(o, target - o));
   }
   compare(scene, *build(scene.geometries, scene.instances), rays);

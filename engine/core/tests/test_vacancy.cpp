@@ -16,12 +16,15 @@ struct Camera {
   bool parallel;
   Camera(Vec3d from, Vec3d at, double width, bool is_parallel) : eye(from), parallel(is_parallel) {
     ahead = unit(at - from);
-    x = unit(cross(ahead, std::fabs(ahead.z) < 0.9 ? Vec3d{0, 0, 1} : Vec3d{1, 0, 0})), y = cross(x, ahead);
+    x = unit(cross(ahead, std::fabs(ahead.z) < 0.9 ? Vec3d{0, 0, 1} : Vec3d{1, 0, 0})),
+    y = cross(x, ahead);
     const double half = 0.5 * width / (parallel ? 1 : length(at - from));
     x = half * x, y = half * y;
   }
   Vec3d origin(double u, double v) const { return parallel ? eye + u * x + v * y : eye; }
-  Vec3d direction(double u, double v) const { return parallel ? ahead : unit(ahead + u * x + v * y); }
+  Vec3d direction(double u, double v) const {
+    return parallel ? ahead : unit(ahead + u * x + v * y);
+  }
   Beam beam(double u0, double v0, double u1, double v1) const {
     return {{origin(u0, v0), origin(u1, v0), origin(u1, v1), origin(u0, v1)},
             {direction(u0, v0), direction(u1, v0), direction(u1, v1), direction(u0, v1)}};
@@ -30,7 +33,8 @@ struct Camera {
 
 constexpr int kCells = 16;
 
-/// Cells of the window that are vacant, after rays of all of these have missed: at corners, along edges, inside.
+/// Cells of the window that are vacant, after rays of all of these have missed: at corners, along
+/// edges, inside.
 int vacant_cells(const Accel& accel, const Camera& c, Random& random) {
   int count = 0;
   for (int i = 0; i < kCells; ++i)
@@ -39,8 +43,13 @@ int vacant_cells(const Accel& accel, const Camera& c, Random& random) {
       if (!accel.vacant(c.beam(u, v, u + size, v + size))) continue;
       ++count;
       for (int k = 0; k < 24; ++k) {
-        const double s = k < 4 ? k & 1 : k < 8 ? 0 : random.uniform(), t = k < 4 ? k >> 1 : random.uniform();
-        CHECK(closest(accel, ray(c.origin(u + size * s, v + size * t), c.direction(u + size * s, v + size * t))).instance == Hit::kNone);
+        const double s = k < 4   ? k & 1
+                         : k < 8 ? 0
+                                 : random.uniform(),
+                     t = k < 4 ? k >> 1 : random.uniform();
+        CHECK(closest(accel, ray(c.origin(u + size * s, v + size * t),
+                                 c.direction(u + size * s, v + size * t)))
+                  .instance == Hit::kNone);
       }
     }
   return count;
@@ -60,7 +69,8 @@ TEST(vacancy, no_ray_of_a_vacant_beam_hits) {
       int vacant = 0;
       for (int k = 0; k < 6; ++k) {
         const Camera camera(away * random.on_sphere(), random.in_box(0.2), 4, parallel);
-        for (const Mesh* mesh : {&ball, &rubble}) vacant += vacant_cells(*build(*mesh), camera, random);
+        for (const Mesh* mesh : {&ball, &rubble})
+          vacant += vacant_cells(*build(*mesh), camera, random);
         vacant_cells(*build(shapes.geometries, shapes.instances), camera, random);
       }
       CHECK(vacant > 12 * kCells * kCells / 4);  // the window is twice as wide as what stands there
@@ -76,10 +86,12 @@ TEST(vacancy, a_ray_to_a_vertex_may_hit_it) {
       for (float& p : mesh.vertices) p += float(offset);
       const auto accel = build(mesh);
       for (size_t k = 0; k < mesh.vertices.size(); k += 3) {
-        const Vec3d vertex{double(mesh.vertices[k]), double(mesh.vertices[k + 1]), double(mesh.vertices[k + 2])};
+        const Vec3d vertex{double(mesh.vertices[k]), double(mesh.vertices[k + 1]),
+                           double(mesh.vertices[k + 2])};
         for (int turn = 0; turn < 8; ++turn) {
           const bool parallel = turn % 2 == 1;
-          // The vertex lies in the middle of the window, and each of four beams has it in a corner; many have nothing else.
+          // The vertex lies in the middle of the window, and each of four beams has it in a corner;
+          // many have nothing else.
           const double away = 4 + 1e5 * random.uniform();
           const Camera c(middle + away * random.on_sphere(), vertex, 1e-3, parallel);
           for (int quarter = 0; quarter < 4; ++quarter) {
@@ -97,10 +109,12 @@ TEST(vacancy, trees_of_any_size_are_found) {
     const Mesh ball = icosphere(3, size, {}), other = icosphere(3, size, {4 * size, 0, 0});
     MixedShapes shapes;
     shapes.add(ball), shapes.add(other);
-    shapes.place(0, {}), shapes.place(0, translation({0, 4 * size, 0})), shapes.place(1, {});  // two that have a tree of their own
+    shapes.place(0, {}), shapes.place(0, translation({0, 4 * size, 0})),
+        shapes.place(1, {});  // two that have a tree of their own
     const auto accel = build(shapes.geometries, shapes.instances);
     const Camera camera({0, 0, 9 * size}, {}, 4 * size, false);
-    CHECK(!accel->vacant(camera.beam(-0.1, -0.1, 0.1, 0.1)) && accel->vacant(camera.beam(-1, -1, -0.8, -0.8)));
+    CHECK(!accel->vacant(camera.beam(-0.1, -0.1, 0.1, 0.1)) &&
+          accel->vacant(camera.beam(-1, -1, -0.8, -0.8)));
     for (const Vec3d& at : {Vec3d{}, Vec3d{4 * size, 0, 0}, Vec3d{0, 4 * size, 0}})
       CHECK(closest(*accel, ray(camera.eye, at - camera.eye)).instance != Hit::kNone);
   }
@@ -109,16 +123,19 @@ TEST(vacancy, trees_of_any_size_are_found) {
 TEST(vacancy, a_gap_is_seen) {
   const Mesh ball = icosphere(3, 1, {});
   std::vector<InstanceView> pair(2);
-  pair[0].world_from_object = translation({-2, 0, 0}), pair[1].world_from_object = translation({2, 0, 0});
+  pair[0].world_from_object = translation({-2, 0, 0}),
+  pair[1].world_from_object = translation({2, 0, 0});
   Mesh both = icosphere(3, 1, {-2, 0, 0});
   const Mesh other = icosphere(3, 1, {2, 0, 0});
-  for (uint32_t row : other.triangles) both.triangles.push_back(row + uint32_t(both.vertices.size() / 3));
+  for (uint32_t row : other.triangles)
+    both.triangles.push_back(row + uint32_t(both.vertices.size() / 3));
   both.vertices.insert(both.vertices.end(), other.vertices.begin(), other.vertices.end());
   const auto placed = build({ball.view()}, pair), baked = build(both);
   for (bool parallel : {false, true}) {
     const Camera camera({0, -20, 0}, {}, 1.8, parallel);  // 0.9 to each side: the gap reaches to 1
     CHECK(placed->vacant(camera.beam(-1, -1, 1, 1)) && baked->vacant(camera.beam(-1, -1, 1, 1)));
-    CHECK(!placed->vacant(camera.beam(-1.3, -1, 1, 1)) && !baked->vacant(camera.beam(-1, -1, 1.3, 1)));
+    CHECK(!placed->vacant(camera.beam(-1.3, -1, 1, 1)) &&
+          !baked->vacant(camera.beam(-1, -1, 1.3, 1)));
   }
 }
 

@@ -1,4 +1,5 @@
-// No ray through a closed mesh, whichever edge or corner it is aimed at (NUMERICS: at most 0 leaks).
+// No ray through a closed mesh, whichever edge or corner it is aimed at (NUMERICS: at most 0
+// leaks).
 #include <cmath>
 
 #include "check.h"
@@ -11,7 +12,8 @@ namespace {
 
 constexpr int kRays = 120000;
 
-/// A point of the mesh where leaks would be: a corner, the middle of an edge, or anywhere on an edge.
+/// A point of the mesh where leaks would be: a corner, the middle of an edge, or anywhere on an
+/// edge.
 Vec3d target(const Mesh& mesh, Random& random) {
   const size_t t = random.below(mesh.count()), k = random.below(3);
   const Vec3d a = mesh.corner(t, k), b = mesh.corner(t, (k + 1) % 3);
@@ -20,13 +22,15 @@ Vec3d target(const Mesh& mesh, Random& random) {
 }
 
 /// Rays that begin inside and see nothing.
-int leaks(const Mesh& mesh, const std::vector<InstanceView>& instances, Vec3d center, double radius, uint64_t seed) {
+int leaks(const Mesh& mesh, const std::vector<InstanceView>& instances, Vec3d center, double radius,
+          uint64_t seed) {
   Random random(seed);
   const auto accel = build({mesh.view()}, instances);
   const Affine& m = instances[0].world_from_object;
   std::vector<Ray> rays;
   for (int k = 0; k < kRays; ++k) {
-    const Vec3d o = point(m, center + (k % 2 ? 0.3 * radius : 0.0) * random.in_box(1)), p = point(m, target(mesh, random));
+    const Vec3d o = point(m, center + (k % 2 ? 0.3 * radius : 0.0) * random.in_box(1)),
+                p = point(m, target(mesh, random));
     rays.push_back(ray(o, p - o));
   }
   std::vector<Hit> hits(rays.size());
@@ -44,12 +48,14 @@ const Vec3d kPlaces[] = {{0, 0, 0}, {1000, 1000, 1000}};
 
 TEST(watertight, icospheres) {
   for (Vec3d center : kPlaces)
-    for (double radius : {1e-3, 1.0, 1e4}) CHECK(leaks(icosphere(3, radius, center), {InstanceView{}}, center, radius, 20) == 0);
+    for (double radius : {1e-3, 1.0, 1e4})
+      CHECK(leaks(icosphere(3, radius, center), {InstanceView{}}, center, radius, 20) == 0);
 }
 
 TEST(watertight, grids) {
   for (Vec3d center : kPlaces)
-    for (double radius : {1e-3, 1.0, 1e4}) CHECK(leaks(box_grid(64, radius, center), {InstanceView{}}, center, radius, 21) == 0);
+    for (double radius : {1e-3, 1.0, 1e4})
+      CHECK(leaks(box_grid(64, radius, center), {InstanceView{}}, center, radius, 21) == 0);
 }
 
 TEST(watertight, instances) {
@@ -82,7 +88,8 @@ TEST(watertight, along_the_axes_through_corners) {
   CHECK(leaks == 0);
 }
 
-// From outside: a ray at an edge that two faces turn towards it must stop there, not on the far side.
+// From outside: a ray at an edge that two faces turn towards it must stop there, not on the far
+// side.
 TEST(watertight, from_outside) {
   Random random(26);
   for (Vec3d center : kPlaces) {
@@ -90,7 +97,8 @@ TEST(watertight, from_outside) {
     const auto accel = build(mesh);
     int leaks = 0;
     for (int k = 0; k < 4 * kRays; ++k) {
-      const Vec3d p = target(mesh, random), n = normalize(p - center), o = p + 3.0 * normalize(n + 0.9 * random.on_sphere());
+      const Vec3d p = target(mesh, random), n = normalize(p - center),
+                  o = p + 3.0 * normalize(n + 0.9 * random.on_sphere());
       if (dot(normalize(o - p), n) < 0.3) continue;
       const double t = closest(*accel, ray(o, p - o)).t;
       leaks += !(t < 1.001);

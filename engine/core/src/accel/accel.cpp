@@ -21,7 +21,12 @@ struct Columns {
       for (int k = 0; k < 3; ++k) values[k][n] = rays[n].o[k], values[3 + k][n] = rays[n].d[k];
       values[6][n] = rays[n].t_min, values[7][n] = rays[n].t_max;
     }
-    return {{values[0], values[1], values[2]}, {values[3], values[4], values[5]}, values[6], values[7], n, rays[0].visibility};
+    return {{values[0], values[1], values[2]},
+            {values[3], values[4], values[5]},
+            values[6],
+            values[7],
+            n,
+            rays[0].visibility};
   }
 };
 
@@ -38,7 +43,8 @@ void Accel::closest(const Ray* rays, Hit* hits, size_t count, Scratch& scratch) 
   for (size_t first = 0; first < count;) {
     const Rays batch = columns.fill(rays + first, count - first);
     closest(batch, Hits{t, instance, primitive, u, v}, scratch);
-    for (size_t k = 0; k < batch.count; ++k) hits[first + k] = {t[k], instance[k], primitive[k], u[k], v[k]};
+    for (size_t k = 0; k < batch.count; ++k)
+      hits[first + k] = {t[k], instance[k], primitive[k], u[k], v[k]};
     first += batch.count;
   }
 }

@@ -19,8 +19,12 @@ typedef int32_t I4 __attribute__((vector_size(16)));
 inline F4 lower(F4 a, F4 b) { return F4(_mm_min_ps(__m128(a), __m128(b))); }
 inline F4 upper(F4 a, F4 b) { return F4(_mm_max_ps(__m128(a), __m128(b))); }
 #else
-inline F4 lower(F4 a, F4 b) { return F4{a[0] < b[0] ? a[0] : b[0], a[1] < b[1] ? a[1] : b[1], a[2] < b[2] ? a[2] : b[2], 0}; }
-inline F4 upper(F4 a, F4 b) { return F4{a[0] > b[0] ? a[0] : b[0], a[1] > b[1] ? a[1] : b[1], a[2] > b[2] ? a[2] : b[2], 0}; }
+inline F4 lower(F4 a, F4 b) {
+  return F4{a[0] < b[0] ? a[0] : b[0], a[1] < b[1] ? a[1] : b[1], a[2] < b[2] ? a[2] : b[2], 0};
+}
+inline F4 upper(F4 a, F4 b) {
+  return F4{a[0] > b[0] ? a[0] : b[0], a[1] > b[1] ? a[1] : b[1], a[2] > b[2] ? a[2] : b[2], 0};
+}
 #endif
 /// Whether a lane of a mask is set.
 #if defined(__SSE2__)
@@ -32,12 +36,14 @@ inline F4 splat(float a) { return F4{a, a, a, a}; }
 
 /// Lane 3 means nothing. Starts empty.
 struct Box {
-  F4 lo = splat(std::numeric_limits<float>::infinity()), hi = splat(-std::numeric_limits<float>::infinity());
+  F4 lo = splat(std::numeric_limits<float>::infinity()),
+     hi = splat(-std::numeric_limits<float>::infinity());
   void add(F4 p) { lo = lower(lo, p), hi = upper(hi, p); }
   void add(const Box& b) { lo = lower(lo, b.lo), hi = upper(hi, b.hi); }
 };
 
-/// A primitive on its way into a tree: its box and what it is. `source` numbers the arrays that it comes from.
+/// A primitive on its way into a tree: its box and what it is. `source` numbers the arrays that it
+/// comes from.
 struct alignas(16) Ref {
   float lo[3];
   uint32_t primitive;
@@ -78,8 +84,9 @@ inline Ref make_ref(const Box& b, uint32_t primitive, uint32_t source) {
   return {{lo[0], lo[1], lo[2]}, primitive, {hi[0], hi[1], hi[2]}, source};
 }
 inline Ref make_ref(const BoxD& b, uint32_t primitive, uint32_t source) {
-  return make_ref(Box{F4{round_down(b.lo.x), round_down(b.lo.y), round_down(b.lo.z), 0}, F4{round_up(b.hi.x), round_up(b.hi.y),
-                      round_up(b.hi.z), 0}}, primitive, source);
+  return make_ref(Box{F4{round_down(b.lo.x), round_down(b.lo.y), round_down(b.lo.z), 0},
+                      F4{round_up(b.hi.x), round_up(b.hi.y), round_up(b.hi.z), 0}},
+                  primitive, source);
 }
 
 }  // namespace glint

@@ -7,13 +7,15 @@
 namespace glint {
 namespace {
 
-constexpr int kMaxBits = 15;         // of a cell's number: 37449 cells of all sizes, which fit 16 bits
-constexpr int kMaxAxisBits = 8;      // of them along one axis
-constexpr size_t kSingle = 4096;     // refs: so many of the largest, or a quarter of all, become clusters of their own
+constexpr int kMaxBits = 15;     // of a cell's number: 37449 cells of all sizes, which fit 16 bits
+constexpr int kMaxAxisBits = 8;  // of them along one axis
+constexpr size_t kSingle =
+    4096;  // refs: so many of the largest, or a quarter of all, become clusters of their own
 constexpr size_t kChunk = 16384;
 
-/// Cells as near to cubes as halving gives: their longest side is halved `bits` times in turn. A cell's number has a bit for every halving,
-/// the first one highest. At each further level three halvings less; levels are numbered one after the other.
+/// Cells as near to cubes as halving gives: their longest side is halved `bits` times in turn. A
+/// cell's number has a bit for every halving, the first one highest. At each further level three
+/// halvings less; levels are numbered one after the other.
 class Grid {
  public:
   Grid(const Box& centroids, size_t refs, size_t limit, bool by_size)
@@ -37,7 +39,8 @@ class Grid {
     }
     inverse_side_ = 1 / std::max({side[0], side[1], side[2]});
     name_cells(axis_of);
-    for (int level = 0; level <= levels(); ++level) first_[level + 1] = first_[level] + (1u << (bits_ - std::min(bits_, 3 * level)));
+    for (int level = 0; level <= levels(); ++level)
+      first_[level + 1] = first_[level] + (1u << (bits_ - std::min(bits_, 3 * level)));
   }
   /// The number of the last level: one cell.
   int levels() const { return (bits_ + 2) / 3; }
@@ -45,7 +48,8 @@ class Grid {
   uint32_t first(int level) const { return first_[level]; }
 
   uint32_t operator()(const Ref& r) const {
-    const I4 cell = __builtin_convertvector(lower(upper((centroid(r) - origin_) * scale_, F4{}), last_), I4);
+    const I4 cell =
+        __builtin_convertvector(lower(upper((centroid(r) - origin_) * scale_, F4{}), last_), I4);
     const uint32_t name = uint32_t(name_[0][cell[0]] | name_[1][cell[1]] | name_[2][cell[2]]);
     if (!by_size_) return name;
     const F4 size = extent({low(r), high(r)});
@@ -65,7 +69,8 @@ class Grid {
     int bit[3] = {};
     for (int k = bits_ - 1; k >= 0; --k) {
       const int axis = axis_of[k], low = 1 << bit[axis]++;
-      for (int c = 0; c < low; ++c) name_[axis][low + c] = uint16_t(name_[axis][c] | 1 << (bits_ - 1 - k));
+      for (int c = 0; c < low; ++c)
+        name_[axis][low + c] = uint16_t(name_[axis][c] | 1 << (bits_ - 1 - k));
     }
   }
   /// The first level whose cells are not smaller than `size`, measured in cells of level 0.
@@ -87,7 +92,9 @@ class Grid {
 struct Parts {
   size_t begin, end, count, each;
   Parts(const Range& r, Team& team)
-      : begin(r.begin), end(r.end), count(std::min((r.count() + kChunk - 1) / kChunk, 4 * team.size())),
+      : begin(r.begin),
+        end(r.end),
+        count(std::min((r.count() + kChunk - 1) / kChunk, 4 * team.size())),
         each((r.count() + count - 1) / count) {}
   size_t first(size_t part) const { return std::min(end, begin + part * each); }
 };
@@ -102,8 +109,10 @@ Box centroid_box(const Ref* refs, const Parts& parts, Team& team) {
   return box;
 }
 
-/// Moves refs[range) to scratch, cell by cell, in their old order within a cell. start[c], start[c + 1]: where cell c lies.
-std::vector<size_t> sort_by_cell(const Ref* refs, Ref* scratch, const Grid& grid, const Parts& parts, Team& team) {
+/// Moves refs[range) to scratch, cell by cell, in their old order within a cell. start[c], start[c
+/// + 1]: where cell c lies.
+std::vector<size_t> sort_by_cell(const Ref* refs, Ref* scratch, const Grid& grid,
+                                 const Parts& parts, Team& team) {
   Buffer<uint16_t> cell(parts.end - parts.begin);
   std::vector<std::vector<uint32_t>> counts(parts.count);
   team.run(parts.count, [&](size_t g) {
@@ -125,20 +134,24 @@ std::vector<size_t> sort_by_cell(const Ref* refs, Ref* scratch, const Grid& grid
   start.back() = at;
   team.run(parts.count, [&](size_t g) {
     uint32_t* next = counts[g].data();
-    for (size_t k = parts.first(g); k < parts.first(g + 1); ++k) scratch[parts.begin + next[cell[k - parts.begin]]++] = refs[k];
+    for (size_t k = parts.first(g); k < parts.first(g + 1); ++k)
+      scratch[parts.begin + next[cell[k - parts.begin]]++] = refs[k];
   });
   return start;
 }
 
-/// Cells [first, first + count) of one level as clusters: together if they hold at most `limit` refs, else by halves.
-void gather(const std::vector<size_t>& start, uint32_t first, uint32_t count, size_t limit, std::vector<Ref>& clusters) {
+/// Cells [first, first + count) of one level as clusters: together if they hold at most `limit`
+/// refs, else by halves.
+void gather(const std::vector<size_t>& start, uint32_t first, uint32_t count, size_t limit,
+            std::vector<Ref>& clusters) {
   const size_t refs = start[first + count] - start[first];
   if (refs == 0) return;
   if (refs <= limit || count == 1) {
     clusters.push_back({{}, uint32_t(start[first]), {}, uint32_t(refs)});
     return;
   }
-  gather(start, first, count / 2, limit, clusters), gather(start, first + count / 2, count / 2, limit, clusters);
+  gather(start, first, count / 2, limit, clusters),
+      gather(start, first + count / 2, count / 2, limit, clusters);
 }
 
 /// body(c) for every cluster, in pieces shared by the team.
@@ -150,14 +163,16 @@ void each_cluster(size_t count, Team& team, Body body) {
   });
 }
 
-std::vector<Ref> clusters_of(const Ref* refs, Ref* scratch, const Grid& grid, const Parts& parts, size_t limit, Team& team) {
+std::vector<Ref> clusters_of(const Ref* refs, Ref* scratch, const Grid& grid, const Parts& parts,
+                             size_t limit, Team& team) {
   const std::vector<size_t> start = sort_by_cell(refs, scratch, grid, parts, team);
   std::vector<Ref> clusters;
   const size_t single = std::min(kSingle, (parts.end - parts.begin) / 4);
   int level = 0;
   for (; level <= grid.levels() && parts.end - start[grid.first(level)] > single; ++level)
     gather(start, grid.first(level), grid.first(level + 1) - grid.first(level), limit, clusters);
-  for (size_t k = start[grid.first(level)]; k < parts.end; ++k) clusters.push_back({{}, uint32_t(k), {}, 1});
+  for (size_t k = start[grid.first(level)]; k < parts.end; ++k)
+    clusters.push_back({{}, uint32_t(k), {}, 1});
   each_cluster(clusters.size(), team, [&](size_t c) {
     const size_t first = clusters[c].primitive, count = clusters[c].source;
     Box box;
@@ -169,17 +184,22 @@ std::vector<Ref> clusters_of(const Ref* refs, Ref* scratch, const Grid& grid, co
 
 }  // namespace
 
-std::vector<Ref> make_clusters(const Ref* refs, Ref* scratch, const Range& range, size_t limit, Team& team) {
+std::vector<Ref> make_clusters(const Ref* refs, Ref* scratch, const Range& range, size_t limit,
+                               Team& team) {
   const Parts parts(range, team);
   const Box centroids = centroid_box(refs, parts, team);
-  std::vector<Ref> clusters = clusters_of(refs, scratch, Grid(centroids, range.count(), limit, true), parts, limit, team);
+  std::vector<Ref> clusters =
+      clusters_of(refs, scratch, Grid(centroids, range.count(), limit, true), parts, limit, team);
   const auto lighter = [](const Ref& a, const Ref& b) { return a.source < b.source; };
-  if (std::max_element(clusters.begin(), clusters.end(), lighter)->source > range.count() / 2)  // all large: by their place alone
-    clusters = clusters_of(refs, scratch, Grid(centroids, range.count(), limit, false), parts, limit, team);
+  if (std::max_element(clusters.begin(), clusters.end(), lighter)->source >
+      range.count() / 2)  // all large: by their place alone
+    clusters = clusters_of(refs, scratch, Grid(centroids, range.count(), limit, false), parts,
+                           limit, team);
   return clusters;
 }
 
-std::vector<size_t> sort_into_cells(Ref* refs, Ref* scratch, const Range& range, size_t limit, Team& team) {
+std::vector<size_t> sort_into_cells(Ref* refs, Ref* scratch, const Range& range, size_t limit,
+                                    Team& team) {
   const Parts parts(range, team);
   const Grid grid(centroid_box(refs, parts, team), range.count(), limit, false);
   std::vector<size_t> start = sort_by_cell(refs, scratch, grid, parts, team);
@@ -188,10 +208,13 @@ std::vector<size_t> sort_into_cells(Ref* refs, Ref* scratch, const Range& range,
   return start;
 }
 
-void gather_clusters(Ref* refs, const Ref* scratch, size_t begin, const std::vector<Ref>& clusters, Team& team) {
+void gather_clusters(Ref* refs, const Ref* scratch, size_t begin, const std::vector<Ref>& clusters,
+                     Team& team) {
   std::vector<size_t> at(clusters.size() + 1, begin);
   for (size_t c = 0; c < clusters.size(); ++c) at[c + 1] = at[c] + clusters[c].source;
-  each_cluster(clusters.size(), team, [&](size_t c) { std::copy_n(scratch + clusters[c].primitive, clusters[c].source, refs + at[c]); });
+  each_cluster(clusters.size(), team, [&](size_t c) {
+    std::copy_n(scratch + clusters[c].primitive, clusters[c].source, refs + at[c]);
+  });
 }
 
 }  // namespace glint

@@ -7,9 +7,12 @@
 
 namespace glint {
 
-constexpr int kMedianDepth = 40;    // from here on ranges are halved, so that kMaxDepth holds: 2^28 refs are 28 halvings away
+constexpr int kMedianDepth =
+    40;  // from here on ranges are halved, so that kMaxDepth holds: 2^28 refs are 28 halvings away
 
-inline ChildRef leaf_ref(size_t first, size_t count) { return kLeaf | ChildRef(count - 1) << kCountShift | ChildRef(first); }
+inline ChildRef leaf_ref(size_t first, size_t count) {
+  return kLeaf | ChildRef(count - 1) << kCountShift | ChildRef(first);
+}
 
 /// Without a box: no child.
 inline void set_child(Node& node, int lane, const Box* box) {

@@ -9,11 +9,12 @@
 namespace glint {
 namespace {
 
-constexpr double kMostCuts = 0.5;       // of the refs: how many more
-constexpr double kOverlap = 0.2;        // of a part's surface, and
-constexpr double kSceneOverlap = 1e-5;  // of the scene's: children that share less are not worth a cut
+constexpr double kMostCuts = 0.5;  // of the refs: how many more
+constexpr double kOverlap = 0.2;   // of a part's surface, and
+constexpr double kSceneOverlap =
+    1e-5;  // of the scene's: children that share less are not worth a cut
 constexpr int kSpaceBins = 16;
-constexpr size_t kTask = 4096;          // refs: below, a part is the work of one thread
+constexpr size_t kTask = 4096;  // refs: below, a part is the work of one thread
 
 /// Refs on their way into nodes. `spare`: how many more they may become.
 struct Part {
@@ -24,7 +25,8 @@ struct Part {
 
 Box box_of(const Ref& r) { return {low(r), high(r)}; }
 
-/// The half of a ref's box below or above a plane that its triangle reaches, two ulps larger than computed.
+/// The half of a ref's box below or above a plane that its triangle reaches, two ulps larger than
+/// computed.
 Ref half_of(const Ref& r, const Vec3d (&corner)[3], int axis, double at, bool above) {
   BoxD box;
   const auto beyond = [&](Vec3d p) { return above ? p[axis] - at : at - p[axis]; };
@@ -36,8 +38,10 @@ Ref half_of(const Ref& r, const Vec3d (&corner)[3], int axis, double at, bool ab
   }
   Ref half = r;
   for (int k = 0; k < 3; ++k) {
-    const double room = 0x1p-22 * std::max(std::fabs(box.lo[k]), std::fabs(box.hi[k])) + double(std::numeric_limits<float>::denorm_min());
-    half.lo[k] = std::max(r.lo[k], float(box.lo[k] - room)), half.hi[k] = std::min(r.hi[k], float(box.hi[k] + room));
+    const double room = 0x1p-22 * std::max(std::fabs(box.lo[k]), std::fabs(box.hi[k])) +
+                        double(std::numeric_limits<float>::denorm_min());
+    half.lo[k] = std::max(r.lo[k], float(box.lo[k] - room)),
+    half.hi[k] = std::min(r.hi[k], float(box.hi[k] + room));
   }
   if (above) half.lo[axis] = std::max(r.lo[axis], float(at));
   else half.hi[axis] = std::min(r.hi[axis], float(at));
@@ -48,7 +52,8 @@ Ref half_of(const Ref& r, const Vec3d (&corner)[3], int axis, double at, bool ab
 struct Planes {
   float origin, width;
   int axis;
-  Planes(const Box& box, int k) : origin(box.lo[k]), width((box.hi[k] - box.lo[k]) / kSpaceBins), axis(k) {}
+  Planes(const Box& box, int k)
+      : origin(box.lo[k]), width((box.hi[k] - box.lo[k]) / kSpaceBins), axis(k) {}
   bool sound() const { return width > 1e-35f && width <= std::numeric_limits<float>::max(); }
   float at(int bin) const { return origin + float(bin) * width; }
   /// The bin that holds a coordinate: at(bin) <= x < at(bin + 1), as far as there are bins.
@@ -89,18 +94,22 @@ struct SpaceBins {
   void best(const Planes& planes, SpaceSplit& best) const {
     Box right_box[kSpaceBins], box_here;
     size_t right[kSpaceBins], count = 0;
-    for (int b = kSpaceBins - 1; b > 0; --b) box_here.add(box[b]), right_box[b] = box_here, right[b] = count += last[b];
+    for (int b = kSpaceBins - 1; b > 0; --b)
+      box_here.add(box[b]), right_box[b] = box_here, right[b] = count += last[b];
     box_here = {}, count = 0;
     for (int b = 1; b < kSpaceBins; ++b) {
       box_here.add(box[b - 1]), count += first[b - 1];
       if (count == 0 || right[b] == 0) continue;
-      const float cost = float(half_area(box_here) * double(count) + half_area(right_box[b]) * double(right[b]));
-      if (cost < best.cost) best = {cost, planes.at(b), planes.axis, count, right[b], box_here, right_box[b]};
+      const float cost =
+          float(half_area(box_here) * double(count) + half_area(right_box[b]) * double(right[b]));
+      if (cost < best.cost)
+        best = {cost, planes.at(b), planes.axis, count, right[b], box_here, right_box[b]};
     }
   }
 };
 
-/// Makes nodes over parts; those of `crowd` refs or less are handed to `later` instead, if there is one.
+/// Makes nodes over parts; those of `crowd` refs or less are handed to `later` instead, if there is
+/// one.
 class Maker {
  public:
   struct Task {
@@ -112,7 +121,8 @@ class Maker {
   std::vector<Ref> leaves;
   std::vector<Task> later;
 
-  Maker(const CornersOf& corners, const BuildOptions& options, double scene, size_t crowd, const std::atomic<bool>& cancel)
+  Maker(const CornersOf& corners, const BuildOptions& options, double scene, size_t crowd,
+        const std::atomic<bool>& cancel)
       : corners_(corners), options_(options), scene_(scene), crowd_(crowd), cancel_(cancel) {}
 
   ChildRef make(Part& part, int depth) {
@@ -136,7 +146,8 @@ class Maker {
 
  private:
   ChildRef below(Part& part, size_t node, int lane, int depth) {
-    if (part.refs.size() > crowd_ || part.refs.size() <= options_.max_leaf) return make(part, depth);
+    if (part.refs.size() > crowd_ || part.refs.size() <= options_.max_leaf)
+      return make(part, depth);
     later.push_back({node, lane, depth, std::move(part)});
     return 0;
   }
@@ -144,7 +155,9 @@ class Maker {
   ChildRef leaf(const Part& part) {
     const size_t first = leaves.size();
     for (const Ref& r : part.refs) {
-      const auto same = [&](const Ref& q) { return q.primitive == r.primitive && q.source == r.source; };
+      const auto same = [&](const Ref& q) {
+        return q.primitive == r.primitive && q.source == r.source;
+      };
       if (std::none_of(leaves.begin() + ptrdiff_t(first), leaves.end(), same)) leaves.push_back(r);
     }
     return leaf_ref(first, leaves.size() - first);
@@ -169,7 +182,8 @@ class Maker {
   }
 
   bool split(Part& part, int depth, Part& a, Part& b) {
-    const BinMap map(centroid_box(part.refs.data(), part.refs.data() + part.refs.size()), part.refs.size());
+    const BinMap map(centroid_box(part.refs.data(), part.refs.data() + part.refs.size()),
+                     part.refs.size());
     Split objects;
     if (depth < kMedianDepth) {
       bins_.fill<Single>(part.refs.data(), part.refs.data() + part.refs.size(), map);
@@ -177,7 +191,8 @@ class Maker {
     }
     const SpaceSplit space = depth < kMedianDepth ? best_space(part, objects) : SpaceSplit{};
     if (space.axis >= 0) cut(part, space, a, b);
-    else if (objects.axis >= 0) divide(part, [&](const Ref& r) { return map.below(r, objects.axis, objects.bin); }, a, b);
+    else if (objects.axis >= 0)
+      divide(part, [&](const Ref& r) { return map.below(r, objects.axis, objects.bin); }, a, b);
     else if (part.refs.size() > options_.max_leaf) halve(part, a, b);
     else return false;
     const double left = double(a.refs.size()), right = double(b.refs.size());
@@ -190,7 +205,8 @@ class Maker {
   SpaceSplit best_space(const Part& part, const Split& objects) const {
     SpaceSplit best;
     const size_t count = part.refs.size();
-    if (part.spare < 1 || (objects.axis >= 0 && !overlap(objects, half_area(part.box)))) return best;
+    if (part.spare < 1 || (objects.axis >= 0 && !overlap(objects, half_area(part.box))))
+      return best;
     for (int k = 0; k < 3; ++k) {
       const Planes planes(part.box, k);
       if (!planes.sound()) continue;
@@ -199,8 +215,10 @@ class Maker {
       bins.best(planes, best);
     }
     const double unit = double(Areas(part.box).unit[0]);
-    const bool better = best.axis >= 0 && double(best.cost) * unit * unit < 0.99 * double(objects.cost);
-    const bool fits = best.left < count && best.right < count && double(best.left + best.right - count) <= part.spare;
+    const bool better =
+        best.axis >= 0 && double(best.cost) * unit * unit < 0.99 * double(objects.cost);
+    const bool fits = best.left < count && best.right < count &&
+                      double(best.left + best.right - count) <= part.spare;
     return better && fits ? best : SpaceSplit{};
   }
   bool overlap(const Split& s, double area) const {
@@ -215,14 +233,17 @@ class Maker {
     double left = double(space.left), right = double(space.right);
     const double left_area = half_area(space.left_box), right_area = half_area(space.right_box);
     for (const Ref& r : part.refs) {
-      const bool is_left = r.lo[space.axis] < space.at, is_right = r.hi[space.axis] > space.at;
+      const bool is_left = r.lo[space.axis]<space.at, is_right = r.hi[space.axis]> space.at;
       if (is_left && is_right) {
         Box wide_left = space.left_box, wide_right = space.right_box;
         wide_left.add(box_of(r)), wide_right.add(box_of(r));
         const double both = left_area * left + right_area * right;
         const double all_left = half_area(wide_left) * left + right_area * (right - 1);
         const double all_right = left_area * (left - 1) + half_area(wide_right) * right;
-        if (both < all_left && both < all_right) { add_halves(r, space, a, b); continue; }
+        if (both < all_left && both < all_right) {
+          add_halves(r, space, a, b);
+          continue;
+        }
         if (all_left < all_right) add(a, r), right -= 1;
         else add(b, r), left -= 1;
       } else {
@@ -236,7 +257,8 @@ class Maker {
     corners_(r, corner);
     for (const bool above : {false, true}) {
       const Ref half = half_of(r, corner, space.axis, double(space.at), above);
-      if (half.lo[0] <= half.hi[0] && half.lo[1] <= half.hi[1] && half.lo[2] <= half.hi[2]) add(above ? b : a, half);
+      if (half.lo[0] <= half.hi[0] && half.lo[1] <= half.hi[1] && half.lo[2] <= half.hi[2])
+        add(above ? b : a, half);
     }
   }
   template <class Left>
@@ -258,7 +280,8 @@ class Maker {
 };
 
 /// The tasks' nodes and leaves behind those of the top.
-NodeTree join(Maker& top, std::vector<Maker>& makers, const std::vector<ChildRef>& roots, ChildRef root, Buffer<Ref>& refs) {
+NodeTree join(Maker& top, std::vector<Maker>& makers, const std::vector<ChildRef>& roots,
+              ChildRef root, Buffer<Ref>& refs) {
   size_t nodes = top.nodes.size(), leaves = top.leaves.size();
   std::vector<size_t> first_node, first_leaf;
   for (const Maker& m : makers) {
@@ -266,7 +289,9 @@ NodeTree join(Maker& top, std::vector<Maker>& makers, const std::vector<ChildRef
     nodes += m.nodes.size(), leaves += m.leaves.size();
   }
   if (leaves > size_t(kOrdinal)) throw std::bad_alloc();
-  const auto moved = [&](ChildRef c, size_t k) { return ChildRef(c + (c & kLeaf ? first_leaf[k] : first_node[k])); };
+  const auto moved = [&](ChildRef c, size_t k) {
+    return ChildRef(c + (c & kLeaf ? first_leaf[k] : first_node[k]));
+  };
   for (size_t k = 0; k < makers.size(); ++k) {
     const Maker::Task& task = top.later[k];
     top.nodes[task.node].child[task.lane] = moved(roots[k], k);
@@ -276,7 +301,8 @@ NodeTree join(Maker& top, std::vector<Maker>& makers, const std::vector<ChildRef
   std::copy(top.nodes.begin(), top.nodes.end(), tree.nodes.data.get());
   std::copy(top.leaves.begin(), top.leaves.end(), refs.data.get());
   for (size_t k = 0; k < makers.size(); ++k) {
-    move_nodes(makers[k].nodes, tree.nodes.data.get() + first_node[k], [&](ChildRef c) { return moved(c, k); });
+    move_nodes(makers[k].nodes, tree.nodes.data.get() + first_node[k],
+               [&](ChildRef c) { return moved(c, k); });
     std::copy(makers[k].leaves.begin(), makers[k].leaves.end(), refs.data.get() + first_leaf[k]);
   }
   return tree;
@@ -284,8 +310,8 @@ NodeTree join(Maker& top, std::vector<Maker>& makers, const std::vector<ChildRef
 
 }  // namespace
 
-NodeTree build_spatial(Buffer<Ref>& refs, const CornersOf& corners, const BuildOptions& options, Team& team,
-                       const std::atomic<bool>& cancel) {
+NodeTree build_spatial(Buffer<Ref>& refs, const CornersOf& corners, const BuildOptions& options,
+                       Team& team, const std::atomic<bool>& cancel) {
   Part all;
   all.refs.assign(refs.data.get(), refs.data.get() + refs.size);
   all.box = ref_box(refs.data.get(), refs.data.get() + refs.size);
@@ -297,7 +323,8 @@ NodeTree build_spatial(Buffer<Ref>& refs, const CornersOf& corners, const BuildO
   const ChildRef root = top.make(all, 0);
   std::vector<Maker> makers(top.later.size(), Maker(corners, options, scene, 0, cancel));
   std::vector<ChildRef> roots(makers.size());
-  team.run(makers.size(), [&](size_t k) { roots[k] = makers[k].make(top.later[k].part, top.later[k].depth); });
+  team.run(makers.size(),
+           [&](size_t k) { roots[k] = makers[k].make(top.later[k].part, top.later[k].depth); });
   NodeTree tree = join(top, makers, roots, root, refs);
   tree.box = box;
   return tree;

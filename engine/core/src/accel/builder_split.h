@@ -1,4 +1,5 @@
-// One range of boxes in two: binned surface area heuristic (Wald 2007, On fast Construction of SAH-based Bounding Volume Hierarchies).
+// One range of boxes in two: binned surface area heuristic (Wald 2007, On fast Construction of
+// SAH-based Bounding Volume Hierarchies).
 #pragma once
 #include <algorithm>
 
@@ -8,7 +9,8 @@ namespace glint {
 
 constexpr int kMaxBins = 32;
 
-/// Boxes [begin, end): refs, or clusters of them. Below them are refs [first, first + weight) of the tree.
+/// Boxes [begin, end): refs, or clusters of them. Below them are refs [first, first + weight) of
+/// the tree.
 struct Range {
   size_t begin = 0, end = 0, first = 0, weight = 0;
   Box box;
@@ -20,10 +22,14 @@ struct BinMap {
   F4 origin, scale, last;
   int count;
 
-  BinMap(const Box& centroids, size_t refs) : origin(centroids.lo), scale(splat(0)), count(int(std::min<size_t>(kMaxBins, 4 + refs / 16))) {
+  BinMap(const Box& centroids, size_t refs)
+      : origin(centroids.lo),
+        scale(splat(0)),
+        count(int(std::min<size_t>(kMaxBins, 4 + refs / 16))) {
     for (int k = 0; k < 3; ++k) {
       const float extent = centroids.hi[k] - centroids.lo[k];
-      if (extent > 1e-35f && extent <= std::numeric_limits<float>::max()) scale[k] = 0.9999f * float(count) / extent;
+      if (extent > 1e-35f && extent <= std::numeric_limits<float>::max())
+        scale[k] = 0.9999f * float(count) / extent;
     }
     last = splat(float(count - 1));
   }
@@ -31,7 +37,8 @@ struct BinMap {
   I4 operator()(const Ref& r) const {
     return __builtin_convertvector(lower(upper((centroid(r) - origin) * scale, F4{}), last), I4);
   }
-  /// Whether the bin along `axis` is one below `bin`, which is neither the first one nor beyond the last.
+  /// Whether the bin along `axis` is one below `bin`, which is neither the first one nor beyond the
+  /// last.
   bool below(const Ref& r, int axis, int bin) const {
     return !((0.5f * r.lo[axis] + 0.5f * r.hi[axis] - origin[axis]) * scale[axis] >= float(bin));
   }
@@ -73,12 +80,14 @@ struct Split {
 
 /// Half the surface; 0 where that is not a number.
 inline double half_area(const Box& b) {
-  const double x = double(b.hi[0]) - double(b.lo[0]), y = double(b.hi[1]) - double(b.lo[1]), z = double(b.hi[2]) - double(b.lo[2]);
+  const double x = double(b.hi[0]) - double(b.lo[0]), y = double(b.hi[1]) - double(b.lo[1]),
+               z = double(b.hi[2]) - double(b.lo[2]);
   const double a = x * (y + z) + y * z;
   return a > 0 ? a : 0;
 }
 
-/// Half the surfaces of three boxes of a range, in units that make the range's own extents at most 1: lane k is that of box[k].
+/// Half the surfaces of three boxes of a range, in units that make the range's own extents at most
+/// 1: lane k is that of box[k].
 struct Areas {
   F4 unit;
   explicit Areas(const Box& range) {
@@ -103,23 +112,27 @@ struct Grown {
   }
 };
 
-/// The cheapest split of a range. Costs that are not numbers, from a side without boxes or from infinite extents, are never the cheapest.
+/// The cheapest split of a range. Costs that are not numbers, from a side without boxes or from
+/// infinite extents, are never the cheapest.
 inline Split best_split(const Bins& bins, const BinMap& map, const Areas& areas) {
   F4 right_cost[kMaxBins], lowest = splat(std::numeric_limits<float>::infinity());
   I4 at{};
   Grown right, left;
-  for (int b = map.count - 1; b > 0; --b) right.add(bins, b), right_cost[b] = areas(right.box) * right.weight;
+  for (int b = map.count - 1; b > 0; --b)
+    right.add(bins, b), right_cost[b] = areas(right.box) * right.weight;
   for (int b = 1; b < map.count; ++b) {
     left.add(bins, b - 1);
     const F4 cost = areas(left.box) * left.weight + right_cost[b];
     const I4 lower_here = cost < lowest;
-    lowest = F4((I4(cost) & lower_here) | (I4(lowest) & ~lower_here)), at = (lower_here & b) | (at & ~lower_here);
+    lowest = F4((I4(cost) & lower_here) | (I4(lowest) & ~lower_here)),
+    at = (lower_here & b) | (at & ~lower_here);
   }
   Split best;
   for (int k = 0; k < 3; ++k)
     if (lowest[k] < best.cost) best.axis = k, best.bin = at[k], best.cost = lowest[k];
   if (best.axis < 0) return best;
-  for (int b = 0; b < map.count; ++b) (b < best.bin ? best.left_box : best.right_box).add(bins.box[best.axis][b]);
+  for (int b = 0; b < map.count; ++b)
+    (b < best.bin ? best.left_box : best.right_box).add(bins.box[best.axis][b]);
   for (int b = 0; b < best.bin; ++b) best.left += bins.count[best.axis][b];
   return best;
 }

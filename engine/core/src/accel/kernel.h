@@ -1,4 +1,5 @@
-// The traversal kernels: one source (kernel_*.h), compiled once per instruction set, with the same bits from each.
+// The traversal kernels: one source (kernel_*.h), compiled once per instruction set, with the same
+// bits from each.
 #pragma once
 #include "accel.h"
 #include "tree.h"
@@ -17,8 +18,8 @@ extern const Kernel kernel_sse42, kernel_avx2, kernel_avx512;
 extern const Kernel kernel_generic;
 #endif
 
-/// The fastest kernel that this machine runs. The environment variable GLINT_ISA (sse42, avx2 or avx512) takes another one where the
-/// machine has it.
+/// The fastest kernel that this machine runs. The environment variable GLINT_ISA (sse42, avx2 or
+/// avx512) takes another one where the machine has it.
 const Kernel& best_kernel();
 
 }  // namespace glint

@@ -16,7 +16,8 @@ struct Columns {
     for (int a = 0; a < 3; ++a) tile.xyz_o[a] = values[a], tile.xyz_d[a] = values[3 + a];
     tile.t_min = values[6], tile.t_max = values[7];
   }
-  /// Rays that hit nothing, up to a whole group; where all of them may be one bundle, up to a whole tile, beside the first one.
+  /// Rays that hit nothing, up to a whole group; where all of them may be one bundle, up to a whole
+  /// tile, beside the first one.
   void fill(int count) {
     const int end = count < kCompany ? (count + kLanes - 1) / kLanes * kLanes : kTile;
     for (int c = 0; c < 8; ++c)
@@ -47,7 +48,8 @@ struct OpenRay {
   /// Whether it certainly misses the ball round a tree: by far more than rounding.
   auto passes_by(const TreeView& tree) const {
     const V f[3] = {tree.center[0] - o[0], tree.center[1] - o[1], tree.center[2] - o[2]};
-    const V n[3] = {f[1] * d[2] - f[2] * d[1], f[2] * d[0] - f[0] * d[2], f[0] * d[1] - f[1] * d[0]};
+    const V n[3] = {f[1] * d[2] - f[2] * d[1], f[2] * d[0] - f[0] * d[2],
+                    f[0] * d[1] - f[1] * d[0]};
     return dot(n, n) > (tree.ball * tree.ball + dot(f, f) * 0x1p-40) * dot(d, d);
   }
 
@@ -55,7 +57,8 @@ struct OpenRay {
   static V dot(const V (&a)[3], const V (&b)[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 };
 
-/// Rays of a tile on a visit to one object's tree, each by way of an instance of it. Slots of a tile in the world are its rays.
+/// Rays of a tile on a visit to one object's tree, each by way of an instance of it. Slots of a
+/// tile in the world are its rays.
 template <bool Any>
 struct Visit {
   Walk<Any>& w;
@@ -68,7 +71,8 @@ struct Visit {
     inner.instances = instances, inner.count = 0;
   }
   void add(int r, const InstanceRecord& instance, const OpenRay<double>& ray) {
-    for (int a = 0; a < 3; ++a) columns.values[a][inner.count] = ray.o[a], columns.values[3 + a][inner.count] = ray.d[a];
+    for (int a = 0; a < 3; ++a)
+      columns.values[a][inner.count] = ray.o[a], columns.values[3 + a][inner.count] = ray.d[a];
     add_end(r, instance);
   }
   /// Those of the rays [k, k + kDoubles) that do not pass by.
@@ -88,10 +92,12 @@ struct Visit {
     const Answers& answers = *w.tile.answers;
     const Doubles end = load(answers.t_max + k);
     const int to = inner.count;
-    for (int a = 0; a < 3; ++a) store(columns.values[a] + to, rays.o[a]), store(columns.values[3 + a] + to, rays.d[a]);
+    for (int a = 0; a < 3; ++a)
+      store(columns.values[a] + to, rays.o[a]), store(columns.values[3 + a] + to, rays.d[a]);
     store(columns.values[6] + to, load(w.tile.t_min + k));
     store(columns.values[7] + to, Any ? end : smaller(end, load(answers.t + k)));
-    for (int j = 0; j < kDoubles; ++j) inner.slot[to + j] = uint8_t(k + j), instances[to + j] = instance.instance;
+    for (int j = 0; j < kDoubles; ++j)
+      inner.slot[to + j] = uint8_t(k + j), instances[to + j] = instance.instance;
     inner.count += kDoubles;
   }
   void add_end(int r, const InstanceRecord& instance) {
@@ -108,7 +114,9 @@ struct Visit {
     trace_tile<Any>(inner);
     for (int k = 0; k < inner.count; ++k) {
       const int r = inner.slot[k];
-      if (Any ? w.tile.answers->blocked[r] != w.tile.answers->stop() : w.tile.answers->t[r] == columns.values[7][k]) continue;
+      if (Any ? w.tile.answers->blocked[r] != w.tile.answers->stop()
+              : w.tile.answers->t[r] == columns.values[7][k])
+        continue;
       w.update(r), w.trim(r);
     }
   }
@@ -116,7 +124,8 @@ struct Visit {
 
 /// Some rays of a tile through one instance's tree.
 template <bool Any>
-__attribute__((noinline)) void trace_instance(Walk<Any>& w, const InstanceRecord& instance, uint64_t rays) {
+__attribute__((noinline)) void trace_instance(Walk<Any>& w, const InstanceRecord& instance,
+                                              uint64_t rays) {
   Visit<Any> visit(w, instance.tree);
   for (int k = 0; k < w.tile.count; k += kDoubles)
     if (const uint32_t some = rays >> k & ((1u << kDoubles) - 1)) visit.add(k, some, instance);
@@ -135,8 +144,9 @@ void trace_instances(Walk<Any>& w, ChildRef leaf, uint64_t rays) {
   }
 }
 
-/// Rays without company in the tree over instances. Each goes on until it has come to an instance that it may hit. When all have, those
-/// at instances of the same object go into its tree together: the instances may be different ones. A leaf is one instance.
+/// Rays without company in the tree over instances. Each goes on until it has come to an instance
+/// that it may hit. When all have, those at instances of the same object go into its tree together:
+/// the instances may be different ones. A leaf is one instance.
 template <bool Any>
 struct Visitors : Company<Any, true> {
   using Company<Any, true>::w, Company<Any, true>::at, Company<Any, true>::walker;
@@ -151,7 +161,8 @@ struct Visitors : Company<Any, true> {
       if (!(nodes | leaves | there)) return;
       if (leaves) arrive(leaves);
       else if (nodes) this->pass_nodes(nodes);
-      else while (there) enter();
+      else
+        while (there) enter();
     }
   }
   const InstanceRecord& instance(int k) const { return w.world.instances[leaf_first(at[k])]; }
@@ -161,7 +172,8 @@ struct Visitors : Company<Any, true> {
       const int k = __builtin_ctz(mask);
       const InstanceRecord& i = instance(k);
       ray[k] = {i, w.tile, walker[k].r};
-      if (i.visibility & w.tile.answers->visibility && !ray[k].passes_by(w.world.objects[i.tree])) there |= 1u << k;
+      if (i.visibility & w.tile.answers->visibility && !ray[k].passes_by(w.world.objects[i.tree]))
+        there |= 1u << k;
       else Company<Any, true>::go(k, walker[k].pop());
     }
   }

@@ -1,5 +1,6 @@
-// Vectors as wide as the instruction set that this is compiled for. Everything in the kernel_*.h headers lives in an anonymous namespace
-// and calls no library: a function with a name outside could be shared by the linker with code for a lesser machine.
+// Vectors as wide as the instruction set that this is compiled for. Everything in the kernel_*.h
+// headers lives in an anonymous namespace and calls no library: a function with a name outside
+// could be shared by the linker with code for a lesser machine.
 #pragma once
 #include <cstdint>
 #if defined(__AVX__)
@@ -23,7 +24,8 @@ constexpr int kDoubles = kLanes / 2;
 #endif
 typedef float Floats __attribute__((vector_size(4 * kLanes)));
 typedef double Doubles __attribute__((vector_size(8 * kDoubles)));
-// What comparisons give: 32 and 64 bits, but of which of C's integers differs between compilers and systems.
+// What comparisons give: 32 and 64 bits, but of which of C's integers differs between compilers and
+// systems.
 typedef decltype(Floats{} < Floats{}) Ints;
 typedef decltype(Doubles{} < Doubles{}) Longs;
 typedef float Halves __attribute__((vector_size(4 * kDoubles)));
@@ -39,14 +41,22 @@ inline Ints load(const uint32_t* p) { return *reinterpret_cast<const LooseInts*>
 inline void store(uint32_t* p, Ints v) { *reinterpret_cast<LooseInts*>(p) = v; }
 inline Doubles load(const double* p) { return *reinterpret_cast<const LooseDoubles*>(p); }
 inline void store(double* p, Doubles v) { *reinterpret_cast<LooseDoubles*>(p) = v; }
-inline Doubles widen(const float* p) { return __builtin_convertvector(*reinterpret_cast<const LooseHalves*>(p), Doubles); }
-inline void narrow(float* p, Doubles v) { *reinterpret_cast<LooseHalves*>(p) = __builtin_convertvector(v, Halves); }
+inline Doubles widen(const float* p) {
+  return __builtin_convertvector(*reinterpret_cast<const LooseHalves*>(p), Doubles);
+}
+inline void narrow(float* p, Doubles v) {
+  *reinterpret_cast<LooseHalves*>(p) = __builtin_convertvector(v, Halves);
+}
 /// The lower halves of the lanes.
 typedef int32_t LooseHalfInts __attribute__((vector_size(4 * kDoubles), aligned(4), may_alias));
 typedef int32_t HalfInts __attribute__((vector_size(4 * kDoubles)));
-inline void store_low(uint32_t* p, Longs v) { *reinterpret_cast<LooseHalfInts*>(p) = __builtin_convertvector(v, HalfInts); }
+inline void store_low(uint32_t* p, Longs v) {
+  *reinterpret_cast<LooseHalfInts*>(p) = __builtin_convertvector(v, HalfInts);
+}
 /// With their signs.
-inline Longs widen(const uint32_t* p) { return __builtin_convertvector(*reinterpret_cast<const LooseHalfInts*>(p), Longs); }
+inline Longs widen(const uint32_t* p) {
+  return __builtin_convertvector(*reinterpret_cast<const LooseHalfInts*>(p), Longs);
+}
 inline Floats splat(float a) { return a - Floats{}; }  // -0 stays -0
 inline Doubles splat(double a) { return a - Doubles{}; }
 
@@ -73,16 +83,20 @@ inline double magnitude(double a) { return __builtin_fabs(a); }
 inline float magnitude(float a) { return __builtin_fabsf(a); }
 
 /// a with its sign changed where `sign` is negative.
-inline Doubles flip(Doubles a, Doubles sign) { return Doubles(Longs(a) ^ (Longs(sign) & INT64_MIN)); }
+inline Doubles flip(Doubles a, Doubles sign) {
+  return Doubles(Longs(a) ^ (Longs(sign) & INT64_MIN));
+}
 inline double flip(double a, double sign) { return __builtin_signbit(sign) ? -a : a; }
 
 /// The numbers at p + index, index unsigned.
 inline Floats gather(const float* p, Ints index) {
 #if defined(__AVX2__)
   // The processor takes the index for signed: half of them lie before the middle.
-  const auto middle = reinterpret_cast<const float*>(reinterpret_cast<uintptr_t>(p) + (uintptr_t(1) << 33));
+  const auto middle =
+      reinterpret_cast<const float*>(reinterpret_cast<uintptr_t>(p) + (uintptr_t(1) << 33));
   const Ints every = Ints{} - 1;
-  return Floats(_mm256_mask_i32gather_ps(_mm256_setzero_ps(), middle, __m256i(index ^ INT32_MIN), __m256(every), 4));
+  return Floats(_mm256_mask_i32gather_ps(_mm256_setzero_ps(), middle, __m256i(index ^ INT32_MIN),
+                                         __m256(every), 4));
 #else
   Floats v;
   for (int k = 0; k < kLanes; ++k) v[k] = p[uint32_t(index[k])];
@@ -159,8 +173,8 @@ inline uint32_t bits(Longs mask) {
 }
 inline bool any(Longs mask) { return bits(mask) != 0; }
 
-/// Which lanes of floats, and of doubles, a comparison holds for; false where a number is NaN. AVX-512 has registers for that, and GCC
-/// uses them only when it is told to.
+/// Which lanes of floats, and of doubles, a comparison holds for; false where a number is NaN.
+/// AVX-512 has registers for that, and GCC uses them only when it is told to.
 #if defined(__AVX512F__)
 struct Mask {
   __mmask8 lanes;
@@ -169,16 +183,32 @@ typedef Mask DoubleMask;
 inline Mask operator&(Mask a, Mask b) { return {__mmask8(a.lanes & b.lanes)}; }
 inline Mask operator|(Mask a, Mask b) { return {__mmask8(a.lanes | b.lanes)}; }
 inline uint32_t bits(Mask m) { return m.lanes; }
-inline Floats select(Mask m, Floats a, Floats b) { return Floats(_mm256_mask_blend_ps(m.lanes, __m256(b), __m256(a))); }
-inline Ints select(Mask m, Ints a, Ints b) { return Ints(_mm256_mask_blend_epi32(m.lanes, __m256i(b), __m256i(a))); }
-inline Doubles select(DoubleMask m, Doubles a, Doubles b) { return Doubles(_mm512_mask_blend_pd(m.lanes, __m512d(b), __m512d(a))); }
-inline Mask less(Floats a, Floats b) { return {_mm256_cmp_ps_mask(__m256(a), __m256(b), _CMP_LT_OQ)}; }
-inline Mask at_most(Floats a, Floats b) { return {_mm256_cmp_ps_mask(__m256(a), __m256(b), _CMP_LE_OQ)}; }
+inline Floats select(Mask m, Floats a, Floats b) {
+  return Floats(_mm256_mask_blend_ps(m.lanes, __m256(b), __m256(a)));
+}
+inline Ints select(Mask m, Ints a, Ints b) {
+  return Ints(_mm256_mask_blend_epi32(m.lanes, __m256i(b), __m256i(a)));
+}
+inline Doubles select(DoubleMask m, Doubles a, Doubles b) {
+  return Doubles(_mm512_mask_blend_pd(m.lanes, __m512d(b), __m512d(a)));
+}
+inline Mask less(Floats a, Floats b) {
+  return {_mm256_cmp_ps_mask(__m256(a), __m256(b), _CMP_LT_OQ)};
+}
+inline Mask at_most(Floats a, Floats b) {
+  return {_mm256_cmp_ps_mask(__m256(a), __m256(b), _CMP_LE_OQ)};
+}
 inline Mask equal(Ints a, Ints b) { return {_mm256_cmpeq_epi32_mask(__m256i(a), __m256i(b))}; }
 inline Mask lanes(uint32_t some) { return {__mmask8(some)}; }
-inline DoubleMask less(Doubles a, Doubles b) { return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_LT_OQ)}; }
-inline DoubleMask at_most(Doubles a, Doubles b) { return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_LE_OQ)}; }
-inline DoubleMask equal(Doubles a, Doubles b) { return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_EQ_OQ)}; }
+inline DoubleMask less(Doubles a, Doubles b) {
+  return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_LT_OQ)};
+}
+inline DoubleMask at_most(Doubles a, Doubles b) {
+  return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_LE_OQ)};
+}
+inline DoubleMask equal(Doubles a, Doubles b) {
+  return {_mm512_cmp_pd_mask(__m512d(a), __m512d(b), _CMP_EQ_OQ)};
+}
 #else
 typedef Ints Mask;
 typedef Longs DoubleMask;
@@ -234,9 +264,11 @@ struct Larger {
 template <class Fold>
 inline Floats fold_pair(Floats a, Floats b) {
 #if defined(__AVX__)
-  return Fold::of(__builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13), __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15));
+  return Fold::of(__builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13),
+                  __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15));
 #else
-  return Fold::of(__builtin_shufflevector(a, b, 0, 4, 1, 5), __builtin_shufflevector(a, b, 2, 6, 3, 7));
+  return Fold::of(__builtin_shufflevector(a, b, 0, 4, 1, 5),
+                  __builtin_shufflevector(a, b, 2, 6, 3, 7));
 #endif
 }
 /// Each of kLanes rows of kLanes numbers folded to one lane.
@@ -244,11 +276,13 @@ template <class Fold>
 inline Floats fold_rows(const float* rows) {
   auto four = [rows](int first) {
     const float* p = rows + first * kLanes;
-    return fold_pair<Fold>(fold_pair<Fold>(load(p), load(p + 2 * kLanes)), fold_pair<Fold>(load(p + kLanes), load(p + 3 * kLanes)));
+    return fold_pair<Fold>(fold_pair<Fold>(load(p), load(p + 2 * kLanes)),
+                           fold_pair<Fold>(load(p + kLanes), load(p + 3 * kLanes)));
   };
 #if defined(__AVX__)
   const Floats a = four(0), b = four(4);
-  return Fold::of(__builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11), __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15));
+  return Fold::of(__builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11),
+                  __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15));
 #else
   return four(0);
 #endif

@@ -1,14 +1,16 @@
-// Rays through a tree each on its own, nearest boxes first. Several are on their way at a time: a processor that waits for the box or the
-// triangle of one of them has work with the others.
+// Rays through a tree each on its own, nearest boxes first. Several are on their way at a time: a
+// processor that waits for the box or the triangle of one of them has work with the others.
 #pragma once
 #include "kernel_leaves.h"
 
 namespace glint {
 namespace {
 
-/// Decides or takes the triangles of `mask`, not culled, whose depths are between lo and hi. `sure`: hit without doubt.
+/// Decides or takes the triangles of `mask`, not culled, whose depths are between lo and hi.
+/// `sure`: hit without doubt.
 template <bool Any>
-__attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref, int first, uint32_t mask, const TriangleTest& t, Floats lo,
+__attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref, int first,
+                                              uint32_t mask, const TriangleTest& t, Floats lo,
                                               Floats hi) {
   Tile& tile = w.tile;
   const uint32_t sure = bits(t.sure());
@@ -22,7 +24,8 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
     if (tile.answers->opacity && !stopped(w, r, 1, ref, place)) continue;
     if (hit && farthest[lane] < tile.lo[r] && nearest[lane] > tile.begin_hi[r]) {
       if (Any) return w.block(r);
-      tile.lo[r] = nearest[lane], tile.hi[r] = farthest[lane], tile.pending[r] = ref, tile.place[r] = uint32_t(place);
+      tile.lo[r] = nearest[lane], tile.hi[r] = farthest[lane], tile.pending[r] = ref,
+      tile.place[r] = uint32_t(place);
       continue;
     }
     tile.answers->count_fallback(tile.slot[r]);
@@ -38,10 +41,13 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
   const Tile& tile = w.tile;
   const int n = leaf_count(ref);
   const float* leaf = w.tree.floats + 9 * size_t(leaf_first(ref));
-  const float *px = leaf + order.axes[0] * n, *py = leaf + order.axes[1] * n, *pz = leaf + order.axes[2] * n;
+  const float *px = leaf + order.axes[0] * n, *py = leaf + order.axes[1] * n,
+              *pz = leaf + order.axes[2] * n;
   const size_t corner = 3 * size_t(n);
-  const Floats ox = splat(tile.of[0][r]), oy = splat(tile.of[1][r]), oz = splat(tile.start[r]), sign = splat(order.sign);
-  const Floats rx = splat(tile.rest[0][r]), ry = splat(tile.rest[1][r]), rz = splat(tile.rest[2][r]);
+  const Floats ox = splat(tile.of[0][r]), oy = splat(tile.of[1][r]), oz = splat(tile.start[r]),
+               sign = splat(order.sign);
+  const Floats rx = splat(tile.rest[0][r]), ry = splat(tile.rest[1][r]),
+               rz = splat(tile.rest[2][r]);
   const Floats sx = splat(tile.slope[0][r]), sy = splat(tile.slope[1][r]);
   for (int first = 0; first < n; first += kLanes) {
     TriangleTest t;
@@ -67,8 +73,8 @@ inline void hit_leaf(Walk<Any>& w, int r, ChildRef leaf, const Order& order) {
   else hit_shapes(w, r, leaf);
 }
 
-/// Asks for the memory that a ray needs when it is its turn again: a node, or what a leaf holds, `size` bytes each from `held` on. No
-/// branch: where it goes cannot be foreseen.
+/// Asks for the memory that a ray needs when it is its turn again: a node, or what a leaf holds,
+/// `size` bytes each from `held` on. No branch: where it goes cannot be foreseen.
 inline void fetch(const TreeView& tree, ChildRef child, const void* held, size_t size) {
   const uintptr_t node = reinterpret_cast<uintptr_t>(tree.nodes) + child * sizeof(Node);
   const uintptr_t leaf = reinterpret_cast<uintptr_t>(held) + leaf_first(child) * size;
@@ -107,8 +113,8 @@ struct Walker {
   }
 };
 
-/// Several rays on their way, through a tree over instances or another one. A processor cannot foresee where each of them goes; so they go
-/// in step.
+/// Several rays on their way, through a tree over instances or another one. A processor cannot
+/// foresee where each of them goes; so they go in step.
 template <bool Any, bool Placed>
 struct Company {
   Walk<Any>& w;
@@ -120,7 +126,9 @@ struct Company {
   Waiting (*const stacks)[kWalkerStack];
 
   Company(Walk<Any>& walk, uint64_t all)
-      : w(walk), rays(all), stacks(Placed ? walk.tile.answers->stacks->placed : walk.tile.answers->stacks->own) {
+      : w(walk),
+        rays(all),
+        stacks(Placed ? walk.tile.answers->stacks->placed : walk.tile.answers->stacks->own) {
     const int n = __builtin_popcountll(all), most = n < kWalkers ? n : kWalkers;
     count = (most + kLanes - 1) / kLanes * kLanes, slow = w.tree.large && n > 2;
     for (int k = 0; k < count; ++k) at[k] = kDone;
@@ -131,7 +139,8 @@ struct Company {
     nodes = through = 0;
     for (int k = 0; k < count; k += kLanes) {
       const Ints child = load(at + k);
-      through |= bits(equal(child, Ints{} + int32_t(kDone))) << k, nodes |= bits(child >= Ints{}) << k;
+      through |= bits(equal(child, Ints{} + int32_t(kDone))) << k, nodes |= bits(child >= Ints{})
+                                                                            << k;
     }
     for (; through && rays; rays &= rays - 1) {
       const int k = __builtin_ctz(through);
@@ -153,7 +162,8 @@ struct Company {
   }
 };
 
-/// Rays in a tree over primitives: those at nodes take a step, or those at leaves, whichever are more.
+/// Rays in a tree over primitives: those at nodes take a step, or those at leaves, whichever are
+/// more.
 template <bool Any>
 struct Walkers : Company<Any, false> {
   using Company<Any, false>::w, Company<Any, false>::at, Company<Any, false>::walker;
@@ -186,7 +196,8 @@ __attribute__((noinline)) void visit_primitives(Walk<Any>& w) {
   Walkers<Any>(w, w.left.rays).go();
 }
 
-/// The rest of the way of all rays that have left their bundles. The bundles do not learn of it: Walk::trim.
+/// The rest of the way of all rays that have left their bundles. The bundles do not learn of it:
+/// Walk::trim.
 template <bool Any>
 __attribute__((noinline)) void walk_rays(Walk<Any>& w) {
   w.boxes.prepare(w.tile, w.left.rays);
@@ -194,7 +205,8 @@ __attribute__((noinline)) void walk_rays(Walk<Any>& w) {
   w.left.rays = 0, w.left.count = 0;
 }
 
-/// Rays of the group from k on leave their bundle for a part of the tree that lies behind `distance`, a coordinate of the depth axis.
+/// Rays of the group from k on leave their bundle for a part of the tree that lies behind
+/// `distance`, a coordinate of the depth axis.
 template <bool Any>
 inline void leave(Walk<Any>& w, int k, uint32_t rays, ChildRef child, float distance) {
   if (w.left.full()) {

@@ -25,7 +25,8 @@ void* map(size_t bytes) {
   void* memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED) throw std::bad_alloc();
 #ifdef MADV_HUGEPAGE
-  madvise(memory, bytes, MADV_HUGEPAGE);  // fewer page faults, fewer misses of the address cache in traversal
+  madvise(memory, bytes,
+          MADV_HUGEPAGE);  // fewer page faults, fewer misses of the address cache in traversal
 #endif
   return memory;
 }
@@ -36,7 +37,9 @@ void* map(size_t bytes) {
 
 #if defined(__unix__) || defined(__APPLE__)
 
-void* take_memory(size_t bytes) { return bytes < kLarge ? ::operator new(bytes, kAlignment) : map(bytes); }
+void* take_memory(size_t bytes) {
+  return bytes < kLarge ? ::operator new(bytes, kAlignment) : map(bytes);
+}
 void* take_zeros(size_t bytes) { return bytes < kLarge ? cleared(bytes) : map(bytes); }
 
 void give_memory(void* memory, size_t bytes) noexcept {

@@ -1,5 +1,6 @@
-// Memory for the big arrays of a build and of a film. Large blocks come straight from the system and go straight back: a heap keeps what is
-// freed in its middle, and a frame's trees would stay resident long after the frame.
+// Memory for the big arrays of a build and of a film. Large blocks come straight from the system
+// and go straight back: a heap keeps what is freed in its middle, and a frame's trees would stay
+// resident long after the frame.
 #pragma once
 #include <cstddef>
 

@@ -34,7 +34,8 @@ void bake_vertices(std::vector<Source>& sources, Team& team) {
     if (s.bake) s.baked = Buffer<float>(3 * s.geometry->vertex_count);
     s.vertices = s.bake ? s.baked.data.get() : s.geometry->vertices;
   }
-  std::vector<Piece> list = pieces(sources, [](const Source& s) { return s.bake ? s.geometry->vertex_count : 0; });
+  std::vector<Piece> list =
+      pieces(sources, [](const Source& s) { return s.bake ? s.geometry->vertex_count : 0; });
   team.run(list.size(), [&](size_t k) {
     Source& s = sources[list[k].source];
     for (size_t v = list[k].first; v < list[k].last; ++v) {
@@ -45,10 +46,13 @@ void bake_vertices(std::vector<Source>& sources, Team& team) {
   });
 }
 
-Vec3f vertex(const Source& s, size_t index) { return {s.vertices[3 * index], s.vertices[3 * index + 1], s.vertices[3 * index + 2]}; }
+Vec3f vertex(const Source& s, size_t index) {
+  return {s.vertices[3 * index], s.vertices[3 * index + 1], s.vertices[3 * index + 2]};
+}
 F4 f4(Vec3f p) { return F4{p.x, p.y, p.z, 0}; }
-/// Whether two corners are one: the neighbours of such a triangle share an edge without it. (One that is squeezed to a line between three
-/// corners stays: without it a corner of one neighbour would lie within an edge of another, and rays would slip through there.)
+/// Whether two corners are one: the neighbours of such a triangle share an edge without it. (One
+/// that is squeezed to a line between three corners stays: without it a corner of one neighbour
+/// would lie within an edge of another, and rays would slip through there.)
 bool pinched(F4 a, F4 b, F4 c) { return !any(a != b) || !any(b != c) || !any(c != a); }
 
 /// Whether the area is exactly 0, for coordinates that are floats: nothing of it is ever seen.
@@ -93,25 +97,33 @@ bool polygon_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
   return true;
 }
 
-/// False where there is nothing to put into a tree; `seen` becomes false where what is put there has no area.
+/// False where there is nothing to put into a tree; `seen` becomes false where what is put there
+/// has no area.
 bool any_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref, bool& seen) {
   switch (s.geometry->kind) {
-    case GeometryView::kMesh: return triangle_ref(s, primitive, number, ref, seen);
-    case GeometryView::kSpheres: return sphere_ref(s, primitive, number, ref);
-    default: return polygon_ref(s, primitive, number, ref);
+    case GeometryView::kMesh:
+      return triangle_ref(s, primitive, number, ref, seen);
+    case GeometryView::kSpheres:
+      return sphere_ref(s, primitive, number, ref);
+    default:
+      return polygon_ref(s, primitive, number, ref);
   }
 }
 
-/// The refs of all sound primitives, in the order of sources and primitives; `refs.size` of them. `unseen`: how many have no area.
-Buffer<Ref> collect(const std::vector<Source>& sources, Team& team, const std::atomic<bool>& cancel, size_t& unseen) {
-  std::vector<Piece> list = pieces(sources, [](const Source& s) { return s.geometry->primitive_count; });
+/// The refs of all sound primitives, in the order of sources and primitives; `refs.size` of them.
+/// `unseen`: how many have no area.
+Buffer<Ref> collect(const std::vector<Source>& sources, Team& team, const std::atomic<bool>& cancel,
+                    size_t& unseen) {
+  std::vector<Piece> list =
+      pieces(sources, [](const Source& s) { return s.geometry->primitive_count; });
   Buffer<Ref> refs(list.empty() ? 0 : list.back().out + list.back().last - list.back().first);
   team.run(list.size(), [&](size_t k) {
     if (cancel.load(std::memory_order_relaxed)) throw Cancelled{};
     Piece& piece = list[k];
     for (size_t p = piece.first; p < piece.last; ++p) {
       bool seen = true;
-      piece.kept += any_ref(sources[piece.source], p, uint32_t(piece.source), refs[piece.out + piece.kept], seen);
+      piece.kept += any_ref(sources[piece.source], p, uint32_t(piece.source),
+                            refs[piece.out + piece.kept], seen);
       piece.unseen += !seen;
     }
   });
@@ -124,18 +136,22 @@ Buffer<Ref> collect(const std::vector<Source>& sources, Team& team, const std::a
   return refs;
 }
 
-/// What the leaves need of the refs, a quarter of their size; `instance` is the number of the source until `name_instances`.
+/// What the leaves need of the refs, a quarter of their size; `instance` is the number of the
+/// source until `name_instances`.
 Buffer<PrimitiveId> origins(const Buffer<Ref>& refs, Team& team) {
   Buffer<PrimitiveId> ids(refs.size);
-  each_chunk(ids.size, kChunk, team, [&](size_t k) { ids[k] = {refs[k].source, refs[k].primitive}; });
+  each_chunk(ids.size, kChunk, team,
+             [&](size_t k) { ids[k] = {refs[k].source, refs[k].primitive}; });
   return ids;
 }
 
 void name_instances(Buffer<PrimitiveId>& ids, const std::vector<Source>& sources, Team& team) {
-  each_chunk(ids.size, kChunk, team, [&](size_t k) { ids[k].instance = sources[ids[k].instance].instance; });
+  each_chunk(ids.size, kChunk, team,
+             [&](size_t k) { ids[k].instance = sources[ids[k].instance].instance; });
 }
 
-void fill_triangles(const std::vector<Source>& sources, const PrimitiveId* from, size_t count, float* out) {
+void fill_triangles(const std::vector<Source>& sources, const PrimitiveId* from, size_t count,
+                    float* out) {
   for (size_t k = 0; k < count; ++k) {
     const Source& s = sources[from[k].instance];
     for (size_t j = 0; j < 3; ++j) {
@@ -145,11 +161,13 @@ void fill_triangles(const std::vector<Source>& sources, const PrimitiveId* from,
   }
 }
 
-void fill_spheres(const std::vector<Source>& sources, const PrimitiveId* from, size_t count, float* out) {
+void fill_spheres(const std::vector<Source>& sources, const PrimitiveId* from, size_t count,
+                  float* out) {
   for (size_t k = 0; k < count; ++k, out += 4) {
     const Source& s = sources[from[k].instance];
     const Vec3f c = vertex(s, from[k].primitive);
-    out[0] = c.x, out[1] = c.y, out[2] = c.z, out[3] = float(s.geometry->radii[from[k].primitive] * s.radius_scale);
+    out[0] = c.x, out[1] = c.y, out[2] = c.z,
+    out[3] = float(s.geometry->radii[from[k].primitive] * s.radius_scale);
   }
 }
 
@@ -173,7 +191,8 @@ void fill_polygons(Tree& tree, const std::vector<Source>& sources, const Primiti
     BoxD box;
     make_polygon(s, from[k].primitive, tree.polygons[k], box);
     tree.polygons[k].first = tree.corners.size() / 3;
-    for (size_t c = s.geometry->offsets[from[k].primitive]; c < s.geometry->offsets[from[k].primitive + 1]; ++c) {
+    for (size_t c = s.geometry->offsets[from[k].primitive];
+         c < s.geometry->offsets[from[k].primitive + 1]; ++c) {
       const Vec3f p = vertex(s, s.geometry->indices[c]);
       tree.corners.insert(tree.corners.end(), {p.x, p.y, p.z});
     }
@@ -184,7 +203,8 @@ void fill_leaves(Tree& tree, const std::vector<Source>& sources, Team& team) {
   const PrimitiveId* from = tree.ids.data.get();
   if (tree.kind == kPolygonLeaf) return fill_polygons(tree, sources, from);
   const size_t stride = tree.kind == kTriangleLeaf ? 9 : 4;
-  tree.floats = Buffer<float>(stride * tree.count + kWidth);  // vector loads read beyond the last leaf
+  tree.floats =
+      Buffer<float>(stride * tree.count + kWidth);  // vector loads read beyond the last leaf
   std::fill_n(tree.floats.data.get() + stride * tree.count, kWidth, 0.0f);
   each_leaf(tree.nodes, team, [&](size_t first, size_t count) {
     float* out = tree.floats.data.get() + stride * first;
@@ -194,7 +214,9 @@ void fill_leaves(Tree& tree, const std::vector<Source>& sources, Team& team) {
 }
 
 LeafKind kind_of(const GeometryView& g) {
-  return g.kind == GeometryView::kMesh ? kTriangleLeaf : g.kind == GeometryView::kSpheres ? kSphereLeaf : kPolygonLeaf;
+  return g.kind == GeometryView::kMesh      ? kTriangleLeaf
+         : g.kind == GeometryView::kSpheres ? kSphereLeaf
+                                            : kPolygonLeaf;
 }
 
 constexpr size_t kLarge = size_t(1) << 19;  // bytes
@@ -217,7 +239,8 @@ Vec3d corner(const Source& s, size_t index) { return Vec3d(vertex(s, s.geometry-
 }  // namespace
 
 bool make_polygon(const Source& s, size_t primitive, PolygonRecord& record, BoxD& box) {
-  const size_t first = s.geometry->offsets[primitive], last = s.geometry->offsets[primitive + 1], count = last - first;
+  const size_t first = s.geometry->offsets[primitive], last = s.geometry->offsets[primitive + 1],
+               count = last - first;
   if (last < first + 3) return false;
   for (size_t k = first; k < last; ++k)
     if (s.geometry->indices[k] >= s.geometry->vertex_count || !finite(corner(s, k))) return false;
@@ -231,7 +254,8 @@ bool make_polygon(const Source& s, size_t primitive, PolygonRecord& record, BoxD
   if (!any(n)) return false;
   const Vec3d p = origin + sum * (1 / double(count)), size = abs(n);
   const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-  record = {{n.x, n.y, n.z}, {p.x, p.y, p.z}, 0, uint32_t(count), uint32_t((axis + 1) % 3), uint32_t((axis + 2) % 3)};
+  record = {{n.x, n.y, n.z}, {p.x, p.y, p.z},          0,
+            uint32_t(count), uint32_t((axis + 1) % 3), uint32_t((axis + 2) % 3)};
   for (size_t k = first; k < last; ++k) {
     Vec3d q = corner(s, k);
     q[axis] -= dot(n, q - p) / n[axis];  // onto the plane, along the axis of projection
@@ -240,7 +264,8 @@ bool make_polygon(const Source& s, size_t primitive, PolygonRecord& record, BoxD
   return true;
 }
 
-Tree make_tree(std::vector<Source>& sources, BuildQuality quality, Team& team, const std::atomic<bool>& cancel) {
+Tree make_tree(std::vector<Source>& sources, BuildQuality quality, Team& team,
+               const std::atomic<bool>& cancel) {
   Tree tree;
   if (sources.empty()) return tree;
   tree.kind = kind_of(*sources.front().geometry);
@@ -251,7 +276,9 @@ Tree make_tree(std::vector<Source>& sources, BuildQuality quality, Team& team, c
   if (tree.primitives == 0) return tree;
   const BuildOptions options = options_of(tree.kind, quality);
   if (tree.kind == kTriangleLeaf && quality == BuildQuality::kFine) {
-    const auto corners = [&](const Ref& r, Vec3d (&p)[3]) { corners_of(sources[r.source], r.primitive, p); };
+    const auto corners = [&](const Ref& r, Vec3d(&p)[3]) {
+      corners_of(sources[r.source], r.primitive, p);
+    };
     tree.nodes = build_spatial(refs, corners, options, team, cancel), tree.parts = true;
   } else {
     tree.nodes = build_nodes(refs.data.get(), refs.size, options, team, cancel);
@@ -270,7 +297,8 @@ Tree make_instance_tree(std::vector<Ref> boxes, Team& team, const std::atomic<bo
   tree.kind = kInstanceLeaf;
   tree.count = boxes.size();
   if (tree.count == 0) return tree;
-  tree.nodes = build_nodes(boxes.data(), tree.count, options_of(tree.kind, BuildQuality::kBalanced), team, cancel);
+  tree.nodes = build_nodes(boxes.data(), tree.count, options_of(tree.kind, BuildQuality::kBalanced),
+                           team, cancel);
   for (const Ref& r : boxes) tree.order.push_back(r.primitive);
   tree.ball = ball_radius(tree);
   return tree;
@@ -283,7 +311,8 @@ Tree with_beside(const Tree& tree, const std::vector<Ref>& boxes) {
   out.nodes = {Buffer<Node>(above + 1), ChildRef(above), tree.nodes.box};
   std::copy_n(tree.nodes.nodes.data.get(), above, out.nodes.nodes.data.get());
   Node& top = out.nodes.nodes[above];
-  for (int lane = 0; lane < kWidth; ++lane) set_child(top, lane, lane == 0 ? &tree.nodes.box : nullptr);
+  for (int lane = 0; lane < kWidth; ++lane)
+    set_child(top, lane, lane == 0 ? &tree.nodes.box : nullptr);
   top.child[0] = tree.nodes.root;
   for (size_t k = 0; k < boxes.size(); ++k) {
     const Box box{xyz(low(boxes[k])), xyz(high(boxes[k]))};
@@ -296,7 +325,16 @@ Tree with_beside(const Tree& tree, const std::vector<Ref>& boxes) {
 }
 
 TreeView Tree::view() const {
-  TreeView v{nodes.nodes.data.get(), floats.data.get(), ids.data.get(), polygons.data.get(), corners.data(), {}, 0, 0, nodes.root, kind,
+  TreeView v{nodes.nodes.data.get(),
+             floats.data.get(),
+             ids.data.get(),
+             polygons.data.get(),
+             corners.data(),
+             {},
+             0,
+             0,
+             nodes.root,
+             kind,
              bytes() > kLarge};
   double square = 0;
   for (int k = 0; k < 3; ++k) {
@@ -305,14 +343,16 @@ TreeView Tree::view() const {
     square += (hi - lo) * (hi - lo);
   }
   v.radius = 0.51 * std::sqrt(square);
-  const double reach = std::max({std::fabs(v.center[0]), std::fabs(v.center[1]), std::fabs(v.center[2])}) + 5 * v.radius;
+  const double reach =
+      std::max({std::fabs(v.center[0]), std::fabs(v.center[1]), std::fabs(v.center[2])}) +
+      5 * v.radius;
   v.ball = 1.001 * ball + 0x1p-18 * reach;
   return v;
 }
 
 size_t Tree::bytes() const {
-  return nodes.nodes.bytes() + floats.bytes() + ids.bytes() + polygons.bytes() + corners.capacity() * sizeof(float) +
-         order.capacity() * sizeof(uint32_t);
+  return nodes.nodes.bytes() + floats.bytes() + ids.bytes() + polygons.bytes() +
+         corners.capacity() * sizeof(float) + order.capacity() * sizeof(uint32_t);
 }
 
 }  // namespace glint

@@ -6,7 +6,7 @@
 namespace glint {
 namespace {
 
-constexpr size_t kFew = 16;           // instances that may always move out; of more, only half
+constexpr size_t kFew = 16;             // instances that may always move out; of more, only half
 constexpr size_t kBeside = kWidth - 1;  // instances beside the tree over them
 
 bool same(const Affine& a, const Affine& b) { return std::memcmp(&a, &b, sizeof(Affine)) == 0; }
@@ -17,7 +17,9 @@ Takeover::Takeover(const AccelBase& base, const std::vector<InstanceView>& insta
     : world_(static_cast<const World*>(base.accel.get())), base_(base), instances_(instances) {}
 
 std::shared_ptr<const Tree> Takeover::object(uint32_t geometry) const {
-  return world_ && base_.geometry[geometry] != AccelBase::kNone ? world_->object(base_.geometry[geometry]) : nullptr;
+  return world_ && base_.geometry[geometry] != AccelBase::kNone
+             ? world_->object(base_.geometry[geometry])
+             : nullptr;
 }
 
 /// Whether the k-th instance in a tree is still the same geometry in the same place.
@@ -51,12 +53,14 @@ BakedTree Takeover::all(int kind) const {
 }
 
 bool Takeover::moved(const std::vector<uint32_t>& placed, std::vector<uint32_t>& moved) const {
-  if (!world_ || !base_.same_space || base_.exact || world_->placed().instances != placed) return false;
+  if (!world_ || !base_.same_space || base_.exact || world_->placed().instances != placed)
+    return false;
   moved = world_->placed().moved;
   for (uint32_t i : placed) {
     const InstanceView &now = instances_[i], &then = world_->instance(i);
     if (base_.geometry[now.geometry] != then.geometry) return false;
-    if (now.visibility == then.visibility && same(now.world_from_object, then.world_from_object)) continue;
+    if (now.visibility == then.visibility && same(now.world_from_object, then.world_from_object))
+      continue;
     if (std::find(moved.begin(), moved.end(), i) == moved.end()) moved.push_back(i);
     if (moved.size() > kBeside) return false;
   }

@@ -20,8 +20,9 @@ class Team {
   Team(const Team&) = delete;
   Team& operator=(const Team&) = delete;
 
-  /// Calls body(0) … body(count - 1), in any order, on all threads of the team and the caller's, and returns when all are done. The first
-  /// exception skips the calls that have not begun and is thrown again here. Not to be called from inside `body`.
+  /// Calls body(0) … body(count - 1), in any order, on all threads of the team and the caller's,
+  /// and returns when all are done. The first exception skips the calls that have not begun and is
+  /// thrown again here. Not to be called from inside `body`.
   void run(size_t count, const std::function<void(size_t)>& body);
   size_t size() const { return threads_.size() + 1; }
 

@@ -1,17 +1,17 @@
-// The trees in memory, as the kernels read them. Plain data only: nothing here may emit code, because the kernels are compiled for
-// instruction sets that the machine at hand need not have.
+// The trees in memory, as the kernels read them. Plain data only: nothing here may emit code,
+// because the kernels are compiled for instruction sets that the machine at hand need not have.
 #pragma once
 #include <cstddef>
 #include <cstdint>
 
 namespace glint {
 
-constexpr int kWidth = 8;         // children of a node
-constexpr int kMaxLeaf = 8;       // primitives of a leaf, as far as ChildRef can say
-constexpr int kMaxDepth = 72;     // of nodes; the builder keeps to it
+constexpr int kWidth = 8;      // children of a node
+constexpr int kMaxLeaf = 8;    // primitives of a leaf, as far as ChildRef can say
+constexpr int kMaxDepth = 72;  // of nodes; the builder keeps to it
 constexpr int kStack = kMaxDepth * (kWidth - 1) + kWidth;
-constexpr int kWalkers = 32;      // rays that are on their way at a time, each on its own
-constexpr int kLeftParts = 128;   // parts of a tree that a tile's rays may leave for then
+constexpr int kWalkers = 32;     // rays that are on their way at a time, each on its own
+constexpr int kLeftParts = 128;  // parts of a tree that a tile's rays may leave for then
 constexpr int kWalkerStack = kStack + kWidth + kLeftParts + 1;
 
 /// A node's number, or kLeaf | (count - 1) << kCountShift | number of the leaf's first primitive.
@@ -20,8 +20,8 @@ constexpr ChildRef kLeaf = 0x80000000u;
 constexpr int kCountShift = 28;
 constexpr ChildRef kOrdinal = (1u << kCountShift) - 1;
 
-/// Boxes of eight children, plane by plane: lower x, upper x, lower y, upper y, lower z, upper z. The planes of an absent child are +inf
-/// below and -inf above, so that no ray enters it.
+/// Boxes of eight children, plane by plane: lower x, upper x, lower y, upper y, lower z, upper z.
+/// The planes of an absent child are +inf below and -inf above, so that no ray enters it.
 struct alignas(64) Node {
   float planes[6][kWidth];
   ChildRef child[kWidth];
@@ -46,9 +46,11 @@ struct InstanceRecord {
   uint32_t tree, instance, visibility;
 };
 
-/// Primitives are numbered in the order of the leaves; a leaf with n primitives from `first` on reads
-///   triangles: 9 n floats at 9 first: x, y, z of the first vertices, of the second, of the third, n floats each;
-///   spheres: 4 floats each at 4 first: centre and radius;  polygons: records;  instances: records.
+/// Primitives are numbered in the order of the leaves; a leaf with n primitives from `first` on
+/// reads
+///   triangles: 9 n floats at 9 first: x, y, z of the first vertices, of the second, of the third,
+///   n floats each; spheres: 4 floats each at 4 first: centre and radius;  polygons: records;
+///   instances: records.
 struct TreeView {
   const Node* nodes;
   const float* floats;
@@ -62,13 +64,15 @@ struct TreeView {
   bool large;  // more than the caches next to a processor hold beside other things
 };
 
-/// What each of the rays that go one by one has yet to visit, in a tree over instances and in another one. Too large for the stack that
-/// some systems give a thread (musl 128 KB, macOS 512 KB).
+/// What each of the rays that go one by one has yet to visit, in a tree over instances and in
+/// another one. Too large for the stack that some systems give a thread (musl 128 KB, macOS 512
+/// KB).
 struct WalkerStacks {
   int64_t placed[kWalkers][kWalkerStack], own[kWalkers][kWalkerStack];
 };
 
-/// `trees`: those in world space, one a kind at most. `objects`: those that instances refer to. `visibility`: of every instance.
+/// `trees`: those in world space, one a kind at most. `objects`: those that instances refer to.
+/// `visibility`: of every instance.
 struct WorldView {
   const TreeView* trees;
   size_t tree_count;

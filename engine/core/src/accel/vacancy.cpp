@@ -14,7 +14,8 @@ struct Side {
   Side(const Vec3d (&o)[4], const Vec3d (&d)[4], int j) {
     const int k = (j + 1) % 4;
     const Vec3d apart = o[k] - o[j], across = any(apart) ? cross(apart, d[j]) : cross(d[j], d[k]);
-    n = unit(across), turn = 0x1p-49 * (any(apart) ? std::max(max_abs(o[j]), max_abs(o[k])) : 1) / length(across);
+    n = unit(across),
+    turn = 0x1p-49 * (any(apart) ? std::max(max_abs(o[j]), max_abs(o[k])) : 1) / length(across);
   }
 };
 
@@ -25,7 +26,8 @@ struct Span {
 /// Child k of a node. Of an absent one, low is beyond high.
 Span span_of(const Node& n, int k) {
   Span s;
-  for (int axis = 0; axis < 3; ++axis) s.low[axis] = double(n.planes[2 * axis][k]), s.high[axis] = double(n.planes[2 * axis + 1][k]);
+  for (int axis = 0; axis < 3; ++axis)
+    s.low[axis] = double(n.planes[2 * axis][k]), s.high[axis] = double(n.planes[2 * axis + 1][k]);
   return s;
 }
 
@@ -45,7 +47,8 @@ Beam::Beam(const Vec3d (&origins)[4], const Vec3d (&directions)[4]) {
 bool Beam::misses(const Vec3d& low, const Vec3d& high, double margin, double reach) const {
   for (int j = 0; j < 4; ++j) {
     const Vec3d n = n_[j], a = low - origins_[j], b = high - origins_[j];
-    const double farthest = std::max(n.x * a.x, n.x * b.x) + std::max(n.y * a.y, n.y * b.y) + std::max(n.z * a.z, n.z * b.z);
+    const double farthest = std::max(n.x * a.x, n.x * b.x) + std::max(n.y * a.y, n.y * b.y) +
+                            std::max(n.z * a.z, n.z * b.z);
     if (farthest < -(margin + turn_[j] * reach)) return true;
   }
   return false;
@@ -58,9 +61,11 @@ double Beam::reach(const Vec3d& point) const {
 }
 
 bool vacant(const TreeView& tree, const Beam& beam) {
-  const Vec3d center{tree.center[0], tree.center[1], tree.center[2]}, ball{tree.ball, tree.ball, tree.ball};
+  const Vec3d center{tree.center[0], tree.center[1], tree.center[2]},
+      ball{tree.ball, tree.ball, tree.ball};
   // What the kernels leave for rounding (Tile::room), sixteen times over.
-  const double reach = beam.reach(center) + tree.radius, margin = 0x1p-16 * (max_abs(center) + 5 * tree.radius) + 0x1p-40 * reach;
+  const double reach = beam.reach(center) + tree.radius,
+               margin = 0x1p-16 * (max_abs(center) + 5 * tree.radius) + 0x1p-40 * reach;
   if (beam.misses(center - ball, center + ball, margin, reach)) return true;
   if (tree.root & kLeaf) return false;
   ChildRef waiting[kMostNodes + kWidth];

@@ -10,11 +10,12 @@
 
 namespace glint {
 
-/// Where instances go: into the world's trees with their vertices, or into the tree over instances with their matrix. By number.
+/// Where instances go: into the world's trees with their vertices, or into the tree over instances
+/// with their matrix. By number.
 struct Plan {
   std::vector<uint32_t> baked[3];  // meshes, spheres, polygons
   std::vector<uint32_t> placed;
-  size_t dropped = 0;              // primitives that can go nowhere
+  size_t dropped = 0;  // primitives that can go nowhere
 };
 
 /// A tree in world space, and what it was made from.
@@ -27,16 +28,17 @@ struct BakedTree {
 /// The tree over instances. A few that moved since it was built stand beside it.
 struct PlacedTree {
   std::shared_ptr<const Tree> built, tree;  // as the builder made it; the same with what moved
-  std::vector<InstanceRecord> records;      // in the order of the leaves; hidden in `built` what moved, at the end where it is now
-  std::vector<uint32_t> instances, moved;   // all there are, and those that moved, by number
+  std::vector<InstanceRecord> records;  // in the order of the leaves; hidden in `built` what moved,
+                                        // at the end where it is now
+  std::vector<uint32_t> instances, moved;  // all there are, and those that moved, by number
 };
 
 class Takeover;
 
 class World final : public Accel {
  public:
-  World(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads, const std::atomic<bool>& cancel,
-        BuildQuality quality, const AccelBase& base);
+  World(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
+        const std::atomic<bool>& cancel, BuildQuality quality, const AccelBase& base);
   void closest(const Rays& rays, const Hits& hits, Scratch& scratch) const override {
     kernel_.closest(view_, rays, hits, scratch.stacks());
   }
@@ -54,12 +56,17 @@ class World final : public Accel {
 
  private:
   Plan plan() const;
-  BakedTree bake(const std::vector<uint32_t>& wanted, Team& team, const std::atomic<bool>& cancel) const;
+  BakedTree bake(const std::vector<uint32_t>& wanted, Team& team,
+                 const std::atomic<bool>& cancel) const;
   void hide_moved(const Plan& plan);
-  void build_objects(const std::vector<uint32_t>& placed, const Takeover& before, Team& team, const std::atomic<bool>& cancel);
-  const Tree& object_at(uint32_t instance) const { return *objects_[object_of_[instances_[instance].geometry]]; }
+  void build_objects(const std::vector<uint32_t>& placed, const Takeover& before, Team& team,
+                     const std::atomic<bool>& cancel);
+  const Tree& object_at(uint32_t instance) const {
+    return *objects_[object_of_[instances_[instance].geometry]];
+  }
   InstanceRecord record_of(uint32_t instance) const;
-  void build_instances(const std::vector<uint32_t>& placed, const Takeover& before, Team& team, const std::atomic<bool>& cancel);
+  void build_instances(const std::vector<uint32_t>& placed, const Takeover& before, Team& team,
+                       const std::atomic<bool>& cancel);
   void keep_instances(const PlacedTree& there);
   void make_view();
   void count(const Plan& plan);
@@ -68,11 +75,11 @@ class World final : public Accel {
   const BuildQuality quality_;
   std::vector<GeometryView> geometries_;
   std::vector<InstanceView> instances_;
-  BakedTree baked_[3];                                   // meshes, spheres, polygons
+  BakedTree baked_[3];  // meshes, spheres, polygons
   PlacedTree placed_;
-  std::vector<std::shared_ptr<const Tree>> objects_;     // in object space
-  std::vector<uint32_t> object_of_;                      // geometry to object tree, or kNoTree
-  std::vector<uint32_t> visibility_;                     // of instances, where the world's trees have them
+  std::vector<std::shared_ptr<const Tree>> objects_;  // in object space
+  std::vector<uint32_t> object_of_;                   // geometry to object tree, or kNoTree
+  std::vector<uint32_t> visibility_;  // of instances, where the world's trees have them
   std::vector<TreeView> tree_views_, object_views_;
   WorldView view_{};
   AccelStats stats_;
@@ -81,7 +88,8 @@ class World final : public Accel {
 /// Whether an instance with this matrix can keep a tree in object space.
 bool invertible(const Affine& m);
 
-/// Columns of the inverse of a matrix' linear part; false when it has none worth using (columns of length 0, or parallel to 1e-8).
+/// Columns of the inverse of a matrix' linear part; false when it has none worth using (columns of
+/// length 0, or parallel to 1e-8).
 bool inverse(const Affine& m, Affine& linear);
 
 /// What is wrong with a tree, or "".

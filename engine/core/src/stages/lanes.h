@@ -1,6 +1,7 @@
-// Vectors of doubles, as wide as the instruction set that this is compiled for. Everything in the stage_*.h headers lives in an anonymous
-// namespace and calls no library: a function with a name outside could be shared by the linker with code for a lesser machine.
-// A lane never depends on another lane, so that widths give the same bits.
+// Vectors of doubles, as wide as the instruction set that this is compiled for. Everything in the
+// stage_*.h headers lives in an anonymous namespace and calls no library: a function with a name
+// outside could be shared by the linker with code for a lesser machine. A lane never depends on
+// another lane, so that widths give the same bits.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -35,16 +36,21 @@ typedef float LooseSingles __attribute__((vector_size(4 * kLanes), aligned(4), m
 typedef uint32_t LooseNumbers __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
 inline Doubles load(const double* p) { return *reinterpret_cast<const LooseDoubles*>(p); }
 inline Mask load(const int64_t* p) { return *reinterpret_cast<const LooseMask*>(p); }
-inline Doubles load(const float* p) { return __builtin_convertvector(Singles(*reinterpret_cast<const LooseSingles*>(p)), Doubles); }
+inline Doubles load(const float* p) {
+  return __builtin_convertvector(Singles(*reinterpret_cast<const LooseSingles*>(p)), Doubles);
+}
 inline Numbers load(const uint32_t* p) { return *reinterpret_cast<const LooseNumbers*>(p); }
 inline void store(double* p, Doubles v) { *reinterpret_cast<LooseDoubles*>(p) = v; }
 inline void store(int64_t* p, Mask v) { *reinterpret_cast<LooseMask*>(p) = v; }
-inline void store(float* p, Doubles v) { *reinterpret_cast<LooseSingles*>(p) = __builtin_convertvector(v, Singles); }
+inline void store(float* p, Doubles v) {
+  *reinterpret_cast<LooseSingles*>(p) = __builtin_convertvector(v, Singles);
+}
 inline void store(uint32_t* p, Numbers v) { *reinterpret_cast<LooseNumbers*>(p) = v; }
 
 inline Doubles splat(double a) { return a - Doubles{}; }  // -0 stays -0
 
-/// The vector of of(0), of(1), … (GCC writes a vector lane by lane with a masked instruction each, and this with few.)
+/// The vector of of(0), of(1), … (GCC writes a vector lane by lane with a masked instruction each,
+/// and this with few.)
 template <class Vector = Doubles, class Of>
 inline Vector each_lane(Of of) {
 #if defined(__AVX512F__)
@@ -61,7 +67,9 @@ inline Doubles where(Mask m, Doubles a) { return Doubles(Mask(a) & m); }  // els
 
 #if defined(__AVX512F__)
 inline Doubles root(Doubles a) { return Doubles(_mm512_maskz_sqrt_pd(0xff, __m512d(a))); }
-inline Doubles down(Doubles a) { return Doubles(_mm512_maskz_roundscale_pd(0xff, __m512d(a), _MM_FROUND_TO_NEG_INF)); }
+inline Doubles down(Doubles a) {
+  return Doubles(_mm512_maskz_roundscale_pd(0xff, __m512d(a), _MM_FROUND_TO_NEG_INF));
+}
 inline uint32_t bits(Mask m) { return uint32_t(_mm512_movepi64_mask(__m512i(m))); }
 #elif defined(__AVX__)
 inline Doubles root(Doubles a) { return Doubles(_mm256_sqrt_pd(__m256d(a))); }
@@ -86,15 +94,19 @@ inline uint32_t bits(Mask m) {
   return b;
 }
 #endif
-inline Whole whole(Doubles a) { return __builtin_convertvector(a, Whole); }  // below 2^31, towards 0
+inline Whole whole(Doubles a) {
+  return __builtin_convertvector(a, Whole);
+}  // below 2^31, towards 0
 inline Doubles finite_or_zero(Doubles a) { return where(a - a == 0, a); }
 inline bool any(Mask m) { return bits(m) != 0; }
 inline bool all(Mask m) { return bits(m) == kAllLanes; }
 
-inline Doubles larger(Doubles a, Doubles b) { return choose(a > b, a, b); }    // b where one is NaN
+inline Doubles larger(Doubles a, Doubles b) { return choose(a > b, a, b); }  // b where one is NaN
 inline Doubles smaller(Doubles a, Doubles b) { return choose(a < b, a, b); }
 inline Doubles magnitude(Doubles a) { return Doubles(Mask(a) & INT64_MAX); }
-inline Doubles with_sign(Doubles a, Doubles sign) { return Doubles((Mask(a) & INT64_MAX) | (Mask(sign) & INT64_MIN)); }
+inline Doubles with_sign(Doubles a, Doubles sign) {
+  return Doubles((Mask(a) & INT64_MAX) | (Mask(sign) & INT64_MIN));
+}
 
 /// The first `count` lanes.
 inline Mask first_lanes(size_t count) {
@@ -104,7 +116,9 @@ inline Mask first_lanes(size_t count) {
 }
 
 /// Lanes of the group that begins at k of a column of `count`.
-inline Mask valid_lanes(size_t k, size_t count) { return count - k >= kLanes ? ~Mask{} : first_lanes(count - k); }
+inline Mask valid_lanes(size_t k, size_t count) {
+  return count - k >= kLanes ? ~Mask{} : first_lanes(count - k);
+}
 
 /// Whether all lanes of a group hold the same number.
 inline bool same(const uint32_t* number) {
@@ -116,8 +130,12 @@ inline bool same(const uint32_t* number) {
 struct Three {
   Doubles x, y, z;
 };
-inline Three load3(const double* const (&p)[3], size_t k) { return {load(p[0] + k), load(p[1] + k), load(p[2] + k)}; }
-inline void store3(double* const (&p)[3], size_t k, const Three& v) { store(p[0] + k, v.x), store(p[1] + k, v.y), store(p[2] + k, v.z); }
+inline Three load3(const double* const (&p)[3], size_t k) {
+  return {load(p[0] + k), load(p[1] + k), load(p[2] + k)};
+}
+inline void store3(double* const (&p)[3], size_t k, const Three& v) {
+  store(p[0] + k, v.x), store(p[1] + k, v.y), store(p[2] + k, v.z);
+}
 inline Three splat3(const double* p) { return {splat(p[0]), splat(p[1]), splat(p[2])}; }
 inline Three operator+(const Three& a, const Three& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
 inline Three operator-(const Three& a, const Three& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
@@ -125,13 +143,20 @@ inline Three operator*(const Three& a, const Three& b) { return {a.x * b.x, a.y 
 inline Three operator*(Doubles s, const Three& a) { return {s * a.x, s * a.y, s * a.z}; }
 inline Three operator-(const Three& a) { return {-a.x, -a.y, -a.z}; }
 inline Doubles dot(const Three& a, const Three& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline Three cross(const Three& a, const Three& b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
-inline Three choose(Mask m, const Three& a, const Three& b) { return {choose(m, a.x, b.x), choose(m, a.y, b.y), choose(m, a.z, b.z)}; }
+inline Three cross(const Three& a, const Three& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+inline Three choose(Mask m, const Three& a, const Three& b) {
+  return {choose(m, a.x, b.x), choose(m, a.y, b.y), choose(m, a.z, b.z)};
+}
 inline Three where(Mask m, const Three& a) { return {where(m, a.x), where(m, a.y), where(m, a.z)}; }
 inline Mask nonzero(const Three& a) { return (a.x != 0) | (a.y != 0) | (a.z != 0); }
-inline Doubles max_abs(const Three& a) { return larger(magnitude(a.x), larger(magnitude(a.y), magnitude(a.z))); }
+inline Doubles max_abs(const Three& a) {
+  return larger(magnitude(a.x), larger(magnitude(a.y), magnitude(a.z)));
+}
 
-/// The direction of any finite non-zero vector, however short or long; otherwise the zero vector. The same as vec.h's.
+/// The direction of any finite non-zero vector, however short or long; otherwise the zero vector.
+/// The same as vec.h's.
 __attribute__((always_inline)) inline Three unit(Three a) {
   const Doubles m = max_abs(a);
   const Mask common = (m > 1e-100) & (m < 1e100);

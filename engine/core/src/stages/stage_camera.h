@@ -13,8 +13,11 @@ void camera(const CameraStage& c) {
     const Three towards = c.parallel ? -mz : across - mz, d = unit(towards);
     if (c.parallel) store3(c.o, k, splat(c.scale) * across);
     store3(c.d, k, d);
-    const Doubles step = dot(towards, d) * c.scale;  // anchored length of one unit of depth along the ray
-    store(c.t_min + k, c.clip_start * step * (1 - 0x1p-50));  // the bounds themselves count, the ray's interval is open
+    const Doubles step =
+        dot(towards, d) * c.scale;  // anchored length of one unit of depth along the ray
+    store(c.t_min + k,
+          c.clip_start * step *
+              (1 - 0x1p-50));  // the bounds themselves count, the ray's interval is open
     store(c.t_max + k, c.clip_end * step * (1 + 0x1p-50));
   }
 }

@@ -1,5 +1,6 @@
-// Inputs that vary over a surface: attributes, and images with four neighbours or the closest texel. The same as material.cpp, surface.cpp
-// and texture.cpp have for one point. Letters: u v of the unit square, i index in an endless row of texels.
+// Inputs that vary over a surface: attributes, and images with four neighbours or the closest
+// texel. The same as material.cpp, surface.cpp and texture.cpp have for one point. Letters: u v of
+// the unit square, i index in an endless row of texels.
 #pragma once
 #include "lanes.h"
 #include "stages.h"
@@ -17,9 +18,11 @@ struct OnMesh {
 
 /// Where the points of a group are, from the instance and the primitive of each lane.
 template <class Instance, class Primitive>
-inline void find_primitives(const InputTables& s, Instance instance, Primitive primitive, OnMesh& p) {
+inline void find_primitives(const InputTables& s, Instance instance, Primitive primitive,
+                            OnMesh& p) {
   for (size_t lane = 0; lane < kLanes; ++lane)
-    p.geometry[lane] = s.geometries + s.groups[s.instances[instance(lane)].group].geometry, p.primitive[lane] = primitive(lane);
+    p.geometry[lane] = s.geometries + s.groups[s.instances[instance(lane)].group].geometry,
+    p.primitive[lane] = primitive(lane);
   bool one = same(p.primitive);
   for (size_t lane = 1; one && lane < kLanes; ++lane) one = p.geometry[lane] == p.geometry[0];
   p.different = one ? 1 : kLanes;
@@ -32,29 +35,36 @@ inline Three channel_of(const Three& color, int channel) {
   return {grey, grey, grey};
 }
 
-inline const GlintAttribute* find(const InputTables& s, const GlintGeometry& geometry, int32_t name) {
+inline const GlintAttribute* find(const InputTables& s, const GlintGeometry& geometry,
+                                  int32_t name) {
   const GlintAttribute* a = s.attributes + geometry.first_attribute;
   for (uint32_t i = 0; i < geometry.attribute_count; ++i)
     if (name < 0 ? a[i].channels == 2 : a[i].name == name) return a + i;
   return nullptr;
 }
 
-/// Where an attribute's values at the three corners are. A geometry may lack it, or some of its channels: those are 0.
+/// Where an attribute's values at the three corners are. A geometry may lack it, or some of its
+/// channels: those are 0.
 struct Corners {
   const float* at[3][kLanes];
   int channels[kLanes] = {};
   bool alike = true;  // as many channels in all lanes
 };
 
-inline void look_up(const GlintGeometry& geometry, const GlintAttribute& a, uint32_t primitive, size_t lane, Corners& out) {
-  const uint32_t* rows = (a.domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * size_t(primitive);
-  for (size_t v = 0; v < 3; ++v) out.at[v][lane] = a.values + size_t(a.channels) * (a.domain == GLINT_FACE ? primitive : rows[v]);
+inline void look_up(const GlintGeometry& geometry, const GlintAttribute& a, uint32_t primitive,
+                    size_t lane, Corners& out) {
+  const uint32_t* rows =
+      (a.domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * size_t(primitive);
+  for (size_t v = 0; v < 3; ++v)
+    out.at[v][lane] =
+        a.values + size_t(a.channels) * (a.domain == GLINT_FACE ? primitive : rows[v]);
 }
 
 inline void look_up(const InputTables& s, const OnMesh& p, int32_t name, Corners& out) {
   const GlintAttribute* attribute = nullptr;
   for (size_t lane = 0; lane < p.different; ++lane) {
-    if (lane == 0 || p.geometry[lane] != p.geometry[lane - 1]) attribute = find(s, *p.geometry[lane], name);
+    if (lane == 0 || p.geometry[lane] != p.geometry[lane - 1])
+      attribute = find(s, *p.geometry[lane], name);
     out.channels[lane] = attribute ? attribute->channels : 0;
     out.alike = out.alike && out.channels[lane] == out.channels[0];
     if (attribute) look_up(*p.geometry[lane], *attribute, p.primitive[lane], lane, out);
@@ -66,12 +76,16 @@ inline Doubles corner(const OnMesh& p, const Corners& values, size_t v, int chan
   if (values.alike && values.channels[0] <= channel) return Doubles{};
   if (p.different == 1) return splat(values.at[v][0][channel]);
   const auto value = [&](size_t lane) { return values.at[v][lane][channel]; };
-  const auto any_value = [&](size_t lane) { return values.channels[lane] > channel ? value(lane) : 0.0f; };
-  return __builtin_convertvector(values.alike ? each_lane<Singles>(value) : each_lane<Singles>(any_value), Doubles);
+  const auto any_value = [&](size_t lane) {
+    return values.channels[lane] > channel ? value(lane) : 0.0f;
+  };
+  return __builtin_convertvector(
+      values.alike ? each_lane<Singles>(value) : each_lane<Singles>(any_value), Doubles);
 }
 
 inline Doubles blend(const OnMesh& p, const Corners& values, int channel) {
-  const Doubles a = corner(p, values, 0, channel), b = corner(p, values, 1, channel), c = corner(p, values, 2, channel);
+  const Doubles a = corner(p, values, 0, channel), b = corner(p, values, 1, channel),
+                c = corner(p, values, 2, channel);
   return finite_or_zero(p.weights[0] * a + p.weights[1] * b + p.weights[2] * c);
 }
 
@@ -79,19 +93,24 @@ inline Doubles blend(const OnMesh& p, const Corners& values, int channel) {
 inline Mask lanes_with(const Corners& values, int channels) {
   if (values.alike) return values.channels[0] >= channels ? ~Mask{} : Mask{};
   Mask has{};
-  for (size_t lane = 0; lane < kLanes; ++lane) has[lane] = values.channels[lane] >= channels ? -1 : 0;
+  for (size_t lane = 0; lane < kLanes; ++lane)
+    has[lane] = values.channels[lane] >= channels ? -1 : 0;
   return has;
 }
 
 inline Three read_color(const InputTables& s, const OnMesh& p, int32_t name, int channel) {
   Corners values;
   look_up(s, p, name, values);
-  if (channel != GLINT_ALPHA) return {blend(p, values, 0), blend(p, values, 1), blend(p, values, 2)};
-  const Doubles alpha = choose(lanes_with(values, 4), blend(p, values, 3), where(lanes_with(values, 1), splat(1)));
+  if (channel != GLINT_ALPHA)
+    return {blend(p, values, 0), blend(p, values, 1), blend(p, values, 2)};
+  const Doubles alpha =
+      choose(lanes_with(values, 4), blend(p, values, 3), where(lanes_with(values, 1), splat(1)));
   return {alpha, alpha, alpha};
 }
 
-inline Doubles clamped(Doubles x, double low, double high) { return choose(x < low, splat(low), choose(x > high, splat(high), x)); }
+inline Doubles clamped(Doubles x, double low, double high) {
+  return choose(x < low, splat(low), choose(x > high, splat(high), x));
+}
 
 inline Doubles reduce(Doubles x, int extension) {
   x = finite_or_zero(x);
@@ -116,7 +135,8 @@ struct Axis {
 
 inline Axis axis_of(const TextureShape& t, Doubles x, double size) {
   const Doubles at = reduce(x, t.extension) * size;
-  if (t.interpolation == GLINT_CLOSEST) return {wrap(down(at), size, t.extension), Whole{}, Doubles{}};
+  if (t.interpolation == GLINT_CLOSEST)
+    return {wrap(down(at), size, t.extension), Whole{}, Doubles{}};
   const Doubles first = down(at - 0.5);
   return {wrap(first, size, t.extension), wrap(first + 1, size, t.extension), at - 0.5 - first};
 }
@@ -126,7 +146,8 @@ struct Texels {
   size_t at[kLanes];  // of the first channel
   Mask inside = ~Mask{};
   Texels(const TextureShape& t, Whole column, Whole row) {
-    for (size_t lane = 0; lane < kLanes; ++lane) at[lane] = 4 * (size_t(row[lane]) * t.width + size_t(column[lane]));
+    for (size_t lane = 0; lane < kLanes; ++lane)
+      at[lane] = 4 * (size_t(row[lane]) * t.width + size_t(column[lane]));
     if (t.extension != GLINT_CLIP) return;
     for (size_t lane = 0; lane < kLanes; ++lane) {
       const bool out = column[lane] < 0 || row[lane] < 0;
@@ -136,8 +157,12 @@ struct Texels {
 };
 
 inline Doubles channel(const TextureShape& t, const Texels& texels, size_t c, const double* codes) {
-  const auto number = [&](size_t lane) { return double(static_cast<const float*>(t.pixels)[texels.at[lane] + c]); };
-  const auto decoded = [&](size_t lane) { return codes[static_cast<const uint8_t*>(t.pixels)[texels.at[lane] + c]]; };
+  const auto number = [&](size_t lane) {
+    return double(static_cast<const float*>(t.pixels)[texels.at[lane] + c]);
+  };
+  const auto decoded = [&](size_t lane) {
+    return codes[static_cast<const uint8_t*>(t.pixels)[texels.at[lane] + c]];
+  };
   const Doubles v = t.type == GLINT_FLOAT32 ? each_lane(number) : each_lane(decoded);
   return t.extension == GLINT_CLIP ? where(texels.inside, v) : v;
 }
@@ -145,7 +170,9 @@ inline Doubles channel(const TextureShape& t, const Texels& texels, size_t c, co
 inline Three colors(const TextureShape& t, const Texels& at) {
   return {channel(t, at, 0, t.decode), channel(t, at, 1, t.decode), channel(t, at, 2, t.decode)};
 }
-inline Doubles alphas(const TextureShape& t, const Texels& at) { return channel(t, at, 3, t.linear); }
+inline Doubles alphas(const TextureShape& t, const Texels& at) {
+  return channel(t, at, 3, t.linear);
+}
 
 template <class Value>
 inline Value mix(const Value& a, const Value& b, Doubles t) {
@@ -202,12 +229,15 @@ inline Three image_at(const InputTables& s, const OnMesh& p, uint32_t i, Reads& 
   return reads.images.get(s.reads[i], [&] { return read_image(s, p, s.inputs[i]); });
 }
 
-inline Three color_at(const InputTables& s, const OnMesh& p, int32_t name, int channel, Reads& reads) {
+inline Three color_at(const InputTables& s, const OnMesh& p, int32_t name, int channel,
+                      Reads& reads) {
   const uint32_t number = 2 * uint32_t(name) + (channel == GLINT_ALPHA);
   return reads.colors.get(number, [&] { return read_color(s, p, name, channel); });
 }
 
-inline Three finite_or_zero(const Three& a) { return {finite_or_zero(a.x), finite_or_zero(a.y), finite_or_zero(a.z)}; }
+inline Three finite_or_zero(const Three& a) {
+  return {finite_or_zero(a.x), finite_or_zero(a.y), finite_or_zero(a.z)};
+}
 
 inline Three bounded(const Three& a, double low, double high) {
   return {clamped(a.x, low, high), clamped(a.y, low, high), clamped(a.z, low, high)};
@@ -218,20 +248,24 @@ inline Three evaluate(const InputTables& s, const OnMesh& p, uint32_t i, Reads& 
   Three product = splat3(input.value);
   if (input.texture >= 0) product = product * channel_of(image_at(s, p, i, reads), input.channel);
   const int channel = input.attribute_channel;
-  if (input.attribute >= 0) product = product * channel_of(color_at(s, p, input.attribute, channel, reads), channel);
+  if (input.attribute >= 0)
+    product = product * channel_of(color_at(s, p, input.attribute, channel, reads), channel);
   product = finite_or_zero(product);
   if (input.bounded) product = bounded(product + splat3(input.offset), input.low, input.high);
   return input.complement ? Three{1 - product.x, 1 - product.y, 1 - product.z} : product;
 }
 
 /// The product of a lobe's factors where they vary: one copy for all stages.
-__attribute__((noinline, flatten)) Three product(const InputTables& s, const OnMesh& p, const LobeShape& lobe, Reads& reads) {
+__attribute__((noinline, flatten)) Three product(const InputTables& s, const OnMesh& p,
+                                                 const LobeShape& lobe, Reads& reads) {
   Three k = {splat(1), splat(1), splat(1)};
-  for (uint32_t i = 0; i < lobe.input_count; ++i) k = k * evaluate(s, p, lobe.first_input + i, reads);
+  for (uint32_t i = 0; i < lobe.input_count; ++i)
+    k = k * evaluate(s, p, lobe.first_input + i, reads);
   return finite_or_zero(k);
 }
 
-inline Three coefficient(const InputTables& s, const OnMesh& p, const LobeShape& lobe, Reads& reads) {
+inline Three coefficient(const InputTables& s, const OnMesh& p, const LobeShape& lobe,
+                         Reads& reads) {
   return lobe.constant ? splat3(lobe.k) : product(s, p, lobe, reads);
 }
 

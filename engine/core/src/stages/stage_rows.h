@@ -44,7 +44,8 @@ inline void scatter3(double* const (&columns)[3], const Chosen& at, const Three&
   scatter(columns[0], at, v.x), scatter(columns[1], at, v.y), scatter(columns[2], at, v.z);
 }
 inline void scatter3(double* column, size_t stride, const Chosen& at, const Three& v) {
-  scatter(column, at, v.x), scatter(column + stride, at, v.y), scatter(column + 2 * stride, at, v.z);
+  scatter(column, at, v.x), scatter(column + stride, at, v.y),
+      scatter(column + 2 * stride, at, v.z);
 }
 
 /// Numbers of some lanes go to the end of columns.
@@ -57,10 +58,12 @@ struct Appender {
     size_t to = at;
     for (uint32_t m = lanes; m; m &= m - 1) column[to++] = v[__builtin_ctz(m)];
   }
-  __attribute__((always_inline)) void operator()(double* const (&columns)[3], const Three& v) const {
+  __attribute__((always_inline)) void operator()(double* const (&columns)[3],
+                                                 const Three& v) const {
     (*this)(columns[0], v.x), (*this)(columns[1], v.y), (*this)(columns[2], v.z);
   }
-  __attribute__((always_inline)) void operator()(double* column, size_t stride, const Three& v) const {
+  __attribute__((always_inline)) void operator()(double* column, size_t stride,
+                                                 const Three& v) const {
     (*this)(column, v.x), (*this)(column + stride, v.y), (*this)(column + 2 * stride, v.z);
   }
   void number(uint32_t* column, uint32_t first) const {

@@ -36,7 +36,9 @@ inline void look_up(const ShadeStage& s, size_t k, TermRows& rows) {
 
 inline Three gather3(const TermRows& rows, const double (MaterialTerms::*member)[3]) {
   if (rows.same) return splat3(rows.of[0]->*member);
-  const auto channel = [&](size_t c) { return each_lane([&](size_t lane) { return (rows.of[lane]->*member)[c]; }); };
+  const auto channel = [&](size_t c) {
+    return each_lane([&](size_t lane) { return (rows.of[lane]->*member)[c]; });
+  };
   return {channel(0), channel(1), channel(2)};
 }
 
@@ -49,7 +51,8 @@ inline Three gather3(const TermRows& rows, const double* const (&of)[kLanes], si
   return {gather(rows, of, at), gather(rows, of, at + 1), gather(rows, of, at + 2)};
 }
 
-/// What depends on the view: the ambient light that it brings, and what of T k it adds to the diffuse lobes.
+/// What depends on the view: the ambient light that it brings, and what of T k it adds to the
+/// diffuse lobes.
 struct Seen {
   Three ambient, diffuse;
 };
@@ -59,7 +62,10 @@ inline Seen seen(const ShadeStage& s, size_t k, const Three& T, const TermRows& 
   Seen sum{};
   for (size_t term = 0; term < size_t(s.max_view); ++term) {
     const size_t at = ViewTerm::kColumns * term;
-    const Three share = grazing_power(cosine, larger(gather(rows, rows.view, at + ViewTerm::kExponent), splat(1e-6))) * T;
+    const Three share =
+        grazing_power(cosine,
+                      larger(gather(rows, rows.view, at + ViewTerm::kExponent), splat(1e-6))) *
+        T;
     sum.ambient = sum.ambient + share * gather3(rows, rows.view, at + ViewTerm::kAmbient);
     sum.diffuse = sum.diffuse + share * gather3(rows, rows.view, at + ViewTerm::kDiffuse);
   }
@@ -69,11 +75,13 @@ inline Seen seen(const ShadeStage& s, size_t k, const Three& T, const TermRows& 
 /// Whether a material of the group has lobes that depend on the view.
 inline bool any_view(const TermRows& rows) {
   bool found = rows.of[0]->view_count > 0;
-  for (size_t lane = 1; !rows.same && lane < kLanes; ++lane) found = found || rows.of[lane]->view_count > 0;
+  for (size_t lane = 1; !rows.same && lane < kLanes; ++lane)
+    found = found || rows.of[lane]->view_count > 0;
   return found;
 }
 
-inline void store_part(double* const (&part)[3], size_t k, const Three& T, const TermRows& rows, const double (MaterialTerms::*member)[3]) {
+inline void store_part(double* const (&part)[3], size_t k, const Three& T, const TermRows& rows,
+                       const double (MaterialTerms::*member)[3]) {
   if (part[0]) store3(part, k, T * gather3(rows, member));
 }
 
@@ -103,7 +111,8 @@ size_t shade(const ShadeStage& s) {
     look_up(s, k, rows);
     const Three T = load3(s.T, k);
     store3(s.sums.total, k, T * gather3(rows, &MaterialTerms::glow));
-    store_part(s.sums.ambient, k, T, rows, &MaterialTerms::ambient), store_part(s.sums.emission, k, T, rows, &MaterialTerms::emission);
+    store_part(s.sums.ambient, k, T, rows, &MaterialTerms::ambient),
+        store_part(s.sums.emission, k, T, rows, &MaterialTerms::emission);
     store_part(s.sums.environment, k, T, rows, &MaterialTerms::environment);
     clear_part(s.sums.diffuse, k), clear_part(s.sums.specular, k), clear_part(s.sums.shadow, k);
     if (rows.same && rows.of[0]->unlit) {
@@ -121,7 +130,8 @@ size_t shade(const ShadeStage& s) {
     Mask lit = nonzero(Tk);
     if (s.max_specular > 0) lit |= store_specular(s, k, T, rows);
     store(s.lit + k, lit & valid_lanes(k, s.count));
-    for (uint32_t m = rows.others; m; m &= m - 1) s.others[others++] = uint32_t(k) + uint32_t(__builtin_ctz(m));
+    for (uint32_t m = rows.others; m; m &= m - 1)
+      s.others[others++] = uint32_t(k) + uint32_t(__builtin_ctz(m));
   }
   return others;
 }

@@ -1,4 +1,5 @@
-// From hits on triangles to points (notes 4.7-4.9, 2.7). Letters: o d ray, a b c corners, e1 e2 edges, n normals of the vertices.
+// From hits on triangles to points (notes 4.7-4.9, 2.7). Letters: o d ray, a b c corners, e1 e2
+// edges, n normals of the vertices.
 #pragma once
 #include "lanes.h"
 #include "stages.h"
@@ -6,7 +7,8 @@
 namespace glint {
 namespace {
 
-/// What a group of hits reads, a row a lane; the rows of lanes without a triangle hold another lane's.
+/// What a group of hits reads, a row a lane; the rows of lanes without a triangle hold another
+/// lane's.
 struct alignas(64) Gathered {
   float corners[9][kLanes], normals[9][kLanes];
   double m[12][kLanes], normal[9][kLanes], mirror[kLanes];
@@ -21,7 +23,8 @@ inline uint32_t material_of(const GroupShape& group, uint32_t primitive) {
   return group.materials[slot < last ? slot : last];
 }
 
-inline void gather_rows(const float* values, const uint32_t* rows, size_t lane, float (&out)[9][kLanes]) {
+inline void gather_rows(const float* values, const uint32_t* rows, size_t lane,
+                        float (&out)[9][kLanes]) {
   for (size_t v = 0; v < 3; ++v) {
     const float* p = values + 3 * size_t(rows[v]);
     out[3 * v][lane] = p[0], out[3 * v + 1][lane] = p[1], out[3 * v + 2][lane] = p[2];
@@ -72,7 +75,9 @@ inline void spread_matrices(Gathered& at) {
 struct Linear {
   Three x, y, z;
 };
-inline Three operator*(const Linear& m, const Three& v) { return v.x * m.x + v.y * m.y + v.z * m.z; }
+inline Three operator*(const Linear& m, const Three& v) {
+  return v.x * m.x + v.y * m.y + v.z * m.z;
+}
 inline Three rows3(const double (*p)[kLanes]) { return {load(p[0]), load(p[1]), load(p[2])}; }
 inline Three rows3(const float (*p)[kLanes]) { return {load(p[0]), load(p[1]), load(p[2])}; }
 
@@ -87,13 +92,15 @@ struct Matrices {
   Doubles mirror;
   explicit Matrices(const InstanceShape& shape) {
     const double *p = shape.m, *q = shape.normal;
-    m = {splat3(p), splat3(p + 3), splat3(p + 6)}, t = splat3(p + 9), normal = {splat3(q), splat3(q + 3), splat3(q + 6)};
+    m = {splat3(p), splat3(p + 3), splat3(p + 6)}, t = splat3(p + 9),
+    normal = {splat3(q), splat3(q + 3), splat3(q + 6)};
     mirror = splat(shape.mirrors ? -1.0 : 1.0);
   }
   /// After spread_matrices.
   explicit Matrices(const Gathered& at) {
     m = {rows3(at.m), rows3(at.m + 3), rows3(at.m + 6)}, t = rows3(at.m + 9);
-    normal = {rows3(at.normal), rows3(at.normal + 3), rows3(at.normal + 6)}, mirror = load(at.mirror);
+    normal = {rows3(at.normal), rows3(at.normal + 3), rows3(at.normal + 6)},
+    mirror = load(at.mirror);
   }
 };
 
@@ -102,10 +109,13 @@ struct Spread {
   Three a, e1, e2;
   Spread() = default;
   Spread(const Matrices& to_world, const Three (&corners)[3])
-      : a(to_world.m * corners[0] + to_world.t), e1(to_world.m * (corners[1] - corners[0])), e2(to_world.m * (corners[2] - corners[0])) {}
+      : a(to_world.m * corners[0] + to_world.t),
+        e1(to_world.m * (corners[1] - corners[0])),
+        e2(to_world.m * (corners[2] - corners[0])) {}
 };
 
-/// What else there is of them, in anchored space but for `normals`. g: unit or 0, outward.  upright: unit normals of the vertices.
+/// What else there is of them, in anchored space but for `normals`. g: unit or 0, outward. upright:
+/// unit normals of the vertices.
 struct Face : Spread {
   Three g, normals[3], upright[3];
   Linear normal;
@@ -113,7 +123,8 @@ struct Face : Spread {
   bool smooth = false;
 
   Face() = default;
-  Face(const Matrices& to_world, const Three (&corners)[3]) : Spread(to_world, corners), normal(to_world.normal) {
+  Face(const Matrices& to_world, const Three (&corners)[3])
+      : Spread(to_world, corners), normal(to_world.normal) {
     g = to_world.mirror * unit(cross(e1, e2));
     offset = rounding(larger(max_abs(a), larger(max_abs(a + e1), max_abs(a + e2))));
   }
@@ -128,7 +139,8 @@ struct Weights {
 };
 
 /// In double; the accelerator's own where the ray grazes the plane or the triangle is a needle.
-inline Weights solve_weights(const Three& o, const Three& d, const Spread& face, Doubles hit_u, Doubles hit_v) {
+inline Weights solve_weights(const Three& o, const Three& d, const Spread& face, Doubles hit_u,
+                             Doubles hit_v) {
   const Three q = cross(d, face.e2), s = o - face.a;
   const Doubles f = 1 / dot(face.e1, q);
   Doubles u = f * dot(s, q), v = f * dot(d, cross(s, face.e1));
@@ -140,21 +152,26 @@ inline Weights solve_weights(const Three& o, const Three& d, const Spread& face,
 
 inline Three blend(const Weights& b, const Three (&n)[3]) {
   const Three &a = n[0], &c = n[1], &e = n[2];
-  return {finite_or_zero(b.a * a.x + b.b * c.x + b.c * e.x), finite_or_zero(b.a * a.y + b.b * c.y + b.c * e.y),
+  return {finite_or_zero(b.a * a.x + b.b * c.x + b.c * e.x),
+          finite_or_zero(b.a * a.y + b.b * c.y + b.c * e.y),
           finite_or_zero(b.a * a.z + b.b * c.z + b.c * e.z)};
 }
 
-/// A vertex's share of Hanika's shadow origin (surface.h): x moved towards the vertex' tangent plane.
+/// A vertex's share of Hanika's shadow origin (surface.h): x moved towards the vertex' tangent
+/// plane.
 inline Three towards_plane(Doubles weight, const Three& vertex, const Three& x, const Three& n) {
   return (weight * larger(dot(vertex - x, n), splat(0))) * n;
 }
 
-/// x moved out to the tangent planes, and never below the face: normals of a thin thing may point there by their rounding.
-inline Three shadow_origin(const Three& x, const Three& g, const Face& face, const Weights& b, Doubles side) {
+/// x moved out to the tangent planes, and never below the face: normals of a thin thing may point
+/// there by their rounding.
+inline Three shadow_origin(const Three& x, const Three& g, const Face& face, const Weights& b,
+                           Doubles side) {
   const Three corners[3] = {face.a, face.a + face.e1, face.a + face.e2};
   const Doubles weights[3] = {b.a, b.b, b.c};
   Three sum{};
-  for (int k = 0; k < 3; ++k) sum = sum + towards_plane(weights[k], corners[k], x, side * face.upright[k]);
+  for (int k = 0; k < 3; ++k)
+    sum = sum + towards_plane(weights[k], corners[k], x, side * face.upright[k]);
   return x + (sum - smaller(dot(sum, g), splat(0)) * g);
 }
 
@@ -164,7 +181,9 @@ inline void place_group(const SurfaceStage& s, size_t k, const Face& face) {
   const Three x = face.a + (b.b * face.e1 + b.c * face.e2);
   const Mask flat = nonzero(face.g);
   Three g = face.g;
-  if (!all(flat)) g = choose(flat, g, -unit(d));  // a triangle squeezed to a line, met by rounding: it faces the viewer
+  if (!all(flat))
+    g = choose(flat, g,
+               -unit(d));  // a triangle squeezed to a line, met by rounding: it faces the viewer
   const Mask outside = dot(g, d) <= 0;
   const Doubles side = choose(outside, splat(1), splat(-1));
   g = side * g;
@@ -172,7 +191,8 @@ inline void place_group(const SurfaceStage& s, size_t k, const Face& face) {
   store3(p.x, k, x), store3(p.g, k, g);
   if (face.smooth) {
     const Three blended = unit(face.normal * blend(b, face.normals));
-    store3(p.n, k, choose(nonzero(blended), side * blended, g)), store3(p.origin, k, shadow_origin(x, g, face, b, side));
+    store3(p.n, k, choose(nonzero(blended), side * blended, g)),
+        store3(p.origin, k, shadow_origin(x, g, face, b, side));
   } else if (p.n[0] != p.g[0]) {
     store3(p.n, k, g), store3(p.origin, k, x);
   }
@@ -191,7 +211,8 @@ inline Face face_of(Gathered& at) {
 
 /// The face of a group that is on one triangle.
 inline Face face_of(const InstanceShape& instance, const GroupShape& group, uint32_t primitive) {
-  const uint32_t *t = group.triangles + 3 * size_t(primitive), *n = group.normal_rows + 3 * size_t(primitive);
+  const uint32_t *t = group.triangles + 3 * size_t(primitive),
+                 *n = group.normal_rows + 3 * size_t(primitive);
   const float *x = group.vertices, *y = group.normals;
   Face face(Matrices(instance), {vertex_of(x, t[0]), vertex_of(x, t[1]), vertex_of(x, t[2])});
   if (y) face.bend({vertex_of(y, n[0]), vertex_of(y, n[1]), vertex_of(y, n[2])});
@@ -212,7 +233,9 @@ struct Known {
   }
 };
 
-inline bool on_one_mesh(const SurfaceStage& s, uint32_t instance) { return s.groups[s.instances[instance].group].triangles != nullptr; }
+inline bool on_one_mesh(const SurfaceStage& s, uint32_t instance) {
+  return s.groups[s.instances[instance].group].triangles != nullptr;
+}
 
 inline void set_material(const SurfaceStage& s, size_t k, uint32_t material) {
   for (size_t lane = 0; lane < kLanes; ++lane) s.points.material[k + lane] = material;

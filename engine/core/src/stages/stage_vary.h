@@ -1,4 +1,5 @@
-// Materials that vary over the surface or send rays on (notes 4.12-4.17). Letters: T weight to the pixel, k coefficient of a lobe.
+// Materials that vary over the surface or send rays on (notes 4.12-4.17). Letters: T weight to the
+// pixel, k coefficient of a lobe.
 #pragma once
 #include "stage_inputs.h"
 #include "stage_math.h"
@@ -12,7 +13,8 @@ inline OnMesh on_mesh(const VaryStage& s, const Chosen& at) {
   p.weights[1] = gather(s.weights[0], at), p.weights[2] = gather(s.weights[1], at);
   p.weights[0] = 1 - p.weights[1] - p.weights[2];
   find_primitives(
-      s.tables, [&](size_t lane) { return s.instance[at.row[lane]]; }, [&](size_t lane) { return s.primitive[at.row[lane]]; }, p);
+      s.tables, [&](size_t lane) { return s.instance[at.row[lane]]; },
+      [&](size_t lane) { return s.primitive[at.row[lane]]; }, p);
   return p;
 }
 
@@ -27,13 +29,15 @@ struct Lobes {
   int specular_count = 0, passing_count = 0;
 };
 
-inline void set_specular(const VaryStage& s, const Chosen& at, const Three& Tk, const LobeShape& lobe, Lobes& sum) {
+inline void set_specular(const VaryStage& s, const Chosen& at, const Three& Tk,
+                         const LobeShape& lobe, Lobes& sum) {
   double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
   scatter3(column, s.stride, at, Tk);
   scatter(column + SpecularTerm::kExponent * s.stride, at, splat(lobe.exponent));
   if (s.specular_columns == SpecularTerm::kShaped) {
     scatter(column + SpecularTerm::kMasking * s.stride, at, splat(lobe.masking * lobe.masking));
-    scatter(column + SpecularTerm::kFresnel * s.stride, at, splat(SpecularTerm::fresnel(lobe.fresnel, lobe.ior)));
+    scatter(column + SpecularTerm::kFresnel * s.stride, at,
+            splat(SpecularTerm::fresnel(lobe.fresnel, lobe.ior)));
   }
   sum.lit |= nonzero(Tk);
 }
@@ -50,7 +54,8 @@ inline Doubles seen_share(const VaryStage& s, const Chosen& at, const LobeShape&
   return grazing_power(seen_cosine(gather3(s.n, at), gather3(s.d, at)), splat(lobe.exponent));
 }
 
-inline void add_lobe(const VaryStage& s, const Chosen& at, const LobeShape& lobe, const Three& T, Three k, Lobes& sum) {
+inline void add_lobe(const VaryStage& s, const Chosen& at, const LobeShape& lobe, const Three& T,
+                     Three k, Lobes& sum) {
   if (lobe.kind == GLINT_SPECULAR) return set_specular(s, at, T * k, lobe, sum);
   const bool ambient = lobe.kind == GLINT_AMBIENT;
   if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, lobe) * k;
@@ -84,7 +89,8 @@ size_t vary(const VaryStage& s) {
   size_t passing = 0;
   for (size_t i = 0; i < s.count; i += kLanes) {
     const Chosen at = chosen(s.rows, i, s.count);
-    for (uint32_t m = vary_group(s, at); m; m &= m - 1) s.passing_rows[passing++] = at.row[__builtin_ctz(m)];
+    for (uint32_t m = vary_group(s, at); m; m &= m - 1)
+      s.passing_rows[passing++] = at.row[__builtin_ctz(m)];
   }
   return passing;
 }

@@ -1,4 +1,5 @@
-// What surfaces let through of shadow rays (SEMANTICS.md, shadows). Letters: S what is left of the light, a channel.
+// What surfaces let through of shadow rays (SEMANTICS.md, shadows). Letters: S what is left of the
+// light, a channel.
 #pragma once
 #include "stage_inputs.h"
 #include "stage_rows.h"
@@ -20,7 +21,9 @@ struct Met {
   }
 };
 
-inline const GroupShape& group_of(const VeilStage& s, uint32_t instance) { return s.shapes[s.tables.instances[instance].group]; }
+inline const GroupShape& group_of(const VeilStage& s, uint32_t instance) {
+  return s.shapes[s.tables.instances[instance].group];
+}
 
 /// Their triangles; points for hits on other things.
 inline Spread triangles(const VeilStage& s, const Met& at) {
@@ -29,11 +32,14 @@ inline Spread triangles(const VeilStage& s, const Met& at) {
     const GroupShape& group = group_of(s, at.instance[lane]);
     all.instance[lane] = s.tables.instances + at.instance[lane];
     all.same_instance = all.same_instance && all.instance[lane] == all.instance[0];
-    if (group.triangles) gather_rows(group.vertices, group.triangles + 3 * size_t(at.primitive[lane]), lane, all.corners);
+    if (group.triangles)
+      gather_rows(group.vertices, group.triangles + 3 * size_t(at.primitive[lane]), lane,
+                  all.corners);
   }
   if (at.together) {
     const auto vertex = [&](size_t v) {
-      return Three{splat(all.corners[3 * v][0]), splat(all.corners[3 * v + 1][0]), splat(all.corners[3 * v + 2][0])};
+      return Three{splat(all.corners[3 * v][0]), splat(all.corners[3 * v + 1][0]),
+                   splat(all.corners[3 * v + 2][0])};
     };
     return Spread(Matrices(*all.instance[0]), {vertex(0), vertex(1), vertex(2)});
   }
@@ -47,17 +53,21 @@ inline OnMesh on_mesh(const VeilStage& s, size_t k, const Chosen& ray, const Met
   Chosen from = ray;
   for (size_t lane = 0; lane < kLanes; ++lane) from.row[lane] = s.point[ray.row[lane]];
   from.together = from.row[kLanes - 1] - from.row[0] == kLanes - 1;
-  const Three origin = gather3(s.origin, from), d = s.end[0] ? unit(gather3(s.end, ray) - origin) : gather3(s.to, ray);
+  const Three origin = gather3(s.origin, from),
+              d = s.end[0] ? unit(gather3(s.end, ray) - origin) : gather3(s.to, ray);
   const Weights b = solve_weights(origin, d, triangles(s, at), load(s.u + k), load(s.v + k));
   OnMesh p;
   p.weights[0] = b.a, p.weights[1] = b.b, p.weights[2] = b.c;
-  find_primitives(s.tables, [&](size_t lane) { return at.instance[lane]; }, [&](size_t lane) { return at.primitive[lane]; }, p);
+  find_primitives(
+      s.tables, [&](size_t lane) { return at.instance[lane]; },
+      [&](size_t lane) { return at.primitive[lane]; }, p);
   return p;
 }
 
 inline bool constant(const VeilStage& s) {
   bool constant = true;
-  for (uint32_t i = 0; i < s.lobe_count; ++i) constant = constant && (s.lobes[i].kind != GLINT_TRANSPARENT || s.lobes[i].constant);
+  for (uint32_t i = 0; i < s.lobe_count; ++i)
+    constant = constant && (s.lobes[i].kind != GLINT_TRANSPARENT || s.lobes[i].constant);
   return constant;
 }
 
@@ -66,7 +76,8 @@ inline Three transparency(const VeilStage& s, const OnMesh& p) {
   Three sum{};
   Reads reads;
   for (uint32_t i = 0; i < s.lobe_count; ++i)
-    if (s.lobes[i].kind == GLINT_TRANSPARENT) sum = sum + coefficient(s.tables, p, s.lobes[i], reads);
+    if (s.lobes[i].kind == GLINT_TRANSPARENT)
+      sum = sum + coefficient(s.tables, p, s.lobes[i], reads);
   return sum;
 }
 
@@ -75,9 +86,12 @@ inline Doubles clamped_share(Doubles x) { return larger(smaller(x, splat(1)), sp
 /// Rays with light left move to the front, past their surfaces.
 inline void keep(const VeilStage& s, size_t k, const Chosen& ray, uint32_t lanes, size_t kept) {
   const Appender append{lanes, kept};
-  for (size_t c = 0; c < VeiledRay::kTMin; ++c) append(s.rays + c * s.stride, load(s.rays + c * s.stride + k));
-  const Doubles t = load(s.rays + VeiledRay::kT * s.stride + k), t_max = load(s.rays + VeiledRay::kTMax * s.stride + k);
-  append(s.rays + VeiledRay::kTMin * s.stride, beyond(t)), append(s.rays + VeiledRay::kTMax * s.stride, t_max);
+  for (size_t c = 0; c < VeiledRay::kTMin; ++c)
+    append(s.rays + c * s.stride, load(s.rays + c * s.stride + k));
+  const Doubles t = load(s.rays + VeiledRay::kT * s.stride + k),
+                t_max = load(s.rays + VeiledRay::kTMax * s.stride + k);
+  append(s.rays + VeiledRay::kTMin * s.stride, beyond(t)),
+      append(s.rays + VeiledRay::kTMax * s.stride, t_max);
   for (uint32_t m = lanes; m; m &= m - 1) s.number[kept++] = ray.row[__builtin_ctz(m)];
 }
 
@@ -87,8 +101,10 @@ size_t veil(const VeilStage& s) {
   size_t kept = s.kept;
   for (size_t k = s.first; k < end; k += kLanes) {
     const Chosen ray = chosen(s.number, k, end);
-    const Three share = transparency(s, alike ? OnMesh{} : on_mesh(s, k, ray, Met(s, k, ray.count)));
-    const Three S = gather3(s.shadow, ray) * Three{clamped_share(share.x), clamped_share(share.y), clamped_share(share.z)};
+    const Three share =
+        transparency(s, alike ? OnMesh{} : on_mesh(s, k, ray, Met(s, k, ray.count)));
+    const Three S = gather3(s.shadow, ray) *
+                    Three{clamped_share(share.x), clamped_share(share.y), clamped_share(share.z)};
     scatter3(s.shadow, ray, S);
     const uint32_t lanes = bits(nonzero(S)) & lanes_of(ray);
     keep(s, k, ray, lanes, kept);

@@ -8,7 +8,7 @@
 #include "stage_veil.h"
 
 namespace glint {
-extern const Stages stages_avx2{"avx2", camera, surface, shade, vary, pass, light, gloss, veil, sum, sum_parts, add, mean,
-                                cosine_powers};
+extern const Stages stages_avx2{"avx2", camera, surface, shade,     vary, pass, light,
+                                gloss,  veil,   sum,     sum_parts, add,  mean, cosine_powers};
 }
 #endif
