@@ -7,8 +7,8 @@
 #include <cstring>
 #include <vector>
 
-#include "../src/timer.h"
-#include "../src/tracer.h"
+#include "session/timer.h"
+#include "integrator/tracer.h"
 #include "pipeline_scenes.h"
 
 namespace {

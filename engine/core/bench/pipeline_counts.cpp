@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <string>
 
-#include "../src/tracer.h"
+#include "integrator/tracer.h"
 #include "pipeline_scenes.h"
 
 using namespace glint;

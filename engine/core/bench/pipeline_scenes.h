@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "../include/glint.h"
-#include "../src/plan.h"
-#include "../src/scene.h"
+#include "glint.h"
+#include "integrator/plan.h"
+#include "scene/scene.h"
 
 namespace glint::bench {
 

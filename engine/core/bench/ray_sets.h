@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "../src/accel/accel.h"
+#include "bvh/accel.h"
 #include "../tests/shapes.h"
 
 namespace glint::bench {

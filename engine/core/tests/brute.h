@@ -3,7 +3,7 @@
 #pragma once
 #include <vector>
 
-#include "../src/accel/accel.h"
+#include "bvh/accel.h"
 
 namespace glint::test {
 

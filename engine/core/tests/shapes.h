@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "../src/accel/accel.h"
+#include "bvh/accel.h"
 
 namespace glint::test {
 

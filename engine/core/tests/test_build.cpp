@@ -8,7 +8,7 @@
 #include <new>
 #include <thread>
 
-#include "../src/accel/builder.h"
+#include "bvh/build/builder.h"
 #include "check.h"
 #include "shapes.h"
 

@@ -1,7 +1,7 @@
 // Instances with odd matrices, and which rays see them.
 #include <cmath>
 
-#include "../src/accel/outline.h"
+#include "bvh/outline.h"
 #include "brute.h"
 #include "check.h"
 #include "shapes.h"

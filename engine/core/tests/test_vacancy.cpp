@@ -1,7 +1,7 @@
 // Beams that are told to be vacant.
 #include <cmath>
 
-#include "../src/accel/vacancy.h"
+#include "bvh/traverse/empty_tile_culling.h"
 #include "check.h"
 #include "shapes.h"
 

@@ -1,8 +1,0 @@
-#if !defined(GLINT_X86_KERNELS)
-#include "kernel.h"
-#include "kernel_traverse.h"
-
-namespace glint {
-extern const Kernel kernel_generic{"generic", closest, occluded};
-}
-#endif

@@ -1,0 +1,29 @@
+// Rays without a picture: the accelerator behind the C door, in world space and in the caller's
+// arrays.
+#pragma once
+#include <memory>
+#include <string>
+
+#include "glint.h"
+#include "bvh/accel.h"
+#include "scene/scene.h"
+
+namespace glint {
+
+/// What is wrong with the tables and arrays, one sentence a line; empty when they are sound.
+std::string accel_problems(const GlintAccelData& data);
+
+/// The same for GlintRaysF32 and GlintRaysF64.
+template <class Rays>
+std::string rays_problems(const Rays& rays);
+
+}  // namespace glint
+
+struct GlintAccel {
+  glint::Anchor anchor;
+  GlintAccelStats stats{};
+  std::unique_ptr<glint::Accel> accel;
+
+  /// `data` has no problems.
+  GlintAccel(const GlintAccelData& data, uint32_t threads);
+};

@@ -1,0 +1,312 @@
+// The check at the door: every size, index and number that the core relies on later. Comparisons
+// are written to fail for NaN.
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+
+#include "api/queries.h"
+#include "scene/scene.h"
+
+namespace glint {
+namespace {
+
+constexpr uint64_t kMaxCount = 0xfffffffe;       // 32-bit numbers with one value to spare
+constexpr uint64_t kMaxPlacements = 0x7fffffff;  // numbered by an int32 that is -1 for none
+
+/// Collects sentences; after 20 only their number matters.
+class Report {
+ public:
+  void add(bool good, const char* format, ...) __attribute__((format(printf, 3, 4))) {
+    if (good || ++count_ > 20) return;
+    char line[256];
+    va_list arguments;
+    va_start(arguments, format);
+    std::vsnprintf(line, sizeof line, format, arguments);
+    va_end(arguments);
+    if (!text_.empty()) text_ += '\n';
+    text_ += line;
+  }
+  std::string text() const {
+    return count_ > 20 ? text_ + "\nand " + std::to_string(count_ - 20) + " more" : text_;
+  }
+  bool good() const { return count_ == 0; }
+
+ private:
+  std::string text_;
+  int count_ = 0;
+};
+
+using ull = unsigned long long;
+
+bool within(int32_t x, int32_t last) { return x >= 0 && x <= last; }
+bool range(uint64_t first, uint64_t count, uint64_t size) {
+  return first <= size && count <= size - first;
+}
+bool all_finite(const double* x, int count) {
+  for (int i = 0; i < count; ++i)
+    if (!std::isfinite(x[i])) return false;
+  return true;
+}
+
+/// One more than the largest of the numbers.
+uint64_t end_of(const uint32_t* x, uint64_t count) {
+  uint32_t top = 0;
+  for (uint64_t i = 0; i < count; ++i) top = std::max(top, x[i]);
+  return count ? uint64_t(top) + 1 : 0;
+}
+
+void check_attribute(const GlintGeometry& g, const GlintAttribute& a, uint64_t corner_end,
+                     ull number, const char* what, Report& report) {
+  report.add(a.values != nullptr || a.rows == 0, "geometry %llu: %s without values", number, what);
+  report.add(within(a.domain, GLINT_FACE) && a.channels >= 1 && a.channels <= 4,
+             "geometry %llu: %s with domain %d and %d channels", number, what, a.domain,
+             a.channels);
+  report.add(a.domain != GLINT_CORNER || g.corners || g.primitive_count == 0,
+             "geometry %llu: %s on corners but no corners", number, what);
+  uint64_t need = a.domain == GLINT_POINT    ? g.vertex_count
+                  : a.domain == GLINT_CORNER ? corner_end
+                                             : g.primitive_count;
+  report.add(a.rows >= need, "geometry %llu: %s has %llu rows but %llu are read", number, what,
+             ull(a.rows), ull(need));
+}
+
+void check_mesh(const GlintSceneData& d, const GlintGeometry& g, ull number, Report& report) {
+  report.add(g.triangles || g.primitive_count == 0, "geometry %llu: no triangles", number);
+  if (!report.good()) return;
+  uint64_t end = end_of(g.triangles, 3 * g.primitive_count),
+           corner_end = g.corners ? end_of(g.corners, 3 * g.primitive_count) : 0;
+  report.add(end <= g.vertex_count, "geometry %llu: a triangle names vertex %llu of %llu", number,
+             ull(end - 1), ull(g.vertex_count));
+  if (g.normals.values) {
+    check_attribute(g, g.normals, corner_end, number, "normals", report);
+    report.add(g.normals.channels == 3 && g.normals.domain != GLINT_FACE,
+               "geometry %llu: normals are not (k, 3) on POINT, CORNER", number);
+  }
+  for (uint32_t i = 0; i < g.attribute_count; ++i)
+    check_attribute(g, d.attributes[g.first_attribute + i], corner_end, number, "an attribute",
+                    report);
+}
+
+void check_polygons(const GlintGeometry& g, ull number, Report& report) {
+  report.add(g.offsets && (g.indices || g.index_count == 0), "geometry %llu: no offsets or indices",
+             number);
+  if (!report.good()) return;
+  bool rising = g.offsets[0] == 0;
+  for (uint64_t i = 0; i < g.primitive_count; ++i)
+    rising = rising && g.offsets[i] <= g.offsets[i + 1];
+  rising = rising && g.offsets[g.primitive_count] == g.index_count;
+  report.add(rising, "geometry %llu: offsets do not rise from 0 to the number of indices, %llu",
+             number, ull(g.index_count));
+  uint64_t end = end_of(g.indices, g.index_count);
+  report.add(end <= g.vertex_count, "geometry %llu: a polygon names vertex %llu of %llu", number,
+             ull(end - 1), ull(g.vertex_count));
+}
+
+void check_geometry(const GlintSceneData& d, const GlintGeometry& g, ull number, Report& report) {
+  report.add(within(g.kind, GLINT_POLYGONS), "geometry %llu: unknown kind %d", number, g.kind);
+  report.add(g.vertex_count <= kMaxCount && g.primitive_count <= kMaxCount / 3 &&
+                 g.index_count <= kMaxCount,
+             "geometry %llu: more than 2^32 vertices, corners or indices", number);
+  report.add(g.vertices || g.vertex_count == 0, "geometry %llu: no vertices", number);
+  report.add(range(g.first_attribute, g.attribute_count, d.attribute_count),
+             "geometry %llu: attributes beyond the table", number);
+  report.add(g.kind == GLINT_MESH || (g.attribute_count == 0 && !g.normals.values),
+             "geometry %llu: attributes on what is no mesh", number);
+  if (!report.good()) return;
+  if (g.kind == GLINT_MESH) check_mesh(d, g, number, report);
+  if (g.kind == GLINT_POLYGONS) check_polygons(g, number, report);
+  if (g.kind == GLINT_SPHERES)
+    report.add((g.radii && g.vertex_count == g.primitive_count) || g.primitive_count == 0,
+               "geometry %llu: spheres need a centre and a radius each", number);
+}
+
+/// Geometry and rows of every group of placements; all of them together have 32-bit numbers.
+void check_placements(const GlintInstances* groups, uint64_t count, uint64_t geometry_count,
+                      uint64_t row_count, Report& report) {
+  report.add(row_count <= kMaxPlacements && count <= kMaxCount, "more than 2^31 instances");
+  uint64_t placed = 0;
+  for (uint64_t i = 0; i < count && report.good(); ++i) {
+    const GlintInstances& g = groups[i];
+    report.add(g.geometry < geometry_count, "instances %llu: geometry %u of %llu", ull(i),
+               g.geometry, ull(geometry_count));
+    report.add(range(g.first_row, g.row_count, row_count),
+               "instances %llu: rows beyond the matrices", ull(i));
+    if (report.good()) placed += g.row_count;
+    report.add(placed <= kMaxPlacements, "more than 2^31 instances");
+  }
+}
+
+void check_instances(const GlintSceneData& d, Report& report) {
+  check_placements(d.instances, d.instances_count, d.geometry_count, d.row_count, report);
+  for (uint64_t i = 0; i < d.instances_count && report.good(); ++i)
+    report.add(
+        range(d.instances[i].first_material, d.instances[i].material_count, d.material_slot_count),
+        "instances %llu: materials beyond the table", ull(i));
+  uint64_t end = end_of(d.material_slots, d.material_slot_count);
+  report.add(end <= d.material_count, "instances name material %llu of %llu", ull(end - 1),
+             ull(d.material_count));
+}
+
+void check_textures(const GlintSceneData& d, Report& report) {
+  for (uint64_t i = 0; i < d.texture_count; ++i) {
+    const GlintTexture& t = d.textures[i];
+    report.add(
+        t.pixels && t.width > 0 && t.height > 0 && t.width <= 1u << 30 && t.height <= 1u << 30,
+        "texture %llu: no pixels", ull(i));
+    report.add(within(t.type, GLINT_FLOAT32) && within(t.encoding, GLINT_SRGB) &&
+                   within(t.extension, GLINT_MIRRORED) && within(t.interpolation, GLINT_CLOSEST) &&
+                   (t.type == GLINT_UINT8 || t.encoding == GLINT_LINEAR_ENCODING),
+               "texture %llu: unknown type, encoding, extension or interpolation", ull(i));
+  }
+}
+
+void check_materials(const GlintSceneData& d, Report& report) {
+  for (uint64_t i = 0; i < d.input_count; ++i) {
+    const GlintInput& g = d.inputs[i];
+    report.add(g.texture >= -1 && (g.texture < 0 || uint64_t(g.texture) < d.texture_count),
+               "input %llu: texture %d of %llu", ull(i), g.texture, ull(d.texture_count));
+    report.add(within(g.channel, GLINT_LUMINANCE) && within(g.attribute_channel, GLINT_LUMINANCE) &&
+                   g.uv >= -1 && g.attribute >= -1,
+               "input %llu: unknown channel or name", ull(i));
+    report.add(!g.bounded || g.low <= g.high, "input %llu: low %g is not at most high %g", ull(i),
+               g.low, g.high);
+  }
+  for (uint64_t i = 0; i < d.lobe_count; ++i) {
+    const GlintLobe& g = d.lobes[i];
+    report.add(within(g.kind, GLINT_EMISSION), "lobe %llu: unknown kind %d", ull(i), g.kind);
+    report.add(range(g.first_input, g.input_count, d.input_count),
+               "lobe %llu: inputs beyond the table", ull(i));
+    report.add(g.exponent >= 0 && g.exponent <= 1e30,
+               "lobe %llu: exponent %g is not between 0 and 1e30", ull(i), g.exponent);
+    report.add(g.masking >= 0 && g.masking <= 1, "lobe %llu: masking %g is not between 0 and 1",
+               ull(i), g.masking);
+    report.add(g.ior > 0 && g.ior <= 1e30, "lobe %llu: index of refraction %g is not above 0",
+               ull(i), g.ior);
+  }
+  for (uint64_t i = 0; i < d.material_count; ++i)
+    report.add(range(d.materials[i].first_lobe, d.materials[i].lobe_count, d.lobe_count),
+               "material %llu: lobes beyond the table", ull(i));
+}
+
+void check_surroundings(const GlintSceneData& d, Report& report) {
+  const GlintCamera& c = d.camera;
+  report.add(within(c.kind, GLINT_ORTHOGRAPHIC), "camera: unknown kind %d", c.kind);
+  report.add(all_finite(c.world_from_camera, 12) && all_finite(c.window, 4),
+             "camera: a number is not finite");
+  report.add(any(affine(c.world_from_camera).z), "camera: its view direction is zero");
+  report.add(c.clip_start >= 0 && c.clip_end >= c.clip_start, "camera: clip from %g to %g",
+             c.clip_start, c.clip_end);
+  report.add(within(c.clip_plane_count, 6) && all_finite(c.clip_planes[0], 24),
+             "camera: %d clip planes", c.clip_plane_count);
+  bool sized = c.width >= 1 && c.height >= 1 && c.width <= 1u << 20 && c.height <= 1u << 20;
+  report.add(sized, "camera: resolution %u by %u", c.width, c.height);
+  for (uint64_t i = 0; i < d.light_count; ++i)
+    report.add(within(d.lights[i].kind, GLINT_AREA), "light %llu: unknown kind %d", ull(i),
+               d.lights[i].kind);
+}
+
+void check_tables(const GlintSceneData& d, Report& report) {
+  const struct {
+    const void* table;
+    uint64_t count;
+  } tables[] = {
+      {d.geometries, d.geometry_count},
+      {d.attributes, d.attribute_count},
+      {d.instances, d.instances_count},
+      {d.world_from_object, d.row_count},
+      {d.material_slots, d.material_slot_count},
+      {d.textures, d.texture_count},
+      {d.inputs, d.input_count},
+      {d.lobes, d.lobe_count},
+      {d.materials, d.material_count},
+      {d.lights, d.light_count},
+  };
+  for (const auto& t : tables)
+    report.add(t.table != nullptr || t.count == 0, "a table is null but has %llu rows",
+               ull(t.count));
+  report.add(
+      d.geometry_count <= kMaxCount && d.lobe_count < kMaxCount && d.material_count < kMaxCount,
+      "a table is too long");
+}
+
+/// A geometry without what only pictures need.
+GlintGeometry shape_of(GlintGeometry g) {
+  g.corners = nullptr, g.material_slots = nullptr, g.normals = {},
+  g.first_attribute = g.attribute_count = 0;
+  return g;
+}
+
+/// All but the geometries.
+Report check_all_else(const GlintSceneData& data) {
+  Report report;
+  check_tables(data, report);
+  if (!report.good()) return report;
+  check_surroundings(data, report);
+  check_textures(data, report);
+  check_materials(data, report);
+  check_instances(data, report);
+  return report;
+}
+
+}  // namespace
+
+std::string scene_problems(const GlintSceneData& data) {
+  Report report = check_all_else(data);
+  for (uint64_t i = 0; i < data.geometry_count && report.good(); ++i)
+    check_geometry(data, data.geometries[i], i, report);
+  return report.text();
+}
+
+std::string scene_problems(const GlintSceneData& data, const Scene& base) {
+  Report report = check_all_else(data);
+  if (!report.good()) return report.text();
+  const std::vector<uint32_t> there = same_geometries(data, base);
+  for (uint64_t i = 0; i < data.geometry_count && report.good(); ++i) {
+    const GlintGeometry& g = data.geometries[i];
+    if (there[i] == AccelBase::kNone || !same_attributes(data, g, base, base.geometries[there[i]]))
+      check_geometry(data, g, i, report);
+  }
+  return report.text();
+}
+
+std::string accel_problems(const GlintAccelData& data) {
+  Report report;
+  report.add(data.geometries || data.geometry_count == 0, "geometries is null but has %llu rows",
+             ull(data.geometry_count));
+  report.add(data.instances || data.instances_count == 0, "instances is null but has %llu rows",
+             ull(data.instances_count));
+  report.add(data.world_from_object || data.row_count == 0,
+             "world_from_object is null but has %llu rows", ull(data.row_count));
+  report.add(data.geometry_count <= kMaxCount, "more than 2^32 geometries");
+  if (!report.good()) return report.text();
+  check_placements(data.instances, data.instances_count, data.geometry_count, data.row_count,
+                   report);
+  for (uint64_t i = 0; i < data.row_count && report.good(); ++i)
+    report.add(all_finite(data.world_from_object + 12 * i, 12),
+               "world_from_object: row %llu is not finite", ull(i));
+  const GlintSceneData none{};
+  for (uint64_t i = 0; i < data.geometry_count && report.good(); ++i)
+    check_geometry(none, shape_of(data.geometries[i]), i, report);
+  return report.text();
+}
+
+template <class Rays>
+std::string rays_problems(const Rays& rays) {
+  Report report;
+  const bool any = rays.count > 0;
+  report.add(!any || (rays.origins && rays.directions), "%llu rays but no origins or no directions",
+             ull(rays.count));
+  auto row = [](uint32_t stride) { return stride == 0 || stride >= 3; };
+  report.add(row(rays.origin_stride) && row(rays.direction_stride),
+             "strides of %u and %u for rows of 3 numbers", rays.origin_stride,
+             rays.direction_stride);
+  constexpr uint32_t all = GLINT_VISIBLE_CAMERA | GLINT_VISIBLE_MIRROR | GLINT_VISIBLE_SHADOW;
+  report.add(rays.visibility != 0 && rays.visibility <= all, "unknown visibility %u",
+             rays.visibility);
+  return report.text();
+}
+
+template std::string rays_problems(const GlintRaysF32&);
+template std::string rays_problems(const GlintRaysF64&);
+
+}  // namespace glint

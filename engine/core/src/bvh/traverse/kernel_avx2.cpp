@@ -1,0 +1,8 @@
+#if defined(GLINT_X86_KERNELS)
+#include "bvh/traverse/kernel.h"
+#include "bvh/traverse/kernel_traverse.h"
+
+namespace glint {
+extern const Kernel kernel_avx2{"avx2", closest, occluded};
+}
+#endif

@@ -1,0 +1,155 @@
+// Rays one by one against the boxes of nodes, and what each of them leaves for later.
+#pragma once
+#include "bvh/traverse/kernel_frustum.h"
+
+namespace glint {
+namespace {
+
+/// A tile's rays as boxes are tested against them, by column. Slabs are ordered by the direction's
+/// signs. Where a ray begins and ends is in the tile.
+struct BoxRays {
+  alignas(64) float near_o[3][kTile], far_o[3][kTile], inverse[3][kTile];
+  float far_inverse[kTile];  // along the depth; a little longer than it is (Ize 2013: two ulps;
+                             // here eight)
+  uint32_t near_plane[3][kTile];  // offsets in Node::planes; of the far plane: ^ kWidth
+  uint32_t ready = 0;             // groups whose numbers are there
+
+  /// For these rays of a tile, and others of their groups.
+  void prepare(const Tile& tile, uint64_t rays) {
+    constexpr uint64_t kGroup = (uint64_t(1) << kLanes) - 1;
+    for (int g = 0; g < kGroups; ++g)
+      if (rays >> g * kLanes & kGroup && !(ready >> g & 1)) set(tile, g * kLanes), ready |= 1u << g;
+  }
+  /// The triangle test rounds p - o as these slabs do: what else it rounds is half of the room, and
+  /// nothing along the depth. What the slabs across round is another quarter: three half ulps of at
+  /// most p - o.
+  void set(const Tile& tile, int k) {
+    const Ints kind = load(tile.kind + k), back = kind & 4;
+    for (int a = 0; a < 2; ++a) {
+      const Floats steep = splat(1.0f) / load(tile.slope[a] + k), o = load(tile.of[a] + k);
+      const Ints sign = Ints(steep) & INT32_MIN;
+      const Floats outward = Floats(Ints(splat(0.75f * tile.room)) | sign);
+      store(near_o[a] + k, o + outward), store(far_o[a] + k, o - outward),
+          store(inverse[a] + k, steep);
+      store(near_plane[a] + k, across(kind, a) * (2 * kWidth) + (Ints(sign < 0) & kWidth));
+    }
+    // Where a ray begins and ends is known to more digits than `start` has: planes ahead of it are
+    // near enough, and far enough.
+    const Floats start = load(tile.start + k), rest = load(tile.rest[2] + k),
+                 ulps = magnitude(start) * splat(0x1p-23f);
+    const Floats sign = Floats(Ints(splat(1.0f)) | (back << 29));
+    store(near_o[2] + k, sign * (start + select(less(Floats{}, rest), ulps, Floats{})));
+    store(far_o[2] + k, sign * (start - select(less(rest, Floats{}), ulps, Floats{})));
+    store(inverse[2] + k, sign);
+    store(far_inverse + k, sign * splat(1 + 0x1p-20f));
+    store(near_plane[2] + k, (kind & 3) * (2 * kWidth) + back * (kWidth / 4));
+  }
+};
+
+/// Which children a ray meets, and how deep. 0 * inf is NaN: `larger` and `smaller` then give up a
+/// bound or two, and at worst a box is entered in vain.
+struct BoxHits {
+  Floats near[kWidth / kLanes];
+  uint32_t mask = 0;
+  __attribute__((always_inline)) BoxHits(const Node& n, const BoxRays& b, const Tile& tile, int r) {
+    const uint32_t x = b.near_plane[0][r], y = b.near_plane[1][r], z = b.near_plane[2][r];
+    for (int first = 0; first < kWidth; first += kLanes) {
+      const float* planes = n.planes[0] + first;
+      const Floats near_x = (load(planes + x) - splat(b.near_o[0][r])) * splat(b.inverse[0][r]);
+      const Floats near_y = (load(planes + y) - splat(b.near_o[1][r])) * splat(b.inverse[1][r]);
+      const Floats near_z = (load(planes + z) - splat(b.near_o[2][r])) * splat(b.inverse[2][r]);
+      const Floats far_x =
+          (load(planes + (x ^ kWidth)) - splat(b.far_o[0][r])) * splat(b.inverse[0][r]);
+      const Floats far_y =
+          (load(planes + (y ^ kWidth)) - splat(b.far_o[1][r])) * splat(b.inverse[1][r]);
+      const Floats far_z =
+          (load(planes + (z ^ kWidth)) - splat(b.far_o[2][r])) * splat(b.far_inverse[r]);
+      near[first / kLanes] =
+          larger(larger(near_x, near_y), larger(near_z, splat(tile.begin_lo[r])));
+      mask |= bits(at_most(near[first / kLanes],
+                           smaller(smaller(smaller(far_x, far_y), far_z), splat(tile.hi[r]))))
+              << first;
+    }
+  }
+};
+
+/// A child, and above it the bits of how far away it is: as integers, the nearer is the smaller,
+/// and what is behind the start comes first.
+using Waiting = int64_t;
+constexpr Waiting kBottom = -1;          // below everything that waits
+constexpr ChildRef kDone = 0xffffffffu;  // what is at the bottom
+
+inline Waiting waiting(ChildRef child, float distance) {
+  int32_t high;
+  __builtin_memcpy(&high, &distance, sizeof high);
+  return Waiting(high) << 32 | child;
+}
+
+/// What waits farther away than `end` is not worth going to. (-0 would be below the bottom.)
+inline Waiting limit_of(float end) { return waiting(kDone, larger(end, 0.0f)); }
+
+/// Rays that have left their bundles, and which parts of the tree each has yet to visit. They go on
+/// together, later.
+struct Stragglers {
+  uint64_t rays = 0;
+  int count = 0;
+  Waiting part[kLeftParts];
+  int16_t before[kLeftParts], last[kTile];  // the same ray's part that came before; -1: none
+
+  bool full() const { return count > kLeftParts - kLanes; }
+  void add(int r, ChildRef child, float distance) {
+    before[count] = rays >> r & 1 ? last[r] : int16_t(-1), rays |= uint64_t(1) << r;
+    part[count] = waiting(child, distance), last[r] = int16_t(count++);
+  }
+  /// A ray's parts on a stack, the first one on top; where the stack ends then.
+  Waiting* put(int r, Waiting* top) const {
+    for (int k = last[r]; k >= 0; k = before[k]) *top++ = part[k];
+    return top;
+  }
+};
+
+/// Puts the children that are met where `top` is but for the nearest, which it returns. Nobody can
+/// foresee how many: no branches where the instruction set can do without. Writes kWidth entries in
+/// any case. Without a child that is met the result means nothing.
+#if defined(__AVX512F__)
+inline Waiting put_met(const Node& n, const BoxHits& met, Waiting* top) {
+  const __m512i turns = _mm512_set_epi32(23, 7, 22, 6, 21, 5, 20, 4, 19, 3, 18, 2, 17, 1, 16, 0);
+  const __m512i distance = _mm512_castps_si512(_mm512_castps256_ps512(__m256(met.near[0])));
+  const __m512i child =
+      _mm512_castsi256_si512(_mm256_load_si256(reinterpret_cast<const __m256i*>(n.child)));
+  const __m512i all = _mm512_permutex2var_epi32(child, turns, distance);
+  const __mmask8 mask = __mmask8(met.mask);
+  const __m512i eight = _mm512_mask_mov_epi64(_mm512_set1_epi64(INT64_MAX), mask, all);
+  const __m256i four = _mm256_min_epi64(_mm512_maskz_extracti64x4_epi64(0xf, eight, 0),
+                                        _mm512_maskz_extracti64x4_epi64(0xf, eight, 1));
+  const __m128i two =
+      _mm_min_epi64(_mm256_castsi256_si128(four), _mm256_extracti128_si256(four, 1));
+  const __m128i nearest = _mm_min_epi64(two, _mm_unpackhi_epi64(two, two));
+  const __mmask8 others =
+      _mm512_mask_cmpneq_epi64_mask(mask, all, _mm512_maskz_broadcastq_epi64(0xff, nearest));
+  _mm512_storeu_si512(top, _mm512_maskz_compress_epi64(others, all));
+  return _mm_cvtsi128_si64(nearest);
+}
+#else
+inline Waiting put_met(const Node& n, const BoxHits& met, Waiting* top) {
+  alignas(64) Waiting all[kWidth];
+  for (int k = 0; k < kWidth / kLanes; ++k)
+    store_pairs(all + k * kLanes, load(n.child + k * kLanes), Ints(met.near[k]));
+  const uint32_t mask = met.mask, inner = mask & (mask - 1);
+  if (!(inner & (inner - 1))) {
+    const Waiting a = all[lowest_bit(mask | 1u << (kWidth - 1))],
+                  b = all[highest_bit(mask | 1)];  // the same one when there is one
+    *top = a < b ? b : a;
+    return a < b ? a : b;
+  }
+  Waiting nearest = all[lowest_bit(mask)];
+  for (uint32_t m = inner; m; m &= m - 1) {
+    const Waiting a = all[lowest_bit(m)];
+    *top++ = a < nearest ? nearest : a, nearest = a < nearest ? a : nearest;
+  }
+  return nearest;
+}
+#endif
+
+}  // namespace
+}  // namespace glint

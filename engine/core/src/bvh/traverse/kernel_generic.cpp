@@ -1,0 +1,8 @@
+#if !defined(GLINT_X86_KERNELS)
+#include "bvh/traverse/kernel.h"
+#include "bvh/traverse/kernel_traverse.h"
+
+namespace glint {
+extern const Kernel kernel_generic{"generic", closest, occluded};
+}
+#endif

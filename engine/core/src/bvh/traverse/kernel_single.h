@@ -1,0 +1,224 @@
+// Rays through a tree each on its own, nearest boxes first. Several are on their way at a time: a
+// processor that waits for the box or the triangle of one of them has work with the others.
+#pragma once
+#include "bvh/traverse/kernel_leaves.h"
+
+namespace glint {
+namespace {
+
+/// Decides or takes the triangles of `mask`, not culled, whose depths are between lo and hi.
+/// `sure`: hit without doubt.
+template <bool Any>
+__attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref, int first,
+                                              uint32_t mask, const TriangleTest& t, Floats lo,
+                                              Floats hi) {
+  Tile& tile = w.tile;
+  const uint32_t sure = bits(t.sure());
+  alignas(64) float nearest[kLanes], farthest[kLanes];
+  store(nearest, lo), store(farthest, hi);
+  for (; mask; mask &= mask - 1) {
+    const int lane = __builtin_ctz(mask), place = first + lane;
+    const bool hit = sure >> lane & 1;
+    if (hit && nearest[lane] > tile.hi[r]) continue;
+    if (!visible(tile, leaf_first(ref) + uint32_t(place))) continue;
+    if (tile.answers->opacity && !stopped(w, r, 1, ref, place)) continue;
+    if (hit && farthest[lane] < tile.lo[r] && nearest[lane] > tile.begin_hi[r]) {
+      if (Any) return w.block(r);
+      tile.lo[r] = nearest[lane], tile.hi[r] = farthest[lane], tile.pending[r] = ref,
+      tile.place[r] = uint32_t(place);
+      continue;
+    }
+    tile.answers->count_fallback(tile.slot[r]);
+    if (!t.hit(lane, hit)) continue;
+    w.decide(r, ref, place);
+    if (Any && !alive(tile, r)) return;
+  }
+}
+
+/// The triangles of a leaf against one ray.
+template <bool Any>
+inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order) {
+  const Tile& tile = w.tile;
+  const int n = leaf_count(ref);
+  const float* leaf = w.tree.floats + 9 * size_t(leaf_first(ref));
+  const float *px = leaf + order.axes[0] * n, *py = leaf + order.axes[1] * n,
+              *pz = leaf + order.axes[2] * n;
+  const size_t corner = 3 * size_t(n);
+  const Floats ox = splat(tile.of[0][r]), oy = splat(tile.of[1][r]), oz = splat(tile.start[r]),
+               sign = splat(order.sign);
+  const Floats rx = splat(tile.rest[0][r]), ry = splat(tile.rest[1][r]),
+               rz = splat(tile.rest[2][r]);
+  const Floats sx = splat(tile.slope[0][r]), sy = splat(tile.slope[1][r]);
+  for (int first = 0; first < n; first += kLanes) {
+    TriangleTest t;
+    for (size_t j = 0; j < 3; ++j) {
+      t.z[j] = load(pz + j * corner + first) * sign - oz - rz;
+      t.x[j] = load(px + j * corner + first) - ox - rx - sx * t.z[j];
+      t.y[j] = load(py + j * corner + first) - oy - ry - sy * t.z[j];
+    }
+    t.edges();
+    const int rest = n - first < kLanes ? n - first : kLanes;
+    uint32_t mask = ~t.conflict() & ((1u << rest) - 1);
+    if (!mask) continue;
+    Floats lo, hi;
+    t.depth(t.extent(), tile.far_room, lo, hi);
+    mask &= ~bits(t.sure() & (less(splat(tile.hi[r]), lo) | less(hi, splat(tile.begin_lo[r]))));
+    if (mask) take_triangles(w, r, ref, first, mask, t, lo, hi);
+  }
+}
+
+template <bool Any>
+inline void hit_leaf(Walk<Any>& w, int r, ChildRef leaf, const Order& order) {
+  if (w.tree.kind == kTriangleLeaf) hit_triangles(w, r, leaf, order);
+  else hit_shapes(w, r, leaf);
+}
+
+/// Asks for the memory that a ray needs when it is its turn again: a node, or what a leaf holds,
+/// `size` bytes each from `held` on. No branch: where it goes cannot be foreseen.
+inline void fetch(const TreeView& tree, ChildRef child, const void* held, size_t size) {
+  const uintptr_t node = reinterpret_cast<uintptr_t>(tree.nodes) + child * sizeof(Node);
+  const uintptr_t leaf = reinterpret_cast<uintptr_t>(held) + leaf_first(child) * size;
+  const uintptr_t at_leaf = uintptr_t(intptr_t(int32_t(child) >> 31));  // all bits or none
+  const char* p = reinterpret_cast<const char*>((node & ~at_leaf) | (leaf & at_leaf));
+  for (size_t k = 0; k < sizeof(Node); k += 64) __builtin_prefetch(p + k);
+}
+
+/// A ray on its own, and what waits for it.
+struct Walker {
+  int r;
+  Waiting limit;  // what is farther away is not worth going to
+  Waiting* top;   // past the last that waits
+
+  /// Returns where to go first; kDone when nothing is left within its reach.
+  ChildRef start(const Tile& tile, int ray, const Stragglers& left, Waiting* stack) {
+    r = ray, stack[0] = kBottom, top = left.put(ray, stack + 1);
+    return shorten(tile), pop();
+  }
+  /// After a hit.
+  void shorten(const Tile& tile) { limit = limit_of(tile.hi[r]); }
+  ChildRef pop() { return go(*--top); }
+  /// There, or to what waits on top when that is too far away.
+  ChildRef go(Waiting next) {
+    while (next > limit) next = *--top;
+    return ChildRef(next);
+  }
+  /// To the nearest child of a node that the ray meets, or what was left for later.
+  template <bool Any>
+  __attribute__((always_inline)) ChildRef descend(const Walk<Any>& w, ChildRef node) {
+    const Node& n = w.tree.nodes[node];
+    const BoxHits met(n, w.boxes, w.tile, r);
+    const Waiting below = top[-1], nearest = put_met(n, met, top);
+    top += __builtin_popcount(met.mask) - 1;
+    return go(met.mask ? nearest : below);
+  }
+};
+
+/// Several rays on their way, through a tree over instances or another one. A processor cannot
+/// foresee where each of them goes; so they go in step.
+template <bool Any, bool Placed>
+struct Company {
+  Walk<Any>& w;
+  uint64_t rays;  // that have not started
+  int count;      // walkers, whole vectors of them
+  bool slow;      // memory, and others have the time until it answers
+  alignas(64) ChildRef at[kWalkers];
+  Walker walker[kWalkers];
+  Waiting (*const stacks)[kWalkerStack];
+
+  Company(Walk<Any>& walk, uint64_t all)
+      : w(walk),
+        rays(all),
+        stacks(Placed ? walk.tile.answers->stacks->placed : walk.tile.answers->stacks->own) {
+    const int n = __builtin_popcountll(all), most = n < kWalkers ? n : kWalkers;
+    count = (most + kLanes - 1) / kLanes * kLanes, slow = w.tree.large && n > 2;
+    for (int k = 0; k < count; ++k) at[k] = kDone;
+  }
+  uint32_t everybody() const { return count == 32 ? ~0u : (1u << count) - 1; }
+  /// Who is at a node, and whose ray is through, after others have started in place of those.
+  void look(uint32_t& nodes, uint32_t& through) {
+    nodes = through = 0;
+    for (int k = 0; k < count; k += kLanes) {
+      const Ints child = load(at + k);
+      through |= bits(equal(child, Ints{} + int32_t(kDone))) << k, nodes |= bits(child >= Ints{})
+                                                                            << k;
+    }
+    for (; through && rays; rays &= rays - 1) {
+      const int k = __builtin_ctz(through);
+      at[k] = walker[k].start(w.tile, __builtin_ctzll(rays), w.left, stacks[k]);
+      nodes |= uint32_t(!(at[k] & kLeaf)) << k, through &= ~(uint32_t(at[k] != kDone) << k);
+    }
+  }
+  void pass_nodes(uint32_t mask) {
+    for (; mask; mask &= mask - 1) {
+      const int k = __builtin_ctz(mask);
+      go(k, walker[k].descend(w, at[k]));
+    }
+  }
+  void go(int k, ChildRef next) {
+    at[k] = next;
+    if (!slow) return;
+    if constexpr (Placed) fetch(w.tree, next, w.world.instances, sizeof(InstanceRecord));
+    else fetch(w.tree, next, w.tree.floats, 9 * sizeof(float));
+  }
+};
+
+/// Rays in a tree over primitives: those at nodes take a step, or those at leaves, whichever are
+/// more.
+template <bool Any>
+struct Walkers : Company<Any, false> {
+  using Company<Any, false>::w, Company<Any, false>::at, Company<Any, false>::walker;
+  using Company<Any, false>::Company;
+
+  void go() {
+    for (uint32_t nodes, through;;) {
+      this->look(nodes, through);
+      const uint32_t leaves = this->everybody() & ~nodes & ~through;
+      if (!(nodes | leaves)) return;
+      if (__builtin_popcount(nodes) >= __builtin_popcount(leaves)) this->pass_nodes(nodes);
+      else pass_leaves(leaves);
+    }
+  }
+  void pass_leaves(uint32_t mask) {
+    for (; mask; mask &= mask - 1) {
+      const int k = __builtin_ctz(mask);
+      Walker& a = walker[k];
+      hit_leaf(w, a.r, at[k], order_of(w.tile, a.r));
+      a.shorten(w.tile);
+      Company<Any, false>::go(k, Any && !alive(w.tile, a.r) ? kDone : a.pop());
+    }
+  }
+};
+
+template <bool Any>
+void visit_instances(Walk<Any>& w);
+template <bool Any>
+__attribute__((noinline)) void visit_primitives(Walk<Any>& w) {
+  Walkers<Any>(w, w.left.rays).go();
+}
+
+/// The rest of the way of all rays that have left their bundles. The bundles do not learn of it:
+/// Walk::trim.
+template <bool Any>
+__attribute__((noinline)) void walk_rays(Walk<Any>& w) {
+  w.boxes.prepare(w.tile, w.left.rays);
+  w.tree.kind == kInstanceLeaf ? visit_instances(w) : visit_primitives(w);
+  w.left.rays = 0, w.left.count = 0;
+}
+
+/// Rays of the group from k on leave their bundle for a part of the tree that lies behind
+/// `distance`, a coordinate of the depth axis.
+template <bool Any>
+inline void leave(Walk<Any>& w, int k, uint32_t rays, ChildRef child, float distance) {
+  if (w.left.full()) {
+    const uint64_t all = w.left.rays;
+    walk_rays(w);
+    for (uint64_t m = all; m; m &= m - 1) w.trim(__builtin_ctzll(m));
+  }
+  for (; rays; rays &= rays - 1) {
+    const int r = k + __builtin_ctz(rays);
+    w.left.add(r, child, distance - w.tile.start[r] - larger(0.0f, w.tile.rest[2][r]));
+  }
+}
+
+}  // namespace
+}  // namespace glint

@@ -1,0 +1,200 @@
+#include "film/film.h"
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+namespace glint {
+namespace {
+
+constexpr double kNoDepth = 1e10;
+
+/// Throws std::bad_alloc where they are too many to count.
+size_t numbers(size_t pixels, size_t channels) {
+  if (pixels > std::numeric_limits<size_t>::max() / 16 / channels) throw std::bad_alloc();
+  return pixels * channels;
+}
+
+/// Numbers [first, first + count) of some channels, pixel by pixel.
+template <size_t Channels, size_t Size>
+void interleave(const float (&channels)[4][Size], size_t first, size_t count, float* out) {
+  for (size_t k = first; k < first + count; ++k)
+    for (size_t c = 0; c < Channels; ++c) *out++ = channels[c][k];
+}
+
+}  // namespace
+
+int channels_of(int pass) {
+  if (pass < 0 || pass >= GLINT_PASS_COUNT) return 0;
+  if (pass == GLINT_PASS_COMBINED) return 4;
+  return pass == GLINT_PASS_DEPTH || pass >= GLINT_PASS_OBJECT_INDEX ? 1 : 3;
+}
+
+void SlotTable::set(uint32_t width, uint32_t height) {
+  if (width == width_ && height == height_) return;
+  width_ = width, height_ = height;
+  columns_.clear(), rows_.clear();
+  columns_.reserve(Tile::kSize * Tile::kSize), rows_.reserve(Tile::kSize * Tile::kSize);
+  for (uint32_t by = 0; by < height; by += Tile::kBlock)
+    for (uint32_t bx = 0; bx < width; bx += Tile::kBlock)
+      for (uint32_t y = by; y < std::min(by + Tile::kBlock, height); ++y)
+        for (uint32_t x = bx; x < std::min(bx + Tile::kBlock, width); ++x)
+          columns_.push_back(x), rows_.push_back(y);
+  for (; columns_.size() % kPad; columns_.push_back(0)) rows_.push_back(0);
+}
+
+Film::Film(Region region, Region shown, uint32_t passes, double error_threshold,
+           uint32_t light_samples)
+    : region_(region), shown_(shown), passes_(passes | 1u << GLINT_PASS_COMBINED) {
+  std::fill_n(at_, int(GLINT_PASS_COUNT), -1);
+  at_[GLINT_PASS_COMBINED] = 0;
+  for (int part = GLINT_PASS_DIFFUSE; part < GLINT_PASS_DEPTH; ++part) keep_sums(part, 3);
+  keep_sums(GLINT_PASS_COST, 1), keep_sums(GLINT_PASS_FALLBACKS, 1);
+  const size_t pixels = size_t(region.width()) * region.height();
+  for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
+    if (!wants(pass)) continue;
+    pictures_[pass] = std::make_shared<Zeros<float>>(numbers(pixels, size_t(channels_of(pass))));
+  }
+  for (int pass : {GLINT_PASS_DEPTH, GLINT_PASS_GAP})
+    if (wants(pass)) std::fill_n(values(pass), pixels, float(kNoDepth));
+  cut();
+  if (error_threshold > 0 || wants(GLINT_PASS_ERROR))
+    refinement_ = Refinement(error_threshold, light_samples, region, shown, rows());
+  if (wants(GLINT_PASS_ERROR)) estimate_ = ErrorEstimate(region);
+}
+
+void Film::keep_sums(int pass, int channels) {
+  if (wants(pass)) at_[pass] = int(columns_), columns_ += size_t(channels);
+}
+
+void Film::cut() {
+  size_t first = 0;
+  for (uint32_t y = 0; y < region_.height(); y += Tile::kSize)
+    for (uint32_t x = 0; x < region_.width(); x += Tile::kSize) {
+      const uint32_t right = std::min(x + Tile::kSize, region_.width()),
+                     top = std::min(y + Tile::kSize, region_.height());
+      tiles_.push_back({x, y, right, top, first, first / columns_});
+      first += columns_ * tiles_.back().stride();
+    }
+  sums_ = Zeros<double>(columns_ * tiles_.size() *
+                        tiles_[0].stride());  // the first tile is the largest: `at_desk` finds room
+}
+
+Tile Film::at_desk(const Tile& tile, size_t desk) {
+  Tile there = tile;
+  there.first_sum = desk * columns_ * tiles_[0].stride();
+  std::fill_n(sums_.data() + there.first_sum, columns_ * there.stride(), 0.0);
+  return there;
+}
+
+void Film::store(int pass, uint32_t pixel, const double* from) {
+  int count = channels_of(pass);
+  if (!wants(pass)) return;
+  for (int i = 0; i < count; ++i)
+    values(pass)[size_t(pixel) * size_t(count) + size_t(i)] = to_float(from[i]);
+}
+
+void Film::set_data(uint32_t pixel, const FirstHit& hit) {
+  double object = hit.object, material = hit.material;
+  store(GLINT_PASS_GRAZING, pixel, &hit.grazing);
+  store(GLINT_PASS_DEPTH, pixel, &hit.depth);
+  store(GLINT_PASS_POSITION, pixel, &hit.position.x);
+  store(GLINT_PASS_NORMAL, pixel, &hit.normal.x);
+  store(GLINT_PASS_UV, pixel, &hit.uv.x);
+  store(GLINT_PASS_OBJECT_INDEX, pixel, &object);
+  store(GLINT_PASS_MATERIAL_INDEX, pixel, &material);
+}
+
+void Film::measure(const Tile& tile, const SlotTable& slots, uint32_t samples) {
+  const double* after = sums(tile, GLINT_PASS_COMBINED);
+  const float* before = values(GLINT_PASS_COMBINED);
+  if (estimate_.on())
+    estimate_.measure(tile, slots, refinement_, before, after, tile.stride(), samples);
+  if (samples >= Refinement::kFirst)
+    refinement_.measure(tile, slots, after, tile.stride(), samples);
+}
+
+void Film::look_around(const Tile& tile) {
+  if (estimate_.on()) estimate_.look_around(tile);
+  refinement_.look_around(tile);
+}
+
+void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples,
+                   const Stages& stages) {
+  const bool rested =
+      refinement_.rested(tile, samples);  // its pixels are in the picture as they are
+  for (int pass = 0; pass < GLINT_PASS_DEPTH; ++pass)
+    if (sums(tile, pass) && (!rested || renewed_ >> pass & 1))
+      publish_means(tile, pass, slots, samples, stages);
+  if (passes_ >> GLINT_PASS_ERROR) publish_health(tile, slots, samples);
+}
+
+void Film::publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
+                         const Stages& stages) {
+  float means[4][Tile::kSize * Tile::kSize];
+  const double* from = sums(tile, pass);
+  const size_t count = tile.pixels(), channels = size_t(channels_of(pass));
+  double taken[Tile::kSize * Tile::kSize];
+  const bool differ = refinement_.on() && samples > Refinement::kFirst;
+  for (size_t k = 0; differ && k < count; ++k)
+    taken[k] = refinement_.taken(tile.first_row + k, samples);
+  for (size_t c = 0; c < channels; ++c, from += tile.stride()) {
+    if (!differ) stages.mean(from, samples, means[c], count);
+    else
+      for (size_t k = 0; k < count; ++k) means[c][k] = to_float(from[k] / taken[k]);
+  }
+  for (size_t k = 0; channels == 4 && k < count; ++k) means[3][k] = 1 - means[3][k];
+  for (size_t k = 0, run; k < count; k += run) {
+    run = slots.run(k);
+    float* out = values(pass) + channels * slots.pixel(tile, k, region_.width());
+    if (channels == 4) interleave<4>(means, k, run, out);
+    else interleave<3>(means, k, run, out);
+  }
+}
+
+void Film::publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples) {
+  const double *traced = sums(tile, GLINT_PASS_COST), *doubted = sums(tile, GLINT_PASS_FALLBACKS);
+  for (size_t k = 0; k < tile.pixels(); ++k) {
+    const uint32_t pixel = slots.pixel(tile, k, region_.width());
+    const double taken = refinement_.taken(tile.first_row + k, samples);
+    store(GLINT_PASS_SAMPLES, pixel, &taken);
+    if (traced) store(GLINT_PASS_COST, pixel, traced + k);
+    if (doubted) store(GLINT_PASS_FALLBACKS, pixel, doubted + k);
+    if (!wants(GLINT_PASS_ERROR)) continue;
+    const double error = estimate_.levels(pixel, uint32_t(taken));
+    store(GLINT_PASS_ERROR, pixel, &error);
+  }
+}
+
+std::shared_ptr<Zeros<float>> Film::picture(int pass, uint64_t size) {
+  const size_t channels = size_t(channels_of(pass)),
+               pixels = numbers(size_t(shown_.width()) * shown_.height(), 1);
+  if (channels == 0 || !pictures_[pass] || channels * pixels != size) return nullptr;
+  if (pictures_[pass]->size() != size) return cropped(pass);
+  lent_ |= 1u << pass;
+  return pictures_[pass];
+}
+
+/// The pass of the pixels that are shown, which are not all.
+std::shared_ptr<Zeros<float>> Film::cropped(int pass) const {
+  const size_t channels = size_t(channels_of(pass)), row = channels * shown_.width();
+  const size_t left = shown_.x0 - region_.x0, below = shown_.y0 - region_.y0;
+  auto part = std::make_shared<Zeros<float>>(row * shown_.height());
+  for (size_t y = 0; y < shown_.height(); ++y)
+    std::memcpy(part->data() + y * row,
+                values(pass) + channels * ((y + below) * region_.width() + left),
+                row * sizeof(float));
+  return part;
+}
+
+void Film::renew() {
+  renewed_ = lent_ & ~kDataPasses;
+  for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass)
+    if (renewed_ >> pass & 1)
+      pictures_[pass] = std::make_shared<Zeros<float>>(pictures_[pass]->size());
+  lent_ = 0;
+}
+
+void Film::forget_sums() { sums_ = {}, refinement_ = {}, estimate_ = {}; }
+
+}  // namespace glint

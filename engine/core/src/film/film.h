@@ -1,0 +1,160 @@
+// Sums of samples per pixel, and the picture they make after each wave.
+#pragma once
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "glint.h"
+#include "film/estimate.h"
+#include "film/refine.h"
+#include "shading/stages.h"
+#include "math/vec.h"
+
+namespace glint {
+
+/// Pixels [x0, x1) x [y0, y1) of the region, counted from its corner. Its pixels have slots: blocks
+/// of 8 x 8 pixels one after the other, row by row within each, so that 64 neighbouring rays stay
+/// narrow.
+struct Tile {
+  static constexpr uint32_t kSize = 32, kBlock = 8;
+  uint32_t x0, y0, x1, y1;
+  size_t first_sum,
+      first_row;  // where the film keeps its sums; where columns over all tiles keep its slots
+  uint32_t width() const { return x1 - x0; }
+  uint32_t height() const { return y1 - y0; }
+  size_t pixels() const { return size_t(width()) * height(); }
+  size_t stride() const { return (pixels() + kPad - 1) / kPad * kPad; }
+};
+
+/// The sum over each pixel of the tile and its neighbours, with add(sum, number) in place of +:
+/// keep(number, sum). Numbers are those of pixels in a region of that size.
+template <class Sum, class Add, class Keep>
+void sum_neighborhoods(const Tile& tile, uint32_t width, uint32_t height, Add add, Keep keep) {
+  for (uint32_t y = tile.y0; y < tile.y1; ++y)
+    for (uint32_t x = tile.x0; x < tile.x1; ++x) {
+      Sum sum{};
+      for (uint32_t j = y - (y > 0); j <= std::min(y + 1, height - 1); ++j)
+        for (uint32_t i = x - (x > 0); i <= std::min(x + 1, width - 1); ++i)
+          sum = add(sum, size_t(j) * width + i);
+      keep(size_t(y) * width + x, sum);
+    }
+}
+
+/// Column and row, within the tile, of each slot of a tile of some size.
+class SlotTable {
+ public:
+  /// Does nothing when the size is that of the last call.
+  void set(uint32_t width, uint32_t height);
+  const double* columns() const { return columns_.data(); }
+  const double* rows() const { return rows_.data(); }
+  /// How many slots from this one on are neighbours in a row.
+  size_t run(size_t slot) const {
+    return std::min(size_t(Tile::kBlock), width_ - size_t(columns_[slot]));
+  }
+  /// Number of the pixel in a region of that width.
+  uint32_t pixel(const Tile& tile, size_t slot, uint32_t region_width) const {
+    return (tile.y0 + uint32_t(rows_[slot])) * region_width + tile.x0 + uint32_t(columns_[slot]);
+  }
+
+ private:
+  uint32_t width_ = 0, height_ = 0;
+  std::vector<double> columns_, rows_;
+};
+
+/// What the data passes hold of a camera ray's first sample.
+struct FirstHit {
+  double depth = 0, grazing = 0;
+  Vec3d position, normal, uv;
+  int32_t object = 0, material = 0;
+};
+
+/// Largest finite floats stand for what does not fit, 0 for infinity minus infinity.
+inline float to_float(double x) {
+  constexpr double top = std::numeric_limits<float>::max();
+  return x == x ? float(std::clamp(x, -top, top)) : 0;
+}
+
+/// Channels of a pass, 0 for no such pass.
+int channels_of(int pass);
+
+/// One thread a tile at a time. Sums are kept tile by tile, a column a channel: Combined's colour,
+/// lost alpha, then three for each part.
+class Film {
+ public:
+  Film(Region region, uint32_t passes) : Film(region, region, passes, 0, 1) {}
+  /// shown: what `picture` gives of the region.  error_threshold, light_samples: see Refinement.
+  Film(Region region, Region shown, uint32_t passes, double error_threshold,
+       uint32_t light_samples);
+
+  const std::vector<Tile>& tiles() const { return tiles_; }
+  const Region& region() const { return region_; }
+  /// Columns of sums, and the first of a part's, of Cost's or of Fallbacks'; -1 where nobody asked.
+  size_t columns() const { return columns_; }
+  int column_of(int pass) const { return at_[pass]; }
+  /// Rows of a column over all tiles.
+  size_t rows() const { return sums_.size() / columns_; }
+  uint32_t passes() const { return passes_; }
+  bool wants(int pass) const { return passes_ >> pass & 1; }
+  bool wants_data() const { return passes_ & kDataPasses; }
+  Refinement& refinement() { return refinement_; }
+  ErrorEstimate& estimate() { return estimate_; }
+
+  /// The first of the sums of a part, of Cost or of Fallbacks; null where nobody asked. The next
+  /// channels follow after tile.stride().
+  double* sums(const Tile& tile, int pass) {
+    return at_[pass] < 0 ? nullptr
+                         : sums_.data() + tile.first_sum + size_t(at_[pass]) * tile.stride();
+  }
+  /// The tile with its sums, all 0, where others put theirs before: for tiles that are published as
+  /// soon as they are traced. Of each thread its own desk, below the number of tiles.
+  Tile at_desk(const Tile& tile, size_t desk);
+  bool wants_depth_alone() const { return (passes_ & kDataPasses) == 1u << GLINT_PASS_DEPTH; }
+  void set_data(uint32_t pixel, const FirstHit& hit);
+  void set_depth(uint32_t pixel, double depth) {
+    values(GLINT_PASS_DEPTH)[pixel] = to_float(depth);
+  }
+  void set_gap(uint32_t pixel, double gap) { store(GLINT_PASS_GAP, pixel, &gap); }
+
+  /// What a wave of that many samples says of the tile's error; then, after the first ones, with
+  /// that of neighbours.
+  void measure(const Tile& tile, const SlotTable& slots, uint32_t samples);
+  void look_around(const Tile& tile);
+  /// Before a wave is published: pictures that somebody has are left to them, and others take their
+  /// place.
+  void renew();
+  /// Makes the tile's sums of `samples` samples the picture that `picture` gives.
+  void publish(const Tile& tile, const SlotTable& slots, uint32_t samples, const Stages& stages);
+  /// What was published last, of the pixels that are shown, and nothing will write any more; null
+  /// when the pass was not asked for or the size differs.
+  std::shared_ptr<Zeros<float>> picture(int pass, uint64_t size);
+  /// After the last wave: only pictures are left.
+  void forget_sums();
+
+ private:
+  static constexpr uint32_t kDataPasses = ((1u << GLINT_PASS_ERROR) - (1u << GLINT_PASS_DEPTH)) |
+                                          1u << GLINT_PASS_GRAZING | 1u << GLINT_PASS_GAP;
+  void keep_sums(int pass, int channels);
+  std::shared_ptr<Zeros<float>> cropped(int pass) const;
+  float* values(int pass) const { return pictures_[pass]->data(); }
+  void store(int pass, uint32_t pixel, const double* from);
+  void publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
+                     const Stages& stages);
+  void publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples);
+  void cut();
+
+  Region region_, shown_;
+  uint32_t passes_;
+  std::vector<Tile> tiles_;
+  size_t columns_ = 4;
+  int at_[GLINT_PASS_COUNT];  // first column of what has sums, -1 for none
+  Zeros<double> sums_;
+  Refinement refinement_;
+  ErrorEstimate estimate_;
+  std::shared_ptr<Zeros<float>> pictures_[GLINT_PASS_COUNT];
+  uint32_t lent_ = 0, renewed_ = 0;  // passes whose pictures somebody else has as well; that are
+                                     // new and empty for this wave
+};
+
+}  // namespace glint

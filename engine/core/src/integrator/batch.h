@@ -1,0 +1,102 @@
+// What is known of the rays of one queue while they are shaded, by component: hits, points, what
+// they add to the film, what lights need.
+#pragma once
+#include <vector>
+
+#include "integrator/columns.h"
+#include "integrator/queue.h"
+#include "scene/scene.h"
+#include "shading/surface.h"
+
+namespace glint {
+
+class Sight;
+
+class Batch {
+ public:
+  /// `passes`: the parts to keep for camera rays; all that others bring is Mirror.
+  Batch(const Scene& scene, uint32_t passes);
+  Batch(const Batch&) = delete;
+  Batch& operator=(const Batch&) = delete;
+
+  /// Makes room for the queue's rays; what was known of others is gone. The queue is to stay as it
+  /// is while the batch is used.
+  void begin(const Queue& rays);
+  size_t size() const { return count_; }
+
+  Hits hits() {
+    return {t,        instance.data(), primitive.data(),
+            u.data(), v.data(),        fallbacks ? doubts_.data() : nullptr};
+  }
+  Hit hit(size_t k) const { return {t[k], instance[k], primitive[k], u[k], v[k]}; }
+  bool missed(size_t k) const { return instance[k] == Hit::kNone; }
+  Surface surface(size_t k) const;
+  void set_surface(size_t k, const Surface& s);
+
+  /// Adds to Combined, and to a part (of `sums`) where it is kept.
+  void add(size_t k, double* const (&part)[3], Vec3d c) {
+    add_to(sums.total, k, c), add_to(part, k, c);
+  }
+  static void add_to(double* const (&columns)[3], size_t k, Vec3d c) {
+    if (columns[0]) columns[0][k] += c.x, columns[1][k] += c.y, columns[2][k] += c.z;
+  }
+  /// Counts a ray for the pixel of ray k.
+  void charge(size_t k) const {
+    if (cost) cost[queue->slot(k)] += 1;
+  }
+  /// Notes what of a soft light point k has met: Refinement::SoftLight.
+  void mark_softly_lit(size_t k, uint8_t met) const { softly_lit[queue->slot(k)] |= met; }
+  /// Adds what `hits` counted of float tests that could not decide.
+  void charge_fallbacks() const {
+    for (size_t k = 0; fallbacks && k < count_; ++k) fallbacks[queue->slot(k)] += doubts_[k];
+  }
+  /// Coefficient of the lobe number `lobe` of those that send rays on from point k.
+  Vec3d passing(size_t k, int lobe) const {
+    const double* column = passing_columns + 3 * size_t(lobe) * stride + k;
+    return {column[0], column[stride], column[2 * stride]};
+  }
+
+  const Queue* queue = nullptr;
+  double* t = nullptr;
+  std::vector<uint32_t> instance, primitive, material,
+      others;  // others: rays whose material the shade stage leaves to others
+  std::vector<uint32_t> passing_rows;  // as VaryStage has it
+  std::vector<float> u, v;
+  std::vector<int64_t> lit, outside;  // masks: points that lights may reach, seen from outside
+  PointColumns points{};
+  SumColumns sums{};                  // parts that are not kept are null
+  double* diffuse[3] = {};            // T k
+  double* specular = nullptr;         // as ShadeStage has it
+  double* passing_columns = nullptr;  // as VaryStage has it
+  size_t stride = 0;
+  double
+      *cost = nullptr,
+      *fallbacks =
+          nullptr;  // rays traced for each slot, and float64 tests of them; null when nobody asks
+  uint8_t* softly_lit =
+      nullptr;  // of each path, as Refinement has it of slots; null when nobody asks
+  Sight* sight =
+      nullptr;  // what is known of these rays, from its row `first_row` on; null for none
+  size_t first_row = 0;
+
+ private:
+  void reserve(size_t rows);
+  void place_columns();
+
+  const Scene& scene_;
+  const uint32_t passes_;
+  const bool smooth_;
+  size_t count_ = 0;
+  Columns columns_;
+  std::vector<uint8_t> doubts_;
+  SumColumns parts_{};
+};
+
+inline Vec3d row(const double* const (&columns)[3], size_t k) {
+  return {columns[0][k], columns[1][k], columns[2][k]};
+}
+inline void set_row(double* const (&columns)[3], size_t k, Vec3d v) {
+  columns[0][k] = v.x, columns[1][k] = v.y, columns[2][k] = v.z;
+}
+
+}  // namespace glint

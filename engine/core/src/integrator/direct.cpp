@@ -1,0 +1,128 @@
+#include "integrator/direct.h"
+
+#include "integrator/first_hit_cache.h"
+#include "session/timer.h"
+
+namespace glint {
+namespace {
+
+constexpr size_t kColumns =
+    1 + 3 + 3 + 1 + 3 + 3 + 3 + 3;  // zeros, o, to, t_max, ends, diffuse, specular, shadow
+
+}  // namespace
+
+DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages,
+                         const std::atomic<bool>& cancel, Scratch& scratch)
+    : scene_(scene),
+      plan_(plan),
+      stages_(stages),
+      cancel_(cancel),
+      scratch_(scratch),
+      glassy_(scene.features & GLINT_FEATURE_TRANSPARENT),
+      columns_(kColumns),
+      veils_(scene, stages, cancel, scratch) {}
+
+void DirectLight::prepare(const Batch& batch) {
+  columns_.reserve(batch.size()), point_.resize(columns_.rows()), blocked_.resize(columns_.rows());
+  size_t next = 0;
+  auto three = [&](double*(&to)[3], bool wanted) {
+    for (double*& column : to) column = wanted ? columns_[next++] : nullptr;
+  };
+  zeros_ = columns_[next++], stage_.t_max = columns_[next++], stage_.point = point_.data();
+  three(stage_.o, true), three(stage_.to, true), three(stage_.diffuse_out, true),
+      three(stage_.specular_out, batch.sums.diffuse[0]);
+  three(stage_.end_out, glassy_), three(shadow_, glassy_);
+  const PointColumns& p = batch.points;
+  for (int c = 0; c < 3; ++c) {
+    stage_.points_x[c] = p.x[c], stage_.g[c] = p.g[c], stage_.n[c] = p.n[c],
+    stage_.origin[c] = p.origin[c];
+    stage_.d[c] = batch.queue->rays().d[c], stage_.diffuse[c] = batch.diffuse[c];
+  }
+  stage_.count = batch.size(), stage_.offset = p.offset, stage_.lit = batch.lit.data();
+  stage_.specular = batch.specular, stage_.stride = batch.stride,
+  stage_.max_specular = scene_.max_specular;
+  stage_.most_exponent = scene_.most_exponent;
+  stage_.specular_columns = scene_.specular_columns;
+}
+
+void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
+  prepare(batch);
+  size_t number = 0;
+  for (const Light& light : scene_.lights) {
+    const uint32_t count = light.extended ? plan_.light_samples : 1;
+    const bool notes = batch.softly_lit && count > 1;
+    if (notes) find_cut(batch, light);
+    for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
+      light.set(stage_, plan_.light_point(sample, j), count, plan_.physical);
+      uint8_t* const known = batch.sight ? batch.sight->shadows(number) : nullptr;
+      add_lit(batch, light, stages_.light(stage_), known ? known + batch.first_row : nullptr,
+              counts);
+      if (stage_.draws) add_lit(batch, light, stages_.gloss(stage_), nullptr, counts);
+    }
+  }
+}
+
+/// Adds the `count` points of the stage.
+void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
+                          RayCounts& counts) {
+  if (count == 0) return;
+  for (size_t k = 0; batch.softly_lit && stage_.share > 1 && k < count; ++k)
+    batch.mark_softly_lit(point_[k], Refinement::kReached);
+  if (light.casts_shadow()) find_shadows(batch, count, known, counts);
+  else std::fill_n(blocked_.begin(), count, uint8_t(0));
+  if (glassy_) veils_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
+  add(batch, count);
+}
+
+/// Notes the points whose horizon cuts the light.
+void DirectLight::find_cut(const Batch& batch, const Light& light) const {
+  for (size_t k = 0; k < batch.size(); ++k)
+    if (batch.lit[k] && light.is_cut(row(batch.points.x, k), row(batch.points.n, k)))
+      batch.mark_softly_lit(k, Refinement::kCut);
+}
+
+/// False where a point's shadow is not known.
+bool DirectLight::recall_shadows(const uint8_t* known, size_t count) {
+  bool all = true;
+  for (size_t k = 0; k < count; ++k) {
+    const uint8_t shadow = known[point_[k]];
+    all &= shadow != 0, blocked_[k] = shadow == 2;
+  }
+  return all;
+}
+
+/// known: of the points, as Sight::shadows has it, or null.
+void DirectLight::find_shadows(const Batch& batch, size_t count, uint8_t* known,
+                               RayCounts& counts) {
+  for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);
+  if (known && recall_shadows(known, count)) return;
+  const double* const* o = stage_.o;
+  const double* const* d = stage_.to;
+  const Timer timer(counts.tracing);
+  const Rays rays{{o[0], o[1], o[2]},
+                  {d[0], d[1], d[2]},
+                  zeros_,
+                  stage_.t_max,
+                  count,
+                  kShadow,
+                  known ? nullptr : scene_.opacity()};
+  scene_.accel().occluded(rays, blocked_.data(), scratch_);
+  counts.shadow += count;
+  for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);
+}
+
+void DirectLight::add(const Batch& batch, size_t count) const {
+  const SumColumns& sums = batch.sums;
+  if (!glassy_ && !sums.diffuse[0]) {
+    LightSum sum{count, point_.data(), blocked_.data(), {}, {}};
+    for (int c = 0; c < 3; ++c) sum.given[c] = stage_.diffuse_out[c], sum.total[c] = sums.total[c];
+    return stages_.sum(sum);
+  }
+  LightParts parts{count, point_.data(), blocked_.data(), {}, {}, {}, sums};
+  for (int c = 0; c < 3; ++c)
+    parts.shadow[c] = shadow_[c], parts.diffuse[c] = stage_.diffuse_out[c],
+    parts.specular[c] = stage_.specular_out[c];
+  stages_.sum_parts(parts);
+}
+
+}  // namespace glint

@@ -1,0 +1,45 @@
+// Light that reaches points straight from the lights: unshadowed terms, shadow rays, and both to
+// the sums of a batch (notes 4.12-4.16).
+#pragma once
+#include <atomic>
+#include <vector>
+
+#include "integrator/batch.h"
+#include "integrator/plan.h"
+#include "integrator/transmittance.h"
+
+namespace glint {
+
+class DirectLight {
+ public:
+  DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages,
+              const std::atomic<bool>& cancel, Scratch& scratch);
+
+  /// Adds all lights to the points of `batch`, for pixel sample `sample`.
+  void illuminate(Batch& batch, uint32_t sample, RayCounts& counts);
+
+ private:
+  void prepare(const Batch& batch);
+  void add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
+               RayCounts& counts);
+  void find_cut(const Batch& batch, const Light& light) const;
+  void find_shadows(const Batch& batch, size_t count, uint8_t* known, RayCounts& counts);
+  bool recall_shadows(const uint8_t* known, size_t count);
+  void add(const Batch& batch, size_t count) const;
+
+  const Scene& scene_;
+  const RenderPlan& plan_;
+  const Stages& stages_;
+  const std::atomic<bool>& cancel_;
+  Scratch& scratch_;
+  const bool glassy_;   // some surface lets light through
+  LightStage stage_{};  // what it writes: a row for each point that a light sample reaches
+  Columns columns_;
+  double *zeros_ = nullptr,
+         *shadow_[3] = {};  // shadow_: S a channel; null where rays are free or blocked and no more
+  std::vector<uint32_t> point_;
+  std::vector<uint8_t> blocked_;
+  Veils veils_;
+};
+
+}  // namespace glint

@@ -1,0 +1,64 @@
+// What a first wave found out and a later one of another light, material or world need not trace
+// again: where its rays hit, and which points see which sample of a light.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <mutex>
+#include <vector>
+
+#include "glint.h"
+#include "bvh/accel.h"
+#include "film/film.h"
+#include "integrator/plan.h"
+#include "shading/stages.h"
+#include "session/zeroed_buffer.h"
+
+namespace glint {
+
+class Scene;
+
+/// Of one camera, region and first sample point, in one accelerator. 24 bytes a pixel, and one for
+/// each of the first light samples. Its rows are the film's; threads may write rows of different
+/// tiles at once. Whoever uses it holds `mutex`.
+class Sight {
+ public:
+  static constexpr size_t kMaxColumns = 8;
+
+  Sight(const GlintCamera& camera, const RenderPlan& plan, const Film& film);
+  bool is_of(const GlintCamera& camera, const RenderPlan& plan) const;
+
+  /// Forgets shadows of light samples that are not those of `scene`.
+  void expect(const Scene& scene, const RenderPlan& plan);
+
+  /// False where the tile's rays were not kept.
+  bool recall(const Tile& tile, const Hits& hits) const;
+  void keep(const Tile& tile, const Hits& hits);
+  /// Shadow of each row in the light sample of that number: 0 unknown, 1 free, 2 blocked. Null for
+  /// samples that are not kept.
+  uint8_t* shadows(size_t number) {
+    return number < columns_.size() ? columns_[number].shadows.data() : nullptr;
+  }
+
+  std::mutex mutex;
+
+ private:
+  /// Everything of a LightStage on which its shadow rays depend.
+  using Rays = std::array<double, 27>;
+  struct Column {
+    Rays rays{};
+    Zeros<uint8_t> shadows;
+  };
+  static Rays rays_of(const LightStage& stage);
+
+  GlintCamera camera_;
+  Region region_;
+  double offset_[2];
+  size_t rows_;
+  Zeros<double> t_;
+  Zeros<uint32_t> instance_, primitive_;
+  Zeros<float> u_, v_;
+  std::vector<Column> columns_;
+  Zeros<uint8_t> kept_;  // by a tile's first row
+};
+
+}  // namespace glint

@@ -1,0 +1,123 @@
+#include "integrator/paths.h"
+
+#include <type_traits>
+
+namespace glint {
+
+namespace {
+
+/// body(N) for the power of two that `count` is, as a constant: loops over a pixel's samples are
+/// short.
+template <class Body>
+void with_constant(uint32_t count, Body body) {
+  switch (count) {
+    case 1:
+      return body(std::integral_constant<size_t, 1>());
+    case 2:
+      return body(std::integral_constant<size_t, 2>());
+    case 4:
+      return body(std::integral_constant<size_t, 4>());
+    default:
+      return body(std::integral_constant<size_t, WindowPoints::kMostTogether>());
+  }
+}
+
+/// What is known of one channel of a pixel.
+struct Pile {
+  double sum;
+  Between range;
+  void add(double sample, bool is_first) {
+    const double before = sum;
+    sum += sample;
+    range.add(sum - before, is_first);
+  }
+};
+
+}  // namespace
+
+void WindowPoints::set(const CameraRays& camera, const RenderPlan& plan, const Tile& tile,
+                       uint32_t first, uint32_t count) {
+  first_ = first, count_ = count;
+  const double column = plan.region.x0 + tile.x0, row = plan.region.y0 + tile.y0;
+  const double* const offsets = plan.pixel_offsets + 2 * size_t(first);
+  for (size_t s = 0; s < count; ++s) {
+    for (uint32_t k = 0; k < tile.width(); ++k)
+      u_[k * count + s] = camera.u(column + k, offsets[2 * s]);
+    for (uint32_t k = 0; k < tile.height(); ++k)
+      v_[k * count + s] = camera.v(row + k, offsets[2 * s + 1]);
+  }
+}
+
+void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* begin,
+                   const uint32_t* end, const WindowPoints& points) {
+  slots_.assign(begin, end);
+  first_ = points.first(), shift_ = uint32_t(__builtin_ctz(points.count()));
+  for (std::vector<double>* v : {&u_, &v_}) v->resize((size() + kPad - 1) / kPad * kPad);
+  with_constant(points.count(), [&](auto count) { place_samples<count>(places, points); });
+  if (columns_ != film.columns()) sums_ = Columns(columns_ = film.columns());
+  sums_.reserve(kMost), softly_lit_.assign(size(), 0);
+  for (size_t c = 0; c < columns_; ++c) std::fill_n(sums_[c], size(), 0.0);
+}
+
+template <size_t Count>
+void Paths::place_samples(const SlotTable& places, const WindowPoints& points) {
+  double *u = u_.data(), *v = v_.data();
+  for (uint32_t slot : slots_) {
+    u = std::copy_n(points.u(size_t(places.columns()[slot])), Count, u);
+    v = std::copy_n(points.v(size_t(places.rows()[slot])), Count, v);
+  }
+}
+
+/// Each pixel's samples to its sum, in their order.
+template <size_t Count>
+void Paths::add_column(double* to, const double* from) const {
+  for (uint32_t slot : slots_) {
+    double sum = to[slot];
+    for (size_t s = 0; s < Count; ++s) sum += *from++;
+    to[slot] = sum;
+  }
+}
+
+/// The same for a channel of colour or lost alpha, with how far the samples lie apart.
+template <size_t Count>
+void Paths::add_noted(double* to, const double* from, const Refinement::Ranges& ranges) const {
+  for (uint32_t slot : slots_) {
+    Pile pile{to[slot], ranges[slot]};
+    for (size_t s = 0; s < Count; ++s) pile.add(*from++, first_ + s == 0);
+    to[slot] = pile.sum, ranges.set(slot, pile.range);
+  }
+}
+
+void Paths::add_to(Film& film, const Tile& tile, const Stages& stages) {
+  double* const sums = film.sums(tile, GLINT_PASS_COMBINED);
+  const size_t noted = film.refinement().on() ? 4 : 0;
+  uint8_t* const softly_lit = film.refinement().softly_lit(tile, first_);
+  for (size_t k = 0; softly_lit && k < size(); ++k) softly_lit[slot(k)] |= softly_lit_[k];
+  for (size_t c = 0; c < columns_; ++c) {
+    double* const to = sums + c * tile.stride();
+    if (c < noted)
+      with_constant(1u << shift_, [&](auto count) {
+        add_noted<count>(to, sums_[c], film.refinement().ranges(tile, c));
+      });
+    else if (is_whole(tile)) stages.add(to, sums_[c], size());
+    else with_constant(1u << shift_, [&](auto count) { add_column<count>(to, sums_[c]); });
+  }
+}
+
+void Paths::spread(Film& film, const Tile& tile, const std::vector<uint32_t>& slots,
+                   uint32_t samples) const {
+  const size_t noted = film.refinement().on() ? 4 : 0;
+  double* to = film.sums(tile, GLINT_PASS_COMBINED);
+  for (size_t c = 0; c < columns_; ++c, to += tile.stride()) {
+    const Refinement::Ranges ranges =
+        c < noted ? film.refinement().ranges(tile, c) : Refinement::Ranges{};
+    Pile pile{to[slots[0]], c < noted ? ranges[slots[0]] : Between{}};
+    for (uint32_t s = 0; s < samples; ++s) pile.add(sums_[c][0], first_ + s == 0);
+    for (uint32_t slot : slots) {
+      to[slot] = pile.sum;
+      if (c < noted) ranges.set(slot, pile.range);
+    }
+  }
+}
+
+}  // namespace glint

@@ -1,0 +1,89 @@
+// Some samples of some pixels of a tile, and what they bring until the film gets it.
+#pragma once
+#include <vector>
+
+#include "scene/camera.h"
+#include "integrator/columns.h"
+#include "film/film.h"
+#include "integrator/plan.h"
+
+namespace glint {
+
+/// Where some samples of a tile's pixels lie in the camera's window: of each column and row, one
+/// after the other.
+class WindowPoints {
+ public:
+  static constexpr uint32_t kMostTogether = 8;
+
+  /// Samples [first, first + count), a power of two up to kMostTogether.
+  void set(const CameraRays& camera, const RenderPlan& plan, const Tile& tile, uint32_t first,
+           uint32_t count);
+
+  uint32_t first() const { return first_; }
+  uint32_t count() const { return count_; }
+  const double* u(size_t column) const { return u_ + column * count_; }
+  const double* v(size_t row) const { return v_ + row * count_; }
+
+ private:
+  uint32_t first_ = 0, count_ = 1;
+  double u_[Tile::kSize * kMostTogether], v_[Tile::kSize * kMostTogether];
+};
+
+/// The camera rays of a few samples of a few pixels, and their paths from there. All samples of a
+/// pixel are neighbours, so that the rays of a bundle are near to each other. The film gets a
+/// pixel's samples in their order, however many were traced at once.
+class Paths {
+ public:
+  static constexpr size_t kMost = Tile::kSize * Tile::kSize;
+
+  /// The samples of `points` of the slots [begin, end), at most kMost in all.
+  void choose(const Film& film, const SlotTable& places, const uint32_t* begin, const uint32_t* end,
+              const WindowPoints& points);
+
+  size_t size() const { return slots_.size() << shift_; }
+  uint32_t slot(size_t path) const { return slots_[path >> shift_]; }
+  /// Whether they are one sample of all slots of that tile.
+  bool is_whole(const Tile& tile) const { return shift_ == 0 && slots_.size() == tile.pixels(); }
+  /// Whether it is a pixel's first sample.
+  bool is_first(size_t path) const {
+    return first_ == 0 && (path & ((size_t(1) << shift_) - 1)) == 0;
+  }
+
+  // Of each path: where its camera ray goes through the window.
+  const double* u() const { return u_.data(); }
+  const double* v() const { return v_.data(); }
+
+  /// What the paths brought so far, as Film::sums has it; the next channels follow after
+  /// `stride()`.
+  double* sums(const Film& film, int pass) {
+    return film.column_of(pass) < 0 ? nullptr : sums_[size_t(film.column_of(pass))];
+  }
+  double* lost_alpha() { return sums_[3]; }
+  size_t stride() const { return sums_.stride(); }
+  /// Whether a soft light reached each path's camera ray: as Refinement::softly_lit has it of
+  /// slots.
+  uint8_t* softly_lit() { return softly_lit_.data(); }
+  /// Adds that to the film, sample by sample, and tells its refinement.
+  void add_to(Film& film, const Tile& tile, const Stages& stages);
+  /// The same as if each of some slots, which are alike so far, had `samples` samples that bring
+  /// what the only path here brought.
+  void spread(Film& film, const Tile& tile, const std::vector<uint32_t>& slots,
+              uint32_t samples) const;
+
+ private:
+  template <size_t Count>
+  void place_samples(const SlotTable& places, const WindowPoints& points);
+  template <size_t Count>
+  void add_column(double* to, const double* from) const;
+  template <size_t Count>
+  void add_noted(double* to, const double* from, const Refinement::Ranges& ranges) const;
+
+  uint32_t first_ = 0, shift_ = 0;
+  std::vector<uint32_t> slots_;
+  std::vector<double> u_, v_;
+  std::vector<uint8_t> softly_lit_;
+  Columns sums_;
+  size_t columns_ = 0;
+};
+
+}  // namespace glint

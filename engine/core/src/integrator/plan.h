@@ -1,0 +1,44 @@
+// What a render was asked for, and what its rays report back.
+#pragma once
+#include <cstdint>
+
+#include "bvh/accel.h"
+#include "film/film.h"
+#include "scene/light.h"
+
+namespace glint {
+
+struct RenderPlan {
+  Region region, shown;  // shown: the pixels that were asked for; the region has a margin where
+                         // their neighbours are looked at
+  double error_threshold = 0, cutoff = 0;
+  uint32_t samples = 1, light_samples = 1, max_bounces = 0, passes = 0;
+  int threads = 1;
+  BuildQuality quality = BuildQuality::kBalanced;
+  bool physical = true, unseen = false, hold_waves = false,
+       remember = false;  // unseen: nobody looks before the last wave
+  const double* pixel_offsets = nullptr;
+  const double* light_square = nullptr;
+  const double* light_disc = nullptr;
+
+  /// Point j of pixel sample `sample`, for lights with an extent.
+  LightPoint light_point(uint32_t sample, uint32_t j) const {
+    if (light_samples <= 1 || !light_square) return {};
+    size_t at = 2 * (size_t(sample) * light_samples + j);
+    return {light_square[at], light_square[at + 1], light_disc[at], light_disc[at + 1]};
+  }
+};
+
+/// Rays, and the time they took.
+struct RayCounts {
+  uint64_t camera = 0, shadow = 0, mirror = 0, refraction = 0, transparent = 0;
+  double tracing = 0;  // seconds in the accelerator
+  RayCounts& operator+=(const RayCounts& b) {
+    tracing += b.tracing;
+    camera += b.camera, shadow += b.shadow, mirror += b.mirror, refraction += b.refraction,
+        transparent += b.transparent;
+    return *this;
+  }
+};
+
+}  // namespace glint

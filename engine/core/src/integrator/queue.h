@@ -1,0 +1,87 @@
+// Rays on their way, with what each carries to its pixel, by component.
+#pragma once
+#include <vector>
+
+#include "bvh/accel.h"
+#include "integrator/columns.h"
+#include "math/vec.h"
+
+namespace glint {
+
+/// T: the weight to the pixel.  start: where the ray starts exactly, before it was moved clear of
+/// its surface; surfaces are met from there. from: ray parameter up to which visible lights were
+/// already counted.  slot: number of its camera ray (Paths).
+struct Path {
+  Vec3d T, start;
+  double from = 0;
+  uint32_t slot = 0;
+  uint8_t depth = 0, straight = 0;  // mirror and refraction rays so far; transparent ones in a row
+  bool wants_data = false;
+};
+
+/// Rays that look for the same visibility: kCamera at depth 0, one of a path, else kMirror.
+class Queue : public RayLayout {
+ public:
+  explicit Queue(uint32_t visibility_ = kMirror) : visibility(visibility_) {}
+
+  size_t size() const { return size_; }
+  void clear() { size_ = 0; }
+  /// Room for so many rays in all.
+  void reserve(size_t count);
+  void push(const Ray& ray, const Path& path);
+  /// Where a stage adds rays.
+  RayEnd end() { return {columns_[0], columns_.stride(), tags_.data(), &size_}; }
+  /// `count` rays from o = start = 0 with weight 1, but for what was written there after an earlier
+  /// call; directions, bounds and who wants data are to be filled in. Nothing is ever pushed here.
+  void start_at_camera(size_t count);
+
+  Ray ray(size_t k) const {
+    return {at(kO, k), at(kD, k), columns_[kTMin][k], columns_[kTMax][k], visibility};
+  }
+  Path path(size_t k) const {
+    return {at(kT, k), at(kStart, k), columns_[kFrom][k], slot(k),
+            depth(k),  straight(k),   wants_data(k)};
+  }
+  uint32_t slot(size_t k) const { return uint32_t(tags_[k]); }
+  bool wants_data(size_t k) const { return tags_[k] >> RayTag::kWantsData & 1; }
+  void want_data(size_t k) { tags_[k] |= int64_t(1) << RayTag::kWantsData, numbered_ = 0; }
+  Rays rays() const;
+  double* column(size_t c) { return columns_[c]; }
+  const double* column(size_t c) const { return columns_[c]; }
+  size_t stride() const { return columns_.stride(); }
+  const int64_t* tags() const { return tags_.data(); }
+
+  uint32_t visibility;
+
+ private:
+  uint8_t depth(size_t k) const { return uint8_t(tags_[k] >> RayTag::kDepth); }
+  uint8_t straight(size_t k) const { return uint8_t(tags_[k] >> RayTag::kStraight); }
+  Vec3d at(size_t column, size_t k) const {
+    return {columns_[column][k], columns_[column + 1][k], columns_[column + 2][k]};
+  }
+  void put(size_t column, size_t k, Vec3d v) {
+    columns_[column][k] = v.x, columns_[column + 1][k] = v.y, columns_[column + 2][k] = v.z;
+  }
+
+  Columns columns_{kColumns};
+  std::vector<int64_t> tags_;       // RayTag
+  size_t size_ = 0, numbered_ = 0;  // numbered_: tags that are but their number
+};
+
+/// Cuts lists of a queue's rays where a path comes again.
+class PathCuts {
+ public:
+  /// How many of the rays, from the first on, are of different paths.
+  size_t leading(const Queue& queue, const uint32_t* rows, size_t count);
+
+ private:
+  std::vector<uint32_t> seen_;  // by slot, the list where it was seen last
+  uint32_t list_ = 0;
+};
+
+/// Cuts a queue into pieces of at most `limit` rays, in order. All rays of a path stay in one piece
+/// unless it alone has more than `limit`: then its pieces hold its own first `limit`, the next
+/// `limit`, … So the cut of a path does not depend on other paths.
+std::vector<Queue> split(const Queue& queue, size_t limit);
+
+}  // namespace glint

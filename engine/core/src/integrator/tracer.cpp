@@ -1,0 +1,346 @@
+#include "integrator/tracer.h"
+
+#include <numeric>
+
+#include "math/math.h"
+#include "session/timer.h"
+
+namespace glint {
+namespace {
+
+constexpr size_t kMaxBatch = 8192;  // rays in flight at once
+
+/// How far samples lie from their pixels' centres.
+WindowReach reach_of(const RenderPlan& plan) {
+  const double* p = plan.pixel_offsets;
+  WindowReach r{p[0], p[1], p[0], p[1]};
+  for (const double* const end = p + 2 * size_t(plan.samples); p != end; p += 2)
+    r = {std::min(r.x0, p[0]), std::min(r.y0, p[1]), std::max(r.x1, p[0]), std::max(r.y1, p[1])};
+  return r;
+}
+
+}  // namespace
+
+Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
+               const std::atomic<bool>& cancel, Sight* sight)
+    : scene_(scene),
+      plan_(plan),
+      film_(film),
+      stages_(best_stages()),
+      cancel_(cancel),
+      sight_(sight),
+      camera_(scene),
+      shader_(scene, plan, stages_),
+      direct_(scene, plan, stages_, cancel, scratch_),
+      batch_(scene, film.passes()),
+      reach_(reach_of(plan)) {}
+
+Queue Tracer::take(uint32_t visibility) {
+  if (spare_.empty()) return Queue(visibility);
+  Queue queue = std::move(spare_.back());
+  spare_.pop_back();
+  queue.visibility = visibility;
+  return queue;
+}
+
+void Tracer::give(Queue queue) {
+  queue.clear();
+  spare_.push_back(std::move(queue));
+}
+
+/// The queue is next, cut where it is too long.
+void Tracer::wait(Queue queue) {
+  if (queue.size() == 0) return give(std::move(queue));
+  if (queue.size() <= kMaxBatch) return waiting_.push_back(std::move(queue));
+  std::vector<Queue> pieces = split(queue, kMaxBatch);
+  for (size_t k = pieces.size(); k-- > 0;) waiting_.push_back(std::move(pieces[k]));
+  give(std::move(queue));
+}
+
+void Tracer::choose(const Tile& tile) {
+  tile_ = &tile;
+  slots_.set(tile.width(), tile.height());
+  if (film_.refinement().on()) film_.refinement().list_active(tile, active_);
+  else if (active_.size() != tile.pixels())
+    active_.resize(tile.pixels()), std::iota(active_.begin(), active_.end(), 0u);
+  vacant_ = !active_.empty() && !(scene_.features & GLINT_FEATURE_SEEN_LIGHTS) &&
+            scene_.accel().vacant(beam(tile));
+}
+
+/// Round all camera rays of the tile's samples.
+Beam Tracer::beam(const Tile& tile) const {
+  const double column = plan_.region.x0 + tile.x0, row = plan_.region.y0 + tile.y0;
+  return camera_.beam(camera_.u(column, reach_.x0), camera_.v(row, reach_.y0),
+                      camera_.u(column + tile.width() - 1, reach_.x1),
+                      camera_.v(row + tile.height() - 1, reach_.y1));
+}
+
+/// How many of a pixel's next samples are traced at once: points of soft lights are common to a
+/// sample of many pixels.
+uint32_t Tracer::together(uint32_t samples) const {
+  if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
+  uint32_t count = WindowPoints::kMostTogether;
+  while (count > samples) count /= 2;
+  return count;
+}
+
+/// The queue's camera rays hit nothing, and nobody asks where they lead.
+void Tracer::miss(const Queue& queue) {
+  std::fill_n(batch_.instance.data(), queue.size(), Hit::kNone),
+      std::fill_n(batch_.material.data(), queue.size(), missed(queue));
+}
+
+void Tracer::start_paths() {
+  first_.start_at_camera(paths_.size());
+  for (size_t k = 0; film_.wants_data() && k < paths_.size(); ++k)
+    if (paths_.is_first(k)) first_.want_data(k);
+}
+
+void Tracer::camera_rays() {
+  CameraStage stage = camera_.stage();
+  stage.count = paths_.size(), stage.across = paths_.u(), stage.upward = paths_.v();
+  for (size_t k = 0; k < 3; ++k)
+    stage.o[k] = first_.column(Queue::kO + k), stage.d[k] = first_.column(Queue::kD + k);
+  stage.t_min = first_.column(Queue::kTMin), stage.t_max = first_.column(Queue::kTMax);
+  stages_.camera(stage);
+  camera_.clip(stage);
+  const Vec3d eye = camera_.eye();
+  for (size_t k = 0; any(eye) && k < 3; ++k)
+    for (size_t i = 0; i < stage.count; ++i)
+      stage.o[k][i] = (stage.parallel ? stage.o[k][i] : 0) + eye[int(k)];
+  for (size_t k = 0; (stage.parallel || any(eye)) && k < 3; ++k)
+    std::copy_n(stage.o[k], stage.count, first_.column(Queue::kStart + k));
+}
+
+/// One path through a vacant tile stands for all.
+uint32_t Tracer::trace_vacant(uint32_t first, uint32_t last) {
+  points_.set(camera_, plan_, *tile_, first, 1);
+  follow_some(active_.data(), active_.data() + 1, first);
+  paths_.spread(film_, *tile_, active_, last - first);
+  return last - first;
+}
+
+/// The samples that `points_` is of, of the slots [begin, end).
+void Tracer::follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first) {
+  paths_.choose(film_, slots_, begin, end, points_);
+  batch_.cost = paths_.sums(film_, GLINT_PASS_COST),
+  batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
+  batch_.softly_lit = film_.refinement().softly_lit(*tile_, first) ? paths_.softly_lit() : nullptr;
+  follow(first);
+}
+
+uint32_t Tracer::trace(uint32_t first, uint32_t last) {
+  if (vacant_) return trace_vacant(first, last);
+  const uint32_t count = together(last - first);
+  const size_t step = Paths::kMost / count;
+  if (!active_.empty()) points_.set(camera_, plan_, *tile_, first, count);
+  for (size_t k = 0; k < active_.size() && !cancel_; k += step) {
+    const uint32_t* const begin = active_.data() + k;
+    follow_some(begin, begin + std::min(step, active_.size() - k), first);
+    paths_.add_to(film_, *tile_, stages_);
+  }
+  return count;
+}
+
+void Tracer::measure(const Tile& tile, uint32_t samples) {
+  slots_.set(tile.width(), tile.height());
+  film_.measure(tile, slots_, samples);
+}
+
+void Tracer::decide(const Tile& tile, uint32_t samples) {
+  slots_.set(tile.width(), tile.height());
+  film_.refinement().decide(tile, slots_, samples);
+}
+
+/// The paths to the end of their rays.
+void Tracer::follow(uint32_t sample) {
+  start_paths();
+  if (!vacant_) camera_rays();
+  Queue straight = take(kCamera), bounced = take(kMirror);
+  process(first_, sample, straight, bounced);
+  wait(std::move(straight)), wait(std::move(bounced));
+  while (!waiting_.empty() && !cancel_) {
+    Queue queue = std::move(waiting_.back());
+    waiting_.pop_back();
+    straight = take(kCamera), bounced = take(kMirror);
+    process(queue, sample, queue.visibility == kCamera ? straight : bounced, bounced);
+    wait(std::move(straight)), wait(std::move(bounced));
+    give(std::move(queue));
+  }
+  waiting_.clear();
+}
+
+void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced) {
+  batch_.begin(queue);
+  batch_.sight = sample == 0 && &queue == &first_ && paths_.is_whole(*tile_) ? sight_ : nullptr,
+  batch_.first_row = tile_->first_row;
+  vacant_ ? miss(queue) : find_points(queue);
+  for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
+  if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
+  shade(queue, straight, bounced);
+  if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
+  direct_.illuminate(batch_, sample, counts_);
+  keep(queue);
+}
+
+void Tracer::find_hits(const Queue& queue) {
+  if (batch_.sight && batch_.sight->recall(*tile_, batch_.hits())) return;
+  {
+    const Timer timer(counts_.tracing);
+    Rays rays = queue.rays();
+    // Every surface counts for what is remembered, and for passes that tell of holes as of other
+    // surfaces.
+    const bool all = batch_.sight || film_.wants(GLINT_PASS_COST) || film_.wants(GLINT_PASS_GAP);
+    rays.opacity = all ? nullptr : scene_.opacity();
+    scene_.accel().closest(rays, batch_.hits(), scratch_);
+  }
+  batch_.charge_fallbacks();
+  if (&queue == &first_) counts_.camera += queue.size();
+  if (batch_.sight) batch_.sight->keep(*tile_, batch_.hits());
+}
+
+void Tracer::find_points(const Queue& queue) {
+  find_hits(queue);
+  SurfaceStage stage{};
+  stage.count = queue.size(), stage.points = batch_.points;
+  for (size_t c = 0; c < 3; ++c)
+    stage.start[c] = queue.column(Queue::kStart + c), stage.d[c] = queue.column(Queue::kD + c);
+  stage.instance = batch_.instance.data(), stage.primitive = batch_.primitive.data(),
+  stage.u = batch_.u.data(), stage.v = batch_.v.data();
+  stage.instances = scene_.instance_shapes.data(), stage.groups = scene_.group_shapes.data();
+  stage.missed = missed(queue);
+  stages_.surface(stage);
+  for (size_t k = 0; !scene_.only_meshes && k < queue.size(); ++k) {
+    if (batch_.material[k] != kNoMaterial) continue;
+    const Path path = queue.path(k);
+    batch_.set_surface(k, surface_at(scene_, path.start, queue.ray(k).d, batch_.hit(k)));
+    const GlintInstances& group = scene_.group(batch_.instance[k]);
+    batch_.material[k] = group.flags & GLINT_HOLDOUT
+                             ? scene_.holdout()
+                             : scene_.material_of(group, batch_.primitive[k]);
+  }
+}
+
+void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
+  ShadeStage stage{};
+  stage.count = queue.size(), stage.material = batch_.material.data(),
+  stage.terms = scene_.material_terms.data();
+  stage.specular_terms = scene_.specular_terms.data(), stage.max_specular = scene_.max_specular,
+  stage.sums = batch_.sums;
+  stage.specular_columns = scene_.specular_columns, stage.view_terms = scene_.view_terms.data(),
+  stage.max_view = scene_.max_view;
+  for (size_t c = 0; c < 3; ++c)
+    stage.n[c] = batch_.points.n[c], stage.d[c] = queue.column(Queue::kD + c);
+  for (size_t c = 0; c < 3; ++c)
+    stage.T[c] = queue.column(Queue::kT + c), stage.diffuse[c] = batch_.diffuse[c];
+  stage.specular = batch_.specular, stage.stride = batch_.stride, stage.lit = batch_.lit.data(),
+  stage.others = batch_.others.data();
+  const size_t others = stages_.shade(stage);
+  for (size_t k = 0; (scene_.features & GLINT_FEATURE_SEEN_LIGHTS) && k < queue.size(); ++k)
+    shader_.seen_lights(batch_, k);
+  double* lost = paths_.lost_alpha();
+  for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size();
+       ++k)
+    if (batch_.missed(k)) lost[queue.slot(k)] += mean(queue.path(k).T);
+  for (size_t i = 0; i < others;) {
+    const uint32_t k = batch_.others[i];
+    if (batch_.material[k] == scene_.holdout())
+      shader_.hold_out(batch_, k, film_, pixel(queue, k), lost[queue.slot(k)]), ++i;
+    else i += vary(queue, i, others - i, {straight, bounced});
+  }
+}
+
+/// Shades those of the batch's `others` from `first` on, of `count`, that share its material. How
+/// many they are.
+size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leaving& next) {
+  const uint32_t* rows = batch_.others.data() + first;
+  const Material& material = scene_.materials[batch_.material[rows[0]]];
+  VaryStage stage{};
+  stage.tables = scene_.input_tables();
+  while (stage.count < count && batch_.material[rows[stage.count]] == batch_.material[rows[0]])
+    ++stage.count;
+  stage.rows = rows, stage.instance = batch_.instance.data(),
+  stage.primitive = batch_.primitive.data();
+  stage.lobes = scene_.lobe_shapes.data() + material.first_lobe,
+  stage.lobe_count = material.lobe_count, stage.sums = batch_.sums;
+  for (size_t c = 0; c < 3; ++c) {
+    stage.T[c] = queue.column(Queue::kT + c), stage.diffuse[c] = batch_.diffuse[c],
+    stage.ambient[c] = scene_.ambient[int(c)];
+    stage.n[c] = batch_.points.n[c], stage.d[c] = queue.column(Queue::kD + c);
+    if (c < 2) stage.weights[c] = batch_.points.weights[c];
+  }
+  stage.specular_columns = scene_.specular_columns;
+  stage.specular = batch_.specular, stage.passing = batch_.passing_columns,
+  stage.stride = batch_.stride, stage.lit = batch_.lit.data();
+  stage.passing_rows = batch_.passing_rows.data();
+  pass_on(queue, stages_.vary(stage), next);
+  for (size_t i = 0; film_.wants_data() && material.passing > 0 && i < stage.count; ++i)
+    if (queue.wants_data(rows[i]))
+      shader_.record_veil(batch_, rows[i], film_, pixel(queue, rows[i]));
+  return stage.count;
+}
+
+/// Sends on the rays of the first `count` of the batch's `passing_rows`, which share a material.
+void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
+  for (size_t first = 0, some; first < count; first += some) {
+    const uint32_t* const rows = batch_.passing_rows.data() + first;
+    some = cuts_.leading(queue, rows, count - first);
+    shader_.pass_on(batch_, rows, some, next, counts_);
+  }
+}
+
+/// How far behind the first hits of the camera rays the next ones lie.
+void Tracer::find_gaps() {
+  std::vector<Ray> rays;
+  std::vector<uint32_t> from;
+  for (uint32_t k = 0; k < first_.size(); ++k) {
+    if (batch_.missed(k) || !paths_.is_first(k)) continue;
+    rays.push_back(first_.ray(k)), from.push_back(k);
+    rays.back().t_min = beyond(batch_.t[k]);
+  }
+  std::vector<Hit> hits(rays.size());
+  scene_.accel().closest(rays.data(), hits.data(), rays.size(), scratch_);
+  for (size_t i = 0; i < hits.size(); ++i) {
+    if (hits[i].instance != Hit::kNone)
+      film_.set_gap(pixel(first_, from[i]), (hits[i].t - batch_.t[from[i]]) / scene_.anchor.scale);
+  }
+}
+
+/// Data passes of the hits on materials that let nothing through.
+void Tracer::record(const Queue& queue) {
+  const bool depth_alone = film_.wants_depth_alone();
+  for (size_t k = 0; k < queue.size(); ++k) {
+    const uint32_t material = batch_.material[k];
+    if (!queue.wants_data(k) || material >= scene_.materials.size() ||
+        scene_.materials[material].passing > 0)
+      continue;
+    if (depth_alone) film_.set_depth(pixel(queue, k), camera_.depth(row(batch_.points.x, k)));
+    else shader_.record(batch_, k, film_, pixel(queue, k));
+  }
+}
+
+/// The batch's sums to those of the paths.
+void Tracer::keep(const Queue& queue) {
+  auto keep_part = [&](int part, double* const(&columns)[3]) {
+    double* sums = paths_.sums(film_, part);
+    for (size_t c = 0; sums && columns[0] && c < 3; ++c, sums += paths_.stride()) {
+      if (&queue == &first_) stages_.add(sums, columns[c], queue.size());
+      else
+        for (size_t k = 0; k < queue.size(); ++k) sums[queue.slot(k)] += columns[c][k];
+    }
+  };
+  const SumColumns& s = batch_.sums;
+  keep_part(GLINT_PASS_COMBINED, s.total);
+  if (queue.visibility != kCamera) return keep_part(GLINT_PASS_MIRROR, s.total);
+  keep_part(GLINT_PASS_AMBIENT, s.ambient), keep_part(GLINT_PASS_EMISSION, s.emission),
+      keep_part(GLINT_PASS_ENVIRONMENT, s.environment);
+  keep_part(GLINT_PASS_DIFFUSE, s.diffuse), keep_part(GLINT_PASS_SPECULAR, s.specular),
+      keep_part(GLINT_PASS_SHADOW, s.shadow);
+}
+
+void Tracer::publish(const Tile& tile, uint32_t samples) {
+  slots_.set(tile.width(), tile.height());
+  film_.publish(tile, slots_, samples, stages_);
+}
+
+}  // namespace glint

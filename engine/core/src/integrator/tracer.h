@@ -1,0 +1,95 @@
+// A wavefront over the rays of one tile and a few samples: closest hits, surfaces, lobes, direct
+// light, the rays that go on.
+#pragma once
+#include <atomic>
+#include <vector>
+
+#include "integrator/direct.h"
+#include "integrator/paths.h"
+#include "shading/shade.h"
+#include "integrator/first_hit_cache.h"
+
+namespace glint {
+
+/// From (x0, y0) to (x1, y1), in pixels.
+struct WindowReach {
+  double x0, y0, x1, y1;
+};
+
+/// One thread's tracer. What a pixel receives, and in which order, depends on that pixel's rays
+/// alone: sample after sample, within each generation after generation by age, rays that bounced
+/// before those that go straight on. So tiles, regions, threads and how many samples are traced at
+/// once do not change a bit.
+class Tracer {
+ public:
+  /// sight: to look up the first wave in, and to keep it; null for none.
+  Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel,
+         Sight* sight = nullptr);
+  Tracer(const Tracer&) = delete;
+  Tracer& operator=(const Tracer&) = delete;
+
+  /// `trace` is of this tile from now on, and of those of its pixels that take further samples.
+  void choose(const Tile& tile);
+  /// Some of the samples from `first` up to `last` of every chosen pixel. Returns how many.
+  uint32_t trace(uint32_t first, uint32_t last);
+  /// The film's refinement and estimate, for one tile after a wave.
+  void measure(const Tile& tile, uint32_t samples);
+  void decide(const Tile& tile, uint32_t samples);
+  void publish(const Tile& tile, uint32_t samples);
+  const RayCounts& counts() const { return counts_; }
+
+ private:
+  uint32_t together(uint32_t samples) const;
+  Beam beam(const Tile& tile) const;
+  void start_paths();
+  void miss(const Queue& queue);
+  /// The material of its rays that hit nothing.
+  uint32_t missed(const Queue& queue) const {
+    return scene_.transparent_film && queue.visibility == kCamera ? scene_.nothing()
+                                                                  : scene_.surroundings();
+  }
+  void camera_rays();
+  void find_gaps();
+  uint32_t trace_vacant(uint32_t first, uint32_t last);
+  void follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first);
+  void follow(uint32_t sample);
+  void process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced);
+  void find_points(const Queue& queue);
+  void find_hits(const Queue& queue);
+  void shade(const Queue& queue, Queue& straight, Queue& bounced);
+  size_t vary(const Queue& queue, size_t first, size_t count, const Leaving& next);
+  void pass_on(const Queue& queue, size_t count, const Leaving& next);
+  void record(const Queue& queue);
+  void keep(const Queue& queue);
+  void wait(Queue queue);
+  Queue take(uint32_t visibility);
+  void give(Queue queue);
+  uint32_t pixel(const Queue& queue, size_t k) const {
+    return slots_.pixel(*tile_, paths_.slot(queue.slot(k)), plan_.region.width());
+  }
+
+  const Scene& scene_;
+  const RenderPlan& plan_;
+  Film& film_;
+  const Stages& stages_;
+  const std::atomic<bool>& cancel_;
+  Sight* const sight_;
+  const CameraRays camera_;
+  const Shader shader_;
+  Scratch scratch_;
+  DirectLight direct_;
+  Batch batch_;
+  const WindowReach reach_;  // of all samples
+  const Tile* tile_ = nullptr;
+  bool vacant_ = false;  // nothing can be hit in the tile
+  SlotTable slots_;
+  std::vector<uint32_t> active_;  // slots that take samples
+  WindowPoints points_;           // of the samples that are traced now
+  Paths paths_;                   // those that are followed now
+  Queue first_{kCamera};          // their camera rays
+  std::vector<Queue> waiting_, spare_;
+  PathCuts cuts_;
+  RayCounts counts_;
+};
+
+}  // namespace glint

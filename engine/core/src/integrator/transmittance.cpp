@@ -1,0 +1,91 @@
+#include "integrator/transmittance.h"
+
+#include "session/timer.h"
+
+namespace glint {
+
+void Veils::follow(const Batch& batch, const LightStage& light, const uint8_t* blocked,
+                   size_t count, double* const (&shadow)[3], RayCounts& counts) {
+  for (double* channel : shadow)
+    for (size_t k = 0; k < count; ++k) channel[k] = blocked[k] == 2 ? 0 : 1;
+  start(light, blocked, count);
+  VeilStage stage{};
+  stage.tables = scene_.input_tables();
+  stage.shapes = scene_.group_shapes.data(), stage.rays = rays_[0], stage.stride = rays_.stride(),
+  stage.number = number_.data();
+  stage.instance = instance_.data(), stage.primitive = primitive_.data(), stage.u = u_.data(),
+  stage.v = v_.data();
+  stage.point = light.point;
+  for (size_t c = 0; c < 3; ++c) {
+    stage.origin[c] = batch.points.origin[c], stage.to[c] = light.to[c],
+    stage.shadow[c] = shadow[c];
+    stage.end[c] = light.shape == kDirection ? nullptr : light.end_out[c];
+  }
+  while (open_ > 0 && !cancel_) find_hits(counts), open_ = step(stage);
+}
+
+/// All blocked rays, from their start.
+void Veils::start(const LightStage& light, const uint8_t* blocked, size_t count) {
+  rays_.reserve(count + kPad);
+  for (std::vector<uint32_t>* v : {&number_, &instance_, &primitive_}) v->resize(rays_.rows());
+  u_.resize(rays_.rows()), v_.resize(rays_.rows());
+  open_ = 0;
+  for (uint32_t k = 0; k < count; ++k)
+    if (blocked[k] == 1) number_[open_++] = k;
+  const auto take = [&](size_t column, const double* from) {
+    for (size_t i = 0; i < open_; ++i) rays_[column][i] = from[number_[i]];
+  };
+  for (size_t c = 0; c < 3; ++c)
+    take(VeiledRay::kO + c, light.o[c]), take(VeiledRay::kD + c, light.to[c]);
+  take(VeiledRay::kTMax, light.t_max);
+  std::fill_n(rays_[VeiledRay::kTMin], open_, 0.0);
+}
+
+void Veils::find_hits(RayCounts& counts) {
+  const Timer timer(counts.tracing);
+  const Columns& c = rays_;
+  const Rays rays{{c[VeiledRay::kO], c[VeiledRay::kO + 1], c[VeiledRay::kO + 2]},
+                  {c[VeiledRay::kD], c[VeiledRay::kD + 1], c[VeiledRay::kD + 2]},
+                  c[VeiledRay::kTMin],
+                  c[VeiledRay::kTMax],
+                  open_,
+                  kShadow,
+                  scene_.opacity()};
+  scene_.accel().closest(
+      rays, {rays_[VeiledRay::kT], instance_.data(), primitive_.data(), u_.data(), v_.data()},
+      scratch_);
+}
+
+/// Of the hit of ray k; one beyond the last for none.
+uint32_t Veils::material_at(size_t k) const {
+  if (instance_[k] == Hit::kNone) return scene_.nothing();
+  return scene_.material_of(scene_.group(instance_[k]), primitive_[k]);
+}
+
+/// One surface on the way of each ray. How many rays are left.
+size_t Veils::step(VeilStage& stage) const {
+  stage.kept = 0;
+  for (size_t k = 0, end; k < open_; k = end) {
+    const uint32_t material = material_at(k);
+    for (end = k + 1; end < open_ && material_at(end) == material;) ++end;
+    stage.first = k, stage.count = end - k;
+    stage.kept = pass(stage, material);
+  }
+  return stage.kept;
+}
+
+/// The same for some that met one material, or nothing.
+size_t Veils::pass(const VeilStage& met, uint32_t material) const {
+  if (material == scene_.nothing()) return met.kept;
+  if (scene_.materials[material].has(GLINT_TRANSPARENT)) {
+    VeilStage stage = met;
+    stage.lobes = scene_.lobe_shapes.data() + scene_.materials[material].first_lobe;
+    stage.lobe_count = scene_.materials[material].lobe_count;
+    return stages_.veil(stage);
+  }
+  for (double* channel : met.shadow)
+    for (size_t k = met.first; k < met.first + met.count; ++k) channel[met.number[k]] = 0;
+  return met.kept;
+}
+
+}  // namespace glint

@@ -1,0 +1,94 @@
+// Camera rays (notes 4.4-4.6) in anchored space.
+#pragma once
+#include "bvh/traverse/empty_tile_culling.h"
+#include "scene/scene.h"
+#include "shading/stages.h"
+
+namespace glint {
+
+class CameraRays {
+ public:
+  explicit CameraRays(const Scene& scene)
+      : camera_(scene.camera),
+        m_(affine(camera_.world_from_camera)),
+        backward_(unit(m_.z)),
+        scale_(scene.anchor.scale),
+        eye_(scene.anchor.point(m_.t)) {}
+
+  /// Where the camera stands in anchored space: the origin, except in a scene that was made like
+  /// one of another camera.
+  Vec3d eye() const { return eye_; }
+
+  /// Where column + 0.5 + dx of the frame's columns is in the window, and row + 0.5 + dy of its
+  /// rows.
+  double u(double column, double dx) const {
+    return at(column + 0.5 + dx, camera_.window, camera_.width);
+  }
+  double v(double row, double dy) const {
+    return at(row + 0.5 + dy, camera_.window + 2, camera_.height);
+  }
+
+  /// What the stage needs but for the points that the rays go through.
+  CameraStage stage() const {
+    CameraStage s{};
+    for (int c = 0; c < 3; ++c) s.u[c] = m_.x[c], s.v[c] = m_.y[c], s.w[c] = m_.z[c];
+    s.scale = scale_, s.clip_start = camera_.clip_start, s.clip_end = camera_.clip_end;
+    s.parallel = parallel();
+    return s;
+  }
+
+  /// Cuts the rays of a stage to where they are inside the clip planes.
+  void clip(const CameraStage& s) const {
+    for (size_t k = 0; camera_.clip_plane_count && k < s.count; ++k) {
+      const double u = s.across[k], v = s.upward[k];
+      const double step =
+          scale_ *
+          length(s.parallel ? m_.z : u * m_.x + v * m_.y - m_.z);  // of t, to one unit of depth
+      for (int p = 0; p < camera_.clip_plane_count; ++p)
+        cut(camera_.clip_planes[p], u, v, step, s.t_min[k], s.t_max[k]);
+    }
+  }
+
+  /// Round all rays through points of the window from (u0, v0) to (u1, v1).
+  Beam beam(double u0, double v0, double u1, double v1) const {
+    const double corners[4][2] = {{u0, v0}, {u1, v0}, {u1, v1}, {u0, v1}};
+    Vec3d origins[4], directions[4];
+    for (int j = 0; j < 4; ++j) {
+      const Vec3d across = corners[j][0] * m_.x + corners[j][1] * m_.y;
+      origins[j] = parallel() ? scale_ * across + eye_ : eye_,
+      directions[j] = unit(parallel() ? -m_.z : across - m_.z);
+    }
+    return Beam(origins, directions);
+  }
+
+  /// Depth along -w in world units of an anchored point.
+  double depth(Vec3d p) const {
+    return -dot(p - eye_, backward_) * (1 / scale_);
+  }  // a power of two
+
+ private:
+  bool parallel() const { return camera_.kind == GLINT_ORTHOGRAPHIC; }
+  static double at(double place, const double* ends, double pixels) {
+    return ends[0] + place * (ends[1] - ends[0]) / pixels;
+  }
+
+  /// One plane and the ray (u z, v z, z), or (u, v, z) where rays are parallel.
+  void cut(const double* plane, double u, double v, double step, double& t_min,
+           double& t_max) const {
+    const double across = plane[0] * u + plane[1] * v;
+    const double slope = plane[2] + (parallel() ? 0 : across),
+                 constant = plane[3] + (parallel() ? across : 0);
+    const double t = -constant / slope * step;
+    if (slope > 0) t_min = std::max(t_min, t);
+    else if (slope < 0) t_max = std::min(t_max, t);
+    else if (!(constant >= 0)) t_max = -1;
+  }
+
+  const GlintCamera& camera_;
+  Affine m_;
+  Vec3d backward_;
+  double scale_;
+  Vec3d eye_;
+};
+
+}  // namespace glint

@@ -1,0 +1,163 @@
+// Letters: x shaded point, l direction to the light, q point on the light, d distance, z cosine at
+// the light.
+#include "scene/light.h"
+
+#include "math/math.h"
+#include "scene/scene.h"
+
+namespace glint {
+namespace {
+
+constexpr double kHuge =
+    1e100;  // beyond any float: intensities saturate here instead of overflowing to NaN later
+
+constexpr double kNear = 4;  // half diagonals of a rectangle within which it is seen large
+
+double saturate(double x) { return std::clamp(x, -kHuge, kHuge); }
+
+/// The direction at the disc point (x, y) of the cone round `axis` with 1 - cos(half angle) =
+/// versine, uniform in solid angle.
+Vec3d in_cone(Vec3d axis, double versine, const LightPoint& p) {
+  Frame frame(axis);
+  double r2 = p.x * p.x + p.y * p.y, cosine = 1 - r2 * versine;
+  double s = std::sqrt(std::max(0.0, versine * (1 + cosine)));  // sine / r
+  return unit(cosine * axis + s * (p.x * frame.t1 + p.y * frame.t2));
+}
+
+double half(double angle) { return 0.5 * std::clamp(angle, 0.0, 2 * kPi); }
+
+double area_of(const GlintLight& g) {
+  return g.size_x * g.size_y * (g.flags & GLINT_ELLIPSE ? kPi / 4 : 1);
+}
+
+}  // namespace
+
+Light::Light(const GlintLight& g, const Anchor& anchor) : kind(g.kind), flags(g.flags) {
+  Affine m = affine(g.world_from_light);
+  color = Vec3d{saturate(g.color[0] * g.strength), saturate(g.color[1] * g.strength),
+                saturate(g.color[2] * g.strength)};
+  center = anchor.point(m.t), axis = unit(-m.z);
+  right = 0.5 * anchor.scale * g.size_x * m.x, up = 0.5 * anchor.scale * g.size_y * m.y;
+  radius = anchor.scale * g.radius, scale2 = anchor.scale * anchor.scale;
+  double alpha = half(g.angle), s = sine(0.5 * alpha);
+  versine = 2 * s * s;
+  spot_cosine = cosine(half(g.spot_size)), spot_blend = g.spot_blend;
+  double shape = 0;  // the c / shape of the visible radiance
+  if (kind == GLINT_SUN) extended = alpha > 0, shape = kPi * sine(alpha) * sine(alpha);
+  if (kind == GLINT_AREA) extended = g.size_x > 0 || g.size_y > 0, shape = kPi * area_of(g);
+  if (kind == GLINT_POINT_LIGHT || kind == GLINT_SPOT)
+    extended = g.radius > 0, shape = 4 * kPi * kPi * g.radius * g.radius;
+  if (shape > 0)
+    seen = Vec3d{saturate(color.x / shape), saturate(color.y / shape), saturate(color.z / shape)};
+}
+
+/// The share of a spot's intensity at the cosine z from its axis; 1 for other lights.
+double Light::spot(double z) const {
+  if (kind != GLINT_SPOT) return 1;
+  double width = (1 - spot_cosine) * spot_blend;
+  if (!(width > 0)) return z > spot_cosine ? 1 : 0;
+  double t = std::clamp((z - spot_cosine) / width, 0.0, 1.0);
+  return t * t * (3 - 2 * t);
+}
+
+/// With an area: a strip without a width is not.
+bool Light::is_rectangle() const {
+  return kind == GLINT_AREA && !(flags & GLINT_ELLIPSE) && length(right) * length(up) > 0;
+}
+
+LightShape Light::shape(bool soft, bool physical) const {
+  if (kind == GLINT_SUN) return kDirection;
+  if (kind == GLINT_AREA)
+    return soft && physical && is_rectangle() ? kRectangleSource : kPlaneSource;
+  return !soft ? kPointSource : flags & GLINT_SOFT_FALLOFF ? kDiscSource : kSphereSource;
+}
+
+void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {
+  const bool soft = extended && count > 1, ellipse = flags & GLINT_ELLIPSE;
+  const LightPoint q = soft ? p : LightPoint{};
+  const Vec3d l = soft && kind == GLINT_SUN ? in_cone(-axis, versine, p) : -axis;
+  const Vec3d end = center + (ellipse ? q.x : q.a) * right + (ellipse ? q.y : q.b) * up;
+  stage.shape = shape(soft, physical), stage.physical = physical, stage.spot = kind == GLINT_SPOT,
+  stage.casts_shadow = casts_shadow();
+  stage.factor = physical ? (soft ? 2 / (2 - versine) : 1) / kPi : 1;
+  for (int c = 0; c < 3; ++c)
+    stage.l[c] = l[c], stage.end[c] = end[c], stage.center[c] = center[c], stage.axis[c] = axis[c],
+    stage.color[c] = color[c];
+  stage.radius = radius, stage.scale2 = scale2, stage.spot_cosine = spot_cosine,
+  stage.spot_width = (1 - spot_cosine) * spot_blend;
+  stage.x = q.x, stage.y = q.y, stage.share = soft ? count : 1;
+  stage.versine = versine, stage.spread = 2 * kPi * stage.versine;
+  if (stage.shape == kRectangleSource) set_rectangle(stage, q);
+  set_lobes(stage, q, soft);
+}
+
+/// Where directions are drawn from lobes: those whose solid angle 8 pi / (p + 1), seen straight, is
+/// less than the light's, about area / (d^2 + area / (2 pi)).
+void Light::set_lobes(LightStage& stage, const LightPoint& q, bool soft) const {
+  const double x = length(right), y = length(up), r2 = q.x * q.x + q.y * q.y, r = std::sqrt(r2);
+  const bool ellipse = flags & GLINT_ELLIPSE;
+  stage.ellipse = ellipse,
+  stage.area = kind == GLINT_AREA ? (ellipse ? kPi : 4) * x * y : kPi * radius * radius;
+  for (int c = 0; c < 3; ++c)
+    stage.across[c] = right[c] / (x * x), stage.upward[c] = up[c] / (y * y);
+  stage.least_near = endless() ? 0 : 8 * kPi / stage.area,
+  stage.least = endless() ? 4 / versine - 1 : 3;
+  stage.draws = soft && (endless() || stage.area > 0) && stage.most_exponent >= stage.least;
+  stage.radius2 = r2, stage.azimuth[0] = r > 0 ? q.x / r : 1,
+  stage.azimuth[1] = r > 0 ? q.y / r : 0;
+}
+
+void Light::set_rectangle(LightStage& stage, const LightPoint& q) const {
+  const double x = length(right), y = length(up), size = std::sqrt(x * x + y * y);
+  stage.factor = scale2 / (4 * kPi * kPi * x * y), stage.a = q.a, stage.b = q.b;
+  stage.size = size, stage.half[0] = x / size, stage.half[1] = y / size,
+  stage.near2 = kNear * kNear * size * size;
+  for (int c = 0; c < 3; ++c) stage.right[c] = right[c] / x, stage.up[c] = up[c] / y;
+}
+
+bool Light::is_cut(Vec3d x, Vec3d n) const {
+  if (!any(color)) return false;
+  if (kind == GLINT_SUN) {
+    const double z = dot(n, axis), v = std::min(versine, 1.0);
+    return z * z < v * (2 - v);
+  }
+  const Vec3d to = center - x;
+  const double z = dot(n, to), a = std::fabs(dot(n, right)), b = std::fabs(dot(n, up));
+  if (kind != GLINT_AREA) return z * z < radius * radius;
+  return dot(to, axis) < 0 && z * z < (flags & GLINT_ELLIPSE ? a * a + b * b : (a + b) * (a + b));
+}
+
+double Light::meets_sphere(Vec3d o, Vec3d d) const {
+  Vec3d f = center - o;
+  double b = dot(f, d);
+  Vec3d miss = f - b * d;  // the centre's offset from the ray: no cancellation of large squares
+                           // (Haines, RTG ch. 7)
+  double inside = radius * radius - dot(miss, miss);
+  if (!(inside > 0)) return -1;
+  double root = std::sqrt(inside);
+  return dot(f, f) > radius * radius ? b - root : b + root;
+}
+
+double Light::meets_area(Vec3d o, Vec3d d) const {
+  double t = dot(center - o, axis) / dot(d, axis);
+  if (!(t > 0 && t < kInfinity)) return -1;
+  Vec3d q = o + t * d - center;
+  double a = dot(q, right) / dot(right, right), b = dot(q, up) / dot(up, up);
+  bool within = flags & GLINT_ELLIPSE ? a * a + b * b <= 1 : std::fabs(a) <= 1 && std::fabs(b) <= 1;
+  return within ? t : -1;
+}
+
+double Light::meets(Vec3d o, Vec3d d) const {
+  if (!any(seen)) return -1;
+  if (kind == GLINT_AREA) return meets_area(o, d);
+  if (kind != GLINT_SUN) return meets_sphere(o, d);
+  Vec3d off = d + axis;  // |d - l|^2 = 2 (1 - cos)
+  return 0.5 * dot(off, off) <= versine ? kInfinity : -1;
+}
+
+Vec3d Light::radiance(Vec3d d, bool physical) const {
+  if (kind == GLINT_AREA && !(dot(d, axis) < 0)) return {};
+  return spot(-dot(d, axis)) * (physical ? seen : color);
+}
+
+}  // namespace glint

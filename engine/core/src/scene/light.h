@@ -1,0 +1,60 @@
+// Lights in anchored space: how they illuminate a point, and what a ray that meets their shape
+// sees.
+#pragma once
+#include <vector>
+
+#include "glint.h"
+#include "shading/stages.h"
+#include "math/vec.h"
+
+namespace glint {
+
+struct Anchor;
+
+/// A point of the square [-1, 1]^2 and the same point mapped to the unit disc.
+struct LightPoint {
+  double a = 0, b = 0, x = 0, y = 0;
+};
+
+struct Light {
+  int kind = GLINT_POINT_LIGHT;
+  uint32_t flags = 0;
+  Vec3d color;                    // c = color * strength
+  Vec3d center, axis, right, up;  // right, up: the area's half extents along its x and y
+  double radius = 0;
+  double scale2 =
+      1;  // (anchored length / world length)^2: inverse squares are taken in world units
+  double versine = 0;  // 1 - cos of the sun's half angle
+  double spot_cosine = -1, spot_blend = 0;
+  Vec3d seen;             // radiance of the visible shape
+  bool extended = false;  // has more than one sample when the settings want them
+
+  Light(const GlintLight& data, const Anchor& anchor);
+  bool endless() const { return kind == GLINT_SUN; }
+  bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
+
+  /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1:
+  /// the centre).
+  void set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
+
+  /// Whether the horizon of the point x, the plane through it across n, cuts the light's shape, and
+  /// the light shines that way.
+  bool is_cut(Vec3d x, Vec3d n) const;
+
+  /// Ray parameter at which o + t d (d unit) first meets the visible shape, infinity for the sun's
+  /// disc, negative for never.
+  double meets(Vec3d o, Vec3d d) const;
+  /// What a ray along the unit vector d sees there; 0 behind an area light.
+  Vec3d radiance(Vec3d d, bool physical) const;
+
+ private:
+  bool is_rectangle() const;
+  LightShape shape(bool soft, bool physical) const;
+  void set_rectangle(LightStage& stage, const LightPoint& q) const;
+  void set_lobes(LightStage& stage, const LightPoint& q, bool soft) const;
+  double spot(double z) const;
+  double meets_sphere(Vec3d o, Vec3d d) const;
+  double meets_area(Vec3d o, Vec3d d) const;
+};
+
+}  // namespace glint

@@ -1,0 +1,231 @@
+#include "scene/opacity_map.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "scene/scene.h"
+
+namespace glint {
+namespace {
+
+/// The point that is shaded may differ by so much from the weights of a hit
+/// (stages/stage_surface.h, solve_weights), with room for float.
+constexpr double kOff = 1.001e-3;
+constexpr double kMostOff = 0.5;  // texels
+constexpr double kFarOut = 1e6;   // of an image's repetitions, so that texels have their digits
+
+uint8_t reading(double value) {
+  return value == 0 ? TexelMap::kZero : value == 1 ? TexelMap::kOne : TexelMap::kMixed;
+}
+
+uint8_t reading_of(const TextureShape& t, size_t texel, bool of_alpha) {
+  uint8_t all = TexelMap::kZero | TexelMap::kOne;
+  for (size_t at = 4 * texel + (of_alpha ? 3 : 0), end = 4 * texel + (of_alpha ? 4 : 3); at < end;
+       ++at) {
+    if (t.type == GLINT_FLOAT32) all &= reading(double(static_cast<const float*>(t.pixels)[at]));
+    else
+      all &= reading((of_alpha ? t.linear : t.decode)[static_cast<const uint8_t*>(t.pixels)[at]]);
+  }
+  return all;
+}
+
+/// The texel after the last one.
+size_t next(size_t i, size_t size, int extension) {
+  return i + 1 < size ? i + 1 : extension == GLINT_REPEAT ? 0 : i;
+}
+
+Vec3d finite_or_zero(Vec3d c) {
+  return {std::isfinite(c.x) ? c.x : 0, std::isfinite(c.y) ? c.y : 0, std::isfinite(c.z) ? c.z : 0};
+}
+
+/// Whether two inputs look at the same of an image.
+bool same_read(const GlintInput& a, const GlintInput& b) {
+  const bool as_alpha = a.channel == GLINT_ALPHA,
+             same_kind = as_alpha == (b.channel == GLINT_ALPHA);
+  return same_kind && a.texture == b.texture && a.uv == b.uv &&
+         std::equal(a.uv_transform, a.uv_transform + 6, b.uv_transform);
+}
+
+}  // namespace
+
+TexelMap::TexelMap(const TextureShape& texture, bool of_alpha) : texture_(texture) {
+  const size_t width = texture.width, height = texture.height;
+  const bool squares = texture.interpolation != GLINT_CLOSEST;
+  const auto row_of = [&](size_t j, std::vector<uint8_t>& row) {
+    row.resize(width);
+    for (size_t i = 0; i < width; ++i) row[i] = reading_of(texture, j * width + i, of_alpha);
+    const uint8_t first = row[0];
+    for (size_t i = 0; squares && i < width; ++i) {
+      const size_t beside = next(i, width, texture.extension);
+      row[i] &= beside == 0 ? first : row[beside];
+    }
+  };
+  bits_.resize((width * height + 3) / 4);
+  std::vector<uint8_t> here, above;
+  row_of(0, here);
+  for (size_t j = 0; j < height; ++j, here.swap(above)) {
+    row_of(next(j, height, texture.extension), above);
+    for (size_t i = 0, at = j * width; i < width; ++i, ++at)
+      bits_[at / 4] |= uint8_t((squares ? here[i] & above[i] : here[i]) << at % 4 * 2);
+  }
+}
+
+/// Places of the map, one or two; -1 where an image ends.
+struct TexelMap::Span {
+  int64_t first, last;
+};
+
+TexelMap::Span TexelMap::span(double x, double off, uint32_t size) const {
+  const int extension = texture_.extension;
+  const bool squares = texture_.interpolation != GLINT_CLOSEST;
+  if (extension == GLINT_REPEAT) x -= std::floor(x);
+  if (extension == GLINT_MIRRORED) x -= 2 * std::floor(0.5 * x);
+  const double at = std::clamp(x, -2.0, 3.0) * size - (squares ? 0.5 : 0);
+  const double low = std::floor(at - off), high = std::floor(at + off);
+  if (low >= 0 && high + 1 < size) return {int64_t(low), int64_t(high)};
+  const auto stored = [&](double place) -> int64_t {
+    int64_t i = int64_t(place);
+    const int64_t n = size, period = extension == GLINT_MIRRORED ? 2 * n : n;
+    if (extension == GLINT_CLIP) return i >= 0 && i + squares < n ? i : -1;
+    if (extension == GLINT_EXTEND) return std::clamp<int64_t>(i, 0, n - 1);
+    while (i < 0) i += period;
+    while (i >= period) i -= period;
+    return i < n ? i : std::max<int64_t>(2 * n - 1 - squares - i, 0);
+  };
+  return {stored(low), stored(high)};
+}
+
+uint8_t TexelMap::around(const double (&at)[2], const double (&off)[2]) const {
+  const Span x = span(at[0], off[0], texture_.width), y = span(at[1], off[1], texture_.height);
+  if (x.first < 0 || x.last < 0 || y.first < 0 || y.last < 0) return kMixed;
+  const auto read = [&](int64_t i, int64_t j) {
+    const size_t k = size_t(j) * texture_.width + size_t(i);
+    return bits_[k / 4] >> k % 4 * 2;
+  };
+  int all = read(x.first, y.first);
+  if (x.last != x.first) all &= read(x.last, y.first);
+  if (y.last != y.first) all &= read(x.first, y.last) & read(x.last, y.last);
+  return all & 3;
+}
+
+OpacityMaps::OpacityMaps(const Scene& scene) : scene_(scene) {
+  for (uint32_t m = 0; m < scene.materials.size(); ++m) known_.push_back(known(m));
+  std::vector<uint8_t> of_groups;
+  for (uint32_t g = 0; g < scene.groups.size(); ++g) of_groups.push_back(of_group(g));
+  for (const Placement& p : scene.placements) of_instance_.push_back(of_groups[p.group]);
+  view_.of_instance = of_instance_.data(), view_.maps = this;
+  view_.at = [](const void* maps, uint32_t instance, uint32_t primitive, double u, double v) {
+    return static_cast<const OpacityMaps*>(maps)->at(instance, primitive, u, v);
+  };
+}
+
+OpacityMaps::Known OpacityMaps::known(uint32_t m) {
+  const Material& material = scene_.materials[m];
+  Known found;
+  if (!material.has(GLINT_TRANSPARENT)) return found.always = Opacity::kSolid, found;
+  for (uint32_t l = material.first_lobe; l < material.first_lobe + material.lobe_count; ++l) {
+    const Lobe& lobe = scene_.lobes[l];
+    for (uint32_t i = lobe.first_input;
+         lobe.kind == GLINT_TRANSPARENT && i < lobe.first_input + lobe.input_count; ++i) {
+      const GlintInput& input = scene_.inputs[i];
+      if (input.texture < 0) continue;
+      found.at_zero = where(m, i, 0), found.at_one = where(m, i, 1);
+      if (found.at_zero == Opacity::kVaried && found.at_one == Opacity::kVaried) continue;
+      const bool of_alpha = input.channel == GLINT_ALPHA;
+      found.map = &maps_
+                       .try_emplace({input.texture, of_alpha},
+                                    scene_.texture_shapes[size_t(input.texture)], of_alpha)
+                       .first->second;
+      return found.always = Opacity::kMapped, found.input = &input, found;
+    }
+  }
+  return found;
+}
+
+/// What a material is where the image of an input, and whatever looks at the same, reads so.
+uint8_t OpacityMaps::where(uint32_t m, uint32_t input, double reading) const {
+  const Material& material = scene_.materials[m];
+  Vec3d passes;
+  bool all = true, nothing_else = true;
+  for (uint32_t l = material.first_lobe; l < material.first_lobe + material.lobe_count; ++l) {
+    const Lobe& lobe = scene_.lobes[l];
+    Vec3d k;
+    const bool sure = product(lobe, input, reading, k);
+    if (lobe.kind == GLINT_TRANSPARENT) passes += k, all = all && sure;
+    else nothing_else = nothing_else && sure && !any(k);
+  }
+  if (all && nothing_else && passes.x == 1 && passes.y == 1 && passes.z == 1)
+    return Opacity::kClear;
+  return all && passes.x <= 0 && passes.y <= 0 && passes.z <= 0 ? Opacity::kSolid
+                                                                : Opacity::kVaried;
+}
+
+/// A lobe's coefficient there; false where it depends on something else.
+bool OpacityMaps::product(const Lobe& lobe, uint32_t input, double reading, Vec3d& k) const {
+  if (lobe.constant) return k = lobe.k, true;
+  bool all = true;
+  k = {1, 1, 1};
+  for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i) {
+    const GlintInput& in = scene_.inputs[i];
+    const bool read = in.texture >= 0 && same_read(in, scene_.inputs[input]);
+    const bool zero = read && reading == 0;
+    if (!zero && (in.attribute >= 0 || (in.texture >= 0 && !read))) {
+      all = false;
+      continue;
+    }
+    const Vec3d value = zero ? Vec3d{} : finite_or_zero({in.value[0], in.value[1], in.value[2]});
+    const Vec3d factor = of_product(in, value);
+    if (!any(factor)) return k = {}, true;
+    k = k * factor;
+  }
+  return all;
+}
+
+/// What all of its instances are everywhere; kMapped where that depends on the place.
+uint8_t OpacityMaps::of_group(uint32_t g) const {
+  const GlintInstances& group = scene_.groups[g];
+  if (group.material_count == 0) return Opacity::kSolid;
+  uint8_t all = known_[scene_.material_slots[group.first_material]].always;
+  for (uint32_t k = 1; k < group.material_count; ++k)
+    if (known_[scene_.material_slots[group.first_material + k]].always != all)
+      all = Opacity::kMapped;
+  return all;
+}
+
+uint8_t OpacityMaps::at(uint32_t instance, uint32_t primitive, double u, double v) const {
+  const GlintInstances& group = scene_.group(instance);
+  const Known& known = known_[scene_.material_of(group, primitive)];
+  if (!known.input) return known.always;
+  const GlintInput& input = *known.input;
+  const GlintGeometry& geometry = scene_.geometry(group);
+  const GlintAttribute* a = scene_.attributes.data() + geometry.first_attribute;
+  const GlintAttribute* const end = a + geometry.attribute_count;
+  a = std::find_if(a, end, [&](const GlintAttribute& b) {
+    return input.uv < 0 ? b.channels == 2 : b.name == input.uv;
+  });
+  if (a == end || a->channels < 2 || a->domain == GLINT_FACE) return Opacity::kVaried;
+  const uint32_t* rows =
+      (a->domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * size_t(primitive);
+  double corner[3][2];
+  for (int k = 0; k < 3; ++k) {
+    const float* uv = a->values + size_t(a->channels) * rows[k];
+    const double* m = input.uv_transform;
+    for (int c = 0; c < 2; ++c)
+      corner[k][c] = m[3 * c] * double(uv[0]) + m[3 * c + 1] * double(uv[1]) + m[3 * c + 2];
+  }
+  double at[2], off[2];
+  for (int c = 0; c < 2; ++c) {
+    const double q = corner[1][c] - corner[0][c], r = corner[2][c] - corner[0][c];
+    at[c] = corner[0][c] + u * q + v * r,
+    off[c] = kOff * (std::fabs(q) + std::fabs(r)) * known.map->size(c) + kOff;
+    if (!(off[c] < kMostOff && std::fabs(at[c]) < kFarOut)) return Opacity::kVaried;
+  }
+  const uint8_t read = known.map->around(at, off);
+  const uint8_t found = read == TexelMap::kZero  ? known.at_zero
+                        : read == TexelMap::kOne ? known.at_one
+                                                 : uint8_t(Opacity::kVaried);
+  return found == Opacity::kClear && group.flags & GLINT_HOLDOUT ? uint8_t(Opacity::kVaried)
+                                                                 : found;
+}
+
+}  // namespace glint

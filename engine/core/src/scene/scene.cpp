@@ -1,0 +1,509 @@
+#include "scene/scene.h"
+
+#include <chrono>
+#include <cstring>
+#include <numeric>
+
+#include "math/math.h"
+#include "scene/opacity_map.h"
+#include "integrator/first_hit_cache.h"
+
+namespace glint {
+namespace {
+
+/// Object-space box of a geometry's finite points; spheres with their radii.
+Extent extent_of(const GlintGeometry& geometry) {
+  Extent box;
+  for (uint64_t i = 0; i < geometry.vertex_count; ++i) {
+    Vec3d p(Vec3f{geometry.vertices[3 * i], geometry.vertices[3 * i + 1],
+                  geometry.vertices[3 * i + 2]});
+    double r = geometry.radii ? geometry.radii[i] : 0;
+    if (!finite(p) || !std::isfinite(r)) continue;
+    box.grow(p - Vec3d{r, r, r}), box.grow(p + Vec3d{r, r, r});
+  }
+  return box;
+}
+
+/// The largest distance from `origin` of the box's corners after m.
+double reach(const Extent& box, const Affine& m, Vec3d origin) {
+  double far = 0;
+  for (int k = 0; k < 8; ++k) {
+    Vec3d p{k & 1 ? box.high.x : box.low.x, k & 2 ? box.high.y : box.low.y,
+            k & 4 ? box.high.z : box.low.z};
+    far = std::max(far, max_abs(direction(m, p) + (m.t - origin)));
+  }
+  return far;
+}
+
+/// 2^-k for a radius in [2^k, 2^(k+1)); exponents beyond 200 would only make squares overflow.
+double power_scale(double radius) {
+  if (!(radius > 0 && radius < kInfinity)) return 1;
+  return power_of_two(-std::clamp(std::ilogb(radius), -200, 200));
+}
+
+/// Of a matrix to anchored space; the group is the caller's to set.
+InstanceShape shape_of(const Affine& m) {
+  const NormalMatrix n(m);
+  const Vec3d columns[7] = {m.x, m.y, m.z, m.t, n.x, n.y, n.z};
+  InstanceShape shape{};
+  for (int k = 0; k < 21; ++k) (k < 12 ? shape.m[k] : shape.normal[k - 12]) = columns[k / 3][k % 3];
+  shape.mirrors = dot(m.x, cross(m.y, m.z)) < 0;
+  return shape;
+}
+
+bool no_rank(const Affine& m) {
+  NormalMatrix n(m);
+  return !any(n.x) && !any(n.y) && !any(n.z);
+}
+
+bool sound(const GlintLight& g) {
+  bool good = finite(affine(g.world_from_light)) && any(affine(g.world_from_light).z);
+  for (double x : {g.color[0], g.color[1], g.color[2], g.strength, g.radius, g.angle, g.spot_size,
+                   g.spot_blend, g.size_x, g.size_y})
+    good = good && std::isfinite(x);
+  return good;
+}
+
+template <class T, class U>
+void copy(std::vector<T>& to, const U* from, uint64_t count) {
+  to.reserve(count);
+  for (uint64_t i = 0; i < count; ++i) to.emplace_back(from[i]);
+}
+
+Vec3d finite_color(const double* c) {
+  auto channel = [](double x) { return std::isfinite(x) ? std::clamp(x, -1e100, 1e100) : 0; };
+  return {channel(c[0]), channel(c[1]), channel(c[2])};
+}
+
+void add_to(double (&sum)[3], Vec3d c) { sum[0] += c.x, sum[1] += c.y, sum[2] += c.z; }
+
+/// A lobe as a row of ViewTerm.
+void fold_view(const Lobe& lobe, Vec3d ambient, double* row) {
+  const Vec3d k = lobe.kind == GLINT_AMBIENT ? lobe.k * ambient : lobe.k;
+  double* color = row + (lobe.kind == GLINT_AMBIENT ? ViewTerm::kAmbient : ViewTerm::kDiffuse);
+  for (int c = 0; c < 3; ++c) color[c] += k[c];
+  row[ViewTerm::kExponent] = lobe.exponent;
+}
+
+/// Where the next SPECULAR lobe goes, of so many columns, and the next that depends on the view.
+struct Rows {
+  double* specular;
+  int columns;
+  double* view;
+};
+
+/// Adds a lobe to the terms of its material.
+void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
+  terms.others |= !lobe.constant;
+  if (depends_on_view(lobe))
+    return fold_view(lobe, ambient, rows.view), void(rows.view += ViewTerm::kColumns);
+  switch (lobe.kind) {
+    case GLINT_AMBIENT:
+      return add_to(terms.ambient, lobe.k * ambient), add_to(terms.glow, lobe.k * ambient);
+    case GLINT_EMISSION:
+      return add_to(terms.emission, lobe.k), add_to(terms.glow, lobe.k);
+    case GLINT_DIFFUSE:
+      return add_to(terms.diffuse, lobe.k);
+    case GLINT_SPECULAR:
+      for (int c = 0; c < 3; ++c) rows.specular[c] = lobe.k[c];
+      rows.specular[SpecularTerm::kExponent] = lobe.exponent;
+      if (rows.columns == SpecularTerm::kShaped) {
+        rows.specular[SpecularTerm::kMasking] = lobe.masking * lobe.masking;
+        rows.specular[SpecularTerm::kFresnel] = SpecularTerm::fresnel(lobe.fresnel, lobe.ior);
+      }
+      return void(rows.specular += rows.columns);
+    default:
+      terms.others |= any(lobe.k);
+  }
+}
+
+constexpr size_t kSights = 2;  // a viewport shows a view and in it the render's frame
+constexpr uint32_t kVisibility = kCamera | kMirror | kShadow;
+
+constexpr ptrdiff_t kReadsCompared = 16;
+
+bool same_read(const GlintInput& a, const GlintInput& b) {
+  const bool as_alpha = a.channel == GLINT_ALPHA,
+             same_kind = as_alpha == (b.channel == GLINT_ALPHA);
+  return same_kind && a.texture == b.texture && a.uv == b.uv &&
+         std::equal(a.uv_transform, a.uv_transform + 6, b.uv_transform);
+}
+
+bool depends_on_surface(const GlintInput& input) {
+  return input.texture >= 0 || input.attribute >= 0;
+}
+
+}  // namespace
+
+Scene::Scene(const GlintSceneData& data, const Scene* base, bool exact) : camera(data.camera) {
+  copy_tables(data);
+  compile_materials(data);
+  if (base) take_over(*base, data, exact);
+  const Vec3d eye = affine(camera.world_from_camera).t;
+  const bool stays = earlier_.trees.accel && !exact && earlier_.anchor.near(eye);
+  anchor.origin = stays ? earlier_.anchor.origin : eye;
+  place_instances(base);
+  anchor.scale = stays ? earlier_.anchor.scale : power_scale(radius(base));
+  place_lights(data.lights, data.light_count);
+  note_features();
+  shape_groups();
+  shape_instances(base);
+  fold_materials();
+  shape_materials();
+  earlier_.trees.same_space = earlier_.trees.accel && anchor == earlier_.anchor;
+  if (base) share_trees(*base, exact);
+}
+
+Scene::~Scene() = default;
+
+const Opacity* Scene::opacity() const { return opacity_ ? &opacity_->view() : nullptr; }
+
+/// The trees that a later scene may take over: this one's, or as long as it has none those that it
+/// would take over itself.
+Scene::Earlier Scene::trees() const {
+  std::lock_guard lock(build_mutex_);
+  if (!accel_) return earlier_;
+  Earlier mine{{accel_, std::vector<uint32_t>(geometries.size()), false, exact_}, anchor};
+  std::iota(mine.trees.geometry.begin(), mine.trees.geometry.end(), 0u);
+  return mine;
+}
+
+void Scene::take_over(const Scene& base, const GlintSceneData& data, bool exact) {
+  earlier_ = base.trees();
+  const std::vector<uint32_t> there = std::move(earlier_.trees.geometry);
+  geometry_in_base_ = same_geometries(data, base);
+  earlier_.trees.geometry = geometry_in_base_;
+  for (uint32_t& g : earlier_.trees.geometry)
+    if (g != AccelBase::kNone) g = there.empty() ? AccelBase::kNone : there[g];
+  const auto none = [](uint32_t g) { return g == AccelBase::kNone; };
+  if (std::all_of(earlier_.trees.geometry.begin(), earlier_.trees.geometry.end(), none))
+    earlier_.trees = {};
+  earlier_.trees.exact = exact;
+}
+
+/// Where nothing stands elsewhere, the trees are those of `base`.
+void Scene::share_trees(const Scene& base, bool exact) {
+  if (!same_placements(base)) return;
+  std::lock_guard lock(base.build_mutex_);
+  if (!base.accel_ || (exact && !base.exact_)) return;
+  accel_ = base.accel_, exact_ = base.exact_, earlier_ = {};
+  const auto same = [](const GlintGeometry& a, const GlintGeometry& b) {
+    return a.normals.values == b.normals.values && a.normals.domain == b.normals.domain &&
+           a.corners == b.corners;
+  };
+  if (std::equal(geometries.begin(), geometries.end(), base.geometries.begin(),
+                 base.geometries.end(), same))
+    sights_ = base.sights_;
+}
+
+std::shared_ptr<Sight> Scene::sight(const RenderPlan& plan, const Film& film) {
+  std::lock_guard lock(build_mutex_);
+  const auto found = std::find_if(sights_.begin(), sights_.end(),
+                                  [&](const auto& s) { return s->is_of(camera, plan); });
+  if (found != sights_.end()) std::rotate(sights_.begin(), found, found + 1);
+  else sights_.insert(sights_.begin(), std::make_shared<Sight>(camera, plan, film));
+  if (sights_.size() > kSights) sights_.pop_back();
+  return sights_.front();
+}
+
+void Scene::copy_tables(const GlintSceneData& data) {
+  ambient = finite_color(data.ambient), background = finite_color(data.background);
+  transparent_film = data.transparent != 0;
+  copy(geometries, data.geometries, data.geometry_count);
+  copy(attributes, data.attributes, data.attribute_count);
+  copy(groups, data.instances, data.instances_count);
+  copy(material_slots, data.material_slots, data.material_slot_count);
+  copy(textures, data.textures, data.texture_count);
+  copy(inputs, data.inputs, data.input_count);
+  world_from_object = data.world_from_object;
+}
+
+/// The default surface (white DIFFUSE 0.8 with AMBIENT 0.8) follows the given materials.
+void Scene::compile_materials(const GlintSceneData& data) {
+  reads.resize(inputs.size());
+  std::iota(reads.begin(), reads.end(), 0u);
+  for (uint64_t i = 0; i < data.material_count; ++i) add_material(data.materials[i], data.lobes);
+  materials.push_back({uint32_t(lobes.size()), 2, 0});
+  for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT})
+    lobes.push_back({kind, 0, true, 0, 1, 0, 0, 0, {0.8, 0.8, 0.8}, false});
+  for (Material& material : materials) compare_lobes(material), number_reads(material);
+}
+
+/// AMBIENT lobes of a world that gives them nothing are left out.
+void Scene::add_material(const GlintMaterial& g, const GlintLobe* given) {
+  const size_t first = lobes.size();
+  for (uint32_t k = 0; k < g.lobe_count; ++k)
+    if (given[g.first_lobe + k].kind != GLINT_AMBIENT || any(ambient))
+      add_lobe(given[g.first_lobe + k]);
+  materials.push_back({uint32_t(first), uint32_t(lobes.size() - first), g.index});
+}
+
+/// Lobes whose inputs do not vary get their product now.
+void Scene::add_lobe(const GlintLobe& g) {
+  Lobe lobe{g.kind,    g.fresnel,     false,         g.exponent, g.ior,
+            g.masking, g.first_input, g.input_count, {1, 1, 1},  false};
+  bool varies = false;
+  for (uint32_t k = 0; k < g.input_count; ++k)
+    varies = varies || depends_on_surface(inputs[g.first_input + k]);
+  PointReads none;
+  if (!varies) lobe.k = coefficient(*this, lobe, Surface{}, none), lobe.constant = true;
+  lobes.push_back(lobe);
+}
+
+void Scene::compare_lobes(Material& material) {
+  for (uint32_t k = 0; k < material.lobe_count; ++k) {
+    const Lobe& lobe = lobes[material.first_lobe + k];
+    material.kinds |= 1u << lobe.kind, material.specular_count += lobe.kind == GLINT_SPECULAR;
+    if (lobe.kind == GLINT_SPECULAR) most_exponent = std::max(most_exponent, lobe.exponent);
+    material.view_count += depends_on_view(lobe);
+    if (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel))
+      specular_columns = SpecularTerm::kShaped;
+    if (k > 0)
+      lobes[material.first_lobe + k].like_last =
+          same_inputs(material.first_lobe + k - 1, material.first_lobe + k);
+  }
+  max_specular = std::max(max_specular, material.specular_count),
+  max_view = std::max(max_view, material.view_count);
+}
+
+/// Compares each input that reads an image with the last few of its material that do.
+void Scene::number_reads(const Material& material) {
+  std::vector<uint32_t> seen;
+  for (uint32_t l = 0; l < material.lobe_count; ++l) {
+    const Lobe& lobe = lobes[material.first_lobe + l];
+    for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i) {
+      if (inputs[i].texture < 0) continue;
+      const auto begin = seen.end() - std::min<ptrdiff_t>(std::ssize(seen), kReadsCompared);
+      const auto same = std::find_if(begin, seen.end(),
+                                     [&](uint32_t j) { return same_read(inputs[i], inputs[j]); });
+      if (same != seen.end()) reads[i] = reads[*same];
+      else seen.push_back(i);
+    }
+  }
+}
+
+/// Whether two lobes read the same: they often differ in their kind alone.
+bool Scene::same_inputs(size_t a, size_t b) const {
+  const Lobe &p = lobes[a], &q = lobes[b];
+  auto same = [&](uint32_t k) {
+    return std::memcmp(&inputs[p.first_input + k], &inputs[q.first_input + k],
+                       sizeof(GlintInput)) == 0;
+  };
+  bool good = !p.constant && !q.constant && p.input_count == q.input_count;
+  for (uint32_t k = 0; good && k < p.input_count; ++k) good = same(k);
+  return good;
+}
+
+/// Whether the instance with that number stands as in `base`, whose rows of matrices may be others.
+bool Scene::stands(const Scene* base, size_t i) const {
+  return base && i < base->placements.size() && anchor.same_origin(base->anchor) &&
+         std::memcmp(matrix_row(placements[i].row), base->matrix_row(base->placements[i].row),
+                     12 * sizeof(double)) == 0;
+}
+
+/// Numbers the instances, leaving out those whose matrix is not finite or squeezes everything to a
+/// line.
+void Scene::place_instances(const Scene* base) {
+  placements.reserve(groups.size());
+  for (uint32_t g = 0; g < groups.size(); ++g) {
+    const GlintInstances& group = groups[g];
+    const GlintGeometry& geometry = geometries[group.geometry];
+    for (uint64_t row = group.first_row; row < group.first_row + group.row_count; ++row) {
+      placements.push_back({uint32_t(row), g});
+      const Affine m = affine(matrix_row(uint32_t(row)));
+      const bool good = stands(base, placements.size() - 1) ||
+                        (finite(m) && finite(m.t - anchor.origin) && !no_rank(m));
+      if (!good) {
+        placements.pop_back(), ++dropped_instances;
+        continue;
+      }
+      if (geometry.kind == GLINT_MESH) triangles += geometry.primitive_count;
+    }
+  }
+  for (const GlintGeometry& geometry : geometries) primitives += geometry.primitive_count;
+}
+
+double Scene::radius(const Scene* base) {
+  for (uint32_t g = 0; g < geometries.size(); ++g) {
+    const uint32_t there = base ? geometry_in_base_[g] : AccelBase::kNone;
+    const bool known = there < (base ? base->extents_.size() : 0);
+    extents_.push_back(known ? base->extents_[there] : extent_of(geometries[g]));
+  }
+  double far = 0;
+  for (const Placement& p : placements) {
+    const Extent& box = extents_[groups[p.group].geometry];
+    if (!box.empty()) far = std::max(far, reach(box, affine(matrix_row(p.row)), anchor.origin));
+  }
+  return far;
+}
+
+bool Scene::same_placements(const Scene& base) const {
+  if (!(anchor == base.anchor) || placements.size() != base.placements.size() ||
+      geometries.size() != base.geometries.size())
+    return false;
+  for (size_t i = 0; i < placements.size(); ++i) {
+    const GlintInstances &a = groups[placements[i].group],
+                         &b = base.groups[base.placements[i].group];
+    if (geometry_in_base_[a.geometry] != b.geometry || a.geometry != b.geometry ||
+        ((a.flags ^ b.flags) & kVisibility))
+      return false;
+    if (!stands(&base, i)) return false;
+  }
+  return true;
+}
+
+void Scene::place_lights(const GlintLight* data, size_t count) {
+  for (size_t i = 0; i < count; ++i) {
+    if (!sound(data[i])) ++dropped_lights;
+    else lights.emplace_back(data[i], anchor);
+  }
+}
+
+void Scene::note_features() {
+  for (const GlintInstances& group : groups) {
+    if (group.flags & GLINT_HOLDOUT) features |= GLINT_FEATURE_HOLDOUT;
+    if (geometries[group.geometry].normals.values) features |= GLINT_FEATURE_SMOOTH;
+    for (uint32_t k = 0; k < group.material_count; ++k) {
+      const Material& material = materials[material_slots[group.first_material + k]];
+      if (material.has(GLINT_MIRROR)) features |= GLINT_FEATURE_MIRROR;
+      if (material.has(GLINT_REFRACTION)) features |= GLINT_FEATURE_REFRACTION;
+      if (material.has(GLINT_TRANSPARENT)) features |= GLINT_FEATURE_TRANSPARENT;
+    }
+  }
+  for (const Light& light : lights) {
+    if (light.extended) features |= GLINT_FEATURE_SOFT_LIGHTS;
+    if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR) && any(light.seen))
+      features |= GLINT_FEATURE_SEEN_LIGHTS;
+  }
+  if (!textures.empty()) features |= GLINT_FEATURE_TEXTURES;
+}
+
+uint32_t Scene::material_of(const GlintInstances& group, uint32_t primitive) const {
+  if (group.material_count == 0) return uint32_t(materials.size() - 1);
+  const uint16_t* slots = geometries[group.geometry].material_slots;
+  uint32_t slot = slots ? slots[primitive] : 0;
+  return material_slots[group.first_material + std::min(slot, group.material_count - 1)];
+}
+
+void Scene::shape_groups() {
+  group_shapes.reserve(groups.size());
+  for (const GlintInstances& group : groups) {
+    const GlintGeometry& g = geometries[group.geometry];
+    GroupShape shape{};
+    if (g.kind == GLINT_MESH)
+      shape.vertices = g.vertices, shape.triangles = g.triangles, shape.normals = g.normals.values;
+    shape.normal_rows = g.normals.domain == GLINT_CORNER ? g.corners : g.triangles;
+    shape.material = group.material_count > 0 ? material_slots[group.first_material]
+                                              : uint32_t(materials.size() - 1);
+    if (group.flags & GLINT_HOLDOUT) shape.material = holdout();
+    if (g.material_slots && group.material_count > 1 && !(group.flags & GLINT_HOLDOUT))
+      shape.slots = g.material_slots,
+      shape.materials = material_slots.data() + group.first_material;
+    shape.material_count = group.material_count;
+    only_meshes = only_meshes && g.kind == GLINT_MESH;
+    group_shapes.push_back(shape);
+  }
+}
+
+void Scene::shape_instances(const Scene* base) {
+  instance_shapes.reserve(placements.size());
+  const Scene* alike = base && anchor == base->anchor ? base : nullptr;
+  for (size_t i = 0; i < placements.size(); ++i) {
+    instance_shapes.push_back(stands(alike, i) ? base->instance_shapes[i]
+                                               : shape_of(anchored(placements[i].row)));
+    instance_shapes.back().group = placements[i].group;
+  }
+}
+
+Affine Scene::matrix(uint32_t instance) const {
+  const double* m = instance_shapes[instance].m;
+  return {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
+}
+
+NormalMatrix Scene::normal_matrix(uint32_t instance) const {
+  const double* n = instance_shapes[instance].normal;
+  return {{n[0], n[1], n[2]}, {n[3], n[4], n[5]}, {n[6], n[7], n[8]}};
+}
+
+/// What is the same all over a material; those that vary, or send rays on, are left to the shader.
+void Scene::fold_materials() {
+  const size_t specular = size_t(specular_columns) * size_t(max_specular),
+               view = ViewTerm::kColumns * size_t(max_view);
+  specular_terms.assign(specular * (materials.size() + 3), 0.0),
+      view_terms.assign(view * (materials.size() + 3), 0.0);
+  for (size_t m = 0; m < materials.size(); ++m) {
+    MaterialTerms terms{};
+    Rows rows{specular_terms.data() + specular * m, specular_columns, view_terms.data() + view * m};
+    for (uint32_t i = 0; i < materials[m].lobe_count; ++i)
+      fold(lobes[materials[m].first_lobe + i], ambient, terms, rows);
+    terms.view_count = uint32_t(materials[m].view_count);
+    if (terms.others) {
+      terms = MaterialTerms{}, terms.others = 1;
+      std::fill_n(specular_terms.data() + specular * m, specular, 0.0),
+          std::fill_n(view_terms.data() + view * m, view, 0.0);
+    }
+    material_terms.push_back(terms);
+  }
+  MaterialTerms around{}, none{}, hole{};
+  for (int c = 0; c < 3; ++c) around.glow[c] = around.environment[c] = background[c];
+  hole.others = 1, around.unlit = none.unlit = 1;
+  material_terms.insert(material_terms.end(), {around, none, hole});
+}
+
+void Scene::shape_materials() {
+  for (const Lobe& g : lobes)
+    lobe_shapes.push_back({g.kind,
+                           g.constant,
+                           g.like_last,
+                           g.fresnel,
+                           g.exponent,
+                           g.ior,
+                           g.masking,
+                           {g.k.x, g.k.y, g.k.z},
+                           g.first_input,
+                           g.input_count});
+  for (const Texture& texture : textures) texture_shapes.push_back(texture.shape());
+  for (size_t m = 0; m < materials.size(); ++m) {
+    if (!material_terms[m].others) continue;
+    const Lobe* first = lobes.data() + materials[m].first_lobe;
+    const auto passes = [](const Lobe& lobe) { return (1u << lobe.kind & kPassing) != 0; };
+    materials[m].passing = int(std::count_if(first, first + materials[m].lobe_count, passes));
+    max_passing = std::max(max_passing, materials[m].passing);
+  }
+}
+
+std::vector<GeometryView> Scene::geometry_views() const {
+  std::vector<GeometryView> views;
+  for (const GlintGeometry& g : geometries)
+    views.push_back({GeometryView::Kind(g.kind), g.vertices, g.vertex_count, g.triangles, g.radii,
+                     g.offsets, g.indices, g.primitive_count});
+  return views;
+}
+
+std::vector<InstanceView> Scene::instance_views() const {
+  static_assert(kCamera == uint32_t(GLINT_VISIBLE_CAMERA) &&
+                kMirror == uint32_t(GLINT_VISIBLE_MIRROR));
+  static_assert(kShadow == uint32_t(GLINT_VISIBLE_SHADOW));
+  std::vector<InstanceView> views;
+  views.reserve(placements.size());
+  for (const Placement& p : placements) {
+    const GlintInstances& group = groups[p.group];
+    views.push_back({group.geometry, group.flags & kVisibility, anchored(p.row)});
+  }
+  return views;
+}
+
+bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& cancel) {
+  std::lock_guard lock(build_mutex_);
+  if (!opacity_ && features & GLINT_FEATURE_TRANSPARENT)
+    opacity_ = std::make_unique<const OpacityMaps>(*this);
+  if (accel_) return true;
+  auto start = std::chrono::steady_clock::now();
+  accel_ =
+      Accel::build(geometry_views(), instance_views(), threads, cancel, quality, earlier_.trees);
+  if (accel_) exact_ = !earlier_.trees.accel || earlier_.trees.exact, earlier_ = {};
+  build_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return accel_ != nullptr;
+}
+
+}  // namespace glint

@@ -1,0 +1,190 @@
+// The scene behind the door: copied tables, borrowed arrays, everything checked, placed relative to
+// the camera.
+#pragma once
+#include <atomic>
+#include <cmath>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "glint.h"
+#include "bvh/accel.h"
+#include "scene/light.h"
+#include "scene/material.h"
+#include "shading/stages.h"
+#include "math/vec.h"
+
+namespace glint {
+
+/// Anchored space: the camera is the origin, and a power of two brings the scene's radius to [1,
+/// 2). Both steps keep all bits that matter (NUMERICS: far from the origin).
+struct Anchor {
+  Vec3d origin;
+  double scale = 1;
+  Vec3d point(Vec3d world) const { return scale * (world - origin); }
+  Vec3d world(Vec3d p) const { return (1 / scale) * p + origin; }
+  Affine matrix(const Affine& m) const {
+    return {scale * m.x, scale * m.y, scale * m.z, point(m.t)};
+  }
+  /// Whether single precision is fine enough for an eye that stands there: not far out of the
+  /// scene.
+  bool near(Vec3d world_eye) const {
+    return max_abs(point(world_eye)) <= 4;
+  }  // the scene's radius is 1 to 2
+  bool same_origin(const Anchor& b) const {
+    return origin.x == b.origin.x && origin.y == b.origin.y && origin.z == b.origin.z;
+  }
+  bool operator==(const Anchor& b) const { return same_origin(b) && scale == b.scale; }
+};
+
+/// What is wrong with the tables and arrays, one sentence a line; empty when they are sound.
+std::string scene_problems(const GlintSceneData& data);
+
+class Film;
+class OpacityMaps;
+class Scene;
+class Sight;
+struct RenderPlan;
+
+/// The same next to a scene without problems: geometries that are its own were checked before.
+std::string scene_problems(const GlintSceneData& data, const Scene& base);
+
+/// Of each geometry, the number of the one in `base` with the same arrays; AccelBase::kNone for
+/// others.
+std::vector<uint32_t> same_geometries(const GlintSceneData& data, const Scene& base);
+
+/// Whether all that is checked of a geometry was checked of one in `base`: it has the same arrays,
+/// attributes included.
+bool same_attributes(const GlintSceneData& data, const GlintGeometry& g, const Scene& base,
+                     const GlintGeometry& there);
+
+/// Low and high corner; low above high for nothing.
+struct Extent {
+  Vec3d low{HUGE_VAL, HUGE_VAL, HUGE_VAL}, high{-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
+  void grow(Vec3d p) { low = min(low, p), high = max(high, p); }
+  bool empty() const { return !(low.x <= high.x); }
+};
+
+/// An instance as the accelerator numbers them: row of world_from_object and entry of the
+/// instances' table.
+struct Placement {
+  uint32_t row, group;
+};
+
+class Scene {
+ public:
+  /// `data` has no problems. base: a scene whose trees serve where nothing changed.  exact: the
+  /// picture has the bits that it has without a base; else the coordinates of `base` stay as long
+  /// as they are fine enough for the camera, and what moved gets trees of its own.
+  explicit Scene(const GlintSceneData& data, const Scene* base = nullptr, bool exact = true);
+  ~Scene();
+
+  /// Makes the trees unless they are there; false when `cancel` became true.
+  bool build(int threads, BuildQuality quality, const std::atomic<bool>& cancel);
+  const Accel& accel() const { return *accel_; }
+  /// Where rays pass surfaces without a stop; null where nothing lets light through. After build().
+  const Opacity* opacity() const;
+  /// What is known of the first wave of such a render, by this scene or those whose trees it has;
+  /// nothing as yet for one that is new.
+  std::shared_ptr<Sight> sight(const RenderPlan& plan, const Film& film);
+
+  const double* matrix_row(uint32_t row) const { return world_from_object + 12 * size_t(row); }
+  Affine anchored(uint32_t row) const { return anchor.matrix(affine(matrix_row(row))); }
+  const GlintInstances& group(uint32_t instance) const {
+    return groups[placements[instance].group];
+  }
+  const GlintGeometry& geometry(const GlintInstances& group) const {
+    return geometries[group.geometry];
+  }
+  /// The instance's matrix to anchored space.
+  Affine matrix(uint32_t instance) const;
+  NormalMatrix normal_matrix(uint32_t instance) const;
+  /// The material of a primitive; the last one of `materials` is the default surface.
+  uint32_t material_of(const GlintInstances& group, uint32_t primitive) const;
+
+  GlintCamera camera;
+  Anchor anchor;
+  Vec3d ambient, background;
+  bool transparent_film = false;
+  std::vector<GlintGeometry> geometries;
+  std::vector<GlintAttribute> attributes;
+  std::vector<GlintInstances> groups;
+  std::vector<uint32_t> material_slots;
+  std::vector<Placement> placements;
+  std::vector<Texture> textures;
+  std::vector<GlintInput> inputs;
+  std::vector<Lobe> lobes;
+  std::vector<Material> materials;
+  std::vector<Light> lights;
+  const double* world_from_object = nullptr;
+  uint32_t features = 0;     // GLINT_FEATURE_*
+  int max_specular = 0;      // SPECULAR lobes of a material, at most
+  double most_exponent = 0;  // of SPECULAR lobes
+  int specular_columns = 4;  // numbers of each as the stages read them
+  int max_view = 0;          // lobes of a material that depend on the view, at most
+  int max_passing = 0;       // Material::passing, at most
+  size_t triangles = 0, primitives = 0, dropped_instances = 0, dropped_lights = 0;
+  double build_seconds = 0;
+
+  // The same for the stages. Numbers beyond those of the materials are of points without one: rays
+  // that see the surroundings or, with a transparent film, nothing, and points of holdouts.
+  uint32_t surroundings() const { return uint32_t(materials.size()); }
+  uint32_t nothing() const { return uint32_t(materials.size()) + 1; }
+  uint32_t holdout() const { return uint32_t(materials.size()) + 2; }
+  std::vector<GroupShape> group_shapes;
+  std::vector<InstanceShape> instance_shapes;
+  std::vector<MaterialTerms> material_terms;
+  std::vector<double> specular_terms;  // max_specular rows of specular_columns numbers a material
+  std::vector<double> view_terms;      // max_view rows of ViewTerm::kColumns a material
+  std::vector<LobeShape> lobe_shapes;
+  std::vector<TextureShape> texture_shapes;
+  InputTables input_tables() const {
+    return {instance_shapes.data(), groups.data(), geometries.data(),    attributes.data(),
+            inputs.data(),          reads.data(),  texture_shapes.data()};
+  }
+  std::vector<uint32_t> reads;  // for each input, the first of its material (or that itself) that
+                                // reads the same of an image
+  bool only_meshes = true;
+
+ private:
+  void copy_tables(const GlintSceneData& data);
+  void compile_materials(const GlintSceneData& data);
+  void add_material(const GlintMaterial& material, const GlintLobe* given);
+  void add_lobe(const GlintLobe& lobe);
+  void compare_lobes(Material& material);
+  void number_reads(const Material& material);
+  bool same_inputs(size_t a, size_t b) const;
+  bool stands(const Scene* base, size_t i) const;
+  void place_instances(const Scene* base);
+  void place_lights(const GlintLight* lights, size_t count);
+  void note_features();
+  void shape_groups();
+  void shape_instances(const Scene* base);
+  void fold_materials();
+  void shape_materials();
+  double radius(const Scene* base);
+  void take_over(const Scene& base, const GlintSceneData& data, bool exact);
+  void share_trees(const Scene& base, bool exact);
+  bool same_placements(const Scene& base) const;
+  std::vector<GeometryView> geometry_views() const;
+  std::vector<InstanceView> instance_views() const;
+
+  /// Trees of an earlier scene, and where its coordinates are.
+  struct Earlier {
+    AccelBase trees;
+    Anchor anchor;
+  };
+  Earlier trees() const;
+
+  std::vector<uint32_t> geometry_in_base_;
+  std::vector<Extent> extents_;  // of the geometries, object space
+  std::shared_ptr<const Accel> accel_;
+  std::unique_ptr<const OpacityMaps> opacity_;
+  bool exact_ = true;                           // accel_ is what a scene without a base would have
+  Earlier earlier_;                             // until there is accel_
+  std::vector<std::shared_ptr<Sight>> sights_;  // the last ones, newest first
+  mutable std::mutex build_mutex_;
+};
+
+}  // namespace glint

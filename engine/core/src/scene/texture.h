@@ -1,0 +1,32 @@
+// Image lookup: four neighbours or the closest texel, decoded before filtering.
+#pragma once
+#include "glint.h"
+#include "shading/stages.h"
+#include "math/vec.h"
+
+namespace glint {
+
+struct Rgba {
+  Vec3d color;
+  double alpha = 0;
+};
+
+class Texture {
+ public:
+  explicit Texture(const GlintTexture& data);
+  /// At (u, v) of the unit square, texel centres at (i + 0.5) / width. A coordinate that is not
+  /// finite reads as 0.
+  Rgba lookup(double u, double v) const;
+  /// The same for the stages.
+  TextureShape shape() const;
+
+ private:
+  struct Axis;
+  Axis axis(double x, uint32_t size) const;
+  Rgba texel(int64_t column, int64_t row) const;
+
+  GlintTexture data_;
+  const double* decode_;  // colours of the codes of a uint8 image
+};
+
+}  // namespace glint

@@ -1,0 +1,278 @@
+#include "session/job.h"
+
+#include "session/timer.h"
+
+namespace glint {
+namespace {
+
+constexpr uint32_t kMaxThreads = 1024;
+constexpr uint32_t kUnseenWave =
+    16;  // of samples: long enough for bundles, short enough to be cancelled
+
+int threads_for(uint32_t wanted) {
+  uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
+  return int(std::min(wanted ? wanted : cores, kMaxThreads));
+}
+
+/// The region with the pixels next to it.
+Region widened(Region r, const GlintCamera& camera) {
+  return {r.x0 - (r.x0 > 0), r.y0 - (r.y0 > 0), std::min(r.x1 + 1, camera.width),
+          std::min(r.y1 + 1, camera.height)};
+}
+
+RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
+  RenderPlan plan;
+  plan.shown = plan.region = {g.region[0], g.region[1], g.region[2], g.region[3]};
+  const bool refines = g.error_threshold > 0 || g.passes >> GLINT_PASS_ERROR & 1;
+  if (refines && g.samples >= Refinement::kFirst) plan.region = widened(plan.shown, camera);
+  plan.error_threshold = g.error_threshold, plan.cutoff = g.cutoff;
+  plan.samples = g.samples, plan.light_samples = g.light_samples, plan.max_bounces = g.max_bounces,
+  plan.passes = g.passes;
+  plan.unseen = g.waves == GLINT_WAVES_UNSEEN, plan.hold_waves = g.waves == GLINT_WAVES_HELD;
+  plan.threads = threads_for(g.threads), plan.quality = BuildQuality(g.acceleration);
+  plan.physical = g.illumination == GLINT_PHYSICAL, plan.remember = g.remember != 0;
+  plan.pixel_offsets = g.pixel_offsets, plan.light_square = g.light_square,
+  plan.light_disc = g.light_disc;
+  return plan;
+}
+
+bool sound_region(const uint32_t* r, const GlintCamera& camera) {
+  return r[0] < r[2] && r[1] < r[3] && r[2] <= camera.width && r[3] <= camera.height;
+}
+
+bool enough_points(const GlintRenderSettings& g, const Scene& scene) {
+  if (g.light_samples <= 1 || !(scene.features & GLINT_FEATURE_SOFT_LIGHTS)) return true;
+  return g.light_square && g.light_disc && g.light_point_count / g.light_samples >= g.samples;
+}
+
+}  // namespace
+
+std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) {
+  std::string text;
+  auto add = [&](bool good, const char* sentence) {
+    if (good) return;
+    if (!text.empty()) text += '\n';
+    text += sentence;
+  };
+  add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
+  add(g.light_samples >= 1 && enough_points(g, scene),
+      "settings: fewer light points than samples * light_samples");
+  add(g.max_bounces <= 64, "settings: more than 64 bounces");
+  add(g.error_threshold >= 0 && g.error_threshold < 256,
+      "settings: the error threshold is not between 0 and 256");
+  add(g.cutoff >= 0 && g.cutoff <= 1, "settings: the cutoff is not between 0 and 1");
+  add(g.passes < 1u << GLINT_PASS_COUNT, "settings: unknown passes");
+  add(sound_region(g.region, scene.camera),
+      "settings: the region is empty or reaches beyond the frame");
+  add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC,
+      "settings: unknown illumination");
+  add(g.waves >= GLINT_WAVES_UNSEEN && g.waves <= GLINT_WAVES_HELD, "settings: unknown waves");
+  add(g.acceleration >= GLINT_BUILD_FAST && g.acceleration <= GLINT_BUILD_FINE,
+      "settings: unknown acceleration");
+  return text;
+}
+
+Job::Job(Scene& scene, const GlintRenderSettings& settings)
+    : scene_(scene),
+      plan_(plan_of(settings, scene.camera)),
+      film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples),
+      thread_([this] { work(); }) {}
+
+Job::~Job() {
+  cancel();
+  thread_.join();
+}
+
+void Job::enter(int state) {
+  std::lock_guard lock(mutex_);
+  if (!ended()) state_ = state;
+  built_ = built_ || state == GLINT_TRACING;
+  changed_.notify_all();
+}
+
+void Job::fail(const char* what) {
+  cancel_ = true;
+  std::lock_guard lock(mutex_);
+  if (!ended()) state_ = GLINT_FAILED, error_ = what;
+  changed_.notify_all();
+}
+
+/// The thread of the job: nothing is thrown beyond it.
+void Job::work() {
+  try {
+    run();
+  } catch (const std::bad_alloc&) {
+    fail("out of memory");
+  } catch (const std::exception& e) {
+    fail(e.what());
+  }
+}
+
+void Job::run() {
+  if (!scene_.build(plan_.threads, plan_.quality, cancel_)) return enter(GLINT_CANCELLED);
+  enter(GLINT_TRACING);
+  trace_waves();
+  enter(cancel_ ? GLINT_CANCELLED : GLINT_DONE);
+}
+
+/// Samples of the first wave: no more than somebody wants to look at.
+uint32_t Job::first_wave() {
+  if (!plan_.unseen || film_.estimate().on()) return 1;
+  return std::min(plan_.samples, film_.refinement().on() ? Refinement::kFirst : kUnseenWave);
+}
+
+/// Whether the first wave is all: each tile's picture is then made while its sums are at hand, in
+/// memory that the next tile takes over.
+bool Job::at_once() {
+  return first_wave() == plan_.samples && !film_.refinement().on() && !film_.estimate().on();
+}
+
+void Job::trace_waves() {
+  team_ = std::make_unique<Team>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
+  const bool looks_up =
+      plan_.remember &&
+      !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
+  const std::shared_ptr<Sight> sight = looks_up ? scene_.sight(plan_, film_) : nullptr;
+  const auto held =
+      sight ? std::unique_lock(sight->mutex, std::try_to_lock) : std::unique_lock<std::mutex>();
+  if (held) sight->expect(scene_, plan_);
+  Sight* const usable = held ? sight.get() : nullptr;
+  for (size_t k = 0; k < team_->size(); ++k)
+    tracers_.push_back(std::make_unique<Tracer>(scene_, plan_, film_, cancel_, usable));
+  for (uint32_t first = 0, last = 1; first < plan_.samples && !cancel_; first = last) {
+    last = first == 0 ? first_wave()
+                      : uint32_t(std::min<uint64_t>(2 * uint64_t(first), plan_.samples));
+    double seconds = 0;
+    {
+      const Timer timer(seconds);
+      std::atomic<size_t> next{0};
+      team_->run(tracers_.size(), [&](size_t desk) { trace_tiles(desk, first, last, next); });
+      if (!cancel_) refine(last);
+    }
+    end_wave(last, seconds);
+  }
+  team_.reset();
+}
+
+/// Looks at what the wave up to `samples` brought, and stops the pixels that are good enough.
+void Job::refine(uint32_t samples) {
+  if (!film_.refinement().on() || (samples < Refinement::kFirst && !film_.estimate().on())) return;
+  on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.measure(tile, samples); });
+  if (samples < Refinement::kFirst) return;
+  if (samples == Refinement::kFirst)
+    on_all_tiles([&](Tracer&, const Tile& tile) { film_.look_around(tile); });
+  on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.decide(tile, samples); });
+}
+
+/// body(tracer, tile) once for each tile.
+template <class Body>
+void Job::on_all_tiles(Body body) {
+  std::atomic<size_t> next{0};
+  const std::vector<Tile>& tiles = film_.tiles();
+  on_all_threads([&](Tracer& tracer) {
+    for (size_t k; (k = next++) < tiles.size();) body(tracer, tiles[k]);
+  });
+}
+
+/// body(tracer) once for each tracer.
+template <class Body>
+void Job::on_all_threads(Body body) {
+  team_->run(tracers_.size(), [&](size_t k) { body(*tracers_[k]); });
+}
+
+/// The wave up to `samples` took `seconds`; its picture, unless it was cancelled, belongs to it.
+void Job::end_wave(uint32_t samples, double seconds) {
+  std::unique_lock lock(mutex_);
+  const bool complete = !cancel_;
+  if (complete && !at_once()) {
+    const Timer timer(seconds);
+    film_.renew();
+    on_all_tiles([&](Tracer& tracer, const Tile& tile) { tracer.publish(tile, samples); });
+  }
+  if (complete && samples == plan_.samples)
+    film_.forget_sums();  // before anybody who looks at the picture needs room
+  trace_seconds_ += seconds, rays_ = {};
+  for (const auto& tracer : tracers_) rays_ += tracer->counts();
+  if (complete) publish(samples, lock);
+}
+
+/// Samples [first, last) of the tiles that nobody else has begun.
+void Job::trace_tiles(size_t desk, uint32_t first, uint32_t last, std::atomic<size_t>& next) {
+  const std::vector<Tile>& tiles = film_.tiles();
+  Tracer& tracer = *tracers_[desk];
+  const bool publishes = at_once();
+  try {
+    for (size_t k; !cancel_ && (k = next++) < tiles.size();) {
+      const Tile tile = publishes ? film_.at_desk(tiles[k], desk) : tiles[k];
+      trace_tile(tracer, tile, first, last);
+      if (publishes && !cancel_) tracer.publish(tile, last);
+    }
+  } catch (...) {
+    cancel_ = true;  // the other threads need not go on
+    throw;
+  }
+}
+
+void Job::trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t last) {
+  tracer.choose(tile);
+  for (uint32_t sample = first, count; sample < last && !cancel_; sample += count, done_ += count)
+    count = tracer.trace(sample, last);
+}
+
+void Job::publish(uint32_t samples, std::unique_lock<std::mutex>& lock) {
+  samples_ = samples;
+  bool hold = plan_.hold_waves && samples < plan_.samples;
+  if (hold) state_ = GLINT_HELD;
+  changed_.notify_all();
+  if (!hold) return;
+  resumed_.wait(lock, [&] { return cancel_ || resumed_after_ >= samples; });
+  state_ = GLINT_TRACING;
+}
+
+double Job::fraction() const {
+  return double(done_.load()) / (double(film_.tiles().size()) * plan_.samples);
+}
+
+GlintProgress Job::wait(uint32_t milliseconds) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, std::chrono::milliseconds(milliseconds),
+                    [&] { return ended() || samples_ > reported_; });
+  reported_ = samples_;
+  return {fraction(), samples_, state_};
+}
+
+void Job::resume() {
+  std::lock_guard lock(mutex_);
+  resumed_after_ = samples_;
+  resumed_.notify_all();
+}
+
+void Job::cancel() {
+  std::lock_guard lock(mutex_);
+  cancel_ = true;
+  resumed_.notify_all();
+}
+
+std::shared_ptr<Zeros<float>> Job::picture(int pass, uint64_t size) {
+  std::lock_guard lock(mutex_);
+  return samples_ > 0 ? film_.picture(pass, size) : nullptr;
+}
+
+GlintStats Job::stats() {
+  std::lock_guard lock(mutex_);
+  GlintStats s{};
+  s.trace_seconds = trace_seconds_;
+  s.triangles = scene_.triangles, s.instances = scene_.placements.size(),
+  s.primitives = scene_.primitives;
+  s.dropped_instances = scene_.dropped_instances, s.dropped_lights = scene_.dropped_lights;
+  s.features = scene_.features, s.threads = uint32_t(plan_.threads);
+  s.camera_rays = rays_.camera, s.shadow_rays = rays_.shadow, s.mirror_rays = rays_.mirror;
+  s.refraction_rays = rays_.refraction, s.transparent_rays = rays_.transparent;
+  if (!built_) return s;
+  s.build_seconds = scene_.build_seconds;
+  AccelStats tree = scene_.accel().stats();
+  s.tree_bytes = tree.bytes, s.tree_nodes = tree.nodes, s.dropped_primitives = tree.dropped;
+  return s;
+}
+
+}  // namespace glint

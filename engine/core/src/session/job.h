@@ -1,0 +1,77 @@
+// A render at work on threads of its own: trees, then waves of samples, with progress, cancel and a
+// picture after each wave.
+#pragma once
+#include <atomic>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "session/thread_pool.h"
+#include "film/film.h"
+#include "integrator/plan.h"
+#include "scene/scene.h"
+#include "integrator/tracer.h"
+
+namespace glint {
+
+/// What is wrong with the settings for this scene; empty when they are sound.
+std::string settings_problems(const GlintRenderSettings& settings, const Scene& scene);
+
+class Job {
+ public:
+  /// The settings have no problems. Starts at once.
+  Job(Scene& scene, const GlintRenderSettings& settings);
+  ~Job();
+
+  GlintProgress wait(uint32_t milliseconds);
+  void resume();
+  void cancel();
+  /// As Film has it, of the last complete wave. Throws std::bad_alloc.
+  std::shared_ptr<Zeros<float>> picture(int pass, uint64_t size);
+  GlintStats stats();
+  const std::string& error() const { return error_; }
+
+ private:
+  void work();
+  void run();
+  uint32_t first_wave();
+  bool at_once();
+  void trace_waves();
+  void trace_tiles(size_t desk, uint32_t first, uint32_t last, std::atomic<size_t>& next);
+  void trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t last);
+  void refine(uint32_t samples);
+  void end_wave(uint32_t samples, double seconds);
+  void publish(uint32_t samples, std::unique_lock<std::mutex>& lock);
+  template <class Body>
+  void on_all_threads(Body body);
+  template <class Body>
+  void on_all_tiles(Body body);
+  void enter(int state);
+  void fail(const char* what);
+  bool ended() const { return state_ >= GLINT_DONE; }
+  double fraction() const;
+
+  Scene& scene_;
+  RenderPlan plan_;
+  Film film_;
+  std::atomic<bool> cancel_{false};
+  std::atomic<uint64_t> done_{0};                 // tiles times samples
+  std::unique_ptr<Team> team_;                    // while waves are traced, and
+  std::vector<std::unique_ptr<Tracer>> tracers_;  // one for each of its threads
+
+  std::mutex mutex_;  // guards what follows, and the film's pictures
+  std::condition_variable changed_, resumed_;
+  int state_ = GLINT_PREPARING;
+  bool built_ = false;  // the scene's trees are there to stay
+  uint32_t samples_ = 0, reported_ = 0, resumed_after_ = 0;
+  double trace_seconds_ = 0;
+  RayCounts rays_;
+  std::string error_;
+
+  std::thread thread_;
+};
+
+}  // namespace glint

@@ -1,0 +1,99 @@
+// Letters: d ray direction, n shading normal, g geometric normal, T weight to the pixel.
+#include "shading/shade.h"
+
+#include <algorithm>
+
+#include "math/math.h"
+
+namespace glint {
+namespace {
+
+constexpr uint32_t kMaxStraight = 128;  // surfaces in a row that dim a transparent ray
+
+/// What a stage reads of a batch's points and of the rays that arrived there.
+PassStage stage_of(const Batch& batch) {
+  PassStage stage{};
+  stage.from = batch.queue->column(0), stage.from_stride = batch.queue->stride(),
+  stage.from_tags = batch.queue->tags();
+  const PointColumns& p = batch.points;
+  for (size_t c = 0; c < 3; ++c) stage.x[c] = p.x[c], stage.g[c] = p.g[c], stage.n[c] = p.n[c];
+  stage.t = batch.t, stage.offset = p.offset, stage.outside = p.outside;
+  stage.passing = batch.passing_columns, stage.passing_stride = batch.stride;
+  return stage;
+}
+
+}  // namespace
+
+void Shader::pass_on(const Batch& batch, const uint32_t* rows, size_t count, const Leaving& next,
+                     RayCounts& counts) const {
+  const Material& material = scene_.materials[batch.material[rows[0]]];
+  PassStage stage = stage_of(batch);
+  stage.rows = rows, stage.count = count;
+  stage.lobes = scene_.lobe_shapes.data() + material.first_lobe,
+  stage.lobe_count = material.lobe_count;
+  stage.max_bounces = plan_.max_bounces, stage.max_straight = kMaxStraight,
+  stage.cutoff = plan_.cutoff;
+  next.bounced.reserve(next.bounced.size() + count * size_t(material.passing));
+  if (&next.straight != &next.bounced) next.straight.reserve(next.straight.size() + count);
+  stage.straight = next.straight.end(), stage.bounced = next.bounced.end();
+  const PassedRays passed = stages_.pass(stage);
+  counts.refraction += passed.refraction, counts.mirror += passed.mirror,
+      counts.transparent += passed.transparent;
+}
+
+void Shader::record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
+  const Material& material = scene_.materials[batch.material[k]];
+  Vec3d transparent;
+  const Lobe* lobe = scene_.lobes.data() + material.first_lobe;
+  for (int i = 0; i < material.passing; ++lobe) {
+    if (lobe->kind == GLINT_TRANSPARENT) transparent += batch.passing(k, i);
+    i += (1u << lobe->kind & kPassing) != 0;
+  }
+  if (mean(transparent) < 0.5) record(batch, k, film, pixel);
+}
+
+void Shader::hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel,
+                      double& lost) const {
+  const Path path = batch.queue->path(k);
+  const Surface s = batch.surface(k);
+  const Material& material =
+      scene_.materials[scene_.material_of(scene_.group(s.instance), s.primitive)];
+  if (path.wants_data && mean(transparency(scene_, material, s)) < 0.5)
+    record(film, pixel, s, material, batch.queue->ray(k).d);
+  if (path.depth == 0) lost += mean(path.T);
+}
+
+void Shader::record(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
+  const Surface s = batch.surface(k);
+  record(film, pixel, s, scene_.materials[batch.material[k]], batch.queue->ray(k).d);
+}
+
+void Shader::record(Film& film, uint32_t pixel, const Surface& s, const Material& material,
+                    Vec3d d) const {
+  Uv uv = film.wants(GLINT_PASS_UV) ? uv_at(scene_, s, -1) : Uv{};
+  double mapped = film.wants(GLINT_PASS_UV) && has_uv(scene_, s) ? 1 : 0;
+  film.set_data(pixel, {camera_.depth(s.x),
+                        std::fabs(dot(s.n, d)),
+                        scene_.anchor.world(s.x),
+                        s.n,
+                        {uv.u, uv.v, mapped},
+                        scene_.group(s.instance).object_index,
+                        material.index});
+}
+
+void Shader::seen_lights(Batch& batch, size_t k) const {
+  const Ray ray = batch.queue->ray(k);
+  const Path path = batch.queue->path(k);
+  const double t = batch.missed(k) ? kInfinity : batch.t[k];
+  uint32_t flag = path.depth > 0 ? GLINT_SEEN_BY_MIRROR : GLINT_SEEN_BY_CAMERA;
+  for (const Light& light : scene_.lights) {
+    if (!(light.flags & flag)) continue;
+    double meets = light.meets(ray.o, ray.d);
+    bool before = light.endless()
+                      ? meets > 0 && t == kInfinity
+                      : meets > path.from && meets > ray.t_min && meets < std::min(t, ray.t_max);
+    if (before) batch.add(k, batch.sums.emission, path.T * light.radiance(ray.d, plan_.physical));
+  }
+}
+
+}  // namespace glint

@@ -1,0 +1,45 @@
+// Surfaces that send rays on, and what stages do not do for a hit: holdouts, data passes, lights
+// that are seen (notes 4.12-4.17).
+#pragma once
+#include "integrator/batch.h"
+#include "scene/camera.h"
+#include "film/film.h"
+#include "integrator/plan.h"
+
+namespace glint {
+
+/// Rays that leave the surfaces of a batch: those that go straight on, and those one bounce deeper.
+struct Leaving {
+  Queue& straight;
+  Queue& bounced;
+};
+
+class Shader {
+ public:
+  Shader(const Scene& scene, const RenderPlan& plan, const Stages& stages)
+      : scene_(scene), plan_(plan), stages_(stages), camera_(scene) {}
+
+  /// Sends on the rays of some points of the batch, of different paths, whose material the vary
+  /// stage has seen.
+  void pass_on(const Batch& batch, const uint32_t* rows, size_t count, const Leaving& next,
+               RayCounts& counts) const;
+  /// Data passes of a point that the vary stage has seen, unless the surface lets most through.
+  void record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
+  /// A hit on a holdout; alpha lost is added to `lost`.
+  void hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel, double& lost) const;
+  /// Data passes of a hit that lets nothing through.
+  void record(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
+  /// Adds the visible shapes of lights that ray k meets before its hit.
+  void seen_lights(Batch& batch, size_t k) const;
+
+ private:
+  void record(Film& film, uint32_t pixel, const Surface& s, const Material& material,
+              Vec3d d) const;
+
+  const Scene& scene_;
+  const RenderPlan& plan_;
+  const Stages& stages_;
+  CameraRays camera_;
+};
+
+}  // namespace glint

@@ -1,0 +1,38 @@
+// Camera rays, and sums on their way to the film.
+#pragma once
+#include "simd/lanes.h"
+#include "shading/stages.h"
+
+namespace glint {
+namespace {
+
+void camera(const CameraStage& c) {
+  const Three mx = splat3(c.u), my = splat3(c.v), mz = splat3(c.w);
+  for (size_t k = 0; k < c.count; k += kLanes) {
+    const Three across = load(c.across + k) * mx + load(c.upward + k) * my;
+    const Three towards = c.parallel ? -mz : across - mz, d = unit(towards);
+    if (c.parallel) store3(c.o, k, splat(c.scale) * across);
+    store3(c.d, k, d);
+    const Doubles step =
+        dot(towards, d) * c.scale;  // anchored length of one unit of depth along the ray
+    store(c.t_min + k,
+          c.clip_start * step *
+              (1 - 0x1p-50));  // the bounds themselves count, the ray's interval is open
+    store(c.t_max + k, c.clip_end * step * (1 + 0x1p-50));
+  }
+}
+
+void add(double* to, const double* from, size_t count) {
+  for (size_t k = 0; k < count; k += kLanes) store(to + k, load(to + k) + load(from + k));
+}
+
+void mean(const double* sums, double samples, float* out, size_t count) {
+  constexpr double top = 3.4028234663852886e38;
+  for (size_t k = 0; k < count; k += kLanes) {
+    const Doubles x = load(sums + k) / samples;
+    store(out + k, where(x == x, smaller(larger(x, splat(-top)), splat(top))));
+  }
+}
+
+}  // namespace
+}  // namespace glint

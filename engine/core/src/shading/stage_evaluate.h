@@ -1,0 +1,99 @@
+// Materials that vary over the surface or send rays on (notes 4.12-4.17). Letters: T weight to the
+// pixel, k coefficient of a lobe.
+#pragma once
+#include "shading/stage_inputs.h"
+#include "shading/stage_math.h"
+#include "shading/stage_rows.h"
+
+namespace glint {
+namespace {
+
+inline OnMesh on_mesh(const VaryStage& s, const Chosen& at) {
+  OnMesh p;
+  p.weights[1] = gather(s.weights[0], at), p.weights[2] = gather(s.weights[1], at);
+  p.weights[0] = 1 - p.weights[1] - p.weights[2];
+  find_primitives(
+      s.tables, [&](size_t lane) { return s.instance[at.row[lane]]; },
+      [&](size_t lane) { return s.primitive[at.row[lane]]; }, p);
+  return p;
+}
+
+inline void add_part(double* const (&part)[3], const Chosen& at, const Three& c) {
+  if (part[0]) scatter3(part, at, gather3(part, at) + c);
+}
+
+/// What the lobes come to without light, and what lights need of them.
+struct Lobes {
+  Three glow, diffuse;
+  Mask lit = {}, passes = {};
+  int specular_count = 0, passing_count = 0;
+};
+
+inline void set_specular(const VaryStage& s, const Chosen& at, const Three& Tk,
+                         const LobeShape& lobe, Lobes& sum) {
+  double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
+  scatter3(column, s.stride, at, Tk);
+  scatter(column + SpecularTerm::kExponent * s.stride, at, splat(lobe.exponent));
+  if (s.specular_columns == SpecularTerm::kShaped) {
+    scatter(column + SpecularTerm::kMasking * s.stride, at, splat(lobe.masking * lobe.masking));
+    scatter(column + SpecularTerm::kFresnel * s.stride, at,
+            splat(SpecularTerm::fresnel(lobe.fresnel, lobe.ior)));
+  }
+  sum.lit |= nonzero(Tk);
+}
+
+inline void set_passing(const VaryStage& s, const Chosen& at, const Three& k, Lobes& sum) {
+  double* column = s.passing + 3 * size_t(sum.passing_count++) * s.stride;
+  scatter3(column, s.stride, at, k);
+  sum.passes |= nonzero(k);
+}
+
+/// 1, or what AMBIENT and DIFFUSE lobes that depend on the view are times.
+inline Doubles seen_share(const VaryStage& s, const Chosen& at, const LobeShape& lobe) {
+  if (!(lobe.exponent > 0)) return splat(1);
+  return grazing_power(seen_cosine(gather3(s.n, at), gather3(s.d, at)), splat(lobe.exponent));
+}
+
+inline void add_lobe(const VaryStage& s, const Chosen& at, const LobeShape& lobe, const Three& T,
+                     Three k, Lobes& sum) {
+  if (lobe.kind == GLINT_SPECULAR) return set_specular(s, at, T * k, lobe, sum);
+  const bool ambient = lobe.kind == GLINT_AMBIENT;
+  if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, lobe) * k;
+  if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
+  if (!ambient && lobe.kind != GLINT_EMISSION) return set_passing(s, at, k, sum);
+  const Three c = ambient ? T * k * splat3(s.ambient) : T * k;
+  sum.glow = sum.glow + c;
+  add_part(ambient ? s.sums.ambient : s.sums.emission, at, c);
+}
+
+/// Which lanes send rays on.
+inline uint32_t vary_group(const VaryStage& s, const Chosen& at) {
+  const OnMesh p = on_mesh(s, at);
+  const Three T = gather3(s.T, at);
+  Lobes sum{gather3(s.sums.total, at), {}};
+  Three k{};
+  Reads reads;
+  for (uint32_t i = 0; i < s.lobe_count; ++i) {
+    if (!s.lobes[i].like_last) k = coefficient(s.tables, p, s.lobes[i], reads);
+    add_lobe(s, at, s.lobes[i], T, k, sum);
+  }
+  scatter3(s.sums.total, at, sum.glow);
+  const Three Tk = T * sum.diffuse;
+  scatter3(s.diffuse, at, Tk);
+  sum.lit |= nonzero(Tk);
+  for (size_t lane = 0; lane < at.count; ++lane) s.lit[at.row[lane]] = sum.lit[lane];
+  return bits(sum.passes) & lanes_of(at);
+}
+
+size_t vary(const VaryStage& s) {
+  size_t passing = 0;
+  for (size_t i = 0; i < s.count; i += kLanes) {
+    const Chosen at = chosen(s.rows, i, s.count);
+    for (uint32_t m = vary_group(s, at); m; m &= m - 1)
+      s.passing_rows[passing++] = at.row[__builtin_ctz(m)];
+  }
+  return passing;
+}
+
+}  // namespace
+}  // namespace glint

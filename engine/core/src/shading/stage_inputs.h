@@ -1,0 +1,273 @@
+// Inputs that vary over a surface: attributes, and images with four neighbours or the closest
+// texel. The same as material.cpp, surface.cpp and texture.cpp have for one point. Letters: u v of
+// the unit square, i index in an endless row of texels.
+#pragma once
+#include "simd/lanes.h"
+#include "shading/stages.h"
+
+namespace glint {
+namespace {
+
+/// A group of points on their meshes; rows beyond the last point repeat the first.
+struct OnMesh {
+  size_t different;  // 1 where all are on one primitive, else kLanes
+  const GlintGeometry* geometry[kLanes];
+  uint32_t primitive[kLanes];
+  Doubles weights[3];
+};
+
+/// Where the points of a group are, from the instance and the primitive of each lane.
+template <class Instance, class Primitive>
+inline void find_primitives(const InputTables& s, Instance instance, Primitive primitive,
+                            OnMesh& p) {
+  for (size_t lane = 0; lane < kLanes; ++lane)
+    p.geometry[lane] = s.geometries + s.groups[s.instances[instance(lane)].group].geometry,
+    p.primitive[lane] = primitive(lane);
+  bool one = same(p.primitive);
+  for (size_t lane = 1; one && lane < kLanes; ++lane) one = p.geometry[lane] == p.geometry[0];
+  p.different = one ? 1 : kLanes;
+}
+
+/// A colour as one of its channels.
+inline Three channel_of(const Three& color, int channel) {
+  if (channel != GLINT_LUMINANCE) return color;
+  const Doubles grey = (color.x + color.y + color.z) / 3;
+  return {grey, grey, grey};
+}
+
+inline const GlintAttribute* find(const InputTables& s, const GlintGeometry& geometry,
+                                  int32_t name) {
+  const GlintAttribute* a = s.attributes + geometry.first_attribute;
+  for (uint32_t i = 0; i < geometry.attribute_count; ++i)
+    if (name < 0 ? a[i].channels == 2 : a[i].name == name) return a + i;
+  return nullptr;
+}
+
+/// Where an attribute's values at the three corners are. A geometry may lack it, or some of its
+/// channels: those are 0.
+struct Corners {
+  const float* at[3][kLanes];
+  int channels[kLanes] = {};
+  bool alike = true;  // as many channels in all lanes
+};
+
+inline void look_up(const GlintGeometry& geometry, const GlintAttribute& a, uint32_t primitive,
+                    size_t lane, Corners& out) {
+  const uint32_t* rows =
+      (a.domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * size_t(primitive);
+  for (size_t v = 0; v < 3; ++v)
+    out.at[v][lane] =
+        a.values + size_t(a.channels) * (a.domain == GLINT_FACE ? primitive : rows[v]);
+}
+
+inline void look_up(const InputTables& s, const OnMesh& p, int32_t name, Corners& out) {
+  const GlintAttribute* attribute = nullptr;
+  for (size_t lane = 0; lane < p.different; ++lane) {
+    if (lane == 0 || p.geometry[lane] != p.geometry[lane - 1])
+      attribute = find(s, *p.geometry[lane], name);
+    out.channels[lane] = attribute ? attribute->channels : 0;
+    out.alike = out.alike && out.channels[lane] == out.channels[0];
+    if (attribute) look_up(*p.geometry[lane], *attribute, p.primitive[lane], lane, out);
+  }
+}
+
+/// One channel at one corner.
+inline Doubles corner(const OnMesh& p, const Corners& values, size_t v, int channel) {
+  if (values.alike && values.channels[0] <= channel) return Doubles{};
+  if (p.different == 1) return splat(values.at[v][0][channel]);
+  const auto value = [&](size_t lane) { return values.at[v][lane][channel]; };
+  const auto any_value = [&](size_t lane) {
+    return values.channels[lane] > channel ? value(lane) : 0.0f;
+  };
+  return __builtin_convertvector(
+      values.alike ? each_lane<Singles>(value) : each_lane<Singles>(any_value), Doubles);
+}
+
+inline Doubles blend(const OnMesh& p, const Corners& values, int channel) {
+  const Doubles a = corner(p, values, 0, channel), b = corner(p, values, 1, channel),
+                c = corner(p, values, 2, channel);
+  return finite_or_zero(p.weights[0] * a + p.weights[1] * b + p.weights[2] * c);
+}
+
+/// Lanes that have at least so many channels.
+inline Mask lanes_with(const Corners& values, int channels) {
+  if (values.alike) return values.channels[0] >= channels ? ~Mask{} : Mask{};
+  Mask has{};
+  for (size_t lane = 0; lane < kLanes; ++lane)
+    has[lane] = values.channels[lane] >= channels ? -1 : 0;
+  return has;
+}
+
+inline Three read_color(const InputTables& s, const OnMesh& p, int32_t name, int channel) {
+  Corners values;
+  look_up(s, p, name, values);
+  if (channel != GLINT_ALPHA)
+    return {blend(p, values, 0), blend(p, values, 1), blend(p, values, 2)};
+  const Doubles alpha =
+      choose(lanes_with(values, 4), blend(p, values, 3), where(lanes_with(values, 1), splat(1)));
+  return {alpha, alpha, alpha};
+}
+
+inline Doubles clamped(Doubles x, double low, double high) {
+  return choose(x < low, splat(low), choose(x > high, splat(high), x));
+}
+
+inline Doubles reduce(Doubles x, int extension) {
+  x = finite_or_zero(x);
+  if (extension == GLINT_REPEAT) return x - down(x);
+  if (extension == GLINT_MIRRORED) return x - 2 * down(0.5 * x);
+  return clamped(x, -2, 3);
+}
+
+inline Whole wrap(Doubles i, double size, int extension) {
+  if (extension == GLINT_EXTEND) return whole(clamped(i, 0, size - 1));
+  if (extension == GLINT_CLIP) return whole(choose((i >= 0) & (i < size), i, splat(-1)));
+  const double period = extension == GLINT_MIRRORED ? 2 * size : size;
+  i = i + choose(i < 0, splat(period), choose(i >= period, splat(-period), splat(0)));
+  return whole(choose(i < size, i, 2 * size - 1 - i));
+}
+
+/// The two texels next to a coordinate and the way between them.
+struct Axis {
+  Whole first, second;
+  Doubles way;
+};
+
+inline Axis axis_of(const TextureShape& t, Doubles x, double size) {
+  const Doubles at = reduce(x, t.extension) * size;
+  if (t.interpolation == GLINT_CLOSEST)
+    return {wrap(down(at), size, t.extension), Whole{}, Doubles{}};
+  const Doubles first = down(at - 0.5);
+  return {wrap(first, size, t.extension), wrap(first + 1, size, t.extension), at - 0.5 - first};
+}
+
+/// Texels of a group, as colours or as their alpha.
+struct Texels {
+  size_t at[kLanes];  // of the first channel
+  Mask inside = ~Mask{};
+  Texels(const TextureShape& t, Whole column, Whole row) {
+    for (size_t lane = 0; lane < kLanes; ++lane)
+      at[lane] = 4 * (size_t(row[lane]) * t.width + size_t(column[lane]));
+    if (t.extension != GLINT_CLIP) return;
+    for (size_t lane = 0; lane < kLanes; ++lane) {
+      const bool out = column[lane] < 0 || row[lane] < 0;
+      inside[lane] = out ? 0 : -1, at[lane] = out ? 0 : at[lane];
+    }
+  }
+};
+
+inline Doubles channel(const TextureShape& t, const Texels& texels, size_t c, const double* codes) {
+  const auto number = [&](size_t lane) {
+    return double(static_cast<const float*>(t.pixels)[texels.at[lane] + c]);
+  };
+  const auto decoded = [&](size_t lane) {
+    return codes[static_cast<const uint8_t*>(t.pixels)[texels.at[lane] + c]];
+  };
+  const Doubles v = t.type == GLINT_FLOAT32 ? each_lane(number) : each_lane(decoded);
+  return t.extension == GLINT_CLIP ? where(texels.inside, v) : v;
+}
+
+inline Three colors(const TextureShape& t, const Texels& at) {
+  return {channel(t, at, 0, t.decode), channel(t, at, 1, t.decode), channel(t, at, 2, t.decode)};
+}
+inline Doubles alphas(const TextureShape& t, const Texels& at) {
+  return channel(t, at, 3, t.linear);
+}
+
+template <class Value>
+inline Value mix(const Value& a, const Value& b, Doubles t) {
+  return (1 - t) * a + t * b;
+}
+
+/// What `read`, colors or alphas, makes of the texels at a coordinate.
+template <auto read>
+inline auto sample(const TextureShape& t, Doubles u, Doubles v) {
+  const Axis x = axis_of(t, u, t.width), y = axis_of(t, v, t.height);
+  if (t.interpolation == GLINT_CLOSEST) return read(t, {t, x.first, y.first});
+  return mix(mix(read(t, {t, x.first, y.first}), read(t, {t, x.second, y.first}), x.way),
+             mix(read(t, {t, x.first, y.second}), read(t, {t, x.second, y.second}), x.way), y.way);
+}
+
+/// What was read for a group of points, by number: inputs of several lobes often ask for the same.
+class Recent {
+ public:
+  /// The value of that number, which `read` makes.
+  template <class Read>
+  Three get(uint32_t number, Read read) {
+    for (uint32_t k = 0; k < count_; ++k)
+      if (number_[k] == number) return value_[k];
+    const Three value = read();
+    if (count_ < kMost) value_[count_] = value, number_[count_++] = number;
+    return value;
+  }
+
+ private:
+  static constexpr uint32_t kMost = 8;
+  uint32_t count_ = 0, number_[kMost];
+  Three value_[kMost];
+};
+
+/// Images and attributes: the colour, or the alpha three times.
+struct Reads {
+  Recent images, colors;
+};
+
+inline Three read_image(const InputTables& s, const OnMesh& p, const GlintInput& input) {
+  Corners uv;
+  look_up(s, p, input.uv, uv);
+  const double* m = input.uv_transform;
+  const Mask has = lanes_with(uv, 2);
+  const Doubles x = where(has, blend(p, uv, 0)), y = where(has, blend(p, uv, 1));
+  const Doubles u = m[0] * x + m[1] * y + m[2], v = m[3] * x + m[4] * y + m[5];
+  const TextureShape& t = s.textures[input.texture];
+  if (input.channel != GLINT_ALPHA) return sample<colors>(t, u, v);
+  const Doubles alpha = sample<alphas>(t, u, v);
+  return {alpha, alpha, alpha};
+}
+
+inline Three image_at(const InputTables& s, const OnMesh& p, uint32_t i, Reads& reads) {
+  return reads.images.get(s.reads[i], [&] { return read_image(s, p, s.inputs[i]); });
+}
+
+inline Three color_at(const InputTables& s, const OnMesh& p, int32_t name, int channel,
+                      Reads& reads) {
+  const uint32_t number = 2 * uint32_t(name) + (channel == GLINT_ALPHA);
+  return reads.colors.get(number, [&] { return read_color(s, p, name, channel); });
+}
+
+inline Three finite_or_zero(const Three& a) {
+  return {finite_or_zero(a.x), finite_or_zero(a.y), finite_or_zero(a.z)};
+}
+
+inline Three bounded(const Three& a, double low, double high) {
+  return {clamped(a.x, low, high), clamped(a.y, low, high), clamped(a.z, low, high)};
+}
+
+inline Three evaluate(const InputTables& s, const OnMesh& p, uint32_t i, Reads& reads) {
+  const GlintInput& input = s.inputs[i];
+  Three product = splat3(input.value);
+  if (input.texture >= 0) product = product * channel_of(image_at(s, p, i, reads), input.channel);
+  const int channel = input.attribute_channel;
+  if (input.attribute >= 0)
+    product = product * channel_of(color_at(s, p, input.attribute, channel, reads), channel);
+  product = finite_or_zero(product);
+  if (input.bounded) product = bounded(product + splat3(input.offset), input.low, input.high);
+  return input.complement ? Three{1 - product.x, 1 - product.y, 1 - product.z} : product;
+}
+
+/// The product of a lobe's factors where they vary: one copy for all stages.
+__attribute__((noinline, flatten)) Three product(const InputTables& s, const OnMesh& p,
+                                                 const LobeShape& lobe, Reads& reads) {
+  Three k = {splat(1), splat(1), splat(1)};
+  for (uint32_t i = 0; i < lobe.input_count; ++i)
+    k = k * evaluate(s, p, lobe.first_input + i, reads);
+  return finite_or_zero(k);
+}
+
+inline Three coefficient(const InputTables& s, const OnMesh& p, const LobeShape& lobe,
+                         Reads& reads) {
+  return lobe.constant ? splat3(lobe.k) : product(s, p, lobe, reads);
+}
+
+}  // namespace
+}  // namespace glint

@@ -1,0 +1,475 @@
+// Light from one sample of one light (notes 4.13-4.16, light.h). Letters: x point, l direction to
+// the light, d distance, z cosine at the light, g n geometric and shading normal, v to the viewer.
+#pragma once
+#include "shading/stage_math.h"
+#include "shading/stage_rectangle.h"
+#include "shading/stage_rows.h"
+#include "shading/stages.h"
+
+namespace glint {
+namespace {
+
+constexpr double kCircle = 3.14159265358979323846;
+
+/// The sample as points see it: unit direction l, intensity color * factor, where the shadow
+/// segment ends, one over the density of the samples (a steradian) there, and where all this is
+/// sound.
+struct Sample {
+  Three l, end;
+  Doubles factor, spread;
+  Mask good;
+};
+
+/// 1 / (4 pi^2 d^2) in world units from the squared anchored distance.
+inline Doubles inverse_square(const LightStage& s, Doubles d2) {
+  return smaller(s.scale2 / ((4 * kCircle * kCircle) * d2), splat(1e100));
+}
+
+/// The share of a spot's intensity at the cosine z from its axis.
+inline Doubles spot(const LightStage& s, const Three& l) {
+  const Doubles z = -dot(l, splat3(s.axis));
+  if (!(s.spot_width > 0)) return where(z > s.spot_cosine, splat(1));
+  const Doubles t = smaller(larger((z - s.spot_cosine) / s.spot_width, splat(0)), splat(1));
+  return t * t * (3 - 2 * t);
+}
+
+/// Two unit vectors that make a frame with n (vec.h).
+inline void frame(const Three& n, Three& t1, Three& t2) {
+  const Doubles s = with_sign(splat(1), n.z), a = -1 / (s + n.z), b = n.x * n.y * a;
+  t1 = {1 + s * n.x * n.x * a, s * b, -s * n.x};
+  t2 = {b, s + n.y * n.y * a, -n.y};
+}
+
+/// The direction at the disc point of the cone round `axis` with 1 - cos(half angle) = versine,
+/// uniform in solid angle.
+inline Three in_cone(const LightStage& s, const Three& axis, Doubles versine) {
+  Three t1, t2;
+  frame(axis, t1, t2);
+  const Doubles cosine = 1 - (s.x * s.x + s.y * s.y) * versine;
+  const Doubles sine = root(larger(versine * (1 + cosine), splat(0)));  // over the disc's radius
+  return unit(cosine * axis + sine * (splat(s.x) * t1 + splat(s.y) * t2));
+}
+
+inline Sample sample_direction(const LightStage& s, const Three&) {
+  return {splat3(s.l), splat3(s.l), splat(s.factor), splat(s.spread), ~Mask{}};
+}
+
+/// In the direction l, wherever the light is.
+inline Sample direction_at(const LightStage& s, const Three&, const Three& l) {
+  const Three off = l + splat3(s.axis);  // of length^2 2 (1 - cos)
+  return {l, l, splat(s.factor), splat(s.spread), 0.5 * dot(off, off) <= s.versine};
+}
+
+inline Sample sample_point(const LightStage& s, const Three& x) {
+  const Three end = splat3(s.center), to = end - x;
+  return {unit(to), end, s.physical ? inverse_square(s, dot(to, to)) : splat(1), Doubles{},
+          ~Mask{}};
+}
+
+/// The cone that a sphere subtends.
+struct SphereCone {
+  Three to, axis;
+  Doubles d2, versine;
+  SphereCone(const LightStage& s, const Three& x)
+      : to(splat3(s.center) - x), axis(unit(to)), d2(dot(to, to)) {
+    const Doubles sine2 = choose(d2 > s.radius * s.radius, s.radius * s.radius / d2, splat(1));
+    versine = sine2 / (1 + root(1 - sine2));
+  }
+};
+
+inline Sample sphere_at(const LightStage& s, const Three& x, const SphereCone& cone,
+                        const Three& l) {
+  const double r2 = s.radius * s.radius;
+  const Doubles b = dot(cone.to, l), half = root(larger(r2 - (cone.d2 - b * b), splat(0)));
+  const Three end = x + choose(root(cone.d2) > s.radius, b - half, b + half) * l;
+  const Doubles factor =
+      s.physical ? inverse_square(s, cone.d2) * 2 / (2 - cone.versine) : splat(1);
+  return {l, end, factor, (2 * kCircle) * cone.versine, nonzero(cone.axis)};
+}
+
+inline Sample sample_sphere(const LightStage& s, const Three& x) {
+  const SphereCone cone(s, x);
+  return sphere_at(s, x, cone, in_cone(s, cone.axis, cone.versine));
+}
+
+inline Sample sphere_at(const LightStage& s, const Three& x, const Three& l) {
+  const SphereCone cone(s, x);
+  Sample at = sphere_at(s, x, cone, l);
+  const Three off = l - cone.axis;
+  at.good &= 0.5 * dot(off, off) <= cone.versine;
+  return at;
+}
+
+/// Where a disc across `towards` is lit from: at its point `end`, which is seen in the direction l.
+inline Sample disc_at(const LightStage& s, const Three& x, const Three& towards, const Three& end,
+                      const Three& l) {
+  const Three to = end - x;
+  const Doubles z = larger(dot(l, towards), splat(0)), d2 = dot(to, to);
+  return {l, end, s.physical ? z * inverse_square(s, d2) : splat(1),
+          (kCircle * s.radius * s.radius) * z / d2, nonzero(towards)};
+}
+
+inline Sample sample_disc(const LightStage& s, const Three& x) {
+  const Three towards = unit(splat3(s.center) - x);
+  Three t1, t2;
+  frame(towards, t1, t2);
+  const Three end = splat3(s.center) + splat(s.radius) * (splat(s.x) * t1 + splat(s.y) * t2);
+  return disc_at(s, x, towards, end, unit(end - x));
+}
+
+inline Sample disc_at(const LightStage& s, const Three& x, const Three& l) {
+  const Way to = way(splat3(s.center) - x);
+  const Doubles t = to.length / dot(l, to.d);
+  const Three end = x + t * l, off = end - splat3(s.center);
+  Sample at = disc_at(s, x, to.d, end, l);
+  at.good &= (t > 0) & (dot(off, off) <= s.radius * s.radius);
+  return at;
+}
+
+inline Sample plane_at(const LightStage& s, const Three& x, const Three& end, const Three& l) {
+  const Three to = end - x;
+  const Doubles z = -dot(l, splat3(s.axis)), d2 = dot(to, to);
+  return {l, end, s.physical ? 4 * z * inverse_square(s, d2) : splat(1), s.area * z / d2, z > 0};
+}
+
+inline Sample sample_plane(const LightStage& s, const Three& x) {
+  return plane_at(s, x, splat3(s.end), unit(splat3(s.end) - x));
+}
+
+inline Sample plane_at(const LightStage& s, const Three& x, const Three& l) {
+  const Doubles t = dot(splat3(s.center) - x, splat3(s.axis)) / dot(l, splat3(s.axis));
+  const Three end = x + t * l, off = end - splat3(s.center);
+  const Doubles a = dot(off, splat3(s.across)), b = dot(off, splat3(s.upward));
+  Sample at = plane_at(s, x, end, l);
+  at.good &= (t > 0) & (s.ellipse ? a * a + b * b <= 1 : (magnitude(a) <= 1) & (magnitude(b) <= 1));
+  return at;
+}
+
+/// Even over the solid angle where the rectangle is seen large, over its area elsewhere: there the
+/// two are nearly the same, and rays that end in one point are faster.
+struct SeenRectangle {
+  Three right, up, axis;
+  Rectangle seen;
+  Mask large;
+  SeenRectangle(const LightStage& s, const Three& p)
+      : right(splat3(s.right)), up(splat3(s.up)), axis(splat3(s.axis)) {
+    const Three to = splat3(s.center) - p;
+    const Doubles x = dot(to, right) / s.size, y = dot(to, up) / s.size,
+                  z = -dot(to, axis) / s.size;
+    large = (dot(to, to) < s.near2) & (z > 1e-30);
+    seen = {x - s.half[0], x + s.half[0], y - s.half[1], y + s.half[1], z};
+  }
+};
+
+inline Sample sample_rectangle(const LightStage& s, const Three& p) {
+  const Sample even = sample_plane(s, p);
+  const SeenRectangle r(s, p);
+  if (!any(r.large)) return even;
+  const RectanglePoint q = rectangle_point(r.seen, 0.5 * (s.a + 1), 0.5 * (s.b + 1));
+  const Three l = q.x * r.right + q.y * r.up - r.seen.z * r.axis;
+  return {choose(r.large, unit(l), even.l), choose(r.large, p + splat(s.size) * l, even.end),
+          choose(r.large, q.solid_angle * s.factor, even.factor),
+          choose(r.large, q.solid_angle, even.spread), r.large | even.good};
+}
+
+inline Sample rectangle_at(const LightStage& s, const Three& p, const Three& l) {
+  Sample at = plane_at(s, p, l);
+  const SeenRectangle r(s, p);
+  if (!any(r.large & at.good)) return at;
+  const Doubles solid_angle = r.seen.solid_angle();
+  at.factor = choose(r.large, solid_angle * s.factor, at.factor),
+  at.spread = choose(r.large, solid_angle, at.spread);
+  return at;
+}
+
+inline void share(const LightStage& s, Sample& sample) {
+  if (s.spot) sample.factor = sample.factor * spot(s, sample.l);
+  if (s.share > 1) sample.factor = sample.factor / s.share;
+  sample.good &= sample.factor != 0;
+}
+
+template <int Shape>
+inline Sample sample(const LightStage& s, const Three& x) {
+  Sample sample = Shape == kDirection         ? sample_direction(s, x)
+                  : Shape == kPointSource     ? sample_point(s, x)
+                  : Shape == kSphereSource    ? sample_sphere(s, x)
+                  : Shape == kDiscSource      ? sample_disc(s, x)
+                  : Shape == kRectangleSource ? sample_rectangle(s, x)
+                                              : sample_plane(s, x);
+  share(s, sample);
+  return sample;
+}
+
+/// The sample that the direction l would be; not good where it misses the light.
+template <int Shape>
+inline Sample sample_at(const LightStage& s, const Three& x, const Three& l) {
+  Sample sample = Shape == kDirection         ? direction_at(s, x, l)
+                  : Shape == kSphereSource    ? sphere_at(s, x, l)
+                  : Shape == kDiscSource      ? disc_at(s, x, l)
+                  : Shape == kRectangleSource ? rectangle_at(s, x, l)
+                                              : plane_at(s, x, l);
+  share(s, sample);
+  return sample;
+}
+
+/// The terms of a group of points whose highlights are narrower than the light.
+struct Narrow {
+  Doubles least,
+      total;  // their exponents are at least that; sum of |k| / (p + 1), 0 where there are none
+};
+
+struct Term {
+  Three k;
+  Doubles exponent;
+  Term(const LightStage& s, size_t at, int number) {
+    const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + at;
+    k = {load(column), load(column + s.stride), load(column + 2 * s.stride)},
+    exponent = load(column + SpecularTerm::kExponent * s.stride);
+  }
+  Doubles weight(const Narrow& narrow) const {
+    return where(exponent >= narrow.least, magnitude(k.x) + magnitude(k.y) + magnitude(k.z));
+  }
+  /// How many of the drawn directions belong to it, of `total`.
+  Doubles part(const Narrow& narrow) const { return weight(narrow) / (exponent + 1); }
+};
+
+inline Narrow narrow_terms(const LightStage& s, size_t k, const Three& x) {
+  const Three to = splat3(s.center) - x;
+  Narrow narrow = {s.least_near * dot(to, to) + s.least, Doubles{}};
+  for (int number = 0; number < s.max_specular; ++number)
+    narrow.total = narrow.total + Term(s, k, number).part(narrow);
+  return narrow;
+}
+
+/// Sum of the terms, and how densely (a steradian) directions are drawn where l is.
+struct Highlights {
+  Three light;
+  Doubles density;
+};
+
+/// cosine: n.l.  narrow: or null. Lobes that differ in their Fresnel factor alone share their
+/// power.
+__attribute__((always_inline)) inline Highlights highlights(const LightStage& s, size_t k,
+                                                            const Three& n, const Three& l,
+                                                            Doubles cosine, const Narrow* narrow) {
+  const Three d = load3(s.d, k), h = l - d;
+  const Slope at = slope(n, h);
+  Gloss gloss(cosine, seen_cosine(n, d), root(larger(0.5 * (1 - dot(l, d)), splat(0))));
+  Doubles exponent = splat(0), power = splat(1);
+  Highlights sum{};
+  for (int number = 0; number < s.max_specular; ++number) {
+    const Term term(s, k, number);
+    if (!any(nonzero(term.k))) continue;
+    if (bits(term.exponent != exponent)) exponent = term.exponent, power = highlight(at, exponent);
+    Doubles factor = power;
+    if (s.specular_columns == SpecularTerm::kShaped) {
+      const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
+      factor = power * gloss.factor(load(column + SpecularTerm::kMasking * s.stride),
+                                    load(column + SpecularTerm::kFresnel * s.stride));
+    }
+    sum.light = sum.light + factor * term.k;
+    if (narrow) sum.density = sum.density + power * term.weight(*narrow);
+  }
+  const Doubles size = length(h);
+  if (narrow)
+    sum.density = where((narrow->total > 0) & (size > 0),
+                        sum.density / ((4 * kCircle) * size * narrow->total));
+  return sum;
+}
+
+/// How far along g a ray starts that leaves to the back of its face: beyond the face, but not where
+/// Hanika's start is above it already. There the face is out of its way, and beyond the face it
+/// would start within the body.
+inline Doubles below(const LightStage& s, size_t k, const Three& origin, const Three& g,
+                     Doubles offset) {
+  if (s.origin[0] == s.points_x[0]) return -offset;  // no smooth faces
+  return choose(dot(origin - load3(s.points_x, k), g) > 0x1p-25 * offset, splat(0), -offset);
+}
+
+/// The direction in which the half vector at the stage's point of the lobes mirrors the ray, and
+/// where there is one.
+struct Drawn {
+  Three l;
+  Mask good;
+};
+inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& narrow) {
+  const Doubles at = s.radius2 * narrow.total;
+  Doubles before{}, rest{}, exponent{};
+  for (int number = 0; number < s.max_specular; ++number) {
+    const Term term(s, k, number);
+    const Doubles part = term.part(narrow);
+    const Mask here = (part > 0) & (at >= before);
+    rest = choose(here, (at - before) / part, rest),
+    exponent = choose(here, term.exponent, exponent);
+    before = before + part;
+  }
+  rest = smaller(rest, splat(1 - 0x1p-53));
+  const Doubles cosine2 = exponential(-2 * logarithm_of_one_and(rest, 1 - rest) / (exponent + 1));
+  Three t1, t2;
+  frame(n, t1, t2);
+  const Three h = root(cosine2) * n +
+                  root(1 - cosine2) * (splat(s.azimuth[0]) * t1 + splat(s.azimuth[1]) * t2),
+              d = load3(s.d, k);
+  const Doubles c = dot(d, h);
+  return {d - 2 * c * h, (narrow.total > 0) & (c < 0)};
+}
+
+/// The open segment from the point to the sample; its far end stops short of what the sample lies
+/// on.
+template <int Shape>
+inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample,
+                       const Appender& append) {
+  const Three origin = load3(s.origin, k), g = load3(s.g, k);
+  const Doubles offset = load(s.offset + k);
+  const Three towards = Shape == kDirection ? sample.l : sample.end - origin;
+  // Off the surface along its normal, and back along the ray that found it: there it is free,
+  // whatever stands on the surface.
+  const Three o = origin + choose(dot(g, towards) < 0, below(s, k, origin, g, offset), offset) * g -
+                  offset * load3(s.d, k);
+  append(s.o, o);
+  if (s.end_out[0]) append(s.end_out, sample.end);
+  if (Shape == kDirection) return append(s.to, sample.l), append(s.t_max, splat(__builtin_inf()));
+  const Way to = way(sample.end - o);
+  append(s.to, to.d);
+  append(s.t_max, to.length - rounding(larger(max_abs(sample.end), max_abs(o))));
+}
+
+/// A row for each of the lanes `reached` that the sample adds something to; how many.
+template <int Shape>
+inline size_t append_lit(const LightStage& s, size_t k, const Sample& sample, Mask reached,
+                         const Three& diffuse, const Three& specular, size_t found) {
+  reached &= nonzero(diffuse) | nonzero(specular);
+  const uint32_t lanes = bits(reached);
+  if (!lanes) return 0;
+  const Appender append{lanes, found};
+  append.number(s.point, uint32_t(k));
+  append(s.diffuse_out, s.specular_out[0] ? diffuse : diffuse + specular);
+  if (s.specular_out[0]) append(s.specular_out, specular);
+  if (s.casts_shadow) shadow_ray<Shape>(s, k, sample, append);
+  return size_t(__builtin_popcount(lanes));
+}
+
+/// Points of the light and drawn directions, weighed by how densely each of them falls there (the
+/// balance heuristic): both get the same.
+inline Doubles balanced(const Sample& at, const Highlights& seen) {
+  return at.factor / (1 + seen.density * at.spread);
+}
+
+template <int Shape>
+size_t light_from(const LightStage& s) {
+  const Three color = splat3(s.color);
+  size_t found = 0;
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Mask lit = load(s.lit + k);
+    if (!any(lit)) continue;
+    const Three n = load3(s.n, k), x = load3(s.points_x, k);
+    const Sample at = sample<Shape>(s, x);
+    const Doubles cosine = dot(n, at.l);
+    const Mask reached = lit & at.good & (cosine > 0);
+    if (!any(reached)) continue;
+    const Three I = at.factor * color, diffuse = cosine * (I * load3(s.diffuse, k));
+    Three specular{};
+    if (s.draws) {
+      const Narrow narrow = narrow_terms(s, k, x);
+      const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
+      specular = balanced(at, seen) * (color * seen.light);
+    } else if (s.max_specular > 0) {
+      specular = I * highlights(s, k, n, at.l, cosine, nullptr).light;
+    }
+    found += append_lit<Shape>(s, k, at, reached, diffuse, specular, found);
+  }
+  return found;
+}
+
+/// Directions drawn from the narrow lobes, where they reach the light.
+template <int Shape>
+size_t gloss_from(const LightStage& s) {
+  const Three color = splat3(s.color);
+  size_t found = 0;
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Mask lit = load(s.lit + k);
+    if (!any(lit)) continue;
+    const Three n = load3(s.n, k), x = load3(s.points_x, k);
+    const Narrow narrow = narrow_terms(s, k, x);
+    if (!any(lit & (narrow.total > 0))) continue;
+    const Drawn drawn = draw(s, k, n, narrow);
+    const Sample at = sample_at<Shape>(s, x, drawn.l);
+    const Doubles cosine = dot(n, at.l);
+    const Mask reached = lit & drawn.good & at.good & (cosine > 0);
+    if (!any(reached)) continue;
+    const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
+    found += append_lit<Shape>(s, k, at, reached, Three{},
+                               balanced(at, seen) * (color * seen.light), found);
+  }
+  return found;
+}
+
+size_t light(const LightStage& s) {
+  switch (s.shape) {
+    case kDirection:
+      return light_from<kDirection>(s);
+    case kPointSource:
+      return light_from<kPointSource>(s);
+    case kSphereSource:
+      return light_from<kSphereSource>(s);
+    case kDiscSource:
+      return light_from<kDiscSource>(s);
+    case kRectangleSource:
+      return light_from<kRectangleSource>(s);
+    default:
+      return light_from<kPlaneSource>(s);
+  }
+}
+
+size_t gloss(const LightStage& s) {
+  switch (s.shape) {
+    case kDirection:
+      return gloss_from<kDirection>(s);
+    case kSphereSource:
+      return gloss_from<kSphereSource>(s);
+    case kDiscSource:
+      return gloss_from<kDiscSource>(s);
+    case kRectangleSource:
+      return gloss_from<kRectangleSource>(s);
+    default:
+      return gloss_from<kPlaneSource>(s);
+  }
+}
+
+/// Zero is added where the ray is blocked, so that -0 turns to 0 alone and in company.
+void sum(const LightSum& s) {
+  for (size_t k = 0; k < s.count;) {
+    const uint32_t first = s.point[k];
+    if (s.count - k >= kLanes && s.point[k + kLanes - 1] - first == kLanes - 1) {
+      const Mask open = each_lane<Mask>(
+          [&](size_t lane) { return s.blocked[k + lane] ? int64_t(0) : int64_t(-1); });
+      for (size_t c = 0; c < 3; ++c)
+        store(s.total[c] + first, load(s.total[c] + first) + where(open, load(s.given[c] + k)));
+      k += kLanes;
+    } else {
+      for (size_t c = 0; c < 3; ++c)
+        s.total[c][first] = s.total[c][first] + (s.blocked[k] ? 0 : s.given[c][k]);
+      ++k;
+    }
+  }
+}
+
+void sum_parts(const LightParts& s) {
+  const auto add = [](double* const(&columns)[3], const Chosen& at, const Three& c) {
+    if (columns[0]) scatter3(columns, at, gather3(columns, at) + c);
+  };
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Chosen at = chosen(s.point, k, s.count);
+    const Three diffuse = load3(s.diffuse, k),
+                specular = s.specular[0] ? load3(s.specular, k) : Three{},
+                full = diffuse + specular;
+    const Doubles open = each_lane([&](size_t lane) { return s.blocked[k + lane] ? 0.0 : 1.0; });
+    const Three lit = full * (s.shadow[0] ? load3(s.shadow, k) : Three{open, open, open});
+    add(s.sums.total, at, lit), add(s.sums.diffuse, at, diffuse),
+        add(s.sums.specular, at, specular);
+    add(s.sums.shadow, at, lit - full);
+  }
+}
+
+}  // namespace
+}  // namespace glint

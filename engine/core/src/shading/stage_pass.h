@@ -1,0 +1,189 @@
+// Rays that leave surfaces: refracted, mirrored, straight on (notes 4.12-4.17). A lobe at a time,
+// so that rays of one kind are neighbours. Letters: d direction, n shading normal, g geometric
+// normal, T weight to the pixel, k coefficient of a lobe.
+#pragma once
+#include "shading/stage_math.h"
+#include "shading/stage_rows.h"
+#include "shading/stages.h"
+
+namespace glint {
+namespace {
+
+/// Rays that arrive at a group of points.
+struct Arriving {
+  Three d, n, g;
+  Mask outside;
+  Arriving(const PassStage& s, const Chosen& at)
+      : d(gather3(s.from + RayLayout::kD * s.from_stride, s.from_stride, at)),
+        n(gather3(s.n, at)),
+        g(gather3(s.g, at)),
+        outside(gather(s.outside, at)) {}
+  Doubles relative(double ior) const { return choose(outside, splat(ior), splat(1 / ior)); }
+};
+
+/// 1 where the lobe has none.
+inline Doubles fresnel(const Arriving& ray, const LobeShape& lobe) {
+  return lobe.fresnel ? fresnel_reflectance(magnitude(dot(ray.d, ray.n)), ray.relative(lobe.ior))
+                      : splat(1);
+}
+
+/// The unit direction refracted at the normal that the ray comes from; zero at total reflection.
+inline Three refract(const Arriving& ray, Doubles relative_ior) {
+  const Three n = choose(dot(ray.d, ray.n) <= 0, ray.n, ray.g);
+  const Doubles cosine = -dot(ray.d, n),
+                sine2 = (1 - cosine * cosine) / (relative_ior * relative_ior);
+  const Three bent =
+      unit((1 / relative_ior) * ray.d + (cosine / relative_ior - root(1 - sine2)) * n);
+  return where(sine2 < 1, bent);
+}
+
+/// Mirrored at n, or at g where that points below the surface.
+inline Three reflect(const Arriving& ray) {
+  const Three r = ray.d - (2 * dot(ray.d, ray.n)) * ray.n;
+  return unit(choose(dot(r, ray.g) < 0, ray.d - (2 * dot(ray.d, ray.g)) * ray.g, r));
+}
+
+inline Three weight(const PassStage& s, const Chosen& at) {
+  return gather3(s.from + RayLayout::kT * s.from_stride, s.from_stride, at);
+}
+
+/// The coefficient of the lobe of that number among those that send rays on.
+inline Three coefficient(const PassStage& s, const Chosen& at, size_t number) {
+  return gather3(s.passing + 3 * number * s.passing_stride, s.passing_stride, at);
+}
+
+inline Doubles largest(const Three& a) {
+  const Doubles x = magnitude(a.x), y = magnitude(a.y), z = magnitude(a.z),
+                xy = choose(x < y, y, x);
+  return choose(xy < z, z, xy);
+}
+
+/// Columns of some rays that are new in a queue.
+struct NewRays {
+  const RayEnd& end;
+  Appender append;
+  NewRays(const RayEnd& to, uint32_t lanes) : end(to), append{lanes, *to.size} {
+    *to.size += size_t(__builtin_popcount(lanes));
+  }
+  void operator()(size_t column, Doubles v) const { append(end.columns + column * end.stride, v); }
+  void operator()(size_t column, const Three& v) const {
+    append(end.columns + column * end.stride, end.stride, v);
+  }
+  void tag(Mask v) const { append(end.tags, v); }
+  size_t count() const { return size_t(__builtin_popcount(append.lanes)); }
+};
+
+/// Rays that leave along d one bounce deeper, unless they weigh nothing or next to it. How many.
+inline size_t bounce(const PassStage& s, const Chosen& at, const Arriving& ray, Mask wanted,
+                     const Three& d, const Three& k) {
+  const Three T = weight(s, at) * k;
+  const Mask tag = gather(s.from_tags, at), depth = (tag >> RayTag::kDepth & 255) + 1;
+  wanted &= nonzero(T) & (depth <= int64_t(s.max_bounces)) & ~(largest(T) < s.cutoff);
+  const uint32_t lanes = bits(wanted) & lanes_of(at);
+  if (!lanes) return 0;
+  const NewRays add(s.bounced, lanes);
+  const Three x = gather3(s.x, at);
+  const Doubles offset = gather(s.offset, at);
+  add(RayLayout::kO, x + choose(dot(ray.g, d) < 0, -offset, offset) * ray.g), add(RayLayout::kD, d);
+  add(RayLayout::kT, T), add(RayLayout::kStart, x);
+  add(RayLayout::kTMin, splat(0)), add(RayLayout::kTMax, splat(__builtin_inf())),
+      add(RayLayout::kFrom, splat(0));
+  add.tag((tag & int64_t(0xffffffff)) | depth << RayTag::kDepth);
+  return add.count();
+}
+
+inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t number) {
+  size_t count = 0;
+  for (size_t i = 0; i < s.count; i += kLanes) {
+    const Chosen at = chosen(s.rows, i, s.count);
+    const Arriving ray(s, at);
+    const Three d = refract(ray, ray.relative(lobe.ior)), k = coefficient(s, at, number);
+    count += bounce(s, at, ray, nonzero(d), d, lobe.fresnel ? (1 - fresnel(ray, lobe)) * k : k);
+  }
+  return count;
+}
+
+inline bool passes(const LobeShape& lobe) {
+  return lobe.kind == GLINT_MIRROR || lobe.kind == GLINT_REFRACTION ||
+         lobe.kind == GLINT_TRANSPARENT;
+}
+
+/// body(lobe, number) for those of the lobes of a kind: their numbers among those that send rays
+/// on.
+template <class Body>
+inline void each_lobe(const PassStage& s, int kind, Body body) {
+  size_t number = 0;
+  for (uint32_t i = 0; i < s.lobe_count; ++i) {
+    if (s.lobes[i].kind == kind) body(s.lobes[i], number);
+    number += passes(s.lobes[i]);
+  }
+}
+
+inline size_t mirror_rows(const PassStage& s) {
+  size_t count = 0;
+  for (size_t i = 0; i < s.count; i += kLanes) {
+    const Chosen at = chosen(s.rows, i, s.count);
+    const Arriving ray(s, at);
+    Three k{};
+    each_lobe(s, GLINT_MIRROR, [&](const LobeShape& lobe, size_t number) {
+      k = k + fresnel(ray, lobe) * coefficient(s, at, number);
+    });
+    if (any(nonzero(k))) count += bounce(s, at, ray, nonzero(k), reflect(ray), k);
+  }
+  return count;
+}
+
+/// The same rays from behind the surfaces. How many.
+inline size_t go_on(const PassStage& s, const Chosen& at, const Three& k) {
+  const Three T = weight(s, at) * k;
+  const Mask tag = gather(s.from_tags, at), opaque = (k.x + k.y + k.z) / 3 < 0.5;
+  const Mask wants_data = tag & ~opaque & (int64_t(1) << RayTag::kWantsData);
+  const Mask wanted = nonzero(k) & ((tag >> RayTag::kStraight & 255) < int64_t(s.max_straight)) &
+                      (nonzero(T) | (wants_data != 0));
+  const uint32_t lanes = bits(wanted) & lanes_of(at);
+  if (!lanes) return 0;
+  const NewRays add(s.straight, lanes);
+  const auto keep = [&](size_t column) {
+    add(column, gather(s.from + column * s.from_stride, at));
+  };
+  for (size_t c = 0; c < RayLayout::kT; ++c) keep(c);
+  for (size_t c = RayLayout::kStart; c < RayLayout::kTMin; ++c) keep(c);
+  const Doubles t = gather(s.t, at);
+  add(RayLayout::kT, T), add(RayLayout::kTMin, beyond(t)), keep(RayLayout::kTMax),
+      add(RayLayout::kFrom, t);
+  const Mask kept = tag & ((int64_t(1) << RayTag::kWantsData) - 1);
+  const Mask dimmed = (k.x != 1) | (k.y != 1) | (k.z != 1);
+  add.tag((kept + (dimmed & int64_t(1) << RayTag::kStraight)) | wants_data);
+  return add.count();
+}
+
+inline size_t straight_rows(const PassStage& s) {
+  size_t count = 0;
+  for (size_t i = 0; i < s.count; i += kLanes) {
+    const Chosen at = chosen(s.rows, i, s.count);
+    Three k{};
+    each_lobe(s, GLINT_TRANSPARENT,
+              [&](const LobeShape&, size_t number) { k = k + coefficient(s, at, number); });
+    count += go_on(s, at, k);
+  }
+  return count;
+}
+
+inline bool has(const PassStage& s, int kind) {
+  bool has = false;
+  each_lobe(s, kind, [&](const LobeShape&, size_t) { has = true; });
+  return has;
+}
+
+PassedRays pass(const PassStage& s) {
+  PassedRays count{};
+  each_lobe(s, GLINT_REFRACTION, [&](const LobeShape& lobe, size_t number) {
+    count.refraction += refract_rows(s, lobe, number);
+  });
+  if (has(s, GLINT_MIRROR)) count.mirror = mirror_rows(s);
+  if (has(s, GLINT_TRANSPARENT)) count.transparent = straight_rows(s);
+  return count;
+}
+
+}  // namespace
+}  // namespace glint

@@ -1,0 +1,23 @@
+#include "shading/stages.h"
+
+#include "simd/isa.h"
+#include "math/math.h"
+
+namespace glint {
+
+#if defined(GLINT_X86_KERNELS)
+const Stages& best_stages() {
+  const Isa isa = choose_isa(kAvx512);
+  return isa == kAvx512 ? stages_avx512 : isa == kAvx2 ? stages_avx2 : stages_sse42;
+}
+#else
+const Stages& best_stages() { return stages_generic; }
+#endif
+
+double cosine_power(double tangent2, double p) {
+  double power = 0;
+  best_stages().cosine_power(&tangent2, &p, &power, 1);
+  return power;
+}
+
+}  // namespace glint

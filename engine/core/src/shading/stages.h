@@ -1,0 +1,325 @@
+// The stages of the pipeline that run over whole batches: camera rays, points on meshes, lobes,
+// rays that go on, light from one light sample, shadow rays through surfaces, sums. One source
+// (stage_*.h), compiled once per instruction set, with the same bits from each. Plain data only:
+// nothing here may emit code. Columns are arrays of one number a ray; they have room for a multiple
+// of kPad numbers, and stages may write that far.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+
+#include "glint.h"
+
+namespace glint {
+
+constexpr size_t kPad = 8;
+constexpr uint32_t kNoMaterial =
+    0xffffffffu;  // of a point that the stages leave to others: no mesh
+
+/// Camera rays (notes 4.4-4.6) in anchored space through points of the window. d is unit.
+struct CameraStage {
+  size_t count;
+  const double *across, *upward;  // of each ray's point: u and v of the notes
+  double u[3], v[3], w[3];        // columns of world_from_camera
+  double scale, clip_start, clip_end;
+  bool parallel;
+  double *o[3], *d[3], *t_min, *t_max;  // o: only where parallel
+};
+
+/// A group of instances, as the stages read it.
+struct GroupShape {
+  const float* vertices;
+  const uint32_t* triangles;    // null: no mesh
+  const float* normals;         // null: flat
+  const uint32_t* normal_rows;  // three a triangle
+  const uint16_t* slots;        // null: all primitives have `material`
+  const uint32_t* materials;    // of the slots
+  uint32_t material_count, material;
+};
+
+/// An instance: columns of anchored_from_object, columns of the matrix that takes normals, and
+/// whether the first one mirrors.
+struct InstanceShape {
+  double m[12], normal[9];
+  uint32_t group, mirrors;
+};
+
+/// Points of surfaces in anchored space, as surface.h has them one by one. Masks are 0 or -1.
+struct PointColumns {
+  double *x[3], *g[3], *n[3],
+      *origin[3];  // origin: of shadow rays. n may be g, and origin x, where no mesh is smooth
+  double *offset, *weights[2];  // weights: of the second and third vertex
+  int64_t* outside;
+  uint32_t* material;
+};
+
+/// Rays and hits to points. Rays that hit nothing get the material `missed`, other hits than of
+/// meshes kNoMaterial.
+struct SurfaceStage {
+  size_t count;
+  const double *start[3], *d[3];
+  const uint32_t *instance, *primitive;
+  const float *u, *v;
+  const InstanceShape* instances;
+  const GroupShape* groups;
+  uint32_t missed;
+  PointColumns points;
+};
+
+/// What a material adds without any light, and its lobes that lights need, all for T = 1. Materials
+/// that vary over the surface or send rays on have zeros here: `others` says so.
+struct MaterialTerms {
+  uint32_t view_count;  // its rows of ViewTerm
+  double glow[3];       // the sum of the next three
+  double ambient[3], emission[3], environment[3];
+  double diffuse[3];
+  uint32_t others, unlit;  // unlit: lights add nothing
+};
+
+/// Sums of a batch, a column a channel; null where a part was not asked for. total: Combined.
+struct SumColumns {
+  double *total[3], *ambient[3], *emission[3], *environment[3], *diffuse[3], *specular[3],
+      *shadow[3];
+};
+
+/// A SPECULAR lobe: columns of k (three) and the exponent; where some lobe of the scene is shaped,
+/// the square of its masking and what `fresnel` says.
+struct SpecularTerm {
+  static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6;
+  /// 0 for none, -1 for Schlick's weight, or a dielectric's index.
+  static double fresnel(int bits, double ior) { return bits & 2 ? -1 : bits & 1 ? ior : 0; }
+};
+
+/// What of a surface is times (1 - n.v)^exponent.
+struct ViewTerm {
+  static constexpr size_t kDiffuse = 0, kAmbient = 3, kExponent = 6, kColumns = 7;
+};
+
+/// Constant lobes. Writes every column of the sums; `diffuse`, `specular` and `lit` say what lights
+/// are to add.
+struct ShadeStage {
+  size_t count;
+  const double* T[3];
+  const uint32_t* material;
+  const MaterialTerms* terms;
+  const double* specular_terms;  // max_specular rows of SpecularTerm a material
+  int max_specular, specular_columns;
+  const double* view_terms;  // max_view rows a material
+  int max_view;
+  const double *n[3], *d[3];  // read where max_view > 0
+  SumColumns sums;
+  double* diffuse[3];  // T k
+  double* specular;    // columns of SpecularTerm, times T, of the first term, of the second, …
+  size_t stride;       // from a column of `specular` to the next
+  int64_t* lit;
+  uint32_t* others;  // rays whose material the stage leaves to others
+};
+
+/// A lobe and an image as the stages read them (material.h, texture.h).
+struct LobeShape {
+  int kind;
+  bool constant, like_last;
+  int fresnel;
+  double exponent, ior, masking, k[3];  // k: where constant
+  uint32_t first_input, input_count;
+};
+struct TextureShape {
+  const void* pixels;
+  const double *decode, *linear;  // of the codes of bytes: colours, alpha
+  uint32_t width, height;
+  int type, extension, interpolation;
+};
+
+/// What inputs that vary over a surface are read from.
+struct InputTables {
+  const InstanceShape* instances;
+  const GlintInstances* groups;
+  const GlintGeometry* geometries;
+  const GlintAttribute* attributes;
+  const GlintInput* inputs;
+  const uint32_t*
+      reads;  // for each input the number of what it reads of an image: the same for the same
+  const TextureShape* textures;
+};
+
+/// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`,
+/// `specular` and `lit`, as ShadeStage does, and `passing`.
+struct VaryStage {
+  InputTables tables;
+  size_t count;
+  const uint32_t* rows;  // of its points
+  const double *T[3], *weights[2], *n[3], *d[3];
+  const uint32_t *instance, *primitive;
+  const LobeShape* lobes;
+  uint32_t lobe_count;
+  double ambient[3];
+  SumColumns sums;
+  double* diffuse[3];
+  double* specular;
+  int specular_columns;
+  double* passing;         // three columns for each lobe that sends rays on: its coefficient
+  uint32_t* passing_rows;  // points where one of these is not zero
+  size_t stride;
+  int64_t* lit;
+};
+
+/// Columns of a queue of rays (queue.h).
+struct RayLayout {
+  static constexpr size_t kO = 0, kD = 3, kT = 6, kStart = 9, kTMin = 12, kTMax = 13, kFrom = 14,
+                          kColumns = 15;
+};
+
+/// What else a ray carries, in one number of 64 bits: from bit 0 on its slot, from these on how
+/// often it bounced and how often it went straight on since (8 bits each), and whether it wants
+/// data.
+struct RayTag {
+  static constexpr int kDepth = 32, kStraight = 40, kWantsData = 48;
+};
+
+/// The end of a queue that has room for what is added.
+struct RayEnd {
+  double* columns;
+  size_t stride;
+  int64_t* tags;
+  size_t* size;
+};
+
+/// Rays that leave points which share a material. Of a path's rays those of the lobes come in the
+/// lobes' order: refracted ones, then one mirrored, then one that goes straight on.
+struct PassStage {
+  size_t count;
+  const uint32_t* rows;  // of the points, of different paths
+  const double* from;    // the queue whose rays arrive there
+  size_t from_stride;
+  const int64_t* from_tags;
+  const double *t, *x[3], *g[3], *n[3], *offset;
+  const int64_t* outside;
+  const double* passing;  // as VaryStage has it
+  size_t passing_stride;
+  const LobeShape* lobes;
+  uint32_t lobe_count, max_bounces, max_straight;
+  double cutoff;             // of weights
+  RayEnd straight, bounced;  // room for each row, and for each row and lobe
+};
+
+struct PassedRays {
+  size_t refraction, mirror, transparent;
+};
+
+enum LightShape : int {
+  kDirection,
+  kPointSource,
+  kSphereSource,
+  kDiscSource,
+  kPlaneSource,
+  kRectangleSource
+};
+
+/// One sample of one light, as light.h has it for one point.
+struct LightStage {
+  int shape;
+  bool physical, spot, casts_shadow, ellipse;
+  double l[3], factor;     // kDirection: the unit direction; its intensity. kRectangleSource:
+                           // intensity per steradian
+  double versine, spread;  // kDirection: 1 - cos of the half angle, and the solid angle
+  double end[3];           // kPlaneSource, kRectangleSource: the sample, even over the area
+  double right[3], up[3], size, half[2], near2, a,
+      b;  // kRectangleSource: unit axes; half the diagonal, half the sides over it; the square
+          // of the distance within which it is seen large; the sample in the square
+  double center[3], axis[3], color[3];
+  double radius, scale2, spot_cosine, spot_width, x, y,
+      share;  // x, y: of the disc; share: samples of the light
+  double area, across[3],
+      upward[3];  // kPlaneSource, kRectangleSource: what takes their sides, or axes, to 1
+  bool draws;     // whether directions are drawn from lobes whose exponent at the distance d is
+                  // least_near d^2 + least
+  double least_near, least, radius2,
+      azimuth[2];        // or more; where in a lobe: the unit disc's radius^2 and unit direction
+  double most_exponent;  // of the scene
+  size_t count;
+  const double *points_x[3], *g[3], *n[3], *origin[3], *offset, *d[3], *diffuse[3];
+  const double* specular;
+  size_t stride;
+  int max_specular, specular_columns;
+  const int64_t* lit;
+  uint32_t* point;  // what follows: a number for each point that the sample reaches, before shadows
+  double *o[3], *to[3], *t_max;              // shadow rays, where the light casts any
+  double* end_out[3];                        // ends of their segments; null where nobody asks
+  double *diffuse_out[3], *specular_out[3];  // T k I; specular_out null: both in diffuse_out
+};
+
+/// total[point[k]] += given[k] where the ray is free.
+struct LightSum {
+  size_t count;
+  const uint32_t* point;
+  const uint8_t* blocked;
+  const double* given[3];
+  double* total[3];
+};
+
+/// The same with what else is known: diffuse and specular light apart, how much of it gets through,
+/// and the parts that are kept.
+struct LightParts {
+  size_t count;
+  const uint32_t* point;
+  const uint8_t* blocked;
+  const double *shadow[3], *diffuse[3], *specular[3];  // shadow: S, null where rays are free or
+                                                       // blocked and no more.  specular: or null
+  SumColumns sums;
+};
+
+/// Columns of rays on their way through surfaces, but for their weight and the like.
+struct VeiledRay {
+  static constexpr size_t kO = 0, kD = 3, kTMin = 6, kTMax = 7, kT = 8,
+                          kColumns = 9;  // kT: of their hits
+};
+
+/// Some of the shadow rays of a light sample, which met surfaces of one material that lets light
+/// through.
+struct VeilStage {
+  InputTables tables;
+  size_t first, count;  // rows of the columns of rays and hits
+  const GroupShape* shapes;
+  double* rays;  // VeiledRay. Those with light left follow each other from row `kept` <= first on,
+                 // bound to start there
+  size_t stride, kept;
+  uint32_t* number;  // of the ray in the sample; moves with the rays
+  const uint32_t *instance, *primitive;
+  const float *u, *v;
+  const uint32_t* point;  // of each ray of the sample, as what follows but `origin`
+  const double *origin[3], *to[3],
+      *end[3];        // origin: of each point.  end: null where `to` is exact
+  double* shadow[3];  // S
+  const LobeShape* lobes;
+  uint32_t lobe_count;
+};
+
+struct Stages {
+  const char* name;
+  void (*camera)(const CameraStage&);
+  void (*surface)(const SurfaceStage&);
+  size_t (*shade)(const ShadeStage&);  // how many `others`
+  size_t (*vary)(const VaryStage&);    // how many `passing_rows`
+  PassedRays (*pass)(const PassStage&);
+  size_t (*light)(const LightStage&);  // how many points the sample reaches
+  size_t (*gloss)(
+      const LightStage&);            // how many points the directions drawn from their lobes light
+  size_t (*veil)(const VeilStage&);  // how many rays are kept in all
+  void (*sum)(const LightSum&);
+  void (*sum_parts)(const LightParts&);
+  void (*add)(double* to, const double* from, size_t count);
+  void (*mean)(const double* sums, double samples, float* out,
+               size_t count);  // NaN becomes 0, infinities the largest float
+  void (*cosine_power)(const double* tangent2, const double* exponent, double* out, size_t count);
+};
+
+#if defined(GLINT_X86_KERNELS)
+extern const Stages stages_sse42, stages_avx2, stages_avx512;
+#else
+extern const Stages stages_generic;
+#endif
+
+/// The stages for this machine; GLINT_ISA (sse42, avx2, avx512) takes others where the machine has
+/// them.
+const Stages& best_stages();
+
+}  // namespace glint

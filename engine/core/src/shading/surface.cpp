@@ -1,0 +1,145 @@
+// Letters: o d ray, m world_from_object, b barycentric weights.
+#include "shading/surface.h"
+
+#include "math/math.h"
+#include "scene/scene.h"
+
+namespace glint {
+namespace {
+
+Vec3d vertex(const GlintGeometry& geometry, size_t row) {
+  const float* p = geometry.vertices + 3 * row;
+  return {p[0], p[1], p[2]};
+}
+
+struct Line {
+  Vec3d o, d;
+};
+
+/// Object-space ray through m; false when m has no inverse.
+bool to_object(const Affine& m, const Line& ray, Vec3d& o, Vec3d& d) {
+  Vec3d x = cross(m.y, m.z), y = cross(m.z, m.x), z = cross(m.x, m.y), p = ray.o - m.t;
+  double f = 1 / dot(m.x, x);
+  o = f * Vec3d{dot(x, p), dot(y, p), dot(z, p)},
+  d = f * Vec3d{dot(x, ray.d), dot(y, ray.d), dot(z, ray.d)};
+  return finite(o) && finite(d);
+}
+
+/// The point of the sphere where the ray meets it nearest to t, brought back to the radius.
+Vec3d on_sphere(Vec3d o, Vec3d d, double t, Vec3d center, double radius) {
+  double scale = length(d);
+  Vec3d n = (1 / scale) * d, f = center - o;
+  double b = dot(f, n);
+  Vec3d miss = f - b * n;
+  double root = std::sqrt(std::max(0.0, radius * radius - dot(miss, miss))), near = b - root,
+         far = b + root;
+  double at = std::fabs(near - t * scale) <= std::fabs(far - t * scale) ? near : far;
+  return unit(o + at * n - center);
+}
+
+void place_on_sphere(const Affine& m, const NormalMatrix& to_world, const GlintGeometry& geometry,
+                     const Line& ray, const Hit& hit, Surface& s) {
+  Vec3d center = vertex(geometry, hit.primitive), o, d, n{0, 0, 1};
+  double radius = geometry.radii[hit.primitive];
+  s.x = ray.o + hit.t * ray.d;
+  if (to_object(m, ray, o, d))
+    n = on_sphere(o, d, hit.t, center, radius), s.x = point(m, center + radius * n);
+  s.g = to_world(n);
+  s.offset =
+      rounding(max_abs(point(m, center)) + radius * (max_abs(m.x) + max_abs(m.y) + max_abs(m.z)));
+}
+
+/// Newell's normal in object space; `reach` becomes the corners' largest coordinate after m.
+Vec3d newell(const Affine& m, const GlintGeometry& geometry, size_t primitive, Vec3d& first,
+             double& reach) {
+  size_t begin = geometry.offsets[primitive], end = geometry.offsets[primitive + 1];
+  first = vertex(geometry, geometry.indices[begin]);
+  Vec3d sum, last;
+  for (size_t k = begin; k < end; ++k) {
+    Vec3d p = vertex(geometry, geometry.indices[k]), e = p - first;
+    sum += cross(last, e), last = e;
+    reach = std::max(reach, max_abs(point(m, p)));
+  }
+  return sum;
+}
+
+void place_on_polygon(const Affine& m, const NormalMatrix& to_world, const GlintGeometry& geometry,
+                      const Line& ray, const Hit& hit, Surface& s) {
+  Vec3d first;
+  double reach = 0;
+  s.g = to_world(newell(m, geometry, hit.primitive, first, reach));
+  double t = dot(point(m, first) - ray.o, s.g) / dot(ray.d, s.g);
+  s.x = ray.o + (std::fabs(t - hit.t) <= 1e-3 * std::fabs(hit.t) ? t : hit.t) * ray.d;
+  s.offset = rounding(reach);
+}
+
+/// Rows of an attribute at the corners of a triangle.
+struct Rows {
+  const float* at[3];
+};
+
+Rows rows_of(const GlintGeometry& geometry, const GlintAttribute& attribute, size_t primitive) {
+  const float* v = attribute.values;
+  size_t c = size_t(attribute.channels);
+  if (attribute.domain == GLINT_FACE)
+    return {{v + c * primitive, v + c * primitive, v + c * primitive}};
+  const uint32_t* t =
+      (attribute.domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * primitive;
+  return {{v + c * t[0], v + c * t[1], v + c * t[2]}};
+}
+
+double blend(const Rows& rows, const double (&b)[3], int channel) {
+  double value =
+      b[0] * rows.at[0][channel] + b[1] * rows.at[1][channel] + b[2] * rows.at[2][channel];
+  return std::isfinite(value) ? value : 0;
+}
+
+/// The attribute called `name`, or for -1 the first with two columns; null when there is none.
+const GlintAttribute* find(const Scene& scene, const Surface& s, int32_t name) {
+  const GlintGeometry& geometry = scene.geometry(scene.group(s.instance));
+  const GlintAttribute* a = scene.attributes.data() + geometry.first_attribute;
+  for (uint32_t i = 0; i < geometry.attribute_count; ++i)
+    if (name < 0 ? a[i].channels == 2 : a[i].name == name) return a + i;
+  return nullptr;
+}
+
+Rows rows_of(const Scene& scene, const Surface& s, const GlintAttribute& attribute) {
+  return rows_of(scene.geometry(scene.group(s.instance)), attribute, s.primitive);
+}
+
+}  // namespace
+
+Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
+  const Line ray{o, d};
+  Surface s;
+  s.instance = hit.instance, s.primitive = hit.primitive;
+  const GlintGeometry& geometry = scene.geometry(scene.group(hit.instance));
+  const Affine m = scene.matrix(hit.instance);
+  const NormalMatrix to_world = scene.normal_matrix(hit.instance);
+  if (geometry.kind == GLINT_SPHERES) place_on_sphere(m, to_world, geometry, ray, hit, s);
+  else place_on_polygon(m, to_world, geometry, ray, hit, s);
+  s.n = s.g;
+  s.outside = dot(s.g, d) <= 0;
+  if (!s.outside) s.g = -s.g, s.n = -s.n;
+  return s;
+}
+
+Uv uv_at(const Scene& scene, const Surface& s, int32_t name) {
+  const GlintAttribute* attribute = find(scene, s, name);
+  if (!attribute || attribute->channels < 2) return {};
+  Rows rows = rows_of(scene, s, *attribute);
+  return {blend(rows, s.weights, 0), blend(rows, s.weights, 1)};
+}
+
+bool has_uv(const Scene& scene, const Surface& s) { return find(scene, s, -1) != nullptr; }
+
+Rgba color_at(const Scene& scene, const Surface& s, int32_t name) {
+  const GlintAttribute* attribute = find(scene, s, name);
+  if (!attribute) return {};
+  Rows rows = rows_of(scene, s, *attribute);
+  Rgba c{{}, attribute->channels > 3 ? blend(rows, s.weights, 3) : 1};
+  for (int i = 0; i < std::min(attribute->channels, 3); ++i) c.color[i] = blend(rows, s.weights, i);
+  return c;
+}
+
+}  // namespace glint

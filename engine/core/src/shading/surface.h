@@ -1,0 +1,44 @@
+// From a hit to the point on its surface: place, normals and attributes in double precision
+// (notes 4.7-4.9, 2.7).
+#pragma once
+#include "bvh/accel.h"
+#include "math/vec.h"
+
+namespace glint {
+
+class Scene;
+struct Rgba;
+
+/// A point of a surface in anchored space. g and n are unit and turned to the viewer.
+struct Surface {
+  uint32_t instance = 0, primitive = 0;
+  bool outside = true;            // the viewer is outside: the unturned g faces it
+  double weights[3] = {1, 0, 0};  // barycentric, of meshes
+  Vec3d x, g, n;
+  double offset =
+      0;  // how far along g a new ray starts so that rounding cannot bring it back to this surface
+};
+
+struct Uv {
+  double u = 0, v = 0;
+};
+
+/// Where o + t d, d unit, meets the sphere or polygon that `hit` names, near hit.t.
+Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit);
+
+/// The UV attribute called `name`, the active one for -1; (0, 0) when the geometry lacks it.
+Uv uv_at(const Scene& scene, const Surface& s, int32_t name);
+bool has_uv(const Scene& scene, const Surface& s);
+
+/// The colour attribute called `name`, 0 when the geometry lacks it.
+Rgba color_at(const Scene& scene, const Surface& s, int32_t name);
+
+/// How far a surface of coordinates up to `magnitude` may lie from where the accelerator has it:
+/// the accelerator rounds its vertices to float, half an ulp (2^-24) in each of three coordinates,
+/// sqrt(3)/2 ulps in all, and finds t in double. Eight half ulps leave room.
+inline double rounding(double magnitude) { return 8 * 0x1p-24 * magnitude; }
+
+/// Past a surface at t: what the accelerator takes for the same distance (2^-40) is one surface.
+inline double beyond(double t) { return t + 0x1p-39 * t; }
+
+}  // namespace glint
