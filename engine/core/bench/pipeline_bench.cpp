@@ -7,9 +7,9 @@
 #include <cstring>
 #include <vector>
 
-#include "session/timer.h"
 #include "integrator/tracer.h"
 #include "pipeline_scenes.h"
+#include "session/timer.h"
 
 namespace {
 

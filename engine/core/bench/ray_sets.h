@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "bvh/accel.h"
 #include "../tests/shapes.h"
+#include "bvh/accel.h"
 
 namespace glint::bench {
 

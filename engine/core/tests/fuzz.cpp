@@ -185,8 +185,8 @@ std::vector<float> picture_of(GlintScene* scene, const GlintRenderSettings& s, D
 
 /// A scene that takes over from `base`, and another one from that; those that are exact draw what a
 /// scene of its own draws, to the bit.
-void take_over(GlintScene* base, const GlintSceneData& before, Dice& dice, Arena& arena,
-               Tally& tally) {
+void reuse_from(GlintScene* base, const GlintSceneData& before, Dice& dice, Arena& arena,
+                Tally& tally) {
   const GlintSceneData data = varied(dice, arena, before);
   const bool exact = dice.chance(0.5);
   ErrorBuffer error(dice);
@@ -205,7 +205,7 @@ void take_over(GlintScene* base, const GlintSceneData& before, Dice& dice, Arena
     Kept kept;
     draw(handle, s, dice, tally, kept);
   }
-  if (dice.chance(0.3)) take_over(handle, data, dice, arena, tally);
+  if (dice.chance(0.3)) reuse_from(handle, data, dice, arena, tally);
   glint_scene_destroy(handle);
 }
 
@@ -219,7 +219,7 @@ void try_render(Dice& dice, Tally& tally) {
   Kept kept[2];  // beyond the scene's own life
   for (size_t k = 1 + dice.below(2); k > 0; --k)
     draw(handle, settings(dice, arena, data), dice, tally, kept[k - 1]);
-  if (dice.chance(0.3)) take_over(handle, data, dice, arena, tally);
+  if (dice.chance(0.3)) reuse_from(handle, data, dice, arena, tally);
   glint_scene_destroy(handle);
 }
 

@@ -85,9 +85,9 @@ TEST(build, boxes_do_not_span_the_void) {
     box.add(p), box.add(p + Vec3d(0.01, 0.01, 0.01));
     refs.push_back(make_ref(box, k, 0));
   }
-  Team team(2);
+  ThreadPool pool(2);
   const std::atomic<bool> cancel{false};
-  const NodeTree tree = build_nodes(refs.data(), refs.size(), {}, team, cancel);
+  const NodeTree tree = build_nodes(refs.data(), refs.size(), {}, pool, cancel);
   for (size_t n = 0; n < tree.nodes.size; ++n)
     for (int lane = 0; lane < kWidth; ++lane)
       CHECK(!(tree.nodes[n].planes[0][lane] < 2 && tree.nodes[n].planes[1][lane] > 90));
@@ -137,7 +137,7 @@ TEST(build, huge_and_tiny) {
 
 // The builder's grid: a crowd in one cell, which needs a grid of its own; boxes of all sizes; boxes
 // that all are as large as the scene. Every ray from a triangle's middle must find something, and
-// the tree must be the same for every team.
+// the tree must be the same for every pool.
 TEST(build, crowds_and_giants) {
   Random random(6);
   Mesh crowd = soup(random, 60000, 1e-3, 1e-5), sizes, giants = soup(random, 40000, 1, 3);

@@ -1,8 +1,8 @@
 // Instances with odd matrices, and which rays see them.
 #include <cmath>
 
-#include "bvh/outline.h"
 #include "brute.h"
+#include "bvh/outline.h"
 #include "check.h"
 #include "shapes.h"
 
@@ -56,9 +56,9 @@ Tree tree_of(const Mesh& mesh, BuildQuality quality) {
   const GeometryView geometry = mesh.view();
   std::vector<Source> sources;
   sources.push_back({&geometry, 0, nullptr, 1, nullptr, {}});
-  Team team(1);
+  ThreadPool pool(1);
   const std::atomic<bool> cancel{false};
-  return make_tree(sources, quality, team, cancel);
+  return make_tree(sources, quality, pool, cancel);
 }
 
 /// Checks that a turned mesh is within its box in the world, and that this is no wider than it by

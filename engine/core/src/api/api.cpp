@@ -1,9 +1,9 @@
 // The C functions of glint.h: catch everything, turn it into text.
-#include "bvh/traverse/kernel.h"
 #include "api/guard.h"
-#include "session/job.h"
+#include "bvh/traverse/kernel.h"
 #include "math/math.h"
 #include "scene/scene.h"
+#include "session/job.h"
 
 static_assert(sizeof(void*) == 8, "the structures of glint.h are those of a 64-bit machine");
 
@@ -16,7 +16,7 @@ struct GlintRender {
 };
 
 struct GlintPicture {
-  std::shared_ptr<glint::Zeros<float>> values;
+  std::shared_ptr<glint::ZeroedBuffer<float>> values;
 };
 
 namespace {

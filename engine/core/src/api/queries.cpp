@@ -5,9 +5,9 @@
 #include <cmath>
 #include <thread>
 
-#include "session/thread_pool.h"
 #include "api/guard.h"
 #include "math/math.h"
+#include "session/thread_pool.h"
 
 namespace glint {
 namespace {
@@ -230,9 +230,9 @@ struct Workspace {
 template <class Body>
 void in_blocks(uint64_t count, uint32_t wanted, const Body& body) {
   const size_t blocks = count / kBlock + (count % kBlock != 0);
-  Team team(threads_for(wanted, blocks));
+  ThreadPool pool(threads_for(wanted, blocks));
   std::atomic<size_t> next{0};
-  team.run(team.size(), [&](size_t) {
+  pool.run(pool.size(), [&](size_t) {
     const auto workspace = std::make_unique_for_overwrite<Workspace>();
     for (size_t k; (k = next++) < blocks;)
       body(*workspace, k * kBlock, std::min<size_t>(kBlock, count - k * kBlock));

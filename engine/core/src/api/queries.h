@@ -4,8 +4,8 @@
 #include <memory>
 #include <string>
 
-#include "glint.h"
 #include "bvh/accel.h"
+#include "glint.h"
 #include "scene/scene.h"
 
 namespace glint {

@@ -97,7 +97,7 @@ struct AccelStats {
 /// in several leaves.
 enum class BuildQuality { kFast, kBalanced, kFine };
 
-class Beam;
+class TileFrustum;
 struct WalkerStacks;
 
 /// Memory that one thread's rays need on their way, for one call at a time. Not on the stack: see
@@ -146,8 +146,8 @@ class Accel {
   /// With memory of their own, for a few.
   void closest(const Ray* rays, Hit* hits, size_t count) const;
   void occluded(const Ray* rays, uint8_t* blocked, size_t count) const;
-  /// Whether certainly nothing lies on any ray of the beam.
-  virtual bool vacant(const Beam& beam) const = 0;
+  /// Whether certainly nothing lies on any ray of the frustum.
+  virtual bool surely_empty(const TileFrustum& frustum) const = 0;
   /// Empty when every primitive lies in its boxes and every node is reached once; else what is
   /// wrong.
   virtual std::string validate() const = 0;

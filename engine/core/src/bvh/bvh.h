@@ -73,7 +73,7 @@ struct WalkerStacks {
 
 /// `trees`: those in world space, one a kind at most. `objects`: those that instances refer to.
 /// `visibility`: of every instance.
-struct WorldView {
+struct TopLevelView {
   const TreeView* trees;
   size_t tree_count;
   const TreeView* objects;

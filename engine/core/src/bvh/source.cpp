@@ -29,14 +29,14 @@ std::vector<Piece> pieces(const std::vector<Source>& sources, Count count) {
   return list;
 }
 
-void bake_vertices(std::vector<Source>& sources, Team& team) {
+void bake_vertices(std::vector<Source>& sources, ThreadPool& pool) {
   for (Source& s : sources) {
     if (s.bake) s.baked = Buffer<float>(3 * s.geometry->vertex_count);
     s.vertices = s.bake ? s.baked.data.get() : s.geometry->vertices;
   }
   std::vector<Piece> list =
       pieces(sources, [](const Source& s) { return s.bake ? s.geometry->vertex_count : 0; });
-  team.run(list.size(), [&](size_t k) {
+  pool.run(list.size(), [&](size_t k) {
     Source& s = sources[list[k].source];
     for (size_t v = list[k].first; v < list[k].last; ++v) {
       const float* p = s.geometry->vertices + 3 * v;
@@ -112,12 +112,12 @@ bool any_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref, bool&
 
 /// The refs of all sound primitives, in the order of sources and primitives; `refs.size` of them.
 /// `unseen`: how many have no area.
-Buffer<Ref> collect(const std::vector<Source>& sources, Team& team, const std::atomic<bool>& cancel,
-                    size_t& unseen) {
+Buffer<Ref> collect(const std::vector<Source>& sources, ThreadPool& pool,
+                    const std::atomic<bool>& cancel, size_t& unseen) {
   std::vector<Piece> list =
       pieces(sources, [](const Source& s) { return s.geometry->primitive_count; });
   Buffer<Ref> refs(list.empty() ? 0 : list.back().out + list.back().last - list.back().first);
-  team.run(list.size(), [&](size_t k) {
+  pool.run(list.size(), [&](size_t k) {
     if (cancel.load(std::memory_order_relaxed)) throw Cancelled{};
     Piece& piece = list[k];
     for (size_t p = piece.first; p < piece.last; ++p) {
@@ -138,15 +138,16 @@ Buffer<Ref> collect(const std::vector<Source>& sources, Team& team, const std::a
 
 /// What the leaves need of the refs, a quarter of their size; `instance` is the number of the
 /// source until `name_instances`.
-Buffer<PrimitiveId> origins(const Buffer<Ref>& refs, Team& team) {
+Buffer<PrimitiveId> origins(const Buffer<Ref>& refs, ThreadPool& pool) {
   Buffer<PrimitiveId> ids(refs.size);
-  each_chunk(ids.size, kChunk, team,
+  each_chunk(ids.size, kChunk, pool,
              [&](size_t k) { ids[k] = {refs[k].source, refs[k].primitive}; });
   return ids;
 }
 
-void name_instances(Buffer<PrimitiveId>& ids, const std::vector<Source>& sources, Team& team) {
-  each_chunk(ids.size, kChunk, team,
+void name_instances(Buffer<PrimitiveId>& ids, const std::vector<Source>& sources,
+                    ThreadPool& pool) {
+  each_chunk(ids.size, kChunk, pool,
              [&](size_t k) { ids[k].instance = sources[ids[k].instance].instance; });
 }
 
@@ -173,11 +174,11 @@ void fill_spheres(const std::vector<Source>& sources, const PrimitiveId* from, s
 
 /// Calls fill(first, count) for every leaf.
 template <class Fill>
-void each_leaf(const NodeTree& tree, Team& team, Fill fill) {
+void each_leaf(const NodeTree& tree, ThreadPool& pool, Fill fill) {
   auto visit = [&](ChildRef c) { fill(size_t(c & kOrdinal), size_t((c >> kCountShift & 7) + 1)); };
   if (tree.root & kLeaf) return visit(tree.root);
   const size_t each = 1024;
-  team.run((tree.nodes.size + each - 1) / each, [&](size_t k) {
+  pool.run((tree.nodes.size + each - 1) / each, [&](size_t k) {
     for (size_t n = k * each; n < std::min(tree.nodes.size, (k + 1) * each); ++n)
       for (ChildRef c : tree.nodes[n].child)
         if (c & kLeaf) visit(c);
@@ -199,14 +200,14 @@ void fill_polygons(Tree& tree, const std::vector<Source>& sources, const Primiti
   }
 }
 
-void fill_leaves(Tree& tree, const std::vector<Source>& sources, Team& team) {
+void fill_leaves(Tree& tree, const std::vector<Source>& sources, ThreadPool& pool) {
   const PrimitiveId* from = tree.ids.data.get();
   if (tree.kind == kPolygonLeaf) return fill_polygons(tree, sources, from);
   const size_t stride = tree.kind == kTriangleLeaf ? 9 : 4;
   tree.floats =
       Buffer<float>(stride * tree.count + kWidth);  // vector loads read beyond the last leaf
   std::fill_n(tree.floats.data.get() + stride * tree.count, kWidth, 0.0f);
-  each_leaf(tree.nodes, team, [&](size_t first, size_t count) {
+  each_leaf(tree.nodes, pool, [&](size_t first, size_t count) {
     float* out = tree.floats.data.get() + stride * first;
     if (tree.kind == kTriangleLeaf) fill_triangles(sources, from + first, count, out);
     if (tree.kind == kSphereLeaf) fill_spheres(sources, from + first, count, out);
@@ -264,13 +265,13 @@ bool make_polygon(const Source& s, size_t primitive, PolygonRecord& record, BoxD
   return true;
 }
 
-Tree make_tree(std::vector<Source>& sources, BuildQuality quality, Team& team,
+Tree make_tree(std::vector<Source>& sources, BuildQuality quality, ThreadPool& pool,
                const std::atomic<bool>& cancel) {
   Tree tree;
   if (sources.empty()) return tree;
   tree.kind = kind_of(*sources.front().geometry);
-  bake_vertices(sources, team);
-  Buffer<Ref> refs = collect(sources, team, cancel, tree.dropped);
+  bake_vertices(sources, pool);
+  Buffer<Ref> refs = collect(sources, pool, cancel, tree.dropped);
   for (const Source& s : sources) tree.dropped += s.geometry->primitive_count;
   tree.dropped -= tree.primitives = refs.size;
   if (tree.primitives == 0) return tree;
@@ -279,26 +280,26 @@ Tree make_tree(std::vector<Source>& sources, BuildQuality quality, Team& team,
     const auto corners = [&](const Ref& r, Vec3d(&p)[3]) {
       corners_of(sources[r.source], r.primitive, p);
     };
-    tree.nodes = build_spatial(refs, corners, options, team, cancel), tree.parts = true;
+    tree.nodes = build_spatial(refs, corners, options, pool, cancel), tree.parts = true;
   } else {
-    tree.nodes = build_nodes(refs.data.get(), refs.size, options, team, cancel);
+    tree.nodes = build_nodes(refs.data.get(), refs.size, options, pool, cancel);
   }
   tree.count = refs.size;
-  tree.ids = origins(refs, team);
+  tree.ids = origins(refs, pool);
   refs = {};
-  fill_leaves(tree, sources, team);
-  name_instances(tree.ids, sources, team);
+  fill_leaves(tree, sources, pool);
+  name_instances(tree.ids, sources, pool);
   tree.ball = ball_radius(tree);
   return tree;
 }
 
-Tree make_instance_tree(std::vector<Ref> boxes, Team& team, const std::atomic<bool>& cancel) {
+Tree make_instance_tree(std::vector<Ref> boxes, ThreadPool& pool, const std::atomic<bool>& cancel) {
   Tree tree;
   tree.kind = kInstanceLeaf;
   tree.count = boxes.size();
   if (tree.count == 0) return tree;
   tree.nodes = build_nodes(boxes.data(), tree.count, options_of(tree.kind, BuildQuality::kBalanced),
-                           team, cancel);
+                           pool, cancel);
   for (const Ref& r : boxes) tree.order.push_back(r.primitive);
   tree.ball = ball_radius(tree);
   return tree;

@@ -43,11 +43,11 @@ struct Tree {
 /// index out of range or no extent are dropped and counted: triangles with two corners in one
 /// point, polygons without area, spheres without radius. Triangles whose corners lie on a line are
 /// counted too, but stay. A tree without primitives has count 0.
-Tree make_tree(std::vector<Source>& sources, BuildQuality quality, Team& team,
+Tree make_tree(std::vector<Source>& sources, BuildQuality quality, ThreadPool& pool,
                const std::atomic<bool>& cancel);
 
 /// Makes the tree over boxes alone; `order` tells where they went.
-Tree make_instance_tree(std::vector<Ref> boxes, Team& team, const std::atomic<bool>& cancel);
+Tree make_instance_tree(std::vector<Ref> boxes, ThreadPool& pool, const std::atomic<bool>& cancel);
 
 /// A tree over instances and up to kWidth - 1 boxes that go beside it, one more node. Their numbers
 /// follow those in the tree.

@@ -59,43 +59,44 @@ std::unique_ptr<Accel> Accel::build(std::vector<GeometryView> geometries,
                                     const std::atomic<bool>& cancel, BuildQuality quality,
                                     const AccelBase& base) {
   try {
-    return std::make_unique<World>(std::move(geometries), std::move(instances), threads, cancel,
-                                   quality, base);
+    return std::make_unique<TopLevelBvh>(std::move(geometries), std::move(instances), threads,
+                                         cancel, quality, base);
   } catch (const Cancelled&) {
     return nullptr;
   }
 }
 
-World::World(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
-             const std::atomic<bool>& cancel, BuildQuality quality, const AccelBase& base)
+TopLevelBvh::TopLevelBvh(std::vector<GeometryView> geometries, std::vector<InstanceView> instances,
+                         int threads, const std::atomic<bool>& cancel, BuildQuality quality,
+                         const AccelBase& base)
     : kernel_(best_kernel()),
       quality_(quality),
       geometries_(std::move(geometries)),
       instances_(std::move(instances)) {
   const auto start = std::chrono::steady_clock::now();
   if (cancel.load()) throw Cancelled{};
-  Team team(threads);
-  const Takeover before(base, instances_);
+  ThreadPool pool(threads);
+  const BvhReuse before(base, instances_);
   Plan p = plan();
   const bool moved = before.move_out(p, geometries_);
   for (int kind = 0; kind < 3; ++kind) {
     baked_[kind] = moved ? before.all(kind) : before.baked(kind, p.baked[kind]);
     if (!baked_[kind].tree)
-      baked_[kind] = bake(p.baked[kind], team, cancel), stats_.built += baked_[kind].tree->count;
+      baked_[kind] = bake(p.baked[kind], pool, cancel), stats_.built += baked_[kind].tree->count;
   }
-  build_objects(p.placed, before, team, cancel);
-  build_instances(p.placed, before, team, cancel);
+  build_objects(p.placed, before, pool, cancel);
+  build_instances(p.placed, before, pool, cancel);
   hide_moved(p);
   make_view();
   count(p);
   stats_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-std::shared_ptr<const Tree> World::object(uint32_t geometry) const {
+std::shared_ptr<const Tree> TopLevelBvh::object(uint32_t geometry) const {
   return object_of_[geometry] != kNoTree ? objects_[object_of_[geometry]] : nullptr;
 }
 
-Plan World::plan() const {
+Plan TopLevelBvh::plan() const {
   Plan p;
   const std::vector<uint32_t> uses = count_uses(geometries_, instances_);
   for (uint32_t i = 0; i < instances_.size(); ++i) {
@@ -116,8 +117,8 @@ Plan World::plan() const {
   return p;
 }
 
-BakedTree World::bake(const std::vector<uint32_t>& wanted, Team& team,
-                      const std::atomic<bool>& cancel) const {
+BakedTree TopLevelBvh::bake(const std::vector<uint32_t>& wanted, ThreadPool& pool,
+                            const std::atomic<bool>& cancel) const {
   BakedTree baked;
   std::vector<Source> sources;
   for (uint32_t i : wanted) {
@@ -128,12 +129,12 @@ BakedTree World::bake(const std::vector<uint32_t>& wanted, Team& team,
     baked.instances.push_back(i), baked.geometries.push_back(v.geometry),
         baked.matrices.push_back(v.world_from_object);
   }
-  baked.tree = std::make_shared<const Tree>(make_tree(sources, quality_, team, cancel));
+  baked.tree = std::make_shared<const Tree>(make_tree(sources, quality_, pool, cancel));
   return baked;
 }
 
-void World::build_objects(const std::vector<uint32_t>& placed, const Takeover& before, Team& team,
-                          const std::atomic<bool>& cancel) {
+void TopLevelBvh::build_objects(const std::vector<uint32_t>& placed, const BvhReuse& before,
+                                ThreadPool& pool, const std::atomic<bool>& cancel) {
   object_of_.assign(geometries_.size(), kNoTree);
   std::vector<uint32_t> used, small;
   for (uint32_t i : placed) {
@@ -143,7 +144,7 @@ void World::build_objects(const std::vector<uint32_t>& placed, const Takeover& b
     used.push_back(instances_[i].geometry);
   }
   objects_.resize(used.size());
-  auto build = [&](uint32_t object, Team& with) {
+  auto build = [&](uint32_t object, ThreadPool& with) {
     std::vector<Source> sources;
     sources.push_back({&geometries_[used[object]], 0, nullptr, 1, nullptr, {}});
     objects_[object] = std::make_shared<const Tree>(make_tree(sources, quality_, with, cancel));
@@ -152,16 +153,16 @@ void World::build_objects(const std::vector<uint32_t>& placed, const Takeover& b
     objects_[k] = before.object(used[k]);
     if (objects_[k]) continue;
     stats_.built += geometries_[used[k]].primitive_count;
-    if (geometries_[used[k]].primitive_count >= kSmall) build(k, team);
+    if (geometries_[used[k]].primitive_count >= kSmall) build(k, pool);
     else small.push_back(k);
   }
-  team.run(small.size(), [&](size_t k) {
-    Team alone(1);
+  pool.run(small.size(), [&](size_t k) {
+    ThreadPool alone(1);
     build(small[k], alone);
   });
 }
 
-InstanceRecord World::record_of(uint32_t instance) const {
+InstanceRecord TopLevelBvh::record_of(uint32_t instance) const {
   const Affine& m = instances_[instance].world_from_object;
   Affine n;
   inverse(m, n);
@@ -172,8 +173,8 @@ InstanceRecord World::record_of(uint32_t instance) const {
           instances_[instance].visibility};
 }
 
-void World::build_instances(const std::vector<uint32_t>& placed, const Takeover& before, Team& team,
-                            const std::atomic<bool>& cancel) {
+void TopLevelBvh::build_instances(const std::vector<uint32_t>& placed, const BvhReuse& before,
+                                  ThreadPool& pool, const std::atomic<bool>& cancel) {
   placed_.instances = placed;
   if (before.moved(placed, placed_.moved)) return keep_instances(before.placed());
   placed_.moved.clear();
@@ -181,17 +182,17 @@ void World::build_instances(const std::vector<uint32_t>& placed, const Takeover&
   for (uint32_t i : placed)
     if (object_at(i).count > 0) seen.push_back(i);
   std::vector<Ref> boxes(seen.size());
-  each_chunk(seen.size(), 256, team, [&](size_t k) {
+  each_chunk(seen.size(), 256, pool, [&](size_t k) {
     boxes[k] =
         make_ref(world_box(object_at(seen[k]), instances_[seen[k]].world_from_object), seen[k], 0);
   });
   placed_.built = placed_.tree =
-      std::make_shared<const Tree>(make_instance_tree(std::move(boxes), team, cancel));
+      std::make_shared<const Tree>(make_instance_tree(std::move(boxes), pool, cancel));
   for (uint32_t i : placed_.tree->order) placed_.records.push_back(record_of(i));
 }
 
 /// Takes over the tree over instances, with those that moved since beside it.
-void World::keep_instances(const PlacedTree& there) {
+void TopLevelBvh::keep_instances(const PlacedTree& there) {
   const std::vector<uint32_t>& moved = placed_.moved;
   placed_.built = there.built;
   placed_.records.assign(there.records.begin(),
@@ -212,7 +213,7 @@ void World::keep_instances(const PlacedTree& there) {
 }
 
 /// What the world's trees hold and the plan has elsewhere, or nowhere, is not seen there.
-void World::hide_moved(const Plan& plan) {
+void TopLevelBvh::hide_moved(const Plan& plan) {
   visibility_.reserve(instances_.size());
   for (const InstanceView& i : instances_) visibility_.push_back(i.visibility);
   std::vector<uint8_t> stays(instances_.size(), 0);
@@ -225,7 +226,7 @@ void World::hide_moved(const Plan& plan) {
     }
 }
 
-void World::make_view() {
+void TopLevelBvh::make_view() {
   uint32_t common = ~0u;
   for (uint32_t v : visibility_) common &= v;
   for (const auto* tree : {&baked_[0].tree, &baked_[1].tree, &baked_[2].tree, &placed_.tree})
@@ -235,12 +236,12 @@ void World::make_view() {
            placed_.records.data(), visibility_.data(), common};
 }
 
-bool World::vacant(const Beam& beam) const {
+bool TopLevelBvh::surely_empty(const TileFrustum& frustum) const {
   return std::all_of(tree_views_.begin(), tree_views_.end(),
-                     [&](const TreeView& tree) { return glint::vacant(tree, beam); });
+                     [&](const TreeView& tree) { return glint::surely_empty(tree, frustum); });
 }
 
-void World::count(const Plan& plan) {
+void TopLevelBvh::count(const Plan& plan) {
   stats_.dropped = plan.dropped;
   stats_.bytes =
       placed_.records.size() * sizeof(InstanceRecord) + visibility_.size() * sizeof(uint32_t);

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "bvh/accel.h"
-#include "bvh/traverse/kernel.h"
 #include "bvh/source.h"
+#include "bvh/traverse/kernel.h"
 
 namespace glint {
 
@@ -33,19 +33,20 @@ struct PlacedTree {
   std::vector<uint32_t> instances, moved;  // all there are, and those that moved, by number
 };
 
-class Takeover;
+class BvhReuse;
 
-class World final : public Accel {
+class TopLevelBvh final : public Accel {
  public:
-  World(std::vector<GeometryView> geometries, std::vector<InstanceView> instances, int threads,
-        const std::atomic<bool>& cancel, BuildQuality quality, const AccelBase& base);
+  TopLevelBvh(std::vector<GeometryView> geometries, std::vector<InstanceView> instances,
+              int threads, const std::atomic<bool>& cancel, BuildQuality quality,
+              const AccelBase& base);
   void closest(const Rays& rays, const Hits& hits, Scratch& scratch) const override {
     kernel_.closest(view_, rays, hits, scratch.stacks());
   }
   void occluded(const Rays& rays, uint8_t* blocked, Scratch& scratch) const override {
     kernel_.occluded(view_, rays, blocked, scratch.stacks());
   }
-  bool vacant(const Beam& beam) const override;
+  bool surely_empty(const TileFrustum& frustum) const override;
   std::string validate() const override;
   AccelStats stats() const override { return stats_; }
   const BakedTree& baked(int kind) const { return baked_[kind]; }
@@ -56,17 +57,17 @@ class World final : public Accel {
 
  private:
   Plan plan() const;
-  BakedTree bake(const std::vector<uint32_t>& wanted, Team& team,
+  BakedTree bake(const std::vector<uint32_t>& wanted, ThreadPool& pool,
                  const std::atomic<bool>& cancel) const;
   void hide_moved(const Plan& plan);
-  void build_objects(const std::vector<uint32_t>& placed, const Takeover& before, Team& team,
+  void build_objects(const std::vector<uint32_t>& placed, const BvhReuse& before, ThreadPool& pool,
                      const std::atomic<bool>& cancel);
   const Tree& object_at(uint32_t instance) const {
     return *objects_[object_of_[instances_[instance].geometry]];
   }
   InstanceRecord record_of(uint32_t instance) const;
-  void build_instances(const std::vector<uint32_t>& placed, const Takeover& before, Team& team,
-                       const std::atomic<bool>& cancel);
+  void build_instances(const std::vector<uint32_t>& placed, const BvhReuse& before,
+                       ThreadPool& pool, const std::atomic<bool>& cancel);
   void keep_instances(const PlacedTree& there);
   void make_view();
   void count(const Plan& plan);
@@ -81,7 +82,7 @@ class World final : public Accel {
   std::vector<uint32_t> object_of_;                   // geometry to object tree, or kNoTree
   std::vector<uint32_t> visibility_;  // of instances, where the world's trees have them
   std::vector<TreeView> tree_views_, object_views_;
-  WorldView view_{};
+  TopLevelView view_{};
   AccelStats stats_;
 };
 

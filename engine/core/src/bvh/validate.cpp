@@ -183,7 +183,7 @@ std::string tree_problem(const Tree& tree, const std::vector<Box>& primitives) {
   return tree.parts ? part_problem(std::move(walk.parts), tree.primitives) : "";
 }
 
-std::string World::validate() const {
+std::string TopLevelBvh::validate() const {
   std::vector<const Tree*> trees;
   for (const BakedTree& baked : baked_) trees.push_back(baked.tree.get());
   for (const auto& tree : objects_) trees.push_back(tree.get());

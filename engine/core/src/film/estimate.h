@@ -27,8 +27,8 @@ class ErrorEstimate {
 
  private:
   uint32_t width_ = 0, height_ = 0;
-  Zeros<float> spread_, around_;  // of pixels, squared levels: of one sample; of the mean of the
-                                  // first samples, of it and its neighbours
+  ZeroedBuffer<float> spread_, around_;  // of pixels, squared levels: of one sample; of the mean of
+                                         // the first samples, of it and its neighbours
 };
 
 }  // namespace glint

@@ -53,7 +53,8 @@ Film::Film(Region region, Region shown, uint32_t passes, double error_threshold,
   const size_t pixels = size_t(region.width()) * region.height();
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
     if (!wants(pass)) continue;
-    pictures_[pass] = std::make_shared<Zeros<float>>(numbers(pixels, size_t(channels_of(pass))));
+    pictures_[pass] =
+        std::make_shared<ZeroedBuffer<float>>(numbers(pixels, size_t(channels_of(pass))));
   }
   for (int pass : {GLINT_PASS_DEPTH, GLINT_PASS_GAP})
     if (wants(pass)) std::fill_n(values(pass), pixels, float(kNoDepth));
@@ -76,13 +77,14 @@ void Film::cut() {
       tiles_.push_back({x, y, right, top, first, first / columns_});
       first += columns_ * tiles_.back().stride();
     }
-  sums_ = Zeros<double>(columns_ * tiles_.size() *
-                        tiles_[0].stride());  // the first tile is the largest: `at_desk` finds room
+  sums_ = ZeroedBuffer<double>(
+      columns_ * tiles_.size() *
+      tiles_[0].stride());  // the first tile is the largest: `on_thread` finds room
 }
 
-Tile Film::at_desk(const Tile& tile, size_t desk) {
+Tile Film::on_thread(const Tile& tile, size_t thread) {
   Tile there = tile;
-  there.first_sum = desk * columns_ * tiles_[0].stride();
+  there.first_sum = thread * columns_ * tiles_[0].stride();
   std::fill_n(sums_.data() + there.first_sum, columns_ * there.stride(), 0.0);
   return there;
 }
@@ -166,7 +168,7 @@ void Film::publish_health(const Tile& tile, const SlotTable& slots, uint32_t sam
   }
 }
 
-std::shared_ptr<Zeros<float>> Film::picture(int pass, uint64_t size) {
+std::shared_ptr<ZeroedBuffer<float>> Film::picture(int pass, uint64_t size) {
   const size_t channels = size_t(channels_of(pass)),
                pixels = numbers(size_t(shown_.width()) * shown_.height(), 1);
   if (channels == 0 || !pictures_[pass] || channels * pixels != size) return nullptr;
@@ -176,10 +178,10 @@ std::shared_ptr<Zeros<float>> Film::picture(int pass, uint64_t size) {
 }
 
 /// The pass of the pixels that are shown, which are not all.
-std::shared_ptr<Zeros<float>> Film::cropped(int pass) const {
+std::shared_ptr<ZeroedBuffer<float>> Film::cropped(int pass) const {
   const size_t channels = size_t(channels_of(pass)), row = channels * shown_.width();
   const size_t left = shown_.x0 - region_.x0, below = shown_.y0 - region_.y0;
-  auto part = std::make_shared<Zeros<float>>(row * shown_.height());
+  auto part = std::make_shared<ZeroedBuffer<float>>(row * shown_.height());
   for (size_t y = 0; y < shown_.height(); ++y)
     std::memcpy(part->data() + y * row,
                 values(pass) + channels * ((y + below) * region_.width() + left),
@@ -191,7 +193,7 @@ void Film::renew() {
   renewed_ = lent_ & ~kDataPasses;
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass)
     if (renewed_ >> pass & 1)
-      pictures_[pass] = std::make_shared<Zeros<float>>(pictures_[pass]->size());
+      pictures_[pass] = std::make_shared<ZeroedBuffer<float>>(pictures_[pass]->size());
   lent_ = 0;
 }
 

@@ -6,11 +6,11 @@
 #include <memory>
 #include <vector>
 
-#include "glint.h"
 #include "film/estimate.h"
 #include "film/refine.h"
-#include "shading/stages.h"
+#include "glint.h"
 #include "math/vec.h"
+#include "shading/stages.h"
 
 namespace glint {
 
@@ -108,8 +108,8 @@ class Film {
                          : sums_.data() + tile.first_sum + size_t(at_[pass]) * tile.stride();
   }
   /// The tile with its sums, all 0, where others put theirs before: for tiles that are published as
-  /// soon as they are traced. Of each thread its own desk, below the number of tiles.
-  Tile at_desk(const Tile& tile, size_t desk);
+  /// soon as they are traced. Of each thread its own thread, below the number of tiles.
+  Tile on_thread(const Tile& tile, size_t thread);
   bool wants_depth_alone() const { return (passes_ & kDataPasses) == 1u << GLINT_PASS_DEPTH; }
   void set_data(uint32_t pixel, const FirstHit& hit);
   void set_depth(uint32_t pixel, double depth) {
@@ -128,7 +128,7 @@ class Film {
   void publish(const Tile& tile, const SlotTable& slots, uint32_t samples, const Stages& stages);
   /// What was published last, of the pixels that are shown, and nothing will write any more; null
   /// when the pass was not asked for or the size differs.
-  std::shared_ptr<Zeros<float>> picture(int pass, uint64_t size);
+  std::shared_ptr<ZeroedBuffer<float>> picture(int pass, uint64_t size);
   /// After the last wave: only pictures are left.
   void forget_sums();
 
@@ -136,7 +136,7 @@ class Film {
   static constexpr uint32_t kDataPasses = ((1u << GLINT_PASS_ERROR) - (1u << GLINT_PASS_DEPTH)) |
                                           1u << GLINT_PASS_GRAZING | 1u << GLINT_PASS_GAP;
   void keep_sums(int pass, int channels);
-  std::shared_ptr<Zeros<float>> cropped(int pass) const;
+  std::shared_ptr<ZeroedBuffer<float>> cropped(int pass) const;
   float* values(int pass) const { return pictures_[pass]->data(); }
   void store(int pass, uint32_t pixel, const double* from);
   void publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
@@ -149,10 +149,10 @@ class Film {
   std::vector<Tile> tiles_;
   size_t columns_ = 4;
   int at_[GLINT_PASS_COUNT];  // first column of what has sums, -1 for none
-  Zeros<double> sums_;
+  ZeroedBuffer<double> sums_;
   Refinement refinement_;
   ErrorEstimate estimate_;
-  std::shared_ptr<Zeros<float>> pictures_[GLINT_PASS_COUNT];
+  std::shared_ptr<ZeroedBuffer<float>> pictures_[GLINT_PASS_COUNT];
   uint32_t lent_ = 0, renewed_ = 0;  // passes whose pictures somebody else has as well; that are
                                      // new and empty for this wave
 };

@@ -108,10 +108,11 @@ class Refinement {
   uint32_t width_ = 0, height_ = 0;
   Region shown_;  // counted from the corner of the region
   size_t rows_ = 0;
-  Zeros<float> bounds_;      // rows of the least red, green, blue, lost alpha; then of the largest
-  Zeros<uint32_t> stopped_;  // samples of rows that take no more
-  Zeros<uint8_t> softly_lit_;  // what rows met of `SoftLight` in the first samples
-  Zeros<float> range_,
+  ZeroedBuffer<float>
+      bounds_;  // rows of the least red, green, blue, lost alpha; then of the largest
+  ZeroedBuffer<uint32_t> stopped_;    // samples of rows that take no more
+  ZeroedBuffer<uint8_t> softly_lit_;  // what rows met of `SoftLight` in the first samples
+  ZeroedBuffer<float> range_,
       around_;  // levels between samples of a pixel; between the first samples of it or a neighbour
 };
 

@@ -10,7 +10,7 @@
 
 namespace glint {
 
-class Sight;
+class FirstHitCache;
 
 class Batch {
  public:
@@ -60,14 +60,14 @@ class Batch {
   double* t = nullptr;
   std::vector<uint32_t> instance, primitive, material,
       others;  // others: rays whose material the shade stage leaves to others
-  std::vector<uint32_t> passing_rows;  // as VaryStage has it
+  std::vector<uint32_t> passing_rows;  // as EvaluateStage has it
   std::vector<float> u, v;
   std::vector<int64_t> lit, outside;  // masks: points that lights may reach, seen from outside
   PointColumns points{};
   SumColumns sums{};                  // parts that are not kept are null
   double* diffuse[3] = {};            // T k
   double* specular = nullptr;         // as ShadeStage has it
-  double* passing_columns = nullptr;  // as VaryStage has it
+  double* passing_columns = nullptr;  // as EvaluateStage has it
   size_t stride = 0;
   double
       *cost = nullptr,
@@ -75,7 +75,7 @@ class Batch {
           nullptr;  // rays traced for each slot, and float64 tests of them; null when nobody asks
   uint8_t* softly_lit =
       nullptr;  // of each path, as Refinement has it of slots; null when nobody asks
-  Sight* sight =
+  FirstHitCache* first_hits =
       nullptr;  // what is known of these rays, from its row `first_row` on; null for none
   size_t first_row = 0;
 

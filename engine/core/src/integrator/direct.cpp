@@ -20,7 +20,7 @@ DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stage
       scratch_(scratch),
       glassy_(scene.features & GLINT_FEATURE_TRANSPARENT),
       columns_(kColumns),
-      veils_(scene, stages, cancel, scratch) {}
+      transparent_shadows_(scene, stages, cancel, scratch) {}
 
 void DirectLight::prepare(const Batch& batch) {
   columns_.reserve(batch.size()), point_.resize(columns_.rows()), blocked_.resize(columns_.rows());
@@ -54,7 +54,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     if (notes) find_cut(batch, light);
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       light.set(stage_, plan_.light_point(sample, j), count, plan_.physical);
-      uint8_t* const known = batch.sight ? batch.sight->shadows(number) : nullptr;
+      uint8_t* const known = batch.first_hits ? batch.first_hits->shadows(number) : nullptr;
       add_lit(batch, light, stages_.light(stage_), known ? known + batch.first_row : nullptr,
               counts);
       if (stage_.draws) add_lit(batch, light, stages_.gloss(stage_), nullptr, counts);
@@ -70,7 +70,7 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
     batch.mark_softly_lit(point_[k], Refinement::kReached);
   if (light.casts_shadow()) find_shadows(batch, count, known, counts);
   else std::fill_n(blocked_.begin(), count, uint8_t(0));
-  if (glassy_) veils_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
+  if (glassy_) transparent_shadows_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
   add(batch, count);
 }
 
@@ -91,7 +91,7 @@ bool DirectLight::recall_shadows(const uint8_t* known, size_t count) {
   return all;
 }
 
-/// known: of the points, as Sight::shadows has it, or null.
+/// known: of the points, as FirstHitCache::shadows has it, or null.
 void DirectLight::find_shadows(const Batch& batch, size_t count, uint8_t* known,
                                RayCounts& counts) {
   for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);

@@ -39,7 +39,7 @@ class DirectLight {
          *shadow_[3] = {};  // shadow_: S a channel; null where rays are free or blocked and no more
   std::vector<uint32_t> point_;
   std::vector<uint8_t> blocked_;
-  Veils veils_;
+  TransparentShadows transparent_shadows_;
 };
 
 }  // namespace glint

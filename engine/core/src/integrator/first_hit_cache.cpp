@@ -7,7 +7,7 @@
 
 namespace glint {
 
-Sight::Sight(const GlintCamera& camera, const RenderPlan& plan, const Film& film)
+FirstHitCache::FirstHitCache(const GlintCamera& camera, const RenderPlan& plan, const Film& film)
     : camera_(camera),
       region_(plan.region),
       offset_{plan.pixel_offsets[0], plan.pixel_offsets[1]},
@@ -19,14 +19,14 @@ Sight::Sight(const GlintCamera& camera, const RenderPlan& plan, const Film& film
       v_(rows_),
       kept_(rows_) {}
 
-bool Sight::is_of(const GlintCamera& camera, const RenderPlan& plan) const {
+bool FirstHitCache::is_of(const GlintCamera& camera, const RenderPlan& plan) const {
   const Region& r = plan.region;
   return std::memcmp(&camera, &camera_, sizeof camera) == 0 && r.x0 == region_.x0 &&
          r.y0 == region_.y0 && r.x1 == region_.x1 && r.y1 == region_.y1 &&
          plan.pixel_offsets[0] == offset_[0] && plan.pixel_offsets[1] == offset_[1];
 }
 
-Sight::Rays Sight::rays_of(const LightStage& s) {
+FirstHitCache::Rays FirstHitCache::rays_of(const LightStage& s) {
   return {double(s.shape), s.l[0],      s.l[1],      s.l[2],      s.end[0],   s.end[1],
           s.end[2],        s.center[0], s.center[1], s.center[2], s.axis[0],  s.axis[1],
           s.axis[2],       s.radius,    s.x,         s.y,         s.right[0], s.right[1],
@@ -34,7 +34,7 @@ Sight::Rays Sight::rays_of(const LightStage& s) {
           s.half[1],       s.a,         s.b};
 }
 
-void Sight::expect(const Scene& scene, const RenderPlan& plan) {
+void FirstHitCache::expect(const Scene& scene, const RenderPlan& plan) {
   size_t number = 0;
   for (const Light& light : scene.lights) {
     const uint32_t count = light.extended ? plan.light_samples : 1;
@@ -44,12 +44,12 @@ void Sight::expect(const Scene& scene, const RenderPlan& plan) {
       const Rays rays = rays_of(stage);
       if (number < columns_.size() && columns_[number].rays == rays) continue;
       if (number == columns_.size()) columns_.emplace_back();
-      columns_[number].rays = rays, columns_[number].shadows = Zeros<uint8_t>(rows_);
+      columns_[number].rays = rays, columns_[number].shadows = ZeroedBuffer<uint8_t>(rows_);
     }
   }
 }
 
-bool Sight::recall(const Tile& tile, const Hits& hits) const {
+bool FirstHitCache::look_up(const Tile& tile, const Hits& hits) const {
   const size_t first = tile.first_row, count = tile.pixels();
   if (!kept_.data()[first]) return false;
   std::copy_n(t_.data() + first, count, hits.t), std::copy_n(u_.data() + first, count, hits.u);
@@ -59,7 +59,7 @@ bool Sight::recall(const Tile& tile, const Hits& hits) const {
   return true;
 }
 
-void Sight::keep(const Tile& tile, const Hits& hits) {
+void FirstHitCache::keep(const Tile& tile, const Hits& hits) {
   const size_t first = tile.first_row, count = tile.pixels();
   std::copy_n(hits.t, count, t_.data() + first), std::copy_n(hits.u, count, u_.data() + first);
   std::copy_n(hits.v, count, v_.data() + first),

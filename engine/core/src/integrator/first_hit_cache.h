@@ -6,12 +6,12 @@
 #include <mutex>
 #include <vector>
 
-#include "glint.h"
 #include "bvh/accel.h"
 #include "film/film.h"
+#include "glint.h"
 #include "integrator/plan.h"
-#include "shading/stages.h"
 #include "session/zeroed_buffer.h"
+#include "shading/stages.h"
 
 namespace glint {
 
@@ -20,18 +20,18 @@ class Scene;
 /// Of one camera, region and first sample point, in one accelerator. 24 bytes a pixel, and one for
 /// each of the first light samples. Its rows are the film's; threads may write rows of different
 /// tiles at once. Whoever uses it holds `mutex`.
-class Sight {
+class FirstHitCache {
  public:
   static constexpr size_t kMaxColumns = 8;
 
-  Sight(const GlintCamera& camera, const RenderPlan& plan, const Film& film);
+  FirstHitCache(const GlintCamera& camera, const RenderPlan& plan, const Film& film);
   bool is_of(const GlintCamera& camera, const RenderPlan& plan) const;
 
   /// Forgets shadows of light samples that are not those of `scene`.
   void expect(const Scene& scene, const RenderPlan& plan);
 
   /// False where the tile's rays were not kept.
-  bool recall(const Tile& tile, const Hits& hits) const;
+  bool look_up(const Tile& tile, const Hits& hits) const;
   void keep(const Tile& tile, const Hits& hits);
   /// Shadow of each row in the light sample of that number: 0 unknown, 1 free, 2 blocked. Null for
   /// samples that are not kept.
@@ -46,7 +46,7 @@ class Sight {
   using Rays = std::array<double, 27>;
   struct Column {
     Rays rays{};
-    Zeros<uint8_t> shadows;
+    ZeroedBuffer<uint8_t> shadows;
   };
   static Rays rays_of(const LightStage& stage);
 
@@ -54,11 +54,11 @@ class Sight {
   Region region_;
   double offset_[2];
   size_t rows_;
-  Zeros<double> t_;
-  Zeros<uint32_t> instance_, primitive_;
-  Zeros<float> u_, v_;
+  ZeroedBuffer<double> t_;
+  ZeroedBuffer<uint32_t> instance_, primitive_;
+  ZeroedBuffer<float> u_, v_;
   std::vector<Column> columns_;
-  Zeros<uint8_t> kept_;  // by a tile's first row
+  ZeroedBuffer<uint8_t> kept_;  // by a tile's first row
 };
 
 }  // namespace glint

@@ -18,12 +18,12 @@ void with_constant(uint32_t count, Body body) {
     case 4:
       return body(std::integral_constant<size_t, 4>());
     default:
-      return body(std::integral_constant<size_t, WindowPoints::kMostTogether>());
+      return body(std::integral_constant<size_t, WindowPoints::kMaxPacketSamples>());
   }
 }
 
 /// What is known of one channel of a pixel.
-struct Pile {
+struct Accumulator {
   double sum;
   Between range;
   void add(double sample, bool is_first) {
@@ -82,9 +82,9 @@ void Paths::add_column(double* to, const double* from) const {
 template <size_t Count>
 void Paths::add_noted(double* to, const double* from, const Refinement::Ranges& ranges) const {
   for (uint32_t slot : slots_) {
-    Pile pile{to[slot], ranges[slot]};
-    for (size_t s = 0; s < Count; ++s) pile.add(*from++, first_ + s == 0);
-    to[slot] = pile.sum, ranges.set(slot, pile.range);
+    Accumulator accumulator{to[slot], ranges[slot]};
+    for (size_t s = 0; s < Count; ++s) accumulator.add(*from++, first_ + s == 0);
+    to[slot] = accumulator.sum, ranges.set(slot, accumulator.range);
   }
 }
 
@@ -111,11 +111,11 @@ void Paths::spread(Film& film, const Tile& tile, const std::vector<uint32_t>& sl
   for (size_t c = 0; c < columns_; ++c, to += tile.stride()) {
     const Refinement::Ranges ranges =
         c < noted ? film.refinement().ranges(tile, c) : Refinement::Ranges{};
-    Pile pile{to[slots[0]], c < noted ? ranges[slots[0]] : Between{}};
-    for (uint32_t s = 0; s < samples; ++s) pile.add(sums_[c][0], first_ + s == 0);
+    Accumulator accumulator{to[slots[0]], c < noted ? ranges[slots[0]] : Between{}};
+    for (uint32_t s = 0; s < samples; ++s) accumulator.add(sums_[c][0], first_ + s == 0);
     for (uint32_t slot : slots) {
-      to[slot] = pile.sum;
-      if (c < noted) ranges.set(slot, pile.range);
+      to[slot] = accumulator.sum;
+      if (c < noted) ranges.set(slot, accumulator.range);
     }
   }
 }

@@ -2,10 +2,10 @@
 #pragma once
 #include <vector>
 
-#include "scene/camera.h"
-#include "integrator/columns.h"
 #include "film/film.h"
+#include "integrator/columns.h"
 #include "integrator/plan.h"
+#include "scene/camera.h"
 
 namespace glint {
 
@@ -13,9 +13,9 @@ namespace glint {
 /// after the other.
 class WindowPoints {
  public:
-  static constexpr uint32_t kMostTogether = 8;
+  static constexpr uint32_t kMaxPacketSamples = 8;
 
-  /// Samples [first, first + count), a power of two up to kMostTogether.
+  /// Samples [first, first + count), a power of two up to kMaxPacketSamples.
   void set(const CameraRays& camera, const RenderPlan& plan, const Tile& tile, uint32_t first,
            uint32_t count);
 
@@ -26,11 +26,11 @@ class WindowPoints {
 
  private:
   uint32_t first_ = 0, count_ = 1;
-  double u_[Tile::kSize * kMostTogether], v_[Tile::kSize * kMostTogether];
+  double u_[Tile::kSize * kMaxPacketSamples], v_[Tile::kSize * kMaxPacketSamples];
 };
 
 /// The camera rays of a few samples of a few pixels, and their paths from there. All samples of a
-/// pixel are neighbours, so that the rays of a bundle are near to each other. The film gets a
+/// pixel are neighbours, so that the rays of a packet are near to each other. The film gets a
 /// pixel's samples in their order, however many were traced at once.
 class Paths {
  public:

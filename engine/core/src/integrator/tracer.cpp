@@ -22,13 +22,13 @@ WindowReach reach_of(const RenderPlan& plan) {
 }  // namespace
 
 Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
-               const std::atomic<bool>& cancel, Sight* sight)
+               const std::atomic<bool>& cancel, FirstHitCache* first_hits)
     : scene_(scene),
       plan_(plan),
       film_(film),
       stages_(best_stages()),
       cancel_(cancel),
-      sight_(sight),
+      first_hits_(first_hits),
       camera_(scene),
       shader_(scene, plan, stages_),
       direct_(scene, plan, stages_, cancel, scratch_),
@@ -63,23 +63,23 @@ void Tracer::choose(const Tile& tile) {
   if (film_.refinement().on()) film_.refinement().list_active(tile, active_);
   else if (active_.size() != tile.pixels())
     active_.resize(tile.pixels()), std::iota(active_.begin(), active_.end(), 0u);
-  vacant_ = !active_.empty() && !(scene_.features & GLINT_FEATURE_SEEN_LIGHTS) &&
-            scene_.accel().vacant(beam(tile));
+  surely_empty_ = !active_.empty() && !(scene_.features & GLINT_FEATURE_SEEN_LIGHTS) &&
+                  scene_.accel().surely_empty(frustum(tile));
 }
 
 /// Round all camera rays of the tile's samples.
-Beam Tracer::beam(const Tile& tile) const {
+TileFrustum Tracer::frustum(const Tile& tile) const {
   const double column = plan_.region.x0 + tile.x0, row = plan_.region.y0 + tile.y0;
-  return camera_.beam(camera_.u(column, reach_.x0), camera_.v(row, reach_.y0),
-                      camera_.u(column + tile.width() - 1, reach_.x1),
-                      camera_.v(row + tile.height() - 1, reach_.y1));
+  return camera_.frustum(camera_.u(column, reach_.x0), camera_.v(row, reach_.y0),
+                         camera_.u(column + tile.width() - 1, reach_.x1),
+                         camera_.v(row + tile.height() - 1, reach_.y1));
 }
 
 /// How many of a pixel's next samples are traced at once: points of soft lights are common to a
 /// sample of many pixels.
-uint32_t Tracer::together(uint32_t samples) const {
+uint32_t Tracer::packet_samples(uint32_t samples) const {
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
-  uint32_t count = WindowPoints::kMostTogether;
+  uint32_t count = WindowPoints::kMaxPacketSamples;
   while (count > samples) count /= 2;
   return count;
 }
@@ -112,8 +112,8 @@ void Tracer::camera_rays() {
     std::copy_n(stage.o[k], stage.count, first_.column(Queue::kStart + k));
 }
 
-/// One path through a vacant tile stands for all.
-uint32_t Tracer::trace_vacant(uint32_t first, uint32_t last) {
+/// One path through a surely_empty tile stands for all.
+uint32_t Tracer::trace_empty(uint32_t first, uint32_t last) {
   points_.set(camera_, plan_, *tile_, first, 1);
   follow_some(active_.data(), active_.data() + 1, first);
   paths_.spread(film_, *tile_, active_, last - first);
@@ -130,8 +130,8 @@ void Tracer::follow_some(const uint32_t* begin, const uint32_t* end, uint32_t fi
 }
 
 uint32_t Tracer::trace(uint32_t first, uint32_t last) {
-  if (vacant_) return trace_vacant(first, last);
-  const uint32_t count = together(last - first);
+  if (surely_empty_) return trace_empty(first, last);
+  const uint32_t count = packet_samples(last - first);
   const size_t step = Paths::kMost / count;
   if (!active_.empty()) points_.set(camera_, plan_, *tile_, first, count);
   for (size_t k = 0; k < active_.size() && !cancel_; k += step) {
@@ -155,7 +155,7 @@ void Tracer::decide(const Tile& tile, uint32_t samples) {
 /// The paths to the end of their rays.
 void Tracer::follow(uint32_t sample) {
   start_paths();
-  if (!vacant_) camera_rays();
+  if (!surely_empty_) camera_rays();
   Queue straight = take(kCamera), bounced = take(kMirror);
   process(first_, sample, straight, bounced);
   wait(std::move(straight)), wait(std::move(bounced));
@@ -172,9 +172,10 @@ void Tracer::follow(uint32_t sample) {
 
 void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced) {
   batch_.begin(queue);
-  batch_.sight = sample == 0 && &queue == &first_ && paths_.is_whole(*tile_) ? sight_ : nullptr,
+  batch_.first_hits =
+      sample == 0 && &queue == &first_ && paths_.is_whole(*tile_) ? first_hits_ : nullptr,
   batch_.first_row = tile_->first_row;
-  vacant_ ? miss(queue) : find_points(queue);
+  surely_empty_ ? miss(queue) : find_points(queue);
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
   if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
   shade(queue, straight, bounced);
@@ -184,19 +185,20 @@ void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue
 }
 
 void Tracer::find_hits(const Queue& queue) {
-  if (batch_.sight && batch_.sight->recall(*tile_, batch_.hits())) return;
+  if (batch_.first_hits && batch_.first_hits->look_up(*tile_, batch_.hits())) return;
   {
     const Timer timer(counts_.tracing);
     Rays rays = queue.rays();
     // Every surface counts for what is remembered, and for passes that tell of holes as of other
     // surfaces.
-    const bool all = batch_.sight || film_.wants(GLINT_PASS_COST) || film_.wants(GLINT_PASS_GAP);
+    const bool all =
+        batch_.first_hits || film_.wants(GLINT_PASS_COST) || film_.wants(GLINT_PASS_GAP);
     rays.opacity = all ? nullptr : scene_.opacity();
     scene_.accel().closest(rays, batch_.hits(), scratch_);
   }
   batch_.charge_fallbacks();
   if (&queue == &first_) counts_.camera += queue.size();
-  if (batch_.sight) batch_.sight->keep(*tile_, batch_.hits());
+  if (batch_.first_hits) batch_.first_hits->keep(*tile_, batch_.hits());
 }
 
 void Tracer::find_points(const Queue& queue) {
@@ -255,7 +257,7 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
 size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leaving& next) {
   const uint32_t* rows = batch_.others.data() + first;
   const Material& material = scene_.materials[batch_.material[rows[0]]];
-  VaryStage stage{};
+  EvaluateStage stage{};
   stage.tables = scene_.input_tables();
   while (stage.count < count && batch_.material[rows[stage.count]] == batch_.material[rows[0]])
     ++stage.count;

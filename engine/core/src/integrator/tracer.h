@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "integrator/direct.h"
+#include "integrator/first_hit_cache.h"
 #include "integrator/paths.h"
 #include "shading/shade.h"
-#include "integrator/first_hit_cache.h"
 
 namespace glint {
 
@@ -22,9 +22,9 @@ struct WindowReach {
 /// once do not change a bit.
 class Tracer {
  public:
-  /// sight: to look up the first wave in, and to keep it; null for none.
+  /// first_hits: to look up the first wave in, and to keep it; null for none.
   Tracer(const Scene& scene, const RenderPlan& plan, Film& film, const std::atomic<bool>& cancel,
-         Sight* sight = nullptr);
+         FirstHitCache* first_hits = nullptr);
   Tracer(const Tracer&) = delete;
   Tracer& operator=(const Tracer&) = delete;
 
@@ -39,8 +39,8 @@ class Tracer {
   const RayCounts& counts() const { return counts_; }
 
  private:
-  uint32_t together(uint32_t samples) const;
-  Beam beam(const Tile& tile) const;
+  uint32_t packet_samples(uint32_t samples) const;
+  TileFrustum frustum(const Tile& tile) const;
   void start_paths();
   void miss(const Queue& queue);
   /// The material of its rays that hit nothing.
@@ -50,7 +50,7 @@ class Tracer {
   }
   void camera_rays();
   void find_gaps();
-  uint32_t trace_vacant(uint32_t first, uint32_t last);
+  uint32_t trace_empty(uint32_t first, uint32_t last);
   void follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first);
   void follow(uint32_t sample);
   void process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced);
@@ -73,7 +73,7 @@ class Tracer {
   Film& film_;
   const Stages& stages_;
   const std::atomic<bool>& cancel_;
-  Sight* const sight_;
+  FirstHitCache* const first_hits_;
   const CameraRays camera_;
   const Shader shader_;
   Scratch scratch_;
@@ -81,7 +81,7 @@ class Tracer {
   Batch batch_;
   const WindowReach reach_;  // of all samples
   const Tile* tile_ = nullptr;
-  bool vacant_ = false;  // nothing can be hit in the tile
+  bool surely_empty_ = false;  // nothing can be hit in the tile
   SlotTable slots_;
   std::vector<uint32_t> active_;  // slots that take samples
   WindowPoints points_;           // of the samples that are traced now

@@ -4,12 +4,12 @@
 
 namespace glint {
 
-void Veils::follow(const Batch& batch, const LightStage& light, const uint8_t* blocked,
-                   size_t count, double* const (&shadow)[3], RayCounts& counts) {
+void TransparentShadows::follow(const Batch& batch, const LightStage& light, const uint8_t* blocked,
+                                size_t count, double* const (&shadow)[3], RayCounts& counts) {
   for (double* channel : shadow)
     for (size_t k = 0; k < count; ++k) channel[k] = blocked[k] == 2 ? 0 : 1;
   start(light, blocked, count);
-  VeilStage stage{};
+  TransmittanceStage stage{};
   stage.tables = scene_.input_tables();
   stage.shapes = scene_.group_shapes.data(), stage.rays = rays_[0], stage.stride = rays_.stride(),
   stage.number = number_.data();
@@ -25,7 +25,7 @@ void Veils::follow(const Batch& batch, const LightStage& light, const uint8_t* b
 }
 
 /// All blocked rays, from their start.
-void Veils::start(const LightStage& light, const uint8_t* blocked, size_t count) {
+void TransparentShadows::start(const LightStage& light, const uint8_t* blocked, size_t count) {
   rays_.reserve(count + kPad);
   for (std::vector<uint32_t>* v : {&number_, &instance_, &primitive_}) v->resize(rays_.rows());
   u_.resize(rays_.rows()), v_.resize(rays_.rows());
@@ -36,34 +36,34 @@ void Veils::start(const LightStage& light, const uint8_t* blocked, size_t count)
     for (size_t i = 0; i < open_; ++i) rays_[column][i] = from[number_[i]];
   };
   for (size_t c = 0; c < 3; ++c)
-    take(VeiledRay::kO + c, light.o[c]), take(VeiledRay::kD + c, light.to[c]);
-  take(VeiledRay::kTMax, light.t_max);
-  std::fill_n(rays_[VeiledRay::kTMin], open_, 0.0);
+    take(TransmittedRay::kO + c, light.o[c]), take(TransmittedRay::kD + c, light.to[c]);
+  take(TransmittedRay::kTMax, light.t_max);
+  std::fill_n(rays_[TransmittedRay::kTMin], open_, 0.0);
 }
 
-void Veils::find_hits(RayCounts& counts) {
+void TransparentShadows::find_hits(RayCounts& counts) {
   const Timer timer(counts.tracing);
   const Columns& c = rays_;
-  const Rays rays{{c[VeiledRay::kO], c[VeiledRay::kO + 1], c[VeiledRay::kO + 2]},
-                  {c[VeiledRay::kD], c[VeiledRay::kD + 1], c[VeiledRay::kD + 2]},
-                  c[VeiledRay::kTMin],
-                  c[VeiledRay::kTMax],
+  const Rays rays{{c[TransmittedRay::kO], c[TransmittedRay::kO + 1], c[TransmittedRay::kO + 2]},
+                  {c[TransmittedRay::kD], c[TransmittedRay::kD + 1], c[TransmittedRay::kD + 2]},
+                  c[TransmittedRay::kTMin],
+                  c[TransmittedRay::kTMax],
                   open_,
                   kShadow,
                   scene_.opacity()};
   scene_.accel().closest(
-      rays, {rays_[VeiledRay::kT], instance_.data(), primitive_.data(), u_.data(), v_.data()},
+      rays, {rays_[TransmittedRay::kT], instance_.data(), primitive_.data(), u_.data(), v_.data()},
       scratch_);
 }
 
 /// Of the hit of ray k; one beyond the last for none.
-uint32_t Veils::material_at(size_t k) const {
+uint32_t TransparentShadows::material_at(size_t k) const {
   if (instance_[k] == Hit::kNone) return scene_.nothing();
   return scene_.material_of(scene_.group(instance_[k]), primitive_[k]);
 }
 
 /// One surface on the way of each ray. How many rays are left.
-size_t Veils::step(VeilStage& stage) const {
+size_t TransparentShadows::step(TransmittanceStage& stage) const {
   stage.kept = 0;
   for (size_t k = 0, end; k < open_; k = end) {
     const uint32_t material = material_at(k);
@@ -75,13 +75,13 @@ size_t Veils::step(VeilStage& stage) const {
 }
 
 /// The same for some that met one material, or nothing.
-size_t Veils::pass(const VeilStage& met, uint32_t material) const {
+size_t TransparentShadows::pass(const TransmittanceStage& met, uint32_t material) const {
   if (material == scene_.nothing()) return met.kept;
   if (scene_.materials[material].has(GLINT_TRANSPARENT)) {
-    VeilStage stage = met;
+    TransmittanceStage stage = met;
     stage.lobes = scene_.lobe_shapes.data() + scene_.materials[material].first_lobe;
     stage.lobe_count = scene_.materials[material].lobe_count;
-    return stages_.veil(stage);
+    return stages_.transmit(stage);
   }
   for (double* channel : met.shadow)
     for (size_t k = met.first; k < met.first + met.count; ++k) channel[met.number[k]] = 0;

@@ -8,9 +8,10 @@
 
 namespace glint {
 
-class Veils {
+class TransparentShadows {
  public:
-  Veils(const Scene& scene, const Stages& stages, const std::atomic<bool>& cancel, Scratch& scratch)
+  TransparentShadows(const Scene& scene, const Stages& stages, const std::atomic<bool>& cancel,
+                     Scratch& scratch)
       : scene_(scene), stages_(stages), cancel_(cancel), scratch_(scratch) {}
 
   /// What gets through of the light of a sample, a row of `shadow` for each of the `count` rays
@@ -23,14 +24,14 @@ class Veils {
   void start(const LightStage& light, const uint8_t* blocked, size_t count);
   void find_hits(RayCounts& counts);
   uint32_t material_at(size_t k) const;
-  size_t pass(const VeilStage& stage, uint32_t material) const;
-  size_t step(VeilStage& stage) const;
+  size_t pass(const TransmittanceStage& stage, uint32_t material) const;
+  size_t step(TransmittanceStage& stage) const;
 
   const Scene& scene_;
   const Stages& stages_;
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
-  Columns rays_{VeiledRay::kColumns};
+  Columns rays_{TransmittedRay::kColumns};
   size_t open_ = 0;                                      // rows of the rest: rays with light left
   std::vector<uint32_t> number_, instance_, primitive_;  // number_: of the ray in the sample
   std::vector<float> u_, v_;

@@ -50,7 +50,7 @@ class CameraRays {
   }
 
   /// Round all rays through points of the window from (u0, v0) to (u1, v1).
-  Beam beam(double u0, double v0, double u1, double v1) const {
+  TileFrustum frustum(double u0, double v0, double u1, double v1) const {
     const double corners[4][2] = {{u0, v0}, {u1, v0}, {u1, v1}, {u0, v1}};
     Vec3d origins[4], directions[4];
     for (int j = 0; j < 4; ++j) {
@@ -58,7 +58,7 @@ class CameraRays {
       origins[j] = parallel() ? scale_ * across + eye_ : eye_,
       directions[j] = unit(parallel() ? -m_.z : across - m_.z);
     }
-    return Beam(origins, directions);
+    return TileFrustum(origins, directions);
   }
 
   /// Depth along -w in world units of an anchored point.

@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "glint.h"
-#include "shading/stages.h"
 #include "math/vec.h"
+#include "shading/stages.h"
 
 namespace glint {
 

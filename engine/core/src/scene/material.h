@@ -3,9 +3,9 @@
 #include <vector>
 
 #include "glint.h"
-#include "shading/surface.h"
-#include "scene/texture.h"
 #include "math/vec.h"
+#include "scene/texture.h"
+#include "shading/surface.h"
 
 namespace glint {
 

@@ -3,10 +3,10 @@
 #include <map>
 #include <vector>
 
-#include "glint.h"
 #include "bvh/accel.h"
-#include "shading/stages.h"
+#include "glint.h"
 #include "math/vec.h"
+#include "shading/stages.h"
 
 namespace glint {
 

@@ -4,9 +4,9 @@
 #include <cstring>
 #include <numeric>
 
+#include "integrator/first_hit_cache.h"
 #include "math/math.h"
 #include "scene/opacity_map.h"
-#include "integrator/first_hit_cache.h"
 
 namespace glint {
 namespace {
@@ -138,7 +138,7 @@ bool depends_on_surface(const GlintInput& input) {
 Scene::Scene(const GlintSceneData& data, const Scene* base, bool exact) : camera(data.camera) {
   copy_tables(data);
   compile_materials(data);
-  if (base) take_over(*base, data, exact);
+  if (base) reuse_from(*base, data, exact);
   const Vec3d eye = affine(camera.world_from_camera).t;
   const bool stays = earlier_.trees.accel && !exact && earlier_.anchor.near(eye);
   anchor.origin = stays ? earlier_.anchor.origin : eye;
@@ -168,7 +168,7 @@ Scene::Earlier Scene::trees() const {
   return mine;
 }
 
-void Scene::take_over(const Scene& base, const GlintSceneData& data, bool exact) {
+void Scene::reuse_from(const Scene& base, const GlintSceneData& data, bool exact) {
   earlier_ = base.trees();
   const std::vector<uint32_t> there = std::move(earlier_.trees.geometry);
   geometry_in_base_ = same_geometries(data, base);
@@ -196,12 +196,12 @@ void Scene::share_trees(const Scene& base, bool exact) {
     sights_ = base.sights_;
 }
 
-std::shared_ptr<Sight> Scene::sight(const RenderPlan& plan, const Film& film) {
+std::shared_ptr<FirstHitCache> Scene::first_hits(const RenderPlan& plan, const Film& film) {
   std::lock_guard lock(build_mutex_);
   const auto found = std::find_if(sights_.begin(), sights_.end(),
                                   [&](const auto& s) { return s->is_of(camera, plan); });
   if (found != sights_.end()) std::rotate(sights_.begin(), found, found + 1);
-  else sights_.insert(sights_.begin(), std::make_shared<Sight>(camera, plan, film));
+  else sights_.insert(sights_.begin(), std::make_shared<FirstHitCache>(camera, plan, film));
   if (sights_.size() > kSights) sights_.pop_back();
   return sights_.front();
 }

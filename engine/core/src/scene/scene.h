@@ -8,12 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "glint.h"
 #include "bvh/accel.h"
+#include "glint.h"
+#include "math/vec.h"
 #include "scene/light.h"
 #include "scene/material.h"
 #include "shading/stages.h"
-#include "math/vec.h"
 
 namespace glint {
 
@@ -44,7 +44,7 @@ std::string scene_problems(const GlintSceneData& data);
 class Film;
 class OpacityMaps;
 class Scene;
-class Sight;
+class FirstHitCache;
 struct RenderPlan;
 
 /// The same next to a scene without problems: geometries that are its own were checked before.
@@ -87,7 +87,7 @@ class Scene {
   const Opacity* opacity() const;
   /// What is known of the first wave of such a render, by this scene or those whose trees it has;
   /// nothing as yet for one that is new.
-  std::shared_ptr<Sight> sight(const RenderPlan& plan, const Film& film);
+  std::shared_ptr<FirstHitCache> first_hits(const RenderPlan& plan, const Film& film);
 
   const double* matrix_row(uint32_t row) const { return world_from_object + 12 * size_t(row); }
   Affine anchored(uint32_t row) const { return anchor.matrix(affine(matrix_row(row))); }
@@ -164,7 +164,7 @@ class Scene {
   void fold_materials();
   void shape_materials();
   double radius(const Scene* base);
-  void take_over(const Scene& base, const GlintSceneData& data, bool exact);
+  void reuse_from(const Scene& base, const GlintSceneData& data, bool exact);
   void share_trees(const Scene& base, bool exact);
   bool same_placements(const Scene& base) const;
   std::vector<GeometryView> geometry_views() const;
@@ -181,9 +181,9 @@ class Scene {
   std::vector<Extent> extents_;  // of the geometries, object space
   std::shared_ptr<const Accel> accel_;
   std::unique_ptr<const OpacityMaps> opacity_;
-  bool exact_ = true;                           // accel_ is what a scene without a base would have
-  Earlier earlier_;                             // until there is accel_
-  std::vector<std::shared_ptr<Sight>> sights_;  // the last ones, newest first
+  bool exact_ = true;  // accel_ is what a scene without a base would have
+  Earlier earlier_;    // until there is accel_
+  std::vector<std::shared_ptr<FirstHitCache>> sights_;  // the last ones, newest first
   mutable std::mutex build_mutex_;
 };
 

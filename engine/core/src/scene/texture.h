@@ -1,8 +1,8 @@
 // Image lookup: four neighbours or the closest texel, decoded before filtering.
 #pragma once
 #include "glint.h"
-#include "shading/stages.h"
 #include "math/vec.h"
+#include "shading/stages.h"
 
 namespace glint {
 

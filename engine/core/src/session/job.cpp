@@ -7,7 +7,7 @@ namespace {
 
 constexpr uint32_t kMaxThreads = 1024;
 constexpr uint32_t kUnseenWave =
-    16;  // of samples: long enough for bundles, short enough to be cancelled
+    16;  // of samples: long enough for packets, short enough to be cancelled
 
 int threads_for(uint32_t wanted) {
   uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
@@ -128,16 +128,17 @@ bool Job::at_once() {
 }
 
 void Job::trace_waves() {
-  team_ = std::make_unique<Team>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
+  pool_ = std::make_unique<ThreadPool>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
   const bool looks_up =
       plan_.remember &&
       !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
-  const std::shared_ptr<Sight> sight = looks_up ? scene_.sight(plan_, film_) : nullptr;
-  const auto held =
-      sight ? std::unique_lock(sight->mutex, std::try_to_lock) : std::unique_lock<std::mutex>();
-  if (held) sight->expect(scene_, plan_);
-  Sight* const usable = held ? sight.get() : nullptr;
-  for (size_t k = 0; k < team_->size(); ++k)
+  const std::shared_ptr<FirstHitCache> first_hits =
+      looks_up ? scene_.first_hits(plan_, film_) : nullptr;
+  const auto held = first_hits ? std::unique_lock(first_hits->mutex, std::try_to_lock)
+                               : std::unique_lock<std::mutex>();
+  if (held) first_hits->expect(scene_, plan_);
+  FirstHitCache* const usable = held ? first_hits.get() : nullptr;
+  for (size_t k = 0; k < pool_->size(); ++k)
     tracers_.push_back(std::make_unique<Tracer>(scene_, plan_, film_, cancel_, usable));
   for (uint32_t first = 0, last = 1; first < plan_.samples && !cancel_; first = last) {
     last = first == 0 ? first_wave()
@@ -146,12 +147,12 @@ void Job::trace_waves() {
     {
       const Timer timer(seconds);
       std::atomic<size_t> next{0};
-      team_->run(tracers_.size(), [&](size_t desk) { trace_tiles(desk, first, last, next); });
+      pool_->run(tracers_.size(), [&](size_t thread) { trace_tiles(thread, first, last, next); });
       if (!cancel_) refine(last);
     }
     end_wave(last, seconds);
   }
-  team_.reset();
+  pool_.reset();
 }
 
 /// Looks at what the wave up to `samples` brought, and stops the pixels that are good enough.
@@ -177,7 +178,7 @@ void Job::on_all_tiles(Body body) {
 /// body(tracer) once for each tracer.
 template <class Body>
 void Job::on_all_threads(Body body) {
-  team_->run(tracers_.size(), [&](size_t k) { body(*tracers_[k]); });
+  pool_->run(tracers_.size(), [&](size_t k) { body(*tracers_[k]); });
 }
 
 /// The wave up to `samples` took `seconds`; its picture, unless it was cancelled, belongs to it.
@@ -197,13 +198,13 @@ void Job::end_wave(uint32_t samples, double seconds) {
 }
 
 /// Samples [first, last) of the tiles that nobody else has begun.
-void Job::trace_tiles(size_t desk, uint32_t first, uint32_t last, std::atomic<size_t>& next) {
+void Job::trace_tiles(size_t thread, uint32_t first, uint32_t last, std::atomic<size_t>& next) {
   const std::vector<Tile>& tiles = film_.tiles();
-  Tracer& tracer = *tracers_[desk];
+  Tracer& tracer = *tracers_[thread];
   const bool publishes = at_once();
   try {
     for (size_t k; !cancel_ && (k = next++) < tiles.size();) {
-      const Tile tile = publishes ? film_.at_desk(tiles[k], desk) : tiles[k];
+      const Tile tile = publishes ? film_.on_thread(tiles[k], thread) : tiles[k];
       trace_tile(tracer, tile, first, last);
       if (publishes && !cancel_) tracer.publish(tile, last);
     }
@@ -253,7 +254,7 @@ void Job::cancel() {
   resumed_.notify_all();
 }
 
-std::shared_ptr<Zeros<float>> Job::picture(int pass, uint64_t size) {
+std::shared_ptr<ZeroedBuffer<float>> Job::picture(int pass, uint64_t size) {
   std::lock_guard lock(mutex_);
   return samples_ > 0 ? film_.picture(pass, size) : nullptr;
 }

@@ -9,11 +9,11 @@
 #include <thread>
 #include <vector>
 
-#include "session/thread_pool.h"
 #include "film/film.h"
 #include "integrator/plan.h"
-#include "scene/scene.h"
 #include "integrator/tracer.h"
+#include "scene/scene.h"
+#include "session/thread_pool.h"
 
 namespace glint {
 
@@ -30,7 +30,7 @@ class Job {
   void resume();
   void cancel();
   /// As Film has it, of the last complete wave. Throws std::bad_alloc.
-  std::shared_ptr<Zeros<float>> picture(int pass, uint64_t size);
+  std::shared_ptr<ZeroedBuffer<float>> picture(int pass, uint64_t size);
   GlintStats stats();
   const std::string& error() const { return error_; }
 
@@ -40,7 +40,7 @@ class Job {
   uint32_t first_wave();
   bool at_once();
   void trace_waves();
-  void trace_tiles(size_t desk, uint32_t first, uint32_t last, std::atomic<size_t>& next);
+  void trace_tiles(size_t thread, uint32_t first, uint32_t last, std::atomic<size_t>& next);
   void trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t last);
   void refine(uint32_t samples);
   void end_wave(uint32_t samples, double seconds);
@@ -59,7 +59,7 @@ class Job {
   Film film_;
   std::atomic<bool> cancel_{false};
   std::atomic<uint64_t> done_{0};                 // tiles times samples
-  std::unique_ptr<Team> team_;                    // while waves are traced, and
+  std::unique_ptr<ThreadPool> pool_;              // while waves are traced, and
   std::vector<std::unique_ptr<Tracer>> tracers_;  // one for each of its threads
 
   std::mutex mutex_;  // guards what follows, and the film's pictures

@@ -40,14 +40,14 @@ void* map(size_t bytes) {
 void* take_memory(size_t bytes) {
   return bytes < kLarge ? ::operator new(bytes, kAlignment) : map(bytes);
 }
-void* take_zeros(size_t bytes) { return bytes < kLarge ? cleared(bytes) : map(bytes); }
+void* allocate_zeroed(size_t bytes) { return bytes < kLarge ? cleared(bytes) : map(bytes); }
 
 void give_memory(void* memory, size_t bytes) noexcept {
   if (bytes < kLarge) return ::operator delete(memory, kAlignment);
   munmap(memory, bytes);
 }
 
-void give_zeros(void* memory, size_t bytes) noexcept {
+void free_zeroed(void* memory, size_t bytes) noexcept {
   if (bytes < kLarge) return std::free(memory);
   munmap(memory, bytes);
 }
@@ -56,8 +56,8 @@ void give_zeros(void* memory, size_t bytes) noexcept {
 
 void* take_memory(size_t bytes) { return ::operator new(bytes, kAlignment); }
 void give_memory(void* memory, size_t) noexcept { ::operator delete(memory, kAlignment); }
-void* take_zeros(size_t bytes) { return cleared(bytes); }
-void give_zeros(void* memory, size_t) noexcept { std::free(memory); }
+void* allocate_zeroed(size_t bytes) { return cleared(bytes); }
+void free_zeroed(void* memory, size_t) noexcept { std::free(memory); }
 
 #endif
 

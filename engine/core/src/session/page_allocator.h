@@ -13,7 +13,7 @@ void* take_memory(size_t bytes);
 void give_memory(void* memory, size_t bytes) noexcept;
 
 /// The same for memory that is 0. Pages that nobody touches cost nothing.
-void* take_zeros(size_t bytes);
-void give_zeros(void* memory, size_t bytes) noexcept;
+void* allocate_zeroed(size_t bytes);
+void free_zeroed(void* memory, size_t bytes) noexcept;
 
 }  // namespace glint

@@ -4,7 +4,7 @@
 
 namespace glint {
 
-Team::Team(int threads) {
+ThreadPool::ThreadPool(int threads) {
   if (threads > 1) threads_.reserve(size_t(threads - 1));
   for (int k = 1; k < threads; ++k) {
     try {
@@ -15,7 +15,7 @@ Team::Team(int threads) {
   }
 }
 
-Team::~Team() {
+ThreadPool::~ThreadPool() {
   {
     std::lock_guard lock(mutex_);
     stop_ = true;
@@ -24,7 +24,7 @@ Team::~Team() {
   for (auto& thread : threads_) thread.join();
 }
 
-void Team::run(size_t count, const std::function<void(size_t)>& body) {
+void ThreadPool::run(size_t count, const std::function<void(size_t)>& body) {
   if (threads_.empty() || count <= 1) {
     for (size_t k = 0; k < count; ++k) body(k);
     return;
@@ -40,7 +40,7 @@ void Team::run(size_t count, const std::function<void(size_t)>& body) {
   if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
 }
 
-void Team::work() {
+void ThreadPool::work() {
   std::unique_lock lock(mutex_);
   for (size_t seen = 0;;) {
     wake_.wait(lock, [&] { return stop_ || round_ != seen; });
@@ -53,7 +53,7 @@ void Team::work() {
   }
 }
 
-void Team::drain() {
+void ThreadPool::drain() {
   try {
     for (size_t k; (k = next_.fetch_add(1, std::memory_order_relaxed)) < count_;) (*body_)(k);
   } catch (...) {

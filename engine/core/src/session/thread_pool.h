@@ -12,15 +12,15 @@
 
 namespace glint {
 
-/// Threads that live as long as the team. Where the system refuses a thread the team is smaller.
-class Team {
+/// Threads that live as long as the pool. Where the system refuses a thread the pool is smaller.
+class ThreadPool {
  public:
-  explicit Team(int threads);
-  ~Team();
-  Team(const Team&) = delete;
-  Team& operator=(const Team&) = delete;
+  explicit ThreadPool(int threads);
+  ~ThreadPool();
+  ThreadPool(const ThreadPool&) = delete;
+  ThreadPool& operator=(const ThreadPool&) = delete;
 
-  /// Calls body(0) … body(count - 1), in any order, on all threads of the team and the caller's,
+  /// Calls body(0) … body(count - 1), in any order, on all threads of the pool and the caller's,
   /// and returns when all are done. The first exception skips the calls that have not begun and is
   /// thrown again here. Not to be called from inside `body`.
   void run(size_t count, const std::function<void(size_t)>& body);
@@ -40,10 +40,10 @@ class Team {
   bool stop_ = false;
 };
 
-/// Calls body(0) … body(count - 1) on a team, `chunk` of them at a time.
+/// Calls body(0) … body(count - 1) on a pool, `chunk` of them at a time.
 template <class Body>
-void each_chunk(size_t count, size_t chunk, Team& team, Body body) {
-  team.run((count + chunk - 1) / chunk, [&](size_t c) {
+void each_chunk(size_t count, size_t chunk, ThreadPool& pool, Body body) {
+  pool.run((count + chunk - 1) / chunk, [&](size_t c) {
     for (size_t k = c * chunk; k < std::min(count, (c + 1) * chunk); ++k) body(k);
   });
 }

@@ -1,10 +1,10 @@
 // Surfaces that send rays on, and what stages do not do for a hit: holdouts, data passes, lights
 // that are seen (notes 4.12-4.17).
 #pragma once
-#include "integrator/batch.h"
-#include "scene/camera.h"
 #include "film/film.h"
+#include "integrator/batch.h"
 #include "integrator/plan.h"
+#include "scene/camera.h"
 
 namespace glint {
 

@@ -1,7 +1,7 @@
 // Camera rays, and sums on their way to the film.
 #pragma once
-#include "simd/lanes.h"
 #include "shading/stages.h"
+#include "simd/lanes.h"
 
 namespace glint {
 namespace {

@@ -8,7 +8,7 @@
 namespace glint {
 namespace {
 
-inline OnMesh on_mesh(const VaryStage& s, const Chosen& at) {
+inline OnMesh on_mesh(const EvaluateStage& s, const Chosen& at) {
   OnMesh p;
   p.weights[1] = gather(s.weights[0], at), p.weights[2] = gather(s.weights[1], at);
   p.weights[0] = 1 - p.weights[1] - p.weights[2];
@@ -29,7 +29,7 @@ struct Lobes {
   int specular_count = 0, passing_count = 0;
 };
 
-inline void set_specular(const VaryStage& s, const Chosen& at, const Three& Tk,
+inline void set_specular(const EvaluateStage& s, const Chosen& at, const Three& Tk,
                          const LobeShape& lobe, Lobes& sum) {
   double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
   scatter3(column, s.stride, at, Tk);
@@ -42,20 +42,20 @@ inline void set_specular(const VaryStage& s, const Chosen& at, const Three& Tk,
   sum.lit |= nonzero(Tk);
 }
 
-inline void set_passing(const VaryStage& s, const Chosen& at, const Three& k, Lobes& sum) {
+inline void set_passing(const EvaluateStage& s, const Chosen& at, const Three& k, Lobes& sum) {
   double* column = s.passing + 3 * size_t(sum.passing_count++) * s.stride;
   scatter3(column, s.stride, at, k);
   sum.passes |= nonzero(k);
 }
 
 /// 1, or what AMBIENT and DIFFUSE lobes that depend on the view are times.
-inline Doubles seen_share(const VaryStage& s, const Chosen& at, const LobeShape& lobe) {
+inline Doubles seen_share(const EvaluateStage& s, const Chosen& at, const LobeShape& lobe) {
   if (!(lobe.exponent > 0)) return splat(1);
   return grazing_power(seen_cosine(gather3(s.n, at), gather3(s.d, at)), splat(lobe.exponent));
 }
 
-inline void add_lobe(const VaryStage& s, const Chosen& at, const LobeShape& lobe, const Three& T,
-                     Three k, Lobes& sum) {
+inline void add_lobe(const EvaluateStage& s, const Chosen& at, const LobeShape& lobe,
+                     const Three& T, Three k, Lobes& sum) {
   if (lobe.kind == GLINT_SPECULAR) return set_specular(s, at, T * k, lobe, sum);
   const bool ambient = lobe.kind == GLINT_AMBIENT;
   if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, lobe) * k;
@@ -67,7 +67,7 @@ inline void add_lobe(const VaryStage& s, const Chosen& at, const LobeShape& lobe
 }
 
 /// Which lanes send rays on.
-inline uint32_t vary_group(const VaryStage& s, const Chosen& at) {
+inline uint32_t vary_group(const EvaluateStage& s, const Chosen& at) {
   const OnMesh p = on_mesh(s, at);
   const Three T = gather3(s.T, at);
   Lobes sum{gather3(s.sums.total, at), {}};
@@ -85,7 +85,7 @@ inline uint32_t vary_group(const VaryStage& s, const Chosen& at) {
   return bits(sum.passes) & lanes_of(at);
 }
 
-size_t vary(const VaryStage& s) {
+size_t vary(const EvaluateStage& s) {
   size_t passing = 0;
   for (size_t i = 0; i < s.count; i += kLanes) {
     const Chosen at = chosen(s.rows, i, s.count);

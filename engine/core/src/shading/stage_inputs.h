@@ -2,8 +2,8 @@
 // texel. The same as material.cpp, surface.cpp and texture.cpp have for one point. Letters: u v of
 // the unit square, i index in an endless row of texels.
 #pragma once
-#include "simd/lanes.h"
 #include "shading/stages.h"
+#include "simd/lanes.h"
 
 namespace glint {
 namespace {

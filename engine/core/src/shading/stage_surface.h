@@ -1,8 +1,8 @@
 // From hits on triangles to points (notes 4.7-4.9, 2.7). Letters: o d ray, a b c corners, e1 e2
 // edges, n normals of the vertices.
 #pragma once
-#include "simd/lanes.h"
 #include "shading/stages.h"
+#include "simd/lanes.h"
 
 namespace glint {
 namespace {

@@ -12,7 +12,7 @@ namespace {
 struct Met {
   uint32_t instance[kLanes], primitive[kLanes];
   bool together;  // on one triangle
-  Met(const VeilStage& s, size_t k, size_t count) {
+  Met(const TransmittanceStage& s, size_t k, size_t count) {
     for (size_t lane = 0; lane < kLanes; ++lane) {
       const size_t row = lane < count ? k + lane : k;
       instance[lane] = s.instance[row], primitive[lane] = s.primitive[row];
@@ -21,12 +21,12 @@ struct Met {
   }
 };
 
-inline const GroupShape& group_of(const VeilStage& s, uint32_t instance) {
+inline const GroupShape& group_of(const TransmittanceStage& s, uint32_t instance) {
   return s.shapes[s.tables.instances[instance].group];
 }
 
 /// Their triangles; points for hits on other things.
-inline Spread triangles(const VeilStage& s, const Met& at) {
+inline Spread triangles(const TransmittanceStage& s, const Met& at) {
   Gathered all{};
   for (size_t lane = 0; lane < (at.together ? 1 : kLanes); ++lane) {
     const GroupShape& group = group_of(s, at.instance[lane]);
@@ -49,7 +49,7 @@ inline Spread triangles(const VeilStage& s, const Met& at) {
 }
 
 /// Where on their meshes they are, seen from the points that the rays left.
-inline OnMesh on_mesh(const VeilStage& s, size_t k, const Chosen& ray, const Met& at) {
+inline OnMesh on_mesh(const TransmittanceStage& s, size_t k, const Chosen& ray, const Met& at) {
   Chosen from = ray;
   for (size_t lane = 0; lane < kLanes; ++lane) from.row[lane] = s.point[ray.row[lane]];
   from.together = from.row[kLanes - 1] - from.row[0] == kLanes - 1;
@@ -64,7 +64,7 @@ inline OnMesh on_mesh(const VeilStage& s, size_t k, const Chosen& ray, const Met
   return p;
 }
 
-inline bool constant(const VeilStage& s) {
+inline bool constant(const TransmittanceStage& s) {
   bool constant = true;
   for (uint32_t i = 0; i < s.lobe_count; ++i)
     constant = constant && (s.lobes[i].kind != GLINT_TRANSPARENT || s.lobes[i].constant);
@@ -72,7 +72,7 @@ inline bool constant(const VeilStage& s) {
 }
 
 /// The sum of the TRANSPARENT lobes.
-inline Three transparency(const VeilStage& s, const OnMesh& p) {
+inline Three transparency(const TransmittanceStage& s, const OnMesh& p) {
   Three sum{};
   Reads reads;
   for (uint32_t i = 0; i < s.lobe_count; ++i)
@@ -84,18 +84,19 @@ inline Three transparency(const VeilStage& s, const OnMesh& p) {
 inline Doubles clamped_share(Doubles x) { return larger(smaller(x, splat(1)), splat(0)); }
 
 /// Rays with light left move to the front, past their surfaces.
-inline void keep(const VeilStage& s, size_t k, const Chosen& ray, uint32_t lanes, size_t kept) {
+inline void keep(const TransmittanceStage& s, size_t k, const Chosen& ray, uint32_t lanes,
+                 size_t kept) {
   const Appender append{lanes, kept};
-  for (size_t c = 0; c < VeiledRay::kTMin; ++c)
+  for (size_t c = 0; c < TransmittedRay::kTMin; ++c)
     append(s.rays + c * s.stride, load(s.rays + c * s.stride + k));
-  const Doubles t = load(s.rays + VeiledRay::kT * s.stride + k),
-                t_max = load(s.rays + VeiledRay::kTMax * s.stride + k);
-  append(s.rays + VeiledRay::kTMin * s.stride, beyond(t)),
-      append(s.rays + VeiledRay::kTMax * s.stride, t_max);
+  const Doubles t = load(s.rays + TransmittedRay::kT * s.stride + k),
+                t_max = load(s.rays + TransmittedRay::kTMax * s.stride + k);
+  append(s.rays + TransmittedRay::kTMin * s.stride, beyond(t)),
+      append(s.rays + TransmittedRay::kTMax * s.stride, t_max);
   for (uint32_t m = lanes; m; m &= m - 1) s.number[kept++] = ray.row[__builtin_ctz(m)];
 }
 
-size_t veil(const VeilStage& s) {
+size_t transmit(const TransmittanceStage& s) {
   const bool alike = constant(s);
   const size_t end = s.first + s.count;
   size_t kept = s.kept;

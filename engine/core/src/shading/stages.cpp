@@ -1,7 +1,7 @@
 #include "shading/stages.h"
 
-#include "simd/isa.h"
 #include "math/math.h"
+#include "simd/isa.h"
 
 namespace glint {
 

@@ -143,7 +143,7 @@ struct InputTables {
 
 /// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`,
 /// `specular` and `lit`, as ShadeStage does, and `passing`.
-struct VaryStage {
+struct EvaluateStage {
   InputTables tables;
   size_t count;
   const uint32_t* rows;  // of its points
@@ -193,7 +193,7 @@ struct PassStage {
   const int64_t* from_tags;
   const double *t, *x[3], *g[3], *n[3], *offset;
   const int64_t* outside;
-  const double* passing;  // as VaryStage has it
+  const double* passing;  // as EvaluateStage has it
   size_t passing_stride;
   const LobeShape* lobes;
   uint32_t lobe_count, max_bounces, max_straight;
@@ -268,19 +268,19 @@ struct LightParts {
 };
 
 /// Columns of rays on their way through surfaces, but for their weight and the like.
-struct VeiledRay {
+struct TransmittedRay {
   static constexpr size_t kO = 0, kD = 3, kTMin = 6, kTMax = 7, kT = 8,
                           kColumns = 9;  // kT: of their hits
 };
 
 /// Some of the shadow rays of a light sample, which met surfaces of one material that lets light
 /// through.
-struct VeilStage {
+struct TransmittanceStage {
   InputTables tables;
   size_t first, count;  // rows of the columns of rays and hits
   const GroupShape* shapes;
-  double* rays;  // VeiledRay. Those with light left follow each other from row `kept` <= first on,
-                 // bound to start there
+  double* rays;  // TransmittedRay. Those with light left follow each other from row `kept` <= first
+                 // on, bound to start there
   size_t stride, kept;
   uint32_t* number;  // of the ray in the sample; moves with the rays
   const uint32_t *instance, *primitive;
@@ -297,13 +297,13 @@ struct Stages {
   const char* name;
   void (*camera)(const CameraStage&);
   void (*surface)(const SurfaceStage&);
-  size_t (*shade)(const ShadeStage&);  // how many `others`
-  size_t (*vary)(const VaryStage&);    // how many `passing_rows`
+  size_t (*shade)(const ShadeStage&);    // how many `others`
+  size_t (*vary)(const EvaluateStage&);  // how many `passing_rows`
   PassedRays (*pass)(const PassStage&);
   size_t (*light)(const LightStage&);  // how many points the sample reaches
   size_t (*gloss)(
-      const LightStage&);            // how many points the directions drawn from their lobes light
-  size_t (*veil)(const VeilStage&);  // how many rays are kept in all
+      const LightStage&);  // how many points the directions drawn from their lobes light
+  size_t (*transmit)(const TransmittanceStage&);  // how many rays are kept in all
   void (*sum)(const LightSum&);
   void (*sum_parts)(const LightParts&);
   void (*add)(double* to, const double* from, size_t count);

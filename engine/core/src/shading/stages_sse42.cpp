@@ -1,14 +1,14 @@
 #if defined(GLINT_X86_KERNELS)
 #include "shading/stage_camera.h"
+#include "shading/stage_evaluate.h"
 #include "shading/stage_light.h"
 #include "shading/stage_pass.h"
 #include "shading/stage_shade.h"
 #include "shading/stage_surface.h"
-#include "shading/stage_evaluate.h"
 #include "shading/stage_transmittance.h"
 
 namespace glint {
-extern const Stages stages_sse42{"sse42", camera, surface, shade,     vary, pass, light,
-                                 gloss,   veil,   sum,     sum_parts, add,  mean, cosine_powers};
+extern const Stages stages_sse42{"sse42", camera,   surface, shade,     vary, pass, light,
+                                 gloss,   transmit, sum,     sum_parts, add,  mean, cosine_powers};
 }
 #endif

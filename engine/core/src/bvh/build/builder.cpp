@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <new>
 
-#include "bvh/build/morton_grid.h"
 #include "bvh/build/builder_grid.h"
 #include "bvh/build/builder_nodes.h"
 #include "bvh/build/builder_split.h"
+#include "bvh/build/morton_grid.h"
 
 namespace glint {
 namespace {
@@ -155,9 +155,9 @@ struct NodeMaker {
 /// The work on one tree: top nodes over clusters, then the nodes below them by all threads.
 class TreeMaker {
  public:
-  TreeMaker(Ref* refs, size_t count, const BuildOptions& options, Team& team,
+  TreeMaker(Ref* refs, size_t count, const BuildOptions& options, ThreadPool& pool,
             const std::atomic<bool>& cancel)
-      : refs_(refs), scratch_(count), options_(options), team_(team), cancel_(cancel) {}
+      : refs_(refs), scratch_(count), options_(options), pool_(pool), cancel_(cancel) {}
 
   NodeTree make(const Range& all) {
     add({kNoNode, 0, 0, all});
@@ -193,7 +193,7 @@ class TreeMaker {
   void part(const Task& task) {
     std::vector<Task> found;
     const BuildOptions over{1, 1, 0, kCluster, kTask, false};
-    const ChildRef root = over_clusters(task, over, team_, top_, found);
+    const ChildRef root = over_clusters(task, over, pool_, top_, found);
     if (found.size() == 1 && found[0].node == kNoNode) return small_.push_back(task);
     place(task, root);
     for (const Task& t : found) add(t);
@@ -201,10 +201,10 @@ class TreeMaker {
 
   /// Makes the nodes over the clusters of a range; `found` are the ranges whose nodes are still to
   /// be made, the task itself when there are no clusters.
-  ChildRef over_clusters(const Task& task, const BuildOptions& options, Team& team,
+  ChildRef over_clusters(const Task& task, const BuildOptions& options, ThreadPool& pool,
                          std::vector<Node>& nodes, std::vector<Task>& found) {
     std::vector<Ref> clusters = make_clusters(refs_, scratch_.data.get(), task.range,
-                                              options.cluster, team),
+                                              options.cluster, pool),
                      spare(clusters.size());
     if (clusters.size() == 1) {
       found.push_back({kNoNode, 0, task.depth, task.range});
@@ -219,7 +219,7 @@ class TreeMaker {
         {clusters.data(), spare.data(), options, {}}, nodes, cancel_, options.crowd, later};
     const ChildRef root = maker.make(
         {0, clusters.size(), task.range.first, task.range.weight, task.range.box}, task.depth);
-    gather_clusters(refs_, scratch_.data.get(), task.range.first, clusters, team);
+    gather_clusters(refs_, scratch_.data.get(), task.range.first, clusters, pool);
     return root;
   }
 
@@ -231,18 +231,18 @@ class TreeMaker {
       open += small_[k].range.weight, batches_.back().last = k + 1;
       if (open > total / 64) open = 0;
     }
-    team_.run(batches_.size(), [&](size_t k) { fill(batches_[k]); });
+    pool_.run(batches_.size(), [&](size_t k) { fill(batches_[k]); });
     scratch_ = {};
   }
 
   void fill(Batch& batch) {
-    Team alone(1);
+    ThreadPool alone(1);
     for (size_t k = batch.first; k < batch.last; ++k)
       batch.roots.push_back(below(small_[k], alone, batch.nodes));
   }
 
   /// All nodes of a task.
-  ChildRef below(const Task& task, Team& alone, std::vector<Node>& nodes) {
+  ChildRef below(const Task& task, ThreadPool& alone, std::vector<Node>& nodes) {
     if (task.range.weight <= options_.max_leaf)
       return leaf_ref(task.range.first, task.range.weight);
     if (options_.halve && task.node != kNoNode && task.depth < kMedianDepth)
@@ -255,7 +255,7 @@ class TreeMaker {
       (t.node == kNoNode ? root : nodes[t.node].child[t.lane]) = over_refs(t, nodes);
     return root;
   }
-  ChildRef over_cells(const Task& task, Team& alone, std::vector<Node>& nodes) {
+  ChildRef over_cells(const Task& task, ThreadPool& alone, std::vector<Node>& nodes) {
     if (cancel_.load(std::memory_order_relaxed)) throw Cancelled{};
     const std::vector<size_t> start =
         sort_into_cells(refs_, scratch_.data.get(), task.range, (options_.max_leaf + 1) / 2, alone);
@@ -278,7 +278,7 @@ class TreeMaker {
         place(small_[t], moved(batches_[k].roots[t - batches_[k].first], k));
     NodeTree tree{Buffer<Node>(base.back()), root_, {}};
     std::copy(top_.begin(), top_.end(), tree.nodes.data.get());
-    team_.run(batches_.size(), [&](size_t k) {
+    pool_.run(batches_.size(), [&](size_t k) {
       move_nodes(batches_[k].nodes, tree.nodes.data.get() + base[k],
                  [&](ChildRef c) { return moved(c, k); });
       std::vector<Node>().swap(batches_[k].nodes);
@@ -289,7 +289,7 @@ class TreeMaker {
   Ref* refs_;
   Buffer<Ref> scratch_;
   BuildOptions options_;
-  Team& team_;
+  ThreadPool& pool_;
   const std::atomic<bool>& cancel_;
   std::vector<Node> top_;
   ChildRef root_ = 0;
@@ -299,17 +299,17 @@ class TreeMaker {
 
 }  // namespace
 
-NodeTree build_nodes(Ref* refs, size_t count, const BuildOptions& options, Team& team,
+NodeTree build_nodes(Ref* refs, size_t count, const BuildOptions& options, ThreadPool& pool,
                      const std::atomic<bool>& cancel) {
   if (count > size_t(kOrdinal)) throw std::bad_alloc();
   const size_t parts = 1 + count / kBig;
   std::vector<Box> part(parts);
-  team.run(parts, [&](size_t k) {
+  pool.run(parts, [&](size_t k) {
     part[k] = ref_box(refs + count * k / parts, refs + count * (k + 1) / parts);
   });
   Range all{0, count, 0, count, {}};
   for (const Box& b : part) all.box.add(b);
-  return TreeMaker(refs, count, options, team, cancel).make(all);
+  return TreeMaker(refs, count, options, pool, cancel).make(all);
 }
 
 }  // namespace glint

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "bvh/bounds.h"
+#include "bvh/bvh.h"
 #include "session/page_allocator.h"
 #include "session/thread_pool.h"
-#include "bvh/bvh.h"
 
 namespace glint {
 
@@ -51,9 +51,9 @@ struct NodeTree {
 };
 
 /// Sorts refs[0, count), count >= 1, into the order of the leaves and returns the nodes above. The
-/// same for every team. Throws Cancelled, and std::bad_alloc also when count does not fit a
+/// same for every pool. Throws Cancelled, and std::bad_alloc also when count does not fit a
 /// ChildRef.
-NodeTree build_nodes(Ref* refs, size_t count, const BuildOptions& options, Team& team,
+NodeTree build_nodes(Ref* refs, size_t count, const BuildOptions& options, ThreadPool& pool,
                      const std::atomic<bool>& cancel);
 
 }  // namespace glint

@@ -91,17 +91,17 @@ class Grid {
 /// How a loop over a range is shared out: the same parts for counting and for moving.
 struct Parts {
   size_t begin, end, count, each;
-  Parts(const Range& r, Team& team)
+  Parts(const Range& r, ThreadPool& pool)
       : begin(r.begin),
         end(r.end),
-        count(std::min((r.count() + kChunk - 1) / kChunk, 4 * team.size())),
+        count(std::min((r.count() + kChunk - 1) / kChunk, 4 * pool.size())),
         each((r.count() + count - 1) / count) {}
   size_t first(size_t part) const { return std::min(end, begin + part * each); }
 };
 
-Box centroid_box(const Ref* refs, const Parts& parts, Team& team) {
+Box centroid_box(const Ref* refs, const Parts& parts, ThreadPool& pool) {
   std::vector<Box> part(parts.count);
-  team.run(parts.count, [&](size_t g) {
+  pool.run(parts.count, [&](size_t g) {
     for (size_t k = parts.first(g); k < parts.first(g + 1); ++k) part[g].add(centroid(refs[k]));
   });
   Box box;
@@ -112,10 +112,10 @@ Box centroid_box(const Ref* refs, const Parts& parts, Team& team) {
 /// Moves refs[range) to scratch, cell by cell, in their old order within a cell. start[c], start[c
 /// + 1]: where cell c lies.
 std::vector<size_t> sort_by_cell(const Ref* refs, Ref* scratch, const Grid& grid,
-                                 const Parts& parts, Team& team) {
+                                 const Parts& parts, ThreadPool& pool) {
   Buffer<uint16_t> cell(parts.end - parts.begin);
   std::vector<std::vector<uint32_t>> counts(parts.count);
-  team.run(parts.count, [&](size_t g) {
+  pool.run(parts.count, [&](size_t g) {
     counts[g].assign(grid.cells(), 0);
     for (size_t k = parts.first(g); k < parts.first(g + 1); ++k) {
       const uint32_t c = grid(refs[k]);
@@ -132,7 +132,7 @@ std::vector<size_t> sort_by_cell(const Ref* refs, Ref* scratch, const Grid& grid
     }
   }
   start.back() = at;
-  team.run(parts.count, [&](size_t g) {
+  pool.run(parts.count, [&](size_t g) {
     uint32_t* next = counts[g].data();
     for (size_t k = parts.first(g); k < parts.first(g + 1); ++k)
       scratch[parts.begin + next[cell[k - parts.begin]]++] = refs[k];
@@ -154,18 +154,18 @@ void gather(const std::vector<size_t>& start, uint32_t first, uint32_t count, si
       gather(start, first + count / 2, count / 2, limit, clusters);
 }
 
-/// body(c) for every cluster, in pieces shared by the team.
+/// body(c) for every cluster, in pieces shared by the pool.
 template <class Body>
-void each_cluster(size_t count, Team& team, Body body) {
+void each_cluster(size_t count, ThreadPool& pool, Body body) {
   const size_t pieces = std::min<size_t>(count, 64);
-  team.run(pieces, [&](size_t g) {
+  pool.run(pieces, [&](size_t g) {
     for (size_t c = count * g / pieces; c < count * (g + 1) / pieces; ++c) body(c);
   });
 }
 
 std::vector<Ref> clusters_of(const Ref* refs, Ref* scratch, const Grid& grid, const Parts& parts,
-                             size_t limit, Team& team) {
-  const std::vector<size_t> start = sort_by_cell(refs, scratch, grid, parts, team);
+                             size_t limit, ThreadPool& pool) {
+  const std::vector<size_t> start = sort_by_cell(refs, scratch, grid, parts, pool);
   std::vector<Ref> clusters;
   const size_t single = std::min(kSingle, (parts.end - parts.begin) / 4);
   int level = 0;
@@ -173,7 +173,7 @@ std::vector<Ref> clusters_of(const Ref* refs, Ref* scratch, const Grid& grid, co
     gather(start, grid.first(level), grid.first(level + 1) - grid.first(level), limit, clusters);
   for (size_t k = start[grid.first(level)]; k < parts.end; ++k)
     clusters.push_back({{}, uint32_t(k), {}, 1});
-  each_cluster(clusters.size(), team, [&](size_t c) {
+  each_cluster(clusters.size(), pool, [&](size_t c) {
     const size_t first = clusters[c].primitive, count = clusters[c].source;
     Box box;
     for (size_t k = first; k < first + count; ++k) box.add(Box{low(scratch[k]), high(scratch[k])});
@@ -185,34 +185,34 @@ std::vector<Ref> clusters_of(const Ref* refs, Ref* scratch, const Grid& grid, co
 }  // namespace
 
 std::vector<Ref> make_clusters(const Ref* refs, Ref* scratch, const Range& range, size_t limit,
-                               Team& team) {
-  const Parts parts(range, team);
-  const Box centroids = centroid_box(refs, parts, team);
+                               ThreadPool& pool) {
+  const Parts parts(range, pool);
+  const Box centroids = centroid_box(refs, parts, pool);
   std::vector<Ref> clusters =
-      clusters_of(refs, scratch, Grid(centroids, range.count(), limit, true), parts, limit, team);
+      clusters_of(refs, scratch, Grid(centroids, range.count(), limit, true), parts, limit, pool);
   const auto lighter = [](const Ref& a, const Ref& b) { return a.source < b.source; };
   if (std::max_element(clusters.begin(), clusters.end(), lighter)->source >
       range.count() / 2)  // all large: by their place alone
     clusters = clusters_of(refs, scratch, Grid(centroids, range.count(), limit, false), parts,
-                           limit, team);
+                           limit, pool);
   return clusters;
 }
 
 std::vector<size_t> sort_into_cells(Ref* refs, Ref* scratch, const Range& range, size_t limit,
-                                    Team& team) {
-  const Parts parts(range, team);
-  const Grid grid(centroid_box(refs, parts, team), range.count(), limit, false);
-  std::vector<size_t> start = sort_by_cell(refs, scratch, grid, parts, team);
+                                    ThreadPool& pool) {
+  const Parts parts(range, pool);
+  const Grid grid(centroid_box(refs, parts, pool), range.count(), limit, false);
+  std::vector<size_t> start = sort_by_cell(refs, scratch, grid, parts, pool);
   std::copy(scratch + range.begin, scratch + range.end, refs + range.begin);
   start.erase(start.begin() + grid.first(1), start.end() - 1);
   return start;
 }
 
 void gather_clusters(Ref* refs, const Ref* scratch, size_t begin, const std::vector<Ref>& clusters,
-                     Team& team) {
+                     ThreadPool& pool) {
   std::vector<size_t> at(clusters.size() + 1, begin);
   for (size_t c = 0; c < clusters.size(); ++c) at[c + 1] = at[c] + clusters[c].source;
-  each_cluster(clusters.size(), team, [&](size_t c) {
+  each_cluster(clusters.size(), pool, [&](size_t c) {
     std::copy_n(scratch + clusters[c].primitive, clusters[c].source, refs + at[c]);
   });
 }

@@ -311,7 +311,7 @@ NodeTree join(Maker& top, std::vector<Maker>& makers, const std::vector<ChildRef
 }  // namespace
 
 NodeTree build_spatial(Buffer<Ref>& refs, const CornersOf& corners, const BuildOptions& options,
-                       Team& team, const std::atomic<bool>& cancel) {
+                       ThreadPool& pool, const std::atomic<bool>& cancel) {
   Part all;
   all.refs.assign(refs.data.get(), refs.data.get() + refs.size);
   all.box = ref_box(refs.data.get(), refs.data.get() + refs.size);
@@ -323,7 +323,7 @@ NodeTree build_spatial(Buffer<Ref>& refs, const CornersOf& corners, const BuildO
   const ChildRef root = top.make(all, 0);
   std::vector<Maker> makers(top.later.size(), Maker(corners, options, scene, 0, cancel));
   std::vector<ChildRef> roots(makers.size());
-  team.run(makers.size(),
+  pool.run(makers.size(),
            [&](size_t k) { roots[k] = makers[k].make(top.later[k].part, top.later[k].depth); });
   NodeTree tree = join(top, makers, roots, root, refs);
   tree.box = box;

@@ -13,17 +13,19 @@ bool same(const Affine& a, const Affine& b) { return std::memcmp(&a, &b, sizeof(
 
 }  // namespace
 
-Takeover::Takeover(const AccelBase& base, const std::vector<InstanceView>& instances)
-    : world_(static_cast<const World*>(base.accel.get())), base_(base), instances_(instances) {}
+BvhReuse::BvhReuse(const AccelBase& base, const std::vector<InstanceView>& instances)
+    : world_(static_cast<const TopLevelBvh*>(base.accel.get())),
+      base_(base),
+      instances_(instances) {}
 
-std::shared_ptr<const Tree> Takeover::object(uint32_t geometry) const {
+std::shared_ptr<const Tree> BvhReuse::object(uint32_t geometry) const {
   return world_ && base_.geometry[geometry] != AccelBase::kNone
              ? world_->object(base_.geometry[geometry])
              : nullptr;
 }
 
 /// Whether the k-th instance in a tree is still the same geometry in the same place.
-bool Takeover::stands(const BakedTree& tree, size_t k) const {
+bool BvhReuse::stands(const BakedTree& tree, size_t k) const {
   if (tree.instances[k] >= instances_.size()) return false;
   const InstanceView& now = instances_[tree.instances[k]];
   const uint32_t there = base_.geometry[now.geometry];
@@ -31,7 +33,7 @@ bool Takeover::stands(const BakedTree& tree, size_t k) const {
          same(now.world_from_object, tree.matrices[k]);
 }
 
-BakedTree Takeover::baked(int kind, const std::vector<uint32_t>& wanted) const {
+BakedTree BvhReuse::baked(int kind, const std::vector<uint32_t>& wanted) const {
   if (!world_ || !base_.same_space || world_->baked(kind).instances != wanted) return {};
   const BakedTree& tree = world_->baked(kind);
   for (size_t k = 0; k < wanted.size(); ++k)
@@ -39,7 +41,7 @@ BakedTree Takeover::baked(int kind, const std::vector<uint32_t>& wanted) const {
   return all(kind);
 }
 
-BakedTree Takeover::all(int kind) const {
+BakedTree BvhReuse::all(int kind) const {
   BakedTree tree = world_->baked(kind);
   std::vector<uint32_t> now;
   for (uint32_t g = 0; g < base_.geometry.size(); ++g) {
@@ -52,7 +54,7 @@ BakedTree Takeover::all(int kind) const {
   return tree;
 }
 
-bool Takeover::moved(const std::vector<uint32_t>& placed, std::vector<uint32_t>& moved) const {
+bool BvhReuse::moved(const std::vector<uint32_t>& placed, std::vector<uint32_t>& moved) const {
   if (!world_ || !base_.same_space || base_.exact || world_->placed().instances != placed)
     return false;
   moved = world_->placed().moved;
@@ -67,7 +69,7 @@ bool Takeover::moved(const std::vector<uint32_t>& placed, std::vector<uint32_t>&
   return true;
 }
 
-bool Takeover::move_out(Plan& plan, const std::vector<GeometryView>& geometries) const {
+bool BvhReuse::move_out(Plan& plan, const std::vector<GeometryView>& geometries) const {
   if (!world_ || !base_.same_space || base_.exact) return false;
   std::vector<uint8_t> stays(instances_.size(), 0);
   for (int kind = 0; kind < 3; ++kind) {

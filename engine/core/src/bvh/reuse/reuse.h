@@ -7,10 +7,10 @@
 
 namespace glint {
 
-class Takeover {
+class BvhReuse {
  public:
   /// `instances` of the new world, and where each stands.
-  Takeover(const AccelBase& base, const std::vector<InstanceView>& instances);
+  BvhReuse(const AccelBase& base, const std::vector<InstanceView>& instances);
 
   /// The tree of a geometry in object space; null where there is none yet.
   std::shared_ptr<const Tree> object(uint32_t geometry) const;
@@ -30,7 +30,7 @@ class Takeover {
  private:
   bool stands(const BakedTree& tree, size_t k) const;
 
-  const World* world_;
+  const TopLevelBvh* world_;
   const AccelBase& base_;
   const std::vector<InstanceView>& instances_;
 };

@@ -1,5 +1,5 @@
-#include "simd/isa.h"
 #include "bvh/traverse/kernel.h"
+#include "simd/isa.h"
 
 namespace glint {
 

@@ -33,7 +33,7 @@ Span span_of(const Node& n, int k) {
 
 }  // namespace
 
-Beam::Beam(const Vec3d (&origins)[4], const Vec3d (&directions)[4]) {
+TileFrustum::TileFrustum(const Vec3d (&origins)[4], const Vec3d (&directions)[4]) {
   std::copy_n(origins, 4, origins_);
   for (int j = 0; j < 4; ++j) {
     const Side side(origins, directions, j);
@@ -44,7 +44,7 @@ Beam::Beam(const Vec3d (&origins)[4], const Vec3d (&directions)[4]) {
   }
 }
 
-bool Beam::misses(const Vec3d& low, const Vec3d& high, double margin, double reach) const {
+bool TileFrustum::misses(const Vec3d& low, const Vec3d& high, double margin, double reach) const {
   for (int j = 0; j < 4; ++j) {
     const Vec3d n = n_[j], a = low - origins_[j], b = high - origins_[j];
     const double farthest = std::max(n.x * a.x, n.x * b.x) + std::max(n.y * a.y, n.y * b.y) +
@@ -54,19 +54,19 @@ bool Beam::misses(const Vec3d& low, const Vec3d& high, double margin, double rea
   return false;
 }
 
-double Beam::reach(const Vec3d& point) const {
+double TileFrustum::reach(const Vec3d& point) const {
   double most = 0;
   for (const Vec3d& o : origins_) most = std::max(most, length(o - point));
   return most;
 }
 
-bool vacant(const TreeView& tree, const Beam& beam) {
+bool surely_empty(const TreeView& tree, const TileFrustum& frustum) {
   const Vec3d center{tree.center[0], tree.center[1], tree.center[2]},
       ball{tree.ball, tree.ball, tree.ball};
   // What the kernels leave for rounding (Tile::room), sixteen times over.
-  const double reach = beam.reach(center) + tree.radius,
+  const double reach = frustum.reach(center) + tree.radius,
                margin = 0x1p-16 * (max_abs(center) + 5 * tree.radius) + 0x1p-40 * reach;
-  if (beam.misses(center - ball, center + ball, margin, reach)) return true;
+  if (frustum.misses(center - ball, center + ball, margin, reach)) return true;
   if (tree.root & kLeaf) return false;
   ChildRef waiting[kMostNodes + kWidth];
   size_t count = 0, seen = 0;
@@ -74,7 +74,7 @@ bool vacant(const TreeView& tree, const Beam& beam) {
     const Node& node = tree.nodes[waiting[--count]];
     for (int k = 0; k < kWidth; ++k) {
       const Span s = span_of(node, k);
-      if (!(s.low.x <= s.high.x) || beam.misses(s.low, s.high, margin, reach)) continue;
+      if (!(s.low.x <= s.high.x) || frustum.misses(s.low, s.high, margin, reach)) continue;
       if (node.child[k] & kLeaf) return false;
       waiting[count++] = node.child[k];
     }

@@ -8,8 +8,8 @@ namespace glint {
 
 struct Kernel {
   const char* name;
-  void (*closest)(const WorldView&, const Rays&, const Hits&, WalkerStacks&);
-  void (*occluded)(const WorldView&, const Rays&, uint8_t*, WalkerStacks&);
+  void (*closest)(const TopLevelView&, const Rays&, const Hits&, WalkerStacks&);
+  void (*occluded)(const TopLevelView&, const Rays&, uint8_t*, WalkerStacks&);
 };
 
 #if defined(GLINT_X86_KERNELS)

@@ -88,9 +88,9 @@ inline Waiting waiting(ChildRef child, float distance) {
 /// What waits farther away than `end` is not worth going to. (-0 would be below the bottom.)
 inline Waiting limit_of(float end) { return waiting(kDone, larger(end, 0.0f)); }
 
-/// Rays that have left their bundles, and which parts of the tree each has yet to visit. They go on
+/// Rays that have left their packets, and which parts of the tree each has yet to visit. They go on
 /// together, later.
-struct Stragglers {
+struct SingleRays {
   uint64_t rays = 0;
   int count = 0;
   Waiting part[kLeftParts];

@@ -1,6 +1,6 @@
 // The common case of a tile, quickly: all its rays are of one kind, with origins within four radii
 // of the tree's ball, or all outside. The rays' numbers are those of set_tile; what all rays share
-// is computed once, and all groups' bundles side by side.
+// is computed once, and all groups' packets side by side.
 #pragma once
 #include "bvh/traverse/kernel_frustum.h"
 
@@ -205,7 +205,7 @@ inline bool set_even_tile(Tile& tile) {
 }
 
 /// How deep an even tile's rays and groups go.
-inline void set_even_reach(const Tile& tile, Bundles& b) {
+inline void set_even_reach(const Tile& tile, Packets& b) {
   const DepthRange range(tile, order_of(tile, 0));
   for (int k = 0; k < kTile; k += kLanes) set_ray_depths(tile, b, k, range);
   for (int g = 0; g < kGroups; g += kLanes) {
@@ -214,9 +214,9 @@ inline void set_even_reach(const Tile& tile, Bundles& b) {
   }
 }
 
-/// Bundles of all groups of an even tile whose rays begin at one point: before they exist, hence
+/// Packets of all groups of an even tile whose rays begin at one point: before they exist, hence
 /// the lines through it bound them.
-inline void set_common_groups(const Tile& tile, Bundles& b) {
+inline void set_common_groups(const Tile& tile, Packets& b) {
   for (int g = 0; g < kGroups; g += kLanes)
     for (int a = 0; a < 2; ++a) {
       const float* slopes = tile.slope[a] + g * kLanes;
@@ -229,7 +229,7 @@ inline void set_common_groups(const Tile& tile, Bundles& b) {
 }
 
 /// The same when they do not: lines through where the rays are at the group's first and last depth.
-inline void set_parted_groups(const Tile& tile, Bundles& b) {
+inline void set_parted_groups(const Tile& tile, Packets& b) {
   alignas(64) float near[kTile], far[kTile];
   for (int a = 0; a < 2; ++a) {
     for (int g = 0; g < kGroups; ++g) {
@@ -250,8 +250,8 @@ inline void set_parted_groups(const Tile& tile, Bundles& b) {
   }
 }
 
-/// Bundles of an even tile's groups. Those without a ray alive mean nothing.
-inline void set_even_bundles(const Tile& tile, Bundles& b) {
+/// Packets of an even tile's groups. Those without a ray alive mean nothing.
+inline void set_even_bundles(const Tile& tile, Packets& b) {
   set_even_reach(tile, b);
   tile.common ? set_common_groups(tile, b) : set_parted_groups(tile, b);
 }

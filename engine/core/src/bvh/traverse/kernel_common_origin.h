@@ -1,7 +1,7 @@
 // Triangles against pencils: rays whose lines all pass through one point, as camera rays, their
 // reflections in a plane and rays to a lamp do, or are parallel, as rays to a sun. A ray is two
 // numbers there, its place: the slopes of its line, or where parallel ones start. A triangle's edge
-// functions are linear in them; so a few products tell that it lies beside a whole bundle, or which
+// functions are linear in them; so a few products tell that it lies beside a whole packet, or which
 // rays hit it. Nothing is left out that the test of single rays would find.
 #pragma once
 #include <initializer_list>
@@ -40,7 +40,7 @@ __attribute__((always_inline)) inline void corners_from(const Origin& from, cons
     }
 }
 
-/// Between which places bundles lie: one in all lanes, or one to a lane.
+/// Between which places packets lie: one in all lanes, or one to a lane.
 struct Places {
   Floats low[2], high[2];
 };
@@ -74,7 +74,7 @@ struct Pencil {
 };
 
 /// Edge functions of triangles, k + x place + y place', turned so that they are positive inside. A
-/// bundle lies beside a triangle where one of them stays below -margin; a ray hits it where all are
+/// packet lies beside a triangle where one of them stays below -margin; a ray hits it where all are
 /// above margin. Depths are counted from the apex: z that of the first corner, dz of the others
 /// from there.
 struct EdgeLines {

@@ -1,4 +1,4 @@
-// Bundles of rays against boxes. At each depth a bundle lies between two lines in either axis
+// Packets of rays against boxes. At each depth a packet lies between two lines in either axis
 // across: c + m depth (in coordinates of the tree's space, the depth axis in the rays' sense).
 // Rounding can be bounded without divisions, and 0 times infinity does not occur.
 #pragma once
@@ -9,12 +9,12 @@ namespace {
 
 enum Line { kLowX, kHighX, kLowY, kHighY, kLines };
 
-/// A bundle exists from depth `first` to depth `last`, coordinates of the depth axis.
+/// A packet exists from depth `first` to depth `last`, coordinates of the depth axis.
 struct Frustum {
   float first, last, c[kLines], m[kLines];
 };
 
-/// Several bundles, one to a lane.
+/// Several packets, one to a lane.
 template <int Count>
 struct Frusta {
   alignas(64) float first[Count], last[Count], c[kLines][Count], m[kLines][Count];
@@ -62,7 +62,7 @@ inline Boxes boxes_of(const float* planes, const Order& order) {
           load(planes + order.front) * sign, load(planes + order.rear) * sign};
 }
 
-/// Which lanes of boxes and bundles do not miss each other; where a number is NaN, they do not.
+/// Which lanes of boxes and packets do not miss each other; where a number is NaN, they do not.
 __attribute__((always_inline)) inline uint32_t meet(const Boxes& b, Floats first, Floats last,
                                                     const Floats (&c)[kLines],
                                                     const Floats (&m)[kLines]) {
@@ -74,7 +74,7 @@ __attribute__((always_inline)) inline uint32_t meet(const Boxes& b, Floats first
   return ~bits(less(rear, front) | right | left | above | below) & ((1u << kLanes) - 1);
 }
 
-/// One bundle, in all lanes.
+/// One packet, in all lanes.
 struct WideFrustum {
   Floats first, last, c[kLines], m[kLines];
   explicit WideFrustum(const Frustum& f) : first(splat(f.first)), last(splat(f.last)) {
@@ -85,7 +85,7 @@ struct WideFrustum {
   }
 };
 
-/// Which bundles [base, base + count) meet one box.
+/// Which packets [base, base + count) meet one box.
 template <int Count>
 __attribute__((always_inline)) inline uint32_t units_met(const Frusta<Count>& units, int base,
                                                          int count, const Boxes& box) {
@@ -113,8 +113,8 @@ __attribute__((always_inline)) inline Boxes child_box(const Node& n, int child,
           splat(p[order.rear] * order.sign)};
 }
 
-/// All bundles of a tile whose rays are of one kind: rays, groups of kLanes, all.
-struct Bundles {
+/// All packets of a tile whose rays are of one kind: rays, groups of kLanes, all.
+struct Packets {
   Frusta<kTile> rays;
   Frusta<(kGroups < kLanes ? kLanes : kGroups)> groups;
   Frustum all;
@@ -129,7 +129,7 @@ inline void line_through(float at_first, float at_last, float first, float last,
   c = at_first - m * first + room;
 }
 
-/// The same for bundles in lanes.
+/// The same for packets in lanes.
 inline void lines_through(Floats at_first, Floats at_last, Floats first, Floats last, Floats room,
                           float* c, float* m) {
   const Floats length = last - first,
@@ -148,7 +148,7 @@ struct DepthRange {
 };
 
 /// How deep the rays [k, k + kLanes) go.
-inline void set_ray_depths(const Tile& tile, Bundles& b, int k, const DepthRange& range) {
+inline void set_ray_depths(const Tile& tile, Packets& b, int k, const DepthRange& range) {
   const Floats start = load(tile.start + k), room = splat(tile.room);
   // The beginning needs room for rounding start + begin alone: with more, rays would enter boxes of
   // the surface that they leave.
@@ -158,7 +158,7 @@ inline void set_ray_depths(const Tile& tile, Bundles& b, int k, const DepthRange
 }
 
 /// Lines of the rays [k, k + kLanes).
-inline void set_ray_lines(const Tile& tile, Bundles& b, int k) {
+inline void set_ray_lines(const Tile& tile, Packets& b, int k) {
   const Floats start = load(tile.start + k), room = splat(tile.room);
   for (int a = 0; a < 2; ++a) {
     const Floats m = load(tile.slope[a] + k), c = load(tile.of[a] + k) - m * start;
@@ -168,8 +168,8 @@ inline void set_ray_lines(const Tile& tile, Bundles& b, int k) {
   b.lines |= 1u << k / kLanes;
 }
 
-/// The bundle of a group; without a ray alive it is empty.
-inline void set_group(const Tile& tile, Bundles& b, int g) {
+/// The packet of a group; without a ray alive it is empty.
+inline void set_group(const Tile& tile, Packets& b, int g) {
   const int k = g * kLanes;
   const float first = smallest(load(b.rays.first + k)), last = largest(load(b.rays.last + k));
   b.groups.first[g] = first, b.groups.last[g] = last;
@@ -184,8 +184,8 @@ inline void set_group(const Tile& tile, Bundles& b, int g) {
   }
 }
 
-/// The bundle of a group whose rays begin at one point, before `first`.
-inline void set_common_group(const Tile& tile, Bundles& b, int g) {
+/// The packet of a group whose rays begin at one point, before `first`.
+inline void set_common_group(const Tile& tile, Packets& b, int g) {
   const int k = g * kLanes;
   b.groups.first[g] = smallest(load(b.rays.first + k)),
   b.groups.last[g] = largest(load(b.rays.last + k));
@@ -197,14 +197,14 @@ inline void set_common_group(const Tile& tile, Bundles& b, int g) {
   }
 }
 
-inline void empty_group(Bundles& b, int g) {
+inline void empty_group(Packets& b, int g) {
   b.groups.first[g] = kFar, b.groups.last[g] = -kFar;
   for (int l = 0; l < kLines; ++l) b.groups.c[l][g] = l % 2 ? -kFar : kFar, b.groups.m[l][g] = 0;
 }
 
-/// The bundle of all groups that are not empty. Returns whether they share it out: not each of them
+/// The packet of all groups that are not empty. Returns whether they share it out: not each of them
 /// as wide as the whole.
-inline bool set_all(const Tile& tile, Bundles& b) {
+inline bool set_all(const Tile& tile, Packets& b) {
   constexpr int kCount = sizeof b.groups.first / sizeof(float);
   Frustum& f = b.all;
   f.first = kFar, f.last = -kFar;

@@ -16,7 +16,7 @@ struct Columns {
     for (int a = 0; a < 3; ++a) tile.xyz_o[a] = values[a], tile.xyz_d[a] = values[3 + a];
     tile.t_min = values[6], tile.t_max = values[7];
   }
-  /// Rays that hit nothing, up to a whole group; where all of them may be one bundle, up to a whole
+  /// Rays that hit nothing, up to a whole group; where all of them may be one packet, up to a whole
   /// tile, beside the first one.
   void fill(int count) {
     const int end = count < kCompany ? (count + kLanes - 1) / kLanes * kLanes : kTile;

@@ -23,13 +23,13 @@ inline bool visible(const Tile& tile, uint32_t ordinal) {
 /// A tile on its way through a tree.
 template <bool Any>
 struct Walk {
-  const WorldView& world;
+  const TopLevelView& world;
   const TreeView& tree;
   Tile& tile;
-  Bundles& bundles;
+  Packets& packets;
   const Pencil& pencil;
   BoxRays& boxes;
-  Stragglers& left;
+  SingleRays& left;
 
   void block(int r) {
     tile.answers->blocked[tile.slot[r]] = tile.answers->stop();
@@ -40,9 +40,9 @@ struct Walk {
     if (!Any) refresh(tile, r);
     else if (tile.answers->blocked[tile.slot[r]] == tile.answers->stop()) block(r);
   }
-  /// The bundles' part of it.
+  /// The packets' part of it.
   void trim(int r) {
-    bundles.rays.last[r] = smaller(bundles.rays.last[r], tile.start[r] + tile.hi[r] + tile.room);
+    packets.rays.last[r] = smaller(packets.rays.last[r], tile.start[r] + tile.hi[r] + tile.room);
   }
 
   /// The exact hit of one triangle, in double.
@@ -233,7 +233,7 @@ __attribute__((always_inline)) inline void take_certain(Walk<Any>& w, int k, uin
                                                         Mask nearer, Floats lo, Floats hi,
                                                         ChildRef leaf, int place) {
   Tile& tile = w.tile;
-  float* last = w.bundles.rays.last + k;
+  float* last = w.packets.rays.last + k;
   if (Any) {
     for (; mask; mask &= mask - 1)
       tile.answers->blocked[tile.slot[k + __builtin_ctz(mask)]] = tile.answers->stop();

@@ -3,8 +3,8 @@
 // direction is longest; `depth` counts along that one, in the ray's sense.
 #pragma once
 #include "bvh/accel.h"
-#include "simd/ray_lanes.h"
 #include "bvh/bvh.h"
+#include "simd/ray_lanes.h"
 
 namespace glint {
 namespace {
@@ -89,7 +89,7 @@ struct Exact {
   }
   /// The point with these weights. A corner far away gets a small one: taken from there, the depth
   /// would have the rounding of all its distance, and could even lie outside of the triangle's box,
-  /// where bundles and single rays would come to different answers.
+  /// where packets and single rays would come to different answers.
   void set(V w, V wu, V wv) {
     u = wu, v = wv;
     off_x = w * x[0] + u * x[1] + v * x[2], off_y = w * y[0] + u * y[1] + v * y[2];

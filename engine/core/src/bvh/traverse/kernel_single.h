@@ -90,7 +90,7 @@ struct Walker {
   Waiting* top;   // past the last that waits
 
   /// Returns where to go first; kDone when nothing is left within its reach.
-  ChildRef start(const Tile& tile, int ray, const Stragglers& left, Waiting* stack) {
+  ChildRef start(const Tile& tile, int ray, const SingleRays& left, Waiting* stack) {
     r = ray, stack[0] = kBottom, top = left.put(ray, stack + 1);
     return shorten(tile), pop();
   }
@@ -196,7 +196,7 @@ __attribute__((noinline)) void visit_primitives(Walk<Any>& w) {
   Walkers<Any>(w, w.left.rays).go();
 }
 
-/// The rest of the way of all rays that have left their bundles. The bundles do not learn of it:
+/// The rest of the way of all rays that have left their packets. The packets do not learn of it:
 /// Walk::trim.
 template <bool Any>
 __attribute__((noinline)) void walk_rays(Walk<Any>& w) {
@@ -205,7 +205,7 @@ __attribute__((noinline)) void walk_rays(Walk<Any>& w) {
   w.left.rays = 0, w.left.count = 0;
 }
 
-/// Rays of the group from k on leave their bundle for a part of the tree that lies behind
+/// Rays of the group from k on leave their packet for a part of the tree that lies behind
 /// `distance`, a coordinate of the depth axis.
 template <bool Any>
 inline void leave(Walk<Any>& w, int k, uint32_t rays, ChildRef child, float distance) {

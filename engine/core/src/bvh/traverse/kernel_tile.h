@@ -7,7 +7,7 @@ namespace {
 
 constexpr int kTile = 64;
 constexpr int kGroups = kTile / kLanes;
-constexpr int kCompany = kTile / 2;  // fewer rays are not worth a bundle of all
+constexpr int kCompany = kTile / 2;  // fewer rays are not worth a packet of all
 constexpr float kFar = 3e38f;
 constexpr ChildRef kNothing = 0;  // as `pending`: leaves have kLeaf set
 
@@ -74,7 +74,7 @@ struct Tile {
       instances;  // by way of which each ray came, or null in world space: the leaves know
   Answers* answers;
   const TreeView* tree;
-  const WorldView* world;
+  const TopLevelView* world;
 };
 
 /// Float tests multiply three coordinates: so much each, or rays that begin farther across, which

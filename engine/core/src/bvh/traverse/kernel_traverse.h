@@ -1,5 +1,5 @@
-// Tiles of 64 rays through the trees, nearest boxes first. A tile goes down as one bundle while its
-// rays stay together; where few of its groups are left, those go on as smaller bundles, and where
+// Tiles of 64 rays through the trees, nearest boxes first. A tile goes down as one packet while its
+// rays stay together; where few of its groups are left, those go on as smaller packets, and where
 // few rays of a group are left, those go on one by one.
 #pragma once
 #include "bvh/traverse/kernel_instances.h"
@@ -54,19 +54,19 @@ struct GroupLevel {
         k(group * kLanes),
         g(group),
         common(one),
-        whole(walk.bundles.groups.at(group)) {
-    if (!(w.bundles.lines >> g & 1)) set_ray_lines(w.tile, w.bundles, k);
+        whole(walk.packets.groups.at(group)) {
+    if (!(w.packets.lines >> g & 1)) set_ray_lines(w.tile, w.packets, k);
   }
 
-  uint32_t met(const Boxes& box) const { return units_met(w.bundles.rays, k, kLanes, box); }
+  uint32_t met(const Boxes& box) const { return units_met(w.packets.rays, k, kLanes, box); }
   uint32_t still(uint32_t rays, float distance) const {
-    return rays & bits(less(splat(distance), load(w.bundles.rays.last + k)));
+    return rays & bits(less(splat(distance), load(w.packets.rays.last + k)));
   }
   static bool few(uint32_t rays) { return __builtin_popcount(rays) <= 3; }
   void split(ChildRef child, uint32_t rays, float distance) { leave(w, k, rays, child, distance); }
   void shorten() {
-    w.bundles.groups.last[g] = largest(load(w.bundles.rays.last + k));
-    whole.last = splat(w.bundles.groups.last[g]);
+    w.packets.groups.last[g] = largest(load(w.packets.rays.last + k));
+    whole.last = splat(w.packets.groups.last[g]);
   }
   void leaf(ChildRef child, uint32_t rays, uint32_t) {
     if (w.tree.kind == kInstanceLeaf) trace_instances(w, child, uint64_t(rays) << k);
@@ -157,13 +157,13 @@ struct TileLevel {
   WideFrustum whole;
   int tests = 0, found = 0;  // groups tested against triangles, and those with a hit
   TileLevel(Walk<Any>& walk, const Order& o, bool one)
-      : w(walk), order(o), common(one), whole(walk.bundles.all) {}
+      : w(walk), order(o), common(one), whole(walk.packets.all) {}
 
-  uint32_t met(const Boxes& box) const { return units_met(w.bundles.groups, 0, kGroups, box); }
+  uint32_t met(const Boxes& box) const { return units_met(w.packets.groups, 0, kGroups, box); }
   uint32_t still(uint32_t groups, float distance) const {
     uint32_t mask = 0;
     for (int k = 0; k < kGroups; k += kLanes)
-      mask |= bits(less(splat(distance), load(w.bundles.groups.last + k))) << k;
+      mask |= bits(less(splat(distance), load(w.packets.groups.last + k))) << k;
     return groups & mask;
   }
   bool few(uint32_t groups) const {
@@ -183,8 +183,8 @@ struct TileLevel {
   void shorten() {
     Floats last = splat(-kFar);
     for (int g = 0; g < kGroups; g += kLanes) {
-      float* groups = w.bundles.groups.last + g;
-      const Floats shorter = smaller(fold_rows<Larger>(w.bundles.rays.last + g * kLanes),
+      float* groups = w.packets.groups.last + g;
+      const Floats shorter = smaller(fold_rows<Larger>(w.packets.rays.last + g * kLanes),
                                      load(groups));  // empty ones stay so
       store(groups, shorter), last = larger(shorter, last);
     }
@@ -220,16 +220,16 @@ struct TileLevel {
     for (uint32_t m = groups; m; m &= m - 1) {
       const int k = __builtin_ctz(m) * kLanes;
       uint32_t met = living(w.tile, k);
-      if (!(w.bundles.lines >> __builtin_ctz(m) & 1)) set_ray_lines(w.tile, w.bundles, k);
+      if (!(w.packets.lines >> __builtin_ctz(m) & 1)) set_ray_lines(w.tile, w.packets, k);
       if (box != kNoBox)
-        met &= units_met(w.bundles.rays, k, kLanes,
+        met &= units_met(w.packets.rays, k, kLanes,
                          child_box(w.tree.nodes[box / kWidth], int(box % kWidth), order));
       rays |= uint64_t(met) << k;
     }
     trace_instances(w, child, rays);
     for (uint32_t m = groups; m; m &= m - 1) {
       const int g = __builtin_ctz(m);
-      w.bundles.groups.last[g] = largest(load(w.bundles.rays.last + g * kLanes));
+      w.packets.groups.last[g] = largest(load(w.packets.rays.last + g * kLanes));
     }
   }
   template <bool Common>
@@ -262,8 +262,8 @@ struct TileLevel {
       const EdgeLines one = edges.at(lane);
       uint32_t met = 0;
       for (int g = 0; g < kGroups; g += kLanes) {
-        const Mask before = less(load(w.bundles.groups.last + g), splat(front[lane]));
-        const Mask after = less(splat(rear[lane]), load(w.bundles.groups.first + g));
+        const Mask before = less(load(w.packets.groups.last + g), splat(front[lane]));
+        const Mask after = less(splat(rear[lane]), load(w.packets.groups.first + g));
         met |= (~bits(before | after | one.beside(w.pencil.groups(g))) & ((1u << kLanes) - 1)) << g;
       }
       if (const uint32_t doubtful = hit_pencils(met & groups, one, child, first + lane))
@@ -324,13 +324,13 @@ inline void walk_group(Walk<Any>& w, int g, bool common) {
   walk(level, w.tree, w.tree.root, (1u << kLanes) - 1);
 }
 
-/// All rays as one bundle.
+/// All rays as one packet.
 template <bool Any>
 inline void walk_together(Walk<Any>& w, uint32_t groups, bool common) {
-  constexpr int kCount = sizeof w.bundles.groups.first / sizeof(float);
+  constexpr int kCount = sizeof w.packets.groups.first / sizeof(float);
   for (uint32_t m = ~groups & ((1u << kCount) - 1); m; m &= m - 1)
-    empty_group(w.bundles, __builtin_ctz(m));
-  const bool orderly = set_all(w.tile, w.bundles);
+    empty_group(w.packets, __builtin_ctz(m));
+  const bool orderly = set_all(w.tile, w.packets);
   const Order& order = order_of(w.tile, __builtin_ctz(groups) * kLanes);
   if (!orderly) {
     for (; groups; groups &= groups - 1) walk_group(w, __builtin_ctz(groups), common);
@@ -356,16 +356,16 @@ inline uint32_t living_groups(const Tile& tile) {
   return groups;
 }
 
-/// Sorts a tile's rays into bundles and sends them down.
+/// Sorts a tile's rays into packets and sends them down.
 template <bool Any>
 inline void walk_tile(Walk<Any>& w) {
   Tile& tile = w.tile;
   if (tile.even) {
-    set_even_bundles(tile, w.bundles);
+    set_even_bundles(tile, w.packets);
     const uint32_t groups = living_groups(tile);
     return groups ? walk_together(w, groups, tile.common) : void();
   }
-  // Too far apart for an object's triangles, or numbers too large for products of bundles: one by
+  // Too far apart for an object's triangles, or numbers too large for products of packets: one by
   // one.
   if ((tile.instances && tile.count < kCompany) || !(tile.far_room < kFar)) {
     for (int k = 0; k < tile.count; k += kLanes)
@@ -388,12 +388,12 @@ inline void walk_tile(Walk<Any>& w) {
   }
   for (uint32_t m = even; m; m &= m - 1) {
     const int g = __builtin_ctz(m), k = g * kLanes;
-    set_ray_depths(tile, w.bundles, k, DepthRange(tile, order_of(tile, k)));
+    set_ray_depths(tile, w.packets, k, DepthRange(tile, order_of(tile, k)));
     const bool one = at_one_point(tile, k, head);
-    const bool ahead = smallest(load(w.bundles.rays.first + k)) >= tile.start[head] - 3 * tile.room;
+    const bool ahead = smallest(load(w.packets.rays.first + k)) >= tile.start[head] - 3 * tile.room;
     one_point &= one;
-    if (one && ahead) set_common_group(tile, w.bundles, g);
-    else set_ray_lines(tile, w.bundles, k), set_group(tile, w.bundles, g);
+    if (one && ahead) set_common_group(tile, w.packets, g);
+    else set_ray_lines(tile, w.packets, k), set_group(tile, w.packets, g);
   }
   if (one_kind && (alive_groups & (alive_groups - 1)))
     return walk_together(w, alive_groups, one_point);
@@ -410,12 +410,12 @@ template <bool Any>
 __attribute__((noinline)) void trace_tile(Tile& tile) {
   tile.even = set_even_tile(tile);
   if (!tile.even && !set_tile(tile)) return;
-  Bundles bundles;
+  Packets packets;
   Pencil pencil;
   if (tile.even) set_pencil(tile, pencil);
   BoxRays boxes;
-  Stragglers left;
-  Walk<Any> w{*tile.world, *tile.tree, tile, bundles, pencil, boxes, left};
+  SingleRays left;
+  Walk<Any> w{*tile.world, *tile.tree, tile, packets, pencil, boxes, left};
   walk_tile(w);
   if (left.rays) walk_rays(w);
   if constexpr (!Any)
@@ -480,7 +480,7 @@ inline bool all_pass_by(const Tile& tile, const TreeView& tree) {
 }
 
 template <bool Any>
-inline void trace(const WorldView& world, const Rays& rays, size_t first, int count,
+inline void trace(const TopLevelView& world, const Rays& rays, size_t first, int count,
                   Answers& answers) {
   Columns columns;
   Tile tile;
@@ -504,7 +504,7 @@ inline int tile_size(const Rays& rays, size_t first) {
   return rays.count - first < kTile ? int(rays.count - first) : kTile;
 }
 
-void closest(const WorldView& world, const Rays& rays, const Hits& hits, WalkerStacks& stacks) {
+void closest(const TopLevelView& world, const Rays& rays, const Hits& hits, WalkerStacks& stacks) {
   for (size_t k = 0; k < rays.count; k += kTile) {
     Answers answers{nullptr,
                     nullptr,
@@ -523,7 +523,7 @@ void closest(const WorldView& world, const Rays& rays, const Hits& hits, WalkerS
   }
 }
 
-void occluded(const WorldView& world, const Rays& rays, uint8_t* blocked, WalkerStacks& stacks) {
+void occluded(const TopLevelView& world, const Rays& rays, uint8_t* blocked, WalkerStacks& stacks) {
   for (size_t k = 0; k < rays.count; k += kTile) {
     Answers answers{nullptr, nullptr,     nullptr, nullptr, nullptr, nullptr,
                     nullptr, blocked + k, nullptr, 0,       nullptr, &stacks};

@@ -52,7 +52,7 @@ bool same_bits(const Hit& a, const Hit& b) {
 
 }  // namespace
 
-TEST(takeover, exactly_as_without) {
+TEST(reuse, exactly_as_without) {
   Random random(70);
   Stage stage(random);
   std::shared_ptr<const Accel> accel = stage.build();
@@ -66,7 +66,7 @@ TEST(takeover, exactly_as_without) {
   }
 }
 
-TEST(takeover, the_same_surfaces_after_moves_and_edits) {
+TEST(reuse, the_same_surfaces_after_moves_and_edits) {
   Random random(71);
   Stage stage(random);
   std::shared_ptr<const Accel> accel = stage.build();
@@ -93,7 +93,7 @@ TEST(takeover, the_same_surfaces_after_moves_and_edits) {
 
 // Shared trees in object space are never made anew; those in world space only where something in
 // them changed.
-TEST(takeover, builds_what_changed) {
+TEST(reuse, builds_what_changed) {
   Random random(72);
   Stage stage(random);
   const size_t each = stage.meshes[0].count();
@@ -111,7 +111,7 @@ TEST(takeover, builds_what_changed) {
 
 // A few instances that move stand beside the tree over all of them; when they are more it is made
 // anew.
-TEST(takeover, instances_beside_their_tree) {
+TEST(reuse, instances_beside_their_tree) {
   Random random(73);
   Stage stage(random);
   for (int k = 0; k < 30; ++k)
