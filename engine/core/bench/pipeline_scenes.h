@@ -124,19 +124,24 @@ struct Description {
     texture = {pixels.data(), 512, 512, GLINT_UINT8, GLINT_SRGB, GLINT_REPEAT, GLINT_LINEAR};
     const bool textured[2] = {v.textured, v.unseen_textured};
     for (uint32_t m = 0; m < 2; ++m) {
-      inputs[m] = {{0.5, 0.4, 0.3},
-                   {3, 0, 0, 0, 3, 0},
-                   textured[m] ? 0 : -1,
-                   GLINT_COLOR,
-                   -1,
-                   -1,
-                   GLINT_COLOR,
-                   0};
+      GlintInput& input = inputs[m];
+      input = {};
+      input.value[0] = 0.5, input.value[1] = 0.4, input.value[2] = 0.3;
+      input.uv_transform[0] = input.uv_transform[4] = 3, input.low = 0, input.high = 1;
+      input.texture = textured[m] ? 0 : -1, input.channel = GLINT_COLOR, input.uv = 0;
+      input.attribute = -1, input.attribute_channel = GLINT_COLOR;
       const std::vector<int>& kinds = m == 0 ? v.lobes : v.unseen;
       materials[m] = {uint32_t(lobes.size()), uint32_t(kinds.size()), 0, 0};
       for (int kind : kinds)
-        lobes.push_back(
-            {60, 1.5, m, 1, kind, kind == GLINT_REFRACTION || kinds[0] == GLINT_REFRACTION});
+        lobes.push_back({.exponent = 60,
+                         .ior = 1.5,
+                         .masking = 0,
+                         .first_input = m,
+                         .input_count = 1,
+                         .kind = kind,
+                         .fresnel = kind == GLINT_REFRACTION || kinds[0] == GLINT_REFRACTION
+                                        ? GLINT_DIELECTRIC
+                                        : 0});
     }
   }
 
