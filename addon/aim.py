@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from .. import engine
-from ..engine.target import Forecast, Target, choose_settings, displayed, reached_error
+from ..engine.analysis.target import Forecast, Target, choose_settings, displayed, reached_error
 from .export.pixels import openimageio
 
 

@@ -14,7 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from .. import engine
-from ..engine.fingerprint import picture_fingerprint, settings_text, tracer_text, value_fingerprint
+from ..engine.analysis.fingerprint import (
+    picture_fingerprint,
+    settings_text,
+    tracer_text,
+    value_fingerprint,
+)
 
 FIELDS = ("pixels", "settings", "geometry", "tracer", "frame")
 """pixels: `picture_fingerprint`.  settings: JSON.  geometry: hash of the exported scene.  tracer:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .accelerator import Accelerator, Hits
+from .analysis.explain import PixelExplainer, explanation_lines
 from .errors import NO_THREAD, SceneError
-from .explain import PixelExplainer, explanation_lines
 from .film import PARTS, PASSES, Film
 from .linear import affine_inverse, determinant, pixel_bounds_of_box
 from .live import LiveRender, Task, Wave

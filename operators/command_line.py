@@ -13,7 +13,7 @@ import bpy
 
 from .. import engine
 from ..addon.stamp import manifest
-from ..engine.trade import KNOBS, SIDE, SQUARES
+from ..engine.analysis.trade import KNOBS, SIDE, SQUARES
 
 _INTERRUPTED = 130
 """Exit code after Ctrl-C, as in a shell."""

@@ -14,9 +14,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..engine.comparison import Difference, compare, difference_picture, draw_strip
-from ..engine.flip import displayed
-from ..engine.plot import png_bytes
+from ..engine.analysis.comparison import Difference, compare, difference_picture, draw_strip
+from ..engine.analysis.flip import displayed
+from ..engine.analysis.plot import png_bytes
 from .scene_copy import copied, read_job, rendered
 
 log = logging.getLogger(__name__)

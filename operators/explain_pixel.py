@@ -13,7 +13,7 @@ from bpy.props import IntProperty
 from ..addon import viewport
 from ..addon.lines import draw_text
 from ..engine import PixelExplainer, Scene, SceneError, Settings, explanation_lines
-from ..engine.fingerprint import value_fingerprint
+from ..engine.analysis.fingerprint import value_fingerprint
 from .editors import editor_of
 from .scene_copy import read_job
 

@@ -18,9 +18,9 @@ import bpy
 
 from ..addon.lines import draw_text
 from ..engine import SceneError
-from ..engine.plot import png_bytes
-from ..engine.trade import REFERENCE_SAMPLES, SIDE, SQUARES, Row, Trade, advice, measure
-from ..engine.trade_plot import draw_trade
+from ..engine.analysis.plot import png_bytes
+from ..engine.analysis.trade import REFERENCE_SAMPLES, SIDE, SQUARES, Row, Trade, advice, measure
+from ..engine.analysis.trade_plot import draw_trade
 from .scene_copy import read_job
 from .show_picture import show
 
@@ -61,8 +61,8 @@ def measure_scene(
 
 
 def prepared(scene: bpy.types.Scene, view_layer: str, options: Options) -> Callable[..., Trade]:
-    """`engine.trade.measure` of this scene, for should_stop, on_progress and on_trade: it touches
-    nothing of Blender's, for any thread.
+    """`engine.analysis.trade.measure` of this scene, for should_stop, on_progress and on_trade: it
+    touches nothing of Blender's, for any thread.
     """
     job = read_job(scene, view_layer)
     return functools.partial(measure, job.scene, job.settings, **vars(options))

@@ -85,9 +85,9 @@ def rendered(copy: bpy.types.Scene, path: Path) -> tuple[np.ndarray, float]:
 def rendered_for(
     scene: bpy.types.Scene, view_layer: str, path: Path, measure: str, value: float
 ) -> str:
-    """Render a scene with Glint for a target error (`engine.target.Target`; RMSE in percent) into
-    an EXR file; gives what was asked for, chosen, predicted and reached, in words. Raises
-    RuntimeError with Blender's message when the render fails.
+    """Render a scene with Glint for a target error (`engine.analysis.target.Target`; RMSE in
+    percent) into an EXR file; gives what was asked for, chosen, predicted and reached, in words.
+    Raises RuntimeError with Blender's message when the render fails.
     """
     with copied(scene, view_layer) as copy:
         copy.render.engine = "GLINT"

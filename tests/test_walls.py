@@ -29,17 +29,17 @@ ENGINES_DOOR = {
     "engine.scene",
     "engine.settings",
     "engine.film",
-    "engine.fingerprint",
-    "engine.target",
+    "engine.analysis.fingerprint",
+    "engine.analysis.target",
 }
 MEASURES = {
-    "engine.comparison",
-    "engine.flip",
-    "engine.metrics",
-    "engine.plot",
-    "engine.trade",
-    "engine.trade_crops",
-    "engine.trade_plot",
+    "engine.analysis.comparison",
+    "engine.analysis.flip",
+    "engine.analysis.metrics",
+    "engine.analysis.plot",
+    "engine.analysis.trade",
+    "engine.analysis.trade_crops",
+    "engine.analysis.trade_plot",
 }
 ADDONS_DOOR = {"addon.final", "addon.lines", "addon.stamp", "addon.statistics", "addon.viewport"}
 """What operators need of a final render: what it reads, what it stamps, what it took; and how text
@@ -178,7 +178,7 @@ def test_the_core_includes_the_standard_library_and_itself_alone(path):
         ("addon/panels.py", "def f():\n    from .. import operators"),
         ("addon/export/lights.py", "from ...engine.reference import render_reference"),
         ("operators/add_demo_scene.py", "from ..addon.panels import ENGINE"),
-        ("addon/panels.py", "from ..engine import trade"),
+        ("addon/panels.py", "from ..engine.analysis import trade"),
         ("operators/measure_scene.py", "from ..engine.native import render_native"),
         ("addon/result.py", "import scipy"),
         ("__init__.py", "import numpy"),
@@ -201,7 +201,7 @@ def test_a_hole_in_a_wall_is_seen(path, source):
         ("operators/add_demo_scene.py", "from .demo_scene import build_demo_scene"),
         (
             "operators/measure_scene.py",
-            "from ..engine.trade import measure\nfrom ..addon import final",
+            "from ..engine.analysis.trade import measure\nfrom ..addon import final",
         ),
     ],
 )

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ...engine.fingerprint import value_fingerprint
+from ...engine.analysis.fingerprint import value_fingerprint
 from . import pixels
 from .pixels import ImageError, Raw, Source
 

@@ -97,7 +97,7 @@ def main() -> int:
 
 def measure_scene(name: str, options: argparse.Namespace) -> int:
     scene = matched_scene(name, options.side)
-    from glint.engine import metrics
+    from glint.engine.analysis import metrics
 
     cycles, cycles_truth = kept_cycles_points(scene, options.out / f"{name}.cycles.npz", options)
     glint, glint_truth, is_soft = glint_points(scene)
@@ -166,9 +166,10 @@ def glint_points(scene) -> tuple[list[dict], np.ndarray, bool]:
     """
     import bpy
 
-    from glint.engine import Settings, metrics
-    from glint.engine.trade import has_soft_lights
-    from glint.engine.trade_crops import CropRenderer
+    from glint.engine import Settings
+    from glint.engine.analysis import metrics
+    from glint.engine.analysis.trade import has_soft_lights
+    from glint.engine.analysis.trade_crops import CropRenderer
     from glint.operators.scene_copy import read_job
 
     job = read_job(scene, bpy.context.view_layer.name)
@@ -217,7 +218,7 @@ def cycles_points(scene, most: int) -> tuple[list[dict], np.ndarray]:
     """
     import bpy
 
-    from glint.engine import metrics
+    from glint.engine.analysis import metrics
     from glint.operators.compare_cycles import match_cycles
     from glint.operators.scene_copy import copied, rendered
 
@@ -311,7 +312,7 @@ def row_of(result: dict) -> str:
 def write_all(results: list[dict], out: Path) -> None:
     """fronts.md and fronts.png."""
     import conftest  # noqa: F401  (makes the package importable as glint)
-    from glint.engine import plot, trade_plot
+    from glint.engine.analysis import plot, trade_plot
 
     at = ", ".join(f"{error:.1%}".replace(".0%", "%") for error in LEVELS)
     heads = [

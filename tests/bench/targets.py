@@ -131,7 +131,7 @@ def measure_scene(name: str, options: argparse.Namespace) -> int:
 def found_for(scene, settings, display) -> list[dict]:
     """What came of each target: numbers by name."""
     from glint import engine
-    from glint.engine import target
+    from glint.engine.analysis import target
 
     forecasts = [
         target.choose_settings(scene, settings, target.Target(*wish), display)
@@ -149,7 +149,7 @@ def found_for(scene, settings, display) -> list[dict]:
 def row_for(scene, forecast, truth: np.ndarray, display) -> dict:
     """What came of one target."""
     from glint import engine
-    from glint.engine import target
+    from glint.engine.analysis import target
 
     film, measure = engine.render(scene, forecast.settings), forecast.target.measure
     chosen = {

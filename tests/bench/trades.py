@@ -110,7 +110,7 @@ def measure_scene(options: argparse.Namespace) -> int:
     import conftest  # noqa: F401  (makes the package importable as glint)
     import contact_scene
     from glint import addon, engine
-    from glint.engine import metrics, trade
+    from glint.engine.analysis import metrics, trade
     from glint.operators.compare_cycles import limit_size
     from glint.operators.scene_copy import read_job
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from export_support import Shader, export, image, link, mesh_object, quad, scene, use_nodes  # noqa: F401
-from glint.engine.fingerprint import value_fingerprint
+from glint.engine.analysis.fingerprint import value_fingerprint
 
 
 def textured() -> Shader:

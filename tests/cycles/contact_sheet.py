@@ -26,8 +26,8 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 import conftest  # noqa: E402, F401  (makes the package importable as glint)
-from glint.engine import comparison, metrics, plot  # noqa: E402
-from glint.engine.flip import displayed  # noqa: E402
+from glint.engine.analysis import comparison, metrics, plot  # noqa: E402
+from glint.engine.analysis.flip import displayed  # noqa: E402
 
 SCENES = HERE.parents[2] / "shared" / "scenes"
 CELL, COLUMNS = 256, 2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glint.engine import SceneError, Settings, render
-from glint.engine.explain import PixelExplainer, explanation_lines
+from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.scene import (
     Camera,
     Input,

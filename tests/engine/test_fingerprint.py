@@ -9,7 +9,7 @@ import pytest
 
 import engine_scenes as scenes
 from glint.engine import Scene, Settings
-from glint.engine.fingerprint import picture_fingerprint, settings_text, value_fingerprint
+from glint.engine.analysis.fingerprint import picture_fingerprint, settings_text, value_fingerprint
 
 
 def make_scene() -> Scene:

@@ -5,7 +5,7 @@ the paper says of it.
 import numpy as np
 import pytest
 
-from glint.engine.flip import flip
+from glint.engine.analysis.flip import flip
 
 HEIGHT, WIDTH = 24, 32
 

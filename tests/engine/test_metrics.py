@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from glint.engine import metrics
+from glint.engine.analysis import metrics
 
 EPS = np.finfo(np.float64).eps
 SHAPE = (4, 5, 3)

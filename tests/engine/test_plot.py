@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 import pytest
 
-from glint.engine import plot
+from glint.engine.analysis import plot
 
 WHITE = (1.0, 1.0, 1.0)
 

@@ -12,8 +12,8 @@ import pytest
 
 from engine_scenes import SCENES
 from glint import engine
-from glint.engine import target as t
-from glint.engine.trade_crops import area
+from glint.engine.analysis import target as t
+from glint.engine.analysis.trade_crops import area
 from native_tools import needs_core
 
 SIZE = (96, 64)

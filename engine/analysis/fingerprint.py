@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from .core_types import ABI_VERSION
-from .film import EFFORTS
-from .settings import Settings
+from ..core_types import ABI_VERSION
+from ..film import EFFORTS
+from ..settings import Settings
 
 _WITHOUT_EFFECT = ("threads",)
 """Settings that never change a bit of a picture."""

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from .film import Film
-from .scene import Scene
-from .settings import Settings
+from ..film import Film
+from ..scene import Scene
+from ..settings import Settings
 
 Array = np.ndarray
 Crop = tuple[int, int, int, int]
@@ -166,13 +166,13 @@ class CropRenderer:
 
     def _traced(self, settings: Settings) -> Film:
         if settings.backend != "NATIVE":
-            from .reference import render_reference
+            from ..reference import render_reference
 
             return render_reference(
                 self.scene, settings, self.should_stop, lambda fraction: None, None
             )
         if self._held is None:
-            from .native_live import NativeLive
+            from ..native_live import NativeLive
 
             self._held = NativeLive()
         return self._held.draw(self.scene, settings, self.should_stop)

@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import SceneError
+from ..film import FIRST_ESTIMATE
+from ..packing import is_soft
+from ..scene import Scene
+from ..settings import Settings
 from . import metrics
-from .errors import SceneError
-from .film import FIRST_ESTIMATE
 from .flip import displayed, flip
-from .packing import is_soft
-from .scene import Scene
-from .settings import Settings
 from .trade_crops import Crop, CropRenderer, Rendered, Squares, StoppedError, area, pick_squares
 
 Array = np.ndarray

@@ -8,12 +8,12 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from .errors import SceneError
-from .scene import Scene
-from .settings import Settings
+from ..errors import SceneError
+from ..scene import Scene
+from ..settings import Settings
 
 if TYPE_CHECKING:
-    from .reference.explain import Hit, LightTerm, Ray
+    from ..reference.explain import Hit, LightTerm, Ray
 
 
 class PixelExplainer:
@@ -26,7 +26,7 @@ class PixelExplainer:
         if problems:
             raise SceneError("\n".join(problems))
         # two thirds of the engine's modules: Blender starts without them
-        from .reference.explain import Explainer
+        from ..reference.explain import Explainer
 
         self._resolution = scene.camera.resolution
         self._explainer = Explainer(scene, settings)

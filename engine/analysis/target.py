@@ -15,12 +15,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .errors import SceneError
-from .film import FIRST_ESTIMATE, Film
+from ..errors import SceneError
+from ..film import FIRST_ESTIMATE, Film
+from ..scene import Scene
+from ..settings import Settings
 from .flip import displayed
 from .metrics import relative_rmse, weighted_quantile
-from .scene import Scene
-from .settings import Settings
 from .trade import has_soft_lights
 from .trade_crops import Crop, CropRenderer, Rendered, StoppedError, area
 

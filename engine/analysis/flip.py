@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .raster import srgb_from_linear
+from ..raster import srgb_from_linear
 
 Array = np.ndarray
 
