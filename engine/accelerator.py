@@ -62,7 +62,7 @@ class Rays(NamedTuple):
 
 
 class Tracer(Protocol):
-    """What a backend offers: `engine.native_queries` and `engine.reference.queries`. Arguments are
+    """What a backend offers: `engine.native.queries` and `engine.reference.queries`. Arguments are
     the fields of `Rays`.
     """
 
@@ -244,7 +244,7 @@ def _tracer(scene: Scene, threads: int, backend: str | None) -> Tracer:
     from . import native
 
     if backend == "NATIVE" or (backend is None and native.load_error() is None):
-        from .native_queries import NativeQueries
+        from .native.queries import NativeQueries
 
         return NativeQueries(scene, threads)
     from .reference.queries import ReferenceQueries

@@ -249,7 +249,7 @@ class _Tracers:
         self, task: Task, should_stop: Callable[[], bool], on_film: Callable[[Film, bool], None]
     ) -> None:
         if task.settings.backend == "NATIVE":
-            from .native_live import NativeLive
+            from .native.live import NativeLive
 
             self._native = self._native or NativeLive()
             self._native.render(task.scene, task.settings, task.exact, should_stop, on_film)

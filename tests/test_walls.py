@@ -75,7 +75,7 @@ WALLS = {
     "addon": (BLENDER | {"numpy", "OpenImageIO"} | STDLIB, _inside_addon),
     "operators": (BLENDER | {"numpy", "OpenImageIO"} | STDLIB, _inside_operators),
     "engine/reference": ({"numpy"} | STDLIB, _inside_reference),
-    "engine/native.py": ({"numpy", "glint_core"} | STDLIB, _inside_engine),
+    "engine/native": ({"numpy", "glint_core"} | STDLIB, _inside_engine),
     "engine": ({"numpy"} | STDLIB, _inside_engine),
 }
 
@@ -197,7 +197,7 @@ def test_a_hole_in_a_wall_is_seen(path, source):
             "from ...engine.scene import Light\nimport numpy as np\nimport bpy",
         ),
         ("engine/reference/trace.py", "from ..scene import Scene\nfrom ..linear import frames"),
-        ("engine/native.py", "import ctypes\nimport glint_core"),
+        ("engine/native/__init__.py", "import ctypes\nimport glint_core"),
         ("operators/add_demo_scene.py", "from .demo_scene import build_demo_scene"),
         (
             "operators/measure_scene.py",

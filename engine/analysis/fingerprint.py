@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ..core_types import ABI_VERSION
 from ..film import EFFORTS
+from ..native.core_types import ABI_VERSION
 from ..settings import Settings
 
 _WITHOUT_EFFECT = ("threads",)

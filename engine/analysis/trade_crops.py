@@ -172,7 +172,7 @@ class CropRenderer:
                 self.scene, settings, self.should_stop, lambda fraction: None, None
             )
         if self._held is None:
-            from ..native_live import NativeLive
+            from ..native.live import NativeLive
 
             self._held = NativeLive()
         return self._held.draw(self.scene, settings, self.should_stop)

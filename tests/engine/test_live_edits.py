@@ -243,7 +243,7 @@ def assert_same_hits(film, truth, what):
 
 @pytest.mark.parametrize("seed", range(12))
 def test_any_sequence_of_edits(seed):
-    from glint.engine.native_live import NativeLive
+    from glint.engine.native.live import NativeLive
 
     r, live, done = random.Random(seed), NativeLive(), []
     scene = first_scene(random.Random(0))
@@ -265,7 +265,7 @@ def test_any_sequence_of_edits(seed):
 @pytest.mark.parametrize("seed", range(6))
 def test_any_sequence_of_edits_to_the_shading(seed):
     """What an earlier first wave found out serves, whichever light samples it had."""
-    from glint.engine.native_live import NativeLive
+    from glint.engine.native.live import NativeLive
 
     r, live, scene = random.Random(seed), NativeLive(), first_scene(random.Random(0))
     try:
@@ -283,7 +283,7 @@ def test_any_sequence_of_edits_to_the_shading(seed):
 
 def test_a_lamp_that_moves_a_little_casts_new_shadows():
     """It reaches almost the same points, most of which were kept with other shadows."""
-    from glint.engine.native_live import NativeLive
+    from glint.engine.native.live import NativeLive
 
     live, scene = NativeLive(), first_scene(random.Random(0))
     try:
@@ -300,7 +300,7 @@ def test_a_lamp_that_moves_a_little_casts_new_shadows():
 
 def test_a_rectangle_that_grows_casts_new_shadows():
     """Its first point lies in the middle of the solid angle, not of the rectangle."""
-    from glint.engine.native_live import NativeLive
+    from glint.engine.native.live import NativeLive
 
     live, scene, settings = (
         NativeLive(),
@@ -328,7 +328,7 @@ def test_a_rectangle_that_grows_casts_new_shadows():
 
 @pytest.mark.parametrize("change", [lamp, paint, surround])
 def test_what_is_shaded_anew_traces_no_ray(change):
-    from glint.engine.native_live import NativeLive
+    from glint.engine.native.live import NativeLive
 
     live, scene, settings = (
         NativeLive(),

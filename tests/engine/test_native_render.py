@@ -17,8 +17,9 @@ import pytest
 
 from engine_scenes import ball_mesh, camera, grid_mesh, surface
 from glint import engine
-from glint.engine import core_types, native, packing
+from glint.engine import native
 from glint.engine import scene as s
+from glint.engine.native import core_types, packing
 from native_tools import (
     IDENTITY,
     constant,

@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from . import core_types
-from .errors import SceneError
-from .sampling import light_points, pixel_offsets
-from .scene import (
+from ..errors import SceneError
+from ..sampling import light_points, pixel_offsets
+from ..scene import (
     LOBES,
     Attribute,
     Camera,
@@ -32,7 +31,8 @@ from .scene import (
     Spheres,
     Texture,
 )
-from .settings import BUILDS, ILLUMINATIONS, Settings
+from ..settings import BUILDS, ILLUMINATIONS, Settings
+from . import core_types
 
 _DOMAINS = ("POINT", "CORNER", "FACE")
 _ENCODINGS = ("LINEAR", "SRGB")

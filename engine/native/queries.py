@@ -7,11 +7,11 @@ from ctypes import byref
 
 import numpy as np
 
+from ..errors import SceneError
+from ..native import ERROR_BYTES, library
+from ..scene import Scene
 from .core_types import AccelData, HitsData, RaysData
-from .errors import SceneError
-from .native import ERROR_BYTES, library
 from .packing import address, pack_scene
-from .scene import Scene
 
 Array = np.ndarray
 

@@ -8,13 +8,13 @@ import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from . import left_out, native
+from .. import left_out, native
+from ..film import Film
+from ..scene import Scene
+from ..settings import Settings
+from ..view_axes import ViewAxes, narrow_view_axes
 from .core_types import DONE, FAILED
-from .film import Film
 from .packing import Packed, ScenePacker, pack_settings
-from .scene import Scene
-from .settings import Settings
-from .view_axes import ViewAxes, narrow_view_axes
 
 _POLL_MILLISECONDS = 2
 """How soon a task makes room for the next."""

@@ -29,7 +29,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from . import core_types, left_out
+from .. import left_out
+from ..errors import NO_THREAD, SceneError
+from ..film import PASSES, Film, empty_value
+from ..scene import Scene
+from ..settings import Settings
+from ..view_axes import ViewAxes, narrow_view_axes
+from . import core_types
 from .core_types import (
     CANCELLED,
     DONE,
@@ -44,12 +50,7 @@ from .core_types import (
     SettingsData,
     StatsData,
 )
-from .errors import NO_THREAD, SceneError
-from .film import PASSES, Film, empty_value
 from .packing import pack_scene, pack_settings, passes_of
-from .scene import Scene
-from .settings import Settings
-from .view_axes import ViewAxes, narrow_view_axes
 
 LIBRARY_VARIABLE = "GLINT_CORE_LIBRARY"
 """Environment variable with the path of another build of the core."""
