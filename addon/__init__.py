@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-_MODULES = ("properties", "former_node", "node_menu", "render_engine", "panels", "sphere")
+_MODULES = (
+    "ui.properties",
+    "ui.former_node",
+    "ui.node_menu",
+    "render.render_engine",
+    "ui.panels",
+    "ui.sphere",
+)
 
 
 def register() -> None:

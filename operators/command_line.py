@@ -12,7 +12,7 @@ from pathlib import Path
 import bpy
 
 from .. import engine
-from ..addon.stamp import manifest
+from ..addon.render.stamp import manifest
 from ..engine.analysis.trade import KNOBS, SIDE, SQUARES
 
 _INTERRUPTED = 130

@@ -11,7 +11,7 @@ import bpy
 from bpy.props import IntProperty
 
 from ..addon import viewport
-from ..addon.lines import draw_text
+from ..addon.ui.lines import draw_text
 from ..engine import PixelExplainer, Scene, SceneError, Settings, explanation_lines
 from ..engine.analysis.fingerprint import value_fingerprint
 from .editors import editor_of

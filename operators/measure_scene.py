@@ -16,7 +16,7 @@ from pathlib import Path
 
 import bpy
 
-from ..addon.lines import draw_text
+from ..addon.ui.lines import draw_text
 from ..engine import SceneError
 from ..engine.analysis.plot import png_bytes
 from ..engine.analysis.trade import REFERENCE_SAMPLES, SIDE, SQUARES, Row, Trade, advice, measure

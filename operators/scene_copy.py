@@ -12,7 +12,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..addon import final, statistics
+from ..addon.render import final, statistics
 from .pictures import check_whole, read_picture, render_result
 
 

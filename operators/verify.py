@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..addon import stamp, statistics
+from ..addon.render import stamp, statistics
 from .pictures import check_whole, header_texts, is_multilayer, read_planes, sample_bits
 
 _PREFIX = "glint."

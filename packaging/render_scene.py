@@ -127,7 +127,7 @@ def _tell(scene, pictures: list[Path], seconds: float) -> None:
     """Where the pictures are, seconds per stage of all view layers together, what the scene
     required.
     """
-    from bl_ext.user_default.glint.addon import statistics
+    from bl_ext.user_default.glint.addon.render import statistics
 
     layers = statistics.by_layer(scene.name)
     stages = {

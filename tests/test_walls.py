@@ -41,7 +41,13 @@ MEASURES = {
     "engine.analysis.trade_crops",
     "engine.analysis.trade_plot",
 }
-ADDONS_DOOR = {"addon.final", "addon.lines", "addon.stamp", "addon.statistics", "addon.viewport"}
+ADDONS_DOOR = {
+    "addon.render.final",
+    "addon.ui.lines",
+    "addon.render.stamp",
+    "addon.render.statistics",
+    "addon.viewport",
+}
 """What operators need of a final render: what it reads, what it stamps, what it took; and how text
 is drawn in panels.
 """
@@ -173,14 +179,14 @@ def test_the_core_includes_the_standard_library_and_itself_alone(path):
         ("engine/reference/trace.py", "from .. import native"),
         ("engine/reference/trace.py", "from ..problems import scene_problems"),
         ("engine/film.py", "import glint_core"),
-        ("addon/final.py", "from ..engine.native import render_native"),
-        ("addon/final.py", "from ..engine import native"),
-        ("addon/panels.py", "def f():\n    from .. import operators"),
+        ("addon/render/final.py", "from ...engine.native import render_native"),
+        ("addon/render/final.py", "from ...engine import native"),
+        ("addon/ui/panels.py", "def f():\n    from ... import operators"),
         ("addon/export/lights.py", "from ...engine.reference import render_reference"),
         ("operators/add_demo_scene.py", "from ..addon.panels import ENGINE"),
-        ("addon/panels.py", "from ..engine.analysis import trade"),
+        ("addon/ui/panels.py", "from ...engine.analysis import trade"),
         ("operators/measure_scene.py", "from ..engine.native import render_native"),
-        ("addon/result.py", "import scipy"),
+        ("addon/render/result.py", "import scipy"),
         ("__init__.py", "import numpy"),
     ],
 )
@@ -191,7 +197,7 @@ def test_a_hole_in_a_wall_is_seen(path, source):
 @pytest.mark.parametrize(
     ("path", "source"),
     [
-        ("addon/final.py", "from .. import engine\nfrom .export import export_scene"),
+        ("addon/render/final.py", "from ... import engine\nfrom ..export import export_scene"),
         (
             "addon/export/lights.py",
             "from ...engine.scene import Light\nimport numpy as np\nimport bpy",
@@ -201,7 +207,7 @@ def test_a_hole_in_a_wall_is_seen(path, source):
         ("operators/add_demo_scene.py", "from .demo_scene import build_demo_scene"),
         (
             "operators/measure_scene.py",
-            "from ..engine.analysis.trade import measure\nfrom ..addon import final",
+            "from ..engine.analysis.trade import measure\nfrom ..addon.render import final",
         ),
     ],
 )

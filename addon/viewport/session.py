@@ -19,10 +19,10 @@ import numpy as np
 
 from ... import engine
 from ...engine.scene import Camera, Scene
-from .. import statistics
 from ..export import ExportError
 from ..export.incremental import NO_CAMERA, shown_in
-from ..properties import viewport_settings_from
+from ..render import statistics
+from ..ui.properties import viewport_settings_from
 from . import bounds, status, timer
 from .bounds import same_content, same_places
 from .draw import Picture, as_colors

@@ -8,8 +8,8 @@ from ctypes import byref
 import numpy as np
 
 from ..errors import SceneError
-from ..native import ERROR_BYTES, library
 from ..scene import Scene
+from . import ERROR_BYTES, library
 from .core_types import AccelData, HitsData, RaysData
 from .packing import address, pack_scene
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 import bpy
 
 from glint import engine
-from glint.addon import final
-from glint.addon.result import Picture
+from glint.addon.render import final
+from glint.addon.render.result import Picture
 
 
 class ReadyEngine(bpy.types.RenderEngine):

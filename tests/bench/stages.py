@@ -127,7 +127,7 @@ def cycles_stages(messages: list[tuple[float, str]]) -> dict[str, float]:
 
 def own_stages(scene) -> dict[str, float]:
     """Glint's own clock of the last render; NoCoreError when the core did not draw it."""
-    from glint.addon import statistics
+    from glint.addon.render import statistics
 
     last = statistics.of_last_render(scene.name)
     if last is None or last.backend != "NATIVE":

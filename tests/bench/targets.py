@@ -114,7 +114,7 @@ def measure_scene(name: str, options: argparse.Namespace) -> int:
     import conftest  # noqa: F401  (makes the package importable as glint)
     import contact_scene
     from glint import addon
-    from glint.addon.aim import display_of
+    from glint.addon.render.aim import display_of
     from glint.operators.compare_cycles import limit_size
     from glint.operators.scene_copy import read_job
 

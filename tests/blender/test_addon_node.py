@@ -22,7 +22,7 @@ def show(material, node):
 ADD_NODE = (
     MATERIAL
     + """
-from glint.addon import nodes
+from glint.addon.ui import nodes
 
 def add_node():
     material = new_tree("Phong")
@@ -162,7 +162,7 @@ bpy.utils.unregister_class(Former)  # Blender 4.2 ends with a crash where nodes 
         REGISTER_TREE
         + EXPORT
         + """
-from glint.addon.former_node import _curves
+from glint.addon.ui.former_node import _curves
 
 def told(material):
     tree = material.node_tree

@@ -95,7 +95,7 @@ def test_many_notes_are_cut_and_counted_and_each_is_told_once(tmp_path):
     run = Blender(tmp_path).run(
         DRAW
         + """
-import dataclasses, glint.addon.final as final
+import dataclasses, glint.addon.render.final as final
 export = final.export_scene
 def noisy(*args, **kwargs):
     done = export(*args, **kwargs)
@@ -169,7 +169,7 @@ def test_nothing_that_ends_a_render_leaves_a_picture(tmp_path):
         DRAW
         + """
 import gc, os, signal
-import glint.addon.final as final
+import glint.addon.render.final as final
 signal.signal(signal.SIGINT, signal.default_int_handler)
 true = {"export_scene": final.export_scene, "_trace": final._trace, "_finish": final._finish}
 

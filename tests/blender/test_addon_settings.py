@@ -53,7 +53,7 @@ def test_many_samples_are_drawn_or_refused(tmp_path):
     run = Blender(tmp_path).run(
         REGISTER_TREE
         + """
-from glint.addon.properties import settings_from
+from glint.addon.ui.properties import settings_from
 told, final = [], bpy.context.scene.glint.final
 for samples in (100_000, 10**9):
     final.samples = samples
@@ -74,7 +74,7 @@ def test_settings_arrive_in_the_engine(tmp_path):
         REGISTER_TREE
         + f"""
 import dataclasses
-from glint.addon.properties import settings_from
+from glint.addon.ui.properties import settings_from
 scene = bpy.context.scene
 for name, value in {VALUES}.items():
     setattr(scene.glint.final, name, value)
@@ -99,7 +99,7 @@ def test_the_defaults_are_the_engines(tmp_path):
         REGISTER_TREE
         + """
 from glint import engine
-from glint.addon.properties import settings_from
+from glint.addon.ui.properties import settings_from
 scene = bpy.context.scene
 answer([settings_from(group, scene) == engine.settings.OFFERED for group in (scene.glint.final, scene.glint.viewport)])
 """  # noqa: E501 - a script for another Blender

@@ -23,7 +23,8 @@ def test_a_render_for_a_target_tells_what_was_predicted_and_reached(tmp_path):
     run = Blender(tmp_path).run(
         SCENE
         + """
-from glint.addon import statistics
+import json
+from glint.addon.render import statistics
 scene.render.image_settings.file_format = "OPEN_EXR"
 said = {}
 def render():
@@ -36,8 +37,9 @@ scene.glint.target = "NONE"
 for name in ("samples", "error_threshold", "light_samples"):
     setattr(scene.glint.final, name, settings[name])
 plain = render()
-answer([aimed.target, aimed.sections["Target error"], aimed.stamp["pixels"] == plain.stamp["pixels"], plain.target, settings])
-""".replace("from glint.addon import statistics", "import json\nfrom glint.addon import statistics")  # noqa: E501 - a script for another Blender
+same = aimed.stamp["pixels"] == plain.stamp["pixels"]
+answer([aimed.target, aimed.sections["Target error"], same, plain.target, settings])
+"""
     )
     assert run.returncode == 0, run.output
     line, section, same, nothing, settings = run.answer
@@ -54,7 +56,7 @@ def test_the_display_is_blenders_own(tmp_path):
         SCENE
         + """
 import numpy as np
-from glint.addon.aim import display_of
+from glint.addon.render.aim import display_of
 from glint.operators.pictures import read_picture
 scene.view_settings.view_transform, scene.view_settings.exposure, scene.view_settings.gamma = "AgX", 0.5, 1.25
 image = bpy.data.images.new("ramp", 16, 16, float_buffer=True)

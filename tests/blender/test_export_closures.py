@@ -26,7 +26,7 @@ from glint.addon.export.roughness import (
     sheen_albedo,
     world_of,
 )
-from glint.addon.nodes import add_blinn_phong
+from glint.addon.ui.nodes import add_blinn_phong
 
 
 def test_diffuse(scene):  # noqa: F811

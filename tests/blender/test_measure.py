@@ -88,7 +88,7 @@ def test_a_failure_is_reported_and_leaves_nothing(tmp_path):
     run = Blender(tmp_path).run(
         SCENE
         + """
-from glint.addon import final
+from glint.addon.render import final
 def broken(*arguments, **options):
     raise ValueError("a fault on purpose")
 final.export_scene = broken

@@ -13,7 +13,7 @@ PROGRAM = (
     + """
 from types import SimpleNamespace
 
-from glint.addon import panels
+from glint.addon.ui import panels
 
 class Layout:
     \"\"\"Writes down what is drawn.\"\"\"

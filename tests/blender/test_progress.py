@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from glint import engine
-from glint.addon.progress import Progress
+from glint.addon.render.progress import Progress
 
 SETTINGS = engine.Settings(samples=64, error_threshold=4.0)
 

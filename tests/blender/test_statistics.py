@@ -6,7 +6,7 @@ SCENE = (
     REGISTER_TREE
     + """
 import logging
-from glint.addon import statistics
+from glint.addon.render import statistics
 bpy.ops.wm.read_homefile(use_factory_startup=True)
 scene = bpy.context.scene
 scene.render.engine = "GLINT"
@@ -30,7 +30,7 @@ class Lines(logging.Handler):
     def emit(self, record):
         self.lines.append(record.getMessage())
 
-log = logging.getLogger("glint.addon.final")
+log = logging.getLogger("glint.addon.render.final")
 log.setLevel(logging.INFO)
 lines = Lines()
 log.addHandler(lines)

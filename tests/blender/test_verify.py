@@ -101,7 +101,7 @@ def test_the_stamp_depends_on_the_picture_and_not_on_threads(tmp_path):
     run = Blender(tmp_path).run(
         MAKE
         + """
-from glint.addon import statistics
+from glint.addon.render import statistics
 stamps = []
 for threads, samples, place in ((1, 1, 0.0), (2, 1, 0.0), (1, 2, 0.0), (1, 1, 0.25)):
     scene.glint.final.threads, scene.glint.final.samples = threads, samples

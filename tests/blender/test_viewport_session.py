@@ -12,8 +12,9 @@ import pytest
 
 from export_support import Shader, link, quad, scene  # noqa: F401
 from glint import engine
-from glint.addon import properties, statistics
 from glint.addon.export import incremental
+from glint.addon.render import statistics
+from glint.addon.ui import properties
 from glint.addon.viewport import draw, redraws, session, status
 from glint.addon.viewport.bounds import same_places
 from glint.addon.viewport.surroundings import Surroundings

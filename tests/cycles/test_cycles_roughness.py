@@ -55,7 +55,7 @@ def test_what_is_reflected_of_a_world(roughness, kind):
 
 @pytest.mark.parametrize("roughness", [0.25, 0.9])
 def test_the_blinn_phong_nodes_likeness_has_the_roughness_of_its_exponent(roughness):
-    """To the 5 % that addon/nodes.py speaks of: its α² = 2.25/(p + 1.9) for the exponent of the
+    """To the 5 % that addon/ui/nodes.py speaks of: its α² = 2.25/(p + 1.9) for the exponent of the
     single lobe nearest to GGX.
     """
     exponent = fit_roughness.nearest_exponent(fit_roughness.measure_lobes(roughness))

@@ -15,7 +15,7 @@ import pytest
 import extreme_scenes as extreme
 import small_scenes as build
 from cycles_reference import render_cycles
-from glint.addon.nodes import add_blinn_phong
+from glint.addon.ui.nodes import add_blinn_phong
 from glint_picture import render_glint
 from measuring import compare
 from test_cycles_blinn_phong import Network

@@ -35,7 +35,7 @@ def test_a_zip_holds_the_add_on_and_nothing_of_its_development(edition):
         "__init__.py",
         "blender_manifest.toml",
         "LICENSE",
-        "addon/render_engine.py",
+        "addon/render/render_engine.py",
         "engine/scene.py",
         "operators/__init__.py",
     } <= set(names)

@@ -117,7 +117,7 @@ def test_an_error_writes_no_file_and_fails_with_a_message(installed, place, file
         ENABLE
         + SCENE
         + f"""
-final = sys.modules["bl_ext.user_default.glint.addon.final"]
+final = sys.modules["bl_ext.user_default.glint.addon.render.final"]
 def broken(*args, **kwargs):
     raise ValueError("broken on purpose")
 {BREAKS[place]}

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(
 
 BREAK = """
 import sys
-import bl_ext.user_default.glint.addon.final as final
+import bl_ext.user_default.glint.addon.render.final as final
 def broken(*args, **kwargs):
     raise ValueError("broken on purpose")
 final.export_scene = broken

@@ -64,7 +64,7 @@ class Eye:
 
 def engine_class(window):
     if options.engine == "GLINT":
-        return sys.modules[window.package + ".addon.render_engine"].GlintRenderEngine
+        return sys.modules[window.package + ".addon.render.render_engine"].GlintRenderEngine
     if options.engine == "CONTROL":
         control_engine.register()
         return control_engine.ControlEngine

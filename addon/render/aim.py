@@ -12,9 +12,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from .. import engine
-from ..engine.analysis.target import Forecast, Target, choose_settings, displayed, reached_error
-from .export.pixels import openimageio
+from ... import engine
+from ...engine.analysis.target import Forecast, Target, choose_settings, displayed, reached_error
+from ..export.pixels import openimageio
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from collections.abc import Iterable
 import bpy
 import numpy as np
 
-from .. import engine
-from .export.nodes_texture import ACTIVE_COLOR
-from .export.terms import GREY
+from ... import engine
+from ..export.nodes_texture import ACTIVE_COLOR
+from ..export.terms import GREY
 
 SHOWN = 4
 """Names that a line spells out before it counts the rest."""

@@ -13,8 +13,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from .. import engine
-from ..engine.analysis.fingerprint import (
+from ... import engine
+from ...engine.analysis.fingerprint import (
     picture_fingerprint,
     settings_text,
     tracer_text,

@@ -11,8 +11,8 @@ from dataclasses import replace
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
 
-from .. import engine
-from ..engine.settings import OFFERED
+from ... import engine
+from ...engine.settings import OFFERED
 
 _ILLUMINATION_ITEMS = (
     (

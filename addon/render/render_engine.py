@@ -12,9 +12,10 @@ from collections.abc import Callable
 
 import bpy
 
-from .. import engine
-from . import final, result, viewport
-from .export import ExportError
+from ... import engine
+from .. import viewport
+from ..export import ExportError
+from . import final, result
 from .interrupts import interrupts_held
 
 log = logging.getLogger(__name__)

@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from .. import engine
-from .viewport.status import error_of, error_text
+from ... import engine
+from ..viewport.status import error_of, error_text
 
 _PAUSE = 0.5
 """Seconds between two texts: Blender draws its window for each, which takes processors from the

@@ -14,9 +14,9 @@ from collections.abc import Callable, Iterator
 import bpy
 from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
 
-from . import result, statistics
+from ..render import result, statistics
+from ..render.render_engine import GlintRenderEngine
 from .lines import draw_text
-from .render_engine import GlintRenderEngine
 
 ENGINE = GlintRenderEngine.bl_idname
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import bpy
 
-from .. import engine
+from ... import engine
+from ..export import Decoded, export_scene
+from ..ui.properties import settings_from
 from .aim import Aim, aim_from
-from .export import Decoded, export_scene
 from .progress import Progress
-from .properties import settings_from
 from .result import Picture, wanted_passes
 from .skipped import skipped_things
 from .stamp import Stamping

@@ -7,7 +7,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from .. import engine
+from ... import engine
 
 BLENDER_SWITCHES = {
     "Depth": "use_pass_z",

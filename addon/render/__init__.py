@@ -1,0 +1,1 @@
+"""A final render: the engine class, its result, statistics, stamp and progress."""

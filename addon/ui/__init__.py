@@ -1,0 +1,1 @@
+"""What Blender shows: panels, properties, the Blinn-Phong node, menus."""
