@@ -30,7 +30,7 @@ which one, and its version.
 @functools.cache
 def manifest() -> dict[str, Any]:
     """The extension's manifest."""
-    path = Path(__file__).parent.parent / "blender_manifest.toml"
+    path = Path(__file__).parents[2] / "blender_manifest.toml"
     return tomllib.loads(path.read_text(encoding="utf-8"))
 
 

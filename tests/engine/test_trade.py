@@ -13,10 +13,8 @@ from glint.engine import (
     SceneError,
     Settings,
     available_backends,
-    trade,
-    trade_crops,
-    trade_plot,
 )
+from glint.engine.analysis import trade, trade_crops, trade_plot
 from glint.engine.scene import Lobe
 
 BACKEND = available_backends()[0]
