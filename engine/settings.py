@@ -137,6 +137,6 @@ def _is_region(region: Any) -> bool:
 
 OFFERED = Settings(samples=64, error_threshold=4.0, light_samples=2)
 """What a user gets who chooses nothing: on the front of time against error of the scenes that were
-measured (ARCHITECTURE.md, Decisions). `Settings()` itself stops no pixel early, so that a picture's
-samples are those that were asked for.
+measured (docs/decisions/0012-defaults.md). `Settings()` itself stops no pixel early, so that a
+picture's samples are those that were asked for.
 """

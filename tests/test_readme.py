@@ -1,12 +1,14 @@
-"""README's code runs as it stands, and its commands exist."""
+"""README's code runs as it stands; the commands, files and links of all documents exist."""
 
 import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), ROOT / "engine" / "SEMANTICS.md"])
 
 
 def test_the_smallest_scene_draws_a_red_ball():
@@ -20,14 +22,23 @@ def test_the_smallest_scene_draws_a_red_ball():
     np.testing.assert_array_equal(picture[0, 0, :3], 0.0)
 
 
-def test_every_make_target_of_the_readme_exists():
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_every_command_file_and_link_of_a_page_exists(page):
+    text = page.read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-    assert set(re.findall(r"\bmake ([a-z-]+)", README)) <= targets
+    assert set(re.findall(r"`make ([a-z-]+)", text)) <= targets
+    links = [link for link in re.findall(r"\]\(([^)#]+)", text) if "://" not in link]
+    assert not [link for link in links if not (page.parent / link).exists()]
+    files = re.findall(r"`((?:addon|docs|engine|operators|packaging|tests)/[\w/]+\.\w+)`", text)
+    assert not [name for name in files if not (ROOT / name).exists()]
 
 
-def test_every_file_of_the_readme_exists():
-    linked = re.findall(r"\]\(([^)]+)\)", README) + re.findall(
-        r"`([A-Za-z_/]+\.(?:md|sh|py))`", README
-    )
-    assert linked
-    assert not [name for name in linked if not (ROOT / name).exists()]
+def test_readme_and_architecture_stay_short():
+    assert len(README.splitlines()) <= 150
+    assert len((ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8").splitlines()) <= 120
+
+
+def test_the_manual_is_reached_from_the_readme():
+    pages = [page for page in PAGES if "docs" in page.parts and "decisions" not in page.parts]
+    assert pages
+    assert not [page for page in pages if page.relative_to(ROOT).as_posix() not in README]

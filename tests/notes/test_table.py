@@ -1,5 +1,5 @@
-"""README's table "section of the notes → where it lives → its test" names only what exists, and
-leaves no section out.
+"""The table of docs/lecture_notes.md, "section of the notes → where it lives → its test" names only
+what exists, and leaves no section out.
 
 In a cell, a code span with a slash is a path from the root; the spans after it are names in that
 file, with * for any characters.
@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-README = ROOT / "README.md"
+PAGE = ROOT / "docs" / "lecture_notes.md"
 LAST = {2: 7, 3: 6, 4: 17, 5: 3, 6: 6, 7: 5}
 """Section of the notes -> its last item."""
 
@@ -23,8 +23,8 @@ def table_of(text: str) -> list[list[str]]:
     """The rows between the markers, as lists of cells."""
     _, marker, rest = text.partition("<!-- notes-table -->")
     inside, end, _ = rest.partition("<!-- /notes-table -->")
-    assert marker, "README has no <!-- notes-table -->"
-    assert end, "README has no <!-- /notes-table -->"
+    assert marker, "the page has no <!-- notes-table -->"
+    assert end, "the page has no <!-- /notes-table -->"
     lines = [line.strip() for line in inside.strip().splitlines()]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
 
@@ -66,14 +66,14 @@ def missing(rows: list[list[str]]) -> list[str]:
 
 
 def test_all_that_the_table_names_exists():
-    rows = table_of(README.read_text(encoding="utf-8"))
+    rows = table_of(PAGE.read_text(encoding="utf-8"))
     assert rows
     assert missing(rows) == []
     assert all("`engine/" in row[1] and "`tests/" in row[2] for row in rows)
 
 
 def test_the_table_has_every_section_of_the_notes():
-    rows = table_of(README.read_text(encoding="utf-8"))
+    rows = table_of(PAGE.read_text(encoding="utf-8"))
     listed = [
         tuple(map(int, found)) for row in rows for found in re.findall(r"\b(\d)\.(\d+)\b", row[0])
     ]
@@ -83,7 +83,7 @@ def test_the_table_has_every_section_of_the_notes():
 
 
 def test_the_table_leads_to_every_test_of_the_notes():
-    rows = table_of(README.read_text(encoding="utf-8"))
+    rows = table_of(PAGE.read_text(encoding="utf-8"))
     patterns = [span for row in rows for span in re.findall(r"`(test_[^`/]+)`", row[2])]
     tests = {
         name
