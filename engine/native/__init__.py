@@ -94,6 +94,10 @@ _SIGNATURES = {
         None,
         [c_int32, POINTER(c_double), POINTER(c_double), POINTER(c_double), c_uint64],
     ),
+    "glint_program_run": (
+        c_int32,
+        [c_void_p, c_uint64, c_void_p, c_uint64, c_void_p, c_uint32, c_void_p, c_uint64],
+    ),
 }
 
 

@@ -411,6 +411,13 @@ enum { GLINT_EXP, GLINT_LOG, GLINT_COS, GLINT_SIN, GLINT_COSINE_POWER };
 GLINT_API void glint_math(int32_t function, const double* x, const double* y, double* out,
                           uint64_t count);
 
+/* Runs a program whose operations read no points, for tests. code, constants, tables: as those of
+ * GlintProgram. columns: (slots, count), what the slots hold before and afterwards. Returns 0, or
+ * -1 where memory is short. */
+GLINT_API int32_t glint_program_run(const int32_t* code, uint64_t words, const double* constants,
+                                    uint64_t constant_count, const double* tables, uint32_t slots,
+                                    double* columns, uint64_t count);
+
 #ifdef __cplusplus
 }
 #endif

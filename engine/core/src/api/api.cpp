@@ -90,3 +90,23 @@ void glint_render_destroy(GlintRender* render) { delete render; }
 void glint_math(int32_t function, const double* x, const double* y, double* out, uint64_t count) {
   for (uint64_t k = 0; k < count; ++k) out[k] = evaluate(function, x[k], y[k]);
 }
+
+int32_t glint_program_run(const int32_t* code, uint64_t words, const double* constants,
+                          uint64_t constant_count, const double* tables, uint32_t slots,
+                          double* columns, uint64_t count) {
+  return glint::guarded<int32_t>(-1, nullptr, 0, [&] {
+    const std::vector<double> spread = glint::spread_constants(constants, constant_count);
+    const glint::ProgramShape program{code, words, spread.data(), tables, slots};
+    const auto points = std::make_unique<glint::ProgramPoints>();
+    std::vector<double> block(slots * glint::kBlock);
+    for (uint64_t first = 0; first < count; first += glint::kBlock) {
+      const size_t some = std::min<uint64_t>(count - first, glint::kBlock);
+      for (uint32_t slot = 0; slot < slots; ++slot)
+        std::copy_n(columns + slot * count + first, some, block.data() + slot * glint::kBlock);
+      glint::best_stages().program({{}, &program, points.get(), some, block.data()});
+      for (uint32_t slot = 0; slot < slots; ++slot)
+        std::copy_n(block.data() + slot * glint::kBlock, some, columns + slot * count + first);
+    }
+    return 0;
+  });
+}

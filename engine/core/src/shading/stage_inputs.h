@@ -212,13 +212,22 @@ struct Reads {
   Recent images, colors;
 };
 
-inline Three read_image(const InputTables& s, const OnMesh& p, const GlintInput& input) {
+struct Uvs {
+  Doubles u, v;
+};
+
+/// A UV map, the active one for -1; zeros where the geometry lacks it.
+inline Uvs read_uv(const InputTables& s, const OnMesh& p, int32_t name) {
   Corners uv;
-  look_up(s, p, input.uv, uv);
-  const double* m = input.uv_transform;
+  look_up(s, p, name, uv);
   const Mask has = lanes_with(uv, 2);
-  const Doubles x = where(has, blend(p, uv, 0)), y = where(has, blend(p, uv, 1));
-  const Doubles u = m[0] * x + m[1] * y + m[2], v = m[3] * x + m[4] * y + m[5];
+  return {where(has, blend(p, uv, 0)), where(has, blend(p, uv, 1))};
+}
+
+inline Three read_image(const InputTables& s, const OnMesh& p, const GlintInput& input) {
+  const double* m = input.uv_transform;
+  const Uvs at = read_uv(s, p, input.uv);
+  const Doubles u = m[0] * at.u + m[1] * at.v + m[2], v = m[3] * at.u + m[4] * at.v + m[5];
   const TextureShape& t = s.textures[input.texture];
   if (input.channel != GLINT_ALPHA) return sample<colors>(t, u, v);
   const Doubles alpha = sample<alphas>(t, u, v);

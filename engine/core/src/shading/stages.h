@@ -8,6 +8,7 @@
 #include <cstdint>
 
 #include "glint.h"
+#include "program/program.h"
 
 namespace glint {
 
@@ -139,6 +140,16 @@ struct InputTables {
   const uint32_t*
       reads;  // for each input the number of what it reads of an image: the same for the same
   const TextureShape* textures;
+};
+
+/// A program over a block of points. slots: kBlock numbers each, what they hold afterwards is what
+/// its outputs are read from.
+struct ProgramStage {
+  InputTables tables;
+  const ProgramShape* program;
+  const ProgramPoints* points;
+  size_t count;
+  double* slots;
 };
 
 /// One material that varies over the surface or sends rays on. Adds to the sums; sets `diffuse`,
@@ -299,6 +310,7 @@ struct Stages {
   void (*surface)(const SurfaceStage&);
   size_t (*shade)(const ShadeStage&);    // how many `others`
   size_t (*vary)(const EvaluateStage&);  // how many `passing_rows`
+  void (*program)(const ProgramStage&);
   PassedRays (*pass)(const PassStage&);
   size_t (*light)(const LightStage&);  // how many points the sample reaches
   size_t (*gloss)(

@@ -1,4 +1,5 @@
 #if !defined(GLINT_X86_KERNELS)
+#include "program/run.h"
 #include "shading/stage_camera.h"
 #include "shading/stage_evaluate.h"
 #include "shading/stage_light.h"
@@ -8,7 +9,7 @@
 #include "shading/stage_transmittance.h"
 
 namespace glint {
-extern const Stages stages_generic{"generic", camera, surface, shade,        vary,
+extern const Stages stages_generic{"generic", camera, surface, shade,        vary, run_program,
                                    pass,      light,  gloss,   transmit,     sum,
                                    sum_parts, add,    mean,    cosine_powers};
 }

@@ -1,0 +1,8 @@
+"""Shader nodes as expressions of `engine.program`: one function a node type, by family.
+
+`READERS` is the registry; `reader` walks the trees.
+"""
+
+from . import basic as basic
+from .reader import READERS as READERS
+from .reader import TreeReader as TreeReader

@@ -1,0 +1,163 @@
+"""Walks node trees and gives the expression that a socket gets, node by node through `READERS`.
+
+Nothing recurses: nodes are read after all that feeds them, from a list of what is still to do. So
+neither thousands of nodes in a row nor hundreds of nested groups are too deep.
+
+Sockets are converted wherever a value passes from one type to another, at links and at the edges
+of groups, as Cycles does: a number fills a vector or a colour; a colour becomes a number by its
+luminance, a vector by its mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ....engine.program.graph import Graph, Value
+from ..graph import Place, closes_circle, kind_of, socket_named, trail
+
+Outputs = dict[str, Value]
+"""A node's values by the name or identifier of its outputs."""
+READERS: dict[str, Callable[[NodeInputs], Outputs | None]] = {}
+"""bl_idname -> a node's outputs, or None where its settings are not understood."""
+
+NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
+NUMBER_TYPES = ("VALUE", "INT", "BOOLEAN")
+VECTOR_TYPES = ("VECTOR", "RGBA")
+CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
+
+Key = tuple[int, ...]
+
+
+class TreeReader:
+    """Reads sockets of one material into a graph.
+
+    operations: rows of the operations' table by name, of which conversions need `rgb_to_bw`,
+    `vector_average` and `combine_xyz`. note: takes sentences about what is not read exactly.
+    """
+
+    def __init__(
+        self, graph: Graph, operations: Mapping[str, Any], note: Callable[[str], None]
+    ) -> None:
+        self.graph, self.operations, self.note = graph, operations, note
+        self._read: dict[Key, Outputs | None] = {}
+        self._trails: dict[Key, list[Place] | None] = {}
+
+    def value(self, wanted: Place) -> Value:
+        """What a socket gets, of the socket's own type: its default where nothing comes in."""
+        self._read_behind(wanted)
+        return self.passed_on(wanted)
+
+    def apply(self, name: str, *arguments: Value, **settings: int) -> tuple[Value, ...]:
+        """Outputs of the table's operation of this name."""
+        return self.graph.apply(self.operations[name], *arguments, **settings)
+
+    def _read_behind(self, wanted: Place) -> None:
+        """Read all nodes that the socket depends on, each after what feeds it."""
+        waiting = [(place, False) for place in self._feeding([wanted])]
+        entered: set[Key] = set()
+        while waiting:
+            place, is_ready = waiting.pop()
+            key = _node_key(place)
+            if is_ready:
+                self._read[key] = self._outputs(place)
+                entered.discard(key)
+            elif key in entered:
+                self.note(CIRCLE)
+            elif key not in self._read:
+                entered.add(key)
+                waiting.append((place, True))
+                waiting += self._unread(place)
+
+    def _unread(self, place: Place) -> list[tuple[Place, bool]]:
+        inputs = [place.beside(socket) for socket in place.node.inputs if socket.is_linked]
+        found = {_node_key(source): source for source in self._feeding(inputs)}
+        return [(source, False) for key, source in found.items() if key not in self._read]
+
+    def _feeding(self, inputs: list[Place]) -> list[Place]:
+        """Outputs of nodes that make the values of these inputs."""
+        trails = [self._trail(place) for place in inputs]
+        ends = [passed[-1] for passed in trails if passed is not None]
+        return [end for end in ends if end.socket.is_output and not end.node.mute]
+
+    def _trail(self, place: Place) -> list[Place] | None:
+        if place.key not in self._trails:
+            passed = self._trails[place.key] = trail(place)
+            end = passed[-1] if passed is not None else None
+            if end is None or (not end.socket.is_output and closes_circle(end)):
+                self.note(CIRCLE)
+        return self._trails[place.key]
+
+    def _outputs(self, place: Place) -> Outputs | None:
+        node = place.node
+        reader = READERS.get(kind_of(node))
+        outputs = reader(NodeInputs(self, place)) if reader is not None else None
+        if outputs is None:
+            self.note(
+                f"Node '{node.bl_label}' is not supported here: the socket's default takes its "
+                "place in {}; bake it to an image"
+            )
+        return outputs
+
+    def passed_on(self, wanted: Place) -> Value:
+        """The value at the end of a socket's trail, converted at each socket on its way."""
+        passed = self._trail(wanted)
+        made = self._made(passed[-1]) if passed is not None else None
+        if made is None:
+            return self._default(wanted.socket)
+        kind = passed[-1].socket.type
+        for place in reversed(passed[:-1]):
+            made, kind = self._converted(made, kind, place.socket.type), place.socket.type
+        return made
+
+    def _made(self, end: Place) -> Value | None:
+        socket = end.socket
+        if socket.type not in NUMBER_TYPES + VECTOR_TYPES:
+            return None
+        if not socket.is_output:
+            return self._default(socket)
+        if end.node.mute:
+            return self.graph.constant((0.0,) * _width(socket.type))
+        outputs = self._read.get(_node_key(end)) or {}
+        return outputs.get(socket.identifier, outputs.get(socket.name))
+
+    def _default(self, socket: Any) -> Value:
+        """What an unlinked socket shows; 0 where that is no number, or not a finite one."""
+        shown = getattr(socket, "default_value", 0.0)
+        if isinstance(shown, str) or not hasattr(shown, "__len__"):
+            shown = [shown] if isinstance(shown, (int, float)) else []
+        numbers = [float(x) for x in shown][: _width(socket.type)]
+        if not all(map(math.isfinite, numbers)):
+            self.note(NOT_FINITE)
+            numbers = [x if math.isfinite(x) else 0.0 for x in numbers]
+        return self.graph.constant(numbers + [0.0] * (_width(socket.type) - len(numbers)))
+
+    def _converted(self, value: Value, kind: str, wanted: str) -> Value:
+        if _width(kind) == _width(wanted):
+            return value
+        if _width(kind) == 1:
+            return self.apply("combine_xyz", value, value, value)[0]
+        return self.apply("rgb_to_bw" if kind == "RGBA" else "vector_average", value)[0]
+
+
+class NodeInputs:
+    """A node with the values of its inputs."""
+
+    def __init__(self, reader: TreeReader, place: Place) -> None:
+        self.reader, self.place, self.node = reader, place, place.node
+
+    def value(self, name: str) -> Value:
+        """The value of the input with this identifier or name, of the socket's own type."""
+        return self.reader.passed_on(self.place.beside(socket_named(self.node.inputs, name)))
+
+    def apply(self, name: str, *arguments: Value, **settings: int) -> tuple[Value, ...]:
+        return self.reader.apply(name, *arguments, **settings)
+
+
+def _node_key(place: Place) -> Key:
+    return (place.node.as_pointer(), *(group.as_pointer() for group in place.path))
+
+
+def _width(kind: str) -> int:
+    return 3 if kind in VECTOR_TYPES else 1

@@ -1,0 +1,146 @@
+"""Expression graphs: what a node tree computes, each distinct expression once.
+
+Guaranteed:
+
+* Equal expressions are one object. Constants are equal where their bits are: -0.0 is not 0.0, and
+  a NaN equals itself.
+* An operation whose arguments are all constants is run at once by `fold`, so a program never
+  computes what is the same for every hit. Operations that read the shaded point never are.
+* Arguments exist before what is made of them, so a graph has no cycles, and nothing here recurses.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .operations import Operation, Reference
+
+Fold = Callable[[Operation, Sequence[np.ndarray], Mapping[str, Any]], Sequence[np.ndarray]]
+"""fold(operation, arguments, settings) gives the outputs' values. Arrays have the shape (1,) for a
+number and (3, 1) for a vector, in float64; settings are those of `Graph.meant`."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Call:
+    """An operation on arguments. `order` counts the calls of a graph from 0 as they were made."""
+
+    operation: Operation
+    arguments: tuple[Value, ...]
+    settings: tuple[int, ...]
+    order: int
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Value:
+    """A number (width 1) or a vector (width 3): output `output` of `call`, or a constant.
+
+    Of `call` and `constant` one is None.
+    """
+
+    width: int
+    call: Call | None = None
+    output: int = 0
+    constant: tuple[float, ...] | None = None
+
+
+class Graph:
+    """Expressions over the operations of the table. fold: runs an operation on constants."""
+
+    def __init__(self, fold: Fold) -> None:
+        self._fold = fold
+        self._constants: dict[bytes, Value] = {}
+        self._applied: dict[tuple, tuple[Value, ...]] = {}
+        self._calls = 0
+        self._things: dict[Reference, dict[Any, int]] = {kind: {} for kind in Reference}
+
+    def constant(self, value: float | Iterable[float]) -> Value:
+        """A number, or a vector of three."""
+        numbers = np.array(value, np.float64).reshape(-1)
+        if numbers.size not in (1, 3):
+            raise ValueError(f"a constant has 1 or 3 numbers, not {numbers.size}")
+        bits = numbers.tobytes()
+        if bits not in self._constants:
+            constant = struct.unpack(f"{numbers.size}d", bits)
+            self._constants[bits] = Value(numbers.size, constant=constant)
+        return self._constants[bits]
+
+    def apply(self, operation: Operation, *arguments: Value, **settings: Any) -> tuple[Value, ...]:
+        """The outputs of an operation of the table, one value each.
+
+        Settings that are references are given as what they refer to: an attribute's name, a
+        texture's index, a tuple of numbers. ValueError where arguments or settings are not those
+        that the table gives the operation.
+        """
+        chosen = self._checked(operation, arguments, settings)
+        key = (operation.name, chosen, *map(id, arguments))
+        if key not in self._applied:
+            self._applied[key] = self._folded(operation, arguments, chosen) or self._called(
+                operation, arguments, chosen
+            )
+        return self._applied[key]
+
+    def meant(self, operation: Operation, settings: Sequence[int]) -> dict[str, Any]:
+        """Settings by name, references as what they refer to."""
+        named = zip(operation.settings, settings, strict=True)
+        return {
+            name: self.thing(choices, number) if isinstance(choices, Reference) else number
+            for (name, choices), number in named
+        }
+
+    def thing(self, kind: Reference, number: int) -> Any:
+        """The attribute's name, texture's index or table of that number."""
+        return list(self._things[kind])[number]
+
+    def _folded(
+        self, operation: Operation, arguments: tuple[Value, ...], settings: tuple[int, ...]
+    ) -> tuple[Value, ...] | None:
+        if operation.reads_point or any(argument.constant is None for argument in arguments):
+            return None
+        columns = [_column(argument) for argument in arguments]
+        outputs = self._fold(operation, columns, self.meant(operation, settings))
+        return tuple(
+            self.constant(np.broadcast_to(o, (w,) if w == 1 else (w, 1)))
+            for o, w in zip(outputs, widths_of(operation.outputs), strict=True)
+        )
+
+    def _called(
+        self, operation: Operation, arguments: tuple[Value, ...], settings: tuple[int, ...]
+    ) -> tuple[Value, ...]:
+        call = Call(operation, arguments, settings, self._calls)
+        self._calls += 1
+        widths = widths_of(operation.outputs)
+        return tuple(Value(width, call, output) for output, width in enumerate(widths))
+
+    def _checked(
+        self, operation: Operation, arguments: tuple[Value, ...], settings: dict[str, Any]
+    ) -> tuple[int, ...]:
+        """The settings in the table's order, after a look at everything that is given."""
+        expected, given = widths_of(operation.arguments), tuple(a.width for a in arguments)
+        if expected != given:
+            raise ValueError(f"{operation.name} takes slots {expected}, not {given}")
+        names = [name for name, _ in operation.settings]
+        if set(names) != set(settings):
+            raise ValueError(f"{operation.name} has settings {names}, not {tuple(settings)}")
+        return tuple(self._number(choices, settings[name]) for name, choices in operation.settings)
+
+    def _number(self, choices: Any, given: Any) -> int:
+        if isinstance(choices, Reference):
+            return self._things[choices].setdefault(given, len(self._things[choices]))
+        if int(given) not in (choices if isinstance(choices, range) else list(choices)):
+            raise ValueError(f"{given!r} is not one of {choices}")
+        return int(given)
+
+
+def widths_of(sockets: Iterable[tuple[str, Any]]) -> tuple[int, ...]:
+    """Slots that each argument or output of an operation takes: 1 or 3."""
+    return tuple(int(kind) for _, kind in sockets)
+
+
+def _column(value: Value) -> np.ndarray:
+    column = np.array(value.constant, np.float64)
+    return column if value.width == 1 else column[:, None]

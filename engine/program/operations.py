@@ -1,0 +1,57 @@
+"""What rows of the table of operations are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+
+class Kind(IntEnum):
+    """What an argument or an output is; its value is how many slots it takes."""
+
+    NUMBER = 1
+    VECTOR = 3
+
+
+class Reference(Enum):
+    """Settings that are numbers of other things: of a program's attributes (names), textures
+    (indices into `Scene.textures`) and tables (of numbers).
+    """
+
+    ATTRIBUTE = "attributes"
+    TEXTURE = "textures"
+    TABLE = "tables"
+
+
+Choices = type[IntEnum] | range | Reference
+
+
+@dataclass(frozen=True)
+class Operation:
+    """One operation of programs.
+
+    name: snake_case, also the name of the function in each executor.
+    outputs, arguments: (name, kind) of each, in the order in which instructions have them.
+    settings: (name, choices) of the integers that are fixed when a program is compiled.
+    formula: what is computed, in the names of the arguments, for documents and error texts.
+    reads_point: the result depends on the point that is shaded, not on the arguments alone.
+    """
+
+    name: str
+    outputs: tuple[tuple[str, Kind], ...]
+    arguments: tuple[tuple[str, Kind], ...] = ()
+    settings: tuple[tuple[str, Choices], ...] = ()
+    formula: str = ""
+    reads_point: bool = False
+
+    @property
+    def words(self) -> int:
+        """Length of an instruction: the code, then a slot for each output, where each argument
+        is, and the settings.
+        """
+        return 1 + len(self.outputs) + len(self.arguments) + len(self.settings)
+
+
+def sockets(**kinds: str) -> tuple[tuple[str, Kind], ...]:
+    """Names and kinds, "number" or "vector", in their order."""
+    return tuple((name, Kind[kind.upper()]) for name, kind in kinds.items())

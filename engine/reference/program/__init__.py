@@ -1,0 +1,100 @@
+"""The NumPy executor of programs, in float64. One function an operation, by its name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from types import ModuleType
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...program.operations import Kind, Operation, Reference
+from ...program.operations_color import COLORS
+from ...program.operations_input import INPUTS
+from ...program.operations_math import MATH
+from ...program.operations_vector import VECTORS
+from ...program.program import UNREAD, Instruction, Program, instructions
+from . import arithmetic, colors, inputs, vectors
+
+Array = NDArray[np.float64]
+
+
+class Points(Protocol):
+    """n shaded points, as the operations that read them see them."""
+
+    def attribute(self, name: str) -> Array:
+        """(4, n): channels of an attribute, missing colours 0, missing alpha 1, all 0 where the
+        mesh lacks it.
+        """
+
+    def uv(self, name: str) -> Array:
+        """(2, n) of a UV map, the active one for ""."""
+
+    def image(self, texture: int, u: Array, v: Array) -> Array:
+        """(4, n) RGBA of a texture of the scene."""
+
+
+_FAMILIES: tuple[tuple[tuple[Operation, ...], ModuleType], ...] = (
+    (INPUTS, inputs),
+    (MATH, arithmetic),
+    (VECTORS, vectors),
+    (COLORS, colors),
+)
+_FUNCTIONS: Mapping[str, Callable] = {
+    operation.name: getattr(module, operation.name)
+    for family, module in _FAMILIES
+    for operation in family
+}
+
+
+def apply(
+    operation: Operation, arguments: Sequence[Array], settings: Mapping[str, Any]
+) -> tuple[Array, ...]:
+    """One array per output: (n,) of a NUMBER, (3, n) of a VECTOR; arguments likewise.
+
+    settings: references as what they refer to. An operation that reads the shaded point takes it
+    as its first argument.
+    """
+    with np.errstate(all="ignore"):
+        result = _FUNCTIONS[operation.name](*arguments, **settings)
+    return result if isinstance(result, tuple) else (result,)
+
+
+def run(program: Program, points: Points, count: int) -> list[Array]:
+    """The program's outputs at `count` points, each (3, count): a number is the first row."""
+    columns = np.zeros((program.slots + 2, count))
+    for instruction in instructions(program):
+        _step(columns, instruction, program, points)
+    return [columns[slot : slot + 3] for slot in program.outputs]
+
+
+def _step(columns: Array, step: Instruction, program: Program, points: Points) -> None:
+    operation = step.operation
+    arguments: list[Any] = [points] if operation.reads_point else []
+    for place, (_, kind) in zip(step.arguments, operation.arguments, strict=True):
+        arguments.append(_argument(columns, place, kind, program))
+    values = apply(operation, arguments, _meant(step, program))
+    for slot, value, (_, kind) in zip(step.outputs, values, operation.outputs, strict=True):
+        if slot != UNREAD:
+            columns[slot : slot + kind] = value
+
+
+def _argument(columns: Array, place: int, kind: Kind, program: Program) -> Array:
+    if place < 0:
+        constant = np.array(program.constants[~place : ~place + kind])
+        value = np.repeat(constant[:, None], columns.shape[1], axis=1)
+    else:
+        value = columns[place : place + kind]
+    return value[0] if kind == Kind.NUMBER else value
+
+
+def _meant(step: Instruction, program: Program) -> dict[str, Any]:
+    """Settings by name, references as what they refer to."""
+    given = zip(step.operation.settings, step.settings, strict=True)
+    return {
+        name: getattr(program, choices.value)[setting]
+        if isinstance(choices, Reference)
+        else setting
+        for (name, choices), setting in given
+    }

@@ -1,0 +1,204 @@
+"""Node trees of Blender become expressions: links, groups, conversions, and broken trees."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from glint.addon.export.graph import Place
+from glint.addon.export.shader_nodes import TreeReader
+from glint.addon.export.shader_nodes.reader import CIRCLE, NOT_FINITE
+from glint.engine.program.graph import Graph, Value
+
+NUMBER, VECTOR = SimpleNamespace(value=1), SimpleNamespace(value=3)
+REC709 = np.array([0.2126729, 0.7151522, 0.0721750])
+
+
+def _row(name, code, arguments, outputs, run):
+    sockets = [
+        tuple((str(i), kind) for i, kind in enumerate(kinds)) for kinds in (arguments, outputs)
+    ]
+    return SimpleNamespace(
+        name=name, code=code, arguments=sockets[0], outputs=sockets[1], settings=(), run=run
+    )
+
+
+ROWS = (
+    _row("combine_xyz", 0, (NUMBER,) * 3, (VECTOR,), lambda x, y, z: (np.stack([x, y, z]),)),
+    _row("separate_xyz", 1, (VECTOR,), (NUMBER,) * 3, lambda v: (v[0], v[1], v[2])),
+    _row("rgb_to_bw", 2, (VECTOR,), (NUMBER,), lambda v: (REC709 @ v,)),
+    _row("vector_average", 3, (VECTOR,), (NUMBER,), lambda v: (v.mean(axis=0),)),
+)
+
+
+class Tree:
+    """A material's node tree with one Diffuse BSDF, whose Color, Roughness and Normal are read."""
+
+    def __init__(self):
+        material = bpy.data.materials.new("M")
+        if bpy.app.version < (5, 0, 0):
+            material.use_nodes = True
+        self.nodes, self.links = material.node_tree.nodes, material.node_tree.links
+        self.nodes.clear()
+        self.shader = self.nodes.new("ShaderNodeBsdfDiffuse")
+        self.notes: list[str] = []
+
+    def node(self, kind, **inputs):
+        node = self.nodes.new(kind)
+        for name, value in inputs.items():
+            node.inputs[name].default_value = value
+        return node
+
+    def rgb(self, *color):
+        node = self.nodes.new("ShaderNodeRGB")
+        node.outputs[0].default_value = (*color, 1.0)
+        return node
+
+    def read(self, name) -> Value:
+        graph = Graph(lambda row, arguments, settings: row.run(*arguments))
+        reader = TreeReader(graph, {row.name: row for row in ROWS}, self.notes.append)
+        return reader.value(Place(self.shader.inputs[name]))
+
+
+@pytest.fixture
+def tree():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    return Tree()
+
+
+def approx(*numbers):
+    return pytest.approx(numbers, rel=1e-6)
+
+
+def group(inside, inputs=(), kind="NodeSocketColor"):
+    """A node group with one output; inside(tree, group's input node) gives the socket for it."""
+    made = bpy.data.node_groups.new("G", "ShaderNodeTree")
+    for name, socket in inputs:
+        made.interface.new_socket(name, in_out="INPUT", socket_type=socket)
+    made.interface.new_socket("Out", in_out="OUTPUT", socket_type=kind)
+    entry, end = made.nodes.new("NodeGroupInput"), made.nodes.new("NodeGroupOutput")
+    made.links.new(inside(made, entry), end.inputs[0])
+    return made
+
+
+def test_a_colour_becomes_a_number_by_luminance_and_a_vector_by_its_mean(tree):
+    tree.links.new(tree.rgb(1.0, 0.5, 0.25).outputs[0], tree.shader.inputs["Roughness"])
+    assert tree.read("Roughness").constant == approx(REC709 @ [1.0, 0.5, 0.25])
+
+    vector = tree.node("ShaderNodeCombineXYZ", X=1.0, Y=0.5, Z=0.25)
+    tree.links.new(vector.outputs[0], tree.shader.inputs["Roughness"])
+    assert tree.read("Roughness").constant == approx(1.75 / 3)
+
+
+def test_a_number_fills_a_colour_and_a_vector_becomes_one_unchanged(tree):
+    value = tree.nodes.new("ShaderNodeValue")
+    value.outputs[0].default_value = 0.25
+    tree.links.new(value.outputs[0], tree.shader.inputs["Color"])
+    assert tree.read("Color").constant == approx(0.25, 0.25, 0.25)
+
+    vector = tree.node("ShaderNodeCombineXYZ", X=1.0, Y=0.5, Z=0.25)
+    tree.links.new(vector.outputs[0], tree.shader.inputs["Color"])
+    assert tree.read("Color").constant == approx(1.0, 0.5, 0.25)
+
+
+def test_values_convert_at_the_edge_of_a_group(tree):
+    """A colour through a number's socket is grey inside."""
+    made = group(lambda _, entry: entry.outputs[0], [("In", "NodeSocketFloat")])
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = made
+    tree.links.new(tree.rgb(1.0, 0.5, 0.25).outputs[0], node.inputs[0])
+    tree.links.new(node.outputs[0], tree.shader.inputs["Color"])
+
+    grey = REC709 @ [1.0, 0.5, 0.25]
+    assert tree.read("Color").constant == approx(grey, grey, grey)
+
+
+def test_separate_takes_the_part_that_is_linked(tree):
+    parts = tree.nodes.new("ShaderNodeSeparateXYZ")
+    tree.links.new(tree.rgb(0.1, 0.2, 0.3).outputs[0], parts.inputs[0])
+    tree.links.new(parts.outputs["Y"], tree.shader.inputs["Roughness"])
+    assert tree.read("Roughness").constant == approx(0.2)
+
+
+def test_a_muted_node_passes_its_input_on_and_without_one_gives_nothing(tree):
+    node = tree.nodes.new("ShaderNodeRGBToBW")
+    tree.links.new(tree.rgb(1.0, 0.0, 0.0).outputs[0], node.inputs[0])
+    tree.links.new(node.outputs[0], tree.shader.inputs["Roughness"])
+    node.mute = True
+    assert tree.read("Roughness").constant == approx(REC709[0])
+
+    value = tree.rgb(1.0, 1.0, 1.0)
+    value.mute = True
+    tree.links.new(value.outputs[0], tree.shader.inputs["Color"])
+    assert tree.read("Color").constant == (0.0, 0.0, 0.0)
+
+
+def test_an_unlinked_socket_gives_its_default_and_nan_counts_as_nought(tree):
+    tree.shader.inputs["Color"].default_value = (0.1, 0.2, 0.3, 1.0)
+    assert tree.read("Color").constant == approx(0.1, 0.2, 0.3)
+    assert tree.notes == []
+
+    tree.shader.inputs["Color"].default_value = (math.nan, 0.2, 0.3, 1.0)
+    assert tree.read("Color").constant == approx(0.0, 0.2, 0.3)
+    assert tree.notes == [NOT_FINITE]
+
+
+def test_an_unknown_node_gives_the_default_and_a_note(tree):
+    tree.shader.inputs["Roughness"].default_value = 0.75
+    tree.links.new(
+        tree.nodes.new("ShaderNodeParticleInfo").outputs["Age"], tree.shader.inputs["Roughness"]
+    )
+    assert tree.read("Roughness").constant == (0.75,)
+    assert len(tree.notes) == 1
+    assert "Particle Info" in tree.notes[0]
+
+
+def test_links_in_a_circle_end_with_a_note(tree):
+    first, second = tree.node("ShaderNodeCombineXYZ", X=0.5), tree.nodes.new("ShaderNodeCombineXYZ")
+    tree.links.new(first.outputs[0], second.inputs["X"])
+    tree.links.new(second.outputs[0], first.inputs["Y"])
+    tree.links.new(second.outputs[0], tree.shader.inputs["Color"])
+    assert np.isfinite(tree.read("Color").constant).all()
+    assert CIRCLE in tree.notes
+
+
+def test_three_hundred_nested_groups(tree):
+    made = group(lambda _, entry: entry.outputs[0], [("In", "NodeSocketColor")])
+    for _ in range(299):
+        made = group(_nested(made), [("In", "NodeSocketColor")])
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = made
+    tree.links.new(tree.rgb(0.1, 0.2, 0.3).outputs[0], node.inputs[0])
+    tree.links.new(node.outputs[0], tree.shader.inputs["Color"])
+    assert tree.read("Color").constant == approx(0.1, 0.2, 0.3)
+    assert tree.notes == []
+
+
+def _nested(inner):
+    def inside(made, entry):
+        node = made.nodes.new("ShaderNodeGroup")
+        node.node_tree = inner
+        made.links.new(entry.outputs[0], node.inputs[0])
+        return node.outputs[0]
+
+    return inside
+
+
+def test_a_thousand_nodes_in_a_row(tree):
+    """More than Python may nest. Blender's own time for links grows with the square."""
+    socket = tree.rgb(0.25, 0.25, 0.25).outputs[0]
+    for _ in range(500):
+        grey, vector = (
+            tree.nodes.new("ShaderNodeRGBToBW"),
+            tree.node("ShaderNodeCombineXYZ", Y=0.25, Z=0.25),
+        )
+        tree.links.new(socket, grey.inputs[0])
+        tree.links.new(grey.outputs[0], vector.inputs["X"])
+        socket = vector.outputs[0]
+    tree.links.new(socket, tree.shader.inputs["Color"])
+    assert tree.read("Color").constant == approx(0.25, 0.25, 0.25)
+    assert tree.notes == []

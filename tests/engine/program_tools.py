@@ -1,0 +1,78 @@
+"""What tests of program operations share: every operation in both executors."""
+
+from __future__ import annotations
+
+from itertools import accumulate, product
+from typing import Any
+
+import numpy as np
+
+from glint.engine import native
+from glint.engine.program.operations import Operation, Reference
+from glint.engine.program.table import CODES
+from glint.engine.reference import program as reference
+
+SPECIAL = np.array([0.0, -0.0, 1.0, -1.0, 0.5, 2.0, -3.0, 1e-30, 1e9, -1e9, 255.0])
+"""Numbers at which functions like to go wrong."""
+RAMP = tuple(float(x) for x in np.random.default_rng(4).uniform(0, 1, 256 * 4))
+"""A table as a Color Ramp has it."""
+
+
+def arguments_of(operation: Operation, random: np.random.Generator, count: int) -> list[np.ndarray]:
+    """Random arguments, (n,) for numbers and (3, n) for vectors, a third of them special."""
+
+    def column() -> np.ndarray:
+        values = random.normal(0, 2, count)
+        special = random.random(count) < 1 / 3
+        return np.where(special, random.choice(SPECIAL, count), values)
+
+    return [
+        column() if kind == 1 else np.stack([column() for _ in range(3)])
+        for _, kind in operation.arguments
+    ]
+
+
+def settings_of(operation: Operation) -> list[dict[str, Any]]:
+    """Every combination of an operation's settings; of long ranges the first four."""
+    choices = [
+        [RAMP] if isinstance(c, Reference) else list(c)[:4] if isinstance(c, range) else list(c)
+        for _, c in operation.settings
+    ]
+    names = [name for name, _ in operation.settings]
+    return [dict(zip(names, chosen, strict=True)) for chosen in product(*choices)]
+
+
+def by_reference(operation: Operation, arguments: list, settings: dict) -> list[np.ndarray]:
+    """Outputs of the NumPy executor."""
+    return [np.asarray(v, float) for v in reference.apply(operation, arguments, settings)]
+
+
+def by_core(operation: Operation, arguments: list, settings: dict) -> list[np.ndarray]:
+    """Outputs of the core."""
+    count = arguments[0].shape[-1]
+    widths = [int(kind) for _, kind in (*operation.arguments, *operation.outputs)]
+    starts = [0, *accumulate(widths)]
+    ins, outs = len(operation.arguments), len(operation.outputs)
+    table: list[float] = []
+    numbers = []
+    for name, choices in operation.settings:
+        value = settings[name]
+        if isinstance(choices, Reference):
+            numbers.append(len(table))
+            table += [float(len(value)), *value]
+        else:
+            numbers.append(int(value))
+    code = [CODES[operation.name], *starts[ins : ins + outs], *starts[:ins], *numbers]
+    columns = np.zeros((starts[-1], count))
+    for start, width, argument in zip(starts, widths, arguments, strict=False):
+        columns[start : start + width] = argument
+    words, tables = np.array(code, np.int32), np.array(table or [0.0])
+    failed = native.library().glint_program_run(
+        words.ctypes.data, len(words), 0, 0, tables.ctypes.data, len(columns),
+        columns.ctypes.data, count,
+    )  # fmt: skip
+    assert not failed
+    return [
+        columns[start] if width == 1 else columns[start : start + 3]
+        for start, width in zip(starts[ins:], widths[ins:], strict=False)
+    ]
