@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from glint.engine.program.table import BY_NAME
 from glint.engine.program.operations_math import ClampType, MathOperation
+from glint.engine.program.table import BY_NAME
 from glint.engine.reference.program import apply
 
 M = MathOperation
