@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 
 from .linear import determinant, length, pseudo_inverse
+from .program.operations import Reference
+from .program.program import Instruction, Program, instructions
 from .scene import (
     CORNER,
     FACE,
@@ -350,13 +352,50 @@ def _instances(scene: Scene, instances: Instances) -> Found:
 
 def _material(textures: int, material: Material) -> Found:
     yield from _whole("index", material.index)
+    if material.program is not None:
+        yield from (f"program: {text}" for text in _program(material.program, textures))
+    outputs = len(material.program.outputs) if material.program is not None else 0
+    yield from _handle("normal_output", material.normal_output, outputs, "outputs", none=True)
     strangers = [*_holds("lobes", material.lobes, (Lobe,))]
     yield from strangers
     for number, lobe in enumerate(() if strangers else material.lobes):
-        yield from (f"lobe {number}: {text}" for text in _lobe(lobe, textures))
+        yield from (f"lobe {number}: {text}" for text in _lobe(lobe, textures, outputs))
 
 
-def _lobe(lobe: Lobe, textures: int) -> Found:
+def _program(program: Program, textures: int) -> Found:
+    """Slots, constants and things that are not there."""
+    if not isinstance(program, Program):
+        yield f"is {program!r}: use engine.program.program.compile_program"
+        return
+    for texture in program.textures:
+        yield from _handle("a texture", texture, textures, "textures")
+    try:
+        steps = list(instructions(program))
+    except (ValueError, TypeError) as error:
+        yield str(error)
+        return
+    if not all(_is_sound(step, program) for step in steps) or not all(
+        0 <= slot < program.slots for slot in program.outputs
+    ):
+        yield "names a slot, constant or setting that is not there: compile it anew"
+
+
+def _is_sound(step: Instruction, program: Program) -> bool:
+    ends = [
+        slot + kind for slot, (_, kind) in zip(step.outputs, step.operation.outputs, strict=True)
+    ]
+    sound = all(-1 <= slot for slot in step.outputs) and all(end <= program.slots for end in ends)
+    for place, (_, kind) in zip(step.arguments, step.operation.arguments, strict=True):
+        room = program.slots if place >= 0 else len(program.constants)
+        sound = sound and (place if place >= 0 else ~place) + kind <= room
+    for setting, (_, choices) in zip(step.settings, step.operation.settings, strict=True):
+        things = len(getattr(program, choices.value)) if isinstance(choices, Reference) else None
+        allowed = range(things) if things is not None else list(choices)
+        sound = sound and setting in allowed
+    return sound
+
+
+def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
     yield from _one_of("kind", lobe.kind, LOBES)
     yield from _at_least("exponent", lobe.exponent, 0)
     if not (isinstance(lobe.ior, _REAL) and np.isfinite(lobe.ior) and lobe.ior > 0):
@@ -365,10 +404,13 @@ def _lobe(lobe: Lobe, textures: int) -> Found:
     strangers = [*_holds("factors", lobe.factors, (Input,))]
     yield from strangers
     for factor in () if strangers else lobe.factors:
-        yield from _input(factor, textures)
+        yield from _input(factor, textures, outputs)
+    for name in ("exponent_output", "masking_output"):
+        yield from _handle(name, getattr(lobe, name), outputs, "outputs", none=True)
 
 
-def _input(factor: Input, textures: int) -> Found:
+def _input(factor: Input, textures: int, outputs: int) -> Found:
+    yield from _handle("output", factor.output, outputs, "outputs", none=True)
     yield from _numbers("value", factor.value, 3)
     yield from _handle("texture", factor.texture, textures, "textures", none=True)
     yield from _one_of("channel", factor.channel, ("COLOR", "ALPHA", "LUMINANCE"))

@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .program.program import Program
+
 Array = np.ndarray
 
 POINT, CORNER, FACE = "POINT", "CORNER", "FACE"
@@ -130,15 +132,16 @@ class Texture:
 
 @dataclass(frozen=True)
 class Input:
-    """A colour that may vary over the surface: value × texture(uv) × attribute + offset, kept
-    between low and high, or one minus that.
+    """A colour that may vary over the surface: value × texture(uv) × attribute × output + offset,
+    kept between low and high, or one minus that.
 
     value: RGB.  texture: index into `Scene.textures`, -1 for none.  channel: COLOR, or ALPHA (the
     texture's alpha on all three), or LUMINANCE (the mean of the three as grey).  uv: name of the UV
     attribute, "" for the active one. uv_transform: ((a, b, c), (d, e, f)) with u' = a u + b v + c
     and v' = d u + e v + f. attribute: name of a colour attribute, "" for none; a name the mesh
-    lacks reads as 0. attribute_channel: COLOR or ALPHA.  offset: RGB.  low, high: bounds of each
-    channel.  complement: the result is 1 - all that.
+    lacks reads as 0. attribute_channel: COLOR or ALPHA.  output: which output of the material's
+    program, a vector; -1 for none.  offset: RGB.  low, high: bounds of each channel.  complement:
+    the result is 1 - all that.
     """
 
     value: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -151,6 +154,7 @@ class Input:
     )
     attribute: str = ""
     attribute_channel: str = "COLOR"
+    output: int = -1
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     low: float = -np.inf
     high: float = np.inf
@@ -175,7 +179,8 @@ class Lobe:
     SPECULAR lobe by what it is between v and h. schlick: multiplies a SPECULAR lobe by (1 - v·h)⁵
     (Schlick 1994): what a metal's reflectance gains towards grazing angles. masking: 0 to 1, of a
     SPECULAR lobe: the α of Smith's shadowing and masking, as GGX has them, which it is times; 0 for
-    none.
+    none. exponent_output, masking_output: which output of the material's program, a number, gives
+    the exponent or masking instead, kept from 0 to what stands here; -1 for none.
     """
 
     kind: str
@@ -185,15 +190,24 @@ class Lobe:
     fresnel: bool = False
     schlick: bool = False
     masking: float = 0.0
+    exponent_output: int = -1
+    masking_output: int = -1
 
 
 @dataclass(frozen=True)
 class Material:
-    """A surface is the sum of its lobes. index: Blender's material pass index."""
+    """A surface is the sum of its lobes.
+
+    index: Blender's material pass index.  program: computes what inputs, lobes and the normal name
+    as outputs.  normal_output: the output, a vector, that takes the place of the shading normal
+    (world space; where it is zero or not finite the mesh's own stays); -1 for none.
+    """
 
     name: str
     lobes: tuple[Lobe, ...]
     index: int = 0
+    program: Program | None = None
+    normal_output: int = -1
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,9 @@ TARGET = ROOT / "engine/core/src/program/operations.inc"
 
 
 def header(operations) -> str:
-    """GLINT_OPERATION(name, widths of outputs, widths of arguments, number of settings) lines."""
+    """GLINT_OPERATION(name, widths of outputs, widths of arguments, settings) lines; of each setting
+    what it refers to: a an attribute, i an image, t a table, - nothing.
+    """
     lines = ["// Made by packaging/operations_header.py from engine/program/table.py."]
     for operation in operations:
         outputs, arguments = (
@@ -23,9 +25,15 @@ def header(operations) -> str:
         )
         lines.append(
             f'GLINT_OPERATION({operation.name}, "{outputs}", "{arguments}", '
-            f"{len(operation.settings)})"
+            f'"{_letters(operation)}")'
         )
     return "\n".join(lines) + "\n"
+
+
+def _letters(operation) -> str:
+    letters = {"attributes": "a", "textures": "i", "tables": "t"}
+    values = (getattr(choices, "value", None) for _, choices in operation.settings)
+    return "".join(letters.get(value, "-") if isinstance(value, str) else "-" for value in values)
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from typing import Any
 
-ABI_VERSION = 11
+ABI_VERSION = 12
 
 PREPARING, TRACING, HELD, DONE, CANCELLED, FAILED = range(6)
 """States of a render."""
@@ -49,6 +49,7 @@ FEATURES = (
     "smooth normals",
     "holdout",
     "visible lights",
+    "node programs",
 )
 """Names of the bits of `StatsData.features`, from the lowest."""
 
@@ -91,15 +92,20 @@ class TextureData(Structure):
     )
 
 
+class ProgramData(Structure):
+    _fields_ = _each(
+        c_uint64,
+        "first_word word_count first_constant constant_count first_table table_size",
+    ) + _each(c_uint32, "slots reserved")
+
+
 class InputData(Structure):
     _fields_ = (
         _each(c_double * 3, "value")
         + _each(c_double * 6, "uv_transform")
         + _each(c_double * 3, "offset")
         + _each(c_double, "low high")
-        + _each(
-            c_int32, "texture channel uv attribute attribute_channel bounded complement reserved"
-        )
+        + _each(c_int32, "texture channel uv attribute attribute_channel bounded complement output")
     )
 
 
@@ -107,12 +113,14 @@ class LobeData(Structure):
     _fields_ = (
         _each(c_double, "exponent ior masking")
         + _each(c_uint32, "first_input input_count")
-        + _each(c_int32, "kind fresnel")
+        + _each(c_int32, "kind fresnel exponent_slot masking_slot")
     )
 
 
 class MaterialData(Structure):
-    _fields_ = _each(c_uint32, "first_lobe lobe_count") + _each(c_int32, "index reserved")
+    _fields_ = _each(c_uint32, "first_lobe lobe_count") + _each(
+        c_int32, "index program normal reserved"
+    )
 
 
 class LightData(Structure):
@@ -143,13 +151,17 @@ class SceneData(Structure):
         + _each(c_int32, "transparent reserved")
         + _each(
             c_size_t,
-            "geometries attributes instances world_from_object material_slots textures inputs "
-            "lobes materials lights",
+            "geometries attributes instances world_from_object material_slots textures "
+            "program_words program_constants program_tables programs inputs lobes materials lights",
         )
         + _each(
             c_uint64, "geometry_count attribute_count instances_count row_count material_slot_count"
         )
-        + _each(c_uint64, "texture_count input_count lobe_count material_count light_count")
+        + _each(
+            c_uint64,
+            "texture_count program_word_count program_constant_count program_table_count "
+            "program_count input_count lobe_count material_count light_count",
+        )
     )
 
 

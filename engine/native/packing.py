@@ -5,7 +5,7 @@ their layout already fits.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import compress, count
 from operator import is_not
@@ -14,6 +14,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import SceneError
+from ..program.operations import Reference
+from ..program.program import Instruction, Program, instructions
+from ..program.table import CODES
 from ..sampling import light_points, pixel_offsets
 from ..scene import (
     LOBES,
@@ -23,7 +26,6 @@ from ..scene import (
     Input,
     Instances,
     Light,
-    Lobe,
     Material,
     Mesh,
     Polygons,
@@ -65,6 +67,11 @@ class _Packer:
     attributes: list[tuple] = field(default_factory=list)
     inputs: list[tuple] = field(default_factory=list)
     lobes: list[tuple] = field(default_factory=list)
+    programs: list[tuple] = field(default_factory=list)
+    words: list[int] = field(default_factory=list)
+    constants: list[float] = field(default_factory=list)
+    tables: list[float] = field(default_factory=list)
+    packed: dict[Program, int] = field(default_factory=dict)
 
     def lend(
         self, values: Any, dtype: type, shape: tuple[int | None, ...], what: str
@@ -183,11 +190,15 @@ class ScenePacker:
         self, materials: tuple[Material, ...], before: _Part | None, changed: list[int]
     ) -> _Part:
         packer = _Packer(names=self._names)
-        rows = [_material(packer, material.lobes, material.index) for material in materials]
+        rows = [_material(packer, material) for material in materials]
         tables = {
             "materials": _table(core_types.MaterialData, rows),
             "lobes": _table(core_types.LobeData, packer.lobes),
             "inputs": _table(core_types.InputData, packer.inputs),
+            "programs": _table(core_types.ProgramData, packer.programs),
+            "program_words": np.array(packer.words, np.int32),
+            "program_constants": np.array(packer.constants, np.float64),
+            "program_tables": np.array(packer.tables, np.float64),
         }
         return _Part(materials, tables, [])
 
@@ -198,6 +209,10 @@ _COUNTS = {
     "materials": "material_count",
     "lobes": "lobe_count",
     "inputs": "input_count",
+    "programs": "program_count",
+    "program_words": "program_word_count",
+    "program_constants": "program_constant_count",
+    "program_tables": "program_table_count",
     "textures": "texture_count",
     "lights": "light_count",
     "instances": "instances_count",
@@ -421,9 +436,10 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
 # --------------------------------------------------------------------------------------------------
 
 
-def _material(packer: _Packer, lobes: Sequence[Lobe], index: int) -> tuple:
-    first = len(packer.lobes)
-    for lobe in lobes:
+def _material(packer: _Packer, material: Material) -> tuple:
+    first, program = len(packer.lobes), material.program
+    outputs = program.outputs if program else ()
+    for lobe in material.lobes:
         kind = number(lobe.kind, LOBES, "lobe kind")
         fresnel = lobe.fresnel | lobe.schlick << 1
         packer.lobes.append(
@@ -435,13 +451,68 @@ def _material(packer: _Packer, lobes: Sequence[Lobe], index: int) -> tuple:
                 len(lobe.factors),
                 kind,
                 fresnel,
+                _slot(outputs, lobe.exponent_output),
+                _slot(outputs, lobe.masking_output),
             )
         )
-        packer.inputs.extend([_input(packer, factor) for factor in lobe.factors])
-    return (first, len(lobes), index, 0)
+        packer.inputs.extend([_input(packer, factor, outputs) for factor in lobe.factors])
+    return (
+        first,
+        len(material.lobes),
+        material.index,
+        1 + _program(packer, program) if program else 0,
+        _slot(outputs, material.normal_output),
+        0,
+    )
 
 
-def _input(packer: _Packer, factor: Input) -> tuple:
+def _slot(outputs: tuple[int, ...], output: int) -> int:
+    """As the core has it: 0 for none, else one more than the slot."""
+    return 1 + outputs[output] if output >= 0 else 0
+
+
+def _program(packer: _Packer, program: Program) -> int:
+    """The program's number; equal ones are packed once."""
+    if program in packer.packed:
+        return packer.packed[program]
+    table, starts = [], []
+    for values in program.tables:
+        starts.append(len(table))
+        table += [float(len(values)), *values]
+    numbers = {
+        Reference.ATTRIBUTE: [packer.name(name) if name else -1 for name in program.attributes],
+        Reference.TEXTURE: program.textures,
+        Reference.TABLE: starts,
+    }
+    words = [word for step in instructions(program) for word in _words(step, numbers)]
+    packer.programs.append(
+        (
+            len(packer.words),
+            len(words),
+            len(packer.constants),
+            len(program.constants),
+            len(packer.tables),
+            len(table),
+            program.slots,
+            0,
+        )
+    )
+    packer.words += words
+    packer.constants += program.constants
+    packer.tables += table
+    return packer.packed.setdefault(program, len(packer.packed))
+
+
+def _words(step: Instruction, numbers: Mapping[Reference, Sequence[int]]) -> list[int]:
+    """An instruction whose settings refer to what the core has."""
+    settings = [
+        numbers[choices][setting] if isinstance(choices, Reference) else setting
+        for (_, choices), setting in zip(step.operation.settings, step.settings, strict=True)
+    ]
+    return [CODES[step.operation.name], *step.outputs, *step.arguments, *settings]
+
+
+def _input(packer: _Packer, factor: Input, outputs: tuple[int, ...]) -> tuple:
     return (
         factor.value,
         sum(map(tuple, factor.uv_transform), ()),
@@ -455,7 +526,7 @@ def _input(packer: _Packer, factor: Input) -> tuple:
         number(factor.attribute_channel, _CHANNELS, "channel"),
         not factor.is_plain,
         factor.complement,
-        0,
+        _slot(outputs, factor.output),
     )
 
 

@@ -20,6 +20,30 @@ INPUTS = (
         formula="(u, v, 0) of a UV map, the active one where the name is empty",
         reads_point=True,
     ),
+    *(
+        Operation(name, sockets(**outputs), formula=formula, reads_point=True)
+        for name, outputs, formula in (
+            ("position", {"vector": "vector"}, "the point in the world"),
+            ("normal", {"vector": "vector"}, "the mesh's shading normal, turned to the viewer"),
+            ("face_normal", {"vector": "vector"}, "the face's normal, turned to the viewer"),
+            ("incoming", {"vector": "vector"}, "the unit direction to the viewer"),
+            ("backfacing", {"value": "number"}, "1 where the inner side is seen"),
+            ("object_position", {"vector": "vector"}, "the point in the object's space"),
+            ("object_normal", {"vector": "vector"}, "the outward normal in the object's space"),
+            ("object_location", {"vector": "vector"}, "the object's origin in the world"),
+            (
+                "camera_position",
+                {"vector": "vector"},
+                "the point along right and up of the camera, and its depth",
+            ),
+            ("window", {"vector": "vector"}, "(x, y, 0) in the picture, 0 to 1 from lower left"),
+            (
+                "reflection",
+                {"vector": "vector"},
+                "the direction of view mirrored at the shading normal",
+            ),
+        )
+    ),
     Operation(
         "image",
         sockets(color="vector", alpha="number"),

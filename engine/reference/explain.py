@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..scene import Lobe, Scene
+from ..scene import Scene
 from ..settings import Settings
 from .gloss import Narrow
 from .lighting import balance, highlight
 from .lights import LightSample, Source
-from .materials import Coefficients
+from .materials import Coefficients, Term
 from .paths import Paths, bounced, straight_on
 from .pulse import Pulse
 from .rays import ULPS, Bundle
@@ -150,6 +150,7 @@ class Explainer:
         surface = surface_at(
             stage.geometry, stage.attributes, paths.rays, hit, found.primitive, depth, stage.pulse
         )
+        surface = stage.shader.bent(surface)
         coefficients = stage.shader.coefficients(surface)
         about = self._hit(surface, coefficients, depth, paths)
         if about.holdout:
@@ -238,7 +239,7 @@ class Explainer:
         lit = n_dot_l > 0 and intensity.any()
         specular = sum(
             (
-                term.k[:, 0] * self._highlight(surface, sample, term.lobe)
+                term.k[:, 0] * self._highlight(surface, sample, term)
                 for term in coefficients.highlights
             ),
             np.zeros(3),
@@ -264,8 +265,8 @@ class Explainer:
             specular=_numbers(specular * intensity if lit else np.zeros(3)),
         )
 
-    def _highlight(self, surface: Surface, sample: LightSample, lobe: Lobe) -> float:
-        return float(highlight(lobe, surface.n, surface.v, sample.direction)[0])
+    def _highlight(self, surface: Surface, sample: LightSample, term: Term) -> float:
+        return float(highlight(term, slice(None), surface.n, surface.v, sample.direction)[0])
 
     def _shadow(
         self, surface: Surface, source: Source, sample: LightSample

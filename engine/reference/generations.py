@@ -63,6 +63,7 @@ class Generations:
             depth,
             stage.pulse,
         )
+        surface = stage.shader.bent(surface)
         coefficients = stage.shader.coefficients(surface)
         stage.pulse.beat()
         self._record(paths, hit, surface, depth, coefficients)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from .lights import LightPoint, Source
-from .materials import Term
+from .materials import Term, taken
 from .optics import blinn_phong
 from .surface import Surface
 from .vectors import basis_around, dot, length, pick
@@ -26,13 +26,13 @@ class Narrow:
         least = source.least_exponent(surface.x)
         for term in terms:
             k = np.where(
-                term.lobe.exponent >= least[term.index],
+                term.exponent >= least[term.index],
                 np.abs(term.k * pick(weight, term.index)).sum(0),
                 0.0,
             )
             if k.any():
-                self._terms.append((term.index, k, term.lobe.exponent))
-                self._total[term.index] += k / (term.lobe.exponent + 1)
+                self._terms.append((term.index, k, term.exponent))
+                self._total[term.index] += k / (term.exponent + 1)
 
     def __bool__(self) -> bool:
         return bool(self._terms)
@@ -64,7 +64,8 @@ class Narrow:
             part = k / (p + 1)
             here = (part > 0) & (at[index] >= before[index])
             chosen = index[here]
-            rest[chosen], exponent[chosen] = (at[chosen] - before[chosen]) / part[here], p
+            rest[chosen] = (at[chosen] - before[chosen]) / part[here]
+            exponent[chosen] = taken(p, here)
             before[index] += part
         log = np.log1p(-np.minimum(rest, 1 - 2.0**-53)) * 2 / (exponent + 1)
         n, v = self._surface.n, self._surface.v

@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..scene import Lobe
 from .gloss import Narrow
 from .lights import CENTER, LightPoint, LightSample, Source
-from .materials import Coefficients
+from .materials import Coefficients, Term, taken
 from .optics import blinn_phong, gloss
 from .pulse import Pulse
 from .shadows import Shadows
@@ -149,10 +148,19 @@ def balance(narrow: Narrow | None, seen: Array, sample: LightSample) -> Array | 
     return 1 / (1 + narrow.density(seen, sample.direction) * sample.spread) if narrow else 1.0
 
 
-def highlight(lobe: Lobe, n: Array, v: Array, l: Array) -> Array:  # noqa: E741, the notes' letter
-    """(m,) max(0, n·h)^p of a SPECULAR lobe with all that it is times, for points with n·l > 0."""
-    return blinn_phong(n, v, l, lobe.exponent) * gloss(
-        n, v, l, lobe.masking, lobe.ior, lobe.fresnel, lobe.schlick
+def highlight(
+    term: Term,
+    chosen: Array | slice,
+    n: Array,
+    v: Array,
+    l: Array,  # noqa: E741, the notes' letter
+) -> Array:
+    """(m,) max(0, n·h)^p of a SPECULAR lobe with all that it is times, at the places `chosen` (m,)
+    of the term's points, for points with n·l > 0.
+    """
+    lobe = term.lobe
+    return blinn_phong(n, v, l, taken(term.exponent, chosen)) * gloss(
+        n, v, l, taken(term.masking, chosen), lobe.ior, lobe.fresnel, lobe.schlick
     )
 
 
@@ -175,7 +183,11 @@ def _highlights(
             at,
             k
             * highlight(
-                term.lobe, pick(surface.n, here), pick(surface.v, here), pick(sample.direction, at)
+                term,
+                chosen,
+                pick(surface.n, here),
+                pick(surface.v, here),
+                pick(sample.direction, at),
             ),
         )
     return total

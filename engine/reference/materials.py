@@ -4,16 +4,19 @@ the product of a lobe's factors.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..scene import Input, Lobe, Material, Scene
 from .attributes import Attributes
+from .placements import Placements
+from .points import SurfacePoints, Surroundings
+from .program import run
 from .surface import Spot, Surface
 from .textures import Image
-from .vectors import add_at, dot, pick
+from .vectors import add_at, dot, pick, unit
 
 Array = np.ndarray
 
@@ -31,11 +34,16 @@ _SUMMED = {
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """A lobe that needs a ray or a highlight, at m of the points: index (m,), k (3, m)."""
+    """A lobe that needs a ray or a highlight, at m of the points: index (m,), k (3, m).
+
+    exponent, masking: (m,) where the material's program gives them, else the lobe's own number.
+    """
 
     index: Array
     k: Array
     lobe: Lobe
+    exponent: Array | float
+    masking: Array | float
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +62,12 @@ class Coefficients:
 class Shader:
     """Evaluates the materials of a scene."""
 
-    def __init__(self, scene: Scene, attributes: Attributes):
+    def __init__(self, scene: Scene, attributes: Attributes, placements: Placements):
         self._materials = (*scene.materials, DEFAULT)  # index -1 is the default
         self._attributes = attributes
         self._images = [Image(t) for t in scene.textures]
+        self._around = Surroundings(attributes, self._images, placements, scene.camera)
+        self.has_programs = any(m.program is not None for m in scene.materials)
 
     def is_transparent(self, material: Array) -> Array:
         """(n,) bool: has a TRANSPARENT lobe."""
@@ -75,17 +85,16 @@ class Shader:
         sums = {name: np.zeros(shape) for name in _SUMMED.values()}
         terms: dict[str, list[Term]] = {"SPECULAR": [], "MIRROR": [], "REFRACTION": []}
 
-        def add(lobe: Lobe, index: Array, k: Array) -> None:
+        def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
+            exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
             if lobe.exponent > 0 and lobe.kind in ("AMBIENT", "DIFFUSE"):
-                k = (
-                    k
-                    * (1 - np.clip(dot(pick(surface.n, index), pick(surface.v, index)), 0.0, 1.0))
-                    ** lobe.exponent
-                )
+                seen = dot(pick(surface.n, index), pick(surface.v, index))
+                k = k * (1 - np.clip(seen, 0.0, 1.0)) ** exponent
             if lobe.kind in _SUMMED:
                 add_at(sums[_SUMMED[lobe.kind]], index, k)
             else:
-                terms[lobe.kind].append(Term(index, k, lobe))
+                masking = _number(lobe.masking, lobe.masking_output, outputs)
+                terms[lobe.kind].append(Term(index, k, lobe, exponent, masking))
 
         self._each_lobe(surface, add)
         return Coefficients(
@@ -95,33 +104,62 @@ class Shader:
             refractions=terms["REFRACTION"],
         )
 
+    def bent(self, surface: Surface) -> Surface:
+        """The surface with the shading normals that materials' programs give it."""
+        n = surface.n
+        for material, index in self._by_material(surface):
+            if material.normal_output < 0:
+                continue
+            given = self._outputs(material, surface, index)[material.normal_output]
+            given = unit(np.where(np.isfinite(given), given, 0.0))
+            n = n.copy() if n is surface.n else n
+            n[:, index] = np.where(given.any(0), given, pick(surface.n, index))
+        return surface if n is surface.n else replace(surface, n=n)
+
     def transmittance(self, spot: Spot) -> Array:
-        """(n, 3): what passes straight through, the clamped sum of the TRANSPARENT lobes."""
+        """(n, 3): what passes straight through, the clamped sum of the TRANSPARENT lobes.
+
+        spot: a `Surface` where the scene has programs.
+        """
         total = np.zeros((len(spot.primitive), 3))
 
-        def add(lobe: Lobe, index: Array, k: Array) -> None:
+        def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
             total[index] += k.T
 
         self._each_lobe(spot, add, ("TRANSPARENT",))
         return np.clip(total, 0.0, 1.0)
 
     def _each_lobe(
-        self, spot: Spot, add: Callable[[Lobe, Array, Array], None], kinds: tuple[str, ...] = ()
+        self,
+        spot: Spot,
+        add: Callable[[Lobe, Array, Array, list[Array]], None],
+        kinds: tuple[str, ...] = (),
     ) -> None:
-        for material in np.unique(spot.material):
-            index = np.flatnonzero(spot.material == material)
-            for lobe in self._materials[material].lobes:
-                if not kinds or lobe.kind in kinds:
-                    add(lobe, index, self._product(lobe, spot, index))
+        for material, index in self._by_material(spot):
+            lobes = [lobe for lobe in material.lobes if not kinds or lobe.kind in kinds]
+            outputs = self._outputs(material, spot, index) if lobes else []
+            for lobe in lobes:
+                add(lobe, index, self._product(lobe, spot, index, outputs), outputs)
 
-    def _product(self, lobe: Lobe, spot: Spot, index: Array) -> Array:
+    def _by_material(self, spot: Spot) -> Iterator[tuple[Material, Array]]:
+        """Materials, and which points have them."""
+        for number in np.unique(spot.material):
+            yield self._materials[number], np.flatnonzero(spot.material == number)
+
+    def _outputs(self, material: Material, spot: Spot, index: Array) -> list[Array]:
+        """Of the material's program, (3, m) each; none without one."""
+        if material.program is None:
+            return []
+        return run(material.program, SurfacePoints(self._around, spot, index), len(index))
+
+    def _product(self, lobe: Lobe, spot: Spot, index: Array, outputs: list[Array]) -> Array:
         """(3, m) or (3, 1): k of the lobe at the points `index`."""
         k = np.ones((3, 1))
         for factor in lobe.factors:
-            k = k * self._factor(factor, spot, index)
+            k = k * self._factor(factor, spot, index, outputs)
         return k
 
-    def _factor(self, factor: Input, spot: Spot, index: Array) -> Array:
+    def _factor(self, factor: Input, spot: Spot, index: Array, outputs: list[Array]) -> Array:
         value = np.array(factor.value, np.float64)[:, None]
         if factor.texture >= 0:
             value = value * self._texture(factor, spot, index)
@@ -130,6 +168,9 @@ class Shader:
                 spot.geometry[index], spot.local[index], pick(spot.weights, index)
             )
             value = value * (color[3:4] if factor.attribute_channel == "ALPHA" else color[:3])
+        if factor.output >= 0:
+            value = value * outputs[factor.output]
+            value = np.where(np.isfinite(value), value, 0.0)
         if not factor.is_plain:
             value = np.clip(
                 value + np.array(factor.offset, np.float64)[:, None], factor.low, factor.high
@@ -145,3 +186,16 @@ class Shader:
         if factor.channel == "COLOR":
             return rgba[:3]
         return rgba[3:4] if factor.channel == "ALPHA" else (rgba[:1] + rgba[1:2] + rgba[2:3]) / 3
+
+
+def taken(number: Array | float, chosen: Array | slice) -> Array | float:
+    """The places `chosen` of a number that differs from point to point, or the one for all."""
+    return number[chosen] if isinstance(number, np.ndarray) else number
+
+
+def _number(own: float, output: int, outputs: list[Array]) -> Array | float:
+    """A number of a lobe: its own, or what the program gives from 0 to that."""
+    if output < 0:
+        return own
+    given = outputs[output][0]
+    return np.clip(np.where(np.isfinite(given), given, 0.0), 0.0, own)

@@ -11,27 +11,27 @@ from .vectors import cross, dot, unit
 Array = np.ndarray
 
 
-def blinn_phong(n: Array, v: Array, l: Array, exponent: float) -> Array:  # noqa: E741, the notes' letter
+def blinn_phong(n: Array, v: Array, l: Array, exponent: Array | float) -> Array:  # noqa: E741, the notes' letter
     """(m,) max(0, n·h)^p with h = (v + l)/|v + l|, for points with n·l > 0; 0^0 is 1.
 
     cos^p as exp(p/2 · log1p(−|n×h|²)), from h before it is normalised: pow of a rounded cosine is
     wrong for large p.
     """
-    if exponent == 0:
+    if np.ndim(exponent) == 0 and exponent == 0:
         return np.ones(n.shape[1])
     h = v + l
     across = cross(n, h)
     with np.errstate(divide="ignore", invalid="ignore"):
         sine2 = np.minimum(dot(across, across) / (dot(h, h) * dot(n, n)), 1.0)
         power = np.exp(exponent / 2 * np.log1p(-sine2))
-    return np.where(dot(n, h) > 0, power, 0.0)
+    return np.where(exponent == 0, 1.0, np.where(dot(n, h) > 0, power, 0.0))
 
 
 def gloss(
     n: Array,
     v: Array,
     l: Array,  # noqa: E741
-    masking: float,
+    masking: Array | float,
     ior: float,
     dielectric: bool,
     schlick: bool,
@@ -40,10 +40,10 @@ def gloss(
     and a Fresnel factor between v and h.
     """
     factor = np.ones(n.shape[1])
-    if masking > 0:
+    if np.any(masking > 0):
         nl, nv, a2 = np.maximum(dot(n, l), 0.0), np.clip(dot(n, v), 0.0, 1.0), masking * masking
         down = nl * np.sqrt(a2 + (1 - a2) * nv * nv) + nv * np.sqrt(a2 + (1 - a2) * nl * nl)
-        factor = 2 * nl / np.where(down > 0, down, 1.0)
+        factor = np.where(masking > 0, 2 * nl / np.where(down > 0, down, 1.0), 1.0)
     if dielectric or schlick:
         vh = np.sqrt(np.maximum(0.5 * (1 + dot(l, v)), 0.0))
         factor = factor * ((1 - vh) ** 5 if schlick else fresnel(vh, np.full(n.shape[1], ior)))

@@ -12,10 +12,11 @@ from collections import Counter
 
 import numpy as np
 
+from .attributes import Attributes
 from .lights import LightSample
 from .materials import Shader
 from .rays import ULPS, Bundle, Frame, Pencil, Rays
-from .surface import Surface, spot_at
+from .surface import Surface, spot_at, surface_at
 from .vectors import dot, length, pick, transform
 from .visibility import Visibility
 
@@ -25,9 +26,15 @@ Array = np.ndarray
 class Shadows:
     """Shadow rays through one geometry. rays: where they are counted."""
 
-    def __init__(self, visibility: Visibility, shader: Shader, rays: Counter[str]):
+    def __init__(
+        self,
+        visibility: Visibility,
+        shader: Shader,
+        attributes: Attributes,
+        rays: Counter[str],
+    ):
         self._visibility, self._geometry, self._shader = visibility, visibility.geometry, shader
-        self._rays = rays
+        self._attributes, self._rays = attributes, rays
 
     def towards(self, surface: Surface, seen: Array, sample: LightSample) -> Array:
         """S (m, 3) for the points `seen` (m,) of the surface, which the sample lights."""
@@ -50,8 +57,21 @@ class Shadows:
     def _blocked(self, rays: Rays) -> Array:
         return self._visibility.blocked(rays, self._transmittance)
 
-    def _transmittance(self, rays: Rays, ray: Array, primitive: Array) -> Array:
-        return self._shader.transmittance(spot_at(self._geometry, rays, ray, primitive))
+    def _transmittance(self, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Array:
+        if not self._shader.has_programs:
+            return self._shader.transmittance(spot_at(self._geometry, rays, ray, primitive))
+        from_light = isinstance(rays, Pencil) and rays.frame.perspective
+        surface = surface_at(
+            self._geometry,
+            self._attributes,
+            rays,
+            ray,
+            primitive,
+            depth,
+            self._visibility.pulse,
+            backwards=from_light,
+        )
+        return self._shader.transmittance(surface)
 
     def _parallel(self, start: Array, direction: Array) -> Array:
         matrix = parallel_frame(direction)

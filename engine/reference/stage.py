@@ -34,7 +34,7 @@ class Stage:
         self.geometry = gather(scene, self.eye)
         pulse.beat()
         self.attributes = Attributes(scene)
-        self.shader = Shader(scene, self.attributes)
+        self.shader = Shader(scene, self.attributes, self.geometry.placements)
         self.visibility = Visibility(
             self.geometry, ~self.shader.is_transparent(self.geometry.material), pulse
         )
@@ -43,7 +43,7 @@ class Stage:
         self.sources = tuple(
             Source(light, self.eye, settings.illumination == "PHYSICAL") for light in scene.lights
         )
-        shadows = Shadows(self.visibility, self.shader, self.rays)
+        shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays)
         self.lighting = Lighting(
             self.sources, settings.light_samples, self._light_points(), shadows, pulse
         )

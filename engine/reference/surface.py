@@ -39,7 +39,8 @@ class Surface(Spot):
 
     v: (3, n) unit, to the viewer.  start: (3, n) where shadow rays start.  outside: (n,) bool, the
     outer side is seen. offset: (n,) how far from the surface other rays must start to be clear of
-    rounding.  row: (n,) of Placements.
+    rounding.  row: (n,) of Placements.  mesh_n: (3, n) shading normals before materials'
+    programs bend them.
     """
 
     row: Array
@@ -50,6 +51,7 @@ class Surface(Spot):
     start: Array
     outside: Array
     offset: Array
+    mesh_n: Array
 
     def __len__(self) -> int:
         return len(self.primitive)
@@ -82,15 +84,18 @@ def surface_at(
     primitive: Array,
     depth: Array,
     pulse: Pulse,
+    backwards: bool = False,
 ) -> Surface:
     """The surfaces that rays `ray` meet at `depth`, worked out in blocks that fit into the
-    processor's cache.
+    processor's cache; backwards: as seen from the rays' other end.
     """
     parts = []
     for begin in range(0, max(len(ray), 1), BLOCK):
         pulse.beat()
         part = slice(begin, begin + BLOCK)
-        parts.append(_surface(geometry, attributes, rays, ray[part], primitive[part], depth[part]))
+        parts.append(
+            _surface(geometry, attributes, rays, ray[part], primitive[part], depth[part], backwards)
+        )
     if len(parts) == 1:
         return parts[0]
     whole = Surface(
@@ -110,13 +115,14 @@ def _surface(
     ray: Array,
     primitive: Array,
     depth: Array,
+    backwards: bool,
 ) -> Surface:
     spot = spot_at(geometry, rays, ray, primitive)
     o, d = rays.lines(ray)
     row = geometry.row[primitive]
     x, g, reach = _triangle_points(geometry, spot)
     _place_shapes(geometry, primitive, o, d, depth, x, g, reach)
-    v = unit(-d)
+    v = unit(d if backwards else -d)
     outside = dot(g, v) >= 0
     side = np.where(outside, 1.0, -1.0)
     n, start = _shading_normals(geometry, attributes, spot, row, x, g, side)
@@ -130,6 +136,7 @@ def _surface(
         start=start,
         outside=outside,
         offset=ULPS * reach,
+        mesh_n=n,
     )
 
 

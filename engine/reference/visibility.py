@@ -84,11 +84,11 @@ class Visibility:
     def blocked(
         self,
         rays: Rays,
-        transmittance: Callable[[Array, Array, Array], Array],
+        transmittance: Callable[[Rays, Array, Array, Array], Array],
         strips: Strips | None = None,
     ) -> Array:
-        """S (n, 3): the share of light that passes along each ray. transmittance(primitive, ray,
-        depth): (m, 3) of surfaces met.
+        """S (n, 3): the share of light that passes along each ray. transmittance(rays, ray,
+        primitive, depth): (m, 3) of surfaces met.
         """
         if not len(rays) or not self.geometry.count:
             return np.ones((len(rays), 3))
@@ -110,7 +110,7 @@ class Visibility:
             self.geometry, rays, ray[open_ray], primitive[open_ray], depth[open_ray]
         )
         if len(ray):
-            np.multiply.at(passed, ray, transmittance(rays, ray, primitive))
+            np.multiply.at(passed, ray, transmittance(rays, ray, primitive, depth))
         return passed
 
     def _meetings(

@@ -6,9 +6,9 @@
  *
  * Ownership: the caller keeps every array that a GlintSceneData points at alive and unchanged until
  * glint_scene_destroy, and the arrays of GlintRenderSettings until glint_render_destroy. Only the
- * small tables (geometries, attributes, textures, inputs, lobes, materials, groups, lights) are
- * copied. Destroy the renders of a scene before the scene. The arrays of the geometries that a
- * GlintAccelData points at stay until glint_accel_destroy; its other arrays are copied.
+ * small tables (geometries, attributes, textures, programs, inputs, lobes, materials, groups,
+ * lights) are copied. Destroy the renders of a scene before the scene. The arrays of the geometries
+ * that a GlintAccelData points at stay until glint_accel_destroy; its other arrays are copied.
  *
  * Errors: functions that can fail take `error`, a buffer of `error_size` bytes that receives UTF-8
  * text, one problem a line. There is no global state; handles may be used from any thread, each
@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 11
+#define GLINT_ABI_VERSION 12
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -93,13 +93,24 @@ typedef struct GlintTexture {
 
 enum { GLINT_COLOR, GLINT_ALPHA, GLINT_LUMINANCE };
 
-/* value * texture(uv) * attribute, where bounded plus offset and kept between low and high, or one
- * minus that. texture, uv, attribute: -1 for none (uv: for the active map). */
+/* What varies over a surface, computed for every point (engine/program/program.py says how code,
+ * constants and outputs are written). code: word_count numbers of the scene's program_words from
+ * first_word on, constants and tables likewise. Settings of operations name attributes as
+ * GlintInput does, textures by their place in the table, tables by where in these numbers they
+ * begin: with their size. slots: numbers a point. */
+typedef struct GlintProgram {
+  uint64_t first_word, word_count, first_constant, constant_count, first_table, table_size;
+  uint32_t slots, reserved;
+} GlintProgram;
+
+/* value * texture(uv) * attribute * output, where bounded plus offset and kept between low and
+ * high, or one minus that. texture, uv, attribute: -1 for none (uv: for the active map). output: 0,
+ * or 1 plus the first of three slots of the material's program. */
 typedef struct GlintInput {
   double value[3];
   double uv_transform[6];
   double offset[3], low, high;
-  int32_t texture, channel, uv, attribute, attribute_channel, bounded, complement, reserved;
+  int32_t texture, channel, uv, attribute, attribute_channel, bounded, complement, output;
 } GlintInput;
 
 enum {
@@ -113,17 +124,20 @@ enum {
 };
 
 /* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK. masking: 0 to 1, Smith's alpha of a SPECULAR lobe,
- * 0 for none. */
+ * 0 for none. exponent_slot, masking_slot: 0, or 1 plus the slot of the material's program that
+ * takes the place of the number, which it is kept from 0 to. */
 enum { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
 typedef struct GlintLobe {
   double exponent, ior, masking;
   uint32_t first_input, input_count;
-  int32_t kind, fresnel;
+  int32_t kind, fresnel, exponent_slot, masking_slot;
 } GlintLobe;
 
+/* program: 0, or 1 plus its number. normal: 0, or 1 plus the first of three slots of the program
+ * with the shading normal in world space that takes the place of the mesh's. */
 typedef struct GlintMaterial {
   uint32_t first_lobe, lobe_count;
-  int32_t index, reserved;
+  int32_t index, program, normal, reserved;
 } GlintMaterial;
 
 enum { GLINT_POINT_LIGHT, GLINT_SUN, GLINT_SPOT, GLINT_AREA };
@@ -168,12 +182,17 @@ typedef struct GlintSceneData {
   const double* world_from_object; /* 12 a row */
   const uint32_t* material_slots;  /* numbers of materials, shared by the instances */
   const GlintTexture* textures;
+  const int32_t* program_words;
+  const double* program_constants;
+  const double* program_tables;
+  const GlintProgram* programs;
   const GlintInput* inputs;
   const GlintLobe* lobes;
   const GlintMaterial* materials;
   const GlintLight* lights;
   uint64_t geometry_count, attribute_count, instances_count, row_count, material_slot_count;
-  uint64_t texture_count, input_count, lobe_count, material_count, light_count;
+  uint64_t texture_count, program_word_count, program_constant_count, program_table_count;
+  uint64_t program_count, input_count, lobe_count, material_count, light_count;
 } GlintSceneData;
 
 enum { GLINT_PHYSICAL, GLINT_CLASSIC };
@@ -245,7 +264,8 @@ enum {
   GLINT_FEATURE_TEXTURES = 16,
   GLINT_FEATURE_SMOOTH = 32,
   GLINT_FEATURE_HOLDOUT = 64,
-  GLINT_FEATURE_SEEN_LIGHTS = 128
+  GLINT_FEATURE_SEEN_LIGHTS = 128,
+  GLINT_FEATURE_PROGRAMS = 256
 };
 
 typedef struct GlintStats {

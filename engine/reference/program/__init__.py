@@ -34,6 +34,9 @@ class Points(Protocol):
     def image(self, texture: int, u: Array, v: Array) -> Array:
         """(4, n) RGBA of a texture of the scene."""
 
+    def position(self) -> Array:
+        """(3, n); this and what follows as `reference.points.SurfacePoints` has them."""
+
 
 _FAMILIES: tuple[tuple[tuple[Operation, ...], ModuleType], ...] = (
     (INPUTS, inputs),

@@ -1,4 +1,8 @@
 // The C functions of glint.h: catch everything, turn it into text.
+#include <algorithm>
+#include <memory>
+#include <vector>
+
 #include "api/guard.h"
 #include "bvh/traverse/kernel.h"
 #include "math/math.h"

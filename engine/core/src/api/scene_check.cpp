@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "api/queries.h"
+#include "program/layout.h"
 #include "scene/scene.h"
 
 namespace glint {
@@ -160,6 +161,60 @@ void check_textures(const GlintSceneData& d, Report& report) {
   }
 }
 
+/// One instruction: every slot, constant, image and table that it names exists.
+void check_instruction(const GlintSceneData& d, const GlintProgram& g,
+                       const OperationLayout& layout, const int32_t* word, ull number,
+                       Report& report) {
+  bool good = true;
+  for (const char* width = layout.outputs; *width; ++width, ++word)
+    good = good && *word >= -1 && (*word < 0 || int64_t(*word) + (*width - '0') <= g.slots);
+  for (const char* width = layout.arguments; *width; ++width, ++word) {
+    const int64_t end = (*word < 0 ? ~int64_t(*word) : int64_t(*word)) + (*width - '0');
+    good = good && end <= int64_t(*word < 0 ? g.constant_count : g.slots);
+  }
+  for (const char* kind = layout.settings; *kind; ++kind, ++word) {
+    if (*kind == 'i') good = good && *word >= 0 && uint64_t(*word) < d.texture_count;
+    if (*kind == 'a') good = good && *word >= -1;
+    if (*kind != 't') continue;
+    const double* table = d.program_tables + g.first_table;
+    const bool begins = *word >= 0 && uint64_t(*word) < g.table_size;
+    good = good && begins && table[*word] >= 1 && table[*word] <= double(g.table_size - *word - 1);
+  }
+  report.add(good, "program %llu: an instruction names what is not there", number);
+}
+
+void check_program(const GlintSceneData& d, const GlintProgram& g, ull number, Report& report) {
+  report.add(range(g.first_word, g.word_count, d.program_word_count) &&
+                 range(g.first_constant, g.constant_count, d.program_constant_count) &&
+                 range(g.first_table, g.table_size, d.program_table_count) && g.slots <= 1u << 20,
+             "program %llu: words, constants or tables beyond the table", number);
+  const int32_t* word = d.program_words + g.first_word;
+  for (uint64_t left = report.good() ? g.word_count : 0; left > 0 && report.good();) {
+    const bool known = *word >= 0 && *word < kOperationCount;
+    const size_t words = known ? kLayouts[*word].words() : 0;
+    report.add(known && words <= left, "program %llu: unknown operation or cut off", number);
+    if (!report.good()) return;
+    check_instruction(d, g, kLayouts[*word], word + 1, number, report);
+    word += words, left -= words;
+  }
+}
+
+/// Slots that a material's lobes and inputs read, by the number that the ABI has for them.
+void check_slots(const GlintSceneData& d, const GlintMaterial& m, ull number, Report& report) {
+  const uint32_t slots = m.program > 0 ? d.programs[m.program - 1].slots : 0;
+  const auto within_program = [&](int32_t slot, int width) {
+    return slot == 0 || (slot > 0 && int64_t(slot) - 1 + width <= int64_t(slots));
+  };
+  bool good = within_program(m.normal, 3);
+  for (uint32_t l = m.first_lobe; l < m.first_lobe + m.lobe_count; ++l) {
+    const GlintLobe& lobe = d.lobes[l];
+    good = good && within_program(lobe.exponent_slot, 1) && within_program(lobe.masking_slot, 1);
+    for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i)
+      good = good && within_program(d.inputs[i].output, 3);
+  }
+  report.add(good, "material %llu: a slot that its program has not", number);
+}
+
 void check_materials(const GlintSceneData& d, Report& report) {
   for (uint64_t i = 0; i < d.input_count; ++i) {
     const GlintInput& g = d.inputs[i];
@@ -183,9 +238,16 @@ void check_materials(const GlintSceneData& d, Report& report) {
     report.add(g.ior > 0 && g.ior <= 1e30, "lobe %llu: index of refraction %g is not above 0",
                ull(i), g.ior);
   }
-  for (uint64_t i = 0; i < d.material_count; ++i)
-    report.add(range(d.materials[i].first_lobe, d.materials[i].lobe_count, d.lobe_count),
+  for (uint64_t i = 0; i < d.program_count && report.good(); ++i)
+    check_program(d, d.programs[i], i, report);
+  for (uint64_t i = 0; i < d.material_count && report.good(); ++i) {
+    const GlintMaterial& m = d.materials[i];
+    report.add(range(m.first_lobe, m.lobe_count, d.lobe_count),
                "material %llu: lobes beyond the table", ull(i));
+    report.add(m.program >= 0 && uint64_t(m.program) <= d.program_count,
+               "material %llu: program beyond the table", ull(i));
+    if (report.good()) check_slots(d, m, i, report);
+  }
 }
 
 void check_surroundings(const GlintSceneData& d, Report& report) {
@@ -216,6 +278,10 @@ void check_tables(const GlintSceneData& d, Report& report) {
       {d.world_from_object, d.row_count},
       {d.material_slots, d.material_slot_count},
       {d.textures, d.texture_count},
+      {d.program_words, d.program_word_count},
+      {d.program_constants, d.program_constant_count},
+      {d.program_tables, d.program_table_count},
+      {d.programs, d.program_count},
       {d.inputs, d.input_count},
       {d.lobes, d.lobe_count},
       {d.materials, d.material_count},

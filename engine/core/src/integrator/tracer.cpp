@@ -33,7 +33,8 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       shader_(scene, plan, stages_),
       direct_(scene, plan, stages_, cancel, scratch_),
       batch_(scene, film.passes()),
-      reach_(reach_of(plan)) {}
+      reach_(reach_of(plan)),
+      program_slots_(size_t(scene.most_slots) * kBlock) {}
 
 Queue Tracer::take(uint32_t visibility) {
   if (spare_.empty()) return Queue(visibility);
@@ -270,6 +271,14 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.ambient[c] = scene_.ambient[int(c)];
     stage.n[c] = batch_.points.n[c], stage.d[c] = queue.column(Queue::kD + c);
     if (c < 2) stage.weights[c] = batch_.points.weights[c];
+    stage.x[c] = batch_.points.x[c], stage.g[c] = batch_.points.g[c];
+    stage.bent[c] = batch_.points.n[c];
+  }
+  if (material.program > 0) {
+    stage.program = &scene_.program_of(material);
+    stage.normal = material.normal;
+    stage.slots = program_slots_.data();
+    stage.outside = batch_.points.outside;
   }
   stage.specular_columns = scene_.specular_columns;
   stage.specular = batch_.specular, stage.passing = batch_.passing_columns,

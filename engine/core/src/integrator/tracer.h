@@ -83,10 +83,11 @@ class Tracer {
   const Tile* tile_ = nullptr;
   bool surely_empty_ = false;  // nothing can be hit in the tile
   SlotTable slots_;
-  std::vector<uint32_t> active_;  // slots that take samples
-  WindowPoints points_;           // of the samples that are traced now
-  Paths paths_;                   // those that are followed now
-  Queue first_{kCamera};          // their camera rays
+  std::vector<double> program_slots_;  // one program at a time
+  std::vector<uint32_t> active_;       // slots that take samples
+  WindowPoints points_;                // of the samples that are traced now
+  Paths paths_;                        // those that are followed now
+  Queue first_{kCamera};               // their camera rays
   std::vector<Queue> waiting_, spare_;
   PathCuts cuts_;
   RayCounts counts_;

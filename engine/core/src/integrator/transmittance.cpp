@@ -16,6 +16,7 @@ void TransparentShadows::follow(const Batch& batch, const LightStage& light, con
   stage.instance = instance_.data(), stage.primitive = primitive_.data(), stage.u = u_.data(),
   stage.v = v_.data();
   stage.point = light.point;
+  stage.slots = slots_.data();
   for (size_t c = 0; c < 3; ++c) {
     stage.origin[c] = batch.points.origin[c], stage.to[c] = light.to[c],
     stage.shadow[c] = shadow[c];
@@ -63,7 +64,7 @@ uint32_t TransparentShadows::material_at(size_t k) const {
 }
 
 /// One surface on the way of each ray. How many rays are left.
-size_t TransparentShadows::step(TransmittanceStage& stage) const {
+size_t TransparentShadows::step(TransmittanceStage& stage) {
   stage.kept = 0;
   for (size_t k = 0, end; k < open_; k = end) {
     const uint32_t material = material_at(k);
@@ -74,13 +75,38 @@ size_t TransparentShadows::step(TransmittanceStage& stage) const {
   return stage.kept;
 }
 
+/// Where rays met what is no mesh, as TransmittanceStage has it.
+const double* TransparentShadows::place_shapes(const TransmittanceStage& met) {
+  shapes_.resize(7 * met.stride);
+  for (size_t k = met.first; k < met.first + met.count; ++k) {
+    const Hit hit{rays_[TransmittedRay::kT][k], instance_[k], primitive_[k], u_[k], v_[k]};
+    if (scene_.geometry(scene_.group(hit.instance)).kind == GLINT_MESH) continue;
+    const auto of_ray = [&](size_t column) {
+      return Vec3d{rays_[column][k], rays_[column + 1][k], rays_[column + 2][k]};
+    };
+    const Surface s =
+        surface_at(scene_, of_ray(TransmittedRay::kO), of_ray(TransmittedRay::kD), hit);
+    for (int c = 0; c < 3; ++c) {
+      shapes_[size_t(c) * met.stride + k] = s.x[c];
+      shapes_[size_t(3 + c) * met.stride + k] = s.g[c];
+    }
+    shapes_[6 * met.stride + k] = s.outside ? 1 : 0;
+  }
+  return shapes_.data();
+}
+
 /// The same for some that met one material, or nothing.
-size_t TransparentShadows::pass(const TransmittanceStage& met, uint32_t material) const {
+size_t TransparentShadows::pass(const TransmittanceStage& met, uint32_t material) {
   if (material == scene_.nothing()) return met.kept;
   if (scene_.materials[material].has(GLINT_TRANSPARENT)) {
     TransmittanceStage stage = met;
     stage.lobes = scene_.lobe_shapes.data() + scene_.materials[material].first_lobe;
     stage.lobe_count = scene_.materials[material].lobe_count;
+    if (scene_.materials[material].program > 0) {
+      stage.program = &scene_.program_of(scene_.materials[material]);
+      stage.slots = met.slots;
+      stage.solids = scene_.only_meshes ? nullptr : place_shapes(met);
+    }
     return stages_.transmit(stage);
   }
   for (double* channel : met.shadow)

@@ -30,9 +30,7 @@ struct Operands {
   double* output[kMostOutputs];  // null: nobody reads it
   const int32_t* settings;
 
-  Doubles number(size_t i, size_t k) const {
-    return load(argument[i].at + argument[i].step * k);
-  }
+  Doubles number(size_t i, size_t k) const { return load(argument[i].at + argument[i].step * k); }
   Three vector(size_t i, size_t k) const {
     const Source& s = argument[i];
     const double* p = s.at + s.step * k;

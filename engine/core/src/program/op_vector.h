@@ -7,9 +7,8 @@ namespace {
 namespace op {
 
 inline void combine_xyz(const Machine& m, const Operands& at) {
-  each_group(m, [&](size_t k) {
-    at.put(0, k, Three{at.number(0, k), at.number(1, k), at.number(2, k)});
-  });
+  each_group(
+      m, [&](size_t k) { at.put(0, k, Three{at.number(0, k), at.number(1, k), at.number(2, k)}); });
 }
 
 inline void separate_xyz(const Machine& m, const Operands& at) {
@@ -29,9 +28,8 @@ inline void vector_average(const Machine& m, const Operands& at) {
 }
 
 inline void scaled_sum(const Machine& m, const Operands& at) {
-  each_group(m, [&](size_t k) {
-    at.put(0, k, at.number(1, k) * at.vector(0, k) + at.vector(2, k));
-  });
+  each_group(m,
+             [&](size_t k) { at.put(0, k, at.number(1, k) * at.vector(0, k) + at.vector(2, k)); });
 }
 
 inline void product(const Machine& m, const Operands& at) {
@@ -45,8 +43,9 @@ inline Doubles bounded_number(Doubles x, Doubles low, Doubles high) {
 inline void bounded(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) {
     const Three v = at.vector(0, k), low = at.vector(1, k), high = at.vector(2, k);
-    at.put(0, k, Three{bounded_number(v.x, low.x, high.x), bounded_number(v.y, low.y, high.y),
-                       bounded_number(v.z, low.z, high.z)});
+    at.put(0, k,
+           Three{bounded_number(v.x, low.x, high.x), bounded_number(v.y, low.y, high.y),
+                 bounded_number(v.z, low.z, high.z)});
   });
 }
 

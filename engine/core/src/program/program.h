@@ -19,10 +19,21 @@ struct ProgramShape {
   uint32_t slots;
 };
 
-/// The points, a number a point. Those beyond the last repeat one before.
+/// The points, a number a point, in anchored space. Those beyond the last repeat one before.
 struct ProgramPoints {
   uint32_t instance[kBlock], primitive[kBlock];
   double weights[3][kBlock];  // barycentric, of meshes
+  double x[3][kBlock], g[3][kBlock], n[3][kBlock],
+      d[3][kBlock];         // g, n: turned to the viewer; d: of the ray, unit
+  int64_t outside[kBlock];  // mask: the outer side is seen
+};
+
+/// What programs know beside the points. World = x / scale + origin.
+struct ProgramView {
+  double origin[3], scale;
+  double axes[3][3], eye[3];  // of the camera: right, up, backward, as columns; world
+  double window[4];
+  bool parallel;
 };
 
 /// Constants as programs read them.

@@ -12,12 +12,12 @@ namespace {
 struct OperationRow {
   void (*run)(const Machine&, const Operands&);
   const char *outputs, *arguments;  // widths, a digit each
-  uint32_t settings;
+  size_t settings;
 };
 
 constexpr OperationRow kOperations[] = {
 #define GLINT_OPERATION(name, outputs, arguments, settings) \
-  {op::name, outputs, arguments, settings},
+  {op::name, outputs, arguments, sizeof(settings) - 1},
 #include "program/operations.inc"
 #undef GLINT_OPERATION
 };

@@ -1,6 +1,7 @@
 #include "scene/material.h"
 
 #include <algorithm>
+#include <memory>
 
 #include "scene/scene.h"
 
@@ -49,7 +50,30 @@ Vec3d evaluate(const Scene& scene, uint32_t i, const Surface& s, PointReads& rea
     product = product * channel_of(image_at(scene, i, s, reads), input.channel);
   if (input.attribute >= 0)
     product = product * channel_of(color_at(scene, s, input.attribute), input.attribute_channel);
+  if (input.output > 0) {
+    const double* slot = reads.slots + size_t(input.output - 1) * kBlock;
+    product = product * Vec3d{slot[0], slot[kBlock], slot[2 * kBlock]};
+  }
   return of_product(input, finite_or_zero(product));
+}
+
+/// The slots of a material's program at one point, kBlock apart.
+std::vector<double> run_at(const Scene& scene, const Material& material, const Surface& s,
+                           Vec3d d) {
+  const ProgramShape& program = scene.program_of(material);
+  const auto points = std::make_unique<ProgramPoints>();
+  for (size_t k = 0; k < kPad; ++k) {
+    points->instance[k] = s.instance, points->primitive[k] = s.primitive;
+    points->outside[k] = s.outside ? -1 : 0;
+    for (int c = 0; c < 3; ++c) {
+      points->weights[c][k] = s.weights[c];
+      points->x[c][k] = s.x[c], points->g[c][k] = s.g[c], points->n[c][k] = s.n[c];
+      points->d[c][k] = d[c];
+    }
+  }
+  std::vector<double> slots(program.slots * kBlock);
+  best_stages().program({scene.input_tables(), &program, points.get(), 1, slots.data()});
+  return slots;
 }
 
 }  // namespace
@@ -67,10 +91,12 @@ Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s, PointR
   return finite_or_zero(k);
 }
 
-Vec3d transparency(const Scene& scene, const Material& material, const Surface& s) {
+Vec3d transparency(const Scene& scene, const Material& material, const Surface& s, Vec3d d) {
   Vec3d sum;
   PointReads reads;
   if (!material.has(GLINT_TRANSPARENT)) return sum;
+  std::vector<double> slots;
+  if (material.program > 0) slots = run_at(scene, material, s, d), reads.slots = slots.data();
   for (uint32_t i = 0; i < material.lobe_count; ++i) {
     const Lobe& lobe = scene.lobes[material.first_lobe + i];
     if (lobe.kind == GLINT_TRANSPARENT) sum += coefficient(scene, lobe, s, reads);

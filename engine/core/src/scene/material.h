@@ -22,13 +22,14 @@ struct Lobe {
   double exponent = 0, ior = 1, masking = 0;
   uint32_t first_input = 0, input_count = 0;
   Vec3d k{1, 1, 1};
-  bool like_last = false;  // its inputs are those of the lobe before
+  bool like_last = false;                       // its inputs are those of the lobe before
+  int32_t exponent_slot = 0, masking_slot = 0;  // as GlintLobe has them
 };
 
 struct Material {
   uint32_t first_lobe = 0, lobe_count = 0;
-  int32_t index = 0;
-  uint32_t kinds = 0;  // bit 1 << kind for each of its lobes
+  int32_t index = 0, program = 0, normal = 0;  // as GlintMaterial has them
+  uint32_t kinds = 0;                          // bit 1 << kind for each of its lobes
   int specular_count = 0, view_count = 0;
   int passing = 0;  // lobes that send rays on, unless all of these are nothing
   bool has(int kind) const { return kinds >> kind & 1; }
@@ -46,6 +47,7 @@ struct PointReads {
   static constexpr uint32_t kKept = 8;
   uint32_t count = 0, number[kKept];
   Rgba color[kKept];
+  const double* slots = nullptr;  // of the material's program, kBlock apart
 };
 
 /// What an input comes to whose value, image and attribute multiply to `product`: with its offset,
@@ -55,7 +57,7 @@ Vec3d of_product(const GlintInput& input, Vec3d product);
 /// The product of a lobe's factors at a point of a surface. Finite.
 Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s, PointReads& reads);
 
-/// The sum of the TRANSPARENT lobes: what goes straight through.
-Vec3d transparency(const Scene& scene, const Material& material, const Surface& s);
+/// The sum of the TRANSPARENT lobes: what goes straight through. d: of the ray, unit.
+Vec3d transparency(const Scene& scene, const Material& material, const Surface& s, Vec3d d);
 
 }  // namespace glint

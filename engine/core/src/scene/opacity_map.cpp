@@ -169,7 +169,7 @@ bool OpacityMaps::product(const Lobe& lobe, uint32_t input, double reading, Vec3
     const GlintInput& in = scene_.inputs[i];
     const bool read = in.texture >= 0 && same_read(in, scene_.inputs[input]);
     const bool zero = read && reading == 0;
-    if (!zero && (in.attribute >= 0 || (in.texture >= 0 && !read))) {
+    if (!zero && (in.attribute >= 0 || in.output > 0 || (in.texture >= 0 && !read))) {
       all = false;
       continue;
     }

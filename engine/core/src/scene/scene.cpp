@@ -130,7 +130,7 @@ bool same_read(const GlintInput& a, const GlintInput& b) {
 }
 
 bool depends_on_surface(const GlintInput& input) {
-  return input.texture >= 0 || input.attribute >= 0;
+  return input.texture >= 0 || input.attribute >= 0 || input.output > 0;
 }
 
 }  // namespace
@@ -144,6 +144,7 @@ Scene::Scene(const GlintSceneData& data, const Scene* base, bool exact) : camera
   anchor.origin = stays ? earlier_.anchor.origin : eye;
   place_instances(base);
   anchor.scale = stays ? earlier_.anchor.scale : power_scale(radius(base));
+  set_program_view();
   place_lights(data.lights, data.light_count);
   note_features();
   shape_groups();
@@ -214,8 +215,22 @@ void Scene::copy_tables(const GlintSceneData& data) {
   copy(groups, data.instances, data.instances_count);
   copy(material_slots, data.material_slots, data.material_slot_count);
   copy(textures, data.textures, data.texture_count);
+  copy_programs(data);
   copy(inputs, data.inputs, data.input_count);
   world_from_object = data.world_from_object;
+}
+
+void Scene::copy_programs(const GlintSceneData& data) {
+  program_words_.assign(data.program_words, data.program_words + data.program_word_count);
+  program_constants_ = spread_constants(data.program_constants, data.program_constant_count);
+  program_tables_.assign(data.program_tables, data.program_tables + data.program_table_count);
+  for (uint64_t i = 0; i < data.program_count; ++i) {
+    const GlintProgram& g = data.programs[i];
+    programs.push_back({program_words_.data() + g.first_word, g.word_count,
+                        program_constants_.data() + g.first_constant * kPad,
+                        program_tables_.data() + g.first_table, g.slots});
+    most_slots = std::max(most_slots, g.slots);
+  }
 }
 
 /// The default surface (white DIFFUSE 0.8 with AMBIENT 0.8) follows the given materials.
@@ -225,7 +240,7 @@ void Scene::compile_materials(const GlintSceneData& data) {
   for (uint64_t i = 0; i < data.material_count; ++i) add_material(data.materials[i], data.lobes);
   materials.push_back({uint32_t(lobes.size()), 2, 0});
   for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT})
-    lobes.push_back({kind, 0, true, 0, 1, 0, 0, 0, {0.8, 0.8, 0.8}, false});
+    lobes.push_back({kind, 0, true, 0, 1, 0, 0, 0, {0.8, 0.8, 0.8}});
   for (Material& material : materials) compare_lobes(material), number_reads(material);
 }
 
@@ -235,14 +250,16 @@ void Scene::add_material(const GlintMaterial& g, const GlintLobe* given) {
   for (uint32_t k = 0; k < g.lobe_count; ++k)
     if (given[g.first_lobe + k].kind != GLINT_AMBIENT || any(ambient))
       add_lobe(given[g.first_lobe + k]);
-  materials.push_back({uint32_t(first), uint32_t(lobes.size() - first), g.index});
+  materials.push_back(
+      {uint32_t(first), uint32_t(lobes.size() - first), g.index, g.program, g.normal});
+  bends_normals = bends_normals || g.normal > 0;
 }
 
 /// Lobes whose inputs do not vary get their product now.
 void Scene::add_lobe(const GlintLobe& g) {
-  Lobe lobe{g.kind,    g.fresnel,     false,         g.exponent, g.ior,
-            g.masking, g.first_input, g.input_count, {1, 1, 1},  false};
-  bool varies = false;
+  Lobe lobe{g.kind,        g.fresnel,     false,     g.exponent, g.ior,           g.masking,
+            g.first_input, g.input_count, {1, 1, 1}, false,      g.exponent_slot, g.masking_slot};
+  bool varies = g.exponent_slot > 0 || g.masking_slot > 0;
   for (uint32_t k = 0; k < g.input_count; ++k)
     varies = varies || depends_on_surface(inputs[g.first_input + k]);
   PointReads none;
@@ -323,6 +340,18 @@ void Scene::place_instances(const Scene* base) {
   for (const GlintGeometry& geometry : geometries) primitives += geometry.primitive_count;
 }
 
+void Scene::set_program_view() {
+  const Affine m = affine(camera.world_from_camera);
+  const Vec3d axes[3] = {m.x, m.y, m.z};
+  ProgramView& view = program_view;
+  for (int c = 0; c < 3; ++c) {
+    view.origin[c] = anchor.origin[c], view.eye[c] = m.t[c];
+    for (int k = 0; k < 3; ++k) view.axes[k][c] = axes[k][c];
+  }
+  view.scale = anchor.scale, view.parallel = camera.kind == GLINT_ORTHOGRAPHIC;
+  std::copy_n(camera.window, 4, view.window);
+}
+
 double Scene::radius(const Scene* base) {
   for (uint32_t g = 0; g < geometries.size(); ++g) {
     const uint32_t there = base ? geometry_in_base_[g] : AccelBase::kNone;
@@ -375,6 +404,7 @@ void Scene::note_features() {
     if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR) && any(light.seen))
       features |= GLINT_FEATURE_SEEN_LIGHTS;
   }
+  if (!programs.empty()) features |= GLINT_FEATURE_PROGRAMS;
   if (!textures.empty()) features |= GLINT_FEATURE_TEXTURES;
 }
 
@@ -460,6 +490,8 @@ void Scene::shape_materials() {
                            g.ior,
                            g.masking,
                            {g.k.x, g.k.y, g.k.z},
+                           g.exponent_slot,
+                           g.masking_slot,
                            g.first_input,
                            g.input_count});
   for (const Texture& texture : textures) texture_shapes.push_back(texture.shape());

@@ -113,17 +113,24 @@ class Scene {
   std::vector<uint32_t> material_slots;
   std::vector<Placement> placements;
   std::vector<Texture> textures;
+  std::vector<ProgramShape> programs;
   std::vector<GlintInput> inputs;
   std::vector<Lobe> lobes;
   std::vector<Material> materials;
   std::vector<Light> lights;
   const double* world_from_object = nullptr;
-  uint32_t features = 0;     // GLINT_FEATURE_*
-  int max_specular = 0;      // SPECULAR lobes of a material, at most
-  double most_exponent = 0;  // of SPECULAR lobes
-  int specular_columns = 4;  // numbers of each as the stages read them
-  int max_view = 0;          // lobes of a material that depend on the view, at most
-  int max_passing = 0;       // Material::passing, at most
+  uint32_t features = 0;       // GLINT_FEATURE_*
+  int max_specular = 0;        // SPECULAR lobes of a material, at most
+  double most_exponent = 0;    // of SPECULAR lobes
+  int specular_columns = 4;    // numbers of each as the stages read them
+  int max_view = 0;            // lobes of a material that depend on the view, at most
+  int max_passing = 0;         // Material::passing, at most
+  uint32_t most_slots = 0;     // of programs
+  bool bends_normals = false;  // some material gives shading normals of its own
+  /// Of a material that has one.
+  const ProgramShape& program_of(const Material& m) const {
+    return programs[size_t(m.program - 1)];
+  }
   size_t triangles = 0, primitives = 0, dropped_instances = 0, dropped_lights = 0;
   double build_seconds = 0;
 
@@ -140,15 +147,18 @@ class Scene {
   std::vector<LobeShape> lobe_shapes;
   std::vector<TextureShape> texture_shapes;
   InputTables input_tables() const {
-    return {instance_shapes.data(), groups.data(), geometries.data(),    attributes.data(),
-            inputs.data(),          reads.data(),  texture_shapes.data()};
+    return {&program_view,     instance_shapes.data(), groups.data(), geometries.data(),
+            attributes.data(), inputs.data(),          reads.data(),  texture_shapes.data()};
   }
+  ProgramView program_view{};
   std::vector<uint32_t> reads;  // for each input, the first of its material (or that itself) that
                                 // reads the same of an image
   bool only_meshes = true;
 
  private:
   void copy_tables(const GlintSceneData& data);
+  void copy_programs(const GlintSceneData& data);
+  void set_program_view();
   void compile_materials(const GlintSceneData& data);
   void add_material(const GlintMaterial& material, const GlintLobe* given);
   void add_lobe(const GlintLobe& lobe);
@@ -177,6 +187,8 @@ class Scene {
   };
   Earlier trees() const;
 
+  std::vector<int32_t> program_words_;
+  std::vector<double> program_constants_, program_tables_;
   std::vector<uint32_t> geometry_in_base_;
   std::vector<Extent> extents_;  // of the geometries, object space
   std::shared_ptr<const Accel> accel_;

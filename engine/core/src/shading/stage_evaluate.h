@@ -1,6 +1,7 @@
 // Materials that vary over the surface or send rays on (notes 4.12-4.17). Letters: T weight to the
 // pixel, k coefficient of a lobe.
 #pragma once
+#include "program/run.h"
 #include "shading/stage_inputs.h"
 #include "shading/stage_math.h"
 #include "shading/stage_rows.h"
@@ -29,13 +30,20 @@ struct Lobes {
   int specular_count = 0, passing_count = 0;
 };
 
-inline void set_specular(const EvaluateStage& s, const Chosen& at, const Three& Tk,
+/// A number of a lobe: its own, or what the program gives from 0 to that.
+inline Doubles lobe_number(const OnMesh& p, double own, int32_t number) {
+  return number == 0 ? splat(own) : clamped(finite_or_zero(slot(p, number)), 0, own);
+}
+
+inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh& p, const Three& Tk,
                          const LobeShape& lobe, Lobes& sum) {
   double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
   scatter3(column, s.stride, at, Tk);
-  scatter(column + SpecularTerm::kExponent * s.stride, at, splat(lobe.exponent));
+  scatter(column + SpecularTerm::kExponent * s.stride, at,
+          lobe_number(p, lobe.exponent, lobe.exponent_slot));
   if (s.specular_columns == SpecularTerm::kShaped) {
-    scatter(column + SpecularTerm::kMasking * s.stride, at, splat(lobe.masking * lobe.masking));
+    const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
+    scatter(column + SpecularTerm::kMasking * s.stride, at, masking * masking);
     scatter(column + SpecularTerm::kFresnel * s.stride, at,
             splat(SpecularTerm::fresnel(lobe.fresnel, lobe.ior)));
   }
@@ -49,16 +57,19 @@ inline void set_passing(const EvaluateStage& s, const Chosen& at, const Three& k
 }
 
 /// 1, or what AMBIENT and DIFFUSE lobes that depend on the view are times.
-inline Doubles seen_share(const EvaluateStage& s, const Chosen& at, const LobeShape& lobe) {
+inline Doubles seen_share(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
+                          const LobeShape& lobe) {
   if (!(lobe.exponent > 0)) return splat(1);
-  return grazing_power(seen_cosine(gather3(s.n, at), gather3(s.d, at)), splat(lobe.exponent));
+  const Doubles exponent = lobe_number(p, lobe.exponent, lobe.exponent_slot);
+  return grazing_power(seen_cosine(gather3(s.n, at), gather3(s.d, at)),
+                       larger(exponent, splat(1e-6)));
 }
 
-inline void add_lobe(const EvaluateStage& s, const Chosen& at, const LobeShape& lobe,
-                     const Three& T, Three k, Lobes& sum) {
-  if (lobe.kind == GLINT_SPECULAR) return set_specular(s, at, T * k, lobe, sum);
+inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
+                     const LobeShape& lobe, const Three& T, Three k, Lobes& sum) {
+  if (lobe.kind == GLINT_SPECULAR) return set_specular(s, at, p, T * k, lobe, sum);
   const bool ambient = lobe.kind == GLINT_AMBIENT;
-  if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, lobe) * k;
+  if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe) * k;
   if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
   if (!ambient && lobe.kind != GLINT_EMISSION) return set_passing(s, at, k, sum);
   const Three c = ambient ? T * k * splat3(s.ambient) : T * k;
@@ -66,16 +77,55 @@ inline void add_lobe(const EvaluateStage& s, const Chosen& at, const LobeShape& 
   add_part(ambient ? s.sums.ambient : s.sums.emission, at, c);
 }
 
-/// Which lanes send rays on.
-inline uint32_t vary_group(const EvaluateStage& s, const Chosen& at) {
-  const OnMesh p = on_mesh(s, at);
+/// The points of a block as its program reads them, from row number `first` on.
+inline void set_points(const EvaluateStage& s, size_t first, size_t count, ProgramPoints& points) {
+  for (size_t k = 0; k < count; k += kLanes) {
+    const Chosen at = chosen(s.rows, first + k, first + count);
+    for (size_t lane = 0; lane < kLanes; ++lane) {
+      points.instance[k + lane] = s.instance[at.row[lane]];
+      points.primitive[k + lane] = s.primitive[at.row[lane]];
+    }
+    const Doubles b = gather(s.weights[0], at), c = gather(s.weights[1], at);
+    store(points.weights[0] + k, 1 - b - c);
+    store(points.weights[1] + k, b);
+    store(points.weights[2] + k, c);
+    put3(points.x, k, gather3(s.x, at));
+    put3(points.g, k, gather3(s.g, at));
+    put3(points.n, k, gather3(s.n, at));
+    put3(points.d, k, gather3(s.d, at));
+    store(points.outside + k, gather(s.outside, at));
+  }
+}
+
+/// Shading normals of the program: unit, and on the side of the face that is seen, else the mesh's.
+inline void bend_normals(const EvaluateStage& s, size_t first, size_t count) {
+  for (size_t k = 0; k < count; k += kLanes) {
+    const Chosen at = chosen(s.rows, first + k, first + count);
+    OnMesh p{};
+    p.slots = s.slots + k;
+    const Three n = unit(finite_or_zero(slots3(p, s.normal)));
+    scatter3(s.bent, at, choose(nonzero(n), n, gather3(s.n, at)));
+  }
+}
+
+inline void run_block(const EvaluateStage& s, size_t first, size_t count) {
+  ProgramPoints points;
+  set_points(s, first, count, points);
+  run_program({s.tables, s.program, &points, count, s.slots});
+  if (s.normal > 0) bend_normals(s, first, count);
+}
+
+/// Which lanes send rays on. slots: as OnMesh has them.
+inline uint32_t vary_group(const EvaluateStage& s, const Chosen& at, const double* slots) {
+  OnMesh p = on_mesh(s, at);
+  p.slots = slots;
   const Three T = gather3(s.T, at);
   Lobes sum{gather3(s.sums.total, at), {}};
   Three k{};
   Reads reads;
   for (uint32_t i = 0; i < s.lobe_count; ++i) {
     if (!s.lobes[i].like_last) k = coefficient(s.tables, p, s.lobes[i], reads);
-    add_lobe(s, at, s.lobes[i], T, k, sum);
+    add_lobe(s, at, p, s.lobes[i], T, k, sum);
   }
   scatter3(s.sums.total, at, sum.glow);
   const Three Tk = T * sum.diffuse;
@@ -89,7 +139,9 @@ size_t vary(const EvaluateStage& s) {
   size_t passing = 0;
   for (size_t i = 0; i < s.count; i += kLanes) {
     const Chosen at = chosen(s.rows, i, s.count);
-    for (uint32_t m = vary_group(s, at); m; m &= m - 1)
+    if (s.program && i % kBlock == 0) run_block(s, i, s.count - i < kBlock ? s.count - i : kBlock);
+    const double* slots = s.program ? s.slots + i % kBlock : nullptr;
+    for (uint32_t m = vary_group(s, at, slots); m; m &= m - 1)
       s.passing_rows[passing++] = at.row[__builtin_ctz(m)];
   }
   return passing;

@@ -14,6 +14,7 @@ struct OnMesh {
   const GlintGeometry* geometry[kLanes];
   uint32_t primitive[kLanes];
   Doubles weights[3];
+  const double* slots = nullptr;  // of the material's program, from the first lane on
 };
 
 /// Where the points of a group are, from the instance and the primitive of each lane.
@@ -244,12 +245,27 @@ inline Three color_at(const InputTables& s, const OnMesh& p, int32_t name, int c
   return reads.colors.get(number, [&] { return read_color(s, p, name, channel); });
 }
 
+template <size_t N>
+inline void put3(double (&columns)[3][N], size_t k, const Three& v) {
+  store(columns[0] + k, v.x);
+  store(columns[1] + k, v.y);
+  store(columns[2] + k, v.z);
+}
+
 inline Three finite_or_zero(const Three& a) {
   return {finite_or_zero(a.x), finite_or_zero(a.y), finite_or_zero(a.z)};
 }
 
 inline Three bounded(const Three& a, double low, double high) {
   return {clamped(a.x, low, high), clamped(a.y, low, high), clamped(a.z, low, high)};
+}
+
+/// What a program left in a slot, of which the ABI has the number plus one.
+inline Doubles slot(const OnMesh& p, int32_t number) {
+  return load(p.slots + size_t(number - 1) * kBlock);
+}
+inline Three slots3(const OnMesh& p, int32_t number) {
+  return {slot(p, number), slot(p, number + 1), slot(p, number + 2)};
 }
 
 inline Three evaluate(const InputTables& s, const OnMesh& p, uint32_t i, Reads& reads) {
@@ -259,6 +275,7 @@ inline Three evaluate(const InputTables& s, const OnMesh& p, uint32_t i, Reads& 
   const int channel = input.attribute_channel;
   if (input.attribute >= 0)
     product = product * channel_of(color_at(s, p, input.attribute, channel, reads), channel);
+  if (input.output > 0) product = product * slots3(p, input.output);
   product = finite_or_zero(product);
   if (input.bounded) product = bounded(product + splat3(input.offset), input.low, input.high);
   return input.complement ? Three{1 - product.x, 1 - product.y, 1 - product.z} : product;

@@ -1,6 +1,7 @@
 // What surfaces let through of shadow rays (SEMANTICS.md, shadows). Letters: S what is left of the
 // light, a channel.
 #pragma once
+#include "program/run.h"
 #include "shading/stage_inputs.h"
 #include "shading/stage_rows.h"
 #include "shading/stage_surface.h"
@@ -48,14 +49,23 @@ inline Spread triangles(const TransmittanceStage& s, const Met& at) {
                 {rows3(all.corners), rows3(all.corners + 3), rows3(all.corners + 6)});
 }
 
+/// The rays from the points that they left: not moved off the surface, as those that are traced.
+struct Leaving {
+  Three origin, d;
+  Leaving(const TransmittanceStage& s, const Chosen& ray) {
+    Chosen from = ray;
+    for (size_t lane = 0; lane < kLanes; ++lane) from.row[lane] = s.point[ray.row[lane]];
+    from.together = from.row[kLanes - 1] - from.row[0] == kLanes - 1;
+    origin = gather3(s.origin, from);
+    d = s.end[0] ? unit(gather3(s.end, ray) - origin) : gather3(s.to, ray);
+  }
+};
+
 /// Where on their meshes they are, seen from the points that the rays left.
 inline OnMesh on_mesh(const TransmittanceStage& s, size_t k, const Chosen& ray, const Met& at) {
-  Chosen from = ray;
-  for (size_t lane = 0; lane < kLanes; ++lane) from.row[lane] = s.point[ray.row[lane]];
-  from.together = from.row[kLanes - 1] - from.row[0] == kLanes - 1;
-  const Three origin = gather3(s.origin, from),
-              d = s.end[0] ? unit(gather3(s.end, ray) - origin) : gather3(s.to, ray);
-  const Weights b = solve_weights(origin, d, triangles(s, at), load(s.u + k), load(s.v + k));
+  const Leaving from(s, ray);
+  const Weights b =
+      solve_weights(from.origin, from.d, triangles(s, at), load(s.u + k), load(s.v + k));
   OnMesh p;
   p.weights[0] = b.a, p.weights[1] = b.b, p.weights[2] = b.c;
   find_primitives(
@@ -96,14 +106,79 @@ inline void keep(const TransmittanceStage& s, size_t k, const Chosen& ray, uint3
   for (uint32_t m = lanes; m; m &= m - 1) s.number[kept++] = ray.row[__builtin_ctz(m)];
 }
 
+/// What the surface stage needs of a block of hits beside what programs read.
+struct BlockScratch {
+  double start[3][kBlock], origin[3][kBlock], offset[kBlock];
+  uint32_t material[kBlock];
+};
+
+/// The program at the hits of a block of rays, from k on.
+void run_block(const TransmittanceStage& s, size_t k, size_t count) {
+  ProgramPoints p;
+  BlockScratch scratch;
+  for (size_t i = 0; i < count; i += kLanes) {
+    const Chosen ray = chosen(s.number, k + i, k + count);
+    const Met at(s, k + i, ray.count);
+    const Leaving from(s, ray);
+    put3(scratch.start, i, from.origin);
+    put3(p.d, i, from.d);
+    for (size_t lane = 0; lane < kLanes; ++lane) {
+      p.instance[i + lane] = at.instance[lane];
+      p.primitive[i + lane] = at.primitive[lane];
+    }
+    store(p.weights[1] + i, Doubles{});
+    store(p.weights[2] + i, Doubles{});
+  }
+  SurfaceStage at{};
+  at.count = count;
+  at.instance = p.instance;
+  at.primitive = p.primitive;
+  at.u = s.u + k;
+  at.v = s.v + k;
+  at.instances = s.tables.instances;
+  at.groups = s.shapes;
+  for (size_t c = 0; c < 3; ++c) {
+    at.start[c] = scratch.start[c];
+    at.d[c] = p.d[c];
+    at.points.x[c] = p.x[c];
+    at.points.g[c] = p.g[c];
+    at.points.n[c] = p.n[c];
+    at.points.origin[c] = scratch.origin[c];
+  }
+  at.points.offset = scratch.offset;
+  at.points.weights[0] = p.weights[1];
+  at.points.weights[1] = p.weights[2];
+  at.points.outside = p.outside;
+  at.points.material = scratch.material;
+  surface(at);
+  for (size_t i = 0; s.solids && i < count; ++i) {
+    if (scratch.material[i] != kNoMaterial) continue;
+    const double* shape = s.solids + k + i;
+    for (size_t c = 0; c < 3; ++c) {
+      p.x[c][i] = shape[c * s.stride];
+      p.g[c][i] = shape[(3 + c) * s.stride];
+      p.n[c][i] = p.g[c][i];
+    }
+    p.outside[i] = shape[6 * s.stride] != 0 ? -1 : 0;
+    p.weights[1][i] = p.weights[2][i] = 0;
+  }
+  for (size_t i = 0; i < count; i += kLanes)
+    store(p.weights[0] + i, 1 - load(p.weights[1] + i) - load(p.weights[2] + i));
+  run_program({s.tables, s.program, &p, count, s.slots});
+}
+
 size_t transmit(const TransmittanceStage& s) {
   const bool alike = constant(s);
   const size_t end = s.first + s.count;
   size_t kept = s.kept;
   for (size_t k = s.first; k < end; k += kLanes) {
     const Chosen ray = chosen(s.number, k, end);
-    const Three share =
-        transparency(s, alike ? OnMesh{} : on_mesh(s, k, ray, Met(s, k, ray.count)));
+    OnMesh p{};
+    if (s.program && (k - s.first) % kBlock == 0)
+      run_block(s, k, end - k < kBlock ? end - k : kBlock);
+    if (!alike) p = on_mesh(s, k, ray, Met(s, k, ray.count));
+    if (s.program) p.slots = s.slots + (k - s.first) % kBlock;
+    const Three share = transparency(s, p);
     const Three S = gather3(s.shadow, ray) *
                     Three{clamped_share(share.x), clamped_share(share.y), clamped_share(share.z)};
     scatter3(s.shadow, ray, S);

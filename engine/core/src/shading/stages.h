@@ -121,6 +121,7 @@ struct LobeShape {
   bool constant, like_last;
   int fresnel;
   double exponent, ior, masking, k[3];  // k: where constant
+  int32_t exponent_slot, masking_slot;  // as GlintLobe has them
   uint32_t first_input, input_count;
 };
 struct TextureShape {
@@ -132,6 +133,7 @@ struct TextureShape {
 
 /// What inputs that vary over a surface are read from.
 struct InputTables {
+  const ProgramView* view;
   const InstanceShape* instances;
   const GlintInstances* groups;
   const GlintGeometry* geometries;
@@ -157,7 +159,13 @@ struct ProgramStage {
 struct EvaluateStage {
   InputTables tables;
   size_t count;
-  const uint32_t* rows;  // of its points
+  const uint32_t* rows;         // of its points
+  const ProgramShape* program;  // null for none, as what follows
+  double* slots;
+  const double *x[3], *g[3];
+  const int64_t* outside;
+  int32_t normal;  // 0, or 1 plus the slot of the normals that take the place of those in `bent`
+  double* bent[3];
   const double *T[3], *weights[2], *n[3], *d[3];
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
@@ -302,6 +310,10 @@ struct TransmittanceStage {
   double* shadow[3];  // S
   const LobeShape* lobes;
   uint32_t lobe_count;
+  const ProgramShape* program;  // null for none
+  double* slots;
+  const double* solids;  // of hits on what is no mesh, where the scene has such: x, g, outside, a column
+                         // of `stride` numbers each; by the rows of `rays`
 };
 
 struct Stages {

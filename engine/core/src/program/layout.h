@@ -1,0 +1,24 @@
+// How many words the instructions of programs have, and what each is.
+#pragma once
+#include <cstdint>
+#include <cstring>
+
+namespace glint {
+
+/// outputs, arguments: widths, a digit each. settings: what each refers to: a an attribute, i an
+/// image, t a table, - nothing.
+struct OperationLayout {
+  const char *outputs, *arguments, *settings;
+  size_t words() const {
+    return 1 + std::strlen(outputs) + std::strlen(arguments) + std::strlen(settings);
+  }
+};
+
+constexpr OperationLayout kLayouts[] = {
+#define GLINT_OPERATION(name, outputs, arguments, settings) {outputs, arguments, settings},
+#include "program/operations.inc"
+#undef GLINT_OPERATION
+};
+constexpr int32_t kOperationCount = sizeof(kLayouts) / sizeof(kLayouts[0]);
+
+}  // namespace glint

@@ -1,0 +1,126 @@
+"""What node programs read of the points of a surface (`program.Points`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scene import Camera
+from .attributes import Attributes
+from .placements import Placements
+from .surface import Surface
+from .textures import Image
+from .vectors import dot, pick, transform_each, unit
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What all points have in common."""
+
+    attributes: Attributes
+    images: list[Image]
+    placements: Placements
+    camera: Camera
+
+    @property
+    def eye(self) -> Array:
+        return np.asarray(self.camera.world_from_camera, np.float64)[:, 3:]
+
+
+class SurfacePoints:
+    """The points `index` (m,) of a surface."""
+
+    def __init__(self, around: Surroundings, surface: Surface, index: Array):
+        self._around, self._surface, self._index = around, surface, index
+
+    def attribute(self, name: str) -> Array:
+        """(4, m): see `program.Points`."""
+        return self._around.attributes.color(name).at(*self._place())
+
+    def uv(self, name: str) -> Array:
+        """(2, m)."""
+        return self._around.attributes.uv(name).at(*self._place())
+
+    def image(self, texture: int, u: Array, v: Array) -> Array:
+        """(4, m) RGBA."""
+        return self._around.images[texture].read(u, v)
+
+    def position(self) -> Array:
+        """(3, m) in the world."""
+        return self._of("x") + self._around.eye
+
+    def normal(self) -> Array:
+        """(3, m) unit shading normal, turned to the viewer."""
+        return self._of("mesh_n")
+
+    def face_normal(self) -> Array:
+        """(3, m) unit geometric normal, turned to the viewer."""
+        return self._of("g")
+
+    def incoming(self) -> Array:
+        """(3, m) unit, to the viewer."""
+        return self._of("v")
+
+    def backfacing(self) -> Array:
+        """(m,) 1 where the inner side is seen, else 0."""
+        return 1.0 - self._surface.outside[self._index]
+
+    def object_position(self) -> Array:
+        """(3, m) in the object's space; zeros where its matrix has no inverse."""
+        matrices = self._around.placements.world_from_object[self._row()]
+        return self._into(matrices[:, :, :3], self._of("x") - matrices[:, :, 3].T)
+
+    def object_normal(self) -> Array:
+        """(3, m) unit shading normal, outward, in the object's space."""
+        matrices = self._around.placements.world_from_object[self._row()][:, :, :3]
+        outward = self._of("mesh_n") * np.where(self._surface.outside[self._index], 1.0, -1.0)
+        return unit(transform_each(np.swapaxes(matrices, 1, 2), outward))
+
+    def object_location(self) -> Array:
+        """(3, m) of the object's origin in the world."""
+        return self._around.placements.world_from_object[self._row()][:, :, 3].T + self._around.eye
+
+    def camera_position(self) -> Array:
+        """(3, m): along right and up of the camera, and the depth; world units."""
+        axes = np.asarray(self._around.camera.world_from_camera, np.float64)[:, :3]
+        sizes = np.sqrt((axes * axes).sum(0))
+        local = np.linalg.solve(axes / sizes, self._of("x"))
+        return local * np.array([[1.0], [1.0], [-1.0]])
+
+    def window(self) -> Array:
+        """(2, m) of the picture, from 0 at the left and bottom to 1."""
+        camera = self._around.camera
+        axes = np.asarray(camera.world_from_camera, np.float64)[:, :3]
+        x, y, z = np.linalg.solve(axes, self._of("x"))
+        if camera.kind == "PERSPECTIVE":
+            depth = np.where(z != 0, -z, 1.0)
+            x, y = x / depth, y / depth
+        left, right, bottom, top = camera.window
+        return np.stack([(x - left) / (right - left), (y - bottom) / (top - bottom)])
+
+    def reflection(self) -> Array:
+        """(3, m) unit: the direction of view mirrored at the shading normal."""
+        n, v = self._of("mesh_n"), self._of("v")
+        return 2 * dot(n, v) * n - v
+
+    def _of(self, name: str) -> Array:
+        return pick(getattr(self._surface, name), self._index)
+
+    def _row(self) -> Array:
+        return self._surface.row[self._index]
+
+    def _place(self) -> tuple[Array, Array, Array]:
+        s, index = self._surface, self._index
+        return s.geometry[index], s.local[index], pick(s.weights, index)
+
+    @staticmethod
+    def _into(matrices: Array, points: Array) -> Array:
+        """Points (3, m) by the inverses of matrices (m, 3, 3)."""
+        a, b, c = (matrices[:, :, k] for k in range(3))
+        rows = [np.cross(b, c), np.cross(c, a), np.cross(a, b)]
+        size = np.einsum("mk,mk->m", a, rows[0])
+        found = np.stack([np.einsum("mk,km->m", row, points) for row in rows])
+        return np.where(size != 0, found / np.where(size != 0, size, 1.0), 0.0)
