@@ -384,7 +384,7 @@ def _is_sound(step: Instruction, program: Program) -> bool:
     ends = [
         slot + kind for slot, (_, kind) in zip(step.outputs, step.operation.outputs, strict=True)
     ]
-    sound = all(-1 <= slot for slot in step.outputs) and all(end <= program.slots for end in ends)
+    sound = all(slot >= -1 for slot in step.outputs) and all(end <= program.slots for end in ends)
     for place, (_, kind) in zip(step.arguments, step.operation.arguments, strict=True):
         room = program.slots if place >= 0 else len(program.constants)
         sound = sound and (place if place >= 0 else ~place) + kind <= room

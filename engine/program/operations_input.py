@@ -45,6 +45,29 @@ INPUTS = (
         )
     ),
     Operation(
+        "fresnel",
+        sockets(value="number"),
+        sockets(ior="number", normal="vector"),
+        formula="reflectance of a dielectric of index ior entering, 1 / ior leaving, at the cosine "
+        "between normal and the direction to the viewer",
+        reads_point=True,
+    ),
+    Operation(
+        "layer_weight",
+        sockets(fresnel="number", facing="number"),
+        sockets(blend="number", normal="vector"),
+        formula="Fresnel of the index 1 / (1 - blend); 1 - |n·v|^e, e = 2 blend below one half, "
+        "else 1 / (2 - 2 blend)",
+        reads_point=True,
+    ),
+    Operation(
+        "light_path",
+        sockets(camera="number", shadow="number", bounced="number"),
+        formula="1 for the kind of ray that meets the point: from the camera, to a light, mirrored "
+        "or refracted; else 0",
+        reads_point=True,
+    ),
+    Operation(
         "image",
         sockets(color="vector", alpha="number"),
         sockets(vector="vector"),

@@ -24,6 +24,18 @@ VECTORS = (
         formula="(x + y + z) / 3: how a vector becomes a number",
     ),
     Operation(
+        "vector_length",
+        sockets(value="number"),
+        sockets(vector="vector"),
+        formula="the Euclidean length",
+    ),
+    Operation(
+        "vector_normalized",
+        sockets(vector="vector"),
+        sockets(vector="vector"),
+        formula="vector divided by its length; 0 where that is 0",
+    ),
+    Operation(
         "scaled_sum",
         sockets(vector="vector"),
         sockets(a="vector", factor="number", b="vector"),

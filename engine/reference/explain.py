@@ -150,8 +150,8 @@ class Explainer:
         surface = surface_at(
             stage.geometry, stage.attributes, paths.rays, hit, found.primitive, depth, stage.pulse
         )
-        surface = stage.shader.bent(surface)
-        coefficients = stage.shader.coefficients(surface)
+        surface = stage.shader.bent(surface, paths.kind)
+        coefficients = stage.shader.coefficients(surface, paths.kind)
         about = self._hit(surface, coefficients, depth, paths)
         if about.holdout:
             return replace(ray, hit=about, own=_numbers(own), color=_numbers(own))

@@ -63,8 +63,8 @@ class Generations:
             depth,
             stage.pulse,
         )
-        surface = stage.shader.bent(surface)
-        coefficients = stage.shader.coefficients(surface)
+        surface = stage.shader.bent(surface, paths.kind)
+        coefficients = stage.shader.coefficients(surface, paths.kind)
         stage.pulse.beat()
         self._record(paths, hit, surface, depth, coefficients)
         if "Gap" in self._tile.data and paths.depth == 0 and not paths.straight.any():
@@ -73,7 +73,7 @@ class Generations:
         shown = self._cut_holdouts(paths, hit, surface)
         if len(shown) < len(hit):
             hit, depth, surface = hit[shown], depth[shown], surface.take(shown)
-            coefficients = stage.shader.coefficients(surface)
+            coefficients = stage.shader.coefficients(surface, paths.kind)
         self._shade(paths, hit, surface, coefficients)
         if paths.depth < stage.settings.max_bounces:
             deeper += bounced(paths, hit, surface, coefficients, stage.settings.cutoff)

@@ -79,8 +79,8 @@ class Shader:
         """(n,) Blender's material index; 0 for the default one."""
         return np.array([m.index for m in self._materials])[material]
 
-    def coefficients(self, surface: Surface) -> Coefficients:
-        """All lobes at each point."""
+    def coefficients(self, surface: Surface, kind: str) -> Coefficients:
+        """All lobes at each point. kind: of the rays that meet them, "camera" or "mirror"."""
         shape = (3, len(surface.primitive))
         sums = {name: np.zeros(shape) for name in _SUMMED.values()}
         terms: dict[str, list[Term]] = {"SPECULAR": [], "MIRROR": [], "REFRACTION": []}
@@ -96,7 +96,7 @@ class Shader:
                 masking = _number(lobe.masking, lobe.masking_output, outputs)
                 terms[lobe.kind].append(Term(index, k, lobe, exponent, masking))
 
-        self._each_lobe(surface, add)
+        self._each_lobe(surface, kind, add)
         return Coefficients(
             **sums,
             highlights=terms["SPECULAR"],
@@ -104,13 +104,13 @@ class Shader:
             refractions=terms["REFRACTION"],
         )
 
-    def bent(self, surface: Surface) -> Surface:
+    def bent(self, surface: Surface, kind: str) -> Surface:
         """The surface with the shading normals that materials' programs give it."""
         n = surface.n
         for material, index in self._by_material(surface):
             if material.normal_output < 0:
                 continue
-            given = self._outputs(material, surface, index)[material.normal_output]
+            given = self._outputs(material, surface, index, kind)[material.normal_output]
             given = unit(np.where(np.isfinite(given), given, 0.0))
             n = n.copy() if n is surface.n else n
             n[:, index] = np.where(given.any(0), given, pick(surface.n, index))
@@ -126,18 +126,19 @@ class Shader:
         def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
             total[index] += k.T
 
-        self._each_lobe(spot, add, ("TRANSPARENT",))
+        self._each_lobe(spot, "shadow", add, ("TRANSPARENT",))
         return np.clip(total, 0.0, 1.0)
 
     def _each_lobe(
         self,
         spot: Spot,
+        kind: str,
         add: Callable[[Lobe, Array, Array, list[Array]], None],
         kinds: tuple[str, ...] = (),
     ) -> None:
         for material, index in self._by_material(spot):
             lobes = [lobe for lobe in material.lobes if not kinds or lobe.kind in kinds]
-            outputs = self._outputs(material, spot, index) if lobes else []
+            outputs = self._outputs(material, spot, index, kind) if lobes else []
             for lobe in lobes:
                 add(lobe, index, self._product(lobe, spot, index, outputs), outputs)
 
@@ -146,11 +147,11 @@ class Shader:
         for number in np.unique(spot.material):
             yield self._materials[number], np.flatnonzero(spot.material == number)
 
-    def _outputs(self, material: Material, spot: Spot, index: Array) -> list[Array]:
+    def _outputs(self, material: Material, spot: Spot, index: Array, kind: str) -> list[Array]:
         """Of the material's program, (3, m) each; none without one."""
         if material.program is None:
             return []
-        return run(material.program, SurfacePoints(self._around, spot, index), len(index))
+        return run(material.program, SurfacePoints(self._around, spot, index, kind), len(index))
 
     def _product(self, lobe: Lobe, spot: Spot, index: Array, outputs: list[Array]) -> Array:
         """(3, m) or (3, 1): k of the lobe at the points `index`."""

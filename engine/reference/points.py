@@ -33,8 +33,9 @@ class Surroundings:
 class SurfacePoints:
     """The points `index` (m,) of a surface."""
 
-    def __init__(self, around: Surroundings, surface: Surface, index: Array):
-        self._around, self._surface, self._index = around, surface, index
+    def __init__(self, around: Surroundings, surface: Surface, index: Array, kind: str):
+        """kind: of the rays that meet it, "camera", "mirror" or "shadow"."""
+        self._around, self._surface, self._index, self._kind = around, surface, index, kind
 
     def attribute(self, name: str) -> Array:
         """(4, m): see `program.Points`."""
@@ -105,6 +106,13 @@ class SurfacePoints:
         """(3, m) unit: the direction of view mirrored at the shading normal."""
         n, v = self._of("mesh_n"), self._of("v")
         return 2 * dot(n, v) * n - v
+
+    def light_path(self) -> tuple[Array, Array, Array]:
+        """Three times (m,): 1 where the ray is a camera's, a shadow's, a bounced one."""
+        return tuple(
+            np.full(len(self._index), float(self._kind == k))
+            for k in ("camera", "shadow", "mirror")
+        )
 
     def _of(self, name: str) -> Array:
         return pick(getattr(self._surface, name), self._index)

@@ -15,12 +15,16 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ....engine.program.graph import Graph, Value
+from ....engine.program.table import BY_NAME
 from ..graph import Place, closes_circle, kind_of, socket_named, trail
 
 Outputs = dict[str, Value]
 """A node's values by the name or identifier of its outputs."""
 READERS: dict[str, Callable[[NodeInputs], Outputs | None]] = {}
 """bl_idname -> a node's outputs, or None where its settings are not understood."""
+
+GENERATED = "(generated)"
+"""Attribute name that stands for a mesh's coordinates in its texture space."""
 
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 NUMBER_TYPES = ("VALUE", "INT", "BOOLEAN")
@@ -33,14 +37,14 @@ Key = tuple[int, ...]
 class TreeReader:
     """Reads sockets of one material into a graph.
 
-    operations: rows of the operations' table by name, of which conversions need `rgb_to_bw`,
-    `vector_average` and `combine_xyz`. note: takes sentences about what is not read exactly.
+    images: the scene's `Images`. note: takes sentences about what is not read exactly; `{}` in them
+    stands for the materials' names. operations: rows of the table by name.
     """
 
     def __init__(
-        self, graph: Graph, operations: Mapping[str, Any], note: Callable[[str], None]
+        self, graph: Graph, images: Any, note: Callable[[str], None], operations: Mapping = BY_NAME
     ) -> None:
-        self.graph, self.operations, self.note = graph, operations, note
+        self.graph, self.images, self.operations, self.note = graph, images, operations, note
         self._read: dict[Key, Outputs | None] = {}
         self._trails: dict[Key, list[Place] | None] = {}
 
@@ -52,6 +56,10 @@ class TreeReader:
     def apply(self, name: str, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         """Outputs of the table's operation of this name."""
         return self.graph.apply(self.operations[name], *arguments, **settings)
+
+    def generated(self) -> Value:
+        """Coordinates from 0 to 1 in the mesh's texture space."""
+        return self.apply("attribute", attribute=GENERATED)[0]
 
     def _read_behind(self, wanted: Place) -> None:
         """Read all nodes that the socket depends on, each after what feeds it."""
@@ -99,6 +107,11 @@ class TreeReader:
                 "place in {}; bake it to an image"
             )
         return outputs
+
+    def is_fed(self, wanted: Place) -> bool:
+        """Whether a node makes the value of this input."""
+        passed = self._trail(wanted)
+        return passed is not None and passed[-1].socket.is_output and not passed[-1].node.mute
 
     def passed_on(self, wanted: Place) -> Value:
         """The value at the end of a socket's trail, converted at each socket on its way."""
@@ -153,6 +166,25 @@ class NodeInputs:
 
     def apply(self, name: str, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         return self.reader.apply(name, *arguments, **settings)
+
+    def is_linked(self, name: str) -> bool:
+        """Whether a value comes in at the input with this identifier or name."""
+        socket = socket_named(self.node.inputs, name)
+        return socket is not None and self.reader.is_fed(self.place.beside(socket))
+
+    def left_out(self, output: str, instead: float | tuple[float, float, float]) -> Value:
+        """A constant in the place of an output that is not computed here; told where it is used."""
+        socket = socket_named(self.node.outputs, output)
+        if socket is not None and socket.is_linked:
+            self.reader.note(
+                f"'{output}' of {self.node.bl_label} is not supported: {{}} take a constant; bake it"
+            )
+        return self.reader.graph.constant(instead)
+
+
+def texture_vector(view: NodeInputs) -> Value:
+    """Where a texture node looks: what comes in as Vector, or Generated coordinates."""
+    return view.value("Vector") if view.is_linked("Vector") else view.reader.generated()
 
 
 def _node_key(place: Place) -> Key:

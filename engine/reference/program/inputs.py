@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..optics import fresnel as dielectric
+from ..vectors import dot
+
 
 def attribute(points, *, attribute: str) -> tuple[np.ndarray, np.ndarray]:
     """Channels (3, n) and alpha (n,)."""
@@ -61,6 +64,31 @@ def window(points) -> np.ndarray:
 
 def reflection(points) -> np.ndarray:
     return points.reflection()
+
+
+def fresnel(points, ior: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The unpolarised reflectance of a dielectric."""
+    index = np.fmax(ior, 1e-5)
+    return _reflectance(points, normal, np.where(points.backfacing() > 0, 1 / index, index))
+
+
+def layer_weight(points, blend: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Fresnel and Facing."""
+    index = np.fmax(1 - blend, 1e-5)
+    relative = np.where(points.backfacing() > 0, index, 1 / index)
+    held = np.clip(blend, 0.0, 1 - 1e-5)
+    exponent = np.where(held < 0.5, 2 * held, 0.5 / (1 - held))
+    facing = 1 - np.abs(dot(points.incoming(), normal)) ** exponent
+    return _reflectance(points, normal, relative), facing
+
+
+def _reflectance(points, normal: np.ndarray, relative: np.ndarray) -> np.ndarray:
+    return dielectric(np.abs(dot(points.incoming(), normal)), relative)
+
+
+def light_path(points) -> tuple[np.ndarray, ...]:
+    """Camera, shadow, bounced."""
+    return points.light_path()
 
 
 def image(points, vector: np.ndarray, *, texture: int) -> tuple[np.ndarray, np.ndarray]:

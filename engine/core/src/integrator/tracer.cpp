@@ -277,6 +277,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
   if (material.program > 0) {
     stage.program = &scene_.program_of(material);
     stage.normal = material.normal;
+    stage.kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
     stage.slots = program_slots_.data();
     stage.outside = batch_.points.outside;
   }

@@ -13,6 +13,7 @@ struct Machine {
   const InputTables& tables;
   const ProgramShape& program;
   const ProgramPoints& points;
+  RayKind kind;
   size_t count;
   double* slots;
 };

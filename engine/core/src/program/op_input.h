@@ -1,6 +1,7 @@
 // Operations that read the shaded points.
 #pragma once
 #include "program/machine.h"
+#include "shading/stage_math.h"
 
 namespace glint {
 namespace {
@@ -123,6 +124,42 @@ inline void reflection(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) {
     const Three n = point3(m.points.n, k), d = point3(m.points.d, k);
     at.put(0, k, d - (2 * dot(n, d)) * n);
+  });
+}
+
+inline Doubles reflectance(const Machine& m, const Operands& at, size_t k, Doubles relative) {
+  return fresnel_reflectance(magnitude(dot(point3(m.points.d, k), at.vector(1, k))), relative);
+}
+
+inline void fresnel(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    const Doubles index = larger(at.number(0, k), splat(1e-5));
+    at.put(0, k,
+           reflectance(m, at, k, choose(load(m.points.outside + k), index, splat(1) / index)));
+  });
+}
+
+inline void layer_weight(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    const Doubles blend = at.number(0, k), index = larger(1 - blend, splat(1e-5));
+    at.put(0, k,
+           reflectance(m, at, k, choose(load(m.points.outside + k), splat(1) / index, index)));
+    if (!at.wants(1)) return;
+    const Doubles held = smaller(larger(blend, splat(0)), splat(1 - 1e-5));
+    const Doubles exponent = choose(held < 0.5, 2 * held, 0.5 / (1 - held));
+    const Doubles cosine =
+        smaller(magnitude(dot(point3(m.points.d, k), at.vector(1, k))), splat(1));
+    const Doubles rest = choose(exponent > 0, grazing_power(1 - cosine, exponent), splat(1));
+    at.put(1, k, 1 - rest);
+  });
+}
+
+inline void light_path(const Machine& m, const Operands& at) {
+  const auto is = [&](RayKind kind) { return splat(m.kind == kind ? 1 : 0); };
+  each_group(m, [&](size_t k) {
+    at.put(0, k, is(RayKind::kCamera));
+    at.put(1, k, is(RayKind::kShadow));
+    at.put(2, k, is(RayKind::kBounced));
   });
 }
 

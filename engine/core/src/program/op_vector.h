@@ -27,6 +27,21 @@ inline void vector_average(const Machine& m, const Operands& at) {
   });
 }
 
+/// Scaled by the largest part, so that no square overflows or vanishes.
+inline void vector_length(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    const Three v = at.vector(0, k);
+    const Doubles most = max_abs(v);
+    const Doubles over = choose(most > 0, splat(1) / choose(most > 0, most, splat(1)), splat(1));
+    const Three scaled{v.x * over, v.y * over, v.z * over};
+    at.put(0, k, most * length(scaled));
+  });
+}
+
+inline void vector_normalized(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) { at.put(0, k, unit(at.vector(0, k))); });
+}
+
 inline void scaled_sum(const Machine& m, const Operands& at) {
   each_group(m,
              [&](size_t k) { at.put(0, k, at.number(1, k) * at.vector(0, k) + at.vector(2, k)); });

@@ -19,6 +19,9 @@ struct ProgramShape {
   uint32_t slots;
 };
 
+/// Of the rays that meet the points.
+enum class RayKind { kCamera, kBounced, kShadow };
+
 /// The points, a number a point, in anchored space. Those beyond the last repeat one before.
 struct ProgramPoints {
   uint32_t instance[kBlock], primitive[kBlock];

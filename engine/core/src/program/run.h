@@ -37,7 +37,7 @@ inline Operands operands(const Machine& m, const OperationRow& row, const int32_
 }
 
 void run_program(const ProgramStage& s) {
-  const Machine m{s.tables, *s.program, *s.points, s.count, s.slots};
+  const Machine m{s.tables, *s.program, *s.points, s.kind, s.count, s.slots};
   const int32_t* word = m.program.code;
   for (const int32_t* const end = word + m.program.words; word < end;) {
     const OperationRow& row = kOperations[*word++];

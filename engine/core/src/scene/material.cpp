@@ -59,7 +59,7 @@ Vec3d evaluate(const Scene& scene, uint32_t i, const Surface& s, PointReads& rea
 
 /// The slots of a material's program at one point, kBlock apart.
 std::vector<double> run_at(const Scene& scene, const Material& material, const Surface& s,
-                           Vec3d d) {
+                           Vec3d d, RayKind kind) {
   const ProgramShape& program = scene.program_of(material);
   const auto points = std::make_unique<ProgramPoints>();
   for (size_t k = 0; k < kPad; ++k) {
@@ -72,7 +72,7 @@ std::vector<double> run_at(const Scene& scene, const Material& material, const S
     }
   }
   std::vector<double> slots(program.slots * kBlock);
-  best_stages().program({scene.input_tables(), &program, points.get(), 1, slots.data()});
+  best_stages().program({scene.input_tables(), &program, points.get(), kind, 1, slots.data()});
   return slots;
 }
 
@@ -91,12 +91,13 @@ Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s, PointR
   return finite_or_zero(k);
 }
 
-Vec3d transparency(const Scene& scene, const Material& material, const Surface& s, Vec3d d) {
+Vec3d transparency(const Scene& scene, const Material& material, const Surface& s, Vec3d d,
+                   RayKind kind) {
   Vec3d sum;
   PointReads reads;
   if (!material.has(GLINT_TRANSPARENT)) return sum;
   std::vector<double> slots;
-  if (material.program > 0) slots = run_at(scene, material, s, d), reads.slots = slots.data();
+  if (material.program > 0) slots = run_at(scene, material, s, d, kind), reads.slots = slots.data();
   for (uint32_t i = 0; i < material.lobe_count; ++i) {
     const Lobe& lobe = scene.lobes[material.first_lobe + i];
     if (lobe.kind == GLINT_TRANSPARENT) sum += coefficient(scene, lobe, s, reads);

@@ -58,6 +58,7 @@ Vec3d of_product(const GlintInput& input, Vec3d product);
 Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s, PointReads& reads);
 
 /// The sum of the TRANSPARENT lobes: what goes straight through. d: of the ray, unit.
-Vec3d transparency(const Scene& scene, const Material& material, const Surface& s, Vec3d d);
+Vec3d transparency(const Scene& scene, const Material& material, const Surface& s, Vec3d d,
+                   RayKind kind);
 
 }  // namespace glint

@@ -58,7 +58,9 @@ void Shader::hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel,
   const Surface s = batch.surface(k);
   const Material& material =
       scene_.materials[scene_.material_of(scene_.group(s.instance), s.primitive)];
-  if (path.wants_data && mean(transparency(scene_, material, s, batch.queue->ray(k).d)) < 0.5)
+  if (path.wants_data &&
+      mean(transparency(scene_, material, s, batch.queue->ray(k).d,
+                        path.depth > 0 ? RayKind::kBounced : RayKind::kCamera)) < 0.5)
     record(film, pixel, s, material, batch.queue->ray(k).d);
   if (path.depth == 0) lost += mean(path.T);
 }

@@ -111,7 +111,7 @@ inline void bend_normals(const EvaluateStage& s, size_t first, size_t count) {
 inline void run_block(const EvaluateStage& s, size_t first, size_t count) {
   ProgramPoints points;
   set_points(s, first, count, points);
-  run_program({s.tables, s.program, &points, count, s.slots});
+  run_program({s.tables, s.program, &points, s.kind, count, s.slots});
   if (s.normal > 0) bend_normals(s, first, count);
 }
 

@@ -150,6 +150,7 @@ struct ProgramStage {
   InputTables tables;
   const ProgramShape* program;
   const ProgramPoints* points;
+  RayKind kind;
   size_t count;
   double* slots;
 };
@@ -161,6 +162,7 @@ struct EvaluateStage {
   size_t count;
   const uint32_t* rows;         // of its points
   const ProgramShape* program;  // null for none, as what follows
+  RayKind kind;
   double* slots;
   const double *x[3], *g[3];
   const int64_t* outside;

@@ -1,0 +1,167 @@
+"""Nodes that read the shaded point: coordinates, geometry, attributes, images, the view."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ....engine.program.graph import Value
+from ..graph import socket_named
+from ..terms import GREY
+from .reader import READERS, NodeInputs, Outputs, texture_vector
+
+ACTIVE_COLOR = "(active colour)"
+"""Attribute name that stands for a mesh's active colour attribute."""
+
+
+def _texture_coordinate(view: NodeInputs) -> Outputs:
+    position = view.apply("object_position")[0]
+    if view.node.object is not None:
+        position = _in_space_of(view, view.node.object)
+    return {
+        "Generated": view.reader.generated(),
+        "Normal": view.apply("object_normal")[0],
+        "UV": view.apply("uv", attribute="")[0],
+        "Object": position,
+        "Camera": view.apply("camera_position")[0],
+        "Window": view.apply("window")[0],
+        "Reflection": view.apply("reflection")[0],
+    }
+
+
+def _in_space_of(view: NodeInputs, other: Any) -> Value:
+    """The point in another object's space."""
+    matrix = [list(row) for row in other.matrix_world.inverted_safe()]
+    graph = view.reader.graph
+    total = graph.constant([row[3] for row in matrix[:3]])
+    parts = view.apply("separate_xyz", view.apply("position")[0])
+    for k, part in enumerate(parts):
+        column = graph.constant([row[k] for row in matrix[:3]])
+        total = view.apply("scaled_sum", column, part, total)[0]
+    return total
+
+
+def _uv_map(view: NodeInputs) -> Outputs | None:
+    if view.node.from_instancer:
+        return None
+    return {"UV": view.apply("uv", attribute=view.node.uv_map)[0]}
+
+
+def _geometry(view: NodeInputs) -> Outputs:
+    return {
+        "Position": view.apply("position")[0],
+        "Normal": view.apply("normal")[0],
+        "True Normal": view.apply("face_normal")[0],
+        "Incoming": view.apply("incoming")[0],
+        "Backfacing": view.apply("backfacing")[0],
+        "Parametric": view.left_out("Parametric", (0.0, 0.0, 0.0)),
+        "Tangent": view.left_out("Tangent", (0.0, 0.0, 0.0)),
+        "Pointiness": view.left_out("Pointiness", 0.5),
+        "Random Per Island": view.left_out("Random Per Island", 0.5),
+    }
+
+
+def _camera(view: NodeInputs) -> Outputs:
+    position = view.apply("camera_position")[0]
+    depth = view.apply("separate_xyz", position)[2]
+    length = view.apply("vector_length", position)[0]
+    direction = view.apply("vector_normalized", position)[0]
+    return {"View Vector": direction, "View Z Depth": depth, "View Distance": length}
+
+
+def _attribute(view: NodeInputs) -> Outputs | None:
+    node = view.node
+    if getattr(node, "attribute_type", "GEOMETRY") != "GEOMETRY":
+        return None
+    name = getattr(node, "attribute_name", None)
+    name = name if name is not None else (node.layer_name or ACTIVE_COLOR)
+    if not name:
+        return None
+    color, alpha = view.apply("attribute", attribute=name)
+    outputs = {"Color": color, "Vector": color, "Alpha": alpha}
+    if socket_named(node.outputs, "Fac") is not None:
+        grey = view.apply("attribute", attribute=GREY + name)[0]
+        outputs["Fac"] = outputs["Factor"] = view.apply("separate_xyz", grey)[0]
+    return outputs
+
+
+def _image(view: NodeInputs) -> Outputs:
+    """An image; where only the colour is used it is times alpha, as in Cycles."""
+    node = view.node
+    alone = not node.outputs["Alpha"].is_linked
+    texture = view.reader.images.texture(
+        node.image, node.image_user, node.extension, node.interpolation, alone
+    )
+    if node.interpolation in ("Cubic", "Smart"):
+        view.reader.note("Cubic interpolation of images is rendered as linear in {}")
+    if node.projection != "FLAT":
+        view.reader.note(
+            f"The {node.projection.lower()} projection of images is not supported: {{}} use the "
+            "flat one; bake to an image"
+        )
+    where = texture_vector(view) if view.is_linked("Vector") else view.apply("uv", attribute="")[0]
+    color, alpha = view.apply("image", where, texture=texture)
+    return {"Color": color, "Alpha": alpha}
+
+
+def _fresnel(view: NodeInputs) -> Outputs:
+    value = view.apply("fresnel", view.value("IOR"), _normal(view))[0]
+    return {"Fac": value, "Factor": value}
+
+
+def _layer_weight(view: NodeInputs) -> Outputs:
+    fresnel, facing = view.apply("layer_weight", view.value("Blend"), _normal(view))
+    return {"Fresnel": fresnel, "Facing": facing}
+
+
+def _normal(view: NodeInputs) -> Value:
+    """The input Normal, or the shading normal where nothing comes in."""
+    return view.value("Normal") if view.is_linked("Normal") else view.apply("normal")[0]
+
+
+def _object_info(view: NodeInputs) -> Outputs:
+    one = view.reader.graph.constant(1.0)
+    return {
+        "Location": view.apply("object_location")[0],
+        "Color": view.left_out("Color", (1.0, 1.0, 1.0)),
+        "Alpha": one,
+        "Object Index": view.left_out("Object Index", 0.0),
+        "Material Index": view.left_out("Material Index", 0.0),
+        "Random": view.left_out("Random", 0.5),
+    }
+
+
+def _light_path(view: NodeInputs) -> Outputs:
+    camera, shadow, bounced = view.apply("light_path")
+    zero = view.reader.graph.constant(0.0)
+    return {
+        "Is Camera Ray": camera,
+        "Is Shadow Ray": shadow,
+        "Is Diffuse Ray": zero,
+        "Is Glossy Ray": bounced,
+        "Is Singular Ray": bounced,
+        "Is Reflection Ray": bounced,
+        "Is Transmission Ray": view.left_out("Is Transmission Ray", 0.0),
+        "Is Volume Scatter Ray": zero,
+        **{
+            name: view.left_out(name, 0.0)
+            for name in ("Ray Length", "Ray Depth", "Diffuse Depth", "Glossy Depth")
+            + ("Transparent Depth", "Transmission Depth", "Portal Depth")
+        },
+    }
+
+
+READERS.update(
+    {
+        "ShaderNodeTexCoord": _texture_coordinate,
+        "ShaderNodeUVMap": _uv_map,
+        "ShaderNodeNewGeometry": _geometry,
+        "ShaderNodeCameraData": _camera,
+        "ShaderNodeAttribute": _attribute,
+        "ShaderNodeVertexColor": _attribute,
+        "ShaderNodeTexImage": _image,
+        "ShaderNodeFresnel": _fresnel,
+        "ShaderNodeLayerWeight": _layer_weight,
+        "ShaderNodeObjectInfo": _object_info,
+        "ShaderNodeLightPath": _light_path,
+    }
+)
