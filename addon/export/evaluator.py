@@ -16,9 +16,11 @@ from typing import Any
 import numpy as np
 
 from .clamps import clamped, usual
+from .expressions import Expressions, has_output
 from .graph import Place, closes_circle, kind_of, socket_named, source
 from .images import Images
 from .report import Report
+from .shader_nodes import TreeReader
 from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant, multiply
 
 DEEPEST = 48
@@ -88,8 +90,15 @@ class Evaluator:
     sub-trees are read once.
     """
 
-    def __init__(self, name: str, images: Images, report: Report) -> None:
+    def __init__(self, name: str, images: Images, report: Report, has_program: bool = True) -> None:
+        """has_program: what sums cannot say is left to a program; else it is constant, with a
+        note.
+        """
         self.name, self.images, self.report = name, images, report
+        self.expressions = Expressions() if has_program else None
+        self._trees = (
+            TreeReader(self.expressions.graph, images, self.note) if self.expressions else None
+        )
         self._memo: dict[tuple, Any] = {}
         self._open: set[tuple] = set()
 
@@ -101,7 +110,13 @@ class Evaluator:
     def number(self, place: Place) -> Sum:
         """The same as a number, grey."""
         value, kind = self._read(place)
-        return value if kind in ("VALUE", "INT", "BOOLEAN") else grey(value)
+        if kind in ("VALUE", "INT", "BOOLEAN"):
+            return value
+        if has_output(value):
+            return self.expressions.sum_of(
+                self.expressions.number(self.expressions.value_of(value))
+            )
+        return grey(value)
 
     def coordinates(self, place: Place) -> Coordinates | None:
         """What feeds a texture's vector; None when it is not affine in a UV map."""
@@ -133,10 +148,21 @@ class Evaluator:
         if found is None or (not found.socket.is_output and closes_circle(found)):
             self.note(_CIRCLE)
 
+    def settled(self, closure: Closure) -> Closure:
+        """The closure with one term for each lobe whose weight a program computes."""
+        return {
+            key: self.expressions.sum_of(self.expressions.value_of(terms))
+            if len(terms) > 1 and has_output(terms)
+            else terms
+            for key, terms in closure.items()
+        }
+
     def limited(self, terms: Sum) -> Sum:
         """A sum short enough to render: its mean colour where it has too many terms."""
         if len(terms) <= MOST_TERMS:
             return terms
+        if self.expressions is not None:
+            return self.expressions.sum_of(self.expressions.value_of(terms))
         self.note(
             "Colours mixed from too many textures are rendered as their mean in {}: bake them into "
             "one texture"
@@ -147,9 +173,15 @@ class Evaluator:
         """A sum whose channels are kept between low and high; its mean, with a note, where that
         cannot be said of what varies.
         """
+        if has_output(terms):
+            value = self.expressions.value_of(terms)
+            return self.expressions.sum_of(self.expressions.bounded(value, low, high))
         found = clamped(terms, low, high, self.images)
         if found is not None:
             return found
+        if self.expressions is not None:
+            value = self.expressions.value_of(terms)
+            return self.expressions.sum_of(self.expressions.bounded(value, low, high))
         self.note(
             "Values mixed from several textures or attributes are not clamped as in Blender in {}: "
             "bake them into one texture"
@@ -162,13 +194,15 @@ class Evaluator:
         )
 
     def mean(self, terms: Sum) -> RGB:
-        """The mean of a sum over its textures; attributes count as one half."""
+        """The mean of a sum over its textures; attributes and what programs compute count as one
+        half.
+        """
         return constant_value(add(*((self._mean_term(term),) for term in terms)))
 
     def _mean_term(self, term: Term) -> Term:
         value = np.array(term.value)
         for factor in term.factors:
-            value = value * self.images.mean(factor)
+            value = value * (self.images.mean(factor) if factor.output < 0 else 0.5)
         return Term(tuple(float(x) for x in value))
 
     def _read(self, place: Place) -> tuple[Sum, str]:
@@ -179,12 +213,22 @@ class Evaluator:
             return self._default(found.socket), found.socket.type
         if found.node.mute:
             return ZERO, "VALUE"
-        value = self._once(found, lambda: self._call(COLOR_NODES, found), None)
+        value = self._once(found, lambda: self._value_of_node(found), None)
         return (
             (self._default(place.socket), place.socket.type)
             if value is None
             else (self.limited(value), found.socket.type)
         )
+
+    def _value_of_node(self, found: Place) -> Sum | None:
+        """By the algebra of sums where that is exact, else by the program."""
+        handler = COLOR_NODES.get(found.node.bl_idname)
+        if self._trees is None:
+            return self._call(COLOR_NODES, found)
+        value = handler(NodeView(self, found), found.socket) if handler else None
+        if value is not None:
+            return value
+        return self.expressions.sum_of(self._trees.value(found))
 
     def _default(self, socket: Any) -> Sum:
         """What an unlinked socket shows, said where it is no number."""

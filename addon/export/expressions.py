@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ...engine.program.graph import Graph, Value
-from ...engine.program.program import Program, compile_program
+from ...engine.program.program import compile_program
 from ...engine.program.table import BY_NAME
 from ...engine.reference.program import apply
-from ...engine.scene import Input
+from ...engine.scene import Input, Lobe, Material
 from .terms import RGB, Sum, Term, constant, from_input
 
 ZERO_VECTOR = (0.0, 0.0, 0.0)
@@ -61,16 +61,23 @@ class Expressions:
             "bounded", self.vector(value), self.constant((low,) * 3), self.constant((high,) * 3)
         )
 
-    def program(self, inputs: list[Input], others: list[int]) -> tuple[Program | None, list[int]]:
-        """The program of the outputs that these inputs and others name, and of each output of this
-        graph its new number.
+    def with_program(self, material: Material) -> Material:
+        """The material, whose inputs name outputs of this graph, with the program that computes
+        those and no others.
         """
-        used = sorted({i.output for i in inputs if i.output >= 0} | {o for o in others if o >= 0})
         values = list(self._outputs)
-        numbers = [used.index(k) if k in used else -1 for k in range(len(values))]
+        used = sorted(_outputs_of(material) - {-1})
         if not used:
-            return None, numbers
-        return compile_program(self.graph, [values[k] for k in used]), numbers
+            return material
+        numbers = {-1: -1, **{old: new for new, old in enumerate(used)}}
+        lobes = tuple(_renumbered(lobe, numbers) for lobe in material.lobes)
+        program = compile_program(self.graph, [values[k] for k in used])
+        return replace(
+            material,
+            lobes=lobes,
+            program=program,
+            normal_output=numbers[material.normal_output],
+        )
 
     def _sum(self, a: Value, b: Value) -> Value:
         if b.constant == ZERO_VECTOR:
@@ -126,9 +133,20 @@ class Expressions:
         return self.apply("scaled_sum", columns[0], u, moved)
 
 
-def renumbered(factor: Input, numbers: list[int]) -> Input:
-    """The factor with the program's numbers of outputs."""
-    return replace(factor, output=numbers[factor.output]) if factor.output >= 0 else factor
+def _outputs_of(material: Material) -> set[int]:
+    named = {material.normal_output}
+    for lobe in material.lobes:
+        named |= {lobe.exponent_output, lobe.masking_output, *(f.output for f in lobe.factors)}
+    return named
+
+
+def _renumbered(lobe: Lobe, numbers: dict[int, int]) -> Lobe:
+    return replace(
+        lobe,
+        factors=tuple(replace(f, output=numbers[f.output]) for f in lobe.factors),
+        exponent_output=numbers[lobe.exponent_output],
+        masking_output=numbers[lobe.masking_output],
+    )
 
 
 def has_output(terms: Sum) -> bool:

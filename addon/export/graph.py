@@ -95,16 +95,28 @@ def source(place: Place) -> Place | None:
 
     None for links that go round in a circle.
     """
+    passed = trail(place)
+    return passed[-1] if passed is not None else None
+
+
+def trail(place: Place) -> list[Place] | None:
+    """All sockets that a value passes, from where it is wanted back to its `source`.
+
+    None for links that go round in a circle.
+    """
+    passed = [place]
     for _ in range(LONGEST):
         if not place.socket.is_output:
             link = _link(place)
             if link is None:
-                return place
+                return passed
             place = place.beside(link.from_socket)
+            passed.append(place)
         step = _through(place)
         if step is None:
-            return place
+            return passed
         place = step
+        passed.append(place)
     return None
 
 

@@ -27,6 +27,7 @@ from .materials import (
     compile_material,
     default_material,
     wanted_by,
+    with_textures,
     without_unused,
 )
 from .meshes import MeshSource, mesh_key, read_attributes, readable
@@ -458,15 +459,7 @@ def _join(used: tuple[_Compiled, ...]) -> tuple[tuple[Material, ...], tuple[Text
 def _renumbered(material: Material, numbers: list[int]) -> Material:
     if not numbers:
         return material
-    new = {-1: -1, **dict(enumerate(numbers))}
-    lobes = tuple(
-        replace(
-            lobe,
-            factors=tuple(replace(factor, texture=new[factor.texture]) for factor in lobe.factors),
-        )
-        for lobe in material.lobes
-    )
-    return replace(material, lobes=lobes)
+    return with_textures(material, {-1: -1, **dict(enumerate(numbers))})
 
 
 class _KeepingCollector(Collector):

@@ -111,7 +111,7 @@ class Lights:
         output = tree and (tree.get_output_node("ALL") or tree.get_output_node("CYCLES"))
         if not output:
             return np.ones(3)
-        closure = Evaluator(name, self.images, self.report).closure(
+        closure = Evaluator(name, self.images, self.report, has_program=False).closure(
             Place(socket_named(output.inputs, "Surface"))
         )
         emission = closure.get(LobeKey("EMISSION"), ())

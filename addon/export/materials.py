@@ -9,6 +9,7 @@ import operator
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ...engine.program.program import instructions
 from ...engine.scene import LOBES, Lobe, Material, Texture
 from . import nodes_color, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
 from .evaluator import (
@@ -92,13 +93,13 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     closure = (
         _surface(tree, evaluator) if tree is not None else _viewport_surface(material, evaluator)
     )
-    lobes = lobes_of(closure)
+    lobes = lobes_of(evaluator.settled(closure))
     if any(lobe.kind == "EMISSION" for lobe in lobes):
         report.note(
             "Glowing surfaces are seen but light nothing ({}): add lights where they should",
             material.name,
         )
-    return Material(material.name, lobes, material.pass_index)
+    return evaluator.expressions.with_program(Material(material.name, lobes, material.pass_index))
 
 
 def _surface(tree: Any, evaluator: Evaluator) -> Closure:
@@ -163,10 +164,14 @@ def _lobe(key: LobeKey, factors: tuple) -> Lobe:
 def wanted_by(material: Material) -> Wanted:
     """The attributes that a material's inputs name."""
     inputs = [factor for lobe in material.lobes for factor in lobe.factors]
-    return Wanted(
-        frozenset(factor.uv for factor in inputs if factor.texture >= 0),
-        frozenset(factor.attribute for factor in inputs if factor.attribute),
-    )
+    uv_maps = {factor.uv for factor in inputs if factor.texture >= 0}
+    attributes = {factor.attribute for factor in inputs if factor.attribute}
+    program = material.program
+    for step in instructions(program) if program else ():
+        if step.operation.name in ("uv", "attribute"):
+            name = program.attributes[step.settings[0]]
+            (uv_maps if step.operation.name == "uv" else attributes).add(name)
+    return Wanted(frozenset(uv_maps), frozenset(attributes))
 
 
 def without_unused(
@@ -176,9 +181,18 @@ def without_unused(
     made for their mean.
     """
     used = sorted(
-        {factor.texture for m in materials for lobe in m.lobes for factor in lobe.factors} - {-1}
+        {factor.texture for m in materials for lobe in m.lobes for factor in lobe.factors}
+        | {texture for m in materials if m.program for texture in m.program.textures}
     )
+    used = [texture for texture in used if texture >= 0]
     numbers = {-1: -1, **{old: new for new, old in enumerate(used)}}
+
+    kept = tuple(with_textures(material, numbers) for material in materials)
+    return kept, tuple(textures[old] for old in used)
+
+
+def with_textures(material: Material, numbers: dict[int, int]) -> Material:
+    """The material with other numbers of textures."""
 
     def renumbered(lobe: Lobe) -> Lobe:
         return replace(
@@ -188,5 +202,8 @@ def without_unused(
             ),
         )
 
-    kept = tuple(replace(m, lobes=tuple(renumbered(lobe) for lobe in m.lobes)) for m in materials)
-    return kept, tuple(textures[old] for old in used)
+    return replace(
+        material,
+        lobes=tuple(renumbered(lobe) for lobe in material.lobes),
+        program=material.program.with_textures(numbers) if material.program else None,
+    )

@@ -15,6 +15,7 @@ from ...engine.scene import CORNER, FACE, POINT, Attribute, Mesh
 from .materials import Wanted
 from .nodes_texture import ACTIVE_COLOR
 from .report import Report
+from .shader_nodes.reader import GENERATED
 from .terms import GREY
 
 _DOMAINS = {"POINT": POINT, "CORNER": CORNER, "FACE": FACE}
@@ -290,6 +291,8 @@ def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -
     """(k, 4) values of a geometry attribute: numbers as grey, vectors as colours, the mean channel
     where the name asks for grey.
     """
+    if name == GENERATED:
+        return Attribute(name, POINT, _generated(mesh))
     plain = name.removeprefix(GREY)
     if plain == ACTIVE_COLOR:
         index = mesh.color_attributes.render_color_index
@@ -308,6 +311,16 @@ def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -
         _DOMAINS[attribute.domain],
         _finite(_as_color(_values(mesh, source, attribute), name.startswith(GREY))),
     )
+
+
+def _generated(mesh: Any) -> np.ndarray:
+    """(v, 4) undeformed coordinates of the vertices from 0 to 1 in the mesh's texture space."""
+    vertices = _array(mesh.vertices, "undeformed_co", len(mesh.vertices), 3)
+    size = np.array(mesh.texspace_size, np.float32)
+    half = np.where(np.abs(size) > 0, size, 1.0)
+    found = np.ones((len(vertices), 4), np.float32)
+    found[:, :3] = (vertices - np.array(mesh.texspace_location, np.float32)) / (2 * half) + 0.5
+    return _finite(found)
 
 
 def _as_color(values: np.ndarray, grey: bool) -> np.ndarray:

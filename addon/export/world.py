@@ -29,7 +29,7 @@ def _color(world: Any, images: Images, report: Report) -> RGB:
         return (0.0, 0.0, 0.0)
     if socket_named(output.inputs, "Volume").is_linked:
         report.note("Volumes are not rendered: {}", world.name)
-    evaluator = Evaluator(world.name, images, report)
+    evaluator = Evaluator(world.name, images, report, has_program=False)
     closure = evaluator.closure(Place(socket_named(output.inputs, "Surface")))
     return evaluator.mean(closure.get(LobeKey("EMISSION"), ()))
 

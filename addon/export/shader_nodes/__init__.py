@@ -4,5 +4,6 @@
 """
 
 from . import basic as basic
+from . import inputs as inputs
 from .reader import READERS as READERS
 from .reader import TreeReader as TreeReader

@@ -177,7 +177,7 @@ class NodeInputs:
         socket = socket_named(self.node.outputs, output)
         if socket is not None and socket.is_linked:
             self.reader.note(
-                f"'{output}' of {self.node.bl_label} is not supported: {{}} take a constant; bake it"
+                f"'{output}' of {self.node.bl_label} is not supported: {{}} take a constant"
             )
         return self.reader.graph.constant(instead)
 
