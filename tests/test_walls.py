@@ -26,6 +26,15 @@ BLENDER = {
 }
 ENGINES_DOOR = {
     "engine",
+    "engine.program.graph",
+    "engine.program.operations",
+    "engine.program.operations_color",
+    "engine.program.operations_math",
+    "engine.program.operations_noise",
+    "engine.program.operations_pattern",
+    "engine.program.operations_vector",
+    "engine.program.program",
+    "engine.program.table",
     "engine.scene",
     "engine.settings",
     "engine.film",
@@ -73,7 +82,9 @@ def _inside_engine(name: str) -> bool:
 
 def _inside_reference(name: str) -> bool:
     values = {f"engine.{name}" for name in ("scene", "film", "settings", "sampling")}
-    return name in values or name.startswith(("engine.reference", "engine.linear"))
+    return name in values or name.startswith(
+        ("engine.reference", "engine.linear", "engine.program")
+    )
 
 
 WALLS = {
@@ -160,7 +171,8 @@ def test_the_root_imports_lazily():
     "path", sorted((ROOT / "engine" / "core" / "src").rglob("*.[ch]*")), ids=lambda path: path.name
 )
 def test_the_core_includes_the_standard_library_and_itself_alone(path):
-    own = {header.name for header in (ROOT / "engine" / "core").rglob("*.h")}
+    core = ROOT / "engine" / "core"
+    own = {header.name for kind in ("*.h", "*.inc") for header in core.rglob(kind)}
     included = re.findall(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', path.read_text(), re.MULTILINE)
     assert not [name for kind, name in included if kind == '"' and Path(name).name not in own]
     system = [name for kind, name in included if kind == "<"]

@@ -228,7 +228,8 @@ class Evaluator:
         value = handler(NodeView(self, found), found.socket) if handler else None
         if value is not None:
             return value
-        return self.expressions.sum_of(self._trees.value(found))
+        made = self._trees.made_by(found)
+        return self.expressions.sum_of(made) if made is not None else None
 
     def _default(self, socket: Any) -> Sum:
         """What an unlinked socket shows, said where it is no number."""

@@ -1,4 +1,4 @@
-"""What of one material is computed by a program: sums as graph values, values as factors of sums."""
+"""What a program computes of one material: sums as graph values, values as factors of sums."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import replace
 from ...engine.program.graph import Graph, Value
 from ...engine.program.program import compile_program
 from ...engine.program.table import BY_NAME
-from ...engine.reference.program import apply
 from ...engine.scene import Input, Lobe, Material
 from .terms import RGB, Sum, Term, constant, from_input
 
@@ -19,7 +18,7 @@ class Expressions:
     """The graph of one material, and which of its values are outputs of the program."""
 
     def __init__(self) -> None:
-        self.graph = Graph(apply)
+        self.graph = Graph()
         self._outputs: dict[Value, int] = {}
 
     def apply(self, name: str, *arguments: Value, **settings) -> Value:

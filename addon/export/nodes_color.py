@@ -4,14 +4,12 @@ holds, texel by texel on one texture.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from .evaluator import COLOR_NODES, NodeView
-from .fresnel import dielectric_albedo, fresnel
 from .terms import (
     ONE,
     ZERO,
@@ -323,32 +321,6 @@ def _shift_hsv(
     return (high * value[:, 0])[:, None] * (1 - share[:, None] * wave)
 
 
-def _fresnel(view: NodeView, output: Any) -> Sum:
-    """View-dependent: the reflectance at 45° stands for it, but for Mix Shader, which knows
-    better.
-    """
-    view.note(
-        "A Fresnel node is rendered as its value at 45° in {}: only mixing a mirror by it is exact"
-    )
-    return constant(dielectric_albedo(view.constant("IOR", 1.5)))
-
-
-def _layer_weight(view: NodeView, output: Any) -> Sum:
-    view.note("A Layer Weight node is rendered as its value at 45° in {}")
-    blend = min(max(view.constant("Blend", 0.5), 0.0), 1 - 1e-5)
-    cosine = math.sqrt(0.5)
-    if output.name == "Fresnel":
-        return constant(fresnel(cosine, 1 / max(1 - blend, 1e-5)))
-    exponent = 2 * blend if blend < 0.5 else 0.5 / (1 - blend)
-    return constant(1 - cosine**exponent)
-
-
-def _light_path(view: NodeView, output: Any) -> Sum:
-    """As a camera ray sees it."""
-    view.note("The Light Path node is answered as for camera rays in {}")
-    return ONE if output.name == "Is Camera Ray" else ZERO
-
-
 def _rgb_to_bw(view: NodeView, output: Any) -> Sum:
     return grey(view.color("Color"))
 
@@ -378,9 +350,6 @@ COLOR_NODES.update(
         "ShaderNodeCombineRGB": _combine,
         "ShaderNodeCombineXYZ": _combine,
         "ShaderNodeHueSaturation": _hue_saturation,
-        "ShaderNodeFresnel": _fresnel,
-        "ShaderNodeLayerWeight": _layer_weight,
-        "ShaderNodeLightPath": _light_path,
         "ShaderNodeRGBToBW": _rgb_to_bw,
     }
 )

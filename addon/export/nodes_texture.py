@@ -9,7 +9,7 @@ import numpy as np
 
 from ...engine.scene import Input
 from .evaluator import COLOR_NODES, VECTOR_NODES, Coordinates, NodeView
-from .terms import GREY, ONE, Sum, from_input
+from .terms import GREY, Sum, from_input
 
 ACTIVE_COLOR = "(active colour)"
 """Attribute name that stands for a mesh's active colour attribute."""
@@ -73,7 +73,6 @@ def _attribute(view: NodeView, output: Any) -> Sum | None:
 COLOR_NODES["ShaderNodeTexImage"] = _image_texture
 COLOR_NODES["ShaderNodeVertexColor"] = _attribute
 COLOR_NODES["ShaderNodeAttribute"] = _attribute
-COLOR_NODES["ShaderNodeObjectInfo"] = lambda view, output: ONE if output.name == "Alpha" else None
 
 
 def _uv_map(view: NodeView, output: Any) -> Coordinates | None:

@@ -49,9 +49,14 @@ class Value:
 
 
 class Graph:
-    """Expressions over the operations of the table. fold: runs an operation on constants."""
+    """Expressions over the operations of the table.
 
-    def __init__(self, fold: Fold) -> None:
+    fold: runs an operation on constants; the NumPy executor where none is given.
+    """
+
+    def __init__(self, fold: Fold | None = None) -> None:
+        if fold is None:
+            from ..reference.program import apply as fold
         self._fold = fold
         self._constants: dict[bytes, Value] = {}
         self._applied: dict[tuple, tuple[Value, ...]] = {}

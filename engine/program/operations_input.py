@@ -29,7 +29,11 @@ INPUTS = (
             ("incoming", {"vector": "vector"}, "the unit direction to the viewer"),
             ("backfacing", {"value": "number"}, "1 where the inner side is seen"),
             ("object_position", {"vector": "vector"}, "the point in the object's space"),
-            ("object_normal", {"vector": "vector"}, "the outward normal in the object's space"),
+            (
+                "object_normal",
+                {"vector": "vector"},
+                "the shading normal, turned to the viewer, in the object's space",
+            ),
             ("object_location", {"vector": "vector"}, "the object's origin in the world"),
             (
                 "camera_position",

@@ -75,10 +75,9 @@ class SurfacePoints:
         return self._into(matrices[:, :, :3], self._of("x") - matrices[:, :, 3].T)
 
     def object_normal(self) -> Array:
-        """(3, m) unit shading normal, outward, in the object's space."""
+        """(3, m) unit shading normal, turned to the viewer, in the object's space."""
         matrices = self._around.placements.world_from_object[self._row()][:, :, :3]
-        outward = self._of("mesh_n") * np.where(self._surface.outside[self._index], 1.0, -1.0)
-        return unit(transform_each(np.swapaxes(matrices, 1, 2), outward))
+        return unit(transform_each(np.swapaxes(matrices, 1, 2), self._of("mesh_n")))
 
     def object_location(self) -> Array:
         """(3, m) of the object's origin in the world."""

@@ -18,6 +18,7 @@ from export_support import (  # noqa: F401
 )
 from glint.addon.export.images import mean_color, texels
 from glint.addon.export.roughness import highlights
+from glint.engine.reference.program import run
 from glint.engine.scene import Texture
 
 
@@ -433,7 +434,25 @@ def test_what_varies_is_clamped_where_blender_clamps(scene, build):  # noqa: F81
     assert not any("clamped" in note for note in result.notes)
 
 
-def test_a_clamp_that_no_factor_can_say_is_told(scene):  # noqa: F811
+class EverywhereTheSame:
+    """Points that see the first texel of each image."""
+
+    def __init__(self, textures):
+        self.textures = textures
+
+    def uv(self, name):
+        return np.zeros((2, 1))
+
+    def image(self, texture, u, v):
+        return self.textures[texture].pixels[0, 0].astype(float).reshape(4, 1) / 255
+
+
+def programs_value(material, textures):
+    """The first output of a material's program."""
+    return run(material.program, EverywhereTheSame(textures), 1)[0][:, 0]
+
+
+def test_a_clamp_that_no_factor_can_say_is_a_programs(scene):  # noqa: F811
     shader = Shader(shader="ShaderNodeEmission")
     add = shader.node("ShaderNodeMath", operation="ADD", use_clamp=True)
     for number, value in enumerate((0.75, 0.5)):
@@ -446,8 +465,11 @@ def test_a_clamp_that_no_factor_can_say_is_told(scene):  # noqa: F811
         )
     shader.link(add, 0, shader.shader, "Strength")
     result, lobes = shader.export()
-    assert total(lobes, "EMISSION", result.scene.textures) == pytest.approx(np.ones(3))
-    assert any("not clamped as in Blender" in note for note in result.notes)
+    (lobe,) = of_kind(lobes, "EMISSION")
+    assert lobe.factors[0].output == 0
+    material = next(m for m in result.scene.materials if m.program)
+    assert programs_value(material, result.scene.textures) == pytest.approx(np.ones(3))
+    assert not any("clamped" in note for note in result.notes)
     add.operation = "MULTIPLY"
     result, lobes = shader.export()
     assert len(of_kind(lobes, "EMISSION")[0].factors) == 2, (

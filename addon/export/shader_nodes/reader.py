@@ -53,6 +53,11 @@ class TreeReader:
         self._read_behind(wanted)
         return self.passed_on(wanted)
 
+    def made_by(self, found: Place) -> Value | None:
+        """The value of a node's output; None where it is not understood, which is noted."""
+        self._read_behind(found)
+        return self._made(found)
+
     def apply(self, name: str, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         """Outputs of the table's operation of this name."""
         return self.graph.apply(self.operations[name], *arguments, **settings)

@@ -80,8 +80,7 @@ inline void object_position(const Machine& m, const Operands& at) {
 
 inline void object_normal(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) {
-    const Three seen = point3(m.points.n, k);
-    const Three n = choose(load(m.points.outside + k), seen, -seen);
+    const Three n = point3(m.points.n, k);
     at.put(0, k,
            unit(Three{dot(matrix_column(m, k, 0), n), dot(matrix_column(m, k, 3), n),
                       dot(matrix_column(m, k, 6), n)}));

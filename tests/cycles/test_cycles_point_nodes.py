@@ -1,0 +1,90 @@
+"""Nodes that read the shaded point, against Cycles: each output as the light that surfaces give."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import cycles_reference as cycles
+from cycles_reference import bpy
+from glint_picture import render_pair, surface_interior
+from small_scenes import add, add_camera, ball, mesh, moved
+
+OUTPUTS = [
+    ("ShaderNodeTexCoord", name)
+    for name in ("Generated", "Normal", "UV", "Object", "Camera", "Window", "Reflection")
+]
+OUTPUTS += [
+    ("ShaderNodeNewGeometry", name)
+    for name in ("Position", "Normal", "True Normal", "Incoming", "Backfacing")
+]
+OUTPUTS += [
+    ("ShaderNodeCameraData", name) for name in ("View Vector", "View Z Depth", "View Distance")
+]
+OUTPUTS += [
+    ("ShaderNodeLayerWeight", "Fresnel"),
+    ("ShaderNodeLayerWeight", "Facing"),
+    ("ShaderNodeFresnel", "Fac"),
+    ("ShaderNodeUVMap", "UV"),
+    ("ShaderNodeObjectInfo", "Location"),
+    ("ShaderNodeLightPath", "Is Camera Ray"),
+    ("ShaderNodeVertexColor", "Color"),
+    ("ShaderNodeVertexColor", "Alpha"),
+]
+
+
+def shining(node_type: str, output: str):
+    """A material that shines with an output of a node."""
+    material = bpy.data.materials.new("shown")
+    cycles.use_nodes(material)
+    tree = material.node_tree
+    tree.nodes.clear()
+    node = tree.nodes.new(node_type)
+    emission = tree.nodes.new("ShaderNodeEmission")
+    surface = tree.nodes.new("ShaderNodeOutputMaterial")
+    if node_type == "ShaderNodeUVMap":
+        node.uv_map = "second"
+    if node_type == "ShaderNodeVertexColor":
+        node.layer_name = "paint"
+    socket = next(s for s in node.outputs if s.name in (output, {"Fac": "Factor"}.get(output)))
+    tree.links.new(socket, emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], surface.inputs["Surface"])
+    return material
+
+
+def folded(material):
+    """Two quads that are seen from in front and from behind, with two UV maps and a colour."""
+    vertices = [(-1, -1, 0), (1, -1, 0.2), (1, 1, 0.4), (-1, 1, 0), (-1, -1, 2), (-1, 1, 2.5)]
+    made = mesh("folded", vertices, [(0, 1, 2, 3), (0, 4, 5, 3)], material=material)
+    random = np.random.default_rng(2)
+    for name in ("first", "second"):
+        layer = made.uv_layers.new(name=name)
+        layer.data.foreach_set("uv", random.uniform(-1, 2, 16).astype(np.float32))
+    made.uv_layers["first"].active_render = True
+    paint = made.color_attributes.new("paint", "FLOAT_COLOR", "POINT")
+    paint.data.foreach_set("color", random.uniform(0, 1, 24).astype(np.float32))
+    return made
+
+
+def fill(scene, material) -> None:
+    """The ball is mirrored, not squeezed: Cycles bakes what stands once, and then interpolates
+    normals that are unit in the world, not in the object.
+    """
+    add(scene, "folded", folded(material), moved(-0.8, 0.3, -0.5, 1.3, 0.8, 1.0))
+    add(scene, "ball", ball(material=material), moved(1.5, -0.4, 0.3, 0.9, 0.9, -0.9))
+    add_camera(scene)
+
+
+@pytest.mark.parametrize(("node", "output"), OUTPUTS, ids=lambda value: value)
+def test_output_is_cycles(node, output):
+    scene = cycles.empty_scene(64, 64)
+    fill(scene, shining(node, output))
+    pair = render_pair(scene, "NATIVE", f"{node}-{output}")
+    found, wanted = pair.glint["Combined"][..., :3], pair.cycles["Combined"][..., :3]
+    inside = surface_interior(pair.cycles) & np.isfinite(wanted).all(-1)
+    assert inside.sum() > 300
+    error = np.abs(found - wanted)[inside].max(-1)
+    assert np.percentile(error, 99) <= 1e-3 and error.max() <= 0.02, (
+        f"worst {error.max():.2g}; "
+        f"{found[inside][error.argmax()]} for {wanted[inside][error.argmax()]}"
+    )
