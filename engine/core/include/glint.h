@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 11
+#define GLINT_ABI_VERSION 12
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -403,6 +403,11 @@ GLINT_API int32_t glint_accel_occluded_f32(const GlintAccel* accel, const GlintR
                                            uint8_t* blocked, char* error, size_t error_size);
 GLINT_API int32_t glint_accel_occluded_f64(const GlintAccel* accel, const GlintRaysF64* rays,
                                            uint8_t* blocked, char* error, size_t error_size);
+
+/* The elementary functions of materials' programs, for tests: out[k] = f(x[k], y[k]) by its name in
+ * C ("exp", "atan2", ...; "floor_mod"). Returns 0, or -1 where there is none of that name. */
+GLINT_API int32_t glint_function(const char* name, const double* x, const double* y, double* out,
+                                 uint64_t count);
 
 enum { GLINT_EXP, GLINT_LOG, GLINT_COS, GLINT_SIN, GLINT_COSINE_POWER };
 

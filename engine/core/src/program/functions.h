@@ -3,5 +3,6 @@
 // in units of the last place of the result, tested against mpmath.
 #pragma once
 #include "program/functions_exp.h"
+#include "program/functions_hyperbolic.h"
 #include "program/functions_round.h"
 #include "program/functions_trig.h"

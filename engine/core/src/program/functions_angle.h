@@ -61,18 +61,17 @@ __attribute__((noinline)) inline TurnedLane turned_far(double x) {
           x < 0 ? -turns : turns};
 }
 
-__attribute__((noinline)) inline void turn_far_lanes(Doubles x, uint32_t far, Turned& at) {
+__attribute__((noinline)) inline void turn_far_lanes(Doubles x, Mask far, Turned& at) {
   Pair fraction = {splat(0), splat(0)};
   for (size_t k = 0; k < kLanes; ++k) {
-    if (!(far >> k & 1)) continue;
+    if (!far[k]) continue;
     const TurnedLane lane = turned_far(x[k]);
     fraction.high[k] = lane.high, fraction.low[k] = lane.low, at.turns[k] = lane.turns;
   }
   const Pair p = exact_product(fraction.high, splat(kRightHigh));
   const Doubles low = p.low + (fraction.high * kRightLow + fraction.low * kRightHigh);
   const Pair rest = ordered_sum(p.high, low);
-  const Mask these = magnitude(x) >= 0x1p20;
-  at.rest = {choose(these, rest.high, at.rest.high), choose(these, rest.low, at.rest.low)};
+  at.rest = {choose(far, rest.high, at.rest.high), choose(far, rest.low, at.rest.low)};
 }
 
 /// x modulo a right angle: below 2^20 by pi / 2 in three parts of 33 bits and a last one, the
@@ -83,8 +82,8 @@ inline Turned turned(Doubles x) {
   const Pair a = exact_sum(x - n * 0x1.921fb54400000p+0, n * -0x1.0b4611a600000p-34);
   const Pair b = exact_sum(a.high, n * -0x1.3198a2e000000p-69);
   Turned at{ordered_sum(b.high, (a.low + b.low) - n * 0x1.b839a252049c1p-104), Mask(shifted)};
-  const Doubles size = magnitude(x);
-  if (const uint32_t far = bits((size >= 0x1p20) & (size < kInfinite))) turn_far_lanes(x, far, at);
+  const Mask far = (magnitude(x) >= 0x1p20) & (magnitude(x) < kInfinite);
+  if (any(far)) turn_far_lanes(x, far, at);
   return at;
 }
 
