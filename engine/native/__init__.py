@@ -90,6 +90,10 @@ _SIGNATURES = {
         for question, answer in (("closest", POINTER(HitsData)), ("occluded", c_void_p))
         for precision in ("f32", "f64")
     },
+    "glint_function": (
+        c_int32,
+        [c_char_p, POINTER(c_double), POINTER(c_double), POINTER(c_double), c_uint64],
+    ),
     "glint_math": (
         None,
         [c_int32, POINTER(c_double), POINTER(c_double), POINTER(c_double), c_uint64],

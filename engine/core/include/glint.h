@@ -424,6 +424,11 @@ GLINT_API int32_t glint_accel_occluded_f32(const GlintAccel* accel, const GlintR
 GLINT_API int32_t glint_accel_occluded_f64(const GlintAccel* accel, const GlintRaysF64* rays,
                                            uint8_t* blocked, char* error, size_t error_size);
 
+/* The elementary functions of materials' programs, for tests: out[k] = f(x[k], y[k]) by its name in
+ * C ("exp", "atan2", ...; "floor_mod"). Returns 0, or -1 where there is none of that name. */
+GLINT_API int32_t glint_function(const char* name, const double* x, const double* y, double* out,
+                                 uint64_t count);
+
 enum { GLINT_EXP, GLINT_LOG, GLINT_COS, GLINT_SIN, GLINT_COSINE_POWER };
 
 /* The core's own mathematics, for tests: out[k] = f(x[k]). COSINE_POWER: max(0, cos)^y from tan^2 =

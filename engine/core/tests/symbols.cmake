@@ -1,5 +1,5 @@
 # Fails when a kernel's object file defines a weak function or variable, or when there is no kernel.
-list(FILTER OBJECTS INCLUDE REGEX "kernel_|stages_")
+list(FILTER OBJECTS INCLUDE REGEX "kernel_|stages_|functions_(generic|sse42|avx)")
 list(LENGTH OBJECTS count)
 if(count EQUAL 0)
   message(FATAL_ERROR "no kernels among the objects")

@@ -1,65 +1,9 @@
-// The functions of math.h that highlights need, without branches.
+// What highlights are made of, without branches.
 #pragma once
-#include "simd/lanes.h"
+#include "program/functions_exp.h"
 
 namespace glint {
 namespace {
-
-constexpr double kShift =
-    0x1.8p52;  // the sum with it is rounded to an integer, which its last bits then are
-constexpr double kTwoHigh = 0x1.62e42fee00000p-1,
-                 kTwoLow =
-                     0x1.a39ef35793c76p-33;  // log 2; the high part has 32 bits: k * high is exact
-
-/// c[0] x^(N-1) + ... + c[N-1]. The even and the odd powers each by Horner's rule, side by side: a
-/// processor waits for half as many steps.
-template <int N>
-inline Doubles polynomial(const double (&c)[N], Doubles x) {
-  const Doubles square = x * x;
-  Doubles last = splat(c[0]), other = splat(c[1]);  // last: the powers of c[0], c[2], ...
-  for (int i = 2; i < N; i += 2) {
-    last = last * square + c[i];
-    if (i + 1 < N) other = other * square + c[i + 1];
-  }
-  return N % 2 ? last + other * x : last * x + other;
-}
-
-/// e^x for x <= 0; 0 below -708.
-inline Doubles exponential(Doubles x) {
-  static constexpr double c[] = {1.0 / 6227020800, 1.0 / 479001600, 1.0 / 39916800, 1.0 / 3628800,
-                                 1.0 / 362880,     1.0 / 40320,     1.0 / 5040,     1.0 / 720,
-                                 1.0 / 120,        1.0 / 24,        1.0 / 6,        0.5};
-  const Doubles shifted = x * 1.44269504088896340736 + kShift, k = shifted - kShift;
-  const Doubles r = (x - k * kTwoHigh) - k * kTwoLow;
-  const Doubles power = Doubles((Mask(shifted) + 1023) << 52);
-  return where(x >= -708, (1 + (r + r * r * polynomial(c, r))) * power);
-}
-
-/// A positive normal number as m 2^k, m in [1, 2).
-struct Parts {
-  Doubles m;
-  Mask k;
-  explicit Parts(Doubles x)
-      : m(Doubles((Mask(x) & 0x000fffffffffffff) | 0x3ff0000000000000)), k(Mask(x) >> 52) {}
-};
-
-/// log(1 + a / b) for a >= 0 and b > 0 with full relative accuracy however small a / b is, as 2
-/// artanh of difference over sum. Below 1e-300 b is that.
-inline Doubles logarithm_of_one_and(Doubles a, Doubles b) {
-  static constexpr double c[] = {2.0 / 23, 2.0 / 21, 2.0 / 19, 2.0 / 17, 2.0 / 15, 2.0 / 13,
-                                 2.0 / 11, 2.0 / 9,  2.0 / 7,  2.0 / 5,  2.0 / 3};
-  constexpr double kRoot = 1.41421356237309504880;
-  b = larger(b, splat(1e-300));
-  const Doubles total = a + b;
-  const Parts p(total), q(b);
-  const Mask above = p.m > kRoot * q.m, below = q.m > kRoot * p.m;
-  const Doubles m = choose(above, 0.5 * p.m, choose(below, 2 * p.m, p.m));
-  const Mask near =
-      total <= kRoot * b;  // there the difference of the two would have lost a's digits
-  const Doubles k = where(~near, Doubles(p.k - q.k - above + below + 0x4338000000000000) - kShift);
-  const Doubles s = choose(near, a, m - q.m) / choose(near, total + b, m + q.m), s2 = s * s;
-  return k * kTwoHigh + (s * (2 + s2 * polynomial(c, s2)) + k * kTwoLow);
-}
 
 /// cos^p of the angle whose squared tangent is given, for a cosine > 0: exp(-p/2 log(1 + tan^2)),
 /// accurate at any p >= 0.

@@ -25,6 +25,7 @@ constexpr uint32_t kAllLanes = (1u << kLanes) - 1;
 
 typedef double Doubles __attribute__((vector_size(8 * kLanes)));
 typedef decltype(Doubles{} < Doubles{}) Mask;  // 64 bits a lane, 0 or -1 where it is a mask
+typedef uint64_t Words __attribute__((vector_size(8 * kLanes)));
 typedef float Singles __attribute__((vector_size(4 * kLanes)));
 typedef int32_t Whole __attribute__((vector_size(4 * kLanes)));
 typedef uint32_t Numbers __attribute__((vector_size(4 * kLanes)));

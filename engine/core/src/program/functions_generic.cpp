@@ -1,0 +1,7 @@
+#if !defined(GLINT_X86_KERNELS)
+#include "program/functions_table.h"
+
+namespace glint {
+extern const NamedFunction* const functions_generic = kNamedFunctions;
+}
+#endif
