@@ -21,7 +21,7 @@ class Expressions:
         self.graph = Graph()
         self._outputs: dict[Value, int] = {}
 
-    def apply(self, name: str, *arguments: Value, **settings) -> Value:
+    def apply(self, name: str, /, *arguments: Value, **settings) -> Value:
         """The first output of the table's operation of this name."""
         return self.graph.apply(BY_NAME[name], *arguments, **settings)[0]
 
@@ -99,7 +99,9 @@ class Expressions:
         if factor.texture >= 0:
             value = self._times(value, self._image(factor))
         if factor.attribute:
-            color, alpha = self.graph.apply(BY_NAME["attribute"], attribute=factor.attribute)
+            color, alpha = self.graph.apply(
+                BY_NAME["attribute"], attribute=factor.attribute, shift=0
+            )
             wanted = self.vector(alpha) if factor.attribute_channel == "ALPHA" else color
             value = self._times(value, wanted)
         if factor.output >= 0:
@@ -112,7 +114,7 @@ class Expressions:
         return value
 
     def _image(self, factor: Input) -> Value:
-        uv = self.apply("uv", attribute=factor.uv)
+        uv = self.apply("uv", attribute=factor.uv, shift=0)
         color, alpha = self.graph.apply(
             BY_NAME["image"], self._transformed(uv, factor.uv_transform), texture=factor.texture
         )

@@ -74,7 +74,9 @@ class Graph:
             self._constants[bits] = Value(numbers.size, constant=constant)
         return self._constants[bits]
 
-    def apply(self, operation: Operation, *arguments: Value, **settings: Any) -> tuple[Value, ...]:
+    def apply(
+        self, operation: Operation, /, *arguments: Value, **settings: Any
+    ) -> tuple[Value, ...]:
         """The outputs of an operation of the table, one value each.
 
         Settings that are references are given as what they refer to: an attribute's name, a
@@ -88,6 +90,23 @@ class Graph:
                 operation, arguments, chosen
             )
         return self._applied[key]
+
+    def shifted(self, value: Value, shift: int) -> Value:
+        """The same expression read beside the point, as `operations_input.Shift` has it."""
+        moved: dict[int, tuple[Value, ...]] = {}
+
+        def at(v: Value) -> Value:
+            return v if v.call is None else moved[v.call.order][v.output]
+
+        for call in needed([value]):
+            names = [name for name, _ in call.operation.settings]
+            settings = self.meant(call.operation, call.settings)
+            if "shift" in names:
+                settings["shift"] = shift
+            moved[call.order] = self.apply(
+                call.operation, *(at(argument) for argument in call.arguments), **settings
+            )
+        return at(value)
 
     def meant(self, operation: Operation, settings: Sequence[int]) -> dict[str, Any]:
         """Settings by name, references as what they refer to."""
@@ -139,6 +158,19 @@ class Graph:
         if int(given) not in (choices if isinstance(choices, range) else list(choices)):
             raise ValueError(f"{given!r} is not one of {choices}")
         return int(given)
+
+
+def needed(values: Sequence[Value]) -> list[Call]:
+    """Every call that the values depend on, arguments before what uses them."""
+    waiting = [value.call for value in values if value.call is not None]
+    found: dict[int, Call] = {}
+    while waiting:
+        call = waiting.pop()
+        if call.order in found:
+            continue
+        found[call.order] = call
+        waiting += [value.call for value in call.arguments if value.call is not None]
+    return [found[order] for order in sorted(found)]
 
 
 def widths_of(sockets: Iterable[tuple[str, Any]]) -> tuple[int, ...]:

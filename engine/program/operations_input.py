@@ -2,13 +2,38 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
+
 from .operations import Operation, Reference, sockets
+
+
+class Shift(IntEnum):
+    """Where an operation reads: at the point, or a tenth of a pixel beside it, along the first or
+    the second of two axes in the plane of the face. What bumps take differences of.
+    """
+
+    NONE = 0
+    FIRST = 1
+    SECOND = 2
+
+
+class NormalSpace(IntEnum):
+    """Blender's identifiers of what the colours of normal maps mean."""
+
+    TANGENT = 0
+    OBJECT = 1
+    WORLD = 2
+    BLENDER_OBJECT = 3
+    BLENDER_WORLD = 4
+
+
+_SHIFT = (("shift", Shift),)
 
 INPUTS = (
     Operation(
         "attribute",
         sockets(vector="vector", alpha="number"),
-        settings=(("attribute", Reference.ATTRIBUTE),),
+        settings=(("attribute", Reference.ATTRIBUTE), *_SHIFT),
         formula="the mesh's attribute: its first three channels, missing ones 0, and the fourth, "
         "1 where there is none; zeros where the mesh lacks it",
         reads_point=True,
@@ -16,19 +41,29 @@ INPUTS = (
     Operation(
         "uv",
         sockets(vector="vector"),
-        settings=(("attribute", Reference.ATTRIBUTE),),
+        settings=(("attribute", Reference.ATTRIBUTE), *_SHIFT),
         formula="(u, v, 0) of a UV map, the active one where the name is empty",
         reads_point=True,
     ),
     *(
+        Operation(name, sockets(vector="vector"), (), _SHIFT, formula, reads_point=True)
+        for name, formula in (
+            ("position", "the point in the world"),
+            ("object_position", "the point in the object's space"),
+            (
+                "camera_position",
+                "the point along right and up of the camera, and its depth",
+            ),
+            ("window", "(x, y, 0) in the picture, 0 to 1 from lower left"),
+        )
+    ),
+    *(
         Operation(name, sockets(**outputs), formula=formula, reads_point=True)
         for name, outputs, formula in (
-            ("position", {"vector": "vector"}, "the point in the world"),
             ("normal", {"vector": "vector"}, "the mesh's shading normal, turned to the viewer"),
             ("face_normal", {"vector": "vector"}, "the face's normal, turned to the viewer"),
             ("incoming", {"vector": "vector"}, "the unit direction to the viewer"),
             ("backfacing", {"value": "number"}, "1 where the inner side is seen"),
-            ("object_position", {"vector": "vector"}, "the point in the object's space"),
             (
                 "object_normal",
                 {"vector": "vector"},
@@ -36,11 +71,10 @@ INPUTS = (
             ),
             ("object_location", {"vector": "vector"}, "the object's origin in the world"),
             (
-                "camera_position",
-                {"vector": "vector"},
-                "the point along right and up of the camera, and its depth",
+                "object_stretch",
+                {"value": "number"},
+                "length in the world of the object's unit normal",
             ),
-            ("window", {"vector": "vector"}, "(x, y, 0) in the picture, 0 to 1 from lower left"),
             (
                 "reflection",
                 {"vector": "vector"},
@@ -69,6 +103,31 @@ INPUTS = (
         sockets(camera="number", shadow="number", bounced="number"),
         formula="1 for the kind of ray that meets the point: from the camera, to a light, mirrored "
         "or refracted; else 0",
+        reads_point=True,
+    ),
+    Operation(
+        "normal_map",
+        sockets(normal="vector"),
+        sockets(color="vector", strength="number"),
+        (("space", NormalSpace), ("attribute", Reference.ATTRIBUTE)),
+        "the shading normal that 2 color - 1 means; in tangent space along the tangent that the "
+        "attribute is (its fourth channel the bitangent's sign), that times the normal, and the "
+        "normal; strength mixes it with the shading normal",
+        reads_point=True,
+    ),
+    Operation(
+        "bump",
+        sockets(normal="vector"),
+        sockets(
+            height="number",
+            first="number",
+            second="number",
+            strength="number",
+            distance="number",
+            normal="vector",
+        ),
+        formula="the normal of a surface that is raised along normal by distance × height; first, "
+        "second: the heights beside the point, as Shift says (Mikkelsen 2020)",
         reads_point=True,
     ),
     Operation(

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .graph import Call, Graph, Value, widths_of
+from .graph import Call, Graph, Value, needed, widths_of
 from .operations import Operation, Reference
 from .table import CODES, OPERATIONS
 
@@ -70,7 +70,7 @@ def instructions(program: Program) -> Iterator[Instruction]:
 
 def compile_program(graph: Graph, outputs: Sequence[Value]) -> Program:
     """The program that computes the values, none of them a constant, and nothing else."""
-    calls = _needed(outputs)
+    calls = needed(outputs)
     last_uses = _last_uses(calls, outputs)
     things, slots = _Things(graph), _Slots(last_uses)
     constants: list[float] = []
@@ -86,19 +86,6 @@ def compile_program(graph: Graph, outputs: Sequence[Value]) -> Program:
         tuple(slots.of(value) for value in outputs),
         **things.tuples(),
     )
-
-
-def _needed(outputs: Sequence[Value]) -> list[Call]:
-    """Every call that an output depends on, arguments before what uses them."""
-    waiting = [value.call for value in outputs if value.call is not None]
-    found: dict[int, Call] = {}
-    while waiting:
-        call = waiting.pop()
-        if call.order in found:
-            continue
-        found[call.order] = call
-        waiting += [value.call for value in call.arguments if value.call is not None]
-    return [found[order] for order in sorted(found)]
 
 
 def _last_uses(calls: list[Call], outputs: Sequence[Value]) -> dict[tuple[int, int], int]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..scene import Input, Lobe, Material, Scene
 from .attributes import Attributes
-from .placements import Placements
+from .geometry import Geometry
 from .points import SurfacePoints, Surroundings
 from .program import run
 from .surface import Spot, Surface
@@ -62,11 +62,11 @@ class Coefficients:
 class Shader:
     """Evaluates the materials of a scene."""
 
-    def __init__(self, scene: Scene, attributes: Attributes, placements: Placements):
+    def __init__(self, scene: Scene, attributes: Attributes, geometry: Geometry):
         self._materials = (*scene.materials, DEFAULT)  # index -1 is the default
         self._attributes = attributes
         self._images = [Image(t) for t in scene.textures]
-        self._around = Surroundings(attributes, self._images, placements, scene.camera)
+        self._around = Surroundings(attributes, self._images, geometry, scene.camera)
         self.has_programs = any(m.program is not None for m in scene.materials)
 
     def is_transparent(self, material: Array) -> Array:

@@ -8,10 +8,11 @@ import numpy as np
 
 from ..scene import Camera
 from .attributes import Attributes
+from .geometry import Geometry
 from .placements import Placements
 from .surface import Surface
 from .textures import Image
-from .vectors import dot, pick, transform_each, unit
+from .vectors import basis_around, dot, pick, transform_each, unit
 
 Array = np.ndarray
 
@@ -22,8 +23,12 @@ class Surroundings:
 
     attributes: Attributes
     images: list[Image]
-    placements: Placements
+    geometry: Geometry
     camera: Camera
+
+    @property
+    def placements(self) -> Placements:
+        return self.geometry.placements
 
     @property
     def eye(self) -> Array:
@@ -37,21 +42,21 @@ class SurfacePoints:
         """kind: of the rays that meet it, "camera", "mirror" or "shadow"."""
         self._around, self._surface, self._index, self._kind = around, surface, index, kind
 
-    def attribute(self, name: str) -> Array:
-        """(4, m): see `program.Points`."""
-        return self._around.attributes.color(name).at(*self._place())
+    def attribute(self, name: str, shift: int) -> Array:
+        """(4, m): see `program.Points`. shift: `operations_input.Shift`, here and below."""
+        return self._around.attributes.color(name).at(*self._place(shift))
 
-    def uv(self, name: str) -> Array:
+    def uv(self, name: str, shift: int) -> Array:
         """(2, m)."""
-        return self._around.attributes.uv(name).at(*self._place())
+        return self._around.attributes.uv(name).at(*self._place(shift))
 
     def image(self, texture: int, u: Array, v: Array) -> Array:
         """(4, m) RGBA."""
         return self._around.images[texture].read(u, v)
 
-    def position(self) -> Array:
+    def position(self, shift: int) -> Array:
         """(3, m) in the world."""
-        return self._of("x") + self._around.eye
+        return self._x(shift) + self._around.eye
 
     def normal(self) -> Array:
         """(3, m) unit shading normal, turned to the viewer."""
@@ -69,32 +74,48 @@ class SurfacePoints:
         """(m,) 1 where the inner side is seen, else 0."""
         return 1.0 - self._surface.outside[self._index]
 
-    def object_position(self) -> Array:
+    def object_position(self, shift: int) -> Array:
         """(3, m) in the object's space; zeros where its matrix has no inverse."""
         matrices = self._around.placements.world_from_object[self._row()]
-        return self._into(matrices[:, :, :3], self._of("x") - matrices[:, :, 3].T)
+        return self._into(matrices[:, :, :3], self._x(shift) - matrices[:, :, 3].T)
 
     def object_normal(self) -> Array:
         """(3, m) unit shading normal, turned to the viewer, in the object's space."""
         matrices = self._around.placements.world_from_object[self._row()][:, :, :3]
         return unit(transform_each(np.swapaxes(matrices, 1, 2), self._of("mesh_n")))
 
+    def normal_to_world(self, normal: Array) -> Array:
+        """(3, m) unit normals of the object's space, outward, in the world."""
+        placements, row = self._around.placements, self._row()
+        return unit(transform_each(placements.normals[row], normal)) * placements.mirror[row]
+
+    def object_stretch(self) -> Array:
+        """(m,) length in the world of the unit normal of the object's space."""
+        matrices = self._around.placements.world_from_object[self._row()][:, :, :3]
+        return np.sqrt((transform_each(matrices, self.object_normal()) ** 2).sum(0))
+
+    def shift(self, number: int) -> Array:
+        """(3, m) the step to where a shifted read happens; zeros for 0."""
+        if number == 0:
+            return np.zeros((3, len(self._index)))
+        return self._step_size() * basis_around(self._of("g"))[number - 1]
+
     def object_location(self) -> Array:
         """(3, m) of the object's origin in the world."""
         return self._around.placements.world_from_object[self._row()][:, :, 3].T + self._around.eye
 
-    def camera_position(self) -> Array:
+    def camera_position(self, shift: int) -> Array:
         """(3, m): along right and up of the camera, and the depth; world units."""
         axes = np.asarray(self._around.camera.world_from_camera, np.float64)[:, :3]
         sizes = np.sqrt((axes * axes).sum(0))
-        local = np.linalg.solve(axes / sizes, self._of("x"))
+        local = np.linalg.solve(axes / sizes, self._x(shift))
         return local * np.array([[1.0], [1.0], [-1.0]])
 
-    def window(self) -> Array:
+    def window(self, shift: int) -> Array:
         """(2, m) of the picture, from 0 at the left and bottom to 1."""
         camera = self._around.camera
         axes = np.asarray(camera.world_from_camera, np.float64)[:, :3]
-        x, y, z = np.linalg.solve(axes, self._of("x"))
+        x, y, z = np.linalg.solve(axes, self._x(shift))
         if camera.kind == "PERSPECTIVE":
             depth = np.where(z != 0, -z, 1.0)
             x, y = x / depth, y / depth
@@ -119,9 +140,42 @@ class SurfacePoints:
     def _row(self) -> Array:
         return self._surface.row[self._index]
 
-    def _place(self) -> tuple[Array, Array, Array]:
+    def _x(self, shift: int) -> Array:
+        return self._of("x") + self.shift(shift)
+
+    def _step_size(self) -> Array:
+        """(m,) a tenth of what a pixel spans there."""
+        camera = self._around.camera
+        left, right = camera.window[:2]
+        axis = np.sqrt((np.asarray(camera.world_from_camera, np.float64)[:, 0] ** 2).sum())
+        pixel = 0.1 * axis * (right - left) / camera.resolution[0]
+        if camera.kind == "ORTHOGRAPHIC":
+            return np.full(len(self._index), pixel)
+        return pixel * np.sqrt((self._of("x") ** 2).sum(0))
+
+    def _place(self, shift: int) -> tuple[Array, Array, Array]:
         s, index = self._surface, self._index
-        return s.geometry[index], s.local[index], pick(s.weights, index)
+        weights = pick(s.weights, index)
+        if shift:
+            weights = weights + self._weights_of(self.shift(shift))
+        return s.geometry[index], s.local[index], weights
+
+    def _weights_of(self, step: Array) -> Array:
+        """(3, m) what barycentric weights gain by a step in the plane of the triangle; zeros off
+        triangles.
+        """
+        g, change = self._around.geometry, np.zeros((3, len(self._index)))
+        primitive = self._surface.primitive[self._index]
+        flat = np.flatnonzero(primitive < g.triangle_count)
+        a, b, c = (pick(g.points, corner[primitive[flat]]) for corner in g.triangles)
+        e, f, d = b - a, c - a, pick(step, flat)
+        ee, ef, ff, ed, fd = dot(e, e), dot(e, f), dot(f, f), dot(e, d), dot(f, d)
+        size = ee * ff - ef * ef
+        safe = np.where(size > 0, size, 1.0)
+        u = np.where(size > 0, (ff * ed - ef * fd) / safe, 0.0)
+        v = np.where(size > 0, (ee * fd - ef * ed) / safe, 0.0)
+        change[:, flat] = np.stack([-u - v, u, v])
+        return change
 
     @staticmethod
     def _into(matrices: Array, points: Array) -> Array:

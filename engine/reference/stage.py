@@ -34,7 +34,7 @@ class Stage:
         self.geometry = gather(scene, self.eye)
         pulse.beat()
         self.attributes = Attributes(scene)
-        self.shader = Shader(scene, self.attributes, self.geometry.placements)
+        self.shader = Shader(scene, self.attributes, self.geometry)
         self.visibility = Visibility(
             self.geometry, ~self.shader.is_transparent(self.geometry.material), pulse
         )

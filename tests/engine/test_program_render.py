@@ -11,14 +11,21 @@ from glint import engine
 from glint.engine import scene as s
 from glint.engine.program.graph import Graph, Value
 from glint.engine.program.operations import Operation
+from glint.engine.program.operations_input import NormalSpace
+from glint.engine.program.operations_math import MathOperation
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME, OPERATIONS
 from glint.engine.reference.program import apply
-from native_tools import needs_core
+from native_tools import NO_WORLD, needs_core, placed, square, view_from_above
 
 pytestmark = needs_core
 
 POINT_READERS = [o for o in OPERATIONS if o.reads_point and not o.arguments]
+READS = [
+    pytest.param(o, shift, id=f"{o.name}-{shift}")
+    for o in POINT_READERS
+    for shift in (range(3) if "shift" in dict(o.settings) else (0,))
+]
 SIZE = 24
 
 
@@ -99,13 +106,147 @@ def both(scene: s.Scene, passes=("Combined",), **settings) -> list[dict[str, np.
 
 
 @pytest.mark.parametrize("kind", ["PERSPECTIVE", "ORTHOGRAPHIC"])
-@pytest.mark.parametrize("operation", POINT_READERS, ids=lambda o: o.name)
-def test_what_is_read_of_a_point(operation: Operation, kind: str):
+@pytest.mark.parametrize(("operation", "shift"), READS)
+def test_what_is_read_of_a_point(operation: Operation, shift: int, kind: str):
     graph = new_graph()
-    settings = {
-        name: {"attribute": "color", "uv": ""}[operation.name] for name, _ in operation.settings
-    }
+    names = [name for name, _ in operation.settings]
+    settings = {"attribute": {"attribute": "color", "uv": ""}.get(operation.name), "shift": shift}
+    settings = {name: settings[name] for name in names}
     for value in graph.apply(operation, **settings):
         core, reference = both(scene_of(shown(graph, as_color(graph, value)), kind))
         assert core["Combined"].any() or operation.name == "backfacing"
         np.testing.assert_allclose(core["Combined"], reference["Combined"], rtol=1e-5, atol=1e-5)
+
+
+def point_value(graph: Graph, name: str, **settings) -> Value:
+    return graph.apply(BY_NAME[name], **settings)[0]
+
+
+@pytest.mark.parametrize("space", NormalSpace)
+def test_normal_maps(space: NormalSpace):
+    graph = new_graph()
+    color = point_value(graph, "attribute", attribute="color", shift=0)
+    bent = graph.apply(
+        BY_NAME["normal_map"], color, graph.constant(0.7), space=space, attribute="color"
+    )[0]
+    core, reference = both(scene_of(shown(graph, bent)))
+    np.testing.assert_allclose(core["Combined"], reference["Combined"], rtol=1e-5, atol=1e-5)
+
+
+def bumpy(graph: Graph) -> Value:
+    """Hills of a texture and of the place in the object, on the shading normal."""
+    texture, _ = graph.apply(
+        BY_NAME["image"], point_value(graph, "object_position", shift=0), texture=0
+    )
+    height = graph.apply(BY_NAME["rgb_to_bw"], texture)[0]
+    heights = (height, graph.shifted(height, 1), graph.shifted(height, 2))
+    numbers = (graph.constant(0.8), graph.constant(0.3))
+    return graph.apply(BY_NAME["bump"], *heights, *numbers, point_value(graph, "normal"))[0]
+
+
+@pytest.mark.parametrize("kind", ["PERSPECTIVE", "ORTHOGRAPHIC"])
+def test_bumps(kind: str):
+    graph = new_graph()
+    core, reference = both(scene_of(shown(graph, bumpy(graph)), kind))
+    np.testing.assert_allclose(core["Combined"], reference["Combined"], rtol=1e-4, atol=1e-4)
+
+
+def test_a_bumps_slope_is_that_of_the_height():
+    """A height of x / 2 over a plane turns its normal by the arctangent of one half."""
+    graph = new_graph()
+    x = graph.apply(BY_NAME["separate_xyz"], point_value(graph, "position", shift=0))[0]
+    height = graph.apply(
+        BY_NAME["vector_average"],
+        graph.apply(BY_NAME["combine_xyz"], x, graph.constant(0.0), graph.constant(0.0))[0],
+    )[0]
+    one = graph.constant(1.0)
+    bent = graph.apply(
+        BY_NAME["bump"],
+        height,
+        graph.shifted(height, 1),
+        graph.shifted(height, 2),
+        one,
+        graph.constant(1.5),
+        point_value(graph, "normal"),
+    )[0]
+    scene = s.Scene(
+        view_from_above(), (square(),), (placed(),), (shown(graph, bent),), world=NO_WORLD
+    )
+    for picture in both(scene):
+        expected = np.array([-0.5, 0, 1]) / np.sqrt(1.25)
+        np.testing.assert_allclose(picture["Combined"][8, 8, :3], expected, atol=1e-6)
+
+
+LIGHT = s.Light("sun", "SUN", np.array([[1, 0, 0, 0], [0, 0.8, 0.6, 0], [0, -0.6, 0.8, 5.0]]))
+
+
+def test_bent_normals_shade():
+    """Lobes, mirrors and the Normal pass see the program's normal, and nothing else moves."""
+    graph = new_graph()
+    program = compile_program(graph, [bumpy(graph)])
+    lobes = (
+        s.Lobe("DIFFUSE"),
+        s.Lobe("SPECULAR", exponent=20.0, masking=0.3),
+        s.Lobe("MIRROR", (s.Input((0.3,) * 3),)),
+    )
+    material = s.Material("bumpy", lobes, program=program, normal_output=0)
+    scene = scene_of(material, lights=(LIGHT,), world=s.World(background=(0.2, 0.3, 0.4)))
+    core, reference = both(scene, ("Combined", "Normal", "Position", "Mirror"), max_bounces=2)
+    plain = both(replace(scene, materials=(replace(material, normal_output=-1),)), ("Normal",))[0]
+    assert np.abs(core["Normal"] - plain["Normal"]).max() > 0.1
+    for name in core:
+        off = np.abs(core[name] - reference[name]).reshape(SIZE * SIZE, -1).max(1)
+        assert np.mean(off > 1e-3) <= 0.01, name
+
+
+def test_exponents_and_masking_of_a_program():
+    graph = new_graph()
+    color, alpha = graph.apply(BY_NAME["attribute"], attribute="color", shift=0)
+    exponent = graph.apply(
+        BY_NAME["math"],
+        alpha,
+        graph.constant(90.0),
+        graph.constant(2.0),
+        operation=MathOperation.MULTIPLY_ADD,
+        clamp=0,
+    )[0]
+    program = compile_program(graph, [exponent, alpha, color])
+    lobes = (
+        s.Lobe("SPECULAR", (s.Input(),), 100.0, masking=1.0, exponent_output=0, masking_output=1),
+        s.Lobe(
+            "DIFFUSE", (s.Input((0.5,) * 3, output=2, low=0.0, high=1.0),), 5.0, exponent_output=0
+        ),
+    )
+    lamp = replace(LIGHT, kind="POINT", radius=0.5, strength=500.0)
+    scene = scene_of(s.Material("shiny", lobes, program=program), lights=(LIGHT, lamp))
+    for light_samples in (1, 4):
+        core, reference = both(scene, light_samples=light_samples)
+        assert core["Combined"][..., :3].max() > 0.1
+        np.testing.assert_allclose(core["Combined"], reference["Combined"], rtol=2e-4, atol=1e-4)
+
+
+def test_light_that_programs_let_through():
+    """Shadow rays and holdouts ask programs too, of meshes, spheres and polygons."""
+    graph = new_graph()
+    facing = graph.apply(
+        BY_NAME["layer_weight"], graph.constant(0.4), point_value(graph, "normal")
+    )[1]
+    shadow = graph.apply(BY_NAME["light_path"])[1]
+    position = point_value(graph, "position", shift=0)
+    through = graph.apply(BY_NAME["scaled_sum"], position, shadow, as_color(graph, facing))[0]
+    program = compile_program(graph, [through])
+    lobes = (s.Lobe("TRANSPARENT", (s.Input(output=0, low=0.0, high=1.0),)), s.Lobe("DIFFUSE"))
+    material = s.Material("veil", lobes, program=program)
+    floor = s.Instances("floor", 3, np.array([[[3.0, 0, 0, 0], [0, 3, 0, 0], [0, 0, 1, -1]]]), (1,))
+    scene = scene_of(material, lights=(LIGHT,))
+    hole = replace(scene.instances[1], holdout=True)
+    scene = replace(
+        scene,
+        geometries=(*scene.geometries, square(1.0)),
+        instances=(scene.instances[0], hole, scene.instances[2], floor),
+        materials=(material, s.Material("white", (s.Lobe("DIFFUSE"),))),
+    )
+    core, reference = both(scene, ("Combined", "Shadow", "Depth"))
+    for name in core:
+        off = np.abs(core[name] - reference[name]).reshape(SIZE * SIZE, -1).max(1)
+        assert np.mean(off > 1e-4) <= 0.01, name

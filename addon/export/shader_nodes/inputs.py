@@ -7,23 +7,23 @@ from typing import Any
 from ....engine.program.graph import Value
 from ..graph import socket_named
 from ..terms import GREY
-from .reader import READERS, NodeInputs, Outputs, texture_vector
+from .reader import READERS, NodeInputs, Outputs
 
 ACTIVE_COLOR = "(active colour)"
 """Attribute name that stands for a mesh's active colour attribute."""
 
 
 def _texture_coordinate(view: NodeInputs) -> Outputs:
-    position = view.apply("object_position")[0]
+    position = view.apply("object_position", shift=0)[0]
     if view.node.object is not None:
         position = _in_space_of(view, view.node.object)
     return {
         "Generated": view.reader.generated(),
         "Normal": view.apply("object_normal")[0],
-        "UV": view.apply("uv", attribute="")[0],
+        "UV": view.apply("uv", attribute="", shift=0)[0],
         "Object": position,
-        "Camera": view.apply("camera_position")[0],
-        "Window": view.apply("window")[0],
+        "Camera": view.apply("camera_position", shift=0)[0],
+        "Window": view.apply("window", shift=0)[0],
         "Reflection": view.apply("reflection")[0],
     }
 
@@ -33,7 +33,7 @@ def _in_space_of(view: NodeInputs, other: Any) -> Value:
     matrix = [list(row) for row in other.matrix_world.inverted_safe()]
     graph = view.reader.graph
     total = graph.constant([row[3] for row in matrix[:3]])
-    parts = view.apply("separate_xyz", view.apply("position")[0])
+    parts = view.apply("separate_xyz", view.apply("position", shift=0)[0])
     for k, part in enumerate(parts):
         column = graph.constant([row[k] for row in matrix[:3]])
         total = view.apply("scaled_sum", column, part, total)[0]
@@ -43,12 +43,12 @@ def _in_space_of(view: NodeInputs, other: Any) -> Value:
 def _uv_map(view: NodeInputs) -> Outputs | None:
     if view.node.from_instancer:
         return None
-    return {"UV": view.apply("uv", attribute=view.node.uv_map)[0]}
+    return {"UV": view.apply("uv", attribute=view.node.uv_map, shift=0)[0]}
 
 
 def _geometry(view: NodeInputs) -> Outputs:
     return {
-        "Position": view.apply("position")[0],
+        "Position": view.apply("position", shift=0)[0],
         "Normal": view.apply("normal")[0],
         "True Normal": view.apply("face_normal")[0],
         "Incoming": view.apply("incoming")[0],
@@ -61,7 +61,7 @@ def _geometry(view: NodeInputs) -> Outputs:
 
 
 def _camera(view: NodeInputs) -> Outputs:
-    position = view.apply("camera_position")[0]
+    position = view.apply("camera_position", shift=0)[0]
     depth = view.apply("separate_xyz", position)[2]
     length = view.apply("vector_length", position)[0]
     direction = view.apply("vector_normalized", position)[0]
@@ -76,10 +76,10 @@ def _attribute(view: NodeInputs) -> Outputs | None:
     name = name if name is not None else (node.layer_name or ACTIVE_COLOR)
     if not name:
         return None
-    color, alpha = view.apply("attribute", attribute=name)
+    color, alpha = view.apply("attribute", attribute=name, shift=0)
     outputs = {"Color": color, "Vector": color, "Alpha": alpha}
     if socket_named(node.outputs, "Fac") is not None:
-        grey = view.apply("attribute", attribute=GREY + name)[0]
+        grey = view.apply("attribute", attribute=GREY + name, shift=0)[0]
         outputs["Fac"] = outputs["Factor"] = view.apply("separate_xyz", grey)[0]
     return outputs
 
@@ -98,7 +98,8 @@ def _image(view: NodeInputs) -> Outputs:
             f"The {node.projection.lower()} projection of images is not supported: {{}} use the "
             "flat one; bake to an image"
         )
-    where = texture_vector(view) if view.is_linked("Vector") else view.apply("uv", attribute="")[0]
+    uv = view.apply("uv", attribute="", shift=0)[0]
+    where = view.value("Vector") if view.is_linked("Vector") else uv
     color, alpha = view.apply("image", where, texture=texture)
     return {"Color": color, "Alpha": alpha}
 

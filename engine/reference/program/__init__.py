@@ -23,18 +23,18 @@ Array = NDArray[np.float64]
 class Points(Protocol):
     """n shaded points, as the operations that read them see them."""
 
-    def attribute(self, name: str) -> Array:
+    def attribute(self, name: str, shift: int) -> Array:
         """(4, n): channels of an attribute, missing colours 0, missing alpha 1, all 0 where the
         mesh lacks it.
         """
 
-    def uv(self, name: str) -> Array:
+    def uv(self, name: str, shift: int) -> Array:
         """(2, n) of a UV map, the active one for ""."""
 
     def image(self, texture: int, u: Array, v: Array) -> Array:
         """(4, n) RGBA of a texture of the scene."""
 
-    def position(self) -> Array:
+    def position(self, shift: int) -> Array:
         """(3, n); this and what follows as `reference.points.SurfacePoints` has them."""
 
 

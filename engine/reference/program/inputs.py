@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...program.operations_input import NormalSpace
 from ..optics import fresnel as dielectric
-from ..vectors import dot
+from ..vectors import cross, dot, unit
 
 
-def attribute(points, *, attribute: str) -> tuple[np.ndarray, np.ndarray]:
+def attribute(points, *, attribute: str, shift: int) -> tuple[np.ndarray, np.ndarray]:
     """Channels (3, n) and alpha (n,)."""
-    channels = points.attribute(attribute)
+    channels = points.attribute(attribute, shift)
     return channels[:3], channels[3]
 
 
-def uv(points, *, attribute: str) -> np.ndarray:
+def uv(points, *, attribute: str, shift: int) -> np.ndarray:
     """(u, v, 0)."""
-    u, v = points.uv(attribute)
+    u, v = points.uv(attribute, shift)
     return np.stack([u, v, np.zeros_like(u)])
 
 
-def position(points) -> np.ndarray:
-    return points.position()
+def position(points, *, shift: int) -> np.ndarray:
+    return points.position(shift)
 
 
 def normal(points) -> np.ndarray:
@@ -40,8 +41,8 @@ def backfacing(points) -> np.ndarray:
     return points.backfacing()
 
 
-def object_position(points) -> np.ndarray:
-    return points.object_position()
+def object_position(points, *, shift: int) -> np.ndarray:
+    return points.object_position(shift)
 
 
 def object_normal(points) -> np.ndarray:
@@ -52,13 +53,13 @@ def object_location(points) -> np.ndarray:
     return points.object_location()
 
 
-def camera_position(points) -> np.ndarray:
-    return points.camera_position()
+def camera_position(points, *, shift: int) -> np.ndarray:
+    return points.camera_position(shift)
 
 
-def window(points) -> np.ndarray:
+def window(points, *, shift: int) -> np.ndarray:
     """(x, y, 0)."""
-    x, y = points.window()
+    x, y = points.window(shift)
     return np.stack([x, y, np.zeros_like(x)])
 
 
@@ -89,6 +90,55 @@ def _reflectance(points, normal: np.ndarray, relative: np.ndarray) -> np.ndarray
 def light_path(points) -> tuple[np.ndarray, ...]:
     """Camera, shadow, bounced."""
     return points.light_path()
+
+
+def object_stretch(points) -> np.ndarray:
+    return points.object_stretch()
+
+
+def normal_map(
+    points, color: np.ndarray, strength: np.ndarray, *, space: int, attribute: str
+) -> np.ndarray:
+    """The bent shading normal, unit, in the world."""
+    mapped = 2 * color - 1
+    if space in (NormalSpace.BLENDER_OBJECT, NormalSpace.BLENDER_WORLD):
+        mapped = mapped * np.array([[1.0], [-1.0], [-1.0]])
+    side = 1 - 2 * points.backfacing()
+    if space == NormalSpace.TANGENT:
+        normal, tangent = points.object_normal() * side, points.attribute(attribute, 0)
+        across = tangent[3] * cross(normal, tangent[:3])
+        bent = mapped[0] * tangent[:3] + mapped[1] * across + mapped[2] * normal
+        bent = points.normal_to_world(unit(bent))
+        bent = np.where(tangent[:3].any(0), bent, points.normal() * side)
+    elif space in (NormalSpace.OBJECT, NormalSpace.BLENDER_OBJECT):
+        bent = points.normal_to_world(unit(mapped))
+    else:
+        bent = unit(mapped)
+    bent, own = bent * side, points.normal()
+    mixed = unit(own + (bent - own) * np.fmax(strength, 0.0))
+    return np.where(mixed.any(0), mixed, own)
+
+
+def bump(
+    points,
+    height: np.ndarray,
+    first: np.ndarray,
+    second: np.ndarray,
+    strength: np.ndarray,
+    distance: np.ndarray,
+    normal: np.ndarray,
+) -> np.ndarray:
+    """Mikkelsen, "Surface gradient-based bump mapping framework" (2020): n minus the gradient of
+    the height along the surface.
+    """
+    one, two = points.shift(1), points.shift(2)
+    across, along = cross(two, normal), cross(normal, one)
+    size = dot(one, across)
+    gradient = (first - height) * across + (second - height) * along
+    bent = unit(np.abs(size) * normal - distance * np.copysign(1.0, size) * gradient)
+    held = np.fmax(strength, 0.0)
+    mixed = unit(held * bent + (1 - held) * normal)
+    return np.where(mixed.any(0), mixed, normal)
 
 
 def image(points, vector: np.ndarray, *, texture: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,30 +7,6 @@ namespace glint {
 namespace {
 namespace op {
 
-inline OnMesh on_mesh(const Machine& m, size_t k) {
-  OnMesh p;
-  for (size_t v = 0; v < 3; ++v) p.weights[v] = load(m.points.weights[v] + k);
-  find_primitives(
-      m.tables, [&](size_t lane) { return m.points.instance[k + lane]; },
-      [&](size_t lane) { return m.points.primitive[k + lane]; }, p);
-  return p;
-}
-
-inline void attribute(const Machine& m, const Operands& at) {
-  each_group(m, [&](size_t k) {
-    const OnMesh p = on_mesh(m, k);
-    if (at.wants(0)) at.put(0, k, read_color(m.tables, p, at.settings[0], GLINT_COLOR));
-    if (at.wants(1)) at.put(1, k, read_color(m.tables, p, at.settings[0], GLINT_ALPHA).x);
-  });
-}
-
-inline void uv(const Machine& m, const Operands& at) {
-  each_group(m, [&](size_t k) {
-    const Uvs uv = read_uv(m.tables, on_mesh(m, k), at.settings[0]);
-    at.put(0, k, Three{uv.u, uv.v, Doubles{}});
-  });
-}
-
 inline Three point3(const double (&columns)[3][kBlock], size_t k) {
   return {load(columns[0] + k), load(columns[1] + k), load(columns[2] + k)};
 }
@@ -48,8 +24,95 @@ inline Three matrix_column(const Machine& m, size_t k, size_t first) {
   return {part(0), part(1), part(2)};
 }
 
+/// Two unit vectors across a unit one and each other (Duff et al. 2017).
+inline Three axis_across(const Three& g, int number) {
+  const Doubles sign = with_sign(splat(1), g.z), a = splat(-1) / (sign + g.z), b = g.x * g.y * a;
+  if (number == 1) return {1 + sign * g.x * g.x * a, sign * b, -sign * g.x};
+  return {b, sign + g.y * g.y * a, -g.y};
+}
+
+/// The step in anchored space to where a shifted read happens: a tenth of what a pixel spans there.
+inline Three step_of(const Machine& m, size_t k, int shift) {
+  if (shift == 0) return Three{};
+  const ProgramView& view = *m.tables.view;
+  Doubles size = splat(view.step * view.scale);
+  if (!view.parallel)
+    size = view.step * length(point3(m.points.x, k) -
+                              splat(view.scale) * (splat3(view.eye) - splat3(view.origin)));
+  return size * axis_across(point3(m.points.g, k), shift);
+}
+
+inline Three shifted_point(const Machine& m, size_t k, int shift) {
+  return point3(m.points.x, k) + step_of(m, k, shift);
+}
+
+/// The edges of a group's triangles in anchored space; zero of what is no mesh.
+struct Edges {
+  Three e, f;
+  Edges(const Machine& m, size_t k) {
+    double edge[6][kLanes] = {};
+    for (size_t lane = 0; lane < kLanes; ++lane) {
+      const InstanceShape& shape = m.tables.instances[m.points.instance[k + lane]];
+      const GlintGeometry& g = m.tables.geometries[m.tables.groups[shape.group].geometry];
+      if (!g.triangles) continue;
+      const uint32_t* rows = g.triangles + 3 * size_t(m.points.primitive[k + lane]);
+      const float *a = g.vertices + 3 * size_t(rows[0]), *b = g.vertices + 3 * size_t(rows[1]),
+                  *c = g.vertices + 3 * size_t(rows[2]);
+      for (size_t i = 0; i < 3; ++i) {
+        const double p = double(b[i]) - double(a[i]), q = double(c[i]) - double(a[i]);
+        for (size_t to = 0; to < 3; ++to) {
+          edge[to][lane] += p * shape.m[3 * i + to];
+          edge[3 + to][lane] += q * shape.m[3 * i + to];
+        }
+      }
+    }
+    e = {load(edge[0]), load(edge[1]), load(edge[2])};
+    f = {load(edge[3]), load(edge[4]), load(edge[5])};
+  }
+};
+
+/// Barycentric weights after a step in the plane of the triangle.
+inline void shift_weights(const Machine& m, size_t k, int shift, OnMesh& p) {
+  const Edges edges(m, k);
+  const Three d = step_of(m, k, shift);
+  const Doubles ee = dot(edges.e, edges.e), ef = dot(edges.e, edges.f), ff = dot(edges.f, edges.f),
+                ed = dot(edges.e, d), fd = dot(edges.f, d), size = ee * ff - ef * ef;
+  const Doubles over = choose(size > 0, splat(1) / choose(size > 0, size, splat(1)), splat(0));
+  const Doubles u = over * (ff * ed - ef * fd), v = over * (ee * fd - ef * ed);
+  p.weights[0] = p.weights[0] - u - v;
+  p.weights[1] = p.weights[1] + u;
+  p.weights[2] = p.weights[2] + v;
+}
+
+inline OnMesh on_mesh(const Machine& m, size_t k, int shift) {
+  OnMesh p;
+  for (size_t v = 0; v < 3; ++v) p.weights[v] = load(m.points.weights[v] + k);
+  if (shift != 0) shift_weights(m, k, shift, p);
+  find_primitives(
+      m.tables, [&](size_t lane) { return m.points.instance[k + lane]; },
+      [&](size_t lane) { return m.points.primitive[k + lane]; }, p);
+  return p;
+}
+
+inline void attribute(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    const OnMesh p = on_mesh(m, k, at.settings[1]);
+    if (at.wants(0)) at.put(0, k, read_color(m.tables, p, at.settings[0], GLINT_COLOR));
+    if (at.wants(1)) at.put(1, k, read_color(m.tables, p, at.settings[0], GLINT_ALPHA).x);
+  });
+}
+
+inline void uv(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    const Uvs uv = read_uv(m.tables, on_mesh(m, k, at.settings[1]), at.settings[0]);
+    at.put(0, k, Three{uv.u, uv.v, Doubles{}});
+  });
+}
+
 inline void position(const Machine& m, const Operands& at) {
-  each_group(m, [&](size_t k) { at.put(0, k, to_world(*m.tables.view, point3(m.points.x, k))); });
+  each_group(m, [&](size_t k) {
+    at.put(0, k, to_world(*m.tables.view, shifted_point(m, k, at.settings[0])));
+  });
 }
 
 inline void normal(const Machine& m, const Operands& at) {
@@ -72,19 +135,21 @@ inline void backfacing(const Machine& m, const Operands& at) {
 inline void object_position(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) {
     const Three a = matrix_column(m, k, 0), b = matrix_column(m, k, 3), c = matrix_column(m, k, 6);
-    const Three p = point3(m.points.x, k) - matrix_column(m, k, 9), rows = cross(b, c);
+    const Three p = shifted_point(m, k, at.settings[0]) - matrix_column(m, k, 9),
+                rows = cross(b, c);
     const Doubles size = dot(a, rows), over = choose(size != 0, splat(1) / size, splat(0));
     at.put(0, k, over * Three{dot(rows, p), dot(cross(c, a), p), dot(cross(a, b), p)});
   });
 }
 
+inline Three object_normal_of(const Machine& m, size_t k) {
+  const Three n = point3(m.points.n, k);
+  return unit(Three{dot(matrix_column(m, k, 0), n), dot(matrix_column(m, k, 3), n),
+                    dot(matrix_column(m, k, 6), n)});
+}
+
 inline void object_normal(const Machine& m, const Operands& at) {
-  each_group(m, [&](size_t k) {
-    const Three n = point3(m.points.n, k);
-    at.put(0, k,
-           unit(Three{dot(matrix_column(m, k, 0), n), dot(matrix_column(m, k, 3), n),
-                      dot(matrix_column(m, k, 6), n)}));
-  });
+  each_group(m, [&](size_t k) { at.put(0, k, object_normal_of(m, k)); });
 }
 
 inline void object_location(const Machine& m, const Operands& at) {
@@ -101,7 +166,8 @@ inline Three along_axes(const double (&axes)[3][3], const Three& p) {
 inline void camera_position(const Machine& m, const Operands& at) {
   const ProgramView& view = *m.tables.view;
   each_group(m, [&](size_t k) {
-    const Three p = along_axes(view.axes, to_world(view, point3(m.points.x, k)) - splat3(view.eye));
+    const Three p = along_axes(
+        view.axes, to_world(view, shifted_point(m, k, at.settings[0])) - splat3(view.eye));
     const auto size = [&](int axis) { return length(splat3(view.axes[axis])); };
     at.put(0, k, Three{size(0) * p.x, size(1) * p.y, -(size(2) * p.z)});
   });
@@ -111,7 +177,8 @@ inline void window(const Machine& m, const Operands& at) {
   const ProgramView& view = *m.tables.view;
   const double* w = view.window;
   each_group(m, [&](size_t k) {
-    const Three p = along_axes(view.axes, to_world(view, point3(m.points.x, k)) - splat3(view.eye));
+    const Three p = along_axes(
+        view.axes, to_world(view, shifted_point(m, k, at.settings[0])) - splat3(view.eye));
     const Doubles depth = view.parallel ? splat(1) : choose(p.z != 0, -p.z, splat(1));
     at.put(0, k,
            Three{(p.x / depth - w[0]) / (w[1] - w[0]), (p.y / depth - w[2]) / (w[3] - w[2]),
@@ -159,6 +226,72 @@ inline void light_path(const Machine& m, const Operands& at) {
     at.put(0, k, is(RayKind::kCamera));
     at.put(1, k, is(RayKind::kShadow));
     at.put(2, k, is(RayKind::kBounced));
+  });
+}
+
+/// Unit normals of the object's space, outward, in the world.
+inline Three normal_to_world(const Machine& m, size_t k, const Three& n) {
+  const auto column = [&](size_t first) {
+    const auto part = [&](size_t c) {
+      return each_lane([&](size_t lane) {
+        return m.tables.instances[m.points.instance[k + lane]].normal[first + c];
+      });
+    };
+    return Three{part(0), part(1), part(2)};
+  };
+  return unit(n.x * column(0) + n.y * column(3) + n.z * column(6));
+}
+
+inline void object_stretch(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    const Three n = object_normal_of(m, k);
+    at.put(0, k,
+           length(n.x * matrix_column(m, k, 0) + n.y * matrix_column(m, k, 3) +
+                  n.z * matrix_column(m, k, 6)) /
+               m.tables.view->scale);
+  });
+}
+
+/// The normal that a map's colour, brought to -1 to 1, means; outward.
+inline Three mapped_normal(const Machine& m, const Operands& at, size_t k, const Three& c,
+                           Doubles side) {
+  enum { kTangent, kObject, kWorld, kBlenderObject, kBlenderWorld };
+  const int space = at.settings[0];
+  if (space == kObject || space == kBlenderObject) return normal_to_world(m, k, unit(c));
+  if (space != kTangent) return unit(c);
+  const OnMesh p = on_mesh(m, k, 0);
+  const Three n = side * object_normal_of(m, k),
+              t = read_color(m.tables, p, at.settings[1], GLINT_COLOR);
+  const Doubles sign = read_color(m.tables, p, at.settings[1], GLINT_ALPHA).x;
+  const Three bent = unit(c.x * t + (c.y * sign) * cross(n, t) + c.z * n);
+  return choose(nonzero(t), normal_to_world(m, k, bent), side * point3(m.points.n, k));
+}
+
+inline void normal_map(const Machine& m, const Operands& at) {
+  const bool flips = at.settings[0] >= 3;  // Blender's own: y and z the other way
+  each_group(m, [&](size_t k) {
+    Three c = splat(2) * at.vector(0, k) - Three{splat(1), splat(1), splat(1)};
+    if (flips) c = {c.x, -c.y, -c.z};
+    const Doubles side = choose(load(m.points.outside + k), splat(1), splat(-1));
+    const Three own = point3(m.points.n, k), bent = side * mapped_normal(m, at, k, c, side);
+    const Three mixed = unit(own + larger(at.number(1, k), splat(0)) * (bent - own));
+    at.put(0, k, choose(nonzero(mixed), mixed, own));
+  });
+}
+
+/// Mikkelsen, "Surface gradient-based bump mapping framework" (2020).
+inline void bump(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    const Three one = step_of(m, k, 1), two = step_of(m, k, 2), n = at.vector(5, k);
+    const Three across = cross(two, n), along = cross(n, one);
+    const Doubles h = at.number(0, k), size = dot(one, across);
+    const Doubles world = splat(1) / m.tables.view->scale;  // heights are in the world's units
+    const Three gradient = (at.number(1, k) - h) * across + (at.number(2, k) - h) * along;
+    const Doubles distance = at.number(4, k) * with_sign(splat(1), size);
+    const Three bent = unit((world * magnitude(size)) * n - distance * gradient);
+    const Doubles held = larger(at.number(3, k), splat(0));
+    const Three mixed = unit(held * bent + (1 - held) * n);
+    at.put(0, k, choose(nonzero(mixed), mixed, n));
   });
 }
 

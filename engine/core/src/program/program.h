@@ -36,6 +36,8 @@ struct ProgramView {
   double origin[3], scale;
   double axes[3][3], eye[3];  // of the camera: right, up, backward, as columns; world
   double window[4];
+  double step;  // of shifted reads: a tenth of a pixel at the distance 1, or where rays are
+                // parallel at any; world
   bool parallel;
 };
 
