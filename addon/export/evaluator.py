@@ -15,6 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from ...engine.program.graph import Value
+from ...engine.program.table import BY_NAME
 from .clamps import clamped, usual
 from .expressions import Expressions, has_output
 from .graph import Place, closes_circle, kind_of, socket_named, source
@@ -99,6 +101,7 @@ class Evaluator:
         self._trees = (
             TreeReader(self.expressions.graph, images, self.note) if self.expressions else None
         )
+        self.normals: dict[Value | None, None] = {}
         self._memo: dict[tuple, Any] = {}
         self._open: set[tuple] = set()
 
@@ -136,6 +139,29 @@ class Evaluator:
         if found.socket.type != "SHADER":
             return {LobeKey("EMISSION"): self.color(place)}
         return self._once(found, lambda: self._shader(found), {})
+
+    def displace(self, place: Place) -> None:
+        """Bump all shading normals by the displacement that a socket gets."""
+        if self._trees is not None and self._trees.is_fed(place):
+            self._trees.displacement = self._trees.value(place)
+
+    def bend(self, place: Place | None) -> None:
+        """Note the shading normal that a shader's socket gets, the mesh's where it gets none."""
+        if self._trees is None:
+            return
+        fed = place is not None and self._trees.is_fed(place)
+        value = self._trees.value(place) if fed else self._trees.normal()
+        self.normals[value] = None
+
+    def normal(self) -> int:
+        """The output that holds the material's shading normal; -1 where it is the mesh's."""
+        if self._trees is None:
+            return -1
+        own = self.expressions.graph.apply(BY_NAME["normal"])[0]
+        bent = [value for value in self.normals if value is not own and value.constant is None]
+        if bent and len(self.normals) > 1:
+            self.note("Shaders of {} have normals of their own: all take the first that is bent")
+        return self.expressions.output(bent[0]) if bent else -1
 
     def note(self, sentence: str) -> None:
         """Report something about this material; `{}` stands for the materials' names."""

@@ -9,6 +9,7 @@ import operator
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ...engine.program.operations import Reference
 from ...engine.program.program import instructions
 from ...engine.scene import LOBES, Lobe, Material, Texture
 from . import nodes_color, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
@@ -90,6 +91,8 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     """One Blender material as lobes."""
     evaluator = Evaluator(material.name, images, report)
     tree = node_tree(material)
+    if getattr(material, "displacement_method", "BUMP") != "BUMP" and _is_displaced(tree):
+        report.note("True displacement is rendered as a bump in {}", material.name)
     closure = (
         _surface(tree, evaluator) if tree is not None else _viewport_surface(material, evaluator)
     )
@@ -99,7 +102,16 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
             "Glowing surfaces are seen but light nothing ({}): add lights where they should",
             material.name,
         )
-    return evaluator.expressions.with_program(Material(material.name, lobes, material.pass_index))
+    return evaluator.expressions.with_program(
+        Material(material.name, lobes, material.pass_index, normal_output=evaluator.normal())
+    )
+
+
+def _is_displaced(tree: Any) -> bool:
+    return tree is not None and any(
+        node.bl_idname == "ShaderNodeOutputMaterial" and node.inputs["Displacement"].is_linked
+        for node in tree.nodes
+    )
 
 
 def _surface(tree: Any, evaluator: Evaluator) -> Closure:
@@ -112,14 +124,10 @@ def _surface(tree: Any, evaluator: Evaluator) -> Closure:
     if output is None:
         evaluator.note("Materials without an output node are black: {}; add a Material Output")
         return {}
-    for name, sentence in (
-        ("Displacement", "Displacement is not rendered: {}"),
-        ("Volume", "Volumes are not rendered: {}"),
-    ):
-        socket = socket_named(output.inputs, name)
-        if socket is not None and socket.is_linked:
-            evaluator.note(sentence)
     socket, volume = (socket_named(output.inputs, name) for name in ("Surface", "Volume"))
+    if volume.is_linked:
+        evaluator.note("Volumes are not rendered: {}")
+    evaluator.displace(Place(socket_named(output.inputs, "Displacement")))
     if volume.is_linked and not socket.is_linked:
         return {LobeKey("TRANSPARENT"): constant(1.0)}
     surface = Place(socket)
@@ -168,10 +176,11 @@ def wanted_by(material: Material) -> Wanted:
     attributes = {factor.attribute for factor in inputs if factor.attribute}
     program = material.program
     for step in instructions(program) if program else ():
-        if step.operation.name in ("uv", "attribute"):
-            name = program.attributes[step.settings[0]]
-            (uv_maps if step.operation.name == "uv" else attributes).add(name)
-    return Wanted(frozenset(uv_maps), frozenset(attributes))
+        for (_, choices), setting in zip(step.operation.settings, step.settings, strict=True):
+            if choices is Reference.ATTRIBUTE:
+                named = uv_maps if step.operation.name == "uv" else attributes
+                named.add(program.attributes[setting])
+    return Wanted(frozenset(uv_maps), frozenset(attributes - {""}))
 
 
 def without_unused(

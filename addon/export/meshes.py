@@ -15,7 +15,8 @@ from ...engine.scene import CORNER, FACE, POINT, Attribute, Mesh
 from .materials import Wanted
 from .nodes_texture import ACTIVE_COLOR
 from .report import Report
-from .shader_nodes.reader import GENERATED
+from .shader_nodes.reader import GENERATED, TANGENT
+from .tangents import tangents
 from .terms import GREY
 
 _DOMAINS = {"POINT": POINT, "CORNER": CORNER, "FACE": FACE}
@@ -293,6 +294,8 @@ def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -
     """
     if name == GENERATED:
         return Attribute(name, POINT, _generated(mesh))
+    if name.startswith(TANGENT):
+        return _tangents(mesh, source, name)
     plain = name.removeprefix(GREY)
     if plain == ACTIVE_COLOR:
         index = mesh.color_attributes.render_color_index
@@ -321,6 +324,32 @@ def _generated(mesh: Any) -> np.ndarray:
     found = np.ones((len(vertices), 4), np.float32)
     found[:, :3] = (vertices - np.array(mesh.texspace_location, np.float32)) / (2 * half) + 0.5
     return _finite(found)
+
+
+def _tangents(mesh: Any, source: MeshSource, name: str) -> Attribute | None:
+    """(k, 4) tangents of a UV map on the corners; None without the map."""
+    plain = name.removeprefix(TANGENT)
+    if plain not in source.uv_maps:
+        _read_uv_map(mesh, source, plain)
+    uv = source.uv_maps.get(plain)
+    if uv is None or uv.domain != CORNER or uv.values.shape[1] != 2:
+        return None
+    shape = source.mesh
+    normals = _corner_normals(shape, source.corners)
+    values = tangents(shape.vertices, shape.triangles, source.corners, normals, uv.values)
+    return Attribute(name, CORNER, values)
+
+
+def _corner_normals(mesh: Mesh, corners: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) float64 unit normals of each triangle's corners."""
+    if mesh.normals is None:
+        a, b, c = (mesh.vertices[mesh.triangles[:, k]].astype(np.float64) for k in range(3))
+        found = np.repeat(np.cross(b - a, c - a)[:, None], 3, 1)
+    else:
+        rows = mesh.triangles if mesh.normals.domain == POINT else corners
+        found = mesh.normals.values.astype(np.float64)[rows]
+    length = np.sqrt((found * found).sum(-1, keepdims=True))
+    return found / np.where(length > 0, length, 1.0)
 
 
 def _as_color(values: np.ndarray, grey: bool) -> np.ndarray:

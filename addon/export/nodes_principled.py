@@ -11,12 +11,12 @@ from .fresnel import ior_from_reflectance, normal_reflectance
 from .nodes_shader import (
     LEFT_OUT,
     below_coat,
+    bend,
     coat_closure,
     diffuse_closure,
     glass_closure,
     is_multiscatter,
     metal_closure,
-    note_bump,
     note_edge_tint,
     note_left_out,
     sound_ior,
@@ -125,7 +125,9 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
 
 
 def _note_what_is_left_out(view: NodeView) -> None:
-    note_bump(view, "Normal", "Coat Normal")
+    bend(view)
+    if view.is_linked("Coat Normal"):
+        view.note("The coat of {} has the normal of what lies below it")
     note_left_out(view, LEFT_OUT)
     if view.number("Metallic"):
         note_edge_tint(view, "Specular Tint")

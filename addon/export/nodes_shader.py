@@ -185,13 +185,9 @@ def sound_ior(view: NodeView) -> float:
     return max(view.constant("IOR", 1.5), 1e-3)
 
 
-def note_bump(view: NodeView, *names: str) -> None:
-    """One note where a node's normals are bent by something."""
-    if any(view.is_linked(name) for name in names):
-        view.note(
-            "Normal maps and bumps are not rendered: {} keep the mesh's normals; bake them to "
-            "geometry"
-        )
+def bend(view: NodeView) -> None:
+    """The node's shading normal is one that the material is to have."""
+    view.evaluator.bend(view.input("Normal"))
 
 
 LEFT_OUT = {
@@ -213,7 +209,7 @@ def note_left_out(view: NodeView, names: dict[str, str]) -> None:
 
 def note_microfacets(view: NodeView) -> None:
     """What is left out of a node with microfacets."""
-    note_bump(view, "Normal")
+    bend(view)
     note_left_out(view, LEFT_OUT)
     distribution = getattr(view.node, "distribution", "GGX")
     if distribution not in _MICROFACETS:
@@ -231,7 +227,7 @@ def note_edge_tint(view: NodeView, name: str) -> None:
 
 
 def _diffuse(view: NodeView) -> Closure:
-    note_bump(view, "Normal")
+    bend(view)
     if view.node.bl_idname == "ShaderNodeBsdfDiffuse":
         note_left_out(view, {"Roughness": "roughness"})
     return diffuse_closure(view.reflectance("Color"))
@@ -272,7 +268,7 @@ def _glass(view: NodeView) -> Closure:
 
 
 def _refraction(view: NodeView) -> Closure:
-    note_bump(view, "Normal")
+    bend(view)
     if view.constant("Roughness") > MIRROR_ROUGHNESS:
         view.note("Rough refraction is rendered clear in {}")
     return {LobeKey("REFRACTION", ior=sound_ior(view)): view.reflectance("Color")}

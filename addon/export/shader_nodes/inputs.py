@@ -49,7 +49,7 @@ def _uv_map(view: NodeInputs) -> Outputs | None:
 def _geometry(view: NodeInputs) -> Outputs:
     return {
         "Position": view.apply("position", shift=0)[0],
-        "Normal": view.apply("normal")[0],
+        "Normal": view.reader.normal(),
         "True Normal": view.apply("face_normal")[0],
         "Incoming": view.apply("incoming")[0],
         "Backfacing": view.apply("backfacing")[0],
@@ -116,7 +116,7 @@ def _layer_weight(view: NodeInputs) -> Outputs:
 
 def _normal(view: NodeInputs) -> Value:
     """The input Normal, or the shading normal where nothing comes in."""
-    return view.value("Normal") if view.is_linked("Normal") else view.apply("normal")[0]
+    return view.value("Normal") if view.is_linked("Normal") else view.reader.normal()
 
 
 def _object_info(view: NodeInputs) -> Outputs:

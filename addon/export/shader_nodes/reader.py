@@ -26,6 +26,9 @@ READERS: dict[str, Callable[[NodeInputs], Outputs | None]] = {}
 GENERATED = "(generated)"
 """Attribute name that stands for a mesh's coordinates in its texture space."""
 
+TANGENT = "(tangent) "
+"""Prefix of attribute names that stand for the tangents of a UV map, "" the active one."""
+
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 NUMBER_TYPES = ("VALUE", "INT", "BOOLEAN")
 VECTOR_TYPES = ("VECTOR", "RGBA")
@@ -45,6 +48,7 @@ class TreeReader:
         self, graph: Graph, images: Any, note: Callable[[str], None], operations: Mapping = BY_NAME
     ) -> None:
         self.graph, self.images, self.operations, self.note = graph, images, operations, note
+        self.displacement: Value | None = None
         self._read: dict[Key, Outputs | None] = {}
         self._trails: dict[Key, list[Place] | None] = {}
 
@@ -65,6 +69,25 @@ class TreeReader:
     def generated(self) -> Value:
         """Coordinates from 0 to 1 in the mesh's texture space."""
         return self.apply("attribute", attribute=GENERATED, shift=0)[0]
+
+    def normal(self) -> Value:
+        """The shading normal where no node gives one: the mesh's, bumped by the displacement."""
+        own = self.apply("normal")[0]
+        if self.displacement is None:
+            return own
+        # the mean of a product's three parts is a third of the dot product
+        height = self.apply("vector_average", self.apply("product", self.displacement, own)[0])[0]
+        return self.bumped(height, self.graph.constant(1.0), self.graph.constant(3.0), own)
+
+    def bumped(self, height: Value, strength: Value, distance: Value, normal: Value) -> Value:
+        """A normal after a bump by a height that varies."""
+        heights = (height, self.graph.shifted(height, 1), self.graph.shifted(height, 2))
+        return self.apply("bump", *heights, strength, distance, normal)[0]
+
+    def negative(self, number: Value) -> Value:
+        vector = self.apply("combine_xyz", number, number, number)[0]
+        minus = self.graph.constant((-1.0, -1.0, -1.0))
+        return self.apply("separate_xyz", self.apply("product", vector, minus)[0])[0]
 
     def _read_behind(self, wanted: Place) -> None:
         """Read all nodes that the socket depends on, each after what feeds it."""
@@ -176,6 +199,10 @@ class NodeInputs:
         """Whether a value comes in at the input with this identifier or name."""
         socket = socket_named(self.node.inputs, name)
         return socket is not None and self.reader.is_fed(self.place.beside(socket))
+
+    def vector_of(self, number: Value) -> Value:
+        """A vector that a number fills."""
+        return self.apply("combine_xyz", number, number, number)[0]
 
     def left_out(self, output: str, instead: float | tuple[float, float, float]) -> Value:
         """A constant in the place of an output that is not computed here; told where it is used."""

@@ -468,6 +468,7 @@ void Scene::fold_materials() {
     for (uint32_t i = 0; i < materials[m].lobe_count; ++i)
       fold(lobes[materials[m].first_lobe + i], ambient, terms, rows);
     terms.view_count = uint32_t(materials[m].view_count);
+    terms.others |= materials[m].normal > 0;
     if (terms.others) {
       terms = MaterialTerms{}, terms.others = 1;
       std::fill_n(specular_terms.data() + specular * m, specular, 0.0),

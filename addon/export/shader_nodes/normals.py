@@ -1,0 +1,56 @@
+"""Nodes that bend the shading normal: normal maps, bumps, displacement."""
+
+from __future__ import annotations
+
+from ....engine.program.graph import Value
+from ....engine.program.operations_input import NormalSpace
+from .reader import READERS, TANGENT, NodeInputs, Outputs
+
+
+def _normal(view: NodeInputs) -> Value:
+    return view.value("Normal") if view.is_linked("Normal") else view.reader.normal()
+
+
+def _normal_map(view: NodeInputs) -> Outputs:
+    name = TANGENT + view.node.uv_map
+    bent = view.apply(
+        "normal_map",
+        view.value("Color"),
+        view.value("Strength"),
+        space=NormalSpace[view.node.space],
+        attribute=name if view.node.space == "TANGENT" else "",
+    )
+    return {"Normal": bent[0]}
+
+
+def _bump(view: NodeInputs) -> Outputs:
+    normal, height = _normal(view), view.value("Height")
+    if height.constant is not None:
+        return {"Normal": normal}
+    distance = view.value("Distance")
+    if view.node.invert:
+        distance = view.reader.negative(distance)
+    return {"Normal": view.reader.bumped(height, view.value("Strength"), distance, normal)}
+
+
+def _displacement(view: NodeInputs) -> Outputs:
+    """(height - midlevel) × scale along the normal; in object space as long as it is there."""
+    graph = view.reader.graph
+    one, minus = graph.constant((1.0, 1.0, 1.0)), graph.constant(-1.0)
+    level = view.vector_of(view.value("Midlevel"))
+    height = view.apply("scaled_sum", level, minus, view.vector_of(view.value("Height")))[0]
+    size = view.apply("scaled_sum", one, view.value("Scale"), graph.constant((0.0, 0.0, 0.0)))[0]
+    if view.node.space == "OBJECT":
+        stretch = view.vector_of(view.apply("object_stretch")[0])
+        size = view.apply("product", size, stretch)[0]
+    length = view.apply("product", height, size)[0]
+    return {"Displacement": view.apply("product", length, _normal(view))[0]}
+
+
+READERS.update(
+    {
+        "ShaderNodeNormalMap": _normal_map,
+        "ShaderNodeBump": _bump,
+        "ShaderNodeDisplacement": _displacement,
+    }
+)

@@ -1,0 +1,125 @@
+"""Normal maps, bumps and displacement as bump against Cycles' Normal pass."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import cycles_reference as cycles
+from cycles_reference import bpy
+from glint_picture import render_pair, surface_interior
+from small_scenes import add, add_camera, ball, mesh, moved
+
+
+def picture(name: str, space: str = "Non-Color"):
+    """Smooth random colours, blue most of all, as normal maps are."""
+    random = np.random.default_rng(5)
+    waves = random.normal(0, 1, (3, 4))
+    y, x = np.mgrid[0:32, 0:32] / 32
+    color = np.ones((32, 32, 4), np.float32)
+    for c in range(3):
+        a, b, p, q = waves[c]
+        angle = 2 * np.pi * (np.round(2 * a) * x + np.round(2 * b) * y) + p
+        color[..., c] = 0.5 + 0.25 * np.sin(angle + q)
+    color[..., 2] = 0.8 + 0.2 * color[..., 2]
+    image = bpy.data.images.new(name, 32, 32, float_buffer=True)
+    image.colorspace_settings.name = space
+    image.pixels.foreach_set(color.ravel())
+    image.pack()
+    return image
+
+
+class Tree:
+    """A material with a Diffuse BSDF whose normal is to be bent."""
+
+    def __init__(self):
+        self.material = bpy.data.materials.new("bent")
+        cycles.use_nodes(self.material)
+        self.tree = self.material.node_tree
+        self.tree.nodes.clear()
+        self.shader = self.node("ShaderNodeBsdfDiffuse")
+        self.output = self.node("ShaderNodeOutputMaterial")
+        self.link(self.shader.outputs[0], self.output.inputs["Surface"])
+        self.image = self.node("ShaderNodeTexImage")
+        self.image.image = picture("colors")
+
+    def node(self, kind, **values):
+        node = self.tree.nodes.new(kind)
+        for name, value in values.items():
+            node.inputs[name].default_value = value
+        return node
+
+    def link(self, output, to):
+        self.tree.links.new(output, to)
+
+
+def normal_map(space: str, strength: float):
+    tree = Tree()
+    node = tree.node("ShaderNodeNormalMap", Strength=strength)
+    node.space = space
+    tree.link(tree.image.outputs["Color"], node.inputs["Color"])
+    tree.link(node.outputs[0], tree.shader.inputs["Normal"])
+    return tree.material
+
+
+def bump(strength: float, distance: float, invert: bool):
+    tree = Tree()
+    node = tree.node("ShaderNodeBump", Strength=strength, Distance=distance)
+    node.invert = invert
+    tree.link(tree.image.outputs["Color"], node.inputs["Height"])
+    tree.link(node.outputs[0], tree.shader.inputs["Normal"])
+    return tree.material
+
+
+def displacement(space: str):
+    tree = Tree()
+    tree.material.displacement_method = "BUMP"
+    node = tree.node("ShaderNodeDisplacement", Scale=0.2, Midlevel=0.3)
+    node.space = space
+    tree.link(tree.image.outputs["Color"], node.inputs["Height"])
+    tree.link(node.outputs[0], tree.output.inputs["Displacement"])
+    return tree.material
+
+
+CASES = {
+    **{
+        f"normal-map-{space}": lambda space=space: normal_map(space, 1.0)
+        for space in ("TANGENT", "OBJECT", "WORLD", "BLENDER_OBJECT", "BLENDER_WORLD")
+    },
+    "normal-map-weak": lambda: normal_map("TANGENT", 0.4),
+    "normal-map-strong": lambda: normal_map("TANGENT", 1.6),
+    "bump": lambda: bump(0.8, 0.2, False),
+    "bump-inverted": lambda: bump(1.0, 0.1, True),
+    "displacement-object": lambda: displacement("OBJECT"),
+    "displacement-world": lambda: displacement("WORLD"),
+}
+
+
+def folded(material):
+    """A quad seen from in front and one from behind, UV maps of both orientations."""
+    vertices = [(-1, -1, 0), (1, -1, 0.2), (1, 1, 0.4), (-1, 1, 0), (-1, -1, 2), (-1, 1, 2.5)]
+    made = mesh("folded", vertices, [(0, 1, 2, 3), (0, 4, 5, 3)], material=material)
+    layer = made.uv_layers.new(name="map")
+    uv = [(0, 0), (1, 0.1), (1.2, 0.9), (0, 1), (0, 0), (-0.8, 0.1), (-1, 1), (0, 1)]
+    layer.data.foreach_set("uv", np.array(uv, np.float32).ravel())
+    return made
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_normals_are_cycles(case):
+    scene = cycles.empty_scene(96, 96)
+    material = CASES[case]()
+    add(scene, "folded", folded(material), moved(-0.8, 0.3, -0.5, 1.2, 1.2, 1.2))
+    add(scene, "ball", ball(material=material), moved(1.5, -0.4, 0.3, 0.9, 0.9, -0.9))
+    add_camera(scene)
+    pair = render_pair(scene, "NATIVE", case)
+    found, wanted = pair.glint["Normal"], pair.cycles["Normal"]
+    inside = surface_interior(pair.cycles, bend=2.0) & (np.abs(wanted).max(-1) > 0)
+    found, wanted = (
+        n[inside] / np.linalg.norm(n[inside], axis=-1)[:, None] for n in (found, wanted)
+    )
+    angle = np.degrees(2 * np.arcsin(np.linalg.norm(found - wanted, axis=-1) / 2))
+    assert inside.sum() > 600
+    assert np.median(angle) <= 0.1 and np.percentile(angle, 99) <= 1.0, (
+        f"median {np.median(angle):.3g}°, 99 % {np.percentile(angle, 99):.3g}°"
+    )
