@@ -39,7 +39,7 @@ inline Doubles scaled_exponential(Doubles x, Doubles low, double extra) {
   return scaled(exponential_near_zero(r), k + extra);
 }
 
-/// e^x to 1 ulp. 0 and infinity beyond the range of double; NaN stays.
+/// e^x to 1.1 ulp. 0 and infinity beyond the range of double; NaN stays.
 inline Doubles exp(Doubles x) { return scaled_exponential(clamped(x, 1000), splat(0), 0); }
 
 /// 2^x to 1.1 ulp, exact for integers. 0 and infinity beyond the range of double; NaN stays.
@@ -166,7 +166,7 @@ inline Doubles positive_power(Doubles x, Doubles y) {
   return scaled_exponential(clamped(p.high, 1000), where(usual, low), 0);
 }
 
-/// x^y to 1.5 ulp with C's limits: 1 where y is 0 or x is 1, whatever the other is; a negative x
+/// x^y to 2 ulp with C's limits: 1 where y is 0 or x is 1, whatever the other is; a negative x
 /// has powers to integers, the odd ones negative, and NaN to others.
 inline Doubles pow(Doubles x, Doubles y) {
   const Doubles size = magnitude(x);

@@ -35,20 +35,20 @@ inline Doubles half_exponential(Doubles size) {
   return scaled_exponential(clamped(size, 1000), splat(0), -1);
 }
 
-/// To 1.5 ulp; infinite beyond the range of double.
+/// To 2 ulp; infinite beyond the range of double.
 inline Doubles sinh(Doubles x) {
   const Doubles size = magnitude(x), half = half_exponential(size);
   const Doubles near = hyperbolic_sine_near_zero(size).high;
   return with_sign(choose(size < 1, near, half - 0.25 / half), x);
 }
 
-/// To 1.5 ulp; infinite beyond the range of double.
+/// To 2 ulp; infinite beyond the range of double.
 inline Doubles cosh(Doubles x) {
   const Doubles half = half_exponential(magnitude(x));
   return half + 0.25 / half;
 }
 
-/// To 1 ulp.
+/// To 1.1 ulp.
 inline Doubles tanh(Doubles x) {
   const Doubles size = magnitude(x), inner = smaller(size, splat(1));
   const Doubles near =

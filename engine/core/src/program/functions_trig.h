@@ -41,7 +41,7 @@ inline Doubles sin(Doubles x) { return choose(x == 0, x, sine_of(turned(x), 0));
 /// To 1 ulp for any finite x (radians); slow, lane by lane, from 2^20 on. NaN for infinities.
 inline Doubles cos(Doubles x) { return sine_of(turned(x), 1); }
 
-/// To 1 ulp for any finite x (radians); slow, lane by lane, from 2^20 on. NaN for infinities.
+/// To 1.1 ulp for any finite x (radians); slow, lane by lane, from 2^20 on. NaN for infinities.
 inline Doubles tan(Doubles x) {
   const Turned at = turned(x);
   const Pair c = cosine_parts(at.rest), cosine = ordered_sum(c.high, c.low);
