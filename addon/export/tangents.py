@@ -3,7 +3,8 @@ surfaces revisited" (2008), which Cycles uses too.
 
 Each triangle's direction of growing u, laid into the plane of a corner's normal and weighed by the
 corner's angle, is added up over all triangles whose corners share vertex, normal, (u, v) and
-orientation.
+orientation. Two triangles of one polygon have one tangent at a corner that they share: the mean,
+where the polygon is bent or its map is, and Cycles has one for each.
 """
 
 from __future__ import annotations
@@ -35,9 +36,10 @@ def tangents(
     group = _groups(triangles, at, normals, sign)
     total = np.zeros((group.max(initial=-1) + 1, 3))
     np.add.at(total, group.ravel(), (flat * weight).reshape(-1, 3))
+    sums = np.zeros((len(uv), 3))
+    np.add.at(sums, corners.ravel(), _unit(total)[group.ravel()])
     result = np.ones((len(uv), 4), np.float32)
-    result[:, :3] = 0.0
-    result[corners.ravel(), :3] = _unit(total)[group.ravel()]
+    result[:, :3] = _unit(sums)
     result[corners.ravel(), 3] = np.repeat(sign, 3)
     return result
 

@@ -100,22 +100,23 @@ def normal_map(
     points, color: np.ndarray, strength: np.ndarray, *, space: int, attribute: str
 ) -> np.ndarray:
     """The bent shading normal, unit, in the world."""
-    mapped = 2 * color - 1
+    mapped, strength = 2 * color - 1, np.fmax(strength, 0.0)
     if space in (NormalSpace.BLENDER_OBJECT, NormalSpace.BLENDER_WORLD):
         mapped = mapped * np.array([[1.0], [-1.0], [-1.0]])
     side = 1 - 2 * points.backfacing()
     if space == NormalSpace.TANGENT:
         normal, tangent = points.object_normal() * side, points.attribute(attribute, 0)
         across = tangent[3] * cross(normal, tangent[:3])
-        bent = mapped[0] * tangent[:3] + mapped[1] * across + mapped[2] * normal
-        bent = points.normal_to_world(unit(bent))
-        bent = np.where(tangent[:3].any(0), bent, points.normal() * side)
-    elif space in (NormalSpace.OBJECT, NormalSpace.BLENDER_OBJECT):
+        up = 1 + np.clip(strength, 0.0, 1.0) * (mapped[2] - 1)
+        bent = strength * (mapped[0] * tangent[:3] + mapped[1] * across) + up * normal
+        bent = points.normal_to_world(unit(bent)) * side
+        return np.where(tangent[:3].any(0) & bent.any(0), bent, points.normal())
+    if space in (NormalSpace.OBJECT, NormalSpace.BLENDER_OBJECT):
         bent = points.normal_to_world(unit(mapped))
     else:
         bent = unit(mapped)
     bent, own = bent * side, points.normal()
-    mixed = unit(own + (bent - own) * np.fmax(strength, 0.0))
+    mixed = unit(own + (bent - own) * strength)
     return np.where(mixed.any(0), mixed, own)
 
 
@@ -135,7 +136,8 @@ def bump(
     across, along = cross(two, normal), cross(normal, one)
     size = dot(one, across)
     gradient = (first - height) * across + (second - height) * along
-    bent = unit(np.abs(size) * normal - distance * np.copysign(1.0, size) * gradient)
+    outward = distance * (1 - 2 * points.backfacing())
+    bent = unit(np.abs(size) * normal - outward * np.copysign(1.0, size) * gradient)
     held = np.fmax(strength, 0.0)
     mixed = unit(held * bent + (1 - held) * normal)
     return np.where(mixed.any(0), mixed, normal)

@@ -252,29 +252,32 @@ inline void object_stretch(const Machine& m, const Operands& at) {
   });
 }
 
-/// The normal that a map's colour, brought to -1 to 1, means; outward.
-inline Three mapped_normal(const Machine& m, const Operands& at, size_t k, const Three& c,
-                           Doubles side) {
-  enum { kTangent, kObject, kWorld, kBlenderObject, kBlenderWorld };
-  const int space = at.settings[0];
-  if (space == kObject || space == kBlenderObject) return normal_to_world(m, k, unit(c));
-  if (space != kTangent) return unit(c);
+/// A colour, brought to -1 to 1, as a normal along the tangent that the attribute is.
+inline Three along_tangent(const Machine& m, const Operands& at, size_t k, const Three& c,
+                           Doubles strength) {
   const OnMesh p = on_mesh(m, k, 0);
+  const Doubles side = choose(load(m.points.outside + k), splat(1), splat(-1));
   const Three n = side * object_normal_of(m, k),
               t = read_color(m.tables, p, at.settings[1], GLINT_COLOR);
   const Doubles sign = read_color(m.tables, p, at.settings[1], GLINT_ALPHA).x;
-  const Three bent = unit(c.x * t + (c.y * sign) * cross(n, t) + c.z * n);
-  return choose(nonzero(t), normal_to_world(m, k, bent), side * point3(m.points.n, k));
+  const Doubles up = 1 + smaller(strength, splat(1)) * (c.z - 1);
+  const Three bent = unit(strength * (c.x * t + (c.y * sign) * cross(n, t)) + up * n);
+  const Three found = side * normal_to_world(m, k, bent);
+  return choose(nonzero(t) & nonzero(found), found, point3(m.points.n, k));
 }
 
 inline void normal_map(const Machine& m, const Operands& at) {
-  const bool flips = at.settings[0] >= 3;  // Blender's own: y and z the other way
+  enum { kTangent, kObject, kWorld, kBlenderObject, kBlenderWorld };
+  const int space = at.settings[0];
   each_group(m, [&](size_t k) {
     Three c = splat(2) * at.vector(0, k) - Three{splat(1), splat(1), splat(1)};
-    if (flips) c = {c.x, -c.y, -c.z};
+    const Doubles strength = larger(at.number(1, k), splat(0));
+    if (space == kTangent) return at.put(0, k, along_tangent(m, at, k, c, strength));
+    if (space >= kBlenderObject) c = {c.x, -c.y, -c.z};
+    const bool turns = space == kObject || space == kBlenderObject;
     const Doubles side = choose(load(m.points.outside + k), splat(1), splat(-1));
-    const Three own = point3(m.points.n, k), bent = side * mapped_normal(m, at, k, c, side);
-    const Three mixed = unit(own + larger(at.number(1, k), splat(0)) * (bent - own));
+    const Three bent = side * (turns ? normal_to_world(m, k, unit(c)) : unit(c));
+    const Three own = point3(m.points.n, k), mixed = unit(own + strength * (bent - own));
     at.put(0, k, choose(nonzero(mixed), mixed, own));
   });
 }
@@ -287,7 +290,8 @@ inline void bump(const Machine& m, const Operands& at) {
     const Doubles h = at.number(0, k), size = dot(one, across);
     const Doubles world = splat(1) / m.tables.view->scale;  // heights are in the world's units
     const Three gradient = (at.number(1, k) - h) * across + (at.number(2, k) - h) * along;
-    const Doubles distance = at.number(4, k) * with_sign(splat(1), size);
+    const Doubles side = choose(load(m.points.outside + k), splat(1), splat(-1));
+    const Doubles distance = side * at.number(4, k) * with_sign(splat(1), size);
     const Three bent = unit((world * magnitude(size)) * n - distance * gradient);
     const Doubles held = larger(at.number(3, k), splat(0));
     const Three mixed = unit(held * bent + (1 - held) * n);

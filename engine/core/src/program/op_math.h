@@ -7,7 +7,8 @@ namespace {
 namespace op {
 
 inline void math(const Machine& m, const Operands& at) {
-  each_group(m, [&](size_t k) { at.put(0, k, at.number(0, k) * at.number(1, k) + at.number(2, k)); });
+  each_group(m,
+             [&](size_t k) { at.put(0, k, at.number(0, k) * at.number(1, k) + at.number(2, k)); });
 }
 
 inline void clamp(const Machine& m, const Operands& at) {
