@@ -21,7 +21,7 @@ class Expressions:
         self.graph = Graph()
         self._outputs: dict[Value, int] = {}
 
-    def apply(self, name: str, *arguments: Value, **settings) -> Value:
+    def apply(self, name: str, /, *arguments: Value, **settings) -> Value:
         """The first output of the table's operation of this name."""
         return self.graph.apply(BY_NAME[name], *arguments, **settings)[0]
 

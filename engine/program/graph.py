@@ -74,7 +74,9 @@ class Graph:
             self._constants[bits] = Value(numbers.size, constant=constant)
         return self._constants[bits]
 
-    def apply(self, operation: Operation, *arguments: Value, **settings: Any) -> tuple[Value, ...]:
+    def apply(
+        self, operation: Operation, /, *arguments: Value, **settings: Any
+    ) -> tuple[Value, ...]:
         """The outputs of an operation of the table, one value each.
 
         Settings that are references are given as what they refer to: an attribute's name, a

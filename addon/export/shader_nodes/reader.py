@@ -58,7 +58,7 @@ class TreeReader:
         self._read_behind(found)
         return self._made(found)
 
-    def apply(self, name: str, *arguments: Value, **settings: int) -> tuple[Value, ...]:
+    def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         """Outputs of the table's operation of this name."""
         return self.graph.apply(self.operations[name], *arguments, **settings)
 
@@ -169,7 +169,7 @@ class NodeInputs:
         """The value of the input with this identifier or name, of the socket's own type."""
         return self.reader.passed_on(self.place.beside(socket_named(self.node.inputs, name)))
 
-    def apply(self, name: str, *arguments: Value, **settings: int) -> tuple[Value, ...]:
+    def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         return self.reader.apply(name, *arguments, **settings)
 
     def is_linked(self, name: str) -> bool:
