@@ -152,10 +152,11 @@ def closes_circle(place: Place) -> bool:
     """Whether a link comes in that Blender marked as invalid because it closes a circle, and which
     `source` therefore does not follow.
 
-    Links between a shader and a value are invalid as well, and no circle.
+    Links between a shader and a value are invalid as well, and no circle; so are those to a socket
+    that the node's settings hide.
     """
     wants_shader = place.socket.type == "SHADER"
-    return any(
+    return place.socket.enabled and any(
         not link.is_valid and (link.from_socket.type == "SHADER") == wants_shader
         for link in place.links.into(place.socket)
     )

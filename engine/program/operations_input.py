@@ -112,8 +112,8 @@ INPUTS = (
         (("space", NormalSpace), ("attribute", Reference.ATTRIBUTE)),
         "the shading normal that 2 color - 1 means; in tangent space along the tangent that the "
         "attribute is (its fourth channel the bitangent's sign), that times the normal, and the "
-        "normal, where strength scales the first two and mixes the third with 1; elsewhere strength "
-        "mixes it with the shading normal",
+        "normal, where strength scales the first two and mixes the third with 1; elsewhere "
+        "strength mixes it with the shading normal",
         reads_point=True,
     ),
     Operation(

@@ -11,6 +11,8 @@ import pytest
 from glint.engine.program.operations_math import ClampType, MathOperation
 from glint.engine.program.table import BY_NAME
 from glint.engine.reference.program import apply
+from native_tools import needs_core
+from program_tools import by_core, by_reference
 
 M = MathOperation
 SPECIAL = (0.0, -0.0, 1.0, -2.5, 1e300, -1e300, math.inf, -math.inf, math.nan)
@@ -130,3 +132,24 @@ def test_clamp_of_both_types():
     columns = np.array([[-1.0, 0.5, 3.0], [2.0, 2.0, 2.0], [0.0, 0.0, 0.0]])
     np.testing.assert_array_equal(evaluated("clamp", columns, ClampType.MINMAX), [[0, 0, 0]])
     np.testing.assert_array_equal(evaluated("clamp", columns, ClampType.RANGE), [[0, 0.5, 2]])
+
+
+@needs_core
+@pytest.mark.parametrize("operation", MathOperation)
+def test_core_is_reference_at_special_values(operation):
+    """NaN and infinities, too. Sines of 1e300 agree only if angles are reduced exactly."""
+    columns = list(np.array(list(itertools.product(SPECIAL, repeat=3))).T)
+    for clamp in (0, 1):
+        settings = {"operation": operation, "clamp": clamp}
+        (wanted,) = by_reference(BY_NAME["math"], columns, settings)
+        (found,) = by_core(BY_NAME["math"], columns, settings)
+        np.testing.assert_allclose(found, wanted, rtol=1e-12, equal_nan=True)
+
+
+@needs_core
+@pytest.mark.parametrize("clamp_type", ClampType)
+def test_core_clamps_special_values_as_the_reference(clamp_type):
+    columns = list(np.array(list(itertools.product(SPECIAL, repeat=3))).T)
+    (wanted,) = by_reference(BY_NAME["clamp"], columns, {"clamp_type": clamp_type})
+    (found,) = by_core(BY_NAME["clamp"], columns, {"clamp_type": clamp_type})
+    np.testing.assert_array_equal(found, wanted)

@@ -5,6 +5,7 @@
 
 from . import basic as basic
 from . import inputs as inputs
+from . import math as math
 from . import normals as normals
 from .reader import READERS as READERS
 from .reader import TreeReader as TreeReader
