@@ -8,6 +8,7 @@ positions from the Position pass, so both see the same coordinates to the last b
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,11 @@ import pytest
 
 import cycles_reference as cycles
 from cycles_reference import bpy
+from glint.addon.export.graph import Place
+from glint.addon.export.shader_nodes import READERS, TreeReader
+from glint.engine.program.graph import Graph
+from glint.engine.program.program import compile_program
+from glint.engine.reference import program as reference
 from glint.engine.reference.program import noise, patterns
 
 TILE = 12
@@ -396,3 +402,21 @@ def test_texture_is_that_of_cycles(rendered, node):
             wrong.append((case.properties, case.inputs, case.output, float(distance)))
     assert tried
     assert not wrong, f"{len(wrong)} of {tried} cases differ:\n" + "\n".join(map(str, wrong))
+
+
+@pytest.mark.parametrize("node", sorted({case.node for case in all_cases()} & set(READERS)))
+def test_program_of_the_node_is_the_function(node):
+    """Nodes are read with every setting and socket in its place."""
+    positions = np.random.default_rng(5).uniform(-3, 3, (40, 3))
+    points = SimpleNamespace(position=lambda: positions.T)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    for case in all_cases():
+        if case.node != node:
+            continue
+        notes: list[str] = []
+        graph = Graph()
+        emission = next(n for n in material(case).node_tree.nodes if n.type == "EMISSION")
+        value = TreeReader(graph, None, notes.append).value(Place(emission.inputs["Color"]))
+        found = reference.run(compile_program(graph, [value]), points, len(positions))[0]
+        np.testing.assert_allclose(found.T, expected(case, positions), rtol=1e-12, atol=1e-12)
+        assert not notes

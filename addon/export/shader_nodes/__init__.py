@@ -5,5 +5,6 @@
 
 from . import basic as basic
 from . import inputs as inputs
+from . import patterns as patterns
 from .reader import READERS as READERS
 from .reader import TreeReader as TreeReader
