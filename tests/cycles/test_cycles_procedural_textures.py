@@ -30,6 +30,9 @@ TOLERANCE = 1e-4
 # Where half of one moves the texture by more than the tolerance, Cycles' own rounding decides:
 # up to four of them (distortion, offset, octaves) are allowed.
 FLOAT32_STEP, ROUNDINGS = 2.0**-17, 4
+# The first sines of Magic are of 5 (x + y + z), up to 6 π 5 where float32 keeps steps of 2^-17, too;
+# each depth multiplies what half a step does to them by up to three times the distortion.
+MAGIC_STEEPNESS = 15.0
 
 
 @dataclass(frozen=True)
@@ -368,12 +371,16 @@ def expected(case: Case, positions: np.ndarray) -> np.ndarray:
 
 
 def tolerance(case: Case, positions: np.ndarray) -> float:
-    """Largest difference allowed in a tile; above TOLERANCE only for noise (continuous)."""
-    if case.function is not noise.noise_texture:
+    """Largest difference allowed in a tile; above TOLERANCE only for noise and magic, which are
+    continuous.
+    """
+    if case.function is noise.noise_texture:
+        step = FLOAT32_STEP / case.inputs["Scale"]
+    elif case.function is patterns.magic_texture:
+        step = FLOAT32_STEP / case.inputs["Scale"] / MAGIC_STEEPNESS
+    else:
         return TOLERANCE
-    moved = expected(case, positions + FLOAT32_STEP / case.inputs["Scale"]) - expected(
-        case, positions
-    )
+    moved = expected(case, positions + step) - expected(case, positions)
     return max(TOLERANCE, ROUNDINGS * float(np.abs(moved).max()))
 
 
