@@ -10,9 +10,10 @@ from .operations import Operation
 from .operations_color import COLORS
 from .operations_input import INPUTS
 from .operations_math import MATH
+from .operations_pattern import PATTERNS
 from .operations_vector import VECTORS
 
-OPERATIONS: tuple[Operation, ...] = (*INPUTS, *MATH, *VECTORS, *COLORS)
+OPERATIONS: tuple[Operation, ...] = (*INPUTS, *MATH, *VECTORS, *COLORS, *PATTERNS)
 """An operation's code is its place here."""
 
 CODES: Mapping[str, int] = {operation.name: code for code, operation in enumerate(OPERATIONS)}

@@ -8,6 +8,7 @@ positions from the Position pass, so both see the same coordinates to the last b
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,11 @@ import pytest
 
 import cycles_reference as cycles
 from cycles_reference import bpy
+from glint.addon.export.graph import Place
+from glint.addon.export.shader_nodes import READERS, TreeReader
+from glint.engine.program.graph import Graph
+from glint.engine.program.program import compile_program
+from glint.engine.reference import program as reference
 from glint.engine.reference.program import noise, patterns
 
 TILE = 12
@@ -24,6 +30,9 @@ TOLERANCE = 1e-4
 # Where half of one moves the texture by more than the tolerance, Cycles' own rounding decides:
 # up to four of them (distortion, offset, octaves) are allowed.
 FLOAT32_STEP, ROUNDINGS = 2.0**-17, 4
+# The first sines of Magic are of 5 (x + y + z), up to 6 π 5 where float32 keeps steps of 2^-17, too;
+# each depth multiplies what half a step does to them by up to three times the distortion.
+MAGIC_STEEPNESS = 15.0
 
 
 @dataclass(frozen=True)
@@ -362,12 +371,16 @@ def expected(case: Case, positions: np.ndarray) -> np.ndarray:
 
 
 def tolerance(case: Case, positions: np.ndarray) -> float:
-    """Largest difference allowed in a tile; above TOLERANCE only for noise (continuous)."""
-    if case.function is not noise.noise_texture:
+    """Largest difference allowed in a tile; above TOLERANCE only for noise and magic, which are
+    continuous.
+    """
+    if case.function is noise.noise_texture:
+        step = FLOAT32_STEP / case.inputs["Scale"]
+    elif case.function is patterns.magic_texture:
+        step = FLOAT32_STEP / case.inputs["Scale"] / MAGIC_STEEPNESS
+    else:
         return TOLERANCE
-    moved = expected(case, positions + FLOAT32_STEP / case.inputs["Scale"]) - expected(
-        case, positions
-    )
+    moved = expected(case, positions + step) - expected(case, positions)
     return max(TOLERANCE, ROUNDINGS * float(np.abs(moved).max()))
 
 
@@ -396,3 +409,21 @@ def test_texture_is_that_of_cycles(rendered, node):
             wrong.append((case.properties, case.inputs, case.output, float(distance)))
     assert tried
     assert not wrong, f"{len(wrong)} of {tried} cases differ:\n" + "\n".join(map(str, wrong))
+
+
+@pytest.mark.parametrize("node", sorted({case.node for case in all_cases()} & set(READERS)))
+def test_program_of_the_node_is_the_function(node):
+    """Nodes are read with every setting and socket in its place."""
+    positions = np.random.default_rng(5).uniform(-3, 3, (40, 3))
+    points = SimpleNamespace(position=lambda: positions.T)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    for case in all_cases():
+        if case.node != node:
+            continue
+        notes: list[str] = []
+        graph = Graph()
+        emission = next(n for n in material(case).node_tree.nodes if n.type == "EMISSION")
+        value = TreeReader(graph, None, notes.append).value(Place(emission.inputs["Color"]))
+        found = reference.run(compile_program(graph, [value]), points, len(positions))[0]
+        np.testing.assert_allclose(found.T, expected(case, positions), rtol=1e-12, atol=1e-12)
+        assert not notes

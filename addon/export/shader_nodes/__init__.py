@@ -7,5 +7,6 @@ from . import basic as basic
 from . import inputs as inputs
 from . import math as math
 from . import normals as normals
+from . import patterns as patterns
 from .reader import READERS as READERS
 from .reader import TreeReader as TreeReader

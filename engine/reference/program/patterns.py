@@ -9,22 +9,11 @@ from enum import IntEnum
 
 import numpy as np
 
+from ...program.operations_pattern import GradientType
 from .noise import fbm
 
 # Cycles wraps by 2 π rounded to float32: far out its phase differs from that by 2 π.
 MAGIC_PERIOD = float(np.float32(2.0 * np.pi))
-
-
-class GradientType(IntEnum):
-    """Shapes of the Gradient Texture."""
-
-    LINEAR = 0
-    QUADRATIC = 1
-    EASING = 2
-    DIAGONAL = 3
-    RADIAL = 4
-    QUADRATIC_SPHERE = 5
-    SPHERICAL = 6
 
 
 class WaveType(IntEnum):
@@ -149,9 +138,13 @@ def magic_texture(vector, scale, distortion, *, depth: int) -> tuple[np.ndarray,
     return color, color.mean(axis=0)
 
 
+def _finite_or_zero(v: np.ndarray) -> np.ndarray:
+    return np.where(np.isfinite(v), v, 0.0)
+
+
 def _brick_noise(row: np.ndarray, brick: np.ndarray) -> np.ndarray:
     """A number in [0, 1] of each brick, from whole numbers modulo 2^32."""
-    rows, bricks = (v.astype(np.int64).astype(np.uint32) for v in (row, brick))
+    rows, bricks = ((v - 2.0**32 * np.floor(v / 2.0**32)).astype(np.uint32) for v in (row, brick))
     n = (rows << np.uint32(16)) + (bricks & np.uint32(0xFFFF))
     n = (n + np.uint32(1013)) & np.uint32(0x7FFFFFFF)
     n = (n >> np.uint32(13)) ^ n
@@ -180,12 +173,13 @@ def brick_texture(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Color (3, n) and Factor (n,), 1 in the mortar; `offset` and `squash` act on some rows."""
     px, py, _ = vector * scale
-    row = np.floor(py / row_height)
+    # Bricks without width or height are all mortar.
+    row = _finite_or_zero(np.floor(py / row_height))
     shift = np.zeros_like(px)
     if offset_frequency and squash_frequency:
         brick_width = brick_width * np.where(np.mod(row, squash_frequency) != 0, 1.0, squash)
         shift = np.where(np.mod(row, offset_frequency) != 0, 0.0, brick_width * offset)
-    brick = np.floor((px + shift) / brick_width)
+    brick = _finite_or_zero(np.floor((px + shift) / brick_width))
     x, y = px + shift - brick_width * brick, py - row_height * row
     tint = np.clip(_brick_noise(row, brick) + bias, 0.0, 1.0)
     factor = _mortar(

@@ -4,6 +4,7 @@
 #include "program/op_color.h"
 #include "program/op_input.h"
 #include "program/op_math.h"
+#include "program/op_pattern.h"
 #include "program/op_vector.h"
 
 namespace glint {

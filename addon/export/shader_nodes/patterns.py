@@ -1,0 +1,58 @@
+"""Checker, Gradient, Magic and Brick Texture nodes."""
+
+from __future__ import annotations
+
+from ....engine.program.graph import Value
+from ....engine.program.operations_pattern import GradientType
+from .reader import READERS, NodeInputs, Outputs, texture_vector
+
+
+def _values(view: NodeInputs, *names: str) -> list[Value]:
+    """Where the texture looks, and the inputs of these names."""
+    return [texture_vector(view), *(view.value(name) for name in names)]
+
+
+def _color_and_factor(outputs: tuple[Value, ...]) -> Outputs:
+    return dict(zip(("Color", "Fac"), outputs, strict=True))
+
+
+def _checker(view: NodeInputs) -> Outputs:
+    values = _values(view, "Color1", "Color2", "Scale")
+    return _color_and_factor(view.apply("checker_texture", *values))
+
+
+def _gradient(view: NodeInputs) -> Outputs:
+    kind = GradientType[view.node.gradient_type]
+    return _color_and_factor(view.apply("gradient_texture", *_values(view), gradient_type=kind))
+
+
+def _magic(view: NodeInputs) -> Outputs:
+    values = _values(view, "Scale", "Distortion")
+    return _color_and_factor(view.apply("magic_texture", *values, depth=view.node.turbulence_depth))
+
+
+def _brick(view: NodeInputs) -> Outputs:
+    node, constant = view.node, view.reader.graph.constant
+    values = _values(
+        view, "Color1", "Color2", "Mortar", "Scale", "Mortar Size", "Mortar Smooth", "Bias",
+        "Brick Width", "Row Height",
+    )  # fmt: skip
+    outputs = view.apply(
+        "brick_texture",
+        *values,
+        constant(node.offset),
+        constant(node.squash),
+        offset_frequency=node.offset_frequency,
+        squash_frequency=node.squash_frequency,
+    )
+    return _color_and_factor(outputs)
+
+
+READERS.update(
+    {
+        "ShaderNodeTexChecker": _checker,
+        "ShaderNodeTexGradient": _gradient,
+        "ShaderNodeTexMagic": _magic,
+        "ShaderNodeTexBrick": _brick,
+    }
+)
