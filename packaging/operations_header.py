@@ -14,8 +14,8 @@ TARGET = ROOT / "engine/core/src/program/operations.inc"
 
 
 def header(operations) -> str:
-    """GLINT_OPERATION(name, widths of outputs, widths of arguments, settings) lines. Of each setting
-    it has what it refers to: a an attribute, i an image, t a table, - nothing.
+    """GLINT_OPERATION(name, widths of outputs, widths of arguments, settings) lines. Settings are
+    said by what they refer to: a an attribute, i an image, t a table, - nothing.
     """
     lines = ["// Made by packaging/operations_header.py from engine/program/table.py."]
     for operation in operations:

@@ -34,7 +34,7 @@ class Positions:
     def __init__(self, positions: np.ndarray) -> None:
         self._positions = positions
 
-    def position(self) -> np.ndarray:
+    def position(self, shift: int) -> np.ndarray:
         return self._positions
 
 

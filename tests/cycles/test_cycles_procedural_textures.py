@@ -30,8 +30,8 @@ TOLERANCE = 1e-4
 # Where half of one moves the texture by more than the tolerance, Cycles' own rounding decides:
 # up to four of them (distortion, offset, octaves) are allowed.
 FLOAT32_STEP, ROUNDINGS = 2.0**-17, 4
-# The first sines of Magic are of 5 (x + y + z), up to 6 π 5 where float32 keeps steps of 2^-17, too;
-# each depth multiplies what half a step does to them by up to three times the distortion.
+# The first sines of Magic are of 5 (x + y + z), up to 6 π 5 where float32 keeps steps of 2^-17,
+# too; each depth multiplies what half a step does to them by up to three times the distortion.
 MAGIC_STEEPNESS = 15.0
 
 
@@ -415,7 +415,7 @@ def test_texture_is_that_of_cycles(rendered, node):
 def test_program_of_the_node_is_the_function(node):
     """Nodes are read with every setting and socket in its place."""
     positions = np.random.default_rng(5).uniform(-3, 3, (40, 3))
-    points = SimpleNamespace(position=lambda: positions.T)
+    points = SimpleNamespace(position=lambda shift: positions.T)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     for case in all_cases():
         if case.node != node:

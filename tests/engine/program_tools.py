@@ -14,8 +14,9 @@ from glint.engine.reference import program as reference
 
 SPECIAL = np.array([0.0, -0.0, 1.0, -1.0, 0.5, 2.0, -3.0, 1e-30, 1e9, -1e9, 255.0])
 """Numbers at which functions like to go wrong."""
-RAMP = tuple(float(x) for x in np.random.default_rng(4).uniform(0, 1, 256 * 4))
-"""A table as a Color Ramp has it."""
+_ROWS = tuple(float(x) for x in np.random.default_rng(4).uniform(0, 1, 256 * 4))
+TABLES = {"ramp": _ROWS, "curves": (-0.3, 1.4, *_ROWS[: 256 * 3])}
+"""Tables as the operations of these names have them."""
 HELD = {("magic_texture", "distortion"): 1.5}
 """The largest number for some arguments: errors of the last bit grow by them at every step."""
 
@@ -37,7 +38,8 @@ def arguments_of(operation: Operation, random: np.random.Generator, count: int) 
 
 def settings_of(operation: Operation) -> list[dict[str, Any]]:
     """Every combination of an operation's settings; of long ranges the first four and the last."""
-    choices = [[RAMP] if isinstance(c, Reference) else _some(c) for _, c in operation.settings]
+    choices = [[TABLES[operation.name]]
+        if isinstance(c, Reference) else _some(c) for _, c in operation.settings]
     names = [name for name, _ in operation.settings]
     return [dict(zip(names, chosen, strict=True)) for chosen in product(*choices)]
 

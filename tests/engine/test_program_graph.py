@@ -45,7 +45,7 @@ RECIPES = st.lists(
 class Points(SimpleNamespace):
     """Shaded points with attributes only: `channels` (4, n) by name."""
 
-    def attribute(self, name: str) -> np.ndarray:
+    def attribute(self, name: str, shift: int) -> np.ndarray:
         return self.channels[name]
 
 
@@ -85,9 +85,11 @@ def leaves(graph: Graph, numbers: Sequence[float], are_constants: bool) -> list[
     if are_constants:
         found = [graph.constant(x) for x in numbers] + [graph.constant(numbers[:3])]
     else:
-        found = [graph.apply(ATTRIBUTE, attribute=f"number {i}")[1] for i in range(len(numbers))]
-        found += graph.apply(ATTRIBUTE, attribute="number 0")[:1]
-    return found + [v for name in "ab" for v in graph.apply(ATTRIBUTE, attribute=name)]
+        found = [
+            graph.apply(ATTRIBUTE, attribute=f"number {i}", shift=0)[1] for i in range(len(numbers))
+        ]
+        found += graph.apply(ATTRIBUTE, attribute="number 0", shift=0)[:1]
+    return found + [v for name in "ab" for v in graph.apply(ATTRIBUTE, attribute=name, shift=0)]
 
 
 def attributes(numbers: Sequence[float]) -> dict[str, np.ndarray]:
@@ -156,7 +158,7 @@ def _as_rows(value: np.ndarray) -> np.ndarray:
 
 
 def number(graph: Graph, name: str = "x") -> Value:
-    return graph.apply(ATTRIBUTE, attribute=name)[1]
+    return graph.apply(ATTRIBUTE, attribute=name, shift=0)[1]
 
 
 def sum_of(graph: Graph, a: Value, b: Value) -> Value:
@@ -223,7 +225,7 @@ def test_five_thousand_nodes_that_read_values_from_far_back():
 
 def test_what_nothing_reads_is_left_out():
     graph = Graph(apply)
-    vector, alpha = graph.apply(ATTRIBUTE, attribute="x")
+    vector, alpha = graph.apply(ATTRIBUTE, attribute="x", shift=0)
     sum_of(graph, alpha, alpha)
 
     (step,) = instructions(compile_program(graph, [vector]))
