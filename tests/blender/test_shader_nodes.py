@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -13,26 +12,9 @@ from glint.addon.export.graph import Place
 from glint.addon.export.shader_nodes import TreeReader
 from glint.addon.export.shader_nodes.reader import CIRCLE, NOT_FINITE
 from glint.engine.program.graph import Graph, Value
+from glint.engine.reference.program import apply
 
-NUMBER, VECTOR = SimpleNamespace(value=1), SimpleNamespace(value=3)
-REC709 = np.array([0.2126729, 0.7151522, 0.0721750])
-
-
-def _row(name, code, arguments, outputs, run):
-    sockets = [
-        tuple((str(i), kind) for i, kind in enumerate(kinds)) for kinds in (arguments, outputs)
-    ]
-    return SimpleNamespace(
-        name=name, code=code, arguments=sockets[0], outputs=sockets[1], settings=(), run=run
-    )
-
-
-ROWS = (
-    _row("combine_xyz", 0, (NUMBER,) * 3, (VECTOR,), lambda x, y, z: (np.stack([x, y, z]),)),
-    _row("separate_xyz", 1, (VECTOR,), (NUMBER,) * 3, lambda v: (v[0], v[1], v[2])),
-    _row("rgb_to_bw", 2, (VECTOR,), (NUMBER,), lambda v: (REC709 @ v,)),
-    _row("vector_average", 3, (VECTOR,), (NUMBER,), lambda v: (v.mean(axis=0),)),
-)
+REC709 = np.array([0.2126, 0.7152, 0.0722])
 
 
 class Tree:
@@ -59,8 +41,7 @@ class Tree:
         return node
 
     def read(self, name) -> Value:
-        graph = Graph(lambda row, arguments, settings: row.run(*arguments))
-        reader = TreeReader(graph, {row.name: row for row in ROWS}, self.notes.append)
+        reader = TreeReader(Graph(apply), None, self.notes.append)
         return reader.value(Place(self.shader.inputs[name]))
 
 
@@ -164,6 +145,17 @@ def test_links_in_a_circle_end_with_a_note(tree):
     tree.links.new(second.outputs[0], tree.shader.inputs["Color"])
     assert np.isfinite(tree.read("Color").constant).all()
     assert CIRCLE in tree.notes
+
+
+def test_a_link_to_a_socket_that_the_settings_hide_is_no_circle(tree):
+    """Blender calls it invalid, as it does those that close a circle."""
+    node = tree.node("ShaderNodeMath", Value=0.25)
+    node.operation = "MULTIPLY_ADD"
+    tree.links.new(tree.rgb(1.0, 1.0, 1.0).outputs[0], node.inputs[2])
+    tree.links.new(node.outputs[0], tree.shader.inputs["Roughness"])
+    node.operation = "ABSOLUTE"
+    assert tree.read("Roughness").constant == (0.25,)
+    assert tree.notes == []
 
 
 def test_three_hundred_nested_groups(tree):

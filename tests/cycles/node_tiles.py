@@ -46,6 +46,14 @@ def compared(builds: Sequence[Build]) -> tuple[np.ndarray, np.ndarray]:
     return seen, np.stack(expected)
 
 
+def greatest_difference(seen: np.ndarray, expected: np.ndarray) -> float:
+    """Where the expected value is finite, which it must be somewhere; relative to it above 1."""
+    finite = np.isfinite(expected)
+    assert finite.any()
+    scale = np.maximum(np.abs(expected[finite]), 1.0)
+    return float((np.abs(seen[finite] - expected[finite]) / scale).max())
+
+
 def add(tree: Any, kind: str, inputs: dict[str, Any], **properties: Any) -> Any:
     """A node; inputs by identifier: sockets are linked, numbers set."""
     node = tree.nodes.new(kind)
