@@ -12,6 +12,7 @@ from glint.addon.export.graph import Place
 from glint.addon.export.shader_nodes import TreeReader
 from glint.addon.export.shader_nodes.reader import CIRCLE, NOT_FINITE
 from glint.engine.program.graph import Graph, Value
+from glint.engine.reference.program import apply
 
 REC709 = np.array([0.2126, 0.7152, 0.0722])
 
@@ -40,7 +41,7 @@ class Tree:
         return node
 
     def read(self, name) -> Value:
-        reader = TreeReader(Graph(), None, self.notes.append)
+        reader = TreeReader(Graph(apply), None, self.notes.append)
         return reader.value(Place(self.shader.inputs[name]))
 
 
@@ -144,6 +145,17 @@ def test_links_in_a_circle_end_with_a_note(tree):
     tree.links.new(second.outputs[0], tree.shader.inputs["Color"])
     assert np.isfinite(tree.read("Color").constant).all()
     assert CIRCLE in tree.notes
+
+
+def test_a_link_to_a_socket_that_the_settings_hide_is_no_circle(tree):
+    """Blender calls it invalid, as it does those that close a circle."""
+    node = tree.node("ShaderNodeMath", Value=0.25)
+    node.operation = "MULTIPLY_ADD"
+    tree.links.new(tree.rgb(1.0, 1.0, 1.0).outputs[0], node.inputs[2])
+    tree.links.new(node.outputs[0], tree.shader.inputs["Roughness"])
+    node.operation = "ABSOLUTE"
+    assert tree.read("Roughness").constant == (0.25,)
+    assert tree.notes == []
 
 
 def test_three_hundred_nested_groups(tree):

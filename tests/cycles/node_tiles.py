@@ -35,6 +35,7 @@ class Positions:
         self._positions = positions
 
     def position(self, shift: int) -> np.ndarray:
+        assert shift == 0, "Bump nodes are not known here"
         return self._positions
 
 
@@ -44,6 +45,14 @@ def compared(builds: Sequence[Build]) -> tuple[np.ndarray, np.ndarray]:
     seen, positions = _render(builds, ends)
     expected = [_computed(end, at) for end, at in zip(ends, positions, strict=True)]
     return seen, np.stack(expected)
+
+
+def greatest_difference(seen: np.ndarray, expected: np.ndarray) -> float:
+    """Where the expected value is finite, which it must be somewhere; relative to it above 1."""
+    finite = np.isfinite(expected)
+    assert finite.any()
+    scale = np.maximum(np.abs(expected[finite]), 1.0)
+    return float((np.abs(seen[finite] - expected[finite]) / scale).max())
 
 
 def add(tree: Any, kind: str, inputs: dict[str, Any], **properties: Any) -> Any:

@@ -4,9 +4,11 @@
 """
 
 from . import basic as basic
+from . import colors as colors
 from . import inputs as inputs
 from . import math as math
 from . import normals as normals
 from . import patterns as patterns
+from . import vectors as vectors
 from .reader import READERS as READERS
 from .reader import TreeReader as TreeReader

@@ -70,7 +70,18 @@ def compare(a: Numbers, b: Numbers, c: Numbers) -> Numbers:
     return (a == b) | (np.abs(a - b) <= np.fmax(c, _FLOAT32_EPSILON))
 
 
-def _sign(a: Numbers) -> Numbers:
+def safe_modulo(a: Numbers, b: Numbers) -> Numbers:
+    """C's fmod, 0 where b is 0."""
+    return np.where(b != 0, np.fmod(a, b), 0.0)
+
+
+def snapped(a: Numbers, b: Numbers) -> Numbers:
+    """The multiple of b at or below a (in units of b); 0 where b is 0."""
+    return np.floor(safe_divide(a, b)) * b
+
+
+def sign(a: Numbers) -> Numbers:
+    """-1, 0 or 1; 1 for NaN."""
     return np.where(a == 0, 0.0, np.where(a < 0, -1.0, 1.0))
 
 
@@ -97,7 +108,7 @@ _MATH = {
     _M.ROUND: lambda a, b, c: np.floor(a + 0.5),
     _M.LESS_THAN: lambda a, b, c: a < b,
     _M.GREATER_THAN: lambda a, b, c: a > b,
-    _M.MODULO: lambda a, b, c: np.where(b != 0, np.fmod(a, b), 0.0),
+    _M.MODULO: lambda a, b, c: safe_modulo(a, b),
     _M.ABSOLUTE: lambda a, b, c: np.abs(a),
     _M.ARCTAN2: lambda a, b, c: np.where((a == 0) & (b == 0), 0.0, np.arctan2(a, b)),
     _M.FLOOR: lambda a, b, c: np.floor(a),
@@ -105,7 +116,7 @@ _MATH = {
     _M.FRACT: lambda a, b, c: a - np.floor(a),
     _M.SQRT: lambda a, b, c: np.sqrt(np.fmax(a, 0.0)),
     _M.INVERSE_SQRT: lambda a, b, c: np.where(a > 0, 1 / np.sqrt(a), 0.0),
-    _M.SIGN: lambda a, b, c: _sign(a),
+    _M.SIGN: lambda a, b, c: sign(a),
     _M.EXPONENT: lambda a, b, c: np.exp(a),
     _M.RADIANS: lambda a, b, c: a * (np.pi / 180),
     _M.DEGREES: lambda a, b, c: a * (180 / np.pi),
@@ -113,7 +124,7 @@ _MATH = {
     _M.COSH: lambda a, b, c: np.cosh(a),
     _M.TANH: lambda a, b, c: np.tanh(a),
     _M.TRUNC: lambda a, b, c: np.trunc(a),
-    _M.SNAP: lambda a, b, c: np.floor(safe_divide(a, b)) * b,
+    _M.SNAP: lambda a, b, c: snapped(a, b),
     _M.WRAP: wrap,
     _M.COMPARE: compare,
     _M.MULTIPLY_ADD: lambda a, b, c: a * b + c,
