@@ -1,4 +1,4 @@
-"""Pattern textures: checker, gradient, magic and brick, as Cycles (kernel/svm)."""
+"""Pattern textures: checker, gradient, magic, brick and Gabor, as Cycles (kernel/svm)."""
 
 from __future__ import annotations
 
@@ -61,5 +61,20 @@ PATTERNS = (
         "bricks in x and y of vector scale, each a mixture of color1 and color2, and mortar, where "
         "factor is 1; every offset_frequency-th row is shifted, every squash_frequency-th "
         "has bricks of another width",
+    ),
+    Operation(
+        "gabor_texture",
+        sockets(value="number", phase="number", intensity="number"),
+        sockets(
+            vector="vector",
+            scale="number",
+            frequency="number",
+            anisotropy="number",
+            orientation_2d="number",
+            orientation_3d="vector",
+        ),
+        (("dimensions", range(2, 4)),),
+        "Gabor noise at vector scale, of waves along the orientation, a share 1 - anisotropy of it "
+        "random; the value brought to [0, 1], phase in [0, 1] of a turn",
     ),
 )

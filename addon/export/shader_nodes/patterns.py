@@ -1,4 +1,4 @@
-"""Checker, Gradient, Magic and Brick Texture nodes."""
+"""Checker, Gradient, Magic, Brick and Gabor Texture nodes."""
 
 from __future__ import annotations
 
@@ -48,11 +48,19 @@ def _brick(view: NodeInputs) -> Outputs:
     return _color_and_factor(outputs)
 
 
+def _gabor(view: NodeInputs) -> Outputs:
+    values = _values(view, "Scale", "Frequency", "Anisotropy", "Orientation 2D", "Orientation 3D")
+    dimensions = {"2D": 2, "3D": 3}[view.node.gabor_type]
+    outputs = view.apply("gabor_texture", *values, dimensions=dimensions)
+    return dict(zip(("Value", "Phase", "Intensity"), outputs, strict=True))
+
+
 READERS.update(
     {
         "ShaderNodeTexChecker": _checker,
         "ShaderNodeTexGradient": _gradient,
         "ShaderNodeTexMagic": _magic,
         "ShaderNodeTexBrick": _brick,
+        "ShaderNodeTexGabor": _gabor,
     }
 )

@@ -10,6 +10,7 @@ from enum import IntEnum
 import numpy as np
 
 from ...program.operations_pattern import GradientType
+from .gabor import gabor_texture as gabor_texture
 from .noise import fbm
 
 # Cycles wraps by 2 π rounded to float32: far out its phase differs from that by 2 π.

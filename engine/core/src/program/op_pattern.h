@@ -31,6 +31,8 @@ inline void each_gradient(const Machine& m, const Operands& at, Shape shape) {
   each_group(m, [&](size_t k) { put_grey(at, k, between_zero_and_one(shape(at.vector(0, k)))); });
 }
 
+constexpr double kPi = 0x1.921fb54442d18p+1;
+
 enum GradientType { kLinear, kQuadratic, kEasing, kDiagonal, kRadial, kQuadraticSphere };
 
 /// Sines of one component by the others: component axis becomes
@@ -115,7 +117,6 @@ inline void checker_texture(const Machine& m, const Operands& at) {
 }
 
 inline void gradient_texture(const Machine& m, const Operands& at) {
-  constexpr double kTurn = 0x1.921fb54442d18p+2;
   switch (at.settings[0]) {
     case kLinear:
       return each_gradient(m, at, [](const Three& p) { return p.x; });
@@ -129,7 +130,7 @@ inline void gradient_texture(const Machine& m, const Operands& at) {
     case kDiagonal:
       return each_gradient(m, at, [](const Three& p) { return (p.x + p.y) * 0.5; });
     case kRadial:
-      return each_gradient(m, at, [](const Three& p) { return atan2(p.y, p.x) / kTurn + 0.5; });
+      return each_gradient(m, at, [](const Three& p) { return atan2(p.y, p.x) / (2 * kPi) + 0.5; });
     case kQuadraticSphere:
       return each_gradient(m, at, [](const Three& p) {
         const Doubles r = within_sphere(p);
