@@ -16,7 +16,11 @@ SPECIAL = np.array([0.0, -0.0, 1.0, -1.0, 0.5, 2.0, -3.0, 1e-30, 1e9, -1e9, 255.
 """Numbers at which functions like to go wrong."""
 RAMP = tuple(float(x) for x in np.random.default_rng(4).uniform(0, 1, 256 * 4))
 """A table as a Color Ramp has it."""
-HELD = {("magic_texture", "distortion"): 1.5, ("gabor_texture", "frequency"): 10.0}
+HELD = {
+    ("magic_texture", "distortion"): 1.5,
+    ("wave_texture", "distortion"): 10.0,
+    ("gabor_texture", "frequency"): 10.0,
+}
 """The largest number for some arguments: errors of the last bit grow by them."""
 
 

@@ -41,6 +41,12 @@ inline Numbers hash_words(const Numbers (&word)[N]) {
   return s.finish();
 }
 
+/// An integer modulo 2^32; 0 where it is not finite.
+inline Numbers modulo_words(Doubles integer) {
+  const Doubles rest = integer - 0x1p32 * down(integer / 0x1p32);
+  return __builtin_convertvector(Mask(finite_or_zero(rest) + 0x1p52), Numbers);
+}
+
 /// The bits of a number as float32.
 inline Numbers single_bits(Doubles a) { return Numbers(__builtin_convertvector(a, Singles)); }
 

@@ -1,8 +1,6 @@
 // Gabor noise (Lagae and others 2009, Tavernier and others 2019, Tricard and others 2019), as
 // Cycles.
 #pragma once
-#include "program/functions.h"
-#include "program/hashing.h"
 #include "program/op_pattern.h"
 
 namespace glint {
