@@ -11,7 +11,7 @@ from math import pi
 from typing import Any
 
 import cycles_reference as cycles
-from small_scenes import add, add_camera, add_light, ball, cube, moved, plane
+from small_scenes import add, add_camera, add_light, ball, cube, lambert, moved, plane
 
 COORDINATES = "ShaderNodeTexCoord"
 MAPPING = "ShaderNodeMapping"
@@ -256,7 +256,7 @@ def show(build: Callable[[Any], None], width: int = 96, height: int = 96) -> Any
     scene = cycles.empty_scene(width, height)
     material = cycles.bpy.data.materials.new(build.__name__)
     build(material)
-    add(scene, "Floor", plane(6.0))
+    add(scene, "Floor", plane(6.0, lambert((0.5, 0.5, 0.5))))
     add(scene, "Ball", ball(48, 32, True, material), moved(0.9, -0.7, 1.0))
     add(scene, "Box", cube(material), moved(-1.1, 0.7, 1.01, 0.9, 0.9, 1.0))
     add_camera(scene, location=(2.9, -3.9, 3.3), target=(0.0, 0.0, 0.9))
