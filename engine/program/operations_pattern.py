@@ -1,4 +1,4 @@
-"""Pattern textures: checker, gradient, magic and brick, as Cycles (kernel/svm)."""
+"""Pattern textures: checker, gradient, wave, magic, brick and Gabor, as Cycles (kernel/svm)."""
 
 from __future__ import annotations
 
@@ -19,6 +19,30 @@ class GradientType(IntEnum):
     SPHERICAL = 6
 
 
+class WaveType(IntEnum):
+    """Blender's identifiers of straight and round waves."""
+
+    BANDS = 0
+    RINGS = 1
+
+
+class WaveDirection(IntEnum):
+    """Axis of bands and rings; the last one is diagonal for bands, spherical for rings."""
+
+    X = 0
+    Y = 1
+    Z = 2
+    ALL = 3
+
+
+class WaveProfile(IntEnum):
+    """Blender's identifiers of the shapes of one wave."""
+
+    SIN = 0
+    SAW = 1
+    TRI = 2
+
+
 PATTERNS = (
     Operation(
         "checker_texture",
@@ -32,6 +56,22 @@ PATTERNS = (
         sockets(vector="vector"),
         (("gradient_type", GradientType),),
         "gradient_type of vector, held in [0, 1]",
+    ),
+    Operation(
+        "wave_texture",
+        sockets(color="vector", factor="number"),
+        sockets(
+            vector="vector",
+            scale="number",
+            distortion="number",
+            detail="number",
+            detail_scale="number",
+            detail_roughness="number",
+            phase="number",
+        ),
+        (("wave_type", WaveType), ("direction", WaveDirection), ("profile", WaveProfile)),
+        "profile of 20 times the way along direction, or across it for rings, at vector scale, "
+        "plus phase, plus distortion times noise in [-1, 1]",
     ),
     Operation(
         "magic_texture",
@@ -61,5 +101,20 @@ PATTERNS = (
         "bricks in x and y of vector scale, each a mixture of color1 and color2, and mortar, where "
         "factor is 1; every offset_frequency-th row is shifted, every squash_frequency-th "
         "has bricks of another width",
+    ),
+    Operation(
+        "gabor_texture",
+        sockets(value="number", phase="number", intensity="number"),
+        sockets(
+            vector="vector",
+            scale="number",
+            frequency="number",
+            anisotropy="number",
+            orientation_2d="number",
+            orientation_3d="vector",
+        ),
+        (("dimensions", range(2, 4)),),
+        "Gabor noise at vector scale, of waves along the orientation, a share 1 - anisotropy of it "
+        "random; the value brought to [0, 1], phase in [0, 1] of a turn",
     ),
 )

@@ -30,9 +30,10 @@ TOLERANCE = 1e-4
 # Where half of one moves the texture by more than the tolerance, Cycles' own rounding decides:
 # up to four of them (distortion, offset, octaves) are allowed.
 FLOAT32_STEP, ROUNDINGS = 2.0**-17, 4
-# The first sines of Magic are of 5 (x + y + z), up to 6 π 5 where float32 keeps steps of 2^-17,
+# The first sines of Magic are of 5 (x + y + z), up to 30 π, where float32 keeps steps of 2^-17,
 # too; each depth multiplies what half a step does to them by up to three times the distortion.
 MAGIC_STEEPNESS = 15.0
+GABOR = "ShaderNodeTexGabor"
 
 
 @dataclass(frozen=True)
@@ -273,6 +274,41 @@ def brick_cases(random) -> list[Case]:
     return cases
 
 
+def gabor_cases(random) -> list[Case]:
+    """None in Blender 4.2, which has no such node."""
+    if not hasattr(bpy.types, GABOR):
+        return []
+    sockets = (
+        "Vector", "Scale", "Frequency", "Anisotropy", "Orientation 2D", "Orientation 3D",
+    )  # fmt: skip
+    cases = []
+    for dimensions in (2, 3):
+        for result, output in enumerate(("Value", "Phase", "Intensity")):
+            for anisotropy in (0.0, random.uniform(0, 1), 1.0):
+                inputs = {
+                    "Scale": random.uniform(0.3, 1.5),
+                    "Frequency": random.uniform(0.5, 4),
+                    "Anisotropy": anisotropy,
+                    "Orientation 2D": random.uniform(-4, 4),
+                    "Orientation 3D": color(random),
+                }
+                properties = {"gabor_type": f"{dimensions}D"}
+                settings = {"dimensions": dimensions}
+                cases.append(
+                    Case(
+                        GABOR,
+                        properties,
+                        inputs,
+                        output,
+                        patterns.gabor_texture,
+                        sockets,
+                        settings,
+                        result,
+                    )
+                )
+    return cases
+
+
 def all_cases() -> list[Case]:
     random = np.random.default_rng(4)
     return [
@@ -283,6 +319,7 @@ def all_cases() -> list[Case]:
         *wave_cases(random),
         *magic_cases(random),
         *brick_cases(random),
+        *gabor_cases(random),
     ]
 
 
@@ -304,11 +341,11 @@ def material(case: Case):
     )
     for name, value in case.properties.items():
         setattr(texture, name, value)
-    for name, value in case.inputs.items():
-        if name in texture.inputs:
-            texture.inputs[name].default_value = (
-                (*value, 1.0) if isinstance(value, tuple) else value
-            )
+    for socket in texture.inputs:
+        value = case.inputs.get(socket.identifier)
+        if value is not None:
+            is_color = socket.type == "RGBA"
+            socket.default_value = (*value, 1.0) if is_color else value
     tree.links.new(geometry.outputs["Position"], split.inputs[0])
     if "Vector" in texture.inputs:
         tree.links.new(geometry.outputs["Position"], texture.inputs["Vector"])
@@ -391,7 +428,7 @@ def rendered():
     return cases, colors, positions
 
 
-NODES = ("WhiteNoise", "Noise", "Checker", "Gradient", "Wave", "Magic", "Brick")
+NODES = sorted({case.node for case in all_cases()})
 
 
 @pytest.mark.parametrize("node", NODES)
@@ -399,7 +436,7 @@ def test_texture_is_that_of_cycles(rendered, node):
     """Every pixel of every tile agrees; noise may differ as far as float32 moves it."""
     wrong, tried = [], 0
     for case, seen, positions in zip(*rendered, strict=True):
-        if case.node != f"ShaderNodeTex{node}":
+        if case.node != node:
             continue
         tried += 1
         # Cycles' film takes no negative light.
@@ -411,7 +448,7 @@ def test_texture_is_that_of_cycles(rendered, node):
     assert not wrong, f"{len(wrong)} of {tried} cases differ:\n" + "\n".join(map(str, wrong))
 
 
-@pytest.mark.parametrize("node", sorted({case.node for case in all_cases()} & set(READERS)))
+@pytest.mark.parametrize("node", sorted(set(NODES) & set(READERS)))
 def test_program_of_the_node_is_the_function(node):
     """Nodes are read with every setting and socket in its place."""
     positions = np.random.default_rng(5).uniform(-3, 3, (40, 3))

@@ -17,8 +17,12 @@ SPECIAL = np.array([0.0, -0.0, 1.0, -1.0, 0.5, 2.0, -3.0, 1e-30, 1e9, -1e9, 255.
 _ROWS = tuple(float(x) for x in np.random.default_rng(4).uniform(0, 1, 256 * 4))
 TABLES = {"ramp": _ROWS, "curves": (-0.3, 1.4, *_ROWS[: 256 * 3])}
 """Tables as the operations of these names have them."""
-HELD = {("magic_texture", "distortion"): 1.5}
-"""The largest number for some arguments: errors of the last bit grow by them at every step."""
+HELD = {
+    ("magic_texture", "distortion"): 1.5,
+    ("wave_texture", "distortion"): 10.0,
+    ("gabor_texture", "frequency"): 10.0,
+}
+"""The largest number for some arguments: errors of the last bit grow by them."""
 
 
 def arguments_of(operation: Operation, random: np.random.Generator, count: int) -> list[np.ndarray]:

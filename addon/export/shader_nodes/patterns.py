@@ -1,9 +1,14 @@
-"""Checker, Gradient, Magic and Brick Texture nodes."""
+"""Checker, Gradient, Wave, Magic, Brick and Gabor Texture nodes."""
 
 from __future__ import annotations
 
 from ....engine.program.graph import Value
-from ....engine.program.operations_pattern import GradientType
+from ....engine.program.operations_pattern import (
+    GradientType,
+    WaveDirection,
+    WaveProfile,
+    WaveType,
+)
 from .reader import READERS, NodeInputs, Outputs, texture_vector
 
 
@@ -24,6 +29,23 @@ def _checker(view: NodeInputs) -> Outputs:
 def _gradient(view: NodeInputs) -> Outputs:
     kind = GradientType[view.node.gradient_type]
     return _color_and_factor(view.apply("gradient_texture", *_values(view), gradient_type=kind))
+
+
+def _wave(view: NodeInputs) -> Outputs:
+    node = view.node
+    kind = WaveType[node.wave_type]
+    along = node.bands_direction if kind == WaveType.BANDS else node.rings_direction
+    values = _values(
+        view, "Scale", "Distortion", "Detail", "Detail Scale", "Detail Roughness", "Phase Offset"
+    )
+    outputs = view.apply(
+        "wave_texture",
+        *values,
+        wave_type=kind,
+        direction=WaveDirection.__members__.get(along, WaveDirection.ALL),
+        profile=WaveProfile[node.wave_profile],
+    )
+    return _color_and_factor(outputs)
 
 
 def _magic(view: NodeInputs) -> Outputs:
@@ -48,11 +70,20 @@ def _brick(view: NodeInputs) -> Outputs:
     return _color_and_factor(outputs)
 
 
+def _gabor(view: NodeInputs) -> Outputs:
+    values = _values(view, "Scale", "Frequency", "Anisotropy", "Orientation 2D", "Orientation 3D")
+    dimensions = {"2D": 2, "3D": 3}[view.node.gabor_type]
+    outputs = view.apply("gabor_texture", *values, dimensions=dimensions)
+    return dict(zip(("Value", "Phase", "Intensity"), outputs, strict=True))
+
+
 READERS.update(
     {
         "ShaderNodeTexChecker": _checker,
         "ShaderNodeTexGradient": _gradient,
+        "ShaderNodeTexWave": _wave,
         "ShaderNodeTexMagic": _magic,
         "ShaderNodeTexBrick": _brick,
+        "ShaderNodeTexGabor": _gabor,
     }
 )

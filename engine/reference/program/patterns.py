@@ -5,39 +5,14 @@ Numbers are (n,), vectors and colours (3, n), float64. Settings are integers as 
 
 from __future__ import annotations
 
-from enum import IntEnum
-
 import numpy as np
 
-from ...program.operations_pattern import GradientType
+from ...program.operations_pattern import GradientType, WaveDirection, WaveProfile, WaveType
+from .gabor import gabor_texture as gabor_texture
 from .noise import fbm
 
 # Cycles wraps by 2 π rounded to float32: far out its phase differs from that by 2 π.
 MAGIC_PERIOD = float(np.float32(2.0 * np.pi))
-
-
-class WaveType(IntEnum):
-    """Straight or round waves."""
-
-    BANDS = 0
-    RINGS = 1
-
-
-class WaveDirection(IntEnum):
-    """Axis of bands and rings; the last one is diagonal for bands, spherical for rings."""
-
-    X = 0
-    Y = 1
-    Z = 2
-    ALL = 3
-
-
-class WaveProfile(IntEnum):
-    """Shapes of one wave."""
-
-    SIN = 0
-    SAW = 1
-    TRI = 2
 
 
 def _off_whole_numbers(p: np.ndarray) -> np.ndarray:
@@ -96,11 +71,10 @@ def wave_texture(
     else:
         across = [axis for axis in range(3) if axis != direction]
         n = np.sqrt((p[across] ** 2).sum(axis=0)) * 20.0
-    n = (
-        n
-        + phase
-        + distortion * (2.0 * fbm(p * detail_scale, detail, detail_roughness, 2.0, True) - 1.0)
-    )
+    # Beyond what the sockets take, where linked numbers may be, Cycles divides by 0.
+    detail, roughness = np.clip(detail, 0.0, 15.0), np.maximum(detail_roughness, 0.0)
+    noise = fbm(p * detail_scale, detail, roughness, 2.0, True)
+    n = n + phase + np.where(distortion != 0.0, distortion * (2.0 * noise - 1.0), 0.0)
     if profile == WaveProfile.SIN:
         factor = 0.5 + 0.5 * np.sin(n - 0.5 * np.pi)
     else:

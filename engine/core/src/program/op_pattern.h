@@ -1,7 +1,8 @@
-// Checker, gradient, magic and brick textures.
+// Checker, gradient, wave, magic and brick textures.
 #pragma once
 #include "program/functions.h"
 #include "program/machine.h"
+#include "program/perlin.h"
 
 namespace glint {
 namespace {
@@ -31,7 +32,43 @@ inline void each_gradient(const Machine& m, const Operands& at, Shape shape) {
   each_group(m, [&](size_t k) { put_grey(at, k, between_zero_and_one(shape(at.vector(0, k)))); });
 }
 
+constexpr double kPi = 0x1.921fb54442d18p+1;
+
 enum GradientType { kLinear, kQuadratic, kEasing, kDiagonal, kRadial, kQuadraticSphere };
+
+enum WaveType { kBands, kRings };
+enum WaveDirection { kAlongX, kAlongY, kAlongZ, kAllAxes };
+enum WaveProfile { kSine, kSaw };
+
+/// The way along the waves, 2 pi each.
+inline Doubles wave_phase(const Three& p, int32_t type, int32_t direction) {
+  if (type == kBands) switch (direction) {
+      case kAlongX:
+        return p.x * 20;
+      case kAlongY:
+        return p.y * 20;
+      case kAlongZ:
+        return p.z * 20;
+      default:
+        return (p.x + p.y + p.z) * 10;
+    }
+  switch (direction) {
+    case kAlongX:
+      return root(p.y * p.y + p.z * p.z) * 20;
+    case kAlongY:
+      return root(p.x * p.x + p.z * p.z) * 20;
+    case kAlongZ:
+      return root(p.x * p.x + p.y * p.y) * 20;
+    default:
+      return length(p) * 20;
+  }
+}
+
+inline Doubles wave_profile(Doubles phase, int32_t profile) {
+  if (profile == kSine) return 0.5 + 0.5 * sin(phase - 0.5 * kPi);
+  const Doubles turns = phase / (2 * kPi);
+  return profile == kSaw ? turns - down(turns) : 2 * magnitude(turns - down(turns + 0.5));
+}
 
 /// Sines of one component by the others: component axis becomes
 /// sign wave(x signs[0] + y signs[1] + z signs[2]).
@@ -61,15 +98,9 @@ inline void magic_step(const MagicStep& step, Doubles distortion, Three& p) {
   (step.axis == 0 ? p.x : step.axis == 1 ? p.y : p.z) = wave;
 }
 
-/// An integer modulo 2^32; 0 where it is not finite.
-inline Numbers wrapped(Doubles integer) {
-  const Doubles rest = integer - 0x1p32 * down(integer / 0x1p32);
-  return __builtin_convertvector(Mask(finite_or_zero(rest) + 0x1p52), Numbers);
-}
-
 /// A number in [0, 1] of each brick.
 inline Doubles brick_noise(Doubles row, Doubles brick) {
-  Numbers n = (wrapped(row) << 16) + (wrapped(brick) & 0xffffu);
+  Numbers n = (modulo_words(row) << 16) + (modulo_words(brick) & 0xffffu);
   n = (n + 1013u) & 0x7fffffffu;
   n = (n >> 13) ^ n;
   n = (n * (n * n * 60493u + 19990303u) + 1376312589u) & 0x7fffffffu;
@@ -115,7 +146,6 @@ inline void checker_texture(const Machine& m, const Operands& at) {
 }
 
 inline void gradient_texture(const Machine& m, const Operands& at) {
-  constexpr double kTurn = 0x1.921fb54442d18p+2;
   switch (at.settings[0]) {
     case kLinear:
       return each_gradient(m, at, [](const Three& p) { return p.x; });
@@ -129,7 +159,7 @@ inline void gradient_texture(const Machine& m, const Operands& at) {
     case kDiagonal:
       return each_gradient(m, at, [](const Three& p) { return (p.x + p.y) * 0.5; });
     case kRadial:
-      return each_gradient(m, at, [](const Three& p) { return atan2(p.y, p.x) / kTurn + 0.5; });
+      return each_gradient(m, at, [](const Three& p) { return atan2(p.y, p.x) / (2 * kPi) + 0.5; });
     case kQuadraticSphere:
       return each_gradient(m, at, [](const Three& p) {
         const Doubles r = within_sphere(p);
@@ -138,6 +168,23 @@ inline void gradient_texture(const Machine& m, const Operands& at) {
     default:
       return each_gradient(m, at, within_sphere);
   }
+}
+
+inline void wave_texture(const Machine& m, const Operands& at) {
+  const int32_t type = at.settings[0], direction = at.settings[1], profile = at.settings[2];
+  each_group(m, [&](size_t k) {
+    const Three q = at.number(1, k) * at.vector(0, k);
+    const Three p{off_whole_numbers(q.x), off_whole_numbers(q.y), off_whole_numbers(q.z)};
+    Doubles phase = wave_phase(p, type, direction) + at.number(6, k);
+    const Doubles distortion = at.number(2, k);
+    if (any(distortion != 0)) {
+      const Doubles detail = smaller(larger(at.number(3, k), splat(0)), splat(15));
+      const Doubles noise = fbm<3>(NoisePoint<3>{{p.x, p.y, p.z}} * at.number(4, k), detail,
+                                   larger(at.number(5, k), splat(0)), splat(2), true);
+      phase = choose(distortion != 0, phase + distortion * (2 * noise - 1), phase);
+    }
+    put_grey(at, k, wave_profile(phase, profile));
+  });
 }
 
 inline void magic_texture(const Machine& m, const Operands& at) {

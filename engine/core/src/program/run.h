@@ -2,6 +2,7 @@
 #pragma once
 #include "program/machine.h"
 #include "program/op_color.h"
+#include "program/op_gabor.h"
 #include "program/op_input.h"
 #include "program/op_math.h"
 #include "program/op_pattern.h"
