@@ -90,7 +90,9 @@ def _direction_3d(seed: tuple, isotropy, orientation) -> np.ndarray:
     """Unit vectors (3, n): the orientation, whose angles grow by up to half a turn."""
     x, y, z, w = seed
     ox, oy, oz = orientation
-    inclination = np.arccos(np.clip(oz, -1.0, 1.0)) + hash_numbers(x, y, z, w) * np.pi * isotropy
+    # Cycles takes arc cosines, which lose half of the digits near the axes.
+    inclination = np.arctan2(np.sqrt(ox * ox + oy * oy), oz)
+    inclination = inclination + hash_numbers(x, y, z, w) * np.pi * isotropy
     azimuth = np.arctan2(oy, ox) + hash_numbers(z, x, w, y) * np.pi * isotropy
     around = np.sin(inclination)
     turned = np.stack([around * np.cos(azimuth), around * np.sin(azimuth), np.cos(inclination)])

@@ -106,8 +106,10 @@ inline void each_gabor(const Machine& m, const Operands& at, double most) {
     if constexpr (D == 2) {
       p.z = splat(0);
     } else {
-      wave.angle = atan2(wave.orientation.y, wave.orientation.x);
-      wave.inclination = acos(smaller(larger(wave.orientation.z, splat(-1)), splat(1)));
+      // Cycles takes arc cosines, which lose half of the digits near the axes.
+      const Three& o = wave.orientation;
+      wave.angle = atan2(o.y, o.x);
+      wave.inclination = atan2(root(o.x * o.x + o.y * o.y), o.z);
     }
     const Phasor sum = gabor_phasor<D>(p, wave);
     at.put(0, k, sum.imaginary / most * 0.5 + 0.5);
