@@ -73,6 +73,14 @@ def mapping(vector_type: str, kind: str):
     return build
 
 
+def mapping_to_nothing(vector_type: str):
+    def build(tree, position):
+        arguments = {"Vector": position, "Location": (0.5, -0.5, 2.0), "Scale": (0.0, 0.0, 0.0)}
+        return add(tree, "ShaderNodeMapping", arguments, vector_type=vector_type).outputs[0]
+
+    return build
+
+
 def vector_rotate(rotation_type: str, kind: str, invert: bool):
     def build(tree, position):
         center, axis, rotation = vectors(tree, position, kind)
@@ -101,15 +109,42 @@ def normal_node(output: str):
     return build
 
 
+def texture_mapping(vector_type: str, axes: str, scale: tuple[float, float, float]):
+    """A gradient around z behind the mapping that the texture node itself holds."""
+    translation, rotation = RANDOM.uniform(-0.5, 0.5, 3), RANDOM.uniform(-3, 3, 3)
+
+    def build(tree, position):
+        node = add(tree, "ShaderNodeTexGradient", {"Vector": position}, gradient_type="RADIAL")
+        held = node.texture_mapping
+        held.vector_type, held.scale = vector_type, scale
+        held.translation, held.rotation = translation, rotation
+        held.mapping_x, held.mapping_y, held.mapping_z = axes.split()
+        return node.outputs["Color"]
+
+    return build
+
+
 KINDS = ("varying", "whole", "special", "special", "special")
 CASES = [
     *((name, vector_math(name, kind)) for name in VECTOR_OPERATIONS for kind in KINDS),
     *((name, mapping(name, kind)) for name in MAPPING_TYPES for kind in KINDS),
+    *((name, mapping_to_nothing(name)) for name in MAPPING_TYPES),
     *(
         (name, vector_rotate(name, kind, invert))
         for name in ROTATION_TYPES
         for kind in ("varying", "special", "special")
         for invert in (False, True)
+    ),
+    *(
+        (f"TEXTURE_{name}", texture_mapping(name, axes, scale))
+        for name in MAPPING_TYPES
+        for axes, scale in (
+            ("X Y Z", (1.0, 1.0, 1.0)),
+            ("X Y Z", (0.4, -0.7, 1.3)),
+            ("Z X Y", (0.4, 0.8, 0.5)),
+            ("X Y Z", (0.0, 0.7, -1e-6)),
+            ("Y NONE X", (1.5, 0.6, 0.9)),
+        )
     ),
     *(("NORMAL_NODE", normal_node(output)) for output in ("Normal", "Dot")),
 ]

@@ -45,7 +45,8 @@ RECIPES = st.lists(
 class Points(SimpleNamespace):
     """Shaded points with attributes only: `channels` (4, n) by name."""
 
-    def attribute(self, name: str) -> np.ndarray:
+    def attribute(self, name: str, shift: int) -> np.ndarray:
+        assert shift == 0
         return self.channels[name]
 
 
@@ -80,14 +81,19 @@ def _places(step) -> tuple[list[range], set[int], set[int]]:
     return written, read, constants
 
 
+def read(graph: Graph, name: str) -> tuple[Value, Value]:
+    """An attribute's vector and alpha."""
+    return graph.apply(ATTRIBUTE, attribute=name, shift=0)
+
+
 def leaves(graph: Graph, numbers: Sequence[float], are_constants: bool) -> list[Value]:
     """Numbers and a vector of them, constants or read as attributes; then two true attributes."""
     if are_constants:
         found = [graph.constant(x) for x in numbers] + [graph.constant(numbers[:3])]
     else:
-        found = [graph.apply(ATTRIBUTE, attribute=f"number {i}")[1] for i in range(len(numbers))]
-        found += graph.apply(ATTRIBUTE, attribute="number 0")[:1]
-    return found + [v for name in "ab" for v in graph.apply(ATTRIBUTE, attribute=name)]
+        found = [read(graph, f"number {i}")[1] for i in range(len(numbers))]
+        found += read(graph, "number 0")[:1]
+    return found + [v for name in "ab" for v in read(graph, name)]
 
 
 def attributes(numbers: Sequence[float]) -> dict[str, np.ndarray]:
@@ -156,7 +162,7 @@ def _as_rows(value: np.ndarray) -> np.ndarray:
 
 
 def number(graph: Graph, name: str = "x") -> Value:
-    return graph.apply(ATTRIBUTE, attribute=name)[1]
+    return read(graph, name)[1]
 
 
 def sum_of(graph: Graph, a: Value, b: Value) -> Value:
@@ -223,7 +229,7 @@ def test_five_thousand_nodes_that_read_values_from_far_back():
 
 def test_what_nothing_reads_is_left_out():
     graph = Graph(apply)
-    vector, alpha = graph.apply(ATTRIBUTE, attribute="x")
+    vector, alpha = read(graph, "x")
     sum_of(graph, alpha, alpha)
 
     (step,) = instructions(compile_program(graph, [vector]))

@@ -7,6 +7,7 @@ from typing import Any
 from ....engine.program.graph import Value
 from ..graph import socket_named
 from ..terms import GREY
+from .mapping import texture_mapped
 from .reader import READERS, NodeInputs, Outputs
 
 ACTIVE_COLOR = "(active colour)"
@@ -100,7 +101,7 @@ def _image(view: NodeInputs) -> Outputs:
         )
     uv = view.apply("uv", attribute="", shift=0)[0]
     where = view.value("Vector") if view.is_linked("Vector") else uv
-    color, alpha = view.apply("image", where, texture=texture)
+    color, alpha = view.apply("image", texture_mapped(view, where), texture=texture)
     return {"Color": color, "Alpha": alpha}
 
 

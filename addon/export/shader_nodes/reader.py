@@ -17,6 +17,7 @@ from typing import Any
 from ....engine.program.graph import Graph, Value
 from ....engine.program.table import BY_NAME
 from ..graph import Place, closes_circle, kind_of, socket_named, trail
+from .mapping import texture_mapped
 
 Outputs = dict[str, Value]
 """A node's values by the name or identifier of its outputs."""
@@ -215,8 +216,11 @@ class NodeInputs:
 
 
 def texture_vector(view: NodeInputs) -> Value:
-    """Where a texture node looks: what comes in as Vector, or Generated coordinates."""
-    return view.value("Vector") if view.is_linked("Vector") else view.reader.generated()
+    """Where a texture node looks: what comes in as Vector, or Generated coordinates, through the
+    node's own mapping.
+    """
+    given = view.value("Vector") if view.is_linked("Vector") else view.reader.generated()
+    return texture_mapped(view, given)
 
 
 def _node_key(place: Place) -> Key:

@@ -7,6 +7,7 @@ from __future__ import annotations
 from ....engine.program.graph import Value
 from ....engine.program.operations_math import MathOperation
 from ....engine.program.operations_vector import MappingType, VectorMeasure, VectorOperation
+from .mapping import sines_of
 from .reader import READERS, NodeInputs, Outputs
 
 _AXES = {"X_AXIS": (1.0, 0.0, 0.0), "Y_AXIS": (0.0, 1.0, 0.0), "Z_AXIS": (0.0, 0.0, 1.0)}
@@ -26,12 +27,16 @@ def _vector_math(view: NodeInputs) -> Outputs | None:
 def _mapping(view: NodeInputs) -> Outputs | None:
     if view.node.vector_type not in MappingType.__members__:
         return None
+    scale = view.value("Scale")
+    if scale.constant is not None and not any(scale.constant):
+        # Cycles' constant folding takes all of it for 0, the location included.
+        return {"Vector": view.reader.graph.constant((0.0, 0.0, 0.0))}
     turned = view.apply(
         "mapping",
         view.value("Vector"),
         view.value("Location"),
-        *_sines_of_vector(view, view.value("Rotation")),
-        view.value("Scale"),
+        *sines_of(view, view.value("Rotation")),
+        scale,
         mapping_type=MappingType[view.node.vector_type],
     )
     return {"Vector": turned[0]}
@@ -41,7 +46,7 @@ def _vector_rotate(view: NodeInputs) -> Outputs | None:
     kind, inverts = view.node.rotation_type, view.node.invert
     around = view.value("Vector"), view.value("Center")
     if kind == "EULER_XYZ":
-        sines = _sines_of_vector(view, view.value("Rotation"))
+        sines = sines_of(view, view.value("Rotation"))
         return {"Vector": view.apply("rotate_euler", *around, *sines, invert=int(inverts))[0]}
     if kind != "AXIS_ANGLE" and kind not in _AXES:
         return None
@@ -63,16 +68,6 @@ def _normal(view: NodeInputs) -> Outputs:
     )
     cosine = view.apply("vector_measure", direction, normal, measure=VectorMeasure.DOT_PRODUCT)
     return {"Normal": direction, "Dot": cosine[0]}
-
-
-def _sines_of_vector(view: NodeInputs, angles: Value) -> tuple[Value, Value]:
-    """The sines and the cosines of three angles."""
-    zero = view.reader.graph.constant(0.0)
-    sine, cosine = (
-        view.apply("vector_math", angles, angles, angles, zero, operation=operation)[0]
-        for operation in (VectorOperation.SINE, VectorOperation.COSINE)
-    )
-    return sine, cosine
 
 
 def _math(view: NodeInputs, operation: MathOperation, a: Value, b: Value) -> Value:
