@@ -73,6 +73,14 @@ def mapping(vector_type: str, kind: str):
     return build
 
 
+def mapping_to_nothing(vector_type: str):
+    def build(tree, position):
+        arguments = {"Vector": position, "Location": (0.5, -0.5, 2.0), "Scale": (0.0, 0.0, 0.0)}
+        return add(tree, "ShaderNodeMapping", arguments, vector_type=vector_type).outputs[0]
+
+    return build
+
+
 def vector_rotate(rotation_type: str, kind: str, invert: bool):
     def build(tree, position):
         center, axis, rotation = vectors(tree, position, kind)
@@ -120,6 +128,7 @@ KINDS = ("varying", "whole", "special", "special", "special")
 CASES = [
     *((name, vector_math(name, kind)) for name in VECTOR_OPERATIONS for kind in KINDS),
     *((name, mapping(name, kind)) for name in MAPPING_TYPES for kind in KINDS),
+    *((name, mapping_to_nothing(name)) for name in MAPPING_TYPES),
     *(
         (name, vector_rotate(name, kind, invert))
         for name in ROTATION_TYPES

@@ -27,12 +27,16 @@ def _vector_math(view: NodeInputs) -> Outputs | None:
 def _mapping(view: NodeInputs) -> Outputs | None:
     if view.node.vector_type not in MappingType.__members__:
         return None
+    scale = view.value("Scale")
+    if scale.constant is not None and not any(scale.constant):
+        # Cycles' constant folding takes all of it for 0, the location included.
+        return {"Vector": view.reader.graph.constant((0.0, 0.0, 0.0))}
     turned = view.apply(
         "mapping",
         view.value("Vector"),
         view.value("Location"),
         *sines_of(view, view.value("Rotation")),
-        view.value("Scale"),
+        scale,
         mapping_type=MappingType[view.node.vector_type],
     )
     return {"Vector": turned[0]}
