@@ -10,10 +10,11 @@ from .operations import Operation
 from .operations_color import COLORS
 from .operations_input import INPUTS
 from .operations_math import MATH
+from .operations_noise import NOISES
 from .operations_pattern import PATTERNS
 from .operations_vector import VECTORS
 
-OPERATIONS: tuple[Operation, ...] = (*INPUTS, *MATH, *VECTORS, *COLORS, *PATTERNS)
+OPERATIONS: tuple[Operation, ...] = (*INPUTS, *MATH, *VECTORS, *COLORS, *PATTERNS, *NOISES)
 """An operation's code is its place here."""
 
 CODES: Mapping[str, int] = {operation.name: code for code, operation in enumerate(OPERATIONS)}

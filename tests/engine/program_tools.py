@@ -21,6 +21,19 @@ HELD = {
     ("magic_texture", "distortion"): 1.5,
     ("wave_texture", "distortion"): 10.0,
     ("gabor_texture", "frequency"): 10.0,
+    **{
+        ("noise_texture", name): most
+        for name, most in (
+            ("vector", 300.0),
+            ("w", 300.0),
+            ("scale", 10.0),
+            ("roughness", 2.0),
+            ("lacunarity", 3.0),
+            ("offset", 2.0),
+            ("gain", 2.0),
+            ("distortion", 3.0),
+        )
+    },
 }
 """The largest number for some arguments: errors of the last bit grow by them."""
 
@@ -42,8 +55,10 @@ def arguments_of(operation: Operation, random: np.random.Generator, count: int) 
 
 def settings_of(operation: Operation) -> list[dict[str, Any]]:
     """Every combination of an operation's settings; of long ranges the first four and the last."""
-    choices = [[TABLES[operation.name]]
-        if isinstance(c, Reference) else _some(c) for _, c in operation.settings]
+    choices = [
+        [TABLES[operation.name]] if isinstance(c, Reference) else _some(c)
+        for _, c in operation.settings
+    ]
     names = [name for name, _ in operation.settings]
     return [dict(zip(names, chosen, strict=True)) for chosen in product(*choices)]
 

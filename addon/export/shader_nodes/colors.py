@@ -143,7 +143,8 @@ def _mode(view: NodeInputs) -> ColorMode:
 
 
 def _separate(view: NodeInputs) -> Outputs:
-    parts = view.apply("separate_color", view.value(view.node.inputs[0].identifier), mode=_mode(view))
+    color = view.value(view.node.inputs[0].identifier)
+    parts = view.apply("separate_color", color, mode=_mode(view))
     names = (socket.identifier for socket in view.node.outputs)
     return dict(zip(names, parts, strict=True))
 

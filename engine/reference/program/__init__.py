@@ -13,10 +13,11 @@ from ...program.operations import Kind, Operation, Reference
 from ...program.operations_color import COLORS
 from ...program.operations_input import INPUTS
 from ...program.operations_math import MATH
+from ...program.operations_noise import NOISES
 from ...program.operations_pattern import PATTERNS
 from ...program.operations_vector import VECTORS
 from ...program.program import UNREAD, Instruction, Program, instructions
-from . import arithmetic, colors, inputs, patterns, vectors
+from . import arithmetic, colors, inputs, noise, patterns, vectors
 
 Array = NDArray[np.float64]
 
@@ -45,6 +46,7 @@ _FAMILIES: tuple[tuple[tuple[Operation, ...], ModuleType], ...] = (
     (VECTORS, vectors),
     (COLORS, colors),
     (PATTERNS, patterns),
+    (NOISES, noise),
 )
 _FUNCTIONS: Mapping[str, Callable] = {
     operation.name: getattr(module, operation.name)

@@ -133,7 +133,6 @@ def combine_color(first: Array, second: Array, third: Array, *, mode: int) -> Ar
 
 def rgb_to_hsv(color: Array) -> Array:
     """(3, n) hue, saturation and value (Smith 1978)."""
-    r, g, b = color
     high, low = color.max(0), color.min(0)
     span = high - low
     s = np.where(high != 0, span / np.where(high != 0, high, 1.0), 0.0)

@@ -7,11 +7,11 @@ as float32.
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import IntEnum
 from itertools import product
 
 import numpy as np
 
+from ...program.operations_noise import NoiseType
 from .hashing import hash_color, hash_integers, hash_numbers
 
 SIGNED_SCALES = {
@@ -20,16 +20,6 @@ SIGNED_SCALES = {
     3: 0.982,
     4: 0.8344,
 }  # to about [-1, 1], found by the OSL developers
-
-
-class NoiseType(IntEnum):
-    """Ways of adding octaves; the numbers are Cycles'."""
-
-    MULTIFRACTAL = 0
-    FBM = 1
-    HYBRID_MULTIFRACTAL = 2
-    RIDGED_MULTIFRACTAL = 3
-    HETERO_TERRAIN = 4
 
 
 def coordinates(vector: np.ndarray, w: np.ndarray, dimensions: int) -> np.ndarray:

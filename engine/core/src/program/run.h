@@ -5,6 +5,7 @@
 #include "program/op_gabor.h"
 #include "program/op_input.h"
 #include "program/op_math.h"
+#include "program/op_noise.h"
 #include "program/op_pattern.h"
 #include "program/op_vector.h"
 
