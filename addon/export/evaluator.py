@@ -24,6 +24,7 @@ from .images import Images
 from .report import Report
 from .shader_nodes import TreeReader
 from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant, multiply
+from .varying import Roughness
 
 DEEPEST = 48
 """Nested node evaluations; deeper trees get the socket's default."""
@@ -43,6 +44,8 @@ class LobeKey:
     fresnel: bool = False
     schlick: bool = False
     masking: float = 0.0
+    exponent_output: int = -1
+    masking_output: int = -1
 
 
 Closure = dict[LobeKey, Sum]
@@ -325,6 +328,17 @@ class NodeView:
             return constant_value(terms)[0]
         self.evaluator.note(f"'{name}' varies over the surface in {{}}: its mean is used")
         return self.evaluator.mean(terms)[0]
+
+    def roughness(self, name: str = "Roughness", otherwise: float = 0.5) -> Roughness:
+        """A roughness, which may vary over the surface."""
+        terms = self.number(name, otherwise)
+        if is_constant(terms):
+            return Roughness(constant_value(terms)[0])
+        expressions = self.evaluator.expressions
+        if expressions is None:
+            return Roughness(self.constant(name, otherwise))
+        value = expressions.apply("separate_xyz", expressions.value_of(terms))
+        return Roughness(value, expressions)
 
     def factor(self, name: str, otherwise: float = 0.0) -> Sum:
         """A number kept between 0 and 1."""

@@ -54,6 +54,10 @@ class Expressions:
             total = self._sum(self._product(term), total)
         return total
 
+    def looked_up(self, number: Value, table: tuple[float, ...]) -> Value:
+        """The alpha of a ramp's table at a number."""
+        return self.graph.apply(BY_NAME["ramp"], number, interpolates=1, table=table)[1]
+
     def bounded(self, value: Value, low: float, high: float) -> Value:
         """A vector with each channel from low to high."""
         return self.apply(

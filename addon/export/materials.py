@@ -28,6 +28,7 @@ from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .report import Report
 from .terms import complement, constant, constant_value, factors_of
+from .varying import Roughness
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def default_material() -> Material:
     closure = (
         diffuse_closure(grey)
         if bpy.app.version < (5, 0, 0)
-        else plastic_closure(grey, constant(1.0), 0.5, 1.5, True)
+        else plastic_closure(grey, constant(1.0), Roughness(0.5), 1.5, True)
     )
     return Material("Default", lobes_of(closure))
 
@@ -144,7 +145,8 @@ def _viewport_surface(material: Any, evaluator: Evaluator) -> Closure:
     color, metallic = constant(tuple(material.diffuse_color)[:3]), constant(material.metallic)
     closures = (
         scale_closure(
-            glossy_closure(color, constant_value(color), material.roughness, True), metallic
+            glossy_closure(color, constant_value(color), Roughness(material.roughness), True),
+            metallic,
         ),
         scale_closure(diffuse_closure(color), complement(metallic)),
     )
@@ -160,13 +162,24 @@ def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
             item[0].exponent,
             item[0].ior,
             item[0].schlick,
+            item[0].exponent_output,
         ),
     )
     return tuple(_lobe(key, factors_of(term)) for key, terms in ordered for term in terms)
 
 
 def _lobe(key: LobeKey, factors: tuple) -> Lobe:
-    return Lobe(key.kind, factors, key.exponent, key.ior, key.fresnel, key.schlick, key.masking)
+    return Lobe(
+        key.kind,
+        factors,
+        key.exponent,
+        key.ior,
+        key.fresnel,
+        key.schlick,
+        key.masking,
+        key.exponent_output,
+        key.masking_output,
+    )
 
 
 def wanted_by(material: Material) -> Wanted:

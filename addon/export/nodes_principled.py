@@ -24,11 +24,12 @@ from .nodes_shader import (
 )
 from .roughness import layer_loss, sheen_albedo
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply, scale
+from .varying import Roughness
 
 
 def _principled(view: NodeView) -> Closure:
     _note_what_is_left_out(view)
-    base, roughness = view.reflectance("Base Color"), view.constant("Roughness", 0.5)
+    base, roughness = view.reflectance("Base Color"), view.roughness()
     metallic, transmission = view.factor("Metallic"), view.factor("Transmission Weight")
     insulator = complement(metallic)
     surface = add_closures(
@@ -49,7 +50,7 @@ def _principled(view: NodeView) -> Closure:
 
 
 def plastic_closure(
-    base: Sum, tint: Sum, roughness: float, ior: float, multiscatter: bool
+    base: Sum, tint: Sum, roughness: Roughness, ior: float, multiscatter: bool
 ) -> Closure:
     """A dielectric layer over a diffuse one, which gets what the layer lets through."""
     below = below_coat(base, _largest(tint), roughness, ior, multiscatter)
@@ -63,14 +64,15 @@ def _largest(color: Sum) -> Sum:
     return constant(max(constant_value(color))) if is_constant(color) else color
 
 
-def _plastic(view: NodeView, base: Sum, roughness: float) -> Closure:
-    return plastic_closure(
-        base,
-        view.reflectance("Specular Tint", 1.0),
-        roughness,
-        _specular_ior(view),
-        is_multiscatter(view),
-    )
+def _plastic(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
+    """A specular level that varies scales F0 as the tint does."""
+    tint, ior = view.reflectance("Specular Tint", 1.0), sound_ior(view)
+    level = view.amount("Specular IOR Level", 0.5)
+    if is_constant(level):
+        ior = _specular_ior(view)
+    else:
+        tint = multiply(tint, scale(level, 2.0))
+    return plastic_closure(base, tint, roughness, ior, is_multiscatter(view))
 
 
 def _specular_ior(view: NodeView) -> float:
@@ -83,7 +85,7 @@ def _specular_ior(view: NodeView) -> float:
     )
 
 
-def _glass(view: NodeView, base: Sum, roughness: float) -> Closure:
+def _glass(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
     """Refraction takes the root of the base colour, so that light which enters and leaves takes all
     of it.
     """
@@ -103,10 +105,9 @@ def _coated(view: NodeView, surface: Closure) -> Closure:
         return surface
     ior = max(view.constant("Coat IOR", 1.5), 1e-3)
     tint = view.reflectance("Coat Tint", 1.0)
-    roughness = view.constant("Coat Roughness", 0.03)
-    through = multiply(
-        complement(scale(weight, layer_loss(roughness, ior))), mix(weight, ONE, tint)
-    )
+    roughness = view.roughness("Coat Roughness", 0.03)
+    lost = multiply(weight, roughness.number(lambda r: layer_loss(r, ior)))
+    through = multiply(complement(lost), mix(weight, ONE, tint))
     coat = coat_closure(weight, roughness, ior)
     return add_closures(scale_closure(surface, through), coat)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
 from typing import Any
 
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
@@ -11,19 +11,13 @@ from .graph import BLINN_PHONG, source
 from .roughness import (
     World,
     dielectric_world,
-    highlights,
     scattered,
     scattered_narrow,
     scattered_wide,
-    width,
     world_of,
 )
 from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
-
-MIRROR_ROUGHNESS = 0.05
-"""Up to here a glossy lobe is an ideal mirror: GGX's α = 0.0025 blurs a reflection by 0.14°, a
-pixel or two of usual pictures.
-"""
+from .varying import Roughness
 
 
 def diffuse_closure(color: Sum) -> Closure:
@@ -34,130 +28,182 @@ def diffuse_closure(color: Sum) -> Closure:
 
 
 def glossy_closure(
-    color: Sum, mean: RGB, roughness: float, multiscatter: bool, edge: bool = True
+    color: Sum, mean: RGB, roughness: Roughness, multiscatter: bool, edge: bool = True
 ) -> Closure:
     """A metal-like lobe that reflects `color`, whose mean is given; edge: white at grazing angles
     (Schlick), as metals do.
 
     What scatters more than once is the mean's: exact for constants.
     """
-    if roughness <= MIRROR_ROUGHNESS:
+    if roughness.is_mirror():
         return {LobeKey("MIRROR"): color}
-    world, rest = world_of(roughness, "METAL"), complement(color) if edge else ZERO
-    again = (
-        tuple(scattered(f + (1 - f) / 21 if edge else f, roughness) for f in mean)
-        if multiscatter
-        else (0.0, 0.0, 0.0)
-    )
-    brighter = constant(tuple(1 + x * scattered_narrow(roughness) for x in again))
-    spread = multiply(color, constant(again))
-    once = multiply(color, constant(tuple(1 - x for x in again)))
+    if roughness.varies:
+        return add_closures(
+            {LobeKey("MIRROR"): multiply(color, roughness.mirrored())},
+            scale_closure(
+                _rough_glossy(color, mean, roughness, multiscatter, edge), roughness.rough()
+            ),
+        )
+    return _rough_glossy(color, mean, roughness, multiscatter, edge)
+
+
+def _rough_glossy(
+    color: Sum, mean: RGB, roughness: Roughness, multiscatter: bool, edge: bool
+) -> Closure:
+    world, rest = WorldShares(roughness, "METAL"), complement(color) if edge else ZERO
+
+    def again(r: float) -> RGB:
+        if not multiscatter:
+            return (0.0, 0.0, 0.0)
+        return tuple(scattered(f + (1 - f) / 21 if edge else f, r) for f in mean)
+
+    brighter = roughness.color(lambda r: tuple(1 + x * scattered_narrow(r) for x in again(r)))
+    spread = multiply(color, roughness.color(again))
+    once = multiply(color, roughness.color(lambda r: tuple(1 - x for x in again(r))))
     always, grazing = (
-        add(spread, scale(once, world.a0), scale(rest, world.b0)),
-        add(scale(once, world.a1), scale(rest, world.b1)),
+        add(spread, multiply(once, world.a0), multiply(rest, world.b0)),
+        add(multiply(once, world.a1), multiply(rest, world.b1)),
     )
     return add_closures(
         _highlights(multiply(color, brighter), roughness),
         _highlights(multiply(rest, brighter), roughness, schlick=True),
-        _matt(scale(spread, scattered_wide(roughness)), world, 1 - world.a0, -world.a1),
+        _matt(multiply(spread, roughness.number(scattered_wide)), world),
         _seen("AMBIENT", always, grazing, world),
     )
 
 
-def metal_closure(view: NodeView, color: Sum, roughness: float) -> Closure:
+class WorldShares:
+    """`roughness.World`'s shares of a roughness that may vary, as sums, and its exponent as
+    `LobeKey` takes it. ior: of a dielectric.
+    """
+
+    def __init__(self, roughness: Roughness, kind: str, ior: float = 1.5) -> None:
+        def of(name: str) -> Callable[[float], float]:
+            return lambda r: getattr(_world(r, kind, ior), name)
+
+        self.a0, self.a1, self.b0, self.b1 = (
+            roughness.number(of(name)) for name in ("a0", "a1", "b0", "b1")
+        )
+        self.less_a0 = roughness.number(lambda r: 1 - of("a0")(r))
+        self.minus_a1 = roughness.number(lambda r: -of("a1")(r))
+        self.exponent = roughness.exponent(of("q"))
+
+
+def _world(roughness: float, kind: str, ior: float) -> World:
+    return dielectric_world(roughness, ior) if kind == "DIELECTRIC" else world_of(roughness, kind)
+
+
+def metal_closure(view: NodeView, color: Sum, roughness: Roughness) -> Closure:
     """A metal of a node with microfacets; colours above 1 count as 1, as in Cycles."""
     color = view.evaluator.clamped(color, 0.0, 1.0)
     return glossy_closure(color, view.evaluator.mean(color), roughness, is_multiscatter(view))
 
 
-def _highlights(weight: Sum, roughness: float, **more: Any) -> Closure:
-    masking = width(roughness)
+def _highlights(weight: Sum, roughness: Roughness, **more: Any) -> Closure:
     return add_closures(
         *(
-            {LobeKey("SPECULAR", p, masking=masking, **more): scale(weight, s)}
-            for p, s in highlights(roughness)
+            {LobeKey("SPECULAR", **shape, **more): multiply(weight, size)}
+            for shape, size in roughness.highlights()
         )
     )
 
 
-def _seen(kind: str, always: Sum, grazing: Sum, world: World) -> Closure:
+def _seen(kind: str, always: Sum, grazing: Sum, world: WorldShares) -> Closure:
     """always + grazing (1 - n·v)^q."""
-    return {LobeKey(kind): always, LobeKey(kind, exponent=world.q): grazing}
+    return {LobeKey(kind): always, LobeKey(kind, **world.exponent): grazing}
 
 
-def _matt(color: Sum, world: World, always: float, grazing: float) -> Closure:
-    return _seen("DIFFUSE", scale(color, always), scale(color, grazing), world)
+def _matt(color: Sum, world: WorldShares) -> Closure:
+    """What of a colour the world's shares leave."""
+    return _seen("DIFFUSE", multiply(color, world.less_a0), multiply(color, world.minus_a1), world)
 
 
 def coat_closure(
-    weight: Sum, roughness: float, ior: float, multiscatter: bool = True, tint: Sum = ONE
+    weight: Sum, roughness: Roughness, ior: float, multiscatter: bool = True, tint: Sum = ONE
 ) -> Closure:
     """A dielectric interface's reflection, by Fresnel; tint: of the reflectance at normal
     incidence, not of that at grazing angles.
     """
     if ior == 1.0:
         return {}
-    if roughness <= MIRROR_ROUGHNESS:
-        return {LobeKey("MIRROR", ior=ior, fresnel=True): multiply(weight, tint)}
-    f0, world = normal_reflectance(ior), dielectric_world(roughness, ior)
-    again = scattered(f0 + (1 - f0) / 21, roughness) if multiscatter else 0.0
+    mirror = {LobeKey("MIRROR", ior=ior, fresnel=True): multiply(weight, tint)}
+    if roughness.is_mirror():
+        return mirror
+    rough = scale_closure(_rough_coat(roughness, ior, multiscatter, tint), weight)
+    if not roughness.varies:
+        return rough
+    return add_closures(
+        scale_closure(mirror, roughness.mirrored()), scale_closure(rough, roughness.rough())
+    )
+
+
+def _rough_coat(roughness: Roughness, ior: float, multiscatter: bool, tint: Sum) -> Closure:
+    f0, world = normal_reflectance(ior), WorldShares(roughness, "DIELECTRIC", ior)
+    again = _scattered_again(f0, multiscatter)
     tinted = scale(tint, f0)
     highlight = _dielectric_highlights(
-        tint, roughness, ior, 1 + again * scattered_narrow(roughness)
+        tint, roughness, ior, roughness.number(lambda r: 1 + again(r) * scattered_narrow(r))
     )
-    closures = add_closures(
+    wide = roughness.number(lambda r: again(r) * scattered_wide(r))
+    return add_closures(
         highlight,
-        _matt(scale(tinted, again * scattered_wide(roughness)), world, 1 - world.a0, -world.a1),
-        _reflected("AMBIENT", tinted, world, again),
+        _matt(multiply(tinted, wide), world),
+        _reflected("AMBIENT", tinted, world, roughness, again),
     )
-    return scale_closure(closures, weight)
 
 
-def _dielectric_highlights(tint: Sum, roughness: float, ior: float, brighter: float) -> Closure:
+def _scattered_again(f0: float, multiscatter: bool) -> Callable[[float], float]:
+    """Of roughness: what comes back of the light that is not sent out at once."""
+    return lambda r: scattered(f0 + (1 - f0) / 21, r) if multiscatter else 0.0
+
+
+def _dielectric_highlights(tint: Sum, roughness: Roughness, ior: float, brighter: Sum) -> Closure:
     """F = a F_ior + b, so that it is the tint times F0 at normal incidence and 1 at grazing
     angles.
     """
     f0 = normal_reflectance(ior)
     if tint == ONE:
-        return _highlights(constant(brighter), roughness, fresnel=True, ior=ior)
-    white = scale(complement(scale(tint, f0)), brighter)
+        return _highlights(brighter, roughness, fresnel=True, ior=ior)
+    white = multiply(complement(scale(tint, f0)), brighter)
     if f0 > 0.5:  # where a and b would all but cancel; Schlick's weight is as good there
         return add_closures(
-            _highlights(scale(tint, f0 * brighter), roughness),
+            _highlights(multiply(scale(tint, f0), brighter), roughness),
             _highlights(white, roughness, schlick=True),
         )
-    b = scale(complement(tint), -f0 / (1 - f0) * brighter)
+    b = multiply(scale(complement(tint), -f0 / (1 - f0)), brighter)
     return add_closures(
         _highlights(scale(white, 1 / (1 - f0)), roughness, fresnel=True, ior=ior),
         _highlights(b, roughness),
     )
 
 
-def _reflected(kind: str, f0: Sum, world: World, again: float) -> Closure:
+def _reflected(
+    kind: str, f0: Sum, world: WorldShares, roughness: Roughness, again: Callable[[float], float]
+) -> Closure:
     """What of a uniform world a dielectric layer reflects; again: the share of what is not sent out
     at once.
     """
-    rest, once = complement(f0), scale(f0, 1 - again)
-    always = add(scale(f0, again), scale(once, world.a0), scale(rest, world.b0))
-    return _seen(kind, always, add(scale(once, world.a1), scale(rest, world.b1)), world)
+    rest, once = complement(f0), multiply(f0, roughness.number(lambda r: 1 - again(r)))
+    more = multiply(f0, roughness.number(again))
+    always = add(more, multiply(once, world.a0), multiply(rest, world.b0))
+    grazing = add(multiply(once, world.a1), multiply(rest, world.b1))
+    return _seen(kind, always, grazing, world)
 
 
-def below_coat(base: Sum, tint: Sum, roughness: float, ior: float, multiscatter: bool) -> Closure:
+def below_coat(
+    base: Sum, tint: Sum, roughness: Roughness, ior: float, multiscatter: bool
+) -> Closure:
     """A diffuse layer under a dielectric one, which by Cycles keeps what it reflects of a uniform
     world in the direction of view.
 
     Scattering once it keeps the rough share of F0 too.
     """
-    world, f0 = dielectric_world(roughness, ior), normal_reflectance(ior)
+    world, f0 = WorldShares(roughness, "DIELECTRIC", ior), normal_reflectance(ior)
     if not multiscatter:
-        world = replace(world, a0=1.0, a1=0.0)
-    kept = _reflected(
-        "DIFFUSE",
-        scale(tint, f0),
-        world,
-        scattered(f0 + (1 - f0) / 21, roughness) if multiscatter else 0.0,
-    )
-    always, grazing = kept[LobeKey("DIFFUSE")], kept[LobeKey("DIFFUSE", exponent=world.q)]
+        world.a0, world.a1 = ONE, ZERO
+    again = _scattered_again(f0, multiscatter)
+    kept = _reflected("DIFFUSE", scale(tint, f0), world, roughness, again)
+    always, grazing = kept[LobeKey("DIFFUSE")], kept[LobeKey("DIFFUSE", **world.exponent)]
     through, less = multiply(base, complement(always)), scale(multiply(base, grazing), -1.0)
     return add_closures(
         _seen("DIFFUSE", through, less, world), _seen("AMBIENT", through, less, world)
@@ -165,10 +211,10 @@ def below_coat(base: Sum, tint: Sum, roughness: float, ior: float, multiscatter:
 
 
 def glass_closure(
-    view: NodeView, reflected: Sum, refracted: Sum, roughness: float, ior: float
+    view: NodeView, reflected: Sum, refracted: Sum, roughness: Roughness, ior: float
 ) -> Closure:
     """Both sides of a dielectric interface."""
-    if roughness > MIRROR_ROUGHNESS:
+    if not roughness.is_mirror():
         view.note("Rough refraction is rendered clear in {}")
     return add_closures(
         coat_closure(reflected, roughness, ior),
@@ -244,7 +290,7 @@ def _glossy(view: NodeView) -> Closure:
     return glossy_closure(
         color,
         view.evaluator.mean(color),
-        view.constant("Roughness"),
+        view.roughness(otherwise=0.0),
         is_multiscatter(view),
         edge=False,
     )
@@ -258,18 +304,18 @@ def _metallic(view: NodeView) -> Closure:
             "The Metallic shader's physical conductor is rendered by its base colour in {}: choose "
             "F82 Tint"
         )
-    return metal_closure(view, view.reflectance("Base Color"), view.constant("Roughness"))
+    return metal_closure(view, view.reflectance("Base Color"), view.roughness())
 
 
 def _glass(view: NodeView) -> Closure:
     note_microfacets(view)
     color = view.reflectance("Color")
-    return glass_closure(view, color, color, view.constant("Roughness"), sound_ior(view))
+    return glass_closure(view, color, color, view.roughness(), sound_ior(view))
 
 
 def _refraction(view: NodeView) -> Closure:
     bend(view)
-    if view.constant("Roughness") > MIRROR_ROUGHNESS:
+    if not view.roughness().is_mirror():
         view.note("Rough refraction is rendered clear in {}")
     return {LobeKey("REFRACTION", ior=sound_ior(view)): view.reflectance("Color")}
 

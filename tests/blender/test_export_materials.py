@@ -170,13 +170,16 @@ def test_what_is_not_understood_is_the_default_and_one_note(scene):  # noqa: F81
     assert "'One', 'Two'" in note
 
 
-def test_bumps_and_displacement_are_noted_once(scene):  # noqa: F811
+def test_normal_maps_and_displacement_bend_the_normal(scene):  # noqa: F811
     shader = Shader()
     shader.link(shader.node("ShaderNodeNormalMap"), 0, shader.shader, "Normal")
-    shader.link(shader.node("ShaderNodeDisplacement"), 0, shader.output, "Displacement")
-    notes = shader.export()[0].notes
-    assert len(notes) == 2
-    assert all("'Material'" in note for note in notes)
+    height = shader.node("ShaderNodeDisplacement")
+    shader.link(shader.node("ShaderNodeTexNoise"), 0, height, "Height")
+    shader.link(height, 0, shader.output, "Displacement")
+    result, lobes = shader.export()
+    assert not result.notes
+    (material,) = (m for m in result.scene.materials if m.lobes == lobes)
+    assert material.program is not None and material.normal_output == 0
 
 
 def test_the_bounds_of_a_volume_are_not_seen(scene):  # noqa: F811

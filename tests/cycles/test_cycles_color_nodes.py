@@ -179,9 +179,7 @@ CASES = {
     "rgb to bw": plain("ShaderNodeRGBToBW"),
     **{
         f"separate {mode} {k}": separated(mode, k)
-        f"separate {mode} {k}": separated(mode, k)
         for mode in ("RGB", "HSV", "HSL")
-        for k in range(3)
         for k in range(3)
     },
     **{f"combine {mode}": combined(mode) for mode in ("RGB", "HSV", "HSL")},
