@@ -12,6 +12,7 @@ from glint.addon.export.graph import Place
 from glint.addon.export.shader_nodes import TreeReader
 from glint.addon.export.shader_nodes.reader import CIRCLE, NOT_FINITE
 from glint.engine.program.graph import Graph, Value
+from glint.engine.program.program import compile_program, instructions
 from glint.engine.reference.program import apply
 
 REC709 = np.array([0.2126, 0.7152, 0.0722])
@@ -41,7 +42,8 @@ class Tree:
         return node
 
     def read(self, name) -> Value:
-        reader = TreeReader(Graph(apply), None, self.notes.append)
+        self.graph = Graph(apply)
+        reader = TreeReader(self.graph, None, self.notes.append)
         return reader.value(Place(self.shader.inputs[name]))
 
 
@@ -193,4 +195,69 @@ def test_a_thousand_nodes_in_a_row(tree):
         socket = vector.outputs[0]
     tree.links.new(socket, tree.shader.inputs["Color"])
     assert tree.read("Color").constant == approx(0.25, 0.25, 0.25)
+    assert tree.notes == []
+
+
+def _sum_chain(made, entry, length):
+    """The group's input plus its nodes' number, one at a time."""
+    socket = entry.outputs[0]
+    for _ in range(length):
+        node = made.nodes.new("ShaderNodeMath")
+        made.links.new(socket, node.inputs[0])
+        node.inputs[1].default_value = 1.0
+        socket = node.outputs[0]
+    return socket
+
+
+def test_five_thousand_nodes_become_as_many_instructions(tree):
+    """In groups: Blender's own time for links grows with the square of a tree's nodes."""
+    made = group(
+        lambda made, entry: _sum_chain(made, entry, 50),
+        [("In", "NodeSocketFloat")],
+        "NodeSocketFloat",
+    )
+    socket = tree.nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"]
+    for _ in range(100):
+        node = tree.nodes.new("ShaderNodeGroup")
+        node.node_tree = made
+        tree.links.new(socket, node.inputs[0])
+        socket = node.outputs[0]
+    tree.links.new(socket, tree.shader.inputs["Roughness"])
+
+    value = tree.read("Roughness")
+
+    names = [step.operation.name for step in instructions(compile_program(tree.graph, [value]))]
+    assert names == ["backfacing", *["math"] * 5000]
+    assert tree.notes == []
+
+
+def test_links_in_a_circle_through_groups_end_with_a_note(tree):
+    """Blender marks no link as invalid: each tree alone has no circle."""
+    made = group(lambda made, entry: _sum_chain(made, entry, 2), [("In", "NodeSocketFloat")])
+    first, second = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("ShaderNodeGroup")
+    first.node_tree = second.node_tree = made
+    tree.links.new(first.outputs[0], second.inputs[0])
+    tree.links.new(second.outputs[0], first.inputs[0])
+    tree.links.new(second.outputs[0], tree.shader.inputs["Roughness"])
+    assert np.isfinite(tree.read("Roughness").constant).all()
+    assert CIRCLE in tree.notes
+
+
+def test_muted_nodes_in_a_row_pass_a_value_on(tree):
+    socket = tree.rgb(0.1, 0.2, 0.3).outputs[0]
+    for _ in range(50):
+        node = tree.nodes.new("ShaderNodeVectorMath")
+        tree.links.new(socket, node.inputs[0])
+        node.inputs[1].default_value = (1.0, 1.0, 1.0)
+        node.mute = True
+        socket = node.outputs[0]
+    tree.links.new(socket, tree.shader.inputs["Color"])
+    assert tree.read("Color").constant == approx(0.1, 0.2, 0.3)
+
+
+def test_a_muted_link_counts_as_none(tree):
+    tree.shader.inputs["Color"].default_value = (0.1, 0.2, 0.3, 1.0)
+    link = tree.links.new(tree.rgb(1.0, 1.0, 1.0).outputs[0], tree.shader.inputs["Color"])
+    link.is_muted = True
+    assert tree.read("Color").constant == approx(0.1, 0.2, 0.3)
     assert tree.notes == []
