@@ -1,14 +1,13 @@
 """README's code runs as it stands; the commands, files and links of all documents exist."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
+from documents import PAGES, ROOT, make_targets, missing_paths, relative_links
+
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), ROOT / "engine" / "SEMANTICS.md"])
 
 
 def test_the_smallest_scene_draws_a_red_ball():
@@ -26,11 +25,29 @@ def test_the_smallest_scene_draws_a_red_ball():
 def test_every_command_file_and_link_of_a_page_exists(page):
     text = page.read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-    assert set(re.findall(r"`make ([a-z-]+)", text)) <= targets
-    links = [link for link in re.findall(r"\]\(([^)#]+)", text) if "://" not in link]
-    assert not [link for link in links if not (page.parent / link).exists()]
-    files = re.findall(r"`((?:addon|docs|engine|operators|packaging|tests)/[\w/]+\.\w+)`", text)
-    assert not [name for name in files if not (ROOT / name).exists()]
+    assert make_targets(text) <= targets
+    assert not [link for link in relative_links(text) if not (page.parent / link).exists()]
+    assert not missing_paths(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "missing"),
+    [
+        ("`engine/film.py`, `engine/flim.py`", ["engine/flim.py"]),
+        ("`src/bvh/bvh.h` and `src/bvh/tree.h`", ["src/bvh/tree.h"]),
+        ("`addon/ui/` and `addon/gui/`", ["addon/gui/"]),
+        ("`engine/core` and `engine/kernel`", ["engine/kernel"]),
+        ("`engine/scene.py film.py flim.py`", ["flim.py"]),
+        ("`engine/linear/ raster.py film.h`", ["film.h"]),
+        ("`addon/export/materials*`, `addon/export/matter*`", ["addon/export/matter*"]),
+        ("`film.py` and `flim.py`", ["flim.py"]),
+        ("`make test ARGS=tests/engine ARGS=tests/engines`", ["tests/engines"]),
+        ("`tests/test_readme.py::test_none`, `tests/none.py::test`", ["tests/none.py"]),
+        ("`1/π`, `file.blend`, `out/picture.png`\n```\nflim.py\n```", []),
+    ],
+)
+def test_a_file_or_folder_that_is_not_there_is_named(text, missing):
+    assert missing_paths(text) == missing
 
 
 def test_readme_and_architecture_stay_short():
