@@ -55,7 +55,16 @@ def test_readme_and_architecture_stay_short():
     assert len((ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8").splitlines()) <= 120
 
 
-def test_the_manual_is_reached_from_the_readme():
-    pages = [page for page in PAGES if "docs" in page.parts and "decisions" not in page.parts]
-    assert pages
-    assert not [page for page in pages if page.relative_to(ROOT).as_posix() not in README]
+def test_every_page_is_reached_from_the_readme_by_links():
+    reached, waiting = set(), [ROOT / "README.md"]
+    while waiting:
+        page = waiting.pop()
+        if page not in reached and page.suffix == ".md":
+            reached.add(page)
+            links = relative_links(page.read_text(encoding="utf-8"))
+            waiting += [(page.parent / link).resolve() for link in links]
+    assert not set(PAGES) - reached
+
+
+def test_the_readme_installs_before_it_shows_code():
+    assert 0 < README.index("## Install") < README.index("```python")
