@@ -55,6 +55,12 @@ def test_readme_and_architecture_stay_short():
     assert len((ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8").splitlines()) <= 120
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_lines_outside_of_tables_have_at_most_100_columns(page):
+    lines = page.read_text(encoding="utf-8").splitlines()
+    assert not [line for line in lines if len(line) > 100 and not line.lstrip().startswith("|")]
+
+
 def test_every_page_is_reached_from_the_readme_by_links():
     reached, waiting = set(), [ROOT / "README.md"]
     while waiting:
