@@ -41,6 +41,27 @@ def missing_paths(text: str) -> list[str]:
     ]
 
 
+def missing_names(text: str) -> list[str]:
+    """Dotted names in backticks that the tree lacks, such as `engine.analysis.trade.measure`.
+
+    Of a name in a module only the first part is looked for, as a word of the source.
+    """
+    dotted = re.findall(r"`((?:addon|engine|operators)(?:\.[A-Za-z]\w*)+)", _BLOCK.sub("", text))
+    return [name for name in dotted if not _is_defined(name)]
+
+
+def _is_defined(dotted: str) -> bool:
+    place, parts = ROOT, dotted.split(".")
+    while parts and (place / parts[0]).is_dir():
+        place /= parts.pop(0)
+    if parts and (place / f"{parts[0]}.py").is_file():
+        module = place / f"{parts.pop(0)}.py"
+    else:
+        module = place / "__init__.py"
+    words = re.findall(r"\w+", module.read_text(encoding="utf-8"))
+    return not parts or parts[0] in words
+
+
 def _missing_of_quoted(quoted: str) -> list[str]:
     words = [re.sub(r"^\w+=|[:,;].*$", "", word) for word in quoted.split()]
     folder, missing = None, []

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from documents import PAGES, ROOT, make_targets, missing_paths, relative_links
+from documents import PAGES, ROOT, make_targets, missing_names, missing_paths, relative_links
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
@@ -28,6 +28,7 @@ def test_every_command_file_and_link_of_a_page_exists(page):
     assert make_targets(text) <= targets
     assert not [link for link in relative_links(text) if not (page.parent / link).exists()]
     assert not missing_paths(text)
+    assert not missing_names(text)
 
 
 @pytest.mark.parametrize(
@@ -48,6 +49,12 @@ def test_every_command_file_and_link_of_a_page_exists(page):
 )
 def test_a_file_or_folder_that_is_not_there_is_named(text, missing):
     assert missing_paths(text) == missing
+
+
+def test_a_name_that_is_not_there_is_named():
+    text = "`engine.render(scene)`, `engine.analysis.trade`, `addon.export`, `engine.scene.Film`"
+    assert missing_names(text) == ["engine.scene.Film"]
+    assert missing_names("`engine.trade.measure(scene)`") == ["engine.trade.measure"]
 
 
 def test_readme_and_architecture_stay_short():
