@@ -1,5 +1,4 @@
-// What surfaces let through of shadow rays (SEMANTICS.md, shadows). Letters: S what is left of the
-// light, a channel.
+// What surfaces let through of shadow rays (SEMANTICS.md, shadows).
 #pragma once
 #include "shading/stage_inputs.h"
 #include "shading/stage_rows.h"
@@ -48,11 +47,24 @@ inline Spread triangles(const TransmittanceStage& s, const Met& at) {
                 {rows3(all.corners), rows3(all.corners + 3), rows3(all.corners + 6)});
 }
 
+inline bool follow_each_other(const uint32_t (&row)[kLanes]) {
+  bool all = true;
+  for (uint32_t lane = 1; lane < kLanes; ++lane) all = all && row[lane] == row[0] + lane;
+  return all;
+}
+
+/// The rays of hits from row k on. A ray may be there several times.
+inline Chosen rays_of(const TransmittanceStage& s, size_t k, size_t end) {
+  Chosen ray = chosen(s.number, k, end);
+  ray.together = follow_each_other(ray.row);
+  return ray;
+}
+
 /// Where on their meshes they are, seen from the points that the rays left.
 inline OnMesh on_mesh(const TransmittanceStage& s, size_t k, const Chosen& ray, const Met& at) {
   Chosen from = ray;
   for (size_t lane = 0; lane < kLanes; ++lane) from.row[lane] = s.point[ray.row[lane]];
-  from.together = from.row[kLanes - 1] - from.row[0] == kLanes - 1;
+  from.together = follow_each_other(from.row);
   const Three origin = gather3(s.origin, from),
               d = s.end[0] ? unit(gather3(s.end, ray) - origin) : gather3(s.to, ray);
   const Weights b = solve_weights(origin, d, triangles(s, at), load(s.u + k), load(s.v + k));
@@ -83,35 +95,15 @@ inline Three transparency(const TransmittanceStage& s, const OnMesh& p) {
 
 inline Doubles clamped_share(Doubles x) { return larger(smaller(x, splat(1)), splat(0)); }
 
-/// Rays with light left move to the front, past their surfaces.
-inline void keep(const TransmittanceStage& s, size_t k, const Chosen& ray, uint32_t lanes,
-                 size_t kept) {
-  const Appender append{lanes, kept};
-  for (size_t c = 0; c < TransmittedRay::kTMin; ++c)
-    append(s.rays + c * s.stride, load(s.rays + c * s.stride + k));
-  const Doubles t = load(s.rays + TransmittedRay::kT * s.stride + k),
-                t_max = load(s.rays + TransmittedRay::kTMax * s.stride + k);
-  append(s.rays + TransmittedRay::kTMin * s.stride, beyond(t)),
-      append(s.rays + TransmittedRay::kTMax * s.stride, t_max);
-  for (uint32_t m = lanes; m; m &= m - 1) s.number[kept++] = ray.row[__builtin_ctz(m)];
-}
-
-size_t transmit(const TransmittanceStage& s) {
+void transmit(const TransmittanceStage& s) {
   const bool alike = constant(s);
-  const size_t end = s.first + s.count;
-  size_t kept = s.kept;
-  for (size_t k = s.first; k < end; k += kLanes) {
-    const Chosen ray = chosen(s.number, k, end);
+  for (size_t k = s.first, end = s.first + s.count; k < end; k += kLanes) {
+    const Chosen ray = rays_of(s, k, end);
     const Three share =
         transparency(s, alike ? OnMesh{} : on_mesh(s, k, ray, Met(s, k, ray.count)));
-    const Three S = gather3(s.shadow, ray) *
-                    Three{clamped_share(share.x), clamped_share(share.y), clamped_share(share.z)};
-    scatter3(s.shadow, ray, S);
-    const uint32_t lanes = bits(nonzero(S)) & lanes_of(ray);
-    keep(s, k, ray, lanes, kept);
-    kept += size_t(__builtin_popcount(lanes));
+    store(s.share[0] + k, clamped_share(share.x)), store(s.share[1] + k, clamped_share(share.y)),
+        store(s.share[2] + k, clamped_share(share.z));
   }
-  return kept;
 }
 
 }  // namespace
