@@ -52,6 +52,9 @@ struct Opacity {
   const void* maps;
   /// What the triangle of an instance is at the weights u and v; never kMapped.
   uint8_t (*at)(const void* maps, uint32_t instance, uint32_t primitive, double u, double v);
+  /// Closest hits: past triangles that dim, too. Layers: solid surfaces are among them, and stop no
+  /// ray.
+  bool onward = false;
 };
 
 /// Many rays by component, `count` numbers each, all looking for the same visibility: what the
