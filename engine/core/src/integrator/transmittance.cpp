@@ -101,6 +101,12 @@ void TransparentShadows::pass(const LightStage& light, const Rays& rays, RayCoun
     const Timer timer(counts.tracing);
     scene_.accel().find_layers(rays, {hits_.data(), found_}, blocked_, scratch_);
   }
+  bool dimmed = false;
+  for (size_t k = 0; k < rays.count; ++k) {
+    dimmed |= blocked_[k] == 1;
+    if (blocked_[k] == 2) set_row(shadow_, ray_number_[k], {});
+  }
+  if (!dimmed) return;
   list_layers(rays), sort_layers(), read_shares();
   for (size_t k = 0; k < rays.count; ++k) multiply(light, k);
 }
@@ -161,7 +167,6 @@ void TransparentShadows::read_shares() {
 void TransparentShadows::multiply(const LightStage& light, size_t ray) {
   const uint32_t number = ray_number_[ray];
   Vec3d S = row(shadow_, number);
-  if (blocked_[ray] == 2) S = {};
   const uint32_t end = end_[ray];
   for (uint32_t i = ray ? end_[ray - 1] : 0; i < end && any(S); ++i)
     S = S * row({shares_[0], shares_[1], shares_[2]}, layers_[i].row);
