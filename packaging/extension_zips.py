@@ -15,7 +15,19 @@ import environment
 import tree
 
 # What goes into a zip at all; blender_manifest.toml's exclude patterns then apply to it.
-PACKED = ("__init__.py", "LICENSE", "README.md", "CHANGELOG.md", "addon", "engine", "operators")
+# The documents are all there, as README links to them and they link to each other.
+PACKED = (
+    "__init__.py",
+    "LICENSE",
+    "README.md",
+    "CHANGELOG.md",
+    "ARCHITECTURE.md",
+    "demo.png",
+    "docs",
+    "addon",
+    "engine",
+    "operators",
+)
 LEFT_OUT = ("__pycache__", "*.pyc", "core")
 
 _MACHINES = {"x86_64": "x64", "amd64": "x64", "aarch64": "arm64", "arm64": "arm64"}

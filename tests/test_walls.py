@@ -29,6 +29,7 @@ ENGINES_DOOR = {
     "engine.program.graph",
     "engine.program.operations",
     "engine.program.operations_color",
+    "engine.program.operations_input",
     "engine.program.operations_math",
     "engine.program.operations_noise",
     "engine.program.operations_pattern",

@@ -29,9 +29,13 @@ SLANTED = ((1.7, 0.4, 0.13), (-0.3, 2.1, -0.41))
 
 
 def cards(
-    pixels: np.ndarray, channel: str = "ALPHA", lights: tuple[s.Light, ...] = (), **texture
+    pixels: np.ndarray,
+    channel: str = "ALPHA",
+    lights: tuple[s.Light, ...] = (),
+    count: int = 6,
+    **texture,
 ) -> s.Scene:
-    """Six sheets, mixed from glow and dullness where the image is 1 and a hole where it is 0, over
+    """Sheets, mixed from glow and dullness where the image is 1 and a hole where it is 0, over
     a floor.
     """
     fac = s.Input(texture=0, channel=channel, uv_transform=SLANTED)
@@ -44,7 +48,8 @@ def cards(
     floor = s.Material("floor", (s.Lobe("DIFFUSE", constant(0.8)),))
     turned = np.array([[0.9, 0.3, 0.1], [-0.3, 0.9, 0.0], [0.0, 0.2, 1.0]])
     sheets = [
-        placed(0, (0,), z=0.3 + 0.2137 * k, linear=turned if k % 2 else 0.8) for k in range(6)
+        placed(0, (0,), z=0.3 + 0.2137 * 5 * k / (count - 1), linear=turned if k % 2 else 0.8)
+        for k in range(count)
     ]
     image = s.Texture("holes", pixels, **texture)
     return s.Scene(
@@ -91,6 +96,40 @@ def test_holes_are_passed_to_the_same_picture(
     truth = color(scene, backend="NUMPY", **settings)
     # a texel's edge may fall on a pixel's ray
     assert np.isclose(found, truth, rtol=1e-5, atol=1e-6).all(-1).mean() > 0.98
+
+
+def test_many_layers_give_the_picture_of_one_after_the_other() -> None:
+    """More than are found at a time, of camera and of shadow rays: a little of each sheet, holes,
+    and here and there all of it.
+    """
+    thin = np.random.default_rng(3).choice(
+        [0.0, 0.02, 0.05, 0.1, 1.0], (9, 12), p=[0.3, 0.3, 0.2, 0.19, 0.01]
+    )
+    pixels = np.repeat(thin[..., None], 4, 2).astype(np.float32)
+    scene = cards(pixels, lights=(SUN, SOFT), count=60, interpolation="CLOSEST")
+    found = color(scene)
+    assert np.array_equal(found, draw(scene, "Cost").combined[..., :3])
+    truth = color(scene, backend="NUMPY")
+    assert np.isclose(found, truth, rtol=1e-5, atol=1e-6).all(-1).mean() > 0.98
+
+
+def test_sixty_sheets_of_glass() -> None:
+    """What a glowing floor sends up, and what reaches it of the sun: each sheet lets 0.95 of it
+    through.
+    """
+    glass = material(s.Lobe("TRANSPARENT", constant(0.95)))
+    sheets = [placed(0, (0,), z=0.3 + 0.01 * k) for k in range(60)]
+
+    def seen(floor: s.Material, *lights: s.Light) -> np.ndarray:
+        instances = (placed(0, (1,)), *sheets)
+        return color(
+            s.Scene(view_from_above(SIZE), (square(3.0),), instances, (glass, floor), (), lights)
+        )
+
+    glow = seen(material(s.Lobe("EMISSION", constant(1.0))))
+    np.testing.assert_allclose(glow, 0.95**60, rtol=1e-6)
+    lit = seen(material(s.Lobe("DIFFUSE", constant(1.0))), SUN)
+    np.testing.assert_allclose(lit, 2.0 / np.pi * 0.95**120, rtol=1e-5)
 
 
 @pytest.mark.parametrize(("value", "offset"), [(0.5, 0.25), (2.0, -0.5), (-1.0, 1.0)])

@@ -1,14 +1,17 @@
 """What the two zips hold. Blender's validator has accepted each when it was packed."""
 
 import io
+import posixpath
 import re
 import shutil
 import subprocess
 import tomllib
 import zipfile
+from pathlib import PurePosixPath
 
 import pytest
 
+from documents import relative_links
 from packed import pack
 
 DEVELOPMENT = (
@@ -26,6 +29,27 @@ DEVELOPMENT = (
 
 def _open(edition: str) -> zipfile.ZipFile:
     return zipfile.ZipFile(pack(edition))
+
+
+@pytest.mark.parametrize("edition", ["full", "python"])
+def test_every_link_of_a_packed_document_leads_to_a_packed_file(edition):
+    archive = _open(edition)
+    names = set(archive.namelist())
+    folders = {str(folder) for name in names for folder in PurePosixPath(name).parents}
+    pages = [name for name in names if name.endswith(".md")]
+    assert {"README.md", "ARCHITECTURE.md", "engine/SEMANTICS.md"} <= set(pages)
+    broken = [
+        f"{page}: {link}"
+        for page in pages
+        for link in relative_links(archive.read(page).decode())
+        if posixpath.normpath(posixpath.join(posixpath.dirname(page), link)) not in names | folders
+    ]
+    assert not broken
+
+
+def test_a_relative_link_is_told_from_an_address_and_an_anchor():
+    text = "[a](b/c.md#d) ![e](f.png) [g](https://h.org/i) [j](#k)"
+    assert relative_links(text) == ["b/c.md", "f.png"]
 
 
 @pytest.mark.parametrize("edition", ["full", "python"])

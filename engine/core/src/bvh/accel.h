@@ -52,6 +52,9 @@ struct Opacity {
   const void* maps;
   /// What the triangle of an instance is at the weights u and v; never kMapped.
   uint8_t (*at)(const void* maps, uint32_t instance, uint32_t primitive, double u, double v);
+  /// Closest hits: past triangles that dim, too. Layers: solid surfaces are among them, and stop no
+  /// ray.
+  bool onward = false;
 };
 
 /// Many rays by component, `count` numbers each, all looking for the same visibility: what the
@@ -84,6 +87,14 @@ struct Hits {
   /// Null, or how often a ray needed double precision to decide about a triangle; stays at 255. A
   /// measure of work: it depends on the rays that a ray is traced with and on the instruction set.
   uint8_t* fallbacks = nullptr;
+};
+
+/// The surfaces that dim rays: of each ray the nearest ones, in the order in which `closest` would
+/// meet them one after the other. Those at one distance are all there.
+struct Layers {
+  static constexpr uint32_t kMost = 16;
+  Hit* hits;       // kMost a ray
+  uint8_t* count;  // kMost + 1: there are more
 };
 
 struct AccelStats {
@@ -140,7 +151,11 @@ class Accel {
   /// blocked[k] = 1 when anything lies inside the open interval of ray k; 2 when rays.opacity says
   /// that it is a triangle that lets nothing through.
   virtual void occluded(const Rays& rays, uint8_t* blocked, Scratch& scratch) const = 0;
-  /// The same for rays one by one, each with a visibility of its own.
+  /// The same with the layers on the way of each ray; those of a ray with blocked[k] = 2 may be
+  /// missing. Needs rays.opacity.
+  virtual void find_layers(const Rays& rays, const Layers& layers, uint8_t* blocked,
+                           Scratch& scratch) const = 0;
+  /// Closest and any hit for rays one by one, each with a visibility of its own.
   void closest(const Ray* rays, Hit* hits, size_t count, Scratch& scratch) const;
   void occluded(const Ray* rays, uint8_t* blocked, size_t count, Scratch& scratch) const;
   /// With memory of their own, for a few.

@@ -44,7 +44,11 @@ class TopLevelBvh final : public Accel {
     kernel_.closest(view_, rays, hits, scratch.stacks());
   }
   void occluded(const Rays& rays, uint8_t* blocked, Scratch& scratch) const override {
-    kernel_.occluded(view_, rays, blocked, scratch.stacks());
+    kernel_.occluded(view_, rays, blocked, nullptr, scratch.stacks());
+  }
+  void find_layers(const Rays& rays, const Layers& layers, uint8_t* blocked,
+                   Scratch& scratch) const override {
+    kernel_.occluded(view_, rays, blocked, &layers, scratch.stacks());
   }
   bool surely_empty(const TileFrustum& frustum) const override;
   std::string validate() const override;

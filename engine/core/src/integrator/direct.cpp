@@ -68,9 +68,16 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
   if (count == 0) return;
   for (size_t k = 0; batch.softly_lit && stage_.share > 1 && k < count; ++k)
     batch.mark_softly_lit(point_[k], Refinement::kReached);
-  if (light.casts_shadow()) find_shadows(batch, count, known, counts);
-  else std::fill_n(blocked_.begin(), count, uint8_t(0));
-  if (glassy_) transparent_shadows_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
+  const bool casts = light.casts_shadow();
+  for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
+  if (casts && glassy_ && !known) {
+    transparent_shadows_.trace(batch, stage_, zeros_, count, shadow_, counts);
+  } else {
+    if (casts) find_shadows(count, known, counts);
+    else std::fill_n(blocked_.begin(), count, uint8_t(0));
+    if (glassy_)
+      transparent_shadows_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
+  }
   add(batch, count);
 }
 
@@ -92,20 +99,12 @@ bool DirectLight::recall_shadows(const uint8_t* known, size_t count) {
 }
 
 /// known: of the points, as FirstHitCache::shadows has it, or null.
-void DirectLight::find_shadows(const Batch& batch, size_t count, uint8_t* known,
-                               RayCounts& counts) {
-  for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);
+void DirectLight::find_shadows(size_t count, uint8_t* known, RayCounts& counts) {
   if (known && recall_shadows(known, count)) return;
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Timer timer(counts.tracing);
-  const Rays rays{{o[0], o[1], o[2]},
-                  {d[0], d[1], d[2]},
-                  zeros_,
-                  stage_.t_max,
-                  count,
-                  kShadow,
-                  known ? nullptr : scene_.opacity()};
+  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
   scene_.accel().occluded(rays, blocked_.data(), scratch_);
   counts.shadow += count;
   for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);

@@ -32,6 +32,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       camera_(scene),
       shader_(scene, plan, stages_),
       direct_(scene, plan, stages_, cancel, scratch_),
+      ahead_(scene, scratch_),
       batch_(scene, film.passes()),
       reach_(reach_of(plan)),
       program_slots_(size_t(scene.most_slots) * kBlock) {}
@@ -156,6 +157,7 @@ void Tracer::decide(const Tile& tile, uint32_t samples) {
 /// The paths to the end of their rays.
 void Tracer::follow(uint32_t sample) {
   start_paths();
+  ahead_.begin(paths_.size());
   if (!surely_empty_) camera_rays();
   Queue straight = take(kCamera), bounced = take(kMirror);
   process(first_, sample, straight, bounced);
@@ -195,7 +197,9 @@ void Tracer::find_hits(const Queue& queue) {
     const bool all =
         batch_.first_hits || film_.wants(GLINT_PASS_COST) || film_.wants(GLINT_PASS_GAP);
     rays.opacity = all ? nullptr : scene_.opacity();
-    scene_.accel().closest(rays, batch_.hits(), scratch_);
+    const bool straight = rays.opacity && queue.visibility == kCamera && &queue != &first_;
+    if (straight && !batch_.fallbacks) ahead_.closest(queue, batch_.hits());
+    else scene_.accel().closest(rays, batch_.hits(), scratch_);
   }
   batch_.charge_fallbacks();
   if (&queue == &first_) counts_.camera += queue.size();

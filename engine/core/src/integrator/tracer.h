@@ -6,6 +6,7 @@
 
 #include "integrator/direct.h"
 #include "integrator/first_hit_cache.h"
+#include "integrator/layers_ahead.h"
 #include "integrator/paths.h"
 #include "shading/shade.h"
 
@@ -78,6 +79,7 @@ class Tracer {
   const Shader shader_;
   Scratch scratch_;
   DirectLight direct_;
+  LayersAhead ahead_;
   Batch batch_;
   const WindowReach reach_;  // of all samples
   const Tile* tile_ = nullptr;

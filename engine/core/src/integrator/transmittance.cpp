@@ -1,117 +1,199 @@
 #include "integrator/transmittance.h"
 
+#include <algorithm>
+#include <utility>
+
 #include "session/timer.h"
 
 namespace glint {
 
+TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
+                                       const std::atomic<bool>& cancel, Scratch& scratch)
+    : scene_(scene), stages_(stages), cancel_(cancel), scratch_(scratch) {
+  if (!(scene.features & GLINT_FEATURE_TRANSPARENT)) return;
+  constexpr size_t kMostLayers = kAtOnce * Layers::kMost, kRows = kMostLayers + kPad;
+  hits_.resize(kMostLayers), layers_.reserve(kMostLayers);
+  first_of_.resize(scene.materials.size() + 1);
+  shares_.reserve(kRows);
+  for (std::vector<uint32_t>* v : {&number_, &instance_, &primitive_}) v->resize(kRows);
+  u_.resize(kRows), v_.resize(kRows);
+  slots_.resize(size_t(scene.most_slots) * kBlock);
+  if (!scene.only_meshes && !scene.programs.empty()) solids_.resize(7 * kRows);
+  stage_.slots = slots_.data();
+  stage_.tables = scene_.input_tables(), stage_.shapes = scene_.group_shapes.data();
+  stage_.number = number_.data(), stage_.instance = instance_.data(),
+  stage_.primitive = primitive_.data(), stage_.u = u_.data(), stage_.v = v_.data();
+  for (size_t c = 0; c < 3; ++c) stage_.share[c] = shares_[c];
+}
+
+void TransparentShadows::begin(const Batch& batch, const LightStage& light, size_t count,
+                               double* const (&shadow)[3]) {
+  stage_.point = light.point;
+  for (size_t c = 0; c < 3; ++c) {
+    stage_.origin[c] = batch.points.origin[c], stage_.to[c] = light.to[c], shadow_[c] = shadow[c];
+    stage_.end[c] = light.shape == kDirection ? nullptr : light.end_out[c];
+    std::fill_n(shadow[c], count, 1.0);
+  }
+  waiting_.reserve(count), waiting_number_.resize(waiting_.rows()), waiting_count_ = 0;
+}
+
+void TransparentShadows::trace(const Batch& batch, const LightStage& light, const double* starts,
+                               size_t count, double* const (&shadow)[3], RayCounts& counts) {
+  begin(batch, light, count, shadow);
+  counts.shadow += count;
+  const double* const* o = light.o;
+  const double* const* d = light.to;
+  for (size_t k = 0; k < count && !cancel_; k += kAtOnce) {
+    for (uint32_t i = 0; i < kAtOnce; ++i) ray_number_[i] = uint32_t(k) + i;
+    pass(light,
+         {{o[0] + k, o[1] + k, o[2] + k},
+          {d[0] + k, d[1] + k, d[2] + k},
+          starts + k,
+          light.t_max + k,
+          std::min(count - k, kAtOnce),
+          kShadow,
+          scene_.opacity()},
+         counts);
+  }
+  go_on(light, counts);
+}
+
 void TransparentShadows::follow(const Batch& batch, const LightStage& light, const uint8_t* blocked,
                                 size_t count, double* const (&shadow)[3], RayCounts& counts) {
-  for (double* channel : shadow)
-    for (size_t k = 0; k < count; ++k) channel[k] = blocked[k] == 2 ? 0 : 1;
-  start(light, blocked, count);
-  TransmittanceStage stage{};
-  stage.tables = scene_.input_tables();
-  stage.shapes = scene_.group_shapes.data(), stage.rays = rays_[0], stage.stride = rays_.stride(),
-  stage.number = number_.data();
-  stage.instance = instance_.data(), stage.primitive = primitive_.data(), stage.u = u_.data(),
-  stage.v = v_.data();
-  stage.point = light.point;
-  stage.slots = slots_.data();
-  for (size_t c = 0; c < 3; ++c) {
-    stage.origin[c] = batch.points.origin[c], stage.to[c] = light.to[c],
-    stage.shadow[c] = shadow[c];
-    stage.end[c] = light.shape == kDirection ? nullptr : light.end_out[c];
-  }
-  while (open_ > 0 && !cancel_) find_hits(counts), open_ = step(stage);
-}
-
-/// All blocked rays, from their start.
-void TransparentShadows::start(const LightStage& light, const uint8_t* blocked, size_t count) {
-  rays_.reserve(count + kPad);
-  for (std::vector<uint32_t>* v : {&number_, &instance_, &primitive_}) v->resize(rays_.rows());
-  u_.resize(rays_.rows()), v_.resize(rays_.rows());
-  open_ = 0;
+  begin(batch, light, count, shadow);
   for (uint32_t k = 0; k < count; ++k)
-    if (blocked[k] == 1) number_[open_++] = k;
-  const auto take = [&](size_t column, const double* from) {
-    for (size_t i = 0; i < open_; ++i) rays_[column][i] = from[number_[i]];
-  };
+    if (blocked[k]) wait(light, k, 0);
+  go_on(light, counts);
+}
+
+/// Adds a ray to those that look for layers beyond t_min.
+void TransparentShadows::wait(const LightStage& light, uint32_t number, double t_min) {
+  const size_t k = waiting_count_++;
+  waiting_number_[k] = number;
   for (size_t c = 0; c < 3; ++c)
-    take(TransmittedRay::kO + c, light.o[c]), take(TransmittedRay::kD + c, light.to[c]);
-  take(TransmittedRay::kTMax, light.t_max);
-  std::fill_n(rays_[TransmittedRay::kTMin], open_, 0.0);
+    waiting_[kO + c][k] = light.o[c][number], waiting_[kD + c][k] = light.to[c][number];
+  waiting_[kTMin][k] = t_min, waiting_[kTMax][k] = light.t_max[number];
 }
 
-void TransparentShadows::find_hits(RayCounts& counts) {
-  const Timer timer(counts.tracing);
-  const Columns& c = rays_;
-  const Rays rays{{c[TransmittedRay::kO], c[TransmittedRay::kO + 1], c[TransmittedRay::kO + 2]},
-                  {c[TransmittedRay::kD], c[TransmittedRay::kD + 1], c[TransmittedRay::kD + 2]},
-                  c[TransmittedRay::kTMin],
-                  c[TransmittedRay::kTMax],
-                  open_,
-                  kShadow,
-                  scene_.opacity()};
-  scene_.accel().closest(
-      rays, {rays_[TransmittedRay::kT], instance_.data(), primitive_.data(), u_.data(), v_.data()},
-      scratch_);
-}
-
-/// Of the hit of ray k; one beyond the last for none.
-uint32_t TransparentShadows::material_at(size_t k) const {
-  if (instance_[k] == Hit::kNone) return scene_.nothing();
-  return scene_.material_of(scene_.group(instance_[k]), primitive_[k]);
-}
-
-/// One surface on the way of each ray. How many rays are left.
-size_t TransparentShadows::step(TransmittanceStage& stage) {
-  stage.kept = 0;
-  for (size_t k = 0, end; k < open_; k = end) {
-    const uint32_t material = material_at(k);
-    for (end = k + 1; end < open_ && material_at(end) == material;) ++end;
-    stage.first = k, stage.count = end - k;
-    stage.kept = pass(stage, material);
+/// The rays that wait, round by round. Those that have to go on wait again, in place of earlier
+/// ones.
+void TransparentShadows::go_on(const LightStage& light, RayCounts& counts) {
+  while (waiting_count_ > 0 && !cancel_) {
+    const size_t count = waiting_count_;
+    waiting_count_ = 0;
+    for (size_t k = 0; k < count; k += kAtOnce) {
+      const size_t some = std::min(count - k, kAtOnce);
+      std::copy_n(waiting_number_.data() + k, some, ray_number_);
+      const auto at = [&](size_t column) { return waiting_[column] + k; };
+      pass(light,
+           {{at(kO), at(kO + 1), at(kO + 2)},
+            {at(kD), at(kD + 1), at(kD + 2)},
+            at(kTMin),
+            at(kTMax),
+            some,
+            kShadow,
+            scene_.opacity()},
+           counts);
+    }
   }
-  return stage.kept;
+}
+
+/// Some rays through their nearest layers.
+void TransparentShadows::pass(const LightStage& light, const Rays& rays, RayCounts& counts) {
+  {
+    const Timer timer(counts.tracing);
+    scene_.accel().find_layers(rays, {hits_.data(), found_}, blocked_, scratch_);
+  }
+  bool dimmed = false;
+  for (size_t k = 0; k < rays.count; ++k) {
+    dimmed |= blocked_[k] == 1;
+    if (blocked_[k] == 2) set_row(shadow_, ray_number_[k], {});
+  }
+  if (!dimmed) return;
+  list_layers(rays), sort_layers(), read_shares(rays);
+  for (size_t k = 0; k < rays.count; ++k) multiply(light, k);
+}
+
+/// The layers that count: of those at one distance the first, as if rays started again behind it.
+void TransparentShadows::list_layers(const Rays& rays) {
+  layers_.clear();
+  for (uint32_t k = 0; k < rays.count; ++k) {
+    const uint32_t first = k * Layers::kMost,
+                   count = blocked_[k] == 1 ? std::min<uint32_t>(found_[k], Layers::kMost) : 0;
+    double t_min = rays.t_min[k];
+    for (uint32_t i = first; i < first + count; ++i) {
+      const Hit& hit = hits_[i];
+      if (!(hit.t > t_min)) continue;
+      t_min = beyond(hit.t);
+      layers_.push_back({i, scene_.material_of(scene_.group(hit.instance), hit.primitive), 0});
+    }
+    end_[k] = uint32_t(layers_.size());
+  }
+}
+
+/// To the columns of the stage, material by material.
+void TransparentShadows::sort_layers() {
+  materials_.clear();
+  for (const Layer& layer : layers_)
+    if (first_of_[layer.material]++ == 0) materials_.push_back(layer.material);
+  uint32_t next = 0;
+  for (uint32_t m : materials_) next += std::exchange(first_of_[m], next);
+  for (Layer& layer : layers_) {
+    const Hit& hit = hits_[layer.hit];
+    const uint32_t row = layer.row = first_of_[layer.material]++;
+    number_[row] = ray_number_[layer.hit / Layers::kMost];
+    instance_[row] = hit.instance, primitive_[row] = hit.primitive, u_[row] = hit.u,
+    v_[row] = hit.v;
+  }
 }
 
 /// Where rays met what is no mesh, as TransmittanceStage has it.
-const double* TransparentShadows::place_shapes(const TransmittanceStage& met) {
-  shapes_.resize(7 * met.stride);
-  for (size_t k = met.first; k < met.first + met.count; ++k) {
-    const Hit hit{rays_[TransmittedRay::kT][k], instance_[k], primitive_[k], u_[k], v_[k]};
+void TransparentShadows::place_solids(const Rays& rays) {
+  for (const Layer& layer : layers_) {
+    const Hit& hit = hits_[layer.hit];
     if (scene_.geometry(scene_.group(hit.instance)).kind == GLINT_MESH) continue;
-    const auto of_ray = [&](size_t column) {
-      return Vec3d{rays_[column][k], rays_[column + 1][k], rays_[column + 2][k]};
-    };
-    const Surface s =
-        surface_at(scene_, of_ray(TransmittedRay::kO), of_ray(TransmittedRay::kD), hit);
-    for (int c = 0; c < 3; ++c) {
-      shapes_[size_t(c) * met.stride + k] = s.x[c];
-      shapes_[size_t(3 + c) * met.stride + k] = s.g[c];
-    }
-    shapes_[6 * met.stride + k] = s.outside ? 1 : 0;
+    const uint32_t k = layer.hit / Layers::kMost;
+    const Surface s = surface_at(scene_, {rays.o[0][k], rays.o[1][k], rays.o[2][k]},
+                                 {rays.d[0][k], rays.d[1][k], rays.d[2][k]}, hit);
+    double* solid = solids_.data() + 7 * size_t(layer.row);
+    for (int c = 0; c < 3; ++c) solid[c] = s.x[c], solid[3 + c] = s.g[c];
+    solid[6] = s.outside ? 1 : 0;
   }
-  return shapes_.data();
 }
 
-/// The same for some that met one material, or nothing.
-size_t TransparentShadows::pass(const TransmittanceStage& met, uint32_t material) {
-  if (material == scene_.nothing()) return met.kept;
-  if (scene_.materials[material].has(GLINT_TRANSPARENT)) {
-    TransmittanceStage stage = met;
-    stage.lobes = scene_.lobe_shapes.data() + scene_.materials[material].first_lobe;
-    stage.lobe_count = scene_.materials[material].lobe_count;
-    if (scene_.materials[material].program > 0) {
-      stage.program = &scene_.program_of(scene_.materials[material]);
-      stage.slots = met.slots;
-      stage.solids = scene_.only_meshes ? nullptr : place_shapes(met);
+/// What each layer lets through.
+void TransparentShadows::read_shares(const Rays& rays) {
+  const bool has_solids = !scene_.only_meshes && !scene_.programs.empty();
+  if (has_solids) place_solids(rays);
+  stage_.solids = has_solids ? solids_.data() : nullptr;
+  size_t first = 0;
+  for (uint32_t m : materials_) {
+    const size_t end = std::exchange(first_of_[m], 0);
+    const Material& material = scene_.materials[m];
+    if (material.has(GLINT_TRANSPARENT)) {
+      stage_.first = first, stage_.count = end - first;
+      stage_.lobes = scene_.lobe_shapes.data() + material.first_lobe,
+      stage_.lobe_count = material.lobe_count;
+      stage_.program = material.program > 0 ? &scene_.program_of(material) : nullptr;
+      stages_.transmit(stage_);
+    } else {
+      for (size_t c = 0; c < 3; ++c) std::fill(shares_[c] + first, shares_[c] + end, 0.0);
     }
-    return stages_.transmit(stage);
+    first = end;
   }
-  for (double* channel : met.shadow)
-    for (size_t k = met.first; k < met.first + met.count; ++k) channel[met.number[k]] = 0;
-  return met.kept;
+}
+
+/// What is left of a ray's light behind its layers. Where there are more of them and it has light
+/// left, it waits.
+void TransparentShadows::multiply(const LightStage& light, size_t ray) {
+  const uint32_t number = ray_number_[ray];
+  Vec3d S = row(shadow_, number);
+  const uint32_t end = end_[ray];
+  for (uint32_t i = ray ? end_[ray - 1] : 0; i < end && any(S); ++i)
+    S = S * row({shares_[0], shares_[1], shares_[2]}, layers_[i].row);
+  set_row(shadow_, number, S);
+  if (found_[ray] > Layers::kMost && any(S))
+    wait(light, number, beyond(hits_[layers_[end - 1].hit].t));
 }
 
 }  // namespace glint

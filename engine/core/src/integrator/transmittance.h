@@ -8,39 +8,63 @@
 
 namespace glint {
 
+/// What gets through of the light of a sample, a row of `shadow` for each of the `count` rays that
+/// it was found to send: each surface on the way of a ray lets its clamped transparency through.
+/// The nearest layers of some rays are found at a time and read material by material; each ray
+/// multiplies them in their order.
 class TransparentShadows {
  public:
   TransparentShadows(const Scene& scene, const Stages& stages, const std::atomic<bool>& cancel,
-                     Scratch& scratch)
-      : scene_(scene),
-        stages_(stages),
-        cancel_(cancel),
-        scratch_(scratch),
-        slots_(size_t(scene.most_slots) * kBlock) {}
+                     Scratch& scratch);
 
-  /// What gets through of the light of a sample, a row of `shadow` for each of the `count` rays
-  /// that it was found to send: each surface on the way of a blocked one lets its clamped
-  /// transparency through.
+  /// Of rays of which nothing is known. starts: of the rays, 0.
+  void trace(const Batch& batch, const LightStage& light, const double* starts, size_t count,
+             double* const (&shadow)[3], RayCounts& counts);
+  /// Of rays of which it is known whether anything is on their way.
   void follow(const Batch& batch, const LightStage& light, const uint8_t* blocked, size_t count,
               double* const (&shadow)[3], RayCounts& counts);
 
  private:
-  void start(const LightStage& light, const uint8_t* blocked, size_t count);
-  void find_hits(RayCounts& counts);
-  uint32_t material_at(size_t k) const;
-  size_t pass(const TransmittanceStage& stage, uint32_t material);
-  size_t step(TransmittanceStage& stage);
-  const double* place_shapes(const TransmittanceStage& stage);
+  /// Columns of rays with layers yet to be found.
+  static constexpr size_t kO = 0, kD = 3, kTMin = 6, kTMax = 7, kColumns = 8;
+  static constexpr size_t kAtOnce = 128;  // rays
+
+  /// A layer on the way of a ray: where it is among the hits and in the columns of the stage.
+  struct Layer {
+    uint32_t hit, material, row;
+  };
+
+  void begin(const Batch& batch, const LightStage& light, size_t count, double* const (&shadow)[3]);
+  void wait(const LightStage& light, uint32_t number, double t_min);
+  void go_on(const LightStage& light, RayCounts& counts);
+  void pass(const LightStage& light, const Rays& rays, RayCounts& counts);
+  void list_layers(const Rays& rays);
+  void sort_layers();
+  void place_solids(const Rays& rays);
+  void read_shares(const Rays& rays);
+  void multiply(const LightStage& light, size_t ray);
 
   const Scene& scene_;
   const Stages& stages_;
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
-  Columns rays_{TransmittedRay::kColumns};
-  size_t open_ = 0;                                      // rows of the rest: rays with light left
-  std::vector<uint32_t> number_, instance_, primitive_;  // number_: of the ray in the sample
+  TransmittanceStage stage_{};
+  double* shadow_[3] = {};
+  Columns waiting_{kColumns};
+  size_t waiting_count_ = 0;
+  std::vector<uint32_t> waiting_number_;  // in the sample
+  // Of the rays that are passed at once:
+  uint32_t ray_number_[kAtOnce];
+  std::vector<Hit> hits_;  // as accel.h's Layers has them
+  uint8_t found_[kAtOnce], blocked_[kAtOnce];
+  std::vector<Layer> layers_;                   // ray by ray
+  uint32_t end_[kAtOnce];                       // of each ray's layers
+  std::vector<uint32_t> materials_, first_of_;  // those met; by material, its first row
+  // Of the layers, material by material:
+  Columns shares_{3};
+  std::vector<uint32_t> number_, instance_, primitive_;
   std::vector<float> u_, v_;
-  std::vector<double> slots_, shapes_;  // of programs; as TransmittanceStage has them
+  std::vector<double> slots_, solids_;  // of programs; as TransmittanceStage has them
 };
 
 }  // namespace glint

@@ -14,6 +14,12 @@ constexpr double kOff = 1.001e-3;
 constexpr double kMostOff = 0.5;  // texels
 constexpr double kFarOut = 1e6;   // of an image's repetitions, so that texels have their digits
 
+/// The floor of a number of moderate size: without a call, which it takes on the oldest processors.
+int64_t down(double x) {
+  const int64_t i = int64_t(x);
+  return i - (x < double(i));
+}
+
 uint8_t reading(double value) {
   return value == 0 ? TexelMap::kZero : value == 1 ? TexelMap::kOne : TexelMap::kMixed;
 }
@@ -78,13 +84,12 @@ struct TexelMap::Span {
 TexelMap::Span TexelMap::span(double x, double off, uint32_t size) const {
   const int extension = texture_.extension;
   const bool squares = texture_.interpolation != GLINT_CLOSEST;
-  if (extension == GLINT_REPEAT) x -= std::floor(x);
-  if (extension == GLINT_MIRRORED) x -= 2 * std::floor(0.5 * x);
+  if (extension == GLINT_REPEAT) x -= double(down(x));
+  if (extension == GLINT_MIRRORED) x -= 2 * double(down(0.5 * x));
   const double at = std::clamp(x, -2.0, 3.0) * size - (squares ? 0.5 : 0);
-  const double low = std::floor(at - off), high = std::floor(at + off);
-  if (low >= 0 && high + 1 < size) return {int64_t(low), int64_t(high)};
-  const auto stored = [&](double place) -> int64_t {
-    int64_t i = int64_t(place);
+  const int64_t low = down(at - off), high = down(at + off);
+  if (low >= 0 && high + 1 < int64_t(size)) return {low, high};
+  const auto stored = [&](int64_t i) -> int64_t {
     const int64_t n = size, period = extension == GLINT_MIRRORED ? 2 * n : n;
     if (extension == GLINT_CLIP) return i >= 0 && i + squares < n ? i : -1;
     if (extension == GLINT_EXTEND) return std::clamp<int64_t>(i, 0, n - 1);
@@ -110,8 +115,9 @@ uint8_t TexelMap::around(const double (&at)[2], const double (&off)[2]) const {
 
 OpacityMaps::OpacityMaps(const Scene& scene) : scene_(scene) {
   for (uint32_t m = 0; m < scene.materials.size(); ++m) known_.push_back(known(m));
+  for (const GlintInstances& group : scene.groups) add_looks(group);
   std::vector<uint8_t> of_groups;
-  for (uint32_t g = 0; g < scene.groups.size(); ++g) of_groups.push_back(of_group(g));
+  for (const Looks& group : of_group_) of_groups.push_back(of_group(group));
   for (const Placement& p : scene.placements) of_instance_.push_back(of_groups[p.group]);
   view_.of_instance = of_instance_.data(), view_.maps = this;
   view_.at = [](const void* maps, uint32_t instance, uint32_t primitive, double u, double v) {
@@ -181,35 +187,54 @@ bool OpacityMaps::product(const Lobe& lobe, uint32_t input, double reading, Vec3
   return all;
 }
 
-/// What all of its instances are everywhere; kMapped where that depends on the place.
-uint8_t OpacityMaps::of_group(uint32_t g) const {
-  const GlintInstances& group = scene_.groups[g];
-  if (group.material_count == 0) return Opacity::kSolid;
-  uint8_t all = known_[scene_.material_slots[group.first_material]].always;
-  for (uint32_t k = 1; k < group.material_count; ++k)
-    if (known_[scene_.material_slots[group.first_material + k]].always != all)
-      all = Opacity::kMapped;
-  return all;
-}
-
-uint8_t OpacityMaps::at(uint32_t instance, uint32_t primitive, double u, double v) const {
-  const GlintInstances& group = scene_.group(instance);
-  const Known& known = known_[scene_.material_of(group, primitive)];
-  if (!known.input) return known.always;
-  const GlintInput& input = *known.input;
+/// What is known of a material on the geometry of a group.
+OpacityMaps::Look OpacityMaps::look(const GlintInstances& group, uint32_t material) const {
+  Look found{known_[material]};
+  Known& known = found.known;
+  if (!known.input) return found;
   const GlintGeometry& geometry = scene_.geometry(group);
   const GlintAttribute* a = scene_.attributes.data() + geometry.first_attribute;
   const GlintAttribute* const end = a + geometry.attribute_count;
   a = std::find_if(a, end, [&](const GlintAttribute& b) {
-    return input.uv < 0 ? b.channels == 2 : b.name == input.uv;
+    return known.input->uv < 0 ? b.channels == 2 : b.name == known.input->uv;
   });
-  if (a == end || a->channels < 2 || a->domain == GLINT_FACE) return Opacity::kVaried;
-  const uint32_t* rows =
-      (a->domain == GLINT_CORNER ? geometry.corners : geometry.triangles) + 3 * size_t(primitive);
+  if (a == end || a->channels < 2 || a->domain == GLINT_FACE)
+    return known.always = Opacity::kVaried, known.input = nullptr, found;
+  for (uint8_t* kind : {&known.at_zero, &known.at_one})
+    if (*kind == Opacity::kClear && group.flags & GLINT_HOLDOUT) *kind = Opacity::kVaried;
+  found.rows = a->domain == GLINT_CORNER ? geometry.corners : geometry.triangles;
+  return found.values = a->values, found.channels = a->channels, found;
+}
+
+void OpacityMaps::add_looks(const GlintInstances& group) {
+  const uint16_t* const slots = scene_.geometry(group).material_slots;
+  const uint32_t first = uint32_t(looks_.size());
+  for (uint32_t k = 0; k < group.material_count; ++k)
+    looks_.push_back(look(group, scene_.material_slots[group.first_material + k]));
+  if (group.material_count == 0) looks_.push_back(look(group, uint32_t(known_.size() - 1)));
+  const uint32_t last = uint32_t(looks_.size()) - 1;
+  of_group_.push_back({last > first ? slots : nullptr, first, last});
+}
+
+/// What all of its instances are everywhere; kMapped where that depends on the place.
+uint8_t OpacityMaps::of_group(const Looks& group) const {
+  const uint8_t all = looks_[group.first].known.always;
+  for (uint32_t k = group.first + 1; k <= group.last; ++k)
+    if (looks_[k].known.always != all) return Opacity::kMapped;
+  return all;
+}
+
+uint8_t OpacityMaps::at(uint32_t instance, uint32_t primitive, double u, double v) const {
+  const Looks& group = of_group_[scene_.placements[instance].group];
+  const uint32_t slot = group.slots ? group.slots[primitive] : 0;
+  const Look& look = looks_[std::min(group.first + slot, group.last)];
+  const Known& known = look.known;
+  if (!known.input) return known.always;
+  const uint32_t* rows = look.rows + 3 * size_t(primitive);
+  const double* m = known.input->uv_transform;
   double corner[3][2];
   for (int k = 0; k < 3; ++k) {
-    const float* uv = a->values + size_t(a->channels) * rows[k];
-    const double* m = input.uv_transform;
+    const float* uv = look.values + look.channels * rows[k];
     for (int c = 0; c < 2; ++c)
       corner[k][c] = m[3 * c] * double(uv[0]) + m[3 * c + 1] * double(uv[1]) + m[3 * c + 2];
   }
@@ -221,11 +246,9 @@ uint8_t OpacityMaps::at(uint32_t instance, uint32_t primitive, double u, double 
     if (!(off[c] < kMostOff && std::fabs(at[c]) < kFarOut)) return Opacity::kVaried;
   }
   const uint8_t read = known.map->around(at, off);
-  const uint8_t found = read == TexelMap::kZero  ? known.at_zero
-                        : read == TexelMap::kOne ? known.at_one
-                                                 : uint8_t(Opacity::kVaried);
-  return found == Opacity::kClear && group.flags & GLINT_HOLDOUT ? uint8_t(Opacity::kVaried)
-                                                                 : found;
+  return read == TexelMap::kZero  ? known.at_zero
+         : read == TexelMap::kOne ? known.at_one
+                                  : uint8_t(Opacity::kVaried);
 }
 
 }  // namespace glint

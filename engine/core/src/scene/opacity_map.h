@@ -49,15 +49,33 @@ class OpacityMaps {
     const TexelMap* map = nullptr;
   };
 
+  /// The same on the primitives of one slot of a group: also where their UV coordinates are, three
+  /// rows a triangle.
+  struct Look {
+    Known known;
+    const uint32_t* rows = nullptr;
+    const float* values = nullptr;
+    size_t channels = 0;
+  };
+  /// Of a group of instances. slots: of the primitives; null where there is one look.
+  struct Looks {
+    const uint16_t* slots;
+    uint32_t first, last;
+  };
+
   Known known(uint32_t material);
+  Look look(const GlintInstances& group, uint32_t material) const;
+  void add_looks(const GlintInstances& group);
   uint8_t where(uint32_t material, uint32_t input, double reading) const;
   bool product(const Lobe& lobe, uint32_t input, double reading, Vec3d& k) const;
-  uint8_t of_group(uint32_t group) const;
+  uint8_t of_group(const Looks& group) const;
   uint8_t at(uint32_t instance, uint32_t primitive, double u, double v) const;
 
   const Scene& scene_;
   std::map<std::pair<int32_t, bool>, TexelMap> maps_;  // by texture, and whether of its alpha
   std::vector<Known> known_;                           // by material
+  std::vector<Look> looks_;
+  std::vector<Looks> of_group_;
   std::vector<uint8_t> of_instance_;
   Opacity view_;
 };

@@ -74,8 +74,8 @@ inline Seen seen(const ShadeStage& s, size_t k, const Three& T, const TermRows& 
 
 /// Whether a material of the group has lobes that depend on the view.
 inline bool any_view(const TermRows& rows) {
-  bool found = rows.of[0]->view_count > 0;
-  for (size_t lane = 1; !rows.same && lane < kLanes; ++lane)
+  bool found = false;
+  for (size_t lane = 0, lanes = rows.same ? 1 : kLanes; lane < lanes; ++lane)
     found = found || rows.of[lane]->view_count > 0;
   return found;
 }

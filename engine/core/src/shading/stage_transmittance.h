@@ -1,5 +1,4 @@
-// What surfaces let through of shadow rays (SEMANTICS.md, shadows). Letters: S what is left of the
-// light, a channel.
+// What surfaces let through of shadow rays (SEMANTICS.md, shadows).
 #pragma once
 #include "program/run.h"
 #include "shading/stage_inputs.h"
@@ -49,13 +48,26 @@ inline Spread triangles(const TransmittanceStage& s, const Met& at) {
                 {rows3(all.corners), rows3(all.corners + 3), rows3(all.corners + 6)});
 }
 
+inline bool follow_each_other(const uint32_t (&row)[kLanes]) {
+  bool all = true;
+  for (uint32_t lane = 1; lane < kLanes; ++lane) all = all && row[lane] == row[0] + lane;
+  return all;
+}
+
+/// The rays of hits from row k on. A ray may be there several times.
+inline Chosen rays_of(const TransmittanceStage& s, size_t k, size_t end) {
+  Chosen ray = chosen(s.number, k, end);
+  ray.together = follow_each_other(ray.row);
+  return ray;
+}
+
 /// The rays from the points that they left: not moved off the surface, as those that are traced.
 struct Leaving {
   Three origin, d;
   Leaving(const TransmittanceStage& s, const Chosen& ray) {
     Chosen from = ray;
     for (size_t lane = 0; lane < kLanes; ++lane) from.row[lane] = s.point[ray.row[lane]];
-    from.together = from.row[kLanes - 1] - from.row[0] == kLanes - 1;
+    from.together = follow_each_other(from.row);
     origin = gather3(s.origin, from);
     d = s.end[0] ? unit(gather3(s.end, ray) - origin) : gather3(s.to, ray);
   }
@@ -93,42 +105,15 @@ inline Three transparency(const TransmittanceStage& s, const OnMesh& p) {
 
 inline Doubles clamped_share(Doubles x) { return larger(smaller(x, splat(1)), splat(0)); }
 
-/// Rays with light left move to the front, past their surfaces.
-inline void keep(const TransmittanceStage& s, size_t k, const Chosen& ray, uint32_t lanes,
-                 size_t kept) {
-  const Appender append{lanes, kept};
-  for (size_t c = 0; c < TransmittedRay::kTMin; ++c)
-    append(s.rays + c * s.stride, load(s.rays + c * s.stride + k));
-  const Doubles t = load(s.rays + TransmittedRay::kT * s.stride + k),
-                t_max = load(s.rays + TransmittedRay::kTMax * s.stride + k);
-  append(s.rays + TransmittedRay::kTMin * s.stride, beyond(t)),
-      append(s.rays + TransmittedRay::kTMax * s.stride, t_max);
-  for (uint32_t m = lanes; m; m &= m - 1) s.number[kept++] = ray.row[__builtin_ctz(m)];
-}
-
 /// What the surface stage needs of a block of hits beside what programs read.
 struct BlockScratch {
   double start[3][kBlock], origin[3][kBlock], offset[kBlock];
   uint32_t material[kBlock];
 };
 
-/// The program at the hits of a block of rays, from k on.
-void run_block(const TransmittanceStage& s, size_t k, size_t count) {
-  ProgramPoints p;
-  BlockScratch scratch;
-  for (size_t i = 0; i < count; i += kLanes) {
-    const Chosen ray = chosen(s.number, k + i, k + count);
-    const Met at(s, k + i, ray.count);
-    const Leaving from(s, ray);
-    put3(scratch.start, i, from.origin);
-    put3(p.d, i, from.d);
-    for (size_t lane = 0; lane < kLanes; ++lane) {
-      p.instance[i + lane] = at.instance[lane];
-      p.primitive[i + lane] = at.primitive[lane];
-    }
-    store(p.weights[1] + i, Doubles{});
-    store(p.weights[2] + i, Doubles{});
-  }
+/// The surface stage over a block of hits whose rays are there already, to what programs read.
+inline void place_block(const TransmittanceStage& s, size_t k, size_t count, BlockScratch& scratch,
+                        ProgramPoints& p) {
   SurfaceStage at{};
   at.count = count;
   at.instance = p.instance;
@@ -151,42 +136,56 @@ void run_block(const TransmittanceStage& s, size_t k, size_t count) {
   at.points.outside = p.outside;
   at.points.material = scratch.material;
   surface(at);
-  for (size_t i = 0; s.solids && i < count; ++i) {
-    if (scratch.material[i] != kNoMaterial) continue;
-    const double* shape = s.solids + k + i;
-    for (size_t c = 0; c < 3; ++c) {
-      p.x[c][i] = shape[c * s.stride];
-      p.g[c][i] = shape[(3 + c) * s.stride];
-      p.n[c][i] = p.g[c][i];
-    }
-    p.outside[i] = shape[6 * s.stride] != 0 ? -1 : 0;
-    p.weights[1][i] = p.weights[2][i] = 0;
+}
+
+/// A hit on what is no mesh.
+inline void set_solid(const double* solid, size_t i, ProgramPoints& p) {
+  for (size_t c = 0; c < 3; ++c) {
+    p.x[c][i] = solid[c];
+    p.g[c][i] = p.n[c][i] = solid[3 + c];
   }
+  p.outside[i] = solid[6] != 0 ? -1 : 0;
+  p.weights[1][i] = p.weights[2][i] = 0;
+}
+
+/// The program at the hits of a block, from k on.
+void run_block(const TransmittanceStage& s, size_t k, size_t count) {
+  ProgramPoints p;
+  BlockScratch scratch;
+  for (size_t i = 0; i < count; i += kLanes) {
+    const Chosen ray = rays_of(s, k + i, k + count);
+    const Met at(s, k + i, ray.count);
+    const Leaving from(s, ray);
+    put3(scratch.start, i, from.origin);
+    put3(p.d, i, from.d);
+    for (size_t lane = 0; lane < kLanes; ++lane) {
+      p.instance[i + lane] = at.instance[lane];
+      p.primitive[i + lane] = at.primitive[lane];
+    }
+    store(p.weights[1] + i, Doubles{});
+    store(p.weights[2] + i, Doubles{});
+  }
+  place_block(s, k, count, scratch, p);
+  for (size_t i = 0; s.solids && i < count; ++i)
+    if (scratch.material[i] == kNoMaterial) set_solid(s.solids + 7 * (k + i), i, p);
   for (size_t i = 0; i < count; i += kLanes)
     store(p.weights[0] + i, 1 - load(p.weights[1] + i) - load(p.weights[2] + i));
   run_program({s.tables, s.program, &p, RayKind::kShadow, count, s.slots});
 }
 
-size_t transmit(const TransmittanceStage& s) {
+void transmit(const TransmittanceStage& s) {
   const bool alike = constant(s);
-  const size_t end = s.first + s.count;
-  size_t kept = s.kept;
-  for (size_t k = s.first; k < end; k += kLanes) {
-    const Chosen ray = chosen(s.number, k, end);
+  for (size_t k = s.first, end = s.first + s.count; k < end; k += kLanes) {
+    const Chosen ray = rays_of(s, k, end);
+    const size_t in_block = (k - s.first) % kBlock;
+    if (s.program && in_block == 0) run_block(s, k, end - k < kBlock ? end - k : kBlock);
     OnMesh p{};
-    if (s.program && (k - s.first) % kBlock == 0)
-      run_block(s, k, end - k < kBlock ? end - k : kBlock);
     if (!alike) p = on_mesh(s, k, ray, Met(s, k, ray.count));
-    if (s.program) p.slots = s.slots + (k - s.first) % kBlock;
+    if (s.program) p.slots = s.slots + in_block;
     const Three share = transparency(s, p);
-    const Three S = gather3(s.shadow, ray) *
-                    Three{clamped_share(share.x), clamped_share(share.y), clamped_share(share.z)};
-    scatter3(s.shadow, ray, S);
-    const uint32_t lanes = bits(nonzero(S)) & lanes_of(ray);
-    keep(s, k, ray, lanes, kept);
-    kept += size_t(__builtin_popcount(lanes));
+    store(s.share[0] + k, clamped_share(share.x)), store(s.share[1] + k, clamped_share(share.y)),
+        store(s.share[2] + k, clamped_share(share.z));
   }
-  return kept;
 }
 
 }  // namespace

@@ -288,34 +288,24 @@ struct LightParts {
   SumColumns sums;
 };
 
-/// Columns of rays on their way through surfaces, but for their weight and the like.
-struct TransmittedRay {
-  static constexpr size_t kO = 0, kD = 3, kTMin = 6, kTMax = 7, kT = 8,
-                          kColumns = 9;  // kT: of their hits
-};
-
-/// Some of the shadow rays of a light sample, which met surfaces of one material that lets light
-/// through.
+/// What surfaces of one material let through of the shadow rays of a light sample.
 struct TransmittanceStage {
   InputTables tables;
-  size_t first, count;  // rows of the columns of rays and hits
+  size_t first, count;  // rows of the columns of hits
   const GroupShape* shapes;
-  double* rays;  // TransmittedRay. Those with light left follow each other from row `kept` <= first
-                 // on, bound to start there
-  size_t stride, kept;
-  uint32_t* number;  // of the ray in the sample; moves with the rays
+  const uint32_t* number;  // of the ray in the sample; rays have several hits
   const uint32_t *instance, *primitive;
   const float *u, *v;
   const uint32_t* point;  // of each ray of the sample, as what follows but `origin`
   const double *origin[3], *to[3],
-      *end[3];        // origin: of each point.  end: null where `to` is exact
-  double* shadow[3];  // S
+      *end[3];       // origin: of each point.  end: null where `to` is exact
+  double* share[3];  // of each hit
   const LobeShape* lobes;
   uint32_t lobe_count;
   const ProgramShape* program;  // null for none
   double* slots;
-  const double* solids;  // of hits on what is no mesh, where the scene has such: x, g, outside, a column
-                         // of `stride` numbers each; by the rows of `rays`
+  const double* solids;  // of hits on what is no mesh, where the scene has such: seven numbers a
+                         // row: x, g, and 1 where the outer side is seen
 };
 
 struct Stages {
@@ -329,7 +319,7 @@ struct Stages {
   size_t (*light)(const LightStage&);  // how many points the sample reaches
   size_t (*gloss)(
       const LightStage&);  // how many points the directions drawn from their lobes light
-  size_t (*transmit)(const TransmittanceStage&);  // how many rays are kept in all
+  void (*transmit)(const TransmittanceStage&);
   void (*sum)(const LightSum&);
   void (*sum_parts)(const LightParts&);
   void (*add)(double* to, const double* from, size_t count);

@@ -9,7 +9,8 @@ namespace glint {
 struct Kernel {
   const char* name;
   void (*closest)(const TopLevelView&, const Rays&, const Hits&, WalkerStacks&);
-  void (*occluded)(const TopLevelView&, const Rays&, uint8_t*, WalkerStacks&);
+  void (*occluded)(const TopLevelView&, const Rays&, uint8_t*, const Layers*,
+                   WalkerStacks&);  // layers: or null
 };
 
 #if defined(GLINT_X86_KERNELS)

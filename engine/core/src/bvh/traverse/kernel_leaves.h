@@ -82,24 +82,28 @@ template <bool Any>
 __attribute__((noinline)) uint32_t stopped(const Walk<Any>& w, int k, uint32_t rays, ChildRef leaf,
                                            int place) {
   const Tile& tile = w.tile;
-  const Answers& answers = *tile.answers;
+  Answers& answers = *tile.answers;
   const Opacity& opacity = *answers.opacity;
+  const bool solid = !(Any && opacity.onward), dimming = !(Any || opacity.onward);
+  const auto stops = [&](uint8_t kind) {
+    return (solid && kind == Opacity::kSolid) || (dimming && kind == Opacity::kVaried);
+  };
   uint32_t stopped = rays;
   for (; rays; rays &= rays - 1) {
     const int r = k + __builtin_ctz(rays);
     if (!alive(tile, r)) continue;
     const PrimitiveId id = id_of(tile, r, leaf_first(leaf) + uint32_t(place));
     uint8_t kind = opacity.of_instance[id.instance];
-    if (kind == Opacity::kSolid || (!Any && kind == Opacity::kVaried)) continue;
+    if (stops(kind)) continue;
     const Exact<double> e = w.exact(r, leaf, place);
     if (kind == Opacity::kMapped)
       kind = opacity.at(opacity.maps, id.instance, id.primitive, e.u, e.v);
-    if (kind == Opacity::kSolid || (!Any && kind == Opacity::kVaried)) continue;
+    if (stops(kind)) continue;
     stopped &= ~(rays & -rays);
     const double t = e.depth / tile.along[r];
     const int s = tile.slot[r];
-    if (Any && kind == Opacity::kVaried && t > answers.t_min[s] && t < answers.t_max[s])
-      answers.blocked[s] = 1;
+    if (Any && kind != Opacity::kClear && t > answers.t_min[s] && t < answers.t_max[s])
+      answers.dim(s, {t, id.instance, id.primitive, float(e.u), float(e.v)});
   }
   return stopped;
 }
@@ -248,6 +252,15 @@ __attribute__((always_inline)) inline void take_certain(Walk<Any>& w, int k, uin
   store(last, smaller(load(last), load(tile.start + k) + end + splat(tile.room)));
 }
 
+/// Which candidates are hit indeed.
+inline uint32_t hit_lanes(const TriangleTest& t, uint32_t mask) {
+  const Floats sum = t.a + t.b + t.c;
+  uint32_t hit = mask & bits(t.sure() & at_most(sum, sum));
+  for (uint32_t m = mask & ~hit; m; m &= m - 1)
+    if (t.hit(__builtin_ctz(m), false)) hit |= m & -m;
+  return hit;
+}
+
 /// Candidates among the rays [k, k + kLanes): takes those that are certain, and decides the others.
 template <bool Any>
 __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32_t mask,
@@ -263,6 +276,7 @@ __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32
   if (!mask || !visible(tile, leaf_first(leaf) + uint32_t(place))) return;
   Mask nearer = sure & less(hi, best_lo) & less(begin_hi, lo);
   if (tile.answers->opacity) {
+    if (Any) mask &= hit_lanes(t, mask);
     mask = stopped(w, k, mask, leaf, place), nearer = nearer & lanes(mask);
     if (!mask) return;
   }

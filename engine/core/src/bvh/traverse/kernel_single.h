@@ -21,7 +21,8 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
     const bool hit = sure >> lane & 1;
     if (hit && nearest[lane] > tile.hi[r]) continue;
     if (!visible(tile, leaf_first(ref) + uint32_t(place))) continue;
-    if (tile.answers->opacity && !stopped(w, r, 1, ref, place)) continue;
+    if (tile.answers->opacity && ((Any && !t.hit(lane, hit)) || !stopped(w, r, 1, ref, place)))
+      continue;
     if (hit && farthest[lane] < tile.lo[r] && nearest[lane] > tile.begin_hi[r]) {
       if (Any) return w.block(r);
       tile.lo[r] = nearest[lane], tile.hi[r] = farthest[lane], tile.pending[r] = ref,

@@ -22,17 +22,38 @@ struct Answers {
   const uint32_t* masks;  // visibility of every instance; null when all can be seen
   WalkerStacks* stacks;
   const Opacity* opacity = nullptr;  // null: all that is met stops a ray
+  Layers layers{};                   // null when nobody asks
 
   /// What `blocked` is where no ray gets through.
   uint8_t stop() const { return opacity ? 2 : 1; }
   void count_fallback(int slot) {
     if (fallbacks && fallbacks[slot] < 255) ++fallbacks[slot];
   }
+  /// A surface that does not stop the ray. The same one may be met again, in another leaf.
+  void dim(int slot, const Hit& hit) {
+    blocked[slot] = 1;
+    if (!layers.hits) return;
+    Hit* const hits = layers.hits + uint32_t(slot) * Layers::kMost;
+    uint8_t& count = layers.count[slot];
+    uint32_t end = count < Layers::kMost ? count : Layers::kMost, at = end;
+    while (at > 0 && nearer(hit, hits[at - 1])) --at;
+    if (at > 0 && !nearer(hits[at - 1], hit) && hits[at - 1].t == hit.t) return;
+    if (end == Layers::kMost) count = Layers::kMost + 1, --end;
+    else ++count;
+    if (at > end) return;
+    for (; end > at; --end) hits[end] = hits[end - 1];
+    hits[at] = hit;
+  }
+  static bool nearer(const Hit& a, const Hit& b) {
+    const double p = key_of(a.t), q = key_of(b.t);
+    if (p != q) return p < q;
+    return a.instance != b.instance ? a.instance < b.instance : a.primitive < b.primitive;
+  }
   /// Takes a hit unless there is a better one.
   template <bool Any>
   bool accept(int slot, double at, double wu, double wv, PrimitiveId id) {
     if (!(at > t_min[slot] && at < t_max[slot])) return false;
-    if (Any) return blocked[slot] = 1, true;
+    if (Any) return dim(slot, {at, id.instance, id.primitive, float(wu), float(wv)}), true;
     const double key = key_of(at), best = key_of(t[slot]);
     const bool lower = id.instance != instance[slot] ? id.instance < instance[slot]
                                                      : id.primitive < primitive[slot];

@@ -523,11 +523,16 @@ void closest(const TopLevelView& world, const Rays& rays, const Hits& hits, Walk
   }
 }
 
-void occluded(const TopLevelView& world, const Rays& rays, uint8_t* blocked, WalkerStacks& stacks) {
+void occluded(const TopLevelView& world, const Rays& rays, uint8_t* blocked, const Layers* layers,
+              WalkerStacks& stacks) {
   for (size_t k = 0; k < rays.count; k += kTile) {
     Answers answers{nullptr, nullptr,     nullptr, nullptr, nullptr, nullptr,
                     nullptr, blocked + k, nullptr, 0,       nullptr, &stacks};
     fill(blocked + k, tile_size(rays, k), uint8_t(0));
+    if (layers) {
+      answers.layers = {layers->hits + k * Layers::kMost, layers->count + k};
+      fill(answers.layers.count, tile_size(rays, k), uint8_t(0));
+    }
     trace<true>(world, rays, k, tile_size(rays, k), answers);
   }
 }
