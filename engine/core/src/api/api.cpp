@@ -107,7 +107,8 @@ int32_t glint_program_run(const int32_t* code, uint64_t words, const double* con
       const size_t some = std::min<uint64_t>(count - first, glint::kBlock);
       for (uint32_t slot = 0; slot < slots; ++slot)
         std::copy_n(columns + slot * count + first, some, block.data() + slot * glint::kBlock);
-      glint::best_stages().program({{}, &program, points.get(), glint::RayKind::kCamera, some, block.data()});
+      glint::best_stages().program(
+          {{}, &program, points.get(), glint::RayKind::kCamera, some, block.data()});
       for (uint32_t slot = 0; slot < slots; ++slot)
         std::copy_n(block.data() + slot * glint::kBlock, some, columns + slot * count + first);
     }

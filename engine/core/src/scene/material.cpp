@@ -58,8 +58,8 @@ Vec3d evaluate(const Scene& scene, uint32_t i, const Surface& s, PointReads& rea
 }
 
 /// The slots of a material's program at one point, kBlock apart.
-std::vector<double> run_at(const Scene& scene, const Material& material, const Surface& s,
-                           Vec3d d, RayKind kind) {
+std::vector<double> run_at(const Scene& scene, const Material& material, const Surface& s, Vec3d d,
+                           RayKind kind) {
   const ProgramShape& program = scene.program_of(material);
   const auto points = std::make_unique<ProgramPoints>();
   for (size_t k = 0; k < kPad; ++k) {
