@@ -10,12 +10,15 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+MOST_CHECKED = 48
+"""Settings below have a character of their own in the list, from 0 on."""
 TARGET = ROOT / "engine/core/src/program/operations.inc"
 
 
 def header(operations) -> str:
     """GLINT_OPERATION(name, widths of outputs, widths of arguments, settings) lines. Settings are
-    said by what they refer to: a an attribute, i an image, t a table, - nothing.
+    said by what they refer to, a an attribute, i an image, t a table, or by the largest number that
+    they may be, counted in characters from 0 on; - is any.
     """
     lines = ["// Made by packaging/operations_header.py from engine/program/table.py."]
     for operation in operations:
@@ -31,9 +34,16 @@ def header(operations) -> str:
 
 
 def _letters(operation) -> str:
-    letters = {"attributes": "a", "textures": "i", "tables": "t"}
-    values = (getattr(choices, "value", None) for _, choices in operation.settings)
-    return "".join(letters.get(value, "-") if isinstance(value, str) else "-" for value in values)
+    return "".join(_letter(choices) for _, choices in operation.settings)
+
+
+def _letter(choices) -> str:
+    references = {"attributes": "a", "textures": "i", "tables": "t"}
+    value = getattr(choices, "value", None)
+    if isinstance(value, str):
+        return references[value]
+    most = int(max(choices))
+    return chr(ord("0") + most) if most < MOST_CHECKED else "-"
 
 
 def main() -> None:

@@ -8,7 +8,6 @@ import pytest
 from glint_picture import render_pair, surface_interior
 from node_scenes import MATERIALS, show
 
-
 EDGES = {"brick": 0.08}
 """Share of pixels that a bump's steps straddle an edge of: which ones hangs on the steps' axes."""
 

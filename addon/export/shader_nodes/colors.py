@@ -161,22 +161,37 @@ def _map_range(view: NodeInputs) -> Outputs | None:
     if view.node.data_type != "FLOAT":
         return None
     names = ("Value", "From Min", "From Max", "To Min", "To Max", "Steps")
-    return {"Result": _mapped(view, [view.value(name) for name in names])}
+    arguments = [view.value(name) for name in names]
+    found = view.apply("map_range", *arguments, interpolation=_range_type(view))[0]
+    return {"Result": _range_held(view, found, *arguments[3:5])}
 
 
 def _map_vectors(view: NodeInputs) -> Outputs:
     names = ("Vector", "From_Min_FLOAT3", "From_Max_FLOAT3", "To_Min_FLOAT3", "To_Max_FLOAT3")
     parts = [view.apply("separate_xyz", view.value(name)) for name in (*names, "Steps_FLOAT3")]
-    found = [_mapped(view, [part[axis] for part in parts]) for axis in range(3)]
+    found = [_mapped_part(view, *(part[axis] for part in parts)) for axis in range(3)]
     return {"Vector": view.apply("combine_xyz", *found)[0]}
 
 
-def _mapped(view: NodeInputs, arguments: list[Value]) -> Value:
-    kind = RangeType[view.node.interpolation_type]
-    found = view.apply("map_range", *arguments, interpolation=kind)[0]
-    if not view.node.clamp or kind not in (RangeType.LINEAR, RangeType.STEPPED):
+def _mapped_part(
+    view: NodeInputs, value: Value, start: Value, end: Value, low: Value, high: Value, steps: Value
+) -> Value:
+    """One of a vector's parts; unlike a number it becomes `low` where its first range is empty."""
+    ends = (view.reader.graph.constant(0.0), view.reader.graph.constant(1.0))
+    arguments = (value, start, end, *ends, steps)
+    factor = view.apply("map_range", *arguments, interpolation=_range_type(view))[0]
+    return _range_held(view, view.apply("mix_number", factor, low, high)[0], low, high)
+
+
+def _range_type(view: NodeInputs) -> RangeType:
+    return RangeType[view.node.interpolation_type]
+
+
+def _range_held(view: NodeInputs, found: Value, low: Value, high: Value) -> Value:
+    """The result between low and high, where the node has that setting and it is on."""
+    if not view.node.clamp or _range_type(view) not in (RangeType.LINEAR, RangeType.STEPPED):
         return found
-    return view.apply("clamp", found, *arguments[3:5], clamp_type=ClampType.RANGE)[0]
+    return view.apply("clamp", found, low, high, clamp_type=ClampType.RANGE)[0]
 
 
 READERS.update(

@@ -131,7 +131,7 @@ struct Description {
       input.texture = textured[m] ? 0 : -1, input.channel = GLINT_COLOR, input.uv = 0;
       input.attribute = -1, input.attribute_channel = GLINT_COLOR;
       const std::vector<int>& kinds = m == 0 ? v.lobes : v.unseen;
-      materials[m] = {uint32_t(lobes.size()), uint32_t(kinds.size()), 0, 0};
+      materials[m] = {uint32_t(lobes.size()), uint32_t(kinds.size()), 0, 0, 0, 0};
       for (int kind : kinds)
         lobes.push_back({.exponent = 60,
                          .ior = 1.5,
@@ -141,7 +141,9 @@ struct Description {
                          .kind = kind,
                          .fresnel = kind == GLINT_REFRACTION || kinds[0] == GLINT_REFRACTION
                                         ? GLINT_DIELECTRIC
-                                        : 0});
+                                        : 0,
+                         .exponent_slot = 0,
+                         .masking_slot = 0});
     }
   }
 

@@ -5,6 +5,8 @@
 #include <iterator>
 #include <limits>
 
+#include "program/layout.h"
+
 namespace glint::fuzz {
 namespace {
 
@@ -183,7 +185,7 @@ GlintLobe lobe(Dice& dice, std::vector<GlintInput>& inputs, size_t textures) {
   GlintLobe g{};
   g.exponent = 40 * positive(dice), g.ior = 0.2 + positive(dice), g.kind = int32_t(dice.below(7)),
   g.fresnel = int32_t(dice.below(4));
-  if (dice.chance(0.3)) g.masking = dice.below(65) / 64.0;
+  if (dice.chance(0.3)) g.masking = double(dice.below(65)) / 64.0;
   g.first_input = uint32_t(inputs.size()), g.input_count = uint32_t(dice.below(3));
   for (uint32_t k = 0; k < g.input_count; ++k) inputs.push_back(input(dice, textures));
   if (dice.chance(0.1 * dice.wildness)) g.kind = int32_t(dice.bits());
@@ -258,15 +260,64 @@ void wreck_tables(Dice& dice, GlintSceneData& d) {
   }
 }
 
+/// Where an argument is: constants, or slots that are written by now.
+int32_t argument(Dice& dice, int32_t width, int32_t written) {
+  const bool is_constant = written < width || dice.chance(0.4);
+  return is_constant ? ~int32_t(dice.below(9)) : int32_t(dice.below(size_t(written - width + 1)));
+}
+
+std::vector<int32_t> random_words(Dice& dice, int32_t& written) {
+  std::vector<int32_t> words;
+  for (size_t n = 1 + dice.below(6); n > 0; --n) {
+    words.push_back(int32_t(dice.below(size_t(kOperationCount))));
+    const OperationLayout& layout = kLayouts[words.back()];
+    const int32_t before = written;
+    for (const char* w = layout.outputs; *w; written += *w++ - '0') words.push_back(written);
+    for (const char* w = layout.arguments; *w; ++w)
+      words.push_back(argument(dice, *w - '0', before));
+    for (const char* kind = layout.settings; *kind; ++kind)
+      words.push_back(*kind >= '0' && *kind < 'a' ? int32_t(dice.below(size_t(*kind - '0') + 1))
+                                                  : 0);
+  }
+  return words;
+}
+
+/// One program.
+void set_program(Dice& dice, Arena& arena, GlintSceneData& d) {
+  std::vector<double> constants(12), tables{12};
+  for (double& x : constants) x = dice.number();
+  for (int i = 0; i < 12; ++i) tables.push_back(dice.number());
+  int32_t slots = 0;
+  std::vector<int32_t> words = random_words(dice, slots);
+  if (dice.chance(0.2 * dice.wildness)) words[dice.below(words.size())] = int32_t(dice.bits());
+  const std::vector<GlintProgram> programs{
+      {0, words.size(), 0, constants.size(), 0, tables.size(), uint32_t(slots), 0}};
+  d.program_words = arena.table(words), d.program_word_count = words.size();
+  d.program_constants = arena.table(constants), d.program_constant_count = constants.size();
+  d.program_tables = arena.table(tables), d.program_table_count = tables.size();
+  d.programs = arena.table(programs), d.program_count = 1;
+}
+
+/// The last material reads the program, mostly where it has something.
+void read_program(Dice& dice, const GlintSceneData& d, std::vector<GlintInput>& inputs,
+                  GlintMaterial& material) {
+  const size_t slots = d.programs[0].slots + (dice.chance(0.1 * dice.wildness) ? 5 : 0);
+  material.program = 1;
+  if (slots >= 3 && dice.chance(0.5)) material.normal = 1 + int32_t(dice.below(slots - 2));
+  if (slots >= 3 && !inputs.empty()) inputs.back().output = 1 + int32_t(dice.below(slots - 2));
+}
+
 void set_materials(Dice& dice, Arena& arena, GlintSceneData& d) {
   std::vector<GlintInput> inputs;
   std::vector<GlintLobe> lobes;
   std::vector<GlintMaterial> materials;
   for (size_t m = 0; m < 4; ++m) {
     const uint32_t count = uint32_t(dice.below(4));
-    materials.push_back({uint32_t(lobes.size()), count, int32_t(m), 0});
+    materials.push_back({uint32_t(lobes.size()), count, int32_t(m), 0, 0, 0});
     for (uint32_t k = 0; k < count; ++k) lobes.push_back(lobe(dice, inputs, d.texture_count));
   }
+  set_program(dice, arena, d);
+  if (materials.back().lobe_count > 0) read_program(dice, d, inputs, materials.back());
   d.inputs = arena.table(inputs), d.input_count = inputs.size();
   d.lobes = arena.table(lobes), d.lobe_count = lobes.size();
   d.materials = arena.table(materials), d.material_count = materials.size();

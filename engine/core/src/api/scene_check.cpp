@@ -1,8 +1,10 @@
 // The check at the door: every size, index and number that the core relies on later. Comparisons
 // are written to fail for NaN.
+#include <algorithm>
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <vector>
 
 #include "api/queries.h"
 #include "program/layout.h"
@@ -161,25 +163,52 @@ void check_textures(const GlintSceneData& d, Report& report) {
   }
 }
 
-/// One instruction: every slot, constant, image and table that it names exists.
+constexpr double kLeastTable = 8;  // numbers: two rows of any table
+
+/// Slots of a program that hold something.
+class WrittenSlots {
+ public:
+  explicit WrittenSlots(uint32_t slots) : written_(slots) {}
+  bool has(int64_t slot, int64_t width) const {
+    const auto first = written_.begin() + slot;
+    return slot + width <= int64_t(written_.size()) &&
+           std::all_of(first, first + width, [](char w) { return w != 0; });
+  }
+  void set(int64_t slot, int64_t width) { std::fill_n(written_.begin() + slot, width, char(1)); }
+
+ private:
+  std::vector<char> written_;
+};
+
+bool is_setting(const GlintSceneData& d, const GlintProgram& g, char kind, int32_t setting) {
+  if (kind == 'i') return setting >= 0 && uint64_t(setting) < d.texture_count;
+  if (kind == 'a') return setting >= -1;
+  if (kind == '-') return setting >= 0;
+  if (kind != 't') return setting >= 0 && setting <= kind - '0';
+  if (setting < 0 || uint64_t(setting) >= g.table_size) return false;
+  const double size = d.program_tables[g.first_table + uint64_t(setting)];
+  return size >= kLeastTable && size <= double(g.table_size - uint64_t(setting) - 1);
+}
+
+/// One instruction: every constant, image and table that it names exists, slots that it reads were
+/// written before.
 void check_instruction(const GlintSceneData& d, const GlintProgram& g,
                        const OperationLayout& layout, const int32_t* word, ull number,
-                       Report& report) {
+                       WrittenSlots& written, Report& report) {
+  const int32_t* const outputs = word;
   bool good = true;
   for (const char* width = layout.outputs; *width; ++width, ++word)
     good = good && *word >= -1 && (*word < 0 || int64_t(*word) + (*width - '0') <= g.slots);
   for (const char* width = layout.arguments; *width; ++width, ++word) {
-    const int64_t end = (*word < 0 ? ~int64_t(*word) : int64_t(*word)) + (*width - '0');
-    good = good && end <= int64_t(*word < 0 ? g.constant_count : g.slots);
+    const int64_t size = *width - '0';
+    good = good && (*word < 0 ? ~int64_t(*word) + size <= int64_t(g.constant_count)
+                              : written.has(*word, size));
   }
-  for (const char* kind = layout.settings; *kind; ++kind, ++word) {
-    if (*kind == 'i') good = good && *word >= 0 && uint64_t(*word) < d.texture_count;
-    if (*kind == 'a') good = good && *word >= -1;
-    if (*kind != 't') continue;
-    const double* table = d.program_tables + g.first_table;
-    const bool begins = *word >= 0 && uint64_t(*word) < g.table_size;
-    good = good && begins && table[*word] >= 1 && table[*word] <= double(g.table_size - *word - 1);
-  }
+  for (const char* kind = layout.settings; *kind; ++kind, ++word)
+    good = good && is_setting(d, g, *kind, *word);
+  word = outputs;
+  for (const char* width = layout.outputs; good && *width; ++width, ++word)
+    if (*word >= 0) written.set(*word, *width - '0');
   report.add(good, "program %llu: an instruction names what is not there", number);
 }
 
@@ -189,12 +218,13 @@ void check_program(const GlintSceneData& d, const GlintProgram& g, ull number, R
                  range(g.first_table, g.table_size, d.program_table_count) && g.slots <= 1u << 20,
              "program %llu: words, constants or tables beyond the table", number);
   const int32_t* word = d.program_words + g.first_word;
+  WrittenSlots written(report.good() ? g.slots : 0);
   for (uint64_t left = report.good() ? g.word_count : 0; left > 0 && report.good();) {
     const bool known = *word >= 0 && *word < kOperationCount;
     const size_t words = known ? kLayouts[*word].words() : 0;
     report.add(known && words <= left, "program %llu: unknown operation or cut off", number);
     if (!report.good()) return;
-    check_instruction(d, g, kLayouts[*word], word + 1, number, report);
+    check_instruction(d, g, kLayouts[*word], word + 1, number, written, report);
     word += words, left -= words;
   }
 }

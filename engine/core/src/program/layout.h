@@ -5,8 +5,9 @@
 
 namespace glint {
 
-/// outputs, arguments: widths, a digit each. settings: what each refers to: a an attribute, i an
-/// image, t a table, - nothing.
+/// outputs, arguments: widths, a digit each. settings: what each refers to, a an attribute, i an
+/// image, t a table, or the largest number that it may be, counted in characters from 0 on; - is
+/// any.
 struct OperationLayout {
   const char *outputs, *arguments, *settings;
   size_t words() const {
