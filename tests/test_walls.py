@@ -34,6 +34,7 @@ ENGINES_DOOR = {
     "engine.program.operations_noise",
     "engine.program.operations_pattern",
     "engine.program.operations_vector",
+    "engine.program.operations_voronoi",
     "engine.program.program",
     "engine.program.table",
     "engine.scene",

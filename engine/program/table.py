@@ -13,8 +13,17 @@ from .operations_math import MATH
 from .operations_noise import NOISES
 from .operations_pattern import PATTERNS
 from .operations_vector import VECTORS
+from .operations_voronoi import VORONOIS
 
-OPERATIONS: tuple[Operation, ...] = (*INPUTS, *MATH, *VECTORS, *COLORS, *PATTERNS, *NOISES)
+OPERATIONS: tuple[Operation, ...] = (
+    *INPUTS,
+    *MATH,
+    *VECTORS,
+    *COLORS,
+    *PATTERNS,
+    *NOISES,
+    *VORONOIS,
+)
 """An operation's code is its place here."""
 
 CODES: Mapping[str, int] = {operation.name: code for code, operation in enumerate(OPERATIONS)}

@@ -22,6 +22,16 @@ HELD = {
     ("wave_texture", "distortion"): 10.0,
     ("gabor_texture", "frequency"): 10.0,
     **{
+        ("voronoi_texture", name): most
+        for name, most in (
+            ("vector", 300.0),
+            ("w", 300.0),
+            ("scale", 10.0),
+            ("detail", 3.0),
+            ("lacunarity", 3.0),
+        )
+    },
+    **{
         ("noise_texture", name): most
         for name, most in (
             ("vector", 300.0),

@@ -11,5 +11,6 @@ from . import noise as noise
 from . import normals as normals
 from . import patterns as patterns
 from . import vectors as vectors
+from . import voronoi as voronoi
 from .reader import READERS as READERS
 from .reader import TreeReader as TreeReader

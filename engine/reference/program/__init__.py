@@ -16,8 +16,9 @@ from ...program.operations_math import MATH
 from ...program.operations_noise import NOISES
 from ...program.operations_pattern import PATTERNS
 from ...program.operations_vector import VECTORS
+from ...program.operations_voronoi import VORONOIS
 from ...program.program import UNREAD, Instruction, Program, instructions
-from . import arithmetic, colors, inputs, noise, patterns, vectors
+from . import arithmetic, colors, inputs, noise, patterns, vectors, voronoi
 
 Array = NDArray[np.float64]
 
@@ -47,6 +48,7 @@ _FAMILIES: tuple[tuple[tuple[Operation, ...], ModuleType], ...] = (
     (COLORS, colors),
     (PATTERNS, patterns),
     (NOISES, noise),
+    (VORONOIS, voronoi),
 )
 _FUNCTIONS: Mapping[str, Callable] = {
     operation.name: getattr(module, operation.name)

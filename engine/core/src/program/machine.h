@@ -26,7 +26,7 @@ struct Source {
 
 /// The arguments, outputs and settings of one instruction, in the table's order.
 struct Operands {
-  static constexpr size_t kMostArguments = 16, kMostOutputs = 4;
+  static constexpr size_t kMostArguments = 16, kMostOutputs = 6;
   Source argument[kMostArguments];
   double* output[kMostOutputs];  // null: nobody reads it
   const int32_t* settings;

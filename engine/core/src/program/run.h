@@ -8,6 +8,7 @@
 #include "program/op_noise.h"
 #include "program/op_pattern.h"
 #include "program/op_vector.h"
+#include "program/op_voronoi.h"
 
 namespace glint {
 namespace {

@@ -1,0 +1,52 @@
+"""Voronoi textures."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from .operations import Operation, sockets
+
+
+class VoronoiFeature(IntEnum):
+    """Blender's identifiers of what is computed of the cells."""
+
+    F1 = 0
+    F2 = 1
+    SMOOTH_F1 = 2
+    DISTANCE_TO_EDGE = 3
+    N_SPHERE_RADIUS = 4
+
+
+class VoronoiMetric(IntEnum):
+    """Blender's identifiers of distances."""
+
+    EUCLIDEAN = 0
+    MANHATTAN = 1
+    CHEBYCHEV = 2
+    MINKOWSKI = 3
+
+
+VORONOIS = (
+    Operation(
+        "voronoi_texture",
+        sockets(distance="number", color="vector", position="vector", w="number", radius="number"),
+        sockets(
+            vector="vector",
+            w="number",
+            scale="number",
+            detail="number",
+            roughness="number",
+            lacunarity="number",
+            smoothness="number",
+            exponent="number",
+            randomness="number",
+        ),
+        (
+            ("dimensions", range(1, 5)),
+            ("feature", VoronoiFeature),
+            ("metric", VoronoiMetric),
+            ("normalize", range(2)),
+        ),
+        "the nearest points of a jittered grid (Worley 1996), octaves of them added up",
+    ),
+)
