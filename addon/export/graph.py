@@ -120,7 +120,7 @@ def trail(place: Place) -> list[Place] | None:
     return None
 
 
-_GEOMETRIC = ("Vector", "Normal", "Coat Normal", "Tangent")
+_GEOMETRIC = ("Coat Normal", "Tangent")
 """Inputs that colour no surface here."""
 
 

@@ -199,6 +199,7 @@ class World:
     b1: float
 
 
+@functools.lru_cache(maxsize=1 << 14)
 def highlights(roughness: float) -> tuple[Highlight, ...]:
     """(exponent p, scale s) of the lobes for Blender's `roughness` (0 to 1, clamped), from narrow
     to wide; k_s = F0 · s.
@@ -213,11 +214,13 @@ def highlights(roughness: float) -> tuple[Highlight, ...]:
     return tuple((float(p), float(x)) for p, x in zip(exponents, scales, strict=True))
 
 
+@functools.lru_cache(maxsize=1 << 14)
 def world_of(roughness: float, kind: str) -> World:
     """kind: a key of `WORLD`."""
     return World(*(float(np.interp(_clamped(roughness), ROUGHNESS, row)) for row in WORLD[kind]))
 
 
+@functools.lru_cache(maxsize=1 << 14)
 def specular_albedo(roughness: float) -> float:
     """Share of a uniform white world that GGX reflects for F = 1 when it scatters once, averaged
     over the view.
@@ -251,16 +254,19 @@ def scattered_wide(roughness: float) -> float:
     return 1 - _narrow(roughness)
 
 
+@functools.lru_cache(maxsize=1 << 14)
 def _narrow(roughness: float) -> float:
     return float(np.interp(_clamped(roughness), [0.6, 1.0], [1.0, 0.0]))
 
 
+@functools.lru_cache(maxsize=1 << 14)
 def dielectric_world(roughness: float, ior: float) -> World:
     """The same for a dielectric: with B for its own index."""
     found, own = world_of(roughness, "DIELECTRIC"), _smooth_rise(ior) / _smooth_rise(1.5)
     return World(found.q, found.a0, found.a1, found.b0 * own, found.b1 * own)
 
 
+@functools.lru_cache(maxsize=1 << 14)
 def layer_loss(roughness: float, ior: float) -> float:
     """What a dielectric layer keeps, on average over the view, from what lies below."""
     world, f0 = dielectric_world(roughness, ior), normal_reflectance(ior)

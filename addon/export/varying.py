@@ -16,8 +16,8 @@ pixel or two of usual pictures.
 """
 MOST_HIGHLIGHTS = 4
 """Lobes that stand for one of GGX."""
-ROWS = 1024
-"""Of tables over roughness: linear in between, exponents are then right to 0.1 %."""
+ROWS = 512
+"""Of tables over roughness: linear in between, exponents are then right to 0.4 %."""
 
 
 class Roughness:

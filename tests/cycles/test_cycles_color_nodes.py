@@ -157,6 +157,35 @@ def mapped(interpolation: str, clamp: bool, turned: bool):
     return build
 
 
+def mapped_vector(interpolation: str, clamp: bool):
+    """The second channel's source range is empty."""
+
+    def build(tree, position):
+        inputs = {
+            "Vector": parts(tree, position),
+            "From_Min_FLOAT3": (0.1, 0.4, 0.7),
+            "From_Max_FLOAT3": (0.8, 0.4, 0.2),
+            "To_Min_FLOAT3": (-0.5, 1.5, 0.0),
+            "To_Max_FLOAT3": (1.5, 0.5, 2.0),
+            "Steps_FLOAT3": (3.0, 4.0, 5.0),
+        }
+        kind = "ShaderNodeMapRange"
+        settings = {"data_type": "FLOAT_VECTOR", "interpolation_type": interpolation}
+        return output(add(tree, kind, inputs, clamp=clamp, **settings), "Vector")
+
+    return build
+
+
+def bright(amount: float, contrast: float):
+    def build(tree, position):
+        node = tree.nodes.new("ShaderNodeBrightContrast")
+        node.inputs[1].default_value, node.inputs[2].default_value = amount, contrast
+        tree.links.new(parts(tree, position), node.inputs["Color"])
+        return node.outputs[0]
+
+    return build
+
+
 RANGES = ("LINEAR", "STEPPED", "SMOOTHSTEP", "SMOOTHERSTEP")
 CASES = {
     **{
@@ -176,6 +205,13 @@ CASES = {
     "gamma": plain("ShaderNodeGamma", Gamma=2.3),
     "gamma 0": plain("ShaderNodeGamma", Gamma=0.0),
     "hue saturation": plain("ShaderNodeHueSaturation", Hue=0.7, Saturation=1.4, Value=0.8),
+    "bright": bright(0.2, 0.7),
+    "dark": bright(-0.4, -0.3),
+    **{
+        f"map range vector {kind} {clamp}": mapped_vector(kind, clamp)
+        for kind in RANGES
+        for clamp in (False, True)
+    },
     "rgb to bw": plain("ShaderNodeRGBToBW"),
     **{
         f"separate {mode} {k}": separated(mode, k)
