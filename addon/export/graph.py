@@ -121,11 +121,11 @@ def trail(place: Place) -> list[Place] | None:
 
 
 _GEOMETRIC = ("Coat Normal", "Tangent")
-"""Inputs that colour no surface here."""
+"""Inputs that change no surface here."""
 
 
 def images_behind(shader: Place) -> list[tuple[Any, Any]]:
-    """Image and ImageUser of the Image Texture nodes that may colour what a shader socket gets,
+    """Image and ImageUser of the Image Texture nodes that may change what a shader socket gets,
     each node once.
     """
     found, seen, waiting = [], set(), [shader]

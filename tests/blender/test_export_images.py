@@ -428,7 +428,7 @@ def test_what_cannot_be_decoded_ahead_is_told_once(scene, tmp_path):  # noqa: F8
     ] == [1, 1, 0]
 
 
-def test_only_images_that_colour_the_surface_are_expected(scene):  # noqa: F811
+def test_images_that_colour_or_bend_the_surface_are_expected(scene):  # noqa: F811
     shader = Shader()
     names = ("Color", "Bump", "Unlinked", "Roughness")
     color, bump, _, rough = (
@@ -442,7 +442,7 @@ def test_only_images_that_colour_the_surface_are_expected(scene):  # noqa: F811
     shader.link(normal, "Normal", principled, "Normal")
     shader.link(principled, "BSDF", shader.output, "Surface")
     found = images_behind(Place(shader.output.inputs["Surface"]))
-    assert sorted(picture.name for picture, _ in found) == ["Color", "Roughness"]
+    assert sorted(picture.name for picture, _ in found) == ["Bump", "Color", "Roughness"]
 
 
 def test_a_packed_jpeg_needs_no_suffix(scene, tmp_path):  # noqa: F811
