@@ -29,7 +29,7 @@ from .draw import Picture, as_colors
 from .pacing import Motion, Pacer
 from .sharing import SharedExport, export_of
 from .surroundings import Surroundings, read_surroundings
-from .view import View, read_view
+from .view import View, camera_notes, read_view
 
 log = logging.getLogger(__name__)
 
@@ -128,7 +128,8 @@ class Session:
         )
         self._scene_name = depsgraph.scene.name
         self._warn(
-            export=self._export.notes(passes=wishes.settings.passes, space=context.space_data)
+            export=self._export.notes(passes=wishes.settings.passes, space=context.space_data),
+            camera=camera_notes(context.region_data, depsgraph.scene),
         )
         content = wishes.surroundings.around(scene)
         if self._shows(content, wishes):

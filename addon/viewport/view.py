@@ -8,6 +8,7 @@ camera takes over, so that the picture can equal the render's.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -176,6 +177,19 @@ def frame_of(window: Window, pixels: tuple[int, int], camera: Camera) -> tuple[i
             return None
         corner.append(round(here))
     return corner[0], corner[1]
+
+
+def camera_notes(looks: Any, scene: Any) -> tuple[str, ...]:
+    """What of the scene's camera is not shown as it is, where a 3D view looks through it.
+
+    looks: the view's `RegionView3D`.
+    """
+    if looks.view_perspective != "CAMERA" or scene.camera is None:
+        return ()
+    report = Report()
+    with suppress(ExportError):  # drawing says so
+        export_camera(scene.camera, scene.render, resolution(scene.render), report)
+    return report.notes()
 
 
 def _through_camera(camera: Camera, scene_camera: Any, render: Any) -> tuple[Camera, Frame | None]:

@@ -150,6 +150,16 @@ def test_warnings_are_counted_in_the_status_line_and_kept_for_the_panel(watcher)
     assert statistics.of_views(bpy.context.scene.name) == () and "warning" not in watcher.told[-1]
 
 
+def test_what_a_camera_does_not_do_is_told_where_a_view_looks_through_it(watcher):
+    eye = bpy.data.objects["Eye"]
+    bpy.context.scene.camera, eye.data.dof.use_dof = eye, True
+    watcher.edit(lambda: None)
+    assert statistics.of_views(bpy.context.scene.name) == ()
+    watcher.view.region_data.view_perspective = "CAMERA"
+    watcher.edit(lambda: setattr(eye.data, "lens", 40.0))
+    assert any("epth of field" in note for note in statistics.of_views(bpy.context.scene.name))
+
+
 def test_the_status_line_tells_errors_in_levels(watcher):
     bpy.context.scene.glint.viewport.samples = 4
     watcher.edit(lambda: None, updates=False)
