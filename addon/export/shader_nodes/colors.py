@@ -9,8 +9,8 @@ from ....engine.program.operations_color import BlendType, ColorMode, RangeType
 from ....engine.program.operations_math import ClampType
 from .reader import READERS, NodeInputs, Outputs
 
-ROWS = 256
-"""Of tables that stand for ramps and curves, as in Cycles."""
+ROWS = 257
+"""Of tables that stand for ramps and curves: at whole 256ths, as in Cycles."""
 
 
 def _held(view: NodeInputs, number: Value) -> Value:
