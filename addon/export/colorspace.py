@@ -39,27 +39,10 @@ def srgb_to_linear(values: np.ndarray) -> np.ndarray:
     ).astype(values.dtype)
 
 
-def linear_to_srgb(values: np.ndarray) -> np.ndarray:
-    """The sRGB curve, elementwise, in the dtype of `values`."""
-    return np.where(
-        values <= 0.0031308, values * 12.92, 1.055 * np.maximum(values, 0) ** (1 / 2.4) - 0.055
-    ).astype(values.dtype)
-
-
 BYTE = (np.arange(256) / 255).astype(np.float32)
 """What a byte is worth in 0 to 1."""
 SRGB_BYTE = srgb_to_linear(np.arange(256) / 255).astype(np.float32)
 """What a byte with the sRGB curve is worth, scene-linear."""
-
-
-_TO_SRGB_BYTE = np.rint(linear_to_srgb(np.arange(65536) / 65535) * 255).astype(np.uint8)
-
-
-def srgb_bytes(values: np.ndarray) -> np.ndarray:
-    """uint8 with the sRGB curve of values in 0 to 1, by a table of 2¹⁶ rows: off by one where a
-    value lies within 1e-5 of the border.
-    """
-    return _TO_SRGB_BYTE[(values * np.float32(65535) + np.float32(0.5)).astype(np.uint16)]
 
 
 def as_float(rgba: np.ndarray) -> np.ndarray:

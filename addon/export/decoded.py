@@ -1,4 +1,4 @@
-"""Decoded images, and what nodes make of them texel by texel, from one render to the next: the
+"""Decoded images, and what is worked out of their texels, from one render to the next: the
 frames of an animation show most of them again, and both take longer than all else that is read of a
 small scene.
 """

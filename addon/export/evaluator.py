@@ -1,9 +1,9 @@
 """Reads one material's node tree: sockets to sums of inputs, shader sockets to closures, and notes
 for what is not understood.
 
-The nodes themselves are tables: `COLOR_NODES`, `VECTOR_NODES` and `CLOSURE_NODES`, filled by the
-modules named nodes_*. This is the seam for full node trees: whoever compiles nodes to programs
-replaces the tables' results.
+The nodes themselves are tables, filled by the modules named nodes_*: `CLOSURE_NODES` of shaders;
+`COLOR_NODES` and `VECTOR_NODES` of the few nodes that products of an image, an attribute and a
+constant can say, which cost less than a program; all others are read by `shader_nodes` into one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .varying import Roughness
 DEEPEST = 48
 """Nested node evaluations; deeper trees get the socket's default."""
 MOST_TERMS = 16
-"""Terms of one sum; longer ones become their mean colour."""
+"""Terms of one sum; longer ones become a program's value."""
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 _CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
 
@@ -51,9 +51,7 @@ class LobeKey:
 Closure = dict[LobeKey, Sum]
 
 COLOR_NODES: dict[str, Callable[[NodeView, Any], Sum | None]] = {}
-"""bl_idname -> function of the node and its output socket; None when the node's settings are not
-understood.
-"""
+"""bl_idname -> function of the node and its output socket; None where a sum cannot say it."""
 VECTOR_NODES: dict[str, Callable[[NodeView, Any], Coordinates | None]] = {}
 CLOSURE_NODES: dict[str, Callable[[NodeView], Closure]] = {}
 
@@ -96,14 +94,12 @@ class Evaluator:
     """
 
     def __init__(self, name: str, images: Images, report: Report, has_program: bool = True) -> None:
-        """has_program: what sums cannot say is left to a program; else it is constant, with a
-        note.
+        """has_program: what varies and sums cannot say is a program's; else it is the socket's
+        default, with a note.
         """
         self.name, self.images, self.report = name, images, report
-        self.expressions = Expressions() if has_program else None
-        self._trees = (
-            TreeReader(self.expressions.graph, images, self.note) if self.expressions else None
-        )
+        self.expressions, self._has_program = Expressions(), has_program
+        self._trees = TreeReader(self.expressions.graph, images, self.note)
         self.normals: dict[Value | None, None] = {}
         self._memo: dict[tuple, Any] = {}
         self._open: set[tuple] = set()
@@ -129,7 +125,10 @@ class Evaluator:
         found = source(place)
         if found is None or not found.socket.is_output:
             return Coordinates("")
-        return self._once(found, lambda: self._call(VECTOR_NODES, found), None)
+        handler = VECTOR_NODES.get(found.node.bl_idname)
+        if handler is None or found.node.mute:
+            return None
+        return self._once(found, lambda: handler(NodeView(self, found), found.socket), None)
 
     def closure(self, place: Place) -> Closure:
         """The lobes that a shader socket gets; colours and numbers shine as emission, as in
@@ -145,21 +144,17 @@ class Evaluator:
 
     def displace(self, place: Place) -> None:
         """Bump all shading normals by the displacement that a socket gets."""
-        if self._trees is not None and self._trees.is_fed(place):
+        if self._trees.is_fed(place):
             self._trees.displacement = self._trees.value(place)
 
     def bend(self, place: Place | None) -> None:
         """Note the shading normal that a shader's socket gets, the mesh's where it gets none."""
-        if self._trees is None:
-            return
         fed = place is not None and self._trees.is_fed(place)
         value = self._trees.value(place) if fed else self._trees.normal()
         self.normals[value] = None
 
     def normal(self) -> int:
         """The output that holds the material's shading normal; -1 where it is the mesh's."""
-        if self._trees is None:
-            return -1
         own = self.expressions.graph.apply(BY_NAME["normal"])[0]
         bent = [value for value in self.normals if value is not own and value.constant is None]
         if bent and len(self.normals) > 1:
@@ -190,7 +185,7 @@ class Evaluator:
         """A sum short enough to render: its mean colour where it has too many terms."""
         if len(terms) <= MOST_TERMS:
             return terms
-        if self.expressions is not None:
+        if self._has_program:
             return self.expressions.sum_of(self.expressions.value_of(terms))
         self.note(
             "Colours mixed from too many textures are rendered as their mean in {}: bake them into "
@@ -202,13 +197,10 @@ class Evaluator:
         """A sum whose channels are kept between low and high; its mean, with a note, where that
         cannot be said of what varies.
         """
-        if has_output(terms):
-            value = self.expressions.value_of(terms)
-            return self.expressions.sum_of(self.expressions.bounded(value, low, high))
-        found = clamped(terms, low, high, self.images)
+        found = None if has_output(terms) else clamped(terms, low, high, self.images)
         if found is not None:
             return found
-        if self.expressions is not None:
+        if self._has_program:
             value = self.expressions.value_of(terms)
             return self.expressions.sum_of(self.expressions.bounded(value, low, high))
         self.note(
@@ -252,13 +244,19 @@ class Evaluator:
     def _value_of_node(self, found: Place) -> Sum | None:
         """By the algebra of sums where that is exact, else by the program."""
         handler = COLOR_NODES.get(found.node.bl_idname)
-        if self._trees is None:
-            return self._call(COLOR_NODES, found)
         value = handler(NodeView(self, found), found.socket) if handler else None
         if value is not None:
             return value
         made = self._trees.made_by(found)
-        return self.expressions.sum_of(made) if made is not None else None
+        if made is None:
+            return None
+        if made.constant is None and not self._has_program:
+            self.note(
+                f"Node '{found.node.bl_label}' is not supported here: the socket's default takes "
+                "its place in {}; bake it to an image"
+            )
+            return None
+        return self.expressions.sum_of(made)
 
     def _default(self, socket: Any) -> Sum:
         """What an unlinked socket shows, said where it is no number."""
@@ -270,18 +268,6 @@ class Evaluator:
     def _shader(self, found: Place) -> Closure:
         handler = CLOSURE_NODES.get(kind_of(found.node), CLOSURE_NODES["unknown"])
         return {key: self.limited(terms) for key, terms in handler(NodeView(self, found)).items()}
-
-    def _call(self, table: dict[str, Callable], found: Place) -> Any:
-        node = found.node
-        handler = table.get(node.bl_idname)
-        value = handler(NodeView(self, found), found.socket) if handler else None
-        if value is None:
-            instead = "the active UV map" if table is VECTOR_NODES else "the socket's default"
-            self.note(
-                f"Node '{node.bl_label}' is not supported here: {instead} takes its place in {{}}; "
-                "bake it to an image"
-            )
-        return value
 
     def _once(self, found: Place, compute: Callable[[], Any], otherwise: Any) -> Any:
         """compute(), once per place; `otherwise` inside a circle or too deep."""
@@ -329,14 +315,19 @@ class NodeView:
         self.evaluator.note(f"'{name}' varies over the surface in {{}}: its mean is used")
         return self.evaluator.mean(terms)[0]
 
+    def fixed(self, *names: str) -> list[float] | None:
+        """Numbers of inputs; None where one of them varies over the surface."""
+        sums = [self.number(name) for name in names]
+        if not all(is_constant(terms) for terms in sums):
+            return None
+        return [constant_value(terms)[0] for terms in sums]
+
     def roughness(self, name: str = "Roughness", otherwise: float = 0.5) -> Roughness:
         """A roughness, which may vary over the surface."""
         terms = self.number(name, otherwise)
         if is_constant(terms):
             return Roughness(constant_value(terms)[0])
         expressions = self.evaluator.expressions
-        if expressions is None:
-            return Roughness(self.constant(name, otherwise))
         value = expressions.apply("separate_xyz", expressions.value_of(terms))
         return Roughness(value, expressions)
 

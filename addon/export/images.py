@@ -8,7 +8,6 @@ import os
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -21,9 +20,6 @@ from .pixels import ImageError, Pixels, Raw
 from .report import Report
 
 EXTENSIONS = {"REPEAT": "REPEAT", "EXTEND": "EXTEND", "CLIP": "CLIP", "MIRROR": "MIRROR"}
-
-Function = Callable[[np.ndarray], np.ndarray]
-"""Of (n, 3) float32 scene-linear colours to colours of the same shape."""
 
 
 class Images:
@@ -94,26 +90,6 @@ class Images:
             self.expect([(image, user)])
             self._pixels[key] = self._load(image, key[1], self._decoded.pop(key, None))
         return self._pixels[key]
-
-    def derived(self, source: Input, key: tuple, function: Function) -> Input:
-        """`source` (with a texture, without attribute) after a function of its colour, worked out
-        texel by texel.
-
-        key: tells functions apart; ("channel", k, …, factor) picks one channel of the colour times
-        a factor. The function comes before filtering instead of after it.
-        """
-        index_key = (replace(source, uv="", uv_transform=Input().uv_transform), key)
-        if index_key not in self._indices:
-            texture = self.textures[source.texture]
-            with _that_fits(texture.name):
-                what = (texture.encoding, replace(index_key[0], texture=-1), key)
-                stored = self._worked_out(
-                    texture.pixels, what, lambda: _derived(texture, source, key, function)
-                )
-            self._indices[index_key] = self._append(replace(texture, **stored))
-        return Input(
-            texture=self._indices[index_key], uv=source.uv, uv_transform=source.uv_transform
-        )
 
     def mean(self, source: Input) -> np.ndarray:
         """(3,) float64: the mean of a factor over its texture; an attribute counts as one half."""
@@ -225,21 +201,6 @@ def _make(recipe: Hashable, work: Callable[[], Any]) -> Any:
     return work()
 
 
-def _derived(texture: Texture, source: Input, key: tuple, function: Function) -> dict[str, Any]:
-    """The pixels and the encoding of `Images.derived`."""
-    plain = (
-        source.is_plain
-        and source.value == (1.0, 1.0, 1.0)
-        and source.channel == "COLOR"
-        and not source.complement
-    )
-    if key[0] == "channel" and key[-1] == (1.0, 1.0, 1.0) and plain:
-        return {"pixels": _one_channel(texture.pixels, key[1])}
-    return _of_codes(texture, source, function) or _stored(
-        function(_colors(texture, source)), texture
-    )
-
-
 def _range_of(values: np.ndarray) -> tuple[float, float]:
     return float(values.min()), float(values.max())
 
@@ -272,56 +233,6 @@ def mean_color(texture: Texture, channel: str) -> np.ndarray:
     return means if channel == "COLOR" else np.full(3, means.mean())
 
 
-def _colors(texture: Texture, source: Input) -> np.ndarray:
-    """(h w, 3) float32 scene-linear values of a factor with this texture, texel by texel, without
-    its attribute.
-    """
-    colors = texels(texture, source.channel)
-    if source.value != (1.0, 1.0, 1.0):
-        colors = colors * np.array(source.value, np.float32)
-    if not source.is_plain:
-        colors = np.clip(colors + np.array(source.offset, np.float32), source.low, source.high)
-    return 1 - colors if source.complement else colors
-
-
-def _of_codes(texture: Texture, source: Input, function: Function) -> dict[str, Any] | None:
-    """`_stored` of a function of an alpha of bytes, worked out once for each byte that there is;
-    None for other factors.
-    """
-    if texture.pixels.dtype != np.uint8 or source.channel != "ALPHA":
-        return None
-    alpha = texture.pixels[..., 3]
-    codes = np.flatnonzero(np.bincount(alpha.reshape(-1), minlength=256))
-    few = replace(texture, pixels=np.repeat(codes.astype(np.uint8), 4).reshape(1, -1, 4))
-    stored = _stored(function(_colors(few, source)), few)
-    table = np.zeros((256, 4), stored["pixels"].dtype)
-    table[codes] = stored["pixels"][0]
-    texel = f"V{4 * table.itemsize}"
-    return {
-        **stored,
-        "pixels": np.take(table.view(texel)[:, 0], alpha)
-        .view(table.dtype)
-        .reshape(texture.pixels.shape),
-    }
-
-
-def _one_channel(pixels: np.ndarray, channel: int) -> np.ndarray:
-    """A picture in which red, green and blue are one of them, opaque; the encoding of each value
-    stays.
-    """
-    if pixels.dtype == np.uint8:  # four bytes at a time: a fifth of the time
-        three, opaque = (
-            np.array(texel, np.uint8).view(np.uint32) for texel in ((1, 1, 1, 0), (0, 0, 0, 255))
-        )
-        grey = pixels[..., channel].astype(np.uint32)
-        grey *= three
-        grey |= opaque
-        return grey.view(np.uint8).reshape(pixels.shape)
-    grey = np.ones_like(pixels)
-    grey[..., :3] = pixels[..., channel : channel + 1]
-    return grey
-
-
 def _source(image: Any, path: str) -> pixels.Source | None:
     """None where there is nothing to decode: reading the image says why."""
     try:
@@ -344,22 +255,3 @@ def _path(image: Any, user: Any) -> str:
     return path.replace("<UDIM>", str(image.tiles[0].number if image.tiles else 1001)).replace(
         "<UVTILE>", "u1_v1"
     )
-
-
-def _stored(colors: np.ndarray, like: Texture) -> dict[str, Any]:
-    """(h w, 3) colours as the pixels and encoding of a texture: as `like` where that has bytes and
-    the colours lie in 0 to 1.
-    """
-    rgba = np.empty((*like.pixels.shape[:2], 4), like.pixels.dtype)
-    sound = np.isfinite(colors.sum(dtype=np.float64))
-    colors = colors if sound else np.nan_to_num(colors, nan=0.0, posinf=0.0, neginf=0.0)
-    if rgba.dtype == np.uint8 and colors.min() >= 0 and colors.max() <= 1:
-        shape = (*rgba.shape[:2], 3)
-        rgba[:, :, :3] = (
-            colorspace.srgb_bytes(colors) if like.encoding == "SRGB" else np.rint(colors * 255)
-        ).reshape(shape)
-        rgba[:, :, 3] = 255
-        return {"pixels": rgba, "encoding": like.encoding}
-    floats = np.ones(rgba.shape, np.float32)
-    floats[:, :, :3] = colors.reshape(*rgba.shape[:2], 3)
-    return {"pixels": floats, "encoding": "LINEAR"}

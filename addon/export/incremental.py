@@ -406,7 +406,7 @@ class _KeepingMaterials(Materials):
             if material is not None
             else default_material()
         )
-        keys = _lasting_keys(images)
+        keys = sorted(images._indices, key=images._indices.__getitem__)
         textures = tuple(
             (key, self._store.textures.setdefault(key, images.textures[k]))
             for k, key in enumerate(keys)
@@ -428,17 +428,6 @@ class _KeepingMaterials(Materials):
         if known is None or known[0] != used:
             known = self._store.joined = (used, *_join(used))
         return known[1:]
-
-
-def _lasting_keys(images: Images) -> list[tuple]:
-    """What tells each texture of `images` from those of other materials: keys of derived ones name
-    their source by number there.
-    """
-    keys: list[tuple] = [()] * len(images.textures)
-    for key, number in images._indices.items():
-        is_derived = len(key) == 5 and isinstance(key[1], str) and isinstance(key[2], tuple)
-        keys[number] = ("derived", keys[key[0]], *key[1:]) if is_derived else ("image", *key)
-    return keys
 
 
 def _join(used: tuple[_Compiled, ...]) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:

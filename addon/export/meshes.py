@@ -13,8 +13,8 @@ import numpy as np
 
 from ...engine.scene import CORNER, FACE, POINT, Attribute, Mesh
 from .materials import Wanted
-from .nodes_texture import ACTIVE_COLOR
 from .report import Report
+from .shader_nodes.inputs import ACTIVE_COLOR
 from .shader_nodes.reader import GENERATED, TANGENT
 from .tangents import tangents
 from .terms import GREY

@@ -9,61 +9,33 @@ import numpy as np
 
 from ...engine.scene import Input
 from .evaluator import COLOR_NODES, VECTOR_NODES, Coordinates, NodeView
+from .shader_nodes.inputs import attribute_name, image_texture
+from .shader_nodes.mapping import is_plain
 from .terms import GREY, Sum, from_input
 
-ACTIVE_COLOR = "(active colour)"
-"""Attribute name that stands for a mesh's active colour attribute."""
 
-
-def _image_texture(view: NodeView, output: Any) -> Sum:
-    """A texture factor. Where only the colour is used it is times alpha, as in Cycles; where alpha
-    is used too, they are kept apart.
+def _image_texture(view: NodeView, output: Any) -> Sum | None:
+    """A texture factor, where it lies flat in a UV map. Where only the colour is used it is times
+    alpha, as in Cycles; where alpha is used too, they are kept apart.
     """
-    node = view.node
-    colors_alone = not node.outputs["Alpha"].is_linked
-    index = view.evaluator.images.texture(
-        node.image, node.image_user, node.extension, node.interpolation, colors_alone
-    )
-    if node.interpolation in ("Cubic", "Smart"):
-        view.note("Cubic interpolation of images is rendered as linear in {}")
-    if node.projection != "FLAT":
-        view.note(
-            f"The {node.projection.lower()} projection of images is not supported: {{}} use the UV "
-            "map; bake to an image"
-        )
-    uv, transform = _uv_transform(view)
+    place = view.input("Vector")
+    coordinates = view.evaluator.coordinates(place) if place else Coordinates("")
+    if coordinates is None or not is_plain(view.node.texture_mapping):
+        return None
     return from_input(
         Input(
-            texture=index,
-            uv=uv,
-            uv_transform=transform,
+            texture=image_texture(view.node, view.evaluator.images, view.note),
+            uv=coordinates.uv,
+            uv_transform=coordinates.matrix[:2],
             channel="ALPHA" if output.name == "Alpha" else "COLOR",
         )
     )
 
 
-def _uv_transform(view: NodeView) -> tuple[str, tuple]:
-    """UV map and 2×3 transform of a texture node, its own Mapping settings (old files) included;
-    the plain active map if unknown.
-    """
-    coordinates = (
-        view.evaluator.coordinates(view.input("Vector"))
-        if view.input("Vector")
-        else Coordinates("")
-    )
-    if coordinates is None:
-        coordinates = Coordinates("")
-    return coordinates.uv, coordinates.matrix[:2]
-
-
 def _attribute(view: NodeView, output: Any) -> Sum | None:
     """Geometry attributes as a factor; the numbers Fac and Alpha too."""
-    node = view.node
-    if getattr(node, "attribute_type", "GEOMETRY") != "GEOMETRY":
-        return None
-    name = getattr(node, "attribute_name", None)
-    name = name if name is not None else (node.layer_name or ACTIVE_COLOR)
-    if not name:
+    name = attribute_name(view.node)
+    if name is None:
         return None
     if output.name == "Alpha":
         return from_input(Input(attribute=name, attribute_channel="ALPHA"))

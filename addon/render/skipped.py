@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ... import engine
-from ..export.nodes_texture import ACTIVE_COLOR
+from ..export.shader_nodes.inputs import ACTIVE_COLOR
 from ..export.terms import GREY
 
 SHOWN = 4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from glint.addon.export import Export, export_scene
 from glint.addon.export.fresnel import normal_reflectance
 from glint.addon.export.roughness import dielectric_world, scattered
+from glint.engine.reference.program import run
 from glint.engine.scene import Input, Lobe
 
 
@@ -158,19 +160,59 @@ def weight(lobe: Lobe, textures=(), colors=None) -> np.ndarray:
     return product
 
 
+def first_texel(texture) -> tuple[np.ndarray, float]:
+    """Linear colour (3,) and alpha."""
+    texel = texture.pixels[0, 0].astype(float)
+    texel = texel / 255 if texture.pixels.dtype == np.uint8 else texel
+    rgb = srgb_to_linear(texel[:3]) if texture.encoding == "SRGB" else texel[:3]
+    return rgb, float(texel[3])
+
+
 def _factor(factor: Input, textures, colors) -> np.ndarray:
     value = np.array(factor.value)
     if factor.texture >= 0:
-        texture = textures[factor.texture]
-        texel = (
-            texture.pixels[0, 0] / 255 if texture.pixels.dtype == np.uint8 else texture.pixels[0, 0]
-        )
-        rgb = srgb_to_linear(texel[:3]) if texture.encoding == "SRGB" else texel[:3]
-        value = value * {"COLOR": rgb, "ALPHA": texel[3], "LUMINANCE": np.mean(rgb)}[factor.channel]
+        rgb, alpha = first_texel(textures[factor.texture])
+        value = value * {"COLOR": rgb, "ALPHA": alpha, "LUMINANCE": np.mean(rgb)}[factor.channel]
     if factor.attribute:
         value = value * np.array(colors[factor.attribute])
     value = np.clip(value + np.array(factor.offset), factor.low, factor.high)
     return 1 - value if factor.complement else value
+
+
+class FirstTexels:
+    """One point, that sees the first texel of each image."""
+
+    def __init__(self, textures) -> None:
+        self._textures = textures
+
+    def uv(self, name: str, shift: int) -> np.ndarray:
+        return np.zeros((2, 1))
+
+    def image(self, number: int, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        rgb, alpha = first_texel(self._textures[number])
+        return np.array([*rgb, alpha])[:, None]
+
+
+def outputs_of(material, textures) -> list[np.ndarray]:
+    """(3,) of each output of a material's program where textures give their first texel."""
+    return [value[:, 0] for value in run(material.program, FirstTexels(textures), 1)]
+
+
+def resolved(result: Export, name: str = "Material") -> tuple[Lobe, ...]:
+    """A material's lobes with what its program gives in the place of outputs."""
+    material = next(m for m in result.scene.materials if m.name == name)
+    if material.program is None:
+        return material.lobes
+    outputs = outputs_of(material, result.scene.textures)
+
+    def settled(factor: Input) -> Input:
+        if factor.output < 0:
+            return factor
+        return replace(factor, value=tuple(factor.value * outputs[factor.output]), output=-1)
+
+    return tuple(
+        replace(lobe, factors=tuple(map(settled, lobe.factors))) for lobe in material.lobes
+    )
 
 
 def total(lobes, kind: str, textures=(), colors=None, cosine: float = 1.0) -> np.ndarray:

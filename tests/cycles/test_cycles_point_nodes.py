@@ -77,9 +77,43 @@ def fill(scene, material) -> None:
 
 @pytest.mark.parametrize(("node", "output"), OUTPUTS, ids=lambda value: value)
 def test_output_is_cycles(node, output):
+    assert_is_cycles(lambda: shining(node, output), f"{node}-{output}")
+
+
+IMAGE_VECTORS = {
+    "generated": ("ShaderNodeTexCoord", "Generated"),
+    "object": ("ShaderNodeTexCoord", "Object"),
+    "normal": ("ShaderNodeTexCoord", "Normal"),
+    "reflection": ("ShaderNodeTexCoord", "Reflection"),
+    "position": ("ShaderNodeNewGeometry", "Position"),
+    "distorted": ("ShaderNodeTexNoise", "Color"),
+}
+
+
+@pytest.mark.parametrize("vector", IMAGE_VECTORS)
+def test_an_image_by_any_vector_is_cycles(vector):
+    assert_is_cycles(lambda: shining_image(*IMAGE_VECTORS[vector]), f"image-{vector}")
+
+
+def shining_image(node_type: str, output: str):
+    """A material that shines with an image that is looked up by an output of a node."""
+    material = shining("ShaderNodeTexImage", "Color")
+    tree = material.node_tree
+    texture = next(node for node in tree.nodes if node.type == "TEX_IMAGE")
+    picture = bpy.data.images.new("picture", 8, 4, float_buffer=True)
+    texels = np.random.default_rng(3).uniform(0, 1, (4, 8, 4)).astype(np.float32)
+    texels[..., 3] = 1
+    picture.pixels.foreach_set(texels.reshape(-1))
+    texture.image = picture
+    node = tree.nodes.new(node_type)
+    tree.links.new(node.outputs[output], texture.inputs["Vector"])
+    return material
+
+
+def assert_is_cycles(make_material, name: str) -> None:
     scene = cycles.empty_scene(64, 64)
-    fill(scene, shining(node, output))
-    pair = render_pair(scene, "NATIVE", f"{node}-{output}")
+    fill(scene, make_material())
+    pair = render_pair(scene, "NATIVE", name)
     found, wanted = pair.glint["Combined"][..., :3], pair.cycles["Combined"][..., :3]
     inside = surface_interior(pair.cycles) & np.isfinite(wanted).all(-1)
     assert inside.sum() > 300

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from ....engine.program.graph import Value
 from ..graph import socket_named
+from ..images import Images
 from ..terms import GREY
 from .mapping import texture_mapped
 from .reader import READERS, NodeInputs, Outputs
@@ -69,36 +71,46 @@ def _camera(view: NodeInputs) -> Outputs:
     return {"View Vector": direction, "View Z Depth": depth, "View Distance": length}
 
 
-def _attribute(view: NodeInputs) -> Outputs | None:
-    node = view.node
+def attribute_name(node: Any) -> str | None:
+    """Which attribute of the mesh an Attribute or Color Attribute node reads; None where it reads
+    something else, or nothing.
+    """
     if getattr(node, "attribute_type", "GEOMETRY") != "GEOMETRY":
         return None
     name = getattr(node, "attribute_name", None)
-    name = name if name is not None else (node.layer_name or ACTIVE_COLOR)
-    if not name:
+    return (name if name is not None else (node.layer_name or ACTIVE_COLOR)) or None
+
+
+def _attribute(view: NodeInputs) -> Outputs | None:
+    name = attribute_name(view.node)
+    if name is None:
         return None
     color, alpha = view.apply("attribute", attribute=name, shift=0)
     outputs = {"Color": color, "Vector": color, "Alpha": alpha}
-    if socket_named(node.outputs, "Fac") is not None:
+    if socket_named(view.node.outputs, "Fac") is not None:
         grey = view.apply("attribute", attribute=GREY + name, shift=0)[0]
         outputs["Fac"] = outputs["Factor"] = view.apply("separate_xyz", grey)[0]
     return outputs
 
 
-def _image(view: NodeInputs) -> Outputs:
-    """An image; where only the colour is used it is times alpha, as in Cycles."""
-    node = view.node
-    alone = not node.outputs["Alpha"].is_linked
-    texture = view.reader.images.texture(
-        node.image, node.image_user, node.extension, node.interpolation, alone
-    )
+def image_texture(node: Any, images: Images, note: Callable[[str], None]) -> int:
+    """Index of an Image Texture node's texture, with notes of what it does not do as in Blender.
+
+    Where nothing reads the image's alpha its colour is times alpha, as in Cycles.
+    """
     if node.interpolation in ("Cubic", "Smart"):
-        view.reader.note("Cubic interpolation of images is rendered as linear in {}")
+        note("Cubic interpolation of images is rendered as linear in {}")
     if node.projection != "FLAT":
-        view.reader.note(
+        note(
             f"The {node.projection.lower()} projection of images is not supported: {{}} use the "
             "flat one; bake to an image"
         )
+    alone = not node.outputs["Alpha"].is_linked
+    return images.texture(node.image, node.image_user, node.extension, node.interpolation, alone)
+
+
+def _image(view: NodeInputs) -> Outputs:
+    texture = image_texture(view.node, view.reader.images, view.reader.note)
     uv = view.apply("uv", attribute="", shift=0)[0]
     where = view.value("Vector") if view.is_linked("Vector") else uv
     color, alpha = view.apply("image", texture_mapped(view, where), texture=texture)

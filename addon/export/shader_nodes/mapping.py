@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ....engine.program.graph import Value
 from ....engine.program.operations_vector import MappingType, VectorOperation
@@ -30,12 +30,9 @@ def texture_mapped(view: NodeInputs, vector: Value) -> Value:
     in Cycles.
     """
     held = getattr(view.node, "texture_mapping", None)
-    if held is None:
+    if held is None or is_plain(held):
         return vector
-    axes = (held.mapping_x, held.mapping_y, held.mapping_z)
-    location, rotation, scale = (tuple(v) for v in (held.translation, held.rotation, held.scale))
-    if (axes, location, rotation, scale) == (_AXES, (0.0,) * 3, (0.0,) * 3, (1.0,) * 3):
-        return vector
+    axes, location, rotation, scale = _parts(held)
     kind, constant = MappingType[held.vector_type], view.reader.graph.constant
     if kind in (MappingType.TEXTURE, MappingType.NORMAL):
         scale = tuple(map(_kept_from_zero, scale))
@@ -47,6 +44,17 @@ def texture_mapped(view: NodeInputs, vector: Value) -> Value:
         constant(scale),
         mapping_type=kind,
     )[0]
+
+
+def is_plain(held: Any) -> bool:
+    """Whether a texture node's own mapping leaves vectors as they are."""
+    return _parts(held) == (_AXES, (0.0,) * 3, (0.0,) * 3, (1.0,) * 3)
+
+
+def _parts(held: Any) -> tuple[tuple, tuple, tuple, tuple]:
+    """Axes, location, rotation and scale of a texture node's own mapping."""
+    axes = (held.mapping_x, held.mapping_y, held.mapping_z)
+    return (axes, *(tuple(v) for v in (held.translation, held.rotation, held.scale)))
 
 
 def _projected(view: NodeInputs, vector: Value, axes: tuple[str, ...]) -> Value:
