@@ -12,7 +12,7 @@ from .geometry import Geometry
 from .placements import Placements
 from .surface import Surface
 from .textures import Image
-from .vectors import basis_around, dot, pick, transform_each, unit
+from .vectors import cross, dot, pick, transform_each, unit
 
 Array = np.ndarray
 
@@ -98,7 +98,7 @@ class SurfacePoints:
         """(3, m) the step to where a shifted read happens; zeros for 0."""
         if number == 0:
             return np.zeros((3, len(self._index)))
-        return self._step_size() * basis_around(self._of("g"))[number - 1]
+        return self._step_size() * _axes_in_face(self._of("g"))[number - 1]
 
     def object_location(self) -> Array:
         """(3, m) of the object's origin in the world."""
@@ -185,3 +185,14 @@ class SurfacePoints:
         size = np.einsum("mk,mk->m", a, rows[0])
         found = np.stack([np.einsum("mk,km->m", row, points) for row in rows])
         return np.where(size != 0, found / np.where(size != 0, size, 1.0), 0.0)
+
+
+def _axes_in_face(g: Array) -> tuple[Array, Array]:
+    """Two unit vectors (3, m) across unit normals (3, m) and each other, as Cycles has them: bumps
+    at the edges of patterns show which way they point. The first is across (1, 1, 1), or
+    (-1, 1, 1) where g is along that but for rounding.
+    """
+    x, y, z = g
+    along = np.abs(x - y) + np.abs(x - z) < 1e-6
+    first = unit(np.where(along, [z - y, x + z, -x - y], [z - y, x - z, y - x]))
+    return first, cross(g, first)

@@ -24,11 +24,14 @@ inline Three matrix_column(const Machine& m, size_t k, size_t first) {
   return {part(0), part(1), part(2)};
 }
 
-/// Two unit vectors across a unit one and each other (Duff et al. 2017).
+/// Two unit vectors across a unit one and each other, as Cycles has them: bumps at the edges of
+/// patterns show which way they point. The first is across (1, 1, 1), or (-1, 1, 1) where g is
+/// along that but for rounding.
 inline Three axis_across(const Three& g, int number) {
-  const Doubles sign = with_sign(splat(1), g.z), a = splat(-1) / (sign + g.z), b = g.x * g.y * a;
-  if (number == 1) return {1 + sign * g.x * g.x * a, sign * b, -sign * g.x};
-  return {b, sign + g.y * g.y * a, -g.y};
+  const auto along = magnitude(g.x - g.y) + magnitude(g.x - g.z) < 1e-6;
+  const Three first = unit(choose(along, Three{g.z - g.y, g.x + g.z, -g.x - g.y},
+                                  Three{g.z - g.y, g.x - g.z, g.y - g.x}));
+  return number == 1 ? first : cross(g, first);
 }
 
 /// The step in anchored space to where a shifted read happens: a tenth of what a pixel spans there.
