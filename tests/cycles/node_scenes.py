@@ -1,4 +1,4 @@
-"""Five materials made of many nodes, and a scene that shows one: both engines render the same.
+"""Six materials made of many nodes, and a scene that shows one: both engines render the same.
 
 Every material ends in a Diffuse BSDF of roughness 0, so that differences come from its nodes alone.
 Sockets are meant by their identifiers, which are the same in all versions of Blender.
@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import pi
 from typing import Any
+
+import numpy as np
 
 import cycles_reference as cycles
 from small_scenes import add, add_camera, add_light, ball, cube, lambert, moved, plane
@@ -246,7 +248,58 @@ def camouflage(material: Any) -> None:
     nodes.diffuse(nodes.mix(1.0, color, shade, "MULTIPLY"))
 
 
-MATERIALS: tuple[Callable[[Any], None], ...] = (wood, marble, brick, layered_noise, camouflage)
+def twelve_images(material: Any) -> None:
+    """Four layers of paint: each a colour, a mask and a height from images of its own."""
+    nodes = _Nodes(material)
+    color: Any = (0.4, 0.38, 0.35)
+    height: Any = 0.0
+    for layer in range(4):
+        where = nodes.add(COORDINATES, "UV", {})
+        placed = nodes.add(
+            MAPPING,
+            "Vector",
+            {
+                "Vector": where,
+                "Location": (0.13 * layer, 0.31 * layer, 0.0),
+                "Rotation": (0.0, 0.0, 0.4 * layer),
+                "Scale": (2.0 + layer, 2.0 + layer, 1.0),
+            },
+        )
+        paint, mask, relief = (
+            nodes.add("ShaderNodeTexImage", "Color", {"Vector": placed}, image=_clouds(seed))
+            for seed in range(3 * layer, 3 * layer + 3)
+        )
+        share = nodes.ramp(mask, (0.4, (0.0, 0.0, 0.0)), (0.6, (1.0, 1.0, 1.0)))
+        color = nodes.mix(share, color, paint)
+        height = nodes.math("ADD", height, nodes.math("MULTIPLY", share, relief))
+    nodes.diffuse(color, nodes.bump(height, 0.2, 0.02))
+
+
+def _clouds(seed: int, size: int = 256) -> Any:
+    """An image of soft spots, the same for each seed, that can be tiled."""
+    numbers = np.random.default_rng(seed)
+    rows = 2 * pi * np.arange(size) / size
+    values = np.zeros((size, size, 3))
+    for _ in range(12):
+        u, v = numbers.integers(-4, 5, 2)
+        wave = np.cos(u * rows[None, :] + v * rows[:, None] + numbers.uniform(0, 2 * pi))
+        values += wave[:, :, None] * numbers.uniform(-0.2, 0.2, 3)
+    rgba = np.ones((size, size, 4), np.float32)
+    rgba[..., :3] = np.clip(0.5 + values, 0, 1)
+    picture = cycles.bpy.data.images.new(f"clouds {seed}", size, size)
+    picture.pixels.foreach_set(rgba.reshape(-1))
+    picture.pack()
+    return picture
+
+
+MATERIALS: tuple[Callable[[Any], None], ...] = (
+    wood,
+    marble,
+    brick,
+    layered_noise,
+    camouflage,
+    twelve_images,
+)
 
 
 def show(build: Callable[[Any], None], width: int = 96, height: int = 96) -> Any:

@@ -1,4 +1,4 @@
-"""Five materials of many nodes beside Cycles' pictures of them, direct light alone."""
+"""Six materials of many nodes beside Cycles' pictures of them, direct light alone."""
 
 from __future__ import annotations
 

@@ -5,35 +5,39 @@
 namespace glint {
 namespace {
 
-inline Numbers rotated(Numbers word, int by) { return (word << by) | (word >> (32 - by)); }
+/// Two words of 32 bits in each lane.
+typedef uint32_t PairedNumbers __attribute__((vector_size(8 * kLanes)));
 
-/// a, b, c of lookup3.
+/// a, b, c of lookup3. Vector: of words of 32 bits.
+template <class Vector>
 struct HashState {
-  Numbers a, b, c;
+  Vector a, b, c;
+
+  static Vector rotated(Vector word, int by) { return (word << by) | (word >> (32 - by)); }
 
   void mix() {
     for (const int by : {4, 6, 8, 16, 19, 4}) {
       a = (a - c) ^ rotated(c, by);
       c = c + b;
-      const Numbers last = a;
+      const Vector last = a;
       a = b, b = c, c = last;
     }
   }
-  Numbers finish() {
+  Vector finish() {
     for (const int by : {14, 11, 25, 16, 4, 14, 24}) {
       c = (c ^ b) - rotated(b, by);
-      const Numbers first = a;
+      const Vector first = a;
       a = b, b = c, c = first;
     }
     return b;
   }
 };
 
-template <int N>
-inline Numbers hash_words(const Numbers (&word)[N]) {
+template <class Vector, int N>
+inline Vector hash_words(const Vector (&word)[N]) {
   static_assert(N >= 1 && N <= 4);
-  const Numbers start = Numbers{} + (0xdeadbeefu + 13 + 4 * N);
-  HashState s{start, start, start};
+  const Vector start = Vector{} + (0xdeadbeefu + 13 + 4 * N);
+  HashState<Vector> s{start, start, start};
   s.a = s.a + word[0];
   if constexpr (N > 1) s.b = s.b + word[1];
   if constexpr (N > 2) s.c = s.c + word[2];

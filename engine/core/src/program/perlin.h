@@ -22,71 +22,89 @@ inline NoisePoint<D> operator*(NoisePoint<D> p, Doubles s) {
 constexpr double kSignedScale[] = {0, 0.25, 0.6616, 0.982, 0.8344};
 constexpr double kNoisePeriod = 100000;
 
-/// -v where the bit of the word is set.
-inline Doubles signed_by(Mask word, int bit, Doubles v) {
-  return Doubles(Mask(v) ^ (((word >> bit) & 1) << 63));
-}
+/// The bit of each lane's word as the lane's sign; what else is set does not matter.
+inline Mask bit_as_sign(Mask word, int bit) { return word << (63 - bit); }
 
-/// The dot product of the gradient that the word picks with the way to the point.
+/// -v where the mask's sign is set.
+inline Doubles signed_by(Mask sign, Doubles v) { return Doubles(Mask(v) ^ (sign & INT64_MIN)); }
+
+/// The dot product of the gradient that bits from `first` on of the word pick with the way to the
+/// point.
 template <int D>
-inline Doubles gradient_dot(Mask word, const NoisePoint<D>& way) {
+inline Doubles gradient_dot(Mask word, int first, const NoisePoint<D>& way) {
   const Doubles(&p)[D] = way.at;
+  const auto bit = [&](int k) { return bit_as_sign(word, first + k); };
   if constexpr (D == 1) {
-    const Doubles steepness = Doubles((word & 7) | Mask(splat(0x1p52))) - 0x1p52;
-    return signed_by(word, 3, 1 + steepness) * p[0];
+    const Mask steps = Mask(Words(word) >> first) & 7;
+    return signed_by(bit(3), Doubles(steps | Mask(splat(0x1p52))) - (0x1p52 - 1)) * p[0];
   } else if constexpr (D == 2) {
-    const Mask first = (word & 7) < 4;
-    return signed_by(word, 0, choose(first, p[0], p[1])) +
-           signed_by(word, 1, 2 * choose(first, p[1], p[0]));
+    const Mask swapped = bit(2);
+    return signed_by(bit(0), by_sign(swapped, p[1], p[0])) +
+           signed_by(bit(1), 2 * by_sign(swapped, p[0], p[1]));
   } else if constexpr (D == 3) {
-    const Mask h = word & 15;
-    const Doubles third = choose((h == 12) | (h == 14), p[0], p[2]);
-    return signed_by(word, 0, choose(h < 8, p[0], p[1])) +
-           signed_by(word, 1, choose(h < 4, p[1], third));
+    const Mask low = bit(0), upper = bit(3), middle = bit(2);
+    const Doubles third = by_sign(upper & middle & ~low, p[0], p[2]);
+    return signed_by(low, by_sign(upper, p[1], p[0])) +
+           signed_by(bit(1), by_sign(upper | middle, third, p[1]));
   } else {
-    const Mask h = word & 31;
-    return signed_by(word, 0, choose(h < 24, p[0], p[1])) +
-           signed_by(word, 1, choose(h < 16, p[1], p[2])) +
-           signed_by(word, 2, choose(h < 8, p[2], p[3]));
+    const Mask upper = bit(4), middle = bit(3);
+    return signed_by(bit(0), by_sign(upper & middle, p[1], p[0])) +
+           signed_by(bit(1), by_sign(upper, p[2], p[1])) +
+           signed_by(bit(2), by_sign(upper | middle, p[3], p[2]));
   }
 }
 
-/// Not scaled.
+/// An integer below 2^31, of which the lower and the upper half of a lane hold the 32 bits.
+inline Words in_both_halves(Doubles integer) {
+  const Words word = Words(integer + 0x1.8p52);
+  return (word << 32) | (word & 0xffffffffu);
+}
+
+/// Not scaled; for magnitudes below 2^31. The corners on both sides of the last axis share a lane
+/// of 64 bits while their 32-bit hashes are worked out.
 template <int D>
 inline Doubles perlin(const NoisePoint<D>& p) {
-  Numbers cell[2][D];
-  Doubles way[2][D], weight[2][D];
+  PairedNumbers cell[2][D];
+  Doubles way[2][D], weight[D];
   for (int axis = 0; axis < D; ++axis) {
     const Doubles low = down(p.at[axis]), local = p.at[axis] - low;
     for (int far = 0; far < 2; ++far) {
-      cell[far][axis] = modulo_words(low + far);
+      cell[far][axis] = PairedNumbers(in_both_halves(low + far));
       way[far][axis] = local - far;
     }
-    weight[1][axis] = local * local * local * (local * (local * 6 - 15) + 10);
-    weight[0][axis] = 1 - weight[1][axis];
+    weight[axis] = local * local * local * (local * (local * 6 - 15) + 10);
   }
-  Doubles total = splat(0);
-  for (int corner = 0; corner < 1 << D; ++corner) {
-    Numbers words[D];
+  const Words here = Words(cell[0][D - 1]), next = Words(cell[1][D - 1]);
+  const auto last = PairedNumbers((here & 0xffffffffu) | (next & ~uint64_t(0xffffffffu)));
+  Doubles height[1 << (D - 1)];
+  for (int edge = 0; edge < 1 << (D - 1); ++edge) {
+    PairedNumbers words[D];
     NoisePoint<D> to_point;
-    Doubles share = splat(1);
-    for (int axis = 0; axis < D; ++axis) {
-      const int far = corner >> (D - 1 - axis) & 1;
+    for (int axis = 0; axis < D - 1; ++axis) {
+      const int far = edge >> (D - 2 - axis) & 1;
       words[axis] = cell[far][axis];
       to_point.at[axis] = way[far][axis];
-      share = share * weight[far][axis];
     }
-    const Mask word = __builtin_convertvector(hash_words(words), Mask);
-    total = total + share * gradient_dot<D>(word, to_point);
+    words[D - 1] = last;
+    const Mask hashes = Mask(hash_words(words));
+    to_point.at[D - 1] = way[0][D - 1];
+    const Doubles near = gradient_dot<D>(hashes, 0, to_point);
+    to_point.at[D - 1] = way[1][D - 1];
+    height[edge] = near + weight[D - 1] * (gradient_dot<D>(hashes, 32, to_point) - near);
   }
-  return total;
+  for (int axis = D - 2; axis >= 0; --axis)
+    for (int k = 0; k < 1 << axis; ++k)
+      height[k] = height[2 * k] + weight[axis] * (height[2 * k + 1] - height[2 * k]);
+  return height[0];
 }
 
 /// In about [-1, 1], repeated every 100000 units. From a million units on it is read half a unit
 /// aside, as Cycles does.
 template <int D>
 inline Doubles signed_noise(NoisePoint<D> p) {
-  for (Doubles& x : p.at) x = fmod(x, splat(kNoisePeriod)) + where(magnitude(x) >= 1e6, splat(0.5));
+  for (Doubles& x : p.at)
+    if (!all(magnitude(x) < kNoisePeriod))
+      x = fmod(x, splat(kNoisePeriod)) + where(magnitude(x) >= 1e6, splat(0.5));
   return kSignedScale[D] * perlin<D>(p);
 }
 

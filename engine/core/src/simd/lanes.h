@@ -67,20 +67,31 @@ inline Doubles choose(Mask m, Doubles a, Doubles b) { return m ? a : b; }
 inline Doubles where(Mask m, Doubles a) { return Doubles(Mask(a) & m); }  // else 0
 
 #if defined(__AVX512F__)
+/// a where the sign of the mask is set, else b: of the mask's other bits any may be set.
+inline Doubles by_sign(Mask m, Doubles a, Doubles b) {
+  return Doubles(_mm512_mask_blend_pd(_mm512_movepi64_mask(__m512i(m)), __m512d(b), __m512d(a)));
+}
 inline Doubles root(Doubles a) { return Doubles(_mm512_maskz_sqrt_pd(0xff, __m512d(a))); }
 inline Doubles down(Doubles a) {
   return Doubles(_mm512_maskz_roundscale_pd(0xff, __m512d(a), _MM_FROUND_TO_NEG_INF));
 }
 inline uint32_t bits(Mask m) { return uint32_t(_mm512_movepi64_mask(__m512i(m))); }
 #elif defined(__AVX__)
+inline Doubles by_sign(Mask m, Doubles a, Doubles b) {
+  return Doubles(_mm256_blendv_pd(__m256d(b), __m256d(a), __m256d(m)));
+}
 inline Doubles root(Doubles a) { return Doubles(_mm256_sqrt_pd(__m256d(a))); }
 inline Doubles down(Doubles a) { return Doubles(_mm256_floor_pd(__m256d(a))); }
 inline uint32_t bits(Mask m) { return uint32_t(_mm256_movemask_pd(__m256d(m))); }
 #elif defined(__SSE4_1__)
+inline Doubles by_sign(Mask m, Doubles a, Doubles b) {
+  return Doubles(_mm_blendv_pd(__m128d(b), __m128d(a), __m128d(m)));
+}
 inline Doubles root(Doubles a) { return Doubles(_mm_sqrt_pd(__m128d(a))); }
 inline Doubles down(Doubles a) { return Doubles(_mm_floor_pd(__m128d(a))); }
 inline uint32_t bits(Mask m) { return uint32_t(_mm_movemask_pd(__m128d(m))); }
 #else
+inline Doubles by_sign(Mask m, Doubles a, Doubles b) { return m < 0 ? a : b; }
 inline Doubles root(Doubles a) {
   for (size_t k = 0; k < kLanes; ++k) a[k] = __builtin_sqrt(a[k]);
   return a;
