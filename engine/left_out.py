@@ -136,4 +136,4 @@ def _bad_instances(scene: Scene) -> Iterator[str]:
 
 def _finite(light: Light) -> bool:
     values = (getattr(light, field.name) for field in fields(light))
-    return all(np.isfinite(value).all() for value in values if not isinstance(value, str))
+    return all(np.isfinite(value).all() for value in values if not isinstance(value, str | None))

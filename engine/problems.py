@@ -72,6 +72,7 @@ def scene_problems(scene: Scene) -> list[str]:
         (scene.textures, _texture),
         (scene.lights, _light),
         ((scene.world,), _world),
+        (scene.world.textures, _texture),
     )
     return [
         f"{_label(thing)}: {text}"
@@ -449,7 +450,9 @@ def _texture(texture: Texture) -> Found:
 
 
 def _light(light: Light) -> Found:
-    yield from _one_of("kind", light.kind, ("POINT", "SUN", "SPOT", "AREA"))
+    yield from _one_of("kind", light.kind, ("POINT", "SUN", "SPOT", "AREA", "DOME"))
+    if light.kind == "DOME":
+        yield from _radiance(light.radiance)
     yield from _one_of("shape", light.shape, ("RECTANGLE", "ELLIPSE"))
     yield from _placement("world_from_light", light.world_from_light, _not_orthonormal)
     yield from _numbers("color", light.color, 3)
@@ -459,6 +462,13 @@ def _light(light: Light) -> Found:
     for name in ("angle", "spot_size"):
         yield from _at_least(name, getattr(light, name), 0, 2 * np.pi)
     yield from _at_least("spot_blend", light.spot_blend, 0, 1)
+
+
+def _radiance(values: Any) -> Found:
+    found = [*_array("radiance", values, np.float32, (None, None, 3))]
+    if not found and values.size == 0:
+        found = ["radiance is empty: a DOME needs at least one cell"]
+    yield from found or _finite_array("radiance", values)
 
 
 def _placement(name: str, matrix: Any, further: Callable[[str, np.ndarray], Found]) -> Found:
@@ -534,3 +544,13 @@ def _clip(camera: Camera) -> Found:
 def _world(world: World) -> Found:
     yield from _numbers("ambient", world.ambient, 3)
     yield from _numbers("background", world.background, 3)
+    found = [*_array("axes", world.axes, np.float64, (3, 3))]
+    yield from found or _finite_array("axes", world.axes)
+    if world.program is None:
+        return
+    problems = [*_program(world.program, len(world.textures))]
+    yield from (f"program: {text}" for text in problems)
+    if not problems and any(step.operation.reads_surface for step in instructions(world.program)):
+        yield "program: reads surfaces, which rays that hit nothing do not have"
+    if not problems and len(world.program.outputs) != 1:
+        yield f"program: has {len(world.program.outputs)} outputs: a world's has one"

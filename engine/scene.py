@@ -11,7 +11,7 @@ matrix `target_from_source` is `(3, 4)`: columns 0-2 the linear part, column 3 t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -212,7 +212,7 @@ class Material:
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A light. kind: POINT, SUN, SPOT or AREA.
+    """A light. kind: POINT, SUN, SPOT, AREA or DOME, which shines from all around.
 
     world_from_light: (3, 4) float64, orthonormal columns; the light shines along -z.
     color: RGB; strength: Blender's number (watts; W/m² for SUN) with exposure applied, may be
@@ -220,7 +220,8 @@ class Light:
     the shaded point instead of a sphere. angle: full angle of the SUN.  spot_size: full cone angle,
     spot_blend: 0-1. shape: RECTANGLE or ELLIPSE, size_x, size_y: full extents of an AREA light
     along its x and y, world units. cast_shadow: False lights through everything.  visible_*: the
-    light's own shape is seen by those rays.
+    light's own shape is seen by those rays.  radiance: of a DOME, times color and strength: (h, w,
+    3) float32 in the light's axes, equirectangular as `engine.dome` says.
     """
 
     name: str
@@ -239,6 +240,7 @@ class Light:
     cast_shadow: bool = True
     visible_camera: bool = False
     visible_mirror: bool = False
+    radiance: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,16 +266,22 @@ class Camera:
     clip_planes: tuple[tuple[float, float, float, float], ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class World:
     """Surroundings: `ambient` is the notes' I_a, `background` what rays that miss see (radiance).
 
-    transparent: camera rays that miss leave alpha 0 instead of the background.
+    transparent: camera rays that miss leave alpha 0 instead of the background.  program: its first
+    output, a vector, is seen instead of `background` where there is one; of what reads points it
+    has `incoming` and `light_path` alone.  textures: what it refers to.  axes: (3, 3) orthonormal
+    columns, the program's axes in the scene.
     """
 
     ambient: tuple[float, float, float] = (0.0, 0.0, 0.0)
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     transparent: bool = False
+    program: Program | None = None
+    textures: tuple[Texture, ...] = ()
+    axes: Array = field(default_factory=lambda: np.eye(3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,6 +295,18 @@ class Scene:
     textures: tuple[Texture, ...] = ()
     lights: tuple[Light, ...] = ()
     world: World = field(default_factory=World)
+
+    def with_world_light(self, occluded: bool) -> Scene:
+        """The scene lit by its world as the settings want it: by its DOME light, which surfaces
+        hide, or, without that, by `World.ambient` the same everywhere. A scene without a DOME light
+        stays.
+        """
+        lamps = tuple(light for light in self.lights if light.kind != "DOME")
+        if len(lamps) == len(self.lights):
+            return self
+        if not occluded:
+            return replace(self, lights=lamps)
+        return replace(self, world=replace(self.world, ambient=(0.0, 0.0, 0.0)))
 
     def problems(self) -> list[str]:
         """What makes this scene unfit to render, one sentence each; empty when it is sound."""

@@ -9,6 +9,10 @@ from typing import Any
 from .film import PASSES
 
 ILLUMINATIONS = ("PHYSICAL", "CLASSIC")
+WORLD_LIGHTS = ("OCCLUDED", "CONSTANT")
+DOME_SHARE = 8
+"""Directions of a DOME light for each sample of another light: the sky is all round, lamps are not.
+"""
 BACKENDS = ("NATIVE", "NUMPY")
 BUILDS = ("FAST", "BALANCED", "FINE")
 """Ways to build the core's trees, in the order of their time."""
@@ -33,6 +37,8 @@ class Settings:
     pixel) are not
         traced; 0 traces all.
     illumination, backend: one of ILLUMINATIONS, BACKENDS.
+    world_light: one of WORLD_LIGHTS: whether surfaces hide the world's light from each other. With
+    CLASSIC illumination they do not.
     acceleration: one of ACCELERATIONS: how much time the core's trees may take to build, and how
     little its rays. AUTO builds BALANCED
         ones. Never changes a bit of the picture.
@@ -48,6 +54,7 @@ class Settings:
     max_bounces: int = 4
     cutoff: float = 0.0
     illumination: str = "PHYSICAL"
+    world_light: str = "OCCLUDED"
     backend: str = "NATIVE"
     acceleration: str = "AUTO"
     threads: int = 0
@@ -62,6 +69,16 @@ class Settings:
                 object.__setattr__(self, name, int(value))
         if isinstance(self.passes, (set, list, tuple)):
             object.__setattr__(self, "passes", frozenset(self.passes))
+
+    @property
+    def occludes_world(self) -> bool:
+        """Whether the world's light is one that surfaces hide."""
+        return self.illumination == "PHYSICAL" and self.world_light == "OCCLUDED"
+
+    @property
+    def dome_samples(self) -> int:
+        """Directions of a DOME light for each sample of a pixel."""
+        return DOME_SHARE * self.light_samples
 
     def problems(self) -> list[str]:
         """What is wrong with these settings, one sentence each."""
@@ -97,6 +114,10 @@ class Settings:
             (
                 self.illumination in ILLUMINATIONS,
                 f"illumination {self.illumination!r} is not one of {', '.join(ILLUMINATIONS)}",
+            ),
+            (
+                self.world_light in WORLD_LIGHTS,
+                f"world_light {self.world_light!r} is not one of {', '.join(WORLD_LIGHTS)}",
             ),
             (
                 self.backend in BACKENDS,

@@ -43,6 +43,7 @@ class ViewAxes:
             ),
             instances=tuple(self._instances(block) for block in scene.instances),
             lights=tuple(self._light(light) for light in scene.lights),
+            world=replace(scene.world, axes=self.axes.T @ scene.world.axes),
         )
 
     def world_passes(self, passes: dict[str, Array]) -> dict[str, Array]:

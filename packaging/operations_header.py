@@ -16,7 +16,8 @@ TARGET = ROOT / "engine/core/src/program/operations.inc"
 
 
 def header(operations) -> str:
-    """GLINT_OPERATION(name, widths of outputs, widths of arguments, settings) lines. Settings are
+    """GLINT_OPERATION(name, widths of outputs, widths of arguments, settings, whether it
+    reads a surface) lines. Settings are
     said by what they refer to, a an attribute, i an image, t a table, or by the largest number that
     they may be, counted in characters from 0 on; - is any.
     """
@@ -28,7 +29,7 @@ def header(operations) -> str:
         )
         lines.append(
             f'GLINT_OPERATION({operation.name}, "{outputs}", "{arguments}", '
-            f'"{_letters(operation)}")'
+            f'"{_letters(operation)}", {str(operation.reads_surface).lower()})'
         )
     return "\n".join(lines) + "\n"
 

@@ -26,6 +26,7 @@ BLENDER = {
 }
 ENGINES_DOOR = {
     "engine",
+    "engine.dome",
     "engine.program.graph",
     "engine.program.operations",
     "engine.program.operations_color",
@@ -83,7 +84,7 @@ def _inside_engine(name: str) -> bool:
 
 
 def _inside_reference(name: str) -> bool:
-    values = {f"engine.{name}" for name in ("scene", "film", "settings", "sampling")}
+    values = {f"engine.{name}" for name in ("dome", "scene", "film", "settings", "sampling")}
     return name in values or name.startswith(
         ("engine.reference", "engine.linear", "engine.program")
     )

@@ -93,13 +93,21 @@ class Evaluator:
     sub-trees are read once.
     """
 
-    def __init__(self, name: str, images: Images, report: Report, has_program: bool = True) -> None:
+    def __init__(
+        self,
+        name: str,
+        images: Images,
+        report: Report,
+        has_program: bool = True,
+        reader: type[TreeReader] = TreeReader,
+    ) -> None:
         """has_program: what varies and sums cannot say is a program's; else it is the socket's
-        default, with a note.
+        default, with a note.  reader: of trees, SkyReader for those of worlds.
         """
         self.name, self.images, self.report = name, images, report
         self.expressions, self._has_program = Expressions(), has_program
-        self._trees = TreeReader(self.expressions.graph, images, self.note)
+        self._trees = reader(self.expressions.graph, images, self.note)
+        self._is_surface = reader is TreeReader
         self.normals: dict[Value | None, None] = {}
         self._memo: dict[tuple, Any] = {}
         self._open: set[tuple] = set()
@@ -243,7 +251,7 @@ class Evaluator:
 
     def _value_of_node(self, found: Place) -> Sum | None:
         """By the algebra of sums where that is exact, else by the program."""
-        handler = COLOR_NODES.get(found.node.bl_idname)
+        handler = COLOR_NODES.get(found.node.bl_idname) if self._is_surface else None
         value = handler(NodeView(self, found), found.socket) if handler else None
         if value is not None:
             return value

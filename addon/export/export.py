@@ -19,7 +19,7 @@ from .meshes import MeshSource, mesh_key, read_attributes, readable
 from .placing import note_empty_view, without_collapsed
 from .report import Report
 from .shapes import export_points, read_shape
-from .world import export_world
+from .world import Sky, export_world
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +65,8 @@ def export_scene(
     things = walk(depsgraph, collector.meet, report)
     met = time.perf_counter()
     world = _world(depsgraph, scene)
-    surroundings = export_world(world, scene.render.film_transparent, collector.images, report)
-    exported = collector.scene(camera, things, surroundings)
+    sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
+    exported = collector.scene(camera, things, sky)
     if decoded is not None:
         decoded.forget_unused()
     end = time.perf_counter()
@@ -201,7 +201,7 @@ class Collector:
         self._geometries.append(geometry)
         return len(self._geometries) - 1
 
-    def scene(self, camera: Any, things: list[Thing], world: Any) -> Scene:
+    def scene(self, camera: Any, things: list[Thing], sky: Sky) -> Scene:
         """All of it as one value."""
         geometries = tuple(
             g.finished() if isinstance(g, MeshSource) else g for g in self._geometries
@@ -217,9 +217,8 @@ class Collector:
             if isinstance(thing.content, _Lamp):
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
         materials, textures = without_unused(self.materials.materials, self.images.textures)
-        return Scene(
-            camera, geometries, instances, materials, textures, tuple(self.lights.lights), world
-        )
+        lights = sky.lights_with(self.lights.lights)
+        return Scene(camera, geometries, instances, materials, textures, lights, sky.world)
 
 
 def _instances(thing: Thing) -> Instances:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.scene import Camera, Geometry, Material, Mesh, Scene, Texture, World
+from ...engine.scene import Camera, Geometry, Material, Mesh, Scene, Texture
 from .export import Collector, _instances, _Lamp, _Placed, _world
 from .graph import node_tree
 from .images import Images
@@ -36,7 +36,7 @@ from .placing import without_collapsed
 from .repaints import repainted
 from .report import Report
 from .shapes import export_points, read_shape
-from .world import export_world
+from .world import Sky, export_world
 
 NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
 """Stands in scenes until a view brings its own."""
@@ -114,7 +114,7 @@ class Store:
         self.compiled: dict[int, _Compiled] = {}
         self.pixels: dict[tuple, Any] = {}
         self.textures: dict[tuple, Texture] = {}
-        self.worlds: dict[tuple, tuple[World, Report]] = {}
+        self.worlds: dict[tuple, tuple[Sky, Report]] = {}
         self.memory_epoch = 0
         self.joined: (
             tuple[tuple[_Compiled, ...], tuple[Material, ...], tuple[Texture, ...]] | None
@@ -274,7 +274,7 @@ class LiveExport:
             census,
         )
         self._store.met[asked] = collector.met
-        return collector.stage(things, self._surroundings(depsgraph, report), census)
+        return collector.stage(things, self._sky(depsgraph, report), census)
 
     def _note_frame(self, scene: Any) -> None:
         frame = _frame_of(scene)
@@ -282,7 +282,7 @@ class LiveExport:
             self._store.forget_moving_images()
         self._frame = frame
 
-    def _surroundings(self, depsgraph: Any, report: Report) -> World:
+    def _sky(self, depsgraph: Any, report: Report) -> Sky:
         scene = depsgraph.scene_eval
         world = _world(depsgraph, scene)
         key = (
@@ -296,9 +296,9 @@ class LiveExport:
                 export_world(world, scene.render.film_transparent, images, own),
                 own,
             )
-        surroundings, notes = self._store.worlds[key]
+        sky, notes = self._store.worlds[key]
         report.add(notes)
-        return surroundings
+        return sky
 
 
 def _asked(passes: frozenset[str], space: Any) -> tuple:
@@ -514,7 +514,7 @@ class _KeepingCollector(Collector):
             shape.finished[wishes] = shape.states.get(wishes, shape.geometry).finished()
         return shape.finished[wishes]
 
-    def stage(self, things: list[Thing], world: World, census: Census) -> Stage:
+    def stage(self, things: list[Thing], sky: Sky, census: Census) -> Stage:
         """The scene, without a camera, and where its things are."""
         geometries = tuple(self._finished(number) for number in range(len(self._geometries)))
         placed = [
@@ -526,7 +526,13 @@ class _KeepingCollector(Collector):
         ]
         materials, textures = self.materials.joined()
         scene = Scene(
-            NO_CAMERA, geometries, instances, materials, textures, tuple(self.lights.lights), world
+            NO_CAMERA,
+            geometries,
+            instances,
+            materials,
+            textures,
+            sky.lights_with(self.lights.lights),
+            sky.world,
         )
         for shape in self._geometries:
             self.report.add(shape.report)

@@ -27,6 +27,20 @@ _ILLUMINATION_ITEMS = (
         "off with distance",
     ),
 )
+_WORLD_LIGHT_ITEMS = (
+    (
+        "OCCLUDED",
+        "Occluded",
+        "For most pictures: the sky or its image lights from where it is bright, and surfaces hide "
+        "it from each other. Takes shadow rays",
+    ),
+    (
+        "CONSTANT",
+        "Constant",
+        "For quick pictures: the world's mean colour on every surface, from all sides, without "
+        "shadows. Costs nothing",
+    ),
+)
 _BACKEND_ITEMS = (
     (
         "NATIVE",
@@ -124,6 +138,11 @@ class GlintRenderSettings(bpy.types.PropertyGroup):
     )
     illumination: EnumProperty(
         name="Illumination", description="What a light's strength means", items=_ILLUMINATION_ITEMS
+    )
+    world_light: EnumProperty(
+        name="World Light",
+        description="How the world lights surfaces. With Classic illumination it is constant",
+        items=_WORLD_LIGHT_ITEMS,
     )
     backend: EnumProperty(
         name="Tracer",
@@ -271,6 +290,7 @@ def settings_from(
         max_bounces=group.max_bounces,
         cutoff=group.cutoff,
         illumination=group.illumination,
+        world_light=group.world_light,
         backend=group.backend,
         acceleration=group.acceleration,
         threads=group.threads or fixed_threads,
@@ -289,7 +309,8 @@ def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str
     settings = settings_from(scene.glint.viewport, scene, (scene.glint.viewport_pass,))
     final = settings_from(scene.glint.final, scene)
     backend = final.backend if final.backend in engine.available_backends() else "NUMPY"
-    shared = {name: getattr(final, name) for name in ("illumination", "threads", "filter_width")}
+    names = ("illumination", "world_light", "threads", "filter_width")
+    shared = {name: getattr(final, name) for name in names}
     acceleration = "FAST" if final.acceleration == "AUTO" else final.acceleration
     return replace(
         settings, backend=backend, acceleration=acceleration, **shared

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.scene import Scene, World
+from ...engine.scene import Light, Scene, World
 from ..export.pixels import openimageio
 
 _GREY = 0.5
@@ -28,13 +28,13 @@ class Surroundings:
 
     def around(self, scene: Scene) -> Scene:
         """`scene` as the popover wants it."""
-        lights = scene.lights if self.use_lights else ()
-        world = scene.world if self.studio is None else self.studio
-        return (
-            scene
-            if lights is scene.lights and world is scene.world
-            else replace(scene, lights=lights, world=world)
-        )
+        if self.use_lights and self.studio is None:
+            return scene
+        kept = tuple(light for light in scene.lights if self._shines(light))
+        return replace(scene, lights=kept, world=self.studio or scene.world)
+
+    def _shines(self, light: Light) -> bool:
+        return self.studio is None if light.kind == "DOME" else self.use_lights
 
 
 def read_surroundings(space: Any) -> Surroundings:

@@ -157,9 +157,10 @@ def render_native(
     `library`), RuntimeError for a fault of the core.
     """
     core, axes = library(), narrow_view_axes(scene.camera)
+    told = axes.scene(scene) if axes else scene
     packed, plan = (
-        pack_scene(axes.scene(scene) if axes else scene),
-        pack_settings(scene, settings, "UNSEEN" if on_wave is None else "HELD"),
+        pack_scene(told),
+        pack_settings(told, settings, "UNSEEN" if on_wave is None else "HELD"),
     )
     with _scene(core, packed.data) as handle, _render(core, handle, plan.data) as job:
         film = _Render(core, job, scene, settings, axes).run(should_stop, on_progress, on_wave)

@@ -7,7 +7,7 @@ from __future__ import annotations
 from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from typing import Any
 
-ABI_VERSION = 12
+ABI_VERSION = 13
 
 PREPARING, TRACING, HELD, DONE, CANCELLED, FAILED = range(6)
 """States of a render."""
@@ -50,6 +50,7 @@ FEATURES = (
     "holdout",
     "visible lights",
     "node programs",
+    "world light",
 )
 """Names of the bits of `StatsData.features`, from the lowest."""
 
@@ -148,7 +149,8 @@ class SceneData(Structure):
     _fields_ = (
         _each(CameraData, "camera")
         + _each(c_double * 3, "ambient background")
-        + _each(c_int32, "transparent reserved")
+        + _each(c_double * 9, "world_axes")
+        + _each(c_int32, "transparent world_program world_slot reserved")
         + _each(
             c_size_t,
             "geometries attributes instances world_from_object material_slots textures "
@@ -167,10 +169,14 @@ class SceneData(Structure):
 
 class SettingsData(Structure):
     _fields_ = (
-        _each(c_size_t, "pixel_offsets light_square light_disc")
-        + _each(c_uint64, "light_point_count")
+        _each(c_size_t, "pixel_offsets light_square light_disc dome_table dome_cells")
+        + _each(c_uint64, "light_point_count dome_count")
+        + _each(c_double * 9, "dome_axes")
         + _each(c_double, "error_threshold cutoff")
-        + _each(c_uint32, "samples light_samples max_bounces threads passes")
+        + _each(
+            c_uint32,
+            "samples light_samples dome_samples dome_rows dome_columns max_bounces threads passes",
+        )
         + _each(c_uint32 * 4, "region")
         + _each(c_int32, "illumination waves acceleration remember")
     )

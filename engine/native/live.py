@@ -24,12 +24,13 @@ _POLL_MILLISECONDS = 2
 class _Held:
     """A scene in the core.
 
-    packed: the arrays that it borrows.  exact: it draws what a scene of its own would draw, to the
-    bit.
+    told: the scene in its axes.  packed: the arrays that it borrows.  exact: it draws what a scene
+    of its own would draw, to the bit.
     """
 
     scene: Scene
     axes: ViewAxes | None
+    told: Scene
     packed: Packed
     handle: int
     exact: bool
@@ -42,6 +43,7 @@ class NativeLive:
         self._core = native.library()
         self._packer = ScenePacker()
         self._held: _Held | None = None
+        self._asked: tuple[tuple[Scene, bool], Scene] | None = None
 
     def render(
         self,
@@ -66,8 +68,9 @@ class NativeLive:
                 final,
             )
 
+        scene = self._lit(scene, settings)
         held = self._hold(scene, exact)
-        plan = pack_settings(scene, settings, waves="SEEN", remember=exact)
+        plan = pack_settings(held.told, settings, waves="SEEN", remember=exact)
         with native._render(self._core, held.handle, plan.data) as job:
             self._run(
                 job,
@@ -81,8 +84,9 @@ class NativeLive:
         """`native.render_native` on the scene that is held: the same bits and the same work, so
         that its time and rays can be told.
         """
+        scene = self._lit(scene, settings)
         held = self._hold(scene, exact=True)
-        plan = pack_settings(scene, settings, waves="UNSEEN")
+        plan = pack_settings(held.told, settings, waves="UNSEEN")
         with native._render(self._core, held.handle, plan.data) as job:
             return native._Render(self._core, job, scene, settings, held.axes).run(
                 should_stop, lambda fraction: None, None
@@ -97,6 +101,13 @@ class NativeLive:
     # --- scenes
     # ----------------------------------------------------------------------------------------------
 
+    def _lit(self, scene: Scene, settings: Settings) -> Scene:
+        """The scene as the settings want its world's light, the same value for the same."""
+        key = (scene, settings.occludes_world)
+        if self._asked is None or self._asked[0][0] is not scene or self._asked[0][1] != key[1]:
+            self._asked = (key, scene.with_world_light(settings.occludes_world))
+        return self._asked[1]
+
     def _hold(self, scene: Scene, exact: bool) -> _Held:
         """The scene in the core: the one that is there, or one that takes over from it what has not
         changed.
@@ -105,10 +116,11 @@ class NativeLive:
         if before is not None and before.scene is scene and (before.exact or not exact):
             return before
         axes = narrow_view_axes(scene.camera)
-        packed = self._packer.pack(axes.scene(scene) if axes else scene)
+        told = axes.scene(scene) if axes else scene
+        packed = self._packer.pack(told)
         handle = self._create(packed, before, exact)
         self.close()
-        self._held = _Held(scene, axes, packed, handle, exact or before is None)
+        self._held = _Held(scene, axes, told, packed, handle, exact or before is None)
         return self._held
 
     def _create(self, packed: Packed, before: _Held | None, exact: bool) -> int:

@@ -41,7 +41,7 @@ _ENCODINGS = ("LINEAR", "SRGB")
 _EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
 _INTERPOLATIONS = ("LINEAR", "CLOSEST")
 _CHANNELS = ("COLOR", "ALPHA", "LUMINANCE")
-_LIGHTS = ("POINT", "SUN", "SPOT", "AREA")
+_LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME")
 _SHAPES = ("RECTANGLE", "ELLIPSE")
 _CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
 
@@ -136,25 +136,45 @@ class ScenePacker:
     def __init__(self) -> None:
         self._names: dict[str, int] = {}
         self._parts: dict[str, _Part] = {}
+        self._nobodys: tuple[Program, int, Material] | None = None
 
     def pack(self, scene: Scene) -> Packed:
         """As `pack_scene`."""
         data = core_types.SceneData(camera=pack_camera(scene.camera))
         data.ambient[:], data.background[:] = scene.world.ambient, scene.world.background
         data.transparent = scene.world.transparent
+        data.world_axes[:] = np.asarray(scene.world.axes, np.float64).T.reshape(9)
         parts = {
             "geometries": self._part("geometries", scene.geometries, self._geometries),
-            "materials": self._part("materials", scene.materials, self._materials),
-            "textures": self._part("textures", scene.textures, _textures),
+            "materials": self._part(
+                "materials", (*scene.materials, *self._sky(scene)), self._materials
+            ),
+            "textures": self._part("textures", (*scene.textures, *scene.world.textures), _textures),
             "lights": self._part("lights", scene.lights, _lights),
             "instances": self._part("instances", scene.instances, _instances),
         }
         self._parts = parts
+        if scene.world.program is not None:
+            data.world_program = int(parts["materials"].tables["materials"]["program"][-1])
+            data.world_slot = scene.world.program.outputs[0]
         for part in parts.values():
             for name, table in part.tables.items():
                 setattr(data, name, address(table))
                 setattr(data, _COUNTS[name], len(table))
         return Packed(data, list(parts.values()))
+
+    def _sky(self, scene: Scene) -> tuple[Material, ...]:
+        """What brings a world's program into the tables, where its textures follow those of the
+        scene: a material without lobes, that nothing wears.
+        """
+        program, first = scene.world.program, len(scene.textures)
+        if program is None:
+            return ()
+        if self._nobodys is None or self._nobodys[:2] != (program, first):
+            numbers = {k: first + k for k in range(len(scene.world.textures))}
+            material = Material("world", (), program=program.with_textures(numbers))
+            self._nobodys = (program, first, material)
+        return (self._nobodys[2],)
 
     def _part(
         self, name: str, source: tuple, make: Callable[[tuple, _Part | None, list[int]], _Part]
@@ -607,7 +627,25 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         data.light_square = address(packer.lend(square, np.float64, (None, 2), "light points"))
         data.light_disc = address(packer.lend(disc, np.float64, (None, 2), "light points"))
         data.light_point_count = len(square)
+    for light in scene.lights:
+        if light.kind == "DOME":
+            _add_dome(data, packer, light, settings)
     return Packed(data, packer.lent)
+
+
+def _add_dome(
+    data: core_types.SettingsData, packer: _Packer, light: Light, settings: Settings
+) -> None:
+    from ..dome import dome_table
+
+    data.dome_samples = settings.dome_samples
+    data.dome_count = settings.samples * settings.dome_samples
+    table = dome_table(light, data.dome_count)
+    samples = np.concatenate([table.along, table.light, table.points], 1)
+    data.dome_table = address(packer.lend(samples, np.float64, (None, 9), "dome samples"))
+    data.dome_cells = address(packer.lend(table.cells, np.float32, (None, None, 4), "dome cells"))
+    data.dome_rows, data.dome_columns = table.cells.shape[:2]
+    data.dome_axes[:] = table.axes.T.reshape(9)
 
 
 def passes_of(settings: Settings) -> tuple[str, ...]:
@@ -623,5 +661,5 @@ def passes_of(settings: Settings) -> tuple[str, ...]:
 
 
 def is_soft(light: Light) -> bool:
-    extents = {"SUN": (light.angle,), "AREA": (light.size_x, light.size_y)}
+    extents = {"SUN": (light.angle,), "AREA": (light.size_x, light.size_y), "DOME": ()}
     return any(extent > 0 for extent in extents.get(light.kind, (light.radius,)))

@@ -45,6 +45,13 @@ class Operation:
     reads_point: bool = False
 
     @property
+    def reads_surface(self) -> bool:
+        """Whether it knows more of the point than the ray that meets it, so that the program of a
+        world, whose rays hit nothing, must not have it.
+        """
+        return self.reads_point and self.name not in ("incoming", "light_path", "image")
+
+    @property
     def words(self) -> int:
         """Length of an instruction: the code, then a slot for each output, where each argument
         is, and the settings.

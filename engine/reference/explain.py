@@ -104,7 +104,7 @@ class Explainer:
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
         self.stage = Stage(
-            scene,
+            scene.with_world_light(settings.occludes_world),
             replace(settings, samples=1, region=None, passes=frozenset()),
             Pulse(lambda: False),
         )
@@ -132,7 +132,7 @@ class Explainer:
             _numbers(o[:, 0] + stage.eye),
             _numbers(unit(d)[:, 0]),
             None,
-            _numbers(self._background(paths)),
+            _numbers(self._background(paths, d)),
             shapes,
             (),
             (),
@@ -169,9 +169,9 @@ class Explainer:
                 if radiance.any():
                     yield source.light.name, _numbers(radiance)
 
-    def _background(self, paths: Paths) -> Array:
+    def _background(self, paths: Paths, d: Array) -> Array:
         hidden = paths.depth == 0 and self.stage.scene.world.transparent
-        return np.zeros(3) if hidden else self.stage.background[:, 0]
+        return np.zeros(3) if hidden else self.stage.background_of(d, paths.kind)[:, 0]
 
     def _next(
         self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array
@@ -235,7 +235,7 @@ class Explainer:
         j: int,
     ) -> LightTerm:
         n_dot_l = float(dot(surface.n, sample.direction)[0])
-        intensity = source.color * sample.intensity[0]
+        intensity = sample.light_of(source)[:, 0]
         lit = n_dot_l > 0 and intensity.any()
         specular = sum(
             (

@@ -97,8 +97,11 @@ class Generations:
         weight, pixel = pick(paths.weight, missed), paths.pixel[missed]
         if paths.depth == 0 and self._stage.scene.world.transparent:
             self._tile.lose(pixel, weight)
-        elif self._stage.background.any():
-            self._tile.add(paths.part("Environment"), pixel, weight * self._stage.background)
+            return
+        _, along = paths.rays.lines(missed)
+        background = self._stage.background_of(along, paths.kind)
+        if background.any():
+            self._tile.add(paths.part("Environment"), pixel, weight * background)
 
     def _cut_holdouts(self, paths: Paths, hit: Array, surface: Surface) -> Array:
         """Places of the surfaces that are no holdouts; at those that are the rays end."""

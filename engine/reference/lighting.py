@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .gloss import Narrow
-from .lights import CENTER, LightPoint, LightSample, Source
+from .lights import CENTER, Dome, LightPoint, LightSample, Source
 from .materials import Coefficients, Term, taken
 from .optics import blinn_phong, gloss
 from .pulse import Pulse
@@ -86,11 +86,12 @@ class Lighting:
         k_d (3, n) or zeros.
         """
         n = source.sample_count(self.light_samples)
-        if n == 1:
+        points = source.points if isinstance(source, Dome) else self.points
+        if n == 1 and points is self.points:
             yield None, source.sample(surface.x, CENTER, n), coefficients.diffuse
             return
         narrow = Narrow(surface, coefficients.highlights, weight, source)
-        for point in self.points[sample * n : (sample + 1) * n]:
+        for point in points[sample * n : (sample + 1) * n]:
             yield narrow, source.sample(surface.x, point, n), coefficients.diffuse
             if narrow:
                 direction, drawn = narrow.draw(point)
@@ -122,9 +123,15 @@ class Lighting:
             sample.end if sample.end is None or sample.end.shape[1] == 1 else pick(sample.end, seen)
         )
         sample = LightSample(
-            pick(sample.direction, seen), sample.intensity[seen], end, sample.spread[seen]
+            pick(sample.direction, seen),
+            sample.intensity[seen],
+            end,
+            sample.spread[seen],
+            sample.color
+            if sample.color is None or sample.color.shape[1] == 1
+            else pick(sample.color, seen),
         )
-        light = source.color[:, None] * sample.intensity
+        light = sample.light_of(source)
         diffuse = pick(diffuse, seen) * light * cosine[seen]
         specular = (
             _highlights(surface, coefficients, seen, sample) * light * balance(narrow, seen, sample)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..dome import DomeTable
 from ..scene import Light
 from .rectangle import rectangle_point
 from .vectors import basis_around, dot, length, pick, unit
@@ -21,6 +22,8 @@ HUGE = 1e100
 """Intensities saturate here, far beyond any float32, so that products stay finite."""
 
 
+LEAST_SKY = 8.0
+"""Exponents from here on draw directions beside those of the sky."""
 NEAR = 4.0
 """Half diagonals of a rectangle within which it is seen large."""
 
@@ -43,13 +46,19 @@ class LightSample:
     direction: (3, n) l.  intensity: (n,), to be multiplied with the light's colour.
     end: where the shadow segment ends: (3, 1) a point common to all, (3, n) a point for each, or
     None for never. spread: (n,) one over how densely, a steradian, samples fall there; 0 for a
-    light of no extent.
+    light of no extent.  color: (3, 1) or (3, n) instead of the light's, None for that.
     """
 
     direction: Array
     intensity: Array
     end: Array | None
     spread: Array
+    color: Array | None = None
+
+    def light_of(self, source: Source) -> Array:
+        """(3, n) intensity times colour."""
+        color = source.color[:, None] if self.color is None else self.color
+        return color * self.intensity
 
 
 class Source:
@@ -71,6 +80,8 @@ class Source:
     def is_extended(self) -> bool:
         """Whether it has an extent to sample."""
         light = self.light
+        if light.kind == "DOME":
+            return True
         if light.kind == "AREA":
             return light.size_x > 0 or light.size_y > 0
         return light.angle > 0 if light.kind == "SUN" else light.radius > 0
@@ -310,6 +321,47 @@ class Source:
         intensity[large] = solid_angle / (np.pi**2 * self.light.size_x * self.light.size_y * n)
         spread[large] = solid_angle
         return LightSample(direction, intensity, end, spread)
+
+
+@dataclass(frozen=True, eq=False)
+class DomePoint:
+    """A direction (3,) from which a DOME light shines, what comes from there (3,), one over the
+    density of such directions, and a point of the unit disc.
+    """
+
+    direction: Array
+    color: Array
+    spread: float
+    disc: Array
+
+
+class Dome(Source):
+    """A light from all around. samples: directions a sample of a pixel."""
+
+    def __init__(self, light: Light, eye: Array, table: DomeTable, samples: int):
+        super().__init__(light, eye, physical=True)
+        self._table, self._samples = table, samples
+        rows = zip(table.along, table.light, table.points, strict=True)
+        self.points = [DomePoint(along, row[:3], row[3], disc) for along, row, disc in rows]
+
+    def sample_count(self, light_samples: int) -> int:
+        return self._samples
+
+    def is_cut(self, x: Array, n: Array) -> Array:
+        """Never: every horizon cuts it, and neighbours see the same of its points."""
+        return np.zeros(x.shape[1], bool)
+
+    def least_exponent(self, x: Array) -> Array:
+        return np.full(x.shape[1], LEAST_SKY)
+
+    def sample(self, x: Array, point: DomePoint, n: int) -> LightSample:
+        some = np.ones(x.shape[1])
+        direction = np.repeat(point.direction[:, None], x.shape[1], 1)
+        return LightSample(direction, some / n, None, point.spread * some, point.color[:, None])
+
+    def sample_at(self, x: Array, direction: Array, n: int) -> LightSample:
+        radiance, spread = self._table.seen(direction)
+        return LightSample(direction, spread / n, None, spread, radiance)
 
 
 def _half_square(a: Array) -> Array:

@@ -65,8 +65,8 @@ class Shader:
     def __init__(self, scene: Scene, attributes: Attributes, geometry: Geometry):
         self._materials = (*scene.materials, DEFAULT)  # index -1 is the default
         self._attributes = attributes
-        self._images = [Image(t) for t in scene.textures]
-        self._around = Surroundings(attributes, self._images, geometry, scene.camera)
+        self.images = [Image(t) for t in scene.textures]
+        self._around = Surroundings(attributes, self.images, geometry, scene.camera)
         self.has_programs = any(m.program is not None for m in scene.materials)
 
     def is_transparent(self, material: Array) -> Array:
@@ -183,7 +183,7 @@ class Shader:
             spot.geometry[index], spot.local[index], pick(spot.weights, index)
         )
         (a, b, c), (d, e, f) = factor.uv_transform
-        rgba = self._images[factor.texture].read(a * u + b * v + c, d * u + e * v + f)
+        rgba = self.images[factor.texture].read(a * u + b * v + c, d * u + e * v + f)
         if factor.channel == "COLOR":
             return rgba[:3]
         return rgba[3:4] if factor.channel == "ALPHA" else (rgba[:1] + rgba[1:2] + rgba[2:3]) / 3

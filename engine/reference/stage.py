@@ -6,17 +6,21 @@ from collections import Counter
 
 import numpy as np
 
+from ..dome import dome_table
 from ..sampling import light_points
-from ..scene import Scene
+from ..scene import Light, Scene
 from ..settings import Settings
 from .attributes import Attributes
 from .camera import CameraRays
 from .geometry import gather
 from .lighting import Lighting
-from .lights import LightPoint, Source
+from .lights import Dome, LightPoint, Source
 from .materials import Shader
 from .pulse import Pulse
 from .shadows import Shadows
+from .sky import radiance
+from .textures import Image
+from .vectors import unit
 from .visibility import Visibility
 
 Array = np.ndarray
@@ -40,20 +44,34 @@ class Stage:
         )
         pulse.beat()
         self.rays: Counter[str] = Counter()
-        self.sources = tuple(
-            Source(light, self.eye, settings.illumination == "PHYSICAL") for light in scene.lights
-        )
+        self.sources = tuple(self._source(light) for light in scene.lights)
         shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays)
         self.lighting = Lighting(
             self.sources, settings.light_samples, self._light_points(), shadows, pulse
         )
+        self._sky_images = [Image(texture) for texture in scene.world.textures]
         self.camera = CameraRays.of(scene.camera, self.geometry)
         self.ambient, self.background = (
             np.array(c, np.float64)[:, None] for c in (scene.world.ambient, scene.world.background)
         )
 
+    def background_of(self, along: Array, kind: str) -> Array:
+        """(3, n) or (3, 1): what rays of a kind in the directions (3, n) see that hit nothing."""
+        program = self.scene.world.program
+        if program is None:
+            return self.background
+        axes = np.asarray(self.scene.world.axes, np.float64)
+        return radiance(program, self._sky_images, axes.T @ unit(along), kind)
+
+    def _source(self, light: Light) -> Source:
+        if light.kind != "DOME":
+            return Source(light, self.eye, self.settings.illumination == "PHYSICAL")
+        n = self.settings.dome_samples
+        return Dome(light, self.eye, dome_table(light, n * self.settings.samples), n)
+
     def _light_points(self) -> list[LightPoint]:
-        if all(source.sample_count(self.settings.light_samples) == 1 for source in self.sources):
+        lamps = [source for source in self.sources if not isinstance(source, Dome)]
+        if all(source.sample_count(self.settings.light_samples) == 1 for source in lamps):
             return []
         square, disc = light_points(self.settings.samples * self.settings.light_samples)
         return [LightPoint(*pair) for pair in zip(square, disc, strict=True)]

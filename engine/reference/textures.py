@@ -32,6 +32,12 @@ class Image:
         above = (1 - fx) * self._texels(x0, y0 + 1) + fx * self._texels(x0 + 1, y0 + 1)
         return (1 - fy) * below + fy * above
 
+    def texels(self) -> Array:
+        """(h, w, 4) RGBA of the whole image."""
+        height, width = self._texture.pixels.shape[:2]
+        x, y = np.meshgrid(np.arange(width), np.arange(height))
+        return self._texels(x.ravel(), y.ravel()).T.reshape(height, width, 4)
+
     def _texels(self, x: Array, y: Array) -> Array:
         """(4, n) of whole texel coordinates, extended past the borders."""
         height, width = self._texture.pixels.shape[:2]

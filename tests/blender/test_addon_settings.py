@@ -9,6 +9,7 @@ VALUES = {
     "max_bounces": 2,
     "cutoff": 0.25,
     "illumination": "CLASSIC",
+    "world_light": "CONSTANT",
     "backend": "NUMPY",
     "acceleration": "FAST",
     "threads": 5,

@@ -85,4 +85,5 @@ def test_a_click_ends_with_its_release_and_leaves_the_clipboard_alone(told):
     assert told["reports"] == told["text"][:1] and told["text"][0].startswith(
         "'Cube' with the material 'Material': lit by Light "
     )
+    assert ", World " in told["text"][0]
     assert told["block"].splitlines() == told["text"]

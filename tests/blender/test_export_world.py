@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from export_support import export, image, scene, use_nodes  # noqa: F401
+from glint.engine.reference import sky
 
 
 @pytest.fixture
@@ -45,24 +46,53 @@ def test_film_transparent(scene):  # noqa: F811
     assert export().scene.world.transparent
 
 
-def test_an_environment_image_is_its_mean_over_the_sphere(scene, world):  # noqa: F811
-    """The upper half white, the lower black, is one half; rows near the poles cover less sky."""
+def test_an_environment_image_is_seen_and_lights(scene, world):  # noqa: F811
+    """The upper half white, the lower black: its mean is one half, as rows near the poles cover
+    less sky; the light comes from above.
+    """
     tree, background = world
     texture = tree.nodes.new("ShaderNodeTexEnvironment")
-    rows = np.zeros((4, 2, 4), np.float32)
+    rows = np.zeros((4, 8, 4), np.float32)
     rows[2:, :, :] = 1
-    texture.image = image("Sky", rows.reshape(-1, 4), (2, 4), float_buffer=True)
+    texture.image = image("Sky", rows.reshape(-1, 4), (8, 4), float_buffer=True)
+    texture.interpolation = "Closest"
     tree.links.new(texture.outputs[0], background.inputs["Color"])
     result = export()
+    assert result.notes == ()
+    assert result.scene.textures == () and len(result.scene.world.textures) == 1
     np.testing.assert_allclose(result.scene.world.ambient, 0.5, rtol=1e-6)
-    assert len(result.notes) == 1
-    assert "Environment" in result.notes[0]
-    assert result.scene.textures == ()
-    rows[2, :, :3] = 0
-    texture.image = image("Pole", rows.reshape(-1, 4), (2, 4), float_buffer=True)
-    # share of the sky above 45°: (1 − cos 45°)/2, by the midpoint rule over four rows
-    middle = np.sin((np.arange(4) + 0.5) * np.pi / 4)
-    np.testing.assert_allclose(export().scene.world.ambient, middle[3] / middle.sum(), rtol=1e-6)
+    (light,) = result.scene.lights
+    assert light.kind == "DOME" and light.name == "World"
+    np.testing.assert_array_equal(light.radiance, rows[..., :3])
+
+
+def test_a_black_world_lights_nothing(scene, world):  # noqa: F811
+    world[1].inputs["Color"].default_value = (0, 0, 0, 1)
+    assert export().scene.lights == ()
+
+
+@pytest.mark.parametrize(
+    ("off", "seen", "shines"),
+    [
+        (("camera",), (0.0, 0.75), True),
+        (("glossy", "transmission"), (0.75, 0.0), True),
+        (("camera", "glossy", "transmission"), (0.0, 0.0), True),
+        (("diffuse", "glossy"), (0.75, 0.75), False),
+    ],
+)
+def test_cycles_visibility_counts(scene, world, off, seen, shines):  # noqa: F811
+    world[1].inputs["Color"].default_value = (0.75, 0.75, 0.75, 1)
+    for name in off:
+        setattr(scene.world.cycles_visibility, name, False)
+    found = export().scene
+    if found.world.program is None:
+        assert found.world.background == (seen[0],) * 3 and seen[0] == seen[1]
+    else:
+        along = np.array([[0.0], [0.0], [1.0]])
+        for kind, value in zip(("camera", "mirror"), seen, strict=True):
+            radiance = sky.radiance(found.world.program, (), along, kind)
+            np.testing.assert_allclose(radiance, value, rtol=1e-6)
+    assert any(light.kind == "DOME" for light in found.lights) == shines
 
 
 def test_what_is_not_understood_is_the_default(scene, world):  # noqa: F811

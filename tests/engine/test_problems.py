@@ -440,8 +440,8 @@ FAULTS = {
     ),
     # Light and view
     "light kind": (
-        scene(lights=(light(kind="DOME"),)),
-        "light 'Lamp': kind is 'DOME': use one of POINT, SUN, SPOT, AREA",
+        scene(lights=(light(kind="GLOW"),)),
+        "light 'Lamp': kind is 'GLOW': use one of POINT, SUN, SPOT, AREA, DOME",
     ),
     "light shape": (scene(lights=(light(shape="SQUARE"),)), "shape is 'SQUARE'"),
     "light matrix": (

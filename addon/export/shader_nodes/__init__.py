@@ -10,6 +10,7 @@ from . import math as math
 from . import noise as noise
 from . import normals as normals
 from . import patterns as patterns
+from . import sky as sky
 from . import vectors as vectors
 from . import voronoi as voronoi
 from .reader import READERS as READERS

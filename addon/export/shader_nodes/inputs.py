@@ -93,20 +93,26 @@ def _attribute(view: NodeInputs) -> Outputs | None:
     return outputs
 
 
+def noted_interpolation(node: Any, note: Callable[[str], None]) -> str:
+    """A node's way to read between texels, with a note where that is not rendered."""
+    if node.interpolation in ("Cubic", "Smart"):
+        note("Cubic interpolation of images is rendered as linear in {}")
+    return node.interpolation
+
+
 def image_texture(node: Any, images: Images, note: Callable[[str], None]) -> int:
     """Index of an Image Texture node's texture, with notes of what it does not do as in Blender.
 
     Where nothing reads the image's alpha its colour is times alpha, as in Cycles.
     """
-    if node.interpolation in ("Cubic", "Smart"):
-        note("Cubic interpolation of images is rendered as linear in {}")
+    interpolation = noted_interpolation(node, note)
     if node.projection != "FLAT":
         note(
             f"The {node.projection.lower()} projection of images is not supported: {{}} use the "
             "flat one; bake to an image"
         )
     alone = not node.outputs["Alpha"].is_linked
-    return images.texture(node.image, node.image_user, node.extension, node.interpolation, alone)
+    return images.texture(node.image, node.image_user, node.extension, interpolation, alone)
 
 
 def _image(view: NodeInputs) -> Outputs:

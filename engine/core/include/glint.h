@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 12
+#define GLINT_ABI_VERSION 13
 
 enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -140,7 +140,7 @@ typedef struct GlintMaterial {
   int32_t index, program, normal, reserved;
 } GlintMaterial;
 
-enum { GLINT_POINT_LIGHT, GLINT_SUN, GLINT_SPOT, GLINT_AREA };
+enum { GLINT_POINT_LIGHT, GLINT_SUN, GLINT_SPOT, GLINT_AREA, GLINT_DOME };
 enum {
   GLINT_CAST_SHADOW = 1,
   GLINT_SEEN_BY_CAMERA = 2,
@@ -172,10 +172,13 @@ typedef struct GlintCamera {
   double clip_planes[6][4];
 } GlintCamera;
 
+/* world_program: 0, or 1 plus the number of the program that gives what rays see that hit nothing,
+ * instead of the background; world_slot: the first of its three slots that hold that. It must not
+ * read surfaces. world_axes: the program's axes in the scene, column by column. */
 typedef struct GlintSceneData {
   GlintCamera camera;
-  double ambient[3], background[3];
-  int32_t transparent, reserved;
+  double ambient[3], background[3], world_axes[9];
+  int32_t transparent, world_program, world_slot, reserved;
   const GlintGeometry* geometries;
   const GlintAttribute* attributes;
   const GlintInstances* instances;
@@ -228,7 +231,12 @@ enum {
  * anybody looks before the end; if nobody does, more samples are traced at once, to the same bits.
  * HELD: see glint_render_resume. pixel_offsets: (samples, 2). light_square, light_disc:
  * (light_point_count, 2), at least samples * light_samples points when light_samples > 1 and a
- * light has an extent; else they may be null. error_threshold: in 8-bit levels, at least 0 and
+ * light has an extent; else they may be null. dome_table: (samples * dome_samples,
+ * 9), of a GLINT_DOME: the direction to it, what comes from there (dome_samples times its share),
+ * one over the density of directions, and a point of the unit disc. dome_cells: (dome_rows,
+ * dome_columns, 4), what comes from a direction of the light's axes (dome_axes, column by column)
+ * over the density and one over that, equirectangular, from below upward. Both may be null where
+ * the scene has no such light. error_threshold: in 8-bit levels, at least 0 and
  * below 256; pixels whose estimated error it covers take no further samples after a wave. 0: all
  * take all. cutoff: mirror and refraction rays with no channel of their weight as large end there,
  * 0 to 1. acceleration: of the first render of a scene counts, the trees are kept. remember: keep
@@ -239,9 +247,13 @@ typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
   const double* light_disc;
-  uint64_t light_point_count;
+  const double* dome_table;
+  const float* dome_cells;
+  uint64_t light_point_count, dome_count;
+  double dome_axes[9];
   double error_threshold, cutoff;
-  uint32_t samples, light_samples, max_bounces, threads, passes;
+  uint32_t samples, light_samples, dome_samples, dome_rows, dome_columns;
+  uint32_t max_bounces, threads, passes;
   uint32_t region[4];
   int32_t illumination, waves, acceleration, remember;
 } GlintRenderSettings;
@@ -265,7 +277,8 @@ enum {
   GLINT_FEATURE_SMOOTH = 32,
   GLINT_FEATURE_HOLDOUT = 64,
   GLINT_FEATURE_SEEN_LIGHTS = 128,
-  GLINT_FEATURE_PROGRAMS = 256
+  GLINT_FEATURE_PROGRAMS = 256,
+  GLINT_FEATURE_DOME = 512
 };
 
 typedef struct GlintStats {

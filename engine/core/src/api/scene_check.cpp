@@ -280,6 +280,25 @@ void check_materials(const GlintSceneData& d, Report& report) {
   }
 }
 
+/// Whether no instruction of a program that was checked reads a surface.
+bool reads_no_surface(const GlintSceneData& d, const GlintProgram& g) {
+  const int32_t *word = d.program_words + g.first_word, *const end = word + g.word_count;
+  for (; word != end; word += kLayouts[*word].words())
+    if (kLayouts[*word].reads_surface) return false;
+  return true;
+}
+
+void check_sky(const GlintSceneData& d, Report& report) {
+  report.add(all_finite(d.world_axes, 9), "world: an axis is not finite");
+  report.add(d.world_program >= 0 && uint64_t(d.world_program) <= d.program_count,
+             "world: program beyond the table");
+  if (!report.good() || d.world_program == 0) return;
+  const GlintProgram& program = d.programs[d.world_program - 1];
+  report.add(d.world_slot >= 0 && int64_t(d.world_slot) + 3 <= int64_t(program.slots),
+             "world: a slot that its program has not");
+  report.add(reads_no_surface(d, program), "world: its program reads surfaces");
+}
+
 void check_surroundings(const GlintSceneData& d, Report& report) {
   const GlintCamera& c = d.camera;
   report.add(within(c.kind, GLINT_ORTHOGRAPHIC), "camera: unknown kind %d", c.kind);
@@ -293,7 +312,7 @@ void check_surroundings(const GlintSceneData& d, Report& report) {
   bool sized = c.width >= 1 && c.height >= 1 && c.width <= 1u << 20 && c.height <= 1u << 20;
   report.add(sized, "camera: resolution %u by %u", c.width, c.height);
   for (uint64_t i = 0; i < d.light_count; ++i)
-    report.add(within(d.lights[i].kind, GLINT_AREA), "light %llu: unknown kind %d", ull(i),
+    report.add(within(d.lights[i].kind, GLINT_DOME), "light %llu: unknown kind %d", ull(i),
                d.lights[i].kind);
 }
 
@@ -340,6 +359,7 @@ Report check_all_else(const GlintSceneData& data) {
   check_surroundings(data, report);
   check_textures(data, report);
   check_materials(data, report);
+  if (report.good()) check_sky(data, report);
   check_instances(data, report);
   return report;
 }

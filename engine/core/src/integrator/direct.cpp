@@ -49,11 +49,11 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   prepare(batch);
   size_t number = 0;
   for (const Light& light : scene_.lights) {
-    const uint32_t count = light.extended ? plan_.light_samples : 1;
+    const uint32_t count = plan_.samples_of(light);
     const bool notes = batch.softly_lit && count > 1;
     if (notes) find_cut(batch, light);
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
-      light.set(stage_, plan_.light_point(sample, j), count, plan_.physical);
+      light.set(stage_, plan_.light_point(light, sample, j), count, plan_.physical);
       uint8_t* const known = batch.first_hits ? batch.first_hits->shadows(number) : nullptr;
       add_lit(batch, light, stages_.light(stage_), known ? known + batch.first_row : nullptr,
               counts);

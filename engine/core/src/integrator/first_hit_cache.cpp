@@ -37,10 +37,10 @@ FirstHitCache::Rays FirstHitCache::rays_of(const LightStage& s) {
 void FirstHitCache::expect(const Scene& scene, const RenderPlan& plan) {
   size_t number = 0;
   for (const Light& light : scene.lights) {
-    const uint32_t count = light.extended ? plan.light_samples : 1;
+    const uint32_t count = plan.samples_of(light);
     for (uint32_t j = 0; j < count && number < kMaxColumns; ++j, ++number) {
       LightStage stage{};
-      light.set(stage, plan.light_point(0, j), count, plan.physical);
+      light.set(stage, plan.light_point(light, 0, j), count, plan.physical);
       const Rays rays = rays_of(stage);
       if (number < columns_.size() && columns_[number].rays == rays) continue;
       if (number == columns_.size()) columns_.emplace_back();

@@ -12,7 +12,7 @@ struct RenderPlan {
   Region region, shown;  // shown: the pixels that were asked for; the region has a margin where
                          // their neighbours are looked at
   double error_threshold = 0, cutoff = 0;
-  uint32_t samples = 1, light_samples = 1, max_bounces = 0, passes = 0;
+  uint32_t samples = 1, light_samples = 1, dome_samples = 1, max_bounces = 0, passes = 0;
   int threads = 1;
   BuildQuality quality = BuildQuality::kBalanced;
   bool physical = true, unseen = false, hold_waves = false,
@@ -20,9 +20,19 @@ struct RenderPlan {
   const double* pixel_offsets = nullptr;
   const double* light_square = nullptr;
   const double* light_disc = nullptr;
+  const double* dome_table = nullptr;
+  DomeCells dome;
 
-  /// Point j of pixel sample `sample`, for lights with an extent.
-  LightPoint light_point(uint32_t sample, uint32_t j) const {
+  uint32_t samples_of(const Light& light) const {
+    return light.is_dome() ? dome_samples : light.extended ? light_samples : 1;
+  }
+
+  /// Point j of a light for pixel sample `sample`.
+  LightPoint light_point(const Light& light, uint32_t sample, uint32_t j) const {
+    if (light.is_dome()) {
+      const double* const row = dome_table + 9 * (size_t(sample) * dome_samples + j);
+      return {0, 0, row[7], row[8], row, &dome};
+    }
     if (light_samples <= 1 || !light_square) return {};
     size_t at = 2 * (size_t(sample) * light_samples + j);
     return {light_square[at], light_square[at + 1], light_disc[at], light_disc[at + 1]};

@@ -66,7 +66,7 @@ void Tracer::choose(const Tile& tile) {
   else if (active_.size() != tile.pixels())
     active_.resize(tile.pixels()), std::iota(active_.begin(), active_.end(), 0u);
   surely_empty_ = !active_.empty() && !(scene_.features & GLINT_FEATURE_SEEN_LIGHTS) &&
-                  scene_.accel().surely_empty(frustum(tile));
+                  !scene_.sky_program && scene_.accel().surely_empty(frustum(tile));
 }
 
 /// Round all camera rays of the tile's samples.
@@ -80,6 +80,7 @@ TileFrustum Tracer::frustum(const Tile& tile) const {
 /// How many of a pixel's next samples are traced at once: points of soft lights are common to a
 /// sample of many pixels.
 uint32_t Tracer::packet_samples(uint32_t samples) const {
+  if (scene_.features & GLINT_FEATURE_DOME) return 1;
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
   uint32_t count = WindowPoints::kMaxPacketSamples;
   while (count > samples) count /= 2;
@@ -253,6 +254,7 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
     const uint32_t k = batch_.others[i];
     if (batch_.material[k] == scene_.holdout())
       shader_.hold_out(batch_, k, film_, pixel(queue, k), lost[queue.slot(k)]), ++i;
+    else if (batch_.material[k] == scene_.surroundings()) i += see_sky(queue, i, others - i);
     else i += vary(queue, i, others - i, {straight, bounced});
   }
 }
@@ -294,6 +296,40 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     if (queue.wants_data(rows[i]))
       shader_.record_veil(batch_, rows[i], film_, pixel(queue, rows[i]));
   return stage.count;
+}
+
+/// Adds what the world's program gives to those of the batch's `others` from `first` on, of
+/// `count`, that hit nothing. How many they are.
+size_t Tracer::see_sky(const Queue& queue, size_t first, size_t count) {
+  const uint32_t* rows = batch_.others.data() + first;
+  const double* slot = program_slots_.data() + scene_.sky_slot;
+  const RayKind kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
+  size_t seen = 0;
+  while (seen < count && batch_.material[rows[seen]] == scene_.surroundings()) {
+    const uint32_t* some = rows + seen;
+    const size_t most = std::min(count - seen, kBlock);
+    size_t here = 1;
+    while (here < most && batch_.material[some[here]] == scene_.surroundings()) ++here;
+    ProgramPoints points{};
+    for (size_t i = 0; i < (here + kPad - 1) / kPad * kPad; ++i) {
+      const uint32_t k = some[std::min(i, here - 1)];
+      for (size_t c = 0; c < 3; ++c) points.d[c][i] = 0;
+      for (size_t c = 0; c < 3; ++c)
+        for (size_t axis = 0; axis < 3; ++axis)
+          points.d[axis][i] += scene_.sky_axes[axis][int(c)] * queue.column(Queue::kD + c)[k];
+    }
+    stages_.program(
+        {scene_.input_tables(), scene_.sky_program, &points, kind, here, program_slots_.data()});
+    for (size_t i = 0; i < here; ++i)
+      for (size_t c = 0; c < 3; ++c) {
+        const double radiance = slot[c * kBlock + i], T = queue.column(Queue::kT + c)[some[i]];
+        const double light = std::isfinite(radiance) ? T * radiance : 0;
+        batch_.sums.total[c][some[i]] += light;
+        if (batch_.sums.environment[c]) batch_.sums.environment[c][some[i]] += light;
+      }
+    seen += here;
+  }
+  return seen;
 }
 
 /// Sends on the rays of the first `count` of the batch's `passing_rows`, which share a material.

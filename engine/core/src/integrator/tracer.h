@@ -59,6 +59,7 @@ class Tracer {
   void find_hits(const Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
   size_t vary(const Queue& queue, size_t first, size_t count, const Leaving& next);
+  size_t see_sky(const Queue& queue, size_t first, size_t count);
   void pass_on(const Queue& queue, size_t count, const Leaving& next);
   void record(const Queue& queue);
   void keep(const Queue& queue);

@@ -20,7 +20,7 @@ struct OperationRow {
 };
 
 constexpr OperationRow kOperations[] = {
-#define GLINT_OPERATION(name, outputs, arguments, settings) \
+#define GLINT_OPERATION(name, outputs, arguments, settings, reads_surface) \
   {op::name, outputs, arguments, sizeof(settings) - 1},
 #include "program/operations.inc"
 #undef GLINT_OPERATION

@@ -11,6 +11,8 @@ namespace {
 constexpr double kHuge =
     1e100;  // beyond any float: intensities saturate here instead of overflowing to NaN later
 
+constexpr double kLeastSky = 8;  // exponents from here on draw directions beside those of the sky
+
 constexpr double kNear = 4;  // half diagonals of a rectangle within which it is seen large
 
 double saturate(double x) { return std::clamp(x, -kHuge, kHuge); }
@@ -43,6 +45,7 @@ Light::Light(const GlintLight& g, const Anchor& anchor) : kind(g.kind), flags(g.
   versine = 2 * s * s;
   spot_cosine = cosine(half(g.spot_size)), spot_blend = g.spot_blend;
   double shape = 0;  // the c / shape of the visible radiance
+  if (is_dome()) extended = true;
   if (kind == GLINT_SUN) extended = alpha > 0, shape = kPi * sine(alpha) * sine(alpha);
   if (kind == GLINT_AREA) extended = g.size_x > 0 || g.size_y > 0, shape = kPi * area_of(g);
   if (kind == GLINT_POINT_LIGHT || kind == GLINT_SPOT)
@@ -72,7 +75,18 @@ LightShape Light::shape(bool soft, bool physical) const {
   return !soft ? kPointSource : flags & GLINT_SOFT_FALLOFF ? kDiscSource : kSphereSource;
 }
 
+void Light::set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const {
+  stage.shape = kSky, stage.physical = true, stage.spot = false,
+  stage.casts_shadow = casts_shadow(), stage.factor = 1, stage.share = count, stage.versine = 0,
+  stage.spread = p.drawn[6], stage.dome = p.dome;
+  for (int c = 0; c < 3; ++c)
+    stage.l[c] = p.drawn[c], stage.color[c] = p.drawn[3 + c], stage.center[c] = 0;
+  stage.least_near = 0, stage.least = kLeastSky, stage.draws = stage.most_exponent >= kLeastSky;
+  set_place(stage, p);
+}
+
 void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {
+  if (is_dome()) return set_dome(stage, p, count);
   const bool soft = extended && count > 1, ellipse = flags & GLINT_ELLIPSE;
   const LightPoint q = soft ? p : LightPoint{};
   const Vec3d l = soft && kind == GLINT_SUN ? in_cone(-axis, versine, p) : -axis;
@@ -94,7 +108,7 @@ void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool phy
 /// Where directions are drawn from lobes: those whose solid angle 8 pi / (p + 1), seen straight, is
 /// less than the light's, about area / (d^2 + area / (2 pi)).
 void Light::set_lobes(LightStage& stage, const LightPoint& q, bool soft) const {
-  const double x = length(right), y = length(up), r2 = q.x * q.x + q.y * q.y, r = std::sqrt(r2);
+  const double x = length(right), y = length(up);
   const bool ellipse = flags & GLINT_ELLIPSE;
   stage.ellipse = ellipse,
   stage.area = kind == GLINT_AREA ? (ellipse ? kPi : 4) * x * y : kPi * radius * radius;
@@ -103,6 +117,12 @@ void Light::set_lobes(LightStage& stage, const LightPoint& q, bool soft) const {
   stage.least_near = endless() ? 0 : 8 * kPi / stage.area,
   stage.least = endless() ? 4 / versine - 1 : 3;
   stage.draws = soft && (endless() || stage.area > 0) && stage.most_exponent >= stage.least;
+  set_place(stage, q);
+}
+
+/// Where in lobes directions are drawn.
+void Light::set_place(LightStage& stage, const LightPoint& q) const {
+  const double r2 = q.x * q.x + q.y * q.y, r = std::sqrt(r2);
   stage.radius2 = r2, stage.azimuth[0] = r > 0 ? q.x / r : 1,
   stage.azimuth[1] = r > 0 ? q.y / r : 0;
 }
@@ -116,7 +136,7 @@ void Light::set_rectangle(LightStage& stage, const LightPoint& q) const {
 }
 
 bool Light::is_cut(Vec3d x, Vec3d n) const {
-  if (!any(color)) return false;
+  if (!any(color) || is_dome()) return false;
   if (kind == GLINT_SUN) {
     const double z = dot(n, axis), v = std::min(versine, 1.0);
     return z * z < v * (2 - v);

@@ -11,9 +11,13 @@ namespace glint {
 
 struct Anchor;
 
-/// A point of the square [-1, 1]^2 and the same point mapped to the unit disc.
+/// A point of the square [-1, 1]^2 and the same point mapped to the unit disc; of a dome the
+/// direction to its light, what comes from there and one over the density of such directions, and
+/// its map.
 struct LightPoint {
   double a = 0, b = 0, x = 0, y = 0;
+  const double* drawn = nullptr;
+  const DomeCells* dome = nullptr;
 };
 
 struct Light {
@@ -30,7 +34,8 @@ struct Light {
   bool extended = false;  // has more than one sample when the settings want them
 
   Light(const GlintLight& data, const Anchor& anchor);
-  bool endless() const { return kind == GLINT_SUN; }
+  bool endless() const { return kind == GLINT_SUN || is_dome(); }
+  bool is_dome() const { return kind == GLINT_DOME; }
   bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
 
   /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1:
@@ -48,6 +53,8 @@ struct Light {
   Vec3d radiance(Vec3d d, bool physical) const;
 
  private:
+  void set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const;
+  void set_place(LightStage& stage, const LightPoint& q) const;
   bool is_rectangle() const;
   LightShape shape(bool soft, bool physical) const;
   void set_rectangle(LightStage& stage, const LightPoint& q) const;

@@ -231,6 +231,11 @@ void Scene::copy_programs(const GlintSceneData& data) {
                         program_tables_.data() + g.first_table, g.slots});
     most_slots = std::max(most_slots, g.slots);
   }
+  if (data.world_program > 0)
+    sky_program = &programs[size_t(data.world_program - 1)],
+    sky_slot = size_t(data.world_slot) * kBlock;
+  for (int k = 0; k < 3; ++k)
+    sky_axes[k] = {data.world_axes[3 * k], data.world_axes[3 * k + 1], data.world_axes[3 * k + 2]};
 }
 
 /// The default surface (white DIFFUSE 0.8 with AMBIENT 0.8) follows the given materials.
@@ -401,7 +406,8 @@ void Scene::note_features() {
     }
   }
   for (const Light& light : lights) {
-    if (light.extended) features |= GLINT_FEATURE_SOFT_LIGHTS;
+    if (light.is_dome()) features |= GLINT_FEATURE_DOME;
+    else if (light.extended) features |= GLINT_FEATURE_SOFT_LIGHTS;
     if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR) && any(light.seen))
       features |= GLINT_FEATURE_SEEN_LIGHTS;
   }
@@ -477,8 +483,10 @@ void Scene::fold_materials() {
     material_terms.push_back(terms);
   }
   MaterialTerms around{}, none{}, hole{};
-  for (int c = 0; c < 3; ++c) around.glow[c] = around.environment[c] = background[c];
-  hole.others = 1, around.unlit = none.unlit = 1;
+  for (int c = 0; c < 3 && !sky_program; ++c)
+    around.glow[c] = around.environment[c] = background[c];
+  around.others = sky_program != nullptr, around.unlit = !sky_program;
+  hole.others = 1, none.unlit = 1;
   material_terms.insert(material_terms.end(), {around, none, hole});
 }
 

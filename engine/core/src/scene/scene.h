@@ -131,6 +131,9 @@ class Scene {
   const ProgramShape& program_of(const Material& m) const {
     return programs[size_t(m.program - 1)];
   }
+  const ProgramShape* sky_program = nullptr;  // what rays see that hit nothing; null: background
+  size_t sky_slot = 0;                        // in the block of its slots
+  Vec3d sky_axes[3];                          // its axes in the scene
   size_t triangles = 0, primitives = 0, dropped_instances = 0, dropped_lights = 0;
   double build_seconds = 0;
 

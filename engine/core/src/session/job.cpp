@@ -32,12 +32,21 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.threads = threads_for(g.threads), plan.quality = BuildQuality(g.acceleration);
   plan.physical = g.illumination == GLINT_PHYSICAL, plan.remember = g.remember != 0;
   plan.pixel_offsets = g.pixel_offsets, plan.light_square = g.light_square,
-  plan.light_disc = g.light_disc;
+  plan.light_disc = g.light_disc, plan.dome_samples = std::max(g.dome_samples, 1u),
+  plan.dome_table = g.dome_table, plan.dome.cells = g.dome_cells;
+  plan.dome.rows = g.dome_rows, plan.dome.columns = g.dome_columns;
+  for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
   return plan;
 }
 
 bool sound_region(const uint32_t* r, const GlintCamera& camera) {
   return r[0] < r[2] && r[1] < r[3] && r[2] <= camera.width && r[3] <= camera.height;
+}
+
+bool enough_directions(const GlintRenderSettings& g, const Scene& scene) {
+  if (!(scene.features & GLINT_FEATURE_DOME)) return true;
+  return g.dome_samples >= 1 && g.dome_table && g.dome_cells && g.dome_rows >= 1 &&
+         g.dome_columns >= 1 && g.dome_count / g.dome_samples >= g.samples;
 }
 
 bool enough_points(const GlintRenderSettings& g, const Scene& scene) {
@@ -57,6 +66,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
   add(g.light_samples >= 1 && enough_points(g, scene),
       "settings: fewer light points than samples * light_samples");
+  add(enough_directions(g, scene), "settings: fewer dome directions than samples * dome_samples");
   add(g.max_bounces <= 64, "settings: more than 64 bounces");
   add(g.error_threshold >= 0 && g.error_threshold < 256,
       "settings: the error threshold is not between 0 and 256");

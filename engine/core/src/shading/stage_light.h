@@ -1,6 +1,7 @@
 // Light from one sample of one light (notes 4.13-4.16, light.h). Letters: x point, l direction to
 // the light, d distance, z cosine at the light, g n geometric and shading normal, v to the viewer.
 #pragma once
+#include "program/functions_trig.h"
 #include "shading/stage_math.h"
 #include "shading/stage_rectangle.h"
 #include "shading/stage_rows.h"
@@ -19,6 +20,30 @@ struct Sample {
   Doubles factor, spread;
   Mask good;
 };
+
+/// What comes from a dome in the direction l, over the density of its directions there, and one
+/// over that.
+struct SkyCell {
+  Three color;
+  Doubles spread;
+};
+inline SkyCell sky_cell(const DomeCells& dome, const Three& l) {
+  const Doubles x = dot(l, splat3(dome.axes[0])), y = dot(l, splat3(dome.axes[1])),
+                z = dot(l, splat3(dome.axes[2]));
+  const Doubles around = 0.5 - atan2(y, x) / (2 * kCircle);
+  const Doubles upward = 0.5 + atan2(z, root(x * x + y * y)) / kCircle;
+  const auto place = [](Doubles share, size_t count) {
+    const Doubles at = down(share * double(count));
+    return __builtin_convertvector(larger(smaller(at, splat(double(count - 1))), splat(0)), Mask);
+  };
+  const Mask row = place(upward, dome.rows), column = place(around, dome.columns);
+  const auto part = [&](size_t c) {
+    return each_lane([&](size_t lane) {
+      return double(dome.cells[4 * (size_t(row[lane]) * dome.columns + size_t(column[lane])) + c]);
+    });
+  };
+  return {{part(0), part(1), part(2)}, part(3)};
+}
 
 /// 1 / (4 pi^2 d^2) in world units from the squared anchored distance.
 inline Doubles inverse_square(const LightStage& s, Doubles d2) {
@@ -52,6 +77,10 @@ inline Three in_cone(const LightStage& s, const Three& axis, Doubles versine) {
 
 inline Sample sample_direction(const LightStage& s, const Three&) {
   return {splat3(s.l), splat3(s.l), splat(s.factor), splat(s.spread), ~Mask{}};
+}
+
+inline Sample sky_at(const LightStage& s, const Three& l) {
+  return {l, l, splat(s.factor), splat(s.spread), ~Mask{}};
 }
 
 /// In the direction l, wherever the light is.
@@ -190,12 +219,12 @@ inline void share(const LightStage& s, Sample& sample) {
 
 template <int Shape>
 inline Sample sample(const LightStage& s, const Three& x) {
-  Sample sample = Shape == kDirection         ? sample_direction(s, x)
-                  : Shape == kPointSource     ? sample_point(s, x)
-                  : Shape == kSphereSource    ? sample_sphere(s, x)
-                  : Shape == kDiscSource      ? sample_disc(s, x)
-                  : Shape == kRectangleSource ? sample_rectangle(s, x)
-                                              : sample_plane(s, x);
+  Sample sample = Shape == kDirection || Shape == kSky ? sample_direction(s, x)
+                  : Shape == kPointSource              ? sample_point(s, x)
+                  : Shape == kSphereSource             ? sample_sphere(s, x)
+                  : Shape == kDiscSource               ? sample_disc(s, x)
+                  : Shape == kRectangleSource          ? sample_rectangle(s, x)
+                                                       : sample_plane(s, x);
   share(s, sample);
   return sample;
 }
@@ -203,7 +232,8 @@ inline Sample sample(const LightStage& s, const Three& x) {
 /// The sample that the direction l would be; not good where it misses the light.
 template <int Shape>
 inline Sample sample_at(const LightStage& s, const Three& x, const Three& l) {
-  Sample sample = Shape == kDirection         ? direction_at(s, x, l)
+  Sample sample = Shape == kSky               ? sky_at(s, l)
+                  : Shape == kDirection       ? direction_at(s, x, l)
                   : Shape == kSphereSource    ? sphere_at(s, x, l)
                   : Shape == kDiscSource      ? disc_at(s, x, l)
                   : Shape == kRectangleSource ? rectangle_at(s, x, l)
@@ -321,14 +351,15 @@ inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample,
                        const Appender& append) {
   const Three origin = load3(s.origin, k), g = load3(s.g, k);
   const Doubles offset = load(s.offset + k);
-  const Three towards = Shape == kDirection ? sample.l : sample.end - origin;
+  constexpr bool endless = Shape == kDirection || Shape == kSky;
+  const Three towards = endless ? sample.l : sample.end - origin;
   // Off the surface along its normal, and back along the ray that found it: there it is free,
   // whatever stands on the surface.
   const Three o = origin + choose(dot(g, towards) < 0, below(s, k, origin, g, offset), offset) * g -
                   offset * load3(s.d, k);
   append(s.o, o);
   if (s.end_out[0]) append(s.end_out, sample.end);
-  if (Shape == kDirection) return append(s.to, sample.l), append(s.t_max, splat(__builtin_inf()));
+  if (endless) return append(s.to, sample.l), append(s.t_max, splat(__builtin_inf()));
   const Way to = way(sample.end - o);
   append(s.to, to.d);
   append(s.t_max, to.length - rounding(larger(max_abs(sample.end), max_abs(o))));
@@ -384,7 +415,6 @@ size_t light_from(const LightStage& s) {
 /// Directions drawn from the narrow lobes, where they reach the light.
 template <int Shape>
 size_t gloss_from(const LightStage& s) {
-  const Three color = splat3(s.color);
   size_t found = 0;
   for (size_t k = 0; k < s.count; k += kLanes) {
     const Mask lit = load(s.lit + k);
@@ -393,7 +423,12 @@ size_t gloss_from(const LightStage& s) {
     const Narrow narrow = narrow_terms(s, k, x);
     if (!any(lit & (narrow.total > 0))) continue;
     const Drawn drawn = draw(s, k, n, narrow);
-    const Sample at = sample_at<Shape>(s, x, drawn.l);
+    Sample at = sample_at<Shape>(s, x, drawn.l);
+    Three color = splat3(s.color);
+    if constexpr (Shape == kSky) {
+      const SkyCell cell = sky_cell(*s.dome, at.l);
+      color = cell.color, at.spread = cell.spread, at.factor = at.factor * cell.spread;
+    }
     const Doubles cosine = dot(n, at.l);
     const Mask reached = lit & drawn.good & at.good & (cosine > 0);
     if (!any(reached)) continue;
@@ -408,6 +443,8 @@ size_t light(const LightStage& s) {
   switch (s.shape) {
     case kDirection:
       return light_from<kDirection>(s);
+    case kSky:
+      return light_from<kSky>(s);
     case kPointSource:
       return light_from<kPointSource>(s);
     case kSphereSource:
@@ -425,6 +462,8 @@ size_t gloss(const LightStage& s) {
   switch (s.shape) {
     case kDirection:
       return gloss_from<kDirection>(s);
+    case kSky:
+      return gloss_from<kSky>(s);
     case kSphereSource:
       return gloss_from<kSphereSource>(s);
     case kDiscSource:

@@ -232,14 +232,23 @@ enum LightShape : int {
   kSphereSource,
   kDiscSource,
   kPlaneSource,
-  kRectangleSource
+  kRectangleSource,
+  kSky
+};
+
+/// A dome's map (glint.h).
+struct DomeCells {
+  const float* cells = nullptr;
+  size_t rows = 0, columns = 0;
+  double axes[3][3] = {};
 };
 
 /// One sample of one light, as light.h has it for one point.
 struct LightStage {
   int shape;
   bool physical, spot, casts_shadow, ellipse;
-  double l[3], factor;     // kDirection: the unit direction; its intensity. kRectangleSource:
+  const DomeCells* dome;   // kSky
+  double l[3], factor;     // kDirection, kSky: the unit direction; its intensity. kRectangleSource:
                            // intensity per steradian
   double versine, spread;  // kDirection: 1 - cos of the half angle, and the solid angle
   double end[3];           // kPlaneSource, kRectangleSource: the sample, even over the area

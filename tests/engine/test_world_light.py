@@ -1,0 +1,288 @@
+"""Light from all around: closed forms, what is drawn from a map, one tracer beside the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.engine import Settings, render
+from glint.engine.dome import cell_shares, directions, dome_table, radiance_map
+from glint.engine.program.graph import Graph
+from glint.engine.program.program import compile_program
+from glint.engine.program.table import BY_NAME
+from glint.engine.scene import (
+    Camera,
+    Input,
+    Instances,
+    Light,
+    Lobe,
+    Material,
+    Mesh,
+    Scene,
+    Spheres,
+    Texture,
+    World,
+)
+
+WHITE = Material("white", (Lobe("DIFFUSE"), Lobe("AMBIENT")))
+DOWN = Camera(
+    "ORTHOGRAPHIC", np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 50.0]]), (-1, 1, -1, 1), (8, 8)
+)
+"""Looks down on the square from -1 to 1, each pixel a quarter."""
+
+
+def even(radiance: float = 1.0) -> Light:
+    return Light("Sky", "DOME", np.eye(3, 4), radiance=np.full((1, 1, 3), radiance, np.float32))
+
+
+def square(name: str, *corners) -> Mesh:
+    return Mesh(name, np.array(corners, np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.uint32))
+
+
+FLOOR = square("floor", (-99, -99, 0), (99, -99, 0), (99, 99, 0), (-99, 99, 0))
+
+
+def scene(*geometries, light: Light, camera: Camera = DOWN, hidden=(), **world) -> Scene:
+    placed = tuple(
+        Instances(
+            thing.name,
+            number,
+            np.eye(3, 4)[None],
+            (0,),
+            visible_camera=thing.name not in hidden,
+        )
+        for number, thing in enumerate(geometries)
+    )
+    return Scene(camera, geometries, placed, (WHITE,), (), (light,), World(**world))
+
+
+def drawn(wanted: Scene, directions_a_pixel: int = 256, **settings) -> np.ndarray:
+    """Combined, of one sample through the pixels' middles."""
+    chosen = Settings(
+        samples=1, light_samples=directions_a_pixel // 8, filter_width=0.0, **settings
+    )
+    return render(wanted, chosen).passes["Combined"][..., 0]
+
+
+def test_an_open_floor_gets_all_of_an_even_sky():
+    np.testing.assert_allclose(drawn(scene(FLOOR, light=even(0.7))), 0.7, atol=1e-3)
+
+
+def test_a_floor_at_the_foot_of_an_endless_wall_gets_half():
+    wall = square("wall", (1e-4, -9e4, 0), (1e-4, 9e4, 0), (1e-4, 9e4, 9e4), (1e-4, -9e4, 9e4))
+    camera = replace(DOWN, window=(-1e-5, 1e-5, -1e-5, 1e-5))
+    both = scene(FLOOR, wall, light=even(), camera=camera, hidden=("wall",))
+    np.testing.assert_allclose(drawn(both, 4096), 0.5, atol=1e-3)
+
+
+def test_a_ball_above_the_floor_hides_its_form_factor():
+    """A sphere of radius r whose centre stands a height h above a level point hides (r / h)²."""
+    ball = Spheres("ball", np.array([[0, 0, 2]], np.float32), np.array([1], np.float32))
+    camera = replace(DOWN, window=(-1e-5, 1e-5, -1e-5, 1e-5))
+    both = scene(FLOOR, ball, light=even(), camera=camera, hidden=("ball",))
+    np.testing.assert_allclose(drawn(both, 4096), 1 - 0.25, atol=1e-3)
+
+
+def test_constant_light_is_ambient_and_classic_takes_no_other():
+    lit = scene(FLOOR, light=even(0.7), ambient=(0.3, 0.3, 0.3))
+    np.testing.assert_allclose(drawn(lit, world_light="CONSTANT"), 0.3, rtol=1e-6)
+    np.testing.assert_allclose(drawn(lit, illumination="CLASSIC"), 0.3, rtol=1e-6)
+
+
+def test_intensities_sum_to_the_maps_irradiance():
+    """What is drawn, times n·l, is what the cells of the map give to a level floor over π."""
+    numbers = np.random.default_rng(0)
+    values = numbers.uniform(0, 1, (32, 64, 3)) ** 8 * 50
+    light = replace(even(), radiance=values.astype(np.float32))
+    table = dome_table(light, 1 << 18)
+    found = (np.maximum(table.along[:, 2], 0)[:, None] * table.light[:, :3]).mean(0)
+    cells = directions(32).reshape(3, 32, 64)
+    cosine = np.maximum(cells[2], 0)[..., None]
+    expected = 4 * (cosine * values * cell_shares(32, 64)).sum((0, 1))
+    np.testing.assert_allclose(found, expected, rtol=3e-3)
+
+
+def test_directions_follow_the_radiance():
+    """Nine in ten go where all the light is, the others everywhere; each lies in the cell that it
+    takes its radiance from.
+    """
+    values = np.zeros((16, 32, 3), np.float32)
+    values[11, 5] = 100.0
+    table = dome_table(replace(even(), radiance=values), 1 << 12)
+    along, intensity = table.along, table.light[:, :3]
+    radiance, spread = table.seen(along.T)
+    np.testing.assert_allclose((radiance * spread).T, intensity)
+    np.testing.assert_allclose(spread, table.light[:, 3])
+    elevation = np.floor((np.arcsin(along[:, 2]) / np.pi + 0.5) * 16)
+    azimuth = np.floor((0.5 - np.arctan2(along[:, 1], along[:, 0]) / (2 * np.pi)) * 32)
+    here = (elevation == 11) & (azimuth == 5)
+    assert 0.89 < here.mean() < 0.91
+    assert (intensity[here] > 0).all() and (intensity[~here] == 0).all()
+
+
+def test_a_map_of_an_image_is_the_image():
+    """An equirectangular image read through the program of an Environment Texture node."""
+    numbers = np.random.default_rng(1).uniform(0, 1, (8, 16, 4)).astype(np.float32)
+    texture = Texture("sky", numbers, extension="REPEAT", interpolation="CLOSEST")
+    found = radiance_map(_environment(), (texture,))
+    np.testing.assert_allclose(found, numbers[..., :3], atol=1e-6)
+
+
+def test_large_images_are_averaged():
+    numbers = np.random.default_rng(1).uniform(0, 1, (1024, 2048, 4)).astype(np.float32)
+    texture = Texture("sky", numbers, extension="REPEAT", interpolation="CLOSEST")
+    found = radiance_map(_environment(), (texture,))
+    expected = numbers[..., :3].reshape(512, 2, 1024, 2, 3).mean((1, 3))
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def _environment():
+    """The program that looks an equirectangular image up along the ray."""
+    graph = Graph()
+
+    def apply(name, *arguments, **settings):
+        return graph.apply(BY_NAME[name], *arguments, **settings)
+
+    def number(value):
+        return graph.constant(value)
+
+    x, y, z = apply("separate_xyz", apply("product", apply("incoming")[0], number((-1.0,) * 3))[0])
+    math = {"clamp": 0}
+    zero = number(0.0)
+    across = apply(
+        "math", apply("math", x, x, zero, operation=2, **math)[0], zero, zero, operation=0, **math
+    )[0]
+    squares = apply("math", y, y, across, operation=36, **math)[0]
+    across = apply("math", squares, zero, zero, operation=23, **math)[0]
+    around = apply("math", y, x, zero, operation=19, **math)[0]
+    up = apply("math", z, across, zero, operation=19, **math)[0]
+    u = apply("math", around, number(-0.5 / np.pi), number(0.5), operation=36, **math)[0]
+    v = apply("math", up, number(1 / np.pi), number(0.5), operation=36, **math)[0]
+    where = apply("combine_xyz", u, v, zero)[0]
+    return compile_program(graph, [apply("image", where, texture=0)[0]])
+
+
+def _painted() -> World:
+    numbers = np.random.default_rng(2).uniform(0, 2, (16, 32, 4)).astype(np.float32)
+    return World(program=_environment(), textures=(Texture("sky", numbers, extension="REPEAT"),))
+
+
+def _around(camera: Camera) -> Scene:
+    """A mirror, a mat and a glossy ball on a floor below an image."""
+    world = _painted()
+    light = replace(even(), radiance=radiance_map(world.program, world.textures))
+    balls = [
+        Spheres(name, np.array([[x, 0, 1]], np.float32), np.array([0.9], np.float32))
+        for name, x in (("mirror", -2.0), ("mat", 0.0), ("glossy", 2.0))
+    ]
+    materials = (
+        WHITE,
+        Material("mirror", (Lobe("MIRROR"),)),
+        Material(
+            "glossy", (Lobe("SPECULAR", exponent=12.0), Lobe("DIFFUSE", (Input((0.2,) * 3),)))
+        ),
+    )
+    slots = (0, 1, 0, 2)
+    placed = tuple(
+        Instances(thing.name, k, np.eye(3, 4)[None], (slots[k],))
+        for k, thing in enumerate((FLOOR, *balls))
+    )
+    return Scene(camera, (FLOOR, *balls), placed, materials, (), (light,), world)
+
+
+FRONT = Camera(
+    "PERSPECTIVE",
+    np.array([[1, 0, 0, 0], [0, 0, -1, -6.0], [0, 1, 0, 1.5]], float),
+    (-0.6, 0.6, -0.45, 0.45),
+    (32, 24),
+)
+FAR = replace(
+    FRONT,
+    world_from_camera=np.array([[1, 0, 0, 0], [0, 0, -1, -6e3], [0, 1, 0, 1.5]], float),
+    window=(-6e-4, 6e-4, -4.5e-4, 4.5e-4),
+)
+"""So narrow that the scene is told in the camera's axes."""
+
+
+PARTS = frozenset({"Environment", "Mirror", "Diffuse", "Shadow"})
+
+
+@pytest.mark.parametrize(
+    ("camera", "parts"),
+    [(FRONT, {"Combined", *PARTS}), (FAR, {"Environment", "Mirror", "Diffuse"})],
+    ids=["near", "narrow"],
+)
+def test_both_tracers_draw_the_same(camera, parts):
+    """Directions that highlights draw lie round a frame of the axes that the scene is told in."""
+    wanted, settings = _around(camera), Settings(samples=2, light_samples=2, passes=PARTS)
+    native, numpy = (
+        render(wanted, replace(settings, backend=backend)).passes for backend in ("NATIVE", "NUMPY")
+    )
+    for name in parts:
+        assert native[name].std() > 0.01
+        np.testing.assert_allclose(native[name], numpy[name], atol=1e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize("exponent", [8.0, 100.0, 3e4])
+def test_highlights_of_the_sky_are_as_bright_at_any_exponent(exponent):
+    """Of an even sky, seen straight: the integral of (n·h)^p over the directions l above the
+    surface, of which each steradian of h has 4 n·h.
+    """
+    glossy = Material("glossy", (Lobe("SPECULAR", exponent=exponent),))
+    wanted = replace(scene(FLOOR, light=even()), materials=(glossy,))
+    cosine = np.cos(np.pi / 4)  # where l meets the horizon
+    expected = 8 * (1 - cosine ** (exponent + 2)) / (exponent + 2)
+    np.testing.assert_allclose(drawn(wanted, 4096), expected, rtol=5e-3)
+
+
+def test_a_narrow_view_is_lit_as_a_wide_one():
+    """The same ball from the same side, in the scene's axes and in the camera's: what is drawn
+    differs by the perspective alone.
+    """
+    near = replace(
+        FRONT,
+        world_from_camera=FAR.world_from_camera,
+        kind="ORTHOGRAPHIC",
+        window=(-3.6, 3.6, -2.7, 2.7),
+    )
+    settings = Settings(samples=1, light_samples=8, max_bounces=0)
+    wide, narrow = (render(_around(c), settings).passes["Combined"] for c in (near, FAR))
+    inside = np.s_[8:14, 14:18]
+    np.testing.assert_allclose(wide[inside], narrow[inside], atol=0.02)
+
+
+def test_a_transparent_film_is_lit_but_shows_no_sky():
+    wanted = _around(FRONT)
+    wanted = replace(wanted, world=replace(wanted.world, transparent=True))
+    film = render(wanted, Settings(samples=1, light_samples=1, passes=frozenset({"Environment"})))
+    assert not film.passes["Environment"].any()
+    assert film.passes["Combined"][2, 16, 0] > 0.1 and film.passes["Combined"][-1, 16, 3] == 0
+
+
+@pytest.mark.parametrize(
+    ("world", "told"),
+    [
+        (World(program=_environment()), "a texture"),
+        (World(axes=np.full((3, 3), np.nan)), "axes"),
+    ],
+)
+def test_what_is_not_sound_is_told(world, told):
+    problems = replace(_around(FRONT), world=world).problems()
+    assert len(problems) == 1 and told in problems[0]
+
+
+def test_a_program_that_reads_surfaces_is_refused():
+    graph = Graph()
+    program = compile_program(graph, [graph.apply(BY_NAME["position"], shift=0)[0]])
+    problems = replace(_around(FRONT), world=World(program=program)).problems()
+    assert len(problems) == 1 and "reads surfaces" in problems[0]
+
+
+@pytest.mark.parametrize(
+    "radiance", [None, np.zeros((0, 0, 3), np.float32), np.full((1, 1, 3), np.inf, np.float32)]
+)
+def test_a_map_that_is_not_sound_is_told(radiance):
+    problems = scene(FLOOR, light=replace(even(), radiance=radiance)).problems()
+    assert len(problems) == 1 and "radiance" in problems[0]
