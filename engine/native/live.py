@@ -14,7 +14,8 @@ from ..scene import Scene
 from ..settings import Settings
 from ..view_axes import ViewAxes, narrow_view_axes
 from .core_types import DONE, FAILED
-from .packing import Packed, ScenePacker, pack_settings
+from .packer import Packed
+from .packing import ScenePacker, pack_settings
 
 _POLL_MILLISECONDS = 2
 """How soon a task makes room for the next."""

@@ -5,8 +5,8 @@ their layout already fits.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import compress, count
 from operator import is_not
 from typing import Any
@@ -14,16 +14,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import SceneError
-from ..program.operations import Reference
-from ..program.program import Instruction, Program, instructions
-from ..program.table import CODES
 from ..sampling import light_points, pixel_offsets
 from ..scene import (
-    LOBES,
     Attribute,
     Camera,
     Geometry,
-    Input,
     Instances,
     Light,
     Material,
@@ -35,12 +30,13 @@ from ..scene import (
 )
 from ..settings import BUILDS, ILLUMINATIONS, Settings
 from . import core_types
+from .packer import Packed, Packer, address, number
+from .packing_materials import pack_material
 
 _DOMAINS = ("POINT", "CORNER", "FACE")
 _ENCODINGS = ("LINEAR", "SRGB")
 _EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
 _INTERPOLATIONS = ("LINEAR", "CLOSEST")
-_CHANNELS = ("COLOR", "ALPHA", "LUMINANCE")
 _LIGHTS = ("POINT", "SUN", "SPOT", "AREA")
 _SHAPES = ("RECTANGLE", "ELLIPSE")
 _CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
@@ -48,64 +44,6 @@ _CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
 # a viewport asks for the same few all the time
 _pixel_offsets = functools.lru_cache(maxsize=16)(pixel_offsets)
 _light_points = functools.lru_cache(maxsize=16)(light_points)
-
-
-@dataclass
-class Packed:
-    """A structure for the core with everything that it points at."""
-
-    data: Any
-    lent: list = field(default_factory=list)
-
-
-@dataclass
-class _Packer:
-    """Arrays and tables on their way into one structure."""
-
-    lent: list[np.ndarray] = field(default_factory=list)
-    names: dict[str, int] = field(default_factory=dict)
-    attributes: list[tuple] = field(default_factory=list)
-    inputs: list[tuple] = field(default_factory=list)
-    lobes: list[tuple] = field(default_factory=list)
-    programs: list[tuple] = field(default_factory=list)
-    words: list[int] = field(default_factory=list)
-    constants: list[float] = field(default_factory=list)
-    tables: list[float] = field(default_factory=list)
-    packed: dict[Program, int] = field(default_factory=dict)
-
-    def lend(
-        self, values: Any, dtype: type, shape: tuple[int | None, ...], what: str
-    ) -> np.ndarray:
-        """`values` as a C-contiguous array of that dtype and shape (None: any size), itself where
-        possible.
-        """
-        array = np.ascontiguousarray(values, dtype)
-        if array.ndim != len(shape) or any(
-            want not in (None, have) for want, have in zip(shape, array.shape, strict=True)
-        ):
-            wanted = ", ".join("any" if size is None else str(size) for size in shape)
-            raise SceneError(f"{what} has the shape {array.shape}: ({wanted}) is needed")
-        self.lent.append(array)
-        return array
-
-    def optional(self, values: Any, dtype: type, shape: tuple[int | None, ...], what: str) -> int:
-        """The address of an array, 0 for None."""
-        return 0 if values is None else address(self.lend(values, dtype, shape, what))
-
-    def name(self, text: str) -> int:
-        return self.names.setdefault(text, len(self.names))
-
-
-def address(array: np.ndarray) -> int:
-    """Where the first element lies; 0 for an empty array."""
-    return array.__array_interface__["data"][0] if array.size else 0
-
-
-def number(value: str, names: Sequence[str], what: str) -> int:
-    """The place of `value` among `names`. Raises SceneError for another value."""
-    if value not in names:
-        raise SceneError(f"{what} {value!r} is not one of {', '.join(names)}")
-    return names.index(value)
 
 
 def pack_scene(scene: Scene) -> Packed:
@@ -189,8 +127,8 @@ class ScenePacker:
     def _materials(
         self, materials: tuple[Material, ...], before: _Part | None, changed: list[int]
     ) -> _Part:
-        packer = _Packer(names=self._names)
-        rows = [_material(packer, material) for material in materials]
+        packer = Packer(names=self._names)
+        rows = [pack_material(packer, material) for material in materials]
         tables = {
             "materials": _table(core_types.MaterialData, rows),
             "lobes": _table(core_types.LobeData, packer.lobes),
@@ -229,7 +167,7 @@ class _PackedGeometry:
     """A geometry's row, whose attributes are counted from 0, and theirs."""
 
     def __init__(self, geometry: Geometry, names: dict[str, int]) -> None:
-        packer = _Packer(names=names)
+        packer = Packer(names=names)
         self.row = _geometry(packer, geometry)
         self.attributes, self.lent = packer.attributes, packer.lent
 
@@ -254,7 +192,7 @@ def _patched_geometries(
 
 
 def _textures(textures: tuple[Texture, ...], before: _Part | None, changed: list[int]) -> _Part:
-    packer = _Packer()
+    packer = Packer()
     return _Part(
         textures,
         {"textures": _table(core_types.TextureData, [_texture(packer, t) for t in textures])},
@@ -285,7 +223,7 @@ def pack_camera(camera: Camera) -> core_types.CameraData:
 # --------------------------------------------------------------------------------------------------
 
 
-def _geometry(packer: _Packer, geometry: Geometry) -> tuple:
+def _geometry(packer: Packer, geometry: Geometry) -> tuple:
     packs = {Mesh: _mesh, Spheres: _spheres, Polygons: _polygons}
     if type(geometry) not in packs:
         raise SceneError(f"{type(geometry).__name__} is no geometry")
@@ -300,7 +238,7 @@ def _geometry(packer: _Packer, geometry: Geometry) -> tuple:
 _NO_ATTRIBUTE = (0, 0, 0, 0, 0, 0)
 
 
-def _mesh(packer: _Packer, mesh: Mesh) -> dict[str, Any]:
+def _mesh(packer: Packer, mesh: Mesh) -> dict[str, Any]:
     vertices = packer.lend(mesh.vertices, np.float32, (None, 3), f"{mesh.name}: vertices")
     triangles = packer.lend(mesh.triangles, np.uint32, (None, 3), f"{mesh.name}: triangles")
     corners = packer.optional(mesh.corners, np.uint32, triangles.shape, f"{mesh.name}: corners")
@@ -318,7 +256,7 @@ def _mesh(packer: _Packer, mesh: Mesh) -> dict[str, Any]:
     }
 
 
-def _attribute(packer: _Packer, mesh: Mesh, attribute: Attribute) -> tuple:
+def _attribute(packer: Packer, mesh: Mesh, attribute: Attribute) -> tuple:
     values = packer.lend(
         attribute.values, np.float32, (None, None), f"{mesh.name}: attribute {attribute.name!r}"
     )
@@ -326,7 +264,7 @@ def _attribute(packer: _Packer, mesh: Mesh, attribute: Attribute) -> tuple:
     return (address(values), len(values), packer.name(attribute.name), domain, values.shape[1], 0)
 
 
-def _spheres(packer: _Packer, spheres: Spheres) -> dict[str, Any]:
+def _spheres(packer: Packer, spheres: Spheres) -> dict[str, Any]:
     centers = packer.lend(spheres.centers, np.float32, (None, 3), f"{spheres.name}: centers")
     radii = packer.lend(spheres.radii, np.float32, (len(centers),), f"{spheres.name}: radii")
     count = len(centers)
@@ -339,7 +277,7 @@ def _spheres(packer: _Packer, spheres: Spheres) -> dict[str, Any]:
     }
 
 
-def _polygons(packer: _Packer, polygons: Polygons) -> dict[str, Any]:
+def _polygons(packer: Packer, polygons: Polygons) -> dict[str, Any]:
     vertices = packer.lend(polygons.vertices, np.float32, (None, 3), f"{polygons.name}: vertices")
     offsets = packer.lend(polygons.offsets, np.uint32, (None,), f"{polygons.name}: offsets")
     indices = packer.lend(polygons.indices, np.uint32, (None,), f"{polygons.name}: indices")
@@ -366,7 +304,7 @@ def _instances(groups: tuple[Instances, ...], before: _Part | None, changed: lis
     """
     if before is not None and all(_differ_in_place(groups[k], before.source[k]) for k in changed):
         return _moved_instances(groups, before, changed)
-    packer = _Packer()
+    packer = Packer()
     matrices = [np.asarray(group.world_from_object) for group in groups]
     for group, rows in zip(groups, matrices, strict=True):
         if rows.ndim != 3 or rows.shape[1:] != (3, 4):
@@ -432,105 +370,11 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
     )
 
 
-# --- materials
+# --- textures and lights
 # --------------------------------------------------------------------------------------------------
 
 
-def _material(packer: _Packer, material: Material) -> tuple:
-    first, program = len(packer.lobes), material.program
-    outputs = program.outputs if program else ()
-    for lobe in material.lobes:
-        kind = number(lobe.kind, LOBES, "lobe kind")
-        fresnel = lobe.fresnel | lobe.schlick << 1
-        packer.lobes.append(
-            (
-                lobe.exponent,
-                lobe.ior,
-                lobe.masking,
-                len(packer.inputs),
-                len(lobe.factors),
-                kind,
-                fresnel,
-                _slot(outputs, lobe.exponent_output),
-                _slot(outputs, lobe.masking_output),
-            )
-        )
-        packer.inputs.extend([_input(packer, factor, outputs) for factor in lobe.factors])
-    return (
-        first,
-        len(material.lobes),
-        material.index,
-        1 + _program(packer, program) if program else 0,
-        _slot(outputs, material.normal_output),
-        0,
-    )
-
-
-def _slot(outputs: tuple[int, ...], output: int) -> int:
-    """As the core has it: 0 for none, else one more than the slot."""
-    return 1 + outputs[output] if output >= 0 else 0
-
-
-def _program(packer: _Packer, program: Program) -> int:
-    """The program's number; equal ones are packed once."""
-    if program in packer.packed:
-        return packer.packed[program]
-    table, starts = [], []
-    for values in program.tables:
-        starts.append(len(table))
-        table += [float(len(values)), *values]
-    numbers = {
-        Reference.ATTRIBUTE: [packer.name(name) if name else -1 for name in program.attributes],
-        Reference.TEXTURE: program.textures,
-        Reference.TABLE: starts,
-    }
-    words = [word for step in instructions(program) for word in _words(step, numbers)]
-    packer.programs.append(
-        (
-            len(packer.words),
-            len(words),
-            len(packer.constants),
-            len(program.constants),
-            len(packer.tables),
-            len(table),
-            program.slots,
-            0,
-        )
-    )
-    packer.words += words
-    packer.constants += program.constants
-    packer.tables += table
-    return packer.packed.setdefault(program, len(packer.packed))
-
-
-def _words(step: Instruction, numbers: Mapping[Reference, Sequence[int]]) -> list[int]:
-    """An instruction whose settings refer to what the core has."""
-    settings = [
-        numbers[choices][setting] if isinstance(choices, Reference) else setting
-        for (_, choices), setting in zip(step.operation.settings, step.settings, strict=True)
-    ]
-    return [CODES[step.operation.name], *step.outputs, *step.arguments, *settings]
-
-
-def _input(packer: _Packer, factor: Input, outputs: tuple[int, ...]) -> tuple:
-    return (
-        factor.value,
-        sum(map(tuple, factor.uv_transform), ()),
-        factor.offset,
-        factor.low,
-        factor.high,
-        factor.texture,
-        number(factor.channel, _CHANNELS, "channel"),
-        packer.name(factor.uv) if factor.uv else -1,
-        packer.name(factor.attribute) if factor.attribute else -1,
-        number(factor.attribute_channel, _CHANNELS, "channel"),
-        not factor.is_plain,
-        factor.complement,
-        _slot(outputs, factor.output),
-    )
-
-
-def _texture(packer: _Packer, texture: Texture) -> tuple:
+def _texture(packer: Packer, texture: Texture) -> tuple:
     dtype = np.uint8 if texture.pixels.dtype == np.uint8 else np.float32
     pixels = packer.lend(texture.pixels, dtype, (None, None, 4), f"texture {texture.name}")
     return (
@@ -578,7 +422,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
 
     waves: one of `core_types.WAVES`.
     """
-    packer = _Packer()
+    packer = Packer()
     offsets = packer.lend(
         _pixel_offsets(settings.samples, settings.filter_width),
         np.float64,

@@ -11,7 +11,8 @@ from ..errors import SceneError
 from ..scene import Scene
 from . import ERROR_BYTES, library
 from .core_types import AccelData, HitsData, RaysData
-from .packing import address, pack_scene
+from .packer import address
+from .packing import pack_scene
 
 Array = np.ndarray
 
