@@ -32,8 +32,15 @@ from .checks import (
 from .linear import determinant, length, pseudo_inverse
 from .program.problems import program_problems
 from .scene import (
+    CAMERAS,
+    CHANNELS,
     CORNER,
+    ENCODINGS,
+    EXTENSIONS,
     FACE,
+    INTERPOLATIONS,
+    LIGHT_SHAPES,
+    LIGHTS,
     LOBES,
     POINT,
     Attribute,
@@ -304,7 +311,7 @@ def _input(factor: Input, textures: int, outputs: int) -> Found:
     yield from handle("output", factor.output, outputs, "outputs", none=True)
     yield from numbers("value", factor.value, 3)
     yield from handle("texture", factor.texture, textures, "textures", none=True)
-    yield from one_of("channel", factor.channel, ("COLOR", "ALPHA", "LUMINANCE"))
+    yield from one_of("channel", factor.channel, CHANNELS)
     yield from one_of("attribute_channel", factor.attribute_channel, ("COLOR", "ALPHA"))
     yield from numbers("offset", factor.offset, 3)
     if not (
@@ -318,9 +325,9 @@ def _input(factor: Input, textures: int, outputs: int) -> Found:
 
 
 def _texture(texture: Texture) -> Found:
-    yield from one_of("encoding", texture.encoding, ("LINEAR", "SRGB"))
-    yield from one_of("extension", texture.extension, ("REPEAT", "EXTEND", "CLIP", "MIRROR"))
-    yield from one_of("interpolation", texture.interpolation, ("LINEAR", "CLOSEST"))
+    yield from one_of("encoding", texture.encoding, ENCODINGS)
+    yield from one_of("extension", texture.extension, EXTENSIONS)
+    yield from one_of("interpolation", texture.interpolation, INTERPOLATIONS)
     shapes = [*array("pixels", texture.pixels, (np.uint8, np.float32), (None, None, 4))]
     yield from shapes
     if shapes:
@@ -338,8 +345,8 @@ def _texture(texture: Texture) -> Found:
 
 
 def _light(light: Light) -> Found:
-    yield from one_of("kind", light.kind, ("POINT", "SUN", "SPOT", "AREA"))
-    yield from one_of("shape", light.shape, ("RECTANGLE", "ELLIPSE"))
+    yield from one_of("kind", light.kind, LIGHTS)
+    yield from one_of("shape", light.shape, LIGHT_SHAPES)
     yield from _placement("world_from_light", light.world_from_light, _not_orthonormal)
     yield from numbers("color", light.color, 3)
     yield from finite("strength", light.strength)
@@ -377,7 +384,7 @@ def _is_flat(axes: np.ndarray) -> bool:
 
 
 def _camera(camera: Camera) -> Found:
-    yield from one_of("kind", camera.kind, ("PERSPECTIVE", "ORTHOGRAPHIC"))
+    yield from one_of("kind", camera.kind, CAMERAS)
     yield from _placement("world_from_camera", camera.world_from_camera, _not_a_frame)
     yield from _window(camera)
     yield from _resolution(camera)

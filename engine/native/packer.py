@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -63,8 +63,8 @@ def address(array: np.ndarray) -> int:
     return array.__array_interface__["data"][0] if array.size else 0
 
 
-def number(value: str, names: Sequence[str], what: str) -> int:
-    """The place of `value` among `names`. Raises SceneError for another value."""
-    if value not in names:
-        raise SceneError(f"{what} {value!r} is not one of {', '.join(names)}")
-    return names.index(value)
+def number(value: str, names: type[IntEnum], what: str) -> int:
+    """The number of the constant called `value`. Raises SceneError where there is none."""
+    if value not in names.__members__:
+        raise SceneError(f"{what} {value!r} is not one of {', '.join(names.__members__)}")
+    return names.__members__[value].value

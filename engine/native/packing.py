@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import SceneError
+from ..film import PASSES
 from ..sampling import light_points, pixel_offsets
 from ..scene import (
+    LIGHT_SHAPES,
     Attribute,
     Camera,
     Geometry,
@@ -28,18 +30,13 @@ from ..scene import (
     Spheres,
     Texture,
 )
-from ..settings import BUILDS, ILLUMINATIONS, Settings
+from ..settings import Settings
 from . import core_types
 from .packer import Packed, Packer, address, number
 from .packing_materials import pack_material
 
-_DOMAINS = ("POINT", "CORNER", "FACE")
-_ENCODINGS = ("LINEAR", "SRGB")
-_EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
-_INTERPOLATIONS = ("LINEAR", "CLOSEST")
-_LIGHTS = ("POINT", "SUN", "SPOT", "AREA")
-_SHAPES = ("RECTANGLE", "ELLIPSE")
-_CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
+PASS_NUMBERS = {name: core_types.Pass[name.upper().replace(" ", "_")].value for name in PASSES}
+"""The core's numbers of the passes."""
 
 # a viewport asks for the same few all the time
 _pixel_offsets = functools.lru_cache(maxsize=16)(pixel_offsets)
@@ -215,7 +212,7 @@ def pack_camera(camera: Camera) -> core_types.CameraData:
     data.clip_plane_count = len(camera.clip_planes)
     planes = np.ravel(camera.clip_planes)[:24]
     data.clip_planes[: len(planes)] = planes
-    data.kind = number(camera.kind, _CAMERAS, "camera kind")
+    data.kind = number(camera.kind, core_types.CameraKind, "camera kind")
     return data
 
 
@@ -252,7 +249,7 @@ def _mesh(packer: Packer, mesh: Mesh) -> dict[str, Any]:
         "primitive_count": len(triangles),
         "normals": normals,
         "attribute_count": len(mesh.attributes),
-        "kind": 0,
+        "kind": core_types.GeometryKind.MESH,
     }
 
 
@@ -260,7 +257,7 @@ def _attribute(packer: Packer, mesh: Mesh, attribute: Attribute) -> tuple:
     values = packer.lend(
         attribute.values, np.float32, (None, None), f"{mesh.name}: attribute {attribute.name!r}"
     )
-    domain = number(attribute.domain, _DOMAINS, "attribute domain")
+    domain = number(attribute.domain, core_types.Domain, "attribute domain")
     return (address(values), len(values), packer.name(attribute.name), domain, values.shape[1], 0)
 
 
@@ -273,7 +270,7 @@ def _spheres(packer: Packer, spheres: Spheres) -> dict[str, Any]:
         "radii": address(radii),
         "vertex_count": count,
         "primitive_count": count,
-        "kind": 1,
+        "kind": core_types.GeometryKind.SPHERES,
     }
 
 
@@ -290,7 +287,7 @@ def _polygons(packer: Packer, polygons: Polygons) -> dict[str, Any]:
         "vertex_count": len(vertices),
         "primitive_count": len(offsets) - 1,
         "index_count": len(indices),
-        "kind": 2,
+        "kind": core_types.GeometryKind.POLYGONS,
     }
 
 
@@ -351,12 +348,15 @@ def _moved_instances(groups: tuple[Instances, ...], before: _Part, changed: list
     return _Part(groups, {**before.tables, "world_from_object": matrices}, before.lent)
 
 
+_CAMERA, _MIRROR, _SHADOW, _HOLDOUT = (flag.value for flag in core_types.InstanceFlags)
+
+
 def _group(group: Instances, first_row: int, row_count: int, first_slot: int) -> tuple:
     flags = (
-        group.visible_camera
-        | group.visible_mirror << 1
-        | group.visible_shadow << 2
-        | group.holdout << 3
+        _CAMERA * group.visible_camera
+        | _MIRROR * group.visible_mirror
+        | _SHADOW * group.visible_shadow
+        | _HOLDOUT * group.holdout
     )
     return (
         first_row,
@@ -382,20 +382,20 @@ def _texture(packer: Packer, texture: Texture) -> tuple:
         pixels.shape[1],
         pixels.shape[0],
         dtype is np.float32,
-        number(texture.encoding, _ENCODINGS, "encoding"),
-        number(texture.extension, _EXTENSIONS, "extension"),
-        number(texture.interpolation, _INTERPOLATIONS, "interpolation"),
+        number(texture.encoding, core_types.Encoding, "encoding"),
+        number(texture.extension, core_types.Extension, "extension"),
+        number(texture.interpolation, core_types.Interpolation, "interpolation"),
     )
 
 
 def _light(light: Light) -> tuple:
-    ellipse = number(light.shape, _SHAPES, "light shape")
+    bits = core_types.LightFlags
     flags = (
-        light.cast_shadow
-        | light.visible_camera << 1
-        | light.visible_mirror << 2
-        | light.soft_falloff << 3
-        | ellipse << 4
+        bits.CAST_SHADOW * light.cast_shadow
+        | bits.SEEN_BY_CAMERA * light.visible_camera
+        | bits.SEEN_BY_MIRROR * light.visible_mirror
+        | bits.SOFT_FALLOFF * light.soft_falloff
+        | bits.ELLIPSE * LIGHT_SHAPES.index(light.shape)
     )
     return (
         np.asarray(light.world_from_light, float).reshape(12),
@@ -407,7 +407,7 @@ def _light(light: Light) -> tuple:
         light.spot_blend,
         light.size_x,
         light.size_y,
-        number(light.kind, _LIGHTS, "light kind"),
+        number(light.kind, core_types.LightKind, "light kind"),
         flags,
     )
 
@@ -417,10 +417,10 @@ def _light(light: Light) -> tuple:
 
 
 def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool = False) -> Packed:
-    """`settings` as a `core_types.SettingsData`, with the sample points that the scene's lights
+    """`settings` as `core_types.RenderSettingsData`, with the sample points that the scene's lights
     need.
 
-    waves: one of `core_types.WAVES`.
+    waves: of `core_types.Waves`.
     """
     packer = Packer()
     offsets = packer.lend(
@@ -429,7 +429,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         (settings.samples, 2),
         "pixel offsets",
     )
-    data = core_types.SettingsData(
+    data = core_types.RenderSettingsData(
         pixel_offsets=address(offsets),
         samples=settings.samples,
         error_threshold=settings.error_threshold,
@@ -437,12 +437,12 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         light_samples=settings.light_samples,
         max_bounces=settings.max_bounces,
         threads=settings.threads,
-        passes=sum(1 << core_types.PASS_NUMBERS[name] for name in passes_of(settings)),
-        illumination=number(settings.illumination, ILLUMINATIONS, "illumination"),
-        waves=core_types.WAVES.index(waves),
-        acceleration=BUILDS.index(
+        passes=sum(1 << PASS_NUMBERS[name] for name in passes_of(settings)),
+        illumination=number(settings.illumination, core_types.Illumination, "illumination"),
+        waves=core_types.Waves[waves],
+        acceleration=core_types.Build[
             "BALANCED" if settings.acceleration == "AUTO" else settings.acceleration
-        ),
+        ],
         remember=remember,
     )
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
@@ -458,12 +458,11 @@ def passes_of(settings: Settings) -> tuple[str, ...]:
     """Combined and what else is wanted, in the core's order. Raises SceneError for an unknown
     pass.
     """
-    unknown = sorted(set(settings.passes) - set(core_types.PASS_NUMBERS))
+    unknown = sorted(set(settings.passes) - set(PASS_NUMBERS))
     if unknown:
         raise SceneError(f"no such pass: {', '.join(unknown)}")
-    return tuple(
-        name for name in core_types.PASS_NUMBERS if name == "Combined" or name in settings.passes
-    )
+    wanted = {"Combined", *settings.passes}
+    return tuple(sorted(wanted, key=PASS_NUMBERS.__getitem__))
 
 
 def is_soft(light: Light) -> bool:

@@ -7,18 +7,17 @@ from collections.abc import Mapping, Sequence
 from ..program.operations import Reference
 from ..program.program import Instruction, Program, instructions
 from ..program.table import CODES
-from ..scene import LOBES, Input, Material
+from ..scene import Input, Material
+from .core_types import Channel, Fresnel, LobeKind
 from .packer import Packer, number
-
-_CHANNELS = ("COLOR", "ALPHA", "LUMINANCE")
 
 
 def pack_material(packer: Packer, material: Material) -> tuple:
     first, program = len(packer.lobes), material.program
     outputs = program.outputs if program else ()
     for lobe in material.lobes:
-        kind = number(lobe.kind, LOBES, "lobe kind")
-        fresnel = lobe.fresnel | lobe.schlick << 1
+        kind = number(lobe.kind, LobeKind, "lobe kind")
+        fresnel = Fresnel.DIELECTRIC * lobe.fresnel | Fresnel.SCHLICK * lobe.schlick
         packer.lobes.append(
             (
                 lobe.exponent,
@@ -97,10 +96,10 @@ def _input(packer: Packer, factor: Input, outputs: tuple[int, ...]) -> tuple:
         factor.low,
         factor.high,
         factor.texture,
-        number(factor.channel, _CHANNELS, "channel"),
+        number(factor.channel, Channel, "channel"),
         packer.name(factor.uv) if factor.uv else -1,
         packer.name(factor.attribute) if factor.attribute else -1,
-        number(factor.attribute_channel, _CHANNELS, "channel"),
+        number(factor.attribute_channel, Channel, "channel"),
         not factor.is_plain,
         factor.complement,
         _slot(outputs, factor.output),

@@ -65,7 +65,7 @@ void Tracer::choose(const Tile& tile) {
   if (film_.refinement().on()) film_.refinement().list_active(tile, active_);
   else if (active_.size() != tile.pixels())
     active_.resize(tile.pixels()), std::iota(active_.begin(), active_.end(), 0u);
-  surely_empty_ = !active_.empty() && !(scene_.features & GLINT_FEATURE_SEEN_LIGHTS) &&
+  surely_empty_ = !active_.empty() && !(scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) &&
                   scene_.accel().surely_empty(frustum(tile));
 }
 
@@ -243,7 +243,7 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   stage.specular = batch_.specular, stage.stride = batch_.stride, stage.lit = batch_.lit.data(),
   stage.others = batch_.others.data();
   const size_t others = stages_.shade(stage);
-  for (size_t k = 0; (scene_.features & GLINT_FEATURE_SEEN_LIGHTS) && k < queue.size(); ++k)
+  for (size_t k = 0; (scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) && k < queue.size(); ++k)
     shader_.seen_lights(batch_, k);
   double* lost = paths_.lost_alpha();
   for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size();

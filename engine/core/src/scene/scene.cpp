@@ -246,7 +246,7 @@ void Scene::place_lights(const GlintLight* data, size_t count) {
 void Scene::note_features() {
   for (const GlintInstances& group : groups) {
     if (group.flags & GLINT_HOLDOUT) features |= GLINT_FEATURE_HOLDOUT;
-    if (geometries[group.geometry].normals.values) features |= GLINT_FEATURE_SMOOTH;
+    if (geometries[group.geometry].normals.values) features |= GLINT_FEATURE_SMOOTH_NORMALS;
     for (uint32_t k = 0; k < group.material_count; ++k) {
       const Material& material = materials[material_slots[group.first_material + k]];
       if (material.has(GLINT_MIRROR)) features |= GLINT_FEATURE_MIRROR;
@@ -257,9 +257,9 @@ void Scene::note_features() {
   for (const Light& light : lights) {
     if (light.extended) features |= GLINT_FEATURE_SOFT_LIGHTS;
     if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR) && any(light.seen))
-      features |= GLINT_FEATURE_SEEN_LIGHTS;
+      features |= GLINT_FEATURE_VISIBLE_LIGHTS;
   }
-  if (!programs.empty()) features |= GLINT_FEATURE_PROGRAMS;
+  if (!programs.empty()) features |= GLINT_FEATURE_NODE_PROGRAMS;
   if (!textures.empty()) features |= GLINT_FEATURE_TEXTURES;
 }
 
