@@ -30,7 +30,7 @@ from ..scene import (
     Spheres,
     Texture,
 )
-from ..settings import Settings
+from ..settings import DECLARED, Settings
 from . import core_types
 from .packer import Packed, Packer, address, number
 from .packing_materials import pack_material
@@ -416,6 +416,14 @@ def _light(light: Light) -> tuple:
 # --------------------------------------------------------------------------------------------------
 
 
+_SAME = [
+    name
+    for name, _ in core_types.RenderSettingsData._fields_
+    if name in DECLARED and not DECLARED[name].choices
+]
+"""Numbers that the core takes as they are, under the same name."""
+
+
 def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool = False) -> Packed:
     """`settings` as `core_types.RenderSettingsData`, with the sample points that the scene's lights
     need.
@@ -430,21 +438,14 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         "pixel offsets",
     )
     data = core_types.RenderSettingsData(
-        pixel_offsets=address(offsets),
-        samples=settings.samples,
-        error_threshold=settings.error_threshold,
-        cutoff=settings.cutoff,
-        light_samples=settings.light_samples,
-        max_bounces=settings.max_bounces,
-        threads=settings.threads,
-        passes=sum(1 << PASS_NUMBERS[name] for name in passes_of(settings)),
-        illumination=number(settings.illumination, core_types.Illumination, "illumination"),
-        waves=core_types.Waves[waves],
-        acceleration=core_types.Build[
-            "BALANCED" if settings.acceleration == "AUTO" else settings.acceleration
-        ],
-        remember=remember,
+        pixel_offsets=address(offsets), waves=core_types.Waves[waves], remember=remember
     )
+    for name in _SAME:
+        setattr(data, name, getattr(settings, name))
+    data.passes = sum(1 << PASS_NUMBERS[name] for name in passes_of(settings))
+    data.illumination = number(settings.illumination, core_types.Illumination, "illumination")
+    build = "BALANCED" if settings.acceleration == "AUTO" else settings.acceleration
+    data.acceleration = number(build, core_types.Build, "acceleration")
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
         square, disc = _light_points(settings.samples * settings.light_samples)
