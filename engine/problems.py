@@ -8,20 +8,40 @@ primitives the tracers drop. Flattened placements and negative light are sound.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from math import isfinite
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 
+from .checks import (
+    REAL,
+    Found,
+    array,
+    at_least,
+    below,
+    finite,
+    finite_array,
+    handle,
+    holds,
+    numbers,
+    one_of,
+    whole,
+)
 from .linear import determinant, length, pseudo_inverse
-from .program.operations import Reference
-from .program.program import Instruction, Program, instructions
+from .program.problems import program_problems
+from .program.program import instructions
 from .scene import (
+    CAMERAS,
+    CHANNELS,
     CORNER,
+    ENCODINGS,
+    EXTENSIONS,
     FACE,
+    INTERPOLATIONS,
+    LIGHT_SHAPES,
+    LIGHTS,
     LOBES,
     POINT,
     Attribute,
@@ -38,11 +58,6 @@ from .scene import (
     Texture,
     World,
 )
-
-Found = Iterator[str]
-
-_REAL = (float, int, Real)
-"""For isinstance, the plain ones first: asking an abstract class takes ten times as long."""
 
 _DOUBTFUL_VOLUME = 1e-6
 """Of three unit axes: from it on the smallest singular value is at least 5e-7 of the largest, far
@@ -97,95 +112,12 @@ def _strangers(scene: Scene) -> Found:
         if not isinstance(getattr(scene, name), kind):
             yield f"scene: {name} is a {type(getattr(scene, name)).__name__}: use {kind.__name__}"
     for name, kinds in _HELD.items():
-        yield from (f"scene: {text}" for text in _holds(name, getattr(scene, name), kinds))
-
-
-def _holds(name: str, things: Any, kinds: tuple[type, ...]) -> Found:
-    """A tuple or list of nothing but `kinds`."""
-    wanted = " or ".join(kind.__name__ for kind in kinds)
-    if not isinstance(things, (tuple, list)):
-        yield f"{name} is a {type(things).__name__}: use a tuple of {wanted}"
-        return
-    strange = [thing for thing in things if not isinstance(thing, kinds)]
-    if strange:
-        yield f"{name} holds a {type(strange[0]).__name__}: use {wanted}"
+        yield from (f"scene: {text}" for text in holds(name, getattr(scene, name), kinds))
 
 
 def _label(thing: Any) -> str:
     kind = type(thing).__name__.lower()
     return f"{kind} {thing.name!r}" if hasattr(thing, "name") else kind
-
-
-# --- values
-# --------------------------------------------------------------------------------------------------
-
-
-def _array(
-    name: str, array: Any, dtypes: type | tuple[type, ...], shape: Sequence[int | None]
-) -> Found:
-    """The dtype and shape that `array` should have; None in `shape` is any size."""
-    dtypes = dtypes if isinstance(dtypes, tuple) else (dtypes,)
-    if not isinstance(array, np.ndarray):
-        yield f"{name} is a {type(array).__name__}: use a NumPy array"
-        return
-    if array.dtype.type not in dtypes or not array.dtype.isnative:
-        yield f"{name} has dtype {array.dtype}: use {' or '.join(np.dtype(t).name for t in dtypes)}"
-    if array.ndim != len(shape) or any(
-        want is not None and want != got for want, got in zip(shape, array.shape, strict=True)
-    ):
-        wanted = ", ".join("any" if size is None else str(size) for size in shape)
-        yield f"{name} has shape {array.shape}: use ({wanted})"
-
-
-def _below(name: str, indices: np.ndarray, count: int, rows_of: str) -> Found:
-    """Unsigned indices against the number of rows they point into."""
-    if indices.size and (top := int(indices.max())) >= count:
-        yield f"{name} holds {top} but {rows_of} has {count} rows: keep indices below that"
-
-
-def _finite_array(name: str, array: np.ndarray) -> Found:
-    # The extremes carry any NaN or infinity, and take no copy as isfinite would.
-    if array.size and not (np.isfinite(array.max()) and np.isfinite(array.min())):
-        yield f"{name} has a value that is not finite: replace it by a number"
-
-
-def _finite(name: str, value: Any) -> Found:
-    if not (isinstance(value, _REAL) and np.isfinite(value)):
-        yield f"{name} is {value!r}: use a finite number"
-
-
-def _at_least(name: str, value: Any, low: float, high: float = np.inf) -> Found:
-    """A finite number within [low, high]."""
-    if not (isinstance(value, _REAL) and np.isfinite(value) and low <= value <= high):
-        span = f"{low:g} or more" if np.isinf(high) else f"{low:g} to {high:g}"
-        yield f"{name} is {value!r}: use a finite number, {span}"
-
-
-def _one_of(name: str, value: Any, names: tuple[str, ...]) -> Found:
-    if value not in names:
-        yield f"{name} is {value!r}: use one of {', '.join(names)}"
-
-
-def _numbers(name: str, values: Any, count: int) -> Found:
-    """A tuple (or row) of finite numbers."""
-    try:
-        sound = len(values) == count and all(isinstance(v, _REAL) and isfinite(v) for v in values)
-    except (TypeError, OverflowError):
-        sound = False
-    if not sound:
-        yield f"{name} is {values!r}: use {count} finite numbers"
-
-
-def _handle(name: str, handle: Any, count: int, things: str, none: bool = False) -> Found:
-    low = -1 if none else 0
-    if not (isinstance(handle, (int, Integral)) and low <= handle < count):
-        remedy = f"use {low} to {count - 1}" if count else f"add one of the {things}"
-        yield f"{name} is {handle!r} but the scene has {count} {things}: {remedy}"
-
-
-def _whole(name: str, value: Any) -> Found:
-    if not (isinstance(value, Integral) and -(2**31) <= value < 2**31):
-        yield f"{name} is {value!r}: use a whole number of 32 bits"
 
 
 # --- geometry
@@ -205,35 +137,35 @@ def _geometry(geometry: Any) -> Found:
 
 def _mesh(mesh: Mesh) -> Found:
     shapes = [
-        *_array("vertices", mesh.vertices, np.float32, (None, 3)),
-        *_array("triangles", mesh.triangles, np.uint32, (None, 3)),
+        *array("vertices", mesh.vertices, np.float32, (None, 3)),
+        *array("triangles", mesh.triangles, np.uint32, (None, 3)),
     ]
     yield from shapes
     if shapes:
         return
-    yield from _below("triangles", mesh.triangles, len(mesh.vertices), "vertices")
+    yield from below("triangles", mesh.triangles, len(mesh.vertices), "vertices")
     yield from _slots(mesh.material_slots, len(mesh.triangles), "triangle")
     if mesh.corners is not None:
-        yield from _array("corners", mesh.corners, np.uint32, mesh.triangles.shape)
+        yield from array("corners", mesh.corners, np.uint32, mesh.triangles.shape)
     yield from _attributes(mesh)
 
 
 def _slots(slots: np.ndarray | None, count: int, primitive: str) -> Found:
     if slots is None:
         return
-    for text in _array("material_slots", slots, np.uint16, (count,)):
+    for text in array("material_slots", slots, np.uint16, (count,)):
         yield f"{text}, one for each {primitive}"
 
 
 def _attributes(mesh: Mesh) -> Found:
     rows = {POINT: len(mesh.vertices), CORNER: _corner_rows(mesh), FACE: len(mesh.triangles)}
-    strangers = [*_holds("attributes", mesh.attributes, (Attribute,))]
-    strangers += _holds("normals", () if mesh.normals is None else (mesh.normals,), (Attribute,))
+    strangers = [*holds("attributes", mesh.attributes, (Attribute,))]
+    strangers += holds("normals", () if mesh.normals is None else (mesh.normals,), (Attribute,))
     yield from strangers
     if strangers:
         return
     if mesh.normals is not None:
-        yield from _one_of("the domain of normals", mesh.normals.domain, (POINT, CORNER))
+        yield from one_of("the domain of normals", mesh.normals.domain, (POINT, CORNER))
         yield from _attribute("normals", mesh.normals, rows, (3,))
     names = [attribute.name for attribute in mesh.attributes]
     for name in sorted({name for name in names if names.count(name) > 1}):
@@ -254,8 +186,8 @@ def _attribute(
     name: str, attribute: Attribute, rows: dict[str, int | None], columns: tuple[int, ...]
 ) -> Found:
     shapes = [
-        *_one_of(f"the domain of {name}", attribute.domain, tuple(rows)),
-        *_array(name, attribute.values, np.float32, (None, None)),
+        *one_of(f"the domain of {name}", attribute.domain, tuple(rows)),
+        *array(name, attribute.values, np.float32, (None, None)),
     ]
     yield from shapes
     if shapes:
@@ -268,16 +200,16 @@ def _attribute(
         yield f"{name} is on corners and the mesh has none: give Mesh.corners"
     elif count != needed and (attribute.domain != CORNER or count < needed):
         yield f"{name} has {count} rows on {attribute.domain}: use {needed}"
-    yield from _finite_array(name, attribute.values)
+    yield from finite_array(name, attribute.values)
 
 
 def _spheres(spheres: Spheres) -> Found:
-    shapes = [*_array("centers", spheres.centers, np.float32, (None, 3))]
+    shapes = [*array("centers", spheres.centers, np.float32, (None, 3))]
     yield from shapes
     if shapes:
         return
     count = len(spheres.centers)
-    yield from _array("radii", spheres.radii, np.float32, (count,))
+    yield from array("radii", spheres.radii, np.float32, (count,))
     if isinstance(spheres.radii, np.ndarray) and np.any(spheres.radii < 0):
         yield "radii has a negative value: use 0 or more"
     yield from _slots(spheres.material_slots, count, "sphere")
@@ -285,15 +217,15 @@ def _spheres(spheres: Spheres) -> Found:
 
 def _polygons(polygons: Polygons) -> Found:
     shapes = [
-        *_array("vertices", polygons.vertices, np.float32, (None, 3)),
-        *_array("offsets", polygons.offsets, np.uint32, (None,)),
-        *_array("indices", polygons.indices, np.uint32, (None,)),
+        *array("vertices", polygons.vertices, np.float32, (None, 3)),
+        *array("offsets", polygons.offsets, np.uint32, (None,)),
+        *array("indices", polygons.indices, np.uint32, (None,)),
     ]
     yield from shapes
     if shapes:
         return
     yield from _offsets(polygons.offsets, len(polygons.indices))
-    yield from _below("indices", polygons.indices, len(polygons.vertices), "vertices")
+    yield from below("indices", polygons.indices, len(polygons.vertices), "vertices")
     yield from _slots(polygons.material_slots, max(len(polygons.offsets) - 1, 0), "polygon")
 
 
@@ -336,15 +268,15 @@ def _kind(group: Instances) -> tuple:
 
 
 def _instances(scene: Scene, instances: Instances) -> Found:
-    yield from _handle("geometry", instances.geometry, len(scene.geometries), "geometries")
-    shapes = [*_array("world_from_object", instances.world_from_object, np.float64, (None, 3, 4))]
-    yield from shapes or _finite_array("world_from_object", instances.world_from_object)
+    yield from handle("geometry", instances.geometry, len(scene.geometries), "geometries")
+    shapes = [*array("world_from_object", instances.world_from_object, np.float64, (None, 3, 4))]
+    yield from shapes or finite_array("world_from_object", instances.world_from_object)
     if not isinstance(instances.materials, (tuple, list, np.ndarray)):
         yield f"materials is {instances.materials!r}: use a tuple of whole numbers"
         return
     for material in instances.materials:
-        yield from _handle("a material", material, len(scene.materials), "materials")
-    yield from _whole("object_index", instances.object_index)
+        yield from handle("a material", material, len(scene.materials), "materials")
+    yield from whole("object_index", instances.object_index)
 
 
 # --- surfaces
@@ -352,95 +284,60 @@ def _instances(scene: Scene, instances: Instances) -> Found:
 
 
 def _material(textures: int, material: Material) -> Found:
-    yield from _whole("index", material.index)
+    yield from whole("index", material.index)
     if material.program is not None:
-        yield from (f"program: {text}" for text in _program(material.program, textures))
+        yield from (f"program: {text}" for text in program_problems(material.program, textures))
     outputs = len(material.program.outputs) if material.program is not None else 0
-    yield from _handle("normal_output", material.normal_output, outputs, "outputs", none=True)
-    strangers = [*_holds("lobes", material.lobes, (Lobe,))]
+    yield from handle("normal_output", material.normal_output, outputs, "outputs", none=True)
+    strangers = [*holds("lobes", material.lobes, (Lobe,))]
     yield from strangers
     for number, lobe in enumerate(() if strangers else material.lobes):
         yield from (f"lobe {number}: {text}" for text in _lobe(lobe, textures, outputs))
 
 
-def _program(program: Program, textures: int) -> Found:
-    """Slots, constants and things that are not there."""
-    if not isinstance(program, Program):
-        yield f"is {program!r}: use engine.program.program.compile_program"
-        return
-    for texture in program.textures:
-        yield from _handle("a texture", texture, textures, "textures")
-    try:
-        steps = list(instructions(program))
-    except (ValueError, TypeError) as error:
-        yield str(error)
-        return
-    if not all(_is_sound(step, program) for step in steps) or not all(
-        0 <= slot < program.slots for slot in program.outputs
-    ):
-        yield "names a slot, constant or setting that is not there: compile it anew"
-
-
-def _is_sound(step: Instruction, program: Program) -> bool:
-    ends = [
-        slot + kind for slot, (_, kind) in zip(step.outputs, step.operation.outputs, strict=True)
-    ]
-    sound = all(slot >= -1 for slot in step.outputs) and all(end <= program.slots for end in ends)
-    for place, (_, kind) in zip(step.arguments, step.operation.arguments, strict=True):
-        room = program.slots if place >= 0 else len(program.constants)
-        sound = sound and (place if place >= 0 else ~place) + kind <= room
-    for setting, (_, choices) in zip(step.settings, step.operation.settings, strict=True):
-        things = len(getattr(program, choices.value)) if isinstance(choices, Reference) else None
-        allowed = range(things) if things is not None else list(choices)
-        sound = sound and setting in allowed
-    return sound
-
-
 def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
-    yield from _one_of("kind", lobe.kind, LOBES)
-    yield from _at_least("exponent", lobe.exponent, 0)
-    if not (isinstance(lobe.ior, _REAL) and np.isfinite(lobe.ior) and lobe.ior > 0):
+    yield from one_of("kind", lobe.kind, LOBES)
+    yield from at_least("exponent", lobe.exponent, 0)
+    if not (isinstance(lobe.ior, REAL) and np.isfinite(lobe.ior) and lobe.ior > 0):
         yield f"ior is {lobe.ior!r}: use a finite number above 0"
-    yield from _at_least("masking", lobe.masking, 0, 1)
-    strangers = [*_holds("factors", lobe.factors, (Input,))]
+    yield from at_least("masking", lobe.masking, 0, 1)
+    strangers = [*holds("factors", lobe.factors, (Input,))]
     yield from strangers
     for factor in () if strangers else lobe.factors:
         yield from _input(factor, textures, outputs)
     for name in ("exponent_output", "masking_output"):
-        yield from _handle(name, getattr(lobe, name), outputs, "outputs", none=True)
+        yield from handle(name, getattr(lobe, name), outputs, "outputs", none=True)
 
 
 def _input(factor: Input, textures: int, outputs: int) -> Found:
-    yield from _handle("output", factor.output, outputs, "outputs", none=True)
-    yield from _numbers("value", factor.value, 3)
-    yield from _handle("texture", factor.texture, textures, "textures", none=True)
-    yield from _one_of("channel", factor.channel, ("COLOR", "ALPHA", "LUMINANCE"))
-    yield from _one_of("attribute_channel", factor.attribute_channel, ("COLOR", "ALPHA"))
-    yield from _numbers("offset", factor.offset, 3)
+    yield from handle("output", factor.output, outputs, "outputs", none=True)
+    yield from numbers("value", factor.value, 3)
+    yield from handle("texture", factor.texture, textures, "textures", none=True)
+    yield from one_of("channel", factor.channel, CHANNELS)
+    yield from one_of("attribute_channel", factor.attribute_channel, ("COLOR", "ALPHA"))
+    yield from numbers("offset", factor.offset, 3)
     if not (
-        isinstance(factor.low, _REAL)
-        and isinstance(factor.high, _REAL)
-        and factor.low <= factor.high
+        isinstance(factor.low, REAL) and isinstance(factor.high, REAL) and factor.low <= factor.high
     ):
         yield f"low is {factor.low!r} and high {factor.high!r}: use numbers, low at most high"
     for row in factor.uv_transform:
-        yield from _numbers("a row of uv_transform", row, 3)
+        yield from numbers("a row of uv_transform", row, 3)
     if len(factor.uv_transform) != 2:
         yield f"uv_transform has {len(factor.uv_transform)} rows: use 2"
 
 
 def _texture(texture: Texture) -> Found:
-    yield from _one_of("encoding", texture.encoding, ("LINEAR", "SRGB"))
-    yield from _one_of("extension", texture.extension, ("REPEAT", "EXTEND", "CLIP", "MIRROR"))
-    yield from _one_of("interpolation", texture.interpolation, ("LINEAR", "CLOSEST"))
-    shapes = [*_array("pixels", texture.pixels, (np.uint8, np.float32), (None, None, 4))]
+    yield from one_of("encoding", texture.encoding, ENCODINGS)
+    yield from one_of("extension", texture.extension, EXTENSIONS)
+    yield from one_of("interpolation", texture.interpolation, INTERPOLATIONS)
+    shapes = [*array("pixels", texture.pixels, (np.uint8, np.float32), (None, None, 4))]
     yield from shapes
     if shapes:
         return
     if texture.pixels.size == 0:
         yield f"pixels has shape {texture.pixels.shape}: use at least one pixel"
     if texture.pixels.dtype == np.float32:
-        yield from _finite_array("pixels", texture.pixels)
+        yield from finite_array("pixels", texture.pixels)
         if texture.encoding == "SRGB":
             yield "encoding SRGB is for uint8: decode float32 pixels to LINEAR"
 
@@ -450,31 +347,31 @@ def _texture(texture: Texture) -> Found:
 
 
 def _light(light: Light) -> Found:
-    yield from _one_of("kind", light.kind, ("POINT", "SUN", "SPOT", "AREA", "DOME"))
+    yield from one_of("kind", light.kind, LIGHTS)
     if light.kind == "DOME":
         yield from _radiance(light.radiance)
-    yield from _one_of("shape", light.shape, ("RECTANGLE", "ELLIPSE"))
+    yield from one_of("shape", light.shape, LIGHT_SHAPES)
     yield from _placement("world_from_light", light.world_from_light, _not_orthonormal)
-    yield from _numbers("color", light.color, 3)
-    yield from _finite("strength", light.strength)
+    yield from numbers("color", light.color, 3)
+    yield from finite("strength", light.strength)
     for name in ("radius", "size_x", "size_y"):
-        yield from _at_least(name, getattr(light, name), 0)
+        yield from at_least(name, getattr(light, name), 0)
     for name in ("angle", "spot_size"):
-        yield from _at_least(name, getattr(light, name), 0, 2 * np.pi)
-    yield from _at_least("spot_blend", light.spot_blend, 0, 1)
+        yield from at_least(name, getattr(light, name), 0, 2 * np.pi)
+    yield from at_least("spot_blend", light.spot_blend, 0, 1)
 
 
 def _radiance(values: Any) -> Found:
-    found = [*_array("radiance", values, np.float32, (None, None, 3))]
+    found = [*array("radiance", values, np.float32, (None, None, 3))]
     if not found and values.size == 0:
         found = ["radiance is empty: a DOME needs at least one cell"]
-    yield from found or _finite_array("radiance", values)
+    yield from found or finite_array("radiance", values)
 
 
 def _placement(name: str, matrix: Any, further: Callable[[str, np.ndarray], Found]) -> Found:
     """One (3, 4) float64 matrix: shape, then finiteness, then what else its use asks for."""
-    found = [*_array(name, matrix, np.float64, (3, 4))]
-    found = found or [*_finite_array(name, matrix)] or [*further(name, matrix)]
+    found = [*array(name, matrix, np.float64, (3, 4))]
+    found = found or [*finite_array(name, matrix)] or [*further(name, matrix)]
     yield from found
 
 
@@ -498,7 +395,7 @@ def _is_flat(axes: np.ndarray) -> bool:
 
 
 def _camera(camera: Camera) -> Found:
-    yield from _one_of("kind", camera.kind, ("PERSPECTIVE", "ORTHOGRAPHIC"))
+    yield from one_of("kind", camera.kind, CAMERAS)
     yield from _placement("world_from_camera", camera.world_from_camera, _not_a_frame)
     yield from _window(camera)
     yield from _resolution(camera)
@@ -506,7 +403,7 @@ def _camera(camera: Camera) -> Found:
 
 
 def _window(camera: Camera) -> Found:
-    problems = [*_numbers("window", camera.window, 4)]
+    problems = [*numbers("window", camera.window, 4)]
     yield from problems
     if not problems and (
         camera.window[0] == camera.window[1] or camera.window[2] == camera.window[3]
@@ -538,19 +435,24 @@ def _clip(camera: Camera) -> Found:
     if len(camera.clip_planes) > 6:
         yield f"clip_planes has {len(camera.clip_planes)} rows: use 6 at most"
     for plane in camera.clip_planes:
-        yield from _numbers("clip_planes", plane, 4)
+        yield from numbers("clip_planes", plane, 4)
 
 
 def _world(world: World) -> Found:
-    yield from _numbers("ambient", world.ambient, 3)
-    yield from _numbers("background", world.background, 3)
-    found = [*_array("axes", world.axes, np.float64, (3, 3))]
-    yield from found or _finite_array("axes", world.axes)
-    if world.program is None:
-        return
-    problems = [*_program(world.program, len(world.textures))]
-    yield from (f"program: {text}" for text in problems)
-    if not problems and any(step.operation.reads_surface for step in instructions(world.program)):
-        yield "program: reads surfaces, which rays that hit nothing do not have"
-    if not problems and len(world.program.outputs) != 1:
-        yield f"program: has {len(world.program.outputs)} outputs: a world's has one"
+    yield from numbers("ambient", world.ambient, 3)
+    yield from numbers("background", world.background, 3)
+    found = [*array("axes", world.axes, np.float64, (3, 3))]
+    yield from found or finite_array("axes", world.axes)
+    if world.program is not None:
+        yield from (f"program: {text}" for text in _sky_problems(world))
+
+
+def _sky_problems(world: World) -> list[str]:
+    problems = [*program_problems(world.program, len(world.textures))]
+    if problems:
+        return problems
+    if any(step.operation.reads_surface for step in instructions(world.program)):
+        problems.append("reads surfaces, which rays that hit nothing do not have")
+    if len(world.program.outputs) != 1:
+        problems.append(f"has {len(world.program.outputs)} outputs: a world's has one")
+    return problems

@@ -114,6 +114,11 @@ class Instances:
     holdout: bool = False
 
 
+ENCODINGS = ("LINEAR", "SRGB")
+EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
+INTERPOLATIONS = ("LINEAR", "CLOSEST")
+
+
 @dataclass(frozen=True, eq=False)
 class Texture:
     """An image. pixels (h, w, 4) uint8 or float32, row 0 at v = 0 (the bottom), straight alpha.
@@ -128,6 +133,9 @@ class Texture:
     encoding: str = "LINEAR"
     extension: str = "REPEAT"
     interpolation: str = "LINEAR"
+
+
+CHANNELS = ("COLOR", "ALPHA", "LUMINANCE")
 
 
 @dataclass(frozen=True)
@@ -210,6 +218,10 @@ class Material:
     normal_output: int = -1
 
 
+LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME")
+LIGHT_SHAPES = ("RECTANGLE", "ELLIPSE")
+
+
 @dataclass(frozen=True, eq=False)
 class Light:
     """A light. kind: POINT, SUN, SPOT, AREA or DOME, which shines from all around.
@@ -241,6 +253,9 @@ class Light:
     visible_camera: bool = False
     visible_mirror: bool = False
     radiance: Array | None = None
+
+
+CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
 
 
 @dataclass(frozen=True, eq=False)

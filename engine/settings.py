@@ -1,71 +1,235 @@
-"""How to render: everything a picture depends on that is not the scene."""
+"""How to render: everything a picture depends on that is not the scene. A setting is declared here,
+once: Blender's property, the check and what goes to the core follow from its declaration.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, fields
+from math import inf
 from numbers import Integral, Real
 from typing import Any
 
 from .film import PASSES
 
-ILLUMINATIONS = ("PHYSICAL", "CLASSIC")
-WORLD_LIGHTS = ("OCCLUDED", "CONSTANT")
+_ILLUMINATIONS = (
+    (
+        "PHYSICAL",
+        "Physical",
+        "Watts, inverse square and 1/π as in Cycles: a diffuse surface gets the same value in both",
+    ),
+    (
+        "CLASSIC",
+        "Classic",
+        "The textbook formula as it stands: the strength is the intensity, and light does not fall "
+        "off with distance",
+    ),
+)
+_WORLD_LIGHTS = (
+    (
+        "OCCLUDED",
+        "Occluded",
+        "For most pictures: the sky or its image lights from where it is bright, and surfaces hide "
+        "it from each other. Takes shadow rays",
+    ),
+    (
+        "CONSTANT",
+        "Constant",
+        "For quick pictures: the world's mean colour on every surface, from all sides, without "
+        "shadows. Costs nothing",
+    ),
+)
+_BACKENDS = (
+    (
+        "NATIVE",
+        "Native",
+        "For every render: the compiled core, on all cores of the CPU. Where it cannot be loaded, "
+        "Python takes over with a message",
+    ),
+    (
+        "NUMPY",
+        "Python (reference)",
+        "To check a picture against double precision: the same to float precision, tens of times "
+        "slower",
+    ),
+)
+_ACCELERATIONS = (
+    ("AUTO", "Automatic", "For nearly everything: fast in the viewport, balanced in final renders"),
+    (
+        "FAST",
+        "Fast",
+        "For quick looks at large scenes: the first ray comes in half the time, the rays are "
+        "somewhat slower",
+    ),
+    ("BALANCED", "Balanced", "For most renders: the least time for sorting and tracing together"),
+    (
+        "FINE",
+        "Fine",
+        "For long renders of rooms with large, long triangles: sorting takes several times as "
+        "long, rays are faster. Curved meshes "
+        "gain nothing",
+    ),
+)
+ILLUMINATIONS, BACKENDS, ACCELERATIONS = (
+    tuple(name for name, _, _ in choices) for choices in (_ILLUMINATIONS, _BACKENDS, _ACCELERATIONS)
+)
 DOME_SHARE = 8
 """Directions of a DOME light for each sample of another light: the sky is all round, lamps are not.
 """
-BACKENDS = ("NATIVE", "NUMPY")
-BUILDS = ("FAST", "BALANCED", "FINE")
+BUILDS = ACCELERATIONS[1:]
 """Ways to build the core's trees, in the order of their time."""
-ACCELERATIONS = ("AUTO", *BUILDS)
 MOST_LIGHT_POINTS = 1 << 23
 """Largest samples × light_samples: the table of points on the lights is made before the first ray.
 """
 
 
 @dataclass(frozen=True)
+class Declared:
+    """What is known of a setting.
+
+    default: of `Settings`; its type is the setting's. label, tooltip: as a user reads them; without
+    a label it is none of Glint's own properties. low, high: the range that the tracers take, ends
+    included. remedy: how a refusal names it. slider, typed: largest values that Blender's slider
+    and its field reach, where that is not high. digits: shown behind the point. choices: (name,
+    label, tooltip) of each value of a text.
+    """
+
+    default: Any
+    label: str = ""
+    tooltip: str = ""
+    low: float = 0
+    high: float = inf
+    remedy: str = ""
+    slider: float | None = None
+    typed: float | None = None
+    digits: int = 2
+    choices: tuple[tuple[str, str, str], ...] = ()
+
+    def is_whole(self) -> bool:
+        """Whether its values are whole numbers."""
+        return isinstance(self.default, int)
+
+    def strangeness(self, name: str, value: Any) -> Iterator[str]:
+        """What is wrong with the type of a value."""
+        if self.is_whole() and not _is_whole(value):
+            yield f"{name} is {value!r}: use a whole number"
+        if isinstance(self.default, float) and not isinstance(value, Real):
+            yield f"{name} is {value!r}: use a number"
+
+    def problems(self, name: str, value: Any) -> Iterator[str]:
+        """What is wrong with a value of the right type."""
+        names = [choice for choice, _, _ in self.choices]
+        if names and value not in names:
+            yield f"{name} {value!r} is not one of {', '.join(names)}"
+        if not names and not self.low <= value <= self.high:
+            yield f"{name} is {value}: use {self.remedy}"
+
+
+def _setting(default: Any, label: str = "", tooltip: str = "", **more: Any) -> Any:
+    return field(default=default, metadata={Declared: Declared(default, label, tooltip, **more)})
+
+
+@dataclass(frozen=True)
 class Settings:
     """Render settings.
 
-    samples: per pixel; one goes through the pixel's centre.
-    error_threshold: largest visible error that is good enough, in 8-bit levels of an sRGB screen
-    (SEMANTICS.md, Refinement). A pixel
-        whose estimated error is smaller after a wave of 4, 8, 16 … samples takes no more; 0 gives
-        all samples to all pixels.
-    light_samples: per soft light and pixel sample; 1 is the notes' hard shadow from the light's
-    centre. max_bounces: depth of mirror and refraction rays; 0 traces none. cutoff: mirror and
-    refraction rays that weigh less (the largest of red, green and blue of what they carry to the
-    pixel) are not
-        traced; 0 traces all.
-    illumination, backend: one of ILLUMINATIONS, BACKENDS.
-    world_light: one of WORLD_LIGHTS: whether surfaces hide the world's light from each other. With
-    CLASSIC illumination they do not.
-    acceleration: one of ACCELERATIONS: how much time the core's trees may take to build, and how
-    little its rays. AUTO builds BALANCED
-        ones. Never changes a bit of the picture.
-    threads: 0 for one per core. Never changes a bit of the picture.
-    filter_width: Blender's pixel filter size in pixels (the Blackman-Harris window spans twice
-    that); 0 samples the centre only. passes: names from `film.PASSES` beyond Combined. region: (x0,
-    y0, x1, y1) half-open pixel rectangle of the full frame, origin bottom left; None for all of it.
+    error_threshold: in 8-bit levels of an sRGB screen; a pixel may stop after a wave of 4, 8, 16 …
+    samples (SEMANTICS.md, Refinement). light_samples: 1 is the notes' hard shadow. cutoff: compared
+    with the largest channel of what a ray carries to the pixel. acceleration, threads: never change
+    a bit of the picture; threads 0 are one per core. filter_width: Blender's pixel filter size in
+    pixels (the Blackman-Harris window spans twice that); 0 samples the centre only. passes: names
+    from `film.PASSES` beyond Combined. region: (x0, y0, x1, y1) half-open pixel rectangle of the
+    full frame, origin bottom left; None for all of it.
     """
 
-    samples: int = 16
-    error_threshold: float = 0.0
-    light_samples: int = 4
-    max_bounces: int = 4
-    cutoff: float = 0.0
-    illumination: str = "PHYSICAL"
-    world_light: str = "OCCLUDED"
-    backend: str = "NATIVE"
-    acceleration: str = "AUTO"
-    threads: int = 0
-    filter_width: float = 1.5
+    samples: int = _setting(
+        16,
+        "Samples",
+        "Most samples of a pixel; more make edges and soft shadows smoother and take longer in "
+        "proportion. Choose 4 to 16 for a look, 64 for most pictures, 256 for fine textures and "
+        "large soft shadows. There is no noise at any number; powers of two are placed best",
+        low=1,
+        slider=256,
+        # Blender cuts what is above in silence: this is more than the engine takes, and it says so
+        typed=1 << 24,
+        remedy="at least 1",
+    )
+    error_threshold: float = _setting(
+        0.0,
+        "Threshold",
+        "A pixel takes no more samples once its estimated error is at most this many of the 256 "
+        "levels of a display. Choose 4 for most pictures, 1 to 2 where dark gradients will be "
+        "brightened later, 0 to give all samples to all pixels",
+        high=255.0,
+        slider=16.0,
+        digits=1,
+        remedy="0 (off) or up to 255 levels",
+    )
+    light_samples: int = _setting(
+        4,
+        "Light Samples",
+        "Points on each soft light per pixel sample; shadow time grows in proportion. Both numbers "
+        "multiply, so choose 2 for most pictures, 4 to 8 with few samples and large lights. 1 "
+        "makes hard shadows from the light's centre",
+        low=1,
+        slider=64,
+        typed=4096,
+        remedy="at least 1",
+    )
+    max_bounces: int = _setting(
+        4,
+        "Bounces",
+        "Depth of mirror and refraction rays; costs nothing without mirrors or glass. Choose 4 for "
+        "mirrors, 8 and more where glass stands behind glass, 0 for no reflections",
+        high=64,
+        remedy="0 to 64",
+    )
+    cutoff: float = _setting(
+        0.0,
+        "Ray Cutoff",
+        "Mirror and refraction rays that would add less than this share to the pixel are not "
+        "traced. Choose 0 for all of them, 0.01 to save time in glass with many bounces: the faint "
+        "reflection of a very bright lamp may be lost",
+        high=1.0,
+        slider=0.1,
+        digits=3,
+        remedy="0 (off) to 1",
+    )
+    illumination: str = _setting(
+        "PHYSICAL", "Illumination", "What a light's strength means", choices=_ILLUMINATIONS
+    )
+    world_light: str = _setting(
+        "OCCLUDED",
+        "World Light",
+        "How the world lights surfaces. With Classic illumination it is constant",
+        choices=_WORLD_LIGHTS,
+    )
+    backend: str = _setting(
+        "NATIVE", "Tracer", "Which of the two tracers draws the picture", choices=_BACKENDS
+    )
+    acceleration: str = _setting(
+        "AUTO",
+        "Acceleration",
+        "How long the core may sort the scene before the first ray. The picture is the same, bit "
+        "for bit, with any",
+        choices=_ACCELERATIONS,
+    )
+    threads: int = _setting(
+        0,
+        "Threads",
+        "Threads of the native core; 0 takes Blender's own setting, which is all cores unless "
+        "fixed. The picture is the same, bit for bit, with any number",
+        typed=1024,
+        remedy="0 (all cores) or more",
+    )
+    filter_width: float = _setting(1.5, high=100, remedy="0 to 100 pixels")
     passes: frozenset[str] = frozenset()
     region: tuple[int, int, int, int] | None = None
 
     def __post_init__(self) -> None:
         """NumPy's whole numbers become Python's, and names of passes a set."""
-        for name in _WHOLE:
-            if _is_whole(value := getattr(self, name)):
+        for name, declared in DECLARED.items():
+            if declared.is_whole() and _is_whole(value := getattr(self, name)):
                 object.__setattr__(self, name, int(value))
         if isinstance(self.passes, (set, list, tuple)):
             object.__setattr__(self, "passes", frozenset(self.passes))
@@ -82,67 +246,30 @@ class Settings:
 
     def problems(self) -> list[str]:
         """What is wrong with these settings, one sentence each."""
-        strange = [
-            f"{name} is {getattr(self, name)!r}: use a whole number"
-            for name in _WHOLE
-            if not _is_whole(getattr(self, name))
-        ]
-        strange += [
-            f"{name} is {getattr(self, name)!r}: use a number"
-            for name in _REAL
-            if not isinstance(getattr(self, name), Real)
-        ]
+        strange = [*self._of_each(Declared.strangeness)]
         if not isinstance(self.passes, frozenset):
             strange.append(f"passes is {self.passes!r}: use a set of names")
-        if strange:
-            return strange
-        unknown = sorted(str(name) for name in self.passes if name not in PASSES)
-        rules = (
-            (self.samples >= 1, f"samples is {self.samples}: use at least 1"),
-            (
-                0 <= self.error_threshold < 256,
-                f"error_threshold is {self.error_threshold}: use 0 (off) or up to 255 levels",
-            ),
-            (self.light_samples >= 1, f"light_samples is {self.light_samples}: use at least 1"),
-            (
-                self.samples * self.light_samples <= MOST_LIGHT_POINTS,
-                f"samples × light_samples is {self.samples * self.light_samples}: use at most "
-                f"{MOST_LIGHT_POINTS}",
-            ),
-            (0 <= self.max_bounces <= 64, f"max_bounces is {self.max_bounces}: use 0 to 64"),
-            (0 <= self.cutoff <= 1, f"cutoff is {self.cutoff}: use 0 (off) to 1"),
-            (
-                self.illumination in ILLUMINATIONS,
-                f"illumination {self.illumination!r} is not one of {', '.join(ILLUMINATIONS)}",
-            ),
-            (
-                self.world_light in WORLD_LIGHTS,
-                f"world_light {self.world_light!r} is not one of {', '.join(WORLD_LIGHTS)}",
-            ),
-            (
-                self.backend in BACKENDS,
-                f"backend {self.backend!r} is not one of {', '.join(BACKENDS)}",
-            ),
-            (
-                self.acceleration in ACCELERATIONS,
-                f"acceleration {self.acceleration!r} is not one of {', '.join(ACCELERATIONS)}",
-            ),
-            (self.threads >= 0, f"threads is {self.threads}: use 0 (all cores) or more"),
-            (
-                0 <= self.filter_width <= 100,
-                f"filter_width is {self.filter_width}: use 0 to 100 pixels",
-            ),
-            (not unknown, f"no such pass: {', '.join(unknown)}"),
-            (
-                self.region is None or _is_region(self.region),
-                f"region is {self.region!r}: use whole numbers 0 <= x0 < x1 and 0 <= y0 < y1",
-            ),
-        )
-        return [text for good, text in rules if not good]
+        return strange or [*self._of_each(Declared.problems), *self._of_several()]
+
+    def _of_each(self, ask: Callable[[Declared, str, Any], Iterator[str]]) -> Iterator[str]:
+        for name, declared in DECLARED.items():
+            yield from ask(declared, name, getattr(self, name))
+
+    def _of_several(self) -> Iterator[str]:
+        """What no range says."""
+        points = self.samples * self.light_samples
+        if points > MOST_LIGHT_POINTS:
+            yield f"samples × light_samples is {points}: use at most {MOST_LIGHT_POINTS}"
+        if unknown := sorted(str(name) for name in self.passes if name not in PASSES):
+            yield f"no such pass: {', '.join(unknown)}"
+        if self.region is not None and not _is_region(self.region):
+            yield f"region is {self.region!r}: use whole numbers 0 <= x0 < x1 and 0 <= y0 < y1"
 
 
-_WHOLE = ("samples", "light_samples", "max_bounces", "threads")
-_REAL = ("error_threshold", "cutoff", "filter_width")
+DECLARED = {
+    known.name: known.metadata[Declared] for known in fields(Settings) if Declared in known.metadata
+}
+"""Name of a setting -> what is declared of it, in the order of `Settings`."""
 
 
 def _is_whole(value: Any) -> bool:

@@ -7,163 +7,37 @@ a definition. Blender reads the annotations as they are, so this module must not
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
 
 from ... import engine
-from ...engine.settings import OFFERED
-
-_ILLUMINATION_ITEMS = (
-    (
-        "PHYSICAL",
-        "Physical",
-        "Watts, inverse square and 1/π as in Cycles: a diffuse surface gets the same value in both",
-    ),
-    (
-        "CLASSIC",
-        "Classic",
-        "The textbook formula as it stands: the strength is the intensity, and light does not fall "
-        "off with distance",
-    ),
-)
-_WORLD_LIGHT_ITEMS = (
-    (
-        "OCCLUDED",
-        "Occluded",
-        "For most pictures: the sky or its image lights from where it is bright, and surfaces hide "
-        "it from each other. Takes shadow rays",
-    ),
-    (
-        "CONSTANT",
-        "Constant",
-        "For quick pictures: the world's mean colour on every surface, from all sides, without "
-        "shadows. Costs nothing",
-    ),
-)
-_BACKEND_ITEMS = (
-    (
-        "NATIVE",
-        "Native",
-        "For every render: the compiled core, on all cores of the CPU. Where it cannot be loaded, "
-        "Python takes over with a message",
-    ),
-    (
-        "NUMPY",
-        "Python (reference)",
-        "To check a picture against double precision: the same to float precision, tens of times "
-        "slower",
-    ),
-)
+from ...engine.settings import DECLARED, OFFERED
 
 
-_ACCELERATION_ITEMS = (
-    ("AUTO", "Automatic", "For nearly everything: fast in the viewport, balanced in final renders"),
-    (
-        "FAST",
-        "Fast",
-        "For quick looks at large scenes: the first ray comes in half the time, the rays are "
-        "somewhat slower",
-    ),
-    ("BALANCED", "Balanced", "For most renders: the least time for sorting and tracing together"),
-    (
-        "FINE",
-        "Fine",
-        "For long renders of rooms with large, long triangles: sorting takes several times as "
-        "long, rays are faster. Curved meshes "
-        "gain nothing",
-    ),
-)
+def _property(name: str) -> Any:
+    """Blender's property of a setting, as `engine.settings` declares it."""
+    declared, default = DECLARED[name], getattr(OFFERED, name)
+    texts = {"name": declared.label, "description": declared.tooltip}
+    if declared.choices:
+        return EnumProperty(**texts, items=declared.choices, default=default)
+    high = declared.high if declared.typed is None else declared.typed
+    numbers = {"default": default, "min": declared.low, "max": high}
+    numbers["soft_max"] = high if declared.slider is None else declared.slider
+    if declared.is_whole():
+        return IntProperty(**texts, **numbers)
+    return FloatProperty(**texts, **numbers, precision=declared.digits)
+
+
+_OWN = tuple(name for name, declared in DECLARED.items() if declared.label)
+"""Settings that are properties of Glint's."""
 
 
 class GlintRenderSettings(bpy.types.PropertyGroup):
     """How to render; the same group serves the final render and the viewport."""
 
-    samples: IntProperty(
-        name="Samples",
-        description="Most samples of a pixel; more make edges and soft shadows smoother and take "
-        "longer in proportion. Choose 4 to 16 for "
-        "a look, 64 for most pictures, 256 for fine textures and large soft shadows. There is no "
-        "noise at any number; powers of two "
-        "are placed best",
-        default=OFFERED.samples,
-        min=1,
-        soft_max=256,
-        # Blender cuts what is above in silence: this is more than the engine takes, and it says so
-        max=1 << 24,
-    )
-    error_threshold: FloatProperty(
-        name="Threshold",
-        description="A pixel takes no more samples once its estimated error is at most this many "
-        "of the 256 levels of a display. Choose 4 "
-        "for most pictures, 1 to 2 where dark gradients will be brightened later, 0 to give all "
-        "samples to all pixels",
-        default=OFFERED.error_threshold,
-        min=0.0,
-        soft_max=16.0,
-        max=255.0,
-        precision=1,
-    )
-    light_samples: IntProperty(
-        name="Light Samples",
-        description="Points on each soft light per pixel sample; shadow time grows in proportion. "
-        "Both numbers multiply, so choose 2 for "
-        "most pictures, 4 to 8 with few samples and large lights. 1 makes hard shadows from the "
-        "light's centre",
-        default=OFFERED.light_samples,
-        min=1,
-        soft_max=64,
-        max=4096,
-    )
-    max_bounces: IntProperty(
-        name="Bounces",
-        description="Depth of mirror and refraction rays; costs nothing without mirrors or glass. "
-        "Choose 4 for mirrors, 8 and more where "
-        "glass stands behind glass, 0 for no reflections",
-        default=OFFERED.max_bounces,
-        min=0,
-        max=64,
-    )
-    cutoff: FloatProperty(
-        name="Ray Cutoff",
-        description="Mirror and refraction rays that would add less than this share to the pixel "
-        "are not traced. Choose 0 for all of them, "
-        "0.01 to save time in glass with many bounces: the faint reflection of a very bright lamp "
-        "may be lost",
-        default=OFFERED.cutoff,
-        min=0.0,
-        soft_max=0.1,
-        max=1.0,
-        precision=3,
-    )
-    illumination: EnumProperty(
-        name="Illumination", description="What a light's strength means", items=_ILLUMINATION_ITEMS
-    )
-    world_light: EnumProperty(
-        name="World Light",
-        description="How the world lights surfaces. With Classic illumination it is constant",
-        items=_WORLD_LIGHT_ITEMS,
-    )
-    backend: EnumProperty(
-        name="Tracer",
-        description="Which of the two tracers draws the picture",
-        items=_BACKEND_ITEMS,
-    )
-    acceleration: EnumProperty(
-        name="Acceleration",
-        description="How long the core may sort the scene before the first ray. The picture is the "
-        "same, bit for bit, with any",
-        items=_ACCELERATION_ITEMS,
-    )
-    threads: IntProperty(
-        name="Threads",
-        description="Threads of the native core; 0 takes Blender's own setting, which is all cores "
-        "unless fixed. "
-        "The picture is the same, bit for bit, with any number",
-        default=0,
-        min=0,
-        max=1024,
-    )
+    __annotations__ = {name: _property(name) for name in _OWN}
 
 
 _TARGET_ITEMS = (
@@ -283,17 +157,10 @@ def settings_from(
     None for all of it.
     """
     fixed_threads = scene.render.threads if scene.render.threads_mode == "FIXED" else 0
+    chosen = {name: getattr(group, name) for name in _OWN}
+    chosen["threads"] = group.threads or fixed_threads
     return engine.Settings(
-        samples=group.samples,
-        error_threshold=group.error_threshold,
-        light_samples=group.light_samples,
-        max_bounces=group.max_bounces,
-        cutoff=group.cutoff,
-        illumination=group.illumination,
-        world_light=group.world_light,
-        backend=group.backend,
-        acceleration=group.acceleration,
-        threads=group.threads or fixed_threads,
+        **chosen,
         filter_width=scene.render.filter_size,
         passes=frozenset(passes) - {"Combined"},
         region=region,

@@ -37,20 +37,17 @@ from ..settings import Settings
 from ..view_axes import ViewAxes, narrow_view_axes
 from . import core_types
 from .core_types import (
-    CANCELLED,
-    DONE,
-    FAILED,
-    HELD,
     AccelData,
     AccelStatsData,
     HitsData,
     ProgressData,
     RaysData,
+    RenderSettingsData,
     SceneData,
-    SettingsData,
+    State,
     StatsData,
 )
-from .packing import pack_scene, pack_settings, passes_of
+from .packing import PASS_NUMBERS, pack_scene, pack_settings, passes_of
 
 LIBRARY_VARIABLE = "GLINT_CORE_LIBRARY"
 """Environment variable with the path of another build of the core."""
@@ -68,7 +65,7 @@ _SIGNATURES = {
         [c_void_p, POINTER(SceneData), c_int32, c_char_p, c_size_t],
     ),
     "glint_scene_destroy": (None, [c_void_p]),
-    "glint_render_start": (c_void_p, [c_void_p, POINTER(SettingsData), c_char_p, c_size_t]),
+    "glint_render_start": (c_void_p, [c_void_p, POINTER(RenderSettingsData), c_char_p, c_size_t]),
     "glint_render_wait": (ProgressData, [c_void_p, c_uint32]),
     "glint_render_resume": (None, [c_void_p]),
     "glint_render_cancel": (None, [c_void_p]),
@@ -191,7 +188,7 @@ def _scene(core: ctypes.CDLL, data: SceneData) -> Iterator[int]:
 
 
 @contextmanager
-def _render(core: ctypes.CDLL, scene: int, data: SettingsData) -> Iterator[int]:
+def _render(core: ctypes.CDLL, scene: int, data: RenderSettingsData) -> Iterator[int]:
     error = ctypes.create_string_buffer(ERROR_BYTES)
     handle = core.glint_render_start(scene, byref(data), error, ERROR_BYTES)
     if not handle:
@@ -202,14 +199,14 @@ def _render(core: ctypes.CDLL, scene: int, data: SettingsData) -> Iterator[int]:
         core.glint_render_destroy(handle)
 
 
-def _refusal(text: str, data: SceneData | SettingsData) -> Exception:
+def _refusal(text: str, data: SceneData | RenderSettingsData) -> Exception:
     if text == "no thread":
         return MemoryError(NO_THREAD)
     if text != "out of memory":
         return SceneError(text)
     return MemoryError(
         "the core ran out of memory: "
-        f"{_film_needs(data) if isinstance(data, SettingsData) else _scene_needs(data)}"
+        f"{_film_needs(data) if isinstance(data, RenderSettingsData) else _scene_needs(data)}"
     )
 
 
@@ -220,13 +217,11 @@ def _scene_needs(data: SceneData) -> str:
     )
 
 
-def _film_needs(data: SettingsData) -> str:
+def _film_needs(data: RenderSettingsData) -> str:
     """Sums in double and the picture in float32 of every pass that is asked for."""
     x0, y0, x1, y1 = data.region
     channels = sum(
-        PASSES[name]
-        for name, number in core_types.PASS_NUMBERS.items()
-        if data.passes >> number & 1
+        PASSES[name] for name, number in PASS_NUMBERS.items() if data.passes >> number & 1
     )
     gigabytes = max(0.1, (x1 - x0) * (y1 - y0) * channels * 12 / 1e9)
     return (
@@ -261,11 +256,11 @@ class _Render:
         while True:
             progress = self._core.glint_render_wait(self._handle, _POLL_MILLISECONDS)
             on_progress(progress.fraction)
-            ended = progress.state >= DONE
+            ended = progress.state >= State.DONE
             if on_wave is not None and progress.samples > shown:
                 shown = progress.samples
                 film = self._film(shown, complete=True, ended=ended)
-                if progress.state == HELD:
+                if progress.state == State.HELD:
                     self._core.glint_render_resume(self._handle)
                 on_wave(film)
             if ended:
@@ -274,7 +269,7 @@ class _Render:
                 self._core.glint_render_cancel(self._handle)
 
     def _result(self, progress: ProgressData) -> Film:
-        if progress.state == FAILED:
+        if progress.state == State.FAILED:
             text = self._core.glint_render_error(self._handle).decode(errors="replace")
             if text == "out of memory":
                 count = self._core.glint_render_stats(self._handle).primitives
@@ -284,7 +279,7 @@ class _Render:
                     "programs"
                 )
             raise RuntimeError(f"the core failed: {text}")
-        return self._film(progress.samples, complete=progress.state != CANCELLED, ended=True)
+        return self._film(progress.samples, complete=progress.state != State.CANCELLED, ended=True)
 
     def _film(self, samples: int, complete: bool, ended: bool) -> Film:
         passes = {name: self._pass(name, samples, ended) for name in self._names}
@@ -306,7 +301,7 @@ class _Render:
         if samples == 0:
             return np.full(shape, empty_value(name), np.float32)
         size = math.prod(shape)
-        handle = self._core.glint_render_picture(self._handle, core_types.PASS_NUMBERS[name], size)
+        handle = self._core.glint_render_picture(self._handle, PASS_NUMBERS[name], size)
         if not handle:
             needs = f"pass {name!r} needs {size * 4 / 1e9:.1f} GB"
             raise MemoryError(
@@ -333,9 +328,9 @@ def _stats(data: StatsData) -> dict[str, float]:
         "dropped_lights",
     )
     features = {
-        f"feature: {name}": 1.0
-        for bit, name in enumerate(core_types.FEATURES)
-        if data.features >> bit & 1
+        f"feature: {feature.name.lower().replace('_', ' ')}": 1.0
+        for feature in core_types.Feature
+        if data.features & feature
     }
     return {
         "build": data.build_seconds,

@@ -13,8 +13,9 @@ from ..film import Film
 from ..scene import Scene
 from ..settings import Settings
 from ..view_axes import ViewAxes, narrow_view_axes
-from .core_types import DONE, FAILED
-from .packing import Packed, ScenePacker, pack_settings
+from .core_types import State
+from .packer import Packed
+from .packing import ScenePacker, pack_settings
 
 _POLL_MILLISECONDS = 2
 """How soon a task makes room for the next."""
@@ -148,11 +149,11 @@ class NativeLive:
         shown, cancelled = 0, False
         while True:
             progress = self._core.glint_render_wait(job, _POLL_MILLISECONDS)
-            ended = progress.state >= DONE
+            ended = progress.state >= State.DONE
             if progress.samples > shown and (ended or progress.samples < most):
                 shown = progress.samples
                 on_film(render._film(shown, complete=True, ended=ended), shown == most)
-            if progress.state == FAILED:
+            if progress.state == State.FAILED:
                 render._result(progress)
             if ended:
                 return

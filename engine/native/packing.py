@@ -5,8 +5,8 @@ their layout already fits.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import compress, count
 from operator import is_not
 from typing import Any
@@ -14,16 +14,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import SceneError
-from ..program.operations import Reference
-from ..program.program import Instruction, Program, instructions
-from ..program.table import CODES
+from ..film import PASSES
+from ..program.program import Program
 from ..sampling import light_points, pixel_offsets
 from ..scene import (
-    LOBES,
+    LIGHT_SHAPES,
     Attribute,
     Camera,
     Geometry,
-    Input,
     Instances,
     Light,
     Material,
@@ -33,79 +31,17 @@ from ..scene import (
     Spheres,
     Texture,
 )
-from ..settings import BUILDS, ILLUMINATIONS, Settings
+from ..settings import DECLARED, Settings
 from . import core_types
+from .packer import Packed, Packer, address, number
+from .packing_materials import pack_material
 
-_DOMAINS = ("POINT", "CORNER", "FACE")
-_ENCODINGS = ("LINEAR", "SRGB")
-_EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
-_INTERPOLATIONS = ("LINEAR", "CLOSEST")
-_CHANNELS = ("COLOR", "ALPHA", "LUMINANCE")
-_LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME")
-_SHAPES = ("RECTANGLE", "ELLIPSE")
-_CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
+PASS_NUMBERS = {name: core_types.Pass[name.upper().replace(" ", "_")].value for name in PASSES}
+"""The core's numbers of the passes."""
 
 # a viewport asks for the same few all the time
 _pixel_offsets = functools.lru_cache(maxsize=16)(pixel_offsets)
 _light_points = functools.lru_cache(maxsize=16)(light_points)
-
-
-@dataclass
-class Packed:
-    """A structure for the core with everything that it points at."""
-
-    data: Any
-    lent: list = field(default_factory=list)
-
-
-@dataclass
-class _Packer:
-    """Arrays and tables on their way into one structure."""
-
-    lent: list[np.ndarray] = field(default_factory=list)
-    names: dict[str, int] = field(default_factory=dict)
-    attributes: list[tuple] = field(default_factory=list)
-    inputs: list[tuple] = field(default_factory=list)
-    lobes: list[tuple] = field(default_factory=list)
-    programs: list[tuple] = field(default_factory=list)
-    words: list[int] = field(default_factory=list)
-    constants: list[float] = field(default_factory=list)
-    tables: list[float] = field(default_factory=list)
-    packed: dict[Program, int] = field(default_factory=dict)
-
-    def lend(
-        self, values: Any, dtype: type, shape: tuple[int | None, ...], what: str
-    ) -> np.ndarray:
-        """`values` as a C-contiguous array of that dtype and shape (None: any size), itself where
-        possible.
-        """
-        array = np.ascontiguousarray(values, dtype)
-        if array.ndim != len(shape) or any(
-            want not in (None, have) for want, have in zip(shape, array.shape, strict=True)
-        ):
-            wanted = ", ".join("any" if size is None else str(size) for size in shape)
-            raise SceneError(f"{what} has the shape {array.shape}: ({wanted}) is needed")
-        self.lent.append(array)
-        return array
-
-    def optional(self, values: Any, dtype: type, shape: tuple[int | None, ...], what: str) -> int:
-        """The address of an array, 0 for None."""
-        return 0 if values is None else address(self.lend(values, dtype, shape, what))
-
-    def name(self, text: str) -> int:
-        return self.names.setdefault(text, len(self.names))
-
-
-def address(array: np.ndarray) -> int:
-    """Where the first element lies; 0 for an empty array."""
-    return array.__array_interface__["data"][0] if array.size else 0
-
-
-def number(value: str, names: Sequence[str], what: str) -> int:
-    """The place of `value` among `names`. Raises SceneError for another value."""
-    if value not in names:
-        raise SceneError(f"{what} {value!r} is not one of {', '.join(names)}")
-    return names.index(value)
 
 
 def pack_scene(scene: Scene) -> Packed:
@@ -209,8 +145,8 @@ class ScenePacker:
     def _materials(
         self, materials: tuple[Material, ...], before: _Part | None, changed: list[int]
     ) -> _Part:
-        packer = _Packer(names=self._names)
-        rows = [_material(packer, material) for material in materials]
+        packer = Packer(names=self._names)
+        rows = [pack_material(packer, material) for material in materials]
         tables = {
             "materials": _table(core_types.MaterialData, rows),
             "lobes": _table(core_types.LobeData, packer.lobes),
@@ -249,7 +185,7 @@ class _PackedGeometry:
     """A geometry's row, whose attributes are counted from 0, and theirs."""
 
     def __init__(self, geometry: Geometry, names: dict[str, int]) -> None:
-        packer = _Packer(names=names)
+        packer = Packer(names=names)
         self.row = _geometry(packer, geometry)
         self.attributes, self.lent = packer.attributes, packer.lent
 
@@ -274,7 +210,7 @@ def _patched_geometries(
 
 
 def _textures(textures: tuple[Texture, ...], before: _Part | None, changed: list[int]) -> _Part:
-    packer = _Packer()
+    packer = Packer()
     return _Part(
         textures,
         {"textures": _table(core_types.TextureData, [_texture(packer, t) for t in textures])},
@@ -297,7 +233,7 @@ def pack_camera(camera: Camera) -> core_types.CameraData:
     data.clip_plane_count = len(camera.clip_planes)
     planes = np.ravel(camera.clip_planes)[:24]
     data.clip_planes[: len(planes)] = planes
-    data.kind = number(camera.kind, _CAMERAS, "camera kind")
+    data.kind = number(camera.kind, core_types.CameraKind, "camera kind")
     return data
 
 
@@ -305,7 +241,7 @@ def pack_camera(camera: Camera) -> core_types.CameraData:
 # --------------------------------------------------------------------------------------------------
 
 
-def _geometry(packer: _Packer, geometry: Geometry) -> tuple:
+def _geometry(packer: Packer, geometry: Geometry) -> tuple:
     packs = {Mesh: _mesh, Spheres: _spheres, Polygons: _polygons}
     if type(geometry) not in packs:
         raise SceneError(f"{type(geometry).__name__} is no geometry")
@@ -320,7 +256,7 @@ def _geometry(packer: _Packer, geometry: Geometry) -> tuple:
 _NO_ATTRIBUTE = (0, 0, 0, 0, 0, 0)
 
 
-def _mesh(packer: _Packer, mesh: Mesh) -> dict[str, Any]:
+def _mesh(packer: Packer, mesh: Mesh) -> dict[str, Any]:
     vertices = packer.lend(mesh.vertices, np.float32, (None, 3), f"{mesh.name}: vertices")
     triangles = packer.lend(mesh.triangles, np.uint32, (None, 3), f"{mesh.name}: triangles")
     corners = packer.optional(mesh.corners, np.uint32, triangles.shape, f"{mesh.name}: corners")
@@ -334,19 +270,19 @@ def _mesh(packer: _Packer, mesh: Mesh) -> dict[str, Any]:
         "primitive_count": len(triangles),
         "normals": normals,
         "attribute_count": len(mesh.attributes),
-        "kind": 0,
+        "kind": core_types.GeometryKind.MESH,
     }
 
 
-def _attribute(packer: _Packer, mesh: Mesh, attribute: Attribute) -> tuple:
+def _attribute(packer: Packer, mesh: Mesh, attribute: Attribute) -> tuple:
     values = packer.lend(
         attribute.values, np.float32, (None, None), f"{mesh.name}: attribute {attribute.name!r}"
     )
-    domain = number(attribute.domain, _DOMAINS, "attribute domain")
+    domain = number(attribute.domain, core_types.Domain, "attribute domain")
     return (address(values), len(values), packer.name(attribute.name), domain, values.shape[1], 0)
 
 
-def _spheres(packer: _Packer, spheres: Spheres) -> dict[str, Any]:
+def _spheres(packer: Packer, spheres: Spheres) -> dict[str, Any]:
     centers = packer.lend(spheres.centers, np.float32, (None, 3), f"{spheres.name}: centers")
     radii = packer.lend(spheres.radii, np.float32, (len(centers),), f"{spheres.name}: radii")
     count = len(centers)
@@ -355,11 +291,11 @@ def _spheres(packer: _Packer, spheres: Spheres) -> dict[str, Any]:
         "radii": address(radii),
         "vertex_count": count,
         "primitive_count": count,
-        "kind": 1,
+        "kind": core_types.GeometryKind.SPHERES,
     }
 
 
-def _polygons(packer: _Packer, polygons: Polygons) -> dict[str, Any]:
+def _polygons(packer: Packer, polygons: Polygons) -> dict[str, Any]:
     vertices = packer.lend(polygons.vertices, np.float32, (None, 3), f"{polygons.name}: vertices")
     offsets = packer.lend(polygons.offsets, np.uint32, (None,), f"{polygons.name}: offsets")
     indices = packer.lend(polygons.indices, np.uint32, (None,), f"{polygons.name}: indices")
@@ -372,7 +308,7 @@ def _polygons(packer: _Packer, polygons: Polygons) -> dict[str, Any]:
         "vertex_count": len(vertices),
         "primitive_count": len(offsets) - 1,
         "index_count": len(indices),
-        "kind": 2,
+        "kind": core_types.GeometryKind.POLYGONS,
     }
 
 
@@ -386,7 +322,7 @@ def _instances(groups: tuple[Instances, ...], before: _Part | None, changed: lis
     """
     if before is not None and all(_differ_in_place(groups[k], before.source[k]) for k in changed):
         return _moved_instances(groups, before, changed)
-    packer = _Packer()
+    packer = Packer()
     matrices = [np.asarray(group.world_from_object) for group in groups]
     for group, rows in zip(groups, matrices, strict=True):
         if rows.ndim != 3 or rows.shape[1:] != (3, 4):
@@ -433,12 +369,15 @@ def _moved_instances(groups: tuple[Instances, ...], before: _Part, changed: list
     return _Part(groups, {**before.tables, "world_from_object": matrices}, before.lent)
 
 
+_CAMERA, _MIRROR, _SHADOW, _HOLDOUT = (flag.value for flag in core_types.InstanceFlags)
+
+
 def _group(group: Instances, first_row: int, row_count: int, first_slot: int) -> tuple:
     flags = (
-        group.visible_camera
-        | group.visible_mirror << 1
-        | group.visible_shadow << 2
-        | group.holdout << 3
+        _CAMERA * group.visible_camera
+        | _MIRROR * group.visible_mirror
+        | _SHADOW * group.visible_shadow
+        | _HOLDOUT * group.holdout
     )
     return (
         first_row,
@@ -452,105 +391,11 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
     )
 
 
-# --- materials
+# --- textures and lights
 # --------------------------------------------------------------------------------------------------
 
 
-def _material(packer: _Packer, material: Material) -> tuple:
-    first, program = len(packer.lobes), material.program
-    outputs = program.outputs if program else ()
-    for lobe in material.lobes:
-        kind = number(lobe.kind, LOBES, "lobe kind")
-        fresnel = lobe.fresnel | lobe.schlick << 1
-        packer.lobes.append(
-            (
-                lobe.exponent,
-                lobe.ior,
-                lobe.masking,
-                len(packer.inputs),
-                len(lobe.factors),
-                kind,
-                fresnel,
-                _slot(outputs, lobe.exponent_output),
-                _slot(outputs, lobe.masking_output),
-            )
-        )
-        packer.inputs.extend([_input(packer, factor, outputs) for factor in lobe.factors])
-    return (
-        first,
-        len(material.lobes),
-        material.index,
-        1 + _program(packer, program) if program else 0,
-        _slot(outputs, material.normal_output),
-        0,
-    )
-
-
-def _slot(outputs: tuple[int, ...], output: int) -> int:
-    """As the core has it: 0 for none, else one more than the slot."""
-    return 1 + outputs[output] if output >= 0 else 0
-
-
-def _program(packer: _Packer, program: Program) -> int:
-    """The program's number; equal ones are packed once."""
-    if program in packer.packed:
-        return packer.packed[program]
-    table, starts = [], []
-    for values in program.tables:
-        starts.append(len(table))
-        table += [float(len(values)), *values]
-    numbers = {
-        Reference.ATTRIBUTE: [packer.name(name) if name else -1 for name in program.attributes],
-        Reference.TEXTURE: program.textures,
-        Reference.TABLE: starts,
-    }
-    words = [word for step in instructions(program) for word in _words(step, numbers)]
-    packer.programs.append(
-        (
-            len(packer.words),
-            len(words),
-            len(packer.constants),
-            len(program.constants),
-            len(packer.tables),
-            len(table),
-            program.slots,
-            0,
-        )
-    )
-    packer.words += words
-    packer.constants += program.constants
-    packer.tables += table
-    return packer.packed.setdefault(program, len(packer.packed))
-
-
-def _words(step: Instruction, numbers: Mapping[Reference, Sequence[int]]) -> list[int]:
-    """An instruction whose settings refer to what the core has."""
-    settings = [
-        numbers[choices][setting] if isinstance(choices, Reference) else setting
-        for (_, choices), setting in zip(step.operation.settings, step.settings, strict=True)
-    ]
-    return [CODES[step.operation.name], *step.outputs, *step.arguments, *settings]
-
-
-def _input(packer: _Packer, factor: Input, outputs: tuple[int, ...]) -> tuple:
-    return (
-        factor.value,
-        sum(map(tuple, factor.uv_transform), ()),
-        factor.offset,
-        factor.low,
-        factor.high,
-        factor.texture,
-        number(factor.channel, _CHANNELS, "channel"),
-        packer.name(factor.uv) if factor.uv else -1,
-        packer.name(factor.attribute) if factor.attribute else -1,
-        number(factor.attribute_channel, _CHANNELS, "channel"),
-        not factor.is_plain,
-        factor.complement,
-        _slot(outputs, factor.output),
-    )
-
-
-def _texture(packer: _Packer, texture: Texture) -> tuple:
+def _texture(packer: Packer, texture: Texture) -> tuple:
     dtype = np.uint8 if texture.pixels.dtype == np.uint8 else np.float32
     pixels = packer.lend(texture.pixels, dtype, (None, None, 4), f"texture {texture.name}")
     return (
@@ -558,20 +403,20 @@ def _texture(packer: _Packer, texture: Texture) -> tuple:
         pixels.shape[1],
         pixels.shape[0],
         dtype is np.float32,
-        number(texture.encoding, _ENCODINGS, "encoding"),
-        number(texture.extension, _EXTENSIONS, "extension"),
-        number(texture.interpolation, _INTERPOLATIONS, "interpolation"),
+        number(texture.encoding, core_types.Encoding, "encoding"),
+        number(texture.extension, core_types.Extension, "extension"),
+        number(texture.interpolation, core_types.Interpolation, "interpolation"),
     )
 
 
 def _light(light: Light) -> tuple:
-    ellipse = number(light.shape, _SHAPES, "light shape")
+    bits = core_types.LightFlags
     flags = (
-        light.cast_shadow
-        | light.visible_camera << 1
-        | light.visible_mirror << 2
-        | light.soft_falloff << 3
-        | ellipse << 4
+        bits.CAST_SHADOW * light.cast_shadow
+        | bits.SEEN_BY_CAMERA * light.visible_camera
+        | bits.SEEN_BY_MIRROR * light.visible_mirror
+        | bits.SOFT_FALLOFF * light.soft_falloff
+        | bits.ELLIPSE * LIGHT_SHAPES.index(light.shape)
     )
     return (
         np.asarray(light.world_from_light, float).reshape(12),
@@ -583,7 +428,7 @@ def _light(light: Light) -> tuple:
         light.spot_blend,
         light.size_x,
         light.size_y,
-        number(light.kind, _LIGHTS, "light kind"),
+        number(light.kind, core_types.LightKind, "light kind"),
         flags,
     )
 
@@ -592,35 +437,36 @@ def _light(light: Light) -> tuple:
 # --------------------------------------------------------------------------------------------------
 
 
+_SAME = [
+    name
+    for name, _ in core_types.RenderSettingsData._fields_
+    if name in DECLARED and not DECLARED[name].choices
+]
+"""Numbers that the core takes as they are, under the same name."""
+
+
 def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool = False) -> Packed:
-    """`settings` as a `core_types.SettingsData`, with the sample points that the scene's lights
+    """`settings` as `core_types.RenderSettingsData`, with the sample points that the scene's lights
     need.
 
-    waves: one of `core_types.WAVES`.
+    waves: of `core_types.Waves`.
     """
-    packer = _Packer()
+    packer = Packer()
     offsets = packer.lend(
         _pixel_offsets(settings.samples, settings.filter_width),
         np.float64,
         (settings.samples, 2),
         "pixel offsets",
     )
-    data = core_types.SettingsData(
-        pixel_offsets=address(offsets),
-        samples=settings.samples,
-        error_threshold=settings.error_threshold,
-        cutoff=settings.cutoff,
-        light_samples=settings.light_samples,
-        max_bounces=settings.max_bounces,
-        threads=settings.threads,
-        passes=sum(1 << core_types.PASS_NUMBERS[name] for name in passes_of(settings)),
-        illumination=number(settings.illumination, ILLUMINATIONS, "illumination"),
-        waves=core_types.WAVES.index(waves),
-        acceleration=BUILDS.index(
-            "BALANCED" if settings.acceleration == "AUTO" else settings.acceleration
-        ),
-        remember=remember,
+    data = core_types.RenderSettingsData(
+        pixel_offsets=address(offsets), waves=core_types.Waves[waves], remember=remember
     )
+    for name in _SAME:
+        setattr(data, name, getattr(settings, name))
+    data.passes = sum(1 << PASS_NUMBERS[name] for name in passes_of(settings))
+    data.illumination = number(settings.illumination, core_types.Illumination, "illumination")
+    build = "BALANCED" if settings.acceleration == "AUTO" else settings.acceleration
+    data.acceleration = number(build, core_types.Build, "acceleration")
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
         square, disc = _light_points(settings.samples * settings.light_samples)
@@ -634,7 +480,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
 
 
 def _add_dome(
-    data: core_types.SettingsData, packer: _Packer, light: Light, settings: Settings
+    data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
 ) -> None:
     from ..dome import dome_table
 
@@ -652,12 +498,11 @@ def passes_of(settings: Settings) -> tuple[str, ...]:
     """Combined and what else is wanted, in the core's order. Raises SceneError for an unknown
     pass.
     """
-    unknown = sorted(set(settings.passes) - set(core_types.PASS_NUMBERS))
+    unknown = sorted(set(settings.passes) - set(PASS_NUMBERS))
     if unknown:
         raise SceneError(f"no such pass: {', '.join(unknown)}")
-    return tuple(
-        name for name in core_types.PASS_NUMBERS if name == "Combined" or name in settings.passes
-    )
+    wanted = {"Combined", *settings.passes}
+    return tuple(sorted(wanted, key=PASS_NUMBERS.__getitem__))
 
 
 def is_soft(light: Light) -> bool:

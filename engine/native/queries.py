@@ -10,12 +10,16 @@ import numpy as np
 from ..errors import SceneError
 from ..scene import Scene
 from . import ERROR_BYTES, library
-from .core_types import AccelData, HitsData, RaysData
-from .packing import address, pack_scene
+from .core_types import AccelData, HitsData, InstanceFlags, RaysData
+from .packer import address
+from .packing import pack_scene
 
 Array = np.ndarray
 
-_VISIBLE = {"camera": 1, "mirror": 2, "shadow": 4, None: 7}
+_VISIBLE = {
+    kind: InstanceFlags[f"VISIBLE_{kind.upper()}"].value for kind in ("camera", "mirror", "shadow")
+}
+_VISIBLE[None] = sum(_VISIBLE.values())
 
 
 class NativeQueries:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from glint.engine import native
+from glint.engine.native.core_types import MathFunction
 from native_tools import needs_core
 
 pytestmark = needs_core
 
-FUNCTIONS = {"exp": 0, "log": 1, "cos": 2, "sin": 3, "cosine_power": 4}
 RANDOM = np.random.default_rng(11)
 
 
@@ -19,7 +19,7 @@ def evaluate(name: str, x: np.ndarray, y: np.ndarray | None = None) -> np.ndarra
     x = np.ascontiguousarray(x, float)
     y, out = (x if y is None else np.ascontiguousarray(y, float)), np.empty_like(x)
     pointers = [a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in (x, y, out)]
-    native.library().glint_math(FUNCTIONS[name], *pointers, len(x))
+    native.library().glint_math(MathFunction[name.upper()], *pointers, len(x))
     return out
 
 

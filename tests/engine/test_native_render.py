@@ -4,9 +4,6 @@ what it reports.
 
 from __future__ import annotations
 
-import ctypes
-import math
-import re
 import threading
 import time
 from dataclasses import replace
@@ -541,63 +538,6 @@ def test_a_hundred_thousand_instances_are_packed_as_rows() -> None:
     scene = replace(SOUND, instances=(placed(), s.Instances("many", 0, matrices, (0,))))
     packed = packing.pack_scene(scene)
     assert packed.data.row_count == 100_001
-
-
-HEADER = Path(engine.__file__).parent / "core" / "include" / "glint.h"
-
-
-def fields_of_header(name: str) -> list[tuple[str, str, int]]:
-    """(field, type, length) of a structure in glint.h, pointers as their address."""
-    body = re.search(rf"typedef struct {name} {{(.*?)}} {name};", HEADER.read_text(), re.S).group(1)
-    fields = []
-    for kind, names in re.findall(
-        r"(?:const )?(\w+\*? ?)([\w, \[\]]+);", re.sub(r"/\*.*?\*/", "", body, flags=re.S)
-    ):
-        for item in names.split(","):
-            field, lengths = re.fullmatch(r"\s*(\w+)((?:\[\d+\])*)\s*", item).groups()
-            length = math.prod(map(int, re.findall(r"\d+", lengths)))
-            fields.append((field, "pointer" if "*" in kind else kind.strip(), length))
-    return fields
-
-
-TABLES = [
-    "Attribute",
-    "Geometry",
-    "Instances",
-    "Texture",
-    "Input",
-    "Lobe",
-    "Material",
-    "Light",
-    "Camera",
-]
-
-
-@pytest.mark.parametrize("name", [*TABLES, "SceneData", "RenderSettings", "Progress", "Stats"])
-def test_structures_are_those_of_the_header(name: str) -> None:
-    structure = getattr(
-        core_types,
-        {"SceneData": "SceneData", "RenderSettings": "SettingsData"}.get(name, f"{name}Data"),
-    )
-    for (field, kind, length), (own, own_type) in zip(
-        fields_of_header(f"Glint{name}"), structure._fields_, strict=True
-    ):
-        assert field == own
-        nested = {
-            "GlintCamera": core_types.CameraData,
-            "GlintAttribute": core_types.AttributeData,
-        }.get(kind)
-        wanted = (
-            nested
-            or {
-                "double": ctypes.c_double,
-                "uint64_t": ctypes.c_uint64,
-                "uint32_t": ctypes.c_uint32,
-                "int32_t": ctypes.c_int32,
-                "pointer": ctypes.c_size_t,
-            }[kind]
-        )
-        assert own_type == (wanted if length == 1 else wanted * length), field
 
 
 def test_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

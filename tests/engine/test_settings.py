@@ -4,13 +4,16 @@ good.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from engine_scenes import SCENES
 from glint import engine
+from glint.engine.settings import DECLARED, OFFERED
 
 SOFT = SCENES["soft_lights"]()
 SOFT = replace(SOFT, camera=replace(SOFT.camera, resolution=(8, 6)))
@@ -23,6 +26,15 @@ FAULTS = {
     "threads is 1.5: use a whole number": {"threads": 1.5},
     "cutoff is None: use a number": {"cutoff": None},
     "filter_width is 'wide': use a number": {"filter_width": "wide"},
+    "samples is 0: use at least 1": {"samples": 0},
+    "light_samples is 0: use at least 1": {"light_samples": 0},
+    "error_threshold is 256.0: use 0 (off) or up to 255 levels": {"error_threshold": 256.0},
+    "max_bounces is 65: use 0 to 64": {"max_bounces": 65},
+    "cutoff is nan: use 0 (off) to 1": {"cutoff": float("nan")},
+    "threads is -1: use 0 (all cores) or more": {"threads": -1},
+    "filter_width is inf: use 0 to 100 pixels": {"filter_width": float("inf")},
+    "illumination 'DARK' is not one of PHYSICAL, CLASSIC": {"illumination": "DARK"},
+    "acceleration 'WARP' is not one of AUTO, FAST, BALANCED, FINE": {"acceleration": "WARP"},
     "passes is 'Depth': use a set of names": {"passes": "Depth"},
     "no such pass: Heat, Light": {"passes": frozenset({"Light", "Depth", "Heat"})},
     "region is (0, 0, 0, 0): use whole numbers": {"region": (0, 0, 0, 0)},
@@ -62,3 +74,26 @@ def test_numbers_as_numpy_counts_and_passes_in_a_list(backend: str) -> None:
     first, second = engine.render(SOFT, plain), engine.render(SOFT, same)
     assert set(first.passes) == set(second.passes) == {"Combined", "Depth"}
     assert all(np.array_equal(first.passes[name], second.passes[name]) for name in first.passes)
+
+
+MANUAL = (Path(__file__).parents[2] / "docs/manual/settings.md").read_text()
+
+
+@pytest.mark.parametrize("name", [name for name in DECLARED if DECLARED[name].label])
+def test_the_manual_has_a_row_for_a_setting(name: str) -> None:
+    """Its label, every choice, and what it is to begin with."""
+    declared = DECLARED[name]
+    (row,) = re.findall(rf"^\| {re.escape(declared.label)} \|.*", MANUAL, re.M)
+    assert all(f"*{label}*" in row for _, label, _ in declared.choices)
+    if not declared.choices and name != "threads":
+        assert re.search(rf"\b{getattr(OFFERED, name):g},?( all,)? to begin with", row)
+
+
+@pytest.mark.parametrize("name", DECLARED)
+def test_what_is_offered_is_within_the_range(name: str) -> None:
+    declared = DECLARED[name]
+    assert not engine.Settings().problems() and not OFFERED.problems()
+    if declared.label and not declared.choices:
+        top = declared.high if declared.typed is None else declared.typed
+        assert declared.low <= getattr(OFFERED, name) <= top < float("inf")
+        assert declared.slider is None or declared.slider <= top

@@ -34,8 +34,8 @@ extern "C" {
 
 #define GLINT_ABI_VERSION 13
 
-enum { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
-enum { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
+enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
+enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
 
 /* Values on a mesh: `rows` rows of `channels` floats. `name` is any number >= 0 that GlintInput
  * names. */
@@ -64,7 +64,7 @@ typedef struct GlintGeometry {
   int32_t kind, reserved;
 } GlintGeometry;
 
-enum {
+enum GlintInstanceFlags {
   GLINT_VISIBLE_CAMERA = 1,
   GLINT_VISIBLE_MIRROR = 2,
   GLINT_VISIBLE_SHADOW = 4,
@@ -79,10 +79,10 @@ typedef struct GlintInstances {
   int32_t object_index, reserved;
 } GlintInstances;
 
-enum { GLINT_UINT8, GLINT_FLOAT32 };
-enum { GLINT_LINEAR_ENCODING, GLINT_SRGB };
-enum { GLINT_REPEAT, GLINT_EXTEND, GLINT_CLIP, GLINT_MIRRORED };
-enum { GLINT_LINEAR, GLINT_CLOSEST };
+enum GlintTextureType { GLINT_UINT8, GLINT_FLOAT32 };
+enum GlintEncoding { GLINT_LINEAR_ENCODING, GLINT_SRGB };
+enum GlintExtension { GLINT_REPEAT, GLINT_EXTEND, GLINT_CLIP, GLINT_MIRROR_EXTENSION };
+enum GlintInterpolation { GLINT_LINEAR, GLINT_CLOSEST };
 
 /* pixels: (height, width, 4), row 0 at the bottom, straight alpha. SRGB only for UINT8. */
 typedef struct GlintTexture {
@@ -91,7 +91,7 @@ typedef struct GlintTexture {
   int32_t type, encoding, extension, interpolation;
 } GlintTexture;
 
-enum { GLINT_COLOR, GLINT_ALPHA, GLINT_LUMINANCE };
+enum GlintChannel { GLINT_COLOR, GLINT_ALPHA, GLINT_LUMINANCE };
 
 /* What varies over a surface, computed for every point (engine/program/program.py says how code,
  * constants and outputs are written). code: word_count numbers of the scene's program_words from
@@ -113,7 +113,7 @@ typedef struct GlintInput {
   int32_t texture, channel, uv, attribute, attribute_channel, bounded, complement, output;
 } GlintInput;
 
-enum {
+enum GlintLobeKind {
   GLINT_AMBIENT,
   GLINT_DIFFUSE,
   GLINT_SPECULAR,
@@ -126,7 +126,7 @@ enum {
 /* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK. masking: 0 to 1, Smith's alpha of a SPECULAR lobe,
  * 0 for none. exponent_slot, masking_slot: 0, or 1 plus the slot of the material's program that
  * takes the place of the number, which it is kept from 0 to. */
-enum { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
+enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
 typedef struct GlintLobe {
   double exponent, ior, masking;
   uint32_t first_input, input_count;
@@ -140,8 +140,8 @@ typedef struct GlintMaterial {
   int32_t index, program, normal, reserved;
 } GlintMaterial;
 
-enum { GLINT_POINT_LIGHT, GLINT_SUN, GLINT_SPOT, GLINT_AREA, GLINT_DOME };
-enum {
+enum GlintLightKind { GLINT_POINT_LIGHT, GLINT_SUN, GLINT_SPOT, GLINT_AREA, GLINT_DOME };
+enum GlintLightFlags {
   GLINT_CAST_SHADOW = 1,
   GLINT_SEEN_BY_CAMERA = 2,
   GLINT_SEEN_BY_MIRROR = 4,
@@ -159,7 +159,7 @@ typedef struct GlintLight {
   uint32_t flags;
 } GlintLight;
 
-enum { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC };
+enum GlintCameraKind { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC };
 
 /* clip_planes: camera rays see where a x + b y + c z + d >= 0 for each of the first rows (a, b, c,
  * d); x, y along the camera's axes, z depth. */
@@ -198,12 +198,12 @@ typedef struct GlintSceneData {
   uint64_t program_count, input_count, lobe_count, material_count, light_count;
 } GlintSceneData;
 
-enum { GLINT_PHYSICAL, GLINT_CLASSIC };
-enum { GLINT_BUILD_FAST, GLINT_BUILD_BALANCED, GLINT_BUILD_FINE };
-enum { GLINT_WAVES_UNSEEN, GLINT_WAVES_SEEN, GLINT_WAVES_HELD };
+enum GlintIllumination { GLINT_PHYSICAL, GLINT_CLASSIC };
+enum GlintBuild { GLINT_BUILD_FAST, GLINT_BUILD_BALANCED, GLINT_BUILD_FINE };
+enum GlintWaves { GLINT_WAVES_UNSEEN, GLINT_WAVES_SEEN, GLINT_WAVES_HELD };
 
 /* Passes, as numbers for glint_render_picture and as bits (1 << pass) for GlintRenderSettings. */
-enum {
+enum GlintPass {
   GLINT_PASS_COMBINED,
   GLINT_PASS_DIFFUSE,
   GLINT_PASS_SPECULAR,
@@ -258,7 +258,14 @@ typedef struct GlintRenderSettings {
   int32_t illumination, waves, acceleration, remember;
 } GlintRenderSettings;
 
-enum { GLINT_PREPARING, GLINT_TRACING, GLINT_HELD, GLINT_DONE, GLINT_CANCELLED, GLINT_FAILED };
+enum GlintState {
+  GLINT_PREPARING,
+  GLINT_TRACING,
+  GLINT_HELD,
+  GLINT_DONE,
+  GLINT_CANCELLED,
+  GLINT_FAILED
+};
 
 /* fraction: share of all samples traced.  samples: those of the last complete wave, which
  * glint_render_picture gives. */
@@ -268,17 +275,17 @@ typedef struct GlintProgress {
   int32_t state;
 } GlintProgress;
 
-enum {
+enum GlintFeature {
   GLINT_FEATURE_MIRROR = 1,
   GLINT_FEATURE_REFRACTION = 2,
   GLINT_FEATURE_TRANSPARENT = 4,
   GLINT_FEATURE_SOFT_LIGHTS = 8,
   GLINT_FEATURE_TEXTURES = 16,
-  GLINT_FEATURE_SMOOTH = 32,
+  GLINT_FEATURE_SMOOTH_NORMALS = 32,
   GLINT_FEATURE_HOLDOUT = 64,
-  GLINT_FEATURE_SEEN_LIGHTS = 128,
-  GLINT_FEATURE_PROGRAMS = 256,
-  GLINT_FEATURE_DOME = 512
+  GLINT_FEATURE_VISIBLE_LIGHTS = 128,
+  GLINT_FEATURE_NODE_PROGRAMS = 256,
+  GLINT_FEATURE_WORLD_LIGHT = 512
 };
 
 typedef struct GlintStats {
@@ -442,7 +449,7 @@ GLINT_API int32_t glint_accel_occluded_f64(const GlintAccel* accel, const GlintR
 GLINT_API int32_t glint_function(const char* name, const double* x, const double* y, double* out,
                                  uint64_t count);
 
-enum { GLINT_EXP, GLINT_LOG, GLINT_COS, GLINT_SIN, GLINT_COSINE_POWER };
+enum GlintMathFunction { GLINT_EXP, GLINT_LOG, GLINT_COS, GLINT_SIN, GLINT_COSINE_POWER };
 
 /* The core's own mathematics, for tests: out[k] = f(x[k]). COSINE_POWER: max(0, cos)^y from tan^2 =
  * x of the angle. */

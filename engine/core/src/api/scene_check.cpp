@@ -157,7 +157,8 @@ void check_textures(const GlintSceneData& d, Report& report) {
         t.pixels && t.width > 0 && t.height > 0 && t.width <= 1u << 30 && t.height <= 1u << 30,
         "texture %llu: no pixels", ull(i));
     report.add(within(t.type, GLINT_FLOAT32) && within(t.encoding, GLINT_SRGB) &&
-                   within(t.extension, GLINT_MIRRORED) && within(t.interpolation, GLINT_CLOSEST) &&
+                   within(t.extension, GLINT_MIRROR_EXTENSION) &&
+                   within(t.interpolation, GLINT_CLOSEST) &&
                    (t.type == GLINT_UINT8 || t.encoding == GLINT_LINEAR_ENCODING),
                "texture %llu: unknown type, encoding, extension or interpolation", ull(i));
   }

@@ -12,7 +12,7 @@ constexpr size_t kParts = 6 * 3;
 Batch::Batch(const Scene& scene, uint32_t passes)
     : scene_(scene),
       passes_(passes),
-      smooth_((scene.features & GLINT_FEATURE_SMOOTH) || scene.bends_normals),
+      smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.bends_normals),
       columns_(kFixed + (smooth_ ? kSmooth : 0) +
                size_t(scene.specular_columns * scene.max_specular) + 3 * size_t(scene.max_passing) +
                kParts) {}

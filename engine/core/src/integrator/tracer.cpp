@@ -65,7 +65,7 @@ void Tracer::choose(const Tile& tile) {
   if (film_.refinement().on()) film_.refinement().list_active(tile, active_);
   else if (active_.size() != tile.pixels())
     active_.resize(tile.pixels()), std::iota(active_.begin(), active_.end(), 0u);
-  surely_empty_ = !active_.empty() && !(scene_.features & GLINT_FEATURE_SEEN_LIGHTS) &&
+  surely_empty_ = !active_.empty() && !(scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) &&
                   !scene_.sky_program && scene_.accel().surely_empty(frustum(tile));
 }
 
@@ -80,7 +80,7 @@ TileFrustum Tracer::frustum(const Tile& tile) const {
 /// How many of a pixel's next samples are traced at once: points of soft lights are common to a
 /// sample of many pixels.
 uint32_t Tracer::packet_samples(uint32_t samples) const {
-  if (scene_.features & GLINT_FEATURE_DOME) return 1;
+  if (scene_.features & GLINT_FEATURE_WORLD_LIGHT) return 1;
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
   uint32_t count = WindowPoints::kMaxPacketSamples;
   while (count > samples) count /= 2;
@@ -244,7 +244,7 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   stage.specular = batch_.specular, stage.stride = batch_.stride, stage.lit = batch_.lit.data(),
   stage.others = batch_.others.data();
   const size_t others = stages_.shade(stage);
-  for (size_t k = 0; (scene_.features & GLINT_FEATURE_SEEN_LIGHTS) && k < queue.size(); ++k)
+  for (size_t k = 0; (scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) && k < queue.size(); ++k)
     shader_.seen_lights(batch_, k);
   double* lost = paths_.lost_alpha();
   for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size();

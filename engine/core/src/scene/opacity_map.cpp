@@ -85,12 +85,12 @@ TexelMap::Span TexelMap::span(double x, double off, uint32_t size) const {
   const int extension = texture_.extension;
   const bool squares = texture_.interpolation != GLINT_CLOSEST;
   if (extension == GLINT_REPEAT) x -= double(down(x));
-  if (extension == GLINT_MIRRORED) x -= 2 * double(down(0.5 * x));
+  if (extension == GLINT_MIRROR_EXTENSION) x -= 2 * double(down(0.5 * x));
   const double at = std::clamp(x, -2.0, 3.0) * size - (squares ? 0.5 : 0);
   const int64_t low = down(at - off), high = down(at + off);
   if (low >= 0 && high + 1 < int64_t(size)) return {low, high};
   const auto stored = [&](int64_t i) -> int64_t {
-    const int64_t n = size, period = extension == GLINT_MIRRORED ? 2 * n : n;
+    const int64_t n = size, period = extension == GLINT_MIRROR_EXTENSION ? 2 * n : n;
     if (extension == GLINT_CLIP) return i >= 0 && i + squares < n ? i : -1;
     if (extension == GLINT_EXTEND) return std::clamp<int64_t>(i, 0, n - 1);
     while (i < 0) i += period;

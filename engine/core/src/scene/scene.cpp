@@ -75,63 +75,8 @@ Vec3d finite_color(const double* c) {
   return {channel(c[0]), channel(c[1]), channel(c[2])};
 }
 
-void add_to(double (&sum)[3], Vec3d c) { sum[0] += c.x, sum[1] += c.y, sum[2] += c.z; }
-
-/// A lobe as a row of ViewTerm.
-void fold_view(const Lobe& lobe, Vec3d ambient, double* row) {
-  const Vec3d k = lobe.kind == GLINT_AMBIENT ? lobe.k * ambient : lobe.k;
-  double* color = row + (lobe.kind == GLINT_AMBIENT ? ViewTerm::kAmbient : ViewTerm::kDiffuse);
-  for (int c = 0; c < 3; ++c) color[c] += k[c];
-  row[ViewTerm::kExponent] = lobe.exponent;
-}
-
-/// Where the next SPECULAR lobe goes, of so many columns, and the next that depends on the view.
-struct Rows {
-  double* specular;
-  int columns;
-  double* view;
-};
-
-/// Adds a lobe to the terms of its material.
-void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
-  terms.others |= !lobe.constant;
-  if (depends_on_view(lobe))
-    return fold_view(lobe, ambient, rows.view), void(rows.view += ViewTerm::kColumns);
-  switch (lobe.kind) {
-    case GLINT_AMBIENT:
-      return add_to(terms.ambient, lobe.k * ambient), add_to(terms.glow, lobe.k * ambient);
-    case GLINT_EMISSION:
-      return add_to(terms.emission, lobe.k), add_to(terms.glow, lobe.k);
-    case GLINT_DIFFUSE:
-      return add_to(terms.diffuse, lobe.k);
-    case GLINT_SPECULAR:
-      for (int c = 0; c < 3; ++c) rows.specular[c] = lobe.k[c];
-      rows.specular[SpecularTerm::kExponent] = lobe.exponent;
-      if (rows.columns == SpecularTerm::kShaped) {
-        rows.specular[SpecularTerm::kMasking] = lobe.masking * lobe.masking;
-        rows.specular[SpecularTerm::kFresnel] = SpecularTerm::fresnel(lobe.fresnel, lobe.ior);
-      }
-      return void(rows.specular += rows.columns);
-    default:
-      terms.others |= any(lobe.k);
-  }
-}
-
 constexpr size_t kSights = 2;  // a viewport shows a view and in it the render's frame
 constexpr uint32_t kVisibility = kCamera | kMirror | kShadow;
-
-constexpr ptrdiff_t kReadsCompared = 16;
-
-bool same_read(const GlintInput& a, const GlintInput& b) {
-  const bool as_alpha = a.channel == GLINT_ALPHA,
-             same_kind = as_alpha == (b.channel == GLINT_ALPHA);
-  return same_kind && a.texture == b.texture && a.uv == b.uv &&
-         std::equal(a.uv_transform, a.uv_transform + 6, b.uv_transform);
-}
-
-bool depends_on_surface(const GlintInput& input) {
-  return input.texture >= 0 || input.attribute >= 0 || input.output > 0;
-}
 
 }  // namespace
 
@@ -220,102 +165,6 @@ void Scene::copy_tables(const GlintSceneData& data) {
   world_from_object = data.world_from_object;
 }
 
-void Scene::copy_programs(const GlintSceneData& data) {
-  program_words_.assign(data.program_words, data.program_words + data.program_word_count);
-  program_constants_ = spread_constants(data.program_constants, data.program_constant_count);
-  program_tables_.assign(data.program_tables, data.program_tables + data.program_table_count);
-  for (uint64_t i = 0; i < data.program_count; ++i) {
-    const GlintProgram& g = data.programs[i];
-    programs.push_back({program_words_.data() + g.first_word, g.word_count,
-                        program_constants_.data() + g.first_constant * kPad,
-                        program_tables_.data() + g.first_table, g.slots});
-    most_slots = std::max(most_slots, g.slots);
-  }
-  if (data.world_program > 0)
-    sky_program = &programs[size_t(data.world_program - 1)],
-    sky_slot = size_t(data.world_slot) * kBlock;
-  for (int k = 0; k < 3; ++k)
-    sky_axes[k] = {data.world_axes[3 * k], data.world_axes[3 * k + 1], data.world_axes[3 * k + 2]};
-}
-
-/// The default surface (white DIFFUSE 0.8 with AMBIENT 0.8) follows the given materials.
-void Scene::compile_materials(const GlintSceneData& data) {
-  reads.resize(inputs.size());
-  std::iota(reads.begin(), reads.end(), 0u);
-  for (uint64_t i = 0; i < data.material_count; ++i) add_material(data.materials[i], data.lobes);
-  materials.push_back({uint32_t(lobes.size()), 2, 0});
-  for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT})
-    lobes.push_back({kind, 0, true, 0, 1, 0, 0, 0, {0.8, 0.8, 0.8}});
-  for (Material& material : materials) compare_lobes(material), number_reads(material);
-}
-
-/// AMBIENT lobes of a world that gives them nothing are left out.
-void Scene::add_material(const GlintMaterial& g, const GlintLobe* given) {
-  const size_t first = lobes.size();
-  for (uint32_t k = 0; k < g.lobe_count; ++k)
-    if (given[g.first_lobe + k].kind != GLINT_AMBIENT || any(ambient))
-      add_lobe(given[g.first_lobe + k]);
-  materials.push_back(
-      {uint32_t(first), uint32_t(lobes.size() - first), g.index, g.program, g.normal});
-  bends_normals = bends_normals || g.normal > 0;
-}
-
-/// Lobes whose inputs do not vary get their product now.
-void Scene::add_lobe(const GlintLobe& g) {
-  Lobe lobe{g.kind,        g.fresnel,     false,     g.exponent, g.ior,           g.masking,
-            g.first_input, g.input_count, {1, 1, 1}, false,      g.exponent_slot, g.masking_slot};
-  bool varies = g.exponent_slot > 0 || g.masking_slot > 0;
-  for (uint32_t k = 0; k < g.input_count; ++k)
-    varies = varies || depends_on_surface(inputs[g.first_input + k]);
-  PointReads none;
-  if (!varies) lobe.k = coefficient(*this, lobe, Surface{}, none), lobe.constant = true;
-  lobes.push_back(lobe);
-}
-
-void Scene::compare_lobes(Material& material) {
-  for (uint32_t k = 0; k < material.lobe_count; ++k) {
-    const Lobe& lobe = lobes[material.first_lobe + k];
-    material.kinds |= 1u << lobe.kind, material.specular_count += lobe.kind == GLINT_SPECULAR;
-    if (lobe.kind == GLINT_SPECULAR) most_exponent = std::max(most_exponent, lobe.exponent);
-    material.view_count += depends_on_view(lobe);
-    if (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel))
-      specular_columns = SpecularTerm::kShaped;
-    if (k > 0)
-      lobes[material.first_lobe + k].like_last =
-          same_inputs(material.first_lobe + k - 1, material.first_lobe + k);
-  }
-  max_specular = std::max(max_specular, material.specular_count),
-  max_view = std::max(max_view, material.view_count);
-}
-
-/// Compares each input that reads an image with the last few of its material that do.
-void Scene::number_reads(const Material& material) {
-  std::vector<uint32_t> seen;
-  for (uint32_t l = 0; l < material.lobe_count; ++l) {
-    const Lobe& lobe = lobes[material.first_lobe + l];
-    for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i) {
-      if (inputs[i].texture < 0) continue;
-      const auto begin = seen.end() - std::min<ptrdiff_t>(std::ssize(seen), kReadsCompared);
-      const auto same = std::find_if(begin, seen.end(),
-                                     [&](uint32_t j) { return same_read(inputs[i], inputs[j]); });
-      if (same != seen.end()) reads[i] = reads[*same];
-      else seen.push_back(i);
-    }
-  }
-}
-
-/// Whether two lobes read the same: they often differ in their kind alone.
-bool Scene::same_inputs(size_t a, size_t b) const {
-  const Lobe &p = lobes[a], &q = lobes[b];
-  auto same = [&](uint32_t k) {
-    return std::memcmp(&inputs[p.first_input + k], &inputs[q.first_input + k],
-                       sizeof(GlintInput)) == 0;
-  };
-  bool good = !p.constant && !q.constant && p.input_count == q.input_count;
-  for (uint32_t k = 0; good && k < p.input_count; ++k) good = same(k);
-  return good;
-}
-
 /// Whether the instance with that number stands as in `base`, whose rows of matrices may be others.
 bool Scene::stands(const Scene* base, size_t i) const {
   return base && i < base->placements.size() && anchor.same_origin(base->anchor) &&
@@ -397,7 +246,7 @@ void Scene::place_lights(const GlintLight* data, size_t count) {
 void Scene::note_features() {
   for (const GlintInstances& group : groups) {
     if (group.flags & GLINT_HOLDOUT) features |= GLINT_FEATURE_HOLDOUT;
-    if (geometries[group.geometry].normals.values) features |= GLINT_FEATURE_SMOOTH;
+    if (geometries[group.geometry].normals.values) features |= GLINT_FEATURE_SMOOTH_NORMALS;
     for (uint32_t k = 0; k < group.material_count; ++k) {
       const Material& material = materials[material_slots[group.first_material + k]];
       if (material.has(GLINT_MIRROR)) features |= GLINT_FEATURE_MIRROR;
@@ -406,12 +255,12 @@ void Scene::note_features() {
     }
   }
   for (const Light& light : lights) {
-    if (light.is_dome()) features |= GLINT_FEATURE_DOME;
+    if (light.is_dome()) features |= GLINT_FEATURE_WORLD_LIGHT;
     else if (light.extended) features |= GLINT_FEATURE_SOFT_LIGHTS;
     if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR) && any(light.seen))
-      features |= GLINT_FEATURE_SEEN_LIGHTS;
+      features |= GLINT_FEATURE_VISIBLE_LIGHTS;
   }
-  if (!programs.empty()) features |= GLINT_FEATURE_PROGRAMS;
+  if (!programs.empty()) features |= GLINT_FEATURE_NODE_PROGRAMS;
   if (!textures.empty()) features |= GLINT_FEATURE_TEXTURES;
 }
 
@@ -460,58 +309,6 @@ Affine Scene::matrix(uint32_t instance) const {
 NormalMatrix Scene::normal_matrix(uint32_t instance) const {
   const double* n = instance_shapes[instance].normal;
   return {{n[0], n[1], n[2]}, {n[3], n[4], n[5]}, {n[6], n[7], n[8]}};
-}
-
-/// What is the same all over a material; those that vary, or send rays on, are left to the shader.
-void Scene::fold_materials() {
-  const size_t specular = size_t(specular_columns) * size_t(max_specular),
-               view = ViewTerm::kColumns * size_t(max_view);
-  specular_terms.assign(specular * (materials.size() + 3), 0.0),
-      view_terms.assign(view * (materials.size() + 3), 0.0);
-  for (size_t m = 0; m < materials.size(); ++m) {
-    MaterialTerms terms{};
-    Rows rows{specular_terms.data() + specular * m, specular_columns, view_terms.data() + view * m};
-    for (uint32_t i = 0; i < materials[m].lobe_count; ++i)
-      fold(lobes[materials[m].first_lobe + i], ambient, terms, rows);
-    terms.view_count = uint32_t(materials[m].view_count);
-    terms.others |= materials[m].normal > 0;
-    if (terms.others) {
-      terms = MaterialTerms{}, terms.others = 1;
-      std::fill_n(specular_terms.data() + specular * m, specular, 0.0),
-          std::fill_n(view_terms.data() + view * m, view, 0.0);
-    }
-    material_terms.push_back(terms);
-  }
-  MaterialTerms around{}, none{}, hole{};
-  for (int c = 0; c < 3 && !sky_program; ++c)
-    around.glow[c] = around.environment[c] = background[c];
-  around.others = sky_program != nullptr, around.unlit = !sky_program;
-  hole.others = 1, none.unlit = 1;
-  material_terms.insert(material_terms.end(), {around, none, hole});
-}
-
-void Scene::shape_materials() {
-  for (const Lobe& g : lobes)
-    lobe_shapes.push_back({g.kind,
-                           g.constant,
-                           g.like_last,
-                           g.fresnel,
-                           g.exponent,
-                           g.ior,
-                           g.masking,
-                           {g.k.x, g.k.y, g.k.z},
-                           g.exponent_slot,
-                           g.masking_slot,
-                           g.first_input,
-                           g.input_count});
-  for (const Texture& texture : textures) texture_shapes.push_back(texture.shape());
-  for (size_t m = 0; m < materials.size(); ++m) {
-    if (!material_terms[m].others) continue;
-    const Lobe* first = lobes.data() + materials[m].first_lobe;
-    const auto passes = [](const Lobe& lobe) { return (1u << lobe.kind & kPassing) != 0; };
-    materials[m].passing = int(std::count_if(first, first + materials[m].lobe_count, passes));
-    max_passing = std::max(max_passing, materials[m].passing);
-  }
 }
 
 std::vector<GeometryView> Scene::geometry_views() const {

@@ -35,7 +35,7 @@ const Codes& srgb_codes() {
 double reduce(double x, int extension) {
   if (!std::isfinite(x)) return 0;
   if (extension == GLINT_REPEAT) return x - std::floor(x);
-  if (extension == GLINT_MIRRORED) return x - 2 * std::floor(0.5 * x);
+  if (extension == GLINT_MIRROR_EXTENSION) return x - 2 * std::floor(0.5 * x);
   return std::clamp(x, -2.0, 3.0);
 }
 
@@ -44,7 +44,7 @@ double reduce(double x, int extension) {
 int64_t wrap(int64_t i, int64_t size, int extension) {
   if (extension == GLINT_EXTEND) return std::clamp<int64_t>(i, 0, size - 1);
   if (extension == GLINT_CLIP) return i >= 0 && i < size ? i : -1;
-  const int64_t period = extension == GLINT_MIRRORED ? 2 * size : size;
+  const int64_t period = extension == GLINT_MIRROR_EXTENSION ? 2 * size : size;
   i += i < 0 ? period : i >= period ? -period : 0;
   return i < size ? i : 2 * size - 1 - i;
 }

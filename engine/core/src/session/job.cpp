@@ -44,7 +44,7 @@ bool sound_region(const uint32_t* r, const GlintCamera& camera) {
 }
 
 bool enough_directions(const GlintRenderSettings& g, const Scene& scene) {
-  if (!(scene.features & GLINT_FEATURE_DOME)) return true;
+  if (!(scene.features & GLINT_FEATURE_WORLD_LIGHT)) return true;
   return g.dome_samples >= 1 && g.dome_table && g.dome_cells && g.dome_rows >= 1 &&
          g.dome_columns >= 1 && g.dome_count / g.dome_samples >= g.samples;
 }

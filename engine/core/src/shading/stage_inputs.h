@@ -116,14 +116,14 @@ inline Doubles clamped(Doubles x, double low, double high) {
 inline Doubles reduce(Doubles x, int extension) {
   x = finite_or_zero(x);
   if (extension == GLINT_REPEAT) return x - down(x);
-  if (extension == GLINT_MIRRORED) return x - 2 * down(0.5 * x);
+  if (extension == GLINT_MIRROR_EXTENSION) return x - 2 * down(0.5 * x);
   return clamped(x, -2, 3);
 }
 
 inline Whole wrap(Doubles i, double size, int extension) {
   if (extension == GLINT_EXTEND) return whole(clamped(i, 0, size - 1));
   if (extension == GLINT_CLIP) return whole(choose((i >= 0) & (i < size), i, splat(-1)));
-  const double period = extension == GLINT_MIRRORED ? 2 * size : size;
+  const double period = extension == GLINT_MIRROR_EXTENSION ? 2 * size : size;
   i = i + choose(i < 0, splat(period), choose(i >= period, splat(-period), splat(0)));
   return whole(choose(i < size, i, 2 * size - 1 - i));
 }

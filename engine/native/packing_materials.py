@@ -1,0 +1,106 @@
+"""Materials, their inputs and their programs to rows of the core's tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from ..program.operations import Reference
+from ..program.program import Instruction, Program, instructions
+from ..program.table import CODES
+from ..scene import Input, Material
+from .core_types import Channel, Fresnel, LobeKind
+from .packer import Packer, number
+
+
+def pack_material(packer: Packer, material: Material) -> tuple:
+    first, program = len(packer.lobes), material.program
+    outputs = program.outputs if program else ()
+    for lobe in material.lobes:
+        kind = number(lobe.kind, LobeKind, "lobe kind")
+        fresnel = Fresnel.DIELECTRIC * lobe.fresnel | Fresnel.SCHLICK * lobe.schlick
+        packer.lobes.append(
+            (
+                lobe.exponent,
+                lobe.ior,
+                lobe.masking,
+                len(packer.inputs),
+                len(lobe.factors),
+                kind,
+                fresnel,
+                _slot(outputs, lobe.exponent_output),
+                _slot(outputs, lobe.masking_output),
+            )
+        )
+        packer.inputs.extend([_input(packer, factor, outputs) for factor in lobe.factors])
+    return (
+        first,
+        len(material.lobes),
+        material.index,
+        1 + _program(packer, program) if program else 0,
+        _slot(outputs, material.normal_output),
+        0,
+    )
+
+
+def _slot(outputs: tuple[int, ...], output: int) -> int:
+    """As the core has it: 0 for none, else one more than the slot."""
+    return 1 + outputs[output] if output >= 0 else 0
+
+
+def _program(packer: Packer, program: Program) -> int:
+    """The program's number; equal ones are packed once."""
+    if program in packer.packed:
+        return packer.packed[program]
+    table, starts = [], []
+    for values in program.tables:
+        starts.append(len(table))
+        table += [float(len(values)), *values]
+    numbers = {
+        Reference.ATTRIBUTE: [packer.name(name) if name else -1 for name in program.attributes],
+        Reference.TEXTURE: program.textures,
+        Reference.TABLE: starts,
+    }
+    words = [word for step in instructions(program) for word in _words(step, numbers)]
+    packer.programs.append(
+        (
+            len(packer.words),
+            len(words),
+            len(packer.constants),
+            len(program.constants),
+            len(packer.tables),
+            len(table),
+            program.slots,
+            0,
+        )
+    )
+    packer.words += words
+    packer.constants += program.constants
+    packer.tables += table
+    return packer.packed.setdefault(program, len(packer.packed))
+
+
+def _words(step: Instruction, numbers: Mapping[Reference, Sequence[int]]) -> list[int]:
+    """An instruction whose settings refer to what the core has."""
+    settings = [
+        numbers[choices][setting] if isinstance(choices, Reference) else setting
+        for (_, choices), setting in zip(step.operation.settings, step.settings, strict=True)
+    ]
+    return [CODES[step.operation.name], *step.outputs, *step.arguments, *settings]
+
+
+def _input(packer: Packer, factor: Input, outputs: tuple[int, ...]) -> tuple:
+    return (
+        factor.value,
+        sum(map(tuple, factor.uv_transform), ()),
+        factor.offset,
+        factor.low,
+        factor.high,
+        factor.texture,
+        number(factor.channel, Channel, "channel"),
+        packer.name(factor.uv) if factor.uv else -1,
+        packer.name(factor.attribute) if factor.attribute else -1,
+        number(factor.attribute_channel, Channel, "channel"),
+        not factor.is_plain,
+        factor.complement,
+        _slot(outputs, factor.output),
+    )
