@@ -27,6 +27,10 @@ LEAST_ROWS = 128
 """Of a map of a program without images."""
 UNIFORM = 0.1
 """Share of the directions that do not follow the radiance, so that none counts too much."""
+IRRADIANCE_ROWS = 64
+"""Of the table of irradiance by the normal: linear in between, it is off by 3e-4 of the largest."""
+MOST_IRRADIANCE_ROWS = 64
+"""Of the map that it is summed up from."""
 LARGEST = 1e30
 """Radiance saturates here, far below float32's largest."""
 
@@ -35,11 +39,7 @@ def directions(rows: int) -> Array:
     """(3, 2 rows²) unit vectors to the middles of a map's cells, row after row."""
     elevation = np.pi * ((np.arange(rows) + 0.5) / rows - 0.5)
     azimuth = 2 * np.pi * (0.5 - (np.arange(2 * rows) + 0.5) / (2 * rows))
-    across = np.cos(elevation)[:, None]
-    cells = np.broadcast_arrays(
-        across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation)[:, None]
-    )
-    return np.stack(cells).reshape(3, -1)
+    return _unit(elevation[:, None], azimuth).reshape(3, -1)
 
 
 def radiance_map(program: Program, textures: Sequence[Texture]) -> Array:
@@ -89,6 +89,10 @@ class DomeTable:
     cells: (h, w, 4) float32 the same four where a direction of the light's own axes meets the map:
     radiance over π, times the light's colour and strength, and one over the density.
     axes: (3, 3) of the light in the scene, as columns.
+    irradiance: (r, c, 3) float32, over π, of a surface that nothing hides it from: by its normal in
+    the light's axes, equirectangular with rows from pole to pole and columns from azimuth π down,
+    at the corners of the cells, the first column once more at the end; (1, 1, 3) where it is the
+    same for all.
     """
 
     along: Array
@@ -96,13 +100,32 @@ class DomeTable:
     points: Array
     cells: Array
     axes: Array
+    irradiance: Array
+
+    def unhidden(self, normal: Array) -> Array:
+        """(3, n) the irradiance over π of surfaces with normals (3, n)."""
+        rows, columns = (max(size - 1, 0) for size in self.irradiance.shape[:2])
+        around, upward = self._place(normal)
+        x, y = around * columns, upward * rows
+        left = np.clip(np.floor(x), 0, max(columns - 1, 0)).astype(np.intp)
+        low = np.clip(np.floor(y), 0, max(rows - 1, 0)).astype(np.intp)
+        right, high = np.minimum(left + 1, columns), np.minimum(low + 1, rows)
+        values = self.irradiance.astype(np.float64)
+        a, b = (x - left)[:, None], (y - low)[:, None]
+        below = values[low, left] + a * (values[low, right] - values[low, left])
+        above = values[high, left] + a * (values[high, right] - values[high, left])
+        return (below + b * (above - below)).T
+
+    def _place(self, direction: Array) -> tuple[Array, Array]:
+        """Where directions (3, n) are from left to right and from below upward, 0 to 1."""
+        x, y, z = self.axes.T @ direction
+        around = 0.5 - np.arctan2(y, x) / (2 * np.pi)
+        return around, 0.5 + np.arctan2(z, np.sqrt(x * x + y * y)) / np.pi
 
     def seen(self, direction: Array) -> tuple[Array, Array]:
         """Radiance over π (3, n) and one over the density (n,) in the directions (3, n)."""
         rows, columns = self.cells.shape[:2]
-        x, y, z = self.axes.T @ direction
-        around = 0.5 - np.arctan2(y, x) / (2 * np.pi)
-        upward = 0.5 + np.arctan2(z, np.sqrt(x * x + y * y)) / np.pi
+        around, upward = self._place(direction)
         column = np.clip(np.floor(around * columns), 0, columns - 1).astype(np.intp)
         row = np.clip(np.floor(upward * rows), 0, rows - 1).astype(np.intp)
         cell = self.cells[row, column].astype(np.float64)
@@ -112,6 +135,7 @@ class DomeTable:
 def dome_table(light: Light, count: int) -> DomeTable:
     """What tracers know of a DOME light of which they take `count` directions."""
     cells, along, where = _drawn(_Same(light.radiance), count)
+    even = _irradiance(_Same(light.radiance))
     with np.errstate(over="ignore"):
         color = np.clip(np.array(light.color, np.float64) * light.strength, -LARGEST, LARGEST)
         tinted = np.clip(cells * np.append(color / np.pi, 1.0), -LARGEST, LARGEST)
@@ -120,7 +144,14 @@ def dome_table(light: Light, count: int) -> DomeTable:
     given = tinted[..., :3].astype(np.float64)[where] * spread[:, None]
     axes = np.array(light.world_from_light, np.float64)[:, :3]
     disc = concentric_disc(2 * dome_points(count) - 1)
-    return DomeTable(along @ axes.T, np.column_stack([given, spread]), disc, tinted, axes)
+    return DomeTable(
+        along @ axes.T,
+        np.column_stack([given, spread]),
+        disc,
+        tinted,
+        axes,
+        np.clip(even * color, -LARGEST, LARGEST).astype(np.float32),
+    )
 
 
 class _Same:
@@ -134,6 +165,46 @@ class _Same:
 
     def __hash__(self) -> int:
         return id(self.values)
+
+
+@functools.lru_cache(maxsize=4)
+def _irradiance(same: _Same) -> Array:
+    """`DomeTable.irradiance` of a light of colour and strength 1, float64."""
+    values = np.asarray(same.values, np.float64)
+    if values.shape[:2] == (1, 1):
+        return values
+    coarse = _averaged(values, MOST_IRRADIANCE_ROWS)
+    rows, columns = coarse.shape[:2]
+    cells = _unit(
+        np.pi * ((np.arange(rows) + 0.5) / rows - 0.5)[:, None],
+        2 * np.pi * (0.5 - (np.arange(columns) + 0.5) / columns),
+    ).reshape(3, -1)
+    given = 4 * (coarse * cell_shares(rows, columns)).reshape(-1, 3)
+    normals = _unit(
+        np.pi * (np.arange(IRRADIANCE_ROWS + 1) / IRRADIANCE_ROWS - 0.5)[:, None],
+        2 * np.pi * (0.5 - np.arange(2 * IRRADIANCE_ROWS + 1) / (2 * IRRADIANCE_ROWS)),
+    )
+    towards = cells.astype(np.float32)
+    result = [np.maximum(row.T @ towards, 0) @ given for row in np.moveaxis(normals, 1, 0)]
+    return np.stack(result)
+
+
+def _averaged(values: Array, most: int) -> Array:
+    """A map of at most so many rows, each cell the mean over the solid angle of those within."""
+    by = max(values.shape[0] // most, 1)
+    if by == 1:
+        return values
+    rows, columns = (size // by * by for size in values.shape[:2])
+    share = cell_shares(*values.shape[:2])
+    shape = (rows // by, by, columns // by, by, -1)
+    weighted = (values * share)[:rows, :columns].reshape(shape).sum((1, 3))
+    return weighted / (by * share[:rows].reshape(rows // by, by, 1).sum(1)[:, None])
+
+
+def _unit(elevation: Array, azimuth: Array) -> Array:
+    """(3, …) unit vectors."""
+    up, around = np.broadcast_arrays(elevation, azimuth)
+    return np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
 
 
 @functools.lru_cache(maxsize=4)

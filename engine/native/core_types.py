@@ -277,11 +277,12 @@ class SceneData(Structure):
 class RenderSettingsData(Structure):
     _fields_ = [
         *_each(c_size_t, "pixel_offsets light_square light_disc dome_table dome_cells"),
+        *_each(c_size_t, "dome_irradiance"),
         *_each(c_uint64, "light_point_count dome_count"),
         *_each(c_double * 9, "dome_axes"),
         *_each(c_double, "error_threshold cutoff"),
-        *_each(c_uint32, "samples light_samples dome_samples dome_rows dome_columns max_bounces"),
-        *_each(c_uint32, "threads passes"),
+        *_each(c_uint32, "samples light_samples dome_samples dome_rows dome_columns"),
+        *_each(c_uint32, "dome_irradiance_rows dome_irradiance_columns max_bounces threads passes"),
         *_each(c_uint32 * 4, "region"),
         *_each(c_int32, "illumination waves acceleration remember"),
     ]

@@ -491,6 +491,9 @@ def _add_dome(
     data.dome_table = address(packer.lend(samples, np.float64, (None, 9), "dome samples"))
     data.dome_cells = address(packer.lend(table.cells, np.float32, (None, None, 4), "dome cells"))
     data.dome_rows, data.dome_columns = table.cells.shape[:2]
+    even = packer.lend(table.irradiance, np.float32, (None, None, 3), "dome irradiance")
+    data.dome_irradiance = address(even)
+    data.dome_irradiance_rows, data.dome_irradiance_columns = even.shape[:2]
     data.dome_axes[:] = table.axes.T.reshape(9)
 
 

@@ -11,7 +11,7 @@ from ..scene import Scene
 from ..settings import Settings
 from .gloss import Narrow
 from .lighting import balance, highlight
-from .lights import LightSample, Source
+from .lights import Dome, LightSample, Source
 from .materials import Coefficients, Term
 from .paths import Paths, bounced, straight_on
 from .pulse import Pulse
@@ -217,13 +217,41 @@ class Explainer:
     ) -> Iterator[LightTerm]:
         lighting = self.stage.lighting
         for source in lighting.sources:
+            balance, j = 0, 0
             for j, (narrow, sample, diffuse) in enumerate(
                 lighting.samples(surface, coefficients, weight, source, 0)
             ):
                 if diffuse is coefficients.diffuse or sample.intensity[0]:
-                    yield self._light(
+                    term = self._light(
                         surface, replace(coefficients, diffuse=diffuse), source, narrow, sample, j
                     )
+                    lost = np.array(term.shadow) != 1.0
+                    light = np.array(term.diffuse) + np.array(term.specular)
+                    if diffuse is coefficients.diffuse and light.any():
+                        balance += -1 if (lost * light).any() else 1
+                    yield term
+            if isinstance(source, Dome) and balance >= 0:
+                yield self._rest(surface, coefficients, source, j + 1)
+
+    def _rest(
+        self, surface: Surface, coefficients: Coefficients, source: Dome, j: int
+    ) -> LightTerm:
+        """What the directions of a sky leave out."""
+        rest = source.rest(surface.n, 0)[:, 0]
+        return LightTerm(
+            light=source.light.name,
+            sample=j,
+            to_light=_numbers(surface.n[:, 0]),
+            n_dot_l=1.0,
+            n_dot_h=0.0,
+            intensity=_numbers(rest),
+            distance=np.inf,
+            shadow=(1.0, 1.0, 1.0),
+            blocker="",
+            blocker_distance=np.inf,
+            diffuse=_numbers(coefficients.diffuse[:, 0] * rest),
+            specular=(0.0, 0.0, 0.0),
+        )
 
     def _light(
         self,

@@ -165,7 +165,7 @@ class Generations:
         def on_reach(source: Source, seen: Array) -> None:
             if source.light.cast_shadow:
                 self._tile.charge(pixel[seen])
-            if source.sample_count(self._stage.settings.light_samples) > 1:
+            if source.is_soft(self._stage.settings.light_samples):
                 self._tile.softly_lit[pixel[seen]] = True
 
         def on_cut(seen: Array) -> None:

@@ -62,16 +62,21 @@ class Lighting:
         for source in self.sources if lit.any() else ():
             if source.sample_count(self.light_samples) > 1 and source.color.any():
                 on_cut(np.flatnonzero(lit & source.is_cut(surface.x, surface.n)))
+            balance = np.zeros(len(surface), np.intp)  # directions open less hidden
             for narrow, light_sample, diffuse in self.samples(
                 surface, coefficients, weight, source, sample
             ):
                 self.pulse.beat()
-                on_reach(
-                    source,
-                    self._add(
-                        surface, coefficients, lit, source, narrow, light_sample, diffuse, total
-                    ),
+                seen, dimmed = self._add(
+                    surface, coefficients, lit, source, narrow, light_sample, diffuse, total
                 )
+                on_reach(source, seen)
+                if diffuse is coefficients.diffuse:
+                    balance[seen] += np.where(dimmed, -1, 1)
+            if isinstance(source, Dome):
+                open_ = np.flatnonzero(lit & (balance >= 0))
+                rest = source.rest(pick(surface.n, open_), sample)
+                add_at(total.diffuse, open_, pick(coefficients.diffuse, open_) * rest)
         return total
 
     def samples(
@@ -87,7 +92,7 @@ class Lighting:
         """
         n = source.sample_count(self.light_samples)
         points = source.points if isinstance(source, Dome) else self.points
-        if n == 1 and points is self.points:
+        if n == 1 and not isinstance(source, Dome):
             yield None, source.sample(surface.x, CENTER, n), coefficients.diffuse
             return
         narrow = Narrow(surface, coefficients.highlights, weight, source)
@@ -112,13 +117,15 @@ class Lighting:
         sample: LightSample,
         diffuse: Array,
         total: DirectLight,
-    ) -> Array:
-        """One sample of one light; the points that it reaches, whatever stands between."""
+    ) -> tuple[Array, Array]:
+        """One sample of one light; the points that it reaches, whatever stands between, and (m,)
+        bool which of them something hides it from or dims it for.
+        """
         self.pulse.beat()
         cosine = dot(surface.n, sample.direction)
         seen = np.flatnonzero(lit & (cosine > 0) & (sample.intensity != 0))
         if not len(seen) or not source.color.any():
-            return seen[:0]
+            return seen[:0], np.zeros(0, bool)
         end = (
             sample.end if sample.end is None or sample.end.shape[1] == 1 else pick(sample.end, seen)
         )
@@ -138,14 +145,13 @@ class Lighting:
         )
         add_at(total.diffuse, seen, diffuse)
         add_at(total.specular, seen, specular)
+        dimmed = np.zeros(len(seen), bool)
         if source.light.cast_shadow:
             self.pulse.beat()
-            add_at(
-                total.shadow,
-                seen,
-                (self.shadows.towards(surface, seen, sample).T - 1.0) * (diffuse + specular),
-            )
-        return seen
+            lost = (self.shadows.towards(surface, seen, sample).T - 1.0) * (diffuse + specular)
+            add_at(total.shadow, seen, lost)
+            dimmed = lost.any(0)
+        return seen, dimmed
 
 
 def balance(narrow: Narrow | None, seen: Array, sample: LightSample) -> Array | float:

@@ -90,6 +90,10 @@ class Source:
         """n: how many samples it takes."""
         return light_samples if self.is_extended else 1
 
+    def is_soft(self, light_samples: int) -> bool:
+        """Whether pixels that it reaches take more samples before they may stop."""
+        return self.sample_count(light_samples) > 1
+
     def is_cut(self, x: Array, n: Array) -> Array:
         """(k,) bool whether the horizon of points, the plane through x (3, k) across n (3, k), cuts
         the light's shape, and the light shines that way.
@@ -342,10 +346,15 @@ class Dome(Source):
         super().__init__(light, eye, physical=True)
         self._table, self._samples = table, samples
         rows = zip(table.along, table.light, table.points, strict=True)
+        self._light, self._along = table.light[:, :3], table.along
         self.points = [DomePoint(along, row[:3], row[3], disc) for along, row, disc in rows]
 
     def sample_count(self, light_samples: int) -> int:
         return self._samples
+
+    def is_soft(self, light_samples: int) -> bool:
+        """Four samples of a pixel take 32 directions or more."""
+        return False
 
     def is_cut(self, x: Array, n: Array) -> Array:
         """Never: every horizon cuts it, and neighbours see the same of its points."""
@@ -353,6 +362,16 @@ class Dome(Source):
 
     def least_exponent(self, x: Array) -> Array:
         return np.full(x.shape[1], LEAST_SKY)
+
+    def rest(self, n: Array, sample: int) -> Array:
+        """(3, k) what the whole sky gives to surfaces with normals n (3, k) that nothing hides it
+        from, less what the directions of a pixel's sample give them; of irradiance over π.
+        """
+        here = slice(sample * self._samples, (sample + 1) * self._samples)
+        given = np.zeros_like(n)
+        for along, light in zip(self._along[here], self._light[here], strict=True):
+            given += np.maximum(along @ n, 0.0) * light[:, None]
+        return self._table.unhidden(n) - given / self._samples
 
     def sample(self, x: Array, point: DomePoint, n: int) -> LightSample:
         some = np.ones(x.shape[1])

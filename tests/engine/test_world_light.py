@@ -85,6 +85,42 @@ def test_a_ball_above_the_floor_hides_its_form_factor():
     np.testing.assert_allclose(drawn(both, 4096), 1 - 0.25, atol=1e-3)
 
 
+def test_what_stands_in_the_open_is_exact_at_once():
+    """A ball below a sky of radiance a + b z: its light is a + 2/3 b n_z."""
+    z = directions(64).reshape(3, 64, 128)[2]
+    values = np.repeat((0.5 + 0.4 * z)[..., None], 3, 2).astype(np.float32)
+    ball = Spheres("ball", np.array([[0, 0, 0]], np.float32), np.array([1], np.float32))
+    wanted = scene(
+        ball,
+        light=replace(even(), radiance=values),
+        camera=replace(FRONT, window=(-0.18, 0.18, -0.43, -0.07)),
+    )
+    chosen = Settings(samples=1, light_samples=1, filter_width=0.0, passes=frozenset({"Normal"}))
+    film = render(wanted, chosen)
+    up = film.passes["Normal"][..., 2]
+    seen = film.passes["Combined"][..., 0] > 0
+    assert seen.mean() > 0.2 and up[seen].min() < -0.5 and up[seen].max() > 0.5
+    np.testing.assert_allclose(
+        film.passes["Combined"][..., 0][seen], 0.5 + 0.8 / 3 * up[seen], atol=1e-3
+    )
+
+
+def test_a_closed_room_is_black():
+    walls = [
+        square(name, *(np.array(corner) for corner in corners))
+        for name, corners in {
+            "ceiling": ((-9, -9, 2), (-9, 9, 2), (9, 9, 2), (9, -9, 2)),
+            "left": ((-9, -9, -1), (-9, 9, -1), (-9, 9, 3), (-9, -9, 3)),
+            "right": ((9, -9, -1), (9, 9, -1), (9, 9, 3), (9, -9, 3)),
+            "front": ((-9, -9, -1), (9, -9, -1), (9, -9, 3), (-9, -9, 3)),
+            "back": ((-9, 9, -1), (9, 9, -1), (9, 9, 3), (-9, 9, 3)),
+        }.items()
+    ]
+    room = scene(FLOOR, *walls, light=even(5.0), hidden=("ceiling",))
+    chosen = Settings(samples=16, light_samples=1)
+    assert not render(room, chosen).passes["Combined"][..., :3].any()
+
+
 def test_constant_light_is_ambient_and_classic_takes_no_other():
     lit = scene(FLOOR, light=even(0.7), ambient=(0.3, 0.3, 0.3))
     np.testing.assert_allclose(drawn(lit, world_light="CONSTANT"), 0.3, rtol=1e-6)

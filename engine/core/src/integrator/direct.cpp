@@ -7,7 +7,7 @@ namespace glint {
 namespace {
 
 constexpr size_t kColumns =
-    1 + 3 + 3 + 1 + 3 + 3 + 3 + 3;  // zeros, o, to, t_max, ends, diffuse, specular, shadow
+    1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3;  // zeros, o, to, t_max, ends, diffuse, specular, shadow, sky
 
 }  // namespace
 
@@ -32,6 +32,7 @@ void DirectLight::prepare(const Batch& batch) {
   three(stage_.o, true), three(stage_.to, true), three(stage_.diffuse_out, true),
       three(stage_.specular_out, batch.sums.diffuse[0]);
   three(stage_.end_out, glassy_), three(shadow_, glassy_);
+  three(sky_, scene_.features & GLINT_FEATURE_WORLD_LIGHT);
   const PointColumns& p = batch.points;
   for (int c = 0; c < 3; ++c) {
     stage_.points_x[c] = p.x[c], stage_.g[c] = p.g[c], stage_.n[c] = p.n[c],
@@ -52,12 +53,46 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     const uint32_t count = plan_.samples_of(light);
     const bool notes = batch.softly_lit && count > 1;
     if (notes) find_cut(batch, light);
+    if (light.is_dome()) balance_.assign(batch.size(), 0);
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       light.set(stage_, plan_.light_point(light, sample, j), count, plan_.physical);
       uint8_t* const known = batch.first_hits ? batch.first_hits->shadows(number) : nullptr;
-      add_lit(batch, light, stages_.light(stage_), known ? known + batch.first_row : nullptr,
-              counts);
+      const size_t reached = stages_.light(stage_);
+      add_lit(batch, light, reached, known ? known + batch.first_row : nullptr, counts);
+      if (light.is_dome()) note_hidden(reached);
       if (stage_.draws) add_lit(batch, light, stages_.gloss(stage_), nullptr, counts);
+    }
+    if (light.is_dome()) add_rest(batch, light, sample);
+  }
+}
+
+/// Counts for the `count` points of the stage whether something hides the sample from them, or
+/// dims it for them.
+void DirectLight::note_hidden(size_t count) {
+  for (size_t k = 0; k < count; ++k) {
+    bool dimmed = blocked_[k];
+    for (size_t c = 0; shadow_[0] && c < 3; ++c)
+      dimmed |= (stage_.diffuse_out[c][k] != 0 ||
+                 (stage_.specular_out[0] && stage_.specular_out[c][k] != 0)) &&
+                shadow_[c][k] != 1;
+    balance_[point_[k]] += dimmed ? -1 : 1;
+  }
+}
+
+/// What the directions of a sample leave out of a dome, where at least half of them are open: so
+/// what stands free has no steps, and its pixels may stop soon.
+void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t sample) {
+  DomeStage stage{};
+  for (int c = 0; c < 3; ++c)
+    stage.n[c] = stage_.n[c], stage.diffuse[c] = batch.diffuse[c], stage.rest[c] = sky_[c];
+  stage.count = batch.size(), stage.lit = stage_.lit, stage.dome = &plan_.dome;
+  stage.drawn = plan_.light_point(light, sample, 0).drawn, stage.directions = plan_.dome_samples;
+  stages_.dome(stage);
+  for (size_t k = 0; k < batch.size(); ++k) {
+    if (!batch.lit[k] || balance_[k] < 0) continue;
+    for (size_t c = 0; c < 3; ++c) {
+      batch.sums.total[c][k] += sky_[c][k];
+      if (batch.sums.diffuse[0]) batch.sums.diffuse[c][k] += sky_[c][k];
     }
   }
 }
@@ -66,8 +101,8 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
 void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
                           RayCounts& counts) {
   if (count == 0) return;
-  for (size_t k = 0; batch.softly_lit && stage_.share > 1 && k < count; ++k)
-    batch.mark_softly_lit(point_[k], Refinement::kReached);
+  const bool soft = batch.softly_lit && stage_.share > 1 && !light.is_dome();
+  for (size_t k = 0; soft && k < count; ++k) batch.mark_softly_lit(point_[k], Refinement::kReached);
   const bool casts = light.casts_shadow();
   for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (casts && glassy_ && !known) {

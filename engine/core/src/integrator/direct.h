@@ -20,6 +20,8 @@ class DirectLight {
 
  private:
   void prepare(const Batch& batch);
+  void note_hidden(size_t count);
+  void add_rest(const Batch& batch, const Light& light, uint32_t sample);
   void add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
                RayCounts& counts);
   void find_cut(const Batch& batch, const Light& light) const;
@@ -35,10 +37,12 @@ class DirectLight {
   const bool glassy_;   // some surface lets light through
   LightStage stage_{};  // what it writes: a row for each point that a light sample reaches
   Columns columns_;
-  double *zeros_ = nullptr,
-         *shadow_[3] = {};  // shadow_: S a channel; null where rays are free or blocked and no more
+  double *zeros_ = nullptr, *sky_[3] = {},
+         *shadow_[3] = {};  // sky_: the rest of a dome; shadow_: S a channel; null where
+                            // rays are free or blocked and no more
   std::vector<uint32_t> point_;
   std::vector<uint8_t> blocked_;
+  std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden
   TransparentShadows transparent_shadows_;
 };
 

@@ -35,6 +35,8 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.light_disc = g.light_disc, plan.dome_samples = std::max(g.dome_samples, 1u),
   plan.dome_table = g.dome_table, plan.dome.cells = g.dome_cells;
   plan.dome.rows = g.dome_rows, plan.dome.columns = g.dome_columns;
+  plan.dome.irradiance = g.dome_irradiance, plan.dome.irradiance_rows = g.dome_irradiance_rows,
+  plan.dome.irradiance_columns = g.dome_irradiance_columns;
   for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
   return plan;
 }
@@ -46,7 +48,8 @@ bool sound_region(const uint32_t* r, const GlintCamera& camera) {
 bool enough_directions(const GlintRenderSettings& g, const Scene& scene) {
   if (!(scene.features & GLINT_FEATURE_WORLD_LIGHT)) return true;
   return g.dome_samples >= 1 && g.dome_table && g.dome_cells && g.dome_rows >= 1 &&
-         g.dome_columns >= 1 && g.dome_count / g.dome_samples >= g.samples;
+         g.dome_columns >= 1 && g.dome_irradiance && g.dome_irradiance_rows >= 1 &&
+         g.dome_irradiance_columns >= 1 && g.dome_count / g.dome_samples >= g.samples;
 }
 
 bool enough_points(const GlintRenderSettings& g, const Scene& scene) {

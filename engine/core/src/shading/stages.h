@@ -236,11 +236,22 @@ enum LightShape : int {
   kSky
 };
 
-/// A dome's map (glint.h).
+/// A dome's maps (glint.h).
 struct DomeCells {
-  const float* cells = nullptr;
-  size_t rows = 0, columns = 0;
+  const float *cells = nullptr, *irradiance = nullptr;
+  size_t rows = 0, columns = 0, irradiance_rows = 0, irradiance_columns = 0;
   double axes[3][3] = {};
+};
+
+/// What the whole dome gives where nothing hides it, less what the directions of a sample do.
+struct DomeStage {
+  size_t count;
+  const double *n[3], *diffuse[3];
+  const int64_t* lit;
+  const double* drawn;  // rows of 9 numbers, as glint.h has them
+  size_t directions;
+  const DomeCells* dome;
+  double* rest[3];
 };
 
 /// One sample of one light, as light.h has it for one point.
@@ -325,6 +336,7 @@ struct Stages {
   size_t (*vary)(const EvaluateStage&);  // how many `passing_rows`
   void (*program)(const ProgramStage&);
   PassedRays (*pass)(const PassStage&);
+  void (*dome)(const DomeStage&);
   size_t (*light)(const LightStage&);  // how many points the sample reaches
   size_t (*gloss)(
       const LightStage&);  // how many points the directions drawn from their lobes light
