@@ -26,8 +26,8 @@ struct Frusta {
   }
 };
 
-/// Where the planes of a node are, seen along the rays of one kind (Tile::kind): offsets in
-/// Node::planes, and the sign of the depth axis.
+/// Where the planes of a node are, seen along the rays of one axis class (Tile::axis_class):
+/// offsets in Node::planes, and the sign of the depth axis.
 struct Order {
   uint32_t low[2], high[2], front, rear;  // front and rear: the depth axis
   float sign;
@@ -35,14 +35,20 @@ struct Order {
   constexpr explicit Order(uint32_t kind)
       : low{}, high{}, front(0), rear(0), sign(kind >> 2 ? -1.0f : 1.0f), axes{} {
     const int z = int(kind & 3), back = int(kind >> 2);
-    axes[0] = z == 2 ? 0 : z + 1, axes[1] = z == 0 ? 2 : z - 1, axes[2] = z;
-    for (int k = 0; k < 2; ++k) low[k] = uint32_t(2 * axes[k] * kWidth), high[k] = low[k] + kWidth;
-    front = uint32_t((2 * z + back) * kWidth), rear = uint32_t((2 * z + 1 - back) * kWidth);
+    axes[0] = z == 2 ? 0 : z + 1;
+    axes[1] = z == 0 ? 2 : z - 1;
+    axes[2] = z;
+    for (int k = 0; k < 2; ++k) {
+      low[k] = uint32_t(2 * axes[k] * kWidth);
+      high[k] = low[k] + kWidth;
+    }
+    front = uint32_t((2 * z + back) * kWidth);
+    rear = uint32_t((2 * z + 1 - back) * kWidth);
   }
 };
 constexpr Order kOrders[8] = {Order(0), Order(1), Order(2), Order(0),
                               Order(4), Order(5), Order(6), Order(4)};
-inline const Order& order_of(const Tile& tile, int r) { return kOrders[tile.kind[r]]; }
+inline const Order& order_of(const Tile& tile, int r) { return kOrders[tile.axis_class[r]]; }
 
 /// Which axis is Order::axes[a] for rays of these kinds.
 inline Ints across(Ints kind, int a) {
@@ -78,7 +84,10 @@ __attribute__((always_inline)) inline uint32_t meet(const Boxes& b, Floats first
 struct WideFrustum {
   Floats first, last, c[kLines], m[kLines];
   explicit WideFrustum(const Frustum& f) : first(splat(f.first)), last(splat(f.last)) {
-    for (int k = 0; k < kLines; ++k) c[k] = splat(f.c[k]), m[k] = splat(f.m[k]);
+    for (int k = 0; k < kLines; ++k) {
+      c[k] = splat(f.c[k]);
+      m[k] = splat(f.m[k]);
+    }
   }
   __attribute__((always_inline)) uint32_t meet(const Boxes& b) const {
     return glint::meet(b, first, last, c, m);
@@ -113,7 +122,7 @@ __attribute__((always_inline)) inline Boxes child_box(const Node& n, int child,
           splat(p[order.rear] * order.sign)};
 }
 
-/// All packets of a tile whose rays are of one kind: rays, groups of kLanes, all.
+/// All packets of a tile whose rays are of one axis class: rays, groups of kLanes, all.
 struct Packets {
   Frusta<kTile> rays;
   Frusta<(kGroups < kLanes ? kLanes : kGroups)> groups;
@@ -122,19 +131,20 @@ struct Packets {
 };
 
 /// The lines through two planes' values.
-inline void line_through(float at_first, float at_last, float first, float last, float room,
+inline void line_through(float at_first, float at_last, float first, float last, float margin,
                          float& c, float& m) {
   const float length = last - first;
   m = length > 0 ? (at_last - at_first) / length : 0;
-  c = at_first - m * first + room;
+  c = at_first - m * first + margin;
 }
 
 /// The same for packets in lanes.
-inline void lines_through(Floats at_first, Floats at_last, Floats first, Floats last, Floats room,
+inline void lines_through(Floats at_first, Floats at_last, Floats first, Floats last, Floats margin,
                           float* c, float* m) {
   const Floats length = last - first,
                slope = select(less(Floats{}, length), (at_last - at_first) / length, Floats{});
-  store(m, slope), store(c, at_first - slope * first + room);
+  store(m, slope);
+  store(c, at_first - slope * first + margin);
 }
 
 /// Between which depths the tree lies for rays of one order.
@@ -142,28 +152,31 @@ struct DepthRange {
   Floats front, rear;
   DepthRange(const Tile& tile, const Order& order) {
     const float center = order.sign * float(tile.tree->center[order.axes[2]]),
-                radius = float(tile.tree->radius) * 1.001f + tile.room;
-    front = splat(center - radius), rear = splat(center + radius);
+                radius = float(tile.tree->radius) * 1.001f + tile.margin;
+    front = splat(center - radius);
+    rear = splat(center + radius);
   }
 };
 
 /// How deep the rays [k, k + kLanes) go.
 inline void set_ray_depths(const Tile& tile, Packets& b, int k, const DepthRange& range) {
-  const Floats start = load(tile.start + k), room = splat(tile.room);
+  const Floats start = load(tile.start + k), margin = splat(tile.margin);
   // The beginning needs room for rounding start + begin alone: with more, rays would enter boxes of
   // the surface that they leave.
   store(b.rays.first + k,
-        larger(start + load(tile.begin_lo + k) - splat(0.25f * tile.room), range.front));
-  store(b.rays.last + k, smaller(start + load(tile.hi + k) + room, range.rear));
+        larger(start + load(tile.begin_lo + k) - splat(0.25f * tile.margin), range.front));
+  store(b.rays.last + k, smaller(start + load(tile.hi + k) + margin, range.rear));
 }
 
 /// Lines of the rays [k, k + kLanes).
 inline void set_ray_lines(const Tile& tile, Packets& b, int k) {
-  const Floats start = load(tile.start + k), room = splat(tile.room);
+  const Floats start = load(tile.start + k), margin = splat(tile.margin);
   for (int a = 0; a < 2; ++a) {
     const Floats m = load(tile.slope[a] + k), c = load(tile.of[a] + k) - m * start;
-    store(b.rays.m[2 * a] + k, m), store(b.rays.m[2 * a + 1] + k, m);
-    store(b.rays.c[2 * a] + k, c - room), store(b.rays.c[2 * a + 1] + k, c + room);
+    store(b.rays.m[2 * a] + k, m);
+    store(b.rays.m[2 * a + 1] + k, m);
+    store(b.rays.c[2 * a] + k, c - margin);
+    store(b.rays.c[2 * a + 1] + k, c + margin);
   }
   b.lines |= 1u << k / kLanes;
 }
@@ -172,14 +185,15 @@ inline void set_ray_lines(const Tile& tile, Packets& b, int k) {
 inline void set_group(const Tile& tile, Packets& b, int g) {
   const int k = g * kLanes;
   const float first = smallest(load(b.rays.first + k)), last = largest(load(b.rays.last + k));
-  b.groups.first[g] = first, b.groups.last[g] = last;
+  b.groups.first[g] = first;
+  b.groups.last[g] = last;
   for (int a = 0; a < 2; ++a) {
-    const Floats m = load(b.rays.m[2 * a] + k), c = load(b.rays.c[2 * a] + k) + splat(tile.room);
+    const Floats m = load(b.rays.m[2 * a] + k), c = load(b.rays.c[2 * a] + k) + splat(tile.margin);
     const Floats at_first = c + m * splat(first), at_last = c + m * splat(last);
     const int low = 2 * a, high = low + 1;
-    line_through(smallest(at_first), smallest(at_last), first, last, -2 * tile.room,
+    line_through(smallest(at_first), smallest(at_last), first, last, -2 * tile.margin,
                  b.groups.c[low][g], b.groups.m[low][g]);
-    line_through(largest(at_first), largest(at_last), first, last, 2 * tile.room,
+    line_through(largest(at_first), largest(at_last), first, last, 2 * tile.margin,
                  b.groups.c[high][g], b.groups.m[high][g]);
   }
 }
@@ -187,19 +201,25 @@ inline void set_group(const Tile& tile, Packets& b, int g) {
 /// The packet of a group whose rays begin at one point, before `first`.
 inline void set_common_group(const Tile& tile, Packets& b, int g) {
   const int k = g * kLanes;
-  b.groups.first[g] = smallest(load(b.rays.first + k)),
+  b.groups.first[g] = smallest(load(b.rays.first + k));
   b.groups.last[g] = largest(load(b.rays.last + k));
   for (int a = 0; a < 2; ++a) {
     const Floats m = load(tile.slope[a] + k);
     const float low = smallest(m), high = largest(m), o = tile.of[a][k], start = tile.start[k];
-    b.groups.m[2 * a][g] = low, b.groups.c[2 * a][g] = o - low * start - tile.room;
-    b.groups.m[2 * a + 1][g] = high, b.groups.c[2 * a + 1][g] = o - high * start + tile.room;
+    b.groups.m[2 * a][g] = low;
+    b.groups.c[2 * a][g] = o - low * start - tile.margin;
+    b.groups.m[2 * a + 1][g] = high;
+    b.groups.c[2 * a + 1][g] = o - high * start + tile.margin;
   }
 }
 
 inline void empty_group(Packets& b, int g) {
-  b.groups.first[g] = kFar, b.groups.last[g] = -kFar;
-  for (int l = 0; l < kLines; ++l) b.groups.c[l][g] = l % 2 ? -kFar : kFar, b.groups.m[l][g] = 0;
+  b.groups.first[g] = kFar;
+  b.groups.last[g] = -kFar;
+  for (int l = 0; l < kLines; ++l) {
+    b.groups.c[l][g] = l % 2 ? -kFar : kFar;
+    b.groups.m[l][g] = 0;
+  }
 }
 
 /// The packet of all groups that are not empty. Returns whether they share it out: not each of them
@@ -207,10 +227,12 @@ inline void empty_group(Packets& b, int g) {
 inline bool set_all(const Tile& tile, Packets& b) {
   constexpr int kCount = sizeof b.groups.first / sizeof(float);
   Frustum& f = b.all;
-  f.first = kFar, f.last = -kFar;
-  for (int g = 0; g < kCount; g += kLanes)
-    f.first = smaller(f.first, smallest(load(b.groups.first + g))),
+  f.first = kFar;
+  f.last = -kFar;
+  for (int g = 0; g < kCount; g += kLanes) {
+    f.first = smaller(f.first, smallest(load(b.groups.first + g)));
     f.last = larger(f.last, largest(load(b.groups.last + g)));
+  }
   const Floats first = splat(f.first), last = splat(f.last),
                middle = splat(0.5f * f.first + 0.5f * f.last);
   float near[kLines] = {kFar, -kFar, kFar, -kFar}, far[kLines] = {kFar, -kFar, kFar, -kFar},
@@ -218,7 +240,8 @@ inline bool set_all(const Tile& tile, Packets& b) {
   for (int g = 0; g < kCount; g += kLanes) {
     Floats c[kLines], m[kLines];
     for (int l = 0; l < kLines; ++l) {
-      c[l] = load(b.groups.c[l] + g), m[l] = load(b.groups.m[l] + g);
+      c[l] = load(b.groups.c[l] + g);
+      m[l] = load(b.groups.m[l] + g);
       const Floats p = c[l] + m[l] * first, q = c[l] + m[l] * last;
       near[l] = l % 2 ? larger(near[l], largest(p)) : smaller(near[l], smallest(p));
       far[l] = l % 2 ? larger(far[l], largest(q)) : smaller(far[l], smallest(q));
@@ -229,7 +252,7 @@ inline bool set_all(const Tile& tile, Packets& b) {
         sum(select(load(b.groups.first + g) <= load(b.groups.last + g), width * height, Floats{}));
   }
   for (int l = 0; l < kLines; ++l)
-    line_through(near[l], far[l], f.first, f.last, (l % 2 ? 2 : -2) * tile.room, f.c[l], f.m[l]);
+    line_through(near[l], far[l], f.first, f.last, (l % 2 ? 2 : -2) * tile.margin, f.c[l], f.m[l]);
   const float width = near[kHighX] - near[kLowX] + far[kHighX] - far[kLowX],
               height = near[kHighY] - near[kLowY] + far[kHighY] - far[kLowY];
   return !(4 * area > 3 * width * height);

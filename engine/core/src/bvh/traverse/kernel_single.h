@@ -15,7 +15,8 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
   Tile& tile = w.tile;
   const uint32_t sure = bits(t.sure());
   alignas(64) float nearest[kLanes], farthest[kLanes];
-  store(nearest, lo), store(farthest, hi);
+  store(nearest, lo);
+  store(farthest, hi);
   for (; mask; mask &= mask - 1) {
     const int lane = __builtin_ctz(mask), place = first + lane;
     const bool hit = sure >> lane & 1;
@@ -25,7 +26,9 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
       continue;
     if (hit && farthest[lane] < tile.lo[r] && nearest[lane] > tile.begin_hi[r]) {
       if (Any) return w.block(r);
-      tile.lo[r] = nearest[lane], tile.hi[r] = farthest[lane], tile.pending[r] = ref,
+      tile.lo[r] = nearest[lane];
+      tile.hi[r] = farthest[lane];
+      tile.pending[r] = ref;
       tile.place[r] = uint32_t(place);
       continue;
     }
@@ -47,8 +50,8 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
   const size_t corner = 3 * size_t(n);
   const Floats ox = splat(tile.of[0][r]), oy = splat(tile.of[1][r]), oz = splat(tile.start[r]),
                sign = splat(order.sign);
-  const Floats rx = splat(tile.rest[0][r]), ry = splat(tile.rest[1][r]),
-               rz = splat(tile.rest[2][r]);
+  const Floats rx = splat(tile.low_part[0][r]), ry = splat(tile.low_part[1][r]),
+               rz = splat(tile.low_part[2][r]);
   const Floats sx = splat(tile.slope[0][r]), sy = splat(tile.slope[1][r]);
   for (int first = 0; first < n; first += kLanes) {
     TriangleTest t;
@@ -62,7 +65,7 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
     uint32_t mask = ~t.conflict() & ((1u << rest) - 1);
     if (!mask) continue;
     Floats lo, hi;
-    t.depth(t.extent(), tile.far_room, lo, hi);
+    t.depth(t.extent(), tile.far_margin, lo, hi);
     mask &= ~bits(t.sure() & (less(splat(tile.hi[r]), lo) | less(hi, splat(tile.begin_lo[r]))));
     if (mask) take_triangles(w, r, ref, first, mask, t, lo, hi);
   }
@@ -85,15 +88,18 @@ inline void fetch(const TreeView& tree, ChildRef child, const void* held, size_t
 }
 
 /// A ray on its own, and what waits for it.
-struct Walker {
+struct SingleRay {
   int r;
   Waiting limit;  // what is farther away is not worth going to
   Waiting* top;   // past the last that waits
 
   /// Returns where to go first; kDone when nothing is left within its reach.
   ChildRef start(const Tile& tile, int ray, const SingleRays& left, Waiting* stack) {
-    r = ray, stack[0] = kBottom, top = left.put(ray, stack + 1);
-    return shorten(tile), pop();
+    r = ray;
+    stack[0] = kBottom;
+    top = left.put(ray, stack + 1);
+    shorten(tile);
+    return pop();
   }
   /// After a hit.
   void shorten(const Tile& tile) { limit = limit_of(tile.hi[r]); }
@@ -117,21 +123,22 @@ struct Walker {
 /// Several rays on their way, through a tree over instances or another one. A processor cannot
 /// foresee where each of them goes; so they go in step.
 template <bool Any, bool Placed>
-struct Company {
+struct InterleavedRays {
   Walk<Any>& w;
   uint64_t rays;  // that have not started
-  int count;      // walkers, whole vectors of them
+  int count;      // single rays, whole vectors of them
   bool slow;      // memory, and others have the time until it answers
-  alignas(64) ChildRef at[kWalkers];
-  Walker walker[kWalkers];
-  Waiting (*const stacks)[kWalkerStack];
+  alignas(64) ChildRef at[kInterleaved];
+  SingleRay single[kInterleaved];
+  Waiting (*const stacks)[kRayStack];
 
-  Company(Walk<Any>& walk, uint64_t all)
+  InterleavedRays(Walk<Any>& walk, uint64_t all)
       : w(walk),
         rays(all),
         stacks(Placed ? walk.tile.answers->stacks->placed : walk.tile.answers->stacks->own) {
-    const int n = __builtin_popcountll(all), most = n < kWalkers ? n : kWalkers;
-    count = (most + kLanes - 1) / kLanes * kLanes, slow = w.tree.large && n > 2;
+    const int n = __builtin_popcountll(all), most = n < kInterleaved ? n : kInterleaved;
+    count = (most + kLanes - 1) / kLanes * kLanes;
+    slow = w.tree.large && n > 2;
     for (int k = 0; k < count; ++k) at[k] = kDone;
   }
   uint32_t everybody() const { return count == 32 ? ~0u : (1u << count) - 1; }
@@ -140,19 +147,20 @@ struct Company {
     nodes = through = 0;
     for (int k = 0; k < count; k += kLanes) {
       const Ints child = load(at + k);
-      through |= bits(equal(child, Ints{} + int32_t(kDone))) << k, nodes |= bits(child >= Ints{})
-                                                                            << k;
+      through |= bits(equal(child, Ints{} + int32_t(kDone))) << k;
+      nodes |= bits(child >= Ints{}) << k;
     }
     for (; through && rays; rays &= rays - 1) {
       const int k = __builtin_ctz(through);
-      at[k] = walker[k].start(w.tile, __builtin_ctzll(rays), w.left, stacks[k]);
-      nodes |= uint32_t(!(at[k] & kLeaf)) << k, through &= ~(uint32_t(at[k] != kDone) << k);
+      at[k] = single[k].start(w.tile, __builtin_ctzll(rays), w.left, stacks[k]);
+      nodes |= uint32_t(!(at[k] & kLeaf)) << k;
+      through &= ~(uint32_t(at[k] != kDone) << k);
     }
   }
   void pass_nodes(uint32_t mask) {
     for (; mask; mask &= mask - 1) {
       const int k = __builtin_ctz(mask);
-      go(k, walker[k].descend(w, at[k]));
+      go(k, single[k].descend(w, at[k]));
     }
   }
   void go(int k, ChildRef next) {
@@ -166,9 +174,10 @@ struct Company {
 /// Rays in a tree over primitives: those at nodes take a step, or those at leaves, whichever are
 /// more.
 template <bool Any>
-struct Walkers : Company<Any, false> {
-  using Company<Any, false>::w, Company<Any, false>::at, Company<Any, false>::walker;
-  using Company<Any, false>::Company;
+struct InterleavedTraversal : InterleavedRays<Any, false> {
+  using InterleavedRays<Any, false>::w, InterleavedRays<Any, false>::at,
+      InterleavedRays<Any, false>::single;
+  using InterleavedRays<Any, false>::InterleavedRays;
 
   void go() {
     for (uint32_t nodes, through;;) {
@@ -182,10 +191,10 @@ struct Walkers : Company<Any, false> {
   void pass_leaves(uint32_t mask) {
     for (; mask; mask &= mask - 1) {
       const int k = __builtin_ctz(mask);
-      Walker& a = walker[k];
+      SingleRay& a = single[k];
       hit_leaf(w, a.r, at[k], order_of(w.tile, a.r));
       a.shorten(w.tile);
-      Company<Any, false>::go(k, Any && !alive(w.tile, a.r) ? kDone : a.pop());
+      InterleavedRays<Any, false>::go(k, Any && !alive(w.tile, a.r) ? kDone : a.pop());
     }
   }
 };
@@ -194,7 +203,7 @@ template <bool Any>
 void visit_instances(Walk<Any>& w);
 template <bool Any>
 __attribute__((noinline)) void visit_primitives(Walk<Any>& w) {
-  Walkers<Any>(w, w.left.rays).go();
+  InterleavedTraversal<Any>(w, w.left.rays).go();
 }
 
 /// The rest of the way of all rays that have left their packets. The packets do not learn of it:
@@ -203,7 +212,8 @@ template <bool Any>
 __attribute__((noinline)) void walk_rays(Walk<Any>& w) {
   w.boxes.prepare(w.tile, w.left.rays);
   w.tree.kind == kInstanceLeaf ? visit_instances(w) : visit_primitives(w);
-  w.left.rays = 0, w.left.count = 0;
+  w.left.rays = 0;
+  w.left.count = 0;
 }
 
 /// Rays of the group from k on leave their packet for a part of the tree that lies behind
@@ -217,7 +227,7 @@ inline void leave(Walk<Any>& w, int k, uint32_t rays, ChildRef child, float dist
   }
   for (; rays; rays &= rays - 1) {
     const int r = k + __builtin_ctz(rays);
-    w.left.add(r, child, distance - w.tile.start[r] - larger(0.0f, w.tile.rest[2][r]));
+    w.left.add(r, child, distance - w.tile.start[r] - larger(0.0f, w.tile.low_part[2][r]));
   }
 }
 
