@@ -217,7 +217,7 @@ class Explainer:
     ) -> Iterator[LightTerm]:
         lighting = self.stage.lighting
         for source in lighting.sources:
-            balance, j = 0, 0
+            margin, j = 0, 0
             for j, (narrow, sample, diffuse) in enumerate(
                 lighting.samples(surface, coefficients, weight, source, 0)
             ):
@@ -228,9 +228,9 @@ class Explainer:
                     lost = np.array(term.shadow) != 1.0
                     light = np.array(term.diffuse) + np.array(term.specular)
                     if diffuse is coefficients.diffuse and light.any():
-                        balance += -1 if (lost * light).any() else 1
+                        margin += -1 if (lost * light).any() else 1
                     yield term
-            if isinstance(source, Dome) and balance >= 0:
+            if isinstance(source, Dome) and margin >= 0:
                 yield self._rest(surface, coefficients, source, j + 1)
 
     def _rest(

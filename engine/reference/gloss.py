@@ -21,7 +21,7 @@ class Narrow:
     """
 
     def __init__(self, surface: Surface, terms: list[Term], weight: Array, source: Source) -> None:
-        self._surface, self._terms = surface, []
+        self._surface, self._terms, self._draws = surface, [], source.draws
         self._total = np.zeros(len(surface))
         least = source.least_exponent(surface.x)
         for term in terms:
@@ -38,8 +38,8 @@ class Narrow:
         return bool(self._terms)
 
     def density(self, seen: Array, direction: Array) -> Array:
-        """(m,) how densely, a steradian, directions are drawn where `direction` (3, m) is from the
-        points `seen` (m,).
+        """(m,) how densely, a steradian and for each sample of the light, directions are drawn
+        where `direction` (3, m) is from the points `seen` (m,).
         """
         towards, density = self._surface.v.copy(), np.zeros(len(self._surface))
         towards[:, seen] = direction
@@ -49,7 +49,9 @@ class Narrow:
                 pick(self._surface.n, index), pick(self._surface.v, index), l, exponent
             )
         size = length(self._surface.v + towards) * self._total
-        return np.divide(density, 4 * np.pi * size, out=np.zeros_like(size), where=size > 0)[seen]
+        spread = 4 * np.pi * size
+        found = np.divide(density, spread, out=np.zeros_like(size), where=size > 0)[seen]
+        return found * self._draws
 
     def draw(self, point: LightPoint) -> tuple[Array, Array]:
         """(3, n) the direction in which the half vector at `point` of the lobes mirrors the ray,

@@ -96,10 +96,12 @@ class Lighting:
             yield None, source.sample(surface.x, CENTER, n), coefficients.diffuse
             return
         narrow = Narrow(surface, coefficients.highlights, weight, source)
-        for point in points[sample * n : (sample + 1) * n]:
+        for number in range(sample * n, (sample + 1) * n):
+            point = points[number]
             yield narrow, source.sample(surface.x, point, n), coefficients.diffuse
-            if narrow:
-                direction, drawn = narrow.draw(point)
+            place = source.drawn_at(number, point)
+            if narrow and place is not None:
+                direction, drawn = narrow.draw(place)
                 chosen = source.sample_at(surface.x, direction, n)
                 yield (
                     narrow,

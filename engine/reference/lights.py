@@ -24,6 +24,8 @@ HUGE = 1e100
 
 LEAST_SKY = 8.0
 """Exponents from here on draw directions beside those of the sky."""
+SKY_DRAWS = 1 / 8
+"""Directions that highlights draw for each of the sky's."""
 NEAR = 4.0
 """Half diagonals of a rectangle within which it is seen large."""
 
@@ -89,6 +91,15 @@ class Source:
     def sample_count(self, light_samples: int) -> int:
         """n: how many samples it takes."""
         return light_samples if self.is_extended else 1
+
+    draws = 1.0
+    """Directions that highlights draw for each sample."""
+
+    def drawn_at(self, number: int, point: LightPoint) -> LightPoint | None:
+        """Where in the lobes of highlights a direction is drawn beside sample `number` of all
+        samples of a pixel, which is at `point`; None for nowhere.
+        """
+        return point
 
     def is_soft(self, light_samples: int) -> bool:
         """Whether pixels that it reaches take more samples before they may stop."""
@@ -348,6 +359,12 @@ class Dome(Source):
         rows = zip(table.along, table.light, table.points, strict=True)
         self._light, self._along = table.light[:, :3], table.along
         self.points = [DomePoint(along, row[:3], row[3], disc) for along, row, disc in rows]
+
+    draws = SKY_DRAWS
+
+    def drawn_at(self, number: int, point: DomePoint) -> DomePoint | None:
+        every = round(1 / SKY_DRAWS)
+        return self.points[number // every] if number % every == 0 else None
 
     def sample_count(self, light_samples: int) -> int:
         return self._samples

@@ -68,12 +68,14 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     if (notes) find_cut(batch, light);
     if (light.is_dome()) balance_.assign(batch.size(), 0);
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
-      light.set(stage_, plan_.light_point(light, sample, j), count, plan_.physical);
+      const LightPoint point = plan_.light_point(light, sample, j);
+      light.set(stage_, point, count, plan_.physical);
       uint8_t* const known = batch.first_hits ? batch.first_hits->shadows(number) : nullptr;
       const size_t reached = stages_.light(stage_);
       add_lit(batch, light, reached, known ? known + batch.first_row : nullptr, counts);
       if (light.is_dome()) note_hidden(reached);
-      if (stage_.draws) add_lit(batch, light, stages_.gloss(stage_), nullptr, counts);
+      if (stage_.draws && point.draws)
+        add_lit(batch, light, stages_.gloss(stage_), nullptr, counts);
     }
     if (light.is_dome()) add_rest(batch, light, sample);
   }

@@ -30,8 +30,9 @@ struct RenderPlan {
   /// Point j of a light for pixel sample `sample`.
   LightPoint light_point(const Light& light, uint32_t sample, uint32_t j) const {
     if (light.is_dome()) {
-      const double* const row = dome_table + 9 * (size_t(sample) * dome_samples + j);
-      return {0, 0, row[7], row[8], row, &dome};
+      const size_t number = size_t(sample) * dome_samples + j;
+      const double* const place = dome_table + 9 * (number / kSkyDraws) + 7;
+      return {0, 0, place[0], place[1], dome_table + 9 * number, &dome, number % kSkyDraws == 0};
     }
     if (light_samples <= 1 || !light_square) return {};
     size_t at = 2 * (size_t(sample) * light_samples + j);

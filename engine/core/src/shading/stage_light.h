@@ -434,8 +434,10 @@ inline size_t append_lit(const LightStage& s, size_t k, const Sample& sample, Ma
 
 /// Points of the light and drawn directions, weighed by how densely each of them falls there (the
 /// balance heuristic): both get the same.
+template <int Shape>
 inline Doubles balanced(const Sample& at, const Highlights& seen) {
-  return at.factor / (1 + seen.density * at.spread);
+  constexpr double draws = Shape == kSky ? 1.0 / kSkyDraws : 1.0;  // for each point
+  return at.factor / (1 + draws * seen.density * at.spread);
 }
 
 template <int Shape>
@@ -455,7 +457,7 @@ size_t light_from(const LightStage& s) {
     if (s.draws) {
       const Narrow narrow = narrow_terms(s, k, x);
       const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
-      specular = balanced(at, seen) * (color * seen.light);
+      specular = balanced<Shape>(at, seen) * (color * seen.light);
     } else if (s.max_specular > 0) {
       specular = I * highlights(s, k, n, at.l, cosine, nullptr).light;
     }
@@ -488,7 +490,7 @@ size_t gloss_from(const LightStage& s) {
     if (!any(reached)) continue;
     const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
     found += append_lit<Shape>(s, k, at, reached, Three{},
-                               balanced(at, seen) * (color * seen.light), found);
+                               balanced<Shape>(at, seen) * (color * seen.light), found);
   }
   return found;
 }

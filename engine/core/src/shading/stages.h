@@ -236,6 +236,9 @@ enum LightShape : int {
   kSky
 };
 
+/// Highlights draw a direction for so many of a dome's.
+constexpr size_t kSkyDraws = 8;
+
 /// A dome's maps (glint.h).
 struct DomeCells {
   const float *cells = nullptr, *irradiance = nullptr;
