@@ -1,10 +1,13 @@
-"""`make lint`: ruff's rules and format over the Python of the tree, clang-format over the C++."""
+"""`make lint`: ruff's rules and format over the Python of the tree; clang-format over the C++, and
+one statement a line there.
+"""
 
 from __future__ import annotations
 
 import argparse
 import subprocess
 
+import commas
 import environment
 import tree
 
@@ -13,15 +16,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bpy", default="")
     programs = environment.prepare(parser.parse_args().bpy).venv / "bin"
-    sources = [path for path in tree.CORE.rglob("*") if path.suffix in (".h", ".cpp")]
+    sources = sorted(path for path in tree.CORE.rglob("*") if path.suffix in (".h", ".cpp"))
     checks = (
         [programs / "ruff", "check", "."],
         [programs / "ruff", "format", "--check", "."],
-        [programs / "clang-format", "--dry-run", "--Werror", *sorted(sources)],
+        [programs / "clang-format", "--dry-run", "--Werror", *sources],
     )
-    return max(
+    joined = commas.problems(sources)
+    print(*joined, sep="\n", end="\n" if joined else "")
+    codes = [
         subprocess.run([str(word) for word in check], cwd=tree.ROOT).returncode for check in checks
-    )
+    ]
+    return max(*codes, bool(joined))
 
 
 if __name__ == "__main__":

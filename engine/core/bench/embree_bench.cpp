@@ -117,7 +117,8 @@ void build_once(Builder& b, const Options& options, const World& world) {
                         : fine ? BuildQuality::kFine
                                : BuildQuality::kBalanced);
   }
-  b.cpu.push_back(process_seconds() - cpu), b.wall.push_back(wall_seconds() - wall);
+  b.cpu.push_back(process_seconds() - cpu);
+  b.wall.push_back(wall_seconds() - wall);
   b.bytes = device ? double(device->bytes() - before) : double(accel->stats().bytes);
 }
 
@@ -179,7 +180,7 @@ class Traversal {
         instanced_(!world.instances.empty()),
         report_(report),
         device_(device_config(options, options.threads)) {
-    accels_[0] = build_glint(world, options.threads),
+    accels_[0] = build_glint(world, options.threads);
     accels_[1] = build_glint(world, options.threads, BuildQuality::kFine);
     for (int q = 0; q < 3; ++q)
       for (int r = 0; r < 2; ++r)
@@ -245,10 +246,11 @@ class Traversal {
   static void add_glint(std::vector<Mode>& modes, const Kind& kind, bool reversed, bool fine) {
     Mode mode;
     mode.name = std::string(fine ? "glint, fine" : "glint, balanced") +
-                (reversed ? ", from the light" : ""),
+                (reversed ? ", from the light" : "");
     mode.embree = false;
     mode.fine = fine;
-    mode.rays = reversed ? kind.reversed : kind.rays, mode.reversed = reversed;
+    mode.rays = reversed ? kind.reversed : kind.rays;
+    mode.reversed = reversed;
     modes.push_back(mode);
   }
 
@@ -264,8 +266,11 @@ class Traversal {
     std::vector<Mode> modes;
     for (int bits = 0; bits < 3 * 4 * 8; ++bits) {
       Mode mode;
-      mode.quality = Quality(bits % 3), mode.feed = Feed(bits / 3 % 4);
-      mode.robust = bits / 12 & 1, mode.coherent = bits / 24 & 1, mode.reversed = bits / 48 & 1;
+      mode.quality = Quality(bits % 3);
+      mode.feed = Feed(bits / 3 % 4);
+      mode.robust = bits / 12 & 1;
+      mode.coherent = bits / 24 & 1;
+      mode.reversed = bits / 48 & 1;
       if (mode.reversed && !kind.reversed) continue;
       mode.rays = mode.reversed ? kind.reversed : kind.rays;
       mode.name = std::string(name_of(mode.feed)) + (mode.coherent ? ", coherent, " : ", ") +
@@ -310,7 +315,8 @@ class Traversal {
 
   void make_room(size_t count) {
     if (blocked_.size() >= count) return;
-    hits_ = std::make_unique<HitArrays>(count), blocked_.resize(count);
+    hits_ = std::make_unique<HitArrays>(count);
+    blocked_.resize(count);
   }
 
   void add_row(const Mode& mode, const Kind& kind, int threads) {
@@ -335,15 +341,20 @@ class Traversal {
   /// Glint against Embree's single robust rays: how many hits differ.
   void compare_answers(const Kind& kind) {
     Mode theirs, mine;
-    theirs.rays = mine.rays = kind.rays, mine.embree = false;
+    theirs.rays = mine.rays = kind.rays;
+    mine.embree = false;
     const size_t count = kind.rays->size();
-    measure(theirs, kind, 1, 0, count), measure(mine, kind, 1, 0, count);
+    measure(theirs, kind, 1, 0, count);
+    measure(mine, kind, 1, 0, count);
     const EmbreeRays& rays = *layouts_[int(Feed::kSingle)][kind.any_hit];
     size_t hits = 0, found = 0, distance = 0, primitive = 0;
     if (kind.any_hit) {
       std::vector<uint8_t> expected(count);
       rays.read(expected);
-      for (size_t k = 0; k < count; ++k) hits += expected[k], found += expected[k] != blocked_[k];
+      for (size_t k = 0; k < count; ++k) {
+        hits += expected[k];
+        found += expected[k] != blocked_[k];
+      }
     } else {
       HitArrays expected(count);
       rays.read(expected);

@@ -27,7 +27,8 @@ struct Query {
   RTCIntersectArguments closest;
   RTCOccludedArguments any;
   explicit Query(bool coherent) {
-    rtcInitIntersectArguments(&closest), rtcInitOccludedArguments(&any);
+    rtcInitIntersectArguments(&closest);
+    rtcInitOccludedArguments(&any);
     closest.flags = any.flags =
         coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
   }
@@ -131,17 +132,24 @@ const T& lane(const T (&field)[N], size_t k) {
 
 template <class Ray>
 void put_ray(Ray& ray, size_t k, const RaySet& rays, size_t at) {
-  lane(ray.org_x, k) = float(rays.o[0][at]), lane(ray.org_y, k) = float(rays.o[1][at]),
-                  lane(ray.org_z, k) = float(rays.o[2][at]);
-  lane(ray.dir_x, k) = float(rays.d[0][at]), lane(ray.dir_y, k) = float(rays.d[1][at]),
-                  lane(ray.dir_z, k) = float(rays.d[2][at]);
-  lane(ray.tnear, k) = float(rays.t_min[at]), lane(ray.tfar, k) = float(rays.t_max[at]);
-  lane(ray.time, k) = 0, lane(ray.mask, k) = ~0u, lane(ray.id, k) = 0, lane(ray.flags, k) = 0;
+  lane(ray.org_x, k) = float(rays.o[0][at]);
+  lane(ray.org_y, k) = float(rays.o[1][at]);
+  lane(ray.org_z, k) = float(rays.o[2][at]);
+  lane(ray.dir_x, k) = float(rays.d[0][at]);
+  lane(ray.dir_y, k) = float(rays.d[1][at]);
+  lane(ray.dir_z, k) = float(rays.d[2][at]);
+  lane(ray.tnear, k) = float(rays.t_min[at]);
+  lane(ray.tfar, k) = float(rays.t_max[at]);
+  lane(ray.time, k) = 0;
+  lane(ray.mask, k) = ~0u;
+  lane(ray.id, k) = 0;
+  lane(ray.flags, k) = 0;
 }
 
 template <class Hit>
 void clear_hit(Hit& hit, size_t k) {
-  lane(hit.geomID, k) = RTC_INVALID_GEOMETRY_ID, lane(hit.primID, k) = RTC_INVALID_GEOMETRY_ID;
+  lane(hit.geomID, k) = RTC_INVALID_GEOMETRY_ID;
+  lane(hit.primID, k) = RTC_INVALID_GEOMETRY_ID;
   lane(hit.instID[0], k) = RTC_INVALID_GEOMETRY_ID;
 }
 
@@ -159,7 +167,10 @@ class Packets final : public EmbreeRays {
       const size_t from = std::min(
           k, count_ - 1);  // lanes beyond the end are switched off, but hold numbers all the same
       if constexpr (kAnyHit) put_ray(packet, k % N, rays, from);
-      else put_ray(packet.ray, k % N, rays, from), clear_hit(packet.hit, k % N);
+      else {
+        put_ray(packet.ray, k % N, rays, from);
+        clear_hit(packet.hit, k % N);
+      }
     }
   }
   void closest(const EmbreeScene& scene, bool coherent, size_t first, size_t count) override {
@@ -178,9 +189,10 @@ class Packets final : public EmbreeRays {
         hits.instance[k] = !hit                                  ? glint::Hit::kNone
                            : instance == RTC_INVALID_GEOMETRY_ID ? 0
                                                                  : instance;
-        hits.primitive[k] = lane(packet.hit.primID, k % N),
+        hits.primitive[k] = lane(packet.hit.primID, k % N);
         hits.t[k] = double(lane(packet.ray.tfar, k % N));
-        hits.u[k] = lane(packet.hit.u, k % N), hits.v[k] = lane(packet.hit.v, k % N);
+        hits.u[k] = lane(packet.hit.u, k % N);
+        hits.v[k] = lane(packet.hit.v, k % N);
       }
     }
   }

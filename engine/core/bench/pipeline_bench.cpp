@@ -68,7 +68,8 @@ Seconds measure(Tracer& tracer, const Film& film) {
       }
       if (all < best.all) best = {all, tracer.counts().tracing - before};
     }
-    sum.all += best.all, sum.tracing += best.tracing;
+    sum.all += best.all;
+    sum.tracing += best.tracing;
   }
   return sum;
 }

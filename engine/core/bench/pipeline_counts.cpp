@@ -53,7 +53,10 @@ const Variant kVariants[] = {
 
 extern "C" __attribute__((noinline, visibility("default"))) void glint_counted_region(
     Tracer& tracer, const Film& film) {
-  for (const Tile& tile : film.tiles()) tracer.choose(tile), tracer.trace(1, 2);
+  for (const Tile& tile : film.tiles()) {
+    tracer.choose(tile);
+    tracer.trace(1, 2);
+  }
 }
 
 int main(int argc, char** argv) {

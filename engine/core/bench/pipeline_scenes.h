@@ -53,8 +53,12 @@ struct Variant {
 /// Columns x, y, z, t of a frame at `eye` whose z axis points away from the origin.
 inline void look_at_origin(double (&m)[12], Vec3d eye) {
   Vec3d z = unit(eye), x = unit(cross({0, 0, 1}, z)), y = cross(z, x);
-  for (int r = 0; r < 3; ++r)
-    m[4 * r] = x[r], m[4 * r + 1] = y[r], m[4 * r + 2] = z[r], m[4 * r + 3] = eye[r];
+  for (int r = 0; r < 3; ++r) {
+    m[4 * r] = x[r];
+    m[4 * r + 1] = y[r];
+    m[4 * r + 2] = z[r];
+    m[4 * r + 3] = eye[r];
+  }
 }
 
 /// Everything that a scene's description points at.
@@ -84,17 +88,25 @@ struct Description {
     look_at_origin(c.world_from_camera, {5.5, -7, 5});
     const double window[4] = {-0.5, 0.5, -0.5 * kHeight / kWidth, 0.5 * kHeight / kWidth};
     std::copy_n(window, 4, c.window);
-    c.clip_start = 0.1, c.clip_end = 1000, c.width = kWidth, c.height = kHeight,
+    c.clip_start = 0.1;
+    c.clip_end = 1000;
+    c.width = kWidth;
+    c.height = kHeight;
     c.kind = GLINT_PERSPECTIVE;
-    for (int k = 0; k < 3; ++k) data.ambient[k] = 0.05, data.background[k] = 0.2;
+    for (int k = 0; k < 3; ++k) {
+      data.ambient[k] = 0.05;
+      data.background[k] = 0.2;
+    }
     point_at_tables();
   }
 
   void place(const Grid& grid, const Variant& v) {
     GlintGeometry& geometry = geometries[0];
-    geometry.vertices = grid.vertices.data(), geometry.vertex_count = grid.vertices.size() / 3;
-    geometry.triangles = grid.triangles.data(),
-    geometry.primitive_count = grid.triangles.size() / 3, geometry.kind = GLINT_MESH;
+    geometry.vertices = grid.vertices.data();
+    geometry.vertex_count = grid.vertices.size() / 3;
+    geometry.triangles = grid.triangles.data();
+    geometry.primitive_count = grid.triangles.size() / 3;
+    geometry.kind = GLINT_MESH;
     geometry.attribute_count = 1;
     if (v.smooth)
       geometry.normals = {grid.normals.data(), grid.normals.size() / 3, 0, GLINT_POINT, 3, 0};
@@ -108,12 +120,15 @@ struct Description {
   /// A second thing and its material.
   void place_behind(const Variant& v) {
     GlintGeometry& geometry = geometries[1];
-    geometry.vertices = behind, geometry.vertex_count = v.unseen_sphere ? 1 : 3,
+    geometry.vertices = behind;
+    geometry.vertex_count = v.unseen_sphere ? 1 : 3;
     geometry.primitive_count = 1;
     geometry.kind = v.unseen_sphere ? GLINT_SPHERES : GLINT_MESH;
     if (v.unseen_sphere) geometry.radii = &unseen_radius;
     else geometry.triangles = triangle;
-    instances[1] = instances[0], instances[1].first_row = 1, instances[1].geometry = 1,
+    instances[1] = instances[0];
+    instances[1].first_row = 1;
+    instances[1].geometry = 1;
     instances[1].first_material = 1;
     data.geometry_count = data.instances_count = data.row_count = data.material_slot_count =
         data.material_count = 2;
@@ -126,10 +141,17 @@ struct Description {
     for (uint32_t m = 0; m < 2; ++m) {
       GlintInput& input = inputs[m];
       input = {};
-      input.value[0] = 0.5, input.value[1] = 0.4, input.value[2] = 0.3;
-      input.uv_transform[0] = input.uv_transform[4] = 3, input.low = 0, input.high = 1;
-      input.texture = textured[m] ? 0 : -1, input.channel = GLINT_COLOR, input.uv = 0;
-      input.attribute = -1, input.attribute_channel = GLINT_COLOR;
+      input.value[0] = 0.5;
+      input.value[1] = 0.4;
+      input.value[2] = 0.3;
+      input.uv_transform[0] = input.uv_transform[4] = 3;
+      input.low = 0;
+      input.high = 1;
+      input.texture = textured[m] ? 0 : -1;
+      input.channel = GLINT_COLOR;
+      input.uv = 0;
+      input.attribute = -1;
+      input.attribute_channel = GLINT_COLOR;
       const std::vector<int>& kinds = m == 0 ? v.lobes : v.unseen;
       materials[m] = {uint32_t(lobes.size()), uint32_t(kinds.size()), 0, 0, 0, 0};
       for (int kind : kinds)
@@ -152,17 +174,31 @@ struct Description {
     GlintLight g{};
     look_at_origin(g.world_from_light, kind == GLINT_SUN ? Vec3d{-2, -1, 3} : Vec3d{2, -3, 5});
     for (double& c : g.color) c = 1;
-    g.strength = kind == GLINT_SUN ? 3 : 900, g.spot_size = 1, g.spot_blend = 0.3, g.kind = kind;
-    g.flags = flags, g.radius = g.angle = g.size_x = g.size_y = extent;
+    g.strength = kind == GLINT_SUN ? 3 : 900;
+    g.spot_size = 1;
+    g.spot_blend = 0.3;
+    g.kind = kind;
+    g.flags = flags;
+    g.radius = g.angle = g.size_x = g.size_y = extent;
     lights.push_back(g);
   }
 
   void point_at_tables() {
-    data.geometries = geometries, data.attributes = &uv, data.attribute_count = 1;
-    data.instances = instances, data.world_from_object = matrices, data.material_slots = slots;
-    data.textures = &texture, data.texture_count = 1, data.inputs = inputs, data.input_count = 2;
-    data.lobes = lobes.data(), data.lobe_count = lobes.size(), data.materials = materials;
-    data.lights = lights.data(), data.light_count = lights.size();
+    data.geometries = geometries;
+    data.attributes = &uv;
+    data.attribute_count = 1;
+    data.instances = instances;
+    data.world_from_object = matrices;
+    data.material_slots = slots;
+    data.textures = &texture;
+    data.texture_count = 1;
+    data.inputs = inputs;
+    data.input_count = 2;
+    data.lobes = lobes.data();
+    data.lobe_count = lobes.size();
+    data.materials = materials;
+    data.lights = lights.data();
+    data.light_count = lights.size();
   }
 };
 
@@ -172,7 +208,10 @@ struct Plan : RenderPlan {
   Plan(const Variant& v, Region of) : points(4 * v.light_samples + 4) {
     for (size_t k = 0; k < points.size(); ++k)
       points[k] = std::fmod(0.618 * double(k), 1.0) * 1.4 - 0.7;
-    region = of, samples = 2, light_samples = v.light_samples, max_bounces = 2;
+    region = of;
+    samples = 2;
+    light_samples = v.light_samples;
+    max_bounces = 2;
     pixel_offsets = light_square = light_disc = points.data();
   }
 };

@@ -22,13 +22,16 @@ World read_world(const std::string& path) {
   char magic[8] = {};
   uint64_t counts[2] = {};
   float view[13] = {};
-  read(file, magic, 8), read(file, counts, 2), read(file, view, 13);
+  read(file, magic, 8);
+  read(file, counts, 2);
+  read(file, view, 13);
   if (!file || std::memcmp(magic, "GLINTRAY", 8) != 0)
     throw std::runtime_error(path + ": not a mesh of this benchmark");
   World world;
-  world.mesh.vertices.resize(3 * counts[0]), world.mesh.triangles.resize(3 * counts[1]);
-  read(file, world.mesh.vertices.data(), 3 * counts[0]),
-      read(file, world.mesh.triangles.data(), 3 * counts[1]);
+  world.mesh.vertices.resize(3 * counts[0]);
+  world.mesh.triangles.resize(3 * counts[1]);
+  read(file, world.mesh.vertices.data(), 3 * counts[0]);
+  read(file, world.mesh.triangles.data(), 3 * counts[1]);
   if (!file) throw std::runtime_error(path + ": shorter than its header says");
   auto vec = [&](int k) {
     return Vec3d{double(view[k]), double(view[k + 1]), double(view[k + 2])};
@@ -50,15 +53,19 @@ World instances(size_t count) {
   test::Random random(3);
   const double scale = 0.9 / std::cbrt(double(std::max<size_t>(1, count)));
   for (size_t k = 0; k < count; ++k) world.instances.push_back(scattered(random, scale));
-  world.view.eye = {2.6, -3.5, 1.8}, world.view.half_width = 0.35;
+  world.view.eye = {2.6, -3.5, 1.8};
+  world.view.half_width = 0.35;
   return world;
 }
 
 /// Pixel of the k-th primary ray: the bits of k are row and column within 4x4, then turn by turn.
 void pixel_of(uint32_t k, uint32_t& column, uint32_t& row) {
-  column = k & 3, row = (k >> 2) & 3;
-  for (uint32_t bit = 2, rest = k >> 4; rest; ++bit, rest >>= 2)
-    column |= (rest & 1) << bit, row |= ((rest >> 1) & 1) << bit;
+  column = k & 3;
+  row = (k >> 2) & 3;
+  for (uint32_t bit = 2, rest = k >> 4; rest; ++bit, rest >>= 2) {
+    column |= (rest & 1) << bit;
+    row |= ((rest >> 1) & 1) << bit;
+  }
 }
 
 RaySet primary_rays(const View& view, uint32_t size) {
@@ -119,9 +126,12 @@ World load_world(const std::string& name) {
 }
 
 void RaySet::add(Vec3d from, Vec3d along, double near, double far) {
-  for (int k = 0; k < 3; ++k)
-    o[k].push_back(double(float(from[k]))), d[k].push_back(double(float(along[k])));
-  t_min.push_back(double(float(near))), t_max.push_back(double(float(far)));
+  for (int k = 0; k < 3; ++k) {
+    o[k].push_back(double(float(from[k])));
+    d[k].push_back(double(float(along[k])));
+  }
+  t_min.push_back(double(float(near)));
+  t_max.push_back(double(float(far)));
 }
 
 Rays RaySet::view(size_t first, size_t count) const {

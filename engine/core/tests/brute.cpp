@@ -19,7 +19,9 @@ struct Inverse {
   explicit Inverse(const Affine& m) {
     const V a(m.x), b(m.y), c(m.z);
     det = dot(a, cross(b, c));
-    x = cross(b, c), y = cross(c, a), z = cross(a, b);
+    x = cross(b, c);
+    y = cross(c, a);
+    z = cross(a, b);
   }
   V operator()(V p) const { return Real(1) / det * V(dot(x, p), dot(y, p), dot(z, p)); }
 };
@@ -117,7 +119,10 @@ struct Caster {
     V n, center;
     const uint32_t first = g.offsets[k], last = g.offsets[k + 1];
     std::vector<V> p;
-    for (uint32_t c = first; c < last; ++c) p.push_back(vertex(g.indices[c])), center += p.back();
+    for (uint32_t c = first; c < last; ++c) {
+      p.push_back(vertex(g.indices[c]));
+      center += p.back();
+    }
     center = Real(1) / Real(p.size()) * center;
     for (size_t c = 0; c < p.size(); ++c) n += cross(p[c] - center, p[(c + 1) % p.size()] - center);
     n = Real(1) / size(n) * n;

@@ -131,7 +131,10 @@ bool run(GlintRender* render, const GlintRenderSettings& s, Dice& dice, Kept& ke
   const auto delay = std::chrono::microseconds(dice.below(3000));
   std::thread other;
   if (by_another)
-    other = std::thread([=] { std::this_thread::sleep_for(delay), glint_render_cancel(render); });
+    other = std::thread([=] {
+      std::this_thread::sleep_for(delay);
+      glint_render_cancel(render);
+    });
   Dice pace = dice;  // how often it is thrown depends on the machine, and what comes after must not
   const auto start = Clock::now();
   GlintProgress progress{};
@@ -160,8 +163,14 @@ bool run(GlintRender* render, const GlintRenderSettings& s, Dice& dice, Kept& ke
 void draw(GlintScene* scene, const GlintRenderSettings& s, Dice& dice, Tally& tally, Kept& kept) {
   ErrorBuffer why(dice);
   GlintRender* render = glint_render_start(scene, &s, why.data(), why.size);
-  if (!render) return ++tally.refused, why.check();
-  if (dice.chance(0.9)) run(render, s, dice, kept), ++tally.renders;
+  if (!render) {
+    ++tally.refused;
+    return why.check();
+  }
+  if (dice.chance(0.9)) {
+    run(render, s, dice, kept);
+    ++tally.renders;
+  }
   glint_render_destroy(render);
 }
 
@@ -191,7 +200,10 @@ void reuse_from(GlintScene* base, const GlintSceneData& before, Dice& dice, Aren
   const bool exact = dice.chance(0.5);
   ErrorBuffer error(dice);
   GlintScene* handle = glint_scene_create_like(base, &data, exact, error.data(), error.size);
-  if (!handle) return ++tally.refused, error.check();
+  if (!handle) {
+    ++tally.refused;
+    return error.check();
+  }
   ++tally.taken_over;
   const GlintRenderSettings s = settings(dice, arena, data);
   if (GlintScene* own = exact ? glint_scene_create(&data, nullptr, 0) : nullptr) {
@@ -215,7 +227,10 @@ void try_render(Dice& dice, Tally& tally) {
   ErrorBuffer error(dice);
   GlintScene* handle =
       glint_scene_create(dice.chance(0.01) ? nullptr : &data, error.data(), error.size);
-  if (!handle) return ++tally.refused, error.check();
+  if (!handle) {
+    ++tally.refused;
+    return error.check();
+  }
   Kept kept[2];  // beyond the scene's own life
   for (size_t k = 1 + dice.below(2); k > 0; --k)
     draw(handle, settings(dice, arena, data), dice, tally, kept[k - 1]);
@@ -243,7 +258,10 @@ void try_shortage(Dice& dice, Tally& tally) {
       if (handle) render = glint_render_start(handle, &s, error, sizeof error);
     }
     Kept kept;
-    if (render) run(render, s, later, kept, true), ++tally.renders;
+    if (render) {
+      run(render, s, later, kept, true);
+      ++tally.renders;
+    }
     tally.short_of += shortage.refused();
   }
   expect(render || error[0], "refused without a text");
@@ -278,10 +296,12 @@ typename Type::Rays rays(Dice& dice, Arena& arena) {
     const size_t size = r.count == 0 ? 0 : stride * (r.count - 1) + row;
     return arena.fill<Real>(size, [&] { return Real(factor * dice.number()); });
   };
-  r.origins = numbers(r.origin_stride, 3, 2), r.directions = numbers(r.direction_stride, 3, 1);
+  r.origins = numbers(r.origin_stride, 3, 2);
+  r.directions = numbers(r.direction_stride, 3, 1);
   if (dice.chance(0.5)) r.t_min = numbers(r.t_min_stride, 1, 1);
   if (dice.chance(0.5)) r.t_max = numbers(r.t_max_stride, 1, 4);
-  r.visibility = uint32_t(1 + dice.below(7)), r.threads = uint32_t(dice.below(4));
+  r.visibility = uint32_t(1 + dice.below(7));
+  r.threads = uint32_t(dice.below(4));
   if (dice.wildness > 0 && dice.chance(0.05)) r.visibility = uint32_t(dice.bits());
   if (dice.wildness > 0 && dice.chance(0.05)) r.origin_stride = uint32_t(dice.below(3));
   if (dice.wildness > 0 && dice.chance(0.03)) r.directions = nullptr;
@@ -359,8 +379,10 @@ void ask(const GlintAccel* handle, const GlintAccelData& data, Dice& dice, Tally
   Answers<Type> a(r.count);
   ErrorBuffer error(dice);
   const typename Type::Hits room = a.room();
-  if (Type::closest(handle, &r, &room, error.data(), error.size) != 0)
-    return ++tally.refused, error.check();
+  if (Type::closest(handle, &r, &room, error.data(), error.size) != 0) {
+    ++tally.refused;
+    return error.check();
+  }
   expect(Type::occluded(handle, &r, a.blocked.data(), error.data(), error.size) == 0,
          "any hit refuses what closest takes");
   check_hits(a, r, primitives_of(data), tally);
@@ -374,7 +396,10 @@ void try_accel(Dice& dice, Tally& tally) {
   ErrorBuffer error(dice);
   GlintAccel* handle = glint_accel_create(dice.chance(0.01) ? nullptr : &data,
                                           uint32_t(dice.below(4)), error.data(), error.size);
-  if (!handle) return ++tally.refused, error.check();
+  if (!handle) {
+    ++tally.refused;
+    return error.check();
+  }
   const GlintAccelStats stats = glint_accel_stats(handle);
   expect(stats.primitives + stats.dropped <= 1000000, "more primitives than were given");
   for (int k = 0; k < 3; ++k)
@@ -389,7 +414,10 @@ void try_accel(Dice& dice, Tally& tally) {
 void too_many_placements() {
   constexpr size_t n = 1 << 16;
   std::vector<GlintInstances> groups(n);
-  for (GlintInstances& g : groups) g.row_count = n, g.flags = 7;
+  for (GlintInstances& g : groups) {
+    g.row_count = n;
+    g.flags = 7;
+  }
   const std::vector<double> matrices(12 * n, 1.0);
   const GlintGeometry nothing{};
   const GlintAccelData data{&nothing, groups.data(), matrices.data(), 1, n, n};
@@ -407,7 +435,9 @@ void nulls() {
   expect(!glint_scene_create(nullptr, error, sizeof error) &&
              !glint_render_start(nullptr, nullptr, error, sizeof error),
          "null scene");
-  glint_accel_destroy(nullptr), glint_scene_destroy(nullptr), glint_render_destroy(nullptr);
+  glint_accel_destroy(nullptr);
+  glint_scene_destroy(nullptr);
+  glint_render_destroy(nullptr);
   expect(std::strlen(glint_isa()) > 0, "no name of an instruction set");
 }
 
@@ -420,8 +450,10 @@ int main(int argc, char** argv) {
   const double seconds = argc > 2 ? std::strtod(argv[2], nullptr) : 60;
   const uint64_t first = argc > 3 ? std::strtoull(argv[3], nullptr, 10) : 1;
   const auto start = Clock::now();
-  watch_crashes(), spare_this_thread();
-  nulls(), too_many_placements();
+  watch_crashes();
+  spare_this_thread();
+  nulls();
+  too_many_placements();
   Tally tally;
   uint64_t done = 0;
   for (; done < cases && seconds_since(start) < seconds; ++done) {

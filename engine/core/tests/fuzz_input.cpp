@@ -28,7 +28,8 @@ GlintAttribute attribute(Dice& dice, Arena& arena, const GlintGeometry& g, size_
   a.rows = a.domain == GLINT_POINT    ? g.vertex_count
            : a.domain == GLINT_CORNER ? corner_rows
                                       : g.primitive_count;
-  a.channels = channels, a.name = int32_t(dice.below(3));
+  a.channels = channels;
+  a.name = int32_t(dice.below(3));
   a.values = arena.fill<float>(a.rows * size_t(channels), [&] { return real(dice); });
   return a;
 }
@@ -59,7 +60,7 @@ void make_polygons(Dice& dice, Arena& arena, GlintGeometry& g) {
     offsets[k + 1] = offsets[k] + uint32_t(dice.below(7));
   if (dice.chance(dice.wildness))
     offsets[dice.below(g.primitive_count + 1)] = uint32_t(dice.bits());
-  g.offsets = offsets,
+  g.offsets = offsets;
   g.index_count = dice.chance(0.95) ? offsets[g.primitive_count] : dice.below(30);
   if (g.index_count > 1000) g.index_count = 3;
   g.indices = arena.fill<uint32_t>(g.index_count, [&] { return dice.index(g.vertex_count); });
@@ -90,7 +91,9 @@ void wreck(Dice& dice, GlintGeometry& g) {
       g.vertices = nullptr;
       break;
     case 1:
-      g.triangles = nullptr, g.radii = nullptr, g.offsets = nullptr;
+      g.triangles = nullptr;
+      g.radii = nullptr;
+      g.offsets = nullptr;
       break;
     case 2:
       g.kind = int32_t(dice.bits());
@@ -155,14 +158,17 @@ void maybe_wreck(Dice& dice, std::vector<T>& rows) {
 GlintTexture texture(Dice& dice, Arena& arena) {
   GlintTexture t{};
   const size_t side = dice.chance(kLarge) ? 200 : 5;
-  t.width = uint32_t(1 + dice.below(side)), t.height = uint32_t(1 + dice.below(side)),
+  t.width = uint32_t(1 + dice.below(side));
+  t.height = uint32_t(1 + dice.below(side));
   t.type = int32_t(dice.below(2));
   const size_t count = size_t(t.width) * t.height * 4;
   if (t.type == GLINT_FLOAT32) t.pixels = arena.fill<float>(count, [&] { return real(dice); });
-  else
-    t.pixels = arena.fill<uint8_t>(count, [&] { return uint8_t(dice.bits()); }),
+  else {
+    t.pixels = arena.fill<uint8_t>(count, [&] { return uint8_t(dice.bits()); });
     t.encoding = int32_t(dice.below(2));
-  t.extension = int32_t(dice.below(4)), t.interpolation = int32_t(dice.below(2));
+  }
+  t.extension = int32_t(dice.below(4));
+  t.interpolation = int32_t(dice.below(2));
   if (dice.chance(0.1 * dice.wildness)) t.extension = int32_t(dice.bits());
   return t;
 }
@@ -171,22 +177,29 @@ GlintInput input(Dice& dice, size_t textures) {
   GlintInput g{};
   for (double& x : g.value) x = dice.number();
   for (double& x : g.uv_transform) x = dice.number();
-  g.texture = int32_t(dice.below(textures + 1)) - 1, g.channel = int32_t(dice.below(3)),
+  g.texture = int32_t(dice.below(textures + 1)) - 1;
+  g.channel = int32_t(dice.below(3));
   g.uv = int32_t(dice.below(4)) - 1;
-  g.attribute = int32_t(dice.below(4)) - 1, g.attribute_channel = int32_t(dice.below(3)),
+  g.attribute = int32_t(dice.below(4)) - 1;
+  g.attribute_channel = int32_t(dice.below(3));
   g.complement = int32_t(dice.below(2));
   for (double& x : g.offset) x = dice.number();
-  g.bounded = int32_t(dice.below(2)), g.low = dice.number(), g.high = g.low + positive(dice);
+  g.bounded = int32_t(dice.below(2));
+  g.low = dice.number();
+  g.high = g.low + positive(dice);
   if (dice.chance(0.1 * dice.wildness)) g.texture = int32_t(dice.bits());
   return g;
 }
 
 GlintLobe lobe(Dice& dice, std::vector<GlintInput>& inputs, size_t textures) {
   GlintLobe g{};
-  g.exponent = 40 * positive(dice), g.ior = 0.2 + positive(dice), g.kind = int32_t(dice.below(7)),
+  g.exponent = 40 * positive(dice);
+  g.ior = 0.2 + positive(dice);
+  g.kind = int32_t(dice.below(7));
   g.fresnel = int32_t(dice.below(4));
   if (dice.chance(0.3)) g.masking = double(dice.below(65)) / 64.0;
-  g.first_input = uint32_t(inputs.size()), g.input_count = uint32_t(dice.below(3));
+  g.first_input = uint32_t(inputs.size());
+  g.input_count = uint32_t(dice.below(3));
   for (uint32_t k = 0; k < g.input_count; ++k) inputs.push_back(input(dice, textures));
   if (dice.chance(0.1 * dice.wildness)) g.kind = int32_t(dice.bits());
   if (dice.chance(0.1 * dice.wildness)) g.input_count = uint32_t(dice.bits());
@@ -197,11 +210,15 @@ GlintLight light(Dice& dice) {
   GlintLight g{};
   for (double& x : g.world_from_light) x = dice.number();
   for (double& x : g.color) x = dice.number();
-  g.strength = 10 * dice.number(), g.radius = dice.chance(0.5) ? 0 : positive(dice),
+  g.strength = 10 * dice.number();
+  g.radius = dice.chance(0.5) ? 0 : positive(dice);
   g.angle = dice.chance(0.5) ? 0 : positive(dice);
-  g.spot_size = positive(dice), g.spot_blend = positive(dice), g.size_x = positive(dice),
+  g.spot_size = positive(dice);
+  g.spot_blend = positive(dice);
+  g.size_x = positive(dice);
   g.size_y = positive(dice);
-  g.kind = int32_t(dice.below(4)), g.flags = uint32_t(dice.below(32));
+  g.kind = int32_t(dice.below(4));
+  g.flags = uint32_t(dice.below(32));
   if (dice.chance(0.1 * dice.wildness)) g.kind = int32_t(dice.bits());
   return g;
 }
@@ -209,11 +226,14 @@ GlintLight light(Dice& dice) {
 GlintCamera camera(Dice& dice) {
   GlintCamera c{};
   for (double& x : c.world_from_camera) x = dice.number();
-  c.window[0] = -positive(dice), c.window[1] = positive(dice), c.window[2] = -positive(dice),
+  c.window[0] = -positive(dice);
+  c.window[1] = positive(dice);
+  c.window[2] = -positive(dice);
   c.window[3] = positive(dice);
-  c.clip_start = dice.chance(0.5) ? 0 : positive(dice),
+  c.clip_start = dice.chance(0.5) ? 0 : positive(dice);
   c.clip_end = dice.chance(0.5) ? kInf : c.clip_start + positive(dice);
-  c.width = uint32_t(1 + dice.below(20)), c.height = uint32_t(1 + dice.below(20)),
+  c.width = uint32_t(1 + dice.below(20));
+  c.height = uint32_t(1 + dice.below(20));
   c.kind = int32_t(dice.below(2));
   if (dice.chance(0.3))
     c.clip_plane_count = int32_t(dice.below(7)) + dice.chance(0.1 * dice.wildness);
@@ -228,28 +248,36 @@ void wreck_tables(Dice& dice, GlintSceneData& d) {
   const uint64_t many = uint64_t(1) << dice.below(64);
   switch (dice.below(10)) {
     case 0:
-      d.geometries = nullptr, d.geometry_count = many;
+      d.geometries = nullptr;
+      d.geometry_count = many;
       break;
     case 1:
-      d.attributes = nullptr, d.attribute_count = many;
+      d.attributes = nullptr;
+      d.attribute_count = many;
       break;
     case 2:
-      d.instances = nullptr, d.instances_count = many;
+      d.instances = nullptr;
+      d.instances_count = many;
       break;
     case 3:
-      d.world_from_object = nullptr, d.row_count = many;
+      d.world_from_object = nullptr;
+      d.row_count = many;
       break;
     case 4:
-      d.material_slots = nullptr, d.material_slot_count = many;
+      d.material_slots = nullptr;
+      d.material_slot_count = many;
       break;
     case 5:
-      d.textures = nullptr, d.texture_count = many;
+      d.textures = nullptr;
+      d.texture_count = many;
       break;
     case 6:
-      d.lobes = nullptr, d.lobe_count = many;
+      d.lobes = nullptr;
+      d.lobe_count = many;
       break;
     case 7:
-      d.lights = nullptr, d.light_count = many;
+      d.lights = nullptr;
+      d.light_count = many;
       break;
     case 8:
       d.material_count = d.material_count / 2;
@@ -292,10 +320,14 @@ void set_program(Dice& dice, Arena& arena, GlintSceneData& d) {
   if (dice.chance(0.2 * dice.wildness)) words[dice.below(words.size())] = int32_t(dice.bits());
   const std::vector<GlintProgram> programs{
       {0, words.size(), 0, constants.size(), 0, tables.size(), uint32_t(slots), 0}};
-  d.program_words = arena.table(words), d.program_word_count = words.size();
-  d.program_constants = arena.table(constants), d.program_constant_count = constants.size();
-  d.program_tables = arena.table(tables), d.program_table_count = tables.size();
-  d.programs = arena.table(programs), d.program_count = 1;
+  d.program_words = arena.table(words);
+  d.program_word_count = words.size();
+  d.program_constants = arena.table(constants);
+  d.program_constant_count = constants.size();
+  d.program_tables = arena.table(tables);
+  d.program_table_count = tables.size();
+  d.programs = arena.table(programs);
+  d.program_count = 1;
 }
 
 /// The last material reads the program, mostly where it has something.
@@ -318,9 +350,12 @@ void set_materials(Dice& dice, Arena& arena, GlintSceneData& d) {
   }
   set_program(dice, arena, d);
   if (materials.back().lobe_count > 0) read_program(dice, d, inputs, materials.back());
-  d.inputs = arena.table(inputs), d.input_count = inputs.size();
-  d.lobes = arena.table(lobes), d.lobe_count = lobes.size();
-  d.materials = arena.table(materials), d.material_count = materials.size();
+  d.inputs = arena.table(inputs);
+  d.input_count = inputs.size();
+  d.lobes = arena.table(lobes);
+  d.lobe_count = lobes.size();
+  d.materials = arena.table(materials);
+  d.material_count = materials.size();
 }
 
 }  // namespace
@@ -349,13 +384,15 @@ Placed placed(Dice& dice, Arena& arena, size_t materials) {
   p.matrices = arena.fill<double>(12 * p.rows, [&] { return dice.number(); });
   for (size_t k = p.geometries.empty() ? 0 : dice.below(5); k > 0; --k) {
     GlintInstances i{};
-    i.first_row = dice.below(p.rows + 1), i.row_count = dice.below(p.rows - i.first_row + 1);
-    i.geometry = dice.index(p.geometries.size()),
+    i.first_row = dice.below(p.rows + 1);
+    i.row_count = dice.below(p.rows - i.first_row + 1);
+    i.geometry = dice.index(p.geometries.size());
     i.flags = uint32_t(dice.below(16)) | (dice.chance(0.7) ? 7 : 0);
     i.material_count = uint32_t(materials ? dice.below(materials + 1) : 0);
     p.instances.push_back(i);
   }
-  maybe_wreck(dice, p.geometries), maybe_wreck(dice, p.instances);
+  maybe_wreck(dice, p.geometries);
+  maybe_wreck(dice, p.instances);
   return p;
 }
 
@@ -366,20 +403,26 @@ GlintSceneData scene(Dice& dice, Arena& arena) {
   for (double& x : d.background) x = dice.number();
   d.transparent = int32_t(dice.below(2));
   const size_t slots = dice.below(5);
-  d.material_slots = arena.fill<uint32_t>(slots, [&] { return dice.index(4); }),
+  d.material_slots = arena.fill<uint32_t>(slots, [&] { return dice.index(4); });
   d.material_slot_count = slots;
   const Placed p = placed(dice, arena, slots);
-  d.geometries = arena.table(p.geometries), d.geometry_count = p.geometries.size();
-  d.attributes = arena.table(p.attributes), d.attribute_count = p.attributes.size();
-  d.instances = arena.table(p.instances), d.instances_count = p.instances.size();
-  d.world_from_object = p.matrices, d.row_count = p.rows;
+  d.geometries = arena.table(p.geometries);
+  d.geometry_count = p.geometries.size();
+  d.attributes = arena.table(p.attributes);
+  d.attribute_count = p.attributes.size();
+  d.instances = arena.table(p.instances);
+  d.instances_count = p.instances.size();
+  d.world_from_object = p.matrices;
+  d.row_count = p.rows;
   std::vector<GlintTexture> textures;
   for (size_t k = dice.below(3); k > 0; --k) textures.push_back(texture(dice, arena));
-  d.textures = arena.table(textures), d.texture_count = textures.size();
+  d.textures = arena.table(textures);
+  d.texture_count = textures.size();
   set_materials(dice, arena, d);
   std::vector<GlintLight> lights;
   for (size_t k = dice.below(4); k > 0; --k) lights.push_back(light(dice));
-  d.lights = arena.table(lights), d.light_count = lights.size();
+  d.lights = arena.table(lights);
+  d.light_count = lights.size();
   if (dice.wildness > 0 && dice.chance(0.1)) wreck_tables(dice, d);
   return d;
 }
@@ -388,7 +431,10 @@ GlintSceneData varied(Dice& dice, Arena& arena, const GlintSceneData& before) {
   if (dice.chance(0.1)) return scene(dice, arena);
   GlintSceneData d = before;
   if (dice.chance(0.5)) d.camera = camera(dice);
-  if (dice.chance(0.3)) d.ambient[0] = dice.number(), d.transparent = 1 - d.transparent;
+  if (dice.chance(0.3)) {
+    d.ambient[0] = dice.number();
+    d.transparent = 1 - d.transparent;
+  }
   if (dice.chance(0.4)) {
     double* matrices = arena.make<double>(12 * d.row_count);
     std::copy(d.world_from_object, d.world_from_object + 12 * d.row_count, matrices);
@@ -399,7 +445,8 @@ GlintSceneData varied(Dice& dice, Arena& arena, const GlintSceneData& before) {
   if (dice.chance(0.4)) {
     std::vector<GlintLight> lights;
     for (size_t k = dice.below(4); k > 0; --k) lights.push_back(light(dice));
-    d.lights = arena.table(lights), d.light_count = lights.size();
+    d.lights = arena.table(lights);
+    d.light_count = lights.size();
   }
   if (dice.chance(0.3)) set_materials(dice, arena, d);
   if (dice.chance(0.3) && d.instances_count > 0) d.instances_count -= dice.below(2);
@@ -414,13 +461,16 @@ GlintAccelData accel(Dice& dice, Arena& arena) {
   const uint64_t many = uint64_t(1) << dice.below(64);
   switch (dice.below(3)) {
     case 0:
-      d.geometries = nullptr, d.geometry_count = many;
+      d.geometries = nullptr;
+      d.geometry_count = many;
       break;
     case 1:
-      d.instances = nullptr, d.instances_count = many;
+      d.instances = nullptr;
+      d.instances_count = many;
       break;
     default:
-      d.world_from_object = nullptr, d.row_count = many;
+      d.world_from_object = nullptr;
+      d.row_count = many;
       break;
   }
   return d;
@@ -429,10 +479,10 @@ GlintAccelData accel(Dice& dice, Arena& arena) {
 GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& scene) {
   GlintRenderSettings s{};
   const bool stops_early = dice.chance(0.15);
-  s.samples = uint32_t(stops_early ? 4 + dice.below(29) : 1 + dice.below(3)),
+  s.samples = uint32_t(stops_early ? 4 + dice.below(29) : 1 + dice.below(3));
   s.light_samples = uint32_t(1 + dice.below(3));
   s.max_bounces = uint32_t(dice.below(stops_early ? 2 : 5));
-  s.threads = uint32_t(1 + dice.below(3)),
+  s.threads = uint32_t(1 + dice.below(3));
   s.passes = uint32_t(dice.below(1u << GLINT_PASS_COUNT)) | 1u;
   s.pixel_offsets = arena.fill<double>(2 * s.samples, [&] { return 0.5 * dice.number(); });
   s.light_point_count = uint64_t(s.samples) * s.light_samples;
@@ -444,9 +494,12 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   s.light_disc = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   const uint32_t w = scene.camera.width, h = scene.camera.height;
   const bool part = dice.chance(0.3);
-  s.region[0] = part ? uint32_t(dice.below(w)) : 0,
-  s.region[1] = part ? uint32_t(dice.below(h)) : 0, s.region[2] = w, s.region[3] = h;
-  s.illumination = int32_t(dice.below(2)), s.waves = int32_t(dice.below(3)),
+  s.region[0] = part ? uint32_t(dice.below(w)) : 0;
+  s.region[1] = part ? uint32_t(dice.below(h)) : 0;
+  s.region[2] = w;
+  s.region[3] = h;
+  s.illumination = int32_t(dice.below(2));
+  s.waves = int32_t(dice.below(3));
   s.acceleration = int32_t(dice.below(3));
   s.remember = int32_t(dice.below(2));
   if (dice.wildness == 0 || !dice.chance(0.1)) return s;
@@ -458,7 +511,8 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
       s.pixel_offsets = nullptr;
       break;
     case 2:
-      s.light_point_count = 0, s.light_square = nullptr;
+      s.light_point_count = 0;
+      s.light_square = nullptr;
       break;
     case 3:
       s.max_bounces = uint32_t(dice.bits());

@@ -30,7 +30,10 @@ thread_local bool is_spared = false;
 }  // namespace
 
 Shortage::Shortage(bool of_threads, size_t n, bool for_good) {
-  is_of_threads = of_threads, is_for_good = for_good, left = int64_t(n), refusals = 0;
+  is_of_threads = of_threads;
+  is_for_good = for_good;
+  left = int64_t(n);
+  refusals = 0;
   is_on = true;
 }
 

@@ -26,7 +26,8 @@ int main(int argc, char** argv) {
     const double s =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     std::printf("%-6s %s.%s (%.2f s)\n", failures ? "FAILED" : "ok", t->group, t->name, s);
-    ++run, failed += failures > 0;
+    ++run;
+    failed += failures > 0;
   }
   std::printf("%d tests, %d failed\n", run, failed);
   return run == 0 || failed > 0;

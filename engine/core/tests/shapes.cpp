@@ -29,8 +29,10 @@ Vec3d Random::on_sphere() {
 
 GeometryView Mesh::view() const {
   GeometryView g;
-  g.vertices = vertices.data(), g.vertex_count = vertices.size() / 3;
-  g.triangles = triangles.data(), g.primitive_count = count();
+  g.vertices = vertices.data();
+  g.vertex_count = vertices.size() / 3;
+  g.triangles = triangles.data();
+  g.primitive_count = count();
   return g;
 }
 Vec3d Mesh::corner(size_t triangle, size_t k) const {
@@ -104,11 +106,14 @@ Mesh box_grid(int n, double half, Vec3d center) {
         for (int j = 0; j < n; ++j) {
           auto at = [&](int u, int v) {
             std::array<int, 3> p{};
-            p[axis] = side, p[(axis + 1) % 3] = i + u, p[(axis + 2) % 3] = j + v;
+            p[axis] = side;
+            p[(axis + 1) % 3] = i + u;
+            p[(axis + 2) % 3] = j + v;
             return vertex(p);
           };
           const uint32_t a = at(0, 0), b = at(1, 0), c = at(1, 1), d = at(0, 1);
-          mesh.add(a, b, c), mesh.add(a, c, d);
+          mesh.add(a, b, c);
+          mesh.add(a, c, d);
         }
   return mesh;
 }
@@ -146,8 +151,8 @@ void MixedShapes::add_round_and_square(Random& random, int count, double size) {
   for (int k = 0; k < count; ++k) {
     const Vec3d at = random.in_box(2), c = random.in_box(2), x = size * random.on_sphere(),
                 y = size * random.on_sphere();
-    centers_.insert(centers_.end(), {float(at.x), float(at.y), float(at.z)}),
-        radii_.push_back(0.05f);
+    centers_.insert(centers_.end(), {float(at.x), float(at.y), float(at.z)});
+    radii_.push_back(0.05f);
     for (Vec3d p : {c + x, c + y, c - x, c - y}) {
       indices_.push_back(uint32_t(indices_.size()));
       corners_.insert(corners_.end(), {float(p.x), float(p.y), float(p.z)});
@@ -158,19 +163,24 @@ void MixedShapes::add_round_and_square(Random& random, int count, double size) {
 
 void MixedShapes::add_shapes() {
   GeometryView spheres, polygons;
-  spheres.kind = GeometryView::kSpheres, spheres.vertices = centers_.data(),
+  spheres.kind = GeometryView::kSpheres;
+  spheres.vertices = centers_.data();
   spheres.radii = radii_.data();
   spheres.vertex_count = spheres.primitive_count = radii_.size();
-  polygons.kind = GeometryView::kPolygons, polygons.vertices = corners_.data(),
+  polygons.kind = GeometryView::kPolygons;
+  polygons.vertices = corners_.data();
   polygons.vertex_count = indices_.size();
-  polygons.offsets = offsets_.data(), polygons.indices = indices_.data(),
+  polygons.offsets = offsets_.data();
+  polygons.indices = indices_.data();
   polygons.primitive_count = offsets_.size() - 1;
-  geometries.push_back(spheres), geometries.push_back(polygons);
+  geometries.push_back(spheres);
+  geometries.push_back(polygons);
 }
 
 void MixedShapes::place(uint32_t geometry, const Affine& world_from_object) {
   InstanceView i;
-  i.geometry = geometry, i.world_from_object = world_from_object;
+  i.geometry = geometry;
+  i.world_from_object = world_from_object;
   instances.push_back(i);
 }
 

@@ -82,7 +82,8 @@ TEST(build, boxes_do_not_span_the_void) {
   for (uint32_t k = 0; k < 40000; ++k) {
     const Vec3d p = (k % 400 ? Vec3d{0, 0, 0} : Vec3d{100, 30, 0}) + random.in_box(1);
     BoxD box;
-    box.add(p), box.add(p + Vec3d(0.01, 0.01, 0.01));
+    box.add(p);
+    box.add(p + Vec3d(0.01, 0.01, 0.01));
     refs.push_back(make_ref(box, k, 0));
   }
   ThreadPool pool(2);
@@ -170,7 +171,9 @@ TEST(build, bad_primitives_are_dropped_and_counted) {
   Mesh mesh = soup(random, 100, 1, 0.3);
   const float nan = std::numeric_limits<float>::quiet_NaN(),
               inf = std::numeric_limits<float>::infinity();
-  mesh.vertices[9 * 10] = nan, mesh.vertices[9 * 20 + 4] = inf, mesh.vertices[9 * 30 + 8] = -inf;
+  mesh.vertices[9 * 10] = nan;
+  mesh.vertices[9 * 20 + 4] = inf;
+  mesh.vertices[9 * 30 + 8] = -inf;
   for (int k = 0; k < 3; ++k)
     mesh.vertices[size_t(9 * 40 + k)] =
         mesh.vertices[size_t(9 * 40 + 3 + k)];  // two corners are one
@@ -191,7 +194,8 @@ TEST(build, thousands_of_objects) {
   for (uint32_t k = 0; k < 3000; ++k) {
     meshes.push_back(icosphere(0, 0.02, {}));
     InstanceView i;
-    i.geometry = k, i.world_from_object = translation(random.uniform(0.1, 1) * random.on_sphere());
+    i.geometry = k;
+    i.world_from_object = translation(random.uniform(0.1, 1) * random.on_sphere());
     instances.push_back(i);
   }
   for (const Mesh& m : meshes) views.push_back(m.view());

@@ -16,10 +16,11 @@ struct Camera {
   bool parallel;
   Camera(Vec3d from, Vec3d at, double width, bool is_parallel) : eye(from), parallel(is_parallel) {
     ahead = unit(at - from);
-    x = unit(cross(ahead, std::fabs(ahead.z) < 0.9 ? Vec3d{0, 0, 1} : Vec3d{1, 0, 0})),
+    x = unit(cross(ahead, std::fabs(ahead.z) < 0.9 ? Vec3d{0, 0, 1} : Vec3d{1, 0, 0}));
     y = cross(x, ahead);
     const double half = 0.5 * width / (parallel ? 1 : length(at - from));
-    x = half * x, y = half * y;
+    x = half * x;
+    y = half * y;
   }
   Vec3d origin(double u, double v) const { return parallel ? eye + u * x + v * y : eye; }
   Vec3d direction(double u, double v) const {
@@ -61,7 +62,9 @@ TEST(empty_tiles, no_ray_of_an_empty_frustum_hits) {
   Random random(81);
   const Mesh ball = bumpy_sphere(24, 48), rubble = soup(random, 300, 1, 0.1);
   MixedShapes shapes;
-  shapes.add(ball), shapes.add_round_and_square(random, 40, 0.1), shapes.add_shapes();
+  shapes.add(ball);
+  shapes.add_round_and_square(random, 40, 0.1);
+  shapes.add_shapes();
   for (int k = 0; k < 12; ++k) shapes.place(0, random_affine(random, 3));
   for (uint32_t g : {1u, 2u}) shapes.place(g, translation(random.in_box(1)));
   for (double away : {3.0, 300.0, 1e6}) {
@@ -109,9 +112,11 @@ TEST(empty_tiles, trees_of_any_size_are_found) {
   for (double size : {1e-37, 1e-25, 1.0, 1e25, 1e37}) {
     const Mesh ball = icosphere(3, size, {}), other = icosphere(3, size, {4 * size, 0, 0});
     MixedShapes shapes;
-    shapes.add(ball), shapes.add(other);
-    shapes.place(0, {}), shapes.place(0, translation({0, 4 * size, 0})),
-        shapes.place(1, {});  // two that have a tree of their own
+    shapes.add(ball);
+    shapes.add(other);
+    shapes.place(0, {});
+    shapes.place(0, translation({0, 4 * size, 0}));
+    shapes.place(1, {});  // two that have a tree of their own
     const auto accel = build(shapes.geometries, shapes.instances);
     const Camera camera({0, 0, 9 * size}, {}, 4 * size, false);
     CHECK(!accel->surely_empty(camera.frustum(-0.1, -0.1, 0.1, 0.1)) &&
@@ -124,7 +129,7 @@ TEST(empty_tiles, trees_of_any_size_are_found) {
 TEST(empty_tiles, a_gap_is_seen) {
   const Mesh ball = icosphere(3, 1, {});
   std::vector<InstanceView> pair(2);
-  pair[0].world_from_object = translation({-2, 0, 0}),
+  pair[0].world_from_object = translation({-2, 0, 0});
   pair[1].world_from_object = translation({2, 0, 0});
   Mesh both = icosphere(3, 1, {-2, 0, 0});
   const Mesh other = icosphere(3, 1, {2, 0, 0});

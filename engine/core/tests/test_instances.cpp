@@ -130,7 +130,11 @@ TEST(instances, flattened) {
   for (int axis = 0; axis < 3; ++axis)
     for (int copies : {1, 2, 3}) {
       Vec3d s(1, 1, 1), o, d;
-      s[axis] = 0, o[axis] = 3, d[axis] = -1, o[(axis + 1) % 3] = 0.1, o[(axis + 2) % 3] = 0.2;
+      s[axis] = 0;
+      o[axis] = 3;
+      d[axis] = -1;
+      o[(axis + 1) % 3] = 0.1;
+      o[(axis + 2) % 3] = 0.2;
       std::vector<Affine> matrices(size_t(copies), scaled(s));
       if (copies > 1) matrices[1] = translation({9, 9, 9});
       const Placed p(icosphere(2, 1, {}), matrices);
@@ -216,7 +220,9 @@ TEST(instances, thousands_of_copies) {
   std::vector<Affine> matrices;
   for (int k = 0; k < 5000; ++k) {
     Affine m = random_affine(random, 1);
-    m.x = 0.02 * m.x, m.y = 0.02 * m.y, m.z = 0.02 * m.z;
+    m.x = 0.02 * m.x;
+    m.y = 0.02 * m.y;
+    m.z = 0.02 * m.z;
     matrices.push_back(m);
   }
   const Placed p(icosphere(0, 1, {}), matrices);

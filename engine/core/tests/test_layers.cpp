@@ -19,7 +19,8 @@ struct Stack : MixedShapes {
 
   explicit Stack(uint8_t kind) {
     for (const Mesh* mesh : {&ball, &boxes, &clutter}) add(*mesh);
-    add_round_and_square(random, 50, 0.3), add_shapes();
+    add_round_and_square(random, 50, 0.3);
+    add_shapes();
     for (uint32_t g : {0u, 0u, 1u, 1u, 2u, 3u, 4u}) place(g, {});
     for (int k = 0; k < 20; ++k) place(uint32_t(k % 2), random_affine(random, 1));
     kinds.assign(instances.size(), kind);
@@ -51,8 +52,12 @@ struct Batch {
   std::vector<double> o[3], d[3], t_min, t_max;
   explicit Batch(const std::vector<Ray>& all) {
     for (const Ray& r : all) {
-      for (int c = 0; c < 3; ++c) o[c].push_back(r.o[c]), d[c].push_back(r.d[c]);
-      t_min.push_back(r.t_min), t_max.push_back(r.t_max);
+      for (int c = 0; c < 3; ++c) {
+        o[c].push_back(r.o[c]);
+        d[c].push_back(r.d[c]);
+      }
+      t_min.push_back(r.t_min);
+      t_max.push_back(r.t_max);
     }
     for (auto* v : {&o[0], &o[1], &o[2], &d[0], &d[1], &d[2], &t_min, &t_max})
       v->resize(all.size() + 8);
@@ -79,7 +84,8 @@ std::vector<Hit> one_by_one(const Accel& accel, const Ray& r, const Opacity& opa
     accel.closest(batch.rays(1, opacity), {&hit.t, &hit.instance, &hit.primitive, &hit.u, &hit.v},
                   scratch);
     if (hit.instance == Hit::kNone) return layers;
-    layers.push_back(hit), t_min = hit.t + 0x1p-39 * hit.t;
+    layers.push_back(hit);
+    t_min = hit.t + 0x1p-39 * hit.t;
   }
 }
 
@@ -87,7 +93,10 @@ std::vector<Hit> one_by_one(const Accel& accel, const Ray& r, const Opacity& opa
 std::vector<Hit> apart(const Hit* hits, uint32_t count, double t_min) {
   std::vector<Hit> layers;
   for (uint32_t k = 0; k < count; ++k)
-    if (hits[k].t > t_min) layers.push_back(hits[k]), t_min = hits[k].t + 0x1p-39 * hits[k].t;
+    if (hits[k].t > t_min) {
+      layers.push_back(hits[k]);
+      t_min = hits[k].t + 0x1p-39 * hits[k].t;
+    }
   return layers;
 }
 

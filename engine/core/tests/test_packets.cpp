@@ -21,7 +21,8 @@ struct Mixed : MixedShapes {
 
   Mixed() {
     for (const Mesh* mesh : {&bumpy, &small, &boxes, &clutter}) add(*mesh);
-    add_round_and_square(random, 200, 0.1), add_shapes();
+    add_round_and_square(random, 200, 0.1);
+    add_shapes();
     for (uint32_t g : {0u, 2u, 2u, 3u, 4u, 5u, 5u})
       place(g, g == 2 || g == 5 ? random_affine(random, 1) : Affine{});
     for (int k = 0; k < 60; ++k) place(1, random_affine(random, 3));
@@ -79,7 +80,8 @@ void spoil(std::vector<Ray>& rays, Random& random) {
         r.d = random.on_sphere();
         break;
       case 7:
-        r.t_min = 1, r.t_max = 0.5;
+        r.t_min = 1;
+        r.t_max = 0.5;
         break;
       case 8:
         r.d = 1e200 * r.d;
@@ -88,7 +90,8 @@ void spoil(std::vector<Ray>& rays, Random& random) {
         r.d[int(random.below(3))] = 0;
         break;
       case 10:
-        r.o = r.o + 1e7 * r.d, r.d = -r.d;
+        r.o = r.o + 1e7 * r.d;
+        r.d = -r.d;
         break;
       default:
         break;
@@ -223,7 +226,9 @@ TEST(packets, rays_know_the_side_of_the_surface_that_they_leave) {
     float* v = &mesh.vertices[k];
     const Vec3d p = center + double(v[0]) * frame.t1 + double(v[1]) * frame.t2 +
                     double(v[2]) * normalize(cross(frame.t1, frame.t2));
-    v[0] = float(p.x), v[1] = float(p.y), v[2] = float(p.z);
+    v[0] = float(p.x);
+    v[1] = float(p.y);
+    v[2] = float(p.z);
   }
   const auto accel = build(mesh);
   int wrong = 0;

@@ -76,7 +76,8 @@ TEST(reuse, the_same_surfaces_after_moves_and_edits) {
     const size_t k = random.below(9), edited = random.below(7);
     stage.scene.instances[k].world_from_object = random_affine(random, 3);
     if (round % 4 == 3) {
-      stage.meshes[edited] = icosphere(1, random.uniform(0.2, 1), {}), stage.see();
+      stage.meshes[edited] = icosphere(1, random.uniform(0.2, 1), {});
+      stage.see();
       base.geometry[edited] = AccelBase::kNone;
     }
     accel = stage.build(base);

@@ -21,7 +21,8 @@ struct Everything : MixedShapes {
     for (int k = 0; k < 3000; ++k)
       bumpy.add(bumpy.triangles[0], bumpy.triangles[4], bumpy.triangles[8]);
     for (const Mesh* mesh : {&bumpy, &small, &twice, &twice}) add(*mesh);
-    add_round_and_square(random, 500, 0.05), add_shapes();
+    add_round_and_square(random, 500, 0.05);
+    add_shapes();
     for (uint32_t g : {0u, 2u, 3u, 4u, 5u, 5u})
       place(g, g == 5 ? random_affine(random, 1) : Affine{});
     for (int k = 0; k < 200; ++k) place(1, random_affine(random, 3));
@@ -60,8 +61,10 @@ struct Split {
 };
 __attribute__((noinline)) Split split(const double (&numbers)[3]) {
   Split s;
-  for (int k = 0; k < 3; ++k)
-    s.coarse[k] = float(numbers[k]), s.rest[k] = float(numbers[k] - double(s.coarse[k]));
+  for (int k = 0; k < 3; ++k) {
+    s.coarse[k] = float(numbers[k]);
+    s.rest[k] = float(numbers[k] - double(s.coarse[k]));
+  }
   return s;
 }
 

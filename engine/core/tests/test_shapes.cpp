@@ -14,12 +14,16 @@ struct Spheres {
   std::vector<float> centers, radii;
   GeometryView view() const {
     GeometryView g;
-    g.kind = GeometryView::kSpheres, g.vertices = centers.data(), g.vertex_count = radii.size();
-    g.radii = radii.data(), g.primitive_count = radii.size();
+    g.kind = GeometryView::kSpheres;
+    g.vertices = centers.data();
+    g.vertex_count = radii.size();
+    g.radii = radii.data();
+    g.primitive_count = radii.size();
     return g;
   }
   void add(Vec3d c, double r) {
-    centers.insert(centers.end(), {float(c.x), float(c.y), float(c.z)}), radii.push_back(float(r));
+    centers.insert(centers.end(), {float(c.x), float(c.y), float(c.z)});
+    radii.push_back(float(r));
   }
 };
 
@@ -28,9 +32,12 @@ struct Polygons {
   std::vector<uint32_t> offsets{0}, indices;
   GeometryView view() const {
     GeometryView g;
-    g.kind = GeometryView::kPolygons, g.vertices = vertices.data(),
+    g.kind = GeometryView::kPolygons;
+    g.vertices = vertices.data();
     g.vertex_count = vertices.size() / 3;
-    g.offsets = offsets.data(), g.indices = indices.data(), g.primitive_count = offsets.size() - 1;
+    g.offsets = offsets.data();
+    g.indices = indices.data();
+    g.primitive_count = offsets.size() - 1;
     return g;
   }
   void corner(Vec3d p) {
@@ -83,7 +90,10 @@ TEST(shapes, spheres_against_brute_force) {
       spheres.add(random.in_box(1), radius);
     }
     Affine turned;  // a similarity: turned, mirrored, twice as large
-    turned.x = {0, 2, 0}, turned.y = {2, 0, 0}, turned.z = {0, 0, 2}, turned.t = {0.25, 0, 0};
+    turned.x = {0, 2, 0};
+    turned.y = {2, 0, 0};
+    turned.z = {0, 0, 2};
+    turned.t = {0.25, 0, 0};
     compare({{spheres.view()}, placed({{}})}, random, 2000, 1);
     compare({{spheres.view()}, placed({turned})}, random, 2000, 1);
     compare({{spheres.view()}, placed({{}, translation({3, 0, 0})})}, random, 2000, 1);
@@ -133,8 +143,10 @@ TEST(shapes, far_spheres) {
 
 TEST(shapes, bad_spheres_and_polygons_are_counted) {
   Spheres spheres;
-  spheres.add({0, 0, 0}, 1), spheres.add({0, 0, 0}, 0), spheres.add({0, 0, 0}, -1),
-      spheres.add({std::nan(""), 0, 0}, 1);
+  spheres.add({0, 0, 0}, 1);
+  spheres.add({0, 0, 0}, 0);
+  spheres.add({0, 0, 0}, -1);
+  spheres.add({std::nan(""), 0, 0}, 1);
   spheres.add({0, 0, 0}, std::nan(""));
   const AccelStats stats = build({spheres.view()}, placed({{}}))->stats();
   CHECK(stats.primitives == 1 && stats.dropped == 4);
@@ -143,11 +155,17 @@ TEST(shapes, bad_spheres_and_polygons_are_counted) {
   CHECK(build({spheres.view()}, placed({flat}))->stats().dropped == 5);
   Polygons polygons;
   star(polygons, 5, {}, {1, 0, 0}, {0, 1, 0});
-  polygons.corner({0, 0, 0}), polygons.corner({1, 0, 0}), polygons.close();
-  polygons.corner({0, 0, 0}), polygons.corner({1, 1, 1}), polygons.corner({2, 2, 2}),
-      polygons.close();
-  polygons.corner({0, 0, 0}), polygons.corner({1, 0, 0}), polygons.corner({0, std::nan(""), 0}),
-      polygons.close();
+  polygons.corner({0, 0, 0});
+  polygons.corner({1, 0, 0});
+  polygons.close();
+  polygons.corner({0, 0, 0});
+  polygons.corner({1, 1, 1});
+  polygons.corner({2, 2, 2});
+  polygons.close();
+  polygons.corner({0, 0, 0});
+  polygons.corner({1, 0, 0});
+  polygons.corner({0, std::nan(""), 0});
+  polygons.close();
   CHECK(build({polygons.view()}, placed({{}}))->stats().dropped == 3);
 }
 
@@ -171,7 +189,9 @@ TEST(shapes, polygons_in_the_planes_of_the_axes) {
   for (int axis = 0; axis < 3; ++axis) {
     Polygons polygons;
     Vec3d c, x, y;
-    c[axis] = 0.5, x[(axis + 1) % 3] = 1, y[(axis + 2) % 3] = 1;
+    c[axis] = 0.5;
+    x[(axis + 1) % 3] = 1;
+    y[(axis + 2) % 3] = 1;
     star(polygons, 4, c, x, y);
     const auto accel = build({polygons.view()}, placed({{}}));
     Vec3d o = 0.1 * x + 0.05 * y, out = 0.7 * x + 0.7 * y, d;
@@ -195,8 +215,10 @@ TEST(shapes, a_bent_polygon_is_its_plane) {
   for (size_t k = 0; k < 6; ++k)
     corners.push_back(
         V(Real(p.vertices[3 * k]), Real(p.vertices[3 * k + 1]), Real(p.vertices[3 * k + 2])));
-  for (size_t k = 0; k < 6; ++k)
-    n += cross(corners[k], corners[(k + 1) % 6]), middle += Real(1) / 6 * corners[k];
+  for (size_t k = 0; k < 6; ++k) {
+    n += cross(corners[k], corners[(k + 1) % 6]);
+    middle += Real(1) / 6 * corners[k];
+  }
   const auto accel = build({p.view()}, placed({{}}));
   for (double x : {0.001, 0.3, 0.999})
     for (double y : {0.001, 0.6, 0.999}) {
@@ -224,7 +246,9 @@ TEST(shapes, a_tile_may_pass_by_the_tree_of_one_kind_and_meet_the_others) {
   const Mesh ball = icosphere(2, 0.5, {-2, 0, 0});
   const float center[3] = {2, 0, 0}, radius = 0.5f;
   GeometryView sphere;
-  sphere.kind = GeometryView::kSpheres, sphere.vertices = center, sphere.radii = &radius;
+  sphere.kind = GeometryView::kSpheres;
+  sphere.vertices = center;
+  sphere.radii = &radius;
   sphere.vertex_count = sphere.primitive_count = 1;
   InstanceView first, second;
   second.geometry = 1;

@@ -20,7 +20,8 @@ struct Work {
 
   void trace() {
     Scratch scratch;
-    hits.resize(rays.size()), blocked.resize(rays.size());
+    hits.resize(rays.size());
+    blocked.resize(rays.size());
     accel->closest(rays.data(), hits.data(), rays.size(), scratch);
     accel->occluded(rays.data(), blocked.data(), rays.size(), scratch);
   }

@@ -45,13 +45,16 @@ void check_steady(const Accel& accel, const std::vector<Ray>& rays) {
     bad += !sound(answers[k], rays[k]) || !same(answers[k], ask(accel, {rays[k]})[0]);
     if (answers[k].hit.instance == Hit::kNone) continue;
     const double t = answers[k].hit.t;
-    ++hits, before[k].t_max = t, between[k].t_min = std::nextafter(t, 0),
-            between[k].t_max = std::nextafter(t, HUGE_VAL);
+    ++hits;
+    before[k].t_max = t;
+    between[k].t_min = std::nextafter(t, 0);
+    between[k].t_max = std::nextafter(t, HUGE_VAL);
   }
   const std::vector<Answer> again = ask(accel, between), nearer = ask(accel, before);
   for (size_t k = 0; k < rays.size(); ++k)
     bad += !same(again[k], answers[k]) || !sound(nearer[k], before[k]);
-  CHECK(bad == 0), CHECK(hits > 0);
+  CHECK(bad == 0);
+  CHECK(hits > 0);
 }
 
 /// A tile of rays from one side, or from one point, `distance` away.
@@ -75,9 +78,10 @@ TEST(steady, rays_from_far_away) {
   const auto accel = build(mesh), placed = build({mesh.view()}, {one, other});
   for (double distance : {1e8, 1e12, 1e15, 1e19, 1e40, 1e80, 1e120})
     for (int k = 0; k < 20; ++k) {
-      if (distance < 1e16)
-        check_steady(*accel, tile(random, distance, false)),
-            check_steady(*placed, tile(random, distance, false));
+      if (distance < 1e16) {
+        check_steady(*accel, tile(random, distance, false));
+        check_steady(*placed, tile(random, distance, false));
+      }
       check_steady(*accel, tile(random, distance, true));
     }
 }
@@ -114,8 +118,10 @@ TEST(steady, needles) {
 
 TEST(steady, spheres_that_double_rounds_away) {
   std::vector<float> centers, radii;
-  for (int k = 0; k < 20; ++k)
-    centers.insert(centers.end(), {k == 7 ? 1e19f : float(k), 0, 0}), radii.push_back(0.25f);
+  for (int k = 0; k < 20; ++k) {
+    centers.insert(centers.end(), {k == 7 ? 1e19f : float(k), 0, 0});
+    radii.push_back(0.25f);
+  }
   const GeometryView spheres{.kind = GeometryView::kSpheres,
                              .vertices = centers.data(),
                              .vertex_count = 20,
@@ -128,7 +134,8 @@ TEST(steady, spheres_that_double_rounds_away) {
 TEST(steady, polygons_from_their_corners) {
   Random random(94);
   MixedShapes shapes;
-  shapes.add_round_and_square(random, 200, 0.5), shapes.add_shapes();
+  shapes.add_round_and_square(random, 200, 0.5);
+  shapes.add_shapes();
   shapes.place(1, {});
   const auto accel = build(shapes.geometries, shapes.instances);
   const GeometryView& squares = shapes.geometries[1];

@@ -81,7 +81,9 @@ TEST(watertight, along_the_axes_through_corners) {
       for (int j = 0; j <= n; ++j)
         for (double sign : {-1.0, 1.0}) {
           Vec3d o, d;
-          o[(axis + 1) % 3] = 2.0 * i / n - 1, o[(axis + 2) % 3] = 2.0 * j / n - 1, d[axis] = sign;
+          o[(axis + 1) % 3] = 2.0 * i / n - 1;
+          o[(axis + 2) % 3] = 2.0 * j / n - 1;
+          d[axis] = sign;
           d[(axis + 1) % 3] = i % 2 ? 0.0 : -0.0;
           leaks += closest(*accel, ray(o, d)).instance == Hit::kNone;
         }

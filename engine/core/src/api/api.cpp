@@ -48,7 +48,10 @@ const char* glint_isa(void) { return glint::best_kernel().name; }
 GlintScene* glint_scene_create(const GlintSceneData* data, char* error, size_t error_size) {
   return glint::guarded<GlintScene*>(nullptr, error, error_size, [&]() -> GlintScene* {
     std::string problems = data ? glint::scene_problems(*data) : "no scene";
-    if (!problems.empty()) return glint::tell(error, error_size, problems.c_str()), nullptr;
+    if (!problems.empty()) {
+      glint::tell(error, error_size, problems.c_str());
+      return nullptr;
+    }
     return new GlintScene{glint::Scene(*data)};
   });
 }
@@ -57,7 +60,10 @@ GlintScene* glint_scene_create_like(const GlintScene* base, const GlintSceneData
                                     int32_t exact, char* error, size_t error_size) {
   return glint::guarded<GlintScene*>(nullptr, error, error_size, [&]() -> GlintScene* {
     std::string problems = base && data ? glint::scene_problems(*data, base->scene) : "no scene";
-    if (!problems.empty()) return glint::tell(error, error_size, problems.c_str()), nullptr;
+    if (!problems.empty()) {
+      glint::tell(error, error_size, problems.c_str());
+      return nullptr;
+    }
     return new GlintScene{glint::Scene(*data, &base->scene, exact != 0)};
   });
 }
@@ -69,7 +75,10 @@ GlintRender* glint_render_start(GlintScene* scene, const GlintRenderSettings* se
   return glint::guarded<GlintRender*>(nullptr, error, error_size, [&]() -> GlintRender* {
     std::string problems = scene && settings ? glint::settings_problems(*settings, scene->scene)
                                              : "no scene or no settings";
-    if (!problems.empty()) return glint::tell(error, error_size, problems.c_str()), nullptr;
+    if (!problems.empty()) {
+      glint::tell(error, error_size, problems.c_str());
+      return nullptr;
+    }
     return new GlintRender{{scene->scene, *settings}};
   });
 }

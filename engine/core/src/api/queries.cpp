@@ -31,7 +31,10 @@ Vec3d vertex(const GlintGeometry& g, size_t k) {
 struct Bounds {
   Vec3d low{kInfinity, kInfinity, kInfinity}, high{-kInfinity, -kInfinity, -kInfinity};
   void grow(Vec3d p) {
-    if (finite(p)) low = min(low, p), high = max(high, p);
+    if (finite(p)) {
+      low = min(low, p);
+      high = max(high, p);
+    }
   }
   bool empty() const { return !(low.x <= high.x); }
 };
@@ -42,7 +45,8 @@ Bounds bounds_of(const GlintGeometry& g) {
   for (size_t k = 0; k < g.vertex_count; ++k) {
     const double r = g.kind == GLINT_SPHERES ? double(g.radii[k]) : 0;
     if (!finite(vertex(g, k)) || !std::isfinite(r)) continue;
-    box.grow(vertex(g, k) - Vec3d{r, r, r}), box.grow(vertex(g, k) + Vec3d{r, r, r});
+    box.grow(vertex(g, k) - Vec3d{r, r, r});
+    box.grow(vertex(g, k) + Vec3d{r, r, r});
   }
   return box;
 }
@@ -214,8 +218,12 @@ struct Block {
   void silence(size_t count, double scale) {
     for (size_t k = 0; k < count; ++k) {
       if (sound(k, scale)) continue;
-      for (int axis = 0; axis < 3; ++axis) o[axis][k] = 0, d[axis][k] = 1;
-      t_min[k] = 0, t_max[k] = -1;
+      for (int axis = 0; axis < 3; ++axis) {
+        o[axis][k] = 0;
+        d[axis][k] = 1;
+      }
+      t_min[k] = 0;
+      t_max[k] = -1;
     }
   }
 };
@@ -277,10 +285,19 @@ template <class Given, class Answer>
 int32_t answered(const GlintAccel* accel, const Given* rays, bool room, char* error, size_t size,
                  const Answer& answer) {
   return guarded<int32_t>(-1, error, size, [&]() -> int32_t {
-    if (!accel || !rays) return tell(error, size, "no accelerator or no rays"), -1;
+    if (!accel || !rays) {
+      tell(error, size, "no accelerator or no rays");
+      return -1;
+    }
     const std::string problems = rays_problems(*rays);
-    if (!problems.empty()) return tell(error, size, problems.c_str()), -1;
-    if (!room && rays->count > 0) return tell(error, size, "no room for the answers"), -1;
+    if (!problems.empty()) {
+      tell(error, size, problems.c_str());
+      return -1;
+    }
+    if (!room && rays->count > 0) {
+      tell(error, size, "no room for the answers");
+      return -1;
+    }
     answer();
     return 0;
   });
@@ -304,17 +321,25 @@ GlintAccel::GlintAccel(const GlintAccelData& data, uint32_t threads) {
   accel = glint::Accel::build(glint::geometry_views(data), std::move(instances),
                               glint::threads_for(threads, SIZE_MAX), never);
   const glint::AccelStats built = accel->stats();
-  for (int k = 0; k < 3; ++k) stats.low[k] = box.low[k], stats.high[k] = box.high[k];
-  stats.build_seconds = built.seconds, stats.primitives = built.primitives,
+  for (int k = 0; k < 3; ++k) {
+    stats.low[k] = box.low[k];
+    stats.high[k] = box.high[k];
+  }
+  stats.build_seconds = built.seconds;
+  stats.primitives = built.primitives;
   stats.dropped = built.dropped;
-  stats.bytes = built.bytes, stats.nodes = built.nodes;
+  stats.bytes = built.bytes;
+  stats.nodes = built.nodes;
 }
 
 GlintAccel* glint_accel_create(const GlintAccelData* data, uint32_t threads, char* error,
                                size_t error_size) {
   return glint::guarded<GlintAccel*>(nullptr, error, error_size, [&]() -> GlintAccel* {
     const std::string problems = data ? glint::accel_problems(*data) : "no data";
-    if (!problems.empty()) return glint::tell(error, error_size, problems.c_str()), nullptr;
+    if (!problems.empty()) {
+      glint::tell(error, error_size, problems.c_str());
+      return nullptr;
+    }
     return new GlintAccel(*data, threads);
   });
 }

@@ -226,7 +226,8 @@ void check_program(const GlintSceneData& d, const GlintProgram& g, ull number, R
     report.add(known && words <= left, "program %llu: unknown operation or cut off", number);
     if (!report.good()) return;
     check_instruction(d, g, kLayouts[*word], word + 1, number, written, report);
-    word += words, left -= words;
+    word += words;
+    left -= words;
   }
 }
 
@@ -347,7 +348,9 @@ void check_tables(const GlintSceneData& d, Report& report) {
 
 /// A geometry without what only pictures need.
 GlintGeometry shape_of(GlintGeometry g) {
-  g.corners = nullptr, g.material_slots = nullptr, g.normals = {},
+  g.corners = nullptr;
+  g.material_slots = nullptr;
+  g.normals = {};
   g.first_attribute = g.attribute_count = 0;
   return g;
 }

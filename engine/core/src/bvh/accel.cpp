@@ -18,8 +18,12 @@ struct Columns {
   Rays fill(const Ray* rays, size_t count) {
     size_t n = 0;
     for (; n < std::min(count, kBatch) && rays[n].visibility == rays[0].visibility; ++n) {
-      for (int k = 0; k < 3; ++k) values[k][n] = rays[n].o[k], values[3 + k][n] = rays[n].d[k];
-      values[6][n] = rays[n].t_min, values[7][n] = rays[n].t_max;
+      for (int k = 0; k < 3; ++k) {
+        values[k][n] = rays[n].o[k];
+        values[3 + k][n] = rays[n].d[k];
+      }
+      values[6][n] = rays[n].t_min;
+      values[7][n] = rays[n].t_max;
     }
     return {{values[0], values[1], values[2]},
             {values[3], values[4], values[5]},

@@ -38,8 +38,14 @@ inline F4 splat(float a) { return F4{a, a, a, a}; }
 struct Box {
   F4 lo = splat(std::numeric_limits<float>::infinity()),
      hi = splat(-std::numeric_limits<float>::infinity());
-  void add(F4 p) { lo = lower(lo, p), hi = upper(hi, p); }
-  void add(const Box& b) { lo = lower(lo, b.lo), hi = upper(hi, b.hi); }
+  void add(F4 p) {
+    lo = lower(lo, p);
+    hi = upper(hi, p);
+  }
+  void add(const Box& b) {
+    lo = lower(lo, b.lo);
+    hi = upper(hi, b.hi);
+  }
 };
 
 /// A primitive on its way into a tree: its box and what it is. `source` numbers the arrays that it
@@ -75,7 +81,10 @@ inline float round_up(double a) { return -round_down(-a); }
 /// Box in double, for what does not consist of float vertices.
 struct BoxD {
   Vec3d lo{HUGE_VAL, HUGE_VAL, HUGE_VAL}, hi{-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
-  void add(Vec3d p) { lo = min(lo, p), hi = max(hi, p); }
+  void add(Vec3d p) {
+    lo = min(lo, p);
+    hi = max(hi, p);
+  }
 };
 
 /// Adding 0 turns -0 into +0: of those two the smaller one would depend on the order of comparison.

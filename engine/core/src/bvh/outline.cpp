@@ -117,7 +117,8 @@ BoxD world_box(const Tree& tree, const Affine& m) {
   // largest coordinate there.
   const Vec3d object = max(abs(at(box.lo)), abs(at(box.hi)));
   const Vec3d room = 0x1p-20 * (abs(m.x) * object.x + abs(m.y) * object.y + abs(m.z) * object.z);
-  out.lo = out.lo - room, out.hi = out.hi + room;
+  out.lo = out.lo - room;
+  out.hi = out.hi + room;
   return out;
 }
 

@@ -75,7 +75,8 @@ bool triangle_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref, 
 /// With room for where double puts hits on what is not made of triangles.
 Ref roomy_ref(BoxD box, uint32_t primitive, uint32_t number) {
   const double far = std::max(max_abs(box.lo), max_abs(box.hi)), room = 0x1p-48 * far;
-  box.lo = box.lo - Vec3d{room, room, room}, box.hi = box.hi + Vec3d{room, room, room};
+  box.lo = box.lo - Vec3d{room, room, room};
+  box.hi = box.hi + Vec3d{room, room, room};
   return make_ref(box, primitive, number);
 }
 
@@ -84,7 +85,8 @@ bool sphere_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
   const double r = double(float(s.geometry->radii[primitive] * s.radius_scale));
   if (!finite(c) || !(r > 0 && std::isfinite(r))) return false;
   BoxD box;
-  box.add(c - Vec3d(r, r, r)), box.add(c + Vec3d(r, r, r));
+  box.add(c - Vec3d(r, r, r));
+  box.add(c + Vec3d(r, r, r));
   ref = roomy_ref(box, uint32_t(primitive), number);
   return true;
 }
@@ -130,7 +132,8 @@ Buffer<Ref> collect(const std::vector<Source>& sources, ThreadPool& pool,
   size_t kept = 0;
   for (const Piece& piece : list) {
     if (kept != piece.out) std::copy_n(&refs[piece.out], piece.kept, &refs[kept]);
-    kept += piece.kept, unseen += piece.unseen;
+    kept += piece.kept;
+    unseen += piece.unseen;
   }
   refs.size = kept;
   return refs;
@@ -167,7 +170,9 @@ void fill_spheres(const std::vector<Source>& sources, const PrimitiveId* from, s
   for (size_t k = 0; k < count; ++k, out += 4) {
     const Source& s = sources[from[k].instance];
     const Vec3f c = vertex(s, from[k].primitive);
-    out[0] = c.x, out[1] = c.y, out[2] = c.z,
+    out[0] = c.x;
+    out[1] = c.y;
+    out[2] = c.z;
     out[3] = float(s.geometry->radii[from[k].primitive] * s.radius_scale);
   }
 }
@@ -224,8 +229,10 @@ constexpr size_t kLarge = size_t(1) << 19;  // bytes
 
 BuildOptions options_of(LeafKind kind, BuildQuality quality) {
   BuildOptions options;
-  if (kind == kSphereLeaf) options.max_leaf = 2, options.min_leaf = 1;
-  else if (kind != kTriangleLeaf) options.max_leaf = options.min_leaf = 1;
+  if (kind == kSphereLeaf) {
+    options.max_leaf = 2;
+    options.min_leaf = 1;
+  } else if (kind != kTriangleLeaf) options.max_leaf = options.min_leaf = 1;
   if (kind == kInstanceLeaf) options.min_node = kWidth;
   options.halve = quality == BuildQuality::kFast;
   return options;
@@ -249,7 +256,8 @@ bool make_polygon(const Source& s, size_t primitive, PolygonRecord& record, BoxD
   Vec3d n, sum;
   for (size_t k = first; k < last; ++k) {
     const Vec3d a = corner(s, k) - origin, b = corner(s, k + 1 < last ? k + 1 : first) - origin;
-    n += cross(a, b), sum += a;
+    n += cross(a, b);
+    sum += a;
   }
   n = unit(n);
   if (!any(n)) return false;
@@ -280,7 +288,8 @@ Tree make_tree(std::vector<Source>& sources, BuildQuality quality, ThreadPool& p
     const auto corners = [&](const Ref& r, Vec3d(&p)[3]) {
       corners_of(sources[r.source], r.primitive, p);
     };
-    tree.nodes = build_spatial(refs, corners, options, pool, cancel), tree.parts = true;
+    tree.nodes = build_spatial(refs, corners, options, pool, cancel);
+    tree.parts = true;
   } else {
     tree.nodes = build_nodes(refs.data.get(), refs.size, options, pool, cancel);
   }
@@ -308,7 +317,8 @@ Tree make_instance_tree(std::vector<Ref> boxes, ThreadPool& pool, const std::ato
 Tree with_beside(const Tree& tree, const std::vector<Ref>& boxes) {
   const size_t above = tree.nodes.nodes.size;
   Tree out;
-  out.kind = kInstanceLeaf, out.count = tree.count + boxes.size();
+  out.kind = kInstanceLeaf;
+  out.count = tree.count + boxes.size();
   out.nodes = {Buffer<Node>(above + 1), ChildRef(above), tree.nodes.box};
   std::copy_n(tree.nodes.nodes.data.get(), above, out.nodes.nodes.data.get());
   Node& top = out.nodes.nodes[above];

@@ -81,8 +81,10 @@ TopLevelBvh::TopLevelBvh(std::vector<GeometryView> geometries, std::vector<Insta
   const bool moved = before.move_out(p, geometries_);
   for (int kind = 0; kind < 3; ++kind) {
     baked_[kind] = moved ? before.all(kind) : before.baked(kind, p.baked[kind]);
-    if (!baked_[kind].tree)
-      baked_[kind] = bake(p.baked[kind], pool, cancel), stats_.built += baked_[kind].tree->count;
+    if (!baked_[kind].tree) {
+      baked_[kind] = bake(p.baked[kind], pool, cancel);
+      stats_.built += baked_[kind].tree->count;
+    }
   }
   build_objects(p.placed, before, pool, cancel);
   build_instances(p.placed, before, pool, cancel);
@@ -126,8 +128,9 @@ BakedTree TopLevelBvh::bake(const std::vector<uint32_t>& wanted, ThreadPool& poo
     const GeometryView& g = geometries_[v.geometry];
     sources.push_back(
         {&g, i, &v.world_from_object, radius_scale(g, v.world_from_object), nullptr, {}});
-    baked.instances.push_back(i), baked.geometries.push_back(v.geometry),
-        baked.matrices.push_back(v.world_from_object);
+    baked.instances.push_back(i);
+    baked.geometries.push_back(v.geometry);
+    baked.matrices.push_back(v.world_from_object);
   }
   baked.tree = std::make_shared<const Tree>(make_tree(sources, quality_, pool, cancel));
   return baked;
@@ -246,7 +249,9 @@ void TopLevelBvh::count(const Plan& plan) {
   stats_.bytes =
       placed_.records.size() * sizeof(InstanceRecord) + visibility_.size() * sizeof(uint32_t);
   auto add = [&](const Tree& t) {
-    stats_.dropped += t.dropped, stats_.bytes += t.bytes(), stats_.nodes += t.nodes.nodes.size;
+    stats_.dropped += t.dropped;
+    stats_.bytes += t.bytes();
+    stats_.nodes += t.nodes.nodes.size;
     if (t.kind != kInstanceLeaf) stats_.primitives += t.primitives;
   };
   for (const BakedTree& baked : baked_) add(*baked.tree);

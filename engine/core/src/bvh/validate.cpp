@@ -13,7 +13,10 @@ bool inside(const Box& a, const Box& b) {
 
 Box child_box(const Node& n, int lane) {
   Box b;
-  for (int k = 0; k < 3; ++k) b.lo[k] = n.planes[2 * k][lane], b.hi[k] = n.planes[2 * k + 1][lane];
+  for (int k = 0; k < 3; ++k) {
+    b.lo[k] = n.planes[2 * k][lane];
+    b.hi[k] = n.planes[2 * k + 1][lane];
+  }
   return b;
 }
 
@@ -134,9 +137,10 @@ void each_triangle(const Tree& tree, Body body) {
 
 Box sphere_box(const float* p) {
   Box b;
-  for (int k = 0; k < 3; ++k)
-    b.lo[k] = round_down(double(p[k]) - double(p[3])),
+  for (int k = 0; k < 3; ++k) {
+    b.lo[k] = round_down(double(p[k]) - double(p[3]));
     b.hi[k] = round_up(double(p[k]) + double(p[3]));
+  }
   return b;
 }
 

@@ -32,14 +32,19 @@ int channels_of(int pass) {
 
 void SlotTable::set(uint32_t width, uint32_t height) {
   if (width == width_ && height == height_) return;
-  width_ = width, height_ = height;
-  columns_.clear(), rows_.clear();
-  columns_.reserve(Tile::kSize * Tile::kSize), rows_.reserve(Tile::kSize * Tile::kSize);
+  width_ = width;
+  height_ = height;
+  columns_.clear();
+  rows_.clear();
+  columns_.reserve(Tile::kSize * Tile::kSize);
+  rows_.reserve(Tile::kSize * Tile::kSize);
   for (uint32_t by = 0; by < height; by += Tile::kBlock)
     for (uint32_t bx = 0; bx < width; bx += Tile::kBlock)
       for (uint32_t y = by; y < std::min(by + Tile::kBlock, height); ++y)
-        for (uint32_t x = bx; x < std::min(bx + Tile::kBlock, width); ++x)
-          columns_.push_back(x), rows_.push_back(y);
+        for (uint32_t x = bx; x < std::min(bx + Tile::kBlock, width); ++x) {
+          columns_.push_back(x);
+          rows_.push_back(y);
+        }
   for (; columns_.size() % kPad; columns_.push_back(0)) rows_.push_back(0);
 }
 
@@ -49,7 +54,8 @@ Film::Film(Region region, Region shown, uint32_t passes, double error_threshold,
   std::fill_n(at_, int(GLINT_PASS_COUNT), -1);
   at_[GLINT_PASS_COMBINED] = 0;
   for (int part = GLINT_PASS_DIFFUSE; part < GLINT_PASS_DEPTH; ++part) keep_sums(part, 3);
-  keep_sums(GLINT_PASS_COST, 1), keep_sums(GLINT_PASS_FALLBACKS, 1);
+  keep_sums(GLINT_PASS_COST, 1);
+  keep_sums(GLINT_PASS_FALLBACKS, 1);
   const size_t pixels = size_t(region.width()) * region.height();
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
     if (!wants(pass)) continue;
@@ -65,7 +71,10 @@ Film::Film(Region region, Region shown, uint32_t passes, double error_threshold,
 }
 
 void Film::keep_sums(int pass, int channels) {
-  if (wants(pass)) at_[pass] = int(columns_), columns_ += size_t(channels);
+  if (wants(pass)) {
+    at_[pass] = int(columns_);
+    columns_ += size_t(channels);
+  }
 }
 
 void Film::cut() {
@@ -197,6 +206,10 @@ void Film::renew() {
   lent_ = 0;
 }
 
-void Film::forget_sums() { sums_ = {}, refinement_ = {}, estimate_ = {}; }
+void Film::forget_sums() {
+  sums_ = {};
+  refinement_ = {};
+  estimate_ = {};
+}
 
 }  // namespace glint

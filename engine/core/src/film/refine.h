@@ -26,7 +26,8 @@ struct Between {
   float low = 0, high = 0;
   void add(double sample, bool is_first) {
     const float value = float(sample);
-    low = is_first || value < low ? value : low, high = is_first || value > high ? value : high;
+    low = is_first || value < low ? value : low;
+    high = is_first || value > high ? value : high;
   }
 };
 
@@ -53,7 +54,8 @@ class Refinement {
     float *low, *high;
     Between operator[](uint32_t slot) const { return {low[slot], high[slot]}; }
     void set(uint32_t slot, const Between& range) const {
-      low[slot] = range.low, high[slot] = range.high;
+      low[slot] = range.low;
+      high[slot] = range.high;
     }
   };
 

@@ -18,7 +18,8 @@ Batch::Batch(const Scene& scene, uint32_t passes)
                kParts) {}
 
 void Batch::begin(const Queue& rays) {
-  queue = &rays, count_ = rays.size();
+  queue = &rays;
+  count_ = rays.size();
   if (count_ > columns_.rows() || !t) reserve(count_);
   bool primary = rays.visibility == kCamera;
   SumColumns only_total{};
@@ -29,9 +30,15 @@ void Batch::begin(const Queue& rays) {
 void Batch::reserve(size_t rows) {
   columns_.reserve(rows);
   rows = columns_.rows();
-  instance.resize(rows), primitive.resize(rows), material.resize(rows), others.resize(rows),
-      passing_rows.resize(rows);
-  u.resize(rows), v.resize(rows), lit.resize(rows), outside.resize(rows);
+  instance.resize(rows);
+  primitive.resize(rows);
+  material.resize(rows);
+  others.resize(rows);
+  passing_rows.resize(rows);
+  u.resize(rows);
+  v.resize(rows);
+  lit.resize(rows);
+  outside.resize(rows);
   if (passes_ >> GLINT_PASS_FALLBACKS & 1) doubts_.resize(rows);
   place_columns();
 }
@@ -39,22 +46,43 @@ void Batch::reserve(size_t rows) {
 void Batch::place_columns() {
   size_t next = 0;
   auto one = [&] { return columns_[next++]; };
-  auto three = [&](double*(&to)[3]) { to[0] = one(), to[1] = one(), to[2] = one(); };
+  auto three = [&](double*(&to)[3]) {
+    to[0] = one();
+    to[1] = one();
+    to[2] = one();
+  };
   auto part = [&](double*(&to)[3], int pass) {
     if (passes_ >> pass & 1) three(to);
   };
-  t = one(), three(points.x), three(points.g), points.offset = one(), points.weights[0] = one(),
+  t = one();
+  three(points.x);
+  three(points.g);
+  points.offset = one();
+  points.weights[0] = one();
   points.weights[1] = one();
-  for (int c = 0; c < 3; ++c) points.n[c] = points.g[c], points.origin[c] = points.x[c];
-  if (smooth_) three(points.n), three(points.origin);
-  points.outside = outside.data(), points.material = material.data();
-  three(diffuse), three(parts_.total);
-  part(parts_.ambient, GLINT_PASS_AMBIENT), part(parts_.emission, GLINT_PASS_EMISSION);
+  for (int c = 0; c < 3; ++c) {
+    points.n[c] = points.g[c];
+    points.origin[c] = points.x[c];
+  }
+  if (smooth_) {
+    three(points.n);
+    three(points.origin);
+  }
+  points.outside = outside.data();
+  points.material = material.data();
+  three(diffuse);
+  three(parts_.total);
+  part(parts_.ambient, GLINT_PASS_AMBIENT);
+  part(parts_.emission, GLINT_PASS_EMISSION);
   part(parts_.environment, GLINT_PASS_ENVIRONMENT);
   bool light_parts =
       passes_ & (1u << GLINT_PASS_DIFFUSE | 1u << GLINT_PASS_SPECULAR | 1u << GLINT_PASS_SHADOW);
-  if (light_parts) three(parts_.diffuse), three(parts_.specular), three(parts_.shadow);
-  specular = scene_.max_specular > 0 ? columns_[next] : nullptr,
+  if (light_parts) {
+    three(parts_.diffuse);
+    three(parts_.specular);
+    three(parts_.shadow);
+  }
+  specular = scene_.max_specular > 0 ? columns_[next] : nullptr;
   next += size_t(scene_.specular_columns * scene_.max_specular);
   passing_columns = scene_.max_passing > 0 ? columns_[next] : nullptr;
   stride = columns_.rows();
@@ -62,18 +90,28 @@ void Batch::place_columns() {
 
 Surface Batch::surface(size_t k) const {
   Surface s;
-  s.instance = instance[k], s.primitive = primitive[k], s.outside = outside[k] != 0;
-  s.weights[1] = points.weights[0][k], s.weights[2] = points.weights[1][k],
+  s.instance = instance[k];
+  s.primitive = primitive[k];
+  s.outside = outside[k] != 0;
+  s.weights[1] = points.weights[0][k];
+  s.weights[2] = points.weights[1][k];
   s.weights[0] = 1 - s.weights[1] - s.weights[2];
-  s.x = row(points.x, k), s.g = row(points.g, k), s.n = row(points.n, k),
+  s.x = row(points.x, k);
+  s.g = row(points.g, k);
+  s.n = row(points.n, k);
   s.offset = points.offset[k];
   return s;
 }
 
 void Batch::set_surface(size_t k, const Surface& s) {
-  set_row(points.x, k, s.x), set_row(points.g, k, s.g), points.offset[k] = s.offset,
-                                                        outside[k] = s.outside ? -1 : 0;
-  if (smooth_) set_row(points.n, k, s.n), set_row(points.origin, k, s.x);
+  set_row(points.x, k, s.x);
+  set_row(points.g, k, s.g);
+  points.offset[k] = s.offset;
+  outside[k] = s.outside ? -1 : 0;
+  if (smooth_) {
+    set_row(points.n, k, s.n);
+    set_row(points.origin, k, s.x);
+  }
 }
 
 }  // namespace glint

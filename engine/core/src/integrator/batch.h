@@ -35,10 +35,15 @@ class Batch {
 
   /// Adds to Combined, and to a part (of `sums`) where it is kept.
   void add(size_t k, double* const (&part)[3], Vec3d c) {
-    add_to(sums.total, k, c), add_to(part, k, c);
+    add_to(sums.total, k, c);
+    add_to(part, k, c);
   }
   static void add_to(double* const (&columns)[3], size_t k, Vec3d c) {
-    if (columns[0]) columns[0][k] += c.x, columns[1][k] += c.y, columns[2][k] += c.z;
+    if (columns[0]) {
+      columns[0][k] += c.x;
+      columns[1][k] += c.y;
+      columns[2][k] += c.z;
+    }
   }
   /// Counts a ray for the pixel of ray k.
   void charge(size_t k) const {
@@ -96,7 +101,9 @@ inline Vec3d row(const double* const (&columns)[3], size_t k) {
   return {columns[0][k], columns[1][k], columns[2][k]};
 }
 inline void set_row(double* const (&columns)[3], size_t k, Vec3d v) {
-  columns[0][k] = v.x, columns[1][k] = v.y, columns[2][k] = v.z;
+  columns[0][k] = v.x;
+  columns[1][k] = v.y;
+  columns[2][k] = v.z;
 }
 
 }  // namespace glint

@@ -21,7 +21,8 @@ class Columns {
     std::vector<Line> block(count_ * lines);
     for (size_t c = 0; c < count_; ++c)
       std::copy_n(block_.data() + c * lines_, lines_, block.data() + c * lines);
-    block_.swap(block), lines_ = lines;
+    block_.swap(block);
+    lines_ = lines;
   }
   size_t rows() const { return lines_ * kPad; }
   size_t stride() const { return lines_ * kPad; }

@@ -23,24 +23,37 @@ DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stage
       transparent_shadows_(scene, stages, cancel, scratch) {}
 
 void DirectLight::prepare(const Batch& batch) {
-  columns_.reserve(batch.size()), point_.resize(columns_.rows()), blocked_.resize(columns_.rows());
+  columns_.reserve(batch.size());
+  point_.resize(columns_.rows());
+  blocked_.resize(columns_.rows());
   size_t next = 0;
   auto three = [&](double*(&to)[3], bool wanted) {
     for (double*& column : to) column = wanted ? columns_[next++] : nullptr;
   };
-  zeros_ = columns_[next++], stage_.t_max = columns_[next++], stage_.point = point_.data();
-  three(stage_.o, true), three(stage_.to, true), three(stage_.diffuse_out, true),
-      three(stage_.specular_out, batch.sums.diffuse[0]);
-  three(stage_.end_out, glassy_), three(shadow_, glassy_);
+  zeros_ = columns_[next++];
+  stage_.t_max = columns_[next++];
+  stage_.point = point_.data();
+  three(stage_.o, true);
+  three(stage_.to, true);
+  three(stage_.diffuse_out, true);
+  three(stage_.specular_out, batch.sums.diffuse[0]);
+  three(stage_.end_out, glassy_);
+  three(shadow_, glassy_);
   three(sky_, scene_.features & GLINT_FEATURE_WORLD_LIGHT);
   const PointColumns& p = batch.points;
   for (int c = 0; c < 3; ++c) {
-    stage_.points_x[c] = p.x[c], stage_.g[c] = p.g[c], stage_.n[c] = p.n[c],
+    stage_.points_x[c] = p.x[c];
+    stage_.g[c] = p.g[c];
+    stage_.n[c] = p.n[c];
     stage_.origin[c] = p.origin[c];
-    stage_.d[c] = batch.queue->rays().d[c], stage_.diffuse[c] = batch.diffuse[c];
+    stage_.d[c] = batch.queue->rays().d[c];
+    stage_.diffuse[c] = batch.diffuse[c];
   }
-  stage_.count = batch.size(), stage_.offset = p.offset, stage_.lit = batch.lit.data();
-  stage_.specular = batch.specular, stage_.stride = batch.stride,
+  stage_.count = batch.size();
+  stage_.offset = p.offset;
+  stage_.lit = batch.lit.data();
+  stage_.specular = batch.specular;
+  stage_.stride = batch.stride;
   stage_.max_specular = scene_.max_specular;
   stage_.most_exponent = scene_.most_exponent;
   stage_.specular_columns = scene_.specular_columns;
@@ -83,10 +96,16 @@ void DirectLight::note_hidden(size_t count) {
 /// what stands free has no steps, and its pixels may stop soon.
 void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t sample) {
   DomeStage stage{};
-  for (int c = 0; c < 3; ++c)
-    stage.n[c] = stage_.n[c], stage.diffuse[c] = batch.diffuse[c], stage.rest[c] = sky_[c];
-  stage.count = batch.size(), stage.lit = stage_.lit, stage.dome = &plan_.dome;
-  stage.drawn = plan_.light_point(light, sample, 0).drawn, stage.directions = plan_.dome_samples;
+  for (int c = 0; c < 3; ++c) {
+    stage.n[c] = stage_.n[c];
+    stage.diffuse[c] = batch.diffuse[c];
+    stage.rest[c] = sky_[c];
+  }
+  stage.count = batch.size();
+  stage.lit = stage_.lit;
+  stage.dome = &plan_.dome;
+  stage.drawn = plan_.light_point(light, sample, 0).drawn;
+  stage.directions = plan_.dome_samples;
   stages_.dome(stage);
   for (size_t k = 0; k < batch.size(); ++k) {
     if (!batch.lit[k] || balance_[k] < 0) continue;
@@ -128,7 +147,8 @@ bool DirectLight::recall_shadows(const uint8_t* known, size_t count) {
   bool all = true;
   for (size_t k = 0; k < count; ++k) {
     const uint8_t shadow = known[point_[k]];
-    all &= shadow != 0, blocked_[k] = shadow == 2;
+    all &= shadow != 0;
+    blocked_[k] = shadow == 2;
   }
   return all;
 }
@@ -149,13 +169,18 @@ void DirectLight::add(const Batch& batch, size_t count) const {
   const SumColumns& sums = batch.sums;
   if (!glassy_ && !sums.diffuse[0]) {
     LightSum sum{count, point_.data(), blocked_.data(), {}, {}};
-    for (int c = 0; c < 3; ++c) sum.given[c] = stage_.diffuse_out[c], sum.total[c] = sums.total[c];
+    for (int c = 0; c < 3; ++c) {
+      sum.given[c] = stage_.diffuse_out[c];
+      sum.total[c] = sums.total[c];
+    }
     return stages_.sum(sum);
   }
   LightParts parts{count, point_.data(), blocked_.data(), {}, {}, {}, sums};
-  for (int c = 0; c < 3; ++c)
-    parts.shadow[c] = shadow_[c], parts.diffuse[c] = stage_.diffuse_out[c],
+  for (int c = 0; c < 3; ++c) {
+    parts.shadow[c] = shadow_[c];
+    parts.diffuse[c] = stage_.diffuse_out[c];
     parts.specular[c] = stage_.specular_out[c];
+  }
   stages_.sum_parts(parts);
 }
 

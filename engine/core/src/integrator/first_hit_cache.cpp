@@ -44,7 +44,8 @@ void FirstHitCache::expect(const Scene& scene, const RenderPlan& plan) {
       const Rays rays = rays_of(stage);
       if (number < columns_.size() && columns_[number].rays == rays) continue;
       if (number == columns_.size()) columns_.emplace_back();
-      columns_[number].rays = rays, columns_[number].shadows = ZeroedBuffer<uint8_t>(rows_);
+      columns_[number].rays = rays;
+      columns_[number].shadows = ZeroedBuffer<uint8_t>(rows_);
     }
   }
 }
@@ -52,18 +53,20 @@ void FirstHitCache::expect(const Scene& scene, const RenderPlan& plan) {
 bool FirstHitCache::look_up(const Tile& tile, const Hits& hits) const {
   const size_t first = tile.first_row, count = tile.pixels();
   if (!kept_.data()[first]) return false;
-  std::copy_n(t_.data() + first, count, hits.t), std::copy_n(u_.data() + first, count, hits.u);
-  std::copy_n(v_.data() + first, count, hits.v),
-      std::copy_n(instance_.data() + first, count, hits.instance);
+  std::copy_n(t_.data() + first, count, hits.t);
+  std::copy_n(u_.data() + first, count, hits.u);
+  std::copy_n(v_.data() + first, count, hits.v);
+  std::copy_n(instance_.data() + first, count, hits.instance);
   std::copy_n(primitive_.data() + first, count, hits.primitive);
   return true;
 }
 
 void FirstHitCache::keep(const Tile& tile, const Hits& hits) {
   const size_t first = tile.first_row, count = tile.pixels();
-  std::copy_n(hits.t, count, t_.data() + first), std::copy_n(hits.u, count, u_.data() + first);
-  std::copy_n(hits.v, count, v_.data() + first),
-      std::copy_n(hits.instance, count, instance_.data() + first);
+  std::copy_n(hits.t, count, t_.data() + first);
+  std::copy_n(hits.u, count, u_.data() + first);
+  std::copy_n(hits.v, count, v_.data() + first);
+  std::copy_n(hits.instance, count, instance_.data() + first);
   std::copy_n(hits.primitive, count, primitive_.data() + first);
   kept_.data()[first] = 1;
 }

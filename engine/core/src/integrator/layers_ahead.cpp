@@ -8,8 +8,11 @@ namespace {
 constexpr int kPlain = 1;  // generations: most surfaces with alpha stop rays there
 
 void answer(const Hit& hit, size_t k, const Hits& hits) {
-  hits.t[k] = hit.t, hits.instance[k] = hit.instance, hits.primitive[k] = hit.primitive,
-  hits.u[k] = hit.u, hits.v[k] = hit.v;
+  hits.t[k] = hit.t;
+  hits.instance[k] = hit.instance;
+  hits.primitive[k] = hit.primitive;
+  hits.u[k] = hit.u;
+  hits.v[k] = hit.v;
 }
 
 }  // namespace
@@ -20,8 +23,10 @@ void LayersAhead::closest(const Queue& queue, const Hits& hits) {
     rays.opacity = scene_.opacity();
     return scene_.accel().closest(rays, hits, scratch_);
   }
-  if (generation_ == kPlain + 1)
-    ahead_.assign(paths_, {}), hits_.resize(std::max(hits_.size(), paths_ * kMost));
+  if (generation_ == kPlain + 1) {
+    ahead_.assign(paths_, {});
+    hits_.resize(std::max(hits_.size(), paths_ * kMost));
+  }
   list_unknown(queue, hits);
   if (!rows_.empty()) look_ahead(queue, hits);
 }
@@ -48,7 +53,9 @@ void LayersAhead::look_ahead(const Queue& queue, const Hits& hits) {
   rays_.reserve(count);
   for (auto* v : {&instance_, &primitive_}) v->resize(count);
   for (auto* v : {&u_, &v_}) v->resize(count);
-  found_.resize(count * kMost), count_.resize(count), blocked_.resize(count);
+  found_.resize(count * kMost);
+  count_.resize(count);
+  blocked_.resize(count);
   const size_t from[] = {Queue::kO,     Queue::kO + 1, Queue::kO + 2, Queue::kD,
                          Queue::kD + 1, Queue::kD + 2, Queue::kTMin,  Queue::kTMax};
   for (size_t c = 0; c < kT; ++c)

@@ -15,7 +15,10 @@ class LayersAhead {
   LayersAhead(const Scene& scene, Scratch& scratch) : scene_(scene), scratch_(scratch) {}
 
   /// The rays of so many paths set out.
-  void begin(size_t paths) { paths_ = paths, generation_ = 0; }
+  void begin(size_t paths) {
+    paths_ = paths;
+    generation_ = 0;
+  }
   /// The next hits of a queue's rays, one a path. All later rays of a path continue its first one.
   void closest(const Queue& queue, const Hits& hits);
 

@@ -37,7 +37,8 @@ struct Accumulator {
 
 void WindowPoints::set(const CameraRays& camera, const RenderPlan& plan, const Tile& tile,
                        uint32_t first, uint32_t count) {
-  first_ = first, count_ = count;
+  first_ = first;
+  count_ = count;
   const double column = plan.region.x0 + tile.x0, row = plan.region.y0 + tile.y0;
   const double* const offsets = plan.pixel_offsets + 2 * size_t(first);
   for (size_t s = 0; s < count; ++s) {
@@ -51,11 +52,13 @@ void WindowPoints::set(const CameraRays& camera, const RenderPlan& plan, const T
 void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* begin,
                    const uint32_t* end, const WindowPoints& points) {
   slots_.assign(begin, end);
-  first_ = points.first(), shift_ = uint32_t(__builtin_ctz(points.count()));
+  first_ = points.first();
+  shift_ = uint32_t(__builtin_ctz(points.count()));
   for (std::vector<double>* v : {&u_, &v_}) v->resize((size() + kPad - 1) / kPad * kPad);
   with_constant(points.count(), [&](auto count) { place_samples<count>(places, points); });
   if (columns_ != film.columns()) sums_ = Columns(columns_ = film.columns());
-  sums_.reserve(kMost), softly_lit_.assign(size(), 0);
+  sums_.reserve(kMost);
+  softly_lit_.assign(size(), 0);
   for (size_t c = 0; c < columns_; ++c) std::fill_n(sums_[c], size(), 0.0);
 }
 
@@ -84,7 +87,8 @@ void Paths::add_noted(double* to, const double* from, const Refinement::Ranges& 
   for (uint32_t slot : slots_) {
     Accumulator accumulator{to[slot], ranges[slot]};
     for (size_t s = 0; s < Count; ++s) accumulator.add(*from++, first_ + s == 0);
-    to[slot] = accumulator.sum, ranges.set(slot, accumulator.range);
+    to[slot] = accumulator.sum;
+    ranges.set(slot, accumulator.range);
   }
 }
 

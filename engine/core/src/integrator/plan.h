@@ -45,8 +45,11 @@ struct RayCounts {
   double tracing = 0;  // seconds in the accelerator
   RayCounts& operator+=(const RayCounts& b) {
     tracing += b.tracing;
-    camera += b.camera, shadow += b.shadow, mirror += b.mirror, refraction += b.refraction,
-        transparent += b.transparent;
+    camera += b.camera;
+    shadow += b.shadow;
+    mirror += b.mirror;
+    refraction += b.refraction;
+    transparent += b.transparent;
     return *this;
   }
 };

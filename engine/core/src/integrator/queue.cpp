@@ -14,8 +14,13 @@ void Queue::reserve(size_t count) {
 void Queue::push(const Ray& ray, const Path& path) {
   const size_t k = size_++;
   reserve(size_);
-  put(kO, k, ray.o), put(kD, k, ray.d), put(kT, k, path.T), put(kStart, k, path.start);
-  columns_[kTMin][k] = ray.t_min, columns_[kTMax][k] = ray.t_max, columns_[kFrom][k] = path.from;
+  put(kO, k, ray.o);
+  put(kD, k, ray.d);
+  put(kT, k, path.T);
+  put(kStart, k, path.start);
+  columns_[kTMin][k] = ray.t_min;
+  columns_[kTMax][k] = ray.t_max;
+  columns_[kFrom][k] = path.from;
   tags_[k] = int64_t(path.slot) | int64_t(path.depth) << RayTag::kDepth |
              int64_t(path.straight) << RayTag::kStraight;
   if (path.wants_data) want_data(k);
@@ -62,7 +67,10 @@ std::vector<Queue> split(const Queue& queue, size_t limit) {
 
 size_t PathCuts::leading(const Queue& queue, const uint32_t* rows, size_t count) {
   if (queue.visibility == kCamera) return count;
-  if (++list_ == 0) seen_.clear(), list_ = 1;
+  if (++list_ == 0) {
+    seen_.clear();
+    list_ = 1;
+  }
   size_t k = 0;
   for (; k < count; ++k) {
     const uint32_t slot = queue.slot(rows[k]);

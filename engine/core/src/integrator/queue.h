@@ -44,7 +44,10 @@ class Queue : public RayLayout {
   }
   uint32_t slot(size_t k) const { return uint32_t(tags_[k]); }
   bool wants_data(size_t k) const { return tags_[k] >> RayTag::kWantsData & 1; }
-  void want_data(size_t k) { tags_[k] |= int64_t(1) << RayTag::kWantsData, numbered_ = 0; }
+  void want_data(size_t k) {
+    tags_[k] |= int64_t(1) << RayTag::kWantsData;
+    numbered_ = 0;
+  }
   Rays rays() const;
   double* column(size_t c) { return columns_[c]; }
   const double* column(size_t c) const { return columns_[c]; }
@@ -60,7 +63,9 @@ class Queue : public RayLayout {
     return {columns_[column][k], columns_[column + 1][k], columns_[column + 2][k]};
   }
   void put(size_t column, size_t k, Vec3d v) {
-    columns_[column][k] = v.x, columns_[column + 1][k] = v.y, columns_[column + 2][k] = v.z;
+    columns_[column][k] = v.x;
+    columns_[column + 1][k] = v.y;
+    columns_[column + 2][k] = v.z;
   }
 
   Columns columns_{kColumns};

@@ -63,8 +63,10 @@ void Tracer::choose(const Tile& tile) {
   tile_ = &tile;
   slots_.set(tile.width(), tile.height());
   if (film_.refinement().on()) film_.refinement().list_active(tile, active_);
-  else if (active_.size() != tile.pixels())
-    active_.resize(tile.pixels()), std::iota(active_.begin(), active_.end(), 0u);
+  else if (active_.size() != tile.pixels()) {
+    active_.resize(tile.pixels());
+    std::iota(active_.begin(), active_.end(), 0u);
+  }
   surely_empty_ = !active_.empty() && !(scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) &&
                   !scene_.sky_program && scene_.accel().surely_empty(frustum(tile));
 }
@@ -89,8 +91,8 @@ uint32_t Tracer::packet_samples(uint32_t samples) const {
 
 /// The queue's camera rays hit nothing, and nobody asks where they lead.
 void Tracer::miss(const Queue& queue) {
-  std::fill_n(batch_.instance.data(), queue.size(), Hit::kNone),
-      std::fill_n(batch_.material.data(), queue.size(), missed(queue));
+  std::fill_n(batch_.instance.data(), queue.size(), Hit::kNone);
+  std::fill_n(batch_.material.data(), queue.size(), missed(queue));
 }
 
 void Tracer::start_paths() {
@@ -101,10 +103,15 @@ void Tracer::start_paths() {
 
 void Tracer::camera_rays() {
   CameraStage stage = camera_.stage();
-  stage.count = paths_.size(), stage.across = paths_.u(), stage.upward = paths_.v();
-  for (size_t k = 0; k < 3; ++k)
-    stage.o[k] = first_.column(Queue::kO + k), stage.d[k] = first_.column(Queue::kD + k);
-  stage.t_min = first_.column(Queue::kTMin), stage.t_max = first_.column(Queue::kTMax);
+  stage.count = paths_.size();
+  stage.across = paths_.u();
+  stage.upward = paths_.v();
+  for (size_t k = 0; k < 3; ++k) {
+    stage.o[k] = first_.column(Queue::kO + k);
+    stage.d[k] = first_.column(Queue::kD + k);
+  }
+  stage.t_min = first_.column(Queue::kTMin);
+  stage.t_max = first_.column(Queue::kTMax);
   stages_.camera(stage);
   camera_.clip(stage);
   const Vec3d eye = camera_.eye();
@@ -126,7 +133,7 @@ uint32_t Tracer::trace_empty(uint32_t first, uint32_t last) {
 /// The samples that `points_` is of, of the slots [begin, end).
 void Tracer::follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first) {
   paths_.choose(film_, slots_, begin, end, points_);
-  batch_.cost = paths_.sums(film_, GLINT_PASS_COST),
+  batch_.cost = paths_.sums(film_, GLINT_PASS_COST);
   batch_.fallbacks = paths_.sums(film_, GLINT_PASS_FALLBACKS);
   batch_.softly_lit = film_.refinement().softly_lit(*tile_, first) ? paths_.softly_lit() : nullptr;
   follow(first);
@@ -162,13 +169,16 @@ void Tracer::follow(uint32_t sample) {
   if (!surely_empty_) camera_rays();
   Queue straight = take(kCamera), bounced = take(kMirror);
   process(first_, sample, straight, bounced);
-  wait(std::move(straight)), wait(std::move(bounced));
+  wait(std::move(straight));
+  wait(std::move(bounced));
   while (!waiting_.empty() && !cancel_) {
     Queue queue = std::move(waiting_.back());
     waiting_.pop_back();
-    straight = take(kCamera), bounced = take(kMirror);
+    straight = take(kCamera);
+    bounced = take(kMirror);
     process(queue, sample, queue.visibility == kCamera ? straight : bounced, bounced);
-    wait(std::move(straight)), wait(std::move(bounced));
+    wait(std::move(straight));
+    wait(std::move(bounced));
     give(std::move(queue));
   }
   waiting_.clear();
@@ -177,7 +187,7 @@ void Tracer::follow(uint32_t sample) {
 void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced) {
   batch_.begin(queue);
   batch_.first_hits =
-      sample == 0 && &queue == &first_ && paths_.is_whole(*tile_) ? first_hits_ : nullptr,
+      sample == 0 && &queue == &first_ && paths_.is_whole(*tile_) ? first_hits_ : nullptr;
   batch_.first_row = tile_->first_row;
   surely_empty_ ? miss(queue) : find_points(queue);
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
@@ -210,12 +220,18 @@ void Tracer::find_hits(const Queue& queue) {
 void Tracer::find_points(const Queue& queue) {
   find_hits(queue);
   SurfaceStage stage{};
-  stage.count = queue.size(), stage.points = batch_.points;
-  for (size_t c = 0; c < 3; ++c)
-    stage.start[c] = queue.column(Queue::kStart + c), stage.d[c] = queue.column(Queue::kD + c);
-  stage.instance = batch_.instance.data(), stage.primitive = batch_.primitive.data(),
-  stage.u = batch_.u.data(), stage.v = batch_.v.data();
-  stage.instances = scene_.instance_shapes.data(), stage.groups = scene_.group_shapes.data();
+  stage.count = queue.size();
+  stage.points = batch_.points;
+  for (size_t c = 0; c < 3; ++c) {
+    stage.start[c] = queue.column(Queue::kStart + c);
+    stage.d[c] = queue.column(Queue::kD + c);
+  }
+  stage.instance = batch_.instance.data();
+  stage.primitive = batch_.primitive.data();
+  stage.u = batch_.u.data();
+  stage.v = batch_.v.data();
+  stage.instances = scene_.instance_shapes.data();
+  stage.groups = scene_.group_shapes.data();
   stage.missed = missed(queue);
   stages_.surface(stage);
   for (size_t k = 0; !scene_.only_meshes && k < queue.size(); ++k) {
@@ -231,17 +247,26 @@ void Tracer::find_points(const Queue& queue) {
 
 void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   ShadeStage stage{};
-  stage.count = queue.size(), stage.material = batch_.material.data(),
+  stage.count = queue.size();
+  stage.material = batch_.material.data();
   stage.terms = scene_.material_terms.data();
-  stage.specular_terms = scene_.specular_terms.data(), stage.max_specular = scene_.max_specular,
+  stage.specular_terms = scene_.specular_terms.data();
+  stage.max_specular = scene_.max_specular;
   stage.sums = batch_.sums;
-  stage.specular_columns = scene_.specular_columns, stage.view_terms = scene_.view_terms.data(),
+  stage.specular_columns = scene_.specular_columns;
+  stage.view_terms = scene_.view_terms.data();
   stage.max_view = scene_.max_view;
-  for (size_t c = 0; c < 3; ++c)
-    stage.n[c] = batch_.points.n[c], stage.d[c] = queue.column(Queue::kD + c);
-  for (size_t c = 0; c < 3; ++c)
-    stage.T[c] = queue.column(Queue::kT + c), stage.diffuse[c] = batch_.diffuse[c];
-  stage.specular = batch_.specular, stage.stride = batch_.stride, stage.lit = batch_.lit.data(),
+  for (size_t c = 0; c < 3; ++c) {
+    stage.n[c] = batch_.points.n[c];
+    stage.d[c] = queue.column(Queue::kD + c);
+  }
+  for (size_t c = 0; c < 3; ++c) {
+    stage.T[c] = queue.column(Queue::kT + c);
+    stage.diffuse[c] = batch_.diffuse[c];
+  }
+  stage.specular = batch_.specular;
+  stage.stride = batch_.stride;
+  stage.lit = batch_.lit.data();
   stage.others = batch_.others.data();
   const size_t others = stages_.shade(stage);
   for (size_t k = 0; (scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) && k < queue.size(); ++k)
@@ -252,9 +277,10 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
     if (batch_.missed(k)) lost[queue.slot(k)] += mean(queue.path(k).T);
   for (size_t i = 0; i < others;) {
     const uint32_t k = batch_.others[i];
-    if (batch_.material[k] == scene_.holdout())
-      shader_.hold_out(batch_, k, film_, pixel(queue, k), lost[queue.slot(k)]), ++i;
-    else if (batch_.material[k] == scene_.surroundings()) i += see_sky(queue, i, others - i);
+    if (batch_.material[k] == scene_.holdout()) {
+      shader_.hold_out(batch_, k, film_, pixel(queue, k), lost[queue.slot(k)]);
+      ++i;
+    } else if (batch_.material[k] == scene_.surroundings()) i += see_sky(queue, i, others - i);
     else i += vary(queue, i, others - i, {straight, bounced});
   }
 }
@@ -268,16 +294,21 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
   stage.tables = scene_.input_tables();
   while (stage.count < count && batch_.material[rows[stage.count]] == batch_.material[rows[0]])
     ++stage.count;
-  stage.rows = rows, stage.instance = batch_.instance.data(),
+  stage.rows = rows;
+  stage.instance = batch_.instance.data();
   stage.primitive = batch_.primitive.data();
-  stage.lobes = scene_.lobe_shapes.data() + material.first_lobe,
-  stage.lobe_count = material.lobe_count, stage.sums = batch_.sums;
+  stage.lobes = scene_.lobe_shapes.data() + material.first_lobe;
+  stage.lobe_count = material.lobe_count;
+  stage.sums = batch_.sums;
   for (size_t c = 0; c < 3; ++c) {
-    stage.T[c] = queue.column(Queue::kT + c), stage.diffuse[c] = batch_.diffuse[c],
+    stage.T[c] = queue.column(Queue::kT + c);
+    stage.diffuse[c] = batch_.diffuse[c];
     stage.ambient[c] = scene_.ambient[int(c)];
-    stage.n[c] = batch_.points.n[c], stage.d[c] = queue.column(Queue::kD + c);
+    stage.n[c] = batch_.points.n[c];
+    stage.d[c] = queue.column(Queue::kD + c);
     if (c < 2) stage.weights[c] = batch_.points.weights[c];
-    stage.x[c] = batch_.points.x[c], stage.g[c] = batch_.points.g[c];
+    stage.x[c] = batch_.points.x[c];
+    stage.g[c] = batch_.points.g[c];
     stage.bent[c] = batch_.points.n[c];
   }
   if (material.program > 0) {
@@ -288,8 +319,10 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.outside = batch_.points.outside;
   }
   stage.specular_columns = scene_.specular_columns;
-  stage.specular = batch_.specular, stage.passing = batch_.passing_columns,
-  stage.stride = batch_.stride, stage.lit = batch_.lit.data();
+  stage.specular = batch_.specular;
+  stage.passing = batch_.passing_columns;
+  stage.stride = batch_.stride;
+  stage.lit = batch_.lit.data();
   stage.passing_rows = batch_.passing_rows.data();
   pass_on(queue, stages_.vary(stage), next);
   for (size_t i = 0; film_.wants_data() && material.passing > 0 && i < stage.count; ++i)
@@ -347,7 +380,8 @@ void Tracer::find_gaps() {
   std::vector<uint32_t> from;
   for (uint32_t k = 0; k < first_.size(); ++k) {
     if (batch_.missed(k) || !paths_.is_first(k)) continue;
-    rays.push_back(first_.ray(k)), from.push_back(k);
+    rays.push_back(first_.ray(k));
+    from.push_back(k);
     rays.back().t_min = beyond(batch_.t[k]);
   }
   std::vector<Hit> hits(rays.size());
@@ -384,10 +418,12 @@ void Tracer::keep(const Queue& queue) {
   const SumColumns& s = batch_.sums;
   keep_part(GLINT_PASS_COMBINED, s.total);
   if (queue.visibility != kCamera) return keep_part(GLINT_PASS_MIRROR, s.total);
-  keep_part(GLINT_PASS_AMBIENT, s.ambient), keep_part(GLINT_PASS_EMISSION, s.emission),
-      keep_part(GLINT_PASS_ENVIRONMENT, s.environment);
-  keep_part(GLINT_PASS_DIFFUSE, s.diffuse), keep_part(GLINT_PASS_SPECULAR, s.specular),
-      keep_part(GLINT_PASS_SHADOW, s.shadow);
+  keep_part(GLINT_PASS_AMBIENT, s.ambient);
+  keep_part(GLINT_PASS_EMISSION, s.emission);
+  keep_part(GLINT_PASS_ENVIRONMENT, s.environment);
+  keep_part(GLINT_PASS_DIFFUSE, s.diffuse);
+  keep_part(GLINT_PASS_SPECULAR, s.specular);
+  keep_part(GLINT_PASS_SHADOW, s.shadow);
 }
 
 void Tracer::publish(const Tile& tile, uint32_t samples) {

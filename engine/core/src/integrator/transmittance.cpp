@@ -12,17 +12,23 @@ TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
     : scene_(scene), stages_(stages), cancel_(cancel), scratch_(scratch) {
   if (!(scene.features & GLINT_FEATURE_TRANSPARENT)) return;
   constexpr size_t kMostLayers = kAtOnce * Layers::kMost, kRows = kMostLayers + kPad;
-  hits_.resize(kMostLayers), layers_.reserve(kMostLayers);
+  hits_.resize(kMostLayers);
+  layers_.reserve(kMostLayers);
   first_of_.resize(scene.materials.size() + 1);
   shares_.reserve(kRows);
   for (std::vector<uint32_t>* v : {&number_, &instance_, &primitive_}) v->resize(kRows);
-  u_.resize(kRows), v_.resize(kRows);
+  u_.resize(kRows);
+  v_.resize(kRows);
   slots_.resize(size_t(scene.most_slots) * kBlock);
   if (!scene.only_meshes && !scene.programs.empty()) solids_.resize(7 * kRows);
   stage_.slots = slots_.data();
-  stage_.tables = scene_.input_tables(), stage_.shapes = scene_.group_shapes.data();
-  stage_.number = number_.data(), stage_.instance = instance_.data(),
-  stage_.primitive = primitive_.data(), stage_.u = u_.data(), stage_.v = v_.data();
+  stage_.tables = scene_.input_tables();
+  stage_.shapes = scene_.group_shapes.data();
+  stage_.number = number_.data();
+  stage_.instance = instance_.data();
+  stage_.primitive = primitive_.data();
+  stage_.u = u_.data();
+  stage_.v = v_.data();
   for (size_t c = 0; c < 3; ++c) stage_.share[c] = shares_[c];
 }
 
@@ -30,11 +36,15 @@ void TransparentShadows::begin(const Batch& batch, const LightStage& light, size
                                double* const (&shadow)[3]) {
   stage_.point = light.point;
   for (size_t c = 0; c < 3; ++c) {
-    stage_.origin[c] = batch.points.origin[c], stage_.to[c] = light.to[c], shadow_[c] = shadow[c];
+    stage_.origin[c] = batch.points.origin[c];
+    stage_.to[c] = light.to[c];
+    shadow_[c] = shadow[c];
     stage_.end[c] = light.shape == kDirection ? nullptr : light.end_out[c];
     std::fill_n(shadow[c], count, 1.0);
   }
-  waiting_.reserve(count), waiting_number_.resize(waiting_.rows()), waiting_count_ = 0;
+  waiting_.reserve(count);
+  waiting_number_.resize(waiting_.rows());
+  waiting_count_ = 0;
 }
 
 void TransparentShadows::trace(const Batch& batch, const LightStage& light, const double* starts,
@@ -70,9 +80,12 @@ void TransparentShadows::follow(const Batch& batch, const LightStage& light, con
 void TransparentShadows::wait(const LightStage& light, uint32_t number, double t_min) {
   const size_t k = waiting_count_++;
   waiting_number_[k] = number;
-  for (size_t c = 0; c < 3; ++c)
-    waiting_[kO + c][k] = light.o[c][number], waiting_[kD + c][k] = light.to[c][number];
-  waiting_[kTMin][k] = t_min, waiting_[kTMax][k] = light.t_max[number];
+  for (size_t c = 0; c < 3; ++c) {
+    waiting_[kO + c][k] = light.o[c][number];
+    waiting_[kD + c][k] = light.to[c][number];
+  }
+  waiting_[kTMin][k] = t_min;
+  waiting_[kTMax][k] = light.t_max[number];
 }
 
 /// The rays that wait, round by round. Those that have to go on wait again, in place of earlier
@@ -110,7 +123,9 @@ void TransparentShadows::pass(const LightStage& light, const Rays& rays, RayCoun
     if (blocked_[k] == 2) set_row(shadow_, ray_number_[k], {});
   }
   if (!dimmed) return;
-  list_layers(rays), sort_layers(), read_shares(rays);
+  list_layers(rays);
+  sort_layers();
+  read_shares(rays);
   for (size_t k = 0; k < rays.count; ++k) multiply(light, k);
 }
 
@@ -142,7 +157,9 @@ void TransparentShadows::sort_layers() {
     const Hit& hit = hits_[layer.hit];
     const uint32_t row = layer.row = first_of_[layer.material]++;
     number_[row] = ray_number_[layer.hit / Layers::kMost];
-    instance_[row] = hit.instance, primitive_[row] = hit.primitive, u_[row] = hit.u,
+    instance_[row] = hit.instance;
+    primitive_[row] = hit.primitive;
+    u_[row] = hit.u;
     v_[row] = hit.v;
   }
 }
@@ -156,7 +173,10 @@ void TransparentShadows::place_solids(const Rays& rays) {
     const Surface s = surface_at(scene_, {rays.o[0][k], rays.o[1][k], rays.o[2][k]},
                                  {rays.d[0][k], rays.d[1][k], rays.d[2][k]}, hit);
     double* solid = solids_.data() + 7 * size_t(layer.row);
-    for (int c = 0; c < 3; ++c) solid[c] = s.x[c], solid[3 + c] = s.g[c];
+    for (int c = 0; c < 3; ++c) {
+      solid[c] = s.x[c];
+      solid[3 + c] = s.g[c];
+    }
     solid[6] = s.outside ? 1 : 0;
   }
 }
@@ -171,8 +191,9 @@ void TransparentShadows::read_shares(const Rays& rays) {
     const size_t end = std::exchange(first_of_[m], 0);
     const Material& material = scene_.materials[m];
     if (material.has(GLINT_TRANSPARENT)) {
-      stage_.first = first, stage_.count = end - first;
-      stage_.lobes = scene_.lobe_shapes.data() + material.first_lobe,
+      stage_.first = first;
+      stage_.count = end - first;
+      stage_.lobes = scene_.lobe_shapes.data() + material.first_lobe;
       stage_.lobe_count = material.lobe_count;
       stage_.program = material.program > 0 ? &scene_.program_of(material) : nullptr;
       stages_.transmit(stage_);

@@ -44,11 +44,17 @@ inline double logarithm(double x) {
   if (!(x > 0)) return x == 0 ? -kInfinity : std::numeric_limits<double>::quiet_NaN();
   if (x == kInfinity) return x;
   int k = 0;
-  if (x < 0x1p-1022) x *= 0x1p54, k = -54;
+  if (x < 0x1p-1022) {
+    x *= 0x1p54;
+    k = -54;
+  }
   uint64_t bits = std::bit_cast<uint64_t>(x);
   k += int(bits >> 52) - 1023;
   double m = std::bit_cast<double>((bits & 0x000fffffffffffffu) | 0x3ff0000000000000u);
-  if (m > 1.41421356237309504880) m *= 0.5, ++k;
+  if (m > 1.41421356237309504880) {
+    m *= 0.5;
+    ++k;
+  }
   static constexpr double c[] = {2.0 / 23, 2.0 / 21, 2.0 / 19, 2.0 / 17, 2.0 / 15, 2.0 / 13,
                                  2.0 / 11, 2.0 / 9,  2.0 / 7,  2.0 / 5,  2.0 / 3};
   double f = m - 1, s = f / (2 + f), s2 = s * s;

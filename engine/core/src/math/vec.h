@@ -131,8 +131,14 @@ struct NormalMatrix {
     if (!(s > 0)) return;
     Vec3d a{m.x.x / s, m.x.y / s, m.x.z / s}, b{m.y.x / s, m.y.y / s, m.y.z / s},
         c{m.z.x / s, m.z.y / s, m.z.z / s};
-    x = cross(b, c), y = cross(c, a), z = cross(a, b);
-    if (dot(a, x) < 0) x = -x, y = -y, z = -z;
+    x = cross(b, c);
+    y = cross(c, a);
+    z = cross(a, b);
+    if (dot(a, x) < 0) {
+      x = -x;
+      y = -y;
+      z = -z;
+    }
   }
   Vec3d operator()(Vec3d n) const { return unit(n.x * x + n.y * y + n.z * z); }
 };

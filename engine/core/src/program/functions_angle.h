@@ -49,7 +49,10 @@ __attribute__((noinline)) inline TurnedLane turned_far(double x) {
   Wide fraction = product << 2 | uint64_t(low) >> 62;
   int64_t turns = int64_t(high >> 62);
   const bool over = fraction >> 127;
-  if (over) fraction = -fraction, ++turns;
+  if (over) {
+    fraction = -fraction;
+    ++turns;
+  }
 
   // Its first 53 bits, and the 53 that follow.
   const int zeros = __builtin_clzll(uint64_t(fraction >> 64) | 1);
@@ -66,7 +69,9 @@ __attribute__((noinline)) inline void turn_far_lanes(Doubles x, Mask far, Turned
   for (size_t k = 0; k < kLanes; ++k) {
     if (!far[k]) continue;
     const TurnedLane lane = turned_far(x[k]);
-    fraction.high[k] = lane.high, fraction.low[k] = lane.low, at.turns[k] = lane.turns;
+    fraction.high[k] = lane.high;
+    fraction.low[k] = lane.low;
+    at.turns[k] = lane.turns;
   }
   const Pair p = exact_product(fraction.high, splat(kRightHigh));
   const Doubles low = p.low + (fraction.high * kRightLow + fraction.low * kRightHigh);

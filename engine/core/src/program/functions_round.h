@@ -20,7 +20,10 @@ __attribute__((noinline)) inline double remainder_far(double x, double y) {
   const auto integer = [](double a, int& exponent) {
     const uint64_t bits = __builtin_bit_cast(uint64_t, a), fraction = bits & 0x000fffffffffffff;
     exponent = int(bits >> 52);
-    if (exponent == 0) return exponent = 1, fraction;
+    if (exponent == 0) {
+      exponent = 1;
+      return fraction;
+    }
     return fraction | 0x0010000000000000;
   };
   int at_x = 0, at_y = 0;

@@ -102,8 +102,10 @@ inline Doubles positive_arc_tangent(Doubles x) {
   Doubles above = x, below = splat(1), high = splat(0), low = splat(0);
   const auto from = [&](double least, Doubles a, Doubles b, double angle, double angle_low) {
     const Mask here = x >= least;
-    above = choose(here, a, above), below = choose(here, b, below);
-    high = choose(here, splat(angle), high), low = choose(here, splat(angle_low), low);
+    above = choose(here, a, above);
+    below = choose(here, b, below);
+    high = choose(here, splat(angle), high);
+    low = choose(here, splat(angle_low), low);
   };
   from(0.4375, 2 * x - 1, 2 + x, 0x1.dac670561bb4fp-2, 0x1.a2b7f222f65e2p-56);
   from(0.6875, x - 1, x + 1, 0x1.921fb54442d18p-1, 0x1.1a62633145c07p-55);

@@ -20,14 +20,18 @@ struct HashState {
       a = (a - c) ^ rotated(c, by);
       c = c + b;
       const Vector last = a;
-      a = b, b = c, c = last;
+      a = b;
+      b = c;
+      c = last;
     }
   }
   Vector finish() {
     for (const int by : {14, 11, 25, 16, 4, 14, 24}) {
       c = (c ^ b) - rotated(b, by);
       const Vector first = a;
-      a = b, b = c, c = first;
+      a = b;
+      b = c;
+      c = first;
     }
     return b;
   }
@@ -41,7 +45,10 @@ inline Vector hash_words(const Vector (&word)[N]) {
   s.a = s.a + word[0];
   if constexpr (N > 1) s.b = s.b + word[1];
   if constexpr (N > 2) s.c = s.c + word[2];
-  if constexpr (N > 3) s.mix(), s.a = s.a + word[3];
+  if constexpr (N > 3) {
+    s.mix();
+    s.a = s.a + word[3];
+  }
   return s.finish();
 }
 

@@ -220,7 +220,8 @@ inline Doubles cell_radius(const NoisePoint<D>& p, const CellSettings& s) {
   each_cell<D>(s, cell, 1, [&](const NoisePoint<D>& offset, const NoisePoint<D>& point) {
     const NoisePoint<D> way = point - local;
     const Doubles d = dot(way, way);
-    nearest = choose(d < least, point, nearest), own = choose(d < least, offset, own);
+    nearest = choose(d < least, point, nearest);
+    own = choose(d < least, offset, own);
     least = smaller(d, least);
   });
   least = splat(kFar);

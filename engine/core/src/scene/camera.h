@@ -31,8 +31,14 @@ class CameraRays {
   /// What the stage needs but for the points that the rays go through.
   CameraStage stage() const {
     CameraStage s{};
-    for (int c = 0; c < 3; ++c) s.u[c] = m_.x[c], s.v[c] = m_.y[c], s.w[c] = m_.z[c];
-    s.scale = scale_, s.clip_start = camera_.clip_start, s.clip_end = camera_.clip_end;
+    for (int c = 0; c < 3; ++c) {
+      s.u[c] = m_.x[c];
+      s.v[c] = m_.y[c];
+      s.w[c] = m_.z[c];
+    }
+    s.scale = scale_;
+    s.clip_start = camera_.clip_start;
+    s.clip_end = camera_.clip_end;
     s.parallel = parallel();
     return s;
   }
@@ -55,7 +61,7 @@ class CameraRays {
     Vec3d origins[4], directions[4];
     for (int j = 0; j < 4; ++j) {
       const Vec3d across = corners[j][0] * m_.x + corners[j][1] * m_.y;
-      origins[j] = parallel() ? scale_ * across + eye_ : eye_,
+      origins[j] = parallel() ? scale_ * across + eye_ : eye_;
       directions[j] = unit(parallel() ? -m_.z : across - m_.z);
     }
     return TileFrustum(origins, directions);

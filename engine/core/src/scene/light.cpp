@@ -38,18 +38,30 @@ Light::Light(const GlintLight& g, const Anchor& anchor) : kind(g.kind), flags(g.
   Affine m = affine(g.world_from_light);
   color = Vec3d{saturate(g.color[0] * g.strength), saturate(g.color[1] * g.strength),
                 saturate(g.color[2] * g.strength)};
-  center = anchor.point(m.t), axis = unit(-m.z);
-  right = 0.5 * anchor.scale * g.size_x * m.x, up = 0.5 * anchor.scale * g.size_y * m.y;
-  radius = anchor.scale * g.radius, scale2 = anchor.scale * anchor.scale;
+  center = anchor.point(m.t);
+  axis = unit(-m.z);
+  right = 0.5 * anchor.scale * g.size_x * m.x;
+  up = 0.5 * anchor.scale * g.size_y * m.y;
+  radius = anchor.scale * g.radius;
+  scale2 = anchor.scale * anchor.scale;
   double alpha = half(g.angle), s = sine(0.5 * alpha);
   versine = 2 * s * s;
-  spot_cosine = cosine(half(g.spot_size)), spot_blend = g.spot_blend;
+  spot_cosine = cosine(half(g.spot_size));
+  spot_blend = g.spot_blend;
   double shape = 0;  // the c / shape of the visible radiance
   if (is_dome()) extended = true;
-  if (kind == GLINT_SUN) extended = alpha > 0, shape = kPi * sine(alpha) * sine(alpha);
-  if (kind == GLINT_AREA) extended = g.size_x > 0 || g.size_y > 0, shape = kPi * area_of(g);
-  if (kind == GLINT_POINT_LIGHT || kind == GLINT_SPOT)
-    extended = g.radius > 0, shape = 4 * kPi * kPi * g.radius * g.radius;
+  if (kind == GLINT_SUN) {
+    extended = alpha > 0;
+    shape = kPi * sine(alpha) * sine(alpha);
+  }
+  if (kind == GLINT_AREA) {
+    extended = g.size_x > 0 || g.size_y > 0;
+    shape = kPi * area_of(g);
+  }
+  if (kind == GLINT_POINT_LIGHT || kind == GLINT_SPOT) {
+    extended = g.radius > 0;
+    shape = 4 * kPi * kPi * g.radius * g.radius;
+  }
   if (shape > 0)
     seen = Vec3d{saturate(color.x / shape), saturate(color.y / shape), saturate(color.z / shape)};
 }
@@ -76,12 +88,23 @@ LightShape Light::shape(bool soft, bool physical) const {
 }
 
 void Light::set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const {
-  stage.shape = kSky, stage.physical = true, stage.spot = false,
-  stage.casts_shadow = casts_shadow(), stage.factor = 1, stage.share = count, stage.versine = 0,
-  stage.spread = p.drawn[6], stage.dome = p.dome;
-  for (int c = 0; c < 3; ++c)
-    stage.l[c] = p.drawn[c], stage.color[c] = p.drawn[3 + c], stage.center[c] = 0;
-  stage.least_near = 0, stage.least = kLeastSky, stage.draws = stage.most_exponent >= kLeastSky;
+  stage.shape = kSky;
+  stage.physical = true;
+  stage.spot = false;
+  stage.casts_shadow = casts_shadow();
+  stage.factor = 1;
+  stage.share = count;
+  stage.versine = 0;
+  stage.spread = p.drawn[6];
+  stage.dome = p.dome;
+  for (int c = 0; c < 3; ++c) {
+    stage.l[c] = p.drawn[c];
+    stage.color[c] = p.drawn[3 + c];
+    stage.center[c] = 0;
+  }
+  stage.least_near = 0;
+  stage.least = kLeastSky;
+  stage.draws = stage.most_exponent >= kLeastSky;
   set_place(stage, p);
 }
 
@@ -91,16 +114,27 @@ void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool phy
   const LightPoint q = soft ? p : LightPoint{};
   const Vec3d l = soft && kind == GLINT_SUN ? in_cone(-axis, versine, p) : -axis;
   const Vec3d end = center + (ellipse ? q.x : q.a) * right + (ellipse ? q.y : q.b) * up;
-  stage.shape = shape(soft, physical), stage.physical = physical, stage.spot = kind == GLINT_SPOT,
+  stage.shape = shape(soft, physical);
+  stage.physical = physical;
+  stage.spot = kind == GLINT_SPOT;
   stage.casts_shadow = casts_shadow();
   stage.factor = physical ? (soft ? 2 / (2 - versine) : 1) / kPi : 1;
-  for (int c = 0; c < 3; ++c)
-    stage.l[c] = l[c], stage.end[c] = end[c], stage.center[c] = center[c], stage.axis[c] = axis[c],
+  for (int c = 0; c < 3; ++c) {
+    stage.l[c] = l[c];
+    stage.end[c] = end[c];
+    stage.center[c] = center[c];
+    stage.axis[c] = axis[c];
     stage.color[c] = color[c];
-  stage.radius = radius, stage.scale2 = scale2, stage.spot_cosine = spot_cosine,
+  }
+  stage.radius = radius;
+  stage.scale2 = scale2;
+  stage.spot_cosine = spot_cosine;
   stage.spot_width = (1 - spot_cosine) * spot_blend;
-  stage.x = q.x, stage.y = q.y, stage.share = soft ? count : 1;
-  stage.versine = versine, stage.spread = 2 * kPi * stage.versine;
+  stage.x = q.x;
+  stage.y = q.y;
+  stage.share = soft ? count : 1;
+  stage.versine = versine;
+  stage.spread = 2 * kPi * stage.versine;
   if (stage.shape == kRectangleSource) set_rectangle(stage, q);
   set_lobes(stage, q, soft);
 }
@@ -110,11 +144,13 @@ void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool phy
 void Light::set_lobes(LightStage& stage, const LightPoint& q, bool soft) const {
   const double x = length(right), y = length(up);
   const bool ellipse = flags & GLINT_ELLIPSE;
-  stage.ellipse = ellipse,
+  stage.ellipse = ellipse;
   stage.area = kind == GLINT_AREA ? (ellipse ? kPi : 4) * x * y : kPi * radius * radius;
-  for (int c = 0; c < 3; ++c)
-    stage.across[c] = right[c] / (x * x), stage.upward[c] = up[c] / (y * y);
-  stage.least_near = endless() ? 0 : 8 * kPi / stage.area,
+  for (int c = 0; c < 3; ++c) {
+    stage.across[c] = right[c] / (x * x);
+    stage.upward[c] = up[c] / (y * y);
+  }
+  stage.least_near = endless() ? 0 : 8 * kPi / stage.area;
   stage.least = endless() ? 4 / versine - 1 : 3;
   stage.draws = soft && (endless() || stage.area > 0) && stage.most_exponent >= stage.least;
   set_place(stage, q);
@@ -123,16 +159,24 @@ void Light::set_lobes(LightStage& stage, const LightPoint& q, bool soft) const {
 /// Where in lobes directions are drawn.
 void Light::set_place(LightStage& stage, const LightPoint& q) const {
   const double r2 = q.x * q.x + q.y * q.y, r = std::sqrt(r2);
-  stage.radius2 = r2, stage.azimuth[0] = r > 0 ? q.x / r : 1,
+  stage.radius2 = r2;
+  stage.azimuth[0] = r > 0 ? q.x / r : 1;
   stage.azimuth[1] = r > 0 ? q.y / r : 0;
 }
 
 void Light::set_rectangle(LightStage& stage, const LightPoint& q) const {
   const double x = length(right), y = length(up), size = std::sqrt(x * x + y * y);
-  stage.factor = scale2 / (4 * kPi * kPi * x * y), stage.a = q.a, stage.b = q.b;
-  stage.size = size, stage.half[0] = x / size, stage.half[1] = y / size,
+  stage.factor = scale2 / (4 * kPi * kPi * x * y);
+  stage.a = q.a;
+  stage.b = q.b;
+  stage.size = size;
+  stage.half[0] = x / size;
+  stage.half[1] = y / size;
   stage.near2 = kNear * kNear * size * size;
-  for (int c = 0; c < 3; ++c) stage.right[c] = right[c] / x, stage.up[c] = up[c] / y;
+  for (int c = 0; c < 3; ++c) {
+    stage.right[c] = right[c] / x;
+    stage.up[c] = up[c] / y;
+  }
 }
 
 bool Light::is_cut(Vec3d x, Vec3d n) const {

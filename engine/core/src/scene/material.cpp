@@ -30,8 +30,10 @@ Rgba image_at(const Scene& scene, uint32_t i, const Surface& s, PointReads& read
   for (uint32_t k = 0; k < reads.count; ++k)
     if (reads.number[k] == number) return reads.color[k];
   const Rgba color = read_image(scene, scene.inputs[i], s);
-  if (reads.count < PointReads::kKept)
-    reads.color[reads.count] = color, reads.number[reads.count++] = number;
+  if (reads.count < PointReads::kKept) {
+    reads.color[reads.count] = color;
+    reads.number[reads.count++] = number;
+  }
   return color;
 }
 
@@ -63,11 +65,14 @@ std::vector<double> run_at(const Scene& scene, const Material& material, const S
   const ProgramShape& program = scene.program_of(material);
   const auto points = std::make_unique<ProgramPoints>();
   for (size_t k = 0; k < kPad; ++k) {
-    points->instance[k] = s.instance, points->primitive[k] = s.primitive;
+    points->instance[k] = s.instance;
+    points->primitive[k] = s.primitive;
     points->outside[k] = s.outside ? -1 : 0;
     for (int c = 0; c < 3; ++c) {
       points->weights[c][k] = s.weights[c];
-      points->x[c][k] = s.x[c], points->g[c][k] = s.g[c], points->n[c][k] = s.n[c];
+      points->x[c][k] = s.x[c];
+      points->g[c][k] = s.g[c];
+      points->n[c][k] = s.n[c];
       points->d[c][k] = d[c];
     }
   }
@@ -97,7 +102,10 @@ Vec3d transparency(const Scene& scene, const Material& material, const Surface& 
   PointReads reads;
   if (!material.has(GLINT_TRANSPARENT)) return sum;
   std::vector<double> slots;
-  if (material.program > 0) slots = run_at(scene, material, s, d, kind), reads.slots = slots.data();
+  if (material.program > 0) {
+    slots = run_at(scene, material, s, d, kind);
+    reads.slots = slots.data();
+  }
   for (uint32_t i = 0; i < material.lobe_count; ++i) {
     const Lobe& lobe = scene.lobes[material.first_lobe + i];
     if (lobe.kind == GLINT_TRANSPARENT) sum += coefficient(scene, lobe, s, reads);

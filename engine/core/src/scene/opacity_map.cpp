@@ -119,7 +119,8 @@ OpacityMaps::OpacityMaps(const Scene& scene) : scene_(scene) {
   std::vector<uint8_t> of_groups;
   for (const Looks& group : of_group_) of_groups.push_back(of_group(group));
   for (const Placement& p : scene.placements) of_instance_.push_back(of_groups[p.group]);
-  view_.of_instance = of_instance_.data(), view_.maps = this;
+  view_.of_instance = of_instance_.data();
+  view_.maps = this;
   view_.at = [](const void* maps, uint32_t instance, uint32_t primitive, double u, double v) {
     return static_cast<const OpacityMaps*>(maps)->at(instance, primitive, u, v);
   };
@@ -128,21 +129,27 @@ OpacityMaps::OpacityMaps(const Scene& scene) : scene_(scene) {
 OpacityMaps::Known OpacityMaps::known(uint32_t m) {
   const Material& material = scene_.materials[m];
   Known found;
-  if (!material.has(GLINT_TRANSPARENT)) return found.always = Opacity::kSolid, found;
+  if (!material.has(GLINT_TRANSPARENT)) {
+    found.always = Opacity::kSolid;
+    return found;
+  }
   for (uint32_t l = material.first_lobe; l < material.first_lobe + material.lobe_count; ++l) {
     const Lobe& lobe = scene_.lobes[l];
     for (uint32_t i = lobe.first_input;
          lobe.kind == GLINT_TRANSPARENT && i < lobe.first_input + lobe.input_count; ++i) {
       const GlintInput& input = scene_.inputs[i];
       if (input.texture < 0) continue;
-      found.at_zero = where(m, i, 0), found.at_one = where(m, i, 1);
+      found.at_zero = where(m, i, 0);
+      found.at_one = where(m, i, 1);
       if (found.at_zero == Opacity::kVaried && found.at_one == Opacity::kVaried) continue;
       const bool of_alpha = input.channel == GLINT_ALPHA;
       found.map = &maps_
                        .try_emplace({input.texture, of_alpha},
                                     scene_.texture_shapes[size_t(input.texture)], of_alpha)
                        .first->second;
-      return found.always = Opacity::kMapped, found.input = &input, found;
+      found.always = Opacity::kMapped;
+      found.input = &input;
+      return found;
     }
   }
   return found;
@@ -157,8 +164,10 @@ uint8_t OpacityMaps::where(uint32_t m, uint32_t input, double reading) const {
     const Lobe& lobe = scene_.lobes[l];
     Vec3d k;
     const bool sure = product(lobe, input, reading, k);
-    if (lobe.kind == GLINT_TRANSPARENT) passes += k, all = all && sure;
-    else nothing_else = nothing_else && sure && !any(k);
+    if (lobe.kind == GLINT_TRANSPARENT) {
+      passes += k;
+      all = all && sure;
+    } else nothing_else = nothing_else && sure && !any(k);
   }
   if (all && nothing_else && passes.x == 1 && passes.y == 1 && passes.z == 1)
     return Opacity::kClear;
@@ -168,7 +177,10 @@ uint8_t OpacityMaps::where(uint32_t m, uint32_t input, double reading) const {
 
 /// A lobe's coefficient there; false where it depends on something else.
 bool OpacityMaps::product(const Lobe& lobe, uint32_t input, double reading, Vec3d& k) const {
-  if (lobe.constant) return k = lobe.k, true;
+  if (lobe.constant) {
+    k = lobe.k;
+    return true;
+  }
   bool all = true;
   k = {1, 1, 1};
   for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i) {
@@ -181,7 +193,10 @@ bool OpacityMaps::product(const Lobe& lobe, uint32_t input, double reading, Vec3
     }
     const Vec3d value = zero ? Vec3d{} : finite_or_zero({in.value[0], in.value[1], in.value[2]});
     const Vec3d factor = of_product(in, value);
-    if (!any(factor)) return k = {}, true;
+    if (!any(factor)) {
+      k = {};
+      return true;
+    }
     k = k * factor;
   }
   return all;
@@ -198,12 +213,17 @@ OpacityMaps::Look OpacityMaps::look(const GlintInstances& group, uint32_t materi
   a = std::find_if(a, end, [&](const GlintAttribute& b) {
     return known.input->uv < 0 ? b.channels == 2 : b.name == known.input->uv;
   });
-  if (a == end || a->channels < 2 || a->domain == GLINT_FACE)
-    return known.always = Opacity::kVaried, known.input = nullptr, found;
+  if (a == end || a->channels < 2 || a->domain == GLINT_FACE) {
+    known.always = Opacity::kVaried;
+    known.input = nullptr;
+    return found;
+  }
   for (uint8_t* kind : {&known.at_zero, &known.at_one})
     if (*kind == Opacity::kClear && group.flags & GLINT_HOLDOUT) *kind = Opacity::kVaried;
   found.rows = a->domain == GLINT_CORNER ? geometry.corners : geometry.triangles;
-  return found.values = a->values, found.channels = a->channels, found;
+  found.values = a->values;
+  found.channels = a->channels;
+  return found;
 }
 
 void OpacityMaps::add_looks(const GlintInstances& group) {
@@ -241,7 +261,7 @@ uint8_t OpacityMaps::at(uint32_t instance, uint32_t primitive, double u, double 
   double at[2], off[2];
   for (int c = 0; c < 2; ++c) {
     const double q = corner[1][c] - corner[0][c], r = corner[2][c] - corner[0][c];
-    at[c] = corner[0][c] + u * q + v * r,
+    at[c] = corner[0][c] + u * q + v * r;
     off[c] = kOff * (std::fabs(q) + std::fabs(r)) * known.map->size(c) + kOff;
     if (!(off[c] < kMostOff && std::fabs(at[c]) < kFarOut)) return Opacity::kVaried;
   }

@@ -19,7 +19,8 @@ Extent extent_of(const GlintGeometry& geometry) {
                   geometry.vertices[3 * i + 2]});
     double r = geometry.radii ? geometry.radii[i] : 0;
     if (!finite(p) || !std::isfinite(r)) continue;
-    box.grow(p - Vec3d{r, r, r}), box.grow(p + Vec3d{r, r, r});
+    box.grow(p - Vec3d{r, r, r});
+    box.grow(p + Vec3d{r, r, r});
   }
   return box;
 }
@@ -132,7 +133,9 @@ void Scene::share_trees(const Scene& base, bool exact) {
   if (!same_placements(base)) return;
   std::lock_guard lock(base.build_mutex_);
   if (!base.accel_ || (exact && !base.exact_)) return;
-  accel_ = base.accel_, exact_ = base.exact_, earlier_ = {};
+  accel_ = base.accel_;
+  exact_ = base.exact_;
+  earlier_ = {};
   const auto same = [](const GlintGeometry& a, const GlintGeometry& b) {
     return a.normals.values == b.normals.values && a.normals.domain == b.normals.domain &&
            a.corners == b.corners;
@@ -153,7 +156,8 @@ std::shared_ptr<FirstHitCache> Scene::first_hits(const RenderPlan& plan, const F
 }
 
 void Scene::copy_tables(const GlintSceneData& data) {
-  ambient = finite_color(data.ambient), background = finite_color(data.background);
+  ambient = finite_color(data.ambient);
+  background = finite_color(data.background);
   transparent_film = data.transparent != 0;
   copy(geometries, data.geometries, data.geometry_count);
   copy(attributes, data.attributes, data.attribute_count);
@@ -185,7 +189,8 @@ void Scene::place_instances(const Scene* base) {
       const bool good = stands(base, placements.size() - 1) ||
                         (finite(m) && finite(m.t - anchor.origin) && !no_rank(m));
       if (!good) {
-        placements.pop_back(), ++dropped_instances;
+        placements.pop_back();
+        ++dropped_instances;
         continue;
       }
       if (geometry.kind == GLINT_MESH) triangles += geometry.primitive_count;
@@ -199,10 +204,12 @@ void Scene::set_program_view() {
   const Vec3d axes[3] = {m.x, m.y, m.z};
   ProgramView& view = program_view;
   for (int c = 0; c < 3; ++c) {
-    view.origin[c] = anchor.origin[c], view.eye[c] = m.t[c];
+    view.origin[c] = anchor.origin[c];
+    view.eye[c] = m.t[c];
     for (int k = 0; k < 3; ++k) view.axes[k][c] = axes[k][c];
   }
-  view.scale = anchor.scale, view.parallel = camera.kind == GLINT_ORTHOGRAPHIC;
+  view.scale = anchor.scale;
+  view.parallel = camera.kind == GLINT_ORTHOGRAPHIC;
   std::copy_n(camera.window, 4, view.window);
   view.step = 0.1 * length(m.x) * (camera.window[1] - camera.window[0]) / camera.width;
 }
@@ -276,15 +283,19 @@ void Scene::shape_groups() {
   for (const GlintInstances& group : groups) {
     const GlintGeometry& g = geometries[group.geometry];
     GroupShape shape{};
-    if (g.kind == GLINT_MESH)
-      shape.vertices = g.vertices, shape.triangles = g.triangles, shape.normals = g.normals.values;
+    if (g.kind == GLINT_MESH) {
+      shape.vertices = g.vertices;
+      shape.triangles = g.triangles;
+      shape.normals = g.normals.values;
+    }
     shape.normal_rows = g.normals.domain == GLINT_CORNER ? g.corners : g.triangles;
     shape.material = group.material_count > 0 ? material_slots[group.first_material]
                                               : uint32_t(materials.size() - 1);
     if (group.flags & GLINT_HOLDOUT) shape.material = holdout();
-    if (g.material_slots && group.material_count > 1 && !(group.flags & GLINT_HOLDOUT))
-      shape.slots = g.material_slots,
+    if (g.material_slots && group.material_count > 1 && !(group.flags & GLINT_HOLDOUT)) {
+      shape.slots = g.material_slots;
       shape.materials = material_slots.data() + group.first_material;
+    }
     shape.material_count = group.material_count;
     only_meshes = only_meshes && g.kind == GLINT_MESH;
     group_shapes.push_back(shape);
@@ -340,7 +351,10 @@ bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& ca
   auto start = std::chrono::steady_clock::now();
   accel_ =
       Accel::build(geometry_views(), instance_views(), threads, cancel, quality, earlier_.trees);
-  if (accel_) exact_ = !earlier_.trees.accel || earlier_.trees.exact, earlier_ = {};
+  if (accel_) {
+    exact_ = !earlier_.trees.accel || earlier_.trees.exact;
+    earlier_ = {};
+  }
   build_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return accel_ != nullptr;
 }

@@ -62,7 +62,10 @@ bool same_attributes(const GlintSceneData& data, const GlintGeometry& g, const S
 /// Low and high corner; low above high for nothing.
 struct Extent {
   Vec3d low{HUGE_VAL, HUGE_VAL, HUGE_VAL}, high{-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
-  void grow(Vec3d p) { low = min(low, p), high = max(high, p); }
+  void grow(Vec3d p) {
+    low = min(low, p);
+    high = max(high, p);
+  }
   bool empty() const { return !(low.x <= high.x); }
 };
 

@@ -7,7 +7,11 @@
 namespace glint {
 namespace {
 
-void add_to(double (&sum)[3], Vec3d c) { sum[0] += c.x, sum[1] += c.y, sum[2] += c.z; }
+void add_to(double (&sum)[3], Vec3d c) {
+  sum[0] += c.x;
+  sum[1] += c.y;
+  sum[2] += c.z;
+}
 
 /// A lobe as a row of ViewTerm.
 void fold_view(const Lobe& lobe, Vec3d ambient, double* row) {
@@ -27,13 +31,17 @@ struct Rows {
 /// Adds a lobe to the terms of its material.
 void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
   terms.others |= !lobe.constant;
-  if (depends_on_view(lobe))
-    return fold_view(lobe, ambient, rows.view), void(rows.view += ViewTerm::kColumns);
+  if (depends_on_view(lobe)) {
+    fold_view(lobe, ambient, rows.view);
+    return void(rows.view += ViewTerm::kColumns);
+  }
   switch (lobe.kind) {
     case GLINT_AMBIENT:
-      return add_to(terms.ambient, lobe.k * ambient), add_to(terms.glow, lobe.k * ambient);
+      add_to(terms.ambient, lobe.k * ambient);
+      return add_to(terms.glow, lobe.k * ambient);
     case GLINT_EMISSION:
-      return add_to(terms.emission, lobe.k), add_to(terms.glow, lobe.k);
+      add_to(terms.emission, lobe.k);
+      return add_to(terms.glow, lobe.k);
     case GLINT_DIFFUSE:
       return add_to(terms.diffuse, lobe.k);
     case GLINT_SPECULAR:
@@ -43,7 +51,8 @@ void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
         rows.specular[SpecularTerm::kMasking] = lobe.masking * lobe.masking;
         rows.specular[SpecularTerm::kFresnel] = SpecularTerm::fresnel(lobe.fresnel, lobe.ior);
       }
-      return void(rows.specular += rows.columns);
+      rows.specular += rows.columns;
+      return;
     default:
       terms.others |= any(lobe.k);
   }
@@ -75,9 +84,10 @@ void Scene::copy_programs(const GlintSceneData& data) {
                         program_tables_.data() + g.first_table, g.slots});
     most_slots = std::max(most_slots, g.slots);
   }
-  if (data.world_program > 0)
-    sky_program = &programs[size_t(data.world_program - 1)],
+  if (data.world_program > 0) {
+    sky_program = &programs[size_t(data.world_program - 1)];
     sky_slot = size_t(data.world_slot) * kBlock;
+  }
   for (int k = 0; k < 3; ++k)
     sky_axes[k] = {data.world_axes[3 * k], data.world_axes[3 * k + 1], data.world_axes[3 * k + 2]};
 }
@@ -90,7 +100,10 @@ void Scene::compile_materials(const GlintSceneData& data) {
   materials.push_back({uint32_t(lobes.size()), 2, 0});
   for (int kind : {GLINT_DIFFUSE, GLINT_AMBIENT})
     lobes.push_back({kind, 0, true, 0, 1, 0, 0, 0, {0.8, 0.8, 0.8}});
-  for (Material& material : materials) compare_lobes(material), number_reads(material);
+  for (Material& material : materials) {
+    compare_lobes(material);
+    number_reads(material);
+  }
 }
 
 /// AMBIENT lobes of a world that gives them nothing are left out.
@@ -112,14 +125,18 @@ void Scene::add_lobe(const GlintLobe& g) {
   for (uint32_t k = 0; k < g.input_count; ++k)
     varies = varies || depends_on_surface(inputs[g.first_input + k]);
   PointReads none;
-  if (!varies) lobe.k = coefficient(*this, lobe, Surface{}, none), lobe.constant = true;
+  if (!varies) {
+    lobe.k = coefficient(*this, lobe, Surface{}, none);
+    lobe.constant = true;
+  }
   lobes.push_back(lobe);
 }
 
 void Scene::compare_lobes(Material& material) {
   for (uint32_t k = 0; k < material.lobe_count; ++k) {
     const Lobe& lobe = lobes[material.first_lobe + k];
-    material.kinds |= 1u << lobe.kind, material.specular_count += lobe.kind == GLINT_SPECULAR;
+    material.kinds |= 1u << lobe.kind;
+    material.specular_count += lobe.kind == GLINT_SPECULAR;
     if (lobe.kind == GLINT_SPECULAR) most_exponent = std::max(most_exponent, lobe.exponent);
     material.view_count += depends_on_view(lobe);
     if (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel))
@@ -128,7 +145,7 @@ void Scene::compare_lobes(Material& material) {
       lobes[material.first_lobe + k].like_last =
           same_inputs(material.first_lobe + k - 1, material.first_lobe + k);
   }
-  max_specular = std::max(max_specular, material.specular_count),
+  max_specular = std::max(max_specular, material.specular_count);
   max_view = std::max(max_view, material.view_count);
 }
 
@@ -164,8 +181,8 @@ bool Scene::same_inputs(size_t a, size_t b) const {
 void Scene::fold_materials() {
   const size_t specular = size_t(specular_columns) * size_t(max_specular),
                view = ViewTerm::kColumns * size_t(max_view);
-  specular_terms.assign(specular * (materials.size() + 3), 0.0),
-      view_terms.assign(view * (materials.size() + 3), 0.0);
+  specular_terms.assign(specular * (materials.size() + 3), 0.0);
+  view_terms.assign(view * (materials.size() + 3), 0.0);
   for (size_t m = 0; m < materials.size(); ++m) {
     MaterialTerms terms{};
     Rows rows{specular_terms.data() + specular * m, specular_columns, view_terms.data() + view * m};
@@ -174,17 +191,20 @@ void Scene::fold_materials() {
     terms.view_count = uint32_t(materials[m].view_count);
     terms.others |= materials[m].normal > 0;
     if (terms.others) {
-      terms = MaterialTerms{}, terms.others = 1;
-      std::fill_n(specular_terms.data() + specular * m, specular, 0.0),
-          std::fill_n(view_terms.data() + view * m, view, 0.0);
+      terms = MaterialTerms{};
+      terms.others = 1;
+      std::fill_n(specular_terms.data() + specular * m, specular, 0.0);
+      std::fill_n(view_terms.data() + view * m, view, 0.0);
     }
     material_terms.push_back(terms);
   }
   MaterialTerms around{}, none{}, hole{};
   for (int c = 0; c < 3 && !sky_program; ++c)
     around.glow[c] = around.environment[c] = background[c];
-  around.others = sky_program != nullptr, around.unlit = !sky_program;
-  hole.others = 1, none.unlit = 1;
+  around.others = sky_program != nullptr;
+  around.unlit = !sky_program;
+  hole.others = 1;
+  none.unlit = 1;
   material_terms.insert(material_terms.end(), {around, none, hole});
 }
 

@@ -25,17 +25,28 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.shown = plan.region = {g.region[0], g.region[1], g.region[2], g.region[3]};
   const bool refines = g.error_threshold > 0 || g.passes >> GLINT_PASS_ERROR & 1;
   if (refines && g.samples >= Refinement::kFirst) plan.region = widened(plan.shown, camera);
-  plan.error_threshold = g.error_threshold, plan.cutoff = g.cutoff;
-  plan.samples = g.samples, plan.light_samples = g.light_samples, plan.max_bounces = g.max_bounces,
+  plan.error_threshold = g.error_threshold;
+  plan.cutoff = g.cutoff;
+  plan.samples = g.samples;
+  plan.light_samples = g.light_samples;
+  plan.max_bounces = g.max_bounces;
   plan.passes = g.passes;
-  plan.unseen = g.waves == GLINT_WAVES_UNSEEN, plan.hold_waves = g.waves == GLINT_WAVES_HELD;
-  plan.threads = threads_for(g.threads), plan.quality = BuildQuality(g.acceleration);
-  plan.physical = g.illumination == GLINT_PHYSICAL, plan.remember = g.remember != 0;
-  plan.pixel_offsets = g.pixel_offsets, plan.light_square = g.light_square,
-  plan.light_disc = g.light_disc, plan.dome_samples = std::max(g.dome_samples, 1u),
-  plan.dome_table = g.dome_table, plan.dome.cells = g.dome_cells;
-  plan.dome.rows = g.dome_rows, plan.dome.columns = g.dome_columns;
-  plan.dome.irradiance = g.dome_irradiance, plan.dome.irradiance_rows = g.dome_irradiance_rows,
+  plan.unseen = g.waves == GLINT_WAVES_UNSEEN;
+  plan.hold_waves = g.waves == GLINT_WAVES_HELD;
+  plan.threads = threads_for(g.threads);
+  plan.quality = BuildQuality(g.acceleration);
+  plan.physical = g.illumination == GLINT_PHYSICAL;
+  plan.remember = g.remember != 0;
+  plan.pixel_offsets = g.pixel_offsets;
+  plan.light_square = g.light_square;
+  plan.light_disc = g.light_disc;
+  plan.dome_samples = std::max(g.dome_samples, 1u);
+  plan.dome_table = g.dome_table;
+  plan.dome.cells = g.dome_cells;
+  plan.dome.rows = g.dome_rows;
+  plan.dome.columns = g.dome_columns;
+  plan.dome.irradiance = g.dome_irradiance;
+  plan.dome.irradiance_rows = g.dome_irradiance_rows;
   plan.dome.irradiance_columns = g.dome_irradiance_columns;
   for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
   return plan;
@@ -106,7 +117,10 @@ void Job::enter(int state) {
 void Job::fail(const char* what) {
   cancel_ = true;
   std::lock_guard lock(mutex_);
-  if (!ended()) state_ = GLINT_FAILED, error_ = what;
+  if (!ended()) {
+    state_ = GLINT_FAILED;
+    error_ = what;
+  }
   changed_.notify_all();
 }
 
@@ -205,7 +219,8 @@ void Job::end_wave(uint32_t samples, double seconds) {
   }
   if (complete && samples == plan_.samples)
     film_.forget_sums();  // before anybody who looks at the picture needs room
-  trace_seconds_ += seconds, rays_ = {};
+  trace_seconds_ += seconds;
+  rays_ = {};
   for (const auto& tracer : tracers_) rays_ += tracer->counts();
   if (complete) publish(samples, lock);
 }
@@ -276,16 +291,24 @@ GlintStats Job::stats() {
   std::lock_guard lock(mutex_);
   GlintStats s{};
   s.trace_seconds = trace_seconds_;
-  s.triangles = scene_.triangles, s.instances = scene_.placements.size(),
+  s.triangles = scene_.triangles;
+  s.instances = scene_.placements.size();
   s.primitives = scene_.primitives;
-  s.dropped_instances = scene_.dropped_instances, s.dropped_lights = scene_.dropped_lights;
-  s.features = scene_.features, s.threads = uint32_t(plan_.threads);
-  s.camera_rays = rays_.camera, s.shadow_rays = rays_.shadow, s.mirror_rays = rays_.mirror;
-  s.refraction_rays = rays_.refraction, s.transparent_rays = rays_.transparent;
+  s.dropped_instances = scene_.dropped_instances;
+  s.dropped_lights = scene_.dropped_lights;
+  s.features = scene_.features;
+  s.threads = uint32_t(plan_.threads);
+  s.camera_rays = rays_.camera;
+  s.shadow_rays = rays_.shadow;
+  s.mirror_rays = rays_.mirror;
+  s.refraction_rays = rays_.refraction;
+  s.transparent_rays = rays_.transparent;
   if (!built_) return s;
   s.build_seconds = scene_.build_seconds;
   AccelStats tree = scene_.accel().stats();
-  s.tree_bytes = tree.bytes, s.tree_nodes = tree.nodes, s.dropped_primitives = tree.dropped;
+  s.tree_bytes = tree.bytes;
+  s.tree_nodes = tree.nodes;
+  s.dropped_primitives = tree.dropped;
   return s;
 }
 

@@ -30,7 +30,10 @@ void ThreadPool::run(size_t count, const std::function<void(size_t)>& body) {
     return;
   }
   std::unique_lock lock(mutex_);
-  body_ = &body, count_ = count, busy_ = threads_.size(), ++round_;
+  body_ = &body;
+  count_ = count;
+  busy_ = threads_.size();
+  ++round_;
   next_.store(0, std::memory_order_relaxed);
   lock.unlock();
   wake_.notify_all();

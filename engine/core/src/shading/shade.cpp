@@ -13,12 +13,20 @@ constexpr uint32_t kMaxStraight = 128;  // surfaces in a row that dim a transpar
 /// What a stage reads of a batch's points and of the rays that arrived there.
 PassStage stage_of(const Batch& batch) {
   PassStage stage{};
-  stage.from = batch.queue->column(0), stage.from_stride = batch.queue->stride(),
+  stage.from = batch.queue->column(0);
+  stage.from_stride = batch.queue->stride();
   stage.from_tags = batch.queue->tags();
   const PointColumns& p = batch.points;
-  for (size_t c = 0; c < 3; ++c) stage.x[c] = p.x[c], stage.g[c] = p.g[c], stage.n[c] = p.n[c];
-  stage.t = batch.t, stage.offset = p.offset, stage.outside = p.outside;
-  stage.passing = batch.passing_columns, stage.passing_stride = batch.stride;
+  for (size_t c = 0; c < 3; ++c) {
+    stage.x[c] = p.x[c];
+    stage.g[c] = p.g[c];
+    stage.n[c] = p.n[c];
+  }
+  stage.t = batch.t;
+  stage.offset = p.offset;
+  stage.outside = p.outside;
+  stage.passing = batch.passing_columns;
+  stage.passing_stride = batch.stride;
   return stage;
 }
 
@@ -28,17 +36,21 @@ void Shader::pass_on(const Batch& batch, const uint32_t* rows, size_t count, con
                      RayCounts& counts) const {
   const Material& material = scene_.materials[batch.material[rows[0]]];
   PassStage stage = stage_of(batch);
-  stage.rows = rows, stage.count = count;
-  stage.lobes = scene_.lobe_shapes.data() + material.first_lobe,
+  stage.rows = rows;
+  stage.count = count;
+  stage.lobes = scene_.lobe_shapes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
-  stage.max_bounces = plan_.max_bounces, stage.max_straight = kMaxStraight,
+  stage.max_bounces = plan_.max_bounces;
+  stage.max_straight = kMaxStraight;
   stage.cutoff = plan_.cutoff;
   next.bounced.reserve(next.bounced.size() + count * size_t(material.passing));
   if (&next.straight != &next.bounced) next.straight.reserve(next.straight.size() + count);
-  stage.straight = next.straight.end(), stage.bounced = next.bounced.end();
+  stage.straight = next.straight.end();
+  stage.bounced = next.bounced.end();
   const PassedRays passed = stages_.pass(stage);
-  counts.refraction += passed.refraction, counts.mirror += passed.mirror,
-      counts.transparent += passed.transparent;
+  counts.refraction += passed.refraction;
+  counts.mirror += passed.mirror;
+  counts.transparent += passed.transparent;
 }
 
 void Shader::record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {

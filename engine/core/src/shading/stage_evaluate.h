@@ -11,7 +11,8 @@ namespace {
 
 inline OnMesh on_mesh(const EvaluateStage& s, const Chosen& at) {
   OnMesh p;
-  p.weights[1] = gather(s.weights[0], at), p.weights[2] = gather(s.weights[1], at);
+  p.weights[1] = gather(s.weights[0], at);
+  p.weights[2] = gather(s.weights[1], at);
   p.weights[0] = 1 - p.weights[1] - p.weights[2];
   find_primitives(
       s.tables, [&](size_t lane) { return s.instance[at.row[lane]]; },

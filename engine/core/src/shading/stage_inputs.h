@@ -21,9 +21,10 @@ struct OnMesh {
 template <class Instance, class Primitive>
 inline void find_primitives(const InputTables& s, Instance instance, Primitive primitive,
                             OnMesh& p) {
-  for (size_t lane = 0; lane < kLanes; ++lane)
-    p.geometry[lane] = s.geometries + s.groups[s.instances[instance(lane)].group].geometry,
+  for (size_t lane = 0; lane < kLanes; ++lane) {
+    p.geometry[lane] = s.geometries + s.groups[s.instances[instance(lane)].group].geometry;
     p.primitive[lane] = primitive(lane);
+  }
   bool one = same(p.primitive);
   for (size_t lane = 1; one && lane < kLanes; ++lane) one = p.geometry[lane] == p.geometry[0];
   p.different = one ? 1 : kLanes;
@@ -152,7 +153,8 @@ struct Texels {
     if (t.extension != GLINT_CLIP) return;
     for (size_t lane = 0; lane < kLanes; ++lane) {
       const bool out = column[lane] < 0 || row[lane] < 0;
-      inside[lane] = out ? 0 : -1, at[lane] = out ? 0 : at[lane];
+      inside[lane] = out ? 0 : -1;
+      at[lane] = out ? 0 : at[lane];
     }
   }
 };
@@ -198,7 +200,10 @@ class Recent {
     for (uint32_t k = 0; k < count_; ++k)
       if (number_[k] == number) return value_[k];
     const Three value = read();
-    if (count_ < kMost) value_[count_] = value, number_[count_++] = number;
+    if (count_ < kMost) {
+      value_[count_] = value;
+      number_[count_++] = number;
+    }
     return value;
   }
 

@@ -252,7 +252,7 @@ inline Sample rectangle_at(const LightStage& s, const Three& p, const Three& l) 
   const SeenRectangle r(s, p);
   if (!any(r.large & at.good)) return at;
   const Doubles solid_angle = r.seen.solid_angle();
-  at.factor = choose(r.large, solid_angle * s.factor, at.factor),
+  at.factor = choose(r.large, solid_angle * s.factor, at.factor);
   at.spread = choose(r.large, solid_angle, at.spread);
   return at;
 }
@@ -299,7 +299,7 @@ struct Term {
   Doubles exponent;
   Term(const LightStage& s, size_t at, int number) {
     const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + at;
-    k = {load(column), load(column + s.stride), load(column + 2 * s.stride)},
+    k = {load(column), load(column + s.stride), load(column + 2 * s.stride)};
     exponent = load(column + SpecularTerm::kExponent * s.stride);
   }
   Doubles weight(const Narrow& narrow) const {
@@ -336,7 +336,10 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
   for (int number = 0; number < s.max_specular; ++number) {
     const Term term(s, k, number);
     if (!any(nonzero(term.k))) continue;
-    if (bits(term.exponent != exponent)) exponent = term.exponent, power = highlight(at, exponent);
+    if (bits(term.exponent != exponent)) {
+      exponent = term.exponent;
+      power = highlight(at, exponent);
+    }
     Doubles factor = power;
     if (s.specular_columns == SpecularTerm::kShaped) {
       const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
@@ -375,7 +378,7 @@ inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& n
     const Term term(s, k, number);
     const Doubles part = term.part(narrow);
     const Mask here = (part > 0) & (at >= before);
-    rest = choose(here, (at - before) / part, rest),
+    rest = choose(here, (at - before) / part, rest);
     exponent = choose(here, term.exponent, exponent);
     before = before + part;
   }
@@ -405,7 +408,10 @@ inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample,
                   offset * load3(s.d, k);
   append(s.o, o);
   if (s.end_out[0]) append(s.end_out, sample.end);
-  if (endless) return append(s.to, sample.l), append(s.t_max, splat(__builtin_inf()));
+  if (endless) {
+    append(s.to, sample.l);
+    return append(s.t_max, splat(__builtin_inf()));
+  }
   const Way to = way(sample.end - o);
   append(s.to, to.d);
   append(s.t_max, to.length - rounding(larger(max_abs(sample.end), max_abs(o))));
@@ -473,7 +479,9 @@ size_t gloss_from(const LightStage& s) {
     Three color = splat3(s.color);
     if constexpr (Shape == kSky) {
       const SkyCell cell = sky_cell(*s.dome, at.l);
-      color = cell.color, at.spread = cell.spread, at.factor = at.factor * cell.spread;
+      color = cell.color;
+      at.spread = cell.spread;
+      at.factor = at.factor * cell.spread;
     }
     const Doubles cosine = dot(n, at.l);
     const Mask reached = lit & drawn.good & at.good & (cosine > 0);
@@ -550,8 +558,9 @@ void sum_parts(const LightParts& s) {
                 full = diffuse + specular;
     const Doubles open = each_lane([&](size_t lane) { return s.blocked[k + lane] ? 0.0 : 1.0; });
     const Three lit = full * (s.shadow[0] ? load3(s.shadow, k) : Three{open, open, open});
-    add(s.sums.total, at, lit), add(s.sums.diffuse, at, diffuse),
-        add(s.sums.specular, at, specular);
+    add(s.sums.total, at, lit);
+    add(s.sums.diffuse, at, diffuse);
+    add(s.sums.specular, at, specular);
     add(s.sums.shadow, at, lit - full);
   }
 }

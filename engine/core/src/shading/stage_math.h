@@ -58,7 +58,8 @@ class Gloss {
     if (bits(masking2 != masking2_)) {
       const Doubles rest = 1 - masking2, down = nl_ * root(masking2 + rest * nv_ * nv_) +
                                                 nv_ * root(masking2 + rest * nl_ * nl_);
-      masking2_ = masking2, masking_ = choose(masking2 > 0, 2 * nl_ / down, splat(1));
+      masking2_ = masking2;
+      masking_ = choose(masking2 > 0, 2 * nl_ / down, splat(1));
     }
     const uint32_t schlick = bits(fresnel < 0), dielectric = bits(fresnel > 0);
     Doubles result = masking_;

@@ -84,10 +84,13 @@ inline size_t bounce(const PassStage& s, const Chosen& at, const Arriving& ray, 
   const NewRays add(s.bounced, lanes);
   const Three x = gather3(s.x, at);
   const Doubles offset = gather(s.offset, at);
-  add(RayLayout::kO, x + choose(dot(ray.g, d) < 0, -offset, offset) * ray.g), add(RayLayout::kD, d);
-  add(RayLayout::kT, T), add(RayLayout::kStart, x);
-  add(RayLayout::kTMin, splat(0)), add(RayLayout::kTMax, splat(__builtin_inf())),
-      add(RayLayout::kFrom, splat(0));
+  add(RayLayout::kO, x + choose(dot(ray.g, d) < 0, -offset, offset) * ray.g);
+  add(RayLayout::kD, d);
+  add(RayLayout::kT, T);
+  add(RayLayout::kStart, x);
+  add(RayLayout::kTMin, splat(0));
+  add(RayLayout::kTMax, splat(__builtin_inf()));
+  add(RayLayout::kFrom, splat(0));
   add.tag((tag & int64_t(0xffffffff)) | depth << RayTag::kDepth);
   return add.count();
 }
@@ -149,8 +152,10 @@ inline size_t go_on(const PassStage& s, const Chosen& at, const Three& k) {
   for (size_t c = 0; c < RayLayout::kT; ++c) keep(c);
   for (size_t c = RayLayout::kStart; c < RayLayout::kTMin; ++c) keep(c);
   const Doubles t = gather(s.t, at);
-  add(RayLayout::kT, T), add(RayLayout::kTMin, beyond(t)), keep(RayLayout::kTMax),
-      add(RayLayout::kFrom, t);
+  add(RayLayout::kT, T);
+  add(RayLayout::kTMin, beyond(t));
+  keep(RayLayout::kTMax);
+  add(RayLayout::kFrom, t);
   const Mask kept = tag & ((int64_t(1) << RayTag::kWantsData) - 1);
   const Mask dimmed = (k.x != 1) | (k.y != 1) | (k.z != 1);
   add.tag((kept + (dimmed & int64_t(1) << RayTag::kStraight)) | wants_data);

@@ -51,7 +51,8 @@ inline Turn turn_by(Doubles angle) {
           v = a2 * polynomial(versine, a2);  // v: 1 - cosine, which keeps its last digits
   for (int k = 0; k < 3; ++k) {
     const Doubles double_s = 2 * (s * (1 - v));
-    v = 2 * (s * s), s = double_s;
+    v = 2 * (s * s);
+    s = double_s;
   }
   return {1 - v, s};
 }

@@ -41,11 +41,14 @@ inline void scatter(double* column, const Chosen& at, Doubles v) {
   for (size_t lane = 0; lane < at.count; ++lane) column[at.row[lane]] = v[lane];
 }
 inline void scatter3(double* const (&columns)[3], const Chosen& at, const Three& v) {
-  scatter(columns[0], at, v.x), scatter(columns[1], at, v.y), scatter(columns[2], at, v.z);
+  scatter(columns[0], at, v.x);
+  scatter(columns[1], at, v.y);
+  scatter(columns[2], at, v.z);
 }
 inline void scatter3(double* column, size_t stride, const Chosen& at, const Three& v) {
-  scatter(column, at, v.x), scatter(column + stride, at, v.y),
-      scatter(column + 2 * stride, at, v.z);
+  scatter(column, at, v.x);
+  scatter(column + stride, at, v.y);
+  scatter(column + 2 * stride, at, v.z);
 }
 
 /// Numbers of some lanes go to the end of columns.
@@ -60,11 +63,15 @@ struct Appender {
   }
   __attribute__((always_inline)) void operator()(double* const (&columns)[3],
                                                  const Three& v) const {
-    (*this)(columns[0], v.x), (*this)(columns[1], v.y), (*this)(columns[2], v.z);
+    (*this)(columns[0], v.x);
+    (*this)(columns[1], v.y);
+    (*this)(columns[2], v.z);
   }
   __attribute__((always_inline)) void operator()(double* column, size_t stride,
                                                  const Three& v) const {
-    (*this)(column, v.x), (*this)(column + stride, v.y), (*this)(column + 2 * stride, v.z);
+    (*this)(column, v.x);
+    (*this)(column + stride, v.y);
+    (*this)(column + 2 * stride, v.z);
   }
   void number(uint32_t* column, uint32_t first) const {
     size_t to = at;

@@ -96,7 +96,9 @@ inline Mask store_specular(const ShadeStage& s, size_t k, const Three& T, const 
     const size_t at = size_t(s.specular_columns * term);
     double* column = s.specular + at * s.stride + k;
     const Three Tk = T * gather3(rows, rows.specular, at);
-    store(column, Tk.x), store(column + s.stride, Tk.y), store(column + 2 * s.stride, Tk.z);
+    store(column, Tk.x);
+    store(column + s.stride, Tk.y);
+    store(column + 2 * s.stride, Tk.z);
     for (int c = SpecularTerm::kExponent; c < s.specular_columns; ++c)
       store(column + size_t(c) * s.stride, gather(rows, rows.specular, at + size_t(c)));
     lit |= nonzero(Tk);
@@ -111,10 +113,12 @@ size_t shade(const ShadeStage& s) {
     look_up(s, k, rows);
     const Three T = load3(s.T, k);
     store3(s.sums.total, k, T * gather3(rows, &MaterialTerms::glow));
-    store_part(s.sums.ambient, k, T, rows, &MaterialTerms::ambient),
-        store_part(s.sums.emission, k, T, rows, &MaterialTerms::emission);
+    store_part(s.sums.ambient, k, T, rows, &MaterialTerms::ambient);
+    store_part(s.sums.emission, k, T, rows, &MaterialTerms::emission);
     store_part(s.sums.environment, k, T, rows, &MaterialTerms::environment);
-    clear_part(s.sums.diffuse, k), clear_part(s.sums.specular, k), clear_part(s.sums.shadow, k);
+    clear_part(s.sums.diffuse, k);
+    clear_part(s.sums.specular, k);
+    clear_part(s.sums.shadow, k);
     if (rows.same && rows.of[0]->unlit) {
       store(s.lit + k, Mask{});
       continue;

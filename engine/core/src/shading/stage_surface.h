@@ -27,7 +27,9 @@ inline void gather_rows(const float* values, const uint32_t* rows, size_t lane,
                         float (&out)[9][kLanes]) {
   for (size_t v = 0; v < 3; ++v) {
     const float* p = values + 3 * size_t(rows[v]);
-    out[3 * v][lane] = p[0], out[3 * v + 1][lane] = p[1], out[3 * v + 2][lane] = p[2];
+    out[3 * v][lane] = p[0];
+    out[3 * v + 1][lane] = p[1];
+    out[3 * v + 2][lane] = p[2];
   }
 }
 
@@ -44,7 +46,8 @@ inline bool look_up(const SurfaceStage& s, size_t k, Gathered& at) {
     if (!group.triangles) continue;
     if (first == kLanes) first = lane;
     s.points.material[k + lane] = material_of(group, primitive);
-    at.on_mesh |= 1u << lane, at.instance[lane] = &shape;
+    at.on_mesh |= 1u << lane;
+    at.instance[lane] = &shape;
     at.same_instance = at.same_instance && &shape == at.instance[first];
     gather_rows(group.vertices, group.triangles + 3 * size_t(primitive), lane, at.corners);
     if (!group.normals) continue;
@@ -92,14 +95,16 @@ struct Matrices {
   Doubles mirror;
   explicit Matrices(const InstanceShape& shape) {
     const double *p = shape.m, *q = shape.normal;
-    m = {splat3(p), splat3(p + 3), splat3(p + 6)}, t = splat3(p + 9),
+    m = {splat3(p), splat3(p + 3), splat3(p + 6)};
+    t = splat3(p + 9);
     normal = {splat3(q), splat3(q + 3), splat3(q + 6)};
     mirror = splat(shape.mirrors ? -1.0 : 1.0);
   }
   /// After spread_matrices.
   explicit Matrices(const Gathered& at) {
-    m = {rows3(at.m), rows3(at.m + 3), rows3(at.m + 6)}, t = rows3(at.m + 9);
-    normal = {rows3(at.normal), rows3(at.normal + 3), rows3(at.normal + 6)},
+    m = {rows3(at.m), rows3(at.m + 3), rows3(at.m + 6)};
+    t = rows3(at.m + 9);
+    normal = {rows3(at.normal), rows3(at.normal + 3), rows3(at.normal + 6)};
     mirror = load(at.mirror);
   }
 };
@@ -130,7 +135,10 @@ struct Face : Spread {
   }
   void bend(const Three (&n)[3]) {
     smooth = true;
-    for (int k = 0; k < 3; ++k) normals[k] = n[k], upright[k] = unit(normal * n[k]);
+    for (int k = 0; k < 3; ++k) {
+      normals[k] = n[k];
+      upright[k] = unit(normal * n[k]);
+    }
   }
 };
 
@@ -145,8 +153,10 @@ inline Weights solve_weights(const Three& o, const Three& d, const Spread& face,
   const Doubles f = 1 / dot(face.e1, q);
   Doubles u = f * dot(s, q), v = f * dot(d, cross(s, face.e1));
   const Mask good = (magnitude(u - hit_u) <= 1e-3) & (magnitude(v - hit_v) <= 1e-3);
-  u = choose(good, u, hit_u), v = choose(good, v, hit_v);
-  u = smaller(larger(u, splat(0)), splat(1)), v = smaller(larger(v, splat(0)), 1 - u);
+  u = choose(good, u, hit_u);
+  v = choose(good, v, hit_v);
+  u = smaller(larger(u, splat(0)), splat(1));
+  v = smaller(larger(v, splat(0)), 1 - u);
   return {1 - u - v, u, v};
 }
 
@@ -188,16 +198,20 @@ inline void place_group(const SurfaceStage& s, size_t k, const Face& face) {
   const Doubles side = choose(outside, splat(1), splat(-1));
   g = side * g;
   const PointColumns& p = s.points;
-  store3(p.x, k, x), store3(p.g, k, g);
+  store3(p.x, k, x);
+  store3(p.g, k, g);
   if (face.smooth) {
     const Three blended = unit(face.normal * blend(b, face.normals));
-    store3(p.n, k, choose(nonzero(blended), side * blended, g)),
-        store3(p.origin, k, shadow_origin(x, g, face, b, side));
+    store3(p.n, k, choose(nonzero(blended), side * blended, g));
+    store3(p.origin, k, shadow_origin(x, g, face, b, side));
   } else if (p.n[0] != p.g[0]) {
-    store3(p.n, k, g), store3(p.origin, k, x);
+    store3(p.n, k, g);
+    store3(p.origin, k, x);
   }
   store(p.offset + k, face.offset);
-  store(p.weights[0] + k, b.b), store(p.weights[1] + k, b.c), store(p.outside + k, outside);
+  store(p.weights[0] + k, b.b);
+  store(p.weights[1] + k, b.c);
+  store(p.outside + k, outside);
 }
 
 /// The face of a group whose lanes may be on different triangles.
@@ -228,8 +242,10 @@ struct Known {
     if (i == instance && p == primitive) return;
     const InstanceShape& shape = s.instances[i];
     const GroupShape& group = s.groups[shape.group];
-    face = face_of(shape, group, p), material = material_of(group, p);
-    instance = i, primitive = p;
+    face = face_of(shape, group, p);
+    material = material_of(group, p);
+    instance = i;
+    primitive = p;
   }
 };
 
@@ -250,7 +266,8 @@ void surface(const SurfaceStage& s) {
       set_material(s, k, s.missed);
     } else if (alike && same(s.primitive + k) && on_one_mesh(s, instance)) {
       known.look_up(s, instance, primitive);
-      set_material(s, k, known.material), place_group(s, k, known.face);
+      set_material(s, k, known.material);
+      place_group(s, k, known.face);
     } else {
       Gathered at;
       if (look_up(s, k, at)) place_group(s, k, face_of(at));

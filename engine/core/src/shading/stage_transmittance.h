@@ -15,7 +15,8 @@ struct Met {
   Met(const TransmittanceStage& s, size_t k, size_t count) {
     for (size_t lane = 0; lane < kLanes; ++lane) {
       const size_t row = lane < count ? k + lane : k;
-      instance[lane] = s.instance[row], primitive[lane] = s.primitive[row];
+      instance[lane] = s.instance[row];
+      primitive[lane] = s.primitive[row];
     }
     together = same(instance) && same(primitive);
   }
@@ -79,7 +80,9 @@ inline OnMesh on_mesh(const TransmittanceStage& s, size_t k, const Chosen& ray, 
   const Weights b =
       solve_weights(from.origin, from.d, triangles(s, at), load(s.u + k), load(s.v + k));
   OnMesh p;
-  p.weights[0] = b.a, p.weights[1] = b.b, p.weights[2] = b.c;
+  p.weights[0] = b.a;
+  p.weights[1] = b.b;
+  p.weights[2] = b.c;
   find_primitives(
       s.tables, [&](size_t lane) { return at.instance[lane]; },
       [&](size_t lane) { return at.primitive[lane]; }, p);
@@ -183,8 +186,9 @@ void transmit(const TransmittanceStage& s) {
     if (!alike) p = on_mesh(s, k, ray, Met(s, k, ray.count));
     if (s.program) p.slots = s.slots + in_block;
     const Three share = transparency(s, p);
-    store(s.share[0] + k, clamped_share(share.x)), store(s.share[1] + k, clamped_share(share.y)),
-        store(s.share[2] + k, clamped_share(share.z));
+    store(s.share[0] + k, clamped_share(share.x));
+    store(s.share[1] + k, clamped_share(share.y));
+    store(s.share[2] + k, clamped_share(share.z));
   }
 }
 

@@ -20,7 +20,7 @@ struct Line {
 bool to_object(const Affine& m, const Line& ray, Vec3d& o, Vec3d& d) {
   Vec3d x = cross(m.y, m.z), y = cross(m.z, m.x), z = cross(m.x, m.y), p = ray.o - m.t;
   double f = 1 / dot(m.x, x);
-  o = f * Vec3d{dot(x, p), dot(y, p), dot(z, p)},
+  o = f * Vec3d{dot(x, p), dot(y, p), dot(z, p)};
   d = f * Vec3d{dot(x, ray.d), dot(y, ray.d), dot(z, ray.d)};
   return finite(o) && finite(d);
 }
@@ -42,8 +42,10 @@ void place_on_sphere(const Affine& m, const NormalMatrix& to_world, const GlintG
   Vec3d center = vertex(geometry, hit.primitive), o, d, n{0, 0, 1};
   double radius = geometry.radii[hit.primitive];
   s.x = ray.o + hit.t * ray.d;
-  if (to_object(m, ray, o, d))
-    n = on_sphere(o, d, hit.t, center, radius), s.x = point(m, center + radius * n);
+  if (to_object(m, ray, o, d)) {
+    n = on_sphere(o, d, hit.t, center, radius);
+    s.x = point(m, center + radius * n);
+  }
   s.g = to_world(n);
   s.offset =
       rounding(max_abs(point(m, center)) + radius * (max_abs(m.x) + max_abs(m.y) + max_abs(m.z)));
@@ -57,7 +59,8 @@ Vec3d newell(const Affine& m, const GlintGeometry& geometry, size_t primitive, V
   Vec3d sum, last;
   for (size_t k = begin; k < end; ++k) {
     Vec3d p = vertex(geometry, geometry.indices[k]), e = p - first;
-    sum += cross(last, e), last = e;
+    sum += cross(last, e);
+    last = e;
     reach = std::max(reach, max_abs(point(m, p)));
   }
   return sum;
@@ -112,7 +115,8 @@ Rows rows_of(const Scene& scene, const Surface& s, const GlintAttribute& attribu
 Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
   const Line ray{o, d};
   Surface s;
-  s.instance = hit.instance, s.primitive = hit.primitive;
+  s.instance = hit.instance;
+  s.primitive = hit.primitive;
   const GlintGeometry& geometry = scene.geometry(scene.group(hit.instance));
   const Affine m = scene.matrix(hit.instance);
   const NormalMatrix to_world = scene.normal_matrix(hit.instance);
@@ -120,7 +124,10 @@ Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
   else place_on_polygon(m, to_world, geometry, ray, hit, s);
   s.n = s.g;
   s.outside = dot(s.g, d) <= 0;
-  if (!s.outside) s.g = -s.g, s.n = -s.n;
+  if (!s.outside) {
+    s.g = -s.g;
+    s.n = -s.n;
+  }
   return s;
 }
 

@@ -146,7 +146,9 @@ inline Three load3(const double* const (&p)[3], size_t k) {
   return {load(p[0] + k), load(p[1] + k), load(p[2] + k)};
 }
 inline void store3(double* const (&p)[3], size_t k, const Three& v) {
-  store(p[0] + k, v.x), store(p[1] + k, v.y), store(p[2] + k, v.z);
+  store(p[0] + k, v.x);
+  store(p[1] + k, v.y);
+  store(p[2] + k, v.z);
 }
 inline Three splat3(const double* p) { return {splat(p[0]), splat(p[1]), splat(p[2])}; }
 inline Three operator+(const Three& a, const Three& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }

@@ -30,8 +30,10 @@ struct Splitter {
     for (const Ref *p = left, *end = refs + r.end; p != end; ++p) {
       const Ref ref = *p;
       const bool is_left = map.below(ref, split.axis, split.bin);
-      *left = ref, *right = ref;
-      left += is_left, right += !is_left;
+      *left = ref;
+      *right = ref;
+      left += is_left;
+      right += !is_left;
     }
     std::copy(scratch + r.begin, right, left);
     return size_t(left - refs);
@@ -63,7 +65,10 @@ struct Splitter {
   }
   /// False, with the range as it was, when a range that may be a leaf has no useful split.
   bool split(const Range& r, int depth, Range& a, Range& b) {
-    if (r.count() == 2 && r.weight > options.max_leaf) return split_at(r, r.begin + 1, a, b), true;
+    if (r.count() == 2 && r.weight > options.max_leaf) {
+      split_at(r, r.begin + 1, a, b);
+      return true;
+    }
     const Box centroids = centroid_box(refs + r.begin, refs + r.end);
     const BinMap map(centroids, r.count());
     Split best;
@@ -133,8 +138,10 @@ struct NodeMaker {
         area[k] = -1;
         continue;
       }
-      children[k] = a, children[count] = b;
-      area[k] = half_area(a.box), area[count] = half_area(b.box);
+      children[k] = a;
+      children[count] = b;
+      area[k] = half_area(a.box);
+      area[count] = half_area(b.box);
       ++count;
     }
     return count;
@@ -228,7 +235,8 @@ class TreeMaker {
     for (const Task& t : small_) total += t.range.weight;
     for (size_t k = 0; k < small_.size(); ++k) {
       if (open == 0) batches_.push_back({k, k, {}, {}});
-      open += small_[k].range.weight, batches_.back().last = k + 1;
+      open += small_[k].range.weight;
+      batches_.back().last = k + 1;
       if (open > total / 64) open = 0;
     }
     pool_.run(batches_.size(), [&](size_t k) { fill(batches_[k]); });

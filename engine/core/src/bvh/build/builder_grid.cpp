@@ -30,7 +30,9 @@ class Grid {
     for (; bits_ < bits; ++bits_) {
       const int axis = longest(side, halvings);
       if (axis < 0) break;
-      axis_of[bits_] = axis, ++halvings[axis], side[axis] *= 0.5f;
+      axis_of[bits_] = axis;
+      ++halvings[axis];
+      side[axis] *= 0.5f;
     }
     for (int k = 0; k < 3; ++k) {
       const int cells = 1 << halvings[k];
@@ -119,7 +121,8 @@ std::vector<size_t> sort_by_cell(const Ref* refs, Ref* scratch, const Grid& grid
     counts[g].assign(grid.cells(), 0);
     for (size_t k = parts.first(g); k < parts.first(g + 1); ++k) {
       const uint32_t c = grid(refs[k]);
-      cell[k - parts.begin] = uint16_t(c), ++counts[g][c];
+      cell[k - parts.begin] = uint16_t(c);
+      ++counts[g][c];
     }
   });
   std::vector<size_t> start(grid.cells() + 1);
@@ -128,7 +131,8 @@ std::vector<size_t> sort_by_cell(const Ref* refs, Ref* scratch, const Grid& grid
     start[c] = at;
     for (auto& part : counts) {
       const uint32_t n = part[c];
-      part[c] = uint32_t(at - parts.begin), at += n;
+      part[c] = uint32_t(at - parts.begin);
+      at += n;
     }
   }
   start.back() = at;
@@ -150,8 +154,8 @@ void gather(const std::vector<size_t>& start, uint32_t first, uint32_t count, si
     clusters.push_back({{}, uint32_t(start[first]), {}, uint32_t(refs)});
     return;
   }
-  gather(start, first, count / 2, limit, clusters),
-      gather(start, first + count / 2, count / 2, limit, clusters);
+  gather(start, first, count / 2, limit, clusters);
+  gather(start, first + count / 2, count / 2, limit, clusters);
 }
 
 /// body(c) for every cluster, in pieces shared by the pool.

@@ -40,7 +40,7 @@ Ref half_of(const Ref& r, const Vec3d (&corner)[3], int axis, double at, bool ab
   for (int k = 0; k < 3; ++k) {
     const double room = 0x1p-22 * std::max(std::fabs(box.lo[k]), std::fabs(box.hi[k])) +
                         double(std::numeric_limits<float>::denorm_min());
-    half.lo[k] = std::max(r.lo[k], float(box.lo[k] - room)),
+    half.lo[k] = std::max(r.lo[k], float(box.lo[k] - room));
     half.hi[k] = std::min(r.hi[k], float(box.hi[k] + room));
   }
   if (above) half.lo[axis] = std::max(r.lo[axis], float(at));
@@ -79,7 +79,8 @@ struct SpaceBins {
 
   void add(Ref r, const Planes& planes, const CornersOf& corners) {
     const int from = planes.bin(r.lo[planes.axis]), to = planes.bin(r.hi[planes.axis]);
-    ++first[from], ++last[to];
+    ++first[from];
+    ++last[to];
     if (from < to) {
       Vec3d corner[3];
       corners(r, corner);
@@ -94,11 +95,16 @@ struct SpaceBins {
   void best(const Planes& planes, SpaceSplit& best) const {
     Box right_box[kSpaceBins], box_here;
     size_t right[kSpaceBins], count = 0;
-    for (int b = kSpaceBins - 1; b > 0; --b)
-      box_here.add(box[b]), right_box[b] = box_here, right[b] = count += last[b];
-    box_here = {}, count = 0;
+    for (int b = kSpaceBins - 1; b > 0; --b) {
+      box_here.add(box[b]);
+      right_box[b] = box_here;
+      right[b] = count += last[b];
+    }
+    box_here = {};
+    count = 0;
     for (int b = 1; b < kSpaceBins; ++b) {
-      box_here.add(box[b - 1]), count += first[b - 1];
+      box_here.add(box[b - 1]);
+      count += first[b - 1];
       if (count == 0 || right[b] == 0) continue;
       const float cost =
           float(half_area(box_here) * double(count) + half_area(right_box[b]) * double(right[b]));
@@ -168,7 +174,10 @@ class Maker {
     for (int k; children.size() < kWidth && (k = largest(children, whole)) >= 0;) {
       Part a, b;
       if (!split(children[size_t(k)], depth, a, b)) whole[size_t(k)] = true;
-      else children[size_t(k)] = std::move(a), children.push_back(std::move(b));
+      else {
+        children[size_t(k)] = std::move(a);
+        children.push_back(std::move(b));
+      }
     }
   }
   int largest(const std::vector<Part>& children, const std::vector<bool>& whole) const {
@@ -197,7 +206,8 @@ class Maker {
     else return false;
     const double left = double(a.refs.size()), right = double(b.refs.size());
     const double spare = part.spare - (left + right - double(part.refs.size()));
-    a.spare = spare * left / (left + right), b.spare = spare * right / (left + right);
+    a.spare = spare * left / (left + right);
+    b.spare = spare * right / (left + right);
     return true;
   }
 
@@ -236,7 +246,8 @@ class Maker {
       const bool is_left = r.lo[space.axis]<space.at, is_right = r.hi[space.axis]> space.at;
       if (is_left && is_right) {
         Box wide_left = space.left_box, wide_right = space.right_box;
-        wide_left.add(box_of(r)), wide_right.add(box_of(r));
+        wide_left.add(box_of(r));
+        wide_right.add(box_of(r));
         const double both = left_area * left + right_area * right;
         const double all_left = half_area(wide_left) * left + right_area * (right - 1);
         const double all_right = left_area * (left - 1) + half_area(wide_right) * right;
@@ -244,13 +255,22 @@ class Maker {
           add_halves(r, space, a, b);
           continue;
         }
-        if (all_left < all_right) add(a, r), right -= 1;
-        else add(b, r), left -= 1;
+        if (all_left < all_right) {
+          add(a, r);
+          right -= 1;
+        } else {
+          add(b, r);
+          left -= 1;
+        }
       } else {
         add(is_left ? a : b, r);
       }
     }
-    if (a.refs.empty() || b.refs.empty()) a = Part{}, b = Part{}, halve(part, a, b);
+    if (a.refs.empty() || b.refs.empty()) {
+      a = Part{};
+      b = Part{};
+      halve(part, a, b);
+    }
   }
   void add_halves(const Ref& r, const SpaceSplit& space, Part& a, Part& b) const {
     Vec3d corner[3];
@@ -269,7 +289,10 @@ class Maker {
     const size_t half = part.refs.size() / 2;
     for (size_t k = 0; k < part.refs.size(); ++k) add(k < half ? a : b, part.refs[k]);
   }
-  static void add(Part& part, const Ref& r) { part.refs.push_back(r), part.box.add(box_of(r)); }
+  static void add(Part& part, const Ref& r) {
+    part.refs.push_back(r);
+    part.box.add(box_of(r));
+  }
 
   const CornersOf& corners_;
   const BuildOptions& options_;
@@ -285,8 +308,10 @@ NodeTree join(Maker& top, std::vector<Maker>& makers, const std::vector<ChildRef
   size_t nodes = top.nodes.size(), leaves = top.leaves.size();
   std::vector<size_t> first_node, first_leaf;
   for (const Maker& m : makers) {
-    first_node.push_back(nodes), first_leaf.push_back(leaves);
-    nodes += m.nodes.size(), leaves += m.leaves.size();
+    first_node.push_back(nodes);
+    first_leaf.push_back(leaves);
+    nodes += m.nodes.size();
+    leaves += m.leaves.size();
   }
   if (leaves > size_t(kOrdinal)) throw std::bad_alloc();
   const auto moved = [&](ChildRef c, size_t k) {

@@ -57,7 +57,10 @@ struct Bins {
   uint32_t count[3][kMaxBins];
 
   void clear(int bins) {
-    for (int k = 0; k < 3; ++k) std::fill_n(box[k], bins, Box{}), std::fill_n(count[k], bins, 0u);
+    for (int k = 0; k < 3; ++k) {
+      std::fill_n(box[k], bins, Box{});
+      std::fill_n(count[k], bins, 0u);
+    }
   }
   template <class Weight>
   void fill(const Ref* first, const Ref* last, const BinMap& map) {
@@ -65,7 +68,10 @@ struct Bins {
     for (const Ref* p = first; p != last; ++p) {
       const I4 b = map(*p);
       const Box all{low(*p), high(*p)};
-      for (int k = 0; k < 3; ++k) box[k][b[k]].add(all), count[k][b[k]] += Weight::weight(*p);
+      for (int k = 0; k < 3; ++k) {
+        box[k][b[k]].add(all);
+        count[k][b[k]] += Weight::weight(*p);
+      }
     }
   }
 };
@@ -118,18 +124,24 @@ inline Split best_split(const Bins& bins, const BinMap& map, const Areas& areas)
   F4 right_cost[kMaxBins], lowest = splat(std::numeric_limits<float>::infinity());
   I4 at{};
   Grown right, left;
-  for (int b = map.count - 1; b > 0; --b)
-    right.add(bins, b), right_cost[b] = areas(right.box) * right.weight;
+  for (int b = map.count - 1; b > 0; --b) {
+    right.add(bins, b);
+    right_cost[b] = areas(right.box) * right.weight;
+  }
   for (int b = 1; b < map.count; ++b) {
     left.add(bins, b - 1);
     const F4 cost = areas(left.box) * left.weight + right_cost[b];
     const I4 lower_here = cost < lowest;
-    lowest = F4((I4(cost) & lower_here) | (I4(lowest) & ~lower_here)),
+    lowest = F4((I4(cost) & lower_here) | (I4(lowest) & ~lower_here));
     at = (lower_here & b) | (at & ~lower_here);
   }
   Split best;
   for (int k = 0; k < 3; ++k)
-    if (lowest[k] < best.cost) best.axis = k, best.bin = at[k], best.cost = lowest[k];
+    if (lowest[k] < best.cost) {
+      best.axis = k;
+      best.bin = at[k];
+      best.cost = lowest[k];
+    }
   if (best.axis < 0) return best;
   for (int b = 0; b < map.count; ++b)
     (b < best.bin ? best.left_box : best.right_box).add(bins.box[best.axis][b]);

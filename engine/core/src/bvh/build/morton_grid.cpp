@@ -47,7 +47,8 @@ class Halver {
         continue;
       }
       const Child child = make(cells[k]);
-      set_child(nodes_[index], k, &child.box), nodes_[index].child[k] = child.ref;
+      set_child(nodes_[index], k, &child.box);
+      nodes_[index].child[k] = child.ref;
       box.add(child.box);
     }
     return {ChildRef(index), box};
@@ -68,11 +69,13 @@ class Halver {
         continue;
       }
       if (cut == whole.end) continue;
-      second = {middle, half, cut, whole.end}, whole = {whole.first, half, whole.begin, cut};
+      second = {middle, half, cut, whole.end};
+      whole = {whole.first, half, whole.begin, cut};
       return;
     }
     const size_t cut = whole.begin + whole.refs() / 2;
-    second = {0, 0, cut, whole.end}, whole = {0, 0, whole.begin, cut};
+    second = {0, 0, cut, whole.end};
+    whole = {0, 0, whole.begin, cut};
   }
 
   const Ref* refs_;

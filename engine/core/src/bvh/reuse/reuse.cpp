@@ -78,19 +78,22 @@ bool BvhReuse::move_out(Plan& plan, const std::vector<GeometryView>& geometries)
       if (stands(tree, k)) stays[tree.instances[k]] = 1;
   }
   Plan out;
-  out.placed = plan.placed, out.dropped = plan.dropped;
+  out.placed = plan.placed;
+  out.dropped = plan.dropped;
   size_t count = 0, left = 0, primitives = 0, unknown = 0;
   for (int kind = 0; kind < 3; ++kind)
     for (uint32_t i : plan.baked[kind]) {
       const uint32_t geometry = instances_[i].geometry;
       const size_t size = geometries[geometry].primitive_count;
-      ++count, primitives += size;
+      ++count;
+      primitives += size;
       if (stays[i]) {
         out.baked[kind].push_back(i);
         continue;
       }
       if (!invertible(instances_[i].world_from_object)) return false;
-      ++left, unknown += base_.geometry[geometry] == AccelBase::kNone ? size : 0;
+      ++left;
+      unknown += base_.geometry[geometry] == AccelBase::kNone ? size : 0;
       out.placed.push_back(i);
     }
   if (left > std::max(kFew, count / 2) || unknown > primitives / 2) return false;

@@ -14,7 +14,7 @@ struct Side {
   Side(const Vec3d (&o)[4], const Vec3d (&d)[4], int j) {
     const int k = (j + 1) % 4;
     const Vec3d apart = o[k] - o[j], across = any(apart) ? cross(apart, d[j]) : cross(d[j], d[k]);
-    n = unit(across),
+    n = unit(across);
     turn = 0x1p-49 * (any(apart) ? std::max(max_abs(o[j]), max_abs(o[k])) : 1) / length(across);
   }
 };
@@ -26,8 +26,10 @@ struct Span {
 /// Child k of a node. Of an absent one, low is beyond high.
 Span span_of(const Node& n, int k) {
   Span s;
-  for (int axis = 0; axis < 3; ++axis)
-    s.low[axis] = double(n.planes[2 * axis][k]), s.high[axis] = double(n.planes[2 * axis + 1][k]);
+  for (int axis = 0; axis < 3; ++axis) {
+    s.low[axis] = double(n.planes[2 * axis][k]);
+    s.high[axis] = double(n.planes[2 * axis + 1][k]);
+  }
   return s;
 }
 
@@ -37,7 +39,8 @@ TileFrustum::TileFrustum(const Vec3d (&origins)[4], const Vec3d (&directions)[4]
   std::copy_n(origins, 4, origins_);
   for (int j = 0; j < 4; ++j) {
     const Side side(origins, directions, j);
-    n_[j] = side.n, turn_[j] = side.turn;
+    n_[j] = side.n;
+    turn_[j] = side.turn;
     const int across = (j + 2) % 4;
     const double inward = dot(n_[j], origins[across] - origins[j]) + dot(n_[j], directions[across]);
     if (!(inward > 0)) n_[j] = inward < 0 ? -n_[j] : Vec3d{};

@@ -18,7 +18,10 @@ struct BoxRays {
   void prepare(const Tile& tile, uint64_t rays) {
     constexpr uint64_t kGroup = (uint64_t(1) << kLanes) - 1;
     for (int g = 0; g < kGroups; ++g)
-      if (rays >> g * kLanes & kGroup && !(ready >> g & 1)) set(tile, g * kLanes), ready |= 1u << g;
+      if (rays >> g * kLanes & kGroup && !(ready >> g & 1)) {
+        set(tile, g * kLanes);
+        ready |= 1u << g;
+      }
   }
   /// The triangle test rounds p - o as these slabs do: what else it rounds is half of the room, and
   /// nothing along the depth. What the slabs across round is another quarter: three half ulps of at
@@ -29,8 +32,9 @@ struct BoxRays {
       const Floats steep = splat(1.0f) / load(tile.slope[a] + k), o = load(tile.of[a] + k);
       const Ints sign = Ints(steep) & INT32_MIN;
       const Floats outward = Floats(Ints(splat(0.75f * tile.room)) | sign);
-      store(near_o[a] + k, o + outward), store(far_o[a] + k, o - outward),
-          store(inverse[a] + k, steep);
+      store(near_o[a] + k, o + outward);
+      store(far_o[a] + k, o - outward);
+      store(inverse[a] + k, steep);
       store(near_plane[a] + k, across(kind, a) * (2 * kWidth) + (Ints(sign < 0) & kWidth));
     }
     // Where a ray begins and ends is known to more digits than `start` has: planes ahead of it are
@@ -98,8 +102,10 @@ struct SingleRays {
 
   bool full() const { return count > kLeftParts - kLanes; }
   void add(int r, ChildRef child, float distance) {
-    before[count] = rays >> r & 1 ? last[r] : int16_t(-1), rays |= uint64_t(1) << r;
-    part[count] = waiting(child, distance), last[r] = int16_t(count++);
+    before[count] = rays >> r & 1 ? last[r] : int16_t(-1);
+    rays |= uint64_t(1) << r;
+    part[count] = waiting(child, distance);
+    last[r] = int16_t(count++);
   }
   /// A ray's parts on a stack, the first one on top; where the stack ends then.
   Waiting* put(int r, Waiting* top) const {
@@ -145,7 +151,8 @@ inline Waiting put_met(const Node& n, const BoxHits& met, Waiting* top) {
   Waiting nearest = all[lowest_bit(mask)];
   for (uint32_t m = inner; m; m &= m - 1) {
     const Waiting a = all[lowest_bit(m)];
-    *top++ = a < nearest ? nearest : a, nearest = a < nearest ? a : nearest;
+    *top++ = a < nearest ? nearest : a;
+    nearest = a < nearest ? a : nearest;
   }
   return nearest;
 }

@@ -16,7 +16,8 @@ struct Span {
   uint64_t alive = 0;
 
   void add(Doubles square) {
-    nearest = smaller(square, nearest), farthest = larger(square, farthest);
+    nearest = smaller(square, nearest);
+    farthest = larger(square, farthest);
   }
 };
 
@@ -36,12 +37,16 @@ inline bool set_even_directions(Tile& tile, int k, const double* const (&d)[3], 
                 ahead = flip(along, sign);
   const Doubles inverse = 1 / along, s0 = d0 * inverse, s1 = d1 * inverse;
   const Doubles t_min = load(tile.t_min + k), t_max = load(tile.t_max + k), zero{};
-  store(tile.shear[0] + k, s0), store(tile.shear[1] + k, s1), store(tile.along + k, along);
-  narrow(tile.slope[0] + k, flip(s0, sign)), narrow(tile.slope[1] + k, flip(s1, sign));
-  span.shortest = smaller(ahead, span.shortest), span.longest = larger(ahead, span.longest);
+  store(tile.shear[0] + k, s0);
+  store(tile.shear[1] + k, s1);
+  store(tile.along + k, along);
+  narrow(tile.slope[0] + k, flip(s0, sign));
+  narrow(tile.slope[1] + k, flip(s1, sign));
+  span.shortest = smaller(ahead, span.shortest);
+  span.longest = larger(ahead, span.longest);
   const DoubleMask alive = less(t_min, t_max);
   span.alive |= uint64_t(bits(alive)) << k;
-  span.earliest = smaller(select(alive, t_max, splat(kInf)), span.earliest),
+  span.earliest = smaller(select(alive, t_max, splat(kInf)), span.earliest);
   span.latest = larger(t_min, span.latest);
   const Doubles across[2] = {magnitude(d0), magnitude(d1)};
   const DoubleMask first =
@@ -75,9 +80,10 @@ inline Doubles set_common_origin(Tile& tile, const double* const (&o)[3], const 
     const double p = *o[a], f = center[a] - p, q = a == 2 ? flip(p, sign) : p;
     const float coarse = float(q), rest = float(q - double(coarse));
     for (int k = 0; k < kTile; k += kDoubles) store(tile.o[a] + k, splat(p));
-    for (int k = 0; k < kTile; k += kLanes)
-      store((a == 2 ? tile.start : tile.of[a]) + k, splat(coarse)),
-          store(tile.rest[a] + k, splat(rest));
+    for (int k = 0; k < kTile; k += kLanes) {
+      store((a == 2 ? tile.start : tile.of[a]) + k, splat(coarse));
+      store(tile.rest[a] + k, splat(rest));
+    }
     square += f * f;
   }
   return splat(square);
@@ -93,7 +99,8 @@ inline void set_far_origins(Tile& tile, int k, const double* const (&o)[3], floa
     narrow(tile.of[a] + k, p);
     narrow(tile.rest[a] + k, p - widen(tile.of[a] + k));
   }
-  narrow(tile.start + k, splat(flip(double(plane), sign))), narrow(tile.rest[2] + k, Doubles{});
+  narrow(tile.start + k, splat(flip(double(plane), sign)));
+  narrow(tile.rest[2] + k, Doubles{});
   store(tile.skipped + k, skipped);
 }
 
@@ -112,8 +119,8 @@ inline void set_even_ends(Tile& tile, int k) {
   const Doubles depth = smaller(magnitude(load(tile.t_max + k) * load(tile.along + k)),
                                 splat(double(kFar))),
                 room = depth * 0x1p-22;
-  narrow(tile.lo + k, depth - room),
-      narrow(tile.hi + k, smaller(depth + room, splat(double(kFar))));
+  narrow(tile.lo + k, depth - room);
+  narrow(tile.hi + k, smaller(depth + room, splat(double(kFar))));
 }
 
 /// Where the rays [k, k + kDoubles) begin.
@@ -121,8 +128,8 @@ inline void set_even_begins(Tile& tile, int k) {
   const Doubles depth = smaller(magnitude(load(tile.t_min + k) * load(tile.along + k)),
                                 splat(double(kFar))),
                 room = depth * 0x1p-22;
-  narrow(tile.begin_lo + k, depth - room),
-      narrow(tile.begin_hi + k, smaller(depth + room, splat(double(kFar))));
+  narrow(tile.begin_lo + k, depth - room);
+  narrow(tile.begin_hi + k, smaller(depth + room, splat(double(kFar))));
 }
 
 /// Depths of an even tile's rays that begin where their float rays do.
@@ -131,11 +138,15 @@ inline void set_near_depths(Tile& tile, const Span& span) {
                        8 * tile.tree->radius;                  // behind everything: no need to know
   const bool at_once = !any(Longs(span.latest != Doubles{}));  // all rays begin at their origins
   for (int k = 0; k < kTile; k += kLanes) {
-    if (at_once) store(tile.begin_lo + k, Floats{}), store(tile.begin_hi + k, Floats{});
-    else
+    if (at_once) {
+      store(tile.begin_lo + k, Floats{});
+      store(tile.begin_hi + k, Floats{});
+    } else
       for (int h = 0; h < kLanes; h += kDoubles) set_even_begins(tile, k + h);
-    if (endless) store(tile.lo + k, splat(kFar)), store(tile.hi + k, splat(kFar));
-    else
+    if (endless) {
+      store(tile.lo + k, splat(kFar));
+      store(tile.hi + k, splat(kFar));
+    } else
       for (int h = 0; h < kLanes; h += kDoubles) set_even_ends(tile, k + h);
   }
   for (int k = 0; k < kTile; k += kDoubles) store(tile.skipped + k, Doubles{});
@@ -156,7 +167,8 @@ inline void set_far_depths(Tile& tile, double sign) {
 inline void leave_out_dead(Tile& tile, uint64_t alive) {
   for (uint64_t dead = ~alive; dead; dead &= dead - 1) {
     const int r = __builtin_ctzll(dead);
-    tile.lo[r] = tile.hi[r] = -kFar, tile.begin_lo[r] = tile.begin_hi[r] = kFar;
+    tile.lo[r] = tile.hi[r] = -kFar;
+    tile.begin_lo[r] = tile.begin_hi[r] = kFar;
   }
 }
 
@@ -171,8 +183,11 @@ inline bool set_even_origins(Tile& tile, const double* const (&o)[3], const doub
     for (int k = 0; k < kTile; k += kDoubles)
       span.add(set_near_origins(tile, k, o, center, splat(sign)));
   constexpr double kClose = 0x1p-40;  // set_rays adds up squares in another order
-  if (!any(~(span.farthest < splat(limit * (1 - kClose)))))
-    return set_near_depths(tile, span), set_room(tile, span.farthest, 0), true;
+  if (!any(~(span.farthest < splat(limit * (1 - kClose))))) {
+    set_near_depths(tile, span);
+    set_room(tile, span.farthest, 0);
+    return true;
+  }
   if (any(~((span.nearest > splat(limit * (1 + kClose))) & (span.farthest < splat(kWide * kWide)))))
     return false;
   tile.common = false;
@@ -190,16 +205,20 @@ inline bool set_even_tile(Tile& tile) {
   const Order& order = kOrders[kind];
   const double *d[3], *o[3], sign = double(order.sign);
   double center[3];
-  for (int a = 0; a < 3; ++a)
-    d[a] = tile.xyz_d[order.axes[a]], o[a] = tile.xyz_o[order.axes[a]],
+  for (int a = 0; a < 3; ++a) {
+    d[a] = tile.xyz_d[order.axes[a]];
+    o[a] = tile.xyz_o[order.axes[a]];
     center[a] = tile.tree->center[order.axes[a]];
+  }
   Span span;
   for (int k = 0; k < kTile; k += kDoubles)
     if (!set_even_directions(tile, k, d, order.axes[2], splat(sign), span)) return false;
   if (any(~((span.shortest > splat(0x1p-900)) & (span.longest < splat(0x1p900))))) return false;
   if (!set_even_origins(tile, o, center, sign, span)) return false;
-  for (int k = 0; k < kTile; k += kLanes)
-    store(tile.kind + k, Ints{} + int32_t(kind)), store(tile.pending + k, Ints{});
+  for (int k = 0; k < kTile; k += kLanes) {
+    store(tile.kind + k, Ints{} + int32_t(kind));
+    store(tile.pending + k, Ints{});
+  }
   if (~span.alive) leave_out_dead(tile, span.alive);
   return true;
 }
@@ -222,9 +241,10 @@ inline void set_common_groups(const Tile& tile, Packets& b) {
       const float* slopes = tile.slope[a] + g * kLanes;
       const Floats low = fold_rows<Smaller>(slopes), high = fold_rows<Larger>(slopes);
       const Floats o = splat(tile.of[a][0]), start = splat(tile.start[0]), room = splat(tile.room);
-      store(b.groups.m[2 * a] + g, low), store(b.groups.c[2 * a] + g, o - low * start - room);
-      store(b.groups.m[2 * a + 1] + g, high),
-          store(b.groups.c[2 * a + 1] + g, o - high * start + room);
+      store(b.groups.m[2 * a] + g, low);
+      store(b.groups.c[2 * a] + g, o - low * start - room);
+      store(b.groups.m[2 * a + 1] + g, high);
+      store(b.groups.c[2 * a + 1] + g, o - high * start + room);
     }
 }
 
@@ -235,8 +255,8 @@ inline void set_parted_groups(const Tile& tile, Packets& b) {
     for (int g = 0; g < kGroups; ++g) {
       const int k = g * kLanes;
       const Floats m = load(tile.slope[a] + k), c = load(tile.of[a] + k) - m * load(tile.start + k);
-      store(near + k, c + m * splat(b.groups.first[g])),
-          store(far + k, c + m * splat(b.groups.last[g]));
+      store(near + k, c + m * splat(b.groups.first[g]));
+      store(far + k, c + m * splat(b.groups.last[g]));
     }
     for (int g = 0; g < kGroups; g += kLanes) {
       const float *p = near + g * kLanes, *q = far + g * kLanes;

@@ -102,8 +102,10 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, cons
   corners_from(pencil.apex, leaf, first, order, p);
   for (int j = 0; j < 3; ++j) {
     const Floats z = p[3 * j + 2];
-    for (int a = 0; a < 2; ++a)
-      p[3 * j + a] -= splat(pencil.middle[a]) * z, most = larger(magnitude(p[3 * j + a]), most);
+    for (int a = 0; a < 2; ++a) {
+      p[3 * j + a] -= splat(pencil.middle[a]) * z;
+      most = larger(magnitude(p[3 * j + a]), most);
+    }
     deepest = larger(magnitude(z), deepest);
   }
   const Floats z0 = p[2], z1 = p[5], z2 = p[8];
@@ -116,7 +118,8 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, cons
     const Floats *a = p + 3 * ((e + 1) % 3), *b = p + 3 * ((e + 2) % 3);
     l.k[e] = b[0] * a[1] - b[1] * a[0];
     const Floats wa = constant + linear * a[2], wb = constant + linear * b[2];
-    l.x[e] = b[1] * wa - wb * a[1], l.y[e] = wb * a[0] - b[0] * wa;
+    l.x[e] = b[1] * wa - wb * a[1];
+    l.y[e] = wb * a[0] - b[0] * wa;
   }
   const Floats k = l.k[0] + l.k[1] + l.k[2], x = l.x[0] + l.x[1] + l.x[2],
                y = l.y[0] + l.y[1] + l.y[2];
@@ -128,11 +131,16 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, cons
   const Floats margin = splat(0x1p-18f) * most * (far + most) + splat(kUnderflow);
   l.margin = select(less(margin, magnitude(k) - swing), margin,
                     splat(__builtin_inff()));  // edge-on: no side is known
-  for (int e = 0; e < 3; ++e)
-    l.k[e] = Floats(Ints(l.k[e]) ^ side), l.x[e] = Floats(Ints(l.x[e]) ^ side),
+  for (int e = 0; e < 3; ++e) {
+    l.k[e] = Floats(Ints(l.k[e]) ^ side);
+    l.x[e] = Floats(Ints(l.x[e]) ^ side);
     l.y[e] = Floats(Ints(l.y[e]) ^ side);
-  l.z = z0, l.dz[0] = z1 - z0, l.dz[1] = z2 - z0;
-  l.front = smaller(z0, smaller(z1, z2)), l.rear = larger(z0, larger(z1, z2));
+  }
+  l.z = z0;
+  l.dz[0] = z1 - z0;
+  l.dz[1] = z2 - z0;
+  l.front = smaller(z0, smaller(z1, z2));
+  l.rear = larger(z0, larger(z1, z2));
   return l;
 }
 
@@ -140,21 +148,32 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, cons
 struct EdgeTable {
   alignas(64) float lines[15][kLanes];
   explicit EdgeTable(const EdgeLines& l) {
-    for (int e = 0; e < 3; ++e)
-      store(lines[3 * e], l.k[e]), store(lines[3 * e + 1], l.x[e]), store(lines[3 * e + 2], l.y[e]);
-    store(lines[9], l.margin), store(lines[10], l.z), store(lines[11], l.dz[0]),
-        store(lines[12], l.dz[1]);
-    store(lines[13], l.front), store(lines[14], l.rear);
+    for (int e = 0; e < 3; ++e) {
+      store(lines[3 * e], l.k[e]);
+      store(lines[3 * e + 1], l.x[e]);
+      store(lines[3 * e + 2], l.y[e]);
+    }
+    store(lines[9], l.margin);
+    store(lines[10], l.z);
+    store(lines[11], l.dz[0]);
+    store(lines[12], l.dz[1]);
+    store(lines[13], l.front);
+    store(lines[14], l.rear);
   }
   EdgeLines at(int lane) const {
     EdgeLines l;
     for (int e = 0; e < 3; ++e) {
       const float (*line)[kLanes] = lines + 3 * e;
-      l.k[e] = splat(line[0][lane]), l.x[e] = splat(line[1][lane]), l.y[e] = splat(line[2][lane]);
+      l.k[e] = splat(line[0][lane]);
+      l.x[e] = splat(line[1][lane]);
+      l.y[e] = splat(line[2][lane]);
     }
-    l.margin = splat(lines[9][lane]), l.z = splat(lines[10][lane]),
-    l.dz[0] = splat(lines[11][lane]), l.dz[1] = splat(lines[12][lane]);
-    l.front = splat(lines[13][lane]), l.rear = splat(lines[14][lane]);
+    l.margin = splat(lines[9][lane]);
+    l.z = splat(lines[10][lane]);
+    l.dz[0] = splat(lines[11][lane]);
+    l.dz[1] = splat(lines[12][lane]);
+    l.front = splat(lines[13][lane]);
+    l.rear = splat(lines[14][lane]);
     return l;
   }
 };
@@ -166,8 +185,8 @@ inline double meeting_point(const Tile& tile, double (&apex)[3]) {
   double across = 0, square = 0;
   for (int a = 0; a < 2; ++a) {
     const double first = tile.shear[a][0], turn = tile.shear[a][final] - first;
-    across += turn * (tile.o[a][final] - tile.o[a][0] - first * (tile.o[2][final] - tile.o[2][0])),
-        square += turn * turn;
+    across += turn * (tile.o[a][final] - tile.o[a][0] - first * (tile.o[2][final] - tile.o[2][0]));
+    square += turn * turn;
   }
   if (!(square > 0)) return kInf;
   apex[2] = tile.o[2][final] - across / square;
@@ -216,12 +235,14 @@ inline void set_far_apex(const Tile& tile, const double (&meeting)[3], double of
     const double first = tile.o[a][0] + tile.shear[a][0] * (depth - tile.o[2][0]);
     const double last = tile.o[a][final] + tile.shear[a][final] * (depth - tile.o[2][final]),
                  middle = 0.5 * first + 0.5 * last;
-    pencil.apex.o[a] = float(middle),
+    pencil.apex.o[a] = float(middle);
     pencil.apex.rest[a] = float(middle - double(pencil.apex.o[a]));
     pencil.middle[a] = float((middle - meeting[a]) / distance);
   }
-  pencil.apex.o[2] = plane, pencil.apex.rest[2] = 0;
-  pencil.constant = 1, pencil.linear = float(1 / distance);
+  pencil.apex.o[2] = plane;
+  pencil.apex.rest[2] = 0;
+  pencil.constant = 1;
+  pencil.linear = float(1 / distance);
   pencil.off =
       float(off * (2 * radius / magnitude(distance)) + 0x1p-21 * radius) + 16 * tile.far_room;
 }
@@ -229,7 +250,8 @@ inline void set_far_apex(const Tile& tile, const double (&meeting)[3], double of
 /// The apex of an even tile. False when its rays are no pencil.
 inline bool set_apex(const Tile& tile, Pencil& pencil) {
   Origin& apex = pencil.apex;
-  pencil.off = pencil.reach = pencil.constant = 0, pencil.linear = 1;
+  pencil.off = pencil.reach = pencil.constant = 0;
+  pencil.linear = 1;
   for (int a = 0; a < 2; ++a)
     pencil.middle[a] = 0.5f * tile.slope[a][0] + 0.5f * tile.slope[a][tile.count - 1];
   apex = {{tile.of[0][0], tile.of[1][0], tile.start[0]},
@@ -239,7 +261,9 @@ inline bool set_apex(const Tile& tile, Pencil& pencil) {
     return true;
   }
   if (parallel(tile)) {
-    pencil.constant = 1, pencil.linear = 0, pencil.reach = set_starts(tile, pencil),
+    pencil.constant = 1;
+    pencil.linear = 0;
+    pencil.reach = set_starts(tile, pencil);
     pencil.off = 16 * tile.far_room;
     return true;
   }
@@ -253,8 +277,10 @@ inline bool set_apex(const Tile& tile, Pencil& pencil) {
     return pencil.off < 0x1p-18f * float(radius);
   }
   meeting[2] *= double(order.sign);
-  for (int a = 0; a < 3; ++a)
-    apex.o[a] = float(meeting[a]), apex.rest[a] = float(meeting[a] - double(apex.o[a]));
+  for (int a = 0; a < 3; ++a) {
+    apex.o[a] = float(meeting[a]);
+    apex.rest[a] = float(meeting[a] - double(apex.o[a]));
+  }
   pencil.reach = set_starts(tile, pencil);
   pencil.off = float(off) + 16 * tile.far_room;
   return pencil.off < 0x1p-18f * pencil.reach;
@@ -279,12 +305,15 @@ inline void set_pencil(const Tile& tile, Pencil& pencil) {
     for (int g = 0; g < kGroups; g += kLanes) {
       const Floats least = fold_rows<Smaller>(pencil.place[a] + g * kLanes),
                    most = fold_rows<Larger>(pencil.place[a] + g * kLanes);
-      store(pencil.low[a] + g, least), store(pencil.high[a] + g, most);
-      low = smaller(least, low), high = larger(most, high);
+      store(pencil.low[a] + g, least);
+      store(pencil.high[a] + g, most);
+      low = smaller(least, low);
+      high = larger(most, high);
     }
     const float least = smallest(low), most = largest(high),
                 turn = larger(-least, most) * magnitude(pencil.linear);
-    pencil.all.low[a] = splat(least), pencil.all.high[a] = splat(most);
+    pencil.all.low[a] = splat(least);
+    pencil.all.high[a] = splat(most);
     pencil.steep = larger(magnitude(pencil.middle[a]) + turn, a ? pencil.steep : 0);
   }
 }

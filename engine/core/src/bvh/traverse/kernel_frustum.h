@@ -35,9 +35,15 @@ struct Order {
   constexpr explicit Order(uint32_t kind)
       : low{}, high{}, front(0), rear(0), sign(kind >> 2 ? -1.0f : 1.0f), axes{} {
     const int z = int(kind & 3), back = int(kind >> 2);
-    axes[0] = z == 2 ? 0 : z + 1, axes[1] = z == 0 ? 2 : z - 1, axes[2] = z;
-    for (int k = 0; k < 2; ++k) low[k] = uint32_t(2 * axes[k] * kWidth), high[k] = low[k] + kWidth;
-    front = uint32_t((2 * z + back) * kWidth), rear = uint32_t((2 * z + 1 - back) * kWidth);
+    axes[0] = z == 2 ? 0 : z + 1;
+    axes[1] = z == 0 ? 2 : z - 1;
+    axes[2] = z;
+    for (int k = 0; k < 2; ++k) {
+      low[k] = uint32_t(2 * axes[k] * kWidth);
+      high[k] = low[k] + kWidth;
+    }
+    front = uint32_t((2 * z + back) * kWidth);
+    rear = uint32_t((2 * z + 1 - back) * kWidth);
   }
 };
 constexpr Order kOrders[8] = {Order(0), Order(1), Order(2), Order(0),
@@ -78,7 +84,10 @@ __attribute__((always_inline)) inline uint32_t meet(const Boxes& b, Floats first
 struct WideFrustum {
   Floats first, last, c[kLines], m[kLines];
   explicit WideFrustum(const Frustum& f) : first(splat(f.first)), last(splat(f.last)) {
-    for (int k = 0; k < kLines; ++k) c[k] = splat(f.c[k]), m[k] = splat(f.m[k]);
+    for (int k = 0; k < kLines; ++k) {
+      c[k] = splat(f.c[k]);
+      m[k] = splat(f.m[k]);
+    }
   }
   __attribute__((always_inline)) uint32_t meet(const Boxes& b) const {
     return glint::meet(b, first, last, c, m);
@@ -134,7 +143,8 @@ inline void lines_through(Floats at_first, Floats at_last, Floats first, Floats 
                           float* c, float* m) {
   const Floats length = last - first,
                slope = select(less(Floats{}, length), (at_last - at_first) / length, Floats{});
-  store(m, slope), store(c, at_first - slope * first + room);
+  store(m, slope);
+  store(c, at_first - slope * first + room);
 }
 
 /// Between which depths the tree lies for rays of one order.
@@ -143,7 +153,8 @@ struct DepthRange {
   DepthRange(const Tile& tile, const Order& order) {
     const float center = order.sign * float(tile.tree->center[order.axes[2]]),
                 radius = float(tile.tree->radius) * 1.001f + tile.room;
-    front = splat(center - radius), rear = splat(center + radius);
+    front = splat(center - radius);
+    rear = splat(center + radius);
   }
 };
 
@@ -162,8 +173,10 @@ inline void set_ray_lines(const Tile& tile, Packets& b, int k) {
   const Floats start = load(tile.start + k), room = splat(tile.room);
   for (int a = 0; a < 2; ++a) {
     const Floats m = load(tile.slope[a] + k), c = load(tile.of[a] + k) - m * start;
-    store(b.rays.m[2 * a] + k, m), store(b.rays.m[2 * a + 1] + k, m);
-    store(b.rays.c[2 * a] + k, c - room), store(b.rays.c[2 * a + 1] + k, c + room);
+    store(b.rays.m[2 * a] + k, m);
+    store(b.rays.m[2 * a + 1] + k, m);
+    store(b.rays.c[2 * a] + k, c - room);
+    store(b.rays.c[2 * a + 1] + k, c + room);
   }
   b.lines |= 1u << k / kLanes;
 }
@@ -172,7 +185,8 @@ inline void set_ray_lines(const Tile& tile, Packets& b, int k) {
 inline void set_group(const Tile& tile, Packets& b, int g) {
   const int k = g * kLanes;
   const float first = smallest(load(b.rays.first + k)), last = largest(load(b.rays.last + k));
-  b.groups.first[g] = first, b.groups.last[g] = last;
+  b.groups.first[g] = first;
+  b.groups.last[g] = last;
   for (int a = 0; a < 2; ++a) {
     const Floats m = load(b.rays.m[2 * a] + k), c = load(b.rays.c[2 * a] + k) + splat(tile.room);
     const Floats at_first = c + m * splat(first), at_last = c + m * splat(last);
@@ -187,19 +201,25 @@ inline void set_group(const Tile& tile, Packets& b, int g) {
 /// The packet of a group whose rays begin at one point, before `first`.
 inline void set_common_group(const Tile& tile, Packets& b, int g) {
   const int k = g * kLanes;
-  b.groups.first[g] = smallest(load(b.rays.first + k)),
+  b.groups.first[g] = smallest(load(b.rays.first + k));
   b.groups.last[g] = largest(load(b.rays.last + k));
   for (int a = 0; a < 2; ++a) {
     const Floats m = load(tile.slope[a] + k);
     const float low = smallest(m), high = largest(m), o = tile.of[a][k], start = tile.start[k];
-    b.groups.m[2 * a][g] = low, b.groups.c[2 * a][g] = o - low * start - tile.room;
-    b.groups.m[2 * a + 1][g] = high, b.groups.c[2 * a + 1][g] = o - high * start + tile.room;
+    b.groups.m[2 * a][g] = low;
+    b.groups.c[2 * a][g] = o - low * start - tile.room;
+    b.groups.m[2 * a + 1][g] = high;
+    b.groups.c[2 * a + 1][g] = o - high * start + tile.room;
   }
 }
 
 inline void empty_group(Packets& b, int g) {
-  b.groups.first[g] = kFar, b.groups.last[g] = -kFar;
-  for (int l = 0; l < kLines; ++l) b.groups.c[l][g] = l % 2 ? -kFar : kFar, b.groups.m[l][g] = 0;
+  b.groups.first[g] = kFar;
+  b.groups.last[g] = -kFar;
+  for (int l = 0; l < kLines; ++l) {
+    b.groups.c[l][g] = l % 2 ? -kFar : kFar;
+    b.groups.m[l][g] = 0;
+  }
 }
 
 /// The packet of all groups that are not empty. Returns whether they share it out: not each of them
@@ -207,10 +227,12 @@ inline void empty_group(Packets& b, int g) {
 inline bool set_all(const Tile& tile, Packets& b) {
   constexpr int kCount = sizeof b.groups.first / sizeof(float);
   Frustum& f = b.all;
-  f.first = kFar, f.last = -kFar;
-  for (int g = 0; g < kCount; g += kLanes)
-    f.first = smaller(f.first, smallest(load(b.groups.first + g))),
+  f.first = kFar;
+  f.last = -kFar;
+  for (int g = 0; g < kCount; g += kLanes) {
+    f.first = smaller(f.first, smallest(load(b.groups.first + g)));
     f.last = larger(f.last, largest(load(b.groups.last + g)));
+  }
   const Floats first = splat(f.first), last = splat(f.last),
                middle = splat(0.5f * f.first + 0.5f * f.last);
   float near[kLines] = {kFar, -kFar, kFar, -kFar}, far[kLines] = {kFar, -kFar, kFar, -kFar},
@@ -218,7 +240,8 @@ inline bool set_all(const Tile& tile, Packets& b) {
   for (int g = 0; g < kCount; g += kLanes) {
     Floats c[kLines], m[kLines];
     for (int l = 0; l < kLines; ++l) {
-      c[l] = load(b.groups.c[l] + g), m[l] = load(b.groups.m[l] + g);
+      c[l] = load(b.groups.c[l] + g);
+      m[l] = load(b.groups.m[l] + g);
       const Floats p = c[l] + m[l] * first, q = c[l] + m[l] * last;
       near[l] = l % 2 ? larger(near[l], largest(p)) : smaller(near[l], smallest(p));
       far[l] = l % 2 ? larger(far[l], largest(q)) : smaller(far[l], smallest(q));

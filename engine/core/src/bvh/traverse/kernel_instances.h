@@ -13,8 +13,12 @@ struct Columns {
   alignas(64) double values[8][kTile];
 
   void show(Tile& tile) const {
-    for (int a = 0; a < 3; ++a) tile.xyz_o[a] = values[a], tile.xyz_d[a] = values[3 + a];
-    tile.t_min = values[6], tile.t_max = values[7];
+    for (int a = 0; a < 3; ++a) {
+      tile.xyz_o[a] = values[a];
+      tile.xyz_d[a] = values[3 + a];
+    }
+    tile.t_min = values[6];
+    tile.t_max = values[7];
   }
   /// Rays that hit nothing, up to a whole group; where all of them may be one packet, up to a whole
   /// tile, beside the first one.
@@ -34,7 +38,10 @@ struct OpenRay {
   V o[3], d[3];
   OpenRay() = default;
   OpenRay(const Tile& tile, int r) {
-    for (int a = 0; a < 3; ++a) take(tile.xyz_o[a] + r, o[a]), take(tile.xyz_d[a] + r, d[a]);
+    for (int a = 0; a < 3; ++a) {
+      take(tile.xyz_o[a] + r, o[a]);
+      take(tile.xyz_d[a] + r, d[a]);
+    }
   }
   /// In the space of an instance's tree.
   OpenRay(const InstanceRecord& i, const Tile& tile, int r) {
@@ -67,12 +74,17 @@ struct Visit {
   uint32_t instances[kTile];
 
   Visit(Walk<Any>& walk, uint32_t tree) : w(walk) {
-    inner.answers = w.tile.answers, inner.tree = &w.world.objects[tree], inner.world = &w.world;
-    inner.instances = instances, inner.count = 0;
+    inner.answers = w.tile.answers;
+    inner.tree = &w.world.objects[tree];
+    inner.world = &w.world;
+    inner.instances = instances;
+    inner.count = 0;
   }
   void add(int r, const InstanceRecord& instance, const OpenRay<double>& ray) {
-    for (int a = 0; a < 3; ++a)
-      columns.values[a][inner.count] = ray.o[a], columns.values[3 + a][inner.count] = ray.d[a];
+    for (int a = 0; a < 3; ++a) {
+      columns.values[a][inner.count] = ray.o[a];
+      columns.values[3 + a][inner.count] = ray.d[a];
+    }
     add_end(r, instance);
   }
   /// Those of the rays [k, k + kDoubles) that do not pass by.
@@ -81,7 +93,10 @@ struct Visit {
     rays &= ~bits(all.passes_by(*inner.tree));
     if (rays == (1u << kDoubles) - 1) return add_all(k, all, instance);
     alignas(64) double numbers[6][kDoubles];
-    for (int a = 0; a < 3; ++a) store(numbers[a], all.o[a]), store(numbers[3 + a], all.d[a]);
+    for (int a = 0; a < 3; ++a) {
+      store(numbers[a], all.o[a]);
+      store(numbers[3 + a], all.d[a]);
+    }
     for (; rays; rays &= rays - 1) {
       const int lane = __builtin_ctz(rays);
       for (int c = 0; c < 6; ++c) columns.values[c][inner.count] = numbers[c][lane];
@@ -92,12 +107,16 @@ struct Visit {
     const Answers& answers = *w.tile.answers;
     const Doubles end = load(answers.t_max + k);
     const int to = inner.count;
-    for (int a = 0; a < 3; ++a)
-      store(columns.values[a] + to, rays.o[a]), store(columns.values[3 + a] + to, rays.d[a]);
+    for (int a = 0; a < 3; ++a) {
+      store(columns.values[a] + to, rays.o[a]);
+      store(columns.values[3 + a] + to, rays.d[a]);
+    }
     store(columns.values[6] + to, load(w.tile.t_min + k));
     store(columns.values[7] + to, Any ? end : smaller(end, load(answers.t + k)));
-    for (int j = 0; j < kDoubles; ++j)
-      inner.slot[to + j] = uint8_t(k + j), instances[to + j] = instance.instance;
+    for (int j = 0; j < kDoubles; ++j) {
+      inner.slot[to + j] = uint8_t(k + j);
+      instances[to + j] = instance.instance;
+    }
     inner.count += kDoubles;
   }
   void add_end(int r, const InstanceRecord& instance) {
@@ -105,7 +124,8 @@ struct Visit {
     const int k = inner.count++;
     columns.values[6][k] = w.tile.t_min[r];
     columns.values[7][k] = Any || answers.t_max[r] < answers.t[r] ? answers.t_max[r] : answers.t[r];
-    inner.slot[k] = uint8_t(r), instances[k] = instance.instance;
+    inner.slot[k] = uint8_t(r);
+    instances[k] = instance.instance;
   }
   void trace() {
     if (inner.count == 0) return;
@@ -117,7 +137,8 @@ struct Visit {
       if (Any ? w.tile.answers->blocked[r] != w.tile.answers->stop()
               : w.tile.answers->t[r] == columns.values[7][k])
         continue;
-      w.update(r), w.trim(r);
+      w.update(r);
+      w.trim(r);
     }
   }
 };
@@ -184,7 +205,10 @@ struct Visitors : Company<Any, true> {
     Visit<Any> visit(w, tree);
     for (uint32_t m = there; m; m &= m - 1) {
       const int k = __builtin_ctz(m);
-      if (instance(k).tree == tree) visit.add(walker[k].r, instance(k), ray[k]), same |= m & -m;
+      if (instance(k).tree == tree) {
+        visit.add(walker[k].r, instance(k), ray[k]);
+        same |= m & -m;
+      }
     }
     visit.trace();
     there &= ~same;

@@ -113,8 +113,11 @@ struct TriangleTest {
   Floats x[3], y[3], z[3], a, b, c, low, high;
 
   void edges() {
-    a = x[2] * y[1] - y[2] * x[1], b = x[0] * y[2] - y[0] * x[2], c = x[1] * y[0] - y[1] * x[0];
-    low = smaller(a, smaller(b, c)), high = larger(a, larger(b, c));
+    a = x[2] * y[1] - y[2] * x[1];
+    b = x[0] * y[2] - y[0] * x[2];
+    c = x[1] * y[0] - y[1] * x[0];
+    low = smaller(a, smaller(b, c));
+    high = larger(a, larger(b, c));
   }
   uint32_t conflict() const { return bits(less(low, Floats{}) & less(Floats{}, high)); }
   /// All edge functions of one sign, 0 excluded: no doubt that the ray hits.
@@ -140,7 +143,8 @@ struct TriangleTest {
     const Floats off = splat(0x1p-15f) * (most + extent) + apart;
     const Floats error = magnitude((extent * (rear - front) * off + splat(kUnderflow)) * inverse);
     const Floats room = most * splat(0x1p-20f) + apart;
-    lo = larger(front, at - error) - room, hi = smaller(rear, at + error) + room;
+    lo = larger(front, at - error) - room;
+    hi = smaller(rear, at + error) + room;
   }
   /// The largest coordinate of any corner across.
   Floats extent() const {
@@ -162,7 +166,8 @@ inline Boxes triangle_boxes(const Triangles& leaf, int first, const Order& order
     const Floats a = load(leaf.at(0, order.axes[k]) + first),
                  b = load(leaf.at(1, order.axes[k]) + first),
                  c = load(leaf.at(2, order.axes[k]) + first);
-    low[k] = smaller(a, smaller(b, c)), high[k] = larger(a, larger(b, c));
+    low[k] = smaller(a, smaller(b, c));
+    high[k] = larger(a, larger(b, c));
   }
   const bool back = order.sign < 0;
   return {low[0], high[0], low[1], high[1], back ? -high[2] : low[2], back ? -low[2] : high[2]};
@@ -178,7 +183,9 @@ inline uint32_t exact_hits(const Tile& tile, int k, int h, const Doubles (&p)[3]
   const Doubles shear[2] = {load(tile.shear[0] + at), load(tile.shear[1] + at)};
   e.see(p, o, shear);
   e.weigh();
-  store(t + h, e.depth / load(tile.along + at)), narrow(u + h, e.u), narrow(v + h, e.v);
+  store(t + h, e.depth / load(tile.along + at));
+  narrow(u + h, e.u);
+  narrow(v + h, e.v);
   const Doubles room = splat(tile.close);
   return bits(at_most(magnitude(e.off_x), room) & at_most(magnitude(e.off_y), room));
 }
@@ -226,7 +233,10 @@ __attribute__((noinline)) void decide_rays(Walk<Any>& w, int k, uint32_t mask, u
     const int lane = __builtin_ctz(mask), r = k + lane;
     if (!alive(w.tile, r)) continue;
     w.tile.answers->count_fallback(w.tile.slot[r]);
-    if (t.hit(lane, sure >> lane & 1)) w.decide(r, leaf, place), w.trim(r);
+    if (t.hit(lane, sure >> lane & 1)) {
+      w.decide(r, leaf, place);
+      w.trim(r);
+    }
   }
 }
 
@@ -246,7 +256,8 @@ __attribute__((always_inline)) inline void take_certain(Walk<Any>& w, int k, uin
     return;
   }
   const Floats end = select(nearer, hi, load(tile.hi + k));
-  store(tile.lo + k, select(nearer, lo, load(tile.lo + k))), store(tile.hi + k, end);
+  store(tile.lo + k, select(nearer, lo, load(tile.lo + k)));
+  store(tile.hi + k, end);
   store(tile.pending + k, select(nearer, Ints{} + int32_t(leaf), load(tile.pending + k)));
   store(tile.place + k, select(nearer, Ints{} + place, load(tile.place + k)));
   store(last, smaller(load(last), load(tile.start + k) + end + splat(tile.room)));
@@ -277,7 +288,8 @@ __attribute__((always_inline)) inline void take_rays(Walk<Any>& w, int k, uint32
   Mask nearer = sure & less(hi, best_lo) & less(begin_hi, lo);
   if (tile.answers->opacity) {
     if (Any) mask &= hit_lanes(t, mask);
-    mask = stopped(w, k, mask, leaf, place), nearer = nearer & lanes(mask);
+    mask = stopped(w, k, mask, leaf, place);
+    nearer = nearer & lanes(mask);
     if (!mask) return;
   }
   const uint32_t certain = bits(nearer) & mask;
@@ -320,11 +332,13 @@ inline bool hit_group(Walk<Any>& w, int k, const Corners<Common>& corners, int f
     Floats x = splat(corners.p[3 * j][lane]), y = splat(corners.p[3 * j + 1][lane]),
            z = splat(corners.p[3 * j + 2][lane]);
     if constexpr (!Common) {
-      x = x - load(tile.of[0] + k) - load(tile.rest[0] + k),
+      x = x - load(tile.of[0] + k) - load(tile.rest[0] + k);
       y = y - load(tile.of[1] + k) - load(tile.rest[1] + k);
       z = z - load(tile.start + k) - load(tile.rest[2] + k);
     }
-    t.x[j] = x - sx * z, t.y[j] = y - sy * z, t.z[j] = z;
+    t.x[j] = x - sx * z;
+    t.y[j] = y - sy * z;
+    t.z[j] = z;
   }
   t.edges();
   const uint32_t mask = ~t.conflict() & ((1u << kLanes) - 1);
@@ -459,7 +473,8 @@ inline bool odd(const PolygonRecord& record, const float* corners, double x, dou
     const double bx = double(corners[3 * k + record.axis_u]) - x,
                  by = double(corners[3 * k + record.axis_v]) - y;
     if ((ay > 0) != (by > 0) && (ax * by - bx * ay > 0) == (by > ay)) inside = !inside;
-    ax = bx, ay = by;
+    ax = bx;
+    ay = by;
   }
   return inside;
 }
@@ -507,7 +522,7 @@ inline void gather_corners(const Tile& tile, int k, float (&corner)[9][kLanes], 
   }
   const Ints id = 2 * (ordinal + (load(tile.place + k) & some));
   const float* ids = reinterpret_cast<const float*>(tree.ids);
-  instance = tile.instances ? load(tile.instances + k) : Ints(gather(ids, id)),
+  instance = tile.instances ? load(tile.instances + k) : Ints(gather(ids, id));
   primitive = Ints(gather(ids, id + 1));
 }
 
@@ -529,7 +544,7 @@ inline void find_hits(const Tile& tile, int k, uint32_t mask, Found& f) {
   if (all_zero(other)) {
     const int place = int(tile.place[r]);
     const PrimitiveId id = id_of(tile, r, leaf_first(leaf) + uint32_t(place));
-    f.instance = tile.instances ? load(tile.instances + k) : Ints{} + int32_t(id.instance),
+    f.instance = tile.instances ? load(tile.instances + k) : Ints{} + int32_t(id.instance);
     f.primitive = Ints{} + int32_t(id.primitive);
     f.close =
         exact_hits(tile, k, Triangles(*tile.tree, leaf), place, order_of(tile, r), f.t, f.u, f.v);
@@ -556,8 +571,8 @@ inline void finish_group(Walk<false>& w, int k) {
     for (int h = 0; h < kLanes; h += kDoubles)
       store(answers.t + k + h, select(Longs(widen(tile.pending + k + h) != Longs{}), load(f.t + h),
                                       load(answers.t + k + h)));
-    store(answers.u + k, select(none, load(answers.u + k), load(f.u))),
-        store(answers.v + k, select(none, load(answers.v + k), load(f.v)));
+    store(answers.u + k, select(none, load(answers.u + k), load(f.u)));
+    store(answers.v + k, select(none, load(answers.v + k), load(f.v)));
     store(answers.instance + k, select(none, load(answers.instance + k), f.instance));
     store(answers.primitive + k, select(none, load(answers.primitive + k), f.primitive));
     return;
@@ -568,8 +583,10 @@ inline void finish_group(Walk<false>& w, int k) {
       w.take(r, tile.pending[r], int(tile.place[r]));
       continue;
     }
-    answers.t[s] = f.t[lane], answers.u[s] = f.u[lane], answers.v[s] = f.v[lane];
-    answers.instance[s] = uint32_t(f.instance[lane]),
+    answers.t[s] = f.t[lane];
+    answers.u[s] = f.u[lane];
+    answers.v[s] = f.v[lane];
+    answers.instance[s] = uint32_t(f.instance[lane]);
     answers.primitive[s] = uint32_t(f.primitive[lane]);
   }
 }

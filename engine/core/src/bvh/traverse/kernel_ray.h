@@ -74,7 +74,8 @@ struct Exact {
   void see(const V (&corner)[3][3], const V (&o)[3], const V (&shear)[2]) {
     for (int j = 0; j < 3; ++j) {
       z[j] = corner[j][2] - o[2];
-      x[j] = corner[j][0] - o[0] - shear[0] * z[j], y[j] = corner[j][1] - o[1] - shear[1] * z[j];
+      x[j] = corner[j][0] - o[0] - shear[0] * z[j];
+      y[j] = corner[j][1] - o[1] - shear[1] * z[j];
     }
   }
   /// The float test has decided that the ray hits: where the exact ray passes just outside, weights
@@ -83,7 +84,9 @@ struct Exact {
     const V zero{};
     V a = x[2] * y[1] - y[2] * x[1], b = x[0] * y[2] - y[0] * x[2], c = x[1] * y[0] - y[1] * x[0];
     const V sum = a + b + c;
-    a = larger(flip(a, sum), zero), b = larger(flip(b, sum), zero), c = larger(flip(c, sum), zero);
+    a = larger(flip(a, sum), zero);
+    b = larger(flip(b, sum), zero);
+    c = larger(flip(c, sum), zero);
     const V inverse = 1 / (a + b + c);
     set(a * inverse, b * inverse, c * inverse);
   }
@@ -91,8 +94,10 @@ struct Exact {
   /// would have the rounding of all its distance, and could even lie outside of the triangle's box,
   /// where packets and single rays would come to different answers.
   void set(V w, V wu, V wv) {
-    u = wu, v = wv;
-    off_x = w * x[0] + u * x[1] + v * x[2], off_y = w * y[0] + u * y[1] + v * y[2];
+    u = wu;
+    v = wv;
+    off_x = w * x[0] + u * x[1] + v * x[2];
+    off_y = w * y[0] + u * y[1] + v * y[2];
     const V front = smaller(z[0], smaller(z[1], z[2])), rear = larger(z[0], larger(z[1], z[2]));
     depth = smaller(larger(w * z[0] + u * z[1] + v * z[2], front), rear);
   }

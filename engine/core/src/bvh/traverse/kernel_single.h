@@ -15,7 +15,8 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
   Tile& tile = w.tile;
   const uint32_t sure = bits(t.sure());
   alignas(64) float nearest[kLanes], farthest[kLanes];
-  store(nearest, lo), store(farthest, hi);
+  store(nearest, lo);
+  store(farthest, hi);
   for (; mask; mask &= mask - 1) {
     const int lane = __builtin_ctz(mask), place = first + lane;
     const bool hit = sure >> lane & 1;
@@ -25,7 +26,9 @@ __attribute__((noinline)) void take_triangles(Walk<Any>& w, int r, ChildRef ref,
       continue;
     if (hit && farthest[lane] < tile.lo[r] && nearest[lane] > tile.begin_hi[r]) {
       if (Any) return w.block(r);
-      tile.lo[r] = nearest[lane], tile.hi[r] = farthest[lane], tile.pending[r] = ref,
+      tile.lo[r] = nearest[lane];
+      tile.hi[r] = farthest[lane];
+      tile.pending[r] = ref;
       tile.place[r] = uint32_t(place);
       continue;
     }
@@ -92,8 +95,11 @@ struct Walker {
 
   /// Returns where to go first; kDone when nothing is left within its reach.
   ChildRef start(const Tile& tile, int ray, const SingleRays& left, Waiting* stack) {
-    r = ray, stack[0] = kBottom, top = left.put(ray, stack + 1);
-    return shorten(tile), pop();
+    r = ray;
+    stack[0] = kBottom;
+    top = left.put(ray, stack + 1);
+    shorten(tile);
+    return pop();
   }
   /// After a hit.
   void shorten(const Tile& tile) { limit = limit_of(tile.hi[r]); }
@@ -131,7 +137,8 @@ struct Company {
         rays(all),
         stacks(Placed ? walk.tile.answers->stacks->placed : walk.tile.answers->stacks->own) {
     const int n = __builtin_popcountll(all), most = n < kWalkers ? n : kWalkers;
-    count = (most + kLanes - 1) / kLanes * kLanes, slow = w.tree.large && n > 2;
+    count = (most + kLanes - 1) / kLanes * kLanes;
+    slow = w.tree.large && n > 2;
     for (int k = 0; k < count; ++k) at[k] = kDone;
   }
   uint32_t everybody() const { return count == 32 ? ~0u : (1u << count) - 1; }
@@ -140,13 +147,14 @@ struct Company {
     nodes = through = 0;
     for (int k = 0; k < count; k += kLanes) {
       const Ints child = load(at + k);
-      through |= bits(equal(child, Ints{} + int32_t(kDone))) << k, nodes |= bits(child >= Ints{})
-                                                                            << k;
+      through |= bits(equal(child, Ints{} + int32_t(kDone))) << k;
+      nodes |= bits(child >= Ints{}) << k;
     }
     for (; through && rays; rays &= rays - 1) {
       const int k = __builtin_ctz(through);
       at[k] = walker[k].start(w.tile, __builtin_ctzll(rays), w.left, stacks[k]);
-      nodes |= uint32_t(!(at[k] & kLeaf)) << k, through &= ~(uint32_t(at[k] != kDone) << k);
+      nodes |= uint32_t(!(at[k] & kLeaf)) << k;
+      through &= ~(uint32_t(at[k] != kDone) << k);
     }
   }
   void pass_nodes(uint32_t mask) {
@@ -203,7 +211,8 @@ template <bool Any>
 __attribute__((noinline)) void walk_rays(Walk<Any>& w) {
   w.boxes.prepare(w.tile, w.left.rays);
   w.tree.kind == kInstanceLeaf ? visit_instances(w) : visit_primitives(w);
-  w.left.rays = 0, w.left.count = 0;
+  w.left.rays = 0;
+  w.left.count = 0;
 }
 
 /// Rays of the group from k on leave their packet for a part of the tree that lies behind

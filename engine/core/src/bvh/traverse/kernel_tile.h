@@ -38,8 +38,10 @@ struct Answers {
     uint32_t end = count < Layers::kMost ? count : Layers::kMost, at = end;
     while (at > 0 && nearer(hit, hits[at - 1])) --at;
     if (at > 0 && !nearer(hits[at - 1], hit) && hits[at - 1].t == hit.t) return;
-    if (end == Layers::kMost) count = Layers::kMost + 1, --end;
-    else ++count;
+    if (end == Layers::kMost) {
+      count = Layers::kMost + 1;
+      --end;
+    } else ++count;
     if (at > end) return;
     for (; end > at; --end) hits[end] = hits[end - 1];
     hits[at] = hit;
@@ -53,12 +55,18 @@ struct Answers {
   template <bool Any>
   bool accept(int slot, double at, double wu, double wv, PrimitiveId id) {
     if (!(at > t_min[slot] && at < t_max[slot])) return false;
-    if (Any) return dim(slot, {at, id.instance, id.primitive, float(wu), float(wv)}), true;
+    if (Any) {
+      dim(slot, {at, id.instance, id.primitive, float(wu), float(wv)});
+      return true;
+    }
     const double key = key_of(at), best = key_of(t[slot]);
     const bool lower = id.instance != instance[slot] ? id.instance < instance[slot]
                                                      : id.primitive < primitive[slot];
     if (!(key < best || (key == best && lower))) return false;
-    t[slot] = at, instance[slot] = id.instance, primitive[slot] = id.primitive, u[slot] = float(wu),
+    t[slot] = at;
+    instance[slot] = id.instance;
+    primitive[slot] = id.primitive;
+    u[slot] = float(wu);
     v[slot] = float(wv);
     return true;
   }
@@ -139,7 +147,8 @@ inline void depth_interval(Doubles t, Doubles along, Doubles h, Doubles sign, fl
                            float* hi) {
   const Doubles at = t * along, depth = sign * (at - h),
                 room = magnitude(depth) * 0x1p-22 + (magnitude(at) + magnitude(h)) * kTie;
-  narrow(lo, limited(depth - room)), narrow(hi, limited(depth + room));
+  narrow(lo, limited(depth - room));
+  narrow(hi, limited(depth + room));
 }
 
 /// Ray parameter interval of one ray, after its best hit has become nearer.
@@ -150,7 +159,8 @@ inline void refresh(Tile& tile, int r) {
                sign = along < 0 ? -1 : 1;
   const double at = t * along, h = tile.skipped[r], depth = sign * (at - h);
   const double room = magnitude(depth) * 0x1p-22 + (magnitude(at) + magnitude(h)) * kTie;
-  tile.lo[r] = float(limited(depth - room)), tile.hi[r] = float(limited(depth + room));
+  tile.lo[r] = float(limited(depth - room));
+  tile.hi[r] = float(limited(depth + room));
 }
 
 /// Vectors in the order of the rays' axes: m1 and m2 say which of x, y, z is the longest.
@@ -186,9 +196,14 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
   const Doubles f0 = c0 - o0, f1 = c1 - o1, f2 = c2 - o2, zero{}, one = splat(1.0);
   const Longs back = along < zero;
   const Doubles sign = select(back, -one, one);
-  store(tile.o[0] + k, a0), store(tile.o[1] + k, a1), store(tile.o[2] + k, a2);
-  store(tile.shear[0] + k, s0), store(tile.shear[1] + k, s1), store(tile.along + k, along);
-  narrow(tile.slope[0] + k, sign * s0), narrow(tile.slope[1] + k, sign * s1);
+  store(tile.o[0] + k, a0);
+  store(tile.o[1] + k, a1);
+  store(tile.o[2] + k, a2);
+  store(tile.shear[0] + k, s0);
+  store(tile.shear[1] + k, s1);
+  store(tile.along + k, along);
+  narrow(tile.slope[0] + k, sign * s0);
+  narrow(tile.slope[1] + k, sign * s1);
   const Doubles square = f0 * f0 + f1 * f1 + f2 * f2;
   const Longs far = ~(square < splat(16 * tree.radius * tree.radius));
   distance = larger(select(far, splat(9 * tree.radius * tree.radius), square), distance);
@@ -198,15 +213,20 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
     narrow(plane, turn(m1, m2, c0, c1, c2).along - sign * tree.radius);
     const Doubles at = widen(plane);
     p2 = select(far, at, a2);
-    p0 = select(far, a0 + s0 * (at - a2), a0), p1 = select(far, a1 + s1 * (at - a2), a1);
+    p0 = select(far, a0 + s0 * (at - a2), a0);
+    p1 = select(far, a1 + s1 * (at - a2), a1);
   }
   const Doubles q2 = sign * p2, h = p2 - a2;
-  narrow(tile.of[0] + k, p0), narrow(tile.of[1] + k, p1), narrow(tile.start + k, q2);
-  narrow(tile.rest[0] + k, p0 - widen(tile.of[0] + k)),
-      narrow(tile.rest[1] + k, p1 - widen(tile.of[1] + k));
-  narrow(tile.rest[2] + k, q2 - widen(tile.start + k)), store(tile.skipped + k, h);
+  narrow(tile.of[0] + k, p0);
+  narrow(tile.of[1] + k, p1);
+  narrow(tile.start + k, q2);
+  narrow(tile.rest[0] + k, p0 - widen(tile.of[0] + k));
+  narrow(tile.rest[1] + k, p1 - widen(tile.of[1] + k));
+  narrow(tile.rest[2] + k, q2 - widen(tile.start + k));
+  store(tile.skipped + k, h);
   const Longs kind = (m2 & 2) | (~m2 & m1 & 1) | (back & 4);
-  store_low(tile.kind + k, kind), store_low(tile.pending + k, Longs{});
+  store_low(tile.kind + k, kind);
+  store_low(tile.pending + k, Longs{});
   const Doubles sum = (s0 + s1 + along) * zero + (p0 + p1 + p2) * zero;
   const Doubles t_min = load(tile.t_min + k),
                 t_max = smaller(splat(kLast), load(tile.t_max + k));  // NaN stays NaN
@@ -222,25 +242,34 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
     depth_interval(t_min, along, h, sign, tile.begin_lo + k, tile.begin_hi + k);
   } else {
     const Doubles depth = -sign * h, room = magnitude(h) * 0x1p-22;
-    narrow(tile.begin_lo + k, depth - room), narrow(tile.begin_hi + k, depth + room);
+    narrow(tile.begin_lo + k, depth - room);
+    narrow(tile.begin_hi + k, depth + room);
   }
   // Rays that end behind everything need not know where.
   const Doubles beyond = splat(8 * tree.radius);
   const Longs within = sign * (t_max * along) - magnitude(h) * (1 + kTie) < beyond;
   if (any(within)) depth_interval(t_max, along, h, sign, tile.lo + k, tile.hi + k);
-  else narrow(tile.lo + k, limit), narrow(tile.hi + k, limit);
+  else {
+    narrow(tile.lo + k, limit);
+    narrow(tile.hi + k, limit);
+  }
   if (!any(~good)) return;
   for (int j = 0; j < kDoubles; ++j)
-    if (!good[j])
-      tile.lo[k + j] = tile.hi[k + j] = -kFar, tile.begin_lo[k + j] = tile.begin_hi[k + j] = kFar;
+    if (!good[j]) {
+      tile.lo[k + j] = tile.hi[k + j] = -kFar;
+      tile.begin_lo[k + j] = tile.begin_hi[k + j] = kFar;
+    }
 }
 
 /// A lane that is not alive looks like another one, so that it is in nobody's way.
 inline void copy_ray(Tile& tile, int from, int to) {
-  for (int k = 0; k < 2; ++k)
-    tile.of[k][to] = tile.of[k][from], tile.slope[k][to] = tile.slope[k][from];
+  for (int k = 0; k < 2; ++k) {
+    tile.of[k][to] = tile.of[k][from];
+    tile.slope[k][to] = tile.slope[k][from];
+  }
   for (int k = 0; k < 3; ++k) tile.rest[k][to] = tile.rest[k][from];
-  tile.start[to] = tile.start[from], tile.kind[to] = tile.kind[from];
+  tile.start[to] = tile.start[from];
+  tile.kind[to] = tile.kind[from];
 }
 
 inline bool alive(const Tile& tile, int r) { return tile.hi[r] > -kFar; }
@@ -255,7 +284,7 @@ inline void set_room(Tile& tile, Doubles square, double farthest) {
   const double reach = size - 4 * tile.tree->radius + __builtin_sqrt(most_of(square));
   const double bent =
       tile.tree->kind == kInstanceLeaf ? 0x1p12 : 1;  // by matrices that are hard to invert
-  tile.room = float(0x1.4p-20 * reach + bent * farthest),
+  tile.room = float(0x1.4p-20 * reach + bent * farthest);
   tile.far_room = float(size < kWide && farthest < 1e30 ? farthest : kInf);
   tile.close = 0x1p-21 * (size - 4 * tile.tree->radius);
 }
@@ -263,8 +292,10 @@ inline void set_room(Tile& tile, Doubles square, double farthest) {
 /// Lanes without rays.
 inline void leave_out(Tile& tile, int k) {
   const Doubles limit = splat(double(kFar));
-  narrow(tile.lo + k, -limit), narrow(tile.hi + k, -limit), narrow(tile.begin_lo + k, limit),
-      narrow(tile.begin_hi + k, limit);
+  narrow(tile.lo + k, -limit);
+  narrow(tile.hi + k, -limit);
+  narrow(tile.begin_lo + k, limit);
+  narrow(tile.begin_hi + k, limit);
   store_low(tile.pending + k, Longs{});
 }
 

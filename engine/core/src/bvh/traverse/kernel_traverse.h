@@ -27,10 +27,16 @@ struct Stack {
   /// Puts an entry among those from `base` on, the nearest on top.
   void push(int base, const Entry& e) {
     int p = count++;
-    for (; p > base && distance[p - 1] < e.distance; --p)
-      child[p] = child[p - 1], distance[p] = distance[p - 1], units[p] = units[p - 1],
+    for (; p > base && distance[p - 1] < e.distance; --p) {
+      child[p] = child[p - 1];
+      distance[p] = distance[p - 1];
+      units[p] = units[p - 1];
       box[p] = box[p - 1];
-    child[p] = e.child, distance[p] = e.distance, units[p] = e.units, box[p] = e.box;
+    }
+    child[p] = e.child;
+    distance[p] = e.distance;
+    units[p] = e.units;
+    box[p] = e.box;
   }
   Entry pop() {
     --count;
@@ -71,11 +77,15 @@ struct GroupLevel {
   void leaf(ChildRef child, uint32_t rays, uint32_t) {
     if (w.tree.kind == kInstanceLeaf) trace_instances(w, child, uint64_t(rays) << k);
     else if (w.tree.kind != kTriangleLeaf)
-      for (; rays; rays &= rays - 1)
-        hit_shapes(w, k + __builtin_ctz(rays), child), w.trim(k + __builtin_ctz(rays));
+      for (; rays; rays &= rays - 1) {
+        hit_shapes(w, k + __builtin_ctz(rays), child);
+        w.trim(k + __builtin_ctz(rays));
+      }
     else if (__builtin_popcount(rays) <= 2)
-      for (; rays; rays &= rays - 1)
-        hit_triangles(w, k + __builtin_ctz(rays), child, order), w.trim(k + __builtin_ctz(rays));
+      for (; rays; rays &= rays - 1) {
+        hit_triangles(w, k + __builtin_ctz(rays), child, order);
+        w.trim(k + __builtin_ctz(rays));
+      }
     else common ? triangles<true>(child) : triangles<false>(child);
     shorten();
   }
@@ -186,7 +196,8 @@ struct TileLevel {
       float* groups = w.packets.groups.last + g;
       const Floats shorter = smaller(fold_rows<Larger>(w.packets.rays.last + g * kLanes),
                                      load(groups));  // empty ones stay so
-      store(groups, shorter), last = larger(shorter, last);
+      store(groups, shorter);
+      last = larger(shorter, last);
     }
     whole.last = splat(largest(last));
   }
@@ -256,7 +267,9 @@ struct TileLevel {
     if (!mask) return;
     const EdgeTable edges(lines);
     alignas(64) float extent[kLanes], front[kLanes], rear[kLanes];
-    store(extent, extent_of(boxes)), store(front, boxes.front), store(rear, boxes.rear);
+    store(extent, extent_of(boxes));
+    store(front, boxes.front);
+    store(rear, boxes.rear);
     for (; mask; mask &= mask - 1) {
       const int lane = __builtin_ctz(mask);
       const EdgeLines one = edges.at(lane);
@@ -281,7 +294,8 @@ struct TileLevel {
         doubtful |= groups & -groups;
         continue;
       }
-      ++tests, found += verdict == Verdict::kHit;
+      ++tests;
+      found += verdict == Verdict::kHit;
     }
     return doubtful;
   }
@@ -290,9 +304,12 @@ struct TileLevel {
                         const Boxes& boxes, uint32_t groups) {
     alignas(64) float extent[kLanes], box[6][kLanes];
     store(extent, extent_of(boxes));
-    store(box[0], boxes.low_x), store(box[1], boxes.high_x), store(box[2], boxes.low_y),
-        store(box[3], boxes.high_y);
-    store(box[4], boxes.front), store(box[5], boxes.rear);
+    store(box[0], boxes.low_x);
+    store(box[1], boxes.high_x);
+    store(box[2], boxes.low_y);
+    store(box[3], boxes.high_y);
+    store(box[4], boxes.front);
+    store(box[5], boxes.rear);
     const Corners<Common> corners(triangles, first, order,
                                   origin<Common>(w.tile, __builtin_ctz(groups) * kLanes));
     for (; mask; mask &= mask - 1) {
@@ -393,7 +410,10 @@ inline void walk_tile(Walk<Any>& w) {
     const bool ahead = smallest(load(w.packets.rays.first + k)) >= tile.start[head] - 3 * tile.room;
     one_point &= one;
     if (one && ahead) set_common_group(tile, w.packets, g);
-    else set_ray_lines(tile, w.packets, k), set_group(tile, w.packets, g);
+    else {
+      set_ray_lines(tile, w.packets, k);
+      set_group(tile, w.packets, g);
+    }
   }
   if (one_kind && (alive_groups & (alive_groups - 1)))
     return walk_together(w, alive_groups, one_point);
@@ -428,9 +448,12 @@ inline void show_rays(const Rays& rays, size_t first, int count, Columns& column
                              rays.d[1], rays.d[2], rays.t_min, rays.t_max};
   tile.count = count;
   if (count == kTile) {
-    for (int a = 0; a < 3; ++a)
-      tile.xyz_o[a] = source[a] + first, tile.xyz_d[a] = source[3 + a] + first;
-    tile.t_min = source[6] + first, tile.t_max = source[7] + first;
+    for (int a = 0; a < 3; ++a) {
+      tile.xyz_o[a] = source[a] + first;
+      tile.xyz_d[a] = source[3 + a] + first;
+    }
+    tile.t_min = source[6] + first;
+    tile.t_max = source[7] + first;
     return;
   }
   for (int c = 0; c < 8; ++c)
@@ -444,9 +467,12 @@ inline void fetch_ahead(const Rays& rays, size_t first) {
   constexpr size_t kLine = 64 / sizeof(double);
   if (first + 2 * kTile > rays.count) return;
   for (size_t k = first + kTile; k < first + 2 * kTile; k += kLine) {
-    for (int a = 0; a < 3; ++a)
-      __builtin_prefetch(rays.o[a] + k), __builtin_prefetch(rays.d[a] + k);
-    __builtin_prefetch(rays.t_min + k), __builtin_prefetch(rays.t_max + k);
+    for (int a = 0; a < 3; ++a) {
+      __builtin_prefetch(rays.o[a] + k);
+      __builtin_prefetch(rays.d[a] + k);
+    }
+    __builtin_prefetch(rays.t_min + k);
+    __builtin_prefetch(rays.t_max + k);
   }
 }
 
@@ -456,8 +482,11 @@ inline void fill(T* p, int count, T value) {
 }
 
 inline void clear(const Answers& a, int count) {
-  fill(a.t, count, kInf), fill(a.instance, count, Hit::kNone), fill(a.primitive, count, 0u),
-      fill(a.u, count, 0.0f), fill(a.v, count, 0.0f);
+  fill(a.t, count, kInf);
+  fill(a.instance, count, Hit::kNone);
+  fill(a.primitive, count, 0u);
+  fill(a.u, count, 0.0f);
+  fill(a.v, count, 0.0f);
   if (a.fallbacks) fill(a.fallbacks, count, uint8_t(0));
 }
 
@@ -484,10 +513,13 @@ inline void trace(const TopLevelView& world, const Rays& rays, size_t first, int
                   Answers& answers) {
   Columns columns;
   Tile tile;
-  tile.answers = &answers, tile.world = &world, tile.instances = nullptr;
-  answers.visibility = rays.visibility,
+  tile.answers = &answers;
+  tile.world = &world;
+  tile.instances = nullptr;
+  answers.visibility = rays.visibility;
   answers.masks = rays.visibility & world.common_visibility ? nullptr : world.visibility;
-  answers.t_min = rays.t_min + first, answers.t_max = rays.t_max + first,
+  answers.t_min = rays.t_min + first;
+  answers.t_max = rays.t_max + first;
   answers.opacity = rays.opacity;
   for (int k = 0; k < kTile; ++k) tile.slot[k] = uint8_t(k);
   show_rays(rays, first, count, columns, tile);
