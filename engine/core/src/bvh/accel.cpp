@@ -36,7 +36,7 @@ struct Columns {
 
 }  // namespace
 
-Scratch::Scratch() : stacks_(std::make_unique_for_overwrite<WalkerStacks>()) {}
+Scratch::Scratch() : stacks_(std::make_unique_for_overwrite<RayStacks>()) {}
 Scratch::~Scratch() = default;
 
 void Accel::closest(const Ray* rays, Hit* hits, size_t count, Scratch& scratch) const {

@@ -109,20 +109,20 @@ struct AccelStats {
 enum class BuildQuality { kFast, kBalanced, kFine };
 
 class TileFrustum;
-struct WalkerStacks;
+struct RayStacks;
 
 /// Memory that one thread's rays need on their way, for one call at a time. Not on the stack: see
-/// WalkerStacks.
+/// RayStacks.
 class Scratch {
  public:
   Scratch();
   ~Scratch();
   Scratch(const Scratch&) = delete;
   Scratch& operator=(const Scratch&) = delete;
-  WalkerStacks& stacks() { return *stacks_; }
+  RayStacks& stacks() { return *stacks_; }
 
  private:
-  std::unique_ptr<WalkerStacks> stacks_;
+  std::unique_ptr<RayStacks> stacks_;
 };
 
 class Accel;

@@ -10,9 +10,9 @@ constexpr int kWidth = 8;      // children of a node
 constexpr int kMaxLeaf = 8;    // primitives of a leaf, as far as ChildRef can say
 constexpr int kMaxDepth = 72;  // of nodes; the builder keeps to it
 constexpr int kStack = kMaxDepth * (kWidth - 1) + kWidth;
-constexpr int kWalkers = 32;     // rays that are on their way at a time, each on its own
-constexpr int kLeftParts = 128;  // parts of a tree that a tile's rays may leave for then
-constexpr int kWalkerStack = kStack + kWidth + kLeftParts + 1;
+constexpr int kInterleaved = 32;  // rays that are on their way at a time, each on its own
+constexpr int kLeftParts = 128;   // parts of a tree that a tile's rays may leave for then
+constexpr int kRayStack = kStack + kWidth + kLeftParts + 1;
 
 /// A node's number, or kLeaf | (count - 1) << kCountShift | number of the leaf's first primitive.
 using ChildRef = uint32_t;
@@ -67,8 +67,8 @@ struct TreeView {
 /// What each of the rays that go one by one has yet to visit, in a tree over instances and in
 /// another one. Too large for the stack that some systems give a thread (musl 128 KB, macOS 512
 /// KB).
-struct WalkerStacks {
-  int64_t placed[kWalkers][kWalkerStack], own[kWalkers][kWalkerStack];
+struct RayStacks {
+  int64_t placed[kInterleaved][kRayStack], own[kInterleaved][kRayStack];
 };
 
 /// `trees`: those in world space, one a kind at most. `objects`: those that instances refer to.

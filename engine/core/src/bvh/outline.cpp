@@ -116,9 +116,9 @@ BoxD world_box(const Tree& tree, const Affine& m) {
   // Rays are rounded to float in object space, and so is the support: leave room for 16 ulps of the
   // largest coordinate there.
   const Vec3d object = max(abs(at(box.lo)), abs(at(box.hi)));
-  const Vec3d room = 0x1p-20 * (abs(m.x) * object.x + abs(m.y) * object.y + abs(m.z) * object.z);
-  out.lo = out.lo - room;
-  out.hi = out.hi + room;
+  const Vec3d margin = 0x1p-20 * (abs(m.x) * object.x + abs(m.y) * object.y + abs(m.z) * object.z);
+  out.lo = out.lo - margin;
+  out.hi = out.hi + margin;
   return out;
 }
 

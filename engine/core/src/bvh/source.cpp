@@ -73,10 +73,10 @@ bool triangle_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref, 
 }
 
 /// With room for where double puts hits on what is not made of triangles.
-Ref roomy_ref(BoxD box, uint32_t primitive, uint32_t number) {
-  const double far = std::max(max_abs(box.lo), max_abs(box.hi)), room = 0x1p-48 * far;
-  box.lo = box.lo - Vec3d{room, room, room};
-  box.hi = box.hi + Vec3d{room, room, room};
+Ref padded_ref(BoxD box, uint32_t primitive, uint32_t number) {
+  const double far = std::max(max_abs(box.lo), max_abs(box.hi)), margin = 0x1p-48 * far;
+  box.lo = box.lo - Vec3d{margin, margin, margin};
+  box.hi = box.hi + Vec3d{margin, margin, margin};
   return make_ref(box, primitive, number);
 }
 
@@ -87,7 +87,7 @@ bool sphere_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
   BoxD box;
   box.add(c - Vec3d(r, r, r));
   box.add(c + Vec3d(r, r, r));
-  ref = roomy_ref(box, uint32_t(primitive), number);
+  ref = padded_ref(box, uint32_t(primitive), number);
   return true;
 }
 
@@ -95,7 +95,7 @@ bool polygon_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
   PolygonRecord record;
   BoxD box;
   if (!make_polygon(s, primitive, record, box)) return false;
-  ref = roomy_ref(box, uint32_t(primitive), number);
+  ref = padded_ref(box, uint32_t(primitive), number);
   return true;
 }
 
@@ -219,7 +219,7 @@ void fill_leaves(Tree& tree, const std::vector<Source>& sources, ThreadPool& poo
   });
 }
 
-LeafKind kind_of(const GeometryView& g) {
+LeafKind axis_class_of(const GeometryView& g) {
   return g.kind == GeometryView::kMesh      ? kTriangleLeaf
          : g.kind == GeometryView::kSpheres ? kSphereLeaf
                                             : kPolygonLeaf;
@@ -277,7 +277,7 @@ Tree make_tree(std::vector<Source>& sources, BuildQuality quality, ThreadPool& p
                const std::atomic<bool>& cancel) {
   Tree tree;
   if (sources.empty()) return tree;
-  tree.kind = kind_of(*sources.front().geometry);
+  tree.kind = axis_class_of(*sources.front().geometry);
   bake_vertices(sources, pool);
   Buffer<Ref> refs = collect(sources, pool, cancel, tree.dropped);
   for (const Source& s : sources) tree.dropped += s.geometry->primitive_count;

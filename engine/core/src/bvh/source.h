@@ -39,10 +39,10 @@ struct Tree {
   size_t bytes() const;
 };
 
-/// Makes the tree over all sources, which are of one kind. Primitives with a non-finite vertex, an
-/// index out of range or no extent are dropped and counted: triangles with two corners in one
-/// point, polygons without area, spheres without radius. Triangles whose corners lie on a line are
-/// counted too, but stay. A tree without primitives has count 0.
+/// Makes the tree over all sources, which are of one kind. Primitives with a non-finite
+/// vertex, an index out of range or no extent are dropped and counted: triangles with two corners
+/// in one point, polygons without area, spheres without radius. Triangles whose corners lie on a
+/// line are counted too, but stay. A tree without primitives has count 0.
 Tree make_tree(std::vector<Source>& sources, BuildQuality quality, ThreadPool& pool,
                const std::atomic<bool>& cancel);
 

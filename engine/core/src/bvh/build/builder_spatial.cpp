@@ -38,10 +38,10 @@ Ref half_of(const Ref& r, const Vec3d (&corner)[3], int axis, double at, bool ab
   }
   Ref half = r;
   for (int k = 0; k < 3; ++k) {
-    const double room = 0x1p-22 * std::max(std::fabs(box.lo[k]), std::fabs(box.hi[k])) +
-                        double(std::numeric_limits<float>::denorm_min());
-    half.lo[k] = std::max(r.lo[k], float(box.lo[k] - room));
-    half.hi[k] = std::min(r.hi[k], float(box.hi[k] + room));
+    const double margin = 0x1p-22 * std::max(std::fabs(box.lo[k]), std::fabs(box.hi[k])) +
+                          double(std::numeric_limits<float>::denorm_min());
+    half.lo[k] = std::max(r.lo[k], float(box.lo[k] - margin));
+    half.hi[k] = std::min(r.hi[k], float(box.hi[k] + margin));
   }
   if (above) half.lo[axis] = std::max(r.lo[axis], float(at));
   else half.hi[axis] = std::min(r.hi[axis], float(at));

@@ -66,7 +66,7 @@ double TileFrustum::reach(const Vec3d& point) const {
 bool surely_empty(const TreeView& tree, const TileFrustum& frustum) {
   const Vec3d center{tree.center[0], tree.center[1], tree.center[2]},
       ball{tree.ball, tree.ball, tree.ball};
-  // What the kernels leave for rounding (Tile::room), sixteen times over.
+  // What the kernels leave for rounding (Tile::margin), sixteen times over.
   const double reach = frustum.reach(center) + tree.radius,
                margin = 0x1p-16 * (max_abs(center) + 5 * tree.radius) + 0x1p-40 * reach;
   if (frustum.misses(center - ball, center + ball, margin, reach)) return true;

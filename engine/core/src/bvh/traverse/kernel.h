@@ -8,9 +8,9 @@ namespace glint {
 
 struct Kernel {
   const char* name;
-  void (*closest)(const TopLevelView&, const Rays&, const Hits&, WalkerStacks&);
+  void (*closest)(const TopLevelView&, const Rays&, const Hits&, RayStacks&);
   void (*occluded)(const TopLevelView&, const Rays&, uint8_t*, const Layers*,
-                   WalkerStacks&);  // layers: or null
+                   RayStacks&);  // layers: or null
 };
 
 #if defined(GLINT_X86_KERNELS)

@@ -23,15 +23,15 @@ struct BoxRays {
         ready |= 1u << g;
       }
   }
-  /// The triangle test rounds p - o as these slabs do: what else it rounds is half of the room, and
-  /// nothing along the depth. What the slabs across round is another quarter: three half ulps of at
-  /// most p - o.
+  /// The triangle test rounds p - o as these slabs do: what else it rounds is half of the margin,
+  /// and nothing along the depth. What the slabs across round is another quarter: three half ulps
+  /// of at most p - o.
   void set(const Tile& tile, int k) {
-    const Ints kind = load(tile.kind + k), back = kind & 4;
+    const Ints kind = load(tile.axis_class + k), back = kind & 4;
     for (int a = 0; a < 2; ++a) {
       const Floats steep = splat(1.0f) / load(tile.slope[a] + k), o = load(tile.of[a] + k);
       const Ints sign = Ints(steep) & INT32_MIN;
-      const Floats outward = Floats(Ints(splat(0.75f * tile.room)) | sign);
+      const Floats outward = Floats(Ints(splat(0.75f * tile.margin)) | sign);
       store(near_o[a] + k, o + outward);
       store(far_o[a] + k, o - outward);
       store(inverse[a] + k, steep);
@@ -39,7 +39,7 @@ struct BoxRays {
     }
     // Where a ray begins and ends is known to more digits than `start` has: planes ahead of it are
     // near enough, and far enough.
-    const Floats start = load(tile.start + k), rest = load(tile.rest[2] + k),
+    const Floats start = load(tile.start + k), rest = load(tile.low_part[2] + k),
                  ulps = magnitude(start) * splat(0x1p-23f);
     const Floats sign = Floats(Ints(splat(1.0f)) | (back << 29));
     store(near_o[2] + k, sign * (start + select(less(Floats{}, rest), ulps, Floats{})));

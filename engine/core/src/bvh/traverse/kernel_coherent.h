@@ -1,13 +1,13 @@
-// The common case of a tile, quickly: all its rays are of one kind, with origins within four radii
-// of the tree's ball, or all outside. The rays' numbers are those of set_tile; what all rays share
-// is computed once, and all groups' packets side by side.
+// The common case of a tile, quickly: all its rays are of one axis class, with origins within four
+// radii of the tree's ball, or all outside. The rays' numbers are those of set_tile; what all rays
+// share is computed once, and all groups' packets side by side.
 #pragma once
 #include "bvh/traverse/kernel_frustum.h"
 
 namespace glint {
 namespace {
 
-/// What is known of an even tile's directions and ends, and of the squares of its origins'
+/// What is known of a coherent tile's directions and ends, and of the squares of its origins'
 /// distances from the tree's centre.
 struct Span {
   Doubles shortest = splat(kInf), longest{}, earliest = splat(kInf),
@@ -21,18 +21,18 @@ struct Span {
   }
 };
 
-/// The kind of rays in direction d, as Tile::kind has it. Of axes of one length the first is the
-/// longest.
-inline uint32_t kind_of(const double (&d)[3]) {
+/// Tile::axis_class of rays in direction d. Of axes of one length the first is
+/// the longest.
+inline uint32_t axis_class_of(const double (&d)[3]) {
   const double x = magnitude(d[0]), y = magnitude(d[1]), z = magnitude(d[2]);
   const uint32_t axis = z > x && z > y ? 2 : y > x ? 1 : 0;
   return axis | (d[axis] < 0 ? 4 : 0);
 }
 
 /// Directions of the rays [k, k + kDoubles), columns in the rays' order, the longest along `axis`.
-/// False when they are not even. Those that end before they begin are not alive.
-inline bool set_even_directions(Tile& tile, int k, const double* const (&d)[3], int axis,
-                                Doubles sign, Span& span) {
+/// False when they are not coherent. Those that end before they begin are not alive.
+inline bool set_coherent_directions(Tile& tile, int k, const double* const (&d)[3], int axis,
+                                    Doubles sign, Span& span) {
   const Doubles d0 = load(d[0] + k), d1 = load(d[1] + k), along = load(d[2] + k),
                 ahead = flip(along, sign);
   const Doubles inverse = 1 / along, s0 = d0 * inverse, s1 = d1 * inverse;
@@ -66,7 +66,7 @@ inline Doubles set_near_origins(Tile& tile, int k, const double* const (&o)[3],
     float* coarse = a == 2 ? tile.start : tile.of[a];
     store(tile.o[a] + k, p);
     narrow(coarse + k, q);
-    narrow(tile.rest[a] + k, q - widen(coarse + k));
+    narrow(tile.low_part[a] + k, q - widen(coarse + k));
     square += f * f;
   }
   return square;
@@ -82,7 +82,7 @@ inline Doubles set_common_origin(Tile& tile, const double* const (&o)[3], const 
     for (int k = 0; k < kTile; k += kDoubles) store(tile.o[a] + k, splat(p));
     for (int k = 0; k < kTile; k += kLanes) {
       store((a == 2 ? tile.start : tile.of[a]) + k, splat(coarse));
-      store(tile.rest[a] + k, splat(rest));
+      store(tile.low_part[a] + k, splat(rest));
     }
     square += f * f;
   }
@@ -97,10 +97,10 @@ inline void set_far_origins(Tile& tile, int k, const double* const (&o)[3], floa
   for (int a = 0; a < 2; ++a) {
     const Doubles p = load(o[a] + k) + load(tile.shear[a] + k) * skipped;
     narrow(tile.of[a] + k, p);
-    narrow(tile.rest[a] + k, p - widen(tile.of[a] + k));
+    narrow(tile.low_part[a] + k, p - widen(tile.of[a] + k));
   }
   narrow(tile.start + k, splat(flip(double(plane), sign)));
-  narrow(tile.rest[2] + k, Doubles{});
+  narrow(tile.low_part[2] + k, Doubles{});
   store(tile.skipped + k, skipped);
 }
 
@@ -115,24 +115,24 @@ inline bool at_one_point(const Tile& tile) {
 }
 
 /// Where the rays [k, k + kDoubles) end, as depths; nearer than `skipped`, where that is not 0.
-inline void set_even_ends(Tile& tile, int k) {
+inline void set_coherent_ends(Tile& tile, int k) {
   const Doubles depth = smaller(magnitude(load(tile.t_max + k) * load(tile.along + k)),
                                 splat(double(kFar))),
-                room = depth * 0x1p-22;
-  narrow(tile.lo + k, depth - room);
-  narrow(tile.hi + k, smaller(depth + room, splat(double(kFar))));
+                margin = depth * 0x1p-22;
+  narrow(tile.lo + k, depth - margin);
+  narrow(tile.hi + k, smaller(depth + margin, splat(double(kFar))));
 }
 
 /// Where the rays [k, k + kDoubles) begin.
-inline void set_even_begins(Tile& tile, int k) {
+inline void set_coherent_begins(Tile& tile, int k) {
   const Doubles depth = smaller(magnitude(load(tile.t_min + k) * load(tile.along + k)),
                                 splat(double(kFar))),
-                room = depth * 0x1p-22;
-  narrow(tile.begin_lo + k, depth - room);
-  narrow(tile.begin_hi + k, smaller(depth + room, splat(double(kFar))));
+                margin = depth * 0x1p-22;
+  narrow(tile.begin_lo + k, depth - margin);
+  narrow(tile.begin_hi + k, smaller(depth + margin, splat(double(kFar))));
 }
 
-/// Depths of an even tile's rays that begin where their float rays do.
+/// Depths of a coherent tile's rays that begin where their float rays do.
 inline void set_near_depths(Tile& tile, const Span& span) {
   const bool endless = least_of(span.earliest) * least_of(span.shortest) >=
                        8 * tile.tree->radius;                  // behind everything: no need to know
@@ -142,12 +142,12 @@ inline void set_near_depths(Tile& tile, const Span& span) {
       store(tile.begin_lo + k, Floats{});
       store(tile.begin_hi + k, Floats{});
     } else
-      for (int h = 0; h < kLanes; h += kDoubles) set_even_begins(tile, k + h);
+      for (int h = 0; h < kLanes; h += kDoubles) set_coherent_begins(tile, k + h);
     if (endless) {
       store(tile.lo + k, splat(kFar));
       store(tile.hi + k, splat(kFar));
     } else
-      for (int h = 0; h < kLanes; h += kDoubles) set_even_ends(tile, k + h);
+      for (int h = 0; h < kLanes; h += kDoubles) set_coherent_ends(tile, k + h);
   }
   for (int k = 0; k < kTile; k += kDoubles) store(tile.skipped + k, Doubles{});
 }
@@ -172,10 +172,10 @@ inline void leave_out_dead(Tile& tile, uint64_t alive) {
   }
 }
 
-/// Origins of an even tile, columns in the rays' order; center likewise. False when some are near
-/// and some far away.
-inline bool set_even_origins(Tile& tile, const double* const (&o)[3], const double (&center)[3],
-                             double sign, Span& span) {
+/// Origins of a coherent tile, columns in the rays' order; center likewise. False when some are
+/// near and some far away.
+inline bool set_coherent_origins(Tile& tile, const double* const (&o)[3], const double (&center)[3],
+                                 double sign, Span& span) {
   const double radius = tile.tree->radius, limit = 16 * radius * radius;
   tile.common = at_one_point(tile);
   if (tile.common) span.add(set_common_origin(tile, o, center, sign));
@@ -185,7 +185,7 @@ inline bool set_even_origins(Tile& tile, const double* const (&o)[3], const doub
   constexpr double kClose = 0x1p-40;  // set_rays adds up squares in another order
   if (!any(~(span.farthest < splat(limit * (1 - kClose))))) {
     set_near_depths(tile, span);
-    set_room(tile, span.farthest, 0);
+    set_margin(tile, span.farthest, 0);
     return true;
   }
   if (any(~((span.nearest > splat(limit * (1 + kClose))) & (span.farthest < splat(kWide * kWide)))))
@@ -194,14 +194,14 @@ inline bool set_even_origins(Tile& tile, const double* const (&o)[3], const doub
   const float plane = float(center[2] - flip(radius, sign));
   for (int k = 0; k < kTile; k += kDoubles) set_far_origins(tile, k, o, plane, sign);
   set_far_depths(tile, sign);
-  set_room(tile, splat(9 * radius * radius), __builtin_sqrt(most_of(span.farthest)) * 0x1p-46);
+  set_margin(tile, splat(9 * radius * radius), __builtin_sqrt(most_of(span.farthest)) * 0x1p-46);
   return true;
 }
 
-/// set_tile for a tile that is even. False when it is not: then set_tile has to do it.
-inline bool set_even_tile(Tile& tile) {
-  if (tile.count < kCompany || !(reach_of(*tile.tree) < kWide)) return false;
-  const uint32_t kind = kind_of({*tile.xyz_d[0], *tile.xyz_d[1], *tile.xyz_d[2]});
+/// set_tile for a coherent tile. False when it is not: then set_tile has to do it.
+inline bool set_coherent_tile(Tile& tile) {
+  if (tile.count < kLeastPacket || !(reach_of(*tile.tree) < kWide)) return false;
+  const uint32_t kind = axis_class_of({*tile.xyz_d[0], *tile.xyz_d[1], *tile.xyz_d[2]});
   const Order& order = kOrders[kind];
   const double *d[3], *o[3], sign = double(order.sign);
   double center[3];
@@ -212,19 +212,19 @@ inline bool set_even_tile(Tile& tile) {
   }
   Span span;
   for (int k = 0; k < kTile; k += kDoubles)
-    if (!set_even_directions(tile, k, d, order.axes[2], splat(sign), span)) return false;
+    if (!set_coherent_directions(tile, k, d, order.axes[2], splat(sign), span)) return false;
   if (any(~((span.shortest > splat(0x1p-900)) & (span.longest < splat(0x1p900))))) return false;
-  if (!set_even_origins(tile, o, center, sign, span)) return false;
+  if (!set_coherent_origins(tile, o, center, sign, span)) return false;
   for (int k = 0; k < kTile; k += kLanes) {
-    store(tile.kind + k, Ints{} + int32_t(kind));
+    store(tile.axis_class + k, Ints{} + int32_t(kind));
     store(tile.pending + k, Ints{});
   }
   if (~span.alive) leave_out_dead(tile, span.alive);
   return true;
 }
 
-/// How deep an even tile's rays and groups go.
-inline void set_even_reach(const Tile& tile, Packets& b) {
+/// How deep a coherent tile's rays and groups go.
+inline void set_coherent_reach(const Tile& tile, Packets& b) {
   const DepthRange range(tile, order_of(tile, 0));
   for (int k = 0; k < kTile; k += kLanes) set_ray_depths(tile, b, k, range);
   for (int g = 0; g < kGroups; g += kLanes) {
@@ -233,18 +233,19 @@ inline void set_even_reach(const Tile& tile, Packets& b) {
   }
 }
 
-/// Packets of all groups of an even tile whose rays begin at one point: before they exist, hence
+/// Packets of all groups of a coherent tile whose rays begin at one point: before they exist, hence
 /// the lines through it bound them.
 inline void set_common_groups(const Tile& tile, Packets& b) {
   for (int g = 0; g < kGroups; g += kLanes)
     for (int a = 0; a < 2; ++a) {
       const float* slopes = tile.slope[a] + g * kLanes;
       const Floats low = fold_rows<Smaller>(slopes), high = fold_rows<Larger>(slopes);
-      const Floats o = splat(tile.of[a][0]), start = splat(tile.start[0]), room = splat(tile.room);
+      const Floats o = splat(tile.of[a][0]), start = splat(tile.start[0]),
+                   margin = splat(tile.margin);
       store(b.groups.m[2 * a] + g, low);
-      store(b.groups.c[2 * a] + g, o - low * start - room);
+      store(b.groups.c[2 * a] + g, o - low * start - margin);
       store(b.groups.m[2 * a + 1] + g, high);
-      store(b.groups.c[2 * a + 1] + g, o - high * start + room);
+      store(b.groups.c[2 * a + 1] + g, o - high * start + margin);
     }
 }
 
@@ -263,16 +264,17 @@ inline void set_parted_groups(const Tile& tile, Packets& b) {
       float *c = b.groups.c[2 * a] + g, *high_c = b.groups.c[2 * a + 1] + g;
       float *m = b.groups.m[2 * a] + g, *high_m = b.groups.m[2 * a + 1] + g;
       const Floats first = load(b.groups.first + g), last = load(b.groups.last + g),
-                   room = splat(2 * tile.room);
-      lines_through(fold_rows<Smaller>(p), fold_rows<Smaller>(q), first, last, -room, c, m);
-      lines_through(fold_rows<Larger>(p), fold_rows<Larger>(q), first, last, room, high_c, high_m);
+                   margin = splat(2 * tile.margin);
+      lines_through(fold_rows<Smaller>(p), fold_rows<Smaller>(q), first, last, -margin, c, m);
+      lines_through(fold_rows<Larger>(p), fold_rows<Larger>(q), first, last, margin, high_c,
+                    high_m);
     }
   }
 }
 
-/// Packets of an even tile's groups. Those without a ray alive mean nothing.
-inline void set_even_bundles(const Tile& tile, Packets& b) {
-  set_even_reach(tile, b);
+/// Packets of a coherent tile's groups. Those without a ray alive mean nothing.
+inline void set_coherent_packets(const Tile& tile, Packets& b) {
+  set_coherent_reach(tile, b);
   tile.common ? set_common_groups(tile, b) : set_parted_groups(tile, b);
 }
 

@@ -1,8 +1,8 @@
-// Triangles against pencils: rays whose lines all pass through one point, as camera rays, their
-// reflections in a plane and rays to a lamp do, or are parallel, as rays to a sun. A ray is two
-// numbers there, its place: the slopes of its line, or where parallel ones start. A triangle's edge
-// functions are linear in them; so a few products tell that it lies beside a whole packet, or which
-// rays hit it. Nothing is left out that the test of single rays would find.
+// Triangles against apex packets: rays whose lines all pass through one point, as camera rays,
+// their reflections in a plane and rays to a lamp do, or are parallel, as rays to a sun. A ray is
+// two numbers there, its place: the slopes of its line, or where parallel ones start. A triangle's
+// edge functions are linear in them; so a few products tell that it lies beside a whole packet, or
+// which rays hit it. Nothing is left out that the test of single rays would find.
 #pragma once
 #include <initializer_list>
 
@@ -25,7 +25,7 @@ struct Triangles {
 
 /// A point in the rays' order and sense, as the sum of two floats.
 struct Origin {
-  float o[3], rest[3];
+  float o[3], low_part[3];
 };
 
 /// Coordinates of the triangles [first, first + kLanes) of a leaf, corner by corner, in the rays'
@@ -36,7 +36,8 @@ __attribute__((always_inline)) inline void corners_from(const Origin& from, cons
   for (int j = 0; j < 3; ++j)
     for (int a = 0; a < 3; ++a) {
       const Floats v = load(leaf.at(j, order.axes[a]) + first);
-      p[3 * j + a] = (a == 2 ? v * splat(order.sign) : v) - splat(from.o[a]) - splat(from.rest[a]);
+      p[3 * j + a] =
+          (a == 2 ? v * splat(order.sign) : v) - splat(from.o[a]) - splat(from.low_part[a]);
     }
 }
 
@@ -45,12 +46,12 @@ struct Places {
   Floats low[2], high[2];
 };
 
-/// The rays of an even tile, where they are a pencil. What a corner is away from them across grows
-/// with their places times its weight: constant + linear times its depth. That is the depth where
-/// places are slopes from an apex, and 1 where parallel rays start at them. Of pencils from far
-/// away places are where the rays are in the middle of the tree, and the weight is 1 there: slopes
-/// would differ too little.
-struct Pencil {
+/// The rays of a coherent tile, where they are an apex packet. What a corner is away from them
+/// across grows with their places times its weight: constant + linear times its depth. That is the
+/// depth where places are slopes from an apex, and 1 where parallel rays start at them. Of apex
+/// packets from far away places are where the rays are in the middle of the tree, and the weight is
+/// 1 there: slopes would differ too little.
+struct ApexPacket {
   bool exists = false;
   float constant, linear;
   Origin apex;  // from where depths are counted; of parallel rays: where the first one begins; far
@@ -59,7 +60,7 @@ struct Pencil {
   float reach;      // from the rays' beginnings to the apex, in depth
   float steep;      // no slope is more
   float off;        // what rays miss the apex by
-  float room;       // bound of what depths are off by, but for those of triangles
+  float margin;     // bound of what depths are off by, but for those of triangles
   alignas(64) float low[2][kGroups], high[2][kGroups];  // of groups
   alignas(64) float place[2][kTile],
       start[kTile];  // of rays; and depths of their beginnings from the apex
@@ -96,23 +97,24 @@ struct EdgeLines {
 /// 3 m), and that of the products; these also by 4 m times what rays miss the apex by. Where one
 /// stays 2^-18 m (s z + m) and 8 m times that miss below 0, and their sum above, the rays see
 /// different signs.
-__attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, const Triangles& leaf,
-                                                      int first, const Order& order) {
+__attribute__((noinline)) inline EdgeLines edge_lines(const ApexPacket& apex_packet,
+                                                      const Triangles& leaf, int first,
+                                                      const Order& order) {
   Floats p[9], most{}, deepest{};
-  corners_from(pencil.apex, leaf, first, order, p);
+  corners_from(apex_packet.apex, leaf, first, order, p);
   for (int j = 0; j < 3; ++j) {
     const Floats z = p[3 * j + 2];
     for (int a = 0; a < 2; ++a) {
-      p[3 * j + a] -= splat(pencil.middle[a]) * z;
+      p[3 * j + a] -= splat(apex_packet.middle[a]) * z;
       most = larger(magnitude(p[3 * j + a]), most);
     }
     deepest = larger(magnitude(z), deepest);
   }
   const Floats z0 = p[2], z1 = p[5], z2 = p[8];
-  const Places& all = pencil.all;
+  const Places& all = apex_packet.all;
   const Floats width = larger(larger(all.high[0], -all.low[0]), larger(all.high[1], -all.low[1]));
-  most += width * (splat(pencil.constant) + deepest * splat(magnitude(pencil.linear)));
-  const Floats constant = splat(pencil.constant), linear = splat(pencil.linear);
+  most += width * (splat(apex_packet.constant) + deepest * splat(magnitude(apex_packet.linear)));
+  const Floats constant = splat(apex_packet.constant), linear = splat(apex_packet.linear);
   EdgeLines l;
   for (int e = 0; e < 3; ++e) {
     const Floats *a = p + 3 * ((e + 1) % 3), *b = p + 3 * ((e + 2) % 3);
@@ -126,8 +128,8 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const Pencil& pencil, cons
   const Ints side = Ints(k) & INT32_MIN;
   const Floats swing = larger(magnitude(x * all.low[0]), magnitude(x * all.high[0])) +
                        larger(magnitude(y * all.low[1]), magnitude(y * all.high[1]));
-  const Floats far =
-      splat(pencil.steep) * (deepest + splat(pencil.reach)) + splat(pencil.off * 0x1p21f);
+  const Floats far = splat(apex_packet.steep) * (deepest + splat(apex_packet.reach)) +
+                     splat(apex_packet.off * 0x1p21f);
   const Floats margin = splat(0x1p-18f) * most * (far + most) + splat(kUnderflow);
   l.margin = select(less(margin, magnitude(k) - swing), margin,
                     splat(__builtin_inff()));  // edge-on: no side is known
@@ -178,7 +180,7 @@ struct EdgeTable {
   }
 };
 
-/// Where the lines of an even tile's first and last ray are nearest to each other, in the rays'
+/// Where the lines of a coherent tile's first and last ray are nearest to each other, in the rays'
 /// order. Returns how far from there the others pass at most.
 inline double meeting_point(const Tile& tile, double (&apex)[3]) {
   const int final = tile.count - 1;
@@ -202,13 +204,13 @@ inline double meeting_point(const Tile& tile, double (&apex)[3]) {
   return most_of(off);
 }
 
-/// How far the rays begin from the pencil's apex, in depth. Returns the most.
-inline float set_starts(const Tile& tile, Pencil& pencil) {
+/// How far the rays begin from the packet's apex, in depth. Returns the most.
+inline float set_starts(const Tile& tile, ApexPacket& apex_packet) {
   Floats most{};
   for (int k = 0; k < kTile; k += kLanes) {
-    const Floats from = (load(tile.start + k) - splat(pencil.apex.o[2])) +
-                        (load(tile.rest[2] + k) - splat(pencil.apex.rest[2]));
-    store(pencil.start + k, from);
+    const Floats from = (load(tile.start + k) - splat(apex_packet.apex.o[2])) +
+                        (load(tile.low_part[2] + k) - splat(apex_packet.apex.low_part[2]));
+    store(apex_packet.start + k, from);
     most = larger(magnitude(from), most);
   }
   return largest(most);
@@ -222,10 +224,11 @@ inline bool parallel(const Tile& tile) {
   return all_zero(other);
 }
 
-/// An even tile's rays that meet far away. `meeting`: where, in their order; `off`: what they miss
-/// it by. The ray in the middle is one half way between the first and the last. A ray is off its
-/// place by what it misses the apex by, less where that is far, and by rounding.
-inline void set_far_apex(const Tile& tile, const double (&meeting)[3], double off, Pencil& pencil) {
+/// A coherent tile's rays that meet far away. `meeting`: where, in their order; `off`: what they
+/// miss it by. The ray in the middle is one half way between the first and the last. A ray is off
+/// its place by what it misses the apex by, less where that is far, and by rounding.
+inline void set_far_apex(const Tile& tile, const double (&meeting)[3], double off,
+                         ApexPacket& apex_packet) {
   const int final = tile.count - 1;
   const Order& order = order_of(tile, 0);
   const double sign = double(order.sign), radius = tile.tree->radius;
@@ -235,36 +238,36 @@ inline void set_far_apex(const Tile& tile, const double (&meeting)[3], double of
     const double first = tile.o[a][0] + tile.shear[a][0] * (depth - tile.o[2][0]);
     const double last = tile.o[a][final] + tile.shear[a][final] * (depth - tile.o[2][final]),
                  middle = 0.5 * first + 0.5 * last;
-    pencil.apex.o[a] = float(middle);
-    pencil.apex.rest[a] = float(middle - double(pencil.apex.o[a]));
-    pencil.middle[a] = float((middle - meeting[a]) / distance);
+    apex_packet.apex.o[a] = float(middle);
+    apex_packet.apex.low_part[a] = float(middle - double(apex_packet.apex.o[a]));
+    apex_packet.middle[a] = float((middle - meeting[a]) / distance);
   }
-  pencil.apex.o[2] = plane;
-  pencil.apex.rest[2] = 0;
-  pencil.constant = 1;
-  pencil.linear = float(1 / distance);
-  pencil.off =
-      float(off * (2 * radius / magnitude(distance)) + 0x1p-21 * radius) + 16 * tile.far_room;
+  apex_packet.apex.o[2] = plane;
+  apex_packet.apex.low_part[2] = 0;
+  apex_packet.constant = 1;
+  apex_packet.linear = float(1 / distance);
+  apex_packet.off =
+      float(off * (2 * radius / magnitude(distance)) + 0x1p-21 * radius) + 16 * tile.far_margin;
 }
 
-/// The apex of an even tile. False when its rays are no pencil.
-inline bool set_apex(const Tile& tile, Pencil& pencil) {
-  Origin& apex = pencil.apex;
-  pencil.off = pencil.reach = pencil.constant = 0;
-  pencil.linear = 1;
+/// The apex of a coherent tile. False when its rays are no apex packet.
+inline bool set_apex(const Tile& tile, ApexPacket& apex_packet) {
+  Origin& apex = apex_packet.apex;
+  apex_packet.off = apex_packet.reach = apex_packet.constant = 0;
+  apex_packet.linear = 1;
   for (int a = 0; a < 2; ++a)
-    pencil.middle[a] = 0.5f * tile.slope[a][0] + 0.5f * tile.slope[a][tile.count - 1];
+    apex_packet.middle[a] = 0.5f * tile.slope[a][0] + 0.5f * tile.slope[a][tile.count - 1];
   apex = {{tile.of[0][0], tile.of[1][0], tile.start[0]},
-          {tile.rest[0][0], tile.rest[1][0], tile.rest[2][0]}};
+          {tile.low_part[0][0], tile.low_part[1][0], tile.low_part[2][0]}};
   if (tile.common) {
-    for (int k = 0; k < kTile; k += kLanes) store(pencil.start + k, Floats{});
+    for (int k = 0; k < kTile; k += kLanes) store(apex_packet.start + k, Floats{});
     return true;
   }
   if (parallel(tile)) {
-    pencil.constant = 1;
-    pencil.linear = 0;
-    pencil.reach = set_starts(tile, pencil);
-    pencil.off = 16 * tile.far_room;
+    apex_packet.constant = 1;
+    apex_packet.linear = 0;
+    apex_packet.reach = set_starts(tile, apex_packet);
+    apex_packet.off = 16 * tile.far_margin;
     return true;
   }
   const double radius = tile.tree->radius;
@@ -272,49 +275,50 @@ inline bool set_apex(const Tile& tile, Pencil& pencil) {
   if (!(off < 1e20)) return false;
   const Order& order = order_of(tile, 0);
   if (magnitude(meeting[2] - tile.tree->center[order.axes[2]]) > 4 * radius) {
-    set_far_apex(tile, meeting, off, pencil);
-    pencil.reach = set_starts(tile, pencil);
-    return pencil.off < 0x1p-18f * float(radius);
+    set_far_apex(tile, meeting, off, apex_packet);
+    apex_packet.reach = set_starts(tile, apex_packet);
+    return apex_packet.off < 0x1p-18f * float(radius);
   }
   meeting[2] *= double(order.sign);
   for (int a = 0; a < 3; ++a) {
     apex.o[a] = float(meeting[a]);
-    apex.rest[a] = float(meeting[a] - double(apex.o[a]));
+    apex.low_part[a] = float(meeting[a] - double(apex.o[a]));
   }
-  pencil.reach = set_starts(tile, pencil);
-  pencil.off = float(off) + 16 * tile.far_room;
-  return pencil.off < 0x1p-18f * pencil.reach;
+  apex_packet.reach = set_starts(tile, apex_packet);
+  apex_packet.off = float(off) + 16 * tile.far_margin;
+  return apex_packet.off < 0x1p-18f * apex_packet.reach;
 }
 
 /// Places of the rays [k, k + kLanes) along axis a.
-inline Floats places(const Tile& tile, const Pencil& pencil, int a, int k) {
+inline Floats places(const Tile& tile, const ApexPacket& apex_packet, int a, int k) {
   const Floats slope = load(tile.slope[a] + k);
-  if (pencil.constant == 0) return slope - splat(pencil.middle[a]);
-  const Floats across = (load(tile.of[a] + k) - splat(pencil.apex.o[a])) +
-                        (load(tile.rest[a] + k) - splat(pencil.apex.rest[a]));
-  return across - slope * load(pencil.start + k);
+  if (apex_packet.constant == 0) return slope - splat(apex_packet.middle[a]);
+  const Floats across = (load(tile.of[a] + k) - splat(apex_packet.apex.o[a])) +
+                        (load(tile.low_part[a] + k) - splat(apex_packet.apex.low_part[a]));
+  return across - slope * load(apex_packet.start + k);
 }
 
-inline void set_pencil(const Tile& tile, Pencil& pencil) {
-  pencil.exists = set_apex(tile, pencil);
-  if (!pencil.exists) return;
-  pencil.room = 0x1p-20f * pencil.reach + kFarTie * tile.far_room;
+inline void set_apex_packet(const Tile& tile, ApexPacket& apex_packet) {
+  apex_packet.exists = set_apex(tile, apex_packet);
+  if (!apex_packet.exists) return;
+  apex_packet.margin = 0x1p-20f * apex_packet.reach + kFarTie * tile.far_margin;
   for (int a = 0; a < 2; ++a) {
-    for (int k = 0; k < kTile; k += kLanes) store(pencil.place[a] + k, places(tile, pencil, a, k));
+    for (int k = 0; k < kTile; k += kLanes)
+      store(apex_packet.place[a] + k, places(tile, apex_packet, a, k));
     Floats low = splat(kFar), high = splat(-kFar);
     for (int g = 0; g < kGroups; g += kLanes) {
-      const Floats least = fold_rows<Smaller>(pencil.place[a] + g * kLanes),
-                   most = fold_rows<Larger>(pencil.place[a] + g * kLanes);
-      store(pencil.low[a] + g, least);
-      store(pencil.high[a] + g, most);
+      const Floats least = fold_rows<Smaller>(apex_packet.place[a] + g * kLanes),
+                   most = fold_rows<Larger>(apex_packet.place[a] + g * kLanes);
+      store(apex_packet.low[a] + g, least);
+      store(apex_packet.high[a] + g, most);
       low = smaller(least, low);
       high = larger(most, high);
     }
     const float least = smallest(low), most = largest(high),
-                turn = larger(-least, most) * magnitude(pencil.linear);
-    pencil.all.low[a] = splat(least);
-    pencil.all.high[a] = splat(most);
-    pencil.steep = larger(magnitude(pencil.middle[a]) + turn, a ? pencil.steep : 0);
+                turn = larger(-least, most) * magnitude(apex_packet.linear);
+    apex_packet.all.low[a] = splat(least);
+    apex_packet.all.high[a] = splat(most);
+    apex_packet.steep = larger(magnitude(apex_packet.middle[a]) + turn, a ? apex_packet.steep : 0);
   }
 }
 

@@ -26,8 +26,8 @@ struct Frusta {
   }
 };
 
-/// Where the planes of a node are, seen along the rays of one kind (Tile::kind): offsets in
-/// Node::planes, and the sign of the depth axis.
+/// Where the planes of a node are, seen along the rays of one axis class (Tile::axis_class):
+/// offsets in Node::planes, and the sign of the depth axis.
 struct Order {
   uint32_t low[2], high[2], front, rear;  // front and rear: the depth axis
   float sign;
@@ -48,7 +48,7 @@ struct Order {
 };
 constexpr Order kOrders[8] = {Order(0), Order(1), Order(2), Order(0),
                               Order(4), Order(5), Order(6), Order(4)};
-inline const Order& order_of(const Tile& tile, int r) { return kOrders[tile.kind[r]]; }
+inline const Order& order_of(const Tile& tile, int r) { return kOrders[tile.axis_class[r]]; }
 
 /// Which axis is Order::axes[a] for rays of these kinds.
 inline Ints across(Ints kind, int a) {
@@ -122,7 +122,7 @@ __attribute__((always_inline)) inline Boxes child_box(const Node& n, int child,
           splat(p[order.rear] * order.sign)};
 }
 
-/// All packets of a tile whose rays are of one kind: rays, groups of kLanes, all.
+/// All packets of a tile whose rays are of one axis class: rays, groups of kLanes, all.
 struct Packets {
   Frusta<kTile> rays;
   Frusta<(kGroups < kLanes ? kLanes : kGroups)> groups;
@@ -131,20 +131,20 @@ struct Packets {
 };
 
 /// The lines through two planes' values.
-inline void line_through(float at_first, float at_last, float first, float last, float room,
+inline void line_through(float at_first, float at_last, float first, float last, float margin,
                          float& c, float& m) {
   const float length = last - first;
   m = length > 0 ? (at_last - at_first) / length : 0;
-  c = at_first - m * first + room;
+  c = at_first - m * first + margin;
 }
 
 /// The same for packets in lanes.
-inline void lines_through(Floats at_first, Floats at_last, Floats first, Floats last, Floats room,
+inline void lines_through(Floats at_first, Floats at_last, Floats first, Floats last, Floats margin,
                           float* c, float* m) {
   const Floats length = last - first,
                slope = select(less(Floats{}, length), (at_last - at_first) / length, Floats{});
   store(m, slope);
-  store(c, at_first - slope * first + room);
+  store(c, at_first - slope * first + margin);
 }
 
 /// Between which depths the tree lies for rays of one order.
@@ -152,7 +152,7 @@ struct DepthRange {
   Floats front, rear;
   DepthRange(const Tile& tile, const Order& order) {
     const float center = order.sign * float(tile.tree->center[order.axes[2]]),
-                radius = float(tile.tree->radius) * 1.001f + tile.room;
+                radius = float(tile.tree->radius) * 1.001f + tile.margin;
     front = splat(center - radius);
     rear = splat(center + radius);
   }
@@ -160,23 +160,23 @@ struct DepthRange {
 
 /// How deep the rays [k, k + kLanes) go.
 inline void set_ray_depths(const Tile& tile, Packets& b, int k, const DepthRange& range) {
-  const Floats start = load(tile.start + k), room = splat(tile.room);
+  const Floats start = load(tile.start + k), margin = splat(tile.margin);
   // The beginning needs room for rounding start + begin alone: with more, rays would enter boxes of
   // the surface that they leave.
   store(b.rays.first + k,
-        larger(start + load(tile.begin_lo + k) - splat(0.25f * tile.room), range.front));
-  store(b.rays.last + k, smaller(start + load(tile.hi + k) + room, range.rear));
+        larger(start + load(tile.begin_lo + k) - splat(0.25f * tile.margin), range.front));
+  store(b.rays.last + k, smaller(start + load(tile.hi + k) + margin, range.rear));
 }
 
 /// Lines of the rays [k, k + kLanes).
 inline void set_ray_lines(const Tile& tile, Packets& b, int k) {
-  const Floats start = load(tile.start + k), room = splat(tile.room);
+  const Floats start = load(tile.start + k), margin = splat(tile.margin);
   for (int a = 0; a < 2; ++a) {
     const Floats m = load(tile.slope[a] + k), c = load(tile.of[a] + k) - m * start;
     store(b.rays.m[2 * a] + k, m);
     store(b.rays.m[2 * a + 1] + k, m);
-    store(b.rays.c[2 * a] + k, c - room);
-    store(b.rays.c[2 * a + 1] + k, c + room);
+    store(b.rays.c[2 * a] + k, c - margin);
+    store(b.rays.c[2 * a + 1] + k, c + margin);
   }
   b.lines |= 1u << k / kLanes;
 }
@@ -188,12 +188,12 @@ inline void set_group(const Tile& tile, Packets& b, int g) {
   b.groups.first[g] = first;
   b.groups.last[g] = last;
   for (int a = 0; a < 2; ++a) {
-    const Floats m = load(b.rays.m[2 * a] + k), c = load(b.rays.c[2 * a] + k) + splat(tile.room);
+    const Floats m = load(b.rays.m[2 * a] + k), c = load(b.rays.c[2 * a] + k) + splat(tile.margin);
     const Floats at_first = c + m * splat(first), at_last = c + m * splat(last);
     const int low = 2 * a, high = low + 1;
-    line_through(smallest(at_first), smallest(at_last), first, last, -2 * tile.room,
+    line_through(smallest(at_first), smallest(at_last), first, last, -2 * tile.margin,
                  b.groups.c[low][g], b.groups.m[low][g]);
-    line_through(largest(at_first), largest(at_last), first, last, 2 * tile.room,
+    line_through(largest(at_first), largest(at_last), first, last, 2 * tile.margin,
                  b.groups.c[high][g], b.groups.m[high][g]);
   }
 }
@@ -207,9 +207,9 @@ inline void set_common_group(const Tile& tile, Packets& b, int g) {
     const Floats m = load(tile.slope[a] + k);
     const float low = smallest(m), high = largest(m), o = tile.of[a][k], start = tile.start[k];
     b.groups.m[2 * a][g] = low;
-    b.groups.c[2 * a][g] = o - low * start - tile.room;
+    b.groups.c[2 * a][g] = o - low * start - tile.margin;
     b.groups.m[2 * a + 1][g] = high;
-    b.groups.c[2 * a + 1][g] = o - high * start + tile.room;
+    b.groups.c[2 * a + 1][g] = o - high * start + tile.margin;
   }
 }
 
@@ -252,7 +252,7 @@ inline bool set_all(const Tile& tile, Packets& b) {
         sum(select(load(b.groups.first + g) <= load(b.groups.last + g), width * height, Floats{}));
   }
   for (int l = 0; l < kLines; ++l)
-    line_through(near[l], far[l], f.first, f.last, (l % 2 ? 2 : -2) * tile.room, f.c[l], f.m[l]);
+    line_through(near[l], far[l], f.first, f.last, (l % 2 ? 2 : -2) * tile.margin, f.c[l], f.m[l]);
   const float width = near[kHighX] - near[kLowX] + far[kHighX] - far[kLowX],
               height = near[kHighY] - near[kLowY] + far[kHighY] - far[kLowY];
   return !(4 * area > 3 * width * height);

@@ -23,7 +23,7 @@ struct Columns {
   /// Rays that hit nothing, up to a whole group; where all of them may be one packet, up to a whole
   /// tile, beside the first one.
   void fill(int count) {
-    const int end = count < kCompany ? (count + kLanes - 1) / kLanes * kLanes : kTile;
+    const int end = count < kLeastPacket ? (count + kLanes - 1) / kLanes * kLanes : kTile;
     for (int c = 0; c < 8; ++c)
       for (int k = count; k < end; ++k) values[c][k] = c < 6 ? values[c][0] : 0;
   }
@@ -169,12 +169,13 @@ void trace_instances(Walk<Any>& w, ChildRef leaf, uint64_t rays) {
 /// that it may hit. When all have, those at instances of the same object go into its tree together:
 /// the instances may be different ones. A leaf is one instance.
 template <bool Any>
-struct Visitors : Company<Any, true> {
-  using Company<Any, true>::w, Company<Any, true>::at, Company<Any, true>::walker;
-  OpenRay<double> ray[kWalkers];
+struct InstanceTraversal : InterleavedRays<Any, true> {
+  using InterleavedRays<Any, true>::w, InterleavedRays<Any, true>::at,
+      InterleavedRays<Any, true>::single;
+  OpenRay<double> ray[kInterleaved];
   uint32_t there = 0;  // have come to an instance
 
-  explicit Visitors(Walk<Any>& walk) : Company<Any, true>(walk, walk.left.rays) {}
+  explicit InstanceTraversal(Walk<Any>& walk) : InterleavedRays<Any, true>(walk, walk.left.rays) {}
   void go() {
     for (uint32_t nodes, through;;) {
       this->look(nodes, through);
@@ -192,10 +193,10 @@ struct Visitors : Company<Any, true> {
     for (; mask; mask &= mask - 1) {
       const int k = __builtin_ctz(mask);
       const InstanceRecord& i = instance(k);
-      ray[k] = {i, w.tile, walker[k].r};
+      ray[k] = {i, w.tile, single[k].r};
       if (i.visibility & w.tile.answers->visibility && !ray[k].passes_by(w.world.objects[i.tree]))
         there |= 1u << k;
-      else Company<Any, true>::go(k, walker[k].pop());
+      else InterleavedRays<Any, true>::go(k, single[k].pop());
     }
   }
   /// Sends those on their way that are at the same object as the first one.
@@ -206,7 +207,7 @@ struct Visitors : Company<Any, true> {
     for (uint32_t m = there; m; m &= m - 1) {
       const int k = __builtin_ctz(m);
       if (instance(k).tree == tree) {
-        visit.add(walker[k].r, instance(k), ray[k]);
+        visit.add(single[k].r, instance(k), ray[k]);
         same |= m & -m;
       }
     }
@@ -215,14 +216,14 @@ struct Visitors : Company<Any, true> {
     for (; same; same &= same - 1) leave(__builtin_ctz(same));
   }
   void leave(int k) {
-    walker[k].shorten(w.tile);
-    Company<Any, true>::go(k, alive(w.tile, walker[k].r) ? walker[k].pop() : kDone);
+    single[k].shorten(w.tile);
+    InterleavedRays<Any, true>::go(k, alive(w.tile, single[k].r) ? single[k].pop() : kDone);
   }
 };
 
 template <bool Any>
 __attribute__((noinline)) void visit_instances(Walk<Any>& w) {
-  Visitors<Any>(w).go();
+  InstanceTraversal<Any>(w).go();
 }
 
 }  // namespace

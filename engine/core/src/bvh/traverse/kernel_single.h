@@ -50,8 +50,8 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
   const size_t corner = 3 * size_t(n);
   const Floats ox = splat(tile.of[0][r]), oy = splat(tile.of[1][r]), oz = splat(tile.start[r]),
                sign = splat(order.sign);
-  const Floats rx = splat(tile.rest[0][r]), ry = splat(tile.rest[1][r]),
-               rz = splat(tile.rest[2][r]);
+  const Floats rx = splat(tile.low_part[0][r]), ry = splat(tile.low_part[1][r]),
+               rz = splat(tile.low_part[2][r]);
   const Floats sx = splat(tile.slope[0][r]), sy = splat(tile.slope[1][r]);
   for (int first = 0; first < n; first += kLanes) {
     TriangleTest t;
@@ -65,7 +65,7 @@ inline void hit_triangles(Walk<Any>& w, int r, ChildRef ref, const Order& order)
     uint32_t mask = ~t.conflict() & ((1u << rest) - 1);
     if (!mask) continue;
     Floats lo, hi;
-    t.depth(t.extent(), tile.far_room, lo, hi);
+    t.depth(t.extent(), tile.far_margin, lo, hi);
     mask &= ~bits(t.sure() & (less(splat(tile.hi[r]), lo) | less(hi, splat(tile.begin_lo[r]))));
     if (mask) take_triangles(w, r, ref, first, mask, t, lo, hi);
   }
@@ -88,7 +88,7 @@ inline void fetch(const TreeView& tree, ChildRef child, const void* held, size_t
 }
 
 /// A ray on its own, and what waits for it.
-struct Walker {
+struct SingleRay {
   int r;
   Waiting limit;  // what is farther away is not worth going to
   Waiting* top;   // past the last that waits
@@ -123,20 +123,20 @@ struct Walker {
 /// Several rays on their way, through a tree over instances or another one. A processor cannot
 /// foresee where each of them goes; so they go in step.
 template <bool Any, bool Placed>
-struct Company {
+struct InterleavedRays {
   Walk<Any>& w;
   uint64_t rays;  // that have not started
-  int count;      // walkers, whole vectors of them
+  int count;      // single rays, whole vectors of them
   bool slow;      // memory, and others have the time until it answers
-  alignas(64) ChildRef at[kWalkers];
-  Walker walker[kWalkers];
-  Waiting (*const stacks)[kWalkerStack];
+  alignas(64) ChildRef at[kInterleaved];
+  SingleRay single[kInterleaved];
+  Waiting (*const stacks)[kRayStack];
 
-  Company(Walk<Any>& walk, uint64_t all)
+  InterleavedRays(Walk<Any>& walk, uint64_t all)
       : w(walk),
         rays(all),
         stacks(Placed ? walk.tile.answers->stacks->placed : walk.tile.answers->stacks->own) {
-    const int n = __builtin_popcountll(all), most = n < kWalkers ? n : kWalkers;
+    const int n = __builtin_popcountll(all), most = n < kInterleaved ? n : kInterleaved;
     count = (most + kLanes - 1) / kLanes * kLanes;
     slow = w.tree.large && n > 2;
     for (int k = 0; k < count; ++k) at[k] = kDone;
@@ -152,7 +152,7 @@ struct Company {
     }
     for (; through && rays; rays &= rays - 1) {
       const int k = __builtin_ctz(through);
-      at[k] = walker[k].start(w.tile, __builtin_ctzll(rays), w.left, stacks[k]);
+      at[k] = single[k].start(w.tile, __builtin_ctzll(rays), w.left, stacks[k]);
       nodes |= uint32_t(!(at[k] & kLeaf)) << k;
       through &= ~(uint32_t(at[k] != kDone) << k);
     }
@@ -160,7 +160,7 @@ struct Company {
   void pass_nodes(uint32_t mask) {
     for (; mask; mask &= mask - 1) {
       const int k = __builtin_ctz(mask);
-      go(k, walker[k].descend(w, at[k]));
+      go(k, single[k].descend(w, at[k]));
     }
   }
   void go(int k, ChildRef next) {
@@ -174,9 +174,10 @@ struct Company {
 /// Rays in a tree over primitives: those at nodes take a step, or those at leaves, whichever are
 /// more.
 template <bool Any>
-struct Walkers : Company<Any, false> {
-  using Company<Any, false>::w, Company<Any, false>::at, Company<Any, false>::walker;
-  using Company<Any, false>::Company;
+struct InterleavedTraversal : InterleavedRays<Any, false> {
+  using InterleavedRays<Any, false>::w, InterleavedRays<Any, false>::at,
+      InterleavedRays<Any, false>::single;
+  using InterleavedRays<Any, false>::InterleavedRays;
 
   void go() {
     for (uint32_t nodes, through;;) {
@@ -190,10 +191,10 @@ struct Walkers : Company<Any, false> {
   void pass_leaves(uint32_t mask) {
     for (; mask; mask &= mask - 1) {
       const int k = __builtin_ctz(mask);
-      Walker& a = walker[k];
+      SingleRay& a = single[k];
       hit_leaf(w, a.r, at[k], order_of(w.tile, a.r));
       a.shorten(w.tile);
-      Company<Any, false>::go(k, Any && !alive(w.tile, a.r) ? kDone : a.pop());
+      InterleavedRays<Any, false>::go(k, Any && !alive(w.tile, a.r) ? kDone : a.pop());
     }
   }
 };
@@ -202,7 +203,7 @@ template <bool Any>
 void visit_instances(Walk<Any>& w);
 template <bool Any>
 __attribute__((noinline)) void visit_primitives(Walk<Any>& w) {
-  Walkers<Any>(w, w.left.rays).go();
+  InterleavedTraversal<Any>(w, w.left.rays).go();
 }
 
 /// The rest of the way of all rays that have left their packets. The packets do not learn of it:
@@ -226,7 +227,7 @@ inline void leave(Walk<Any>& w, int k, uint32_t rays, ChildRef child, float dist
   }
   for (; rays; rays &= rays - 1) {
     const int r = k + __builtin_ctz(rays);
-    w.left.add(r, child, distance - w.tile.start[r] - larger(0.0f, w.tile.rest[2][r]));
+    w.left.add(r, child, distance - w.tile.start[r] - larger(0.0f, w.tile.low_part[2][r]));
   }
 }
 

@@ -7,7 +7,7 @@ namespace {
 
 constexpr int kTile = 64;
 constexpr int kGroups = kTile / kLanes;
-constexpr int kCompany = kTile / 2;  // fewer rays are not worth a packet of all
+constexpr int kLeastPacket = kTile / 2;  // fewer rays are not worth a packet of all
 constexpr float kFar = 3e38f;
 constexpr ChildRef kNothing = 0;  // as `pending`: leaves have kLeaf set
 
@@ -20,7 +20,7 @@ struct Answers {
   uint8_t *blocked, *fallbacks;  // fallbacks: null when nobody asks
   uint32_t visibility;
   const uint32_t* masks;  // visibility of every instance; null when all can be seen
-  WalkerStacks* stacks;
+  RayStacks* stacks;
   const Opacity* opacity = nullptr;  // null: all that is met stops a ray
   Layers layers{};                   // null when nobody asks
 
@@ -85,20 +85,20 @@ struct Tile {
   const double *xyz_o[3], *xyz_d[3];  // axes x, y, z of the tree's space
   const double *t_min, *t_max;        // t_max: or the best hit so far, where that is nearer
   alignas(64) float of[2][kTile],
-      start[kTile];       // float ray's origin: across, and along in the ray's sense
-  float rest[3][kTile];   // what is missing to it
-  float slope[2][kTile];  // across by depth
+      start[kTile];          // float ray's origin: across, and along in the ray's sense
+  float low_part[3][kTile];  // what is missing to it
+  float slope[2][kTile];     // across by depth
   float lo[kTile], hi[kTile], begin_lo[kTile], begin_hi[kTile];
   uint32_t pending[kTile], place[kTile];  // leaf and place in it of a hit that is nearer than the
                                           // best of `answers`, not yet computed
-  uint32_t kind[kTile];  // longest axis, + 4 when the direction along it is negative
-  uint8_t slot[kTile];   // in `answers`
+  uint32_t axis_class[kTile];  // longest axis, + 4 when the direction along it is negative
+  uint8_t slot[kTile];         // in `answers`
   int count;
-  bool even, common;  // all rays as kernel_coherent.h wants them; and beginning at one point
-  float room;         // bound of the rounding of float coordinates, for boxes
-  float far_room;  // of that, the rounding of double for rays from far away; infinite where rays go
-                   // one by one
-  double close;    // exact rays pass triangles that they hit within this
+  bool coherent, common;  // all rays as kernel_coherent.h wants them; and beginning at one point
+  float margin;           // bound of the rounding of float coordinates, for boxes
+  float far_margin;  // of that, the rounding of double for rays from far away; infinite where rays
+                     // go one by one
+  double close;      // exact rays pass triangles that they hit within this
   const uint32_t*
       instances;  // by way of which each ray came, or null in world space: the leaves know
   Answers* answers;
@@ -112,7 +112,7 @@ constexpr double kWide = 1e12;
 
 /// What products of edge functions and depths lose below the smallest normal float is less.
 constexpr float kUnderflow = 0x1p-104f;
-/// far_room times this: kTie of the distance of rays from far away.
+/// far_margin times this: kTie of the distance of rays from far away.
 constexpr float kFarTie = float(kTie * 0x1p46);
 
 inline double reach_of(const TreeView& tree) {
@@ -146,9 +146,9 @@ inline double limited(double depth) {
 inline void depth_interval(Doubles t, Doubles along, Doubles h, Doubles sign, float* lo,
                            float* hi) {
   const Doubles at = t * along, depth = sign * (at - h),
-                room = magnitude(depth) * 0x1p-22 + (magnitude(at) + magnitude(h)) * kTie;
-  narrow(lo, limited(depth - room));
-  narrow(hi, limited(depth + room));
+                margin = magnitude(depth) * 0x1p-22 + (magnitude(at) + magnitude(h)) * kTie;
+  narrow(lo, limited(depth - margin));
+  narrow(hi, limited(depth + margin));
 }
 
 /// Ray parameter interval of one ray, after its best hit has become nearer.
@@ -158,9 +158,9 @@ inline void refresh(Tile& tile, int r) {
   const double t = a.t[s] < a.t_max[s] ? a.t[s] : a.t_max[s], along = tile.along[r],
                sign = along < 0 ? -1 : 1;
   const double at = t * along, h = tile.skipped[r], depth = sign * (at - h);
-  const double room = magnitude(depth) * 0x1p-22 + (magnitude(at) + magnitude(h)) * kTie;
-  tile.lo[r] = float(limited(depth - room));
-  tile.hi[r] = float(limited(depth + room));
+  const double margin = magnitude(depth) * 0x1p-22 + (magnitude(at) + magnitude(h)) * kTie;
+  tile.lo[r] = float(limited(depth - margin));
+  tile.hi[r] = float(limited(depth + margin));
 }
 
 /// Vectors in the order of the rays' axes: m1 and m2 say which of x, y, z is the longest.
@@ -220,12 +220,12 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
   narrow(tile.of[0] + k, p0);
   narrow(tile.of[1] + k, p1);
   narrow(tile.start + k, q2);
-  narrow(tile.rest[0] + k, p0 - widen(tile.of[0] + k));
-  narrow(tile.rest[1] + k, p1 - widen(tile.of[1] + k));
-  narrow(tile.rest[2] + k, q2 - widen(tile.start + k));
+  narrow(tile.low_part[0] + k, p0 - widen(tile.of[0] + k));
+  narrow(tile.low_part[1] + k, p1 - widen(tile.of[1] + k));
+  narrow(tile.low_part[2] + k, q2 - widen(tile.start + k));
   store(tile.skipped + k, h);
   const Longs kind = (m2 & 2) | (~m2 & m1 & 1) | (back & 4);
-  store_low(tile.kind + k, kind);
+  store_low(tile.axis_class + k, kind);
   store_low(tile.pending + k, Longs{});
   const Doubles sum = (s0 + s1 + along) * zero + (p0 + p1 + p2) * zero;
   const Doubles t_min = load(tile.t_min + k),
@@ -241,9 +241,9 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
   if (any(Longs(t_min != zero))) {
     depth_interval(t_min, along, h, sign, tile.begin_lo + k, tile.begin_hi + k);
   } else {
-    const Doubles depth = -sign * h, room = magnitude(h) * 0x1p-22;
-    narrow(tile.begin_lo + k, depth - room);
-    narrow(tile.begin_hi + k, depth + room);
+    const Doubles depth = -sign * h, margin = magnitude(h) * 0x1p-22;
+    narrow(tile.begin_lo + k, depth - margin);
+    narrow(tile.begin_hi + k, depth + margin);
   }
   // Rays that end behind everything need not know where.
   const Doubles beyond = splat(8 * tree.radius);
@@ -267,9 +267,9 @@ inline void copy_ray(Tile& tile, int from, int to) {
     tile.of[k][to] = tile.of[k][from];
     tile.slope[k][to] = tile.slope[k][from];
   }
-  for (int k = 0; k < 3; ++k) tile.rest[k][to] = tile.rest[k][from];
+  for (int k = 0; k < 3; ++k) tile.low_part[k][to] = tile.low_part[k][from];
   tile.start[to] = tile.start[from];
-  tile.kind[to] = tile.kind[from];
+  tile.axis_class[to] = tile.axis_class[from];
 }
 
 inline bool alive(const Tile& tile, int r) { return tile.hi[r] > -kFar; }
@@ -279,13 +279,13 @@ inline uint32_t living(const Tile& tile, int k) { return bits(load(tile.hi + k) 
 /// Bound of all rounding on the way to a float test, in coordinates: 20 ulps of the largest numbers
 /// that occur. `square`: distances of the float rays' origins from the tree's centre; `farthest`:
 /// the rounding of double for rays from far away.
-inline void set_room(Tile& tile, Doubles square, double farthest) {
+inline void set_margin(Tile& tile, Doubles square, double farthest) {
   const double size = reach_of(*tile.tree);
   const double reach = size - 4 * tile.tree->radius + __builtin_sqrt(most_of(square));
   const double bent =
       tile.tree->kind == kInstanceLeaf ? 0x1p12 : 1;  // by matrices that are hard to invert
-  tile.room = float(0x1.4p-20 * reach + bent * farthest);
-  tile.far_room = float(size < kWide && farthest < 1e30 ? farthest : kInf);
+  tile.margin = float(0x1.4p-20 * reach + bent * farthest);
+  tile.far_margin = float(size < kWide && farthest < 1e30 ? farthest : kInf);
   tile.close = 0x1p-21 * (size - 4 * tile.tree->radius);
 }
 
@@ -319,7 +319,7 @@ inline bool set_tile(Tile& tile) {
     for (uint32_t dead = ~lives & ((1u << kLanes) - 1); dead; dead &= dead - 1)
       copy_ray(tile, k + __builtin_ctz(lives), k + __builtin_ctz(dead));
   }
-  if (some) set_room(tile, square, farthest);
+  if (some) set_margin(tile, square, farthest);
   return some;
 }
 

@@ -1,0 +1,110 @@
+// A tile on its way through a tree: what all phases of a traversal share.
+#pragma once
+#include "bvh/traverse/kernel_boxes.h"
+#include "bvh/traverse/kernel_common_origin.h"
+
+namespace glint {
+namespace {
+
+inline PrimitiveId id_of(const Tile& tile, int r, uint32_t ordinal) {
+  PrimitiveId id = tile.tree->ids[ordinal];
+  if (tile.instances) id.instance = tile.instances[r];
+  return id;
+}
+/// Instances were asked before.
+inline bool visible(const Tile& tile, uint32_t ordinal) {
+  const Answers& a = *tile.answers;
+  return !a.masks || tile.instances ||
+         (a.masks[tile.tree->ids[ordinal].instance] & a.visibility) != 0;
+}
+
+/// A tile on its way through a tree.
+template <bool Any>
+struct Walk {
+  const TopLevelView& world;
+  const TreeView& tree;
+  Tile& tile;
+  Packets& packets;
+  const ApexPacket& apex_packet;
+  BoxRays& boxes;
+  SingleRays& left;
+
+  void block(int r) {
+    tile.answers->blocked[tile.slot[r]] = tile.answers->stop();
+    tile.lo[r] = tile.hi[r] = -kFar;
+  }
+  /// After a change of answers.
+  void update(int r) {
+    if (!Any) refresh(tile, r);
+    else if (tile.answers->blocked[tile.slot[r]] == tile.answers->stop()) block(r);
+  }
+  /// The packets' part of it.
+  void trim(int r) {
+    packets.rays.last[r] = smaller(packets.rays.last[r], tile.start[r] + tile.hi[r] + tile.margin);
+  }
+
+  /// The exact hit of one triangle, in double.
+  Exact<double> exact(int r, ChildRef leaf, int place) const {
+    const Triangles triangles(tree, leaf);
+    const Order& order = order_of(tile, r);
+    double corner[3][3];
+    for (int j = 0; j < 3; ++j)
+      for (int k = 0; k < 3; ++k) corner[j][k] = double(triangles.at(j, order.axes[k])[place]);
+    const double o[3] = {tile.o[0][r], tile.o[1][r], tile.o[2][r]},
+                 shear[2] = {tile.shear[0][r], tile.shear[1][r]};
+    Exact<double> e;
+    e.see(corner, o, shear);
+    e.weigh();
+    if (!(magnitude(e.off_x) <= tile.close && magnitude(e.off_y) <= tile.close)) weigh_edges(e);
+    return e;
+  }
+  void take(int r, ChildRef leaf, int place) {
+    const Exact<double> e = exact(r, leaf, place);
+    const PrimitiveId id = id_of(tile, r, leaf_first(leaf) + uint32_t(place));
+    if (tile.answers->template accept<Any>(tile.slot[r], e.depth / tile.along[r], e.u, e.v, id) &&
+        Any)
+      block(r);
+  }
+  /// Decides in double between a triangle and the best hit so far.
+  __attribute__((noinline)) void decide(int r, ChildRef leaf, int place) {
+    if (tile.pending[r] != kNothing) take(r, tile.pending[r], int(tile.place[r]));
+    tile.pending[r] = kNothing;
+    take(r, leaf, place);
+    update(r);
+  }
+};
+
+/// Those of some rays, k the first of them, that a triangle stops where they meet it. Any hit: a
+/// ray that it dims is told, and goes on.
+template <bool Any>
+__attribute__((noinline)) uint32_t stopped(const Walk<Any>& w, int k, uint32_t rays, ChildRef leaf,
+                                           int place) {
+  const Tile& tile = w.tile;
+  Answers& answers = *tile.answers;
+  const Opacity& opacity = *answers.opacity;
+  const bool solid = !(Any && opacity.onward), dimming = !(Any || opacity.onward);
+  const auto stops = [&](uint8_t kind) {
+    return (solid && kind == Opacity::kSolid) || (dimming && kind == Opacity::kVaried);
+  };
+  uint32_t stopped = rays;
+  for (; rays; rays &= rays - 1) {
+    const int r = k + __builtin_ctz(rays);
+    if (!alive(tile, r)) continue;
+    const PrimitiveId id = id_of(tile, r, leaf_first(leaf) + uint32_t(place));
+    uint8_t kind = opacity.of_instance[id.instance];
+    if (stops(kind)) continue;
+    const Exact<double> e = w.exact(r, leaf, place);
+    if (kind == Opacity::kMapped)
+      kind = opacity.at(opacity.maps, id.instance, id.primitive, e.u, e.v);
+    if (stops(kind)) continue;
+    stopped &= ~(rays & -rays);
+    const double t = e.depth / tile.along[r];
+    const int s = tile.slot[r];
+    if (Any && kind != Opacity::kClear && t > answers.t_min[s] && t < answers.t_max[s])
+      answers.dim(s, {t, id.instance, id.primitive, float(e.u), float(e.v)});
+  }
+  return stopped;
+}
+
+}  // namespace
+}  // namespace glint
