@@ -34,7 +34,7 @@ class Redraws:
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
         self.seconds = BUDGET
         self.number = 0
-        self._clock = clock
+        self.clock = clock
         self._began: float | None = None
         self._ended = -math.inf
         self._waited = 0.0
@@ -42,7 +42,7 @@ class Redraws:
     def begin(self) -> None:
         """A view is being drawn."""
         if self._began is None:
-            self._began = self._clock()
+            self._began = self.clock()
             self.number += 1
 
     @property
@@ -55,17 +55,17 @@ class Redraws:
         """Whether Blender has drawn, and looked after what was done meanwhile without beginning
         anew.
         """
-        return self._began is None and self._clock() - self._ended >= LOOK / 2
+        return self._began is None and self.clock() - self._ended >= LOOK / 2
 
     def follows(self, number: int) -> bool:
         """Whether that redraw comes right after the one with this number."""
-        began = self._clock() if self._began is None else self._began
+        began = self.clock() if self._began is None else self._began
         return self.next == number + 1 and began - self._ended < _PAUSE
 
     def end(self) -> None:
         """Blender is between two events: what was drawn is on the screen."""
         if self._began is not None:
-            self._ended = self._clock()
+            self._ended = self.clock()
             seconds = self._ended - self._began - self._waited
             self.seconds += _WEIGHT * (min(seconds, _LONGEST_REDRAW) - self.seconds)
         self._began, self._waited = None, 0.0
@@ -74,6 +74,6 @@ class Redraws:
         """Let a view that is being drawn call `wait` with the seconds it may take. is_patient:
         nothing is worth drawing before.
         """
-        start = self._clock()
+        start = self.clock()
         wait(max(0.0, (SETTLED if is_patient else min(self.seconds, LONGEST_WAIT)) - self._waited))
-        self._waited += self._clock() - start
+        self._waited += self.clock() - start

@@ -84,10 +84,10 @@ class Session:
 
     def __init__(self) -> None:
         self._export: SharedExport | None = None
-        self._live = engine.LiveRender()
+        self.live = engine.LiveRender()
         self._pacer = Pacer()
         self._motion = Motion()
-        self._content: Scene | None = None
+        self.content: Scene | None = None
         self._settings: engine.Settings | None = None
         self._wishes: _Wishes | None = None
         self._shown_pass = "Combined"
@@ -134,7 +134,7 @@ class Session:
         content = wishes.surroundings.around(scene)
         if self._shows(content, wishes):
             return  # another object is selected, or the display transform is another
-        self._content, self._wishes = content, wishes
+        self.content, self._wishes = content, wishes
         self._settings, self._shown_pass = wishes.settings, wishes.shown_pass
         if self._view is not None and context.region_data.view_perspective != "CAMERA":
             # it is most likely as it was, and Blender takes a while until it draws
@@ -145,10 +145,10 @@ class Session:
     def _shows(self, content: Scene, wishes: _Wishes) -> bool:
         """Whether the pictures that are there, or were asked for, are of this."""
         return (
-            self._content is not None
-            and self._live.error is None
+            self.content is not None
+            and self.live.error is None
             and wishes == self._wishes
-            and same_content(content, self._content)
+            and same_content(content, self.content)
         )
 
     def draw(
@@ -177,9 +177,9 @@ class Session:
     def close(self) -> None:
         """Stop tracing and give everything back. May be called more than once."""
         timer.forget(self)
-        self._live.close()
+        self.live.close()
         self._later = []
-        self._content = self._traced = self._export = None
+        self.content = self._traced = self._export = None
         self._pictures.clear()
 
     @property
@@ -187,7 +187,7 @@ class Session:
         """The scene with the view's camera, how it is traced, and the view; None while there is
         nothing to show.
         """
-        if self._content is None or self._view is None:
+        if self.content is None or self._view is None:
             return None
         return self._scene(self._view.camera), self._settings, self._view
 
@@ -196,18 +196,18 @@ class Session:
 
     @property
     def busy(self) -> bool:
-        return self._live.busy or bool(self._later)
+        return self.live.busy or bool(self._later)
 
     def go_on(self) -> None:
         """Blender has drawn, and nothing moved since."""
         later, self._later = self._later, []
         if later:
-            self._live.go_on(later)
+            self.live.go_on(later)
 
     @property
     def has_news(self) -> bool:
         """Whether a picture waits to be drawn, or something else to be told."""
-        newest = self._live.newest
+        newest = self.live.newest
         return (newest is not None and newest.number != self._drawn) or self._told() != self._status
 
     @property
@@ -217,7 +217,7 @@ class Session:
         """
         if not self.has_news:
             return False
-        newest = self._live.newest
+        newest = self.live.newest
         is_refinement = (
             newest is not None and newest.task.tag.key == self._shown and not newest.final
         )
@@ -228,7 +228,7 @@ class Session:
 
     def _follow(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Ask for another picture if what the view looks at is another."""
-        if self._content is None:
+        if self.content is None:
             return
         if _Wishes.of(context, depsgraph) != self._wishes:
             self.update(context, depsgraph)
@@ -260,7 +260,7 @@ class Session:
         self._is_patient = is_stopping and self._pacer.prefers_whole(pixels, timer.redraws.seconds)
         divisor = 1 if shades or self._is_patient else self._pacer.divisor(pixels)
         first, *self._later = self._tasks(view, divisor, shades)
-        self._live.start([first])
+        self.live.start([first])
         self._awaited = True
         timer.wake()
 
@@ -283,10 +283,10 @@ class Session:
         """
         if self._traced is None or self._traced[0] != view.key:
             return False
-        return same_places(self._traced[1], self._content)
+        return same_places(self._traced[1], self.content)
 
     def _scene(self, camera: Camera) -> Scene:
-        return replace(self._content, camera=bounds.stepped_up(camera, self._content))
+        return replace(self.content, camera=bounds.stepped_up(camera, self.content))
 
     def _draft(self, scene: Scene, view: View, divisor: int) -> engine.Task:
         """One sample of pixels that are larger than the screen's."""
@@ -340,7 +340,7 @@ class Session:
                 min(max(edge, 0), (width, height)[k % 2]) for k, edge in enumerate(moved)
             )
         return engine.Task(
-            replace(self._content, camera=view.frame.camera),
+            replace(self.content, camera=view.frame.camera),
             replace(self._settings, region=region),
             self._target(view, "FRAME"),
         )
@@ -350,14 +350,14 @@ class Session:
 
     def _await(self, seconds: float) -> None:
         """Until there is a picture of what was asked for last."""
-        self._live.wait(lambda wave: wave.task.tag.request == self.requests, seconds)
+        self.live.wait(lambda wave: wave.task.tag.request == self.requests, seconds)
 
     # --- showing
     # ----------------------------------------------------------------------------------------------
 
     def _fetch(self) -> None:
         """Make the newest wave a texture, if it is not on the screen yet."""
-        wave = self._live.newest
+        wave = self.live.newest
         if wave is None or wave.number == self._drawn:
             return
         self._drawn, self._drawn_at, self._shown = (
@@ -413,10 +413,10 @@ class Session:
         """The line of text in the corner of the view."""
         if self._problem:
             return f"Glint: {self._problem}"
-        error = self._live.error
+        error = self.live.error
         if error is not None:
             return f"Glint: {' '.join(str(error).split())}"
-        wave = self._live.newest
+        wave = self.live.newest
         unfinished = self.busy or (wave is not None and wave.task.tag.stage == "DRAFT")
         how_far = status.progress(
             wave, self._settings.samples if self._settings else 0, unfinished, self._error

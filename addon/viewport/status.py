@@ -30,7 +30,8 @@ def error_text(error: float) -> str:
     ) + "/255"
 
 
-def _wrong(error: float | None) -> str:
+def error_clause(error: float | None) -> str:
+    """What follows in a sentence, where the error is known."""
     return "" if error is None else f", error {error_text(error)}"
 
 
@@ -48,6 +49,6 @@ def progress(wave: engine.Wave | None, most: int, busy: bool, error: float | Non
     if wave is None:
         return "Glint: reading the scene"
     if busy:
-        return f"Glint: {wave.film.samples} of {most} samples{_wrong(error)}"
+        return f"Glint: {wave.film.samples} of {most} samples{error_clause(error)}"
     count = "1 sample" if wave.film.samples == 1 else f"{wave.film.samples} samples"
-    return f"Glint: {count}{_wrong(error)}, {wave.seconds:.2f} s"
+    return f"Glint: {count}{error_clause(error)}, {wave.seconds:.2f} s"

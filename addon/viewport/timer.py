@@ -45,8 +45,8 @@ def drawing() -> None:
 
 def wake() -> None:
     """Work has begun."""
-    if not bpy.app.timers.is_registered(_look):
-        bpy.app.timers.register(_look, first_interval=LOOK, persistent=True)
+    if not bpy.app.timers.is_registered(look):
+        bpy.app.timers.register(look, first_interval=LOOK, persistent=True)
 
 
 def epoch() -> int:
@@ -61,7 +61,10 @@ def evaluation() -> int:
     return _evaluation
 
 
-def _look() -> float | None:
+def look() -> float | None:
+    """Lets tasks go on, and redraws where there is news. Returns the seconds until Blender's timer
+    is to call it again, None for never.
+    """
     redraws.end()
     if redraws.is_over:
         for session in _sessions:
@@ -114,5 +117,5 @@ def unregister() -> None:
         session.close()
     for name, handler in _HANDLERS.items():
         getattr(bpy.app.handlers, name).remove(handler)
-    if bpy.app.timers.is_registered(_look):
-        bpy.app.timers.unregister(_look)
+    if bpy.app.timers.is_registered(look):
+        bpy.app.timers.unregister(look)

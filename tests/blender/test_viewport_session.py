@@ -92,7 +92,7 @@ class Watcher:
             assert time.monotonic() < deadline, "no picture came"
             time.sleep(0.005)
             self.draw()
-        return self.session._live.newest.film
+        return self.session.live.newest.film
 
     def draw(self):
         self.session.draw(self.engine, self.view, bpy.context.evaluated_depsgraph_get())
@@ -164,7 +164,7 @@ def test_the_status_line_tells_errors_in_levels(watcher):
     bpy.context.scene.glint.viewport.samples = 4
     watcher.edit(lambda: None, updates=False)
     assert ", error " in watcher.told[-1] and "e+" not in watcher.told[-1]
-    assert [status._wrong(error) for error in (None, 8e-7, 0.123, 99.0, 256.0)] == [
+    assert [status.error_clause(error) for error in (None, 8e-7, 0.123, 99.0, 256.0)] == [
         "", ", error under 0.01/255", ", error 0.12/255", ", error 99/255", ", error 256/255"
     ]  # fmt: skip
 
@@ -192,7 +192,7 @@ def test_only_what_can_be_seen_asks_for_another_picture(watcher):
             before = watcher.session.requests
             watcher.edit(edit)
             assert (watcher.session.requests > before) == expected, f"edit {number}"
-            assert same(watcher.session._live.newest.film, watcher.expected())
+            assert same(watcher.session.live.newest.film, watcher.expected())
 
 
 @pytest.mark.skipif("NATIVE" not in engine.available_backends(), reason="no core here")
@@ -278,22 +278,28 @@ def test_better_pictures_wait_for_their_redraw_and_the_last_does_not(watcher, mo
     monkeypatch.setattr(session.timer.redraws, "seconds", 1e9)
     film = watcher.edit(lambda: None, updates=False)
     assert film.samples == 2, "drawn at once: nothing better will come"
-    one, wave = watcher.session, watcher.session._live.newest
+    one, wave = watcher.session, watcher.session.live.newest
     refined = replace(wave, number=wave.number + 1, final=False)
-    monkeypatch.setattr(one._live, "_newest", refined)
+
+    state = {"error": None, "busy": False, "close": one.live.close}
+
+    def shows(newest) -> None:
+        monkeypatch.setattr(one, "live", SimpleNamespace(newest=newest, **state))
+
+    shows(refined)
     assert one.has_news and not one.wants_redraw
     other = replace(wave.task, tag=replace(wave.task.tag, request=wave.task.tag.request + 1))
-    monkeypatch.setattr(one._live, "_newest", replace(refined, task=other))
+    shows(replace(refined, task=other))
     assert one.wants_redraw, "the first of another request"
-    monkeypatch.setattr(one._live, "_newest", replace(refined, final=True))
+    shows(replace(refined, final=True))
     assert one.wants_redraw
     monkeypatch.setattr(session.timer.redraws, "seconds", 0.0)
-    monkeypatch.setattr(one._live, "_newest", refined)
+    shows(refined)
     assert one.wants_redraw, "redraws take no time here"
 
 
 def test_a_coarse_picture_then_all_pixels_then_the_exact_one(watcher, monkeypatch):
-    asked, live = [], watcher.session._live
+    asked, live = [], watcher.session.live
     monkeypatch.setattr(session.Pacer, "divisor", lambda *_: 2)
     for name in ("start", "go_on"):
         do = getattr(live, name)
@@ -324,18 +330,18 @@ def test_while_things_move_all_but_the_first_picture_waits_for_the_redraw(
     monkeypatch.setattr(session.Motion, "slows", lambda *_: slows)
     monkeypatch.setattr(session.timer.redraws, "follows", lambda _: True)
     one = watcher.session
-    session.timer._look()
+    session.timer.look()
     watcher.view.region_data.view_matrix = watcher.view.region_data.view_matrix.copy()
     watcher.view.region_data.view_matrix.translation.x += 0.1
     watcher.draw()
-    assert one._live.wait(lambda wave: wave.task.tag.request == one.requests, LONGEST)
-    assert one.busy and not one._live.busy, "more is to come, later"
-    assert one._live.newest.task.tag.stage == first
-    monkeypatch.setattr(session.timer.redraws, "_clock", lambda: 0.0)
-    session.timer._look()
-    assert not one._live.busy, "Blender may have something newer"
-    monkeypatch.setattr(session.timer.redraws, "_clock", lambda: redraws.LOOK)
-    session.timer._look()
+    assert one.live.wait(lambda wave: wave.task.tag.request == one.requests, LONGEST)
+    assert one.busy and not one.live.busy, "more is to come, later"
+    assert one.live.newest.task.tag.stage == first
+    monkeypatch.setattr(session.timer.redraws, "clock", lambda: 0.0)
+    session.timer.look()
+    assert not one.live.busy, "Blender may have something newer"
+    monkeypatch.setattr(session.timer.redraws, "clock", lambda: redraws.LOOK)
+    session.timer.look()
     film = watcher.edit(lambda: None, updates=False)
     assert film.samples == 2 and same(film, watcher.expected())
 
@@ -346,7 +352,7 @@ def test_an_edit_is_traced_before_blender_draws(watcher):
     bpy.context.view_layer.update()
     before = one.requests
     one.update(watcher.view, bpy.context.evaluated_depsgraph_get())
-    assert one._live.wait(lambda wave: wave.task.tag.request == before + 1, LONGEST)
+    assert one.live.wait(lambda wave: wave.task.tag.request == before + 1, LONGEST)
     watcher.draw()
     assert one.requests == before + 1 and one.answered == one.requests, (
         "the draw asks for nothing new"
@@ -426,7 +432,7 @@ def test_views_of_one_scene_read_it_once(view, monkeypatch):
             mesh.vertices[0].co.z = k + 1.0
             mesh.update()
             bpy.context.view_layer.update()
-            contents = [one._content for one in views]
+            contents = [one.content for one in views]
             assert len(reads) == 3 + k
             assert all(a.geometries == contents[0].geometries for a in contents), (
                 "the very same arrays"

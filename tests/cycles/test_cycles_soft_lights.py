@@ -171,4 +171,4 @@ def test_the_noise_is_small():
     """
     for light in ("point_falloff", "area_rectangle"):
         _, mean, variance = reference(light)
-        assert np.sqrt(spread(variance, True).max()) < 0.05 * mean.mean()
+        assert np.sqrt(spread(variance, True).max()) < 0.02 * mean.mean()

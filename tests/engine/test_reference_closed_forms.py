@@ -31,7 +31,7 @@ from test_reference_support import (
 
 MANY = 512
 LAW = np.log(MANY) / MANY
-"""Light samples, and how far the mean over as many points of the R2 sequence may be off: its
+"""Light samples, and how far the mean over as many points of the Sobol sequence may be off: its
 discrepancy falls like log n / n.
 """
 

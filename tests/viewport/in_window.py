@@ -70,9 +70,9 @@ class Window:
     def converged(self):
         """Whether the newest picture of what is shown now is complete and on the screen."""
         session = self.session
-        if session is None or session.busy or session.has_news or session._live.newest is None:
+        if session is None or session.busy or session.has_news or session.live.newest is None:
             return False
-        return session._live.newest.final and bool(self.draws)
+        return session.live.newest.final and bool(self.draws)
 
     def settle(self):
         """Yield from this to wait for a converged picture of what is there now."""
@@ -111,7 +111,7 @@ class Window:
             "mode": bpy.context.mode,
         }
         if session is not None:
-            newest = session._live.newest
+            newest = session.live.newest
             about |= {
                 "busy": session.busy,
                 "news": session.has_news,
@@ -138,7 +138,7 @@ class Window:
             if context.region.as_pointer() != self.region.as_pointer():
                 return
             self.session = session
-            newest = session._live.newest
+            newest = session.live.newest
             if self.keeps_films and newest is not None and newest.number == session._drawn:
                 self._keep(newest)
             self.draws.append(

@@ -125,7 +125,7 @@ def shown():
         "draws": len(window.draws),
         "busy": window.session.busy,
         "converged": window.converged(),
-        "error": str(window.session._live.error),
+        "error": str(window.session.live.error),
     }
 
 

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <string>
 
+#include "bvh/traverse/kernel.h"
 #include "check.h"
 #include "shapes.h"
 
@@ -107,12 +109,35 @@ std::vector<Ray> blocks(int count, bool odd, uint64_t seed) {
   return rays;
 }
 
+/// The kernel that runs when `isa` is asked for.
+std::string kernel_for(const char* isa) {
+  setenv("GLINT_ISA", isa, 1);
+  const std::string name = best_kernel().name;
+  unsetenv("GLINT_ISA");
+  return name;
+}
+
+/// Kernels that this machine runs.
+std::vector<std::string> kernels_here() {
+#if defined(__x86_64__)
+  std::vector<std::string> names{"sse42"};
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi2")) names.push_back("avx2");
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+      __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw"))
+    names.push_back("avx512");
+  return names;
+#else
+  return {"generic"};
+#endif
+}
+
 /// Answers of every instruction set against the first one's.
 int other_bits(const Mixed& scene, const std::vector<Ray>& rays) {
   std::vector<Hit> first;
   int count = 0;
-  for (const char* isa : {"sse42", "avx2", "avx512"}) {
-    setenv("GLINT_ISA", isa, 1);
+  for (const std::string& isa : kernels_here()) {
+    CHECK(kernel_for(isa.c_str()) == isa);
+    setenv("GLINT_ISA", isa.c_str(), 1);
     const auto accel = build(scene.geometries, scene.instances);
     unsetenv("GLINT_ISA");
     std::vector<Hit> hits(rays.size());

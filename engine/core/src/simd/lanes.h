@@ -1,54 +1,34 @@
-// Vectors of doubles, as wide as the instruction set that this is compiled for. Everything in the
-// stage_*.h headers lives in an anonymous namespace and calls no library: a function with a name
-// outside could be shared by the linker with code for a lesser machine. A lane never depends on
-// another lane, so that widths give the same bits.
+// Vectors of doubles for shading, beyond doubles.h: masks, integers, vectors of three.
 #pragma once
 #include <cstddef>
-#include <cstdint>
-#if defined(__AVX__)
-#include <immintrin.h>
-#elif defined(__SSE4_1__)
-#include <smmintrin.h>
-#endif
+
+#include "simd/doubles.h"
 
 namespace glint {
 namespace {
 
-#if defined(__AVX512F__)
-constexpr size_t kLanes = 8;
-#elif defined(__AVX__)
-constexpr size_t kLanes = 4;
-#else
-constexpr size_t kLanes = 2;
-#endif
+constexpr size_t kLanes = kDoubles;
 constexpr uint32_t kAllLanes = (1u << kLanes) - 1;
 
-typedef double Doubles __attribute__((vector_size(8 * kLanes)));
-typedef decltype(Doubles{} < Doubles{}) Mask;  // 64 bits a lane, 0 or -1 where it is a mask
+typedef Longs Mask;
 typedef uint64_t Words __attribute__((vector_size(8 * kLanes)));
 typedef float Singles __attribute__((vector_size(4 * kLanes)));
 typedef int32_t Whole __attribute__((vector_size(4 * kLanes)));
 typedef uint32_t Numbers __attribute__((vector_size(4 * kLanes)));
 
-// Unaligned. (GCC 12 sends a __builtin_memcpy through the stack.)
-typedef double LooseDoubles __attribute__((vector_size(8 * kLanes), aligned(8), may_alias));
 typedef int64_t LooseMask __attribute__((vector_size(8 * kLanes), aligned(8), may_alias));
 typedef float LooseSingles __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
 typedef uint32_t LooseNumbers __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
-inline Doubles load(const double* p) { return *reinterpret_cast<const LooseDoubles*>(p); }
 inline Mask load(const int64_t* p) { return *reinterpret_cast<const LooseMask*>(p); }
 inline Doubles load(const float* p) {
   return __builtin_convertvector(Singles(*reinterpret_cast<const LooseSingles*>(p)), Doubles);
 }
 inline Numbers load(const uint32_t* p) { return *reinterpret_cast<const LooseNumbers*>(p); }
-inline void store(double* p, Doubles v) { *reinterpret_cast<LooseDoubles*>(p) = v; }
 inline void store(int64_t* p, Mask v) { *reinterpret_cast<LooseMask*>(p) = v; }
 inline void store(float* p, Doubles v) {
   *reinterpret_cast<LooseSingles*>(p) = __builtin_convertvector(v, Singles);
 }
 inline void store(uint32_t* p, Numbers v) { *reinterpret_cast<LooseNumbers*>(p) = v; }
-
-inline Doubles splat(double a) { return a - Doubles{}; }  // -0 stays -0
 
 /// The vector of of(0), of(1), … (GCC writes a vector lane by lane with a masked instruction each,
 /// and this with few.)
@@ -75,21 +55,18 @@ inline Doubles root(Doubles a) { return Doubles(_mm512_maskz_sqrt_pd(0xff, __m51
 inline Doubles down(Doubles a) {
   return Doubles(_mm512_maskz_roundscale_pd(0xff, __m512d(a), _MM_FROUND_TO_NEG_INF));
 }
-inline uint32_t bits(Mask m) { return uint32_t(_mm512_movepi64_mask(__m512i(m))); }
 #elif defined(__AVX__)
 inline Doubles by_sign(Mask m, Doubles a, Doubles b) {
   return Doubles(_mm256_blendv_pd(__m256d(b), __m256d(a), __m256d(m)));
 }
 inline Doubles root(Doubles a) { return Doubles(_mm256_sqrt_pd(__m256d(a))); }
 inline Doubles down(Doubles a) { return Doubles(_mm256_floor_pd(__m256d(a))); }
-inline uint32_t bits(Mask m) { return uint32_t(_mm256_movemask_pd(__m256d(m))); }
 #elif defined(__SSE4_1__)
 inline Doubles by_sign(Mask m, Doubles a, Doubles b) {
   return Doubles(_mm_blendv_pd(__m128d(b), __m128d(a), __m128d(m)));
 }
 inline Doubles root(Doubles a) { return Doubles(_mm_sqrt_pd(__m128d(a))); }
 inline Doubles down(Doubles a) { return Doubles(_mm_floor_pd(__m128d(a))); }
-inline uint32_t bits(Mask m) { return uint32_t(_mm_movemask_pd(__m128d(m))); }
 #else
 inline Doubles by_sign(Mask m, Doubles a, Doubles b) { return m < 0 ? a : b; }
 inline Doubles root(Doubles a) {
@@ -100,22 +77,13 @@ inline Doubles down(Doubles a) {
   for (size_t k = 0; k < kLanes; ++k) a[k] = __builtin_floor(a[k]);
   return a;
 }
-inline uint32_t bits(Mask m) {
-  uint32_t b = 0;
-  for (size_t k = 0; k < kLanes; ++k) b |= uint32_t(m[k] & 1) << k;
-  return b;
-}
 #endif
 inline Whole whole(Doubles a) {
   return __builtin_convertvector(a, Whole);
 }  // below 2^31, towards 0
 inline Doubles finite_or_zero(Doubles a) { return where(a - a == 0, a); }
-inline bool any(Mask m) { return bits(m) != 0; }
 inline bool all(Mask m) { return bits(m) == kAllLanes; }
 
-inline Doubles larger(Doubles a, Doubles b) { return choose(a > b, a, b); }  // b where one is NaN
-inline Doubles smaller(Doubles a, Doubles b) { return choose(a < b, a, b); }
-inline Doubles magnitude(Doubles a) { return Doubles(Mask(a) & INT64_MAX); }
 inline Doubles with_sign(Doubles a, Doubles sign) {
   return Doubles((Mask(a) & INT64_MAX) | (Mask(sign) & INT64_MIN));
 }

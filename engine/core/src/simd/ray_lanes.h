@@ -1,13 +1,6 @@
-// Vectors as wide as the instruction set that this is compiled for. Everything in the kernel_*.h
-// headers lives in an anonymous namespace and calls no library: a function with a name outside
-// could be shared by the linker with code for a lesser machine.
+// Vectors of floats, and what traversal does with doubles beyond doubles.h.
 #pragma once
-#include <cstdint>
-#if defined(__AVX__)
-#include <immintrin.h>
-#elif defined(__SSE4_1__)
-#include <smmintrin.h>
-#endif
+#include "simd/doubles.h"
 
 namespace glint {
 namespace {
@@ -17,30 +10,17 @@ constexpr int kLanes = 8;
 #else
 constexpr int kLanes = 4;
 #endif
-#if defined(__AVX512F__)
-constexpr int kDoubles = 8;  // lanes of the double vectors
-#else
-constexpr int kDoubles = kLanes / 2;
-#endif
 typedef float Floats __attribute__((vector_size(4 * kLanes)));
-typedef double Doubles __attribute__((vector_size(8 * kDoubles)));
-// What comparisons give: 32 and 64 bits, but of which of C's integers differs between compilers and
-// systems.
 typedef decltype(Floats{} < Floats{}) Ints;
-typedef decltype(Doubles{} < Doubles{}) Longs;
 typedef float Halves __attribute__((vector_size(4 * kDoubles)));
 
-// Unaligned. (GCC 12 sends a __builtin_memcpy through the stack.)
 typedef float LooseFloats __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
 typedef int32_t LooseInts __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
-typedef double LooseDoubles __attribute__((vector_size(8 * kDoubles), aligned(8), may_alias));
 typedef float LooseHalves __attribute__((vector_size(4 * kDoubles), aligned(4), may_alias));
 inline Floats load(const float* p) { return *reinterpret_cast<const LooseFloats*>(p); }
 inline void store(float* p, Floats v) { *reinterpret_cast<LooseFloats*>(p) = v; }
 inline Ints load(const uint32_t* p) { return *reinterpret_cast<const LooseInts*>(p); }
 inline void store(uint32_t* p, Ints v) { *reinterpret_cast<LooseInts*>(p) = v; }
-inline Doubles load(const double* p) { return *reinterpret_cast<const LooseDoubles*>(p); }
-inline void store(double* p, Doubles v) { *reinterpret_cast<LooseDoubles*>(p) = v; }
 inline Doubles widen(const float* p) {
   return __builtin_convertvector(*reinterpret_cast<const LooseHalves*>(p), Doubles);
 }
@@ -58,7 +38,6 @@ inline Longs widen(const uint32_t* p) {
   return __builtin_convertvector(*reinterpret_cast<const LooseHalfInts*>(p), Longs);
 }
 inline Floats splat(float a) { return a - Floats{}; }  // -0 stays -0
-inline Doubles splat(double a) { return a - Doubles{}; }
 
 inline Floats select(Ints m, Floats a, Floats b) {
 #if defined(__AVX__)
@@ -78,7 +57,6 @@ inline Doubles select(Longs m, Doubles a, Doubles b) {
 #endif
 }
 inline Floats magnitude(Floats a) { return Floats(Ints(a) & 0x7fffffff); }
-inline Doubles magnitude(Doubles a) { return Doubles(Longs(a) & 0x7fffffffffffffff); }
 inline double magnitude(double a) { return __builtin_fabs(a); }
 inline float magnitude(float a) { return __builtin_fabsf(a); }
 
@@ -123,24 +101,6 @@ inline Floats smaller(Floats a, Floats b) {
   return select(a < b, a, b);
 #endif
 }
-inline Doubles larger(Doubles a, Doubles b) {
-#if defined(__AVX512F__)
-  return Doubles(_mm512_maskz_max_pd(0xff, __m512d(a), __m512d(b)));
-#elif defined(__AVX__)
-  return Doubles(_mm256_max_pd(__m256d(a), __m256d(b)));
-#else
-  return select(a > b, a, b);
-#endif
-}
-inline Doubles smaller(Doubles a, Doubles b) {
-#if defined(__AVX512F__)
-  return Doubles(_mm512_maskz_min_pd(0xff, __m512d(a), __m512d(b)));
-#elif defined(__AVX__)
-  return Doubles(_mm256_min_pd(__m256d(a), __m256d(b)));
-#else
-  return select(a < b, a, b);
-#endif
-}
 inline double larger(double a, double b) { return a > b ? a : b; }
 inline double smaller(double a, double b) { return a < b ? a : b; }
 inline float larger(float a, float b) { return a > b ? a : b; }
@@ -158,21 +118,6 @@ inline uint32_t bits(Ints mask) {
   return b;
 #endif
 }
-inline uint32_t bits(Longs mask) {
-#if defined(__AVX512F__)
-  return uint32_t(_mm512_movepi64_mask(__m512i(mask)));
-#elif defined(__AVX__)
-  return uint32_t(_mm256_movemask_pd(__m256d(mask)));
-#elif defined(__SSE4_1__)
-  return uint32_t(_mm_movemask_pd(__m128d(mask)));
-#else
-  uint32_t b = 0;
-  for (int k = 0; k < kDoubles; ++k) b |= uint32_t(mask[k] & 1) << k;
-  return b;
-#endif
-}
-inline bool any(Longs mask) { return bits(mask) != 0; }
-
 /// Which lanes of floats, and of doubles, a comparison holds for; false where a number is NaN.
 /// AVX-512 has registers for that, and GCC uses them only when it is told to.
 #if defined(__AVX512F__)

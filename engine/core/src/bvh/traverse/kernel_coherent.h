@@ -118,7 +118,7 @@ inline bool at_one_point(const Tile& tile) {
 inline void set_coherent_ends(Tile& tile, int k) {
   const Doubles depth = smaller(magnitude(load(tile.t_max + k) * load(tile.along + k)),
                                 splat(double(kFar))),
-                margin = depth * 0x1p-22;
+                margin = depth * kDepthMargin;
   narrow(tile.lo + k, depth - margin);
   narrow(tile.hi + k, smaller(depth + margin, splat(double(kFar))));
 }
@@ -127,7 +127,7 @@ inline void set_coherent_ends(Tile& tile, int k) {
 inline void set_coherent_begins(Tile& tile, int k) {
   const Doubles depth = smaller(magnitude(load(tile.t_min + k) * load(tile.along + k)),
                                 splat(double(kFar))),
-                margin = depth * 0x1p-22;
+                margin = depth * kDepthMargin;
   narrow(tile.begin_lo + k, depth - margin);
   narrow(tile.begin_hi + k, smaller(depth + margin, splat(double(kFar))));
 }
@@ -194,7 +194,8 @@ inline bool set_coherent_origins(Tile& tile, const double* const (&o)[3], const 
   const float plane = float(center[2] - flip(radius, sign));
   for (int k = 0; k < kTile; k += kDoubles) set_far_origins(tile, k, o, plane, sign);
   set_far_depths(tile, sign);
-  set_margin(tile, splat(9 * radius * radius), __builtin_sqrt(most_of(span.farthest)) * 0x1p-46);
+  set_margin(tile, splat(9 * radius * radius),
+             __builtin_sqrt(most_of(span.farthest)) * kFarRounding);
   return true;
 }
 

@@ -130,7 +130,7 @@ __attribute__((noinline)) inline EdgeLines edge_lines(const ApexPacket& apex_pac
                        larger(magnitude(y * all.low[1]), magnitude(y * all.high[1]));
   const Floats far = splat(apex_packet.steep) * (deepest + splat(apex_packet.reach)) +
                      splat(apex_packet.off * 0x1p21f);
-  const Floats margin = splat(0x1p-18f) * most * (far + most) + splat(kUnderflow);
+  const Floats margin = splat(kEdgeMargin) * most * (far + most) + splat(kUnderflow);
   l.margin = select(less(margin, magnitude(k) - swing), margin,
                     splat(__builtin_inff()));  // edge-on: no side is known
   for (int e = 0; e < 3; ++e) {

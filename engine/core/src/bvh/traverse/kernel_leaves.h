@@ -40,9 +40,9 @@ struct TriangleTest {
     const Floats front = smaller(z[0], smaller(z[1], z[2])),
                  rear = larger(z[0], larger(z[1], z[2]));
     const Floats most = larger(rear, -front), apart = splat(2 * kFarTie * far);
-    const Floats off = splat(0x1p-15f) * (most + extent) + apart;
+    const Floats off = splat(kWeightMargin) * (most + extent) + apart;
     const Floats error = magnitude((extent * (rear - front) * off + splat(kUnderflow)) * inverse);
-    const Floats margin = most * splat(0x1p-20f) + apart;
+    const Floats margin = most * splat(kSumMargin) + apart;
     lo = larger(front, at - error) - margin;
     hi = smaller(rear, at + error) + margin;
   }
@@ -281,7 +281,7 @@ inline Verdict hit_apex_packet(Walk<Any>& w, int k, const EdgeLines& l, ChildRef
   if (!bits(inside) || !visible(tile, leaf_first(leaf) + uint32_t(place))) return Verdict::kMissed;
   const Floats inverse = 1 / (a + b + c), at = l.z + (b * l.dz[0] + c * l.dz[1]) * inverse;
   const Floats error = ((l.rear - l.front) * l.margin + splat(kUnderflow)) * inverse;
-  const Floats margin = larger(l.rear, -l.front) * splat(0x1p-20f) + splat(w.apex_packet.margin),
+  const Floats margin = larger(l.rear, -l.front) * splat(kSumMargin) + splat(w.apex_packet.margin),
                start = load(w.apex_packet.start + k);
   const Floats lo = larger(at - error, l.front) - start - margin,
                hi = smaller(at + error, l.rear) - start + margin;

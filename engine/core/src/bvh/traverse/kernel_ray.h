@@ -4,6 +4,7 @@
 #pragma once
 #include "bvh/accel.h"
 #include "bvh/bvh.h"
+#include "bvh/traverse/error_bounds.h"
 #include "simd/ray_lanes.h"
 
 namespace glint {
@@ -20,10 +21,6 @@ inline D3 operator+(D3 a, D3 b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
 inline D3 operator*(double s, D3 a) { return {s * a.x, s * a.y, s * a.z}; }
 inline double dot(D3 a, D3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline D3 d3(const double* p) { return {p[0], p[1], p[2]}; }
-
-/// Hits that are farther apart than this part of their distance are not at one distance, whatever
-/// rounding has done to them.
-constexpr double kTie = 0x1.1p-40;
 
 /// t without its last 12 bits: distances that agree to 2^-40 are the same distance, and then the
 /// lower (instance, primitive) wins, in whichever order they are met. (Rounding differs between the

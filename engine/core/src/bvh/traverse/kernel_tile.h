@@ -106,15 +106,6 @@ struct Tile {
   const TopLevelView* world;
 };
 
-/// Float tests multiply three coordinates: so much each, or rays that begin farther across, which
-/// miss all that is nearer.
-constexpr double kWide = 1e12;
-
-/// What products of edge functions and depths lose below the smallest normal float is less.
-constexpr float kUnderflow = 0x1p-104f;
-/// far_margin times this: kTie of the distance of rays from far away.
-constexpr float kFarTie = float(kTie * 0x1p46);
-
 inline double reach_of(const TreeView& tree) {
   double m = 0;
   for (double c : tree.center) m = c > m ? c : -c > m ? -c : m;
@@ -146,7 +137,7 @@ inline double limited(double depth) {
 inline void depth_interval(Doubles t, Doubles along, Doubles h, Doubles sign, float* lo,
                            float* hi) {
   const Doubles at = t * along, depth = sign * (at - h),
-                margin = magnitude(depth) * 0x1p-22 + (magnitude(at) + magnitude(h)) * kTie;
+                margin = magnitude(depth) * kDepthMargin + (magnitude(at) + magnitude(h)) * kTie;
   narrow(lo, limited(depth - margin));
   narrow(hi, limited(depth + margin));
 }
@@ -158,7 +149,7 @@ inline void refresh(Tile& tile, int r) {
   const double t = a.t[s] < a.t_max[s] ? a.t[s] : a.t_max[s], along = tile.along[r],
                sign = along < 0 ? -1 : 1;
   const double at = t * along, h = tile.skipped[r], depth = sign * (at - h);
-  const double margin = magnitude(depth) * 0x1p-22 + (magnitude(at) + magnitude(h)) * kTie;
+  const double margin = magnitude(depth) * kDepthMargin + (magnitude(at) + magnitude(h)) * kTie;
   tile.lo[r] = float(limited(depth - margin));
   tile.hi[r] = float(limited(depth + margin));
 }
@@ -237,11 +228,11 @@ inline void set_rays(Tile& tile, int k, Doubles& distance, double& farthest) {
                      (t_min < t_max);
   if (any(far & good))
     farthest =
-        larger(__builtin_sqrt(most_of(select(far & good, square, zero))) * 0x1p-46, farthest);
+        larger(__builtin_sqrt(most_of(select(far & good, square, zero))) * kFarRounding, farthest);
   if (any(Longs(t_min != zero))) {
     depth_interval(t_min, along, h, sign, tile.begin_lo + k, tile.begin_hi + k);
   } else {
-    const Doubles depth = -sign * h, margin = magnitude(h) * 0x1p-22;
+    const Doubles depth = -sign * h, margin = magnitude(h) * kDepthMargin;
     narrow(tile.begin_lo + k, depth - margin);
     narrow(tile.begin_hi + k, depth + margin);
   }
@@ -282,9 +273,8 @@ inline uint32_t living(const Tile& tile, int k) { return bits(load(tile.hi + k) 
 inline void set_margin(Tile& tile, Doubles square, double farthest) {
   const double size = reach_of(*tile.tree);
   const double reach = size - 4 * tile.tree->radius + __builtin_sqrt(most_of(square));
-  const double bent =
-      tile.tree->kind == kInstanceLeaf ? 0x1p12 : 1;  // by matrices that are hard to invert
-  tile.margin = float(0x1.4p-20 * reach + bent * farthest);
+  const double bent = tile.tree->kind == kInstanceLeaf ? kInstanceMargin : 1;
+  tile.margin = float(kBoxMargin * reach + bent * farthest);
   tile.far_margin = float(size < kWide && farthest < 1e30 ? farthest : kInf);
   tile.close = 0x1p-21 * (size - 4 * tile.tree->radius);
 }
