@@ -22,7 +22,7 @@ FAMILIES = (
     ("Color and Converter", "colors", "math"),
     ("Vector", "normals", "vectors"),
 )
-OTHERS = {"ShaderNodeTexImage": "Texture"}
+OTHERS = {"ShaderNodeTexImage": "Texture", "ShaderNodeLightFalloff": "Color and Converter"}
 
 
 def label(identifier: str) -> str:

@@ -6,6 +6,7 @@
 from . import basic as basic
 from . import colors as colors
 from . import inputs as inputs
+from . import lamp as lamp
 from . import math as math
 from . import noise as noise
 from . import normals as normals
