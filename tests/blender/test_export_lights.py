@@ -187,6 +187,20 @@ def test_nodes_that_vary_are_a_program(scene):  # noqa: F811
     assert not result.notes
 
 
+def test_a_luminaire_that_cannot_be_read_is_told(scene):  # noqa: F811
+    thing = _light("POINT")
+    thing.data.use_nodes = True
+    tree = thing.data.node_tree
+    emission = next(node for node in tree.nodes if node.type == "EMISSION")
+    texture = tree.nodes.new("ShaderNodeTexIES")
+    texture.ies = bpy.data.texts.new("lumen.ies")
+    texture.ies.write("IESNA:LM-63-2002\nTILT=NONE\n1 1000")
+    tree.links.new(texture.outputs[0], emission.inputs["Strength"])
+    result = export()
+    assert result.scene.lights[0].program is None
+    assert any("lumen.ies" in note and "POINT" in note for note in result.notes)
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_power_that_is_not_finite_is_dropped_and_named(scene, bad):  # noqa: F811
     _light("SUN")

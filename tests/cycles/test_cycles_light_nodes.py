@@ -93,6 +93,44 @@ TREES = {
 }
 
 
+def web(azimuths: tuple, polar: tuple, seed: int = 3) -> str:
+    """A luminaire's file, of random intensities."""
+    candelas = np.random.default_rng(seed).uniform(300, 2000, (len(azimuths), len(polar)))
+    if azimuths[-1] == 360:
+        candelas[-1] = candelas[0]
+    candelas[:, 0] = 1500
+    rows = [" ".join(f"{x:.1f}" for x in row) for row in (polar, azimuths, *candelas)]
+    head = f"1 1000 1.5 {len(polar)} {len(azimuths)} 1 2 0 0 0\n1.0 0.9 100"
+    return "\n".join(("IESNA:LM-63-2002", "[TEST] none", "TILT=NONE", head, *rows, ""))
+
+
+def ies(text: str, turned: bool = False):
+    def make(tree: LightTree) -> None:
+        node = tree.add("ShaderNodeTexIES", mode="INTERNAL")
+        node.ies = cycles.bpy.data.texts.new("luminaire")
+        node.ies.write(text)
+        node.inputs["Strength"].default_value = 0.02
+        if turned:
+            tree.link(tree.add("ShaderNodeNewGeometry").outputs["Normal"], node.inputs["Vector"])
+        tree.strength(node.outputs[0])
+
+    return make
+
+
+DOWN = tuple(range(0, 91, 10))
+WEBS = {
+    "round": ies(web((0,), (0, 20, 45, 60, 90, 120, 180))),
+    "quarter": ies(web((0, 30, 90), DOWN)),
+    "half": ies(web((0, 45, 90, 135, 180), DOWN)),
+    "whole": ies(web(tuple(range(0, 361, 30)), DOWN)),
+    "unclosed": ies(web(tuple(range(0, 360, 30)), (0, 30, 60, 90))),
+    "sideways": ies(web((90, 135, 180, 270), (0, 30, 80))),
+    "cut": ies(web((0, 120, 240), (15, 25, 35, 40))),
+    "turned": ies(web((0, 60, 120, 180, 360), (0, 40, 90, 180)), turned=True),
+    "broken": ies("IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3"),
+}
+
+
 def pair_of(kind: str, make, backend: str, scale=(1.0, 1.0, 1.0), size: int = 64):
     scene = cycles.empty_scene(size, size)
     build.still_life(scene)
@@ -153,3 +191,13 @@ def test_seen_in_a_mirror(lamp, tree, backend):
     seen = (truth.sum(-1) > 0) & (picture.sum(-1) > 0)
     assert seen.sum() > 40
     verdict(pair, "radiance", np.abs(picture - truth).max(-1) / truth.max() * seen, 1e-4)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", WEBS)
+def test_photometric_webs(name, backend):
+    """In tables of a third and a sixth of a degree, where Cycles looks each direction up: within
+    what that shows of splines of random numbers 30 and 10 degrees apart.
+    """
+    pair = pair_of("POINT", WEBS[name], backend)
+    check_radiance(pair, interior(pair), 1e-3)
