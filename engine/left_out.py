@@ -9,6 +9,7 @@ from dataclasses import fields
 
 import numpy as np
 
+from .program.program import Program
 from .scene import Array, Geometry, Instances, Light, Polygons, Scene, Spheres
 
 NAMES = 3
@@ -135,5 +136,7 @@ def _bad_instances(scene: Scene) -> Iterator[str]:
 
 
 def _finite(light: Light) -> bool:
-    values = (getattr(light, field.name) for field in fields(light))
-    return all(np.isfinite(value).all() for value in values if not isinstance(value, str | None))
+    values = (getattr(light, field.name) for field in fields(light) if field.name != "textures")
+    return all(
+        np.isfinite(value).all() for value in values if not isinstance(value, str | Program | None)
+    )

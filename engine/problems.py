@@ -88,6 +88,7 @@ def scene_problems(scene: Scene) -> list[str]:
         (scene.lights, _light),
         ((scene.world,), _world),
         (scene.world.textures, _texture),
+        *((light.textures, _texture) for light in scene.lights),
     )
     return [
         f"{_label(thing)}: {text}"
@@ -111,6 +112,11 @@ def _strangers(scene: Scene) -> Found:
     for name, kind in (("camera", Camera), ("world", World)):
         if not isinstance(getattr(scene, name), kind):
             yield f"scene: {name} is a {type(getattr(scene, name)).__name__}: use {kind.__name__}"
+    for light in scene.lights if isinstance(scene.lights, tuple) else ():
+        if isinstance(light, Light):
+            yield from (
+                f"{_label(light)}: {text}" for text in holds("textures", light.textures, (Texture,))
+            )
     for name, kinds in _HELD.items():
         yield from (f"scene: {text}" for text in holds(name, getattr(scene, name), kinds))
 
@@ -350,6 +356,8 @@ def _light(light: Light) -> Found:
     yield from one_of("kind", light.kind, LIGHTS)
     if light.kind == "DOME":
         yield from _radiance(light.radiance)
+    if light.program is not None:
+        yield from _light_program(light)
     yield from one_of("shape", light.shape, LIGHT_SHAPES)
     yield from _placement("world_from_light", light.world_from_light, _not_orthonormal)
     yield from numbers("color", light.color, 3)
@@ -359,6 +367,17 @@ def _light(light: Light) -> Found:
     for name in ("angle", "spot_size"):
         yield from at_least(name, getattr(light, name), 0, 2 * np.pi)
     yield from at_least("spot_blend", light.spot_blend, 0, 1)
+
+
+def _light_program(light: Light) -> Found:
+    found = [*program_problems(light.program, len(light.textures))]
+    yield from (f"program: {text}" for text in found)
+    if light.kind == "DOME":
+        yield "a DOME has a program: bake it into its radiance"
+    if not found and not light.program.outputs:
+        yield "program has no output: compile it with one"
+    if not found and light.program.attributes:
+        yield "program reads an attribute, which a light has not: use its position or normal"
 
 
 def _radiance(values: Any) -> Found:

@@ -232,8 +232,11 @@ class Light:
     the shaded point instead of a sphere. angle: full angle of the SUN.  spot_size: full cone angle,
     spot_blend: 0-1. shape: RECTANGLE or ELLIPSE, size_x, size_y: full extents of an AREA light
     along its x and y, world units. cast_shadow: False lights through everything.  visible_*: the
-    light's own shape is seen by those rays.  radiance: of a DOME, times color and strength: (h, w,
-    3) float32 in the light's axes, equirectangular as `engine.dome` says.
+    light's own shape is seen by those rays.  program: its first output, a vector, is what the
+    colour is times at each point of the light that is seen from a lit one, None for 1; it reads no
+    attributes, and a DOME has none.  textures: what it refers to.  radiance: of a DOME, times
+    color and strength: (h, w, 3) float32 in the light's axes, equirectangular as `engine.dome`
+    says.
     """
 
     name: str
@@ -252,6 +255,8 @@ class Light:
     cast_shadow: bool = True
     visible_camera: bool = False
     visible_mirror: bool = False
+    program: Program | None = None
+    textures: tuple[Texture, ...] = ()
     radiance: Array | None = None
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.program.graph import Value
+from ...engine.program.graph import Graph, Value
 from ...engine.program.table import BY_NAME
 from .clamps import clamped, usual
 from .expressions import Expressions, has_output
@@ -99,10 +99,11 @@ class Evaluator:
         images: Images,
         report: Report,
         has_program: bool = True,
-        reader: type[TreeReader] = TreeReader,
+        reader: Callable[[Graph, Images, Callable[[str], None]], TreeReader] = TreeReader,
     ) -> None:
         """has_program: what varies and sums cannot say is a program's; else it is the socket's
-        default, with a note.  reader: of trees, SkyReader for those of worlds.
+        default, with a note.  reader: makes that of trees, a SkyReader for those of worlds, a
+        LampReader for those of lights.
         """
         self.name, self.images, self.report = name, images, report
         self.expressions, self._has_program = Expressions(), has_program

@@ -65,6 +65,14 @@ class Images:
             )
         return self._indices[key]
 
+    def made(self, key: tuple, make: Callable[[], Texture]) -> int:
+        """Index of a texture that is no image of Blender's, made where there is none of this key,
+        which must say all that it is made of.
+        """
+        if key not in self._indices:
+            self._indices[key] = self._append(make())
+        return self._indices[key]
+
     def expect(self, wanted: Iterable[tuple[Any, Any]]) -> None:
         """Decodes several images at once, a thread each, ahead of being asked for them: pairs of a
         Blender image and its ImageUser.

@@ -4,18 +4,21 @@ whatever the light's own settings.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ...engine.scene import Light
+from ...engine.program.program import Program, compile_program
+from ...engine.scene import Light, Texture
 from .evaluator import Evaluator, LobeKey
-from .graph import Place, node_tree, socket_named
+from .graph import Place, images_behind, node_tree, socket_named
 from .images import Images
 from .report import Report
-from .terms import RGB, constant_value, is_constant
+from .shader_nodes.lamp import Lamp, LampReader
+from .terms import RGB
 
 _FULL_SPREAD = math.pi - 1e-4
 _SAME_LENGTH = 1e-5
@@ -30,6 +33,17 @@ class Seen:
     mirror: bool
 
 
+@dataclass(frozen=True)
+class Emission:
+    """What a light's nodes multiply its colour by: color, times what the program gives, if there is
+    one.
+    """
+
+    color: RGB = (1.0, 1.0, 1.0)
+    program: Program | None = None
+    textures: tuple[Texture, ...] = ()
+
+
 class Lights:
     """The lights of one scene, in the order in which they came."""
 
@@ -41,15 +55,17 @@ class Lights:
         """An evaluated light data-block at every place of `matrices` (k, 3, 4)."""
         if getattr(data.cycles, "is_portal", False) and data.type == "AREA":
             return
-        color = self._color(name, data)
+        self._note_approximations(name, data)
+        trees: dict[tuple, Emission] = {}
         for matrix in matrices:
-            light = self._place(name, data, color, matrix, seen)
+            light = self._place(name, data, matrix, seen, trees)
             if light is not None:
                 self.lights.append(light)
 
     def _place(
-        self, name: str, data: Any, color: RGB, matrix: np.ndarray, seen: Seen
+        self, name: str, data: Any, matrix: np.ndarray, seen: Seen, trees: dict[tuple, Emission]
     ) -> Light | None:
+        """trees: what the light's nodes emit at places before, by `Lamp.key`."""
         frame, sizes = light_frame(matrix)
         if frame is None and data.type == "POINT":
             frame = np.concatenate([np.eye(3), matrix[:, 3:]], 1)
@@ -70,6 +86,10 @@ class Lights:
                 "Lights whose power is not finite are left out ({}): set their power", name
             )
             return None
+        lamp = _lamp(data, frame, matrix, shape)
+        emission = trees.get(lamp.key) or self._emission(name, data, lamp)
+        trees[lamp.key] = emission
+        color = self._color(name, data, emission)
         if not strength or not any(color):
             self.report.note(
                 "Lights without power or of black colour shed no light ({}): set them, or hide the "
@@ -85,40 +105,44 @@ class Lights:
             cast_shadow=data.use_shadow,
             visible_camera=seen.camera,
             visible_mirror=seen.mirror,
+            program=emission.program,
+            textures=emission.textures,
             **shape,
         )
 
-    def _color(self, name: str, data: Any) -> RGB:
-        """Colour times temperature times what the light's nodes emit; a channel that is not finite
-        counts as 0.
+    def _color(self, name: str, data: Any, emission: Emission) -> RGB:
+        """Colour times temperature times what the light's nodes emit everywhere; a channel that is
+        not finite counts as 0.
         """
         color = np.array(data.color, np.float64)
         if getattr(data, "use_temperature", False):
             color = color * np.array(data.temperature_color)
-        color = color * self._node_color(name, data)
+        color = color * np.array(emission.color)
         if not np.isfinite(color).all():
             self.report.note(
                 "Lights have a colour that is not finite ({}): its bad channels are black", name
             )
-        self._note_approximations(name, data)
         return tuple(float(x) if math.isfinite(x) else 0.0 for x in color)
 
-    def _node_color(self, name: str, data: Any) -> np.ndarray:
-        """What the light's node tree multiplies its colour by: constant emission, or white with a
-        note.
-        """
+    def _emission(self, name: str, data: Any, lamp: Lamp) -> Emission:
+        """What the light's node tree multiplies its colour by."""
         tree = node_tree(data)
         output = tree and (tree.get_output_node("ALL") or tree.get_output_node("CYCLES"))
         if not output:
-            return np.ones(3)
-        closure = Evaluator(name, self.images, self.report, has_program=False).closure(
-            Place(socket_named(output.inputs, "Surface"))
+            return Emission()
+        evaluator = Evaluator(
+            name, self.images, self.report, reader=functools.partial(LampReader, lamp=lamp)
         )
-        emission = closure.get(LobeKey("EMISSION"), ())
-        if not is_constant(emission):
-            self.report.note("Light textures are not rendered: {} shine with their plain colour")
-            return np.ones(3)
-        return np.array(constant_value(emission))
+        surface = Place(socket_named(output.inputs, "Surface"))
+        self.images.expect(images_behind(surface))
+        terms = evaluator.closure(surface).get(LobeKey("EMISSION"), ())
+        value = evaluator.expressions.value_of(terms)
+        if value.constant is not None:
+            return Emission(value.constant)
+        program = compile_program(evaluator.expressions.graph, [value])
+        textures = tuple(self.images.textures[k] for k in program.textures)
+        own = program.with_textures({k: i for i, k in enumerate(program.textures)})
+        return Emission(program=own, textures=textures)
 
     def _note_approximations(self, name: str, data: Any) -> None:
         if data.type == "AREA" and data.spread < _FULL_SPREAD:
@@ -145,6 +169,17 @@ def light_frame(matrix: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
         return None, lengths
     x = x / np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z, matrix[:, 3]], -1), lengths
+
+
+def _lamp(data: Any, frame: np.ndarray, matrix: np.ndarray, shape: dict[str, Any]) -> Lamp:
+    """The light as its nodes see it; a POINT that is scaled to nothing has its own axes."""
+    axes = matrix[:, :3]
+    turned = np.linalg.det(axes) != 0
+    return Lamp(
+        data.type,
+        np.linalg.inv(axes) @ frame[:, :3] if turned else np.eye(3),
+        (shape.get("size_x", 0.0), shape.get("size_y", 0.0)),
+    )
 
 
 def _shape(data: Any, lengths: np.ndarray) -> dict[str, Any]:

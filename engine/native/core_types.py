@@ -244,6 +244,7 @@ class LightData(Structure):
         *_each(c_double, "strength radius angle spot_size spot_blend size_x size_y"),
         *_each(c_int32, "kind"),
         *_each(c_uint32, "flags"),
+        *_each(c_int32, "program program_slot"),
     ]
 
 

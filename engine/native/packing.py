@@ -73,6 +73,7 @@ class ScenePacker:
         self._names: dict[str, int] = {}
         self._parts: dict[str, _Part] = {}
         self._nobodys: tuple[Program, int, Material] | None = None
+        self._lit_by: dict[tuple[Program, int], Material] = {}
 
     def pack(self, scene: Scene) -> Packed:
         """As `pack_scene`."""
@@ -83,13 +84,16 @@ class ScenePacker:
         parts = {
             "geometries": self._part("geometries", scene.geometries, self._geometries),
             "materials": self._part(
-                "materials", (*scene.materials, *self._sky(scene)), self._materials
+                "materials",
+                (*scene.materials, *self._carriers(scene), *self._sky(scene)),
+                self._materials,
             ),
-            "textures": self._part("textures", (*scene.textures, *scene.world.textures), _textures),
+            "textures": self._part("textures", _all_textures(scene), _textures),
             "lights": self._part("lights", scene.lights, _lights),
             "instances": self._part("instances", scene.instances, _instances),
         }
         self._parts = parts
+        parts = {**parts, "lights": _with_programs(scene, parts)}
         if scene.world.program is not None:
             data.world_program = int(parts["materials"].tables["materials"]["program"][-1])
             data.world_slot = scene.world.program.outputs[0]
@@ -98,6 +102,25 @@ class ScenePacker:
                 setattr(data, name, address(table))
                 setattr(data, _COUNTS[name], len(table))
         return Packed(data, list(parts.values()))
+
+    def _carriers(self, scene: Scene) -> tuple[Material, ...]:
+        """What brings the programs of lights into the tables, in their order: materials without
+        lobes, that nothing wears. Their textures follow those of the scene and the world.
+        """
+        first, known, found = len(scene.textures) + len(scene.world.textures), self._lit_by, []
+        self._lit_by = {}
+        for light in scene.lights:
+            if light.program is None:
+                continue
+            key = light.program, first
+            if key not in known:
+                numbers = {k: first + k for k in range(len(light.textures))}
+                program = light.program.with_textures(numbers)
+                known[key] = Material("light", (), program=program)
+            self._lit_by[key] = known[key]
+            found.append(known[key])
+            first += len(light.textures)
+        return tuple(found)
 
     def _sky(self, scene: Scene) -> tuple[Material, ...]:
         """What brings a world's program into the tables, where its textures follow those of the
@@ -222,6 +245,22 @@ def _lights(lights: tuple[Light, ...], before: _Part | None, changed: list[int])
     return _Part(
         lights, {"lights": _table(core_types.LightData, [_light(light) for light in lights])}, []
     )
+
+
+def _all_textures(scene: Scene) -> tuple[Texture, ...]:
+    own = (texture for light in scene.lights for texture in light.textures)
+    return (*scene.textures, *scene.world.textures, *own)
+
+
+def _with_programs(scene: Scene, parts: dict[str, _Part]) -> _Part:
+    """The lights' part with the numbers that their programs have in the materials' one."""
+    part = parts["lights"]
+    rows = [k for k, light in enumerate(scene.lights) if light.program is not None]
+    if not rows:
+        return part
+    first, table = len(scene.materials), part.tables["lights"].copy()
+    table["program"][rows] = parts["materials"].tables["materials"]["program"][first:][: len(rows)]
+    return _Part(part.source, {"lights": table}, part.lent)
 
 
 def pack_camera(camera: Camera) -> core_types.CameraData:
@@ -430,6 +469,8 @@ def _light(light: Light) -> tuple:
         light.size_y,
         number(light.kind, core_types.LightKind, "light kind"),
         flags,
+        0,
+        light.program.outputs[0] if light.program is not None else 0,
     )
 
 

@@ -106,6 +106,13 @@ INPUTS = (
         reads_point=True,
     ),
     Operation(
+        "ray_length",
+        sockets(value="number"),
+        formula="the distance from the lit point to the light's, the largest float to a SUN; 0 of "
+        "other rays",
+        reads_point=True,
+    ),
+    Operation(
         "normal_map",
         sockets(normal="vector"),
         sockets(color="vector", strength="number"),

@@ -165,7 +165,7 @@ class Explainer:
     ) -> Iterator[tuple[str, Numbers]]:
         for source in self.stage.sources:
             if getattr(source.light, "visible_" + paths.kind) and has_shape(source):
-                radiance = seen_radiance(source, o, d, paths.rays.near, depth)[:, 0]
+                radiance = seen_radiance(source, o, d, paths.rays.near, depth, paths.kind)[:, 0]
                 if radiance.any():
                     yield source.light.name, _numbers(radiance)
 

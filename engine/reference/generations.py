@@ -90,7 +90,7 @@ class Generations:
                 self._tile.add(
                     paths.part("Emission"),
                     paths.pixel,
-                    paths.weight * seen_radiance(source, o, d, paths.rays.near, depth),
+                    paths.weight * seen_radiance(source, o, d, paths.rays.near, depth, paths.kind),
                 )
 
     def _miss(self, paths: Paths, missed: Array) -> None:

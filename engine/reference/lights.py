@@ -13,6 +13,7 @@ import numpy as np
 
 from ..dome import DomeTable
 from ..scene import Light
+from .emission import Emission
 from .rectangle import rectangle_point
 from .vectors import basis_around, dot, length, pick, unit
 
@@ -68,10 +69,12 @@ class Source:
     along which it shines.
     """
 
-    def __init__(self, light: Light, eye: Array, physical: bool):
+    def __init__(self, light: Light, eye: Array, physical: bool, emission: Emission | None = None):
+        """emission: what the light's program gives; None without one."""
         frame = np.asarray(light.world_from_light, np.float64)
         self.light = light
         self.physical = physical
+        self.emission = emission
         self.position = (frame[:, 3] - eye)[:, None]
         self.axis = unit(-frame[:, 2:3])
         self.right, self.up = light.size_x / 2 * frame[:, 0:1], light.size_y / 2 * frame[:, 1:2]
@@ -124,14 +127,25 @@ class Source:
         """
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             if self.light.kind == "SUN":
-                return self._sun(x, point, n)
-            if self.light.kind == "AREA":
-                return self._area(x, point, n)
-            if n == 1:
-                return self._spotted(self._center(x))
-            return self._spotted(
-                self._disc(x, point, n) if self.light.soft_falloff else self._sphere(x, point, n)
-            )
+                sample = self._sun(x, point, n)
+            elif self.light.kind == "AREA":
+                sample = self._area(x, point, n)
+            elif n == 1:
+                sample = self._spotted(self._center(x))
+            else:
+                sample = self._spotted(
+                    self._disc(x, point, n)
+                    if self.light.soft_falloff
+                    else self._sphere(x, point, n)
+                )
+        return self._colored(x, sample)
+
+    def _colored(self, x: Array, sample: LightSample) -> LightSample:
+        """With the colour that the light's program gives it."""
+        if self.emission is None:
+            return sample
+        share = self.emission.seen(self, x, sample.direction, sample.end, "shadow")
+        return replace(sample, color=self.color[:, None] * share)
 
     def sample_at(self, x: Array, direction: Array, n: int) -> LightSample:
         """The sample of n > 1 that the points x (3, k) would see in the directions (3, k); of no
@@ -152,7 +166,8 @@ class Source:
                     else self._sphere_at(x, direction, n)
                 )
                 sample = self._spotted(sample)
-        return replace(sample, intensity=np.where(missed, 0.0, sample.intensity))
+        hit = replace(sample, intensity=np.where(missed, 0.0, sample.intensity))
+        return self._colored(x, hit)
 
     @property
     def versine(self) -> float:

@@ -106,21 +106,11 @@ class SurfacePoints:
 
     def camera_position(self, shift: int) -> Array:
         """(3, m): along right and up of the camera, and the depth; world units."""
-        axes = np.asarray(self._around.camera.world_from_camera, np.float64)[:, :3]
-        sizes = np.sqrt((axes * axes).sum(0))
-        local = np.linalg.solve(axes / sizes, self._x(shift))
-        return local * np.array([[1.0], [1.0], [-1.0]])
+        return camera_position(self._around.camera, self._x(shift))
 
     def window(self, shift: int) -> Array:
         """(2, m) of the picture, from 0 at the left and bottom to 1."""
-        camera = self._around.camera
-        axes = np.asarray(camera.world_from_camera, np.float64)[:, :3]
-        x, y, z = np.linalg.solve(axes, self._x(shift))
-        if camera.kind == "PERSPECTIVE":
-            depth = np.where(z != 0, -z, 1.0)
-            x, y = x / depth, y / depth
-        left, right, bottom, top = camera.window
-        return np.stack([(x - left) / (right - left), (y - bottom) / (top - bottom)])
+        return window(self._around.camera, self._x(shift))
 
     def reflection(self) -> Array:
         """(3, m) unit: the direction of view mirrored at the shading normal."""
@@ -133,6 +123,10 @@ class SurfacePoints:
             np.full(len(self._index), float(self._kind == k))
             for k in ("camera", "shadow", "mirror")
         )
+
+    def ray_length(self) -> Array:
+        """(m,) zeros: known of lights alone."""
+        return np.zeros(len(self._index))
 
     def _of(self, name: str) -> Array:
         return pick(getattr(self._surface, name), self._index)
@@ -185,6 +179,28 @@ class SurfacePoints:
         size = np.einsum("mk,mk->m", a, rows[0])
         found = np.stack([np.einsum("mk,km->m", row, points) for row in rows])
         return np.where(size != 0, found / np.where(size != 0, size, 1.0), 0.0)
+
+
+def camera_position(camera: Camera, x: Array) -> Array:
+    """(3, m): points x (3, m), relative to the eye, along right and up of the camera, and the
+    depth; world units.
+    """
+    axes = np.asarray(camera.world_from_camera, np.float64)[:, :3]
+    sizes = np.sqrt((axes * axes).sum(0))
+    return np.linalg.solve(axes / sizes, x) * np.array([[1.0], [1.0], [-1.0]])
+
+
+def window(camera: Camera, x: Array) -> Array:
+    """(2, m): points x (3, m), relative to the eye, in the picture, from 0 at the left and bottom
+    to 1.
+    """
+    axes = np.asarray(camera.world_from_camera, np.float64)[:, :3]
+    x, y, z = np.linalg.solve(axes, x)
+    if camera.kind == "PERSPECTIVE":
+        depth = np.where(z != 0, -z, 1.0)
+        x, y = x / depth, y / depth
+    left, right, bottom, top = camera.window
+    return np.stack([(x - left) / (right - left), (y - bottom) / (top - bottom)])
 
 
 def _axes_in_face(g: Array) -> tuple[Array, Array]:

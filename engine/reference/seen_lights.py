@@ -10,16 +10,33 @@ from .vectors import dot, length
 Array = np.ndarray
 
 
-def seen_radiance(source: Source, o: Array, d: Array, near: Array, depth: Array) -> Array:
-    """(3, n): what rays o + t d (d need not be unit) see of the light's shape with near < t <
-    depth; infinite depth is the sky.
+def seen_radiance(
+    source: Source, o: Array, d: Array, near: Array, depth: Array, kind: str
+) -> Array:
+    """(3, n): what rays o + t d (d need not be unit) of a kind, "camera" or "mirror", see of the
+    light's shape with near < t < depth; infinite depth is the sky.
     """
     light = source.light
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         t = _MEETS[light.kind](source, o, d)
         reached = (t > near) & ((t < depth) | (np.isinf(t) & np.isinf(depth)))
         share = source.spot(-dot(d, source.axis) / length(d)) if light.kind == "SPOT" else 1.0
-    return np.where(reached, share, 0.0) * _radiance(source)[:, None]
+    radiance = np.where(reached, share, 0.0) * _radiance(source)[:, None]
+    if source.emission is None:
+        return radiance
+    end = None if light.kind == "SUN" else _seen_point(source, o, d, np.where(reached, t, 0.0))
+    return radiance * source.emission.seen(source, o, d / length(d), end, kind)
+
+
+def _seen_point(source: Source, o: Array, d: Array, t: Array) -> Array:
+    """(3, n) where the light's program is asked what rays see: a light of soft falloff is a disc
+    there, that faces the ray's origin.
+    """
+    to = source.position - o
+    if source.light.kind != "AREA" and source.light.soft_falloff:
+        along = dot(d, to)
+        t = np.where(along > 0, dot(to, to) / np.where(along > 0, along, 1.0), t)
+    return o + t * d
 
 
 def has_shape(source: Source) -> bool:

@@ -12,6 +12,7 @@ from ..scene import Light, Scene
 from ..settings import Settings
 from .attributes import Attributes
 from .camera import CameraRays
+from .emission import Emission
 from .geometry import gather
 from .lighting import Lighting
 from .lights import Dome, LightPoint, Source
@@ -65,7 +66,10 @@ class Stage:
 
     def _source(self, light: Light) -> Source:
         if light.kind != "DOME":
-            return Source(light, self.eye, self.settings.illumination == "PHYSICAL")
+            emission = None
+            if light.program is not None:
+                emission = Emission([Image(t) for t in light.textures], self.scene.camera)
+            return Source(light, self.eye, self.settings.illumination == "PHYSICAL", emission)
         n = self.settings.dome_samples
         return Dome(light, self.eye, dome_table(light, n * self.settings.samples), n)
 

@@ -168,8 +168,37 @@ def test_constant_nodes_multiply(scene):  # noqa: F811
     )
     tree.links.new(emission.outputs[0], tree.nodes.new("ShaderNodeOutputLight").inputs["Surface"])
     assert _only_light().color == (4, 2, 1)
-    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs[0], emission.inputs["Strength"])
-    assert any("Noise" in note for note in export().notes)
+
+
+def test_nodes_that_vary_are_a_program(scene):  # noqa: F811
+    """With textures of its own, whatever else the scene has."""
+    thing = _light("AREA", color=(0.5, 1, 1))
+    thing.data.use_nodes = True
+    tree = thing.data.node_tree
+    emission = next(node for node in tree.nodes if node.type == "EMISSION")
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = bpy.data.images.new("slide", 4, 4)
+    tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
+    result = export()
+    light = result.scene.lights[0]
+    assert light.color == (0.5, 1, 1) and len(light.program.outputs) == 1
+    assert [texture.name for texture in light.textures] == ["slide"]
+    assert light.program.textures == (0,) and result.scene.textures == ()
+    assert not result.notes
+
+
+def test_a_luminaire_that_cannot_be_read_is_told(scene):  # noqa: F811
+    thing = _light("POINT")
+    thing.data.use_nodes = True
+    tree = thing.data.node_tree
+    emission = next(node for node in tree.nodes if node.type == "EMISSION")
+    texture = tree.nodes.new("ShaderNodeTexIES")
+    texture.ies = bpy.data.texts.new("lumen.ies")
+    texture.ies.write("IESNA:LM-63-2002\nTILT=NONE\n1 1000")
+    tree.links.new(texture.outputs[0], emission.inputs["Strength"])
+    result = export()
+    assert result.scene.lights[0].program is None
+    assert any("lumen.ies" in note and "POINT" in note for note in result.notes)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

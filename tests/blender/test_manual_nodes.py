@@ -18,11 +18,11 @@ START = "<!-- nodes: kept by tests/blender/test_manual_nodes.py -->\n"
 END = "<!-- end of nodes -->"
 FAMILIES = (
     ("Input", "basic", "inputs"),
-    ("Texture", "noise", "patterns", "sky", "voronoi"),
+    ("Texture", "ies", "noise", "patterns", "sky", "voronoi"),
     ("Color and Converter", "colors", "math"),
     ("Vector", "normals", "vectors"),
 )
-OTHERS = {"ShaderNodeTexImage": "Texture"}
+OTHERS = {"ShaderNodeTexImage": "Texture", "ShaderNodeLightFalloff": "Color and Converter"}
 
 
 def label(identifier: str) -> str:

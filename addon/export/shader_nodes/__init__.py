@@ -5,7 +5,9 @@
 
 from . import basic as basic
 from . import colors as colors
+from . import ies as ies
 from . import inputs as inputs
+from . import lamp as lamp
 from . import math as math
 from . import noise as noise
 from . import normals as normals

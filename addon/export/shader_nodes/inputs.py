@@ -152,7 +152,7 @@ def _object_info(view: NodeInputs) -> Outputs:
 
 def _light_path(view: NodeInputs) -> Outputs:
     camera, shadow, bounced = view.apply("light_path")
-    zero = view.reader.graph.constant(0.0)
+    zero, length = view.reader.graph.constant(0.0), view.reader.ray_length()
     return {
         "Is Camera Ray": camera,
         "Is Shadow Ray": shadow,
@@ -162,9 +162,10 @@ def _light_path(view: NodeInputs) -> Outputs:
         "Is Reflection Ray": bounced,
         "Is Transmission Ray": view.left_out("Is Transmission Ray", 0.0),
         "Is Volume Scatter Ray": zero,
+        "Ray Length": length if length is not None else view.left_out("Ray Length", 0.0),
         **{
             name: view.left_out(name, 0.0)
-            for name in ("Ray Length", "Ray Depth", "Diffuse Depth", "Glossy Depth")
+            for name in ("Ray Depth", "Diffuse Depth", "Glossy Depth")
             + ("Transparent Depth", "Transmission Depth", "Portal Depth")
         },
     }

@@ -80,6 +80,10 @@ class TreeReader:
         height = self.apply("vector_average", self.apply("product", self.displacement, own)[0])[0]
         return self.bumped(height, self.graph.constant(1.0), self.graph.constant(3.0), own)
 
+    def ray_length(self) -> Value | None:
+        """The distance from which the point is seen; None where that is not known."""
+        return None
+
     def bumped(self, height: Value, strength: Value, distance: Value, normal: Value) -> Value:
         """A normal after a bump by a height that varies."""
         heights = (height, self.graph.shifted(height, 1), self.graph.shifted(height, 2))

@@ -150,13 +150,16 @@ enum GlintLightFlags {
 };
 
 /* Lengths in world units, angles in radians. A light with a number that is not finite is left out
- * and counted. */
+ * and counted. program: 0, or 1 plus the number of the program that says, sample by sample, what
+ * the colour is times; program_slot: the first of its three slots that hold that. It must not read
+ * attributes. DOME lights have none. */
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];
   double strength, radius, angle, spot_size, spot_blend, size_x, size_y;
   int32_t kind;
   uint32_t flags;
+  int32_t program, program_slot;
 } GlintLight;
 
 enum GlintCameraKind { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC };

@@ -92,6 +92,10 @@ def light_path(points) -> tuple[np.ndarray, ...]:
     return points.light_path()
 
 
+def ray_length(points) -> np.ndarray:
+    return points.ray_length()
+
+
 def object_stretch(points) -> np.ndarray:
     return points.object_stretch()
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <cstring>
 #include <vector>
 
 #include "api/queries.h"
@@ -301,6 +302,25 @@ void check_sky(const GlintSceneData& d, Report& report) {
   report.add(reads_no_surface(d, program), "world: its program reads surfaces");
 }
 
+bool reads_no_attribute(const GlintSceneData& d, const GlintProgram& g) {
+  const int32_t *word = d.program_words + g.first_word, *const end = word + g.word_count;
+  for (; word != end; word += kLayouts[*word].words())
+    if (std::strchr(kLayouts[*word].settings, 'a')) return false;
+  return true;
+}
+
+void check_light(const GlintSceneData& d, uint64_t i, Report& report) {
+  const GlintLight& light = d.lights[i];
+  report.add(light.program >= 0 && uint64_t(light.program) <= d.program_count,
+             "light %llu: program beyond the table", ull(i));
+  if (!report.good() || light.program == 0) return;
+  const GlintProgram& program = d.programs[light.program - 1];
+  report.add(light.program_slot >= 0 && int64_t(light.program_slot) + 3 <= int64_t(program.slots),
+             "light %llu: a slot that its program has not", ull(i));
+  report.add(light.kind != GLINT_DOME && reads_no_attribute(d, program),
+             "light %llu: its program reads attributes", ull(i));
+}
+
 void check_surroundings(const GlintSceneData& d, Report& report) {
   const GlintCamera& c = d.camera;
   report.add(within(c.kind, GLINT_ORTHOGRAPHIC), "camera: unknown kind %d", c.kind);
@@ -364,6 +384,7 @@ Report check_all_else(const GlintSceneData& data) {
   check_textures(data, report);
   check_materials(data, report);
   if (report.good()) check_sky(data, report);
+  for (uint64_t i = 0; report.good() && i < data.light_count; ++i) check_light(data, i, report);
   check_instances(data, report);
   return report;
 }

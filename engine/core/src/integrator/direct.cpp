@@ -20,6 +20,7 @@ DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stage
       scratch_(scratch),
       glassy_(scene.features & GLINT_FEATURE_TRANSPARENT),
       columns_(kColumns),
+      program_(scene, stages),
       transparent_shadows_(scene, stages, cancel, scratch) {}
 
 void DirectLight::prepare(const Batch& batch) {
@@ -37,7 +38,7 @@ void DirectLight::prepare(const Batch& batch) {
   three(stage_.to, true);
   three(stage_.diffuse_out, true);
   three(stage_.specular_out, batch.sums.diffuse[0]);
-  three(stage_.end_out, glassy_);
+  three(ends_, true);
   three(shadow_, glassy_);
   three(sky_, scene_.features & GLINT_FEATURE_WORLD_LIGHT);
   const PointColumns& p = batch.points;
@@ -67,9 +68,11 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     const bool notes = batch.softly_lit && count > 1;
     if (notes) find_cut(batch, light);
     if (light.is_dome()) balance_.assign(batch.size(), 0);
+    for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ || light.program ? ends_[c] : nullptr;
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       const LightPoint point = plan_.light_point(light, sample, j);
       light.set(stage_, point, count, plan_.physical);
+      stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       uint8_t* const known = batch.first_hits ? batch.first_hits->shadows(number) : nullptr;
       const size_t reached = stages_.light(stage_);
       add_lit(batch, light, reached, known ? known + batch.first_row : nullptr, counts);
@@ -122,6 +125,7 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
 void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
                           RayCounts& counts) {
   if (count == 0) return;
+  if (light.program) apply_program(light, count);
   const bool soft = batch.softly_lit && stage_.share > 1 && !light.is_dome();
   for (size_t k = 0; soft && k < count; ++k) batch.mark_softly_lit(point_[k], Refinement::kReached);
   const bool casts = light.casts_shadow();
@@ -135,6 +139,25 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
       transparent_shadows_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
   }
   add(batch, count);
+}
+
+/// Multiplies what a sample gives to `count` points by what the light's program says of it there.
+void DirectLight::apply_program(const Light& light, size_t count) {
+  for (size_t first = 0; first < count; first += kBlock) {
+    const size_t here = std::min(kBlock, count - first);
+    for (size_t i = 0; i < (here + kPad - 1) / kPad * kPad; ++i) {
+      const size_t k = first + std::min(i, here - 1);
+      const Vec3d from = row(stage_.points_x, point_[k]), end = row(stage_.end_out, k);
+      program_.put(light, i, from, light.endless() ? row(stage_.to, k) : unit(end - from), end);
+    }
+    program_.run(light, RayKind::kShadow, here);
+    for (size_t i = 0; i < here; ++i) {
+      const Vec3d share = program_.share(light, i);
+      set_row(stage_.diffuse_out, first + i, share * row(stage_.diffuse_out, first + i));
+      if (stage_.specular_out[0])
+        set_row(stage_.specular_out, first + i, share * row(stage_.specular_out, first + i));
+    }
+  }
 }
 
 /// Notes the points whose horizon cuts the light.

@@ -7,6 +7,7 @@
 #include "integrator/batch.h"
 #include "integrator/plan.h"
 #include "integrator/transmittance.h"
+#include "shading/light_program.h"
 
 namespace glint {
 
@@ -24,6 +25,7 @@ class DirectLight {
   void add_rest(const Batch& batch, const Light& light, uint32_t sample);
   void add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
                RayCounts& counts);
+  void apply_program(const Light& light, size_t count);
   void find_cut(const Batch& batch, const Light& light) const;
   void find_shadows(size_t count, uint8_t* known, RayCounts& counts);
   bool recall_shadows(const uint8_t* known, size_t count);
@@ -40,6 +42,8 @@ class DirectLight {
   double *zeros_ = nullptr, *sky_[3] = {},
          *shadow_[3] = {};  // sky_: the rest of a dome; shadow_: S a channel; null where
                             // rays are free or blocked and no more
+  double* ends_[3] = {};    // of the shadow segments, where glass or a light's program asks
+  LightProgram program_;
   std::vector<uint32_t> point_;
   std::vector<uint8_t> blocked_;
   std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden

@@ -130,6 +130,10 @@ inline void incoming(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) { at.put(0, k, -point3(m.points.d, k)); });
 }
 
+inline void ray_length(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) { at.put(0, k, load(m.points.length + k)); });
+}
+
 inline void backfacing(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) { at.put(0, k, where(~load(m.points.outside + k), splat(1))); });
 }

@@ -27,8 +27,9 @@ struct ProgramPoints {
   uint32_t instance[kBlock], primitive[kBlock];
   double weights[3][kBlock];  // barycentric, of meshes
   double x[3][kBlock], g[3][kBlock], n[3][kBlock],
-      d[3][kBlock];         // g, n: turned to the viewer; d: of the ray, unit
-  int64_t outside[kBlock];  // mask: the outer side is seen
+      d[3][kBlock];            // g, n: turned to the viewer; d: of the ray, unit
+  int64_t outside[kBlock];     // mask: the outer side is seen
+  double length[kBlock] = {};  // of the ray, in the world; known of lights alone
 };
 
 /// What programs know beside the points. World = x / scale + origin.

@@ -34,8 +34,16 @@ double area_of(const GlintLight& g) {
 
 }  // namespace
 
-Light::Light(const GlintLight& g, const Anchor& anchor) : kind(g.kind), flags(g.flags) {
+Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramShape* programs)
+    : kind(g.kind), flags(g.flags) {
   Affine m = affine(g.world_from_light);
+  if (g.program > 0) {
+    const Affine placed = anchor.matrix(m);
+    const Vec3d columns[4] = {placed.x, placed.y, placed.z, placed.t};
+    for (int k = 0; k < 12; ++k) space.m[k] = columns[k / 3][k % 3];
+    program = programs + (g.program - 1);
+    slot = size_t(g.program_slot) * kBlock;
+  }
   color = Vec3d{saturate(g.color[0] * g.strength), saturate(g.color[1] * g.strength),
                 saturate(g.color[2] * g.strength)};
   center = anchor.point(m.t);
@@ -217,6 +225,13 @@ double Light::meets(Vec3d o, Vec3d d) const {
   if (kind != GLINT_SUN) return meets_sphere(o, d);
   Vec3d off = d + axis;  // |d - l|^2 = 2 (1 - cos)
   return 0.5 * dot(off, off) <= versine ? kInfinity : -1;
+}
+
+Vec3d Light::seen_point(Vec3d o, Vec3d d, double meets) const {
+  if (endless()) return {};
+  const Vec3d to = center - o;
+  const bool disc = kind != GLINT_AREA && flags & GLINT_SOFT_FALLOFF && dot(d, to) > 0;
+  return o + (disc ? dot(to, to) / dot(d, to) : meets) * d;
 }
 
 Vec3d Light::radiance(Vec3d d, bool physical) const {

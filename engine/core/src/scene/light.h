@@ -31,10 +31,13 @@ struct Light {
       1;  // (anchored length / world length)^2: inverse squares are taken in world units
   double versine = 0;  // 1 - cos of the sun's half angle
   double spot_cosine = -1, spot_blend = 0;
-  Vec3d seen;             // radiance of the visible shape
-  bool extended = false;  // has more than one sample when the settings want them
+  Vec3d seen;                             // radiance of the visible shape
+  bool extended = false;                  // has more than one sample when the settings want them
+  const ProgramShape* program = nullptr;  // what color is times at each sample; null: 1
+  size_t slot = 0;                        // in the block of its slots
+  InstanceShape space{};                  // its axes, as programs read those of an object
 
-  Light(const GlintLight& data, const Anchor& anchor);
+  Light(const GlintLight& data, const Anchor& anchor, const ProgramShape* programs);
   bool endless() const { return kind == GLINT_SUN || is_dome(); }
   bool is_dome() const { return kind == GLINT_DOME; }
   bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
@@ -50,6 +53,8 @@ struct Light {
   /// Ray parameter at which o + t d (d unit) first meets the visible shape, infinity for the sun's
   /// disc, negative for never.
   double meets(Vec3d o, Vec3d d) const;
+  /// Where its program is asked what such a ray sees: a light of soft falloff is a disc there.
+  Vec3d seen_point(Vec3d o, Vec3d d, double meets) const;
   /// What a ray along the unit vector d sees there; 0 behind an area light.
   Vec3d radiance(Vec3d d, bool physical) const;
 

@@ -246,7 +246,7 @@ bool Scene::same_placements(const Scene& base) const {
 void Scene::place_lights(const GlintLight* data, size_t count) {
   for (size_t i = 0; i < count; ++i) {
     if (!sound(data[i])) ++dropped_lights;
-    else lights.emplace_back(data[i], anchor);
+    else lights.emplace_back(data[i], anchor, programs.data());
   }
 }
 

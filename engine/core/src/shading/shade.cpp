@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "math/math.h"
+#include "shading/light_program.h"
 
 namespace glint {
 namespace {
@@ -106,7 +107,16 @@ void Shader::seen_lights(Batch& batch, size_t k) const {
     bool before = light.endless()
                       ? meets > 0 && t == kInfinity
                       : meets > path.from && meets > ray.t_min && meets < std::min(t, ray.t_max);
-    if (before) batch.add(k, batch.sums.emission, path.T * light.radiance(ray.d, plan_.physical));
+    if (!before) continue;
+    Vec3d T = path.T;
+    if (light.program) {
+      LightProgram program(scene_, stages_);
+      const Vec3d end = light.seen_point(ray.o, ray.d, meets);
+      for (size_t i = 0; i < kPad; ++i) program.put(light, i, ray.o, ray.d, end);
+      program.run(light, path.depth > 0 ? RayKind::kBounced : RayKind::kCamera, 1);
+      T = T * program.share(light, 0);
+    }
+    batch.add(k, batch.sums.emission, T * light.radiance(ray.d, plan_.physical));
   }
 }
 
