@@ -112,12 +112,19 @@ def _floor(roughness: float, metal: float, base: float, world: bool):
     return scene
 
 
-@pytest.mark.parametrize("world", [False, True])
+@pytest.mark.parametrize("world", ["", "CONSTANT", "OCCLUDED"])
 @pytest.mark.parametrize("roughness", [0.3, 1.0])
 @pytest.mark.parametrize(("metal", "base"), [(1, 0.8), (1, 0.03), (0, 0.0)])
 def test_grazing_angles_are_those_of_cycles(metal, base, roughness, world):
-    """A sun at 45° or a white world, seen from 90° down to 10°: within 15 %."""
-    scene = _floor(roughness, metal, base, world)
+    """A sun at 45° or a white world, seen from 90° down to 10°: within 15 %. Where the world lights
+    by directions, highlights seen at 15° and less lose what lies below the horizon: 22 % at most.
+    """
+    scene = _floor(roughness, metal, base, bool(world))
+    lit = (
+        {"world_light": world, "samples": 16}
+        if world == "OCCLUDED"
+        else {"world_light": "CONSTANT"}
+    )
     for elevation, azimuth in VIEWS:
         e, a = np.radians(elevation), np.radians(azimuth)
         scene.camera.location = (
@@ -127,6 +134,6 @@ def test_grazing_angles_are_those_of_cycles(metal, base, roughness, world):
         )
         scene.camera.rotation_euler = (np.pi / 2 - e, 0, a + np.pi / 2)
         truth = cycles.render_cycles(scene, 32)["Combined"][..., :3].mean()
-        assert render_glint(scene, "NUMPY").combined[..., :3].mean() == pytest.approx(
-            truth, rel=0.15
-        ), (elevation, azimuth)
+        found = render_glint(scene, "NUMPY", **lit).combined[..., :3].mean()
+        most = 0.22 if world == "OCCLUDED" and elevation <= 15 else 0.15
+        assert found == pytest.approx(truth, rel=most), (elevation, azimuth)
