@@ -179,6 +179,8 @@ def _lamp(data: Any, frame: np.ndarray, matrix: np.ndarray, shape: dict[str, Any
         data.type,
         np.linalg.inv(axes) @ frame[:, :3] if turned else np.eye(3),
         (shape.get("size_x", 0.0), shape.get("size_y", 0.0)),
+        shape.get("spot_size", 0.0),
+        frame[:, :3].T if data.type == "SPOT" else None,
     )
 
 

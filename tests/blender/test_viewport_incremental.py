@@ -436,6 +436,34 @@ def test_what_is_no_geometry_reads_no_mesh(world, edit, monkeypatch):
         assert {id(geometry) for geometry in follower.scene.geometries} <= before
 
 
+def test_the_nodes_of_a_lamp_are_followed(world):
+    """Edited, moved with their light, and with an image of which the pixels change."""
+    lamp = bpy.data.objects["Point"]
+    with Follower() as follower:
+        follower.check()
+        lamp.data.use_nodes = True
+        tree = lamp.data.node_tree
+        emission = next(node for node in tree.nodes if node.type == "EMISSION")
+        texture, falloff = (
+            tree.nodes.new(f"ShaderNode{name}") for name in ("TexImage", "LightFalloff")
+        )
+        texture.image = bpy.data.images.new("slide", 2, 2, float_buffer=True)
+        tree.links.new(falloff.outputs["Linear"], emission.inputs["Strength"])
+        follower.check()
+        assert any(light.program is not None for light in follower.scene.lights)
+        tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
+        follower.check()
+        falloff.inputs["Smooth"].default_value = 3
+        follower.check()
+        lamp.location.x += 1
+        follower.check()
+        lamp.scale = (1, 2, 3)
+        follower.check()
+        texture.image.pixels[:] = [0.25] * 16
+        texture.image.update_tag()
+        follower.check()
+
+
 def test_an_edited_material_walks_over_nothing(world, monkeypatch):
     unlink_or_link(random.Random(0))
     with Follower() as follower:

@@ -152,6 +152,13 @@ def test_by_place_and_direction(tree, kind, backend):
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("kind", ["POINT", "SPOT"])
+def test_uv_round_a_point_and_in_a_cone(kind, backend):
+    pair = pair_of(kind, by("ShaderNodeTexCoord", "UV"), backend)
+    check_radiance(pair, interior(pair))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("tree", ["object", "own_normal", "generated"])
 def test_of_a_scaled_light(tree, backend):
     pair = pair_of("POINT", TREES[tree], backend, (1.5, 0.5, -2.0))
@@ -179,8 +186,6 @@ SURFACES = {
 @pytest.mark.parametrize("lamp", SEEN)
 def test_seen_in_a_mirror(lamp, tree, backend):
     kind, properties = SEEN[lamp]
-    if kind == "POINT" and tree == "UV":
-        return
     scene = cycles.empty_scene(96, 96)
     build.add(scene, "Mirror", build.plane(4.0, build.mirror((0.9, 0.8, 0.7))))
     build.add_camera(scene)

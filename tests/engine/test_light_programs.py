@@ -10,6 +10,7 @@ import pytest
 from engine_scenes import SCENES, checker
 from glint import engine
 from glint.engine import scene as s
+from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.problems import scene_problems
 from glint.engine.program.graph import Graph, Value
 from glint.engine.program.program import Program, compile_program
@@ -115,6 +116,17 @@ def test_images_are_the_lights_own() -> None:
     own = replace(checker(size=4), interpolation="LINEAR")
     made = agree(lit_by(scene, by_image(), textures=(own,)), 1)
     assert not np.array_equal(made, engine.render(scene, engine.Settings(samples=1)).combined)
+
+
+def test_what_a_light_sheds_is_explained() -> None:
+    """The terms of pixels add up to the picture."""
+    scene = lit_by(SCENES["soft_lights"](), Sum().program("normal", "light_path"))
+    settings = engine.Settings(samples=1, light_samples=2, max_bounces=2, backend="NUMPY")
+    picture, explainer = engine.render(scene, settings).combined, PixelExplainer(scene, settings)
+    height, width = picture.shape[:2]
+    for y, x in [(height // 2, width // 2), (height // 4, width // 3), (1, 1), (height - 2, 5)]:
+        found = explainer.pixel(x, y).color
+        np.testing.assert_allclose(found, picture[y, x, :3], rtol=2**-22, atol=1e-12)
 
 
 def agree(scene: s.Scene, samples: int) -> np.ndarray:

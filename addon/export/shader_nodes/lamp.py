@@ -4,6 +4,7 @@ the ray that sees it comes from the lit point.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -22,21 +23,33 @@ class Lamp:
     """Where a light is. kind: as `engine.scene.Light` has it.
 
     object_from_light: (3, 3) takes the axes of that to the object's, with its scale.
-    size: (2,) full extents of an AREA light in the light's axes, world units.
+    size: (2,) full extents of an AREA light in the light's axes, world units. spot_size: full angle
+    of a SPOT's cone. light_from_world: (3, 3) of a SPOT, for where it throws its UV.
     """
 
     kind: str
     object_from_light: np.ndarray
     size: tuple[float, float] = (0.0, 0.0)
+    spot_size: float = 0.0
+    light_from_world: np.ndarray | None = None
 
     @property
     def key(self) -> tuple:
         """Equal for lights whose trees mean the same."""
-        return self.kind, np.round(self.object_from_light, 6).tobytes(), self.size
+        turns = self.light_from_world.tobytes() if self.light_from_world is not None else b""
+        return (
+            self.kind,
+            np.round(self.object_from_light, 6).tobytes(),
+            turns,
+            self.size,
+            self.spot_size,
+        )
 
 
 class LampReader(TreeReader):
-    """Reads a light's tree. Attributes are zeros; UV of an AREA light runs from 0 to 1 over it."""
+    """Reads a light's tree. Attributes are zeros. UV runs from 0 to 1 over an AREA light, round a
+    POINT, and over the square round a SPOT's cone.
+    """
 
     def __init__(self, graph: Graph, images: Any, note: Callable[[str], None], lamp: Lamp) -> None:
         super().__init__(graph, images, note)
@@ -53,6 +66,12 @@ class LampReader(TreeReader):
             return super().apply("vector_normalized", found)
         if name == "uv" and self.lamp.kind == "AREA" and all(self.lamp.size):
             return (self._over_area(),)
+        if name == "uv" and self.lamp.kind == "POINT":
+            return (self._round(),)
+        if name == "uv" and self.lamp.light_from_world is not None:
+            return (self._in_cone(),)
+        if name == "uv" and self.lamp.kind == "SUN":
+            self.note("UV coordinates are not known of the sun {}: 0 is used; use the normal")
         if name in NOWHERE:
             return tuple(map(self.graph.constant, NOWHERE[name]))
         if name in ("normal_map", "bump"):
@@ -74,6 +93,27 @@ class LampReader(TreeReader):
         half = self.graph.constant((0.5, 0.5, 0.0))
         scaled = super().apply("product", place, over)[0]
         return super().apply("scaled_sum", scaled, self.graph.constant(1.0), half)[0]
+
+    def _round(self) -> Value:
+        """Azimuth and elevation of the normal."""
+        x, y, z = super().apply("separate_xyz", self.apply("object_normal")[0])
+        number, turn = self.graph.constant, 1 / math.pi
+        u = self._math("MULTIPLY_ADD", self._math("ARCTAN2", x, y), number(-turn / 2), number(0.5))
+        v = self._math("MULTIPLY_ADD", self._math("ARCCOSINE", z), number(-turn), number(1.0))
+        return super().apply("combine_xyz", u, v, number(0.0))[0]
+
+    def _in_cone(self) -> Value:
+        ray = self._turned(self.lamp.light_from_world, super().apply("incoming")[0])
+        x, y, z = super().apply("separate_xyz", ray)
+        number, half = self.graph.constant, 0.5 / math.tan(self.lamp.spot_size / 2)
+        factor = self._math("DIVIDE", number(-half), z)
+        u, v = (self._math("MULTIPLY_ADD", part, factor, number(0.5)) for part in (x, y))
+        return super().apply("combine_xyz", u, v, number(0.0))[0]
+
+    def _math(self, name: str, *numbers: Value) -> Value:
+        zero = self.graph.constant(0.0)
+        given = (*numbers, zero, zero)[:3]
+        return super().apply("math", *given, operation=MathOperation[name], clamp=0)[0]
 
     def _turned(self, matrix: np.ndarray, vector: Value) -> Value:
         """The matrix (3, 3) times a vector."""
