@@ -169,16 +169,16 @@ def test_tiles_that_look_at_nothing_are_as_if_they_were_traced(
         for seen in (False, True)
     ]
     asked = replace(BUSY, samples=9, max_bounces=1, error_threshold=threshold, threads=2)
-    vacant, traced = (engine.render(each, asked) for each in scenes)
+    culled, traced = (engine.render(each, asked) for each in scenes)
     assert (
-        "feature: visible lights" in traced.stats and "feature: visible lights" not in vacant.stats
+        "feature: visible lights" in traced.stats and "feature: visible lights" not in culled.stats
     )
-    assert bits(vacant) == bits(traced)
+    assert bits(culled) == bits(traced)
     waves: list[engine.Film] = []  # held, so that later ones are drawn elsewhere
-    assert bits(engine.render(scenes[0], asked, on_wave=waves.append)) == bits(vacant)
-    assert 0 < vacant.stats["camera rays"] < 0.5 * traced.stats["camera rays"]
+    assert bits(engine.render(scenes[0], asked, on_wave=waves.append)) == bits(culled)
+    assert 0 < culled.stats["camera rays"] < 0.5 * traced.stats["camera rays"]
     nothing = scene.world.background if not transparent else (0, 0, 0)
-    assert np.mean(np.all(vacant.combined[..., :3] == np.float32(nothing), -1)) > 0.7
+    assert np.mean(np.all(culled.combined[..., :3] == np.float32(nothing), -1)) > 0.7
 
 
 @pytest.mark.parametrize(("size", "bounces"), [(32, 8), (3, 13)])

@@ -36,7 +36,7 @@ constexpr int kCells = 16;
 
 /// Cells of the window that are surely_empty, after rays of all of these have missed: at corners,
 /// along edges, inside.
-int vacant_cells(const Accel& accel, const Camera& c, Random& random) {
+int empty_cells(const Accel& accel, const Camera& c, Random& random) {
   int count = 0;
   for (int i = 0; i < kCells; ++i)
     for (int j = 0; j < kCells; ++j) {
@@ -73,8 +73,8 @@ TEST(empty_tiles, no_ray_of_an_empty_frustum_hits) {
       for (int k = 0; k < 6; ++k) {
         const Camera camera(away * random.on_sphere(), random.in_box(0.2), 4, parallel);
         for (const Mesh* mesh : {&ball, &rubble})
-          surely_empty += vacant_cells(*build(*mesh), camera, random);
-        vacant_cells(*build(shapes.geometries, shapes.instances), camera, random);
+          surely_empty += empty_cells(*build(*mesh), camera, random);
+        empty_cells(*build(shapes.geometries, shapes.instances), camera, random);
       }
       CHECK(surely_empty >
             12 * kCells * kCells / 4);  // the window is twice as wide as what stands there

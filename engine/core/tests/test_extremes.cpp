@@ -1,4 +1,4 @@
-// Numbers near the ends of float and double: rays alone and in company come to one answer, and to
+// Numbers near the ends of float and double: rays alone and in packets come to one answer, and to
 // the right one where there is one.
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // Rays from so far away, and shapes so small, large or thin, that float or double rounds away most
-// of them: whatever is hit there, it is the same alone and in company, and is found again within
+// of them: whatever is hit there, it is the same alone and in packets, and is found again within
 // ends that are next to it.
 #include <cmath>
 

@@ -76,7 +76,7 @@ Vec3d finite_color(const double* c) {
   return {channel(c[0]), channel(c[1]), channel(c[2])};
 }
 
-constexpr size_t kSights = 2;  // a viewport shows a view and in it the render's frame
+constexpr size_t kFirstHitCaches = 2;  // a viewport shows a view and in it the render's frame
 constexpr uint32_t kVisibility = kCamera | kMirror | kShadow;
 
 }  // namespace
@@ -142,17 +142,19 @@ void Scene::share_trees(const Scene& base, bool exact) {
   };
   if (std::equal(geometries.begin(), geometries.end(), base.geometries.begin(),
                  base.geometries.end(), same))
-    sights_ = base.sights_;
+    first_hit_caches_ = base.first_hit_caches_;
 }
 
 std::shared_ptr<FirstHitCache> Scene::first_hits(const RenderPlan& plan, const Film& film) {
   std::lock_guard lock(build_mutex_);
-  const auto found = std::find_if(sights_.begin(), sights_.end(),
+  const auto found = std::find_if(first_hit_caches_.begin(), first_hit_caches_.end(),
                                   [&](const auto& s) { return s->is_of(camera, plan); });
-  if (found != sights_.end()) std::rotate(sights_.begin(), found, found + 1);
-  else sights_.insert(sights_.begin(), std::make_shared<FirstHitCache>(camera, plan, film));
-  if (sights_.size() > kSights) sights_.pop_back();
-  return sights_.front();
+  if (found != first_hit_caches_.end()) std::rotate(first_hit_caches_.begin(), found, found + 1);
+  else
+    first_hit_caches_.insert(first_hit_caches_.begin(),
+                             std::make_shared<FirstHitCache>(camera, plan, film));
+  if (first_hit_caches_.size() > kFirstHitCaches) first_hit_caches_.pop_back();
+  return first_hit_caches_.front();
 }
 
 void Scene::copy_tables(const GlintSceneData& data) {

@@ -201,7 +201,7 @@ class Scene {
   std::unique_ptr<const OpacityMaps> opacity_;
   bool exact_ = true;  // accel_ is what a scene without a base would have
   Earlier earlier_;    // until there is accel_
-  std::vector<std::shared_ptr<FirstHitCache>> sights_;  // the last ones, newest first
+  std::vector<std::shared_ptr<FirstHitCache>> first_hit_caches_;  // the last ones, newest first
   mutable std::mutex build_mutex_;
 };
 

@@ -531,7 +531,7 @@ size_t gloss(const LightStage& s) {
   }
 }
 
-/// Zero is added where the ray is blocked, so that -0 turns to 0 alone and in company.
+/// Zero is added where the ray is blocked, so that -0 turns to 0 alone and in packets.
 void sum(const LightSum& s) {
   for (size_t k = 0; k < s.count;) {
     const uint32_t first = s.point[k];

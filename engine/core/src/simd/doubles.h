@@ -34,24 +34,8 @@ inline Doubles splat(double a) { return a - Doubles{}; }  // -0 stays -0
 inline Doubles magnitude(Doubles a) { return Doubles(Longs(a) & INT64_MAX); }
 
 /// The larger and the smaller number; where one is NaN, the second argument.
-inline Doubles larger(Doubles a, Doubles b) {
-#if defined(__AVX512F__)
-  return Doubles(_mm512_maskz_max_pd(0xff, __m512d(a), __m512d(b)));
-#elif defined(__AVX__)
-  return Doubles(_mm256_max_pd(__m256d(a), __m256d(b)));
-#else
-  return a > b ? a : b;
-#endif
-}
-inline Doubles smaller(Doubles a, Doubles b) {
-#if defined(__AVX512F__)
-  return Doubles(_mm512_maskz_min_pd(0xff, __m512d(a), __m512d(b)));
-#elif defined(__AVX__)
-  return Doubles(_mm256_min_pd(__m256d(a), __m256d(b)));
-#else
-  return a < b ? a : b;
-#endif
-}
+inline Doubles larger(Doubles a, Doubles b) { return a > b ? a : b; }
+inline Doubles smaller(Doubles a, Doubles b) { return a < b ? a : b; }
 
 /// A bit for every lane of a mask.
 inline uint32_t bits(Longs mask) {

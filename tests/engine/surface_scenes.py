@@ -1,0 +1,69 @@
+"""Balls and planes seen from above, for tests of surfaces in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from glint.engine import scene as s
+from native_tools import (
+    lamp,
+    material,
+    pixel_centers,
+    placed,
+    square,
+    view_from_above,
+)
+
+ROUNDING = 2.0**-23
+P = pixel_centers()
+SUN = lamp("SUN", strength=np.pi)  # lights a white Lambert surface to n.l
+EYE = np.array([0.0, 0.0, 10.0])
+
+
+def balls(
+    *lobes: s.Lobe, radius: float = 0.9, lights=(SUN,), world: s.World | None = None, **more
+) -> s.Scene:
+    sphere = s.Spheres("ball", np.zeros((1, 3), np.float32), np.array([radius], np.float32))
+    return s.Scene(
+        view_from_above(),
+        (sphere,),
+        (placed(),),
+        (material(*lobes),),
+        (),
+        lights,
+        world or s.World(),
+        **more,
+    )
+
+
+def plane(
+    *lobes: s.Lobe,
+    lights=(SUN,),
+    world: s.World | None = None,
+    camera: s.Camera | None = None,
+    textures=(),
+    mesh=None,
+) -> s.Scene:
+    camera = camera or view_from_above()
+    return s.Scene(
+        camera,
+        (mesh or square(),),
+        (placed(),),
+        (material(*lobes),),
+        textures,
+        lights,
+        world or s.World(),
+    )
+
+
+def agree(measured: np.ndarray, truth: np.ndarray, rounding: float = ROUNDING) -> None:
+    assert np.abs(truth).max() > 0
+    assert (np.abs(measured - truth) <= rounding * np.abs(truth) + 1e-30).all()
+
+
+def on_ball(radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """(16, 16, 3) normals of the ball seen from above, zeros beside it, and where it is."""
+    r2 = (P[..., :2] ** 2).sum(-1)
+    inside = r2 < radius**2
+    z = np.sqrt(np.where(inside, radius**2 - r2, 0))
+    return np.where(inside[..., None], np.stack([P[..., 0], P[..., 1], z], -1) / radius, 0), inside
