@@ -217,8 +217,10 @@ GlintLight light(Dice& dice) {
   g.spot_blend = positive(dice);
   g.size_x = positive(dice);
   g.size_y = positive(dice);
-  g.kind = int32_t(dice.below(4));
+  g.kind = int32_t(dice.below(5));
   g.flags = uint32_t(dice.below(32));
+  g.program = dice.chance(0.3);
+  g.program_slot = int32_t(dice.below(4));
   if (dice.chance(0.1 * dice.wildness)) g.kind = int32_t(dice.bits());
   return g;
 }
@@ -294,10 +296,14 @@ int32_t argument(Dice& dice, int32_t width, int32_t written) {
   return is_constant ? ~int32_t(dice.below(9)) : int32_t(dice.below(size_t(written - width + 1)));
 }
 
-std::vector<int32_t> random_words(Dice& dice, int32_t& written) {
+/// in_sky: none of the operations reads a surface.
+std::vector<int32_t> random_words(Dice& dice, bool in_sky, int32_t& written) {
   std::vector<int32_t> words;
   for (size_t n = 1 + dice.below(6); n > 0; --n) {
-    words.push_back(int32_t(dice.below(size_t(kOperationCount))));
+    int32_t operation = int32_t(dice.below(size_t(kOperationCount)));
+    while (in_sky && kLayouts[operation].reads_surface)
+      operation = int32_t(dice.below(size_t(kOperationCount)));
+    words.push_back(operation);
     const OperationLayout& layout = kLayouts[words.back()];
     const int32_t before = written;
     for (const char* w = layout.outputs; *w; written += *w++ - '0') words.push_back(written);
@@ -316,7 +322,8 @@ void set_program(Dice& dice, Arena& arena, GlintSceneData& d) {
   for (double& x : constants) x = dice.number();
   for (int i = 0; i < 12; ++i) tables.push_back(dice.number());
   int32_t slots = 0;
-  std::vector<int32_t> words = random_words(dice, slots);
+  const bool in_sky = dice.chance(0.4);
+  std::vector<int32_t> words = random_words(dice, in_sky, slots);
   if (dice.chance(0.2 * dice.wildness)) words[dice.below(words.size())] = int32_t(dice.bits());
   const std::vector<GlintProgram> programs{
       {0, words.size(), 0, constants.size(), 0, tables.size(), uint32_t(slots), 0}};
@@ -328,6 +335,10 @@ void set_program(Dice& dice, Arena& arena, GlintSceneData& d) {
   d.program_table_count = tables.size();
   d.programs = arena.table(programs);
   d.program_count = 1;
+  for (double& x : d.world_axes) x = dice.number();
+  d.world_program = in_sky || dice.chance(0.1 * dice.wildness);
+  d.world_slot = int32_t(dice.below(size_t(std::max(slots - 2, 1))));
+  if (dice.chance(0.1 * dice.wildness)) d.world_slot = int32_t(dice.bits());
 }
 
 /// The last material reads the program, mostly where it has something.
@@ -476,6 +487,25 @@ GlintAccelData accel(Dice& dice, Arena& arena) {
   return d;
 }
 
+/// What a DOME light needs: its directions and maps.
+void set_dome(Dice& dice, Arena& arena, GlintRenderSettings& s) {
+  s.dome_samples = uint32_t(1 + dice.below(9));
+  s.dome_count = uint64_t(s.samples) * s.dome_samples;
+  s.dome_rows = uint32_t(1 + dice.below(4));
+  s.dome_columns = uint32_t(1 + dice.below(4));
+  s.dome_irradiance_rows = uint32_t(1 + dice.below(4));
+  s.dome_irradiance_columns = uint32_t(1 + dice.below(4));
+  for (double& x : s.dome_axes) x = dice.number();
+  s.dome_table = arena.fill<double>(9 * s.dome_count, [&] { return dice.number(); });
+  s.dome_cells = arena.fill<float>(uint64_t(4) * s.dome_rows * s.dome_columns,
+                                   [&] { return float(dice.number()); });
+  s.dome_irradiance =
+      arena.fill<float>(uint64_t(3) * s.dome_irradiance_rows * s.dome_irradiance_columns,
+                        [&] { return float(dice.number()); });
+  if (dice.chance(0.05 * dice.wildness)) s.dome_count = 0;
+  if (dice.chance(0.05 * dice.wildness)) s.dome_cells = nullptr;
+}
+
 GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& scene) {
   GlintRenderSettings s{};
   const bool stops_early = dice.chance(0.15);
@@ -492,6 +522,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   s.cutoff = dice.chance(0.7) ? 0 : std::fabs(dice.number());
   s.light_square = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   s.light_disc = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
+  set_dome(dice, arena, s);
   const uint32_t w = scene.camera.width, h = scene.camera.height;
   const bool part = dice.chance(0.3);
   s.region[0] = part ? uint32_t(dice.below(w)) : 0;
