@@ -20,7 +20,8 @@ def _image_texture(view: NodeView, output: Any) -> Sum | None:
     """
     place = view.input("Vector")
     coordinates = view.evaluator.coordinates(place) if place else Coordinates("")
-    if coordinates is None or not is_plain(view.node.texture_mapping):
+    is_flat = view.node.projection == "FLAT" and is_plain(view.node.texture_mapping)
+    if coordinates is None or not is_flat:
         return None
     return from_input(
         Input(

@@ -7,7 +7,7 @@ import pytest
 
 import cycles_reference as cycles
 from cycles_reference import bpy
-from glint_picture import render_pair, surface_interior
+from glint_picture import BACKENDS, render_pair, surface_interior
 from small_scenes import add, add_camera, ball, mesh, moved
 
 OUTPUTS = [
@@ -95,7 +95,19 @@ def test_an_image_by_any_vector_is_cycles(vector):
     assert_is_cycles(lambda: shining_image(*IMAGE_VECTORS[vector]), f"image-{vector}")
 
 
-def shining_image(node_type: str, output: str):
+PROJECTIONS = [("SPHERE", 0.0), ("TUBE", 0.0), *(("BOX", blend) for blend in (0.0, 0.2, 0.7, 1.0))]
+
+
+@pytest.mark.parametrize("vector", ["generated", "object"])
+@pytest.mark.parametrize(("projection", "blend"), PROJECTIONS)
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_projected_image_is_cycles(projection, blend, vector, backend):
+    settings = {"projection": projection, "projection_blend": blend}
+    name = f"image-{projection}-{blend}-{vector}"
+    assert_is_cycles(lambda: shining_image(*IMAGE_VECTORS[vector], **settings), name, backend)
+
+
+def shining_image(node_type: str, output: str, **settings):
     """A material that shines with an image that is looked up by an output of a node."""
     material = shining("ShaderNodeTexImage", "Color")
     tree = material.node_tree
@@ -105,15 +117,17 @@ def shining_image(node_type: str, output: str):
     texels[..., 3] = 1
     picture.pixels.foreach_set(texels.reshape(-1))
     texture.image = picture
+    for name, value in settings.items():
+        setattr(texture, name, value)
     node = tree.nodes.new(node_type)
     tree.links.new(node.outputs[output], texture.inputs["Vector"])
     return material
 
 
-def assert_is_cycles(make_material, name: str) -> None:
+def assert_is_cycles(make_material, name: str, backend: str = "NATIVE") -> None:
     scene = cycles.empty_scene(64, 64)
     fill(scene, make_material())
-    pair = render_pair(scene, "NATIVE", name)
+    pair = render_pair(scene, backend, name)
     found, wanted = pair.glint["Combined"][..., :3], pair.cycles["Combined"][..., :3]
     inside = surface_interior(pair.cycles) & np.isfinite(wanted).all(-1)
     assert inside.sum() > 300

@@ -10,6 +10,7 @@ from ..graph import socket_named
 from ..images import Images
 from ..terms import GREY
 from .mapping import texture_mapped
+from .projections import on_ball, on_box, on_tube
 from .reader import READERS, NodeInputs, Outputs
 
 ACTIVE_COLOR = "(active colour)"
@@ -106,11 +107,6 @@ def image_texture(node: Any, images: Images, note: Callable[[str], None]) -> int
     Where nothing reads the image's alpha its colour is times alpha, as in Cycles.
     """
     interpolation = noted_interpolation(node, note)
-    if node.projection != "FLAT":
-        note(
-            f"The {node.projection.lower()} projection of images is not supported: {{}} use the "
-            "flat one; bake to an image"
-        )
     alone = not node.outputs["Alpha"].is_linked
     return images.texture(node.image, node.image_user, node.extension, interpolation, alone)
 
@@ -119,8 +115,19 @@ def _image(view: NodeInputs) -> Outputs:
     texture = image_texture(view.node, view.reader.images, view.reader.note)
     uv = view.apply("uv", attribute="", shift=0)[0]
     where = view.value("Vector") if view.is_linked("Vector") else uv
-    color, alpha = view.apply("image", texture_mapped(view, where), texture=texture)
+    color, alpha = _projected(view, texture_mapped(view, where), texture)
     return {"Color": color, "Alpha": alpha}
+
+
+def _projected(view: NodeInputs, where: Value, texture: int) -> tuple[Value, ...]:
+    """Colour and alpha of an image by the node's projection of a vector."""
+    if view.node.projection == "BOX":
+        return on_box(view, where, texture)
+    if view.node.projection == "SPHERE":
+        where = on_ball(view, where)
+    elif view.node.projection == "TUBE":
+        where = on_tube(view, where)
+    return view.apply("image", where, texture=texture)
 
 
 def _fresnel(view: NodeInputs) -> Outputs:
