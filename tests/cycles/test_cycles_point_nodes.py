@@ -107,6 +107,46 @@ def test_a_projected_image_is_cycles(projection, blend, vector, backend):
     assert_is_cycles(lambda: shining_image(*IMAGE_VECTORS[vector], **settings), name, backend)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("projection", ["FLAT", "BOX"])
+def test_a_tiled_image_is_cycles(projection, backend, tmp_path):
+    """Coordinates reach beyond every side of the tiles, where Cycles shows magenta."""
+
+    def make():
+        material = shining("ShaderNodeTexImage", "Color")
+        texture = next(node for node in material.node_tree.nodes if node.type == "TEX_IMAGE")
+        texture.image, texture.projection = tiled_image(tmp_path), projection
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        point, mapping = (nodes.new(f"ShaderNode{kind}") for kind in ("TexCoord", "Mapping"))
+        mapping.inputs["Location"].default_value = (-0.5, -0.5, 0.0)
+        mapping.inputs["Scale"].default_value = (3.0, 3.0, 1.0)
+        links.new(point.outputs["Generated"], mapping.inputs["Vector"])
+        links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
+        return material
+
+    assert_is_cycles(make, f"image-tiles-{projection}", backend)
+
+
+def tiled_image(folder):
+    """Three tiles of 8 by 8 texels with a colour each at their corners."""
+    random = np.random.default_rng(6)
+    for number in (1001, 1002, 1012):
+        picture = bpy.data.images.new(str(number), 8, 8)
+        texels = np.ones((8, 8, 4), np.float32)
+        texels[..., :3] = random.uniform(0, 1, 3)
+        texels[2:6, 2:6, :3] = random.uniform(0, 1, 3)
+        picture.pixels.foreach_set(texels.reshape(-1))
+        picture.file_format, picture.filepath_raw = "PNG", str(folder / f"tile.{number}.png")
+        picture.save()
+    tiled = bpy.data.images.load(str(folder / "tile.1001.png"))
+    tiled.colorspace_settings.name = "Non-Color"
+    tiled.source, tiled.filepath = "TILED", str(folder / "tile.<UDIM>.png")
+    for number in (1002, 1012):
+        if number not in [tile.number for tile in tiled.tiles]:
+            tiled.tiles.new(number)
+    return tiled
+
+
 def shining_image(node_type: str, output: str, **settings):
     """A material that shines with an image that is looked up by an output of a node."""
     material = shining("ShaderNodeTexImage", "Color")

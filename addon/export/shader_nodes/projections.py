@@ -11,6 +11,7 @@ from itertools import pairwise
 
 from ....engine.program.graph import Value
 from ....engine.program.operations_math import MathOperation
+from ..images import FIRST, TILES_IN_A_ROW
 from .reader import NodeInputs
 
 
@@ -80,6 +81,30 @@ def on_box(view: NodeInputs, vector: Value, texture: int) -> tuple[Value, Value]
         color = view.apply("scaled_sum", seen, weight, color)[0]
         alpha = do("MULTIPLY_ADD", opacity, weight, alpha)
     return color, alpha
+
+
+def on_tiles(view: NodeInputs, where: Value, textures: dict[int, int]) -> tuple[Value, Value]:
+    """Colour and alpha of a tiled image, whose textures are given by the tiles' numbers; magenta
+    where it has no tile.
+
+    Tiles end at whole numbers toward 0, as in Cycles: just below 0 the first one goes on.
+    """
+    do = Arithmetic(view)
+    u, v, _ = view.apply("separate_xyz", where)
+    column, row = do("TRUNC", u), do("TRUNC", v)
+    inside = do.plane(do("SUBTRACT", u, column), do("SUBTRACT", v, row))
+    color, alpha = view.reader.graph.constant((0.0, 0.0, 0.0)), do.number(0.0)
+    left = do.number(1.0)
+    for number, texture in textures.items():
+        above, across = divmod(number - FIRST, TILES_IN_A_ROW)
+        in_row = do("COMPARE", row, float(above), 0.5)
+        here = do("MULTIPLY", do("COMPARE", column, float(across), 0.5), in_row)
+        seen, opacity = view.apply("image", inside, texture=texture)
+        color = view.apply("scaled_sum", seen, here, color)[0]
+        alpha = do("MULTIPLY_ADD", opacity, here, alpha)
+        left = do("SUBTRACT", left, here)
+    missing = view.reader.graph.constant((1.0, 0.0, 1.0))
+    return view.apply("scaled_sum", missing, left, color)[0], do("ADD", alpha, left)
 
 
 def _either(do: Arithmetic, is_first: Value, first: Value, second: Value) -> Value:
