@@ -20,6 +20,9 @@ from .pixels import ImageError, Pixels, Raw
 from .report import Report
 
 EXTENSIONS = {"REPEAT": "REPEAT", "EXTEND": "EXTEND", "CLIP": "CLIP", "MIRROR": "MIRROR"}
+FIRST, TILES_IN_A_ROW = 1001, 10
+"""Number of the tile at the origin of a UV map, and how many numbers further the tile above is."""
+FIRST_TILE = "Only the first tile of tiled images is rendered here ({}): bake them into one image"
 
 
 class Images:
@@ -40,18 +43,25 @@ class Images:
         self._means: dict[tuple[int, str], np.ndarray] = {}
 
     def texture(
-        self, image: Any, user: Any, extension: str, interpolation: str, associated: bool = False
+        self,
+        image: Any,
+        user: Any,
+        extension: str,
+        interpolation: str,
+        associated: bool = False,
+        tile: int = 0,
     ) -> int:
         """Index of the texture of a Blender image (None: magenta) for an image texture node's
         settings.
 
         associated: colours times alpha, where the image's alpha is not of the kind that is kept
-        apart.
+        apart. tile: number of a tiled image's tile, 0 for its first.
         """
-        found = self.pixels(image, user)
+        found = self.pixels(image, user, tile)
         associated = associated and found.associated
         filtering = "CLOSEST" if interpolation == "Closest" else "LINEAR"
-        key = (*self._key(image, user), EXTENSIONS.get(extension, "REPEAT"), filtering, associated)
+        key = self._key(image, user, tile)
+        key = (*key, EXTENSIONS.get(extension, "REPEAT"), filtering, associated)
         if key not in self._indices:
             name = image.name if image is not None else "no image"
             values = found.pixels
@@ -73,13 +83,13 @@ class Images:
             self._indices[key] = self._append(make())
         return self._indices[key]
 
-    def expect(self, wanted: Iterable[tuple[Any, Any]]) -> None:
+    def expect(self, wanted: Iterable[tuple[Any, Any]], tile: int = 0) -> None:
         """Decodes several images at once, a thread each, ahead of being asked for them: pairs of a
         Blender image and its ImageUser.
         """
         sources = {}
         for image, user in wanted:
-            key = self._key(image, user)
+            key = self._key(image, user, tile)
             if image is not None and key not in self._pixels and key not in self._decoded:
                 sources[key] = _source(_original(image), key[1])
         sources = {key: source for key, source in sources.items() if source is not None}
@@ -91,11 +101,13 @@ class Images:
         else:
             self._decoded.update({key: self._decode(source) for key, source in sources.items()})
 
-    def pixels(self, image: Any, user: Any) -> Pixels:
+    def pixels(self, image: Any, user: Any, tile: int = 0) -> Pixels:
         """The pixels of a Blender image at the frame that `user` (its ImageUser) shows."""
-        key = self._key(image, user)
+        key = self._key(image, user, tile)
         if key not in self._pixels:
-            self.expect([(image, user)])
+            if tile == 0 and image is not None and image.source == "TILED":
+                self.report.note(FIRST_TILE, image.name)
+            self.expect([(image, user)], tile)
             self._pixels[key] = self._load(image, key[1], self._decoded.pop(key, None))
         return self._pixels[key]
 
@@ -143,10 +155,10 @@ class Images:
         self.textures.append(texture)
         return len(self.textures) - 1
 
-    def _key(self, image: Any, user: Any) -> tuple[int, str]:
+    def _key(self, image: Any, user: Any, tile: int = 0) -> tuple[int, str]:
         if image is None:
             return (0, "")
-        return (_original(image).as_pointer(), _path(_original(image), user))
+        return (_original(image).as_pointer(), _path(_original(image), user, tile))
 
     def _load(
         self, image: Any, path: str, decoded: Raw | ImageError | MemoryError | None
@@ -176,11 +188,6 @@ class Images:
         return self._worked_out(decoded.rgba, key, lambda: pixels.read(image, path, decoded))
 
     def _approximations(self, image: Any) -> None:
-        if image.source == "TILED":
-            self.report.note(
-                "Only the first tile of tiled images is rendered ({}): bake them into one image",
-                image.name,
-            )
         if image.source == "MOVIE":
             self.report.note(
                 "Movies are rendered as the frame that Blender holds ({}): use an image sequence",
@@ -253,13 +260,22 @@ def _original(image: Any) -> Any:
     return image.original or image
 
 
-def _path(image: Any, user: Any) -> str:
-    """The absolute path of the file shown now; the first tile of a tiled image."""
+def _path(image: Any, user: Any, tile: int) -> str:
+    """The absolute path of the file shown now; of a tiled image, that of the tile with this number,
+    or of its first for 0.
+    """
+    if tile:
+        import bpy
+
+        row, column = divmod(tile - FIRST, TILES_IN_A_ROW)
+        named = bpy.path.abspath(image.filepath, library=image.library)
+        named = named.replace("<UDIM>", str(tile))
+        return named.replace("<UVTILE>", f"u{column + 1}_v{row + 1}")
     path = (
         image.filepath_from_user(image_user=user)
         if user is not None
         else image.filepath_from_user()
     )
-    return path.replace("<UDIM>", str(image.tiles[0].number if image.tiles else 1001)).replace(
+    return path.replace("<UDIM>", str(image.tiles[0].number if image.tiles else FIRST)).replace(
         "<UVTILE>", "u1_v1"
     )

@@ -340,8 +340,8 @@ class _KeepingImages(Images):
         self._pixels, self._memory_epoch = store.pixels, store.memory_epoch
         self.in_memory = False
 
-    def _key(self, image: Any, user: Any) -> tuple:
-        address, path = super()._key(image, user)
+    def _key(self, image: Any, user: Any, tile: int = 0) -> tuple:
+        address, path = super()._key(image, user, tile)
         if image is None:
             return address, path
         state = self._state(image, path)

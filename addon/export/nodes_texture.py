@@ -9,7 +9,7 @@ import numpy as np
 
 from ...engine.scene import Input
 from .evaluator import COLOR_NODES, VECTOR_NODES, Coordinates, NodeView
-from .shader_nodes.inputs import attribute_name, image_texture
+from .shader_nodes.inputs import attribute_name, image_texture, tiles_of
 from .shader_nodes.mapping import is_plain
 from .terms import GREY, Sum, from_input
 
@@ -20,7 +20,8 @@ def _image_texture(view: NodeView, output: Any) -> Sum | None:
     """
     place = view.input("Vector")
     coordinates = view.evaluator.coordinates(place) if place else Coordinates("")
-    if coordinates is None or not is_plain(view.node.texture_mapping):
+    is_flat = view.node.projection == "FLAT" and is_plain(view.node.texture_mapping)
+    if coordinates is None or not is_flat or tiles_of(view.node):
         return None
     return from_input(
         Input(

@@ -227,17 +227,21 @@ def test_sequences_show_the_frame_of_the_scene(scene, tmp_path):  # noqa: F811
         assert texture.pixels[0, 0, 0] == _bytes(frame / 4)
 
 
-def test_tiled_images_show_their_first_tile(scene, tmp_path):  # noqa: F811
+def test_tiled_images_have_a_texture_for_each_tile(scene, tmp_path):  # noqa: F811
     _file(tmp_path / "tile.1001.png", GRADIENT)
-    _file(tmp_path / "tile.1002.png", 1 - GRADIENT)
+    _file(tmp_path / "tile.1012.png", GRADIENT[::-1])
     picture = bpy.data.images.load(str(tmp_path / "tile.1001.png"))
     picture.source = "TILED"
     picture.filepath = str(tmp_path / "tile.<UDIM>.png")
-    texture, notes = _texture(picture)
-    np.testing.assert_array_equal(texture.pixels, _bytes(GRADIENT))
-    assert any(
-        "first tile" in note and f"'{picture.name}'" in note and "bake" in note for note in notes
-    )
+    picture.tiles.new(1012)
+    shader = Shader()
+    node = shader.node("ShaderNodeTexImage", image=picture)
+    shader.link(node, "Color", shader.shader, "Color")
+    result = shader.export()[0]
+    first, second = (texture.pixels for texture in result.scene.textures)
+    np.testing.assert_array_equal(first, _bytes(GRADIENT))
+    np.testing.assert_array_equal(second, _bytes(GRADIENT[::-1]))
+    assert not result.notes
 
 
 def test_an_image_is_read_once(scene, tmp_path):  # noqa: F811

@@ -7,7 +7,7 @@ import pytest
 
 import cycles_reference as cycles
 from cycles_reference import bpy
-from glint_picture import render_pair, surface_interior
+from glint_picture import BACKENDS, render_pair, surface_interior
 from small_scenes import add, add_camera, ball, mesh, moved
 
 OUTPUTS = [
@@ -95,7 +95,59 @@ def test_an_image_by_any_vector_is_cycles(vector):
     assert_is_cycles(lambda: shining_image(*IMAGE_VECTORS[vector]), f"image-{vector}")
 
 
-def shining_image(node_type: str, output: str):
+PROJECTIONS = [("SPHERE", 0.0), ("TUBE", 0.0), *(("BOX", blend) for blend in (0.0, 0.2, 0.7, 1.0))]
+
+
+@pytest.mark.parametrize("vector", ["generated", "object"])
+@pytest.mark.parametrize(("projection", "blend"), PROJECTIONS)
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_projected_image_is_cycles(projection, blend, vector, backend):
+    settings = {"projection": projection, "projection_blend": blend}
+    name = f"image-{projection}-{blend}-{vector}"
+    assert_is_cycles(lambda: shining_image(*IMAGE_VECTORS[vector], **settings), name, backend)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("projection", ["FLAT", "BOX"])
+def test_a_tiled_image_is_cycles(projection, backend, tmp_path):
+    """Coordinates reach beyond every side of the tiles, where Cycles shows magenta."""
+
+    def make():
+        material = shining("ShaderNodeTexImage", "Color")
+        texture = next(node for node in material.node_tree.nodes if node.type == "TEX_IMAGE")
+        texture.image, texture.projection = tiled_image(tmp_path), projection
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        point, mapping = (nodes.new(f"ShaderNode{kind}") for kind in ("TexCoord", "Mapping"))
+        mapping.inputs["Location"].default_value = (-0.5, -0.5, 0.0)
+        mapping.inputs["Scale"].default_value = (3.0, 3.0, 1.0)
+        links.new(point.outputs["Generated"], mapping.inputs["Vector"])
+        links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
+        return material
+
+    assert_is_cycles(make, f"image-tiles-{projection}", backend)
+
+
+def tiled_image(folder):
+    """Three tiles of 8 by 8 texels with a colour each at their corners."""
+    random = np.random.default_rng(6)
+    for number in (1001, 1002, 1012):
+        picture = bpy.data.images.new(str(number), 8, 8)
+        texels = np.ones((8, 8, 4), np.float32)
+        texels[..., :3] = random.uniform(0, 1, 3)
+        texels[2:6, 2:6, :3] = random.uniform(0, 1, 3)
+        picture.pixels.foreach_set(texels.reshape(-1))
+        picture.file_format, picture.filepath_raw = "PNG", str(folder / f"tile.{number}.png")
+        picture.save()
+    tiled = bpy.data.images.load(str(folder / "tile.1001.png"))
+    tiled.colorspace_settings.name = "Non-Color"
+    tiled.source, tiled.filepath = "TILED", str(folder / "tile.<UDIM>.png")
+    for number in (1002, 1012):
+        if number not in [tile.number for tile in tiled.tiles]:
+            tiled.tiles.new(number)
+    return tiled
+
+
+def shining_image(node_type: str, output: str, **settings):
     """A material that shines with an image that is looked up by an output of a node."""
     material = shining("ShaderNodeTexImage", "Color")
     tree = material.node_tree
@@ -105,15 +157,17 @@ def shining_image(node_type: str, output: str):
     texels[..., 3] = 1
     picture.pixels.foreach_set(texels.reshape(-1))
     texture.image = picture
+    for name, value in settings.items():
+        setattr(texture, name, value)
     node = tree.nodes.new(node_type)
     tree.links.new(node.outputs[output], texture.inputs["Vector"])
     return material
 
 
-def assert_is_cycles(make_material, name: str) -> None:
+def assert_is_cycles(make_material, name: str, backend: str = "NATIVE") -> None:
     scene = cycles.empty_scene(64, 64)
     fill(scene, make_material())
-    pair = render_pair(scene, "NATIVE", name)
+    pair = render_pair(scene, backend, name)
     found, wanted = pair.glint["Combined"][..., :3], pair.cycles["Combined"][..., :3]
     inside = surface_interior(pair.cycles) & np.isfinite(wanted).all(-1)
     assert inside.sum() > 300

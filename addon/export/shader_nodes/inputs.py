@@ -7,9 +7,10 @@ from typing import Any
 
 from ....engine.program.graph import Value
 from ..graph import socket_named
-from ..images import Images
+from ..images import FIRST, Images
 from ..terms import GREY
 from .mapping import texture_mapped
+from .projections import on_ball, on_box, on_tiles, on_tube
 from .reader import READERS, NodeInputs, Outputs
 
 ACTIVE_COLOR = "(active colour)"
@@ -100,27 +101,48 @@ def noted_interpolation(node: Any, note: Callable[[str], None]) -> str:
     return node.interpolation
 
 
-def image_texture(node: Any, images: Images, note: Callable[[str], None]) -> int:
-    """Index of an Image Texture node's texture, with notes of what it does not do as in Blender.
+def tiles_of(node: Any) -> list[int]:
+    """Numbers of the tiles of a node's image, none of one that is not tiled."""
+    image = node.image
+    is_tiled = image is not None and image.source == "TILED"
+    return [tile.number for tile in image.tiles] if is_tiled else []
+
+
+def image_texture(node: Any, images: Images, note: Callable[[str], None], tile: int = 0) -> int:
+    """Index of an Image Texture node's texture, with notes of what it does not do as in Blender;
+    of a tiled image that of a tile.
 
     Where nothing reads the image's alpha its colour is times alpha, as in Cycles.
     """
     interpolation = noted_interpolation(node, note)
-    if node.projection != "FLAT":
-        note(
-            f"The {node.projection.lower()} projection of images is not supported: {{}} use the "
-            "flat one; bake to an image"
-        )
     alone = not node.outputs["Alpha"].is_linked
-    return images.texture(node.image, node.image_user, node.extension, interpolation, alone)
+    return images.texture(node.image, node.image_user, node.extension, interpolation, alone, tile)
 
 
 def _image(view: NodeInputs) -> Outputs:
-    texture = image_texture(view.node, view.reader.images, view.reader.note)
     uv = view.apply("uv", attribute="", shift=0)[0]
     where = view.value("Vector") if view.is_linked("Vector") else uv
-    color, alpha = view.apply("image", texture_mapped(view, where), texture=texture)
+    color, alpha = _projected(view, texture_mapped(view, where))
     return {"Color": color, "Alpha": alpha}
+
+
+def _projected(view: NodeInputs, where: Value) -> tuple[Value, ...]:
+    """Colour and alpha of an image by the node's projection of a vector. The box never leaves the
+    first tile.
+    """
+    tiles = tiles_of(view.node)
+    textures = {
+        tile: image_texture(view.node, view.reader.images, view.reader.note, tile)
+        for tile in ([FIRST] if view.node.projection == "BOX" and tiles else tiles or [0])
+    }
+    first = next(iter(textures.values()))
+    if view.node.projection == "BOX":
+        return on_box(view, where, first)
+    if view.node.projection == "SPHERE":
+        where = on_ball(view, where)
+    elif view.node.projection == "TUBE":
+        where = on_tube(view, where)
+    return on_tiles(view, where, textures) if tiles else view.apply("image", where, texture=first)
 
 
 def _fresnel(view: NodeInputs) -> Outputs:
