@@ -123,8 +123,8 @@ INTERPOLATIONS = ("LINEAR", "CLOSEST")
 class Texture:
     """An image. pixels (h, w, 4) uint8 or float32, row 0 at v = 0 (the bottom), straight alpha.
 
-    encoding: LINEAR, or SRGB for uint8 whose colours (not alpha) carry the sRGB curve; decoded
-    before filtering. extension: REPEAT, EXTEND, CLIP (transparent black outside) or MIRROR.
+    encoding: LINEAR, or SRGB for uint8 whose colours (not alpha) carry the sRGB curve, undone
+    after filtering. extension: REPEAT, EXTEND, CLIP (transparent black outside) or MIRROR.
     interpolation: LINEAR or CLOSEST.
     """
 

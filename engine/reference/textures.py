@@ -12,31 +12,42 @@ Array = np.ndarray
 
 
 class Image:
-    """A texture decoded to linear values, float64 where it is read."""
+    """A texture read as linear values, float64. Bytes with the sRGB curve are filtered as they are,
+    and the curve is undone afterwards, as in Cycles.
+    """
 
     def __init__(self, texture: Texture):
         self._texture = texture
         self._pixels = texture.pixels.reshape(-1, 4)
-        self._table = _decode_table(texture) if texture.pixels.dtype == np.uint8 else None
+        self._scale = 255.0 if texture.pixels.dtype == np.uint8 else 1.0
+        self._curved = texture.encoding == "SRGB" and texture.pixels.dtype == np.uint8
 
     def read(self, u: Array, v: Array) -> Array:
         """(4, n) RGBA at (n,) coordinates; those that are not finite read as 0."""
         height, width = self._texture.pixels.shape[:2]
         x, y = _finite(u) * width, _finite(v) * height
         if self._texture.interpolation == "CLOSEST":
-            return self._texels(np.floor(x), np.floor(y))
+            return self._decoded(self._texels(np.floor(x), np.floor(y)))
         x, y = x - 0.5, y - 0.5
         x0, y0 = np.floor(x), np.floor(y)
         fx, fy = x - x0, y - y0
         below = (1 - fx) * self._texels(x0, y0) + fx * self._texels(x0 + 1, y0)
         above = (1 - fx) * self._texels(x0, y0 + 1) + fx * self._texels(x0 + 1, y0 + 1)
-        return (1 - fy) * below + fy * above
+        return self._decoded((1 - fy) * below + fy * above)
+
+    def _decoded(self, rgba: Array) -> Array:
+        if not self._curved:
+            return rgba
+        code = rgba[:3]
+        # the sRGB curve (IEC 61966-2-1); alpha has none
+        color = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+        return np.concatenate([color, rgba[3:]])
 
     def texels(self) -> Array:
         """(h, w, 4) RGBA of the whole image."""
         height, width = self._texture.pixels.shape[:2]
         x, y = np.meshgrid(np.arange(width), np.arange(height))
-        return self._texels(x.ravel(), y.ravel()).T.reshape(height, width, 4)
+        return self._decoded(self._texels(x.ravel(), y.ravel())).T.reshape(height, width, 4)
 
     def _texels(self, x: Array, y: Array) -> Array:
         """(4, n) of whole texel coordinates, extended past the borders."""
@@ -44,23 +55,8 @@ class Image:
         (column, left), (row, up) = (
             _extended(k, size, self._texture.extension) for k, size in ((x, width), (y, height))
         )
-        raw = self._pixels[row * width + column]
-        values = (
-            raw.T.astype(np.float64)
-            if self._table is None
-            else np.stack([self._table[c][raw[:, c]] for c in range(4)])
-        )
+        values = self._pixels[row * width + column].T / self._scale
         return np.where(left | up, 0.0, values)
-
-
-def _decode_table(texture: Texture) -> Array:
-    """(4, 256): the value of each byte; the sRGB curve (IEC 61966-2-1) on colours when the texture
-    says so.
-    """
-    linear = np.arange(256) / 255.0
-    curve = np.where(linear <= 0.04045, linear / 12.92, ((linear + 0.055) / 1.055) ** 2.4)
-    color = curve if texture.encoding == "SRGB" else linear
-    return np.stack([color, color, color, linear])
 
 
 def _finite(a: Array) -> Array:

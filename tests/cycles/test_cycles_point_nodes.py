@@ -176,3 +176,24 @@ def assert_is_cycles(make_material, name: str, backend: str = "NATIVE") -> None:
         f"worst {error.max():.2g}; "
         f"{found[inside][error.argmax()]} for {wanted[inside][error.argmax()]}"
     )
+
+
+@pytest.mark.parametrize("interpolation", ["Linear", "Closest"])
+def test_bytes_with_a_curve_are_filtered_as_in_cycles(interpolation):
+    """Few texels of very different colours, magnified: what lies between them is the mean of the
+    stored codes.
+    """
+
+    def made():
+        material = shining_image("ShaderNodeTexCoord", "Generated")
+        texture = next(node for node in material.node_tree.nodes if node.type == "TEX_IMAGE")
+        texture.interpolation = interpolation
+        picture = bpy.data.images.new("bytes", 8, 4)
+        texels = np.random.default_rng(5).uniform(0, 1, (4, 8, 4)).astype(np.float32)
+        texels[..., 3] = 1
+        picture.pixels.foreach_set(texels.reshape(-1))
+        picture.pack()
+        texture.image = picture
+        return material
+
+    assert_is_cycles(made, f"bytes-{interpolation}")

@@ -360,7 +360,7 @@ def test_same_bits_from_every_instruction_set() -> None:
         ("mirrors", 72),
         ("glass", 72),
         ("alpha", 72),
-        ("texture_repeat", 128),
+        ("texture_repeat", 160),
         ("round_and_plane", 72),
     ],
 )

@@ -19,16 +19,35 @@ const Codes& linear_codes() {
 }
 
 /// The sRGB curve (IEC 61966-2-1).
+double linear_of(double code) {
+  return code <= kSrgbToe ? code / 12.92 : exponential(2.4 * logarithm((code + 0.055) / 1.055));
+}
+
 const Codes& srgb_codes() {
   static const Codes codes = [] {
     Codes t;
-    for (int i = 0; i < 256; ++i) {
-      double c = i / 255.0;
-      t[size_t(i)] = c <= 0.04045 ? c / 12.92 : exponential(2.4 * logarithm((c + 0.055) / 1.055));
-    }
+    for (int i = 0; i < 256; ++i) t[size_t(i)] = linear_of(i / 255.0);
     return t;
   }();
   return codes;
+}
+
+/// At k / kCurveSteps; linear in between it is off by 2e-8.
+const double* srgb_curve() {
+  static const std::array<double, kCurveSteps + 2> curve = [] {
+    std::array<double, kCurveSteps + 2> t;
+    for (size_t i = 0; i < t.size(); ++i)
+      t[i] = exponential(2.4 * logarithm((double(i) / kCurveSteps + 0.055) / 1.055));
+    return t;
+  }();
+  return curve.data();
+}
+
+double decoded(const double* curve, double code) {
+  if (code <= kSrgbToe) return code / 12.92;
+  const double at = code * kCurveSteps, first = std::floor(at);
+  const double* c = curve + size_t(first);
+  return c[0] + (at - first) * (c[1] - c[0]);
 }
 
 /// Keeps a coordinate where its texels are, so that its product with the size fits an integer.
@@ -57,12 +76,15 @@ Rgba mix(const Rgba& a, const Rgba& b, double t) {
 
 Texture::Texture(const GlintTexture& data)
     : data_(data),
-      decode_(data.encoding == GLINT_LINEAR_ENCODING ? linear_codes().data()
-                                                     : srgb_codes().data()) {}
+      decode_(data.encoding == GLINT_SRGB && data.interpolation == GLINT_CLOSEST
+                  ? srgb_codes().data()
+                  : linear_codes().data()),
+      curve_(data.encoding == GLINT_SRGB && data.interpolation != GLINT_CLOSEST ? srgb_curve()
+                                                                                : nullptr) {}
 
 TextureShape Texture::shape() const {
   const GlintTexture& t = data_;
-  return {t.pixels, decode_, linear_codes().data(), t.width,
+  return {t.pixels, decode_, linear_codes().data(), curve_,         t.width,
           t.height, t.type,  t.extension,           t.interpolation};
 }
 
@@ -95,8 +117,12 @@ Rgba Texture::texel(int64_t column, int64_t row) const {
 Rgba Texture::lookup(double u, double v) const {
   const Axis x = axis(u, data_.width), y = axis(v, data_.height);
   if (data_.interpolation == GLINT_CLOSEST) return texel(x.first, y.first);
-  return mix(mix(texel(x.first, y.first), texel(x.second, y.first), x.way),
-             mix(texel(x.first, y.second), texel(x.second, y.second), x.way), y.way);
+  Rgba found = mix(mix(texel(x.first, y.first), texel(x.second, y.first), x.way),
+                   mix(texel(x.first, y.second), texel(x.second, y.second), x.way), y.way);
+  if (curve_)
+    found.color = {decoded(curve_, found.color.x), decoded(curve_, found.color.y),
+                   decoded(curve_, found.color.z)};
+  return found;
 }
 
 }  // namespace glint

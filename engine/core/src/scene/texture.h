@@ -1,4 +1,5 @@
-// Image lookup: four neighbours or the closest texel, decoded before filtering.
+// Image lookup: four neighbours or the closest texel. The codes of sRGB bytes are filtered as they
+// are, and the curve is undone afterwards, as in Cycles.
 #pragma once
 #include "glint.h"
 #include "math/vec.h"
@@ -26,7 +27,8 @@ class Texture {
   Rgba texel(int64_t column, int64_t row) const;
 
   GlintTexture data_;
-  const double* decode_;  // colours of the codes of a uint8 image
+  const double* decode_;  // colours of the codes of a uint8 image, as they are filtered
+  const double* curve_;   // of filtered colours, null for none
 };
 
 }  // namespace glint

@@ -182,13 +182,29 @@ inline Value mix(const Value& a, const Value& b, Doubles t) {
   return (1 - t) * a + t * b;
 }
 
+/// The sRGB curve undone.
+inline Doubles decoded(const double* curve, Doubles code) {
+  const Doubles at = code * double(kCurveSteps), first = down(at);
+  const auto value = [&](size_t next) {
+    return each_lane([&](size_t lane) { return curve[size_t(int64_t(first[lane])) + next]; });
+  };
+  const Doubles low = value(0);
+  return choose(code <= kSrgbToe, code / 12.92, low + (at - first) * (value(1) - low));
+}
+
+inline Three filtered_colors(const TextureShape& t, const Three& c) {
+  return t.curve ? Three{decoded(t.curve, c.x), decoded(t.curve, c.y), decoded(t.curve, c.z)} : c;
+}
+inline Doubles filtered_colors(const TextureShape&, Doubles alpha) { return alpha; }
+
 /// What `read`, colors or alphas, makes of the texels at a coordinate.
 template <auto read>
 inline auto sample(const TextureShape& t, Doubles u, Doubles v) {
   const Axis x = axis_of(t, u, t.width), y = axis_of(t, v, t.height);
   if (t.interpolation == GLINT_CLOSEST) return read(t, {t, x.first, y.first});
-  return mix(mix(read(t, {t, x.first, y.first}), read(t, {t, x.second, y.first}), x.way),
-             mix(read(t, {t, x.first, y.second}), read(t, {t, x.second, y.second}), x.way), y.way);
+  return filtered_colors(
+      t, mix(mix(read(t, {t, x.first, y.first}), read(t, {t, x.second, y.first}), x.way),
+             mix(read(t, {t, x.first, y.second}), read(t, {t, x.second, y.second}), x.way), y.way));
 }
 
 /// What was read for a group of points, by number: inputs of several lobes often ask for the same.

@@ -124,9 +124,12 @@ struct LobeShape {
   int32_t exponent_slot, masking_slot;  // as GlintLobe has them
   uint32_t first_input, input_count;
 };
+constexpr double kSrgbToe = 0.04045;  // up to here the sRGB curve is a line
+constexpr size_t kCurveSteps = 4096;  // of its table
 struct TextureShape {
   const void* pixels;
   const double *decode, *linear;  // of the codes of bytes: colours, alpha
+  const double* curve;            // of colours after filtering (srgb_curve); null for none
   uint32_t width, height;
   int type, extension, interpolation;
 };
