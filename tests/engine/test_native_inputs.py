@@ -51,8 +51,9 @@ def sampled(
     )
 
 
-def decode(pixels: np.ndarray, encoding: str) -> np.ndarray:
-    c = pixels / 255.0
+def decode(codes: np.ndarray, encoding: str) -> np.ndarray:
+    """Filtered codes from 0 to 1 as linear values."""
+    c = codes.copy()
     if encoding == "SRGB":
         c[..., :3] = np.where(
             c[..., :3] <= 0.04045, c[..., :3] / 12.92, ((c[..., :3] + 0.055) / 1.055) ** 2.4
@@ -71,9 +72,8 @@ def test_texture(encoding: str, extension: str, interpolation: str, channel: str
     picture = color(plane(lobe, lights=(), textures=(texture,)))
     u, v = (P[..., 0] + 5) / 10, (P[..., 1] + 5) / 10
     (a, b, c), (d, e, f) = transform
-    rgba = sampled(
-        decode(TEXELS, encoding), a * u + b * v + c, d * u + e * v + f, extension, interpolation
-    )
+    codes = sampled(TEXELS / 255.0, a * u + b * v + c, d * u + e * v + f, extension, interpolation)
+    rgba = decode(codes, encoding)
     rgb = {
         "COLOR": rgba[..., :3],
         "ALPHA": rgba[..., 3:],
