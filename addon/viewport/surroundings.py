@@ -28,13 +28,23 @@ class Surroundings:
 
     def around(self, scene: Scene) -> Scene:
         """`scene` as the popover wants it."""
-        if self.use_lights and self.studio is None:
-            return scene
-        kept = tuple(light for light in scene.lights if self._shines(light))
-        return replace(scene, lights=kept, world=self.studio or scene.world)
+        return scene if self.use_lights and self.studio is None else _changed(self, scene)
 
-    def _shines(self, light: Light) -> bool:
+    def shines(self, light: Light) -> bool:
         return self.studio is None if light.kind == "DOME" else self.use_lights
+
+
+@functools.lru_cache(maxsize=4)
+def _changed(surroundings: Surroundings, scene: Scene) -> Scene:
+    """The same value for the same scene, so that a view that asks again sees that nothing moved."""
+    kept = tuple(light for light in scene.lights if surroundings.shines(light))
+    return replace(scene, lights=kept, world=surroundings.studio or scene.world)
+
+
+@functools.lru_cache(maxsize=16)
+def _studio(ambient: tuple[float, ...], background: tuple[float, ...], transparent: bool) -> World:
+    """The same value for the same light."""
+    return World(ambient, background, transparent)
 
 
 def read_surroundings(space: Any) -> Surroundings:
@@ -50,7 +60,7 @@ def read_surroundings(space: Any) -> Surroundings:
     alpha = shading.studiolight_background_alpha
     return Surroundings(
         shading.use_scene_lights_render,
-        World(ambient, tuple(alpha * channel for channel in ambient), alpha == 0),
+        _studio(ambient, tuple(alpha * channel for channel in ambient), alpha == 0),
     )
 
 
