@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glint.engine import Settings, render
+from glint.engine import LiveRender, Settings, Task, render
 from glint.engine.dome import cell_shares, directions, dome_table, radiance_map
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
@@ -271,6 +271,65 @@ def test_highlights_of_the_sky_are_as_bright_at_any_exponent(exponent):
     cosine = np.cos(np.pi / 4)  # where l meets the horizon
     expected = 8 * (1 - cosine ** (exponent + 2)) / (exponent + 2)
     np.testing.assert_allclose(drawn(wanted, 4096), expected, rtol=5e-3)
+
+
+VEIL = Material("veil", (Lobe("TRANSPARENT", (Input((0.5, 0.7, 0.9)),)),))
+
+
+def _behind_glass() -> Scene:
+    """The same with a clear pane beside the balls and a dim one above them, which shadow rays
+    pass.
+    """
+    wanted = _around(FRONT)
+    panes = (
+        square("dim", (-3, -1, 2.2), (0, -1, 2.2), (0, 1, 2.2), (-3, 1, 2.2)),
+        square("beside", (1, -3, 0), (1, 3, 0), (1, 3, 2), (1, -3, 2)),
+    )
+    placed = tuple(
+        Instances(
+            pane.name, len(wanted.geometries) + k, np.eye(3, 4)[None], (len(wanted.materials),)
+        )
+        for k, pane in enumerate(panes)
+    )
+    return replace(
+        wanted,
+        geometries=(*wanted.geometries, *panes),
+        instances=(*wanted.instances, *placed),
+        materials=(*wanted.materials, VEIL),
+    )
+
+
+def test_both_tracers_draw_the_same_behind_glass():
+    settings = Settings(samples=4, light_samples=1, max_bounces=1)
+    native, numpy = (
+        render(_behind_glass(), replace(settings, backend=backend)).combined
+        for backend in ("NATIVE", "NUMPY")
+    )
+    np.testing.assert_allclose(native, numpy, atol=1e-4, rtol=1e-4)
+
+
+def test_threads_and_regions_change_no_bit_behind_glass():
+    settings = Settings(samples=4, light_samples=1, max_bounces=1)
+    whole = render(_behind_glass(), settings).combined
+    for threads in (1, 2, 3):
+        np.testing.assert_array_equal(
+            render(_behind_glass(), replace(settings, threads=threads)).combined, whole
+        )
+    part = render(_behind_glass(), replace(settings, region=(7, 5, 29, 20))).combined
+    np.testing.assert_array_equal(part, whole[5:20, 7:29])
+
+
+def test_a_view_comes_to_the_bits_of_a_render_behind_glass():
+    """A view remembers the shadows of its first sample, and looks for those of the next anew."""
+    settings = Settings(samples=4, light_samples=1, max_bounces=1)
+    live = LiveRender()
+    try:
+        live.start([Task(_behind_glass(), settings)])
+        assert live.wait(lambda wave: wave.final, 60)
+        shown = live.newest.film.combined
+    finally:
+        live.close()
+    np.testing.assert_array_equal(shown, render(_behind_glass(), settings).combined)
 
 
 def test_a_narrow_view_is_lit_as_a_wide_one():

@@ -85,10 +85,10 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
 }
 
 /// Counts for the `count` points of the stage whether something hides the sample from them, or
-/// dims it for them.
+/// dims it for them. Where shadows have colours, `blocked_` may be that of an earlier sample.
 void DirectLight::note_hidden(size_t count) {
   for (size_t k = 0; k < count; ++k) {
-    bool dimmed = blocked_[k];
+    bool dimmed = !shadow_[0] && blocked_[k];
     for (size_t c = 0; shadow_[0] && c < 3; ++c)
       dimmed |= (stage_.diffuse_out[c][k] != 0 ||
                  (stage_.specular_out[0] && stage_.specular_out[c][k] != 0)) &&
