@@ -21,10 +21,12 @@ from .scene import Light, Texture
 
 Array = np.ndarray
 
-MOST_ROWS = 512
-"""Of a map: images of more are reduced."""
-LEAST_ROWS = 128
-"""Of a map of a program without images."""
+LEAST_ROWS, MOST_ROWS = 128, 512
+"""Of a map: as many as the largest image has, which is reduced where it has more."""
+MOST_DIRECTIONS = 1 << 20
+"""Of a light; later samples of a pixel take those of the first ones again."""
+BAND = 1 << 20
+"""Texels that are reduced at once."""
 UNIFORM = 0.1
 """Share of the directions that do not follow the radiance, so that none counts too much."""
 IRRADIANCE_ROWS = 64
@@ -35,10 +37,10 @@ LARGEST = 1e30
 """Radiance saturates here, far below float32's largest."""
 
 
-def directions(rows: int) -> Array:
-    """(3, 2 rows²) unit vectors to the middles of a map's cells, row after row."""
+def directions(rows: int, columns: int) -> Array:
+    """(3, rows columns) unit vectors to the middles of a map's cells, row after row."""
     elevation = np.pi * ((np.arange(rows) + 0.5) / rows - 0.5)
-    azimuth = 2 * np.pi * (0.5 - (np.arange(2 * rows) + 0.5) / (2 * rows))
+    azimuth = 2 * np.pi * (0.5 - (np.arange(columns) + 0.5) / columns)
     return _unit(elevation[:, None], azimuth).reshape(3, -1)
 
 
@@ -49,13 +51,18 @@ def radiance_map(program: Program, textures: Sequence[Texture]) -> Array:
 
     used = {k: textures[k] for k in program.textures}
     rows = max((texture.pixels.shape[0] for texture in used.values()), default=0)
-    rows = min(rows, MOST_ROWS) or LEAST_ROWS
+    rows = min(max(rows, LEAST_ROWS), MOST_ROWS)
     images = {k: Image(_reduced(texture, rows)) for k, texture in used.items()}
     blocks = [
         radiance(program, images, part, "mirror")
-        for part in np.array_split(directions(rows), max(rows // 64, 1), axis=1)
+        for part in np.array_split(directions(rows, 2 * rows), rows // 64, axis=1)
     ]
     values = np.concatenate(blocks, 1).T.reshape(rows, 2 * rows, 3)
+    return within_range(values)
+
+
+def within_range(values: Array) -> Array:
+    """Radiance as float32, of which lights may add up many."""
     return np.clip(values, -LARGEST, LARGEST).astype(np.float32)
 
 
@@ -66,10 +73,17 @@ def _reduced(texture: Texture, rows: int) -> Texture:
     by = texture.pixels.shape[0] // rows
     if by < 2:
         return texture
-    rgba = Image(texture).texels()
-    height, width = (size // by * by for size in rgba.shape[:2])
-    blocks = rgba[:height, :width].reshape(height // by, by, width // by, by, 4)
-    return replace(texture, pixels=blocks.mean((1, 3)).astype(np.float32), encoding="LINEAR")
+    high, wide = texture.pixels.shape[:2]
+    across = min(by, wide)
+    height, width = high // by * by, wide // across * across
+    step = max(BAND // (by * wide), 1) * by
+    bands = []
+    for first in range(0, height, step):
+        part = replace(texture, pixels=texture.pixels[first : min(first + step, height), :width])
+        rgba = Image(part).texels()
+        blocks = rgba.reshape(len(rgba) // by, by, width // across, across, 4)
+        bands.append(blocks.mean((1, 3)).astype(np.float32))
+    return replace(texture, pixels=np.concatenate(bands), encoding="LINEAR")
 
 
 def cell_shares(rows: int, columns: int) -> Array:
@@ -132,8 +146,12 @@ class DomeTable:
         return cell[:, :3].T, cell[:, 3]
 
 
-def dome_table(light: Light, count: int) -> DomeTable:
-    """What tracers know of a DOME light of which they take `count` directions."""
+def dome_table(light: Light, samples: int, each: int) -> DomeTable:
+    """What tracers know of a DOME light of which each of `samples` samples of a pixel takes `each`
+    directions: those of as many whole samples as `MOST_DIRECTIONS` allow, after which they begin
+    again.
+    """
+    count = each * min(samples, max(MOST_DIRECTIONS // each, 1))
     cells, along, where = _drawn(_Same(light.radiance), count)
     even = _irradiance(_Same(light.radiance))
     with np.errstate(over="ignore"):
@@ -175,16 +193,12 @@ def _irradiance(same: _Same) -> Array:
         return values
     coarse = _averaged(values, MOST_IRRADIANCE_ROWS)
     rows, columns = coarse.shape[:2]
-    cells = _unit(
-        np.pi * ((np.arange(rows) + 0.5) / rows - 0.5)[:, None],
-        2 * np.pi * (0.5 - (np.arange(columns) + 0.5) / columns),
-    ).reshape(3, -1)
     given = 4 * (coarse * cell_shares(rows, columns)).reshape(-1, 3)
     normals = _unit(
         np.pi * (np.arange(IRRADIANCE_ROWS + 1) / IRRADIANCE_ROWS - 0.5)[:, None],
         2 * np.pi * (0.5 - np.arange(2 * IRRADIANCE_ROWS + 1) / (2 * IRRADIANCE_ROWS)),
     )
-    towards = cells.astype(np.float32)
+    towards = directions(rows, columns).astype(np.float32)
     result = [np.maximum(row.T @ towards, 0) @ given for row in np.moveaxis(normals, 1, 0)]
     return np.stack(result)
 

@@ -90,12 +90,13 @@ def scene_problems(scene: Scene) -> list[str]:
         (scene.world.textures, _texture),
         *((light.textures, _texture) for light in scene.lights),
     )
-    return [
+    found = [
         f"{_label(thing)}: {text}"
         for things, check in checks
         for thing in things
         for text in check(thing)
     ]
+    return [*found, *_domes(scene.lights)]
 
 
 _HELD = {
@@ -350,6 +351,12 @@ def _texture(texture: Texture) -> Found:
 
 # --- light and view
 # --------------------------------------------------------------------------------------------------
+
+
+def _domes(lights: tuple[Light, ...]) -> Found:
+    names = [light.name for light in lights if light.kind == "DOME"]
+    if len(names) > 1:
+        yield f"scene: the DOME lights {', '.join(map(repr, names))} are several: keep one"
 
 
 def _light(light: Light) -> Found:

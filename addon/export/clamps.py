@@ -13,7 +13,7 @@ import numpy as np
 
 from ...engine.scene import Input
 from .images import Images
-from .terms import RGB, Sum, Term, add, constant, constant_value, is_constant, times
+from .terms import RGB, Sum, Term, constant, constant_value, is_constant, times
 
 _UNKNOWN = 1e30
 """Stands for the unknown bounds of attributes: finite, so that nothing times it is nothing."""
@@ -30,27 +30,6 @@ def clamped(terms: Sum, low: float, high: float, images: Images) -> Sum | None:
         return terms
     by_factor = _factor_by_factor(terms, images) if (low, high) == (0.0, np.inf) else None
     return by_factor or _as_one_input(terms, low, high)
-
-
-def usual(terms: Sum, low: float, high: float, images: Images) -> Sum | None:
-    """The same if attributes lie between 0 and 1, as colours do; their factors keep them there.
-    None where that does not help.
-    """
-    kept = add(
-        tuple(
-            Term(term.value, tuple(_usual_factor(factor) for factor in term.factors))
-            for term in terms
-        )
-    )
-    return kept if _within(kept, low, high, images) else None
-
-
-def _usual_factor(factor: Input) -> Input:
-    return (
-        replace(factor, low=0.0, high=1.0)
-        if factor.attribute and factor.is_plain and factor.value == _WHITE
-        else factor
-    )
 
 
 def _within(terms: Sum, low: float, high: float, images: Images) -> bool:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...engine.program.graph import Graph, Value
 from ...engine.program.table import BY_NAME
-from .clamps import clamped, usual
+from .clamps import clamped
 from .expressions import Expressions, has_output
 from .graph import Place, closes_circle, kind_of, socket_named, source
 from .images import Images
@@ -98,17 +98,14 @@ class Evaluator:
         name: str,
         images: Images,
         report: Report,
-        has_program: bool = True,
         reader: Callable[[Graph, Images, Callable[[str], None]], TreeReader] = TreeReader,
     ) -> None:
-        """has_program: what varies and sums cannot say is a program's; else it is the socket's
-        default, with a note.  reader: makes that of trees, a SkyReader for those of worlds, a
-        LampReader for those of lights.
+        """reader: makes that of trees, a SkyReader for those of worlds, a LampReader for those of
+        lights.
         """
         self.name, self.images, self.report = name, images, report
-        self.expressions, self._has_program = Expressions(), has_program
+        self.expressions = Expressions()
         self._trees = reader(self.expressions.graph, images, self.note)
-        self._is_surface = reader is TreeReader
         self.normals: dict[Value | None, None] = {}
         self._memo: dict[tuple, Any] = {}
         self._open: set[tuple] = set()
@@ -191,37 +188,18 @@ class Evaluator:
         }
 
     def limited(self, terms: Sum) -> Sum:
-        """A sum short enough to render: its mean colour where it has too many terms."""
+        """A sum short enough to render: a program's value where it has too many terms."""
         if len(terms) <= MOST_TERMS:
             return terms
-        if self._has_program:
-            return self.expressions.sum_of(self.expressions.value_of(terms))
-        self.note(
-            "Colours mixed from too many textures are rendered as their mean in {}: bake them into "
-            "one texture"
-        )
-        return constant(self.mean(terms))
+        return self.expressions.sum_of(self.expressions.value_of(terms))
 
     def clamped(self, terms: Sum, low: float, high: float) -> Sum:
-        """A sum whose channels are kept between low and high; its mean, with a note, where that
-        cannot be said of what varies.
-        """
+        """A sum whose channels are kept between low and high."""
         found = None if has_output(terms) else clamped(terms, low, high, self.images)
         if found is not None:
             return found
-        if self._has_program:
-            value = self.expressions.value_of(terms)
-            return self.expressions.sum_of(self.expressions.bounded(value, low, high))
-        self.note(
-            "Values mixed from several textures or attributes are not clamped as in Blender in {}: "
-            "bake them into one texture"
-        )
-        found = usual(terms, low, high, self.images)
-        return (
-            found
-            if found is not None
-            else clamped(constant(self.mean(terms)), low, high, self.images)
-        )
+        value = self.expressions.value_of(terms)
+        return self.expressions.sum_of(self.expressions.bounded(value, low, high))
 
     def mean(self, terms: Sum) -> RGB:
         """The mean of a sum over its textures; attributes and what programs compute count as one
@@ -252,20 +230,12 @@ class Evaluator:
 
     def _value_of_node(self, found: Place) -> Sum | None:
         """By the algebra of sums where that is exact, else by the program."""
-        handler = COLOR_NODES.get(found.node.bl_idname) if self._is_surface else None
+        handler = COLOR_NODES.get(found.node.bl_idname) if self._trees.is_surface else None
         value = handler(NodeView(self, found), found.socket) if handler else None
         if value is not None:
             return value
         made = self._trees.made_by(found)
-        if made is None:
-            return None
-        if made.constant is None and not self._has_program:
-            self.note(
-                f"Node '{found.node.bl_label}' is not supported here: the socket's default takes "
-                "its place in {}; bake it to an image"
-            )
-            return None
-        return self.expressions.sum_of(made)
+        return self.expressions.sum_of(made) if made is not None else None
 
     def _default(self, socket: Any) -> Sum:
         """What an unlinked socket shows, said where it is no number."""

@@ -233,7 +233,10 @@ def _counts(scene: Scene) -> dict[str, float]:
     """How much there is, and the bytes of its arrays."""
     per_geometry = [len(getattr(g, "triangles", ())) for g in scene.geometries]
     arrays = [a for g in scene.geometries for a in _arrays(g)]
-    arrays += [i.world_from_object for i in scene.instances] + [t.pixels for t in scene.textures]
+    textures = [*scene.textures, *scene.world.textures]
+    textures += [texture for light in scene.lights for texture in light.textures]
+    arrays += [i.world_from_object for i in scene.instances] + [t.pixels for t in textures]
+    arrays += [light.radiance for light in scene.lights if light.radiance is not None]
     return {
         "meshes": len(scene.geometries),
         "instances": sum(len(i.world_from_object) for i in scene.instances),
@@ -243,7 +246,7 @@ def _counts(scene: Scene) -> dict[str, float]:
         ),
         "lights": len(scene.lights),
         "materials": len(scene.materials),
-        "textures": len(scene.textures),
+        "textures": len({id(texture.pixels) for texture in textures}),
         "bytes": sum({id(a): a.nbytes for a in arrays}.values()),
     }
 

@@ -132,16 +132,6 @@ class Images:
         )
         return (min(low, 0.0), max(high, 0.0)) if texture.extension == "CLIP" else (low, high)
 
-    def sphere_mean(self, index: int) -> np.ndarray:
-        """(3,) float64: the mean colour of an equirectangular image over all directions."""
-        height, width = self.textures[index].pixels.shape[:2]
-        rows = (
-            texels(self.textures[index], "COLOR")
-            .reshape(height, width, 3)
-            .mean(1, dtype=np.float64)
-        )
-        return np.average(rows, axis=0, weights=np.sin((np.arange(height) + 0.5) * np.pi / height))
-
     def _mean(self, index: int, channel: str) -> np.ndarray:
         if (index, channel) not in self._means:
             texture = self.textures[index]

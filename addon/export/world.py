@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.dome import cell_shares, radiance_map
+from ...engine.dome import cell_shares, radiance_map, within_range
 from ...engine.program.graph import Value
 from ...engine.program.program import compile_program
 from ...engine.scene import Light, World
@@ -49,12 +49,12 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     visibility = _visibility(world, report)
     expressions, radiance = _radiance(world, images, report)
     if radiance.constant is not None:
-        values = np.array(radiance.constant, np.float32).reshape(1, 1, 3)
+        values = within_range(np.array(radiance.constant).reshape(1, 1, 3))
     else:
         program = compile_program(expressions.graph, [radiance])
         values = radiance_map(program, images.textures)
     seen = _as_seen(expressions, radiance, visibility)
-    mean = tuple(float(x) for x in (values * cell_shares(len(values), values.shape[1])).sum((0, 1)))
+    mean = tuple(float(x) for x in (values * cell_shares(*values.shape[:2])).sum((0, 1)))
     own = (
         {"background": seen.constant}
         if seen.constant is not None

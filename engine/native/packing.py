@@ -526,8 +526,8 @@ def _add_dome(
     from ..dome import dome_table
 
     data.dome_samples = settings.dome_samples
-    data.dome_count = settings.samples * settings.dome_samples
-    table = dome_table(light, data.dome_count)
+    table = dome_table(light, settings.samples, settings.dome_samples)
+    data.dome_count = len(table.along)
     samples = np.concatenate([table.along, table.light, table.points], 1)
     data.dome_table = address(packer.lend(samples, np.float64, (None, 9), "dome samples"))
     data.dome_cells = address(packer.lend(table.cells, np.float32, (None, None, 4), "dome cells"))

@@ -35,6 +35,7 @@ class Operation:
     settings: (name, choices) of the integers that are fixed when a program is compiled.
     formula: what is computed, in the names of the arguments, for documents and error texts.
     reads_point: the result depends on the point that is shaded, not on the arguments alone.
+    of_ray: of those that read the point: the ray that meets it tells all, as where it hits nothing.
     """
 
     name: str
@@ -43,13 +44,14 @@ class Operation:
     settings: tuple[tuple[str, Choices], ...] = ()
     formula: str = ""
     reads_point: bool = False
+    of_ray: bool = False
 
     @property
     def reads_surface(self) -> bool:
         """Whether it knows more of the point than the ray that meets it, so that the program of a
-        world, whose rays hit nothing, must not have it.
+        world must not have it.
         """
-        return self.reads_point and self.name not in ("incoming", "light_path", "image")
+        return self.reads_point and not self.of_ray
 
     @property
     def words(self) -> int:

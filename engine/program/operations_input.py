@@ -58,7 +58,13 @@ INPUTS = (
         )
     ),
     *(
-        Operation(name, sockets(**outputs), formula=formula, reads_point=True)
+        Operation(
+            name,
+            sockets(**outputs),
+            formula=formula,
+            reads_point=True,
+            of_ray=name in ("incoming", "backfacing"),
+        )
         for name, outputs, formula in (
             ("normal", {"vector": "vector"}, "the mesh's shading normal, turned to the viewer"),
             ("face_normal", {"vector": "vector"}, "the face's normal, turned to the viewer"),
@@ -89,6 +95,7 @@ INPUTS = (
         formula="reflectance of a dielectric of index ior entering, 1 / ior leaving, at the cosine "
         "between normal and the direction to the viewer",
         reads_point=True,
+        of_ray=True,
     ),
     Operation(
         "layer_weight",
@@ -97,6 +104,7 @@ INPUTS = (
         formula="Fresnel of the index 1 / (1 - blend); 1 - |n·v|^e, e = 2 blend below one half, "
         "else 1 / (2 - 2 blend)",
         reads_point=True,
+        of_ray=True,
     ),
     Operation(
         "light_path",
@@ -104,6 +112,7 @@ INPUTS = (
         formula="1 for the kind of ray that meets the point: from the camera, to a light, mirrored "
         "or refracted; else 0",
         reads_point=True,
+        of_ray=True,
     ),
     Operation(
         "ray_length",
@@ -145,5 +154,6 @@ INPUTS = (
         (("texture", Reference.TEXTURE),),
         "the texture at x, y of vector",
         reads_point=True,
+        of_ray=True,
     ),
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..scene import Camera
-from .points import camera_position, window
+from .points import camera_position, light_path, window
 from .program import run
 from .textures import Image
 from .vectors import dot, length, unit
@@ -90,11 +90,8 @@ class EmissionPoints:
         return window(self._around.camera, self._x)
 
     def light_path(self) -> tuple[Array, Array, Array]:
-        """Three times (n,): 1 where the ray is a camera's, a shadow's, a bounced one."""
-        return tuple(
-            np.full(self._x.shape[1], float(self._kind == k))
-            for k in ("camera", "shadow", "mirror")
-        )
+        """Three times (n,): see `points.light_path`."""
+        return light_path(self._kind, self._x.shape[1])
 
     def ray_length(self) -> Array:
         """(n,) in the world."""

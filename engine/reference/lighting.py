@@ -96,7 +96,7 @@ class Lighting:
             yield None, source.sample(surface.x, CENTER, n), coefficients.diffuse
             return
         narrow = Narrow(surface, coefficients.highlights, weight, source)
-        for number in range(sample * n, (sample + 1) * n):
+        for number in source.numbers(sample, n):
             point = points[number]
             yield narrow, source.sample(surface.x, point, n), coefficients.diffuse
             place = source.drawn_at(number, point)

@@ -98,6 +98,10 @@ class Source:
     draws = 1.0
     """Directions that highlights draw for each sample."""
 
+    def numbers(self, sample: int, n: int) -> range:
+        """Of its n samples, among those of all samples of a pixel."""
+        return range(sample * n, (sample + 1) * n)
+
     def drawn_at(self, number: int, point: LightPoint) -> LightPoint | None:
         """Where in the lobes of highlights a direction is drawn beside sample `number` of all
         samples of a pixel, which is at `point`; None for nowhere.
@@ -377,6 +381,9 @@ class Dome(Source):
 
     draws = SKY_DRAWS
 
+    def numbers(self, sample: int, n: int) -> range:
+        return super().numbers(sample % (len(self.points) // n), n)
+
     def drawn_at(self, number: int, point: DomePoint) -> DomePoint | None:
         every = round(1 / SKY_DRAWS)
         return self.points[number // every] if number % every == 0 else None
@@ -399,10 +406,9 @@ class Dome(Source):
         """(3, k) what the whole sky gives to surfaces with normals n (3, k) that nothing hides it
         from, less what the directions of a pixel's sample give them; of irradiance over π.
         """
-        here = slice(sample * self._samples, (sample + 1) * self._samples)
         given = np.zeros_like(n)
-        for along, light in zip(self._along[here], self._light[here], strict=True):
-            given += np.maximum(along @ n, 0.0) * light[:, None]
+        for number in self.numbers(sample, self._samples):
+            given += np.maximum(self._along[number] @ n, 0.0) * self._light[number][:, None]
         return self._table.unhidden(n) - given / self._samples
 
     def sample(self, x: Array, point: DomePoint, n: int) -> LightSample:

@@ -35,6 +35,11 @@ class Surroundings:
         return np.asarray(self.camera.world_from_camera, np.float64)[:, 3:]
 
 
+def light_path(kind: str, count: int) -> tuple[Array, Array, Array]:
+    """Three times (count,): 1 where the rays are the camera's, shadows', bounced ones."""
+    return tuple(np.full(count, float(kind == k)) for k in ("camera", "shadow", "mirror"))
+
+
 class SurfacePoints:
     """The points `index` (m,) of a surface."""
 
@@ -118,11 +123,8 @@ class SurfacePoints:
         return 2 * dot(n, v) * n - v
 
     def light_path(self) -> tuple[Array, Array, Array]:
-        """Three times (m,): 1 where the ray is a camera's, a shadow's, a bounced one."""
-        return tuple(
-            np.full(len(self._index), float(self._kind == k))
-            for k in ("camera", "shadow", "mirror")
-        )
+        """Three times (m,): see `light_path`."""
+        return light_path(self._kind, len(self._index))
 
     def ray_length(self) -> Array:
         """(m,) zeros: known of lights alone."""

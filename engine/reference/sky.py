@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..program.program import Program
+from .points import light_path
 from .program import run
 from .textures import Image
 
@@ -26,16 +27,17 @@ class Sky:
         """(3, n) back along the rays."""
         return -self._along
 
+    def backfacing(self) -> Array:
+        """(n,) zeros."""
+        return np.zeros(self._along.shape[1])
+
     def image(self, texture: int, u: Array, v: Array) -> Array:
         """(4, n) RGBA."""
         return self._images[texture].read(u, v)
 
     def light_path(self) -> tuple[Array, Array, Array]:
-        """Three times (n,): 1 where the ray is a camera's, a shadow's, a bounced one."""
-        return tuple(
-            np.full(self._along.shape[1], float(self._kind == k))
-            for k in ("camera", "shadow", "mirror")
-        )
+        """Three times (n,): see `points.light_path`."""
+        return light_path(self._kind, self._along.shape[1])
 
 
 def radiance(program: Program, images: Images, along: Array, kind: str) -> Array:

@@ -71,7 +71,7 @@ class Stage:
                 emission = Emission([Image(t) for t in light.textures], self.scene.camera)
             return Source(light, self.eye, self.settings.illumination == "PHYSICAL", emission)
         n = self.settings.dome_samples
-        return Dome(light, self.eye, dome_table(light, n * self.settings.samples), n)
+        return Dome(light, self.eye, dome_table(light, self.settings.samples, n), n)
 
     def _light_points(self) -> list[LightPoint]:
         lamps = [source for source in self.sources if not isinstance(source, Dome)]

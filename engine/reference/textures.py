@@ -45,9 +45,8 @@ class Image:
 
     def texels(self) -> Array:
         """(h, w, 4) RGBA of the whole image."""
-        height, width = self._texture.pixels.shape[:2]
-        x, y = np.meshgrid(np.arange(width), np.arange(height))
-        return self._decoded(self._texels(x.ravel(), y.ravel())).T.reshape(height, width, 4)
+        stored = self._decoded((self._pixels / self._scale).T)
+        return stored.T.reshape(self._texture.pixels.shape)
 
     def _texels(self, x: Array, y: Array) -> Array:
         """(4, n) of whole texel coordinates, extended past the borders."""

@@ -6,6 +6,7 @@ import pytest
 from mathutils import Euler, Matrix, Vector
 
 from export_support import export, link, quad, scene, use_nodes  # noqa: F401
+from glint.addon.export.shader_nodes import READERS
 
 NORMALIZE = "normalize" in bpy.types.Light.bl_rna.properties
 
@@ -302,3 +303,18 @@ def _cycles_mean(scene, path) -> float:  # noqa: F811
     picture.pixels.foreach_get(values)
     assert values.max() > 0
     return float(values.reshape(-1, 4)[:, :3].mean())
+
+
+@pytest.mark.parametrize("kind", sorted(k for k in READERS if hasattr(bpy.types, k)))
+@pytest.mark.parametrize("lamp", ["POINT", "SUN", "SPOT", "AREA"])
+def test_a_light_of_any_node_renders(scene, lamp, kind):  # noqa: F811
+    """Whatever a node means on a light: `export` finds the scene sound."""
+    thing = _light(lamp)
+    use_nodes(thing.data)
+    tree = thing.data.node_tree
+    emission, node = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new(kind)
+    tree.links.new(emission.outputs[0], tree.nodes.new("ShaderNodeOutputLight").inputs["Surface"])
+    for socket in node.outputs:
+        if socket.type in ("VALUE", "RGBA", "VECTOR") and socket.enabled:
+            tree.links.new(socket, emission.inputs["Color"])
+            export()

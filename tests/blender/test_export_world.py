@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from export_support import export, image, scene, use_nodes  # noqa: F401
+from glint.addon.export.shader_nodes import READERS
 from glint.engine.reference import sky
 
 
@@ -63,7 +64,7 @@ def test_an_environment_image_is_seen_and_lights(scene, world):  # noqa: F811
     np.testing.assert_allclose(result.scene.world.ambient, 0.5, rtol=1e-6)
     (light,) = result.scene.lights
     assert light.kind == "DOME" and light.name == "World"
-    np.testing.assert_array_equal(light.radiance, rows[..., :3])
+    np.testing.assert_array_equal(light.radiance, rows[..., :3].repeat(32, 0).repeat(32, 1))
 
 
 def test_a_black_world_lights_nothing(scene, world):  # noqa: F811
@@ -107,3 +108,15 @@ def test_what_is_not_understood_is_the_default(scene, world):  # noqa: F811
 def test_values_that_are_not_finite_are_black(scene, world):  # noqa: F811
     world[1].inputs["Color"].default_value = (np.nan, 0.5, np.nan, 1)
     assert export().scene.world.background == (0, 0.5, 0)
+
+
+@pytest.mark.parametrize("kind", sorted(k for k in READERS if hasattr(bpy.types, k)))
+def test_a_world_of_any_node_renders(scene, world, kind):  # noqa: F811
+    """Whatever a node means where there is no surface: `export` finds the scene sound."""
+    tree, background = world
+    node = tree.nodes.new(kind)
+    for socket in node.outputs:
+        if socket.type not in ("VALUE", "RGBA", "VECTOR") or not socket.enabled:
+            continue
+        tree.links.new(socket, background.inputs["Color"])
+        export()

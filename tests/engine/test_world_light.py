@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glint.engine import LiveRender, Settings, Task, render
+from glint.engine import LiveRender, Settings, Task, dome, render, view_axes
 from glint.engine.dome import cell_shares, directions, dome_table, radiance_map
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
@@ -87,7 +87,7 @@ def test_a_ball_above_the_floor_hides_its_form_factor():
 
 def test_what_stands_in_the_open_is_exact_at_once():
     """A ball below a sky of radiance a + b z: its light is a + 2/3 b n_z."""
-    z = directions(64).reshape(3, 64, 128)[2]
+    z = directions(64, 128).reshape(3, 64, 128)[2]
     values = np.repeat((0.5 + 0.4 * z)[..., None], 3, 2).astype(np.float32)
     ball = Spheres("ball", np.array([[0, 0, 0]], np.float32), np.array([1], np.float32))
     wanted = scene(
@@ -132,9 +132,9 @@ def test_intensities_sum_to_the_maps_irradiance():
     numbers = np.random.default_rng(0)
     values = numbers.uniform(0, 1, (32, 64, 3)) ** 8 * 50
     light = replace(even(), radiance=values.astype(np.float32))
-    table = dome_table(light, 1 << 18)
+    table = dome_table(light, 1, 1 << 18)
     found = (np.maximum(table.along[:, 2], 0)[:, None] * table.light[:, :3]).mean(0)
-    cells = directions(32).reshape(3, 32, 64)
+    cells = directions(32, 64).reshape(3, 32, 64)
     cosine = np.maximum(cells[2], 0)[..., None]
     expected = 4 * (cosine * values * cell_shares(32, 64)).sum((0, 1))
     np.testing.assert_allclose(found, expected, rtol=3e-3)
@@ -146,7 +146,7 @@ def test_directions_follow_the_radiance():
     """
     values = np.zeros((16, 32, 3), np.float32)
     values[11, 5] = 100.0
-    table = dome_table(replace(even(), radiance=values), 1 << 12)
+    table = dome_table(replace(even(), radiance=values), 1, 1 << 12)
     along, intensity = table.along, table.light[:, :3]
     radiance, spread = table.seen(along.T)
     np.testing.assert_allclose((radiance * spread).T, intensity)
@@ -160,17 +160,34 @@ def test_directions_follow_the_radiance():
 
 def test_a_map_of_an_image_is_the_image():
     """An equirectangular image read through the program of an Environment Texture node."""
-    numbers = np.random.default_rng(1).uniform(0, 1, (8, 16, 4)).astype(np.float32)
+    numbers = np.random.default_rng(1).uniform(0, 1, (128, 256, 4)).astype(np.float32)
     texture = Texture("sky", numbers, extension="REPEAT", interpolation="CLOSEST")
     found = radiance_map(_environment(), (texture,))
     np.testing.assert_allclose(found, numbers[..., :3], atol=1e-6)
 
 
-def test_large_images_are_averaged():
-    numbers = np.random.default_rng(1).uniform(0, 1, (1024, 2048, 4)).astype(np.float32)
+@pytest.mark.parametrize("rows", [1, 8])
+def test_a_map_of_a_small_image_is_no_coarser_than_others(rows):
+    """As a pattern may be mixed with it."""
+    numbers = np.random.default_rng(1).uniform(0, 1, (rows, 2 * rows, 4)).astype(np.float32)
     texture = Texture("sky", numbers, extension="REPEAT", interpolation="CLOSEST")
     found = radiance_map(_environment(), (texture,))
-    expected = numbers[..., :3].reshape(512, 2, 1024, 2, 3).mean((1, 3))
+    by = 128 // rows
+    np.testing.assert_allclose(found, numbers[..., :3].repeat(by, 0).repeat(by, 1), atol=1e-6)
+
+
+@pytest.mark.parametrize("encoding", ["LINEAR", "SRGB"])
+def test_large_images_are_averaged(encoding, monkeypatch):
+    """Linear values, band by band."""
+    monkeypatch.setattr(dome, "BAND", 1 << 14)
+    numbers = np.random.default_rng(1).integers(0, 256, (1024, 2048, 4), np.uint8)
+    texture = Texture("sky", numbers, encoding, "REPEAT", "CLOSEST")
+    found = radiance_map(_environment(), (texture,))
+    linear = numbers[..., :3] / 255.0
+    if encoding == "SRGB":
+        curve = ((linear + 0.055) / 1.055) ** 2.4
+        linear = np.where(linear <= 0.04045, linear / 12.92, curve)
+    expected = linear.reshape(512, 2, 1024, 2, 3).mean((1, 3))
     np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
@@ -245,18 +262,20 @@ FAR = replace(
 PARTS = frozenset({"Environment", "Mirror", "Diffuse", "Shadow"})
 
 
-@pytest.mark.parametrize(
-    ("camera", "parts"),
-    [(FRONT, {"Combined", *PARTS}), (FAR, {"Environment", "Mirror", "Diffuse"})],
-    ids=["near", "narrow"],
-)
-def test_both_tracers_draw_the_same(camera, parts):
-    """Directions that highlights draw lie round a frame of the axes that the scene is told in."""
-    wanted, settings = _around(camera), Settings(samples=2, light_samples=2, passes=PARTS)
+@pytest.mark.parametrize("is_narrow", [False, True])
+def test_both_tracers_draw_the_same(is_narrow, monkeypatch):
+    """Directions that highlights draw lie round a frame of the axes that the scene is told in:
+    where these are the camera's, nothing is glossy.
+    """
+    wanted, settings = _around(FRONT), Settings(samples=2, light_samples=2, passes=PARTS)
+    if is_narrow:
+        monkeypatch.setattr(view_axes, "NARROW", 1.0)
+        wanted = replace(wanted, materials=(*wanted.materials[:2], WHITE))
+    assert (view_axes.narrow_view_axes(FRONT) is not None) == is_narrow
     native, numpy = (
         render(wanted, replace(settings, backend=backend)).passes for backend in ("NATIVE", "NUMPY")
     )
-    for name in parts:
+    for name in ("Combined", *PARTS):
         assert native[name].std() > 0.01
         np.testing.assert_allclose(native[name], numpy[name], atol=1e-4, rtol=1e-4)
 
@@ -381,3 +400,22 @@ def test_a_program_that_reads_surfaces_is_refused():
 def test_a_map_that_is_not_sound_is_told(radiance):
     problems = scene(FLOOR, light=replace(even(), radiance=radiance)).problems()
     assert len(problems) == 1 and "radiance" in problems[0]
+
+
+def test_several_skies_are_told():
+    wanted = scene(FLOOR, light=even())
+    problems = replace(wanted, lights=(even(), even())).problems()
+    assert len(problems) == 1 and "'Sky', 'Sky'" in problems[0]
+
+
+def test_directions_begin_again_after_so_many(monkeypatch):
+    """In both tracers: twice the samples of two of a table of two, through the same pixel's middle,
+    are those two.
+    """
+    monkeypatch.setattr(dome, "MOST_DIRECTIONS", 32)
+    wanted, few = _around(FRONT), Settings(samples=2, light_samples=2, filter_width=0.0)
+    for backend in ("NATIVE", "NUMPY"):
+        two, four = (
+            render(wanted, replace(few, samples=n, backend=backend)).combined for n in (2, 4)
+        )
+        np.testing.assert_allclose(two, four, rtol=1e-5, atol=1e-6)

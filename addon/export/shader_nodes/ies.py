@@ -12,7 +12,6 @@ import bpy
 import numpy as np
 
 from ....engine.program.graph import Value
-from ....engine.program.operations_math import MathOperation
 from ....engine.scene import Texture
 from ..photometry import UNREADABLE, PhotometryError, read_web
 from .reader import READERS, NodeInputs, Outputs
@@ -22,12 +21,11 @@ def _ies(view: NodeInputs) -> Outputs:
     """Straight down is −z of the vector, its azimuth counts from −y to −x, as in Cycles."""
     given = view.value("Vector") if view.is_linked("Vector") else view.apply("object_normal")[0]
     power = _power(view, view.apply("vector_normalized", given)[0])
-    factor = _math(view, "MULTIPLY", view.value("Strength"), power)
+    factor = view.math("MULTIPLY", view.value("Strength"), power)
     return {"Fac": factor, "Factor": factor}
 
 
 def _power(view: NodeInputs, unit: Value) -> Value:
-    graph = view.reader.graph
     try:
         text = _text(view.node)
         table = _table(text)
@@ -36,14 +34,14 @@ def _power(view: NodeInputs, unit: Value) -> Value:
             f"The IES texture {_name(view.node)!r} of {{}} cannot be read ({error}): it is the "
             "same in every direction; choose another file"
         )
-        return graph.constant(UNREADABLE)
+        return view.reader.graph.constant(UNREADABLE)
     rows, columns = table.shape
     x, y, z = view.apply("separate_xyz", unit)
-    turn = _math(view, "ARCTAN2", x, y)
-    down = _math(view, "ARCCOSINE", _math(view, "MULTIPLY", z, graph.constant(-1.0)))
-    u = _affine(view, turn, 0.5 / math.pi, 0.5 + 0.5 / columns)
-    v = _affine(view, down, (rows - 1) / rows / math.pi, 0.5 / rows)
-    where = view.apply("combine_xyz", u, v, graph.constant(0.0))[0]
+    do = view.math
+    down = do("ARCCOSINE", do("MULTIPLY", z, -1.0))
+    u = do("MULTIPLY_ADD", do("ARCTAN2", x, y), 0.5 / math.pi, 0.5 + 0.5 / columns)
+    v = do("MULTIPLY_ADD", down, (rows - 1) / rows / math.pi, 0.5 / rows)
+    where = do.plane(u, v)
     key = ("IES", hashlib.sha256(text.encode()).hexdigest())
     texture = view.reader.images.made(key, lambda: _texture(_name(view.node), table))
     return view.apply("separate_xyz", view.apply("image", where, texture=texture)[0])[0]
@@ -76,17 +74,6 @@ def _texture(name: str, table: np.ndarray) -> Texture:
     pixels = np.ones((*table.shape, 4), np.float32)
     pixels[..., :3] = table[..., None]
     return Texture(name, pixels)
-
-
-def _affine(view: NodeInputs, number: Value, scale: float, offset: float) -> Value:
-    constant = view.reader.graph.constant
-    return _math(view, "MULTIPLY_ADD", number, constant(scale), constant(offset))
-
-
-def _math(view: NodeInputs, name: str, *numbers: Value) -> Value:
-    zero = view.reader.graph.constant(0.0)
-    given = (*numbers, zero, zero)[:3]
-    return view.apply("math", *given, operation=MathOperation[name], clamp=0)[0]
 
 
 READERS["ShaderNodeTexIES"] = _ies

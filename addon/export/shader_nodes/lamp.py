@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from ....engine.program.graph import Graph, Value
-from ....engine.program.operations_math import MathOperation
-from .reader import READERS, NodeInputs, Outputs, TreeReader
+from .reader import READERS, Arithmetic, NodeInputs, Outputs, TreeReader
 
 NOWHERE = {"attribute": ((0.0, 0.0, 0.0), 1.0), "uv": ((0.0, 0.0, 0.0),)}
 
@@ -51,9 +50,11 @@ class LampReader(TreeReader):
     POINT, and over the square round a SPOT's cone.
     """
 
+    is_surface = False
+
     def __init__(self, graph: Graph, images: Any, note: Callable[[str], None], lamp: Lamp) -> None:
         super().__init__(graph, images, note)
-        self.lamp = lamp
+        self.lamp, self._math = lamp, Arithmetic(graph, super().apply)
 
     def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         if name == "object_position":
@@ -97,23 +98,17 @@ class LampReader(TreeReader):
     def _round(self) -> Value:
         """Azimuth and elevation of the normal."""
         x, y, z = super().apply("separate_xyz", self.apply("object_normal")[0])
-        number, turn = self.graph.constant, 1 / math.pi
-        u = self._math("MULTIPLY_ADD", self._math("ARCTAN2", x, y), number(-turn / 2), number(0.5))
-        v = self._math("MULTIPLY_ADD", self._math("ARCCOSINE", z), number(-turn), number(1.0))
-        return super().apply("combine_xyz", u, v, number(0.0))[0]
+        do = self._math
+        u = do("MULTIPLY_ADD", do("ARCTAN2", x, y), -0.5 / math.pi, 0.5)
+        v = do("MULTIPLY_ADD", do("ARCCOSINE", z), -1 / math.pi, 1.0)
+        return do.plane(u, v)
 
     def _in_cone(self) -> Value:
         ray = self._turned(self.lamp.light_from_world, super().apply("incoming")[0])
         x, y, z = super().apply("separate_xyz", ray)
-        number, half = self.graph.constant, 0.5 / math.tan(self.lamp.spot_size / 2)
-        factor = self._math("DIVIDE", number(-half), z)
-        u, v = (self._math("MULTIPLY_ADD", part, factor, number(0.5)) for part in (x, y))
-        return super().apply("combine_xyz", u, v, number(0.0))[0]
-
-    def _math(self, name: str, *numbers: Value) -> Value:
-        zero = self.graph.constant(0.0)
-        given = (*numbers, zero, zero)[:3]
-        return super().apply("math", *given, operation=MathOperation[name], clamp=0)[0]
+        do = self._math
+        factor = do("DIVIDE", -0.5 / math.tan(self.lamp.spot_size / 2), z)
+        return do.plane(*(do("MULTIPLY_ADD", part, factor, 0.5) for part in (x, y)))
 
     def _turned(self, matrix: np.ndarray, vector: Value) -> Value:
         """The matrix (3, 3) times a vector."""
@@ -134,23 +129,17 @@ def _light_falloff(view: NodeInputs) -> Outputs | None:
     strength, smooth = view.value("Strength"), view.value("Smooth")
     if view.reader.lamp.kind == "SUN":
         return dict.fromkeys(("Quadratic", "Linear", "Constant"), strength)
-    squared = _math(view, "MULTIPLY", length, length)
-    soft = _math(
-        view, "ADD", _math(view, "MAXIMUM", smooth, view.reader.graph.constant(0.0)), squared
-    )
+    do = view.math
+    squared = do("MULTIPLY", length, length)
     quadratic = strength
     if smooth.constant != (0.0,):
-        quadratic = _math(view, "MULTIPLY", strength, _math(view, "DIVIDE", squared, soft))
+        soft = do("ADD", do("MAXIMUM", smooth, 0.0), squared)
+        quadratic = do("MULTIPLY", strength, do("DIVIDE", squared, soft))
     return {
         "Quadratic": quadratic,
-        "Linear": _math(view, "MULTIPLY", quadratic, length),
-        "Constant": _math(view, "MULTIPLY", quadratic, squared),
+        "Linear": do("MULTIPLY", quadratic, length),
+        "Constant": do("MULTIPLY", quadratic, squared),
     }
-
-
-def _math(view: NodeInputs, name: str, a: Value, b: Value) -> Value:
-    zero = view.reader.graph.constant(0.0)
-    return view.apply("math", a, b, zero, operation=MathOperation[name], clamp=0)[0]
 
 
 READERS["ShaderNodeLightFalloff"] = _light_falloff

@@ -10,32 +10,13 @@ import math
 from itertools import pairwise
 
 from ....engine.program.graph import Value
-from ....engine.program.operations_math import MathOperation
 from ..images import FIRST, TILES_IN_A_ROW
-from .reader import NodeInputs
-
-
-class Arithmetic:
-    """Operations of the Math node on values and Python's own numbers."""
-
-    def __init__(self, view: NodeInputs) -> None:
-        self._view = view
-
-    def __call__(self, name: str, *numbers: Value | float, clamp: int = 0) -> Value:
-        given = [self.number(x) for x in (*numbers, 0.0, 0.0)[:3]]
-        return self._view.apply("math", *given, operation=MathOperation[name], clamp=clamp)[0]
-
-    def number(self, x: Value | float) -> Value:
-        return self._view.reader.graph.constant(x) if isinstance(x, (int, float)) else x
-
-    def plane(self, u: Value | float, v: Value | float) -> Value:
-        """(u, v, 0)."""
-        return self._view.apply("combine_xyz", *map(self.number, (u, v, 0.0)))[0]
+from .reader import Arithmetic, NodeInputs
 
 
 def on_ball(view: NodeInputs, vector: Value) -> Value:
     """Longitude and latitude; the corner of the image at the centre of the ball."""
-    do = Arithmetic(view)
+    do = view.math
     x, y, z = _from_centre(view, vector)
     across = do("SQRT", do("MULTIPLY_ADD", x, x, do("MULTIPLY", y, y)))
     inside = do("GREATER_THAN", do("ADD", across, do("ABSOLUTE", z)), 0.0)
@@ -48,7 +29,7 @@ def on_ball(view: NodeInputs, vector: Value) -> Value:
 
 def on_tube(view: NodeInputs, vector: Value) -> Value:
     """Longitude and height; the corner of the image on the axis."""
-    do = Arithmetic(view)
+    do = view.math
     x, y, z = _from_centre(view, vector)
     off_axis = do("GREATER_THAN", do("MAXIMUM", do("ABSOLUTE", x), do("ABSOLUTE", y)), 0.0)
     u = do("MULTIPLY_ADD", do("ARCTAN2", x, y), -0.5 / math.pi, 0.5)
@@ -58,13 +39,13 @@ def on_tube(view: NodeInputs, vector: Value) -> Value:
 
 def _from_centre(view: NodeInputs, vector: Value) -> tuple[Value, ...]:
     """The vector's numbers from -1 to 1 where they were from 0 to 1."""
-    do = Arithmetic(view)
+    do = view.math
     return tuple(do("MULTIPLY_ADD", x, 2.0, -1.0) for x in view.apply("separate_xyz", vector))
 
 
 def on_box(view: NodeInputs, vector: Value, texture: int) -> tuple[Value, Value]:
     """Colour and alpha of the image on the planes x, y and z, by the weights of the normal."""
-    do = Arithmetic(view)
+    do = view.math
     x, y, z = view.apply("separate_xyz", vector)
     normal = view.apply("separate_xyz", view.apply("object_normal")[0])
     weights = box_weights(do, normal, float(view.node.projection_blend))
@@ -89,7 +70,7 @@ def on_tiles(view: NodeInputs, where: Value, textures: dict[int, int]) -> tuple[
 
     Tiles end at whole numbers toward 0, as in Cycles: just below 0 the first one goes on.
     """
-    do = Arithmetic(view)
+    do = view.math
     u, v, _ = view.apply("separate_xyz", where)
     column, row = do("TRUNC", u), do("TRUNC", v)
     inside = do.plane(do("SUBTRACT", u, column), do("SUBTRACT", v, row))

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ....engine.program.graph import Graph, Value
+from ....engine.program.operations_math import MathOperation
 from ....engine.program.table import BY_NAME
 from ..graph import Place, closes_circle, kind_of, socket_named, trail
 from .mapping import texture_mapped
@@ -38,12 +39,36 @@ CIRCLE = "Node links go round in a circle in {}: the socket's default is used; r
 Key = tuple[int, ...]
 
 
+class Arithmetic:
+    """Operations of the Math node on values and Python's own numbers.
+
+    apply: makes the outputs of an operation, as `TreeReader.apply`.
+    """
+
+    def __init__(self, graph: Graph, apply: Callable[..., tuple[Value, ...]]) -> None:
+        self._graph, self._apply = graph, apply
+
+    def __call__(self, name: str, *numbers: Value | float, clamp: int = 0) -> Value:
+        given = [self.number(x) for x in (*numbers, 0.0, 0.0)[:3]]
+        return self._apply("math", *given, operation=MathOperation[name], clamp=clamp)[0]
+
+    def number(self, x: Value | float) -> Value:
+        return self._graph.constant(x) if isinstance(x, (int, float)) else x
+
+    def plane(self, u: Value | float, v: Value | float) -> Value:
+        """(u, v, 0)."""
+        return self._apply("combine_xyz", *map(self.number, (u, v, 0.0)))[0]
+
+
 class TreeReader:
     """Reads sockets of one material into a graph.
 
     images: the scene's `Images`. note: takes sentences about what is not read exactly; `{}` in them
     stands for the materials' names. operations: rows of the table by name.
     """
+
+    is_surface = True
+    """Whether meshes are read, of whose maps sums of products may say the same."""
 
     def __init__(
         self, graph: Graph, images: Any, note: Callable[[str], None], operations: Mapping = BY_NAME
@@ -199,6 +224,10 @@ class NodeInputs:
 
     def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         return self.reader.apply(name, *arguments, **settings)
+
+    @property
+    def math(self) -> Arithmetic:
+        return Arithmetic(self.reader.graph, self.apply)
 
     def is_linked(self, name: str) -> bool:
         """Whether a value comes in at the input with this identifier or name."""

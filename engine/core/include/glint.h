@@ -234,20 +234,21 @@ enum GlintPass {
  * anybody looks before the end; if nobody does, more samples are traced at once, to the same bits.
  * HELD: see glint_render_resume. pixel_offsets: (samples, 2). light_square, light_disc:
  * (light_point_count, 2), at least samples * light_samples points when light_samples > 1 and a
- * light has an extent; else they may be null. dome_table: (samples * dome_samples,
- * 9), of a GLINT_DOME: the direction to it, what comes from there (dome_samples times its share),
- * one over the density of directions, and a point of the unit disc. dome_cells: (dome_rows,
- * dome_columns, 4), what comes from a direction of the light's axes (dome_axes, column by column)
- * over the density and one over that, equirectangular, from below upward. dome_irradiance:
- * (dome_irradiance_rows, dome_irradiance_columns, 3), over pi, of surfaces that nothing hides it
- * from, by their normals in the light's axes: corners of cells from pole to pole and once round.
- * They may be null where the scene has no such light. error_threshold: in 8-bit levels, at least 0
- * and below 256; pixels whose estimated error it covers take no further samples after a wave. 0:
- * all take all. cutoff: mirror and refraction rays with no channel of their weight as large end
- * there, 0 to 1. acceleration: of the first render of a scene counts, the trees are kept. remember:
- * keep what the first wave hit and which lights it saw, some 30 bytes a pixel, in the scene and
- * those that take its trees over, so that a render of other lights, materials or surroundings need
- * not trace it again. It has the same bits. */
+ * light has an extent; else they may be null. dome_table: (dome_count,
+ * 9), of as many samples as divide it, after which they begin again, of a GLINT_DOME: the direction
+ * to it, what comes from there (dome_samples times its share), one over the density of directions,
+ * and a point of the unit disc. dome_cells: (dome_rows, dome_columns, 4), what comes from a
+ * direction of the light's axes (dome_axes, column by column) over the density and one over that,
+ * equirectangular, from below upward. dome_irradiance: (dome_irradiance_rows,
+ * dome_irradiance_columns, 3), over pi, of surfaces that nothing hides it from, by their normals in
+ * the light's axes: corners of cells from pole to pole and once round. They may be null where the
+ * scene has no such light. error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose
+ * estimated error it covers take no further samples after a wave. 0: all take all. cutoff: mirror
+ * and refraction rays with no channel of their weight as large end there, 0 to 1. acceleration: of
+ * the first render of a scene counts, the trees are kept. remember: keep what the first wave hit
+ * and which lights it saw, some 30 bytes a pixel, in the scene and those that take its trees over,
+ * so that a render of other lights, materials or surroundings need not trace it again. It has the
+ * same bits. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;

@@ -12,7 +12,8 @@ struct RenderPlan {
   Region region, shown;  // shown: the pixels that were asked for; the region has a margin where
                          // their neighbours are looked at
   double error_threshold = 0, cutoff = 0;
-  uint32_t samples = 1, light_samples = 1, dome_samples = 1, max_bounces = 0, passes = 0;
+  uint32_t samples = 1, light_samples = 1, dome_samples = 1, dome_tabled = 1, max_bounces = 0,
+           passes = 0;
   int threads = 1;
   BuildQuality quality = BuildQuality::kBalanced;
   bool physical = true, unseen = false, hold_waves = false,
@@ -30,7 +31,7 @@ struct RenderPlan {
   /// Point j of a light for pixel sample `sample`.
   LightPoint light_point(const Light& light, uint32_t sample, uint32_t j) const {
     if (light.is_dome()) {
-      const size_t number = size_t(sample) * dome_samples + j;
+      const size_t number = size_t(sample % dome_tabled) * dome_samples + j;
       const double* const place = dome_table + 9 * (number / kSkyDraws) + 7;
       return {0, 0, place[0], place[1], dome_table + 9 * number, &dome, number % kSkyDraws == 0};
     }

@@ -346,6 +346,7 @@ size_t Tracer::see_sky(const Queue& queue, size_t first, size_t count) {
     ProgramPoints points{};
     for (size_t i = 0; i < (here + kPad - 1) / kPad * kPad; ++i) {
       const uint32_t k = some[std::min(i, here - 1)];
+      points.outside[i] = -1;
       for (size_t c = 0; c < 3; ++c) points.d[c][i] = 0;
       for (size_t c = 0; c < 3; ++c)
         for (size_t axis = 0; axis < 3; ++axis)

@@ -41,6 +41,7 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.light_square = g.light_square;
   plan.light_disc = g.light_disc;
   plan.dome_samples = std::max(g.dome_samples, 1u);
+  plan.dome_tabled = uint32_t(std::max(g.dome_count / plan.dome_samples, uint64_t(1)));
   plan.dome_table = g.dome_table;
   plan.dome.cells = g.dome_cells;
   plan.dome.rows = g.dome_rows;
@@ -60,7 +61,7 @@ bool enough_directions(const GlintRenderSettings& g, const Scene& scene) {
   if (!(scene.features & GLINT_FEATURE_WORLD_LIGHT)) return true;
   return g.dome_samples >= 1 && g.dome_table && g.dome_cells && g.dome_rows >= 1 &&
          g.dome_columns >= 1 && g.dome_irradiance && g.dome_irradiance_rows >= 1 &&
-         g.dome_irradiance_columns >= 1 && g.dome_count / g.dome_samples >= g.samples;
+         g.dome_irradiance_columns >= 1 && g.dome_count >= g.dome_samples;
 }
 
 bool enough_points(const GlintRenderSettings& g, const Scene& scene) {
@@ -80,7 +81,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
   add(g.light_samples >= 1 && enough_points(g, scene),
       "settings: fewer light points than samples * light_samples");
-  add(enough_directions(g, scene), "settings: fewer dome directions than samples * dome_samples");
+  add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
   add(g.max_bounces <= 64, "settings: more than 64 bounces");
   add(g.error_threshold >= 0 && g.error_threshold < 256,
       "settings: the error threshold is not between 0 and 256");
