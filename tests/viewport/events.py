@@ -57,15 +57,10 @@ def compare(name):
     shown = film.combined
     same = shown.shape == final.shape and shown.tobytes() == final.tobytes()
     worst = float(np.abs(shown - final).max()) if shown.shape == final.shape else -1.0
-    error = (
-        np.abs(window.framebuffer - final) / np.maximum(np.abs(final), 2.0**-14)
-        if window.framebuffer.shape == final.shape
-        else None
-    )
     results[name] = {
         "same bits": same,
         "worst": worst,
-        "framebuffer": float(error.max()) if error is not None else -1.0,
+        "framebuffer": in_window.shown_error(window.framebuffer, final),
     }
 
 

@@ -168,6 +168,23 @@ def _framebuffer(width, height):
     return np.array(buffer, np.float32).reshape(height, width, 4)
 
 
+def shown_error(shown, film):
+    """How far a picture (h, w, 4) on the screen is from what was traced, in the largest error that
+    drawing may add; -1 where their sizes differ.
+
+    A half float rounds by 2^-11 when the picture becomes a texture and again when it is drawn, each
+    perhaps towards zero. A texture coordinate is a float: half its step is 2^-14 of a texel in
+    pictures of up to 1024 pixels, and as much of a pixel's neighbours is drawn.
+    """
+    if shown.shape != film.shape:
+        return -1.0
+    padded = np.pad(film, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), (0, 1))
+    contrast = np.abs(around - film[..., None, None]).max((-2, -1))
+    allowed = 2.0**-9 * np.maximum(np.abs(film), 2.0**-14) + 2.0**-14 * contrast
+    return float((np.abs(shown - film) / allowed).max())
+
+
 def say(line):
     sys.stdout.write(line + "\n")
     sys.stdout.flush()

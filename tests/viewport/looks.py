@@ -210,9 +210,7 @@ def passepartout():
     x, y = width // 6, height // 6
     inside = window.framebuffer[y : y + frame[1], x : x + frame[0]]
     results["passepartout"] = same(shown, final)
-    results["passepartout framebuffer"] = float(
-        (np.abs(inside - final) / np.maximum(np.abs(final), 2.0**-14)).max()
-    )
+    results["passepartout framebuffer"] = in_window.shown_error(inside, final)
 
 
 def both_eyes():
