@@ -99,7 +99,7 @@ def render(
         from .native import render_native as tracer
     else:
         from .reference import render_reference as tracer
-    scene = scene.with_world_light(settings.occludes_world)
+    scene = scene.as_lit(**settings.lighting)
     return tracer(scene, settings, should_stop, on_progress, on_wave)
 
 

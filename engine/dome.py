@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .program.program import Program
-from .sampling import concentric_disc, dome_points
+from .sampling import chosen, concentric_disc, dome_points
 from .scene import Light, Texture
 
 Array = np.ndarray
@@ -243,23 +243,12 @@ def _draw(weight: Array, points: Array) -> tuple[Array, tuple[Array, Array]]:
     """
     rows, columns = weight.shape
     edges = np.sin(np.pi * (np.arange(rows + 1) / rows - 0.5))
-    row, inside = _inverse(weight.sum(1), points[:, 1])
+    row, inside = chosen(weight.sum(1), points[:, 1])
     column, beside = np.empty(len(points), np.intp), np.empty(len(points))
     for k in np.unique(row):
         here = row == k
-        column[here], beside[here] = _inverse(weight[k], points[here, 0])
+        column[here], beside[here] = chosen(weight[k], points[here, 0])
     up = edges[row] + inside * np.diff(edges)[row]
     azimuth = 2 * np.pi * (0.5 - (column + beside) / columns)
     across = np.sqrt(np.maximum(0.0, 1 - up * up))
     return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), up], 1), (row, column)
-
-
-def _inverse(weights: Array, u: Array) -> tuple[Array, Array]:
-    """Which of the weights (m,), laid end to end, the shares u (n,) of their sum fall into, and
-    where in them, from 0 to 1.
-    """
-    ends = np.concatenate([[0.0], np.cumsum(weights)])
-    at = u * ends[-1]
-    index = np.clip(np.searchsorted(ends, at, "right") - 1, 0, len(weights) - 1)
-    inside = (at - ends[index]) / np.where(weights[index] > 0, weights[index], 1.0)
-    return index, np.clip(inside, 0.0, 1.0)

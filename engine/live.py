@@ -272,7 +272,7 @@ def _render_reference(
     if problems:
         raise SceneError("\n".join(problems))
     film = render_reference(
-        task.scene.with_world_light(task.settings.occludes_world),
+        task.scene.as_lit(**task.settings.lighting),
         task.settings,
         should_stop,
         lambda fraction: None,

@@ -1,8 +1,8 @@
 """Where samples fall: the same few points for every pixel, so pictures carry no noise and repeat
 bit for bit.
 
-Pixels use the first two dimensions of the Sobol' sequence, lights the next two and the sky's light
-the two after these, scrambled (Owen 1995), so that all are spread well each for itself and
+Pixels use the first two dimensions of the Sobol' sequence, lamps the next two, the sky and what
+glows the two after these, scrambled (Owen 1995), so that all are spread well each for itself and
 together. They are kept in 32-bit integers.
 """
 
@@ -142,3 +142,14 @@ def concentric_disc(square: np.ndarray) -> np.ndarray:
     ratio = np.where(wide, b, a) / np.where(radius == 0, 1, radius)
     angle = np.where(wide, np.pi / 4 * ratio, np.pi / 2 - np.pi / 4 * ratio)
     return radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
+
+
+def chosen(weights: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which of the weights (m,), laid end to end, the shares u (n,) of their sum fall into, and
+    where in them, from 0 to 1.
+    """
+    ends = np.concatenate([[0.0], np.cumsum(weights)])
+    at = u * ends[-1]
+    index = np.clip(np.searchsorted(ends, at, "right") - 1, 0, len(weights) - 1)
+    inside = (at - ends[index]) / np.where(weights[index] > 0, weights[index], 1.0)
+    return index, np.clip(inside, 0.0, 1.0)

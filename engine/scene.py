@@ -12,6 +12,7 @@ matrix `target_from_source` is `(3, 4)`: columns 0-2 the linear part, column 3 t
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -218,13 +219,62 @@ class Material:
     normal_output: int = -1
 
 
-LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME")
+@dataclass(frozen=True, eq=False)
+class Emitters:
+    """m triangles, each of one radiance on a side.
+
+    corners: (m, 3, 3) float64, in the light's axes, counter-clockwise seen from outside.  front, back: (m, 3)
+    radiance of the outer side and the inner one.  weight: (m,) how densely, by area, points lie on
+    them, but for a factor.  objects: how many things glow.
+    """
+
+    corners: Array
+    front: Array
+    back: Array
+    weight: Array
+    objects: int
+
+    @cached_property
+    def areas(self) -> Array:
+        """(m,)"""
+        return np.linalg.norm(self._across, axis=1) / 2
+
+    @cached_property
+    def normals(self) -> Array:
+        """(m, 3) unit, outward; 0 where a triangle has no area."""
+        size = np.linalg.norm(self._across, axis=1)[:, None]
+        return self._across / np.where(size > 0, size, 1.0)
+
+    @cached_property
+    def _across(self) -> Array:
+        a, b, c = np.moveaxis(self.corners, 1, 0)
+        return np.cross(b - a, c - a)
+
+    @cached_property
+    def reaches(self) -> Array:
+        """(m,) lengths of the longest sides."""
+        sides = np.diff(self.corners, axis=1, append=self.corners[:, :1])
+        return np.linalg.norm(sides, axis=2).max(1)
+
+    @cached_property
+    def spreads(self) -> Array:
+        """(m,) one over the density, by area, of the points on each."""
+        return np.vdot(self.weight, self.areas) / self.weight
+
+    def take(self, index: Array) -> Emitters:
+        """Those at these places."""
+        columns = self.corners, self.front, self.back, self.weight
+        return Emitters(*(column[index] for column in columns), self.objects)
+
+
+LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH")
 LIGHT_SHAPES = ("RECTANGLE", "ELLIPSE")
 
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A light. kind: POINT, SUN, SPOT, AREA or DOME, which shines from all around.
+    """A light. kind: POINT, SUN, SPOT, AREA, DOME, which shines from all around, or MESH, which
+    `Scene.as_lit` makes of surfaces that glow.
 
     world_from_light: (3, 4) float64, orthonormal columns; the light shines along -z.
     color: RGB; strength: Blender's number (watts; W/m² for SUN) with exposure applied, may be
@@ -236,7 +286,8 @@ class Light:
     colour is times at each point of the light that is seen from a lit one, None for 1; it reads no
     attributes, and a DOME has none.  textures: what it refers to.  radiance: of a DOME, times
     color and strength: (h, w, 3) float32 in the light's axes, equirectangular as `engine.dome`
-    says.
+    says.  emitters: of a MESH, whose bounds are size_x, size_y and twice the radius along the
+    light's axes, round its origin.
     """
 
     name: str
@@ -258,6 +309,7 @@ class Light:
     program: Program | None = None
     textures: tuple[Texture, ...] = ()
     radiance: Array | None = None
+    emitters: Emitters | None = None
 
 
 CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
@@ -316,17 +368,22 @@ class Scene:
     lights: tuple[Light, ...] = ()
     world: World = field(default_factory=World)
 
-    def with_world_light(self, occluded: bool) -> Scene:
-        """The scene lit by its world as the settings want it: by its DOME light, which surfaces
-        hide, or, without that, by `World.ambient` the same everywhere. A scene without a DOME light
-        stays.
+    def as_lit(self, *, by_world: bool, by_meshes: bool) -> Scene:
+        """The scene with the lights that the settings want. by_world: its DOME light lights it and
+        surfaces hide that; else `World.ambient` is the same everywhere.  by_meshes: what glows
+        lights it too. A scene with nothing of both stays.
         """
+        from .mesh_lights import mesh_light
+
+        scene = self
         lamps = tuple(light for light in self.lights if light.kind != "DOME")
-        if len(lamps) == len(self.lights):
-            return self
-        if not occluded:
-            return replace(self, lights=lamps)
-        return replace(self, world=replace(self.world, ambient=(0.0, 0.0, 0.0)))
+        if len(lamps) < len(self.lights):
+            if by_world:
+                scene = replace(self, world=replace(self.world, ambient=(0.0, 0.0, 0.0)))
+            else:
+                scene = replace(self, lights=lamps)
+        glow = mesh_light(self) if by_meshes else None
+        return scene if glow is None else replace(scene, lights=(*scene.lights, glow))
 
     def problems(self) -> list[str]:
         """What makes this scene unfit to render, one sentence each; empty when it is sound."""

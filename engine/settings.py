@@ -39,6 +39,15 @@ _WORLD_LIGHTS = (
         "shadows. Costs nothing",
     ),
 )
+_MESH_LIGHTS = (
+    (
+        "ON",
+        "On",
+        "For most pictures: screens, panels and bulbs with emission light what is round them, with "
+        "soft shadows. Takes shadow rays where something glows",
+    ),
+    ("OFF", "Off", "For quick pictures: what glows is seen, and lights nothing. Costs nothing"),
+)
 _BACKENDS = (
     (
         "NATIVE",
@@ -204,6 +213,12 @@ class Settings:
         "How the world lights surfaces. With Classic illumination it is constant",
         choices=_WORLD_LIGHTS,
     )
+    mesh_light: str = _setting(
+        "ON",
+        "Mesh Lights",
+        "Whether surfaces that glow light others. With Classic illumination they do not",
+        choices=_MESH_LIGHTS,
+    )
     backend: str = _setting(
         "NATIVE", "Tracer", "Which of the two tracers draws the picture", choices=_BACKENDS
     )
@@ -235,9 +250,15 @@ class Settings:
             object.__setattr__(self, "passes", frozenset(self.passes))
 
     @property
-    def occludes_world(self) -> bool:
-        """Whether the world's light is one that surfaces hide."""
-        return self.illumination == "PHYSICAL" and self.world_light == "OCCLUDED"
+    def lighting(self) -> dict[str, bool]:
+        """What `Scene.as_lit` is told: whether surfaces hide the world's light, and whether what
+        glows lights.
+        """
+        physical = self.illumination == "PHYSICAL"
+        return {
+            "by_world": physical and self.world_light == "OCCLUDED",
+            "by_meshes": physical and self.mesh_light == "ON",
+        }
 
     @property
     def dome_samples(self) -> int:

@@ -87,9 +87,10 @@ class GLINT_RENDER_PT_sampling(_Panel, bpy.types.Panel):
         column = self.column
         settings = context.scene.glint
         column.prop(settings.final, "illumination")
-        row = column.row()
-        row.active = settings.final.illumination == "PHYSICAL"
-        row.prop(settings.final, "world_light")
+        physical = column.column()
+        physical.active = settings.final.illumination == "PHYSICAL"
+        physical.prop(settings.final, "world_light")
+        physical.prop(settings.final, "mesh_light")
         column.prop(context.scene.render, "filter_size", text="Pixel Filter")
         column.prop(settings, "target")
         if settings.target != "NONE":

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 13
+ABI_VERSION = 14
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -85,6 +85,7 @@ class LightKind(IntEnum):
     SPOT = 2
     AREA = 3
     DOME = 4
+    MESH = 5
 
 
 class LightFlags(IntEnum):
@@ -160,6 +161,7 @@ class Feature(IntEnum):
     VISIBLE_LIGHTS = 128
     NODE_PROGRAMS = 256
     WORLD_LIGHT = 512
+    MESH_LIGHT = 1024
 
 
 class MathFunction(IntEnum):
@@ -248,6 +250,13 @@ class LightData(Structure):
     ]
 
 
+class EmitterData(Structure):
+    _fields_ = [
+        *_each(c_double * 3, "front back normal"),
+        *_each(c_double, "spread reach"),
+    ]
+
+
 class CameraData(Structure):
     _fields_ = [
         *_each(c_double * 12, "world_from_camera"),
@@ -267,22 +276,23 @@ class SceneData(Structure):
         *_each(c_int32, "transparent world_program world_slot reserved"),
         *_each(c_size_t, "geometries attributes instances world_from_object material_slots"),
         *_each(c_size_t, "textures program_words program_constants program_tables programs inputs"),
-        *_each(c_size_t, "lobes materials lights"),
+        *_each(c_size_t, "lobes materials lights emitters emitter_corners"),
         *_each(c_uint64, "geometry_count attribute_count instances_count row_count"),
         *_each(c_uint64, "material_slot_count texture_count program_word_count"),
         *_each(c_uint64, "program_constant_count program_table_count program_count input_count"),
-        *_each(c_uint64, "lobe_count material_count light_count"),
+        *_each(c_uint64, "lobe_count material_count light_count emitter_count"),
+        *_each(c_uint64, "emitter_corner_count"),
     ]
 
 
 class RenderSettingsData(Structure):
     _fields_ = [
-        *_each(c_size_t, "pixel_offsets light_square light_disc dome_table dome_cells"),
+        *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table dome_cells"),
         *_each(c_size_t, "dome_irradiance"),
-        *_each(c_uint64, "light_point_count dome_count"),
+        *_each(c_uint64, "light_point_count dome_count mesh_count"),
         *_each(c_double * 9, "dome_axes"),
         *_each(c_double, "error_threshold cutoff"),
-        *_each(c_uint32, "samples light_samples dome_samples dome_rows dome_columns"),
+        *_each(c_uint32, "samples light_samples dome_samples mesh_samples dome_rows dome_columns"),
         *_each(c_uint32, "dome_irradiance_rows dome_irradiance_columns max_bounces threads passes"),
         *_each(c_uint32 * 4, "region"),
         *_each(c_int32, "illumination waves acceleration remember"),

@@ -103,11 +103,11 @@ class NativeLive:
     # ----------------------------------------------------------------------------------------------
 
     def _lit(self, scene: Scene, settings: Settings) -> Scene:
-        """The scene as the settings want its world's light, the same value for the same."""
-        key = (scene, settings.occludes_world)
-        if self._asked is None or self._asked[0][0] is not scene or self._asked[0][1] != key[1]:
-            self._asked = (key, scene.with_world_light(settings.occludes_world))
-        return self._asked[1]
+        """The scene as the settings want it lit, the same value for the same."""
+        lighting, asked = settings.lighting, self._asked
+        if asked is None or asked[0] is not scene or asked[1] != lighting:
+            self._asked = (scene, lighting, scene.as_lit(**lighting))
+        return self._asked[2]
 
     def _hold(self, scene: Scene, exact: bool) -> _Held:
         """The scene in the core: the one that is there, or one that takes over from it what has not

@@ -18,6 +18,7 @@ from ..film import PASSES
 from ..program.program import Program
 from ..sampling import light_points, pixel_offsets
 from ..scene import (
+    Emitters,
     LIGHT_SHAPES,
     Attribute,
     Camera,
@@ -90,6 +91,7 @@ class ScenePacker:
             ),
             "textures": self._part("textures", _all_textures(scene), _textures),
             "lights": self._part("lights", scene.lights, _lights),
+            "emitters": self._part("emitters", _all_emitters(scene), _emitters),
             "instances": self._part("instances", scene.instances, _instances),
         }
         self._parts = parts
@@ -194,6 +196,8 @@ _COUNTS = {
     "program_tables": "program_table_count",
     "textures": "texture_count",
     "lights": "light_count",
+    "emitters": "emitter_count",
+    "emitter_corners": "emitter_corner_count",
     "instances": "instances_count",
     "world_from_object": "row_count",
     "material_slots": "material_slot_count",
@@ -245,6 +249,24 @@ def _lights(lights: tuple[Light, ...], before: _Part | None, changed: list[int])
     return _Part(
         lights, {"lights": _table(core_types.LightData, [_light(light) for light in lights])}, []
     )
+
+
+def _all_emitters(scene: Scene) -> tuple[Emitters, ...]:
+    return tuple(light.emitters for light in scene.lights if light.emitters is not None)
+
+
+def _emitters(emitters: tuple[Emitters, ...], before: _Part | None, changed: list[int]) -> _Part:
+    """Of the one MESH light, if there is one."""
+    count = sum(len(light.corners) for light in emitters)
+    table = np.zeros(count, np.dtype(core_types.EmitterData))
+    corners = np.zeros((count, 9), np.float32)
+    for light in emitters:
+        for name in ("front", "back"):
+            table[name] = getattr(light, name)
+        table["normal"], table["spread"] = light.normals, light.spreads
+        table["reach"] = light.reaches
+        corners[:] = light.corners.reshape(-1, 9)
+    return _Part(emitters, {"emitters": table, "emitter_corners": corners}, [])
 
 
 def _all_textures(scene: Scene) -> tuple[Texture, ...]:
@@ -517,6 +539,8 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     for light in scene.lights:
         if light.kind == "DOME":
             _add_dome(data, packer, light, settings)
+        if light.kind == "MESH":
+            _add_mesh(data, packer, light, settings)
     return Packed(data, packer.lent)
 
 
@@ -538,6 +562,18 @@ def _add_dome(
     data.dome_axes[:] = table.axes.T.reshape(9)
 
 
+def _add_mesh(
+    data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
+) -> None:
+    from ..mesh_lights import mesh_table
+
+    t = mesh_table(light, settings.samples, settings.light_samples)
+    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc)
+    rows = packer.lend(np.column_stack(columns), np.float64, (None, 16), "mesh light samples")
+    data.mesh_table = address(rows)
+    data.mesh_count, data.mesh_samples = len(rows), t.each
+
+
 def passes_of(settings: Settings) -> tuple[str, ...]:
     """Combined and what else is wanted, in the core's order. Raises SceneError for an unknown
     pass.
@@ -550,5 +586,5 @@ def passes_of(settings: Settings) -> tuple[str, ...]:
 
 
 def is_soft(light: Light) -> bool:
-    extents = {"SUN": (light.angle,), "AREA": (light.size_x, light.size_y), "DOME": ()}
+    extents = {"SUN": (light.angle,), "AREA": (light.size_x, light.size_y), "DOME": (), "MESH": ()}
     return any(extent > 0 for extent in extents.get(light.kind, (light.radius,)))

@@ -104,7 +104,7 @@ class Explainer:
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
         self.stage = Stage(
-            scene.with_world_light(settings.occludes_world),
+            scene.as_lit(**settings.lighting),
             replace(settings, samples=1, region=None, passes=frozenset()),
             Pulse(lambda: False),
         )

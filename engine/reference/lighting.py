@@ -91,8 +91,8 @@ class Lighting:
         k_d (3, n) or zeros.
         """
         n = source.sample_count(self.light_samples)
-        points = source.points if isinstance(source, Dome) else self.points
-        if n == 1 and not isinstance(source, Dome):
+        points = self.points if source.points is None else source.points
+        if n == 1 and source.points is None:
             yield None, source.sample(surface.x, CENTER, n), coefficients.diffuse
             return
         narrow = Narrow(surface, coefficients.highlights, weight, source)

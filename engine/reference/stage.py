@@ -7,6 +7,7 @@ from collections import Counter
 import numpy as np
 
 from ..dome import dome_table
+from ..mesh_lights import mesh_table
 from ..sampling import light_points
 from ..scene import Light, Scene
 from ..settings import Settings
@@ -15,7 +16,7 @@ from .camera import CameraRays
 from .emission import Emission
 from .geometry import gather
 from .lighting import Lighting
-from .lights import Dome, LightPoint, Source
+from .lights import Dome, LightPoint, MeshSource, Source
 from .materials import Shader
 from .pulse import Pulse
 from .shadows import Shadows
@@ -65,16 +66,19 @@ class Stage:
         return radiance(program, self._sky_images, axes.T @ unit(along), kind)
 
     def _source(self, light: Light) -> Source:
+        samples, each = self.settings.samples, self.settings.light_samples
+        if light.kind == "MESH":
+            return MeshSource(light, self.eye, mesh_table(light, samples, each))
         if light.kind != "DOME":
             emission = None
             if light.program is not None:
                 emission = Emission([Image(t) for t in light.textures], self.scene.camera)
             return Source(light, self.eye, self.settings.illumination == "PHYSICAL", emission)
         n = self.settings.dome_samples
-        return Dome(light, self.eye, dome_table(light, self.settings.samples, n), n)
+        return Dome(light, self.eye, dome_table(light, samples, n), n)
 
     def _light_points(self) -> list[LightPoint]:
-        lamps = [source for source in self.sources if not isinstance(source, Dome)]
+        lamps = [source for source in self.sources if source.points is None]
         if all(source.sample_count(self.settings.light_samples) == 1 for source in lamps):
             return []
         square, disc = light_points(self.settings.samples * self.settings.light_samples)

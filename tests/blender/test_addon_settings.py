@@ -10,6 +10,7 @@ VALUES = {
     "cutoff": 0.25,
     "illumination": "CLASSIC",
     "world_light": "CONSTANT",
+    "mesh_light": "OFF",
     "backend": "NUMPY",
     "acceleration": "FAST",
     "threads": 5,

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 13
+#define GLINT_ABI_VERSION 14
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -140,7 +140,14 @@ typedef struct GlintMaterial {
   int32_t index, program, normal, reserved;
 } GlintMaterial;
 
-enum GlintLightKind { GLINT_POINT_LIGHT, GLINT_SUN, GLINT_SPOT, GLINT_AREA, GLINT_DOME };
+enum GlintLightKind {
+  GLINT_POINT_LIGHT,
+  GLINT_SUN,
+  GLINT_SPOT,
+  GLINT_AREA,
+  GLINT_DOME,
+  GLINT_MESH_LIGHT
+};
 enum GlintLightFlags {
   GLINT_CAST_SHADOW = 1,
   GLINT_SEEN_BY_CAMERA = 2,
@@ -152,7 +159,8 @@ enum GlintLightFlags {
 /* Lengths in world units, angles in radians. A light with a number that is not finite is left out
  * and counted. program: 0, or 1 plus the number of the program that says, sample by sample, what
  * the colour is times; program_slot: the first of its three slots that hold that. It must not read
- * attributes. DOME lights have none. */
+ * attributes. DOME and MESH lights have none. A MESH light, of which there is one at most, is the
+ * scene's emitters; size_x, size_y and twice the radius are its bounds. */
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];
@@ -161,6 +169,12 @@ typedef struct GlintLight {
   uint32_t flags;
   int32_t program, program_slot;
 } GlintLight;
+
+/* A triangle of the MESH light: what comes from its outer side and its inner one, its unit normal,
+ * one over how densely, by area, points lie on it, and the length of its longest side. */
+typedef struct GlintEmitter {
+  double front[3], back[3], normal[3], spread, reach;
+} GlintEmitter;
 
 enum GlintCameraKind { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC };
 
@@ -196,9 +210,12 @@ typedef struct GlintSceneData {
   const GlintLobe* lobes;
   const GlintMaterial* materials;
   const GlintLight* lights;
+  const GlintEmitter* emitters;
+  const float* emitter_corners; /* 9 an emitter, in the light's axes */
   uint64_t geometry_count, attribute_count, instances_count, row_count, material_slot_count;
   uint64_t texture_count, program_word_count, program_constant_count, program_table_count;
   uint64_t program_count, input_count, lobe_count, material_count, light_count;
+  uint64_t emitter_count, emitter_corner_count;
 } GlintSceneData;
 
 enum GlintIllumination { GLINT_PHYSICAL, GLINT_CLASSIC };
@@ -241,25 +258,29 @@ enum GlintPass {
  * direction of the light's axes (dome_axes, column by column) over the density and one over that,
  * equirectangular, from below upward. dome_irradiance: (dome_irradiance_rows,
  * dome_irradiance_columns, 3), over pi, of surfaces that nothing hides it from, by their normals in
- * the light's axes: corners of cells from pole to pole and once round. They may be null where the
- * scene has no such light. error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose
- * estimated error it covers take no further samples after a wave. 0: all take all. cutoff: mirror
- * and refraction rays with no channel of their weight as large end there, 0 to 1. acceleration: of
- * the first render of a scene counts, the trees are kept. remember: keep what the first wave hit
- * and which lights it saw, some 30 bytes a pixel, in the scene and those that take its trees over,
- * so that a render of other lights, materials or surroundings need not trace it again. It has the
- * same bits. */
+ * the light's axes: corners of cells from pole to pole and once round. mesh_table: (mesh_count,
+ * 16), of as many samples, mesh_samples points each, as divide it, after which they begin again, of
+ * a GLINT_MESH_LIGHT: the point and its unit normal in the light's axes, the numbers of
+ * GlintEmitter but the normal, and a point of the unit disc. Tables may be null where the scene has
+ * no such light. error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose estimated
+ * error it covers take no further samples after a wave. 0: all take all. cutoff: mirror and
+ * refraction rays with no channel of their weight as large end there, 0 to 1. acceleration: of the
+ * first render of a scene counts, the trees are kept. remember: keep what the first wave hit and
+ * which lights it saw, some 30 bytes a pixel, in the scene and those that take its trees over, so
+ * that a render of other lights, materials or surroundings need not trace it again. It has the same
+ * bits. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
   const double* light_disc;
   const double* dome_table;
+  const double* mesh_table;
   const float* dome_cells;
   const float* dome_irradiance;
-  uint64_t light_point_count, dome_count;
+  uint64_t light_point_count, dome_count, mesh_count;
   double dome_axes[9];
   double error_threshold, cutoff;
-  uint32_t samples, light_samples, dome_samples, dome_rows, dome_columns;
+  uint32_t samples, light_samples, dome_samples, mesh_samples, dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns;
   uint32_t max_bounces, threads, passes;
   uint32_t region[4];
@@ -293,7 +314,8 @@ enum GlintFeature {
   GLINT_FEATURE_HOLDOUT = 64,
   GLINT_FEATURE_VISIBLE_LIGHTS = 128,
   GLINT_FEATURE_NODE_PROGRAMS = 256,
-  GLINT_FEATURE_WORLD_LIGHT = 512
+  GLINT_FEATURE_WORLD_LIGHT = 512,
+  GLINT_FEATURE_MESH_LIGHT = 1024
 };
 
 typedef struct GlintStats {

@@ -317,7 +317,7 @@ void check_light(const GlintSceneData& d, uint64_t i, Report& report) {
   const GlintProgram& program = d.programs[light.program - 1];
   report.add(light.program_slot >= 0 && int64_t(light.program_slot) + 3 <= int64_t(program.slots),
              "light %llu: a slot that its program has not", ull(i));
-  report.add(light.kind != GLINT_DOME && reads_no_attribute(d, program),
+  report.add(light.kind < GLINT_DOME && reads_no_attribute(d, program),
              "light %llu: its program reads attributes", ull(i));
 }
 
@@ -333,8 +333,12 @@ void check_surroundings(const GlintSceneData& d, Report& report) {
              "camera: %d clip planes", c.clip_plane_count);
   bool sized = c.width >= 1 && c.height >= 1 && c.width <= 1u << 20 && c.height <= 1u << 20;
   report.add(sized, "camera: resolution %u by %u", c.width, c.height);
+  uint64_t mesh_lights = 0;
+  for (uint64_t i = 0; i < d.light_count; ++i) mesh_lights += d.lights[i].kind == GLINT_MESH_LIGHT;
+  report.add(mesh_lights <= (d.emitter_count > 0 ? 1 : 0), "%llu mesh lights with %llu triangles",
+             ull(mesh_lights), ull(d.emitter_count));
   for (uint64_t i = 0; i < d.light_count; ++i)
-    report.add(within(d.lights[i].kind, GLINT_DOME), "light %llu: unknown kind %d", ull(i),
+    report.add(within(d.lights[i].kind, GLINT_MESH_LIGHT), "light %llu: unknown kind %d", ull(i),
                d.lights[i].kind);
 }
 
@@ -357,10 +361,15 @@ void check_tables(const GlintSceneData& d, Report& report) {
       {d.lobes, d.lobe_count},
       {d.materials, d.material_count},
       {d.lights, d.light_count},
+      {d.emitters, d.emitter_count},
+      {d.emitter_corners, d.emitter_corner_count},
   };
   for (const auto& t : tables)
     report.add(t.table != nullptr || t.count == 0, "a table is null but has %llu rows",
                ull(t.count));
+  report.add(d.emitter_count == d.emitter_corner_count && d.emitter_count <= kMaxCount,
+             "the mesh light has %llu triangles and the corners of %llu", ull(d.emitter_count),
+             ull(d.emitter_corner_count));
   report.add(
       d.geometry_count <= kMaxCount && d.lobe_count < kMaxCount && d.material_count < kMaxCount,
       "a table is too long");

@@ -1,13 +1,16 @@
 #include "integrator/direct.h"
 
 #include "integrator/first_hit_cache.h"
+#include "math/math.h"
 #include "session/timer.h"
+#include "shading/surface.h"
 
 namespace glint {
 namespace {
 
 constexpr size_t kColumns =
-    1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3;  // zeros, o, to, t_max, ends, diffuse, specular, shadow, sky
+    1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3 +
+    2;  // zeros, o, to, t_max, ends, diffuse, specular, shadow, sky, density and distance
 
 }  // namespace
 
@@ -41,6 +44,12 @@ void DirectLight::prepare(const Batch& batch) {
   three(ends_, true);
   three(shadow_, glassy_);
   three(sky_, scene_.features & GLINT_FEATURE_WORLD_LIGHT);
+  if (scene_.features & GLINT_FEATURE_MESH_LIGHT) {
+    stage_.density_out = columns_[next++];
+    distance_ = columns_[next++];
+    for (auto* column : {&emitter_, &placement_}) column->resize(columns_.rows());
+    for (auto* column : {&u_, &v_}) column->resize(columns_.rows());
+  }
   const PointColumns& p = batch.points;
   for (int c = 0; c < 3; ++c) {
     stage_.points_x[c] = p.x[c];
@@ -77,8 +86,11 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
       const size_t reached = stages_.light(stage_);
       add_lit(batch, light, reached, known ? known + batch.first_row : nullptr, counts);
       if (light.is_dome()) note_hidden(reached);
-      if (stage_.draws && point.draws)
-        add_lit(batch, light, stages_.gloss(stage_), nullptr, counts);
+      if (stage_.draws && point.draws) {
+        const size_t drawn = stages_.gloss(stage_);
+        add_lit(batch, light, light.is_mesh() ? meet_emitters(light, drawn) : drawn, nullptr,
+                counts);
+      }
     }
     if (light.is_dome()) add_rest(batch, light, sample);
   }
@@ -139,6 +151,38 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
       transparent_shadows_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
   }
   add(batch, count);
+}
+
+/// What the `count` drawn directions of the stage meet of a mesh light: samples of it, as the stage
+/// has them of other lights. How many do.
+size_t DirectLight::meet_emitters(const Light& light, size_t count) {
+  const double* const* o = stage_.o;
+  const double* const* d = stage_.to;
+  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  scene_.emitter_accel().closest(
+      rays, {distance_, placement_.data(), emitter_.data(), u_.data(), v_.data()}, scratch_);
+  size_t kept = 0;
+  for (size_t k = 0; k < count; ++k) {
+    if (placement_[k] == Hit::kNone) continue;
+    const GlintEmitter& emitter = scene_.emitters[emitter_[k]];
+    const Vec3d from = row(stage_.o, k), l = row(stage_.to, k), q = from + distance_[k] * l;
+    const LightMeeting met =
+        light.meeting(emitter, row(stage_.points_x, point_[k]), q, l, uint32_t(stage_.share));
+    const Vec3d given = met.factor / (1 + stage_.density_out[k] * met.spread / stage_.share) *
+                        met.color * row(stage_.diffuse_out, k);
+    if (!any(given)) continue;
+    const Vec3d to = met.end - from;
+    point_[kept] = point_[k];
+    set_row(stage_.o, kept, from);
+    set_row(stage_.to, kept, unit(to));
+    stage_.t_max[kept] = length(to) - rounding(std::max(max_abs(met.end), max_abs(from)));
+    if (stage_.end_out[0]) set_row(stage_.end_out, kept, met.end);
+    set_row(stage_.diffuse_out, kept, stage_.specular_out[0] ? Vec3d{} : given);
+    if (stage_.specular_out[0]) set_row(stage_.specular_out, kept, given);
+    ++kept;
+  }
+  std::fill_n(stage_.t_max + kept, count - kept, kInfinity);
+  return kept;
 }
 
 /// Multiplies what a sample gives to `count` points by what the light's program says of it there.

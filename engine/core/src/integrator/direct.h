@@ -25,6 +25,7 @@ class DirectLight {
   void add_rest(const Batch& batch, const Light& light, uint32_t sample);
   void add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
                RayCounts& counts);
+  size_t meet_emitters(const Light& light, size_t count);
   void apply_program(const Light& light, size_t count);
   void find_cut(const Batch& batch, const Light& light) const;
   void find_shadows(size_t count, uint8_t* known, RayCounts& counts);
@@ -39,13 +40,15 @@ class DirectLight {
   const bool glassy_;   // some surface lets light through
   LightStage stage_{};  // what it writes: a row for each point that a light sample reaches
   Columns columns_;
-  double *zeros_ = nullptr, *sky_[3] = {},
+  double *zeros_ = nullptr, *distance_ = nullptr, *sky_[3] = {},
          *shadow_[3] = {};  // sky_: the rest of a dome; shadow_: S a channel; null where
                             // rays are free or blocked and no more
   double* ends_[3] = {};    // of the shadow segments, where glass or a light's program asks
   LightProgram program_;
   std::vector<uint32_t> point_;
   std::vector<uint8_t> blocked_;
+  std::vector<uint32_t> emitter_, placement_;  // that drawn rays meet, and their weights there
+  std::vector<float> u_, v_;
   std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden
   TransparentShadows transparent_shadows_;
 };

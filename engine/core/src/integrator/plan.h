@@ -12,8 +12,8 @@ struct RenderPlan {
   Region region, shown;  // shown: the pixels that were asked for; the region has a margin where
                          // their neighbours are looked at
   double error_threshold = 0, cutoff = 0;
-  uint32_t samples = 1, light_samples = 1, dome_samples = 1, dome_tabled = 1, max_bounces = 0,
-           passes = 0;
+  uint32_t samples = 1, light_samples = 1, dome_samples = 1, dome_tabled = 1, mesh_samples = 1,
+           mesh_tabled = 1, max_bounces = 0, passes = 0;
   int threads = 1;
   BuildQuality quality = BuildQuality::kBalanced;
   bool physical = true, unseen = false, hold_waves = false,
@@ -22,9 +22,11 @@ struct RenderPlan {
   const double* light_square = nullptr;
   const double* light_disc = nullptr;
   const double* dome_table = nullptr;
+  const double* mesh_table = nullptr;
   DomeCells dome;
 
   uint32_t samples_of(const Light& light) const {
+    if (light.is_mesh()) return mesh_samples;
     return light.is_dome() ? dome_samples : light.extended ? light_samples : 1;
   }
 
@@ -34,6 +36,10 @@ struct RenderPlan {
       const size_t number = size_t(sample % dome_tabled) * dome_samples + j;
       const double* const place = dome_table + 9 * (number / kSkyDraws) + 7;
       return {0, 0, place[0], place[1], dome_table + 9 * number, &dome, number % kSkyDraws == 0};
+    }
+    if (light.is_mesh()) {
+      const double* const row = mesh_table + 16 * (size_t(sample % mesh_tabled) * mesh_samples + j);
+      return {0, 0, row[14], row[15], row, nullptr, j == 0};
     }
     if (light_samples <= 1 || !light_square) return {};
     size_t at = 2 * (size_t(sample) * light_samples + j);

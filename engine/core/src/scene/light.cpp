@@ -4,6 +4,7 @@
 
 #include "math/math.h"
 #include "scene/scene.h"
+#include "shading/surface.h"
 
 namespace glint {
 namespace {
@@ -11,7 +12,12 @@ namespace {
 constexpr double kHuge =
     1e100;  // beyond any float: intensities saturate here instead of overflowing to NaN later
 
-constexpr double kLeastSky = 8;  // exponents from here on draw directions beside those of the sky
+constexpr double kLeastWide =
+    8;  // exponents from here on draw directions beside points of lights that may be all around
+
+/// The share of a mesh light's point, of `count` a sample of a pixel, over the square of the least
+/// distance from which it is seen (engine/mesh_lights.py, MERGED).
+double merged(uint32_t count) { return 64 * kPi * count; }
 
 constexpr double kNear = 4;  // half diagonals of a rectangle within which it is seen large
 
@@ -37,8 +43,8 @@ double area_of(const GlintLight& g) {
 Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramShape* programs)
     : kind(g.kind), flags(g.flags) {
   Affine m = affine(g.world_from_light);
+  placed = anchor.matrix(m);
   if (g.program > 0) {
-    const Affine placed = anchor.matrix(m);
     const Vec3d columns[4] = {placed.x, placed.y, placed.z, placed.t};
     for (int k = 0; k < 12; ++k) space.m[k] = columns[k / 3][k % 3];
     program = programs + (g.program - 1);
@@ -57,7 +63,7 @@ Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramShape* prog
   spot_cosine = cosine(half(g.spot_size));
   spot_blend = g.spot_blend;
   double shape = 0;  // the c / shape of the visible radiance
-  if (is_dome()) extended = true;
+  if (is_dome() || is_mesh()) extended = true;
   if (kind == GLINT_SUN) {
     extended = alpha > 0;
     shape = kPi * sine(alpha) * sine(alpha);
@@ -95,14 +101,23 @@ LightShape Light::shape(bool soft, bool physical) const {
   return !soft ? kPointSource : flags & GLINT_SOFT_FALLOFF ? kDiscSource : kSphereSource;
 }
 
-void Light::set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const {
-  stage.shape = kSky;
+/// What lights that may be all around have in common.
+void Light::set_wide(LightStage& stage, const LightPoint& p, uint32_t count) const {
   stage.physical = true;
   stage.spot = false;
   stage.casts_shadow = casts_shadow();
-  stage.factor = 1;
   stage.share = count;
   stage.versine = 0;
+  stage.least_near = 0;
+  stage.least = kLeastWide;
+  stage.draws = stage.most_exponent >= kLeastWide;
+  set_place(stage, p);
+}
+
+void Light::set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const {
+  set_wide(stage, p, count);
+  stage.shape = kSky;
+  stage.factor = 1;
   stage.spread = p.drawn[6];
   stage.dome = p.dome;
   for (int c = 0; c < 3; ++c) {
@@ -110,14 +125,29 @@ void Light::set_dome(LightStage& stage, const LightPoint& p, uint32_t count) con
     stage.color[c] = p.drawn[3 + c];
     stage.center[c] = 0;
   }
-  stage.least_near = 0;
-  stage.least = kLeastSky;
-  stage.draws = stage.most_exponent >= kLeastSky;
-  set_place(stage, p);
+}
+
+void Light::set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) const {
+  set_wide(stage, p, count);
+  const double* const row = p.drawn;
+  const Vec3d q = point(placed, {row[0], row[1], row[2]}),
+              n = unit(direction(placed, {row[3], row[4], row[5]}));
+  stage.shape = kMeshSource;
+  stage.factor = 1 / kPi;
+  stage.spread = scale2 * row[12];
+  stage.near2 = stage.spread / merged(count);
+  stage.size = rounding(max_abs(q) + std::sqrt(scale2) * row[13]);
+  for (int c = 0; c < 3; ++c) {
+    stage.end[c] = stage.center[c] = q[c];
+    stage.axis[c] = n[c];
+    stage.color[c] = saturate(row[6 + c]);
+    stage.back[c] = saturate(row[9 + c]);
+  }
 }
 
 void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {
   if (is_dome()) return set_dome(stage, p, count);
+  if (is_mesh()) return set_mesh(stage, p, count);
   const bool soft = extended && count > 1, ellipse = flags & GLINT_ELLIPSE;
   const LightPoint q = soft ? p : LightPoint{};
   const Vec3d l = soft && kind == GLINT_SUN ? in_cone(-axis, versine, p) : -axis;
@@ -195,8 +225,22 @@ bool Light::is_cut(Vec3d x, Vec3d n) const {
   }
   const Vec3d to = center - x;
   const double z = dot(n, to), a = std::fabs(dot(n, right)), b = std::fabs(dot(n, up));
+  if (is_mesh()) return std::fabs(z) < a + b + radius * std::fabs(dot(n, axis));
   if (kind != GLINT_AREA) return z * z < radius * radius;
   return dot(to, axis) < 0 && z * z < (flags & GLINT_ELLIPSE ? a * a + b * b : (a + b) * (a + b));
+}
+
+LightMeeting Light::meeting(const GlintEmitter& e, Vec3d x, Vec3d q, Vec3d l,
+                            uint32_t count) const {
+  const Vec3d n = unit(direction(placed, {e.normal[0], e.normal[1], e.normal[2]}));
+  const double z = -dot(l, n), share = scale2 * e.spread,
+               spread = share * std::fabs(z) / std::max(dot(q - x, q - x), share / merged(count)),
+               apart = rounding(max_abs(q) + std::sqrt(scale2) * e.reach);
+  const double* const light = z > 0 ? e.front : e.back;
+  return {{saturate(light[0]), saturate(light[1]), saturate(light[2])},
+          q + std::copysign(apart, z) * n,
+          spread / (kPi * count),
+          spread};
 }
 
 double Light::meets_sphere(Vec3d o, Vec3d d) const {

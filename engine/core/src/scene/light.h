@@ -13,12 +13,19 @@ struct Anchor;
 
 /// A point of the square [-1, 1]^2 and the same point mapped to the unit disc; of a dome the
 /// direction to its light, what comes from there and one over the density of such directions, and
-/// its map.
+/// its map; of a mesh light a row of its table (glint.h).
 struct LightPoint {
   double a = 0, b = 0, x = 0, y = 0;
   const double* drawn = nullptr;
   const DomeCells* dome = nullptr;
   bool draws = true;  // highlights draw a direction there
+};
+
+/// A place on a mesh light as a point sees it: what comes from there, and its factor, one over how
+/// densely the light's points fall there (a steradian), and where shadow rays end before it.
+struct LightMeeting {
+  Vec3d color, end;
+  double factor, spread;
 };
 
 struct Light {
@@ -36,10 +43,12 @@ struct Light {
   const ProgramShape* program = nullptr;  // what color is times at each sample; null: 1
   size_t slot = 0;                        // in the block of its slots
   InstanceShape space{};                  // its axes, as programs read those of an object
+  Affine placed;                          // the same for the points of a mesh light
 
   Light(const GlintLight& data, const Anchor& anchor, const ProgramShape* programs);
   bool endless() const { return kind == GLINT_SUN || is_dome(); }
   bool is_dome() const { return kind == GLINT_DOME; }
+  bool is_mesh() const { return kind == GLINT_MESH_LIGHT; }
   bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
 
   /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1:
@@ -49,6 +58,10 @@ struct Light {
   /// Whether the horizon of the point x, the plane through it across n, cuts the light's shape, and
   /// the light shines that way.
   bool is_cut(Vec3d x, Vec3d n) const;
+
+  /// The place q on an emitter as x sees it in the direction l, beside `count` points a sample.
+  LightMeeting meeting(const GlintEmitter& emitter, Vec3d x, Vec3d q, Vec3d l,
+                       uint32_t count) const;
 
   /// Ray parameter at which o + t d (d unit) first meets the visible shape, infinity for the sun's
   /// disc, negative for never.
@@ -60,6 +73,8 @@ struct Light {
 
  private:
   void set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const;
+  void set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) const;
+  void set_wide(LightStage& stage, const LightPoint& p, uint32_t count) const;
   void set_place(LightStage& stage, const LightPoint& q) const;
   bool is_rectangle() const;
   LightShape shape(bool soft, bool physical) const;

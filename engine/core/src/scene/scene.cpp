@@ -92,6 +92,8 @@ Scene::Scene(const GlintSceneData& data, const Scene* base, bool exact) : camera
   anchor.scale = stays ? earlier_.anchor.scale : power_scale(radius(base));
   set_program_view();
   place_lights(data.lights, data.light_count);
+  emitters.assign(data.emitters, data.emitters + data.emitter_count);
+  emitter_corners_ = data.emitter_corners;
   note_features();
   shape_groups();
   shape_instances(base);
@@ -265,6 +267,7 @@ void Scene::note_features() {
   }
   for (const Light& light : lights) {
     if (light.is_dome()) features |= GLINT_FEATURE_WORLD_LIGHT;
+    else if (light.is_mesh()) features |= GLINT_FEATURE_MESH_LIGHT;
     else if (light.extended) features |= GLINT_FEATURE_SOFT_LIGHTS;
     if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR) && any(light.seen))
       features |= GLINT_FEATURE_VISIBLE_LIGHTS;
@@ -345,10 +348,30 @@ std::vector<InstanceView> Scene::instance_views() const {
   return views;
 }
 
+/// Of the mesh light, if there is one.
+bool Scene::build_emitters(int threads, const std::atomic<bool>& cancel) {
+  const auto light =
+      std::find_if(lights.begin(), lights.end(), [](const Light& l) { return l.is_mesh(); });
+  if (light == lights.end() || emitter_accel_) return true;
+  emitter_rows_.resize(3 * emitters.size());
+  std::iota(emitter_rows_.begin(), emitter_rows_.end(), 0u);
+  const GeometryView view{GeometryView::kMesh,
+                          emitter_corners_,
+                          emitter_rows_.size(),
+                          emitter_rows_.data(),
+                          nullptr,
+                          nullptr,
+                          nullptr,
+                          emitters.size()};
+  emitter_accel_ = Accel::build({view}, {{0, kVisibility, light->placed}}, threads, cancel);
+  return emitter_accel_ != nullptr;
+}
+
 bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& cancel) {
   std::lock_guard lock(build_mutex_);
   if (!opacity_ && features & GLINT_FEATURE_TRANSPARENT)
     opacity_ = std::make_unique<const OpacityMaps>(*this);
+  if (!build_emitters(threads, cancel)) return false;
   if (accel_) return true;
   auto start = std::chrono::steady_clock::now();
   accel_ =

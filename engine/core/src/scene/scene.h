@@ -86,6 +86,8 @@ class Scene {
   /// Makes the trees unless they are there; false when `cancel` became true.
   bool build(int threads, BuildQuality quality, const std::atomic<bool>& cancel);
   const Accel& accel() const { return *accel_; }
+  /// Of the mesh light alone; where highlights draw directions. After build().
+  const Accel& emitter_accel() const { return *emitter_accel_; }
   /// Where rays pass surfaces without a stop; null where nothing lets light through. After build().
   const Opacity* opacity() const;
   /// What is known of the first wave of such a render, by this scene or those whose trees it has;
@@ -121,6 +123,7 @@ class Scene {
   std::vector<Lobe> lobes;
   std::vector<Material> materials;
   std::vector<Light> lights;
+  std::vector<GlintEmitter> emitters;
   const double* world_from_object = nullptr;
   uint32_t features = 0;       // GLINT_FEATURE_*
   int max_specular = 0;        // SPECULAR lobes of a material, at most
@@ -183,6 +186,7 @@ class Scene {
   void reuse_from(const Scene& base, const GlintSceneData& data, bool exact);
   void share_trees(const Scene& base, bool exact);
   bool same_placements(const Scene& base) const;
+  bool build_emitters(int threads, const std::atomic<bool>& cancel);
   std::vector<GeometryView> geometry_views() const;
   std::vector<InstanceView> instance_views() const;
 
@@ -198,6 +202,9 @@ class Scene {
   std::vector<uint32_t> geometry_in_base_;
   std::vector<Extent> extents_;  // of the geometries, object space
   std::shared_ptr<const Accel> accel_;
+  std::unique_ptr<const Accel> emitter_accel_;
+  const float* emitter_corners_ = nullptr;
+  std::vector<uint32_t> emitter_rows_;  // of the corners, three an emitter
   std::unique_ptr<const OpacityMaps> opacity_;
   bool exact_ = true;  // accel_ is what a scene without a base would have
   Earlier earlier_;    // until there is accel_

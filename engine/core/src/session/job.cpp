@@ -43,6 +43,9 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.dome_samples = std::max(g.dome_samples, 1u);
   plan.dome_tabled = uint32_t(std::max(g.dome_count / plan.dome_samples, uint64_t(1)));
   plan.dome_table = g.dome_table;
+  plan.mesh_samples = std::max(g.mesh_samples, 1u);
+  plan.mesh_tabled = uint32_t(std::max(g.mesh_count / plan.mesh_samples, uint64_t(1)));
+  plan.mesh_table = g.mesh_table;
   plan.dome.cells = g.dome_cells;
   plan.dome.rows = g.dome_rows;
   plan.dome.columns = g.dome_columns;
@@ -64,6 +67,11 @@ bool enough_directions(const GlintRenderSettings& g, const Scene& scene) {
          g.dome_irradiance_columns >= 1 && g.dome_count >= g.dome_samples;
 }
 
+bool enough_mesh_points(const GlintRenderSettings& g, const Scene& scene) {
+  return !(scene.features & GLINT_FEATURE_MESH_LIGHT) ||
+         (g.mesh_samples >= 1 && g.mesh_table && g.mesh_count >= g.mesh_samples);
+}
+
 bool enough_points(const GlintRenderSettings& g, const Scene& scene) {
   if (g.light_samples <= 1 || !(scene.features & GLINT_FEATURE_SOFT_LIGHTS)) return true;
   return g.light_square && g.light_disc && g.light_point_count / g.light_samples >= g.samples;
@@ -81,6 +89,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
   add(g.light_samples >= 1 && enough_points(g, scene),
       "settings: fewer light points than samples * light_samples");
+  add(enough_mesh_points(g, scene),
+      "settings: fewer points of a mesh light than those of a sample");
   add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
   add(g.max_bounces <= 64, "settings: more than 64 bounces");
   add(g.error_threshold >= 0 && g.error_threshold < 256,

@@ -135,6 +135,15 @@ inline Sample direction_at(const LightStage& s, const Three&, const Three& l) {
   return {l, l, splat(s.factor), splat(s.spread), 0.5 * dot(off, off) <= s.versine};
 }
 
+/// The common point, seen from no nearer than the disc that it stands for.
+inline Sample sample_mesh(const LightStage& s, const Three& x) {
+  const Three q = splat3(s.end), n = splat3(s.axis), to = q - x, l = unit(to);
+  const Doubles z = -dot(l, n), d2 = larger(dot(to, to), splat(s.near2)),
+                spread = s.spread * magnitude(z) / d2;
+  return {l, q + choose(z > 0, splat(s.size), splat(-s.size)) * n, s.factor * spread, spread,
+          ~Mask{}};
+}
+
 inline Sample sample_point(const LightStage& s, const Three& x) {
   const Three end = splat3(s.center), to = end - x;
   return {unit(to), end, s.physical ? inverse_square(s, dot(to, to)) : splat(1), Doubles{},
@@ -266,6 +275,7 @@ inline void share(const LightStage& s, Sample& sample) {
 template <int Shape>
 inline Sample sample(const LightStage& s, const Three& x) {
   Sample sample = Shape == kDirection || Shape == kSky ? sample_direction(s, x)
+                  : Shape == kMeshSource               ? sample_mesh(s, x)
                   : Shape == kPointSource              ? sample_point(s, x)
                   : Shape == kSphereSource             ? sample_sphere(s, x)
                   : Shape == kDiscSource               ? sample_disc(s, x)
@@ -432,17 +442,26 @@ inline size_t append_lit(const LightStage& s, size_t k, const Sample& sample, Ma
   return size_t(__builtin_popcount(lanes));
 }
 
+template <int Shape>
+inline Three color_of(const LightStage& s, const Sample& at) {
+  if constexpr (Shape != kMeshSource) return splat3(s.color);
+  const Mask front = dot(at.l, splat3(s.axis)) < 0;
+  return {choose(front, splat(s.color[0]), splat(s.back[0])),
+          choose(front, splat(s.color[1]), splat(s.back[1])),
+          choose(front, splat(s.color[2]), splat(s.back[2]))};
+}
+
 /// Points of the light and drawn directions, weighed by how densely each of them falls there (the
 /// balance heuristic): both get the same.
 template <int Shape>
-inline Doubles balanced(const Sample& at, const Highlights& seen) {
-  constexpr double draws = Shape == kSky ? 1.0 / kSkyDraws : 1.0;  // for each point
+inline Doubles balanced(const LightStage& s, const Sample& at, const Highlights& seen) {
+  // for each point
+  const double draws = Shape == kSky ? 1.0 / kSkyDraws : Shape == kMeshSource ? 1 / s.share : 1;
   return at.factor / (1 + draws * seen.density * at.spread);
 }
 
 template <int Shape>
 size_t light_from(const LightStage& s) {
-  const Three color = splat3(s.color);
   size_t found = 0;
   for (size_t k = 0; k < s.count; k += kLanes) {
     const Mask lit = load(s.lit + k);
@@ -452,12 +471,13 @@ size_t light_from(const LightStage& s) {
     const Doubles cosine = dot(n, at.l);
     const Mask reached = lit & at.good & (cosine > 0);
     if (!any(reached)) continue;
-    const Three I = at.factor * color, diffuse = cosine * (I * load3(s.diffuse, k));
+    const Three color = color_of<Shape>(s, at), I = at.factor * color,
+                diffuse = cosine * (I * load3(s.diffuse, k));
     Three specular{};
     if (s.draws) {
       const Narrow narrow = narrow_terms(s, k, x);
       const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
-      specular = balanced<Shape>(at, seen) * (color * seen.light);
+      specular = balanced<Shape>(s, at, seen) * (color * seen.light);
     } else if (s.max_specular > 0) {
       specular = I * highlights(s, k, n, at.l, cosine, nullptr).light;
     }
@@ -490,13 +510,40 @@ size_t gloss_from(const LightStage& s) {
     if (!any(reached)) continue;
     const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
     found += append_lit<Shape>(s, k, at, reached, Three{},
-                               balanced<Shape>(at, seen) * (color * seen.light), found);
+                               balanced<Shape>(s, at, seen) * (color * seen.light), found);
+  }
+  return found;
+}
+
+/// The same for a mesh light: what the light is there, the rays have to find out.
+size_t gloss_towards_mesh(const LightStage& s) {
+  size_t found = 0;
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Mask lit = load(s.lit + k);
+    if (!any(lit)) continue;
+    const Three n = load3(s.n, k);
+    const Narrow narrow = narrow_terms(s, k, load3(s.points_x, k));
+    if (!any(lit & (narrow.total > 0))) continue;
+    const Drawn drawn = draw(s, k, n, narrow);
+    const Doubles cosine = dot(n, drawn.l);
+    const Highlights seen = highlights(s, k, n, drawn.l, cosine, &narrow);
+    const Mask reached = lit & drawn.good & (cosine > 0) & nonzero(seen.light);
+    const uint32_t lanes = bits(reached);
+    if (!lanes) continue;
+    const Appender append{lanes, found};
+    append.number(s.point, uint32_t(k));
+    append(s.diffuse_out, seen.light);
+    append(s.density_out, seen.density);
+    shadow_ray<kSky>(s, k, sky_at(s, drawn.l), append);
+    found += size_t(__builtin_popcount(lanes));
   }
   return found;
 }
 
 size_t light(const LightStage& s) {
   switch (s.shape) {
+    case kMeshSource:
+      return light_from<kMeshSource>(s);
     case kDirection:
       return light_from<kDirection>(s);
     case kSky:
@@ -516,6 +563,8 @@ size_t light(const LightStage& s) {
 
 size_t gloss(const LightStage& s) {
   switch (s.shape) {
+    case kMeshSource:
+      return gloss_towards_mesh(s);
     case kDirection:
       return gloss_from<kDirection>(s);
     case kSky:

@@ -236,7 +236,8 @@ enum LightShape : int {
   kDiscSource,
   kPlaneSource,
   kRectangleSource,
-  kSky
+  kSky,
+  kMeshSource
 };
 
 /// Highlights draw a direction for so many of a dome's.
@@ -269,6 +270,9 @@ struct LightStage {
                            // intensity per steradian
   double versine, spread;  // kDirection: 1 - cos of the half angle, and the solid angle
   double end[3];           // kPlaneSource, kRectangleSource: the sample, even over the area
+  double back[3];  // kMeshSource, also end, axis, color: the sample, its normal, what comes from
+                   // its two sides. spread: one over its density by area; near2: the least
+                   // distance^2; size: how far before the surface segments end
   double right[3], up[3], size, half[2], near2, a,
       b;  // kRectangleSource: unit axes; half the diagonal, half the sides over it; the square
           // of the distance within which it is seen large; the sample in the square
@@ -292,6 +296,8 @@ struct LightStage {
   double *o[3], *to[3], *t_max;              // shadow rays, where the light casts any
   double* end_out[3];                        // ends of their segments; null where nobody asks
   double *diffuse_out[3], *specular_out[3];  // T k I; specular_out null: both in diffuse_out
+  double* density_out;  // kMeshSource, of drawn directions: how densely these fall there; the light
+                        // is not in diffuse_out yet
 };
 
 /// total[point[k]] += given[k] where the ray is free.

@@ -1,0 +1,403 @@
+"""Surfaces that glow as a light: their triangles, and points on them by importance, the same for
+all pixels of a sample (Shirley, Wang, Zimmermann 1996; Keller 1997).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .sampling import chosen, concentric_disc, dome_points
+from .scene import Camera, Emitters, Instances, Light, Material, Mesh, Scene
+
+if TYPE_CHECKING:
+    from .reference.geometry import Geometry
+
+Array = np.ndarray
+
+MOST_POINTS = 1 << 20
+"""Of a light; later samples of a pixel take those of the first ones again."""
+MOST_SHARE = 4
+"""Points for each sample of a lamp: one for each object that glows, up to so many."""
+ROUND = 64
+"""Spheres up to which each is a polyhedron of 320 faces, above of 80."""
+INWARD = 0.1
+"""Density of the points in a sphere beside those on it."""
+MOST_PARTS = 32
+"""To a side of a triangle whose emission varies."""
+PARTS = 1 << 14
+"""Into about so many triangles those are cut whose emission varies."""
+MERGED = 64
+"""Samples of a pixel. A point is nowhere seen from nearer than the radius of the disc that it
+stands for among theirs: the surface does not end in dots where it meets another.
+"""
+LONG = 4.5
+"""Square of the longest side over the area: 4 of half a square, 2.3 of an even triangle."""
+PIECES = 1 << 10
+"""Triangles with less than such a share of the power stay whole, however long."""
+LARGEST = 1e30
+"""Radiance saturates here, far below float32's largest."""
+
+
+_NOTHING = Mesh("", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
+_CAMERA = Camera("PERSPECTIVE", np.eye(3, 4), (-1, 1, -1, 1), (1, 1))
+
+
+def mesh_light(scene: Scene) -> Light | None:
+    """The MESH light of all surfaces of a scene that glow; None without any."""
+    blocks = [block for block in scene.instances if _may_glow(scene, block)]
+    return _light(_Same(scene, blocks)) if blocks else None
+
+
+def _may_glow(scene: Scene, block: Instances) -> bool:
+    return not block.holdout and any(_glows(scene.materials[k]) for k in block.materials)
+
+
+def _glows(material: Material) -> bool:
+    return any(lobe.kind == "EMISSION" for lobe in material.lobes)
+
+
+class _Same:
+    """Those things of a scene on which its MESH light depends, as a key: equal where they are the
+    same objects.
+    """
+
+    def __init__(self, scene: Scene, blocks: list[Instances]) -> None:
+        used = {block.geometry for block in blocks}
+        geometries = [g if k in used else _NOTHING for k, g in enumerate(scene.geometries)]
+        # programs read where the camera is, the light is the same wherever that is
+        self.scene = replace(
+            scene, camera=_CAMERA, geometries=tuple(geometries), instances=tuple(blocks), lights=()
+        )
+        glowing = {k: scene.materials[k] for block in blocks for k in block.materials}
+        varied = [m for m in glowing.values() if _varies(m)]
+        self._things = (
+            *blocks,
+            *(scene.geometries[block.geometry] for block in blocks),
+            *glowing.values(),
+            *(scene.textures if varied else ()),
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and (
+            len(self._things) == len(other._things)
+            and all(a is b for a, b in zip(self._things, other._things, strict=True))
+        )
+
+    def __hash__(self) -> int:
+        return hash(tuple(map(id, self._things)))
+
+
+@functools.lru_cache(maxsize=2)
+def _light(same: _Same) -> Light | None:
+    found = _found(same.scene)
+    if found is None:
+        return None
+    low, high = found.corners.min((0, 1)), found.corners.max((0, 1))
+    size = high - low
+    return Light(
+        "Glowing surfaces",
+        "MESH",
+        np.column_stack([np.eye(3), (low + high) / 2]),
+        size_x=float(size[0]),
+        size_y=float(size[1]),
+        radius=float(size[2]) / 2,
+        emitters=replace(found, corners=found.corners - (low + high) / 2),
+    )
+
+
+def _found(scene: Scene) -> Emitters | None:
+    """All that glows, None where nothing does."""
+    from .reference.geometry import gather
+
+    geometry = gather(scene, np.zeros(3))
+    parts = [
+        part
+        for number in np.unique(geometry.material)
+        if number >= 0 and _glows(scene.materials[number])
+        for part in _of_material(scene, geometry, number)
+    ]
+    if not parts:
+        return None
+    columns = ((p.corners, p.front, p.back, p.weight, p.row) for p in parts)
+    corners, front, back, weight, row = map(np.concatenate, zip(*columns, strict=True))
+    with np.errstate(over="ignore", invalid="ignore"):
+        front, back = (np.clip(side, -LARGEST, LARGEST) for side in (front, back))
+        weight = weight * (np.abs(front) + np.abs(back)).mean(1)
+        given = weight * Emitters(corners, front, back, weight, 0).areas
+    good = np.flatnonzero((given > 0) & np.isfinite(given))
+    objects = len(np.unique(row[good]))
+    return Emitters(corners, front, back, weight, objects).take(good) if objects else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Columns of `Emitters`, weight (n,) but for the radiance, and the rows of the placements."""
+
+    corners: Array
+    front: Array
+    back: Array
+    weight: Array
+    row: Array
+
+
+def _of_material(scene: Scene, geometry: Geometry, number: int) -> Iterator[_Part]:
+    """What has this material; of `Polygons` nothing."""
+    primitive = np.flatnonzero(geometry.material == number)
+    flat = primitive[primitive < geometry.triangle_count]
+    if len(flat):
+        yield _of_triangles(scene, geometry, flat, _parts(scene.materials[number], len(flat)))
+    shape = primitive[len(flat) :] - geometry.triangle_count
+    balls = shape[shape < geometry.ball_count]
+    if len(balls):
+        yield from _of_balls(scene, geometry, balls)
+
+
+def _varies(material: Material) -> bool:
+    factors = (f for lobe in material.lobes if lobe.kind == "EMISSION" for f in lobe.factors)
+    return any(f.texture >= 0 or f.attribute or f.output >= 0 for f in factors)
+
+
+def _parts(material: Material, triangles: int) -> int:
+    """To a side of each of so many triangles of a material."""
+    return int(np.clip(np.sqrt(PARTS / triangles), 1, MOST_PARTS)) if _varies(material) else 1
+
+
+def _of_triangles(scene: Scene, geometry: Geometry, primitive: Array, parts: int) -> _Part:
+    """Each cut into parts² alike."""
+    corners = np.stack([geometry.points[:, side[primitive]].T for side in geometry.triangles], 1)
+    cells = _cells(parts)
+    pieces = np.einsum("kcw,twx->tkcx", cells, corners).reshape(-1, 3, 3)
+    index = np.repeat(primitive, parts * parts)
+    weights = np.tile(cells.mean(1), (len(primitive), 1))
+    return _part(scene, geometry, index, weights, pieces)
+
+
+def _part(
+    scene: Scene, geometry: Geometry, primitive: Array, weights: Array, pieces: Array
+) -> _Part:
+    """The triangles `pieces` (n, 3, 3), counter-clockwise in their object, parts of primitives (n,)
+    at the weights (n, 3) of their corners.
+    """
+    row = geometry.row[primitive]
+    mirrored = geometry.placements.mirror[row] < 0
+    pieces = np.where(mirrored[:, None, None], pieces[:, ::-1], pieces)
+    sides = _radiance(scene, geometry, primitive, weights, pieces)
+    return _Part(pieces, *sides, np.ones(len(row)), row)
+
+
+def _cells(parts: int) -> Array:
+    """(parts², 3, 3) barycentric weights of the corners of as many alike triangles in one."""
+    cells = []
+    for i in range(parts):
+        for j in range(parts - i):
+            cells.append([(i, j), (i + 1, j), (i, j + 1)])
+            if i + j < parts - 1:
+                cells.append([(i + 1, j), (i + 1, j + 1), (i, j + 1)])
+    uv = np.array(cells, np.float64) / parts
+    return np.concatenate([1 - uv.sum(2, keepdims=True), uv], 2)
+
+
+def _of_balls(scene: Scene, geometry: Geometry, balls: Array) -> Iterator[_Part]:
+    """Spheres as polyhedra that give as much light: one round them that glows outward, one in them
+    that glows inward and has few points, as most are seen from outside.
+    """
+    rows = geometry.balls.row[balls]
+    matrices = (
+        geometry.balls.radius[balls, None, None]
+        * (geometry.placements.world_from_object[rows][:, :, :3])
+    )
+    for outward in (True, False):
+        unit, share = _polyhedron(2 if len(balls) <= ROUND else 1, outward)
+        pieces = np.einsum("nxy,kcy->nkcx", matrices, unit)
+        pieces += geometry.balls.center_world[:, balls].T[:, None, None]
+        index = np.repeat(balls + geometry.triangle_count, len(unit))
+        part = _part(scene, geometry, index, np.zeros((len(index), 3)), pieces.reshape(-1, 3, 3))
+        yield replace(
+            part,
+            front=part.front * (share if outward else 0.0),
+            back=part.back * (0.0 if outward else 1.0),  # all of what is in them, whatever its size
+            weight=part.weight * (1.0 if outward else INWARD),
+        )
+
+
+@functools.cache
+def _polyhedron(level: int, outside: bool) -> tuple[Array, float]:
+    """(20 · 4^level, 3, 3) triangles, counter-clockwise seen from outside, round the unit sphere or
+    in it, and its area over theirs.
+    """
+    g = (1 + np.sqrt(5)) / 2
+    points = np.array(
+        [(s * a, t * b, 0) for a, b in ((1, g),) for s in (-1, 1) for t in (-1, 1)], np.float64
+    )
+    points = np.concatenate([np.roll(points, k, 1) for k in range(3)])
+    near = np.linalg.norm(points[:, None] - points, axis=2) < 2.5
+    faces = [
+        (i, j, k)
+        for i in range(12)
+        for j in range(i + 1, 12)
+        for k in range(j + 1, 12)
+        if near[i, j] and near[j, k] and near[i, k]
+    ]
+    corners = points[np.array(faces)]
+    for _ in range(level):
+        corners = np.einsum("kcw,twx->tkcx", _cells(2), corners).reshape(-1, 3, 3)
+        corners /= np.linalg.norm(corners, axis=2, keepdims=True)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inward = (across * corners[:, 0]).sum(1) < 0
+    corners[inward] = corners[inward][:, ::-1]
+    size = np.linalg.norm(across, axis=1)
+    scale = 1 / (np.abs((across * corners[:, 0]).sum(1)) / size).min() if outside else 1.0
+    return scale * corners, float(4 * np.pi / (scale**2 * size.sum() / 2))
+
+
+def _radiance(
+    scene: Scene, geometry: Geometry, primitive: Array, weights: Array, pieces: Array
+) -> tuple[Array, Array]:
+    """(n, 3) of the outer and the inner side, seen straight, in the middle of triangles (n, 3, 3):
+    parts of primitives (n,) at the weights (n, 3) of their corners.
+    """
+    from .reference.attributes import Attributes
+    from .reference.materials import Shader
+    from .reference.surface import Surface
+
+    shader = Shader(scene, Attributes(scene), geometry)
+    row, x = geometry.row[primitive], pieces.mean(1).T
+    outward = Emitters(pieces, x, x, x, 0).normals.T
+    sides = []
+    for sign in (1.0, -1.0):
+        g = sign * outward
+        surface = Surface(
+            primitive,
+            geometry.placements.geometry[row],
+            geometry.primitive_of(primitive),
+            weights.T,
+            geometry.material[primitive],
+            row=row,
+            x=x,
+            g=g,
+            n=g,
+            v=g,
+            start=x,
+            outside=np.full(len(primitive), sign > 0),
+            offset=np.zeros(len(primitive)),
+            mesh_n=g,
+        )
+        sides.append(shader.coefficients(surface, "mirror").emission.T)
+    return sides[0], sides[1]
+
+
+def _pieces(emitters: Emitters) -> tuple[Array, Array, Array]:
+    """Corners (k, 3, 3) of compact triangles, long ones cut across their longest sides, of which
+    triangle each is part, and its share of the power. They lie along a curve: points even along
+    that are even in space.
+    """
+    corners, index = emitters.corners, np.arange(len(emitters.corners))
+    share = emitters.areas / emitters.spreads
+    while len(long := np.flatnonzero((share > 1 / PIECES) & _is_long(corners))):
+        a, b, c = np.moveaxis(_longest_first(corners[long]), 1, 0)
+        middle = (a + b) / 2
+        halves = np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)
+        corners = np.concatenate([np.delete(corners, long, 0), *halves])
+        index = np.concatenate([np.delete(index, long), index[long], index[long]])
+        share = np.concatenate([np.delete(share, long), share[long] / 2, share[long] / 2])
+    order = _along_a_curve(corners.mean(1))
+    return corners[order], index[order], share[order]
+
+
+def _sides(corners: Array) -> Array:
+    """(3, n) squares of the lengths from a to b, b to c, c to a."""
+    return (np.diff(corners, axis=1, append=corners[:, :1]) ** 2).sum(2).T
+
+
+def _is_long(corners: Array) -> Array:
+    """(n,) bool: longer than half a square; not for what has no area."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return (_sides(corners).max(0) > LONG * area) & (area > 0)
+
+
+def _longest_first(corners: Array) -> Array:
+    """Triangles (n, 3, 3) turned so that the first two corners are farthest apart."""
+    turn = (_sides(corners).argmax(0)[:, None] + np.arange(3)) % 3
+    return np.take_along_axis(corners, turn[..., None], 1)
+
+
+def _along_a_curve(x: Array) -> Array:
+    """The order of points (n, 3) along Morton's curve through their bounds: neighbours in space are
+    neighbours in it.
+    """
+    low = x.min(0)
+    high = x.max(0)
+    size = (high - low).max()
+    cells = ((x - low) / (size if size > 0 else 1.0) * ((1 << 20) - 1)).astype(np.uint64)
+    code = np.zeros(len(x), np.uint64)
+    for bit in range(20):
+        for axis in range(3):
+            digit = cells[:, axis] >> np.uint64(bit) & np.uint64(1)
+            code |= digit << np.uint64(3 * bit + axis)
+    return np.argsort(code, kind="stable")
+
+
+@dataclass(frozen=True, eq=False)
+class MeshTable:
+    """Points on a MESH light: k of them.
+
+    point, normal: (k, 3) in the light's axes.  front, back: (k, 3) radiance.  spread: (k,) one over their density
+    by area.  reach: (k,) the longest sides of their triangles.  disc: (k, 2) of the unit disc.
+    each: how many a sample of a pixel takes.
+    """
+
+    point: Array
+    normal: Array
+    front: Array
+    back: Array
+    spread: Array
+    reach: Array
+    disc: Array
+    each: int
+
+
+def mesh_samples(light: Light, light_samples: int) -> int:
+    """Points of a MESH light for each sample of a pixel."""
+    return light_samples * min(max(light.emitters.objects, 1), MOST_SHARE)
+
+
+def merged(spread: Array | float, each: int) -> Array | float:
+    """The square of the distance from which a point of a light is seen at least: see `MERGED`."""
+    return spread / (MERGED * each * np.pi)
+
+
+def mesh_table(light: Light, samples: int, light_samples: int) -> MeshTable:
+    """The points that `samples` samples of a pixel take."""
+    each, emitters = mesh_samples(light, light_samples), light.emitters
+    count = each * min(samples, max(MOST_POINTS // each, 1))
+    u = dome_points(count)
+    pieces, whole, weight = _pieces(emitters)
+    piece, along = chosen(weight, u[:, 0])
+    corners, index = pieces[piece], whole[piece]
+    point = np.einsum("kc,kcx->kx", _in_triangle(along, u[:, 1]), corners)
+    return MeshTable(
+        point,
+        emitters.normals[index],
+        emitters.front[index],
+        emitters.back[index],
+        emitters.spreads[index],
+        emitters.reaches[index],
+        concentric_disc(2 * u - 1),
+        each,
+    )
+
+
+def _in_triangle(x: Array, y: Array) -> Array:
+    """(k, 3) barycentric weights of points of the unit square; neighbours stay near (Heitz 2019,
+    A low-distortion map between triangle and square).
+    """
+    above = y > x
+    b = np.where(above, x / 2, x - y / 2)
+    c = np.where(above, y - x / 2, y / 2)
+    return np.stack([1 - b - c, b, c], 1)

@@ -1,0 +1,163 @@
+"""Surfaces that glow: closed forms, which points are drawn, one tracer beside the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.engine import Settings, render
+from glint.engine.mesh_lights import mesh_light, mesh_table
+from glint.engine.scene import (
+    POINT,
+    Attribute,
+    Camera,
+    Input,
+    Instances,
+    Lobe,
+    Material,
+    Mesh,
+    Scene,
+    Spheres,
+    Texture,
+)
+
+WHITE = Material("white", (Lobe("DIFFUSE"),))
+DOWN = Camera(
+    "ORTHOGRAPHIC",
+    np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 50.0]]),
+    (-1e-5, 1e-5, -1e-5, 1e-5),
+    (4, 4),
+)
+"""Looks down on the origin."""
+BACKENDS = ("NATIVE", "NUMPY")
+
+
+def glowing(*rgb: float) -> Material:
+    return Material("lamp", (Lobe("EMISSION", (Input(rgb),)),))
+
+
+def square(name: str, *corners) -> Mesh:
+    return Mesh(name, np.array(corners, np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.uint32))
+
+
+FLOOR = square("floor", (-99, -99, 0), (99, -99, 0), (99, 99, 0), (-99, 99, 0))
+
+
+def panel(z: float = 1.0, a: float = 1.0, b: float = 1.0) -> Mesh:
+    """Faces down, over the origin."""
+    return square("panel", (-a, -b, z), (-a, b, z), (a, b, z), (a, -b, z))
+
+
+def scene(*lamps, material=None, camera: Camera = DOWN, floor=WHITE, textures=()) -> Scene:
+    """A floor, and what glows, which the camera does not see."""
+    placed = [Instances("floor", 0, np.eye(3, 4)[None], (0,))]
+    for number, lamp in enumerate(lamps, 1):
+        placed.append(
+            Instances(f"lamp {number}", number, np.eye(3, 4)[None], (1,), visible_camera=False)
+        )
+    return Scene(
+        camera,
+        (FLOOR, *lamps),
+        tuple(placed),
+        (floor, material or glowing(1.0, 1.0, 1.0)),
+        tuple(textures),
+    )
+
+
+def drawn(wanted: Scene, backend: str = "NATIVE", **settings) -> np.ndarray:
+    chosen = Settings(
+        **{"samples": 1024, "light_samples": 4, "filter_width": 0.0, "backend": backend} | settings
+    )
+    return render(wanted, chosen).passes["Combined"][..., :3]
+
+
+def rectangle_form_factor(a: float, b: float, z: float) -> float:
+    """Of a level point below the middle of a rectangle of 2a × 2b at the height z."""
+    x, y = a / z, b / z
+    p, q = np.hypot(1, x), np.hypot(1, y)
+    return 4 / (2 * np.pi) * (x / p * np.arctan(y / p) + y / q * np.arctan(x / q))
+
+
+@pytest.mark.parametrize("a, b, z", [(1, 1, 1), (0.2, 3, 0.7), (0.1, 0.1, 2), (5, 5, 1)])
+def test_a_panel_gives_its_form_factor(a, b, z):
+    value = drawn(scene(panel(z, a, b)))
+    np.testing.assert_allclose(value, rectangle_form_factor(a, b, z), rtol=2e-3)
+
+
+@pytest.mark.parametrize("a, b, z", [(1, 1, 1), (0.2, 3, 0.7), (0.1, 0.1, 2), (1, 0.3, 0.5)])
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_few_samples_of_a_panel_are_near(backend, a, b, z):
+    value = drawn(scene(panel(z, a, b)), backend, samples=64)
+    np.testing.assert_allclose(value, rectangle_form_factor(a, b, z), rtol=0.04)
+
+
+def test_a_disc_gives_its_form_factor():
+    angle = np.arange(64) * np.pi / 32
+    rim = np.stack([np.cos(angle), np.sin(angle), np.full(64, 2.0)], 1)
+    fan = [[0, k, k + 1] for k in range(1, 63)]
+    disc = Mesh("disc", rim.astype(np.float32), np.array(fan, np.uint32)[:, ::-1])
+    # of the circle of the same area
+    r2 = 64 * np.sin(np.pi / 32) / 2 / np.pi
+    np.testing.assert_allclose(drawn(scene(disc)), r2 / (r2 + 4), rtol=2e-3)
+
+
+def test_a_ball_gives_its_form_factor():
+    """A sphere of radius r whose centre is a height h above a level point: (r / h)²."""
+    ball = Spheres("ball", np.array([[0, 0, 2]], np.float32), np.array([1], np.float32))
+    np.testing.assert_allclose(drawn(scene(ball), light_samples=16), 0.25, rtol=5e-3)
+
+
+def test_a_ball_round_everything_lights_like_a_sky():
+    ball = Spheres("ball", np.array([[0, 0, 0]], np.float32), np.array([150], np.float32))
+    value = drawn(scene(ball), light_samples=16)
+    np.testing.assert_allclose(value, 1.0, rtol=0.01)
+
+
+def side_view(resolution: int = 24) -> Camera:
+    """Looks down at the origin at 45°."""
+    s = np.sqrt(0.5)
+    matrix = np.array([[1, 0, 0, 0], [0, s, -s, -4], [0, s, s, 4]])
+    return Camera("PERSPECTIVE", matrix, (-0.4, 0.4, -0.4, 0.4), (resolution, resolution))
+
+
+def tilted(material: Material = WHITE, **more) -> Scene:
+    """A floor before an upright panel whose two halves glow differently, with a post before it."""
+    left = square("left", (-1, 1, 0.01), (-1, 1, 1), (0, 1, 1), (0, 1, 0.01))
+    right = square("right", (0, 1, 0.01), (0, 1, 1), (1, 1, 1), (1, 1, 0.01))
+    post = square("post", (-0.3, 0.5, 0), (-0.2, 0.5, 0), (-0.2, 0.5, 0.6), (-0.3, 0.5, 0.6))
+    whole = scene(left, right, post, camera=side_view(), floor=material, **more)
+    red, green = glowing(4.0, 1.0, 0.5), glowing(0.5, 2.0, 1.0)
+    lamps = [
+        replace(whole.instances[1], materials=(1,), visible_camera=True),
+        replace(whole.instances[2], materials=(2,), visible_camera=True),
+        replace(whole.instances[3], materials=(0,), visible_camera=True),
+    ]
+    return replace(whole, instances=(whole.instances[0], *lamps), materials=(material, red, green))
+
+
+def gloss(exponent: float) -> Material:
+    shine = Lobe(
+        "SPECULAR", (Input((exponent / 8,) * 3),), exponent=exponent, fresnel=True, ior=1.5
+    )
+    return Material("gloss", (Lobe("DIFFUSE", (Input((0.5, 0.4, 0.3)),)), shine))
+
+
+@pytest.mark.parametrize("exponent", [4.0, 30.0, 1000.0])
+def test_both_tracers_see_the_same(exponent):
+    wanted = tilted(gloss(exponent))
+    settings = {"samples": 4, "light_samples": 2, "filter_width": 1.5}
+    core, reference = (drawn(wanted, backend, **settings) for backend in BACKENDS)
+    assert reference.max() > 1
+    wrong = np.abs(core - reference) > 1e-4 * (1 + np.abs(reference))
+    assert wrong.any(2).mean() <= 0.002  # a pixel at the edge of a shadow may turn
+
+
+@pytest.mark.parametrize("exponent", [100.0, 3000.0])
+def test_drawn_directions_change_no_mean(exponent):
+    """Points on the light alone, which are dots, converge to the same."""
+    wanted = tilted(gloss(exponent))
+    few = drawn(wanted, samples=256, light_samples=4)
+    rough = replace(wanted, materials=(gloss(exponent), *wanted.materials[1:]))
+    assert few.mean() == pytest.approx(drawn(rough, samples=4096, light_samples=8).mean(), rel=5e-3)
