@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 MOST_POINTS = 1 << 20
-"""Of a light; later samples of a pixel take those of the first ones again."""
-MOST_SHARE = 4
-"""Points for each sample of a lamp: one for each object that glows, up to so many."""
+"""Of a light."""
 ROUND = 64
 """Spheres up to which each is a polyhedron of 320 faces, above of 80."""
 INWARD = 0.1
@@ -39,12 +37,19 @@ LONG = 4.5
 """Square of the longest side over the area: 4 of half a square, 2.3 of an even triangle."""
 PIECES = 1 << 10
 """Triangles with less than such a share of the power stay whole, however long."""
+MARGIN = 2.0**-10
+"""Points keep off the edges of triangles, where the inner side of one is seen past its neighbour.
+"""
 LARGEST = 1e30
 """Radiance saturates here, far below float32's largest."""
 
 
 _NOTHING = Mesh("", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
-_CAMERA = Camera("PERSPECTIVE", np.eye(3, 4), (-1, 1, -1, 1), (1, 1))
+
+
+def _at(eye: Array) -> Camera:
+    """Any camera there."""
+    return Camera("PERSPECTIVE", np.column_stack([np.eye(3), eye]), (-1, 1, -1, 1), (1, 1))
 
 
 def mesh_light(scene: Scene) -> Light | None:
@@ -69,9 +74,8 @@ class _Same:
     def __init__(self, scene: Scene, blocks: list[Instances]) -> None:
         used = {block.geometry for block in blocks}
         geometries = [g if k in used else _NOTHING for k, g in enumerate(scene.geometries)]
-        # programs read where the camera is, the light is the same wherever that is
         self.scene = replace(
-            scene, camera=_CAMERA, geometries=tuple(geometries), instances=tuple(blocks), lights=()
+            scene, geometries=tuple(geometries), instances=tuple(blocks), lights=()
         )
         glowing = {k: scene.materials[k] for block in blocks for k in block.materials}
         varied = [m for m in glowing.values() if _varies(m)]
@@ -94,27 +98,30 @@ class _Same:
 
 @functools.lru_cache(maxsize=2)
 def _light(same: _Same) -> Light | None:
-    found = _found(same.scene)
+    # near what glows: sums of large and small coordinates lose the small ones' last digits
+    first = np.array(same.scene.instances[0].world_from_object[0, :, 3], np.float64)
+    found = _found(same.scene, first)
     if found is None:
         return None
     low, high = found.corners.min((0, 1)), found.corners.max((0, 1))
-    size = high - low
+    size, origin = high - low, first + (low + high) / 2
     return Light(
         "Glowing surfaces",
         "MESH",
-        np.column_stack([np.eye(3), (low + high) / 2]),
+        np.column_stack([np.eye(3), origin]),
         size_x=float(size[0]),
         size_y=float(size[1]),
         radius=float(size[2]) / 2,
-        emitters=replace(found, corners=found.corners - (low + high) / 2),
+        emitters=replace(found, corners=found.corners - (origin - first)),
     )
 
 
-def _found(scene: Scene) -> Emitters | None:
-    """All that glows, None where nothing does."""
+def _found(scene: Scene, origin: Array) -> Emitters | None:
+    """All that glows, counted from the origin, None where nothing does."""
     from .reference.geometry import gather
 
-    geometry = gather(scene, np.zeros(3))
+    scene = replace(scene, camera=_at(origin))
+    geometry = gather(scene, origin)
     parts = [
         part
         for number in np.unique(geometry.material)
@@ -123,26 +130,25 @@ def _found(scene: Scene) -> Emitters | None:
     ]
     if not parts:
         return None
-    columns = ((p.corners, p.front, p.back, p.weight, p.row) for p in parts)
-    corners, front, back, weight, row = map(np.concatenate, zip(*columns, strict=True))
+    columns = ((p.corners, p.front, p.back, p.weight) for p in parts)
+    corners, front, back, weight = map(np.concatenate, zip(*columns, strict=True))
     with np.errstate(over="ignore", invalid="ignore"):
         front, back = (np.clip(side, -LARGEST, LARGEST) for side in (front, back))
         weight = weight * (np.abs(front) + np.abs(back)).mean(1)
-        given = weight * Emitters(corners, front, back, weight, 0).areas
+        found = Emitters(corners, front, back, weight)
+        given = weight * found.areas
     good = np.flatnonzero((given > 0) & np.isfinite(given))
-    objects = len(np.unique(row[good]))
-    return Emitters(corners, front, back, weight, objects).take(good) if objects else None
+    return found.take(good) if len(good) else None
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Columns of `Emitters`, weight (n,) but for the radiance, and the rows of the placements."""
+    """Columns of `Emitters`; weight (n,) but for the radiance."""
 
     corners: Array
     front: Array
     back: Array
     weight: Array
-    row: Array
 
 
 def _of_material(scene: Scene, geometry: Geometry, number: int) -> Iterator[_Part]:
@@ -187,7 +193,7 @@ def _part(
     mirrored = geometry.placements.mirror[row] < 0
     pieces = np.where(mirrored[:, None, None], pieces[:, ::-1], pieces)
     sides = _radiance(scene, geometry, primitive, weights, pieces)
-    return _Part(pieces, *sides, np.ones(len(row)), row)
+    return _Part(pieces, *sides, np.ones(len(row)))
 
 
 def _cells(parts: int) -> Array:
@@ -267,7 +273,7 @@ def _radiance(
 
     shader = Shader(scene, Attributes(scene), geometry)
     row, x = geometry.row[primitive], pieces.mean(1).T
-    outward = Emitters(pieces, x, x, x, 0).normals.T
+    outward = Emitters(pieces, x, x, x).normals.T
     sides = []
     for sign in (1.0, -1.0):
         g = sign * outward
@@ -347,9 +353,9 @@ def _along_a_curve(x: Array) -> Array:
 class MeshTable:
     """Points on a MESH light: k of them.
 
-    point, normal: (k, 3) in the light's axes.  front, back: (k, 3) radiance.  spread: (k,) one over their density
-    by area.  reach: (k,) the longest sides of their triangles.  disc: (k, 2) of the unit disc.
-    each: how many a sample of a pixel takes.
+    point, normal: (k, 3) in the light's axes.  front, back: (k, 3) radiance.  spread: (k,) one over
+    their density by area.  reach: (k,) the longest sides of their triangles.  disc: (k, 2) of the
+    unit disc.  each: how many a sample of a pixel takes.
     """
 
     point: Array
@@ -362,25 +368,23 @@ class MeshTable:
     each: int
 
 
-def mesh_samples(light: Light, light_samples: int) -> int:
-    """Points of a MESH light for each sample of a pixel."""
-    return light_samples * min(max(light.emitters.objects, 1), MOST_SHARE)
-
-
 def merged(spread: Array | float, each: int) -> Array | float:
     """The square of the distance from which a point of a light is seen at least: see `MERGED`."""
     return spread / (MERGED * each * np.pi)
 
 
-def mesh_table(light: Light, samples: int, light_samples: int) -> MeshTable:
-    """The points that `samples` samples of a pixel take."""
-    each, emitters = mesh_samples(light, light_samples), light.emitters
+def mesh_table(light: Light, samples: int, each: int) -> MeshTable:
+    """What tracers know of a MESH light of which each of `samples` samples of a pixel takes `each`
+    points: those of as many whole samples as `MOST_POINTS` allow, after which they begin again.
+    """
+    emitters = light.emitters
     count = each * min(samples, max(MOST_POINTS // each, 1))
     u = dome_points(count)
     pieces, whole, weight = _pieces(emitters)
     piece, along = chosen(weight, u[:, 0])
     corners, index = pieces[piece], whole[piece]
-    point = np.einsum("kc,kcx->kx", _in_triangle(along, u[:, 1]), corners)
+    x, y = (MARGIN + (1 - 2 * MARGIN) * at for at in (along, u[:, 1]))
+    point = np.einsum("kc,kcx->kx", _in_triangle(x, y), corners)
     return MeshTable(
         point,
         emitters.normals[index],

@@ -363,6 +363,8 @@ def _light(light: Light) -> Found:
     yield from one_of("kind", light.kind, LIGHTS)
     if light.kind == "DOME":
         yield from _radiance(light.radiance)
+    if light.kind == "MESH":
+        yield "kind 'MESH' is made by the tracers: give surfaces EMISSION"
     if light.program is not None:
         yield from _light_program(light)
     yield from one_of("shape", light.shape, LIGHT_SHAPES)

@@ -223,16 +223,15 @@ class Material:
 class Emitters:
     """m triangles, each of one radiance on a side.
 
-    corners: (m, 3, 3) float64, in the light's axes, counter-clockwise seen from outside.  front, back: (m, 3)
-    radiance of the outer side and the inner one.  weight: (m,) how densely, by area, points lie on
-    them, but for a factor.  objects: how many things glow.
+    corners: (m, 3, 3) float64, in the light's axes, counter-clockwise seen from outside.
+    front, back: (m, 3) radiance of the outer side and the inner one.  weight: (m,) how densely, by
+    area, points lie on them, but for a factor.
     """
 
     corners: Array
     front: Array
     back: Array
     weight: Array
-    objects: int
 
     @cached_property
     def areas(self) -> Array:
@@ -264,7 +263,7 @@ class Emitters:
     def take(self, index: Array) -> Emitters:
         """Those at these places."""
         columns = self.corners, self.front, self.back, self.weight
-        return Emitters(*(column[index] for column in columns), self.objects)
+        return Emitters(*(column[index] for column in columns))
 
 
 LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH")

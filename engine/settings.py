@@ -85,6 +85,9 @@ ILLUMINATIONS, BACKENDS, ACCELERATIONS = (
 DOME_SHARE = 8
 """Directions of a DOME light for each sample of another light: the sky is all round, lamps are not.
 """
+MESH_SHARE = 4
+"""Points of a MESH light for each sample of another light: it is all that glows.
+"""
 BUILDS = ACCELERATIONS[1:]
 """Ways to build the core's trees, in the order of their time."""
 MOST_LIGHT_POINTS = 1 << 23
@@ -264,6 +267,11 @@ class Settings:
     def dome_samples(self) -> int:
         """Directions of a DOME light for each sample of a pixel."""
         return DOME_SHARE * self.light_samples
+
+    @property
+    def mesh_samples(self) -> int:
+        """Points of a MESH light for each sample of a pixel."""
+        return MESH_SHARE * self.light_samples
 
     def problems(self) -> list[str]:
         """What is wrong with these settings, one sentence each."""

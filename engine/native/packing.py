@@ -18,10 +18,10 @@ from ..film import PASSES
 from ..program.program import Program
 from ..sampling import light_points, pixel_offsets
 from ..scene import (
-    Emitters,
     LIGHT_SHAPES,
     Attribute,
     Camera,
+    Emitters,
     Geometry,
     Instances,
     Light,
@@ -567,7 +567,7 @@ def _add_mesh(
 ) -> None:
     from ..mesh_lights import mesh_table
 
-    t = mesh_table(light, settings.samples, settings.light_samples)
+    t = mesh_table(light, settings.samples, settings.mesh_samples)
     columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc)
     rows = packer.lend(np.column_stack(columns), np.float64, (None, 16), "mesh light samples")
     data.mesh_table = address(rows)

@@ -264,7 +264,7 @@ class Explainer:
     ) -> LightTerm:
         n_dot_l = float(dot(surface.n, sample.direction)[0])
         intensity = sample.light_of(source)[:, 0]
-        lit = n_dot_l > 0 and intensity.any()
+        lit = sample.reaches(surface.g, surface.n)[0] and intensity.any()
         specular = sum(
             (
                 term.k[:, 0] * self._highlight(surface, sample, term)
@@ -312,7 +312,7 @@ class Explainer:
         far = (
             np.array([np.inf])
             if sample.end is None
-            else length(sample.end - start) - ULPS * np.abs(sample.end).max(0)
+            else length(sample.end - start) - sample.short * np.abs(sample.end).max(0)
         )
         found = self.stage.visibility.closest(
             Bundle.of(start, sample.direction, np.zeros(1), far), "shadow"

@@ -125,20 +125,22 @@ class Lighting:
         """
         self.pulse.beat()
         cosine = dot(surface.n, sample.direction)
-        seen = np.flatnonzero(lit & (cosine > 0) & (sample.intensity != 0))
+        seen = np.flatnonzero(lit & sample.reaches(surface.g, surface.n))
         if not len(seen) or not source.color.any():
             return seen[:0], np.zeros(0, bool)
         end = (
             sample.end if sample.end is None or sample.end.shape[1] == 1 else pick(sample.end, seen)
         )
-        sample = LightSample(
-            pick(sample.direction, seen),
-            sample.intensity[seen],
-            end,
-            sample.spread[seen],
-            sample.color
+        sample = replace(
+            sample,
+            direction=pick(sample.direction, seen),
+            intensity=sample.intensity[seen],
+            end=end,
+            spread=sample.spread[seen],
+            color=sample.color
             if sample.color is None or sample.color.shape[1] == 1
             else pick(sample.color, seen),
+            inner=None,
         )
         light = sample.light_of(source)
         diffuse = pick(diffuse, seen) * light * cosine[seen]

@@ -16,6 +16,7 @@ from ..dome import DomeTable
 from ..mesh_lights import MeshTable, merged
 from ..scene import Light
 from .emission import Emission
+from .rays import ULPS
 from .rectangle import rectangle_point
 from .vectors import basis_around, cross, dot, length, pick, unit
 
@@ -55,7 +56,10 @@ class LightSample:
     direction: (3, n) l.  intensity: (n,), to be multiplied with the light's colour.
     end: where the shadow segment ends: (3, 1) a point common to all, (3, n) a point for each, or
     None for never. spread: (n,) one over how densely, a steradian, samples fall there; 0 for a
-    light of no extent.  color: (3, 1) or (3, n) instead of the light's, None for that.
+    light of no extent.  color: (3, 1) or (3, n) instead of the light's, None for that.  inner:
+    (n,) bool where it is the inner side of a surface; such light does not reach faces that turn
+    away from it, as the outside of the same body. None for nowhere.  short: by how much of the
+    end's coordinates the segments are shorter, for what the light is part of.
     """
 
     direction: Array
@@ -63,6 +67,15 @@ class LightSample:
     end: Array | None
     spread: Array
     color: Array | None = None
+    inner: Array | None = None
+    short: float = ULPS
+
+    def reaches(self, g: Array, n: Array) -> Array:
+        """(k,) bool: points with the normals g, n (3, k), whatever stands between."""
+        reached = (dot(n, self.direction) > 0) & (self.intensity != 0)
+        return reached if self.inner is None else reached & ~(
+            self.inner & (dot(g, self.direction) <= 0)
+        )
 
     def light_of(self, source: Source) -> Array:
         """(3, n) intensity times colour."""
@@ -494,7 +507,13 @@ class MeshSource(Source):
         with np.errstate(over="ignore"):
             color = np.clip(light, -HUGE, HUGE)
         return LightSample(
-            direction, solid_angle / (np.pi * self._table.each), q, solid_angle, color
+            direction,
+            solid_angle / (np.pi * self._table.each),
+            q,
+            solid_angle,
+            color,
+            z <= 0,
+            ROUNDED,
         )
 
 

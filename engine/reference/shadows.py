@@ -51,8 +51,8 @@ class Shadows:
                 Bundle.of(start, sample.direction, np.zeros(len(seen)), np.full(len(seen), np.inf))
             )
         if end.shape[1] == 1:
-            return self._through(start, end[:, 0])
-        return self._each(start, end)
+            return self._through(start, end[:, 0], sample.short)
+        return self._each(start, end, sample.short)
 
     def _blocked(self, rays: Rays) -> Array:
         return self._visibility.blocked(rays, self._transmittance)
@@ -79,13 +79,13 @@ class Shadows:
         u, v, z = transform(matrix, start)
         return self._blocked(Pencil(frame, u, v, z, np.full(len(z), np.inf)))
 
-    def _through(self, start: Array, light: Array) -> Array:
+    def _through(self, start: Array, light: Array, short: float) -> Array:
         """Six pencils from the light, one for each side of a cube round it."""
         arm = start - light[:, None]
         axis = np.abs(arm).argmax(0)
         side = 2 * axis + (np.take_along_axis(arm, axis[None], 0)[0] < 0)
         result = np.ones((len(side), 3))
-        near = ULPS * np.abs(light).max()
+        near = short * np.abs(light).max()
         for face in range(6):
             mine = np.flatnonzero(side == face)
             if len(mine):
@@ -99,11 +99,11 @@ class Shadows:
                 )
         return result
 
-    def _each(self, start: Array, end: Array) -> Array:
+    def _each(self, start: Array, end: Array, short: float) -> Array:
         arm = end - start
         far = length(arm)
         safe = np.where(far > 0, far, 1.0)
-        margin = ULPS * np.abs(end).max(0)
+        margin = short * np.abs(end).max(0)
         direction = np.where(far > 0, arm / safe, np.array([[0.0], [0.0], [1.0]]))
         return self._blocked(Bundle.of(start, direction, np.zeros(len(far)), far - margin))
 

@@ -66,9 +66,10 @@ class Stage:
         return radiance(program, self._sky_images, axes.T @ unit(along), kind)
 
     def _source(self, light: Light) -> Source:
-        samples, each = self.settings.samples, self.settings.light_samples
+        samples = self.settings.samples
         if light.kind == "MESH":
-            return MeshSource(light, self.eye, mesh_table(light, samples, each))
+            table = mesh_table(light, samples, self.settings.mesh_samples)
+            return MeshSource(light, self.eye, table)
         if light.kind != "DOME":
             emission = None
             if light.program is not None:

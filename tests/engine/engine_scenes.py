@@ -423,7 +423,7 @@ def far_and_emitting() -> s.Scene:
     far = np.array([1e5, -2e5, 3e4])
     glow = surface("glow", 0.2, lobes=(s.Lobe("EMISSION", constant(0.3, 0.6, 1.5)),), index=9)
     floor = s.Instances("floor", 0, at(far), (0,))
-    ball = s.Instances("ball", 1, at(far + [0, 0, 0.8], 0.8), (1,))
+    ball = s.Instances("ball", 1, at(far + [0, 0, 0.9], 0.8), (1,))
     return s.Scene(
         camera(far + [2.1, -4.3, 2.7], far + [0, 0, 0.4], shift=(0.15, -0.1)),
         (grid_mesh(4), ball_mesh()),

@@ -7,8 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glint.engine import Settings, render
+from glint.engine import Settings, mesh_lights, render
+from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.mesh_lights import mesh_light, mesh_table
+from glint.engine.program.graph import Graph
+from glint.engine.program.program import compile_program
+from glint.engine.program.table import BY_NAME
 from glint.engine.scene import (
     POINT,
     Attribute,
@@ -52,11 +56,12 @@ def panel(z: float = 1.0, a: float = 1.0, b: float = 1.0) -> Mesh:
 
 def scene(*lamps, material=None, camera: Camera = DOWN, floor=WHITE, textures=()) -> Scene:
     """A floor, and what glows, which the camera does not see."""
-    placed = [Instances("floor", 0, np.eye(3, 4)[None], (0,))]
-    for number, lamp in enumerate(lamps, 1):
-        placed.append(
-            Instances(f"lamp {number}", number, np.eye(3, 4)[None], (1,), visible_camera=False)
-        )
+    here = np.eye(3, 4)[None]
+    placed = [Instances("floor", 0, here, (0,))]
+    placed += [
+        Instances(f"lamp {k}", k, here, (1,), visible_camera=False)
+        for k in range(1, len(lamps) + 1)
+    ]
     return Scene(
         camera,
         (FLOOR, *lamps),
@@ -80,13 +85,13 @@ def rectangle_form_factor(a: float, b: float, z: float) -> float:
     return 4 / (2 * np.pi) * (x / p * np.arctan(y / p) + y / q * np.arctan(x / q))
 
 
-@pytest.mark.parametrize("a, b, z", [(1, 1, 1), (0.2, 3, 0.7), (0.1, 0.1, 2), (5, 5, 1)])
+@pytest.mark.parametrize(("a", "b", "z"), [(1, 1, 1), (0.2, 3, 0.7), (0.1, 0.1, 2), (5, 5, 1)])
 def test_a_panel_gives_its_form_factor(a, b, z):
     value = drawn(scene(panel(z, a, b)))
     np.testing.assert_allclose(value, rectangle_form_factor(a, b, z), rtol=2e-3)
 
 
-@pytest.mark.parametrize("a, b, z", [(1, 1, 1), (0.2, 3, 0.7), (0.1, 0.1, 2), (1, 0.3, 0.5)])
+@pytest.mark.parametrize(("a", "b", "z"), [(1, 1, 1), (0.2, 3, 0.7), (0.1, 0.1, 2), (1, 0.3, 0.5)])
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_few_samples_of_a_panel_are_near(backend, a, b, z):
     value = drawn(scene(panel(z, a, b)), backend, samples=64)
@@ -154,6 +159,19 @@ def test_both_tracers_see_the_same(exponent):
     assert wrong.any(2).mean() <= 0.002  # a pixel at the edge of a shadow may turn
 
 
+@pytest.mark.parametrize("exponent", [4.0, 1000.0])
+def test_explain_tells_all_of_a_pixel(exponent):
+    wanted = tilted(gloss(exponent))
+    settings = Settings(samples=1, light_samples=2, filter_width=0.0)
+    picture = render(wanted, settings).passes["Combined"]
+    explainer, named = PixelExplainer(wanted, settings), set()
+    for x, y in ((12, 12), (5, 3), (20, 9), (11, 20)):
+        ray = explainer.pixel(x, y)
+        np.testing.assert_allclose(ray.color, picture[y, x, :3], rtol=1e-4, atol=1e-6)
+        named |= {term.light for term in (ray.hit.lights if ray.hit else ())}
+    assert named == {"Glowing surfaces"}
+
+
 @pytest.mark.parametrize("exponent", [100.0, 3000.0])
 def test_drawn_directions_change_no_mean(exponent):
     """Points on the light alone, which are dots, converge to the same."""
@@ -161,3 +179,110 @@ def test_drawn_directions_change_no_mean(exponent):
     few = drawn(wanted, samples=256, light_samples=4)
     rough = replace(wanted, materials=(gloss(exponent), *wanted.materials[1:]))
     assert few.mean() == pytest.approx(drawn(rough, samples=4096, light_samples=8).mean(), rel=5e-3)
+
+
+# --- which points
+# --------------------------------------------------------------------------------------------------
+
+
+def test_points_follow_the_power():
+    """A panel of three times the radiance gets three times the points, each worth a third."""
+    dim, bright = panel(1.0), panel(2.0)
+    whole = scene(dim, bright)
+    placed = (*whole.instances[:2], replace(whole.instances[2], materials=(2,)))
+    light = mesh_light(
+        replace(whole, instances=placed, materials=(*whole.materials, glowing(3.0, 3.0, 3.0)))
+    )
+    table = mesh_table(light, 64, 8)
+    high = table.front[:, 0] == 3.0
+    assert high.mean() == pytest.approx(0.75, abs=0.01)
+    assert table.spread[high][0] == pytest.approx(table.spread[~high][0] / 3)
+    np.testing.assert_allclose(
+        (table.front[:, 0] * table.spread).mean(), 1.0 * 4 + 3.0 * 4, rtol=0.01
+    )
+
+
+def test_all_samples_have_the_same_points_however_many_there_are():
+    light = mesh_light(scene(panel()))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mesh_lights, "MOST_POINTS", 64)
+        few = mesh_table(light, 1000, 8)
+    assert len(few.point) == 64
+    np.testing.assert_array_equal(few.point, mesh_table(light, 8, 8).point)
+
+
+def test_points_begin_again_in_both_tracers(monkeypatch):
+    monkeypatch.setattr(mesh_lights, "MOST_POINTS", 16)
+    wanted = tilted()
+    core, reference = (drawn(wanted, backend, samples=8, light_samples=1) for backend in BACKENDS)
+    np.testing.assert_allclose(core, reference, rtol=1e-4, atol=1e-4)
+
+
+def test_what_does_not_glow_makes_no_light():
+    assert mesh_light(scene(panel(), material=WHITE)) is None
+    assert mesh_light(scene(panel(), material=glowing(0.0, 0.0, 0.0))) is None
+    assert mesh_light(scene()) is None
+
+
+@pytest.mark.parametrize("setting", [{"mesh_light": "OFF"}, {"illumination": "CLASSIC"}])
+def test_it_can_be_off(setting):
+    assert not drawn(scene(panel()), samples=4, **setting).any()
+
+
+def test_a_mirrored_flattened_instance_gives_the_same():
+    """Of a panel twice as high, brought down, seen from its other side."""
+    flat = np.array([[-1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0.5, 0]])[None]
+    both = []
+    for backend in BACKENDS:
+        whole = scene(panel(2.0))
+        moved = replace(whole.instances[1], world_from_object=flat)
+        wanted = replace(whole, instances=(whole.instances[0], moved))
+        both.append(drawn(wanted, backend, samples=64))
+    np.testing.assert_allclose(both[0], both[1], rtol=1e-5)
+    np.testing.assert_allclose(both[0], rectangle_form_factor(1, 1, 1), rtol=0.01)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_each_side_may_glow_otherwise(backend):
+    """By the program of its material: the back alone, which the floor does not see."""
+    graph = Graph()
+    inner = graph.apply(BY_NAME["backfacing"])[0]
+    shown = compile_program(graph, graph.apply(BY_NAME["combine_xyz"], inner, inner, inner))
+    material = Material("lid", (Lobe("EMISSION", (Input(output=0),)),), program=shown)
+    assert not drawn(scene(panel(), material=material), backend, samples=4).any()
+    facing_up = replace(panel(), triangles=panel().triangles[:, ::-1])
+    assert drawn(scene(facing_up, material=material), backend, samples=64).mean() == pytest.approx(
+        rectangle_form_factor(1, 1, 1), rel=0.01
+    )
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_an_image_lights_from_where_it_is_bright(backend):
+    """The lit half of a panel is a panel of half the size."""
+    pixels = np.zeros((1, 2, 4), np.float32)
+    pixels[0, :, 3], pixels[0, 0, :3] = 1, 1
+    texture = Texture("half", pixels, extension="EXTEND", interpolation="CLOSEST")
+    uv = Attribute("uv", POINT, np.array([[0, 0], [0, 1], [1, 1], [1, 0]], np.float32))
+    lamp = replace(panel(), attributes=(uv,))
+    material = Material("screen", (Lobe("EMISSION", (Input(texture=0),)),))
+    value = drawn(scene(lamp, material=material, textures=(texture,)), backend, samples=256)
+    np.testing.assert_allclose(value, rectangle_form_factor(1, 1, 1) / 2, rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    "corner", [np.nan, np.inf, 3e38, 1e-30], ids=["nan", "infinite", "largest", "tiny"]
+)
+def test_extreme_corners_leave_the_rest_lit(corner):
+    strange = square("strange", (0, 0, 5), (0, corner, 5), (corner, corner, 5), (corner, 0, 5))
+    with np.errstate(all="ignore"):
+        value = drawn(scene(panel(), strange), samples=64)
+    assert np.isfinite(value).all()
+    if corner != 3e38:
+        np.testing.assert_allclose(value, rectangle_form_factor(1, 1, 1), rtol=0.02)
+
+
+@pytest.mark.parametrize("strength", [1e-30, 1e30, -1.0])
+def test_extreme_strengths_are_finite(strength):
+    value = drawn(scene(panel(), material=glowing(*[strength] * 3)), samples=16)
+    assert np.isfinite(value).all()
+    np.testing.assert_allclose(value, strength * rectangle_form_factor(1, 1, 1), rtol=0.05)

@@ -225,6 +225,37 @@ GlintLight light(Dice& dice) {
   return g;
 }
 
+GlintEmitter emitter(Dice& dice) {
+  GlintEmitter e{};
+  for (int c = 0; c < 3; ++c) {
+    e.front[c] = dice.number();
+    e.back[c] = dice.number();
+    e.normal[c] = dice.number();
+  }
+  e.spread = dice.number();
+  e.reach = dice.number();
+  return e;
+}
+
+/// At times one of them is a mesh light.
+void set_lights(Dice& dice, Arena& arena, GlintSceneData& d) {
+  std::vector<GlintLight> lights;
+  for (size_t k = dice.below(4); k > 0; --k) lights.push_back(light(dice));
+  std::vector<GlintEmitter> emitters;
+  if (!lights.empty() && dice.chance(0.3)) {
+    lights.back().kind = GLINT_MESH_LIGHT;
+    lights.back().program = 0;
+    for (size_t k = 1 + dice.below(20); k > 0; --k) emitters.push_back(emitter(dice));
+  }
+  d.emitter_count = d.emitter_corner_count = emitters.size();
+  d.emitters = arena.table(emitters);
+  d.emitter_corners = arena.fill<float>(9 * emitters.size(), [&] { return float(dice.number()); });
+  if (dice.chance(0.02 * dice.wildness)) d.emitters = nullptr;
+  if (dice.chance(0.02 * dice.wildness)) d.emitter_corner_count += 1;
+  d.lights = arena.table(lights);
+  d.light_count = lights.size();
+}
+
 GlintCamera camera(Dice& dice) {
   GlintCamera c{};
   for (double& x : c.world_from_camera) x = dice.number();
@@ -430,10 +461,7 @@ GlintSceneData scene(Dice& dice, Arena& arena) {
   d.textures = arena.table(textures);
   d.texture_count = textures.size();
   set_materials(dice, arena, d);
-  std::vector<GlintLight> lights;
-  for (size_t k = dice.below(4); k > 0; --k) lights.push_back(light(dice));
-  d.lights = arena.table(lights);
-  d.light_count = lights.size();
+  set_lights(dice, arena, d);
   if (dice.wildness > 0 && dice.chance(0.1)) wreck_tables(dice, d);
   return d;
 }
@@ -453,12 +481,7 @@ GlintSceneData varied(Dice& dice, Arena& arena, const GlintSceneData& before) {
       if (dice.chance(0.1)) matrices[k] = dice.number();
     d.world_from_object = matrices;
   }
-  if (dice.chance(0.4)) {
-    std::vector<GlintLight> lights;
-    for (size_t k = dice.below(4); k > 0; --k) lights.push_back(light(dice));
-    d.lights = arena.table(lights);
-    d.light_count = lights.size();
-  }
+  if (dice.chance(0.4)) set_lights(dice, arena, d);
   if (dice.chance(0.3)) set_materials(dice, arena, d);
   if (dice.chance(0.3) && d.instances_count > 0) d.instances_count -= dice.below(2);
   return d;
@@ -506,6 +529,14 @@ void set_dome(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   if (dice.chance(0.05 * dice.wildness)) s.dome_cells = nullptr;
 }
 
+void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
+  s.mesh_samples = uint32_t(1 + dice.below(5));
+  s.mesh_count = uint64_t(s.mesh_samples) * (1 + dice.below(s.samples));
+  s.mesh_table = arena.fill<double>(16 * s.mesh_count, [&] { return dice.number(); });
+  if (dice.chance(0.05 * dice.wildness)) s.mesh_count = 0;
+  if (dice.chance(0.05 * dice.wildness)) s.mesh_table = nullptr;
+}
+
 GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& scene) {
   GlintRenderSettings s{};
   const bool stops_early = dice.chance(0.15);
@@ -523,6 +554,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   s.light_square = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   s.light_disc = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   set_dome(dice, arena, s);
+  set_mesh_points(dice, arena, s);
   const uint32_t w = scene.camera.width, h = scene.camera.height;
   const bool part = dice.chance(0.3);
   s.region[0] = part ? uint32_t(dice.below(w)) : 0;

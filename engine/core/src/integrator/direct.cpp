@@ -170,7 +170,7 @@ size_t DirectLight::meet_emitters(const Light& light, size_t count) {
         light.meeting(emitter, row(stage_.points_x, point_[k]), q, l, uint32_t(stage_.share));
     const Vec3d given = met.factor / (1 + stage_.density_out[k] * met.spread / stage_.share) *
                         met.color * row(stage_.diffuse_out, k);
-    if (!any(given)) continue;
+    if (!any(given) || (!met.front && dot(row(stage_.g, point_[k]), l) <= 0)) continue;
     const Vec3d to = met.end - from;
     point_[kept] = point_[k];
     set_row(stage_.o, kept, from);

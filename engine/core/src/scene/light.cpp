@@ -240,7 +240,8 @@ LightMeeting Light::meeting(const GlintEmitter& e, Vec3d x, Vec3d q, Vec3d l,
   return {{saturate(light[0]), saturate(light[1]), saturate(light[2])},
           q + std::copysign(apart, z) * n,
           spread / (kPi * count),
-          spread};
+          spread,
+          z > 0};
 }
 
 double Light::meets_sphere(Vec3d o, Vec3d d) const {

@@ -26,6 +26,7 @@ struct LightPoint {
 struct LightMeeting {
   Vec3d color, end;
   double factor, spread;
+  bool front;  // the outer side is seen
 };
 
 struct Light {

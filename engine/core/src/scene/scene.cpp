@@ -101,6 +101,7 @@ Scene::Scene(const GlintSceneData& data, const Scene* base, bool exact) : camera
   shape_materials();
   earlier_.trees.same_space = earlier_.trees.accel && anchor == earlier_.anchor;
   if (base) share_trees(*base, exact);
+  if (base) share_emitters(*base);
 }
 
 Scene::~Scene() = default;
@@ -128,6 +129,18 @@ void Scene::reuse_from(const Scene& base, const GlintSceneData& data, bool exact
   if (std::all_of(earlier_.trees.geometry.begin(), earlier_.trees.geometry.end(), none))
     earlier_.trees = {};
   earlier_.trees.exact = exact;
+}
+
+/// Where the mesh light is the same, so is its tree.
+void Scene::share_emitters(const Scene& base) {
+  const Light *const here = mesh_light(), *const there = base.mesh_light();
+  if (!here || !there || emitter_corners_ != base.emitter_corners_ ||
+      emitters.size() != base.emitters.size() ||
+      std::memcmp(&here->placed, &there->placed, sizeof here->placed) != 0)
+    return;
+  std::lock_guard lock(base.build_mutex_);
+  emitter_accel_ = base.emitter_accel_;
+  emitter_rows_ = base.emitter_rows_;
 }
 
 /// Where nothing stands elsewhere, the trees are those of `base`.
@@ -348,17 +361,23 @@ std::vector<InstanceView> Scene::instance_views() const {
   return views;
 }
 
-/// Of the mesh light, if there is one.
-bool Scene::build_emitters(int threads, const std::atomic<bool>& cancel) {
+const Light* Scene::mesh_light() const {
   const auto light =
       std::find_if(lights.begin(), lights.end(), [](const Light& l) { return l.is_mesh(); });
-  if (light == lights.end() || emitter_accel_) return true;
-  emitter_rows_.resize(3 * emitters.size());
-  std::iota(emitter_rows_.begin(), emitter_rows_.end(), 0u);
+  return light == lights.end() ? nullptr : &*light;
+}
+
+/// Of the mesh light, if there is one.
+bool Scene::build_emitters(int threads, const std::atomic<bool>& cancel) {
+  const Light* const light = mesh_light();
+  if (!light || emitter_accel_) return true;
+  std::vector<uint32_t> rows(3 * emitters.size());
+  std::iota(rows.begin(), rows.end(), 0u);
+  emitter_rows_ = std::make_shared<const std::vector<uint32_t>>(std::move(rows));
   const GeometryView view{GeometryView::kMesh,
                           emitter_corners_,
-                          emitter_rows_.size(),
-                          emitter_rows_.data(),
+                          emitter_rows_->size(),
+                          emitter_rows_->data(),
                           nullptr,
                           nullptr,
                           nullptr,

@@ -185,7 +185,9 @@ class Scene {
   double radius(const Scene* base);
   void reuse_from(const Scene& base, const GlintSceneData& data, bool exact);
   void share_trees(const Scene& base, bool exact);
+  void share_emitters(const Scene& base);
   bool same_placements(const Scene& base) const;
+  const Light* mesh_light() const;
   bool build_emitters(int threads, const std::atomic<bool>& cancel);
   std::vector<GeometryView> geometry_views() const;
   std::vector<InstanceView> instance_views() const;
@@ -202,9 +204,9 @@ class Scene {
   std::vector<uint32_t> geometry_in_base_;
   std::vector<Extent> extents_;  // of the geometries, object space
   std::shared_ptr<const Accel> accel_;
-  std::unique_ptr<const Accel> emitter_accel_;
+  std::shared_ptr<const Accel> emitter_accel_;
   const float* emitter_corners_ = nullptr;
-  std::vector<uint32_t> emitter_rows_;  // of the corners, three an emitter
+  std::shared_ptr<const std::vector<uint32_t>> emitter_rows_;  // of the corners, three an emitter
   std::unique_ptr<const OpacityMaps> opacity_;
   bool exact_ = true;  // accel_ is what a scene without a base would have
   Earlier earlier_;    // until there is accel_

@@ -442,6 +442,14 @@ inline size_t append_lit(const LightStage& s, size_t k, const Sample& sample, Ma
   return size_t(__builtin_popcount(lanes));
 }
 
+/// Where the inner side of a mesh light is seen from a face that turns away from it, as by the
+/// outside of the same body.
+template <int Shape>
+inline Mask within(const LightStage& s, size_t k, const Sample& at) {
+  if constexpr (Shape != kMeshSource) return Mask{};
+  return (dot(at.l, splat3(s.axis)) >= 0) & (dot(at.l, load3(s.g, k)) <= 0);
+}
+
 template <int Shape>
 inline Three color_of(const LightStage& s, const Sample& at) {
   if constexpr (Shape != kMeshSource) return splat3(s.color);
@@ -469,7 +477,7 @@ size_t light_from(const LightStage& s) {
     const Three n = load3(s.n, k), x = load3(s.points_x, k);
     const Sample at = sample<Shape>(s, x);
     const Doubles cosine = dot(n, at.l);
-    const Mask reached = lit & at.good & (cosine > 0);
+    const Mask reached = lit & at.good & (cosine > 0) & ~within<Shape>(s, k, at);
     if (!any(reached)) continue;
     const Three color = color_of<Shape>(s, at), I = at.factor * color,
                 diffuse = cosine * (I * load3(s.diffuse, k));
