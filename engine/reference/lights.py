@@ -73,8 +73,10 @@ class LightSample:
     def reaches(self, g: Array, n: Array) -> Array:
         """(k,) bool: points with the normals g, n (3, k), whatever stands between."""
         reached = (dot(n, self.direction) > 0) & (self.intensity != 0)
-        return reached if self.inner is None else reached & ~(
-            self.inner & (dot(g, self.direction) <= 0)
+        return (
+            reached
+            if self.inner is None
+            else reached & ~(self.inner & (dot(g, self.direction) <= 0))
         )
 
     def light_of(self, source: Source) -> Array:
