@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+LOBE_STEP = 61
 _WORD = np.uint64((1 << 32) - 1)
 _STEP = np.uint64(0x9E3779B1)
 _POLYNOMIALS = (
@@ -132,6 +133,20 @@ def light_points(count: int) -> tuple[np.ndarray, np.ndarray]:
 def dome_points(count: int) -> np.ndarray:
     """(count, 2) float64 in (0, 1), from which the directions of the sky's light are drawn."""
     return _sobol(count, _DOME)
+
+
+def lobe_points(count: int) -> np.ndarray:
+    """(count, 2) float64 in the unit disc: where in the lobes of rough surfaces the samples of a
+    pixel reflect their rays.
+    """
+    return concentric_disc(2 * _sobol(count, _DOME) - 1)
+
+
+def lobe_point(sample: int, reflection: int, count: int) -> int:
+    """Which of `count` points a sample takes at its reflection 0, 1, 2 …: each time another, so
+    that they are independent.
+    """
+    return (sample + LOBE_STEP * reflection) % count
 
 
 def concentric_disc(square: np.ndarray) -> np.ndarray:

@@ -48,6 +48,25 @@ _MESH_LIGHTS = (
     ),
     ("OFF", "Off", "For quick pictures: what glows is seen, and lights nothing. Costs nothing"),
 )
+_REFLECTIONS = (
+    (
+        "METALS",
+        "Metals",
+        "For most pictures: rough metals reflect what surrounds them. Takes as long again where "
+        "they are seen",
+    ),
+    (
+        "ALL",
+        "All",
+        "For glossy plastic, wood and stone close to each other: every rough surface does. Takes "
+        "about twice as long",
+    ),
+    (
+        "OFF",
+        "Off",
+        "For quick pictures: rough surfaces reflect lights and the sky alone. Costs nothing",
+    ),
+)
 _BACKENDS = (
     (
         "NATIVE",
@@ -222,6 +241,13 @@ class Settings:
         "Whether surfaces that glow light others. With Classic illumination they do not",
         choices=_MESH_LIGHTS,
     )
+    reflections: str = _setting(
+        "METALS",
+        "Rough Reflections",
+        "Which rough surfaces reflect others, up to the number of bounces; mirrors always do. With "
+        "Classic illumination none do",
+        choices=_REFLECTIONS,
+    )
     backend: str = _setting(
         "NATIVE", "Tracer", "Which of the two tracers draws the picture", choices=_BACKENDS
     )
@@ -262,6 +288,12 @@ class Settings:
             "by_world": physical and self.world_light == "OCCLUDED",
             "by_meshes": physical and self.mesh_light == "ON",
         }
+
+    @property
+    def reflecting(self) -> str:
+        """`reflections`, or OFF where none can be."""
+        possible = self.illumination == "PHYSICAL" and self.max_bounces > 0
+        return self.reflections if possible else "OFF"
 
     @property
     def dome_samples(self) -> int:

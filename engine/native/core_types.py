@@ -112,6 +112,12 @@ class Build(IntEnum):
     FINE = 2
 
 
+class Reflect(IntEnum):
+    OFF = 0
+    METALS = 1
+    ALL = 2
+
+
 class Waves(IntEnum):
     UNSEEN = 0
     SEEN = 1
@@ -287,15 +293,15 @@ class SceneData(Structure):
 
 class RenderSettingsData(Structure):
     _fields_ = [
-        *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table dome_cells"),
-        *_each(c_size_t, "dome_irradiance"),
+        *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table lobe_points"),
+        *_each(c_size_t, "dome_cells dome_irradiance"),
         *_each(c_uint64, "light_point_count dome_count mesh_count"),
         *_each(c_double * 9, "dome_axes"),
         *_each(c_double, "error_threshold cutoff"),
         *_each(c_uint32, "samples light_samples dome_samples mesh_samples dome_rows dome_columns"),
         *_each(c_uint32, "dome_irradiance_rows dome_irradiance_columns max_bounces threads passes"),
         *_each(c_uint32 * 4, "region"),
-        *_each(c_int32, "illumination waves acceleration remember"),
+        *_each(c_int32, "illumination waves acceleration remember reflections reserved"),
     ]
 
 

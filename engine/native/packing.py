@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import SceneError
 from ..film import PASSES
 from ..program.program import Program
-from ..sampling import light_points, pixel_offsets
+from ..sampling import light_points, lobe_points, pixel_offsets
 from ..scene import (
     LIGHT_SHAPES,
     Attribute,
@@ -530,6 +530,10 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     data.illumination = number(settings.illumination, core_types.Illumination, "illumination")
     build = "BALANCED" if settings.acceleration == "AUTO" else settings.acceleration
     data.acceleration = number(build, core_types.Build, "acceleration")
+    data.reflections = number(settings.reflecting, core_types.Reflect, "reflections")
+    if settings.reflecting != "OFF":
+        points = packer.lend(lobe_points(settings.samples), np.float64, (None, 2), "lobe points")
+        data.lobe_points = address(points)
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
         square, disc = _light_points(settings.samples * settings.light_samples)

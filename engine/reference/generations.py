@@ -4,11 +4,15 @@ through, then bounce after bounce.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
+from ..sampling import lobe_point
+from .gloss import reflecting
 from .lights import Source
 from .materials import Coefficients
-from .paths import Paths, beyond, bounced, joined, straight_on
+from .paths import Paths, beyond, bounced, joined, reflected_by_lobes, straight_on
 from .picture import Tile
 from .raster import Strips
 from .rays import Pencil
@@ -21,6 +25,13 @@ from .visibility import NOTHING
 Array = np.ndarray
 
 
+def _alike(paths: list[Paths]) -> Iterator[Paths]:
+    """Those with the same past as one."""
+    pasts = [(p.reflections, p.glossy) for p in paths]
+    for past in dict.fromkeys(pasts):
+        yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
+
+
 class Generations:
     """Follows the rays of one sample of a tile and adds what they bring to it."""
 
@@ -30,14 +41,16 @@ class Generations:
     def run(self, rays: Pencil, strips: Strips | None) -> None:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
         n = len(rays)
-        paths: Paths | None = Paths(rays, np.ones((3, n)), np.arange(n), np.zeros(n, np.intp), 0)
-        while paths is not None:
+        generation = [Paths(rays, np.ones((3, n)), np.arange(n), np.zeros(n, np.intp), 0)]
+        while generation:
             deeper: list[Paths] = []
-            while paths is not None:
-                self._stage.pulse.beat()
-                paths = self._step(paths, strips, deeper)
-                strips = None
-            paths = joined(deeper) if deeper else None
+            for paths in generation:
+                here: Paths | None = paths
+                while here is not None:
+                    self._stage.pulse.beat()
+                    here = self._step(here, strips, deeper)
+                    strips = None
+            generation = list(_alike(deeper))
 
     def _step(self, paths: Paths, strips: Strips | None, deeper: list[Paths]) -> Paths | None:
         """Traces the paths to their hits; bounces go to `deeper`, rays that go straight on are
@@ -77,11 +90,27 @@ class Generations:
         self._shade(paths, hit, surface, coefficients)
         if paths.depth < stage.settings.max_bounces:
             deeper += bounced(paths, hit, surface, coefficients, stage.settings.cutoff)
+            deeper += self._reflected(paths, hit, surface, coefficients)
         return straight_on(
             paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
         )
 
+    def _reflected(
+        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
+    ) -> list[Paths]:
+        """What leaves rough surfaces towards others."""
+        settings = self._stage.settings
+        terms = reflecting(coefficients.highlights, settings.reflecting)
+        if not terms:
+            return []
+        number = lobe_point(self._sample, paths.reflections, settings.samples)
+        point = self._stage.lobe_points[number]
+        found = reflected_by_lobes(paths, hit, surface, terms, point, settings.cutoff)
+        return [found] if found else []
+
     def _see_lights(self, paths: Paths, depth: Array) -> None:
+        if paths.glossy:
+            return
         flag = "visible_" + paths.kind
         sources = [s for s in self._stage.sources if getattr(s.light, flag) and has_shape(s)]
         if sources:
@@ -94,6 +123,8 @@ class Generations:
                 )
 
     def _miss(self, paths: Paths, missed: Array) -> None:
+        if paths.glossy:
+            return
         weight, pixel = pick(paths.weight, missed), paths.pixel[missed]
         if paths.depth == 0 and self._stage.scene.world.transparent:
             self._tile.lose(pixel, weight)
@@ -172,7 +203,8 @@ class Generations:
             self._tile.cut[pixel[seen]] = True
 
         add("Ambient", coefficients.ambient * self._stage.ambient)
-        add("Emission", coefficients.emission)
+        if not (paths.glossy and self._stage.is_lit_by_meshes):
+            add("Emission", coefficients.emission)
         light = self._stage.lighting.direct(
             surface, coefficients, weight, self._sample, on_reach, on_cut
         )

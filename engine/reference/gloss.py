@@ -15,12 +15,36 @@ from .vectors import basis_around, dot, length, pick
 Array = np.ndarray
 
 
+class Reflections:
+    """What draws one direction from lobes of any width, as a light does."""
+
+    draws = 1.0
+
+    def least_exponent(self, x: Array) -> Array:
+        return np.zeros(x.shape[1])
+
+
+def reflecting(terms: list[Term], which: str) -> list[Term]:
+    """Those of the highlights that reflect other surfaces: of metals, or of all that have GGX's
+    masking. which: "METALS", "ALL" or "OFF".
+    """
+    if which == "OFF":
+        return []
+    return [
+        term
+        for term in terms
+        if np.any(np.asarray(term.masking) > 0) and not (which == "METALS" and term.lobe.fresnel)
+    ]
+
+
 class Narrow:
     """Of n points of the surface the highlights narrower than a light. weight: (3, n) T of the rays
     that see the points.
     """
 
-    def __init__(self, surface: Surface, terms: list[Term], weight: Array, source: Source) -> None:
+    def __init__(
+        self, surface: Surface, terms: list[Term], weight: Array, source: Source | Reflections
+    ) -> None:
         self._surface, self._terms, self._draws = surface, [], source.draws
         self._total = np.zeros(len(surface))
         least = source.least_exponent(surface.x)

@@ -145,7 +145,9 @@ class Lighting:
         light = sample.light_of(source)
         diffuse = pick(diffuse, seen) * light * cosine[seen]
         specular = (
-            _highlights(surface, coefficients, seen, sample) * light * balance(narrow, seen, sample)
+            highlights(surface, coefficients.highlights, seen, sample.direction)
+            * light
+            * balance(narrow, seen, sample)
         )
         add_at(total.diffuse, seen, diffuse)
         add_at(total.specular, seen, specular)
@@ -181,16 +183,16 @@ def highlight(
     )
 
 
-def _highlights(
-    surface: Surface, coefficients: Coefficients, seen: Array, sample: LightSample
-) -> Array:
-    """Σ k_s max(0, n·h)^p at the points `seen` of the surface."""
+def highlights(surface: Surface, terms: list[Term], seen: Array, direction: Array) -> Array:
+    """Σ k_s max(0, n·h)^p at the points `seen` (m,) of the surface, of light from `direction`
+    (3, m).
+    """
     total = np.zeros((3, len(seen)))
-    if not coefficients.highlights:
+    if not terms or not len(seen):
         return total
     place = np.full(seen.max() + 1, -1)
     place[seen] = np.arange(len(seen))
-    for term in coefficients.highlights:
+    for term in terms:
         known = term.index <= seen.max()
         chosen = np.flatnonzero(known)[place[term.index[known]] >= 0]
         here, at = term.index[chosen], place[term.index[chosen]]
@@ -204,7 +206,7 @@ def _highlights(
                 chosen,
                 pick(surface.n, here),
                 pick(surface.v, here),
-                pick(sample.direction, at),
+                pick(direction, at),
             ),
         )
     return total

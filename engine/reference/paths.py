@@ -9,7 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..scene import Lobe
-from .materials import Coefficients
+from .gloss import Narrow, Reflections
+from .lighting import highlights
+from .lights import LightPoint
+from .materials import Coefficients, Term
 from .optics import fresnel, reflected, refracted
 from .rays import Bundle, Rays
 from .surface import Surface
@@ -24,7 +27,8 @@ MOST_STRAIGHT = 128
 @dataclass(frozen=True, eq=False)
 class Paths:
     """n rays of one depth. weight: (3, n) T.  pixel: (n,).  straight: (n,) surfaces passed in a row
-    that dim it.
+    that dim it.  reflections: how often they were reflected by rough surfaces.  glossy: by the last
+    one that they met; then they see no lights: these have highlights there.
     """
 
     rays: Rays
@@ -32,6 +36,8 @@ class Paths:
     pixel: Array
     straight: Array
     depth: int
+    reflections: int = 0
+    glossy: bool = False
 
     def __len__(self) -> int:
         return len(self.pixel)
@@ -47,7 +53,7 @@ class Paths:
 
 
 def joined(paths: list[Paths]) -> Paths:
-    """Bundles of one depth as one."""
+    """Bundles of one depth and past as one."""
     bundles = [p.rays for p in paths]
     origin, direction = (
         np.concatenate([getattr(b, name) for b in bundles], 1) for name in ("origin", "direction")
@@ -57,9 +63,8 @@ def joined(paths: list[Paths]) -> Paths:
         np.concatenate([getattr(p, name) for p in paths]) for name in ("pixel", "straight")
     )
     rays = Bundle.of(origin, direction, near, far)
-    return Paths(
-        rays, np.concatenate([p.weight for p in paths], 1), pixel, straight, paths[0].depth
-    )
+    weight = np.concatenate([p.weight for p in paths], 1)
+    return replace(paths[0], rays=rays, weight=weight, pixel=pixel, straight=straight)
 
 
 def straight_on(
@@ -76,12 +81,12 @@ def straight_on(
         return None
     mine = hit[go]
     rays = beyond(paths.rays.take(mine), surface.take(go), depth[go])
-    return Paths(
-        rays,
-        pick(weight, go),
-        paths.pixel[mine],
-        paths.straight[mine] + (pick(k, go) != 1).any(0),
-        paths.depth,
+    return replace(
+        paths,
+        rays=rays,
+        weight=pick(weight, go),
+        pixel=paths.pixel[mine],
+        straight=paths.straight[mine] + (pick(k, go) != 1).any(0),
     )
 
 
@@ -123,6 +128,30 @@ def bounced(
     return [paths for paths in result if len(paths)]
 
 
+def reflected_by_lobes(
+    paths: Paths,
+    hit: Array,
+    surface: Surface,
+    terms: list[Term],
+    point: LightPoint,
+    cutoff: float,
+) -> Paths | None:
+    """A ray from each point in the direction in which the half vector at `point` of the lobes
+    mirrors the one that met it.
+    """
+    narrow = Narrow(surface, terms, pick(paths.weight, hit), Reflections())
+    if not narrow:
+        return None
+    d, drawn = narrow.draw(point)
+    go = np.flatnonzero(drawn & (dot(surface.n, d) > 0) & (dot(surface.g, d) > 0))
+    d, some = pick(d, go), surface.take(go)
+    k = highlights(surface, terms, go, d) / (np.pi * narrow.density(go, d))
+    leaving = _leaving(paths, hit[go], some, d, np.where(np.isfinite(k), k, 0.0), cutoff)
+    if not len(leaving):
+        return None
+    return replace(leaving, reflections=paths.reflections + 1, glossy=True)
+
+
 def relative_index(surface: Surface, lobe: Lobe) -> Array:
     """Index of refraction beyond the surface over that before it."""
     return np.where(surface.outside, lobe.ior, 1 / lobe.ior)
@@ -147,5 +176,10 @@ def _leaving(
     zero = np.zeros(len(go))
     rays = Bundle.of(origin, d, zero, zero + np.inf)
     return Paths(
-        rays, pick(weight, go), paths.pixel[hit[go]], np.zeros(len(go), np.intp), paths.depth + 1
+        rays,
+        pick(weight, go),
+        paths.pixel[hit[go]],
+        np.zeros(len(go), np.intp),
+        paths.depth + 1,
+        paths.reflections,
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..dome import dome_table
 from ..mesh_lights import mesh_table
-from ..sampling import light_points
+from ..sampling import light_points, lobe_points
 from ..scene import Light, Scene
 from ..settings import Settings
 from .attributes import Attributes
@@ -16,7 +16,7 @@ from .camera import CameraRays
 from .emission import Emission
 from .geometry import gather
 from .lighting import Lighting
-from .lights import Dome, LightPoint, MeshSource, Source
+from .lights import CENTER, Dome, LightPoint, MeshSource, Source
 from .materials import Shader
 from .pulse import Pulse
 from .shadows import Shadows
@@ -51,6 +51,9 @@ class Stage:
         self.lighting = Lighting(
             self.sources, settings.light_samples, self._light_points(), shadows, pulse
         )
+        points = lobe_points(settings.samples)
+        self.lobe_points = [LightPoint(CENTER.square, disc) for disc in points]
+        self.is_lit_by_meshes = any(light.kind == "MESH" for light in scene.lights)
         self._sky_images = [Image(texture) for texture in scene.world.textures]
         self.camera = CameraRays.of(scene.camera, self.geometry)
         self.ambient, self.background = (

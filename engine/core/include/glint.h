@@ -220,6 +220,8 @@ typedef struct GlintSceneData {
 
 enum GlintIllumination { GLINT_PHYSICAL, GLINT_CLASSIC };
 enum GlintBuild { GLINT_BUILD_FAST, GLINT_BUILD_BALANCED, GLINT_BUILD_FINE };
+/* Which rough surfaces reflect others. */
+enum GlintReflect { GLINT_REFLECT_OFF, GLINT_REFLECT_METALS, GLINT_REFLECT_ALL };
 enum GlintWaves { GLINT_WAVES_UNSEEN, GLINT_WAVES_SEEN, GLINT_WAVES_HELD };
 
 /* Passes, as numbers for glint_render_picture and as bits (1 << pass) for GlintRenderSettings. */
@@ -262,19 +264,21 @@ enum GlintPass {
  * 16), of as many samples, mesh_samples points each, as divide it, after which they begin again, of
  * a GLINT_MESH_LIGHT: the point and its unit normal in the light's axes, the numbers of
  * GlintEmitter but the normal, and a point of the unit disc. Tables may be null where the scene has
- * no such light. error_threshold: in 8-bit levels, at least 0 and below 256; pixels whose estimated
- * error it covers take no further samples after a wave. 0: all take all. cutoff: mirror and
- * refraction rays with no channel of their weight as large end there, 0 to 1. acceleration: of the
- * first render of a scene counts, the trees are kept. remember: keep what the first wave hit and
- * which lights it saw, some 30 bytes a pixel, in the scene and those that take its trees over, so
- * that a render of other lights, materials or surroundings need not trace it again. It has the same
- * bits. */
+ * no such light. lobe_points: (samples, 2) of the unit disc, where in the lobes of rough surfaces
+ * rays are reflected; null only where none are. error_threshold: in 8-bit levels, at least 0 and
+ * below 256; pixels whose estimated error it covers take no further samples after a wave. 0: all
+ * take all. cutoff: mirror and refraction rays with no channel of their weight as large end there,
+ * 0 to 1. acceleration: of the first render of a scene counts, the trees are kept. remember: keep
+ * what the first wave hit and which lights it saw, some 30 bytes a pixel, in the scene and those
+ * that take its trees over, so that a render of other lights, materials or surroundings need not
+ * trace it again. It has the same bits. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
   const double* light_disc;
   const double* dome_table;
   const double* mesh_table;
+  const double* lobe_points;
   const float* dome_cells;
   const float* dome_irradiance;
   uint64_t light_point_count, dome_count, mesh_count;
@@ -284,7 +288,7 @@ typedef struct GlintRenderSettings {
   uint32_t dome_irradiance_rows, dome_irradiance_columns;
   uint32_t max_bounces, threads, passes;
   uint32_t region[4];
-  int32_t illumination, waves, acceleration, remember;
+  int32_t illumination, waves, acceleration, remember, reflections, reserved;
 } GlintRenderSettings;
 
 enum GlintState {

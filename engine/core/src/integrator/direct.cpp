@@ -12,6 +12,8 @@ constexpr size_t kColumns =
     1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3 +
     2;  // zeros, o, to, t_max, ends, diffuse, specular, shadow, sky, density and distance
 
+constexpr size_t kLobeStep = 61;  // engine/sampling.py, LOBE_STEP
+
 }  // namespace
 
 DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages,
@@ -93,6 +95,35 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
       }
     }
     if (light.is_dome()) add_rest(batch, light, sample);
+  }
+}
+
+bool DirectLight::reflects() const {
+  const bool all = plan_.reflections == GLINT_REFLECT_ALL,
+             metals = plan_.reflections == GLINT_REFLECT_METALS;
+  return plan_.max_bounces > 0 && ((all && scene_.has_gloss) || (metals && scene_.has_metals));
+}
+
+void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts) {
+  if (!reflects()) return;
+  const Queue& queue = *batch.queue;
+  const size_t at = (sample + kLobeStep * size_t(queue.reflections)) % plan_.samples;
+  stage_.metals_alone = plan_.reflections == GLINT_REFLECT_METALS;
+  set_place(stage_, plan_.lobe_points[2 * at], plan_.lobe_points[2 * at + 1]);
+  const size_t count = stages_.reflect(stage_);
+  for (size_t k = 0; k < count; ++k) {
+    const uint32_t from = point_[k];
+    Path path = queue.path(from);
+    path.T = row(stage_.diffuse_out, k);
+    const double weight = max_abs(path.T);
+    if (path.depth >= plan_.max_bounces || weight < plan_.cutoff || !finite(path.T)) continue;
+    path.start = row(batch.points.x, from);
+    path.from = 0;
+    path.straight = 0;
+    path.wants_data = false;
+    ++path.depth;
+    glossy.push({row(stage_.o, k), row(stage_.to, k), 0, kInfinity, kMirror}, path);
+    ++counts.mirror;
   }
 }
 

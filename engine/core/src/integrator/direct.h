@@ -18,6 +18,11 @@ class DirectLight {
 
   /// Adds all lights to the points of `batch`, for pixel sample `sample`.
   void illuminate(Batch& batch, uint32_t sample, RayCounts& counts);
+  /// Whether rough surfaces may reflect others.
+  bool reflects() const;
+  /// Adds to `glossy` the rays that rough surfaces reflect towards others, at the points that
+  /// `illuminate` was told last.
+  void reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts);
 
  private:
   void prepare(const Batch& batch);

@@ -23,6 +23,8 @@ struct RenderPlan {
   const double* light_disc = nullptr;
   const double* dome_table = nullptr;
   const double* mesh_table = nullptr;
+  const double* lobe_points = nullptr;
+  int reflections = GLINT_REFLECT_OFF;
   DomeCells dome;
 
   uint32_t samples_of(const Light& light) const {

@@ -51,14 +51,17 @@ std::vector<Queue> split(const Queue& queue, size_t limit) {
   std::iota(order.begin(), order.end(), 0u);
   std::stable_sort(order.begin(), order.end(),
                    [&](uint32_t a, uint32_t b) { return queue.slot(a) < queue.slot(b); });
-  std::vector<Queue> pieces(1, Queue(queue.visibility));
+  Queue none(queue.visibility);
+  none.reflections = queue.reflections;
+  none.glossy = queue.glossy;
+  std::vector<Queue> pieces(1, none);
   for (size_t begin = 0, end; begin < order.size(); begin = end) {
     for (end = begin + 1; end < order.size() && queue.slot(order[end]) == queue.slot(order[begin]);)
       ++end;
     if (pieces.back().size() > 0 && pieces.back().size() + (end - begin) > limit)
-      pieces.emplace_back(queue.visibility);
+      pieces.push_back(none);
     for (size_t k = begin; k < end; ++k) {
-      if (pieces.back().size() == limit) pieces.emplace_back(queue.visibility);
+      if (pieces.back().size() == limit) pieces.push_back(none);
       pieces.back().push(queue.ray(order[k]), queue.path(order[k]));
     }
   }

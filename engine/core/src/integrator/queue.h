@@ -55,6 +55,10 @@ class Queue : public RayLayout {
   const int64_t* tags() const { return tags_.data(); }
 
   uint32_t visibility;
+  /// How often its rays were reflected by rough surfaces. glossy: by the last one that they met;
+  /// then they see no lights, as these have highlights there.
+  uint32_t reflections = 0;
+  bool glossy = false;
 
  private:
   uint8_t depth(size_t k) const { return uint8_t(tags_[k] >> RayTag::kDepth); }

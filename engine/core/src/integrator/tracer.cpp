@@ -37,11 +37,15 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       reach_(reach_of(plan)),
       program_slots_(size_t(scene.most_slots) * kBlock) {}
 
-Queue Tracer::take(uint32_t visibility) {
-  if (spare_.empty()) return Queue(visibility);
-  Queue queue = std::move(spare_.back());
-  spare_.pop_back();
+Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy) {
+  Queue queue(visibility);
+  if (!spare_.empty()) {
+    queue = std::move(spare_.back());
+    spare_.pop_back();
+  }
   queue.visibility = visibility;
+  queue.reflections = reflections;
+  queue.glossy = glossy;
   return queue;
 }
 
@@ -79,10 +83,11 @@ TileFrustum Tracer::frustum(const Tile& tile) const {
                          camera_.v(row + tile.height() - 1, reach_.y1));
 }
 
-/// How many of a pixel's next samples are traced at once: points of soft lights are common to a
-/// sample of many pixels.
+/// How many of a pixel's next samples are traced at once: points of soft lights, and where in lobes
+/// rays are reflected, are common to a sample of many pixels.
 uint32_t Tracer::packet_samples(uint32_t samples) const {
   if (scene_.features & (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT)) return 1;
+  if (direct_.reflects()) return 1;
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
   uint32_t count = WindowPoints::kMaxPacketSamples;
   while (count > samples) count /= 2;
@@ -167,24 +172,29 @@ void Tracer::follow(uint32_t sample) {
   start_paths();
   ahead_.begin(paths_.size());
   if (!surely_empty_) camera_rays();
-  Queue straight = take(kCamera), bounced = take(kMirror);
-  process(first_, sample, straight, bounced);
+  Queue straight = take(kCamera), bounced = take(kMirror), glossy = take(kMirror, 1, true);
+  process(first_, sample, straight, bounced, glossy);
   wait(std::move(straight));
   wait(std::move(bounced));
+  wait(std::move(glossy));
   while (!waiting_.empty() && !cancel_) {
     Queue queue = std::move(waiting_.back());
     waiting_.pop_back();
-    straight = take(kCamera);
-    bounced = take(kMirror);
-    process(queue, sample, queue.visibility == kCamera ? straight : bounced, bounced);
+    straight = take(queue.visibility, queue.reflections, queue.glossy);
+    bounced = take(kMirror, queue.reflections);
+    glossy = take(kMirror, queue.reflections + 1, true);
+    const bool apart = queue.visibility == kCamera || queue.glossy;
+    process(queue, sample, apart ? straight : bounced, bounced, glossy);
     wait(std::move(straight));
     wait(std::move(bounced));
+    wait(std::move(glossy));
     give(std::move(queue));
   }
   waiting_.clear();
 }
 
-void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced) {
+void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced,
+                     Queue& glossy) {
   batch_.begin(queue);
   batch_.first_hits =
       sample == 0 && &queue == &first_ && paths_.is_whole(*tile_) ? first_hits_ : nullptr;
@@ -195,6 +205,7 @@ void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue
   shade(queue, straight, bounced);
   if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
   direct_.illuminate(batch_, sample, counts_);
+  direct_.reflect(batch_, sample, glossy, counts_);
   keep(queue);
 }
 
@@ -249,7 +260,7 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   ShadeStage stage{};
   stage.count = queue.size();
   stage.material = batch_.material.data();
-  stage.terms = scene_.material_terms.data();
+  stage.terms = (queue.glossy ? scene_.reflected_terms : scene_.material_terms).data();
   stage.specular_terms = scene_.specular_terms.data();
   stage.max_specular = scene_.max_specular;
   stage.sums = batch_.sums;
@@ -269,8 +280,8 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   stage.lit = batch_.lit.data();
   stage.others = batch_.others.data();
   const size_t others = stages_.shade(stage);
-  for (size_t k = 0; (scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) && k < queue.size(); ++k)
-    shader_.seen_lights(batch_, k);
+  const bool sees_lights = scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS && !queue.glossy;
+  for (size_t k = 0; sees_lights && k < queue.size(); ++k) shader_.seen_lights(batch_, k);
   double* lost = paths_.lost_alpha();
   for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size();
        ++k)
@@ -299,6 +310,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
   stage.primitive = batch_.primitive.data();
   stage.lobes = scene_.lobe_shapes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
+  stage.dark = queue.glossy && scene_.features & GLINT_FEATURE_MESH_LIGHT;
   stage.sums = batch_.sums;
   for (size_t c = 0; c < 3; ++c) {
     stage.T[c] = queue.column(Queue::kT + c);

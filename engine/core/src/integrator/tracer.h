@@ -46,15 +46,16 @@ class Tracer {
   void miss(const Queue& queue);
   /// The material of its rays that hit nothing.
   uint32_t missed(const Queue& queue) const {
-    return scene_.transparent_film && queue.visibility == kCamera ? scene_.nothing()
-                                                                  : scene_.surroundings();
+    const bool sees_nothing =
+        queue.glossy || (scene_.transparent_film && queue.visibility == kCamera);
+    return sees_nothing ? scene_.nothing() : scene_.surroundings();
   }
   void camera_rays();
   void find_gaps();
   uint32_t trace_empty(uint32_t first, uint32_t last);
   void follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first);
   void follow(uint32_t sample);
-  void process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced);
+  void process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced, Queue& glossy);
   void find_points(const Queue& queue);
   void find_hits(const Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
@@ -64,7 +65,7 @@ class Tracer {
   void record(const Queue& queue);
   void keep(const Queue& queue);
   void wait(Queue queue);
-  Queue take(uint32_t visibility);
+  Queue take(uint32_t visibility, uint32_t reflections = 0, bool glossy = false);
   void give(Queue queue);
   uint32_t pixel(const Queue& queue, size_t k) const {
     return slots_.pixel(*tile_, paths_.slot(queue.slot(k)), plan_.region.width());

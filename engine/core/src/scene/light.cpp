@@ -40,6 +40,13 @@ double area_of(const GlintLight& g) {
 
 }  // namespace
 
+void set_place(LightStage& stage, double x, double y) {
+  const double r2 = x * x + y * y, r = std::sqrt(r2);
+  stage.radius2 = r2;
+  stage.azimuth[0] = r > 0 ? x / r : 1;
+  stage.azimuth[1] = r > 0 ? y / r : 0;
+}
+
 Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramShape* programs)
     : kind(g.kind), flags(g.flags) {
   Affine m = affine(g.world_from_light);
@@ -111,7 +118,7 @@ void Light::set_wide(LightStage& stage, const LightPoint& p, uint32_t count) con
   stage.least_near = 0;
   stage.least = kLeastWide;
   stage.draws = stage.most_exponent >= kLeastWide;
-  set_place(stage, p);
+  set_place(stage, p.x, p.y);
 }
 
 void Light::set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const {
@@ -191,15 +198,7 @@ void Light::set_lobes(LightStage& stage, const LightPoint& q, bool soft) const {
   stage.least_near = endless() ? 0 : 8 * kPi / stage.area;
   stage.least = endless() ? 4 / versine - 1 : 3;
   stage.draws = soft && (endless() || stage.area > 0) && stage.most_exponent >= stage.least;
-  set_place(stage, q);
-}
-
-/// Where in lobes directions are drawn.
-void Light::set_place(LightStage& stage, const LightPoint& q) const {
-  const double r2 = q.x * q.x + q.y * q.y, r = std::sqrt(r2);
-  stage.radius2 = r2;
-  stage.azimuth[0] = r > 0 ? q.x / r : 1;
-  stage.azimuth[1] = r > 0 ? q.y / r : 0;
+  set_place(stage, q.x, q.y);
 }
 
 void Light::set_rectangle(LightStage& stage, const LightPoint& q) const {

@@ -29,6 +29,9 @@ struct LightMeeting {
   bool front;  // the outer side is seen
 };
 
+/// Where in lobes directions are drawn: a point of the unit disc.
+void set_place(LightStage& stage, double x, double y);
+
 struct Light {
   int kind = GLINT_POINT_LIGHT;
   uint32_t flags = 0;
@@ -76,7 +79,6 @@ struct Light {
   void set_dome(LightStage& stage, const LightPoint& p, uint32_t count) const;
   void set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) const;
   void set_wide(LightStage& stage, const LightPoint& p, uint32_t count) const;
-  void set_place(LightStage& stage, const LightPoint& q) const;
   bool is_rectangle() const;
   LightShape shape(bool soft, bool physical) const;
   void set_rectangle(LightStage& stage, const LightPoint& q) const;

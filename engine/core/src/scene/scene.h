@@ -125,10 +125,11 @@ class Scene {
   std::vector<Light> lights;
   std::vector<GlintEmitter> emitters;
   const double* world_from_object = nullptr;
-  uint32_t features = 0;       // GLINT_FEATURE_*
-  int max_specular = 0;        // SPECULAR lobes of a material, at most
-  double most_exponent = 0;    // of SPECULAR lobes
-  int specular_columns = 4;    // numbers of each as the stages read them
+  uint32_t features = 0;                       // GLINT_FEATURE_*
+  int max_specular = 0;                        // SPECULAR lobes of a material, at most
+  double most_exponent = 0;                    // of SPECULAR lobes
+  bool has_metals = false, has_gloss = false;  // SPECULAR lobes of GGX's masking, and which
+  int specular_columns = 4;                    // numbers of each as the stages read them
   int max_view = 0;            // lobes of a material that depend on the view, at most
   int max_passing = 0;         // Material::passing, at most
   uint32_t most_slots = 0;     // of programs
@@ -151,6 +152,7 @@ class Scene {
   std::vector<GroupShape> group_shapes;
   std::vector<InstanceShape> instance_shapes;
   std::vector<MaterialTerms> material_terms;
+  std::vector<MaterialTerms> reflected_terms;  // as rays see them that rough surfaces reflect
   std::vector<double> specular_terms;  // max_specular rows of specular_columns numbers a material
   std::vector<double> view_terms;      // max_view rows of ViewTerm::kColumns a material
   std::vector<LobeShape> lobe_shapes;

@@ -139,6 +139,9 @@ void Scene::compare_lobes(Material& material) {
     material.specular_count += lobe.kind == GLINT_SPECULAR;
     if (lobe.kind == GLINT_SPECULAR) most_exponent = std::max(most_exponent, lobe.exponent);
     material.view_count += depends_on_view(lobe);
+    const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
+    has_gloss = has_gloss || shaped;
+    has_metals = has_metals || (shaped && !(lobe.fresnel & GLINT_DIELECTRIC));
     if (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel))
       specular_columns = SpecularTerm::kShaped;
     if (k > 0)
@@ -206,6 +209,12 @@ void Scene::fold_materials() {
   hole.others = 1;
   none.unlit = 1;
   material_terms.insert(material_terms.end(), {around, none, hole});
+  reflected_terms = material_terms;
+  for (MaterialTerms& terms : reflected_terms)
+    for (int c = 0; features & GLINT_FEATURE_MESH_LIGHT && c < 3; ++c) {
+      terms.glow[c] = terms.ambient[c];
+      terms.emission[c] = 0;
+    }
 }
 
 void Scene::shape_materials() {

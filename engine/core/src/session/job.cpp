@@ -46,6 +46,8 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.mesh_samples = std::max(g.mesh_samples, 1u);
   plan.mesh_tabled = uint32_t(std::max(g.mesh_count / plan.mesh_samples, uint64_t(1)));
   plan.mesh_table = g.mesh_table;
+  plan.lobe_points = g.lobe_points;
+  plan.reflections = g.reflections;
   plan.dome.cells = g.dome_cells;
   plan.dome.rows = g.dome_rows;
   plan.dome.columns = g.dome_columns;
@@ -101,6 +103,9 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
       "settings: the region is empty or reaches beyond the frame");
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC,
       "settings: unknown illumination");
+  add(g.reflections >= GLINT_REFLECT_OFF && g.reflections <= GLINT_REFLECT_ALL &&
+          (g.reflections == GLINT_REFLECT_OFF || g.lobe_points),
+      "settings: unknown reflections, or no points for them");
   add(g.waves >= GLINT_WAVES_UNSEEN && g.waves <= GLINT_WAVES_HELD, "settings: unknown waves");
   add(g.acceleration >= GLINT_BUILD_FAST && g.acceleration <= GLINT_BUILD_FINE,
       "settings: unknown acceleration");

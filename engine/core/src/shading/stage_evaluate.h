@@ -73,6 +73,7 @@ inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
   if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe) * k;
   if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
   if (!ambient && lobe.kind != GLINT_EMISSION) return set_passing(s, at, k, sum);
+  if (!ambient && s.dark) return;
   const Three c = ambient ? T * k * splat3(s.ambient) : T * k;
   sum.glow = sum.glow + c;
   add_part(ambient ? s.sums.ambient : s.sums.emission, at, c);

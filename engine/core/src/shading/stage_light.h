@@ -312,12 +312,39 @@ struct Term {
     k = {load(column), load(column + s.stride), load(column + 2 * s.stride)};
     exponent = load(column + SpecularTerm::kExponent * s.stride);
   }
+  /// Where it is one that reflects other surfaces: of GGX's masking and, perhaps, of metals.
+  Mask reflects(const LightStage& s, size_t at, int number) const {
+    const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + at;
+    const Mask shaped = load(column + SpecularTerm::kMasking * s.stride) > 0;
+    return s.metals_alone ? shaped & ~(load(column + SpecularTerm::kFresnel * s.stride) > 0)
+                          : shaped;
+  }
   Doubles weight(const Narrow& narrow) const {
     return where(exponent >= narrow.least, magnitude(k.x) + magnitude(k.y) + magnitude(k.z));
   }
   /// How many of the drawn directions belong to it, of `total`.
   Doubles part(const Narrow& narrow) const { return weight(narrow) / (exponent + 1); }
 };
+
+/// The terms that reflect, of any width; the others have an exponent below 0.
+template <bool Reflecting>
+inline Term term_of(const LightStage& s, size_t k, int number) {
+  Term term(s, k, number);
+  if constexpr (Reflecting) {
+    const Mask good = term.reflects(s, k, number);
+    term.k = where(good, term.k);
+    term.exponent = choose(good, term.exponent, splat(-1));
+  }
+  return term;
+}
+
+inline Narrow reflecting_terms(const LightStage& s, size_t k) {
+  Narrow all = {splat(0), Doubles{}};
+  for (int number = 0; number < s.max_specular; ++number)
+    all.total = all.total + where(term_of<true>(s, k, number).exponent >= 0,
+                                  term_of<true>(s, k, number).part(all));
+  return all;
+}
 
 inline Narrow narrow_terms(const LightStage& s, size_t k, const Three& x) {
   const Three to = splat3(s.center) - x;
@@ -335,6 +362,7 @@ struct Highlights {
 
 /// cosine: n.l.  narrow: or null. Lobes that differ in their Fresnel factor alone share their
 /// power.
+template <bool Reflecting = false>
 __attribute__((always_inline)) inline Highlights highlights(const LightStage& s, size_t k,
                                                             const Three& n, const Three& l,
                                                             Doubles cosine, const Narrow* narrow) {
@@ -344,7 +372,7 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
   Doubles exponent = splat(0), power = splat(1);
   Highlights sum{};
   for (int number = 0; number < s.max_specular; ++number) {
-    const Term term(s, k, number);
+    const Term term = term_of<Reflecting>(s, k, number);
     if (!any(nonzero(term.k))) continue;
     if (bits(term.exponent != exponent)) {
       exponent = term.exponent;
@@ -381,12 +409,13 @@ struct Drawn {
   Three l;
   Mask good;
 };
+template <bool Reflecting = false>
 inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& narrow) {
   const Doubles at = s.radius2 * narrow.total;
   Doubles before{}, rest{}, exponent{};
   for (int number = 0; number < s.max_specular; ++number) {
-    const Term term(s, k, number);
-    const Doubles part = term.part(narrow);
+    const Term term = term_of<Reflecting>(s, k, number);
+    const Doubles part = where(term.exponent >= 0, term.part(narrow));
     const Mask here = (part > 0) & (at >= before);
     rest = choose(here, (at - before) / part, rest);
     exponent = choose(here, term.exponent, exponent);
@@ -543,6 +572,32 @@ size_t gloss_towards_mesh(const LightStage& s) {
     append(s.diffuse_out, seen.light);
     append(s.density_out, seen.density);
     shadow_ray<kSky>(s, k, sky_at(s, drawn.l), append);
+    found += size_t(__builtin_popcount(lanes));
+  }
+  return found;
+}
+
+size_t reflect(const LightStage& s) {
+  size_t found = 0;
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Mask lit = load(s.lit + k);
+    if (!any(lit)) continue;
+    const Narrow all = reflecting_terms(s, k);
+    if (!any(lit & (all.total > 0))) continue;
+    const Three n = load3(s.n, k);
+    const Drawn drawn = draw<true>(s, k, n, all);
+    const Doubles cosine = dot(n, drawn.l);
+    const Highlights seen = highlights<true>(s, k, n, drawn.l, cosine, &all);
+    const Three share = (1 / (kCircle * seen.density)) * seen.light;
+    const Mask reached = lit & drawn.good & (cosine > 0) & (seen.density > 0) &
+                         (dot(drawn.l, load3(s.g, k)) > 0) & nonzero(share);
+    const uint32_t lanes = bits(reached);
+    if (!lanes) continue;
+    const Appender append{lanes, found};
+    append.number(s.point, uint32_t(k));
+    append(s.diffuse_out, share);
+    append(s.to, drawn.l);
+    append(s.o, load3(s.points_x, k) + load(s.offset + k) * load3(s.g, k));
     found += size_t(__builtin_popcount(lanes));
   }
   return found;

@@ -175,6 +175,7 @@ struct EvaluateStage {
   const uint32_t *instance, *primitive;
   const LobeShape* lobes;
   uint32_t lobe_count;
+  bool dark;  // EMISSION lobes show nothing
   double ambient[3];
   SumColumns sums;
   double* diffuse[3];
@@ -298,6 +299,7 @@ struct LightStage {
   double *diffuse_out[3], *specular_out[3];  // T k I; specular_out null: both in diffuse_out
   double* density_out;  // kMeshSource, of drawn directions: how densely these fall there; the light
                         // is not in diffuse_out yet
+  bool metals_alone;    // of what `reflect` takes lobes of
 };
 
 /// total[point[k]] += given[k] where the ray is free.
@@ -352,6 +354,9 @@ struct Stages {
   size_t (*light)(const LightStage&);  // how many points the sample reaches
   size_t (*gloss)(
       const LightStage&);  // how many points the directions drawn from their lobes light
+  size_t (*reflect)(const LightStage&);  // how many points have a ray that goes on from them, along
+                                         // a direction of their lobes: o, to, and in diffuse_out
+                                         // what the light from there is times
   void (*transmit)(const TransmittanceStage&);
   void (*sum)(const LightSum&);
   void (*sum_parts)(const LightParts&);

@@ -1,0 +1,165 @@
+"""Rough surfaces that reflect others: against the sky of the same light, one tracer beside the
+other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.engine import Settings, render
+from glint.engine.scene import (
+    Camera,
+    Input,
+    Instances,
+    Light,
+    Lobe,
+    Material,
+    Mesh,
+    Scene,
+    Spheres,
+    World,
+)
+
+BACKENDS = ("NATIVE", "NUMPY")
+
+
+def metal(exponent: float, k: float = 1.0, **more) -> Material:
+    """A highlight that gives about as much as it gets, of GGX's masking."""
+    scale = k * (exponent + 2) / 8
+    lobe = Lobe("SPECULAR", (Input((scale,) * 3),), exponent=exponent, masking=0.3, **more)
+    return Material("metal", (lobe,))
+
+
+def glowing(value: float) -> Material:
+    return Material("glow", (Lobe("EMISSION", (Input((value,) * 3),)),))
+
+
+def camera(resolution: int = 12) -> Camera:
+    """Looks at the origin from 45° above."""
+    s = np.sqrt(0.5)
+    matrix = np.array([[1, 0, 0, 0], [0, s, -s, -2], [0, s, s, 2]])
+    return Camera("PERSPECTIVE", matrix, (-0.35, 0.35, -0.35, 0.35), (resolution, resolution))
+
+
+def placed(number: int, **more) -> Instances:
+    return Instances(f"thing {number}", number, np.eye(3, 4)[None], (number,), **more)
+
+
+def square(*corners) -> Mesh:
+    return Mesh(
+        "square", np.array(corners, np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
+    )
+
+
+TABLE = square((-3, -3, 0), (3, -3, 0), (3, 3, 0), (-3, 3, 0))
+WALL = square((-3, 1, 0), (-3, 1, 3), (3, 1, 3), (3, 1, 0))
+
+
+def drawn(scene: Scene, backend: str = "NATIVE", **settings) -> np.ndarray:
+    chosen = {"samples": 64, "light_samples": 2, "filter_width": 0.0, "max_bounces": 2}
+    film = render(scene, Settings(**chosen | settings, backend=backend))
+    return film.passes["Combined"][..., :3]
+
+
+def enclosed(material: Material) -> Scene:
+    """A table in a hollow ball that glows, which the camera does not see."""
+    ball = Spheres("ball", np.zeros((1, 3), np.float32), np.array([50], np.float32))
+    things = (placed(0), placed(1, visible_camera=False))
+    return Scene(camera(), (TABLE, ball), things, (material, glowing(0.5)))
+
+
+def under_a_sky(material: Material) -> Scene:
+    sky = Light("sky", "DOME", np.eye(3, 4), radiance=np.full((1, 1, 3), 0.5, np.float32))
+    return Scene(camera(), (TABLE,), (placed(0),), (material,), (), (sky,))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("exponent", [5.0, 100.0, 5000.0])
+def test_a_metal_shows_surfaces_as_it_shows_the_sky(backend, exponent):
+    sky = drawn(under_a_sky(metal(exponent)), samples=1024)
+    reflected = drawn(enclosed(metal(exponent)), backend, mesh_light="OFF", samples=256)
+    assert sky.mean() > 0.2
+    np.testing.assert_allclose(reflected, sky, rtol=0.02)
+
+
+@pytest.mark.parametrize("exponent", [20.0, 100.0, 5000.0])
+def test_what_glows_is_not_counted_twice(exponent):
+    """As a light it has highlights: reflected rays leave it out."""
+    alone = drawn(enclosed(metal(exponent)), max_bounces=0, samples=256)
+    np.testing.assert_array_equal(drawn(enclosed(metal(exponent)), samples=256), alone)
+    seen = drawn(enclosed(metal(exponent)), mesh_light="OFF", samples=256)
+    np.testing.assert_allclose(alone, seen, rtol=0.03)
+
+
+def test_the_sky_is_not_counted_twice():
+    scene = under_a_sky(metal(100.0))
+    np.testing.assert_array_equal(drawn(scene), drawn(scene, max_bounces=0))
+
+
+def room(material: Material, **world) -> Scene:
+    """A table before a wall under a lamp that is seen."""
+    lamp = np.array([[1.0, 0, 0, 0], [0, 1, 0, -1], [0, 0, 1, 3]])
+    light = Light("lamp", "POINT", lamp, strength=300.0, radius=0.2, visible_mirror=True)
+    paint = Material("paint", (Lobe("DIFFUSE", (Input((0.8, 0.3, 0.1)),)), Lobe("AMBIENT")))
+    things = (placed(0), placed(1))
+    return Scene(camera(24), (TABLE, WALL), things, (material, paint), (), (light,), World(**world))
+
+
+@pytest.mark.parametrize("exponent", [5.0, 100.0, 5000.0])
+def test_both_tracers_reflect_the_same(exponent):
+    scene = room(metal(exponent), ambient=(0.1, 0.1, 0.1), background=(0.2, 0.3, 0.4))
+    settings = {"samples": 8, "filter_width": 1.5, "max_bounces": 3}
+    core, reference = (drawn(scene, backend, **settings) for backend in BACKENDS)
+    assert np.abs(reference - drawn(scene, max_bounces=0, samples=8)).max() > 0.05
+    wrong = np.abs(core - reference) > 1e-4 * (1 + np.abs(reference))
+    assert wrong.any(2).mean() <= 0.004  # a pixel at an edge may turn
+
+
+def mutual(exponent: float) -> Scene:
+    """Metal before metal, with something to see."""
+    scene = room(metal(exponent, 0.8))
+    behind = square((-9, -6, -1), (9, -6, -1), (9, -6, 9), (-9, -6, 9))
+    paint = Material("paint", (Lobe("DIFFUSE", (Input((0.1, 0.3, 0.8)),)),))
+    return replace(
+        scene,
+        geometries=(*scene.geometries, behind),
+        instances=(scene.instances[0], replace(scene.instances[1], materials=(0,)), placed(2)),
+        materials=(*scene.materials, paint),
+    )
+
+
+def test_metal_reflects_metal():
+    wanted = mutual(60.0)
+    core, reference = (drawn(wanted, b, samples=4, max_bounces=4) for b in BACKENDS)
+    once = drawn(wanted, samples=4, max_bounces=1)
+    assert np.abs(reference - once).max() > 0.02
+    wrong = np.abs(core - reference) > 1e-4 * (1 + np.abs(reference))
+    assert wrong.any(2).mean() <= 0.01
+
+
+def test_bits_are_the_same_for_all_threads_and_regions():
+    scene = mutual(60.0)
+    whole = drawn(scene, samples=16, threads=1)
+    np.testing.assert_array_equal(whole, drawn(scene, samples=16, threads=3))
+    part = drawn(scene, samples=16, region=(5, 7, 19, 20))
+    np.testing.assert_array_equal(part, whole[7:20, 5:19])
+
+
+@pytest.mark.parametrize("setting", [{"reflections": "OFF"}, {"max_bounces": 0}])
+def test_it_can_be_off(setting):
+    scene = room(metal(100.0))
+    none = drawn(replace(scene, materials=(metal(100.0), glowing(0.0))), **setting)
+    assert np.abs(drawn(scene, **setting) - none)[:8].max() < 1e-6
+
+
+def test_plastic_reflects_where_all_do():
+    plastic = metal(100.0, ior=1.5, fresnel=True)
+    scene = room(plastic)
+    off, metals, everything = (
+        drawn(scene, reflections=which) for which in ("OFF", "METALS", "ALL")
+    )
+    np.testing.assert_array_equal(off, metals)
+    assert np.abs(everything - off).max() > 0.01
