@@ -91,6 +91,7 @@ class GLINT_RENDER_PT_sampling(_Panel, bpy.types.Panel):
         physical.active = settings.final.illumination == "PHYSICAL"
         physical.prop(settings.final, "world_light")
         physical.prop(settings.final, "mesh_light")
+        physical.prop(settings.final, "reflections")
         column.prop(context.scene.render, "filter_size", text="Pixel Filter")
         column.prop(settings, "target")
         if settings.target != "NONE":

@@ -84,7 +84,11 @@ def _contributions(ray: Ray, way: str = "") -> Iterator[tuple[str, float]]:
         yield from _contributions(after, way or _WAYS.get(after.kind, ""))
 
 
-_WAYS = {"mirror": " (mirrored)", "refraction": " (refracted)"}
+_WAYS = {
+    "mirror": " (mirrored)",
+    "reflection": " (reflected by a rough surface)",
+    "refraction": " (refracted)",
+}
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
 _NAMED = 4
 """Sources that a sentence names at most."""

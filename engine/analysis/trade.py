@@ -71,14 +71,15 @@ class Knob:
 
 
 def has_soft_lights(scene: Scene) -> bool:
-    """Whether a light has an extent."""
-    return any(is_soft(light) for light in scene.lights)
+    """Whether something lights from more than a point: a lamp of an extent, the sky, what glows."""
+    glows = any(lobe.kind == "EMISSION" for m in scene.materials for lobe in m.lobes)
+    return glows or any(is_soft(light) or light.kind == "DOME" for light in scene.lights)
 
 
 def has_bounces(scene: Scene) -> bool:
-    """Whether a material reflects or refracts rays."""
+    """Whether a material reflects or refracts rays, as metals do."""
     return any(
-        lobe.kind in ("MIRROR", "REFRACTION")
+        lobe.kind in ("MIRROR", "REFRACTION") or (lobe.masking > 0 and not lobe.fresnel)
         for material in scene.materials
         for lobe in material.lobes
     )

@@ -9,11 +9,12 @@ import numpy as np
 
 from ..scene import Scene
 from ..settings import Settings
+from .generations import reflected
 from .gloss import Narrow
 from .lighting import balance, highlight
 from .lights import Dome, LightSample, Source
 from .materials import Coefficients, Term
-from .paths import Paths, bounced, straight_on
+from .paths import Paths, bounced, straight_on, widened
 from .pulse import Pulse
 from .rays import Bundle
 from .seen_lights import has_shape, seen_radiance
@@ -114,9 +115,9 @@ class Explainer:
         the first sample of a picture.
         """
         rays, _ = self.stage.camera.pixels((x, x + 1), (y, y + 1), np.zeros(2))
-        return self.follow(
-            Paths(rays, np.ones((3, 1)), np.zeros(1, np.intp), np.zeros(1, np.intp), 0), "camera"
-        )
+        zero = np.zeros(1, np.intp)
+        paths = Paths(rays, np.ones((3, 1)), zero, zero, 0, np.full(1, np.inf))
+        return self.follow(paths, "camera")
 
     def follow(self, paths: Paths, kind: str) -> Ray:
         """One ray and all that follow from it."""
@@ -152,6 +153,10 @@ class Explainer:
         )
         surface = stage.shader.bent(surface, paths.kind)
         coefficients = stage.shader.coefficients(surface, paths.kind)
+        if paths.reflections:
+            coefficients = widened(coefficients, paths.widest)
+        if paths.reflections and stage.is_lit_by_meshes:
+            coefficients = replace(coefficients, emission=np.zeros_like(coefficients.emission))
         about = self._hit(surface, coefficients, depth, paths)
         if about.holdout:
             return replace(ray, hit=about, own=_numbers(own), color=_numbers(own))
@@ -163,14 +168,14 @@ class Explainer:
     def _shapes(
         self, paths: Paths, o: Array, d: Array, depth: Array
     ) -> Iterator[tuple[str, Numbers]]:
-        for source in self.stage.sources:
+        for source in () if paths.reflections else self.stage.sources:
             if getattr(source.light, "visible_" + paths.kind) and has_shape(source):
                 radiance = seen_radiance(source, o, d, paths.rays.near, depth, paths.kind)[:, 0]
                 if radiance.any():
                     yield source.light.name, _numbers(radiance)
 
     def _background(self, paths: Paths, d: Array) -> Array:
-        hidden = paths.depth == 0 and self.stage.scene.world.transparent
+        hidden = paths.glossy or (paths.depth == 0 and self.stage.scene.world.transparent)
         return np.zeros(3) if hidden else self.stage.background_of(d, paths.kind)[:, 0]
 
     def _next(
@@ -180,6 +185,8 @@ class Explainer:
             for after in bounced(paths, hit, surface, coefficients, self.stage.settings.cutoff):
                 _, d = after.rays.lines(np.zeros(1, np.intp))
                 yield self.follow(after, "mirror" if dot(d, surface.g)[0] > 0 else "refraction")
+            for after in reflected(self.stage, paths, hit, surface, coefficients, 0):
+                yield self.follow(after, "reflection")
         straight = straight_on(
             paths, hit, surface, depth, coefficients.transparent, np.zeros(1, bool)
         )

@@ -12,7 +12,7 @@ from ..sampling import lobe_point
 from .gloss import reflecting
 from .lights import Source
 from .materials import Coefficients
-from .paths import Paths, beyond, bounced, joined, reflected_by_lobes, straight_on
+from .paths import Paths, beyond, bounced, joined, reflected_by_lobes, straight_on, widened
 from .picture import Tile
 from .raster import Strips
 from .rays import Pencil
@@ -23,6 +23,25 @@ from .vectors import dot, length, pick
 from .visibility import NOTHING
 
 Array = np.ndarray
+
+
+def reflected(
+    stage: Stage,
+    paths: Paths,
+    hit: Array,
+    surface: Surface,
+    coefficients: Coefficients,
+    sample: int,
+) -> list[Paths]:
+    """What leaves rough surfaces towards others."""
+    settings = stage.settings
+    terms = reflecting(coefficients.highlights, settings.reflecting)
+    if not terms:
+        return []
+    number = lobe_point(sample, paths.reflections, settings.samples)
+    point = stage.lobe_points[number]
+    found = reflected_by_lobes(paths, hit, surface, terms, point, settings.cutoff)
+    return [] if found is None else [found]
 
 
 def _alike(paths: list[Paths]) -> Iterator[Paths]:
@@ -41,7 +60,8 @@ class Generations:
     def run(self, rays: Pencil, strips: Strips | None) -> None:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
         n = len(rays)
-        generation = [Paths(rays, np.ones((3, n)), np.arange(n), np.zeros(n, np.intp), 0)]
+        widest = np.full(n, np.inf)
+        generation = [Paths(rays, np.ones((3, n)), np.arange(n), np.zeros(n, np.intp), 0, widest)]
         while generation:
             deeper: list[Paths] = []
             for paths in generation:
@@ -87,29 +107,21 @@ class Generations:
         if len(shown) < len(hit):
             hit, depth, surface = hit[shown], depth[shown], surface.take(shown)
             coefficients = stage.shader.coefficients(surface, paths.kind)
+        if paths.reflections:
+            coefficients = widened(coefficients, paths.widest[hit])
         self._shade(paths, hit, surface, coefficients)
         if paths.depth < stage.settings.max_bounces:
             deeper += bounced(paths, hit, surface, coefficients, stage.settings.cutoff)
-            deeper += self._reflected(paths, hit, surface, coefficients)
+            reflections = reflected(stage, paths, hit, surface, coefficients, self._sample)
+            for some in reflections:
+                self._tile.softly_lit[some.pixel] = True
+            deeper += reflections
         return straight_on(
             paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
         )
 
-    def _reflected(
-        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
-    ) -> list[Paths]:
-        """What leaves rough surfaces towards others."""
-        settings = self._stage.settings
-        terms = reflecting(coefficients.highlights, settings.reflecting)
-        if not terms:
-            return []
-        number = lobe_point(self._sample, paths.reflections, settings.samples)
-        point = self._stage.lobe_points[number]
-        found = reflected_by_lobes(paths, hit, surface, terms, point, settings.cutoff)
-        return [found] if found else []
-
     def _see_lights(self, paths: Paths, depth: Array) -> None:
-        if paths.glossy:
+        if paths.reflections:
             return
         flag = "visible_" + paths.kind
         sources = [s for s in self._stage.sources if getattr(s.light, flag) and has_shape(s)]
@@ -203,7 +215,7 @@ class Generations:
             self._tile.cut[pixel[seen]] = True
 
         add("Ambient", coefficients.ambient * self._stage.ambient)
-        if not (paths.glossy and self._stage.is_lit_by_meshes):
+        if not (paths.reflections and self._stage.is_lit_by_meshes):
             add("Emission", coefficients.emission)
         light = self._stage.lighting.direct(
             surface, coefficients, weight, self._sample, on_reach, on_cut

@@ -77,9 +77,9 @@ class Narrow:
         found = np.divide(density, spread, out=np.zeros_like(size), where=size > 0)[seen]
         return found * self._draws
 
-    def draw(self, point: LightPoint) -> tuple[Array, Array]:
+    def draw(self, point: LightPoint) -> tuple[Array, Array, Array]:
         """(3, n) the direction in which the half vector at `point` of the lobes mirrors the ray,
-        and (n,) bool where there is one.
+        (n,) bool where there is one, and (n,) the exponent of the lobe.
         """
         x, y = point.disc
         radius = np.hypot(x, y)
@@ -98,4 +98,4 @@ class Narrow:
         first, second = basis_around(n)
         h = np.exp(log / 2) * n + np.sqrt(-np.expm1(log)) * (across * first + along * second)
         cosine = dot(v, h)
-        return 2 * cosine * h - v, (self._total > 0) & (cosine > 0)
+        return 2 * cosine * h - v, (self._total > 0) & (cosine > 0), exponent

@@ -101,7 +101,7 @@ class Lighting:
             yield narrow, source.sample(surface.x, point, n), coefficients.diffuse
             place = source.drawn_at(number, point)
             if narrow and place is not None:
-                direction, drawn = narrow.draw(place)
+                direction, drawn, _ = narrow.draw(place)
                 chosen = source.sample_at(surface.x, direction, n)
                 yield (
                     narrow,

@@ -27,8 +27,10 @@ MOST_STRAIGHT = 128
 @dataclass(frozen=True, eq=False)
 class Paths:
     """n rays of one depth. weight: (3, n) T.  pixel: (n,).  straight: (n,) surfaces passed in a row
-    that dim it.  reflections: how often they were reflected by rough surfaces.  glossy: by the last
-    one that they met; then they see no lights: these have highlights there.
+    that dim it.  reflections: how often they were reflected by rough surfaces; from the first time
+    on they see no lights: these have highlights there, and points of them in mirrors beyond would
+    be dots.  glossy: by the last one that they met; then they do not see the sky either.  widest:
+    (n,) the largest exponent of highlights that they meet, that of the widest lobe on their way.
     """
 
     rays: Rays
@@ -36,6 +38,7 @@ class Paths:
     pixel: Array
     straight: Array
     depth: int
+    widest: Array
     reflections: int = 0
     glossy: bool = False
 
@@ -64,7 +67,10 @@ def joined(paths: list[Paths]) -> Paths:
     )
     rays = Bundle.of(origin, direction, near, far)
     weight = np.concatenate([p.weight for p in paths], 1)
-    return replace(paths[0], rays=rays, weight=weight, pixel=pixel, straight=straight)
+    widest = np.concatenate([p.widest for p in paths])
+    return replace(
+        paths[0], rays=rays, weight=weight, pixel=pixel, straight=straight, widest=widest
+    )
 
 
 def straight_on(
@@ -87,6 +93,7 @@ def straight_on(
         weight=pick(weight, go),
         pixel=paths.pixel[mine],
         straight=paths.straight[mine] + (pick(k, go) != 1).any(0),
+        widest=paths.widest[mine],
     )
 
 
@@ -142,14 +149,35 @@ def reflected_by_lobes(
     narrow = Narrow(surface, terms, pick(paths.weight, hit), Reflections())
     if not narrow:
         return None
-    d, drawn = narrow.draw(point)
+    d, drawn, exponent = narrow.draw(point)
     go = np.flatnonzero(drawn & (dot(surface.n, d) > 0) & (dot(surface.g, d) > 0))
     d, some = pick(d, go), surface.take(go)
     k = highlights(surface, terms, go, d) / (np.pi * narrow.density(go, d))
-    leaving = _leaving(paths, hit[go], some, d, np.where(np.isfinite(k), k, 0.0), cutoff)
+    own = np.exp2(np.clip(np.floor(np.log2(np.maximum(exponent[go], 1.0))), 0, 60))
+    wide = replace(paths, widest=_with(paths.widest, hit[go], own))
+    leaving = _leaving(wide, hit[go], some, d, np.where(np.isfinite(k), k, 0.0), cutoff)
     if not len(leaving):
         return None
     return replace(leaving, reflections=paths.reflections + 1, glossy=True)
+
+
+def _with(widest: Array, index: Array, own: Array) -> Array:
+    """Those at the places no larger than their own."""
+    result = widest.copy()
+    result[index] = np.minimum(widest[index], own)
+    return result
+
+
+def widened(coefficients: Coefficients, widest: Array) -> Coefficients:
+    """With highlights whose exponents are at most `widest` (n,) at each point, and as bright in
+    all: narrower ones would show points of lights as dots.
+    """
+    terms = []
+    for term in coefficients.highlights:
+        own = np.broadcast_to(np.asarray(term.exponent, np.float64), term.index.shape)
+        least = np.minimum(own, widest[term.index])
+        terms.append(replace(term, k=term.k * ((least + 1) / (own + 1)), exponent=least))
+    return replace(coefficients, highlights=terms)
 
 
 def relative_index(surface: Surface, lobe: Lobe) -> Array:
@@ -181,5 +209,6 @@ def _leaving(
         paths.pixel[hit[go]],
         np.zeros(len(go), np.intp),
         paths.depth + 1,
+        paths.widest[hit[go]],
         paths.reflections,
     )

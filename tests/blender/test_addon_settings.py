@@ -11,6 +11,7 @@ VALUES = {
     "illumination": "CLASSIC",
     "world_light": "CONSTANT",
     "mesh_light": "OFF",
+    "reflections": "ALL",
     "backend": "NUMPY",
     "acceleration": "FAST",
     "threads": 5,

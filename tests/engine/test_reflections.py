@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from glint.engine import Settings, render
+from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.scene import (
     Camera,
     Input,
@@ -163,3 +164,17 @@ def test_plastic_reflects_where_all_do():
     )
     np.testing.assert_array_equal(off, metals)
     assert np.abs(everything - off).max() > 0.01
+
+
+def test_explain_follows_reflected_rays():
+    scene, settings = mutual(60.0), Settings(samples=1, filter_width=0.0, max_bounces=3)
+    explainer = PixelExplainer(scene, settings)
+    picture = render(scene, settings).passes["Combined"]
+    kinds = set()
+    for x, y in ((12, 12), (5, 20), (20, 9)):
+        ray = explainer.pixel(x, y)
+        np.testing.assert_allclose(ray.color, picture[y, x, :3], rtol=1e-4, atol=1e-6)
+        while ray.follow:
+            ray = ray.follow[0]
+            kinds.add(ray.kind)
+    assert kinds == {"reflection"}

@@ -121,7 +121,9 @@ void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, Ra
     path.from = 0;
     path.straight = 0;
     path.wants_data = false;
+    path.widest = std::min(path.widest, stage_.t_max[k]);
     ++path.depth;
+    if (batch.softly_lit) batch.mark_softly_lit(from, Refinement::kReached);
     glossy.push({row(stage_.o, k), row(stage_.to, k), 0, kInfinity, kMirror}, path);
     ++counts.mirror;
   }

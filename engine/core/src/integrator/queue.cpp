@@ -23,6 +23,8 @@ void Queue::push(const Ray& ray, const Path& path) {
   columns_[kFrom][k] = path.from;
   tags_[k] = int64_t(path.slot) | int64_t(path.depth) << RayTag::kDepth |
              int64_t(path.straight) << RayTag::kStraight;
+  if (path.widest < HUGE_VAL)
+    tags_[k] |= int64_t(1 + std::clamp(std::ilogb(path.widest), 0, 60)) << RayTag::kWidth;
   if (path.wants_data) want_data(k);
 }
 

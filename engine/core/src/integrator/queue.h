@@ -1,5 +1,6 @@
 // Rays on their way, with what each carries to its pixel, by component.
 #pragma once
+#include <cmath>
 #include <vector>
 
 #include "bvh/accel.h"
@@ -17,6 +18,7 @@ struct Path {
   uint32_t slot = 0;
   uint8_t depth = 0, straight = 0;  // mirror and refraction rays so far; transparent ones in a row
   bool wants_data = false;
+  double widest = HUGE_VAL;  // see Queue
 };
 
 /// Rays that look for the same visibility: kCamera at depth 0, one of a path, else kMirror.
@@ -40,7 +42,7 @@ class Queue : public RayLayout {
   }
   Path path(size_t k) const {
     return {at(kT, k), at(kStart, k), columns_[kFrom][k], slot(k),
-            depth(k),  straight(k),   wants_data(k)};
+            depth(k),  straight(k),   wants_data(k),      widest(k)};
   }
   uint32_t slot(size_t k) const { return uint32_t(tags_[k]); }
   bool wants_data(size_t k) const { return tags_[k] >> RayTag::kWantsData & 1; }
@@ -55,10 +57,17 @@ class Queue : public RayLayout {
   const int64_t* tags() const { return tags_.data(); }
 
   uint32_t visibility;
-  /// How often its rays were reflected by rough surfaces. glossy: by the last one that they met;
-  /// then they see no lights, as these have highlights there.
+  /// How often its rays were reflected by rough surfaces; from the first time on they see no
+  /// lights: these have highlights there, and points of them in mirrors beyond would be dots.
+  /// glossy: by the last one that they met; then they do not see the sky either.
   uint32_t reflections = 0;
   bool glossy = false;
+  /// The largest exponent of highlights that ray k meets: that of the widest lobe on its way, a
+  /// power of two.
+  double widest(size_t k) const {
+    const int64_t code = (tags_[k] & RayTag::kWidths) >> RayTag::kWidth;
+    return code == 0 ? HUGE_VAL : std::ldexp(1.0, int(code - 1));
+  }
 
  private:
   uint8_t depth(size_t k) const { return uint8_t(tags_[k] >> RayTag::kDepth); }

@@ -203,6 +203,7 @@ void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
   if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
   shade(queue, straight, bounced);
+  if (queue.reflections > 0) widen(queue);
   if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
   direct_.illuminate(batch_, sample, counts_);
   direct_.reflect(batch_, sample, glossy, counts_);
@@ -256,11 +257,27 @@ void Tracer::find_points(const Queue& queue) {
   }
 }
 
+/// Highlights that rough surfaces show of others are no narrower than their own lobes: points of
+/// lights would be dots in them.
+void Tracer::widen(const Queue& queue) {
+  for (size_t k = 0; k < queue.size(); ++k) {
+    const double widest = queue.widest(k);
+    for (int number = 0; number < scene_.max_specular; ++number) {
+      double* const column =
+          batch_.specular + size_t(scene_.specular_columns * number) * batch_.stride + k;
+      double& exponent = column[SpecularTerm::kExponent * batch_.stride];
+      if (!(exponent > widest)) continue;
+      for (size_t c = 0; c < 3; ++c) column[c * batch_.stride] *= (widest + 1) / (exponent + 1);
+      exponent = widest;
+    }
+  }
+}
+
 void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   ShadeStage stage{};
   stage.count = queue.size();
   stage.material = batch_.material.data();
-  stage.terms = (queue.glossy ? scene_.reflected_terms : scene_.material_terms).data();
+  stage.terms = (queue.reflections > 0 ? scene_.reflected_terms : scene_.material_terms).data();
   stage.specular_terms = scene_.specular_terms.data();
   stage.max_specular = scene_.max_specular;
   stage.sums = batch_.sums;
@@ -280,7 +297,7 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   stage.lit = batch_.lit.data();
   stage.others = batch_.others.data();
   const size_t others = stages_.shade(stage);
-  const bool sees_lights = scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS && !queue.glossy;
+  const bool sees_lights = scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS && queue.reflections == 0;
   for (size_t k = 0; sees_lights && k < queue.size(); ++k) shader_.seen_lights(batch_, k);
   double* lost = paths_.lost_alpha();
   for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size();
@@ -310,7 +327,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
   stage.primitive = batch_.primitive.data();
   stage.lobes = scene_.lobe_shapes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
-  stage.dark = queue.glossy && scene_.features & GLINT_FEATURE_MESH_LIGHT;
+  stage.dark = queue.reflections > 0 && scene_.features & GLINT_FEATURE_MESH_LIGHT;
   stage.sums = batch_.sums;
   for (size_t c = 0; c < 3; ++c) {
     stage.T[c] = queue.column(Queue::kT + c);

@@ -57,6 +57,7 @@ class Tracer {
   void follow(uint32_t sample);
   void process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced, Queue& glossy);
   void find_points(const Queue& queue);
+  void widen(const Queue& queue);
   void find_hits(const Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
   size_t vary(const Queue& queue, size_t first, size_t count, const Leaving& next);

@@ -408,6 +408,7 @@ inline Doubles below(const LightStage& s, size_t k, const Three& origin, const T
 struct Drawn {
   Three l;
   Mask good;
+  Doubles exponent;  // of the lobe
 };
 template <bool Reflecting = false>
 inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& narrow) {
@@ -429,7 +430,7 @@ inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& n
                   root(1 - cosine2) * (splat(s.azimuth[0]) * t1 + splat(s.azimuth[1]) * t2),
               d = load3(s.d, k);
   const Doubles c = dot(d, h);
-  return {d - 2 * c * h, (narrow.total > 0) & (c < 0)};
+  return {d - 2 * c * h, (narrow.total > 0) & (c < 0), exponent};
 }
 
 /// The open segment from the point to the sample; its far end stops short of what the sample lies
@@ -596,6 +597,7 @@ size_t reflect(const LightStage& s) {
     const Appender append{lanes, found};
     append.number(s.point, uint32_t(k));
     append(s.diffuse_out, share);
+    append(s.t_max, drawn.exponent);
     append(s.to, drawn.l);
     append(s.o, load3(s.points_x, k) + load(s.offset + k) * load3(s.g, k));
     found += size_t(__builtin_popcount(lanes));

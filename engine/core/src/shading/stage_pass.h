@@ -91,7 +91,7 @@ inline size_t bounce(const PassStage& s, const Chosen& at, const Arriving& ray, 
   add(RayLayout::kTMin, splat(0));
   add(RayLayout::kTMax, splat(__builtin_inf()));
   add(RayLayout::kFrom, splat(0));
-  add.tag((tag & int64_t(0xffffffff)) | depth << RayTag::kDepth);
+  add.tag((tag & (int64_t(0xffffffff) | RayTag::kWidths)) | depth << RayTag::kDepth);
   return add.count();
 }
 
@@ -156,7 +156,7 @@ inline size_t go_on(const PassStage& s, const Chosen& at, const Three& k) {
   add(RayLayout::kTMin, beyond(t));
   keep(RayLayout::kTMax);
   add(RayLayout::kFrom, t);
-  const Mask kept = tag & ((int64_t(1) << RayTag::kWantsData) - 1);
+  const Mask kept = tag & (((int64_t(1) << RayTag::kWantsData) - 1) | RayTag::kWidths);
   const Mask dimmed = (k.x != 1) | (k.y != 1) | (k.z != 1);
   add.tag((kept + (dimmed & int64_t(1) << RayTag::kStraight)) | wants_data);
   return add.count();

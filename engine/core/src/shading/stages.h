@@ -194,10 +194,11 @@ struct RayLayout {
 };
 
 /// What else a ray carries, in one number of 64 bits: from bit 0 on its slot, from these on how
-/// often it bounced and how often it went straight on since (8 bits each), and whether it wants
-/// data.
+/// often it bounced and how often it went straight on since (8 bits each), whether it wants data,
+/// and, where rough surfaces reflected it, how far highlights on its way are widened (`widest`).
 struct RayTag {
-  static constexpr int kDepth = 32, kStraight = 40, kWantsData = 48;
+  static constexpr int kDepth = 32, kStraight = 40, kWantsData = 48, kWidth = 56;
+  static constexpr int64_t kWidths = int64_t(0x7f) << kWidth;
 };
 
 /// The end of a queue that has room for what is added.
@@ -356,7 +357,8 @@ struct Stages {
       const LightStage&);  // how many points the directions drawn from their lobes light
   size_t (*reflect)(const LightStage&);  // how many points have a ray that goes on from them, along
                                          // a direction of their lobes: o, to, and in diffuse_out
-                                         // what the light from there is times
+                                         // what the light from there is times,
+                                         // in t_max the exponent of the lobe
   void (*transmit)(const TransmittanceStage&);
   void (*sum)(const LightSum&);
   void (*sum_parts)(const LightParts&);
