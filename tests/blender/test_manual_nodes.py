@@ -19,7 +19,7 @@ END = "<!-- end of nodes -->"
 FAMILIES = (
     ("Input", "basic", "inputs"),
     ("Texture", "ies", "noise", "patterns", "sky", "voronoi"),
-    ("Color and Converter", "colors", "math"),
+    ("Color and Converter", "colors", "math", "spectra"),
     ("Vector", "normals", "vectors"),
 )
 OTHERS = {"ShaderNodeTexImage": "Texture", "ShaderNodeLightFalloff": "Color and Converter"}

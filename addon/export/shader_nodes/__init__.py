@@ -13,6 +13,7 @@ from . import noise as noise
 from . import normals as normals
 from . import patterns as patterns
 from . import sky as sky
+from . import spectra as spectra
 from . import vectors as vectors
 from . import voronoi as voronoi
 from .reader import READERS as READERS
