@@ -14,6 +14,7 @@ import numpy as np
 
 from .report import Report
 
+_WORD = 0xFFFFFFFF
 HAIR_NOTE = "Particle hair is not rendered: {}; convert it to a mesh"
 _UNSUPPORTED = {
     "CURVES": "Hair curves are not rendered: {}; convert them to meshes",
@@ -35,13 +36,14 @@ class Flags(NamedTuple):
 @dataclass(eq=False)
 class Thing:
     """One object as one instancer places it: what `make` of `walk` gave for it, and where it
-    stands. uid: the object's session uid.
+    stands. uid: the object's session uid. numbers: of its instances in the iteration.
     """
 
     content: Any
     name: str
     uid: int
     matrices: np.ndarray
+    numbers: np.ndarray
 
 
 @dataclass
@@ -62,15 +64,15 @@ class Census:
 
 def walk(
     depsgraph: Any,
-    make: Callable[[Any, Any, Flags], Any],
+    make: Callable[[Any, Flags], Any],
     report: Report,
     shown: Callable[[Any], bool] = lambda instancer: True,
     census: Census | None = None,
 ) -> list[Thing]:
     """Every distinct (data, object, instancer) that renders, with its places.
 
-    make: given the evaluated object, the one behind a temporary one, and its flags, once each,
-    while Blender keeps them valid; None leaves the thing out.  shown: asked of every object that
+    make: given the first instance of each and its flags, while Blender keeps them valid; None
+    leaves the thing out.  shown: asked of every object that
     stands or instances in the scene itself whether its things are there. census: hears of every
     thing, also of those left out.
     """
@@ -101,6 +103,37 @@ def _matrices(depsgraph: Any, count: int) -> np.ndarray:
     return columns.transpose(0, 2, 1)[:, :3].astype(np.float64)
 
 
+def random_numbers(depsgraph: Any) -> np.ndarray:
+    """(count,) float32 from 0 to 1 of every instance, as Cycles makes them; 0 of what is none."""
+    ids = np.empty(len(depsgraph.object_instances), np.int32)
+    if len(ids):
+        depsgraph.object_instances.foreach_get("random_id", ids)
+    return _as_random(ids.view(np.uint32))
+
+
+def random_number(name: str) -> float:
+    """The same of an object that stands by itself."""
+    word = 0
+    for byte in name.encode():
+        word = word * 37 + byte
+    return float(_as_random(np.array([_hashed(word & _WORD)], np.uint32))[0])
+
+
+def _hashed(word: int) -> int:
+    """Jenkins' lookup3 of a word and 0."""
+    a = b = c = 0xDEADBEEF + 13 + 8
+    a += word
+    for bits in (14, 11, 25, 16, 4, 14, 24):
+        b, c = b & _WORD, c & _WORD
+        c = ((c ^ b) - (b << bits | b >> (32 - bits))) & _WORD
+        a, b, c = b, c, a
+    return b & _WORD
+
+
+def _as_random(words: np.ndarray) -> np.ndarray:
+    return words.astype(np.float32) * np.float32(1 / _WORD)
+
+
 def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report) -> list[Thing]:
     """Things with their rows of the matrices, in the order in which they were met; places that are
     not finite are dropped.
@@ -114,11 +147,11 @@ def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report
             )
     rows, matrices = rows[sound], matrices[sound]
     order = np.argsort(rows, kind="stable")
-    matrices = matrices[order]
+    matrices, numbers = matrices[order], np.flatnonzero(sound)[order]
     bounds = np.searchsorted(rows[order], np.arange(len(things) + 1)).tolist()
     spans = zip(things, bounds, bounds[1:], strict=False)
     return [
-        Thing(*met, matrices[first:end])
+        Thing(*met, matrices[first:end], numbers[first:end])
         for met, first, end in spans
         if met is not None and first < end
     ]
@@ -137,7 +170,7 @@ def _meet(
         report.note(_UNSUPPORTED[thing.type], name)
         return None
     flags = flags_of(thing, instancer, depsgraph.view_layer, report)
-    content = make(thing, instance.instance_object or thing, flags)
+    content = make(instance, flags)
     return (content, name, thing.original.session_uid) if content is not None else None
 
 

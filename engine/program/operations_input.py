@@ -89,6 +89,14 @@ INPUTS = (
         )
     ),
     Operation(
+        "instance_value",
+        sockets(vector="vector", alpha="number"),
+        settings=(("attribute", Reference.ATTRIBUTE),),
+        formula="the value of this name that `Instances.values` gives the placement; zeros where "
+        "there is none",
+        reads_point=True,
+    ),
+    Operation(
         "fresnel",
         sockets(value="number"),
         sockets(ior="number", normal="vector"),

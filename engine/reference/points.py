@@ -109,6 +109,10 @@ class SurfacePoints:
         """(3, m) of the object's origin in the world."""
         return self._around.placements.world_from_object[self._row()][:, :, 3].T + self._around.eye
 
+    def instance_value(self, name: str) -> Array:
+        """(4, m) of the placements."""
+        return self._around.placements.value(name)[:, self._row()]
+
     def camera_position(self, shift: int) -> Array:
         """(3, m): along right and up of the camera, and the depth; world units."""
         return camera_position(self._around.camera, self._x(shift))

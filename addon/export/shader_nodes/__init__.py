@@ -11,6 +11,7 @@ from . import lamp as lamp
 from . import math as math
 from . import noise as noise
 from . import normals as normals
+from . import objects as objects
 from . import patterns as patterns
 from . import sky as sky
 from . import spectra as spectra

@@ -10,6 +10,7 @@ from ..graph import socket_named
 from ..images import FIRST, Images
 from ..terms import GREY
 from .mapping import texture_mapped
+from .objects import property_of_object
 from .projections import on_ball, on_box, on_tiles, on_tube
 from .reader import READERS, NodeInputs, Outputs
 
@@ -83,6 +84,8 @@ def attribute_name(node: Any) -> str | None:
 
 
 def _attribute(view: NodeInputs) -> Outputs | None:
+    if getattr(view.node, "attribute_type", "GEOMETRY") != "GEOMETRY":
+        return property_of_object(view)
     name = attribute_name(view.node)
     if name is None:
         return None
@@ -160,18 +163,6 @@ def _normal(view: NodeInputs) -> Value:
     return view.value("Normal") if view.is_linked("Normal") else view.reader.normal()
 
 
-def _object_info(view: NodeInputs) -> Outputs:
-    one = view.reader.graph.constant(1.0)
-    return {
-        "Location": view.apply("object_location")[0],
-        "Color": view.left_out("Color", (1.0, 1.0, 1.0)),
-        "Alpha": one,
-        "Object Index": view.left_out("Object Index", 0.0),
-        "Material Index": view.left_out("Material Index", 0.0),
-        "Random": view.left_out("Random", 0.5),
-    }
-
-
 def _light_path(view: NodeInputs) -> Outputs:
     camera, shadow, bounced = view.apply("light_path")
     zero, length = view.reader.graph.constant(0.0), view.reader.ray_length()
@@ -204,7 +195,6 @@ READERS.update(
         "ShaderNodeTexImage": _image,
         "ShaderNodeFresnel": _fresnel,
         "ShaderNodeLayerWeight": _layer_weight,
-        "ShaderNodeObjectInfo": _object_info,
         "ShaderNodeLightPath": _light_path,
     }
 )

@@ -71,8 +71,15 @@ class TreeReader:
     """Whether meshes are read, of whose maps sums of products may say the same."""
 
     def __init__(
-        self, graph: Graph, images: Any, note: Callable[[str], None], operations: Mapping = BY_NAME
+        self,
+        graph: Graph,
+        images: Any,
+        note: Callable[[str], None],
+        operations: Mapping = BY_NAME,
+        material_index: int = 0,
     ) -> None:
+        """material_index: Blender's pass index of the material."""
+        self.material_index = material_index
         self.graph, self.images, self.operations, self.note = graph, images, operations, note
         self.displacement: Value | None = None
         self._read: dict[Key, Outputs | None] = {}

@@ -7,6 +7,7 @@ import math
 from ....engine.program.graph import Value
 from .inputs import noted_interpolation
 from .mapping import texture_mapped
+from .objects import VIEW_LAYER
 from .reader import READERS, NodeInputs, Outputs, TreeReader
 
 _ALONG = ("position", "object_position")
@@ -16,6 +17,7 @@ _NOWHERE = {
     "uv": ((0.0, 0.0, 0.0),),
     "attribute": ((0.0, 0.0, 0.0), 1.0),
     "object_location": ((0.0, 0.0, 0.0),),
+    "instance_value": ((0.0, 0.0, 0.0), 0.0),
 }
 _VIEW = ("camera_position", "window")
 
@@ -35,6 +37,8 @@ class SkyReader(TreeReader):
         if name in _VIEW:
             self.note("Camera and window coordinates are not known in the world {}: 0 is used")
             return (self.graph.constant((0.0, 0.0, 0.0)),)
+        if settings.get("attribute", "").startswith(VIEW_LAYER):
+            self.note("Attributes of the view layer are not known in the world {}: 0 is used")
         if name in _NOWHERE:
             return tuple(map(self.graph.constant, _NOWHERE[name]))
         return super().apply(name, *arguments, **settings)
