@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .hashing import as_random, random_of, word_of
 from .report import Report
 
-_WORD = 0xFFFFFFFF
 HAIR_NOTE = "Particle hair is not rendered: {}; convert it to a mesh"
 _UNSUPPORTED = {
     "CURVES": "Hair curves are not rendered: {}; convert them to meshes",
@@ -108,30 +108,12 @@ def random_numbers(depsgraph: Any) -> np.ndarray:
     ids = np.empty(len(depsgraph.object_instances), np.int32)
     if len(ids):
         depsgraph.object_instances.foreach_get("random_id", ids)
-    return _as_random(ids.view(np.uint32))
+    return as_random(ids.view(np.uint32))
 
 
 def random_number(name: str) -> float:
     """The same of an object that stands by itself."""
-    word = 0
-    for byte in name.encode():
-        word = word * 37 + byte
-    return float(_as_random(np.array([_hashed(word & _WORD)], np.uint32))[0])
-
-
-def _hashed(word: int) -> int:
-    """Jenkins' lookup3 of a word and 0."""
-    a = b = c = 0xDEADBEEF + 13 + 8
-    a += word
-    for bits in (14, 11, 25, 16, 4, 14, 24):
-        b, c = b & _WORD, c & _WORD
-        c = ((c ^ b) - (b << bits | b >> (32 - bits))) & _WORD
-        a, b, c = b, c, a
-    return b & _WORD
-
-
-def _as_random(words: np.ndarray) -> np.ndarray:
-    return words.astype(np.float32) * np.float32(1 / _WORD)
+    return float(random_of(word_of(name), np.zeros(1, np.uint32))[0])
 
 
 def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report) -> list[Thing]:

@@ -99,6 +99,11 @@ class SurfacePoints:
         matrices = self._around.placements.world_from_object[self._row()][:, :, :3]
         return np.sqrt((transform_each(matrices, self.object_normal()) ** 2).sum(0))
 
+    def barycentric(self, shift: int) -> Array:
+        """(3, m) weights of the triangles' corners; zeros off triangles."""
+        is_flat = self._surface.primitive[self._index] < self._around.geometry.triangle_count
+        return np.where(is_flat, self._place(shift)[2], 0.0)
+
     def shift(self, number: int) -> Array:
         """(3, m) the step to where a shifted read happens; zeros for 0."""
         if number == 0:

@@ -12,7 +12,8 @@ from ..terms import GREY
 from .mapping import texture_mapped
 from .objects import property_of_object
 from .projections import on_ball, on_box, on_tiles, on_tube
-from .reader import READERS, NodeInputs, Outputs
+from .reader import ISLAND, POINTINESS, READERS, NodeInputs, Outputs
+from .tangents import radial_tangent
 
 ACTIVE_COLOR = "(active colour)"
 """Attribute name that stands for a mesh's active colour attribute."""
@@ -58,11 +59,16 @@ def _geometry(view: NodeInputs) -> Outputs:
         "True Normal": view.apply("face_normal")[0],
         "Incoming": view.apply("incoming")[0],
         "Backfacing": view.apply("backfacing")[0],
-        "Parametric": view.left_out("Parametric", (0.0, 0.0, 0.0)),
-        "Tangent": view.left_out("Tangent", (0.0, 0.0, 0.0)),
-        "Pointiness": view.left_out("Pointiness", 0.5),
-        "Random Per Island": view.left_out("Random Per Island", 0.5),
+        "Parametric": _parametric(view),
+        "Tangent": radial_tangent(view, "Z"),
+        "Pointiness": view.apply("attribute", attribute=POINTINESS, shift=0)[1],
+        "Random Per Island": view.apply("attribute", attribute=ISLAND, shift=0)[1],
     }
+
+
+def _parametric(view: NodeInputs) -> Value:
+    weights = view.apply("barycentric", shift=0)[0]
+    return view.apply("product", weights, view.reader.graph.constant((1.0, 1.0, 0.0)))[0]
 
 
 def _camera(view: NodeInputs) -> Outputs:

@@ -17,6 +17,7 @@ from .reader import READERS, Arithmetic, NodeInputs, Outputs, TreeReader
 NOWHERE = {
     "attribute": ((0.0, 0.0, 0.0), 1.0),
     "uv": ((0.0, 0.0, 0.0),),
+    "barycentric": ((0.0, 0.0, 0.0),),
     "instance_value": ((0.0, 0.0, 0.0), 0.0),
 }
 
@@ -79,6 +80,8 @@ class LampReader(TreeReader):
             return self._unknown(name)
         if name in ("normal_map", "bump"):
             return super().apply("normal")
+        if name == "normal_to_world":
+            return super().apply("vector_normalized", *arguments)
         if name == "light_path":  # Cycles calls no ray to a light a shadow ray here
             camera, _, bounced = super().apply(name)
             return camera, self.graph.constant(0.0), bounced

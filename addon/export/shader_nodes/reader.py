@@ -31,6 +31,9 @@ GENERATED = "(generated)"
 TANGENT = "(tangent) "
 """Prefix of attribute names that stand for the tangents of a UV map, "" the active one."""
 
+ISLAND, POINTINESS = "(island)", "(pointiness)"
+"""Attribute names that stand for what Blender's meshes tell of their shape."""
+
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 NUMBER_TYPES = ("VALUE", "INT", "BOOLEAN")
 VECTOR_TYPES = ("VECTOR", "RGBA")

@@ -15,6 +15,7 @@ _AGAINST = ("normal", "face_normal", "object_normal", "reflection", "normal_map"
 _NOWHERE = {
     "object_stretch": (1.0,),
     "uv": ((0.0, 0.0, 0.0),),
+    "barycentric": ((0.0, 0.0, 0.0),),
     "attribute": ((0.0, 0.0, 0.0), 1.0),
     "object_location": ((0.0, 0.0, 0.0),),
     "instance_value": ((0.0, 0.0, 0.0), 0.0),
@@ -32,6 +33,8 @@ class SkyReader(TreeReader):
     def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         if name in _ALONG:
             return (self.along(),)
+        if name == "normal_to_world":
+            return arguments
         if name in _AGAINST:
             return super().apply("incoming")
         if name in _VIEW:

@@ -264,6 +264,21 @@ inline Three normal_to_world(const Machine& m, size_t k, const Three& n) {
   return unit(n.x * column(0) + n.y * column(3) + n.z * column(6));
 }
 
+inline void normal_to_world(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) { at.put(0, k, normal_to_world(m, k, at.vector(0, k))); });
+}
+
+inline void barycentric(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    const OnMesh p = on_mesh(m, k, at.settings[0]);
+    Mask flat{};
+    for (size_t lane = 0; lane < kLanes; ++lane)
+      flat[lane] = p.geometry[p.different == 1 ? 0 : lane]->triangles ? -1 : 0;
+    at.put(0, k,
+           Three{where(flat, p.weights[0]), where(flat, p.weights[1]), where(flat, p.weights[2])});
+  });
+}
+
 inline void object_stretch(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) {
     const Three n = object_normal_of(m, k);
