@@ -271,7 +271,7 @@ def _kind(group: Instances) -> tuple:
     index.
     """
     values = (group.geometry, group.object_index, *group.materials)
-    return values, tuple(map(type, values))
+    return values, tuple(map(type, values)), id(group) if group.values else 0
 
 
 def _instances(scene: Scene, instances: Instances) -> Found:
@@ -284,6 +284,14 @@ def _instances(scene: Scene, instances: Instances) -> Found:
     for material in instances.materials:
         yield from handle("a material", material, len(scene.materials), "materials")
     yield from whole("object_index", instances.object_index)
+    for name, values in instances.values.items():
+        found = [*array(f"value {name!r}", values, np.float32, (None, 4))]
+        yield from found or finite_array(f"value {name!r}", values)
+        if not found and not shapes and len(values) != len(instances.world_from_object):
+            yield (
+                f"value {name!r} has {len(values)} rows: use {len(instances.world_from_object)}, "
+                "one a placement"
+            )
 
 
 # --- surfaces

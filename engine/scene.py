@@ -11,6 +11,7 @@ matrix `target_from_source` is `(3, 4)`: columns 0-2 the linear part, column 3 t
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -102,6 +103,7 @@ class Instances:
     the last one. object_index: Blender's pass index. visible_camera, visible_mirror,
     visible_shadow: seen by camera rays (and what passes straight through them), by mirror and
     refraction rays, by shadow rays. holdout: cuts a hole of alpha 0 into the picture.
+    values: by name, what programs read of each placement, (k, 4) float32.
     """
 
     name: str
@@ -113,6 +115,7 @@ class Instances:
     visible_mirror: bool = True
     visible_shadow: bool = True
     holdout: bool = False
+    values: Mapping[str, Array] = field(default_factory=dict)
 
 
 ENCODINGS = ("LINEAR", "SRGB")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,12 +13,14 @@ from ...engine.scene import Geometry, Instances, Scene
 from .camera import border, export_camera, resolution
 from .decoded import Decoded
 from .images import Images
-from .instances import Flags, Thing, walk
+from .instances import Flags, Thing, random_numbers, walk
 from .lights import Lights, Seen
 from .materials import Materials, Wanted, without_unused
 from .meshes import MeshSource, mesh_key, read_attributes, readable
 from .placing import note_empty_view, without_collapsed
+from .properties import Value, value_of
 from .report import Report
+from .shader_nodes.objects import RANDOM
 from .shapes import export_points, read_shape
 from .world import Sky, export_world
 
@@ -92,12 +95,16 @@ def _world(depsgraph: Any, scene: Any) -> Any:
 
 
 class _Placed(NamedTuple):
-    """A geometry with what its instances need."""
+    """A geometry with what its instances need. values: what programs read of it;
+    is_random: they read a random number of each instance.
+    """
 
     geometry: int
     materials: tuple[int, ...]
     object_index: int
     flags: Flags
+    values: tuple[tuple[str, Value], ...] = ()
+    is_random: bool = False
 
 
 class _Lamp(NamedTuple):
@@ -120,10 +127,12 @@ class Collector:
         self._known: dict[tuple, int | None] = {}
         self._wanted_by_slots: dict[tuple[int, ...], Wanted] = {}
 
-    def meet(self, thing: Any, owner: Any, flags: Flags) -> _Placed | _Lamp | None:
-        """What an object (its owner is the one that is not temporary) is to the scene; None for
-        what has no shape of its own (curves come again as meshes).
+    def meet(self, instance: Any, flags: Flags) -> _Placed | _Lamp | None:
+        """What an object is to the scene; None for what has no shape of its own (curves come again
+        as meshes).
         """
+        thing = instance.object
+        owner = instance.instance_object or thing  # the one that is not temporary
         data = thing.data
         if thing.type == "LIGHT":
             return _Lamp(data, Seen(flags.camera, flags.mirror))
@@ -142,7 +151,31 @@ class Collector:
                 "as meshes",
                 thing.name,
             )
-        return _Placed(geometry, slots, thing.pass_index, flags)
+        wanted = self._wanted(slots).objects
+        is_random = RANDOM in wanted and instance.is_instance
+        values = tuple((name, self._value(name, instance)) for name in sorted(wanted))
+        return _Placed(geometry, slots, thing.pass_index, flags, values, is_random)
+
+    def _value(self, name: str, instance: Any) -> Value:
+        return value_of(name, instance, self.depsgraph.view_layer_eval, self.depsgraph.scene_eval)
+
+    def instances(self, thing: Thing) -> Instances:
+        """Where a thing stands and as what it is seen."""
+        placed, flags = thing.content, thing.content.flags
+        count = len(thing.matrices)
+        values = {
+            name: np.tile(np.array(value, np.float32), (count, 1)) for name, value in placed.values
+        }
+        if placed.is_random:
+            values[RANDOM] = np.repeat(self._random[thing.numbers][:, None], 4, 1)
+        return Instances(
+            thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
+            flags.camera, flags.mirror, flags.shadow, flags.holdout, values,
+        )  # fmt: skip
+
+    @cached_property
+    def _random(self) -> np.ndarray:
+        return random_numbers(self.depsgraph)
 
     def _slots(self, thing: Any, used: tuple[int, ...]) -> tuple[int, ...]:
         """The materials of an object's slots up to the last that some face uses. A slot that none
@@ -207,7 +240,7 @@ class Collector:
             g.finished() if isinstance(g, MeshSource) else g for g in self._geometries
         )
         instances = tuple(
-            _instances(thing) for thing in things if isinstance(thing.content, _Placed)
+            self.instances(thing) for thing in things if isinstance(thing.content, _Placed)
         )
         instances = without_collapsed(instances, self.report)
         note_empty_view(
@@ -219,14 +252,6 @@ class Collector:
         materials, textures = without_unused(self.materials.materials, self.images.textures)
         lights = sky.lights_with(self.lights.lights)
         return Scene(camera, geometries, instances, materials, textures, lights, sky.world)
-
-
-def _instances(thing: Thing) -> Instances:
-    placed, flags = thing.content, thing.content.flags
-    return Instances(
-        thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
-        flags.camera, flags.mirror, flags.shadow, flags.holdout,
-    )  # fmt: skip
 
 
 def _counts(scene: Scene) -> dict[str, float]:

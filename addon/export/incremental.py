@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...engine.scene import Camera, Geometry, Material, Mesh, Scene, Texture
-from .export import Collector, _instances, _Lamp, _Placed, _world
+from .export import Collector, _Lamp, _Placed, _world
 from .graph import node_tree
 from .images import Images
 from .instances import Census, Thing, walk
@@ -518,7 +518,7 @@ class _KeepingCollector(Collector):
         """The scene, without a camera, and where its things are."""
         geometries = tuple(self._finished(number) for number in range(len(self._geometries)))
         placed = [
-            (thing, _instances(thing)) for thing in things if isinstance(thing.content, _Placed)
+            (thing, self.instances(thing)) for thing in things if isinstance(thing.content, _Placed)
         ]
         instances = without_collapsed(tuple(block for _, block in placed), self.report)
         lamps = [

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .hashing import as_random, random_of, word_of
 from .report import Report
 
 HAIR_NOTE = "Particle hair is not rendered: {}; convert it to a mesh"
@@ -35,13 +36,14 @@ class Flags(NamedTuple):
 @dataclass(eq=False)
 class Thing:
     """One object as one instancer places it: what `make` of `walk` gave for it, and where it
-    stands. uid: the object's session uid.
+    stands. uid: the object's session uid. numbers: of its instances in the iteration.
     """
 
     content: Any
     name: str
     uid: int
     matrices: np.ndarray
+    numbers: np.ndarray
 
 
 @dataclass
@@ -62,15 +64,15 @@ class Census:
 
 def walk(
     depsgraph: Any,
-    make: Callable[[Any, Any, Flags], Any],
+    make: Callable[[Any, Flags], Any],
     report: Report,
     shown: Callable[[Any], bool] = lambda instancer: True,
     census: Census | None = None,
 ) -> list[Thing]:
     """Every distinct (data, object, instancer) that renders, with its places.
 
-    make: given the evaluated object, the one behind a temporary one, and its flags, once each,
-    while Blender keeps them valid; None leaves the thing out.  shown: asked of every object that
+    make: given the first instance of each and its flags, while Blender keeps them valid; None
+    leaves the thing out.  shown: asked of every object that
     stands or instances in the scene itself whether its things are there. census: hears of every
     thing, also of those left out.
     """
@@ -101,6 +103,19 @@ def _matrices(depsgraph: Any, count: int) -> np.ndarray:
     return columns.transpose(0, 2, 1)[:, :3].astype(np.float64)
 
 
+def random_numbers(depsgraph: Any) -> np.ndarray:
+    """(count,) float32 from 0 to 1 of every instance, as Cycles makes them; 0 of what is none."""
+    ids = np.empty(len(depsgraph.object_instances), np.int32)
+    if len(ids):
+        depsgraph.object_instances.foreach_get("random_id", ids)
+    return as_random(ids.view(np.uint32))
+
+
+def random_number(name: str) -> float:
+    """The same of an object that stands by itself."""
+    return float(random_of(word_of(name), np.zeros(1, np.uint32))[0])
+
+
 def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report) -> list[Thing]:
     """Things with their rows of the matrices, in the order in which they were met; places that are
     not finite are dropped.
@@ -114,11 +129,11 @@ def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report
             )
     rows, matrices = rows[sound], matrices[sound]
     order = np.argsort(rows, kind="stable")
-    matrices = matrices[order]
+    matrices, numbers = matrices[order], np.flatnonzero(sound)[order]
     bounds = np.searchsorted(rows[order], np.arange(len(things) + 1)).tolist()
     spans = zip(things, bounds, bounds[1:], strict=False)
     return [
-        Thing(*met, matrices[first:end])
+        Thing(*met, matrices[first:end], numbers[first:end])
         for met, first, end in spans
         if met is not None and first < end
     ]
@@ -137,7 +152,7 @@ def _meet(
         report.note(_UNSUPPORTED[thing.type], name)
         return None
     flags = flags_of(thing, instancer, depsgraph.view_layer, report)
-    content = make(thing, instance.instance_object or thing, flags)
+    content = make(instance, flags)
     return (content, name, thing.original.session_uid) if content is not None else None
 
 

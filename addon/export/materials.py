@@ -27,19 +27,27 @@ from .images import Images
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .report import Report
+from .shader_nodes import TreeReader
 from .terms import complement, constant, constant_value, factors_of
 from .varying import Roughness
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """Names of the UV maps ("" the active one) and colour attributes that something reads."""
+    """Names of the UV maps ("" the active one) and colour attributes that something reads.
+    objects: of what is read of objects, not of their meshes, which no truth value counts.
+    """
 
     uv_maps: frozenset[str] = frozenset()
     attributes: frozenset[str] = frozenset()
+    objects: frozenset[str] = frozenset()
 
     def __or__(self, other: Wanted) -> Wanted:
-        return Wanted(self.uv_maps | other.uv_maps, self.attributes | other.attributes)
+        return Wanted(
+            self.uv_maps | other.uv_maps,
+            self.attributes | other.attributes,
+            self.objects | other.objects,
+        )
 
     def __bool__(self) -> bool:
         return bool(self.uv_maps or self.attributes)
@@ -90,7 +98,8 @@ def default_material() -> Material:
 
 def compile_material(material: Any, images: Images, report: Report) -> Material:
     """One Blender material as lobes."""
-    evaluator = Evaluator(material.name, images, report)
+    reader = functools.partial(TreeReader, material_index=material.pass_index)
+    evaluator = Evaluator(material.name, images, report, reader)
     tree = node_tree(material)
     if getattr(material, "displacement_method", "BUMP") != "BUMP" and _is_displaced(tree):
         report.note("True displacement is rendered as a bump in {}", material.name)
@@ -187,13 +196,15 @@ def wanted_by(material: Material) -> Wanted:
     inputs = [factor for lobe in material.lobes for factor in lobe.factors]
     uv_maps = {factor.uv for factor in inputs if factor.texture >= 0}
     attributes = {factor.attribute for factor in inputs if factor.attribute}
+    objects: set[str] = set()
+    named = {"uv": uv_maps, "instance_value": objects}
     program = material.program
     for step in instructions(program) if program else ():
         for (_, choices), setting in zip(step.operation.settings, step.settings, strict=True):
             if choices is Reference.ATTRIBUTE:
-                named = uv_maps if step.operation.name == "uv" else attributes
-                named.add(program.attributes[setting])
-    return Wanted(frozenset(uv_maps), frozenset(attributes - {""}))
+                names = named.get(step.operation.name, attributes)
+                names.add(program.attributes[setting])
+    return Wanted(frozenset(uv_maps), frozenset(attributes - {""}), frozenset(objects))
 
 
 def without_unused(

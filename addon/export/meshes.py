@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from ...engine.scene import CORNER, FACE, POINT, Attribute, Mesh
+from .islands import as_four, islands, pointiness
 from .materials import Wanted
 from .report import Report
 from .shader_nodes.inputs import ACTIVE_COLOR
-from .shader_nodes.reader import GENERATED, TANGENT
+from .shader_nodes.reader import GENERATED, ISLAND, POINTINESS, TANGENT
 from .tangents import tangents
 from .terms import GREY
 
@@ -296,6 +297,10 @@ def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -
         return Attribute(name, POINT, _generated(mesh))
     if name.startswith(TANGENT):
         return _tangents(mesh, source, name)
+    if name == ISLAND:
+        return Attribute(name, FACE, as_four(islands(mesh, source.mesh.triangles)))
+    if name == POINTINESS:
+        return Attribute(name, POINT, as_four(pointiness(mesh)))
     plain = name.removeprefix(GREY)
     if plain == ACTIVE_COLOR:
         index = mesh.color_attributes.render_color_index

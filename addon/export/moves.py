@@ -100,7 +100,9 @@ class Stage:
         if report.mentions(thing.name) or self.report.mentions(thing.name):
             return False  # what is said of it may be another thing now
         now = (thing.pass_index, flags.camera, flags.mirror, flags.shadow, flags.holdout)
-        groups = (self.scene.instances[number] for number in place.instances)
+        groups = [self.scene.instances[number] for number in place.instances]
+        if any(group.values for group in groups):
+            return False  # materials read what an edit of the object may have changed
         return all(
             now == (g.object_index, g.visible_camera, g.visible_mirror, g.visible_shadow, g.holdout)
             for g in groups

@@ -43,7 +43,11 @@ def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple
                 "scale two axes alike",
                 block.name,
             )
-            block = replace(block, world_from_object=block.world_from_object[surface])
+            block = replace(
+                block,
+                world_from_object=block.world_from_object[surface],
+                values={name: rows[surface] for name, rows in block.values.items()},
+            )
         if surface.any():
             kept.append(block)
     return tuple(kept)

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 14
+ABI_VERSION = 15
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -281,13 +281,14 @@ class SceneData(Structure):
         *_each(c_double * 9, "world_axes"),
         *_each(c_int32, "transparent world_program world_slot reserved"),
         *_each(c_size_t, "geometries attributes instances world_from_object material_slots"),
+        *_each(c_size_t, "instance_value_names instance_values"),
         *_each(c_size_t, "textures program_words program_constants program_tables programs inputs"),
         *_each(c_size_t, "lobes materials lights emitters emitter_corners"),
         *_each(c_uint64, "geometry_count attribute_count instances_count row_count"),
         *_each(c_uint64, "material_slot_count texture_count program_word_count"),
         *_each(c_uint64, "program_constant_count program_table_count program_count input_count"),
         *_each(c_uint64, "lobe_count material_count light_count emitter_count"),
-        *_each(c_uint64, "emitter_corner_count"),
+        *_each(c_uint64, "emitter_corner_count instance_value_count"),
     ]
 
 

@@ -92,7 +92,9 @@ class ScenePacker:
             "textures": self._part("textures", _all_textures(scene), _textures),
             "lights": self._part("lights", scene.lights, _lights),
             "emitters": self._part("emitters", _all_emitters(scene), _emitters),
-            "instances": self._part("instances", scene.instances, _instances),
+            "instances": self._part(
+                "instances", scene.instances, functools.partial(_instances, self._names)
+            ),
         }
         self._parts = parts
         parts = {**parts, "lights": _with_programs(scene, parts)}
@@ -201,6 +203,8 @@ _COUNTS = {
     "instances": "instances_count",
     "world_from_object": "row_count",
     "material_slots": "material_slot_count",
+    "instance_value_names": "instance_value_count",
+    "instance_values": "instance_value_count",
 }
 
 
@@ -377,13 +381,18 @@ def _polygons(packer: Packer, polygons: Polygons) -> dict[str, Any]:
 # --------------------------------------------------------------------------------------------------
 
 
-def _instances(groups: tuple[Instances, ...], before: _Part | None, changed: list[int]) -> _Part:
+def _instances(
+    names: dict[str, int],
+    groups: tuple[Instances, ...],
+    before: _Part | None,
+    changed: list[int],
+) -> _Part:
     """One array of matrices and one of materials for all groups; a scene's only group lends its
     own.
     """
     if before is not None and all(_differ_in_place(groups[k], before.source[k]) for k in changed):
         return _moved_instances(groups, before, changed)
-    packer = Packer()
+    packer = Packer(names=names)
     matrices = [np.asarray(group.world_from_object) for group in groups]
     for group, rows in zip(groups, matrices, strict=True):
         if rows.ndim != 3 or rows.shape[1:] != (3, 4):
@@ -411,13 +420,36 @@ def _instances(groups: tuple[Instances, ...], before: _Part | None, changed: lis
         "instances": _table(core_types.InstancesData, rows),
         "world_from_object": joined,
         "material_slots": slots,
+        **_instance_values(packer, groups, first_rows),
     }
     return _Part(groups, tables, packer.lent)
+
+
+def _instance_values(
+    packer: Packer, groups: tuple[Instances, ...], first_rows: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Every name that some group gives a value, and its rows for all placements, zeros for those
+    that have none.
+    """
+    used = list(dict.fromkeys(name for group in groups for name in group.values))
+    values = np.zeros((len(used), first_rows[-1], 4), np.float32)
+    for group, first in zip(groups, first_rows, strict=False):
+        for name, rows in group.values.items():
+            packer.lend(
+                rows, np.float32, (len(group.world_from_object), 4), f"{group.name}: {name}"
+            )
+            values[used.index(name), first : first + len(rows)] = rows
+    return {
+        "instance_value_names": np.array([packer.name(name) for name in used], np.int32),
+        "instance_values": values,
+    }
 
 
 def _differ_in_place(a: Instances, b: Instances) -> bool:
     """Whether two groups are as many placements of the same."""
     alike = a.materials == b.materials and _group(a, 0, 0, 0) == _group(b, 0, 0, 0)
+    alike = alike and a.values.keys() == b.values.keys()
+    alike = alike and all(np.array_equal(rows, b.values[name]) for name, rows in a.values.items())
     return alike and np.shape(a.world_from_object) == np.shape(b.world_from_object)
 
 

@@ -128,4 +128,12 @@ COLORS = (
         "each channel by its own column of the table, whose first two numbers are where it begins "
         "and ends, beyond that going on straight if extends; mixed with color by factor",
     ),
+    Operation(
+        "piecewise",
+        _COLOR,
+        sockets(x="number"),
+        (("table", Reference.TABLE),),
+        "for each channel a / x + b + c x + d x² + e x³, of the last of the table's rows that "
+        "begins at x or before, or the first: where it begins, and a to e of each channel",
+    ),
 )

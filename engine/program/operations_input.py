@@ -55,6 +55,7 @@ INPUTS = (
                 "the point along right and up of the camera, and its depth",
             ),
             ("window", "(x, y, 0) in the picture, 0 to 1 from lower left"),
+            ("barycentric", "weights of the triangle's corners, zeros off triangles"),
         )
     ),
     *(
@@ -87,6 +88,21 @@ INPUTS = (
                 "the direction of view mirrored at the shading normal",
             ),
         )
+    ),
+    Operation(
+        "instance_value",
+        sockets(vector="vector", alpha="number"),
+        settings=(("attribute", Reference.ATTRIBUTE),),
+        formula="the value of this name that `Instances.values` gives the placement; zeros where "
+        "there is none",
+        reads_point=True,
+    ),
+    Operation(
+        "normal_to_world",
+        sockets(normal="vector"),
+        sockets(vector="vector"),
+        formula="the unit normal in the world of one in the object's space",
+        reads_point=True,
     ),
     Operation(
         "fresnel",

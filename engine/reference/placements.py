@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene import Mesh, Polygons, Scene, Spheres
+from ..scene import Instances, Mesh, Polygons, Scene, Spheres
 
 Array = np.ndarray
 
@@ -27,7 +27,7 @@ class Placements:
     normals: (r, 3, 3) cofactor matrices, scaled to about 1 (notes, section 6.2: they are (M⁻¹)ᵀ
     times det M, and exist for every M). mirror: (r,) sign of the determinant, 0 counts as +1. rank:
     (r,) of the linear part; rows of rank 0 and 1 show nothing. first: (r + 1,) number of the row's
-    first primitive among all primitives of the scene.
+    first primitive among all primitives of the scene. instances: the scene's.
     """
 
     block: Array
@@ -37,6 +37,15 @@ class Placements:
     mirror: Array
     rank: Array
     first: Array
+    instances: tuple[Instances, ...] = ()
+
+    def value(self, name: str) -> Array:
+        """(4, r) of `Instances.values`, zeros where there is none of this name."""
+        rows = [
+            block.values.get(name, np.zeros((len(block.world_from_object), 4)))
+            for block in self.instances
+        ]
+        return np.concatenate([np.zeros((0, 4)), *rows]).T
 
     def row_of(self, primitive: Array) -> Array:
         """The row that holds the primitive of this number in the scene."""
@@ -74,6 +83,7 @@ def place(scene: Scene, eye: Array) -> Placements:
         np.where((determinant < 0) & (rank == 3), -1.0, 1.0),
         rank,
         first,
+        tuple(scene.instances),
     )
 
 

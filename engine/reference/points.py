@@ -99,6 +99,11 @@ class SurfacePoints:
         matrices = self._around.placements.world_from_object[self._row()][:, :, :3]
         return np.sqrt((transform_each(matrices, self.object_normal()) ** 2).sum(0))
 
+    def barycentric(self, shift: int) -> Array:
+        """(3, m) weights of the triangles' corners; zeros off triangles."""
+        is_flat = self._surface.primitive[self._index] < self._around.geometry.triangle_count
+        return np.where(is_flat, self._place(shift)[2], 0.0)
+
     def shift(self, number: int) -> Array:
         """(3, m) the step to where a shifted read happens; zeros for 0."""
         if number == 0:
@@ -108,6 +113,10 @@ class SurfacePoints:
     def object_location(self) -> Array:
         """(3, m) of the object's origin in the world."""
         return self._around.placements.world_from_object[self._row()][:, :, 3].T + self._around.eye
+
+    def instance_value(self, name: str) -> Array:
+        """(4, m) of the placements."""
+        return self._around.placements.value(name)[:, self._row()]
 
     def camera_position(self, shift: int) -> Array:
         """(3, m): along right and up of the camera, and the depth; world units."""

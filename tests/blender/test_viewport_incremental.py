@@ -59,6 +59,9 @@ def same(one, two, where):
         assert all(
             same(a, b, f"{where}[{k}]") for k, (a, b) in enumerate(zip(one, two, strict=True))
         )
+    elif isinstance(one, dict):
+        same(tuple(one), tuple(two), where)
+        same(tuple(one.values()), tuple(two.values()), where)
     elif dataclasses.is_dataclass(one):
         for name in (field.name for field in dataclasses.fields(one)):
             same(getattr(one, name), getattr(two, name), f"{where}.{name}")
@@ -138,8 +141,10 @@ def world(scene):  # noqa: F811
     modified = quad("Modified", material.material)
     modified.data.uv_layers.new(name="UVMap")
     modified.modifiers.new("Subdivide", "SUBSURF").levels = 1
+    quad("Personal", personal())
     instanced = bpy.data.collections.new("Instanced")
     inner = mesh_object("Inner", [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    inner.data.materials.append(personal())
     bpy.context.scene.collection.objects.unlink(inner)
     instanced.objects.link(inner)
     for name in ("EmptyA", "EmptyB"):
@@ -159,6 +164,29 @@ def world(scene):  # noqa: F811
     )
     bpy.context.view_layer.update()
     return scene
+
+
+def personal():
+    """A material that reads the object's colour, random number and a property."""
+    made = bpy.data.materials.new("Personal")
+    use_nodes(made)
+    tree = made.node_tree
+    tree.nodes.clear()
+    info, tint, add, shader, end = (
+        tree.nodes.new(f"ShaderNode{kind}")
+        for kind in ("ObjectInfo", "Attribute", "VectorMath", "BsdfDiffuse", "OutputMaterial")
+    )
+    tint.attribute_type, tint.attribute_name = "INSTANCER", "tint"
+    for start, ends in (
+        (info.outputs["Color"], add.inputs[0]),
+        (tint.outputs["Color"], add.inputs[1]),
+        (add.outputs[0], shader.inputs["Color"]),
+        (info.outputs["Random"], shader.inputs["Roughness"]),
+        (info.outputs["Random"], shader.inputs["Normal"]),
+        (shader.outputs[0], end.inputs["Surface"]),
+    ):
+        tree.links.new(start, ends)
+    return made
 
 
 def _vector(r):
@@ -361,6 +389,16 @@ def mark(r):
     mark_sphere(mesh, "glint_sphere" not in mesh.attributes)
 
 
+def tint(r):
+    thing = _some_object(r, "MESH", "EMPTY")
+    thing["tint"], thing.color = r.random(), (*(r.random() for _ in range(3)), 1.0)
+    thing.update_tag()
+
+
+def repaint_object(r):
+    _some_object(r, "MESH", "EMPTY").color = (*(r.random() for _ in range(3)), 1.0)
+
+
 def select(r):
     thing = _some_object(r)
     thing.select_set(not thing.select_get())
@@ -401,6 +439,8 @@ EDITS = [
     cast,
     film,
     mark,
+    tint,
+    repaint_object,
 ]
 
 

@@ -186,6 +186,17 @@ def bright(amount: float, contrast: float):
     return build
 
 
+def spectral(kind: str, low: float, high: float):
+    """By a number from low to high over the tile."""
+
+    def build(tree, position):
+        scaled = {"Value": part(tree, position), "Value_001": high - low, "Value_002": low}
+        value = add(tree, "ShaderNodeMath", scaled, operation="MULTIPLY_ADD").outputs[0]
+        return add(tree, kind, {"Temperature": value, "Wavelength": value}).outputs[0]
+
+    return build
+
+
 RANGES = ("LINEAR", "STEPPED", "SMOOTHSTEP", "SMOOTHERSTEP")
 CASES = {
     **{
@@ -200,6 +211,14 @@ CASES = {
             ("VECTOR", "UNIFORM"),
             ("VECTOR", "NON_UNIFORM"),
         )
+    },
+    **{
+        f"blackbody {low} {high}": spectral("ShaderNodeBlackbody", low, high)
+        for low, high in ((-500, 1500), (700, 2500), (1500, 14000), (5000, 7000))
+    },
+    **{
+        f"wavelength {low} {high}": spectral("ShaderNodeWavelength", low, high)
+        for low, high in ((350, 420), (360, 800), (430, 650), (700, 820))
     },
     "invert": plain("ShaderNodeInvert"),
     "gamma": plain("ShaderNodeGamma", Gamma=2.3),

@@ -76,7 +76,20 @@ def ray_length(tree: LightTree) -> None:
     tree.strength(math.outputs[0])
 
 
+def blackbody(tree: LightTree) -> None:
+    """Hotter with the distance, of a wavelength besides."""
+    math = tree.add("ShaderNodeMath", operation="MULTIPLY_ADD")
+    math.inputs[1].default_value, math.inputs[2].default_value = 900.0, -2000.0
+    tree.link(tree.add("ShaderNodeLightPath").outputs["Ray Length"], math.inputs[0])
+    warm, bright = tree.add("ShaderNodeBlackbody"), tree.add("ShaderNodeWavelength")
+    bright.inputs[0].default_value = 550.0
+    tree.link(math.outputs[0], warm.inputs[0])
+    tree.color(warm.outputs[0])
+    tree.strength(bright.outputs[0])
+
+
 TREES = {
+    "blackbody": blackbody,
     "quadratic": falloff("Quadratic"),
     "linear": falloff("Linear"),
     "constant": falloff("Constant"),

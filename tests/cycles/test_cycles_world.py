@@ -124,6 +124,18 @@ def noise(world: WorldTree) -> None:
     world.shine(texture.outputs["Color"])
 
 
+def blackbody(world: WorldTree) -> None:
+    """By height."""
+    up = world.add("ShaderNodeSeparateXYZ")
+    math = world.add("ShaderNodeMath", operation="MULTIPLY_ADD")
+    math.inputs[1].default_value, math.inputs[2].default_value = 4000.0, 4500.0
+    warm = world.add("ShaderNodeBlackbody")
+    world.link(world.add("ShaderNodeTexCoord").outputs["Generated"], up.inputs[0])
+    world.link(up.outputs["Z"], math.inputs[0])
+    world.link(math.outputs[0], warm.inputs[0])
+    world.shine(warm.outputs[0])
+
+
 def by_ray(world: WorldTree) -> None:
     """Another world for the camera."""
     mix = world.add("ShaderNodeMix", data_type="RGBA")
@@ -141,6 +153,7 @@ SEEN = {
     "mirror_ball": lambda world: image_seen(world, projection="MIRROR_BALL"),
     "turned": turned_image,
     "noise": noise,
+    "blackbody": blackbody,
     "by_ray": by_ray,
     **{
         name: by_coordinate("ShaderNodeTexCoord", name)

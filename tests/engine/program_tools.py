@@ -15,7 +15,13 @@ from glint.engine.reference import program as reference
 SPECIAL = np.array([0.0, -0.0, 1.0, -1.0, 0.5, 2.0, -3.0, 1e-30, 1e9, -1e9, 255.0])
 """Numbers at which functions like to go wrong."""
 _ROWS = tuple(float(x) for x in np.random.default_rng(4).uniform(0, 1, 256 * 4))
-TABLES = {"ramp": _ROWS, "curves": (-0.3, 1.4, *_ROWS[: 256 * 3])}
+TABLES = {
+    "ramp": _ROWS,
+    "curves": (-0.3, 1.4, *_ROWS[: 256 * 3]),
+    "piecewise": tuple(
+        x for k, start in enumerate((-4.0, -1.0, 0.5, 2.0)) for x in (start, *_ROWS[k * 15 :][:15])
+    ),
+}
 """Tables as the operations of these names have them."""
 HELD = {
     ("magic_texture", "distortion"): 1.5,

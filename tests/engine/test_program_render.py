@@ -69,7 +69,11 @@ def things() -> tuple[tuple, tuple]:
     matrices[0] = [[-1.2, 0.3, 0, -0.6], [0, 1, 0.2, 0], [0, 0.1, 1, 0.1]]
     matrices[1] = [[1, 0, 0, 0.2], [0, 1.5, 0, -0.4], [0.2, 0, 0.8, 0.9]]
     matrices[2] = [[0.9, 0.1, 0, -0.2], [0, 1, 0, -1.6], [0, 0.5, 1, 0.3]]
-    instances = tuple(s.Instances(str(k), k, matrices[k : k + 1], (0,)) for k in range(3))
+    value = np.array([[0.2, 0.7, 0.4, 0.9]], np.float32)
+    instances = tuple(
+        s.Instances(str(k), k, matrices[k : k + 1], (0,), values={"color": (k + 1) * value})
+        for k in range(3)
+    )
     return (bowl(), ball, face), instances
 
 
@@ -110,7 +114,7 @@ def both(scene: s.Scene, passes=("Combined",), **settings) -> list[dict[str, np.
 def test_what_is_read_of_a_point(operation: Operation, shift: int, kind: str):
     graph = new_graph()
     names = [name for name, _ in operation.settings]
-    settings = {"attribute": {"attribute": "color", "uv": ""}.get(operation.name), "shift": shift}
+    settings = {"attribute": "" if operation.name == "uv" else "color", "shift": shift}
     settings = {name: settings[name] for name in names}
     for value in graph.apply(operation, **settings):
         core, reference = both(scene_of(shown(graph, as_color(graph, value)), kind))
@@ -250,3 +254,25 @@ def test_light_that_programs_let_through():
     for name in core:
         off = np.abs(core[name] - reference[name]).reshape(SIZE * SIZE, -1).max(1)
         assert np.mean(off > 1e-4) <= 0.01, name
+
+
+def test_values_of_placements():
+    """Two rows of one group and a group that lacks the name, the first of them no surface: the core
+    leaves it out and numbers the others anew.
+    """
+    graph = new_graph()
+    _, (bowl_, ball, face) = things()
+    flat = np.zeros((1, 3, 4))
+    stacked = np.concatenate(
+        [flat, ball.world_from_object, ball.world_from_object + [[0, 0, 0, 1]]]
+    )
+    rows = np.array([[9, 9, 9, 9], [0.1, 0.2, 0.3, 0.4], [0.5, 0.6, 0.7, 0.8]], np.float32)
+    balls = replace(ball, world_from_object=stacked, values={"other": rows, "mine": rows})
+    value, alpha = graph.apply(BY_NAME["instance_value"], attribute="mine")
+    material = shown(graph, graph.apply(BY_NAME["scaled_sum"], value, alpha, value)[0])
+    scene = replace(
+        scene_of(material, "ORTHOGRAPHIC"), instances=(replace(bowl_, values={}), balls, face)
+    )
+    core, reference = both(scene)
+    assert len(np.unique(core["Combined"][..., 0])) == 3  # nothing, and two balls
+    np.testing.assert_allclose(core["Combined"], reference["Combined"], rtol=1e-6)

@@ -11,8 +11,11 @@ from . import lamp as lamp
 from . import math as math
 from . import noise as noise
 from . import normals as normals
+from . import objects as objects
 from . import patterns as patterns
 from . import sky as sky
+from . import spectra as spectra
+from . import tangents as tangents
 from . import vectors as vectors
 from . import voronoi as voronoi
 from .reader import READERS as READERS

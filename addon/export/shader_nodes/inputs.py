@@ -10,8 +10,10 @@ from ..graph import socket_named
 from ..images import FIRST, Images
 from ..terms import GREY
 from .mapping import texture_mapped
+from .objects import property_of_object
 from .projections import on_ball, on_box, on_tiles, on_tube
-from .reader import READERS, NodeInputs, Outputs
+from .reader import ISLAND, POINTINESS, READERS, NodeInputs, Outputs
+from .tangents import radial_tangent
 
 ACTIVE_COLOR = "(active colour)"
 """Attribute name that stands for a mesh's active colour attribute."""
@@ -57,11 +59,16 @@ def _geometry(view: NodeInputs) -> Outputs:
         "True Normal": view.apply("face_normal")[0],
         "Incoming": view.apply("incoming")[0],
         "Backfacing": view.apply("backfacing")[0],
-        "Parametric": view.left_out("Parametric", (0.0, 0.0, 0.0)),
-        "Tangent": view.left_out("Tangent", (0.0, 0.0, 0.0)),
-        "Pointiness": view.left_out("Pointiness", 0.5),
-        "Random Per Island": view.left_out("Random Per Island", 0.5),
+        "Parametric": _parametric(view),
+        "Tangent": radial_tangent(view, "Z"),
+        "Pointiness": view.apply("attribute", attribute=POINTINESS, shift=0)[1],
+        "Random Per Island": view.apply("attribute", attribute=ISLAND, shift=0)[1],
     }
+
+
+def _parametric(view: NodeInputs) -> Value:
+    weights = view.apply("barycentric", shift=0)[0]
+    return view.apply("product", weights, view.reader.graph.constant((1.0, 1.0, 0.0)))[0]
 
 
 def _camera(view: NodeInputs) -> Outputs:
@@ -83,6 +90,8 @@ def attribute_name(node: Any) -> str | None:
 
 
 def _attribute(view: NodeInputs) -> Outputs | None:
+    if getattr(view.node, "attribute_type", "GEOMETRY") != "GEOMETRY":
+        return property_of_object(view)
     name = attribute_name(view.node)
     if name is None:
         return None
@@ -160,18 +169,6 @@ def _normal(view: NodeInputs) -> Value:
     return view.value("Normal") if view.is_linked("Normal") else view.reader.normal()
 
 
-def _object_info(view: NodeInputs) -> Outputs:
-    one = view.reader.graph.constant(1.0)
-    return {
-        "Location": view.apply("object_location")[0],
-        "Color": view.left_out("Color", (1.0, 1.0, 1.0)),
-        "Alpha": one,
-        "Object Index": view.left_out("Object Index", 0.0),
-        "Material Index": view.left_out("Material Index", 0.0),
-        "Random": view.left_out("Random", 0.5),
-    }
-
-
 def _light_path(view: NodeInputs) -> Outputs:
     camera, shadow, bounced = view.apply("light_path")
     zero, length = view.reader.graph.constant(0.0), view.reader.ray_length()
@@ -204,7 +201,6 @@ READERS.update(
         "ShaderNodeTexImage": _image,
         "ShaderNodeFresnel": _fresnel,
         "ShaderNodeLayerWeight": _layer_weight,
-        "ShaderNodeObjectInfo": _object_info,
         "ShaderNodeLightPath": _light_path,
     }
 )

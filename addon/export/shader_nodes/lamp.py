@@ -14,7 +14,12 @@ import numpy as np
 from ....engine.program.graph import Graph, Value
 from .reader import READERS, Arithmetic, NodeInputs, Outputs, TreeReader
 
-NOWHERE = {"attribute": ((0.0, 0.0, 0.0), 1.0), "uv": ((0.0, 0.0, 0.0),)}
+NOWHERE = {
+    "attribute": ((0.0, 0.0, 0.0), 1.0),
+    "uv": ((0.0, 0.0, 0.0),),
+    "barycentric": ((0.0, 0.0, 0.0),),
+    "instance_value": ((0.0, 0.0, 0.0), 0.0),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,16 +76,24 @@ class LampReader(TreeReader):
             return (self._round(),)
         if name == "uv" and self.lamp.light_from_world is not None:
             return (self._in_cone(),)
-        if name == "uv" and self.lamp.kind == "SUN":
-            self.note("UV coordinates are not known of the sun {}: 0 is used; use the normal")
         if name in NOWHERE:
-            return tuple(map(self.graph.constant, NOWHERE[name]))
+            return self._unknown(name)
         if name in ("normal_map", "bump"):
             return super().apply("normal")
+        if name == "normal_to_world":
+            return super().apply("vector_normalized", *arguments)
         if name == "light_path":  # Cycles calls no ray to a light a shadow ray here
             camera, _, bounced = super().apply(name)
             return camera, self.graph.constant(0.0), bounced
         return super().apply(name, *arguments, **settings)
+
+    def _unknown(self, name: str) -> tuple[Value, ...]:
+        """Constants, with a note where Cycles has more."""
+        if name == "uv" and self.lamp.kind == "SUN":
+            self.note("UV coordinates are not known of the sun {}: 0 is used; use the normal")
+        if name == "instance_value":
+            self.note("What is an object's own is not known of the light {}: 0 is used")
+        return tuple(map(self.graph.constant, NOWHERE[name]))
 
     def generated(self) -> Value:
         return self.apply("object_position", shift=0)[0]

@@ -31,6 +31,9 @@ GENERATED = "(generated)"
 TANGENT = "(tangent) "
 """Prefix of attribute names that stand for the tangents of a UV map, "" the active one."""
 
+ISLAND, POINTINESS = "(island)", "(pointiness)"
+"""Attribute names that stand for what Blender's meshes tell of their shape."""
+
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 NUMBER_TYPES = ("VALUE", "INT", "BOOLEAN")
 VECTOR_TYPES = ("VECTOR", "RGBA")
@@ -71,8 +74,15 @@ class TreeReader:
     """Whether meshes are read, of whose maps sums of products may say the same."""
 
     def __init__(
-        self, graph: Graph, images: Any, note: Callable[[str], None], operations: Mapping = BY_NAME
+        self,
+        graph: Graph,
+        images: Any,
+        note: Callable[[str], None],
+        operations: Mapping = BY_NAME,
+        material_index: int = 0,
     ) -> None:
+        """material_index: Blender's pass index of the material."""
+        self.material_index = material_index
         self.graph, self.images, self.operations, self.note = graph, images, operations, note
         self.displacement: Value | None = None
         self._read: dict[Key, Outputs | None] = {}

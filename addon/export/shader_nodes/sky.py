@@ -7,6 +7,7 @@ import math
 from ....engine.program.graph import Value
 from .inputs import noted_interpolation
 from .mapping import texture_mapped
+from .objects import VIEW_LAYER
 from .reader import READERS, NodeInputs, Outputs, TreeReader
 
 _ALONG = ("position", "object_position")
@@ -14,8 +15,10 @@ _AGAINST = ("normal", "face_normal", "object_normal", "reflection", "normal_map"
 _NOWHERE = {
     "object_stretch": (1.0,),
     "uv": ((0.0, 0.0, 0.0),),
+    "barycentric": ((0.0, 0.0, 0.0),),
     "attribute": ((0.0, 0.0, 0.0), 1.0),
     "object_location": ((0.0, 0.0, 0.0),),
+    "instance_value": ((0.0, 0.0, 0.0), 0.0),
 }
 _VIEW = ("camera_position", "window")
 
@@ -30,11 +33,15 @@ class SkyReader(TreeReader):
     def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         if name in _ALONG:
             return (self.along(),)
+        if name == "normal_to_world":
+            return arguments
         if name in _AGAINST:
             return super().apply("incoming")
         if name in _VIEW:
             self.note("Camera and window coordinates are not known in the world {}: 0 is used")
             return (self.graph.constant((0.0, 0.0, 0.0)),)
+        if settings.get("attribute", "").startswith(VIEW_LAYER):
+            self.note("Attributes of the view layer are not known in the world {}: 0 is used")
         if name in _NOWHERE:
             return tuple(map(self.graph.constant, _NOWHERE[name]))
         return super().apply(name, *arguments, **settings)

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 14
+#define GLINT_ABI_VERSION 15
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -189,7 +189,9 @@ typedef struct GlintCamera {
   double clip_planes[6][4];
 } GlintCamera;
 
-/* world_program: 0, or 1 plus the number of the program that gives what rays see that hit nothing,
+/* instance_values: what programs read of placements, 4 numbers a row of world_from_object, all rows
+ * of one name after those of another; instance_value_names: these, as operations name attributes.
+ * world_program: 0, or 1 plus the number of the program that gives what rays see that hit nothing,
  * instead of the background; world_slot: the first of its three slots that hold that. It must not
  * read surfaces. world_axes: the program's axes in the scene, column by column. */
 typedef struct GlintSceneData {
@@ -201,6 +203,8 @@ typedef struct GlintSceneData {
   const GlintInstances* instances;
   const double* world_from_object; /* 12 a row */
   const uint32_t* material_slots;  /* numbers of materials, shared by the instances */
+  const int32_t* instance_value_names;
+  const float* instance_values;
   const GlintTexture* textures;
   const int32_t* program_words;
   const double* program_constants;
@@ -215,7 +219,7 @@ typedef struct GlintSceneData {
   uint64_t geometry_count, attribute_count, instances_count, row_count, material_slot_count;
   uint64_t texture_count, program_word_count, program_constant_count, program_table_count;
   uint64_t program_count, input_count, lobe_count, material_count, light_count;
-  uint64_t emitter_count, emitter_corner_count;
+  uint64_t emitter_count, emitter_corner_count, instance_value_count;
 } GlintSceneData;
 
 enum GlintIllumination { GLINT_PHYSICAL, GLINT_CLASSIC };

@@ -235,6 +235,14 @@ def curves(factor: Array, color: Array, *, extends: int, table: Sequence[float])
     return (1 - factor) * color + factor * found
 
 
+def piecewise(x: Array, *, table: Sequence[float]) -> Array:
+    rows = np.asarray(table, float).reshape(-1, 16)
+    row = rows[(x[:, None] >= rows[1:, 0]).sum(1)][:, 1:].reshape(-1, 3, 5)
+    a, b, c, d, e = row.transpose(2, 1, 0)
+    over = np.where(x != 0, 1 / np.where(x != 0, x, 1.0), 0.0)
+    return a * over + (((e * x + d) * x + c) * x + b)
+
+
 def _looked_up(rows: Array, place: Array, interpolates: bool) -> Array:
     """Columns of rows (c, k) at places from 0 to 1; NaN counts as 0."""
     last = rows.shape[1] - 1

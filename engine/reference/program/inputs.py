@@ -53,6 +53,20 @@ def object_location(points) -> np.ndarray:
     return points.object_location()
 
 
+def barycentric(points, *, shift: int) -> np.ndarray:
+    return points.barycentric(shift)
+
+
+def normal_to_world(points, vector: np.ndarray) -> np.ndarray:
+    return points.normal_to_world(vector)
+
+
+def instance_value(points, *, attribute: str) -> tuple[np.ndarray, np.ndarray]:
+    """Vector (3, n) and alpha (n,)."""
+    found = points.instance_value(attribute)
+    return found[:3], found[3]
+
+
 def camera_position(points, *, shift: int) -> np.ndarray:
     return points.camera_position(shift)
 

@@ -146,6 +146,9 @@ void check_instances(const GlintSceneData& d, Report& report) {
     report.add(
         range(d.instances[i].first_material, d.instances[i].material_count, d.material_slot_count),
         "instances %llu: materials beyond the table", ull(i));
+  report.add(d.instance_value_count == 0 || (d.instance_value_names && d.instance_values) ||
+                 d.row_count == 0,
+             "instances: values without names or numbers");
   uint64_t end = end_of(d.material_slots, d.material_slot_count);
   report.add(end <= d.material_count, "instances name material %llu of %llu", ull(end - 1),
              ull(d.material_count));

@@ -332,6 +332,25 @@ inline void curves(const Machine& m, const Operands& at) {
   });
 }
 
+inline void piecewise(const Machine& m, const Operands& at) {
+  constexpr size_t kWidth = 16;
+  const Table table(m, at.settings[0], 0, kWidth);
+  each_group(m, [&](size_t k) {
+    const Doubles x = at.number(0, k), over = where(x != 0, 1 / choose(x != 0, x, splat(1)));
+    Doubles row = splat(0);
+    for (size_t r = 1; r <= size_t(table.last); ++r)
+      row = choose(x >= table.rows[r * kWidth], splat(double(r)), row);
+    const auto part = [&](size_t c) {
+      return each_lane([&](size_t lane) { return table.rows[size_t(row[lane]) * kWidth + c]; });
+    };
+    const auto channel = [&](size_t c) {
+      return part(c) * over +
+             (((part(c + 4) * x + part(c + 3)) * x + part(c + 2)) * x + part(c + 1));
+    };
+    at.put(0, k, Three{channel(1), channel(6), channel(11)});
+  });
+}
+
 }  // namespace op
 }  // namespace
 }  // namespace glint

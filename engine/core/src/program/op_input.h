@@ -163,6 +163,21 @@ inline void object_location(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) { at.put(0, k, to_world(*m.tables.view, matrix_column(m, k, 9))); });
 }
 
+inline void instance_value(const Machine& m, const Operands& at) {
+  const InstanceValues& values = *m.tables.values;
+  const float* rows = values.of(at.settings[0]);
+  each_group(m, [&](size_t k) {
+    const auto part = [&](size_t c) {
+      return each_lane([&](size_t lane) {
+        const Placement& p = values.placements[m.points.instance[k + lane]];
+        return rows ? double(rows[4 * size_t(p.row) + c]) : 0.0;
+      });
+    };
+    if (at.wants(0)) at.put(0, k, Three{part(0), part(1), part(2)});
+    if (at.wants(1)) at.put(1, k, part(3));
+  });
+}
+
 /// Along the axes, which need not be orthogonal; the depth counts forward.
 inline Three along_axes(const double (&axes)[3][3], const Three& p) {
   const Three u = splat3(axes[0]), v = splat3(axes[1]), w = splat3(axes[2]);
@@ -247,6 +262,21 @@ inline Three normal_to_world(const Machine& m, size_t k, const Three& n) {
     return Three{part(0), part(1), part(2)};
   };
   return unit(n.x * column(0) + n.y * column(3) + n.z * column(6));
+}
+
+inline void normal_to_world(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) { at.put(0, k, normal_to_world(m, k, at.vector(0, k))); });
+}
+
+inline void barycentric(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    const OnMesh p = on_mesh(m, k, at.settings[0]);
+    Mask flat{};
+    for (size_t lane = 0; lane < kLanes; ++lane)
+      flat[lane] = p.geometry[p.different == 1 ? 0 : lane]->triangles ? -1 : 0;
+    at.put(0, k,
+           Three{where(flat, p.weights[0]), where(flat, p.weights[1]), where(flat, p.weights[2])});
+  });
 }
 
 inline void object_stretch(const Machine& m, const Operands& at) {

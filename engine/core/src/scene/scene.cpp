@@ -184,6 +184,8 @@ void Scene::copy_tables(const GlintSceneData& data) {
   copy_programs(data);
   copy(inputs, data.inputs, data.input_count);
   world_from_object = data.world_from_object;
+  instance_values = {nullptr, data.instance_value_names, data.instance_values,
+                     size_t(data.instance_value_count), size_t(data.row_count)};
 }
 
 /// Whether the instance with that number stands as in `base`, whose rows of matrices may be others.
@@ -213,6 +215,7 @@ void Scene::place_instances(const Scene* base) {
       if (geometry.kind == GLINT_MESH) triangles += geometry.primitive_count;
     }
   }
+  instance_values.placements = placements.data();
   for (const GlintGeometry& geometry : geometries) primitives += geometry.primitive_count;
 }
 

@@ -69,12 +69,6 @@ struct Extent {
   bool empty() const { return !(low.x <= high.x); }
 };
 
-/// An instance as the accelerator numbers them: row of world_from_object and entry of the
-/// instances' table.
-struct Placement {
-  uint32_t row, group;
-};
-
 class Scene {
  public:
   /// `data` has no problems. base: a scene whose trees serve where nothing changed.  exact: the
@@ -158,10 +152,12 @@ class Scene {
   std::vector<LobeShape> lobe_shapes;
   std::vector<TextureShape> texture_shapes;
   InputTables input_tables() const {
-    return {&program_view,     instance_shapes.data(), groups.data(), geometries.data(),
-            attributes.data(), inputs.data(),          reads.data(),  texture_shapes.data()};
+    return {&program_view, &instance_values,  instance_shapes.data(),
+            groups.data(), geometries.data(), attributes.data(),
+            inputs.data(), reads.data(),      texture_shapes.data()};
   }
   ProgramView program_view{};
+  InstanceValues instance_values{};
   std::vector<uint32_t> reads;  // for each input, the first of its material (or that itself) that
                                 // reads the same of an image
   bool only_meshes = true;

@@ -134,9 +134,31 @@ struct TextureShape {
   int type, extension, interpolation;
 };
 
+/// An instance as the accelerator numbers them: row of world_from_object and entry of the
+/// instances' table.
+struct Placement {
+  uint32_t row, group;
+};
+
+/// What programs read of placements: `rows` rows of 4 numbers for each of `count` names.
+struct InstanceValues {
+  const Placement* placements;
+  const int32_t* names;
+  const float* numbers;
+  size_t count, rows;
+
+  /// The rows of a name; null where there are none.
+  const float* of(int32_t name) const {
+    for (size_t i = 0; i < count; ++i)
+      if (names[i] == name) return numbers + 4 * rows * i;
+    return nullptr;
+  }
+};
+
 /// What inputs that vary over a surface are read from.
 struct InputTables {
   const ProgramView* view;
+  const InstanceValues* values;
   const InstanceShape* instances;
   const GlintInstances* groups;
   const GlintGeometry* geometries;

@@ -1,0 +1,37 @@
+"""Nodes that read the object of the shaded point, one placement as another or each its own."""
+
+from __future__ import annotations
+
+from .reader import READERS, NodeInputs, Outputs
+
+RANDOM = "(random)"
+COLOR = "(object colour)"
+INDEX = "(object index)"
+"""Names of what `properties.value_of` says of every object."""
+OBJECT, INSTANCER, VIEW_LAYER = "OBJECT:", "INSTANCER:", "VIEW_LAYER:"
+"""Prefixes of names of properties, by who has them: Blender's identifiers of attribute types."""
+
+
+def _object_info(view: NodeInputs) -> Outputs:
+    color, alpha = view.apply("instance_value", attribute=COLOR)
+    return {
+        "Location": view.apply("object_location")[0],
+        "Color": color,
+        "Alpha": alpha,
+        "Object Index": view.apply("instance_value", attribute=INDEX)[1],
+        "Material Index": view.reader.graph.constant(float(view.reader.material_index)),
+        "Random": view.apply("instance_value", attribute=RANDOM)[1],
+    }
+
+
+def property_of_object(view: NodeInputs) -> Outputs | None:
+    """The outputs of an Attribute node that reads no geometry."""
+    if not view.node.attribute_name:
+        return None
+    name = f"{view.node.attribute_type}:{view.node.attribute_name}"
+    color, alpha = view.apply("instance_value", attribute=name)
+    grey = view.apply("vector_average", color)[0]
+    return {"Color": color, "Vector": color, "Alpha": alpha, "Fac": grey, "Factor": grey}
+
+
+READERS["ShaderNodeObjectInfo"] = _object_info
