@@ -11,7 +11,7 @@ from .materials import Coefficients
 from .paths import Paths, beyond, bounced, joined, straight_on
 from .picture import Tile
 from .raster import Strips
-from .rays import Pencil
+from .rays import Rays
 from .seen_lights import has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
@@ -27,7 +27,7 @@ class Generations:
     def __init__(self, stage: Stage, tile: Tile, sample: int):
         self._stage, self._tile, self._sample = stage, tile, sample
 
-    def run(self, rays: Pencil, strips: Strips | None) -> None:
+    def run(self, rays: Rays, strips: Strips | None) -> None:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
         n = len(rays)
         paths: Paths | None = Paths(rays, np.ones((3, n)), np.arange(n), np.zeros(n, np.intp), 0)

@@ -10,12 +10,15 @@ from time import perf_counter
 import numpy as np
 
 from ..film import FIRST_ESTIMATE, Film
+from ..lens import lens_points
 from ..sampling import pixel_offsets
 from ..scene import Scene
 from ..settings import Settings
 from .generations import Generations
 from .picture import DATA, Picture, Tile
 from .pulse import Pulse, Stopped
+from .raster import Strips
+from .rays import Rays
 from .refinement import ErrorEstimate, Refinement, widened
 from .stage import Stage
 
@@ -51,8 +54,14 @@ class Tracer:
             self._region = widened(self._shown, scene.camera.resolution)
         x0, y0, x1, y1 = self._region
         self.picture = Picture(x1 - x0, y1 - y0, settings.passes)
-        self._refinement = Refinement(settings, self._is_shown()) if refines else None
+        self._refinement = (
+            Refinement(settings, self._is_shown(), scene.camera.lens is not None)
+            if refines
+            else None
+        )
         self._estimate = ErrorEstimate((y1 - y0, x1 - x0)) if "Error" in settings.passes else None
+        lens = scene.camera.lens
+        self._lens = lens_points(lens, settings.samples) if lens else None
         self._finished = 0  # samples
         self._stage: Stage | None = None
         self._seconds: dict[str, float] = {}
@@ -117,7 +126,7 @@ class Tracer:
         rows = max(TILE // (x1 - x0), 1)
         for y in range(y0, y1, rows):
             above = min(y + rows, y1)
-            rays, strips = stage.camera.pixels((x0, x1), (y, above), offset)
+            rays, strips = self._camera_rays(stage, (x0, x1), (y, above), sample, offset)
             stage.pulse.beat()
             first = (y - y0) * (x1 - x0)
             here: slice | Array = slice(first, first + len(rays))
@@ -135,6 +144,13 @@ class Tracer:
                     here, np.concatenate([tile.color(), tile.lost[None]]), tile.softly_lit, tile.cut
                 )
             yield (above - y0) / (y1 - y0)
+
+    def _camera_rays(
+        self, stage: Stage, x: tuple[int, int], y: tuple[int, int], sample: int, offset: Array
+    ) -> tuple[Rays, Strips | None]:
+        if self._lens is None:
+            return stage.camera.pixels(x, y, offset)
+        return stage.camera.through_lens(x, y, offset, self._lens[:, sample]), None
 
     def _clock(self, name: str) -> _Clock:
         return _Clock(self._seconds, name)
