@@ -9,7 +9,7 @@ from .scene import Lens
 
 Array = np.ndarray
 
-BLOCK = 4
+BLOCK = 2
 """Side of the squares of pixels whose samples look through the lens at different points."""
 
 

@@ -26,7 +26,8 @@ and the first ones (Joe, Kuo 2008).
 """
 _PIXEL, _LIGHT, _DOME, _LENS = (0, 1), (2, 3), (4, 5), (4, 6)
 """Dimensions. Of the pairs from 2 to 7, for lenses, (2, 3) has the least error of half planes that
-lens and pixel share, over 8 to 64 samples, and this one with digits of its own 1 % more; (6, 7) 20 %.
+lens and pixel share, over 8 to 64 samples, this one with digits
+of its own 1 % more, (6, 7) at 16 samples 44 % more.
 """
 _SCRAMBLES = (8910, 8911, 13970, 31666, 40241, 52907)
 """By dimension. Of 12 000 scrambles for pixels the one whose first 4 to 128 of up to 256 points
@@ -146,7 +147,7 @@ def lens_square(block: int, samples: int) -> np.ndarray:
 
     Each pixel's are consecutive points of one sequence, so that they are spread well, and those of
     all pixels of a block fill the gaps (Keller, Heidrich 2001, interleaved sampling). Neighbours
-    get numbers far apart, as ordered dither has them (Bayer 1973).
+    get numbers far apart, as ordered dither has them (Bayer 1973).  block: a power of 2.
     """
     each = 1 << max(samples - 1, 0).bit_length()
     points = 2 * _sobol(block * block * each, _LENS, _LENS_SCRAMBLES) - 1

@@ -162,6 +162,7 @@ class Feature(IntEnum):
     NODE_PROGRAMS = 256
     WORLD_LIGHT = 512
     MESH_LIGHT = 1024
+    DEPTH_OF_FIELD = 2048
 
 
 class MathFunction(IntEnum):

@@ -11,7 +11,7 @@ import numpy as np
 from ..scene import Camera
 from .geometry import Geometry
 from .raster import Strips, pixel_strips
-from .rays import ULPS, Bundle, Frame, Pencil
+from .rays import ULPS, Bundle, Frame, Pencil, Rays
 from .vectors import length, transform
 
 Array = np.ndarray
@@ -76,12 +76,20 @@ class CameraRays:
         ascending = self.pixel[0] > 0 and self.pixel[1] > 0
         return pencil, pixel_strips(u, v) if ascending else None
 
-    def through_lens(
+    def rays(
+        self, x: tuple[int, int], y: tuple[int, int], offset: Array, lens: Array | None
+    ) -> tuple[Rays, Strips | None]:
+        """The same through a lens: each from the point that its pixel has in `lens` (n², 2), of n ×
+        n blocks, if that is not None.
+        """
+        if lens is None:
+            return self.pixels(x, y, offset)
+        return self._through_lens(x, y, offset, lens), None
+
+    def _through_lens(
         self, x: tuple[int, int], y: tuple[int, int], offset: Array, points: Array
     ) -> Bundle:
-        """The same rays, each from the point of the lens that its pixel has in `points` (n², 2) of
-        n × n blocks. Their parameter is the depth, as a pencil's.
-        """
+        """Rays whose parameter is the depth, as a pencil's."""
         pencil, _ = self.pixels(x, y, offset)
         block = int(np.sqrt(len(points)))
         lens = points[((np.arange(*y) % block)[:, None] * block + np.arange(*x) % block).ravel()].T

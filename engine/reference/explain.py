@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..lens import lens_points
 from ..scene import Scene
 from ..settings import Settings
 from .gloss import Narrow
@@ -108,12 +109,14 @@ class Explainer:
             replace(settings, samples=1, region=None, passes=frozenset()),
             Pulse(lambda: False),
         )
+        lens = scene.camera.lens
+        self._lens = lens_points(lens, settings.samples)[:, 0] if lens else None
 
     def pixel(self, x: int, y: int) -> Ray:
-        """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first:
-        the first sample of a picture.
+        """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first,
+        and its point of the lens: the first sample of a picture.
         """
-        rays, _ = self.stage.camera.pixels((x, x + 1), (y, y + 1), np.zeros(2))
+        rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._lens)[0]
         return self.follow(
             Paths(rays, np.ones((3, 1)), np.zeros(1, np.intp), np.zeros(1, np.intp), 0), "camera"
         )

@@ -17,8 +17,6 @@ from ..settings import Settings
 from .generations import Generations
 from .picture import DATA, Picture, Tile
 from .pulse import Pulse, Stopped
-from .raster import Strips
-from .rays import Rays
 from .refinement import ErrorEstimate, Refinement, widened
 from .stage import Stage
 
@@ -124,9 +122,10 @@ class Tracer:
         """Traces one sample of every pixel tile by tile; yields the finished fraction."""
         x0, y0, x1, y1 = self._region
         rows = max(TILE // (x1 - x0), 1)
+        lens = None if self._lens is None else self._lens[:, sample]
         for y in range(y0, y1, rows):
             above = min(y + rows, y1)
-            rays, strips = self._camera_rays(stage, (x0, x1), (y, above), sample, offset)
+            rays, strips = stage.camera.rays((x0, x1), (y, above), offset, lens)
             stage.pulse.beat()
             first = (y - y0) * (x1 - x0)
             here: slice | Array = slice(first, first + len(rays))
@@ -144,13 +143,6 @@ class Tracer:
                     here, np.concatenate([tile.color(), tile.lost[None]]), tile.softly_lit, tile.cut
                 )
             yield (above - y0) / (y1 - y0)
-
-    def _camera_rays(
-        self, stage: Stage, x: tuple[int, int], y: tuple[int, int], sample: int, offset: Array
-    ) -> tuple[Rays, Strips | None]:
-        if self._lens is None:
-            return stage.camera.pixels(x, y, offset)
-        return stage.camera.through_lens(x, y, offset, self._lens[:, sample]), None
 
     def _clock(self, name: str) -> _Clock:
         return _Clock(self._seconds, name)

@@ -318,7 +318,7 @@ GlintStats Job::stats() {
   s.primitives = scene_.primitives;
   s.dropped_instances = scene_.dropped_instances;
   s.dropped_lights = scene_.dropped_lights;
-  s.features = scene_.features;
+  s.features = scene_.features | (plan_.lens_points ? GLINT_FEATURE_DEPTH_OF_FIELD : 0);
   s.threads = uint32_t(plan_.threads);
   s.camera_rays = rays_.camera;
   s.shadow_rays = rays_.shadow;
