@@ -158,14 +158,14 @@ def _aperture(camera: Any, data: Any, frame: np.ndarray, report: Report) -> Lens
     numbers = radius, focus, dof.aperture_rotation, dof.aperture_ratio
     if not (all(map(math.isfinite, numbers)) and math.isfinite(dof.aperture_fstop)):
         report.note(
-            "Camera '{}' has a focus distance, f-stop or aperture that is not finite: everything "
+            "Camera {} has a focus distance, f-stop or aperture that is not finite: everything "
             "is in focus; set them anew, or the place of its focus object",
             camera.name,
         )
         return None
     if not focus >= _LEAST_FOCUS:
         report.note(
-            "Camera '{}' is focused on its own place, so that nothing is sharp: set a focus "
+            "Camera {} is focused on its own place, so that nothing is sharp: set a focus "
             "distance, or move its focus object",
             camera.name,
         )
