@@ -81,7 +81,8 @@ class Hit:
 class Ray:
     """A ray and those that follow from it.
 
-    kind: camera, mirror, refraction or transparent (the same ray beyond a surface).  weight: T.
+    kind: camera, or lens for one through a point of the camera's, mirror, refraction or transparent
+    (the same ray beyond a surface).  weight: T.
     origin, direction: world. hit: None for the surroundings, of which it sees `background`.
     shapes: (name, radiance) of the lights whose shape it sees. own: what it brings to the pixel
     itself, T times its terms; color: with all that follow from it.
@@ -118,7 +119,8 @@ class Explainer:
         """
         rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._lens)[0]
         return self.follow(
-            Paths(rays, np.ones((3, 1)), np.zeros(1, np.intp), np.zeros(1, np.intp), 0), "camera"
+            Paths(rays, np.ones((3, 1)), np.zeros(1, np.intp), np.zeros(1, np.intp), 0),
+            "camera" if self._lens is None else "lens",
         )
 
     def follow(self, paths: Paths, kind: str) -> Ray:

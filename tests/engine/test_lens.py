@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from glint.engine import Settings, render
+from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.lens import lens_points
 from glint.engine.sampling import lens_square
 from glint.engine.scene import (
@@ -195,6 +196,16 @@ def test_both_tracers_stop_pixels_alike():
     assert (np.abs(both[0] - both[1]) > 1e-4).any(2).mean() <= 0.002
     full = picture(wanted, samples=64)
     assert 0 < np.abs(both[0] - full).mean() < 4 / 255
+
+
+def test_a_pixel_is_explained_through_its_first_point_of_the_lens():
+    wanted = depths(seen("PERSPECTIVE", Lens(0.2, FOCUS), clip_planes=((0, 0, 1, -0.5),)))
+    shown = picture(wanted, samples=1, backend="NUMPY")
+    explainer = PixelExplainer(wanted, Settings(samples=1, filter_width=1.5))
+    for x, y in [(5, 9), (20, 20), (33, 12), (40, 41)]:
+        ray = explainer.pixel(x, y)
+        np.testing.assert_allclose(ray.color, shown[y, x], rtol=2**-20, atol=1e-12)
+    assert "other points of the lens" in explanation_lines(ray)[0]
 
 
 # --- the same bits
