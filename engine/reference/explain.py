@@ -16,7 +16,7 @@ from .lights import Dome, LightSample, Source
 from .materials import Coefficients, Term
 from .paths import Paths, bounced, straight_on
 from .pulse import Pulse
-from .rays import ULPS, Bundle
+from .rays import Bundle
 from .seen_lights import has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
