@@ -48,6 +48,7 @@ from .scene import (
     Camera,
     Input,
     Instances,
+    Lens,
     Light,
     Lobe,
     Material,
@@ -436,6 +437,8 @@ def _camera(camera: Camera) -> Found:
     yield from _window(camera)
     yield from _resolution(camera)
     yield from _clip(camera)
+    if camera.lens is not None:
+        yield from _lens(camera.lens)
 
 
 def _window(camera: Camera) -> Found:
@@ -472,6 +475,19 @@ def _clip(camera: Camera) -> Found:
         yield f"clip_planes has {len(camera.clip_planes)} rows: use 6 at most"
     for plane in camera.clip_planes:
         yield from numbers("clip_planes", plane, 4)
+
+
+def _lens(lens: Lens) -> Found:
+    values = lens.radius, lens.focus, lens.rotation, lens.ratio
+    problems = [*numbers("lens", values, 4)]
+    yield from problems
+    if not problems and not (lens.radius >= 0 and lens.focus > 0 and lens.ratio > 0):
+        yield (
+            f"lens has radius {lens.radius!r}, focus {lens.focus!r} and ratio {lens.ratio!r}: use "
+            "a radius of 0 or more, the others above 0"
+        )
+    if not (isinstance(lens.blades, Integral) and (lens.blades == 0 or lens.blades >= 3)):
+        yield f"lens has {lens.blades!r} blades: use 0, or 3 and more"
 
 
 def _world(world: World) -> Found:

@@ -317,9 +317,25 @@ class Light:
 CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
 
 
+@dataclass(frozen=True)
+class Lens:
+    """A thin lens at the camera's eye: what lies beside its plane of focus is blurred.
+
+    radius: along the camera's v; along u it is radius / ratio, camera units. focus: depth of the
+    plane where everything is sharp, camera units, above 0. blades: corners of a regular polygon
+    inside that ellipse, 0 for all of it. rotation: of the polygon, radians from u towards v.
+    """
+
+    radius: float
+    focus: float
+    blades: int = 0
+    rotation: float = 0.0
+    ratio: float = 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole or a parallel camera (notes, sections 4.4-4.6).
+    """A camera with a pinhole or a lens, or a parallel one (notes, sections 4.4-4.6).
 
     kind: PERSPECTIVE or ORTHOGRAPHIC.
     world_from_camera: (3, 4) float64; columns u (right), v (up), w (backward), e (eye). u, v, w may
@@ -328,7 +344,7 @@ class Camera:
     oblique projection. clip_start, clip_end: bounds of the depth along -w, camera units.
     clip_planes: at most six rows (a, b, c, d) that bound what camera rays see to a x + b y + c z +
     d >= 0, where x and y count along u and v and z is the depth, camera units. What light and
-    mirrors meet is not cut. resolution: (nx, ny) of the full frame.
+    mirrors meet is not cut. resolution: (nx, ny) of the full frame. lens: None for a pinhole.
     """
 
     kind: str
@@ -338,6 +354,7 @@ class Camera:
     clip_start: float = 0.0
     clip_end: float = np.inf
     clip_planes: tuple[tuple[float, float, float, float], ...] = ()
+    lens: Lens | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -86,7 +86,7 @@ def _inside_engine(name: str) -> bool:
 def _inside_reference(name: str) -> bool:
     values = {
         f"engine.{name}"
-        for name in ("dome", "mesh_lights", "scene", "film", "settings", "sampling")
+        for name in ("dome", "lens", "mesh_lights", "scene", "film", "settings", "sampling")
     }
     return name in values or name.startswith(
         ("engine.reference", "engine.linear", "engine.program")

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.scene import Camera
+from ...engine.scene import Camera, Lens
 from .report import Report
 
 Window = tuple[float, float, float, float]
 Region = tuple[int, int, int, int]
+
+_LEAST_STOP, _LEAST_FOCUS, _LEAST_RATIO = 1e-5, 1e-5, 1e-2
 
 
 class ExportError(ValueError):
@@ -91,6 +93,7 @@ def export_camera(camera: Any, render: Any, size: tuple[int, int], report: Repor
         size,
         data.clip_start,
         data.clip_end,
+        lens=_aperture(camera, data, frame, report) if data.dof.use_dof else None,
     )
 
 
@@ -145,6 +148,47 @@ def _sensor(data: Any) -> float:
     return data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
 
 
+def _aperture(camera: Any, data: Any, frame: np.ndarray, report: Report) -> Lens | None:
+    """The lens of a camera with depth of field; None, with a note, where a number is not finite."""
+    dof = data.dof
+    focus = _focus_distance(dof, frame)
+    # orthographic cameras have no focal length: Cycles gives them one of a metre
+    length = 1.0 if data.type == "ORTHO" else data.lens * 1e-3
+    radius = length / (2 * max(dof.aperture_fstop, _LEAST_STOP))
+    numbers = radius, focus, dof.aperture_rotation, dof.aperture_ratio
+    if not (all(map(math.isfinite, numbers)) and math.isfinite(dof.aperture_fstop)):
+        report.note(
+            "Camera {} has a focus distance, f-stop or aperture that is not finite: everything "
+            "is in focus; set them anew, or the place of its focus object",
+            camera.name,
+        )
+        return None
+    if not focus >= _LEAST_FOCUS:
+        report.note(
+            "Camera {} is focused on its own place, so that nothing is sharp: set a focus "
+            "distance, or move its focus object",
+            camera.name,
+        )
+    return Lens(
+        radius,
+        max(focus, _LEAST_FOCUS),
+        dof.aperture_blades if dof.aperture_blades >= 3 else 0,
+        dof.aperture_rotation,
+        max(dof.aperture_ratio, _LEAST_RATIO),
+    )
+
+
+def _focus_distance(dof: Any, frame: np.ndarray) -> float:
+    """Along the view, of the focus object (or its bone) if there is one."""
+    if dof.focus_object is None:
+        return dof.focus_distance
+    matrix = np.array(dof.focus_object.matrix_world, np.float64)
+    bones = dof.focus_object.pose.bones if dof.focus_object.pose else {}
+    if dof.focus_subtarget in bones:
+        matrix = matrix @ np.array(bones[dof.focus_subtarget].matrix, np.float64)
+    return float(abs(frame[:, 2] @ (frame[:, 3] - matrix[:3, 3])))
+
+
 def _pixel_aspect(render: Any) -> tuple[float, float]:
     return render.pixel_aspect_x, render.pixel_aspect_y
 
@@ -163,8 +207,6 @@ def _note_approximations(camera: Any, data: Any, render: Any, report: Report) ->
             "Perspective",
             camera.name,
         )
-    if data.dof.use_dof:
-        report.note("Depth of field is not rendered ({}): everything is in focus", camera.name)
     if render.use_motion_blur:
         report.note("Motion blur is not rendered: everything stands still")
     if render.use_multiview:

@@ -19,9 +19,9 @@ _boxes: weakref.WeakKeyDictionary[Geometry, np.ndarray] = weakref.WeakKeyDiction
 
 def stepped_up(camera: Camera, scene: Scene) -> Camera:
     """A parallel camera moved along its view to just before the scene: Blender's stands a thousand
-    metres away, where float32 is coarse.
+    metres away, where float32 is coarse. One with a lens stays: its focus counts from the eye.
     """
-    if camera.kind != "ORTHOGRAPHIC":
+    if camera.kind != "ORTHOGRAPHIC" or camera.lens is not None:
         return camera
     step = np.floor(_nearest(scene, camera)) - 1 - camera.clip_start
     if not (np.isfinite(step) and 0 < step < camera.clip_end - camera.clip_start):

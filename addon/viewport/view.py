@@ -87,6 +87,7 @@ def read_view(depsgraph: Any, region: Any, space: Any, region_data: Any) -> View
         projection.tobytes(),
         camera.world_from_camera.tobytes(),
         camera.window,
+        camera.lens,
         planes,
         size,
         pixel_size,
@@ -193,8 +194,8 @@ def camera_notes(looks: Any, scene: Any) -> tuple[str, ...]:
 
 
 def _through_camera(camera: Camera, scene_camera: Any, render: Any) -> tuple[Camera, Frame | None]:
-    """The view's camera with the place, direction and clip distances of the render's; the render's
-    frame if it lies on whole pixels.
+    """The view's camera with the place, direction, lens and clip distances of the render's; the
+    render's frame if it lies on whole pixels.
     """
     rendered = export_camera(scene_camera, render, resolution(render), Report())
     moved = Camera(
@@ -204,6 +205,7 @@ def _through_camera(camera: Camera, scene_camera: Any, render: Any) -> tuple[Cam
         camera.resolution,
         rendered.clip_start,
         rendered.clip_end,
+        lens=rendered.lens,
     )
     corner = (
         frame_of(camera.window, camera.resolution, rendered)
@@ -299,4 +301,5 @@ def _key(frame: Frame | None) -> tuple | None:
         camera.resolution,
         camera.clip_start,
         camera.clip_end,
+        camera.lens,
     )

@@ -65,7 +65,8 @@ def summary(ray: Ray) -> str:
     blocked = (
         [f"{light} is blocked by {thing}" for light, thing in _blocked(ray.hit)] if ray.hit else []
     )
-    return "; ".join([what + lit, *blocked])
+    lens = ["other samples look through other points of the lens"] if ray.kind == "lens" else []
+    return "; ".join([what + lit, *blocked, *lens])
 
 
 def _contributions(ray: Ray, way: str = "") -> Iterator[tuple[str, float]]:

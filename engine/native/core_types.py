@@ -168,6 +168,7 @@ class Feature(IntEnum):
     NODE_PROGRAMS = 256
     WORLD_LIGHT = 512
     MESH_LIGHT = 1024
+    DEPTH_OF_FIELD = 2048
 
 
 class MathFunction(IntEnum):
@@ -281,9 +282,9 @@ class SceneData(Structure):
         *_each(c_double * 9, "world_axes"),
         *_each(c_int32, "transparent world_program world_slot reserved"),
         *_each(c_size_t, "geometries attributes instances world_from_object material_slots"),
-        *_each(c_size_t, "instance_value_names instance_values"),
-        *_each(c_size_t, "textures program_words program_constants program_tables programs inputs"),
-        *_each(c_size_t, "lobes materials lights emitters emitter_corners"),
+        *_each(c_size_t, "instance_value_names instance_values textures program_words"),
+        *_each(c_size_t, "program_constants program_tables programs inputs lobes materials lights"),
+        *_each(c_size_t, "emitters emitter_corners"),
         *_each(c_uint64, "geometry_count attribute_count instances_count row_count"),
         *_each(c_uint64, "material_slot_count texture_count program_word_count"),
         *_each(c_uint64, "program_constant_count program_table_count program_count input_count"),
@@ -295,12 +296,13 @@ class SceneData(Structure):
 class RenderSettingsData(Structure):
     _fields_ = [
         *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table lobe_points"),
-        *_each(c_size_t, "dome_cells dome_irradiance"),
-        *_each(c_uint64, "light_point_count dome_count mesh_count"),
+        *_each(c_size_t, "dome_cells dome_irradiance lens_points"),
+        *_each(c_uint64, "light_point_count dome_count mesh_count lens_point_count"),
         *_each(c_double * 9, "dome_axes"),
-        *_each(c_double, "error_threshold cutoff"),
+        *_each(c_double, "error_threshold cutoff lens_focus"),
         *_each(c_uint32, "samples light_samples dome_samples mesh_samples dome_rows dome_columns"),
-        *_each(c_uint32, "dome_irradiance_rows dome_irradiance_columns max_bounces threads passes"),
+        *_each(c_uint32, "dome_irradiance_rows dome_irradiance_columns lens_block max_bounces"),
+        *_each(c_uint32, "threads passes"),
         *_each(c_uint32 * 4, "region"),
         *_each(c_int32, "illumination waves acceleration remember reflections reserved"),
     ]

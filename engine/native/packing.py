@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..film import PASSES
+from ..lens import BLOCK, lens_points
 from ..program.program import Program
 from ..sampling import light_points, lobe_points, pixel_offsets
 from ..scene import (
@@ -24,6 +25,7 @@ from ..scene import (
     Emitters,
     Geometry,
     Instances,
+    Lens,
     Light,
     Material,
     Mesh,
@@ -41,6 +43,7 @@ PASS_NUMBERS = {name: core_types.Pass[name.upper().replace(" ", "_")].value for 
 """The core's numbers of the passes."""
 
 # a viewport asks for the same few all the time
+_lens_points = functools.lru_cache(maxsize=4)(lens_points)
 _pixel_offsets = functools.lru_cache(maxsize=16)(pixel_offsets)
 _light_points = functools.lru_cache(maxsize=16)(light_points)
 
@@ -253,6 +256,16 @@ def _lights(lights: tuple[Light, ...], before: _Part | None, changed: list[int])
     return _Part(
         lights, {"lights": _table(core_types.LightData, [_light(light) for light in lights])}, []
     )
+
+
+def _add_lens(
+    data: core_types.RenderSettingsData, packer: Packer, lens: Lens, settings: Settings
+) -> None:
+    points = packer.lend(
+        _lens_points(lens, settings.samples).reshape(-1, 2), np.float64, (None, 2), "lens points"
+    )
+    data.lens_points, data.lens_point_count = address(points), len(points)
+    data.lens_block, data.lens_focus = BLOCK, lens.focus
 
 
 def _all_emitters(scene: Scene) -> tuple[Emitters, ...]:
@@ -577,6 +590,8 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
             _add_dome(data, packer, light, settings)
         if light.kind == "MESH":
             _add_mesh(data, packer, light, settings)
+    if scene.camera.lens:
+        _add_lens(data, packer, scene.camera.lens, settings)
     return Packed(data, packer.lent)
 
 

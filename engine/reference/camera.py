@@ -4,15 +4,15 @@ they are (u, v, 1) or parallel to z.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..scene import Camera
 from .geometry import Geometry
 from .raster import Strips, pixel_strips
-from .rays import ULPS, Frame, Pencil
-from .vectors import length
+from .rays import ULPS, Bundle, Frame, Pencil, Rays
+from .vectors import length, transform
 
 Array = np.ndarray
 
@@ -23,7 +23,7 @@ class CameraRays:
     window's corner and size of a pixel.
 
     near, far: the clip range with a margin for the rounding of depths, so that hits at its very
-    ends count.  clip_planes: (k, 4).
+    ends count.  clip_planes: (k, 4).  focus: depth of a lens's sharp plane.
     """
 
     frame: Frame
@@ -33,6 +33,7 @@ class CameraRays:
     far: float
     unit: float
     clip_planes: Array
+    focus: float
 
     @classmethod
     def of(cls, camera: Camera, geometry: Geometry) -> CameraRays:
@@ -57,6 +58,7 @@ class CameraRays:
             far,
             float(length(axes[:, 2])),
             np.reshape(camera.clip_planes, (-1, 4)),
+            camera.lens.focus if camera.lens else np.inf,
         )
 
     def pixels(
@@ -67,32 +69,54 @@ class CameraRays:
         """
         u = self.corner[0] + (np.arange(*x) + 0.5 + offset[0]) * self.pixel[0]
         v = self.corner[1] + (np.arange(*y) + 0.5 + offset[1]) * self.pixel[1]
-        count = len(u) * len(v)
-        near, far = np.full(count, self.near), np.full(count, self.far)
-        pencil = self._clipped(
-            Pencil(self.frame, np.tile(u, len(v)), np.repeat(v, len(u)), near, far)
-        )
+        window = np.stack([np.tile(u, len(v)), np.repeat(v, len(u))])
+        still = np.zeros_like(window)
+        ends = self._clipped(*((still, window) if self.frame.perspective else (window, still)))
+        pencil = Pencil(self.frame, *window, *ends)
         ascending = self.pixel[0] > 0 and self.pixel[1] > 0
         return pencil, pixel_strips(u, v) if ascending else None
 
-    def _clipped(self, rays: Pencil) -> Pencil:
-        """Cuts rays (u z, v z, z), or (u, v, z) where they are parallel, to where they are inside
-        the clip planes.
+    def rays(
+        self, x: tuple[int, int], y: tuple[int, int], offset: Array, lens: Array | None
+    ) -> tuple[Rays, Strips | None]:
+        """The same through a lens: each from the point that its pixel has in `lens` (n², 2), of n ×
+        n blocks, if that is not None.
         """
-        near, far = rays.near, rays.far
+        if lens is None:
+            return self.pixels(x, y, offset)
+        return self._through_lens(x, y, offset, lens), None
+
+    def _through_lens(
+        self, x: tuple[int, int], y: tuple[int, int], offset: Array, points: Array
+    ) -> Bundle:
+        """Rays whose parameter is the depth, as a pencil's."""
+        pencil, _ = self.pixels(x, y, offset)
+        block = int(np.sqrt(len(points)))
+        lens = points[((np.arange(*y) % block)[:, None] * block + np.arange(*x) % block).ravel()].T
+        window, bend = np.stack([pencil.u, pencil.v]), -lens / self.focus
+        start, slope = (lens, window + bend) if self.frame.perspective else (window + lens, bend)
+        world, one = np.linalg.inv(self.frame.matrix), np.ones((1, len(pencil)))
+        return Bundle.of(
+            transform(world, np.concatenate([start, 0 * one])),
+            transform(world, np.concatenate([slope, one])),
+            *self._clipped(start, slope),
+        )
+
+    def _clipped(self, start: Array, slope: Array) -> tuple[Array, Array]:
+        """The depths (n,) between which rays start + z slope (2, n) are inside the clip range and
+        planes.
+        """
+        count = start.shape[1]
+        near, far = np.full(count, self.near), np.full(count, self.far)
         for a, b, c, d in self.clip_planes:
-            across = a * rays.u + b * rays.v
-            slope, constant = (
-                (c + across, np.full(len(rays), d))
-                if self.frame.perspective
-                else (np.full(len(rays), c), d + across)
-            )
+            rise = c + (a * slope[0] + b * slope[1])
+            constant = d + (a * start[0] + b * start[1])
             with np.errstate(divide="ignore", invalid="ignore"):
-                depth = -constant / slope
-            near = np.where(slope > 0, np.maximum(near, depth), near)
+                depth = -constant / rise
+            near = np.where(rise > 0, np.maximum(near, depth), near)
             far = np.where(
-                slope < 0,
+                rise < 0,
                 np.minimum(far, depth),
-                np.where((slope == 0) & ~(constant >= 0), -np.inf, far),
+                np.where((rise == 0) & ~(constant >= 0), -np.inf, far),
             )
-        return replace(rays, near=near, far=far)
+        return near, far

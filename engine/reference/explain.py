@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..lens import lens_points
 from ..scene import Scene
 from ..settings import Settings
 from .generations import reflected
@@ -81,7 +82,8 @@ class Hit:
 class Ray:
     """A ray and those that follow from it.
 
-    kind: camera, mirror, refraction or transparent (the same ray beyond a surface).  weight: T.
+    kind: camera, or lens for one through a point of the camera's, mirror, refraction or transparent
+    (the same ray beyond a surface).  weight: T.
     origin, direction: world. hit: None for the surroundings, of which it sees `background`.
     shapes: (name, radiance) of the lights whose shape it sees. own: what it brings to the pixel
     itself, T times its terms; color: with all that follow from it.
@@ -109,15 +111,17 @@ class Explainer:
             replace(settings, samples=1, region=None, passes=frozenset()),
             Pulse(lambda: False),
         )
+        lens = scene.camera.lens
+        self._lens = lens_points(lens, settings.samples)[:, 0] if lens else None
 
     def pixel(self, x: int, y: int) -> Ray:
-        """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first:
-        the first sample of a picture.
+        """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first,
+        and its point of the lens: the first sample of a picture.
         """
-        rays, _ = self.stage.camera.pixels((x, x + 1), (y, y + 1), np.zeros(2))
+        rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._lens)[0]
         zero = np.zeros(1, np.intp)
         paths = Paths(rays, np.ones((3, 1)), zero, zero, 0, np.full(1, np.inf))
-        return self.follow(paths, "camera")
+        return self.follow(paths, "camera" if self._lens is None else "lens")
 
     def follow(self, paths: Paths, kind: str) -> Ray:
         """One ray and all that follow from it."""

@@ -15,7 +15,7 @@ from .materials import Coefficients
 from .paths import Paths, beyond, bounced, joined, reflected_by_lobes, straight_on, widened
 from .picture import Tile
 from .raster import Strips
-from .rays import Pencil
+from .rays import Rays
 from .seen_lights import has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
@@ -57,7 +57,7 @@ class Generations:
     def __init__(self, stage: Stage, tile: Tile, sample: int):
         self._stage, self._tile, self._sample = stage, tile, sample
 
-    def run(self, rays: Pencil, strips: Strips | None) -> None:
+    def run(self, rays: Rays, strips: Strips | None) -> None:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
         n = len(rays)
         widest = np.full(n, np.inf)

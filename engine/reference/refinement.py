@@ -13,6 +13,8 @@ Array = np.ndarray
 
 _LIGHT_POINTS = 16
 """Of each soft light, that a pixel has looked at before it may stop."""
+_LENS_SAMPLES = 16
+"""The same of a lens."""
 _DIM_POINTS = 32
 """The same where it is black so far, or where its horizon cuts the light."""
 _MOST = 1e30
@@ -47,10 +49,11 @@ class Refinement:
 
     settings: their error_threshold is in levels, 0 stops no pixel.
     shown: (h, w) bool, pixels that are drawn; others are only looked at by their neighbours.
+    lens: whether they are seen through one.
     active: (pixels,) bool, those that take further samples.
     """
 
-    def __init__(self, settings: Settings, shown: Array):
+    def __init__(self, settings: Settings, shown: Array, lens: bool = False):
         self._threshold, self._light_samples, self._shown = (
             settings.error_threshold,
             settings.light_samples,
@@ -61,6 +64,7 @@ class Refinement:
             np.zeros(shown.size, bool),
             0,
         )
+        self._least = _LENS_SAMPLES if lens else 0
         self.active = np.ones(shown.size, bool)
         self._low, self._high = np.full((4, shown.size), np.inf), np.full((4, shown.size), -np.inf)
         self._range = np.zeros(shown.size)
@@ -89,7 +93,7 @@ class Refinement:
         if samples == FIRST_ESTIMATE:
             self._around = _neighborhoods(self._range.reshape(self._shown.shape)).max(0).ravel()
             self.active &= self._shown.ravel()
-        if self._threshold > 0:
+        if self._threshold > 0 and samples >= self._least:
             black, points = (
                 (self._low[:3] == 0).all(0) & (self._high[:3] == 0).all(0),
                 samples * self._light_samples,

@@ -224,9 +224,9 @@ def test_an_empty_border_is_an_error(scene):  # noqa: F811
 
 def test_what_the_camera_cannot_do_is_noted(scene):  # noqa: F811
     assert export().notes == ()
-    scene.camera.data.dof.use_dof = scene.render.use_motion_blur = scene.render.use_multiview = True
+    scene.render.use_motion_blur = scene.render.use_multiview = True
     scene.camera.data.type = "PANO"
-    assert len(export().notes) == 4
+    assert len(export().notes) == 3
 
 
 def test_looking_through_a_spot_light_takes_in_its_cone(scene):  # noqa: F811
@@ -245,3 +245,59 @@ def test_inverse_of_axes():
         axes /= np.linalg.norm(axes, axis=0)
         closeness = 1e-15 * np.linalg.cond(axes) ** 2
         assert np.abs(inverse_axes(axes) @ axes - np.eye(3)).max() < 10 * closeness
+
+
+@pytest.mark.parametrize(("kind", "length"), [("PERSP", 0.08), ("ORTHO", 1.0)])
+def test_depth_of_field(scene, kind, length):  # noqa: F811
+    data = scene.camera.data
+    data.type, data.lens = kind, 80.0
+    assert export().scene.camera.lens is None
+    dof = data.dof
+    dof.use_dof, dof.focus_distance, dof.aperture_fstop, dof.aperture_blades = True, 3.0, 1.4, 6
+    dof.aperture_rotation, dof.aperture_ratio = 0.5, 1.5
+    result = export()
+    lens = result.scene.camera.lens
+    found = lens.radius, lens.focus, lens.blades, lens.rotation, lens.ratio
+    np.testing.assert_allclose(found, (length / 2.8, 3.0, 6, 0.5, 1.5), rtol=1e-6)
+    assert result.notes == ()
+
+
+def test_a_focus_object_is_as_far_as_it_is_along_the_view(scene):  # noqa: F811
+    dof = scene.camera.data.dof
+    dof.use_dof, dof.focus_object = True, link(bpy.data.objects.new("Focus", None))
+    dof.focus_object.location, scene.camera.scale = (4, 1.5, -3), (2, 2, 2)
+    assert export().scene.camera.lens.focus == pytest.approx(7.5, rel=1e-6)
+
+
+def test_a_bone_may_be_in_focus(scene):  # noqa: F811
+    armature = bpy.data.armatures.new("Rig")
+    rig = link(bpy.data.objects.new("Rig", armature))
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    bone = armature.edit_bones.new("Head")
+    bone.head, bone.tail = (0, 2.0, 0), (0, 2.0, 1.0)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    dof = scene.camera.data.dof
+    dof.use_dof, dof.focus_object, dof.focus_subtarget = True, rig, "Head"
+    assert export().scene.camera.lens.focus == pytest.approx(8.0, rel=1e-6)
+
+
+def test_extreme_apertures(scene):  # noqa: F811
+    dof = scene.camera.data.dof
+    dof.use_dof, dof.aperture_fstop = True, 0.001
+    assert export().scene.camera.lens.radius == pytest.approx(25.0, rel=1e-4)
+    dof.aperture_fstop = 0.0
+    assert export().scene.camera.lens.radius == pytest.approx(2500.0, rel=1e-4)
+    dof.focus_distance = 0.0
+    [note] = export().notes
+    assert "'Camera' is focused on its own place" in note
+
+
+@pytest.mark.parametrize("name", ["focus_distance", "aperture_fstop", "aperture_rotation"])
+def test_an_aperture_that_is_not_finite_is_told(scene, name):  # noqa: F811
+    dof = scene.camera.data.dof
+    dof.use_dof = True
+    setattr(dof, name, float("nan"))
+    assert not np.isfinite(getattr(dof, name))
+    result = export()
+    assert result.scene.camera.lens is None and "not finite" in result.notes[0]

@@ -152,12 +152,35 @@ def test_warnings_are_counted_in_the_status_line_and_kept_for_the_panel(watcher)
 
 def test_what_a_camera_does_not_do_is_told_where_a_view_looks_through_it(watcher):
     eye = bpy.data.objects["Eye"]
-    bpy.context.scene.camera, eye.data.dof.use_dof = eye, True
+    bpy.context.scene.camera, bpy.context.scene.render.use_motion_blur = eye, True
     watcher.edit(lambda: None)
     assert statistics.of_views(bpy.context.scene.name) == ()
     watcher.view.region_data.view_perspective = "CAMERA"
     watcher.edit(lambda: setattr(eye.data, "lens", 40.0))
-    assert any("epth of field" in note for note in statistics.of_views(bpy.context.scene.name))
+    assert any("otion blur" in note for note in statistics.of_views(bpy.context.scene.name))
+
+
+def test_a_view_through_the_camera_has_its_depth_of_field(watcher):
+    dof, thing = bpy.data.cameras["Eye"].dof, link(bpy.data.objects.new("Focus", None))
+    dof.aperture_fstop, dof.focus_distance = 0.05, 3.0
+    bpy.context.scene.camera = bpy.data.objects["Eye"]
+    watcher.view.region_data.view_perspective = "CAMERA"
+    watcher.edit(lambda: None)
+    assert watcher.session.shown_scene[0].camera.lens is None
+    edits = [
+        lambda: setattr(dof, "use_dof", True),
+        lambda: setattr(dof, "focus_distance", 2.0),
+        lambda: setattr(dof, "focus_object", thing),
+        lambda: setattr(thing, "location", (0.0, 0.0, 2.5)),
+    ]
+    for edit, focus in zip(edits, (3.0, 2.0, 6.0, 3.5), strict=True):
+        film = watcher.edit(edit)
+        assert watcher.session.shown_scene[0].camera.lens.focus == pytest.approx(focus)
+        pictures = (f.passes["Combined"] for f in (film, watcher.expected()))
+        np.testing.assert_allclose(*pictures, rtol=1e-5)
+    watcher.view.region_data.view_perspective = "PERSP"
+    watcher.edit(lambda: None, updates=False)
+    assert watcher.session.shown_scene[0].camera.lens is None
 
 
 def test_the_status_line_tells_errors_in_levels(watcher):

@@ -104,12 +104,14 @@ bool Refinement::may_stop(size_t row, uint64_t light_points) const {
   return light_points >= (black || cut ? kDimPoints : kLightPoints) && !(black && cut);
 }
 
-void Refinement::decide(const Tile& tile, const SlotTable& slots, uint32_t samples) {
+void Refinement::decide(const Tile& tile, const SlotTable& slots, uint32_t samples,
+                        bool any_may_stop) {
   for (uint32_t k = 0; k < tile.pixels(); ++k) {
     const size_t row = tile.first_row + k;
     uint32_t& stopped = stopped_.data()[row];
     const uint32_t pixel = slots.pixel(tile, k, width_);
-    const bool good = threshold_ > 0 && bound_of_error(pixel, samples) <= threshold_ &&
+    const bool good = any_may_stop && threshold_ > 0 &&
+                      bound_of_error(pixel, samples) <= threshold_ &&
                       may_stop(row, uint64_t(samples) * light_samples_);
     if (!stopped && (good || !is_shown(pixel % width_, pixel / width_))) stopped = samples;
   }

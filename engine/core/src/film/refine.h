@@ -42,6 +42,7 @@ class Refinement {
       16;  // of each soft light that a pixel has looked at before it may stop
   static constexpr uint32_t kDimPoints =
       32;  // where it is black so far, or the horizon cuts the light
+  static constexpr uint32_t kLensSamples = 16;  // the same of a lens
   enum SoftLight : uint8_t {
     kReached = 1,
     kCut = 2
@@ -90,8 +91,8 @@ class Refinement {
   void measure(const Tile& tile, const SlotTable& slots, const double* after, size_t stride,
                uint32_t samples);
   void look_around(const Tile& tile);
-  /// Stops the pixels whose error is at most the threshold.
-  void decide(const Tile& tile, const SlotTable& slots, uint32_t samples);
+  /// Stops the pixels whose error is at most the threshold, if any may stop.
+  void decide(const Tile& tile, const SlotTable& slots, uint32_t samples, bool any_may_stop);
 
  private:
   /// What is held against the threshold, in levels: hardly ever less than the error of a pixel with

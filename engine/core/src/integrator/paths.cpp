@@ -37,9 +37,12 @@ struct Accumulator {
 
 void WindowPoints::set(const CameraRays& camera, const RenderPlan& plan, const Tile& tile,
                        uint32_t first, uint32_t count) {
+  plan_ = &plan;
   first_ = first;
   count_ = count;
-  const double column = plan.region.x0 + tile.x0, row = plan.region.y0 + tile.y0;
+  x0_ = plan.region.x0 + tile.x0;
+  y0_ = plan.region.y0 + tile.y0;
+  const double column = x0_, row = y0_;
   const double* const offsets = plan.pixel_offsets + 2 * size_t(first);
   for (size_t s = 0; s < count; ++s) {
     for (uint32_t k = 0; k < tile.width(); ++k)
@@ -56,6 +59,10 @@ void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* be
   shift_ = uint32_t(__builtin_ctz(points.count()));
   for (std::vector<double>* v : {&u_, &v_}) v->resize((size() + kPad - 1) / kPad * kPad);
   with_constant(points.count(), [&](auto count) { place_samples<count>(places, points); });
+  if (points.has_lens()) {
+    for (std::vector<double>* v : {&lens_x_, &lens_y_}) v->resize(u_.size());
+    with_constant(points.count(), [&](auto count) { place_on_lens<count>(places, points); });
+  }
   if (columns_ != film.columns()) sums_ = Columns(columns_ = film.columns());
   sums_.reserve(kMost);
   softly_lit_.assign(size(), 0);
@@ -68,6 +75,18 @@ void Paths::place_samples(const SlotTable& places, const WindowPoints& points) {
   for (uint32_t slot : slots_) {
     u = std::copy_n(points.u(size_t(places.columns()[slot])), Count, u);
     v = std::copy_n(points.v(size_t(places.rows()[slot])), Count, v);
+  }
+}
+
+template <size_t Count>
+void Paths::place_on_lens(const SlotTable& places, const WindowPoints& points) {
+  double *x = lens_x_.data(), *y = lens_y_.data();
+  for (uint32_t slot : slots_) {
+    const double* from = points.lens(size_t(places.columns()[slot]), size_t(places.rows()[slot]));
+    for (size_t s = 0; s < Count; ++s) {
+      *x++ = from[2 * s];
+      *y++ = from[2 * s + 1];
+    }
   }
 }
 

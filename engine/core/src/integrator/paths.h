@@ -21,11 +21,17 @@ class WindowPoints {
 
   uint32_t first() const { return first_; }
   uint32_t count() const { return count_; }
+  bool has_lens() const { return plan_ && plan_->lens_points; }
+  /// Of the lens, two numbers a sample.
+  const double* lens(size_t column, size_t row) const {
+    return plan_->lens_of(x0_ + column, y0_ + row) + 2 * size_t(first_);
+  }
   const double* u(size_t column) const { return u_ + column * count_; }
   const double* v(size_t row) const { return v_ + row * count_; }
 
  private:
-  uint32_t first_ = 0, count_ = 1;
+  const RenderPlan* plan_ = nullptr;
+  uint32_t first_ = 0, count_ = 1, x0_ = 0, y0_ = 0;  // x0_, y0_: of the tile in the frame
   double u_[Tile::kSize * kMaxPacketSamples], v_[Tile::kSize * kMaxPacketSamples];
 };
 
@@ -52,6 +58,9 @@ class Paths {
   // Of each path: where its camera ray goes through the window.
   const double* u() const { return u_.data(); }
   const double* v() const { return v_.data(); }
+  // and through the lens; null for a pinhole.
+  const double* lens_x() const { return lens_x_.empty() ? nullptr : lens_x_.data(); }
+  const double* lens_y() const { return lens_y_.data(); }
 
   /// What the paths brought so far, as Film::sums has it; the next channels follow after
   /// `stride()`.
@@ -74,13 +83,15 @@ class Paths {
   template <size_t Count>
   void place_samples(const SlotTable& places, const WindowPoints& points);
   template <size_t Count>
+  void place_on_lens(const SlotTable& places, const WindowPoints& points);
+  template <size_t Count>
   void add_column(double* to, const double* from) const;
   template <size_t Count>
   void add_noted(double* to, const double* from, const Refinement::Ranges& ranges) const;
 
   uint32_t first_ = 0, shift_ = 0;
   std::vector<uint32_t> slots_;
-  std::vector<double> u_, v_;
+  std::vector<double> u_, v_, lens_x_, lens_y_;
   std::vector<uint8_t> softly_lit_;
   Columns sums_;
   size_t columns_ = 0;

@@ -26,10 +26,19 @@ struct RenderPlan {
   const double* lobe_points = nullptr;
   int reflections = GLINT_REFLECT_OFF;
   DomeCells dome;
+  const double* lens_points = nullptr;  // null for a pinhole
+  uint32_t lens_block = 1;
+  double lens_focus = 1;
 
   uint32_t samples_of(const Light& light) const {
     if (light.is_mesh()) return mesh_samples;
     return light.is_dome() ? dome_samples : light.extended ? light_samples : 1;
+  }
+
+  /// The points of the lens, two numbers each, of the samples of a pixel of the frame.
+  const double* lens_of(size_t column, size_t row) const {
+    const size_t place = row % lens_block * lens_block + column % lens_block;
+    return lens_points + 2 * place * samples;
   }
 
   /// Point j of a light for pixel sample `sample`.

@@ -71,8 +71,9 @@ void Tracer::choose(const Tile& tile) {
     active_.resize(tile.pixels());
     std::iota(active_.begin(), active_.end(), 0u);
   }
-  surely_empty_ = !active_.empty() && !(scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) &&
-                  !scene_.sky_program && scene_.accel().surely_empty(frustum(tile));
+  surely_empty_ = !active_.empty() && !plan_.lens_points &&
+                  !(scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) && !scene_.sky_program &&
+                  scene_.accel().surely_empty(frustum(tile));
 }
 
 /// Round all camera rays of the tile's samples.
@@ -111,6 +112,9 @@ void Tracer::camera_rays() {
   stage.count = paths_.size();
   stage.across = paths_.u();
   stage.upward = paths_.v();
+  stage.lens_x = paths_.lens_x();
+  stage.lens_y = paths_.lens_y();
+  stage.bend = stage.lens_x ? 1 / plan_.lens_focus : 0;
   for (size_t k = 0; k < 3; ++k) {
     stage.o[k] = first_.column(Queue::kO + k);
     stage.d[k] = first_.column(Queue::kD + k);
@@ -120,10 +124,11 @@ void Tracer::camera_rays() {
   stages_.camera(stage);
   camera_.clip(stage);
   const Vec3d eye = camera_.eye();
+  const bool beside = stage.parallel || stage.lens_x;
   for (size_t k = 0; any(eye) && k < 3; ++k)
     for (size_t i = 0; i < stage.count; ++i)
-      stage.o[k][i] = (stage.parallel ? stage.o[k][i] : 0) + eye[int(k)];
-  for (size_t k = 0; (stage.parallel || any(eye)) && k < 3; ++k)
+      stage.o[k][i] = (beside ? stage.o[k][i] : 0) + eye[int(k)];
+  for (size_t k = 0; (beside || any(eye)) && k < 3; ++k)
     std::copy_n(stage.o[k], stage.count, first_.column(Queue::kStart + k));
 }
 
@@ -164,7 +169,8 @@ void Tracer::measure(const Tile& tile, uint32_t samples) {
 
 void Tracer::decide(const Tile& tile, uint32_t samples) {
   slots_.set(tile.width(), tile.height());
-  film_.refinement().decide(tile, slots_, samples);
+  const bool seen = !plan_.lens_points || samples >= Refinement::kLensSamples;
+  film_.refinement().decide(tile, slots_, samples, seen);
 }
 
 /// The paths to the end of their rays.

@@ -46,12 +46,14 @@ class CameraRays {
   /// Cuts the rays of a stage to where they are inside the clip planes.
   void clip(const CameraStage& s) const {
     for (size_t k = 0; camera_.clip_plane_count && k < s.count; ++k) {
+      const double x = s.lens_x ? s.lens_x[k] : 0, y = s.lens_x ? s.lens_y[k] : 0;
       const double u = s.across[k], v = s.upward[k];
-      const double step =
-          scale_ *
-          length(s.parallel ? m_.z : u * m_.x + v * m_.y - m_.z);  // of t, to one unit of depth
+      Line line{x, y, u - s.bend * x, v - s.bend * y};
+      if (s.parallel) line = {u + x, v + y, -s.bend * x, -s.bend * y};
+      // of t, to one unit of depth
+      const double step = scale_ * length(line.du * m_.x + line.dv * m_.y - m_.z);
       for (int p = 0; p < camera_.clip_plane_count; ++p)
-        cut(camera_.clip_planes[p], u, v, step, s.t_min[k], s.t_max[k]);
+        cut(camera_.clip_planes[p], line, step, s.t_min[k], s.t_max[k]);
     }
   }
 
@@ -78,12 +80,15 @@ class CameraRays {
     return ends[0] + place * (ends[1] - ends[0]) / pixels;
   }
 
-  /// One plane and the ray (u z, v z, z), or (u, v, z) where rays are parallel.
-  void cut(const double* plane, double u, double v, double step, double& t_min,
-           double& t_max) const {
-    const double across = plane[0] * u + plane[1] * v;
-    const double slope = plane[2] + (parallel() ? 0 : across),
-                 constant = plane[3] + (parallel() ? across : 0);
+  /// The ray (u + du z, v + dv z, z).
+  struct Line {
+    double u, v, du, dv;
+  };
+
+  /// One plane and a ray.
+  static void cut(const double* plane, const Line& ray, double step, double& t_min, double& t_max) {
+    const double slope = plane[2] + (plane[0] * ray.du + plane[1] * ray.dv),
+                 constant = plane[3] + (plane[0] * ray.u + plane[1] * ray.v);
     const double t = -constant / slope * step;
     if (slope > 0) t_min = std::max(t_min, t);
     else if (slope < 0) t_max = std::min(t_max, t);

@@ -54,6 +54,9 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.dome.irradiance = g.dome_irradiance;
   plan.dome.irradiance_rows = g.dome_irradiance_rows;
   plan.dome.irradiance_columns = g.dome_irradiance_columns;
+  plan.lens_points = g.lens_points;
+  plan.lens_block = g.lens_block;
+  plan.lens_focus = g.lens_focus;
   for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
   return plan;
 }
@@ -74,6 +77,13 @@ bool enough_mesh_points(const GlintRenderSettings& g, const Scene& scene) {
          (g.mesh_samples >= 1 && g.mesh_table && g.mesh_count >= g.mesh_samples);
 }
 
+bool enough_lens_points(const GlintRenderSettings& g) {
+  if (!g.lens_points) return true;
+  const uint64_t block = g.lens_block;
+  return block >= 1 && block <= 1u << 12 && g.lens_focus > 0 &&
+         g.lens_point_count / (block * block) >= g.samples;
+}
+
 bool enough_points(const GlintRenderSettings& g, const Scene& scene) {
   if (g.light_samples <= 1 || !(scene.features & GLINT_FEATURE_SOFT_LIGHTS)) return true;
   return g.light_square && g.light_disc && g.light_point_count / g.light_samples >= g.samples;
@@ -91,6 +101,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
   add(g.light_samples >= 1 && enough_points(g, scene),
       "settings: fewer light points than samples * light_samples");
+  add(enough_lens_points(g), "settings: fewer lens points than those of a block, or no focus");
   add(enough_mesh_points(g, scene),
       "settings: fewer points of a mesh light than those of a sample");
   add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
@@ -173,7 +184,7 @@ bool Job::at_once() {
 void Job::trace_waves() {
   pool_ = std::make_unique<ThreadPool>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
   const bool looks_up =
-      plan_.remember &&
+      plan_.remember && !plan_.lens_points &&
       !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
   const std::shared_ptr<FirstHitCache> first_hits =
       looks_up ? scene_.first_hits(plan_, film_) : nullptr;
@@ -312,7 +323,7 @@ GlintStats Job::stats() {
   s.primitives = scene_.primitives;
   s.dropped_instances = scene_.dropped_instances;
   s.dropped_lights = scene_.dropped_lights;
-  s.features = scene_.features;
+  s.features = scene_.features | (plan_.lens_points ? GLINT_FEATURE_DEPTH_OF_FIELD : 0);
   s.threads = uint32_t(plan_.threads);
   s.camera_rays = rays_.camera;
   s.shadow_rays = rays_.shadow;

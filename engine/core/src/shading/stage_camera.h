@@ -6,12 +6,19 @@
 namespace glint {
 namespace {
 
-void camera(const CameraStage& c) {
+template <bool HasLens>
+void camera_of(const CameraStage& c) {
   const Three mx = splat3(c.u), my = splat3(c.v), mz = splat3(c.w);
   for (size_t k = 0; k < c.count; k += kLanes) {
-    const Three across = load(c.across + k) * mx + load(c.upward + k) * my;
-    const Three towards = c.parallel ? -mz : across - mz, d = unit(towards);
-    if (c.parallel) store3(c.o, k, splat(c.scale) * across);
+    Three across = load(c.across + k) * mx + load(c.upward + k) * my;
+    Three towards = c.parallel ? -mz : across - mz;
+    if constexpr (HasLens) {
+      const Three beside = load(c.lens_x + k) * mx + load(c.lens_y + k) * my;
+      towards = towards - splat(c.bend) * beside;
+      across = c.parallel ? across + beside : beside;
+    }
+    const Three d = unit(towards);
+    if (HasLens || c.parallel) store3(c.o, k, splat(c.scale) * across);
     store3(c.d, k, d);
     const Doubles step =
         dot(towards, d) * c.scale;  // anchored length of one unit of depth along the ray
@@ -21,6 +28,8 @@ void camera(const CameraStage& c) {
     store(c.t_max + k, c.clip_end * step * (1 + 0x1p-50));
   }
 }
+
+void camera(const CameraStage& c) { c.lens_x ? camera_of<true>(c) : camera_of<false>(c); }
 
 void add(double* to, const double* from, size_t count) {
   for (size_t k = 0; k < count; k += kLanes) store(to + k, load(to + k) + load(from + k));

@@ -16,14 +16,17 @@ constexpr size_t kPad = 8;
 constexpr uint32_t kNoMaterial =
     0xffffffffu;  // of a point that the stages leave to others: no mesh
 
-/// Camera rays (notes 4.4-4.6) in anchored space through points of the window. d is unit.
+/// Camera rays (notes 4.4-4.6) in anchored space through points of the window and, where lens_x is
+/// not null, of the lens. d is unit.
 struct CameraStage {
   size_t count;
   const double *across, *upward;  // of each ray's point: u and v of the notes
   double u[3], v[3], w[3];        // columns of world_from_camera
   double scale, clip_start, clip_end;
   bool parallel;
-  double *o[3], *d[3], *t_min, *t_max;  // o: only where parallel
+  const double *lens_x, *lens_y;        // along u and v
+  double bend;                          // of the slopes, per length on the lens: one over its focus
+  double *o[3], *d[3], *t_min, *t_max;  // o: only where parallel or through a lens
 };
 
 /// A group of instances, as the stages read it.
