@@ -4,6 +4,8 @@ its points alone would show as dots.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .lights import LightPoint, Source
@@ -30,10 +32,10 @@ def reflecting(terms: list[Term], which: str) -> list[Term]:
     """
     if which == "OFF":
         return []
+    chosen = [term for term in terms if not (which == "METALS" and term.lobe.fresnel)]
+    shown = [(term, np.asarray(term.masking) > 0) for term in chosen]
     return [
-        term
-        for term in terms
-        if np.any(np.asarray(term.masking) > 0) and not (which == "METALS" and term.lobe.fresnel)
+        replace(term, k=np.where(shaped, term.k, 0.0)) for term, shaped in shown if shaped.any()
     ]
 
 
