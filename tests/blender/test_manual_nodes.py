@@ -18,7 +18,7 @@ START = "<!-- nodes: kept by tests/blender/test_manual_nodes.py -->\n"
 END = "<!-- end of nodes -->"
 FAMILIES = (
     ("Input", "basic", "inputs", "objects", "tangents"),
-    ("Texture", "ies", "noise", "patterns", "sky", "voronoi"),
+    ("Texture", "atmosphere", "ies", "noise", "patterns", "sky", "voronoi"),
     ("Color and Converter", "colors", "math", "spectra"),
     ("Vector", "normals", "vectors"),
 )
