@@ -232,7 +232,13 @@ def _multiple(air: Air) -> Array:
     ray = _direction(elevation, azimuth)
     start = _EARTH + float(np.clip(air.altitude, 1, 99999)) / 1000
     top, ground = _far(start, ray[2], _EARTH + _THICK), _far(start, ray[2], _EARTH)
-    return _scattered_often(air, start, ray, np.where(ground < 0, top, ground)) @ _XYZ.T
+    far, table = np.where(ground < 0, top, ground), _transmittances(air)
+    # a few rows at a time stay in the processor's caches
+    parts = [
+        _scattered_often(air, table, start, ray[:, k : k + 8], far[k : k + 8])
+        for k in range(0, ROWS, 8)
+    ]
+    return np.concatenate(parts) @ _XYZ.T
 
 
 def _far(start: float, up: Array, radius: float) -> Array:
@@ -248,9 +254,8 @@ def _far(start: float, up: Array, radius: float) -> Array:
     return np.where((d < 0) | ((c > 0) & (b > 0)), -1.0, found)
 
 
-def _scattered_often(air: Air, start: float, ray: Array, far: Array) -> Array:
+def _scattered_often(air: Air, table: Array, start: float, ray: Array, far: Array) -> Array:
     sun = np.array([-math.cos(air.elevation), 0.0, math.sin(air.elevation)])
-    table = _transmittances(air)
     mu, step = -np.einsum("k,k...", sun, ray), far / _MARCH
     phases = _rayleigh_phase(mu)[..., None], _aerosol_phase(mu)[..., None]
     total, through = np.zeros((*mu.shape, 4)), np.ones((*mu.shape, 4))
@@ -321,13 +326,21 @@ def _looked_up(table: Array, cosine: Array, height: Array) -> Array:
     return low * (1 - up) + high * up
 
 
+def _on_line(row: Array, place: Array) -> Array:
+    """(..., 4) of a row (n, 4) at places from 0 to n - 1."""
+    first = np.minimum(place.astype(np.intp), len(row) - 2)
+    way = (place - first)[..., None]
+    return row[first] * (1 - way) + row[first + 1] * way
+
+
 def _again(table: Array, cosine: Array, height: Array, distance: Array) -> Array:
     """What comes from the ground and, by a fit, from the rest of the air."""
     share = _EARTH / distance
     angle = 2 * math.pi * (1 - np.sqrt(np.maximum(1 - share * share, 0)))
-    one = np.ones_like(cosine)
-    between = _looked_up(table, one, 0 * height) / _looked_up(table, one, height)
-    ground = _looked_up(table, cosine, 0 * height) * between * (angle * cosine)[..., None]
+    above, below = table[:, -1], table[0]
+    between = above[0] / _on_line(above, np.clip(height, 0, 1) * (_UP - 1))
+    lit = _on_line(below, np.clip(cosine * 0.5 + 0.5, 0, 1) * (_ACROSS - 1))
+    ground = lit * between * (angle * cosine)[..., None]
     fit = _AGAIN / (1 + 5 * np.exp(-17.92 * cosine))[..., None]
     return fit + _ALBEDO / (4 * math.pi**2) * ground
 

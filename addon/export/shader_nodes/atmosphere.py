@@ -11,6 +11,7 @@ from ....engine.program.graph import Value
 from ....engine.scene import Texture
 from ..skies import Air, disc, horizon, sky
 from .reader import READERS, NodeInputs, Outputs, texture_vector
+from .sky import SkyReader, Sun
 from .spectra import RGB_FROM_XYZ, at_least_black
 
 _SCATTERING = {"NISHITA": False, "SINGLE_SCATTERING": False, "MULTIPLE_SCATTERING": True}
@@ -50,9 +51,25 @@ def _scattered(view: NodeInputs, multiple: bool) -> Value:
     where = do.plane(do("FRACT", u), v)
     texture = view.reader.images.made(("SKY", air), lambda: _texture(air))
     seen = view.apply("image", where, texture=texture)[0]
-    if not node.sun_disc:
+    flat = math.cos(elevation)
+    to_sun = (flat * math.sin(rotation), flat * math.cos(rotation), math.sin(elevation))
+    if not (node.sun_disc and _is_shown(view, direction, Sun(to_sun, node.sun_size))):
         return seen
-    return _with_disc(view, seen, air, direction, (height, rotation))
+    return _with_disc(view, seen, air, direction, (height, to_sun))
+
+
+def _is_shown(view: NodeInputs, direction: Value, sun: Sun) -> bool:
+    """Whether the disc is in the picture that is read, of which a world hears."""
+    reader = view.reader
+    if not isinstance(reader, SkyReader):
+        return True
+    if direction is not reader.generated():
+        reader.note("The sun's disc in {} may light too little: turn the sun, not the vector")
+    elif reader.suns is not None:
+        reader.suns.append(sun)
+    else:
+        return False
+    return True
 
 
 def _texture(air: Air) -> Texture:
@@ -63,13 +80,11 @@ def _texture(air: Air) -> Texture:
 
 
 def _with_disc(
-    view: NodeInputs, seen: Value, air: Air, direction: Value, place: tuple[Value, float]
+    view: NodeInputs, seen: Value, air: Air, direction: Value, place: tuple[Value, tuple]
 ) -> Value:
     """The sky with the sun's disc, darker toward its limb."""
     node, do, constant = view.node, view.math, view.reader.graph.constant
-    height, rotation = place
-    flat = math.cos(air.elevation)
-    sun = (flat * math.sin(rotation), flat * math.cos(rotation), math.sin(air.elevation))
+    height, sun = place
     minus = constant(tuple(-x for x in sun))
     apart = view.apply("scaled_sum", minus, do.number(1.0), direction)[0]
     angle = do("ARCSINE", do("MULTIPLY", view.apply("vector_length", apart)[0], 0.5))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import Any
 
 from ....engine.program.graph import Value
 from .inputs import noted_interpolation
@@ -23,12 +25,25 @@ _NOWHERE = {
 _VIEW = ("camera_position", "window")
 
 
+@dataclass(frozen=True)
+class Sun:
+    """A disc in the sky: the unit direction to its middle, and its angular diameter."""
+
+    direction: tuple[float, float, float]
+    size: float
+
+
 class SkyReader(TreeReader):
     """Reads a world's tree: a point is the direction that the ray goes, and its normals look back
     along it, as in Cycles; nothing bends them.
     """
 
     is_surface = False
+
+    def __init__(self, *given: Any, suns: list[Sun] | None = None) -> None:
+        """suns: gets those that sky textures show where they are told to; None leaves these out."""
+        super().__init__(*given)
+        self.suns = suns
 
     def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         if name in _ALONG:
