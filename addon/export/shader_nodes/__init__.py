@@ -16,6 +16,7 @@ from . import objects as objects
 from . import patterns as patterns
 from . import sky as sky
 from . import spectra as spectra
+from . import strands as strands
 from . import tangents as tangents
 from . import vectors as vectors
 from . import voronoi as voronoi
