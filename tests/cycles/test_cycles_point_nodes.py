@@ -145,6 +145,26 @@ def test_an_environment_on_a_surface_is_cycles(vector, projection):
     assert_is_cycles(made, f"environment-{vector}-{projection}")
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("size", [0.05, 0.2])
+def test_a_wireframe_is_cycles(size, backend):
+    """But for the pixels on the border of a line."""
+
+    def made():
+        material = shining("ShaderNodeWireframe", "Fac")
+        node = next(n for n in material.node_tree.nodes if n.type == "WIREFRAME")
+        node.inputs["Size"].default_value = size
+        return material
+
+    scene = cycles.empty_scene(64, 64)
+    fill(scene, made())
+    pair = render_pair(scene, backend, f"wireframe-{size}")
+    found, wanted = (p["Combined"][..., 0] for p in (pair.glint, pair.cycles))
+    inside = surface_interior(pair.cycles)
+    assert 0.05 < wanted[inside].mean() < 0.95
+    assert (found != wanted)[inside].mean() <= 0.005
+
+
 STRANDS = [("ShaderNodeParticleInfo", name) for name in ("Index", "Random", "Size", "Velocity")]
 STRANDS += [
     ("ShaderNodeHairInfo", name)

@@ -10,7 +10,7 @@ from ....engine.program.graph import Value
 from .inputs import noted_interpolation
 from .mapping import texture_mapped
 from .objects import VIEW_LAYER
-from .reader import READERS, NodeInputs, Outputs, TreeReader
+from .reader import FARTHEST, READERS, NodeInputs, Outputs, TreeReader
 
 _ALONG = ("position", "object_position")
 _AGAINST = ("normal", "face_normal", "object_normal", "reflection", "normal_map", "bump")
@@ -18,6 +18,7 @@ _NOWHERE = {
     "object_stretch": (1.0,),
     "uv": ((0.0, 0.0, 0.0),),
     "barycentric": ((0.0, 0.0, 0.0),),
+    "edge_distance": (FARTHEST,),
     "attribute": ((0.0, 0.0, 0.0), 1.0),
     "object_location": ((0.0, 0.0, 0.0),),
     "instance_value": ((0.0, 0.0, 0.0), 0.0),
