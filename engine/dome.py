@@ -61,6 +61,14 @@ def radiance_map(program: Program, textures: Sequence[Texture]) -> Array:
     return within_range(values)
 
 
+def radiance_along(program: Program, textures: Sequence[Texture], unit: Array) -> Array:
+    """(3, n) of a world's light from unit directions (3, n), as rays that bounce see it."""
+    from .reference.sky import radiance
+    from .reference.textures import Image
+
+    return radiance(program, {k: Image(textures[k]) for k in program.textures}, unit, "mirror")
+
+
 def within_range(values: Array) -> Array:
     """Radiance as float32, of which lights may add up many."""
     return np.clip(values, -LARGEST, LARGEST).astype(np.float32)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ...engine.dome import cell_shares, radiance_map, within_range
+from ...engine.dome import cell_shares, radiance_along, radiance_map, within_range
 from ...engine.program.graph import Value
 from ...engine.program.program import compile_program
 from ...engine.scene import Light, World
@@ -16,21 +17,25 @@ from .expressions import Expressions
 from .graph import Place, images_behind, node_tree, socket_named
 from .images import Images
 from .report import Report
-from .shader_nodes.sky import SkyReader
+from .shader_nodes.sky import SkyReader, Sun
 
 BLACK = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Sky:
-    """A world as the engine has it. light: None where it is black, or lights nothing."""
+    """A world as the engine has it. light: None where it is black, or lights nothing. suns: what
+    shines in it but is too small for a map of directions.
+    """
 
     world: World
     light: Light | None
+    suns: tuple[Light, ...] = ()
 
     def lights_with(self, lamps: list[Light]) -> tuple[Light, ...]:
         """The lamps, then the world's light."""
-        return (*lamps, self.light) if self.light is not None else tuple(lamps)
+        own = (self.light,) if self.light is not None else ()
+        return (*lamps, *self.suns, *own)
 
 
 @dataclass(frozen=True)
@@ -47,12 +52,10 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     if world is None:
         return Sky(World(transparent=transparent), None)
     visibility = _visibility(world, report)
-    expressions, radiance = _radiance(world, images, report)
-    if radiance.constant is not None:
-        values = within_range(np.array(radiance.constant).reshape(1, 1, 3))
-    else:
-        program = compile_program(expressions.graph, [radiance])
-        values = radiance_map(program, images.textures)
+    discs: list[Sun] = []
+    expressions, radiance = _radiance(world, images, report, discs)
+    without = _radiance(world, images, Report(), None) if discs else (expressions, radiance)
+    values = _map(*without, images)
     seen = _as_seen(expressions, radiance, visibility)
     mean = tuple(float(x) for x in (values * cell_shares(*values.shape[:2])).sum((0, 1)))
     own = (
@@ -68,12 +71,71 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     return Sky(
         World(mean if shines else BLACK, transparent=transparent, **own),
         Light(world.name, "DOME", np.eye(3, 4), radiance=values) if shines else None,
+        _suns(world.name, discs, (expressions, radiance), without, images)
+        if visibility.lights
+        else (),
     )
 
 
-def _radiance(world: Any, images: Images, report: Report) -> tuple[Expressions, Value]:
-    """What the world gives, as a vector over directions."""
-    evaluator = Evaluator(world.name, images, report, reader=SkyReader)
+def _map(expressions: Expressions, radiance: Value, images: Images) -> np.ndarray:
+    """Radiance by direction, as `engine.dome` has it."""
+    if radiance.constant is not None:
+        return within_range(np.array(radiance.constant).reshape(1, 1, 3))
+    return radiance_map(compile_program(expressions.graph, [radiance]), images.textures)
+
+
+def _suns(
+    name: str,
+    discs: list[Sun],
+    whole: tuple[Expressions, Value],
+    without: tuple[Expressions, Value],
+    images: Images,
+) -> tuple[Light, ...]:
+    """A light for each disc, as bright as it makes what is seen there brighter."""
+    lights = []
+    for sun in dict.fromkeys(discs):
+        axes = _axes(np.array(sun.direction))
+        points = axes @ _disc_points(sun.size)
+        gain = _along(*whole, images, points) - _along(*without, images, points)
+        power = gain.mean(1) * 2 * np.pi * (1 - np.cos(sun.size / 2))
+        strength = float(np.abs(power).max())
+        if strength > 0 and np.isfinite(strength):
+            color = tuple(float(x) for x in power / strength)
+            frame = np.column_stack([axes, np.zeros(3)])
+            lights.append(Light(name, "SUN", frame, color, strength, angle=sun.size))
+    return tuple(lights)
+
+
+def _along(
+    expressions: Expressions, radiance: Value, images: Images, points: np.ndarray
+) -> np.ndarray:
+    """(3, n) radiance from directions (3, n)."""
+    if radiance.constant is not None:
+        return np.repeat(np.array(radiance.constant)[:, None], points.shape[1], 1)
+    program = compile_program(expressions.graph, [radiance])
+    return radiance_along(program, images.textures, points)
+
+
+def _axes(up: np.ndarray) -> np.ndarray:
+    """(3, 3) orthonormal columns, the last of them up."""
+    side = np.cross(up, np.eye(3)[np.abs(up).argmin()])
+    side /= np.sqrt((side * side).sum())
+    return np.column_stack([side, np.cross(up, side), up])
+
+
+def _disc_points(size: float, count: int = 256) -> np.ndarray:
+    """(3, count) unit, spread evenly over a disc of that angular diameter round +z."""
+    k = np.arange(count) + 0.5
+    cosine = 1 - k / count * (1 - np.cos(size / 2))
+    sine, turn = np.sqrt(1 - cosine * cosine), np.pi * (1 + 5**0.5) * k
+    return np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine])
+
+
+def _radiance(
+    world: Any, images: Images, report: Report, suns: list[Sun] | None
+) -> tuple[Expressions, Value]:
+    """What the world gives, as a vector over directions. suns: as SkyReader has it."""
+    evaluator = Evaluator(world.name, images, report, partial(SkyReader, suns=suns))
     expressions, tree = evaluator.expressions, node_tree(world)
     if tree is None:
         return expressions, expressions.constant(tuple(float(x) for x in world.color))

@@ -98,6 +98,14 @@ INPUTS = (
         reads_point=True,
     ),
     Operation(
+        "edge_distance",
+        sockets(value="number"),
+        settings=_SHIFT,
+        formula="distance in the world to the nearest side of the triangle, the largest float off "
+        "triangles",
+        reads_point=True,
+    ),
+    Operation(
         "normal_to_world",
         sockets(normal="vector"),
         sockets(vector="vector"),

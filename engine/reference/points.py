@@ -104,6 +104,21 @@ class SurfacePoints:
         is_flat = self._surface.primitive[self._index] < self._around.geometry.triangle_count
         return np.where(is_flat, self._place(shift)[2], 0.0)
 
+    def edge_distance(self, shift: int) -> Array:
+        """(m,) to the nearest side of the triangle; the largest float32 off triangles."""
+        g, primitive = self._around.geometry, self._surface.primitive[self._index]
+        flat = np.flatnonzero(primitive < g.triangle_count)
+        a, b, c = (pick(g.points, corner[primitive[flat]]) for corner in g.triangles)
+        e, f = b - a, c - a
+        area = np.sqrt((cross(e, f) ** 2).sum(0))
+        weights = self._place(shift)[2][:, flat]
+        sides = [np.sqrt((side * side).sum(0)) for side in (f - e, f, e)]
+        found = np.full(len(self._index), float(np.finfo(np.float32).max))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            apart = [np.abs(w) * area / side for w, side in zip(weights, sides, strict=True)]
+        found[flat] = np.fmin(np.fmin(*apart[:2]), apart[2])
+        return found
+
     def shift(self, number: int) -> Array:
         """(3, m) the step to where a shifted read happens; zeros for 0."""
         if number == 0:

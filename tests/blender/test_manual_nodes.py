@@ -17,8 +17,8 @@ PAGE = Path(__file__).parents[2] / "docs/manual/materials.md"
 START = "<!-- nodes: kept by tests/blender/test_manual_nodes.py -->\n"
 END = "<!-- end of nodes -->"
 FAMILIES = (
-    ("Input", "basic", "inputs", "objects", "tangents"),
-    ("Texture", "ies", "noise", "patterns", "sky", "voronoi"),
+    ("Input", "basic", "inputs", "objects", "strands", "tangents"),
+    ("Texture", "atmosphere", "ies", "noise", "patterns", "sky", "voronoi"),
     ("Color and Converter", "colors", "math", "spectra"),
     ("Vector", "normals", "vectors"),
 )

@@ -122,6 +122,61 @@ def parts(material):
     return made
 
 
+@pytest.mark.parametrize("projection", ["EQUIRECTANGULAR", "MIRROR_BALL"])
+@pytest.mark.parametrize("vector", ["none", "normal", "object"])
+def test_an_environment_on_a_surface_is_cycles(vector, projection):
+    """By the position where nothing comes in."""
+
+    def made():
+        material = shining("ShaderNodeTexEnvironment", "Color")
+        tree = material.node_tree
+        texture = next(node for node in tree.nodes if node.type == "TEX_ENVIRONMENT")
+        texture.projection = projection
+        texture.image = bpy.data.images.new("picture", 16, 8, float_buffer=True)
+        texels = np.random.default_rng(3).uniform(0, 1, (8, 16, 4)).astype(np.float32)
+        texels[..., 3] = 1
+        texture.image.pixels.foreach_set(texels.reshape(-1))
+        texture.image.pack()
+        if vector != "none":
+            kind, output = IMAGE_VECTORS[vector]
+            tree.links.new(tree.nodes.new(kind).outputs[output], texture.inputs["Vector"])
+        return material
+
+    assert_is_cycles(made, f"environment-{vector}-{projection}")
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("size", [0.05, 0.2])
+def test_a_wireframe_is_cycles(size, backend):
+    """But for the pixels on the border of a line."""
+
+    def made():
+        material = shining("ShaderNodeWireframe", "Fac")
+        node = next(n for n in material.node_tree.nodes if n.type == "WIREFRAME")
+        node.inputs["Size"].default_value = size
+        return material
+
+    scene = cycles.empty_scene(64, 64)
+    fill(scene, made())
+    pair = render_pair(scene, backend, f"wireframe-{size}")
+    found, wanted = (p["Combined"][..., 0] for p in (pair.glint, pair.cycles))
+    inside = surface_interior(pair.cycles)
+    assert 0.05 < wanted[inside].mean() < 0.95
+    assert (found != wanted)[inside].mean() <= 0.005
+
+
+STRANDS = [("ShaderNodeParticleInfo", name) for name in ("Index", "Random", "Size", "Velocity")]
+STRANDS += [
+    ("ShaderNodeHairInfo", name)
+    for name in ("Is Strand", "Intercept", "Length", "Thickness", "Tangent Normal", "Random")
+]
+
+
+@pytest.mark.parametrize(("node", "output"), STRANDS, ids=lambda value: value)
+def test_what_is_no_particle_and_no_hair_is_cycles(node, output):
+    assert_is_cycles(lambda: shining(node, output), f"{node}-{output}")
+
+
 @pytest.mark.parametrize("output", ["Pointiness", "Random Per Island"])
 def test_shapes_of_many_parts_are_cycles(output):
     scene = cycles.empty_scene(64, 64)

@@ -3,6 +3,7 @@
 `READERS` is the registry; `reader` walks the trees.
 """
 
+from . import atmosphere as atmosphere
 from . import basic as basic
 from . import colors as colors
 from . import ies as ies
@@ -15,6 +16,7 @@ from . import objects as objects
 from . import patterns as patterns
 from . import sky as sky
 from . import spectra as spectra
+from . import strands as strands
 from . import tangents as tangents
 from . import vectors as vectors
 from . import voronoi as voronoi

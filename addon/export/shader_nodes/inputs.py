@@ -71,6 +71,15 @@ def _parametric(view: NodeInputs) -> Value:
     return view.apply("product", weights, view.reader.graph.constant((1.0, 1.0, 0.0)))[0]
 
 
+def _wireframe(view: NodeInputs) -> Outputs | None:
+    if view.node.use_pixel_size:
+        return None
+    do = view.math
+    apart = view.apply("edge_distance", shift=0)[0]
+    line = do("LESS_THAN", apart, do("MULTIPLY", view.value("Size"), 0.5))
+    return {"Fac": line, "Factor": line}
+
+
 def _camera(view: NodeInputs) -> Outputs:
     position = view.apply("camera_position", shift=0)[0]
     depth = view.apply("separate_xyz", position)[2]
@@ -199,6 +208,7 @@ READERS.update(
         "ShaderNodeAttribute": _attribute,
         "ShaderNodeVertexColor": _attribute,
         "ShaderNodeTexImage": _image,
+        "ShaderNodeWireframe": _wireframe,
         "ShaderNodeFresnel": _fresnel,
         "ShaderNodeLayerWeight": _layer_weight,
         "ShaderNodeLightPath": _light_path,

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from ....engine.program.graph import Graph, Value
-from .reader import READERS, Arithmetic, NodeInputs, Outputs, TreeReader
+from .reader import FARTHEST, READERS, Arithmetic, NodeInputs, Outputs, TreeReader
 
 NOWHERE = {
     "attribute": ((0.0, 0.0, 0.0), 1.0),
     "uv": ((0.0, 0.0, 0.0),),
     "barycentric": ((0.0, 0.0, 0.0),),
+    "edge_distance": (FARTHEST,),
     "instance_value": ((0.0, 0.0, 0.0), 0.0),
 }
 

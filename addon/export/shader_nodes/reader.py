@@ -34,6 +34,9 @@ TANGENT = "(tangent) "
 ISLAND, POINTINESS = "(island)", "(pointiness)"
 """Attribute names that stand for what Blender's meshes tell of their shape."""
 
+FARTHEST = 3.4028234663852886e38
+"""The largest float32: what has no distance is so far."""
+
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 NUMBER_TYPES = ("VALUE", "INT", "BOOLEAN")
 VECTOR_TYPES = ("VECTOR", "RGBA")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import Any
 
 from ....engine.program.graph import Value
 from .inputs import noted_interpolation
 from .mapping import texture_mapped
 from .objects import VIEW_LAYER
-from .reader import READERS, NodeInputs, Outputs, TreeReader
+from .reader import FARTHEST, READERS, NodeInputs, Outputs, TreeReader
 
 _ALONG = ("position", "object_position")
 _AGAINST = ("normal", "face_normal", "object_normal", "reflection", "normal_map", "bump")
@@ -16,11 +18,20 @@ _NOWHERE = {
     "object_stretch": (1.0,),
     "uv": ((0.0, 0.0, 0.0),),
     "barycentric": ((0.0, 0.0, 0.0),),
+    "edge_distance": (FARTHEST,),
     "attribute": ((0.0, 0.0, 0.0), 1.0),
     "object_location": ((0.0, 0.0, 0.0),),
     "instance_value": ((0.0, 0.0, 0.0), 0.0),
 }
 _VIEW = ("camera_position", "window")
+
+
+@dataclass(frozen=True)
+class Sun:
+    """A disc in the sky: the unit direction to its middle, and its angular diameter."""
+
+    direction: tuple[float, float, float]
+    size: float
 
 
 class SkyReader(TreeReader):
@@ -29,6 +40,11 @@ class SkyReader(TreeReader):
     """
 
     is_surface = False
+
+    def __init__(self, *given: Any, suns: list[Sun] | None = None) -> None:
+        """suns: gets those that sky textures show where they are told to; None leaves these out."""
+        super().__init__(*given)
+        self.suns = suns
 
     def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         if name in _ALONG:

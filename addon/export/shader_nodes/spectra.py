@@ -71,7 +71,7 @@ _OBSERVER = """
 """
 """x, y, z of the CIE 1931 observer from 380 to 780 nm, every 5 nm, in ten thousandths."""
 _MATCHING = np.array([row.split() for row in _OBSERVER.split(",")], np.float64) / 1e4
-_RGB_FROM_XYZ = np.array(
+RGB_FROM_XYZ = np.array(
     [
         [3.2409699419, -1.5373831776, -0.4986107603],
         [-0.9692436363, 1.8759675015, 0.0415550574],
@@ -85,18 +85,18 @@ _BRIGHTEST = 2.52
 
 def _wavelength_table() -> tuple[float, ...]:
     """What `curves` reads."""
-    colors = _MATCHING @ _RGB_FROM_XYZ.T / _BRIGHTEST
+    colors = _MATCHING @ RGB_FROM_XYZ.T / _BRIGHTEST
     return (_FIRST, _LAST, *colors.reshape(-1).tolist())
 
 
-def _at_least_black(view: NodeInputs, color: Value) -> Value:
+def at_least_black(view: NodeInputs, color: Value) -> Value:
     constant = view.reader.graph.constant
     return view.apply("bounded", color, constant((0.0,) * 3), constant((np.inf,) * 3))[0]
 
 
 def _blackbody(view: NodeInputs) -> Outputs:
     color = view.apply("piecewise", view.value("Temperature"), table=_blackbody_table())[0]
-    return {"Color": _at_least_black(view, color)}
+    return {"Color": at_least_black(view, color)}
 
 
 def _wavelength(view: NodeInputs) -> Outputs:
@@ -108,7 +108,7 @@ def _wavelength(view: NodeInputs) -> Outputs:
     ]
     seen = do("GREATER_THAN", length, _FIRST - _STEP)
     seen = do("MULTIPLY", seen, do("LESS_THAN", length, _LAST))
-    return {"Color": _at_least_black(view, view.apply("product", color, view.vector_of(seen))[0])}
+    return {"Color": at_least_black(view, view.apply("product", color, view.vector_of(seen))[0])}
 
 
 READERS["ShaderNodeBlackbody"] = _blackbody

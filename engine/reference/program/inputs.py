@@ -57,6 +57,10 @@ def barycentric(points, *, shift: int) -> np.ndarray:
     return points.barycentric(shift)
 
 
+def edge_distance(points, *, shift: int) -> np.ndarray:
+    return points.edge_distance(shift)
+
+
 def normal_to_world(points, vector: np.ndarray) -> np.ndarray:
     return points.normal_to_world(vector)
 

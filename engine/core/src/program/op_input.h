@@ -1,5 +1,7 @@
 // Operations that read the shaded points.
 #pragma once
+#include <limits>
+
 #include "program/machine.h"
 #include "shading/stage_math.h"
 
@@ -268,12 +270,33 @@ inline void normal_to_world(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) { at.put(0, k, normal_to_world(m, k, at.vector(0, k))); });
 }
 
+/// Which of a group's points are on triangles.
+inline Mask on_triangles(const OnMesh& p) {
+  Mask flat{};
+  for (size_t lane = 0; lane < kLanes; ++lane)
+    flat[lane] = p.geometry[p.different == 1 ? 0 : lane]->triangles ? -1 : 0;
+  return flat;
+}
+
+inline void edge_distance(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    const OnMesh p = on_mesh(m, k, at.settings[0]);
+    const Edges edges(m, k);
+    const Doubles area = length(cross(edges.e, edges.f));
+    const Doubles apart[3] = {magnitude(p.weights[0]) * area / length(edges.f - edges.e),
+                              magnitude(p.weights[1]) * area / length(edges.f),
+                              magnitude(p.weights[2]) * area / length(edges.e)};
+    at.put(0, k,
+           choose(on_triangles(p),
+                  smaller(smaller(apart[0], apart[1]), apart[2]) / m.tables.view->scale,
+                  splat(double(std::numeric_limits<float>::max()))));
+  });
+}
+
 inline void barycentric(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) {
     const OnMesh p = on_mesh(m, k, at.settings[0]);
-    Mask flat{};
-    for (size_t lane = 0; lane < kLanes; ++lane)
-      flat[lane] = p.geometry[p.different == 1 ? 0 : lane]->triangles ? -1 : 0;
+    const Mask flat = on_triangles(p);
     at.put(0, k,
            Three{where(flat, p.weights[0]), where(flat, p.weights[1]), where(flat, p.weights[2])});
   });
