@@ -208,6 +208,6 @@ def _note_approximations(camera: Any, data: Any, render: Any, report: Report) ->
             camera.name,
         )
     if render.use_motion_blur:
-        report.note("Motion blur is not rendered: everything stands still")
+        report.note("Motion blur is of the camera alone, in renders: objects stand still")
     if render.use_multiview:
         report.note("Stereoscopy is not rendered: every view is the camera's own")

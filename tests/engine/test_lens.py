@@ -14,6 +14,7 @@ import pytest
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.lens import lens_points
+from glint.engine.motion import camera_frames
 from glint.engine.sampling import lens_square
 from glint.engine.scene import (
     Camera,
@@ -268,3 +269,75 @@ def test_extreme_lenses_are_finite(kind, backend, lens):
 def test_problems_name_the_number(lens, words):
     [problem] = depths(seen("PERSPECTIVE", lens)).problems()
     assert words in problem
+
+
+# --- a camera that moves
+
+
+def turned(angle: float, *place: float) -> np.ndarray:
+    """(3, 4) turned about the y axis."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0, s, place[0]], [0, 1, 0, place[1]], [-s, 0, c, place[2]]], np.float64)
+
+
+def moving(camera: Camera, *keys: np.ndarray) -> Camera:
+    return replace(camera, motion=np.stack(keys), world_from_camera=keys[len(keys) // 2])
+
+
+def test_frames_turn_evenly_and_go_straight():
+    keys = turned(-0.3, 0, 0, 0), turned(0.0, 1, 0, 0), turned(0.5, 1, 2, 0)
+    frames = camera_frames(moving(seen("PERSPECTIVE", None), *keys), 64).reshape(-1, 3, 4)
+    angles = np.arctan2(frames[:, 0, 2], frames[:, 0, 0])
+    times = np.where(angles < 0, (angles + 0.3) / 0.6, 0.5 + angles)
+    line = np.sort(times)
+    np.testing.assert_allclose(line, (np.arange(256) + 0.5) / 256, atol=1 / 256)
+    x, y = np.minimum(2 * times, 1), np.maximum(2 * times - 1, 0) * 2
+    np.testing.assert_allclose(frames[:, :2, 3], np.stack([x, y], 1), atol=1e-12)
+    axes = frames[:, :, :3]
+    np.testing.assert_allclose(axes @ axes.transpose(0, 2, 1), [np.eye(3)] * 256, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_dot_is_a_streak_as_long_as_the_way(kind):
+    """Evenly lit, so that its variance is a twelfth of its length's square."""
+    way, depth = 0.6, 3.0
+    still = seen(kind, None, 64)
+    camera = moving(still, turned(0, -way / 2, 0, 0), turned(0, way / 2, 0, 0))
+    camera = replace(camera, world_from_camera=np.eye(3, 4))
+    image = picture(dot(camera, (0.0, 0.0, -depth), 0.02), samples=1024, filter_width=0.0)
+    _, variance = moments(image, camera)
+    shrink = depth if kind == "PERSPECTIVE" else 1.0
+    expected = (way / shrink) ** 2 / 12 + (0.02 / shrink) ** 2 / 4
+    assert np.sqrt(variance[0]) == pytest.approx(np.sqrt(expected), rel=0.01)
+    assert np.sqrt(variance[1]) < 0.02 / shrink
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("lens", [None, Lens(0.1, FOCUS, 5, ratio=2.0)])
+def test_both_tracers_see_the_same_motion(kind, lens):
+    keys = turned(-0.05, -0.2, 0, 0), turned(0.02, 0.0, 0.05, 0.1), turned(0.03, 0.2, 0.1, 0)
+    wanted = depths(moving(seen(kind, lens), *keys))
+    settings = Settings(samples=4, filter_width=1.5, passes=("Depth", "Position"))
+    core, reference = (
+        render(wanted, replace(settings, backend=backend)).passes for backend in BACKENDS
+    )
+    for name in ("Combined", "Depth", "Position"):
+        wrong = np.abs(core[name] - reference[name]) > 1e-4 * (1 + np.abs(reference[name]))
+        assert wrong.reshape(48 * 48, -1).any(1).mean() <= 0.002, name
+    still = picture(replace(wanted, camera=replace(wanted.camera, motion=None)), samples=4)
+    assert np.abs(core["Combined"][..., :3] - still).mean() > 0.01
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_motion_to_the_same_place_is_none(backend):
+    camera = seen("PERSPECTIVE", Lens(0.1, FOCUS))
+    key = np.array(camera.world_from_camera)
+    both = (picture(depths(c), backend=backend) for c in (camera, moving(camera, key, key)))
+    np.testing.assert_allclose(*both, atol=1e-6)
+
+
+def test_problems_name_the_motion():
+    [problem] = depths(
+        replace(seen("PERSPECTIVE", None), motion=np.full((2, 3, 4), np.nan))
+    ).problems()
+    assert "motion" in problem
