@@ -101,7 +101,7 @@ def test_a_dot_out_of_focus_is_the_circle_of_confusion(kind, depth, ratio):
     """A ray through (x, y) on the lens and p in the window is at depth z at x + z (p − x/f), or p +
     x − x z/f: a dot there is spread over r |1/z − 1/f|, or r |1 − z/f|.
     """
-    lens, ball = Lens(0.5, FOCUS, ratio=ratio), 0.02
+    lens, ball = Lens(0.5, FOCUS, ratio=ratio), 0.01 * depth  # wide enough for many samples
     camera = seen(kind, lens, 64)
     image = picture(dot(camera, (0.05, -0.02, -depth), ball), samples=4096, filter_width=0.0)
     centre, variance = moments(image, camera)
