@@ -26,9 +26,10 @@ def with_camera_motion(
     render, frame = depsgraph.scene.render, depsgraph.scene.frame_current_final
     if not render.use_motion_blur or render_engine.is_preview:
         return scene
+    camera = depsgraph.scene.camera  # of the frame: markers may bind others before and after it
     times = shutter_times(frame, render.motion_blur_shutter, render.motion_blur_position)
     try:
-        keys = np.stack([_camera_at(time, render_engine, depsgraph) for time in times])
+        keys = np.stack([_camera_at(time, camera, render_engine, depsgraph) for time in times])
     finally:
         _go_to(frame, render_engine)
     if (keys == keys[0]).all():
@@ -42,11 +43,14 @@ def shutter_times(frame: float, shutter: float, position: str) -> list[float]:
 
 
 def _camera_at(
-    time: float, render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
+    time: float,
+    camera: bpy.types.Object,
+    render_engine: bpy.types.RenderEngine,
+    depsgraph: bpy.types.Depsgraph,
 ) -> np.ndarray:
     _go_to(time, render_engine)
-    camera = depsgraph.scene_eval.camera
-    return camera_frame(np.array(camera.matrix_world, np.float64), camera.name)
+    evaluated = camera.evaluated_get(depsgraph)
+    return camera_frame(np.array(evaluated.matrix_world, np.float64), camera.name)
 
 
 def _go_to(time: float, render_engine: bpy.types.RenderEngine) -> None:

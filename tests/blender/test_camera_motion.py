@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from export_support import export, quad, scene  # noqa: F401
+from export_support import export, link, quad, scene  # noqa: F401
 from glint.addon.render.motion import shutter_times, with_camera_motion
 
 
@@ -64,3 +64,19 @@ def test_a_shutter_of_no_time_is_no_motion(moving):
     assert shutter_times(5.0, 0.0, "CENTER") == [5.0] * 3
     still = read(moving).camera.motion
     assert still is None or np.abs(still - still[0]).max() == 0
+
+
+def test_a_camera_bound_to_another_frame_is_not_this_one(moving):
+    other = link(bpy.data.objects.new("Other", bpy.data.cameras.new("Other")))
+    other.location = (100, 0, 0)
+    for frame, camera in ((1, moving.camera), (6, other)):
+        moving.timeline_markers.new(f"{frame}", frame=frame).camera = camera
+    moving.render.motion_blur_position, moving.render.motion_blur_shutter = "START", 1.0
+    np.testing.assert_allclose(read(moving).camera.motion[:, 0, 3], [5, 5.5, 6], rtol=1e-6)
+
+
+def test_a_shutter_curve_is_told(moving):
+    assert not any("shutter curve" in note for note in export().notes)
+    moving.render.motion_blur_shutter_curve.curves[0].points[0].location = (0.0, 0.0)
+    moving.update_tag()
+    assert any("shutter curve" in note for note in export().notes)
