@@ -439,6 +439,8 @@ def _camera(camera: Camera) -> Found:
     yield from _clip(camera)
     if camera.lens is not None:
         yield from _lens(camera.lens)
+    if camera.motion is not None:
+        yield from _motion(camera.motion)
 
 
 def _window(camera: Camera) -> Found:
@@ -475,6 +477,18 @@ def _clip(camera: Camera) -> Found:
         yield f"clip_planes has {len(camera.clip_planes)} rows: use 6 at most"
     for plane in camera.clip_planes:
         yield from numbers("clip_planes", plane, 4)
+
+
+def _motion(keys: np.ndarray) -> Found:
+    found = [*array("motion", keys, np.float64, (None, 3, 4))]
+    found = found or [*finite_array("motion", keys)]
+    yield from found
+    if found:
+        return
+    if len(keys) < 2:
+        yield f"motion has {len(keys)} keys: use two or more, or None"
+    for key in keys:
+        yield from _not_a_frame("motion", key[:, :3])
 
 
 def _lens(lens: Lens) -> Found:

@@ -345,6 +345,8 @@ class Camera:
     clip_planes: at most six rows (a, b, c, d) that bound what camera rays see to a x + b y + c z +
     d >= 0, where x and y count along u and v and z is the depth, camera units. What light and
     mirrors meet is not cut. resolution: (nx, ny) of the full frame. lens: None for a pinhole.
+    motion: (k, 3, 4) float64, k >= 2, world_from_camera at even times while the shutter is open;
+    None for a camera that stands still.
     """
 
     kind: str
@@ -355,6 +357,7 @@ class Camera:
     clip_end: float = np.inf
     clip_planes: tuple[tuple[float, float, float, float], ...] = ()
     lens: Lens | None = None
+    motion: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,9 +38,7 @@ class ViewAxes:
         """The same scene told in this frame."""
         return replace(
             scene,
-            camera=replace(
-                scene.camera, world_from_camera=self._told(scene.camera.world_from_camera)
-            ),
+            camera=self._camera(scene.camera),
             instances=tuple(self._instances(block) for block in scene.instances),
             lights=tuple(self._light(light) for light in scene.lights),
             world=replace(scene.world, axes=self.axes.T @ scene.world.axes),
@@ -60,6 +58,12 @@ class ViewAxes:
                 np.float32
             )
         return result
+
+    def _camera(self, camera: Camera) -> Camera:
+        motion = None if camera.motion is None else self._told(camera.motion)
+        return replace(
+            camera, world_from_camera=self._told(camera.world_from_camera), motion=motion
+        )
 
     def _instances(self, block: Instances) -> Instances:
         return replace(block, world_from_object=self._told(block.world_from_object))

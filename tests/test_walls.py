@@ -84,10 +84,8 @@ def _inside_engine(name: str) -> bool:
 
 
 def _inside_reference(name: str) -> bool:
-    values = {
-        f"engine.{name}"
-        for name in ("dome", "lens", "mesh_lights", "scene", "film", "settings", "sampling")
-    }
+    shared = "dome", "lens", "mesh_lights", "motion", "scene", "film", "settings", "sampling"
+    values = {f"engine.{name}" for name in shared}
     return name in values or name.startswith(
         ("engine.reference", "engine.linear", "engine.program")
     )

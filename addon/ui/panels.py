@@ -164,6 +164,20 @@ class GLINT_RENDER_PT_simplify_grease_pencil(_Panel, GreasePencilSimplifyPanel, 
     bl_options = {"DEFAULT_CLOSED"}
 
 
+class GLINT_RENDER_PT_motion_blur(_Panel, bpy.types.Panel):
+    bl_label = "Motion Blur"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.render, "use_motion_blur", text="")
+
+    def draw(self, context):
+        render, column = context.scene.render, self.animated_column
+        column.active = render.use_motion_blur
+        column.prop(render, "motion_blur_position", text="Position")
+        column.prop(render, "motion_blur_shutter", text="Shutter")
+
+
 class GLINT_RENDER_PT_film(_Panel, bpy.types.Panel):
     bl_label = "Film"
     bl_options = {"DEFAULT_CLOSED"}
@@ -402,6 +416,7 @@ _CLASSES = (
     GLINT_RENDER_PT_simplify_viewport,
     GLINT_RENDER_PT_simplify_render,
     GLINT_RENDER_PT_simplify_grease_pencil,
+    GLINT_RENDER_PT_motion_blur,
     GLINT_RENDER_PT_film,
     GLINT_RENDER_PT_performance,
     GLINT_RENDER_PT_statistics,

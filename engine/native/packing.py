@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import SceneError
 from ..film import PASSES
 from ..lens import BLOCK, lens_points
+from ..motion import camera_frames
 from ..program.program import Program
 from ..sampling import light_points, lobe_points, pixel_offsets
 from ..scene import (
@@ -258,6 +259,15 @@ def _lights(lights: tuple[Light, ...], before: _Part | None, changed: list[int])
     )
 
 
+def _add_motion(
+    data: core_types.RenderSettingsData, packer: Packer, camera: Camera, settings: Settings
+) -> None:
+    frames = camera_frames(camera, settings.samples).reshape(-1, 12)
+    frames = packer.lend(frames, np.float64, (None, 12), "camera frames")
+    data.camera_frames, data.camera_frame_count = address(frames), len(frames)
+    data.camera_block = BLOCK
+
+
 def _add_lens(
     data: core_types.RenderSettingsData, packer: Packer, lens: Lens, settings: Settings
 ) -> None:
@@ -265,7 +275,7 @@ def _add_lens(
         _lens_points(lens, settings.samples).reshape(-1, 2), np.float64, (None, 2), "lens points"
     )
     data.lens_points, data.lens_point_count = address(points), len(points)
-    data.lens_block, data.lens_focus = BLOCK, lens.focus
+    data.camera_block, data.lens_focus = BLOCK, lens.focus
 
 
 def _all_emitters(scene: Scene) -> tuple[Emitters, ...]:
@@ -592,6 +602,8 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
             _add_mesh(data, packer, light, settings)
     if scene.camera.lens:
         _add_lens(data, packer, scene.camera.lens, settings)
+    if scene.camera.motion is not None:
+        _add_motion(data, packer, scene.camera, settings)
     return Packed(data, packer.lent)
 
 

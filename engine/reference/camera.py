@@ -8,13 +8,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..lens import BLOCK, lens_points
+from ..motion import camera_frames
 from ..scene import Camera
 from .geometry import Geometry
 from .raster import Strips, pixel_strips
 from .rays import ULPS, Bundle, Frame, Pencil, Rays
-from .vectors import length, transform
+from .vectors import length, transform, transform_each
 
 Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Where the pixels of a block look from in one sample. lens: (BLOCK², 2) points of it, None for
+    a pinhole.  frames: (BLOCK², 3, 4) world_from_camera, None for a camera that stands still.
+    """
+
+    lens: Array | None
+    frames: Array | None
+
+    @classmethod
+    def samples(cls, camera: Camera, count: int) -> list[Spread]:
+        """Of all samples of a picture."""
+        lens = lens_points(camera.lens, count) if camera.lens else None
+        frames = camera_frames(camera, count) if camera.motion is not None else None
+        return [
+            cls(
+                None if lens is None else lens[:, k],
+                None if frames is None else frames[:, k],
+            )
+            for k in range(count)
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +48,7 @@ class CameraRays:
     window's corner and size of a pixel.
 
     near, far: the clip range with a margin for the rounding of depths, so that hits at its very
-    ends count.  clip_planes: (k, 4).  focus: depth of a lens's sharp plane.
+    ends count.  clip_planes: (k, 4).  focus: depth of a lens's sharp plane.  eye: (3,) world.
     """
 
     frame: Frame
@@ -34,6 +59,7 @@ class CameraRays:
     unit: float
     clip_planes: Array
     focus: float
+    eye: Array
 
     @classmethod
     def of(cls, camera: Camera, geometry: Geometry) -> CameraRays:
@@ -59,6 +85,7 @@ class CameraRays:
             float(length(axes[:, 2])),
             np.reshape(camera.clip_planes, (-1, 4)),
             camera.lens.focus if camera.lens else np.inf,
+            np.asarray(camera.world_from_camera, np.float64)[:, 3],
         )
 
     def pixels(
@@ -77,30 +104,37 @@ class CameraRays:
         return pencil, pixel_strips(u, v) if ascending else None
 
     def rays(
-        self, x: tuple[int, int], y: tuple[int, int], offset: Array, lens: Array | None
+        self, x: tuple[int, int], y: tuple[int, int], offset: Array, spread: Spread
     ) -> tuple[Rays, Strips | None]:
-        """The same through a lens: each from the point that its pixel has in `lens` (n², 2), of n ×
-        n blocks, if that is not None.
-        """
-        if lens is None:
+        """The same, each from where its pixel looks."""
+        if spread.lens is None and spread.frames is None:
             return self.pixels(x, y, offset)
-        return self._through_lens(x, y, offset, lens), None
+        return self._spread(x, y, offset, spread), None
 
-    def _through_lens(
-        self, x: tuple[int, int], y: tuple[int, int], offset: Array, points: Array
+    def _spread(
+        self, x: tuple[int, int], y: tuple[int, int], offset: Array, spread: Spread
     ) -> Bundle:
         """Rays whose parameter is the depth, as a pencil's."""
         pencil, _ = self.pixels(x, y, offset)
-        block = int(np.sqrt(len(points)))
-        lens = points[((np.arange(*y) % block)[:, None] * block + np.arange(*x) % block).ravel()].T
-        window, bend = np.stack([pencil.u, pencil.v]), -lens / self.focus
+        place = ((np.arange(*y) % BLOCK)[:, None] * BLOCK + np.arange(*x) % BLOCK).ravel()
+        window = np.stack([pencil.u, pencil.v])
+        lens = np.zeros_like(window) if spread.lens is None else spread.lens[place].T
+        bend = -lens / self.focus
         start, slope = (lens, window + bend) if self.frame.perspective else (window + lens, bend)
-        world, one = np.linalg.inv(self.frame.matrix), np.ones((1, len(pencil)))
-        return Bundle.of(
-            transform(world, np.concatenate([start, 0 * one])),
-            transform(world, np.concatenate([slope, one])),
-            *self._clipped(start, slope),
-        )
+        one = np.ones((1, len(pencil)))
+        origin, along = np.concatenate([start, 0 * one]), np.concatenate([slope, one])
+        if spread.frames is None:
+            world = np.linalg.inv(self.frame.matrix)
+            origin, along = transform(world, origin), transform(world, along)
+        else:
+            world = spread.frames[place] * (1.0, 1.0, -1.0, 1.0)
+            moved = world[:, :, 3].T - self.eye[:, None]
+            origin, along = transform_each(world, origin) + moved, transform_each(world, along)
+        return Bundle.of(origin, along, *self._clipped(start, slope))
+
+    def depth(self, points: Array) -> Array:
+        """Of points (3, n) relative to the eye, along the view of the camera that stands still."""
+        return transform(self.frame.matrix, points)[2]
 
     def _clipped(self, start: Array, slope: Array) -> tuple[Array, Array]:
         """The depths (n,) between which rays start + z slope (2, n) are inside the clip range and

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..lens import lens_points
 from ..scene import Scene
 from ..settings import Settings
+from .camera import Spread
 from .generations import reflected
 from .gloss import Narrow
 from .lighting import balance, highlight
@@ -111,17 +111,16 @@ class Explainer:
             replace(settings, samples=1, region=None, passes=frozenset()),
             Pulse(lambda: False),
         )
-        lens = scene.camera.lens
-        self._lens = lens_points(lens, settings.samples)[:, 0] if lens else None
+        self._spread = Spread.samples(scene.camera, settings.samples)[0]
 
     def pixel(self, x: int, y: int) -> Ray:
         """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first,
         and its point of the lens: the first sample of a picture.
         """
-        rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._lens)[0]
+        rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._spread)[0]
         zero = np.zeros(1, np.intp)
         paths = Paths(rays, np.ones((3, 1)), zero, zero, 0, np.full(1, np.inf))
-        return self.follow(paths, "camera" if self._lens is None else "lens")
+        return self.follow(paths, "camera" if self._spread.lens is None else "lens")
 
     def follow(self, paths: Paths, kind: str) -> Ray:
         """One ray and all that follow from it."""

@@ -172,7 +172,9 @@ class Generations:
         uv = stage.attributes.uv("")
         self._tile.record(
             paths.pixel[hit[chosen]],
-            Depth=depth[chosen] * stage.camera.unit,
+            Depth=depth[chosen] * stage.camera.unit
+            if stage.scene.camera.motion is None
+            else stage.camera.depth(some.x) * stage.camera.unit,
             Position=some.x + stage.eye[:, None],
             Normal=some.n,
             Grazing=np.abs(dot(some.n, some.v))[None],

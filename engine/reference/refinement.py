@@ -14,7 +14,7 @@ Array = np.ndarray
 _LIGHT_POINTS = 16
 """Of each soft light, that a pixel has looked at before it may stop."""
 _LENS_SAMPLES = 16
-"""The same of a lens."""
+"""The same of a lens, or of a camera that moves."""
 _DIM_POINTS = 32
 """The same where it is black so far, or where its horizon cuts the light."""
 _MOST = 1e30
@@ -49,11 +49,11 @@ class Refinement:
 
     settings: their error_threshold is in levels, 0 stops no pixel.
     shown: (h, w) bool, pixels that are drawn; others are only looked at by their neighbours.
-    lens: whether they are seen through one.
+    spread: whether they are seen from several places.
     active: (pixels,) bool, those that take further samples.
     """
 
-    def __init__(self, settings: Settings, shown: Array, lens: bool = False):
+    def __init__(self, settings: Settings, shown: Array, spread: bool = False):
         self._threshold, self._light_samples, self._shown = (
             settings.error_threshold,
             settings.light_samples,
@@ -64,7 +64,7 @@ class Refinement:
             np.zeros(shown.size, bool),
             0,
         )
-        self._least = _LENS_SAMPLES if lens else 0
+        self._least = _LENS_SAMPLES if spread else 0
         self.active = np.ones(shown.size, bool)
         self._low, self._high = np.full((4, shown.size), np.inf), np.full((4, shown.size), -np.inf)
         self._range = np.zeros(shown.size)

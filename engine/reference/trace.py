@@ -10,10 +10,10 @@ from time import perf_counter
 import numpy as np
 
 from ..film import FIRST_ESTIMATE, Film
-from ..lens import lens_points
 from ..sampling import pixel_offsets
 from ..scene import Scene
 from ..settings import Settings
+from .camera import Spread
 from .generations import Generations
 from .picture import DATA, Picture, Tile
 from .pulse import Pulse, Stopped
@@ -52,14 +52,10 @@ class Tracer:
             self._region = widened(self._shown, scene.camera.resolution)
         x0, y0, x1, y1 = self._region
         self.picture = Picture(x1 - x0, y1 - y0, settings.passes)
-        self._refinement = (
-            Refinement(settings, self._is_shown(), scene.camera.lens is not None)
-            if refines
-            else None
-        )
+        is_spread = scene.camera.lens is not None or scene.camera.motion is not None
+        self._refinement = Refinement(settings, self._is_shown(), is_spread) if refines else None
         self._estimate = ErrorEstimate((y1 - y0, x1 - x0)) if "Error" in settings.passes else None
-        lens = scene.camera.lens
-        self._lens = lens_points(lens, settings.samples) if lens else None
+        self._spreads = Spread.samples(scene.camera, settings.samples)
         self._finished = 0  # samples
         self._stage: Stage | None = None
         self._seconds: dict[str, float] = {}
@@ -122,10 +118,9 @@ class Tracer:
         """Traces one sample of every pixel tile by tile; yields the finished fraction."""
         x0, y0, x1, y1 = self._region
         rows = max(TILE // (x1 - x0), 1)
-        lens = None if self._lens is None else self._lens[:, sample]
         for y in range(y0, y1, rows):
             above = min(y + rows, y1)
-            rays, strips = stage.camera.rays((x0, x1), (y, above), offset, lens)
+            rays, strips = stage.camera.rays((x0, x1), (y, above), offset, self._spreads[sample])
             stage.pulse.beat()
             first = (y - y0) * (x1 - x0)
             here: slice | Array = slice(first, first + len(rays))

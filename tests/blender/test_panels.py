@@ -90,7 +90,7 @@ def told(tmp_path_factory):
 
 
 def test_panels_stand_in_the_order_of_cycles(told):
-    own = ["Sampling", "Simplify", "Film", "Performance", "Statistics"]
+    own = ["Sampling", "Simplify", "Motion Blur", "Film", "Performance", "Statistics"]
     assert told["render"] == [*own, "Grease Pencil", "Freestyle", "Color Management"]
     assert [
         label

@@ -1,12 +1,14 @@
 """Depth of field against Cycles at many samples, and Cycles' own shapes of the aperture."""
 
 from math import radians
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import cycles_reference as cycles
 import small_scenes as build
+from glint.addon.render.motion import with_camera_motion
 from glint_picture import render_glint
 
 SIDE = 48
@@ -54,5 +56,39 @@ def test_depth_of_field(name):
     film = render_glint(scene, "NATIVE", samples=256, filter_width=0.0)
     glint = film.passes["Combined"][..., :3].astype(np.float64)
     truth = cycles.render_cycles(scene, CYCLES_SAMPLES)["Combined"][..., :3].astype(np.float64)
+    error = np.sqrt(((glint - truth) ** 2).mean()) / truth.mean()
+    assert error <= 0.02
+
+
+@pytest.mark.parametrize("position", ["CENTER", "START"])
+def test_motion_of_the_camera(position):
+    scene = build_scene("perspective")
+    camera = scene.camera
+    camera.data.dof.use_dof = False
+    for frame, step in ((1, 0.0), (3, 0.6)):
+        camera.location.x, camera.rotation_euler.z = (
+            camera.location.x + step,
+            camera.rotation_euler.z + step / 10,
+        )
+        camera.keyframe_insert("location", frame=frame)
+        camera.keyframe_insert("rotation_euler", frame=frame)
+    scene.frame_set(2)
+    render = scene.render
+    render.use_motion_blur, render.motion_blur_shutter = True, 1.0
+    render.motion_blur_position = position
+    engine = SimpleNamespace(
+        is_preview=False,
+        frame_set=lambda frame, subframe: scene.frame_set(frame, subframe=subframe),
+    )
+    depsgraph = cycles.bpy.context.evaluated_depsgraph_get()
+    film = render_glint(
+        scene,
+        "NATIVE",
+        edit=lambda read: with_camera_motion(read, engine, depsgraph),
+        samples=256,
+        filter_width=0.0,
+    )
+    glint = film.passes["Combined"][..., :3].astype(np.float64)
+    truth = cycles.render_cycles(scene, 1024)["Combined"][..., :3].astype(np.float64)
     error = np.sqrt(((glint - truth) ** 2).mean()) / truth.mean()
     assert error <= 0.02

@@ -14,6 +14,7 @@ import pytest
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.lens import lens_points
+from glint.engine.motion import camera_frames
 from glint.engine.sampling import lens_square
 from glint.engine.scene import (
     Camera,
@@ -60,6 +61,16 @@ def dot(camera: Camera, at: tuple[float, float, float], radius: float = 0.01) ->
     return scene(camera, ball, materials=(glowing(1.0, 1.0, 1.0),))
 
 
+def turned(angle: float, *place: float) -> np.ndarray:
+    """(3, 4) turned about the y axis."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0, s, place[0]], [0, 1, 0, place[1]], [-s, 0, c, place[2]]], np.float64)
+
+
+def moving(camera: Camera, *keys: np.ndarray) -> Camera:
+    return replace(camera, motion=np.stack(keys), world_from_camera=keys[len(keys) // 2])
+
+
 def depths(camera: Camera) -> Scene:
     """Cards before, in and behind the plane of focus, a ball, a sun and its shadows."""
     cards = (
@@ -100,7 +111,7 @@ def test_a_dot_out_of_focus_is_the_circle_of_confusion(kind, depth, ratio):
     """A ray through (x, y) on the lens and p in the window is at depth z at x + z (p − x/f), or p +
     x − x z/f: a dot there is spread over r |1/z − 1/f|, or r |1 − z/f|.
     """
-    lens, ball = Lens(0.5, FOCUS, ratio=ratio), 0.02
+    lens, ball = Lens(0.5, FOCUS, ratio=ratio), 0.01 * depth  # wide enough for many samples
     camera = seen(kind, lens, 64)
     image = picture(dot(camera, (0.05, -0.02, -depth), ball), samples=4096, filter_width=0.0)
     centre, variance = moments(image, camera)
@@ -211,8 +222,14 @@ def test_a_pixel_is_explained_through_its_first_point_of_the_lens():
 # --- the same bits
 
 
+def blurred(kind: str) -> Scene:
+    """Through a lens that moves."""
+    lens = Lens(0.2, FOCUS, 5, 0.3, 1.5)
+    return depths(moving(seen(kind, lens), turned(-0.05, -0.2, 0, 0), turned(0.03, 0.2, 0.1, 0)))
+
+
 def test_threads_and_borders_do_not_change_a_bit():
-    wanted = depths(seen("PERSPECTIVE", Lens(0.2, FOCUS, 5)))
+    wanted = blurred("PERSPECTIVE")
     whole = picture(wanted, threads=1)
     np.testing.assert_array_equal(whole, picture(wanted, threads=3))
     np.testing.assert_array_equal(whole[11:40, 5:30], picture(wanted, region=(5, 11, 30, 40)))
@@ -221,9 +238,9 @@ def test_threads_and_borders_do_not_change_a_bit():
 def test_same_bits_from_every_instruction_set():
     program = (
         "import sys, hashlib; sys.path[:0] = sys.argv[1:3]; import conftest\n"
-        "from test_lens import KINDS, Lens, depths, picture, seen\n"
+        "from test_lens import KINDS, blurred, picture\n"
         "for kind in KINDS:\n"
-        "    image = picture(depths(seen(kind, Lens(0.2, 4.0, 5, 0.3, 1.5))))\n"
+        "    image = picture(blurred(kind))\n"
         "    print(hashlib.sha256(image.tobytes()).hexdigest())\n"
     )
     here = Path(__file__).resolve().parent
@@ -268,3 +285,65 @@ def test_extreme_lenses_are_finite(kind, backend, lens):
 def test_problems_name_the_number(lens, words):
     [problem] = depths(seen("PERSPECTIVE", lens)).problems()
     assert words in problem
+
+
+# --- a camera that moves
+
+
+def test_frames_turn_evenly_and_go_straight():
+    keys = turned(-0.3, 0, 0, 0), turned(0.0, 1, 0, 0), turned(0.5, 1, 2, 0)
+    frames = camera_frames(moving(seen("PERSPECTIVE", None), *keys), 64).reshape(-1, 3, 4)
+    angles = np.arctan2(frames[:, 0, 2], frames[:, 0, 0])
+    times = np.where(angles < 0, (angles + 0.3) / 0.6, 0.5 + angles)
+    line = np.sort(times)
+    np.testing.assert_allclose(line, (np.arange(256) + 0.5) / 256, atol=1 / 256)
+    x, y = np.minimum(2 * times, 1), np.maximum(2 * times - 1, 0) * 2
+    np.testing.assert_allclose(frames[:, :2, 3], np.stack([x, y], 1), atol=1e-12)
+    axes = frames[:, :, :3]
+    np.testing.assert_allclose(axes @ axes.transpose(0, 2, 1), [np.eye(3)] * 256, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_dot_is_a_streak_as_long_as_the_way(kind):
+    """Evenly lit, so that its variance is a twelfth of its length's square."""
+    way, depth = 0.6, 3.0
+    still = seen(kind, None, 64)
+    camera = moving(still, turned(0, -way / 2, 0, 0), turned(0, way / 2, 0, 0))
+    camera = replace(camera, world_from_camera=np.eye(3, 4))
+    image = picture(dot(camera, (0.0, 0.0, -depth), 0.02), samples=1024, filter_width=0.0)
+    _, variance = moments(image, camera)
+    shrink = depth if kind == "PERSPECTIVE" else 1.0
+    expected = (way / shrink) ** 2 / 12 + (0.02 / shrink) ** 2 / 4
+    assert np.sqrt(variance[0]) == pytest.approx(np.sqrt(expected), rel=0.01)
+    assert np.sqrt(variance[1]) < 0.02 / shrink
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("lens", [None, Lens(0.1, FOCUS, 5, ratio=2.0)])
+def test_both_tracers_see_the_same_motion(kind, lens):
+    keys = turned(-0.05, -0.2, 0, 0), turned(0.02, 0.0, 0.05, 0.1), turned(0.03, 0.2, 0.1, 0)
+    wanted = depths(moving(seen(kind, lens), *keys))
+    settings = Settings(samples=4, filter_width=1.5, passes=("Depth", "Position"))
+    core, reference = (
+        render(wanted, replace(settings, backend=backend)).passes for backend in BACKENDS
+    )
+    for name in ("Combined", "Depth", "Position"):
+        wrong = np.abs(core[name] - reference[name]) > 1e-4 * (1 + np.abs(reference[name]))
+        assert wrong.reshape(48 * 48, -1).any(1).mean() <= 0.002, name
+    still = picture(replace(wanted, camera=replace(wanted.camera, motion=None)), samples=4)
+    assert np.abs(core["Combined"][..., :3] - still).mean() > 0.01
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_motion_to_the_same_place_is_none(backend):
+    camera = seen("PERSPECTIVE", Lens(0.1, FOCUS))
+    key = np.array(camera.world_from_camera)
+    both = (picture(depths(c), backend=backend) for c in (camera, moving(camera, key, key)))
+    np.testing.assert_allclose(*both, atol=1e-6)
+
+
+def test_problems_name_the_motion():
+    [problem] = depths(
+        replace(seen("PERSPECTIVE", None), motion=np.full((2, 3, 4), np.nan))
+    ).problems()
+    assert "motion" in problem

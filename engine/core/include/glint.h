@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 15
+#define GLINT_ABI_VERSION 16
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -275,10 +275,11 @@ enum GlintPass {
  * 0 to 1. acceleration: of the first render of a scene counts, the trees are kept. remember: keep
  * what the first wave hit and which lights it saw, some 30 bytes a pixel, in the scene and those
  * that take its trees over, so that a render of other lights, materials or surroundings need not
- * trace it again. It has the same bits. lens_points: null for a pinhole, else (lens_block²,
+ * trace it again. It has the same bits. lens_points: null for a pinhole, else (camera_block²,
  * samples, 2) points of the lens along the camera's u and v, of each pixel of a block of
- * lens_block² pixels of the frame, row by row; lens_focus: the depth where everything is sharp,
- * camera units. */
+ * camera_block² pixels of the frame, row by row; lens_focus: the depth where everything is sharp,
+ * camera units. camera_frames: null for a camera that stands still, else (camera_block², samples,
+ * 12) its world_from_camera of each sample. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -289,14 +290,15 @@ typedef struct GlintRenderSettings {
   const float* dome_cells;
   const float* dome_irradiance;
   const double* lens_points;
-  uint64_t light_point_count, dome_count, mesh_count, lens_point_count;
+  const double* camera_frames;
+  uint64_t light_point_count, dome_count, mesh_count, lens_point_count, camera_frame_count;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
   uint32_t samples, light_samples, dome_samples, mesh_samples, dome_rows, dome_columns;
-  uint32_t dome_irradiance_rows, dome_irradiance_columns, lens_block;
+  uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block;
   uint32_t max_bounces, threads, passes;
   uint32_t region[4];
-  int32_t illumination, waves, acceleration, remember, reflections, reserved;
+  int32_t illumination, waves, acceleration, remember, reflections;
 } GlintRenderSettings;
 
 enum GlintState {
@@ -328,7 +330,8 @@ enum GlintFeature {
   GLINT_FEATURE_NODE_PROGRAMS = 256,
   GLINT_FEATURE_WORLD_LIGHT = 512,
   GLINT_FEATURE_MESH_LIGHT = 1024,
-  GLINT_FEATURE_DEPTH_OF_FIELD = 2048
+  GLINT_FEATURE_DEPTH_OF_FIELD = 2048,
+  GLINT_FEATURE_CAMERA_MOTION = 4096
 };
 
 typedef struct GlintStats {

@@ -59,10 +59,14 @@ void Paths::choose(const Film& film, const SlotTable& places, const uint32_t* be
   shift_ = uint32_t(__builtin_ctz(points.count()));
   for (std::vector<double>* v : {&u_, &v_}) v->resize((size() + kPad - 1) / kPad * kPad);
   with_constant(points.count(), [&](auto count) { place_samples<count>(places, points); });
-  if (points.has_lens()) {
-    for (std::vector<double>* v : {&lens_x_, &lens_y_}) v->resize(u_.size());
-    with_constant(points.count(), [&](auto count) { place_on_lens<count>(places, points); });
-  }
+  const auto place = [&](const double* table, std::vector<double>* to, size_t width) {
+    if (!table) return;
+    for (size_t c = 0; c < width; ++c) to[c].resize(u_.size());
+    with_constant(points.count(),
+                  [&](auto count) { place_rows<count>(places, points, table, to, width); });
+  };
+  place(points.plan().lens_points, lens_, 2);
+  place(points.plan().camera_frames, frame_, 12);
   if (columns_ != film.columns()) sums_ = Columns(columns_ = film.columns());
   sums_.reserve(kMost);
   softly_lit_.assign(size(), 0);
@@ -78,15 +82,16 @@ void Paths::place_samples(const SlotTable& places, const WindowPoints& points) {
   }
 }
 
+/// Column by column, what a table of the camera has of each path.
 template <size_t Count>
-void Paths::place_on_lens(const SlotTable& places, const WindowPoints& points) {
-  double *x = lens_x_.data(), *y = lens_y_.data();
+void Paths::place_rows(const SlotTable& places, const WindowPoints& points, const double* table,
+                       std::vector<double>* to, size_t width) const {
+  size_t k = 0;
   for (uint32_t slot : slots_) {
-    const double* from = points.lens(size_t(places.columns()[slot]), size_t(places.rows()[slot]));
-    for (size_t s = 0; s < Count; ++s) {
-      *x++ = from[2 * s];
-      *y++ = from[2 * s + 1];
-    }
+    const double* from = table + width * points.camera_row(size_t(places.columns()[slot]),
+                                                           size_t(places.rows()[slot]));
+    for (size_t s = 0; s < Count; ++s, ++k)
+      for (size_t c = 0; c < width; ++c) to[c][k] = *from++;
   }
 }
 

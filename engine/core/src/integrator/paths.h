@@ -21,10 +21,10 @@ class WindowPoints {
 
   uint32_t first() const { return first_; }
   uint32_t count() const { return count_; }
-  bool has_lens() const { return plan_ && plan_->lens_points; }
-  /// Of the lens, two numbers a sample.
-  const double* lens(size_t column, size_t row) const {
-    return plan_->lens_of(x0_ + column, y0_ + row) + 2 * size_t(first_);
+  const RenderPlan& plan() const { return *plan_; }
+  /// The first of them in the tables of the camera.
+  size_t camera_row(size_t column, size_t row) const {
+    return plan_->camera_row(x0_ + column, y0_ + row) + first_;
   }
   const double* u(size_t column) const { return u_ + column * count_; }
   const double* v(size_t row) const { return v_ + row * count_; }
@@ -58,9 +58,9 @@ class Paths {
   // Of each path: where its camera ray goes through the window.
   const double* u() const { return u_.data(); }
   const double* v() const { return v_.data(); }
-  // and through the lens; null for a pinhole.
-  const double* lens_x() const { return lens_x_.empty() ? nullptr : lens_x_.data(); }
-  const double* lens_y() const { return lens_y_.data(); }
+  // and through the lens, and world_from_camera row by row; null where there is no such table.
+  const double* lens(size_t axis) const { return at_least_one(lens_[axis]); }
+  const double* frame(size_t number) const { return at_least_one(frame_[number]); }
 
   /// What the paths brought so far, as Film::sums has it; the next channels follow after
   /// `stride()`.
@@ -83,7 +83,8 @@ class Paths {
   template <size_t Count>
   void place_samples(const SlotTable& places, const WindowPoints& points);
   template <size_t Count>
-  void place_on_lens(const SlotTable& places, const WindowPoints& points);
+  void place_rows(const SlotTable& places, const WindowPoints& points, const double* table,
+                  std::vector<double>* to, size_t width) const;
   template <size_t Count>
   void add_column(double* to, const double* from) const;
   template <size_t Count>
@@ -91,7 +92,11 @@ class Paths {
 
   uint32_t first_ = 0, shift_ = 0;
   std::vector<uint32_t> slots_;
-  std::vector<double> u_, v_, lens_x_, lens_y_;
+  static const double* at_least_one(const std::vector<double>& v) {
+    return v.empty() ? nullptr : v.data();
+  }
+
+  std::vector<double> u_, v_, lens_[2], frame_[12];
   std::vector<uint8_t> softly_lit_;
   Columns sums_;
   size_t columns_ = 0;

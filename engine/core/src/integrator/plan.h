@@ -26,8 +26,9 @@ struct RenderPlan {
   const double* lobe_points = nullptr;
   int reflections = GLINT_REFLECT_OFF;
   DomeCells dome;
-  const double* lens_points = nullptr;  // null for a pinhole
-  uint32_t lens_block = 1;
+  const double* lens_points = nullptr;    // null for a pinhole
+  const double* camera_frames = nullptr;  // null for a camera that stands still
+  uint32_t camera_block = 1;
   double lens_focus = 1;
 
   uint32_t samples_of(const Light& light) const {
@@ -35,10 +36,12 @@ struct RenderPlan {
     return light.is_dome() ? dome_samples : light.extended ? light_samples : 1;
   }
 
-  /// The points of the lens, two numbers each, of the samples of a pixel of the frame.
-  const double* lens_of(size_t column, size_t row) const {
-    const size_t place = row % lens_block * lens_block + column % lens_block;
-    return lens_points + 2 * place * samples;
+  /// Whether the samples of a pixel look from different places.
+  bool is_spread() const { return lens_points || camera_frames; }
+
+  /// The first sample of a pixel of the frame in the tables of the camera.
+  size_t camera_row(size_t column, size_t row) const {
+    return (row % camera_block * camera_block + column % camera_block) * samples;
   }
 
   /// Point j of a light for pixel sample `sample`.

@@ -112,9 +112,10 @@ void Tracer::camera_rays() {
   stage.count = paths_.size();
   stage.across = paths_.u();
   stage.upward = paths_.v();
-  stage.lens_x = paths_.lens_x();
-  stage.lens_y = paths_.lens_y();
+  stage.lens_x = paths_.lens(0);
+  stage.lens_y = paths_.lens(1);
   stage.bend = stage.lens_x ? 1 / plan_.lens_focus : 0;
+  for (size_t c = 0; c < 12; ++c) stage.frame[c] = paths_.frame(c);
   for (size_t k = 0; k < 3; ++k) {
     stage.o[k] = first_.column(Queue::kO + k);
     stage.d[k] = first_.column(Queue::kD + k);
@@ -123,8 +124,8 @@ void Tracer::camera_rays() {
   stage.t_max = first_.column(Queue::kTMax);
   stages_.camera(stage);
   camera_.clip(stage);
-  const Vec3d eye = camera_.eye();
-  const bool beside = stage.parallel || stage.lens_x;
+  const Vec3d eye = plan_.camera_frames ? Vec3d{} : camera_.eye();  // frames have their own
+  const bool beside = stage.parallel || plan_.is_spread();
   for (size_t k = 0; any(eye) && k < 3; ++k)
     for (size_t i = 0; i < stage.count; ++i)
       stage.o[k][i] = (beside ? stage.o[k][i] : 0) + eye[int(k)];
@@ -169,7 +170,7 @@ void Tracer::measure(const Tile& tile, uint32_t samples) {
 
 void Tracer::decide(const Tile& tile, uint32_t samples) {
   slots_.set(tile.width(), tile.height());
-  const bool seen = !plan_.lens_points || samples >= Refinement::kLensSamples;
+  const bool seen = !plan_.is_spread() || samples >= Refinement::kLensSamples;
   film_.refinement().decide(tile, slots_, samples, seen);
 }
 

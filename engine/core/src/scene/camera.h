@@ -13,6 +13,7 @@ class CameraRays {
         m_(affine(camera_.world_from_camera)),
         backward_(unit(m_.z)),
         scale_(scene.anchor.scale),
+        origin_(scene.anchor.origin),
         eye_(scene.anchor.point(m_.t)) {}
 
   /// Where the camera stands in anchored space: the origin, except in a scene that was made like
@@ -36,6 +37,7 @@ class CameraRays {
       s.v[c] = m_.y[c];
       s.w[c] = m_.z[c];
     }
+    for (int c = 0; c < 3; ++c) s.origin[c] = origin_[c];
     s.scale = scale_;
     s.clip_start = camera_.clip_start;
     s.clip_end = camera_.clip_end;
@@ -99,7 +101,7 @@ class CameraRays {
   Affine m_;
   Vec3d backward_;
   double scale_;
-  Vec3d eye_;
+  Vec3d origin_, eye_;
 };
 
 }  // namespace glint

@@ -55,7 +55,8 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.dome.irradiance_rows = g.dome_irradiance_rows;
   plan.dome.irradiance_columns = g.dome_irradiance_columns;
   plan.lens_points = g.lens_points;
-  plan.lens_block = g.lens_block;
+  plan.camera_frames = g.camera_frames;
+  plan.camera_block = g.camera_block;
   plan.lens_focus = g.lens_focus;
   for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
   return plan;
@@ -77,11 +78,13 @@ bool enough_mesh_points(const GlintRenderSettings& g, const Scene& scene) {
          (g.mesh_samples >= 1 && g.mesh_table && g.mesh_count >= g.mesh_samples);
 }
 
-bool enough_lens_points(const GlintRenderSettings& g) {
-  if (!g.lens_points) return true;
-  const uint64_t block = g.lens_block;
-  return block >= 1 && block <= 1u << 12 && g.lens_focus > 0 &&
-         g.lens_point_count / (block * block) >= g.samples;
+bool enough_camera_rows(const GlintRenderSettings& g) {
+  const uint64_t block = g.camera_block;
+  const auto enough = [&](const double* table, uint64_t count) {
+    return !table || (block >= 1 && block <= 1u << 12 && count / (block * block) >= g.samples);
+  };
+  return enough(g.lens_points, g.lens_point_count) && (!g.lens_points || g.lens_focus > 0) &&
+         enough(g.camera_frames, g.camera_frame_count);
 }
 
 bool enough_points(const GlintRenderSettings& g, const Scene& scene) {
@@ -101,7 +104,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.samples >= 1 && g.pixel_offsets, "settings: no samples or no pixel offsets");
   add(g.light_samples >= 1 && enough_points(g, scene),
       "settings: fewer light points than samples * light_samples");
-  add(enough_lens_points(g), "settings: fewer lens points than those of a block, or no focus");
+  add(enough_camera_rows(g), "settings: fewer lens points or frames than a block has, or no focus");
   add(enough_mesh_points(g, scene),
       "settings: fewer points of a mesh light than those of a sample");
   add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
@@ -184,7 +187,7 @@ bool Job::at_once() {
 void Job::trace_waves() {
   pool_ = std::make_unique<ThreadPool>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
   const bool looks_up =
-      plan_.remember && !plan_.lens_points &&
+      plan_.remember && !plan_.is_spread() &&
       !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
   const std::shared_ptr<FirstHitCache> first_hits =
       looks_up ? scene_.first_hits(plan_, film_) : nullptr;
@@ -323,7 +326,9 @@ GlintStats Job::stats() {
   s.primitives = scene_.primitives;
   s.dropped_instances = scene_.dropped_instances;
   s.dropped_lights = scene_.dropped_lights;
-  s.features = scene_.features | (plan_.lens_points ? GLINT_FEATURE_DEPTH_OF_FIELD : 0);
+  s.features = scene_.features;
+  if (plan_.lens_points) s.features |= GLINT_FEATURE_DEPTH_OF_FIELD;
+  if (plan_.camera_frames) s.features |= GLINT_FEATURE_CAMERA_MOTION;
   s.threads = uint32_t(plan_.threads);
   s.camera_rays = rays_.camera;
   s.shadow_rays = rays_.shadow;

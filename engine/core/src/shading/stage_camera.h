@@ -6,10 +6,19 @@
 namespace glint {
 namespace {
 
-template <bool HasLens>
+template <bool HasLens, bool Moves>
 void camera_of(const CameraStage& c) {
-  const Three mx = splat3(c.u), my = splat3(c.v), mz = splat3(c.w);
+  Three mx = splat3(c.u), my = splat3(c.v), mz = splat3(c.w);
+  const auto column = [&](size_t k, size_t number) {
+    return Three{load(c.frame[number] + k), load(c.frame[number + 4] + k),
+                 load(c.frame[number + 8] + k)};
+  };
   for (size_t k = 0; k < c.count; k += kLanes) {
+    if constexpr (Moves) {
+      mx = column(k, 0);
+      my = column(k, 1);
+      mz = column(k, 2);
+    }
     Three across = load(c.across + k) * mx + load(c.upward + k) * my;
     Three towards = c.parallel ? -mz : across - mz;
     if constexpr (HasLens) {
@@ -18,7 +27,11 @@ void camera_of(const CameraStage& c) {
       across = c.parallel ? across + beside : beside;
     }
     const Three d = unit(towards);
-    if (HasLens || c.parallel) store3(c.o, k, splat(c.scale) * across);
+    if constexpr (Moves) {
+      const Three away = column(k, 3) - splat3(c.origin);
+      across = c.parallel || HasLens ? across + away : away;
+    }
+    if (Moves || HasLens || c.parallel) store3(c.o, k, splat(c.scale) * across);
     store3(c.d, k, d);
     const Doubles step =
         dot(towards, d) * c.scale;  // anchored length of one unit of depth along the ray
@@ -29,7 +42,10 @@ void camera_of(const CameraStage& c) {
   }
 }
 
-void camera(const CameraStage& c) { c.lens_x ? camera_of<true>(c) : camera_of<false>(c); }
+void camera(const CameraStage& c) {
+  if (c.frame[0]) c.lens_x ? camera_of<true, true>(c) : camera_of<false, true>(c);
+  else c.lens_x ? camera_of<true, false>(c) : camera_of<false, false>(c);
+}
 
 void add(double* to, const double* from, size_t count) {
   for (size_t k = 0; k < count; k += kLanes) store(to + k, load(to + k) + load(from + k));

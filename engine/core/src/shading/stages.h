@@ -24,9 +24,12 @@ struct CameraStage {
   double u[3], v[3], w[3];        // columns of world_from_camera
   double scale, clip_start, clip_end;
   bool parallel;
-  const double *lens_x, *lens_y;        // along u and v
-  double bend;                          // of the slopes, per length on the lens: one over its focus
-  double *o[3], *d[3], *t_min, *t_max;  // o: only where parallel or through a lens
+  const double *lens_x, *lens_y;  // along u and v
+  double bend;                    // of the slopes, per length on the lens: one over its focus
+  const double*
+      frame[12];     // world_from_camera of each ray, row by row; null where all have u, v, w
+  double origin[3];  // of anchored space
+  double *o[3], *d[3], *t_min, *t_max;  // o: only where it is not the eye of all
 };
 
 /// A group of instances, as the stages read it.

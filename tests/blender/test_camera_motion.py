@@ -1,0 +1,82 @@
+"""The camera's keys while the shutter is open."""
+
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from export_support import export, link, quad, scene  # noqa: F401
+from glint.addon.render.motion import shutter_times, with_camera_motion
+
+
+def read(scene):  # noqa: F811
+    """The exported scene as a final render has it."""
+    engine = SimpleNamespace(
+        is_preview=False,
+        frame_set=lambda frame, subframe: scene.frame_set(frame, subframe=subframe),
+    )
+    return with_camera_motion(export().scene, engine, bpy.context.evaluated_depsgraph_get())
+
+
+@pytest.fixture
+def moving(scene):  # noqa: F811
+    """A camera that moves by (1, 0, 0) a frame and is scaled; a surface that stands still."""
+    quad("Quad")
+    camera = scene.camera
+    camera.scale = (2, 2, 2)
+    for frame in (1, 21):
+        camera.location = (frame, -6, 0)
+        camera.keyframe_insert("location", frame=frame)
+    curves = camera.animation_data.action
+    slots = curves.layers[0].strips[0].channelbags[0] if hasattr(curves, "layers") else curves
+    for curve in slots.fcurves:
+        for key in curve.keyframe_points:
+            key.interpolation = "LINEAR"
+    scene.frame_set(5)
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 0.5
+    return scene
+
+
+@pytest.mark.parametrize(("position", "first"), [("CENTER", 4.75), ("START", 5.0), ("END", 4.5)])
+def test_keys_are_where_the_camera_is_while_the_shutter_is_open(moving, position, first):
+    moving.render.motion_blur_position = position
+    camera = read(moving).camera
+    found = camera.motion[:, 0, 3]
+    np.testing.assert_allclose(found, first + np.array([0, 0.25, 0.5]), rtol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(camera.motion[:, :, :3], axis=1), 1, rtol=1e-6)
+    assert moving.frame_current_final == 5.0
+    assert camera.world_from_camera[0, 3] == pytest.approx(5.0)
+
+
+def test_a_camera_that_stands_still_has_no_motion(moving):
+    moving.camera.animation_data_clear()
+    assert read(moving).camera.motion is None
+
+
+def test_without_motion_blur_there_is_no_motion(moving):
+    moving.render.use_motion_blur = False
+    assert read(moving).camera.motion is None
+
+
+def test_a_shutter_of_no_time_is_no_motion(moving):
+    moving.render.motion_blur_shutter = 0.0
+    assert shutter_times(5.0, 0.0, "CENTER") == [5.0] * 3
+    still = read(moving).camera.motion
+    assert still is None or np.abs(still - still[0]).max() == 0
+
+
+def test_a_camera_bound_to_another_frame_is_not_this_one(moving):
+    other = link(bpy.data.objects.new("Other", bpy.data.cameras.new("Other")))
+    other.location = (100, 0, 0)
+    for frame, camera in ((1, moving.camera), (6, other)):
+        moving.timeline_markers.new(f"{frame}", frame=frame).camera = camera
+    moving.render.motion_blur_position, moving.render.motion_blur_shutter = "START", 1.0
+    np.testing.assert_allclose(read(moving).camera.motion[:, 0, 3], [5, 5.5, 6], rtol=1e-6)
+
+
+def test_a_shutter_curve_is_told(moving):
+    assert not any("shutter curve" in note for note in export().notes)
+    moving.render.motion_blur_shutter_curve.curves[0].points[0].location = (0.0, 0.0)
+    moving.update_tag()
+    assert any("shutter curve" in note for note in export().notes)
