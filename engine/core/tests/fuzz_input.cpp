@@ -349,9 +349,9 @@ std::vector<int32_t> random_words(Dice& dice, bool in_sky, int32_t& written) {
 
 /// One program.
 void set_program(Dice& dice, Arena& arena, GlintSceneData& d) {
-  std::vector<double> constants(12), tables{12};
+  std::vector<double> constants(12), tables{20};
   for (double& x : constants) x = dice.number();
-  for (int i = 0; i < 12; ++i) tables.push_back(dice.number());
+  for (int i = 0; i < 20; ++i) tables.push_back(dice.number());
   int32_t slots = 0;
   const bool in_sky = dice.chance(0.4);
   std::vector<int32_t> words = random_words(dice, in_sky, slots);
@@ -537,6 +537,27 @@ void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   if (dice.chance(0.05 * dice.wildness)) s.mesh_table = nullptr;
 }
 
+void set_lens(Dice& dice, Arena& arena, GlintRenderSettings& s) {
+  s.camera_block = uint32_t(1 + dice.below(3));
+  const uint64_t rows = uint64_t(s.camera_block) * s.camera_block * s.samples;
+  if (dice.chance(0.2)) {
+    s.lens_point_count = rows;
+    s.lens_points = arena.fill<double>(2 * rows, [&] { return dice.number(); });
+    s.lens_focus = positive(dice);
+  }
+  if (dice.chance(0.2)) {
+    s.camera_frame_count = rows;
+    s.camera_frames = arena.fill<double>(12 * rows, [&] { return dice.number(); });
+  }
+  if (dice.chance(0.05 * dice.wildness)) s.camera_block = uint32_t(dice.below(5));
+}
+
+void set_reflections(Dice& dice, Arena& arena, GlintRenderSettings& s) {
+  s.reflections = int32_t(dice.below(3));
+  s.lobe_points = arena.fill<double>(2 * uint64_t(s.samples), [&] { return 0.5 * dice.number(); });
+  if (dice.chance(0.05 * dice.wildness)) s.lobe_points = nullptr;
+}
+
 GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& scene) {
   GlintRenderSettings s{};
   const bool stops_early = dice.chance(0.15);
@@ -555,6 +576,8 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   s.light_disc = arena.fill<double>(2 * s.light_point_count, [&] { return 0.5 * dice.number(); });
   set_dome(dice, arena, s);
   set_mesh_points(dice, arena, s);
+  set_reflections(dice, arena, s);
+  set_lens(dice, arena, s);
   const uint32_t w = scene.camera.width, h = scene.camera.height;
   const bool part = dice.chance(0.3);
   s.region[0] = part ? uint32_t(dice.below(w)) : 0;

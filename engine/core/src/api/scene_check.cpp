@@ -168,7 +168,7 @@ void check_textures(const GlintSceneData& d, Report& report) {
   }
 }
 
-constexpr double kLeastTable = 8;  // numbers: two rows of any table
+constexpr double kLeastTable = 16;  // numbers: a row of `piecewise`, two of any other table
 
 /// Slots of a program that hold something.
 class WrittenSlots {
