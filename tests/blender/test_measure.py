@@ -136,6 +136,7 @@ import time
 from types import SimpleNamespace
 from glint.operators import measure_scene
 cls, said = measure_scene.GLINT_OT_measure_scene, []
+scene.world = None  # no sky: fewer settings to try
 manager = SimpleNamespace(
     event_timer_add=lambda step, window: "timer", event_timer_remove=lambda timer: said.append("timer removed"),
     progress_begin=lambda low, high: None, progress_update=lambda value: said.append(value), progress_end=lambda: said.append("end"),

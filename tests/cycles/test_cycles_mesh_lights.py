@@ -120,18 +120,18 @@ def furnished(body):
     return scene
 
 
-def compared(scene, samples: int = 64) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def compared(scene, cycles_samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Glint's picture, Cycles', and the pixels within surfaces that do not glow themselves."""
     film = render_glint(
         scene,
         "NATIVE",
         max_bounces=0,
-        samples=samples,
+        samples=64,
         light_samples=2,
         filter_width=0,
         passes=frozenset({"Emission"}),
     )
-    passes = cycles.render_cycles(scene, 4096)
+    passes = cycles.render_cycles(scene, cycles_samples)
     dark = ~film.passes["Emission"][..., :3].any(2) & surface_interior(passes)
     assert dark.mean() > 0.3
     return film.passes["Combined"][..., :3], passes["Combined"][..., :3], dark
@@ -141,7 +141,7 @@ def compared(scene, samples: int = 64) -> tuple[np.ndarray, np.ndarray, np.ndarr
 def test_the_light_of_what_glows_is_cycles(name):
     scene = furnished(lambda: lambert((0.7, 0.3, 0.2)))
     LIT[name](scene)
-    found, wanted, dark = compared(scene)
+    found, wanted, dark = compared(scene, 4096)
     error = (found - wanted)[dark]
     assert np.sqrt(np.mean(error**2)) <= (0.04 if name in NEAR else 0.02) * wanted[dark].mean()
     assert np.abs(error.mean(0)).max() <= 0.01 * wanted[dark].mean()
@@ -154,5 +154,5 @@ def test_highlights_of_what_glows_are_cycles(name, roughness):
     """In sum: the lobes are Blinn-Phong's."""
     scene = furnished(lambda: metal(roughness))
     LIT[name](scene)
-    found, wanted, dark = compared(scene)
+    found, wanted, dark = compared(scene, 512)
     assert found[dark].sum() == pytest.approx(wanted[dark].sum(), rel=0.05)
