@@ -159,8 +159,8 @@ enum GlintLightFlags {
 /* Lengths in world units, angles in radians. A light with a number that is not finite is left out
  * and counted. program: 0, or 1 plus the number of the program that says, sample by sample, what
  * the colour is times; program_slot: the first of its three slots that hold that. It must not read
- * attributes. DOME and MESH lights have none. A MESH light, of which there is one at most, is the
- * scene's emitters; size_x, size_y and twice the radius are its bounds. */
+ * attributes or triangles. DOME and MESH lights have none. A MESH light, of which there is one at
+ * most, is the scene's emitters; size_x, size_y and twice the radius are its bounds. */
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];

@@ -305,10 +305,14 @@ void check_sky(const GlintSceneData& d, Report& report) {
   report.add(reads_no_surface(d, program), "world: its program reads surfaces");
 }
 
-bool reads_no_attribute(const GlintSceneData& d, const GlintProgram& g) {
+/// Whether no instruction of a program that was checked needs a primitive: lights have none.
+bool reads_no_primitive(const GlintSceneData& d, const GlintProgram& g) {
   const int32_t *word = d.program_words + g.first_word, *const end = word + g.word_count;
   for (; word != end; word += kLayouts[*word].words())
-    if (std::strchr(kLayouts[*word].settings, 'a')) return false;
+    if (std::strchr(kLayouts[*word].settings, 'a') ||
+        std::strcmp(kLayouts[*word].name, "barycentric") == 0 ||
+        std::strcmp(kLayouts[*word].name, "edge_distance") == 0)
+      return false;
   return true;
 }
 
@@ -320,8 +324,8 @@ void check_light(const GlintSceneData& d, uint64_t i, Report& report) {
   const GlintProgram& program = d.programs[light.program - 1];
   report.add(light.program_slot >= 0 && int64_t(light.program_slot) + 3 <= int64_t(program.slots),
              "light %llu: a slot that its program has not", ull(i));
-  report.add(light.kind < GLINT_DOME && reads_no_attribute(d, program),
-             "light %llu: its program reads attributes", ull(i));
+  report.add(light.kind < GLINT_DOME && reads_no_primitive(d, program),
+             "light %llu: its program reads a primitive", ull(i));
 }
 
 void check_surroundings(const GlintSceneData& d, Report& report) {

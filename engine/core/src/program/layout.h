@@ -9,7 +9,7 @@ namespace glint {
 /// image, t a table, or the largest number that it may be, counted in characters from 0 on; - is
 /// any. reads_surface: knows more of the point than the ray that meets it.
 struct OperationLayout {
-  const char *outputs, *arguments, *settings;
+  const char *name, *outputs, *arguments, *settings;
   bool reads_surface;
   size_t words() const {
     return 1 + std::strlen(outputs) + std::strlen(arguments) + std::strlen(settings);
@@ -18,7 +18,7 @@ struct OperationLayout {
 
 constexpr OperationLayout kLayouts[] = {
 #define GLINT_OPERATION(name, outputs, arguments, settings, reads_surface) \
-  {outputs, arguments, settings, reads_surface},
+  {#name, outputs, arguments, settings, reads_surface},
 #include "program/operations.inc"
 #undef GLINT_OPERATION
 };
