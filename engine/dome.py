@@ -16,15 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .program.program import Program
-from .sampling import chosen, concentric_disc, dome_points
+from .sampling import chosen, concentric_disc, dome_points, tabled
 from .scene import Light, Texture
 
 Array = np.ndarray
 
 LEAST_ROWS, MOST_ROWS = 128, 512
 """Of a map: as many as the largest image has, which is reduced where it has more."""
-MOST_DIRECTIONS = 1 << 20
-"""Of a light; later samples of a pixel take those of the first ones again."""
 BAND = 1 << 20
 """Texels that are reduced at once."""
 UNIFORM = 0.1
@@ -156,10 +154,10 @@ class DomeTable:
 
 def dome_table(light: Light, samples: int, each: int) -> DomeTable:
     """What tracers know of a DOME light of which each of `samples` samples of a pixel takes `each`
-    directions: those of as many whole samples as `MOST_DIRECTIONS` allow, after which they begin
+    directions: those of as many whole samples as `MOST_TABLED` allows, after which they begin
     again.
     """
-    count = each * min(samples, max(MOST_DIRECTIONS // each, 1))
+    count = tabled(samples, each)
     cells, along, where = _drawn(_Same(light.radiance), count)
     even = _irradiance(_Same(light.radiance))
     with np.errstate(over="ignore"):

@@ -7,20 +7,15 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .sampling import chosen, concentric_disc, dome_points
+from .dome import LARGEST
+from .sampling import chosen, concentric_disc, dome_points, tabled
 from .scene import Camera, Emitters, Instances, Light, Material, Mesh, Scene
-
-if TYPE_CHECKING:
-    from .reference.geometry import Geometry
 
 Array = np.ndarray
 
-MOST_POINTS = 1 << 20
-"""Of a light."""
 ROUND = 64
 """Spheres up to which each is a polyhedron of 320 faces, above of 80."""
 INWARD = 0.1
@@ -40,8 +35,6 @@ PIECES = 1 << 10
 MARGIN = 2.0**-10
 """Points keep off the edges of triangles, where the inner side of one is seen past its neighbour.
 """
-LARGEST = 1e30
-"""Radiance saturates here, far below float32's largest."""
 
 
 _NOTHING = Mesh("", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
@@ -54,12 +47,13 @@ def _at(eye: Array) -> Camera:
 
 def mesh_light(scene: Scene) -> Light | None:
     """The MESH light of all surfaces of a scene that glow; None without any."""
-    blocks = [block for block in scene.instances if _may_glow(scene, block)]
+    glowing = {k for k, material in enumerate(scene.materials) if _glows(material)}
+    blocks = [
+        block
+        for block in (scene.instances if glowing else ())
+        if not (block.holdout or glowing.isdisjoint(block.materials))
+    ]
     return _light(_Same(scene, blocks)) if blocks else None
-
-
-def _may_glow(scene: Scene, block: Instances) -> bool:
-    return not block.holdout and any(_glows(scene.materials[k]) for k in block.materials)
 
 
 def _glows(material: Material) -> bool:
@@ -118,16 +112,7 @@ def _light(same: _Same) -> Light | None:
 
 def _found(scene: Scene, origin: Array) -> Emitters | None:
     """All that glows, counted from the origin, None where nothing does."""
-    from .reference.geometry import gather
-
-    scene = replace(scene, camera=_at(origin))
-    geometry = gather(scene, origin)
-    parts = [
-        part
-        for number in np.unique(geometry.material)
-        if number >= 0 and _glows(scene.materials[number])
-        for part in _of_material(scene, geometry, number)
-    ]
+    parts = list(_Surfaces(replace(scene, camera=_at(origin)), origin).parts())
     if not parts:
         return None
     columns = ((p.corners, p.front, p.back, p.weight) for p in parts)
@@ -141,28 +126,6 @@ def _found(scene: Scene, origin: Array) -> Emitters | None:
     return found.take(good) if len(good) else None
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """Columns of `Emitters`; weight (n,) but for the radiance."""
-
-    corners: Array
-    front: Array
-    back: Array
-    weight: Array
-
-
-def _of_material(scene: Scene, geometry: Geometry, number: int) -> Iterator[_Part]:
-    """What has this material; of `Polygons` nothing."""
-    primitive = np.flatnonzero(geometry.material == number)
-    flat = primitive[primitive < geometry.triangle_count]
-    if len(flat):
-        yield _of_triangles(scene, geometry, flat, _parts(scene.materials[number], len(flat)))
-    shape = primitive[len(flat) :] - geometry.triangle_count
-    balls = shape[shape < geometry.ball_count]
-    if len(balls):
-        yield from _of_balls(scene, geometry, balls)
-
-
 def _varies(material: Material) -> bool:
     factors = (f for lobe in material.lobes if lobe.kind == "EMISSION" for f in lobe.factors)
     return any(f.texture >= 0 or f.attribute or f.output >= 0 for f in factors)
@@ -173,27 +136,94 @@ def _parts(material: Material, triangles: int) -> int:
     return int(np.clip(np.sqrt(PARTS / triangles), 1, MOST_PARTS)) if _varies(material) else 1
 
 
-def _of_triangles(scene: Scene, geometry: Geometry, primitive: Array, parts: int) -> _Part:
-    """Each cut into parts² alike."""
-    corners = np.stack([geometry.points[:, side[primitive]].T for side in geometry.triangles], 1)
-    cells = _cells(parts)
-    pieces = np.einsum("kcw,twx->tkcx", cells, corners).reshape(-1, 3, 3)
-    index = np.repeat(primitive, parts * parts)
-    weights = np.tile(cells.mean(1), (len(primitive), 1))
-    return _part(scene, geometry, index, weights, pieces)
+class _Surfaces:
+    """What glows of a scene whose coordinates count from an origin."""
 
+    def __init__(self, scene: Scene, origin: Array) -> None:
+        from .reference.attributes import Attributes
+        from .reference.geometry import gather
+        from .reference.materials import Shader
 
-def _part(
-    scene: Scene, geometry: Geometry, primitive: Array, weights: Array, pieces: Array
-) -> _Part:
-    """The triangles `pieces` (n, 3, 3), counter-clockwise in their object, parts of primitives (n,)
-    at the weights (n, 3) of their corners.
-    """
-    row = geometry.row[primitive]
-    mirrored = geometry.placements.mirror[row] < 0
-    pieces = np.where(mirrored[:, None, None], pieces[:, ::-1], pieces)
-    sides = _radiance(scene, geometry, primitive, weights, pieces)
-    return _Part(pieces, *sides, np.ones(len(row)))
+        self._materials, self._geometry = scene.materials, gather(scene, origin)
+        self._shader = Shader(scene, Attributes(scene), self._geometry)
+
+    def parts(self) -> Iterator[Emitters]:
+        """Of each material; weights are but for the radiance, and `Polygons` are left out."""
+        g = self._geometry
+        for number in np.unique(g.material):
+            if number < 0 or not _glows(self._materials[number]):
+                continue
+            primitive = np.flatnonzero(g.material == number)
+            flat = primitive[primitive < g.triangle_count]
+            if len(flat):
+                yield self._of_triangles(flat, _parts(self._materials[number], len(flat)))
+            balls = primitive[len(flat) :] - g.triangle_count
+            balls = balls[balls < g.ball_count]
+            if len(balls):
+                yield from self._of_balls(balls)
+
+    def _of_triangles(self, primitive: Array, parts: int) -> Emitters:
+        """Each cut into parts² alike."""
+        sides = self._geometry.triangles
+        corners = np.stack([self._geometry.points[:, side[primitive]].T for side in sides], 1)
+        cells = _cells(parts)
+        pieces = np.einsum("kcw,twx->tkcx", cells, corners).reshape(-1, 3, 3)
+        index = np.repeat(primitive, parts * parts)
+        return self._part(index, np.tile(cells.mean(1), (len(primitive), 1)), pieces)
+
+    def _of_balls(self, balls: Array) -> Iterator[Emitters]:
+        """Spheres as polyhedra: one round them that glows outward with their power, one in them
+        that glows inward with their radiance and has few points, as most are seen from outside.
+        """
+        g = self._geometry
+        matrices = g.placements.world_from_object[g.balls.row[balls]][:, :, :3]
+        matrices = g.balls.radius[balls, None, None] * matrices
+        for outward in (True, False):
+            unit, share = _polyhedron(2 if len(balls) <= ROUND else 1, outward)
+            pieces = np.einsum("nxy,kcy->nkcx", matrices, unit)
+            pieces = (pieces + g.balls.center_world[:, balls].T[:, None, None]).reshape(-1, 3, 3)
+            index = np.repeat(balls + g.triangle_count, len(unit))
+            part = self._part(index, np.zeros((len(index), 3)), pieces)
+            nothing = np.zeros_like(part.front)
+            if outward:
+                yield replace(part, front=share * part.front, back=nothing)
+            else:
+                yield replace(part, front=nothing, weight=INWARD * part.weight)
+
+    def _part(self, primitive: Array, weights: Array, pieces: Array) -> Emitters:
+        """The triangles `pieces` (n, 3, 3), counter-clockwise in their object, parts of primitives
+        (n,) at the weights (n, 3) of their corners.
+        """
+        g = self._geometry
+        mirrored = g.placements.mirror[g.row[primitive]] < 0
+        pieces = np.where(mirrored[:, None, None], pieces[:, ::-1], pieces)
+        sides = (self._radiance(primitive, weights, pieces, sign) for sign in (1.0, -1.0))
+        return Emitters(pieces, *sides, np.ones(len(pieces)))
+
+    def _radiance(self, primitive: Array, weights: Array, pieces: Array, sign: float) -> Array:
+        """(n, 3) in the middle of the pieces, seen straight, from outside where sign is 1."""
+        from .reference.surface import Surface
+
+        geometry, x = self._geometry, pieces.mean(1).T
+        row = geometry.row[primitive]
+        g = sign * Emitters(pieces, x, x, x).normals.T
+        surface = Surface(
+            primitive,
+            geometry.placements.geometry[row],
+            geometry.primitive_of(primitive),
+            weights.T,
+            geometry.material[primitive],
+            row=row,
+            x=x,
+            g=g,
+            n=g,
+            v=g,
+            start=x,
+            outside=np.full(len(primitive), sign > 0),
+            offset=np.zeros(len(primitive)),
+            mesh_n=g,
+        )
+        return self._shader.coefficients(surface, "mirror").emission.T
 
 
 def _cells(parts: int) -> Array:
@@ -206,29 +236,6 @@ def _cells(parts: int) -> Array:
                 cells.append([(i + 1, j), (i + 1, j + 1), (i, j + 1)])
     uv = np.array(cells, np.float64) / parts
     return np.concatenate([1 - uv.sum(2, keepdims=True), uv], 2)
-
-
-def _of_balls(scene: Scene, geometry: Geometry, balls: Array) -> Iterator[_Part]:
-    """Spheres as polyhedra that give as much light: one round them that glows outward, one in them
-    that glows inward and has few points, as most are seen from outside.
-    """
-    rows = geometry.balls.row[balls]
-    matrices = (
-        geometry.balls.radius[balls, None, None]
-        * (geometry.placements.world_from_object[rows][:, :, :3])
-    )
-    for outward in (True, False):
-        unit, share = _polyhedron(2 if len(balls) <= ROUND else 1, outward)
-        pieces = np.einsum("nxy,kcy->nkcx", matrices, unit)
-        pieces += geometry.balls.center_world[:, balls].T[:, None, None]
-        index = np.repeat(balls + geometry.triangle_count, len(unit))
-        part = _part(scene, geometry, index, np.zeros((len(index), 3)), pieces.reshape(-1, 3, 3))
-        yield replace(
-            part,
-            front=part.front * (share if outward else 0.0),
-            back=part.back * (0.0 if outward else 1.0),  # all of what is in them, whatever its size
-            weight=part.weight * (1.0 if outward else INWARD),
-        )
 
 
 @functools.cache
@@ -259,42 +266,6 @@ def _polyhedron(level: int, outside: bool) -> tuple[Array, float]:
     size = np.linalg.norm(across, axis=1)
     scale = 1 / (np.abs((across * corners[:, 0]).sum(1)) / size).min() if outside else 1.0
     return scale * corners, float(4 * np.pi / (scale**2 * size.sum() / 2))
-
-
-def _radiance(
-    scene: Scene, geometry: Geometry, primitive: Array, weights: Array, pieces: Array
-) -> tuple[Array, Array]:
-    """(n, 3) of the outer and the inner side, seen straight, in the middle of triangles (n, 3, 3):
-    parts of primitives (n,) at the weights (n, 3) of their corners.
-    """
-    from .reference.attributes import Attributes
-    from .reference.materials import Shader
-    from .reference.surface import Surface
-
-    shader = Shader(scene, Attributes(scene), geometry)
-    row, x = geometry.row[primitive], pieces.mean(1).T
-    outward = Emitters(pieces, x, x, x).normals.T
-    sides = []
-    for sign in (1.0, -1.0):
-        g = sign * outward
-        surface = Surface(
-            primitive,
-            geometry.placements.geometry[row],
-            geometry.primitive_of(primitive),
-            weights.T,
-            geometry.material[primitive],
-            row=row,
-            x=x,
-            g=g,
-            n=g,
-            v=g,
-            start=x,
-            outside=np.full(len(primitive), sign > 0),
-            offset=np.zeros(len(primitive)),
-            mesh_n=g,
-        )
-        sides.append(shader.coefficients(surface, "mirror").emission.T)
-    return sides[0], sides[1]
 
 
 def _pieces(emitters: Emitters) -> tuple[Array, Array, Array]:
@@ -375,10 +346,10 @@ def merged(spread: Array | float, each: int) -> Array | float:
 
 def mesh_table(light: Light, samples: int, each: int) -> MeshTable:
     """What tracers know of a MESH light of which each of `samples` samples of a pixel takes `each`
-    points: those of as many whole samples as `MOST_POINTS` allow, after which they begin again.
+    points: those of as many whole samples as `MOST_TABLED` allows, after which they begin again.
     """
     emitters = light.emitters
-    count = each * min(samples, max(MOST_POINTS // each, 1))
+    count = tabled(samples, each)
     u = dome_points(count)
     pieces, whole, weight = _pieces(emitters)
     piece, along = chosen(weight, u[:, 0])

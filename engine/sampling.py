@@ -10,7 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
-LOBE_STEP = 61
+MOST_TABLED = 1 << 20
+"""Directions or points of a light that all pixels share; later samples take the first ones again.
+"""
+MOST_LOBE_POINTS = 1 << 16
+LOBE_LEVELS = 8
+"""Reflections of a path whose directions are independent."""
 _WORD = np.uint64((1 << 32) - 1)
 _STEP = np.uint64(0x9E3779B1)
 _POLYNOMIALS = (
@@ -146,17 +151,30 @@ def dome_points(count: int) -> np.ndarray:
 
 
 def lobe_points(count: int) -> np.ndarray:
-    """(count, 2) float64 in the unit disc: where in the lobes of rough surfaces the samples of a
-    pixel reflect their rays.
+    """(LOBE_LEVELS, k, 2) float64 in the unit disc: where in the lobes of rough surfaces `count`
+    samples of a pixel reflect their rays, at each of their first reflections. Later reflections,
+    and samples beyond k = MOST_LOBE_POINTS, take these again.
+
+    The same points in another order each time, and in another than lights have them, so that they
+    are independent (Burley 2020, Practical hash-based Owen scrambling: shuffling).
     """
-    return concentric_disc(2 * _sobol(count, _DOME) - 1)
+    count = min(count, MOST_LOBE_POINTS)
+    bits = max(count - 1, 0).bit_length()
+    disc = concentric_disc(2 * _sobol(1 << bits, _DOME) - 1)
+    return np.stack([disc[_shuffled(bits, level)[:count]] for level in range(LOBE_LEVELS)])
 
 
-def lobe_point(sample: int, reflection: int, count: int) -> int:
-    """Which of `count` points a sample takes at its reflection 0, 1, 2 …: each time another, so
-    that they are independent.
+def _shuffled(bits: int, seed: int) -> np.ndarray:
+    """The numbers below 2^bits in an order that keeps aligned runs of powers of two together: each
+    binary digit turned or not, by a hash of those before it.
     """
-    return (sample + LOBE_STEP * reflection) % count
+    index = np.arange(1 << bits, dtype=np.uint64)
+    order = index.copy()
+    for place in range(bits):
+        before = index >> np.uint64(bits - place)
+        turn = _hash(before * np.uint64(64) + np.uint64(place) + np.uint64(seed + 1) * _STEP)
+        order ^= (turn & np.uint64(1)) << np.uint64(bits - 1 - place)
+    return order.astype(np.intp)
 
 
 def lens_square(block: int, samples: int) -> np.ndarray:
@@ -197,6 +215,13 @@ def concentric_disc(square: np.ndarray) -> np.ndarray:
     ratio = np.where(wide, b, a) / np.where(radius == 0, 1, radius)
     angle = np.where(wide, np.pi / 4 * ratio, np.pi / 2 - np.pi / 4 * ratio)
     return radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
+
+
+def tabled(samples: int, each: int) -> int:
+    """How many points a table has of which each of so many samples of a pixel takes `each`: those
+    of whole samples, at most MOST_TABLED unless one takes more.
+    """
+    return each * min(samples, max(MOST_TABLED // each, 1))
 
 
 def chosen(weights: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -205,6 +205,16 @@ class Lobe:
     exponent_output: int = -1
     masking_output: int = -1
 
+    @property
+    def is_glossy(self) -> bool:
+        """Whether it is a highlight of GGX's masking, which may reflect other surfaces."""
+        return self.kind == "SPECULAR" and self.masking > 0
+
+    @property
+    def is_metallic(self) -> bool:
+        """Whether it is one of a metal."""
+        return self.is_glossy and not self.fresnel
+
 
 @dataclass(frozen=True)
 class Material:

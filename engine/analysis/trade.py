@@ -79,7 +79,7 @@ def has_soft_lights(scene: Scene) -> bool:
 def has_bounces(scene: Scene) -> bool:
     """Whether a material reflects or refracts rays, as metals do."""
     return any(
-        lobe.kind in ("MIRROR", "REFRACTION") or (lobe.masking > 0 and not lobe.fresnel)
+        lobe.kind in ("MIRROR", "REFRACTION") or lobe.is_metallic
         for material in scene.materials
         for lobe in material.lobes
     )

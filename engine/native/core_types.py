@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 16
+ABI_VERSION = 17
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -298,13 +298,13 @@ class RenderSettingsData(Structure):
     _fields_ = [
         *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table lobe_points"),
         *_each(c_size_t, "dome_cells dome_irradiance lens_points camera_frames"),
-        *_each(c_uint64, "light_point_count dome_count mesh_count lens_point_count"),
+        *_each(c_uint64, "light_point_count dome_count mesh_count lobe_count lens_point_count"),
         *_each(c_uint64, "camera_frame_count"),
         *_each(c_double * 9, "dome_axes"),
         *_each(c_double, "error_threshold cutoff lens_focus"),
         *_each(c_uint32, "samples light_samples dome_samples mesh_samples dome_rows dome_columns"),
-        *_each(c_uint32, "dome_irradiance_rows dome_irradiance_columns camera_block max_bounces"),
-        *_each(c_uint32, "threads passes"),
+        *_each(c_uint32, "dome_irradiance_rows dome_irradiance_columns camera_block lobe_levels"),
+        *_each(c_uint32, "max_bounces threads passes"),
         *_each(c_uint32 * 4, "region"),
         *_each(c_int32, "illumination waves acceleration remember reflections"),
     ]

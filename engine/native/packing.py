@@ -587,7 +587,9 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     data.acceleration = number(build, core_types.Build, "acceleration")
     data.reflections = number(settings.reflecting, core_types.Reflect, "reflections")
     if settings.reflecting != "OFF":
-        points = packer.lend(lobe_points(settings.samples), np.float64, (None, 2), "lobe points")
+        points = lobe_points(settings.samples)
+        data.lobe_levels, data.lobe_count = len(points), points.size // 2
+        points = packer.lend(points.reshape(-1, 2), np.float64, (None, 2), "lobe points")
         data.lobe_points = address(points)
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..sampling import lobe_point
 from .gloss import reflecting
 from .lights import Source
 from .materials import Coefficients
@@ -38,8 +37,7 @@ def reflected(
     terms = reflecting(coefficients.highlights, settings.reflecting)
     if not terms:
         return []
-    number = lobe_point(sample, paths.reflections, settings.samples)
-    point = stage.lobe_points[number]
+    point = stage.lobe_point(sample, paths.reflections)
     found = reflected_by_lobes(paths, hit, surface, terms, point, settings.cutoff)
     return [] if found is None else [found]
 

@@ -32,11 +32,8 @@ def reflecting(terms: list[Term], which: str) -> list[Term]:
     """
     if which == "OFF":
         return []
-    chosen = [term for term in terms if not (which == "METALS" and term.lobe.fresnel)]
-    shown = [(term, np.asarray(term.masking) > 0) for term in chosen]
-    return [
-        replace(term, k=np.where(shaped, term.k, 0.0)) for term, shaped in shown if shaped.any()
-    ]
+    chosen = [t for t in terms if (t.lobe.is_metallic if which == "METALS" else t.lobe.is_glossy)]
+    return [replace(t, k=np.where(np.asarray(t.masking) > 0, t.k, 0.0)) for t in chosen]
 
 
 class Narrow:

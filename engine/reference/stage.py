@@ -51,8 +51,7 @@ class Stage:
         self.lighting = Lighting(
             self.sources, settings.light_samples, self._light_points(), shadows, pulse
         )
-        points = lobe_points(settings.samples)
-        self.lobe_points = [LightPoint(CENTER.square, disc) for disc in points]
+        self._lobe_points = lobe_points(settings.samples)
         self.is_lit_by_meshes = any(light.kind == "MESH" for light in scene.lights)
         self._sky_images = [Image(texture) for texture in scene.world.textures]
         self.camera = CameraRays.of(scene.camera, self.geometry)
@@ -67,6 +66,11 @@ class Stage:
             return self.background
         axes = np.asarray(self.scene.world.axes, np.float64)
         return radiance(program, self._sky_images, axes.T @ unit(along), kind)
+
+    def lobe_point(self, sample: int, reflections: int) -> LightPoint:
+        """Where in the lobes of rough surfaces a sample is reflected that was so often before."""
+        levels, tabled, _ = self._lobe_points.shape
+        return LightPoint(CENTER.square, self._lobe_points[reflections % levels, sample % tabled])
 
     def _source(self, light: Light) -> Source:
         samples = self.settings.samples

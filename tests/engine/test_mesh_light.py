@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glint.engine import Settings, mesh_lights, render
+from glint.engine import Settings, render, sampling
 from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.mesh_lights import mesh_light, mesh_table
 from glint.engine.program.graph import Graph
@@ -205,14 +205,14 @@ def test_points_follow_the_power():
 def test_all_samples_have_the_same_points_however_many_there_are():
     light = mesh_light(scene(panel()))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mesh_lights, "MOST_POINTS", 64)
+        patch.setattr(sampling, "MOST_TABLED", 64)
         few = mesh_table(light, 1000, 8)
     assert len(few.point) == 64
     np.testing.assert_array_equal(few.point, mesh_table(light, 8, 8).point)
 
 
 def test_points_begin_again_in_both_tracers(monkeypatch):
-    monkeypatch.setattr(mesh_lights, "MOST_POINTS", 16)
+    monkeypatch.setattr(sampling, "MOST_TABLED", 16)
     wanted = tilted()
     core, reference = (drawn(wanted, backend, samples=8, light_samples=1) for backend in BACKENDS)
     np.testing.assert_allclose(core, reference, rtol=1e-4, atol=1e-4)

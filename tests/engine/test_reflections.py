@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glint.engine import Settings, render
+from glint.engine import Settings, render, sampling
 from glint.engine.analysis.explain import PixelExplainer
+from glint.engine.sampling import lobe_points
 from glint.engine.scene import (
     Camera,
     Input,
@@ -178,3 +179,28 @@ def test_explain_follows_reflected_rays():
             ray = ray.follow[0]
             kinds.add(ray.kind)
     assert kinds == {"reflection"}
+
+
+def test_reflections_of_a_path_are_independent():
+    """Of each quarter of the disc at one reflection as many points lie in each at another. All runs
+    of four samples but that with the middle have two on either side.
+    """
+    points = lobe_points(1024)
+    quarter = (points[..., 0] > 0) + 2 * (points[..., 1] > 0)
+    for first in range(3):
+        for second in range(first + 1, 4):
+            pairs = np.bincount(4 * quarter[first] + quarter[second], minlength=16)
+            assert np.abs(pairs - 64).max() < 4 * np.sqrt(64), pairs  # four standard deviations
+    for level in points:
+        runs = level.reshape(-1, 4, 2)
+        halves = (runs > 0).sum(1)[(runs != 0).any(2).all(1)]
+        assert len(halves) == 255 and (halves == 2).all()
+
+
+def test_points_begin_again(monkeypatch):
+    monkeypatch.setattr(sampling, "MOST_LOBE_POINTS", 4)
+    monkeypatch.setattr(sampling, "LOBE_LEVELS", 2)
+    wanted = mutual(60.0)
+    core, reference = (drawn(wanted, b, samples=16, max_bounces=4) for b in BACKENDS)
+    wrong = np.abs(core - reference) > 1e-4 * (1 + np.abs(reference))
+    assert wrong.any(2).mean() <= 0.01

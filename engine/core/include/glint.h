@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 16
+#define GLINT_ABI_VERSION 17
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -257,25 +257,25 @@ enum GlintPass {
  * anybody looks before the end; if nobody does, more samples are traced at once, to the same bits.
  * HELD: see glint_render_resume. pixel_offsets: (samples, 2). light_square, light_disc:
  * (light_point_count, 2), at least samples * light_samples points when light_samples > 1 and a
- * light has an extent; else they may be null. dome_table: (dome_count,
- * 9), of as many samples as divide it, after which they begin again, of a GLINT_DOME: the direction
- * to it, what comes from there (dome_samples times its share), one over the density of directions,
- * and a point of the unit disc. dome_cells: (dome_rows, dome_columns, 4), what comes from a
- * direction of the light's axes (dome_axes, column by column) over the density and one over that,
- * equirectangular, from below upward. dome_irradiance: (dome_irradiance_rows,
- * dome_irradiance_columns, 3), over pi, of surfaces that nothing hides it from, by their normals in
- * the light's axes: corners of cells from pole to pole and once round. mesh_table: (mesh_count,
- * 16), of as many samples, mesh_samples points each, as divide it, after which they begin again, of
- * a GLINT_MESH_LIGHT: the point and its unit normal in the light's axes, the numbers of
- * GlintEmitter but the normal, and a point of the unit disc. Tables may be null where the scene has
- * no such light. lobe_points: (samples, 2) of the unit disc, where in the lobes of rough surfaces
- * rays are reflected; null only where none are. error_threshold: in 8-bit levels, at least 0 and
- * below 256; pixels whose estimated error it covers take no further samples after a wave. 0: all
- * take all. cutoff: mirror and refraction rays with no channel of their weight as large end there,
- * 0 to 1. acceleration: of the first render of a scene counts, the trees are kept. remember: keep
- * what the first wave hit and which lights it saw, some 30 bytes a pixel, in the scene and those
- * that take its trees over, so that a render of other lights, materials or surroundings need not
- * trace it again. It has the same bits. lens_points: null for a pinhole, else (camera_block²,
+ * light has an extent; else they may be null. dome_table: (dome_count, 9), of as many samples as
+ * divide it, after which they begin again, of a GLINT_DOME: the direction to it, what comes from
+ * there (dome_samples times its share), one over the density of directions, and a point of the unit
+ * disc. dome_cells: (dome_rows, dome_columns, 4), what comes from a direction of the light's axes
+ * (dome_axes, column by column) over the density and one over that, equirectangular, from below
+ * upward. dome_irradiance: (dome_irradiance_rows, dome_irradiance_columns, 3), over pi, of surfaces
+ * that nothing hides it from, by their normals in the light's axes: corners of cells from pole to
+ * pole and once round. mesh_table: (mesh_count, 16), of as many samples, mesh_samples points each,
+ * as divide it, after which they begin again, of a GLINT_MESH_LIGHT: the point and its unit normal
+ * in the light's axes, the numbers of GlintEmitter but the normal, and a point of the unit disc.
+ * Tables may be null where the scene has no such light. lobe_points: (lobe_count, 2) of the unit
+ * disc, as many for each of lobe_levels reflections of a path, where in the lobes of rough surfaces
+ * its rays are reflected; null only where none are. error_threshold: in 8-bit levels, at least
+ * 0 and below 256; pixels whose estimated error it covers take no further samples after a wave. 0:
+ * all take all. cutoff: mirror and refraction rays with no channel of their weight as large end
+ * there, 0 to 1. acceleration: of the first render of a scene counts, the trees are kept. remember:
+ * keep what the first wave hit and which lights it saw, some 30 bytes a pixel, in the scene and
+ * those that take its trees over, so that a render of other lights, materials or surroundings need
+ * not trace it again. It has the same bits. lens_points: null for a pinhole, else (camera_block²,
  * samples, 2) points of the lens along the camera's u and v, of each pixel of a block of
  * camera_block² pixels of the frame, row by row; lens_focus: the depth where everything is sharp,
  * camera units. camera_frames: null for a camera that stands still, else (camera_block², samples,
@@ -291,11 +291,12 @@ typedef struct GlintRenderSettings {
   const float* dome_irradiance;
   const double* lens_points;
   const double* camera_frames;
-  uint64_t light_point_count, dome_count, mesh_count, lens_point_count, camera_frame_count;
+  uint64_t light_point_count, dome_count, mesh_count, lobe_count, lens_point_count,
+      camera_frame_count;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
   uint32_t samples, light_samples, dome_samples, mesh_samples, dome_rows, dome_columns;
-  uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block;
+  uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels;
   uint32_t max_bounces, threads, passes;
   uint32_t region[4];
   int32_t illumination, waves, acceleration, remember, reflections;

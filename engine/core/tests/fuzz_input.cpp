@@ -554,7 +554,10 @@ void set_lens(Dice& dice, Arena& arena, GlintRenderSettings& s) {
 
 void set_reflections(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.reflections = int32_t(dice.below(3));
-  s.lobe_points = arena.fill<double>(2 * uint64_t(s.samples), [&] { return 0.5 * dice.number(); });
+  s.lobe_levels = uint32_t(1 + dice.below(3));
+  s.lobe_count = s.lobe_levels * (1 + dice.below(s.samples + 1));
+  s.lobe_points = arena.fill<double>(2 * s.lobe_count, [&] { return 0.5 * dice.number(); });
+  if (dice.chance(0.05 * dice.wildness)) s.lobe_count = 0;
   if (dice.chance(0.05 * dice.wildness)) s.lobe_points = nullptr;
 }
 

@@ -12,8 +12,6 @@ constexpr size_t kColumns =
     1 + 3 + 3 + 1 + 3 + 3 + 3 + 3 + 3 +
     2;  // zeros, o, to, t_max, ends, diffuse, specular, shadow, sky, density and distance
 
-constexpr size_t kLobeStep = 61;  // engine/sampling.py, LOBE_STEP
-
 }  // namespace
 
 DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages,
@@ -107,9 +105,9 @@ bool DirectLight::reflects() const {
 void DirectLight::reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts) {
   if (!reflects()) return;
   const Queue& queue = *batch.queue;
-  const size_t at = (sample + kLobeStep * size_t(queue.reflections)) % plan_.samples;
+  const double* const place = plan_.lobe_point(sample, queue.reflections);
   stage_.metals_alone = plan_.reflections == GLINT_REFLECT_METALS;
-  set_place(stage_, plan_.lobe_points[2 * at], plan_.lobe_points[2 * at + 1]);
+  set_place(stage_, place[0], place[1]);
   const size_t count = stages_.reflect(stage_);
   for (size_t k = 0; k < count; ++k) {
     const uint32_t from = point_[k];

@@ -23,7 +23,8 @@ struct RenderPlan {
   const double* light_disc = nullptr;
   const double* dome_table = nullptr;
   const double* mesh_table = nullptr;
-  const double* lobe_points = nullptr;
+  const double* lobe_points = nullptr;  // lobe_levels runs of lobe_tabled
+  size_t lobe_levels = 1, lobe_tabled = 1;
   int reflections = GLINT_REFLECT_OFF;
   DomeCells dome;
   const double* lens_points = nullptr;    // null for a pinhole
@@ -38,6 +39,11 @@ struct RenderPlan {
 
   /// Whether the samples of a pixel look from different places.
   bool is_spread() const { return lens_points || camera_frames; }
+
+  /// Where in the lobes of rough surfaces a sample is reflected that was so often before.
+  const double* lobe_point(uint32_t sample, uint32_t reflections) const {
+    return lobe_points + 2 * (reflections % lobe_levels * lobe_tabled + sample % lobe_tabled);
+  }
 
   /// The first sample of a pixel of the frame in the tables of the camera.
   size_t camera_row(size_t column, size_t row) const {

@@ -47,6 +47,8 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.mesh_tabled = uint32_t(std::max(g.mesh_count / plan.mesh_samples, uint64_t(1)));
   plan.mesh_table = g.mesh_table;
   plan.lobe_points = g.lobe_points;
+  plan.lobe_levels = std::max(g.lobe_levels, 1u);
+  plan.lobe_tabled = std::max(size_t(g.lobe_count) / plan.lobe_levels, size_t(1));
   plan.reflections = g.reflections;
   plan.dome.cells = g.dome_cells;
   plan.dome.rows = g.dome_rows;
@@ -118,7 +120,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC,
       "settings: unknown illumination");
   add(g.reflections >= GLINT_REFLECT_OFF && g.reflections <= GLINT_REFLECT_ALL &&
-          (g.reflections == GLINT_REFLECT_OFF || g.lobe_points),
+          (g.reflections == GLINT_REFLECT_OFF ||
+           (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels)),
       "settings: unknown reflections, or no points for them");
   add(g.waves >= GLINT_WAVES_UNSEEN && g.waves <= GLINT_WAVES_HELD, "settings: unknown waves");
   add(g.acceleration >= GLINT_BUILD_FAST && g.acceleration <= GLINT_BUILD_FINE,

@@ -340,9 +340,10 @@ inline Term term_of(const LightStage& s, size_t k, int number) {
 
 inline Narrow reflecting_terms(const LightStage& s, size_t k) {
   Narrow all = {splat(0), Doubles{}};
-  for (int number = 0; number < s.max_specular; ++number)
-    all.total = all.total + where(term_of<true>(s, k, number).exponent >= 0,
-                                  term_of<true>(s, k, number).part(all));
+  for (int number = 0; number < s.max_specular; ++number) {
+    const Term term = term_of<true>(s, k, number);
+    all.total = all.total + where(term.exponent >= 0, term.part(all));
+  }
   return all;
 }
 
