@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..film import FIRST_ESTIMATE
-from ..native.packing import is_soft
+from ..native.packing_settings import is_soft
 from ..scene import Scene
 from ..settings import Settings
 from . import metrics

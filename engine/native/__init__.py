@@ -47,7 +47,8 @@ from .core_types import (
     State,
     StatsData,
 )
-from .packing import PASS_NUMBERS, pack_scene, pack_settings, passes_of
+from .packing import pack_scene
+from .packing_settings import PASS_NUMBERS, pack_settings, passes_of
 
 LIBRARY_VARIABLE = "GLINT_CORE_LIBRARY"
 """Environment variable with the path of another build of the core."""

@@ -15,7 +15,8 @@ from ..settings import Settings
 from ..view_axes import ViewAxes, narrow_view_axes
 from .core_types import State
 from .packer import Packed
-from .packing import ScenePacker, pack_settings
+from .packing import ScenePacker
+from .packing_settings import pack_settings
 
 _POLL_MILLISECONDS = 2
 """How soon a task makes room for the next."""

@@ -13,7 +13,7 @@ from .camera import Spread
 from .generations import reflected
 from .gloss import Narrow
 from .lighting import balance, highlight
-from .lights import Dome, LightSample, Source
+from .lights import LightSample, Source
 from .materials import Coefficients, Term
 from .paths import Paths, bounced, straight_on, widened
 from .pulse import Pulse
@@ -21,6 +21,7 @@ from .rays import Bundle
 from .seen_lights import has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
+from .tabled_lights import Dome
 from .vectors import dot, length, unit
 from .visibility import NOTHING
 

@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .gloss import Narrow
-from .lights import CENTER, Dome, LightPoint, LightSample, Source
+from .lights import CENTER, LightPoint, LightSample, Source
 from .materials import Coefficients, Term, taken
 from .optics import blinn_phong, gloss
 from .pulse import Pulse
 from .shadows import Shadows
 from .surface import Surface
+from .tabled_lights import Dome
 from .vectors import add_at, dot, pick
 
 Array = np.ndarray

@@ -16,11 +16,12 @@ from .camera import CameraRays
 from .emission import Emission
 from .geometry import gather
 from .lighting import Lighting
-from .lights import CENTER, Dome, LightPoint, MeshSource, Source
+from .lights import CENTER, LightPoint, Source
 from .materials import Shader
 from .pulse import Pulse
 from .shadows import Shadows
 from .sky import radiance
+from .tabled_lights import Dome, MeshSource
 from .textures import Image
 from .vectors import unit
 from .visibility import Visibility

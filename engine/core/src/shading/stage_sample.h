@@ -1,0 +1,227 @@
+// One sample of one light as points see it, by the light's shape (notes 4.15, 4.16, light.h).
+// Letters: x point, l direction to the light, d distance, z cosine at the light.
+#pragma once
+#include "shading/stage_rectangle.h"
+#include "shading/stage_sky.h"
+
+namespace glint {
+namespace {
+
+/// The sample as points see it: unit direction l, intensity color * factor, where the shadow
+/// segment ends, one over the density of the samples (a steradian) there, and where all this is
+/// sound.
+struct Sample {
+  Three l, end;
+  Doubles factor, spread;
+  Mask good;
+};
+
+/// 1 / (4 pi^2 d^2) in world units from the squared anchored distance.
+inline Doubles inverse_square(const LightStage& s, Doubles d2) {
+  return smaller(s.scale2 / ((4 * kCircle * kCircle) * d2), splat(1e100));
+}
+
+/// The share of a spot's intensity at the cosine z from its axis.
+inline Doubles spot(const LightStage& s, const Three& l) {
+  const Doubles z = -dot(l, splat3(s.axis));
+  if (!(s.spot_width > 0)) return where(z > s.spot_cosine, splat(1));
+  const Doubles t = smaller(larger((z - s.spot_cosine) / s.spot_width, splat(0)), splat(1));
+  return t * t * (3 - 2 * t);
+}
+
+/// Two unit vectors that make a frame with n (vec.h).
+inline void frame(const Three& n, Three& t1, Three& t2) {
+  const Doubles s = with_sign(splat(1), n.z), a = -1 / (s + n.z), b = n.x * n.y * a;
+  t1 = {1 + s * n.x * n.x * a, s * b, -s * n.x};
+  t2 = {b, s + n.y * n.y * a, -n.y};
+}
+
+/// The direction at the disc point of the cone round `axis` with 1 - cos(half angle) = versine,
+/// uniform in solid angle.
+inline Three in_cone(const LightStage& s, const Three& axis, Doubles versine) {
+  Three t1, t2;
+  frame(axis, t1, t2);
+  const Doubles cosine = 1 - (s.x * s.x + s.y * s.y) * versine;
+  const Doubles sine = root(larger(versine * (1 + cosine), splat(0)));  // over the disc's radius
+  return unit(cosine * axis + sine * (splat(s.x) * t1 + splat(s.y) * t2));
+}
+
+inline Sample sample_direction(const LightStage& s, const Three&) {
+  return {splat3(s.l), splat3(s.l), splat(s.factor), splat(s.spread), ~Mask{}};
+}
+
+inline Sample sky_at(const LightStage& s, const Three& l) {
+  return {l, l, splat(s.factor), splat(s.spread), ~Mask{}};
+}
+
+/// In the direction l, wherever the light is.
+inline Sample direction_at(const LightStage& s, const Three&, const Three& l) {
+  const Three off = l + splat3(s.axis);  // of length^2 2 (1 - cos)
+  return {l, l, splat(s.factor), splat(s.spread), 0.5 * dot(off, off) <= s.versine};
+}
+
+/// The common point, seen from no nearer than the disc that it stands for.
+inline Sample sample_mesh(const LightStage& s, const Three& x) {
+  const Three q = splat3(s.end), n = splat3(s.axis), to = q - x, l = unit(to);
+  const Doubles z = -dot(l, n), d2 = larger(dot(to, to), splat(s.near2)),
+                spread = s.spread * magnitude(z) / d2;
+  return {l, q + choose(z > 0, splat(s.size), splat(-s.size)) * n, s.factor * spread, spread,
+          ~Mask{}};
+}
+
+inline Sample sample_point(const LightStage& s, const Three& x) {
+  const Three end = splat3(s.center), to = end - x;
+  return {unit(to), end, s.physical ? inverse_square(s, dot(to, to)) : splat(1), Doubles{},
+          ~Mask{}};
+}
+
+/// The cone that a sphere subtends.
+struct SphereCone {
+  Three to, axis;
+  Doubles d2, versine;
+  SphereCone(const LightStage& s, const Three& x)
+      : to(splat3(s.center) - x), axis(unit(to)), d2(dot(to, to)) {
+    const Doubles sine2 = choose(d2 > s.radius * s.radius, s.radius * s.radius / d2, splat(1));
+    versine = sine2 / (1 + root(1 - sine2));
+  }
+};
+
+inline Sample sphere_at(const LightStage& s, const Three& x, const SphereCone& cone,
+                        const Three& l) {
+  const double r2 = s.radius * s.radius;
+  const Doubles b = dot(cone.to, l), half = root(larger(r2 - (cone.d2 - b * b), splat(0)));
+  const Three end = x + choose(root(cone.d2) > s.radius, b - half, b + half) * l;
+  const Doubles factor =
+      s.physical ? inverse_square(s, cone.d2) * 2 / (2 - cone.versine) : splat(1);
+  return {l, end, factor, (2 * kCircle) * cone.versine, nonzero(cone.axis)};
+}
+
+inline Sample sample_sphere(const LightStage& s, const Three& x) {
+  const SphereCone cone(s, x);
+  return sphere_at(s, x, cone, in_cone(s, cone.axis, cone.versine));
+}
+
+inline Sample sphere_at(const LightStage& s, const Three& x, const Three& l) {
+  const SphereCone cone(s, x);
+  Sample at = sphere_at(s, x, cone, l);
+  const Three off = l - cone.axis;
+  at.good &= 0.5 * dot(off, off) <= cone.versine;
+  return at;
+}
+
+/// Where a disc across `towards` is lit from: at its point `end`, which is seen in the direction l.
+inline Sample disc_at(const LightStage& s, const Three& x, const Three& towards, const Three& end,
+                      const Three& l) {
+  const Three to = end - x;
+  const Doubles z = larger(dot(l, towards), splat(0)), d2 = dot(to, to);
+  return {l, end, s.physical ? z * inverse_square(s, d2) : splat(1),
+          (kCircle * s.radius * s.radius) * z / d2, nonzero(towards)};
+}
+
+inline Sample sample_disc(const LightStage& s, const Three& x) {
+  const Three towards = unit(splat3(s.center) - x);
+  Three t1, t2;
+  frame(towards, t1, t2);
+  const Three end = splat3(s.center) + splat(s.radius) * (splat(s.x) * t1 + splat(s.y) * t2);
+  return disc_at(s, x, towards, end, unit(end - x));
+}
+
+inline Sample disc_at(const LightStage& s, const Three& x, const Three& l) {
+  const Way to = way(splat3(s.center) - x);
+  const Doubles t = to.length / dot(l, to.d);
+  const Three end = x + t * l, off = end - splat3(s.center);
+  Sample at = disc_at(s, x, to.d, end, l);
+  at.good &= (t > 0) & (dot(off, off) <= s.radius * s.radius);
+  return at;
+}
+
+inline Sample plane_at(const LightStage& s, const Three& x, const Three& end, const Three& l) {
+  const Three to = end - x;
+  const Doubles z = -dot(l, splat3(s.axis)), d2 = dot(to, to);
+  return {l, end, s.physical ? 4 * z * inverse_square(s, d2) : splat(1), s.area * z / d2, z > 0};
+}
+
+inline Sample sample_plane(const LightStage& s, const Three& x) {
+  return plane_at(s, x, splat3(s.end), unit(splat3(s.end) - x));
+}
+
+inline Sample plane_at(const LightStage& s, const Three& x, const Three& l) {
+  const Doubles t = dot(splat3(s.center) - x, splat3(s.axis)) / dot(l, splat3(s.axis));
+  const Three end = x + t * l, off = end - splat3(s.center);
+  const Doubles a = dot(off, splat3(s.across)), b = dot(off, splat3(s.upward));
+  Sample at = plane_at(s, x, end, l);
+  at.good &= (t > 0) & (s.ellipse ? a * a + b * b <= 1 : (magnitude(a) <= 1) & (magnitude(b) <= 1));
+  return at;
+}
+
+/// Even over the solid angle where the rectangle is seen large, over its area elsewhere: there the
+/// two are nearly the same, and rays that end in one point are faster.
+struct SeenRectangle {
+  Three right, up, axis;
+  Rectangle seen;
+  Mask large;
+  SeenRectangle(const LightStage& s, const Three& p)
+      : right(splat3(s.right)), up(splat3(s.up)), axis(splat3(s.axis)) {
+    const Three to = splat3(s.center) - p;
+    const Doubles x = dot(to, right) / s.size, y = dot(to, up) / s.size,
+                  z = -dot(to, axis) / s.size;
+    large = (dot(to, to) < s.near2) & (z > 1e-30);
+    seen = {x - s.half[0], x + s.half[0], y - s.half[1], y + s.half[1], z};
+  }
+};
+
+inline Sample sample_rectangle(const LightStage& s, const Three& p) {
+  const Sample even = sample_plane(s, p);
+  const SeenRectangle r(s, p);
+  if (!any(r.large)) return even;
+  const RectanglePoint q = rectangle_point(r.seen, 0.5 * (s.a + 1), 0.5 * (s.b + 1));
+  const Three l = q.x * r.right + q.y * r.up - r.seen.z * r.axis;
+  return {choose(r.large, unit(l), even.l), choose(r.large, p + splat(s.size) * l, even.end),
+          choose(r.large, q.solid_angle * s.factor, even.factor),
+          choose(r.large, q.solid_angle, even.spread), r.large | even.good};
+}
+
+inline Sample rectangle_at(const LightStage& s, const Three& p, const Three& l) {
+  Sample at = plane_at(s, p, l);
+  const SeenRectangle r(s, p);
+  if (!any(r.large & at.good)) return at;
+  const Doubles solid_angle = r.seen.solid_angle();
+  at.factor = choose(r.large, solid_angle * s.factor, at.factor);
+  at.spread = choose(r.large, solid_angle, at.spread);
+  return at;
+}
+
+inline void share(const LightStage& s, Sample& sample) {
+  if (s.spot) sample.factor = sample.factor * spot(s, sample.l);
+  if (s.share > 1) sample.factor = sample.factor / s.share;
+  sample.good &= sample.factor != 0;
+}
+
+template <int Shape>
+inline Sample sample(const LightStage& s, const Three& x) {
+  Sample sample = Shape == kDirection || Shape == kSky ? sample_direction(s, x)
+                  : Shape == kMeshSource               ? sample_mesh(s, x)
+                  : Shape == kPointSource              ? sample_point(s, x)
+                  : Shape == kSphereSource             ? sample_sphere(s, x)
+                  : Shape == kDiscSource               ? sample_disc(s, x)
+                  : Shape == kRectangleSource          ? sample_rectangle(s, x)
+                                                       : sample_plane(s, x);
+  share(s, sample);
+  return sample;
+}
+
+/// The sample that the direction l would be; not good where it misses the light.
+template <int Shape>
+inline Sample sample_at(const LightStage& s, const Three& x, const Three& l) {
+  Sample sample = Shape == kSky               ? sky_at(s, l)
+                  : Shape == kDirection       ? direction_at(s, x, l)
+                  : Shape == kSphereSource    ? sphere_at(s, x, l)
+                  : Shape == kDiscSource      ? disc_at(s, x, l)
+                  : Shape == kRectangleSource ? rectangle_at(s, x, l)
+                                              : plane_at(s, x, l);
+  share(s, sample);
+  return sample;
+}
+
+}  // namespace
+}  // namespace glint

@@ -1,0 +1,143 @@
+"""Settings to the core's structures, with the tables of sample points that a scene needs."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from ..errors import SceneError
+from ..film import PASSES
+from ..lens import BLOCK, lens_points
+from ..motion import camera_frames
+from ..sampling import light_points, lobe_points, pixel_offsets
+from ..scene import Camera, Lens, Light, Scene
+from ..settings import DECLARED, Settings
+from . import core_types
+from .packer import Packed, Packer, address, number
+
+PASS_NUMBERS = {name: core_types.Pass[name.upper().replace(" ", "_")].value for name in PASSES}
+"""The core's numbers of the passes."""
+
+# a viewport asks for the same few all the time
+_lens_points = functools.lru_cache(maxsize=4)(lens_points)
+_pixel_offsets = functools.lru_cache(maxsize=16)(pixel_offsets)
+_light_points = functools.lru_cache(maxsize=16)(light_points)
+
+_SAME = [
+    name
+    for name, _ in core_types.RenderSettingsData._fields_
+    if name in DECLARED and not DECLARED[name].choices
+]
+"""Numbers that the core takes as they are, under the same name."""
+
+
+def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool = False) -> Packed:
+    """`settings` as `core_types.RenderSettingsData`, with the sample points that the scene's lights
+    need.
+
+    waves: of `core_types.Waves`.
+    """
+    packer = Packer()
+    offsets = packer.lend(
+        _pixel_offsets(settings.samples, settings.filter_width),
+        np.float64,
+        (settings.samples, 2),
+        "pixel offsets",
+    )
+    data = core_types.RenderSettingsData(
+        pixel_offsets=address(offsets), waves=core_types.Waves[waves], remember=remember
+    )
+    for name in _SAME:
+        setattr(data, name, getattr(settings, name))
+    data.passes = sum(1 << PASS_NUMBERS[name] for name in passes_of(settings))
+    data.illumination = number(settings.illumination, core_types.Illumination, "illumination")
+    build = "BALANCED" if settings.acceleration == "AUTO" else settings.acceleration
+    data.acceleration = number(build, core_types.Build, "acceleration")
+    data.reflections = number(settings.reflecting, core_types.Reflect, "reflections")
+    if settings.reflecting != "OFF":
+        points = lobe_points(settings.samples)
+        data.lobe_levels, data.lobe_count = len(points), points.size // 2
+        points = packer.lend(points.reshape(-1, 2), np.float64, (None, 2), "lobe points")
+        data.lobe_points = address(points)
+    data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
+    if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
+        square, disc = _light_points(settings.samples * settings.light_samples)
+        data.light_square = address(packer.lend(square, np.float64, (None, 2), "light points"))
+        data.light_disc = address(packer.lend(disc, np.float64, (None, 2), "light points"))
+        data.light_point_count = len(square)
+    for light in scene.lights:
+        if light.kind == "DOME":
+            _add_dome(data, packer, light, settings)
+        if light.kind == "MESH":
+            _add_mesh(data, packer, light, settings)
+    if scene.camera.lens:
+        _add_lens(data, packer, scene.camera.lens, settings)
+    if scene.camera.motion is not None:
+        _add_motion(data, packer, scene.camera, settings)
+    return Packed(data, packer.lent)
+
+
+def _add_dome(
+    data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
+) -> None:
+    from ..dome import dome_table
+
+    data.dome_samples = settings.dome_samples
+    table = dome_table(light, settings.samples, settings.dome_samples)
+    data.dome_count = len(table.along)
+    samples = np.concatenate([table.along, table.light, table.points], 1)
+    data.dome_table = address(packer.lend(samples, np.float64, (None, 9), "dome samples"))
+    data.dome_cells = address(packer.lend(table.cells, np.float32, (None, None, 4), "dome cells"))
+    data.dome_rows, data.dome_columns = table.cells.shape[:2]
+    even = packer.lend(table.irradiance, np.float32, (None, None, 3), "dome irradiance")
+    data.dome_irradiance = address(even)
+    data.dome_irradiance_rows, data.dome_irradiance_columns = even.shape[:2]
+    data.dome_axes[:] = table.axes.T.reshape(9)
+
+
+def _add_mesh(
+    data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
+) -> None:
+    from ..mesh_lights import mesh_table
+
+    t = mesh_table(light, settings.samples, settings.mesh_samples)
+    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc)
+    rows = packer.lend(np.column_stack(columns), np.float64, (None, 16), "mesh light samples")
+    data.mesh_table = address(rows)
+    data.mesh_count, data.mesh_samples = len(rows), t.each
+
+
+def _add_motion(
+    data: core_types.RenderSettingsData, packer: Packer, camera: Camera, settings: Settings
+) -> None:
+    frames = camera_frames(camera, settings.samples).reshape(-1, 12)
+    frames = packer.lend(frames, np.float64, (None, 12), "camera frames")
+    data.camera_frames, data.camera_frame_count = address(frames), len(frames)
+    data.camera_block = BLOCK
+
+
+def _add_lens(
+    data: core_types.RenderSettingsData, packer: Packer, lens: Lens, settings: Settings
+) -> None:
+    points = packer.lend(
+        _lens_points(lens, settings.samples).reshape(-1, 2), np.float64, (None, 2), "lens points"
+    )
+    data.lens_points, data.lens_point_count = address(points), len(points)
+    data.camera_block, data.lens_focus = BLOCK, lens.focus
+
+
+def passes_of(settings: Settings) -> tuple[str, ...]:
+    """Combined and what else is wanted, in the core's order. Raises SceneError for an unknown
+    pass.
+    """
+    unknown = sorted(set(settings.passes) - set(PASS_NUMBERS))
+    if unknown:
+        raise SceneError(f"no such pass: {', '.join(unknown)}")
+    wanted = {"Combined", *settings.passes}
+    return tuple(sorted(wanted, key=PASS_NUMBERS.__getitem__))
+
+
+def is_soft(light: Light) -> bool:
+    extents = {"SUN": (light.angle,), "AREA": (light.size_x, light.size_y), "DOME": (), "MESH": ()}
+    return any(extent > 0 for extent in extents.get(light.kind, (light.radius,)))

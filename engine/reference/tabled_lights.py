@@ -1,0 +1,187 @@
+"""Lights whose samples are rows of a table that all pixels share: the sky, and what glows.
+
+Letters: x shaded point, q point on the light, d distance, z cosine at the light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..dome import DomeTable
+from ..mesh_lights import MeshTable, merged
+from ..scene import Light
+from .lights import HUGE, LightSample, Source
+from .vectors import cross, dot, unit
+
+Array = np.ndarray
+
+LEAST_WIDE = 8.0
+"""Exponents from here on draw directions beside the points of lights that may be all around."""
+SKY_DRAWS = 1 / 8
+"""Directions that highlights draw for each of the sky's."""
+MOST_PAIRS = 1 << 21
+"""Of rays and triangles that are tested at once."""
+ROUNDED = 8 * 2.0**-24
+"""Of coordinates: what single precision may move things by."""
+
+
+@dataclass(frozen=True, eq=False)
+class DomePoint:
+    """A direction (3,) from which a DOME light shines, what comes from there (3,), one over the
+    density of such directions, and a point of the unit disc.
+    """
+
+    direction: Array
+    color: Array
+    spread: float
+    disc: Array
+
+
+class Dome(Source):
+    """A light from all around. samples: directions a sample of a pixel."""
+
+    def __init__(self, light: Light, eye: Array, table: DomeTable, samples: int):
+        super().__init__(light, eye, physical=True)
+        self._table, self._samples = table, samples
+        rows = zip(table.along, table.light, table.points, strict=True)
+        self._light, self._along = table.light[:, :3], table.along
+        self.points = [DomePoint(along, row[:3], row[3], disc) for along, row, disc in rows]
+
+    draws = SKY_DRAWS
+
+    def drawn_at(self, number: int, point: DomePoint) -> DomePoint | None:
+        every = round(1 / SKY_DRAWS)
+        return self.points[number // every] if number % every == 0 else None
+
+    def sample_count(self, light_samples: int) -> int:
+        return self._samples
+
+    def is_soft(self, light_samples: int) -> bool:
+        """Four samples of a pixel take 32 directions or more."""
+        return False
+
+    def is_cut(self, x: Array, n: Array) -> Array:
+        """Never: every horizon cuts it, and neighbours see the same of its points."""
+        return np.zeros(x.shape[1], bool)
+
+    def least_exponent(self, x: Array) -> Array:
+        return np.full(x.shape[1], LEAST_WIDE)
+
+    def rest(self, n: Array, sample: int) -> Array:
+        """(3, k) what the whole sky gives to surfaces with normals n (3, k) that nothing hides it
+        from, less what the directions of a pixel's sample give them; of irradiance over π.
+        """
+        given = np.zeros_like(n)
+        for number in self.numbers(sample, self._samples):
+            given += np.maximum(self._along[number] @ n, 0.0) * self._light[number][:, None]
+        return self._table.unhidden(n) - given / self._samples
+
+    def sample(self, x: Array, point: DomePoint, n: int) -> LightSample:
+        some = np.ones(x.shape[1])
+        direction = np.repeat(point.direction[:, None], x.shape[1], 1)
+        return LightSample(direction, some / n, None, point.spread * some, point.color[:, None])
+
+    def sample_at(self, x: Array, direction: Array, n: int) -> LightSample:
+        radiance, spread = self._table.seen(direction)
+        return LightSample(direction, spread / n, None, spread, radiance)
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPoint:
+    """Row `number` of a `MeshTable`, and its point of the unit disc."""
+
+    number: int
+    disc: Array
+
+
+class MeshSource(Source):
+    """Surfaces that glow."""
+
+    def __init__(self, light: Light, eye: Array, table: MeshTable):
+        super().__init__(light, eye, physical=True)
+        self._table, self._emitters = table, light.emitters
+        self._axes = np.asarray(light.world_from_light, np.float64)[:, :3]
+        self.draws = 1 / table.each
+        self.points = [MeshPoint(k, disc) for k, disc in enumerate(table.disc)]
+
+    def sample_count(self, light_samples: int) -> int:
+        return self._table.each
+
+    def drawn_at(self, number: int, point: MeshPoint) -> MeshPoint | None:
+        return point if number % self._table.each == 0 else None
+
+    def least_exponent(self, x: Array) -> Array:
+        return np.full(x.shape[1], LEAST_WIDE)
+
+    def is_cut(self, x: Array, n: Array) -> Array:
+        light, to = self.light, self.position - x
+        half = np.array([light.size_x / 2, light.size_y / 2, light.radius])
+        return dot(n, to) ** 2 < (half @ np.abs(self._axes.T @ n)) ** 2
+
+    def sample(self, x: Array, point: MeshPoint, n: int) -> LightSample:
+        row = [column[point.number] for column in vars(self._table).values() if np.ndim(column)]
+        at, normal, front, back, spread, *_ = (np.atleast_1d(value)[:, None] for value in row)
+        q = self._axes @ at + self.position
+        return self._seen(x, q, self._axes @ normal, front, back, spread[0])
+
+    def sample_at(self, x: Array, direction: Array, n: int) -> LightSample:
+        local = self._axes.T @ (x - self.position), self._axes.T @ direction
+        t, index = _nearest(self._emitters.corners.T, *local)
+        met, k = np.isfinite(t), np.maximum(index, 0)
+        given = self._emitters.take(k)
+        seen = self._seen(
+            x,
+            np.where(met, x + np.where(met, t, 1.0) * direction, x + direction),
+            self._axes @ given.normals.T,
+            given.front.T,
+            given.back.T,
+            self._emitters.spreads[k],
+        )
+        return replace(seen, direction=direction, intensity=np.where(met, seen.intensity, 0.0))
+
+    def _seen(
+        self, x: Array, q: Array, normal: Array, front: Array, back: Array, spread: Array
+    ) -> LightSample:
+        """The points q (3, k) or (3, 1) with these normals, radiances and shares of the area."""
+        to = q - x
+        direction, near2 = unit(to), merged(spread, self._table.each)
+        z = -dot(direction, normal)
+        solid_angle = spread * np.abs(z) / np.maximum(dot(to, to), near2)
+        light = np.where(z > 0, front, back)
+        with np.errstate(over="ignore"):
+            color = np.clip(light, -HUGE, HUGE)
+        return LightSample(
+            direction,
+            solid_angle / (np.pi * self._table.each),
+            q,
+            solid_angle,
+            color,
+            z <= 0,
+            ROUNDED,
+        )
+
+
+def _nearest(corners: Array, x: Array, direction: Array) -> tuple[Array, Array]:
+    """Distance (k,), infinite for none, and number of the first of the triangles (3, 3, m), by
+    component and corner, that rays from x (3, k) meet away from there (Möller, Trumbore 1997).
+    """
+    distance, index = np.full(x.shape[1], np.inf), np.full(x.shape[1], -1)
+    apart = ROUNDED * np.abs(x).max(0)
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    step = max(MOST_PAIRS // max(a.shape[1], 1), 1)
+    for first in range(0, x.shape[1], step):
+        here = slice(first, first + step)
+        d = direction[:, here, None]
+        across = cross(d, (c - a)[:, None])
+        from_a = x[:, here, None] - a[:, None]
+        beside = cross(from_a, (b - a)[:, None])
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            scale = 1 / dot(across, (b - a)[:, None])
+            u, v = dot(across, from_a) * scale, dot(beside, d) * scale
+            t = dot(beside, (c - a)[:, None]) * scale
+            hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > apart[here, None])
+        t = np.where(hit, t, np.inf)
+        index[here], distance[here] = t.argmin(1), t.min(1)
+    return distance, index
