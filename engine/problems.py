@@ -396,6 +396,11 @@ def _light_program(light: Light) -> Found:
         yield "program has no output: compile it with one"
     if not found and light.program.attributes:
         yield "program reads an attribute, which a light has not: use its position or normal"
+    if not found and any(
+        step.operation.name in ("barycentric", "edge_distance")
+        for step in instructions(light.program)
+    ):
+        yield "program reads a triangle, which a light has not: use its position or normal"
 
 
 def _radiance(values: Any) -> Found:

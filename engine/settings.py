@@ -52,14 +52,14 @@ _REFLECTIONS = (
     (
         "METALS",
         "Metals",
-        "For most pictures: rough metals reflect what surrounds them. Takes as long again where "
-        "they are seen",
+        "For most pictures: rough metals reflect what surrounds them. Takes about as long again "
+        "where they are seen",
     ),
     (
         "ALL",
         "All",
         "For glossy plastic, wood and stone close to each other: every rough surface does. Takes "
-        "about twice as long",
+        "up to three times as long",
     ),
     (
         "OFF",

@@ -54,13 +54,19 @@ def lambert(color):
     return material
 
 
-def mirror(color):
-    """A Glossy BSDF of roughness 0."""
-    material, tree, output = new_material("Mirror")
+def metal(roughness: float, color=(0.8, 0.7, 0.5)):
+    """A Glossy BSDF."""
+    material, tree, output = new_material("Metal")
     node = tree.nodes.new("ShaderNodeBsdfAnisotropic")
-    node.inputs["Color"].default_value, node.inputs["Roughness"].default_value = (*color, 1.0), 0.0
-    tree.links.new(node.outputs["BSDF"], output.inputs["Surface"])
+    node.inputs["Roughness"].default_value = roughness
+    node.inputs["Color"].default_value = (*color, 1)
+    tree.links.new(node.outputs[0], output.inputs[0])
     return material
+
+
+def mirror(color):
+    """The same of roughness 0."""
+    return metal(0.0, color)
 
 
 def mesh(name: str, vertices, faces, smooth: bool = False, material=None):

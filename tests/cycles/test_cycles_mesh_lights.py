@@ -15,6 +15,7 @@ from small_scenes import (
     cube,
     lambert,
     looking_at,
+    metal,
     moved,
     new_material,
     plane,
@@ -60,15 +61,6 @@ def one_sided(color, strength: float):
     sub.inputs[1].default_value, sub.inputs[2].default_value = -strength, strength
     tree.links.new(geometry.outputs["Backfacing"], sub.inputs[0])
     tree.links.new(sub.outputs[0], emission_of(tree).inputs["Strength"])
-    return material
-
-
-def metal(roughness: float):
-    material, tree, output = new_material("metal")
-    glossy = tree.nodes.new("ShaderNodeBsdfGlossy")
-    glossy.inputs["Roughness"].default_value = roughness
-    glossy.inputs["Color"].default_value = (0.8, 0.7, 0.5, 1)
-    tree.links.new(glossy.outputs[0], output.inputs[0])
     return material
 
 

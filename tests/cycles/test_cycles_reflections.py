@@ -15,19 +15,10 @@ from small_scenes import (
     cube,
     lambert,
     looking_at,
+    metal,
     moved,
-    new_material,
     plane,
 )
-
-
-def metal(roughness: float):
-    material, tree, output = new_material("metal")
-    glossy = tree.nodes.new("ShaderNodeBsdfAnisotropic")
-    glossy.inputs["Roughness"].default_value = roughness
-    glossy.inputs["Color"].default_value = (0.9, 0.8, 0.6, 1)
-    tree.links.new(glossy.outputs[0], output.inputs[0])
-    return material
 
 
 def alley(roughness: float):
