@@ -282,7 +282,7 @@ def _pieces(emitters: Emitters) -> tuple[Array, Array, Array]:
         corners = np.concatenate([np.delete(corners, long, 0), *halves])
         index = np.concatenate([np.delete(index, long), index[long], index[long]])
         share = np.concatenate([np.delete(share, long), share[long] / 2, share[long] / 2])
-    order = _along_a_curve(corners.mean(1))
+    order = along_a_curve(corners.mean(1))
     return corners[order], index[order], share[order]
 
 
@@ -304,7 +304,7 @@ def _longest_first(corners: Array) -> Array:
     return np.take_along_axis(corners, turn[..., None], 1)
 
 
-def _along_a_curve(x: Array) -> Array:
+def along_a_curve(x: Array) -> Array:
     """The order of points (n, 3) along Morton's curve through their bounds: neighbours in space are
     neighbours in it.
     """

@@ -374,6 +374,8 @@ def _light(light: Light) -> Found:
         yield from _radiance(light.radiance)
     if light.kind == "MESH":
         yield "kind 'MESH' is made by the tracers: give surfaces EMISSION"
+    if light.kind == "BOUNCED":
+        yield "kind 'BOUNCED' is made by the tracers: set diffuse_bounces"
     if light.program is not None:
         yield from _light_program(light)
     yield from one_of("shape", light.shape, LIGHT_SHAPES)

@@ -164,6 +164,14 @@ def lobe_points(count: int) -> np.ndarray:
     return np.stack([disc[_shuffled(bits, level)[:count]] for level in range(LOBE_LEVELS)])
 
 
+def walk_points(count: int, level: int) -> np.ndarray:
+    """(count, 2) float64 in (0, 1): where walks of light turn at their steps, the same points in
+    another order at each level, as `lobe_points` has them.
+    """
+    bits = max(count - 1, 0).bit_length()
+    return _sobol(1 << bits, _DOME)[_shuffled(bits, LOBE_LEVELS + level)[:count]]
+
+
 def _shuffled(bits: int, seed: int) -> np.ndarray:
     """The numbers below 2^bits in an order that keeps aligned runs of powers of two together: each
     binary digit turned or not, by a hash of those before it.

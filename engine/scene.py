@@ -279,14 +279,32 @@ class Emitters:
         return Emitters(*(column[index] for column in columns))
 
 
-LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH")
+@dataclass(frozen=True, eq=False)
+class Bounces:
+    """m points from which light goes on that surfaces scatter.
+
+    points, normals: (m, 3) float64, in the light's axes, unit normals to the side that scatters.
+    radiance: (m, 3) of the surface there.  spreads: (m,) one over how densely, by area, points are
+    taken there. weights: (m,) how likely each is taken, but for a factor.  reaches: (m,) how far
+    the ends of shadow rays stay off it.
+    """
+
+    points: Array
+    normals: Array
+    radiance: Array
+    spreads: Array
+    weights: Array
+    reaches: Array
+
+
+LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH", "BOUNCED")
 LIGHT_SHAPES = ("RECTANGLE", "ELLIPSE")
 
 
 @dataclass(frozen=True, eq=False)
 class Light:
     """A light. kind: POINT, SUN, SPOT, AREA, DOME, which shines from all around, or MESH, which
-    `Scene.as_lit` makes of surfaces that glow.
+    `Scene.as_lit` makes of surfaces that glow, or BOUNCED, which it makes of those that are lit.
 
     world_from_light: (3, 4) float64, orthonormal columns; the light shines along -z.
     color: RGB; strength: Blender's number (watts; W/m² for SUN) with exposure applied, may be
@@ -299,7 +317,7 @@ class Light:
     attributes, and a DOME has none.  textures: what it refers to.  radiance: of a DOME, times
     color and strength: (h, w, 3) float32 in the light's axes, equirectangular as `engine.dome`
     says.  emitters: of a MESH, whose bounds are size_x, size_y and twice the radius along the
-    light's axes, round its origin.
+    light's axes, round its origin.  bounces: of a BOUNCED one, the same.
     """
 
     name: str
@@ -322,6 +340,7 @@ class Light:
     textures: tuple[Texture, ...] = ()
     radiance: Array | None = None
     emitters: Emitters | None = None
+    bounces: Bounces | None = None
 
 
 CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
@@ -400,11 +419,13 @@ class Scene:
     lights: tuple[Light, ...] = ()
     world: World = field(default_factory=World)
 
-    def as_lit(self, *, by_world: bool, by_meshes: bool) -> Scene:
+    def as_lit(self, *, by_world: bool, by_meshes: bool, bounces: int) -> Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and
         surfaces hide that; else `World.ambient` is the same everywhere.  by_meshes: what glows
-        lights it too. A scene with nothing of both stays.
+        lights it too.  bounces: how often surfaces scatter light onto others. A scene with nothing
+        of all that stays.
         """
+        from .bounced_light import bounced_light
         from .mesh_lights import mesh_light
 
         scene = self
@@ -415,7 +436,9 @@ class Scene:
             else:
                 scene = replace(self, lights=lamps)
         glow = mesh_light(self) if by_meshes else None
-        return scene if glow is None else replace(scene, lights=(*scene.lights, glow))
+        scene = scene if glow is None else replace(scene, lights=(*scene.lights, glow))
+        bounced = bounced_light(scene, bounces)
+        return scene if bounced is None else replace(scene, lights=(*scene.lights, bounced))
 
     def problems(self) -> list[str]:
         """What makes this scene unfit to render, one sentence each; empty when it is sound."""

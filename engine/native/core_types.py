@@ -86,6 +86,7 @@ class LightKind(IntEnum):
     AREA = 3
     DOME = 4
     MESH = 5
+    BOUNCED = 6
 
 
 class LightFlags(IntEnum):
@@ -170,6 +171,7 @@ class Feature(IntEnum):
     MESH_LIGHT = 1024
     DEPTH_OF_FIELD = 2048
     CAMERA_MOTION = 4096
+    BOUNCED_LIGHT = 8192
 
 
 class MathFunction(IntEnum):
@@ -296,15 +298,16 @@ class SceneData(Structure):
 
 class RenderSettingsData(Structure):
     _fields_ = [
-        *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table lobe_points"),
-        *_each(c_size_t, "dome_cells dome_irradiance lens_points camera_frames"),
-        *_each(c_uint64, "light_point_count dome_count mesh_count lobe_count lens_point_count"),
-        *_each(c_uint64, "camera_frame_count"),
+        *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table"),
+        *_each(c_size_t, "bounced_table lobe_points dome_cells dome_irradiance lens_points"),
+        *_each(c_size_t, "camera_frames"),
+        *_each(c_uint64, "light_point_count dome_count mesh_count bounced_count lobe_count"),
+        *_each(c_uint64, "lens_point_count camera_frame_count"),
         *_each(c_double * 9, "dome_axes"),
         *_each(c_double, "error_threshold cutoff lens_focus"),
-        *_each(c_uint32, "samples light_samples dome_samples mesh_samples dome_rows dome_columns"),
-        *_each(c_uint32, "dome_irradiance_rows dome_irradiance_columns camera_block lobe_levels"),
-        *_each(c_uint32, "max_bounces threads passes"),
+        *_each(c_uint32, "samples light_samples dome_samples mesh_samples bounced_samples"),
+        *_each(c_uint32, "dome_rows dome_columns dome_irradiance_rows dome_irradiance_columns"),
+        *_each(c_uint32, "camera_block lobe_levels max_bounces threads passes"),
         *_each(c_uint32 * 4, "region"),
         *_each(c_int32, "illumination waves acceleration remember reflections"),
     ]

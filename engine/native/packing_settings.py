@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import SceneError
 from ..film import PASSES
 from ..lens import BLOCK, lens_points
+from ..mesh_lights import MeshTable
 from ..motion import camera_frames
 from ..sampling import light_points, lobe_points, pixel_offsets
 from ..scene import Camera, Lens, Light, Scene
@@ -71,6 +72,8 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
             _add_dome(data, packer, light, settings)
         if light.kind == "MESH":
             _add_mesh(data, packer, light, settings)
+        if light.kind == "BOUNCED":
+            _add_bounced(data, packer, light, settings)
     if scene.camera.lens:
         _add_lens(data, packer, scene.camera.lens, settings)
     if scene.camera.motion is not None:
@@ -101,11 +104,26 @@ def _add_mesh(
 ) -> None:
     from ..mesh_lights import mesh_table
 
-    t = mesh_table(light, settings.samples, settings.mesh_samples)
-    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc)
-    rows = packer.lend(np.column_stack(columns), np.float64, (None, 16), "mesh light samples")
+    table = mesh_table(light, settings.samples, settings.mesh_samples)
+    rows = _surface_points(packer, table, "mesh light samples")
     data.mesh_table = address(rows)
-    data.mesh_count, data.mesh_samples = len(rows), t.each
+    data.mesh_count, data.mesh_samples = len(rows), table.each
+
+
+def _add_bounced(
+    data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
+) -> None:
+    from ..bounced_light import bounced_table
+
+    table = bounced_table(light, settings.samples, settings.bounced_samples)
+    rows = _surface_points(packer, table, "bounced light samples")
+    data.bounced_table = address(rows)
+    data.bounced_count, data.bounced_samples = len(rows), table.each
+
+
+def _surface_points(packer: Packer, t: MeshTable, name: str) -> np.ndarray:
+    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc)
+    return packer.lend(np.column_stack(columns), np.float64, (None, 16), name)
 
 
 def _add_motion(
@@ -139,5 +157,7 @@ def passes_of(settings: Settings) -> tuple[str, ...]:
 
 
 def is_soft(light: Light) -> bool:
-    extents = {"SUN": (light.angle,), "AREA": (light.size_x, light.size_y), "DOME": (), "MESH": ()}
+    if light.kind in ("DOME", "MESH", "BOUNCED"):
+        return False
+    extents = {"SUN": (light.angle,), "AREA": (light.size_x, light.size_y)}
     return any(extent > 0 for extent in extents.get(light.kind, (light.radius,)))

@@ -96,7 +96,8 @@ class Lighting:
         if n == 1 and source.points is None:
             yield None, source.sample(surface.x, CENTER, n), coefficients.diffuse
             return
-        narrow = Narrow(surface, coefficients.highlights, weight, source)
+        terms = coefficients.highlights if source.has_highlights else []
+        narrow = Narrow(surface, terms, weight, source)
         for number in source.numbers(sample, n):
             point = points[number]
             yield narrow, source.sample(surface.x, point, n), coefficients.diffuse
@@ -145,8 +146,9 @@ class Lighting:
         )
         light = sample.light_of(source)
         diffuse = pick(diffuse, seen) * light * cosine[seen]
+        terms = coefficients.highlights if source.has_highlights else []
         specular = (
-            highlights(surface, coefficients.highlights, seen, sample.direction)
+            highlights(surface, terms, seen, sample.direction)
             * light
             * balance(narrow, seen, sample)
         )

@@ -96,7 +96,7 @@ class Source:
     def is_extended(self) -> bool:
         """Whether it has an extent to sample."""
         light = self.light
-        if light.kind in ("DOME", "MESH"):
+        if light.kind in ("DOME", "MESH", "BOUNCED"):
             return True
         if light.kind == "AREA":
             return light.size_x > 0 or light.size_y > 0
@@ -106,6 +106,7 @@ class Source:
         """n: how many samples it takes."""
         return light_samples if self.is_extended else 1
 
+    has_highlights = True
     draws = 1.0
     """Directions that highlights draw for each sample."""
     points: Sequence[LightPoint] | None = None

@@ -6,6 +6,7 @@ from collections import Counter
 
 import numpy as np
 
+from ..bounced_light import bounced_table
 from ..dome import dome_table
 from ..mesh_lights import mesh_table
 from ..sampling import light_points, lobe_points
@@ -21,7 +22,7 @@ from .materials import Shader
 from .pulse import Pulse
 from .shadows import Shadows
 from .sky import radiance
-from .tabled_lights import Dome, MeshSource
+from .tabled_lights import BouncedSource, Dome, MeshSource
 from .textures import Image
 from .vectors import unit
 from .visibility import Visibility
@@ -78,6 +79,9 @@ class Stage:
         if light.kind == "MESH":
             table = mesh_table(light, samples, self.settings.mesh_samples)
             return MeshSource(light, self.eye, table)
+        if light.kind == "BOUNCED":
+            table = bounced_table(light, samples, self.settings.bounced_samples)
+            return BouncedSource(light, self.eye, table)
         if light.kind != "DOME":
             emission = None
             if light.program is not None:

@@ -163,6 +163,19 @@ class MeshSource(Source):
         )
 
 
+class BouncedSource(MeshSource):
+    """Surfaces that are lit: their light is spread out too far to be seen in highlights."""
+
+    has_highlights = False
+
+    def drawn_at(self, number: int, point: MeshPoint) -> None:
+        return None
+
+    def is_cut(self, x: Array, n: Array) -> Array:
+        """Never, as of a dome."""
+        return np.zeros(x.shape[1], bool)
+
+
 def _nearest(corners: Array, x: Array, direction: Array) -> tuple[Array, Array]:
     """Distance (k,), infinite for none, and number of the first of the triangles (3, 3, m), by
     component and corner, that rays from x (3, k) meet away from there (Möller, Trumbore 1997).

@@ -146,7 +146,8 @@ enum GlintLightKind {
   GLINT_SPOT,
   GLINT_AREA,
   GLINT_DOME,
-  GLINT_MESH_LIGHT
+  GLINT_MESH_LIGHT,
+  GLINT_BOUNCED_LIGHT
 };
 enum GlintLightFlags {
   GLINT_CAST_SHADOW = 1,
@@ -159,8 +160,9 @@ enum GlintLightFlags {
 /* Lengths in world units, angles in radians. A light with a number that is not finite is left out
  * and counted. program: 0, or 1 plus the number of the program that says, sample by sample, what
  * the colour is times; program_slot: the first of its three slots that hold that. It must not read
- * attributes or triangles. DOME and MESH lights have none. A MESH light, of which there is one at
- * most, is the scene's emitters; size_x, size_y and twice the radius are its bounds. */
+ * attributes or triangles. DOME, MESH and BOUNCED lights have none. A MESH light, of which there is
+ * one at most, is the scene's emitters; size_x, size_y and twice the radius are its bounds. A
+ * BOUNCED light, one at most too, has no highlights. */
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];
@@ -267,6 +269,7 @@ enum GlintPass {
  * pole and once round. mesh_table: (mesh_count, 16), of as many samples, mesh_samples points each,
  * as divide it, after which they begin again, of a GLINT_MESH_LIGHT: the point and its unit normal
  * in the light's axes, the numbers of GlintEmitter but the normal, and a point of the unit disc.
+ * bounced_table: the same of a GLINT_BOUNCED_LIGHT.
  * Tables may be null where the scene has no such light. lobe_points: (lobe_count, 2) of the unit
  * disc, as many for each of lobe_levels reflections of a path, where in the lobes of rough surfaces
  * its rays are reflected; null only where none are. error_threshold: in 8-bit levels, at least
@@ -286,16 +289,18 @@ typedef struct GlintRenderSettings {
   const double* light_disc;
   const double* dome_table;
   const double* mesh_table;
+  const double* bounced_table;
   const double* lobe_points;
   const float* dome_cells;
   const float* dome_irradiance;
   const double* lens_points;
   const double* camera_frames;
-  uint64_t light_point_count, dome_count, mesh_count, lobe_count, lens_point_count,
-      camera_frame_count;
+  uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count,
+      lens_point_count, camera_frame_count;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
-  uint32_t samples, light_samples, dome_samples, mesh_samples, dome_rows, dome_columns;
+  uint32_t samples, light_samples, dome_samples, mesh_samples, bounced_samples;
+  uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels;
   uint32_t max_bounces, threads, passes;
   uint32_t region[4];
@@ -332,7 +337,8 @@ enum GlintFeature {
   GLINT_FEATURE_WORLD_LIGHT = 512,
   GLINT_FEATURE_MESH_LIGHT = 1024,
   GLINT_FEATURE_DEPTH_OF_FIELD = 2048,
-  GLINT_FEATURE_CAMERA_MOTION = 4096
+  GLINT_FEATURE_CAMERA_MOTION = 4096,
+  GLINT_FEATURE_BOUNCED_LIGHT = 8192
 };
 
 typedef struct GlintStats {

@@ -340,12 +340,16 @@ void check_surroundings(const GlintSceneData& d, Report& report) {
              "camera: %d clip planes", c.clip_plane_count);
   bool sized = c.width >= 1 && c.height >= 1 && c.width <= 1u << 20 && c.height <= 1u << 20;
   report.add(sized, "camera: resolution %u by %u", c.width, c.height);
-  uint64_t mesh_lights = 0;
-  for (uint64_t i = 0; i < d.light_count; ++i) mesh_lights += d.lights[i].kind == GLINT_MESH_LIGHT;
+  uint64_t mesh_lights = 0, bounced_lights = 0;
+  for (uint64_t i = 0; i < d.light_count; ++i) {
+    mesh_lights += d.lights[i].kind == GLINT_MESH_LIGHT;
+    bounced_lights += d.lights[i].kind == GLINT_BOUNCED_LIGHT;
+  }
+  report.add(bounced_lights <= 1, "%llu bounced lights", ull(bounced_lights));
   report.add(mesh_lights <= (d.emitter_count > 0 ? 1 : 0), "%llu mesh lights with %llu triangles",
              ull(mesh_lights), ull(d.emitter_count));
   for (uint64_t i = 0; i < d.light_count; ++i)
-    report.add(within(d.lights[i].kind, GLINT_MESH_LIGHT), "light %llu: unknown kind %d", ull(i),
+    report.add(within(d.lights[i].kind, GLINT_BOUNCED_LIGHT), "light %llu: unknown kind %d", ull(i),
                d.lights[i].kind);
 }
 

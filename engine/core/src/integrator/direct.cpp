@@ -80,6 +80,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ || light.program ? ends_[c] : nullptr;
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       const LightPoint point = plan_.light_point(light, sample, j);
+      stage_.max_specular = light.is_bounced() ? 0 : scene_.max_specular;
       light.set(stage_, point, count, plan_.physical);
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       uint8_t* const known = batch.first_hits ? batch.first_hits->shadows(number) : nullptr;
@@ -94,6 +95,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     }
     if (light.is_dome()) add_rest(batch, light, sample);
   }
+  stage_.max_specular = scene_.max_specular;  // for reflections
 }
 
 bool DirectLight::reflects() const {

@@ -13,7 +13,7 @@ struct RenderPlan {
                          // their neighbours are looked at
   double error_threshold = 0, cutoff = 0;
   uint32_t samples = 1, light_samples = 1, dome_samples = 1, dome_tabled = 1, mesh_samples = 1,
-           mesh_tabled = 1, max_bounces = 0, passes = 0;
+           mesh_tabled = 1, bounced_samples = 1, bounced_tabled = 1, max_bounces = 0, passes = 0;
   int threads = 1;
   BuildQuality quality = BuildQuality::kBalanced;
   bool physical = true, unseen = false, hold_waves = false,
@@ -23,6 +23,7 @@ struct RenderPlan {
   const double* light_disc = nullptr;
   const double* dome_table = nullptr;
   const double* mesh_table = nullptr;
+  const double* bounced_table = nullptr;
   const double* lobe_points = nullptr;  // lobe_levels runs of lobe_tabled
   size_t lobe_levels = 1, lobe_tabled = 1;
   int reflections = GLINT_REFLECT_OFF;
@@ -34,6 +35,7 @@ struct RenderPlan {
 
   uint32_t samples_of(const Light& light) const {
     if (light.is_mesh()) return mesh_samples;
+    if (light.is_bounced()) return bounced_samples;
     return light.is_dome() ? dome_samples : light.extended ? light_samples : 1;
   }
 
@@ -60,6 +62,10 @@ struct RenderPlan {
     if (light.is_mesh()) {
       const double* const row = mesh_table + 16 * (size_t(sample % mesh_tabled) * mesh_samples + j);
       return {0, 0, row[14], row[15], row, nullptr, j == 0};
+    }
+    if (light.is_bounced()) {
+      const size_t number = size_t(sample % bounced_tabled) * bounced_samples + j;
+      return {0, 0, 0, 0, bounced_table + 16 * number, nullptr, false};
     }
     if (light_samples <= 1 || !light_square) return {};
     size_t at = 2 * (size_t(sample) * light_samples + j);

@@ -87,7 +87,9 @@ TileFrustum Tracer::frustum(const Tile& tile) const {
 /// How many of a pixel's next samples are traced at once: points of soft lights, and where in lobes
 /// rays are reflected, are common to a sample of many pixels.
 uint32_t Tracer::packet_samples(uint32_t samples) const {
-  if (scene_.features & (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT)) return 1;
+  if (scene_.features &
+      (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT | GLINT_FEATURE_BOUNCED_LIGHT))
+    return 1;
   if (direct_.reflects()) return 1;
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
   uint32_t count = WindowPoints::kMaxPacketSamples;

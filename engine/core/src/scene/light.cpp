@@ -70,7 +70,7 @@ Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramShape* prog
   spot_cosine = cosine(half(g.spot_size));
   spot_blend = g.spot_blend;
   double shape = 0;  // the c / shape of the visible radiance
-  if (is_dome() || is_mesh()) extended = true;
+  if (is_dome() || is_surface()) extended = true;
   if (kind == GLINT_SUN) {
     extended = alpha > 0;
     shape = kPi * sine(alpha) * sine(alpha);
@@ -136,6 +136,7 @@ void Light::set_dome(LightStage& stage, const LightPoint& p, uint32_t count) con
 
 void Light::set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) const {
   set_wide(stage, p, count);
+  if (is_bounced()) stage.draws = false;
   const double* const row = p.drawn;
   const Vec3d q = point(placed, {row[0], row[1], row[2]}),
               n = unit(direction(placed, {row[3], row[4], row[5]}));
@@ -154,7 +155,7 @@ void Light::set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) con
 
 void Light::set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const {
   if (is_dome()) return set_dome(stage, p, count);
-  if (is_mesh()) return set_mesh(stage, p, count);
+  if (is_surface()) return set_mesh(stage, p, count);
   const bool soft = extended && count > 1, ellipse = flags & GLINT_ELLIPSE;
   const LightPoint q = soft ? p : LightPoint{};
   const Vec3d l = soft && kind == GLINT_SUN ? in_cone(-axis, versine, p) : -axis;
@@ -217,7 +218,7 @@ void Light::set_rectangle(LightStage& stage, const LightPoint& q) const {
 }
 
 bool Light::is_cut(Vec3d x, Vec3d n) const {
-  if (!any(color) || is_dome()) return false;
+  if (!any(color) || is_dome() || is_bounced()) return false;
   if (kind == GLINT_SUN) {
     const double z = dot(n, axis), v = std::min(versine, 1.0);
     return z * z < v * (2 - v);

@@ -53,6 +53,9 @@ struct Light {
   bool endless() const { return kind == GLINT_SUN || is_dome(); }
   bool is_dome() const { return kind == GLINT_DOME; }
   bool is_mesh() const { return kind == GLINT_MESH_LIGHT; }
+  bool is_bounced() const { return kind == GLINT_BOUNCED_LIGHT; }
+  /// Whether its samples are places on surfaces, rows of a table.
+  bool is_surface() const { return is_mesh() || is_bounced(); }
   bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
 
   /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1:

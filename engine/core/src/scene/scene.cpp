@@ -284,6 +284,7 @@ void Scene::note_features() {
   for (const Light& light : lights) {
     if (light.is_dome()) features |= GLINT_FEATURE_WORLD_LIGHT;
     else if (light.is_mesh()) features |= GLINT_FEATURE_MESH_LIGHT;
+    else if (light.is_bounced()) features |= GLINT_FEATURE_BOUNCED_LIGHT;
     else if (light.extended) features |= GLINT_FEATURE_SOFT_LIGHTS;
     if (light.flags & (GLINT_SEEN_BY_CAMERA | GLINT_SEEN_BY_MIRROR) && any(light.seen))
       features |= GLINT_FEATURE_VISIBLE_LIGHTS;

@@ -46,6 +46,9 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.mesh_samples = std::max(g.mesh_samples, 1u);
   plan.mesh_tabled = uint32_t(std::max(g.mesh_count / plan.mesh_samples, uint64_t(1)));
   plan.mesh_table = g.mesh_table;
+  plan.bounced_samples = std::max(g.bounced_samples, 1u);
+  plan.bounced_tabled = uint32_t(std::max(g.bounced_count / plan.bounced_samples, uint64_t(1)));
+  plan.bounced_table = g.bounced_table;
   plan.lobe_points = g.lobe_points;
   plan.lobe_levels = std::max(g.lobe_levels, 1u);
   plan.lobe_tabled = std::max(size_t(g.lobe_count) / plan.lobe_levels, size_t(1));
@@ -80,6 +83,11 @@ bool enough_mesh_points(const GlintRenderSettings& g, const Scene& scene) {
          (g.mesh_samples >= 1 && g.mesh_table && g.mesh_count >= g.mesh_samples);
 }
 
+bool enough_bounced_points(const GlintRenderSettings& g, const Scene& scene) {
+  return !(scene.features & GLINT_FEATURE_BOUNCED_LIGHT) ||
+         (g.bounced_samples >= 1 && g.bounced_table && g.bounced_count >= g.bounced_samples);
+}
+
 bool enough_camera_rows(const GlintRenderSettings& g) {
   const uint64_t block = g.camera_block;
   const auto enough = [&](const double* table, uint64_t count) {
@@ -109,6 +117,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(enough_camera_rows(g), "settings: fewer lens points or frames than a block has, or no focus");
   add(enough_mesh_points(g, scene),
       "settings: fewer points of a mesh light than those of a sample");
+  add(enough_bounced_points(g, scene),
+      "settings: fewer points of bounced light than those of a sample");
   add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
   add(g.max_bounces <= 64, "settings: more than 64 bounces");
   add(g.error_threshold >= 0 && g.error_threshold < 256,
