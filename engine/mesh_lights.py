@@ -339,9 +339,11 @@ class MeshTable:
     each: int
 
 
-def merged(spread: Array | float, each: int) -> Array | float:
-    """The square of the distance from which a point of a light is seen at least: see `MERGED`."""
-    return spread / (MERGED * each * np.pi)
+def merged(spread: Array | float, each: int, samples: int = MERGED) -> Array | float:
+    """The square of the distance from which a point of a light is seen at least: the radius of the
+    disc that it stands for among those of so many samples of a pixel.
+    """
+    return spread / (samples * each * np.pi)
 
 
 def mesh_table(light: Light, samples: int, each: int) -> MeshTable:

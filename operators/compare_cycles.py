@@ -45,8 +45,8 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """direct: Glint against Cycles with direct light only.  noise: RMSE of Cycles' own noise in it,
-    as displayed. indirect: Cycles with all light against itself without, None where it was not
+    """direct: Glint against Cycles with Glint's light: direct, and as many diffuse bounces.  noise:
+    RMSE of Cycles' own noise in it, as displayed. indirect: Cycles with all light against itself without, None where it was not
     rendered.  seconds: by picture. expected: which differences are to be expected, one sentence
     each.  strip: (h, w, 3), row 0 on top.
     """
@@ -85,15 +85,17 @@ def _plain_sampling(scene: bpy.types.Scene, samples: int, seed: int) -> None:
     cycles.use_adaptive_sampling = cycles.use_denoising = cycles.use_light_tree = False
 
 
-def match_cycles(scene: bpy.types.Scene, samples: int, bounces: int, seed: int = 0) -> None:
-    """Cycles with Glint's pixel filter and Glint's light: direct, after `bounces` mirror
-    reflections and refractions.
+def match_cycles(
+    scene: bpy.types.Scene, samples: int, bounces: int, seed: int = 0, diffuse: int = 0
+) -> None:
+    """Cycles with Glint's pixel filter and Glint's light: after `bounces` mirror reflections and
+    refractions, and `diffuse` bounces from surfaces that scatter it.
     """
     scene.render.engine = "CYCLES"
     direct_light_only(scene, samples, seed)
-    scene.cycles.max_bounces = scene.cycles.glossy_bounces = scene.cycles.transmission_bounces = (
-        bounces
-    )
+    scene.cycles.glossy_bounces = scene.cycles.transmission_bounces = bounces
+    scene.cycles.diffuse_bounces = diffuse
+    scene.cycles.max_bounces = max(bounces, diffuse)
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = (
         "BLACKMAN_HARRIS",
         scene.render.filter_size,
@@ -187,7 +189,8 @@ def _cycles_direct(
 ) -> np.ndarray:
     """One of two renders with half of the samples each."""
     with copied(scene, view_layer, in_focus=True) as copy:
-        match_cycles(copy, max(_FEWEST, options.samples // 2), options.bounces, seed)
+        diffuse = copy.glint.final.diffuse_bounces
+        match_cycles(copy, max(_FEWEST, options.samples // 2), options.bounces, seed, diffuse)
         limit_size(copy, options.side)
         picture, took = rendered(copy, folder / f"cycles_direct_{seed}.exr")
     seconds["cycles"] = seconds.get("cycles", 0.0) + took

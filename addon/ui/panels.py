@@ -92,6 +92,7 @@ class GLINT_RENDER_PT_sampling(_Panel, bpy.types.Panel):
         physical.prop(settings.final, "world_light")
         physical.prop(settings.final, "mesh_light")
         physical.prop(settings.final, "reflections")
+        physical.prop(settings.final, "diffuse_bounces")
         column.prop(context.scene.render, "filter_size", text="Pixel Filter")
         column.prop(settings, "target")
         if settings.target != "NONE":

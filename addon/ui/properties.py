@@ -176,7 +176,15 @@ def viewport_settings_from(scene: bpy.types.Scene) -> tuple[engine.Settings, str
     settings = settings_from(scene.glint.viewport, scene, (scene.glint.viewport_pass,))
     final = settings_from(scene.glint.final, scene)
     backend = final.backend if final.backend in engine.available_backends() else "NUMPY"
-    names = ("illumination", "world_light", "mesh_light", "reflections", "threads", "filter_width")
+    names = (
+        "illumination",
+        "world_light",
+        "mesh_light",
+        "reflections",
+        "diffuse_bounces",
+        "threads",
+        "filter_width",
+    )
     shared = {name: getattr(final, name) for name in names}
     acceleration = "FAST" if final.acceleration == "AUTO" else final.acceleration
     return replace(

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..bounced_light import MERGED as BOUNCES_MERGED
 from ..dome import DomeTable
-from ..mesh_lights import MeshTable, merged
+from ..mesh_lights import MERGED, MeshTable, merged
 from ..scene import Light
 from .lights import HUGE, LightSample, Source
 from .vectors import cross, dot, unit
@@ -99,6 +100,8 @@ class MeshPoint:
 class MeshSource(Source):
     """Surfaces that glow."""
 
+    merged = MERGED
+
     def __init__(self, light: Light, eye: Array, table: MeshTable):
         super().__init__(light, eye, physical=True)
         self._table, self._emitters = table, light.emitters
@@ -146,7 +149,7 @@ class MeshSource(Source):
     ) -> LightSample:
         """The points q (3, k) or (3, 1) with these normals, radiances and shares of the area."""
         to = q - x
-        direction, near2 = unit(to), merged(spread, self._table.each)
+        direction, near2 = unit(to), merged(spread, self._table.each, self.merged)
         z = -dot(direction, normal)
         solid_angle = spread * np.abs(z) / np.maximum(dot(to, to), near2)
         light = np.where(z > 0, front, back)
@@ -167,6 +170,7 @@ class BouncedSource(MeshSource):
     """Surfaces that are lit: their light is spread out too far to be seen in highlights."""
 
     has_highlights = False
+    merged = BOUNCES_MERGED
 
     def drawn_at(self, number: int, point: MeshPoint) -> None:
         return None

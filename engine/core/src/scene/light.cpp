@@ -16,8 +16,8 @@ constexpr double kLeastWide =
     8;  // exponents from here on draw directions beside points of lights that may be all around
 
 /// The share of a mesh light's point, of `count` a sample of a pixel, over the square of the least
-/// distance from which it is seen (engine/mesh_lights.py, MERGED).
-double merged(uint32_t count) { return 64 * kPi * count; }
+/// distance from which it is seen (MERGED of engine/mesh_lights.py and of engine/bounced_light.py).
+double merged(uint32_t count, bool bounced = false) { return (bounced ? 16 : 64) * kPi * count; }
 
 constexpr double kNear = 4;  // half diagonals of a rectangle within which it is seen large
 
@@ -143,7 +143,7 @@ void Light::set_mesh(LightStage& stage, const LightPoint& p, uint32_t count) con
   stage.shape = kMeshSource;
   stage.factor = 1 / kPi;
   stage.spread = scale2 * row[12];
-  stage.near2 = stage.spread / merged(count);
+  stage.near2 = stage.spread / merged(count, is_bounced());
   stage.size = rounding(max_abs(q) + std::sqrt(scale2) * row[13]);
   for (int c = 0; c < 3; ++c) {
     stage.end[c] = stage.center[c] = q[c];

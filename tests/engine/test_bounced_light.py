@@ -1,0 +1,318 @@
+"""Light that surfaces throw onto others: closed forms, one tracer beside the other, extremes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.engine import Settings, render
+from glint.engine.bounced_light import bounced_light
+from glint.engine.scene import (
+    Camera,
+    Input,
+    Instances,
+    Light,
+    Lobe,
+    Material,
+    Mesh,
+    Polygons,
+    Scene,
+    Spheres,
+    World,
+)
+
+BACKENDS = ("NATIVE", "NUMPY")
+ALBEDO = np.array([0.6, 0.3, 0.1])
+HERE = np.eye(3, 4)
+
+
+def matt(color) -> Material:
+    return Material("matt", (Lobe("DIFFUSE", (Input(tuple(color)),)),))
+
+
+def ball(radius: float = 1.0, center=(0.0, 0.0, 0.0)) -> Spheres:
+    return Spheres("ball", np.array([center], np.float32), np.array([radius], np.float32))
+
+
+def inside(eye=(0.0, 0.0, 0.3), size: int = 8) -> Camera:
+    frame = np.column_stack([np.eye(3), eye])
+    return Camera("PERSPECTIVE", frame, (-1.0, 1.0, -1.0, 1.0), (size, size))
+
+
+def room(*lamps: Light, more=(), materials=(), scale: float = 1.0, at=(0.0, 0.0, 0.0)) -> Scene:
+    """A matt ball seen from inside. more: geometries that the camera does not see."""
+    matrix = np.column_stack([scale * np.eye(3), at])[None]
+    placed = [Instances("room", 0, matrix, (0,))]
+    placed += [
+        Instances(f"{k}", k, matrix, (k,), visible_camera=False) for k in range(1, len(more) + 1)
+    ]
+    camera = inside()
+    frame = camera.world_from_camera.copy()
+    frame[:, 3] = scale * frame[:, 3] + at
+    return Scene(
+        replace(camera, world_from_camera=frame),
+        (ball(), *more),
+        tuple(placed),
+        (matt(ALBEDO), *materials),
+        lights=lamps,
+    )
+
+
+def drawn(scene: Scene, bounces: int, backend: str = "NATIVE", **settings) -> np.ndarray:
+    chosen = {"samples": 64 if backend == "NATIVE" else 16, "light_samples": 2, "filter_width": 0.0}
+    film = render(
+        scene, Settings(**{**chosen, "backend": backend, "diffuse_bounces": bounces, **settings})
+    )
+    return film.passes["Combined"][..., :3].astype(np.float64)
+
+
+def added(scene: Scene, backend: str = "NATIVE", bounces: int = 1, **settings) -> np.ndarray:
+    """What bounces add."""
+    return drawn(scene, bounces, backend, **settings) - drawn(scene, 0, backend, **settings)
+
+
+def lamp(kind: str = "POINT", at=(0.0, 0.0, 0.0), **more) -> Light:
+    frame = HERE.copy()
+    frame[:, 3] = at
+    return Light("lamp", kind, frame, **{"strength": 100.0, **more})
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("bounces", [1, 2, 4])
+def test_a_matt_ball_seen_from_inside_is_a_geometric_series(bounces: int, backend: str) -> None:
+    scene = room(lamp())
+    ratio = drawn(scene, bounces, backend) / drawn(scene, 0, backend)
+    truth = sum(ALBEDO**k for k in range(bounces + 1))
+    # points that are near lose some
+    assert np.abs(ratio.mean((0, 1)) / truth - 1).max() < 4e-3 * bounces
+    assert np.abs(ratio / ratio.mean((0, 1)) - 1).max() < 0.02
+
+
+PANEL = Mesh(
+    "panel",
+    np.array([(-0.1, -0.1, 0.2), (0.1, -0.1, 0.2), (0.1, 0.1, 0.2), (-0.1, 0.1, 0.2)], np.float32),
+    np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
+)
+LAMPS = {
+    "point": (lamp(at=(0.3, 0.2, -0.1)), 100.0),
+    "spot": (lamp("SPOT", at=(0.3, 0, 0), spot_size=1.6, spot_blend=0.0), 50 * (1 - np.cos(0.8))),
+    "area": (lamp("AREA", at=(0, 0.2, 0), size_x=0.2, size_y=0.1), 100.0),
+    "ellipse": (lamp("AREA", size_x=0.2, size_y=0.1, shape="ELLIPSE"), 100.0),
+}
+
+
+@pytest.mark.parametrize("name", LAMPS)
+def test_what_a_ball_throws_back_is_even_wherever_the_lamp_is(name: str) -> None:
+    light, power = LAMPS[name]
+    truth = ALBEDO**2 * power / (4 * np.pi**2)  # radiance: albedo / π of the albedo of Φ / 4π
+    found = added(room(light))
+    assert np.abs(found.mean((0, 1)) / truth - 1).max() < 0.01
+    assert np.abs(found / truth - 1).max() < 0.05
+
+
+def test_so_is_it_where_a_panel_glows() -> None:
+    """Both of its sides; its own shadow is small."""
+    radiance = 20.0
+    scene = room(
+        more=(PANEL,), materials=(Material("glow", (Lobe("EMISSION", (Input((radiance,) * 3),)),)),)
+    )
+    truth = ALBEDO**2 * 2 * np.pi * radiance * 0.04 / (4 * np.pi**2)
+    assert np.abs(added(scene).mean((0, 1)) / truth - 1).max() < 0.03
+
+
+def test_a_clear_globe_lets_light_through_and_tints_it() -> None:
+    tint = np.array([0.5, 0.8, 0.2])
+    globe = Material("globe", (Lobe("TRANSPARENT", (Input(tuple(tint)),)),))
+    scene = room(lamp(), more=(ball(0.05),), materials=(globe,))
+    ratio = added(scene) / added(room(lamp()))
+    assert np.abs(ratio.mean((0, 1)) / tint - 1).max() < 0.02
+
+
+GROUND = Mesh(
+    "ground",
+    np.array([(-1e4, -1e4, 0), (1e4, -1e4, 0), (1e4, 1e4, 0), (-1e4, 1e4, 0)], np.float32),
+    np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
+)
+WALL = Mesh(
+    "wall",
+    np.array([(0, -1, 0.5), (0, 1, 0.5), (0, 1, 2.5), (0, -1, 2.5)], np.float32),
+    np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
+)
+AT_WALL = Camera(
+    "ORTHOGRAPHIC",
+    np.array([[0, 0, 1, 3.0], [1, 0, 0, 0], [0, 1, 0, 1.5]]),
+    (-0.3, 0.3, -0.3, 0.3),
+    (4, 4),
+)
+
+
+def wall_over_ground(*lights: Light) -> Scene:
+    here = HERE[None]
+    return Scene(
+        AT_WALL,
+        (GROUND, WALL),
+        (Instances("ground", 0, here, (0,)), Instances("wall", 1, here, (1,))),
+        (matt(ALBEDO), matt((1.0, 1.0, 1.0))),
+        lights=lights,
+    )
+
+
+def test_a_ground_without_end_lights_a_wall_by_half() -> None:
+    """A sun straight above grazes the wall. The ground is 10 000 times as wide as the wall."""
+    found = added(wall_over_ground(lamp("SUN", strength=2.0)), samples=1024)
+    truth = 2.0 / np.pi * ALBEDO / 2
+    assert np.abs(found.mean((0, 1)) / truth - 1).max() < 0.02
+    assert np.abs(found / truth - 1).max() < 0.05
+
+
+def test_so_it_does_under_an_even_sky() -> None:
+    """The wall, both sides of which are lit, hides the sky from what is near it: a little less."""
+    sky = Light("sky", "DOME", HERE, radiance=np.ones((4, 8, 3), np.float32))
+    found = added(wall_over_ground(sky), samples=1024).mean((0, 1))
+    truth = ALBEDO / 2
+    assert (found < truth).all()
+    assert (found > 0.85 * truth).all()
+
+
+def mixed() -> Scene:
+    """Meshes, a ball, polygons, instances, a lamp of each kind, gloss, a mirror and a pane."""
+    box = Mesh(
+        "box",
+        np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32),
+        np.array(
+            [
+                (0, 1, 3),
+                (0, 3, 2),
+                (4, 6, 7),
+                (4, 7, 5),
+                (0, 4, 5),
+                (0, 5, 1),
+                (2, 3, 7),
+                (2, 7, 6),
+            ],
+            np.uint32,
+        ),
+    )
+    square = Polygons(
+        "square",
+        np.array([(-3, -3, -1), (3, -3, -1), (3, 3, -1), (-3, 3, -1)], np.float32),
+        np.array([0, 4], np.uint32),
+        np.arange(4, dtype=np.uint32),
+    )
+    turned = np.array(
+        [
+            [[0.5, 0, 0, -1], [0, 0.5, 0, 0], [0, 0, 0.7, -1]],
+            [[-0.4, 0, 0, 1.5], [0, 0.4, 0, 0.3], [0, 0, 0.4, -1]],
+        ]
+    )
+    gloss = Material(
+        "gloss", (Lobe("DIFFUSE", (Input((0.4, 0.5, 0.6)),)), Lobe("SPECULAR", exponent=40.0))
+    )
+    mirror = Material("mirror", (Lobe("MIRROR"),))
+    pane = Material(
+        "pane",
+        (Lobe("TRANSPARENT", (Input((0.5, 0.6, 0.7)),)), Lobe("DIFFUSE", (Input((0.2,) * 3),))),
+    )
+    up = HERE[None]
+    shifted = np.array([[[1.0, 0, 0, 0.6], [0, 1, 0, -0.8], [0, 0, 1, -0.5]]])
+    return Scene(
+        Camera(
+            "PERSPECTIVE",
+            np.column_stack([np.eye(3), (0, 0, 5.0)]),
+            (-0.5, 0.5, -0.5, 0.5),
+            (24, 24),
+        ),
+        (box, square, ball(0.5)),
+        (
+            Instances("boxes", 0, turned, (1,)),
+            Instances("floor", 1, up, (0,)),
+            Instances("ball", 2, shifted, (2,)),
+            Instances(
+                "pane", 0, shifted - [[[0.3, 0, 0, 2.0], [0, 0, 0, -1.4], [0, 0, 0.9, 0]]], (3,)
+            ),
+        ),
+        (matt(ALBEDO), gloss, mirror, pane),
+        lights=(
+            lamp(at=(0, 1, 1), radius=0.1, color=(1.0, 0.5, 0.2)),
+            lamp("AREA", at=(-1, 0, 2), size_x=0.5, size_y=0.2),
+            lamp("SUN", strength=1.0, angle=0.1),
+        ),
+        world=World(),
+    )
+
+
+def test_both_tracers_draw_the_same() -> None:
+    native, exact = (drawn(mixed(), 2, backend, samples=4) for backend in BACKENDS)
+    off = np.abs(native - exact).max(2) / np.maximum(exact.max(2), 1e-3)
+    assert (off > 1e-4).mean() < 0.01  # edges
+    assert np.median(off) < 1e-6
+    assert added(mixed(), samples=4).max() > 0.01
+
+
+def test_the_bits_are_the_same_for_threads_and_regions() -> None:
+    whole = drawn(mixed(), 2, samples=8, threads=1)
+    assert (drawn(mixed(), 2, samples=8, threads=5) == whole).all()
+    part = drawn(mixed(), 2, samples=8, region=(3, 5, 17, 20))
+    assert (part == whole[5:20, 3:17]).all()
+
+
+def test_a_camera_that_moves_sees_the_same_points() -> None:
+    scene = mixed()
+    moved = replace(scene, camera=replace(scene.camera, resolution=(7, 9)))
+    assert bounced_light(scene, 2) is bounced_light(moved, 2)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_size_does_not_matter(scale: float) -> None:
+    truth = drawn(room(lamp()), 2)
+    found = drawn(room(lamp(strength=100.0 * scale**2), scale=scale), 2)
+    assert np.abs(found / truth - 1).max() < 0.01
+
+
+def test_nor_does_where_the_scene_is() -> None:
+    at = (3e5, -2e5, 1e5)
+    found = drawn(room(lamp(at=at), at=at), 2)
+    assert np.abs(found / drawn(room(lamp()), 2) - 1).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        replace(room(lamp()), lights=()),
+        replace(room(lamp()), instances=()),
+        replace(room(lamp()), materials=(matt((0.0, 0.0, 0.0)),)),
+        replace(room(lamp()), materials=(Material("mirror", (Lobe("MIRROR"),)),)),
+        room(lamp(strength=0.0)),
+        replace(room(lamp()), instances=(replace(room().instances[0], holdout=True),)),
+    ],
+    ids=("no light", "no surface", "black", "mirror", "no power", "holdout"),
+)
+def test_where_nothing_is_thrown_back_nothing_is_added(scene: Scene) -> None:
+    assert bounced_light(scene, 3) is None
+    assert (drawn(scene, 3, samples=4) == drawn(scene, 0, samples=4)).all()
+
+
+def test_classic_illumination_has_none() -> None:
+    a, b = (drawn(room(lamp()), n, samples=4, illumination="CLASSIC") for n in (0, 3))
+    assert (a == b).all()
+
+
+@pytest.mark.parametrize("strength", [1e30, 1e300, -50.0, 1e-30])
+def test_pictures_stay_finite(strength: float) -> None:
+    found = drawn(room(lamp(strength=strength)), 2, samples=4)
+    assert np.isfinite(found).all() or strength > 1e38
+    if abs(strength) < 1e38:
+        truth = strength / 100 * drawn(room(lamp()), 2, samples=4)
+        assert np.abs(found / truth - 1).max() < 0.01
+
+
+def test_what_has_no_extent_and_what_is_not_finite_is_left_out() -> None:
+    broken = Mesh(
+        "broken",
+        np.array([(np.nan, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0)], np.float32),
+        np.array([[0, 1, 2], [3, 3, 3], [1, 2, 3]], np.uint32),
+    )
+    scene = room(lamp(at=(0, 0, 0.5)), more=(broken,), materials=(matt((0.5,) * 3),))
+    assert np.isfinite(drawn(scene, 2, samples=4)).all()
