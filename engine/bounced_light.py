@@ -192,13 +192,14 @@ class _Walks:
             np.arange(n), start.origin, start.direction, white, np.ones(n), np.zeros(n, np.intp)
         )
         for number in range(self._bounces + MOST_PASSED):
-            hit, surface, k = self._met(surfaces, steps)
+            hit, surface, k, sets = self._met(surfaces, steps)
             if not len(hit):
                 return
             steps = steps.take(hit)
             fresh = np.flatnonzero(steps.scattered == 0)
             white = steps.carried.copy()
             white[:, fresh] *= start.given(surface.x[:, fresh], steps.number[fresh])
+            white[:, fresh[[not start.receivers >> int(s) & 1 for s in sets[fresh]]]] = 0.0
             power = white * k.diffuse
             weight = steps.weight * np.abs(k.diffuse).mean(0)
             yield surface.x.T, surface.g.T, power.T, weight, surface.offset
@@ -206,7 +207,7 @@ class _Walks:
 
     def _met(
         self, surfaces: Accelerator, steps: _Steps
-    ) -> tuple[Array, Surface, Coefficients]:
+    ) -> tuple[Array, Surface, Coefficients, Array]:
         """Of the walks that meet something."""
         origins = (steps.o + self._origin[:, None]).T
         hits = surfaces.closest(origins, steps.d.T, visibility="shadow")

@@ -21,9 +21,10 @@ Array = np.ndarray
 
 def met_surfaces(
     scene: Scene, origin: Array, o: Array, d: Array, hits: Hits
-) -> tuple[Array, Surface, Coefficients]:
+) -> tuple[Array, Surface, Coefficients, Array]:
     """Which of the rays from o in the directions d (3, n) met something, (m,), the surface there,
-    and its lobes. o and the surface count from the origin (3,), which is the camera of programs.
+    its lobes and its light_set (m,). o and the surface count from the origin (3,), which is the
+    camera of programs.
     """
     from .reference.attributes import Attributes
     from .reference.geometry import gather
@@ -51,7 +52,8 @@ def met_surfaces(
     holdout = np.array([block.holdout for block in some.instances], bool)[surface.row]
     seen = np.flatnonzero(~holdout)
     surface = shader.bent(surface.take(seen), "mirror")
-    return hit[seen], surface, shader.coefficients(surface, "mirror")
+    sets = np.array([block.light_set for block in some.instances], np.intp)[surface.row]
+    return hit[seen], surface, shader.coefficients(surface, "mirror"), sets
 
 
 def _only(

@@ -37,12 +37,14 @@ from .scene import (
     CHANNELS,
     CORNER,
     ENCODINGS,
+    EVERYTHING,
     EXTENSIONS,
     FACE,
     INTERPOLATIONS,
     LIGHT_SHAPES,
     LIGHTS,
     LOBES,
+    MOST_SETS,
     POINT,
     Attribute,
     Camera,
@@ -271,7 +273,7 @@ def _kind(group: Instances) -> tuple:
     """What `_instances` looks at but for the matrices, with the types: 1.0 equals 1 and is no
     index.
     """
-    values = (group.geometry, group.object_index, *group.materials)
+    values = (group.geometry, group.object_index, group.light_set, *group.materials)
     return values, tuple(map(type, values)), id(group) if group.values else 0
 
 
@@ -285,6 +287,7 @@ def _instances(scene: Scene, instances: Instances) -> Found:
     for material in instances.materials:
         yield from handle("a material", material, len(scene.materials), "materials")
     yield from whole("object_index", instances.object_index)
+    yield from handle("light_set", instances.light_set, MOST_SETS, "sets")
     for name, values in instances.values.items():
         found = [*array(f"value {name!r}", values, np.float32, (None, 4))]
         yield from found or finite_array(f"value {name!r}", values)
@@ -379,6 +382,8 @@ def _light(light: Light) -> Found:
     if light.program is not None:
         yield from _light_program(light)
     yield from one_of("shape", light.shape, LIGHT_SHAPES)
+    if not (isinstance(light.receivers, int) and 0 <= light.receivers <= EVERYTHING):
+        yield f"receivers is {light.receivers!r}: use a whole number of {MOST_SETS} bits"
     yield from _placement("world_from_light", light.world_from_light, _not_orthonormal)
     yield from numbers("color", light.color, 3)
     yield from finite("strength", light.strength)

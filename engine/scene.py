@@ -21,6 +21,9 @@ from .program.program import Program
 
 Array = np.ndarray
 
+MOST_SETS = 64
+"""Of instances that the same lights reach."""
+EVERYTHING = (1 << MOST_SETS) - 1
 POINT, CORNER, FACE = "POINT", "CORNER", "FACE"
 
 
@@ -103,7 +106,8 @@ class Instances:
     the last one. object_index: Blender's pass index. visible_camera, visible_mirror,
     visible_shadow: seen by camera rays (and what passes straight through them), by mirror and
     refraction rays, by shadow rays. holdout: cuts a hole of alpha 0 into the picture.
-    values: by name, what programs read of each placement, (k, 4) float32.
+    values: by name, what programs read of each placement, (k, 4) float32.  light_set: 0 to 63,
+    which lights reach it.
     """
 
     name: str
@@ -116,6 +120,7 @@ class Instances:
     visible_shadow: bool = True
     holdout: bool = False
     values: Mapping[str, Array] = field(default_factory=dict)
+    light_set: int = 0
 
 
 ENCODINGS = ("LINEAR", "SRGB")
@@ -317,7 +322,8 @@ class Light:
     attributes, and a DOME has none.  textures: what it refers to.  radiance: of a DOME, times
     color and strength: (h, w, 3) float32 in the light's axes, equirectangular as `engine.dome`
     says.  emitters: of a MESH, whose bounds are size_x, size_y and twice the radius along the
-    light's axes, round its origin.  bounces: of a BOUNCED one, the same.
+    light's axes, round its origin.  bounces: of a BOUNCED one, the same.  receivers: a bit for each
+    light_set of the instances that it lights.
     """
 
     name: str
@@ -341,6 +347,7 @@ class Light:
     radiance: Array | None = None
     emitters: Emitters | None = None
     bounces: Bounces | None = None
+    receivers: int = EVERYTHING
 
 
 CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")

@@ -7,14 +7,14 @@ Letters: x point that is met, o origin, d direction, p density of directions a s
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .dome import dome_table
 from .mesh_lights import mesh_table
 from .sampling import chosen, concentric_disc, walk_points
-from .scene import Light, Mesh, Scene, Spheres
+from .scene import EVERYTHING, Light, Mesh, Scene, Spheres
 
 Array = np.ndarray
 
@@ -36,12 +36,13 @@ HUGE = 1e100
 class Start:
     """n walks of one light. origin, direction: (3, n), directions unit.  given: of points x (3, m)
     and the numbers (m,) of the walks that meet them, (3, m): the light that goes on from a white
-    surface, radiance times area.
+    surface, radiance times area.  receivers: as of the light.
     """
 
     origin: Array
     direction: Array
     given: Callable[[Array, Array], Array]
+    receivers: int = EVERYTHING
 
 
 def starts(scene: Scene, origin: Array, bounds: Array, count: int) -> Iterator[Start]:
@@ -59,7 +60,8 @@ def starts(scene: Scene, origin: Array, bounds: Array, count: int) -> Iterator[S
             n = max(
                 round(count * float(power / powers.max() / (powers / powers.max()).sum())), least
             )
-            yield from _start(light, origin, far, n)
+            for start in _start(light, origin, far, n):
+                yield replace(start, receivers=light.receivers)
 
 
 def _color(light: Light) -> Array:

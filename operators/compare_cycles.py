@@ -45,10 +45,10 @@ class Options:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """direct: Glint against Cycles with Glint's light: direct, and as many diffuse bounces.  noise:
-    RMSE of Cycles' own noise in it, as displayed. indirect: Cycles with all light against itself without, None where it was not
-    rendered.  seconds: by picture. expected: which differences are to be expected, one sentence
-    each.  strip: (h, w, 3), row 0 on top.
+    """direct: Glint against Cycles with Glint's light: direct, and as many diffuse bounces.
+    noise: RMSE of Cycles' own noise in it, as displayed. indirect: Cycles with all light
+    against itself without, None where it was not rendered. seconds: by picture. expected: which
+    differences are to be expected, one sentence each. strip: (h, w, 3), row 0 on top.
     """
 
     direct: Difference

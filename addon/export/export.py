@@ -135,7 +135,7 @@ class Collector:
         owner = instance.instance_object or thing  # the one that is not temporary
         data = thing.data
         if thing.type == "LIGHT":
-            return _Lamp(data, Seen(flags.camera, flags.mirror))
+            return _Lamp(data, Seen(flags.camera, flags.mirror, flags.receivers))
         kind = type(data).__name__
         if kind not in ("Mesh", "PointCloud"):
             return None
@@ -170,7 +170,7 @@ class Collector:
             values[RANDOM] = np.repeat(self._random[thing.numbers][:, None], 4, 1)
         return Instances(
             thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
-            flags.camera, flags.mirror, flags.shadow, flags.holdout, values,
+            flags.camera, flags.mirror, flags.shadow, flags.holdout, values, flags.light_set,
         )  # fmt: skip
 
     @cached_property

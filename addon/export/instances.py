@@ -12,7 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...engine.scene import EVERYTHING
 from .hashing import as_random, random_of, word_of
+from .light_links import LightLinks
 from .report import Report
 
 HAIR_NOTE = "Particle hair is not rendered: {}; convert it to a mesh"
@@ -25,12 +27,16 @@ _UNSUPPORTED = {
 
 
 class Flags(NamedTuple):
-    """What an object's settings say of its visibility, with its instancer's."""
+    """What an object's settings say of its visibility, with its instancer's. light_set: which
+    lights reach it.  receivers: the sets that it lights.
+    """
 
     camera: bool
     mirror: bool
     shadow: bool
     holdout: bool
+    light_set: int = 0
+    receivers: int = EVERYTHING
 
 
 @dataclass(eq=False)
@@ -76,6 +82,7 @@ def walk(
     stands or instances in the scene itself whether its things are there. census: hears of every
     thing, also of those left out.
     """
+    links = LightLinks(depsgraph.view_layer.objects, report)
     things: list[tuple[Any, str, int] | None] = []
     numbers: dict[tuple, int] = {}
     rows: list[int] = []
@@ -89,7 +96,7 @@ def walk(
                 census.note(instance)
             instancer = instance.parent if instance.is_instance else thing
             things.append(
-                _meet(instance, thing, depsgraph, make, report) if shown(instancer) else None
+                _meet(instance, thing, depsgraph, make, report, links) if shown(instancer) else None
             )
         rows.append(number)
     return _placed(things, np.array(rows, np.int64), _matrices(depsgraph, len(rows)), report)
@@ -140,7 +147,7 @@ def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report
 
 
 def _meet(
-    instance: Any, thing: Any, depsgraph: Any, make: Callable, report: Report
+    instance: Any, thing: Any, depsgraph: Any, make: Callable, report: Report, links: LightLinks
 ) -> tuple[Any, str, int] | None:
     """What a new thing is, or None where nothing of it is rendered."""
     instancer = instance.parent if instance.is_instance else thing
@@ -152,6 +159,8 @@ def _meet(
         report.note(_UNSUPPORTED[thing.type], name)
         return None
     flags = flags_of(thing, instancer, depsgraph.view_layer, report)
+    owner = instancer.original
+    flags = flags._replace(light_set=links.set_of(owner), receivers=links.lit_by(owner))
     content = make(instance, flags)
     return (content, name, thing.original.session_uid) if content is not None else None
 
@@ -167,12 +176,10 @@ def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
     thing or its instancer.
     """
     linking = getattr(owner, "light_linking", None)
-    if linking is not None and (linking.receiver_collection or linking.blocker_collection):
-        report.note(
-            "Light and shadow linking are not rendered: {} light everything and get shadows from "
-            "everything",
-            thing.name,
-        )
+    if linking is not None and linking.blocker_collection:
+        report.note("Shadow linking is not rendered: {} get shadows from everything", thing.name)
+    if linking is not None and linking.receiver_collection and thing.type != "LIGHT":
+        report.note("Light linking of what glows is not rendered: {} light everything", thing.name)
     if thing.type == "LIGHT":
         if not (owner.visible_diffuse and owner.visible_glossy):
             report.note(

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...engine.program.program import Program, compile_program
-from ...engine.scene import Light, Texture
+from ...engine.scene import EVERYTHING, Light, Texture
 from .evaluator import Evaluator, LobeKey
 from .graph import Place, images_behind, node_tree, socket_named
 from .images import Images
@@ -27,10 +27,11 @@ _SAME_LENGTH = 1e-5
 
 @dataclass(frozen=True)
 class Seen:
-    """By which rays the light's own shape is seen."""
+    """By which rays the light's own shape is seen, and what it lights, as `Light.receivers`."""
 
     camera: bool
     mirror: bool
+    receivers: int = EVERYTHING
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,7 @@ class Lights:
             cast_shadow=data.use_shadow,
             visible_camera=seen.camera,
             visible_mirror=seen.mirror,
+            receivers=seen.receivers,
             program=emission.program,
             textures=emission.textures,
             **shape,

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.scene import Instances, Light, Scene
+from ...engine.scene import EVERYTHING, Instances, Light, Scene
 from .instances import Census, Thing, flags_of
+from .light_links import receivers_of
 from .lights import Lights, Seen
 from .placing import without_collapsed
 from .report import Report
@@ -71,18 +72,26 @@ class Stage:
             for update in updates
             if not (update.id.id_type == "LIGHT" and update.id in lamps)
         ]
-        if not told or not all(
-            self._apply(update, instances, lights, view_layer, images) for update in told
-        ):
+        if not told or self._is_linked(told):
+            return False
+        if not all(self._apply(update, instances, lights, view_layer, images) for update in told):
             return False
         self.scene = replace(self.scene, instances=tuple(instances), lights=tuple(lights))
         return True
+
+    def _is_linked(self, updates: list[Any]) -> bool:
+        """Whether lights light but some objects, or begin to: any edit may change which."""
+        return any(light.receivers != EVERYTHING for light in self.scene.lights) or any(
+            receivers_of(update.id.original) is not None
+            for update in updates
+            if update.id.id_type == "OBJECT"
+        )
 
     def stands(self, updates: list[Any], view_layer: Any) -> bool:
         """Whether objects of which these updates say only that they are shaded anew are seen as
         before.
         """
-        return all(
+        return not self._is_linked(updates) and all(
             self._is_seen_as_before(update.id, view_layer)
             for update in updates
             if update.id.id_type == "OBJECT"

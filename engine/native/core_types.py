@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 17
+ABI_VERSION = 21
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -204,7 +204,8 @@ class InstancesData(Structure):
     _fields_ = [
         *_each(c_uint64, "first_row row_count"),
         *_each(c_uint32, "geometry flags first_material material_count"),
-        *_each(c_int32, "object_index reserved"),
+        *_each(c_int32, "object_index"),
+        *_each(c_uint32, "light_set"),
     ]
 
 
@@ -257,6 +258,7 @@ class LightData(Structure):
         *_each(c_int32, "kind"),
         *_each(c_uint32, "flags"),
         *_each(c_int32, "program program_slot"),
+        *_each(c_uint64, "excluded_sets"),
     ]
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import SceneError
 from ..program.program import Program
 from ..scene import (
+    EVERYTHING,
     LIGHT_SHAPES,
     Attribute,
     Camera,
@@ -470,7 +471,7 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
         first_slot,
         len(group.materials),
         group.object_index,
-        0,
+        group.light_set,
     )
 
 
@@ -515,4 +516,5 @@ def _light(light: Light) -> tuple:
         flags,
         0,
         light.program.outputs[0] if light.program is not None else 0,
+        EVERYTHING ^ light.receivers,
     )

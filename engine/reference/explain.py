@@ -275,11 +275,12 @@ class Explainer:
     ) -> LightTerm:
         n_dot_l = float(dot(surface.n, sample.direction)[0])
         intensity = sample.light_of(source)[:, 0]
-        lit = sample.reaches(surface.g, surface.n)[0] and intensity.any()
+        reached = sample.reaches(surface.g, surface.n) & self.stage.lighting.lights(source, surface)
+        lit = reached[0] and intensity.any()
         specular = sum(
             (
                 term.k[:, 0] * self._highlight(surface, sample, term)
-                for term in coefficients.highlights
+                for term in (coefficients.highlights if source.has_highlights else ())
             ),
             np.zeros(3),
         )

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..scene import EVERYTHING
 from .gloss import Narrow
 from .lights import CENTER, LightPoint, LightSample, Source
 from .materials import Coefficients, Term, taken
@@ -34,7 +35,7 @@ class DirectLight:
 @dataclass(frozen=True, eq=False)
 class Lighting:
     """The lights of a scene. points: the samples on extended lights, light_samples for each sample
-    of a pixel.
+    of a pixel.  sets: (r,) `Instances.light_set` of each row of the placements.
     """
 
     sources: tuple[Source, ...]
@@ -42,6 +43,14 @@ class Lighting:
     points: list[LightPoint]
     shadows: Shadows
     pulse: Pulse
+    sets: Array
+
+    def lights(self, source: Source, surface: Surface) -> Array:
+        """(n,) bool: points of instances that a light is for."""
+        receivers = source.light.receivers
+        if receivers == EVERYTHING:
+            return np.ones(len(surface), bool)
+        return np.array([receivers >> int(number) & 1 for number in self.sets], bool)[surface.row]
 
     def direct(
         self,
@@ -57,10 +66,11 @@ class Lighting:
         light reaches.  on_cut: told the points whose horizon cuts a light of more than one sample.
         """
         total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(3)))
-        lit = coefficients.diffuse.any(0)
+        given = coefficients.diffuse.any(0)
         for term in coefficients.highlights:
-            lit[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
-        for source in self.sources if lit.any() else ():
+            given[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
+        for source in self.sources if given.any() else ():
+            lit = given & self.lights(source, surface)
             if source.sample_count(self.light_samples) > 1 and source.color.any():
                 on_cut(np.flatnonzero(lit & source.is_cut(surface.x, surface.n)))
             balance = np.zeros(len(surface), np.intp)  # directions open less hidden

@@ -51,7 +51,12 @@ class Stage:
         self.sources = tuple(self._source(light) for light in scene.lights)
         shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays)
         self.lighting = Lighting(
-            self.sources, settings.light_samples, self._light_points(), shadows, pulse
+            self.sources,
+            settings.light_samples,
+            self._light_points(),
+            shadows,
+            pulse,
+            self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
         )
         self._lobe_points = lobe_points(settings.samples)
         self.is_lit_by_meshes = any(light.kind == "MESH" for light in scene.lights)

@@ -11,6 +11,7 @@ VALUES = {
     "illumination": "CLASSIC",
     "world_light": "CONSTANT",
     "mesh_light": "OFF",
+    "diffuse_bounces": 3,
     "reflections": "ALL",
     "backend": "NUMPY",
     "acceleration": "FAST",

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 17
+#define GLINT_ABI_VERSION 21
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -72,11 +72,13 @@ enum GlintInstanceFlags {
 };
 
 /* A geometry placed row_count times: rows [first_row, …) of world_from_object, material_count
- * numbers from first_material on. */
+ * numbers from first_material on. light_set: below 64, see
+ * GlintLight. */
 typedef struct GlintInstances {
   uint64_t first_row, row_count;
   uint32_t geometry, flags, first_material, material_count;
-  int32_t object_index, reserved;
+  int32_t object_index;
+  uint32_t light_set;
 } GlintInstances;
 
 enum GlintTextureType { GLINT_UINT8, GLINT_FLOAT32 };
@@ -162,7 +164,8 @@ enum GlintLightFlags {
  * the colour is times; program_slot: the first of its three slots that hold that. It must not read
  * attributes or triangles. DOME, MESH and BOUNCED lights have none. A MESH light, of which there is
  * one at most, is the scene's emitters; size_x, size_y and twice the radius are its bounds. A
- * BOUNCED light, one at most too, has no highlights. */
+ * BOUNCED light, one at most too, has no highlights. excluded_sets: a bit for each light_set of
+ * the instances that it does not light. */
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];
@@ -170,6 +173,7 @@ typedef struct GlintLight {
   int32_t kind;
   uint32_t flags;
   int32_t program, program_slot;
+  uint64_t excluded_sets;
 } GlintLight;
 
 /* A triangle of the MESH light: what comes from its outer side and its inner one, its unit normal,
@@ -295,8 +299,8 @@ typedef struct GlintRenderSettings {
   const float* dome_irradiance;
   const double* lens_points;
   const double* camera_frames;
-  uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count,
-      lens_point_count, camera_frame_count;
+  uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
+      camera_frame_count;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
   uint32_t samples, light_samples, dome_samples, mesh_samples, bounced_samples;

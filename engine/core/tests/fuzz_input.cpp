@@ -221,6 +221,7 @@ GlintLight light(Dice& dice) {
   g.flags = uint32_t(dice.below(32));
   g.program = dice.chance(0.3);
   g.program_slot = int32_t(dice.below(4));
+  if (dice.chance(0.2)) g.excluded_sets = dice.bits();
   if (dice.chance(0.1 * dice.wildness)) g.kind = int32_t(dice.bits());
   return g;
 }

@@ -146,6 +146,9 @@ void check_instances(const GlintSceneData& d, Report& report) {
     report.add(
         range(d.instances[i].first_material, d.instances[i].material_count, d.material_slot_count),
         "instances %llu: materials beyond the table", ull(i));
+  for (uint64_t i = 0; i < d.instances_count && report.good(); ++i)
+    report.add(d.instances[i].light_set < 64, "instances %llu: light set %u of 64", ull(i),
+               d.instances[i].light_set);
   report.add(d.instance_value_count == 0 || (d.instance_value_names && d.instance_values) ||
                  d.row_count == 0,
              "instances: values without names or numbers");

@@ -74,6 +74,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   size_t number = 0;
   for (const Light& light : scene_.lights) {
     const uint32_t count = plan_.samples_of(light);
+    find_lit(batch, light);
     const bool notes = batch.softly_lit && count > 1;
     if (notes) find_cut(batch, light);
     if (light.is_dome()) balance_.assign(batch.size(), 0);
@@ -96,6 +97,17 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     if (light.is_dome()) add_rest(batch, light, sample);
   }
   stage_.max_specular = scene_.max_specular;  // for reflections
+  stage_.lit = batch.lit.data();
+}
+
+/// Which points the light may reach.
+void DirectLight::find_lit(const Batch& batch, const Light& light) {
+  stage_.lit = batch.lit.data();
+  if (light.lights_all()) return;
+  linked_.assign(batch.lit.begin(), batch.lit.end());
+  for (size_t k = 0; k < batch.size(); ++k)
+    if (linked_[k] && !light.lights(scene_.group(batch.instance[k]).light_set)) linked_[k] = 0;
+  stage_.lit = linked_.data();
 }
 
 bool DirectLight::reflects() const {
@@ -158,7 +170,7 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
   stage.directions = plan_.dome_samples;
   stages_.dome(stage);
   for (size_t k = 0; k < batch.size(); ++k) {
-    if (!batch.lit[k] || balance_[k] < 0) continue;
+    if (!stage_.lit[k] || balance_[k] < 0) continue;
     for (size_t c = 0; c < 3; ++c) {
       batch.sums.total[c][k] += sky_[c][k];
       if (batch.sums.diffuse[0]) batch.sums.diffuse[c][k] += sky_[c][k];
@@ -240,7 +252,7 @@ void DirectLight::apply_program(const Light& light, size_t count) {
 /// Notes the points whose horizon cuts the light.
 void DirectLight::find_cut(const Batch& batch, const Light& light) const {
   for (size_t k = 0; k < batch.size(); ++k)
-    if (batch.lit[k] && light.is_cut(row(batch.points.x, k), row(batch.points.n, k)))
+    if (stage_.lit[k] && light.is_cut(row(batch.points.x, k), row(batch.points.n, k)))
       batch.mark_softly_lit(k, Refinement::kCut);
 }
 

@@ -26,6 +26,7 @@ class DirectLight {
 
  private:
   void prepare(const Batch& batch);
+  void find_lit(const Batch& batch, const Light& light);
   void note_hidden(size_t count);
   void add_rest(const Batch& batch, const Light& light, uint32_t sample);
   void add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
@@ -52,6 +53,7 @@ class DirectLight {
   LightProgram program_;
   std::vector<uint32_t> point_;
   std::vector<uint8_t> blocked_;
+  std::vector<int64_t> linked_;  // mask: points that a light that lights but some may reach
   std::vector<uint32_t> emitter_, placement_;  // that drawn rays meet, and their weights there
   std::vector<float> u_, v_;
   std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden

@@ -35,6 +35,7 @@ void set_place(LightStage& stage, double x, double y);
 struct Light {
   int kind = GLINT_POINT_LIGHT;
   uint32_t flags = 0;
+  uint64_t excluded_sets = 0;     // a bit for each light_set of what it does not light
   Vec3d color;                    // c = color * strength
   Vec3d center, axis, right, up;  // right, up: the area's half extents along its x and y
   double radius = 0;
@@ -56,6 +57,8 @@ struct Light {
   bool is_bounced() const { return kind == GLINT_BOUNCED_LIGHT; }
   /// Whether its samples are places on surfaces, rows of a table.
   bool is_surface() const { return is_mesh() || is_bounced(); }
+  bool lights_all() const { return excluded_sets == 0; }
+  bool lights(uint32_t light_set) const { return !(excluded_sets >> light_set & 1); }
   bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
 
   /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1:

@@ -1,0 +1,72 @@
+"""Light linking: which objects a light lights (Blender's panel of that name), as sets of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from ...engine.scene import EVERYTHING, MOST_SETS
+from .report import Report
+
+
+def receivers_of(light: Any) -> Any:
+    """The collection of what an original object lights, None for all."""
+    linking = getattr(light, "light_linking", None)
+    return linking.receiver_collection if linking is not None else None
+
+
+class LightLinks:
+    """Of the objects of a view layer. Those that the same lights reach are one set."""
+
+    def __init__(self, objects: Iterable[Any], report: Report) -> None:
+        """objects: originals."""
+        objects = list(objects)
+        found = (receivers_of(thing) for thing in objects if thing.type == "LIGHT")
+        members = {c.session_uid: _Members(c) for c in found if c is not None}
+        self._rows = {uid: row for row, uid in enumerate(members)}
+        self._sets: dict[int, int] = {}
+        self._kinds: dict[tuple[bool, ...], int] = {(True,) * len(members): 0}
+        for thing in objects if members else ():
+            kind = tuple(m.has(thing.session_uid) for m in members.values())
+            if kind not in self._kinds and len(self._kinds) == MOST_SETS:
+                report.note(
+                    "Light linking knows {} sets of objects that the same lights reach: all lights "
+                    "reach {}",
+                    MOST_SETS,
+                    thing.name,
+                )
+                continue
+            self._sets[thing.session_uid] = self._kinds.setdefault(kind, len(self._kinds))
+
+    def set_of(self, thing: Any) -> int:
+        """Of an original object, or of the one that places it."""
+        return self._sets.get(thing.session_uid, 0)
+
+    def lit_by(self, light: Any) -> int:
+        """The sets that an original object lights, a bit each."""
+        collection = receivers_of(light)
+        if collection is None or collection.session_uid not in self._rows:
+            return EVERYTHING
+        row = self._rows[collection.session_uid]
+        return sum(1 << number for kind, number in self._kinds.items() if kind[row])
+
+
+class _Members:
+    """The objects of a collection: those that are in it, or all but those that it excludes where it
+    includes none.
+    """
+
+    def __init__(self, collection: Any) -> None:
+        self._included: set[int] = set()
+        self._excluded: set[int] = set()
+        for thing, place in zip(collection.objects, collection.collection_objects, strict=True):
+            self._add((thing,), place)
+        for child, place in zip(collection.children, collection.collection_children, strict=True):
+            self._add(child.all_objects, place)
+
+    def _add(self, things: Iterable[Any], place: Any) -> None:
+        is_in = place.light_linking.link_state == "INCLUDE"
+        (self._included if is_in else self._excluded).update(t.session_uid for t in things)
+
+    def has(self, uid: int) -> bool:
+        return uid not in self._excluded and (not self._included or uid in self._included)

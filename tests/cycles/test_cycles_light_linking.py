@@ -1,0 +1,88 @@
+"""Light linking, beside Cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import cycles_reference as cycles
+from cycles_reference import bpy
+from glint_picture import render_glint
+from small_scenes import add, add_camera, add_light, cube, lambert, moved, plane
+
+
+def collection(scene, name: str, *objects):
+    made = bpy.data.collections.new(name)
+    for thing in objects:
+        made.objects.link(thing)
+    return made
+
+
+def blocks(scene):
+    add(scene, "floor", plane(4, lambert((0.8, 0.8, 0.8))))
+    return [
+        add(
+            scene,
+            f"block {k}",
+            cube(lambert((0.7, 0.6, 0.5))),
+            moved(2 * k - 2, 0, 0.5, 0.5, 0.5, 0.5),
+        )
+        for k in range(3)
+    ]
+
+
+def included(scene, lamp, things):
+    lamp.light_linking.receiver_collection = collection(scene, "lit", things[0], things[2])
+
+
+def excluded(scene, lamp, things):
+    made = lamp.light_linking.receiver_collection = collection(scene, "dark", things[1])
+    made.collection_objects[0].light_linking.link_state = "EXCLUDE"
+
+
+def nested(scene, lamp, things):
+    """A collection in it, but for one of its objects."""
+    inner = collection(scene, "inner", *things)
+    outer = collection(scene, "outer", things[0])
+    outer.children.link(inner)
+    outer.collection_objects[0].light_linking.link_state = "EXCLUDE"
+    lamp.light_linking.receiver_collection = outer
+
+
+def empty(scene, lamp, things):
+    lamp.light_linking.receiver_collection = collection(scene, "none")
+
+
+@pytest.mark.parametrize("link", [included, excluded, nested, empty])
+def test_a_lamp_lights_what_it_lights_in_cycles(link: Callable) -> None:
+    scene = cycles.empty_scene(48, 32)
+    things = blocks(scene)
+    add_camera(scene)
+    lamp = add_light(scene, "POINT", (1, -3, 3), energy=400)
+    link(scene, lamp, things)
+    bpy.context.view_layer.update()
+    glint = render_glint(scene, "NATIVE").passes["Combined"][..., :3]
+    reference = cycles.render_cycles(scene)["Combined"][..., :3]
+    off = np.abs(glint - reference).max(2)
+    assert (off > 1e-4 * reference.max()).mean() < 0.01
+    assert reference.max() > 0
+
+
+def test_instances_are_linked_as_what_places_them() -> None:
+    scene = cycles.empty_scene(48, 32)
+    add(scene, "floor", plane(4, lambert((0.8, 0.8, 0.8))))
+    source = bpy.data.collections.new("source")
+    part = bpy.data.objects.new("part", cube(lambert((0.7, 0.6, 0.5))))
+    source.objects.link(part)
+    placer = add(scene, "placer", None, moved(0, 0, 1))
+    placer.instance_type, placer.instance_collection = "COLLECTION", source
+    add_camera(scene)
+    lamp = add_light(scene, "POINT", (1, -3, 4), energy=400)
+    lamp.light_linking.receiver_collection = collection(scene, "lit", placer)
+    bpy.context.view_layer.update()
+    glint = render_glint(scene, "NATIVE").passes["Combined"][..., :3]
+    reference = cycles.render_cycles(scene)["Combined"][..., :3]
+    assert (np.abs(glint - reference).max(2) > 1e-4 * reference.max()).mean() < 0.01
+    assert reference.max() > 0

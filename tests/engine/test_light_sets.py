@@ -1,0 +1,102 @@
+"""Lights that light but some instances."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.engine.bounced_light import bounced_light
+from glint.engine.scene import EVERYTHING, Input, Light, Lobe, Material, Scene
+from test_bounced_light import HERE, drawn, lamp, mixed, room, wall_over_ground
+
+BACKENDS = ("NATIVE", "NUMPY")
+GLOSS = Material(
+    "gloss", (Lobe("DIFFUSE", (Input((0.4, 0.5, 0.6)),)), Lobe("SPECULAR", exponent=40.0))
+)
+SUN = replace(
+    lamp("SUN", strength=1.0),
+    world_from_light=np.array([[0, 0, 1.0, 0], [1, 0, 0, 0], [0, 1, 0, 0]]),
+)
+SKY = Light("sky", "DOME", HERE, radiance=np.ones((4, 8, 3), np.float32))
+
+
+def sets(scene: Scene, *numbers: int) -> Scene:
+    blocks = zip(scene.instances, numbers, strict=True)
+    return replace(
+        scene, instances=tuple(replace(block, light_set=number) for block, number in blocks)
+    )
+
+
+def lit_by(scene: Scene, *lights: Light) -> Scene:
+    return replace(scene, lights=lights)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(
+    "light", [lamp(at=(4, 0, 3), radius=0.2), SUN, SKY], ids=lambda light: light.kind
+)
+def test_what_a_light_is_not_for_it_does_not_light(light: Light, backend: str) -> None:
+    """Matt and glossy surfaces, directions drawn from highlights and the rest of a sky too."""
+    scene = wall_over_ground()
+    scene = replace(scene, materials=(GLOSS, GLOSS))
+    one, none = (
+        drawn(lit_by(sets(scene, 0, k), replace(light, receivers=0b10)), 0, backend, samples=4)
+        for k in (1, 63)
+    )
+    assert (none == 0).all()
+    whole = drawn(lit_by(scene, light), 0, backend, samples=4)
+    assert (one == whole).all()
+    assert whole.min() > 0
+
+
+def test_each_instance_is_lit_by_its_own_lights() -> None:
+    """The sum of the pictures with each light alone on black is the picture with both."""
+    scene = sets(mixed(), 0, 63, 2, 1)
+    lights = tuple(
+        replace(light, receivers=receivers)
+        for light, receivers in zip(scene.lights, (0b1, EVERYTHING ^ 0b1, 1 << 63), strict=True)
+    )
+    pictures = [drawn(lit_by(scene, light), 0, samples=4) for light in lights]
+    together = drawn(lit_by(scene, *lights), 0, samples=4)
+    assert np.abs(together - sum(pictures)).max() < 1e-5 * together.max()
+    assert all(picture.max() > 0 for picture in pictures)
+    assert (together != drawn(scene, 0, samples=4)).any()
+
+
+def test_both_tracers_draw_the_same() -> None:
+    scene = sets(mixed(), 0, 1, 0, 1)
+    first, *others = scene.lights
+    scene = lit_by(scene, replace(first, receivers=0b10), *others)
+    native, exact = (drawn(scene, 1, backend, samples=4) for backend in BACKENDS)
+    off = np.abs(native - exact).max(2) / np.maximum(exact.max(2), 1e-3)
+    assert np.median(off) < 1e-6
+    assert (off > 1e-4).mean() < 0.01
+
+
+def test_walks_give_nothing_on_where_the_light_is_for_others() -> None:
+    scene = lit_by(sets(room(), 5), lamp(receivers=EVERYTHING ^ 1 << 5))
+    assert bounced_light(scene, 2) is None
+
+
+@pytest.mark.parametrize("light_set", [-1, 64, 0.5])
+def test_a_set_beyond_the_bits_is_told(light_set) -> None:
+    assert any("light_set" in text for text in sets(room(lamp()), light_set).problems())
+
+
+@pytest.mark.parametrize("receivers", [-1, 1 << 64, 1.0])
+def test_receivers_beyond_the_bits_are_told(receivers) -> None:
+    scene = room(lamp(receivers=receivers))
+    assert any("receivers" in text for text in scene.problems())
+
+
+def test_shadows_are_as_they_were() -> None:
+    """What a light is not for still hides it from the others."""
+    scene = mixed()
+    light = lamp(at=(0, 1, 3))
+    whole = drawn(lit_by(scene, light), 0, samples=4)
+    part = drawn(lit_by(sets(scene, 0, 1, 0, 0), replace(light, receivers=0b10)), 0, samples=4)
+    floor = (part > 0).all(2)
+    assert floor.any()
+    assert (part[floor] <= whole[floor] * (1 + 1e-6)).all()
