@@ -35,6 +35,8 @@ MERGED = 16
 """As `mesh_lights.MERGED`: fewer, as these points are strewn less evenly. Corners lose some 2 % of
 the light, with 64 they have spots at 64 samples.
 """
+MOST_MORE = 8
+"""Times as many walks where few of them meet anything."""
 MOST_PASSED = 16
 """Transparent surfaces that a walk passes."""
 LARGEST = 1e100
@@ -163,24 +165,36 @@ class _Walks:
         self._count = max(POINTS // bounces, FEWEST)
 
     def found(self) -> Bounces | None:
-        scene, parts = self._scene, []
+        scene = self._scene
         with Accelerator(scene.geometries, scene.instances) as surfaces:
             if not np.isfinite(surfaces.bounds).all():
                 return None
-            for start in starts(scene, self._origin, surfaces.bounds, self._count):
-                parts += self._walk(surfaces, start)
-        if not parts:
+            columns = self._points(surfaces)
+            if columns is not None and len(columns[0]) < POINTS / 2:
+                # most walks leave the scene
+                more = min(POINTS / len(columns[0]), MOST_MORE)
+                self._count = round(self._count * more)
+                columns = self._points(surfaces)
+        if columns is None:
             return None
-        points, normals, power, weight, reaches = map(np.concatenate, zip(*parts, strict=True))
-        good = np.flatnonzero((weight > 0) & np.isfinite(power).all(1) & power.any(1))
-        if not len(good):
-            return None
-        good = good[along_a_curve(points[good])]
+        points, normals, power, weight, reaches = columns
+        good = along_a_curve(points)
         points, weight = points[good], weight[good]
         spreads = _spreads(points, weight)
         radiance = power[good] * (weight.sum() / (weight * spreads))[:, None]
         radiance = np.clip(radiance, -LARGEST, LARGEST)
         return Bounces(points, normals[good], radiance, spreads, weight, reaches[good])
+
+    def _points(self, surfaces: Accelerator) -> list[Array] | None:
+        """Columns as of `_walk`, of all lights; None where there are none."""
+        begun = starts(self._scene, self._origin, surfaces.bounds, self._count)
+        parts = [part for start in begun for part in self._walk(surfaces, start)]
+        if not parts:
+            return None
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        _, _, power, weight, _ = columns
+        good = np.flatnonzero((weight > 0) & np.isfinite(power).all(1) & power.any(1))
+        return [column[good] for column in columns] if len(good) else None
 
     def _walk(self, surfaces: Accelerator, start: Start) -> Iterator[tuple[Array, ...]]:
         """Columns of points, normals, power (radiance times area), weights and reaches, a part for

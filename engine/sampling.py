@@ -8,6 +8,8 @@ together. They are kept in 32-bit integers.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 MOST_TABLED = 1 << 20
@@ -169,7 +171,13 @@ def walk_points(count: int, level: int) -> np.ndarray:
     another order at each level, as `lobe_points` has them.
     """
     bits = max(count - 1, 0).bit_length()
-    return _sobol(1 << bits, _DOME)[_shuffled(bits, LOBE_LEVELS + level)[:count]]
+    return _walk_square(bits)[_shuffled(bits, LOBE_LEVELS + level)[:count]]
+
+
+@functools.lru_cache(maxsize=4)
+def _walk_square(bits: int) -> np.ndarray:
+    """(2^bits, 2): a walk asks for them at every step."""
+    return _sobol(1 << bits, _DOME)
 
 
 def _shuffled(bits: int, seed: int) -> np.ndarray:

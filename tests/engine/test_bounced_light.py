@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from glint.engine import Settings, render
+from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.bounced_light import bounced_light
 from glint.engine.scene import (
     Camera,
@@ -316,3 +317,30 @@ def test_what_has_no_extent_and_what_is_not_finite_is_left_out() -> None:
     )
     scene = room(lamp(at=(0, 0, 0.5)), more=(broken,), materials=(matt((0.5,) * 3),))
     assert np.isfinite(drawn(scene, 2, samples=4)).all()
+
+
+def test_explain_tells_all_of_a_pixel() -> None:
+    scene = mixed()
+    settings = Settings(samples=1, light_samples=2, filter_width=0.0, diffuse_bounces=2)
+    picture = render(scene, settings).passes["Combined"]
+    explainer, named = PixelExplainer(scene, settings), set()
+    for x, y in ((12, 12), (5, 3), (20, 9), (11, 20)):
+        ray = explainer.pixel(x, y)
+        np.testing.assert_allclose(ray.color, picture[y, x, :3], rtol=1e-4, atol=1e-6)
+        named |= {term.light for term in (ray.hit.lights if ray.hit else ())}
+    assert "Bounced light" in named
+
+
+def test_a_light_seldom_met_gets_more_walks() -> None:
+    """A lamp far outside of the ball that it lights."""
+    far = replace(
+        room(lamp(at=(0, 0, 5.0), strength=1e4)),
+        camera=Camera(
+            "PERSPECTIVE", np.column_stack([np.eye(3), (0, 0, 5.0)]), (-1, 1, -1, 1), (4, 4)
+        ),
+    )
+    ground = Instances("ground", 1, np.column_stack([np.eye(3), (0, 0, -1.0)])[None], (0,))
+    far = replace(far, geometries=(*far.geometries, GROUND), instances=far.instances[:1])
+    assert len(bounced_light(far, 1).bounces.points) > 400
+    wide = replace(far, instances=(*far.instances, ground))
+    assert len(bounced_light(wide, 1).bounces.points) > 4000
