@@ -45,9 +45,10 @@ __all__ = [
     "render",
 ]
 
-np.eye(2) @ np.eye(2)
-"""OpenBLAS, which multiplies NumPy's matrices, takes 32 MB at its first product and keeps them.
-Asked when memory is short it spins for ever instead of failing, so it is asked here.
+np.ones((256, 256)) @ np.ones((256, 256))
+"""OpenBLAS, which multiplies NumPy's matrices, takes 32 MB at its first product and keeps them; on
+some processors products of small matrices do without. Asked when memory is short it spins for ever
+instead of failing, so it is asked here.
 """
 
 

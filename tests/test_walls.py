@@ -84,7 +84,8 @@ def _inside_engine(name: str) -> bool:
 
 
 def _inside_reference(name: str) -> bool:
-    shared = "dome", "lens", "mesh_lights", "motion", "scene", "film", "settings", "sampling"
+    tables = "bounced_light", "dome", "lens", "mesh_lights", "motion"
+    shared = *tables, "scene", "film", "settings", "sampling"
     values = {f"engine.{name}" for name in shared}
     return name in values or name.startswith(
         ("engine.reference", "engine.linear", "engine.program")

@@ -62,9 +62,17 @@ def arguments_of(operation: Operation, random: np.random.Generator, count: int) 
         special = random.random(count) < 1 / 3
         return np.where(special, random.choice(SPECIAL, count), values)
 
+    def vector() -> np.ndarray:
+        values = np.stack([column() for _ in range(3)])
+        # in a lattice that is not scattered cells tie where two coordinates are equal: rounding of
+        # powers, which processors' libraries differ in, decides
+        same = (operation.name == "voronoi_texture") & (values[0] == values[2])
+        values[2] += np.where(same & np.isfinite(values[2]), 0.3, 0.0)
+        return values
+
     most = [HELD.get((operation.name, name), np.inf) for name, _ in operation.arguments]
     return [
-        np.clip(column() if kind == 1 else np.stack([column() for _ in range(3)]), -limit, limit)
+        np.clip(column() if kind == 1 else vector(), -limit, limit)
         for limit, (_, kind) in zip(most, operation.arguments, strict=True)
     ]
 
