@@ -1,6 +1,11 @@
 """How Blender drives the engine: borders, animations, previews, messages."""
 
+import os
 import re
+import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
@@ -237,3 +242,51 @@ draw("none.exr")
         "Error: Glint ran out of memory: the system starts no further thread: close programs"
         in run.output
     )
+
+
+@pytest.mark.parametrize("file_format", ["PNG", "OPEN_EXR"])
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_from_outside_ends_the_program_without_a_picture(tmp_path, name, file_format):
+    """While the core traces: nothing of Python runs then but what the engine lets."""
+    program = (
+        DRAW
+        + f"""
+import signal
+import glint.addon.render.final as final
+signal.signal(signal.SIGINT, signal.default_int_handler)
+trace = final._trace
+
+def tracing(*arguments, **options):
+    (FOLDER / "begun").touch()
+    return trace(*arguments, **options)
+
+final._trace = tracing
+scene.render.image_settings.file_format = {file_format!r}
+scene.glint.final.backend = "NATIVE"
+scene.glint.final.samples, scene.glint.final.error_threshold = 65536, 0
+scene.render.resolution_x = scene.render.resolution_y = 4000
+draw("picture")
+"""
+    )
+    blender = Blender(tmp_path)
+    with ThreadPoolExecutor() as pool:
+        running = pool.submit(blender.run, program, timeout=60)
+        begun = blender.folder / "begun"
+        while not begun.exists() and not running.done():
+            time.sleep(0.05)
+        time.sleep(0.5)
+        found = [p for p in Path("/proc").glob("[0-9]*") if _runs(p, blender.folder)]
+        for process in found:
+            os.kill(int(process.name), getattr(signal, name))
+        run = running.result()
+    assert found, run.output
+    assert run.returncode not in (0, -signal.SIGSEGV, -signal.SIGABRT), run.output
+    assert not list(blender.folder.glob("picture*"))
+
+
+def _runs(process: Path, folder: Path) -> bool:
+    """Whether its command line names the folder."""
+    try:
+        return str(folder) in (process / "cmdline").read_text()
+    except OSError:
+        return False

@@ -238,7 +238,7 @@ GlintEmitter emitter(Dice& dice) {
   return e;
 }
 
-/// At times one of them is a mesh light.
+/// At times one of them is a mesh light, and another is of bounced light.
 void set_lights(Dice& dice, Arena& arena, GlintSceneData& d) {
   std::vector<GlintLight> lights;
   for (size_t k = dice.below(4); k > 0; --k) lights.push_back(light(dice));
@@ -247,6 +247,10 @@ void set_lights(Dice& dice, Arena& arena, GlintSceneData& d) {
     lights.back().kind = GLINT_MESH_LIGHT;
     lights.back().program = 0;
     for (size_t k = 1 + dice.below(20); k > 0; --k) emitters.push_back(emitter(dice));
+  }
+  if (lights.size() > 1 && dice.chance(0.3)) {
+    lights.front().kind = GLINT_BOUNCED_LIGHT;
+    lights.front().program = 0;
   }
   d.emitter_count = d.emitter_corner_count = emitters.size();
   d.emitters = arena.table(emitters);
@@ -427,6 +431,7 @@ Placed placed(Dice& dice, Arena& arena, size_t materials) {
   p.matrices = arena.fill<double>(12 * p.rows, [&] { return dice.number(); });
   for (size_t k = p.geometries.empty() ? 0 : dice.below(5); k > 0; --k) {
     GlintInstances i{};
+    i.light_set = uint32_t(dice.below(dice.chance(0.05 * dice.wildness) ? 80 : 64));
     i.first_row = dice.below(p.rows + 1);
     i.row_count = dice.below(p.rows - i.first_row + 1);
     i.geometry = dice.index(p.geometries.size());
@@ -536,6 +541,10 @@ void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.mesh_table = arena.fill<double>(16 * s.mesh_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.mesh_count = 0;
   if (dice.chance(0.05 * dice.wildness)) s.mesh_table = nullptr;
+  s.bounced_samples = uint32_t(1 + dice.below(5));
+  s.bounced_count = uint64_t(s.bounced_samples) * (1 + dice.below(s.samples));
+  s.bounced_table = arena.fill<double>(16 * s.bounced_count, [&] { return dice.number(); });
+  if (dice.chance(0.05 * dice.wildness)) s.bounced_count = 0;
 }
 
 void set_lens(Dice& dice, Arena& arena, GlintRenderSettings& s) {
