@@ -13,14 +13,14 @@ from ...engine.scene import Geometry, Instances, Scene
 from .camera import border, export_camera, resolution
 from .decoded import Decoded
 from .images import Images
-from .instances import Flags, Thing, random_numbers, walk
+from .instances import Flags, Thing, places_on_instancers, random_numbers, walk
 from .lights import Lights, Seen
 from .materials import Materials, Wanted, without_unused
 from .meshes import MeshSource, mesh_key, read_attributes, readable
 from .placing import note_empty_view, without_collapsed
 from .properties import Value, value_of
 from .report import Report
-from .shader_nodes.objects import RANDOM
+from .shader_nodes.objects import OF_EACH
 from .shapes import export_points, read_shape
 from .world import Sky, export_world
 
@@ -96,7 +96,7 @@ def _world(depsgraph: Any, scene: Any) -> Any:
 
 class _Placed(NamedTuple):
     """A geometry with what its instances need. values: what programs read of it;
-    is_random: they read a random number of each instance.
+    of_each: names of what they read of each instance by itself.
     """
 
     geometry: int
@@ -104,7 +104,7 @@ class _Placed(NamedTuple):
     object_index: int
     flags: Flags
     values: tuple[tuple[str, Value], ...] = ()
-    is_random: bool = False
+    of_each: tuple[str, ...] = ()
 
 
 class _Lamp(NamedTuple):
@@ -152,9 +152,9 @@ class Collector:
                 thing.name,
             )
         wanted = self._wanted(slots).objects
-        is_random = RANDOM in wanted and instance.is_instance
+        of_each = tuple(name for name in OF_EACH if name in wanted and instance.is_instance)
         values = tuple((name, self._value(name, instance)) for name in sorted(wanted))
-        return _Placed(geometry, slots, thing.pass_index, flags, values, is_random)
+        return _Placed(geometry, slots, thing.pass_index, flags, values, of_each)
 
     def _value(self, name: str, instance: Any) -> Value:
         return value_of(name, instance, self.depsgraph.view_layer_eval, self.depsgraph.scene_eval)
@@ -166,16 +166,19 @@ class Collector:
         values = {
             name: np.tile(np.array(value, np.float32), (count, 1)) for name, value in placed.values
         }
-        if placed.is_random:
-            values[RANDOM] = np.repeat(self._random[thing.numbers][:, None], 4, 1)
+        for name in placed.of_each:
+            values[name] = self._of_instances[name][thing.numbers]
         return Instances(
             thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
             flags.camera, flags.mirror, flags.shadow, flags.holdout, values, flags.light_set,
         )  # fmt: skip
 
     @cached_property
-    def _random(self) -> np.ndarray:
-        return random_numbers(self.depsgraph)
+    def _of_instances(self) -> dict[str, np.ndarray]:
+        """(count, 4) float32 each of every instance, by the names of `OF_EACH`."""
+        random = np.repeat(random_numbers(self.depsgraph)[:, None], 4, 1)
+        places = (np.pad(p, ((0, 0), (0, 1))) for p in places_on_instancers(self.depsgraph))
+        return dict(zip(OF_EACH, (random, *places), strict=True))
 
     def _slots(self, thing: Any, used: tuple[int, ...]) -> tuple[int, ...]:
         """The materials of an object's slots up to the last that some face uses. A slot that none

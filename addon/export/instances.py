@@ -118,6 +118,18 @@ def random_numbers(depsgraph: Any) -> np.ndarray:
     return as_random(ids.view(np.uint32))
 
 
+def places_on_instancers(depsgraph: Any) -> tuple[np.ndarray, np.ndarray]:
+    """(count, 3) float32 each of every instance, where it is on what carries it: generated and UV
+    coordinates as Cycles has them.
+    """
+    count = len(depsgraph.object_instances)
+    generated, uv = np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
+    if count:
+        depsgraph.object_instances.foreach_get("orco", generated.reshape(-1))
+        depsgraph.object_instances.foreach_get("uv", uv.reshape(-1))
+    return 0.5 * generated - 0.5, np.pad(uv, ((0, 0), (0, 1)))
+
+
 def random_number(name: str) -> float:
     """The same of an object that stands by itself."""
     return float(random_of(word_of(name), np.zeros(1, np.uint32))[0])

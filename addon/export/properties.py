@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from .instances import random_number
-from .shader_nodes.objects import COLOR, INDEX, INSTANCER, RANDOM, VIEW_LAYER
+from .shader_nodes.objects import COLOR, INDEX, INSTANCER, OF_EACH, RANDOM, VIEW_LAYER
 
 Value = tuple[float, float, float, float]
 NOTHING: Value = (0.0, 0.0, 0.0, 0.0)
@@ -21,6 +21,8 @@ def value_of(name: str, instance: Any, view_layer: Any, scene: Any) -> Value:
         return _finite((instance.parent if instance.is_instance else instance.object).color)
     if name == RANDOM:
         return (random_number(instance.object.name),) * 4
+    if name in OF_EACH:
+        return NOTHING
     if name == INDEX:
         return (float(instance.object.pass_index),) * 4
     kind, _, plain = name.partition(":")

@@ -69,6 +69,8 @@ def scattered(scene, material) -> None:
     vertices = [(x, y, 0.0) for y in edges for x in edges]
     corners = [4 * i + j for i in range(3) for j in range(3)]
     plate.from_pydata(vertices, [], [(c, c + 1, c + 5, c + 4) for c in corners])
+    for k, corner in enumerate(plate.uv_layers.new(name="map").data):
+        corner.uv = (0.04 * k, 0.9 - 0.02 * k)
     base = add(scene, "plate", plate)
     base.instance_type, base["tint"] = "FACES", (0.2, 0.7, 0.1)
     base.show_instancer_for_render = base.show_instancer_for_viewport = False
@@ -78,6 +80,10 @@ def scattered(scene, material) -> None:
 
 
 OUTPUTS = {
+    "carrier Generated": ("ShaderNodeTexCoord", "Generated", {"from_instancer": True}),
+    "carrier UV": ("ShaderNodeTexCoord", "UV", {"from_instancer": True}),
+    "carrier Normal": ("ShaderNodeTexCoord", "Normal", {"from_instancer": True}),
+    "carrier map": ("ShaderNodeUVMap", "UV", {"from_instancer": True}),
     **{
         f"info {name}": ("ShaderNodeObjectInfo", name, {})
         for name in ("Random", "Object Index", "Material Index", "Color", "Alpha", "Location")
@@ -131,6 +137,16 @@ def test_of_single_objects_and_collections(output):
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("output", ["info Random", "info Color", "INSTANCER tint Color"])
+@pytest.mark.parametrize(
+    "output",
+    [
+        "info Random",
+        "info Color",
+        "INSTANCER tint Color",
+        "carrier Generated",
+        "carrier UV",
+        "carrier map",
+    ],
+)
 def test_of_what_faces_carry(output, backend):
     check(scattered, output, backend)

@@ -10,7 +10,7 @@ from ..graph import socket_named
 from ..images import FIRST, Images
 from ..terms import GREY
 from .mapping import texture_mapped
-from .objects import property_of_object
+from .objects import INSTANCER_GENERATED, INSTANCER_UV, property_of_object
 from .projections import on_ball, on_box, on_tiles, on_tube
 from .reader import ISLAND, POINTINESS, READERS, NodeInputs, Outputs
 from .tangents import radial_tangent
@@ -23,10 +23,17 @@ def _texture_coordinate(view: NodeInputs) -> Outputs:
     position = view.apply("object_position", shift=0)[0]
     if view.node.object is not None:
         position = _in_space_of(view, view.node.object)
+    if view.node.from_instancer:
+        generated, uv = (
+            view.apply("instance_value", attribute=name)[0]
+            for name in (INSTANCER_GENERATED, INSTANCER_UV)
+        )
+    else:
+        generated, uv = view.reader.generated(), view.apply("uv", attribute="", shift=0)[0]
     return {
-        "Generated": view.reader.generated(),
+        "Generated": generated,
         "Normal": view.apply("object_normal")[0],
-        "UV": view.apply("uv", attribute="", shift=0)[0],
+        "UV": uv,
         "Object": position,
         "Camera": view.apply("camera_position", shift=0)[0],
         "Window": view.apply("window", shift=0)[0],
@@ -48,7 +55,7 @@ def _in_space_of(view: NodeInputs, other: Any) -> Value:
 
 def _uv_map(view: NodeInputs) -> Outputs | None:
     if view.node.from_instancer:
-        return None
+        return {"UV": view.apply("instance_value", attribute=INSTANCER_UV)[0]}
     return {"UV": view.apply("uv", attribute=view.node.uv_map, shift=0)[0]}
 
 

@@ -8,6 +8,11 @@ RANDOM = "(random)"
 COLOR = "(object colour)"
 INDEX = "(object index)"
 """Names of what `properties.value_of` says of every object."""
+INSTANCER_GENERATED = "(instancer generated)"
+INSTANCER_UV = "(instancer uv)"
+"""Where instances are on what carries them; zeros of what is none."""
+OF_EACH = (RANDOM, INSTANCER_GENERATED, INSTANCER_UV)
+"""Of these each instance of one thing has its own."""
 OBJECT, INSTANCER, VIEW_LAYER = "OBJECT:", "INSTANCER:", "VIEW_LAYER:"
 """Prefixes of names of properties, by who has them: Blender's identifiers of attribute types."""
 
