@@ -10,6 +10,7 @@ import pytest
 
 from glint.engine import Scene, Settings, available_backends, render
 from glint.engine.scene import (
+    EVERYTHING,
     Attribute,
     Camera,
     Input,
@@ -202,6 +203,17 @@ def look(scene, r):
     return replace(scene, camera=camera(r.uniform(-1, 1) if r.random() < 0.7 else 200.0))
 
 
+def link(scene, r):
+    """Lights that light but some of the groups."""
+    k = r.randrange(len(scene.lights))
+    light = replace(scene.lights[k], receivers=r.choice([EVERYTHING, 0b01, 0b10, 0b11]))
+    groups = scene.instances
+    if groups:
+        n = r.randrange(len(groups))
+        groups = _with(groups, n, replace(groups[n], light_set=r.randrange(3)))
+    return replace(scene, lights=_with(scene.lights, k, light), instances=groups)
+
+
 EDITS = [
     move,
     move,
@@ -217,8 +229,9 @@ EDITS = [
     surround,
     smooth,
     look,
+    link,
 ]
-SHADING = [lamp, move_lamp, paint, surround, smooth]
+SHADING = [lamp, move_lamp, paint, surround, smooth, link]
 
 
 def shown(live, scene, exact, settings=SETTINGS):
@@ -272,7 +285,10 @@ def test_any_sequence_of_edits_to_the_shading(seed):
         for _ in range(12):
             scene = r.choice(SHADING)(scene, r)
             settings = replace(
-                SETTINGS, light_samples=r.choice([1, 3]), passes=SETTINGS.passes | {"Cost"}
+                SETTINGS,
+                light_samples=r.choice([1, 3]),
+                diffuse_bounces=r.choice([0, 2]),
+                passes=SETTINGS.passes | {"Cost"},
             )
             assert_same_bits(
                 shown(live, scene, True, settings), render(scene, settings), f"seed {seed}"
