@@ -361,6 +361,7 @@ _NAMES = {
     "light_samples": ("light sample", "light samples"),
     "max_bounces": ("bounce", "bounces"),
     "cutoff": ("cutoff",),
+    "diffuse_bounces": ("diffuse bounce", "diffuse bounces"),
 }
 """Knob → what stands behind its value, one and more; or before it."""
 _SEEN = (

@@ -130,7 +130,9 @@ def choose_settings(
     if problems:
         raise SceneError("\n".join(problems))
     lights = (
-        min(base.light_samples, _LIGHT_SAMPLES) if has_soft_lights(scene) else base.light_samples
+        min(base.light_samples, _LIGHT_SAMPLES)
+        if has_soft_lights(scene, base)
+        else base.light_samples
     )
     settings = replace(base, error_threshold=0.0, light_samples=lights)
     frame = base.region or (0, 0, *scene.camera.resolution)

@@ -32,6 +32,7 @@ _REFERENCE_LIGHT_SAMPLES = 4
 _REFERENCE_MARGIN = 4
 """The reference takes at least so many times the light points of any point of the grid."""
 _REFERENCE_BOUNCES = 16
+_REFERENCE_DIFFUSE = 8
 SQUARES, SIDE = 96, 12
 """Squares and their pixels across: every other one is for choosing settings, the rest for checking
 what was chosen.
@@ -50,13 +51,13 @@ class Knob:
     """A setting that trades time for accuracy.
 
     name: a field of Settings.  values: from fast to accurate.  matters: whether it can change a
-    picture of this scene. falling: smaller values are the more accurate ones.  group: knobs of one
-    group are combined with each other.
+    picture of this scene with the base's settings. falling: smaller values are the more accurate
+    ones.  group: knobs of one group are combined with each other.
     """
 
     name: str
     values: tuple[Any, ...]
-    matters: Callable[[Scene], bool]
+    matters: Callable[[Scene, Settings], bool]
     falling: bool = False
     group: str = "sampling"
 
@@ -70,27 +71,43 @@ class Knob:
         return sorted(set(values), reverse=self.falling)
 
 
-def has_soft_lights(scene: Scene) -> bool:
-    """Whether something lights from more than a point: a lamp of an extent, the sky, what glows."""
+def has_soft_lights(scene: Scene, settings: Settings) -> bool:
+    """Whether something lights from more than a point, as the settings want the scene lit: a lamp
+    of an extent, the sky, what glows, what is lit.
+    """
+    lit = settings.lighting
     glows = any(lobe.kind == "EMISSION" for m in scene.materials for lobe in m.lobes)
-    return glows or any(is_soft(light) or light.kind == "DOME" for light in scene.lights)
+    sky = any(light.kind == "DOME" for light in scene.lights)
+    return (
+        (glows and lit["by_meshes"])
+        or (sky and lit["by_world"])
+        or scatters(scene, settings)
+        or any(is_soft(light) for light in scene.lights)
+    )
 
 
-def has_bounces(scene: Scene) -> bool:
-    """Whether a material reflects or refracts rays, as metals do."""
+def has_bounces(scene: Scene, settings: Settings) -> bool:
+    """Whether a material reflects or refracts rays, as metals do where they may."""
     return any(
-        lobe.kind in ("MIRROR", "REFRACTION") or lobe.is_metallic
+        lobe.kind in ("MIRROR", "REFRACTION")
+        or (lobe.is_metallic and settings.reflections != "OFF")
         for material in scene.materials
         for lobe in material.lobes
     )
 
 
+def scatters(scene: Scene, settings: Settings) -> bool:
+    """Whether surfaces throw light onto others: it is measured where it is wanted at all."""
+    return settings.lighting["bounces"] > 0 and bool(scene.instances)
+
+
 KNOBS = (
-    Knob("samples", (1, 2, 4, 8, 16, 32, 64), lambda scene: True),
-    Knob("error_threshold", (8.0, 2.0, 0.0), lambda scene: True, falling=True),
+    Knob("samples", (1, 2, 4, 8, 16, 32, 64), lambda scene, settings: True),
+    Knob("error_threshold", (8.0, 2.0, 0.0), lambda scene, settings: True, falling=True),
     Knob("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
     Knob("max_bounces", (0, 1, 2, 4, 8), has_bounces, group="bounces"),
     Knob("cutoff", (0.01, 0.0), has_bounces, falling=True, group="bounces"),
+    Knob("diffuse_bounces", (1, 2, 4), scatters, group="diffuse"),
 )
 """Every knob that is measured. A new one needs a row here and nothing else."""
 
@@ -238,7 +255,7 @@ def settings_grid(
             f"no such knob: {', '.join(unknown)}; there are "
             f"{', '.join(knob.name for knob in KNOBS)}"
         )
-    knobs = [knob for knob in KNOBS if knob.matters(scene)]
+    knobs = [knob for knob in KNOBS if knob.matters(scene, base)]
     groups = [
         [knob for knob in knobs if knob.group == group]
         for group in dict.fromkeys(knob.group for knob in knobs)
@@ -496,10 +513,11 @@ def reference_settings(
     points = max(s.samples * s.light_samples for s in grid)
     light_samples = (
         max(_REFERENCE_LIGHT_SAMPLES, -(-_REFERENCE_MARGIN * points // samples))
-        if has_soft_lights(scene)
+        if has_soft_lights(scene, base)
         else 1
     )
     bounces = max(_REFERENCE_BOUNCES, *(s.max_bounces for s in grid))
+    diffuse = max(s.diffuse_bounces for s in grid)
     settings = replace(
         base,
         samples=samples,
@@ -507,6 +525,7 @@ def reference_settings(
         light_samples=light_samples,
         max_bounces=bounces,
         cutoff=0.0,
+        diffuse_bounces=max(diffuse, _REFERENCE_DIFFUSE) if scatters(scene, base) else diffuse,
     )
     problems = settings.problems()
     if problems:

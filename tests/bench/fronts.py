@@ -198,7 +198,7 @@ def glint_points(scene) -> tuple[list[dict], np.ndarray, bool]:
                 "seconds": seconds,
                 "error": error,
             }
-    return list(points.values()), truth, has_soft_lights(job.scene)
+    return list(points.values()), truth, has_soft_lights(job.scene, base)
 
 
 def kept_cycles_points(

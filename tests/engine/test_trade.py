@@ -15,7 +15,7 @@ from glint.engine import (
     available_backends,
 )
 from glint.engine.analysis import trade, trade_crops, trade_plot
-from glint.engine.scene import Lobe
+from glint.engine.scene import Lobe, Material
 
 BACKEND = available_backends()[0]
 KNOBS = {"samples": 1, "light_samples": 1, "max_bounces": 0}
@@ -127,16 +127,39 @@ def test_the_grid_holds_only_knobs_that_can_matter():
     mirror = replace(hard, materials=(scenes.surface(lobes=(Lobe("MIRROR"),)),))
     base = Settings(samples=3, light_samples=5, max_bounces=7)
     always = {"samples", "error_threshold"}
-    for scene, varied in (
-        (hard, always),
-        (soft_scene(), always | {"light_samples"}),
-        (mirror, always | {"max_bounces", "cutoff"}),
+    metal = Material("metal", (Lobe("SPECULAR", exponent=9.0, masking=0.3),))
+    metal, glow = (
+        replace(hard, materials=(material,))
+        for material in (metal, scenes.surface(lobes=(Lobe("EMISSION"),)))
+    )
+    bounced, many = replace(base, diffuse_bounces=2), always | {"light_samples"}
+    for scene, settings, varied in (
+        (hard, base, always),
+        (soft_scene(), base, always | {"light_samples"}),
+        (mirror, base, always | {"max_bounces", "cutoff"}),
+        (metal, base, always | {"max_bounces", "cutoff"}),
+        (metal, replace(base, reflections="OFF"), always),
+        (glow, base, many),
+        (glow, replace(base, mesh_light="OFF"), always),
+        (hard, bounced, many | {"diffuse_bounces"}),
+        (hard, replace(bounced, illumination="CLASSIC"), always),
     ):
-        grid = trade.settings_grid(scene, base, {})
+        grid = trade.settings_grid(scene, settings, {})
         assert {
             knob.name for knob in trade.KNOBS if len({getattr(s, knob.name) for s in grid}) > 1
         } == varied
-        assert base in grid
+        assert settings in grid
+
+
+def test_bounced_light_is_measured_against_more_of_it():
+    hard = replace(soft_scene(), lights=(scenes.light("POINT"),))
+    base = Settings(samples=4, light_samples=2, diffuse_bounces=1)
+    wanted = trade.reference_settings(hard, base, trade.settings_grid(hard, base, {}), 64)
+    assert wanted.diffuse_bounces == 8
+    assert wanted.light_samples > 1
+    off = replace(base, diffuse_bounces=0)
+    wanted = trade.reference_settings(hard, off, trade.settings_grid(hard, off, {}), 64)
+    assert (wanted.diffuse_bounces, wanted.light_samples) == (0, 1)
 
 
 def test_each_knob_goes_from_fast_to_accurate_and_the_threshold_only_where_it_can_stop_a_pixel():
