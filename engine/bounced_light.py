@@ -213,7 +213,8 @@ class _Walks:
             fresh = np.flatnonzero(steps.scattered == 0)
             white = steps.carried.copy()
             white[:, fresh] *= start.given(surface.x[:, fresh], steps.number[fresh])
-            white[:, fresh[[not start.receivers >> int(s) & 1 for s in sets[fresh]]]] = 0.0
+            white[:, fresh[_without(start.receivers, sets[fresh])]] = 0.0
+            k = _let_through(k, fresh[_without(start.blockers, sets[fresh])])
             power = white * k.diffuse
             weight = steps.weight * np.abs(k.diffuse).mean(0)
             yield surface.x.T, surface.g.T, power.T, weight, surface.offset
@@ -261,3 +262,17 @@ class _Walks:
         )
         go = (total > 0) & (next_ones.scattered < self._bounces) & (next_ones.weight > 0)
         return next_ones.take(np.flatnonzero(go))
+
+
+def _without(bits: int, sets: Array) -> Array:
+    """(m,) bool: which of the sets have no bit."""
+    return np.array([not bits >> int(number) & 1 for number in sets], bool)
+
+
+def _let_through(k: Coefficients, points: Array) -> Coefficients:
+    """The same where light passes some points as if nothing were there."""
+    if not len(points):
+        return k
+    diffuse, transparent = k.diffuse.copy(), k.transparent.copy()
+    diffuse[:, points], transparent[:, points] = 0.0, 1.0
+    return replace(k, diffuse=diffuse, transparent=transparent)

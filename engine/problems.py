@@ -382,8 +382,10 @@ def _light(light: Light) -> Found:
     if light.program is not None:
         yield from _light_program(light)
     yield from one_of("shape", light.shape, LIGHT_SHAPES)
-    if not (isinstance(light.receivers, int) and 0 <= light.receivers <= EVERYTHING):
-        yield f"receivers is {light.receivers!r}: use a whole number of {MOST_SETS} bits"
+    for name in ("receivers", "blockers"):
+        value = getattr(light, name)
+        if not (isinstance(value, int) and 0 <= value <= EVERYTHING):
+            yield f"{name} is {value!r}: use a whole number of {MOST_SETS} bits"
     yield from _placement("world_from_light", light.world_from_light, _not_orthonormal)
     yield from numbers("color", light.color, 3)
     yield from finite("strength", light.strength)

@@ -323,7 +323,7 @@ class Light:
     color and strength: (h, w, 3) float32 in the light's axes, equirectangular as `engine.dome`
     says.  emitters: of a MESH, whose bounds are size_x, size_y and twice the radius along the
     light's axes, round its origin.  bounces: of a BOUNCED one, the same.  receivers: a bit for each
-    light_set of the instances that it lights.
+    light_set of the instances that it lights, blockers: of those that cast shadows in it.
     """
 
     name: str
@@ -348,6 +348,7 @@ class Light:
     emitters: Emitters | None = None
     bounces: Bounces | None = None
     receivers: int = EVERYTHING
+    blockers: int = EVERYTHING
 
 
 CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")

@@ -36,13 +36,14 @@ HUGE = 1e100
 class Start:
     """n walks of one light. origin, direction: (3, n), directions unit.  given: of points x (3, m)
     and the numbers (m,) of the walks that meet them, (3, m): the light that goes on from a white
-    surface, radiance times area.  receivers: as of the light.
+    surface, radiance times area.  receivers, blockers: as of the light.
     """
 
     origin: Array
     direction: Array
     given: Callable[[Array, Array], Array]
     receivers: int = EVERYTHING
+    blockers: int = EVERYTHING
 
 
 def starts(scene: Scene, origin: Array, bounds: Array, count: int) -> Iterator[Start]:
@@ -61,7 +62,7 @@ def starts(scene: Scene, origin: Array, bounds: Array, count: int) -> Iterator[S
                 round(count * float(power / powers.max() / (powers / powers.max()).sum())), least
             )
             for start in _start(light, origin, far, n):
-                yield replace(start, receivers=light.receivers)
+                yield replace(start, receivers=light.receivers, blockers=light.blockers)
 
 
 def _color(light: Light) -> Array:

@@ -135,7 +135,8 @@ class Collector:
         owner = instance.instance_object or thing  # the one that is not temporary
         data = thing.data
         if thing.type == "LIGHT":
-            return _Lamp(data, Seen(flags.camera, flags.mirror, flags.receivers))
+            seen = Seen(flags.camera, flags.mirror, flags.receivers, flags.blockers)
+            return _Lamp(data, seen)
         kind = type(data).__name__
         if kind not in ("Mesh", "PointCloud"):
             return None

@@ -28,7 +28,7 @@ _UNSUPPORTED = {
 
 class Flags(NamedTuple):
     """What an object's settings say of its visibility, with its instancer's. light_set: which
-    lights reach it.  receivers: the sets that it lights.
+    lights reach it.  receivers: the sets that it lights.  blockers: those that shade it.
     """
 
     camera: bool
@@ -37,6 +37,7 @@ class Flags(NamedTuple):
     holdout: bool
     light_set: int = 0
     receivers: int = EVERYTHING
+    blockers: int = EVERYTHING
 
 
 @dataclass(eq=False)
@@ -172,7 +173,11 @@ def _meet(
         return None
     flags = flags_of(thing, instancer, depsgraph.view_layer, report)
     owner = instancer.original
-    flags = flags._replace(light_set=links.set_of(owner), receivers=links.lit_by(owner))
+    flags = flags._replace(
+        light_set=links.set_of(owner),
+        receivers=links.lit_by(owner),
+        blockers=links.shaded_by(owner),
+    )
     content = make(instance, flags)
     return (content, name, thing.original.session_uid) if content is not None else None
 
@@ -188,10 +193,17 @@ def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
     thing or its instancer.
     """
     linking = getattr(owner, "light_linking", None)
-    if linking is not None and linking.blocker_collection:
-        report.note("Shadow linking is not rendered: {} get shadows from everything", thing.name)
-    if linking is not None and linking.receiver_collection and thing.type != "LIGHT":
-        report.note("Light linking of what glows is not rendered: {} light everything", thing.name)
+    if linking is not None and thing.type != "LIGHT":
+        if linking.receiver_collection:
+            report.note(
+                "Light linking of what glows is not rendered: {} light everything", thing.name
+            )
+        if linking.blocker_collection:
+            report.note(
+                "Shadow linking of what glows is not rendered: everything casts shadows in the "
+                "light of {}",
+                thing.name,
+            )
     if thing.type == "LIGHT":
         if not (owner.visible_diffuse and owner.visible_glossy):
             report.note(

@@ -1,4 +1,6 @@
-"""Light linking: which objects a light lights (Blender's panel of that name), as sets of them."""
+"""Light and shadow linking: which objects a light lights, and which cast shadows in it (Blender's
+panels of these names), as sets of objects.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +17,22 @@ def receivers_of(light: Any) -> Any:
     return linking.receiver_collection if linking is not None else None
 
 
+def blockers_of(light: Any) -> Any:
+    """The collection of what casts shadows in an original object's light, None for all."""
+    linking = getattr(light, "light_linking", None)
+    return linking.blocker_collection if linking is not None else None
+
+
 class LightLinks:
-    """Of the objects of a view layer. Those that the same lights reach are one set."""
+    """Of the objects of a view layer. Those that the same lights reach, and that shade the same
+    ones, are one set.
+    """
 
     def __init__(self, objects: Iterable[Any], report: Report) -> None:
         """objects: originals."""
         objects = list(objects)
-        found = (receivers_of(thing) for thing in objects if thing.type == "LIGHT")
+        lights = [thing for thing in objects if thing.type == "LIGHT"]
+        found = (of(light) for light in lights for of in (receivers_of, blockers_of))
         members = {c.session_uid: _Members(c) for c in found if c is not None}
         self._rows = {uid: row for row, uid in enumerate(members)}
         self._sets: dict[int, int] = {}
@@ -31,7 +42,7 @@ class LightLinks:
             if kind not in self._kinds and len(self._kinds) == MOST_SETS:
                 report.note(
                     "Light linking knows {} sets of objects that the same lights reach: all lights "
-                    "reach {}",
+                    "reach {}, which cast shadows in all",
                     MOST_SETS,
                     thing.name,
                 )
@@ -44,7 +55,13 @@ class LightLinks:
 
     def lit_by(self, light: Any) -> int:
         """The sets that an original object lights, a bit each."""
-        collection = receivers_of(light)
+        return self._sets_in(receivers_of(light))
+
+    def shaded_by(self, light: Any) -> int:
+        """The sets that cast shadows in an original object's light, a bit each."""
+        return self._sets_in(blockers_of(light))
+
+    def _sets_in(self, collection: Any) -> int:
         if collection is None or collection.session_uid not in self._rows:
             return EVERYTHING
         row = self._rows[collection.session_uid]

@@ -27,11 +27,14 @@ _SAME_LENGTH = 1e-5
 
 @dataclass(frozen=True)
 class Seen:
-    """By which rays the light's own shape is seen, and what it lights, as `Light.receivers`."""
+    """By which rays the light's own shape is seen, what it lights and what shades it, as
+    `Light.receivers` and `Light.blockers`.
+    """
 
     camera: bool
     mirror: bool
     receivers: int = EVERYTHING
+    blockers: int = EVERYTHING
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,7 @@ class Lights:
             visible_camera=seen.camera,
             visible_mirror=seen.mirror,
             receivers=seen.receivers,
+            blockers=seen.blockers,
             program=emission.program,
             textures=emission.textures,
             **shape,

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...engine.scene import EVERYTHING, Instances, Light, Scene
 from .instances import Census, Thing, flags_of
-from .light_links import receivers_of
+from .light_links import blockers_of, receivers_of
 from .lights import Lights, Seen
 from .placing import without_collapsed
 from .report import Report
@@ -80,11 +80,16 @@ class Stage:
         return True
 
     def _is_linked(self, updates: list[Any]) -> bool:
-        """Whether lights light but some objects, or begin to: any edit may change which."""
-        return any(light.receivers != EVERYTHING for light in self.scene.lights) or any(
-            receivers_of(update.id.original) is not None
+        """Whether lights light but some objects, or have shadows of some, or begin to: any edit may
+        change which.
+        """
+        return any(
+            light.receivers & light.blockers != EVERYTHING for light in self.scene.lights
+        ) or any(
+            of(update.id.original) is not None
             for update in updates
             if update.id.id_type == "OBJECT"
+            for of in (receivers_of, blockers_of)
         )
 
     def stands(self, updates: list[Any], view_layer: Any) -> bool:

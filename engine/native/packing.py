@@ -517,4 +517,5 @@ def _light(light: Light) -> tuple:
         0,
         light.program.outputs[0] if light.program is not None else 0,
         EVERYTHING ^ light.receivers,
+        EVERYTHING ^ light.blockers,
     )

@@ -314,7 +314,8 @@ class Explainer:
         """S, and the first thing that stands between the point and the light's sample."""
         if not source.light.cast_shadow:
             return np.ones(3), "", np.inf
-        shadow = self.stage.lighting.shadows.towards(surface, np.zeros(1, np.intp), sample)[0]
+        shadows = self.stage.lighting.shadows_of(source)
+        shadow = shadows.towards(surface, np.zeros(1, np.intp), sample)[0]
         if (shadow == 1).all():
             return shadow, "", np.inf
         start = (
@@ -326,9 +327,7 @@ class Explainer:
             if sample.end is None
             else length(sample.end - start) - sample.short * np.abs(sample.end).max(0)
         )
-        found = self.stage.visibility.closest(
-            Bundle.of(start, sample.direction, np.zeros(1), far), "shadow"
-        )
+        found = shadows.first_met(Bundle.of(start, sample.direction, np.zeros(1), far))
         if found.primitive[0] == NOTHING:
             return shadow, "", np.inf
         row = self.stage.geometry.row[found.primitive[0]]

@@ -50,7 +50,16 @@ class Lighting:
         receivers = source.light.receivers
         if receivers == EVERYTHING:
             return np.ones(len(surface), bool)
-        return np.array([receivers >> int(number) & 1 for number in self.sets], bool)[surface.row]
+        return self._in(receivers)[surface.row]
+
+    def shadows_of(self, source: Source) -> Shadows:
+        """What casts shadows in a light."""
+        blockers = source.light.blockers
+        return self.shadows if blockers == EVERYTHING else self.shadows.cast_by(self._in(blockers))
+
+    def _in(self, sets: int) -> Array:
+        """(r,) bool: rows of the placements whose set has a bit."""
+        return np.array([sets >> int(number) & 1 for number in self.sets], bool)
 
     def direct(
         self,
@@ -167,7 +176,8 @@ class Lighting:
         dimmed = np.zeros(len(seen), bool)
         if source.light.cast_shadow:
             self.pulse.beat()
-            lost = (self.shadows.towards(surface, seen, sample).T - 1.0) * (diffuse + specular)
+            passed = self.shadows_of(source).towards(surface, seen, sample)
+            lost = (passed.T - 1.0) * (diffuse + specular)
             add_at(total.shadow, seen, lost)
             dimmed = lost.any(0)
         return seen, dimmed

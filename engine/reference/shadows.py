@@ -8,6 +8,7 @@ through the tree.
 
 from __future__ import annotations
 
+import copy
 from collections import Counter
 
 import numpy as np
@@ -18,7 +19,7 @@ from .materials import Shader
 from .rays import ULPS, Bundle, Frame, Pencil, Rays
 from .surface import Surface, spot_at, surface_at
 from .vectors import dot, length, pick, transform
-from .visibility import Visibility
+from .visibility import Hits, Visibility
 
 Array = np.ndarray
 
@@ -35,6 +36,18 @@ class Shadows:
     ):
         self._visibility, self._geometry, self._shader = visibility, visibility.geometry, shader
         self._attributes, self._rays = attributes, rays
+        self._seen = visibility.geometry.visible["shadow"]
+
+    def cast_by(self, blockers: Array) -> Shadows:
+        """Those of some rows of the placements alone, (r,) bool."""
+        result = copy.copy(self)
+        seen = blockers[self._geometry.row]
+        result._seen = seen if self._seen is None else seen & self._seen
+        return result
+
+    def first_met(self, rays: Bundle) -> Hits:
+        """What stands first in the way of each ray, whether light passes it or not."""
+        return self._visibility.closest_of(rays, self._seen)
 
     def towards(self, surface: Surface, seen: Array, sample: LightSample) -> Array:
         """S (m, 3) for the points `seen` (m,) of the surface, which the sample lights."""
@@ -55,7 +68,7 @@ class Shadows:
         return self._each(start, end, sample.short)
 
     def _blocked(self, rays: Rays) -> Array:
-        return self._visibility.blocked(rays, self._transmittance)
+        return self._visibility.blocked(rays, self._transmittance, self._seen)
 
     def _transmittance(self, rays: Rays, ray: Array, primitive: Array, depth: Array) -> Array:
         if not self._shader.has_programs:

@@ -64,16 +64,21 @@ class Visibility:
         """
         if not len(rays) or not self.geometry.count:
             return Hits(np.full(len(rays), NOTHING), np.full(len(rays), np.inf))
+        seen = self.geometry.visible[kind]
         if isinstance(rays, Pencil) and strips is None:
             order, strips = sorted_strips(rays.u, rays.v)
             return Hits(
-                *(_unsorted(a, order) for a in self._closest(rays.take(order), kind, strips))
+                *(_unsorted(a, order) for a in self._closest(rays.take(order), seen, strips))
             )
-        return self._closest(rays, kind, strips)
+        return self._closest(rays, seen, strips)
 
-    def _closest(self, rays: Rays, kind: str, strips: Strips | None) -> Hits:
+    def closest_of(self, rays: Bundle, seen: Array | None) -> Hits:
+        """The same of rays that meet the primitives (p,) bool, or all."""
+        return self._closest(rays, seen, None)
+
+    def _closest(self, rays: Rays, seen: Array | None, strips: Strips | None) -> Hits:
         limit, found = rays.far.copy(), []
-        for meetings in self._meetings(rays, kind, strips, limit):
+        for meetings in self._meetings(rays, seen, strips, limit):
             np.minimum.at(
                 limit, meetings.ray, meetings.depth + rays.tie(meetings.ray, meetings.depth)
             )
@@ -85,21 +90,25 @@ class Visibility:
         self,
         rays: Rays,
         transmittance: Callable[[Rays, Array, Array, Array], Array],
-        strips: Strips | None = None,
+        seen: Array | None = None,
     ) -> Array:
         """S (n, 3): the share of light that passes along each ray. transmittance(rays, ray,
-        primitive, depth): (m, 3) of surfaces met.
+        primitive, depth): (m, 3) of surfaces met.  seen: (p,) bool, primitives that they meet, or
+        None for all.
         """
         if not len(rays) or not self.geometry.count:
             return np.ones((len(rays), 3))
         if isinstance(rays, Pencil):
             order, strips = sorted_strips(rays.u, rays.v)
-            return _unsorted(self._blocked(rays.take(order), transmittance, strips), order)
-        return self._blocked(rays, transmittance, None)
+            passed = self._blocked(rays.take(order), transmittance, seen, strips)
+            return _unsorted(passed, order)
+        return self._blocked(rays, transmittance, seen, None)
 
-    def _blocked(self, rays: Rays, transmittance, strips: Strips | None) -> Array:
+    def _blocked(
+        self, rays: Rays, transmittance, seen: Array | None, strips: Strips | None
+    ) -> Array:
         limit, found = rays.far.copy(), []
-        for meetings in self._meetings(rays, "shadow", strips, limit):
+        for meetings in self._meetings(rays, seen, strips, limit):
             opaque = self.opaque[meetings.primitive]
             limit[meetings.ray[opaque]] = -np.inf
             found.append(_Meetings(*(a[~opaque] for a in meetings)))
@@ -114,9 +123,8 @@ class Visibility:
         return passed
 
     def _meetings(
-        self, rays: Rays, kind: str, strips: Strips | None, limit: Array
+        self, rays: Rays, seen: Array | None, strips: Strips | None, limit: Array
     ) -> Iterator[_Meetings]:
-        seen = self.geometry.visible[kind]
         if isinstance(rays, Bundle):
             pairs = tree_pairs(self.tree, rays, seen, limit, self.pulse)
         else:

@@ -1,4 +1,4 @@
-"""Light linking, beside Cycles."""
+"""Light and shadow linking, beside Cycles."""
 
 from __future__ import annotations
 
@@ -55,7 +55,22 @@ def empty(scene, lamp, things):
     lamp.light_linking.receiver_collection = collection(scene, "none")
 
 
-@pytest.mark.parametrize("link", [included, excluded, nested, empty])
+def shaded(scene, lamp, things):
+    """By one of them alone."""
+    lamp.light_linking.blocker_collection = collection(scene, "blockers", things[0])
+
+
+def not_shaded(scene, lamp, things):
+    made = lamp.light_linking.blocker_collection = collection(scene, "clear", things[0])
+    made.collection_objects[0].light_linking.link_state = "EXCLUDE"
+
+
+def both(scene, lamp, things):
+    included(scene, lamp, things)
+    not_shaded(scene, lamp, things)
+
+
+@pytest.mark.parametrize("link", [included, excluded, nested, empty, shaded, not_shaded, both])
 def test_a_lamp_lights_what_it_lights_in_cycles(link: Callable) -> None:
     scene = cycles.empty_scene(48, 32)
     things = blocks(scene)

@@ -8,8 +8,19 @@ import numpy as np
 import pytest
 
 from glint.engine.bounced_light import bounced_light
-from glint.engine.scene import EVERYTHING, Input, Light, Lobe, Material, Scene
-from test_bounced_light import HERE, drawn, lamp, mixed, room, wall_over_ground
+from glint.engine.scene import (
+    EVERYTHING,
+    Camera,
+    Input,
+    Instances,
+    Light,
+    Lobe,
+    Material,
+    Mesh,
+    Polygons,
+    Scene,
+)
+from test_bounced_light import HERE, ball, drawn, lamp, matt, mixed, room, wall_over_ground
 
 BACKENDS = ("NATIVE", "NUMPY")
 GLOSS = Material(
@@ -100,3 +111,95 @@ def test_shadows_are_as_they_were() -> None:
     floor = (part > 0).all(2)
     assert floor.any()
     assert (part[floor] <= whole[floor] * (1 + 1e-6)).all()
+
+
+def lids(*materials: Material) -> Scene:
+    """A mesh, polygons and a ball that no camera ray sees, between a floor and what is above."""
+    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0)], np.float32)
+    side = Mesh("side", corners, np.array([(0, 1, 2)], np.uint32))
+    face = Polygons("face", corners, np.array([0, 3], np.uint32), np.arange(3, dtype=np.uint32))
+    floor = Instances("floor", 0, 4.0 * HERE[None], (0,))
+    places = [np.column_stack([np.eye(3), (x, 0, 1)])[None] for x in (-1.0, 0.0, 1.0)]
+    above = [
+        Instances(f"lid {k}", k, place, (1,), visible_camera=False)
+        for k, place in enumerate(places)
+    ]
+    camera = Camera(
+        "ORTHOGRAPHIC", np.column_stack([np.eye(3), (0, 0, 5)]), (-1, 1, -1, 1), (16, 16)
+    )
+    return Scene(
+        camera, (side, face, ball(0.4)), (floor, *above), (matt((0.5, 0.6, 0.7)), *materials)
+    )
+
+
+def unseen(scene: Scene) -> Scene:
+    """The same where no shadow ray sees what is above the floor."""
+    floor, *above = scene.instances
+    hidden = (replace(lid, visible_shadow=False) for lid in above)
+    return replace(scene, instances=(floor, *hidden))
+
+
+SOLID = matt((0.5, 0.5, 0.5))
+HALF = replace(SOLID, lobes=(*SOLID.lobes, Lobe("TRANSPARENT", (Input((0.5, 0.4, 0.3)),))))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("material", [SOLID, HALF], ids=["solid", "glassy"])
+@pytest.mark.parametrize(
+    "light",
+    [
+        lamp(at=(0.5, 0, 3), radius=0.2),
+        lamp(at=(0.5, 0, 3)),
+        lamp("SUN", at=(0, 0, 3)),
+        SKY,
+    ],
+    ids=lambda light: f"{light.kind} {light.radius}",
+)
+def test_what_is_no_blocker_casts_no_shadow(light: Light, material: Material, backend: str) -> None:
+    """The same bits as if no shadow ray saw it."""
+    scene = lids(material)
+    passed = replace(light, blockers=EVERYTHING ^ 1 << 63 ^ 1 << 5)
+    one, other, whole = (
+        drawn(lit_by(s, light), 0, backend, samples=4)
+        for s, light in (
+            (sets(scene, 0, 63, 5, 5), passed),
+            (unseen(scene), light),
+            (scene, light),
+        )
+    )
+    assert (one == other).all()
+    assert (one >= whole).all()
+    assert (one > whole).any()
+
+
+def test_shadows_of_one_light_are_not_those_of_another() -> None:
+    """The sum of the pictures with each light alone is the picture with both, with glass too."""
+    scene = sets(mixed(), 0, 1, 2, 3)
+    lights = tuple(
+        replace(light, blockers=blockers)
+        for light, blockers in zip(scene.lights, (0b1, EVERYTHING ^ 0b10, 0b1100), strict=True)
+    )
+    pictures = [drawn(lit_by(scene, light), 0, samples=4) for light in lights]
+    together = drawn(lit_by(scene, *lights), 0, samples=4)
+    assert np.abs(together - sum(pictures)).max() < 1e-5 * together.max()
+    native, exact = (drawn(lit_by(scene, *lights), 1, backend, samples=4) for backend in BACKENDS)
+    off = np.abs(native - exact).max(2) / np.maximum(exact.max(2), 1e-3)
+    assert np.median(off) < 1e-6
+    assert (off > 1e-4).mean() < 0.01
+
+
+def test_walks_pass_what_is_no_blocker() -> None:
+    """A lamp in a shade that lets its light through lights a room as if there were no shade."""
+    light = lamp(at=(0, 0, 0.5), blockers=EVERYTHING ^ 0b10)
+    shaded = room(light, more=(ball(0.2, (0, 0, 0.5)),), materials=(SOLID,))
+    bare = replace(shaded, instances=shaded.instances[:1])
+    one, other = (bounced_light(scene, 1) for scene in (sets(shaded, 0, 1), sets(bare, 0)))
+    assert np.allclose(one.bounces.points, other.bounces.points, atol=1e-6)
+    assert np.allclose(one.bounces.radiance, other.bounces.radiance, rtol=1e-3)
+    inside = bounced_light(shaded, 1).bounces
+    assert np.ptp(inside.points, axis=0).max() < 0.41  # all of it stays in the shade
+
+
+@pytest.mark.parametrize("blockers", [-1, 1 << 64, 1.0])
+def test_blockers_beyond_the_bits_are_told(blockers) -> None:
+    assert any("blockers" in text for text in room(lamp(blockers=blockers)).problems())

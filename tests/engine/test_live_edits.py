@@ -204,9 +204,9 @@ def look(scene, r):
 
 
 def link(scene, r):
-    """Lights that light but some of the groups."""
-    k = r.randrange(len(scene.lights))
-    light = replace(scene.lights[k], receivers=r.choice([EVERYTHING, 0b01, 0b10, 0b11]))
+    """Lights that light but some of the groups, or have shadows of some."""
+    k, name = r.randrange(len(scene.lights)), r.choice(["receivers", "blockers"])
+    light = replace(scene.lights[k], **{name: r.choice([EVERYTHING, 0b01, 0b10, 0b11])})
     groups = scene.instances
     if groups:
         n = r.randrange(len(groups))

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 21
+#define GLINT_ABI_VERSION 22
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -165,7 +165,7 @@ enum GlintLightFlags {
  * attributes or triangles. DOME, MESH and BOUNCED lights have none. A MESH light, of which there is
  * one at most, is the scene's emitters; size_x, size_y and twice the radius are its bounds. A
  * BOUNCED light, one at most too, has no highlights. excluded_sets: a bit for each light_set of
- * the instances that it does not light. */
+ * the instances that it does not light, passed_sets: of those that its shadow rays pass. */
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];
@@ -173,7 +173,7 @@ typedef struct GlintLight {
   int32_t kind;
   uint32_t flags;
   int32_t program, program_slot;
-  uint64_t excluded_sets;
+  uint64_t excluded_sets, passed_sets;
 } GlintLight;
 
 /* A triangle of the MESH light: what comes from its outer side and its inner one, its unit normal,

@@ -222,6 +222,7 @@ GlintLight light(Dice& dice) {
   g.program = dice.chance(0.3);
   g.program_slot = int32_t(dice.below(4));
   if (dice.chance(0.2)) g.excluded_sets = dice.bits();
+  if (dice.chance(0.2)) g.passed_sets = dice.bits();
   if (dice.chance(0.1 * dice.wildness)) g.kind = int32_t(dice.bits());
   return g;
 }

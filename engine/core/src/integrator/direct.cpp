@@ -84,7 +84,9 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
       stage_.max_specular = light.is_bounced() ? 0 : scene_.max_specular;
       light.set(stage_, point, count, plan_.physical);
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
-      uint8_t* const known = batch.first_hits ? batch.first_hits->shadows(number) : nullptr;
+      // What is known of shadows is not told when instances change their sets.
+      uint8_t* const known =
+          batch.first_hits && light.passed_sets == 0 ? batch.first_hits->shadows(number) : nullptr;
       const size_t reached = stages_.light(stage_);
       add_lit(batch, light, reached, known ? known + batch.first_row : nullptr, counts);
       if (light.is_dome()) note_hidden(reached);
@@ -188,9 +190,10 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
   const bool casts = light.casts_shadow();
   for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (casts && glassy_ && !known) {
-    transparent_shadows_.trace(batch, stage_, zeros_, count, shadow_, counts);
+    transparent_shadows_.trace(batch, stage_, scene_.opacity(light), zeros_, count, shadow_,
+                               counts);
   } else {
-    if (casts) find_shadows(count, known, counts);
+    if (casts) find_shadows(light, count, known, counts);
     else std::fill_n(blocked_.begin(), count, uint8_t(0));
     if (glassy_)
       transparent_shadows_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
@@ -268,12 +271,15 @@ bool DirectLight::recall_shadows(const uint8_t* known, size_t count) {
 }
 
 /// known: of the points, as FirstHitCache::shadows has it, or null.
-void DirectLight::find_shadows(size_t count, uint8_t* known, RayCounts& counts) {
+void DirectLight::find_shadows(const Light& light, size_t count, uint8_t* known,
+                               RayCounts& counts) {
   if (known && recall_shadows(known, count)) return;
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Timer timer(counts.tracing);
-  const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
+  // Else it is asked for after what is solid is known.
+  if (light.passed_sets) rays.opacity = scene_.opacity(light);
   scene_.accel().occluded(rays, blocked_.data(), scratch_);
   counts.shadow += count;
   for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);

@@ -34,7 +34,7 @@ class DirectLight {
   size_t meet_emitters(const Light& light, size_t count);
   void apply_program(const Light& light, size_t count);
   void find_cut(const Batch& batch, const Light& light) const;
-  void find_shadows(size_t count, uint8_t* known, RayCounts& counts);
+  void find_shadows(const Light& light, size_t count, uint8_t* known, RayCounts& counts);
   bool recall_shadows(const uint8_t* known, size_t count);
   void add(const Batch& batch, size_t count) const;
 

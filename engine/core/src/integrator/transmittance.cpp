@@ -33,7 +33,8 @@ TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
 }
 
 void TransparentShadows::begin(const Batch& batch, const LightStage& light, size_t count,
-                               double* const (&shadow)[3]) {
+                               double* const (&shadow)[3], const Opacity* opacity) {
+  opacity_ = opacity;
   stage_.point = light.point;
   for (size_t c = 0; c < 3; ++c) {
     stage_.origin[c] = batch.points.origin[c];
@@ -47,9 +48,10 @@ void TransparentShadows::begin(const Batch& batch, const LightStage& light, size
   waiting_count_ = 0;
 }
 
-void TransparentShadows::trace(const Batch& batch, const LightStage& light, const double* starts,
-                               size_t count, double* const (&shadow)[3], RayCounts& counts) {
-  begin(batch, light, count, shadow);
+void TransparentShadows::trace(const Batch& batch, const LightStage& light, const Opacity* opacity,
+                               const double* starts, size_t count, double* const (&shadow)[3],
+                               RayCounts& counts) {
+  begin(batch, light, count, shadow, opacity);
   counts.shadow += count;
   const double* const* o = light.o;
   const double* const* d = light.to;
@@ -62,7 +64,7 @@ void TransparentShadows::trace(const Batch& batch, const LightStage& light, cons
           light.t_max + k,
           std::min(count - k, kAtOnce),
           kShadow,
-          scene_.opacity()},
+          opacity_},
          counts);
   }
   go_on(light, counts);
@@ -70,7 +72,7 @@ void TransparentShadows::trace(const Batch& batch, const LightStage& light, cons
 
 void TransparentShadows::follow(const Batch& batch, const LightStage& light, const uint8_t* blocked,
                                 size_t count, double* const (&shadow)[3], RayCounts& counts) {
-  begin(batch, light, count, shadow);
+  begin(batch, light, count, shadow, scene_.opacity());
   for (uint32_t k = 0; k < count; ++k)
     if (blocked[k]) wait(light, k, 0);
   go_on(light, counts);
@@ -105,7 +107,7 @@ void TransparentShadows::go_on(const LightStage& light, RayCounts& counts) {
             at(kTMax),
             some,
             kShadow,
-            scene_.opacity()},
+            opacity_},
            counts);
     }
   }

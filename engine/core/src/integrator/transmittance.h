@@ -17,9 +17,9 @@ class TransparentShadows {
   TransparentShadows(const Scene& scene, const Stages& stages, const std::atomic<bool>& cancel,
                      Scratch& scratch);
 
-  /// Of rays of which nothing is known. starts: of the rays, 0.
-  void trace(const Batch& batch, const LightStage& light, const double* starts, size_t count,
-             double* const (&shadow)[3], RayCounts& counts);
+  /// Of rays of which nothing is known. starts: of the rays, 0. opacity: as of the scene's light.
+  void trace(const Batch& batch, const LightStage& light, const Opacity* opacity,
+             const double* starts, size_t count, double* const (&shadow)[3], RayCounts& counts);
   /// Of rays of which it is known whether anything is on their way.
   void follow(const Batch& batch, const LightStage& light, const uint8_t* blocked, size_t count,
               double* const (&shadow)[3], RayCounts& counts);
@@ -34,7 +34,8 @@ class TransparentShadows {
     uint32_t hit, material, row;
   };
 
-  void begin(const Batch& batch, const LightStage& light, size_t count, double* const (&shadow)[3]);
+  void begin(const Batch& batch, const LightStage& light, size_t count, double* const (&shadow)[3],
+             const Opacity* opacity);
   void wait(const LightStage& light, uint32_t number, double t_min);
   void go_on(const LightStage& light, RayCounts& counts);
   void pass(const LightStage& light, const Rays& rays, RayCounts& counts);
@@ -49,6 +50,7 @@ class TransparentShadows {
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
   TransmittanceStage stage_{};
+  const Opacity* opacity_ = nullptr;
   double* shadow_[3] = {};
   Columns waiting_{kColumns};
   size_t waiting_count_ = 0;

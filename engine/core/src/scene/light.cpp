@@ -48,7 +48,7 @@ void set_place(LightStage& stage, double x, double y) {
 }
 
 Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramShape* programs)
-    : kind(g.kind), flags(g.flags), excluded_sets(g.excluded_sets) {
+    : kind(g.kind), flags(g.flags), excluded_sets(g.excluded_sets), passed_sets(g.passed_sets) {
   Affine m = affine(g.world_from_light);
   placed = anchor.matrix(m);
   if (g.program > 0) {

@@ -36,6 +36,7 @@ struct Light {
   int kind = GLINT_POINT_LIGHT;
   uint32_t flags = 0;
   uint64_t excluded_sets = 0;     // a bit for each light_set of what it does not light
+  uint64_t passed_sets = 0;       // and of what casts no shadow in it
   Vec3d color;                    // c = color * strength
   Vec3d center, axis, right, up;  // right, up: the area's half extents along its x and y
   double radius = 0;

@@ -271,4 +271,15 @@ uint8_t OpacityMaps::at(uint32_t instance, uint32_t primitive, double u, double 
                                   : uint8_t(Opacity::kVaried);
 }
 
+PassedInstances::PassedInstances(const Scene& scene, const Light& light) {
+  if (scene.opacity()) view_ = *scene.opacity();
+  of_instance_.resize(scene.placements.size());
+  for (uint32_t i = 0; i < of_instance_.size(); ++i) {
+    const bool passed = light.passed_sets >> scene.group(i).light_set & 1;
+    const uint8_t own = scene.opacity() ? view_.of_instance[i] : uint8_t(Opacity::kSolid);
+    of_instance_[i] = passed ? uint8_t(Opacity::kClear) : own;
+  }
+  view_.of_instance = of_instance_.data();
+}
+
 }  // namespace glint

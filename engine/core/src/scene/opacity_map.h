@@ -11,6 +11,7 @@
 namespace glint {
 
 class Scene;
+struct Light;
 struct Lobe;
 
 /// Of each square of texels that a lookup reads, whether all of it is 0, or 1: two bits each, which
@@ -78,6 +79,19 @@ class OpacityMaps {
   std::vector<Looks> of_group_;
   std::vector<uint8_t> of_instance_;
   Opacity view_;
+};
+
+/// Of a scene for the shadow rays of a light that pass some instances.
+class PassedInstances {
+ public:
+  PassedInstances(const Scene& scene, const Light& light);
+  PassedInstances(const PassedInstances&) = delete;
+  PassedInstances& operator=(const PassedInstances&) = delete;
+  const Opacity& view() const { return view_; }
+
+ private:
+  std::vector<uint8_t> of_instance_;
+  Opacity view_{};
 };
 
 }  // namespace glint

@@ -108,6 +108,11 @@ Scene::~Scene() = default;
 
 const Opacity* Scene::opacity() const { return opacity_ ? &opacity_->view() : nullptr; }
 
+const Opacity* Scene::opacity(const Light& light) const {
+  const PassedInstances* const passed = passed_[size_t(&light - lights.data())].get();
+  return passed ? &passed->view() : opacity();
+}
+
 /// The trees that a later scene may take over: this one's, or as long as it has none those that it
 /// would take over itself.
 Scene::Earlier Scene::trees() const {
@@ -394,6 +399,12 @@ bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& ca
   std::lock_guard lock(build_mutex_);
   if (!opacity_ && features & GLINT_FEATURE_TRANSPARENT)
     opacity_ = std::make_unique<const OpacityMaps>(*this);
+  if (passed_.empty()) {
+    passed_.resize(lights.size());
+    for (size_t k = 0; k < lights.size(); ++k)
+      if (lights[k].casts_shadow() && lights[k].passed_sets)
+        passed_[k] = std::make_unique<const PassedInstances>(*this, lights[k]);
+  }
   if (!build_emitters(threads, cancel)) return false;
   if (accel_) return true;
   auto start = std::chrono::steady_clock::now();

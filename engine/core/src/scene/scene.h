@@ -43,6 +43,7 @@ std::string scene_problems(const GlintSceneData& data);
 
 class Film;
 class OpacityMaps;
+class PassedInstances;
 class Scene;
 class FirstHitCache;
 struct RenderPlan;
@@ -84,6 +85,8 @@ class Scene {
   const Accel& emitter_accel() const { return *emitter_accel_; }
   /// Where rays pass surfaces without a stop; null where nothing lets light through. After build().
   const Opacity* opacity() const;
+  /// The same for the shadow rays of one of `lights`.
+  const Opacity* opacity(const Light& light) const;
   /// What is known of the first wave of such a render, by this scene or those whose trees it has;
   /// nothing as yet for one that is new.
   std::shared_ptr<FirstHitCache> first_hits(const RenderPlan& plan, const Film& film);
@@ -206,6 +209,7 @@ class Scene {
   const float* emitter_corners_ = nullptr;
   std::shared_ptr<const std::vector<uint32_t>> emitter_rows_;  // of the corners, three an emitter
   std::unique_ptr<const OpacityMaps> opacity_;
+  std::vector<std::unique_ptr<const PassedInstances>> passed_;  // by light; null: of most
   bool exact_ = true;  // accel_ is what a scene without a base would have
   Earlier earlier_;    // until there is accel_
   std::vector<std::shared_ptr<FirstHitCache>> first_hit_caches_;  // the last ones, newest first
