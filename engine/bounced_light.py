@@ -37,6 +37,8 @@ the light, with 64 they have spots at 64 samples.
 """
 MOST_MORE = 8
 """Times as many walks where few of them meet anything."""
+PILOT = 8
+"""One in so many tells first how many do."""
 MOST_PASSED = 16
 """Transparent surfaces that a walk passes."""
 LARGEST = 1e100
@@ -141,11 +143,12 @@ def _spreads(points: Array, weights: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Steps:
-    """n walks on their way. number: among those of their light.  o, d: (3, n).  carried: (3, n)
-    what is left of the light, or what it is once a surface scattered it. weight: (n,) how likely
-    points of it are taken.  scattered: (n,) how often it was.
+    """n walks on their way. start: which began them. number: among those of their start.  o, d:
+    (3, n).  carried: (3, n) what is left of the light, or what it is once a surface scattered it.
+    weight: (n,) how likely points of it are taken.  scattered: (n,) how often it was.
     """
 
+    start: Array
     number: Array
     o: Array
     d: Array
@@ -169,11 +172,12 @@ class _Walks:
         with Accelerator(scene.geometries, scene.instances) as surfaces:
             if not np.isfinite(surfaces.bounds).all():
                 return None
+            few, self._count = self._count, max(self._count // PILOT, FEWEST)
             columns = self._points(surfaces)
-            if columns is not None and len(columns[0]) < POINTS / 2:
-                # most walks leave the scene
-                more = min(POINTS / len(columns[0]), MOST_MORE)
-                self._count = round(self._count * more)
+            if columns is not None:
+                # more where most walks leave the scene
+                wanted = self._count * POINTS / len(columns[0])
+                self._count = round(min(max(wanted, few), few * MOST_MORE))
                 columns = self._points(surfaces)
         if columns is None:
             return None
@@ -187,8 +191,8 @@ class _Walks:
 
     def _points(self, surfaces: Accelerator) -> list[Array] | None:
         """Columns as of `_walk`, of all lights; None where there are none."""
-        begun = starts(self._scene, self._origin, surfaces.bounds, self._count)
-        parts = [part for start in begun for part in self._walk(surfaces, start)]
+        begun = list(starts(self._scene, self._origin, surfaces.bounds, self._count))
+        parts = list(self._walk(surfaces, begun)) if begun else []
         if not parts:
             return None
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
@@ -196,25 +200,34 @@ class _Walks:
         good = np.flatnonzero((weight > 0) & np.isfinite(power).all(1) & power.any(1))
         return [column[good] for column in columns] if len(good) else None
 
-    def _walk(self, surfaces: Accelerator, start: Start) -> Iterator[tuple[Array, ...]]:
+    def _walk(self, surfaces: Accelerator, begun: list[Start]) -> Iterator[tuple[Array, ...]]:
         """Columns of points, normals, power (radiance times area), weights and reaches, a part for
-        each step of the walks of one light.
+        each step of the walks.
         """
-        n = start.origin.shape[1]
-        white = np.ones((3, n))
+        counts = [start.origin.shape[1] for start in begun]
+        n = sum(counts)
         steps = _Steps(
-            np.arange(n), start.origin, start.direction, white, np.ones(n), np.zeros(n, np.intp)
+            np.repeat(np.arange(len(begun)), counts),
+            np.concatenate([np.arange(count) for count in counts]),
+            np.concatenate([start.origin for start in begun], 1),
+            np.concatenate([start.direction for start in begun], 1),
+            np.ones((3, n)),
+            np.ones(n),
+            np.zeros(n, np.intp),
         )
         for number in range(self._bounces + MOST_PASSED):
             hit, surface, k, sets = self._met(surfaces, steps)
             if not len(hit):
                 return
             steps = steps.take(hit)
-            fresh = np.flatnonzero(steps.scattered == 0)
             white = steps.carried.copy()
-            white[:, fresh] *= start.given(surface.x[:, fresh], steps.number[fresh])
-            white[:, fresh[_without(start.receivers, sets[fresh])]] = 0.0
-            k = _let_through(k, fresh[_without(start.blockers, sets[fresh])])
+            passed = np.zeros(len(hit), bool)
+            for which, start in enumerate(begun):
+                fresh = np.flatnonzero((steps.scattered == 0) & (steps.start == which))
+                white[:, fresh] *= start.given(surface.x[:, fresh], steps.number[fresh])
+                white[:, fresh[_without(start.receivers, sets[fresh])]] = 0.0
+                passed[fresh] = _without(start.blockers, sets[fresh])
+            k = _let_through(k, np.flatnonzero(passed))
             power = white * k.diffuse
             weight = steps.weight * np.abs(k.diffuse).mean(0)
             yield surface.x.T, surface.g.T, power.T, weight, surface.offset
@@ -253,6 +266,7 @@ class _Walks:
         )
         share = total / np.where(passes, straight, np.where(scattering > 0, scattering, 1.0))
         next_ones = _Steps(
+            steps.start,
             steps.number,
             surface.x + np.where(passes, -1.0, 1.0) * self._clear(surface) * surface.g,
             np.where(passes, steps.d, cosine_around(surface.g, u, v)),

@@ -51,7 +51,7 @@ def met_surfaces(
     shader = Shader(some, attributes, geometry)
     holdout = np.array([block.holdout for block in some.instances], bool)[surface.row]
     seen = np.flatnonzero(~holdout)
-    surface = shader.bent(surface.take(seen), "mirror")
+    surface = surface.take(seen)
     sets = np.array([block.light_set for block in some.instances], np.intp)[surface.row]
     return hit[seen], surface, shader.coefficients(surface, "mirror"), sets
 

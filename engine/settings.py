@@ -361,8 +361,9 @@ def _is_region(region: Any) -> bool:
     return 0 <= x0 < x1 and 0 <= y0 < y1
 
 
-OFFERED = Settings(samples=64, error_threshold=4.0, light_samples=2)
+OFFERED = Settings(samples=64, error_threshold=4.0, light_samples=2, diffuse_bounces=4)
 """What a user gets who chooses nothing: on the front of time against error of the scenes that were
-measured (docs/decisions/0012-defaults.md). `Settings()` itself stops no pixel early, so that a
-picture's samples are those that were asked for.
+measured (docs/decisions/0012-defaults.md), and Blender's own number of bounces
+(docs/decisions/0024-bounced-light.md). `Settings()` itself stops no pixel early, so that a
+picture's samples are those that were asked for, and has direct light alone.
 """

@@ -270,7 +270,8 @@ class Session:
         """
         content = self._scene(view.camera)
         tasks = [self._draft(content, view, divisor)] if divisor > 1 else []
-        if (tasks or self._is_patient or self._pacer.is_slow_to_build) and not shades:
+        waits = tasks or self._is_patient or self._pacer.is_slow_to_build
+        if waits and not shades or self._bounces_anew():
             tasks.append(self._once(content, view, keep=divisor == 1))
         tasks.append(self._full(content, view, keep=divisor == 1 and len(tasks) == 0))
         if view.frame is not None and not _is_whole(view):
@@ -284,6 +285,11 @@ class Session:
         if self._traced is None or self._traced[0] != view.key:
             return False
         return same_places(self._traced[1], self.content)
+
+    def _bounces_anew(self) -> bool:
+        """Whether it takes time to find out how light bounces before there is an exact picture."""
+        known = self._traced is not None and same_content(self._traced[1], self.content)
+        return self._settings.lighting["bounces"] > 0 and not known
 
     def _scene(self, camera: Camera) -> Scene:
         return replace(self.content, camera=bounds.stepped_up(camera, self.content))

@@ -107,7 +107,7 @@ KNOBS = (
     Knob("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
     Knob("max_bounces", (0, 1, 2, 4, 8), has_bounces, group="bounces"),
     Knob("cutoff", (0.01, 0.0), has_bounces, falling=True, group="bounces"),
-    Knob("diffuse_bounces", (1, 2, 4), scatters, group="diffuse"),
+    Knob("diffuse_bounces", (0, 1, 2, 4), scatters, group="diffuse"),
 )
 """Every knob that is measured. A new one needs a row here and nothing else."""
 

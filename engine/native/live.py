@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from .. import left_out, native
 from ..film import Film
-from ..scene import Scene
+from ..scene import Light, Scene
 from ..settings import Settings
 from ..view_axes import ViewAxes, narrow_view_axes
 from .core_types import State
@@ -45,7 +45,8 @@ class NativeLive:
         self._core = native.library()
         self._packer = ScenePacker()
         self._held: _Held | None = None
-        self._asked: tuple[tuple[Scene, bool], Scene] | None = None
+        self._asked: tuple[Scene, dict, bool, Scene] | None = None
+        self._bounced: Light | None = None
 
     def render(
         self,
@@ -70,7 +71,7 @@ class NativeLive:
                 final,
             )
 
-        scene = self._lit(scene, settings)
+        scene = self._lit(scene, settings, exact)
         held = self._hold(scene, exact)
         plan = pack_settings(held.told, settings, waves="SEEN", remember=exact)
         with native._render(self._core, held.handle, plan.data) as job:
@@ -86,7 +87,7 @@ class NativeLive:
         """`native.render_native` on the scene that is held: the same bits and the same work, so
         that its time and rays can be told.
         """
-        scene = self._lit(scene, settings)
+        scene = self._lit(scene, settings, exact=True)
         held = self._hold(scene, exact=True)
         plan = pack_settings(held.told, settings, waves="UNSEEN")
         with native._render(self._core, held.handle, plan.data) as job:
@@ -103,12 +104,22 @@ class NativeLive:
     # --- scenes
     # ----------------------------------------------------------------------------------------------
 
-    def _lit(self, scene: Scene, settings: Settings) -> Scene:
-        """The scene as the settings want it lit, the same value for the same."""
+    def _lit(self, scene: Scene, settings: Settings, exact: bool) -> Scene:
+        """The scene as the settings want it lit, the same value for the same. exact: else light
+        bounces as it did in the last picture that was: to find out anew takes longer than a redraw.
+        """
         lighting, asked = settings.lighting, self._asked
-        if asked is None or asked[0] is not scene or asked[1] != lighting:
-            self._asked = (scene, lighting, scene.as_lit(**lighting))
-        return self._asked[2]
+        if asked is not None and asked[0] is scene and asked[1] == lighting and asked[2] >= exact:
+            return asked[3]
+        if exact or not lighting["bounces"]:
+            lit = scene.as_lit(**lighting)
+            self._bounced = next((x for x in lit.lights if x.kind == "BOUNCED"), None)
+        else:
+            lit = scene.as_lit(**lighting | {"bounces": 0})
+            if self._bounced is not None:
+                lit = replace(lit, lights=(*lit.lights, self._bounced))
+        self._asked = (scene, lighting, exact, lit)
+        return lit
 
     def _hold(self, scene: Scene, exact: bool) -> _Held:
         """The scene in the core: the one that is there, or one that takes over from it what has not

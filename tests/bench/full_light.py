@@ -27,7 +27,7 @@ import numpy as np
 from stages import NoCoreError, require_core
 from targets import HERE, sources_of_all
 
-EQUAL_TO = 2
+EQUAL_TO = 4
 """Diffuse bounces of the picture whose time Cycles gets."""
 SECONDS_ALLOWED = 1200
 
@@ -150,7 +150,7 @@ def write_beside(path: Path, pictures: list[np.ndarray]) -> None:
     import contact_sheet
     from glint.engine.analysis import flip
 
-    contact_sheet.write_png(path, flip.displayed(np.concatenate(pictures, axis=1)))
+    contact_sheet.write_png(path, flip.displayed(np.concatenate(pictures, axis=1)[::-1]))
 
 
 if __name__ == "__main__":

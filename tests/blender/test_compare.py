@@ -54,6 +54,7 @@ def test_a_diffuse_scene_agrees_and_nothing_changes(tmp_path):
     run = Blender(tmp_path).run(
         SCENE
         + """
+scene.glint.final.diffuse_bounces = 0
 before = state()
 result = compare_with_cycles(scene, bpy.context.view_layer.name, FOLDER / "out", Options(samples=64))
 answer({"unchanged": before == state(), "strip": result.strip.shape, **result.as_json()})

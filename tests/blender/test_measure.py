@@ -79,8 +79,9 @@ answer([len(job.scene.geometries[0].triangles), len(trade.rows), fractions[-1], 
     assert run.returncode == 0, run.output
     triangles, rows, fraction, stopped_rows, complete = run.answer
     assert (triangles, fraction, stopped_rows, complete) == (192, 1.0, 0, False)
-    # samples 1 and the scene's 4, all light samples (the lamp has a radius), no mirrors
-    assert rows == 2 * 5
+    # samples 1 and the scene's 4, all light samples (the lamp has a radius), no mirrors; and 0, 1
+    # and 2 diffuse bounces instead of the scene's 4
+    assert rows == 2 * 5 + 3
 
 
 def test_a_failure_is_reported_and_leaves_nothing(tmp_path):
