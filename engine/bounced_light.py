@@ -42,6 +42,7 @@ PILOT = 8
 MOST_PASSED = 16
 """Transparent surfaces that a walk passes."""
 LARGEST = 1e100
+GOLDEN = 0.6180339887498949
 
 
 def bounced_light(scene: Scene, bounces: int) -> Light | None:
@@ -105,17 +106,42 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
     b = light.bounces
     count = tabled(samples, each)
     u = dome_points(count)
-    index, _ = chosen(b.weights, u[:, 0])
+    index, share = _taken(b, count)
+    # neighbours in the order go to samples far from each other
+    rows = np.argsort(np.argsort(u[:, 0], kind="stable"), kind="stable")
+    index, share = index[rows], share[rows]
     return MeshTable(
         b.points[index],
         b.normals[index],
-        b.radiance[index],
+        b.radiance[index] * share[:, None],
         np.zeros((count, 3)),
         b.spreads[index],
         b.reaches[index],
         concentric_disc(2 * u - 1),
         each,
     )
+
+
+def _taken(b: Bounces, count: int) -> tuple[Array, Array]:
+    """Which `count` points are taken, in their order, and how many times as much each gives as one
+    that was taken with its weight's chance.
+
+    Each point has a number of its own, and those are taken whose number over their weight is least
+    (Duffield, Lund, Thorup 2007, Priority sampling): where an object moves, the points of walks
+    that it does not meet stay.
+    """
+    if count >= len(b.weights):
+        u = (np.arange(count) + 0.5) / count
+        return chosen(b.weights, u)[0], np.ones(count)
+    key = b.numbers / b.weights
+    least = np.partition(key, count)[count]
+    index = np.flatnonzero(key < least)
+    if len(index) < count:
+        ties = np.flatnonzero(key == least)
+        index = np.sort(np.concatenate([index, ties[: count - len(index)]]))
+    # taken with the chance min(1, least x weight)
+    share = count * np.maximum(b.weights, 1 / least) / b.weights.sum()
+    return index, share[index]
 
 
 def _spreads(points: Array, weights: Array) -> Array:
@@ -176,18 +202,21 @@ class _Walks:
             columns = self._points(surfaces)
             if columns is not None:
                 # more where most walks leave the scene
-                wanted = self._count * POINTS / len(columns[0])
-                self._count = round(min(max(wanted, few), few * MOST_MORE))
+                wanted = self._count * POINTS / len(columns[0]) / few
+                more = 2.0 ** np.ceil(np.log2(wanted) - 0.5)
+                self._count = round(few * min(max(more, 1.0), MOST_MORE))
                 columns = self._points(surfaces)
         if columns is None:
             return None
-        points, normals, power, weight, reaches = columns
+        points, normals, power, weight, reaches, numbers = columns
         good = along_a_curve(points)
         points, weight = points[good], weight[good]
         spreads = _spreads(points, weight)
         radiance = power[good] * (weight.sum() / (weight * spreads))[:, None]
         radiance = np.clip(radiance, -LARGEST, LARGEST)
-        return Bounces(points, normals[good], radiance, spreads, weight, reaches[good])
+        return Bounces(
+            points, normals[good], radiance, spreads, weight, reaches[good], numbers[good]
+        )
 
     def _points(self, surfaces: Accelerator) -> list[Array] | None:
         """Columns as of `_walk`, of all lights; None where there are none."""
@@ -196,16 +225,16 @@ class _Walks:
         if not parts:
             return None
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-        _, _, power, weight, _ = columns
+        _, _, power, weight, *_ = columns
         good = np.flatnonzero((weight > 0) & np.isfinite(power).all(1) & power.any(1))
         return [column[good] for column in columns] if len(good) else None
 
     def _walk(self, surfaces: Accelerator, begun: list[Start]) -> Iterator[tuple[Array, ...]]:
-        """Columns of points, normals, power (radiance times area), weights and reaches, a part for
-        each step of the walks.
+        """Columns of points, normals, power (radiance times area), weights, reaches and numbers, a
+        part for each step of the walks.
         """
         counts = [start.origin.shape[1] for start in begun]
-        n = sum(counts)
+        totals, n = np.array(counts), sum(counts)
         steps = _Steps(
             np.repeat(np.arange(len(begun)), counts),
             np.concatenate([np.arange(count) for count in counts]),
@@ -230,7 +259,8 @@ class _Walks:
             k = _let_through(k, np.flatnonzero(passed))
             power = white * k.diffuse
             weight = steps.weight * np.abs(k.diffuse).mean(0)
-            yield surface.x.T, surface.g.T, power.T, weight, surface.offset
+            numbers = (steps.number + 0.5) / totals[steps.start] + number * GOLDEN
+            yield surface.x.T, surface.g.T, power.T, weight, surface.offset, numbers % 1.0
             steps = self._onward(steps, surface, k, power, weight, number)
 
     def _met(

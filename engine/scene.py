@@ -291,7 +291,7 @@ class Bounces:
     points, normals: (m, 3) float64, in the light's axes, unit normals to the side that scatters.
     radiance: (m, 3) of the surface there.  spreads: (m,) one over how densely, by area, points are
     taken there. weights: (m,) how likely each is taken, but for a factor.  reaches: (m,) how far
-    the ends of shadow rays stay off it.
+    the ends of shadow rays stay off it.  numbers: (m,) from 0 to 1, of its own, evenly spread.
     """
 
     points: Array
@@ -300,6 +300,7 @@ class Bounces:
     spreads: Array
     weights: Array
     reaches: Array
+    numbers: Array
 
 
 LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH", "BOUNCED")

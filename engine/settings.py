@@ -253,9 +253,9 @@ class Settings:
     diffuse_bounces: int = _setting(
         0,
         "Diffuse Bounces",
-        "How often surfaces throw light onto others. Choose 0 for lights alone, 1 to 4 for rooms "
-        "and whatever is lit from beside: takes about twice as long, whatever the number. With "
-        "Classic illumination there are none",
+        "How often surfaces throw light onto others. Choose 4 for most pictures, 0 for lights "
+        "alone, which takes about a quarter less time; 1 to 8 all take the same. With Classic "
+        "illumination there are none",
         high=8,
         remedy="0 to 8",
     )

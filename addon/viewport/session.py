@@ -271,7 +271,7 @@ class Session:
         content = self._scene(view.camera)
         tasks = [self._draft(content, view, divisor)] if divisor > 1 else []
         waits = tasks or self._is_patient or self._pacer.is_slow_to_build
-        if waits and not shades or self._bounces_anew():
+        if (waits and not shades) or self._bounces_anew():
             tasks.append(self._once(content, view, keep=divisor == 1))
         tasks.append(self._full(content, view, keep=divisor == 1 and len(tasks) == 0))
         if view.frame is not None and not _is_whole(view):

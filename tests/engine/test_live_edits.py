@@ -363,3 +363,31 @@ def test_what_is_shaded_anew_traces_no_ray(change):
         assert moved.stats["camera rays"] == 0 and moved.stats["shadow rays"] > 0
     finally:
         live.close()
+
+
+def test_a_quick_picture_is_lit_as_the_last_exact_one_was(monkeypatch):
+    """What bounces is found out for exact pictures, which have the bits of a render alone."""
+    from glint.engine import bounced_light
+    from glint.engine.native.live import NativeLive
+
+    asked = []
+    found = bounced_light.bounced_light
+    monkeypatch.setattr(
+        bounced_light, "bounced_light", lambda s, n: (asked.append(n), found(s, n))[1]
+    )
+    settings = replace(SETTINGS, diffuse_bounces=2)
+    live, scene = NativeLive(), first_scene(random.Random(0))
+    moved = replace(scene, lights=scene.lights[:1])
+    try:
+        direct = shown(live, scene, False, settings)
+        assert_same_bits(direct, render(scene, SETTINGS), "nothing known")
+        exact = shown(live, scene, True, settings)
+        assert_same_bits(exact, render(scene, settings), "exact")
+        asked.clear()
+        quick = shown(live, moved, False, settings)
+        assert not any(asked)
+        assert (quick.combined != render(moved, SETTINGS).combined).any()
+        assert_same_bits(shown(live, moved, True, settings), render(moved, settings), "moved")
+        assert any(asked)
+    finally:
+        live.close()
