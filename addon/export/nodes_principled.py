@@ -11,18 +11,19 @@ from .fresnel import ior_from_reflectance, normal_reflectance
 from .nodes_shader import (
     LEFT_OUT,
     below_coat,
+    below_sheen,
     bend,
     coat_closure,
-    diffuse_closure,
     glass_closure,
     is_multiscatter,
     metal_closure,
     note_edge_tint,
     note_left_out,
+    sheen_closure,
     sound_ior,
     under_alpha,
 )
-from .roughness import layer_loss, sheen_albedo
+from .roughness import layer_loss, sheen_of
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply, scale
 from .varying import Roughness
 
@@ -113,16 +114,16 @@ def _coated(view: NodeView, surface: Closure) -> Closure:
 
 
 def _sheened(view: NodeView, surface: Closure) -> Closure:
-    """Fibres on top: a diffuse layer of their mean reflectance, and what lies below without it."""
+    """Fibres on top, and what lies below without what these reflect in their strongest channel."""
     weight = view.factor("Sheen Weight")
     if not weight:
         return surface
-    view.note("Principled's sheen is rendered as diffuse in {}")
-    reflected = scale(
-        multiply(weight, view.reflectance("Sheen Tint", 1.0)),
-        sheen_albedo(view.constant("Sheen Roughness", 0.5)),
+    tint = view.reflectance("Sheen Tint", 1.0)
+    sheen = sheen_of(view.constant("Sheen Roughness", 0.5))
+    return add_closures(
+        below_sheen(surface, multiply(weight, _largest(tint)), sheen),
+        sheen_closure(multiply(weight, tint), sheen),
     )
-    return add_closures(scale_closure(surface, complement(reflected)), diffuse_closure(reflected))
 
 
 def _note_what_is_left_out(view: NodeView) -> None:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .fresnel import dielectric_albedo, normal_reflectance
 from .graph import BLINN_PHONG, source
 from .roughness import (
+    Sheen,
     World,
     dielectric_world,
     scattered,
     scattered_narrow,
     scattered_wide,
+    sheen_of,
     world_of,
 )
 from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
@@ -279,6 +282,37 @@ def _diffuse(view: NodeView) -> Closure:
     return diffuse_closure(view.reflectance("Color"))
 
 
+def sheen_closure(color: Sum, sheen: Sheen) -> Closure:
+    """Fibres that reflect a colour at grazing angles, lit as what is matt."""
+    grazing = {"exponent": sheen.p}
+    always, more = scale(color, sheen.a), scale(color, sheen.b)
+    return {
+        LobeKey(kind, **shape): k
+        for kind in ("DIFFUSE", "AMBIENT")
+        for shape, k in (({}, always), (grazing, more))
+    }
+
+
+def below_sheen(surface: Closure, weight: Sum, sheen: Sheen) -> Closure:
+    """What fibres leave to a surface: by the view where it is matt, else on average."""
+    through = complement(scale(weight, sheen.mean))
+    parts = []
+    for key, k in surface.items():
+        if key.kind not in ("DIFFUSE", "AMBIENT") or key.exponent_output >= 0:
+            parts.append({key: multiply(k, through)})
+            continue
+        parts.append({key: multiply(k, complement(scale(weight, sheen.a)))})
+        at_edges = replace(key, exponent=key.exponent + sheen.p)
+        parts.append({at_edges: scale(multiply(k, weight), -sheen.b)})
+    return add_closures(*parts)
+
+
+def _sheen(view: NodeView) -> Closure:
+    sheen = sheen_of(view.constant("Roughness", 0.5), view.node.distribution)
+    bend(view)
+    return sheen_closure(view.reflectance("Color"), sheen)
+
+
 def _as_diffuse(view: NodeView) -> Closure:
     view.note(f"The {view.node.bl_label} shader is rendered as diffuse in {{}}")
     return _diffuse(view)
@@ -428,7 +462,7 @@ CLOSURE_NODES.update(
         "ShaderNodeBsdfDiffuse": _diffuse,
         "ShaderNodeBsdfTranslucent": _as_diffuse,
         "ShaderNodeSubsurfaceScattering": _as_diffuse,
-        "ShaderNodeBsdfSheen": _as_diffuse,
+        "ShaderNodeBsdfSheen": _sheen,
         "ShaderNodeBsdfVelvet": _as_diffuse,
         "ShaderNodeBsdfToon": _as_diffuse,
         "ShaderNodeBsdfGlossy": _glossy,

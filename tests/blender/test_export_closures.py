@@ -23,7 +23,7 @@ from glint.addon.export.roughness import (
     scattered,
     scattered_narrow,
     scattered_wide,
-    sheen_albedo,
+    sheen_of,
     world_of,
 )
 from glint.addon.ui.nodes import add_blinn_phong
@@ -200,12 +200,29 @@ def test_principled_sheen(scene):  # noqa: F811
         Sheen_Roughness=0.8,
         Sheen_Tint=tint,
     )
+    _, lobes = shader.export()
+    a, b, p = sheen_of(0.8)
+    weight = 0.5 * np.array(tint[:3])
+    for cosine in (1.0, 0.5, 0.1):
+        reflected = a + b * (1 - cosine) ** p
+        np.testing.assert_allclose(
+            total(lobes, "DIFFUSE", cosine=cosine),
+            np.array(RED[:3]) * (1 - 0.5 * reflected) + weight * reflected,
+            rtol=1e-6,
+        )
+
+
+def test_a_sheen_shader(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeBsdfSheen")
+    shader.shader.distribution = "ASHIKHMIN"
+    shader.shader.inputs["Roughness"].default_value = 0.5
+    shader.shader.inputs["Color"].default_value = RED
     result, lobes = shader.export()
-    reflected = 0.5 * sheen_albedo(0.8) * np.array(tint[:3])
-    np.testing.assert_allclose(
-        total(lobes, "DIFFUSE"), RED[:3] * (1 - reflected) + reflected, rtol=1e-6
-    )
-    assert any("sheen" in note for note in result.notes)
+    a, b, p = sheen_of(0.5, "ASHIKHMIN")
+    for kind in ("DIFFUSE", "AMBIENT"):
+        found = total(lobes, kind, cosine=0.3)
+        np.testing.assert_allclose(found, np.array(RED[:3]) * (a + b * 0.7**p), rtol=1e-6)
+    assert not result.notes
 
 
 def test_principled_metal(scene):  # noqa: F811
