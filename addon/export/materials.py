@@ -107,11 +107,6 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
         _surface(tree, evaluator) if tree is not None else _viewport_surface(material, evaluator)
     )
     lobes = lobes_of(evaluator.settled(closure))
-    if any(lobe.kind == "EMISSION" for lobe in lobes):
-        report.note(
-            "Glowing surfaces are seen but light nothing ({}): add lights where they should",
-            material.name,
-        )
     return evaluator.expressions.with_program(
         Material(material.name, lobes, material.pass_index, normal_output=evaluator.normal())
     )
