@@ -216,6 +216,11 @@ class Lobe:
         return self.kind == "SPECULAR" and self.masking > 0
 
     @property
+    def is_rough_glass(self) -> bool:
+        """Whether what is seen through it is blurred."""
+        return self.kind == "REFRACTION" and self.exponent > 0
+
+    @property
     def is_metallic(self) -> bool:
         """Whether it is one of a metal."""
         return self.is_glossy and not self.fresnel

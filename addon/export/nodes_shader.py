@@ -13,6 +13,7 @@ from .roughness import (
     Sheen,
     World,
     dielectric_world,
+    glass_exponent,
     scattered,
     scattered_narrow,
     scattered_wide,
@@ -217,12 +218,19 @@ def glass_closure(
     view: NodeView, reflected: Sum, refracted: Sum, roughness: Roughness, ior: float
 ) -> Closure:
     """Both sides of a dielectric interface."""
-    if not roughness.is_mirror():
-        view.note("Rough refraction is rendered clear in {}")
     return add_closures(
         coat_closure(reflected, roughness, ior),
-        {LobeKey("REFRACTION", ior=ior, fresnel=True): refracted},
+        {_refracting(view, roughness, ior=ior, fresnel=True): refracted},
     )
+
+
+def _refracting(view: NodeView, roughness: Roughness, **more: Any) -> LobeKey:
+    """Blurred where the roughness does not vary."""
+    if roughness.varies:
+        view.note("Roughness of glass that varies is rendered clear in {}")
+    blurs = not (roughness.varies or roughness.is_mirror())
+    exponent = glass_exponent(roughness.value) if blurs else 0.0
+    return LobeKey("REFRACTION", exponent=exponent, **more)
 
 
 def is_multiscatter(view: NodeView) -> bool:
@@ -349,9 +357,8 @@ def _glass(view: NodeView) -> Closure:
 
 def _refraction(view: NodeView) -> Closure:
     bend(view)
-    if not view.roughness().is_mirror():
-        view.note("Rough refraction is rendered clear in {}")
-    return {LobeKey("REFRACTION", ior=sound_ior(view)): view.reflectance("Color")}
+    key = _refracting(view, view.roughness(), ior=sound_ior(view))
+    return {key: view.reflectance("Color")}
 
 
 def _transparent(view: NodeView) -> Closure:

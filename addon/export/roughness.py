@@ -282,6 +282,13 @@ def _smooth_rise(ior: float) -> float:
     return float(np.mean([2 * c * (fresnel(c, ior) - f0) for c in cosines]) / max(1 - f0, 1e-6))
 
 
+def glass_exponent(roughness: float) -> float:
+    """Of the half vectors that bend what is seen through glass: as wide as GGX's (Walter et al.
+    2007, Microfacet Models for Refraction through Rough Surfaces, section 5.2: α² = 2 / (p + 2)).
+    """
+    return max(2 / _clamped(roughness) ** 4 - 2, 0.5)
+
+
 class Sheen(NamedTuple):
     """Share of a uniform white world that fibres reflect, a + b (1 - n·v)^p."""
 

@@ -56,7 +56,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     build = "BALANCED" if settings.acceleration == "AUTO" else settings.acceleration
     data.acceleration = number(build, core_types.Build, "acceleration")
     data.reflections = number(settings.reflecting, core_types.Reflect, "reflections")
-    if settings.reflecting != "OFF":
+    if settings.reflecting != "OFF" or _has_rough_glass(scene):
         points = lobe_points(settings.samples)
         data.lobe_levels, data.lobe_count = len(points), points.size // 2
         points = packer.lend(points.reshape(-1, 2), np.float64, (None, 2), "lobe points")
@@ -161,3 +161,7 @@ def is_soft(light: Light) -> bool:
         return False
     extents = {"SUN": (light.angle,), "AREA": (light.size_x, light.size_y)}
     return any(extent > 0 for extent in extents.get(light.kind, (light.radius,)))
+
+
+def _has_rough_glass(scene: Scene) -> bool:
+    return any(lobe.is_rough_glass for material in scene.materials for lobe in material.lobes)

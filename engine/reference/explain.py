@@ -186,7 +186,9 @@ class Explainer:
         self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array
     ) -> Iterator[Ray]:
         if paths.depth < self.stage.settings.max_bounces:
-            for after in bounced(paths, hit, surface, coefficients, self.stage.settings.cutoff):
+            point = self.stage.lobe_point(0, paths.depth)
+            cutoff = self.stage.settings.cutoff
+            for after in bounced(paths, hit, surface, coefficients, cutoff, point):
                 _, d = after.rays.lines(np.zeros(1, np.intp))
                 yield self.follow(after, "mirror" if dot(d, surface.g)[0] > 0 else "refraction")
             for after in reflected(self.stage, paths, hit, surface, coefficients, 0):

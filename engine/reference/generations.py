@@ -109,7 +109,9 @@ class Generations:
             coefficients = widened(coefficients, paths.widest[hit])
         self._shade(paths, hit, surface, coefficients)
         if paths.depth < stage.settings.max_bounces:
-            deeper += bounced(paths, hit, surface, coefficients, stage.settings.cutoff)
+            point = stage.lobe_point(self._sample, paths.depth)
+            deeper += bounced(paths, hit, surface, coefficients, stage.settings.cutoff, point)
+            self._note_rough_glass(paths, hit, coefficients)
             reflections = reflected(stage, paths, hit, surface, coefficients, self._sample)
             for some in reflections:
                 self._tile.softly_lit[some.pixel] = True
@@ -117,6 +119,12 @@ class Generations:
         return straight_on(
             paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
         )
+
+    def _note_rough_glass(self, paths: Paths, hit: Array, coefficients: Coefficients) -> None:
+        """More samples may see something else through it."""
+        for term in coefficients.refractions:
+            if term.lobe.is_rough_glass:
+                self._tile.cut[paths.pixel[hit[term.index]]] = True
 
     def _see_lights(self, paths: Paths, depth: Array) -> None:
         if paths.reflections:

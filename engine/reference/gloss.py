@@ -80,10 +80,7 @@ class Narrow:
         """(3, n) the direction in which the half vector at `point` of the lobes mirrors the ray,
         (n,) bool where there is one, and (n,) the exponent of the lobe.
         """
-        x, y = point.disc
-        radius = np.hypot(x, y)
-        across, along = (x / radius, y / radius) if radius > 0 else (1.0, 0.0)
-        at = (x * x + y * y) * self._total
+        at = point.radius2 * self._total
         before, rest, exponent = np.zeros_like(at), np.zeros_like(at), np.zeros_like(at)
         for index, k, p in self._terms:
             part = k / (p + 1)
@@ -92,9 +89,21 @@ class Narrow:
             rest[chosen] = (at[chosen] - before[chosen]) / part[here]
             exponent[chosen] = taken(p, here)
             before[index] += part
-        log = np.log1p(-np.minimum(rest, 1 - 2.0**-53)) * 2 / (exponent + 1)
-        n, v = self._surface.n, self._surface.v
-        first, second = basis_around(n)
-        h = np.exp(log / 2) * n + np.sqrt(-np.expm1(log)) * (across * first + along * second)
+        v = self._surface.v
+        h = half_vector(self._surface.n, point, np.minimum(rest, 1 - 2.0**-53), exponent)
         cosine = dot(v, h)
         return 2 * cosine * h - v, (self._total > 0) & (cosine > 0), exponent
+
+
+def half_vector(
+    n: Array, point: LightPoint, share: Array | float, exponent: Array | float
+) -> Array:
+    """(3, m) of a lobe round n, in the direction of a disc's point, with `share` of the lobe nearer
+    to n.
+    """
+    x, y = point.disc
+    radius = np.hypot(x, y)
+    across, along = (x / radius, y / radius) if radius > 0 else (1.0, 0.0)
+    log = np.log1p(-share) * 2 / (exponent + 1)
+    first, second = basis_around(n)
+    return np.exp(log / 2) * n + np.sqrt(-np.expm1(log)) * (across * first + along * second)

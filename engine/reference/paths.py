@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..scene import Lobe
-from .gloss import Narrow, Reflections
+from .gloss import Narrow, Reflections, half_vector
 from .lighting import highlights
 from .lights import LightPoint
 from .materials import Coefficients, Term
@@ -107,10 +107,15 @@ def beyond(rays: Rays, surface: Surface, depth: Array) -> Rays:
 
 
 def bounced(
-    paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, cutoff: float
+    paths: Paths,
+    hit: Array,
+    surface: Surface,
+    coefficients: Coefficients,
+    cutoff: float,
+    point: LightPoint,
 ) -> list[Paths]:
     """Mirror and refraction rays, one bounce deeper, but for those that weigh less than the
-    cutoff.
+    cutoff. point: where in rough REFRACTION lobes they go on.
     """
     result = []
     if coefficients.mirrors:
@@ -124,15 +129,40 @@ def bounced(
         )
     for term in coefficients.refractions:
         some = surface.take(term.index)
-        d, passes = refracted(-some.v, some.n, some.g, relative_index(some, term.lobe))
-        k = np.where(passes, 1.0, 0.0) * term.k
+        index = relative_index(some, term.lobe)
+        d, passes = refracted(-some.v, some.n, some.g, index)
+        if term.lobe.is_rough_glass:
+            d, passes = refracted_roughly(some, term.lobe.exponent, index, point, (d, passes))
+        through = np.where(passes, 1.0, 0.0)
         if term.lobe.fresnel:
-            k = k * (1 - _reflectance(surface, term.index, term.lobe))
+            through = through * (1 - _reflectance(surface, term.index, term.lobe))
+        if term.lobe.fresnel and term.lobe.is_rough_glass:
+            # no lobe mirrors what cannot leave
+            d = np.where(passes, d, reflected(-some.v, some.n, some.g))
+            through = np.where(passes, through, 1.0)
+        k = through * term.k
         go = np.flatnonzero(k.any(0))
         result.append(
             _leaving(paths, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go), cutoff)
         )
     return [paths for paths in result if len(paths)]
+
+
+def refracted_roughly(
+    surface: Surface,
+    exponent: float,
+    index: Array,
+    point: LightPoint,
+    clear: tuple[Array, Array],
+) -> tuple[Array, Array]:
+    """As `refracted` at the half vector that lies at the point of a rough lobe, where that leads to
+    the other side; else what is `clear`.
+    """
+    n = np.where(dot(surface.v, surface.n) < 0, surface.g, surface.n)
+    h = half_vector(n, point, min(point.radius2, 1 - 2.0**-53), exponent)
+    d, passes = refracted(-surface.v, h, surface.g, index)
+    good = passes & (dot(surface.v, h) > 0) & (dot(d, surface.g) < 0)
+    return np.where(good, d, clear[0]), good | clear[1]
 
 
 def reflected_by_lobes(

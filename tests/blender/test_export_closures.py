@@ -99,6 +99,17 @@ def test_smooth_glossy_is_a_mirror(scene):  # noqa: F811
     np.testing.assert_allclose(weight(mirror), RED[:3])
 
 
+def test_rough_glass_has_the_width_of_its_roughness(scene):  # noqa: F811
+    """α² = 2 / (p + 2), α the square of the roughness."""
+    for name in ("ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"):
+        shader = Shader(shader=name)
+        set_inputs(shader.shader, Roughness=0.5)
+        result, lobes = shader.export()
+        (lobe,) = of_kind(lobes, "REFRACTION")
+        assert lobe.exponent == pytest.approx(30.0)
+        assert not result.notes
+
+
 def test_glass(scene):  # noqa: F811
     shader = Shader(shader="ShaderNodeBsdfGlass")
     set_inputs(shader.shader, Color=RED, Roughness=0.0, IOR=1.25)

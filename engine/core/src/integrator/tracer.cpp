@@ -90,7 +90,7 @@ uint32_t Tracer::packet_samples(uint32_t samples) const {
   if (scene_.features &
       (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT | GLINT_FEATURE_BOUNCED_LIGHT))
     return 1;
-  if (direct_.reflects()) return 1;
+  if (direct_.reflects() || scene_.has_rough_glass) return 1;
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
   uint32_t count = WindowPoints::kMaxPacketSamples;
   while (count > samples) count /= 2;
@@ -204,6 +204,7 @@ void Tracer::follow(uint32_t sample) {
 
 void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced,
                      Queue& glossy) {
+  sample_ = sample;
   batch_.begin(queue);
   batch_.first_hits =
       sample == 0 && &queue == &first_ && paths_.is_whole(*tile_) ? first_hits_ : nullptr;
@@ -409,7 +410,7 @@ void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
   for (size_t first = 0, some; first < count; first += some) {
     const uint32_t* const rows = batch_.passing_rows.data() + first;
     some = cuts_.leading(queue, rows, count - first);
-    shader_.pass_on(batch_, rows, some, next, counts_);
+    shader_.pass_on(batch_, sample_, rows, some, next, counts_);
   }
 }
 

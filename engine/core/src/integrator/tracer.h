@@ -86,6 +86,7 @@ class Tracer {
   Batch batch_;
   const WindowReach reach_;  // of all samples
   const Tile* tile_ = nullptr;
+  uint32_t sample_ = 0;
   bool surely_empty_ = false;  // nothing can be hit in the tile
   SlotTable slots_;
   std::vector<double> program_slots_;  // one program at a time

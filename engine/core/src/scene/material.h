@@ -32,6 +32,7 @@ struct Material {
   uint32_t kinds = 0;                          // bit 1 << kind for each of its lobes
   int specular_count = 0, view_count = 0;
   int passing = 0;  // lobes that send rays on, unless all of these are nothing
+  bool is_rough_glass = false;
   bool has(int kind) const { return kinds >> kind & 1; }
 };
 

@@ -126,7 +126,8 @@ class Scene {
   int max_specular = 0;                        // SPECULAR lobes of a material, at most
   double most_exponent = 0;                    // of SPECULAR lobes
   bool has_metals = false, has_gloss = false;  // SPECULAR lobes of GGX's masking, and which
-  int specular_columns = 4;                    // numbers of each as the stages read them
+  bool has_rough_glass = false;
+  int specular_columns = 4;    // numbers of each as the stages read them
   int max_view = 0;            // lobes of a material that depend on the view, at most
   int max_passing = 0;         // Material::passing, at most
   uint32_t most_slots = 0;     // of programs

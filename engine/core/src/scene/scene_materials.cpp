@@ -139,6 +139,7 @@ void Scene::compare_lobes(Material& material) {
     material.specular_count += lobe.kind == GLINT_SPECULAR;
     if (lobe.kind == GLINT_SPECULAR) most_exponent = std::max(most_exponent, lobe.exponent);
     material.view_count += depends_on_view(lobe);
+    material.is_rough_glass |= lobe.kind == GLINT_REFRACTION && lobe.exponent > 0;
     const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
     has_gloss = has_gloss || shaped;
     has_metals = has_metals || (shaped && !(lobe.fresnel & GLINT_DIELECTRIC));
@@ -148,6 +149,7 @@ void Scene::compare_lobes(Material& material) {
       lobes[material.first_lobe + k].like_last =
           same_inputs(material.first_lobe + k - 1, material.first_lobe + k);
   }
+  has_rough_glass |= material.is_rough_glass;
   max_specular = std::max(max_specular, material.specular_count);
   max_view = std::max(max_view, material.view_count);
 }

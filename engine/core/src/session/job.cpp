@@ -133,6 +133,9 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
           (g.reflections == GLINT_REFLECT_OFF ||
            (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels)),
       "settings: unknown reflections, or no points for them");
+  add(!scene.has_rough_glass ||
+          (g.lobe_points && g.lobe_levels >= 1 && g.lobe_count >= g.lobe_levels),
+      "settings: no points for rough glass");
   add(g.waves >= GLINT_WAVES_UNSEEN && g.waves <= GLINT_WAVES_HELD, "settings: unknown waves");
   add(g.acceleration >= GLINT_BUILD_FAST && g.acceleration <= GLINT_BUILD_FINE,
       "settings: unknown acceleration");

@@ -21,8 +21,8 @@ class Shader {
 
   /// Sends on the rays of some points of the batch, of different paths, whose material the vary
   /// stage has seen.
-  void pass_on(const Batch& batch, const uint32_t* rows, size_t count, const Leaving& next,
-               RayCounts& counts) const;
+  void pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, size_t count,
+               const Leaving& next, RayCounts& counts) const;
   /// Data passes of a point that the vary stage has seen, unless the surface lets most through.
   void record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
   /// A hit on a holdout; alpha lost is added to `lost`.

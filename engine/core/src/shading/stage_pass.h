@@ -4,6 +4,7 @@
 #pragma once
 #include "shading/stage_math.h"
 #include "shading/stage_rows.h"
+#include "shading/stage_sample.h"
 #include "shading/stages.h"
 
 namespace glint {
@@ -35,6 +36,32 @@ inline Three refract(const Arriving& ray, Doubles relative_ior) {
   const Three bent =
       unit((1 / relative_ior) * ray.d + (cosine / relative_ior - root(1 - sine2)) * n);
   return where(sine2 < 1, bent);
+}
+
+/// A number of the stage's places for each of the rays.
+inline Doubles place(const PassStage& s, const Chosen& at, size_t number) {
+  const Mask tag = gather(s.from_tags, at);
+  return each_lane([&](size_t lane) {
+    return s.places[3 * ((size_t(tag[lane]) >> RayTag::kDepth & 255) % s.levels) + number];
+  });
+}
+
+/// Refracted at the half vector that lies at the stage's place of a rough lobe, where that leads to
+/// the other side.
+inline Three refract_roughly(const PassStage& s, const Chosen& at, const Arriving& ray,
+                             const LobeShape& lobe) {
+  const Doubles index = ray.relative(lobe.ior);
+  Arriving rough = ray;
+  const Three n = choose(dot(ray.d, ray.n) <= 0, ray.n, ray.g);
+  const Doubles rest = smaller(place(s, at, 2), splat(1 - 0x1p-53));
+  const Doubles cosine2 =
+      exponential(-2 * logarithm_of_one_and(rest, 1 - rest) / (lobe.exponent + 1));
+  Three t1, t2;
+  frame(n, t1, t2);
+  rough.n = root(cosine2) * n + root(1 - cosine2) * (place(s, at, 0) * t1 + place(s, at, 1) * t2);
+  const Three d = refract(rough, index);
+  return choose(nonzero(d) & (dot(ray.d, rough.n) < 0) & (dot(d, ray.g) < 0), d,
+                refract(ray, index));
 }
 
 /// Mirrored at n, or at g where that points below the surface.
@@ -100,8 +127,16 @@ inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t num
   for (size_t i = 0; i < s.count; i += kLanes) {
     const Chosen at = chosen(s.rows, i, s.count);
     const Arriving ray(s, at);
-    const Three d = refract(ray, ray.relative(lobe.ior)), k = coefficient(s, at, number);
-    count += bounce(s, at, ray, nonzero(d), d, lobe.fresnel ? (1 - fresnel(ray, lobe)) * k : k);
+    const Three k = coefficient(s, at, number);
+    const bool rough = lobe.exponent > 0;
+    Three d = rough ? refract_roughly(s, at, ray, lobe) : refract(ray, ray.relative(lobe.ior));
+    Doubles through = lobe.fresnel ? 1 - fresnel(ray, lobe) : splat(1);
+    if (rough && lobe.fresnel) {  // no lobe mirrors what cannot leave
+      const Mask shut = ~nonzero(d);
+      d = choose(shut, reflect(ray), d);
+      through = choose(shut, splat(1), through);
+    }
+    count += bounce(s, at, ray, nonzero(d), d, lobe.fresnel ? through * k : k);
   }
   return count;
 }

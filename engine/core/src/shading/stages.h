@@ -251,7 +251,11 @@ struct PassStage {
   size_t passing_stride;
   const LobeShape* lobes;
   uint32_t lobe_count, max_bounces, max_straight;
-  double cutoff;             // of weights
+  double cutoff;  // of weights
+  /// Where in rough REFRACTION lobes rays go on, after depth % levels bounces: direction and square
+  /// of a disc's point.
+  const double* places;
+  uint32_t levels;
   RayEnd straight, bounced;  // room for each row, and for each row and lobe
 };
 

@@ -1,0 +1,128 @@
+"""What is seen through glass that is rough: closed forms, one tracer beside the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glint.engine import Settings, render
+from glint.engine.analysis.explain import PixelExplainer
+from glint.engine.scene import Camera, Input, Instances, Lobe, Material, Polygons, Scene, World
+from test_bounced_light import HERE, ball
+
+BACKENDS = ("NATIVE", "NUMPY")
+
+
+def glass(exponent: float, k: float = 1.0, **more) -> Material:
+    lobe = Lobe("REFRACTION", (Input((k, k, k)),), exponent=exponent, ior=1.45, **more)
+    return Material("glass", (lobe,))
+
+
+def glowing(color) -> Material:
+    return Material("glow", (Lobe("EMISSION", (Input(color),)),))
+
+
+def above(geometry, material: Material, height: float = 1.0, background=(1.0, 1.0, 1.0)) -> Scene:
+    """What stands over a square of which one half glows, seen from above."""
+    half = Polygons(
+        "half",
+        np.array([(0, -9, 0), (9, -9, 0), (9, 9, 0), (0, 9, 0)], np.float32),
+        np.array([0, 4], np.uint32),
+        np.arange(4, dtype=np.uint32),
+    )
+    place = HERE.copy()
+    place[2, 3] = height
+    camera = Camera(
+        "ORTHOGRAPHIC", np.column_stack([np.eye(3), (0, 0, 9)]), (-1, 1, -1, 1), (24, 24)
+    )
+    return Scene(
+        camera,
+        (half, geometry),
+        (Instances("half", 0, HERE[None], (0,)), Instances("glass", 1, place[None], (1,))),
+        (glowing((0.2, 0.5, 1.0)), material),
+        world=World(background=background),
+    )
+
+
+def pane() -> Polygons:
+    corners = np.array([(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], np.float32)
+    return Polygons("pane", corners, np.array([0, 4], np.uint32), np.arange(4, dtype=np.uint32))
+
+
+def drawn(scene: Scene, backend: str = "NATIVE", **settings) -> np.ndarray:
+    chosen = {"samples": 16, "max_bounces": 6, "filter_width": 0.0, "backend": backend}
+    film = render(scene, Settings(**{**chosen, **settings}))
+    return film.passes["Combined"][..., :3].astype(np.float64)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("exponent", [30.0, 1e4])
+def test_nothing_is_lost_in_a_world_of_one_brightness(exponent: float, backend: str) -> None:
+    """Every ray through a ball of k = 1 ends in the world, whatever way it takes."""
+    scene = above(ball(0.9), glass(exponent))
+    scene = replace(
+        scene, geometries=scene.geometries[1:], instances=(replace(scene.instances[1], geometry=0),)
+    )
+    picture = drawn(scene, backend, max_bounces=64)
+    inner = picture[6:18, 6:18]
+    assert np.abs(inner - 1).max() < 1e-6
+
+
+@pytest.mark.parametrize("geometry", [ball(0.9), pane()], ids=["ball", "pane"])
+@pytest.mark.parametrize("exponent", [0.5, 6.0, 200.0])
+def test_both_tracers_draw_the_same(geometry, exponent: float) -> None:
+    scene = above(geometry, glass(exponent, 0.8, fresnel=True))
+    native, exact = (drawn(scene, backend) for backend in BACKENDS)
+    off = np.abs(native - exact).max(2)
+    assert np.median(off) < 1e-6
+    assert (off > 1e-4).mean() < 0.01
+
+
+def test_a_narrow_lobe_is_clear_glass() -> None:
+    clear, rough = (drawn(above(ball(0.9), glass(exponent))) for exponent in (0.0, 1e12))
+    assert np.abs(clear - rough).mean() < 1e-4
+
+
+def test_an_edge_behind_a_pane_is_blurred_by_its_lobe() -> None:
+    """Small angles: a half vector at the angle a bends the ray by a (1 - 1 / ior), and the share
+    (1 - cos^(p + 1) a) of all lies within a: a normal distribution of variance 1 / (p + 1).
+    """
+    exponent, height = 400.0, 2.0
+    scene = above(pane(), glass(exponent), height, background=(0, 0, 0))
+    picture = drawn(scene, samples=4096)[..., 2].mean(0)
+    place = (np.arange(24) + 0.5) / 12 - 1
+    from math import erf
+
+    sigma = height * (1 - 1 / 1.45) / np.sqrt(exponent + 1)
+    truth = [0.5 * (1 + erf(x / sigma / np.sqrt(2))) for x in place]
+    assert np.abs(picture - truth).max() < 0.01
+    assert 0.05 < truth[11] < 0.95
+
+
+def test_threads_and_borders_change_no_bit() -> None:
+    scene = above(ball(0.9), glass(6.0))
+    whole = drawn(scene, error_threshold=4.0, samples=32, threads=1)
+    assert (whole == drawn(scene, error_threshold=4.0, samples=32, threads=3)).all()
+    part = drawn(scene, error_threshold=4.0, samples=32, region=(5, 3, 17, 20))
+    assert (whole[3:20, 5:17] == part).all()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_pixels_do_not_stop_because_their_first_samples_agree(backend: str) -> None:
+    scene = above(pane(), glass(2.0), 3.0, background=(0, 0, 0))
+    settings = Settings(samples=64, error_threshold=4.0, passes={"Samples"}, backend=backend)
+    clear = replace(scene, materials=(scene.materials[0], glass(0.0)))
+    assert render(clear, settings).passes["Samples"].min() == 4
+    assert render(scene, settings).passes["Samples"].min() > 4
+
+
+def test_explained_pixels_have_the_colours_of_the_picture() -> None:
+    scene, settings = above(ball(0.9), glass(6.0, fresnel=True)), Settings(samples=1)
+    picture = render(scene, settings).passes["Combined"]
+    explainer = PixelExplainer(scene, settings)
+    for x, y in ((12, 12), (5, 9), (16, 14)):
+        ray = explainer.pixel(x, y)
+        np.testing.assert_allclose(ray.color, picture[y, x, :3], rtol=1e-4, atol=1e-6)
+        assert "refraction" in {after.kind for after in ray.follow}
