@@ -41,6 +41,8 @@ VISIBLE = 0.999
 """The largest difference on screen that counts is the one that so many of the pixels stay within:
 the very largest hangs on single pixels, of which squares of the frame tell nothing.
 """
+_MISSED = 3.0
+"""How many of the squares picked would be met on average by what all of them miss once in 20."""
 _SHOWN = 6
 _PAUSE = 2.0
 """Seconds between two tellings of what is known so far."""
@@ -122,7 +124,10 @@ class Row:
     the pixels stay within;  psnr: decibels of the screen's colours;  flip_mean, flip_p99: LDR-FLIP;
     wrong: share of pixels that are off by more than 1 %.  max_error: largest difference of linear
     colour in the squares.  spread: two standard deviations of relative_rmse, as a share of it; 0
-    where the squares are the whole frame.  on_front: no other row is both faster and better.
+    where the squares are the whole frame.  unseen: the relative_rmse of a frame of whose squares
+    as many are as wrong as the worst one measured as would be missed by all picks once in 20.
+    bound: where no square met an error, what relative_rmse is below, as `with_bounds` has it; else
+    0.  on_front: no other row is both faster and better.
     current: the base settings.  checked: also on squares that had no part in choosing.
     """
 
@@ -137,6 +142,8 @@ class Row:
     flip_p99: float
     wrong: float
     spread: float = 0.0
+    unseen: float = 0.0
+    bound: float = 0.0
     on_front: bool = False
     current: bool = False
     checked: bool = False
@@ -297,6 +304,19 @@ def with_front(rows: Sequence[Row]) -> tuple[Row, ...]:
     return tuple(ordered)
 
 
+def with_bounds(rows: Sequence[Row]) -> list[Row]:
+    """The rows; those whose squares met no error with a bound of it: what is rarer than the squares
+    tell is as unlikely to be missed as `Row.unseen` says of the least error that was met.
+    """
+    least = min((row for row in rows if row.relative_rmse), key=_error, default=None)
+    unseen = least.unseen if least else 0.0
+    return [row if row.relative_rmse else replace(row, bound=unseen) for row in rows]
+
+
+def _error(row: Row) -> float:
+    return row.relative_rmse
+
+
 def advice(trade: Trade) -> str:
     """One sentence on the current settings: on the front, or what would be as good and faster."""
     current = trade.current
@@ -454,10 +474,8 @@ class _Work:
         rows = {settings: self._row(settings, errors) for settings, errors in self._errors.items()}
         by_row = {id(row): settings for settings, row in rows.items()}
         ordered = sorted(rows.values(), key=_speed)
-        return {
-            by_row[id(row)]: marked
-            for row, marked in zip(ordered, with_front(ordered), strict=True)
-        }
+        marked = with_front(with_bounds(ordered))
+        return {by_row[id(row)]: new for row, new in zip(ordered, marked, strict=True)}
 
     def _row(self, settings: Settings, errors: dict[str, float]) -> Row:
         rendered = self._rendered[settings]
@@ -588,19 +606,31 @@ def _errors(
         "flip_mean": float(np.average(flips, weights=weights)),
         "flip_p99": metrics.weighted_quantile(flips, weights, 0.99),
         "wrong": float(np.average(metrics.wrong_pixels(picture, reference), weights=weights)),
-        "spread": _spread(apart, squares),
+        **_uncertainty(apart, squares, error / size if 0 < size < math.inf else 0.0),
     }
 
 
-def _spread(apart: Array, squares: Squares) -> float:
-    """Two standard deviations of the root of the mean square of (n, 3) errors, as a share of it,
-    from how unlike the squares are; 0 where they are the whole frame.
+def _uncertainty(apart: Array, squares: Squares, relative: float) -> dict[str, float]:
+    """`Row.spread` and `Row.unseen`, 0 where the squares are the whole frame. apart: (n, 3) errors.
+    relative: their root mean square, over the frame's own.
+
+    Squares of which the picks meet three on average are missed by all of them with a chance of
+    e⁻³, once in 20 (the rule of three: Hanley and Lippman-Hand 1983).
     """
     ends = np.cumsum([area([crop]) for crop in squares.crops])[:-1]
     sums = np.array([(part**2).sum() for part in np.split(apart, ends)]) * squares.weights
+    total = sums.sum()
+    if len(sums) == 1 or not 0 < total < math.inf:
+        return {"spread": 0.0, "unseen": 0.0}
+    unseen = relative * math.sqrt(_MISSED * sums.max() / total)
+    return {"spread": _spread(sums, squares), "unseen": unseen}
+
+
+def _spread(sums: Array, squares: Squares) -> float:
+    """Two standard deviations of the root of the sums' mean, as a share of it, from how unlike the
+    squares' (n,) are.
+    """
     total, count = sums.sum(), len(sums)
-    if count == 1 or not 0 < total < math.inf:
-        return 0.0
     missing = np.maximum(1 - 1 / squares.weights, 0.0)
     variance = count / (count - 1) * (missing * (sums - total / count) ** 2).sum()
     return math.sqrt(variance) / total

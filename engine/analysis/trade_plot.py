@@ -24,7 +24,9 @@ _DECADE_MARGIN = 0.08
 
 
 def draw_trade(trade: Trade, title: str = "") -> Array:
-    """(h, w, 3) float64 in 0 to 1, row 0 on top. An error of 0 stands on the lower edge."""
+    """(h, w, 3) float64 in 0 to 1, row 0 on top. An error of 0 stands on the lower edge, one that
+    no square met at its bound.
+    """
     image = plot.canvas(WIDTH, HEIGHT)
     plot.draw_text(image, f"{title} TIME AGAINST ERROR".strip(), (_LEFT, 16), _TEXT, 2)
     plot.draw_text(image, f"REFERENCE: {trade.reference}", (_LEFT, 40), _POINT)
@@ -32,10 +34,12 @@ def draw_trade(trade: Trade, title: str = "") -> Array:
         plot.draw_text(image, "NOTHING WAS MEASURED", (WIDTH // 2, HEIGHT // 2), _TEXT, 2, 0.5)
         return image
     x_range = _range([row.frame_seconds for row in trade.rows])
-    y_range = _range([row.relative_rmse for row in trade.rows])
+    y_range = _range([row.relative_rmse or row.bound for row in trade.rows])
     _draw_axes(image, x_range, y_range, "SECONDS OF THE WHOLE FRAME")
     _draw_rows(
-        image, trade, lambda row: _place(row.frame_seconds, row.relative_rmse, x_range, y_range)
+        image,
+        trade,
+        lambda row: _place(row.frame_seconds, row.relative_rmse or row.bound, x_range, y_range),
     )
     _draw_legend(image)
     return image
