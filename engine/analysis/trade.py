@@ -170,16 +170,19 @@ class Trade:
 
     @property
     def shown(self) -> tuple[Row, ...]:
-        """At most six of the front, as different as can be, and the current settings; fastest
-        first.
+        """At most six of the front, as different as can be, with or beside the current settings;
+        fastest first.
         """
-        front = self.front
+        front, current = self.front, self.current
         chosen = [*front[:1], *front[1:][-1:]]
+        if current is not None and current.on_front:
+            chosen += [current] if not any(current is other for other in chosen) else []
         while len(chosen) < min(_SHOWN, len(front)):
             rest = [row for row in front if not any(row is other for other in chosen)]
             chosen.append(max(rest, key=lambda row: min(_step(row, other) for other in chosen)))
-        current = [self.current] if self.current is not None and not self.current.on_front else []
-        return tuple(sorted([*chosen, *current], key=lambda row: row.seconds))
+        if current is not None and not current.on_front:
+            chosen.append(current)
+        return tuple(sorted(chosen, key=lambda row: row.seconds))
 
     @property
     def current(self) -> Row | None:

@@ -218,13 +218,23 @@ def scenes(draw: Any) -> s.Scene:
     )
     return s.Scene(
         camera,
-        tuple(geometry(dice, kind) for kind in kinds),
+        tuple(
+            geometry(dice, "flat" if kind == "smooth" and _glows(surfaces, block) else kind)
+            for kind, block in zip(kinds, placed, strict=True)
+        ),
         placed,
         surfaces,
         pictures,
         _with_one_sky(lamps),
         world,
     )
+
+
+def _glows(surfaces: tuple[s.Material, ...], block: s.Instances) -> bool:
+    """Whether a placement glows. Smooth things that do light the faces that they consist of along
+    those very faces, where rounding says whether a face hides a point of its own plane.
+    """
+    return any(lobe.kind == "EMISSION" for lobe in surfaces[block.materials[0]].lobes)
 
 
 def _with_one_sky(lamps: list[s.Light]) -> tuple[s.Light, ...]:

@@ -323,6 +323,15 @@ def test_at_most_six_different_points_and_the_current_settings_are_shown():
     assert gaps.min() >= 2
 
 
+@pytest.mark.parametrize("place", [0, 1, 7, 18, 19])
+def test_the_current_settings_are_shown_on_the_front_too(place):
+    """Beside the ends, however near one of them it lies."""
+    rows = trade.with_front([row(2.0**k, 0.5**k, current=k == place) for k in range(20)])
+    shown = trade.Trade(rows, "", (), (1, 1), 1, True).shown
+    assert len(shown) == 6 and [r.current for r in shown].count(True) == 1
+    assert (shown[0].seconds, shown[5].seconds) == (1.0, 2.0**19)
+
+
 # --- measuring
 
 
