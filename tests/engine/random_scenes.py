@@ -5,6 +5,7 @@ plane by accident and rounding alone says which is met.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -235,6 +236,17 @@ def _glows(surfaces: tuple[s.Material, ...], block: s.Instances) -> bool:
     those very faces, where rounding says whether a face hides a point of its own plane.
     """
     return any(lobe.kind == "EMISSION" for lobe in surfaces[block.materials[0]].lobes)
+
+
+def flat(scene: s.Scene) -> s.Scene:
+    """The scene without smooth meshes, for light that surfaces scatter: as what glows does, see
+    `_glows`.
+    """
+    plain = (
+        replace(thing, normals=None) if isinstance(thing, s.Mesh) else thing
+        for thing in scene.geometries
+    )
+    return replace(scene, geometries=tuple(plain))
 
 
 def _with_one_sky(lamps: list[s.Light]) -> tuple[s.Light, ...]:
