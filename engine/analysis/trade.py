@@ -151,9 +151,9 @@ class Row:
 
 @dataclass(frozen=True)
 class Trade:
-    """rows: by seconds.  reference: what the errors are against, in words.  crops: (x0, y0, x1, y1)
-    of the full frame. repeats: renders per row, of which the fastest counts.  complete: False when
-    it was stopped before every row had its renders.
+    """rows: by frame_seconds.  reference: what the errors are against, in words.  crops: (x0, y0,
+    x1, y1) of the full frame. repeats: renders per row, of which the fastest counts.  complete:
+    False when it was stopped before every row had its renders.
     """
 
     rows: tuple[Row, ...]
@@ -182,7 +182,7 @@ class Trade:
             chosen.append(max(rest, key=lambda row: min(_step(row, other) for other in chosen)))
         if current is not None and not current.on_front:
             chosen.append(current)
-        return tuple(sorted(chosen, key=lambda row: row.seconds))
+        return tuple(sorted(chosen, key=_speed))
 
     @property
     def current(self) -> Row | None:
@@ -297,8 +297,8 @@ def _is_idle(settings: Settings) -> bool:
 
 
 def with_front(rows: Sequence[Row]) -> tuple[Row, ...]:
-    """The rows by seconds, `on_front` set where no row is as fast and has a smaller relative RMSE,
-    or is faster with an equal one.
+    """The rows by frame_seconds, `on_front` set where no row is as fast and has a smaller relative
+    RMSE, or is faster with an equal one.
     """
     ordered, least = [], math.inf
     for row in sorted(rows, key=_speed):
@@ -336,7 +336,8 @@ def advice(trade: Trade) -> str:
     change = ", ".join(
         f"{name} {value}" for name, value in better.knobs.items() if current.knobs[name] != value
     )
-    return f"{change} would be as good in {better.seconds / current.seconds:.0%} of the time"
+    share = better.frame_seconds / current.frame_seconds
+    return f"{change} would be as good in {share:.0%} of the time"
 
 
 # --- rendering
@@ -473,7 +474,7 @@ class _Work:
         )
 
     def _rows(self) -> dict[Settings, Row]:
-        """By seconds."""
+        """By frame_seconds."""
         rows = {settings: self._row(settings, errors) for settings, errors in self._errors.items()}
         by_row = {id(row): settings for settings, row in rows.items()}
         ordered = sorted(rows.values(), key=_speed)
@@ -555,7 +556,8 @@ def reference_settings(
 
 
 def _speed(row: Row) -> tuple[float, float]:
-    return row.seconds, row.relative_rmse
+    """What rows are ordered by: the time that is told."""
+    return row.frame_seconds, row.relative_rmse
 
 
 def _cost(settings: Settings) -> float:

@@ -89,6 +89,14 @@ def test_the_front_is_what_nothing_beats():
     ]
 
 
+def test_the_front_is_one_of_the_times_that_are_told():
+    """Of whole frames, whatever the squares took together."""
+    rows = [replace(row(1.0, 0.5), frame_seconds=3.0), replace(row(2.0, 0.1), frame_seconds=2.0)]
+    assert [r.on_front for r in trade.with_front(rows)] == [True, False]
+    shown = trade.Trade(trade.with_front(rows), "", (), (1, 1), 1, True).shown
+    assert [r.frame_seconds for r in shown] == [2.0]
+
+
 def test_no_row_of_the_front_is_dominated_and_every_other_is():
     numbers = np.random.default_rng(5).random((40, 2))
     rows = trade.with_front([row(*pair) for pair in numbers])
