@@ -69,7 +69,9 @@ def prepared(scene: bpy.types.Scene, view_layer: str, options: Options) -> Calla
 
 
 def table(trade: Trade, only_front: bool = False) -> list[str]:
-    """Lines of a table, the fastest first; * is the front, <- the current settings."""
+    """Lines of a table, the fastest first; * is the front, <- the current settings; < is where no
+    square met an error.
+    """
     rows = trade.front if only_front else trade.rows
     heads = list(rows[0].knobs) if rows else []
     lines = [
@@ -79,8 +81,9 @@ def table(trade: Trade, only_front: bool = False) -> list[str]:
     ]
     for row in rows:
         knobs = "  ".join(f"{value!s:>{len(name)}}" for name, value in row.knobs.items())
+        error = f"< {row.bound:.1e}" if row.bound else f"{row.relative_rmse:.2e}"
         numbers = (
-            f"{row.frame_seconds:9.3f}  {row.relative_rmse:9.2e}  {row.spread:3.0%}  "
+            f"{row.frame_seconds:9.3f}  {error:>9}  {row.spread:3.0%}  "
             f"{row.levels:6.1f}  {row.psnr:6.1f}"
         )
         numbers += f"  {row.flip_mean:6.4f}  {100 * row.wrong:7.2f}"
@@ -379,6 +382,8 @@ def seconds_text(seconds: float) -> str:
 
 def error_text(row: Row) -> str:
     """In words and levels, and as a share of the picture's brightness."""
+    if row.bound:
+        return f"none met: below {row.bound:.2%}"
     words = next(words for limit, words in _SEEN if row.levels < limit or limit == math.inf)
     return f"{words}: {row.levels:.2g} levels, {row.relative_rmse:.2%}"
 

@@ -171,13 +171,7 @@ def _meet(
     if thing.type in _UNSUPPORTED:
         report.note(_UNSUPPORTED[thing.type], name)
         return None
-    flags = flags_of(thing, instancer, depsgraph.view_layer, report)
-    owner = instancer.original
-    flags = flags._replace(
-        light_set=links.set_of(owner),
-        receivers=links.lit_by(owner),
-        blockers=links.shaded_by(owner),
-    )
+    flags = flags_of(thing, instancer, depsgraph.view_layer, report, links)
     content = make(instance, flags)
     return (content, name, thing.original.session_uid) if content is not None else None
 
@@ -219,9 +213,11 @@ def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
         )
 
 
-def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Flags:
+def flags_of(
+    thing: Any, instancer: Any, view_layer: Any, report: Report, links: LightLinks | None = None
+) -> Flags:
     """Visible to a kind of ray only if thing and instancer both are; holdout by the instancer, as
-    in Cycles.
+    in Cycles. Without links all lights reach all things.
     """
     owner = instancer.original
     holdout = owner.holdout_get(view_layer=view_layer)
@@ -241,4 +237,7 @@ def flags_of(thing: Any, instancer: Any, view_layer: Any, report: Report) -> Fla
         thing.visible_glossy and instancer.visible_glossy,
         thing.visible_shadow and instancer.visible_shadow,
         holdout,
+        links.set_of(owner) if links is not None else 0,
+        links.lit_by(owner) if links is not None and thing.type == "LIGHT" else EVERYTHING,
+        links.shaded_by(owner) if links is not None and thing.type == "LIGHT" else EVERYTHING,
     )

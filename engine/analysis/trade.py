@@ -41,6 +41,8 @@ VISIBLE = 0.999
 """The largest difference on screen that counts is the one that so many of the pixels stay within:
 the very largest hangs on single pixels, of which squares of the frame tell nothing.
 """
+_MISSED = 3.0
+"""How many of the squares picked would be met on average by what all of them miss once in 20."""
 _SHOWN = 6
 _PAUSE = 2.0
 """Seconds between two tellings of what is known so far."""
@@ -122,7 +124,10 @@ class Row:
     the pixels stay within;  psnr: decibels of the screen's colours;  flip_mean, flip_p99: LDR-FLIP;
     wrong: share of pixels that are off by more than 1 %.  max_error: largest difference of linear
     colour in the squares.  spread: two standard deviations of relative_rmse, as a share of it; 0
-    where the squares are the whole frame.  on_front: no other row is both faster and better.
+    where the squares are the whole frame.  unseen: the relative_rmse of a frame of whose squares
+    as many are as wrong as the worst one measured as would be missed by all picks once in 20.
+    bound: where no square met an error, what relative_rmse is below, as `with_bounds` has it; else
+    0.  on_front: no other row is both faster and better.
     current: the base settings.  checked: also on squares that had no part in choosing.
     """
 
@@ -137,6 +142,8 @@ class Row:
     flip_p99: float
     wrong: float
     spread: float = 0.0
+    unseen: float = 0.0
+    bound: float = 0.0
     on_front: bool = False
     current: bool = False
     checked: bool = False
@@ -144,9 +151,9 @@ class Row:
 
 @dataclass(frozen=True)
 class Trade:
-    """rows: by seconds.  reference: what the errors are against, in words.  crops: (x0, y0, x1, y1)
-    of the full frame. repeats: renders per row, of which the fastest counts.  complete: False when
-    it was stopped before every row had its renders.
+    """rows: by frame_seconds.  reference: what the errors are against, in words.  crops: (x0, y0,
+    x1, y1) of the full frame. repeats: renders per row, of which the fastest counts.  complete:
+    False when it was stopped before every row had its renders.
     """
 
     rows: tuple[Row, ...]
@@ -163,16 +170,19 @@ class Trade:
 
     @property
     def shown(self) -> tuple[Row, ...]:
-        """At most six of the front, as different as can be, and the current settings; fastest
-        first.
+        """At most six of the front, as different as can be, with or beside the current settings;
+        fastest first.
         """
-        front = self.front
+        front, current = self.front, self.current
         chosen = [*front[:1], *front[1:][-1:]]
+        if current is not None and current.on_front:
+            chosen += [current] if not any(current is other for other in chosen) else []
         while len(chosen) < min(_SHOWN, len(front)):
             rest = [row for row in front if not any(row is other for other in chosen)]
             chosen.append(max(rest, key=lambda row: min(_step(row, other) for other in chosen)))
-        current = [self.current] if self.current is not None and not self.current.on_front else []
-        return tuple(sorted([*chosen, *current], key=lambda row: row.seconds))
+        if current is not None and not current.on_front:
+            chosen.append(current)
+        return tuple(sorted(chosen, key=_speed))
 
     @property
     def current(self) -> Row | None:
@@ -287,14 +297,27 @@ def _is_idle(settings: Settings) -> bool:
 
 
 def with_front(rows: Sequence[Row]) -> tuple[Row, ...]:
-    """The rows by seconds, `on_front` set where no row is as fast and has a smaller relative RMSE,
-    or is faster with an equal one.
+    """The rows by frame_seconds, `on_front` set where no row is as fast and has a smaller relative
+    RMSE, or is faster with an equal one.
     """
     ordered, least = [], math.inf
     for row in sorted(rows, key=_speed):
         ordered.append(replace(row, on_front=row.relative_rmse < least))
         least = min(least, row.relative_rmse)
     return tuple(ordered)
+
+
+def with_bounds(rows: Sequence[Row]) -> list[Row]:
+    """The rows; those whose squares met no error with a bound of it: what is rarer than the squares
+    tell is as unlikely to be missed as `Row.unseen` says of the least error that was met.
+    """
+    least = min((row for row in rows if row.relative_rmse), key=_error, default=None)
+    unseen = least.unseen if least else 0.0
+    return [row if row.relative_rmse else replace(row, bound=unseen) for row in rows]
+
+
+def _error(row: Row) -> float:
+    return row.relative_rmse
 
 
 def advice(trade: Trade) -> str:
@@ -313,7 +336,8 @@ def advice(trade: Trade) -> str:
     change = ", ".join(
         f"{name} {value}" for name, value in better.knobs.items() if current.knobs[name] != value
     )
-    return f"{change} would be as good in {better.seconds / current.seconds:.0%} of the time"
+    share = better.frame_seconds / current.frame_seconds
+    return f"{change} would be as good in {share:.0%} of the time"
 
 
 # --- rendering
@@ -450,14 +474,12 @@ class _Work:
         )
 
     def _rows(self) -> dict[Settings, Row]:
-        """By seconds."""
+        """By frame_seconds."""
         rows = {settings: self._row(settings, errors) for settings, errors in self._errors.items()}
         by_row = {id(row): settings for settings, row in rows.items()}
         ordered = sorted(rows.values(), key=_speed)
-        return {
-            by_row[id(row)]: marked
-            for row, marked in zip(ordered, with_front(ordered), strict=True)
-        }
+        marked = with_front(with_bounds(ordered))
+        return {by_row[id(row)]: new for row, new in zip(ordered, marked, strict=True)}
 
     def _row(self, settings: Settings, errors: dict[str, float]) -> Row:
         rendered = self._rendered[settings]
@@ -534,7 +556,8 @@ def reference_settings(
 
 
 def _speed(row: Row) -> tuple[float, float]:
-    return row.seconds, row.relative_rmse
+    """What rows are ordered by: the time that is told."""
+    return row.frame_seconds, row.relative_rmse
 
 
 def _cost(settings: Settings) -> float:
@@ -588,19 +611,31 @@ def _errors(
         "flip_mean": float(np.average(flips, weights=weights)),
         "flip_p99": metrics.weighted_quantile(flips, weights, 0.99),
         "wrong": float(np.average(metrics.wrong_pixels(picture, reference), weights=weights)),
-        "spread": _spread(apart, squares),
+        **_uncertainty(apart, squares, error / size if 0 < size < math.inf else 0.0),
     }
 
 
-def _spread(apart: Array, squares: Squares) -> float:
-    """Two standard deviations of the root of the mean square of (n, 3) errors, as a share of it,
-    from how unlike the squares are; 0 where they are the whole frame.
+def _uncertainty(apart: Array, squares: Squares, relative: float) -> dict[str, float]:
+    """`Row.spread` and `Row.unseen`, 0 where the squares are the whole frame. apart: (n, 3) errors.
+    relative: their root mean square, over the frame's own.
+
+    Squares of which the picks meet three on average are missed by all of them with a chance of
+    e⁻³, once in 20 (the rule of three: Hanley and Lippman-Hand 1983).
     """
     ends = np.cumsum([area([crop]) for crop in squares.crops])[:-1]
     sums = np.array([(part**2).sum() for part in np.split(apart, ends)]) * squares.weights
+    total = sums.sum()
+    if len(sums) == 1 or not 0 < total < math.inf:
+        return {"spread": 0.0, "unseen": 0.0}
+    unseen = relative * math.sqrt(_MISSED * sums.max() / total)
+    return {"spread": _spread(sums, squares), "unseen": unseen}
+
+
+def _spread(sums: Array, squares: Squares) -> float:
+    """Two standard deviations of the root of the sums' mean, as a share of it, from how unlike the
+    squares' (n,) are.
+    """
     total, count = sums.sum(), len(sums)
-    if count == 1 or not 0 < total < math.inf:
-        return 0.0
     missing = np.maximum(1 - 1 / squares.weights, 0.0)
     variance = count / (count - 1) * (missing * (sums - total / count) ** 2).sum()
     return math.sqrt(variance) / total

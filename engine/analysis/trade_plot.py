@@ -24,7 +24,9 @@ _DECADE_MARGIN = 0.08
 
 
 def draw_trade(trade: Trade, title: str = "") -> Array:
-    """(h, w, 3) float64 in 0 to 1, row 0 on top. An error of 0 stands on the lower edge."""
+    """(h, w, 3) float64 in 0 to 1, row 0 on top. An error of 0 stands on the lower edge, one that
+    no square met at its bound.
+    """
     image = plot.canvas(WIDTH, HEIGHT)
     plot.draw_text(image, f"{title} TIME AGAINST ERROR".strip(), (_LEFT, 16), _TEXT, 2)
     plot.draw_text(image, f"REFERENCE: {trade.reference}", (_LEFT, 40), _POINT)
@@ -32,12 +34,14 @@ def draw_trade(trade: Trade, title: str = "") -> Array:
         plot.draw_text(image, "NOTHING WAS MEASURED", (WIDTH // 2, HEIGHT // 2), _TEXT, 2, 0.5)
         return image
     x_range = _range([row.frame_seconds for row in trade.rows])
-    y_range = _range([row.relative_rmse for row in trade.rows])
+    y_range = _range([row.relative_rmse or row.bound for row in trade.rows])
     _draw_axes(image, x_range, y_range, "SECONDS OF THE WHOLE FRAME")
     _draw_rows(
-        image, trade, lambda row: _place(row.frame_seconds, row.relative_rmse, x_range, y_range)
+        image,
+        trade,
+        lambda row: _place(row.frame_seconds, row.relative_rmse or row.bound, x_range, y_range),
     )
-    _draw_legend(image)
+    _draw_legend(image, _turned(trade))
     return image
 
 
@@ -140,7 +144,8 @@ def _draw_rows(image: Array, trade: Trade, place: Callable[[Row], tuple[float, f
         plot.draw_line(image, place(first), place(second), _FRONT, 2)
     for row in front:
         plot.draw_dot(image, place(row), 5, _FRONT)
-    _draw_names(image, [(_name(row), place(row)) for row in front])
+    turned = _turned(trade)
+    _draw_names(image, [(_name(row, turned), place(row)) for row in front])
     if trade.current is not None:
         plot.draw_dot(image, place(trade.current), 9, _CURRENT, ring=2.5)
 
@@ -177,22 +182,28 @@ def _overlap(a: _Box, b: _Box) -> bool:
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
-def _name(row: Row) -> str:
-    """The knobs' values in the order of `trade.KNOBS`."""
-    return " / ".join(f"{value:g}" for value in row.knobs.values())
+def _turned(trade: Trade) -> list[str]:
+    """Names of the knobs that the front's rows differ in, and of the first, which is always told;
+    in the order of `trade.KNOBS`.
+    """
+    names = [knob.name for knob in KNOBS]
+    return names[:1] + [
+        name for name in names[1:] if len({row.knobs.get(name) for row in trade.front}) > 1
+    ]
 
 
-def _draw_legend(image: Array) -> None:
-    top = 60
-    for x, color, text, ring in (
-        (
-            _LEFT + 6,
-            _FRONT,
-            f"FRONT ({' / '.join(knob.name.replace('_', ' ').upper() for knob in KNOBS)})",
-            0.0,
-        ),
-        (_LEFT + 480, _POINT, "OTHER SETTINGS", 0.0),
-        (_LEFT + 610, _CURRENT, "CURRENT SETTINGS", 2.0),
+def _name(row: Row, turned: Sequence[str]) -> str:
+    """The knobs' values."""
+    return " / ".join(f"{row.knobs[name]:g}" for name in turned if name in row.knobs)
+
+
+def _draw_legend(image: Array, turned: Sequence[str]) -> None:
+    x, y = _LEFT + 6, 60
+    for color, text, ring in (
+        (_FRONT, f"FRONT ({' / '.join(name.replace('_', ' ').upper() for name in turned)})", 0.0),
+        (_POINT, "OTHER SETTINGS", 0.0),
+        (_CURRENT, "CURRENT SETTINGS", 2.0),
     ):
-        plot.draw_dot(image, (x, top), 4, color, ring)
-        plot.draw_text(image, text, (x + 12, top - 3), _TEXT)
+        plot.draw_dot(image, (x, y), 4, color, ring)
+        plot.draw_text(image, text, (x + 12, y - 3), _TEXT)
+        x += 12 + plot.text_width(text) + 24

@@ -40,8 +40,8 @@ def _seen_point(source: Source, o: Array, d: Array, t: Array) -> Array:
 
 
 def has_shape(source: Source) -> bool:
-    """Whether there is anything to see."""
-    return _shape(source) > 0
+    """Whether there is anything to see: the world shows a DOME light, surfaces those of others."""
+    return source.light.kind in _MEETS and _shape(source) > 0
 
 
 def _shape(source: Source) -> float:

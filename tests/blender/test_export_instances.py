@@ -1,5 +1,7 @@
 """Places, sharing and visibility against a plain walk over the depsgraph."""
 
+import gc
+
 import bpy
 import numpy as np
 import pytest
@@ -261,3 +263,15 @@ def test_material_override_of_the_view_layer(scene):  # noqa: F811
     quad("Quad", bpy.data.materials.new("Own"))
     bpy.context.view_layer.material_override = bpy.data.materials.new("Override")
     assert [m.name for m in export().scene.materials] == ["Override"]
+
+
+@pytest.mark.parametrize("was_on", [True, False])
+def test_pythons_collector_is_as_it_was_after_an_export_that_fails(scene, was_on):  # noqa: F811
+    scene.camera = None
+    (gc.enable if was_on else gc.disable)()
+    try:
+        with pytest.raises(Exception, match="camera"):
+            export()
+        assert gc.isenabled() == was_on
+    finally:
+        gc.enable()

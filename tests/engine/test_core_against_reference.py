@@ -7,7 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine_scenes import SCENES, ball_mesh, light, look_at, surface
+from engine_scenes import (
+    GREY_WORLD,
+    SCENES,
+    ball_mesh,
+    grid_mesh,
+    light,
+    look_at,
+    surface,
+)
 from glint import engine
 from glint.engine import scene as s
 
@@ -81,6 +89,30 @@ def test_no_shadow_on_a_convex_body_seen_from_afar(distance: float, copies: int)
     )
     assert (reference[..., :3].max(-1) > 0).sum() > 5000
     assert np.abs(core[..., :3].astype(float) - reference[..., :3]).max() <= 1e-4
+
+
+@pytest.mark.parametrize("copies", [1, 2])
+def test_hits_are_off_by_no_more_than_float32_at_their_distance(copies: int) -> None:
+    """A grid far away, turned so that no corner is a number of float32."""
+    distance, turned = 1e4, look_at((0.3, 0.5, 0.7), (0, 0, 0))[:, :3]
+    matrix = np.zeros((copies, 3, 4))
+    matrix[:, :, :3] = turned * 3
+    matrix[1:, 2, 3] = 5 * distance  # out of sight
+    half = 2 / distance
+    eye = distance * np.array([0.68, -0.57, 0.46])
+    camera = s.Camera("PERSPECTIVE", look_at(eye, (0, 0, 0)), (-half, half, -half, half), (64, 64))
+    body = s.Instances("grid", 0, matrix, (0,))
+    scene = s.Scene(camera, (grid_mesh(20),), (body,), (surface(),), world=GREY_WORLD)
+    core, reference = (
+        engine.render(scene, replace(SETTINGS, backend=backend)).passes["Position"].astype(float)
+        for backend in ("NATIVE", "NUMPY")
+    )
+    seen = reference.any(-1)
+    off = np.linalg.norm(core - reference, axis=-1)[seen].max()
+    away = np.linalg.norm(camera.world_from_camera[:, 3])
+    slant = 1 / 0.3  # a corner's step along the plane's normal, along the ray
+    assert seen.mean() > 0.5
+    assert 0 < off <= 2**-24 * np.sqrt(3) * slant * away
 
 
 @pytest.mark.parametrize("copies", [1, 2])

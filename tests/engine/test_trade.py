@@ -89,6 +89,14 @@ def test_the_front_is_what_nothing_beats():
     ]
 
 
+def test_the_front_is_one_of_the_times_that_are_told():
+    """Of whole frames, whatever the squares took together."""
+    rows = [replace(row(1.0, 0.5), frame_seconds=3.0), replace(row(2.0, 0.1), frame_seconds=2.0)]
+    assert [r.on_front for r in trade.with_front(rows)] == [True, False]
+    shown = trade.Trade(trade.with_front(rows), "", (), (1, 1), 1, True).shown
+    assert [r.frame_seconds for r in shown] == [2.0]
+
+
 def test_no_row_of_the_front_is_dominated_and_every_other_is():
     numbers = np.random.default_rng(5).random((40, 2))
     rows = trade.with_front([row(*pair) for pair in numbers])
@@ -263,18 +271,46 @@ def test_the_front_tells_the_errors_of_the_whole_frame():
     found = trade.measure(
         scene,
         base,
-        values={"samples": [1, 4, 16], "error_threshold": [0.0]},
+        values={"samples": [1, 4, 16, 64], "error_threshold": [0.0]},
         reference_samples=64,
         repeats=1,
         reference_seconds=0.0,
     )
-    assert len(found.crops) == 96
+    assert len(found.crops) == 96 and found.front[-1].relative_rmse == 0
     truth = engine.render(scene, replace(base, samples=64)).combined[..., :3]
     for row in found.front:
         picture = engine.render(scene, replace(base, **row.knobs)).combined[..., :3]
         true = trade.metrics.relative_rmse(picture, truth)
-        assert true / 1.25 < row.relative_rmse < 1.25 * true
-        assert row.checked and 0 < row.spread < 0.5
+        assert row.checked
+        if row.relative_rmse == 0:
+            assert true <= row.bound > 0
+        else:
+            assert true / 1.25 < row.relative_rmse < 1.25 * true
+            assert 0 < row.spread < 0.5
+
+
+def test_what_no_square_met_is_bounded():
+    """A frame of which as many squares are wrong as are missed once in 20 has just the error that
+    the bound tells; what has no error is told with the bound of the least that has one.
+    """
+    frame, picked, side, wrong = 1000, 100, 4, 0.25
+    squares = trade_crops.Squares(
+        tuple((side * k, 0, side * k + side, side) for k in range(picked)),
+        np.full(picked, frame / picked),
+    )
+    apart = np.zeros((picked, side * side, 3))
+    apart[7] = wrong
+    apart[8, 0] = wrong / 2
+    pixels = apart.reshape(-1, 3)
+    error = trade.metrics.root_mean_square(pixels, squares.pixel_weights)
+    found = trade._uncertainty(pixels, squares, error)
+    missed = 3 * frame / picked
+    assert (1 - picked / frame) ** missed == pytest.approx(0.05, abs=0.01)
+    assert found["unseen"] == pytest.approx(wrong * np.sqrt(missed / frame))
+
+    rows = [row(3, 0.0), row(2, 0.01, unseen=0.03), row(1, 0.02, unseen=0.05)]
+    assert [r.bound for r in trade.with_bounds(rows)] == [0.03, 0.0, 0.0]
+    assert [r.bound for r in trade.with_bounds(rows[:1])] == [0.0]
 
 
 def test_something_is_told_early_and_the_last_of_it_is_the_result(monkeypatch):
@@ -293,6 +329,15 @@ def test_at_most_six_different_points_and_the_current_settings_are_shown():
     assert (shown[0].seconds, shown[5].seconds) == (1.0, 2.0**19)
     gaps = np.diff(np.log2([r.seconds for r in shown[:6]]))
     assert gaps.min() >= 2
+
+
+@pytest.mark.parametrize("place", [0, 1, 7, 18, 19])
+def test_the_current_settings_are_shown_on_the_front_too(place):
+    """Beside the ends, however near one of them it lies."""
+    rows = trade.with_front([row(2.0**k, 0.5**k, current=k == place) for k in range(20)])
+    shown = trade.Trade(rows, "", (), (1, 1), 1, True).shown
+    assert len(shown) == 6 and [r.current for r in shown].count(True) == 1
+    assert (shown[0].seconds, shown[5].seconds) == (1.0, 2.0**19)
 
 
 # --- measuring

@@ -3,11 +3,13 @@ test-blenders` runs these in Debian's.
 """
 
 import os
+import signal
 import subprocess
 import time
 
 import pytest
 
+from blender_process import finish
 from packed import ENABLE
 from test_installed_extension import SCENE
 
@@ -22,6 +24,20 @@ import bl_ext.user_default.glint.addon.render.final as final
 def broken(*args, **kwargs):
     raise ValueError("broken on purpose")
 final.export_scene = broken
+"""
+
+# Renders for long, and leaves a file once it traces.
+TELL = """
+import bpy, pathlib
+import bl_ext.user_default.glint.addon.render.final as final
+trace = final._trace
+def tracing(*arguments, **options):
+    pathlib.Path({begun!r}).touch()
+    return trace(*arguments, **options)
+final._trace = tracing
+scene = bpy.context.scene
+scene.glint.final.samples, scene.glint.final.error_threshold = 65536, 0
+scene.render.resolution_x = scene.render.resolution_y = 1000
 """
 
 # Visits the tabs of the Properties editor with each kind of light, Rendered shading, F12 and the
@@ -126,6 +142,30 @@ def test_an_error_gives_exit_code_1_and_no_file(blender, scene_file, file_format
     assert run.returncode == 1, run.output
     assert not (blender.folder / f"bad_{file_format}_0001.{suffix}").exists()
     assert "Glint failed (ValueError): broken on purpose" in run.output
+
+
+@pytest.mark.parametrize("file_format", ["PNG", "OPEN_EXR", "OPEN_EXR_MULTILAYER"])
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_ends_the_program_without_a_picture(
+    blender, scene_file, name, file_format, suffix
+):
+    begun = blender.folder / f"begun_{name}_{file_format}"
+    patch = blender.folder / "tell.py"
+    patch.write_text(TELL.format(begun=blender.inside(begun)))
+    output = blender.folder / f"stopped_{name}_{file_format}"
+    command = [*blender.program, "-b", scene_file, "-P", blender.inside(patch), "-E", "GLINT"]
+    process = blender.launch(
+        [*command, "-o", blender.inside(output) + "_####", "-F", file_format, "-f", "1"]
+    )
+    while not begun.exists() and process.poll() is None:
+        time.sleep(0.05)
+    time.sleep(0.5)
+    process.send_signal(getattr(signal, name))  # `chroot` has become the program
+    run = finish(process, timeout=120)
+    assert begun.exists(), run.output
+    expected = 1 if name == "SIGINT" else -signal.SIGTERM
+    assert run.returncode == expected, run.output
+    assert not list(blender.folder.glob(f"{output.name}*"))
 
 
 def test_the_command_says_what_is_installed(blender):

@@ -6,6 +6,13 @@ from ....engine.program.graph import Value
 from ....engine.program.operations_input import NormalSpace
 from .reader import READERS, TANGENT, NodeInputs, Outputs
 
+STEP = 0.1
+"""Of a pixel, between the heights that a bump compares."""
+WIDTH = (
+    "The Filter Width of Bump nodes is left out: {} compare heights a tenth of a pixel apart; set "
+    "it to 0.1"
+)
+
 
 def _normal(view: NodeInputs) -> Value:
     return view.value("Normal") if view.is_linked("Normal") else view.reader.normal()
@@ -27,10 +34,20 @@ def _bump(view: NodeInputs) -> Outputs:
     normal, height = _normal(view), view.value("Height")
     if height.constant is not None:
         return {"Normal": normal}
+    _note_width(view)
     distance = view.value("Distance")
     if view.node.invert:
         distance = view.reader.negative(distance)
     return {"Normal": view.reader.bumped(height, view.value("Strength"), distance, normal)}
+
+
+def _note_width(view: NodeInputs) -> None:
+    """Heights are compared a tenth of a pixel apart, as Blender's own new Bump nodes have it."""
+    if "Filter Width" not in view.node.inputs:
+        return
+    width = view.value("Filter Width").constant
+    if width is None or abs(width[0] - STEP) > 1e-6:
+        view.reader.note(WIDTH)
 
 
 def _displacement(view: NodeInputs) -> Outputs:

@@ -1,0 +1,96 @@
+"""Every input and setting of every node that computes changes the exported scene or is told."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import bpy
+import pytest
+
+from export_support import scene  # noqa: F401
+from node_walk import NUMBERS, Change, Walk, other
+
+CLOSURES = ("ShaderNodeBsdf", "ShaderNodeOutput", "ShaderNodeVolumeA", "ShaderNodeVolumeC")
+NO_NODES = {"ShaderNode", "ShaderNodeTree", "ShaderNodeGroup", "ShaderNodeCustomGroup"}
+STEPS = {"SIGN", "FLOOR", "CEIL", "TRUNC", "ROUND", "SNAP"}
+"""Operations by which different constants become the same, as they do where Math clamps them."""
+
+
+def _computes(name: str) -> bool:
+    if not name.startswith("ShaderNode") or name.startswith(CLOSURES) or name in NO_NODES:
+        return False
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    outputs = bpy.data.node_groups.new("G", "ShaderNodeTree").nodes.new(name).outputs
+    return any(socket.type in NUMBERS for socket in outputs)
+
+
+KINDS = [name for name in sorted(dir(bpy.types)) if _computes(name)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_input_counts_or_is_told(scene, kind):  # noqa: F811
+    walk = Walk(kind)
+    silent = []
+    for base in walk.bases():
+        fed = walk.hear()
+        for socket in walk.sockets():
+            walk.starve(socket)
+            starved = walk.hear()
+            if starved.scene == fed.scene and not fed.tells(walk.node, socket.name):
+                silent.append((base, socket.identifier, "linked"))
+            value = other(socket.default_value)
+            if value is not None and not socket.hide_value and not _is_step(base):
+                with Change("", socket, "default_value", value).made():
+                    changed = walk.hear()
+                if changed == starved and not changed.tells(walk.node, socket.name):
+                    silent.append((base, socket.identifier, value))
+            walk.feed(socket)
+    assert not silent
+
+
+def _is_step(base) -> bool:
+    return base.get("operation") in STEPS or ("operation" in base and base.get("use_clamp") is True)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_setting_counts_or_is_told(scene, kind):  # noqa: F811
+    """Of a menu each two entries differ somewhere, of a number two values."""
+    walk = Walk(kind)
+    heard = {}
+    still = None
+    for base in walk.bases():
+        heard[tuple(base.items())] = fed = walk.hear()
+        changes = {(c.name, c.attribute): c for c in walk.changes()}
+        still = set(changes) if still is None else still
+        for key in sorted(still):
+            with changes[key].made():
+                if walk.hear() != fed or fed.tells(walk.node, key[1]):
+                    still.discard(key)
+    silent = sorted(still) + [
+        (name, *pair)
+        for name in dict(next(iter(heard)))
+        for pair in combinations({dict(base)[name] for base in heard}, 2)
+        if not _differ(walk, heard, name, *pair)
+    ]
+    assert not silent
+
+
+def _differ(walk, heard, name, a, b) -> bool:
+    """Whether a setting's values differ, or are told, in one of the bases that have both."""
+    for base, said in heard.items():
+        there = heard.get(tuple({**dict(base), name: b}.items()))
+        is_pair = dict(base)[name] == a and there is not None
+        if is_pair and (there != said or said.tells(walk.node, name)):
+            return True
+    return False
+
+
+def test_a_ramps_interpolation_counts(scene):  # noqa: F811
+    walk = Walk("ShaderNodeValToRGB")
+    walk.node.color_ramp.color_mode = "RGB"
+    walk.relink()
+    said = {}
+    for name in ("LINEAR", "EASE", "B_SPLINE", "CARDINAL", "CONSTANT"):
+        walk.node.color_ramp.interpolation = name
+        said[name] = walk.hear().scene
+    assert len(set(said.values())) == len(said)

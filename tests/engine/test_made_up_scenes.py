@@ -1,0 +1,69 @@
+"""Scenes that Hypothesis makes up: the core's picture is the float64 reference's.
+
+GLINT_SCENES sets how many there are.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given
+from hypothesis import settings as hypothesis_settings
+
+import random_scenes
+from engine_scenes import GREY_WORLD, camera
+from glint import engine
+from glint.engine import scene as s
+from test_core_against_reference import conditioned, relative_error
+from test_random_scenes import EDGES
+
+pytestmark = pytest.mark.skipif(
+    "NATIVE" not in engine.available_backends(), reason="the core's library is not built"
+)
+WORK = {"Cost", "Fallbacks"}
+"""Passes that tell what was done, not what is seen: a light's point in the very plane of a surface
+is asked for or not as rounding has it, and sheds nothing.
+"""
+PASSES = frozenset(engine.PASSES) - {"Combined"} - WORK
+SCENES = int(os.environ.get("GLINT_SCENES", "150"))
+
+
+@hypothesis_settings(
+    max_examples=SCENES,
+    deadline=None,
+    database=None,
+    derandomize=True,
+    suppress_health_check=list(HealthCheck),
+)
+@given(random_scenes.scenes(), random_scenes.settings())
+def test_same_picture(scene, settings):
+    scene = random_scenes.flat(scene) if settings.diffuse_bounces else scene
+    assert scene.problems() == []
+    settings = replace(settings, passes=PASSES)
+    core, reference = (
+        engine.render(scene, replace(settings, backend=backend)) for backend in ("NATIVE", "NUMPY")
+    )
+    assert core.notes == reference.notes
+    for key in reference.passes:
+        errors = relative_error(*(conditioned(key, film.passes[key]) for film in (core, reference)))
+        off = ~(errors <= 1e-4)
+        assert off.mean() <= EDGES, f"{key}: {off.sum()} pixels differ, by up to {errors.max()}"
+
+
+@pytest.mark.parametrize("backend", engine.settings.BACKENDS)
+def test_a_sky_is_seen_in_the_world_alone(backend):
+    """Whatever a DOME light says of its own shape."""
+    map_ = np.ones((8, 16, 3), np.float32)
+    sky = s.Light("sky", "DOME", np.eye(3, 4), radiance=map_, radius=0.2)
+    empty = s.Scene(camera(size=(8, 8)), lights=(sky,), world=GREY_WORLD)
+    drawn = [
+        engine.render(
+            replace(empty, lights=(replace(sky, visible_camera=seen, visible_mirror=seen),)),
+            engine.Settings(samples=1, backend=backend),
+        ).combined
+        for seen in (False, True)
+    ]
+    assert (drawn[0] == drawn[1]).all() and drawn[0][..., :3].max() > 0
