@@ -80,7 +80,8 @@ class Narrow:
         """(3, n) the direction in which the half vector at `point` of the lobes mirrors the ray,
         (n,) bool where there is one, and (n,) the exponent of the lobe.
         """
-        at = point.radius2 * self._total
+        x, y = point.disc
+        at = (x * x + y * y) * self._total
         before, rest, exponent = np.zeros_like(at), np.zeros_like(at), np.zeros_like(at)
         for index, k, p in self._terms:
             part = k / (p + 1)

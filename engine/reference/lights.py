@@ -35,11 +35,6 @@ class LightPoint:
     square: Array
     disc: Array
 
-    @property
-    def radius2(self) -> float:
-        x, y = self.disc
-        return x * x + y * y
-
 
 CENTER = LightPoint(np.zeros(2), np.zeros(2))
 

@@ -159,7 +159,8 @@ def refracted_roughly(
     the other side; else what is `clear`.
     """
     n = np.where(dot(surface.v, surface.n) < 0, surface.g, surface.n)
-    h = half_vector(n, point, min(point.radius2, 1 - 2.0**-53), exponent)
+    share = min(float(np.square(point.disc).sum()), 1 - 2.0**-53)
+    h = half_vector(n, point, share, exponent)
     d, passes = refracted(-surface.v, h, surface.g, index)
     good = passes & (dot(surface.v, h) > 0) & (dot(d, surface.g) < 0)
     return np.where(good, d, clear[0]), good | clear[1]
