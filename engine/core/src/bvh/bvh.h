@@ -27,7 +27,7 @@ struct alignas(64) Node {
   ChildRef child[kWidth];
 };
 
-enum LeafKind : uint32_t { kTriangleLeaf, kSphereLeaf, kPolygonLeaf, kInstanceLeaf };
+enum LeafKind : uint32_t { kTriangleLeaf, kSphereLeaf, kPolygonLeaf, kInstanceLeaf, kStrandLeaf };
 
 /// Instance and primitive as Hit counts them. Trees in object space leave `instance` at 0.
 struct PrimitiveId {
@@ -49,7 +49,8 @@ struct InstanceRecord {
 /// Primitives are numbered in the order of the leaves; a leaf with n primitives from `first` on
 /// reads
 ///   triangles: 9 n floats at 9 first: x, y, z of the first vertices, of the second, of the third,
-///   n floats each; spheres: 4 floats each at 4 first: centre and radius;  polygons: records;
+///   n floats each; spheres: 4 floats each at 4 first: centre and radius;  strands: 8 floats each
+///   at 8 first: where the segment begins and ends, the radius there and here;  polygons: records;
 ///   instances: records.
 struct TreeView {
   const Node* nodes;
