@@ -415,7 +415,7 @@ def strands() -> s.Scene:
         ),
     )
     mirror = grid_mesh(extent=1.5, name="mirror")
-    upright = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
+    upright = np.array([[1.0, 0, 0], [0, -0.5, -1.0], [0, 1.0, -0.5]])
     return stage(
         mirror,
         chain,
@@ -432,7 +432,10 @@ def strands() -> s.Scene:
             surface("gold", (0.8, 0.6, 0.2), specular=0.4, exponent=30),
             surface("red", (0.8, 0.1, 0.1)),
         ),
-        lights=(light("POINT", radius=0.2), light("SUN", (3, 1, 4), strength=2.0)),
+        lights=(
+            light("SUN", (1.7, -2.2, 4.1), strength=3.0, angle=0.05),
+            light("SUN", (3, 1, 4), strength=1.0),
+        ),
     )
 
 
