@@ -99,6 +99,16 @@ inline void add_cone(Within& in, const D3& o, const D3& d, const D3& axis, doubl
   in.add(part.from + start, part.to + start);
 }
 
+/// Whether the lines of a ray and of an axis are farther apart than `reach`, by more than rounding.
+inline bool far_apart(const D3& o, const D3& d, const D3& axis, double reach) {
+  const D3 n = {d.y * axis.z - d.z * axis.y, d.z * axis.x - d.x * axis.z,
+                d.x * axis.y - d.y * axis.x};
+  const double room = 1.000001 * reach +
+                      1e-12 * (magnitude(axis.x) + magnitude(axis.y) + magnitude(axis.z)),
+               between = dot(o, n);
+  return between * between > room * room * dot(n, n);
+}
+
 /// Where the ray enters the convex hull of the spheres about two ends. Spheres and cone lie in it
 /// and fill it, so that none of them has to be chosen.
 template <bool Any>
@@ -106,8 +116,10 @@ inline void hit_strand(Walk<Any>& w, int slot, const Scaled& ray, const float* s
   const D3 a{double(s[0]), double(s[1]), double(s[2])};
   const D3 axis = D3{double(s[3]), double(s[4]), double(s[5])} - a, f = ray.o - a;
   const double inverse_square = 1 / dot(ray.d, ray.d), begin = -dot(f, ray.d) * inverse_square,
-               ra = s[6], rb = s[7], L = __builtin_sqrt(dot(axis, axis));
+               ra = s[6], rb = s[7];
   const D3 o = f + begin * ray.d;
+  if (far_apart(o, ray.d, axis, ra > rb ? ra : rb)) return;
+  const double L = __builtin_sqrt(dot(axis, axis));
   Within in;
   add_sphere(in, o, ray.d, inverse_square, ra);
   add_sphere(in, o - axis, ray.d, inverse_square, rb);
