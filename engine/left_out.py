@@ -30,8 +30,8 @@ def sentences(scene: Scene, stats: Mapping[str, float]) -> Iterator[str]:
     """
     if count := int(stats["dropped primitives"]):
         yield (
-            f"{count} faces, spheres, strands or polygons{_of(_bad_geometry(scene))} have no extent or a "
-            "coordinate that is not finite, and are "
+            f"{count} faces, spheres, strands or polygons{_of(_bad_geometry(scene))} have no "
+            "extent or a coordinate that is not finite, and are "
             "left out: repair the mesh (Mesh > Clean Up in edit mode)"
         )
     if count := int(stats["dropped instances"]):

@@ -77,9 +77,9 @@ def walk(
     """Every distinct (data, object, instancer) that renders, with its places.
 
     make: given the first instance of each and its flags, while Blender keeps them valid; None
-    leaves the thing out.  make_hair: the same of its particle hair.  shown: asked of every object that
-    stands or instances in the scene itself whether its things are there. census: hears of every
-    thing, also of those left out.
+    leaves the thing out.  make_hair: the same of its particle hair.  shown: asked of every object
+    that stands or instances in the scene itself whether its things are there. census: hears of
+    every thing, also of those left out.
     """
     links = LightLinks(depsgraph.view_layer.objects, report)
     things: list[tuple[Any, str, int] | None] = []

@@ -244,6 +244,9 @@ def _smooth(
         s = 1 - t
         at = s**3 * b[0][which] + 3 * s * s * t * b[1][which]
         at += 3 * s * t * t * b[2][which] + t**3 * b[3][which]
+    # keys as they are: one that is not finite leaves its neighbours in place
+    at[place == 0] = b[0]
+    at[t[:, 0] == 1] = b[3][last]
     return pairs[which], t[:, 0].astype(np.float32), at.astype(np.float32)
 
 
@@ -276,17 +279,19 @@ def _bezier(keys: Keys, pairs: np.ndarray) -> list[np.ndarray]:
 
 def _pieces(b: list[np.ndarray]) -> np.ndarray:
     """(p,) how many segments stand for each part of the spline. A chord of a n-th of it is off by
-    at most |p''| / 8 n².
+    at most |p''| / 8 n²; what of p'' lies along the chord bends nothing.
     """
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        bend = 6 * np.maximum(
-            np.sqrt(((b[0] - 2 * b[1] + b[2]) ** 2).sum(1)),
-            np.sqrt(((b[1] - 2 * b[2] + b[3]) ** 2).sum(1)),
-        )
+        chord = b[3] - b[0]
+        chord = chord / np.sqrt((chord**2).sum(1))[:, None]
+        bend = np.zeros(len(chord))
+        for second in (b[0] - 2 * b[1] + b[2], b[1] - 2 * b[2] + b[3]):
+            across = second - (second * chord).sum(1)[:, None] * chord
+            bend = np.maximum(bend, 6 * np.sqrt((across**2).sum(1)))
         radius = np.maximum(b[0][:, 3], b[3][:, 3])
         length = np.sqrt(((b[3] - b[0])[:, :3] ** 2).sum(1))
         count = np.maximum(np.sqrt(bend / (8 * NEAR * radius)), bend / (TURN * length))
-    return np.ceil(np.clip(np.nan_to_num(count, nan=1.0), 1, MOST)).astype(np.intp)
+    return np.ceil(np.clip(np.nan_to_num(count, nan=1.0) - 1e-3, 1, MOST)).astype(np.intp)
 
 
 # --- what materials read
@@ -406,9 +411,9 @@ def _generated(data: Any, source: StrandSource) -> np.ndarray:
 def _curve_uv(data: Any, name: str) -> tuple[str, np.ndarray] | None:
     """Cycles' UV map of curves: two numbers of each curve, the first such for the active one."""
     for attribute in data.attributes:
-        if attribute.data_type == "FLOAT2" and attribute.domain == "CURVE":
-            if name in ("", attribute.name):
-                return attribute.name, values_of(attribute)
+        is_map = attribute.data_type == "FLOAT2" and attribute.domain == "CURVE"
+        if is_map and name in ("", attribute.name):
+            return attribute.name, values_of(attribute)
     return None
 
 

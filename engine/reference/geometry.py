@@ -1,8 +1,8 @@
 """All primitives of a scene in world space relative to the camera: what rays are tested against.
 
-Primitives are triangles, then spheres, polygons and segments of strands, and have a *number* in the scene (by
-instance, then primitive) that settles ties. Faces with a vertex that is not finite, and instances
-squeezed to a line or a point, are left out.
+Primitives are triangles, then spheres, polygons and segments of strands, and have a *number* in the
+scene (by instance, then primitive) that settles ties. Faces with a vertex that is not finite, and
+instances squeezed to a line or a point, are left out.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from .vectors import pick, transform_each
 Array = np.ndarray
 
 THIN = 1e-8
-"""Spheres and strands are left out where the unit columns of their matrix have no larger determinant
-(SEMANTICS.md, Hits).
+"""Spheres and strands are left out where the unit columns of their matrix have no larger
+determinant (SEMANTICS.md, Hits).
 """
 
 KINDS = ("camera", "mirror", "shadow")
@@ -72,8 +72,8 @@ class Geometry:
     """points: (3, v) vertices.  triangles: (3, t) rows of points.  number: (p,) of each primitive
     in the scene. row: (p,) int32 of `Placements`.  material: (p,) int32 index into
     `Scene.materials`, -1 for the default one. lower, upper: (3, s) bounds of the s spheres,
-    polygons and segments.  reach: largest coordinate. visible: for each kind of ray the primitives it sees, (p,)
-    bool, or None for all.  left_out: sentences.
+    polygons and segments.  reach: largest coordinate. visible: for each kind of ray the primitives
+    it sees, (p,) bool, or None for all.  left_out: sentences.
     """
 
     placements: Placements
@@ -201,8 +201,8 @@ class _Drawn:
             )
         if broken:
             yield (
-                f"{name!r}: {broken} primitives have coordinates that are not finite, or no extent, "
-                "and were left out; repair the geometry"
+                f"{name!r}: {broken} primitives have coordinates that are not finite, or no "
+                "extent, and were left out; repair the geometry"
             )
 
 

@@ -1,5 +1,5 @@
-"""Rays against spheres, strands and polygons (notes, sections 4.7 and 4.9). Pairs are given as arrays: ray k
-(o, d) against shape k.
+"""Rays against spheres, strands and polygons (notes, sections 4.7 and 4.9). Pairs are given as
+arrays: ray k (o, d) against shape k.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Strands in closed form: where rays enter the hull of two spheres, in both tracers, at all sizes."""
+"""Strands in closed form: where rays enter the hull of two spheres, in both tracers at any size."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def across_fibre(view: NodeInputs) -> Value:
     """
     along = fibre(view)
     to_viewer = view.apply("incoming")[0]
-    share = view.apply("vector_measure", along, to_viewer, operation=VectorMeasure.DOT_PRODUCT)[0]
+    share = view.apply("vector_measure", along, to_viewer, measure=VectorMeasure.DOT_PRODUCT)[0]
     off = view.apply("product", view.vector_of(share), along)[0]
     zero = view.reader.graph.constant(0.0)
     subtract = VectorOperation.SUBTRACT
