@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from .evaluator import CLOSURE_NODES, Closure, NodeView, add_closures
-from .nodes_shader import below_coat, coat_closure, diffuse_closure, glossy_closure
+from .nodes_shader import below_coat, coat_closure, glossy_closure
 from .terms import ONE, RGB, Sum, constant
 from .varying import Roughness
 
@@ -65,12 +65,11 @@ def _melanin(view: NodeView) -> RGB:
 
 
 def _hair(view: NodeView) -> Closure:
-    color = view.reflectance("Color")
     if view.node.component == "Transmission":
-        view.note("Light that passes through hair is scattered evenly by it instead in {}")
-        return diffuse_closure(color)
+        view.note("Light that passes through hair is not rendered: {} are black where it counts")
+        return {}
     along = Roughness(min(max(view.constant("RoughnessU", 0.1), _SMOOTHEST), 1.0))
-    return glossy_closure(color, (0.0, 0.0, 0.0), along, False, edge=False)
+    return glossy_closure(view.reflectance("Color"), (0.0, 0.0, 0.0), along, False, edge=False)
 
 
 CLOSURE_NODES.update(
