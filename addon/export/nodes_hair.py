@@ -68,7 +68,7 @@ def _hair(view: NodeView) -> Closure:
     if view.node.component == "Transmission":
         view.note("Light that passes through hair is not rendered: {} are black where it counts")
         return {}
-    along = Roughness(min(max(view.constant("RoughnessU", 0.1), _SMOOTHEST), 1.0))
+    along = Roughness(min(max(view.constant("RoughnessU", 0.1), _SMOOTHEST**2), 1.0) ** 0.5)
     return glossy_closure(view.reflectance("Color"), (0.0, 0.0, 0.0), along, False, edge=False)
 
 

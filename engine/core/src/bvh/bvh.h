@@ -46,18 +46,24 @@ struct InstanceRecord {
   uint32_t tree, instance, visibility;
 };
 
+/// The caller's arrays of a geometry of strands.
+struct StrandArrays {
+  const float *vertices, *radii;  // 3 and 1 a vertex
+  const uint32_t* starts;         // the vertex where each segment begins; it ends at the next one
+};
+
 /// Primitives are numbered in the order of the leaves; a leaf with n primitives from `first` on
 /// reads
 ///   triangles: 9 n floats at 9 first: x, y, z of the first vertices, of the second, of the third,
-///   n floats each; spheres: 4 floats each at 4 first: centre and radius;  strands: 8 floats each
-///   at 8 first: where the segment begins and ends, the radius there and here;  polygons: records;
-///   instances: records.
+///   n floats each; spheres: 4 floats each at 4 first: centre and radius;  polygons: records;
+///   instances: records; strands: nothing but their ids, the rest is where the caller has it.
 struct TreeView {
   const Node* nodes;
   const float* floats;
   const PrimitiveId* ids;
   const PolygonRecord* polygons;
   const float* corners;
+  StrandArrays strands;
   double center[3], radius;  // a ball round everything, with room to spare
   double ball;               // radius of the smallest one there, with room for rounding
   ChildRef root;

@@ -91,7 +91,7 @@ bool sphere_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
   return true;
 }
 
-/// Both ends and their radii, as the leaves hold them; false for what no ray meets.
+/// Both ends and their radii; false for what no ray meets.
 bool strand_ends(const Source& s, size_t primitive, float (&out)[8]) {
   const size_t first = s.geometry->indices[primitive];
   if (first + 1 >= s.geometry->vertex_count) return false;
@@ -208,15 +208,6 @@ void fill_spheres(const std::vector<Source>& sources, const PrimitiveId* from, s
   }
 }
 
-void fill_strands(const std::vector<Source>& sources, const PrimitiveId* from, size_t count,
-                  float* out) {
-  for (size_t k = 0; k < count; ++k, out += 8) {
-    float ends[8];
-    strand_ends(sources[from[k].instance], from[k].primitive, ends);
-    std::copy_n(ends, 8, out);
-  }
-}
-
 /// Calls fill(first, count) for every leaf.
 template <class Fill>
 void each_leaf(const NodeTree& tree, ThreadPool& pool, Fill fill) {
@@ -248,7 +239,12 @@ void fill_polygons(Tree& tree, const std::vector<Source>& sources, const Primiti
 void fill_leaves(Tree& tree, const std::vector<Source>& sources, ThreadPool& pool) {
   const PrimitiveId* from = tree.ids.data.get();
   if (tree.kind == kPolygonLeaf) return fill_polygons(tree, sources, from);
-  const size_t stride = tree.kind == kTriangleLeaf ? 9 : tree.kind == kStrandLeaf ? 8 : 4;
+  if (tree.kind == kStrandLeaf) {
+    const GeometryView& g = *sources.front().geometry;
+    tree.strands = {g.vertices, g.radii, g.indices};
+    return;
+  }
+  const size_t stride = tree.kind == kTriangleLeaf ? 9 : 4;
   tree.floats =
       Buffer<float>(stride * tree.count + kWidth);  // vector loads read beyond the last leaf
   std::fill_n(tree.floats.data.get() + stride * tree.count, kWidth, 0.0f);
@@ -256,7 +252,6 @@ void fill_leaves(Tree& tree, const std::vector<Source>& sources, ThreadPool& poo
     float* out = tree.floats.data.get() + stride * first;
     if (tree.kind == kTriangleLeaf) fill_triangles(sources, from + first, count, out);
     if (tree.kind == kSphereLeaf) fill_spheres(sources, from + first, count, out);
-    if (tree.kind == kStrandLeaf) fill_strands(sources, from + first, count, out);
   });
 }
 
@@ -386,6 +381,7 @@ TreeView Tree::view() const {
              ids.data.get(),
              polygons.data.get(),
              corners.data(),
+             strands,
              {},
              0,
              0,

@@ -112,11 +112,13 @@ inline bool far_apart(const D3& o, const D3& d, const D3& axis, double reach) {
 /// Where the ray enters the convex hull of the spheres about two ends. Spheres and cone lie in it
 /// and fill it, so that none of them has to be chosen.
 template <bool Any>
-inline void hit_strand(Walk<Any>& w, int slot, const Scaled& ray, const float* s, PrimitiveId id) {
+inline void hit_strand(Walk<Any>& w, int slot, const Scaled& ray, PrimitiveId id) {
+  const size_t first = w.tree.strands.starts[id.primitive];
+  const float *s = w.tree.strands.vertices + 3 * first, *r = w.tree.strands.radii + first;
   const D3 a{double(s[0]), double(s[1]), double(s[2])};
   const D3 axis = D3{double(s[3]), double(s[4]), double(s[5])} - a, f = ray.o - a;
   const double inverse_square = 1 / dot(ray.d, ray.d), begin = -dot(f, ray.d) * inverse_square,
-               ra = s[6], rb = s[7];
+               ra = r[0], rb = r[1];
   const D3 o = f + begin * ray.d;
   if (far_apart(o, ray.d, axis, ra > rb ? ra : rb)) return;
   const double L = __builtin_sqrt(dot(axis, axis));
@@ -170,8 +172,7 @@ __attribute__((noinline)) void hit_shapes(Walk<Any>& w, int r, ChildRef leaf) {
     if (!visible(w.tile, k)) continue;
     const PrimitiveId id = id_of(w.tile, r, k);
     if (w.tree.kind == kSphereLeaf) hit_sphere(w, slot, ray, w.tree.floats + 4 * size_t(k), id);
-    else if (w.tree.kind == kStrandLeaf)
-      hit_strand(w, slot, ray, w.tree.floats + 8 * size_t(k), id);
+    else if (w.tree.kind == kStrandLeaf) hit_strand(w, slot, ray, id);
     else hit_polygon(w, slot, ray, w.tree.polygons[k], id);
   }
   w.update(r);
