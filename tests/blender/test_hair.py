@@ -12,6 +12,7 @@ from export_support import export, link, scene, use_nodes  # noqa: F401
 from glint.addon.export.hashing import random_of
 from glint.addon.export.strands import NEAR
 from glint.engine.scene import Strands
+from test_viewport_incremental import Follower
 
 
 def curves(name: str, strands, radii=None):
@@ -204,3 +205,27 @@ def test_a_strand_has_the_map_and_colours_of_its_root(scene):  # noqa: F811
     np.testing.assert_allclose(
         uv.values[first], found.vertices[found.starts[first], :2] / 2 + 0.5, atol=1e-5
     )
+
+
+def test_a_view_follows_hair(scene):  # noqa: F811
+    """What is kept between exports is what a fresh one has."""
+    emitter = furry(5, "INTERPOLATED")
+    settings = emitter.particle_systems[0].settings
+    settings.child_percent = settings.rendered_child_count = 3
+    fur = curves("Fur", [np.linspace([0, 0, 0], [0, 1, 2], 4)] * 2)
+    fur.data.materials.append(bpy.data.materials.new("Fur"))
+    with Follower() as follower:
+        follower.check()
+        emitter.location = fur.location = (1, 2, 0)
+        follower.check()
+        settings.count = 9
+        follower.check()
+        settings.radius_scale = 0.5
+        follower.check()
+        fur.data.position_data[0].vector = (0.5, 0, 0)
+        fur.data.update_tag()
+        follower.check()
+        emitter.modifiers[0].show_viewport = False
+        follower.check()
+        fur.hide_viewport = True
+        follower.check()
