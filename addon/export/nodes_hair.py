@@ -9,7 +9,7 @@ import math
 
 from .evaluator import CLOSURE_NODES, Closure, NodeView, add_closures
 from .nodes_shader import below_coat, coat_closure, glossy_closure
-from .terms import ONE, RGB, Sum, constant
+from .terms import ONE, RGB, Sum, constant, constant_value, is_constant
 from .varying import Roughness
 
 _EUMELANIN, _PHEOMELANIN = (0.506, 0.841, 1.653), (0.343, 0.733, 1.924)
@@ -18,7 +18,32 @@ _SMOOTHEST = 0.1
 """Of highlights: light reflected by hair is not traced on."""
 
 
+_UNUSED = {
+    "Coat": 0.0,
+    "Offset": 2 * math.pi / 180,
+    "Aspect Ratio": 0.85,
+    "Random": 0.0,
+    "Random Color": 0.0,
+    "Random Roughness": 0.0,
+    "Reflection": 1.0,
+    "Transmission": 1.0,
+    "Secondary Reflection": 1.0,
+}
+"""Inputs of Principled Hair that have no effect, and what they are where nobody set them."""
+
+
+def _note_unused(view: NodeView, usual: dict[str, float]) -> None:
+    for name, value in usual.items():
+        if not view.input(name):
+            continue
+        found = view.number(name)
+        if not is_constant(found) or abs(constant_value(found)[0] - value) > 1e-4:
+            view.note(f"'{name}' of {view.node.bl_label} is not rendered: {{}} go without it")
+
+
 def _principled_hair(view: NodeView) -> Closure:
+    unused = {"Radial Roughness": 0.3} if view.node.parametrization == "COLOR" else {}
+    _note_unused(view, _UNUSED | unused)
     roughness = Roughness(min(max(view.constant("Roughness", 0.3), _SMOOTHEST), 1.0))
     ior = max(view.constant("IOR", 1.55), 1.0)
     view.note(
@@ -65,6 +90,7 @@ def _melanin(view: NodeView) -> RGB:
 
 
 def _hair(view: NodeView) -> Closure:
+    _note_unused(view, {"Offset": 0.0, "RoughnessV": 1.0})
     if view.node.component == "Transmission":
         view.note("Light that passes through hair is not rendered: {} are black where it counts")
         return {}
