@@ -10,7 +10,7 @@ from dataclasses import fields
 import numpy as np
 
 from .program.program import Program
-from .scene import Array, Geometry, Instances, Light, Polygons, Scene, Spheres
+from .scene import Array, Geometry, Instances, Light, Polygons, Scene, Spheres, Strands
 
 NAMES = 3
 """As many things of a kind are named."""
@@ -30,8 +30,8 @@ def sentences(scene: Scene, stats: Mapping[str, float]) -> Iterator[str]:
     """
     if count := int(stats["dropped primitives"]):
         yield (
-            f"{count} faces, spheres or polygons{_of(_bad_geometry(scene))} have no extent or a "
-            "coordinate that is not finite, and are "
+            f"{count} faces, spheres, strands or polygons{_of(_bad_geometry(scene))} have no "
+            "extent or a coordinate that is not finite, and are "
             "left out: repair the mesh (Mesh > Clean Up in edit mode)"
         )
     if count := int(stats["dropped instances"]):
@@ -91,6 +91,8 @@ def _has_bad(geometry: Geometry) -> bool:
             np.isfinite(geometry.centers).all()
             and (np.isfinite(geometry.radii) & (geometry.radii > 0)).all()
         )
+    if isinstance(geometry, Strands):
+        return not sound_segments(geometry).all()
     if isinstance(geometry, Polygons):
         return bool(_flat_polygons(geometry).any())
     blocks = (
@@ -98,6 +100,15 @@ def _has_bad(geometry: Geometry) -> bool:
         for first in range(0, len(geometry.triangles), _BLOCK)
     )
     return any(_flat(geometry.vertices[block].astype(np.float64)).any() for block in blocks)
+
+
+def sound_segments(strands: Strands) -> Array:
+    """(n,) bool: finite, and with a radius at one end at least."""
+    radii = strands.radii
+    with np.errstate(invalid="ignore"):
+        good = np.isfinite(strands.vertices).all(1) & np.isfinite(radii) & (radii >= 0)
+    first = strands.starts.astype(np.intp)
+    return good[first] & good[first + 1] & ((radii[first] > 0) | (radii[first + 1] > 0))
 
 
 def _flat(triangles: Array) -> Array:

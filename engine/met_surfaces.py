@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .accelerator import Hits
-from .scene import Attribute, Camera, Geometry, Mesh, Polygons, Scene, Spheres
+from .scene import Attribute, Camera, Geometry, Mesh, Polygons, Scene, Spheres, Strands
 
 if TYPE_CHECKING:
     from .reference.materials import Coefficients
@@ -100,6 +100,8 @@ def _some(geometry: Geometry, kept: Array) -> Geometry:
             radii=geometry.radii[kept],
             material_slots=slots,
         )
+    if isinstance(geometry, Strands):
+        return _some_segments(geometry, kept, slots)
     if isinstance(geometry, Polygons):
         rows = [geometry.indices[geometry.offsets[k] : geometry.offsets[k + 1]] for k in kept]
         used, index = np.unique(np.concatenate(rows), return_inverse=True)
@@ -112,6 +114,20 @@ def _some(geometry: Geometry, kept: Array) -> Geometry:
             material_slots=slots,
         )
     return _some_triangles(geometry, kept, slots)
+
+
+def _some_segments(strands: Strands, kept: Array, slots: Array | None) -> Strands:
+    """Each with two vertices of its own: it ends at the row after the one where it begins."""
+    points = strands.ends[kept][:, :2].ravel()
+    rows = {"POINT": points, "FACE": kept}
+    return replace(
+        strands,
+        vertices=strands.vertices[points],
+        radii=strands.radii[points],
+        starts=2 * np.arange(len(kept), dtype=np.uint32),
+        material_slots=slots,
+        attributes=tuple(replace(a, values=a.values[rows[a.domain]]) for a in strands.attributes),
+    )
 
 
 def _some_triangles(mesh: Mesh, kept: Array, slots: Array | None) -> Mesh:

@@ -58,6 +58,7 @@ from .scene import (
     Polygons,
     Scene,
     Spheres,
+    Strands,
     Texture,
     World,
 )
@@ -103,7 +104,7 @@ def scene_problems(scene: Scene) -> list[str]:
 
 
 _HELD = {
-    "geometries": (Mesh, Spheres, Polygons),
+    "geometries": (Mesh, Spheres, Polygons, Strands),
     "instances": (Instances,),
     "materials": (Material,),
     "textures": (Texture,),
@@ -135,14 +136,8 @@ def _label(thing: Any) -> str:
 
 
 def _geometry(geometry: Any) -> Found:
-    check = (
-        _mesh
-        if isinstance(geometry, Mesh)
-        else _spheres
-        if isinstance(geometry, Spheres)
-        else _polygons
-    )
-    yield from check(geometry)
+    checks = {Mesh: _mesh, Spheres: _spheres, Polygons: _polygons, Strands: _strands}
+    yield from next(check for kind, check in checks.items() if isinstance(geometry, kind))(geometry)
 
 
 def _mesh(mesh: Mesh) -> Found:
@@ -177,10 +172,14 @@ def _attributes(mesh: Mesh) -> Found:
     if mesh.normals is not None:
         yield from one_of("the domain of normals", mesh.normals.domain, (POINT, CORNER))
         yield from _attribute("normals", mesh.normals, rows, (3,))
-    names = [attribute.name for attribute in mesh.attributes]
+    yield from _named(mesh.attributes, rows)
+
+
+def _named(attributes: tuple[Attribute, ...], rows: dict[str, int | None]) -> Found:
+    names = [attribute.name for attribute in attributes]
     for name in sorted({name for name in names if names.count(name) > 1}):
         yield f"has several attributes called {name!r}: give each a name of its own"
-    for attribute in mesh.attributes:
+    for attribute in attributes:
         yield from _attribute(f"attribute {attribute.name!r}", attribute, rows, (2, 3, 4))
 
 
@@ -223,6 +222,26 @@ def _spheres(spheres: Spheres) -> Found:
     if isinstance(spheres.radii, np.ndarray) and np.any(spheres.radii < 0):
         yield "radii has a negative value: use 0 or more"
     yield from _slots(spheres.material_slots, count, "sphere")
+
+
+def _strands(strands: Strands) -> Found:
+    shapes = [
+        *array("vertices", strands.vertices, np.float32, (None, 3)),
+        *array("starts", strands.starts, np.uint32, (None,)),
+    ]
+    yield from shapes
+    if shapes:
+        return
+    count = len(strands.vertices)
+    yield from array("radii", strands.radii, np.float32, (count,))
+    if isinstance(strands.radii, np.ndarray) and np.any(strands.radii < 0):
+        yield "radii has a negative value: use 0 or more"
+    yield from below("starts", strands.starts, max(count - 1, 0), "vertices before the last")
+    yield from _slots(strands.material_slots, len(strands.starts), "segment")
+    rows = {POINT: count, FACE: len(strands.starts)}
+    strangers = [*holds("attributes", strands.attributes, (Attribute,))]
+    yield from strangers
+    yield from () if strangers else _named(strands.attributes, rows)
 
 
 def _polygons(polygons: Polygons) -> Found:

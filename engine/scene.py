@@ -92,7 +92,33 @@ class Polygons:
     material_slots: Array | None = None
 
 
-Geometry = Mesh | Spheres | Polygons
+@dataclass(frozen=True, eq=False)
+class Strands:
+    """Segments of hair and the like in object space: each is the convex hull of a sphere round its
+    beginning and one round its end, seen from outside alone.
+
+    vertices: (v, 3) float32.  radii: (v,) float32, of each vertex; a segment both of whose ends
+    have none is not there.  starts: (n,) uint32, segment k goes from row starts[k] of `vertices` to
+    the next row.  material_slots, attributes: as in `Mesh`, on POINT (a row per vertex, mixed along
+    the segment) or FACE (a row per segment).
+    """
+
+    name: str
+    vertices: Array
+    radii: Array
+    starts: Array
+    material_slots: Array | None = None
+    attributes: tuple[Attribute, ...] = ()
+
+    @cached_property
+    def ends(self) -> Array:
+        """(n, 3) uint32 rows of `vertices`: the beginning, and the end twice; so attributes are
+        read as on triangles.
+        """
+        return self.starts[:, None] + np.array([0, 1, 1], np.uint32)
+
+
+Geometry = Mesh | Spheres | Polygons | Strands
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 from .dome import dome_table
 from .mesh_lights import mesh_table
 from .sampling import chosen, concentric_disc, walk_points
-from .scene import EVERYTHING, Light, Mesh, Scene, Spheres
+from .scene import EVERYTHING, Light, Mesh, Scene, Spheres, Strands
 
 Array = np.ndarray
 
@@ -259,6 +259,8 @@ def _box(geometry) -> Array:
     """(3, 8) corners of the bounds, (3, 0) where there is nothing finite."""
     if isinstance(geometry, Spheres):
         low, high = (geometry.centers + s * geometry.radii[:, None] for s in (-1, 1))
+    elif isinstance(geometry, Strands):
+        low, high = (geometry.vertices + s * geometry.radii[:, None] for s in (-1, 1))
     elif isinstance(geometry, Mesh):
         low = high = geometry.vertices[np.unique(geometry.triangles)]
     else:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...engine.scene import Geometry, Instances, Scene
+from ...engine.scene import Geometry, Instances, Scene, Strands
 from .camera import border, export_camera, resolution
 from .decoded import Decoded
 from .images import Images
@@ -25,6 +25,7 @@ from .properties import Value, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
 from .shapes import export_points, read_shape
+from .strands import StrandSource, read_curves, read_hair, read_strand_attributes
 from .world import Sky, export_world
 
 
@@ -83,7 +84,7 @@ def export_scene(
     collector = Collector(
         depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, decoded
     )
-    things = walk(depsgraph, collector.meet, report)
+    things = walk(depsgraph, collector.meet, report, make_hair=collector.meet_hair)
     met = time.perf_counter()
     world = _world(depsgraph, scene)
     sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
@@ -141,7 +142,7 @@ class Collector:
         self.materials = Materials(self.images, report)
         self.lights = Lights(self.images, report)
         self.override = _evaluated(depsgraph.view_layer.material_override, depsgraph)
-        self._geometries: list[MeshSource | Geometry] = []
+        self._geometries: list[MeshSource | StrandSource | Geometry] = []
         self._known: dict[tuple, int | None] = {}
         self._wanted_by_slots: dict[tuple[int, ...], Wanted] = {}
 
@@ -156,14 +157,28 @@ class Collector:
             seen = Seen(flags.camera, flags.mirror, flags.receivers, flags.blockers)
             return _Lamp(data, seen)
         kind = type(data).__name__
-        if kind not in ("Mesh", "PointCloud"):
+        read = {
+            "Mesh": lambda: self._mesh(data, owner),
+            "PointCloud": lambda: self._points(data),
+            "Curves": lambda: self._curves(data, owner),
+        }
+        return self._place(instance, flags, read[kind]()) if kind in read else None
+
+    def meet_hair(self, instance: Any, flags: Flags) -> _Placed | None:
+        """The particle hair of an object, where its layer shows any."""
+        if not self.depsgraph.view_layer.use_strand:
             return None
-        geometry = self._mesh(data, owner) if kind == "Mesh" else self._points(data)
+        thing = instance.object
+        return self._place(instance, flags, self._hair(thing, instance.instance_object or thing))
+
+    def _place(self, instance: Any, flags: Flags, geometry: int | None) -> _Placed | None:
         if geometry is None:
             return None
+        thing = instance.object
         slots = self._slots(thing, self._used_slots(geometry))
-        if isinstance(self._geometry(geometry), MeshSource):
-            self._add_attributes(geometry, data, owner, self._wanted(slots))
+        if isinstance(self._geometry(geometry), MeshSource | StrandSource):
+            owner = instance.instance_object or thing
+            self._add_attributes(geometry, thing.data, owner, self._wanted(slots))
         elif self.materials.wanted(slots):
             self.report.note(
                 "True spheres have no UV maps or attributes, which materials read: {}; render them "
@@ -222,12 +237,12 @@ class Collector:
             self._wanted_by_slots[slots] = self.wanted | self.materials.wanted(slots)
         return self._wanted_by_slots[slots]
 
-    def _geometry(self, number: int) -> MeshSource | Geometry:
+    def _geometry(self, number: int) -> MeshSource | StrandSource | Geometry:
         return self._geometries[number]
 
     def _used_slots(self, number: int) -> tuple[int, ...]:
         geometry = self._geometry(number)
-        return geometry.used_slots if isinstance(geometry, MeshSource) else (0,)
+        return getattr(geometry, "used_slots", (0,))
 
     def _mesh(self, data: Any, owner: Any) -> int | None:
         """Index of a mesh's geometry, which is a sphere where it is marked as one, read when first
@@ -241,8 +256,39 @@ class Collector:
     def _add_attributes(self, number: int, data: Any, owner: Any, wanted: Wanted) -> None:
         """What an object's materials read of its mesh."""
         if wanted:
-            with readable(data, owner) as mesh:
-                read_attributes(mesh, self._geometries[number], wanted, self.report)
+            self._read_attributes(data, owner, self._geometries[number], wanted, self.report)
+
+    def _read_attributes(
+        self,
+        data: Any,
+        owner: Any,
+        source: MeshSource | StrandSource,
+        wanted: Wanted,
+        report: Report,
+    ) -> None:
+        if isinstance(source, StrandSource):
+            read_strand_attributes(data, owner, source, wanted, report, self.is_render)
+            return
+        with readable(data, owner) as mesh:
+            read_attributes(mesh, source, wanted, report)
+
+    @property
+    def is_render(self) -> bool:
+        """Whether the settings for renders count, not those for the viewport."""
+        return self.depsgraph.mode == "RENDER"
+
+    def _curves(self, data: Any, owner: Any) -> int | None:
+        key = (data.as_pointer(), len(data.points), data.name)
+        if key not in self._known:
+            self._known[key] = self._append(read_curves(data, self.depsgraph.scene_eval))
+        return self._known[key]
+
+    def _hair(self, thing: Any, owner: Any) -> int | None:
+        key = ("hair", owner.original.session_uid, thing.data.as_pointer())
+        if key not in self._known:
+            found = read_hair(thing, self.depsgraph.scene_eval, self.is_render)
+            self._known[key] = self._append(found)
+        return self._known[key]
 
     def _points(self, cloud: Any) -> int | None:
         key = (cloud.as_pointer(), len(cloud.points), cloud.name)
@@ -250,7 +296,7 @@ class Collector:
             self._known[key] = self._append(export_points(cloud))
         return self._known[key]
 
-    def _append(self, geometry: MeshSource | Geometry | None) -> int | None:
+    def _append(self, geometry: MeshSource | StrandSource | Geometry | None) -> int | None:
         if geometry is None:
             return None
         self._geometries.append(geometry)
@@ -259,7 +305,8 @@ class Collector:
     def scene(self, camera: Any, things: list[Thing], sky: Sky) -> Scene:
         """All of it as one value."""
         geometries = tuple(
-            g.finished() if isinstance(g, MeshSource) else g for g in self._geometries
+            g.finished() if isinstance(g, MeshSource | StrandSource) else g
+            for g in self._geometries
         )
         instances = tuple(
             self.instances(thing) for thing in things if isinstance(thing.content, _Placed)
@@ -288,6 +335,7 @@ def _counts(scene: Scene) -> dict[str, float]:
         "meshes": len(scene.geometries),
         "instances": sum(len(i.world_from_object) for i in scene.instances),
         "triangles": sum(per_geometry),
+        "segments": sum(len(g.starts) for g in scene.geometries if isinstance(g, Strands)),
         "placed_triangles": sum(
             len(i.world_from_object) * per_geometry[i.geometry] for i in scene.instances
         ),

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.scene import Camera, Geometry, Material, Mesh, Scene, Texture
+from ...engine.scene import Camera, Geometry, Material, Mesh, Scene, Strands, Texture
 from .export import Collector, _Lamp, _Placed, _world
 from .graph import node_tree
 from .images import Images
@@ -30,12 +30,13 @@ from .materials import (
     with_textures,
     without_unused,
 )
-from .meshes import MeshSource, mesh_key, read_attributes, readable
+from .meshes import MeshSource, mesh_key
 from .moves import Stage
 from .placing import without_collapsed
 from .repaints import repainted
 from .report import Report
 from .shapes import export_points, read_shape
+from .strands import StrandSource, read_curves, read_hair
 from .world import Sky, export_world
 
 NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
@@ -82,10 +83,10 @@ class _Shape:
     mesh with its attributes after each sequence of wishes.  report: of reading it.
     """
 
-    geometry: MeshSource | Geometry | None
+    geometry: MeshSource | StrandSource | Geometry | None
     about: set[int]
-    states: dict[tuple[Wanted, ...], MeshSource] = field(default_factory=dict)
-    finished: dict[tuple[Wanted, ...], Mesh] = field(default_factory=dict)
+    states: dict[tuple[Wanted, ...], MeshSource | StrandSource] = field(default_factory=dict)
+    finished: dict[tuple[Wanted, ...], Mesh | Strands] = field(default_factory=dict)
     report: Report = field(default_factory=Report)
 
 
@@ -272,6 +273,7 @@ class LiveExport:
             report,
             lambda thing: space is None or thing.visible_in_viewport_get(space),
             census,
+            collector.meet_hair,
         )
         self._store.met[asked] = collector.met
         return collector.stage(things, self._sky(depsgraph, report), census)
@@ -479,6 +481,36 @@ class _KeepingCollector(Collector):
             )
         return self._known[key]
 
+    def _curves(self, data: Any, owner: Any) -> int | None:
+        shape = self._curve_shape
+        key = ("curves", data.as_pointer(), len(data.points), data.name, shape)
+        if key not in self._known:
+            scene = self.depsgraph.scene_eval
+            self._known[key] = self._keep(key, lambda: _Shape(read_curves(data, scene), set()))
+        self.met[key].about |= {owner.original.session_uid, data.original.session_uid}
+        return self._known[key]
+
+    def _hair(self, thing: Any, owner: Any) -> int | None:
+        scene = self.depsgraph.scene_eval
+        key = (
+            "hair",
+            owner.original.session_uid,
+            thing.data.as_pointer(),
+            self._curve_shape,
+        )
+        if key not in self._known:
+            self._known[key] = self._keep(
+                key, lambda: _Shape(read_hair(thing, scene, self.is_render), set())
+            )
+        settings = {system.settings.original.session_uid for system in thing.particle_systems}
+        self.met[key].about |= {owner.original.session_uid, *settings}
+        return self._known[key]
+
+    @property
+    def _curve_shape(self) -> str:
+        """How Cycles' settings say that curves go between keys."""
+        return getattr(getattr(self.depsgraph.scene_eval, "cycles_curves", None), "shape", "")
+
     def _new_mesh(self, data: Any, owner: Any) -> _Shape:
         report = Report()
         return _Shape(read_shape(data, owner, report), set(), report=report)
@@ -503,12 +535,11 @@ class _KeepingCollector(Collector):
             source = shape.states[wishes] = replace(
                 source, uv_maps=dict(source.uv_maps), attributes=dict(source.attributes)
             )
-            with readable(data, owner) as mesh:
-                read_attributes(mesh, source, wanted, shape.report)
+            self._read_attributes(data, owner, source, wanted, shape.report)
 
     def _finished(self, number: int) -> Geometry:
         shape, wishes = self._geometries[number], self._wishes[number]
-        if not isinstance(shape.geometry, MeshSource):
+        if not isinstance(shape.geometry, MeshSource | StrandSource):
             return shape.geometry
         if wishes not in shape.finished:
             shape.finished[wishes] = shape.states.get(wishes, shape.geometry).finished()

@@ -17,9 +17,7 @@ from .hashing import as_random, random_of, word_of
 from .light_links import LightLinks
 from .report import Report
 
-HAIR_NOTE = "Particle hair is not rendered: {}; convert it to a mesh"
 _UNSUPPORTED = {
-    "CURVES": "Hair curves are not rendered: {}; convert them to meshes",
     "VOLUME": "Volumes are not rendered: {}; convert them to meshes",
     "GPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
     "GREASEPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
@@ -75,18 +73,21 @@ def walk(
     report: Report,
     shown: Callable[[Any], bool] = lambda instancer: True,
     census: Census | None = None,
+    make_hair: Callable[[Any, Flags], Any] | None = None,
 ) -> list[Thing]:
     """Every distinct (data, object, instancer) that renders, with its places.
 
     make: given the first instance of each and its flags, while Blender keeps them valid; None
-    leaves the thing out.  shown: asked of every object that
-    stands or instances in the scene itself whether its things are there. census: hears of every
-    thing, also of those left out.
+    leaves the thing out.  make_hair: the same of its particle hair.  shown: asked of every object
+    that stands or instances in the scene itself whether its things are there. census: hears of
+    every thing, also of those left out.
     """
     links = LightLinks(depsgraph.view_layer.objects, report)
     things: list[tuple[Any, str, int] | None] = []
     numbers: dict[tuple, int] = {}
     rows: list[int] = []
+    hair: dict[int, int] = {}  # the number of a thing's hair by its own
+    hairy: list[tuple[int, int]] = []  # places in the iteration, and the hair there
     for instance in depsgraph.object_instances:
         thing = instance.object
         key = (thing.data, instance.instance_object or thing, instance.parent)
@@ -99,8 +100,28 @@ def walk(
             things.append(
                 _meet(instance, thing, depsgraph, make, report, links) if shown(instancer) else None
             )
+            if make_hair is not None and shown(instancer) and has_hair(instance):
+                hair[number] = len(things)
+                things.append(
+                    _meet(instance, thing, depsgraph, make_hair, report, links, visible=True)
+                )
+        if hair and number in hair:
+            hairy.append((len(rows), hair[number]))
         rows.append(number)
-    return _placed(things, np.array(rows, np.int64), _matrices(depsgraph, len(rows)), report)
+    matrices, at = _matrices(depsgraph, len(rows)), np.arange(len(rows))
+    if hairy:
+        places, found = np.array(hairy, np.int64).T
+        matrices, at = np.concatenate([matrices, matrices[places]]), np.append(at, places)
+        rows += found.tolist()
+    return _placed(things, np.array(rows, np.int64), matrices, at, report)
+
+
+def has_hair(instance: Any) -> bool:
+    """Whether particle systems of an instance's object render as hair."""
+    return instance.show_particles and any(
+        system.settings.type == "HAIR" and system.settings.render_type == "PATH"
+        for system in instance.object.particle_systems
+    )
 
 
 def _matrices(depsgraph: Any, count: int) -> np.ndarray:
@@ -136,9 +157,11 @@ def random_number(name: str) -> float:
     return float(random_of(word_of(name), np.zeros(1, np.uint32))[0])
 
 
-def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report) -> list[Thing]:
+def _placed(
+    things: list, rows: np.ndarray, matrices: np.ndarray, at: np.ndarray, report: Report
+) -> list[Thing]:
     """Things with their rows of the matrices, in the order in which they were met; places that are
-    not finite are dropped.
+    not finite are dropped. at: where in the iteration each row is.
     """
     sound = np.isfinite(matrices).all((1, 2))
     for number in dict.fromkeys(rows[~sound].tolist()):
@@ -149,7 +172,7 @@ def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report
             )
     rows, matrices = rows[sound], matrices[sound]
     order = np.argsort(rows, kind="stable")
-    matrices, numbers = matrices[order], np.flatnonzero(sound)[order]
+    matrices, numbers = matrices[order], at[sound][order]
     bounds = np.searchsorted(rows[order], np.arange(len(things) + 1)).tolist()
     spans = zip(things, bounds, bounds[1:], strict=False)
     return [
@@ -160,13 +183,20 @@ def _placed(things: list, rows: np.ndarray, matrices: np.ndarray, report: Report
 
 
 def _meet(
-    instance: Any, thing: Any, depsgraph: Any, make: Callable, report: Report, links: LightLinks
+    instance: Any,
+    thing: Any,
+    depsgraph: Any,
+    make: Callable,
+    report: Report,
+    links: LightLinks,
+    visible: bool = False,
 ) -> tuple[Any, str, int] | None:
-    """What a new thing is, or None where nothing of it is rendered."""
+    """What a new thing is, or None where nothing of it is rendered. visible: whether or not it
+    shows itself.
+    """
     instancer = instance.parent if instance.is_instance else thing
     name = thing.name
-    _note_hair(instance, thing, report)
-    if not instance.show_self or thing.data is None:
+    if not (visible or instance.show_self) or thing.data is None:
         return None
     if thing.type in _UNSUPPORTED:
         report.note(_UNSUPPORTED[thing.type], name)
@@ -174,12 +204,6 @@ def _meet(
     flags = flags_of(thing, instancer, depsgraph.view_layer, report, links)
     content = make(instance, flags)
     return (content, name, thing.original.session_uid) if content is not None else None
-
-
-def _note_hair(instance: Any, thing: Any, report: Report) -> None:
-    for system in thing.particle_systems if instance.show_particles else ():
-        if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
-            report.note(HAIR_NOTE, thing.name)
 
 
 def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:

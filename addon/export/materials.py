@@ -12,7 +12,7 @@ from typing import Any
 from ...engine.program.operations import Reference
 from ...engine.program.program import instructions
 from ...engine.scene import LOBES, Lobe, Material, Texture
-from . import nodes_color, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
+from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
 from .evaluator import (
     NOT_FINITE,
     Closure,

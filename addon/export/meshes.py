@@ -282,7 +282,7 @@ def _read_uv_map(mesh: Any, source: MeshSource, name: str) -> None:
     if attribute is None or attribute.data_type not in _COLUMNS or attribute.domain not in _DOMAINS:
         return
     values = _values(mesh, source, attribute)
-    values = values if values.shape[1] == 2 else _as_color(values, grey=False)
+    values = values if values.shape[1] == 2 else values_as_color(values, grey=False)
     found = Attribute(attribute.name, _DOMAINS[attribute.domain], _finite(values))
     source.uv_maps = (
         {name: found, **source.uv_maps} if not name else {**source.uv_maps, name: found}
@@ -317,7 +317,7 @@ def _color_attribute(mesh: Any, source: MeshSource, name: str, report: Report) -
     return Attribute(
         name,
         _DOMAINS[attribute.domain],
-        _finite(_as_color(_values(mesh, source, attribute), name.startswith(GREY))),
+        _finite(values_as_color(_values(mesh, source, attribute), name.startswith(GREY))),
     )
 
 
@@ -357,7 +357,17 @@ def _corner_normals(mesh: Mesh, corners: np.ndarray) -> np.ndarray:
     return found / np.where(length > 0, length, 1.0)
 
 
-def _as_color(values: np.ndarray, grey: bool) -> np.ndarray:
+def values_of(attribute: Any) -> np.ndarray | None:
+    """(k, c) float32 of an attribute where it is; None of a kind that is not read."""
+    if attribute.data_type not in _COLUMNS:
+        return None
+    what, columns = _COLUMNS[attribute.data_type]
+    dtype = _DTYPES.get(attribute.data_type, np.float32)
+    values = _array(attribute.data, what, len(attribute.data), columns, dtype)
+    return values.astype(np.float32, copy=False)
+
+
+def values_as_color(values: np.ndarray, grey: bool) -> np.ndarray:
     """(k, 4) float32 of 1 to 4 columns."""
     if values.shape[1] == 4 and not grey:
         return values
@@ -376,16 +386,9 @@ def _as_color(values: np.ndarray, grey: bool) -> np.ndarray:
 
 def _values(mesh: Any, source: MeshSource, attribute: Any) -> np.ndarray:
     """(k, c) of an attribute; values on faces are handed to the triangles."""
-    what, columns = _COLUMNS[attribute.data_type]
-    values = _array(
-        attribute.data,
-        what,
-        len(attribute.data),
-        columns,
-        _DTYPES.get(attribute.data_type, np.float32),
-    )
+    values = values_of(attribute)
     if attribute.domain == "FACE":
         values = values[_triangle_faces(mesh, source)]
     elif attribute.domain == "CORNER":
         _read_corners(mesh, source)
-    return values.astype(np.float32, copy=False)
+    return values

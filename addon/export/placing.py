@@ -10,7 +10,7 @@ from itertools import islice
 import numpy as np
 
 from ...engine import affine_inverse, determinant, pixel_bounds_of_box
-from ...engine.scene import Camera, Geometry, Instances, Spheres
+from ...engine.scene import Camera, Geometry, Instances, Spheres, Strands
 from .camera import inverse_axes
 from .report import Report
 
@@ -143,7 +143,7 @@ def _world_box(geometry: Geometry, matrices: np.ndarray, count: int | None) -> n
     """
     points = _points(geometry)
     low, high = _extent(points if count is None else _some(points, count))
-    if isinstance(geometry, Spheres):
+    if isinstance(geometry, Spheres | Strands):
         low, high = low - geometry.radii.max(), high + geometry.radii.max()
     with np.errstate(invalid="ignore"):
         middle, half = (low + high) / 2, (high - low) / 2

@@ -13,7 +13,7 @@ STAGES = ("sync", "build", "trace", "write")
 Blender's passes (→ files).
 """
 
-_COUNTS = ("meshes", "instances", "triangles", "lights", "materials", "textures")
+_COUNTS = ("meshes", "instances", "triangles", "segments", "lights", "materials", "textures")
 _FEATURE = "feature: "
 
 _last: dict[str, dict[str, Statistics]] = {}

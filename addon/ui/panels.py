@@ -47,7 +47,6 @@ _BORROWED_FROM_EEVEE = {
 _WITHOUT_EFFECT = {
     "DATA_PT_camera_stereoscopy": "No effect in Glint: every view is the camera's own",
     "DATA_PT_volume_render": "No effect in Glint: volumes are not drawn",
-    "PARTICLE_PT_hair_shape": "No effect in Glint: hair is not drawn",
     "RENDER_PT_stereoscopy": "No effect in Glint: every view is the camera's own",
 }
 """Blender's panels that a file's settings are looked for in, and what each says on top."""

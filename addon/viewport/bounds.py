@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.scene import Camera, Geometry, Instances, Light, Scene, Spheres
+from ...engine.scene import Camera, Geometry, Instances, Light, Scene, Spheres, Strands
 
 _boxes: weakref.WeakKeyDictionary[Geometry, np.ndarray] = weakref.WeakKeyDictionary()
 
@@ -109,7 +109,8 @@ def _box(geometry: Geometry) -> np.ndarray:
     if geometry not in _boxes:
         points = geometry.centers if isinstance(geometry, Spheres) else geometry.vertices
         points = points[np.isfinite(points).all(1)]
-        reach = float(geometry.radii.max()) if isinstance(geometry, Spheres) else 0.0
+        round_ = isinstance(geometry, Spheres | Strands)
+        reach = float(geometry.radii.max(initial=0.0)) if round_ else 0.0
         low, high = (points.min(0), points.max(0)) if len(points) else (np.zeros(3), np.zeros(3))
         _boxes[geometry] = np.array([(low + high) / 2.0, (high - low) / 2.0 + reach], np.float64)
     return _boxes[geometry]

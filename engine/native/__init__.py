@@ -274,7 +274,9 @@ class _Render:
             text = self._core.glint_render_error(self._handle).decode(errors="replace")
             if text == "out of memory":
                 count = self._core.glint_render_stats(self._handle).primitives
-                needs = f"{count} triangles, spheres and polygons with their trees do not fit"
+                needs = (
+                    f"{count} triangles, spheres, strands and polygons with their trees do not fit"
+                )
                 raise MemoryError(
                     f"the core ran out of memory: {needs}; use fewer, a smaller picture, or close "
                     "programs"

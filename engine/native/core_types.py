@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 22
+ABI_VERSION = 23
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -21,6 +21,7 @@ class GeometryKind(IntEnum):
     MESH = 0
     SPHERES = 1
     POLYGONS = 2
+    STRANDS = 3
 
 
 class Domain(IntEnum):

@@ -29,6 +29,7 @@ from ..scene import (
     Polygons,
     Scene,
     Spheres,
+    Strands,
     Texture,
 )
 from . import core_types
@@ -298,7 +299,7 @@ def pack_camera(camera: Camera) -> core_types.CameraData:
 
 
 def _geometry(packer: Packer, geometry: Geometry) -> tuple:
-    packs = {Mesh: _mesh, Spheres: _spheres, Polygons: _polygons}
+    packs = {Mesh: _mesh, Spheres: _spheres, Polygons: _polygons, Strands: _strands}
     if type(geometry) not in packs:
         raise SceneError(f"{type(geometry).__name__} is no geometry")
     values = dict.fromkeys((name for name, _ in core_types.GeometryData._fields_), 0)
@@ -330,7 +331,7 @@ def _mesh(packer: Packer, mesh: Mesh) -> dict[str, Any]:
     }
 
 
-def _attribute(packer: Packer, mesh: Mesh, attribute: Attribute) -> tuple:
+def _attribute(packer: Packer, mesh: Mesh | Strands, attribute: Attribute) -> tuple:
     values = packer.lend(
         attribute.values, np.float32, (None, None), f"{mesh.name}: attribute {attribute.name!r}"
     )
@@ -348,6 +349,27 @@ def _spheres(packer: Packer, spheres: Spheres) -> dict[str, Any]:
         "vertex_count": count,
         "primitive_count": count,
         "kind": core_types.GeometryKind.SPHERES,
+    }
+
+
+def _strands(packer: Packer, strands: Strands) -> dict[str, Any]:
+    vertices = packer.lend(strands.vertices, np.float32, (None, 3), f"{strands.name}: vertices")
+    radii = packer.lend(strands.radii, np.float32, (len(vertices),), f"{strands.name}: radii")
+    starts = packer.lend(strands.starts, np.uint32, (None,), f"{strands.name}: starts")
+    packer.attributes.extend([_attribute(packer, strands, a) for a in strands.attributes])
+    ends = None
+    if strands.attributes:
+        ends = packer.lend(strands.ends, np.uint32, (len(starts), 3), f"{strands.name}: ends")
+    return {
+        "vertices": address(vertices),
+        "triangles": 0 if ends is None else address(ends),
+        "radii": address(radii),
+        "indices": address(starts),
+        "vertex_count": len(vertices),
+        "primitive_count": len(starts),
+        "index_count": len(starts),
+        "attribute_count": len(strands.attributes),
+        "kind": core_types.GeometryKind.STRANDS,
     }
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene import CORNER, FACE, POINT, Attribute, Mesh, Scene
+from ..scene import CORNER, FACE, POINT, Attribute, Mesh, Scene, Strands
 from .vectors import pick
 
 Array = np.ndarray
@@ -20,8 +20,8 @@ _MISSING = -1
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Rows of POINT and of CORNER attributes at the corners of all triangles of all meshes, (3, t)
-    each; first (g,) triangle of each geometry.
+    """Rows of POINT and of CORNER attributes at the corners of all triangles of all meshes and at
+    the ends of all segments, (3, t) each; first (g,) of each geometry.
     """
 
     point: Array
@@ -37,6 +37,10 @@ class Corners:
                 point.append(geometry.triangles)
                 corner.append(geometry.triangles if geometry.corners is None else geometry.corners)
                 count += len(geometry.triangles)
+            elif isinstance(geometry, Strands) and geometry.attributes:
+                point.append(geometry.ends)
+                corner.append(geometry.ends)
+                count += len(geometry.starts)
         joined = [
             np.concatenate([np.zeros((0, 3), np.uint32), *rows]).T.astype(np.intp)
             for rows in (point, corner)
@@ -64,7 +68,7 @@ class Pool:
         """
         values, first, domain, count = [np.zeros((channels, 0))], [], [], 0
         for geometry in scene.geometries:
-            attribute = find(geometry) if isinstance(geometry, Mesh) else None
+            attribute = find(geometry) if isinstance(geometry, Mesh | Strands) else None
             first.append(_MISSING if attribute is None else count)
             domain.append(0 if attribute is None else _DOMAINS[attribute.domain])
             if attribute is not None:
@@ -124,7 +128,7 @@ class Attributes:
 
     def normals(self) -> Pool:
         """Shading normals, 3 channels."""
-        return self._pool("normals", "", lambda mesh: mesh.normals, 3)
+        return self._pool("normals", "", lambda mesh: getattr(mesh, "normals", None), 3)
 
     def uv(self, name: str) -> Pool:
         """The UV map of this name, "" for the active one, 2 channels."""

@@ -58,10 +58,11 @@ class LightTerm:
 class Hit:
     """Where a ray meets a surface, world space.
 
-    thing: name of the object.  place: which row of its matrices.  primitive: which triangle, sphere
-    or polygon. barycentric: weights of a triangle's corners, zeros elsewhere.  depth: ray
-    parameter; of camera rays the depth along the view. normal: n, turned to the viewer.  ambient,
-    emission: k_a I_a and k_e.  holdout: nothing is seen here.
+    thing: name of the object.  place: which row of its matrices.  primitive: which triangle,
+    sphere, polygon or segment of hair. barycentric: weights of a triangle's corners or of a
+    segment's ends, zeros elsewhere.  depth: ray parameter; of camera rays the depth along the view.
+    normal: n, turned to the viewer.  ambient, emission: k_a I_a and k_e.  holdout: nothing is seen
+    here.
     """
 
     thing: str

@@ -1,8 +1,8 @@
 """All primitives of a scene in world space relative to the camera: what rays are tested against.
 
-Primitives are triangles, then spheres, then polygons, and have a *number* in the scene (by
-instance, then primitive) that settles ties. Faces with a vertex that is not finite, and instances
-squeezed to a line or a point, are left out.
+Primitives are triangles, then spheres, polygons and segments of strands, and have a *number* in the
+scene (by instance, then primitive) that settles ties. Faces with a vertex that is not finite, and
+instances squeezed to a line or a point, are left out.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..linear import determinant
-from ..scene import Mesh, Polygons, Scene, Spheres
+from ..scene import Mesh, Polygons, Scene, Spheres, Strands
 from .placements import Placements, place, primitive_count
-from .vectors import pick
+from .vectors import pick, transform_each
 
 Array = np.ndarray
 
 THIN = 1e-8
-"""Spheres are left out where the unit columns of their matrix have no larger determinant
-(SEMANTICS.md, Hits).
+"""Spheres and strands are left out where the unit columns of their matrix have no larger
+determinant (SEMANTICS.md, Hits).
 """
 
 KINDS = ("camera", "mirror", "shadow")
@@ -42,6 +42,21 @@ class Balls:
 
 
 @dataclass(frozen=True, eq=False)
+class Rods:
+    """Segments of strands under their matrices. start, axis (3, k): in the object, the axis to the
+    other end; radii (2, k) of both ends, row (k,) of `Placements`, start_world (3, k),
+    object_from_world (k, 3, 3) inverse.
+    """
+
+    start: Array
+    axis: Array
+    radii: Array
+    row: Array
+    start_world: Array
+    object_from_world: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Faces:
     """Polygons: corners (3, m) in world space round each polygon, start (k + 1,) of its first
     corner, normal (3, k) Newell's, unit.
@@ -56,9 +71,9 @@ class Faces:
 class Geometry:
     """points: (3, v) vertices.  triangles: (3, t) rows of points.  number: (p,) of each primitive
     in the scene. row: (p,) int32 of `Placements`.  material: (p,) int32 index into
-    `Scene.materials`, -1 for the default one. lower, upper: (3, s) bounds of the s spheres and
-    polygons.  reach: largest coordinate. visible: for each kind of ray the primitives it sees, (p,)
-    bool, or None for all.  left_out: sentences.
+    `Scene.materials`, -1 for the default one. lower, upper: (3, s) bounds of the s spheres,
+    polygons and segments.  reach: largest coordinate. visible: for each kind of ray the primitives
+    it sees, (p,) bool, or None for all.  left_out: sentences.
     """
 
     placements: Placements
@@ -66,6 +81,7 @@ class Geometry:
     triangles: Array
     balls: Balls
     faces: Faces
+    rods: Rods
     number: Array
     row: Array
     material: Array
@@ -84,6 +100,15 @@ class Geometry:
         return len(self.balls.radius)
 
     @property
+    def face_count(self) -> int:
+        return len(self.faces.start) - 1
+
+    @property
+    def first_rod(self) -> int:
+        """Where segments begin among the primitives."""
+        return self.triangle_count + self.ball_count + self.face_count
+
+    @property
     def count(self) -> int:
         return len(self.number)
 
@@ -96,14 +121,16 @@ def gather(scene: Scene, eye: Array) -> Geometry:
     """The geometry of a sound scene, seen from `eye`."""
     placements = place(scene, eye)
     drawn = [_Drawn(scene, placements, b) for b in range(len(scene.instances))]
-    meshes, balls, faces = (
-        [d for d in drawn if isinstance(d.geometry, kind)] for kind in (Mesh, Spheres, Polygons)
+    meshes, balls, faces, rods = (
+        [d for d in drawn if isinstance(d.geometry, kind)]
+        for kind in (Mesh, Spheres, Polygons, Strands)
     )
-    ordered = meshes + balls + faces
+    ordered = meshes + balls + faces + rods
     points, triangles = _triangles(meshes)
     ball = _balls(balls, placements)
     face = _faces(faces)
-    lower, upper = _shape_bounds(ball, face, placements)
+    rod = _rods(rods, placements)
+    lower, upper = _shape_bounds(ball, face, rod, placements)
     number, row, material = (
         _joined([getattr(d, name) for d in ordered], np.intp)
         for name in ("number", "row", "material")
@@ -115,6 +142,7 @@ def gather(scene: Scene, eye: Array) -> Geometry:
         triangles,
         ball,
         face,
+        rod,
         number,
         row.astype(np.int32),
         material.astype(np.int32),
@@ -145,7 +173,7 @@ class _Drawn:
         mine = np.flatnonzero(placements.block == block)
         shown = (
             _has_inside(placements, mine)
-            if isinstance(self.geometry, Spheres)
+            if isinstance(self.geometry, Spheres | Strands)
             else placements.rank[mine] >= 2
         )
         self.rows = mine[shown]
@@ -163,8 +191,8 @@ class _Drawn:
         name = self.instances.name
         if squeezed:
             shape = (
-                "so flat that the spheres have no inside"
-                if isinstance(self.geometry, Spheres)
+                "so flat that the spheres or strands have no inside"
+                if isinstance(self.geometry, Spheres | Strands)
                 else "of scales that leave no surface"
             )
             yield (
@@ -173,8 +201,8 @@ class _Drawn:
             )
         if broken:
             yield (
-                f"{name!r}: {broken} primitives have coordinates that are not finite and were "
-                "left out; repair the mesh"
+                f"{name!r}: {broken} primitives have coordinates that are not finite, or no "
+                "extent, and were left out; repair the geometry"
             )
 
 
@@ -186,8 +214,10 @@ def _has_inside(placements: Placements, rows: Array) -> Array:
         return np.abs(determinant(linear / np.linalg.norm(linear, axis=1)[:, None, :])) > THIN
 
 
-def _finite_primitives(geometry: Mesh | Spheres | Polygons) -> Array:
+def _finite_primitives(geometry: Mesh | Spheres | Polygons | Strands) -> Array:
     """(n,) bool: all coordinates (and the radius) are finite."""
+    if isinstance(geometry, Strands):
+        return _sound_segments(geometry)
     if isinstance(geometry, Spheres):
         return (
             np.isfinite(geometry.centers).all(1)
@@ -202,6 +232,14 @@ def _finite_primitives(geometry: Mesh | Spheres | Polygons) -> Array:
         np.repeat(np.arange(len(sizes)), sizes), ~finite[geometry.indices], len(sizes)
     )
     return (bad == 0) & (sizes >= 3)
+
+
+def _sound_segments(strands: Strands) -> Array:
+    """(n,) bool: finite, and with a radius at one end at least."""
+    radii = strands.radii
+    sound = np.isfinite(strands.vertices).all(1) & np.isfinite(radii) & (radii >= 0)
+    first = strands.starts.astype(np.intp)
+    return sound[first] & sound[first + 1] & (np.maximum(radii[first], radii[first + 1]) > 0)
 
 
 def _materials(scene: Scene, instances, geometry) -> Array:
@@ -261,6 +299,29 @@ def _balls(drawn: list[_Drawn], placements: Placements) -> Balls:
     return Balls(center, radius, row, world, inverse[place_of])
 
 
+def _rods(drawn: list[_Drawn], placements: Placements) -> Rods:
+    def ends(d: _Drawn, values: Array, offset: int) -> Array:
+        rows = d.geometry.starts[d.kept].astype(np.intp) + offset
+        return np.tile(np.atleast_2d(values.astype(np.float64).T)[:, rows], len(d.rows))
+
+    def joined(attribute: str, offset: int, rows: int) -> Array:
+        parts = [ends(d, getattr(d.geometry, attribute), offset) for d in drawn]
+        return _joined(parts, np.float64, 1, (rows, 0))
+
+    start = joined("vertices", 0, 3)
+    row = _joined([d.row for d in drawn], np.intp)
+    used, place_of = np.unique(row, return_inverse=True)
+    m = placements.world_from_object[row]
+    return Rods(
+        start,
+        joined("vertices", 1, 3) - start,
+        np.concatenate([joined("radii", 0, 1), joined("radii", 1, 1)]),
+        row,
+        transform_each(m, start) + m[:, :, 3].T,
+        _inverses(placements, used)[place_of],
+    )
+
+
 def _inverses(placements: Placements, rows: Array) -> Array:
     """(k, 3, 3) through the SVD (notes, sections 5.3 and 6.5)."""
     linear = placements.world_from_object[rows][:, :, :3]
@@ -308,13 +369,21 @@ def _newell(corners: Array, start: Array) -> Array:
     return total / np.where(size > 0, size, 1.0)
 
 
-def _shape_bounds(balls: Balls, faces: Faces, placements: Placements) -> tuple[Array, Array]:
+def _shape_bounds(
+    balls: Balls, faces: Faces, rods: Rods, placements: Placements
+) -> tuple[Array, Array]:
     linear = placements.world_from_object[balls.row][:, :, :3]
     half = balls.radius * np.sqrt((linear * linear).sum(2)).T
     lower, upper = [balls.center_world - half], [balls.center_world + half]
     if len(faces.start) > 1:
         lower.append(np.minimum.reduceat(faces.corners, faces.start[:-1], 1))
         upper.append(np.maximum.reduceat(faces.corners, faces.start[:-1], 1))
+    matrices = placements.world_from_object[rods.row]
+    across = np.sqrt((matrices[:, :, :3] ** 2).sum(2)).T
+    there = rods.start_world + transform_each(matrices, rods.axis)
+    first, second = rods.radii[0] * across, rods.radii[1] * across
+    lower.append(np.minimum(rods.start_world - first, there - second))
+    upper.append(np.maximum(rods.start_world + first, there + second))
     return np.concatenate(lower, 1), np.concatenate(upper, 1)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene import Instances, Mesh, Polygons, Scene, Spheres
+from ..scene import Instances, Mesh, Polygons, Scene, Spheres, Strands
 
 Array = np.ndarray
 
@@ -52,10 +52,12 @@ class Placements:
         return np.searchsorted(self.first, primitive, "right") - 1
 
 
-def primitive_count(geometry: Mesh | Spheres | Polygons) -> int:
-    """How many triangles, spheres or polygons."""
+def primitive_count(geometry: Mesh | Spheres | Polygons | Strands) -> int:
+    """How many triangles, spheres, polygons or segments."""
     if isinstance(geometry, Mesh):
         return len(geometry.triangles)
+    if isinstance(geometry, Strands):
+        return len(geometry.starts)
     return len(geometry.radii) if isinstance(geometry, Spheres) else len(geometry.offsets) - 1
 
 

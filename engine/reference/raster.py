@@ -218,7 +218,7 @@ def _slack(a: Array, b: Array) -> Array:
 def _boxes(
     frame: Frame, geometry: Geometry, seen: Array | None, window: _Window
 ) -> tuple[_Outlines, Array]:
-    """Spheres and polygons by the projection of their boxes."""
+    """Spheres, polygons and strands by the projection of their boxes."""
     primitive = geometry.triangle_count + np.arange(len(geometry.lower[0]))
     corners = np.stack(
         [

@@ -1,12 +1,12 @@
-"""Rays against spheres and polygons (notes, sections 4.7 and 4.9). Pairs are given as arrays: ray k
-(o, d) against shape k.
+"""Rays against spheres, strands and polygons (notes, sections 4.7 and 4.9). Pairs are given as
+arrays: ray k (o, d) against shape k.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from .geometry import Balls, Faces
+from .geometry import Balls, Faces, Rods
 from .vectors import dot, explode, pick, transform_each
 
 Array = np.ndarray
@@ -33,6 +33,88 @@ def _round_roots(f: Array, e: Array, radius: Array) -> Array:
     q = b + np.copysign(np.sqrt(np.where(discriminant >= 0, a * discriminant, np.nan)), b)
     first, second = (dot(f, f) - radius * radius) / q, q / a
     return np.stack([np.minimum(first, second), np.maximum(first, second)])
+
+
+def meet_rod(rods: Rods, index: Array, o: Array, d: Array) -> Array:
+    """(m,) parameter where the ray enters the convex hull of the spheres round both ends, NaN where
+    it misses.
+
+    The hull is both spheres and the cone between the circles in which it touches them: the first of
+    the places where the ray enters one of these. Taken in the object, from the point of the ray
+    nearest to the start.
+    """
+    inverse, radii = rods.object_from_world[index], rods.radii[:, index]
+    f = transform_each(inverse, o - pick(rods.start_world, index))
+    e, axis = transform_each(inverse, d), pick(rods.axis, index)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        begin = -dot(f, e) / dot(e, e)
+        near = f + begin * e
+        places = [
+            _round_roots(near, e, radii[0])[0],
+            _round_roots(near - axis, e, radii[1])[0],
+            _enter_cone(near, e, axis, radii),
+        ]
+        first = np.fmin.reduce(places)
+    return begin + first
+
+
+def _enter_cone(f: Array, e: Array, axis: Array, radii: Array) -> Array:
+    """(m,) parameter where f + t e, from the start of the axis, enters the cone between its two
+    circles, NaN where it does not.
+
+    With a sphere of radius r(s) = r0 - s sin α at s of the axis, the cone touches it in the plane
+    z = s + r sin α, and z is sin α r0 + s cos² α. Its points are q (across the axis) with |q| cos α
+    = r0 - z sin α.
+    """
+    length = np.sqrt(dot(axis, axis))
+    u = axis / length
+    sine = (radii[0] - radii[1]) / length
+    square = (1 - sine) * (1 + sine)
+    rise = dot(e, u)
+    across = e - rise * u
+    # from the ray's point nearest to the axis, so that q keeps its digits
+    z = dot(f, u)
+    shift = -dot(f - z * u, across) / dot(across, across)
+    at = np.clip(z + shift * rise, 0, length)
+    shift = np.where(rise != 0, (at - z) / rise, shift)
+    f = f + shift * e
+    z = dot(f, u)
+    q = f - z * u
+    rest = radii[0] - sine * z
+    a = square * dot(across, across) - (sine * rise) ** 2
+    b = square * dot(q, across) + sine * rise * rest
+    c = square * dot(q, q) - rest * rest
+    planes = np.stack([radii[0] * sine - z, length + radii[1] * sine - z]) / rise
+    enter, leave = np.minimum(*planes), np.maximum(*planes)
+    level = rise == 0
+    inside = (radii[0] * sine <= z) & (z <= length + radii[1] * sine)
+    enter, leave = np.where(level, -np.inf, enter), np.where(level, np.inf, leave)
+    discriminant = b * b - a * c
+    p = -(b + np.copysign(np.sqrt(np.maximum(discriminant, 0)), b))
+    roots = np.stack([p / a, c / p])
+    low, high = np.fmin(*roots), np.fmax(*roots)
+    # a < 0: the ray is within both halves of the cone, and leaves one to enter the other
+    met = np.where(
+        a >= 0, np.maximum(low, enter), np.where(enter <= low, enter, np.maximum(high, enter))
+    )
+    good = (square > 0) & (met <= np.where(a >= 0, np.minimum(high, leave), leave))
+    good &= (discriminant >= 0) & (~level | inside)
+    return np.where(good, met + shift, np.nan)
+
+
+def along_rod(rods: Rods, index: Array, at: Array) -> tuple[Array, Array]:
+    """How far along (m,), from 0 to 1, is the sphere that touches the hull at the points `at`
+    (3, m) of the world, and from its centre (3, m) to them, in the object.
+    """
+    from_start = transform_each(rods.object_from_world[index], at - pick(rods.start_world, index))
+    axis, radii = pick(rods.axis, index), rods.radii[:, index]
+    length = np.sqrt(dot(axis, axis))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        sine = (radii[0] - radii[1]) / length
+        square = (1 - sine) * (1 + sine)
+        s = (dot(from_start, axis) / length - radii[0] * sine) / (square * length)
+    s = np.where((length > 0) & (square > 0), np.clip(s, 0, 1), radii[0] < radii[1])
+    return s, from_start - s * axis
 
 
 def meet_face(faces: Faces, index: Array, o: Array, d: Array) -> Array:

@@ -12,6 +12,7 @@ from .attributes import Attributes
 from .geometry import Geometry
 from .pulse import Pulse
 from .rays import ULPS, Rays, weigh
+from .shapes import along_rod, meet_rod
 from .vectors import add_at, cross, dot, pick, transform_each, unit
 
 Array = np.ndarray
@@ -22,7 +23,7 @@ BLOCK = 1 << 15
 @dataclass(frozen=True, eq=False)
 class Spot:
     """Which place on which primitive: enough to read materials. All (n,), weights (3, n)
-    barycentric (0 off triangles).
+    barycentric (on strands of both ends and 0; 0 off both).
     """
 
     primitive: Array
@@ -66,6 +67,9 @@ def spot_at(geometry: Geometry, rays: Rays, ray: Array, primitive: Array) -> Spo
     weights = np.zeros((3, len(ray)))
     flat = np.flatnonzero(primitive < geometry.triangle_count)
     weights[:, flat] = weigh(rays, geometry, ray[flat], primitive[flat]).barycentric()
+    rods = np.flatnonzero(primitive >= geometry.first_rod)
+    if len(rods):
+        weights[:2, rods] = _along(geometry, rays, ray[rods], primitive[rods])
     row = geometry.row[primitive]
     return Spot(
         primitive,
@@ -74,6 +78,13 @@ def spot_at(geometry: Geometry, rays: Rays, ray: Array, primitive: Array) -> Spo
         weights,
         geometry.material[primitive],
     )
+
+
+def _along(geometry: Geometry, rays: Rays, ray: Array, primitive: Array) -> Array:
+    """(2, n) weights of the two ends where rays meet segments."""
+    index, (o, d) = primitive - geometry.first_rod, rays.lines(ray)
+    s, _ = along_rod(geometry.rods, index, o + meet_rod(geometry.rods, index, o, d) * d)
+    return np.stack([1 - s, s])
 
 
 def surface_at(
@@ -169,14 +180,14 @@ def _place_shapes(
     g: Array,
     reach: Array,
 ) -> None:
-    """Fills in spheres and polygons."""
+    """Fills in spheres, polygons and strands."""
     shape = primitive - geometry.triangle_count
     balls = np.flatnonzero((shape >= 0) & (shape < geometry.ball_count))
     if len(balls):
         x[:, balls], g[:, balls] = _ball_points(
             geometry, shape[balls], pick(o, balls) + depth[balls] * pick(d, balls), pick(o, balls)
         )
-    faces = np.flatnonzero(shape >= geometry.ball_count)
+    faces = np.flatnonzero((shape >= geometry.ball_count) & (primitive < geometry.first_rod))
     if len(faces):
         index = shape[faces] - geometry.ball_count
         n, first = (
@@ -186,6 +197,13 @@ def _place_shapes(
         at = pick(o, faces) + depth[faces] * pick(d, faces)
         x[:, faces] = at - dot(at - first, n) * n
         g[:, faces] = n * geometry.placements.mirror[geometry.row[primitive[faces]]]
+    rods = np.flatnonzero(primitive >= geometry.first_rod)
+    if len(rods):
+        x[:, rods], g[:, rods] = _rod_points(
+            geometry,
+            primitive[rods] - geometry.first_rod,
+            pick(o, rods) + depth[rods] * pick(d, rods),
+        )
     some = np.flatnonzero(shape >= 0)
     if len(some):
         s = shape[some]
@@ -205,6 +223,17 @@ def _ball_points(geometry: Geometry, index: Array, at: Array, o: Array) -> tuple
     direction = unit(from_center)
     arm = balls.radius[index] * direction
     x = pick(balls.center_world, index) + transform_each(placements.world_from_object[row], arm)
+    return x, unit(transform_each(placements.normals[row], direction)) * placements.mirror[row]
+
+
+def _rod_points(geometry: Geometry, index: Array, at: Array) -> tuple[Array, Array]:
+    """Points brought back to the hull, and outward normals, as `_ball_points`."""
+    rods, placements = geometry.rods, geometry.placements
+    s, off = along_rod(rods, index, at)
+    direction, radii = unit(off), rods.radii[:, index]
+    arm = s * pick(rods.axis, index) + ((1 - s) * radii[0] + s * radii[1]) * direction
+    row = rods.row[index]
+    x = pick(rods.start_world, index) + transform_each(placements.world_from_object[row], arm)
     return x, unit(transform_each(placements.normals[row], direction)) * placements.mirror[row]
 
 

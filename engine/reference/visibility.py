@@ -13,7 +13,7 @@ from .geometry import Geometry
 from .pulse import Pulse
 from .raster import Strips, raster_pairs, sorted_strips
 from .rays import Bundle, Pencil, Rays, hit_triangles
-from .shapes import meet_ball, meet_face
+from .shapes import meet_ball, meet_face, meet_rod
 from .tree import Tree, build, tree_pairs
 
 Array = np.ndarray
@@ -145,12 +145,18 @@ class Visibility:
         which, depth = hit_triangles(rays, self.geometry, ray[flat], primitive[flat], limit)
         yield _Meetings(ray[flat][which], primitive[flat][which], depth)
         round_ = ~flat & (primitive < triangles + balls)
+        rod = primitive >= self.geometry.first_rod
         for some, first, meet in (
             (round_, triangles, lambda k, o, d: meet_ball(self.geometry.balls, k, o, d)),
             (
-                ~flat & ~round_,
+                ~flat & ~round_ & ~rod,
                 triangles + balls,
                 lambda k, o, d: meet_face(self.geometry.faces, k, o, d)[None],
+            ),
+            (
+                rod,
+                self.geometry.first_rod,
+                lambda k, o, d: meet_rod(self.geometry.rods, k, o, d)[None],
             ),
         ):
             mine = ray[some]

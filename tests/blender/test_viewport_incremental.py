@@ -469,7 +469,8 @@ def test_what_is_no_geometry_reads_no_mesh(world, edit, monkeypatch):
         before = {id(geometry) for geometry in follower.scene.geometries}
         monkeypatch.setattr(incremental, "read_shape", lambda *_: pytest.fail("a mesh was read"))
         monkeypatch.setattr(
-            incremental, "read_attributes", lambda *_: pytest.fail("an attribute was read")
+            "glint.addon.export.export.read_attributes",
+            lambda *_: pytest.fail("an attribute was read"),
         )
         edit(random.Random(1))
         bpy.context.view_layer.update()

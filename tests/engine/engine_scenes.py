@@ -378,6 +378,68 @@ def round_and_plane() -> s.Scene:
 
 
 @scene
+def strands() -> s.Scene:
+    """Hair: a bent chain that tapers and dims what lies behind it, coloured along the
+    way, seen in a mirror too, and a field of straight ones that is placed twice, once sheared. Thin
+    ones in mirrors turn with the last bits of where the rays leave these.
+    """
+    turn = np.linspace(0, 5, 24)
+    helix = np.stack([np.cos(turn), np.sin(turn), 0.4 * turn], 1).astype(np.float32)
+    colors = (0.6 + 0.4 * np.sin(turn[:, None] + np.arange(4))).astype(np.float32)
+    chain = s.Strands(
+        "helix",
+        helix,
+        np.linspace(0.4, 0.3, 24, dtype=np.float32),
+        np.arange(23, dtype=np.uint32),
+        attributes=(
+            s.Attribute("Col", s.POINT, colors),
+            s.Attribute("Each", s.FACE, np.linspace(0.2, 1, 46, dtype=np.float32).reshape(23, 2)),
+        ),
+    )
+    roots = np.random.default_rng(6).uniform(-1, 1, (60, 3)) * (1.2, 1.2, 0)
+    tips = roots + np.random.default_rng(7).normal(0, 0.3, (60, 3)) + (0, 0, 0.8)
+    field = s.Strands(
+        "field",
+        np.stack([roots, tips], 1).reshape(-1, 3).astype(np.float32),
+        np.tile(np.array([0.1, 0.04], np.float32), 60),
+        2 * np.arange(60, dtype=np.uint32),
+        np.arange(60, dtype=np.uint16) % 2,
+    )
+    sheared = np.array([[1.2, 0.5, 0.0], [0.0, 0.6, 0.2], [0.0, 0.1, 1.4]])
+    colored = s.Material(
+        "colored",
+        (
+            s.Lobe("DIFFUSE", (s.Input(attribute="Col"),)),
+            s.Lobe("AMBIENT", constant(0.5)),
+            s.Lobe("TRANSPARENT", (s.Input((0.3, 0.3, 0.3), attribute="Col"),)),
+        ),
+    )
+    mirror = grid_mesh(extent=1.5, name="mirror")
+    upright = np.array([[1.0, 0, 0], [0, -0.5, -1.0], [0, 1.0, -0.5]])
+    return stage(
+        mirror,
+        chain,
+        field,
+        instances=(
+            s.Instances("mirror", 1, at((0, 2.2, 1.2), upright), (1,)),
+            s.Instances("helix", 2, at((-1.0, 0.2, 0.4), 0.9), (2,)),
+            s.Instances("near", 3, at((0.6, -1.2, 0.0), 0.7), (3, 4), visible_mirror=False),
+            s.Instances("far", 3, at((0.9, 0.8, 0.0), 0.6 * sheared), (3,), visible_mirror=False),
+        ),
+        materials=(
+            surface("mirror", (0.1, 0.1, 0.15), lobes=(s.Lobe("MIRROR", constant(0.7)),)),
+            colored,
+            surface("gold", (0.8, 0.6, 0.2), specular=0.4, exponent=30),
+            surface("red", (0.8, 0.1, 0.1)),
+        ),
+        lights=(
+            light("SUN", (1.7, -2.2, 4.1), strength=3.0, angle=0.05),
+            light("SUN", (3, 1, 4), strength=1.0),
+        ),
+    )
+
+
+@scene
 def who_sees_what() -> s.Scene:
     """Visibility flags, a holdout, and a mirror that sees what the camera does not."""
     mirror = s.Material("mirror", (s.Lobe("MIRROR", constant(0.9)),))

@@ -89,14 +89,16 @@ def test_nothing_is_told_of_a_sound_scene() -> None:
 )
 def test_the_one_that_is_bad_is_named(bad: s.Geometry, count: int) -> None:
     (note,) = notes(*SOUND, guilty=bad)
-    assert note.startswith(f"{count} faces, spheres or polygons of 'guilty' have no extent")
+    assert note.startswith(
+        f"{count} faces, spheres, strands or polygons of 'guilty' have no extent"
+    )
     assert "repair the mesh" in note
 
 
 def test_three_are_named_and_the_others_counted() -> None:
     bad = mesh((1, 1, 2))
     (note,) = notes(*SOUND, a=bad, b=bad, c=bad, d=bad, e=bad)
-    assert note.startswith("5 faces, spheres or polygons of 'a', 'b', 'c' and 2 more have")
+    assert note.startswith("5 faces, spheres, strands or polygons of 'a', 'b', 'c' and 2 more have")
 
 
 def turned(axes: str, **sizes: tuple[float, float, float]) -> tuple[str, ...]:
@@ -125,4 +127,4 @@ def test_instances_squeezed_to_a_line_are_named(
 
 def test_flattened_things_that_stand_on_edge_are_named() -> None:
     (note,) = turned("xy", whole=(1, 1, 1), edge=(0, 1, 1))
-    assert note.startswith("2 faces, spheres or polygons of 'edge' have no extent")
+    assert note.startswith("2 faces, spheres, strands or polygons of 'edge' have no extent")

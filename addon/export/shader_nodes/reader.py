@@ -31,6 +31,11 @@ GENERATED = "(generated)"
 TANGENT = "(tangent) "
 """Prefix of attribute names that stand for the tangents of a UV map, "" the active one."""
 
+HAIR, FIBRE = "(hair)", "(fibre)"
+"""Attribute names that stand for what strands tell: how far along (0 to 1), the length, a random
+number and 1; the tangent and the thickness.
+"""
+
 ISLAND, POINTINESS = "(island)", "(pointiness)"
 """Attribute names that stand for what Blender's meshes tell of their shape."""
 

@@ -1,4 +1,4 @@
-"""Nodes that read particles and hair, of which nothing is known here: as Cycles gives them of what
+"""Nodes that read hair, and particles, of which nothing is known here: as Cycles gives them of what
 is neither.
 """
 
@@ -7,8 +7,10 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from ....engine.program.graph import Value
+from ....engine.program.operations_vector import VectorMeasure, VectorOperation
 from ..hashing import random_of
-from .reader import READERS, NodeInputs, Outputs
+from .reader import FIBRE, HAIR, READERS, NodeInputs, Outputs
 
 _RANDOM = float(random_of(*np.zeros((2, 1), np.uint32))[0])
 """Of the particle 0."""
@@ -24,9 +26,39 @@ def _particle_info(view: NodeInputs) -> Outputs:
 
 
 def _hair_info(view: NodeInputs) -> Outputs:
-    constant = view.reader.graph.constant
-    names = ("Is Strand", "Intercept", "Length", "Thickness", "Random")
-    return {**dict.fromkeys(names, constant(0.0)), "Tangent Normal": constant((0.0,) * 3)}
+    told, strand = view.apply("attribute", attribute=HAIR, shift=0)
+    intercept, length, random = view.apply("separate_xyz", told)
+    thickness = view.apply("attribute", attribute=FIBRE, shift=0)[1]
+    return {
+        "Is Strand": strand,
+        "Intercept": intercept,
+        "Length": length,
+        "Random": random,
+        "Thickness": thickness,
+        "Tangent Normal": across_fibre(view),
+    }
+
+
+def across_fibre(view: NodeInputs) -> Value:
+    """The unit normal of a strand that faces the viewer: what is across the tangent of the
+    direction to him; zero of what is no strand.
+    """
+    along = fibre(view)
+    to_viewer = view.apply("incoming")[0]
+    share = view.apply("vector_measure", along, to_viewer, measure=VectorMeasure.DOT_PRODUCT)[0]
+    off = view.apply("product", view.vector_of(share), along)[0]
+    zero = view.reader.graph.constant(0.0)
+    subtract = VectorOperation.SUBTRACT
+    rest = view.apply("vector_math", to_viewer, off, off, zero, operation=subtract)[0]
+    is_strand = view.apply("attribute", attribute=HAIR, shift=0)[1]
+    across = view.apply("vector_normalized", rest)[0]
+    return view.apply("product", view.vector_of(is_strand), across)[0]
+
+
+def fibre(view: NodeInputs) -> Value:
+    """The unit tangent of a strand in the world; zero of what is none."""
+    tangent = view.apply("attribute", attribute=FIBRE, shift=0)[0]
+    return view.apply("vector_normalized", view.apply("normal_to_world", tangent)[0])[0]
 
 
 READERS["ShaderNodeParticleInfo"] = _particle_info

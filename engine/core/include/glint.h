@@ -32,9 +32,9 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 22
+#define GLINT_ABI_VERSION 23
 
-enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS };
+enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
 
 /* Values on a mesh: `rows` rows of `channels` floats. `name` is any number >= 0 that GlintInput
@@ -48,8 +48,10 @@ typedef struct GlintAttribute {
 /* Object space. Unused pointers are null.
  * MESH: vertices, triangles (3 a primitive), corners (3 a primitive, rows of CORNER attributes),
  * normals (values null: flat). SPHERES: vertices are the centres, radii.  POLYGONS: vertices,
- * offsets (primitive_count + 1), indices. attributes: rows [first_attribute, first_attribute +
- * attribute_count) of the scene's table. */
+ * offsets (primitive_count + 1), indices. STRANDS: vertices and a radius for each; indices, one a
+ * primitive: the vertex where the segment begins, which ends at the next one; triangles where there
+ * are attributes: the two ends of each, the second twice. attributes: rows [first_attribute,
+ * first_attribute + attribute_count) of the scene's table. */
 typedef struct GlintGeometry {
   const float* vertices;
   const uint32_t* triangles;
@@ -452,7 +454,8 @@ typedef struct GlintRaysF64 {
 } GlintRaysF64;
 
 /* Room for `count` of each. Misses: t infinite, placement and primitive -1, u and v 0. u, v: on
- * triangles the barycentric weights of the second and third vertex, elsewhere 0. */
+ * triangles the barycentric weights of the second and third vertex, on strands how far along the
+ * segment (u), elsewhere 0. */
 typedef struct GlintHitsF32 {
   float* t;
   int32_t* instance;

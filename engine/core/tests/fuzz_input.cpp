@@ -66,15 +66,40 @@ void make_polygons(Dice& dice, Arena& arena, GlintGeometry& g) {
   g.indices = arena.fill<uint32_t>(g.index_count, [&] { return dice.index(g.vertex_count); });
 }
 
+void make_strands(Dice& dice, Arena& arena, GlintGeometry& g, Placed& placed) {
+  g.primitive_count = g.index_count = dice.below(60);
+  g.radii = arena.fill<float>(g.vertex_count, [&] { return 0.2f * real(dice); });
+  // most of them begin before the last vertex
+  const auto first = [&] {
+    return dice.chance(dice.wildness / 30) ? uint32_t(dice.bits()) : dice.index(g.vertex_count - 1);
+  };
+  uint32_t* starts =
+      arena.fill<uint32_t>(g.index_count, [&] { return g.vertex_count > 1 ? first() : 0; });
+  g.indices = starts;
+  if (dice.chance(0.5)) return;
+  uint32_t* ends = arena.fill<uint32_t>(3 * g.primitive_count, [] { return 0u; });
+  for (size_t k = 0; k < g.primitive_count; ++k) {
+    ends[3 * k] = starts[k];
+    ends[3 * k + 1] = ends[3 * k + 2] = starts[k] + (dice.chance(dice.wildness / 30) ? 7 : 1);
+  }
+  g.triangles = ends;
+  for (size_t k = dice.below(3); k > 0; --k, ++g.attribute_count)
+    placed.attributes.push_back(attribute(dice, arena, g, 1, dice.chance(0.5) ? 2 : 4));
+}
+
 GlintGeometry geometry(Dice& dice, Arena& arena, Placed& placed) {
   GlintGeometry g{};
-  const size_t kind = dice.below(5);
-  g.kind = kind < 3 ? GLINT_MESH : kind == 3 ? GLINT_SPHERES : GLINT_POLYGONS;
+  const size_t kind = dice.below(6);
+  g.kind = kind < 3    ? GLINT_MESH
+           : kind == 3 ? GLINT_SPHERES
+           : kind == 4 ? GLINT_STRANDS
+                       : GLINT_POLYGONS;
   g.vertex_count = 1 + dice.below(dice.chance(kLarge) ? 4000 : 40);
   g.vertices = arena.fill<float>(3 * g.vertex_count, [&] { return real(dice); });
   g.first_attribute = uint32_t(placed.attributes.size());
   if (g.kind == GLINT_MESH) make_mesh(dice, arena, g, placed);
   if (g.kind == GLINT_POLYGONS) make_polygons(dice, arena, g);
+  if (g.kind == GLINT_STRANDS) make_strands(dice, arena, g, placed);
   if (g.kind == GLINT_SPHERES) {
     g.primitive_count = g.vertex_count;
     g.radii = arena.fill<float>(g.primitive_count, [&] { return 0.3f * real(dice); });

@@ -262,3 +262,49 @@ TEST(shapes, a_tile_may_pass_by_the_tree_of_one_kind_and_meet_the_others) {
     for (const Hit& hit : hits) CHECK(hit.instance == (x < 0 ? 0u : x > 0 ? 1u : Hit::kNone));
   }
 }
+
+TEST(shapes, strands_are_the_same_to_tiles_and_to_single_rays) {
+  Random rng(11);
+  std::vector<float> vertices, radii;
+  std::vector<uint32_t> starts;
+  for (uint32_t strand = 0; strand < 300; ++strand) {
+    Vec3d p{rng.uniform(-1, 1), rng.uniform(-1, 1), 0};
+    for (uint32_t k = 0; k < 6; ++k) {
+      for (int axis = 0; axis < 3; ++axis) vertices.push_back(float(p[axis]));
+      radii.push_back(0.02f * float(5 - k));
+      if (k < 5) starts.push_back(6 * strand + k);
+      p += Vec3d{rng.uniform(-0.1, 0.1), rng.uniform(-0.1, 0.1), 0.2};
+    }
+  }
+  vertices[3 * 6 * 7] = std::nanf("");
+  GeometryView hair;
+  hair.kind = GeometryView::kStrands;
+  hair.vertices = vertices.data();
+  hair.vertex_count = radii.size();
+  hair.radii = radii.data();
+  hair.indices = starts.data();
+  hair.primitive_count = starts.size();
+  InstanceView near, far, flat;
+  far.world_from_object = {{1.2, 0.3, 0}, {0, 0.7, 0.1}, {0.2, 0, 1}, {0.5, 3, 0}};
+  flat.world_from_object = {{1, 0, 0}, {0, 1, 0}, {0, 0, 0}, {0, 0, -1}};
+  const auto accel = build({hair}, {near, far, flat});
+  CHECK(accel->validate().empty());
+  CHECK(accel->stats().dropped == starts.size() + 1);
+  size_t met = 0;
+  for (int tile = 0; tile < 40; ++tile) {
+    const Vec3d eye{0.2, -5, 1}, at{rng.uniform(-1, 1), rng.uniform(0, 3), rng.uniform(0, 1)};
+    std::vector<Ray> rays;
+    for (int k = 0; k < 64; ++k)
+      rays.push_back(ray(eye, at + Vec3d{0.01 * (k % 8), 0, 0.01 * (k / 8)} - eye));
+    std::vector<Hit> hits(rays.size());
+    accel->closest(rays.data(), hits.data(), rays.size());
+    for (size_t k = 0; k < rays.size(); ++k) {
+      const Hit alone = closest(*accel, rays[k]);
+      CHECK(alone.instance == hits[k].instance && alone.primitive == hits[k].primitive);
+      CHECK(alone.t == hits[k].t && alone.u == hits[k].u);
+      CHECK(alone.instance == Hit::kNone || (alone.u >= 0 && alone.u <= 1));
+      met += alone.instance != Hit::kNone;
+    }
+  }
+  CHECK(met > 500);
+}

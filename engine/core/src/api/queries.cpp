@@ -43,7 +43,8 @@ struct Bounds {
 Bounds bounds_of(const GlintGeometry& g) {
   Bounds box;
   for (size_t k = 0; k < g.vertex_count; ++k) {
-    const double r = g.kind == GLINT_SPHERES ? double(g.radii[k]) : 0;
+    const bool round = g.kind == GLINT_SPHERES || g.kind == GLINT_STRANDS;
+    const double r = round ? double(g.radii[k]) : 0;
     if (!finite(vertex(g, k)) || !std::isfinite(r)) continue;
     box.grow(vertex(g, k) - Vec3d{r, r, r});
     box.grow(vertex(g, k) + Vec3d{r, r, r});
@@ -61,6 +62,7 @@ void grow(Bounds& world, const Bounds& box, const Affine& m) {
 /// A vertex that the primitive uses; NaN for a polygon without corners.
 Vec3d vertex_of(const GlintGeometry& g, size_t primitive) {
   if (g.kind == GLINT_SPHERES) return vertex(g, primitive);
+  if (g.kind == GLINT_STRANDS) return vertex(g, g.indices[primitive]);
   if (g.kind == GLINT_MESH) return vertex(g, g.triangles[3 * primitive]);
   if (g.offsets[primitive] == g.offsets[primitive + 1]) return {std::nan(""), 0, 0};
   return vertex(g, g.indices[g.offsets[primitive]]);

@@ -106,19 +106,45 @@ void check_polygons(const GlintGeometry& g, ull number, Report& report) {
              ull(end - 1), ull(g.vertex_count));
 }
 
+void check_strands(const GlintSceneData& d, const GlintGeometry& g, ull number, Report& report) {
+  const bool whole = g.indices && g.radii && g.index_count == g.primitive_count;
+  report.add(whole || g.primitive_count == 0,
+             "geometry %llu: strands need a radius for each vertex and a vertex for each segment",
+             number);
+  report.add(g.triangles || g.attribute_count == 0,
+             "geometry %llu: strands with attributes need their ends in triangles", number);
+  if (!report.good() || g.primitive_count == 0) return;
+  const uint64_t end = end_of(g.indices, g.index_count);
+  report.add(end < g.vertex_count, "geometry %llu: a segment begins at vertex %llu of %llu", number,
+             ull(end - 1), ull(g.vertex_count));
+  for (uint64_t k = 0; report.good() && g.triangles && k < g.primitive_count; ++k) {
+    const uint32_t *ends = g.triangles + 3 * k, first = g.indices[k];
+    report.add(ends[0] == first && ends[1] == first + 1 && ends[2] == first + 1,
+               "geometry %llu: the ends of segment %llu are not in triangles", number, ull(k));
+  }
+  for (uint32_t i = 0; report.good() && i < g.attribute_count; ++i) {
+    const GlintAttribute& a = d.attributes[g.first_attribute + i];
+    check_attribute(g, a, 0, number, "an attribute", report);
+    report.add(a.domain != GLINT_CORNER, "geometry %llu: strands have no corners", number);
+  }
+}
+
 void check_geometry(const GlintSceneData& d, const GlintGeometry& g, ull number, Report& report) {
-  report.add(within(g.kind, GLINT_POLYGONS), "geometry %llu: unknown kind %d", number, g.kind);
+  report.add(within(g.kind, GLINT_STRANDS), "geometry %llu: unknown kind %d", number, g.kind);
   report.add(g.vertex_count <= kMaxCount && g.primitive_count <= kMaxCount / 3 &&
                  g.index_count <= kMaxCount,
              "geometry %llu: more than 2^32 vertices, corners or indices", number);
   report.add(g.vertices || g.vertex_count == 0, "geometry %llu: no vertices", number);
   report.add(range(g.first_attribute, g.attribute_count, d.attribute_count),
              "geometry %llu: attributes beyond the table", number);
-  report.add(g.kind == GLINT_MESH || (g.attribute_count == 0 && !g.normals.values),
+  report.add(g.kind == GLINT_MESH || !g.normals.values, "geometry %llu: normals on what is no mesh",
+             number);
+  report.add(g.kind == GLINT_MESH || g.kind == GLINT_STRANDS || g.attribute_count == 0,
              "geometry %llu: attributes on what is no mesh", number);
   if (!report.good()) return;
   if (g.kind == GLINT_MESH) check_mesh(d, g, number, report);
   if (g.kind == GLINT_POLYGONS) check_polygons(g, number, report);
+  if (g.kind == GLINT_STRANDS) check_strands(d, g, number, report);
   if (g.kind == GLINT_SPHERES)
     report.add((g.radii && g.vertex_count == g.primitive_count) || g.primitive_count == 0,
                "geometry %llu: spheres need a centre and a radius each", number);

@@ -17,13 +17,13 @@ enum Visibility : uint32_t { kCamera = 1, kMirror = 2, kShadow = 4 };
 
 /// Borrowed arrays; they outlive the accelerator. Object space, float32.
 struct GeometryView {
-  enum Kind { kMesh, kSpheres, kPolygons } kind = kMesh;
+  enum Kind { kMesh, kSpheres, kPolygons, kStrands } kind = kMesh;
   const float* vertices = nullptr;  // mesh, polygons: 3 per vertex; spheres: centres
   size_t vertex_count = 0;
   const uint32_t* triangles = nullptr;  // mesh: 3 per triangle
-  const float* radii = nullptr;         // spheres
+  const float* radii = nullptr;         // spheres; strands: of vertices
   const uint32_t* offsets = nullptr;    // polygons: primitive_count + 1
-  const uint32_t* indices = nullptr;    // polygons
+  const uint32_t* indices = nullptr;    // polygons; strands: first vertex of each segment
   size_t primitive_count = 0;
 };
 
@@ -73,8 +73,9 @@ struct Hit {
   static constexpr uint32_t kNone = 0xffffffffu;
   double t = 0;
   uint32_t instance = kNone;  // index into the instances given to build
-  uint32_t primitive = 0;     // triangle, sphere or polygon of the geometry
-  float u = 0, v = 0;         // triangles: barycentric weights of the second and third vertex
+  uint32_t primitive = 0;     // triangle, sphere, polygon or segment of the geometry
+  float u = 0, v = 0;  // triangles: barycentric weights of the second and third vertex; strands:
+                       // how far along (u)
 };
 
 /// Room for the hits of Rays, by component.

@@ -27,7 +27,7 @@ struct alignas(64) Node {
   ChildRef child[kWidth];
 };
 
-enum LeafKind : uint32_t { kTriangleLeaf, kSphereLeaf, kPolygonLeaf, kInstanceLeaf };
+enum LeafKind : uint32_t { kTriangleLeaf, kSphereLeaf, kPolygonLeaf, kInstanceLeaf, kStrandLeaf };
 
 /// Instance and primitive as Hit counts them. Trees in object space leave `instance` at 0.
 struct PrimitiveId {
@@ -46,17 +46,24 @@ struct InstanceRecord {
   uint32_t tree, instance, visibility;
 };
 
+/// The caller's arrays of a geometry of strands.
+struct StrandArrays {
+  const float *vertices, *radii;  // 3 and 1 a vertex
+  const uint32_t* starts;         // the vertex where each segment begins; it ends at the next one
+};
+
 /// Primitives are numbered in the order of the leaves; a leaf with n primitives from `first` on
 /// reads
 ///   triangles: 9 n floats at 9 first: x, y, z of the first vertices, of the second, of the third,
 ///   n floats each; spheres: 4 floats each at 4 first: centre and radius;  polygons: records;
-///   instances: records.
+///   instances: records; strands: nothing but their ids, the rest is where the caller has it.
 struct TreeView {
   const Node* nodes;
   const float* floats;
   const PrimitiveId* ids;
   const PolygonRecord* polygons;
   const float* corners;
+  StrandArrays strands;
   double center[3], radius;  // a ball round everything, with room to spare
   double ball;               // radius of the smallest one there, with room for rounding
   ChildRef root;

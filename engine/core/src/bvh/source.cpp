@@ -91,6 +91,35 @@ bool sphere_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
   return true;
 }
 
+/// Both ends and their radii; false for what no ray meets.
+bool strand_ends(const Source& s, size_t primitive, float (&out)[8]) {
+  const size_t first = s.geometry->indices[primitive];
+  if (first + 1 >= s.geometry->vertex_count) return false;
+  for (size_t j = 0; j < 6; ++j) out[j] = s.vertices[3 * first + j];
+  float none = 0, widest = 0;
+  for (size_t j = 0; j < 2; ++j) {
+    out[6 + j] = s.geometry->radii[first + j];
+    if (!(out[6 + j] >= 0)) return false;
+    widest = std::max(widest, out[6 + j]);
+  }
+  for (float x : out) none += x - x;  // NaN where one is not finite
+  return none == 0 && widest > 0;
+}
+
+bool strand_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
+  float ends[8];
+  if (!strand_ends(s, primitive, ends)) return false;
+  BoxD box;
+  for (size_t j = 0; j < 2; ++j) {
+    const Vec3d c(ends[3 * j], ends[3 * j + 1], ends[3 * j + 2]);
+    const double r = ends[6 + j];
+    box.add(c - Vec3d(r, r, r));
+    box.add(c + Vec3d(r, r, r));
+  }
+  ref = padded_ref(box, uint32_t(primitive), number);
+  return true;
+}
+
 bool polygon_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref) {
   PolygonRecord record;
   BoxD box;
@@ -107,6 +136,8 @@ bool any_ref(const Source& s, size_t primitive, uint32_t number, Ref& ref, bool&
       return triangle_ref(s, primitive, number, ref, seen);
     case GeometryView::kSpheres:
       return sphere_ref(s, primitive, number, ref);
+    case GeometryView::kStrands:
+      return strand_ref(s, primitive, number, ref);
     default:
       return polygon_ref(s, primitive, number, ref);
   }
@@ -208,6 +239,11 @@ void fill_polygons(Tree& tree, const std::vector<Source>& sources, const Primiti
 void fill_leaves(Tree& tree, const std::vector<Source>& sources, ThreadPool& pool) {
   const PrimitiveId* from = tree.ids.data.get();
   if (tree.kind == kPolygonLeaf) return fill_polygons(tree, sources, from);
+  if (tree.kind == kStrandLeaf) {
+    const GeometryView& g = *sources.front().geometry;
+    tree.strands = {g.vertices, g.radii, g.indices};
+    return;
+  }
   const size_t stride = tree.kind == kTriangleLeaf ? 9 : 4;
   tree.floats =
       Buffer<float>(stride * tree.count + kWidth);  // vector loads read beyond the last leaf
@@ -222,6 +258,7 @@ void fill_leaves(Tree& tree, const std::vector<Source>& sources, ThreadPool& poo
 LeafKind axis_class_of(const GeometryView& g) {
   return g.kind == GeometryView::kMesh      ? kTriangleLeaf
          : g.kind == GeometryView::kSpheres ? kSphereLeaf
+         : g.kind == GeometryView::kStrands ? kStrandLeaf
                                             : kPolygonLeaf;
 }
 
@@ -229,7 +266,10 @@ constexpr size_t kLarge = size_t(1) << 19;  // bytes
 
 BuildOptions options_of(LeafKind kind, BuildQuality quality) {
   BuildOptions options;
-  if (kind == kSphereLeaf) {
+  if (kind == kStrandLeaf) {
+    options.max_leaf = 4;
+    options.min_leaf = 1;
+  } else if (kind == kSphereLeaf) {
     options.max_leaf = 2;
     options.min_leaf = 1;
   } else if (kind != kTriangleLeaf) options.max_leaf = options.min_leaf = 1;
@@ -341,6 +381,7 @@ TreeView Tree::view() const {
              ids.data.get(),
              polygons.data.get(),
              corners.data(),
+             strands,
              {},
              0,
              0,

@@ -24,6 +24,7 @@ struct Tree {
   LeafKind kind = kTriangleLeaf;
   NodeTree nodes;
   Buffer<float> floats;
+  StrandArrays strands{};  // the caller's: a tree of strands is of one geometry, in its space
   Buffer<PrimitiveId> ids;
   Buffer<PolygonRecord> polygons;
   std::vector<float> corners;

@@ -31,8 +31,10 @@ std::vector<uint32_t> count_uses(const std::vector<GeometryView>& geometries,
   return uses;
 }
 
-/// The factor by which an instance scales the radii of its spheres; 1 for other shapes.
+/// The factor by which an instance scales the radii of its spheres; 1 for other shapes. 0 for
+/// strands, which stay in object space: their trees are not copied for each placement.
 double radius_scale(const GeometryView& g, const Affine& m) {
+  if (g.kind == GeometryView::kStrands) return 0;
   return g.kind == GeometryView::kSpheres ? similarity(m) : 1;
 }
 
@@ -111,7 +113,7 @@ Plan TopLevelBvh::plan() const {
     } else if (invertible(m) && (!once || scale == 0)) {
       p.placed.push_back(i);
     } else if (scale == 0) {
-      p.dropped += g.primitive_count;  // flattened spheres
+      p.dropped += g.primitive_count;  // flattened spheres and strands
     } else {
       p.baked[g.kind].push_back(i);
     }

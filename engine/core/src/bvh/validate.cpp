@@ -144,6 +144,15 @@ Box sphere_box(const float* p) {
   return b;
 }
 
+Box strand_box(const StrandArrays& s, size_t primitive) {
+  const size_t k = s.starts[primitive];
+  const float *p = s.vertices + 3 * k, *r = s.radii + k;
+  const float first[4] = {p[0], p[1], p[2], r[0]}, second[4] = {p[3], p[4], p[5], r[1]};
+  Box b = sphere_box(first);
+  b.add(sphere_box(second));
+  return b;
+}
+
 /// What the box of a placed object must hold: its triangles' corners, or those of the boxes of
 /// other primitives.
 std::vector<Vec3d> outer_points(const Tree& tree) {
@@ -171,6 +180,7 @@ std::vector<Box> primitive_boxes(const Tree& tree) {
   if (tree.kind == kTriangleLeaf) each_triangle(tree, add);
   for (size_t k = 0; k < tree.count; ++k) {
     if (tree.kind == kSphereLeaf) boxes[k] = sphere_box(&tree.floats[4 * k]);
+    if (tree.kind == kStrandLeaf) boxes[k] = strand_box(tree.strands, tree.ids[k].primitive);
     if (tree.kind == kPolygonLeaf) boxes[k] = polygon_box(tree, tree.polygons[k]);
   }
   return boxes;

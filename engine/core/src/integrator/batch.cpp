@@ -108,6 +108,8 @@ void Batch::set_surface(size_t k, const Surface& s) {
   set_row(points.g, k, s.g);
   points.offset[k] = s.offset;
   outside[k] = s.outside ? -1 : 0;
+  points.weights[0][k] = s.weights[1];
+  points.weights[1][k] = s.weights[2];
   if (smooth_) {
     set_row(points.n, k, s.n);
     set_row(points.origin, k, s.x);

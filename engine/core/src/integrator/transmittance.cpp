@@ -20,7 +20,7 @@ TransparentShadows::TransparentShadows(const Scene& scene, const Stages& stages,
   u_.resize(kRows);
   v_.resize(kRows);
   slots_.resize(size_t(scene.most_slots) * kBlock);
-  if (!scene.only_meshes && !scene.programs.empty()) solids_.resize(7 * kRows);
+  if (!scene.only_meshes && !scene.programs.empty()) solids_.resize(8 * kRows);
   stage_.slots = slots_.data();
   stage_.tables = scene_.input_tables();
   stage_.shapes = scene_.group_shapes.data();
@@ -174,12 +174,13 @@ void TransparentShadows::place_solids(const Rays& rays) {
     const uint32_t k = layer.hit / Layers::kMost;
     const Surface s = surface_at(scene_, {rays.o[0][k], rays.o[1][k], rays.o[2][k]},
                                  {rays.d[0][k], rays.d[1][k], rays.d[2][k]}, hit);
-    double* solid = solids_.data() + 7 * size_t(layer.row);
+    double* solid = solids_.data() + 8 * size_t(layer.row);
     for (int c = 0; c < 3; ++c) {
       solid[c] = s.x[c];
       solid[3 + c] = s.g[c];
     }
     solid[6] = s.outside ? 1 : 0;
+    solid[7] = s.weights[1];
   }
 }
 

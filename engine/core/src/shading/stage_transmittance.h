@@ -148,7 +148,8 @@ inline void set_solid(const double* solid, size_t i, ProgramPoints& p) {
     p.g[c][i] = p.n[c][i] = solid[3 + c];
   }
   p.outside[i] = solid[6] != 0 ? -1 : 0;
-  p.weights[1][i] = p.weights[2][i] = 0;
+  p.weights[1][i] = solid[7];
+  p.weights[2][i] = 0;
 }
 
 /// The program at the hits of a block, from k on.
@@ -170,7 +171,7 @@ void run_block(const TransmittanceStage& s, size_t k, size_t count) {
   }
   place_block(s, k, count, scratch, p);
   for (size_t i = 0; s.solids && i < count; ++i)
-    if (scratch.material[i] == kNoMaterial) set_solid(s.solids + 7 * (k + i), i, p);
+    if (scratch.material[i] == kNoMaterial) set_solid(s.solids + 8 * (k + i), i, p);
   for (size_t i = 0; i < count; i += kLanes)
     store(p.weights[0] + i, 1 - load(p.weights[1] + i) - load(p.weights[2] + i));
   run_program({s.tables, s.program, &p, RayKind::kShadow, count, s.slots});

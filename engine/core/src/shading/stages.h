@@ -371,8 +371,8 @@ struct TransmittanceStage {
   uint32_t lobe_count;
   const ProgramShape* program;  // null for none
   double* slots;
-  const double* solids;  // of hits on what is no mesh, where the scene has such: seven numbers a
-                         // row: x, g, and 1 where the outer side is seen
+  const double* solids;  // of hits on what is no mesh, where the scene has such: eight numbers a
+                         // row: x, g, 1 where the outer side is seen, and how far along it is
 };
 
 struct Stages {

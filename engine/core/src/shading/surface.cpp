@@ -51,6 +51,42 @@ void place_on_sphere(const Affine& m, const NormalMatrix& to_world, const GlintG
       rounding(max_abs(point(m, center)) + radius * (max_abs(m.x) + max_abs(m.y) + max_abs(m.z)));
 }
 
+/// Where p, near the hull of the spheres about two ends, lies on it: the centre of the sphere among
+/// those between them that touches it there, and how far along that is.
+struct OnStrand {
+  Vec3d center;
+  double radius, along;
+};
+
+OnStrand on_strand(Vec3d p, Vec3d a, Vec3d b, double ra, double rb) {
+  const Vec3d axis = b - a;
+  const double L = length(axis), sine = (ra - rb) / L, square = 1 - sine * sine;
+  if (!(L > 0 && square > 0)) return ra >= rb ? OnStrand{a, ra, 0} : OnStrand{b, rb, 1};
+  const double at = (dot(p - a, axis) / L - ra * sine) / square,
+               along = std::clamp(at / L, 0.0, 1.0);
+  return {a + along * axis, ra + along * (rb - ra), along};
+}
+
+void place_on_strand(const Affine& m, const NormalMatrix& to_world, const GlintGeometry& geometry,
+                     const Line& ray, const Hit& hit, Surface& s) {
+  const size_t first = geometry.indices[hit.primitive];
+  const Vec3d a = vertex(geometry, first), b = vertex(geometry, first + 1);
+  const double ra = geometry.radii[first], rb = geometry.radii[first + 1];
+  Vec3d o, d, n{0, 0, 1};
+  s.x = ray.o + hit.t * ray.d;
+  if (to_object(m, ray, o, d)) {
+    const Vec3d p = o + hit.t * d;
+    const OnStrand at = on_strand(p, a, b, ra, rb);
+    n = unit(p - at.center);
+    s.x = point(m, at.center + at.radius * n);
+    s.weights[0] = 1 - at.along;
+    s.weights[1] = at.along;
+  }
+  s.g = to_world(n);
+  s.offset = rounding(std::max(max_abs(point(m, a)), max_abs(point(m, b))) +
+                      std::max(ra, rb) * (max_abs(m.x) + max_abs(m.y) + max_abs(m.z)));
+}
+
 /// Newell's normal in object space; `reach` becomes the corners' largest coordinate after m.
 Vec3d newell(const Affine& m, const GlintGeometry& geometry, size_t primitive, Vec3d& first,
              double& reach) {
@@ -121,6 +157,7 @@ Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit) {
   const Affine m = scene.matrix(hit.instance);
   const NormalMatrix to_world = scene.normal_matrix(hit.instance);
   if (geometry.kind == GLINT_SPHERES) place_on_sphere(m, to_world, geometry, ray, hit, s);
+  else if (geometry.kind == GLINT_STRANDS) place_on_strand(m, to_world, geometry, ray, hit, s);
   else place_on_polygon(m, to_world, geometry, ray, hit, s);
   s.n = s.g;
   s.outside = dot(s.g, d) <= 0;

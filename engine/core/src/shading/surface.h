@@ -13,7 +13,7 @@ struct Rgba;
 struct Surface {
   uint32_t instance = 0, primitive = 0;
   bool outside = true;            // the viewer is outside: the unturned g faces it
-  double weights[3] = {1, 0, 0};  // barycentric, of meshes
+  double weights[3] = {1, 0, 0};  // barycentric, of meshes; of the ends of strands
   Vec3d x, g, n;
   double offset =
       0;  // how far along g a new ray starts so that rounding cannot bring it back to this surface
@@ -23,7 +23,7 @@ struct Uv {
   double u = 0, v = 0;
 };
 
-/// Where o + t d, d unit, meets the sphere or polygon that `hit` names, near hit.t.
+/// Where o + t d, d unit, meets the sphere, strand or polygon that `hit` names, near hit.t.
 Surface surface_at(const Scene& scene, Vec3d o, Vec3d d, const Hit& hit);
 
 /// The UV attribute called `name`, the active one for -1; (0, 0) when the geometry lacks it.

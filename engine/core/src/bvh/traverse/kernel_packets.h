@@ -201,7 +201,8 @@ struct TileLevel {
   }
   void leaf(ChildRef child, uint32_t groups, uint32_t box) {
     const int before = found;
-    if (w.tree.kind == kTriangleLeaf && wasteful() && box != kNoBox) {
+    const bool apart = w.tree.kind == kStrandLeaf || (w.tree.kind == kTriangleLeaf && wasteful());
+    if (apart && box != kNoBox) {
       ray_by_ray(child, groups, box);
     } else if (w.tree.kind == kTriangleLeaf && !few(groups)) {
       common ? triangles<true>(child, groups) : triangles<false>(child, groups);

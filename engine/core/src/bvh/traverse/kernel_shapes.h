@@ -1,4 +1,4 @@
-// Rays against spheres and polygons, in double precision.
+// Rays against spheres, strands and polygons, in double precision.
 #pragma once
 #include "bvh/traverse/kernel_walk.h"
 
@@ -33,6 +33,108 @@ inline void hit_sphere(Walk<Any>& w, int slot, const Scaled& ray, const float* s
   w.tile.answers->template accept<Any>(slot, t1 * ray.unit, 0, 0, id);
 }
 
+/// Where a ray is inside of something convex.
+struct Within {
+  double from = kInf, to = -kInf;
+  void add(double first, double last) {
+    if (!(first <= last)) return;
+    from = first < from ? first : from;
+    to = last > to ? last : to;
+  }
+};
+
+/// The sphere about the point from which the ray is at `o`.
+inline void add_sphere(Within& in, const D3& o, const D3& d, double inverse_square, double radius) {
+  const double b = -dot(o, d) * inverse_square;
+  const D3 nearest = o + b * d;
+  const double discriminant = (radius * radius - dot(nearest, nearest)) * inverse_square;
+  if (!(discriminant >= 0)) return;
+  const double root = __builtin_sqrt(discriminant);
+  in.add(b - root, b + root);
+}
+
+/// What a t² + 2 b t + c <= 0 leaves of first <= t <= last; a and b are not both 0.
+inline void add_quadratic(Within& in, double a, double b, double c, double first, double last) {
+  const double discriminant = b * b - a * c;
+  if (!(discriminant >= 0)) {
+    if (a < 0) in.add(first, last);
+    return;
+  }
+  const double root = __builtin_sqrt(discriminant), sum = -(b + (b < 0 ? -root : root)),
+               x = sum / (a + 0.0), y = sum != 0 ? c / sum : 0, low = x < y ? x : y,
+               high = x < y ? y : x;
+  if (a >= 0) return in.add(low > first ? low : first, high < last ? high : last);
+  in.add(first, low < last ? low : last);
+  in.add(high > first ? high : first, last);
+}
+
+/// The part of the cone round both spheres between the circles where it touches them. `o`: from the
+/// first centre, L: between them. Counts from the ray's point nearest to the axis, so that what is
+/// far away keeps its digits.
+inline void add_cone(Within& in, const D3& o, const D3& d, const D3& axis, double L, double ra,
+                     double rb) {
+  const double sine = (ra - rb) / L, square = 1 - sine * sine;
+  if (!(square > 0)) return;
+  const D3 u = (1 / L) * axis;
+  const double rise = dot(d, u);
+  const D3 e = d - rise * u;
+  double height = dot(o, u), ee = dot(e, e), start = ee > 0 ? -dot(o - height * u, e) / ee : 0;
+  const double at = height + start * rise;
+  if (!(at >= 0 && at <= L)) start = rise != 0 ? ((at > 0 ? L : 0.0) - height) / rise : 0;
+  if (!(magnitude(start) < kInf)) return;
+  const D3 p = o + start * d;
+  height = dot(p, u);
+  const D3 q = p - height * u;
+  const double w = ra - sine * height, a = square * ee - sine * sine * rise * rise,
+               b = square * dot(q, e) + sine * rise * w, c = square * dot(q, q) - w * w;
+  const double low = ra * sine - height, high = L + rb * sine - height;
+  double first = -kInf, last = kInf;
+  if (rise != 0) {
+    first = (rise > 0 ? low : high) / rise;
+    last = (rise > 0 ? high : low) / rise;
+  } else if (!(low <= 0 && high >= 0)) return;
+  if (a == 0 && b == 0) return;
+  Within part;
+  add_quadratic(part, a, b, c, first, last);
+  in.add(part.from + start, part.to + start);
+}
+
+/// Whether the lines of a ray and of an axis are farther apart than `reach`, by more than rounding.
+inline bool far_apart(const D3& o, const D3& d, const D3& axis, double reach) {
+  const D3 n = {d.y * axis.z - d.z * axis.y, d.z * axis.x - d.x * axis.z,
+                d.x * axis.y - d.y * axis.x};
+  const double room = 1.000001 * reach +
+                      1e-12 * (magnitude(axis.x) + magnitude(axis.y) + magnitude(axis.z)),
+               between = dot(o, n);
+  return between * between > room * room * dot(n, n);
+}
+
+/// Where the ray enters the convex hull of the spheres about two ends. Spheres and cone lie in it
+/// and fill it, so that none of them has to be chosen.
+template <bool Any>
+inline void hit_strand(Walk<Any>& w, int slot, const Scaled& ray, PrimitiveId id) {
+  const size_t first = w.tree.strands.starts[id.primitive];
+  const float *s = w.tree.strands.vertices + 3 * first, *r = w.tree.strands.radii + first;
+  const D3 a{double(s[0]), double(s[1]), double(s[2])};
+  const D3 axis = D3{double(s[3]), double(s[4]), double(s[5])} - a, f = ray.o - a;
+  const double inverse_square = 1 / dot(ray.d, ray.d), begin = -dot(f, ray.d) * inverse_square,
+               ra = r[0], rb = r[1];
+  const D3 o = f + begin * ray.d;
+  if (far_apart(o, ray.d, axis, ra > rb ? ra : rb)) return;
+  const double L = __builtin_sqrt(dot(axis, axis));
+  Within in;
+  add_sphere(in, o, ray.d, inverse_square, ra);
+  add_sphere(in, o - axis, ray.d, inverse_square, rb);
+  if (L > 0) add_cone(in, o, ray.d, axis, L, ra, rb);
+  if (!(in.from <= in.to)) return;
+  // How far along, as surface.cpp has it in double.
+  const double sine = L > 0 ? (ra - rb) / L : 1, square = 1 - sine * sine,
+               at = square > 0 ? (dot(o + in.from * ray.d, axis) / L - ra * sine) / (square * L)
+                               : double(ra < rb),
+               along = at > 0 ? at < 1 ? at : 1 : 0;
+  w.tile.answers->template accept<Any>(slot, (begin + in.from) * ray.unit, float(along), 0, id);
+}
+
 /// Odd-even rule in the plane of projection: counts the edges that a line to the right of (x, y)
 /// crosses.
 inline bool odd(const PolygonRecord& record, const float* corners, double x, double y) {
@@ -60,7 +162,7 @@ inline void hit_polygon(Walk<Any>& w, int slot, const Scaled& ray, const Polygon
     w.tile.answers->template accept<Any>(slot, t * ray.unit, 0, 0, id);
 }
 
-/// Spheres or polygons against one ray.
+/// Spheres, strands or polygons against one ray.
 template <bool Any>
 __attribute__((noinline)) void hit_shapes(Walk<Any>& w, int r, ChildRef leaf) {
   if (!alive(w.tile, r)) return;
@@ -72,6 +174,7 @@ __attribute__((noinline)) void hit_shapes(Walk<Any>& w, int r, ChildRef leaf) {
     const PrimitiveId id = id_of(w.tile, r, k);
     if (Any && opacity && opacity->of_instance[id.instance] == Opacity::kClear) continue;
     if (w.tree.kind == kSphereLeaf) hit_sphere(w, slot, ray, w.tree.floats + 4 * size_t(k), id);
+    else if (w.tree.kind == kStrandLeaf) hit_strand(w, slot, ray, id);
     else hit_polygon(w, slot, ray, w.tree.polygons[k], id);
   }
   w.update(r);

@@ -1,0 +1,179 @@
+"""Hair beside Cycles: what strands cover, how deep they lie, where they cast shadows, what Curves
+Info tells; curves and the hair of particles.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import cycles_reference as cycles
+from cycles_reference import bpy
+from glint_picture import render_glint
+
+SIZE = (256, 192)
+
+
+def strand_field(count: int, keys: int, radius: float, spread=2.0, seed=3):
+    """A field of bent strands before an upright camera, and a floor behind them."""
+    scene = cycles.empty_scene(*SIZE)
+    rng = np.random.default_rng(seed)
+    root = np.column_stack([rng.uniform(-spread, spread, (count, 2)), np.zeros(count)])
+    tip = root + rng.normal(0, 0.25, (count, 3)) + (0, 0, 0.8)
+    bend = rng.normal(0, 0.12, (count, 3))
+    t = np.linspace(0, 1, keys)[:, None]
+    points = root[:, None] * (1 - t) + tip[:, None] * t + bend[:, None] * (4 * t * (1 - t))
+    data = bpy.data.hair_curves.new("Field")
+    data.add_curves([keys] * count)
+    data.attributes["position"].data.foreach_set("vector", points.astype(np.float32).ravel())
+    data.attributes.new("radius", "FLOAT", "POINT")
+    radii = np.tile(np.linspace(radius, 0.3 * radius, keys), count)
+    data.attributes["radius"].data.foreach_set("value", radii.astype(np.float32))
+    field = bpy.data.objects.new("Field", data)
+    scene.collection.objects.link(field)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location, camera.rotation_euler = (0, -6, 2.6), (1.2, 0, 0)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.cycles_curves.shape = "THICK"
+    return scene, field
+
+
+def near_edges(depth: np.ndarray) -> np.ndarray:
+    """Pixels beside one that lies elsewhere: where a rounded ray may take either."""
+    edge = np.zeros(depth.shape, bool)
+    for axis in (0, 1):
+        with np.errstate(invalid="ignore"):
+            far = np.abs(np.diff(depth, axis=axis)) > 0.02
+        edge |= np.insert(far, 0, False, axis) | np.insert(far, far.shape[axis], False, axis)
+    return edge
+
+
+def test_a_field_of_ten_thousand_strands_covers_the_same_pixels():
+    """At most 1 % of the pixels that are clear of edges see another thing."""
+    scene, _ = strand_field(10_000, 6, 0.006)
+    truth = cycles.render_cycles(scene)["Depth"]
+    measured = render_glint(scene, "NATIVE").passes["Depth"][..., 0]
+    covered, seen = truth < 1e5, np.isfinite(measured) & (measured < 1e5)
+    assert 0.3 < covered.mean() < 0.95
+    other = (covered != seen) | (covered & seen & (np.abs(truth - measured) > 0.02))
+    clear = ~(near_edges(np.where(covered, truth, 1e5)) | near_edges(np.where(seen, measured, 1e5)))
+    assert (other & clear).mean() <= 0.01
+    assert (covered != seen).mean() <= 0.01
+
+
+def test_thick_strands_lie_where_cycles_has_them():
+    """Depth and normals on strands some pixels wide, away from their ends and edges."""
+    scene, _ = strand_field(40, 5, 0.06)
+    truth = cycles.render_cycles(scene)
+    measured = render_glint(scene, "NATIVE")
+    depth, mine = truth["Depth"], measured.passes["Depth"][..., 0]
+    both = (depth < 1e5) & (mine < 1e5)
+    clear = both & ~near_edges(np.where(both, depth, 1e5)) & ~near_edges(np.where(both, mine, 1e5))
+    assert clear.sum() > 2000
+    off = np.abs(depth - mine)[clear]
+    # chords lie a tenth of the radius off, at most
+    assert np.percentile(off, 99) <= 0.1 * 0.06
+    turned = 1 - (truth["Normal"] * measured.passes["Normal"]).sum(-1)[clear]
+    assert np.percentile(turned, 95) <= 1 - np.cos(0.25)
+
+
+@pytest.mark.parametrize("socket", ["Is Strand", "Intercept", "Length", "Thickness", "Random"])
+def test_curves_info_tells_the_same(socket):
+    scene, field = strand_field(40, 5, 0.06)
+    material = bpy.data.materials.new("Told")
+    cycles.use_nodes(material)
+    tree = material.node_tree
+    tree.nodes.clear()
+    told, glow = tree.nodes.new("ShaderNodeHairInfo"), tree.nodes.new("ShaderNodeEmission")
+    tree.links.new(told.outputs[socket], glow.inputs["Color"])
+    tree.links.new(glow.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs[0])
+    field.data.materials.append(material)
+    truth = cycles.render_cycles(scene)
+    film = render_glint(scene, "NATIVE")
+    depth, mine = truth["Depth"], film.passes["Depth"][..., 0]
+    both = (depth < 1e5) & (mine < 1e5)
+    clear = both & ~near_edges(np.where(both, depth, 1e5)) & ~near_edges(np.where(both, mine, 1e5))
+    off = np.abs(truth["Combined"][..., 0] - film.combined[..., 0])[clear]
+    assert truth["Combined"][..., 0][clear].max() > 0.05
+    assert np.percentile(off, 95) <= 0.02
+
+
+def test_strands_cast_the_same_shadows():
+    scene, field = strand_field(300, 5, 0.02)
+    bpy.ops.mesh.primitive_plane_add(size=20)
+    lamp = bpy.data.lights.new("Sun", "SUN")
+    lamp.angle, lamp.energy = 0.0, 3.0
+    sun = bpy.data.objects.new("Sun", lamp)
+    sun.rotation_euler = (0.7, 0.4, 0)
+    scene.collection.objects.link(sun)
+    field.visible_camera = False
+    truth = cycles.render_cycles(scene)["Combined"][..., 0]
+    measured = render_glint(scene, "NATIVE").combined[..., 0]
+    dark, mine = truth < 0.5 * truth.max(), measured < 0.5 * measured.max()
+    assert 0.02 < dark.mean() < 0.5
+    # half a pixel to either side of each shadow's rim, whose pixels are some of it
+    rim = np.zeros(dark.shape, bool)
+    for axis in (0, 1):
+        for image in (dark, mine):
+            turn = np.diff(image, axis=axis)
+            rim |= np.insert(turn, 0, False, axis) | np.insert(turn, turn.shape[axis], False, axis)
+    assert ((dark != mine) & ~rim).mean() <= 0.002
+    assert (dark != mine).mean() <= 0.01
+
+
+def furry_ball():
+    """Particle hair with children on a ball, which hides what is behind."""
+    scene = cycles.empty_scene(*SIZE)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=48, ring_count=24)
+    ball = bpy.context.object
+    ball.scale, ball.rotation_euler = (1.0, 1.2, 0.9), (0.3, 0.2, 0.1)
+    bpy.ops.object.particle_system_add()
+    hair = ball.particle_systems[0].settings
+    hair.type, hair.count, hair.hair_length, hair.render_type = "HAIR", 150, 0.6, "PATH"
+    hair.child_type, hair.rendered_child_count, hair.child_percent = "INTERPOLATED", 8, 3
+    hair.radius_scale, hair.roughness_2 = 0.03, 0.08
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location, camera.rotation_euler = (0, -5, 1.2), (1.34, 0, 0)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.cycles_curves.shape = "THICK"
+    return scene
+
+
+class _Exported(bpy.types.RenderEngine):
+    """Keeps the film that Glint traces of what a final render is given: its count of children."""
+
+    bl_idname, bl_label, bl_use_preview = "GLINT_TEST_HAIR", "Hair", False
+
+    def update(self, data, depsgraph):
+        from glint.addon.export import export_scene
+        from glint.engine import Settings, render
+
+        scene = export_scene(depsgraph).scene
+        settings = Settings(samples=1, passes=frozenset({"Depth"}))
+        type(self).segments = sum(len(getattr(g, "starts", ())) for g in scene.geometries)
+        type(self).depth = render(scene, settings).passes["Depth"][..., 0]
+
+    def render(self, depsgraph):
+        pass
+
+
+def test_a_furry_ball_covers_the_same_pixels():
+    """In a final render, whose children are more than the viewport's."""
+    scene = furry_ball()
+    truth = cycles.render_cycles(scene)["Depth"]
+    bpy.utils.register_class(_Exported)
+    try:
+        scene.render.engine = _Exported.bl_idname
+        bpy.ops.render.render()
+    finally:
+        bpy.utils.unregister_class(_Exported)
+    assert _Exported.segments > 150 * 8 * 4
+    mine = _Exported.depth
+    covered, seen = truth < 1e5, mine < 1e5
+    other = (covered != seen) | (covered & seen & (np.abs(truth - mine) > 0.02))
+    clear = ~(near_edges(np.where(covered, truth, 1e5)) | near_edges(np.where(seen, mine, 1e5)))
+    assert 0.1 < covered.mean() < 0.9
+    assert (other & clear).mean() <= 0.01
+    assert (covered != seen).mean() <= 0.015
