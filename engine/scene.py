@@ -52,6 +52,9 @@ class Mesh:
     normals: unit shading normals on POINT or CORNER, or None for flat shading everywhere.
     attributes: UV maps and colours that something reads; the first one with 2 columns is the active
     UV map.
+    motion: (k, v, 3) float32, k >= 2, vertices at even times while the shutter is open; None for a
+    mesh that keeps its shape.  normal_motion: (k, rows of normals, 3) float32, unit, the same of
+    normals; None where they stay.
     """
 
     name: str
@@ -61,6 +64,8 @@ class Mesh:
     material_slots: Array | None = None
     normals: Attribute | None = None
     attributes: tuple[Attribute, ...] = ()
+    motion: Array | None = None
+    normal_motion: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +113,8 @@ class Instances:
     refraction rays, by shadow rays. holdout: cuts a hole of alpha 0 into the picture.
     values: by name, what programs read of each placement, (k, 4) float32.  light_set: 0 to 63,
     which lights reach it.
+    motion: (keys, k, 3, 4) float64, keys >= 2, world_from_object at even times while the shutter is
+    open; None for what stands still.
     """
 
     name: str
@@ -121,6 +128,7 @@ class Instances:
     holdout: bool = False
     values: Mapping[str, Array] = field(default_factory=dict)
     light_set: int = 0
+    motion: Array | None = None
 
 
 ENCODINGS = ("LINEAR", "SRGB")
@@ -323,7 +331,9 @@ class Light:
     color and strength: (h, w, 3) float32 in the light's axes, equirectangular as `engine.dome`
     says.  emitters: of a MESH, whose bounds are size_x, size_y and twice the radius along the
     light's axes, round its origin.  bounces: of a BOUNCED one, the same.  receivers: a bit for each
-    light_set of the instances that it lights.
+    light_set of the instances that it lights.  motion: (k, 3, 4) float64, k >= 2, world_from_light
+    at even times while the shutter is open; None for one that stands still, and of a DOME, MESH or
+    BOUNCED one.
     """
 
     name: str
@@ -348,6 +358,7 @@ class Light:
     emitters: Emitters | None = None
     bounces: Bounces | None = None
     receivers: int = EVERYTHING
+    motion: Array | None = None
 
 
 CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from export_support import export, link, quad, scene  # noqa: F401
-from glint.addon.render.motion import shutter_times, with_camera_motion
+from glint.addon.render.motion import shutter_times, with_motion
 
 
 def read(scene):  # noqa: F811
@@ -16,7 +16,7 @@ def read(scene):  # noqa: F811
         is_preview=False,
         frame_set=lambda frame, subframe: scene.frame_set(frame, subframe=subframe),
     )
-    return with_camera_motion(export().scene, engine, bpy.context.evaluated_depsgraph_get())
+    return with_motion(export().scene, engine, bpy.context.evaluated_depsgraph_get())[0]
 
 
 @pytest.fixture
