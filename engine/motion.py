@@ -32,12 +32,22 @@ def is_moving(scene: Scene) -> bool:
 
 
 def sample_times(scene: Scene, samples: int) -> Array:
-    """(BLOCK², samples) float64 in (0, 1): when each sample is taken, by pixel of a block. Where
-    more than the camera moves all pixels share times.
+    """(BLOCK², samples) float64 in (0, 1): when each sample is taken, by pixel of a block, as often
+    as the shutter is open. Where more than the camera moves all pixels share times.
     """
     if is_moving(scene):
-        return np.repeat(shutter_times(1, samples), BLOCK * BLOCK, axis=0)
-    return shutter_times(BLOCK, samples)
+        times = np.repeat(shutter_times(1, samples), BLOCK * BLOCK, axis=0)
+    else:
+        times = shutter_times(BLOCK, samples)
+    shutter = scene.camera.shutter
+    return times if shutter is None else _where_open(np.asarray(shutter, np.float64), times)
+
+
+def _where_open(opening: Array, shares: Array) -> Array:
+    """The times before which these shares of the light come in."""
+    light = np.concatenate([[0.0], np.cumsum((opening[1:] + opening[:-1]) / 2)])
+    times = np.linspace(0.0, 1.0, len(opening))
+    return np.interp(shares, light / light[-1], times)
 
 
 def moment(scene: Scene, time: float) -> Scene:

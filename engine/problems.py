@@ -487,6 +487,8 @@ def _camera(camera: Camera) -> Found:
         yield from _lens(camera.lens)
     if camera.motion is not None:
         yield from _motion(camera.motion)
+    if camera.shutter is not None:
+        yield from _shutter(camera.shutter)
 
 
 def _window(camera: Camera) -> Found:
@@ -523,6 +525,14 @@ def _clip(camera: Camera) -> Found:
         yield f"clip_planes has {len(camera.clip_planes)} rows: use 6 at most"
     for plane in camera.clip_planes:
         yield from numbers("clip_planes", plane, 4)
+
+
+def _shutter(opening: Any) -> Found:
+    found = [*array("shutter", opening, np.float64, (None,))]
+    found = found or [*finite_array("shutter", opening)]
+    yield from found
+    if not found and (len(opening) < 2 or opening.min() < 0 or not opening.any()):
+        yield "shutter is never open: use two or more numbers of at least 0, not all 0, or None"
 
 
 def _motion(keys: np.ndarray) -> Found:

@@ -393,7 +393,8 @@ class Camera:
     d >= 0, where x and y count along u and v and z is the depth, camera units. What light and
     mirrors meet is not cut. resolution: (nx, ny) of the full frame. lens: None for a pinhole.
     motion: (k, 3, 4) float64, k >= 2, world_from_camera at even times while the shutter is open;
-    None for a camera that stands still.
+    None for a camera that stands still. shutter: (k,) float64, k >= 2, at least 0 and not all 0:
+    how far it is open at even times, None for all of it.
     """
 
     kind: str
@@ -405,6 +406,7 @@ class Camera:
     clip_planes: tuple[tuple[float, float, float, float], ...] = ()
     lens: Lens | None = None
     motion: Array | None = None
+    shutter: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

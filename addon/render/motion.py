@@ -16,6 +16,8 @@ from ..export.report import Report
 
 _KEYS = 3
 """As Cycles has them unless an object asks for more."""
+_CURVE = 257
+"""Points of the shutter's curve, as Cycles has about as many."""
 _BEFORE = {"START": 0.0, "CENTER": 0.5, "END": 1.0}
 """How much of the shutter's time lies before the frame."""
 
@@ -46,14 +48,28 @@ def with_motion(
         _go_to(frame, render_engine)
     report = Report()
     scene = moved(scene, still, poses, report)
-    return _with_camera(scene, frames), report.notes()
+    opening = _shutter(render.motion_blur_shutter_curve, report)
+    return _with_camera(scene, frames, opening), report.notes()
 
 
-def _with_camera(scene: Scene, frames: Sequence[np.ndarray]) -> Scene:
+def _with_camera(
+    scene: Scene, frames: Sequence[np.ndarray], opening: np.ndarray | None
+) -> Scene:
     keys = np.stack(frames)
-    if (keys == keys[0]).all():
-        return scene
-    return replace(scene, camera=replace(scene.camera, motion=keys))
+    motion = None if (keys == keys[0]).all() else keys
+    return replace(scene, camera=replace(scene.camera, motion=motion, shutter=opening))
+
+
+def _shutter(curve: bpy.types.CurveMapping, report: Report) -> np.ndarray | None:
+    """How far the shutter is open; None where it is all the time."""
+    curve.initialize()
+    times = np.linspace(0.0, 1.0, _CURVE)
+    opening = np.array([curve.evaluate(curve.curves[0], time) for time in times], np.float64)
+    opening = np.maximum(opening, 0.0)
+    if not np.isfinite(opening).all() or not opening.any():
+        report.note("The shutter curve never opens the shutter: it is open for all its time")
+        return None
+    return None if np.ptp(opening) == 0 else opening
 
 
 def shutter_times(frame: float, shutter: float, position: str, count: int = _KEYS) -> list[float]:

@@ -53,7 +53,9 @@ class Tracer:
             self._region = widened(self._shown, scene.camera.resolution)
         x0, y0, x1, y1 = self._region
         self.picture = Picture(x1 - x0, y1 - y0, settings.passes)
-        is_spread = scene.camera.lens is not None or scene.camera.motion is not None
+        is_spread = (
+            scene.camera.lens is not None or scene.camera.motion is not None or is_moving(scene)
+        )
         self._refinement = Refinement(settings, self._is_shown(), is_spread) if refines else None
         self._estimate = ErrorEstimate((y1 - y0, x1 - x0)) if "Error" in settings.passes else None
         self._spreads = Spread.samples(scene, settings.samples)

@@ -175,6 +175,17 @@ def test_a_camera_that_goes_with_a_thing_sees_it_sharp():
     np.testing.assert_array_equal(picture(scene), picture(still))
 
 
+def test_a_shutter_that_opens_slowly_shows_less_of_the_start():
+    """Open in proportion to the time: at time t the share 2t dt of the light comes in."""
+    half = square(3.0)  # its right edge goes from -2 to 2
+    keys = [placed(x) for x in (-5.0, -1.0)]
+    camera = seen(shutter=np.linspace(0.0, 1.0, 257))
+    scene = Scene(camera, (half,), (block(0, *keys),), (glowing(1.0, 1.0, 1.0),))
+    image = picture(scene, samples=64)[SIDE // 2, :, 0]
+    there = (columns() + 2) / 4  # since when
+    np.testing.assert_allclose(image, 1 - there**2, atol=2 / 64)
+
+
 # --- the way from one key to the next
 
 
@@ -401,6 +412,8 @@ def test_bad_motion_is_refused_by_name():
         "has 1 keys": Scene(seen(), (mesh,), (block(0, HERE),), (matt(1, 1, 1),)),
         "not finite": Scene(seen(), (mesh,), (block(0, HERE, HERE * np.nan),), (matt(1, 1, 1),)),
         "has shape (2, 3, 3)": Scene(seen(), (replace(mesh, motion=np.zeros((2, 3, 3), "f4")),)),
+        "never open": Scene(seen(shutter=np.zeros(3))),
+        "shutter has shape": Scene(seen(shutter=np.ones((2, 2)))),
         "not orthonormal": Scene(seen(), lights=(lamp,)),
         "normal_motion is there without": Scene(
             seen(), (replace(mesh, normal_motion=np.zeros((2, 4, 3), "f4")),)

@@ -172,7 +172,7 @@ void Tracer::measure(const Tile& tile, uint32_t samples) {
 
 void Tracer::decide(const Tile& tile, uint32_t samples) {
   slots_.set(tile.width(), tile.height());
-  const bool seen = !plan_.is_spread() || samples >= Refinement::kLensSamples;
+  const bool seen = !(plan_.is_spread() || plan_.moving) || samples >= Refinement::kLensSamples;
   film_.refinement().decide(tile, slots_, samples, seen);
 }
 

@@ -1,5 +1,8 @@
 #include "session/job.h"
 
+#include <algorithm>
+#include <cstring>
+
 #include "session/timer.h"
 
 namespace glint {
@@ -66,6 +69,15 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.lens_focus = g.lens_focus;
   for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
   return plan;
+}
+
+bool same_view(const GlintCamera& a, const GlintCamera& b) {
+  const bool same_planes = a.clip_plane_count == b.clip_plane_count &&
+                           std::memcmp(a.clip_planes, b.clip_planes, sizeof a.clip_planes) == 0;
+  return a.width == b.width && a.height == b.height && a.kind == b.kind && same_planes &&
+         a.clip_start == b.clip_start && a.clip_end == b.clip_end &&
+         std::equal(a.window, a.window + 4, b.window) &&
+         std::equal(a.world_from_camera, a.world_from_camera + 12, b.world_from_camera);
 }
 
 bool sound_region(const uint32_t* r, const GlintCamera& camera) {
@@ -364,6 +376,7 @@ std::string Job::move(Scene& scene, const GlintRenderSettings& settings) {
   if (state_ != GLINT_MOVING) return cancel_ ? "" : "no scene is waited for";
   std::string problems = settings_problems(settings, scene);
   if (!problems.empty()) return problems;
+  if (!same_view(scene.camera, scene_->camera)) return "scene: the camera is another one";
   const RenderPlan plan = plan_of(settings, scene.camera);
   const auto same = [](const Region& a, const Region& b) {
     return a.x0 == b.x0 && a.y0 == b.y0 && a.x1 == b.x1 && a.y1 == b.y1;
