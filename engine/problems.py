@@ -300,9 +300,7 @@ def _instances(scene: Scene, instances: Instances) -> Found:
     shapes = [*array("world_from_object", instances.world_from_object, np.float64, (None, 3, 4))]
     yield from shapes or finite_array("world_from_object", instances.world_from_object)
     if instances.motion is not None and not shapes:
-        yield from _keys(
-            "motion", instances.motion, np.float64, instances.world_from_object.shape
-        )
+        yield from _keys("motion", instances.motion, np.float64, instances.world_from_object.shape)
     if not isinstance(instances.materials, (tuple, list, np.ndarray)):
         yield f"materials is {instances.materials!r}: use a tuple of whole numbers"
         return

@@ -128,9 +128,7 @@ def moved(scene: Scene, frame: Pose, keys: list[Pose], report: Report) -> Scene:
         if isinstance(geometries[block.geometry], Mesh):
             geometries[block.geometry] = matcher.shape(thing, geometries[block.geometry])
     lights = tuple(matcher.light(light) for light in scene.lights)
-    return replace(
-        scene, geometries=tuple(geometries), instances=tuple(instances), lights=lights
-    )
+    return replace(scene, geometries=tuple(geometries), instances=tuple(instances), lights=lights)
 
 
 def _exported(blocks: tuple[Instances, ...], things: list[Thing]) -> Iterator[tuple[int, Thing]]:
@@ -140,9 +138,7 @@ def _exported(blocks: tuple[Instances, ...], things: list[Thing]) -> Iterator[tu
     ahead = iter(thing for thing in things if not thing.content.is_light)
     for number, block in enumerate(blocks):
         for thing in ahead:
-            if thing.name == block.name and np.array_equal(
-                thing.matrices, block.world_from_object
-            ):
+            if thing.name == block.name and np.array_equal(thing.matrices, block.world_from_object):
                 yield number, thing
                 break
         else:

@@ -52,9 +52,7 @@ def with_motion(
     return _with_camera(scene, frames, opening), report.notes()
 
 
-def _with_camera(
-    scene: Scene, frames: Sequence[np.ndarray], opening: np.ndarray | None
-) -> Scene:
+def _with_camera(scene: Scene, frames: Sequence[np.ndarray], opening: np.ndarray | None) -> Scene:
     keys = np.stack(frames)
     motion = None if (keys == keys[0]).all() else keys
     return replace(scene, camera=replace(scene.camera, motion=motion, shutter=opening))

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 from .. import left_out, native
 from ..film import Film
+from ..motion import is_moving
 from ..scene import Scene
 from ..settings import Settings
 from ..view_axes import ViewAxes, narrow_view_axes
@@ -71,6 +72,13 @@ class NativeLive:
             )
 
         scene = self._lit(scene, settings)
+        if is_moving(scene):  # every sample is of a scene of its own: there is nothing to keep
+            film = native.render_native(
+                scene, settings, should_stop, on_wave=lambda film: on_film(film, False)
+            )
+            if film.complete:
+                give(film, True)
+            return
         held = self._hold(scene, exact)
         plan = pack_settings(held.told, settings, waves="SEEN", remember=exact)
         with native._render(self._core, held.handle, plan.data) as job:
@@ -87,6 +95,8 @@ class NativeLive:
         that its time and rays can be told.
         """
         scene = self._lit(scene, settings)
+        if is_moving(scene):
+            return native.render_native(scene, settings, should_stop)
         held = self._hold(scene, exact=True)
         plan = pack_settings(held.told, settings, waves="UNSEEN")
         with native._render(self._core, held.handle, plan.data) as job:

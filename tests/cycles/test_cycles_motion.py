@@ -141,7 +141,7 @@ def test_a_shutter_curve(name):
     first.handle_type = last.handle_type = "VECTOR"
     curve.update()
     scene.update_tag()
-    error, glint, truth = compare(scene)
+    error, _, truth = compare(scene)
     assert error <= 0.02
     assert np.sqrt(((evenly - truth) ** 2).mean()) / truth.mean() > 2 * error
 

@@ -139,7 +139,7 @@ def test_a_ball_that_moves_is_there_for_its_share_of_the_time(backend):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_shape_that_widens_goes_straight_from_key_to_key(backend):
-    """A square of half side h(t), linear between keys 0.2, 1 and 0.4: x is covered while h > |x|."""
+    """A square of half side h, linear between keys 0.2, 1 and 0.4: x is covered while h > |x|."""
     still = square(1.0)
     keys = np.stack([still.vertices * h for h in (0.2, 1.0, 0.4)]).astype(np.float32)
     scene = Scene(seen(), (replace(still, motion=keys),), (block(0),), (glowing(1, 1, 1),))
@@ -350,6 +350,21 @@ def test_looking_on_changes_nothing():
     seen_film = render(scene, settings, on_wave=lambda film: waves.append(film.samples))
     np.testing.assert_array_equal(seen_film.passes["Combined"], whole)
     assert waves == [1, 2, 4, 8, 11]
+
+
+def test_what_keeps_scenes_draws_the_same():
+    """The viewport's tracer, and the one of measurements."""
+    from glint.engine.native.live import NativeLive
+
+    scene, settings, films = everything(), Settings(samples=6, max_bounces=1), []
+    whole = render(scene, settings).passes["Combined"]
+    live = NativeLive()
+    np.testing.assert_array_equal(
+        live.draw(scene, settings, lambda: False).passes["Combined"], whole
+    )
+    live.render(scene, settings, True, lambda: False, lambda *found: films.append(found))
+    assert [final for _, final in films] == [False, False, False, False, True]
+    np.testing.assert_array_equal(films[-1][0].passes["Combined"], whole)
 
 
 _HASH = """

@@ -193,6 +193,7 @@ void Job::work() {
 
 void Job::run() {
   if (!scene_->build(plan_.threads, plan_.quality, cancel_)) return enter(GLINT_CANCELLED);
+  moving_seconds_ = scene_->build_seconds;
   enter(GLINT_TRACING);
   trace_waves();
   enter(cancel_ ? GLINT_CANCELLED : GLINT_DONE);
@@ -227,12 +228,13 @@ void Job::trace_waves() {
     last = first == 0 ? first_wave()
                       : uint32_t(std::min<uint64_t>(2 * uint64_t(first), plan_.samples));
     double seconds = 0;
+    const double before = moving_seconds_;
     {
       const Timer timer(seconds);
       trace_moments(first, last);
       if (!cancel_) refine(last);
     }
-    end_wave(last, seconds);
+    end_wave(last, seconds - (moving_seconds_ - before));
   }
   pool_.reset();
 }
@@ -261,20 +263,27 @@ void Job::trace_moments(uint32_t first, uint32_t last) {
 
 /// False when cancelled.
 bool Job::wait_for_scene() {
-  drop_tracers();
+  double seconds = 0;
   {
-    std::unique_lock lock(mutex_);
-    state_ = GLINT_MOVING;
-    changed_.notify_all();
-    resumed_.wait(lock, [&] { return cancel_ || moved_; });
-    moved_ = false;
-    state_ = GLINT_TRACING;
+    const Timer timer(seconds);
+    drop_tracers();
+    ask_for_scene();
+    if (cancel_ || !scene_->build(plan_.threads, plan_.quality, cancel_)) return false;
+    make_tracers(nullptr);
   }
-  if (cancel_ || !scene_->build(plan_.threads, plan_.quality, cancel_)) return false;
-  make_tracers(nullptr);
   std::lock_guard lock(mutex_);
   built_ = true;
+  moving_seconds_ += seconds;
   return true;
+}
+
+void Job::ask_for_scene() {
+  std::unique_lock lock(mutex_);
+  state_ = GLINT_MOVING;
+  changed_.notify_all();
+  resumed_.wait(lock, [&] { return cancel_ || moved_; });
+  moved_ = false;
+  state_ = GLINT_TRACING;
 }
 
 /// Looks at what the wave up to `samples` brought, and stops the pixels that are good enough.
@@ -424,7 +433,7 @@ GlintStats Job::stats() {
   s.refraction_rays = rays_.refraction;
   s.transparent_rays = rays_.transparent;
   if (!built_) return s;
-  s.build_seconds = scene_->build_seconds;
+  s.build_seconds = plan_.moving ? moving_seconds_ : scene_->build_seconds;
   AccelStats tree = scene_->accel().stats();
   s.tree_bytes = tree.bytes;
   s.tree_nodes = tree.nodes;

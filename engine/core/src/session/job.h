@@ -46,6 +46,7 @@ class Job {
   void drop_tracers();
   void trace_moments(uint32_t first, uint32_t last);
   bool wait_for_scene();
+  void ask_for_scene();
   void trace_tiles(size_t thread, uint32_t first, uint32_t last, std::atomic<size_t>& next);
   void trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t last);
   void refine(uint32_t samples);
@@ -73,9 +74,9 @@ class Job {
   int state_ = GLINT_PREPARING;
   bool built_ = false;  // the scene's trees are there to stay
   uint32_t samples_ = 0, reported_ = 0, resumed_after_ = 0;
-  double trace_seconds_ = 0;
-  bool moved_ = false;             // the next sample's scene is there
-  RayCounts rays_, earlier_rays_;  // earlier: of tracers that are gone
+  double trace_seconds_ = 0, moving_seconds_ = 0;  // moving: until later samples' scenes stood
+  bool moved_ = false;                             // the next sample's scene is there
+  RayCounts rays_, earlier_rays_;                  // earlier: of tracers that are gone
   std::string error_;
 
   std::thread thread_;
