@@ -16,6 +16,10 @@ _RIGID = 1e-6
 """How far a turn from one key to the next may be off orthonormal."""
 _STEPS = 40
 """Of Newton's iteration: far more than matrices need whose axes differ in length by 10 ** 6."""
+_FLAT = 1e-6
+"""Volume, of axes as long as 1 together, up to which a body counts as flat: what rounding to float32
+leaves of a flat one that is turned.
+"""
 _NEARLY_ALIKE = 0.9995
 """Cosine of half the angle between two turns, from which on the way between them is a chord, as in
 Cycles.
@@ -146,8 +150,8 @@ def between_placements(a: Array, b: Array, share: float) -> Array:
     bits.
     """
     straight = a + share * (b - a)
-    mirrored = _determinants(a) < 0
-    bends = (mirrored == (_determinants(b) < 0)) & (a[:, :, :3] != b[:, :, :3]).any((1, 2))
+    alike = _mirrored(a[:, :, :3]) == _mirrored(b[:, :, :3])
+    bends = alike & (a[:, :, :3] != b[:, :, :3]).any((1, 2))
     rows = np.flatnonzero(bends & np.isfinite(straight).all((1, 2)))
     if not len(rows):
         return straight
@@ -184,16 +188,27 @@ def _size(m: Array) -> Array:
     return np.sqrt((m * m).sum((1, 2), keepdims=True))
 
 
+def _volumes(m: Array) -> Array:
+    """(n,) determinants of m, (n, 3, 3), made as large as 1."""
+    size = _size(m)
+    return _determinants(m / np.where(size > 0, size, 1.0))
+
+
+def _mirrored(m: Array) -> Array:
+    """(n,) bool; what is flat is not: rounding alone says which side of it is which."""
+    return _volumes(m) < -_FLAT
+
+
 def _turns(m: Array) -> Array:
     """(n, 3, 3) the turns of the polar decomposition of m, (n, 3, 3); of mirrored ones that of -m.
     What is flattened to a plane turns as the plane does. Higham's scaled Newton iteration (1986).
     """
     size = _size(m)
     r = m / np.where(size > 0, size, 1.0)
-    r = np.where((_determinants(r) < 0)[:, None, None], -r, r)
+    r = np.where(_mirrored(m)[:, None, None], -r, r)
     # along the normal of a plane, where nothing is left to say which way it goes
     across = _cofactors(r)
-    flat = np.abs(_determinants(r))[:, None, None] < 1e-12
+    flat = np.abs(_volumes(m))[:, None, None] <= _FLAT
     r = np.where(flat, r + across / np.where(_size(across) > 0, _size(across), 1.0), r)
     for _ in range(_STEPS):
         inverse = _cofactors(r)

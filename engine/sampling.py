@@ -31,6 +31,9 @@ _POLYNOMIALS = (
     ((3,), (1, 1, 5, 5, 17)),
     ((2,), (1, 1, 5, 5, 5)),
     ((2, 3, 4), (1, 1, 7, 11, 19)),
+    ((1, 3, 4), (1, 1, 5, 1, 1)),
+    ((1, 2, 4), (1, 1, 1, 3, 11)),
+    ((1, 2, 3), (1, 3, 5, 5, 31)),
 )
 """By dimension, None for van der Corput's: which of the last direction numbers make the next one,
 and the first ones (Joe, Kuo 2008).

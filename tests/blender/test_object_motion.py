@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from export_support import export, link, quad, scene  # noqa: F401
+from glint.addon.export.keys import moved, read_pose
+from glint.addon.export.report import Report
 from glint.addon.render.motion import with_motion
 
 
@@ -161,6 +163,25 @@ def test_instances_are_matched_by_who_they_are(blurred):
     assert block.motion.shape == (3, 4, 3, 4)
     steps = np.diff(block.motion[..., 3], axis=0)
     np.testing.assert_allclose(steps, np.broadcast_to([0.25, 0, 0], (2, 4, 3)), atol=1e-6)
+
+
+@pytest.mark.parametrize("gone", [False, True])
+def test_instances_may_come_in_another_order(blurred, gone):
+    carrier, child = quad("Carrier"), quad("Leaf")
+    child.parent = carrier
+    carrier.instance_type = "VERTS"
+    found, report = export().scene, Report()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    here, there = read_pose(depsgraph), read_pose(depsgraph)
+    leaf = next(thing for thing in there.things if thing.name == "Leaf")
+    leaf.matrices, leaf.numbers = leaf.matrices[::-1] + 1.0, leaf.numbers[::-1]
+    if gone:
+        leaf.matrices, leaf.numbers = leaf.matrices[1:], leaf.numbers[1:]
+    motion = block_of(moved(found, here, [here, here, there], report), "Leaf").motion
+    if gone:
+        assert motion is None and "Leaf" in report.notes()[0]
+    else:
+        np.testing.assert_array_equal(motion[2], motion[0] + 1.0)
 
 
 def test_what_comes_or_goes_stands_still_with_a_note(blurred):

@@ -189,12 +189,14 @@ def test_a_shutter_that_opens_slowly_shows_less_of_the_start():
 # --- the way from one key to the next
 
 
-def test_turns_are_even_and_stretches_straight():
+@pytest.mark.parametrize("angles", [(0.3, 1.5), (-1.2, -2.2), (3.0, 3.4)])
+def test_turns_are_even_and_stretches_straight(angles):
     stretch = np.diag([2.0, 0.5, 1.0]) + 0.1
-    turns = [about((1, 2, -0.5), a) for a in (0.3, 1.5)]
+    turns = [about((1, 2, -0.5), a) for a in angles]
     a, b = (placed(k, -k, 2 * k, turns[k] @ (stretch * (1 + k))) for k in (0, 1))
     for share in (0.0, 0.25, 0.5, 1.0):
-        expected = about((1, 2, -0.5), 0.3 + 1.2 * share) @ (stretch * (1 + share))
+        angle = angles[0] + share * (angles[1] - angles[0])
+        expected = about((1, 2, -0.5), angle) @ (stretch * (1 + share))
         found = between_placements(a[None], b[None], share)[0]
         np.testing.assert_allclose(found[:, :3], expected, atol=1e-13)
         np.testing.assert_allclose(found[:, 3], share * np.array([1, -1, 2]), atol=1e-15)
@@ -206,6 +208,14 @@ def test_mirrored_and_flat_things_turn_as_bodies(stretch):
     a, b = (placed(linear=about(axis, x) @ np.diag(stretch)) for x in (0.0, 1.0))
     found = between_placements(a[None], b[None], 0.5)[0]
     np.testing.assert_allclose(found[:, :3], about(axis, 0.5) @ np.diag(stretch), atol=1e-13)
+
+
+@pytest.mark.parametrize("dust", [1e-9, -1e-9, 3e-8])
+def test_rounding_does_not_turn_flat_things_over(dust):
+    axis = (0.2, 1.0, 0.4)
+    a, b = (placed(linear=about(axis, x) @ np.diag([1, 2, x * dust - 1e-8])) for x in (0.0, 1.0))
+    found = between_placements(a[None], b[None], 0.5)[0]
+    np.testing.assert_allclose(found[:, :3], about(axis, 0.5) @ np.diag([1, 2, 0]), atol=1e-7)
 
 
 def test_what_turns_over_into_its_mirror_image_goes_straight():
