@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from .lens import BLOCK
-from .sampling import shutter_times
+from .sampling import shared_shutter_times, shutter_times
 from .scene import Camera, Geometry, Instances, Light, Mesh, Scene
 
 Array = np.ndarray
@@ -40,7 +40,8 @@ def sample_times(scene: Scene, samples: int) -> Array:
     as the shutter is open. Where more than the camera moves all pixels share times.
     """
     if is_moving(scene):
-        times = np.repeat(shutter_times(1, samples), BLOCK * BLOCK, axis=0)
+        shared = shared_shutter_times(samples, scene.camera.lens is not None)
+        times = np.repeat(shared[None], BLOCK * BLOCK, axis=0)
     else:
         times = shutter_times(BLOCK, samples)
     shutter = scene.camera.shutter
