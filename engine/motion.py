@@ -17,8 +17,8 @@ _RIGID = 1e-6
 _STEPS = 40
 """Of Newton's iteration: far more than matrices need whose axes differ in length by 10 ** 6."""
 _FLAT = 1e-6
-"""Volume, of axes as long as 1 together, up to which a body counts as flat: what rounding to float32
-leaves of a flat one that is turned.
+"""Volume, of axes as long as 1 together, up to which a body counts as flat: what rounding to
+float32 leaves of a flat one that is turned.
 """
 _NEARLY_ALIKE = 0.9995
 """Cosine of half the angle between two turns, from which on the way between them is a chord, as in
