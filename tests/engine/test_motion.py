@@ -186,6 +186,18 @@ def test_a_shutter_that_opens_slowly_shows_less_of_the_start():
     np.testing.assert_allclose(image, 1 - there**2, atol=2 / 64)
 
 
+def test_a_camera_that_moves_sees_what_was_not_before_it():
+    """A square that the resting camera has beside its picture, in tiles that are empty then."""
+    views = np.stack([placed(x, z=5.0) for x in (0.0, 6.0)])
+    camera = replace(seen(motion=views), resolution=(256, 256), kind="PERSPECTIVE")
+    camera = replace(camera, window=(-0.4, 0.4, -0.4, 0.4))
+    still = block(0, at=placed(4.0, 1.2))
+    scene = Scene(camera, (square(),), (still,), (glowing(1.0, 1.0, 1.0),))
+    native, truth = (picture(scene, samples=4, backend=b) for b in BACKENDS)
+    assert truth.any()
+    np.testing.assert_allclose(native, truth, atol=1e-6)
+
+
 # --- the way from one key to the next
 
 
