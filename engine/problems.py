@@ -153,6 +153,23 @@ def _mesh(mesh: Mesh) -> Found:
     if mesh.corners is not None:
         yield from array("corners", mesh.corners, np.uint32, mesh.triangles.shape)
     yield from _attributes(mesh)
+    if mesh.motion is not None:
+        yield from _keys("motion", mesh.motion, np.float32, mesh.vertices.shape)
+    if mesh.normal_motion is not None:
+        if mesh.motion is None or not isinstance(mesh.normals, Attribute):
+            yield "normal_motion is there without motion or normals: give both, or None"
+            return
+        yield from _keys("normal_motion", mesh.normal_motion, np.float32, mesh.normals.values.shape)
+
+
+def _keys(name: str, keys: Any, dtype: type, shape: tuple[int, ...]) -> Found:
+    """Two or more values of one shape while the shutter is open; float64 ones are finite."""
+    found = [*array(name, keys, dtype, (None, *shape))]
+    if not found and len(keys) < 2:
+        found = [f"{name} has {len(keys)} keys: use two or more, or None"]
+    if not found and dtype is np.float64:
+        found = [*finite_array(name, keys)]
+    yield from found
 
 
 def _slots(slots: np.ndarray | None, count: int, primitive: str) -> Found:
@@ -293,13 +310,16 @@ def _kind(group: Instances) -> tuple:
     index.
     """
     values = (group.geometry, group.object_index, group.light_set, *group.materials)
-    return values, tuple(map(type, values)), id(group) if group.values else 0
+    special = group.values or group.motion is not None
+    return values, tuple(map(type, values)), id(group) if special else 0
 
 
 def _instances(scene: Scene, instances: Instances) -> Found:
     yield from handle("geometry", instances.geometry, len(scene.geometries), "geometries")
     shapes = [*array("world_from_object", instances.world_from_object, np.float64, (None, 3, 4))]
     yield from shapes or finite_array("world_from_object", instances.world_from_object)
+    if instances.motion is not None and not shapes:
+        yield from _keys("motion", instances.motion, np.float64, instances.world_from_object.shape)
     if not isinstance(instances.materials, (tuple, list, np.ndarray)):
         yield f"materials is {instances.materials!r}: use a tuple of whole numbers"
         return
@@ -406,6 +426,8 @@ def _light(light: Light) -> Found:
         if not (isinstance(value, int) and 0 <= value <= EVERYTHING):
             yield f"{name} is {value!r}: use a whole number of {MOST_SETS} bits"
     yield from _placement("world_from_light", light.world_from_light, _not_orthonormal)
+    if light.motion is not None:
+        yield from _light_motion(light)
     yield from numbers("color", light.color, 3)
     yield from finite("strength", light.strength)
     for name in ("radius", "size_x", "size_y"):
@@ -413,6 +435,16 @@ def _light(light: Light) -> Found:
     for name in ("angle", "spot_size"):
         yield from at_least(name, getattr(light, name), 0, 2 * np.pi)
     yield from at_least("spot_blend", light.spot_blend, 0, 1)
+
+
+def _light_motion(light: Light) -> Found:
+    if light.kind == "DOME":
+        yield "a DOME has motion: leave it out, the sky stands still"
+        return
+    found = [*_keys("motion", light.motion, np.float64, (3, 4))]
+    yield from found
+    for key in () if found else light.motion:
+        yield from _not_orthonormal("motion", key)
 
 
 def _light_program(light: Light) -> Found:
@@ -474,6 +506,8 @@ def _camera(camera: Camera) -> Found:
         yield from _lens(camera.lens)
     if camera.motion is not None:
         yield from _motion(camera.motion)
+    if camera.shutter is not None:
+        yield from _shutter(camera.shutter)
 
 
 def _window(camera: Camera) -> Found:
@@ -510,6 +544,14 @@ def _clip(camera: Camera) -> Found:
         yield f"clip_planes has {len(camera.clip_planes)} rows: use 6 at most"
     for plane in camera.clip_planes:
         yield from numbers("clip_planes", plane, 4)
+
+
+def _shutter(opening: Any) -> Found:
+    found = [*array("shutter", opening, np.float64, (None,))]
+    found = found or [*finite_array("shutter", opening)]
+    yield from found
+    if not found and (len(opening) < 2 or opening.min() < 0 or not opening.any()):
+        yield "shutter is never open: use two or more numbers of at least 0, not all 0, or None"
 
 
 def _motion(keys: np.ndarray) -> Found:

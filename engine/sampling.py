@@ -31,6 +31,9 @@ _POLYNOMIALS = (
     ((3,), (1, 1, 5, 5, 17)),
     ((2,), (1, 1, 5, 5, 5)),
     ((2, 3, 4), (1, 1, 7, 11, 19)),
+    ((1, 3, 4), (1, 1, 5, 1, 1)),
+    ((1, 2, 4), (1, 1, 1, 3, 11)),
+    ((1, 2, 3), (1, 3, 5, 5, 31)),
 )
 """By dimension, None for van der Corput's: which of the last direction numbers make the next one,
 and the first ones (Joe, Kuo 2008).
@@ -48,6 +51,10 @@ light, which the place in the pixel shifts: 0.96 of the median's.
 """
 _LENS_SCRAMBLES = (101, 202)
 _SHUTTER, _SHUTTER_SCRAMBLES = (7,), (303,)
+_SHARED_SHUTTER, _LENS_SHARED_SHUTTER, _SHARED_SHUTTER_SCRAMBLES = (9,), (12,), (11,)
+"""Of 4 and 6 to 12 the dimension whose pictures of what moves are the least off in FLIP at 8 to 64
+samples where all pixels share times; the lens has that one too, and 12 is the next.
+"""
 
 
 def sobol_points(count: int) -> np.ndarray:
@@ -213,6 +220,12 @@ def shutter_times(block: int, samples: int) -> np.ndarray:
     each = 1 << max(samples - 1, 0).bit_length()
     times = _sobol(block * block * each, _SHUTTER, _SHUTTER_SCRAMBLES)
     return times.reshape(block * block, each)[_bayer(block).ravel(), :samples]
+
+
+def shared_shutter_times(samples: int, has_lens: bool) -> np.ndarray:
+    """(samples,) float64 in (0, 1): the times that all pixels share; the first in the middle."""
+    dimension = _LENS_SHARED_SHUTTER if has_lens else _SHARED_SHUTTER
+    return _sobol(samples, dimension, _SHARED_SHUTTER_SCRAMBLES)[:, 0]
 
 
 def _bayer(size: int) -> np.ndarray:

@@ -52,6 +52,9 @@ class Mesh:
     normals: unit shading normals on POINT or CORNER, or None for flat shading everywhere.
     attributes: UV maps and colours that something reads; the first one with 2 columns is the active
     UV map.
+    motion: (k, v, 3) float32, k >= 2, vertices at even times while the shutter is open; None for a
+    mesh that keeps its shape.  normal_motion: (k, rows of normals, 3) float32, unit, the same of
+    normals; None where they stay.
     """
 
     name: str
@@ -61,6 +64,8 @@ class Mesh:
     material_slots: Array | None = None
     normals: Attribute | None = None
     attributes: tuple[Attribute, ...] = ()
+    motion: Array | None = None
+    normal_motion: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +139,8 @@ class Instances:
     refraction rays, by shadow rays. holdout: cuts a hole of alpha 0 into the picture.
     values: by name, what programs read of each placement, (k, 4) float32.  light_set: 0 to 63,
     which lights reach it.
+    motion: (keys, k, 3, 4) float64, keys >= 2, world_from_object at even times while the shutter is
+    open; None for what stands still.
     """
 
     name: str
@@ -147,6 +154,7 @@ class Instances:
     holdout: bool = False
     values: Mapping[str, Array] = field(default_factory=dict)
     light_set: int = 0
+    motion: Array | None = None
 
 
 ENCODINGS = ("LINEAR", "SRGB")
@@ -355,7 +363,9 @@ class Light:
     color and strength: (h, w, 3) float32 in the light's axes, equirectangular as `engine.dome`
     says.  emitters: of a MESH, whose bounds are size_x, size_y and twice the radius along the
     light's axes, round its origin.  bounces: of a BOUNCED one, the same.  receivers: a bit for each
-    light_set of the instances that it lights, blockers: of those that cast shadows in it.
+    light_set of the instances that it lights, blockers: of those that cast shadows in it.  motion:
+    (k, 3, 4) float64, k >= 2, world_from_light at even times while the shutter is open; None for
+    one that stands still, and of a DOME, MESH or BOUNCED one.
     """
 
     name: str
@@ -381,6 +391,7 @@ class Light:
     bounces: Bounces | None = None
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
+    motion: Array | None = None
 
 
 CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
@@ -415,7 +426,8 @@ class Camera:
     d >= 0, where x and y count along u and v and z is the depth, camera units. What light and
     mirrors meet is not cut. resolution: (nx, ny) of the full frame. lens: None for a pinhole.
     motion: (k, 3, 4) float64, k >= 2, world_from_camera at even times while the shutter is open;
-    None for a camera that stands still.
+    None for a camera that stands still. shutter: (k,) float64, k >= 2, at least 0 and not all 0:
+    how far it is open at even times, None for all of it.
     """
 
     kind: str
@@ -427,6 +439,7 @@ class Camera:
     clip_planes: tuple[tuple[float, float, float, float], ...] = ()
     lens: Lens | None = None
     motion: Array | None = None
+    shutter: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

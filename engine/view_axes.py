@@ -66,10 +66,18 @@ class ViewAxes:
         )
 
     def _instances(self, block: Instances) -> Instances:
-        return replace(block, world_from_object=self._told(block.world_from_object))
+        return replace(
+            block,
+            world_from_object=self._told(block.world_from_object),
+            motion=None if block.motion is None else self._told(block.motion),
+        )
 
     def _light(self, light: Light) -> Light:
-        return replace(light, world_from_light=self._told(light.world_from_light))
+        return replace(
+            light,
+            world_from_light=self._told(light.world_from_light),
+            motion=None if light.motion is None else self._told(light.motion),
+        )
 
     def _told(self, matrices: Array) -> Array:
         """(…, 3, 4) matrices to this frame."""

@@ -207,9 +207,5 @@ def _note_approximations(camera: Any, data: Any, render: Any, report: Report) ->
             "Perspective",
             camera.name,
         )
-    if render.use_motion_blur:
-        report.note("Motion blur is of the camera alone, in renders: objects stand still")
-        if any(p.location[1] != 1 for p in render.motion_blur_shutter_curve.curves[0].points):
-            report.note("The shutter curve is not followed: the shutter is open for all its time")
     if render.use_multiview:
         report.note("Stereoscopy is not rendered: every view is the camera's own")

@@ -240,17 +240,24 @@ def _used(slots: np.ndarray) -> tuple[int, ...]:
 
 def _normals(mesh: Any, source: MeshSource) -> Attribute | None:
     """Shading normals on the coarsest domain that holds them; None for flat meshes."""
-    domain = mesh.normals_domain
-    if domain == "FACE":
+    found = normals_of(mesh)
+    if found is None:
+        return None
+    if found[0] == CORNER:
+        _read_corners(mesh, source)
+    return Attribute("normal", *found)
+
+
+def normals_of(mesh: Any) -> tuple[str, np.ndarray] | None:
+    """The domain that they are on and (n, 3) float32; None for flat meshes."""
+    if mesh.normals_domain == "FACE":
         return None
     normals, domain, count = (
         (mesh.vertex_normals, POINT, len(mesh.vertices))
-        if domain == "POINT"
+        if mesh.normals_domain == "POINT"
         else (mesh.corner_normals, CORNER, len(mesh.loops))
     )
-    if domain == CORNER:
-        _read_corners(mesh, source)
-    return Attribute("normal", domain, _finite(_array(normals, "vector", count, 3)))
+    return domain, _finite(_array(normals, "vector", count, 3))
 
 
 def _all_finite(values: np.ndarray, farthest: float = _LARGEST) -> bool:

@@ -16,7 +16,7 @@ from ... import engine
 from ..export import Decoded, export_scene
 from ..ui.properties import settings_from
 from .aim import Aim, aim_from
-from .motion import with_camera_motion
+from .motion import with_motion
 from .progress import Progress
 from .result import Picture, wanted_passes
 from .skipped import skipped_things
@@ -93,7 +93,7 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
     if not render_engine.is_preview:
         statistics.skipped = skipped_things(depsgraph, export.scene)
     aim, aim_notes = (None, []) if render_engine.is_preview else aim_from(depsgraph.scene_eval)
-    scene = with_camera_motion(export.scene, render_engine, depsgraph)
+    scene, motion_notes = with_motion(export.scene, render_engine, depsgraph)
     statistics.seconds["sync"] = time.perf_counter() - start
     return Job(
         scene=scene,
@@ -106,6 +106,7 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
             *notes,
             *aim_notes,
             *export.notes,
+            *motion_notes,
             *_emptiness(export.scene),
             *_darkness(export.scene),
         ],

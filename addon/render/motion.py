@@ -1,8 +1,9 @@
-"""Motion blur: where the camera stands while the shutter is open."""
+"""Motion blur: where the camera and everything else stands while the shutter is open."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import bpy
@@ -10,47 +11,68 @@ import numpy as np
 
 from ...engine.scene import Scene
 from ..export.camera import camera_frame
+from ..export.keys import Pose, moved, read_pose
+from ..export.report import Report
 
 _KEYS = 3
-"""As Cycles has them unless a camera asks for more."""
+"""As Cycles has them unless an object asks for more."""
+_CURVE = 257
+"""Points of the shutter's curve, as Cycles has about as many."""
 _BEFORE = {"START": 0.0, "CENTER": 0.5, "END": 1.0}
 """How much of the shutter's time lies before the frame."""
 
 
-def with_camera_motion(
+def with_motion(
     scene: Scene, render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
-) -> Scene:
-    """The scene with the movement of its camera, where Blender's scene has motion blur. The frame
-    changes on the way, so that nothing evaluated may be kept over this call.
+) -> tuple[Scene, tuple[str, ...]]:
+    """The scene with the movement of its camera and of what is in it, where Blender's scene has
+    motion blur, and notes. The frame changes on the way, so that nothing evaluated may be kept over
+    this call.
     """
     render, frame = depsgraph.scene.render, depsgraph.scene.frame_current_final
-    if not render.use_motion_blur or render_engine.is_preview:
-        return scene
+    if not render.use_motion_blur or render_engine.is_preview or render.motion_blur_shutter <= 0:
+        return scene, ()
     camera = depsgraph.scene.camera  # of the frame: markers may bind others before and after it
-    times = shutter_times(frame, render.motion_blur_shutter, render.motion_blur_position)
+    still = read_pose(depsgraph)
+    count = max(_KEYS, still.most_keys)
+    times = shutter_times(frame, render.motion_blur_shutter, render.motion_blur_position, count)
+    frames: list[np.ndarray] = []
+    poses: list[Pose] = []
     try:
-        keys = np.stack([_camera_at(time, camera, render_engine, depsgraph) for time in times])
+        for time in times:
+            _go_to(time, render_engine)
+            matrix = camera.evaluated_get(depsgraph).matrix_world
+            frames.append(camera_frame(np.array(matrix, np.float64), camera.name))
+            poses.append(read_pose(depsgraph))
     finally:
         _go_to(frame, render_engine)
-    if (keys == keys[0]).all():
-        return scene
-    return replace(scene, camera=replace(scene.camera, motion=keys))
+    report = Report()
+    scene = moved(scene, still, poses, report)
+    opening = _shutter(render.motion_blur_shutter_curve, report)
+    return _with_camera(scene, frames, opening), report.notes()
 
 
-def shutter_times(frame: float, shutter: float, position: str) -> list[float]:
+def _with_camera(scene: Scene, frames: Sequence[np.ndarray], opening: np.ndarray | None) -> Scene:
+    keys = np.stack(frames)
+    motion = None if (keys == keys[0]).all() else keys
+    return replace(scene, camera=replace(scene.camera, motion=motion, shutter=opening))
+
+
+def _shutter(curve: bpy.types.CurveMapping, report: Report) -> np.ndarray | None:
+    """How far the shutter is open; None where it is all the time."""
+    curve.initialize()
+    times = np.linspace(0.0, 1.0, _CURVE)
+    opening = np.array([curve.evaluate(curve.curves[0], time) for time in times], np.float64)
+    opening = np.maximum(opening, 0.0)
+    if not np.isfinite(opening).all() or not opening.any():
+        report.note("The shutter curve never opens the shutter: it is open for all its time")
+        return None
+    return None if np.ptp(opening) == 0 else opening
+
+
+def shutter_times(frame: float, shutter: float, position: str, count: int = _KEYS) -> list[float]:
     """The frames of the keys: the shutter is open for `shutter` frames."""
-    return [frame + shutter * (k / (_KEYS - 1) - _BEFORE[position]) for k in range(_KEYS)]
-
-
-def _camera_at(
-    time: float,
-    camera: bpy.types.Object,
-    render_engine: bpy.types.RenderEngine,
-    depsgraph: bpy.types.Depsgraph,
-) -> np.ndarray:
-    _go_to(time, render_engine)
-    evaluated = camera.evaluated_get(depsgraph)
-    return camera_frame(np.array(evaluated.matrix_world, np.float64), camera.name)
+    return [frame + shutter * (k / (count - 1) - _BEFORE[position]) for k in range(count)]
 
 
 def _go_to(time: float, render_engine: bpy.types.RenderEngine) -> None:

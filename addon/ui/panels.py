@@ -51,6 +51,10 @@ _WITHOUT_EFFECT = {
 }
 """Blender's panels that a file's settings are looked for in, and what each says on top."""
 
+_DEFORMS = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+_MOVES = {*_DEFORMS, "EMPTY", "LIGHT", "POINTCLOUD"}
+"""Objects that motion blur has settings of."""
+
 
 class _Panel:
     """What all our panels share."""
@@ -174,6 +178,7 @@ class GLINT_RENDER_PT_motion_blur(_Panel, bpy.types.Panel):
         column.active = render.use_motion_blur
         column.prop(render, "motion_blur_position", text="Position")
         column.prop(render, "motion_blur_shutter", text="Shutter")
+        column.template_curve_mapping(render, "motion_blur_shutter_curve")
 
 
 class GLINT_RENDER_PT_film(_Panel, bpy.types.Panel):
@@ -343,6 +348,27 @@ class GLINT_OBJECT_PT_ray_visibility(_Panel, bpy.types.Panel):
         column.prop(context.object, "visible_shadow", text="Shadow")
 
 
+class GLINT_OBJECT_PT_motion_blur(_Panel, bpy.types.Panel):
+    bl_label = "Motion Blur"
+    bl_context = "object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        moves = context.object is not None and context.object.type in _MOVES
+        return moves and hasattr(context.object, "cycles") and super().poll(context)
+
+    def draw_header(self, context):
+        self.layout.prop(context.object.cycles, "use_motion_blur", text="")
+
+    def draw(self, context):
+        settings, column = context.object.cycles, self.animated_column
+        column.active = settings.use_motion_blur
+        column.prop(settings, "motion_steps", text="Steps")
+        if context.object.type in _DEFORMS:
+            column.prop(settings, "use_deform_motion", text="Deformation")
+
+
 class _ShadingPanel:
     """Of the popover of the 3D view's header."""
 
@@ -423,6 +449,7 @@ _CLASSES = (
     GLINT_VIEWLAYER_PT_override,
     GLINT_LIGHT_PT_light,
     GLINT_OBJECT_PT_ray_visibility,
+    GLINT_OBJECT_PT_motion_blur,
     GLINT_VIEW3D_PT_shading_lighting,
     GLINT_VIEW3D_PT_shading_render_pass,
 )

@@ -32,6 +32,7 @@ import numpy as np
 from .. import left_out
 from ..errors import NO_THREAD, SceneError
 from ..film import PASSES, Film, empty_value
+from ..motion import is_moving
 from ..scene import Scene
 from ..settings import Settings
 from ..view_axes import ViewAxes, narrow_view_axes
@@ -68,6 +69,10 @@ _SIGNATURES = {
     "glint_scene_destroy": (None, [c_void_p]),
     "glint_render_start": (c_void_p, [c_void_p, POINTER(RenderSettingsData), c_char_p, c_size_t]),
     "glint_render_wait": (ProgressData, [c_void_p, c_uint32]),
+    "glint_render_move": (
+        c_int32,
+        [c_void_p, c_void_p, POINTER(RenderSettingsData), c_char_p, c_size_t],
+    ),
     "glint_render_resume": (None, [c_void_p]),
     "glint_render_cancel": (None, [c_void_p]),
     "glint_render_picture": (c_void_p, [c_void_p, c_int32, c_uint64]),
@@ -155,6 +160,10 @@ def render_native(
     `library`), RuntimeError for a fault of the core.
     """
     core, axes = library(), narrow_view_axes(scene.camera)
+    if is_moving(scene):
+        from .moving import render_moving
+
+        return render_moving(scene, settings, axes, should_stop, on_progress, on_wave)
     told = axes.scene(scene) if axes else scene
     packed, plan = (
         pack_scene(told),
@@ -162,6 +171,11 @@ def render_native(
     )
     with _scene(core, packed.data) as handle, _render(core, handle, plan.data) as job:
         film = _Render(core, job, scene, settings, axes).run(should_stop, on_progress, on_wave)
+    return with_notes(film, scene, core)
+
+
+def with_notes(film: Film, scene: Scene, core: ctypes.CDLL) -> Film:
+    """The film with what there is to say of it."""
     return replace(film, notes=(*left_out.sentences(scene, film.stats), *_instruction_set(core)))
 
 
@@ -241,8 +255,9 @@ class _Render:
         scene: Scene,
         settings: Settings,
         axes: ViewAxes | None,
+        on_moving: Callable[[], None] = lambda: None,
     ) -> None:
-        self._core, self._handle, self._axes = core, handle, axes
+        self._core, self._handle, self._axes, self._on_moving = core, handle, axes, on_moving
         self._names = passes_of(settings)
         x0, y0, x1, y1 = settings.region or (0, 0, *scene.camera.resolution)
         self._shape = (y1 - y0, x1 - x0)
@@ -268,6 +283,8 @@ class _Render:
                 return self._result(progress)
             if should_stop():
                 self._core.glint_render_cancel(self._handle)
+            elif progress.state == State.MOVING:
+                self._on_moving()
 
     def _result(self, progress: ProgressData) -> Film:
         if progress.state == State.FAILED:

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 23
+ABI_VERSION = 24
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -153,9 +153,10 @@ class State(IntEnum):
     PREPARING = 0
     TRACING = 1
     HELD = 2
-    DONE = 3
-    CANCELLED = 4
-    FAILED = 5
+    MOVING = 3
+    DONE = 4
+    CANCELLED = 5
+    FAILED = 6
 
 
 class Feature(IntEnum):
@@ -173,6 +174,7 @@ class Feature(IntEnum):
     DEPTH_OF_FIELD = 2048
     CAMERA_MOTION = 4096
     BOUNCED_LIGHT = 8192
+    OBJECT_MOTION = 16384
 
 
 class MathFunction(IntEnum):
@@ -312,7 +314,7 @@ class RenderSettingsData(Structure):
         *_each(c_uint32, "dome_rows dome_columns dome_irradiance_rows dome_irradiance_columns"),
         *_each(c_uint32, "camera_block lobe_levels max_bounces threads passes"),
         *_each(c_uint32 * 4, "region"),
-        *_each(c_int32, "illumination waves acceleration remember reflections"),
+        *_each(c_int32, "illumination waves acceleration remember reflections moving"),
     ]
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 from .. import left_out, native
 from ..film import Film
+from ..motion import is_moving
 from ..scene import Light, Scene
 from ..settings import Settings
 from ..view_axes import ViewAxes, narrow_view_axes
@@ -72,6 +73,13 @@ class NativeLive:
             )
 
         scene = self._lit(scene, settings, exact)
+        if is_moving(scene):  # every sample is of a scene of its own: there is nothing to keep
+            film = native.render_native(
+                scene, settings, should_stop, on_wave=lambda film: on_film(film, False)
+            )
+            if film.complete:
+                give(film, True)
+            return
         held = self._hold(scene, exact)
         plan = pack_settings(held.told, settings, waves="SEEN", remember=exact)
         with native._render(self._core, held.handle, plan.data) as job:
@@ -88,6 +96,8 @@ class NativeLive:
         that its time and rays can be told.
         """
         scene = self._lit(scene, settings, exact=True)
+        if is_moving(scene):
+            return native.render_native(scene, settings, should_stop)
         held = self._hold(scene, exact=True)
         plan = pack_settings(held.told, settings, waves="UNSEEN")
         with native._render(self._core, held.handle, plan.data) as job:

@@ -10,9 +10,9 @@ from ..errors import SceneError
 from ..film import PASSES
 from ..lens import BLOCK, lens_points
 from ..mesh_lights import MeshTable
-from ..motion import camera_frames
+from ..motion import camera_frames, is_moving, sample_times
 from ..sampling import light_points, lobe_points, pixel_offsets
-from ..scene import Camera, Lens, Light, Scene
+from ..scene import Lens, Light, Scene
 from ..settings import DECLARED, Settings
 from . import core_types
 from .packer import Packed, Packer, address, number
@@ -76,8 +76,9 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
             _add_bounced(data, packer, light, settings)
     if scene.camera.lens:
         _add_lens(data, packer, scene.camera.lens, settings)
+    data.moving = is_moving(scene)
     if scene.camera.motion is not None:
-        _add_motion(data, packer, scene.camera, settings)
+        _add_motion(data, packer, scene, settings)
     return Packed(data, packer.lent)
 
 
@@ -127,9 +128,10 @@ def _surface_points(packer: Packer, t: MeshTable, name: str) -> np.ndarray:
 
 
 def _add_motion(
-    data: core_types.RenderSettingsData, packer: Packer, camera: Camera, settings: Settings
+    data: core_types.RenderSettingsData, packer: Packer, scene: Scene, settings: Settings
 ) -> None:
-    frames = camera_frames(camera, settings.samples).reshape(-1, 12)
+    times = sample_times(scene, settings.samples)
+    frames = camera_frames(scene.camera, times).reshape(-1, 12)
     frames = packer.lend(frames, np.float64, (None, 12), "camera frames")
     data.camera_frames, data.camera_frame_count = address(frames), len(frames)
     data.camera_block = BLOCK

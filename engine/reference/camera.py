@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..lens import BLOCK, lens_points
-from ..motion import camera_frames
-from ..scene import Camera
+from ..motion import camera_frames, sample_times
+from ..scene import Camera, Scene
 from .geometry import Geometry
 from .raster import Strips, pixel_strips
 from .rays import ULPS, Bundle, Frame, Pencil, Rays
@@ -29,10 +29,13 @@ class Spread:
     frames: Array | None
 
     @classmethod
-    def samples(cls, camera: Camera, count: int) -> list[Spread]:
+    def samples(cls, scene: Scene, count: int) -> list[Spread]:
         """Of all samples of a picture."""
+        camera = scene.camera
         lens = lens_points(camera.lens, count) if camera.lens else None
-        frames = camera_frames(camera, count) if camera.motion is not None else None
+        frames = (
+            camera_frames(camera, sample_times(scene, count)) if camera.motion is not None else None
+        )
         return [
             cls(
                 None if lens is None else lens[:, k],

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
 from .camera import Spread
@@ -108,12 +109,15 @@ class Explainer:
     """Follows single rays of a scene; the order of work is that of `Generations`."""
 
     def __init__(self, scene: Scene, settings: Settings) -> None:
+        lit = scene.as_lit(**settings.lighting)
+        if is_moving(scene):
+            lit = moment(lit, sample_times(scene, settings.samples)[0, 0])
         self.stage = Stage(
-            scene.as_lit(**settings.lighting),
+            lit,
             replace(settings, samples=1, region=None, passes=frozenset()),
             Pulse(lambda: False),
         )
-        self._spread = Spread.samples(scene.camera, settings.samples)[0]
+        self._spread = Spread.samples(scene, settings.samples)[0]
 
     def pixel(self, x: int, y: int) -> Ray:
         """The camera ray through the centre of pixel (x, y) of the full frame, bottom left first,

@@ -10,6 +10,7 @@ from time import perf_counter
 import numpy as np
 
 from ..film import FIRST_ESTIMATE, Film
+from ..motion import is_moving, moment, sample_times
 from ..sampling import pixel_offsets
 from ..scene import Scene
 from ..settings import Settings
@@ -52,10 +53,13 @@ class Tracer:
             self._region = widened(self._shown, scene.camera.resolution)
         x0, y0, x1, y1 = self._region
         self.picture = Picture(x1 - x0, y1 - y0, settings.passes)
-        is_spread = scene.camera.lens is not None or scene.camera.motion is not None
+        is_spread = (
+            scene.camera.lens is not None or scene.camera.motion is not None or is_moving(scene)
+        )
         self._refinement = Refinement(settings, self._is_shown(), is_spread) if refines else None
         self._estimate = ErrorEstimate((y1 - y0, x1 - x0)) if "Error" in settings.passes else None
-        self._spreads = Spread.samples(scene.camera, settings.samples)
+        self._spreads = Spread.samples(scene, settings.samples)
+        self._times = sample_times(scene, settings.samples)[0] if is_moving(scene) else None
         self._finished = 0  # samples
         self._stage: Stage | None = None
         self._seconds: dict[str, float] = {}
@@ -68,10 +72,13 @@ class Tracer:
         """Traces all samples; False when stopped."""
         try:
             with self._clock("build"):
-                self._stage = Stage(self._scene, self._settings, self._pulse)
+                self._stage = self._stage_of(0)
             for sample, offset in enumerate(
                 pixel_offsets(self._settings.samples, self._settings.filter_width)
             ):
+                if sample > 0 and self._times is not None:
+                    with self._clock("build"):
+                        self._stage = self._stage_of(sample)
                 with self._clock("trace"):
                     for done in self._sample(self._stage, sample, offset):
                         on_progress((sample + done) / self._settings.samples)
@@ -84,6 +91,15 @@ class Tracer:
         except Stopped:
             return False
         return True
+
+    def _stage_of(self, sample: int) -> Stage:
+        """What stands there at the time of a sample."""
+        moves = self._times is not None
+        scene = moment(self._scene, self._times[sample]) if moves else self._scene
+        stage = Stage(scene, self._settings, self._pulse)
+        if self._stage is not None:
+            stage.rays.update(self._stage.rays)
+        return stage
 
     def film(self, complete: bool) -> Film:
         """The picture so far."""

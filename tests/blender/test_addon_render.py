@@ -290,3 +290,32 @@ def _runs(process: Path, folder: Path) -> bool:
         return str(folder) in (process / "cmdline").read_text()
     except OSError:
         return False
+
+
+def test_what_moves_blurs_in_a_render_and_the_frame_stays(tmp_path):
+    """The cube of the factory's file slides; in a second render it stands still."""
+    blender = Blender(tmp_path)
+    run = blender.run(
+        DRAW
+        + """
+cube = bpy.data.objects["Cube"]
+for frame, x in ((1, -2.0), (3, 2.0)):
+    cube.location.x = x
+    cube.keyframe_insert("location", frame=frame)
+scene.frame_set(2)
+scene.glint.final.samples, scene.glint.final.backend = 16, "NATIVE"
+scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 1.0
+draw("moving.exr")
+print("stands at", scene.frame_current_final)
+cube.cycles.use_motion_blur = False
+draw("still.exr")
+"""
+    )
+    moving, still = (_picture(tmp_path / name) for name in ("moving.exr", "still.exr"))
+    assert "stands at 2.0" in run.output
+    # the cube before the grey world, of which it covers more while it slides
+    covered = [
+        np.count_nonzero(np.abs(p - p[0, 0])[..., :3].max(-1) > 0.005) for p in (moving, still)
+    ]
+    assert covered[0] > 1.5 * covered[1] > 0
+    assert 0.8 < moving[..., :3].sum() / still[..., :3].sum() < 1.25

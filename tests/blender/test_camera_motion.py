@@ -7,16 +7,25 @@ import numpy as np
 import pytest
 
 from export_support import export, link, quad, scene  # noqa: F401
-from glint.addon.render.motion import shutter_times, with_camera_motion
+from glint.addon.render.motion import shutter_times, with_motion
 
 
 def read(scene):  # noqa: F811
     """The exported scene as a final render has it."""
+    return with_notes(scene)[0]
+
+
+def told(scene):  # noqa: F811
+    """The notes of that."""
+    return with_notes(scene)[1]
+
+
+def with_notes(scene):  # noqa: F811
     engine = SimpleNamespace(
         is_preview=False,
         frame_set=lambda frame, subframe: scene.frame_set(frame, subframe=subframe),
     )
-    return with_camera_motion(export().scene, engine, bpy.context.evaluated_depsgraph_get())
+    return with_motion(export().scene, engine, bpy.context.evaluated_depsgraph_get())
 
 
 @pytest.fixture
@@ -75,8 +84,21 @@ def test_a_camera_bound_to_another_frame_is_not_this_one(moving):
     np.testing.assert_allclose(read(moving).camera.motion[:, 0, 3], [5, 5.5, 6], rtol=1e-6)
 
 
-def test_a_shutter_curve_is_told(moving):
-    assert not any("shutter curve" in note for note in export().notes)
-    moving.render.motion_blur_shutter_curve.curves[0].points[0].location = (0.0, 0.0)
+def test_a_shutter_curve_is_followed(moving):
+    assert read(moving).camera.shutter is None
+    first, last = moving.render.motion_blur_shutter_curve.curves[0].points[:2]
+    first.location, last.location = (0.0, 0.0), (1.0, 1.0)
+    for point in (first, last):
+        point.handle_type = "VECTOR"
+    moving.render.motion_blur_shutter_curve.update()
     moving.update_tag()
-    assert any("shutter curve" in note for note in export().notes)
+    opening = read(moving).camera.shutter
+    np.testing.assert_allclose(opening, np.linspace(0, 1, len(opening)), atol=0.01)
+
+
+def test_a_shutter_that_never_opens_is_told(moving):
+    for point in moving.render.motion_blur_shutter_curve.curves[0].points:
+        point.location = (point.location[0], 0.0)
+    moving.render.motion_blur_shutter_curve.update()
+    assert read(moving).camera.shutter is None
+    assert any("never opens" in note for note in told(moving))

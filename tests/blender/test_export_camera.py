@@ -226,7 +226,7 @@ def test_what_the_camera_cannot_do_is_noted(scene):  # noqa: F811
     assert export().notes == ()
     scene.render.use_motion_blur = scene.render.use_multiview = True
     scene.camera.data.type = "PANO"
-    assert len(export().notes) == 3
+    assert len(export().notes) == 2
 
 
 def test_looking_through_a_spot_light_takes_in_its_cone(scene):  # noqa: F811

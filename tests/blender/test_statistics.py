@@ -92,12 +92,13 @@ def test_what_was_left_out_is_told_with_its_reason(tmp_path):
     run = Blender(tmp_path).run(
         SCENE
         + """
+scene.camera.data.type = "PANO"
+flat = render()
+scene.camera.data.type = "PERSP"
 scene.render.use_motion_blur = True
-still = render()
-scene.render.use_motion_blur = False
-answer([still, render()])
+answer([flat, render()])
 """
     )
     first, second = run.answer
-    assert len(first["notes"]) == 1 and "Motion blur" in first["notes"][0]
+    assert len(first["notes"]) == 1 and "Panoramic" in first["notes"][0]
     assert second["notes"] == []

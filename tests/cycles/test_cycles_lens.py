@@ -8,7 +8,7 @@ import pytest
 
 import cycles_reference as cycles
 import small_scenes as build
-from glint.addon.render.motion import with_camera_motion
+from glint.addon.render.motion import with_motion
 from glint_picture import render_glint
 
 SIDE = 48
@@ -84,7 +84,7 @@ def test_motion_of_the_camera(position):
     film = render_glint(
         scene,
         "NATIVE",
-        edit=lambda read: with_camera_motion(read, engine, depsgraph),
+        edit=lambda read: with_motion(read, engine, depsgraph)[0],
         samples=256,
         filter_width=0.0,
     )

@@ -15,7 +15,7 @@ from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.lens import lens_points
 from glint.engine.motion import camera_frames
-from glint.engine.sampling import lens_square
+from glint.engine.sampling import lens_square, shutter_times
 from glint.engine.scene import (
     Camera,
     Input,
@@ -292,7 +292,8 @@ def test_problems_name_the_number(lens, words):
 
 def test_frames_turn_evenly_and_go_straight():
     keys = turned(-0.3, 0, 0, 0), turned(0.0, 1, 0, 0), turned(0.5, 1, 2, 0)
-    frames = camera_frames(moving(seen("PERSPECTIVE", None), *keys), 64).reshape(-1, 3, 4)
+    frames = camera_frames(moving(seen("PERSPECTIVE", None), *keys), shutter_times(2, 64))
+    frames = frames.reshape(-1, 3, 4)
     angles = np.arctan2(frames[:, 0, 2], frames[:, 0, 0])
     times = np.where(angles < 0, (angles + 0.3) / 0.6, 0.5 + angles)
     line = np.sort(times)

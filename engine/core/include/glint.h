@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 23
+#define GLINT_ABI_VERSION 24
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -288,7 +288,8 @@ enum GlintPass {
  * samples, 2) points of the lens along the camera's u and v, of each pixel of a block of
  * camera_block² pixels of the frame, row by row; lens_focus: the depth where everything is sharp,
  * camera units. camera_frames: null for a camera that stands still, else (camera_block², samples,
- * 12) its world_from_camera of each sample. */
+ * 12) its world_from_camera of each sample. moving: each sample is of a scene of its own, see
+ * glint_render_move. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -310,13 +311,14 @@ typedef struct GlintRenderSettings {
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels;
   uint32_t max_bounces, threads, passes;
   uint32_t region[4];
-  int32_t illumination, waves, acceleration, remember, reflections;
+  int32_t illumination, waves, acceleration, remember, reflections, moving;
 } GlintRenderSettings;
 
 enum GlintState {
   GLINT_PREPARING,
   GLINT_TRACING,
   GLINT_HELD,
+  GLINT_MOVING,
   GLINT_DONE,
   GLINT_CANCELLED,
   GLINT_FAILED
@@ -344,7 +346,8 @@ enum GlintFeature {
   GLINT_FEATURE_MESH_LIGHT = 1024,
   GLINT_FEATURE_DEPTH_OF_FIELD = 2048,
   GLINT_FEATURE_CAMERA_MOTION = 4096,
-  GLINT_FEATURE_BOUNCED_LIGHT = 8192
+  GLINT_FEATURE_BOUNCED_LIGHT = 8192,
+  GLINT_FEATURE_OBJECT_MOTION = 16384
 };
 
 typedef struct GlintStats {
@@ -391,6 +394,15 @@ GLINT_API GlintProgress glint_render_wait(GlintRender* render, uint32_t millisec
 /* With GLINT_WAVES_HELD the work pauses after each wave but the last (state HELD) until this call.
  */
 GLINT_API void glint_render_resume(GlintRender* render);
+
+/* With `moving` the work pauses before each sample but the first (state MOVING) until this call
+ * gives the scene of the next sample: that of another time, with the same camera. Of the settings
+ * only the tables may differ from those of the start; they and the scene are borrowed until the
+ * next call of this, the ones before no longer. Returns 0, or -1 and text in `error`, and the work
+ * still pauses. */
+GLINT_API int32_t glint_render_move(GlintRender* render, GlintScene* scene,
+                                    const GlintRenderSettings* settings, char* error,
+                                    size_t error_size);
 
 /* Returns at once; the state turns CANCELLED soon. */
 GLINT_API void glint_render_cancel(GlintRender* render);

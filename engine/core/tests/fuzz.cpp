@@ -120,11 +120,44 @@ void check_pixels(GlintRender* render, const GlintRenderSettings& s) {
   }
 }
 
+/// The scenes of a moving render's samples, which live as long as it does. data: of the first one,
+/// null where all samples are to be of that.
+struct Moments {
+  GlintScene* first = nullptr;
+  const GlintSceneData* data = nullptr;
+  Arena* arena = nullptr;
+  std::vector<GlintScene*> made{};
+  Moments(GlintScene* scene) : first(scene) {}
+  Moments(GlintScene* scene, const GlintSceneData& of, Arena& in)
+      : first(scene), data(&of), arena(&in) {}
+  Moments(const Moments&) = delete;
+  Moments& operator=(const Moments&) = delete;
+  ~Moments() {
+    for (GlintScene* scene : made) glint_scene_destroy(scene);
+  }
+};
+
+/// The next sample's scene: another one or, where that is refused, the first again.
+bool give(GlintRender* render, const GlintRenderSettings& s, Moments& moments, Dice& dice) {
+  ErrorBuffer error(dice);
+  if (moments.data && dice.chance(0.7)) {
+    const GlintSceneData data = varied(dice, *moments.arena, *moments.data);
+    GlintScene* const base = moments.made.empty() ? moments.first : moments.made.back();
+    if (GlintScene* next =
+            glint_scene_create_like(base, &data, dice.chance(0.5), error.data(), error.size)) {
+      moments.made.push_back(next);
+      if (glint_render_move(render, next, &s, error.data(), error.size) == 0) return true;
+    }
+    error.check();
+  }
+  return glint_render_move(render, moments.first, &s, nullptr, 0) == 0;
+}
+
 /// Mirrors and glass one behind the other can ask for millions of rays: after a while such a render
 /// is cancelled, and has to end soon. Gives whether it came to its end. is_short: memory or threads
 /// may run out.
-bool run(GlintRender* render, const GlintRenderSettings& s, Dice& dice, Kept& kept,
-         bool is_short = false) {
+bool run(GlintRender* render, const GlintRenderSettings& s, Moments& moments, Dice& dice,
+         Kept& kept, bool is_short = false) {
   constexpr double kPatience = 15, kLongest = 60;  // seconds
   bool cancel = dice.chance(0.2);
   const bool by_another = cancel && dice.chance(0.5);
@@ -135,7 +168,8 @@ bool run(GlintRender* render, const GlintRenderSettings& s, Dice& dice, Kept& ke
       std::this_thread::sleep_for(delay);
       glint_render_cancel(render);
     });
-  Dice pace = dice;  // how often it is thrown depends on the machine, and what comes after must not
+  Dice moved = dice,
+       pace = dice;  // how often it is thrown depends on the machine, and what comes after must not
   const auto start = Clock::now();
   GlintProgress progress{};
   do {
@@ -143,6 +177,11 @@ bool run(GlintRender* render, const GlintRenderSettings& s, Dice& dice, Kept& ke
     expect(progress.fraction >= 0 && progress.fraction <= 1, "the fraction is not between 0 and 1");
     kept.look(render, s);
     if (progress.state == GLINT_HELD) glint_render_resume(render);
+    if (progress.state == GLINT_MOVING && !cancel && !give(render, s, moments, moved)) {
+      expect(is_short, "the scene of the first sample is refused for another one");
+      glint_render_cancel(render);
+      cancel = true;
+    }
     cancel |= seconds_since(start) > kPatience;
     if (cancel && !by_another) glint_render_cancel(render);
     expect(seconds_since(start) < kLongest,
@@ -160,15 +199,15 @@ bool run(GlintRender* render, const GlintRenderSettings& s, Dice& dice, Kept& ke
 }
 
 /// One render of a scene; the first of its pictures goes to `kept`, which may outlive the scene.
-void draw(GlintScene* scene, const GlintRenderSettings& s, Dice& dice, Tally& tally, Kept& kept) {
+void draw(Moments moments, const GlintRenderSettings& s, Dice& dice, Tally& tally, Kept& kept) {
   ErrorBuffer why(dice);
-  GlintRender* render = glint_render_start(scene, &s, why.data(), why.size);
+  GlintRender* render = glint_render_start(moments.first, &s, why.data(), why.size);
   if (!render) {
     ++tally.refused;
     return why.check();
   }
   if (dice.chance(0.9)) {
-    run(render, s, dice, kept);
+    run(render, s, moments, dice, kept);
     ++tally.renders;
   }
   glint_render_destroy(render);
@@ -182,7 +221,8 @@ std::vector<float> picture_of(GlintScene* scene, const GlintRenderSettings& s, D
   Kept none;
   Dice calm = dice;
   calm.wildness = 0;
-  const bool done = run(render, s, calm, none);
+  Moments still(scene);
+  const bool done = run(render, s, still, calm, none);
   GlintPicture* picture =
       done ? glint_render_picture(render, GLINT_PASS_COMBINED, 4 * pixels_of(s)) : nullptr;
   if (picture)
@@ -215,7 +255,7 @@ void reuse_from(GlintScene* base, const GlintSceneData& before, Dice& dice, Aren
     glint_scene_destroy(own);
   } else {
     Kept kept;
-    draw(handle, s, dice, tally, kept);
+    draw({handle, data, arena}, s, dice, tally, kept);
   }
   if (dice.chance(0.3)) reuse_from(handle, data, dice, arena, tally);
   glint_scene_destroy(handle);
@@ -233,7 +273,7 @@ void try_render(Dice& dice, Tally& tally) {
   }
   Kept kept[2];  // beyond the scene's own life
   for (size_t k = 1 + dice.below(2); k > 0; --k)
-    draw(handle, settings(dice, arena, data), dice, tally, kept[k - 1]);
+    draw({handle, data, arena}, settings(dice, arena, data), dice, tally, kept[k - 1]);
   if (dice.chance(0.3)) reuse_from(handle, data, dice, arena, tally);
   glint_scene_destroy(handle);
 }
@@ -259,7 +299,8 @@ void try_shortage(Dice& dice, Tally& tally) {
     }
     Kept kept;
     if (render) {
-      run(render, s, later, kept, true);
+      Moments still(handle);
+      run(render, s, still, later, kept, true);
       ++tally.renders;
     }
     tally.short_of += shortage.refused();

@@ -627,6 +627,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   s.waves = int32_t(dice.below(3));
   s.acceleration = int32_t(dice.below(3));
   s.remember = int32_t(dice.below(2));
+  s.moving = int32_t(dice.chance(0.2));
   if (dice.wildness == 0 || !dice.chance(0.1)) return s;
   switch (dice.below(8)) {
     case 0:

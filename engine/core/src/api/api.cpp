@@ -86,6 +86,16 @@ GlintRender* glint_render_start(GlintScene* scene, const GlintRenderSettings* se
 GlintProgress glint_render_wait(GlintRender* render, uint32_t milliseconds) {
   return render->job.wait(milliseconds);
 }
+int32_t glint_render_move(GlintRender* render, GlintScene* scene,
+                          const GlintRenderSettings* settings, char* error, size_t error_size) {
+  return glint::guarded<int32_t>(-1, error, error_size, [&] {
+    const std::string problems =
+        scene && settings ? render->job.move(scene->scene, *settings) : "no scene or no settings";
+    if (problems.empty()) return 0;
+    glint::tell(error, error_size, problems.c_str());
+    return -1;
+  });
+}
 void glint_render_resume(GlintRender* render) { render->job.resume(); }
 void glint_render_cancel(GlintRender* render) { render->job.cancel(); }
 GlintPicture* glint_render_picture(GlintRender* render, int32_t pass, uint64_t size) {

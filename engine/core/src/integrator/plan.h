@@ -16,7 +16,7 @@ struct RenderPlan {
            mesh_tabled = 1, bounced_samples = 1, bounced_tabled = 1, max_bounces = 0, passes = 0;
   int threads = 1;
   BuildQuality quality = BuildQuality::kBalanced;
-  bool physical = true, unseen = false, hold_waves = false,
+  bool physical = true, unseen = false, hold_waves = false, moving = false,
        remember = false;  // unseen: nobody looks before the last wave
   const double* pixel_offsets = nullptr;
   const double* light_square = nullptr;

@@ -71,7 +71,7 @@ void Tracer::choose(const Tile& tile) {
     active_.resize(tile.pixels());
     std::iota(active_.begin(), active_.end(), 0u);
   }
-  surely_empty_ = !active_.empty() && !plan_.lens_points &&
+  surely_empty_ = !active_.empty() && !plan_.is_spread() && !plan_.moving &&
                   !(scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) && !scene_.sky_program &&
                   scene_.accel().surely_empty(frustum(tile));
 }
@@ -172,7 +172,7 @@ void Tracer::measure(const Tile& tile, uint32_t samples) {
 
 void Tracer::decide(const Tile& tile, uint32_t samples) {
   slots_.set(tile.width(), tile.height());
-  const bool seen = !plan_.is_spread() || samples >= Refinement::kLensSamples;
+  const bool seen = !(plan_.is_spread() || plan_.moving) || samples >= Refinement::kLensSamples;
   film_.refinement().decide(tile, slots_, samples, seen);
 }
 

@@ -1,5 +1,8 @@
 #include "session/job.h"
 
+#include <algorithm>
+#include <cstring>
+
 #include "session/timer.h"
 
 namespace glint {
@@ -37,6 +40,7 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.quality = BuildQuality(g.acceleration);
   plan.physical = g.illumination == GLINT_PHYSICAL;
   plan.remember = g.remember != 0;
+  plan.moving = g.moving != 0;
   plan.pixel_offsets = g.pixel_offsets;
   plan.light_square = g.light_square;
   plan.light_disc = g.light_disc;
@@ -65,6 +69,15 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.lens_focus = g.lens_focus;
   for (int k = 0; k < 9; ++k) plan.dome.axes[k / 3][k % 3] = g.dome_axes[k];
   return plan;
+}
+
+bool same_view(const GlintCamera& a, const GlintCamera& b) {
+  const bool same_planes = a.clip_plane_count == b.clip_plane_count &&
+                           std::memcmp(a.clip_planes, b.clip_planes, sizeof a.clip_planes) == 0;
+  return a.width == b.width && a.height == b.height && a.kind == b.kind && same_planes &&
+         a.clip_start == b.clip_start && a.clip_end == b.clip_end &&
+         std::equal(a.window, a.window + 4, b.window) &&
+         std::equal(a.world_from_camera, a.world_from_camera + 12, b.world_from_camera);
 }
 
 bool sound_region(const uint32_t* r, const GlintCamera& camera) {
@@ -143,7 +156,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
 }
 
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
-    : scene_(scene),
+    : scene_(&scene),
       plan_(plan_of(settings, scene.camera)),
       film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples),
       thread_([this] { work(); }) {}
@@ -182,7 +195,8 @@ void Job::work() {
 }
 
 void Job::run() {
-  if (!scene_.build(plan_.threads, plan_.quality, cancel_)) return enter(GLINT_CANCELLED);
+  if (!scene_->build(plan_.threads, plan_.quality, cancel_)) return enter(GLINT_CANCELLED);
+  moving_seconds_ = scene_->build_seconds;
   enter(GLINT_TRACING);
   trace_waves();
   enter(cancel_ ? GLINT_CANCELLED : GLINT_DONE);
@@ -197,35 +211,82 @@ uint32_t Job::first_wave() {
 /// Whether the first wave is all: each tile's picture is then made while its sums are at hand, in
 /// memory that the next tile takes over.
 bool Job::at_once() {
-  return first_wave() == plan_.samples && !film_.refinement().on() && !film_.estimate().on();
+  return first_wave() == plan_.samples && !plan_.moving && !film_.refinement().on() &&
+         !film_.estimate().on();
 }
 
 void Job::trace_waves() {
   pool_ = std::make_unique<ThreadPool>(int(std::min(size_t(plan_.threads), film_.tiles().size())));
   const bool looks_up =
-      plan_.remember && !plan_.is_spread() &&
+      plan_.remember && !plan_.is_spread() && !plan_.moving &&
       !film_.wants(GLINT_PASS_FALLBACKS);  // what is not traced has no fallbacks to count
   const std::shared_ptr<FirstHitCache> first_hits =
-      looks_up ? scene_.first_hits(plan_, film_) : nullptr;
+      looks_up ? scene_->first_hits(plan_, film_) : nullptr;
   const auto held = first_hits ? std::unique_lock(first_hits->mutex, std::try_to_lock)
                                : std::unique_lock<std::mutex>();
-  if (held) first_hits->expect(scene_, plan_);
+  if (held) first_hits->expect(*scene_, plan_);
   FirstHitCache* const usable = held ? first_hits.get() : nullptr;
-  for (size_t k = 0; k < pool_->size(); ++k)
-    tracers_.push_back(std::make_unique<Tracer>(scene_, plan_, film_, cancel_, usable));
+  make_tracers(usable);
   for (uint32_t first = 0, last = 1; first < plan_.samples && !cancel_; first = last) {
     last = first == 0 ? first_wave()
                       : uint32_t(std::min<uint64_t>(2 * uint64_t(first), plan_.samples));
     double seconds = 0;
+    const double before = moving_seconds_;
     {
       const Timer timer(seconds);
-      std::atomic<size_t> next{0};
-      pool_->run(tracers_.size(), [&](size_t thread) { trace_tiles(thread, first, last, next); });
+      trace_moments(first, last);
       if (!cancel_) refine(last);
     }
-    end_wave(last, seconds);
+    end_wave(last, seconds - (moving_seconds_ - before));
   }
   pool_.reset();
+}
+
+void Job::make_tracers(FirstHitCache* first_hits) {
+  for (size_t k = 0; k < pool_->size(); ++k)
+    tracers_.push_back(std::make_unique<Tracer>(*scene_, plan_, film_, cancel_, first_hits));
+}
+
+/// Nothing refers to the scene any more.
+void Job::drop_tracers() {
+  for (const auto& tracer : tracers_) earlier_rays_ += tracer->counts();
+  tracers_.clear();
+}
+
+/// The wave: at once, or where things move sample by sample, each of its own scene.
+void Job::trace_moments(uint32_t first, uint32_t last) {
+  const uint32_t each = plan_.moving ? 1 : last - first;
+  for (uint32_t sample = first; sample < last && !cancel_; sample += each) {
+    if (plan_.moving && sample > 0 && !wait_for_scene()) return;
+    std::atomic<size_t> next{0};
+    pool_->run(tracers_.size(),
+               [&](size_t thread) { trace_tiles(thread, sample, sample + each, next); });
+  }
+}
+
+/// False when cancelled.
+bool Job::wait_for_scene() {
+  double seconds = 0;
+  {
+    const Timer timer(seconds);
+    drop_tracers();
+    ask_for_scene();
+    if (cancel_ || !scene_->build(plan_.threads, plan_.quality, cancel_)) return false;
+    make_tracers(nullptr);
+  }
+  std::lock_guard lock(mutex_);
+  built_ = true;
+  moving_seconds_ += seconds;
+  return true;
+}
+
+void Job::ask_for_scene() {
+  std::unique_lock lock(mutex_);
+  state_ = GLINT_MOVING;
+  changed_.notify_all();
+  resumed_.wait(lock, [&] { return cancel_ || moved_; });
+  moved_ = false;
+  state_ = GLINT_TRACING;
 }
 
 /// Looks at what the wave up to `samples` brought, and stops the pixels that are good enough.
@@ -266,7 +327,7 @@ void Job::end_wave(uint32_t samples, double seconds) {
   if (complete && samples == plan_.samples)
     film_.forget_sums();  // before anybody who looks at the picture needs room
   trace_seconds_ += seconds;
-  rays_ = {};
+  rays_ = earlier_rays_;
   for (const auto& tracer : tracers_) rays_ += tracer->counts();
   if (complete) publish(samples, lock);
 }
@@ -311,7 +372,7 @@ double Job::fraction() const {
 GlintProgress Job::wait(uint32_t milliseconds) {
   std::unique_lock lock(mutex_);
   changed_.wait_for(lock, std::chrono::milliseconds(milliseconds),
-                    [&] { return ended() || samples_ > reported_; });
+                    [&] { return ended() || state_ == GLINT_MOVING || samples_ > reported_; });
   reported_ = samples_;
   return {fraction(), samples_, state_};
 }
@@ -320,6 +381,28 @@ void Job::resume() {
   std::lock_guard lock(mutex_);
   resumed_after_ = samples_;
   resumed_.notify_all();
+}
+
+std::string Job::move(Scene& scene, const GlintRenderSettings& settings) {
+  std::lock_guard lock(mutex_);
+  if (state_ != GLINT_MOVING) return cancel_ ? "" : "no scene is waited for";
+  std::string problems = settings_problems(settings, scene);
+  if (!problems.empty()) return problems;
+  if (!same_view(scene.camera, scene_->camera)) return "scene: the camera is another one";
+  const RenderPlan plan = plan_of(settings, scene.camera);
+  const auto same = [](const Region& a, const Region& b) {
+    return a.x0 == b.x0 && a.y0 == b.y0 && a.x1 == b.x1 && a.y1 == b.y1;
+  };
+  if (!plan.moving || plan.samples != plan_.samples || plan.passes != plan_.passes ||
+      !same(plan.region, plan_.region) || !same(plan.shown, plan_.shown))
+    return "settings: more than the tables differs from those of the start";
+  scene_ = &scene;
+  plan_ = plan;
+  built_ = false;
+  moved_ = true;
+  state_ = GLINT_TRACING;
+  resumed_.notify_all();
+  return {};
 }
 
 void Job::cancel() {
@@ -337,14 +420,15 @@ GlintStats Job::stats() {
   std::lock_guard lock(mutex_);
   GlintStats s{};
   s.trace_seconds = trace_seconds_;
-  s.triangles = scene_.triangles;
-  s.instances = scene_.placements.size();
-  s.primitives = scene_.primitives;
-  s.dropped_instances = scene_.dropped_instances;
-  s.dropped_lights = scene_.dropped_lights;
-  s.features = scene_.features;
+  s.triangles = scene_->triangles;
+  s.instances = scene_->placements.size();
+  s.primitives = scene_->primitives;
+  s.dropped_instances = scene_->dropped_instances;
+  s.dropped_lights = scene_->dropped_lights;
+  s.features = scene_->features;
   if (plan_.lens_points) s.features |= GLINT_FEATURE_DEPTH_OF_FIELD;
   if (plan_.camera_frames) s.features |= GLINT_FEATURE_CAMERA_MOTION;
+  if (plan_.moving) s.features |= GLINT_FEATURE_OBJECT_MOTION;
   s.threads = uint32_t(plan_.threads);
   s.camera_rays = rays_.camera;
   s.shadow_rays = rays_.shadow;
@@ -352,8 +436,8 @@ GlintStats Job::stats() {
   s.refraction_rays = rays_.refraction;
   s.transparent_rays = rays_.transparent;
   if (!built_) return s;
-  s.build_seconds = scene_.build_seconds;
-  AccelStats tree = scene_.accel().stats();
+  s.build_seconds = plan_.moving ? moving_seconds_ : scene_->build_seconds;
+  AccelStats tree = scene_->accel().stats();
   s.tree_bytes = tree.bytes;
   s.tree_nodes = tree.nodes;
   s.dropped_primitives = tree.dropped;

@@ -28,6 +28,8 @@ class Job {
 
   GlintProgress wait(uint32_t milliseconds);
   void resume();
+  /// The scene of the next sample; what is wrong with it, or empty.
+  std::string move(Scene& scene, const GlintRenderSettings& settings);
   void cancel();
   /// As Film has it, of the last complete wave. Throws std::bad_alloc.
   std::shared_ptr<ZeroedBuffer<float>> picture(int pass, uint64_t size);
@@ -40,6 +42,11 @@ class Job {
   uint32_t first_wave();
   bool at_once();
   void trace_waves();
+  void make_tracers(FirstHitCache* first_hits);
+  void drop_tracers();
+  void trace_moments(uint32_t first, uint32_t last);
+  bool wait_for_scene();
+  void ask_for_scene();
   void trace_tiles(size_t thread, uint32_t first, uint32_t last, std::atomic<size_t>& next);
   void trace_tile(Tracer& tracer, const Tile& tile, uint32_t first, uint32_t last);
   void refine(uint32_t samples);
@@ -54,7 +61,7 @@ class Job {
   bool ended() const { return state_ >= GLINT_DONE; }
   double fraction() const;
 
-  Scene& scene_;
+  Scene* scene_;  // of the sample that is traced
   RenderPlan plan_;
   Film film_;
   std::atomic<bool> cancel_{false};
@@ -67,8 +74,9 @@ class Job {
   int state_ = GLINT_PREPARING;
   bool built_ = false;  // the scene's trees are there to stay
   uint32_t samples_ = 0, reported_ = 0, resumed_after_ = 0;
-  double trace_seconds_ = 0;
-  RayCounts rays_;
+  double trace_seconds_ = 0, moving_seconds_ = 0;  // moving: until later samples' scenes stood
+  bool moved_ = false;                             // the next sample's scene is there
+  RayCounts rays_, earlier_rays_;                  // earlier: of tracers that are gone
   std::string error_;
 
   std::thread thread_;

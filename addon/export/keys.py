@@ -1,0 +1,260 @@
+"""What moves: places and shapes at one time after the other, matched to the scene of the frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...engine.scene import Instances, Light, Mesh, Scene
+from .instances import Flags, Thing, walk
+from .lights import light_frame
+from .meshes import mesh_key, normals_of, vertices_of
+from .report import Report
+
+Array = np.ndarray
+
+_FEWEST, _MOST = 3, 9
+"""Keys that Cycles gives objects by default, and the most that are taken."""
+
+
+class Shape(NamedTuple):
+    """A mesh at one time. faces: how many polygons and corners, which must not change.  normals:
+    with the domain, None for a flat mesh.
+    """
+
+    vertices: Array
+    faces: tuple[int, int]
+    normals: tuple[str, Array] | None
+
+
+class _Mover(NamedTuple):
+    """What a thing is. shape: its mesh's key, None for what is none.  keys, shape_keys: at how many
+    times it is looked at; 1 for what is to stand still.
+    """
+
+    is_light: bool
+    shape: tuple | None
+    keys: int
+    shape_keys: int
+
+
+@dataclass(eq=False)
+class Pose:
+    """One time. things: in the order of the walk.  shapes: meshes by their keys.  ids:
+    (instances, 8) Blender's persistent ids.
+    """
+
+    things: list[Thing]
+    shapes: dict[tuple, Shape] = field(default_factory=dict)
+    ids: Array = field(default_factory=lambda: np.zeros((0, 8), np.int32))
+
+    @property
+    def most_keys(self) -> int:
+        """That anything here asks for."""
+        movers = [thing.content for thing in self.things]
+        return max((max(m.keys, m.shape_keys) for m in movers), default=_FEWEST)
+
+
+def read_pose(depsgraph: Any) -> Pose:
+    """Where everything stands that `export_scene` would export, and its shape. Only on Blender's
+    thread; arrays are copies.
+    """
+    pose = Pose([])
+
+    def meet(instance: Any, flags: Flags) -> _Mover | None:
+        thing = instance.object
+        kind = type(thing.data).__name__
+        if thing.type == "LIGHT":
+            return _Mover(True, None, _keys_of(instance), 1)
+        if kind not in ("Mesh", "PointCloud"):
+            return None
+        if kind == "PointCloud" or thing.data.is_editmode:
+            return _Mover(False, None, _keys_of(instance), 1)
+        key = mesh_key(thing.data)
+        if key not in pose.shapes:
+            pose.shapes[key] = _shape(thing.data)
+        return _Mover(False, key, _keys_of(instance), _shape_keys_of(instance))
+
+    pose.things = walk(depsgraph, meet, Report())
+    pose.ids = np.zeros((len(depsgraph.object_instances), 8), np.int32)
+    if len(pose.ids):
+        depsgraph.object_instances.foreach_get("persistent_id", pose.ids.reshape(-1))
+    return pose
+
+
+def _shape(mesh: Any) -> Shape:
+    if len(mesh.vertices) == 0:
+        return Shape(np.zeros((0, 3), np.float32), (0, 0), None)
+    return Shape(vertices_of(mesh), (len(mesh.polygons), len(mesh.loops)), normals_of(mesh))
+
+
+def _owners(instance: Any) -> Iterator[Any]:
+    """Cycles' settings of the object, and of what instances it."""
+    for thing in (instance.object, instance.parent if instance.is_instance else None):
+        settings = getattr(thing, "cycles", None)
+        if settings is not None:
+            yield settings
+
+
+def _keys_of(instance: Any) -> int:
+    """As Cycles has them: 2 to the power of its steps, and one; 1 where its motion is off."""
+    settings = list(_owners(instance))
+    if not all(getattr(one, "use_motion_blur", True) for one in settings):
+        return 1
+    steps = max((getattr(one, "motion_steps", 1) for one in settings), default=1)
+    return min(2 ** max(steps, 1) + 1, _MOST)
+
+
+def _shape_keys_of(instance: Any) -> int:
+    settings = next(_owners(instance), None)
+    return _keys_of(instance) if getattr(settings, "use_deform_motion", True) else 1
+
+
+def moved(scene: Scene, frame: Pose, keys: list[Pose], report: Report) -> Scene:
+    """The scene with the motion of what moves from one key to the next.
+
+    frame: when the scene was exported.  keys: at even times while the shutter is open, 2 to some
+    power and one of them.
+    """
+    matcher = _Matcher(frame, keys, report)
+    geometries = list(scene.geometries)
+    instances = list(scene.instances)
+    for number, thing in _exported(scene.instances, frame.things):
+        block = instances[number]
+        instances[number] = replace(block, motion=matcher.placements(thing))
+        if isinstance(geometries[block.geometry], Mesh):
+            geometries[block.geometry] = matcher.shape(thing, geometries[block.geometry])
+    lights = tuple(matcher.light(light) for light in scene.lights)
+    return replace(scene, geometries=tuple(geometries), instances=tuple(instances), lights=lights)
+
+
+def _exported(blocks: tuple[Instances, ...], things: list[Thing]) -> Iterator[tuple[int, Thing]]:
+    """Numbers of blocks with the things that they were made from: both are in one order, in which
+    blocks may be missing.
+    """
+    ahead = iter(thing for thing in things if not thing.content.is_light)
+    for number, block in enumerate(blocks):
+        for thing in ahead:
+            if thing.name == block.name and np.array_equal(thing.matrices, block.world_from_object):
+                yield number, thing
+                break
+        else:
+            return
+
+
+class _Matcher:
+    """Finds the things of the frame at the other times."""
+
+    def __init__(self, frame: Pose, keys: list[Pose], report: Report) -> None:
+        self._frame, self._keys, self._report = frame, keys, report
+        self._names = _names(frame.things)
+        self._there = [{name: t for t, name in _names(k.things).items()} for k in keys]
+        self._lights = self._light_places()
+
+    def _times(self, keys: int) -> list[int]:
+        """Which of the poses a thing of so many keys takes."""
+        return list(range(0, len(self._keys), max((len(self._keys) - 1) // (keys - 1), 1)))
+
+    def placements(self, thing: Thing) -> Array | None:
+        """(keys, k, 3, 4) of a thing that moves."""
+        if thing.content.keys == 1:
+            return None
+        found = [self._rows(thing, k) for k in self._times(thing.content.keys)]
+        if any(rows is None for rows in found):
+            self._report.note(
+                "Objects that are not there for all the shutter's time, or come in other numbers, "
+                "stand still: {}",
+                thing.name,
+            )
+            return None
+        keys = np.stack(found)
+        return None if (keys == thing.matrices).all() else keys
+
+    def _rows(self, thing: Thing, k: int) -> Array | None:
+        """(k, 3, 4) of the thing's instances at a key, by their persistent ids."""
+        there = self._there[k].get(self._names[thing])
+        if there is None:
+            return None
+        now, then = self._frame.ids[thing.numbers], self._keys[k].ids[there.numbers]
+        if np.array_equal(now, then):
+            return there.matrices
+        row_of = {one.tobytes(): row for row, one in enumerate(then)}
+        rows = [row_of.get(one.tobytes(), -1) for one in now]
+        return None if -1 in rows else there.matrices[rows]
+
+    def shape(self, thing: Thing, mesh: Mesh) -> Mesh:
+        """The mesh with what it is at the keys, where its shape changes."""
+        if thing.content.shape_keys == 1 or thing.content.shape is None or mesh.motion is not None:
+            return mesh
+        here = self._frame.shapes[thing.content.shape]
+        shapes = [self._shape_at(thing, k) for k in self._times(thing.content.shape_keys)]
+        if any(shape is None for shape in shapes):
+            return mesh
+        if any(s.faces != here.faces or s.vertices.shape != here.vertices.shape for s in shapes):
+            self._report.note(
+                "Meshes whose number of vertices or faces changes while the shutter is open keep "
+                "their shape: {}",
+                thing.name,
+            )
+            return mesh
+        if all(np.array_equal(s.vertices, mesh.vertices, equal_nan=True) for s in shapes):
+            return mesh
+        return replace(
+            mesh,
+            motion=np.stack([s.vertices for s in shapes]),
+            normal_motion=_normals(mesh, shapes),
+        )
+
+    def _shape_at(self, thing: Thing, k: int) -> Shape | None:
+        there = self._there[k].get(self._names[thing])
+        return None if there is None else self._keys[k].shapes.get(there.content.shape)
+
+    def light(self, light: Light) -> Light:
+        found = self._lights.get((light.name, light.world_from_light.tobytes()))
+        if found is None:
+            return light
+        thing, row = found
+        frames = []
+        for k in self._times(thing.content.keys) if thing.content.keys > 1 else ():
+            rows = self._rows(thing, k)
+            frames.append(None if rows is None else light_frame(rows[row])[0])
+        if not frames or any(frame is None for frame in frames):
+            return light
+        keys = np.stack(frames)
+        return light if (keys == light.world_from_light).all() else replace(light, motion=keys)
+
+    def _light_places(self) -> dict[tuple, tuple[Thing, int]]:
+        places = {}
+        for thing in self._frame.things:
+            for row, matrix in enumerate(thing.matrices if thing.content.is_light else ()):
+                frame = light_frame(matrix)[0]
+                if frame is not None:
+                    places[thing.name, frame.tobytes()] = thing, row
+        return places
+
+
+def _names(things: list[Thing]) -> dict[Thing, tuple[int, int]]:
+    """The session uid of each, and which of those with the same it is."""
+    seen: dict[int, int] = {}
+    names = {}
+    for thing in things:
+        seen[thing.uid] = seen.get(thing.uid, -1) + 1
+        names[thing] = thing.uid, seen[thing.uid]
+    return names
+
+
+def _normals(mesh: Mesh, shapes: list[Shape]) -> Array | None:
+    """(keys, rows, 3); None for a flat mesh, and where they are stored otherwise at some key."""
+    if mesh.normals is None:
+        return None
+    found = [s.normals for s in shapes]
+    fits = all(
+        one is not None
+        and one[0] == mesh.normals.domain
+        and one[1].shape == mesh.normals.values.shape
+        for one in found
+    )
+    return np.stack([one[1] for one in found]) if fits else None

@@ -1,0 +1,207 @@
+"""Where objects, shapes and lights are while the shutter is open."""
+
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from export_support import export, link, quad, scene  # noqa: F401
+from glint.addon.export.keys import moved, read_pose
+from glint.addon.export.report import Report
+from glint.addon.render.motion import with_motion
+
+
+def read(scene):  # noqa: F811
+    """The exported scene as a final render has it, and the notes of its motion."""
+    engine = SimpleNamespace(
+        is_preview=False,
+        frame_set=lambda frame, subframe: scene.frame_set(frame, subframe=subframe),
+    )
+    found, notes = with_motion(export().scene, engine, bpy.context.evaluated_depsgraph_get())
+    assert found.problems() == []
+    return found, notes
+
+
+@pytest.fixture
+def blurred(scene):  # noqa: F811
+    """Motion blur, the shutter open from frame 4.75 to 5.25."""
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 0.5
+    scene.frame_set(5)
+    return scene
+
+
+def fly(thing, path="location", first=(0.0, 0.0, 0.0), last=(20.0, 0.0, 0.0)) -> None:
+    """From frame 1 to 21, evenly."""
+    for frame, value in ((1, first), (21, last)):
+        setattr(thing, path, value)
+        thing.keyframe_insert(path, frame=frame)
+    straighten(thing.animation_data.action)
+
+
+def straighten(action) -> None:
+    slots = action.layers[0].strips[0].channelbags[0] if hasattr(action, "layers") else action
+    for curve in slots.fcurves:
+        for key in curve.keyframe_points:
+            key.interpolation = "LINEAR"
+
+
+def block_of(found, name):
+    return next(block for block in found.instances if block.name == name)
+
+
+def test_an_object_that_flies_has_keys_and_the_others_none(blurred):
+    fly(quad("Flying"))
+    quad("Still")
+    bpy.context.scene.frame_set(5)
+    found, notes = read(blurred)
+    block = block_of(found, "Flying")
+    np.testing.assert_allclose(block.motion[:, 0, 0, 3], [3.75, 4.0, 4.25], rtol=1e-6)
+    assert block.world_from_object[0, 0, 3] == pytest.approx(4.0)
+    assert block_of(found, "Still").motion is None
+    assert found.camera.motion is None and notes == ()
+    assert all(g.motion is None for g in found.geometries)
+    assert blurred.frame_current_final == 5.0
+
+
+def test_without_motion_blur_or_time_there_is_no_motion(blurred):
+    fly(quad("Flying"))
+    blurred.render.motion_blur_shutter = 0.01
+    bpy.context.scene.frame_set(5)
+    assert block_of(read(blurred)[0], "Flying").motion is not None
+    blurred.render.use_motion_blur = False
+    assert block_of(read(blurred)[0], "Flying").motion is None
+
+
+def test_steps_and_switches_of_an_object_are_kept(blurred):
+    flying, off = quad("Flying"), quad("Off")
+    fly(flying)
+    fly(off)
+    flying.cycles.motion_steps = 2
+    off.cycles.use_motion_blur = False
+    bpy.context.scene.frame_set(5)
+    found, _ = read(blurred)
+    assert len(block_of(found, "Flying").motion) == 5
+    assert block_of(found, "Off").motion is None
+
+
+def test_a_child_moves_with_its_parent(blurred):
+    parent, child = link(bpy.data.objects.new("Parent", None)), quad("Child")
+    child.parent = parent
+    fly(parent)
+    bpy.context.scene.frame_set(5)
+    found, _ = read(blurred)
+    np.testing.assert_allclose(block_of(found, "Child").motion[:, 0, 0, 3], [3.75, 4.0, 4.25])
+
+
+def test_shape_keys_deform(blurred):
+    thing = quad("Shape")
+    thing.data.polygons[0].use_smooth = True
+    thing.shape_key_add(name="Basis")
+    key = thing.shape_key_add(name="Tall")
+    key.data[2].co.z += 2.0
+    for frame, value in ((1, 0.0), (21, 1.0)):
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+    straighten(thing.data.shape_keys.animation_data.action)
+    bpy.context.scene.frame_set(5)
+    found, _ = read(blurred)
+    mesh = found.geometries[block_of(found, "Shape").geometry]
+    np.testing.assert_allclose(mesh.motion[:, 2, 2], [0.375, 0.4, 0.425], rtol=1e-5)
+    assert mesh.normal_motion.shape == (3, *mesh.normals.values.shape)
+    assert block_of(found, "Shape").motion is None
+    thing.cycles.use_deform_motion = False
+    thing.update_tag()
+    found, _ = read(blurred)
+    assert found.geometries[block_of(found, "Shape").geometry].motion is None
+
+
+def test_an_armature_deforms(blurred):
+    rig = link(bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig")))
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    bone = rig.data.edit_bones.new("Bone")
+    bone.head, bone.tail = (0, 0, 0), (0, 0, 1)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    thing = quad("Skin")
+    thing.vertex_groups.new(name="Bone").add(range(4), 1.0, "REPLACE")
+    thing.modifiers.new("Armature", "ARMATURE").object = rig
+    pose = rig.pose.bones["Bone"]
+    for frame, x in ((1, 0.0), (21, 20.0)):
+        pose.location = (x, 0, 0)
+        pose.keyframe_insert("location", frame=frame)
+    straighten(rig.animation_data.action)
+    bpy.context.scene.frame_set(5)
+    found, _ = read(blurred)
+    mesh = found.geometries[block_of(found, "Skin").geometry]
+    np.testing.assert_allclose(np.diff(mesh.motion[:, 0, 0]), [0.25, 0.25], rtol=1e-4)
+
+
+def test_a_mesh_whose_faces_change_keeps_its_shape_with_a_note(blurred):
+    thing = quad("Array")
+    array = thing.modifiers.new("Array", "ARRAY")
+    for frame, count in ((4, 1), (6, 3)):
+        array.count = count
+        array.keyframe_insert("count", frame=frame)
+    straighten(thing.animation_data.action)
+    blurred.render.motion_blur_shutter = 2.0
+    bpy.context.scene.frame_set(5)
+    found, notes = read(blurred)
+    assert found.geometries[block_of(found, "Array").geometry].motion is None
+    assert any("number of vertices or faces changes" in note and "Array" in note for note in notes)
+
+
+def test_instances_are_matched_by_who_they_are(blurred):
+    """Of an instancer whose vertices move; each vertex carries its own instance."""
+    carrier, child = quad("Carrier"), quad("Leaf")
+    child.parent = carrier
+    carrier.instance_type = "VERTS"
+    fly(carrier)
+    bpy.context.scene.frame_set(5)
+    found, _ = read(blurred)
+    block = block_of(found, "Leaf")
+    assert block.motion.shape == (3, 4, 3, 4)
+    steps = np.diff(block.motion[..., 3], axis=0)
+    np.testing.assert_allclose(steps, np.broadcast_to([0.25, 0, 0], (2, 4, 3)), atol=1e-6)
+
+
+@pytest.mark.parametrize("gone", [False, True])
+def test_instances_may_come_in_another_order(blurred, gone):
+    carrier, child = quad("Carrier"), quad("Leaf")
+    child.parent = carrier
+    carrier.instance_type = "VERTS"
+    found, report = export().scene, Report()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    here, there = read_pose(depsgraph), read_pose(depsgraph)
+    leaf = next(thing for thing in there.things if thing.name == "Leaf")
+    leaf.matrices, leaf.numbers = leaf.matrices[::-1] + 1.0, leaf.numbers[::-1]
+    if gone:
+        leaf.matrices, leaf.numbers = leaf.matrices[1:], leaf.numbers[1:]
+    motion = block_of(moved(found, here, [here, here, there], report), "Leaf").motion
+    if gone:
+        assert motion is None and "Leaf" in report.notes()[0]
+    else:
+        np.testing.assert_array_equal(motion[2], motion[0] + 1.0)
+
+
+def test_what_comes_or_goes_stands_still_with_a_note(blurred):
+    thing = quad("Fading")
+    fly(thing)
+    for frame, hidden in ((1, False), (5, False), (6, True)):
+        thing.hide_viewport = hidden
+        thing.keyframe_insert("hide_viewport", frame=frame)
+    blurred.render.motion_blur_shutter = 2.0
+    bpy.context.scene.frame_set(5)
+    found, notes = read(blurred)
+    assert block_of(found, "Fading").motion is None
+    assert any("not there for all" in note and "Fading" in note for note in notes)
+
+
+def test_lights_move(blurred):
+    lamp = link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "AREA")))
+    fly(lamp)
+    link(bpy.data.objects.new("Rest", bpy.data.lights.new("Rest", "POINT")))
+    bpy.context.scene.frame_set(5)
+    lights = {light.name: light for light in read(blurred)[0].lights}
+    np.testing.assert_allclose(lights["Lamp"].motion[:, 0, 3], [3.75, 4.0, 4.25], rtol=1e-6)
+    assert lights["Rest"].motion is None
