@@ -44,6 +44,7 @@ from .scene import (
     LIGHT_SHAPES,
     LIGHTS,
     LOBES,
+    MISTS,
     MOST_SETS,
     POINT,
     Attribute,
@@ -519,6 +520,10 @@ def _lens(lens: Lens) -> Found:
 def _world(world: World) -> Found:
     yield from numbers("ambient", world.ambient, 3)
     yield from numbers("background", world.background, 3)
+    if not np.isfinite([world.mist.start, world.mist.depth]).all():
+        yield "mist is not finite: use numbers"
+    if world.mist.falloff not in MISTS:
+        yield f"mist falloff {world.mist.falloff!r} is not one of {', '.join(MISTS)}"
     found = [*array("axes", world.axes, np.float64, (3, 3))]
     yield from found or finite_array("axes", world.axes)
     if world.program is not None:

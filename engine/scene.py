@@ -107,7 +107,8 @@ class Instances:
     visible_shadow: seen by camera rays (and what passes straight through them), by mirror and
     refraction rays, by shadow rays. holdout: cuts a hole of alpha 0 into the picture.
     values: by name, what programs read of each placement, (k, 4) float32.  light_set: 0 to 63,
-    which lights reach it.
+    which lights reach it. asset: what it is part of, "" for itself alone; this and the name are
+    what Cryptomatte passes tell.
     """
 
     name: str
@@ -121,6 +122,7 @@ class Instances:
     holdout: bool = False
     values: Mapping[str, Array] = field(default_factory=dict)
     light_set: int = 0
+    asset: str = ""
 
 
 ENCODINGS = ("LINEAR", "SRGB")
@@ -396,6 +398,20 @@ class Camera:
     motion: Array | None = None
 
 
+MISTS = ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")
+
+
+@dataclass(frozen=True)
+class Mist:
+    """What the Mist pass shows: none up to `start`, all from `depth` beyond it on, world units;
+    falloff: how it grows between them.
+    """
+
+    start: float = 5.0
+    depth: float = 25.0
+    falloff: str = "QUADRATIC"
+
+
 @dataclass(frozen=True, eq=False)
 class World:
     """Surroundings: `ambient` is the notes' I_a, `background` what rays that miss see (radiance).
@@ -403,7 +419,7 @@ class World:
     transparent: camera rays that miss leave alpha 0 instead of the background.  program: its first
     output, a vector, is seen instead of `background` where there is one; of what reads points it
     has `incoming` and `light_path` alone.  textures: what it refers to.  axes: (3, 3) orthonormal
-    columns, the program's axes in the scene.
+    columns, the program's axes in the scene. mist: of the pass, not in the picture.
     """
 
     ambient: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -412,6 +428,7 @@ class World:
     program: Program | None = None
     textures: tuple[Texture, ...] = ()
     axes: Array = field(default_factory=lambda: np.eye(3))
+    mist: Mist = Mist()
 
 
 @dataclass(frozen=True, eq=False)

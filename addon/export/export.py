@@ -22,7 +22,7 @@ from .properties import Value, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
 from .shapes import export_points, read_shape
-from .world import Sky, export_world
+from .world import Sky, export_world, with_mist
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +69,7 @@ def export_scene(
     met = time.perf_counter()
     world = _world(depsgraph, scene)
     sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
+    sky = with_mist(sky, scene.world)
     exported = collector.scene(camera, things, sky)
     if decoded is not None:
         decoded.forget_unused()
@@ -96,7 +97,7 @@ def _world(depsgraph: Any, scene: Any) -> Any:
 
 class _Placed(NamedTuple):
     """A geometry with what its instances need. values: what programs read of it;
-    of_each: names of what they read of each instance by itself.
+    of_each: names of what they read of each instance by itself. asset: as `Instances` has it.
     """
 
     geometry: int
@@ -105,6 +106,7 @@ class _Placed(NamedTuple):
     flags: Flags
     values: tuple[tuple[str, Value], ...] = ()
     of_each: tuple[str, ...] = ()
+    asset: str = ""
 
 
 class _Lamp(NamedTuple):
@@ -154,7 +156,7 @@ class Collector:
         wanted = self._wanted(slots).objects
         of_each = tuple(name for name in OF_EACH if name in wanted and instance.is_instance)
         values = tuple((name, self._value(name, instance)) for name in sorted(wanted))
-        return _Placed(geometry, slots, thing.pass_index, flags, values, of_each)
+        return _Placed(geometry, slots, thing.pass_index, flags, values, of_each, _asset(thing))
 
     def _value(self, name: str, instance: Any) -> Value:
         return value_of(name, instance, self.depsgraph.view_layer_eval, self.depsgraph.scene_eval)
@@ -171,6 +173,7 @@ class Collector:
         return Instances(
             thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
             flags.camera, flags.mirror, flags.shadow, flags.holdout, values, flags.light_set,
+            placed.asset,
         )  # fmt: skip
 
     @cached_property
@@ -255,6 +258,16 @@ class Collector:
         materials, textures = without_unused(self.materials.materials, self.images.textures)
         lights = sky.lights_with(self.lights.lights)
         return Scene(camera, geometries, instances, materials, textures, lights, sky.world)
+
+
+def _asset(thing: Any) -> str:
+    """The name of an object's topmost parent, as Cycles' Cryptomatte has it; "" where it has none
+    but itself.
+    """
+    top = thing
+    while top.parent is not None:
+        top = top.parent
+    return top.name if top is not thing else ""
 
 
 def _counts(scene: Scene) -> dict[str, float]:

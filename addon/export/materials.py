@@ -93,7 +93,7 @@ def default_material() -> Material:
         if bpy.app.version < (5, 0, 0)
         else plastic_closure(grey, constant(1.0), Roughness(0.5), 1.5, True)
     )
-    return Material("Default", lobes_of(closure))
+    return Material("default_surface", lobes_of(closure))  # as Cycles calls it
 
 
 def compile_material(material: Any, images: Images, report: Report) -> Material:

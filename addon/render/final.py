@@ -18,7 +18,7 @@ from ..ui.properties import settings_from
 from .aim import Aim, aim_from
 from .motion import with_camera_motion
 from .progress import Progress
-from .result import Picture, wanted_passes
+from .result import Picture, crypto_ids, wanted_passes
 from .skipped import skipped_things
 from .stamp import Stamping
 from .statistics import Statistics, remember
@@ -89,6 +89,7 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
     settings, notes = _with_backend(
         settings_from(depsgraph.scene_eval.glint.final, depsgraph.scene_eval, passes, export.region)
     )
+    settings = replace(settings, crypto_ids=crypto_ids(layer))
     statistics = Statistics(settings.samples, settings.backend, export.stats)
     if not render_engine.is_preview:
         statistics.skipped = skipped_things(depsgraph, export.scene)
@@ -259,6 +260,10 @@ def _finish(
         "target": statistics.target,
     }
     picture.stamp({name: text for name, text in lines.items() if text} | statistics.stamp)
+    wanted = job.settings.passes & frozenset(engine.CRYPTOMATTES)
+    if wanted:
+        found = engine.manifests(job.scene)
+        picture.describe({name: found[name] for name in sorted(wanted)})
     statistics.seconds["write"] = time.perf_counter() - start
     if not job.preview:
         _tell_statistics(render_engine, job)

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 import bpy
 from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
 
+from ... import engine
 from ..render import result, statistics
 from ..render.render_engine import GlintRenderEngine
 from .lines import draw_text
@@ -240,14 +241,31 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
     def draw(self, context):
         column = self.column
         data = column.column(heading="Data", align=True)
-        for switch in result.BLENDER_SWITCHES.values():
-            data.prop(context.view_layer, switch)
+        for name, switch in result.BLENDER_SWITCHES.items():
+            if name not in engine.CRYPTOMATTES:
+                data.prop(context.view_layer, switch)
         parts = column.column(heading="Parts", align=True)
         for switch in result.PART_SWITCHES.values():
             parts.prop(context.view_layer.glint, switch)
         health = column.column(heading="Health", align=True)
         for switch in result.HEALTH_SWITCHES.values():
             health.prop(context.view_layer.glint, switch)
+
+
+class GLINT_VIEWLAYER_PT_cryptomatte(_Panel, bpy.types.Panel):
+    bl_label = "Cryptomatte"
+    bl_context = "view_layer"
+    bl_parent_id = "GLINT_VIEWLAYER_PT_passes"
+
+    def draw(self, context):
+        column, layer = self.column, context.view_layer
+        include = column.column(heading="Include", align=True)
+        switches = [result.BLENDER_SWITCHES[name] for name in engine.CRYPTOMATTES]
+        for switch in switches:
+            include.prop(layer, switch, text=switch.rpartition("_")[2].title())
+        levels = column.column()
+        levels.active = any(getattr(layer, switch) for switch in switches)
+        levels.prop(layer, "pass_cryptomatte_depth", text="Levels")
 
 
 class GLINT_VIEWLAYER_PT_filter(_Panel, bpy.types.Panel):
@@ -421,6 +439,7 @@ _CLASSES = (
     GLINT_RENDER_PT_performance,
     GLINT_RENDER_PT_statistics,
     GLINT_VIEWLAYER_PT_passes,
+    GLINT_VIEWLAYER_PT_cryptomatte,
     GLINT_VIEWLAYER_PT_filter,
     GLINT_VIEWLAYER_PT_override,
     GLINT_LIGHT_PT_light,

@@ -31,7 +31,7 @@ import numpy as np
 
 from .. import left_out
 from ..errors import NO_THREAD, SceneError
-from ..film import PASSES, Film, empty_value
+from ..film import Film, channels_of, empty_value
 from ..scene import Scene
 from ..settings import Settings
 from ..view_axes import ViewAxes, narrow_view_axes
@@ -222,7 +222,9 @@ def _film_needs(data: RenderSettingsData) -> str:
     """Sums in double and the picture in float32 of every pass that is asked for."""
     x0, y0, x1, y1 = data.region
     channels = sum(
-        PASSES[name] for name, number in PASS_NUMBERS.items() if data.passes >> number & 1
+        channels_of(name, data.crypto_ids)
+        for name, number in PASS_NUMBERS.items()
+        if data.passes >> number & 1
     )
     gigabytes = max(0.1, (x1 - x0) * (y1 - y0) * channels * 12 / 1e9)
     return (
@@ -243,7 +245,7 @@ class _Render:
         axes: ViewAxes | None,
     ) -> None:
         self._core, self._handle, self._axes = core, handle, axes
-        self._names = passes_of(settings)
+        self._names, self._crypto_ids = passes_of(settings), settings.crypto_ids
         x0, y0, x1, y1 = settings.region or (0, 0, *scene.camera.resolution)
         self._shape = (y1 - y0, x1 - x0)
 
@@ -298,7 +300,7 @@ class _Render:
         The core's own memory, which is freed with the array and all that look into it. Read-only
         unless the render has `ended`.
         """
-        shape = (*self._shape, PASSES[name])
+        shape = (*self._shape, channels_of(name, self._crypto_ids))
         if samples == 0:
             return np.full(shape, empty_value(name), np.float32)
         size = math.prod(shape)

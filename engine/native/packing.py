@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..cryptomatte import id_bits
 from ..errors import SceneError
 from ..program.program import Program
 from ..scene import (
@@ -71,7 +72,9 @@ class ScenePacker:
         """As `pack_scene`."""
         data = core_types.SceneData(camera=pack_camera(scene.camera))
         data.ambient[:], data.background[:] = scene.world.ambient, scene.world.background
-        data.transparent = scene.world.transparent
+        data.transparent, mist = scene.world.transparent, scene.world.mist
+        data.mist_start, data.mist_depth = mist.start, mist.depth
+        data.mist_falloff = number(mist.falloff, core_types.Mist, "mist falloff")
         data.world_axes[:] = np.asarray(scene.world.axes, np.float64).T.reshape(9)
         parts = {
             "geometries": self._part("geometries", scene.geometries, self._geometries),
@@ -472,6 +475,8 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
         len(group.materials),
         group.object_index,
         group.light_set,
+        id_bits(group.name),
+        id_bits(group.asset or group.name),
     )
 
 

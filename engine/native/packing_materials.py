@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from ..cryptomatte import id_bits
 from ..program.operations import Reference
 from ..program.program import Instruction, Program, instructions
 from ..program.table import CODES
@@ -38,7 +39,7 @@ def pack_material(packer: Packer, material: Material) -> tuple:
         material.index,
         1 + _program(packer, program) if program else 0,
         _slot(outputs, material.normal_output),
-        0,
+        id_bits(material.name),
     )
 
 

@@ -136,6 +136,14 @@ class CameraRays:
         """Of points (3, n) relative to the eye, along the view of the camera that stands still."""
         return transform(self.frame.matrix, points)[2]
 
+    def distance(self, points: Array) -> Array:
+        """World units from the eye to points (3, n) relative to it; along the view where rays are
+        parallel.
+        """
+        if self.frame.perspective:
+            return length(points)
+        return np.abs(self.depth(points)) * self.unit
+
     def _clipped(self, start: Array, slope: Array) -> tuple[Array, Array]:
         """The depths (n,) between which rays start + z slope (2, n) are inside the clip range and
         planes.

@@ -105,6 +105,8 @@ class Generations:
         if len(shown) < len(hit):
             hit, depth, surface = hit[shown], depth[shown], surface.take(shown)
             coefficients = stage.shader.coefficients(surface, paths.kind)
+        if paths.depth == 0 and stage.sees:
+            self._see(paths, hit, surface, coefficients.transparent)
         if paths.reflections:
             coefficients = widened(coefficients, paths.widest[hit])
         self._shade(paths, hit, surface, coefficients)
@@ -181,6 +183,17 @@ class Generations:
             ),
             Object_Index=stage.per_object("object_index", some.row),
             Material_Index=stage.shader.pass_index(some.material),
+        )
+
+    def _see(self, paths: Paths, hit: Array, surface: Surface, passed: Array) -> None:
+        """What passes that are means of what is seen have of these surfaces."""
+        stage, weight = self._stage, pick(paths.weight, hit)
+        seen = (weight * (1 - np.clip(passed, 0.0, 1.0))).mean(0)
+        self._tile.see(
+            paths.pixel[hit],
+            seen * (1 - stage.mist(stage.camera.distance(surface.x))),
+            weight.mean(0) * (1 - passed.mean(0)),
+            stage.crypto_ids(surface),
         )
 
     def _find_gaps(self, paths: Paths, hit: Array, surface: Surface, depth: Array) -> None:

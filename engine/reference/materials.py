@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..cryptomatte import id_bits
 from ..scene import Input, Lobe, Material, Scene
 from .attributes import Attributes
 from .geometry import Geometry
@@ -78,6 +79,11 @@ class Shader:
     def pass_index(self, material: Array) -> Array:
         """(n,) Blender's material index; 0 for the default one."""
         return np.array([m.index for m in self._materials])[material]
+
+    def crypto_bits(self, material: Array) -> Array:
+        """(n,) uint32, of the ids of Cryptomatte; 0 for the default one."""
+        bits = [id_bits(m.name) for m in self._materials[:-1]]
+        return np.array([*bits, 0], np.uint32)[material]
 
     def coefficients(self, surface: Surface, kind: str) -> Coefficients:
         """All lobes at each point. kind: of the rays that meet them, "camera" or "mirror"."""

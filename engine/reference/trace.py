@@ -51,7 +51,7 @@ class Tracer:
         if refines and settings.samples >= FIRST_ESTIMATE:
             self._region = widened(self._shown, scene.camera.resolution)
         x0, y0, x1, y1 = self._region
-        self.picture = Picture(x1 - x0, y1 - y0, settings.passes)
+        self.picture = Picture(x1 - x0, y1 - y0, settings.passes, settings.crypto_ids)
         is_spread = scene.camera.lens is not None or scene.camera.motion is not None
         self._refinement = Refinement(settings, self._is_shown(), is_spread) if refines else None
         self._estimate = ErrorEstimate((y1 - y0, x1 - x0)) if "Error" in settings.passes else None

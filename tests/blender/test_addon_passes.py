@@ -34,6 +34,7 @@ BLENDER_SWITCHES = (
     "material_index",
     "emit",
     "environment",
+    "mist",
 )
 OUR_SWITCHES = ("diffuse", "specular", "ambient", "shadow", "mirror")
 
@@ -96,6 +97,7 @@ def test_every_pass_is_written_under_the_name_that_this_blender_uses(all_passes)
         "Position": 3,
         "Normal": 3,
         "UV": 3,
+        "Mist": 1,
         **dict(zip(renamed, (1, 1, 3, 3), strict=True)),
     }
     counts |= dict.fromkeys(("Diffuse", "Specular", "Ambient", "Shadow", "Mirror"), 3)
@@ -108,6 +110,9 @@ def test_the_passes_hold_their_own_values(all_passes):
     hit = depth < 1e9
     assert 0.02 < hit.mean() < 0.9
     assert depth[~hit].min() == np.float32(1e10)
+    mist = _pass(channels, "Mist")[..., 0]
+    assert (mist[~hit] == 1).all()
+    assert 0 < mist[hit].max() < 0.5
     assert set(np.unique(_pass(channels, "Object Index" if version >= (5, 0) else "IndexOB"))) == {
         0.0,
         7.0,

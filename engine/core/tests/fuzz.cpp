@@ -102,10 +102,11 @@ class Kept {
 };
 
 void check_pixels(GlintRender* render, const GlintRenderSettings& s) {
-  static constexpr int channels[GLINT_PASS_COUNT] = {4, 3, 3, 3, 3, 3, 3, 3, 1, 3,
-                                                     3, 3, 1, 1, 1, 1, 1, 1, 1, 1};
+  static constexpr int channels[GLINT_PASS_COUNT] = {4, 3, 3, 3, 3, 3, 3, 3, 1, 3, 3, 3,
+                                                     1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0};
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
-    const size_t size = pixels_of(s) * size_t(channels[pass]);
+    const bool crypto = pass >= GLINT_PASS_CRYPTO_OBJECT && pass <= GLINT_PASS_CRYPTO_ASSET;
+    const size_t size = pixels_of(s) * (crypto ? 2 * s.crypto_ids : size_t(channels[pass]));
     expect(!glint_render_picture(render, pass, size + 1), "a picture of the wrong size");
     GlintPicture* picture = glint_render_picture(render, pass, size);
     if (!picture) {

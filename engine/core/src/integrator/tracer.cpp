@@ -1,5 +1,6 @@
 #include "integrator/tracer.h"
 
+#include <algorithm>
 #include <numeric>
 
 #include "math/math.h"
@@ -161,6 +162,7 @@ uint32_t Tracer::trace(uint32_t first, uint32_t last) {
     const uint32_t* const begin = active_.data() + k;
     follow_some(begin, begin + std::min(step, active_.size() - k), first);
     paths_.add_to(film_, *tile_, stages_);
+    keep_meetings();
   }
   return count;
 }
@@ -214,6 +216,7 @@ void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue
   shade(queue, straight, bounced);
   if (queue.reflections > 0) widen(queue);
   if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
+  if (queue.visibility == kCamera && film_.wants_seen()) note_seen(queue);
   direct_.illuminate(batch_, sample, counts_);
   direct_.reflect(batch_, sample, glossy, counts_);
   keep(queue);
@@ -442,6 +445,40 @@ void Tracer::record(const Queue& queue) {
     if (depth_alone) film_.set_depth(pixel(queue, k), camera_.depth(row(batch_.points.x, k)));
     else shader_.record(batch_, k, film_, pixel(queue, k));
   }
+}
+
+/// What the passes that are means of what is seen have of the hits of camera rays: a share of each
+/// path stays at each surface.
+void Tracer::note_seen(const Queue& queue) {
+  double* const clear = paths_.sums(film_, GLINT_PASS_MIST);
+  for (size_t k = 0; k < queue.size(); ++k) {
+    if (batch_.material[k] >= scene_.materials.size()) continue;  // a holdout, or nothing
+    const Vec3d T = queue.path(k).T, passed = shader_.passed(batch_, k);
+    if (clear) {
+      const Vec3d stays{1 - std::clamp(passed.x, 0.0, 1.0), 1 - std::clamp(passed.y, 0.0, 1.0),
+                        1 - std::clamp(passed.z, 0.0, 1.0)};
+      const double distance = camera_.distance(row(batch_.points.x, k));
+      clear[queue.slot(k)] += (1 - scene_.mist.at(distance)) * mean(T * stays);
+    }
+    const double weight = mean(T) * (1 - mean(passed));
+    if (!film_.wants_cryptomatte() || !(weight > 0)) continue;
+    const GlintInstances& group = scene_.group(batch_.instance[k]);
+    meetings_.push_back(
+        {queue.slot(k),
+         {group.crypto_object, scene_.materials[batch_.material[k]].crypto, group.crypto_asset},
+         weight});
+  }
+}
+
+/// The film learns what the paths met, in the order of each pixel's samples.
+void Tracer::keep_meetings() {
+  const auto earlier = [](const CryptoMeeting& a, const CryptoMeeting& b) {
+    return a.path < b.path;
+  };
+  std::stable_sort(meetings_.begin(), meetings_.end(), earlier);
+  for (CryptoMeeting& m : meetings_) m.path = paths_.slot(m.path);
+  film_.cryptomatte().add(tile_->number, meetings_);
+  meetings_.clear();
 }
 
 /// The batch's sums to those of the paths.

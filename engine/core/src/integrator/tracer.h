@@ -64,6 +64,8 @@ class Tracer {
   size_t see_sky(const Queue& queue, size_t first, size_t count);
   void pass_on(const Queue& queue, size_t count, const Leaving& next);
   void record(const Queue& queue);
+  void note_seen(const Queue& queue);
+  void keep_meetings();
   void keep(const Queue& queue);
   void wait(Queue queue);
   Queue take(uint32_t visibility, uint32_t reflections = 0, bool glossy = false);
@@ -96,6 +98,7 @@ class Tracer {
   std::vector<Queue> waiting_, spare_;
   PathCuts cuts_;
   RayCounts counts_;
+  std::vector<CryptoMeeting> meetings_;  // of the paths that are followed now
 };
 
 }  // namespace glint

@@ -71,6 +71,10 @@ class CameraRays {
     return TileFrustum(origins, directions);
   }
 
+  /// How far a point is from the eye, or along -w where rays are parallel, in world units.
+  double distance(Vec3d p) const {
+    return parallel() ? std::fabs(depth(p)) : length(p - eye_) * (1 / scale_);
+  }
   /// Depth along -w in world units of an anchored point.
   double depth(Vec3d p) const {
     return -dot(p - eye_, backward_) * (1 / scale_);

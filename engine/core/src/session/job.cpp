@@ -31,6 +31,7 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.light_samples = g.light_samples;
   plan.max_bounces = g.max_bounces;
   plan.passes = g.passes;
+  plan.crypto_ids = g.crypto_ids;
   plan.unseen = g.waves == GLINT_WAVES_UNSEEN;
   plan.hold_waves = g.waves == GLINT_WAVES_HELD;
   plan.threads = threads_for(g.threads);
@@ -125,6 +126,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
       "settings: the error threshold is not between 0 and 256");
   add(g.cutoff >= 0 && g.cutoff <= 1, "settings: the cutoff is not between 0 and 1");
   add(g.passes < 1u << GLINT_PASS_COUNT, "settings: unknown passes");
+  add(!(g.passes & Cryptomatte::kPasses) || (g.crypto_ids >= 1 && g.crypto_ids <= 64),
+      "settings: not 1 to 64 ids of Cryptomatte");
   add(sound_region(g.region, scene.camera),
       "settings: the region is empty or reaches beyond the frame");
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC,
@@ -142,7 +145,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
     : scene_(scene),
       plan_(plan_of(settings, scene.camera)),
-      film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples),
+      film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples,
+            plan_.crypto_ids),
       thread_([this] { work(); }) {}
 
 Job::~Job() {

@@ -54,7 +54,7 @@ void Shader::pass_on(const Batch& batch, const uint32_t* rows, size_t count, con
   counts.transparent += passed.transparent;
 }
 
-void Shader::record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
+Vec3d Shader::passed(const Batch& batch, size_t k) const {
   const Material& material = scene_.materials[batch.material[k]];
   Vec3d transparent;
   const Lobe* lobe = scene_.lobes.data() + material.first_lobe;
@@ -62,7 +62,11 @@ void Shader::record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixe
     if (lobe->kind == GLINT_TRANSPARENT) transparent += batch.passing(k, i);
     i += (1u << lobe->kind & kPassing) != 0;
   }
-  if (mean(transparent) < 0.5) record(batch, k, film, pixel);
+  return transparent;
+}
+
+void Shader::record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
+  if (mean(passed(batch, k)) < 0.5) record(batch, k, film, pixel);
 }
 
 void Shader::hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel,

@@ -1,0 +1,168 @@
+"""Passes that are means over the samples of what camera rays see: Mist and Cryptomatte."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine_scenes import SCENES
+from glint import engine
+from glint.engine import scene as s
+from glint.engine.cryptomatte import id_bits, id_of, manifest, name_hash
+from native_tools import constant, draw, needs_core, placed, square, view_from_above
+
+BACKENDS = [pytest.param("NATIVE", marks=needs_core), "NUMPY"]
+CRYPTO = ("Crypto Object", "Crypto Material", "Crypto Asset")
+
+
+def shares(picture: np.ndarray) -> dict[float, np.ndarray]:
+    """id -> (h, w) coverage, of (h, w, 2 ids)."""
+    ids, coverage = picture[..., ::2], picture[..., 1::2]
+    return {float(i): np.where(ids == i, coverage, 0).sum(-1) for i in np.unique(ids[coverage > 0])}
+
+
+def test_hashes_are_murmurs() -> None:
+    """Of the author's own implementation, seed 0; the last one is of the specification."""
+    for name, value in (
+        ("", 0),
+        ("a", 0x3C2569B2),
+        ("hello", 0x248BFA47),
+        ("hello, world", 0x149BBB7F),
+        ("The quick brown fox jumps over the lazy dog", 0x2E4FF723),
+    ):
+        assert name_hash(name) == value
+    assert id_bits("") == 1 << 23
+    assert np.isfinite([id_of(f"name {k}") for k in range(1000)]).all()
+
+
+def test_manifests_are_json_of_all_names_once() -> None:
+    names = ["a", 'with "quotes" \\', "Würfel", "a"]
+    read = json.loads(manifest(names))
+    assert read == {name: f"{name_hash(name):08x}" for name in names}
+    assert manifest(["hello"]) == '{"hello":"248bfa47"}'
+
+
+def stack(**world) -> s.Scene:
+    """From above: a veil that passes 0.25 over the left half at depth 2, a floor at depth 6 for
+    |y| < 0.5, a hole through all on the right of it.
+    """
+    veil = s.Material("veil", (s.Lobe("TRANSPARENT", constant(0.25)),))
+    floor = s.Material("floor", (s.Lobe("DIFFUSE", constant(0.5)),))
+    left = np.zeros((1, 3, 4))
+    left[0] = np.column_stack([np.diag([0.5, 1, 1]), (-0.5, 0, 8)])
+    stripe = np.zeros((1, 3, 4))
+    stripe[0] = np.column_stack([np.diag([1, 0.5, 1]), (0, 0, 4)])
+    hole = np.zeros((1, 3, 4))
+    hole[0] = np.column_stack([np.diag([0.25, 1, 1]), (0.75, 0, 9)])
+    instances = (
+        s.Instances("curtain", 0, left, (0,), asset="house"),
+        s.Instances("ground", 0, stripe, (1,), asset="house"),
+        s.Instances("cut", 0, hole, (1,), holdout=True),
+    )
+    return s.Scene(
+        view_from_above(), (square(1.0),), instances, (veil, floor), world=s.World(**world)
+    )
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("falloff", s.MISTS)
+def test_mist_of_a_veil_and_what_is_behind(backend: str, falloff: str) -> None:
+    scene = stack(mist=s.Mist(1.0, 10.0, falloff))
+    mist = draw(scene, "Mist", backend=backend, filter_width=0.0).passes["Mist"][..., 0]
+    power = {"QUADRATIC": 2, "LINEAR": 1, "INVERSE_QUADRATIC": 0.5}[falloff]
+    near, far = 0.1**power, 0.5**power
+    left, middle = np.zeros((16, 16), bool), np.zeros((16, 16), bool)
+    left[:, :8], middle[4:12] = True, True
+    hole = np.zeros((16, 16), bool)
+    hole[:, 12:] = True
+    expected = np.where(left, 0.75 * near + 0.25 * np.where(middle, far, 1.0), 1.0)
+    expected = np.where(~left & middle & ~hole, far, expected)
+    np.testing.assert_allclose(mist, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_no_depth_is_no_mist(backend: str) -> None:
+    """As in Cycles: what is seen has none, the background all."""
+    film = draw(stack(mist=s.Mist(1.0, 0.0)), "Mist", backend=backend, filter_width=0.0)
+    assert set(np.unique(film.passes["Mist"])) == {0.0, 0.25, 1.0}
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_coverage_of_a_veil_and_what_is_behind(backend: str) -> None:
+    film = draw(stack(), *CRYPTO, backend=backend, filter_width=0.0)
+    left, middle, hole = np.zeros((3, 16, 16))
+    left[:, :8], middle[4:12], hole[:, 12:] = 1, 1, 1
+    curtain, ground = 0.75 * left, middle * (1 - hole) * np.where(left, 0.25, 1)
+    wanted = {
+        "Crypto Object": {"curtain": curtain, "ground": ground},
+        "Crypto Material": {"veil": curtain, "floor": ground},
+        "Crypto Asset": {"house": curtain + ground},
+    }
+    for name, things in wanted.items():
+        found = shares(film.passes[name])
+        assert set(found) == {id_of(thing) for thing in things}, name
+        for thing, coverage in things.items():
+            np.testing.assert_allclose(found[id_of(thing)], coverage, atol=1e-7)
+        ranks = film.passes[name][..., 1::2]
+        assert (np.diff(ranks, axis=-1) <= 0).all(), "the largest coverage comes first"
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_the_ids_leave_out_is_the_least(backend: str) -> None:
+    """Five sheets, of which each passes half of the light: the two nearest are told."""
+    half = s.Material("half", (s.Lobe("TRANSPARENT", constant(0.5)),))
+    sheets = tuple(replace(placed(0, (0,), z=float(k)), name=f"sheet {k}") for k in range(5))
+    scene = s.Scene(view_from_above(4), (square(),), sheets, (half,))
+    film = draw(scene, "Crypto Object", backend=backend, crypto_ids=2)
+    row = np.array([id_of("sheet 4"), 0.5, id_of("sheet 3"), 0.25], np.float32)
+    assert (film.passes["Crypto Object"] == row).all()
+
+
+@needs_core
+@pytest.mark.parametrize("name", SCENES)
+def test_the_tracers_agree(name: str) -> None:
+    """Where they see the same: edges may fall to either side of a sample."""
+    films = [
+        draw(SCENES[name](), "Mist", *CRYPTO, samples=5, backend=backend)
+        for backend in ("NATIVE", "NUMPY")
+    ]
+    ours, truth = (film.passes for film in films)
+    apart = np.abs(ours["Mist"] - truth["Mist"])[..., 0]
+    assert (apart > 1e-5).mean() < 0.01
+    for crypto in CRYPTO:
+        found, wanted = shares(ours[crypto]), shares(truth[crypto])
+        assert set(found) == set(wanted)
+        for thing, coverage in wanted.items():
+            assert (np.abs(found[thing] - coverage) > 1e-5).mean() < 0.01, crypto
+
+
+@needs_core
+def test_the_picture_has_the_same_bits_without_them() -> None:
+    for make in SCENES.values():
+        scene = make()
+        plain = draw(scene, samples=6).combined
+        assert (draw(scene, "Mist", *CRYPTO, samples=6).combined == plain).all()
+
+
+@needs_core
+def test_same_bits_over_threads_waves_and_regions() -> None:
+    """Where pixels stop early too."""
+    for name, make in SCENES.items():
+        scene = make()
+        plan = engine.Settings(
+            samples=16,
+            light_samples=1,
+            passes=frozenset({"Mist", *CRYPTO}),
+            threads=1,
+            error_threshold=2.0,
+        )
+        whole = engine.render(scene, plan).passes
+        seen = engine.render(scene, replace(plan, threads=3), on_wave=lambda film: None).passes
+        w, h = scene.camera.resolution
+        part = engine.render(scene, replace(plan, region=(3, 2, w - 1, h - 2))).passes
+        for key in ("Mist", *CRYPTO):
+            assert (whole[key] == seen[key]).all(), (name, key)
+            assert (whole[key][2 : h - 2, 3 : w - 1] == part[key]).all(), (name, key)
