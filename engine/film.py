@@ -67,6 +67,15 @@ def empty_value(name: str) -> float:
     return {"Depth": NO_DEPTH, "Gap": NO_DEPTH, "Mist": 1.0}.get(name, 0.0)
 
 
+AOV = "AOV "
+"""What names of AOVs' passes begin with."""
+
+
+def aov_pass(name: str) -> str:
+    """The pass of an AOV: its colour and how much of the pixel gives it one."""
+    return AOV + name
+
+
 def channels_of(name: str, crypto_ids: int) -> int:
     """Of a pass in a picture whose Cryptomatte passes tell so many ids of a pixel."""
     return 2 * crypto_ids if name in CRYPTOMATTES else PASSES[name]

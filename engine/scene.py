@@ -229,7 +229,9 @@ class Material:
 
     index: Blender's material pass index.  program: computes what inputs, lobes and the normal name
     as outputs.  normal_output: the output, a vector, that takes the place of the shading normal
-    (world space; where it is zero or not finite the mesh's own stays); -1 for none.
+    (world space; where it is zero or not finite the mesh's own stays); -1 for none. aovs: what the
+    surface gives to `Scene.aovs`, a material that nothing wears: the sum of its EMISSION lobes
+    whose exponent is the number of the AOV.
     """
 
     name: str
@@ -237,6 +239,7 @@ class Material:
     index: int = 0
     program: Program | None = None
     normal_output: int = -1
+    aovs: Material | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -433,7 +436,9 @@ class World:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """All that a picture depends on, besides `Settings`."""
+    """All that a picture depends on, besides `Settings`. aovs: names; of each the film has the pass
+    `film.aov_pass`.
+    """
 
     camera: Camera
     geometries: tuple[Geometry, ...] = ()
@@ -442,6 +447,7 @@ class Scene:
     textures: tuple[Texture, ...] = ()
     lights: tuple[Light, ...] = ()
     world: World = field(default_factory=World)
+    aovs: tuple[str, ...] = ()
 
     def as_lit(self, *, by_world: bool, by_meshes: bool, bounces: int) -> Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...engine.scene import Geometry, Instances, Scene
+from .aovs import Aov, note_world
 from .camera import border, export_camera, resolution
 from .decoded import Decoded
 from .images import Images
@@ -49,13 +50,14 @@ def export_scene(
     height: int | None = None,
     passes: frozenset[str] = frozenset(),
     decoded: Decoded | None = None,
+    aovs: tuple[Aov, ...] = (),
 ) -> Export:
     """The scene that an evaluated depsgraph shows, for its own view layer and frame.
 
-    width, height: pixels of the full frame instead of the scene's.  passes: names from
-    `film.PASSES`; "UV" makes all meshes bring their active map.  decoded: images of the export
-    before; this one's take their place. Only on Blender's thread. Raises ExportError where there is
-    no usable camera or border.
+    width, height: pixels of the full frame instead of the scene's. passes: names from
+    `film.PASSES`; "UV" makes all meshes bring their active map. decoded: images of the export
+    before; this one's take their place. aovs: passes of the view layer's own that are wanted.
+    Only on Blender's thread. Raises ExportError where there is no usable camera or border.
     """
     start = time.perf_counter()
     scene, report = depsgraph.scene_eval, Report()
@@ -63,13 +65,14 @@ def export_scene(
     region = border(scene.render, size)
     camera = export_camera(_evaluated(scene.camera, depsgraph), scene.render, size, report)
     collector = Collector(
-        depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, decoded
+        depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, decoded, aovs
     )
     things = walk(depsgraph, collector.meet, report)
     met = time.perf_counter()
     world = _world(depsgraph, scene)
     sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
     sky = with_mist(sky, scene.world)
+    note_world(world, aovs, report)
     exported = collector.scene(camera, things, sky)
     if decoded is not None:
         decoded.forget_unused()
@@ -118,11 +121,16 @@ class Collector:
     """Gathers geometries and materials while the depsgraph is walked."""
 
     def __init__(
-        self, depsgraph: Any, wanted: Wanted, report: Report, decoded: Decoded | None = None
+        self,
+        depsgraph: Any,
+        wanted: Wanted,
+        report: Report,
+        decoded: Decoded | None = None,
+        aovs: tuple[Aov, ...] = (),
     ) -> None:
         self.depsgraph, self.wanted, self.report = depsgraph, wanted, report
         self.images = Images(report, decoded)
-        self.materials = Materials(self.images, report)
+        self.materials = Materials(self.images, report, aovs)
         self.lights = Lights(self.images, report)
         self.override = _evaluated(depsgraph.view_layer.material_override, depsgraph)
         self._geometries: list[MeshSource | Geometry] = []
@@ -257,7 +265,8 @@ class Collector:
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
         materials, textures = without_unused(self.materials.materials, self.images.textures)
         lights = sky.lights_with(self.lights.lights)
-        return Scene(camera, geometries, instances, materials, textures, lights, sky.world)
+        names = tuple(aov.name for aov in self.materials.aovs)
+        return Scene(camera, geometries, instances, materials, textures, lights, sky.world, names)
 
 
 def _asset(thing: Any) -> str:

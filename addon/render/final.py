@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import bpy
 
 from ... import engine
-from ..export import Decoded, export_scene
+from ..export import Decoded, aovs_of, export_scene
 from ..ui.properties import settings_from
 from .aim import Aim, aim_from
 from .motion import with_camera_motion
@@ -85,7 +85,14 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         render_engine.update_stats(f"{depsgraph.scene.name}, {layer.name}", "Reading the scene")
     passes = wanted_passes(layer)
     width, height = render_engine.resolution_x, render_engine.resolution_y
-    export = export_scene(depsgraph, width=width, height=height, passes=passes, decoded=_decoded)
+    export = export_scene(
+        depsgraph,
+        width=width,
+        height=height,
+        passes=passes,
+        decoded=_decoded,
+        aovs=aovs_of(layer),
+    )
     settings, notes = _with_backend(
         settings_from(depsgraph.scene_eval.glint.final, depsgraph.scene_eval, passes, export.region)
     )
@@ -174,7 +181,9 @@ def _trace(
     film = replace(
         film,
         passes={
-            name: values for name, values in film.passes.items() if name in passes | {"Combined"}
+            name: values
+            for name, values in film.passes.items()
+            if name in passes | {"Combined"} or name.startswith(engine.AOV)
         },
     )
     job.statistics.seconds["engine"] = time.perf_counter() - start

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ... import engine
+from ..export import aovs_of
 
 BLENDER_SWITCHES = {
     "Depth": "use_pass_z",
@@ -105,6 +106,9 @@ def register_passes(
             render_engine.register_pass(
                 scene, view_layer, blender_name(name), count, channels, _KINDS[channels]
             )
+    for aov in aovs_of(view_layer):
+        count, channels = (1, "X") if aov.is_value else (4, "RGBA")
+        render_engine.register_pass(scene, view_layer, aov.name, count, channels, _KINDS[channels])
 
 
 class Picture:
@@ -177,17 +181,19 @@ def _fill_passes(passes: bpy.types.RenderPasses, film: engine.Film, names: tuple
     out.
     """
     numbers = {
-        known: np.ascontiguousarray(values, dtype=np.float32).ravel()
-        for name in names
-        for known, values in _blenders(name, film.passes[name])
+        known: values for name in names for known, values in _blenders(name, film.passes[name])
     }
     for target in passes:
         if target.name in numbers:
-            target.rect.foreach_set(numbers[target.name])
+            values = numbers[target.name][..., : target.channels]
+            target.rect.foreach_set(np.ascontiguousarray(values, dtype=np.float32).ravel())
 
 
 def _blenders(name: str, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Blender's passes for one of ours."""
+    if name.startswith(engine.AOV):
+        yield name.removeprefix(engine.AOV), values
+        return
     if name not in engine.CRYPTOMATTES:
         yield blender_name(name), values
         return

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 
 import bpy
 from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
+from bl_ui.properties_view_layer import ViewLayerAOVPanelHelper
 
 from ... import engine
 from ..render import result, statistics
@@ -268,6 +269,12 @@ class GLINT_VIEWLAYER_PT_cryptomatte(_Panel, bpy.types.Panel):
         levels.prop(layer, "pass_cryptomatte_depth", text="Levels")
 
 
+class GLINT_VIEWLAYER_PT_aov(_Panel, ViewLayerAOVPanelHelper, bpy.types.Panel):
+    bl_label = "Shader AOV"
+    bl_context = "view_layer"
+    bl_parent_id = "GLINT_VIEWLAYER_PT_passes"
+
+
 class GLINT_VIEWLAYER_PT_filter(_Panel, bpy.types.Panel):
     bl_label = "Filter"
     bl_context = "view_layer"
@@ -440,6 +447,7 @@ _CLASSES = (
     GLINT_RENDER_PT_statistics,
     GLINT_VIEWLAYER_PT_passes,
     GLINT_VIEWLAYER_PT_cryptomatte,
+    GLINT_VIEWLAYER_PT_aov,
     GLINT_VIEWLAYER_PT_filter,
     GLINT_VIEWLAYER_PT_override,
     GLINT_LIGHT_PT_light,

@@ -31,7 +31,7 @@ import numpy as np
 
 from .. import left_out
 from ..errors import NO_THREAD, SceneError
-from ..film import Film, channels_of, empty_value
+from ..film import Film, aov_pass, channels_of, empty_value
 from ..scene import Scene
 from ..settings import Settings
 from ..view_axes import ViewAxes, narrow_view_axes
@@ -246,6 +246,7 @@ class _Render:
     ) -> None:
         self._core, self._handle, self._axes = core, handle, axes
         self._names, self._crypto_ids = passes_of(settings), settings.crypto_ids
+        self._aovs = scene.aovs
         x0, y0, x1, y1 = settings.region or (0, 0, *scene.camera.resolution)
         self._shape = (y1 - y0, x1 - x0)
 
@@ -286,6 +287,12 @@ class _Render:
 
     def _film(self, samples: int, complete: bool, ended: bool) -> Film:
         passes = {name: self._pass(name, samples, ended) for name in self._names}
+        if self._aovs:
+            values = self._picture(
+                "AOV", core_types.Pass.AOV, 4 * len(self._aovs), samples, ended, 0.0
+            )
+            for k, name in enumerate(self._aovs):
+                passes[aov_pass(name)] = values[..., 4 * k : 4 * k + 4]
         data = self._core.glint_render_stats(self._handle)
         return Film(
             self._axes.world_passes(passes) if self._axes else passes,
@@ -295,16 +302,22 @@ class _Render:
         )
 
     def _pass(self, name: str, samples: int, ended: bool) -> np.ndarray:
+        channels = channels_of(name, self._crypto_ids)
+        return self._picture(name, PASS_NUMBERS[name], channels, samples, ended, empty_value(name))
+
+    def _picture(
+        self, name: str, number: int, channels: int, samples: int, ended: bool, empty: float
+    ) -> np.ndarray:
         """(h, w, c) float32; of an untouched picture when no wave is complete.
 
         The core's own memory, which is freed with the array and all that look into it. Read-only
         unless the render has `ended`.
         """
-        shape = (*self._shape, channels_of(name, self._crypto_ids))
+        shape = (*self._shape, channels)
         if samples == 0:
-            return np.full(shape, empty_value(name), np.float32)
+            return np.full(shape, empty, np.float32)
         size = math.prod(shape)
-        handle = self._core.glint_render_picture(self._handle, PASS_NUMBERS[name], size)
+        handle = self._core.glint_render_picture(self._handle, number, size)
         if not handle:
             needs = f"pass {name!r} needs {size * 4 / 1e9:.1f} GB"
             raise MemoryError(

@@ -156,6 +156,7 @@ class Pass(IntEnum):
     CRYPTO_OBJECT = 21
     CRYPTO_MATERIAL = 22
     CRYPTO_ASSET = 23
+    AOV = 24
 
 
 class State(IntEnum):
@@ -258,6 +259,7 @@ class MaterialData(Structure):
         *_each(c_uint32, "first_lobe lobe_count"),
         *_each(c_int32, "index program normal"),
         *_each(c_uint32, "crypto"),
+        *_each(c_int32, "aov"),
     ]
 
 
@@ -297,7 +299,7 @@ class SceneData(Structure):
         *_each(c_double * 3, "ambient background"),
         *_each(c_double * 9, "world_axes"),
         *_each(c_double, "mist_start mist_depth"),
-        *_each(c_int32, "transparent world_program world_slot mist_falloff"),
+        *_each(c_int32, "transparent world_program world_slot mist_falloff aov_count reserved"),
         *_each(c_size_t, "geometries attributes instances world_from_object material_slots"),
         *_each(c_size_t, "instance_value_names instance_values textures program_words"),
         *_each(c_size_t, "program_constants program_tables programs inputs lobes materials lights"),

@@ -13,7 +13,8 @@ from .core_types import Channel, Fresnel, LobeKind
 from .packer import Packer, number
 
 
-def pack_material(packer: Packer, material: Material) -> tuple:
+def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
+    """aov: as GlintMaterial has it."""
     first, program = len(packer.lobes), material.program
     outputs = program.outputs if program else ()
     for lobe in material.lobes:
@@ -40,6 +41,7 @@ def pack_material(packer: Packer, material: Material) -> tuple:
         1 + _program(packer, program) if program else 0,
         _slot(outputs, material.normal_output),
         id_bits(material.name),
+        aov,
     )
 
 

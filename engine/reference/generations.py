@@ -107,6 +107,8 @@ class Generations:
             coefficients = stage.shader.coefficients(surface, paths.kind)
         if paths.depth == 0 and stage.sees:
             self._see(paths, hit, surface, coefficients.transparent)
+        if paths.depth == 0 and stage.scene.aovs:
+            self._give_aovs(paths, hit, surface, coefficients.transparent)
         if paths.reflections:
             coefficients = widened(coefficients, paths.widest[hit])
         self._shade(paths, hit, surface, coefficients)
@@ -195,6 +197,16 @@ class Generations:
             weight.mean(0) * (1 - passed.mean(0)),
             stage.crypto_ids(surface),
         )
+
+    def _give_aovs(self, paths: Paths, hit: Array, surface: Surface, passed: Array) -> None:
+        """What surfaces give to AOVs, up to the first that lets less than half through."""
+        tile, pixel = self._tile, paths.pixel[hit]
+        chosen = np.flatnonzero(tile.wants_aovs[pixel])
+        some, here = surface.take(chosen), pixel[chosen]
+        given = self._stage.shader.aovs(some, paths.kind, len(tile.aovs) // 4)
+        tile.aovs[:, here] += given * pick(paths.weight, hit[chosen]).mean(0)
+        opaque = (passed[0] + passed[1] + passed[2]) / 3 < 0.5
+        tile.wants_aovs[pixel[opaque]] = False
 
     def _find_gaps(self, paths: Paths, hit: Array, surface: Surface, depth: Array) -> None:
         """How far behind the first hits the rays' next ones lie."""

@@ -122,6 +122,19 @@ class Shader:
             n[:, index] = np.where(given.any(0), given, pick(surface.n, index))
         return surface if n is surface.n else replace(surface, n=n)
 
+    def aovs(self, surface: Surface, kind: str, count: int) -> Array:
+        """(4 count, n): colours that the points give to AOVs, and 1 where they give one."""
+        found = np.zeros((4 * count, len(surface.primitive)))
+        for material, index in self._by_material(surface):
+            given = material.aovs
+            outputs = self._outputs(given, surface, index, kind) if given else []
+            for lobe in given.lobes if given else ():
+                first = 4 * int(lobe.exponent)
+                k = self._product(lobe, surface, index, outputs)
+                found[first : first + 3, index] += k
+                found[first + 3, index] = 1
+        return found
+
     def transmittance(self, spot: Spot) -> Array:
         """(n, 3): what passes straight through, the clamped sum of the TRANSPARENT lobes.
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..film import CRYPTOMATTES, PARTS, PASSES, SEEN, empty_value
+from ..film import CRYPTOMATTES, PARTS, PASSES, SEEN, aov_pass, empty_value
 
 Array = np.ndarray
 
@@ -17,20 +17,23 @@ LARGEST = float(np.finfo(np.float32).max)
 
 
 class Tile:
-    """One sample of n pixels. parts: (3, n) per part that anything was added to.  lost: (n,) alpha.
+    """One sample of n pixels. parts: (3, n) per part that anything was added to. lost: (n,) alpha.
     cost: (n,) rays. softly_lit, cut: (n,) bool, whether a light of more than one sample reached
-    them, and whether their horizon cuts one. data: (channels, n) for the passes named.  wanted:
-    (n,) bool, pixels whose data is still to come. clear: (n,) what is seen and no mist before it.
-    met: of each Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what was met.
+    them, and whether their horizon cuts one. data: (channels, n) for the passes named. wanted:
+    (n,) bool, pixels whose data is still to come. clear: (n,) what is seen and no mist before
+    it. aovs: (4 each, n) colours and what of the sample has them. wants_aovs: (n,) bool, pixels
+    whose ray has met nothing that hides what is behind. met: of each Cryptomatte pass, pixels,
+    bits of ids and coverages, (m,) each, of what was met.
     """
 
-    def __init__(self, count: int, data: frozenset[str]):
+    def __init__(self, count: int, data: frozenset[str], aovs: int = 0):
         self._count = count
         self.parts: dict[str, Array] = {}
         self.lost, self.cost = np.zeros(count), np.zeros(count)
         self.softly_lit, self.cut = np.zeros(count, bool), np.zeros(count, bool)
         self.data = {name: np.full((PASSES[name], count), empty_value(name)) for name in data}
         self.wanted = np.full(count, bool(data))
+        self.aovs, self.wants_aovs = np.zeros((4 * aovs, count)), np.full(count, aovs > 0)
         self.clear = np.zeros(count)
         self.met: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in CRYPTOMATTES}
 
@@ -78,13 +81,21 @@ class Tile:
 class Picture:
     """Sums over samples of the passes that are asked for, float64, (channels, pixels)."""
 
-    def __init__(self, width: int, height: int, passes: frozenset[str], crypto_ids: int):
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        passes: frozenset[str],
+        crypto_ids: int,
+        aovs: tuple[str, ...],
+    ):
         self._shape, self._passes = (height, width), passes
         count = width * height
         self._parts = {name: np.zeros((3, count)) for name in PARTS if name in passes}
         self._color, self._lost = np.zeros((3, count)), np.zeros(count)
         self._data = {name: np.zeros((PASSES[name], count)) for name in DATA if name in passes}
         self.samples, self._cost = np.zeros(count), np.zeros(count)
+        self._aovs, self._aov_names = np.zeros((4 * len(aovs), count)), aovs
         self._clear, self._crypto_ids = np.zeros(count), crypto_ids
         self._shares = {name: _no_shares() for name in CRYPTOMATTES if name in passes}
 
@@ -95,6 +106,7 @@ class Picture:
         self._cost[here] += tile.cost
         self.samples[here] += 1
         self._clear[here] += tile.clear
+        self._aovs[:, here] += tile.aovs
         for name, shares in self._shares.items():
             numbers = np.arange(len(self.samples))[here]
             met = [(numbers[pixel], bits, weight) for pixel, bits, weight in tile.met[name]]
@@ -129,6 +141,10 @@ class Picture:
             | self._data
             | chosen
             | {name: self._ranked(name) for name in self._shares}
+            | {
+                aov_pass(name): self._aovs[4 * k : 4 * k + 4] / samples
+                for k, name in enumerate(self._aov_names)
+            }
         )
 
     def _ranked(self, name: str) -> Array:

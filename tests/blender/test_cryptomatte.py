@@ -128,3 +128,30 @@ answer(node.matte_id)
     wanted = matte(read_channels(tmp_path / "crypto.exr"), "ViewLayer.CryptoObject", "second")
     assert wanted.max() > 0.99
     np.testing.assert_allclose(found, wanted, atol=1e-6)
+
+
+def test_aovs_reach_the_file_under_their_names(tmp_path):
+    """A colour and a number, and one that Blender refuses for its name."""
+    blender = Blender(tmp_path)
+    run = blender.run(
+        SCENE
+        + """
+tree = cube.active_material.node_tree
+for name, kind in (("tint", "COLOR"), ("number", "VALUE"), ("Combined", "COLOR")):
+    aov = layer.aovs.add()
+    aov.name, aov.type = name, kind
+    node = tree.nodes.new("ShaderNodeOutputAOV")
+    node.aov_name = name
+    node.inputs["Color"].default_value = (0.25, 0.5, 2.0, 1)
+    node.inputs["Value"].default_value = -3.0
+layer.update_render_passes()
+scene.render.filepath = str(FOLDER / "aov.exr")
+bpy.ops.render.render(write_still=True)
+"""
+    )
+    assert run.returncode == 0, run.output
+    channels = read_channels(tmp_path / "aov.exr")
+    alpha = channels["ViewLayer.Combined.A"]
+    for channel, value in {"R": 0.25, "G": 0.5, "B": 2.0, "A": 1.0}.items():
+        np.testing.assert_allclose(channels[f"ViewLayer.tint.{channel}"], value * alpha, atol=1e-6)
+    np.testing.assert_allclose(channels["ViewLayer.number.X"], -3 * alpha, atol=1e-6)

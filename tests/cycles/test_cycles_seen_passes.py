@@ -12,7 +12,7 @@ import pytest
 import cycles_reference as cycles
 from cycles_reference import bpy, oiio
 from glint import engine
-from glint.addon.export import export_scene
+from glint.addon.export import aovs_of, export_scene
 from glint.engine.cryptomatte import id_of
 from glint_picture import BACKENDS, render_glint, same_around
 from small_scenes import add, add_camera, ball, cube, lambert, looking_at, moved, plane
@@ -191,3 +191,69 @@ def test_mist_is_that_of_cycles(backend, falloff, parallel):
     apart = np.abs(found - wanted)
     assert (apart[inside] > 1e-4).mean() < 0.01, "edges between things"
     assert np.median(apart[inside]) < 2e-6
+
+
+def give(material, name: str, kind: str, socket: str, tree=None, **properties):
+    """An AOV Output node fed by a node's first output, in a tree of the material's."""
+    tree = tree or material.node_tree
+    node = tree.nodes.new("ShaderNodeOutputAOV")
+    node.aov_name = name
+    source = tree.nodes.new(kind)
+    for key, value in properties.items():
+        setattr(source, key, value)
+    tree.links.new(source.outputs[0], node.inputs[socket])
+    return node
+
+
+def scene_of_aovs():
+    """Colours by patterns and in a group, numbers, one on a glass-clear sheet, and things that give
+    none.
+    """
+    scene = cycles.empty_scene(64, 48)
+    floor, box, clear = (lambert((0.5, 0.5, 0.5)) for _ in range(3))
+    give(floor, "pattern", "ShaderNodeTexChecker", "Color")
+    give(floor, "height", "ShaderNodeNewGeometry", "Value")
+    group = bpy.data.node_groups.new("inside", "ShaderNodeTree")
+    give(box, "pattern", "ShaderNodeTexNoise", "Color", tree=group)
+    box.node_tree.nodes.new("ShaderNodeGroup").node_tree = group
+    number = give(box, "height", "ShaderNodeNewGeometry", "Value")
+    box.node_tree.links.remove(number.inputs["Value"].links[0])
+    number.inputs["Value"].default_value = 2.5
+    clear = veil(0.0)
+    give(clear, "height", "ShaderNodeNewGeometry", "Value")
+    add(scene, "floor", plane(8.0, floor), moved(0, 0, -0.5))
+    add(scene, "box", cube(box), moved(-0.8, 0, 0.2, 0.6, 0.6, 0.6))
+    add(scene, "plain", ball(material=lambert((0.3, 0.3, 0.3))), moved(1.2, 0, 0.3, 0.6, 0.6, 0.6))
+    sheet = add(scene, "sheet", plane(1.2, clear))
+    sheet.matrix_world = looking_at((1.2, -1.6, 1.2), (4.2, -5.6, 4.4))
+    add_camera(scene)
+    for name, kind in (("pattern", "COLOR"), ("height", "VALUE")):
+        aov = bpy.context.view_layer.aovs.add()
+        aov.name, aov.type = name, kind
+    return scene
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_aovs_are_those_of_cycles(backend):
+    scene = scene_of_aovs()
+    layer = bpy.context.view_layer
+    assert [tuple(aov) for aov in aovs_of(layer)] == [("pattern", False), ("height", True)]
+    cycles.make_exact(scene)
+    scene.cycles.transparent_max_bounces = 8
+    channels, _ = render_file(scene, "aov")
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    export = export_scene(depsgraph, width=64, height=48, aovs=aovs_of(layer))
+    settings = engine.Settings(
+        samples=1, light_samples=1, backend=backend, filter_width=0.0, passes=frozenset({"Depth"})
+    )
+    film = engine.render(export.scene, settings)
+    inside = same_around(film.passes["Depth"][..., 0] < 1e9)
+    pattern = np.stack([channels[f"pattern.{c}"] for c in "RGBA"], -1)
+    for found, wanted in (
+        (film.passes["AOV pattern"], pattern),
+        (film.passes["AOV height"][..., :1], channels["height.X"][..., None]),
+    ):
+        apart = np.abs(found - wanted).max(-1)
+        assert wanted.std() > 0.1
+        assert np.median(apart[inside]) < 1e-6
+        assert (apart[inside] > 1e-4).mean() < 0.02, "edges of things and squares"

@@ -12,6 +12,9 @@ from engine_scenes import SCENES
 from glint import engine
 from glint.engine import scene as s
 from glint.engine.cryptomatte import id_bits, id_of, manifest, name_hash
+from glint.engine.program.graph import Graph
+from glint.engine.program.program import compile_program
+from glint.engine.program.table import BY_NAME
 from native_tools import constant, draw, needs_core, placed, square, view_from_above
 
 BACKENDS = [pytest.param("NATIVE", marks=needs_core), "NUMPY"]
@@ -166,3 +169,97 @@ def test_same_bits_over_threads_waves_and_regions() -> None:
         for key in ("Mist", *CRYPTO):
             assert (whole[key] == seen[key]).all(), (name, key)
             assert (whole[key][2 : h - 2, 3 : w - 1] == part[key]).all(), (name, key)
+
+
+def aov_scene() -> s.Scene:
+    """The stack with a veil of 0.7 in place of that of 0.25, and AOVs: a constant of the veil, the
+    floor's map by a program, and one that nothing gives.
+    """
+    graph = Graph()
+    uv = graph.apply(BY_NAME["uv"], attribute="map", shift=0)[0]
+    doubled = graph.apply(BY_NAME["scaled_sum"], uv, graph.constant(2.0), uv)[0]
+    of_floor = s.Material(
+        "floor's",
+        (s.Lobe("EMISSION", (s.Input(output=0),), exponent=1.0),),
+        program=compile_program(graph, [doubled]),
+    )
+    of_veil = s.Material(
+        "veil's",
+        (
+            s.Lobe("EMISSION", constant(0.5, 2.0, -1.0)),
+            s.Lobe("EMISSION", constant(0.25, 0.0, 0.0)),
+        ),
+    )
+    scene = stack()
+    thin = s.Material("veil", (s.Lobe("TRANSPARENT", constant(0.7)),), aovs=of_veil)
+    floor = replace(scene.materials[1], aovs=of_floor)
+    return replace(scene, materials=(thin, floor), aovs=("tint", "place", "none"))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_aovs_of_a_veil_and_what_is_behind(backend: str) -> None:
+    """Each counts for what of the ray reaches it."""
+    film = draw(aov_scene(), backend=backend, filter_width=0.0)
+    left, middle, hole = np.zeros((3, 16, 16))
+    left[:, :8], middle[4:12], hole[:, 12:] = 1, 1, 1
+    reached = middle * (1 - hole) * np.where(left, 0.7, 1)
+    line = (np.arange(16) + 0.5) / 16
+    u, v = np.meshgrid(line, 2 * line - 0.5)
+    tint = left[..., None] * [0.75, 2.0, -1.0, 1.0]
+    place = reached[..., None] * np.stack([3 * u, 3 * v, 0 * u, 1 + 0 * u], -1)
+    np.testing.assert_allclose(film.passes["AOV tint"], tint, atol=1e-6)
+    np.testing.assert_allclose(film.passes["AOV place"], place, atol=1e-6)
+    assert not film.passes["AOV none"].any()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_lets_less_than_half_through_ends_aovs(backend: str) -> None:
+    scene = aov_scene()
+    thick = replace(scene.materials[0], lobes=(s.Lobe("TRANSPARENT", constant(0.45)),))
+    scene = replace(scene, materials=(thick, scene.materials[1]))
+    film = draw(scene, backend=backend, filter_width=0.0)
+    assert not film.passes["AOV place"][:, :8].any()
+    assert film.passes["AOV tint"][..., 3].sum() == 128
+
+
+@needs_core
+def test_aovs_change_no_bit_of_the_picture() -> None:
+    scene = aov_scene()
+    plain = replace(scene, aovs=())
+    assert (draw(scene, samples=16).combined == draw(plain, samples=16).combined).all()
+    assert set(draw(plain).passes) == {"Combined"}
+    waves = draw(scene, samples=16, threads=3, region=(2, 3, 15, 14)).passes["AOV place"]
+    assert (draw(scene, samples=16).passes["AOV place"][3:14, 2:15] == waves).all()
+
+
+def test_aovs_that_are_not_the_scenes_are_refused() -> None:
+    with pytest.raises(engine.SceneError, match=r"floor.*aovs.*1 of 1"):
+        draw(replace(aov_scene(), aovs=("tint",)), backend="NUMPY")
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_aovs_read_the_meshs_normals(backend: str) -> None:
+    """Where the material bends its own."""
+    graph = Graph()
+    normal = graph.apply(BY_NAME["normal"])[0]
+    up = graph.apply(BY_NAME["scaled_sum"], normal, graph.constant(2.0), normal)[0]
+    shown = compile_program(graph, [up])
+    graph = Graph()
+    uv = graph.apply(BY_NAME["uv"], attribute="map", shift=0)[0]
+    aside = graph.apply(
+        BY_NAME["scaled_sum"], uv, graph.constant(0.0), graph.constant((1.0, 0.0, 0.0))
+    )[0]
+    given = s.Material("given", (s.Lobe("EMISSION", (s.Input(output=0),)),), program=shown)
+    bent = s.Material(
+        "bent",
+        (s.Lobe("DIFFUSE"),),
+        program=compile_program(graph, [aside]),
+        normal_output=0,
+        aovs=given,
+    )
+    scene = s.Scene(view_from_above(), (square(),), (placed(),), (bent,), aovs=("n",))
+    film = draw(scene, "Normal", backend=backend)
+    np.testing.assert_allclose(film.passes["Normal"], np.broadcast_to([1.0, 0, 0], (16, 16, 3)))
+    np.testing.assert_allclose(
+        film.passes["AOV n"], np.broadcast_to([0.0, 0, 3, 1], (16, 16, 4)), atol=1e-7
+    )

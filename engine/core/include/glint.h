@@ -139,11 +139,14 @@ typedef struct GlintLobe {
 
 /* program: 0, or 1 plus its number. normal: 0, or 1 plus the first of three slots of the program
  * with the shading normal in world space that takes the place of the mesh's. crypto: what
- * Cryptomatte passes tell of it, the bits of a float. */
+ * Cryptomatte passes tell of it, the bits of a float. aov: 0, or 1 plus the number of a material
+ * that no instance has: its EMISSION lobes, whose exponents are numbers of AOVs, are what this one
+ * gives to these. */
 typedef struct GlintMaterial {
   uint32_t first_lobe, lobe_count;
   int32_t index, program, normal;
   uint32_t crypto;
+  int32_t aov;
 } GlintMaterial;
 
 enum GlintLightKind {
@@ -207,11 +210,12 @@ enum GlintMist { GLINT_MIST_QUADRATIC, GLINT_MIST_LINEAR, GLINT_MIST_INVERSE_QUA
  * world_program: 0, or 1 plus the number of the program that gives what rays see that hit nothing,
  * instead of the background; world_slot: the first of its three slots that hold that. It must not
  * read surfaces. world_axes: the program's axes in the scene, column by column. Mist grows from
- * none at mist_start to all at mist_depth beyond it; mist_falloff: of GlintMist. */
+ * none at mist_start to all at mist_depth beyond it; mist_falloff: of GlintMist. aov_count: up to
+ * 256 AOVs. */
 typedef struct GlintSceneData {
   GlintCamera camera;
   double ambient[3], background[3], world_axes[9], mist_start, mist_depth;
-  int32_t transparent, world_program, world_slot, mist_falloff;
+  int32_t transparent, world_program, world_slot, mist_falloff, aov_count, reserved;
   const GlintGeometry* geometries;
   const GlintAttribute* attributes;
   const GlintInstances* instances;
@@ -268,6 +272,7 @@ enum GlintPass {
   GLINT_PASS_CRYPTO_OBJECT,
   GLINT_PASS_CRYPTO_MATERIAL,
   GLINT_PASS_CRYPTO_ASSET,
+  GLINT_PASS_AOV, /* four channels for each AOV of the scene */
   GLINT_PASS_COUNT
 };
 

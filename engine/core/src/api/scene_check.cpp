@@ -259,6 +259,22 @@ void check_slots(const GlintSceneData& d, const GlintMaterial& m, ull number, Re
   report.add(good, "material %llu: a slot that its program has not", number);
 }
 
+/// Whether what a material gives to AOVs is sound.
+void check_aovs(const GlintSceneData& d, const GlintMaterial& m, ull number, Report& report) {
+  if (m.aov == 0) return;
+  report.add(m.aov > 0 && uint64_t(m.aov) <= d.material_count,
+             "material %llu: AOVs beyond the table", number);
+  if (!report.good()) return;
+  const GlintMaterial& given = d.materials[m.aov - 1];
+  bool good = given.aov == 0 && range(given.first_lobe, given.lobe_count, d.lobe_count);
+  for (uint32_t l = 0; good && l < given.lobe_count; ++l) {
+    const GlintLobe& lobe = d.lobes[given.first_lobe + l];
+    good = lobe.kind == GLINT_EMISSION && lobe.exponent < d.aov_count &&
+           lobe.exponent == std::floor(lobe.exponent);
+  }
+  report.add(good, "material %llu: AOVs that are not the scene's", number);
+}
+
 void check_materials(const GlintSceneData& d, Report& report) {
   for (uint64_t i = 0; i < d.input_count; ++i) {
     const GlintInput& g = d.inputs[i];
@@ -290,6 +306,7 @@ void check_materials(const GlintSceneData& d, Report& report) {
                "material %llu: lobes beyond the table", ull(i));
     report.add(m.program >= 0 && uint64_t(m.program) <= d.program_count,
                "material %llu: program beyond the table", ull(i));
+    check_aovs(d, m, i, report);
     report.add(is_id(m.crypto), "material %llu: its id of Cryptomatte is not finite", ull(i));
     if (report.good()) check_slots(d, m, i, report);
   }
@@ -309,6 +326,7 @@ void check_sky(const GlintSceneData& d, Report& report) {
                  d.mist_falloff >= GLINT_MIST_QUADRATIC &&
                  d.mist_falloff <= GLINT_MIST_INVERSE_QUADRATIC,
              "world: its mist is not finite, or of an unknown fall-off");
+  report.add(within(d.aov_count, 256), "scene: %d AOVs, not 0 to 256", d.aov_count);
   report.add(d.world_program >= 0 && uint64_t(d.world_program) <= d.program_count,
              "world: program beyond the table");
   if (!report.good() || d.world_program == 0) return;

@@ -84,9 +84,9 @@ class Film {
  public:
   Film(Region region, uint32_t passes) : Film(region, region, passes, 0, 1) {}
   /// shown: what `picture` gives of the region.  error_threshold, light_samples: see Refinement.
-  /// crypto_ids: how many of a pixel Cryptomatte passes tell.
+  /// crypto_ids: how many of a pixel Cryptomatte passes tell. aov_count: AOVs of the scene.
   Film(Region region, Region shown, uint32_t passes, double error_threshold, uint32_t light_samples,
-       uint32_t crypto_ids = 0);
+       uint32_t crypto_ids = 0, uint32_t aov_count = 0);
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const Region& region() const { return region_; }
@@ -143,7 +143,8 @@ class Film {
                                           1u << GLINT_PASS_GRAZING | 1u << GLINT_PASS_GAP;
   static constexpr uint32_t kHealthPasses = 1u << GLINT_PASS_ERROR | 1u << GLINT_PASS_SAMPLES |
                                             1u << GLINT_PASS_COST | 1u << GLINT_PASS_FALLBACKS;
-  static constexpr uint32_t kSeenPasses = 1u << GLINT_PASS_MIST | Cryptomatte::kPasses;
+  static constexpr uint32_t kSeenPasses =
+      1u << GLINT_PASS_MIST | 1u << GLINT_PASS_AOV | Cryptomatte::kPasses;
   void keep_sums(int pass, int channels);
   std::shared_ptr<ZeroedBuffer<float>> cropped(int pass) const;
   float* values(int pass) const { return pictures_[pass]->data(); }
@@ -151,12 +152,13 @@ class Film {
   void publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
                      const Stages& stages);
   void publish_mist(const Tile& tile, const SlotTable& slots, uint32_t samples);
+  void publish_aovs(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void publish_cryptomatte(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void cut();
 
   Region region_, shown_;
-  uint32_t passes_;
+  uint32_t passes_, aov_count_;
   std::vector<Tile> tiles_;
   size_t columns_ = 4;
   int at_[GLINT_PASS_COUNT];  // first column of what has sums, -1 for none

@@ -108,6 +108,7 @@ void Tracer::start_paths() {
   first_.start_at_camera(paths_.size());
   for (size_t k = 0; film_.wants_data() && k < paths_.size(); ++k)
     if (paths_.is_first(k)) first_.want_data(k);
+  for (size_t k = 0; film_.wants(GLINT_PASS_AOV) && k < paths_.size(); ++k) first_.want_aovs(k);
 }
 
 void Tracer::camera_rays() {
@@ -213,10 +214,14 @@ void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue
   surely_empty_ ? miss(queue) : find_points(queue);
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
   if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
+  const bool gives_aovs = queue.visibility == kCamera && film_.wants(GLINT_PASS_AOV);
+  for (size_t c = 0; gives_aovs && scene_.bends_normals && c < 3; ++c)
+    mesh_normals_[c].assign(batch_.points.n[c], batch_.points.n[c] + queue.size());
   shade(queue, straight, bounced);
   if (queue.reflections > 0) widen(queue);
   if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
   if (queue.visibility == kCamera && film_.wants_seen()) note_seen(queue);
+  if (gives_aovs) note_aovs(queue);
   direct_.illuminate(batch_, sample, counts_);
   direct_.reflect(batch_, sample, glossy, counts_);
   keep(queue);
@@ -229,8 +234,8 @@ void Tracer::find_hits(const Queue& queue) {
     Rays rays = queue.rays();
     // Every surface counts for what is remembered, and for passes that tell of holes as of other
     // surfaces.
-    const bool all =
-        batch_.first_hits || film_.wants(GLINT_PASS_COST) || film_.wants(GLINT_PASS_GAP);
+    const bool all = batch_.first_hits || film_.wants(GLINT_PASS_COST) ||
+                     film_.wants(GLINT_PASS_GAP) || film_.wants(GLINT_PASS_AOV);
     rays.opacity = all ? nullptr : scene_.opacity();
     const bool straight = rays.opacity && queue.visibility == kCamera && &queue != &first_;
     if (straight && !batch_.fallbacks) ahead_.closest(queue, batch_.hits());
@@ -468,6 +473,75 @@ void Tracer::note_seen(const Queue& queue) {
          {group.crypto_object, scene_.materials[batch_.material[k]].crypto, group.crypto_asset},
          weight});
   }
+}
+
+/// What the surfaces that camera rays meet give to AOVs, up to the first that lets less than half
+/// through: material by material.
+void Tracer::note_aovs(const Queue& queue) {
+  aov_rows_.clear();
+  for (uint32_t k = 0; k < queue.size(); ++k)
+    if (queue.wants_aovs(k) && batch_.material[k] < scene_.materials.size() &&
+        scene_.materials[batch_.material[k]].aov > 0)
+      aov_rows_.push_back(k);
+  std::stable_sort(aov_rows_.begin(), aov_rows_.end(),
+                   [&](uint32_t a, uint32_t b) { return batch_.material[a] < batch_.material[b]; });
+  for (size_t first = 0; first < aov_rows_.size();)
+    first += note_aovs_of(queue, aov_rows_.data() + first, aov_rows_.size() - first);
+}
+
+/// Those of the rows that share the first one's material, up to a block. How many they are.
+size_t Tracer::note_aovs_of(const Queue& queue, const uint32_t* rows, size_t count) {
+  const uint32_t number = batch_.material[rows[0]];
+  const Material& given = scene_.materials[size_t(scene_.materials[number].aov - 1)];
+  size_t here = 1;
+  while (here < std::min(count, kBlock) && batch_.material[rows[here]] == number) ++here;
+  Surface surfaces[kBlock];
+  for (size_t i = 0; i < here; ++i) {
+    surfaces[i] = batch_.surface(rows[i]);
+    if (scene_.materials[number].normal > 0)  // the batch's is bent by now
+      surfaces[i].n = {mesh_normals_[0][rows[i]], mesh_normals_[1][rows[i]],
+                       mesh_normals_[2][rows[i]]};
+  }
+  if (given.program > 0) run_aovs(queue, given, rows, surfaces, here);
+  double* const sums = paths_.sums(film_, GLINT_PASS_AOV);
+  bool gives[256] = {};
+  for (uint32_t l = 0; l < given.lobe_count; ++l) {
+    const Lobe& lobe = scene_.lobes[given.first_lobe + l];
+    const size_t aov = size_t(lobe.exponent);
+    for (size_t i = 0; i < here; ++i) {
+      PointReads reads;
+      reads.slots = program_slots_.data() + i;
+      const Vec3d color = coefficient(scene_, lobe, surfaces[i], reads);
+      const double weight = mean(queue.path(rows[i]).T);
+      double* const sum = sums + 4 * aov * paths_.stride() + queue.slot(rows[i]);
+      for (size_t c = 0; c < 3; ++c) sum[c * paths_.stride()] += weight * color[int(c)];
+      if (!gives[aov]) sum[3 * paths_.stride()] += weight;
+    }
+    gives[aov] = true;
+  }
+  return here;
+}
+
+/// The program of a material's AOVs at up to a block of points.
+void Tracer::run_aovs(const Queue& queue, const Material& given, const uint32_t* rows,
+                      const Surface* surfaces, size_t count) {
+  ProgramPoints points{};
+  for (size_t i = 0; i < (count + kPad - 1) / kPad * kPad; ++i) {
+    const Surface& s = surfaces[std::min(i, count - 1)];
+    const Vec3d d = queue.ray(rows[std::min(i, count - 1)]).d;
+    points.instance[i] = s.instance;
+    points.primitive[i] = s.primitive;
+    points.outside[i] = s.outside ? -1 : 0;
+    for (int c = 0; c < 3; ++c) {
+      points.weights[c][i] = s.weights[c];
+      points.x[c][i] = s.x[c];
+      points.g[c][i] = s.g[c];
+      points.n[c][i] = s.n[c];
+      points.d[c][i] = d[c];
+    }
+  }
+  stages_.program({scene_.input_tables(), &scene_.program_of(given), &points, RayKind::kCamera,
+                   count, program_slots_.data()});
 }
 
 /// The film learns what the paths met, in the order of each pixel's samples.

@@ -119,6 +119,7 @@ class Scene {
   Vec3d ambient, background;
   bool transparent_film = false;
   Mist mist;
+  uint32_t aov_count = 0;
   std::vector<GlintGeometry> geometries;
   std::vector<GlintAttribute> attributes;
   std::vector<GlintInstances> groups;
