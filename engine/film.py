@@ -31,6 +31,9 @@ PASSES = {
     "Crypto Object": 12,
     "Crypto Material": 12,
     "Crypto Asset": 12,
+    "Denoising Normal": 3,
+    "Denoising Albedo": 3,
+    "Denoising Depth": 1,
 }
 """Pass name -> channels, with the settings' own numbers of them (`channels_of`). `SEMANTICS.md`
 says what each holds.
@@ -39,7 +42,10 @@ says what each holds.
 CRYPTOMATTES = ("Crypto Object", "Crypto Material", "Crypto Asset")
 """Passes of an id and its coverage, again and again, the largest coverage first."""
 
-SEEN = ("Mist", *CRYPTOMATTES)
+DENOISING = ("Denoising Normal", "Denoising Albedo", "Denoising Depth")
+"""Passes that denoisers are told, beside the picture."""
+
+SEEN = ("Mist", *CRYPTOMATTES, *DENOISING)
 """Passes that are means over the samples of what camera rays see."""
 
 PARTS = ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror", "Emission", "Environment")

@@ -57,6 +57,8 @@ _CHANNELS = {
     "Object Index": "X",
     "Material Index": "X",
     "Mist": "Z",
+    "Denoising Normal": "XYZ",
+    "Denoising Depth": "Z",
     **dict.fromkeys(HEALTH_SWITCHES, "X"),
 }
 _KINDS = {
@@ -69,11 +71,17 @@ _KINDS = {
 }
 
 
+DENOISING = "denoising_store_passes"
+"""Cycles' property of view layers that switches on all of `engine.DENOISING`."""
+
+
 def wanted_passes(view_layer: bpy.types.ViewLayer) -> frozenset[str]:
     """Names from `engine.PASSES` that are switched on, Combined always among them."""
     blenders = {name for name, switch in BLENDER_SWITCHES.items() if getattr(view_layer, switch)}
     ours = {name for name, switch in GLINT_SWITCHES.items() if getattr(view_layer.glint, switch)}
-    return frozenset({"Combined"} | blenders | ours)
+    cycles = getattr(view_layer, "cycles", None)
+    denoising = engine.DENOISING if getattr(cycles, DENOISING, False) else ()
+    return frozenset({"Combined", *denoising} | blenders | ours)
 
 
 def crypto_ids(view_layer: bpy.types.ViewLayer) -> int:

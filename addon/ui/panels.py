@@ -245,6 +245,9 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
         for name, switch in result.BLENDER_SWITCHES.items():
             if name not in engine.CRYPTOMATTES:
                 data.prop(context.view_layer, switch)
+        cycles = getattr(context.view_layer, "cycles", None)
+        if hasattr(cycles, result.DENOISING):
+            data.prop(cycles, result.DENOISING, text="Denoising Data")
         parts = column.column(heading="Parts", align=True)
         for switch in result.PART_SWITCHES.values():
             parts.prop(context.view_layer.glint, switch)

@@ -157,6 +157,9 @@ class Pass(IntEnum):
     CRYPTO_MATERIAL = 22
     CRYPTO_ASSET = 23
     AOV = 24
+    DENOISING_NORMAL = 25
+    DENOISING_ALBEDO = 26
+    DENOISING_DEPTH = 27
 
 
 class State(IntEnum):

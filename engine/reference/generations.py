@@ -106,7 +106,7 @@ class Generations:
             hit, depth, surface = hit[shown], depth[shown], surface.take(shown)
             coefficients = stage.shader.coefficients(surface, paths.kind)
         if paths.depth == 0 and stage.sees:
-            self._see(paths, hit, surface, coefficients.transparent)
+            self._see(paths, hit, surface, coefficients)
         if paths.depth == 0 and stage.scene.aovs:
             self._give_aovs(paths, hit, surface, coefficients.transparent)
         if paths.reflections:
@@ -187,14 +187,22 @@ class Generations:
             Material_Index=stage.shader.pass_index(some.material),
         )
 
-    def _see(self, paths: Paths, hit: Array, surface: Surface, passed: Array) -> None:
+    def _see(self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients) -> None:
         """What passes that are means of what is seen have of these surfaces."""
-        stage, weight = self._stage, pick(paths.weight, hit)
+        stage, weight, pixel = self._stage, pick(paths.weight, hit), paths.pixel[hit]
+        passed = coefficients.transparent
+        share = weight.mean(0) * (1 - passed.mean(0))
+        self._tile.denoise(
+            pixel,
+            Normal=share * stage.camera.along_axes(surface.n),
+            Albedo=weight * coefficients.albedo(),
+            Depth=(share * stage.camera.distance_seen(surface.x))[None],
+        )
         seen = (weight * (1 - np.clip(passed, 0.0, 1.0))).mean(0)
         self._tile.see(
-            paths.pixel[hit],
+            pixel,
             seen * (1 - stage.mist(stage.camera.distance(surface.x))),
-            weight.mean(0) * (1 - passed.mean(0)),
+            share,
             stage.crypto_ids(surface),
         )
 

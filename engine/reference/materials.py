@@ -59,6 +59,17 @@ class Coefficients:
     mirrors: list[Term]
     refractions: list[Term]
 
+    def albedo(self) -> Array:
+        """(3, n): about what of even light the points give back; mirrors and glass without what
+        Fresnel says.
+        """
+        total = self.diffuse.copy()
+        for term in self.highlights:
+            add_at(total, term.index, 8 / (term.exponent + 2) * term.k)
+        for term in (*self.mirrors, *self.refractions):
+            add_at(total, term.index, term.k)
+        return total
+
 
 class Shader:
     """Evaluates the materials of a scene."""

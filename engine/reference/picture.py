@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..film import CRYPTOMATTES, PARTS, PASSES, SEEN, aov_pass, empty_value
+from ..film import CRYPTOMATTES, DENOISING, PARTS, PASSES, SEEN, aov_pass, empty_value
 
 Array = np.ndarray
 
@@ -35,7 +35,14 @@ class Tile:
         self.wanted = np.full(count, bool(data))
         self.aovs, self.wants_aovs = np.zeros((4 * aovs, count)), np.full(count, aovs > 0)
         self.clear = np.zeros(count)
+        self.denoising = {name: np.zeros((PASSES[name], count)) for name in DENOISING}
         self.met: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in CRYPTOMATTES}
+
+    def denoise(self, pixel: Array, **values: Array) -> None:
+        """Adds what denoisers are told ("Albedo" for "Denoising Albedo"), (channels, m) each."""
+        for name, found in values.items():
+            for total, value in zip(self.denoising[f"Denoising {name}"], found, strict=True):
+                total += np.bincount(pixel, value, self._count)
 
     def see(self, pixel: Array, clear: Array, weight: Array, ids: dict[str, Array]) -> None:
         """Surfaces that m camera rays meet: what is seen of them in no mist, what of the ray stays
@@ -97,6 +104,9 @@ class Picture:
         self.samples, self._cost = np.zeros(count), np.zeros(count)
         self._aovs, self._aov_names = np.zeros((4 * len(aovs), count)), aovs
         self._clear, self._crypto_ids = np.zeros(count), crypto_ids
+        self._denoising = {
+            name: np.zeros((PASSES[name], count)) for name in DENOISING if name in passes
+        }
         self._shares = {name: _no_shares() for name in CRYPTOMATTES if name in passes}
 
     def keep(self, here: slice | Array, tile: Tile) -> None:
@@ -107,6 +117,8 @@ class Picture:
         self.samples[here] += 1
         self._clear[here] += tile.clear
         self._aovs[:, here] += tile.aovs
+        for name, total in self._denoising.items():
+            total[:, here] += tile.denoising[name]
         for name, shares in self._shares.items():
             numbers = np.arange(len(self.samples))[here]
             met = [(numbers[pixel], bits, weight) for pixel, bits, weight in tile.met[name]]
@@ -140,6 +152,7 @@ class Picture:
             | {name: total / samples for name, total in self._parts.items()}
             | self._data
             | chosen
+            | {name: total / samples for name, total in self._denoising.items()}
             | {name: self._ranked(name) for name in self._shares}
             | {
                 aov_pass(name): self._aovs[4 * k : 4 * k + 4] / samples

@@ -144,6 +144,7 @@ for name, kind in (("tint", "COLOR"), ("number", "VALUE"), ("Combined", "COLOR")
     node.aov_name = name
     node.inputs["Color"].default_value = (0.25, 0.5, 2.0, 1)
     node.inputs["Value"].default_value = -3.0
+layer.cycles.denoising_store_passes = True
 layer.update_render_passes()
 scene.render.filepath = str(FOLDER / "aov.exr")
 bpy.ops.render.render(write_still=True)
@@ -155,3 +156,8 @@ bpy.ops.render.render(write_still=True)
     for channel, value in {"R": 0.25, "G": 0.5, "B": 2.0, "A": 1.0}.items():
         np.testing.assert_allclose(channels[f"ViewLayer.tint.{channel}"], value * alpha, atol=1e-6)
     np.testing.assert_allclose(channels["ViewLayer.number.X"], -3 * alpha, atol=1e-6)
+    inside = alpha == 1
+    normals = np.stack([channels[f"ViewLayer.Denoising Normal.{c}"] for c in "XYZ"], -1)
+    assert (normals[inside][:, 2] < 0).all(), "towards the camera"
+    assert (channels["ViewLayer.Denoising Depth.Z"][inside] > 5).all()
+    assert channels["ViewLayer.Denoising Albedo.G"][inside].min() > 0.5

@@ -257,3 +257,24 @@ def test_aovs_are_those_of_cycles(backend):
         assert wanted.std() > 0.1
         assert np.median(apart[inside]) < 1e-6
         assert (apart[inside] > 1e-4).mean() < 0.02, "edges of things and squares"
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_denoising_data_are_those_of_cycles(backend):
+    """On matt things, which have the same albedo in both."""
+    scene = scene_of_things()
+    for name in ("sheet", "bare"):
+        bpy.data.objects.remove(bpy.data.objects[name])
+    cycles.make_exact(scene)
+    bpy.context.view_layer.cycles.denoising_store_passes = True
+    channels, _ = render_file(scene, "denoising")
+    film = render_glint(
+        scene, backend, passes=frozenset({"Depth", *engine.DENOISING}), filter_width=0.0
+    )
+    inside = same_around(film.passes["Depth"][..., 0] < 1e9)
+    for name, letters in zip(engine.DENOISING, ("XYZ", "RGB", "Z"), strict=True):
+        wanted = np.stack([channels[f"{name}.{letter}"] for letter in letters], -1)
+        apart = np.abs(film.passes[name] - wanted).max(-1)
+        assert wanted[inside].std() > 0.1
+        assert np.median(apart[inside]) < 1e-5, name
+        assert (apart[inside] > 1e-4).mean() < 0.02, name

@@ -17,6 +17,7 @@ from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
 from native_tools import constant, draw, needs_core, placed, square, view_from_above
 
+DENOISING = ("Denoising Normal", "Denoising Albedo", "Denoising Depth")
 BACKENDS = [pytest.param("NATIVE", marks=needs_core), "NUMPY"]
 CRYPTO = ("Crypto Object", "Crypto Material", "Crypto Asset")
 
@@ -129,12 +130,13 @@ def test_what_the_ids_leave_out_is_the_least(backend: str) -> None:
 def test_the_tracers_agree(name: str) -> None:
     """Where they see the same: edges may fall to either side of a sample."""
     films = [
-        draw(SCENES[name](), "Mist", *CRYPTO, samples=5, backend=backend)
+        draw(SCENES[name](), "Mist", *CRYPTO, *DENOISING, samples=5, backend=backend)
         for backend in ("NATIVE", "NUMPY")
     ]
     ours, truth = (film.passes for film in films)
-    apart = np.abs(ours["Mist"] - truth["Mist"])[..., 0]
-    assert (apart > 1e-5).mean() < 0.01
+    for key in ("Mist", *DENOISING):
+        apart = np.abs(ours[key] - truth[key]).max(-1)
+        assert (apart > 1e-5 * max(1, np.abs(truth[key]).max())).mean() < 0.01, key
     for crypto in CRYPTO:
         found, wanted = shares(ours[crypto]), shares(truth[crypto])
         assert set(found) == set(wanted)
@@ -263,3 +265,29 @@ def test_aovs_read_the_meshs_normals(backend: str) -> None:
     np.testing.assert_allclose(
         film.passes["AOV n"], np.broadcast_to([0.0, 0, 3, 1], (16, 16, 4)), atol=1e-7
     )
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_what_denoisers_are_told_of_a_veil_and_what_is_behind(backend: str) -> None:
+    """Normals look at the camera, depths begin at the near end, highlights count by their area."""
+    scene = stack()
+    floor = s.Material(
+        "floor",
+        (
+            s.Lobe("DIFFUSE", constant(0.5, 0.25, 0.0)),
+            s.Lobe("SPECULAR", constant(3.0), exponent=38.0),
+            s.Lobe("MIRROR", constant(0.125)),
+        ),
+    )
+    camera = replace(scene.camera, clip_start=0.5)
+    scene = replace(scene, camera=camera, materials=(scene.materials[0], floor))
+    film = draw(scene, *DENOISING, backend=backend, filter_width=0.0, max_bounces=0)
+    left, middle, hole = np.zeros((3, 16, 16))
+    left[:, :8], middle[4:12], hole[:, 12:] = 1, 1, 1
+    curtain, ground = 0.75 * left, middle * (1 - hole) * np.where(left, 0.25, 1)
+    for name, wanted in (
+        ("Normal", (curtain + ground)[..., None] * [0.0, 0.0, -1.0]),
+        ("Albedo", ground[..., None] * [1.225, 0.975, 0.725]),
+        ("Depth", (1.5 * curtain + 5.5 * ground)[..., None]),
+    ):
+        np.testing.assert_allclose(film.passes[f"Denoising {name}"], wanted, atol=1e-6)

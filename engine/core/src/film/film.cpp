@@ -26,6 +26,7 @@ void interleave(const float (&channels)[4][Size], size_t first, size_t count, fl
 
 size_t Film::channels_of(int pass) const {
   if (pass < 0 || pass >= GLINT_PASS_COUNT) return 0;
+  if (pass == GLINT_PASS_DENOISING_NORMAL || pass == GLINT_PASS_DENOISING_ALBEDO) return 3;
   if (pass == GLINT_PASS_AOV) return 4 * size_t(aov_count_);
   if (Cryptomatte::kPasses >> pass & 1) return 2 * cryptomatte_.ids();
   if (pass == GLINT_PASS_COMBINED) return 4;
@@ -64,6 +65,9 @@ Film::Film(Region region, Region shown, uint32_t passes, double error_threshold,
   keep_sums(GLINT_PASS_FALLBACKS, 1);
   keep_sums(GLINT_PASS_MIST, 1);
   keep_sums(GLINT_PASS_AOV, 4 * int(aov_count));
+  keep_sums(GLINT_PASS_DENOISING_NORMAL, 3);
+  keep_sums(GLINT_PASS_DENOISING_ALBEDO, 3);
+  keep_sums(GLINT_PASS_DENOISING_DEPTH, 1);
   const size_t pixels = size_t(region.width()) * region.height();
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
     if (!wants(pass)) continue;
@@ -145,7 +149,8 @@ void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples,
     if (sums(tile, pass) && (!rested || renewed_ >> pass & 1))
       publish_means(tile, pass, slots, samples, stages);
   if (wants(GLINT_PASS_MIST)) publish_mist(tile, slots, samples);
-  if (wants(GLINT_PASS_AOV)) publish_aovs(tile, slots, samples);
+  for (int pass = GLINT_PASS_AOV; pass < GLINT_PASS_COUNT; ++pass)
+    if (wants(pass)) publish_seen(tile, pass, slots, samples);
   if (wants_cryptomatte()) publish_cryptomatte(tile, slots, samples);
   if (passes_ & kHealthPasses) publish_health(tile, slots, samples);
 }
@@ -180,12 +185,12 @@ void Film::publish_mist(const Tile& tile, const SlotTable& slots, uint32_t sampl
         to_float(1 - clear[k] / refinement_.taken(tile.first_row + k, samples));
 }
 
-void Film::publish_aovs(const Tile& tile, const SlotTable& slots, uint32_t samples) {
-  const double* from = sums(tile, GLINT_PASS_AOV);
-  const size_t channels = channels_of(GLINT_PASS_AOV);
+void Film::publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples) {
+  const double* from = sums(tile, pass);
+  const size_t channels = channels_of(pass);
   for (size_t c = 0; c < channels; ++c, from += tile.stride())
     for (size_t k = 0; k < tile.pixels(); ++k)
-      values(GLINT_PASS_AOV)[channels * slots.pixel(tile, k, region_.width()) + c] =
+      values(pass)[channels * slots.pixel(tile, k, region_.width()) + c] =
           to_float(from[k] / refinement_.taken(tile.first_row + k, samples));
 }
 

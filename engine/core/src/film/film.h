@@ -100,6 +100,7 @@ class Film {
   bool wants_data() const { return passes_ & kDataPasses; }
   /// Passes that are the mean over the samples of what camera rays see.
   bool wants_seen() const { return passes_ & kSeenPasses; }
+  bool wants_denoising() const { return passes_ & kDenoisingPasses; }
   bool wants_cryptomatte() const { return cryptomatte_.on(); }
   /// Channels of a pass, 0 for no such pass.
   size_t channels_of(int pass) const;
@@ -143,8 +144,11 @@ class Film {
                                           1u << GLINT_PASS_GRAZING | 1u << GLINT_PASS_GAP;
   static constexpr uint32_t kHealthPasses = 1u << GLINT_PASS_ERROR | 1u << GLINT_PASS_SAMPLES |
                                             1u << GLINT_PASS_COST | 1u << GLINT_PASS_FALLBACKS;
+  static constexpr uint32_t kDenoisingPasses = 1u << GLINT_PASS_DENOISING_NORMAL |
+                                               1u << GLINT_PASS_DENOISING_ALBEDO |
+                                               1u << GLINT_PASS_DENOISING_DEPTH;
   static constexpr uint32_t kSeenPasses =
-      1u << GLINT_PASS_MIST | 1u << GLINT_PASS_AOV | Cryptomatte::kPasses;
+      kDenoisingPasses | 1u << GLINT_PASS_MIST | 1u << GLINT_PASS_AOV | Cryptomatte::kPasses;
   void keep_sums(int pass, int channels);
   std::shared_ptr<ZeroedBuffer<float>> cropped(int pass) const;
   float* values(int pass) const { return pictures_[pass]->data(); }
@@ -152,7 +156,7 @@ class Film {
   void publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
                      const Stages& stages);
   void publish_mist(const Tile& tile, const SlotTable& slots, uint32_t samples);
-  void publish_aovs(const Tile& tile, const SlotTable& slots, uint32_t samples);
+  void publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples);
   void publish_cryptomatte(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void cut();

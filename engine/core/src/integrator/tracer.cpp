@@ -466,6 +466,7 @@ void Tracer::note_seen(const Queue& queue) {
       clear[queue.slot(k)] += (1 - scene_.mist.at(distance)) * mean(T * stays);
     }
     const double weight = mean(T) * (1 - mean(passed));
+    if (film_.wants_denoising()) note_denoising(k, queue.slot(k), weight);
     if (!film_.wants_cryptomatte() || !(weight > 0)) continue;
     const GlintInstances& group = scene_.group(batch_.instance[k]);
     meetings_.push_back(
@@ -473,6 +474,41 @@ void Tracer::note_seen(const Queue& queue) {
          {group.crypto_object, scene_.materials[batch_.material[k]].crypto, group.crypto_asset},
          weight});
   }
+}
+
+/// What denoisers are told of a surface at which that share of the path's sample stays.
+void Tracer::note_denoising(size_t k, uint32_t path, double share) {
+  const auto add = [&](int pass, Vec3d value) {
+    double* const sum = paths_.sums(film_, pass);
+    for (size_t c = 0; sum && c < film_.channels_of(pass); ++c)
+      sum[c * paths_.stride() + path] += value[int(c)];
+  };
+  const double far = camera_.distance_seen(row(batch_.points.x, k));
+  add(GLINT_PASS_DENOISING_NORMAL, share * camera_.along_axes(row(batch_.points.n, k)));
+  add(GLINT_PASS_DENOISING_ALBEDO, albedo(k));
+  add(GLINT_PASS_DENOISING_DEPTH, share * Vec3d{far, far, far});
+}
+
+/// T times about what of even light a point's surface gives back, mirrors and glass without what
+/// Fresnel says.
+Vec3d Tracer::albedo(size_t k) const {
+  Vec3d sum;
+  const Material& material = scene_.materials[batch_.material[k]];
+  const Lobe* lobe = scene_.lobes.data() + material.first_lobe;
+  for (int i = 0; i < material.passing; ++lobe) {
+    if (lobe->kind == GLINT_MIRROR || lobe->kind == GLINT_REFRACTION) sum += batch_.passing(k, i);
+    i += (1u << lobe->kind & kPassing) != 0;
+  }
+  sum = batch_.queue->path(k).T * sum;
+  if (!batch_.lit[k]) return sum;
+  sum += row(batch_.diffuse, k);
+  for (int term = 0; term < scene_.max_specular; ++term) {
+    const double* const column =
+        batch_.specular + size_t(scene_.specular_columns * term) * batch_.stride + k;
+    const double share = 8 / (column[SpecularTerm::kExponent * batch_.stride] + 2);
+    sum += share * Vec3d{column[0], column[batch_.stride], column[2 * batch_.stride]};
+  }
+  return sum;
 }
 
 /// What the surfaces that camera rays meet give to AOVs, up to the first that lets less than half
