@@ -96,7 +96,11 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
     settings, notes = _with_backend(
         settings_from(depsgraph.scene_eval.glint.final, depsgraph.scene_eval, passes, export.region)
     )
-    settings = replace(settings, crypto_ids=crypto_ids(layer))
+    settings = replace(
+        settings,
+        crypto_ids=crypto_ids(layer),
+        samples=_layer_samples(layer, depsgraph.scene_eval, settings.samples),
+    )
     statistics = Statistics(settings.samples, settings.backend, export.stats)
     if not render_engine.is_preview:
         statistics.skipped = skipped_things(depsgraph, export.scene)
@@ -206,6 +210,14 @@ def tell_notes(render_engine: bpy.types.RenderEngine, notes: list[str]) -> None:
             {"WARNING"},
             f"and {len(unique) - NOTES_SHOWN} more notes: the log (level INFO) has them all",
         )
+
+
+def _layer_samples(layer: bpy.types.ViewLayer, scene: bpy.types.Scene, samples: int) -> int:
+    """The view layer's own number of samples where it has one, as Cycles takes it."""
+    how = getattr(getattr(scene, "cycles", None), "use_layer_samples", "USE")
+    if layer.samples == 0 or how == "IGNORE":
+        return samples
+    return min(layer.samples, samples) if how == "BOUNDED" else layer.samples
 
 
 def _with_backend(settings: engine.Settings) -> tuple[engine.Settings, list[str]]:

@@ -294,7 +294,7 @@ class GLINT_VIEWLAYER_PT_override(_Panel, bpy.types.Panel):
 
     def draw(self, context):
         column = self.column
-        for name in ("material_override", "world_override"):
+        for name in ("material_override", "world_override", "samples"):
             _draw_if_known(column, context.view_layer, name)
 
 

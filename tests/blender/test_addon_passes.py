@@ -222,3 +222,27 @@ bpy.ops.render.render(write_still=True)
     )
     assert left.max() > 0
     np.testing.assert_array_equal(left, right)
+
+
+def test_a_layers_own_samples_count(tmp_path):
+    """As Cycles takes them: in place of the scene's, as a bound, or not."""
+    blender = Blender(tmp_path)
+    run = blender.run(
+        DRAW
+        + """
+layer = scene.view_layers[0]
+layer.glint.use_pass_samples = True
+scene.glint.final.samples, scene.glint.final.error_threshold = 4, 0
+for name, how, samples in (
+    ("use", "USE", 6), ("more", "BOUNDED", 6), ("less", "BOUNDED", 2), ("not", "IGNORE", 6),
+    ("none", "USE", 0),
+):
+    scene.cycles.use_layer_samples, layer.samples = how, samples
+    scene.render.filepath = str(FOLDER / (name + ".exr"))
+    bpy.ops.render.render(write_still=True)
+"""
+    )
+    assert run.returncode == 0, run.output
+    for name, samples in {"use": 6, "more": 4, "less": 2, "not": 4, "none": 4}.items():
+        taken = _pass(read_channels(tmp_path / f"{name}.exr"), "Samples")
+        assert (taken == samples).all(), name
