@@ -11,8 +11,9 @@ import numpy as np
 
 from .accelerator import Accelerator, Hits
 from .analysis.explain import PixelExplainer, explanation_lines
+from .cryptomatte import crypto_metadata, manifests
 from .errors import NO_THREAD, SceneError
-from .film import PARTS, PASSES, Film
+from .film import AOV, CRYPTOMATTES, DENOISING, PARTS, PASSES, Film
 from .linear import affine_inverse, determinant, pixel_bounds_of_box
 from .live import LiveRender, Task, Wave
 from .scene import Scene
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from .reference.explain import Ray
 
 __all__ = [
+    "AOV",
+    "CRYPTOMATTES",
+    "DENOISING",
     "NO_THREAD",
     "PARTS",
     "PASSES",
@@ -38,8 +42,10 @@ __all__ = [
     "Wave",
     "affine_inverse",
     "available_backends",
+    "crypto_metadata",
     "determinant",
     "explanation_lines",
+    "manifests",
     "native_error",
     "pixel_bounds_of_box",
     "render",

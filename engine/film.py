@@ -27,8 +27,26 @@ PASSES = {
     "Grazing": 1,
     "Gap": 1,
     "Fallbacks": 1,
+    "Mist": 1,
+    "Crypto Object": 12,
+    "Crypto Material": 12,
+    "Crypto Asset": 12,
+    "Denoising Normal": 3,
+    "Denoising Albedo": 3,
+    "Denoising Depth": 1,
 }
-"""Pass name -> channels. `SEMANTICS.md` says what each holds."""
+"""Pass name -> channels, with the settings' own numbers of them (`channels_of`). `SEMANTICS.md`
+says what each holds.
+"""
+
+CRYPTOMATTES = ("Crypto Object", "Crypto Material", "Crypto Asset")
+"""Passes of an id and its coverage, again and again, the largest coverage first."""
+
+DENOISING = ("Denoising Normal", "Denoising Albedo", "Denoising Depth")
+"""Passes that denoisers are told, beside the picture."""
+
+SEEN = ("Mist", *CRYPTOMATTES, *DENOISING)
+"""Passes that are means over the samples of what camera rays see."""
 
 PARTS = ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror", "Emission", "Environment")
 """The passes whose sum is the colour of Combined."""
@@ -52,7 +70,21 @@ UNKNOWN_ERROR = 256.0
 
 def empty_value(name: str) -> float:
     """What a pass holds where no camera ray hits anything."""
-    return {"Depth": NO_DEPTH, "Gap": NO_DEPTH}.get(name, 0.0)
+    return {"Depth": NO_DEPTH, "Gap": NO_DEPTH, "Mist": 1.0}.get(name, 0.0)
+
+
+AOV = "AOV "
+"""What names of AOVs' passes begin with."""
+
+
+def aov_pass(name: str) -> str:
+    """The pass of an AOV: its colour and how much of the pixel gives it one."""
+    return AOV + name
+
+
+def channels_of(name: str, crypto_ids: int) -> int:
+    """Of a pass in a picture whose Cryptomatte passes tell so many ids of a pixel."""
+    return 2 * crypto_ids if name in CRYPTOMATTES else PASSES[name]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ primitives the tracers drop. Flattened placements and negative light are sound.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from numbers import Integral
 from typing import Any
@@ -44,6 +45,7 @@ from .scene import (
     LIGHT_SHAPES,
     LIGHTS,
     LOBES,
+    MISTS,
     MOST_SETS,
     POINT,
     Attribute,
@@ -74,6 +76,9 @@ stay well within.
 """
 
 
+MOST_AOVS = 256
+
+
 def scene_problems(scene: Scene) -> list[str]:
     """Every problem of `scene`, in the order of its fields; empty when it is sound. Reads each
     array at most twice and copies no mesh.
@@ -100,7 +105,18 @@ def scene_problems(scene: Scene) -> list[str]:
         for thing in things
         for text in check(thing)
     ]
-    return [*found, *_domes(scene.lights)]
+    return [*found, *_aovs(scene), *_domes(scene.lights)]
+
+
+def _aovs(scene: Scene) -> Found:
+    """Numbers of AOVs that the scene does not have, and too many of them."""
+    count = len(scene.aovs)
+    if count > MOST_AOVS:
+        yield f"scene has {count} AOVs: use at most {MOST_AOVS}"
+    for material in scene.materials if count else ():
+        for lobe in material.aovs.lobes if material.aovs else ():
+            if lobe.exponent >= count:
+                yield f"{_label(material)}: aovs names number {lobe.exponent:g} of {count}"
 
 
 _HELD = {
@@ -346,6 +362,13 @@ def _material(textures: int, material: Material) -> Found:
     if material.program is not None:
         yield from (f"program: {text}" for text in program_problems(material.program, textures))
     outputs = len(material.program.outputs) if material.program is not None else 0
+    if material.aovs is not None:
+        given = material.aovs
+        if any(lobe.kind != "EMISSION" or lobe.exponent % 1 for lobe in given.lobes):
+            yield "aovs has other lobes than EMISSION with whole exponents: use these alone"
+        if given.aovs is not None:
+            yield "aovs has AOVs of its own: use none"
+        yield from (f"aovs: {text}" for text in _material(textures, replace(given, aovs=None)))
     yield from handle("normal_output", material.normal_output, outputs, "outputs", none=True)
     strangers = [*holds("lobes", material.lobes, (Lobe,))]
     yield from strangers
@@ -582,6 +605,10 @@ def _lens(lens: Lens) -> Found:
 def _world(world: World) -> Found:
     yield from numbers("ambient", world.ambient, 3)
     yield from numbers("background", world.background, 3)
+    if not np.isfinite([world.mist.start, world.mist.depth]).all():
+        yield "mist is not finite: use numbers"
+    if world.mist.falloff not in MISTS:
+        yield f"mist falloff {world.mist.falloff!r} is not one of {', '.join(MISTS)}"
     found = [*array("axes", world.axes, np.float64, (3, 3))]
     yield from found or finite_array("axes", world.axes)
     if world.program is not None:

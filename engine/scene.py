@@ -138,9 +138,9 @@ class Instances:
     visible_shadow: seen by camera rays (and what passes straight through them), by mirror and
     refraction rays, by shadow rays. holdout: cuts a hole of alpha 0 into the picture.
     values: by name, what programs read of each placement, (k, 4) float32.  light_set: 0 to 63,
-    which lights reach it.
-    motion: (keys, k, 3, 4) float64, keys >= 2, world_from_object at even times while the shutter is
-    open; None for what stands still.
+    which lights reach it.  motion: (keys, k, 3, 4) float64, keys >= 2, world_from_object at even
+    times while the shutter is open; None for what stands still.  asset: what it is part of, "" for
+    itself alone; this and the name are what Cryptomatte passes tell.
     """
 
     name: str
@@ -155,6 +155,7 @@ class Instances:
     values: Mapping[str, Array] = field(default_factory=dict)
     light_set: int = 0
     motion: Array | None = None
+    asset: str = ""
 
 
 ENCODINGS = ("LINEAR", "SRGB")
@@ -266,7 +267,9 @@ class Material:
 
     index: Blender's material pass index.  program: computes what inputs, lobes and the normal name
     as outputs.  normal_output: the output, a vector, that takes the place of the shading normal
-    (world space; where it is zero or not finite the mesh's own stays); -1 for none.
+    (world space; where it is zero or not finite the mesh's own stays); -1 for none. aovs: what the
+    surface gives to `Scene.aovs`, a material that nothing wears: the sum of its EMISSION lobes
+    whose exponent is the number of the AOV.
     """
 
     name: str
@@ -274,6 +277,7 @@ class Material:
     index: int = 0
     program: Program | None = None
     normal_output: int = -1
+    aovs: Material | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -442,6 +446,20 @@ class Camera:
     shutter: Array | None = None
 
 
+MISTS = ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")
+
+
+@dataclass(frozen=True)
+class Mist:
+    """What the Mist pass shows: none up to `start`, all from `depth` beyond it on, world units;
+    falloff: how it grows between them.
+    """
+
+    start: float = 5.0
+    depth: float = 25.0
+    falloff: str = "QUADRATIC"
+
+
 @dataclass(frozen=True, eq=False)
 class World:
     """Surroundings: `ambient` is the notes' I_a, `background` what rays that miss see (radiance).
@@ -449,7 +467,7 @@ class World:
     transparent: camera rays that miss leave alpha 0 instead of the background.  program: its first
     output, a vector, is seen instead of `background` where there is one; of what reads points it
     has `incoming` and `light_path` alone.  textures: what it refers to.  axes: (3, 3) orthonormal
-    columns, the program's axes in the scene.
+    columns, the program's axes in the scene. mist: of the pass, not in the picture.
     """
 
     ambient: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -458,11 +476,14 @@ class World:
     program: Program | None = None
     textures: tuple[Texture, ...] = ()
     axes: Array = field(default_factory=lambda: np.eye(3))
+    mist: Mist = Mist()
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """All that a picture depends on, besides `Settings`."""
+    """All that a picture depends on, besides `Settings`. aovs: names; of each the film has the pass
+    `film.aov_pass`.
+    """
 
     camera: Camera
     geometries: tuple[Geometry, ...] = ()
@@ -471,6 +492,7 @@ class Scene:
     textures: tuple[Texture, ...] = ()
     lights: tuple[Light, ...] = ()
     world: World = field(default_factory=World)
+    aovs: tuple[str, ...] = ()
 
     def as_lit(self, *, by_world: bool, by_meshes: bool, bounces: int) -> Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and

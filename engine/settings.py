@@ -170,9 +170,10 @@ class Settings:
     samples (SEMANTICS.md, Refinement). light_samples: 1 is the notes' hard shadow. cutoff: compared
     with the largest channel of what a ray carries to the pixel. acceleration, threads: never change
     a bit of the picture; threads 0 are one per core. filter_width: Blender's pixel filter size in
-    pixels (the Blackman-Harris window spans twice that); 0 samples the centre only. passes: names
-    from `film.PASSES` beyond Combined. region: (x0, y0, x1, y1) half-open pixel rectangle of the
-    full frame, origin bottom left; None for all of it.
+    pixels (the Blackman-Harris window spans twice that); 0 samples the centre only. crypto_ids:
+    how many things Cryptomatte passes tell of a pixel. passes: names from `film.PASSES` beyond
+    Combined. region: (x0, y0, x1, y1) half-open pixel rectangle of the full frame, origin bottom
+    left; None for all of it.
     """
 
     samples: int = _setting(
@@ -278,6 +279,7 @@ class Settings:
         remedy="0 (all cores) or more",
     )
     filter_width: float = _setting(1.5, high=100, remedy="0 to 100 pixels")
+    crypto_ids: int = _setting(6, low=1, high=64, remedy="1 to 64")
     passes: frozenset[str] = frozenset()
     region: tuple[int, int, int, int] | None = None
 

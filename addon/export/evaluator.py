@@ -126,6 +126,10 @@ class Evaluator:
             )
         return grey(value)
 
+    def converted(self, place: Place) -> Sum:
+        """What a socket gets, of the socket's own type as Blender converts it."""
+        return self.expressions.sum_of(self._trees.value(place))
+
     def coordinates(self, place: Place) -> Coordinates | None:
         """What feeds a texture's vector; None when it is not affine in a UV map."""
         found = source(place)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...engine.scene import Geometry, Instances, Scene, Strands
+from .aovs import Aov, note_world
 from .camera import border, export_camera, resolution
 from .decoded import Decoded
 from .images import Images
@@ -26,7 +27,7 @@ from .report import Report
 from .shader_nodes.objects import OF_EACH
 from .shapes import export_points, read_shape
 from .strands import StrandSource, read_curves, read_hair, read_strand_attributes
-from .world import Sky, export_world
+from .world import Sky, export_world, with_mist
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +69,14 @@ def export_scene(
     height: int | None = None,
     passes: frozenset[str] = frozenset(),
     decoded: Decoded | None = None,
+    aovs: tuple[Aov, ...] = (),
 ) -> Export:
     """The scene that an evaluated depsgraph shows, for its own view layer and frame.
 
-    width, height: pixels of the full frame instead of the scene's.  passes: names from
-    `film.PASSES`; "UV" makes all meshes bring their active map.  decoded: images of the export
-    before; this one's take their place. Only on Blender's thread. Raises ExportError where there is
-    no usable camera or border.
+    width, height: pixels of the full frame instead of the scene's. passes: names from
+    `film.PASSES`; "UV" makes all meshes bring their active map. decoded: images of the export
+    before; this one's take their place. aovs: passes of the view layer's own that are wanted.
+    Only on Blender's thread. Raises ExportError where there is no usable camera or border.
     """
     start = time.perf_counter()
     scene, report = depsgraph.scene_eval, Report()
@@ -82,12 +84,14 @@ def export_scene(
     region = border(scene.render, size)
     camera = export_camera(_evaluated(scene.camera, depsgraph), scene.render, size, report)
     collector = Collector(
-        depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, decoded
+        depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, decoded, aovs
     )
     things = walk(depsgraph, collector.meet, report, make_hair=collector.meet_hair)
     met = time.perf_counter()
     world = _world(depsgraph, scene)
     sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
+    sky = with_mist(sky, scene.world)
+    note_world(world, aovs, report)
     exported = collector.scene(camera, things, sky)
     if decoded is not None:
         decoded.forget_unused()
@@ -115,7 +119,7 @@ def _world(depsgraph: Any, scene: Any) -> Any:
 
 class _Placed(NamedTuple):
     """A geometry with what its instances need. values: what programs read of it;
-    of_each: names of what they read of each instance by itself.
+    of_each: names of what they read of each instance by itself. asset: as `Instances` has it.
     """
 
     geometry: int
@@ -124,6 +128,7 @@ class _Placed(NamedTuple):
     flags: Flags
     values: tuple[tuple[str, Value], ...] = ()
     of_each: tuple[str, ...] = ()
+    asset: str = ""
 
 
 class _Lamp(NamedTuple):
@@ -135,11 +140,16 @@ class Collector:
     """Gathers geometries and materials while the depsgraph is walked."""
 
     def __init__(
-        self, depsgraph: Any, wanted: Wanted, report: Report, decoded: Decoded | None = None
+        self,
+        depsgraph: Any,
+        wanted: Wanted,
+        report: Report,
+        decoded: Decoded | None = None,
+        aovs: tuple[Aov, ...] = (),
     ) -> None:
         self.depsgraph, self.wanted, self.report = depsgraph, wanted, report
         self.images = Images(report, decoded)
-        self.materials = Materials(self.images, report)
+        self.materials = Materials(self.images, report, aovs)
         self.lights = Lights(self.images, report)
         self.override = _evaluated(depsgraph.view_layer.material_override, depsgraph)
         self._geometries: list[MeshSource | StrandSource | Geometry] = []
@@ -188,7 +198,7 @@ class Collector:
         wanted = self._wanted(slots).objects
         of_each = tuple(name for name in OF_EACH if name in wanted and instance.is_instance)
         values = tuple((name, self._value(name, instance)) for name in sorted(wanted))
-        return _Placed(geometry, slots, thing.pass_index, flags, values, of_each)
+        return _Placed(geometry, slots, thing.pass_index, flags, values, of_each, _asset(thing))
 
     def _value(self, name: str, instance: Any) -> Value:
         return value_of(name, instance, self.depsgraph.view_layer_eval, self.depsgraph.scene_eval)
@@ -205,6 +215,7 @@ class Collector:
         return Instances(
             thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
             flags.camera, flags.mirror, flags.shadow, flags.holdout, values, flags.light_set,
+            asset=placed.asset,
         )  # fmt: skip
 
     @cached_property
@@ -320,7 +331,18 @@ class Collector:
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
         materials, textures = without_unused(self.materials.materials, self.images.textures)
         lights = sky.lights_with(self.lights.lights)
-        return Scene(camera, geometries, instances, materials, textures, lights, sky.world)
+        names = tuple(aov.name for aov in self.materials.aovs)
+        return Scene(camera, geometries, instances, materials, textures, lights, sky.world, names)
+
+
+def _asset(thing: Any) -> str:
+    """The name of an object's topmost parent, as Cycles' Cryptomatte has it; "" where it has none
+    but itself.
+    """
+    top = thing
+    while top.parent is not None:
+        top = top.parent
+    return top.name if top is not thing else ""
 
 
 def _counts(scene: Scene) -> dict[str, float]:

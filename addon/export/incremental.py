@@ -37,7 +37,7 @@ from .repaints import repainted
 from .report import Report
 from .shapes import export_points, read_shape
 from .strands import StrandSource, read_curves, read_hair
-from .world import Sky, export_world
+from .world import Sky, export_world, with_mist
 
 NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
 """Stands in scenes until a view brings its own."""
@@ -295,7 +295,9 @@ class LiveExport:
             own = Report()
             images = _KeepingImages(self._store, own)
             self._store.worlds[key] = (
-                export_world(world, scene.render.film_transparent, images, own),
+                with_mist(
+                    export_world(world, scene.render.film_transparent, images, own), scene.world
+                ),
                 own,
             )
         sky, notes = self._store.worlds[key]

@@ -13,6 +13,7 @@ from ...engine.program.operations import Reference
 from ...engine.program.program import instructions
 from ...engine.scene import LOBES, Lobe, Material, Texture
 from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
+from .aovs import Aov, aov_material
 from .evaluator import (
     NOT_FINITE,
     Closure,
@@ -56,8 +57,9 @@ class Wanted:
 class Materials:
     """The materials of one scene, each compiled once."""
 
-    def __init__(self, images: Images, report: Report) -> None:
+    def __init__(self, images: Images, report: Report, aovs: tuple[Aov, ...] = ()) -> None:
         self.materials: list[Material] = []
+        self.aovs = aovs
         self.images, self.report = images, report
         self._indices: dict[int, int] = {}
         self._wanted: list[Wanted] = []
@@ -72,6 +74,9 @@ class Materials:
                 if material is not None
                 else default_material()
             )
+            if self.aovs and material is not None:
+                given = aov_material(material, self.aovs, self.images, self.report)
+                compiled = replace(compiled, aovs=given)
             self.materials.append(compiled)
             self._wanted.append(wanted_by(compiled))
         return self._indices[key]
@@ -93,7 +98,7 @@ def default_material() -> Material:
         if bpy.app.version < (5, 0, 0)
         else plastic_closure(grey, constant(1.0), Roughness(0.5), 1.5, True)
     )
-    return Material("Default", lobes_of(closure))
+    return Material("default_surface", lobes_of(closure))  # as Cycles calls it
 
 
 def compile_material(material: Any, images: Images, report: Report) -> Material:
@@ -199,7 +204,8 @@ def wanted_by(material: Material) -> Wanted:
             if choices is Reference.ATTRIBUTE:
                 names = named.get(step.operation.name, attributes)
                 names.add(program.attributes[setting])
-    return Wanted(frozenset(uv_maps), frozenset(attributes - {""}), frozenset(objects))
+    own = Wanted(frozenset(uv_maps), frozenset(attributes - {""}), frozenset(objects))
+    return own | wanted_by(material.aovs) if material.aovs is not None else own
 
 
 def without_unused(
@@ -208,9 +214,10 @@ def without_unused(
     """Materials and textures with only the textures that a lobe reads, renumbered: some were only
     made for their mean.
     """
+    every = [*materials, *(m.aovs for m in materials if m.aovs is not None)]
     used = sorted(
-        {factor.texture for m in materials for lobe in m.lobes for factor in lobe.factors}
-        | {texture for m in materials if m.program for texture in m.program.textures}
+        {factor.texture for m in every for lobe in m.lobes for factor in lobe.factors}
+        | {texture for m in every if m.program for texture in m.program.textures}
     )
     used = [texture for texture in used if texture >= 0]
     numbers = {-1: -1, **{old: new for new, old in enumerate(used)}}
@@ -234,4 +241,5 @@ def with_textures(material: Material, numbers: dict[int, int]) -> Material:
         material,
         lobes=tuple(renumbered(lobe) for lobe in material.lobes),
         program=material.program.with_textures(numbers) if material.program else None,
+        aovs=with_textures(material.aovs, numbers) if material.aovs is not None else None,
     )

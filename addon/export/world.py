@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from ...engine.dome import cell_shares, radiance_along, radiance_map, within_range
 from ...engine.program.graph import Value
 from ...engine.program.program import compile_program
-from ...engine.scene import Light, World
+from ...engine.scene import Light, Mist, World
 from .evaluator import Evaluator, LobeKey
 from .expressions import Expressions
 from .graph import Place, images_behind, node_tree, socket_named
@@ -75,6 +75,15 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
         if visibility.lights
         else (),
     )
+
+
+def with_mist(sky: Sky, world: Any) -> Sky:
+    """With the mist of the scene's own world, which it keeps where a layer leaves the sky out."""
+    if world is None:
+        return sky
+    given = world.mist_settings
+    mist = Mist(given.start, given.depth, given.falloff)
+    return sky if mist == sky.world.mist else replace(sky, world=replace(sky.world, mist=mist))
 
 
 def _map(expressions: Expressions, radiance: Value, images: Images) -> np.ndarray:

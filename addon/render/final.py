@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 import bpy
 
 from ... import engine
-from ..export import Decoded, export_scene
+from ..export import Decoded, aovs_of, export_scene
 from ..ui.properties import settings_from
 from .aim import Aim, aim_from
 from .motion import with_motion
 from .progress import Progress
-from .result import Picture, wanted_passes
+from .result import Picture, crypto_ids, wanted_passes
 from .skipped import skipped_things
 from .stamp import Stamping
 from .statistics import Statistics, remember
@@ -85,9 +85,21 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         render_engine.update_stats(f"{depsgraph.scene.name}, {layer.name}", "Reading the scene")
     passes = wanted_passes(layer)
     width, height = render_engine.resolution_x, render_engine.resolution_y
-    export = export_scene(depsgraph, width=width, height=height, passes=passes, decoded=_decoded)
+    export = export_scene(
+        depsgraph,
+        width=width,
+        height=height,
+        passes=passes,
+        decoded=_decoded,
+        aovs=aovs_of(layer),
+    )
     settings, notes = _with_backend(
         settings_from(depsgraph.scene_eval.glint.final, depsgraph.scene_eval, passes, export.region)
+    )
+    settings = replace(
+        settings,
+        crypto_ids=crypto_ids(layer),
+        samples=_layer_samples(layer, depsgraph.scene_eval, settings.samples),
     )
     statistics = Statistics(settings.samples, settings.backend, export.stats)
     if not render_engine.is_preview:
@@ -174,7 +186,9 @@ def _trace(
     film = replace(
         film,
         passes={
-            name: values for name, values in film.passes.items() if name in passes | {"Combined"}
+            name: values
+            for name, values in film.passes.items()
+            if name in passes | {"Combined"} or name.startswith(engine.AOV)
         },
     )
     job.statistics.seconds["engine"] = time.perf_counter() - start
@@ -197,6 +211,14 @@ def tell_notes(render_engine: bpy.types.RenderEngine, notes: list[str]) -> None:
             {"WARNING"},
             f"and {len(unique) - NOTES_SHOWN} more notes: the log (level INFO) has them all",
         )
+
+
+def _layer_samples(layer: bpy.types.ViewLayer, scene: bpy.types.Scene, samples: int) -> int:
+    """The view layer's own number of samples where it has one, as Cycles takes it."""
+    how = getattr(getattr(scene, "cycles", None), "use_layer_samples", "USE")
+    if layer.samples == 0 or how == "IGNORE":
+        return samples
+    return min(layer.samples, samples) if how == "BOUNDED" else layer.samples
 
 
 def _with_backend(settings: engine.Settings) -> tuple[engine.Settings, list[str]]:
@@ -260,6 +282,10 @@ def _finish(
         "target": statistics.target,
     }
     picture.stamp({name: text for name, text in lines.items() if text} | statistics.stamp)
+    wanted = job.settings.passes & frozenset(engine.CRYPTOMATTES)
+    if wanted:
+        found = engine.manifests(job.scene)
+        picture.describe({name: found[name] for name in sorted(wanted)})
     statistics.seconds["write"] = time.perf_counter() - start
     if not job.preview:
         _tell_statistics(render_engine, job)

@@ -4,10 +4,13 @@ how they are filled.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import bpy
 import numpy as np
 
 from ... import engine
+from ..export import aovs_of
 
 BLENDER_SWITCHES = {
     "Depth": "use_pass_z",
@@ -18,6 +21,10 @@ BLENDER_SWITCHES = {
     "Material Index": "use_pass_material_index",
     "Emission": "use_pass_emit",
     "Environment": "use_pass_environment",
+    "Mist": "use_pass_mist",
+    "Crypto Object": "use_pass_cryptomatte_object",
+    "Crypto Material": "use_pass_cryptomatte_material",
+    "Crypto Asset": "use_pass_cryptomatte_asset",
 }
 """Passes that Blender's own view layer properties switch on."""
 
@@ -49,6 +56,9 @@ _CHANNELS = {
     "UV": "UVA",
     "Object Index": "X",
     "Material Index": "X",
+    "Mist": "Z",
+    "Denoising Normal": "XYZ",
+    "Denoising Depth": "Z",
     **dict.fromkeys(HEALTH_SWITCHES, "X"),
 }
 _KINDS = {
@@ -61,11 +71,26 @@ _KINDS = {
 }
 
 
+DENOISING = "denoising_store_passes"
+"""Cycles' property of view layers that switches on all of `engine.DENOISING`."""
+
+
 def wanted_passes(view_layer: bpy.types.ViewLayer) -> frozenset[str]:
     """Names from `engine.PASSES` that are switched on, Combined always among them."""
     blenders = {name for name, switch in BLENDER_SWITCHES.items() if getattr(view_layer, switch)}
     ours = {name for name, switch in GLINT_SWITCHES.items() if getattr(view_layer.glint, switch)}
-    return frozenset({"Combined"} | blenders | ours)
+    cycles = getattr(view_layer, "cycles", None)
+    denoising = engine.DENOISING if getattr(cycles, DENOISING, False) else ()
+    return frozenset({"Combined", *denoising} | blenders | ours)
+
+
+def crypto_ids(view_layer: bpy.types.ViewLayer) -> int:
+    """How many things Cryptomatte passes tell of a pixel: two a pass of Blender's."""
+    return -(-view_layer.pass_cryptomatte_depth // 2) * 2
+
+
+def _crypto_name(name: str, number: int) -> str:
+    return f"{name.replace(' ', '')}{number:02d}"
 
 
 def blender_name(name: str) -> str:
@@ -79,11 +104,19 @@ def register_passes(
     """Tell Blender which passes this view layer will get, in the order of `engine.PASSES`."""
     wanted = wanted_passes(view_layer)
     for name, count in engine.PASSES.items():
-        if name in wanted:
+        if name in engine.CRYPTOMATTES and name in wanted:
+            for number in range(crypto_ids(view_layer) // 2):
+                render_engine.register_pass(
+                    scene, view_layer, _crypto_name(name, number), 4, "RGBA", "COLOR"
+                )
+        elif name in wanted:
             channels = _CHANNELS.get(name, "RGB")
             render_engine.register_pass(
                 scene, view_layer, blender_name(name), count, channels, _KINDS[channels]
             )
+    for aov in aovs_of(view_layer):
+        count, channels = (1, "X") if aov.is_value else (4, "RGBA")
+        render_engine.register_pass(scene, view_layer, aov.name, count, channels, _KINDS[channels])
 
 
 class Picture:
@@ -128,6 +161,14 @@ class Picture:
         for field, value in fields.items():
             whole.stamp_data_add_field(f"glint.{self._layer}.{field}", value)
 
+    def describe(self, manifests: dict[str, str]) -> None:
+        """Make Cryptomatte's metadata of the files: of each pass its manifest; after `finish`."""
+        whole = self._engine.get_result()
+        for name, manifest in manifests.items():
+            title = f"{self._layer}.{name.replace(' ', '')}"
+            for field, value in engine.crypto_metadata(title, manifest).items():
+                whole.stamp_data_add_field(field, value)
+
     def discard(self) -> None:
         """Throw away what was begun."""
         if self._result is not None:
@@ -148,9 +189,21 @@ def _fill_passes(passes: bpy.types.RenderPasses, film: engine.Film, names: tuple
     out.
     """
     numbers = {
-        blender_name(name): np.ascontiguousarray(film.passes[name], dtype=np.float32).ravel()
-        for name in names
+        known: values for name in names for known, values in _blenders(name, film.passes[name])
     }
     for target in passes:
         if target.name in numbers:
-            target.rect.foreach_set(numbers[target.name])
+            values = numbers[target.name][..., : target.channels]
+            target.rect.foreach_set(np.ascontiguousarray(values, dtype=np.float32).ravel())
+
+
+def _blenders(name: str, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Blender's passes for one of ours."""
+    if name.startswith(engine.AOV):
+        yield name.removeprefix(engine.AOV), values
+        return
+    if name not in engine.CRYPTOMATTES:
+        yield blender_name(name), values
+        return
+    for number in range(values.shape[-1] // 4):
+        yield _crypto_name(name, number), values[..., 4 * number : 4 * number + 4]

@@ -13,7 +13,9 @@ from collections.abc import Callable, Iterator
 
 import bpy
 from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
+from bl_ui.properties_view_layer import ViewLayerAOVPanelHelper
 
+from ... import engine
 from ..render import result, statistics
 from ..render.render_engine import GlintRenderEngine
 from .lines import draw_text
@@ -243,14 +245,40 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
     def draw(self, context):
         column = self.column
         data = column.column(heading="Data", align=True)
-        for switch in result.BLENDER_SWITCHES.values():
-            data.prop(context.view_layer, switch)
+        for name, switch in result.BLENDER_SWITCHES.items():
+            if name not in engine.CRYPTOMATTES:
+                data.prop(context.view_layer, switch)
+        cycles = getattr(context.view_layer, "cycles", None)
+        if hasattr(cycles, result.DENOISING):
+            data.prop(cycles, result.DENOISING, text="Denoising Data")
         parts = column.column(heading="Parts", align=True)
         for switch in result.PART_SWITCHES.values():
             parts.prop(context.view_layer.glint, switch)
         health = column.column(heading="Health", align=True)
         for switch in result.HEALTH_SWITCHES.values():
             health.prop(context.view_layer.glint, switch)
+
+
+class GLINT_VIEWLAYER_PT_cryptomatte(_Panel, bpy.types.Panel):
+    bl_label = "Cryptomatte"
+    bl_context = "view_layer"
+    bl_parent_id = "GLINT_VIEWLAYER_PT_passes"
+
+    def draw(self, context):
+        column, layer = self.column, context.view_layer
+        include = column.column(heading="Include", align=True)
+        switches = [result.BLENDER_SWITCHES[name] for name in engine.CRYPTOMATTES]
+        for switch in switches:
+            include.prop(layer, switch, text=switch.rpartition("_")[2].title())
+        levels = column.column()
+        levels.active = any(getattr(layer, switch) for switch in switches)
+        levels.prop(layer, "pass_cryptomatte_depth", text="Levels")
+
+
+class GLINT_VIEWLAYER_PT_aov(_Panel, ViewLayerAOVPanelHelper, bpy.types.Panel):
+    bl_label = "Shader AOV"
+    bl_context = "view_layer"
+    bl_parent_id = "GLINT_VIEWLAYER_PT_passes"
 
 
 class GLINT_VIEWLAYER_PT_filter(_Panel, bpy.types.Panel):
@@ -269,7 +297,7 @@ class GLINT_VIEWLAYER_PT_override(_Panel, bpy.types.Panel):
 
     def draw(self, context):
         column = self.column
-        for name in ("material_override", "world_override"):
+        for name in ("material_override", "world_override", "samples"):
             _draw_if_known(column, context.view_layer, name)
 
 
@@ -445,6 +473,8 @@ _CLASSES = (
     GLINT_RENDER_PT_performance,
     GLINT_RENDER_PT_statistics,
     GLINT_VIEWLAYER_PT_passes,
+    GLINT_VIEWLAYER_PT_cryptomatte,
+    GLINT_VIEWLAYER_PT_aov,
     GLINT_VIEWLAYER_PT_filter,
     GLINT_VIEWLAYER_PT_override,
     GLINT_LIGHT_PT_light,

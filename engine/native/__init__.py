@@ -31,7 +31,7 @@ import numpy as np
 
 from .. import left_out
 from ..errors import NO_THREAD, SceneError
-from ..film import PASSES, Film, empty_value
+from ..film import Film, aov_pass, channels_of, empty_value
 from ..motion import is_moving
 from ..scene import Scene
 from ..settings import Settings
@@ -236,7 +236,9 @@ def _film_needs(data: RenderSettingsData) -> str:
     """Sums in double and the picture in float32 of every pass that is asked for."""
     x0, y0, x1, y1 = data.region
     channels = sum(
-        PASSES[name] for name, number in PASS_NUMBERS.items() if data.passes >> number & 1
+        channels_of(name, data.crypto_ids)
+        for name, number in PASS_NUMBERS.items()
+        if data.passes >> number & 1
     )
     gigabytes = max(0.1, (x1 - x0) * (y1 - y0) * channels * 12 / 1e9)
     return (
@@ -258,7 +260,8 @@ class _Render:
         on_moving: Callable[[], None] = lambda: None,
     ) -> None:
         self._core, self._handle, self._axes, self._on_moving = core, handle, axes, on_moving
-        self._names = passes_of(settings)
+        self._names, self._crypto_ids = passes_of(settings), settings.crypto_ids
+        self._aovs = scene.aovs
         x0, y0, x1, y1 = settings.region or (0, 0, *scene.camera.resolution)
         self._shape = (y1 - y0, x1 - x0)
 
@@ -303,6 +306,12 @@ class _Render:
 
     def _film(self, samples: int, complete: bool, ended: bool) -> Film:
         passes = {name: self._pass(name, samples, ended) for name in self._names}
+        if self._aovs:
+            values = self._picture(
+                "AOV", core_types.Pass.AOV, 4 * len(self._aovs), samples, ended, 0.0
+            )
+            for k, name in enumerate(self._aovs):
+                passes[aov_pass(name)] = values[..., 4 * k : 4 * k + 4]
         data = self._core.glint_render_stats(self._handle)
         return Film(
             self._axes.world_passes(passes) if self._axes else passes,
@@ -312,16 +321,22 @@ class _Render:
         )
 
     def _pass(self, name: str, samples: int, ended: bool) -> np.ndarray:
+        channels = channels_of(name, self._crypto_ids)
+        return self._picture(name, PASS_NUMBERS[name], channels, samples, ended, empty_value(name))
+
+    def _picture(
+        self, name: str, number: int, channels: int, samples: int, ended: bool, empty: float
+    ) -> np.ndarray:
         """(h, w, c) float32; of an untouched picture when no wave is complete.
 
         The core's own memory, which is freed with the array and all that look into it. Read-only
         unless the render has `ended`.
         """
-        shape = (*self._shape, PASSES[name])
+        shape = (*self._shape, channels)
         if samples == 0:
-            return np.full(shape, empty_value(name), np.float32)
+            return np.full(shape, empty, np.float32)
         size = math.prod(shape)
-        handle = self._core.glint_render_picture(self._handle, PASS_NUMBERS[name], size)
+        handle = self._core.glint_render_picture(self._handle, number, size)
         if not handle:
             needs = f"pass {name!r} needs {size * 4 / 1e9:.1f} GB"
             raise MemoryError(

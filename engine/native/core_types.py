@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 24
+ABI_VERSION = 25
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -103,6 +103,12 @@ class CameraKind(IntEnum):
     ORTHOGRAPHIC = 1
 
 
+class Mist(IntEnum):
+    QUADRATIC = 0
+    LINEAR = 1
+    INVERSE_QUADRATIC = 2
+
+
 class Illumination(IntEnum):
     PHYSICAL = 0
     CLASSIC = 1
@@ -147,6 +153,14 @@ class Pass(IntEnum):
     GRAZING = 17
     GAP = 18
     FALLBACKS = 19
+    MIST = 20
+    CRYPTO_OBJECT = 21
+    CRYPTO_MATERIAL = 22
+    CRYPTO_ASSET = 23
+    AOV = 24
+    DENOISING_NORMAL = 25
+    DENOISING_ALBEDO = 26
+    DENOISING_DEPTH = 27
 
 
 class State(IntEnum):
@@ -208,7 +222,7 @@ class InstancesData(Structure):
         *_each(c_uint64, "first_row row_count"),
         *_each(c_uint32, "geometry flags first_material material_count"),
         *_each(c_int32, "object_index"),
-        *_each(c_uint32, "light_set"),
+        *_each(c_uint32, "light_set crypto_object crypto_asset"),
     ]
 
 
@@ -249,7 +263,9 @@ class LobeData(Structure):
 class MaterialData(Structure):
     _fields_ = [
         *_each(c_uint32, "first_lobe lobe_count"),
-        *_each(c_int32, "index program normal reserved"),
+        *_each(c_int32, "index program normal"),
+        *_each(c_uint32, "crypto"),
+        *_each(c_int32, "aov"),
     ]
 
 
@@ -288,7 +304,8 @@ class SceneData(Structure):
         *_each(CameraData, "camera"),
         *_each(c_double * 3, "ambient background"),
         *_each(c_double * 9, "world_axes"),
-        *_each(c_int32, "transparent world_program world_slot reserved"),
+        *_each(c_double, "mist_start mist_depth"),
+        *_each(c_int32, "transparent world_program world_slot mist_falloff aov_count reserved"),
         *_each(c_size_t, "geometries attributes instances world_from_object material_slots"),
         *_each(c_size_t, "instance_value_names instance_values textures program_words"),
         *_each(c_size_t, "program_constants program_tables programs inputs lobes materials lights"),
@@ -312,7 +329,7 @@ class RenderSettingsData(Structure):
         *_each(c_double, "error_threshold cutoff lens_focus"),
         *_each(c_uint32, "samples light_samples dome_samples mesh_samples bounced_samples"),
         *_each(c_uint32, "dome_rows dome_columns dome_irradiance_rows dome_irradiance_columns"),
-        *_each(c_uint32, "camera_block lobe_levels max_bounces threads passes"),
+        *_each(c_uint32, "camera_block lobe_levels crypto_ids max_bounces threads passes"),
         *_each(c_uint32 * 4, "region"),
         *_each(c_int32, "illumination waves acceleration remember reflections moving"),
     ]

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..cryptomatte import id_bits
 from ..errors import SceneError
 from ..program.program import Program
 from ..scene import (
@@ -72,13 +73,21 @@ class ScenePacker:
         """As `pack_scene`."""
         data = core_types.SceneData(camera=pack_camera(scene.camera))
         data.ambient[:], data.background[:] = scene.world.ambient, scene.world.background
-        data.transparent = scene.world.transparent
+        data.transparent, mist = scene.world.transparent, scene.world.mist
+        data.mist_start, data.mist_depth = mist.start, mist.depth
+        data.aov_count = len(scene.aovs)
+        data.mist_falloff = number(mist.falloff, core_types.Mist, "mist falloff")
         data.world_axes[:] = np.asarray(scene.world.axes, np.float64).T.reshape(9)
         parts = {
             "geometries": self._part("geometries", scene.geometries, self._geometries),
             "materials": self._part(
                 "materials",
-                (*scene.materials, *self._carriers(scene), *self._sky(scene)),
+                (
+                    *scene.materials,
+                    *aov_materials(scene),
+                    *self._carriers(scene),
+                    *self._sky(scene),
+                ),
                 self._materials,
             ),
             "textures": self._part("textures", _all_textures(scene), _textures),
@@ -165,7 +174,11 @@ class ScenePacker:
         self, materials: tuple[Material, ...], before: _Part | None, changed: list[int]
     ) -> _Part:
         packer = Packer(names=self._names)
-        rows = [pack_material(packer, material) for material in materials]
+        numbers = {id(material): 1 + k for k, material in enumerate(materials)}
+        rows = [
+            pack_material(packer, material, numbers.get(id(material.aovs), 0))
+            for material in materials
+        ]
         tables = {
             "materials": _table(core_types.MaterialData, rows),
             "lobes": _table(core_types.LobeData, packer.lobes),
@@ -247,6 +260,12 @@ def _lights(lights: tuple[Light, ...], before: _Part | None, changed: list[int])
     )
 
 
+def aov_materials(scene: Scene) -> tuple[Material, ...]:
+    """What the scene's materials give to its AOVs, those that give any."""
+    given = (material.aovs for material in scene.materials) if scene.aovs else ()
+    return tuple(aovs for aovs in given if aovs is not None)
+
+
 def _all_emitters(scene: Scene) -> tuple[Emitters, ...]:
     return tuple(light.emitters for light in scene.lights if light.emitters is not None)
 
@@ -276,7 +295,8 @@ def _with_programs(scene: Scene, parts: dict[str, _Part]) -> _Part:
     rows = [k for k, light in enumerate(scene.lights) if light.program is not None]
     if not rows:
         return part
-    first, table = len(scene.materials), part.tables["lights"].copy()
+    first = len(scene.materials) + len(aov_materials(scene))
+    table = part.tables["lights"].copy()
     table["program"][rows] = parts["materials"].tables["materials"]["program"][first:][: len(rows)]
     return _Part(part.source, {"lights": table}, part.lent)
 
@@ -494,6 +514,8 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
         len(group.materials),
         group.object_index,
         group.light_set,
+        id_bits(group.name),
+        id_bits(group.asset or group.name),
     )
 
 

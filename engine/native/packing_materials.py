@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from ..cryptomatte import id_bits
 from ..program.operations import Reference
 from ..program.program import Instruction, Program, instructions
 from ..program.table import CODES
@@ -12,7 +13,8 @@ from .core_types import Channel, Fresnel, LobeKind
 from .packer import Packer, number
 
 
-def pack_material(packer: Packer, material: Material) -> tuple:
+def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
+    """aov: as GlintMaterial has it."""
     first, program = len(packer.lobes), material.program
     outputs = program.outputs if program else ()
     for lobe in material.lobes:
@@ -38,7 +40,8 @@ def pack_material(packer: Packer, material: Material) -> tuple:
         material.index,
         1 + _program(packer, program) if program else 0,
         _slot(outputs, material.normal_output),
-        0,
+        id_bits(material.name),
+        aov,
     )
 
 

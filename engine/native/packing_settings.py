@@ -52,6 +52,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     for name in _SAME:
         setattr(data, name, getattr(settings, name))
     data.passes = sum(1 << PASS_NUMBERS[name] for name in passes_of(settings))
+    data.passes |= (1 << core_types.Pass.AOV) if scene.aovs else 0
     data.illumination = number(settings.illumination, core_types.Illumination, "illumination")
     build = "BALANCED" if settings.acceleration == "AUTO" else settings.acceleration
     data.acceleration = number(build, core_types.Build, "acceleration")

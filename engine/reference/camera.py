@@ -14,7 +14,7 @@ from ..scene import Camera, Scene
 from .geometry import Geometry
 from .raster import Strips, pixel_strips
 from .rays import ULPS, Bundle, Frame, Pencil, Rays
-from .vectors import length, transform, transform_each
+from .vectors import length, transform, transform_each, unit
 
 Array = np.ndarray
 
@@ -63,6 +63,7 @@ class CameraRays:
     clip_planes: Array
     focus: float
     eye: Array
+    clip_start: float
 
     @classmethod
     def of(cls, camera: Camera, geometry: Geometry) -> CameraRays:
@@ -89,6 +90,7 @@ class CameraRays:
             np.reshape(camera.clip_planes, (-1, 4)),
             camera.lens.focus if camera.lens else np.inf,
             np.asarray(camera.world_from_camera, np.float64)[:, 3],
+            camera.clip_start,
         )
 
     def pixels(
@@ -138,6 +140,23 @@ class CameraRays:
     def depth(self, points: Array) -> Array:
         """Of points (3, n) relative to the eye, along the view of the camera that stands still."""
         return transform(self.frame.matrix, points)[2]
+
+    def distance(self, points: Array) -> Array:
+        """World units from the eye to points (3, n) relative to it; along the view where rays are
+        parallel.
+        """
+        if self.frame.perspective:
+            return length(points)
+        return np.abs(self.depth(points)) * self.unit
+
+    def distance_seen(self, points: Array) -> Array:
+        """The same from where their rays begin, at the near end of what is seen."""
+        return self.distance(points) * (1 - self.clip_start / self.depth(points))
+
+    def along_axes(self, directions: Array) -> Array:
+        """(3, n) right, up, forward of directions (3, n)."""
+        axes = np.linalg.inv(self.frame.matrix)
+        return unit(axes).T @ directions
 
     def _clipped(self, start: Array, slope: Array) -> tuple[Array, Array]:
         """The depths (n,) between which rays start + z slope (2, n) are inside the clip range and

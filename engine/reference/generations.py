@@ -105,6 +105,10 @@ class Generations:
         if len(shown) < len(hit):
             hit, depth, surface = hit[shown], depth[shown], surface.take(shown)
             coefficients = stage.shader.coefficients(surface, paths.kind)
+        if paths.depth == 0 and stage.sees:
+            self._see(paths, hit, surface, coefficients)
+        if paths.depth == 0 and stage.scene.aovs:
+            self._give_aovs(paths, hit, surface, coefficients.transparent)
         if paths.reflections:
             coefficients = widened(coefficients, paths.widest[hit])
         self._shade(paths, hit, surface, coefficients)
@@ -190,6 +194,35 @@ class Generations:
             Object_Index=stage.per_object("object_index", some.row),
             Material_Index=stage.shader.pass_index(some.material),
         )
+
+    def _see(self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients) -> None:
+        """What passes that are means of what is seen have of these surfaces."""
+        stage, weight, pixel = self._stage, pick(paths.weight, hit), paths.pixel[hit]
+        passed = coefficients.transparent
+        share = weight.mean(0) * (1 - passed.mean(0))
+        self._tile.denoise(
+            pixel,
+            Normal=share * stage.camera.along_axes(surface.n),
+            Albedo=weight * coefficients.albedo(),
+            Depth=(share * stage.camera.distance_seen(surface.x))[None],
+        )
+        seen = (weight * (1 - np.clip(passed, 0.0, 1.0))).mean(0)
+        self._tile.see(
+            pixel,
+            seen * (1 - stage.mist(stage.camera.distance(surface.x))),
+            share,
+            stage.crypto_ids(surface),
+        )
+
+    def _give_aovs(self, paths: Paths, hit: Array, surface: Surface, passed: Array) -> None:
+        """What surfaces give to AOVs, up to the first that lets less than half through."""
+        tile, pixel = self._tile, paths.pixel[hit]
+        chosen = np.flatnonzero(tile.wants_aovs[pixel])
+        some, here = surface.take(chosen), pixel[chosen]
+        given = self._stage.shader.aovs(some, paths.kind, len(tile.aovs) // 4)
+        tile.aovs[:, here] += given * pick(paths.weight, hit[chosen]).mean(0)
+        opaque = (passed[0] + passed[1] + passed[2]) / 3 < 0.5
+        tile.wants_aovs[pixel[opaque]] = False
 
     def _find_gaps(self, paths: Paths, hit: Array, surface: Surface, depth: Array) -> None:
         """How far behind the first hits the rays' next ones lie."""

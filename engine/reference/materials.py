@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..cryptomatte import id_bits
 from ..scene import Input, Lobe, Material, Scene
 from .attributes import Attributes
 from .geometry import Geometry
@@ -58,6 +59,17 @@ class Coefficients:
     mirrors: list[Term]
     refractions: list[Term]
 
+    def albedo(self) -> Array:
+        """(3, n): about what of even light the points give back; mirrors and glass without what
+        Fresnel says.
+        """
+        total = self.diffuse.copy()
+        for term in self.highlights:
+            add_at(total, term.index, 8 / (term.exponent + 2) * term.k)
+        for term in (*self.mirrors, *self.refractions):
+            add_at(total, term.index, term.k)
+        return total
+
 
 class Shader:
     """Evaluates the materials of a scene."""
@@ -78,6 +90,11 @@ class Shader:
     def pass_index(self, material: Array) -> Array:
         """(n,) Blender's material index; 0 for the default one."""
         return np.array([m.index for m in self._materials])[material]
+
+    def crypto_bits(self, material: Array) -> Array:
+        """(n,) uint32, of the ids of Cryptomatte; 0 for the default one."""
+        bits = [id_bits(m.name) for m in self._materials[:-1]]
+        return np.array([*bits, 0], np.uint32)[material]
 
     def coefficients(self, surface: Surface, kind: str) -> Coefficients:
         """All lobes at each point. kind: of the rays that meet them, "camera" or "mirror"."""
@@ -115,6 +132,19 @@ class Shader:
             n = n.copy() if n is surface.n else n
             n[:, index] = np.where(given.any(0), given, pick(surface.n, index))
         return surface if n is surface.n else replace(surface, n=n)
+
+    def aovs(self, surface: Surface, kind: str, count: int) -> Array:
+        """(4 count, n): colours that the points give to AOVs, and 1 where they give one."""
+        found = np.zeros((4 * count, len(surface.primitive)))
+        for material, index in self._by_material(surface):
+            given = material.aovs
+            outputs = self._outputs(given, surface, index, kind) if given else []
+            for lobe in given.lobes if given else ():
+                first = 4 * int(lobe.exponent)
+                k = self._product(lobe, surface, index, outputs)
+                found[first : first + 3, index] += k
+                found[first + 3, index] = 1
+        return found
 
     def transmittance(self, spot: Spot) -> Array:
         """(n, 3): what passes straight through, the clamped sum of the TRANSPARENT lobes.

@@ -6,30 +6,52 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..film import PARTS, PASSES, empty_value
+from ..film import CRYPTOMATTES, DENOISING, PARTS, PASSES, SEEN, aov_pass, empty_value
 
 Array = np.ndarray
 
 HEALTH = ("Error", "Samples", "Cost", "Fallbacks")
 """Passes that grow with every sample and belong to no part."""
-DATA = tuple(name for name in PASSES if name != "Combined" and name not in (*PARTS, *HEALTH))
+DATA = tuple(name for name in PASSES if name != "Combined" and name not in (*PARTS, *HEALTH, *SEEN))
 LARGEST = float(np.finfo(np.float32).max)
 
 
 class Tile:
-    """One sample of n pixels. parts: (3, n) per part that anything was added to.  lost: (n,) alpha.
+    """One sample of n pixels. parts: (3, n) per part that anything was added to. lost: (n,) alpha.
     cost: (n,) rays. softly_lit, cut: (n,) bool, whether a light of more than one sample reached
-    them, and whether their horizon cuts one. data: (channels, n) for the passes named.  wanted:
-    (n,) bool, pixels whose data is still to come.
+    them, and whether their horizon cuts one. data: (channels, n) for the passes named. wanted:
+    (n,) bool, pixels whose data is still to come. clear: (n,) what is seen and no mist before
+    it. aovs: (4 each, n) colours and what of the sample has them. wants_aovs: (n,) bool, pixels
+    whose ray has met nothing that hides what is behind. met: of each Cryptomatte pass, pixels,
+    bits of ids and coverages, (m,) each, of what was met.
     """
 
-    def __init__(self, count: int, data: frozenset[str]):
+    def __init__(self, count: int, data: frozenset[str], aovs: int = 0):
         self._count = count
         self.parts: dict[str, Array] = {}
         self.lost, self.cost = np.zeros(count), np.zeros(count)
         self.softly_lit, self.cut = np.zeros(count, bool), np.zeros(count, bool)
         self.data = {name: np.full((PASSES[name], count), empty_value(name)) for name in data}
         self.wanted = np.full(count, bool(data))
+        self.aovs, self.wants_aovs = np.zeros((4 * aovs, count)), np.full(count, aovs > 0)
+        self.clear = np.zeros(count)
+        self.denoising = {name: np.zeros((PASSES[name], count)) for name in DENOISING}
+        self.met: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in CRYPTOMATTES}
+
+    def denoise(self, pixel: Array, **values: Array) -> None:
+        """Adds what denoisers are told ("Albedo" for "Denoising Albedo"), (channels, m) each."""
+        for name, found in values.items():
+            for total, value in zip(self.denoising[f"Denoising {name}"], found, strict=True):
+                total += np.bincount(pixel, value, self._count)
+
+    def see(self, pixel: Array, clear: Array, weight: Array, ids: dict[str, Array]) -> None:
+        """Surfaces that m camera rays meet: what is seen of them in no mist, what of the ray stays
+        there, and the bits of their ids for each Cryptomatte pass.
+        """
+        self.clear += np.bincount(pixel, clear, self._count)
+        some = weight > 0
+        for name, bits in ids.items():
+            self.met[name].append((pixel[some], bits[some], weight[some]))
 
     def add(self, part: str, pixel: Array, values: Array) -> None:
         """values (3, m) to pixels (m,), in their order: a pixel's sum does not depend on its
@@ -66,13 +88,26 @@ class Tile:
 class Picture:
     """Sums over samples of the passes that are asked for, float64, (channels, pixels)."""
 
-    def __init__(self, width: int, height: int, passes: frozenset[str]):
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        passes: frozenset[str],
+        crypto_ids: int,
+        aovs: tuple[str, ...],
+    ):
         self._shape, self._passes = (height, width), passes
         count = width * height
         self._parts = {name: np.zeros((3, count)) for name in PARTS if name in passes}
         self._color, self._lost = np.zeros((3, count)), np.zeros(count)
         self._data = {name: np.zeros((PASSES[name], count)) for name in DATA if name in passes}
         self.samples, self._cost = np.zeros(count), np.zeros(count)
+        self._aovs, self._aov_names = np.zeros((4 * len(aovs), count)), aovs
+        self._clear, self._crypto_ids = np.zeros(count), crypto_ids
+        self._denoising = {
+            name: np.zeros((PASSES[name], count)) for name in DENOISING if name in passes
+        }
+        self._shares = {name: _no_shares() for name in CRYPTOMATTES if name in passes}
 
     def keep(self, here: slice | Array, tile: Tile) -> None:
         """Adds a finished tile, of these pixels."""
@@ -80,6 +115,14 @@ class Picture:
         self._lost[here] += tile.lost
         self._cost[here] += tile.cost
         self.samples[here] += 1
+        self._clear[here] += tile.clear
+        self._aovs[:, here] += tile.aovs
+        for name, total in self._denoising.items():
+            total[:, here] += tile.denoising[name]
+        for name, shares in self._shares.items():
+            numbers = np.arange(len(self.samples))[here]
+            met = [(numbers[pixel], bits, weight) for pixel, bits, weight in tile.met[name]]
+            self._shares[name] = _summed([shares, *met])
         for name, total in self._parts.items():
             if name in tile.parts:
                 total[:, here] += tile.parts[name]
@@ -101,6 +144,7 @@ class Picture:
             "Samples": self.samples[None],
             "Cost": self._cost[None],
             "Fallbacks": np.zeros_like(self._cost[None]),
+            "Mist": 1 - self._clear[None] / samples,
         }
         chosen = {name: values for name, values in health.items() if name in self._passes}
         return (
@@ -108,7 +152,28 @@ class Picture:
             | {name: total / samples for name, total in self._parts.items()}
             | self._data
             | chosen
+            | {name: total / samples for name, total in self._denoising.items()}
+            | {name: self._ranked(name) for name in self._shares}
+            | {
+                aov_pass(name): self._aovs[4 * k : 4 * k + 4] / samples
+                for k, name in enumerate(self._aov_names)
+            }
         )
+
+    def _ranked(self, name: str) -> Array:
+        """(2 ids, pixels): ids and coverages in turn, the largest coverage first, of equal ones the
+        id with the lower bits.
+        """
+        pixel, bits, weight = self._shares[name]
+        order = np.lexsort((bits, -weight, pixel))
+        pixel, bits, weight = pixel[order], bits[order], weight[order]
+        rank = np.arange(len(pixel)) - np.searchsorted(pixel, pixel)
+        kept = rank < self._crypto_ids
+        pixel, rank = pixel[kept], rank[kept]
+        ranked = np.zeros((2 * self._crypto_ids, len(self.samples)))
+        ranked[2 * rank, pixel] = bits[kept].astype(np.uint32).view(np.float32)
+        ranked[2 * rank + 1, pixel] = weight[kept] / self.samples[pixel]
+        return ranked
 
     def images(self, passes: dict[str, Array], shown: tuple[slice, slice]) -> dict[str, Array]:
         """Passes (c, pixels) as float32 images of the rows and columns that are shown."""
@@ -118,3 +183,18 @@ class Picture:
         """(c, pixels) -> (h, w, c) float32, saturated."""
         image = np.clip(values, -LARGEST, LARGEST).astype(np.float32)
         return np.ascontiguousarray(image.T.reshape(*self._shape, len(values))[shown])
+
+
+Shares = tuple[Array, Array, Array]
+
+
+def _no_shares() -> Shares:
+    return np.zeros(0, np.intp), np.zeros(0, np.uint32), np.zeros(0)
+
+
+def _summed(shares: list[Shares]) -> Shares:
+    """Pixels, bits of ids and coverages: one row for each pixel and id."""
+    pixel, bits, weight = (np.concatenate(columns) for columns in zip(*shares, strict=True))
+    key, row = np.unique(pixel.astype(np.int64) << 32 | bits, return_inverse=True)
+    total = np.bincount(row, weight, len(key))
+    return (key >> 32).astype(np.intp), (key & 0xFFFFFFFF).astype(np.uint32), total

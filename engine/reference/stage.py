@@ -7,7 +7,9 @@ from collections import Counter
 import numpy as np
 
 from ..bounced_light import bounced_table
+from ..cryptomatte import id_bits
 from ..dome import dome_table
+from ..film import CRYPTOMATTES, SEEN
 from ..mesh_lights import mesh_table
 from ..sampling import light_points, lobe_points
 from ..scene import Light, Scene
@@ -22,6 +24,7 @@ from .materials import Shader
 from .pulse import Pulse
 from .shadows import Shadows
 from .sky import radiance
+from .surface import Surface
 from .tabled_lights import BouncedSource, Dome, MeshSource
 from .textures import Image
 from .vectors import unit
@@ -106,6 +109,27 @@ class Stage:
         """A field of `Instances` for each row of the placements."""
         values = np.array([getattr(block, name) for block in self.scene.instances])
         return values[self.geometry.placements.block[row]]
+
+    @property
+    def sees(self) -> bool:
+        """Whether passes are asked for that are means of what is seen."""
+        return not self.settings.passes.isdisjoint(SEEN)
+
+    def mist(self, distance: Array) -> Array:
+        """How much of it lies before what is at these distances from the eye, world units."""
+        mist = self.scene.world.mist
+        share = np.clip((distance - mist.start) / mist.depth if mist.depth > 0 else 0.0, 0.0, 1.0)
+        power = {"QUADRATIC": 2.0, "LINEAR": 1.0, "INVERSE_QUADRATIC": 0.5}[mist.falloff]
+        return np.broadcast_to(share**power, distance.shape)
+
+    def crypto_ids(self, surface: Surface) -> dict[str, Array]:
+        """The bits of the ids of surfaces, for each Cryptomatte pass."""
+        blocks = self.scene.instances
+        objects = np.array([id_bits(block.name) for block in blocks], np.uint32)
+        assets = np.array([id_bits(block.asset or block.name) for block in blocks], np.uint32)
+        block = self.geometry.placements.block[surface.row]
+        material = self.shader.crypto_bits(surface.material)
+        return dict(zip(CRYPTOMATTES, (objects[block], material, assets[block]), strict=True))
 
     def stats(self) -> dict[str, float]:
         """Counts for `Film.stats`."""

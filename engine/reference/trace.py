@@ -52,7 +52,7 @@ class Tracer:
         if refines and settings.samples >= FIRST_ESTIMATE:
             self._region = widened(self._shown, scene.camera.resolution)
         x0, y0, x1, y1 = self._region
-        self.picture = Picture(x1 - x0, y1 - y0, settings.passes)
+        self.picture = Picture(x1 - x0, y1 - y0, settings.passes, settings.crypto_ids, scene.aovs)
         is_spread = (
             scene.camera.lens is not None or scene.camera.motion is not None or is_moving(scene)
         )
@@ -144,7 +144,9 @@ class Tracer:
                 chosen = np.flatnonzero(self._refinement.active[here])
                 here, rays, strips = first + chosen, rays.take(chosen), None
             tile = Tile(
-                len(rays), self._settings.passes.intersection(DATA) if sample == 0 else frozenset()
+                len(rays),
+                self._settings.passes.intersection(DATA) if sample == 0 else frozenset(),
+                len(self._scene.aovs),
             )
             if len(rays):
                 Generations(stage, tile, sample).run(rays, strips)

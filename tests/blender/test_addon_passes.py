@@ -34,6 +34,7 @@ BLENDER_SWITCHES = (
     "material_index",
     "emit",
     "environment",
+    "mist",
 )
 OUR_SWITCHES = ("diffuse", "specular", "ambient", "shadow", "mirror")
 
@@ -96,6 +97,7 @@ def test_every_pass_is_written_under_the_name_that_this_blender_uses(all_passes)
         "Position": 3,
         "Normal": 3,
         "UV": 3,
+        "Mist": 1,
         **dict(zip(renamed, (1, 1, 3, 3), strict=True)),
     }
     counts |= dict.fromkeys(("Diffuse", "Specular", "Ambient", "Shadow", "Mirror"), 3)
@@ -108,6 +110,9 @@ def test_the_passes_hold_their_own_values(all_passes):
     hit = depth < 1e9
     assert 0.02 < hit.mean() < 0.9
     assert depth[~hit].min() == np.float32(1e10)
+    mist = _pass(channels, "Mist")[..., 0]
+    assert (mist[~hit] == 1).all()
+    assert 0 < mist[hit].max() < 0.5
     assert set(np.unique(_pass(channels, "Object Index" if version >= (5, 0) else "IndexOB"))) == {
         0.0,
         7.0,
@@ -217,3 +222,27 @@ bpy.ops.render.render(write_still=True)
     )
     assert left.max() > 0
     np.testing.assert_array_equal(left, right)
+
+
+def test_a_layers_own_samples_count(tmp_path):
+    """As Cycles takes them: in place of the scene's, as a bound, or not."""
+    blender = Blender(tmp_path)
+    run = blender.run(
+        DRAW
+        + """
+layer = scene.view_layers[0]
+layer.glint.use_pass_samples = True
+scene.glint.final.samples, scene.glint.final.error_threshold = 4, 0
+for name, how, samples in (
+    ("use", "USE", 6), ("more", "BOUNDED", 6), ("less", "BOUNDED", 2), ("not", "IGNORE", 6),
+    ("none", "USE", 0),
+):
+    scene.cycles.use_layer_samples, layer.samples = how, samples
+    scene.render.filepath = str(FOLDER / (name + ".exr"))
+    bpy.ops.render.render(write_still=True)
+"""
+    )
+    assert run.returncode == 0, run.output
+    for name, samples in {"use": 6, "more": 4, "less": 2, "not": 4, "none": 4}.items():
+        taken = _pass(read_channels(tmp_path / f"{name}.exr"), "Samples")
+        assert (taken == samples).all(), name

@@ -237,7 +237,7 @@ def test_empty_slots_are_the_default(scene):  # noqa: F811
     thing.data.materials.append(None)
     thing.data.polygons[0].material_index = 1
     result = export()
-    assert result.scene.materials[result.scene.instances[0].materials[1]].name == "Default"
+    assert result.scene.materials[result.scene.instances[0].materials[1]].name == "default_surface"
 
 
 @pytest.mark.skipif(

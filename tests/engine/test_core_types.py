@@ -99,7 +99,10 @@ def test_constants_have_the_headers_values(tmp_path: Path) -> None:
         (scene.CAMERAS, core_types.CameraKind),
         (settings.ILLUMINATIONS, core_types.Illumination),
         (settings.BUILDS, core_types.Build),
-        ([name.upper().replace(" ", "_") for name in film.PASSES], core_types.Pass),
+        (
+            [*(name.upper().replace(" ", "_") for name in film.PASSES), film.AOV.strip()],
+            core_types.Pass,
+        ),
     ],
 )
 def test_the_core_knows_every_name_of_the_values(names, enum: type[IntEnum]) -> None:

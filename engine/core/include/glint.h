@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 24
+#define GLINT_ABI_VERSION 25
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -75,12 +75,14 @@ enum GlintInstanceFlags {
 
 /* A geometry placed row_count times: rows [first_row, …) of world_from_object, material_count
  * numbers from first_material on. light_set: below 64, see
- * GlintLight. */
+ * GlintLight. crypto_object, crypto_asset: what Cryptomatte passes tell of it, the bits of floats.
+ */
 typedef struct GlintInstances {
   uint64_t first_row, row_count;
   uint32_t geometry, flags, first_material, material_count;
   int32_t object_index;
   uint32_t light_set;
+  uint32_t crypto_object, crypto_asset;
 } GlintInstances;
 
 enum GlintTextureType { GLINT_UINT8, GLINT_FLOAT32 };
@@ -138,10 +140,15 @@ typedef struct GlintLobe {
 } GlintLobe;
 
 /* program: 0, or 1 plus its number. normal: 0, or 1 plus the first of three slots of the program
- * with the shading normal in world space that takes the place of the mesh's. */
+ * with the shading normal in world space that takes the place of the mesh's. crypto: what
+ * Cryptomatte passes tell of it, the bits of a float. aov: 0, or 1 plus the number of a material
+ * that no instance has: its EMISSION lobes, whose exponents are numbers of AOVs, are what this one
+ * gives to these. */
 typedef struct GlintMaterial {
   uint32_t first_lobe, lobe_count;
-  int32_t index, program, normal, reserved;
+  int32_t index, program, normal;
+  uint32_t crypto;
+  int32_t aov;
 } GlintMaterial;
 
 enum GlintLightKind {
@@ -197,15 +204,20 @@ typedef struct GlintCamera {
   double clip_planes[6][4];
 } GlintCamera;
 
+/* How mist grows with the distance: its square, as it is, its square root. */
+enum GlintMist { GLINT_MIST_QUADRATIC, GLINT_MIST_LINEAR, GLINT_MIST_INVERSE_QUADRATIC };
+
 /* instance_values: what programs read of placements, 4 numbers a row of world_from_object, all rows
  * of one name after those of another; instance_value_names: these, as operations name attributes.
  * world_program: 0, or 1 plus the number of the program that gives what rays see that hit nothing,
  * instead of the background; world_slot: the first of its three slots that hold that. It must not
- * read surfaces. world_axes: the program's axes in the scene, column by column. */
+ * read surfaces. world_axes: the program's axes in the scene, column by column. Mist grows from
+ * none at mist_start to all at mist_depth beyond it; mist_falloff: of GlintMist. aov_count: up to
+ * 256 AOVs. */
 typedef struct GlintSceneData {
   GlintCamera camera;
-  double ambient[3], background[3], world_axes[9];
-  int32_t transparent, world_program, world_slot, reserved;
+  double ambient[3], background[3], world_axes[9], mist_start, mist_depth;
+  int32_t transparent, world_program, world_slot, mist_falloff, aov_count, reserved;
   const GlintGeometry* geometries;
   const GlintAttribute* attributes;
   const GlintInstances* instances;
@@ -258,6 +270,14 @@ enum GlintPass {
   GLINT_PASS_GRAZING,
   GLINT_PASS_GAP,
   GLINT_PASS_FALLBACKS,
+  GLINT_PASS_MIST,
+  GLINT_PASS_CRYPTO_OBJECT,
+  GLINT_PASS_CRYPTO_MATERIAL,
+  GLINT_PASS_CRYPTO_ASSET,
+  GLINT_PASS_AOV, /* four channels for each AOV of the scene */
+  GLINT_PASS_DENOISING_NORMAL,
+  GLINT_PASS_DENOISING_ALBEDO,
+  GLINT_PASS_DENOISING_DEPTH,
   GLINT_PASS_COUNT
 };
 
@@ -289,7 +309,8 @@ enum GlintPass {
  * camera_block² pixels of the frame, row by row; lens_focus: the depth where everything is sharp,
  * camera units. camera_frames: null for a camera that stands still, else (camera_block², samples,
  * 12) its world_from_camera of each sample. moving: each sample is of a scene of its own, see
- * glint_render_move. */
+ * glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64 where one is
+ * asked for, two numbers each. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -308,7 +329,7 @@ typedef struct GlintRenderSettings {
   double error_threshold, cutoff, lens_focus;
   uint32_t samples, light_samples, dome_samples, mesh_samples, bounced_samples;
   uint32_t dome_rows, dome_columns;
-  uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels;
+  uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads, passes;
   uint32_t region[4];
   int32_t illumination, waves, acceleration, remember, reflections, moving;

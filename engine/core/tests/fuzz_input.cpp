@@ -412,17 +412,35 @@ void read_program(Dice& dice, const GlintSceneData& d, std::vector<GlintInput>& 
   if (slots >= 3 && !inputs.empty()) inputs.back().output = 1 + int32_t(dice.below(slots - 2));
 }
 
+/// Material number 3 gives to AOVs what one after it says, which may read its program.
+void set_aovs(Dice& dice, GlintSceneData& d, std::vector<GlintInput>& inputs,
+              std::vector<GlintLobe>& lobes, std::vector<GlintMaterial>& materials) {
+  d.aov_count = int32_t(dice.below(4));
+  if (d.aov_count == 0) return;
+  const uint32_t first = uint32_t(lobes.size()), count = uint32_t(dice.below(4));
+  for (uint32_t k = 0; k < count; ++k) {
+    lobes.push_back(lobe(dice, inputs, d.texture_count));
+    lobes.back().kind = GLINT_EMISSION;
+    lobes.back().exponent =
+        double(dice.below(size_t(d.aov_count) + dice.chance(0.05 * dice.wildness)));
+  }
+  materials.push_back({first, count, 0, 0, 0, 0, 0});
+  if (count > 0 && d.program_count > 0) read_program(dice, d, inputs, materials.back());
+  materials[3].aov = int32_t(materials.size());
+}
+
 void set_materials(Dice& dice, Arena& arena, GlintSceneData& d) {
   std::vector<GlintInput> inputs;
   std::vector<GlintLobe> lobes;
   std::vector<GlintMaterial> materials;
   for (size_t m = 0; m < 4; ++m) {
     const uint32_t count = uint32_t(dice.below(4));
-    materials.push_back({uint32_t(lobes.size()), count, int32_t(m), 0, 0, 0});
+    materials.push_back({uint32_t(lobes.size()), count, int32_t(m), 0, 0, uint32_t(m) << 20, 0});
     for (uint32_t k = 0; k < count; ++k) lobes.push_back(lobe(dice, inputs, d.texture_count));
   }
   set_program(dice, arena, d);
   if (materials.back().lobe_count > 0) read_program(dice, d, inputs, materials.back());
+  set_aovs(dice, d, inputs, lobes, materials);
   d.inputs = arena.table(inputs);
   d.input_count = inputs.size();
   d.lobes = arena.table(lobes);
@@ -458,6 +476,8 @@ Placed placed(Dice& dice, Arena& arena, size_t materials) {
   for (size_t k = p.geometries.empty() ? 0 : dice.below(5); k > 0; --k) {
     GlintInstances i{};
     i.light_set = uint32_t(dice.below(dice.chance(0.05 * dice.wildness) ? 80 : 64));
+    i.crypto_object = uint32_t(dice.below(dice.chance(0.05 * dice.wildness) ? 1u << 31 : 9u));
+    i.crypto_asset = uint32_t(dice.below(3)) << 24;
     i.first_row = dice.below(p.rows + 1);
     i.row_count = dice.below(p.rows - i.first_row + 1);
     i.geometry = dice.index(p.geometries.size());
@@ -476,6 +496,9 @@ GlintSceneData scene(Dice& dice, Arena& arena) {
   for (double& x : d.ambient) x = dice.number();
   for (double& x : d.background) x = dice.number();
   d.transparent = int32_t(dice.below(2));
+  d.mist_start = dice.number();
+  d.mist_depth = dice.number();
+  d.mist_falloff = int32_t(dice.below(dice.chance(0.05 * dice.wildness) ? 5 : 3));
   const size_t slots = dice.below(5);
   d.material_slots = arena.fill<uint32_t>(slots, [&] { return dice.index(4); });
   d.material_slot_count = slots;
@@ -617,6 +640,9 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   set_mesh_points(dice, arena, s);
   set_reflections(dice, arena, s);
   set_lens(dice, arena, s);
+  s.crypto_ids = uint32_t(1 + dice.below(8));
+  if (scene.aov_count == 0) s.passes &= ~(1u << GLINT_PASS_AOV);
+  if (dice.chance(0.05 * dice.wildness)) s.crypto_ids = uint32_t(dice.bits());
   const uint32_t w = scene.camera.width, h = scene.camera.height;
   const bool part = dice.chance(0.3);
   s.region[0] = part ? uint32_t(dice.below(w)) : 0;

@@ -42,6 +42,8 @@ class Report {
 
 using ull = unsigned long long;
 
+/// Whether these are the bits of a finite float.
+bool is_id(uint32_t bits) { return (bits >> 23 & 0xff) != 0xff; }
 bool within(int32_t x, int32_t last) { return x >= 0 && x <= last; }
 bool range(uint64_t first, uint64_t count, uint64_t size) {
   return first <= size && count <= size - first;
@@ -172,9 +174,12 @@ void check_instances(const GlintSceneData& d, Report& report) {
     report.add(
         range(d.instances[i].first_material, d.instances[i].material_count, d.material_slot_count),
         "instances %llu: materials beyond the table", ull(i));
-  for (uint64_t i = 0; i < d.instances_count && report.good(); ++i)
+  for (uint64_t i = 0; i < d.instances_count && report.good(); ++i) {
+    report.add(is_id(d.instances[i].crypto_object) && is_id(d.instances[i].crypto_asset),
+               "instances %llu: an id of Cryptomatte is not finite", ull(i));
     report.add(d.instances[i].light_set < 64, "instances %llu: light set %u of 64", ull(i),
                d.instances[i].light_set);
+  }
   report.add(d.instance_value_count == 0 || (d.instance_value_names && d.instance_values) ||
                  d.row_count == 0,
              "instances: values without names or numbers");
@@ -280,6 +285,22 @@ void check_slots(const GlintSceneData& d, const GlintMaterial& m, ull number, Re
   report.add(good, "material %llu: a slot that its program has not", number);
 }
 
+/// Whether what a material gives to AOVs is sound.
+void check_aovs(const GlintSceneData& d, const GlintMaterial& m, ull number, Report& report) {
+  if (m.aov == 0) return;
+  report.add(m.aov > 0 && uint64_t(m.aov) <= d.material_count,
+             "material %llu: AOVs beyond the table", number);
+  if (!report.good()) return;
+  const GlintMaterial& given = d.materials[m.aov - 1];
+  bool good = given.aov == 0 && range(given.first_lobe, given.lobe_count, d.lobe_count);
+  for (uint32_t l = 0; good && l < given.lobe_count; ++l) {
+    const GlintLobe& lobe = d.lobes[given.first_lobe + l];
+    good = lobe.kind == GLINT_EMISSION && lobe.exponent < d.aov_count &&
+           lobe.exponent == std::floor(lobe.exponent);
+  }
+  report.add(good, "material %llu: AOVs that are not the scene's", number);
+}
+
 void check_materials(const GlintSceneData& d, Report& report) {
   for (uint64_t i = 0; i < d.input_count; ++i) {
     const GlintInput& g = d.inputs[i];
@@ -311,6 +332,8 @@ void check_materials(const GlintSceneData& d, Report& report) {
                "material %llu: lobes beyond the table", ull(i));
     report.add(m.program >= 0 && uint64_t(m.program) <= d.program_count,
                "material %llu: program beyond the table", ull(i));
+    check_aovs(d, m, i, report);
+    report.add(is_id(m.crypto), "material %llu: its id of Cryptomatte is not finite", ull(i));
     if (report.good()) check_slots(d, m, i, report);
   }
 }
@@ -325,6 +348,11 @@ bool reads_no_surface(const GlintSceneData& d, const GlintProgram& g) {
 
 void check_sky(const GlintSceneData& d, Report& report) {
   report.add(all_finite(d.world_axes, 9), "world: an axis is not finite");
+  report.add(std::isfinite(d.mist_start) && std::isfinite(d.mist_depth) &&
+                 d.mist_falloff >= GLINT_MIST_QUADRATIC &&
+                 d.mist_falloff <= GLINT_MIST_INVERSE_QUADRATIC,
+             "world: its mist is not finite, or of an unknown fall-off");
+  report.add(within(d.aov_count, 256), "scene: %d AOVs, not 0 to 256", d.aov_count);
   report.add(d.world_program >= 0 && uint64_t(d.world_program) <= d.program_count,
              "world: program beyond the table");
   if (!report.good() || d.world_program == 0) return;

@@ -24,8 +24,11 @@ void interleave(const float (&channels)[4][Size], size_t first, size_t count, fl
 
 }  // namespace
 
-int channels_of(int pass) {
+size_t Film::channels_of(int pass) const {
   if (pass < 0 || pass >= GLINT_PASS_COUNT) return 0;
+  if (pass == GLINT_PASS_DENOISING_NORMAL || pass == GLINT_PASS_DENOISING_ALBEDO) return 3;
+  if (pass == GLINT_PASS_AOV) return 4 * size_t(aov_count_);
+  if (Cryptomatte::kPasses >> pass & 1) return 2 * cryptomatte_.ids();
   if (pass == GLINT_PASS_COMBINED) return 4;
   return pass == GLINT_PASS_DEPTH || pass >= GLINT_PASS_OBJECT_INDEX ? 1 : 3;
 }
@@ -49,22 +52,31 @@ void SlotTable::set(uint32_t width, uint32_t height) {
 }
 
 Film::Film(Region region, Region shown, uint32_t passes, double error_threshold,
-           uint32_t light_samples)
-    : region_(region), shown_(shown), passes_(passes | 1u << GLINT_PASS_COMBINED) {
+           uint32_t light_samples, uint32_t crypto_ids, uint32_t aov_count)
+    : region_(region),
+      shown_(shown),
+      passes_(passes | 1u << GLINT_PASS_COMBINED),
+      aov_count_(aov_count),
+      cryptomatte_(passes, crypto_ids) {
   std::fill_n(at_, int(GLINT_PASS_COUNT), -1);
   at_[GLINT_PASS_COMBINED] = 0;
   for (int part = GLINT_PASS_DIFFUSE; part < GLINT_PASS_DEPTH; ++part) keep_sums(part, 3);
   keep_sums(GLINT_PASS_COST, 1);
   keep_sums(GLINT_PASS_FALLBACKS, 1);
+  keep_sums(GLINT_PASS_MIST, 1);
+  keep_sums(GLINT_PASS_AOV, 4 * int(aov_count));
+  keep_sums(GLINT_PASS_DENOISING_NORMAL, 3);
+  keep_sums(GLINT_PASS_DENOISING_ALBEDO, 3);
+  keep_sums(GLINT_PASS_DENOISING_DEPTH, 1);
   const size_t pixels = size_t(region.width()) * region.height();
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
     if (!wants(pass)) continue;
-    pictures_[pass] =
-        std::make_shared<ZeroedBuffer<float>>(numbers(pixels, size_t(channels_of(pass))));
+    pictures_[pass] = std::make_shared<ZeroedBuffer<float>>(numbers(pixels, channels_of(pass)));
   }
   for (int pass : {GLINT_PASS_DEPTH, GLINT_PASS_GAP})
     if (wants(pass)) std::fill_n(values(pass), pixels, float(kNoDepth));
   cut();
+  cryptomatte_.set_tiles(tiles_.size());
   if (error_threshold > 0 || wants(GLINT_PASS_ERROR))
     refinement_ = Refinement(error_threshold, light_samples, region, shown, rows());
   if (wants(GLINT_PASS_ERROR)) estimate_ = ErrorEstimate(region);
@@ -83,7 +95,7 @@ void Film::cut() {
     for (uint32_t x = 0; x < region_.width(); x += Tile::kSize) {
       const uint32_t right = std::min(x + Tile::kSize, region_.width()),
                      top = std::min(y + Tile::kSize, region_.height());
-      tiles_.push_back({x, y, right, top, first, first / columns_});
+      tiles_.push_back({x, y, right, top, first, first / columns_, tiles_.size()});
       first += columns_ * tiles_.back().stride();
     }
   sums_ = ZeroedBuffer<double>(
@@ -99,10 +111,9 @@ Tile Film::on_thread(const Tile& tile, size_t thread) {
 }
 
 void Film::store(int pass, uint32_t pixel, const double* from) {
-  int count = channels_of(pass);
   if (!wants(pass)) return;
-  for (int i = 0; i < count; ++i)
-    values(pass)[size_t(pixel) * size_t(count) + size_t(i)] = to_float(from[i]);
+  const size_t count = channels_of(pass);
+  for (size_t i = 0; i < count; ++i) values(pass)[size_t(pixel) * count + i] = to_float(from[i]);
 }
 
 void Film::set_data(uint32_t pixel, const FirstHit& hit) {
@@ -137,14 +148,18 @@ void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples,
   for (int pass = 0; pass < GLINT_PASS_DEPTH; ++pass)
     if (sums(tile, pass) && (!rested || renewed_ >> pass & 1))
       publish_means(tile, pass, slots, samples, stages);
-  if (passes_ >> GLINT_PASS_ERROR) publish_health(tile, slots, samples);
+  if (wants(GLINT_PASS_MIST)) publish_mist(tile, slots, samples);
+  for (int pass = GLINT_PASS_AOV; pass < GLINT_PASS_COUNT; ++pass)
+    if (wants(pass)) publish_seen(tile, pass, slots, samples);
+  if (wants_cryptomatte()) publish_cryptomatte(tile, slots, samples);
+  if (passes_ & kHealthPasses) publish_health(tile, slots, samples);
 }
 
 void Film::publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
                          const Stages& stages) {
   float means[4][Tile::kSize * Tile::kSize];
   const double* from = sums(tile, pass);
-  const size_t count = tile.pixels(), channels = size_t(channels_of(pass));
+  const size_t count = tile.pixels(), channels = channels_of(pass);
   double taken[Tile::kSize * Tile::kSize];
   const bool differ = refinement_.on() && samples > Refinement::kFirst;
   for (size_t k = 0; differ && k < count; ++k)
@@ -163,6 +178,38 @@ void Film::publish_means(const Tile& tile, int pass, const SlotTable& slots, uin
   }
 }
 
+void Film::publish_mist(const Tile& tile, const SlotTable& slots, uint32_t samples) {
+  const double* const clear = sums(tile, GLINT_PASS_MIST);
+  for (size_t k = 0; k < tile.pixels(); ++k)
+    values(GLINT_PASS_MIST)[slots.pixel(tile, k, region_.width())] =
+        to_float(1 - clear[k] / refinement_.taken(tile.first_row + k, samples));
+}
+
+void Film::publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples) {
+  const double* from = sums(tile, pass);
+  const size_t channels = channels_of(pass);
+  for (size_t c = 0; c < channels; ++c, from += tile.stride())
+    for (size_t k = 0; k < tile.pixels(); ++k)
+      values(pass)[channels * slots.pixel(tile, k, region_.width()) + c] =
+          to_float(from[k] / refinement_.taken(tile.first_row + k, samples));
+}
+
+void Film::publish_cryptomatte(const Tile& tile, const SlotTable& slots, uint32_t samples) {
+  for (int pass = GLINT_PASS_CRYPTO_OBJECT; pass <= GLINT_PASS_CRYPTO_ASSET; ++pass) {
+    if (!wants(pass)) continue;
+    const size_t channels = channels_of(pass);
+    cryptomatte_.each_pixel(pass, tile.number, [&](uint32_t slot, auto begin, auto end) {
+      float* out = values(pass) + channels * slots.pixel(tile, slot, region_.width());
+      const double taken = refinement_.taken(tile.first_row + slot, samples);
+      std::fill_n(out, channels, 0.0f);
+      for (size_t k = 0; begin != end && k < channels; k += 2, ++begin) {
+        out[k] = Cryptomatte::as_float(begin->id);
+        out[k + 1] = to_float(begin->weight / taken);
+      }
+    });
+  }
+}
+
 void Film::publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples) {
   const double *traced = sums(tile, GLINT_PASS_COST), *doubted = sums(tile, GLINT_PASS_FALLBACKS);
   for (size_t k = 0; k < tile.pixels(); ++k) {
@@ -178,7 +225,7 @@ void Film::publish_health(const Tile& tile, const SlotTable& slots, uint32_t sam
 }
 
 std::shared_ptr<ZeroedBuffer<float>> Film::picture(int pass, uint64_t size) {
-  const size_t channels = size_t(channels_of(pass)),
+  const size_t channels = channels_of(pass),
                pixels = numbers(size_t(shown_.width()) * shown_.height(), 1);
   if (channels == 0 || !pictures_[pass] || channels * pixels != size) return nullptr;
   if (pictures_[pass]->size() != size) return cropped(pass);
@@ -188,7 +235,7 @@ std::shared_ptr<ZeroedBuffer<float>> Film::picture(int pass, uint64_t size) {
 
 /// The pass of the pixels that are shown, which are not all.
 std::shared_ptr<ZeroedBuffer<float>> Film::cropped(int pass) const {
-  const size_t channels = size_t(channels_of(pass)), row = channels * shown_.width();
+  const size_t channels = channels_of(pass), row = channels * shown_.width();
   const size_t left = shown_.x0 - region_.x0, below = shown_.y0 - region_.y0;
   auto part = std::make_shared<ZeroedBuffer<float>>(row * shown_.height());
   for (size_t y = 0; y < shown_.height(); ++y)
@@ -210,6 +257,7 @@ void Film::forget_sums() {
   sums_ = {};
   refinement_ = {};
   estimate_ = {};
+  cryptomatte_ = Cryptomatte(passes_, uint32_t(cryptomatte_.ids()));
 }
 
 }  // namespace glint

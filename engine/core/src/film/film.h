@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "film/cryptomatte.h"
 #include "film/estimate.h"
 #include "film/refine.h"
 #include "glint.h"
@@ -22,6 +23,7 @@ struct Tile {
   uint32_t x0, y0, x1, y1;
   size_t first_sum,
       first_row;  // where the film keeps its sums; where columns over all tiles keep its slots
+  size_t number;  // among the tiles of the film
   uint32_t width() const { return x1 - x0; }
   uint32_t height() const { return y1 - y0; }
   size_t pixels() const { return size_t(width()) * height(); }
@@ -76,17 +78,15 @@ inline float to_float(double x) {
   return x == x ? float(std::clamp(x, -top, top)) : 0;
 }
 
-/// Channels of a pass, 0 for no such pass.
-int channels_of(int pass);
-
 /// One thread a tile at a time. Sums are kept tile by tile, a column a channel: Combined's colour,
 /// lost alpha, then three for each part.
 class Film {
  public:
   Film(Region region, uint32_t passes) : Film(region, region, passes, 0, 1) {}
   /// shown: what `picture` gives of the region.  error_threshold, light_samples: see Refinement.
-  Film(Region region, Region shown, uint32_t passes, double error_threshold,
-       uint32_t light_samples);
+  /// crypto_ids: how many of a pixel Cryptomatte passes tell. aov_count: AOVs of the scene.
+  Film(Region region, Region shown, uint32_t passes, double error_threshold, uint32_t light_samples,
+       uint32_t crypto_ids = 0, uint32_t aov_count = 0);
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const Region& region() const { return region_; }
@@ -98,6 +98,13 @@ class Film {
   uint32_t passes() const { return passes_; }
   bool wants(int pass) const { return passes_ >> pass & 1; }
   bool wants_data() const { return passes_ & kDataPasses; }
+  /// Passes that are the mean over the samples of what camera rays see.
+  bool wants_seen() const { return passes_ & kSeenPasses; }
+  bool wants_denoising() const { return passes_ & kDenoisingPasses; }
+  bool wants_cryptomatte() const { return cryptomatte_.on(); }
+  /// Channels of a pass, 0 for no such pass.
+  size_t channels_of(int pass) const;
+  Cryptomatte& cryptomatte() { return cryptomatte_; }
   Refinement& refinement() { return refinement_; }
   ErrorEstimate& estimate() { return estimate_; }
 
@@ -135,23 +142,34 @@ class Film {
  private:
   static constexpr uint32_t kDataPasses = ((1u << GLINT_PASS_ERROR) - (1u << GLINT_PASS_DEPTH)) |
                                           1u << GLINT_PASS_GRAZING | 1u << GLINT_PASS_GAP;
+  static constexpr uint32_t kHealthPasses = 1u << GLINT_PASS_ERROR | 1u << GLINT_PASS_SAMPLES |
+                                            1u << GLINT_PASS_COST | 1u << GLINT_PASS_FALLBACKS;
+  static constexpr uint32_t kDenoisingPasses = 1u << GLINT_PASS_DENOISING_NORMAL |
+                                               1u << GLINT_PASS_DENOISING_ALBEDO |
+                                               1u << GLINT_PASS_DENOISING_DEPTH;
+  static constexpr uint32_t kSeenPasses =
+      kDenoisingPasses | 1u << GLINT_PASS_MIST | 1u << GLINT_PASS_AOV | Cryptomatte::kPasses;
   void keep_sums(int pass, int channels);
   std::shared_ptr<ZeroedBuffer<float>> cropped(int pass) const;
   float* values(int pass) const { return pictures_[pass]->data(); }
   void store(int pass, uint32_t pixel, const double* from);
   void publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
                      const Stages& stages);
+  void publish_mist(const Tile& tile, const SlotTable& slots, uint32_t samples);
+  void publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples);
+  void publish_cryptomatte(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void cut();
 
   Region region_, shown_;
-  uint32_t passes_;
+  uint32_t passes_, aov_count_;
   std::vector<Tile> tiles_;
   size_t columns_ = 4;
   int at_[GLINT_PASS_COUNT];  // first column of what has sums, -1 for none
   ZeroedBuffer<double> sums_;
   Refinement refinement_;
   ErrorEstimate estimate_;
+  Cryptomatte cryptomatte_;
   std::shared_ptr<ZeroedBuffer<float>> pictures_[GLINT_PASS_COUNT];
   uint32_t lent_ = 0, renewed_ = 0;  // passes whose pictures somebody else has as well; that are
                                      // new and empty for this wave

@@ -50,6 +50,11 @@ class Queue : public RayLayout {
     tags_[k] |= int64_t(1) << RayTag::kWantsData;
     numbered_ = 0;
   }
+  bool wants_aovs(size_t k) const { return tags_[k] >> RayTag::kWantsAovs & 1; }
+  void want_aovs(size_t k) {
+    tags_[k] |= int64_t(1) << RayTag::kWantsAovs;
+    numbered_ = 0;
+  }
   Rays rays() const;
   double* column(size_t c) { return columns_[c]; }
   const double* column(size_t c) const { return columns_[c]; }

@@ -1,5 +1,6 @@
 #include "integrator/tracer.h"
 
+#include <algorithm>
 #include <numeric>
 
 #include "math/math.h"
@@ -107,6 +108,7 @@ void Tracer::start_paths() {
   first_.start_at_camera(paths_.size());
   for (size_t k = 0; film_.wants_data() && k < paths_.size(); ++k)
     if (paths_.is_first(k)) first_.want_data(k);
+  for (size_t k = 0; film_.wants(GLINT_PASS_AOV) && k < paths_.size(); ++k) first_.want_aovs(k);
 }
 
 void Tracer::camera_rays() {
@@ -161,6 +163,7 @@ uint32_t Tracer::trace(uint32_t first, uint32_t last) {
     const uint32_t* const begin = active_.data() + k;
     follow_some(begin, begin + std::min(step, active_.size() - k), first);
     paths_.add_to(film_, *tile_, stages_);
+    keep_meetings();
   }
   return count;
 }
@@ -212,9 +215,14 @@ void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue
   surely_empty_ ? miss(queue) : find_points(queue);
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
   if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
+  const bool gives_aovs = queue.visibility == kCamera && film_.wants(GLINT_PASS_AOV);
+  for (size_t c = 0; gives_aovs && scene_.bends_normals && c < 3; ++c)
+    mesh_normals_[c].assign(batch_.points.n[c], batch_.points.n[c] + queue.size());
   shade(queue, straight, bounced);
   if (queue.reflections > 0) widen(queue);
   if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
+  if (queue.visibility == kCamera && film_.wants_seen()) note_seen(queue);
+  if (gives_aovs) note_aovs(queue);
   direct_.illuminate(batch_, sample, counts_);
   direct_.reflect(batch_, sample, glossy, counts_);
   keep(queue);
@@ -227,8 +235,8 @@ void Tracer::find_hits(const Queue& queue) {
     Rays rays = queue.rays();
     // Every surface counts for what is remembered, and for passes that tell of holes as of other
     // surfaces.
-    const bool all =
-        batch_.first_hits || film_.wants(GLINT_PASS_COST) || film_.wants(GLINT_PASS_GAP);
+    const bool all = batch_.first_hits || film_.wants(GLINT_PASS_COST) ||
+                     film_.wants(GLINT_PASS_GAP) || film_.wants(GLINT_PASS_AOV);
     rays.opacity = all ? nullptr : scene_.opacity();
     const bool straight = rays.opacity && queue.visibility == kCamera && &queue != &first_;
     if (straight && !batch_.fallbacks) ahead_.closest(queue, batch_.hits());
@@ -443,6 +451,145 @@ void Tracer::record(const Queue& queue) {
     if (depth_alone) film_.set_depth(pixel(queue, k), camera_.depth(row(batch_.points.x, k)));
     else shader_.record(batch_, k, film_, pixel(queue, k));
   }
+}
+
+/// What the passes that are means of what is seen have of the hits of camera rays: a share of each
+/// path stays at each surface.
+void Tracer::note_seen(const Queue& queue) {
+  double* const clear = paths_.sums(film_, GLINT_PASS_MIST);
+  for (size_t k = 0; k < queue.size(); ++k) {
+    if (batch_.material[k] >= scene_.materials.size()) continue;  // a holdout, or nothing
+    const Vec3d T = queue.path(k).T, passed = shader_.passed(batch_, k);
+    if (clear) {
+      const Vec3d stays{1 - std::clamp(passed.x, 0.0, 1.0), 1 - std::clamp(passed.y, 0.0, 1.0),
+                        1 - std::clamp(passed.z, 0.0, 1.0)};
+      const double distance = camera_.distance(row(batch_.points.x, k));
+      clear[queue.slot(k)] += (1 - scene_.mist.at(distance)) * mean(T * stays);
+    }
+    const double weight = mean(T) * (1 - mean(passed));
+    if (film_.wants_denoising()) note_denoising(k, queue.slot(k), weight);
+    if (!film_.wants_cryptomatte() || !(weight > 0)) continue;
+    const GlintInstances& group = scene_.group(batch_.instance[k]);
+    meetings_.push_back(
+        {queue.slot(k),
+         {group.crypto_object, scene_.materials[batch_.material[k]].crypto, group.crypto_asset},
+         weight});
+  }
+}
+
+/// What denoisers are told of a surface at which that share of the path's sample stays.
+void Tracer::note_denoising(size_t k, uint32_t path, double share) {
+  const auto add = [&](int pass, Vec3d value) {
+    double* const sum = paths_.sums(film_, pass);
+    for (size_t c = 0; sum && c < film_.channels_of(pass); ++c)
+      sum[c * paths_.stride() + path] += value[int(c)];
+  };
+  const double far = camera_.distance_seen(row(batch_.points.x, k));
+  add(GLINT_PASS_DENOISING_NORMAL, share * camera_.along_axes(row(batch_.points.n, k)));
+  add(GLINT_PASS_DENOISING_ALBEDO, albedo(k));
+  add(GLINT_PASS_DENOISING_DEPTH, share * Vec3d{far, far, far});
+}
+
+/// T times about what of even light a point's surface gives back, mirrors and glass without what
+/// Fresnel says.
+Vec3d Tracer::albedo(size_t k) const {
+  Vec3d sum;
+  const Material& material = scene_.materials[batch_.material[k]];
+  const Lobe* lobe = scene_.lobes.data() + material.first_lobe;
+  for (int i = 0; i < material.passing; ++lobe) {
+    if (lobe->kind == GLINT_MIRROR || lobe->kind == GLINT_REFRACTION) sum += batch_.passing(k, i);
+    i += (1u << lobe->kind & kPassing) != 0;
+  }
+  sum = batch_.queue->path(k).T * sum;
+  if (!batch_.lit[k]) return sum;
+  sum += row(batch_.diffuse, k);
+  for (int term = 0; term < scene_.max_specular; ++term) {
+    const double* const column =
+        batch_.specular + size_t(scene_.specular_columns * term) * batch_.stride + k;
+    const double share = 8 / (column[SpecularTerm::kExponent * batch_.stride] + 2);
+    sum += share * Vec3d{column[0], column[batch_.stride], column[2 * batch_.stride]};
+  }
+  return sum;
+}
+
+/// What the surfaces that camera rays meet give to AOVs, up to the first that lets less than half
+/// through: material by material.
+void Tracer::note_aovs(const Queue& queue) {
+  aov_rows_.clear();
+  for (uint32_t k = 0; k < queue.size(); ++k)
+    if (queue.wants_aovs(k) && batch_.material[k] < scene_.materials.size() &&
+        scene_.materials[batch_.material[k]].aov > 0)
+      aov_rows_.push_back(k);
+  std::stable_sort(aov_rows_.begin(), aov_rows_.end(),
+                   [&](uint32_t a, uint32_t b) { return batch_.material[a] < batch_.material[b]; });
+  for (size_t first = 0; first < aov_rows_.size();)
+    first += note_aovs_of(queue, aov_rows_.data() + first, aov_rows_.size() - first);
+}
+
+/// Those of the rows that share the first one's material, up to a block. How many they are.
+size_t Tracer::note_aovs_of(const Queue& queue, const uint32_t* rows, size_t count) {
+  const uint32_t number = batch_.material[rows[0]];
+  const Material& given = scene_.materials[size_t(scene_.materials[number].aov - 1)];
+  size_t here = 1;
+  while (here < std::min(count, kBlock) && batch_.material[rows[here]] == number) ++here;
+  Surface surfaces[kBlock];
+  for (size_t i = 0; i < here; ++i) {
+    surfaces[i] = batch_.surface(rows[i]);
+    if (scene_.materials[number].normal > 0)  // the batch's is bent by now
+      surfaces[i].n = {mesh_normals_[0][rows[i]], mesh_normals_[1][rows[i]],
+                       mesh_normals_[2][rows[i]]};
+  }
+  if (given.program > 0) run_aovs(queue, given, rows, surfaces, here);
+  double* const sums = paths_.sums(film_, GLINT_PASS_AOV);
+  bool gives[256] = {};
+  for (uint32_t l = 0; l < given.lobe_count; ++l) {
+    const Lobe& lobe = scene_.lobes[given.first_lobe + l];
+    const size_t aov = size_t(lobe.exponent);
+    for (size_t i = 0; i < here; ++i) {
+      PointReads reads;
+      reads.slots = program_slots_.data() + i;
+      const Vec3d color = coefficient(scene_, lobe, surfaces[i], reads);
+      const double weight = mean(queue.path(rows[i]).T);
+      double* const sum = sums + 4 * aov * paths_.stride() + queue.slot(rows[i]);
+      for (size_t c = 0; c < 3; ++c) sum[c * paths_.stride()] += weight * color[int(c)];
+      if (!gives[aov]) sum[3 * paths_.stride()] += weight;
+    }
+    gives[aov] = true;
+  }
+  return here;
+}
+
+/// The program of a material's AOVs at up to a block of points.
+void Tracer::run_aovs(const Queue& queue, const Material& given, const uint32_t* rows,
+                      const Surface* surfaces, size_t count) {
+  ProgramPoints points{};
+  for (size_t i = 0; i < (count + kPad - 1) / kPad * kPad; ++i) {
+    const Surface& s = surfaces[std::min(i, count - 1)];
+    const Vec3d d = queue.ray(rows[std::min(i, count - 1)]).d;
+    points.instance[i] = s.instance;
+    points.primitive[i] = s.primitive;
+    points.outside[i] = s.outside ? -1 : 0;
+    for (int c = 0; c < 3; ++c) {
+      points.weights[c][i] = s.weights[c];
+      points.x[c][i] = s.x[c];
+      points.g[c][i] = s.g[c];
+      points.n[c][i] = s.n[c];
+      points.d[c][i] = d[c];
+    }
+  }
+  stages_.program({scene_.input_tables(), &scene_.program_of(given), &points, RayKind::kCamera,
+                   count, program_slots_.data()});
+}
+
+/// The film learns what the paths met, in the order of each pixel's samples.
+void Tracer::keep_meetings() {
+  const auto earlier = [](const CryptoMeeting& a, const CryptoMeeting& b) {
+    return a.path < b.path;
+  };
+  std::stable_sort(meetings_.begin(), meetings_.end(), earlier);
+  for (CryptoMeeting& m : meetings_) m.path = paths_.slot(m.path);
+  film_.cryptomatte().add(tile_->number, meetings_);
+  meetings_.clear();
 }
 
 /// The batch's sums to those of the paths.

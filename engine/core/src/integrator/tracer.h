@@ -64,6 +64,14 @@ class Tracer {
   size_t see_sky(const Queue& queue, size_t first, size_t count);
   void pass_on(const Queue& queue, size_t count, const Leaving& next);
   void record(const Queue& queue);
+  void note_seen(const Queue& queue);
+  void note_aovs(const Queue& queue);
+  void note_denoising(size_t k, uint32_t path, double share);
+  Vec3d albedo(size_t k) const;
+  size_t note_aovs_of(const Queue& queue, const uint32_t* rows, size_t count);
+  void run_aovs(const Queue& queue, const Material& given, const uint32_t* rows,
+                const Surface* surfaces, size_t count);
+  void keep_meetings();
   void keep(const Queue& queue);
   void wait(Queue queue);
   Queue take(uint32_t visibility, uint32_t reflections = 0, bool glossy = false);
@@ -97,6 +105,9 @@ class Tracer {
   std::vector<Queue> waiting_, spare_;
   PathCuts cuts_;
   RayCounts counts_;
+  std::vector<uint32_t> aov_rows_;
+  std::vector<double> mesh_normals_[3];  // of the batch, where materials bend them
+  std::vector<CryptoMeeting> meetings_;  // of the paths that are followed now
 };
 
 }  // namespace glint

@@ -71,6 +71,19 @@ class CameraRays {
     return TileFrustum(origins, directions);
   }
 
+  /// How far a point is from the eye, or along -w where rays are parallel, in world units.
+  double distance(Vec3d p) const {
+    return parallel() ? std::fabs(depth(p)) : length(p - eye_) * (1 / scale_);
+  }
+  /// How far a point is from where its camera ray begins, which is at the near end of what is
+  /// seen.
+  double distance_seen(Vec3d p) const {
+    return distance(p) * (1 - camera_.clip_start * length(m_.z) / depth(p));
+  }
+  /// A direction along the camera's axes: right, up, forward.
+  Vec3d along_axes(Vec3d n) const {
+    return {dot(n, unit(m_.x)), dot(n, unit(m_.y)), -dot(n, backward_)};
+  }
   /// Depth along -w in world units of an anchored point.
   double depth(Vec3d p) const {
     return -dot(p - eye_, backward_) * (1 / scale_);

@@ -38,6 +38,18 @@ struct Anchor {
   bool operator==(const Anchor& b) const { return same_origin(b) && scale == b.scale; }
 };
 
+/// How much mist lies before what is at some distance from the eye.
+struct Mist {
+  double start = 0, per_length = 0;
+  int falloff = GLINT_MIST_LINEAR;
+  double at(double distance) const {
+    const double x = std::fmin(std::fmax((distance - start) * per_length, 0), 1);
+    return falloff == GLINT_MIST_QUADRATIC ? x * x
+           : falloff == GLINT_MIST_LINEAR  ? x
+                                           : std::sqrt(x);
+  }
+};
+
 /// What is wrong with the tables and arrays, one sentence a line; empty when they are sound.
 std::string scene_problems(const GlintSceneData& data);
 
@@ -109,6 +121,8 @@ class Scene {
   Anchor anchor;
   Vec3d ambient, background;
   bool transparent_film = false;
+  Mist mist;
+  uint32_t aov_count = 0;
   std::vector<GlintGeometry> geometries;
   std::vector<GlintAttribute> attributes;
   std::vector<GlintInstances> groups;

@@ -112,8 +112,8 @@ void Scene::add_material(const GlintMaterial& g, const GlintLobe* given) {
   for (uint32_t k = 0; k < g.lobe_count; ++k)
     if (given[g.first_lobe + k].kind != GLINT_AMBIENT || any(ambient))
       add_lobe(given[g.first_lobe + k]);
-  materials.push_back(
-      {uint32_t(first), uint32_t(lobes.size() - first), g.index, g.program, g.normal});
+  materials.push_back({uint32_t(first), uint32_t(lobes.size() - first), g.index, g.program,
+                       g.normal, g.crypto, g.aov});
   bends_normals = bends_normals || g.normal > 0;
 }
 

@@ -34,6 +34,7 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.light_samples = g.light_samples;
   plan.max_bounces = g.max_bounces;
   plan.passes = g.passes;
+  plan.crypto_ids = g.crypto_ids;
   plan.unseen = g.waves == GLINT_WAVES_UNSEEN;
   plan.hold_waves = g.waves == GLINT_WAVES_HELD;
   plan.threads = threads_for(g.threads);
@@ -138,6 +139,9 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
       "settings: the error threshold is not between 0 and 256");
   add(g.cutoff >= 0 && g.cutoff <= 1, "settings: the cutoff is not between 0 and 1");
   add(g.passes < 1u << GLINT_PASS_COUNT, "settings: unknown passes");
+  add(!(g.passes & Cryptomatte::kPasses) || (g.crypto_ids >= 1 && g.crypto_ids <= 64),
+      "settings: not 1 to 64 ids of Cryptomatte");
+  add(!(g.passes >> GLINT_PASS_AOV & 1) || scene.aov_count > 0, "settings: there are no AOVs");
   add(sound_region(g.region, scene.camera),
       "settings: the region is empty or reaches beyond the frame");
   add(g.illumination == GLINT_PHYSICAL || g.illumination == GLINT_CLASSIC,
@@ -158,7 +162,8 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
 Job::Job(Scene& scene, const GlintRenderSettings& settings)
     : scene_(&scene),
       plan_(plan_of(settings, scene.camera)),
-      film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples),
+      film_(plan_.region, plan_.shown, plan_.passes, plan_.error_threshold, plan_.light_samples,
+            plan_.crypto_ids, scene.aov_count),
       thread_([this] { work(); }) {}
 
 Job::~Job() {

@@ -74,7 +74,7 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
   counts.transparent += passed.transparent;
 }
 
-void Shader::record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
+Vec3d Shader::passed(const Batch& batch, size_t k) const {
   const Material& material = scene_.materials[batch.material[k]];
   Vec3d transparent;
   const Lobe* lobe = scene_.lobes.data() + material.first_lobe;
@@ -82,7 +82,11 @@ void Shader::record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixe
     if (lobe->kind == GLINT_TRANSPARENT) transparent += batch.passing(k, i);
     i += (1u << lobe->kind & kPassing) != 0;
   }
-  if (mean(transparent) < 0.5) record(batch, k, film, pixel);
+  return transparent;
+}
+
+void Shader::record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
+  if (mean(passed(batch, k)) < 0.5) record(batch, k, film, pixel);
 }
 
 void Shader::hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel,

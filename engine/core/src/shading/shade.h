@@ -23,6 +23,9 @@ class Shader {
   /// stage has seen.
   void pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, size_t count,
                const Leaving& next, RayCounts& counts) const;
+  /// What goes straight through the surface of a point that the vary stage has seen, if it lets
+  /// any through.
+  Vec3d passed(const Batch& batch, size_t k) const;
   /// Data passes of a point that the vary stage has seen, unless the surface lets most through.
   void record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
   /// A hit on a holdout; alpha lost is added to `lost`.

@@ -175,9 +175,9 @@ inline size_t mirror_rows(const PassStage& s) {
 inline size_t go_on(const PassStage& s, const Chosen& at, const Three& k) {
   const Three T = weight(s, at) * k;
   const Mask tag = gather(s.from_tags, at), opaque = (k.x + k.y + k.z) / 3 < 0.5;
-  const Mask wants_data = tag & ~opaque & (int64_t(1) << RayTag::kWantsData);
+  const Mask wants = tag & ~opaque & RayTag::kWants;
   const Mask wanted = nonzero(k) & ((tag >> RayTag::kStraight & 255) < int64_t(s.max_straight)) &
-                      (nonzero(T) | (wants_data != 0));
+                      (nonzero(T) | ((wants & (int64_t(1) << RayTag::kWantsData)) != 0));
   const uint32_t lanes = bits(wanted) & lanes_of(at);
   if (!lanes) return 0;
   const NewRays add(s.straight, lanes);
@@ -193,7 +193,7 @@ inline size_t go_on(const PassStage& s, const Chosen& at, const Three& k) {
   add(RayLayout::kFrom, t);
   const Mask kept = tag & (((int64_t(1) << RayTag::kWantsData) - 1) | RayTag::kWidths);
   const Mask dimmed = (k.x != 1) | (k.y != 1) | (k.z != 1);
-  add.tag((kept + (dimmed & int64_t(1) << RayTag::kStraight)) | wants_data);
+  add.tag((kept + (dimmed & int64_t(1) << RayTag::kStraight)) | wants);
   return add.count();
 }
 
