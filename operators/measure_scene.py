@@ -370,7 +370,7 @@ _NAMES = {
 _SEEN = (
     (1.0, "not visible"),
     (3.0, "hardly visible"),
-    (10.0, "visible beside the exact one"),
+    (10.0, "visible side by side"),
     (math.inf, "plainly visible"),
 )
 """Levels of 255 below which an error is that."""
@@ -381,11 +381,13 @@ def seconds_text(seconds: float) -> str:
 
 
 def error_text(row: Row) -> str:
-    """In words and levels, and as a share of the picture's brightness."""
+    """In levels, as a share of the picture's brightness, and in words: what is cut off in a narrow
+    editor are the words.
+    """
     if row.bound:
         return f"none met: below {row.bound:.2%}"
     words = next(words for limit, words in _SEEN if row.levels < limit or limit == math.inf)
-    return f"{words}: {row.levels:.2g} levels, {row.relative_rmse:.2%}"
+    return f"{row.levels:.2g} levels, {row.relative_rmse:.2%}: {words}"
 
 
 def knob_text(name: str, value: float) -> str:

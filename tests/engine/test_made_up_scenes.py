@@ -28,7 +28,7 @@ WORK = {"Cost", "Fallbacks"}
 is asked for or not as rounding has it, and sheds nothing.
 """
 PASSES = frozenset(engine.PASSES) - {"Combined"} - WORK
-SCENES = int(os.environ.get("GLINT_SCENES", "150"))
+SCENES = int(os.environ.get("GLINT_SCENES", "60"))
 
 
 @hypothesis_settings(

@@ -146,9 +146,7 @@ def test_an_error_gives_exit_code_1_and_no_file(blender, scene_file, file_format
 
 @pytest.mark.parametrize("file_format", ["PNG", "OPEN_EXR", "OPEN_EXR_MULTILAYER"])
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
-def test_a_signal_ends_the_program_without_a_picture(
-    blender, scene_file, name, file_format, suffix
-):
+def test_a_signal_leaves_no_picture(blender, scene_file, name, file_format):
     begun = blender.folder / f"begun_{name}_{file_format}"
     patch = blender.folder / "tell.py"
     patch.write_text(TELL.format(begun=blender.inside(begun)))
