@@ -2,7 +2,7 @@
 // rays stay together; where few of its groups are left, those go on as smaller packets, and where
 // few rays of a group are left, those go on one by one.
 #pragma once
-#include "bvh/traverse/kernel_packets.h"
+#include "bvh/traverse/kernel_beam.h"
 
 namespace glint {
 namespace {
@@ -161,21 +161,16 @@ inline bool all_pass_by(const Tile& tile, const TreeView& tree) {
 
 template <bool Any>
 inline void trace(const TopLevelView& world, const Rays& rays, size_t first, int count,
-                  Answers& answers) {
+                  Answers& answers, size_t first_tree = 0) {
   Columns columns;
   Tile tile;
   tile.answers = &answers;
   tile.world = &world;
   tile.instances = nullptr;
-  answers.visibility = rays.visibility;
-  answers.masks = rays.visibility & world.common_visibility ? nullptr : world.visibility;
-  answers.t_min = rays.t_min + first;
-  answers.t_max = rays.t_max + first;
-  answers.opacity = rays.opacity;
   for (int k = 0; k < kTile; ++k) tile.slot[k] = uint8_t(k);
   show_rays(rays, first, count, columns, tile);
   fetch_ahead(rays, first);
-  for (size_t k = 0; k < world.tree_count; ++k) {
+  for (size_t k = first_tree; k < world.tree_count; ++k) {
     if (world.tree_count > 1 && all_pass_by(tile, world.trees[k])) continue;
     if (k > 0) limit_rays<Any>(answers, columns, tile);
     tile.tree = &world.trees[k];
@@ -187,30 +182,72 @@ inline int tile_size(const Rays& rays, size_t first) {
   return rays.count - first < kTile ? int(rays.count - first) : kTile;
 }
 
+/// What rays from `first` on are to find, and where their hits go.
+inline Answers answers_of(const TopLevelView& world, const Rays& rays, size_t first,
+                          RayStacks& stacks) {
+  Answers a{};
+  a.visibility = rays.visibility;
+  a.masks = rays.visibility & world.common_visibility ? nullptr : world.visibility;
+  a.t_min = rays.t_min + first;
+  a.t_max = rays.t_max + first;
+  a.opacity = rays.opacity;
+  a.stacks = &stacks;
+  return a;
+}
+
+inline Answers answers_of(const TopLevelView& world, const Rays& rays, size_t first,
+                          const Hits& hits, RayStacks& stacks) {
+  Answers a = answers_of(world, rays, first, stacks);
+  a.t = hits.t + first;
+  a.instance = hits.instance + first;
+  a.primitive = hits.primitive + first;
+  a.u = hits.u + first;
+  a.v = hits.v + first;
+  a.fallbacks = hits.fallbacks ? hits.fallbacks + first : nullptr;
+  return a;
+}
+
+/// The rays from `first` on, as many as one beam has. False when they are none.
+template <int Count>
+inline bool closest_in_beam(const TopLevelView& world, const Rays& rays, size_t first,
+                            const Hits& hits, RayStacks& stacks) {
+  if (rays.count - first < Count || rays.opacity) return false;
+  if (world.tree_count == 0 || world.trees->kind != kTriangleLeaf) return false;
+  Answers all = answers_of(world, rays, first, hits, stacks);
+  if (all.fallbacks) fill(all.fallbacks, Count, uint8_t(0));
+  if (!trace_beam<Count>(world.trees[0], rays, first, all)) return false;
+  for (size_t k = first; world.tree_count > 1 && k < first + Count; k += kTile) {
+    Answers answers = answers_of(world, rays, k, hits, stacks);
+    trace<false>(world, rays, k, kTile, answers, 1);
+  }
+  return true;
+}
+
 void closest(const TopLevelView& world, const Rays& rays, const Hits& hits, RayStacks& stacks) {
-  for (size_t k = 0; k < rays.count; k += kTile) {
-    Answers answers{nullptr,
-                    nullptr,
-                    hits.t + k,
-                    hits.instance + k,
-                    hits.primitive + k,
-                    hits.u + k,
-                    hits.v + k,
-                    nullptr,
-                    hits.fallbacks ? hits.fallbacks + k : nullptr,
-                    0,
-                    nullptr,
-                    &stacks};
-    clear(answers, tile_size(rays, k));
-    trace<false>(world, rays, k, tile_size(rays, k), answers);
+  size_t parted = 0;  // up to there, no beam of kBeam rays
+  for (size_t k = 0; k < rays.count;) {
+    if (k >= parted) {
+      if (closest_in_beam<kBeam>(world, rays, k, hits, stacks)) {
+        k += kBeam;
+        continue;
+      }
+      parted = k + kBeam;
+    }
+    const int count = tile_size(rays, k);
+    if (!closest_in_beam<kTile>(world, rays, k, hits, stacks)) {
+      Answers answers = answers_of(world, rays, k, hits, stacks);
+      clear(answers, count);
+      trace<false>(world, rays, k, count, answers);
+    }
+    k += size_t(count);
   }
 }
 
 void occluded(const TopLevelView& world, const Rays& rays, uint8_t* blocked, const Layers* layers,
               RayStacks& stacks) {
   for (size_t k = 0; k < rays.count; k += kTile) {
-    Answers answers{nullptr, nullptr,     nullptr, nullptr, nullptr, nullptr,
-                    nullptr, blocked + k, nullptr, 0,       nullptr, &stacks};
+    Answers answers = answers_of(world, rays, k, stacks);
+    answers.blocked = blocked + k;
     fill(blocked + k, tile_size(rays, k), uint8_t(0));
     if (layers) {
       answers.layers = {layers->hits + k * Layers::kMost, layers->count + k};
