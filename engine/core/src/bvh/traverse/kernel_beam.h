@@ -14,7 +14,7 @@ namespace {
 constexpr int kBeam = kBroad == 4 ? 128 : 256;
 constexpr int kMostSlices = 32;
 /// Leaves that a beam may come to before it is parted.
-constexpr int leaves_allowed(int rays) { return rays > kTile ? 96 : 64; }
+constexpr int leaves_allowed(int rays) { return rays > kTile ? 300 : 100; }
 
 /// What a beam's rays are in double, columns in their order (Order::axes).
 struct BeamSource {
@@ -316,6 +316,13 @@ struct BeamWalk {
     beam.last_depth = beam.apex.o[2] + beam.apex.low_part[2] + (1 + 0x1p-20f) / least + beam.room;
   }
 
+  /// For the memory of a node or a leaf, to have it when it is its turn.
+  void ask(ChildRef child) const {
+    const char* p = child & kLeaf
+                        ? reinterpret_cast<const char*>(tree.floats + 9 * size_t(leaf_first(child)))
+                        : reinterpret_cast<const char*>(tree.nodes + child);
+    for (size_t k = 0; k < sizeof(Node); k += 64) __builtin_prefetch(p + k);
+  }
   /// False when it came to more leaves than it is meant for.
   bool walk() {
     const Order& order = *beam.order;
@@ -365,6 +372,7 @@ struct BeamWalk {
             distance[p] = distance[p - 1];
           }
           waiting[p] = n.child[child];
+          ask(n.child[child]);
           distance[p] = front[child];
         }
       }
