@@ -21,17 +21,20 @@ void add_beam(std::vector<Ray>& rays, Vec3d eye, Vec3d target, double step, Rand
     rays.push_back(ray(eye, d + double(k % kSide) * x + double(k / kSide) * y, t_min, t_max));
 }
 
-/// Rays from `eye` to points on edges and corners of triangles that follow each other from `first`
-/// on, some of them off by no more than rounding.
-void add_aimed_beam(std::vector<Ray>& rays, const Mesh& mesh, Vec3d eye, size_t first,
+/// Rays from `eye` through points on edges and corners of triangles that follow each other from
+/// `first` on, some of them off by no more than rounding; or, where they do not go on from there,
+/// from beyond those points to `eye`.
+void add_aimed_beam(std::vector<Ray>& rays, const Mesh& mesh, Vec3d eye, size_t first, bool on,
                     Random& random) {
   for (int k = 0; k < kSide * kSide; ++k) {
-    const size_t triangle = (first + random.below(24)) % mesh.count();
+    const size_t triangle = (first + size_t(k / 20)) % mesh.count();
     const size_t corner = random.below(3);
     const Vec3d a = mesh.corner(triangle, corner), b = mesh.corner(triangle, (corner + 1) % 3);
     const double along = random.below(2) ? 0 : random.uniform();
     const double off = random.below(2) ? 0 : std::pow(10, random.uniform(-17, -5));
-    rays.push_back(ray(eye, a + along * (b - a) + off * random.on_sphere() - eye));
+    const Vec3d d = a + along * (b - a) + off * random.on_sphere() - eye;
+    const double beyond = random.uniform(1.01, 1.3);
+    rays.push_back(on ? ray(eye, d) : ray(eye + beyond * d, -beyond * d, 0, 1));
   }
 }
 
@@ -67,30 +70,54 @@ Mesh scaled(Mesh mesh, double scale, Vec3d offset) {
   return mesh;
 }
 
-/// Rays that get another answer in a beam than alone.
+/// Rays from a surface to `light`, from `off` off it, as those that hits of rays from `eye` send.
+void add_shadow_beam(std::vector<Ray>& rays, const Accel& accel, Vec3d eye, Vec3d target,
+                     Vec3d light, double step, double off, Random& random) {
+  std::vector<Ray> seen;
+  add_beam(seen, eye, target, step, random);
+  for (const Ray& r : seen) {
+    const Hit hit = closest(accel, r);
+    const double t = hit.instance == Hit::kNone ? 1 : hit.t;
+    const Vec3d o = r.o + (t * (1 - off)) * r.d, to = light - o;
+    const double length = std::sqrt(dot(to, to));
+    if (off > 1e-7) rays.push_back(ray(o, to, 0, 1));
+    else rays.push_back(ray(o, (1 / length) * to, 0, length * (1 - 1e-7)));
+  }
+}
+
+/// Rays that get another answer in a beam than alone, or are blocked without a hit or hit without
+/// being blocked.
 int wrong_in_beams(const Accel& accel, const std::vector<Ray>& rays, uint32_t visibility) {
   std::vector<double> columns[8], t(rays.size());
   std::vector<uint32_t> instance(rays.size()), primitive(rays.size());
   std::vector<float> u(rays.size()), v(rays.size());
+  std::vector<uint8_t> blocked(rays.size());
   for (const Ray& r : rays) {
     const double values[8] = {r.o.x, r.o.y, r.o.z, r.d.x, r.d.y, r.d.z, r.t_min, r.t_max};
     for (int c = 0; c < 8; ++c) columns[c].push_back(values[c]);
   }
   Scratch scratch;
-  accel.closest(Rays{{columns[0].data(), columns[1].data(), columns[2].data()},
-                     {columns[3].data(), columns[4].data(), columns[5].data()},
-                     columns[6].data(),
-                     columns[7].data(),
-                     rays.size(),
-                     visibility},
-                Hits{t.data(), instance.data(), primitive.data(), u.data(), v.data()}, scratch);
+  for (size_t k = 0; k < rays.size(); k += kSide * kSide) {  // where beams fail, others wait
+    const auto column = [&](int c) { return columns[c].data() + k; };
+    const Rays all{{column(0), column(1), column(2)},
+                   {column(3), column(4), column(5)},
+                   column(6),
+                   column(7),
+                   kSide * kSide,
+                   visibility};
+    accel.closest(all, Hits{&t[k], &instance[k], &primitive[k], &u[k], &v[k]}, scratch);
+    accel.occluded(all, &blocked[k], scratch);
+  }
   int count = 0;
   for (size_t k = 0; k < rays.size(); ++k) {
     Ray alone = rays[k];
     alone.visibility = visibility;
     Hit hit;
+    uint8_t stopped = 0;
     accel.closest(&alone, &hit, 1, scratch);
-    count += !same(hit, {t[k], instance[k], primitive[k], u[k], v[k]});
+    accel.occluded(&alone, &stopped, 1, scratch);
+    count += !same(hit, {t[k], instance[k], primitive[k], u[k], v[k]}) || stopped != blocked[k] ||
+             (hit.instance != Hit::kNone) != (stopped != 0);
   }
   return count;
 }
@@ -106,7 +133,12 @@ int differences_about(const Mesh& mesh, double scale, Vec3d center, uint64_t see
                  far = k % 4 ? HUGE_VAL : random.uniform(0.6, 1.4);
     const double step = std::pow(10, random.uniform(-6, -1.3));
     add_beam(rays, eye, center + scale * random.in_box(0.7), scale * step, random, near, far);
-    add_aimed_beam(rays, mesh, eye, random.below(mesh.count()), random);
+    for (bool on : {true, false, false})
+      add_aimed_beam(rays, mesh, eye, random.below(mesh.count()), on, random);
+    const Vec3d light = center + scale * random.in_box(1.8);
+    for (double off : {0.0, 1e-9, 1e-6, 1e-3})
+      add_shadow_beam(rays, *accel, eye, center + scale * random.in_box(0.7), light, scale * step,
+                      off, random);
   }
   return wrong_in_beams(*accel, rays, kCamera);
 }
@@ -159,6 +191,9 @@ TEST(beams, several_trees_and_what_is_hidden) {
   for (int k = 0; k < 40; ++k)
     add_beam(rays, random.in_box(3), random.in_box(0.7), std::pow(10, random.uniform(-4, -1.3)),
              random);
+  for (int k = 0; k < 40; ++k)
+    add_shadow_beam(rays, *accel, random.in_box(3), random.in_box(0.7), random.in_box(3), 0.01,
+                    1e-6, random);
   for (uint32_t visibility : {kCamera, kMirror})
     CHECK(wrong_in_beams(*accel, rays, visibility) == 0);
 }

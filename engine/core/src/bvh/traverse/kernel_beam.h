@@ -14,12 +14,12 @@ namespace {
 constexpr int kBeam = kBroad == 4 ? 128 : 256;
 constexpr int kMostSlices = 32;
 /// Leaves that a beam may come to before it is parted.
-constexpr int leaves_allowed(int rays) { return rays > kTile ? 300 : 100; }
+constexpr int leaves_allowed(int rays, bool any) { return any ? 150 : rays > kTile ? 300 : 100; }
 
 /// What a beam's rays are in double, columns in their order (Order::axes).
 struct BeamSource {
-  const double *d[3], *t_min, *t_max;
-  double o[3];
+  const double *o[3], *d[3], *t_min, *t_max;
+  const Order* order;
 };
 
 /// `Count` rays. Depths are counted from the apex, in the rays' sense, as 1 / depth: linear in the
@@ -33,15 +33,23 @@ struct Beam {
   alignas(64) float center[2][kMostSlices], half[2][kMostSlices];  // of slices: extent in places
   alignas(64) float end[kMostSlices];                              // and the least `farthest`
   BeamSource source;
-  const Order* order;
+  const Order* order;  // the rays', or turned round where they end at the apex
   Origin apex;
   float middle[2], width[2];  // slopes of the ray with place 0; no place is more
   float slope;                // no slope is more
+  float reach;                // from the apex to where rays begin, in depth, where they end there
+  float off;                  // what rays miss the apex by
   float room;                 // of boxes
   float begin;                // surely in front of hits beyond all t_min: 1 / depth
   float last_end;             // the least `end`
   float last_depth;           // coordinate beyond which no box is of use
   double close;               // as Tile::close
+
+  /// The slopes of a ray, as Tile::shear.
+  void set_shear(int r, double (&shear)[2]) const {
+    const double inverse = 1 / source.d[2][r];
+    for (int a = 0; a < 2; ++a) shear[a] = source.d[a][r] * inverse;
+  }
 };
 
 /// The triangles [first, first + kLanes) of a leaf, seen from a beam's apex. Edge functions k + x
@@ -67,7 +75,7 @@ struct BeamTriangles {
   uint32_t near;     // not surely beside or behind the beam
 };
 
-template <int Count>
+template <bool Any, int Count>
 __attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam<Count>& beam,
                                                                   const Triangles& leaf,
                                                                   int first) {
@@ -106,7 +114,8 @@ __attribute__((always_inline)) inline BeamTriangles see_triangles(const Beam<Cou
   t.plane = nz * inverse;
   t.plane_x = nx * inverse;
   t.plane_y = ny * inverse;
-  const Floats off = fused(splat(0x1p-20f * beam.slope), deepest, splat(0x1p-21f) * across);
+  Floats off = fused(splat(0x1p-20f * beam.slope), deepest, splat(0x1p-21f) * across);
+  if (Any) off += splat(0x1p-20f * beam.slope * beam.reach + 1.25f * beam.off);
   t.margin =
       fused(splat(4.0f) * longest, off, fused(splat(0x1p-20f) * across, across, splat(kUnderflow)));
   const Floats terms =
@@ -152,8 +161,19 @@ struct BeamTable {
   float at(int line, int lane) const { return lines[line][lane]; }
 };
 
+/// A point in the order of rays, in the sense of `order`.
+inline Origin origin_at(const double (&point)[3], const Order& order) {
+  Origin origin;
+  for (int a = 0; a < 3; ++a) {
+    const double p = a == 2 ? flip(point[a], double(order.sign)) : point[a];
+    origin.o[a] = float(p);
+    origin.low_part[a] = float(p - double(origin.o[a]));
+  }
+  return origin;
+}
+
 /// A beam on its way through a tree of triangles.
-template <int Count>
+template <bool Any, int Count>
 struct BeamWalk {
   static constexpr int kSlices = Beam<Count>::kSlices;
   const TreeView& tree;
@@ -162,10 +182,11 @@ struct BeamWalk {
 
   /// Whether a single ray's float test finds a triangle hit.
   bool hit(int r, const Triangles& leaf, int place, const double (&shear)[2]) const {
-    const Order& order = *beam.order;
-    const Origin& from = beam.apex;
+    const BeamSource& s = beam.source;
+    const Order& order = *s.order;
     const double sign = double(order.sign);
     const float slope[2] = {float(flip(shear[0], sign)), float(flip(shear[1], sign))};
+    const Origin from = origin_at({s.o[0][r], s.o[1][r], s.o[2][r]}, order);
     float x[3], y[3];
     for (int j = 0; j < 3; ++j) {
       const auto at = [&](int a) { return leaf.at(j, order.axes[a])[place]; };
@@ -173,7 +194,6 @@ struct BeamWalk {
       x[j] = at(0) - from.o[0] - from.low_part[0] - slope[0] * z;
       y[j] = at(1) - from.o[1] - from.low_part[1] - slope[1] * z;
     }
-    (void)r;
     const float a = x[2] * y[1] - y[2] * x[1], b = x[0] * y[2] - y[0] * x[2],
                 c = x[1] * y[0] - y[1] * x[0];
     const float low = smaller(a, smaller(b, c)), high = larger(a, larger(b, c));
@@ -181,24 +201,30 @@ struct BeamWalk {
     return low > 0 || high < 0 || exactly_hit(x, y);
   }
   Hit exact(int r, ChildRef leaf, int place, const double (&shear)[2]) const {
-    const Exact<double> e =
-        exact_hit(Triangles(tree, leaf), place, *beam.order, beam.source.o, shear, beam.close);
+    const BeamSource& s = beam.source;
+    const Exact<double> e = exact_hit(Triangles(tree, leaf), place, *s.order,
+                                      {s.o[0][r], s.o[1][r], s.o[2][r]}, shear, beam.close);
     const PrimitiveId id = tree.ids[leaf_first(leaf) + uint32_t(place)];
-    return {e.depth / beam.source.d[2][r], id.instance, id.primitive, float(e.u), float(e.v)};
+    return {e.depth / s.d[2][r], id.instance, id.primitive, float(e.u), float(e.v)};
   }
   /// What floats cannot tell of a ray and a triangle.
   __attribute__((noinline)) void decide(int r, ChildRef leaf, int place) {
+    if (Any && beam.farthest[r] > kFar) return;
     answers.count_fallback(r);
     const BeamSource& s = beam.source;
-    const double along = s.d[2][r], inverse = 1 / along;
-    const double shear[2] = {s.d[0][r] * inverse, s.d[1][r] * inverse};
+    double shear[2];
+    beam.set_shear(r, shear);
     if (!hit(r, Triangles(tree, leaf), place, shear)) return;
     const Hit found = exact(r, leaf, place, shear);
     if (!(found.t > s.t_min[r] && found.t < s.t_max[r])) return;
+    if (Any) {
+      beam.farthest[r] = beam.nearest[r] = __builtin_inff();
+      return;
+    }
     if (beam.pending[r] != kNothing &&
         !Answers::nearer(found, exact(r, beam.pending[r], int(beam.leaf_at[r]), shear)))
       return;
-    const double inverse_depth = 1 / magnitude(found.t * along);
+    const double inverse_depth = 1 / magnitude(found.t * s.d[2][r]);
     beam.pending[r] = leaf;
     beam.leaf_at[r] = uint32_t(place);
     beam.farthest[r] = float(inverse_depth * (1 - 0x1p-21));
@@ -209,7 +235,7 @@ struct BeamWalk {
     const Triangles triangles(tree, ref);
     uint32_t changed = 0;
     for (int first = 0; first < triangles.n; first += kLanes) {
-      const BeamTriangles seen = see_triangles(beam, triangles, first);
+      const BeamTriangles seen = see_triangles<Any>(beam, triangles, first);
       const int rest = triangles.n - first < kLanes ? triangles.n - first : kLanes;
       uint32_t mask = seen.near & ((1u << rest) - 1);
       if (!mask) continue;
@@ -276,15 +302,38 @@ struct BeamWalk {
                     nearer = inside & less(nearest, low) & less(high, spread(beam.begin)),
                     away = less(least, spread(-margin)) | less(high, farthest);
     const uint32_t sure = bits(nearer);
-    if (sure) {
+    if (sure && Any) {
+      store_broad(beam.farthest + k, select(nearer, spread(__builtin_inff()), farthest));
+      store_broad(beam.nearest + k, select(nearer, spread(__builtin_inff()), nearest));
+    } else if (sure) {
       store_broad(beam.farthest + k, select(nearer, low, farthest));
       store_broad(beam.nearest + k, select(nearer, high, nearest));
       put(beam.pending + k, nearer, ref);
       put(beam.leaf_at + k, nearer, uint32_t(place));
     }
-    const uint32_t doubt = ~(sure | bits(away)) & ((1u << kBroad) - 1);
+    uint32_t doubt = ~(sure | bits(away)) & ((1u << kBroad) - 1);
+    if (Any && __builtin_expect((doubt & bits(inside)) != 0, 0))
+      doubt &= ~left_behind(k, doubt & bits(inside), ref, place);
     if (__builtin_expect(doubt != 0, 0)) decide_all(k, doubt, ref, place);
     return (sure | doubt) != 0;
+  }
+  /// Those of some rays from k on, all surely inside a triangle, that surely begin beyond it: on
+  /// the surface that they leave.
+  __attribute__((noinline)) uint32_t left_behind(int k, uint32_t rays, ChildRef ref,
+                                                 int place) const {
+    const BeamSource& s = beam.source;
+    const Plane plane(Triangles(tree, ref), place, *s.order);
+    uint32_t left = 0;
+    for (int h = 0; h < kBroad; h += kDoubles) {
+      if (!(rays >> h & ((1u << kDoubles) - 1))) continue;
+      const int r = k + h;
+      const Doubles inverse = 1 / load(s.d[2] + r);
+      left |= well_behind({load(s.o[0] + r), load(s.o[1] + r), load(s.o[2] + r)},
+                          {load(s.d[0] + r) * inverse, load(s.d[1] + r) * inverse}, beam.close,
+                          plane, double(s.order->sign))
+              << h;
+    }
+    return left & rays;
   }
   /// One that may face either way.
   __attribute__((noinline)) bool slice_edge_on(int g, const BeamTable& t, int lane, ChildRef ref,
@@ -307,6 +356,9 @@ struct BeamWalk {
       const int g = __builtin_ctz(slices);
       beam.end[g] = smallest(load_broad(beam.farthest + g * kBroad));
     }
+    set_end();
+  }
+  void set_end() {
     Broad least = load_broad(beam.end);
     for (int g = kBroad; g < kSlices; g += kBroad) least = smaller(load_broad(beam.end + g), least);
     set_end(smallest(least));
@@ -340,7 +392,7 @@ struct BeamWalk {
     ChildRef waiting[kStack];
     float distance[kStack];
     alignas(64) float front[kWidth];
-    int top = 0, leaves = leaves_allowed(Count);
+    int top = 0, leaves = leaves_allowed(Count, Any);
     ChildRef at = tree.root;
     for (;;) {
       if (at & kLeaf) {
@@ -385,21 +437,24 @@ struct BeamWalk {
   }
 };
 
-/// Whether `Count` rays from `first` on are a beam: at one point, along one axis class, alive.
+/// What is known of a beam's rays: |along|, t_max, t_min.
+struct BeamSpan {
+  double shortest, longest, earliest, latest;
+};
+
+/// Whether `Count` rays from `first` on are of one axis class, and alive.
 template <int Count>
-inline bool set_source(Beam<Count>& beam, const TreeView& tree, const Rays& rays, size_t first) {
-  const double* const o[3] = {rays.o[0] + first, rays.o[1] + first, rays.o[2] + first};
-  const double* const d[3] = {rays.d[0] + first, rays.d[1] + first, rays.d[2] + first};
-  const uint32_t kind = axis_class_of({*d[0], *d[1], *d[2]});
-  const Order& order = kOrders[kind];
+inline bool set_source(Beam<Count>& beam, const Rays& rays, size_t first, BeamSpan& span) {
+  const Order& order =
+      kOrders[axis_class_of({rays.d[0][first], rays.d[1][first], rays.d[2][first]})];
   const int axis = order.axes[2];
   BeamSource& s = beam.source;
-  beam.order = &order;
+  beam.order = s.order = &order;
   s.t_min = rays.t_min + first;
   s.t_max = rays.t_max + first;
   for (int a = 0; a < 3; ++a) {
-    s.d[a] = d[order.axes[a]];
-    s.o[a] = *o[order.axes[a]];
+    s.d[a] = rays.d[order.axes[a]] + first;
+    s.o[a] = rays.o[order.axes[a]] + first;
   }
   const Doubles sign = splat(double(order.sign)), zero{};
   Doubles shortest = splat(kInf), longest{}, earliest = splat(kInf), latest{};
@@ -416,36 +471,14 @@ inline bool set_source(Beam<Count>& beam, const TreeView& tree, const Rays& rays
     earliest = smaller(t_max, earliest);
     latest = larger(t_min, latest);
   }
-  for (int k = 0; k < Count; k += kDoubles) {
-    Longs other{};
-    for (const double* p : o) other |= Longs(load(p + k)) ^ Longs(splat(*p));
-    if (any(Longs(other != Longs{}))) return false;
-  }
-  const double least = least_of(shortest), most = most_of(longest);
-  if (!(least > 0x1p-60 && most < 0x1p60)) return false;
-  beam.begin = float((1 - 0x1p-19) / (most_of(latest) * most));
-  const bool endless = least_of(earliest) * least >= 8 * tree.radius;
-  for (int k = 0; k < Count; k += kDoubles) {
-    const Doubles end = endless ? zero : 1 / magnitude(load(s.t_max + k) * load(s.d[2] + k));
-    narrow(beam.farthest + k, end * (1 - 0x1p-21));
-    narrow(beam.nearest + k, end * (1 + 0x1p-21));
-  }
-  return true;
+  span = {least_of(shortest), most_of(longest), least_of(earliest), most_of(latest)};
+  return span.shortest > 0x1p-60 && span.longest < 0x1p60;
 }
 
-/// Where the beam begins, if that is no more than four radii from the tree's ball, where the rays
-/// of all tests begin at their origins.
+/// Whether all rays begin no more than four radii from the tree's ball: there the rays of all
+/// tests begin at their origins. `square`: of the largest distance from its centre.
 template <int Count>
-inline bool set_apex(Beam<Count>& beam, const TreeView& tree) {
-  const Order& order = *beam.order;
-  double square = 0;
-  for (int a = 0; a < 3; ++a) {
-    const double p = beam.source.o[a], f = tree.center[order.axes[a]] - p,
-                 q = a == 2 ? flip(p, double(order.sign)) : p;
-    beam.apex.o[a] = float(q);
-    beam.apex.low_part[a] = float(q - double(beam.apex.o[a]));
-    square += f * f;
-  }
+inline bool set_room(Beam<Count>& beam, const TreeView& tree, double square) {
   const double size = reach_of(tree), center = size - 4 * tree.radius;
   if (!(square < 16 * tree.radius * tree.radius * (1 - 0x1p-40)) || !(size < 0x1p30)) return false;
   beam.room = float(2 * kBoxMargin * (center + __builtin_sqrt(square)));
@@ -453,8 +486,107 @@ inline bool set_apex(Beam<Count>& beam, const TreeView& tree) {
   return true;
 }
 
+/// Rays that begin at one point.
 template <int Count>
-inline void set_places(Beam<Count>& beam) {
+inline bool set_from_apex(Beam<Count>& beam, const TreeView& tree, const Rays& rays, size_t first) {
+  for (const double* o : rays.o)
+    if (!(o[first] == o[first + Count - 1])) return false;
+  BeamSpan span;
+  if (!set_source(beam, rays, first, span)) return false;
+  const BeamSource& s = beam.source;
+  for (int k = 0; k < Count; k += kDoubles) {
+    Longs other{};
+    for (const double* p : s.o) other |= Longs(load(p + k)) ^ Longs(splat(*p));
+    if (any(Longs(other != Longs{}))) return false;
+  }
+  const double apex[3] = {*s.o[0], *s.o[1], *s.o[2]};
+  double square = 0;
+  for (int a = 0; a < 3; ++a) {
+    const double f = tree.center[beam.order->axes[a]] - apex[a];
+    square += f * f;
+  }
+  if (!set_room(beam, tree, square)) return false;
+  beam.apex = origin_at(apex, *beam.order);
+  beam.reach = beam.off = 0;
+  beam.begin = float((1 - 0x1p-19) / (span.latest * span.longest));
+  const bool endless = span.earliest * span.shortest >= 8 * tree.radius;
+  for (int k = 0; k < Count; k += kDoubles) {
+    const Doubles end = endless ? Doubles{} : 1 / magnitude(load(s.t_max + k) * load(s.d[2] + k));
+    narrow(beam.farthest + k, end * (1 - 0x1p-21));
+    narrow(beam.nearest + k, end * (1 + 0x1p-21));
+  }
+  return true;
+}
+
+/// Where the lines of a beam's first and last ray are nearest to each other, in the rays' order.
+template <int Count>
+inline bool set_meeting(const Beam<Count>& beam, double (&apex)[3]) {
+  const BeamSource& s = beam.source;
+  constexpr int kFinal = Count - 1;
+  double first[2], final[2], across = 0, square = 0;
+  beam.set_shear(0, first);
+  beam.set_shear(kFinal, final);
+  for (int a = 0; a < 2; ++a) {
+    const double turn = final[a] - first[a];
+    across += turn * (s.o[a][kFinal] - *s.o[a] - first[a] * (s.o[2][kFinal] - *s.o[2]));
+    square += turn * turn;
+  }
+  apex[2] = s.o[2][kFinal] - across / square;
+  for (int a = 0; a < 2; ++a) apex[a] = *s.o[a] + first[a] * (apex[2] - *s.o[2]);
+  return square > 0;
+}
+
+/// Rays that end at one point, or a little before it. `farthest` and `nearest` are those of where
+/// they begin: what lies behind that, as seen from the apex, is no hit.
+template <int Count>
+inline bool set_to_apex(Beam<Count>& beam, const TreeView& tree, const Rays& rays, size_t first) {
+  const auto end_of = [&](int a, size_t k) { return rays.o[a][k] + rays.t_max[k] * rays.d[a][k]; };
+  for (int a = 0; a < 3; ++a)  // where they do not, this tells mostly
+    if (!(magnitude(end_of(a, first) - end_of(a, first + Count - 1)) < 0x1p-16 * tree.radius))
+      return false;
+  BeamSpan span;
+  double apex[3];
+  if (!set_source(beam, rays, first, span) || !set_meeting(beam, apex)) return false;
+  const BeamSource& s = beam.source;
+  const Order& order = kOrders[uint32_t(s.order - kOrders) ^ 4];
+  beam.order = &order;
+  const Doubles sign = splat(double(order.sign));
+  Doubles off{}, square{}, nearest = splat(kInf), farthest{}, end{}, past = splat(kInf);
+  for (int k = 0; k < Count; k += kDoubles) {
+    const Doubles along = load(s.d[2] + k), length = magnitude(along),
+                  way = load(s.o[2] + k) - splat(apex[2]), steps = way / along;
+    Doubles distance{};
+    for (int a = 0; a < 3; ++a) {
+      const Doubles o = load(s.o[a] + k), f = splat(tree.center[order.axes[a]]) - o;
+      distance += f * f;
+      if (a < 2) off = larger(magnitude(o - load(s.d[a] + k) * steps - splat(apex[a])), off);
+    }
+    const Doubles from = flip(way, sign), start = from - load(s.t_min + k) * length,
+                  rest = from - load(s.t_max + k) * length, inverse = 1 / start;
+    square = larger(distance, square);
+    nearest = smaller(start, nearest);
+    farthest = larger(from, farthest);
+    end = larger(rest, end);
+    past = smaller(rest, past);
+    narrow(beam.farthest + k, inverse * (1 - 0x1p-21));
+    narrow(beam.nearest + k, inverse * (1 + 0x1p-21));
+  }
+  const double size = reach_of(tree), tiny = 0x1p-40 * size, reach = most_of(farthest),
+               miss = most_of(off) + tiny;
+  if (!set_room(beam, tree, most_of(square)) || !(reach < 16 * size) || !(miss < 0x1p-20 * reach) ||
+      !(least_of(nearest) > 0x1p-16 * size) || !(least_of(past) > -tiny))
+    return false;
+  beam.reach = float(reach);
+  beam.off = float(miss);
+  beam.room += 2 * beam.off;
+  beam.begin = float((1 - 0x1p-19) / (most_of(end) + tiny));
+  beam.apex = origin_at(apex, order);
+  return true;
+}
+
+/// False when the rays' slices do not share out their places: then smaller beams are better.
+template <int Count>
+inline bool set_places(Beam<Count>& beam) {
   const BeamSource& s = beam.source;
   const Broad sign = spread(beam.order->sign);
   float low[2] = {kFar, kFar}, high[2] = {-kFar, -kFar};
@@ -485,6 +617,26 @@ inline void set_places(Beam<Count>& beam) {
     for (int a = 0; a < 2; ++a) beam.center[a][g] = beam.half[a][g] = 0;
     beam.end[g] = kFar;
   }
+  float area = 0;
+  const float room[2] = {beam.width[0] / 16, beam.width[1] / 16};
+  for (int g = 0; g < Beam<Count>::kSlices; ++g)
+    area += (beam.half[0][g] + room[0]) * (beam.half[1][g] + room[1]);
+  const float whole = beam.width[0] * beam.width[1];
+  return 4 * area >= whole && area <= 4 * whole;
+}
+
+/// One hit that weigh() has not answered.
+template <int Count>
+__attribute__((noinline)) void finish_at_edge(const Beam<Count>& beam, const TreeView& tree,
+                                              const Answers& answers, int r) {
+  const BeamSource& s = beam.source;
+  double shear[2];
+  beam.set_shear(r, shear);
+  const Exact<double> e = exact_hit(Triangles(tree, beam.pending[r]), int(beam.leaf_at[r]),
+                                    *s.order, {s.o[0][r], s.o[1][r], s.o[2][r]}, shear, beam.close);
+  answers.t[r] = e.depth / s.d[2][r];
+  answers.u[r] = float(e.u);
+  answers.v[r] = float(e.v);
 }
 
 /// The hits of kLanes rays, in double.
@@ -538,7 +690,7 @@ inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Ans
             one ? splat(double(leaf.at(j, order.axes[a])[place])) : widen(corner[3 * j + a] + h);
     const Doubles along = load(s.d[2] + k + h), inverse = 1 / along;
     Exact<Doubles> e;
-    e.see(p, {splat(s.o[0]), splat(s.o[1]), splat(s.o[2])},
+    e.see(p, {splat(*s.o[0]), splat(*s.o[1]), splat(*s.o[2])},
           {load(s.d[0] + k + h) * inverse, load(s.d[1] + k + h) * inverse});
     e.weigh();
     const Longs hit = widen(beam.pending + k + h) != Longs{};
@@ -556,35 +708,22 @@ inline void finish_beam(const Beam<Count>& beam, const TreeView& tree, const Ans
     finish_at_edge(beam, tree, answers, k + __builtin_ctz(edges));
 }
 
-/// One hit that weigh() has not answered.
-template <int Count>
-__attribute__((noinline)) void finish_at_edge(const Beam<Count>& beam, const TreeView& tree,
-                                              const Answers& answers, int r) {
-  const BeamSource& s = beam.source;
-  const double along = s.d[2][r], inverse = 1 / along;
-  const Exact<double> e =
-      exact_hit(Triangles(tree, beam.pending[r]), int(beam.leaf_at[r]), *beam.order, s.o,
-                {s.d[0][r] * inverse, s.d[1][r] * inverse}, beam.close);
-  answers.t[r] = e.depth / along;
-  answers.u[r] = float(e.u);
-  answers.v[r] = float(e.v);
-}
-
-/// The closest hits of `Count` rays, into `answers`. False, and nothing is there, when they are no
-/// beam or see too much.
-template <int Count>
+/// The closest hits of `Count` rays, into `answers`; Any: what blocks them. False, and nothing is
+/// there, when they are no beam or see too much.
+template <bool Any, int Count>
 __attribute__((noinline)) bool trace_beam(const TreeView& tree, const Rays& rays, size_t first,
                                           Answers& answers) {
   Beam<Count> beam;
-  if (!set_source(beam, tree, rays, first) || !set_apex(beam, tree)) return false;
-  set_places(beam);
-  BeamWalk<Count> walk{tree, beam, answers};
-  Broad least = load_broad(beam.end);
-  for (int g = kBroad; g < Beam<Count>::kSlices; g += kBroad)
-    least = smaller(load_broad(beam.end + g), least);
-  walk.set_end(smallest(least));
+  if (!(Any ? set_to_apex(beam, tree, rays, first) : set_from_apex(beam, tree, rays, first)) ||
+      !set_places(beam))
+    return false;
+  BeamWalk<Any, Count> walk{tree, beam, answers};
+  walk.set_end();
   if (!walk.walk()) return false;
-  for (int k = 0; k < Count; k += kLanes) finish_beam(beam, tree, answers, k);
+  if constexpr (Any) {
+    for (int k = 0; k < Count; ++k) answers.blocked[k] = beam.farthest[k] > kFar;
+  } else
+    for (int k = 0; k < Count; k += kLanes) finish_beam(beam, tree, answers, k);
   return true;
 }
 
