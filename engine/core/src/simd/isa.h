@@ -15,7 +15,7 @@ enum Isa { kSse42, kAvx2, kAvx512 };
 /// __builtin_cpu_supports needs a variable of the compiler's own library, which Zig's lacks.
 inline Isa machine_isa() {
   unsigned a = 0, b = 0, c = 0, d = 0, kept = 0;
-  if (!__get_cpuid(1, &a, &b, &c, &d) || !(c & bit_OSXSAVE)) return kSse42;
+  if (!__get_cpuid(1, &a, &b, &c, &d) || !(c & bit_OSXSAVE) || !(c & bit_FMA)) return kSse42;
   __asm__("xgetbv" : "=a"(kept), "=d"(d) : "c"(0));
   if (!__get_cpuid_count(7, 0, &a, &b, &c, &d)) return kSse42;
   const auto has = [&](unsigned features, unsigned registers) {

@@ -61,7 +61,7 @@ struct Boxes {
   Floats low_x, high_x, low_y, high_y, front, rear;
 };
 
-inline Boxes boxes_of(const float* planes, const Order& order) {
+__attribute__((always_inline)) inline Boxes boxes_of(const float* planes, const Order& order) {
   const Floats sign = splat(order.sign);
   return {load(planes + order.low[0]),       load(planes + order.high[0]),
           load(planes + order.low[1]),       load(planes + order.high[1]),

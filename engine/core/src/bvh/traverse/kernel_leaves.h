@@ -230,22 +230,21 @@ struct Plane {
   }
 };
 
-/// Which of the rays [k, k + kDoubles), if they pass inside a triangle, surely meet it behind their
-/// origins. Exact would come to negative depths: with m no less than any corner is away and N twice
-/// the area that the ray sees, its point is off the ray by less than 2^-42 m^3 / N. Where that is
-/// less than `close`, and less than half of s when multiplied by the normal, the depth has the sign
-/// of s.
-inline uint32_t well_behind(const Tile& tile, int k, const Plane& plane, double sign) {
-  const Doubles x = splat(plane.corner.x) - load(tile.o[0] + k),
-                y = splat(plane.corner.y) - load(tile.o[1] + k);
-  const Doubles z = splat(plane.corner.z) - load(tile.o[2] + k);
+/// Which of the rays with origins o, in their order, if they pass inside a triangle, surely meet it
+/// behind there. Exact would come to negative depths: with m no less than any corner is away and N
+/// twice the area that the ray sees, its point is off the ray by less than 2^-42 m^3 / N. Where
+/// that is less than `close`, and less than half of s when multiplied by the normal, the depth has
+/// the sign of s.
+inline uint32_t well_behind(const Doubles (&o)[3], const Doubles (&shear)[2], double close,
+                            const Plane& plane, double sign) {
+  const Doubles x = splat(plane.corner.x) - o[0], y = splat(plane.corner.y) - o[1],
+                z = splat(plane.corner.z) - o[2];
   const Doubles nx = splat(plane.normal.x), ny = splat(plane.normal.y), nz = splat(plane.normal.z);
-  const Doubles s = nx * x + ny * y + nz * z,
-                seen = nx * load(tile.shear[0] + k) + ny * load(tile.shear[1] + k) + nz;
+  const Doubles s = nx * x + ny * y + nz * z, seen = nx * shear[0] + ny * shear[1] + nz;
   const Doubles m = magnitude(x) + magnitude(y) + magnitude(z) + splat(plane.size),
                 back = flip(s, seen * splat(-sign));
   return bits(less(splat(0x1p-42 * plane.square) * (m * m * m),
-                   magnitude(seen) * smaller(back, splat(tile.close * plane.square))));
+                   magnitude(seen) * smaller(back, splat(close * plane.square))));
 }
 
 enum class Verdict { kMissed, kHit, kUndecided };
@@ -259,7 +258,11 @@ __attribute__((noinline)) Verdict leave_behind(const Walk<Any>& w, int k, uint32
   const Plane plane(Triangles(w.tree, leaf), place, order);
   for (int h = 0; h < kLanes; h += kDoubles) {
     const uint32_t some = rays >> h & ((1u << kDoubles) - 1);
-    if (some && some & ~well_behind(w.tile, k + h, plane, double(order.sign)))
+    const Tile& tile = w.tile;
+    const int r = k + h;
+    if (some && some & ~well_behind({load(tile.o[0] + r), load(tile.o[1] + r), load(tile.o[2] + r)},
+                                    {load(tile.shear[0] + r), load(tile.shear[1] + r)}, tile.close,
+                                    plane, double(order.sign)))
       return Verdict::kUndecided;
   }
   return Verdict::kHit;

@@ -2,7 +2,7 @@
 // rays stay together; where few of its groups are left, those go on as smaller packets, and where
 // few rays of a group are left, those go on one by one.
 #pragma once
-#include "bvh/traverse/kernel_packets.h"
+#include "bvh/traverse/kernel_beam.h"
 
 namespace glint {
 namespace {
@@ -132,13 +132,19 @@ inline void fill(T* p, int count, T value) {
   for (int k = 0; k < count; ++k) p[k] = value;
 }
 
+template <bool Any>
 inline void clear(const Answers& a, int count) {
+  if (a.fallbacks) fill(a.fallbacks, count, uint8_t(0));
+  if (Any) {
+    fill(a.blocked, count, uint8_t(0));
+    if (a.layers.hits) fill(a.layers.count, count, uint8_t(0));
+    return;
+  }
   fill(a.t, count, kInf);
   fill(a.instance, count, Hit::kNone);
   fill(a.primitive, count, 0u);
   fill(a.u, count, 0.0f);
   fill(a.v, count, 0.0f);
-  if (a.fallbacks) fill(a.fallbacks, count, uint8_t(0));
 }
 
 /// The nearer of a ray's end and its best hit, or nothing left of a ray that is blocked.
@@ -161,21 +167,16 @@ inline bool all_pass_by(const Tile& tile, const TreeView& tree) {
 
 template <bool Any>
 inline void trace(const TopLevelView& world, const Rays& rays, size_t first, int count,
-                  Answers& answers) {
+                  Answers& answers, size_t first_tree = 0) {
   Columns columns;
   Tile tile;
   tile.answers = &answers;
   tile.world = &world;
   tile.instances = nullptr;
-  answers.visibility = rays.visibility;
-  answers.masks = rays.visibility & world.common_visibility ? nullptr : world.visibility;
-  answers.t_min = rays.t_min + first;
-  answers.t_max = rays.t_max + first;
-  answers.opacity = rays.opacity;
   for (int k = 0; k < kTile; ++k) tile.slot[k] = uint8_t(k);
   show_rays(rays, first, count, columns, tile);
   fetch_ahead(rays, first);
-  for (size_t k = 0; k < world.tree_count; ++k) {
+  for (size_t k = first_tree; k < world.tree_count; ++k) {
     if (world.tree_count > 1 && all_pass_by(tile, world.trees[k])) continue;
     if (k > 0) limit_rays<Any>(answers, columns, tile);
     tile.tree = &world.trees[k];
@@ -187,37 +188,94 @@ inline int tile_size(const Rays& rays, size_t first) {
   return rays.count - first < kTile ? int(rays.count - first) : kTile;
 }
 
-void closest(const TopLevelView& world, const Rays& rays, const Hits& hits, RayStacks& stacks) {
-  for (size_t k = 0; k < rays.count; k += kTile) {
-    Answers answers{nullptr,
-                    nullptr,
-                    hits.t + k,
-                    hits.instance + k,
-                    hits.primitive + k,
-                    hits.u + k,
-                    hits.v + k,
-                    nullptr,
-                    hits.fallbacks ? hits.fallbacks + k : nullptr,
-                    0,
-                    nullptr,
-                    &stacks};
-    clear(answers, tile_size(rays, k));
-    trace<false>(world, rays, k, tile_size(rays, k), answers);
+/// What rays from `first` on are to find, and where their hits go.
+inline Answers answers_of(const TopLevelView& world, const Rays& rays, size_t first,
+                          RayStacks& stacks) {
+  Answers a{};
+  a.visibility = rays.visibility;
+  a.masks = rays.visibility & world.common_visibility ? nullptr : world.visibility;
+  a.t_min = rays.t_min + first;
+  a.t_max = rays.t_max + first;
+  a.opacity = rays.opacity;
+  a.stacks = &stacks;
+  return a;
+}
+
+/// The rays from `first` on, as many as one beam has. False when they are none.
+template <bool Any, int Count, class AnswersFrom>
+inline bool trace_in_beam(const TopLevelView& world, const Rays& rays, size_t first,
+                          const AnswersFrom& answers_from) {
+  if (rays.count - first < Count || rays.opacity) return false;
+  if (world.tree_count == 0 || world.trees->kind != kTriangleLeaf) return false;
+  Answers answers = answers_from(first);
+  if (answers.fallbacks) fill(answers.fallbacks, Count, uint8_t(0));
+  if (!trace_beam<Any, Count>(world.trees[0], rays, first, answers)) return false;
+  for (size_t k = first; world.tree_count > 1 && k < first + Count; k += kTile) {
+    Answers part = answers_from(k);
+    trace<Any>(world, rays, k, kTile, part, 1);
   }
+  return true;
+}
+
+/// When to try beams of one size again: the more often they failed in a row, the later.
+struct Trials {
+  size_t next = 0, wait = 2;  // the ray from which on; in beams
+
+  /// Notes how a beam of `count` rays from k on has fared.
+  bool note(bool good, size_t k, size_t count) {
+    if (!good) next = k + wait * count;
+    wait = good ? 2 : wait < 32 ? 4 * wait : wait;
+    return good;
+  }
+};
+
+/// All rays, in beams as large as they allow. answers_from: Answers of the rays from one on.
+template <bool Any, class AnswersFrom>
+inline void trace_all(const TopLevelView& world, const Rays& rays,
+                      const AnswersFrom& answers_from) {
+  Trials large, small;
+  for (size_t k = 0; k < rays.count;) {
+    if (k >= large.next &&
+        large.note(trace_in_beam<Any, kBeam>(world, rays, k, answers_from), k, kBeam)) {
+      k += kBeam;
+      continue;
+    }
+    const int count = tile_size(rays, k);
+    bool done = false;
+    // To one point from all over a surface: 64 rays are better off as packets.
+    if constexpr (!Any)
+      done = k >= small.next &&
+             small.note(trace_in_beam<Any, kTile>(world, rays, k, answers_from), k, kTile);
+    if (!done) {
+      Answers answers = answers_from(k);
+      clear<Any>(answers, count);
+      trace<Any>(world, rays, k, count, answers);
+    }
+    k += size_t(count);
+  }
+}
+
+void closest(const TopLevelView& world, const Rays& rays, const Hits& hits, RayStacks& stacks) {
+  trace_all<false>(world, rays, [&](size_t first) {
+    Answers a = answers_of(world, rays, first, stacks);
+    a.t = hits.t + first;
+    a.instance = hits.instance + first;
+    a.primitive = hits.primitive + first;
+    a.u = hits.u + first;
+    a.v = hits.v + first;
+    a.fallbacks = hits.fallbacks ? hits.fallbacks + first : nullptr;
+    return a;
+  });
 }
 
 void occluded(const TopLevelView& world, const Rays& rays, uint8_t* blocked, const Layers* layers,
               RayStacks& stacks) {
-  for (size_t k = 0; k < rays.count; k += kTile) {
-    Answers answers{nullptr, nullptr,     nullptr, nullptr, nullptr, nullptr,
-                    nullptr, blocked + k, nullptr, 0,       nullptr, &stacks};
-    fill(blocked + k, tile_size(rays, k), uint8_t(0));
-    if (layers) {
-      answers.layers = {layers->hits + k * Layers::kMost, layers->count + k};
-      fill(answers.layers.count, tile_size(rays, k), uint8_t(0));
-    }
-    trace<true>(world, rays, k, tile_size(rays, k), answers);
-  }
+  trace_all<true>(world, rays, [&](size_t first) {
+    Answers a = answers_of(world, rays, first, stacks);
+    a.blocked = blocked + first;
+    if (layers) a.layers = {layers->hits + first * Layers::kMost, layers->count + first};
+    return a;
+  });
 }
 
 }  // namespace

@@ -18,6 +18,19 @@ inline bool visible(const Tile& tile, uint32_t ordinal) {
          (a.masks[tile.tree->ids[ordinal].instance] & a.visibility) != 0;
 }
 
+/// The exact hit of one triangle, in double. o, shear: of a ray, in its order; close: Tile::close.
+inline Exact<double> exact_hit(const Triangles& triangles, int place, const Order& order,
+                               const double (&o)[3], const double (&shear)[2], double close) {
+  double corner[3][3];
+  for (int j = 0; j < 3; ++j)
+    for (int k = 0; k < 3; ++k) corner[j][k] = double(triangles.at(j, order.axes[k])[place]);
+  Exact<double> e;
+  e.see(corner, o, shear);
+  e.weigh();
+  if (!(magnitude(e.off_x) <= close && magnitude(e.off_y) <= close)) weigh_edges(e);
+  return e;
+}
+
 /// A tile on its way through a tree.
 template <bool Any>
 struct Walk {
@@ -43,20 +56,10 @@ struct Walk {
     packets.rays.last[r] = smaller(packets.rays.last[r], tile.start[r] + tile.hi[r] + tile.margin);
   }
 
-  /// The exact hit of one triangle, in double.
   Exact<double> exact(int r, ChildRef leaf, int place) const {
-    const Triangles triangles(tree, leaf);
-    const Order& order = order_of(tile, r);
-    double corner[3][3];
-    for (int j = 0; j < 3; ++j)
-      for (int k = 0; k < 3; ++k) corner[j][k] = double(triangles.at(j, order.axes[k])[place]);
-    const double o[3] = {tile.o[0][r], tile.o[1][r], tile.o[2][r]},
-                 shear[2] = {tile.shear[0][r], tile.shear[1][r]};
-    Exact<double> e;
-    e.see(corner, o, shear);
-    e.weigh();
-    if (!(magnitude(e.off_x) <= tile.close && magnitude(e.off_y) <= tile.close)) weigh_edges(e);
-    return e;
+    return exact_hit(Triangles(tree, leaf), place, order_of(tile, r),
+                     {tile.o[0][r], tile.o[1][r], tile.o[2][r]},
+                     {tile.shear[0][r], tile.shear[1][r]}, tile.close);
   }
   void take(int r, ChildRef leaf, int place) {
     const Exact<double> e = exact(r, leaf, place);
