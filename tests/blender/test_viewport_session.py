@@ -152,12 +152,12 @@ def test_warnings_are_counted_in_the_status_line_and_kept_for_the_panel(watcher)
 
 def test_what_a_camera_does_not_do_is_told_where_a_view_looks_through_it(watcher):
     eye = bpy.data.objects["Eye"]
-    bpy.context.scene.camera, bpy.context.scene.render.use_motion_blur = eye, True
+    bpy.context.scene.camera, eye.data.type = eye, "PANO"
     watcher.edit(lambda: None)
     assert statistics.of_views(bpy.context.scene.name) == ()
     watcher.view.region_data.view_perspective = "CAMERA"
     watcher.edit(lambda: setattr(eye.data, "lens", 40.0))
-    assert any("otion blur" in note for note in statistics.of_views(bpy.context.scene.name))
+    assert any("Panoramic" in note for note in statistics.of_views(bpy.context.scene.name))
 
 
 def test_a_view_through_the_camera_has_its_depth_of_field(watcher):
