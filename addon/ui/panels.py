@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 
 import bpy
 from bl_ui.properties_grease_pencil_common import GreasePencilSimplifyPanel
-from bl_ui.properties_view_layer import ViewLayerAOVPanelHelper
+from bl_ui.properties_view_layer import VIEWLAYER_PT_layer_passes_aov
 
 from ... import engine
 from ..render import result, statistics
@@ -275,10 +275,11 @@ class GLINT_VIEWLAYER_PT_cryptomatte(_Panel, bpy.types.Panel):
         levels.prop(layer, "pass_cryptomatte_depth", text="Levels")
 
 
-class GLINT_VIEWLAYER_PT_aov(_Panel, ViewLayerAOVPanelHelper, bpy.types.Panel):
+class GLINT_VIEWLAYER_PT_aov(_Panel, bpy.types.Panel):
     bl_label = "Shader AOV"
     bl_context = "view_layer"
     bl_parent_id = "GLINT_VIEWLAYER_PT_passes"
+    draw = VIEWLAYER_PT_layer_passes_aov.draw
 
 
 class GLINT_VIEWLAYER_PT_filter(_Panel, bpy.types.Panel):
