@@ -107,7 +107,8 @@ if hasattr(scene, "compositing_node_group"):
     scene.compositing_node_group = tree
     output = tree.nodes.new("NodeGroupOutput")
 else:
-    scene.use_nodes, tree = True, scene.node_tree
+    scene.use_nodes = True
+    tree = scene.node_tree
     tree.nodes.clear()
     output = tree.nodes.new("CompositorNodeComposite")
 node = tree.nodes.new("CompositorNodeCryptomatteV2")

@@ -130,6 +130,7 @@ def test_motion_of_objects(name, position, steps):
     assert compare(scene)[0] <= 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["slide-turn", "camera-too"])
 def test_a_shutter_curve(name):
     """One that opens slowly; the picture of one that is open all the time is another."""
@@ -146,6 +147,7 @@ def test_a_shutter_curve(name):
     assert np.sqrt(((evenly - truth) ** 2).mean()) / truth.mean() > 2 * error
 
 
+@pytest.mark.slow
 def test_a_lamp_that_moves():
     """Cycles' lamps stand still while the shutter is open: the truth is the mean of its pictures of
     still scenes.

@@ -19,10 +19,15 @@ def _normal(view: NodeInputs) -> Value:
 
 
 def _normal_map(view: NodeInputs) -> Outputs:
-    name = TANGENT + view.node.uv_map
+    """Blender 5.2 brings a convention, and a base, which counts with true displacement alone."""
+    name, color = TANGENT + view.node.uv_map, view.value("Color")
+    if getattr(view.node, "convention", "OPENGL") == "DIRECTX":  # green is 1 - green
+        constant = view.reader.graph.constant
+        turned = view.apply("product", color, constant((1.0, -1.0, 1.0)))[0]
+        color = view.apply("scaled_sum", turned, constant(1.0), constant((0.0, 1.0, 0.0)))[0]
     bent = view.apply(
         "normal_map",
-        view.value("Color"),
+        color,
         view.value("Strength"),
         space=NormalSpace[view.node.space],
         attribute=name if view.node.space == "TANGENT" else "",
