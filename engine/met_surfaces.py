@@ -53,7 +53,11 @@ def met_surfaces(
     seen = np.flatnonzero(~holdout)
     surface = surface.take(seen)
     sets = np.array([block.light_set for block in some.instances], np.intp)[surface.row]
-    return hit[seen], surface, shader.coefficients(surface, "mirror"), sets
+    lobes = shader.coefficients(surface, "mirror")
+    hair = [isinstance(some.geometries[block.geometry], Strands) for block in some.instances]
+    # strands stand closer together than points can tell apart: they would be specks
+    dark = np.where(np.array(hair, bool)[surface.row], 0.0, lobes.diffuse)
+    return hit[seen], surface, replace(lobes, diffuse=dark), sets
 
 
 def _only(

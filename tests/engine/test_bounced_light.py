@@ -21,6 +21,7 @@ from glint.engine.scene import (
     Polygons,
     Scene,
     Spheres,
+    Strands,
     World,
 )
 
@@ -344,3 +345,14 @@ def test_a_light_seldom_met_gets_more_walks() -> None:
     assert len(bounced_light(far, 1).bounces.points) > 400
     wide = replace(far, instances=(*far.instances, ground))
     assert len(bounced_light(wide, 1).bounces.points) > 4000
+
+
+def test_hair_throws_no_light() -> None:
+    """It hides what is behind it: the points that are made stand on other things."""
+    ends = np.array([(-0.5, 0, 0.6), (0.5, 0, 0.6)], np.float32)
+    hair = Strands("hair", ends, np.array([0.2, 0.2], np.float32), np.array([0], np.uint32))
+    scene = room(lamp(), more=(hair,), materials=(matt((1.0, 1.0, 1.0)),))
+    found = bounced_light(scene, 2)
+    points = found.bounces.points + found.world_from_light[:, 3]
+    assert len(points) > 100
+    assert np.abs(np.linalg.norm(points, axis=1) - 1).max() < 1e-3
