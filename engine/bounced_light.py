@@ -38,11 +38,12 @@ the light, with 64 they have spots at 64 samples.
 MOST_MORE = 8
 """Times as many walks where few of them meet anything."""
 PILOT = 8
-"""One in so many tells first how many do."""
+"""One in so many tells first how many do, so that no more set out than are needed."""
 MOST_PASSED = 16
 """Transparent surfaces that a walk passes."""
 LARGEST = 1e100
 GOLDEN = 0.6180339887498949
+"""Apart lie the numbers of a walk's points at its steps: the golden ratio spreads them evenly."""
 
 
 def bounced_light(scene: Scene, bounces: int) -> Light | None:
@@ -200,12 +201,13 @@ class _Walks:
                 return None
             few, self._count = self._count, max(self._count // PILOT, FEWEST)
             columns = self._points(surfaces)
+            more = float(MOST_MORE)
             if columns is not None:
-                # more where most walks leave the scene
+                # a power of two, so that things that move seldom change it
                 wanted = self._count * POINTS / len(columns[0]) / few
-                more = 2.0 ** np.ceil(np.log2(wanted) - 0.5)
-                self._count = round(few * min(max(more, 1.0), MOST_MORE))
-                columns = self._points(surfaces)
+                more = min(max(2.0 ** np.ceil(np.log2(wanted) - 0.5), 1.0), more)
+            self._count = round(few * more)
+            columns = self._points(surfaces)
         if columns is None:
             return None
         points, normals, power, weight, reaches, numbers = columns

@@ -192,14 +192,26 @@ def _instruction_set(core: ctypes.CDLL) -> Iterator[str]:
 
 @contextmanager
 def _scene(core: ctypes.CDLL, data: SceneData) -> Iterator[int]:
-    error = ctypes.create_string_buffer(ERROR_BYTES)
-    handle = core.glint_scene_create(byref(data), error, ERROR_BYTES)
-    if not handle:
-        raise _refusal(error.value.decode(errors="replace"), data)
+    handle = created(core, data)
     try:
         yield handle
     finally:
         core.glint_scene_destroy(handle)
+
+
+def created(core: ctypes.CDLL, data: SceneData, base: int | None = None, exact: bool = True) -> int:
+    """The handle of a new scene in the core. base: that of one from which it takes over what is the
+    same.  exact: to the bits of a scene of its own. Raises as `render_native`.
+    """
+    error = ctypes.create_string_buffer(ERROR_BYTES)
+    text = (error, ERROR_BYTES)
+    if base is None:
+        handle = core.glint_scene_create(byref(data), *text)
+    else:
+        handle = core.glint_scene_create_like(base, byref(data), exact, *text)
+    if not handle:
+        raise _refusal(error.value.decode(errors="replace"), data)
+    return handle
 
 
 @contextmanager

@@ -4,7 +4,6 @@ anew.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -141,21 +140,11 @@ class NativeLive:
         axes = narrow_view_axes(scene.camera)
         told = axes.scene(scene) if axes else scene
         packed = self._packer.pack(told)
-        handle = self._create(packed, before, exact)
+        base = before.handle if before is not None else None
+        handle = native.created(self._core, packed.data, base, exact)
         self.close()
         self._held = _Held(scene, axes, told, packed, handle, exact or before is None)
         return self._held
-
-    def _create(self, packed: Packed, before: _Held | None, exact: bool) -> int:
-        error = ctypes.create_string_buffer(native.ERROR_BYTES)
-        data, text = ctypes.byref(packed.data), (error, native.ERROR_BYTES)
-        if before is None:
-            handle = self._core.glint_scene_create(data, *text)
-        else:
-            handle = self._core.glint_scene_create_like(before.handle, data, exact, *text)
-        if not handle:
-            raise native._refusal(error.value.decode(errors="replace"), packed.data)
-        return handle
 
     # --- renders
     # ----------------------------------------------------------------------------------------------

@@ -31,22 +31,11 @@ class _Moments:
         self._sample = 0
         self._packed = self._pack(0)
         self._next: Packed | None = None
-        self.handle = self._create(self._packed, None)
+        self.handle = native.created(core, self._packed.data)
 
     def _pack(self, sample: int) -> Packed:
         told = moment(self._scene, self._times[sample])
         return self._packer.pack(self._axes.scene(told) if self._axes else told)
-
-    def _create(self, packed: Packed, base: int | None) -> int:
-        error = ctypes.create_string_buffer(native.ERROR_BYTES)
-        text = (error, native.ERROR_BYTES)
-        if base is None:
-            handle = self._core.glint_scene_create(byref(packed.data), *text)
-        else:
-            handle = self._core.glint_scene_create_like(base, byref(packed.data), False, *text)
-        if not handle:
-            raise native._refusal(error.value.decode(errors="replace"), packed.data)
-        return handle
 
     def give(self, job: int, plan: Packed) -> None:
         """The render gets the scene of its next sample. The one after that is made ready while the
@@ -54,7 +43,7 @@ class _Moments:
         """
         self._sample += 1
         packed = self._next or self._pack(self._sample)
-        handle = self._create(packed, self.handle)
+        handle = native.created(self._core, packed.data, self.handle, exact=False)
         error = ctypes.create_string_buffer(native.ERROR_BYTES)
         taken = self._core.glint_render_move(
             job, handle, byref(plan.data), error, native.ERROR_BYTES

@@ -356,3 +356,18 @@ def test_hair_throws_no_light() -> None:
     points = found.bounces.points + found.world_from_light[:, 3]
     assert len(points) > 100
     assert np.abs(np.linalg.norm(points, axis=1) - 1).max() < 1e-3
+
+
+def test_a_pilot_that_meets_nothing_sends_more() -> None:
+    """A lamp far above a small square, which one walk in some 11 000 meets."""
+    square = Polygons(
+        "square",
+        np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32),
+        np.array([0, 4], np.uint32),
+        np.arange(4, dtype=np.uint32),
+    )
+    scene = room(lamp(at=(0, 0, 60)))
+    scene = replace(scene, geometries=(square,))
+    found = bounced_light(scene, 1)
+    assert found is not None
+    assert 1 <= len(found.bounces.points) < 100

@@ -41,10 +41,9 @@ double area_of(const GlintLight& g) {
 }  // namespace
 
 void set_place(LightStage& stage, double x, double y) {
-  const double r2 = x * x + y * y, r = std::sqrt(r2);
-  stage.radius2 = r2;
-  stage.azimuth[0] = r > 0 ? x / r : 1;
-  stage.azimuth[1] = r > 0 ? y / r : 0;
+  const DiscPlace place = disc_place(x, y);
+  stage.radius2 = place.radius2;
+  for (int k = 0; k < 2; ++k) stage.azimuth[k] = place.azimuth[k];
 }
 
 Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramShape* programs)

@@ -9,16 +9,7 @@
 namespace glint {
 namespace {
 
-constexpr size_t kMostLevels = 64;
-
-/// Direction and square of a disc's point.
-void set_place(const double* point, double* place) {
-  const double x = point[0], y = point[1], r2 = x * x + y * y, r = std::sqrt(r2);
-  place[0] = r > 0 ? x / r : 1;
-  place[1] = r > 0 ? y / r : 0;
-  place[2] = r2;
-}
-
+constexpr size_t kMostLevels = 64;      // of lobe points
 constexpr uint32_t kMaxStraight = 128;  // surfaces in a row that dim a transparent ray
 
 /// What a stage reads of a batch's points and of the rays that arrived there.
@@ -58,12 +49,14 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
   if (&next.straight != &next.bounced) next.straight.reserve(next.straight.size() + count);
   stage.straight = next.straight.end();
   stage.bounced = next.bounced.end();
-  double places[3 * kMostLevels];
+  DiscPlace places[kMostLevels];
   if (material.is_rough_glass) {
     stage.places = places;
     stage.levels = uint32_t(std::min(plan_.lobe_levels, kMostLevels));
-    for (uint32_t level = 0; level < stage.levels; ++level)
-      set_place(plan_.lobe_point(sample, level), places + 3 * level);
+    for (uint32_t level = 0; level < stage.levels; ++level) {
+      const double* const point = plan_.lobe_point(sample, level);
+      places[level] = disc_place(point[0], point[1]);
+    }
     for (size_t k = 0; batch.softly_lit && k < count; ++k)
       if (batch.queue->path(rows[k]).depth < plan_.max_bounces)
         batch.mark_softly_lit(rows[k], Refinement::kCut);

@@ -39,10 +39,11 @@ inline Three refract(const Arriving& ray, Doubles relative_ior) {
 }
 
 /// A number of the stage's places for each of the rays.
-inline Doubles place(const PassStage& s, const Chosen& at, size_t number) {
+template <class Of>
+inline Doubles place(const PassStage& s, const Chosen& at, Of of) {
   const Mask tag = gather(s.from_tags, at);
   return each_lane([&](size_t lane) {
-    return s.places[3 * ((size_t(tag[lane]) >> RayTag::kDepth & 255) % s.levels) + number];
+    return of(s.places[(size_t(tag[lane]) >> RayTag::kDepth & 255) % s.levels]);
   });
 }
 
@@ -53,12 +54,15 @@ inline Three refract_roughly(const PassStage& s, const Chosen& at, const Arrivin
   const Doubles index = ray.relative(lobe.ior);
   Arriving rough = ray;
   const Three n = choose(dot(ray.d, ray.n) <= 0, ray.n, ray.g);
-  const Doubles rest = smaller(place(s, at, 2), splat(1 - 0x1p-53));
+  const Doubles rest =
+      smaller(place(s, at, [](const DiscPlace& p) { return p.radius2; }), splat(1 - 0x1p-53));
   const Doubles cosine2 =
       exponential(-2 * logarithm_of_one_and(rest, 1 - rest) / (lobe.exponent + 1));
   Three t1, t2;
   frame(n, t1, t2);
-  rough.n = root(cosine2) * n + root(1 - cosine2) * (place(s, at, 0) * t1 + place(s, at, 1) * t2);
+  const Doubles across = place(s, at, [](const DiscPlace& p) { return p.azimuth[0]; }),
+                along = place(s, at, [](const DiscPlace& p) { return p.azimuth[1]; });
+  rough.n = root(cosine2) * n + root(1 - cosine2) * (across * t1 + along * t2);
   const Three d = refract(rough, index);
   return choose(nonzero(d) & (dot(ray.d, rough.n) < 0) & (dot(d, ray.g) < 0), d,
                 refract(ray, index));

@@ -241,6 +241,15 @@ struct RayEnd {
 
 /// Rays that leave points which share a material. Of a path's rays those of the lobes come in the
 /// lobes' order: refracted ones, then one mirrored, then one that goes straight on.
+/// A point of the unit disc: its direction and the square of its distance from the middle.
+struct DiscPlace {
+  double azimuth[2], radius2;
+};
+inline DiscPlace disc_place(double x, double y) {
+  const double r2 = x * x + y * y, r = __builtin_sqrt(r2);
+  return {{r > 0 ? x / r : 1, r > 0 ? y / r : 0}, r2};
+}
+
 struct PassStage {
   size_t count;
   const uint32_t* rows;  // of the points, of different paths
@@ -254,9 +263,8 @@ struct PassStage {
   const LobeShape* lobes;
   uint32_t lobe_count, max_bounces, max_straight;
   double cutoff;  // of weights
-  /// Where in rough REFRACTION lobes rays go on, after depth % levels bounces: direction and square
-  /// of a disc's point.
-  const double* places;
+  /// Where in rough REFRACTION lobes rays go on, after depth % levels bounces.
+  const DiscPlace* places;
   uint32_t levels;
   RayEnd straight, bounced;  // room for each row, and for each row and lobe
 };
