@@ -23,13 +23,14 @@ from .evaluator import (
     is_finite,
     scale_closure,
 )
-from .graph import Place, images_behind, node_tree, socket_named
+from .graph import Place, images_behind, node_tree, output_of, socket_named
 from .images import Images
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .report import Report
 from .shader_nodes import TreeReader
 from .terms import complement, constant, constant_value, factors_of
+from .unheard import note_material
 from .varying import Roughness
 
 
@@ -112,8 +113,10 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
         _surface(tree, evaluator) if tree is not None else _viewport_surface(material, evaluator)
     )
     lobes = lobes_of(evaluator.settled(closure))
+    bent = evaluator.normal()
+    note_material(material, any(lobe.kind == "TRANSPARENT" for lobe in lobes), bent >= 0, report)
     return evaluator.expressions.with_program(
-        Material(material.name, lobes, material.pass_index, normal_output=evaluator.normal())
+        Material(material.name, lobes, material.pass_index, normal_output=bent)
     )
 
 
@@ -128,9 +131,7 @@ def _surface(tree: Any, evaluator: Evaluator) -> Closure:
     """What the active output shows, as in Cycles: black without one; what is but the bounds of a
     volume lets everything through.
     """
-    output = next(
-        filter(None, (tree.get_output_node(target) for target in ("ALL", "CYCLES", "EEVEE"))), None
-    )
+    output = output_of(tree)
     if output is None:
         evaluator.note("Materials without an output node are black: {}; add a Material Output")
         return {}
