@@ -491,8 +491,8 @@ class World:
     transparent: camera rays that miss leave alpha 0 instead of the background.  program: its first
     output, a vector, is seen instead of `background` where there is one; of what reads points it
     has `incoming` and `light_path` alone.  textures: what it refers to.  axes: (3, 3) orthonormal
-    columns, the program's axes in the scene. mist: of the pass, not in the picture.  medium: what is
-    everywhere, inside of things too; None for nothing.
+    columns, the program's axes in the scene. mist: of the pass, not in the picture.  medium: what
+    is everywhere, inside of things too; None for nothing.
     """
 
     ambient: tuple[float, float, float] = (0.0, 0.0, 0.0)

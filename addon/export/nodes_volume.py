@@ -1,4 +1,4 @@
-"""Volume shaders to `engine.scene.Medium`: what they absorb, scatter and give out per unit of length,
+"""Volume shaders to `engine.scene.Medium`: what they absorb, scatter and give out a unit of length,
 as Cycles has it.
 """
 

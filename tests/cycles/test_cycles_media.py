@@ -80,7 +80,7 @@ def test_what_absorbs_in_a_box_and_a_ball_across_each_other(kind: str) -> None:
 def test_colored_glass() -> None:
     scene = cycles.empty_scene(48, 48)
     glowing(scene)
-    material, tree, output = new_material("glass")
+    material, _, output = new_material("glass")
     linked("ShaderNodeBsdfRefraction", output, "Surface", Color=(1, 1, 1, 1), IOR=1.3, Roughness=0)
     linked("ShaderNodeVolumeAbsorption", output, Color=(0.2, 0.8, 0.5, 1), Density=0.8)
     ball(scene, material)
