@@ -19,7 +19,7 @@ from .report import Report
 from .unheard import note_object
 
 _UNSUPPORTED = {
-    "VOLUME": "Volumes are not rendered: {}; convert them to meshes",
+    "VOLUME": "Volume objects are not rendered: {}; convert them to meshes",
     "GPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
     "GREASEPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
 }
