@@ -5,7 +5,6 @@ plane by accident and rounding alone says which is met.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -219,34 +218,13 @@ def scenes(draw: Any) -> s.Scene:
     )
     return s.Scene(
         camera,
-        tuple(
-            geometry(dice, "flat" if kind == "smooth" and _glows(surfaces, block) else kind)
-            for kind, block in zip(kinds, placed, strict=True)
-        ),
+        tuple(geometry(dice, kind) for kind in kinds),
         placed,
         surfaces,
         pictures,
         _with_one_sky(lamps),
         world,
     )
-
-
-def _glows(surfaces: tuple[s.Material, ...], block: s.Instances) -> bool:
-    """Whether a placement glows. Smooth things that do light the faces that they consist of along
-    those very faces, where rounding says whether a face hides a point of its own plane.
-    """
-    return any(lobe.kind == "EMISSION" for lobe in surfaces[block.materials[0]].lobes)
-
-
-def flat(scene: s.Scene) -> s.Scene:
-    """The scene without smooth meshes, for light that surfaces scatter: as what glows does, see
-    `_glows`.
-    """
-    plain = (
-        replace(thing, normals=None) if isinstance(thing, s.Mesh) else thing
-        for thing in scene.geometries
-    )
-    return replace(scene, geometries=tuple(plain))
 
 
 def _with_one_sky(lamps: list[s.Light]) -> tuple[s.Light, ...]:

@@ -40,7 +40,6 @@ SCENES = int(os.environ.get("GLINT_SCENES", "60"))
 )
 @given(random_scenes.scenes(), random_scenes.settings())
 def test_same_picture(scene, settings):
-    scene = random_scenes.flat(scene) if settings.diffuse_bounces else scene
     assert scene.problems() == []
     settings = replace(settings, passes=PASSES)
     core, reference = (
