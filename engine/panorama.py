@@ -1,5 +1,5 @@
-"""Cameras whose picture is no plane: what of the directions round the eye it shows, and where an eye
-of a pair stands (SEMANTICS.md, "Panoramas").
+"""Cameras whose picture is no plane: what of the directions round the eye it shows, and where an
+eye of a pair stands (SEMANTICS.md, "Panoramas").
 """
 
 from __future__ import annotations

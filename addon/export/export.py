@@ -15,13 +15,13 @@ import numpy as np
 from ...engine.scene import Geometry, Instances, Scene, Strands
 from .aovs import Aov, note_world
 from .camera import border, export_camera, resolution
-from .panorama import Looker
 from .decoded import Decoded
 from .images import Images
 from .instances import Flags, Thing, places_on_instancers, random_numbers, walk
 from .lights import Lights, Seen
 from .materials import Materials, Wanted, without_unused
 from .meshes import MeshSource, mesh_key, read_attributes, readable
+from .panorama import Looker
 from .placing import note_empty_view, without_collapsed
 from .properties import Value, value_of
 from .report import Report

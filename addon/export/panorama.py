@@ -30,7 +30,7 @@ class Looker:
 
 
 def panorama_of(data: Any, aspect: tuple[float, float], side: int, report: Report) -> Panorama:
-    """Of a panoramic camera's data for a frame whose sides are as `aspect`. side: as of `Looker`."""
+    """Of a panoramic camera's data for a frame with sides like `aspect`. side: as of `Looker`."""
     kind = _setting(data, "panorama_type", "FISHEYE_EQUISOLID")
     kind = _OTHER_NAMES.get(kind, kind)
     if kind not in PROJECTIONS:

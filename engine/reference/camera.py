@@ -103,6 +103,10 @@ class CameraRays:
         """World units per unit of the parameter of its rays."""
         return self.unit if self.panorama is None else 1.0
 
+    def weights(self, rays: Rays) -> Array:
+        """(n,) of camera rays: 1, and 0 beyond the picture of a panorama's lens."""
+        return np.ones(len(rays)) if self.panorama is None else np.where(rays.far >= 0, 1.0, 0.0)
+
     def pixels(
         self, x: tuple[int, int], y: tuple[int, int], offset: Array
     ) -> tuple[Pencil, Strips | None]:
@@ -148,9 +152,7 @@ class CameraRays:
             origin, along = transform_each(world, origin) + moved, transform_each(world, along)
         return Bundle.of(origin, along, *self._clipped(start, slope))
 
-    def _window(
-        self, x: tuple[int, int], y: tuple[int, int], offset: Array
-    ) -> tuple[Array, Array]:
+    def _window(self, x: tuple[int, int], y: tuple[int, int], offset: Array) -> tuple[Array, Array]:
         """Where the columns and the rows of these pixels are in the window."""
         return (
             self.corner[0] + (np.arange(*x) + 0.5 + offset[0]) * self.pixel[0],

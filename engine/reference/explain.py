@@ -125,7 +125,8 @@ class Explainer:
         """
         rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._spread)[0]
         zero = np.zeros(1, np.intp)
-        paths = Paths(rays, np.ones((3, 1)), zero, zero, 0, np.full(1, np.inf))
+        weight = np.tile(self.stage.camera.weights(rays), (3, 1))
+        paths = Paths(rays, weight, zero, zero, 0, np.full(1, np.inf))
         return self.follow(paths, "camera" if self._spread.lens is None else "lens")
 
     def follow(self, paths: Paths, kind: str) -> Ray:

@@ -59,9 +59,11 @@ class Generations:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
         n = len(rays)
         widest = np.full(n, np.inf)
-        seen = np.where(rays.far >= 0, 1.0, 0.0) if self._stage.camera.panorama else np.ones(n)
+        seen = self._stage.camera.weights(rays)
         self._tile.lose(np.arange(n), np.tile(1 - seen, (3, 1)))
-        generation = [Paths(rays, np.tile(seen, (3, 1)), np.arange(n), np.zeros(n, np.intp), 0, widest)]
+        generation = [
+            Paths(rays, np.tile(seen, (3, 1)), np.arange(n), np.zeros(n, np.intp), 0, widest)
+        ]
         while generation:
             deeper: list[Paths] = []
             for paths in generation:

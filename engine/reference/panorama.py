@@ -40,9 +40,7 @@ def _equirectangular(p: Panorama, u: Array, v: Array) -> tuple[Array, Array]:
 
 def _central_cylindrical(p: Panorama, u: Array, v: Array) -> tuple[Array, Array]:
     longitude = _mixed(p.longitude, u)
-    return _everywhere(
-        np.stack([np.sin(longitude), _mixed(p.heights, v), -np.cos(longitude)])
-    )
+    return _everywhere(np.stack([np.sin(longitude), _mixed(p.heights, v), -np.cos(longitude)]))
 
 
 def _cubemap_face(p: Panorama, u: Array, v: Array) -> tuple[Array, Array]:
@@ -51,7 +49,7 @@ def _cubemap_face(p: Panorama, u: Array, v: Array) -> tuple[Array, Array]:
 
 
 def _mirror_ball(p: Panorama, u: Array, v: Array) -> tuple[Array, Array]:
-    """The mirror image of backward in a ball's unit normals."""
+    """Of backward in unit normals that turn away from the camera."""
     x, y = 2 * u - 1, 2 * v - 1
     square = 1 - x * x - y * y
     h = np.sqrt(np.maximum(square, 0.0))
@@ -122,10 +120,12 @@ def from_eye(eye: Eye, o: Array, d: Array) -> tuple[Array, Array]:
     if eye.pole_merge is not None:
         start, end = eye.pole_merge
         elevation = np.abs(np.arcsin(np.clip(d[1], -1.0, 1.0)))
-        share = np.clip((elevation - start) / (end - start), 0.0, 1.0)
+        with np.errstate(over="ignore"):
+            share = np.clip((elevation - start) / (end - start), 0.0, 1.0)
         offset = np.where(elevation > end, 0.0, offset * np.cos(np.pi / 2 * share))
     aside = offset * unit(np.where(side.any(0), side, [[1.0], [0.0], [0.0]]))
-    return o + aside, unit(d - aside / eye.convergence)
+    with np.errstate(invalid="ignore", over="ignore"):
+        return o + aside, unit(d - aside / eye.convergence)
 
 
 def picture_points(panorama: Panorama, d: Array) -> tuple[Array, Array]:

@@ -73,9 +73,8 @@ void Tracer::choose(const Tile& tile) {
     std::iota(active_.begin(), active_.end(), 0u);
   }
   surely_empty_ = !active_.empty() && !plan_.is_spread() && !plan_.moving &&
-                  !camera_.is_panorama() &&
-                  !(scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) && !scene_.sky_program &&
-                  scene_.accel().surely_empty(frustum(tile));
+                  !camera_.is_panorama() && !(scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) &&
+                  !scene_.sky_program && scene_.accel().surely_empty(frustum(tile));
 }
 
 /// Round all camera rays of the tile's samples.

@@ -65,11 +65,10 @@ inline PanoramaRay from_eye(const GlintCamera& c, const PanoramaRay& ray) {
     const Doubles elevation = magnitude(asin(larger(smaller(ray.d.y, splat(1)), splat(-1))));
     const Doubles share = (elevation - c.pole_merge[0]) / (c.pole_merge[1] - c.pole_merge[0]);
     const Doubles faded = offset * cos(quarter * smaller(larger(share, splat(0)), splat(1)));
-    offset = where(elevation <= c.pole_merge[1],
-                   choose(elevation > c.pole_merge[0], faded, offset));
+    offset =
+        where(elevation <= c.pole_merge[1], choose(elevation > c.pole_merge[0], faded, offset));
   }
-  const Three aside =
-      offset * unit(choose(nonzero(side), side, {splat(1), splat(0), splat(0)}));
+  const Three aside = offset * unit(choose(nonzero(side), side, {splat(1), splat(0), splat(0)}));
   return {ray.o + aside, unit(ray.d - splat(1 / c.convergence) * aside)};
 }
 
