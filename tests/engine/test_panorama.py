@@ -19,7 +19,8 @@ from glint.engine import Settings, film, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from glint.engine.panorama import Eye, Panorama
 from glint.engine.program.table import BY_NAME
-from glint.engine.scene import Camera, Instances, Lens, Scene, Spheres
+from glint.engine.scene import Camera, Instances, Lens, Medium, Scene, Spheres
+from media_scenes import rich
 from test_lens import BACKENDS, depths, glowing, moving, turned
 from test_program_render import new_graph, shown
 
@@ -234,6 +235,18 @@ def test_bumps_are_as_wide_in_both_tracers(name):
         np.subtract(*(direction(PANORAMAS[name], 0.5 + k * 0.6 / SIZE[0], 0.55) for k in (0, 1)))
     )
     np.testing.assert_allclose(np.linalg.norm(spread, axis=1), 300 * across, rtol=1e-3)
+
+
+def test_media_dim_what_is_seen_and_nothing_beyond_the_lens():
+    """From inside of a world's."""
+    scene = rich()
+    world = replace(scene.world, medium=Medium((0.05, 0.1, 0.02)), background=(0.5, 0.6, 0.7))
+    camera = seen(PANORAMAS["equidistant"], frame=scene.camera.world_from_camera)
+    scene = replace(scene, camera=camera, world=world)
+    core, reference = (passes_of(scene, b, max_bounces=2)["Combined"] for b in BACKENDS)
+    np.testing.assert_allclose(core, reference, rtol=1e-4, atol=1e-5)
+    lit = np.isfinite(directions(PANORAMAS["equidistant"])[..., 0])
+    assert not core[~lit].any() and (core[lit][:, 3] == 1).all()
 
 
 def test_both_tracers_stop_pixels_alike():
