@@ -15,6 +15,7 @@ import numpy as np
 
 from ..cryptomatte import id_bits
 from ..errors import SceneError
+from ..panorama import Eye, Panorama
 from ..program.program import Program
 from ..scene import (
     EVERYTHING,
@@ -316,7 +317,19 @@ def pack_camera(camera: Camera) -> core_types.CameraData:
     planes = np.ravel(camera.clip_planes)[:24]
     data.clip_planes[: len(planes)] = planes
     data.kind = number(camera.kind, core_types.CameraKind, "camera kind")
+    if camera.kind == "PANORAMA":
+        _pack_panorama(data, camera.panorama)
     return data
+
+
+def _pack_panorama(data: core_types.CameraData, panorama: Panorama) -> None:
+    data.projection = number(panorama.projection, core_types.Projection, "projection")
+    for name in ("longitude", "latitude", "heights", "sensor", "polynomial"):
+        getattr(data, name)[:] = getattr(panorama, name)
+    data.fov, data.lens = panorama.fov, panorama.lens
+    eye = panorama.eye or Eye(0.0)
+    data.eye_offset, data.convergence = eye.offset, eye.convergence
+    data.pole_merge[:] = eye.pole_merge or (0.0, 0.0)
 
 
 # --- geometry
