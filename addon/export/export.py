@@ -28,6 +28,7 @@ from .report import Report
 from .shader_nodes.objects import OF_EACH
 from .shapes import export_points, read_shape
 from .strands import StrandSource, read_curves, read_hair, read_strand_attributes
+from .unheard import note_scene
 from .world import Sky, export_world, with_mist
 
 
@@ -95,6 +96,7 @@ def export_scene(
     world = _world(depsgraph, scene)
     sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
     sky = with_mist(sky, scene.world)
+    note_scene(scene, report)
     note_world(world, aovs, report)
     exported = collector.scene(camera, things, sky)
     if decoded is not None:
@@ -183,6 +185,8 @@ class Collector:
             seen = Seen(flags.camera, flags.mirror, flags.receivers, flags.blockers)
             return _Lamp(data, seen)
         kind = type(data).__name__
+        if kind == "Mesh" and not self.depsgraph.view_layer.use_solid:
+            return None
         read = {
             "Mesh": lambda: self._mesh(data, owner),
             "PointCloud": lambda: self._points(data),

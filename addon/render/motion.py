@@ -34,7 +34,8 @@ def with_motion(
     on the way, so that nothing evaluated may be kept over this call.
     """
     render, frame = depsgraph.scene.render, depsgraph.scene.frame_current_final
-    if not render.use_motion_blur or render_engine.is_preview or render.motion_blur_shutter <= 0:
+    blurs = render.use_motion_blur and depsgraph.view_layer.use_motion_blur
+    if not blurs or render_engine.is_preview or render.motion_blur_shutter <= 0:
         return tuple(scenes), ()
     camera = depsgraph.scene.camera  # of the frame: markers may bind others before and after it
     still = read_pose(depsgraph)
