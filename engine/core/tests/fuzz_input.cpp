@@ -627,7 +627,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   s.light_samples = uint32_t(1 + dice.below(3));
   s.max_bounces = uint32_t(dice.below(stops_early ? 2 : 5));
   s.threads = uint32_t(1 + dice.below(3));
-  s.passes = uint32_t(dice.below(1u << GLINT_PASS_COUNT)) | 1u;
+  s.passes = dice.below(pass_bit(GLINT_PASS_COUNT)) | 1u;
   s.pixel_offsets = arena.fill<double>(2 * s.samples, [&] { return 0.5 * dice.number(); });
   s.light_point_count = uint64_t(s.samples) * s.light_samples;
   s.error_threshold = stops_early        ? dice.uniform(0, 16)
@@ -641,7 +641,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   set_reflections(dice, arena, s);
   set_lens(dice, arena, s);
   s.crypto_ids = uint32_t(1 + dice.below(8));
-  if (scene.aov_count == 0) s.passes &= ~(1u << GLINT_PASS_AOV);
+  if (scene.aov_count == 0) s.passes &= ~(pass_bit(GLINT_PASS_AOV));
   if (dice.chance(0.05 * dice.wildness)) s.crypto_ids = uint32_t(dice.bits());
   const uint32_t w = scene.camera.width, h = scene.camera.height;
   const bool part = dice.chance(0.3);
