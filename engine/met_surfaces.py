@@ -23,8 +23,8 @@ def met_surfaces(
     scene: Scene, origin: Array, o: Array, d: Array, hits: Hits
 ) -> tuple[Array, Surface, Coefficients, Array, Array]:
     """Which of the rays from o in the directions d (3, n) met something, (m,), the surface there,
-    its lobes, its light_set (m,) and whether it is a shadow catcher, (m,) bool. o and the surface count from the origin (3,), which is the
-    camera of programs.
+    its lobes, its light_set (m,) and whether it is a shadow catcher, (m,) bool. o and the surface
+    count from the origin (3,), which is the camera of programs.
     """
     from .reference.attributes import Attributes
     from .reference.geometry import gather

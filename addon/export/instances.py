@@ -26,7 +26,8 @@ _UNSUPPORTED = {
 
 class Flags(NamedTuple):
     """What an object's settings say of its visibility, with its instancer's. light_set: which
-    lights reach it.  receivers: the sets that it lights.  blockers: those that shade it.  catcher: of shadows.
+    lights reach it.  receivers: the sets that it lights.  blockers: those that shade it.
+    catcher: of shadows.
     """
 
     camera: bool

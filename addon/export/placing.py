@@ -69,9 +69,7 @@ def note_catchers(
                 block.name,
             )
         if "EMISSION" in kinds:
-            report.note(
-                "Shadow catchers that glow light nothing: {}; put a lamp there", block.name
-            )
+            report.note("Shadow catchers that glow light nothing: {}; put a lamp there", block.name)
 
 
 def _ranks(linear: np.ndarray) -> np.ndarray:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import catchers
 from ..motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
+from . import catchers
 from .camera import Spread
 from .generations import reflected
 from .gloss import Narrow
@@ -197,16 +197,12 @@ class Explainer:
         hidden = paths.glossy or (paths.depth == 0 and self.stage.scene.world.transparent)
         return np.zeros(3) if hidden else self.stage.background_of(d, paths.kind)[:, 0]
 
-    def _behind(
-        self, paths: Paths, d: Array, coefficients: Coefficients, ratio: Array
-    ) -> Array:
+    def _behind(self, paths: Paths, d: Array, coefficients: Coefficients, ratio: Array) -> Array:
         """(3,) what a shadow catcher shows of the surroundings behind it."""
         left = catchers.light_left(ratio[:, None]) * catchers.opacity(coefficients)
         return left[:, 0] * self._background(paths, d)
 
-    def _caught(
-        self, surface: Surface, coefficients: Coefficients, paths: Paths
-    ) -> Numbers | None:
+    def _caught(self, surface: Surface, coefficients: Coefficients, paths: Paths) -> Numbers | None:
         stage = self.stage
         if paths.depth > 0 or not stage.per_object("catcher", surface.row)[0]:
             return None

@@ -12,7 +12,9 @@ Array = np.ndarray
 
 HEALTH = ("Error", "Samples", "Cost", "Fallbacks")
 """Passes that grow with every sample and belong to no part."""
-DATA = tuple(name for name in PASSES if name != "Combined" and name not in (*PARTS, *HEALTH, *SEEN, CATCHER))
+DATA = tuple(
+    name for name in PASSES if name != "Combined" and name not in (*PARTS, *HEALTH, *SEEN, CATCHER)
+)
 LARGEST = float(np.finfo(np.float32).max)
 
 
@@ -21,10 +23,10 @@ class Tile:
     cost: (n,) rays. softly_lit, cut: (n,) bool, whether a light of more than one sample reached
     them, and whether their horizon cuts one. data: (channels, n) for the passes named. wanted:
     (n,) bool, pixels whose data is still to come. clear: (n,) what is seen and no mist before
-    it.  caught: (3, n) what shadows on
-    catchers take away. aovs: (4 each, n) colours and what of the sample has them. wants_aovs: (n,) bool, pixels
-    whose ray has met nothing that hides what is behind. met: of each Cryptomatte pass, pixels,
-    bits of ids and coverages, (m,) each, of what was met.
+    it.  caught: (3, n) what shadows on catchers take away. aovs: (4 each, n) colours and what of
+    the sample has them. wants_aovs: (n,) bool, pixels whose ray has met nothing that hides what is
+    behind. met: of each Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what
+    was met.
     """
 
     def __init__(self, count: int, data: frozenset[str], aovs: int = 0):

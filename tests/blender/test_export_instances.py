@@ -208,7 +208,11 @@ def test_each_flag_has_its_field(scene, flag):  # noqa: F811
     thing.pass_index = 7
     setattr(thing, flag, not getattr(thing, flag))
     (row,) = export().scene.instances
-    changed = {name for name in FLAGS.values() if getattr(row, name) != (name not in ("holdout", "catcher"))}
+    changed = {
+        name
+        for name in FLAGS.values()
+        if getattr(row, name) != (name not in ("holdout", "catcher"))
+    }
     assert changed == {FLAGS[flag]}
     assert row.object_index == 7
 

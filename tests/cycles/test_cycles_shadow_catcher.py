@@ -57,7 +57,9 @@ def panel():
 
 def sun():
     scene = caught((0.2, 0.3, 0.4))
-    add(scene, "Ball", ball(material=lambert((0.7, 0.7, 0.7))), moved(1.6, -0.4, 0.5, 0.5, 0.5, 0.5))
+    add(
+        scene, "Ball", ball(material=lambert((0.7, 0.7, 0.7))), moved(1.6, -0.4, 0.5, 0.5, 0.5, 0.5)
+    )
     add_light(scene, "SUN", (3, 1, 4), energy=3.0)
     return scene
 
@@ -77,7 +79,7 @@ def test_shadow_catchers_show_what_cycles_shows(name: str) -> None:
     points lights have.
     """
     scene = SCENES[name]()
-    plan = dict(samples=32, light_samples=4, filter_width=0.0, mesh_light="ON")
+    plan = {"samples": 32, "light_samples": 4, "filter_width": 0.0, "mesh_light": "ON"}
     plan["passes"] = frozenset({"Shadow Catcher"})
     film = render_glint(scene, "NATIVE", **plan).passes
     passes = of_cycles(scene, True)

@@ -15,7 +15,7 @@ from native_tools import constant, draw, lamp, material, needs_core, placed, squ
 
 BACKENDS = [pytest.param("NATIVE", marks=needs_core), "NUMPY"]
 BEHIND = (0.4, 0.6, 0.8)
-LIT = dict(mesh_light="ON", diffuse_bounces=2, reflections="ALL", max_bounces=3)
+LIT = {"mesh_light": "ON", "diffuse_bounces": 2, "reflections": "ALL", "max_bounces": 3}
 ALL_LIGHT = ("mirrors", "alpha", "far_and_emitting")
 
 
@@ -51,7 +51,7 @@ OPEN = lamp("SUN", strength=1.0, color=(1.0, 1.0, 1.0), cast_shadow=False)
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_shadow_is_the_share_of_the_light_that_is_left(backend: str) -> None:
     """Of a light that is blocked and one that is not, a channel each: 1/3, 1/2 and 1."""
-    plan = dict(backend=backend, filter_width=0.0)
+    plan = {"backend": backend, "filter_width": 0.0}
     scene = caught((RED, OPEN))
     ratio = np.array([1 / 3, 1 / 2, 1.0])
     film = draw(scene, "Shadow Catcher", **plan)
@@ -89,10 +89,8 @@ def test_a_veil_catches_what_it_does_not_let_through(backend: str) -> None:
     scene = caught((RED,), 0, *lobes, transparent=True)
     glow = material(s.Lobe("EMISSION", constant(2.0)))
     below = placed(0, (2,), z=-1.0, visible_shadow=False)
-    scene = replace(
-        scene, instances=(*scene.instances, below), materials=(*scene.materials, glow)
-    )
-    plan = dict(backend=backend, filter_width=0.0, mesh_light="OFF")
+    scene = replace(scene, instances=(*scene.instances, below), materials=(*scene.materials, glow))
+    plan = {"backend": backend, "filter_width": 0.0, "mesh_light": "OFF"}
     open_, dark = halves(draw(scene, **plan).combined)
     np.testing.assert_allclose(open_, (0.5, 0.5, 0.5, 0.25), rtol=1e-6)
     # blue is lit by nothing: two channels of three are dark
@@ -112,7 +110,7 @@ def test_mirrors_see_a_catcher_and_it_does_not_mirror(backend: str) -> None:
         instances=(*scene.instances[:1], mirror),
         materials=(*scene.materials, material(s.Lobe("MIRROR", constant(1.0)))),
     )
-    plan = dict(backend=backend, filter_width=0.0)
+    plan = {"backend": backend, "filter_width": 0.0}
     plain = replace(
         scene, instances=(replace(scene.instances[0], catcher=False), scene.instances[1])
     )

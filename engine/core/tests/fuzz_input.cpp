@@ -481,7 +481,7 @@ Placed placed(Dice& dice, Arena& arena, size_t materials) {
     i.first_row = dice.below(p.rows + 1);
     i.row_count = dice.below(p.rows - i.first_row + 1);
     i.geometry = dice.index(p.geometries.size());
-    i.flags = uint32_t(dice.below(16)) | (dice.chance(0.7) ? 7 : 0);
+    i.flags = uint32_t(dice.below(32)) | (dice.chance(0.7) ? 7 : 0);
     i.material_count = uint32_t(materials ? dice.below(materials + 1) : 0);
     p.instances.push_back(i);
   }
@@ -587,12 +587,12 @@ void set_dome(Dice& dice, Arena& arena, GlintRenderSettings& s) {
 void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.mesh_samples = uint32_t(1 + dice.below(5));
   s.mesh_count = uint64_t(s.mesh_samples) * (1 + dice.below(s.samples));
-  s.mesh_table = arena.fill<double>(16 * s.mesh_count, [&] { return dice.number(); });
+  s.mesh_table = arena.fill<double>(17 * s.mesh_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.mesh_count = 0;
   if (dice.chance(0.05 * dice.wildness)) s.mesh_table = nullptr;
   s.bounced_samples = uint32_t(1 + dice.below(5));
   s.bounced_count = uint64_t(s.bounced_samples) * (1 + dice.below(s.samples));
-  s.bounced_table = arena.fill<double>(16 * s.bounced_count, [&] { return dice.number(); });
+  s.bounced_table = arena.fill<double>(17 * s.bounced_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.bounced_count = 0;
 }
 

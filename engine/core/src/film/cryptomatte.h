@@ -22,8 +22,8 @@ struct CryptoMeeting {
 class Cryptomatte {
  public:
   static constexpr Passes kPasses = pass_bit(GLINT_PASS_CRYPTO_OBJECT) |
-                                      pass_bit(GLINT_PASS_CRYPTO_MATERIAL) |
-                                      pass_bit(GLINT_PASS_CRYPTO_ASSET);
+                                    pass_bit(GLINT_PASS_CRYPTO_MATERIAL) |
+                                    pass_bit(GLINT_PASS_CRYPTO_ASSET);
   /// A thing in the pixel of a slot.
   struct Share {
     uint32_t slot, id;

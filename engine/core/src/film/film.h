@@ -140,15 +140,17 @@ class Film {
   void forget_sums();
 
  private:
-  static constexpr Passes kDataPasses = ((pass_bit(GLINT_PASS_ERROR)) - (pass_bit(GLINT_PASS_DEPTH))) |
-                                          pass_bit(GLINT_PASS_GRAZING) | pass_bit(GLINT_PASS_GAP);
-  static constexpr Passes kHealthPasses = pass_bit(GLINT_PASS_ERROR) | pass_bit(GLINT_PASS_SAMPLES) |
-                                            pass_bit(GLINT_PASS_COST) | pass_bit(GLINT_PASS_FALLBACKS);
+  static constexpr Passes kDataPasses =
+      ((pass_bit(GLINT_PASS_ERROR)) - (pass_bit(GLINT_PASS_DEPTH))) | pass_bit(GLINT_PASS_GRAZING) |
+      pass_bit(GLINT_PASS_GAP);
+  static constexpr Passes kHealthPasses = pass_bit(GLINT_PASS_ERROR) |
+                                          pass_bit(GLINT_PASS_SAMPLES) | pass_bit(GLINT_PASS_COST) |
+                                          pass_bit(GLINT_PASS_FALLBACKS);
   static constexpr Passes kDenoisingPasses = pass_bit(GLINT_PASS_DENOISING_NORMAL) |
-                                               pass_bit(GLINT_PASS_DENOISING_ALBEDO) |
-                                               pass_bit(GLINT_PASS_DENOISING_DEPTH);
-  static constexpr Passes kSeenPasses =
-      kDenoisingPasses | pass_bit(GLINT_PASS_MIST) | pass_bit(GLINT_PASS_AOV) | Cryptomatte::kPasses;
+                                             pass_bit(GLINT_PASS_DENOISING_ALBEDO) |
+                                             pass_bit(GLINT_PASS_DENOISING_DEPTH);
+  static constexpr Passes kSeenPasses = kDenoisingPasses | pass_bit(GLINT_PASS_MIST) |
+                                        pass_bit(GLINT_PASS_AOV) | Cryptomatte::kPasses;
   void keep_sums(int pass, int channels);
   std::shared_ptr<ZeroedBuffer<float>> cropped(int pass) const;
   float* values(int pass) const { return pictures_[pass]->data(); }
@@ -173,7 +175,7 @@ class Film {
   Cryptomatte cryptomatte_;
   std::shared_ptr<ZeroedBuffer<float>> pictures_[GLINT_PASS_COUNT];
   Passes lent_ = 0, renewed_ = 0;  // passes whose pictures somebody else has as well; that are
-                                     // new and empty for this wave
+                                   // new and empty for this wave
 };
 
 }  // namespace glint

@@ -75,8 +75,8 @@ void Batch::place_columns() {
   part(parts_.ambient, GLINT_PASS_AMBIENT);
   part(parts_.emission, GLINT_PASS_EMISSION);
   part(parts_.environment, GLINT_PASS_ENVIRONMENT);
-  bool light_parts =
-      passes_ & (pass_bit(GLINT_PASS_DIFFUSE) | pass_bit(GLINT_PASS_SPECULAR) | pass_bit(GLINT_PASS_SHADOW));
+  bool light_parts = passes_ & (pass_bit(GLINT_PASS_DIFFUSE) | pass_bit(GLINT_PASS_SPECULAR) |
+                                pass_bit(GLINT_PASS_SHADOW));
   if (light_parts) {
     three(parts_.diffuse);
     three(parts_.specular);

@@ -87,8 +87,9 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
       light.set(stage_, point, count, plan_.physical);
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       // What is known of shadows is not told when instances change their sets.
-      uint8_t* const known =
-          batch.first_hits && light.passed_sets == 0 && !alone_ ? batch.first_hits->shadows(number) : nullptr;
+      uint8_t* const known = batch.first_hits && light.passed_sets == 0 && !alone_
+                                 ? batch.first_hits->shadows(number)
+                                 : nullptr;
       const size_t reached = stages_.light(stage_);
       add_lit(batch, light, reached, known ? known + batch.first_row : nullptr, counts);
       if (light.is_dome()) note_hidden(reached);
@@ -192,8 +193,7 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
   const bool casts = light.casts_shadow();
   for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (casts && glassy_ && !known) {
-    transparent_shadows_.trace(batch, stage_, opacity(light), zeros_, count, shadow_,
-                               counts);
+    transparent_shadows_.trace(batch, stage_, opacity(light), zeros_, count, shadow_, counts);
   } else {
     if (casts) find_shadows(light, count, known, counts);
     else std::fill_n(blocked_.begin(), count, uint8_t(0));

@@ -65,7 +65,8 @@ struct RenderPlan {
       return {0, 0, place[0], place[1], dome_table + 9 * number, &dome, number % kSkyDraws == 0};
     }
     if (light.is_mesh()) {
-      const double* const row = mesh_table + kPointColumns * (size_t(sample % mesh_tabled) * mesh_samples + j);
+      const double* const row =
+          mesh_table + kPointColumns * (size_t(sample % mesh_tabled) * mesh_samples + j);
       return {0, 0, row[14], row[15], row, nullptr, j == 0};
     }
     if (light.is_bounced()) {

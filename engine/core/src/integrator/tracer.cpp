@@ -426,9 +426,9 @@ void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
   uint32_t* const all = batch_.passing_rows.data();
   size_t shown = count;  // those beyond are on catchers
   if (catches_)
-    shown = size_t(std::stable_partition(all, all + count,
-                                         [&](uint32_t k) { return !is_caught(queue, k); }) -
-                   all);
+    shown = size_t(
+        std::stable_partition(all, all + count, [&](uint32_t k) { return !is_caught(queue, k); }) -
+        all);
   for (size_t first = 0, some; first < count; first += some) {
     const size_t end = first < shown ? shown : count;
     some = cuts_.leading(queue, all + first, end - first);

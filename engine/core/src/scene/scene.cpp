@@ -415,10 +415,9 @@ bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& ca
   }
   if (caught_.empty() && features & GLINT_FEATURE_SHADOW_CATCHER) {
     for (const Light& light : lights)
-      caught_.push_back(
-          light.passed_sets
-              ? std::make_unique<const PassedInstances>(*this, light.passed_sets, true)
-              : nullptr);
+      caught_.push_back(light.passed_sets ? std::make_unique<const PassedInstances>(
+                                                *this, light.passed_sets, true)
+                                          : nullptr);
     caught_.push_back(std::make_unique<const PassedInstances>(*this, 0, true));
   }
   if (!build_emitters(threads, cancel)) return false;
