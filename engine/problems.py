@@ -31,6 +31,7 @@ from .checks import (
     whole,
 )
 from .linear import determinant, length, pseudo_inverse
+from .panorama import panorama_problems
 from .program.problems import program_problems
 from .program.program import instructions
 from .scene import (
@@ -56,6 +57,7 @@ from .scene import (
     Light,
     Lobe,
     Material,
+    Medium,
     Mesh,
     Polygons,
     Scene,
@@ -370,10 +372,26 @@ def _material(textures: int, material: Material) -> Found:
             yield "aovs has AOVs of its own: use none"
         yield from (f"aovs: {text}" for text in _material(textures, replace(given, aovs=None)))
     yield from handle("normal_output", material.normal_output, outputs, "outputs", none=True)
+    yield from _medium(material.medium)
     strangers = [*holds("lobes", material.lobes, (Lobe,))]
     yield from strangers
     for number, lobe in enumerate(() if strangers else material.lobes):
         yield from (f"lobe {number}: {text}" for text in _lobe(lobe, textures, outputs))
+
+
+def _medium(medium: Medium | None) -> Found:
+    if medium is None:
+        return
+    if not isinstance(medium, Medium):
+        yield f"medium is a {type(medium).__name__}: use Medium or None"
+        return
+    for name in ("absorption", "scattering", "emission"):
+        value = getattr(medium, name)
+        problems = [*numbers(f"medium {name}", value, 3)]
+        yield from problems
+        if not problems and name != "emission" and min(value) < 0:
+            yield f"medium {name} is {value}: use numbers of at least 0"
+    yield from at_least("medium anisotropy", medium.anisotropy, -1, 1)
 
 
 def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
@@ -525,6 +543,8 @@ def _camera(camera: Camera) -> Found:
     yield from _window(camera)
     yield from _resolution(camera)
     yield from _clip(camera)
+    if camera.kind == "PANORAMA":
+        yield from panorama_problems(camera.panorama)
     if camera.lens is not None:
         yield from _lens(camera.lens)
     if camera.motion is not None:
@@ -556,7 +576,7 @@ def _clip(camera: Camera) -> Found:
     start, end = camera.clip_start, camera.clip_end
     # An orthographic view may start behind its plane, as Blender's viewport does; no ray of a
     # perspective goes there.
-    if camera.kind == "PERSPECTIVE" and not start >= 0:
+    if camera.kind != "ORTHOGRAPHIC" and not start >= 0:
         yield f"clip_start is {start!r}: use 0 or more"
     if not start < end:
         yield (
@@ -565,6 +585,8 @@ def _clip(camera: Camera) -> Found:
         )
     if len(camera.clip_planes) > 6:
         yield f"clip_planes has {len(camera.clip_planes)} rows: use 6 at most"
+    if len(camera.clip_planes) and camera.kind == "PANORAMA":
+        yield "clip_planes cut panoramas nowhere: use ()"
     for plane in camera.clip_planes:
         yield from numbers("clip_planes", plane, 4)
 
@@ -611,6 +633,7 @@ def _world(world: World) -> Found:
         yield f"mist falloff {world.mist.falloff!r} is not one of {', '.join(MISTS)}"
     found = [*array("axes", world.axes, np.float64, (3, 3))]
     yield from found or finite_array("axes", world.axes)
+    yield from _medium(world.medium)
     if world.program is not None:
         yield from (f"program: {text}" for text in _sky_problems(world))
 

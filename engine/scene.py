@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
+from .panorama import Panorama
 from .program.program import Program
 
 Array = np.ndarray
@@ -264,6 +265,28 @@ class Lobe:
 
 
 @dataclass(frozen=True)
+class Medium:
+    """What light passes through: inside of closed surfaces, or all there is.
+
+    absorption, scattering: RGB, at least 0, how much of the light that goes straight on is taken
+    away, or sent elsewhere, a world unit.  emission: RGB radiance that it gives a world unit.
+    anisotropy: -1 to 1, the mean cosine of Henyey and Greenstein between the ways of light before
+    and after it is scattered.
+    """
+
+    absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scattering: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    anisotropy: float = 0.0
+
+    @property
+    def extinction(self) -> tuple[float, float, float]:
+        """RGB, how much light that goes straight on loses a world unit."""
+        pairs = zip(self.absorption, self.scattering, strict=True)
+        return tuple(absorbed + scattered for absorbed, scattered in pairs)
+
+
+@dataclass(frozen=True)
 class Material:
     """A surface is the sum of its lobes.
 
@@ -271,7 +294,8 @@ class Material:
     as outputs.  normal_output: the output, a vector, that takes the place of the shading normal
     (world space; where it is zero or not finite the mesh's own stays); -1 for none. aovs: what the
     surface gives to `Scene.aovs`, a material that nothing wears: the sum of its EMISSION lobes
-    whose exponent is the number of the AOV.
+    whose exponent is the number of the AOV.  medium: what fills the inside of what wears it, the
+    first one of its materials that have any; None for nothing.
     """
 
     name: str
@@ -280,6 +304,7 @@ class Material:
     program: Program | None = None
     normal_output: int = -1
     aovs: Material | None = None
+    medium: Medium | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -402,7 +427,7 @@ class Light:
     motion: Array | None = None
 
 
-CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
+CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC", "PANORAMA")
 
 
 @dataclass(frozen=True)
@@ -423,19 +448,21 @@ class Lens:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera with a pinhole or a lens, or a parallel one (notes, sections 4.4-4.6).
+    """A camera with a pinhole or a lens, a parallel one (notes, sections 4.4-4.6), or a panorama.
 
-    kind: PERSPECTIVE or ORTHOGRAPHIC.
+    kind: PERSPECTIVE, ORTHOGRAPHIC or PANORAMA.
     world_from_camera: (3, 4) float64; columns u (right), v (up), w (backward), e (eye). u, v, w may
     be mirrored or scaled. window: (l, r, b, t) on the plane at distance 1 in front of the eye
     (PERSPECTIVE) or through it (ORTHOGRAPHIC), camera units. An asymmetric window is lens shift: an
-    oblique projection. clip_start, clip_end: bounds of the depth along -w, camera units.
+    oblique projection. Of a PANORAMA: what is seen of its unit square, which may be passed.
+    clip_start, clip_end: bounds of the depth along -w, of a PANORAMA of the distance, camera units.
     clip_planes: at most six rows (a, b, c, d) that bound what camera rays see to a x + b y + c z +
-    d >= 0, where x and y count along u and v and z is the depth, camera units. What light and
+    d >= 0, where x and y count along u and v and z is the depth, camera units; none of a PANORAMA.
+    What light and
     mirrors meet is not cut. resolution: (nx, ny) of the full frame. lens: None for a pinhole.
     motion: (k, 3, 4) float64, k >= 2, world_from_camera at even times while the shutter is open;
     None for a camera that stands still. shutter: (k,) float64, k >= 2, at least 0 and not all 0:
-    how far it is open at even times, None for all of it.
+    how far it is open at even times, None for all of it. panorama: of that kind alone.
     """
 
     kind: str
@@ -448,6 +475,7 @@ class Camera:
     lens: Lens | None = None
     motion: Array | None = None
     shutter: Array | None = None
+    panorama: Panorama | None = None
 
 
 MISTS = ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")
@@ -471,7 +499,8 @@ class World:
     transparent: camera rays that miss leave alpha 0 instead of the background.  program: its first
     output, a vector, is seen instead of `background` where there is one; of what reads points it
     has `incoming` and `light_path` alone.  textures: what it refers to.  axes: (3, 3) orthonormal
-    columns, the program's axes in the scene. mist: of the pass, not in the picture.
+    columns, the program's axes in the scene. mist: of the pass, not in the picture.  medium: what
+    is everywhere, inside of things too; None for nothing.
     """
 
     ambient: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -481,6 +510,7 @@ class World:
     textures: tuple[Texture, ...] = ()
     axes: Array = field(default_factory=lambda: np.eye(3))
     mist: Mist = Mist()
+    medium: Medium | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -518,6 +548,13 @@ class Scene:
         scene = scene if glow is None else replace(scene, lights=(*scene.lights, glow))
         bounced = bounced_light(scene, bounces)
         return scene if bounced is None else replace(scene, lights=(*scene.lights, bounced))
+
+    def medium_of(self, instances: Instances) -> Medium | None:
+        """What is inside of things that wear these materials; strands have no inside."""
+        if isinstance(self.geometries[instances.geometry], Strands):
+            return None
+        media = (self.materials[index].medium for index in instances.materials)
+        return next((medium for medium in media if medium is not None), None)
 
     def problems(self) -> list[str]:
         """What makes this scene unfit to render, one sentence each; empty when it is sound."""

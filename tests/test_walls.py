@@ -27,6 +27,7 @@ BLENDER = {
 ENGINES_DOOR = {
     "engine",
     "engine.dome",
+    "engine.panorama",
     "engine.program.graph",
     "engine.program.operations",
     "engine.program.operations_color",
@@ -84,7 +85,7 @@ def _inside_engine(name: str) -> bool:
 
 
 def _inside_reference(name: str) -> bool:
-    tables = "bounced_light", "dome", "lens", "mesh_lights", "motion"
+    tables = "bounced_light", "dome", "lens", "mesh_lights", "motion", "panorama"
     shared = *tables, "cryptomatte", "scene", "film", "settings", "sampling"
     values = {f"engine.{name}" for name in shared}
     return name in values or name.startswith(

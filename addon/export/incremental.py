@@ -37,6 +37,7 @@ from .repaints import repainted
 from .report import Report
 from .shapes import export_points, read_shape
 from .strands import StrandSource, read_curves, read_hair
+from .unheard import note_scene
 from .world import Sky, export_world, with_mist
 
 NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
@@ -275,6 +276,7 @@ class LiveExport:
             census,
             collector.meet_hair,
         )
+        note_scene(depsgraph.scene_eval, report)
         self._store.met[asked] = collector.met
         return collector.stage(things, self._sky(depsgraph, report), census)
 

@@ -16,9 +16,10 @@ from ...engine.scene import EVERYTHING
 from .hashing import as_random, random_of, word_of
 from .light_links import LightLinks
 from .report import Report
+from .unheard import note_object
 
 _UNSUPPORTED = {
-    "VOLUME": "Volumes are not rendered: {}; convert them to meshes",
+    "VOLUME": "Volume objects are not rendered: {}; convert them to meshes",
     "GPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
     "GREASEPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
 }
@@ -231,7 +232,15 @@ def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
                 "glossy surfaces",
                 thing.name,
             )
-    elif owner.visible_transmission != owner.visible_glossy:
+        if not owner.visible_transmission:
+            report.note(
+                "Ray visibility hides the shape of a light, not its light: {} shine through what "
+                "refracts",
+                thing.name,
+            )
+        return
+    note_object(thing.name, owner, report)
+    if owner.visible_transmission != owner.visible_glossy:
         report.note(
             "Refracted rays see what glossy rays see, whatever the transmission visibility of {} "
             "says",

@@ -5,6 +5,7 @@ through, then bounce after bounce.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,11 +14,12 @@ from . import catchers
 from .gloss import reflecting
 from .lights import Source
 from .materials import Coefficients
+from .media import Spans
 from .paths import Paths, beyond, bounced, joined, reflected_by_lobes, straight_on, widened
 from .picture import Tile
 from .raster import Strips
 from .rays import Rays
-from .seen_lights import has_shape, seen_radiance
+from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
 from .vectors import dot, length, pick
@@ -61,7 +63,11 @@ class Generations:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
         n = len(rays)
         widest = np.full(n, np.inf)
-        generation = [Paths(rays, np.ones((3, n)), np.arange(n), np.zeros(n, np.intp), 0, widest)]
+        seen = self._stage.camera.weights(rays)
+        self._tile.lose(np.arange(n), np.tile(1 - seen, (3, 1)))
+        generation = [
+            Paths(rays, np.tile(seen, (3, 1)), np.arange(n), np.zeros(n, np.intp), 0, widest)
+        ]
         while generation:
             deeper: list[Paths] = []
             for paths in generation:
@@ -80,7 +86,10 @@ class Generations:
         stage.rays[paths.kind] += len(paths)
         self._tile.charge(paths.pixel)
         hits = stage.visibility.closest(paths.rays, paths.kind, strips)
-        self._see_lights(paths, hits.depth)
+        if stage.media:
+            paths = self._dim(paths, hits.depth)
+        else:
+            self._see_lights(paths, hits.depth)
         self._miss(paths, np.flatnonzero(hits.primitive == NOTHING))
         hit = np.flatnonzero(hits.primitive != NOTHING)
         if not len(hit):
@@ -169,7 +178,16 @@ class Generations:
             if term.lobe.is_rough_glass:
                 self._tile.cut[paths.pixel[hit[term.index]]] = True
 
-    def _see_lights(self, paths: Paths, depth: Array) -> None:
+    def _dim(self, paths: Paths, depth: Array) -> Paths:
+        """The paths with what media let through of them, once lights before these are seen."""
+        media = self._stage.media
+        spans = media.spans(paths.rays, paths.kind)
+        self._see_lights(paths, depth, spans)
+        passed = media.passed(spans, paths.rays.near, depth)
+        return replace(paths, weight=paths.weight * passed)
+
+    def _see_lights(self, paths: Paths, depth: Array, spans: Spans | None = None) -> None:
+        """spans: of the media between, or None."""
         if paths.reflections:
             return
         flag = "visible_" + paths.kind
@@ -177,11 +195,11 @@ class Generations:
         if sources:
             o, d = paths.rays.lines(np.arange(len(paths)))
             for source in sources:
-                self._tile.add(
-                    paths.part("Emission"),
-                    paths.pixel,
-                    paths.weight * seen_radiance(source, o, d, paths.rays.near, depth, paths.kind),
-                )
+                near = paths.rays.near
+                seen = seen_radiance(source, o, d, near, depth, paths.kind)
+                if spans is not None:
+                    seen = seen * self._stage.media.passed(spans, near, distance_seen(source, o, d))
+                self._tile.add(paths.part("Emission"), paths.pixel, paths.weight * seen)
 
     def _miss(self, paths: Paths, missed: Array) -> None:
         if paths.glossy:
@@ -221,8 +239,8 @@ class Generations:
         uv = stage.attributes.uv("")
         self._tile.record(
             paths.pixel[hit[chosen]],
-            Depth=depth[chosen] * stage.camera.unit
-            if stage.scene.camera.motion is None
+            Depth=depth[chosen] * stage.camera.along
+            if stage.scene.camera.motion is None and stage.camera.panorama is None
             else stage.camera.depth(some.x) * stage.camera.unit,
             Position=some.x + stage.eye[:, None],
             Normal=some.n,

@@ -7,16 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine_scenes import SCENES
+import media_scenes
+from engine_scenes import SCENES as PLAIN
 from glint import engine
 from glint.engine import scene as s
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
 from native_tools import constant, draw, lamp, material, needs_core, placed, square, view_from_above
 
 BACKENDS = [pytest.param("NATIVE", marks=needs_core), "NUMPY"]
+SCENES = PLAIN | {"media": media_scenes.rich}
 BEHIND = (0.4, 0.6, 0.8)
 LIT = {"mesh_light": "ON", "diffuse_bounces": 2, "reflections": "ALL", "max_bounces": 3}
-ALL_LIGHT = ("mirrors", "alpha", "far_and_emitting")
+ALL_LIGHT = ("mirrors", "alpha", "far_and_emitting", "media")
 
 
 def caught(lights: tuple[s.Light, ...], lid=0, *lobes: s.Lobe, **world) -> s.Scene:

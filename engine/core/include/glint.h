@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 26
+#define GLINT_ABI_VERSION 28
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -144,13 +144,21 @@ typedef struct GlintLobe {
  * with the shading normal in world space that takes the place of the mesh's. crypto: what
  * Cryptomatte passes tell of it, the bits of a float. aov: 0, or 1 plus the number of a material
  * that no instance has: its EMISSION lobes, whose exponents are numbers of AOVs, are what this one
- * gives to these. */
+ * gives to these. medium: 0, or 1 plus the number of what fills the inside of things that wear it.
+ */
 typedef struct GlintMaterial {
   uint32_t first_lobe, lobe_count;
   int32_t index, program, normal;
   uint32_t crypto;
-  int32_t aov;
+  int32_t aov, medium;
 } GlintMaterial;
+
+/* What light passes through: how much of it that goes straight on is taken away or sent elsewhere,
+ * at least 0, and what radiance it gives, each a world unit. anisotropy: -1 to 1, of Henyey and
+ * Greenstein. */
+typedef struct GlintMedium {
+  double absorption[3], scattering[3], emission[3], anisotropy;
+} GlintMedium;
 
 enum GlintLightKind {
   GLINT_POINT_LIGHT,
@@ -192,10 +200,26 @@ typedef struct GlintEmitter {
   double front[3], back[3], normal[3], spread, reach;
 } GlintEmitter;
 
-enum GlintCameraKind { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC };
+enum GlintCameraKind { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC, GLINT_PANORAMA };
+
+enum GlintProjection {
+  GLINT_EQUIRECTANGULAR,
+  GLINT_FISHEYE_EQUIDISTANT,
+  GLINT_FISHEYE_EQUISOLID,
+  GLINT_FISHEYE_LENS_POLYNOMIAL,
+  GLINT_MIRROR_BALL,
+  GLINT_EQUIANGULAR_CUBEMAP_FACE,
+  GLINT_CENTRAL_CYLINDRICAL
+};
 
 /* clip_planes: camera rays see where a x + b y + c z + d >= 0 for each of the first rows (a, b, c,
- * d); x, y along the camera's axes, z depth. */
+ * d); x, y along the camera's axes, z depth; none of a panorama. What follows is a panorama's:
+ * projection, of GlintProjection; longitude, latitude: first and last, radians; heights: of the
+ * cylinder of radius 1; fov: radians; lens, sensor: width and height, one unit; polynomial: of the
+ * angle over the distance on the sensor, from the constant up. eye_offset: of an eye to the right
+ * of the camera's place, across every direction, 0 for one that does not stand aside; convergence:
+ * the distance at which eyes look at one point, infinite where they look in parallel; pole_merge:
+ * elevations between which the offset fades away, used where pole_merge[1] > 0. */
 typedef struct GlintCamera {
   double world_from_camera[12];
   double window[4]; /* l, r, b, t */
@@ -203,6 +227,9 @@ typedef struct GlintCamera {
   uint32_t width, height;
   int32_t kind, clip_plane_count;
   double clip_planes[6][4];
+  double longitude[2], latitude[2], heights[2], fov, lens, sensor[2], polynomial[5];
+  double eye_offset, convergence, pole_merge[2];
+  int32_t projection, reserved;
 } GlintCamera;
 
 /* How mist grows with the distance: its square, as it is, its square root. */
@@ -214,11 +241,11 @@ enum GlintMist { GLINT_MIST_QUADRATIC, GLINT_MIST_LINEAR, GLINT_MIST_INVERSE_QUA
  * instead of the background; world_slot: the first of its three slots that hold that. It must not
  * read surfaces. world_axes: the program's axes in the scene, column by column. Mist grows from
  * none at mist_start to all at mist_depth beyond it; mist_falloff: of GlintMist. aov_count: up to
- * 256 AOVs. */
+ * 256 AOVs. world_medium: 0, or 1 plus the number of the medium that is everywhere. */
 typedef struct GlintSceneData {
   GlintCamera camera;
   double ambient[3], background[3], world_axes[9], mist_start, mist_depth;
-  int32_t transparent, world_program, world_slot, mist_falloff, aov_count, reserved;
+  int32_t transparent, world_program, world_slot, mist_falloff, aov_count, world_medium;
   const GlintGeometry* geometries;
   const GlintAttribute* attributes;
   const GlintInstances* instances;
@@ -234,13 +261,14 @@ typedef struct GlintSceneData {
   const GlintInput* inputs;
   const GlintLobe* lobes;
   const GlintMaterial* materials;
+  const GlintMedium* media;
   const GlintLight* lights;
   const GlintEmitter* emitters;
   const float* emitter_corners; /* 9 an emitter, in the light's axes */
   uint64_t geometry_count, attribute_count, instances_count, row_count, material_slot_count;
   uint64_t texture_count, program_word_count, program_constant_count, program_table_count;
   uint64_t program_count, input_count, lobe_count, material_count, light_count;
-  uint64_t emitter_count, emitter_corner_count, instance_value_count;
+  uint64_t emitter_count, emitter_corner_count, instance_value_count, medium_count;
 } GlintSceneData;
 
 enum GlintIllumination { GLINT_PHYSICAL, GLINT_CLASSIC };
@@ -371,7 +399,8 @@ enum GlintFeature {
   GLINT_FEATURE_CAMERA_MOTION = 4096,
   GLINT_FEATURE_BOUNCED_LIGHT = 8192,
   GLINT_FEATURE_OBJECT_MOTION = 16384,
-  GLINT_FEATURE_SHADOW_CATCHER = 32768
+  GLINT_FEATURE_MEDIA = 32768,
+  GLINT_FEATURE_SHADOW_CATCHER = 65536
 };
 
 typedef struct GlintStats {

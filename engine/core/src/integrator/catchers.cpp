@@ -34,7 +34,9 @@ void Tracer::set_aside_caught(const Queue& queue) {
   for (uint32_t k = 0; k < queue.size(); ++k) {
     if (!is_caught(queue, k)) continue;
     const Vec3d all = take_sums(k);
-    if (sees_lights) shader_.seen_lights(batch_, k);
+    if (sees_lights)
+      shader_.seen_lights(batch_, k, scene_.features & GLINT_FEATURE_MEDIA ? &media_ : nullptr,
+                          clear_.data());
     const Vec3d seen = take_sums(k);
     caught_.push_back({k, all - seen, seen, {}});
   }
