@@ -123,8 +123,7 @@ class Generations:
         passed = straight_on(
             paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
         )
-        if paths.depth == 0 and stage.catches:
-            hit, surface, coefficients = self._catch(paths, hit, surface, coefficients)
+        hit, surface, coefficients = self._catch(paths, hit, surface, coefficients)
         if paths.reflections:
             coefficients = widened(coefficients, paths.widest[hit])
         self._shade(paths, hit, surface, coefficients)
@@ -143,6 +142,8 @@ class Generations:
     ) -> tuple[Array, Surface, Coefficients]:
         """Adds what shadow catchers show; what is left are the other surfaces."""
         stage = self._stage
+        if paths.depth > 0 or not stage.catches:
+            return hit, surface, coefficients
         is_caught = stage.per_object("catcher", surface.row)
         here = np.flatnonzero(is_caught)
         if not len(here):
