@@ -13,12 +13,12 @@ import numpy as np
 
 from ...engine.program.program import Program, compile_program
 from ...engine.scene import EVERYTHING, Light, Texture
-from .evaluator import Evaluator, LobeKey
-from .graph import Place, images_behind, node_tree, socket_named
-from .images import Images
+from .images.images import Images
+from .materials.evaluator import Evaluator, LobeKey
+from .materials.graph import Place, images_behind, node_tree, socket_named
+from .materials.terms import RGB
 from .report import Report
 from .shader_nodes.lamp import Lamp, LampReader
-from .terms import RGB
 
 _FULL_SPREAD = math.pi - 1e-4
 _SAME_LENGTH = 1e-5

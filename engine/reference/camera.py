@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..lens import BLOCK, lens_points
-from ..motion import camera_frames, sample_times
+from ..sampling.lens import BLOCK, lens_points
+from ..sampling.motion import camera_frames, sample_times
 from ..scene import Camera, Scene
 from .geometry import Geometry
 from .raster import Strips, pixel_strips
