@@ -40,6 +40,7 @@ ENGINES_DOOR = {
     "engine.program.program",
     "engine.program.table",
     "engine.scene",
+    "engine.scene.panorama",
     "engine.settings",
     "engine.film",
     "engine.analysis.fingerprint",

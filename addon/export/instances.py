@@ -16,6 +16,7 @@ from ...engine.scene import EVERYTHING
 from .geometry.hashing import as_random, random_of, word_of
 from .light_links import LightLinks
 from .report import Report
+from .unheard import note_object
 
 _UNSUPPORTED = {
     "VOLUME": "Volume objects are not rendered: {}; convert them to meshes",
@@ -229,7 +230,15 @@ def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
                 "glossy surfaces",
                 thing.name,
             )
-    elif owner.visible_transmission != owner.visible_glossy:
+        if not owner.visible_transmission:
+            report.note(
+                "Ray visibility hides the shape of a light, not its light: {} shine through what "
+                "refracts",
+                thing.name,
+            )
+        return
+    note_object(thing.name, owner, report)
+    if owner.visible_transmission != owner.visible_glossy:
         report.note(
             "Refracted rays see what glossy rays see, whatever the transmission visibility of {} "
             "says",

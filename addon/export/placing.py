@@ -75,9 +75,10 @@ def note_empty_view(
     name: str,
 ) -> None:
     """Say so when the box round everything that the camera, called `name`, may see projects beside
-    the frame (notes, section 7.5). Through a lens things beside the frame may be seen.
+    the frame (notes, section 7.5). Through a lens things beside the frame may be seen, and in a
+    panorama nothing has to be ahead.
     """
-    if camera.lens is not None:
+    if camera.lens is not None or camera.kind == "PANORAMA":
         return
     seen = (
         (geometries[block.geometry], block.world_from_object)

@@ -15,11 +15,12 @@ from ...engine.scene import Light, Medium, Mist, World
 from .images.images import Images
 from .materials.evaluator import Evaluator, LobeKey
 from .materials.expressions import Expressions
-from .materials.graph import Place, images_behind, node_tree, socket_named
+from .materials.graph import Place, images_behind, node_tree, output_of, socket_named
 from .materials.nodes_volume import medium_of
 from .report import Report
 from .shader_nodes import TreeReader
 from .shader_nodes.sky import SkyReader, Sun
+from .unheard import note_world
 
 BLACK = (0.0, 0.0, 0.0)
 
@@ -54,6 +55,7 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     if world is None:
         return Sky(World(transparent=transparent), None)
     visibility = _visibility(world, report)
+    note_world(world, report)
     discs: list[Sun] = []
     expressions, radiance = _radiance(world, images, report, discs)
     without = _radiance(world, images, Report(), None) if discs else (expressions, radiance)
@@ -155,8 +157,9 @@ def _radiance(
     expressions, tree = evaluator.expressions, node_tree(world)
     if tree is None:
         return expressions, expressions.constant(tuple(float(x) for x in world.color))
-    output = tree.get_output_node("ALL") or tree.get_output_node("CYCLES")
+    output = output_of(tree)
     if output is None:
+        evaluator.note("Worlds without an output node are black: {}; add a World Output")
         return expressions, expressions.constant(BLACK)
     surface = Place(socket_named(output.inputs, "Surface"))
     images.expect(images_behind(surface))

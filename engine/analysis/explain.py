@@ -53,6 +53,8 @@ def summary(ray: Ray) -> str:
     """One sentence: what the pixel shows, which lights make which share of its luminance, and what
     keeps others from it.
     """
+    if not any(ray.weight):
+        return "Nothing is seen here: the pixel is beyond the picture of the lens"
     what = (
         f"'{ray.hit.thing}' with the material '{ray.hit.material}'"
         if ray.hit

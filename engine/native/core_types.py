@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 26
+ABI_VERSION = 27
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -101,6 +101,17 @@ class LightFlags(IntEnum):
 class CameraKind(IntEnum):
     PERSPECTIVE = 0
     ORTHOGRAPHIC = 1
+    PANORAMA = 2
+
+
+class Projection(IntEnum):
+    EQUIRECTANGULAR = 0
+    FISHEYE_EQUIDISTANT = 1
+    FISHEYE_EQUISOLID = 2
+    FISHEYE_LENS_POLYNOMIAL = 3
+    MIRROR_BALL = 4
+    EQUIANGULAR_CUBEMAP_FACE = 5
+    CENTRAL_CYLINDRICAL = 6
 
 
 class Mist(IntEnum):
@@ -304,6 +315,13 @@ class CameraData(Structure):
         *_each(c_uint32, "width height"),
         *_each(c_int32, "kind clip_plane_count"),
         *_each(c_double * 24, "clip_planes"),
+        *_each(c_double * 2, "longitude latitude heights"),
+        *_each(c_double, "fov lens"),
+        *_each(c_double * 2, "sensor"),
+        *_each(c_double * 5, "polynomial"),
+        *_each(c_double, "eye_offset convergence"),
+        *_each(c_double * 2, "pole_merge"),
+        *_each(c_int32, "projection reserved"),
     ]
 
 

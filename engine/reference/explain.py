@@ -128,7 +128,8 @@ class Explainer:
         """
         rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._spread)[0]
         zero = np.zeros(1, np.intp)
-        paths = Paths(rays, np.ones((3, 1)), zero, zero, 0, np.full(1, np.inf))
+        weight = np.tile(self.stage.camera.weights(rays), (3, 1))
+        paths = Paths(rays, weight, zero, zero, 0, np.full(1, np.inf))
         return self.follow(paths, "camera" if self._spread.lens is None else "lens")
 
     def follow(self, paths: Paths, kind: str) -> Ray:
@@ -229,7 +230,7 @@ class Explainer:
             primitive=int(surface.local[0]),
             material=materials[number].name if 0 <= number < len(materials) else "",
             barycentric=_numbers(surface.weights[:, 0]),
-            depth=float(depth[0] * (stage.camera.unit if paths.depth == 0 else 1.0)),
+            depth=float(depth[0] * (stage.camera.along if paths.depth == 0 else 1.0)),
             position=_numbers(surface.x[:, 0] + stage.eye),
             normal=_numbers(surface.n[:, 0]),
             geometric_normal=_numbers(surface.g[:, 0]),

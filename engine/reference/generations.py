@@ -61,7 +61,11 @@ class Generations:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
         n = len(rays)
         widest = np.full(n, np.inf)
-        generation = [Paths(rays, np.ones((3, n)), np.arange(n), np.zeros(n, np.intp), 0, widest)]
+        seen = self._stage.camera.weights(rays)
+        self._tile.lose(np.arange(n), np.tile(1 - seen, (3, 1)))
+        generation = [
+            Paths(rays, np.tile(seen, (3, 1)), np.arange(n), np.zeros(n, np.intp), 0, widest)
+        ]
         while generation:
             deeper: list[Paths] = []
             for paths in generation:
@@ -196,8 +200,8 @@ class Generations:
         uv = stage.attributes.uv("")
         self._tile.record(
             paths.pixel[hit[chosen]],
-            Depth=depth[chosen] * stage.camera.unit
-            if stage.scene.camera.motion is None
+            Depth=depth[chosen] * stage.camera.along
+            if stage.scene.camera.motion is None and stage.camera.panorama is None
             else stage.camera.depth(some.x) * stage.camera.unit,
             Position=some.x + stage.eye[:, None],
             Normal=some.n,

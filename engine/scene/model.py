@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from ..program.program import Program
+from .panorama import Panorama
 
 Array = np.ndarray
 
@@ -422,7 +423,7 @@ class Light:
     motion: Array | None = None
 
 
-CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC")
+CAMERAS = ("PERSPECTIVE", "ORTHOGRAPHIC", "PANORAMA")
 
 
 @dataclass(frozen=True)
@@ -443,19 +444,21 @@ class Lens:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A camera with a pinhole or a lens, or a parallel one (notes, sections 4.4-4.6).
+    """A camera with a pinhole or a lens, a parallel one (notes, sections 4.4-4.6), or a panorama.
 
-    kind: PERSPECTIVE or ORTHOGRAPHIC.
+    kind: PERSPECTIVE, ORTHOGRAPHIC or PANORAMA.
     world_from_camera: (3, 4) float64; columns u (right), v (up), w (backward), e (eye). u, v, w may
     be mirrored or scaled. window: (l, r, b, t) on the plane at distance 1 in front of the eye
     (PERSPECTIVE) or through it (ORTHOGRAPHIC), camera units. An asymmetric window is lens shift: an
-    oblique projection. clip_start, clip_end: bounds of the depth along -w, camera units.
+    oblique projection. Of a PANORAMA: what is seen of its unit square, which may be passed.
+    clip_start, clip_end: bounds of the depth along -w, of a PANORAMA of the distance, camera units.
     clip_planes: at most six rows (a, b, c, d) that bound what camera rays see to a x + b y + c z +
-    d >= 0, where x and y count along u and v and z is the depth, camera units. What light and
+    d >= 0, where x and y count along u and v and z is the depth, camera units; none of a PANORAMA.
+    What light and
     mirrors meet is not cut. resolution: (nx, ny) of the full frame. lens: None for a pinhole.
     motion: (k, 3, 4) float64, k >= 2, world_from_camera at even times while the shutter is open;
     None for a camera that stands still. shutter: (k,) float64, k >= 2, at least 0 and not all 0:
-    how far it is open at even times, None for all of it.
+    how far it is open at even times, None for all of it. panorama: of that kind alone.
     """
 
     kind: str
@@ -468,6 +471,7 @@ class Camera:
     lens: Lens | None = None
     motion: Array | None = None
     shutter: Array | None = None
+    panorama: Panorama | None = None
 
 
 MISTS = ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")

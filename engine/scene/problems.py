@@ -65,6 +65,7 @@ from .model import (
     Texture,
     World,
 )
+from .panorama import panorama_problems
 
 _DOUBTFUL_VOLUME = 1e-6
 """Of three unit axes: from it on the smallest singular value is at least 5e-7 of the largest, far
@@ -542,6 +543,8 @@ def _camera(camera: Camera) -> Found:
     yield from _window(camera)
     yield from _resolution(camera)
     yield from _clip(camera)
+    if camera.kind == "PANORAMA":
+        yield from panorama_problems(camera.panorama)
     if camera.lens is not None:
         yield from _lens(camera.lens)
     if camera.motion is not None:
@@ -573,7 +576,7 @@ def _clip(camera: Camera) -> Found:
     start, end = camera.clip_start, camera.clip_end
     # An orthographic view may start behind its plane, as Blender's viewport does; no ray of a
     # perspective goes there.
-    if camera.kind == "PERSPECTIVE" and not start >= 0:
+    if camera.kind != "ORTHOGRAPHIC" and not start >= 0:
         yield f"clip_start is {start!r}: use 0 or more"
     if not start < end:
         yield (
@@ -582,6 +585,8 @@ def _clip(camera: Camera) -> Found:
         )
     if len(camera.clip_planes) > 6:
         yield f"clip_planes has {len(camera.clip_planes)} rows: use 6 at most"
+    if len(camera.clip_planes) and camera.kind == "PANORAMA":
+        yield "clip_planes cut panoramas nowhere: use ()"
     for plane in camera.clip_planes:
         yield from numbers("clip_planes", plane, 4)
 

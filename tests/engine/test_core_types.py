@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from glint.engine import film, scene, settings
+from glint.engine import film, panorama, scene, settings
 from glint.engine.native import core_types
 
 ROOT = Path(__file__).parents[2]
@@ -97,6 +97,7 @@ def test_constants_have_the_headers_values(tmp_path: Path) -> None:
         (scene.LOBES, core_types.LobeKind),
         (scene.LIGHTS, core_types.LightKind),
         (scene.CAMERAS, core_types.CameraKind),
+        (panorama.PROJECTIONS, core_types.Projection),
         (settings.ILLUMINATIONS, core_types.Illumination),
         (settings.BUILDS, core_types.Build),
         (

@@ -28,6 +28,12 @@ from .varying import Roughness
 
 DEEPEST = 48
 """Nested node evaluations; deeper trees get the socket's default."""
+SHINING = frozenset(
+    "ShaderNode" + name
+    for name in ("Emission", "Background", "MixShader", "AddShader", "BsdfTransparent")
+    + ("BsdfPrincipled",)
+)
+"""Shaders that count, or give nothing as they are meant to, where there is no surface."""
 MOST_TERMS = 16
 """Terms of one sum; longer ones become a program's value."""
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
@@ -252,8 +258,18 @@ class Evaluator:
         return default_value(socket)
 
     def _shader(self, found: Place) -> Closure:
-        handler = CLOSURE_NODES.get(kind_of(found.node), CLOSURE_NODES["unknown"])
-        return {key: self.limited(terms) for key, terms in handler(NodeView(self, found)).items()}
+        kind = kind_of(found.node)
+        if not self._trees.is_surface and kind not in SHINING:
+            self.note(
+                f"Node '{found.node.bl_label}' gives no light in {{}}, where there is no surface: "
+                "use Background or Emission"
+            )
+            return {}
+        handler = CLOSURE_NODES.get(kind, CLOSURE_NODES["unknown"])
+        closure = handler(NodeView(self, found))
+        if not self._trees.is_surface:
+            closure = {key: terms for key, terms in closure.items() if key.kind == "EMISSION"}
+        return {key: self.limited(terms) for key, terms in closure.items()}
 
     def _once(self, found: Place, compute: Callable[[], Any], otherwise: Any) -> Any:
         """compute(), once per place; `otherwise` inside a circle or too deep."""

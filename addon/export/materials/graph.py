@@ -44,6 +44,12 @@ def node_tree(block: Any) -> Any:
     return block.node_tree if bpy.app.version >= (5, 0, 0) or block.use_nodes else None
 
 
+def output_of(tree: Any) -> Any:
+    """The output node that a tree shows, or None: Cycles' own, else Eevee's."""
+    found = (tree.get_output_node(target) for target in ("ALL", "CYCLES", "EEVEE"))
+    return next(filter(None, found), None)
+
+
 class Links:
     """The links of node trees by the input they lead to. Blender's own `NodeSocket.links` looks
     through all links of the tree.

@@ -15,6 +15,7 @@ from ....engine.scene import LOBES, Lobe, Material, Medium, Texture
 from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
+from ..unheard import note_material
 from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
 from .aovs import Aov, aov_material
 from .evaluator import (
@@ -26,7 +27,7 @@ from .evaluator import (
     is_finite,
     scale_closure,
 )
-from .graph import Place, images_behind, node_tree, socket_named
+from .graph import Place, images_behind, node_tree, output_of, socket_named
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .nodes_volume import VOLUMES, medium_of
@@ -115,6 +116,7 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     lobes = lobes_of(evaluator.settled(closure))
     medium = _inside(tree, evaluator)
     normal = evaluator.normal()
+    note_material(material, any(lobe.kind == "TRANSPARENT" for lobe in lobes), normal >= 0, report)
     return evaluator.expressions.with_program(
         Material(material.name, lobes, material.pass_index, normal_output=normal, medium=medium)
     )
@@ -127,15 +129,9 @@ def _is_displaced(tree: Any) -> bool:
     )
 
 
-def _output(tree: Any) -> Any:
-    """The active output node, as in Cycles, or None."""
-    found = (tree.get_output_node(target) for target in ("ALL", "CYCLES", "EEVEE"))
-    return next(filter(None, found), None)
-
-
 def _inside(tree: Any, evaluator: Evaluator) -> Medium | None:
     """What its volume is."""
-    output = _output(tree) if tree is not None else None
+    output = output_of(tree) if tree is not None else None
     place = Place(socket_named(output.inputs, "Volume")) if output is not None else None
     return medium_of(place, evaluator) if place and place.socket.is_linked else None
 
@@ -144,7 +140,7 @@ def _surface(tree: Any, evaluator: Evaluator) -> Closure:
     """What the active output shows, as in Cycles: black without one; what is but the bounds of a
     volume lets everything through.
     """
-    output = _output(tree)
+    output = output_of(tree)
     if output is None:
         evaluator.note("Materials without an output node are black: {}; add a Material Output")
         return {}

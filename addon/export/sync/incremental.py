@@ -35,6 +35,7 @@ from ..materials.materials import (
 )
 from ..placing import without_collapsed
 from ..report import Report
+from ..unheard import note_scene
 from ..world import Sky, export_world, with_mist
 from .moves import Stage
 from .repaints import repainted
@@ -275,6 +276,7 @@ class LiveExport:
             census,
             collector.meet_hair,
         )
+        note_scene(depsgraph.scene_eval, report)
         self._store.met[asked] = collector.met
         return collector.stage(things, self._sky(depsgraph, report), census)
 

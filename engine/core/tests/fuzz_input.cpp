@@ -287,6 +287,19 @@ void set_lights(Dice& dice, Arena& arena, GlintSceneData& d) {
   d.light_count = lights.size();
 }
 
+void make_panorama(Dice& dice, GlintCamera& c) {
+  c.projection = int32_t(dice.below(7)) + (dice.chance(0.1 * dice.wildness) ? 7 : 0);
+  for (double* ends : {c.longitude, c.latitude, c.heights}) {
+    ends[0] = dice.number();
+    ends[1] = ends[0] + positive(dice);
+  }
+  for (double* x : {&c.fov, &c.lens, &c.sensor[0], &c.sensor[1]}) *x = positive(dice);
+  for (double& x : c.polynomial) x = dice.number();
+  c.eye_offset = dice.chance(0.5) ? 0 : dice.number();
+  c.convergence = dice.chance(0.5) ? kInf : positive(dice);
+  if (dice.chance(0.5)) c.pole_merge[1] = c.pole_merge[0] + positive(dice);
+}
+
 GlintCamera camera(Dice& dice) {
   GlintCamera c{};
   for (double& x : c.world_from_camera) x = dice.number();
@@ -298,8 +311,9 @@ GlintCamera camera(Dice& dice) {
   c.clip_end = dice.chance(0.5) ? kInf : c.clip_start + positive(dice);
   c.width = uint32_t(1 + dice.below(20));
   c.height = uint32_t(1 + dice.below(20));
-  c.kind = int32_t(dice.below(2));
-  if (dice.chance(0.3))
+  c.kind = int32_t(dice.below(3));
+  if (c.kind == GLINT_PANORAMA) make_panorama(dice, c);
+  if (dice.chance(c.kind == GLINT_PANORAMA ? 0.1 * dice.wildness : 0.3))
     c.clip_plane_count = int32_t(dice.below(7)) + dice.chance(0.1 * dice.wildness);
   for (int p = 0; p < std::min(c.clip_plane_count, 6); ++p)
     for (double& x : c.clip_planes[p]) x = dice.number();

@@ -74,6 +74,7 @@ void Tracer::choose(const Tile& tile) {
     std::iota(active_.begin(), active_.end(), 0u);
   }
   surely_empty_ = !active_.empty() && !plan_.is_spread() && !plan_.moving &&
+                  !camera_.is_panorama() &&
                   !(scene_.features & (GLINT_FEATURE_VISIBLE_LIGHTS | GLINT_FEATURE_MEDIA)) &&
                   !scene_.sky_program && scene_.accel().surely_empty(frustum(tile));
 }
@@ -132,12 +133,22 @@ void Tracer::camera_rays() {
   stages_.camera(stage);
   camera_.clip(stage);
   const Vec3d eye = plan_.camera_frames ? Vec3d{} : camera_.eye();  // frames have their own
-  const bool beside = stage.parallel || plan_.is_spread();
+  const bool beside = !camera_.has_one_eye() || plan_.is_spread();
   for (size_t k = 0; any(eye) && k < 3; ++k)
     for (size_t i = 0; i < stage.count; ++i)
       stage.o[k][i] = (beside ? stage.o[k][i] : 0) + eye[int(k)];
   for (size_t k = 0; (beside || any(eye)) && k < 3; ++k)
     std::copy_n(stage.o[k], stage.count, first_.column(Queue::kStart + k));
+  if (stage.panorama) leave_out_unseen(stage);
+}
+
+/// Beyond the picture of a panorama's lens rays bring nothing, and nothing is there.
+void Tracer::leave_out_unseen(const CameraStage& stage) {
+  for (size_t k = 0; k < stage.count; ++k) {
+    const bool seen = stage.t_max[k] >= 0;
+    for (size_t c = 0; c < 3; ++c) first_.column(Queue::kT + c)[k] = seen ? 1 : 0;
+    if (!seen) paths_.lost_alpha()[k] += 1;
+  }
 }
 
 /// One path through a surely_empty tile stands for all.

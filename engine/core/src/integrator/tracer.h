@@ -51,6 +51,7 @@ class Tracer {
     return sees_nothing ? scene_.nothing() : scene_.surroundings();
   }
   void camera_rays();
+  void leave_out_unseen(const CameraStage& stage);
   void find_gaps();
   uint32_t trace_empty(uint32_t first, uint32_t last);
   void follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first);

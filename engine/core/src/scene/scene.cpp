@@ -7,6 +7,7 @@
 #include "integrator/first_hit_cache.h"
 #include "math/math.h"
 #include "scene/opacity_map.h"
+#include "scene/panorama_step.h"
 
 namespace glint {
 namespace {
@@ -237,7 +238,9 @@ void Scene::set_program_view() {
   view.scale = anchor.scale;
   view.parallel = camera.kind == GLINT_ORTHOGRAPHIC;
   std::copy_n(camera.window, 4, view.window);
+  view.panorama = camera.kind == GLINT_PANORAMA ? &camera : nullptr;
   view.step = 0.1 * length(m.x) * (camera.window[1] - camera.window[0]) / camera.width;
+  if (view.panorama) view.step = panorama_step(camera);
 }
 
 double Scene::radius(const Scene* base) {
