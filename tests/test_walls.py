@@ -86,9 +86,10 @@ def _inside_engine(name: str) -> bool:
 
 
 def _inside_reference(name: str) -> bool:
-    values = {f"engine.{name}" for name in ("cryptomatte", "scene", "film", "settings")}
-    shared = "reference", "linear", "program", "sampling", "lights"
-    return name in values or name.startswith(tuple(f"engine.{package}" for package in shared))
+    shared = "cryptomatte", "scene", "scene.panorama", "film", "settings"
+    values = {f"engine.{name}" for name in shared}
+    packages = "reference", "linear", "program", "sampling", "lights"
+    return name in values or name.startswith(tuple(f"engine.{package}" for package in packages))
 
 
 def _only(*packages: str) -> Callable[[str], bool]:
