@@ -14,9 +14,10 @@ from .analysis.explain import PixelExplainer, explanation_lines
 from .cryptomatte import crypto_metadata, manifests
 from .errors import NO_THREAD, SceneError
 from .film import AOV, CATCHER, CRYPTOMATTES, DENOISING, PARTS, PASSES, Film
-from .linear import affine_inverse, determinant, pixel_bounds_of_box
+from .linear import affine_inverse, determinant
 from .live import LiveRender, Task, Wave
 from .scene import Scene
+from .scene.viewing import pixel_bounds_of_box
 from .settings import Settings
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...engine.scene import EVERYTHING
-from .hashing import as_random, random_of, word_of
+from .geometry.hashing import as_random, random_of, word_of
 from .light_links import LightLinks
 from .report import Report
 from .unheard import note_object

@@ -15,7 +15,6 @@ import numpy as np
 
 from ..cryptomatte import id_bits
 from ..errors import SceneError
-from ..panorama import Eye, Panorama
 from ..program.program import Program
 from ..scene import (
     EVERYTHING,
@@ -34,6 +33,7 @@ from ..scene import (
     Strands,
     Texture,
 )
+from ..scene.panorama import Eye, Panorama
 from . import core_types
 from .packer import Packed, Packer, address, number
 from .packing_materials import pack_material

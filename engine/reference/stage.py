@@ -6,11 +6,11 @@ from collections import Counter
 
 import numpy as np
 
-from ..bounced_light import bounced_table
 from ..cryptomatte import id_bits
-from ..dome import dome_table
 from ..film import CRYPTOMATTES, SEEN
-from ..mesh_lights import mesh_table
+from ..lights.bounced_light import bounced_table
+from ..lights.dome import dome_table
+from ..lights.mesh_lights import mesh_table
 from ..sampling import light_points, lobe_points
 from ..scene import Light, Scene
 from ..settings import Settings

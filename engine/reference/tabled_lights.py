@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..bounced_light import MERGED as BOUNCES_MERGED
-from ..dome import DomeTable
-from ..mesh_lights import MERGED, MeshTable, merged
+from ..lights.bounced_light import MERGED as BOUNCES_MERGED
+from ..lights.dome import DomeTable
+from ..lights.mesh_lights import MERGED, MeshTable, merged
 from ..scene import Light
 from .lights import HUGE, LightSample, Source
 from .vectors import cross, dot, unit
