@@ -120,6 +120,7 @@ def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
         b.reaches[index],
         concentric_disc(2 * u - 1),
         each,
+        b.caught[index],
     )
 
 
@@ -210,14 +211,21 @@ class _Walks:
             columns = self._points(surfaces)
         if columns is None:
             return None
-        points, normals, power, weight, reaches, numbers = columns
+        points, normals, power, weight, reaches, numbers, caught = columns
         good = along_a_curve(points)
         points, weight = points[good], weight[good]
         spreads = _spreads(points, weight)
         radiance = power[good] * (weight.sum() / (weight * spreads))[:, None]
         radiance = np.clip(radiance, -LARGEST, LARGEST)
         return Bounces(
-            points, normals[good], radiance, spreads, weight, reaches[good], numbers[good]
+            points,
+            normals[good],
+            radiance,
+            spreads,
+            weight,
+            reaches[good],
+            numbers[good],
+            caught[good],
         )
 
     def _points(self, surfaces: Accelerator) -> list[Array] | None:
@@ -232,8 +240,8 @@ class _Walks:
         return [column[good] for column in columns] if len(good) else None
 
     def _walk(self, surfaces: Accelerator, begun: list[Start]) -> Iterator[tuple[Array, ...]]:
-        """Columns of points, normals, power (radiance times area), weights, reaches and numbers, a
-        part for each step of the walks.
+        """Columns of points, normals, power (radiance times area), weights, reaches, numbers and
+        which are on catchers, a part for each step of the walks.
         """
         counts = [start.origin.shape[1] for start in begun]
         totals, n = np.array(counts), sum(counts)
@@ -247,7 +255,7 @@ class _Walks:
             np.zeros(n, np.intp),
         )
         for number in range(self._bounces + MOST_PASSED):
-            hit, surface, k, sets = self._met(surfaces, steps)
+            hit, surface, k, sets, caught = self._met(surfaces, steps)
             if not len(hit):
                 return
             steps = steps.take(hit)
@@ -262,12 +270,13 @@ class _Walks:
             power = white * k.diffuse
             weight = steps.weight * np.abs(k.diffuse).mean(0)
             numbers = (steps.number + 0.5) / totals[steps.start] + number * GOLDEN
-            yield surface.x.T, surface.g.T, power.T, weight, surface.offset, numbers % 1.0
+            parts = surface.x.T, surface.g.T, power.T, weight, surface.offset, numbers % 1.0
+            yield (*parts, caught)
             steps = self._onward(steps, surface, k, power, weight, number)
 
     def _met(
         self, surfaces: Accelerator, steps: _Steps
-    ) -> tuple[Array, Surface, Coefficients, Array]:
+    ) -> tuple[Array, Surface, Coefficients, Array, Array]:
         """Of the walks that meet something."""
         origins = (steps.o + self._origin[:, None]).T
         hits = surfaces.closest(origins, steps.d.T, visibility="shadow")

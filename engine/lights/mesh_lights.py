@@ -51,7 +51,7 @@ def mesh_light(scene: Scene) -> Light | None:
     blocks = [
         block
         for block in (scene.instances if glowing else ())
-        if not (block.holdout or glowing.isdisjoint(block.materials))
+        if not (block.holdout or block.catcher or glowing.isdisjoint(block.materials))
     ]
     return _light(_Same(scene, blocks)) if blocks else None
 
@@ -326,7 +326,7 @@ class MeshTable:
 
     point, normal: (k, 3) in the light's axes.  front, back: (k, 3) radiance.  spread: (k,) one over
     their density by area.  reach: (k,) the longest sides of their triangles.  disc: (k, 2) of the
-    unit disc.  each: how many a sample of a pixel takes.
+    unit disc.  each: how many a sample of a pixel takes.  caught: (k,) bool, on a shadow catcher.
     """
 
     point: Array
@@ -337,6 +337,7 @@ class MeshTable:
     reach: Array
     disc: Array
     each: int
+    caught: Array
 
 
 def merged(spread: Array | float, each: int, samples: int = MERGED) -> Array | float:
@@ -367,6 +368,7 @@ def mesh_table(light: Light, samples: int, each: int) -> MeshTable:
         emitters.reaches[index],
         concentric_disc(2 * u - 1),
         each,
+        np.zeros(count, bool),
     )
 
 

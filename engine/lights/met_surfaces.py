@@ -21,10 +21,10 @@ Array = np.ndarray
 
 def met_surfaces(
     scene: Scene, origin: Array, o: Array, d: Array, hits: Hits
-) -> tuple[Array, Surface, Coefficients, Array]:
+) -> tuple[Array, Surface, Coefficients, Array, Array]:
     """Which of the rays from o in the directions d (3, n) met something, (m,), the surface there,
-    its lobes and its light_set (m,). o and the surface count from the origin (3,), which is the
-    camera of programs.
+    its lobes, its light_set (m,) and whether it is a shadow catcher, (m,) bool. o and the surface
+    count from the origin (3,), which is the camera of programs.
     """
     from ..reference.attributes import Attributes
     from ..reference.geometry import gather
@@ -53,11 +53,12 @@ def met_surfaces(
     seen = np.flatnonzero(~holdout)
     surface = surface.take(seen)
     sets = np.array([block.light_set for block in some.instances], np.intp)[surface.row]
+    caught = np.array([block.catcher for block in some.instances], bool)[surface.row]
     lobes = shader.coefficients(surface, "mirror")
     hair = [isinstance(some.geometries[block.geometry], Strands) for block in some.instances]
     # strands stand closer together than points can tell apart: they would be specks
     dark = np.where(np.array(hair, bool)[surface.row], 0.0, lobes.diffuse)
-    return hit[seen], surface, replace(lobes, diffuse=dark), sets
+    return hit[seen], surface, replace(lobes, diffuse=dark), sets, caught
 
 
 def _only(

@@ -124,8 +124,8 @@ def _add_bounced(
 
 
 def _surface_points(packer: Packer, t: MeshTable, name: str) -> np.ndarray:
-    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc)
-    return packer.lend(np.column_stack(columns), np.float64, (None, 16), name)
+    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc, t.caught)
+    return packer.lend(np.column_stack(columns), np.float64, (None, 17), name)
 
 
 def _add_motion(

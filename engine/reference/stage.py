@@ -63,6 +63,11 @@ class Stage:
             pulse,
             self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
         )
+        caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))
+        self.catches = bool(caught.any())
+        self.lighting_of_catchers = (
+            self.lighting.of_catchers(caught.astype(bool)) if self.catches else self.lighting
+        )
         self._lobe_points = lobe_points(settings.samples)
         self.is_lit_by_meshes = any(light.kind == "MESH" for light in scene.lights)
         self._sky_images = [Image(texture) for texture in scene.world.textures]

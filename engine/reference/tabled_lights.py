@@ -179,6 +179,10 @@ class BouncedSource(MeshSource):
         """Never, as of a dome."""
         return np.zeros(x.shape[1], bool)
 
+    def is_caught(self, number: int) -> bool:
+        """Whether a point of the table is on a shadow catcher."""
+        return bool(self._table.caught[number])
+
 
 def _nearest(corners: Array, x: Array, direction: Array) -> tuple[Array, Array]:
     """Distance (k,), infinite for none, and number of the first of the triangles (3, 3, m), by

@@ -137,7 +137,8 @@ class Instances:
     materials: for each material slot an index into `Scene.materials`; a slot beyond the end uses
     the last one. object_index: Blender's pass index. visible_camera, visible_mirror,
     visible_shadow: seen by camera rays (and what passes straight through them), by mirror and
-    refraction rays, by shadow rays. holdout: cuts a hole of alpha 0 into the picture.
+    refraction rays, by shadow rays. holdout: cuts a hole of alpha 0 into the picture. catcher:
+    camera rays see what other things change of its light, over what is behind it.
     values: by name, what programs read of each placement, (k, 4) float32.  light_set: 0 to 63,
     which lights reach it.  motion: (keys, k, 3, 4) float64, keys >= 2, world_from_object at even
     times while the shutter is open; None for what stands still.  asset: what it is part of, "" for
@@ -157,6 +158,7 @@ class Instances:
     light_set: int = 0
     motion: Array | None = None
     asset: str = ""
+    catcher: bool = False
 
 
 ENCODINGS = ("LINEAR", "SRGB")
@@ -360,6 +362,7 @@ class Bounces:
     radiance: (m, 3) of the surface there.  spreads: (m,) one over how densely, by area, points are
     taken there. weights: (m,) how likely each is taken, but for a factor.  reaches: (m,) how far
     the ends of shadow rays stay off it.  numbers: (m,) from 0 to 1, of its own, evenly spread.
+    caught: (m,) bool, on a shadow catcher.
     """
 
     points: Array
@@ -369,6 +372,7 @@ class Bounces:
     weights: Array
     reaches: Array
     numbers: Array
+    caught: Array
 
 
 LIGHTS = ("POINT", "SUN", "SPOT", "AREA", "DOME", "MESH", "BOUNCED")

@@ -113,12 +113,20 @@ class Stage:
         flags = flags_of(thing, thing, view_layer, report)
         if report.mentions(thing.name) or self.report.mentions(thing.name):
             return False  # what is said of it may be another thing now
-        now = (thing.pass_index, flags.camera, flags.mirror, flags.shadow, flags.holdout)
+        now = (thing.pass_index, *flags[:4], flags.catcher)
         groups = [self.scene.instances[number] for number in place.instances]
         if any(group.values for group in groups):
             return False  # materials read what an edit of the object may have changed
         return all(
-            now == (g.object_index, g.visible_camera, g.visible_mirror, g.visible_shadow, g.holdout)
+            now
+            == (
+                g.object_index,
+                g.visible_camera,
+                g.visible_mirror,
+                g.visible_shadow,
+                g.holdout,
+                g.catcher,
+            )
             for g in groups
         )
 
