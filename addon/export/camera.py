@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.panorama import Panorama, panorama_problems
 from ...engine.scene import Camera, Lens
+from ...engine.scene.panorama import Panorama, panorama_problems
 from .panorama import Looker, panorama_of
 from .report import Report
 

@@ -13,21 +13,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...engine.scene import Geometry, Instances, Scene, Strands
-from .aovs import Aov, note_world
 from .camera import border, export_camera, resolution
-from .decoded import Decoded
-from .images import Images
+from .geometry.meshes import MeshSource, mesh_key, read_attributes, readable
+from .geometry.shapes import export_points, read_shape
+from .geometry.strands import StrandSource, read_curves, read_hair, read_strand_attributes
+from .images.decoded import Decoded
+from .images.images import Images
 from .instances import Flags, Thing, places_on_instancers, random_numbers, walk
 from .lights import Lights, Seen
-from .materials import Materials, Wanted, without_unused
-from .meshes import MeshSource, mesh_key, read_attributes, readable
+from .materials.aovs import Aov, note_world
+from .materials.materials import Materials, Wanted, without_unused
 from .panorama import Looker
-from .placing import note_empty_view, without_collapsed
+from .placing import note_catchers, note_empty_view, without_collapsed
 from .properties import Value, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
-from .shapes import export_points, read_shape
-from .strands import StrandSource, read_curves, read_hair, read_strand_attributes
 from .unheard import note_scene
 from .world import Sky, export_world, with_mist
 
@@ -235,7 +235,7 @@ class Collector:
         return Instances(
             thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
             flags.camera, flags.mirror, flags.shadow, flags.holdout, values, flags.light_set,
-            asset=placed.asset,
+            asset=placed.asset, catcher=flags.catcher,
         )  # fmt: skip
 
     @cached_property
@@ -349,6 +349,7 @@ class Collector:
         for thing in things:
             if isinstance(thing.content, _Lamp):
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
+        note_catchers(instances, self.materials.materials, self.report)
         materials, textures = without_unused(self.materials.materials, self.images.textures)
         lights = sky.lights_with(self.lights.lights)
         names = tuple(aov.name for aov in self.materials.aovs)

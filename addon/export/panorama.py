@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.panorama import PROJECTIONS, Eye, Panorama
+from ...engine.scene.panorama import PROJECTIONS, Eye, Panorama
 from .report import Report
 
 _OTHER_NAMES = {"MIRRORBALL": "MIRROR_BALL"}

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.dome import cell_shares, radiance_along, radiance_map, within_range
+from ...engine.lights.dome import cell_shares, radiance_along, radiance_map, within_range
 from ...engine.program.graph import Value
 from ...engine.program.program import compile_program
 from ...engine.scene import Light, Medium, Mist, World
-from .evaluator import Evaluator, LobeKey
-from .expressions import Expressions
-from .graph import Place, images_behind, node_tree, output_of, socket_named
-from .images import Images
-from .nodes_volume import medium_of
+from .images.images import Images
+from .materials.evaluator import Evaluator, LobeKey
+from .materials.expressions import Expressions
+from .materials.graph import Place, images_behind, node_tree, output_of, socket_named
+from .materials.nodes_volume import medium_of
 from .report import Report
 from .shader_nodes import TreeReader
 from .shader_nodes.sky import SkyReader, Sun
@@ -96,7 +96,7 @@ def with_mist(sky: Sky, world: Any) -> Sky:
 
 
 def _map(expressions: Expressions, radiance: Value, images: Images) -> np.ndarray:
-    """Radiance by direction, as `engine.dome` has it."""
+    """Radiance by direction, as `engine.lights.dome` has it."""
     if radiance.constant is not None:
         return within_range(np.array(radiance.constant).reshape(1, 1, 3))
     return radiance_map(compile_program(expressions.graph, [radiance]), images.textures)

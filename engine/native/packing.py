@@ -15,7 +15,6 @@ import numpy as np
 
 from ..cryptomatte import id_bits
 from ..errors import SceneError
-from ..panorama import Eye, Panorama
 from ..program.program import Program
 from ..scene import (
     EVERYTHING,
@@ -34,6 +33,7 @@ from ..scene import (
     Strands,
     Texture,
 )
+from ..scene.panorama import Eye, Panorama
 from . import core_types
 from .packer import Packed, Packer, address, number
 from .packing_materials import pack_material
@@ -513,7 +513,7 @@ def _moved_instances(groups: tuple[Instances, ...], before: _Part, changed: list
     return _Part(groups, {**before.tables, "world_from_object": matrices}, before.lent)
 
 
-_CAMERA, _MIRROR, _SHADOW, _HOLDOUT = (flag.value for flag in core_types.InstanceFlags)
+_CAMERA, _MIRROR, _SHADOW, _HOLDOUT, _CATCHER = (flag.value for flag in core_types.InstanceFlags)
 
 
 def _group(group: Instances, first_row: int, row_count: int, first_slot: int) -> tuple:
@@ -522,6 +522,7 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
         | _MIRROR * group.visible_mirror
         | _SHADOW * group.visible_shadow
         | _HOLDOUT * group.holdout
+        | _CATCHER * group.catcher
     )
     return (
         first_row,

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..lens import BLOCK, lens_points
-from ..motion import camera_frames, sample_times
-from ..panorama import Panorama
+from ..sampling.lens import BLOCK, lens_points
+from ..sampling.motion import camera_frames, sample_times
 from ..scene import Camera, Scene
+from ..scene.panorama import Panorama
 from .geometry import Geometry
 from .panorama import from_eye, looks, through_lens
 from .raster import Strips, pixel_strips

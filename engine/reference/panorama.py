@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..panorama import Eye, Panorama
 from ..scene import Camera
+from ..scene.panorama import Eye, Panorama
 from .vectors import cross, dot, length, unit
 
 Array = np.ndarray

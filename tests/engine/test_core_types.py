@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from glint.engine import film, panorama, scene, settings
+from glint.engine import film, scene, settings
 from glint.engine.native import core_types
+from glint.engine.scene.panorama import PROJECTIONS
 
 ROOT = Path(__file__).parents[2]
 HEADER = ROOT / "engine/core/include/glint.h"
@@ -97,7 +98,7 @@ def test_constants_have_the_headers_values(tmp_path: Path) -> None:
         (scene.LOBES, core_types.LobeKind),
         (scene.LIGHTS, core_types.LightKind),
         (scene.CAMERAS, core_types.CameraKind),
-        (panorama.PROJECTIONS, core_types.Projection),
+        (PROJECTIONS, core_types.Projection),
         (settings.ILLUMINATIONS, core_types.Illumination),
         (settings.BUILDS, core_types.Build),
         (

@@ -17,9 +17,9 @@ import pytest
 from glint import engine
 from glint.engine import Settings, film, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
-from glint.engine.panorama import Eye, Panorama
 from glint.engine.program.table import BY_NAME
 from glint.engine.scene import Camera, Instances, Lens, Medium, Scene, Spheres
+from glint.engine.scene.panorama import Eye, Panorama
 from media_scenes import rich
 from test_lens import BACKENDS, depths, glowing, moving, turned
 from test_program_render import new_graph, shown

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from ....engine.program.graph import Value
-from ..graph import socket_named
-from ..images import FIRST, Images
-from ..terms import GREY
+from ..images.images import FIRST, Images
+from ..materials.graph import socket_named
+from ..materials.terms import GREY
 from .mapping import texture_mapped
 from .objects import INSTANCER_GENERATED, INSTANCER_UV, property_of_object
 from .projections import on_ball, on_box, on_tiles, on_tube

@@ -17,7 +17,7 @@ from typing import Any
 from ....engine.program.graph import Graph, Value
 from ....engine.program.operations_math import MathOperation
 from ....engine.program.table import BY_NAME
-from ..graph import Place, closes_circle, kind_of, socket_named, trail
+from ..materials.graph import Place, closes_circle, kind_of, socket_named, trail
 from .mapping import texture_mapped
 
 Outputs = dict[str, Value]

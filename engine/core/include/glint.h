@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 27
+#define GLINT_ABI_VERSION 28
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -70,7 +70,8 @@ enum GlintInstanceFlags {
   GLINT_VISIBLE_CAMERA = 1,
   GLINT_VISIBLE_MIRROR = 2,
   GLINT_VISIBLE_SHADOW = 4,
-  GLINT_HOLDOUT = 8
+  GLINT_HOLDOUT = 8,
+  GLINT_CATCHER = 16 /* of shadows: camera rays see what others change of its light, not it */
 };
 
 /* A geometry placed row_count times: rows [first_row, …) of world_from_object, material_count
@@ -306,6 +307,7 @@ enum GlintPass {
   GLINT_PASS_DENOISING_NORMAL,
   GLINT_PASS_DENOISING_ALBEDO,
   GLINT_PASS_DENOISING_DEPTH,
+  GLINT_PASS_SHADOW_CATCHER,
   GLINT_PASS_COUNT
 };
 
@@ -320,10 +322,10 @@ enum GlintPass {
  * (dome_axes, column by column) over the density and one over that, equirectangular, from below
  * upward. dome_irradiance: (dome_irradiance_rows, dome_irradiance_columns, 3), over pi, of surfaces
  * that nothing hides it from, by their normals in the light's axes: corners of cells from pole to
- * pole and once round. mesh_table: (mesh_count, 16), of as many samples, mesh_samples points each,
+ * pole and once round. mesh_table: (mesh_count, 17), of as many samples, mesh_samples points each,
  * as divide it, after which they begin again, of a GLINT_MESH_LIGHT: the point and its unit normal
- * in the light's axes, the numbers of GlintEmitter but the normal, and a point of the unit disc.
- * bounced_table: the same of a GLINT_BOUNCED_LIGHT.
+ * in the light's axes, the numbers of GlintEmitter but the normal, a point of the unit disc, and 0.
+ * bounced_table: the same of a GLINT_BOUNCED_LIGHT, and 1 for points on catchers at the end.
  * Tables may be null where the scene has no such light. lobe_points: (lobe_count, 2) of the unit
  * disc, as many for each of lobe_levels reflections of a path, where in the lobes of rough surfaces
  * its rays are reflected; null only where none are. error_threshold: in 8-bit levels, at least
@@ -352,13 +354,13 @@ typedef struct GlintRenderSettings {
   const double* lens_points;
   const double* camera_frames;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
-      camera_frame_count;
+      camera_frame_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
   uint32_t samples, light_samples, dome_samples, mesh_samples, bounced_samples;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
-  uint32_t max_bounces, threads, passes;
+  uint32_t max_bounces, threads;
   uint32_t region[4];
   int32_t illumination, waves, acceleration, remember, reflections, moving;
 } GlintRenderSettings;
@@ -397,7 +399,8 @@ enum GlintFeature {
   GLINT_FEATURE_CAMERA_MOTION = 4096,
   GLINT_FEATURE_BOUNCED_LIGHT = 8192,
   GLINT_FEATURE_OBJECT_MOTION = 16384,
-  GLINT_FEATURE_MEDIA = 32768
+  GLINT_FEATURE_MEDIA = 32768,
+  GLINT_FEATURE_SHADOW_CATCHER = 65536
 };
 
 typedef struct GlintStats {

@@ -113,6 +113,11 @@ const Opacity* Scene::opacity(const Light& light) const {
   return passed ? &passed->view() : opacity();
 }
 
+const Opacity* Scene::opacity_of_catchers(const Light& light) const {
+  const PassedInstances* const own = caught_[size_t(&light - lights.data())].get();
+  return &(own ? own : caught_.back().get())->view();
+}
+
 /// The trees that a later scene may take over: this one's, or as long as it has none those that it
 /// would take over itself.
 Scene::Earlier Scene::trees() const {
@@ -308,6 +313,7 @@ void Scene::note_features() {
     features |= GLINT_FEATURE_MEDIA | GLINT_FEATURE_TRANSPARENT;
   for (const GlintInstances& group : groups) {
     if (group.flags & GLINT_HOLDOUT) features |= GLINT_FEATURE_HOLDOUT;
+    if (group.flags & GLINT_CATCHER) features |= GLINT_FEATURE_SHADOW_CATCHER;
     if (geometries[group.geometry].normals.values) features |= GLINT_FEATURE_SMOOTH_NORMALS;
     for (uint32_t k = 0; k < group.material_count; ++k) {
       const Material& material = materials[material_slots[group.first_material + k]];
@@ -454,7 +460,14 @@ bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& ca
     passed_.resize(lights.size());
     for (size_t k = 0; k < lights.size(); ++k)
       if (lights[k].casts_shadow() && lights[k].passed_sets)
-        passed_[k] = std::make_unique<const PassedInstances>(*this, lights[k]);
+        passed_[k] = std::make_unique<const PassedInstances>(*this, lights[k].passed_sets, false);
+  }
+  if (caught_.empty() && features & GLINT_FEATURE_SHADOW_CATCHER) {
+    for (const Light& light : lights)
+      caught_.push_back(light.passed_sets ? std::make_unique<const PassedInstances>(
+                                                *this, light.passed_sets, true)
+                                          : nullptr);
+    caught_.push_back(std::make_unique<const PassedInstances>(*this, 0, true));
   }
   if (!build_emitters(threads, cancel) || !build_media(threads, cancel)) return false;
   if (accel_) return true;

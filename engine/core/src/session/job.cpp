@@ -144,7 +144,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.error_threshold >= 0 && g.error_threshold < 256,
       "settings: the error threshold is not between 0 and 256");
   add(g.cutoff >= 0 && g.cutoff <= 1, "settings: the cutoff is not between 0 and 1");
-  add(g.passes < 1u << GLINT_PASS_COUNT, "settings: unknown passes");
+  add(g.passes < pass_bit(GLINT_PASS_COUNT), "settings: unknown passes");
   add(!(g.passes & Cryptomatte::kPasses) || (g.crypto_ids >= 1 && g.crypto_ids <= 64),
       "settings: not 1 to 64 ids of Cryptomatte");
   add(!(g.passes >> GLINT_PASS_AOV & 1) || scene.aov_count > 0, "settings: there are no AOVs");
