@@ -71,13 +71,13 @@ def compare(what):
 results = {}
 key(camera, "location", 7.4, 6.0, index=0)
 compare("camera")
-scene.glint.final.diffuse_bounces = 0
 second, still = ball("second", 2.5, 0), ball("still", -2.5, 1)
 paint, color = colored("paint", 0.8, 0.2, 0.1)
 second.data.materials.append(paint)
 key(second, "location", 2.5, 1.5, index=0)
 key(lamp, "location", 4.0, 5.0, index=0)
 compare("objects")
+scene.glint.final.diffuse_bounces = 0
 key(color, "default_value", 0.1, 0.9, index=1)
 key(lamp.data, "energy", 1000, 500)
 world = scene.world.node_tree.nodes["Background"].inputs["Strength"]
