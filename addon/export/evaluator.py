@@ -24,12 +24,13 @@ from .images import Images
 from .report import Report
 from .shader_nodes import TreeReader
 from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant, multiply
-from .varying import Roughness
+from .varying import Ior, Roughness
 
 DEEPEST = 48
 """Nested node evaluations; deeper trees get the socket's default."""
 MOST_TERMS = 16
 """Terms of one sum; longer ones become a program's value."""
+SMALLEST_IOR = 1e-3
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 _CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
 
@@ -46,6 +47,7 @@ class LobeKey:
     masking: float = 0.0
     exponent_output: int = -1
     masking_output: int = -1
+    ior_output: int = -1
 
 
 Closure = dict[LobeKey, Sum]
@@ -313,6 +315,15 @@ class NodeView:
         expressions = self.evaluator.expressions
         value = expressions.apply("separate_xyz", expressions.value_of(terms))
         return Roughness(value, expressions)
+
+    def ior(self, name: str = "IOR", otherwise: float = 1.5) -> Ior:
+        """An index of refraction, kept above 0, which may vary over the surface."""
+        terms = self.number(name, otherwise)
+        if is_constant(terms):
+            return Ior(max(constant_value(terms)[0], SMALLEST_IOR), self.evaluator.expressions)
+        expressions = self.evaluator.expressions
+        value = expressions.apply("separate_xyz", expressions.value_of(terms))
+        return Ior(expressions.math("MAXIMUM", value, SMALLEST_IOR), expressions)
 
     def factor(self, name: str, otherwise: float = 0.0) -> Sum:
         """A number kept between 0 and 1."""

@@ -30,7 +30,7 @@ from .nodes_shader import diffuse_closure, glossy_closure
 from .report import Report
 from .shader_nodes import TreeReader
 from .terms import complement, constant, constant_value, factors_of
-from .varying import Roughness
+from .varying import Ior, Roughness
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def default_material() -> Material:
     closure = (
         diffuse_closure(grey)
         if bpy.app.version < (5, 0, 0)
-        else plastic_closure(grey, constant(1.0), Roughness(0.5), 1.5, True)
+        else plastic_closure(grey, constant(1.0), Roughness(0.5), Ior(1.5), True)
     )
     return Material("default_surface", lobes_of(closure))  # as Cycles calls it
 
@@ -172,6 +172,7 @@ def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
             item[0].ior,
             item[0].schlick,
             item[0].exponent_output,
+            item[0].ior_output,
         ),
     )
     return tuple(_lobe(key, factors_of(term)) for key, terms in ordered for term in terms)
@@ -188,6 +189,7 @@ def _lobe(key: LobeKey, factors: tuple) -> Lobe:
         key.masking,
         key.exponent_output,
         key.masking_output,
+        key.ior_output,
     )
 
 

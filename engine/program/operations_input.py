@@ -141,8 +141,15 @@ INPUTS = (
     Operation(
         "ray_length",
         sockets(value="number"),
-        formula="the distance from the lit point to the light's, the largest float to a SUN; 0 of "
-        "other rays",
+        formula="the distance in the world from the camera's clip_start, the surface that mirrors "
+        "or refracts, or the lit point; the largest float to a SUN",
+        reads_point=True,
+    ),
+    Operation(
+        "ray_depth",
+        sockets(depth="number", straight="number", refractions="number", refracted="number"),
+        formula="bounces before the point, 1 of rays to lights; surfaces that dim and that the ray "
+        "passed since; bounces that were refractions, up to 31; 1 where the last one was",
         reads_point=True,
     ),
     Operation(

@@ -16,7 +16,7 @@ from .gloss import Narrow
 from .lighting import balance, highlight
 from .lights import LightSample, Source
 from .materials import Coefficients, Term
-from .paths import Paths, bounced, straight_on, widened
+from .paths import Paths, bounced, camera_paths, met, straight_on, widened
 from .pulse import Pulse
 from .rays import Bundle
 from .seen_lights import has_shape, seen_radiance
@@ -124,9 +124,7 @@ class Explainer:
         and its point of the lens: the first sample of a picture.
         """
         rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._spread)[0]
-        zero = np.zeros(1, np.intp)
-        paths = Paths(rays, np.ones((3, 1)), zero, zero, 0, np.full(1, np.inf))
-        return self.follow(paths, "camera" if self._spread.lens is None else "lens")
+        return self.follow(camera_paths(rays), "camera" if self._spread.lens is None else "lens")
 
     def follow(self, paths: Paths, kind: str) -> Ray:
         """One ray and all that follow from it."""
@@ -160,7 +158,7 @@ class Explainer:
         surface = surface_at(
             stage.geometry, stage.attributes, paths.rays, hit, found.primitive, depth, stage.pulse
         )
-        surface = stage.shader.bent(surface, paths.kind)
+        surface = stage.shader.bent(met(paths, hit, surface), paths.kind)
         coefficients = stage.shader.coefficients(surface, paths.kind)
         if paths.reflections:
             coefficients = widened(coefficients, paths.widest)

@@ -11,7 +11,17 @@ import numpy as np
 from .gloss import reflecting
 from .lights import Source
 from .materials import Coefficients
-from .paths import Paths, beyond, bounced, joined, reflected_by_lobes, straight_on, widened
+from .paths import (
+    Paths,
+    beyond,
+    bounced,
+    camera_paths,
+    joined,
+    met,
+    reflected_by_lobes,
+    straight_on,
+    widened,
+)
 from .picture import Tile
 from .raster import Strips
 from .rays import Rays
@@ -57,9 +67,7 @@ class Generations:
 
     def run(self, rays: Rays, strips: Strips | None) -> None:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
-        n = len(rays)
-        widest = np.full(n, np.inf)
-        generation = [Paths(rays, np.ones((3, n)), np.arange(n), np.zeros(n, np.intp), 0, widest)]
+        generation = [camera_paths(rays)]
         while generation:
             deeper: list[Paths] = []
             for paths in generation:
@@ -94,7 +102,7 @@ class Generations:
             depth,
             stage.pulse,
         )
-        surface = stage.shader.bent(surface, paths.kind)
+        surface = stage.shader.bent(met(paths, hit, surface), paths.kind)
         coefficients = stage.shader.coefficients(surface, paths.kind)
         stage.pulse.beat()
         self._record(paths, hit, surface, depth, coefficients)

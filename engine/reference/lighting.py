@@ -202,7 +202,13 @@ def highlight(
     """
     lobe = term.lobe
     return blinn_phong(n, v, l, taken(term.exponent, chosen)) * gloss(
-        n, v, l, taken(term.masking, chosen), lobe.ior, lobe.fresnel, lobe.schlick
+        n,
+        v,
+        l,
+        taken(term.masking, chosen),
+        taken(term.ior, chosen),
+        lobe.fresnel,
+        lobe.schlick,
     )
 
 

@@ -37,7 +37,8 @@ _SUMMED = {
 class Term:
     """A lobe that needs a ray or a highlight, at m of the points: index (m,), k (3, m).
 
-    exponent, masking: (m,) where the material's program gives them, else the lobe's own number.
+    exponent, masking, ior: (m,) where the material's program gives them, else the lobe's own
+    number.
     """
 
     index: Array
@@ -45,6 +46,7 @@ class Term:
     lobe: Lobe
     exponent: Array | float
     masking: Array | float
+    ior: Array | float
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +113,8 @@ class Shader:
                 add_at(sums[_SUMMED[lobe.kind]], index, k)
             else:
                 masking = _number(lobe.masking, lobe.masking_output, outputs)
-                terms[lobe.kind].append(Term(index, k, lobe, exponent, masking))
+                ior = _index(lobe, outputs)
+                terms[lobe.kind].append(Term(index, k, lobe, exponent, masking, ior))
 
         self._each_lobe(surface, kind, add)
         return Coefficients(
@@ -222,6 +225,14 @@ class Shader:
 def taken(number: Array | float, chosen: Array | slice) -> Array | float:
     """The places `chosen` of a number that differs from point to point, or the one for all."""
     return number[chosen] if isinstance(number, np.ndarray) else number
+
+
+def _index(lobe: Lobe, outputs: list[Array]) -> Array | float:
+    """A lobe's index of refraction: what the program gives where that is one, else its own."""
+    if lobe.ior_output < 0:
+        return lobe.ior
+    given = outputs[lobe.ior_output][0]
+    return np.where(np.isfinite(given) & (given > 0), given, lobe.ior)
 
 
 def _number(own: float, output: int, outputs: list[Array]) -> Array | float:

@@ -32,7 +32,7 @@ def gloss(
     v: Array,
     l: Array,  # noqa: E741
     masking: Array | float,
-    ior: float,
+    ior: Array | float,
     dielectric: bool,
     schlick: bool,
 ) -> Array:
@@ -46,7 +46,9 @@ def gloss(
         factor = np.where(masking > 0, 2 * nl / np.where(down > 0, down, 1.0), 1.0)
     if dielectric or schlick:
         vh = np.sqrt(np.maximum(0.5 * (1 + dot(l, v)), 0.0))
-        factor = factor * ((1 - vh) ** 5 if schlick else fresnel(vh, np.full(n.shape[1], ior)))
+        factor = factor * (
+            (1 - vh) ** 5 if schlick else fresnel(vh, np.broadcast_to(ior, n.shape[1:]))
+        )
     return factor
 
 

@@ -35,6 +35,12 @@ class Surroundings:
         return np.asarray(self.camera.world_from_camera, np.float64)[:, 3:]
 
 
+def clipped(camera: Camera, d: Array) -> Array:
+    """(n,) lengths along unit d (3, n) of what lies before the camera's clip_start."""
+    back = np.asarray(camera.world_from_camera, np.float64)[:, 2:3]
+    return -camera.clip_start * dot(back, back) / dot(back, d)
+
+
 def light_path(kind: str, count: int) -> tuple[Array, Array, Array]:
     """Three times (count,): 1 where the rays are the camera's, shadows', bounced ones."""
     return tuple(np.full(count, float(kind == k)) for k in ("camera", "shadow", "mirror"))
@@ -151,8 +157,16 @@ class SurfacePoints:
         return light_path(self._kind, len(self._index))
 
     def ray_length(self) -> Array:
-        """(m,) zeros: known of lights alone."""
-        return np.zeros(len(self._index))
+        """(m,) of the ray that meets the point."""
+        far = self._surface.far[self._index]
+        is_camera = self._kind == "camera"
+        return far - clipped(self._around.camera, -self._of("v")) if is_camera else far
+
+    def ray_depth(self) -> tuple[Array, ...]:
+        """Four times (m,): bounces, surfaces that dim passed since, refractions among the bounces,
+        1 where the last was one.
+        """
+        return tuple(pick(self._surface.past, self._index))
 
     def _of(self, name: str) -> Array:
         return pick(getattr(self._surface, name), self._index)

@@ -19,6 +19,10 @@ WITHOUT_EFFECT = {("ShaderNodeNormalMap", "base")}
 """Settings that count with true displacement alone, which is told by itself."""
 
 
+ALIKE = {"Cubic", "Smart"}
+"""Ways to read images that are one in Cycles too, but for OSL."""
+
+
 def _computes(name: str) -> bool:
     if not name.startswith("ShaderNode") or name.startswith(CLOSURES) or name in NO_NODES:
         return False
@@ -74,6 +78,7 @@ def test_every_setting_counts_or_is_told(scene, kind):  # noqa: F811
         for name in dict(next(iter(heard)))
         if (kind, name) not in WITHOUT_EFFECT
         for pair in combinations({dict(base)[name] for base in heard}, 2)
+        if set(pair) != ALIKE
         if not _differ(walk, heard, name, *pair)
     ]
     assert not silent

@@ -102,6 +102,9 @@ class LampReader(TreeReader):
     def ray_length(self) -> Value | None:
         return self.apply("ray_length")[0]
 
+    def ray_depth(self) -> None:
+        """Lights do not know how they are seen."""
+
     def _over_area(self) -> Value:
         place = super().apply("object_position", shift=0)[0]
         over = self.graph.constant((1 / self.lamp.size[0], 1 / self.lamp.size[1], 0.0))
@@ -141,7 +144,8 @@ def _light_falloff(view: NodeInputs) -> Outputs | None:
     if length is None:
         return None
     strength, smooth = view.value("Strength"), view.value("Smooth")
-    if view.reader.lamp.kind == "SUN":
+    lamp = getattr(view.reader, "lamp", None)
+    if lamp is not None and lamp.kind == "SUN":
         return dict.fromkeys(("Quadratic", "Linear", "Constant"), strength)
     do = view.math
     squared = do("MULTIPLY", length, length)

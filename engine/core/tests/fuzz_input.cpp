@@ -227,6 +227,7 @@ GlintLobe lobe(Dice& dice, std::vector<GlintInput>& inputs, size_t textures) {
   g.input_count = uint32_t(dice.below(3));
   for (uint32_t k = 0; k < g.input_count; ++k) inputs.push_back(input(dice, textures));
   if (dice.chance(0.1 * dice.wildness)) g.kind = int32_t(dice.bits());
+  if (dice.chance(0.1 * dice.wildness)) g.ior_slot = int32_t(dice.bits());
   if (dice.chance(0.1 * dice.wildness)) g.input_count = uint32_t(dice.bits());
   return g;
 }

@@ -114,6 +114,11 @@ def ray_length(points) -> np.ndarray:
     return points.ray_length()
 
 
+def ray_depth(points) -> tuple[np.ndarray, ...]:
+    """Depth, straight, refractions, refracted."""
+    return points.ray_depth()
+
+
 def object_stretch(points) -> np.ndarray:
     return points.object_stretch()
 

@@ -133,7 +133,15 @@ inline void incoming(const Machine& m, const Operands& at) {
 }
 
 inline void ray_length(const Machine& m, const Operands& at) {
-  each_group(m, [&](size_t k) { at.put(0, k, load(m.points.length + k)); });
+  const ProgramView& view = *m.tables.view;
+  each_group(m, [&](size_t k) {
+    Doubles length = load(m.points.length + k);
+    if (m.kind == RayKind::kCamera) {
+      const Three back = splat3(view.axes[2]);
+      length = length + view.clip_start * dot(back, back) / dot(back, point3(m.points.d, k));
+    }
+    at.put(0, k, length);
+  });
 }
 
 inline void backfacing(const Machine& m, const Operands& at) {
@@ -250,6 +258,19 @@ inline void light_path(const Machine& m, const Operands& at) {
     at.put(0, k, is(RayKind::kCamera));
     at.put(1, k, is(RayKind::kShadow));
     at.put(2, k, is(RayKind::kBounced));
+  });
+}
+
+inline void ray_depth(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    const Mask tags = load(m.points.tags + k);
+    const auto part = [&](int first, int64_t bits) {
+      return __builtin_convertvector(tags >> first & bits, Doubles);
+    };
+    at.put(0, k, part(RayTag::kDepth, 255));
+    at.put(1, k, part(RayTag::kStraight, 255));
+    at.put(2, k, part(RayTag::kRefractions, RayTag::kMostRefractions));
+    at.put(3, k, part(RayTag::kRefracted, 1));
   });
 }
 
