@@ -218,7 +218,16 @@ class Input:
         return self.low == -np.inf and self.high == np.inf and not any(self.offset)
 
 
-LOBES = ("AMBIENT", "DIFFUSE", "SPECULAR", "MIRROR", "REFRACTION", "TRANSPARENT", "EMISSION")
+LOBES = (
+    "AMBIENT",
+    "DIFFUSE",
+    "SPECULAR",
+    "MIRROR",
+    "REFRACTION",
+    "TRANSPARENT",
+    "EMISSION",
+    "SHEEN",
+)
 
 
 @dataclass(frozen=True)
@@ -233,7 +242,8 @@ class Lobe:
     SPECULAR lobe: the α of Smith's shadowing and masking, as GGX has them, which it is times; 0 for
     none. exponent_output, masking_output: which output of the material's program, a number, gives
     the exponent or masking instead, kept from 0 to what stands here; -1 for none.  ior_output: the
-    same of ior, which stands where the output is not finite or not above 0.
+    same of ior, which stands where the output is not finite or not above 0.  A SHEEN lobe has its
+    width as exponent and its lean as masking (SEMANTICS.md).
     """
 
     kind: str

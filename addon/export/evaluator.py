@@ -159,11 +159,12 @@ class Evaluator:
         if self._trees.is_fed(place):
             self._trees.displacement = self._trees.value(place)
 
-    def bend(self, place: Place | None) -> None:
+    def bend(self, place: Place | None) -> Value:
         """Note the shading normal that a shader's socket gets, the mesh's where it gets none."""
         fed = place is not None and self._trees.is_fed(place)
         value = self._trees.value(place) if fed else self._trees.normal()
         self.normals[value] = None
+        return value
 
     def normal(self) -> int:
         """The output that holds the material's shading normal; -1 where it is the mesh's."""

@@ -37,6 +37,10 @@ class Expressions:
         """The value as a number: a colour by its luminance."""
         return value if value.width == 1 else self.apply("rgb_to_bw", value)
 
+    def parts(self, vector: Value) -> tuple[Value, ...]:
+        """The three numbers of a vector."""
+        return self.graph.apply(BY_NAME["separate_xyz"], vector)
+
     def math(self, operation: str, *numbers: Value | float) -> Value:
         """An operation of the Math node on values and Python's own numbers."""
         given = [self.constant(x) if isinstance(x, (int, float)) else x for x in numbers]

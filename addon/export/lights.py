@@ -14,7 +14,7 @@ import numpy as np
 from ...engine.program.program import Program, compile_program
 from ...engine.scene import EVERYTHING, Light, Texture
 from .evaluator import Evaluator, LobeKey
-from .graph import Place, images_behind, node_tree, socket_named
+from .graph import Place, images_behind, read_tree, socket_named
 from .images import Images
 from .report import Report
 from .shader_nodes.lamp import Lamp, LampReader
@@ -132,7 +132,8 @@ class Lights:
 
     def _emission(self, name: str, data: Any, lamp: Lamp) -> Emission:
         """What the light's node tree multiplies its colour by."""
-        tree = node_tree(data)
+        read = read_tree(data)
+        tree = read.tree
         output = tree and (tree.get_output_node("ALL") or tree.get_output_node("CYCLES"))
         if not output:
             return Emission()

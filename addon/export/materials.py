@@ -23,7 +23,7 @@ from .evaluator import (
     is_finite,
     scale_closure,
 )
-from .graph import Place, images_behind, node_tree, socket_named
+from .graph import Place, images_behind, read_tree, socket_named
 from .images import Images
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
@@ -105,7 +105,8 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     """One Blender material as lobes."""
     reader = functools.partial(TreeReader, material_index=material.pass_index)
     evaluator = Evaluator(material.name, images, report, reader)
-    tree = node_tree(material)
+    read = read_tree(material)
+    tree = read.tree
     if getattr(material, "displacement_method", "BUMP") != "BUMP" and _is_displaced(tree):
         report.note("True displacement is rendered as a bump in {}", material.name)
     closure = (

@@ -9,8 +9,8 @@ import math
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .nodes_shader import (
     LEFT_OUT,
+    Fibres,
     below_coat,
-    below_sheen,
     bend,
     coat_closure,
     glass_closure,
@@ -18,10 +18,9 @@ from .nodes_shader import (
     metal_closure,
     note_edge_tint,
     note_left_out,
-    sheen_closure,
     under_alpha,
 )
-from .roughness import layer_loss, sheen_of
+from .roughness import layer_loss
 from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply
 from .varying import Ior, Roughness
 
@@ -106,10 +105,10 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
     if not weight:
         return surface
     tint = view.reflectance("Sheen Tint", 1.0)
-    sheen = sheen_of(view.constant("Sheen Roughness", 0.5))
+    fibres = Fibres(view, view.constant("Sheen Roughness", 0.5))
     return add_closures(
-        below_sheen(surface, multiply(weight, _largest(tint)), sheen),
-        sheen_closure(multiply(weight, tint), sheen),
+        fibres.over(surface, multiply(weight, _largest(tint))),
+        fibres.closure(multiply(weight, tint)),
     )
 
 

@@ -6,20 +6,20 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from ...engine.program.operations_vector import VectorMeasure
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .fresnel import dielectric_albedo, normal_reflectance
 from .graph import BLINN_PHONG, source
 from .roughness import (
-    Sheen,
     World,
     dielectric_world,
     glass_exponent,
     scattered,
     scattered_narrow,
     scattered_wide,
-    sheen_of,
     world_of,
 )
+from .sheen import sheen_table
 from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
 from .varying import Ior, Roughness
 
@@ -288,35 +288,45 @@ def _diffuse(view: NodeView) -> Closure:
     return diffuse_closure(view.reflectance("Color"))
 
 
-def sheen_closure(color: Sum, sheen: Sheen) -> Closure:
-    """Fibres that reflect a colour at grazing angles, lit as what is matt."""
-    grazing = {"exponent": sheen.p}
-    always, more = scale(color, sheen.a), scale(color, sheen.b)
-    return {
-        LobeKey(kind, **shape): k
-        for kind in ("DIFFUSE", "AMBIENT")
-        for shape, k in (({}, always), (grazing, more))
-    }
+class Fibres:
+    """The sheen of a node, as values of its program.
 
+    share: of a uniform world, by the view, as a sum.
+    """
 
-def below_sheen(surface: Closure, weight: Sum, sheen: Sheen) -> Closure:
-    """What fibres leave to a surface: by the view where it is matt, else on average."""
-    through = complement(scale(weight, sheen.mean))
-    parts = []
-    for key, k in surface.items():
-        if key.kind not in ("DIFFUSE", "AMBIENT") or key.exponent_output >= 0:
-            parts.append({key: multiply(k, through)})
-            continue
-        parts.append({key: multiply(k, complement(scale(weight, sheen.a)))})
-        at_edges = replace(key, exponent=key.exponent + sheen.p)
-        parts.append({at_edges: scale(multiply(k, weight), -sheen.b)})
-    return add_closures(*parts)
+    def __init__(self, view: NodeView, roughness: float, distribution: str = "MICROFIBER") -> None:
+        do, expressions = view.evaluator.expressions.apply, view.evaluator.expressions
+        seen = (do("incoming"), view.evaluator.bend(view.input("Normal")))
+        cosine = do("vector_measure", *seen, measure=VectorMeasure.DOT_PRODUCT)
+        rows = sheen_table(roughness, distribution)
+        table = tuple(x for row in rows for x in (*map(float, row), 1.0))
+        found = do("ramp", cosine, interpolates=1, table=table)
+        width, lean, share = expressions.parts(found)
+        self._most = rows.max(0)
+        self._outputs = expressions.output(width), expressions.output(lean)
+        self.share = expressions.sum_of(share)
+
+    def closure(self, color: Sum) -> Closure:
+        """Fibres that reflect a colour."""
+        width, lean = self._outputs
+        lobe = LobeKey(
+            "SHEEN",
+            float(self._most[0]),
+            masking=float(self._most[1]),
+            exponent_output=width,
+            masking_output=lean,
+        )
+        seen = multiply(color, self.share)
+        return {lobe: seen, LobeKey("AMBIENT"): seen}
+
+    def over(self, surface: Closure, weight: Sum) -> Closure:
+        """What they leave to a surface, by the view."""
+        return scale_closure(surface, complement(multiply(weight, self.share)))
 
 
 def _sheen(view: NodeView) -> Closure:
-    sheen = sheen_of(view.constant("Roughness", 0.5), view.node.distribution)
-    bend(view)
-    return sheen_closure(view.reflectance("Color"), sheen)
+    fibres = Fibres(view, view.constant("Roughness", 0.5), view.node.distribution)
+    return fibres.closure(view.reflectance("Color"))
 
 
 def _as_diffuse(view: NodeView) -> Closure:

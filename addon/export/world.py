@@ -14,7 +14,7 @@ from ...engine.program.program import compile_program
 from ...engine.scene import Light, Mist, World
 from .evaluator import Evaluator, LobeKey
 from .expressions import Expressions
-from .graph import Place, images_behind, node_tree, socket_named
+from .graph import Place, images_behind, read_tree, socket_named
 from .images import Images
 from .report import Report
 from .shader_nodes.sky import SkyReader, Sun
@@ -145,7 +145,8 @@ def _radiance(
 ) -> tuple[Expressions, Value]:
     """What the world gives, as a vector over directions. suns: as SkyReader has it."""
     evaluator = Evaluator(world.name, images, report, partial(SkyReader, suns=suns))
-    expressions, tree = evaluator.expressions, node_tree(world)
+    read = read_tree(world)
+    expressions, tree = evaluator.expressions, read.tree
     if tree is None:
         return expressions, expressions.constant(tuple(float(x) for x in world.color))
     output = tree.get_output_node("ALL") or tree.get_output_node("CYCLES")

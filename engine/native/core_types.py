@@ -74,6 +74,7 @@ class LobeKind(IntEnum):
     REFRACTION = 4
     TRANSPARENT = 5
     EMISSION = 6
+    SHEEN = 7
 
 
 class Fresnel(IntEnum):

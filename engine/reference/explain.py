@@ -13,7 +13,7 @@ from ..settings import Settings
 from .camera import Spread
 from .generations import reflected
 from .gloss import Narrow
-from .lighting import balance, highlight
+from .lighting import balance, highlight, sheens
 from .lights import LightSample, Source
 from .materials import Coefficients, Term
 from .paths import Paths, bounced, camera_paths, met, straight_on, widened
@@ -238,9 +238,10 @@ class Explainer:
                 lighting.samples(surface, coefficients, weight, source, 0)
             ):
                 if diffuse is coefficients.diffuse or sample.intensity[0]:
-                    term = self._light(
-                        surface, replace(coefficients, diffuse=diffuse), source, narrow, sample, j
-                    )
+                    is_drawn = diffuse is not coefficients.diffuse
+                    own = replace(coefficients, diffuse=diffuse, sheens=[])
+                    own = own if is_drawn else coefficients
+                    term = self._light(surface, own, source, narrow, sample, j)
                     lost = np.array(term.shadow) != 1.0
                     light = np.array(term.diffuse) + np.array(term.specular)
                     if diffuse is coefficients.diffuse and light.any():
@@ -290,6 +291,8 @@ class Explainer:
             np.zeros(3),
         )
         specular = specular * balance(narrow, np.zeros(1, np.intp), sample)
+        matt = sheens(surface, coefficients.sheens, np.zeros(1, np.intp), sample.direction)
+        diffuse = coefficients.diffuse[:, 0] * n_dot_l + matt[:, 0]
         shadow, blocker, distance = (
             self._shadow(surface, source, sample) if lit else (np.ones(3), "", np.inf)
         )
@@ -304,9 +307,7 @@ class Explainer:
             shadow=_numbers(shadow),
             blocker=blocker,
             blocker_distance=distance,
-            diffuse=_numbers(
-                coefficients.diffuse[:, 0] * intensity * n_dot_l if lit else np.zeros(3)
-            ),
+            diffuse=_numbers(diffuse * intensity if lit else np.zeros(3)),
             specular=_numbers(specular * intensity if lit else np.zeros(3)),
         )
 

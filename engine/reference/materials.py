@@ -60,6 +60,7 @@ class Coefficients:
     highlights: list[Term]
     mirrors: list[Term]
     refractions: list[Term]
+    sheens: list[Term]
 
     def albedo(self) -> Array:
         """(3, n): about what of even light the points give back; mirrors and glass without what
@@ -68,7 +69,7 @@ class Coefficients:
         total = self.diffuse.copy()
         for term in self.highlights:
             add_at(total, term.index, 8 / (term.exponent + 2) * term.k)
-        for term in (*self.mirrors, *self.refractions):
+        for term in (*self.mirrors, *self.refractions, *self.sheens):
             add_at(total, term.index, term.k)
         return total
 
@@ -102,7 +103,7 @@ class Shader:
         """All lobes at each point. kind: of the rays that meet them, "camera" or "mirror"."""
         shape = (3, len(surface.primitive))
         sums = {name: np.zeros(shape) for name in _SUMMED.values()}
-        terms: dict[str, list[Term]] = {"SPECULAR": [], "MIRROR": [], "REFRACTION": []}
+        terms: dict[str, list[Term]] = {"SPECULAR": [], "MIRROR": [], "REFRACTION": [], "SHEEN": []}
 
         def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
             exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
@@ -122,6 +123,7 @@ class Shader:
             highlights=terms["SPECULAR"],
             mirrors=terms["MIRROR"],
             refractions=terms["REFRACTION"],
+            sheens=terms["SHEEN"],
         )
 
     def bent(self, surface: Surface, kind: str) -> Surface:

@@ -315,7 +315,7 @@ void check_materials(const GlintSceneData& d, Report& report) {
   }
   for (uint64_t i = 0; i < d.lobe_count; ++i) {
     const GlintLobe& g = d.lobes[i];
-    report.add(within(g.kind, GLINT_EMISSION), "lobe %llu: unknown kind %d", ull(i), g.kind);
+    report.add(within(g.kind, GLINT_SHEEN), "lobe %llu: unknown kind %d", ull(i), g.kind);
     report.add(range(g.first_input, g.input_count, d.input_count),
                "lobe %llu: inputs beyond the table", ull(i));
     report.add(g.exponent >= 0 && g.exponent <= 1e30,

@@ -509,7 +509,8 @@ Vec3d Tracer::albedo(size_t k) const {
   for (int term = 0; term < scene_.max_specular; ++term) {
     const double* const column =
         batch_.specular + size_t(scene_.specular_columns * term) * batch_.stride + k;
-    const double share = 8 / (column[SpecularTerm::kExponent * batch_.stride] + 2);
+    const double exponent = column[SpecularTerm::kExponent * batch_.stride],
+                 share = exponent == SpecularTerm::kSheen ? 1 : 8 / (exponent + 2);
     sum += share * Vec3d{column[0], column[batch_.stride], column[2 * batch_.stride]};
   }
   return sum;

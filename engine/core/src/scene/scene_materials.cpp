@@ -55,6 +55,13 @@ void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
       }
       rows.specular += rows.columns;
       return;
+    case GLINT_SHEEN:
+      for (int c = 0; c < 3; ++c) rows.specular[c] = lobe.k[c];
+      rows.specular[SpecularTerm::kExponent] = SpecularTerm::kSheen;
+      rows.specular[SpecularTerm::kMasking] = lobe.exponent;
+      rows.specular[SpecularTerm::kFresnel] = lobe.masking;
+      rows.specular += rows.columns;
+      return;
     default:
       terms.others |= any(lobe.k);
   }
@@ -150,14 +157,16 @@ void Scene::compare_lobes(Material& material) {
   for (uint32_t k = 0; k < material.lobe_count; ++k) {
     const Lobe& lobe = lobes[material.first_lobe + k];
     material.kinds |= 1u << lobe.kind;
-    material.specular_count += lobe.kind == GLINT_SPECULAR;
+    material.specular_count += lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_SHEEN;
+    has_sheen = has_sheen || lobe.kind == GLINT_SHEEN;
     if (lobe.kind == GLINT_SPECULAR) most_exponent = std::max(most_exponent, lobe.exponent);
     material.view_count += depends_on_view(lobe);
     material.is_rough_glass |= lobe.kind == GLINT_REFRACTION && lobe.exponent > 0;
     const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
     has_gloss = has_gloss || shaped;
     has_metals = has_metals || (shaped && !(lobe.fresnel & GLINT_DIELECTRIC));
-    if (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel))
+    if (lobe.kind == GLINT_SHEEN ||
+        (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
       specular_columns = SpecularTerm::kShaped;
     if (1u << lobe.kind & kPassing && (lobe.exponent_slot > 0 || lobe.ior_slot > 0))
       passing_columns = PassingTerm::kShaped;

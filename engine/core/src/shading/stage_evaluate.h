@@ -53,6 +53,15 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
                          const LobeShape& lobe, Lobes& sum) {
   double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
   scatter3(column, s.stride, at, Tk);
+  sum.lit |= nonzero(Tk);
+  if (lobe.kind == GLINT_SHEEN) {
+    scatter(column + SpecularTerm::kExponent * s.stride, at, splat(SpecularTerm::kSheen));
+    scatter(column + SpecularTerm::kMasking * s.stride, at,
+            lobe_number(p, lobe.exponent, lobe.exponent_slot));
+    scatter(column + SpecularTerm::kFresnel * s.stride, at,
+            lobe_number(p, lobe.masking, lobe.masking_slot));
+    return;
+  }
   scatter(column + SpecularTerm::kExponent * s.stride, at,
           lobe_number(p, lobe.exponent, lobe.exponent_slot));
   if (s.specular_columns == SpecularTerm::kShaped) {
@@ -60,7 +69,6 @@ inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh&
     scatter(column + SpecularTerm::kMasking * s.stride, at, masking * masking);
     scatter(column + SpecularTerm::kFresnel * s.stride, at, specular_fresnel(p, lobe));
   }
-  sum.lit |= nonzero(Tk);
 }
 
 inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
@@ -86,7 +94,8 @@ inline Doubles seen_share(const EvaluateStage& s, const Chosen& at, const OnMesh
 
 inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                      const LobeShape& lobe, const Three& T, Three k, Lobes& sum) {
-  if (lobe.kind == GLINT_SPECULAR) return set_specular(s, at, p, T * k, lobe, sum);
+  if (lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_SHEEN)
+    return set_specular(s, at, p, T * k, lobe, sum);
   const bool ambient = lobe.kind == GLINT_AMBIENT;
   if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe) * k;
   if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);

@@ -88,9 +88,12 @@ struct SumColumns {
       *shadow[3];
 };
 
-/// A SPECULAR lobe: columns of k (three) and the exponent; where some lobe of the scene is shaped,
-/// the square of its masking and what `fresnel` says.
+/// A SPECULAR or SHEEN lobe: columns of k (three) and the exponent; where some lobe of the scene is
+/// shaped, the square of its masking and what `fresnel` says.
 struct SpecularTerm {
+  /// In the place of the exponent of a SHEEN lobe, of which `masking` has the width and `fresnel`
+  /// the lean.
+  static constexpr double kSheen = -2;
   static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6;
   /// 0 for none, -1 for Schlick's weight, or a dielectric's index.
   static double fresnel(int bits, double ior) { return bits & 2 ? -1 : bits & 1 ? ior : 0; }
@@ -355,6 +358,7 @@ struct LightStage {
   double* density_out;  // kMeshSource, of drawn directions: how densely these fall there; the light
                         // is not in diffuse_out yet
   bool metals_alone;    // of what `reflect` takes lobes of
+  bool has_sheen, sheen_alone;  // among the lobes; and lights none but these
 };
 
 /// total[point[k]] += given[k] where the ray is free.
