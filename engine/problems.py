@@ -56,6 +56,7 @@ from .scene import (
     Light,
     Lobe,
     Material,
+    Medium,
     Mesh,
     Polygons,
     Scene,
@@ -370,10 +371,26 @@ def _material(textures: int, material: Material) -> Found:
             yield "aovs has AOVs of its own: use none"
         yield from (f"aovs: {text}" for text in _material(textures, replace(given, aovs=None)))
     yield from handle("normal_output", material.normal_output, outputs, "outputs", none=True)
+    yield from _medium(material.medium)
     strangers = [*holds("lobes", material.lobes, (Lobe,))]
     yield from strangers
     for number, lobe in enumerate(() if strangers else material.lobes):
         yield from (f"lobe {number}: {text}" for text in _lobe(lobe, textures, outputs))
+
+
+def _medium(medium: Medium | None) -> Found:
+    if medium is None:
+        return
+    if not isinstance(medium, Medium):
+        yield f"medium is a {type(medium).__name__}: use Medium or None"
+        return
+    for name in ("absorption", "scattering", "emission"):
+        value = getattr(medium, name)
+        problems = [*numbers(f"medium {name}", value, 3)]
+        yield from problems
+        if not problems and name != "emission" and min(value) < 0:
+            yield f"medium {name} is {value}: use numbers of at least 0"
+    yield from at_least("medium anisotropy", medium.anisotropy, -1, 1)
 
 
 def _lobe(lobe: Lobe, textures: int, outputs: int) -> Found:
@@ -611,6 +628,7 @@ def _world(world: World) -> Found:
         yield f"mist falloff {world.mist.falloff!r} is not one of {', '.join(MISTS)}"
     found = [*array("axes", world.axes, np.float64, (3, 3))]
     yield from found or finite_array("axes", world.axes)
+    yield from _medium(world.medium)
     if world.program is not None:
         yield from (f"program: {text}" for text in _sky_problems(world))
 

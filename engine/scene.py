@@ -274,6 +274,28 @@ class Lobe:
 
 
 @dataclass(frozen=True)
+class Medium:
+    """What light passes through: inside of closed surfaces, or all there is.
+
+    absorption, scattering: RGB, at least 0, how much of the light that goes straight on is taken
+    away, or sent elsewhere, a world unit.  emission: RGB radiance that it gives a world unit.
+    anisotropy: -1 to 1, the mean cosine of Henyey and Greenstein between the ways of light before
+    and after it is scattered.
+    """
+
+    absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scattering: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    anisotropy: float = 0.0
+
+    @property
+    def extinction(self) -> tuple[float, float, float]:
+        """RGB, how much light that goes straight on loses a world unit."""
+        pairs = zip(self.absorption, self.scattering, strict=True)
+        return tuple(absorbed + scattered for absorbed, scattered in pairs)
+
+
+@dataclass(frozen=True)
 class Material:
     """A surface is the sum of its lobes.
 
@@ -281,7 +303,8 @@ class Material:
     as outputs.  normal_output: the output, a vector, that takes the place of the shading normal
     (world space; where it is zero or not finite the mesh's own stays); -1 for none. aovs: what the
     surface gives to `Scene.aovs`, a material that nothing wears: the sum of its EMISSION lobes
-    whose exponent is the number of the AOV.
+    whose exponent is the number of the AOV.  medium: what fills the inside of what wears it, the
+    first one of its materials that have any; None for nothing.
     """
 
     name: str
@@ -290,6 +313,7 @@ class Material:
     program: Program | None = None
     normal_output: int = -1
     aovs: Material | None = None
+    medium: Medium | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -479,7 +503,8 @@ class World:
     transparent: camera rays that miss leave alpha 0 instead of the background.  program: its first
     output, a vector, is seen instead of `background` where there is one; of what reads points it
     has `incoming` and `light_path` alone.  textures: what it refers to.  axes: (3, 3) orthonormal
-    columns, the program's axes in the scene. mist: of the pass, not in the picture.
+    columns, the program's axes in the scene. mist: of the pass, not in the picture.  medium: what
+    is everywhere, inside of things too; None for nothing.
     """
 
     ambient: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -489,6 +514,7 @@ class World:
     textures: tuple[Texture, ...] = ()
     axes: Array = field(default_factory=lambda: np.eye(3))
     mist: Mist = Mist()
+    medium: Medium | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -526,6 +552,13 @@ class Scene:
         scene = scene if glow is None else replace(scene, lights=(*scene.lights, glow))
         bounced = bounced_light(scene, bounces)
         return scene if bounced is None else replace(scene, lights=(*scene.lights, bounced))
+
+    def medium_of(self, instances: Instances) -> Medium | None:
+        """What is inside of things that wear these materials; strands have no inside."""
+        if isinstance(self.geometries[instances.geometry], Strands):
+            return None
+        media = (self.materials[index].medium for index in instances.materials)
+        return next((medium for medium in media if medium is not None), None)
 
     def problems(self) -> list[str]:
         """What makes this scene unfit to render, one sentence each; empty when it is sound."""

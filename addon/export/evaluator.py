@@ -37,7 +37,9 @@ _CIRCLE = "Node links go round in a circle in {}: the socket's default is used; 
 
 @dataclass(frozen=True)
 class LobeKey:
-    """What two lobes must share to be added: see `engine.scene.Lobe`."""
+    """What two lobes must share to be added: see `engine.scene.Lobe`, and for what volumes have
+    `engine.scene.Medium`.
+    """
 
     kind: str
     exponent: float = 0.0
@@ -48,6 +50,7 @@ class LobeKey:
     exponent_output: int = -1
     masking_output: int = -1
     ior_output: int = -1
+    anisotropy: float = 0.0
 
 
 Closure = dict[LobeKey, Sum]

@@ -18,7 +18,7 @@ from .light_links import LightLinks
 from .report import Report
 
 _UNSUPPORTED = {
-    "VOLUME": "Volumes are not rendered: {}; convert them to meshes",
+    "VOLUME": "Volume objects are not rendered: {}; convert them to meshes",
     "GPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
     "GREASEPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
 }

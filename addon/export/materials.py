@@ -11,7 +11,7 @@ from typing import Any
 
 from ...engine.program.operations import Reference
 from ...engine.program.program import instructions
-from ...engine.scene import LOBES, Lobe, Material, Texture
+from ...engine.scene import LOBES, Lobe, Material, Medium, Texture
 from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
 from .aovs import Aov, aov_material
 from .evaluator import (
@@ -27,6 +27,7 @@ from .graph import Place, images_behind, read_tree, socket_named
 from .images import Images
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
+from .nodes_volume import VOLUMES, medium_of
 from .report import Report
 from .shader_nodes import TreeReader
 from .terms import complement, constant, constant_value, factors_of
@@ -113,8 +114,10 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
         _surface(tree, evaluator) if tree is not None else _viewport_surface(material, evaluator)
     )
     lobes = lobes_of(evaluator.settled(closure))
+    medium = _inside(tree, evaluator)
+    normal = evaluator.normal()
     return evaluator.expressions.with_program(
-        Material(material.name, lobes, material.pass_index, normal_output=evaluator.normal())
+        Material(material.name, lobes, material.pass_index, normal_output=normal, medium=medium)
     )
 
 
@@ -125,25 +128,37 @@ def _is_displaced(tree: Any) -> bool:
     )
 
 
+def _output(tree: Any) -> Any:
+    """The active output node, as in Cycles, or None."""
+    found = (tree.get_output_node(target) for target in ("ALL", "CYCLES", "EEVEE"))
+    return next(filter(None, found), None)
+
+
+def _inside(tree: Any, evaluator: Evaluator) -> Medium | None:
+    """What its volume is."""
+    output = _output(tree) if tree is not None else None
+    place = Place(socket_named(output.inputs, "Volume")) if output is not None else None
+    return medium_of(place, evaluator) if place and place.socket.is_linked else None
+
+
 def _surface(tree: Any, evaluator: Evaluator) -> Closure:
     """What the active output shows, as in Cycles: black without one; what is but the bounds of a
     volume lets everything through.
     """
-    output = next(
-        filter(None, (tree.get_output_node(target) for target in ("ALL", "CYCLES", "EEVEE"))), None
-    )
+    output = _output(tree)
     if output is None:
         evaluator.note("Materials without an output node are black: {}; add a Material Output")
         return {}
     socket, volume = (socket_named(output.inputs, name) for name in ("Surface", "Volume"))
-    if volume.is_linked:
-        evaluator.note("Volumes are not rendered: {}")
     evaluator.displace(Place(socket_named(output.inputs, "Displacement")))
     if volume.is_linked and not socket.is_linked:
         return {LobeKey("TRANSPARENT"): constant(1.0)}
     surface = Place(socket)
     evaluator.images.expect(images_behind(surface))
-    return evaluator.closure(surface)
+    closure = evaluator.closure(surface)
+    if any(key.kind in VOLUMES for key in closure):
+        evaluator.note("Volume shaders on surfaces show nothing: link those of {} to Volume")
+    return {key: terms for key, terms in closure.items() if key.kind not in VOLUMES}
 
 
 def _viewport_surface(material: Any, evaluator: Evaluator) -> Closure:

@@ -465,11 +465,6 @@ def _unknown(view: NodeView) -> Closure:
     return diffuse_closure(color if color is not None else constant(0.8))
 
 
-def _volume(view: NodeView) -> Closure:
-    view.note("Volumes are not rendered: {}")
-    return {}
-
-
 CLOSURE_NODES.update(
     {
         "unknown": _unknown,
@@ -490,9 +485,6 @@ CLOSURE_NODES.update(
         "ShaderNodeMixShader": _mix,
         "ShaderNodeAddShader": _add,
         "ShaderNodeHoldout": _holdout,
-        "ShaderNodeVolumePrincipled": _volume,
-        "ShaderNodeVolumeAbsorption": _volume,
-        "ShaderNodeVolumeScatter": _volume,
         BLINN_PHONG: _blinn_phong,
     }
 )

@@ -11,12 +11,14 @@ import numpy as np
 from ...engine.dome import cell_shares, radiance_along, radiance_map, within_range
 from ...engine.program.graph import Value
 from ...engine.program.program import compile_program
-from ...engine.scene import Light, Mist, World
+from ...engine.scene import Light, Medium, Mist, World
 from .evaluator import Evaluator, LobeKey
 from .expressions import Expressions
 from .graph import Place, images_behind, read_tree, socket_named
 from .images import Images
+from .nodes_volume import medium_of
 from .report import Report
+from .shader_nodes import TreeReader
 from .shader_nodes.sky import SkyReader, Sun
 
 BLACK = (0.0, 0.0, 0.0)
@@ -69,7 +71,12 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     )
     shines = visibility.lights and values.any()
     return Sky(
-        World(mean if shines else BLACK, transparent=transparent, **own),
+        World(
+            mean if shines else BLACK,
+            transparent=transparent,
+            medium=_medium(world, images, report),
+            **own,
+        ),
         Light(world.name, "DOME", np.eye(3, 4), radiance=values) if shines else None,
         _suns(world.name, discs, (expressions, radiance), without, images)
         if visibility.lights
@@ -152,12 +159,21 @@ def _radiance(
     output = tree.get_output_node("ALL") or tree.get_output_node("CYCLES")
     if output is None:
         return expressions, expressions.constant(BLACK)
-    if socket_named(output.inputs, "Volume").is_linked:
-        report.note("Volumes are not rendered: {}", world.name)
     surface = Place(socket_named(output.inputs, "Surface"))
     images.expect(images_behind(surface))
     closure = evaluator.closure(surface)
     return expressions, expressions.value_of(closure.get(LobeKey("EMISSION"), ()))
+
+
+def _medium(world: Any, images: Images, report: Report) -> Medium | None:
+    """What is everywhere."""
+    read = read_tree(world)
+    tree = read.tree
+    output = tree and (tree.get_output_node("ALL") or tree.get_output_node("CYCLES"))
+    socket = socket_named(output.inputs, "Volume") if output else None
+    if socket is None or not socket.is_linked:
+        return None
+    return medium_of(Place(socket), Evaluator(world.name, images, report, TreeReader))
 
 
 def _visibility(world: Any, report: Report) -> _Visibility:

@@ -48,7 +48,7 @@ _BORROWED_FROM_EEVEE = {
 }
 _WITHOUT_EFFECT = {
     "DATA_PT_camera_stereoscopy": "No effect in Glint: every view is the camera's own",
-    "DATA_PT_volume_render": "No effect in Glint: volumes are not drawn",
+    "DATA_PT_volume_render": "No effect in Glint: volume objects are not drawn",
     "RENDER_PT_stereoscopy": "No effect in Glint: every view is the camera's own",
 }
 """Blender's panels that a file's settings are looked for in, and what each says on top."""

@@ -74,13 +74,14 @@ def _contributions(ray: Ray, way: str = "") -> Iterator[tuple[str, float]]:
     them left the camera's line.
     """
     yield from ((name + way, _luminance(ray.weight, radiance)) for name, radiance in ray.shapes)
-    yield "the surroundings" + way, _luminance(ray.weight, ray.background)
+    weight = tuple(sent * left for sent, left in zip(ray.weight, ray.passed, strict=True))
+    yield "the surroundings" + way, _luminance(weight, ray.background)
     if ray.hit is not None and not ray.hit.holdout:
-        yield "ambient light" + way, _luminance(ray.weight, ray.hit.ambient)
-        yield f"the glow of '{ray.hit.thing}'" + way, _luminance(ray.weight, ray.hit.emission)
+        yield "ambient light" + way, _luminance(weight, ray.hit.ambient)
+        yield f"the glow of '{ray.hit.thing}'" + way, _luminance(weight, ray.hit.emission)
         for term in ray.hit.lights:
             for part in (term.diffuse, term.specular):
-                yield term.light + way, _luminance(ray.weight, part, term.shadow)
+                yield term.light + way, _luminance(weight, part, term.shadow)
     for after in ray.follow:
         yield from _contributions(after, way or _WAYS.get(after.kind, ""))
 
@@ -145,6 +146,8 @@ def _ray_lines(ray: Ray, level: int) -> Iterator[str]:
         "of it by itself"
     )
     yield f"{pad}  from {_rgb(ray.origin)} along {_rgb(ray.direction)}"
+    if any(left != 1 for left in ray.passed):
+        yield f"{pad}  media on its way leave {_rgb(ray.passed)} of it"
     for name, radiance in ray.shapes:
         yield f"{pad}  sees the light '{name}': {_rgb(radiance)}"
     if ray.hit is None:

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 26
+ABI_VERSION = 27
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -191,6 +191,7 @@ class Feature(IntEnum):
     CAMERA_MOTION = 4096
     BOUNCED_LIGHT = 8192
     OBJECT_MOTION = 16384
+    MEDIA = 32768
 
 
 class MathFunction(IntEnum):
@@ -267,7 +268,14 @@ class MaterialData(Structure):
         *_each(c_uint32, "first_lobe lobe_count"),
         *_each(c_int32, "index program normal"),
         *_each(c_uint32, "crypto"),
-        *_each(c_int32, "aov"),
+        *_each(c_int32, "aov medium"),
+    ]
+
+
+class MediumData(Structure):
+    _fields_ = [
+        *_each(c_double * 3, "absorption scattering emission"),
+        *_each(c_double, "anisotropy"),
     ]
 
 
@@ -307,16 +315,16 @@ class SceneData(Structure):
         *_each(c_double * 3, "ambient background"),
         *_each(c_double * 9, "world_axes"),
         *_each(c_double, "mist_start mist_depth"),
-        *_each(c_int32, "transparent world_program world_slot mist_falloff aov_count reserved"),
+        *_each(c_int32, "transparent world_program world_slot mist_falloff aov_count world_medium"),
         *_each(c_size_t, "geometries attributes instances world_from_object material_slots"),
         *_each(c_size_t, "instance_value_names instance_values textures program_words"),
-        *_each(c_size_t, "program_constants program_tables programs inputs lobes materials lights"),
-        *_each(c_size_t, "emitters emitter_corners"),
+        *_each(c_size_t, "program_constants program_tables programs inputs lobes materials media"),
+        *_each(c_size_t, "lights emitters emitter_corners"),
         *_each(c_uint64, "geometry_count attribute_count instances_count row_count"),
         *_each(c_uint64, "material_slot_count texture_count program_word_count"),
         *_each(c_uint64, "program_constant_count program_table_count program_count input_count"),
         *_each(c_uint64, "lobe_count material_count light_count emitter_count"),
-        *_each(c_uint64, "emitter_corner_count instance_value_count"),
+        *_each(c_uint64, "emitter_corner_count instance_value_count medium_count"),
     ]
 
 

@@ -66,7 +66,7 @@ class ScenePacker:
     def __init__(self) -> None:
         self._names: dict[str, int] = {}
         self._parts: dict[str, _Part] = {}
-        self._nobodys: tuple[Program, int, Material] | None = None
+        self._nobodys: tuple[tuple, Material] | None = None
         self._lit_by: dict[tuple[Program, int], Material] = {}
 
     def pack(self, scene: Scene) -> Packed:
@@ -99,8 +99,10 @@ class ScenePacker:
         }
         self._parts = parts
         parts = {**parts, "lights": _with_programs(scene, parts)}
+        if self._sky(scene):
+            sky = parts["materials"].tables["materials"][-1]
+            data.world_program, data.world_medium = int(sky["program"]), int(sky["medium"])
         if scene.world.program is not None:
-            data.world_program = int(parts["materials"].tables["materials"]["program"][-1])
             data.world_slot = scene.world.program.outputs[0]
         for part in parts.values():
             for name, table in part.tables.items():
@@ -128,17 +130,18 @@ class ScenePacker:
         return tuple(found)
 
     def _sky(self, scene: Scene) -> tuple[Material, ...]:
-        """What brings a world's program into the tables, where its textures follow those of the
-        scene: a material without lobes, that nothing wears.
+        """What brings a world's program, whose textures follow those of the scene, and medium into
+        the tables: a material without lobes, that nothing wears.
         """
-        program, first = scene.world.program, len(scene.textures)
-        if program is None:
+        world, first = scene.world, len(scene.textures)
+        if world.program is None and world.medium is None:
             return ()
-        if self._nobodys is None or self._nobodys[:2] != (program, first):
-            numbers = {k: first + k for k in range(len(scene.world.textures))}
-            material = Material("world", (), program=program.with_textures(numbers))
-            self._nobodys = (program, first, material)
-        return (self._nobodys[2],)
+        key = world.program, first, world.medium
+        if self._nobodys is None or self._nobodys[0] != key:
+            numbers = {k: first + k for k in range(len(world.textures))}
+            program = world.program.with_textures(numbers) if world.program else None
+            self._nobodys = key, Material("world", (), program=program, medium=world.medium)
+        return (self._nobodys[1],)
 
     def _part(
         self, name: str, source: tuple, make: Callable[[tuple, _Part | None, list[int]], _Part]
@@ -183,6 +186,7 @@ class ScenePacker:
             "materials": _table(core_types.MaterialData, rows),
             "lobes": _table(core_types.LobeData, packer.lobes),
             "inputs": _table(core_types.InputData, packer.inputs),
+            "media": _table(core_types.MediumData, packer.media),
             "programs": _table(core_types.ProgramData, packer.programs),
             "program_words": np.array(packer.words, np.int32),
             "program_constants": np.array(packer.constants, np.float64),
@@ -196,6 +200,7 @@ _COUNTS = {
     "attributes": "attribute_count",
     "materials": "material_count",
     "lobes": "lobe_count",
+    "media": "medium_count",
     "inputs": "input_count",
     "programs": "program_count",
     "program_words": "program_word_count",

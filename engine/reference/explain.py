@@ -16,10 +16,11 @@ from .gloss import Narrow
 from .lighting import balance, highlight, sheens
 from .lights import LightSample, Source
 from .materials import Coefficients, Term
+from .media import Spans
 from .paths import Paths, bounced, camera_paths, met, straight_on, widened
 from .pulse import Pulse
 from .rays import Bundle
-from .seen_lights import has_shape, seen_radiance
+from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
 from .tabled_lights import Dome
@@ -88,7 +89,8 @@ class Ray:
     kind: camera, or lens for one through a point of the camera's, mirror, refraction or transparent
     (the same ray beyond a surface).  weight: T.
     origin, direction: world. hit: None for the surroundings, of which it sees `background`.
-    shapes: (name, radiance) of the lights whose shape it sees. own: what it brings to the pixel
+    passed: what media leave of it on its way, which `shapes` have in them. shapes: (name, radiance)
+    of the lights whose shape it sees. own: what it brings to the pixel
     itself, T times its terms; color: with all that follow from it.
     """
 
@@ -103,6 +105,7 @@ class Ray:
     own: Numbers
     color: Numbers
     follow: tuple[Ray, ...]
+    passed: Numbers = (1.0, 1.0, 1.0)
 
 
 class Explainer:
@@ -131,12 +134,16 @@ class Explainer:
         stage = self.stage
         o, d = paths.rays.lines(np.zeros(1, np.intp))
         found = stage.visibility.closest(paths.rays, paths.kind)
-        weight = paths.weight[:, 0]
-        shapes = tuple(self._shapes(paths, o, d, found.depth))
+        spans = stage.media.spans(paths.rays, paths.kind) if stage.media else None
+        shapes = tuple(self._shapes(paths, o, d, found.depth, spans))
+        sent, passed = paths.weight[:, 0], np.ones((3, 1))
+        if spans is not None:
+            passed = stage.media.passed(spans, paths.rays.near, found.depth)
+        paths = replace(paths, weight=paths.weight * passed)
         ray = Ray(
             kind,
             paths.depth,
-            _numbers(weight),
+            _numbers(sent),
             _numbers(o[:, 0] + stage.eye),
             _numbers(unit(d)[:, 0]),
             None,
@@ -145,10 +152,11 @@ class Explainer:
             (),
             (),
             (),
+            _numbers(passed[:, 0]),
         )
-        own = weight * sum((np.array(radiance) for _, radiance in shapes), np.zeros(3))
+        own = sent * sum((np.array(radiance) for _, radiance in shapes), np.zeros(3))
         if found.primitive[0] == NOTHING:
-            own = own + weight * np.array(ray.background)
+            own = own + paths.weight[:, 0] * np.array(ray.background)
             return replace(ray, own=_numbers(own), color=_numbers(own))
         ray = replace(ray, background=(0.0, 0.0, 0.0))
         return self._at_surface(ray, paths, found, own)
@@ -173,13 +181,17 @@ class Explainer:
         return replace(ray, hit=about, own=_numbers(own), color=_numbers(color), follow=follow)
 
     def _shapes(
-        self, paths: Paths, o: Array, d: Array, depth: Array
+        self, paths: Paths, o: Array, d: Array, depth: Array, spans: Spans | None
     ) -> Iterator[tuple[str, Numbers]]:
         for source in () if paths.reflections else self.stage.sources:
             if getattr(source.light, "visible_" + paths.kind) and has_shape(source):
-                radiance = seen_radiance(source, o, d, paths.rays.near, depth, paths.kind)[:, 0]
+                near = paths.rays.near
+                radiance = seen_radiance(source, o, d, near, depth, paths.kind)
+                if spans is not None:
+                    met = distance_seen(source, o, d)
+                    radiance = radiance * self.stage.media.passed(spans, near, met)
                 if radiance.any():
-                    yield source.light.name, _numbers(radiance)
+                    yield source.light.name, _numbers(radiance[:, 0])
 
     def _background(self, paths: Paths, d: Array) -> Array:
         hidden = paths.glossy or (paths.depth == 0 and self.stage.scene.world.transparent)

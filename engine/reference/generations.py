@@ -5,12 +5,14 @@ through, then bounce after bounce.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from .gloss import reflecting
 from .lights import Source
 from .materials import Coefficients
+from .media import Spans
 from .paths import (
     Paths,
     beyond,
@@ -25,7 +27,7 @@ from .paths import (
 from .picture import Tile
 from .raster import Strips
 from .rays import Rays
-from .seen_lights import has_shape, seen_radiance
+from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
 from .vectors import dot, length, pick
@@ -86,7 +88,10 @@ class Generations:
         stage.rays[paths.kind] += len(paths)
         self._tile.charge(paths.pixel)
         hits = stage.visibility.closest(paths.rays, paths.kind, strips)
-        self._see_lights(paths, hits.depth)
+        if stage.media:
+            paths = self._dim(paths, hits.depth)
+        else:
+            self._see_lights(paths, hits.depth)
         self._miss(paths, np.flatnonzero(hits.primitive == NOTHING))
         hit = np.flatnonzero(hits.primitive != NOTHING)
         if not len(hit):
@@ -138,7 +143,16 @@ class Generations:
             if term.lobe.is_rough_glass:
                 self._tile.cut[paths.pixel[hit[term.index]]] = True
 
-    def _see_lights(self, paths: Paths, depth: Array) -> None:
+    def _dim(self, paths: Paths, depth: Array) -> Paths:
+        """The paths with what media let through of them, once lights before these are seen."""
+        media = self._stage.media
+        spans = media.spans(paths.rays, paths.kind)
+        self._see_lights(paths, depth, spans)
+        passed = media.passed(spans, paths.rays.near, depth)
+        return replace(paths, weight=paths.weight * passed)
+
+    def _see_lights(self, paths: Paths, depth: Array, spans: Spans | None = None) -> None:
+        """spans: of the media between, or None."""
         if paths.reflections:
             return
         flag = "visible_" + paths.kind
@@ -146,11 +160,11 @@ class Generations:
         if sources:
             o, d = paths.rays.lines(np.arange(len(paths)))
             for source in sources:
-                self._tile.add(
-                    paths.part("Emission"),
-                    paths.pixel,
-                    paths.weight * seen_radiance(source, o, d, paths.rays.near, depth, paths.kind),
-                )
+                near = paths.rays.near
+                seen = seen_radiance(source, o, d, near, depth, paths.kind)
+                if spans is not None:
+                    seen = seen * self._stage.media.passed(spans, near, distance_seen(source, o, d))
+                self._tile.add(paths.part("Emission"), paths.pixel, paths.weight * seen)
 
     def _miss(self, paths: Paths, missed: Array) -> None:
         if paths.glossy:

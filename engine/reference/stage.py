@@ -21,6 +21,7 @@ from .geometry import gather
 from .lighting import Lighting
 from .lights import CENTER, LightPoint, Source
 from .materials import Shader
+from .media import Media
 from .pulse import Pulse
 from .shadows import Shadows
 from .sky import radiance
@@ -52,7 +53,8 @@ class Stage:
         pulse.beat()
         self.rays: Counter[str] = Counter()
         self.sources = tuple(self._source(light) for light in scene.lights)
-        shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays)
+        self.media = Media(scene, self.attributes, self.visibility)
+        shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays, self.media)
         self.lighting = Lighting(
             self.sources,
             settings.light_samples,

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 26
+#define GLINT_ABI_VERSION 27
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -145,13 +145,21 @@ typedef struct GlintLobe {
  * with the shading normal in world space that takes the place of the mesh's. crypto: what
  * Cryptomatte passes tell of it, the bits of a float. aov: 0, or 1 plus the number of a material
  * that no instance has: its EMISSION lobes, whose exponents are numbers of AOVs, are what this one
- * gives to these. */
+ * gives to these. medium: 0, or 1 plus the number of what fills the inside of things that wear it.
+ */
 typedef struct GlintMaterial {
   uint32_t first_lobe, lobe_count;
   int32_t index, program, normal;
   uint32_t crypto;
-  int32_t aov;
+  int32_t aov, medium;
 } GlintMaterial;
+
+/* What light passes through: how much of it that goes straight on is taken away or sent elsewhere,
+ * at least 0, and what radiance it gives, each a world unit. anisotropy: -1 to 1, of Henyey and
+ * Greenstein. */
+typedef struct GlintMedium {
+  double absorption[3], scattering[3], emission[3], anisotropy;
+} GlintMedium;
 
 enum GlintLightKind {
   GLINT_POINT_LIGHT,
@@ -215,11 +223,11 @@ enum GlintMist { GLINT_MIST_QUADRATIC, GLINT_MIST_LINEAR, GLINT_MIST_INVERSE_QUA
  * instead of the background; world_slot: the first of its three slots that hold that. It must not
  * read surfaces. world_axes: the program's axes in the scene, column by column. Mist grows from
  * none at mist_start to all at mist_depth beyond it; mist_falloff: of GlintMist. aov_count: up to
- * 256 AOVs. */
+ * 256 AOVs. world_medium: 0, or 1 plus the number of the medium that is everywhere. */
 typedef struct GlintSceneData {
   GlintCamera camera;
   double ambient[3], background[3], world_axes[9], mist_start, mist_depth;
-  int32_t transparent, world_program, world_slot, mist_falloff, aov_count, reserved;
+  int32_t transparent, world_program, world_slot, mist_falloff, aov_count, world_medium;
   const GlintGeometry* geometries;
   const GlintAttribute* attributes;
   const GlintInstances* instances;
@@ -235,13 +243,14 @@ typedef struct GlintSceneData {
   const GlintInput* inputs;
   const GlintLobe* lobes;
   const GlintMaterial* materials;
+  const GlintMedium* media;
   const GlintLight* lights;
   const GlintEmitter* emitters;
   const float* emitter_corners; /* 9 an emitter, in the light's axes */
   uint64_t geometry_count, attribute_count, instances_count, row_count, material_slot_count;
   uint64_t texture_count, program_word_count, program_constant_count, program_table_count;
   uint64_t program_count, input_count, lobe_count, material_count, light_count;
-  uint64_t emitter_count, emitter_corner_count, instance_value_count;
+  uint64_t emitter_count, emitter_corner_count, instance_value_count, medium_count;
 } GlintSceneData;
 
 enum GlintIllumination { GLINT_PHYSICAL, GLINT_CLASSIC };
@@ -370,7 +379,8 @@ enum GlintFeature {
   GLINT_FEATURE_DEPTH_OF_FIELD = 2048,
   GLINT_FEATURE_CAMERA_MOTION = 4096,
   GLINT_FEATURE_BOUNCED_LIGHT = 8192,
-  GLINT_FEATURE_OBJECT_MOTION = 16384
+  GLINT_FEATURE_OBJECT_MOTION = 16384,
+  GLINT_FEATURE_MEDIA = 32768
 };
 
 typedef struct GlintStats {

@@ -413,6 +413,26 @@ void read_program(Dice& dice, const GlintSceneData& d, std::vector<GlintInput>& 
   if (slots >= 3 && !inputs.empty()) inputs.back().output = 1 + int32_t(dice.below(slots - 2));
 }
 
+/// At times some of the materials have a medium, or the world.
+void set_media(Dice& dice, Arena& arena, GlintSceneData& d, std::vector<GlintMaterial>& materials) {
+  std::vector<GlintMedium> media;
+  for (size_t k = dice.chance(0.4) ? 1 + dice.below(3) : 0; k > 0; --k) {
+    GlintMedium medium{};
+    for (int c = 0; c < 3; ++c) {
+      medium.absorption[c] = std::fabs(dice.number());
+      medium.scattering[c] = std::fabs(dice.number());
+      medium.emission[c] = dice.number();
+    }
+    medium.anisotropy = dice.chance(0.05 * dice.wildness) ? dice.number() : dice.uniform(-1, 1);
+    media.push_back(medium);
+  }
+  for (GlintMaterial& material : materials)
+    if (!media.empty() && dice.chance(0.5)) material.medium = 1 + int32_t(dice.index(media.size()));
+  if (!media.empty() && dice.chance(0.3)) d.world_medium = 1 + int32_t(dice.index(media.size()));
+  d.media = arena.table(media);
+  d.medium_count = media.size();
+}
+
 /// Material number 3 gives to AOVs what one after it says, which may read its program.
 void set_aovs(Dice& dice, GlintSceneData& d, std::vector<GlintInput>& inputs,
               std::vector<GlintLobe>& lobes, std::vector<GlintMaterial>& materials) {
@@ -425,7 +445,7 @@ void set_aovs(Dice& dice, GlintSceneData& d, std::vector<GlintInput>& inputs,
     lobes.back().exponent =
         double(dice.below(size_t(d.aov_count) + dice.chance(0.05 * dice.wildness)));
   }
-  materials.push_back({first, count, 0, 0, 0, 0, 0});
+  materials.push_back({first, count, 0, 0, 0, 0, 0, 0});
   if (count > 0 && d.program_count > 0) read_program(dice, d, inputs, materials.back());
   materials[3].aov = int32_t(materials.size());
 }
@@ -436,11 +456,12 @@ void set_materials(Dice& dice, Arena& arena, GlintSceneData& d) {
   std::vector<GlintMaterial> materials;
   for (size_t m = 0; m < 4; ++m) {
     const uint32_t count = uint32_t(dice.below(4));
-    materials.push_back({uint32_t(lobes.size()), count, int32_t(m), 0, 0, uint32_t(m) << 20, 0});
+    materials.push_back({uint32_t(lobes.size()), count, int32_t(m), 0, 0, uint32_t(m) << 20, 0, 0});
     for (uint32_t k = 0; k < count; ++k) lobes.push_back(lobe(dice, inputs, d.texture_count));
   }
   set_program(dice, arena, d);
   if (materials.back().lobe_count > 0) read_program(dice, d, inputs, materials.back());
+  set_media(dice, arena, d, materials);
   set_aovs(dice, d, inputs, lobes, materials);
   d.inputs = arena.table(inputs);
   d.input_count = inputs.size();

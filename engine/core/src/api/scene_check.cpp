@@ -334,9 +334,23 @@ void check_materials(const GlintSceneData& d, Report& report) {
     report.add(m.program >= 0 && uint64_t(m.program) <= d.program_count,
                "material %llu: program beyond the table", ull(i));
     check_aovs(d, m, i, report);
+    report.add(m.medium >= 0 && uint64_t(m.medium) <= d.medium_count,
+               "material %llu: medium beyond the table", ull(i));
     report.add(is_id(m.crypto), "material %llu: its id of Cryptomatte is not finite", ull(i));
     if (report.good()) check_slots(d, m, i, report);
   }
+}
+
+void check_media(const GlintSceneData& d, Report& report) {
+  for (uint64_t i = 0; i < d.medium_count; ++i) {
+    const GlintMedium& g = d.media[i];
+    bool good = all_finite(g.absorption, 3) && all_finite(g.scattering, 3) &&
+                all_finite(g.emission, 3) && g.anisotropy >= -1 && g.anisotropy <= 1;
+    for (int c = 0; c < 3; ++c) good = good && g.absorption[c] >= 0 && g.scattering[c] >= 0;
+    report.add(good, "medium %llu: a number that is not finite or out of range", ull(i));
+  }
+  report.add(d.world_medium >= 0 && uint64_t(d.world_medium) <= d.medium_count,
+             "world: medium beyond the table");
 }
 
 /// Whether no instruction of a program that was checked reads a surface.
@@ -429,6 +443,7 @@ void check_tables(const GlintSceneData& d, Report& report) {
       {d.inputs, d.input_count},
       {d.lobes, d.lobe_count},
       {d.materials, d.material_count},
+      {d.media, d.medium_count},
       {d.lights, d.light_count},
       {d.emitters, d.emitter_count},
       {d.emitter_corners, d.emitter_corner_count},
@@ -460,6 +475,7 @@ Report check_all_else(const GlintSceneData& data) {
   if (!report.good()) return report;
   check_surroundings(data, report);
   check_textures(data, report);
+  check_media(data, report);
   check_materials(data, report);
   if (report.good()) check_sky(data, report);
   for (uint64_t i = 0; report.good() && i < data.light_count; ++i) check_light(data, i, report);

@@ -24,7 +24,8 @@ DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stage
       glassy_(scene.features & GLINT_FEATURE_TRANSPARENT),
       columns_(kColumns),
       program_(scene, stages),
-      transparent_shadows_(scene, stages, cancel, scratch) {}
+      transparent_shadows_(scene, stages, cancel, scratch),
+      media_(scene, scratch) {}
 
 void DirectLight::prepare(const Batch& batch) {
   columns_.reserve(batch.size());
@@ -200,6 +201,7 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
     if (glassy_)
       transparent_shadows_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
   }
+  if (casts && scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
   add(batch, count);
 }
 
@@ -252,6 +254,16 @@ void DirectLight::apply_program(const Light& light, size_t count) {
         set_row(stage_.specular_out, first + i, share * row(stage_.specular_out, first + i));
     }
   }
+}
+
+/// What media on the way take of the light of the stage's `count` points.
+void DirectLight::dim_shadows(const Light& light, size_t count, RayCounts& counts) {
+  const double* const* o = stage_.o;
+  const double* const* d = stage_.to;
+  media_.find({{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow},
+              counts);
+  for (size_t k = 0; k < count; ++k)
+    set_row(shadow_, k, media_.passed(k, 0, stage_.t_max[k], light.passed_sets) * row(shadow_, k));
 }
 
 /// Notes the points whose horizon cuts the light.

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "integrator/batch.h"
+#include "integrator/media.h"
 #include "integrator/plan.h"
 #include "integrator/transmittance.h"
 #include "shading/light_program.h"
@@ -33,6 +34,7 @@ class DirectLight {
                RayCounts& counts);
   size_t meet_emitters(const Light& light, size_t count);
   void apply_program(const Light& light, size_t count);
+  void dim_shadows(const Light& light, size_t count, RayCounts& counts);
   void find_cut(const Batch& batch, const Light& light) const;
   void find_shadows(const Light& light, size_t count, uint8_t* known, RayCounts& counts);
   bool recall_shadows(const uint8_t* known, size_t count);
@@ -58,6 +60,7 @@ class DirectLight {
   std::vector<float> u_, v_;
   std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden
   TransparentShadows transparent_shadows_;
+  MediaSpans media_;
 };
 
 }  // namespace glint

@@ -33,6 +33,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       camera_(scene),
       shader_(scene, plan, stages_),
       direct_(scene, plan, stages_, cancel, scratch_),
+      media_(scene, scratch_),
       ahead_(scene, scratch_),
       batch_(scene, film.passes()),
       reach_(reach_of(plan)),
@@ -73,8 +74,8 @@ void Tracer::choose(const Tile& tile) {
     std::iota(active_.begin(), active_.end(), 0u);
   }
   surely_empty_ = !active_.empty() && !plan_.is_spread() && !plan_.moving &&
-                  !(scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) && !scene_.sky_program &&
-                  scene_.accel().surely_empty(frustum(tile));
+                  !(scene_.features & (GLINT_FEATURE_VISIBLE_LIGHTS | GLINT_FEATURE_MEDIA)) &&
+                  !scene_.sky_program && scene_.accel().surely_empty(frustum(tile));
 }
 
 /// Round all camera rays of the tile's samples.
@@ -106,6 +107,8 @@ void Tracer::miss(const Queue& queue) {
 
 void Tracer::start_paths() {
   first_.start_at_camera(paths_.size());
+  for (size_t c = 0; scene_.features & GLINT_FEATURE_MEDIA && c < 3; ++c)  // dimmed earlier
+    std::fill_n(first_.column(Queue::kT + c), paths_.size(), 1.0);
   for (size_t k = 0; film_.wants_data() && k < paths_.size(); ++k)
     if (paths_.is_first(k)) first_.want_data(k);
   for (size_t k = 0; film_.wants(GLINT_PASS_AOV) && k < paths_.size(); ++k) first_.want_aovs(k);
@@ -205,7 +208,7 @@ void Tracer::follow(uint32_t sample) {
   waiting_.clear();
 }
 
-void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced,
+void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, Queue& bounced,
                      Queue& glossy) {
   sample_ = sample;
   batch_.begin(queue);
@@ -214,6 +217,7 @@ void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue
   batch_.first_row = tile_->first_row;
   surely_empty_ ? miss(queue) : find_points(queue);
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
+  if (scene_.features & GLINT_FEATURE_MEDIA) dim(queue);
   if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
   const bool gives_aovs = queue.visibility == kCamera && film_.wants(GLINT_PASS_AOV);
   for (size_t c = 0; gives_aovs && scene_.bends_normals && c < 3; ++c)
@@ -291,6 +295,19 @@ void Tracer::widen(const Queue& queue) {
   }
 }
 
+/// What media before their hits leave of the rays' weights.
+void Tracer::dim(Queue& queue) {
+  const Rays rays = queue.rays();
+  media_.find(rays, counts_);
+  clear_.resize(queue.size());
+  for (size_t k = 0; k < queue.size(); ++k) {
+    clear_[k] = queue.path(k).T;
+    const double end = batch_.missed(k) ? kInfinity : batch_.t[k];
+    const Vec3d T = media_.passed(k, rays.t_min[k], end) * clear_[k];
+    for (int c = 0; c < 3; ++c) queue.column(Queue::kT + size_t(c))[k] = T[c];
+  }
+}
+
 void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   ShadeStage stage{};
   stage.count = queue.size();
@@ -316,7 +333,9 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   stage.others = batch_.others.data();
   const size_t others = stages_.shade(stage);
   const bool sees_lights = scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS && queue.reflections == 0;
-  for (size_t k = 0; sees_lights && k < queue.size(); ++k) shader_.seen_lights(batch_, k);
+  for (size_t k = 0; sees_lights && k < queue.size(); ++k)
+    shader_.seen_lights(batch_, k, scene_.features & GLINT_FEATURE_MEDIA ? &media_ : nullptr,
+                        clear_.data());
   double* lost = paths_.lost_alpha();
   for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size();
        ++k)

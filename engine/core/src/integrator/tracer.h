@@ -55,10 +55,11 @@ class Tracer {
   uint32_t trace_empty(uint32_t first, uint32_t last);
   void follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first);
   void follow(uint32_t sample);
-  void process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced, Queue& glossy);
+  void process(Queue& queue, uint32_t sample, Queue& straight, Queue& bounced, Queue& glossy);
   void find_points(const Queue& queue);
   void widen(const Queue& queue);
   void find_hits(const Queue& queue);
+  void dim(Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
   size_t vary(const Queue& queue, size_t first, size_t count, const Leaving& next);
   size_t see_sky(const Queue& queue, size_t first, size_t count);
@@ -90,6 +91,8 @@ class Tracer {
   const Shader shader_;
   Scratch scratch_;
   DirectLight direct_;
+  MediaSpans media_;
+  std::vector<Vec3d> clear_;  // weights of the batch's rays before media dim them
   LayersAhead ahead_;
   Batch batch_;
   const WindowReach reach_;  // of all samples

@@ -115,7 +115,8 @@ void Shader::record(Film& film, uint32_t pixel, const Surface& s, const Material
                         material.index});
 }
 
-void Shader::seen_lights(Batch& batch, size_t k) const {
+void Shader::seen_lights(Batch& batch, size_t k, const MediaSpans* media,
+                         const Vec3d* clear) const {
   const Ray ray = batch.queue->ray(k);
   const Path path = batch.queue->path(k);
   const double t = batch.missed(k) ? kInfinity : batch.t[k];
@@ -127,7 +128,7 @@ void Shader::seen_lights(Batch& batch, size_t k) const {
                       ? meets > 0 && t == kInfinity
                       : meets > path.from && meets > ray.t_min && meets < std::min(t, ray.t_max);
     if (!before) continue;
-    Vec3d T = path.T;
+    Vec3d T = media ? media->passed(k, ray.t_min, meets) * clear[k] : path.T;
     if (light.program) {
       LightProgram program(scene_, stages_);
       const Vec3d end = light.seen_point(ray.o, ray.d, meets);

@@ -3,6 +3,7 @@
 #pragma once
 #include "film/film.h"
 #include "integrator/batch.h"
+#include "integrator/media.h"
 #include "integrator/plan.h"
 #include "scene/camera.h"
 
@@ -32,8 +33,9 @@ class Shader {
   void hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel, double& lost) const;
   /// Data passes of a hit that lets nothing through.
   void record(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
-  /// Adds the visible shapes of lights that ray k meets before its hit.
-  void seen_lights(Batch& batch, size_t k) const;
+  /// Adds the visible shapes of lights that ray k meets before its hit. media: before these, with
+  /// the rays' weights `clear` of them; or null.
+  void seen_lights(Batch& batch, size_t k, const MediaSpans* media, const Vec3d* clear) const;
 
  private:
   void record(Film& film, uint32_t pixel, const Surface& s, const Material& material,
