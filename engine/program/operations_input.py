@@ -27,6 +27,22 @@ class NormalSpace(IntEnum):
     BLENDER_WORLD = 4
 
 
+class Space(IntEnum):
+    """Blender's identifiers of what vectors are transformed from and to."""
+
+    WORLD = 0
+    OBJECT = 1
+    CAMERA = 2
+
+
+class VectorType(IntEnum):
+    """Blender's identifiers of what kind of vector is transformed."""
+
+    POINT = 0
+    VECTOR = 1
+    NORMAL = 2
+
+
 _SHIFT = (("shift", Shift),)
 
 INPUTS = (
@@ -110,6 +126,15 @@ INPUTS = (
         sockets(normal="vector"),
         sockets(vector="vector"),
         formula="the unit normal in the world of one in the object's space",
+        reads_point=True,
+    ),
+    Operation(
+        "transform_vector",
+        sockets(vector="vector"),
+        sockets(vector="vector"),
+        (("vector_type", VectorType), ("convert_from", Space), ("convert_to", Space)),
+        "vector in another space: of the world, of the object, or along right, up and forward of "
+        "the camera; a NORMAL by the inverse transpose of the object's matrix, and made unit",
         reads_point=True,
     ),
     Operation(

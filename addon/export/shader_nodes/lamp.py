@@ -81,12 +81,18 @@ class LampReader(TreeReader):
             return self._unknown(name)
         if name in ("normal_map", "bump"):
             return super().apply("normal")
-        if name == "normal_to_world":
-            return super().apply("vector_normalized", *arguments)
+        if name in ("normal_to_world", "transform_vector"):
+            return self._vector(name, arguments)
         if name == "light_path":  # Cycles calls no ray to a light a shadow ray here
             camera, _, bounced = super().apply(name)
             return camera, self.graph.constant(0.0), bounced
         return super().apply(name, *arguments, **settings)
+
+    def _vector(self, name: str, arguments: tuple[Value, ...]) -> tuple[Value, ...]:
+        if name == "normal_to_world":
+            return super().apply("vector_normalized", *arguments)
+        self.note("Vectors are not transformed in the nodes of the light {}: they stay as they are")
+        return arguments
 
     def _unknown(self, name: str) -> tuple[Value, ...]:
         """Constants, with a note where Cycles has more."""

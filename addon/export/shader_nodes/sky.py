@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ....engine.program.graph import Value
+from ....engine.program.operations_input import Space
 from .mapping import texture_mapped
 from .objects import VIEW_LAYER
 from .reader import FARTHEST, READERS, NodeInputs, Outputs, TreeReader
@@ -52,6 +53,12 @@ class SkyReader(TreeReader):
             return arguments
         if name in _AGAINST:
             return super().apply("incoming")
+        if name == "transform_vector":
+            if Space.CAMERA in (settings["convert_from"], settings["convert_to"]):
+                self.note(
+                    "The camera's axes are not known in the world {}: vectors stay as they are"
+                )
+            return arguments
         if name in _VIEW:
             self.note("Camera and window coordinates are not known in the world {}: 0 is used")
             return (self.graph.constant((0.0, 0.0, 0.0)),)

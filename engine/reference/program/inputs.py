@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...program.operations_input import NormalSpace
+from ...program.operations_input import NormalSpace, Space, VectorType
 from ..optics import fresnel as dielectric
 from ..vectors import cross, dot, unit
 
@@ -63,6 +63,25 @@ def edge_distance(points, *, shift: int) -> np.ndarray:
 
 def normal_to_world(points, vector: np.ndarray) -> np.ndarray:
     return points.normal_to_world(vector)
+
+
+def transform_vector(
+    points, vector: np.ndarray, *, vector_type: int, convert_from: int, convert_to: int
+) -> np.ndarray:
+    """In another space, through the world's."""
+    is_normal, is_point = vector_type == VectorType.NORMAL, vector_type == VectorType.POINT
+    if convert_from != convert_to:
+        if convert_from == Space.CAMERA:
+            vector = points.from_camera(vector, is_point)
+        elif convert_from == Space.OBJECT:
+            own = points.normal_to_world if is_normal else points.from_object
+            vector = own(vector) if is_normal else own(vector, is_point)
+        if convert_to == Space.CAMERA:
+            vector = points.to_camera(vector, is_point)
+        elif convert_to == Space.OBJECT:
+            own = points.normal_to_object if is_normal else points.to_object
+            vector = own(vector) if is_normal else own(vector, is_point)
+    return unit(vector) if is_normal else vector
 
 
 def instance_value(points, *, attribute: str) -> tuple[np.ndarray, np.ndarray]:
