@@ -131,9 +131,10 @@ enum GlintLobeKind {
 };
 
 /* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK. masking: 0 to 1, Smith's alpha of a SPECULAR lobe,
- * 0 for none. Of a SHEEN lobe exponent is its width and masking its lean. exponent_slot, masking_slot, ior_slot: 0, or 1 plus the slot of the material's program
- * that takes the place of the number; exponent and masking are kept from 0 to the lobe's own, an
- * ior that is not finite or not above 0 is the lobe's own. */
+ * 0 for none. Of a SHEEN lobe exponent is its width and masking its lean. exponent_slot,
+ * masking_slot, ior_slot: 0, or 1 plus the slot of the material's program that takes the place of
+ * the number; exponent and masking are kept from 0 to the lobe's own, an ior that is not finite or
+ * not above 0 is the lobe's own. */
 enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
 typedef struct GlintLobe {
   double exponent, ior, masking;
