@@ -4,9 +4,9 @@ Blender outlives the call.
 
 from __future__ import annotations
 
-from .aovs import aovs_of
 from .camera import ExportError
-from .decoded import Decoded
 from .export import Export, export_scene
+from .images.decoded import Decoded
+from .materials.aovs import aovs_of
 
 __all__ = ["Decoded", "Export", "ExportError", "aovs_of", "export_scene"]

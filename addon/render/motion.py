@@ -30,7 +30,8 @@ def with_motion(
     this call.
     """
     render, frame = depsgraph.scene.render, depsgraph.scene.frame_current_final
-    if not render.use_motion_blur or render_engine.is_preview or render.motion_blur_shutter <= 0:
+    blurs = render.use_motion_blur and depsgraph.view_layer.use_motion_blur
+    if not blurs or render_engine.is_preview or render.motion_blur_shutter <= 0:
         return scene, ()
     camera = depsgraph.scene.camera  # of the frame: markers may bind others before and after it
     still = read_pose(depsgraph)

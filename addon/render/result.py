@@ -71,6 +71,9 @@ _KINDS = {
 }
 
 
+CYCLES_SWITCHES = {engine.CATCHER: "use_pass_shadow_catcher"}
+"""Passes that properties of Cycles' view layers switch on, where its add-on is on."""
+
 DENOISING = "denoising_store_passes"
 """Cycles' property of view layers that switches on all of `engine.DENOISING`."""
 
@@ -80,8 +83,9 @@ def wanted_passes(view_layer: bpy.types.ViewLayer) -> frozenset[str]:
     blenders = {name for name, switch in BLENDER_SWITCHES.items() if getattr(view_layer, switch)}
     ours = {name for name, switch in GLINT_SWITCHES.items() if getattr(view_layer.glint, switch)}
     cycles = getattr(view_layer, "cycles", None)
+    theirs = {name for name, switch in CYCLES_SWITCHES.items() if getattr(cycles, switch, False)}
     denoising = engine.DENOISING if getattr(cycles, DENOISING, False) else ()
-    return frozenset({"Combined", *denoising} | blenders | ours)
+    return frozenset({"Combined", *denoising} | blenders | ours | theirs)
 
 
 def crypto_ids(view_layer: bpy.types.ViewLayer) -> int:

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..motion import is_moving, moment, sample_times
+from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
+from . import catchers
 from .camera import Spread
 from .generations import reflected
 from .gloss import Narrow
@@ -64,7 +65,8 @@ class Hit:
     sphere, polygon or segment of hair. barycentric: weights of a triangle's corners or of a
     segment's ends, zeros elsewhere.  depth: ray parameter; of camera rays the depth along the view.
     normal: n, turned to the viewer.  ambient, emission: k_a I_a and k_e.  holdout: nothing is seen
-    here.
+    here.  caught: of a shadow catcher that the camera sees, the share of its light that other
+    things leave to it; None elsewhere.
     """
 
     thing: str
@@ -80,6 +82,7 @@ class Hit:
     emission: Numbers
     lights: tuple[LightTerm, ...]
     holdout: bool = False
+    caught: Numbers | None = None
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,8 @@ class Explainer:
         and its point of the lens: the first sample of a picture.
         """
         rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._spread)[0]
-        return self.follow(camera_paths(rays), "camera" if self._spread.lens is None else "lens")
+        paths = camera_paths(rays, self.stage.camera.weights(rays))
+        return self.follow(paths, "camera" if self._spread.lens is None else "lens")
 
     def follow(self, paths: Paths, kind: str) -> Ray:
         """One ray and all that follow from it."""
@@ -175,8 +179,15 @@ class Explainer:
         about = self._hit(surface, coefficients, depth, paths)
         if about.holdout:
             return replace(ray, hit=about, own=_numbers(own), color=_numbers(own))
+        if about.caught is not None:
+            coefficients = replace(coefficients, mirrors=[], refractions=[], highlights=[])
         follow = tuple(self._next(paths, hit, surface, coefficients, depth))
-        own = own + paths.weight[:, 0] * _sum(about)
+        _, d = paths.rays.lines(hit)
+        if about.caught is None:
+            own = own + paths.weight[:, 0] * _sum(about)
+        else:
+            behind = self._behind(paths, d, coefficients, np.array(about.caught))
+            own, ray = own + paths.weight[:, 0] * behind, replace(ray, background=_numbers(behind))
         color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
         return replace(ray, hit=about, own=_numbers(own), color=_numbers(color), follow=follow)
 
@@ -196,6 +207,17 @@ class Explainer:
     def _background(self, paths: Paths, d: Array) -> Array:
         hidden = paths.glossy or (paths.depth == 0 and self.stage.scene.world.transparent)
         return np.zeros(3) if hidden else self.stage.background_of(d, paths.kind)[:, 0]
+
+    def _behind(self, paths: Paths, d: Array, coefficients: Coefficients, ratio: Array) -> Array:
+        """(3,) what a shadow catcher shows of the surroundings behind it."""
+        left = catchers.light_left(ratio[:, None]) * catchers.opacity(coefficients)
+        return left[:, 0] * self._background(paths, d)
+
+    def _caught(self, surface: Surface, coefficients: Coefficients, paths: Paths) -> Numbers | None:
+        stage = self.stage
+        if paths.depth > 0 or not stage.per_object("catcher", surface.row)[0]:
+            return None
+        return _numbers(catchers.ratio(stage, surface, coefficients, paths.weight, 0)[:, 0])
 
     def _next(
         self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array
@@ -227,7 +249,7 @@ class Explainer:
             primitive=int(surface.local[0]),
             material=materials[number].name if 0 <= number < len(materials) else "",
             barycentric=_numbers(surface.weights[:, 0]),
-            depth=float(depth[0] * (stage.camera.unit if paths.depth == 0 else 1.0)),
+            depth=float(depth[0] * (stage.camera.along if paths.depth == 0 else 1.0)),
             position=_numbers(surface.x[:, 0] + stage.eye),
             normal=_numbers(surface.n[:, 0]),
             geometric_normal=_numbers(surface.g[:, 0]),
@@ -235,6 +257,7 @@ class Explainer:
             emission=_numbers(coefficients.emission[:, 0]),
             lights=tuple(self._lights(surface, coefficients, paths.weight)),
             holdout=instances.holdout,
+            caught=self._caught(surface, coefficients, paths),
         )
 
     # --- lights

@@ -60,12 +60,12 @@ class Paths:
         return "Mirror" if self.depth else name
 
 
-def camera_paths(rays: Rays) -> Paths:
-    """Camera rays, one for each pixel."""
+def camera_paths(rays: Rays, seen: Array) -> Paths:
+    """Camera rays, one for each pixel. seen: (n,) their weights."""
     n = len(rays)
     zero = np.zeros(n, np.intp)
     widest = np.full(n, np.inf)
-    return Paths(rays, np.ones((3, n)), np.arange(n), zero, 0, widest, zero, zero != 0)
+    return Paths(rays, np.tile(seen, (3, 1)), np.arange(n), zero, 0, widest, zero, zero != 0)
 
 
 def met(paths: Paths, hit: Array, surface: Surface) -> Surface:

@@ -12,8 +12,8 @@ import bpy
 import pytest
 
 from export_support import Shader, scene  # noqa: F401
-from glint.addon.export.evaluator import CLOSURE_NODES
-from glint.addon.export.graph import INLINED
+from glint.addon.export.materials.evaluator import CLOSURE_NODES
+from glint.addon.export.materials.graph import INLINED
 from glint.addon.export.shader_nodes import READERS
 from node_coverage import APPROXIMATED, NOTED, STRUCTURE
 

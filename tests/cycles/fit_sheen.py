@@ -1,4 +1,4 @@
-"""Fits the tables of addon/export/sheen.py to Cycles' Sheen BSDF, and prints them.
+"""Fits the tables of addon/export/materials/sheen.py to Cycles' Sheen BSDF, and prints them.
 
     python tests/cycles/fit_sheen.py
 
@@ -18,7 +18,7 @@ import numpy as np
 
 import cycles_reference as cycles
 from cycles_reference import bpy
-from glint.addon.export import sheen
+from glint.addon.export.materials import sheen
 from small_scenes import add, add_camera, ball, new_material
 
 SIDE = 96

@@ -17,7 +17,7 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 import conftest  # noqa: E402, F401  (makes the package importable as glint)
-from glint.addon.export.roughness import highlights  # noqa: E402
+from glint.addon.export.materials.roughness import highlights  # noqa: E402
 from glint.engine.analysis import plot  # noqa: E402
 
 TARGET = HERE.parents[1] / "docs/ggx_fit.png"

@@ -107,6 +107,8 @@ class Scene {
   const Opacity* opacity() const;
   /// The same for the shadow rays of one of `lights`.
   const Opacity* opacity(const Light& light) const;
+  /// The same where catchers alone cast shadows; in scenes that have some.
+  const Opacity* opacity_of_catchers(const Light& light) const;
   /// What is known of the first wave of such a render, by this scene or those whose trees it has;
   /// nothing as yet for one that is new.
   std::shared_ptr<FirstHitCache> first_hits(const RenderPlan& plan, const Film& film);
@@ -238,7 +240,8 @@ class Scene {
   const float* emitter_corners_ = nullptr;
   std::shared_ptr<const std::vector<uint32_t>> emitter_rows_;  // of the corners, three an emitter
   std::unique_ptr<const OpacityMaps> opacity_;
-  std::vector<std::unique_ptr<const PassedInstances>> passed_;  // by light; null: of most
+  std::vector<std::unique_ptr<const PassedInstances>> passed_,
+      caught_;  // by light; null: of most. caught_: all but catchers; the last one: of those most
   bool exact_ = true;  // accel_ is what a scene without a base would have
   Earlier earlier_;    // until there is accel_
   std::vector<std::shared_ptr<FirstHitCache>> first_hit_caches_;  // the last ones, newest first
