@@ -62,7 +62,7 @@ def pixels(thing):
     preview = thing.preview
     if preview is None or not all(preview.image_size):
         return np.zeros((1, 1, 4))
-    return np.array(list(preview.image_pixels_float)).reshape(*preview.image_size[::-1], 4)
+    return np.array(list(preview.image_pixels_float)).reshape(*tuple(preview.image_size)[::-1], 4)
 
 
 def icon(name, thing):
