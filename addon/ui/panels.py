@@ -257,6 +257,9 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
             if name not in engine.CRYPTOMATTES:
                 data.prop(context.view_layer, switch)
         cycles = getattr(context.view_layer, "cycles", None)
+        for name, switch in result.CYCLES_SWITCHES.items():
+            if hasattr(cycles, switch):
+                data.prop(cycles, switch, text=name)
         if hasattr(cycles, result.DENOISING):
             data.prop(cycles, result.DENOISING, text="Denoising Data")
         parts = column.column(heading="Parts", align=True)
@@ -383,6 +386,8 @@ class GLINT_OBJECT_PT_ray_visibility(_Panel, bpy.types.Panel):
         column.prop(context.object, "visible_camera", text="Camera")
         column.prop(context.object, "visible_glossy", text="Reflections")
         column.prop(context.object, "visible_shadow", text="Shadow")
+        mask = self.column.column(heading="Mask")
+        mask.prop(context.object, "is_shadow_catcher")
 
 
 class GLINT_OBJECT_PT_motion_blur(_Panel, bpy.types.Panel):

@@ -4,16 +4,28 @@ through, then bounce after bounce.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
+from ..film import CATCHER
+from . import catchers
 from .gloss import reflecting
 from .lights import Source
 from .materials import Coefficients
 from .media import Spans
-from .paths import Paths, beyond, bounced, joined, reflected_by_lobes, straight_on, widened
+from .paths import (
+    Paths,
+    beyond,
+    bounced,
+    camera_paths,
+    joined,
+    met,
+    reflected_by_lobes,
+    straight_on,
+    widened,
+)
 from .picture import Tile
 from .raster import Strips
 from .rays import Rays
@@ -63,9 +75,9 @@ class Generations:
 
     def run(self, rays: Rays, strips: Strips | None) -> None:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
-        n = len(rays)
-        widest = np.full(n, np.inf)
-        generation = [Paths(rays, np.ones((3, n)), np.arange(n), np.zeros(n, np.intp), 0, widest)]
+        seen = self._stage.camera.weights(rays)
+        self._tile.lose(np.arange(len(rays)), np.tile(1 - seen, (3, 1)))
+        generation = [camera_paths(rays, seen)]
         while generation:
             deeper: list[Paths] = []
             for paths in generation:
@@ -103,7 +115,7 @@ class Generations:
             depth,
             stage.pulse,
         )
-        surface = stage.shader.bent(surface, paths.kind)
+        surface = stage.shader.bent(met(paths, hit, surface), paths.kind)
         coefficients = stage.shader.coefficients(surface, paths.kind)
         stage.pulse.beat()
         self._record(paths, hit, surface, depth, coefficients)
@@ -118,6 +130,10 @@ class Generations:
             self._see(paths, hit, surface, coefficients)
         if paths.depth == 0 and stage.scene.aovs:
             self._give_aovs(paths, hit, surface, coefficients.transparent)
+        passed = straight_on(
+            paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
+        )
+        hit, surface, coefficients = self._catch(paths, hit, surface, coefficients)
         if paths.reflections:
             coefficients = widened(coefficients, paths.widest[hit])
         self._shade(paths, hit, surface, coefficients)
@@ -129,9 +145,43 @@ class Generations:
             for some in reflections:
                 self._tile.softly_lit[some.pixel] = True
             deeper += reflections
-        return straight_on(
-            paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
-        )
+        return passed
+
+    def _catch(
+        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
+    ) -> tuple[Array, Surface, Coefficients]:
+        """Adds what shadow catchers show; what is left are the other surfaces."""
+        stage = self._stage
+        if paths.depth > 0 or not stage.catches:
+            return hit, surface, coefficients
+        is_caught = stage.per_object("catcher", surface.row)
+        here = np.flatnonzero(is_caught)
+        if not len(here):
+            return hit, surface, coefficients
+        some, weight, pixel = surface.take(here), pick(paths.weight, hit[here]), paths.pixel[hit]
+        given = stage.shader.coefficients(some, paths.kind)
+        on_reach, on_cut = self._listeners(pixel[here])
+        ratio = catchers.ratio(stage, some, given, weight, self._sample, on_reach, on_cut)
+        self._show_caught(paths, hit[here], weight * catchers.opacity(given), ratio)
+        rest = np.flatnonzero(~is_caught)
+        surface = surface.take(rest)
+        return hit[rest], surface, stage.shader.coefficients(surface, paths.kind)
+
+    def _show_caught(self, paths: Paths, hit: Array, seen: Array, ratio: Array) -> None:
+        """The surroundings behind catchers, and over them their shadows; or nothing, where the
+        pass has these. seen: (3, m) what of the rays ends there.
+        """
+        stage, pixel = self._stage, paths.pixel[hit]
+        if CATCHER in stage.settings.passes:
+            self._tile.catch(pixel, seen * (1 - ratio))
+            self._tile.lose(pixel, seen)
+            return
+        shown = catchers.light_left(ratio) * seen
+        if stage.scene.world.transparent:
+            self._tile.lose(pixel, shown)
+            return
+        _, along = paths.rays.lines(hit)
+        self._tile.add("Environment", pixel, shown * stage.background_of(along, paths.kind))
 
     def _note_rough_glass(self, paths: Paths, hit: Array, coefficients: Coefficients) -> None:
         """More samples may see something else through it."""
@@ -219,8 +269,8 @@ class Generations:
         uv = stage.attributes.uv("")
         self._tile.record(
             paths.pixel[hit[chosen]],
-            Depth=depth[chosen] * stage.camera.unit
-            if stage.scene.camera.motion is None
+            Depth=depth[chosen] * stage.camera.along
+            if stage.scene.camera.motion is None and stage.camera.panorama is None
             else stage.camera.depth(some.x) * stage.camera.unit,
             Position=some.x + stage.eye[:, None],
             Normal=some.n,
@@ -283,6 +333,24 @@ class Generations:
             if values.any():
                 self._tile.add(paths.part(part), pixel, weight * values)
 
+        add("Ambient", coefficients.ambient * self._stage.ambient)
+        if not (paths.reflections and self._stage.is_lit_by_meshes):
+            add("Emission", coefficients.emission)
+        on_reach, on_cut = self._listeners(pixel)
+        light = self._stage.lighting.direct(
+            surface, coefficients, weight, self._sample, on_reach, on_cut
+        )
+        add("Diffuse", light.diffuse)
+        add("Specular", light.specular)
+        add("Shadow", light.shadow)
+
+    def _listeners(
+        self, pixel: Array
+    ) -> tuple[Callable[[Source, Array], None], Callable[[Array], None]]:
+        """What the lighting of points of these pixels is to tell which light reaches them, and
+        whose horizon cuts one.
+        """
+
         def on_reach(source: Source, seen: Array) -> None:
             if source.light.cast_shadow:
                 self._tile.charge(pixel[seen])
@@ -292,12 +360,4 @@ class Generations:
         def on_cut(seen: Array) -> None:
             self._tile.cut[pixel[seen]] = True
 
-        add("Ambient", coefficients.ambient * self._stage.ambient)
-        if not (paths.reflections and self._stage.is_lit_by_meshes):
-            add("Emission", coefficients.emission)
-        light = self._stage.lighting.direct(
-            surface, coefficients, weight, self._sample, on_reach, on_cut
-        )
-        add("Diffuse", light.diffuse)
-        add("Specular", light.specular)
-        add("Shadow", light.shadow)
+        return on_reach, on_cut

@@ -6,11 +6,11 @@ from collections import Counter
 
 import numpy as np
 
-from ..bounced_light import bounced_table
 from ..cryptomatte import id_bits
-from ..dome import dome_table
 from ..film import CRYPTOMATTES, SEEN
-from ..mesh_lights import mesh_table
+from ..lights.bounced_light import bounced_table
+from ..lights.dome import dome_table
+from ..lights.mesh_lights import mesh_table
 from ..sampling import light_points, lobe_points, scatter_offsets
 from ..scene import Light, Scene
 from ..settings import Settings
@@ -62,6 +62,11 @@ class Stage:
             shadows,
             pulse,
             self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
+        )
+        caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))
+        self.catches = bool(caught.any())
+        self.lighting_of_catchers = (
+            self.lighting.of_catchers(caught.astype(bool)) if self.catches else self.lighting
         )
         self._lobe_points = lobe_points(settings.samples)
         self.scatter_offsets = scatter_offsets(settings.samples)

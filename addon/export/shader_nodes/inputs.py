@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from ....engine.program.graph import Value
-from ..graph import socket_named
-from ..images import FIRST, Images
-from ..terms import GREY
+from ..images.images import FIRST, Images
+from ..materials.graph import socket_named
+from ..materials.terms import GREY
 from .mapping import texture_mapped
 from .objects import INSTANCER_GENERATED, INSTANCER_UV, property_of_object
 from .projections import on_ball, on_box, on_tiles, on_tube
@@ -23,22 +22,23 @@ def _texture_coordinate(view: NodeInputs) -> Outputs:
     position = view.apply("object_position", shift=0)[0]
     if view.node.object is not None:
         position = _in_space_of(view, view.node.object)
-    if view.node.from_instancer:
-        generated, uv = (
-            view.apply("instance_value", attribute=name)[0]
-            for name in (INSTANCER_GENERATED, INSTANCER_UV)
-        )
-    else:
-        generated, uv = view.reader.generated(), view.apply("uv", attribute="", shift=0)[0]
-    return {
-        "Generated": generated,
-        "Normal": view.apply("object_normal")[0],
-        "UV": uv,
-        "Object": position,
-        "Camera": view.apply("camera_position", shift=0)[0],
-        "Window": view.apply("window", shift=0)[0],
-        "Reflection": view.apply("reflection")[0],
+    makers = {
+        "Generated": view.reader.generated,
+        "Normal": lambda: view.apply("object_normal")[0],
+        "UV": lambda: view.apply("uv", attribute="", shift=0)[0],
+        "Object": lambda: position,
+        "Camera": lambda: view.apply("camera_position", shift=0)[0],
+        "Window": lambda: view.apply("window", shift=0)[0],
+        "Reflection": lambda: view.apply("reflection")[0],
     }
+    if view.node.from_instancer:
+        makers["Generated"] = lambda: _of_instance(view, INSTANCER_GENERATED)
+        makers["UV"] = lambda: _of_instance(view, INSTANCER_UV)
+    return view.used(makers)
+
+
+def _of_instance(view: NodeInputs, name: str) -> Value:
+    return view.apply("instance_value", attribute=name)[0]
 
 
 def _in_space_of(view: NodeInputs, other: Any) -> Value:
@@ -55,22 +55,24 @@ def _in_space_of(view: NodeInputs, other: Any) -> Value:
 
 def _uv_map(view: NodeInputs) -> Outputs | None:
     if view.node.from_instancer:
-        return {"UV": view.apply("instance_value", attribute=INSTANCER_UV)[0]}
+        return {"UV": _of_instance(view, INSTANCER_UV)}
     return {"UV": view.apply("uv", attribute=view.node.uv_map, shift=0)[0]}
 
 
 def _geometry(view: NodeInputs) -> Outputs:
-    return {
-        "Position": view.apply("position", shift=0)[0],
-        "Normal": view.reader.normal(),
-        "True Normal": view.apply("face_normal")[0],
-        "Incoming": view.apply("incoming")[0],
-        "Backfacing": view.apply("backfacing")[0],
-        "Parametric": _parametric(view),
-        "Tangent": radial_tangent(view, "Z"),
-        "Pointiness": view.apply("attribute", attribute=POINTINESS, shift=0)[1],
-        "Random Per Island": view.apply("attribute", attribute=ISLAND, shift=0)[1],
-    }
+    return view.used(
+        {
+            "Position": lambda: view.apply("position", shift=0)[0],
+            "Normal": view.reader.normal,
+            "True Normal": lambda: view.apply("face_normal")[0],
+            "Incoming": lambda: view.apply("incoming")[0],
+            "Backfacing": lambda: view.apply("backfacing")[0],
+            "Parametric": lambda: _parametric(view),
+            "Tangent": lambda: radial_tangent(view, "Z"),
+            "Pointiness": lambda: view.apply("attribute", attribute=POINTINESS, shift=0)[1],
+            "Random Per Island": lambda: view.apply("attribute", attribute=ISLAND, shift=0)[1],
+        }
+    )
 
 
 def _parametric(view: NodeInputs) -> Value:
@@ -119,13 +121,6 @@ def _attribute(view: NodeInputs) -> Outputs | None:
     return outputs
 
 
-def noted_interpolation(node: Any, note: Callable[[str], None]) -> str:
-    """A node's way to read between texels, with a note where that is not rendered."""
-    if node.interpolation in ("Cubic", "Smart"):
-        note("Cubic interpolation of images is rendered as linear in {}")
-    return node.interpolation
-
-
 def tiles_of(node: Any) -> list[int]:
     """Numbers of the tiles of a node's image, none of one that is not tiled."""
     image = node.image
@@ -133,15 +128,14 @@ def tiles_of(node: Any) -> list[int]:
     return [tile.number for tile in image.tiles] if is_tiled else []
 
 
-def image_texture(node: Any, images: Images, note: Callable[[str], None], tile: int = 0) -> int:
-    """Index of an Image Texture node's texture, with notes of what it does not do as in Blender;
-    of a tiled image that of a tile.
+def image_texture(node: Any, images: Images, tile: int = 0) -> int:
+    """Index of an Image Texture node's texture; of a tiled image that of a tile.
 
     Where nothing reads the image's alpha its colour is times alpha, as in Cycles.
     """
-    interpolation = noted_interpolation(node, note)
     alone = not node.outputs["Alpha"].is_linked
-    return images.texture(node.image, node.image_user, node.extension, interpolation, alone, tile)
+    how = node.extension, node.interpolation
+    return images.texture(node.image, node.image_user, *how, alone, tile)
 
 
 def _image(view: NodeInputs) -> Outputs:
@@ -157,7 +151,7 @@ def _projected(view: NodeInputs, where: Value) -> tuple[Value, ...]:
     """
     tiles = tiles_of(view.node)
     textures = {
-        tile: image_texture(view.node, view.reader.images, view.reader.note, tile)
+        tile: image_texture(view.node, view.reader.images, tile)
         for tile in ([FIRST] if view.node.projection == "BOX" and tiles else tiles or [0])
     }
     first = next(iter(textures.values()))
@@ -186,6 +180,7 @@ def _normal(view: NodeInputs) -> Value:
 
 
 def _light_path(view: NodeInputs) -> Outputs:
+    """Light that is scattered comes from points here, so no ray is a diffuse one."""
     camera, shadow, bounced = view.apply("light_path")
     zero, length = view.reader.graph.constant(0.0), view.reader.ray_length()
     return {
@@ -194,15 +189,28 @@ def _light_path(view: NodeInputs) -> Outputs:
         "Is Diffuse Ray": zero,
         "Is Glossy Ray": bounced,
         "Is Singular Ray": bounced,
-        "Is Reflection Ray": bounced,
-        "Is Transmission Ray": view.left_out("Is Transmission Ray", 0.0),
         "Is Volume Scatter Ray": zero,
         "Ray Length": length if length is not None else view.left_out("Ray Length", 0.0),
-        **{
-            name: view.left_out(name, 0.0)
-            for name in ("Ray Depth", "Diffuse Depth", "Glossy Depth")
-            + ("Transparent Depth", "Transmission Depth", "Portal Depth")
-        },
+        "Diffuse Depth": zero,
+        "Portal Depth": zero,
+        **_ray_depths(view, bounced),
+    }
+
+
+def _ray_depths(view: NodeInputs, bounced: Value) -> Outputs:
+    known = view.reader.ray_depth()
+    if known is None:
+        names = ("Ray Depth", "Glossy Depth", "Transparent Depth", "Transmission Depth")
+        constants = {name: view.left_out(name, 0.0) for name in (*names, "Is Transmission Ray")}
+        return {**constants, "Is Reflection Ray": bounced}
+    depth, straight, refractions, refracted = known
+    return {
+        "Ray Depth": depth,
+        "Glossy Depth": view.math("SUBTRACT", depth, refractions),
+        "Transparent Depth": straight,
+        "Transmission Depth": refractions,
+        "Is Transmission Ray": refracted,
+        "Is Reflection Ray": view.math("SUBTRACT", bounced, refracted),
     }
 
 

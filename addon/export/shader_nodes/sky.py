@@ -7,22 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from ....engine.program.graph import Value
-from .inputs import noted_interpolation
+from ....engine.program.operations_input import Space
+from .bare import ZERO, BareReader
 from .mapping import texture_mapped
-from .objects import VIEW_LAYER
-from .reader import FARTHEST, READERS, NodeInputs, Outputs, TreeReader
+from .reader import READERS, NodeInputs, Outputs
 
 _ALONG = ("position", "object_position")
-_AGAINST = ("normal", "face_normal", "object_normal", "reflection", "normal_map", "bump")
-_NOWHERE = {
-    "object_stretch": (1.0,),
-    "uv": ((0.0, 0.0, 0.0),),
-    "barycentric": ((0.0, 0.0, 0.0),),
-    "edge_distance": (FARTHEST,),
-    "attribute": ((0.0, 0.0, 0.0), 1.0),
-    "object_location": ((0.0, 0.0, 0.0),),
-    "instance_value": ((0.0, 0.0, 0.0), 0.0),
-}
+_AGAINST = ("normal", "face_normal", "object_normal", "reflection")
 _VIEW = ("camera_position", "window")
 
 
@@ -34,12 +25,10 @@ class Sun:
     size: float
 
 
-class SkyReader(TreeReader):
+class SkyReader(BareReader):
     """Reads a world's tree: a point is the direction that the ray goes, and its normals look back
-    along it, as in Cycles; nothing bends them.
+    along it, as in Cycles.
     """
-
-    is_surface = False
 
     def __init__(self, *given: Any, suns: list[Sun] | None = None) -> None:
         """suns: gets those that sky textures show where they are told to; None leaves these out."""
@@ -53,13 +42,23 @@ class SkyReader(TreeReader):
             return arguments
         if name in _AGAINST:
             return super().apply("incoming")
+        if name == "transform_vector":
+            if Space.CAMERA in (settings["convert_from"], settings["convert_to"]):
+                self.note(
+                    "The camera's axes are not known in the world {}: vectors stay as they are"
+                )
+            return arguments
         if name in _VIEW:
-            self.note("Camera and window coordinates are not known in the world {}: 0 is used")
-            return (self.graph.constant((0.0, 0.0, 0.0)),)
-        if settings.get("attribute", "").startswith(VIEW_LAYER):
-            self.note("Attributes of the view layer are not known in the world {}: 0 is used")
-        if name in _NOWHERE:
-            return tuple(map(self.graph.constant, _NOWHERE[name]))
+            self.note(
+                "Camera and window coordinates are not known in the world {}: 0 is used; use "
+                "Texture Coordinate's Generated"
+            )
+            return (self.graph.constant(ZERO),)
+        if name == "object_stretch":
+            return (self.graph.constant(1.0),)
+        if name == "object_location":
+            self.tell("instance_value")
+            return (self.graph.constant(ZERO),)
         return super().apply(name, *arguments, **settings)
 
     def along(self) -> Value:
@@ -69,6 +68,12 @@ class SkyReader(TreeReader):
 
     def generated(self) -> Value:
         return self.along()
+
+    def ray_length(self) -> None:
+        """The sky is nowhere."""
+
+    def ray_depth(self) -> None:
+        """The sky does not know how it is seen."""
 
 
 def environment_uv(view: NodeInputs, direction: Value) -> Value:
@@ -88,8 +93,9 @@ def environment_uv(view: NodeInputs, direction: Value) -> Value:
 def _environment(view: NodeInputs) -> Outputs:
     """Repeated at its borders, as Cycles does, also at the poles."""
     node = view.node
-    interpolation = noted_interpolation(node, view.reader.note)
-    texture = view.reader.images.texture(node.image, node.image_user, "REPEAT", interpolation, True)
+    texture = view.reader.images.texture(
+        node.image, node.image_user, "REPEAT", node.interpolation, True
+    )
     given = view.value("Vector") if view.is_linked("Vector") else view.apply("position", shift=0)[0]
     where = environment_uv(view, texture_mapped(view, given))
     return {"Color": view.apply("image", where, texture=texture)[0]}

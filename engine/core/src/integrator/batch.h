@@ -3,6 +3,7 @@
 #pragma once
 #include <vector>
 
+#include "film/passes.h"
 #include "integrator/columns.h"
 #include "integrator/queue.h"
 #include "scene/scene.h"
@@ -15,7 +16,7 @@ class FirstHitCache;
 class Batch {
  public:
   /// `passes`: the parts to keep for camera rays; all that others bring is Mirror.
-  Batch(const Scene& scene, uint32_t passes);
+  Batch(const Scene& scene, Passes passes);
   Batch(const Batch&) = delete;
   Batch& operator=(const Batch&) = delete;
 
@@ -57,7 +58,7 @@ class Batch {
   }
   /// Coefficient of the lobe number `lobe` of those that send rays on from point k.
   Vec3d passing(size_t k, int lobe) const {
-    const double* column = passing_columns + 3 * size_t(lobe) * stride + k;
+    const double* column = passing_columns + size_t(passing_width) * size_t(lobe) * stride + k;
     return {column[0], column[stride], column[2 * stride]};
   }
 
@@ -73,6 +74,7 @@ class Batch {
   double* diffuse[3] = {};            // T k
   double* specular = nullptr;         // as ShadeStage has it
   double* passing_columns = nullptr;  // as EvaluateStage has it
+  int passing_width = PassingTerm::kPlain;
   size_t stride = 0;
   double
       *cost = nullptr,
@@ -89,7 +91,7 @@ class Batch {
   void place_columns();
 
   const Scene& scene_;
-  const uint32_t passes_;
+  const Passes passes_;
   const bool smooth_;
   size_t count_ = 0;
   Columns columns_;

@@ -19,6 +19,12 @@ class DirectLight {
 
   /// Adds all lights to the points of `batch`, for pixel sample `sample`.
   void illuminate(Batch& batch, uint32_t sample, RayCounts& counts);
+  /// The same as if catchers of shadows were the only things there.
+  void illuminate_catchers(Batch& batch, uint32_t sample, RayCounts& counts) {
+    alone_ = true;
+    illuminate(batch, sample, counts);
+    alone_ = false;
+  }
   /// Adds what media before the hits scatter of the lights, and give of themselves, to the rays of
   /// `batch`, of which `spans` are. clear: their weights before media dim them.
   void scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear, uint32_t sample,
@@ -31,6 +37,9 @@ class DirectLight {
 
  private:
   void prepare(const Batch& batch);
+  const Opacity* opacity(const Light& light) const {
+    return alone_ ? scene_.opacity_of_catchers(light) : scene_.opacity(light);
+  }
   void find_lit(const Batch& batch, const Light& light);
   void note_hidden(size_t count);
   void add_rest(const Batch& batch, const Light& light, uint32_t sample);
@@ -55,6 +64,7 @@ class DirectLight {
   const Stages& stages_;
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
+  bool alone_ = false;  // catchers of shadows are the only things there
   const bool glassy_;   // some surface lets light through
   LightStage stage_{};  // what it writes: a row for each point that a light sample reaches
   Columns columns_;

@@ -182,7 +182,8 @@ void MediaSpans::add_span(const Rays& rays, uint32_t ray, uint32_t enclosure, do
   if (from < to) spans_.push_back({enclosure, from, to});
 }
 
-Vec3d MediaSpans::depth(size_t k, double from, double to, uint64_t passed_sets) const {
+Vec3d MediaSpans::depth(size_t k, double from, double to, uint64_t passed_sets,
+                        bool catchers_alone) const {
   Vec3d sum;
   if (!(from < to)) return sum;
   if (scene_.world_medium >= 0)
@@ -190,15 +191,18 @@ Vec3d MediaSpans::depth(size_t k, double from, double to, uint64_t passed_sets) 
   for (size_t i = k > 0 ? end_[k - 1] : 0; i < end_[k]; ++i) {
     const Span& span = spans_[i];
     const Enclosure& e = scene_.enclosures[span.enclosure];
-    if (passed_sets && passed_sets >> scene_.group(e.instance).light_set & 1) continue;
+    const GlintInstances& group = scene_.group(e.instance);
+    if (passed_sets && passed_sets >> group.light_set & 1) continue;
+    if (catchers_alone && !(group.flags & GLINT_CATCHER)) continue;
     const double way = std::min(span.to, to) - std::max(span.from, from);
     if (way > 0) sum += times(scene_.media[e.medium].extinction, way);
   }
   return sum;
 }
 
-Vec3d MediaSpans::passed(size_t k, double from, double to, uint64_t passed_sets) const {
-  const Vec3d tau = depth(k, from, to, passed_sets);
+Vec3d MediaSpans::passed(size_t k, double from, double to, uint64_t passed_sets,
+                         bool catchers_alone) const {
+  const Vec3d tau = depth(k, from, to, passed_sets, catchers_alone);
   return {exponential(-tau.x), exponential(-tau.y), exponential(-tau.z)};
 }
 

@@ -17,10 +17,12 @@ class MediaSpans {
   /// Of rays from where they begin to look on; ends do not matter.
   void find(const Rays& rays, RayCounts& counts);
   /// The optical depth of ray k from one place to another one. passed_sets: of a light's shadow
-  /// rays, see GlintLight.
-  Vec3d depth(size_t k, double from, double to, uint64_t passed_sets = 0) const;
+  /// rays, see GlintLight. catchers_alone: of what catchers of shadows enclose, and the world.
+  Vec3d depth(size_t k, double from, double to, uint64_t passed_sets = 0,
+              bool catchers_alone = false) const;
   /// How much goes straight on between them.
-  Vec3d passed(size_t k, double from, double to, uint64_t passed_sets = 0) const;
+  Vec3d passed(size_t k, double from, double to, uint64_t passed_sets = 0,
+               bool catchers_alone = false) const;
 
   /// What lies along a part of a ray.
   struct Piece {

@@ -28,6 +28,7 @@ PassStage stage_of(const Batch& batch) {
   stage.offset = p.offset;
   stage.outside = p.outside;
   stage.passing = batch.passing_columns;
+  stage.passing_columns = batch.passing_width;
   stage.passing_stride = batch.stride;
   return stage;
 }
@@ -35,14 +36,14 @@ PassStage stage_of(const Batch& batch) {
 }  // namespace
 
 void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, size_t count,
-                     const Leaving& next, RayCounts& counts) const {
+                     const Leaving& next, RayCounts& counts, bool straight_alone) const {
   const Material& material = scene_.materials[batch.material[rows[0]]];
   PassStage stage = stage_of(batch);
   stage.rows = rows;
   stage.count = count;
   stage.lobes = scene_.lobe_shapes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
-  stage.max_bounces = plan_.max_bounces;
+  stage.max_bounces = straight_alone ? 0 : plan_.max_bounces;
   stage.max_straight = kMaxStraight;
   stage.cutoff = plan_.cutoff;
   next.bounced.reserve(next.bounced.size() + count * size_t(material.passing));
@@ -58,7 +59,7 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
       places[level] = disc_place(point[0], point[1]);
     }
     for (size_t k = 0; batch.softly_lit && k < count; ++k)
-      if (batch.queue->path(rows[k]).depth < plan_.max_bounces)
+      if (batch.queue->path(rows[k]).depth < stage.max_bounces)
         batch.mark_softly_lit(rows[k], Refinement::kCut);
   }
   const PassedRays passed = stages_.pass(stage);
@@ -89,8 +90,9 @@ void Shader::hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel,
   const Material& material =
       scene_.materials[scene_.material_of(scene_.group(s.instance), s.primitive)];
   if (path.wants_data &&
-      mean(transparency(scene_, material, s, batch.queue->ray(k).d,
-                        path.depth > 0 ? RayKind::kBounced : RayKind::kCamera)) < 0.5)
+      mean(transparency(scene_, material, s,
+                        {path.start, batch.queue->ray(k).d, batch.queue->tags()[k],
+                         path.depth > 0 ? RayKind::kBounced : RayKind::kCamera})) < 0.5)
     record(film, pixel, s, material, batch.queue->ray(k).d);
   if (path.depth == 0) lost += mean(path.T);
 }

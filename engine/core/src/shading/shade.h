@@ -21,9 +21,9 @@ class Shader {
       : scene_(scene), plan_(plan), stages_(stages), camera_(scene) {}
 
   /// Sends on the rays of some points of the batch, of different paths, whose material the vary
-  /// stage has seen.
+  /// stage has seen. straight_alone: but for mirrored and refracted ones.
   void pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, size_t count,
-               const Leaving& next, RayCounts& counts) const;
+               const Leaving& next, RayCounts& counts, bool straight_alone = false) const;
   /// What goes straight through the surface of a point that the vary stage has seen, if it lets
   /// any through.
   Vec3d passed(const Batch& batch, size_t k) const;
