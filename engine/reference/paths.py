@@ -31,6 +31,7 @@ class Paths:
     on they see no lights: these have highlights there, and points of them in mirrors beyond would
     be dots.  glossy: by the last one that they met; then they do not see the sky either.  widest:
     (n,) the largest exponent of highlights that they meet, that of the widest lobe on their way.
+    refracted: by the first surface that they left, where passes ask for that.
     """
 
     rays: Rays
@@ -41,6 +42,7 @@ class Paths:
     widest: Array
     reflections: int = 0
     glossy: bool = False
+    refracted: bool = False
 
     def __len__(self) -> int:
         return len(self.pixel)
@@ -113,9 +115,11 @@ def bounced(
     coefficients: Coefficients,
     cutoff: float,
     point: LightPoint,
+    splits: bool = False,
 ) -> list[Paths]:
     """Mirror and refraction rays, one bounce deeper, but for those that weigh less than the
     cutoff. point: where in rough REFRACTION lobes they go on.
+    splits: it is to be known which surface they left first.
     """
     result = []
     if coefficients.mirrors:
@@ -142,10 +146,24 @@ def bounced(
             through = np.where(passes, through, 1.0)
         k = through * term.k
         go = np.flatnonzero(k.any(0))
+        past = replace(paths, refracted=True) if splits and paths.depth == 0 else paths
         result.append(
-            _leaving(paths, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go), cutoff)
+            _leaving(past, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go), cutoff)
         )
     return [paths for paths in result if len(paths)]
+
+
+def gives(surface: Surface, coefficients: Coefficients) -> tuple[Array, Array]:
+    """(3, n) each: what of the light behind them mirrors and glass send on, with what Fresnel
+    says.
+    """
+    mirrored, refracted = np.zeros((2, 3, len(surface)))
+    for term in coefficients.mirrors:
+        add_at(mirrored, term.index, term.k * _reflectance(surface, term.index, term.lobe))
+    for term in coefficients.refractions:
+        lost = _reflectance(surface, term.index, term.lobe) if term.lobe.fresnel else 0.0
+        add_at(refracted, term.index, term.k * (1 - lost))
+    return mirrored, refracted
 
 
 def refracted_roughly(
@@ -242,4 +260,5 @@ def _leaving(
         paths.depth + 1,
         paths.widest[hit[go]],
         paths.reflections,
+        refracted=paths.refracted,
     )

@@ -25,6 +25,7 @@ void Queue::push(const Ray& ray, const Path& path) {
              int64_t(path.straight) << RayTag::kStraight;
   if (path.widest < HUGE_VAL)
     tags_[k] |= int64_t(1 + std::clamp(std::ilogb(path.widest), 0, 60)) << RayTag::kWidth;
+  if (path.refracted) tags_[k] |= int64_t(1) << RayTag::kRefracted;
   if (path.wants_data) want_data(k);
 }
 

@@ -239,6 +239,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, Queue& boun
   if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
   if (queue.visibility == kCamera && film_.wants_seen()) note_seen(queue);
   if (gives_aovs) note_aovs(queue);
+  if (queue.visibility == kCamera && film_.wants_lighting()) note_colors(queue);
   if (catches_) set_aside_caught(queue);
   direct_.illuminate(batch_, sample, counts_);
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
@@ -546,7 +547,12 @@ Vec3d Tracer::albedo(size_t k) const {
   }
   sum = batch_.queue->path(k).T * sum;
   if (!batch_.lit[k]) return sum;
-  sum += row(batch_.diffuse, k);
+  return sum + row(batch_.diffuse, k) + highlights(k);
+}
+
+/// T times about what of even light the highlights of a lit point give back.
+Vec3d Tracer::highlights(size_t k) const {
+  Vec3d sum;
   for (int term = 0; term < scene_.max_specular; ++term) {
     const double* const column =
         batch_.specular + size_t(scene_.specular_columns * term) * batch_.stride + k;
@@ -648,6 +654,7 @@ void Tracer::keep(const Queue& queue) {
   };
   const SumColumns& s = batch_.sums;
   keep_part(GLINT_PASS_COMBINED, s.total);
+  if (film_.wants_lighting()) keep_lighting(queue);
   if (queue.visibility != kCamera) return keep_part(GLINT_PASS_MIRROR, s.total);
   keep_part(GLINT_PASS_AMBIENT, s.ambient);
   keep_part(GLINT_PASS_EMISSION, s.emission);

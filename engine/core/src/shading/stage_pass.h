@@ -106,9 +106,10 @@ struct NewRays {
 
 /// Rays that leave along d one bounce deeper, unless they weigh nothing or next to it. How many.
 inline size_t bounce(const PassStage& s, const Chosen& at, const Arriving& ray, Mask wanted,
-                     const Three& d, const Three& k) {
+                     const Three& d, const Three& k, bool refracted = false) {
   const Three T = weight(s, at) * k;
   const Mask tag = gather(s.from_tags, at), depth = (tag >> RayTag::kDepth & 255) + 1;
+  const Mask first = (depth == 1) & int64_t(refracted) << RayTag::kRefracted;
   wanted &= nonzero(T) & (depth <= int64_t(s.max_bounces)) & ~(largest(T) < s.cutoff);
   const uint32_t lanes = bits(wanted) & lanes_of(at);
   if (!lanes) return 0;
@@ -122,7 +123,8 @@ inline size_t bounce(const PassStage& s, const Chosen& at, const Arriving& ray, 
   add(RayLayout::kTMin, splat(0));
   add(RayLayout::kTMax, splat(__builtin_inf()));
   add(RayLayout::kFrom, splat(0));
-  add.tag((tag & (int64_t(0xffffffff) | RayTag::kWidths)) | depth << RayTag::kDepth);
+  const Mask kept = tag & (int64_t(0xffffffff) | RayTag::kPast);
+  add.tag(kept | first | depth << RayTag::kDepth);
   return add.count();
 }
 
@@ -140,7 +142,7 @@ inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t num
       d = choose(shut, reflect(ray), d);
       through = choose(shut, splat(1), through);
     }
-    count += bounce(s, at, ray, nonzero(d), d, lobe.fresnel ? through * k : k);
+    count += bounce(s, at, ray, nonzero(d), d, lobe.fresnel ? through * k : k, true);
   }
   return count;
 }
@@ -195,7 +197,7 @@ inline size_t go_on(const PassStage& s, const Chosen& at, const Three& k) {
   add(RayLayout::kTMin, beyond(t));
   keep(RayLayout::kTMax);
   add(RayLayout::kFrom, t);
-  const Mask kept = tag & (((int64_t(1) << RayTag::kWantsData) - 1) | RayTag::kWidths);
+  const Mask kept = tag & (((int64_t(1) << RayTag::kWantsData) - 1) | RayTag::kPast);
   const Mask dimmed = (k.x != 1) | (k.y != 1) | (k.z != 1);
   add.tag((kept + (dimmed & int64_t(1) << RayTag::kStraight)) | wants);
   return add.count();
