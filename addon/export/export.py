@@ -6,7 +6,7 @@ import gc
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -109,6 +109,18 @@ def export_scene(
         **_counts(exported),
     }
     return Export(exported, report.notes(), stats, region)
+
+
+def seen_by(
+    scene: Scene, looker: Looker, depsgraph: Any, width: int, height: int
+) -> tuple[Scene, tuple[str, ...]]:
+    """The scene with the camera of another view, and notes of it. Raises ExportError as
+    `export_scene`.
+    """
+    render, report = depsgraph.scene_eval.render, Report()
+    size = resolution(render, width, height)
+    camera = export_camera(looker.camera, render, size, report, looker)
+    return replace(scene, camera=camera), report.notes()
 
 
 def _evaluated(thing: Any, depsgraph: Any) -> Any:
