@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 28
+ABI_VERSION = 30
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -58,6 +58,7 @@ class Extension(IntEnum):
 class Interpolation(IntEnum):
     LINEAR = 0
     CLOSEST = 1
+    CUBIC = 2
 
 
 class Channel(IntEnum):
@@ -74,6 +75,7 @@ class LobeKind(IntEnum):
     REFRACTION = 4
     TRANSPARENT = 5
     EMISSION = 6
+    SHEEN = 7
 
 
 class Fresnel(IntEnum):
@@ -280,7 +282,7 @@ class LobeData(Structure):
     _fields_ = [
         *_each(c_double, "exponent ior masking"),
         *_each(c_uint32, "first_input input_count"),
-        *_each(c_int32, "kind fresnel exponent_slot masking_slot"),
+        *_each(c_int32, "kind fresnel exponent_slot masking_slot ior_slot reserved"),
     ]
 
 

@@ -20,8 +20,10 @@ from .paths import (
     Paths,
     beyond,
     bounced,
+    camera_paths,
     gives,
     joined,
+    met,
     reflected_by_lobes,
     straight_on,
     widened,
@@ -58,7 +60,7 @@ def reflected(
 
 def _alike(paths: list[Paths]) -> Iterator[Paths]:
     """Those with the same past as one."""
-    pasts = [(p.reflections, p.glossy, p.refracted) for p in paths]
+    pasts = [(p.reflections, p.glossy, p.transmitted) for p in paths]
     for past in dict.fromkeys(pasts):
         yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
 
@@ -71,13 +73,9 @@ class Generations:
 
     def run(self, rays: Rays, strips: Strips | None) -> None:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
-        n = len(rays)
-        widest = np.full(n, np.inf)
         seen = self._stage.camera.weights(rays)
-        self._tile.lose(np.arange(n), np.tile(1 - seen, (3, 1)))
-        generation = [
-            Paths(rays, np.tile(seen, (3, 1)), np.arange(n), np.zeros(n, np.intp), 0, widest)
-        ]
+        self._tile.lose(np.arange(len(rays)), np.tile(1 - seen, (3, 1)))
+        generation = [camera_paths(rays, seen)]
         while generation:
             deeper: list[Paths] = []
             for paths in generation:
@@ -115,7 +113,7 @@ class Generations:
             depth,
             stage.pulse,
         )
-        surface = stage.shader.bent(surface, paths.kind)
+        surface = stage.shader.bent(met(paths, hit, surface), paths.kind)
         coefficients = stage.shader.coefficients(surface, paths.kind)
         stage.pulse.beat()
         self._record(paths, hit, surface, depth, coefficients)
@@ -336,7 +334,7 @@ class Generations:
         self._tile.add(paths.part(part), pixel, values)
         if self._stage.splits and paths.depth > 0:
             is_direct = paths.depth == 1 and part in ("Emission", "Environment")
-            surface = "Transmission" if paths.refracted else "Glossy"
+            surface = "Transmission" if paths.transmitted else "Glossy"
             self._tile.add(f"{surface} {'Direct' if is_direct else 'Indirect'}", pixel, values)
 
     def _split(
@@ -355,7 +353,7 @@ class Generations:
         found = {
             "Diffuse Direct": ambient + light.lit_diffuse,
             "Diffuse Indirect": light.lit_bounced,
-            "Diffuse Color": coefficients.diffuse,
+            "Diffuse Color": coefficients.matt(),
             "Glossy Direct": light.lit_specular,
             "Glossy Color": coefficients.glossy() + mirrored,
             "Transmission Color": refracted,

@@ -13,7 +13,7 @@ from ..scene import EVERYTHING
 from .gloss import Narrow
 from .lights import CENTER, LightPoint, LightSample, Source
 from .materials import Coefficients, Term, taken
-from .optics import blinn_phong, gloss
+from .optics import blinn_phong, gloss, sheen
 from .pulse import Pulse
 from .shadows import Shadows
 from .surface import Surface
@@ -95,7 +95,7 @@ class Lighting:
         """
         total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(6)))
         given = coefficients.diffuse.any(0)
-        for term in coefficients.highlights:
+        for term in (*coefficients.highlights, *coefficients.sheens):
             given[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
         for source in self.sources if given.any() else ():
             lit = given & self.lights(source, surface)
@@ -188,7 +188,10 @@ class Lighting:
             inner=None,
         )
         light = sample.light_of(source)
+        matt = sheens(surface, coefficients.sheens, seen, sample.direction)
+        is_drawn = diffuse is not coefficients.diffuse
         diffuse = pick(diffuse, seen) * light * cosine[seen]
+        diffuse = diffuse if is_drawn else diffuse + matt * light
         terms = coefficients.highlights if source.has_highlights else []
         specular = (
             highlights(surface, terms, seen, sample.direction)
@@ -229,7 +232,13 @@ def highlight(
     """
     lobe = term.lobe
     return blinn_phong(n, v, l, taken(term.exponent, chosen)) * gloss(
-        n, v, l, taken(term.masking, chosen), lobe.ior, lobe.fresnel, lobe.schlick
+        n,
+        v,
+        l,
+        taken(term.masking, chosen),
+        taken(term.ior, chosen),
+        lobe.fresnel,
+        lobe.schlick,
     )
 
 
@@ -237,6 +246,25 @@ def highlights(surface: Surface, terms: list[Term], seen: Array, direction: Arra
     """Σ k_s max(0, n·h)^p at the points `seen` (m,) of the surface, of light from `direction`
     (3, m).
     """
+    return _summed(highlight, surface, terms, seen, direction)
+
+
+def sheens(surface: Surface, terms: list[Term], seen: Array, direction: Array) -> Array:
+    """The same of SHEEN lobes."""
+
+    def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
+        return sheen(n, v, l, taken(term.exponent, chosen), taken(term.masking, chosen))
+
+    return _summed(lobe, surface, terms, seen, direction)
+
+
+def _summed(
+    lobe: Callable[[Term, Array, Array, Array, Array], Array],
+    surface: Surface,
+    terms: list[Term],
+    seen: Array,
+    direction: Array,
+) -> Array:
     total = np.zeros((3, len(seen)))
     if not terms or not len(seen):
         return total
@@ -247,16 +275,6 @@ def highlights(surface: Surface, terms: list[Term], seen: Array, direction: Arra
         chosen = np.flatnonzero(known)[place[term.index[known]] >= 0]
         here, at = term.index[chosen], place[term.index[chosen]]
         k = term.k if term.k.shape[1] == 1 else pick(term.k, chosen)
-        add_at(
-            total,
-            at,
-            k
-            * highlight(
-                term,
-                chosen,
-                pick(surface.n, here),
-                pick(surface.v, here),
-                pick(direction, at),
-            ),
-        )
+        n, v = pick(surface.n, here), pick(surface.v, here)
+        add_at(total, at, k * lobe(term, chosen, n, v, pick(direction, at)))
     return total

@@ -15,8 +15,9 @@ void Tracer::note_colors(const Queue& queue) {
     const Gives gives = shader_.gives(batch_, k);
     Vec3d glossy = T * gives.mirrored;
     if (batch_.lit[k]) {
-      add(GLINT_PASS_DIFFUSE_COLOR, k, row(batch_.diffuse, k));
-      glossy += highlights(k);
+      const Highlights given = highlights(k);
+      add(GLINT_PASS_DIFFUSE_COLOR, k, row(batch_.diffuse, k) + given.matt);
+      glossy += given.glossy;
     }
     add(GLINT_PASS_GLOSSY_COLOR, k, glossy);
     add(GLINT_PASS_TRANSMISSION_COLOR, k, T * gives.refracted);
@@ -39,7 +40,7 @@ void Tracer::keep_lighting(const Queue& queue) {
         continue;
       }
       const int first =
-          queue.is_refracted(k) ? GLINT_PASS_TRANSMISSION_DIRECT : GLINT_PASS_GLOSSY_DIRECT;
+          queue.is_transmitted(k) ? GLINT_PASS_TRANSMISSION_DIRECT : GLINT_PASS_GLOSSY_DIRECT;
       const double direct = queue.depth(k) == 1 ? s.emission[c][k] + s.environment[c][k] : 0;
       add(first, c, k, direct);
       add(first + 1, c, k, s.total[c][k] - direct);

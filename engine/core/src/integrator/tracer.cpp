@@ -391,6 +391,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.x[c] = batch_.points.x[c];
     stage.g[c] = batch_.points.g[c];
     stage.bent[c] = batch_.points.n[c];
+    stage.start[c] = queue.column(Queue::kStart + c);
   }
   if (material.program > 0) {
     stage.program = &scene_.program_of(material);
@@ -398,10 +399,12 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
     stage.slots = program_slots_.data();
     stage.outside = batch_.points.outside;
+    stage.tags = queue.tags();
   }
   stage.specular_columns = scene_.specular_columns;
   stage.specular = batch_.specular;
   stage.passing = batch_.passing_columns;
+  stage.passing_columns = batch_.passing_width;
   stage.stride = batch_.stride;
   stage.lit = batch_.lit.data();
   stage.passing_rows = batch_.passing_rows.data();
@@ -547,17 +550,20 @@ Vec3d Tracer::albedo(size_t k) const {
   }
   sum = batch_.queue->path(k).T * sum;
   if (!batch_.lit[k]) return sum;
-  return sum + row(batch_.diffuse, k) + highlights(k);
+  const Highlights given = highlights(k);
+  return sum + row(batch_.diffuse, k) + given.glossy + given.matt;
 }
 
 /// T times about what of even light the highlights of a lit point give back.
-Vec3d Tracer::highlights(size_t k) const {
-  Vec3d sum;
+Tracer::Highlights Tracer::highlights(size_t k) const {
+  Highlights sum;
   for (int term = 0; term < scene_.max_specular; ++term) {
     const double* const column =
         batch_.specular + size_t(scene_.specular_columns * term) * batch_.stride + k;
-    const double share = 8 / (column[SpecularTerm::kExponent * batch_.stride] + 2);
-    sum += share * Vec3d{column[0], column[batch_.stride], column[2 * batch_.stride]};
+    const double exponent = column[SpecularTerm::kExponent * batch_.stride];
+    const Vec3d k_s{column[0], column[batch_.stride], column[2 * batch_.stride]};
+    if (exponent == SpecularTerm::kSheen) sum.matt += k_s;
+    else sum.glossy += 8 / (exponent + 2) * k_s;
   }
   return sum;
 }
@@ -626,6 +632,9 @@ void Tracer::run_aovs(const Queue& queue, const Material& given, const uint32_t*
       points.n[c][i] = s.n[c];
       points.d[c][i] = d[c];
     }
+    const uint32_t row = rows[std::min(i, count - 1)];
+    points.length[i] = length(s.x - queue.path(row).start) / scene_.anchor.scale;
+    points.tags[i] = queue.tags()[row];
   }
   stages_.program({scene_.input_tables(), &scene_.program_of(given), &points, RayKind::kCamera,
                    count, program_slots_.data()});

@@ -82,7 +82,10 @@ class Tracer {
   void note_aovs(const Queue& queue);
   void note_denoising(size_t k, uint32_t path, double share);
   Vec3d albedo(size_t k) const;
-  Vec3d highlights(size_t k) const;
+  struct Highlights {
+    Vec3d glossy, matt;  // matt: of SHEEN lobes
+  };
+  Highlights highlights(size_t k) const;
   size_t note_aovs_of(const Queue& queue, const uint32_t* rows, size_t count);
   void run_aovs(const Queue& queue, const Material& given, const uint32_t* rows,
                 const Surface* surfaces, size_t count);

@@ -38,6 +38,7 @@ PassStage stage_of(const Batch& batch) {
   stage.offset = p.offset;
   stage.outside = p.outside;
   stage.passing = batch.passing_columns;
+  stage.passing_columns = batch.passing_width;
   stage.passing_stride = batch.stride;
   return stage;
 }
@@ -94,7 +95,8 @@ Gives Shader::gives(const Batch& batch, size_t k) const {
   Gives gives;
   const Lobe* lobe = scene_.lobes.data() + material.first_lobe;
   for (int i = 0; i < material.passing; ++lobe) {
-    const double ior = batch.outside[k] ? lobe->ior : 1 / lobe->ior;
+    const double given = batch.passing_ior(k, i, lobe->ior),
+                 ior = batch.outside[k] ? given : 1 / given;
     const bool mirrors = lobe->kind == GLINT_MIRROR, refracts = lobe->kind == GLINT_REFRACTION;
     const double R = lobe->fresnel && (mirrors || refracts) ? reflectance(cosine, ior) : 0;
     if (mirrors) gives.mirrored += (lobe->fresnel ? R : 1) * batch.passing(k, i);
@@ -115,8 +117,9 @@ void Shader::hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel,
   const Material& material =
       scene_.materials[scene_.material_of(scene_.group(s.instance), s.primitive)];
   if (path.wants_data &&
-      mean(transparency(scene_, material, s, batch.queue->ray(k).d,
-                        path.depth > 0 ? RayKind::kBounced : RayKind::kCamera)) < 0.5)
+      mean(transparency(scene_, material, s,
+                        {path.start, batch.queue->ray(k).d, batch.queue->tags()[k],
+                         path.depth > 0 ? RayKind::kBounced : RayKind::kCamera})) < 0.5)
     record(film, pixel, s, material, batch.queue->ray(k).d);
   if (path.depth == 0) lost += mean(path.T);
 }
