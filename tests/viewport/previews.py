@@ -123,11 +123,17 @@ def in_the_panel():
         return prepare(engine, depsgraph)
 
     final.prepare = noted
+    panel = bpy.types.MATERIAL_PT_preview
+    bpy.utils.unregister_class(panel)
+    panel.bl_options = set()  # open
+    bpy.utils.register_class(panel)
     try:
         area.type = "PROPERTIES"
+        yield 0.5
         area.spaces[0].context = "MATERIAL"
-        yield 1.0
-        yield 1.0
+        area.tag_redraw()
+        yield lambda: any(is_preview for is_preview, *_ in seen)
+        yield 0.5
     finally:
         final.prepare = prepare
         area.type = "VIEW_3D"
