@@ -104,11 +104,19 @@ class GLINT_RENDER_PT_sampling(_Panel, bpy.types.Panel):
 
 class _SamplingPanel(_Panel):
     bl_parent_id = "GLINT_RENDER_PT_sampling"
+    names = (
+        "samples",
+        "error_threshold",
+        "light_samples",
+        "volume_samples",
+        "max_bounces",
+        "cutoff",
+    )
 
     def draw(self, context):
         group = getattr(context.scene.glint, self.group)
         column = self.column
-        for name in ("samples", "error_threshold", "light_samples", "max_bounces", "cutoff"):
+        for name in self.names:
             column.prop(group, name)
 
 

@@ -31,6 +31,7 @@ from .paths import (
 from .picture import Tile
 from .raster import Strips
 from .rays import Rays
+from .scattering import scattered
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
@@ -38,6 +39,9 @@ from .vectors import dot, length, pick
 from .visibility import NOTHING
 
 Array = np.ndarray
+
+AT_ONCE = 1 << 13
+"""Rays whose scattered light is worked out together."""
 
 
 def reflected(
@@ -194,8 +198,27 @@ class Generations:
         media = self._stage.media
         spans = media.spans(paths.rays, paths.kind)
         self._see_lights(paths, depth, spans)
+        if media.emits:
+            glow = media.pieces(spans, paths.rays.near, depth).glow()
+            self._tile.add(paths.part("Emission"), paths.pixel, paths.weight * glow)
+        self._scatter(paths, spans, depth)
         passed = media.passed(spans, paths.rays.near, depth)
         return replace(paths, weight=paths.weight * passed)
+
+    def _scatter(self, paths: Paths, spans: Spans, depth: Array) -> None:
+        """What media along the rays scatter of the lights."""
+        stage, tile = self._stage, self._tile
+        scattering = stage.media.scattering_rays(spans, paths.rays.near, depth)
+        tile.softly_lit[paths.pixel[scattering]] = tile.cut[paths.pixel[scattering]] = True
+        for first in range(0, len(scattering), AT_ONCE):
+            some = scattering[first : first + AT_ONCE]
+            rays, weight, pixel = paths.rays.take(some), pick(paths.weight, some), paths.pixel[some]
+            for found in scattered(stage, rays, spans.take(some), depth[some], self._sample):
+                here, light = pixel[found.ray], pick(weight, found.ray) * found.light
+                tile.add(paths.part("Diffuse"), here, light)
+                if found.source.light.cast_shadow:
+                    tile.charge(here)
+                    tile.add(paths.part("Shadow"), here, light * (found.shadow.T - 1.0))
 
     def _see_lights(self, paths: Paths, depth: Array, spans: Spans | None = None) -> None:
         """spans: of the media between, or None."""

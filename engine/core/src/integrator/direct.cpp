@@ -25,7 +25,8 @@ DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stage
       columns_(kColumns),
       program_(scene, stages),
       transparent_shadows_(scene, stages, cancel, scratch),
-      media_(scene, scratch) {}
+      media_(scene, scratch),
+      scattered_(6) {}
 
 void DirectLight::prepare(const Batch& batch) {
   columns_.reserve(batch.size());

@@ -414,7 +414,8 @@ struct Stages {
   void (*program)(const ProgramStage&);
   PassedRays (*pass)(const PassStage&);
   void (*dome)(const DomeStage&);
-  size_t (*light)(const LightStage&);  // how many points the sample reaches
+  size_t (*light)(const LightStage&);    // how many points the sample reaches
+  size_t (*scatter)(const LightStage&);  // the same of points that lie on no surface
   size_t (*gloss)(
       const LightStage&);  // how many points the directions drawn from their lobes light
   size_t (*reflect)(const LightStage&);  // how many points have a ray that goes on from them, along
