@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 28
+#define GLINT_ABI_VERSION 30
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -89,7 +89,7 @@ typedef struct GlintInstances {
 enum GlintTextureType { GLINT_UINT8, GLINT_FLOAT32 };
 enum GlintEncoding { GLINT_LINEAR_ENCODING, GLINT_SRGB };
 enum GlintExtension { GLINT_REPEAT, GLINT_EXTEND, GLINT_CLIP, GLINT_MIRROR_EXTENSION };
-enum GlintInterpolation { GLINT_LINEAR, GLINT_CLOSEST };
+enum GlintInterpolation { GLINT_LINEAR, GLINT_CLOSEST, GLINT_CUBIC };
 
 /* pixels: (height, width, 4), row 0 at the bottom, straight alpha. SRGB only for UINT8. */
 typedef struct GlintTexture {
@@ -127,17 +127,20 @@ enum GlintLobeKind {
   GLINT_MIRROR,
   GLINT_REFRACTION,
   GLINT_TRANSPARENT,
-  GLINT_EMISSION
+  GLINT_EMISSION,
+  GLINT_SHEEN
 };
 
 /* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK. masking: 0 to 1, Smith's alpha of a SPECULAR lobe,
- * 0 for none. exponent_slot, masking_slot: 0, or 1 plus the slot of the material's program that
- * takes the place of the number, which it is kept from 0 to. */
+ * 0 for none. Of a SHEEN lobe exponent is its width and masking its lean. exponent_slot,
+ * masking_slot, ior_slot: 0, or 1 plus the slot of the material's program that takes the place of
+ * the number; exponent and masking are kept from 0 to the lobe's own, an ior that is not finite or
+ * not above 0 is the lobe's own. */
 enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
 typedef struct GlintLobe {
   double exponent, ior, masking;
   uint32_t first_input, input_count;
-  int32_t kind, fresnel, exponent_slot, masking_slot;
+  int32_t kind, fresnel, exponent_slot, masking_slot, ior_slot, reserved;
 } GlintLobe;
 
 /* program: 0, or 1 plus its number. normal: 0, or 1 plus the first of three slots of the program
@@ -308,6 +311,15 @@ enum GlintPass {
   GLINT_PASS_DENOISING_ALBEDO,
   GLINT_PASS_DENOISING_DEPTH,
   GLINT_PASS_SHADOW_CATCHER,
+  GLINT_PASS_DIFFUSE_DIRECT,
+  GLINT_PASS_DIFFUSE_INDIRECT,
+  GLINT_PASS_DIFFUSE_COLOR,
+  GLINT_PASS_GLOSSY_DIRECT,
+  GLINT_PASS_GLOSSY_INDIRECT,
+  GLINT_PASS_GLOSSY_COLOR,
+  GLINT_PASS_TRANSMISSION_DIRECT,
+  GLINT_PASS_TRANSMISSION_INDIRECT,
+  GLINT_PASS_TRANSMISSION_COLOR,
   GLINT_PASS_COUNT
 };
 
@@ -338,9 +350,11 @@ enum GlintPass {
  * samples, 2) points of the lens along the camera's u and v, of each pixel of a block of
  * camera_block² pixels of the frame, row by row; lens_focus: the depth where everything is sharp,
  * camera units. camera_frames: null for a camera that stands still, else (camera_block², samples,
- * 12) its world_from_camera of each sample. moving: each sample is of a scene of its own, see
- * glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64 where one is
- * asked for, two numbers each. */
+ * 12) its world_from_camera of each sample. scatter_offsets: (scatter_count), a number of (0, 1)
+ * for each sample; null only where no medium scatters: by how much the places on rays are shifted
+ * from which media do, volume_samples at least for each light. moving: each sample is of a scene of
+ * its own, see glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64
+ * where one is asked for, two numbers each. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -351,13 +365,14 @@ typedef struct GlintRenderSettings {
   const double* lobe_points;
   const float* dome_cells;
   const float* dome_irradiance;
+  const double* scatter_offsets;
   const double* lens_points;
   const double* camera_frames;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
-      camera_frame_count, passes;
+      camera_frame_count, scatter_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
-  uint32_t samples, light_samples, dome_samples, mesh_samples, bounced_samples;
+  uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;

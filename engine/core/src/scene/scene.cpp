@@ -242,6 +242,7 @@ void Scene::set_program_view() {
   }
   view.scale = anchor.scale;
   view.parallel = camera.kind == GLINT_ORTHOGRAPHIC;
+  view.clip_start = camera.clip_start;
   std::copy_n(camera.window, 4, view.window);
   view.panorama = camera.kind == GLINT_PANORAMA ? &camera : nullptr;
   view.step = 0.1 * length(m.x) * (camera.window[1] - camera.window[0]) / camera.width;
@@ -304,6 +305,10 @@ void Scene::place_media(const GlintSceneData& data) {
     const Affine m = anchored(placements[i].row);
     for (int k = 0; k < 8; ++k) placed.grow(point(m, box.corner(k)));
     enclosures.push_back({i, uint32_t(medium - 1), placed.low, placed.high});
+  }
+  for (const Medium& medium : media) {
+    scatters = scatters || any(medium.scattering);
+    emits = emits || any(medium.emission);
   }
 }
 
