@@ -34,6 +34,16 @@ PASSES = {
     "Denoising Normal": 3,
     "Denoising Albedo": 3,
     "Denoising Depth": 1,
+    "Shadow Catcher": 3,
+    "Diffuse Direct": 3,
+    "Diffuse Indirect": 3,
+    "Diffuse Color": 3,
+    "Glossy Direct": 3,
+    "Glossy Indirect": 3,
+    "Glossy Color": 3,
+    "Transmission Direct": 3,
+    "Transmission Indirect": 3,
+    "Transmission Color": 3,
 }
 """Pass name -> channels, with the settings' own numbers of them (`channels_of`). `SEMANTICS.md`
 says what each holds.
@@ -47,6 +57,18 @@ DENOISING = ("Denoising Normal", "Denoising Albedo", "Denoising Depth")
 
 SEEN = ("Mist", *CRYPTOMATTES, *DENOISING)
 """Passes that are means over the samples of what camera rays see."""
+
+CATCHER = "Shadow Catcher"
+"""The pass of what shadow catchers show; with it Combined has nothing of them."""
+
+LIGHTING = tuple(
+    f"{surface} {what}"
+    for surface in ("Diffuse", "Glossy", "Transmission")
+    for what in ("Direct", "Indirect", "Color")
+)
+"""Light by the kind of surface that gives it back first, straight from where it is made and by way
+of others, and what of it that surface gives back, which both are told without.
+"""
 
 PARTS = ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror", "Emission", "Environment")
 """The passes whose sum is the colour of Combined."""
@@ -70,7 +92,7 @@ UNKNOWN_ERROR = 256.0
 
 def empty_value(name: str) -> float:
     """What a pass holds where no camera ray hits anything."""
-    return {"Depth": NO_DEPTH, "Gap": NO_DEPTH, "Mist": 1.0}.get(name, 0.0)
+    return {"Depth": NO_DEPTH, "Gap": NO_DEPTH, "Mist": 1.0, "Shadow Catcher": 1.0}.get(name, 0.0)
 
 
 AOV = "AOV "

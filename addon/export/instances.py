@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...engine.scene import EVERYTHING
-from .hashing import as_random, random_of, word_of
+from .geometry.hashing import as_random, random_of, word_of
 from .light_links import LightLinks
 from .report import Report
 from .unheard import note_object
@@ -28,6 +28,7 @@ _UNSUPPORTED = {
 class Flags(NamedTuple):
     """What an object's settings say of its visibility, with its instancer's. light_set: which
     lights reach it.  receivers: the sets that it lights.  blockers: those that shade it.
+    catcher: of shadows.
     """
 
     camera: bool
@@ -37,6 +38,7 @@ class Flags(NamedTuple):
     light_set: int = 0
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
+    catcher: bool = False
 
 
 @dataclass(eq=False)
@@ -259,10 +261,6 @@ def flags_of(
         report.note(
             "Indirect only hides {} from the camera; light is not carried on from there", thing.name
         )
-    if thing.type != "LIGHT" and (
-        thing.is_shadow_catcher or (instancer is not thing and instancer.is_shadow_catcher)
-    ):
-        report.note("Shadow catchers are rendered as plain objects: {}", thing.name)
     for x in (thing,) if instancer is thing else (thing, instancer):
         _note_light_settings(thing, x, report)
     return Flags(
@@ -273,4 +271,5 @@ def flags_of(
         links.set_of(owner) if links is not None else 0,
         links.lit_by(owner) if links is not None and thing.type == "LIGHT" else EVERYTHING,
         links.shaded_by(owner) if links is not None and thing.type == "LIGHT" else EVERYTHING,
+        thing.is_shadow_catcher or instancer.is_shadow_catcher,
     )

@@ -12,12 +12,12 @@ import numpy as np
 
 from ...engine.program.program import Program, compile_program
 from ...engine.scene import EVERYTHING, Light, Texture
-from .evaluator import Evaluator, LobeKey
-from .graph import Place, images_behind, node_tree, output_of, socket_named
-from .images import Images
+from .images.images import Images
+from .materials.evaluator import Evaluator, LobeKey
+from .materials.graph import Place, images_behind, output_of, read_tree, socket_named
+from .materials.terms import RGB
 from .report import Report
 from .shader_nodes.lamp import Lamp, LampReader
-from .terms import RGB
 from .unheard import note_light
 
 BLACK = (0.0, 0.0, 0.0)
@@ -136,7 +136,8 @@ class Lights:
 
     def _emission(self, name: str, data: Any, lamp: Lamp) -> Emission:
         """What the light's node tree multiplies its colour by."""
-        tree = node_tree(data)
+        read = read_tree(data)
+        tree = read.tree
         if tree is None:
             return Emission()
         output = output_of(tree)

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.dome import cell_shares, radiance_along, radiance_map, within_range
+from ...engine.lights.dome import cell_shares, radiance_along, radiance_map, within_range
 from ...engine.program.graph import Value
 from ...engine.program.program import compile_program
 from ...engine.scene import Light, Medium, Mist, World
-from .evaluator import Evaluator, LobeKey
-from .expressions import Expressions
-from .graph import Place, images_behind, node_tree, output_of, socket_named
-from .images import Images
-from .nodes_volume import medium_of
+from .images.images import Images
+from .materials.evaluator import Evaluator, LobeKey
+from .materials.expressions import Expressions
+from .materials.graph import Place, images_behind, output_of, read_tree, socket_named
+from .materials.nodes_volume import medium_of
 from .report import Report
 from .shader_nodes import TreeReader
 from .shader_nodes.sky import SkyReader, Sun
@@ -96,7 +96,7 @@ def with_mist(sky: Sky, world: Any) -> Sky:
 
 
 def _map(expressions: Expressions, radiance: Value, images: Images) -> np.ndarray:
-    """Radiance by direction, as `engine.dome` has it."""
+    """Radiance by direction, as `engine.lights.dome` has it."""
     if radiance.constant is not None:
         return within_range(np.array(radiance.constant).reshape(1, 1, 3))
     return radiance_map(compile_program(expressions.graph, [radiance]), images.textures)
@@ -154,7 +154,8 @@ def _radiance(
 ) -> tuple[Expressions, Value]:
     """What the world gives, as a vector over directions. suns: as SkyReader has it."""
     evaluator = Evaluator(world.name, images, report, partial(SkyReader, suns=suns))
-    expressions, tree = evaluator.expressions, node_tree(world)
+    read = read_tree(world)
+    expressions, tree = evaluator.expressions, read.tree
     if tree is None:
         return expressions, expressions.constant(tuple(float(x) for x in world.color))
     output = output_of(tree)
@@ -169,7 +170,8 @@ def _radiance(
 
 def _medium(world: Any, images: Images, report: Report) -> Medium | None:
     """What is everywhere."""
-    tree = node_tree(world)
+    read = read_tree(world)
+    tree = read.tree
     output = tree and (tree.get_output_node("ALL") or tree.get_output_node("CYCLES"))
     socket = socket_named(output.inputs, "Volume") if output else None
     if socket is None or not socket.is_linked:

@@ -6,28 +6,30 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 
 import bpy
 
 from ... import engine
-from ..export import Decoded, aovs_of, export_scene
+from ..export import Decoded, aovs_of, export_scene, seen_by
 from ..ui.properties import settings_from
 from .aim import Aim, aim_from
+from .kept import Kept
 from .motion import with_motion
 from .progress import Progress
 from .result import Picture, crypto_ids, wanted_passes
 from .skipped import skipped_things
 from .stamp import Stamping
 from .statistics import Statistics, remember
+from .views import looker_of, view_names
 
 log = logging.getLogger(__name__)
 
 NOTES_SHOWN = 12
 """More notes than this go to the log only."""
-_PREVIEW = {"samples": 4, "light_samples": 2, "max_bounces": 2}
+_PREVIEW = {"samples": 4, "light_samples": 2, "max_bounces": 4, "diffuse_bounces": 1}
 _FALLBACK = (
     "Glint's native core cannot be used here ({}), so the NumPy tracer renders: the same picture, "
     "much slower. "
@@ -40,9 +42,10 @@ _FALLBACK = (
 class Job:
     """Everything that the render thread needs; no Blender data.
 
-    layer: the view layer's name.  size: of the result in pixels.  preview: a material preview,
+    layer: the view layer's name.  view: of a stereoscopic or multi-view render, "" where there is
+    but one. size: of the result in pixels.  preview: a material preview,
     about which nothing is told. frame: of the animation.  aim: the error that settings are to be
-    found for.
+    found for.  renderer: what draws, where it keeps the frame before.
     """
 
     scene: engine.Scene
@@ -55,6 +58,13 @@ class Job:
     preview: bool
     frame: int = 1
     aim: Aim | None = None
+    view: str = ""
+    renderer: engine.KeptRender | None = None
+
+    @property
+    def title(self) -> str:
+        """The layer's, and the view's."""
+        return f"{self.layer}.{self.view}" if self.view else self.layer
 
 
 _readers: list[list[Job]] = []
@@ -75,9 +85,13 @@ def reading_only() -> Iterator[list[Job]]:
         _readers.remove(jobs)
 
 
-def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> Job:
-    """Read the evaluated scene. To be called from `update()`, where Blender keeps its data
-    still.
+def prepare(
+    render_engine: bpy.types.RenderEngine,
+    depsgraph: bpy.types.Depsgraph,
+    kept: Kept | None = None,
+) -> tuple[Job, ...]:
+    """Read the evaluated scene: a job for each view. To be called from `update()`, where Blender
+    keeps its data still. kept: the frame before, of which but the changes are read.
     """
     start = time.perf_counter()
     layer = depsgraph.view_layer
@@ -85,59 +99,93 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         render_engine.update_stats(f"{depsgraph.scene.name}, {layer.name}", "Reading the scene")
     passes = wanted_passes(layer)
     width, height = render_engine.resolution_x, render_engine.resolution_y
-    export = export_scene(
-        depsgraph,
-        width=width,
-        height=height,
-        passes=passes,
-        decoded=_decoded,
-        aovs=aovs_of(layer),
+    names = ("",) if render_engine.is_preview else view_names(depsgraph.scene.render)
+    lookers = [looker_of(render_engine, name, depsgraph) for name in names]
+    options = {"width": width, "height": height, "passes": passes, "looker": lookers[0]}
+    export = (
+        export_scene(depsgraph, decoded=_decoded, aovs=aovs_of(layer), **options)
+        if kept is None
+        else kept.export(depsgraph, **options)
     )
+    others = [seen_by(export.scene, looker, depsgraph, width, height) for looker in lookers[1:]]
+    asking = _asking(depsgraph)
     settings, notes = _with_backend(
-        settings_from(depsgraph.scene_eval.glint.final, depsgraph.scene_eval, passes, export.region)
+        settings_from(asking.glint.final, asking, passes, export.region)
     )
     settings = replace(
         settings,
         crypto_ids=crypto_ids(layer),
-        samples=_layer_samples(layer, depsgraph.scene_eval, settings.samples),
+        samples=_layer_samples(layer, asking, settings.samples),
     )
-    statistics = Statistics(settings.samples, settings.backend, export.stats)
-    if not render_engine.is_preview:
-        statistics.skipped = skipped_things(depsgraph, export.scene)
-    aim, aim_notes = (None, []) if render_engine.is_preview else aim_from(depsgraph.scene_eval)
-    scene, motion_notes = with_motion(export.scene, render_engine, depsgraph)
-    statistics.seconds["sync"] = time.perf_counter() - start
-    return Job(
-        scene=scene,
-        settings=replace(settings, **_PREVIEW) if render_engine.is_preview else settings,
-        scene_name=depsgraph.scene.name,
-        layer=layer.name,
-        size=_size(export.region, width, height),
-        statistics=statistics,
-        notes=[
-            *notes,
-            *aim_notes,
-            *export.notes,
-            *motion_notes,
-            *_emptiness(export.scene),
-            *_darkness(export.scene),
-        ],
-        preview=render_engine.is_preview,
-        frame=depsgraph.scene.frame_current,
-        aim=aim,
+    skipped = {} if render_engine.is_preview else skipped_things(depsgraph, export.scene)
+    aim, aim_notes = (None, []) if render_engine.is_preview else aim_from(asking)
+    moving, motion_notes = with_motion(
+        [export.scene, *(scene for scene, _ in others)], render_engine, depsgraph, names
     )
+    seconds = time.perf_counter() - start
+    told = [*notes, *aim_notes, *export.notes, *(note for _, own in others for note in own)]
+    told += [*motion_notes, *_emptiness(export.scene), *_darkness(export.scene)]
+    return tuple(
+        Job(
+            scene=scene,
+            settings=replace(settings, **_PREVIEW) if render_engine.is_preview else settings,
+            scene_name=depsgraph.scene.name,
+            layer=layer.name,
+            size=_size(export.region, width, height),
+            statistics=Statistics(
+                settings.samples,
+                settings.backend,
+                export.stats,
+                skipped=skipped,
+                seconds={"sync": seconds if k == 0 else 0.0},
+            ),
+            notes=told,
+            preview=render_engine.is_preview,
+            frame=depsgraph.scene.frame_current,
+            aim=aim,
+            view=name,
+            renderer=kept.renderer if kept is not None else None,
+        )
+        for k, (name, scene) in enumerate(zip(names, moving, strict=True))
+    )
+
+
+def _asking(depsgraph: bpy.types.Depsgraph) -> bpy.types.Scene:
+    """The scene whose settings count. Scripts change properties of add-ons without a word to a
+    depsgraph that Blender keeps, and only an evaluated scene has what is animated.
+    """
+    scene = depsgraph.scene
+    return scene if scene.animation_data is None else depsgraph.scene_eval
 
 
 def run(
-    render_engine: bpy.types.RenderEngine, job: Job, is_interrupted: Callable[[], bool]
+    render_engine: bpy.types.RenderEngine,
+    jobs: Sequence[Job],
+    is_interrupted: Callable[[], bool],
 ) -> None:
-    """Trace the job and fill Blender's render result. After an error the result is gone and the
-    exception goes on; KeyboardInterrupt is raised where `is_interrupted` stopped the work.
+    """Trace the views of a layer and fill Blender's render result. After an error the result is
+    gone and the exception goes on; KeyboardInterrupt is raised where `is_interrupted` stopped the
+    work.
     """
-    if _readers and not job.preview:
-        _readers[-1].append(job)
+    if _readers and not jobs[0].preview:
+        _readers[-1].extend(jobs)
         return
-    picture = Picture(render_engine, job.layer, job.size)
+    notes: list[str] = []
+    for job in jobs:
+        if job is not jobs[0]:  # an aim is for the first view, and its settings for all
+            job.aim, job.settings = None, jobs[0].settings
+        notes += _run_view(render_engine, job, is_interrupted)
+        if render_engine.test_break():
+            break
+    if not jobs[0].preview:
+        tell_notes(render_engine, notes)
+
+
+def _run_view(
+    render_engine: bpy.types.RenderEngine, job: Job, is_interrupted: Callable[[], bool]
+) -> list[str]:
+    """The same of one view; gives the notes."""
+    picture = Picture(render_engine, job.layer, job.size, job.view)
 
     def should_stop() -> bool:
         return is_interrupted() or render_engine.test_break()
@@ -151,8 +199,7 @@ def run(
     except BaseException:
         picture.discard()
         raise
-    if not job.preview:
-        tell_notes(render_engine, [*job.notes, *film.notes])
+    return [*job.notes, *film.notes]
 
 
 def _trace(
@@ -166,7 +213,7 @@ def _trace(
     """
     start = time.perf_counter()
     is_seen = not (bpy.app.background or job.preview)
-    progress = Progress(render_engine, f"{job.scene_name}, {job.layer}", is_seen)
+    progress = Progress(render_engine, f"{job.scene_name}, {job.title}", is_seen)
     watched = progress.watching("Looking for settings", should_stop)
     forecast = job.aim.choose(job.scene, job.settings, watched) if job.aim else None
     job.settings = forecast.settings if forecast else job.settings
@@ -176,7 +223,8 @@ def _trace(
         progress.end_wave(film, film.samples / job.settings.samples)
         picture.show(film)
 
-    film = engine.render(
+    draw = engine.render if job.renderer is None else job.renderer.render
+    film = draw(
         job.scene,
         replace(job.settings, passes=passes | {"Error"}) if is_seen else job.settings,
         should_stop=should_stop,
@@ -281,7 +329,9 @@ def _finish(
         "seconds": statistics.stages_line,
         "target": statistics.target,
     }
-    picture.stamp({name: text for name, text in lines.items() if text} | statistics.stamp)
+    picture.stamp(
+        job.title, {name: text for name, text in lines.items() if text} | statistics.stamp
+    )
     wanted = job.settings.passes & frozenset(engine.CRYPTOMATTES)
     if wanted:
         found = engine.manifests(job.scene)
@@ -296,16 +346,16 @@ def _tell_statistics(render_engine: bpy.types.RenderEngine, job: Job) -> None:
     render_engine.update_memory_stats(
         memory_used=statistics.megabytes, memory_peak=statistics.megabytes
     )
-    render_engine.update_stats(job.layer, statistics.stages_line)
+    render_engine.update_stats(job.title, statistics.stages_line)
     skipped = f"; not needed: {statistics.skipped_line}" if statistics.skipped else ""
     target = f"; {statistics.target}" if statistics.target else ""
     log.info(
         "%s, %s: %s; %s%s%s",
         job.scene_name,
-        job.layer,
+        job.title,
         statistics.stages_line,
         statistics.scene_line,
         skipped,
         target,
     )
-    remember(job.scene_name, job.layer, statistics)
+    remember(job.scene_name, job.title, statistics)

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 26
+ABI_VERSION = 30
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -35,6 +35,7 @@ class InstanceFlags(IntEnum):
     VISIBLE_MIRROR = 2
     VISIBLE_SHADOW = 4
     HOLDOUT = 8
+    CATCHER = 16
 
 
 class TextureType(IntEnum):
@@ -57,6 +58,7 @@ class Extension(IntEnum):
 class Interpolation(IntEnum):
     LINEAR = 0
     CLOSEST = 1
+    CUBIC = 2
 
 
 class Channel(IntEnum):
@@ -73,6 +75,7 @@ class LobeKind(IntEnum):
     REFRACTION = 4
     TRANSPARENT = 5
     EMISSION = 6
+    SHEEN = 7
 
 
 class Fresnel(IntEnum):
@@ -101,6 +104,17 @@ class LightFlags(IntEnum):
 class CameraKind(IntEnum):
     PERSPECTIVE = 0
     ORTHOGRAPHIC = 1
+    PANORAMA = 2
+
+
+class Projection(IntEnum):
+    EQUIRECTANGULAR = 0
+    FISHEYE_EQUIDISTANT = 1
+    FISHEYE_EQUISOLID = 2
+    FISHEYE_LENS_POLYNOMIAL = 3
+    MIRROR_BALL = 4
+    EQUIANGULAR_CUBEMAP_FACE = 5
+    CENTRAL_CYLINDRICAL = 6
 
 
 class Mist(IntEnum):
@@ -161,6 +175,16 @@ class Pass(IntEnum):
     DENOISING_NORMAL = 25
     DENOISING_ALBEDO = 26
     DENOISING_DEPTH = 27
+    SHADOW_CATCHER = 28
+    DIFFUSE_DIRECT = 29
+    DIFFUSE_INDIRECT = 30
+    DIFFUSE_COLOR = 31
+    GLOSSY_DIRECT = 32
+    GLOSSY_INDIRECT = 33
+    GLOSSY_COLOR = 34
+    TRANSMISSION_DIRECT = 35
+    TRANSMISSION_INDIRECT = 36
+    TRANSMISSION_COLOR = 37
 
 
 class State(IntEnum):
@@ -190,6 +214,7 @@ class Feature(IntEnum):
     BOUNCED_LIGHT = 8192
     OBJECT_MOTION = 16384
     MEDIA = 32768
+    SHADOW_CATCHER = 65536
 
 
 class MathFunction(IntEnum):
@@ -257,7 +282,7 @@ class LobeData(Structure):
     _fields_ = [
         *_each(c_double, "exponent ior masking"),
         *_each(c_uint32, "first_input input_count"),
-        *_each(c_int32, "kind fresnel exponent_slot masking_slot"),
+        *_each(c_int32, "kind fresnel exponent_slot masking_slot ior_slot reserved"),
     ]
 
 
@@ -304,6 +329,13 @@ class CameraData(Structure):
         *_each(c_uint32, "width height"),
         *_each(c_int32, "kind clip_plane_count"),
         *_each(c_double * 24, "clip_planes"),
+        *_each(c_double * 2, "longitude latitude heights"),
+        *_each(c_double, "fov lens"),
+        *_each(c_double * 2, "sensor"),
+        *_each(c_double * 5, "polynomial"),
+        *_each(c_double, "eye_offset convergence"),
+        *_each(c_double * 2, "pole_merge"),
+        *_each(c_int32, "projection reserved"),
     ]
 
 
@@ -329,15 +361,16 @@ class SceneData(Structure):
 class RenderSettingsData(Structure):
     _fields_ = [
         *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table"),
-        *_each(c_size_t, "bounced_table lobe_points dome_cells dome_irradiance lens_points"),
-        *_each(c_size_t, "camera_frames"),
+        *_each(c_size_t, "bounced_table lobe_points dome_cells dome_irradiance scatter_offsets"),
+        *_each(c_size_t, "lens_points camera_frames"),
         *_each(c_uint64, "light_point_count dome_count mesh_count bounced_count lobe_count"),
-        *_each(c_uint64, "lens_point_count camera_frame_count"),
+        *_each(c_uint64, "lens_point_count camera_frame_count scatter_count passes"),
         *_each(c_double * 9, "dome_axes"),
         *_each(c_double, "error_threshold cutoff lens_focus"),
-        *_each(c_uint32, "samples light_samples dome_samples mesh_samples bounced_samples"),
-        *_each(c_uint32, "dome_rows dome_columns dome_irradiance_rows dome_irradiance_columns"),
-        *_each(c_uint32, "camera_block lobe_levels crypto_ids max_bounces threads passes"),
+        *_each(c_uint32, "samples light_samples volume_samples dome_samples mesh_samples"),
+        *_each(c_uint32, "bounced_samples dome_rows dome_columns dome_irradiance_rows"),
+        *_each(c_uint32, "dome_irradiance_columns camera_block lobe_levels crypto_ids max_bounces"),
+        *_each(c_uint32, "threads"),
         *_each(c_uint32 * 4, "region"),
         *_each(c_int32, "illumination waves acceleration remember reflections moving"),
     ]

@@ -33,6 +33,7 @@ from ..scene import (
     Strands,
     Texture,
 )
+from ..scene.panorama import Eye, Panorama
 from . import core_types
 from .packer import Packed, Packer, address, number
 from .packing_materials import pack_material
@@ -316,7 +317,19 @@ def pack_camera(camera: Camera) -> core_types.CameraData:
     planes = np.ravel(camera.clip_planes)[:24]
     data.clip_planes[: len(planes)] = planes
     data.kind = number(camera.kind, core_types.CameraKind, "camera kind")
+    if camera.kind == "PANORAMA":
+        _pack_panorama(data, camera.panorama)
     return data
+
+
+def _pack_panorama(data: core_types.CameraData, panorama: Panorama) -> None:
+    data.projection = number(panorama.projection, core_types.Projection, "projection")
+    for name in ("longitude", "latitude", "heights", "sensor", "polynomial"):
+        getattr(data, name)[:] = getattr(panorama, name)
+    data.fov, data.lens = panorama.fov, panorama.lens
+    eye = panorama.eye or Eye(0.0)
+    data.eye_offset, data.convergence = eye.offset, eye.convergence
+    data.pole_merge[:] = eye.pole_merge or (0.0, 0.0)
 
 
 # --- geometry
@@ -500,7 +513,7 @@ def _moved_instances(groups: tuple[Instances, ...], before: _Part, changed: list
     return _Part(groups, {**before.tables, "world_from_object": matrices}, before.lent)
 
 
-_CAMERA, _MIRROR, _SHADOW, _HOLDOUT = (flag.value for flag in core_types.InstanceFlags)
+_CAMERA, _MIRROR, _SHADOW, _HOLDOUT, _CATCHER = (flag.value for flag in core_types.InstanceFlags)
 
 
 def _group(group: Instances, first_row: int, row_count: int, first_slot: int) -> tuple:
@@ -509,6 +522,7 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
         | _MIRROR * group.visible_mirror
         | _SHADOW * group.visible_shadow
         | _HOLDOUT * group.holdout
+        | _CATCHER * group.catcher
     )
     return (
         first_row,

@@ -8,10 +8,10 @@ import numpy as np
 
 from ..errors import SceneError
 from ..film import PASSES
-from ..lens import BLOCK, lens_points
-from ..mesh_lights import MeshTable
-from ..motion import camera_frames, is_moving, sample_times
-from ..sampling import light_points, lobe_points, pixel_offsets
+from ..lights.mesh_lights import MeshTable
+from ..sampling import light_points, lobe_points, pixel_offsets, scatter_offsets
+from ..sampling.lens import BLOCK, lens_points
+from ..sampling.motion import camera_frames, is_moving, sample_times
 from ..scene import Lens, Light, Scene
 from ..settings import DECLARED, Settings
 from . import core_types
@@ -62,6 +62,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         data.lobe_levels, data.lobe_count = len(points), points.size // 2
         points = packer.lend(points.reshape(-1, 2), np.float64, (None, 2), "lobe points")
         data.lobe_points = address(points)
+    _add_scattering(data, packer, scene, settings)
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
         square, disc = _light_points(settings.samples * settings.light_samples)
@@ -83,10 +84,20 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     return Packed(data, packer.lent)
 
 
+def _add_scattering(
+    data: core_types.RenderSettingsData, packer: Packer, scene: Scene, settings: Settings
+) -> None:
+    """Where media scatter light from, if any do."""
+    if scene.scatters:
+        offsets = scatter_offsets(settings.samples)
+        offsets = packer.lend(offsets, np.float64, (None,), "scatter offsets")
+        data.scatter_offsets, data.scatter_count = address(offsets), len(offsets)
+
+
 def _add_dome(
     data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
 ) -> None:
-    from ..dome import dome_table
+    from ..lights.dome import dome_table
 
     data.dome_samples = settings.dome_samples
     table = dome_table(light, settings.samples, settings.dome_samples)
@@ -104,7 +115,7 @@ def _add_dome(
 def _add_mesh(
     data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
 ) -> None:
-    from ..mesh_lights import mesh_table
+    from ..lights.mesh_lights import mesh_table
 
     table = mesh_table(light, settings.samples, settings.mesh_samples)
     rows = _surface_points(packer, table, "mesh light samples")
@@ -115,7 +126,7 @@ def _add_mesh(
 def _add_bounced(
     data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
 ) -> None:
-    from ..bounced_light import bounced_table
+    from ..lights.bounced_light import bounced_table
 
     table = bounced_table(light, settings.samples, settings.bounced_samples)
     rows = _surface_points(packer, table, "bounced light samples")
@@ -124,8 +135,8 @@ def _add_bounced(
 
 
 def _surface_points(packer: Packer, t: MeshTable, name: str) -> np.ndarray:
-    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc)
-    return packer.lend(np.column_stack(columns), np.float64, (None, 16), name)
+    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc, t.caught)
+    return packer.lend(np.column_stack(columns), np.float64, (None, 17), name)
 
 
 def _add_motion(

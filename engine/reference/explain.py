@@ -7,19 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..motion import is_moving, moment, sample_times
+from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
+from . import catchers
 from .camera import Spread
 from .generations import reflected
 from .gloss import Narrow
-from .lighting import balance, highlight
+from .lighting import balance, highlight, sheens
 from .lights import LightSample, Source
 from .materials import Coefficients, Term
 from .media import Spans
-from .paths import Paths, bounced, straight_on, widened
+from .paths import Paths, bounced, camera_paths, met, straight_on, widened
 from .pulse import Pulse
 from .rays import Bundle
+from .scattering import scattered
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
@@ -64,7 +66,8 @@ class Hit:
     sphere, polygon or segment of hair. barycentric: weights of a triangle's corners or of a
     segment's ends, zeros elsewhere.  depth: ray parameter; of camera rays the depth along the view.
     normal: n, turned to the viewer.  ambient, emission: k_a I_a and k_e.  holdout: nothing is seen
-    here.
+    here.  caught: of a shadow catcher that the camera sees, the share of its light that other
+    things leave to it; None elsewhere.
     """
 
     thing: str
@@ -80,6 +83,7 @@ class Hit:
     emission: Numbers
     lights: tuple[LightTerm, ...]
     holdout: bool = False
+    caught: Numbers | None = None
 
 
 @dataclass(frozen=True)
@@ -89,9 +93,10 @@ class Ray:
     kind: camera, or lens for one through a point of the camera's, mirror, refraction or transparent
     (the same ray beyond a surface).  weight: T.
     origin, direction: world. hit: None for the surroundings, of which it sees `background`.
-    passed: what media leave of it on its way, which `shapes` have in them. shapes: (name, radiance)
-    of the lights whose shape it sees. own: what it brings to the pixel
-    itself, T times its terms; color: with all that follow from it.
+    passed: what media leave of it on its way, which `shapes` have in them.  media: what these
+    scatter of lights, by their names, and "" what they give of themselves.  shapes: (name,
+    radiance) of the lights whose shape it sees. own: what it brings to the pixel itself, T times
+    its terms; color: with all that follow from it.
     """
 
     kind: str
@@ -106,6 +111,7 @@ class Ray:
     color: Numbers
     follow: tuple[Ray, ...]
     passed: Numbers = (1.0, 1.0, 1.0)
+    media: tuple[tuple[str, Numbers], ...] = ()
 
 
 class Explainer:
@@ -127,8 +133,7 @@ class Explainer:
         and its point of the lens: the first sample of a picture.
         """
         rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._spread)[0]
-        zero = np.zeros(1, np.intp)
-        paths = Paths(rays, np.ones((3, 1)), zero, zero, 0, np.full(1, np.inf))
+        paths = camera_paths(rays, self.stage.camera.weights(rays))
         return self.follow(paths, "camera" if self._spread.lens is None else "lens")
 
     def follow(self, paths: Paths, kind: str) -> Ray:
@@ -138,9 +143,10 @@ class Explainer:
         found = stage.visibility.closest(paths.rays, paths.kind)
         spans = stage.media.spans(paths.rays, paths.kind) if stage.media else None
         shapes = tuple(self._shapes(paths, o, d, found.depth, spans))
-        sent, passed = paths.weight[:, 0], np.ones((3, 1))
+        sent, passed, media = paths.weight[:, 0], np.ones((3, 1)), ()
         if spans is not None:
             passed = stage.media.passed(spans, paths.rays.near, found.depth)
+            media = tuple(self._media(paths, spans, found.depth))
         paths = replace(paths, weight=paths.weight * passed)
         ray = Ray(
             kind,
@@ -155,8 +161,9 @@ class Explainer:
             (),
             (),
             _numbers(passed[:, 0]),
+            media,
         )
-        own = sent * sum((np.array(radiance) for _, radiance in shapes), np.zeros(3))
+        own = sent * sum((np.array(light) for _, light in (*shapes, *media)), np.zeros(3))
         if found.primitive[0] == NOTHING:
             own = own + paths.weight[:, 0] * np.array(ray.background)
             return replace(ray, own=_numbers(own), color=_numbers(own))
@@ -168,7 +175,7 @@ class Explainer:
         surface = surface_at(
             stage.geometry, stage.attributes, paths.rays, hit, found.primitive, depth, stage.pulse
         )
-        surface = stage.shader.bent(surface, paths.kind)
+        surface = stage.shader.bent(met(paths, hit, surface), paths.kind)
         coefficients = stage.shader.coefficients(surface, paths.kind)
         if paths.reflections:
             coefficients = widened(coefficients, paths.widest)
@@ -177,8 +184,15 @@ class Explainer:
         about = self._hit(surface, coefficients, depth, paths)
         if about.holdout:
             return replace(ray, hit=about, own=_numbers(own), color=_numbers(own))
+        if about.caught is not None:
+            coefficients = replace(coefficients, mirrors=[], refractions=[], highlights=[])
         follow = tuple(self._next(paths, hit, surface, coefficients, depth))
-        own = own + paths.weight[:, 0] * _sum(about)
+        _, d = paths.rays.lines(hit)
+        if about.caught is None:
+            own = own + paths.weight[:, 0] * _sum(about)
+        else:
+            behind = self._behind(paths, d, coefficients, np.array(about.caught))
+            own, ray = own + paths.weight[:, 0] * behind, replace(ray, background=_numbers(behind))
         color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
         return replace(ray, hit=about, own=_numbers(own), color=_numbers(color), follow=follow)
 
@@ -195,9 +209,32 @@ class Explainer:
                 if radiance.any():
                     yield source.light.name, _numbers(radiance[:, 0])
 
+    def _media(self, paths: Paths, spans: Spans, depth: Array) -> Iterator[tuple[str, Numbers]]:
+        """What comes from media on the way."""
+        stage, near = self.stage, paths.rays.near
+        given: dict[str, Array] = {}
+        if stage.media.emits:
+            given[""] = stage.media.pieces(spans, near, depth).glow()[:, 0]
+        for found in scattered(stage, paths.rays, spans, depth, 0):
+            name = found.source.light.name
+            light = (found.light * found.shadow.T).sum(1)
+            given[name] = given.get(name, np.zeros(3)) + light
+        yield from ((name, _numbers(light)) for name, light in given.items() if light.any())
+
     def _background(self, paths: Paths, d: Array) -> Array:
         hidden = paths.glossy or (paths.depth == 0 and self.stage.scene.world.transparent)
         return np.zeros(3) if hidden else self.stage.background_of(d, paths.kind)[:, 0]
+
+    def _behind(self, paths: Paths, d: Array, coefficients: Coefficients, ratio: Array) -> Array:
+        """(3,) what a shadow catcher shows of the surroundings behind it."""
+        left = catchers.light_left(ratio[:, None]) * catchers.opacity(coefficients)
+        return left[:, 0] * self._background(paths, d)
+
+    def _caught(self, surface: Surface, coefficients: Coefficients, paths: Paths) -> Numbers | None:
+        stage = self.stage
+        if paths.depth > 0 or not stage.per_object("catcher", surface.row)[0]:
+            return None
+        return _numbers(catchers.ratio(stage, surface, coefficients, paths.weight, 0)[:, 0])
 
     def _next(
         self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array
@@ -229,7 +266,7 @@ class Explainer:
             primitive=int(surface.local[0]),
             material=materials[number].name if 0 <= number < len(materials) else "",
             barycentric=_numbers(surface.weights[:, 0]),
-            depth=float(depth[0] * (stage.camera.unit if paths.depth == 0 else 1.0)),
+            depth=float(depth[0] * (stage.camera.along if paths.depth == 0 else 1.0)),
             position=_numbers(surface.x[:, 0] + stage.eye),
             normal=_numbers(surface.n[:, 0]),
             geometric_normal=_numbers(surface.g[:, 0]),
@@ -237,6 +274,7 @@ class Explainer:
             emission=_numbers(coefficients.emission[:, 0]),
             lights=tuple(self._lights(surface, coefficients, paths.weight)),
             holdout=instances.holdout,
+            caught=self._caught(surface, coefficients, paths),
         )
 
     # --- lights
@@ -252,9 +290,10 @@ class Explainer:
                 lighting.samples(surface, coefficients, weight, source, 0)
             ):
                 if diffuse is coefficients.diffuse or sample.intensity[0]:
-                    term = self._light(
-                        surface, replace(coefficients, diffuse=diffuse), source, narrow, sample, j
-                    )
+                    is_drawn = diffuse is not coefficients.diffuse
+                    own = replace(coefficients, diffuse=diffuse, sheens=[])
+                    own = own if is_drawn else coefficients
+                    term = self._light(surface, own, source, narrow, sample, j)
                     lost = np.array(term.shadow) != 1.0
                     light = np.array(term.diffuse) + np.array(term.specular)
                     if diffuse is coefficients.diffuse and light.any():
@@ -304,6 +343,8 @@ class Explainer:
             np.zeros(3),
         )
         specular = specular * balance(narrow, np.zeros(1, np.intp), sample)
+        matt = sheens(surface, coefficients.sheens, np.zeros(1, np.intp), sample.direction)
+        diffuse = coefficients.diffuse[:, 0] * n_dot_l + matt[:, 0]
         shadow, blocker, distance = (
             self._shadow(surface, source, sample) if lit else (np.ones(3), "", np.inf)
         )
@@ -318,9 +359,7 @@ class Explainer:
             shadow=_numbers(shadow),
             blocker=blocker,
             blocker_distance=distance,
-            diffuse=_numbers(
-                coefficients.diffuse[:, 0] * intensity * n_dot_l if lit else np.zeros(3)
-            ),
+            diffuse=_numbers(diffuse * intensity if lit else np.zeros(3)),
             specular=_numbers(specular * intensity if lit else np.zeros(3)),
         )
 

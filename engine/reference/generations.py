@@ -4,19 +4,34 @@ through, then bounce after bounce.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
+from ..film import CATCHER
+from . import catchers
 from .gloss import reflecting
+from .lighting import DirectLight
 from .lights import Source
 from .materials import Coefficients
 from .media import Spans
-from .paths import Paths, beyond, bounced, joined, reflected_by_lobes, straight_on, widened
+from .paths import (
+    Paths,
+    beyond,
+    bounced,
+    camera_paths,
+    gives,
+    joined,
+    met,
+    reflected_by_lobes,
+    straight_on,
+    widened,
+)
 from .picture import Tile
 from .raster import Strips
 from .rays import Rays
+from .scattering import scattered
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
@@ -24,6 +39,9 @@ from .vectors import dot, length, pick
 from .visibility import NOTHING
 
 Array = np.ndarray
+
+AT_ONCE = 1 << 13
+"""Rays whose scattered light is worked out together."""
 
 
 def reflected(
@@ -46,7 +64,7 @@ def reflected(
 
 def _alike(paths: list[Paths]) -> Iterator[Paths]:
     """Those with the same past as one."""
-    pasts = [(p.reflections, p.glossy) for p in paths]
+    pasts = [(p.reflections, p.glossy, p.transmitted) for p in paths]
     for past in dict.fromkeys(pasts):
         yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
 
@@ -59,9 +77,9 @@ class Generations:
 
     def run(self, rays: Rays, strips: Strips | None) -> None:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
-        n = len(rays)
-        widest = np.full(n, np.inf)
-        generation = [Paths(rays, np.ones((3, n)), np.arange(n), np.zeros(n, np.intp), 0, widest)]
+        seen = self._stage.camera.weights(rays)
+        self._tile.lose(np.arange(len(rays)), np.tile(1 - seen, (3, 1)))
+        generation = [camera_paths(rays, seen)]
         while generation:
             deeper: list[Paths] = []
             for paths in generation:
@@ -99,7 +117,7 @@ class Generations:
             depth,
             stage.pulse,
         )
-        surface = stage.shader.bent(surface, paths.kind)
+        surface = stage.shader.bent(met(paths, hit, surface), paths.kind)
         coefficients = stage.shader.coefficients(surface, paths.kind)
         stage.pulse.beat()
         self._record(paths, hit, surface, depth, coefficients)
@@ -114,20 +132,60 @@ class Generations:
             self._see(paths, hit, surface, coefficients)
         if paths.depth == 0 and stage.scene.aovs:
             self._give_aovs(paths, hit, surface, coefficients.transparent)
+        passed = straight_on(
+            paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
+        )
+        hit, surface, coefficients = self._catch(paths, hit, surface, coefficients)
         if paths.reflections:
             coefficients = widened(coefficients, paths.widest[hit])
         self._shade(paths, hit, surface, coefficients)
         if paths.depth < stage.settings.max_bounces:
             point = stage.lobe_point(self._sample, paths.depth)
-            deeper += bounced(paths, hit, surface, coefficients, stage.settings.cutoff, point)
+            deeper += bounced(
+                paths, hit, surface, coefficients, stage.settings.cutoff, point, stage.splits
+            )
             self._note_rough_glass(paths, hit, coefficients)
             reflections = reflected(stage, paths, hit, surface, coefficients, self._sample)
             for some in reflections:
                 self._tile.softly_lit[some.pixel] = True
             deeper += reflections
-        return straight_on(
-            paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
-        )
+        return passed
+
+    def _catch(
+        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
+    ) -> tuple[Array, Surface, Coefficients]:
+        """Adds what shadow catchers show; what is left are the other surfaces."""
+        stage = self._stage
+        if paths.depth > 0 or not stage.catches:
+            return hit, surface, coefficients
+        is_caught = stage.per_object("catcher", surface.row)
+        here = np.flatnonzero(is_caught)
+        if not len(here):
+            return hit, surface, coefficients
+        some, weight, pixel = surface.take(here), pick(paths.weight, hit[here]), paths.pixel[hit]
+        given = stage.shader.coefficients(some, paths.kind)
+        on_reach, on_cut = self._listeners(pixel[here])
+        ratio = catchers.ratio(stage, some, given, weight, self._sample, on_reach, on_cut)
+        self._show_caught(paths, hit[here], weight * catchers.opacity(given), ratio)
+        rest = np.flatnonzero(~is_caught)
+        surface = surface.take(rest)
+        return hit[rest], surface, stage.shader.coefficients(surface, paths.kind)
+
+    def _show_caught(self, paths: Paths, hit: Array, seen: Array, ratio: Array) -> None:
+        """The surroundings behind catchers, and over them their shadows; or nothing, where the
+        pass has these. seen: (3, m) what of the rays ends there.
+        """
+        stage, pixel = self._stage, paths.pixel[hit]
+        if CATCHER in stage.settings.passes:
+            self._tile.catch(pixel, seen * (1 - ratio))
+            self._tile.lose(pixel, seen)
+            return
+        shown = catchers.light_left(ratio) * seen
+        if stage.scene.world.transparent:
+            self._tile.lose(pixel, shown)
+            return
+        _, along = paths.rays.lines(hit)
+        self._tile.add("Environment", pixel, shown * stage.background_of(along, paths.kind))
 
     def _note_rough_glass(self, paths: Paths, hit: Array, coefficients: Coefficients) -> None:
         """More samples may see something else through it."""
@@ -140,8 +198,27 @@ class Generations:
         media = self._stage.media
         spans = media.spans(paths.rays, paths.kind)
         self._see_lights(paths, depth, spans)
+        if media.emits:
+            glow = media.pieces(spans, paths.rays.near, depth).glow()
+            self._tile.add(paths.part("Emission"), paths.pixel, paths.weight * glow)
+        self._scatter(paths, spans, depth)
         passed = media.passed(spans, paths.rays.near, depth)
         return replace(paths, weight=paths.weight * passed)
+
+    def _scatter(self, paths: Paths, spans: Spans, depth: Array) -> None:
+        """What media along the rays scatter of the lights."""
+        stage, tile = self._stage, self._tile
+        scattering = stage.media.scattering_rays(spans, paths.rays.near, depth)
+        tile.softly_lit[paths.pixel[scattering]] = tile.cut[paths.pixel[scattering]] = True
+        for first in range(0, len(scattering), AT_ONCE):
+            some = scattering[first : first + AT_ONCE]
+            rays, weight, pixel = paths.rays.take(some), pick(paths.weight, some), paths.pixel[some]
+            for found in scattered(stage, rays, spans.take(some), depth[some], self._sample):
+                here, light = pixel[found.ray], pick(weight, found.ray) * found.light
+                tile.add(paths.part("Diffuse"), here, light)
+                if found.source.light.cast_shadow:
+                    tile.charge(here)
+                    tile.add(paths.part("Shadow"), here, light * (found.shadow.T - 1.0))
 
     def _see_lights(self, paths: Paths, depth: Array, spans: Spans | None = None) -> None:
         """spans: of the media between, or None."""
@@ -156,7 +233,7 @@ class Generations:
                 seen = seen_radiance(source, o, d, near, depth, paths.kind)
                 if spans is not None:
                     seen = seen * self._stage.media.passed(spans, near, distance_seen(source, o, d))
-                self._tile.add(paths.part("Emission"), paths.pixel, paths.weight * seen)
+                self._add(paths, "Emission", paths.pixel, paths.weight * seen)
 
     def _miss(self, paths: Paths, missed: Array) -> None:
         if paths.glossy:
@@ -168,7 +245,7 @@ class Generations:
         _, along = paths.rays.lines(missed)
         background = self._stage.background_of(along, paths.kind)
         if background.any():
-            self._tile.add(paths.part("Environment"), pixel, weight * background)
+            self._add(paths, "Environment", pixel, weight * background)
 
     def _cut_holdouts(self, paths: Paths, hit: Array, surface: Surface) -> Array:
         """Places of the surfaces that are no holdouts; at those that are the rays end."""
@@ -196,8 +273,8 @@ class Generations:
         uv = stage.attributes.uv("")
         self._tile.record(
             paths.pixel[hit[chosen]],
-            Depth=depth[chosen] * stage.camera.unit
-            if stage.scene.camera.motion is None
+            Depth=depth[chosen] * stage.camera.along
+            if stage.scene.camera.motion is None and stage.camera.panorama is None
             else stage.camera.depth(some.x) * stage.camera.unit,
             Position=some.x + stage.eye[:, None],
             Normal=some.n,
@@ -254,11 +331,65 @@ class Generations:
         """L = k_a I_a + Σ (k_d I max(0, n·l) + k_s I max(0, n·h)^p) S + k_e (section 4.15), each
         part by itself.
         """
-        weight, pixel = pick(paths.weight, hit), paths.pixel[hit]
+        stage, weight, pixel = self._stage, pick(paths.weight, hit), paths.pixel[hit]
 
         def add(part: str, values: Array) -> None:
             if values.any():
-                self._tile.add(paths.part(part), pixel, weight * values)
+                self._add(paths, part, pixel, weight * values)
+
+        add("Ambient", coefficients.ambient * self._stage.ambient)
+        if not (paths.reflections and self._stage.is_lit_by_meshes):
+            add("Emission", coefficients.emission)
+        on_reach, on_cut = self._listeners(pixel)
+        light = self._stage.lighting.direct(
+            surface, coefficients, weight, self._sample, on_reach, on_cut
+        )
+        add("Diffuse", light.diffuse)
+        add("Specular", light.specular)
+        add("Shadow", light.shadow)
+        if stage.splits and paths.depth == 0:
+            self._split(pixel, weight, surface, coefficients, light)
+
+    def _add(self, paths: Paths, part: str, pixel: Array, values: Array) -> None:
+        """Adds (3, m) to a part of the picture and, where it came by way of mirrors or glass, to
+        what these bring.
+        """
+        self._tile.add(paths.part(part), pixel, values)
+        if self._stage.splits and paths.depth > 0:
+            is_direct = paths.depth == 1 and part in ("Emission", "Environment")
+            surface = "Transmission" if paths.transmitted else "Glossy"
+            self._tile.add(f"{surface} {'Direct' if is_direct else 'Indirect'}", pixel, values)
+
+    def _split(
+        self,
+        pixel: Array,
+        weight: Array,
+        surface: Surface,
+        coefficients: Coefficients,
+        light: DirectLight,
+    ) -> None:
+        """The light that camera rays meet, by the kind of lobe that gives it back, and what of it
+        these give back.
+        """
+        mirrored, refracted = gives(surface, coefficients)
+        ambient = coefficients.ambient * self._stage.ambient
+        found = {
+            "Diffuse Direct": ambient + light.lit_diffuse,
+            "Diffuse Indirect": light.lit_bounced,
+            "Diffuse Color": coefficients.matt(),
+            "Glossy Direct": light.lit_specular,
+            "Glossy Color": coefficients.glossy() + mirrored,
+            "Transmission Color": refracted,
+        }
+        for name, values in found.items():
+            self._tile.add(name, pixel, weight * values)
+
+    def _listeners(
+        self, pixel: Array
+    ) -> tuple[Callable[[Source, Array], None], Callable[[Array], None]]:
+        """What the lighting of points of these pixels is to tell which light reaches them, and
+        whose horizon cuts one.
+        """
 
         def on_reach(source: Source, seen: Array) -> None:
             if source.light.cast_shadow:
@@ -269,12 +400,4 @@ class Generations:
         def on_cut(seen: Array) -> None:
             self._tile.cut[pixel[seen]] = True
 
-        add("Ambient", coefficients.ambient * self._stage.ambient)
-        if not (paths.reflections and self._stage.is_lit_by_meshes):
-            add("Emission", coefficients.emission)
-        light = self._stage.lighting.direct(
-            surface, coefficients, weight, self._sample, on_reach, on_cut
-        )
-        add("Diffuse", light.diffuse)
-        add("Specular", light.specular)
-        add("Shadow", light.shadow)
+        return on_reach, on_cut

@@ -13,11 +13,11 @@ from ..scene import EVERYTHING
 from .gloss import Narrow
 from .lights import CENTER, LightPoint, LightSample, Source
 from .materials import Coefficients, Term, taken
-from .optics import blinn_phong, gloss
+from .optics import blinn_phong, gloss, sheen
 from .pulse import Pulse
 from .shadows import Shadows
 from .surface import Surface
-from .tabled_lights import Dome
+from .tabled_lights import BouncedSource, Dome, MeshSource
 from .vectors import add_at, dot, pick
 
 Array = np.ndarray
@@ -25,17 +25,23 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class DirectLight:
-    """(3, n) each: light before shadows, and what blockers take away."""
+    """(3, n) each: light before shadows, and what blockers take away. lit_*: what is left of light
+    from where it is made, and of what surfaces throw on.
+    """
 
     diffuse: Array
     specular: Array
     shadow: Array
+    lit_diffuse: Array
+    lit_specular: Array
+    lit_bounced: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Lighting:
     """The lights of a scene. points: the samples on extended lights, light_samples for each sample
     of a pixel.  sets: (r,) `Instances.light_set` of each row of the placements.
+    catchers_alone: lights are as if shadow catchers were the only things there.
     """
 
     sources: tuple[Source, ...]
@@ -44,6 +50,7 @@ class Lighting:
     shadows: Shadows
     pulse: Pulse
     sets: Array
+    catchers_alone: bool = False
 
     def lights(self, source: Source, surface: Surface) -> Array:
         """(n,) bool: points of instances that a light is for."""
@@ -56,6 +63,18 @@ class Lighting:
         """What casts shadows in a light."""
         blockers = source.light.blockers
         return self.shadows if blockers == EVERYTHING else self.shadows.cast_by(self._in(blockers))
+
+    def of_catchers(self, caught: Array) -> Lighting:
+        """As if the rows (r,) bool of the placements were the only things there; none of them
+        glows.
+        """
+        sources = tuple(
+            source
+            for source in self.sources
+            if not isinstance(source, MeshSource) or isinstance(source, BouncedSource)
+        )
+        shadows = self.shadows.cast_by(caught)
+        return replace(self, sources=sources, shadows=shadows, catchers_alone=True)
 
     def _in(self, sets: int) -> Array:
         """(r,) bool: rows of the placements whose set has a bit."""
@@ -74,9 +93,9 @@ class Lighting:
         weight: (3, n) T of the rays that see them. on_reach: told which points each sample of a
         light reaches.  on_cut: told the points whose horizon cuts a light of more than one sample.
         """
-        total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(3)))
+        total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(6)))
         given = coefficients.diffuse.any(0)
-        for term in coefficients.highlights:
+        for term in (*coefficients.highlights, *coefficients.sheens):
             given[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
         for source in self.sources if given.any() else ():
             lit = given & self.lights(source, surface)
@@ -96,7 +115,9 @@ class Lighting:
             if isinstance(source, Dome):
                 open_ = np.flatnonzero(lit & (balance >= 0))
                 rest = source.rest(pick(surface.n, open_), sample)
-                add_at(total.diffuse, open_, pick(coefficients.diffuse, open_) * rest)
+                rest = pick(coefficients.diffuse, open_) * rest
+                add_at(total.diffuse, open_, rest)
+                add_at(total.lit_diffuse, open_, rest)
         return total
 
     def samples(
@@ -118,6 +139,9 @@ class Lighting:
         terms = coefficients.highlights if source.has_highlights else []
         narrow = Narrow(surface, terms, weight, source)
         for number in source.numbers(sample, n):
+            is_left_out = self.catchers_alone and isinstance(source, BouncedSource)
+            if is_left_out and not source.is_caught(number):
+                continue
             point = points[number]
             yield narrow, source.sample(surface.x, point, n), coefficients.diffuse
             place = source.drawn_at(number, point)
@@ -164,7 +188,10 @@ class Lighting:
             inner=None,
         )
         light = sample.light_of(source)
+        matt = sheens(surface, coefficients.sheens, seen, sample.direction)
+        is_drawn = diffuse is not coefficients.diffuse
         diffuse = pick(diffuse, seen) * light * cosine[seen]
+        diffuse = diffuse if is_drawn else diffuse + matt * light
         terms = coefficients.highlights if source.has_highlights else []
         specular = (
             highlights(surface, terms, seen, sample.direction)
@@ -173,13 +200,16 @@ class Lighting:
         )
         add_at(total.diffuse, seen, diffuse)
         add_at(total.specular, seen, specular)
-        dimmed = np.zeros(len(seen), bool)
+        dimmed, passed = np.zeros(len(seen), bool), np.ones((len(seen), 3))
         if source.light.cast_shadow:
             self.pulse.beat()
             passed = self.shadows_of(source).towards(surface, seen, sample)
             lost = (passed.T - 1.0) * (diffuse + specular)
             add_at(total.shadow, seen, lost)
             dimmed = lost.any(0)
+        is_bounced = isinstance(source, BouncedSource)
+        add_at(total.lit_bounced if is_bounced else total.lit_diffuse, seen, passed.T * diffuse)
+        add_at(total.lit_specular, seen, passed.T * specular)
         return seen, dimmed
 
 
@@ -202,7 +232,13 @@ def highlight(
     """
     lobe = term.lobe
     return blinn_phong(n, v, l, taken(term.exponent, chosen)) * gloss(
-        n, v, l, taken(term.masking, chosen), lobe.ior, lobe.fresnel, lobe.schlick
+        n,
+        v,
+        l,
+        taken(term.masking, chosen),
+        taken(term.ior, chosen),
+        lobe.fresnel,
+        lobe.schlick,
     )
 
 
@@ -210,6 +246,25 @@ def highlights(surface: Surface, terms: list[Term], seen: Array, direction: Arra
     """Σ k_s max(0, n·h)^p at the points `seen` (m,) of the surface, of light from `direction`
     (3, m).
     """
+    return _summed(highlight, surface, terms, seen, direction)
+
+
+def sheens(surface: Surface, terms: list[Term], seen: Array, direction: Array) -> Array:
+    """The same of SHEEN lobes."""
+
+    def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
+        return sheen(n, v, l, taken(term.exponent, chosen), taken(term.masking, chosen))
+
+    return _summed(lobe, surface, terms, seen, direction)
+
+
+def _summed(
+    lobe: Callable[[Term, Array, Array, Array, Array], Array],
+    surface: Surface,
+    terms: list[Term],
+    seen: Array,
+    direction: Array,
+) -> Array:
     total = np.zeros((3, len(seen)))
     if not terms or not len(seen):
         return total
@@ -220,16 +275,6 @@ def highlights(surface: Surface, terms: list[Term], seen: Array, direction: Arra
         chosen = np.flatnonzero(known)[place[term.index[known]] >= 0]
         here, at = term.index[chosen], place[term.index[chosen]]
         k = term.k if term.k.shape[1] == 1 else pick(term.k, chosen)
-        add_at(
-            total,
-            at,
-            k
-            * highlight(
-                term,
-                chosen,
-                pick(surface.n, here),
-                pick(surface.v, here),
-                pick(direction, at),
-            ),
-        )
+        n, v = pick(surface.n, here), pick(surface.v, here)
+        add_at(total, at, k * lobe(term, chosen, n, v, pick(direction, at)))
     return total

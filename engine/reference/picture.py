@@ -6,13 +6,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..film import CRYPTOMATTES, DENOISING, PARTS, PASSES, SEEN, aov_pass, empty_value
+from ..film import (
+    CATCHER,
+    CRYPTOMATTES,
+    DENOISING,
+    LIGHTING,
+    PARTS,
+    PASSES,
+    SEEN,
+    aov_pass,
+    empty_value,
+)
 
 Array = np.ndarray
 
 HEALTH = ("Error", "Samples", "Cost", "Fallbacks")
 """Passes that grow with every sample and belong to no part."""
-DATA = tuple(name for name in PASSES if name != "Combined" and name not in (*PARTS, *HEALTH, *SEEN))
+_OTHERS = ("Combined", *PARTS, *HEALTH, *SEEN, CATCHER, *LIGHTING)
+DATA = tuple(name for name in PASSES if name not in _OTHERS)
 LARGEST = float(np.finfo(np.float32).max)
 
 
@@ -21,9 +32,10 @@ class Tile:
     cost: (n,) rays. softly_lit, cut: (n,) bool, whether a light of more than one sample reached
     them, and whether their horizon cuts one. data: (channels, n) for the passes named. wanted:
     (n,) bool, pixels whose data is still to come. clear: (n,) what is seen and no mist before
-    it. aovs: (4 each, n) colours and what of the sample has them. wants_aovs: (n,) bool, pixels
-    whose ray has met nothing that hides what is behind. met: of each Cryptomatte pass, pixels,
-    bits of ids and coverages, (m,) each, of what was met.
+    it.  caught: (3, n) what shadows on catchers take away. aovs: (4 each, n) colours and what of
+    the sample has them. wants_aovs: (n,) bool, pixels whose ray has met nothing that hides what is
+    behind. met: of each Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what
+    was met.
     """
 
     def __init__(self, count: int, data: frozenset[str], aovs: int = 0):
@@ -34,7 +46,7 @@ class Tile:
         self.data = {name: np.full((PASSES[name], count), empty_value(name)) for name in data}
         self.wanted = np.full(count, bool(data))
         self.aovs, self.wants_aovs = np.zeros((4 * aovs, count)), np.full(count, aovs > 0)
-        self.clear = np.zeros(count)
+        self.clear, self.caught = np.zeros(count), np.zeros((3, count))
         self.denoising = {name: np.zeros((PASSES[name], count)) for name in DENOISING}
         self.met: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in CRYPTOMATTES}
 
@@ -52,6 +64,11 @@ class Tile:
         some = weight > 0
         for name, bits in ids.items():
             self.met[name].append((pixel[some], bits[some], weight[some]))
+
+    def catch(self, pixel: Array, dark: Array) -> None:
+        """Shadows (3, m) that catchers show."""
+        for total, value in zip(self.caught, dark, strict=True):
+            total += np.bincount(pixel, value, self._count)
 
     def add(self, part: str, pixel: Array, values: Array) -> None:
         """values (3, m) to pixels (m,), in their order: a pixel's sum does not depend on its
@@ -98,12 +115,15 @@ class Picture:
     ):
         self._shape, self._passes = (height, width), passes
         count = width * height
-        self._parts = {name: np.zeros((3, count)) for name in PARTS if name in passes}
+        kept = [name for name in PARTS if name in passes]
+        kept += LIGHTING if passes.intersection(LIGHTING) else ()
+        self._parts = {name: np.zeros((3, count)) for name in kept}
         self._color, self._lost = np.zeros((3, count)), np.zeros(count)
         self._data = {name: np.zeros((PASSES[name], count)) for name in DATA if name in passes}
         self.samples, self._cost = np.zeros(count), np.zeros(count)
         self._aovs, self._aov_names = np.zeros((4 * len(aovs), count)), aovs
         self._clear, self._crypto_ids = np.zeros(count), crypto_ids
+        self._caught = np.zeros((3, count if CATCHER in passes else 0))
         self._denoising = {
             name: np.zeros((PASSES[name], count)) for name in DENOISING if name in passes
         }
@@ -116,6 +136,8 @@ class Picture:
         self._cost[here] += tile.cost
         self.samples[here] += 1
         self._clear[here] += tile.clear
+        if CATCHER in self._passes:
+            self._caught[:, here] += tile.caught
         self._aovs[:, here] += tile.aovs
         for name, total in self._denoising.items():
             total[:, here] += tile.denoising[name]
@@ -146,10 +168,13 @@ class Picture:
             "Fallbacks": np.zeros_like(self._cost[None]),
             "Mist": 1 - self._clear[None] / samples,
         }
+        if CATCHER in self._passes:
+            health[CATCHER] = 1 - self._caught / samples
         chosen = {name: values for name, values in health.items() if name in self._passes}
         return (
             color
-            | {name: total / samples for name, total in self._parts.items()}
+            | {name: total / samples for name, total in self._parts.items() if name in PARTS}
+            | self._lighting(samples)
             | self._data
             | chosen
             | {name: total / samples for name, total in self._denoising.items()}
@@ -159,6 +184,19 @@ class Picture:
                 for k, name in enumerate(self._aov_names)
             }
         )
+
+    def _lighting(self, samples: Array) -> dict[str, Array]:
+        """Direct and indirect light over its colour, which is 1 where it is 0 and there is
+        light.
+        """
+        found = {}
+        for k in range(0, len(LIGHTING) if LIGHTING[0] in self._parts else 0, 3):
+            direct, indirect, color = (self._parts[name] for name in LIGHTING[k : k + 3])
+            over = np.where(color != 0, color, samples)
+            bare = (color == 0) & ((direct != 0) | (indirect != 0))
+            told = direct / over, indirect / over, np.where(bare, 1.0, color / samples)
+            found |= dict(zip(LIGHTING[k : k + 3], told, strict=True))
+        return {name: values for name, values in found.items() if name in self._passes}
 
     def _ranked(self, name: str) -> Array:
         """(2 ids, pixels): ids and coverages in turn, the largest coverage first, of equal ones the

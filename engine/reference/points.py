@@ -9,6 +9,7 @@ import numpy as np
 from ..scene import Camera
 from .attributes import Attributes
 from .geometry import Geometry
+from .panorama import picture_points, step_size
 from .placements import Placements
 from .surface import Surface
 from .textures import Image
@@ -33,6 +34,20 @@ class Surroundings:
     @property
     def eye(self) -> Array:
         return np.asarray(self.camera.world_from_camera, np.float64)[:, 3:]
+
+
+def _camera_axes(camera: Camera) -> Array:
+    """(3, 3) unit columns: right, up and forward."""
+    axes = np.asarray(camera.world_from_camera, np.float64)[:, :3]
+    return axes / np.sqrt((axes * axes).sum(0)) * np.array([1.0, 1.0, -1.0])
+
+
+def clipped(camera: Camera, d: Array) -> Array:
+    """(n,) lengths along unit d (3, n) of what lies before the camera's clip_start."""
+    if camera.kind == "PANORAMA":
+        return np.full(d.shape[1], float(camera.clip_start))
+    back = np.asarray(camera.world_from_camera, np.float64)[:, 2:3]
+    return -camera.clip_start * dot(back, back) / dot(back, d)
 
 
 def light_path(kind: str, count: int) -> tuple[Array, Array, Array]:
@@ -94,6 +109,35 @@ class SurfacePoints:
         placements, row = self._around.placements, self._row()
         return unit(transform_each(placements.normals[row], normal)) * placements.mirror[row]
 
+    def normal_to_object(self, normal: Array) -> Array:
+        """(3, m) unit normals of the world, in the object's space."""
+        return unit(transform_each(np.swapaxes(self._matrices()[:, :, :3], 1, 2), normal))
+
+    def from_object(self, vector: Array, is_point: bool) -> Array:
+        """(3, m) in the world."""
+        matrices = self._matrices()
+        found = transform_each(matrices[:, :, :3], vector)
+        return found + matrices[:, :, 3].T + self._around.eye if is_point else found
+
+    def to_object(self, vector: Array, is_point: bool) -> Array:
+        """(3, m) in the object's space; zeros where its matrix has no inverse."""
+        matrices = self._matrices()
+        start = matrices[:, :, 3].T + self._around.eye if is_point else 0.0
+        return self._into(matrices[:, :, :3], vector - start)
+
+    def from_camera(self, vector: Array, is_point: bool) -> Array:
+        """(3, m) in the world, of what is along the camera's axes."""
+        found = _camera_axes(self._around.camera) @ vector
+        return found + self._around.eye if is_point else found
+
+    def to_camera(self, vector: Array, is_point: bool) -> Array:
+        """(3, m) along right, up and forward of the camera."""
+        start = self._around.eye if is_point else 0.0
+        return np.linalg.solve(_camera_axes(self._around.camera), vector - start)
+
+    def _matrices(self) -> Array:
+        return self._around.placements.world_from_object[self._row()]
+
     def object_stretch(self) -> Array:
         """(m,) length in the world of the unit normal of the object's space."""
         matrices = self._around.placements.world_from_object[self._row()][:, :, :3]
@@ -151,8 +195,16 @@ class SurfacePoints:
         return light_path(self._kind, len(self._index))
 
     def ray_length(self) -> Array:
-        """(m,) zeros: known of lights alone."""
-        return np.zeros(len(self._index))
+        """(m,) of the ray that meets the point."""
+        far = self._surface.far[self._index]
+        is_camera = self._kind == "camera"
+        return far - clipped(self._around.camera, -self._of("v")) if is_camera else far
+
+    def ray_depth(self) -> tuple[Array, ...]:
+        """Four times (m,): bounces, surfaces that dim passed since, refractions among the bounces,
+        1 where the last was one.
+        """
+        return tuple(pick(self._surface.past, self._index))
 
     def _of(self, name: str) -> Array:
         return pick(getattr(self._surface, name), self._index)
@@ -166,6 +218,8 @@ class SurfacePoints:
     def _step_size(self) -> Array:
         """(m,) a tenth of what a pixel spans there."""
         camera = self._around.camera
+        if camera.kind == "PANORAMA":
+            return step_size(camera) * np.sqrt((self._of("x") ** 2).sum(0))
         left, right = camera.window[:2]
         axis = np.sqrt((np.asarray(camera.world_from_camera, np.float64)[:, 0] ** 2).sum())
         pixel = 0.1 * axis * (right - left) / camera.resolution[0]
@@ -222,10 +276,13 @@ def window(camera: Camera, x: Array) -> Array:
     """
     axes = np.asarray(camera.world_from_camera, np.float64)[:, :3]
     x, y, z = np.linalg.solve(axes, x)
+    left, right, bottom, top = camera.window
+    if camera.kind == "PANORAMA":
+        u, v = picture_points(camera.panorama, unit(np.stack([x, y, z])))
+        return np.stack([(u - left) / (right - left), (v - bottom) / (top - bottom)])
     if camera.kind == "PERSPECTIVE":
         depth = np.where(z != 0, -z, 1.0)
         x, y = x / depth, y / depth
-    left, right, bottom, top = camera.window
     return np.stack([(x - left) / (right - left), (y - bottom) / (top - bottom)])
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
@@ -55,7 +56,11 @@ class Shadows:
     def towards(self, surface: Surface, seen: Array, sample: LightSample) -> Array:
         """S (m, 3) for the points `seen` (m,) of the surface, which the sample lights."""
         self._rays["shadow"] += len(seen)
-        start = self._start(surface, seen, sample)
+        return self.from_points(self._start(surface, seen, sample), sample, counted=True)
+
+    def from_points(self, start: Array, sample: LightSample, counted: bool = False) -> Array:
+        """The same for points (3, m) where nothing is. counted: whether the rays are already."""
+        self._rays["shadow"] += 0 if counted else start.shape[1]
         passed = self._between(start, sample)
         return passed * self._through_media(start, sample) if self._media else passed
 
@@ -107,7 +112,9 @@ class Shadows:
             self._visibility.pulse,
             backwards=from_light,
         )
-        return self._shader.transmittance(surface)
+        o, d = rays.lines(ray)
+        left = o + (rays.far if from_light else rays.near)[ray] * d
+        return self._shader.transmittance(replace(surface, far=length(surface.x - left)))
 
     def _parallel(self, start: Array, direction: Array) -> Array:
         matrix = parallel_frame(direction)

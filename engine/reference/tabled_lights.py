@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..bounced_light import MERGED as BOUNCES_MERGED
-from ..dome import DomeTable
-from ..mesh_lights import MERGED, MeshTable, merged
+from ..lights.bounced_light import MERGED as BOUNCES_MERGED
+from ..lights.dome import DomeTable
+from ..lights.mesh_lights import MERGED, MeshTable, merged
 from ..scene import Light
 from .lights import HUGE, LightSample, Source
 from .vectors import cross, dot, unit
@@ -123,6 +123,14 @@ class MeshSource(Source):
         half = np.array([light.size_x / 2, light.size_y / 2, light.radius])
         return dot(n, to) ** 2 < (half @ np.abs(self._axes.T @ n)) ** 2
 
+    def place(self, point: MeshPoint) -> Array:
+        return self._axes @ self._table.point[point.number][:, None] + self.position
+
+    def least_distance(self, point: MeshPoint) -> float:
+        """From which a point is seen as if it were no nearer."""
+        spread = self._table.spread[point.number]
+        return float(np.sqrt(merged(spread, self._table.each, self.merged)))
+
     def sample(self, x: Array, point: MeshPoint, n: int) -> LightSample:
         row = [column[point.number] for column in vars(self._table).values() if np.ndim(column)]
         at, normal, front, back, spread, *_ = (np.atleast_1d(value)[:, None] for value in row)
@@ -178,6 +186,10 @@ class BouncedSource(MeshSource):
     def is_cut(self, x: Array, n: Array) -> Array:
         """Never, as of a dome."""
         return np.zeros(x.shape[1], bool)
+
+    def is_caught(self, number: int) -> bool:
+        """Whether a point of the table is on a shadow catcher."""
+        return bool(self._table.caught[number])
 
 
 def _nearest(corners: Array, x: Array, direction: Array) -> tuple[Array, Array]:

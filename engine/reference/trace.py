@@ -10,8 +10,8 @@ from time import perf_counter
 import numpy as np
 
 from ..film import FIRST_ESTIMATE, Film
-from ..motion import is_moving, moment, sample_times
 from ..sampling import pixel_offsets
+from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
 from .camera import Spread

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from export_support import Shader, link, mesh_object, quad, scene, use_nodes  # noqa: F401
-from glint.addon.export import export_scene, incremental
-from glint.addon.export.incremental import LiveExport
-from glint.addon.export.shapes import mark_sphere
+from glint.addon.export import export_scene
+from glint.addon.export.geometry.shapes import mark_sphere
+from glint.addon.export.sync import incremental
+from glint.addon.export.sync.incremental import LiveExport
 from glint.engine.scene import Camera
 
 CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1, 1, -1, 1), (4, 4))
@@ -520,6 +521,43 @@ def test_an_edited_material_walks_over_nothing(world, monkeypatch):
             follower.scene.materials != before.materials
             and follower.scene.instances is before.instances
         )
+        follower.check()
+
+
+def test_an_edited_node_value_compiles_its_material_alone(scene, monkeypatch):  # noqa: F811
+    """Of three materials with programs; and nothing is compiled where nothing changed."""
+    noises = []
+    for k in range(3):
+        shader = Shader(f"noise {k}")
+        noise = shader.node("ShaderNodeTexNoise")
+        shader.link(noise, "Color", shader.shader, "Color")
+        noises.append(noise)
+    compiled = []
+    known = incremental.compile_material
+
+    def counted(material, *given):
+        compiled.append(material.name)
+        return known(material, *given)
+
+    monkeypatch.setattr(incremental, "compile_material", counted)
+    with Follower() as follower:
+        assert sorted(compiled) == ["noise 0", "noise 1", "noise 2"]
+        compiled.clear()
+        before = follower.scene
+        noises[1].inputs["Scale"].default_value = 11.0
+        bpy.context.view_layer.update()
+        assert compiled == ["noise 1"]
+        changed = [
+            one.name
+            for one, two in zip(before.materials, follower.scene.materials, strict=True)
+            if one != two
+        ]
+        assert changed == ["noise 1"]
+        assert follower.scene.geometries[0] is before.geometries[0]
+        compiled.clear()
+        scene.objects[0].location.x += 1.0
+        bpy.context.view_layer.update()
+        assert compiled == []
         follower.check()
 
 

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 26
+#define GLINT_ABI_VERSION 30
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -70,7 +70,8 @@ enum GlintInstanceFlags {
   GLINT_VISIBLE_CAMERA = 1,
   GLINT_VISIBLE_MIRROR = 2,
   GLINT_VISIBLE_SHADOW = 4,
-  GLINT_HOLDOUT = 8
+  GLINT_HOLDOUT = 8,
+  GLINT_CATCHER = 16 /* of shadows: camera rays see what others change of its light, not it */
 };
 
 /* A geometry placed row_count times: rows [first_row, …) of world_from_object, material_count
@@ -88,7 +89,7 @@ typedef struct GlintInstances {
 enum GlintTextureType { GLINT_UINT8, GLINT_FLOAT32 };
 enum GlintEncoding { GLINT_LINEAR_ENCODING, GLINT_SRGB };
 enum GlintExtension { GLINT_REPEAT, GLINT_EXTEND, GLINT_CLIP, GLINT_MIRROR_EXTENSION };
-enum GlintInterpolation { GLINT_LINEAR, GLINT_CLOSEST };
+enum GlintInterpolation { GLINT_LINEAR, GLINT_CLOSEST, GLINT_CUBIC };
 
 /* pixels: (height, width, 4), row 0 at the bottom, straight alpha. SRGB only for UINT8. */
 typedef struct GlintTexture {
@@ -126,17 +127,20 @@ enum GlintLobeKind {
   GLINT_MIRROR,
   GLINT_REFRACTION,
   GLINT_TRANSPARENT,
-  GLINT_EMISSION
+  GLINT_EMISSION,
+  GLINT_SHEEN
 };
 
 /* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK. masking: 0 to 1, Smith's alpha of a SPECULAR lobe,
- * 0 for none. exponent_slot, masking_slot: 0, or 1 plus the slot of the material's program that
- * takes the place of the number, which it is kept from 0 to. */
+ * 0 for none. Of a SHEEN lobe exponent is its width and masking its lean. exponent_slot,
+ * masking_slot, ior_slot: 0, or 1 plus the slot of the material's program that takes the place of
+ * the number; exponent and masking are kept from 0 to the lobe's own, an ior that is not finite or
+ * not above 0 is the lobe's own. */
 enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
 typedef struct GlintLobe {
   double exponent, ior, masking;
   uint32_t first_input, input_count;
-  int32_t kind, fresnel, exponent_slot, masking_slot;
+  int32_t kind, fresnel, exponent_slot, masking_slot, ior_slot, reserved;
 } GlintLobe;
 
 /* program: 0, or 1 plus its number. normal: 0, or 1 plus the first of three slots of the program
@@ -199,10 +203,26 @@ typedef struct GlintEmitter {
   double front[3], back[3], normal[3], spread, reach;
 } GlintEmitter;
 
-enum GlintCameraKind { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC };
+enum GlintCameraKind { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC, GLINT_PANORAMA };
+
+enum GlintProjection {
+  GLINT_EQUIRECTANGULAR,
+  GLINT_FISHEYE_EQUIDISTANT,
+  GLINT_FISHEYE_EQUISOLID,
+  GLINT_FISHEYE_LENS_POLYNOMIAL,
+  GLINT_MIRROR_BALL,
+  GLINT_EQUIANGULAR_CUBEMAP_FACE,
+  GLINT_CENTRAL_CYLINDRICAL
+};
 
 /* clip_planes: camera rays see where a x + b y + c z + d >= 0 for each of the first rows (a, b, c,
- * d); x, y along the camera's axes, z depth. */
+ * d); x, y along the camera's axes, z depth; none of a panorama. What follows is a panorama's:
+ * projection, of GlintProjection; longitude, latitude: first and last, radians; heights: of the
+ * cylinder of radius 1; fov: radians; lens, sensor: width and height, one unit; polynomial: of the
+ * angle over the distance on the sensor, from the constant up. eye_offset: of an eye to the right
+ * of the camera's place, across every direction, 0 for one that does not stand aside; convergence:
+ * the distance at which eyes look at one point, infinite where they look in parallel; pole_merge:
+ * elevations between which the offset fades away, used where pole_merge[1] > 0. */
 typedef struct GlintCamera {
   double world_from_camera[12];
   double window[4]; /* l, r, b, t */
@@ -210,6 +230,9 @@ typedef struct GlintCamera {
   uint32_t width, height;
   int32_t kind, clip_plane_count;
   double clip_planes[6][4];
+  double longitude[2], latitude[2], heights[2], fov, lens, sensor[2], polynomial[5];
+  double eye_offset, convergence, pole_merge[2];
+  int32_t projection, reserved;
 } GlintCamera;
 
 /* How mist grows with the distance: its square, as it is, its square root. */
@@ -287,6 +310,16 @@ enum GlintPass {
   GLINT_PASS_DENOISING_NORMAL,
   GLINT_PASS_DENOISING_ALBEDO,
   GLINT_PASS_DENOISING_DEPTH,
+  GLINT_PASS_SHADOW_CATCHER,
+  GLINT_PASS_DIFFUSE_DIRECT,
+  GLINT_PASS_DIFFUSE_INDIRECT,
+  GLINT_PASS_DIFFUSE_COLOR,
+  GLINT_PASS_GLOSSY_DIRECT,
+  GLINT_PASS_GLOSSY_INDIRECT,
+  GLINT_PASS_GLOSSY_COLOR,
+  GLINT_PASS_TRANSMISSION_DIRECT,
+  GLINT_PASS_TRANSMISSION_INDIRECT,
+  GLINT_PASS_TRANSMISSION_COLOR,
   GLINT_PASS_COUNT
 };
 
@@ -301,10 +334,10 @@ enum GlintPass {
  * (dome_axes, column by column) over the density and one over that, equirectangular, from below
  * upward. dome_irradiance: (dome_irradiance_rows, dome_irradiance_columns, 3), over pi, of surfaces
  * that nothing hides it from, by their normals in the light's axes: corners of cells from pole to
- * pole and once round. mesh_table: (mesh_count, 16), of as many samples, mesh_samples points each,
+ * pole and once round. mesh_table: (mesh_count, 17), of as many samples, mesh_samples points each,
  * as divide it, after which they begin again, of a GLINT_MESH_LIGHT: the point and its unit normal
- * in the light's axes, the numbers of GlintEmitter but the normal, and a point of the unit disc.
- * bounced_table: the same of a GLINT_BOUNCED_LIGHT.
+ * in the light's axes, the numbers of GlintEmitter but the normal, a point of the unit disc, and 0.
+ * bounced_table: the same of a GLINT_BOUNCED_LIGHT, and 1 for points on catchers at the end.
  * Tables may be null where the scene has no such light. lobe_points: (lobe_count, 2) of the unit
  * disc, as many for each of lobe_levels reflections of a path, where in the lobes of rough surfaces
  * its rays are reflected; null only where none are. error_threshold: in 8-bit levels, at least
@@ -317,9 +350,11 @@ enum GlintPass {
  * samples, 2) points of the lens along the camera's u and v, of each pixel of a block of
  * camera_block² pixels of the frame, row by row; lens_focus: the depth where everything is sharp,
  * camera units. camera_frames: null for a camera that stands still, else (camera_block², samples,
- * 12) its world_from_camera of each sample. moving: each sample is of a scene of its own, see
- * glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64 where one is
- * asked for, two numbers each. */
+ * 12) its world_from_camera of each sample. scatter_offsets: (scatter_count), a number of (0, 1)
+ * for each sample; null only where no medium scatters: by how much the places on rays are shifted
+ * from which media do, volume_samples at least for each light. moving: each sample is of a scene of
+ * its own, see glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64
+ * where one is asked for, two numbers each. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -330,16 +365,17 @@ typedef struct GlintRenderSettings {
   const double* lobe_points;
   const float* dome_cells;
   const float* dome_irradiance;
+  const double* scatter_offsets;
   const double* lens_points;
   const double* camera_frames;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
-      camera_frame_count;
+      camera_frame_count, scatter_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
-  uint32_t samples, light_samples, dome_samples, mesh_samples, bounced_samples;
+  uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
-  uint32_t max_bounces, threads, passes;
+  uint32_t max_bounces, threads;
   uint32_t region[4];
   int32_t illumination, waves, acceleration, remember, reflections, moving;
 } GlintRenderSettings;
@@ -378,7 +414,8 @@ enum GlintFeature {
   GLINT_FEATURE_CAMERA_MOTION = 4096,
   GLINT_FEATURE_BOUNCED_LIGHT = 8192,
   GLINT_FEATURE_OBJECT_MOTION = 16384,
-  GLINT_FEATURE_MEDIA = 32768
+  GLINT_FEATURE_MEDIA = 32768,
+  GLINT_FEATURE_SHADOW_CATCHER = 65536
 };
 
 typedef struct GlintStats {

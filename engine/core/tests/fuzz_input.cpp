@@ -220,13 +220,14 @@ GlintLobe lobe(Dice& dice, std::vector<GlintInput>& inputs, size_t textures) {
   GlintLobe g{};
   g.exponent = 40 * positive(dice);
   g.ior = 0.2 + positive(dice);
-  g.kind = int32_t(dice.below(7));
+  g.kind = int32_t(dice.below(8));
   g.fresnel = int32_t(dice.below(4));
   if (dice.chance(0.3)) g.masking = double(dice.below(65)) / 64.0;
   g.first_input = uint32_t(inputs.size());
   g.input_count = uint32_t(dice.below(3));
   for (uint32_t k = 0; k < g.input_count; ++k) inputs.push_back(input(dice, textures));
   if (dice.chance(0.1 * dice.wildness)) g.kind = int32_t(dice.bits());
+  if (dice.chance(0.1 * dice.wildness)) g.ior_slot = int32_t(dice.bits());
   if (dice.chance(0.1 * dice.wildness)) g.input_count = uint32_t(dice.bits());
   return g;
 }
@@ -287,6 +288,19 @@ void set_lights(Dice& dice, Arena& arena, GlintSceneData& d) {
   d.light_count = lights.size();
 }
 
+void make_panorama(Dice& dice, GlintCamera& c) {
+  c.projection = int32_t(dice.below(7)) + (dice.chance(0.1 * dice.wildness) ? 7 : 0);
+  for (double* ends : {c.longitude, c.latitude, c.heights}) {
+    ends[0] = dice.number();
+    ends[1] = ends[0] + positive(dice);
+  }
+  for (double* x : {&c.fov, &c.lens, &c.sensor[0], &c.sensor[1]}) *x = positive(dice);
+  for (double& x : c.polynomial) x = dice.number();
+  c.eye_offset = dice.chance(0.5) ? 0 : dice.number();
+  c.convergence = dice.chance(0.5) ? kInf : positive(dice);
+  if (dice.chance(0.5)) c.pole_merge[1] = c.pole_merge[0] + positive(dice);
+}
+
 GlintCamera camera(Dice& dice) {
   GlintCamera c{};
   for (double& x : c.world_from_camera) x = dice.number();
@@ -298,8 +312,9 @@ GlintCamera camera(Dice& dice) {
   c.clip_end = dice.chance(0.5) ? kInf : c.clip_start + positive(dice);
   c.width = uint32_t(1 + dice.below(20));
   c.height = uint32_t(1 + dice.below(20));
-  c.kind = int32_t(dice.below(2));
-  if (dice.chance(0.3))
+  c.kind = int32_t(dice.below(3));
+  if (c.kind == GLINT_PANORAMA) make_panorama(dice, c);
+  if (dice.chance(c.kind == GLINT_PANORAMA ? 0.1 * dice.wildness : 0.3))
     c.clip_plane_count = int32_t(dice.below(7)) + dice.chance(0.1 * dice.wildness);
   for (int p = 0; p < std::min(c.clip_plane_count, 6); ++p)
     for (double& x : c.clip_planes[p]) x = dice.number();
@@ -502,7 +517,7 @@ Placed placed(Dice& dice, Arena& arena, size_t materials) {
     i.first_row = dice.below(p.rows + 1);
     i.row_count = dice.below(p.rows - i.first_row + 1);
     i.geometry = dice.index(p.geometries.size());
-    i.flags = uint32_t(dice.below(16)) | (dice.chance(0.7) ? 7 : 0);
+    i.flags = uint32_t(dice.below(32)) | (dice.chance(0.7) ? 7 : 0);
     i.material_count = uint32_t(materials ? dice.below(materials + 1) : 0);
     p.instances.push_back(i);
   }
@@ -608,12 +623,12 @@ void set_dome(Dice& dice, Arena& arena, GlintRenderSettings& s) {
 void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.mesh_samples = uint32_t(1 + dice.below(5));
   s.mesh_count = uint64_t(s.mesh_samples) * (1 + dice.below(s.samples));
-  s.mesh_table = arena.fill<double>(16 * s.mesh_count, [&] { return dice.number(); });
+  s.mesh_table = arena.fill<double>(17 * s.mesh_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.mesh_count = 0;
   if (dice.chance(0.05 * dice.wildness)) s.mesh_table = nullptr;
   s.bounced_samples = uint32_t(1 + dice.below(5));
   s.bounced_count = uint64_t(s.bounced_samples) * (1 + dice.below(s.samples));
-  s.bounced_table = arena.fill<double>(16 * s.bounced_count, [&] { return dice.number(); });
+  s.bounced_table = arena.fill<double>(17 * s.bounced_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.bounced_count = 0;
 }
 
@@ -648,7 +663,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   s.light_samples = uint32_t(1 + dice.below(3));
   s.max_bounces = uint32_t(dice.below(stops_early ? 2 : 5));
   s.threads = uint32_t(1 + dice.below(3));
-  s.passes = uint32_t(dice.below(1u << GLINT_PASS_COUNT)) | 1u;
+  s.passes = dice.below(pass_bit(GLINT_PASS_COUNT)) | 1u;
   s.pixel_offsets = arena.fill<double>(2 * s.samples, [&] { return 0.5 * dice.number(); });
   s.light_point_count = uint64_t(s.samples) * s.light_samples;
   s.error_threshold = stops_early        ? dice.uniform(0, 16)
@@ -662,7 +677,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   set_reflections(dice, arena, s);
   set_lens(dice, arena, s);
   s.crypto_ids = uint32_t(1 + dice.below(8));
-  if (scene.aov_count == 0) s.passes &= ~(1u << GLINT_PASS_AOV);
+  if (scene.aov_count == 0) s.passes &= ~(pass_bit(GLINT_PASS_AOV));
   if (dice.chance(0.05 * dice.wildness)) s.crypto_ids = uint32_t(dice.bits());
   const uint32_t w = scene.camera.width, h = scene.camera.height;
   const bool part = dice.chance(0.3);

@@ -196,7 +196,7 @@ void check_textures(const GlintSceneData& d, Report& report) {
         "texture %llu: no pixels", ull(i));
     report.add(within(t.type, GLINT_FLOAT32) && within(t.encoding, GLINT_SRGB) &&
                    within(t.extension, GLINT_MIRROR_EXTENSION) &&
-                   within(t.interpolation, GLINT_CLOSEST) &&
+                   within(t.interpolation, GLINT_CUBIC) &&
                    (t.type == GLINT_UINT8 || t.encoding == GLINT_LINEAR_ENCODING),
                "texture %llu: unknown type, encoding, extension or interpolation", ull(i));
   }
@@ -278,7 +278,8 @@ void check_slots(const GlintSceneData& d, const GlintMaterial& m, ull number, Re
   bool good = within_program(m.normal, 3);
   for (uint32_t l = m.first_lobe; l < m.first_lobe + m.lobe_count; ++l) {
     const GlintLobe& lobe = d.lobes[l];
-    good = good && within_program(lobe.exponent_slot, 1) && within_program(lobe.masking_slot, 1);
+    for (int32_t slot : {lobe.exponent_slot, lobe.masking_slot, lobe.ior_slot})
+      good = good && within_program(slot, 1);
     for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i)
       good = good && within_program(d.inputs[i].output, 3);
   }
@@ -314,7 +315,7 @@ void check_materials(const GlintSceneData& d, Report& report) {
   }
   for (uint64_t i = 0; i < d.lobe_count; ++i) {
     const GlintLobe& g = d.lobes[i];
-    report.add(within(g.kind, GLINT_EMISSION), "lobe %llu: unknown kind %d", ull(i), g.kind);
+    report.add(within(g.kind, GLINT_SHEEN), "lobe %llu: unknown kind %d", ull(i), g.kind);
     report.add(range(g.first_input, g.input_count, d.input_count),
                "lobe %llu: inputs beyond the table", ull(i));
     report.add(g.exponent >= 0 && g.exponent <= 1e30,
@@ -399,9 +400,34 @@ void check_light(const GlintSceneData& d, uint64_t i, Report& report) {
              "light %llu: its program reads a primitive", ull(i));
 }
 
+/// Whether two numbers are finite and apart, and so is their difference.
+bool is_range(const double* ends) {
+  return std::isfinite(ends[0]) && std::isfinite(ends[1]) && std::isfinite(ends[1] - ends[0]) &&
+         ends[0] != ends[1];
+}
+
+void check_panorama(const GlintCamera& c, Report& report) {
+  report.add(within(c.projection, GLINT_CENTRAL_CYLINDRICAL), "camera: unknown projection %d",
+             c.projection);
+  report.add(is_range(c.longitude) && is_range(c.latitude) && is_range(c.heights),
+             "camera: longitudes %g to %g, latitudes %g to %g, heights %g to %g", c.longitude[0],
+             c.longitude[1], c.latitude[0], c.latitude[1], c.heights[0], c.heights[1]);
+  report.add(all_finite(&c.fov, 1) && c.fov > 0 && all_finite(&c.lens, 1) && c.lens > 0,
+             "camera: a fisheye of %g radians, a lens of %g", c.fov, c.lens);
+  report.add(all_finite(c.sensor, 2) && c.sensor[0] > 0 && c.sensor[1] > 0,
+             "camera: a sensor of %g by %g", c.sensor[0], c.sensor[1]);
+  report.add(all_finite(c.polynomial, 5), "camera: the lens polynomial is not finite");
+  report.add(all_finite(&c.eye_offset, 1) && c.convergence > 0 && all_finite(c.pole_merge, 2) &&
+                 !(c.pole_merge[1] > 0 && c.pole_merge[0] >= c.pole_merge[1]),
+             "camera: an eye %g aside that converges at %g, merged from %g to %g", c.eye_offset,
+             c.convergence, c.pole_merge[0], c.pole_merge[1]);
+  report.add(c.clip_plane_count == 0, "camera: a panorama has no clip planes");
+}
+
 void check_surroundings(const GlintSceneData& d, Report& report) {
   const GlintCamera& c = d.camera;
-  report.add(within(c.kind, GLINT_ORTHOGRAPHIC), "camera: unknown kind %d", c.kind);
+  report.add(within(c.kind, GLINT_PANORAMA), "camera: unknown kind %d", c.kind);
+  if (c.kind == GLINT_PANORAMA) check_panorama(c, report);
   report.add(all_finite(c.world_from_camera, 12) && all_finite(c.window, 4),
              "camera: a number is not finite");
   report.add(any(affine(c.world_from_camera).z), "camera: its view direction is zero");

@@ -25,7 +25,8 @@ DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stage
       columns_(kColumns),
       program_(scene, stages),
       transparent_shadows_(scene, stages, cancel, scratch),
-      media_(scene, scratch) {}
+      media_(scene, scratch),
+      scattered_(6) {}
 
 void DirectLight::prepare(const Batch& batch) {
   columns_.reserve(batch.size());
@@ -67,6 +68,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.stride = batch.stride;
   stage_.max_specular = scene_.max_specular;
   stage_.most_exponent = scene_.most_exponent;
+  stage_.has_sheen = scene_.has_sheen;
   stage_.specular_columns = scene_.specular_columns;
 }
 
@@ -75,6 +77,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   size_t number = 0;
   for (const Light& light : scene_.lights) {
     const uint32_t count = plan_.samples_of(light);
+    if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
     find_lit(batch, light);
     const bool notes = batch.softly_lit && count > 1;
     if (notes) find_cut(batch, light);
@@ -82,12 +85,15 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ || light.program ? ends_[c] : nullptr;
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       const LightPoint point = plan_.light_point(light, sample, j);
-      stage_.max_specular = light.is_bounced() ? 0 : scene_.max_specular;
+      if (alone_ && light.is_bounced() && !point.on_catcher) continue;
+      stage_.sheen_alone = light.is_bounced();
+      stage_.max_specular = stage_.sheen_alone && !scene_.has_sheen ? 0 : scene_.max_specular;
       light.set(stage_, point, count, plan_.physical);
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       // What is known of shadows is not told when instances change their sets.
-      uint8_t* const known =
-          batch.first_hits && light.passed_sets == 0 ? batch.first_hits->shadows(number) : nullptr;
+      uint8_t* const known = batch.first_hits && light.passed_sets == 0 && !alone_
+                                 ? batch.first_hits->shadows(number)
+                                 : nullptr;
       const size_t reached = stages_.light(stage_);
       add_lit(batch, light, reached, known ? known + batch.first_row : nullptr, counts);
       if (light.is_dome()) note_hidden(reached);
@@ -177,6 +183,7 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
     for (size_t c = 0; c < 3; ++c) {
       batch.sums.total[c][k] += sky_[c][k];
       if (batch.sums.diffuse[0]) batch.sums.diffuse[c][k] += sky_[c][k];
+      if (batch.splits()) batch.lit_diffuse[c][k] += sky_[c][k];
     }
   }
 }
@@ -191,8 +198,7 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
   const bool casts = light.casts_shadow();
   for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (casts && glassy_ && !known) {
-    transparent_shadows_.trace(batch, stage_, scene_.opacity(light), zeros_, count, shadow_,
-                               counts);
+    transparent_shadows_.trace(batch, stage_, opacity(light), zeros_, count, shadow_, counts);
   } else {
     if (casts) find_shadows(light, count, known, counts);
     else std::fill_n(blocked_.begin(), count, uint8_t(0));
@@ -200,7 +206,7 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
       transparent_shadows_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
   }
   if (casts && scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
-  add(batch, count);
+  add(batch, light, count);
 }
 
 /// Where the shadow ray of a point of the batch starts that ends at `end`, as the stage has it.
@@ -272,7 +278,8 @@ void DirectLight::dim_shadows(const Light& light, size_t count, RayCounts& count
   media_.find({{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow},
               counts);
   for (size_t k = 0; k < count; ++k)
-    set_row(shadow_, k, media_.passed(k, 0, stage_.t_max[k], light.passed_sets) * row(shadow_, k));
+    set_row(shadow_, k,
+            media_.passed(k, 0, stage_.t_max[k], light.passed_sets, alone_) * row(shadow_, k));
 }
 
 /// Notes the points whose horizon cuts the light.
@@ -302,13 +309,13 @@ void DirectLight::find_shadows(const Light& light, size_t count, uint8_t* known,
   const Timer timer(counts.tracing);
   Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
   // Else it is asked for after what is solid is known.
-  if (light.passed_sets) rays.opacity = scene_.opacity(light);
+  if (light.passed_sets || alone_) rays.opacity = opacity(light);
   scene_.accel().occluded(rays, blocked_.data(), scratch_);
   counts.shadow += count;
   for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);
 }
 
-void DirectLight::add(const Batch& batch, size_t count) const {
+void DirectLight::add(const Batch& batch, const Light& light, size_t count) const {
   const SumColumns& sums = batch.sums;
   if (!glassy_ && !sums.diffuse[0]) {
     LightSum sum{count, point_.data(), blocked_.data(), {}, {}};
@@ -325,6 +332,19 @@ void DirectLight::add(const Batch& batch, size_t count) const {
     parts.specular[c] = stage_.specular_out[c];
   }
   stages_.sum_parts(parts);
+  if (batch.splits()) split(batch, light, count);
+}
+
+/// The same after shadows, by the kind of light and surface.
+void DirectLight::split(const Batch& batch, const Light& light, size_t count) const {
+  double* const* const diffuse = light.is_bounced() ? batch.lit_bounced : batch.lit_diffuse;
+  for (size_t k = 0; k < count; ++k) {
+    const Vec3d S = shadow_[0] ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
+    for (size_t c = 0; c < 3; ++c) {
+      diffuse[c][point_[k]] += S[int(c)] * stage_.diffuse_out[c][k];
+      batch.lit_specular[c][point_[k]] += S[int(c)] * stage_.specular_out[c][k];
+    }
+  }
 }
 
 }  // namespace glint

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "integrator/batch.h"
-#include "integrator/media.h"
 #include "integrator/plan.h"
+#include "integrator/scatter_depths.h"
 #include "integrator/transmittance.h"
 #include "shading/light_program.h"
 
@@ -19,6 +19,16 @@ class DirectLight {
 
   /// Adds all lights to the points of `batch`, for pixel sample `sample`.
   void illuminate(Batch& batch, uint32_t sample, RayCounts& counts);
+  /// The same as if catchers of shadows were the only things there.
+  void illuminate_catchers(Batch& batch, uint32_t sample, RayCounts& counts) {
+    alone_ = true;
+    illuminate(batch, sample, counts);
+    alone_ = false;
+  }
+  /// Adds what media before the hits scatter of the lights, and give of themselves, to the rays of
+  /// `batch`, of which `spans` are. clear: their weights before media dim them.
+  void scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear, uint32_t sample,
+               RayCounts& counts);
   /// Whether rough surfaces may reflect others.
   bool reflects() const;
   /// Adds to `glossy` the rays that rough surfaces reflect towards others, at the points that
@@ -27,6 +37,9 @@ class DirectLight {
 
  private:
   void prepare(const Batch& batch);
+  const Opacity* opacity(const Light& light) const {
+    return alone_ ? scene_.opacity_of_catchers(light) : scene_.opacity(light);
+  }
   void find_lit(const Batch& batch, const Light& light);
   void note_hidden(size_t count);
   void add_rest(const Batch& batch, const Light& light, uint32_t sample);
@@ -35,17 +48,25 @@ class DirectLight {
   Vec3d shadow_start(uint32_t point, const Vec3d& end) const;
   size_t meet_emitters(const Light& light, size_t count);
   void apply_program(const Light& light, size_t count);
+  void add_glow(Batch& batch, const MediaSpans& spans, const Vec3d* clear);
+  void place_points(const Batch& batch);
+  void scatter_light(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
+                     const Light& light, uint32_t sample, RayCounts& counts);
+  void scatter_sample(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
+                      const Light& light, double share, double count, RayCounts& counts);
   void dim_shadows(const Light& light, size_t count, RayCounts& counts);
   void find_cut(const Batch& batch, const Light& light) const;
   void find_shadows(const Light& light, size_t count, uint8_t* known, RayCounts& counts);
   bool recall_shadows(const uint8_t* known, size_t count);
-  void add(const Batch& batch, size_t count) const;
+  void add(const Batch& batch, const Light& light, size_t count) const;
+  void split(const Batch& batch, const Light& light, size_t count) const;
 
   const Scene& scene_;
   const RenderPlan& plan_;
   const Stages& stages_;
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
+  bool alone_ = false;  // catchers of shadows are the only things there
   const bool glassy_;   // some surface lets light through
   LightStage stage_{};  // what it writes: a row for each point that a light sample reaches
   Columns columns_;
@@ -62,6 +83,12 @@ class DirectLight {
   std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden
   TransparentShadows transparent_shadows_;
   MediaSpans media_;
+  // Of light that media scatter: where each ray's points lie, their weights, and which there are.
+  ScatterDepths depths_;
+  Columns scattered_;
+  std::vector<double> at_, ends_of_rays_;
+  std::vector<int64_t> scatters_;
+  std::vector<MediaSpans::Piece> pieces_;
 };
 
 }  // namespace glint

@@ -37,6 +37,7 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       ahead_(scene, scratch_),
       batch_(scene, film.passes()),
       reach_(reach_of(plan)),
+      catches_(scene.features & GLINT_FEATURE_SHADOW_CATCHER),
       program_slots_(size_t(scene.most_slots) * kBlock) {}
 
 Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy) {
@@ -74,6 +75,7 @@ void Tracer::choose(const Tile& tile) {
     std::iota(active_.begin(), active_.end(), 0u);
   }
   surely_empty_ = !active_.empty() && !plan_.is_spread() && !plan_.moving &&
+                  !camera_.is_panorama() &&
                   !(scene_.features & (GLINT_FEATURE_VISIBLE_LIGHTS | GLINT_FEATURE_MEDIA)) &&
                   !scene_.sky_program && scene_.accel().surely_empty(frustum(tile));
 }
@@ -92,7 +94,7 @@ uint32_t Tracer::packet_samples(uint32_t samples) const {
   if (scene_.features &
       (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT | GLINT_FEATURE_BOUNCED_LIGHT))
     return 1;
-  if (direct_.reflects() || scene_.has_rough_glass) return 1;
+  if (direct_.reflects() || scene_.has_rough_glass || scene_.scatters) return 1;
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
   uint32_t count = WindowPoints::kMaxPacketSamples;
   while (count > samples) count /= 2;
@@ -132,12 +134,22 @@ void Tracer::camera_rays() {
   stages_.camera(stage);
   camera_.clip(stage);
   const Vec3d eye = plan_.camera_frames ? Vec3d{} : camera_.eye();  // frames have their own
-  const bool beside = stage.parallel || plan_.is_spread();
+  const bool beside = !camera_.has_one_eye() || plan_.is_spread();
   for (size_t k = 0; any(eye) && k < 3; ++k)
     for (size_t i = 0; i < stage.count; ++i)
       stage.o[k][i] = (beside ? stage.o[k][i] : 0) + eye[int(k)];
   for (size_t k = 0; (beside || any(eye)) && k < 3; ++k)
     std::copy_n(stage.o[k], stage.count, first_.column(Queue::kStart + k));
+  if (stage.panorama) leave_out_unseen(stage);
+}
+
+/// Beyond the picture of a panorama's lens rays bring nothing, and nothing is there.
+void Tracer::leave_out_unseen(const CameraStage& stage) {
+  for (size_t k = 0; k < stage.count; ++k) {
+    const bool seen = stage.t_max[k] >= 0;
+    for (size_t c = 0; c < 3; ++c) first_.column(Queue::kT + c)[k] = seen ? 1 : 0;
+    if (!seen) paths_.lost_alpha()[k] += 1;
+  }
 }
 
 /// One path through a surely_empty tile stands for all.
@@ -227,8 +239,13 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, Queue& boun
   if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
   if (queue.visibility == kCamera && film_.wants_seen()) note_seen(queue);
   if (gives_aovs) note_aovs(queue);
+  if (queue.visibility == kCamera && film_.wants_lighting()) note_colors(queue);
+  if (catches_) set_aside_caught(queue);
   direct_.illuminate(batch_, sample, counts_);
+  if (catches_ && !caught_.empty()) settle_caught(queue, sample);
   direct_.reflect(batch_, sample, glossy, counts_);
+  if (scene_.features & GLINT_FEATURE_MEDIA)
+    direct_.scatter(batch_, media_, clear_.data(), sample, counts_);
   keep(queue);
 }
 
@@ -376,6 +393,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.x[c] = batch_.points.x[c];
     stage.g[c] = batch_.points.g[c];
     stage.bent[c] = batch_.points.n[c];
+    stage.start[c] = queue.column(Queue::kStart + c);
   }
   if (material.program > 0) {
     stage.program = &scene_.program_of(material);
@@ -383,10 +401,12 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
     stage.slots = program_slots_.data();
     stage.outside = batch_.points.outside;
+    stage.tags = queue.tags();
   }
   stage.specular_columns = scene_.specular_columns;
   stage.specular = batch_.specular;
   stage.passing = batch_.passing_columns;
+  stage.passing_columns = batch_.passing_width;
   stage.stride = batch_.stride;
   stage.lit = batch_.lit.data();
   stage.passing_rows = batch_.passing_rows.data();
@@ -401,25 +421,13 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
 /// `count`, that hit nothing. How many they are.
 size_t Tracer::see_sky(const Queue& queue, size_t first, size_t count) {
   const uint32_t* rows = batch_.others.data() + first;
-  const double* slot = program_slots_.data() + scene_.sky_slot;
-  const RayKind kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
   size_t seen = 0;
   while (seen < count && batch_.material[rows[seen]] == scene_.surroundings()) {
     const uint32_t* some = rows + seen;
     const size_t most = std::min(count - seen, kBlock);
     size_t here = 1;
     while (here < most && batch_.material[some[here]] == scene_.surroundings()) ++here;
-    ProgramPoints points{};
-    for (size_t i = 0; i < (here + kPad - 1) / kPad * kPad; ++i) {
-      const uint32_t k = some[std::min(i, here - 1)];
-      points.outside[i] = -1;
-      for (size_t c = 0; c < 3; ++c) points.d[c][i] = 0;
-      for (size_t c = 0; c < 3; ++c)
-        for (size_t axis = 0; axis < 3; ++axis)
-          points.d[axis][i] += scene_.sky_axes[axis][int(c)] * queue.column(Queue::kD + c)[k];
-    }
-    stages_.program(
-        {scene_.input_tables(), scene_.sky_program, &points, kind, here, program_slots_.data()});
+    const double* const slot = run_sky(queue, some, here);
     for (size_t i = 0; i < here; ++i)
       for (size_t c = 0; c < 3; ++c) {
         const double radiance = slot[c * kBlock + i], T = queue.column(Queue::kT + c)[some[i]];
@@ -432,12 +440,35 @@ size_t Tracer::see_sky(const Queue& queue, size_t first, size_t count) {
   return seen;
 }
 
+/// What the world's program gives to up to a block of rays: its three slots.
+const double* Tracer::run_sky(const Queue& queue, const uint32_t* rows, size_t count) {
+  const RayKind kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
+  ProgramPoints points{};
+  for (size_t i = 0; i < (count + kPad - 1) / kPad * kPad; ++i) {
+    const uint32_t k = rows[std::min(i, count - 1)];
+    points.outside[i] = -1;
+    for (size_t c = 0; c < 3; ++c) points.d[c][i] = 0;
+    for (size_t c = 0; c < 3; ++c)
+      for (size_t axis = 0; axis < 3; ++axis)
+        points.d[axis][i] += scene_.sky_axes[axis][int(c)] * queue.column(Queue::kD + c)[k];
+  }
+  stages_.program(
+      {scene_.input_tables(), scene_.sky_program, &points, kind, count, program_slots_.data()});
+  return program_slots_.data() + scene_.sky_slot;
+}
+
 /// Sends on the rays of the first `count` of the batch's `passing_rows`, which share a material.
 void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
+  uint32_t* const all = batch_.passing_rows.data();
+  size_t shown = count;  // those beyond are on catchers
+  if (catches_)
+    shown = size_t(
+        std::stable_partition(all, all + count, [&](uint32_t k) { return !is_caught(queue, k); }) -
+        all);
   for (size_t first = 0, some; first < count; first += some) {
-    const uint32_t* const rows = batch_.passing_rows.data() + first;
-    some = cuts_.leading(queue, rows, count - first);
-    shader_.pass_on(batch_, sample_, rows, some, next, counts_);
+    const size_t end = first < shown ? shown : count;
+    some = cuts_.leading(queue, all + first, end - first);
+    shader_.pass_on(batch_, sample_, all + first, some, next, counts_, first >= shown);
   }
 }
 
@@ -521,12 +552,20 @@ Vec3d Tracer::albedo(size_t k) const {
   }
   sum = batch_.queue->path(k).T * sum;
   if (!batch_.lit[k]) return sum;
-  sum += row(batch_.diffuse, k);
+  const Highlights given = highlights(k);
+  return sum + row(batch_.diffuse, k) + given.glossy + given.matt;
+}
+
+/// T times about what of even light the highlights of a lit point give back.
+Tracer::Highlights Tracer::highlights(size_t k) const {
+  Highlights sum;
   for (int term = 0; term < scene_.max_specular; ++term) {
     const double* const column =
         batch_.specular + size_t(scene_.specular_columns * term) * batch_.stride + k;
-    const double share = 8 / (column[SpecularTerm::kExponent * batch_.stride] + 2);
-    sum += share * Vec3d{column[0], column[batch_.stride], column[2 * batch_.stride]};
+    const double exponent = column[SpecularTerm::kExponent * batch_.stride];
+    const Vec3d k_s{column[0], column[batch_.stride], column[2 * batch_.stride]};
+    if (exponent == SpecularTerm::kSheen) sum.matt += k_s;
+    else sum.glossy += 8 / (exponent + 2) * k_s;
   }
   return sum;
 }
@@ -595,6 +634,9 @@ void Tracer::run_aovs(const Queue& queue, const Material& given, const uint32_t*
       points.n[c][i] = s.n[c];
       points.d[c][i] = d[c];
     }
+    const uint32_t row = rows[std::min(i, count - 1)];
+    points.length[i] = length(s.x - queue.path(row).start) / scene_.anchor.scale;
+    points.tags[i] = queue.tags()[row];
   }
   stages_.program({scene_.input_tables(), &scene_.program_of(given), &points, RayKind::kCamera,
                    count, program_slots_.data()});
@@ -623,6 +665,7 @@ void Tracer::keep(const Queue& queue) {
   };
   const SumColumns& s = batch_.sums;
   keep_part(GLINT_PASS_COMBINED, s.total);
+  if (film_.wants_lighting()) keep_lighting(queue);
   if (queue.visibility != kCamera) return keep_part(GLINT_PASS_MIRROR, s.total);
   keep_part(GLINT_PASS_AMBIENT, s.ambient);
   keep_part(GLINT_PASS_EMISSION, s.emission);

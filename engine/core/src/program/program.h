@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "glint.h"
+
 namespace glint {
 
 /// Points that a program runs over at once: their slots stay in the second-level cache.
@@ -17,6 +19,7 @@ struct ProgramShape {
   const double* constants;  // kPad of each
   const double* tables;
   uint32_t slots;
+  bool reads_ray;  // what ProgramPoints has of the ray
 };
 
 /// Of the rays that meet the points.
@@ -29,7 +32,8 @@ struct ProgramPoints {
   double x[3][kBlock], g[3][kBlock], n[3][kBlock],
       d[3][kBlock];            // g, n: turned to the viewer; d: of the ray, unit
   int64_t outside[kBlock];     // mask: the outer side is seen
-  double length[kBlock] = {};  // of the ray, in the world; known of lights alone
+  double length[kBlock] = {};  // of the ray, in the world, as what follows only where it is read
+  int64_t tags[kBlock] = {};   // RayTag
 };
 
 /// What programs know beside the points. World = x / scale + origin.
@@ -40,6 +44,8 @@ struct ProgramView {
   double step;  // of shifted reads: a tenth of a pixel at the distance 1, or where rays are
                 // parallel at any; world
   bool parallel;
+  double clip_start;            // where rays of the camera start: a share of its axis backward
+  const GlintCamera* panorama;  // null for none
 };
 
 /// Constants as programs read them.

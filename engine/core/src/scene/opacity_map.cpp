@@ -139,6 +139,8 @@ OpacityMaps::Known OpacityMaps::known(uint32_t m) {
          lobe.kind == GLINT_TRANSPARENT && i < lobe.first_input + lobe.input_count; ++i) {
       const GlintInput& input = scene_.inputs[i];
       if (input.texture < 0) continue;
+      // a hole of a cubic image would take four texels in a row
+      if (scene_.texture_shapes[size_t(input.texture)].interpolation == GLINT_CUBIC) continue;
       found.at_zero = where(m, i, 0);
       found.at_one = where(m, i, 1);
       if (found.at_zero == Opacity::kVaried && found.at_one == Opacity::kVaried) continue;
@@ -271,11 +273,13 @@ uint8_t OpacityMaps::at(uint32_t instance, uint32_t primitive, double u, double 
                                   : uint8_t(Opacity::kVaried);
 }
 
-PassedInstances::PassedInstances(const Scene& scene, const Light& light) {
+PassedInstances::PassedInstances(const Scene& scene, uint64_t passed_sets, bool catchers_alone) {
   if (scene.opacity()) view_ = *scene.opacity();
   of_instance_.resize(scene.placements.size());
   for (uint32_t i = 0; i < of_instance_.size(); ++i) {
-    const bool passed = light.passed_sets >> scene.group(i).light_set & 1;
+    const GlintInstances& group = scene.group(i);
+    const bool passed =
+        passed_sets >> group.light_set & 1 || (catchers_alone && !(group.flags & GLINT_CATCHER));
     const uint8_t own = scene.opacity() ? view_.of_instance[i] : uint8_t(Opacity::kSolid);
     of_instance_[i] = passed ? uint8_t(Opacity::kClear) : own;
   }

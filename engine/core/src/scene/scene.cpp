@@ -7,6 +7,7 @@
 #include "integrator/first_hit_cache.h"
 #include "math/math.h"
 #include "scene/opacity_map.h"
+#include "scene/panorama_step.h"
 
 namespace glint {
 namespace {
@@ -110,6 +111,11 @@ const Opacity* Scene::opacity() const { return opacity_ ? &opacity_->view() : nu
 const Opacity* Scene::opacity(const Light& light) const {
   const PassedInstances* const passed = passed_[size_t(&light - lights.data())].get();
   return passed ? &passed->view() : opacity();
+}
+
+const Opacity* Scene::opacity_of_catchers(const Light& light) const {
+  const PassedInstances* const own = caught_[size_t(&light - lights.data())].get();
+  return &(own ? own : caught_.back().get())->view();
 }
 
 /// The trees that a later scene may take over: this one's, or as long as it has none those that it
@@ -236,8 +242,11 @@ void Scene::set_program_view() {
   }
   view.scale = anchor.scale;
   view.parallel = camera.kind == GLINT_ORTHOGRAPHIC;
+  view.clip_start = camera.clip_start;
   std::copy_n(camera.window, 4, view.window);
+  view.panorama = camera.kind == GLINT_PANORAMA ? &camera : nullptr;
   view.step = 0.1 * length(m.x) * (camera.window[1] - camera.window[0]) / camera.width;
+  if (view.panorama) view.step = panorama_step(camera);
 }
 
 double Scene::radius(const Scene* base) {
@@ -297,6 +306,10 @@ void Scene::place_media(const GlintSceneData& data) {
     for (int k = 0; k < 8; ++k) placed.grow(point(m, box.corner(k)));
     enclosures.push_back({i, uint32_t(medium - 1), placed.low, placed.high});
   }
+  for (const Medium& medium : media) {
+    scatters = scatters || any(medium.scattering);
+    emits = emits || any(medium.emission);
+  }
 }
 
 void Scene::note_features() {
@@ -305,6 +318,7 @@ void Scene::note_features() {
     features |= GLINT_FEATURE_MEDIA | GLINT_FEATURE_TRANSPARENT;
   for (const GlintInstances& group : groups) {
     if (group.flags & GLINT_HOLDOUT) features |= GLINT_FEATURE_HOLDOUT;
+    if (group.flags & GLINT_CATCHER) features |= GLINT_FEATURE_SHADOW_CATCHER;
     if (geometries[group.geometry].normals.values) features |= GLINT_FEATURE_SMOOTH_NORMALS;
     for (uint32_t k = 0; k < group.material_count; ++k) {
       const Material& material = materials[material_slots[group.first_material + k]];
@@ -451,7 +465,14 @@ bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& ca
     passed_.resize(lights.size());
     for (size_t k = 0; k < lights.size(); ++k)
       if (lights[k].casts_shadow() && lights[k].passed_sets)
-        passed_[k] = std::make_unique<const PassedInstances>(*this, lights[k]);
+        passed_[k] = std::make_unique<const PassedInstances>(*this, lights[k].passed_sets, false);
+  }
+  if (caught_.empty() && features & GLINT_FEATURE_SHADOW_CATCHER) {
+    for (const Light& light : lights)
+      caught_.push_back(light.passed_sets ? std::make_unique<const PassedInstances>(
+                                                *this, light.passed_sets, true)
+                                          : nullptr);
+    caught_.push_back(std::make_unique<const PassedInstances>(*this, 0, true));
   }
   if (!build_emitters(threads, cancel) || !build_media(threads, cancel)) return false;
   if (accel_) return true;

@@ -107,6 +107,8 @@ class Scene {
   const Opacity* opacity() const;
   /// The same for the shadow rays of one of `lights`.
   const Opacity* opacity(const Light& light) const;
+  /// The same where catchers alone cast shadows; in scenes that have some.
+  const Opacity* opacity_of_catchers(const Light& light) const;
   /// What is known of the first wave of such a render, by this scene or those whose trees it has;
   /// nothing as yet for one that is new.
   std::shared_ptr<FirstHitCache> first_hits(const RenderPlan& plan, const Film& film);
@@ -147,16 +149,18 @@ class Scene {
   std::vector<Medium> media;                   // in anchored space
   std::vector<Enclosure> enclosures;           // instances with a medium inside
   int32_t world_medium = -1;                   // what is everywhere
+  bool scatters = false, emits = false;        // some medium of these does
   uint32_t features = 0;                       // GLINT_FEATURE_*
-  int max_specular = 0;                        // SPECULAR lobes of a material, at most
+  int max_specular = 0;                        // SPECULAR and SHEEN lobes of a material, at most
   double most_exponent = 0;                    // of SPECULAR lobes
   bool has_metals = false, has_gloss = false;  // SPECULAR lobes of GGX's masking, and which
-  bool has_rough_glass = false;
-  int specular_columns = 4;    // numbers of each as the stages read them
-  int max_view = 0;            // lobes of a material that depend on the view, at most
-  int max_passing = 0;         // Material::passing, at most
-  uint32_t most_slots = 0;     // of programs
-  bool bends_normals = false;  // some material gives shading normals of its own
+  bool has_rough_glass = false, has_sheen = false;
+  int specular_columns = 4;  // numbers of each as the stages read them
+  int max_view = 0;          // lobes of a material that depend on the view, at most
+  int max_passing = 0;       // Material::passing, at most
+  int passing_columns = PassingTerm::kPlain;  // of each of these lobes
+  uint32_t most_slots = 0;                    // of programs
+  bool bends_normals = false;                 // some material gives shading normals of its own
   /// Of a material that has one.
   const ProgramShape& program_of(const Material& m) const {
     return programs[size_t(m.program - 1)];
@@ -237,7 +241,8 @@ class Scene {
   const float* emitter_corners_ = nullptr;
   std::shared_ptr<const std::vector<uint32_t>> emitter_rows_;  // of the corners, three an emitter
   std::unique_ptr<const OpacityMaps> opacity_;
-  std::vector<std::unique_ptr<const PassedInstances>> passed_;  // by light; null: of most
+  std::vector<std::unique_ptr<const PassedInstances>> passed_,
+      caught_;  // by light; null: of most. caught_: all but catchers; the last one: of those most
   bool exact_ = true;  // accel_ is what a scene without a base would have
   Earlier earlier_;    // until there is accel_
   std::vector<std::shared_ptr<FirstHitCache>> first_hit_caches_;  // the last ones, newest first

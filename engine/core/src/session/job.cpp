@@ -1,6 +1,7 @@
 #include "session/job.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <cstring>
 
 #include "session/timer.h"
@@ -64,6 +65,8 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.dome.irradiance = g.dome_irradiance;
   plan.dome.irradiance_rows = g.dome_irradiance_rows;
   plan.dome.irradiance_columns = g.dome_irradiance_columns;
+  plan.volume_samples = g.volume_samples;
+  plan.scatter_offsets = g.scatter_offsets;
   plan.lens_points = g.lens_points;
   plan.camera_frames = g.camera_frames;
   plan.camera_block = g.camera_block;
@@ -75,8 +78,13 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
 bool same_view(const GlintCamera& a, const GlintCamera& b) {
   const bool same_planes = a.clip_plane_count == b.clip_plane_count &&
                            std::memcmp(a.clip_planes, b.clip_planes, sizeof a.clip_planes) == 0;
+  const size_t first = offsetof(GlintCamera, longitude);
+  const bool same_panorama =
+      a.kind != GLINT_PANORAMA ||
+      std::memcmp(reinterpret_cast<const char*>(&a) + first,
+                  reinterpret_cast<const char*>(&b) + first, sizeof a - first) == 0;
   return a.width == b.width && a.height == b.height && a.kind == b.kind && same_planes &&
-         a.clip_start == b.clip_start && a.clip_end == b.clip_end &&
+         same_panorama && a.clip_start == b.clip_start && a.clip_end == b.clip_end &&
          std::equal(a.window, a.window + 4, b.window) &&
          std::equal(a.world_from_camera, a.world_from_camera + 12, b.world_from_camera);
 }
@@ -100,6 +108,11 @@ bool enough_mesh_points(const GlintRenderSettings& g, const Scene& scene) {
 bool enough_bounced_points(const GlintRenderSettings& g, const Scene& scene) {
   return !(scene.features & GLINT_FEATURE_BOUNCED_LIGHT) ||
          (g.bounced_samples >= 1 && g.bounced_table && g.bounced_count >= g.bounced_samples);
+}
+
+bool enough_offsets(const GlintRenderSettings& g, const Scene& scene) {
+  return !scene.scatters || (g.volume_samples >= 1 && g.volume_samples <= 1u << 12 &&
+                             g.scatter_offsets && g.scatter_count >= g.samples);
 }
 
 bool enough_camera_rows(const GlintRenderSettings& g) {
@@ -133,12 +146,13 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
       "settings: fewer points of a mesh light than those of a sample");
   add(enough_bounced_points(g, scene),
       "settings: fewer points of bounced light than those of a sample");
+  add(enough_offsets(g, scene), "settings: fewer offsets than samples, or no volume samples");
   add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
   add(g.max_bounces <= 64, "settings: more than 64 bounces");
   add(g.error_threshold >= 0 && g.error_threshold < 256,
       "settings: the error threshold is not between 0 and 256");
   add(g.cutoff >= 0 && g.cutoff <= 1, "settings: the cutoff is not between 0 and 1");
-  add(g.passes < 1u << GLINT_PASS_COUNT, "settings: unknown passes");
+  add(g.passes < pass_bit(GLINT_PASS_COUNT), "settings: unknown passes");
   add(!(g.passes & Cryptomatte::kPasses) || (g.crypto_ids >= 1 && g.crypto_ids <= 64),
       "settings: not 1 to 64 ids of Cryptomatte");
   add(!(g.passes >> GLINT_PASS_AOV & 1) || scene.aov_count > 0, "settings: there are no AOVs");

@@ -12,6 +12,16 @@ namespace {
 constexpr size_t kMostLevels = 64;      // of lobe points
 constexpr uint32_t kMaxStraight = 128;  // surfaces in a row that dim a transparent ray
 
+/// Of a smooth dielectric, unpolarised; 1 at total reflection (Fresnel 1823).
+double reflectance(double cosine, double relative_ior) {
+  const double sine2 = (1 - cosine * cosine) / (relative_ior * relative_ior);
+  if (sine2 >= 1) return 1;
+  const double inner = std::sqrt(std::fmax(0, 1 - sine2)),
+               across = (cosine - relative_ior * inner) / (cosine + relative_ior * inner),
+               along = (relative_ior * cosine - inner) / (relative_ior * cosine + inner);
+  return 0.5 * (across * across + along * along);
+}
+
 /// What a stage reads of a batch's points and of the rays that arrived there.
 PassStage stage_of(const Batch& batch) {
   PassStage stage{};
@@ -28,6 +38,7 @@ PassStage stage_of(const Batch& batch) {
   stage.offset = p.offset;
   stage.outside = p.outside;
   stage.passing = batch.passing_columns;
+  stage.passing_columns = batch.passing_width;
   stage.passing_stride = batch.stride;
   return stage;
 }
@@ -35,14 +46,14 @@ PassStage stage_of(const Batch& batch) {
 }  // namespace
 
 void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, size_t count,
-                     const Leaving& next, RayCounts& counts) const {
+                     const Leaving& next, RayCounts& counts, bool straight_alone) const {
   const Material& material = scene_.materials[batch.material[rows[0]]];
   PassStage stage = stage_of(batch);
   stage.rows = rows;
   stage.count = count;
   stage.lobes = scene_.lobe_shapes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
-  stage.max_bounces = plan_.max_bounces;
+  stage.max_bounces = straight_alone ? 0 : plan_.max_bounces;
   stage.max_straight = kMaxStraight;
   stage.cutoff = plan_.cutoff;
   next.bounced.reserve(next.bounced.size() + count * size_t(material.passing));
@@ -58,7 +69,7 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
       places[level] = disc_place(point[0], point[1]);
     }
     for (size_t k = 0; batch.softly_lit && k < count; ++k)
-      if (batch.queue->path(rows[k]).depth < plan_.max_bounces)
+      if (batch.queue->path(rows[k]).depth < stage.max_bounces)
         batch.mark_softly_lit(rows[k], Refinement::kCut);
   }
   const PassedRays passed = stages_.pass(stage);
@@ -78,6 +89,23 @@ Vec3d Shader::passed(const Batch& batch, size_t k) const {
   return transparent;
 }
 
+Gives Shader::gives(const Batch& batch, size_t k) const {
+  const Material& material = scene_.materials[batch.material[k]];
+  const double cosine = std::fabs(dot(row(batch.points.n, k), batch.queue->ray(k).d));
+  Gives gives;
+  const Lobe* lobe = scene_.lobes.data() + material.first_lobe;
+  for (int i = 0; i < material.passing; ++lobe) {
+    const double given = batch.passing_ior(k, i, lobe->ior),
+                 ior = batch.outside[k] ? given : 1 / given;
+    const bool mirrors = lobe->kind == GLINT_MIRROR, refracts = lobe->kind == GLINT_REFRACTION;
+    const double R = lobe->fresnel && (mirrors || refracts) ? reflectance(cosine, ior) : 0;
+    if (mirrors) gives.mirrored += (lobe->fresnel ? R : 1) * batch.passing(k, i);
+    if (refracts) gives.refracted += (1 - R) * batch.passing(k, i);
+    i += (1u << lobe->kind & kPassing) != 0;
+  }
+  return gives;
+}
+
 void Shader::record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const {
   if (mean(passed(batch, k)) < 0.5) record(batch, k, film, pixel);
 }
@@ -89,8 +117,9 @@ void Shader::hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel,
   const Material& material =
       scene_.materials[scene_.material_of(scene_.group(s.instance), s.primitive)];
   if (path.wants_data &&
-      mean(transparency(scene_, material, s, batch.queue->ray(k).d,
-                        path.depth > 0 ? RayKind::kBounced : RayKind::kCamera)) < 0.5)
+      mean(transparency(scene_, material, s,
+                        {path.start, batch.queue->ray(k).d, batch.queue->tags()[k],
+                         path.depth > 0 ? RayKind::kBounced : RayKind::kCamera})) < 0.5)
     record(film, pixel, s, material, batch.queue->ray(k).d);
   if (path.depth == 0) lost += mean(path.T);
 }

@@ -15,18 +15,24 @@ struct Leaving {
   Queue& bounced;
 };
 
+/// What of the light behind them mirrors and glass send on, with what Fresnel says.
+struct Gives {
+  Vec3d mirrored, refracted;
+};
+
 class Shader {
  public:
   Shader(const Scene& scene, const RenderPlan& plan, const Stages& stages)
       : scene_(scene), plan_(plan), stages_(stages), camera_(scene) {}
 
   /// Sends on the rays of some points of the batch, of different paths, whose material the vary
-  /// stage has seen.
+  /// stage has seen. straight_alone: but for mirrored and refracted ones.
   void pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, size_t count,
-               const Leaving& next, RayCounts& counts) const;
+               const Leaving& next, RayCounts& counts, bool straight_alone = false) const;
   /// What goes straight through the surface of a point that the vary stage has seen, if it lets
   /// any through.
   Vec3d passed(const Batch& batch, size_t k) const;
+  Gives gives(const Batch& batch, size_t k) const;
   /// Data passes of a point that the vary stage has seen, unless the surface lets most through.
   void record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
   /// A hit on a holdout; alpha lost is added to `lost`.

@@ -39,7 +39,7 @@ template <bool Reflecting>
 inline Term term_of(const LightStage& s, size_t k, int number) {
   Term term(s, k, number);
   if constexpr (Reflecting) {
-    const Mask good = term.reflects(s, k, number);
+    const Mask good = term.reflects(s, k, number) & (term.exponent >= 0);
     term.k = where(good, term.k);
     term.exponent = choose(good, term.exponent, splat(-1));
   }
@@ -63,9 +63,10 @@ inline Narrow narrow_terms(const LightStage& s, size_t k, const Three& x) {
   return narrow;
 }
 
-/// Sum of the terms, and how densely (a steradian) directions are drawn where l is.
+/// Sum of the terms, of SHEEN ones apart, and how densely (a steradian) directions are drawn where
+/// l is.
 struct Highlights {
-  Three light;
+  Three light, sheen;
   Doubles density;
 };
 
@@ -81,8 +82,19 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
   Doubles exponent = splat(0), power = splat(1);
   Highlights sum{};
   for (int number = 0; number < s.max_specular; ++number) {
-    const Term term = term_of<Reflecting>(s, k, number);
+    Term term = term_of<Reflecting>(s, k, number);
     if (!any(nonzero(term.k))) continue;
+    if (s.has_sheen && !Reflecting) {
+      const Mask sheen = term.exponent == SpecularTerm::kSheen;
+      if (bits(sheen)) {
+        const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
+        const Doubles share = gloss.sheen(load(column + SpecularTerm::kMasking * s.stride),
+                                          load(column + SpecularTerm::kFresnel * s.stride));
+        sum.sheen = sum.sheen + where(sheen, share * term.k);
+      }
+      term.k = where(s.sheen_alone ? Mask{} : ~sheen, term.k);
+      if (!any(nonzero(term.k))) continue;
+    }
     if (bits(term.exponent != exponent)) {
       exponent = term.exponent;
       power = highlight(at, exponent);
@@ -230,17 +242,43 @@ size_t light_from(const LightStage& s) {
     const Doubles cosine = dot(n, at.l);
     const Mask reached = lit & at.good & (cosine > 0) & ~within<Shape>(s, k, at);
     if (!any(reached)) continue;
-    const Three color = color_of<Shape>(s, at), I = at.factor * color,
-                diffuse = cosine * (I * load3(s.diffuse, k));
-    Three specular{};
-    if (s.draws) {
-      const Narrow narrow = narrow_terms(s, k, x);
-      const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
-      specular = balanced<Shape>(s, at, seen) * (color * seen.light);
-    } else if (s.max_specular > 0) {
-      specular = I * highlights(s, k, n, at.l, cosine, nullptr).light;
+    const Three color = color_of<Shape>(s, at), I = at.factor * color;
+    Three diffuse = cosine * (I * load3(s.diffuse, k)), specular{};
+    if (s.max_specular > 0) {
+      const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
+      const Highlights seen = highlights(s, k, n, at.l, cosine, s.draws ? &narrow : nullptr);
+      specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
+      if (s.has_sheen) diffuse = diffuse + I * seen.sheen;
     }
     found += append_lit<Shape>(s, k, at, reached, diffuse, specular, found);
+  }
+  return found;
+}
+
+/// What a sample gives to points where there is no surface; its ways begin there.
+template <int Shape>
+size_t scatter_from(const LightStage& s) {
+  constexpr bool endless = Shape == kDirection || Shape == kSky;
+  size_t found = 0;
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Mask lit = load(s.lit + k);
+    if (!any(lit)) continue;
+    const Three x = load3(s.points_x, k);
+    const Sample at = sample<Shape>(s, x);
+    const Three given = at.factor * (color_of<Shape>(s, at) * load3(s.diffuse, k));
+    const uint32_t lanes = bits(lit & at.good & nonzero(given));
+    if (!lanes) continue;
+    const Appender append{lanes, found};
+    append.number(s.point, uint32_t(k));
+    append(s.diffuse_out, given);
+    if (s.specular_out[0]) append(s.specular_out, Three{});
+    append(s.o, x);
+    append(s.end_out, at.end);
+    const Way to = way(at.end - x);
+    append(s.to, endless ? at.l : to.d);
+    append(s.t_max, endless ? splat(__builtin_inf())
+                            : to.length - rounding(larger(max_abs(at.end), max_abs(x))));
+    found += size_t(__builtin_popcount(lanes));
   }
   return found;
 }
@@ -351,6 +389,27 @@ size_t light(const LightStage& s) {
       return light_from<kRectangleSource>(s);
     default:
       return light_from<kPlaneSource>(s);
+  }
+}
+
+size_t scatter(const LightStage& s) {
+  switch (s.shape) {
+    case kMeshSource:
+      return scatter_from<kMeshSource>(s);
+    case kDirection:
+      return scatter_from<kDirection>(s);
+    case kSky:
+      return scatter_from<kSky>(s);
+    case kPointSource:
+      return scatter_from<kPointSource>(s);
+    case kSphereSource:
+      return scatter_from<kSphereSource>(s);
+    case kDiscSource:
+      return scatter_from<kDiscSource>(s);
+    case kRectangleSource:
+      return scatter_from<kRectangleSource>(s);
+    default:
+      return scatter_from<kPlaneSource>(s);
   }
 }
 

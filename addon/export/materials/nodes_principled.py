@@ -1,0 +1,126 @@
+"""The Principled BSDF as a sum of lobes, layered as in Blender 4.0 and later: coat over emission,
+metal, glass, dielectric over diffuse.
+"""
+
+from __future__ import annotations
+
+import math
+
+from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
+from .nodes_shader import (
+    LEFT_OUT,
+    Fibres,
+    below_coat,
+    bend,
+    coat_closure,
+    glass_closure,
+    is_multiscatter,
+    metal_closure,
+    note_edge_tint,
+    note_left_out,
+    under_alpha,
+)
+from .roughness import layer_loss
+from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply
+from .varying import Ior, Roughness
+
+
+def _principled(view: NodeView) -> Closure:
+    _note_what_is_left_out(view)
+    base, roughness = view.reflectance("Base Color"), view.roughness()
+    metallic, transmission = view.factor("Metallic"), view.factor("Transmission Weight")
+    insulator = complement(metallic)
+    surface = add_closures(
+        scale_closure(metal_closure(view, base, roughness), metallic) if metallic else {},
+        scale_closure(
+            _plastic(view, base, roughness), multiply(insulator, complement(transmission))
+        ),
+        scale_closure(_glass(view, base, roughness), multiply(insulator, transmission))
+        if transmission
+        else {},
+        {
+            LobeKey("EMISSION"): multiply(
+                view.reflectance("Emission Color"), view.amount("Emission Strength")
+            )
+        },
+    )
+    return under_alpha(_sheened(view, _coated(view, surface)), view.factor("Alpha", 1.0))
+
+
+def plastic_closure(
+    base: Sum, tint: Sum, roughness: Roughness, ior: Ior, multiscatter: bool
+) -> Closure:
+    """A dielectric layer over a diffuse one, which gets what the layer lets through."""
+    below = below_coat(base, _largest(tint), roughness, ior, multiscatter)
+    return add_closures(below, coat_closure(ONE, roughness, ior, multiscatter, tint))
+
+
+def _largest(color: Sum) -> Sum:
+    """The largest channel, by which Cycles dims what lies below a tinted layer; each channel of
+    what varies.
+    """
+    return constant(max(constant_value(color))) if is_constant(color) else color
+
+
+def _plastic(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
+    """The specular level scales F0, one half leaves it as it is."""
+    ior = view.ior().with_level(view.amount("Specular IOR Level", 0.5))
+    tint = view.reflectance("Specular Tint", 1.0)
+    return plastic_closure(base, tint, roughness, ior, is_multiscatter(view))
+
+
+def _glass(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
+    """Refraction takes the root of the base colour, so that light which enters and leaves takes all
+    of it.
+    """
+    root = _root(view, base)
+    return glass_closure(view.reflectance("Specular Tint", 1.0), root, roughness, view.ior())
+
+
+def _root(view: NodeView, color: Sum) -> Sum:
+    if is_constant(color):
+        return constant(tuple(math.sqrt(max(x, 0.0)) for x in constant_value(color)))
+    expressions = view.evaluator.expressions
+    value, half = expressions.value_of(color), expressions.constant(0.5)
+    return expressions.sum_of(expressions.apply("gamma", value, half))
+
+
+def _coated(view: NodeView, surface: Closure) -> Closure:
+    """A dielectric coat: its reflection, and what lies below dimmed by it and tinted."""
+    weight = view.factor("Coat Weight")
+    if not weight:
+        return surface
+    ior = view.ior("Coat IOR")
+    tint = view.reflectance("Coat Tint", 1.0)
+    roughness = view.roughness("Coat Roughness", 0.03)
+    lost = multiply(weight, roughness.number(lambda r: layer_loss(r, ior.number)))
+    through = multiply(complement(lost), mix(weight, ONE, tint))
+    coat = coat_closure(weight, roughness, ior)
+    return add_closures(scale_closure(surface, through), coat)
+
+
+def _sheened(view: NodeView, surface: Closure) -> Closure:
+    """Fibres on top, and what lies below without what these reflect in their strongest channel."""
+    weight = view.factor("Sheen Weight")
+    if not weight:
+        return surface
+    tint = view.reflectance("Sheen Tint", 1.0)
+    fibres = Fibres(view, view.constant("Sheen Roughness", 0.5))
+    return add_closures(
+        fibres.over(surface, multiply(weight, _largest(tint))),
+        fibres.closure(multiply(weight, tint)),
+    )
+
+
+def _note_what_is_left_out(view: NodeView) -> None:
+    bend(view)
+    if view.is_linked("Coat Normal"):
+        view.note("The coat of {} has the normal of what lies below it")
+    note_left_out(view, LEFT_OUT)
+    if view.number("Metallic"):
+        note_edge_tint(view, "Specular Tint")
+    if view.number("Subsurface Weight"):
+        view.note("Subsurface scattering is rendered as diffuse in {}")
+
+
+CLOSURE_NODES["ShaderNodeBsdfPrincipled"] = _principled

@@ -1,0 +1,293 @@
+"""Cycles' microfacets, as its `roughness` has them, to the Blinn-Phong lobes that stand for them.
+
+GGX of width α = roughness² reflects D(h) F(v·h) G / (4 n·l n·v) of the light. Power lobes stand for
+D alone, Σ s_k max(0, n·h)^p_k for π D / 4; the lobes' own masking and Fresnel factors are the rest
+(SEMANTICS.md), so that grazing angles come out as in Cycles. Where roughness is small, D spans more
+decades and takes more lobes. tests/cycles/fit_roughness.py makes the tables, and says what is
+minimised.
+
+What of a uniform world a surface reflects is F0 · A + (1 - F0) · B, with A and B nearly a0 + a1 (1
+- n·v)^q and b0 + b1 (1 - n·v)^q.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from .fresnel import fresnel, normal_reflectance
+
+Highlight = tuple[float, float]
+"""Exponent and scale of one lobe."""
+
+LOBES = (
+    ((0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4), np.array([
+        [2.5958, 0.4196, 0.0690, 0.0106, 0.208645, 0.016417, 0.000521, 0.000015],
+        [2.6563, 0.4411, 0.0738, 0.0109, 0.208624, 0.017714, 0.000598, 0.000018],
+        [2.7887, 0.4892, 0.0848, 0.0116, 0.208139, 0.020726, 0.000798, 0.000027],
+        [2.9959, 0.5681, 0.1037, 0.0125, 0.206240, 0.025895, 0.001209, 0.000049],
+        [2.9786, 0.5611, 0.0975, 0.0071, 0.205921, 0.025960, 0.001233, 0.000055],
+        [3.3109, 0.7233, 0.1443, 0.0105, 0.197400, 0.036519, 0.002559, 0.000158],
+        [3.8510, 0.9529, 0.2104, 0.0153, 0.184461, 0.052666, 0.005143, 0.000406],
+    ])),
+    ((0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7), np.array([
+        [2.5107, 0.3860, 0.0263, 0.205260, 0.017381, 0.000652],
+        [2.8393, 0.4970, 0.0353, 0.203876, 0.026192, 0.001393],
+        [3.1484, 0.6196, 0.0442, 0.196694, 0.037079, 0.002727],
+        [3.4884, 0.7574, 0.0531, 0.185757, 0.050414, 0.005016],
+        [3.8187, 0.9028, 0.0606, 0.170705, 0.065130, 0.008704],
+        [4.1424, 1.0559, 0.0655, 0.151754, 0.080681, 0.014421],
+        [4.4419, 1.2098, 0.0662, 0.129795, 0.095613, 0.022917],
+    ])),
+    ((0.7, 0.8, 0.9, 1.0), np.array([
+        [2.3722, 0.1548, 0.198212, 0.035840],
+        [2.5947, 0.1451, 0.172610, 0.071704],
+        [2.5613, 0.0794, 0.117400, 0.131519],
+        [0.0000, 0.0000, 0.085000, 0.165000],
+    ])),
+)  # fmt: skip
+"""Roughnesses, and a row for each: p·α² of the lobes, then s·α². Four lobes and three follow D to
+20 %, two to 8 %, up to 75° from the half vector (up to 25 α where roughness is below 0.3).
+"""
+
+ROUGHNESS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
+"""Columns of the tables below."""
+
+WORLD = {
+    "METAL": np.array(
+        [
+            [5.0, 5.0, 4.5, 3.8, 3.4, 2.9, 3.3, 3.1, 3.2, 2.9, 2.7],
+            [
+                1.0000,
+                1.0009,
+                1.0071,
+                0.9873,
+                0.9440,
+                0.8801,
+                0.7961,
+                0.6861,
+                0.5661,
+                0.4405,
+                0.3284,
+            ],
+            [
+                -0.0009,
+                -0.0111,
+                -0.1148,
+                -0.1681,
+                -0.1173,
+                -0.0321,
+                0.0819,
+                0.2265,
+                0.3939,
+                0.5367,
+                0.6431,
+            ],
+            [
+                0.0000,
+                0.0002,
+                0.0000,
+                0.0000,
+                0.0000,
+                0.0000,
+                0.0008,
+                0.0004,
+                0.0003,
+                0.0000,
+                0.0000,
+            ],
+            [
+                0.9992,
+                0.9879,
+                0.7854,
+                0.5082,
+                0.3165,
+                0.1837,
+                0.1351,
+                0.0851,
+                0.0591,
+                0.0400,
+                0.0279,
+            ],
+        ]
+    ),
+    "DIELECTRIC": np.array(
+        [
+            [4.1, 4.0, 3.6, 3.1, 2.6, 2.3, 2.5, 2.4, 2.5, 2.6, 2.4],
+            [
+                1.0000,
+                1.0011,
+                1.0098,
+                0.9937,
+                0.9477,
+                0.8811,
+                0.7933,
+                0.6793,
+                0.5585,
+                0.4362,
+                0.3240,
+            ],
+            [
+                -0.0008,
+                -0.0100,
+                -0.1046,
+                -0.1587,
+                -0.1079,
+                -0.0301,
+                0.0747,
+                0.2076,
+                0.3443,
+                0.5118,
+                0.6036,
+            ],
+            [
+                0.0026,
+                0.0022,
+                0.0016,
+                0.0010,
+                0.0008,
+                0.0004,
+                0.0018,
+                0.0015,
+                0.0012,
+                0.0008,
+                0.0000,
+            ],
+            [
+                0.8050,
+                0.7693,
+                0.6212,
+                0.4331,
+                0.2674,
+                0.1738,
+                0.1273,
+                0.0837,
+                0.0606,
+                0.0454,
+                0.0331,
+            ],
+        ]
+    ),
+}
+"""q, a0, a1, b0, b1 by roughness, B for Schlick's weight and for a dielectric of IOR 1.5; within 7
+% of the integral from 6° to 90°.
+"""
+
+ALBEDO = np.array(
+    [1.0, 0.9995, 0.9941, 0.9767, 0.9406, 0.8824, 0.8030, 0.7075, 0.6043, 0.5025, 0.4093]
+)
+"""Share of a uniform world that GGX reflects at F = 1, averaged over the view with the cosine; 1
+where it scatters until it is out.
+"""
+
+SMALLEST = 0.03
+"""Below it a lobe is narrower than 0.05° and roughness no longer matters: p stays under 4e6."""
+
+
+@dataclass(frozen=True)
+class World:
+    """What of a uniform world GGX reflects: F0 · (a0 + a1 x) + (1 - F0) · (b0 + b1 x), x = (1 -
+    n·v)^q.
+    """
+
+    q: float
+    a0: float
+    a1: float
+    b0: float
+    b1: float
+
+
+@functools.lru_cache(maxsize=1 << 14)
+def highlights(roughness: float) -> tuple[Highlight, ...]:
+    """(exponent p, scale s) of the lobes for Blender's `roughness` (0 to 1, clamped), from narrow
+    to wide; k_s = F0 · s.
+    """
+    roughness = _clamped(roughness)
+    rows, table = next(lobes for lobes in LOBES if roughness <= lobes[0][-1])
+    if (table > 0).all():  # what falls by a factor from row to row does so in between
+        row = np.exp([np.interp(roughness, rows, column) for column in np.log(table).T])
+    else:
+        row = np.array([np.interp(roughness, rows, column) for column in table.T])
+    exponents, scales = np.split(row / roughness**4, 2)
+    return tuple((float(p), float(x)) for p, x in zip(exponents, scales, strict=True))
+
+
+@functools.lru_cache(maxsize=1 << 14)
+def world_of(roughness: float, kind: str) -> World:
+    """kind: a key of `WORLD`."""
+    return World(*(float(np.interp(_clamped(roughness), ROUGHNESS, row)) for row in WORLD[kind]))
+
+
+@functools.lru_cache(maxsize=1 << 14)
+def specular_albedo(roughness: float) -> float:
+    """Share of a uniform white world that GGX reflects for F = 1 when it scatters once, averaged
+    over the view.
+    """
+    return float(np.interp(_clamped(roughness), ROUGHNESS, ALBEDO))
+
+
+def width(roughness: float) -> float:
+    """GGX's α."""
+    return _clamped(roughness) ** 2
+
+
+def scattered(reflectance: float, roughness: float) -> float:
+    """What of the light that GGX does not send out at once comes back, later, of a surface that
+    reflects `reflectance` at each bounce.
+    """
+    once = specular_albedo(roughness)
+    return reflectance * once / (1 - min(reflectance, 1.0) * (1 - once))
+
+
+def scattered_narrow(roughness: float) -> float:
+    """Which share of that, beside what is sent out at once, looks like the highlight; the rest of
+    it looks matt.
+    """
+    once = specular_albedo(roughness)
+    return (1 - once) / once * _narrow(roughness)
+
+
+def scattered_wide(roughness: float) -> float:
+    """Which share of it looks matt."""
+    return 1 - _narrow(roughness)
+
+
+@functools.lru_cache(maxsize=1 << 14)
+def _narrow(roughness: float) -> float:
+    return float(np.interp(_clamped(roughness), [0.6, 1.0], [1.0, 0.0]))
+
+
+@functools.lru_cache(maxsize=1 << 14)
+def dielectric_world(roughness: float, ior: float) -> World:
+    """The same for a dielectric: with B for its own index."""
+    found, own = world_of(roughness, "DIELECTRIC"), _smooth_rise(ior) / _smooth_rise(1.5)
+    return World(found.q, found.a0, found.a1, found.b0 * own, found.b1 * own)
+
+
+@functools.lru_cache(maxsize=1 << 14)
+def layer_loss(roughness: float, ior: float) -> float:
+    """What a dielectric layer keeps, on average over the view, from what lies below."""
+    world, f0 = dielectric_world(roughness, ior), normal_reflectance(ior)
+    mean = 2 / ((world.q + 1) * (world.q + 2))
+    return f0 * (world.a0 + world.a1 * mean) + (1 - f0) * (world.b0 + world.b1 * mean)
+
+
+@functools.lru_cache(maxsize=1024)
+def _smooth_rise(ior: float) -> float:
+    """The mean over a uniform world of (F - F0) / (1 - F0)."""
+    cosines, f0 = (np.arange(32) + 0.5) / 32, normal_reflectance(ior)
+    return float(np.mean([2 * c * (fresnel(c, ior) - f0) for c in cosines]) / max(1 - f0, 1e-6))
+
+
+def glass_exponent(roughness: float) -> float:
+    """Of the half vectors that bend what is seen through glass: as wide as GGX's (Walter et al.
+    2007, Microfacet Models for Refraction through Rough Surfaces, section 5.2: α² = 2 / (p + 2)).
+    """
+    return max(2 / _clamped(roughness) ** 4 - 2, 0.5)
+
+
+def _clamped(roughness: float) -> float:
+    """NaN counts as Blender's default of 0.5."""
+    return min(max(roughness, SMALLEST), 1.0) if roughness == roughness else 0.5

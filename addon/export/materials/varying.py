@@ -1,0 +1,152 @@
+"""Roughness and indices of refraction that may vary over the surface: what follows from them, as
+sums and as lobes' numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ....engine.program.graph import Value
+from .expressions import Expressions
+from .fresnel import ior_from_reflectance, normal_reflectance
+from .roughness import SMALLEST, highlights, width
+from .terms import RGB, Sum, constant, constant_value, is_constant, multiply, scale
+
+MIRROR_ROUGHNESS = 0.05
+"""Up to here a glossy lobe is an ideal mirror: GGX's α = 0.0025 blurs a reflection by 0.14°, a
+pixel or two of usual pictures.
+"""
+MOST_HIGHLIGHTS = 4
+"""Lobes that stand for one of GGX."""
+ROWS = 512
+"""Of tables over roughness: linear in between, exponents are then right to 0.4 %."""
+
+
+class Roughness:
+    """One number from 0 to 1, or a program's value.
+
+    number, color: what a function of roughness comes to, as a sum.
+    """
+
+    def __init__(self, value: float | Value, expressions: Expressions | None = None) -> None:
+        self.value, self._expressions = value, expressions
+
+    @property
+    def varies(self) -> bool:
+        return isinstance(self.value, Value)
+
+    def mirrored(self) -> Sum:
+        """1 where the surface is a mirror, else 0."""
+        return self.number(lambda r: float(r <= MIRROR_ROUGHNESS))
+
+    def rough(self) -> Sum:
+        """1 where it is none."""
+        return self.number(lambda r: float(r > MIRROR_ROUGHNESS))
+
+    def is_mirror(self) -> bool:
+        """Everywhere, for all that is known."""
+        return not self.varies and self.value <= MIRROR_ROUGHNESS
+
+    def number(self, of: Callable[[float], float]) -> Sum:
+        if not self.varies:
+            return constant(of(self.value))
+        return self._expressions.sum_of(self._looked_up(of))
+
+    def color(self, of: Callable[[float], RGB]) -> Sum:
+        if not self.varies:
+            return constant(of(self.value))
+        parts = [self._looked_up(lambda r, c=c: of(r)[c]) for c in range(3)]
+        return self._expressions.sum_of(self._expressions.apply("combine_xyz", *parts))
+
+    def exponent(self, of: Callable[[float], float]) -> dict[str, Any]:
+        """The exponent of a lobe, as `LobeKey` takes it."""
+        return self._key("exponent", of)
+
+    def highlights(self) -> list[tuple[dict[str, Any], Sum]]:
+        """Exponent and masking of the lobes that stand for GGX, and what each is times."""
+        masking = self._key("masking", width)
+        if not self.varies:
+            return [({"exponent": p, **masking}, constant(s)) for p, s in highlights(self.value)]
+
+        def part(k: int, which: int) -> Callable[[float], float]:
+            def of(r: float) -> float:
+                lobes = highlights(max(r, MIRROR_ROUGHNESS))
+                return lobes[k][which] if k < len(lobes) else 0.0
+
+            return of
+
+        return [
+            ({**self.exponent(part(k, 0)), **masking}, self.number(part(k, 1)))
+            for k in range(MOST_HIGHLIGHTS)
+        ]
+
+    def _key(self, name: str, of: Callable[[float], float]) -> dict[str, Any]:
+        if not self.varies:
+            return {name: of(self.value)}
+        output = self._expressions.output(self._looked_up(of))
+        return {name: max(map(of, _PLACES)), f"{name}_output": output}
+
+    def _looked_up(self, of: Callable[[float], float]) -> Value:
+        table = tuple(x for r in _PLACES for x in (0.0, 0.0, 0.0, float(of(r))))
+        return self._expressions.looked_up(self.value, table)
+
+
+class Ior:
+    """An index of refraction: one number above 0, or a program's value.
+
+    number: the one; of what varies NOMINAL, by which shares of a uniform world go.  f0: the
+    reflectance at normal incidence, as a sum.
+    """
+
+    NOMINAL = 1.5
+
+    def __init__(self, value: float | Value, expressions: Expressions | None = None) -> None:
+        self.varies = isinstance(value, Value)
+        self.number = self.NOMINAL if isinstance(value, Value) else value
+        self._value, self._expressions = value, expressions
+
+    @property
+    def key(self) -> dict[str, Any]:
+        """The index of a lobe, as `LobeKey` takes it."""
+        if not self.varies:
+            return {"ior": self.number}
+        return {"ior": self.number, "ior_output": self._expressions.output(self._value)}
+
+    @property
+    def f0(self) -> Sum:
+        if not self.varies:
+            return constant(normal_reflectance(self.number))
+        return self._expressions.sum_of(self._f0())
+
+    def over_rest(self, terms: Sum) -> Sum:
+        """A sum over 1 - F0."""
+        if not self.varies:
+            return scale(terms, 1 / (1 - normal_reflectance(self.number)))
+        do = self._expressions.math
+        rest = do("MAXIMUM", do("SUBTRACT", 1.0, self._f0()), 1e-6)
+        return multiply(terms, self._expressions.sum_of(do("DIVIDE", 1.0, rest)))
+
+    def with_level(self, level: Sum) -> Ior:
+        """That whose F0 is 2 level times this one's, as the specular level scales it."""
+        if not self.varies and is_constant(level):
+            amount = max(constant_value(level)[0], 0.0)
+            if amount == 0.5:
+                return self
+            return Ior(ior_from_reflectance(normal_reflectance(self.number) * 2 * amount))
+        do = self._expressions.math
+        number = self._expressions.apply("separate_xyz", self._expressions.value_of(level))
+        f0 = self._f0() if self.varies else normal_reflectance(self.number)
+        scaled = do("MULTIPLY", do("MULTIPLY", f0, 2.0), number)
+        held = do("MINIMUM", do("MAXIMUM", scaled, 0.0), 0.99)
+        root = do("SQRT", held)
+        ior = do("DIVIDE", do("ADD", 1.0, root), do("SUBTRACT", 1.0, root))
+        return Ior(ior, self._expressions)
+
+    def _f0(self) -> Value:
+        do = self._expressions.math
+        share = do("DIVIDE", do("SUBTRACT", self._value, 1.0), do("ADD", self._value, 1.0))
+        return do("MULTIPLY", share, share)
+
+
+_PLACES = [max(k / (ROWS - 1), SMALLEST) for k in range(ROWS)]
