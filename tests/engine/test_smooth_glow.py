@@ -41,6 +41,12 @@ def soup(seed: int, *lobes: s.Lobe, twice: bool = False) -> s.Scene:
     )
 
 
+AT_EDGES = 1
+"""Pixels that a shadow's edge may change: the core's shadow rays start 2^-21 of the coordinates off
+the surface, and in one sample of one of these scenes an edge lies between that and float64's start.
+"""
+
+
 def off(scene: s.Scene, **settings) -> int:
     """Pixels in which the tracers differ."""
     pictures = (
@@ -60,4 +66,5 @@ def test_what_glows_lights_itself_alike(seed, twice):
 @pytest.mark.parametrize("twice", [False, True])
 @pytest.mark.parametrize("seed", range(8))
 def test_what_is_lit_lights_itself_alike(seed, twice):
-    assert off(soup(seed, MATT, twice=twice), diffuse_bounces=1, light_samples=4) == 0
+    scene = soup(seed, MATT, twice=twice)
+    assert off(scene, diffuse_bounces=1, light_samples=4) <= AT_EDGES
