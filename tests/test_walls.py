@@ -84,7 +84,7 @@ def _inside_engine(name: str) -> bool:
 
 
 def _inside_reference(name: str) -> bool:
-    tables = "bounced_light", "dome", "lens", "mesh_lights", "motion"
+    tables = "bounced_light", "dome", "lamps", "lens", "mesh_lights", "motion"
     shared = *tables, "cryptomatte", "scene", "film", "settings", "sampling"
     values = {f"engine.{name}" for name in shared}
     return name in values or name.startswith(

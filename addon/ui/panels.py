@@ -108,7 +108,14 @@ class _SamplingPanel(_Panel):
     def draw(self, context):
         group = getattr(context.scene.glint, self.group)
         column = self.column
-        for name in ("samples", "error_threshold", "light_samples", "max_bounces", "cutoff"):
+        for name in (
+            "samples",
+            "error_threshold",
+            "light_samples",
+            "lamp_shadows",
+            "max_bounces",
+            "cutoff",
+        ):
             column.prop(group, name)
 
 

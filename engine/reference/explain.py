@@ -63,7 +63,8 @@ class Hit:
     sphere, polygon or segment of hair. barycentric: weights of a triangle's corners or of a
     segment's ends, zeros elsewhere.  depth: ray parameter; of camera rays the depth along the view.
     normal: n, turned to the viewer.  ambient, emission: k_a I_a and k_e.  holdout: nothing is seen
-    here.
+    here.  shared: of how many shadow rays of a sample how many samples of lamps have a share;
+    zeros where each has its own.
     """
 
     thing: str
@@ -79,6 +80,7 @@ class Hit:
     emission: Numbers
     lights: tuple[LightTerm, ...]
     holdout: bool = False
+    shared: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True)
@@ -225,6 +227,7 @@ class Explainer:
             emission=_numbers(coefficients.emission[:, 0]),
             lights=tuple(self._lights(surface, coefficients, paths.weight)),
             holdout=instances.holdout,
+            shared=(stage.lighting.marks, stage.shared_samples),
         )
 
     # --- lights

@@ -246,10 +246,10 @@ class Generations:
             if values.any():
                 self._tile.add(paths.part(part), pixel, weight * values)
 
-        def on_reach(source: Source, seen: Array) -> None:
+        def on_reach(source: Source, seen: Array, is_soft: bool) -> None:
             if source.light.cast_shadow:
                 self._tile.charge(pixel[seen])
-            if source.is_soft(self._stage.settings.light_samples):
+            if is_soft:
                 self._tile.softly_lit[pixel[seen]] = True
 
         def on_cut(seen: Array) -> None:

@@ -10,6 +10,7 @@ from ..bounced_light import bounced_table
 from ..cryptomatte import id_bits
 from ..dome import dome_table
 from ..film import CRYPTOMATTES, SEEN
+from ..lamps import shared_samples
 from ..mesh_lights import mesh_table
 from ..sampling import light_points, lobe_points
 from ..scene import Light, Scene
@@ -52,6 +53,7 @@ class Stage:
         pulse.beat()
         self.rays: Counter[str] = Counter()
         self.sources = tuple(self._source(light) for light in scene.lights)
+        self.shared_samples = shared_samples(scene.lights, settings)
         shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays)
         self.lighting = Lighting(
             self.sources,
@@ -60,6 +62,7 @@ class Stage:
             shadows,
             pulse,
             self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
+            settings.lamp_shadows if self.shared_samples else 0,
         )
         self._lobe_points = lobe_points(settings.samples)
         self.is_lit_by_meshes = any(light.kind == "MESH" for light in scene.lights)

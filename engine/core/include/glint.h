@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 25
+#define GLINT_ABI_VERSION 26
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -310,7 +310,9 @@ enum GlintPass {
  * camera units. camera_frames: null for a camera that stands still, else (camera_block², samples,
  * 12) its world_from_camera of each sample. moving: each sample is of a scene of its own, see
  * glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64 where one is
- * asked for, two numbers each. */
+ * asked for, two numbers each. lamp_shadows: where lamps that cast shadows and have no program take
+ * more than twice as many samples, a point sends so many of its rays to them; 0: one to each, up to
+ * 1024. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -327,7 +329,7 @@ typedef struct GlintRenderSettings {
       camera_frame_count;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
-  uint32_t samples, light_samples, dome_samples, mesh_samples, bounced_samples;
+  uint32_t samples, light_samples, dome_samples, mesh_samples, bounced_samples, lamp_shadows;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads, passes;
