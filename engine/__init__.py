@@ -13,10 +13,11 @@ from .accelerator import Accelerator, Hits
 from .analysis.explain import PixelExplainer, explanation_lines
 from .cryptomatte import crypto_metadata, manifests
 from .errors import NO_THREAD, SceneError
-from .film import AOV, CRYPTOMATTES, DENOISING, PARTS, PASSES, Film
-from .linear import affine_inverse, determinant, pixel_bounds_of_box
+from .film import AOV, CATCHER, CRYPTOMATTES, DENOISING, PARTS, PASSES, Film
+from .linear import affine_inverse, determinant
 from .live import LiveRender, Task, Wave
 from .scene import Scene
+from .scene.viewing import pixel_bounds_of_box
 from .settings import Settings
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AOV",
+    "CATCHER",
     "CRYPTOMATTES",
     "DENOISING",
     "NO_THREAD",

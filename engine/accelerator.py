@@ -16,8 +16,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from .errors import SceneError
-from .problems import scene_problems
 from .scene import Camera, Geometry, Instances, Mesh, Scene
+from .scene.problems import scene_problems
 from .settings import BACKENDS
 
 Array = np.ndarray

@@ -34,6 +34,7 @@ PASSES = {
     "Denoising Normal": 3,
     "Denoising Albedo": 3,
     "Denoising Depth": 1,
+    "Shadow Catcher": 3,
 }
 """Pass name -> channels, with the settings' own numbers of them (`channels_of`). `SEMANTICS.md`
 says what each holds.
@@ -47,6 +48,9 @@ DENOISING = ("Denoising Normal", "Denoising Albedo", "Denoising Depth")
 
 SEEN = ("Mist", *CRYPTOMATTES, *DENOISING)
 """Passes that are means over the samples of what camera rays see."""
+
+CATCHER = "Shadow Catcher"
+"""The pass of what shadow catchers show; with it Combined has nothing of them."""
 
 PARTS = ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror", "Emission", "Environment")
 """The passes whose sum is the colour of Combined."""
@@ -70,7 +74,7 @@ UNKNOWN_ERROR = 256.0
 
 def empty_value(name: str) -> float:
     """What a pass holds where no camera ray hits anything."""
-    return {"Depth": NO_DEPTH, "Gap": NO_DEPTH, "Mist": 1.0}.get(name, 0.0)
+    return {"Depth": NO_DEPTH, "Gap": NO_DEPTH, "Mist": 1.0, "Shadow Catcher": 1.0}.get(name, 0.0)
 
 
 AOV = "AOV "

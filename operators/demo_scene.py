@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..addon.export.shapes import mark_sphere
+from ..addon.export.geometry.shapes import mark_sphere
 
 CORAL, TEAL, BRASS = (0.80, 0.115, 0.075), (0.03, 0.30, 0.32), (0.83, 0.55, 0.22)
 CHAMPAGNE, IVORY, SLATE, INK = (

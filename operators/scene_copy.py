@@ -21,8 +21,9 @@ def copied(
     scene: bpy.types.Scene, view_layer: str, *, in_focus: bool = False
 ) -> Iterator[bpy.types.Scene]:
     """A copy of the scene's settings, of which one view layer renders, without compositor,
-    sequencer, border and motion blur. The scene, its picture and the file's data are untouched,
-    whatever happens within. in_focus: through a copy of the camera without depth of field.
+    sequencer, border, motion blur and stereoscopy. The scene, its picture and the file's data are
+    untouched, whatever happens within. in_focus: through a copy of the camera without depth of
+    field.
     """
     copy = scene.copy()
     cameras: list[tuple] = []
@@ -32,7 +33,7 @@ def copied(
         render = copy.render
         render.use_border = render.use_compositing = render.use_sequencer = (
             render.use_motion_blur
-        ) = render.use_freestyle = False
+        ) = render.use_freestyle = render.use_multiview = False
         for layer in copy.view_layers:
             layer.use = layer.name == view_layer
         yield copy

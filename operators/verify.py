@@ -85,9 +85,19 @@ def _render_again(scene: bpy.types.Scene, picture: Path, frame: int, folder: Pat
     image.color_depth = str(sample_bits(picture))
     render.filepath, render.use_file_extension = str(folder / "again"), True
     bpy.ops.render.render(write_still=True, scene=scene.name)
-    again = folder / f"again{render.file_extension}"
+    again = _written(render, picture, folder)
     check_whole(again)
     return again
+
+
+def _written(render: bpy.types.RenderSettings, picture: Path, folder: Path) -> Path:
+    """What the render wrote: views of their own have files of their own, with a suffix."""
+    plain = folder / f"again{render.file_extension}"
+    if plain.is_file() or not render.use_multiview:
+        return plain
+    suffixes = (view.file_suffix for view in render.views)
+    own = next((suffix for suffix in suffixes if picture.stem.endswith(suffix)), "")
+    return folder / f"again{own}{render.file_extension}"
 
 
 def _compare_stamps(layer: str, old: Mapping[str, str], new: Mapping[str, str]) -> Verdict:

@@ -38,7 +38,7 @@ def test_every_command_file_and_link_of_a_page_exists(page):
         ("`src/bvh/bvh.h` and `src/bvh/tree.h`", ["src/bvh/tree.h"]),
         ("`addon/ui/` and `addon/gui/`", ["addon/gui/"]),
         ("`engine/core` and `engine/kernel`", ["engine/kernel"]),
-        ("`engine/scene.py film.py flim.py`", ["flim.py"]),
+        ("`engine/settings.py film.py flim.py`", ["flim.py"]),
         ("`engine/linear/ raster.py film.h`", ["film.h"]),
         ("`addon/export/materials*`, `addon/export/matter*`", ["addon/export/matter*"]),
         ("`film.py` and `flim.py`", ["flim.py"]),

@@ -3,6 +3,7 @@
 import ast
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
 import pytest
@@ -26,7 +27,7 @@ BLENDER = {
 }
 ENGINES_DOOR = {
     "engine",
-    "engine.dome",
+    "engine.lights.dome",
     "engine.program.graph",
     "engine.program.operations",
     "engine.program.operations_color",
@@ -39,6 +40,7 @@ ENGINES_DOOR = {
     "engine.program.program",
     "engine.program.table",
     "engine.scene",
+    "engine.scene.panorama",
     "engine.settings",
     "engine.film",
     "engine.analysis.fingerprint",
@@ -84,12 +86,15 @@ def _inside_engine(name: str) -> bool:
 
 
 def _inside_reference(name: str) -> bool:
-    tables = "bounced_light", "dome", "lamps", "lens", "mesh_lights", "motion"
-    shared = *tables, "cryptomatte", "scene", "film", "settings", "sampling"
+    shared = "cryptomatte", "scene", "scene.panorama", "film", "settings"
     values = {f"engine.{name}" for name in shared}
-    return name in values or name.startswith(
-        ("engine.reference", "engine.linear", "engine.program")
-    )
+    packages = "reference", "linear", "program", "sampling", "lights"
+    return name in values or name.startswith(tuple(f"engine.{package}" for package in packages))
+
+
+def _only(*packages: str) -> Callable[[str], bool]:
+    """Whether a module of the engine lies in one of these packages of it."""
+    return lambda name: name.startswith(tuple(f"engine.{package}" for package in packages))
 
 
 WALLS = {
@@ -97,6 +102,9 @@ WALLS = {
     "addon": (BLENDER | {"numpy", "OpenImageIO"} | STDLIB, _inside_addon),
     "operators": (BLENDER | {"numpy", "OpenImageIO"} | STDLIB, _inside_operators),
     "engine/reference": ({"numpy"} | STDLIB, _inside_reference),
+    "engine/linear": ({"numpy"} | STDLIB, _only("linear")),
+    "engine/sampling": ({"numpy"} | STDLIB, _only("sampling", "scene")),
+    "engine/scene": ({"numpy"} | STDLIB, _only("scene", "program", "linear", "lights")),
     "engine/native": ({"numpy", "glint_core"} | STDLIB, _inside_engine),
     "engine": ({"numpy"} | STDLIB, _inside_engine),
 }
@@ -191,7 +199,7 @@ def test_the_core_includes_the_standard_library_and_itself_alone(path):
 @pytest.mark.parametrize(
     ("path", "source"),
     [
-        ("engine/scene.py", "import bpy"),
+        ("engine/scene/model.py", "import bpy"),
         ("engine/linear/frames.py", "from mathutils import Vector"),
         ("engine/reference/trace.py", "from .. import native"),
         ("engine/reference/trace.py", "from ..problems import scene_problems"),

@@ -4,9 +4,10 @@ Blender outlives the call.
 
 from __future__ import annotations
 
-from .aovs import aovs_of
 from .camera import ExportError
-from .decoded import Decoded
-from .export import Export, export_scene
+from .export import Export, export_scene, seen_by
+from .images.decoded import Decoded
+from .materials.aovs import aovs_of
+from .panorama import Looker
 
-__all__ = ["Decoded", "Export", "ExportError", "aovs_of", "export_scene"]
+__all__ = ["Decoded", "Export", "ExportError", "Looker", "aovs_of", "export_scene", "seen_by"]

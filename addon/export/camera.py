@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...engine.scene import Camera, Lens
+from ...engine.scene.panorama import Panorama, panorama_problems
+from .panorama import Looker, panorama_of
 from .report import Report
 
 Window = tuple[float, float, float, float]
@@ -46,9 +48,15 @@ def border(render: Any, size: tuple[int, int]) -> Region | None:
     return x0, y0, x1, y1
 
 
-def export_camera(camera: Any, render: Any, size: tuple[int, int], report: Report) -> Camera:
+def export_camera(
+    camera: Any,
+    render: Any,
+    size: tuple[int, int],
+    report: Report,
+    looker: Looker | None = None,
+) -> Camera:
     """The evaluated camera object (or any object, which then looks along its -z) for a frame of
-    `size` pixels.
+    `size` pixels. looker: where a render's view looks from, None for the object's own place.
 
     Raises ExportError for one that is missing, not finite or flat, or sees nothing.
     """
@@ -57,7 +65,8 @@ def export_camera(camera: Any, render: Any, size: tuple[int, int], report: Repor
             "The scene has no camera: add one, or choose one in the scene's properties"
         )
     data = camera.data if camera.type == "CAMERA" else None
-    frame = camera_frame(np.array(camera.matrix_world, np.float64), camera.name)
+    matrix = np.array(camera.matrix_world, np.float64) if looker is None else looker.matrix
+    frame = camera_frame(matrix, camera.name)
     if data is None:
         report.note(
             "{} is not a camera: the picture is taken through a 50 mm lens along its -z axis",
@@ -72,12 +81,10 @@ def export_camera(camera: Any, render: Any, size: tuple[int, int], report: Repor
             1e-5,
             1e5,
         )
-    _note_approximations(camera, data, render, report)
-    orthographic = data.type == "ORTHO"
-    half = data.ortho_scale / 2 if orthographic else _sensor(data) / 2 / data.lens
-    window = _window(
-        size, _pixel_aspect(render), half, data.sensor_fit, (data.shift_x, data.shift_y)
-    )
+    _note_approximations(camera, data, looker, report)
+    kind = _KINDS.get(data.type, "PERSPECTIVE")
+    shift = (data.shift_x if looker is None else looker.shift_x, data.shift_y)
+    window = _window_of(data, render, size, kind, shift)
     if window[0] == window[1] or window[2] == window[3] or not all(map(math.isfinite, window)):
         raise ExportError(
             f"Camera '{camera.name}' has a view of no width: set its orthographic scale or its "
@@ -87,14 +94,46 @@ def export_camera(camera: Any, render: Any, size: tuple[int, int], report: Repor
         clip = f"its clip start {data.clip_start:g} is not below its clip end {data.clip_end:g}"
         raise ExportError(f"Camera '{camera.name}' shows nothing: {clip}; use a smaller clip start")
     return Camera(
-        "ORTHOGRAPHIC" if orthographic else "PERSPECTIVE",
+        kind,
         frame,
         window,
         size,
         data.clip_start,
         data.clip_end,
         lens=_aperture(camera, data, frame, report) if data.dof.use_dof else None,
+        panorama=_panorama(camera, render, size, looker, report) if kind == "PANORAMA" else None,
     )
+
+
+_KINDS = {"ORTHO": "ORTHOGRAPHIC", "PANO": "PANORAMA"}
+
+
+def flat_window(data: Any, render: Any, size: tuple[int, int]) -> Window:
+    """(l, r, b, t) of the frame that Blender draws in a 3D view, which shows every camera but
+    parallel ones as a perspective.
+    """
+    half = _sensor(data) / 2 / data.lens
+    return _window(size, _pixel_aspect(render), half, data.sensor_fit, (data.shift_x, data.shift_y))
+
+
+def _window_of(
+    data: Any, render: Any, size: tuple[int, int], kind: str, shift: tuple[float, float]
+) -> Window:
+    if kind == "PANORAMA":
+        return shift[0], 1 + shift[0], shift[1], 1 + shift[1]
+    half = data.ortho_scale / 2 if kind == "ORTHOGRAPHIC" else _sensor(data) / 2 / data.lens
+    return _window(size, _pixel_aspect(render), half, data.sensor_fit, shift)
+
+
+def _panorama(
+    camera: Any, render: Any, size: tuple[int, int], looker: Looker | None, report: Report
+) -> Panorama:
+    aspect = _pixel_aspect(render)
+    side = looker.side if looker is not None else 0
+    panorama = panorama_of(camera.data, (size[0] * aspect[0], size[1] * aspect[1]), side, report)
+    for problem in panorama_problems(panorama):
+        raise ExportError(f"Camera '{camera.name}': {problem}")
+    return panorama
 
 
 def camera_frame(matrix: np.ndarray, name: str) -> np.ndarray:
@@ -200,12 +239,15 @@ def _light_lens(camera: Any) -> float:
     return 50.0
 
 
-def _note_approximations(camera: Any, data: Any, render: Any, report: Report) -> None:
-    if data.type not in ("PERSP", "ORTHO"):
+def _note_approximations(camera: Any, data: Any, looker: Looker | None, report: Report) -> None:
+    if data.type not in ("PERSP", "ORTHO", "PANO"):
         report.note(
-            "Panoramic and custom cameras are rendered as perspective ones ({}): choose "
-            "Perspective",
+            "Custom cameras are rendered as perspective ones ({}): choose another type",
             camera.name,
         )
-    if render.use_multiview:
-        report.note("Stereoscopy is not rendered: every view is the camera's own")
+    if looker is not None and looker.side and data.type != "PANO":
+        report.note(
+            "Spherical stereo is rendered for panoramic cameras only, so both eyes of {} see the "
+            "same: turn it off, or choose Panoramic",
+            camera.name,
+        )

@@ -6,27 +6,29 @@ import gc
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...engine.scene import Geometry, Instances, Scene, Strands
-from .aovs import Aov, note_world
 from .camera import border, export_camera, resolution
-from .decoded import Decoded
-from .images import Images
+from .geometry.meshes import MeshSource, mesh_key, read_attributes, readable
+from .geometry.shapes import export_points, read_shape
+from .geometry.strands import StrandSource, read_curves, read_hair, read_strand_attributes
+from .images.decoded import Decoded
+from .images.images import Images
 from .instances import Flags, Thing, places_on_instancers, random_numbers, walk
 from .lights import Lights, Seen
-from .materials import Materials, Wanted, without_unused
-from .meshes import MeshSource, mesh_key, read_attributes, readable
-from .placing import note_empty_view, without_collapsed
+from .materials.aovs import Aov, note_world
+from .materials.materials import Materials, Wanted, without_unused
+from .panorama import Looker
+from .placing import note_catchers, note_empty_view, without_collapsed
 from .properties import Value, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
-from .shapes import export_points, read_shape
-from .strands import StrandSource, read_curves, read_hair, read_strand_attributes
+from .unheard import note_scene
 from .world import Sky, export_world, with_mist
 
 
@@ -70,19 +72,22 @@ def export_scene(
     passes: frozenset[str] = frozenset(),
     decoded: Decoded | None = None,
     aovs: tuple[Aov, ...] = (),
+    looker: Looker | None = None,
 ) -> Export:
     """The scene that an evaluated depsgraph shows, for its own view layer and frame.
 
     width, height: pixels of the full frame instead of the scene's. passes: names from
     `film.PASSES`; "UV" makes all meshes bring their active map. decoded: images of the export
     before; this one's take their place. aovs: passes of the view layer's own that are wanted.
+    looker: where to look from, None for the scene's camera.
     Only on Blender's thread. Raises ExportError where there is no usable camera or border.
     """
     start = time.perf_counter()
     scene, report = depsgraph.scene_eval, Report()
     size = resolution(scene.render, width, height)
     region = border(scene.render, size)
-    camera = export_camera(_evaluated(scene.camera, depsgraph), scene.render, size, report)
+    through = _evaluated(scene.camera, depsgraph) if looker is None else looker.camera
+    camera = export_camera(through, scene.render, size, report, looker)
     collector = Collector(
         depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, decoded, aovs
     )
@@ -91,6 +96,7 @@ def export_scene(
     world = _world(depsgraph, scene)
     sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
     sky = with_mist(sky, scene.world)
+    note_scene(scene, report)
     note_world(world, aovs, report)
     exported = collector.scene(camera, things, sky)
     if decoded is not None:
@@ -103,6 +109,18 @@ def export_scene(
         **_counts(exported),
     }
     return Export(exported, report.notes(), stats, region)
+
+
+def seen_by(
+    scene: Scene, looker: Looker, depsgraph: Any, width: int, height: int
+) -> tuple[Scene, tuple[str, ...]]:
+    """The scene with the camera of another view, and notes of it. Raises ExportError as
+    `export_scene`.
+    """
+    render, report = depsgraph.scene_eval.render, Report()
+    size = resolution(render, width, height)
+    camera = export_camera(looker.camera, render, size, report, looker)
+    return replace(scene, camera=camera), report.notes()
 
 
 def _evaluated(thing: Any, depsgraph: Any) -> Any:
@@ -167,6 +185,8 @@ class Collector:
             seen = Seen(flags.camera, flags.mirror, flags.receivers, flags.blockers)
             return _Lamp(data, seen)
         kind = type(data).__name__
+        if kind == "Mesh" and not self.depsgraph.view_layer.use_solid:
+            return None
         read = {
             "Mesh": lambda: self._mesh(data, owner),
             "PointCloud": lambda: self._points(data),
@@ -215,7 +235,7 @@ class Collector:
         return Instances(
             thing.name, placed.geometry, thing.matrices, placed.materials, placed.object_index,
             flags.camera, flags.mirror, flags.shadow, flags.holdout, values, flags.light_set,
-            asset=placed.asset,
+            asset=placed.asset, catcher=flags.catcher,
         )  # fmt: skip
 
     @cached_property
@@ -329,6 +349,7 @@ class Collector:
         for thing in things:
             if isinstance(thing.content, _Lamp):
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
+        note_catchers(instances, self.materials.materials, self.report)
         materials, textures = without_unused(self.materials.materials, self.images.textures)
         lights = sky.lights_with(self.lights.lights)
         names = tuple(aov.name for aov in self.materials.aovs)

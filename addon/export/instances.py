@@ -13,12 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...engine.scene import EVERYTHING
-from .hashing import as_random, random_of, word_of
+from .geometry.hashing import as_random, random_of, word_of
 from .light_links import LightLinks
 from .report import Report
+from .unheard import note_object
 
 _UNSUPPORTED = {
-    "VOLUME": "Volumes are not rendered: {}; convert them to meshes",
+    "VOLUME": "Volume objects are not rendered: {}; convert them to meshes",
     "GPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
     "GREASEPENCIL": "Grease pencil is not rendered: {}; convert it to meshes",
 }
@@ -27,6 +28,7 @@ _UNSUPPORTED = {
 class Flags(NamedTuple):
     """What an object's settings say of its visibility, with its instancer's. light_set: which
     lights reach it.  receivers: the sets that it lights.  blockers: those that shade it.
+    catcher: of shadows.
     """
 
     camera: bool
@@ -36,6 +38,7 @@ class Flags(NamedTuple):
     light_set: int = 0
     receivers: int = EVERYTHING
     blockers: int = EVERYTHING
+    catcher: bool = False
 
 
 @dataclass(eq=False)
@@ -229,7 +232,15 @@ def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
                 "glossy surfaces",
                 thing.name,
             )
-    elif owner.visible_transmission != owner.visible_glossy:
+        if not owner.visible_transmission:
+            report.note(
+                "Ray visibility hides the shape of a light, not its light: {} shine through what "
+                "refracts",
+                thing.name,
+            )
+        return
+    note_object(thing.name, owner, report)
+    if owner.visible_transmission != owner.visible_glossy:
         report.note(
             "Refracted rays see what glossy rays see, whatever the transmission visibility of {} "
             "says",
@@ -250,10 +261,6 @@ def flags_of(
         report.note(
             "Indirect only hides {} from the camera; light is not carried on from there", thing.name
         )
-    if thing.type != "LIGHT" and (
-        thing.is_shadow_catcher or (instancer is not thing and instancer.is_shadow_catcher)
-    ):
-        report.note("Shadow catchers are rendered as plain objects: {}", thing.name)
     for x in (thing,) if instancer is thing else (thing, instancer):
         _note_light_settings(thing, x, report)
     return Flags(
@@ -264,4 +271,5 @@ def flags_of(
         links.set_of(owner) if links is not None else 0,
         links.lit_by(owner) if links is not None and thing.type == "LIGHT" else EVERYTHING,
         links.shaded_by(owner) if links is not None and thing.type == "LIGHT" else EVERYTHING,
+        thing.is_shadow_catcher or instancer.is_shadow_catcher,
     )

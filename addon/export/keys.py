@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...engine.scene import Instances, Light, Mesh, Scene
+from .geometry.meshes import mesh_key, normals_of, vertices_of
 from .instances import Flags, Thing, walk
 from .lights import light_frame
-from .meshes import mesh_key, normals_of, vertices_of
 from .report import Report
 
 Array = np.ndarray

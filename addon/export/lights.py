@@ -4,7 +4,6 @@ whatever the light's own settings.
 
 from __future__ import annotations
 
-import functools
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -13,13 +12,15 @@ import numpy as np
 
 from ...engine.program.program import Program, compile_program
 from ...engine.scene import EVERYTHING, Light, Texture
-from .evaluator import Evaluator, LobeKey
-from .graph import Place, images_behind, node_tree, socket_named
-from .images import Images
+from .images.images import Images
+from .materials.evaluator import Evaluator, LobeKey
+from .materials.graph import Place, images_behind, node_tree, output_of, socket_named
+from .materials.terms import RGB
 from .report import Report
 from .shader_nodes.lamp import Lamp, LampReader
-from .terms import RGB
+from .unheard import note_light
 
+BLACK = (0.0, 0.0, 0.0)
 _FULL_SPREAD = math.pi - 1e-4
 _SAME_LENGTH = 1e-5
 """Relative difference of axis lengths that float32 matrices have by rounding."""
@@ -40,12 +41,13 @@ class Seen:
 @dataclass(frozen=True)
 class Emission:
     """What a light's nodes multiply its colour by: color, times what the program gives, if there is
-    one.
+    one. is_shared: it is the same for lights of equal `Lamp.key`.
     """
 
     color: RGB = (1.0, 1.0, 1.0)
     program: Program | None = None
     textures: tuple[Texture, ...] = ()
+    is_shared: bool = True
 
 
 class Lights:
@@ -60,6 +62,7 @@ class Lights:
         if getattr(data.cycles, "is_portal", False) and data.type == "AREA":
             return
         self._note_approximations(name, data)
+        note_light(name, data, self.report)
         trees: dict[tuple, Emission] = {}
         for matrix in matrices:
             light = self._place(name, data, matrix, seen, trees)
@@ -92,7 +95,8 @@ class Lights:
             return None
         lamp = _lamp(data, frame, matrix, shape)
         emission = trees.get(lamp.key) or self._emission(name, data, lamp)
-        trees[lamp.key] = emission
+        if emission.is_shared:
+            trees[lamp.key] = emission
         color = self._color(name, data, emission)
         if not strength or not any(color):
             self.report.note(
@@ -133,12 +137,21 @@ class Lights:
     def _emission(self, name: str, data: Any, lamp: Lamp) -> Emission:
         """What the light's node tree multiplies its colour by."""
         tree = node_tree(data)
-        output = tree and (tree.get_output_node("ALL") or tree.get_output_node("CYCLES"))
-        if not output:
+        if tree is None:
             return Emission()
-        evaluator = Evaluator(
-            name, self.images, self.report, reader=functools.partial(LampReader, lamp=lamp)
-        )
+        output = output_of(tree)
+        if output is None:
+            self.report.note(
+                "Lights without an output node shed no light ({}): add a Light Output", name
+            )
+            return Emission(BLACK)
+        readers: list[LampReader] = []
+
+        def reader(*given: Any) -> LampReader:
+            readers.append(LampReader(*given, lamp=lamp))
+            return readers[-1]
+
+        evaluator = Evaluator(name, self.images, self.report, reader)
         surface = Place(socket_named(output.inputs, "Surface"))
         self.images.expect(images_behind(surface))
         terms = evaluator.closure(surface).get(LobeKey("EMISSION"), ())
@@ -148,7 +161,8 @@ class Lights:
         program = compile_program(evaluator.expressions.graph, [value])
         textures = tuple(self.images.textures[k] for k in program.textures)
         own = program.with_textures({k: i for i, k in enumerate(program.textures)})
-        return Emission(program=own, textures=textures)
+        is_shared = not any(one.is_turned for one in readers)
+        return Emission(program=own, textures=textures, is_shared=is_shared)
 
     def _note_approximations(self, name: str, data: Any) -> None:
         if data.type == "AREA" and data.spread < _FULL_SPREAD:
@@ -187,6 +201,7 @@ def _lamp(data: Any, frame: np.ndarray, matrix: np.ndarray, shape: dict[str, Any
         (shape.get("size_x", 0.0), shape.get("size_y", 0.0)),
         shape.get("spot_size", 0.0),
         frame[:, :3].T if data.type == "SPOT" else None,
+        np.linalg.inv(axes).T if turned else np.eye(3),
     )
 
 

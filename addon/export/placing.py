@@ -4,13 +4,14 @@ whether the camera faces anything.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 
 import numpy as np
 
 from ...engine import affine_inverse, determinant, pixel_bounds_of_box
-from ...engine.scene import Camera, Geometry, Instances, Spheres, Strands
+from ...engine.scene import Camera, Geometry, Instances, Material, Spheres, Strands
 from .camera import inverse_axes
 from .report import Report
 
@@ -53,6 +54,24 @@ def without_collapsed(instances: tuple[Instances, ...], report: Report) -> tuple
     return tuple(kept)
 
 
+def note_catchers(
+    instances: tuple[Instances, ...], materials: Sequence[Material], report: Report
+) -> None:
+    """Say which materials of shadow catchers do what a catcher does not show."""
+    for block in instances:
+        kinds = {lobe.kind for k in block.materials for lobe in materials[k].lobes}
+        if not block.catcher or block.holdout:
+            continue
+        if not kinds.isdisjoint({"MIRROR", "REFRACTION"}):
+            report.note(
+                "Shadow catchers show no reflections, and nothing through glass: {}; render what "
+                "they mirror in a view layer of its own",
+                block.name,
+            )
+        if "EMISSION" in kinds:
+            report.note("Shadow catchers that glow light nothing: {}; put a lamp there", block.name)
+
+
 def _ranks(linear: np.ndarray) -> np.ndarray:
     """(k,) of the (k, 3, 3) matrices, by the SVD (notes, section 6.5) where the determinant leaves
     a doubt.
@@ -75,9 +94,10 @@ def note_empty_view(
     name: str,
 ) -> None:
     """Say so when the box round everything that the camera, called `name`, may see projects beside
-    the frame (notes, section 7.5). Through a lens things beside the frame may be seen.
+    the frame (notes, section 7.5). Through a lens things beside the frame may be seen, and in a
+    panorama nothing has to be ahead.
     """
-    if camera.lens is not None:
+    if camera.lens is not None or camera.kind == "PANORAMA":
         return
     seen = (
         (geometries[block.geometry], block.world_from_object)

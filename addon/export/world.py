@@ -8,16 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from ...engine.dome import cell_shares, radiance_along, radiance_map, within_range
+from ...engine.lights.dome import cell_shares, radiance_along, radiance_map, within_range
 from ...engine.program.graph import Value
 from ...engine.program.program import compile_program
-from ...engine.scene import Light, Mist, World
-from .evaluator import Evaluator, LobeKey
-from .expressions import Expressions
-from .graph import Place, images_behind, node_tree, socket_named
-from .images import Images
+from ...engine.scene import Light, Medium, Mist, World
+from .images.images import Images
+from .materials.evaluator import Evaluator, LobeKey
+from .materials.expressions import Expressions
+from .materials.graph import Place, images_behind, node_tree, output_of, socket_named
+from .materials.nodes_volume import medium_of
 from .report import Report
+from .shader_nodes import TreeReader
 from .shader_nodes.sky import SkyReader, Sun
+from .unheard import note_world
 
 BLACK = (0.0, 0.0, 0.0)
 
@@ -52,6 +55,7 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     if world is None:
         return Sky(World(transparent=transparent), None)
     visibility = _visibility(world, report)
+    note_world(world, report)
     discs: list[Sun] = []
     expressions, radiance = _radiance(world, images, report, discs)
     without = _radiance(world, images, Report(), None) if discs else (expressions, radiance)
@@ -69,7 +73,12 @@ def export_world(world: Any, transparent: bool, images: Images, report: Report) 
     )
     shines = visibility.lights and values.any()
     return Sky(
-        World(mean if shines else BLACK, transparent=transparent, **own),
+        World(
+            mean if shines else BLACK,
+            transparent=transparent,
+            medium=_medium(world, images, report),
+            **own,
+        ),
         Light(world.name, "DOME", np.eye(3, 4), radiance=values) if shines else None,
         _suns(world.name, discs, (expressions, radiance), without, images)
         if visibility.lights
@@ -87,7 +96,7 @@ def with_mist(sky: Sky, world: Any) -> Sky:
 
 
 def _map(expressions: Expressions, radiance: Value, images: Images) -> np.ndarray:
-    """Radiance by direction, as `engine.dome` has it."""
+    """Radiance by direction, as `engine.lights.dome` has it."""
     if radiance.constant is not None:
         return within_range(np.array(radiance.constant).reshape(1, 1, 3))
     return radiance_map(compile_program(expressions.graph, [radiance]), images.textures)
@@ -148,15 +157,24 @@ def _radiance(
     expressions, tree = evaluator.expressions, node_tree(world)
     if tree is None:
         return expressions, expressions.constant(tuple(float(x) for x in world.color))
-    output = tree.get_output_node("ALL") or tree.get_output_node("CYCLES")
+    output = output_of(tree)
     if output is None:
+        evaluator.note("Worlds without an output node are black: {}; add a World Output")
         return expressions, expressions.constant(BLACK)
-    if socket_named(output.inputs, "Volume").is_linked:
-        report.note("Volumes are not rendered: {}", world.name)
     surface = Place(socket_named(output.inputs, "Surface"))
     images.expect(images_behind(surface))
     closure = evaluator.closure(surface)
     return expressions, expressions.value_of(closure.get(LobeKey("EMISSION"), ()))
+
+
+def _medium(world: Any, images: Images, report: Report) -> Medium | None:
+    """What is everywhere."""
+    tree = node_tree(world)
+    output = tree and (tree.get_output_node("ALL") or tree.get_output_node("CYCLES"))
+    socket = socket_named(output.inputs, "Volume") if output else None
+    if socket is None or not socket.is_linked:
+        return None
+    return medium_of(Place(socket), Evaluator(world.name, images, report, TreeReader))
 
 
 def _visibility(world: Any, report: Report) -> _Visibility:

@@ -6,14 +6,14 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 
 import bpy
 
 from ... import engine
-from ..export import Decoded, aovs_of, export_scene
+from ..export import Decoded, aovs_of, export_scene, seen_by
 from ..ui.properties import settings_from
 from .aim import Aim, aim_from
 from .motion import with_motion
@@ -22,6 +22,7 @@ from .result import Picture, crypto_ids, wanted_passes
 from .skipped import skipped_things
 from .stamp import Stamping
 from .statistics import Statistics, remember
+from .views import looker_of, view_names
 
 log = logging.getLogger(__name__)
 
@@ -40,7 +41,8 @@ _FALLBACK = (
 class Job:
     """Everything that the render thread needs; no Blender data.
 
-    layer: the view layer's name.  size: of the result in pixels.  preview: a material preview,
+    layer: the view layer's name.  view: of a stereoscopic or multi-view render, "" where there is
+    but one. size: of the result in pixels.  preview: a material preview,
     about which nothing is told. frame: of the animation.  aim: the error that settings are to be
     found for.
     """
@@ -55,6 +57,12 @@ class Job:
     preview: bool
     frame: int = 1
     aim: Aim | None = None
+    view: str = ""
+
+    @property
+    def title(self) -> str:
+        """The layer's, and the view's."""
+        return f"{self.layer}.{self.view}" if self.view else self.layer
 
 
 _readers: list[list[Job]] = []
@@ -75,9 +83,11 @@ def reading_only() -> Iterator[list[Job]]:
         _readers.remove(jobs)
 
 
-def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> Job:
-    """Read the evaluated scene. To be called from `update()`, where Blender keeps its data
-    still.
+def prepare(
+    render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
+) -> tuple[Job, ...]:
+    """Read the evaluated scene: a job for each view. To be called from `update()`, where Blender
+    keeps its data still.
     """
     start = time.perf_counter()
     layer = depsgraph.view_layer
@@ -85,6 +95,8 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         render_engine.update_stats(f"{depsgraph.scene.name}, {layer.name}", "Reading the scene")
     passes = wanted_passes(layer)
     width, height = render_engine.resolution_x, render_engine.resolution_y
+    names = ("",) if render_engine.is_preview else view_names(depsgraph.scene.render)
+    lookers = [looker_of(render_engine, name, depsgraph) for name in names]
     export = export_scene(
         depsgraph,
         width=width,
@@ -92,7 +104,9 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         passes=passes,
         decoded=_decoded,
         aovs=aovs_of(layer),
+        looker=lookers[0],
     )
+    others = [seen_by(export.scene, looker, depsgraph, width, height) for looker in lookers[1:]]
     settings, notes = _with_backend(
         settings_from(depsgraph.scene_eval.glint.final, depsgraph.scene_eval, passes, export.region)
     )
@@ -101,43 +115,66 @@ def prepare(render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgrap
         crypto_ids=crypto_ids(layer),
         samples=_layer_samples(layer, depsgraph.scene_eval, settings.samples),
     )
-    statistics = Statistics(settings.samples, settings.backend, export.stats)
-    if not render_engine.is_preview:
-        statistics.skipped = skipped_things(depsgraph, export.scene)
+    skipped = {} if render_engine.is_preview else skipped_things(depsgraph, export.scene)
     aim, aim_notes = (None, []) if render_engine.is_preview else aim_from(depsgraph.scene_eval)
-    scene, motion_notes = with_motion(export.scene, render_engine, depsgraph)
-    statistics.seconds["sync"] = time.perf_counter() - start
-    return Job(
-        scene=scene,
-        settings=replace(settings, **_PREVIEW) if render_engine.is_preview else settings,
-        scene_name=depsgraph.scene.name,
-        layer=layer.name,
-        size=_size(export.region, width, height),
-        statistics=statistics,
-        notes=[
-            *notes,
-            *aim_notes,
-            *export.notes,
-            *motion_notes,
-            *_emptiness(export.scene),
-            *_darkness(export.scene),
-        ],
-        preview=render_engine.is_preview,
-        frame=depsgraph.scene.frame_current,
-        aim=aim,
+    moving, motion_notes = with_motion(
+        [export.scene, *(scene for scene, _ in others)], render_engine, depsgraph, names
+    )
+    seconds = time.perf_counter() - start
+    told = [*notes, *aim_notes, *export.notes, *(note for _, own in others for note in own)]
+    told += [*motion_notes, *_emptiness(export.scene), *_darkness(export.scene)]
+    return tuple(
+        Job(
+            scene=scene,
+            settings=replace(settings, **_PREVIEW) if render_engine.is_preview else settings,
+            scene_name=depsgraph.scene.name,
+            layer=layer.name,
+            size=_size(export.region, width, height),
+            statistics=Statistics(
+                settings.samples,
+                settings.backend,
+                export.stats,
+                skipped=skipped,
+                seconds={"sync": seconds if k == 0 else 0.0},
+            ),
+            notes=told,
+            preview=render_engine.is_preview,
+            frame=depsgraph.scene.frame_current,
+            aim=aim,
+            view=name,
+        )
+        for k, (name, scene) in enumerate(zip(names, moving, strict=True))
     )
 
 
 def run(
-    render_engine: bpy.types.RenderEngine, job: Job, is_interrupted: Callable[[], bool]
+    render_engine: bpy.types.RenderEngine,
+    jobs: Sequence[Job],
+    is_interrupted: Callable[[], bool],
 ) -> None:
-    """Trace the job and fill Blender's render result. After an error the result is gone and the
-    exception goes on; KeyboardInterrupt is raised where `is_interrupted` stopped the work.
+    """Trace the views of a layer and fill Blender's render result. After an error the result is
+    gone and the exception goes on; KeyboardInterrupt is raised where `is_interrupted` stopped the
+    work.
     """
-    if _readers and not job.preview:
-        _readers[-1].append(job)
+    if _readers and not jobs[0].preview:
+        _readers[-1].extend(jobs)
         return
-    picture = Picture(render_engine, job.layer, job.size)
+    notes: list[str] = []
+    for job in jobs:
+        if job is not jobs[0]:  # an aim is for the first view, and its settings for all
+            job.aim, job.settings = None, jobs[0].settings
+        notes += _run_view(render_engine, job, is_interrupted)
+        if render_engine.test_break():
+            break
+    if not jobs[0].preview:
+        tell_notes(render_engine, notes)
+
+
+def _run_view(
+    render_engine: bpy.types.RenderEngine, job: Job, is_interrupted: Callable[[], bool]
+) -> list[str]:
+    """The same of one view; gives the notes."""
+    picture = Picture(render_engine, job.layer, job.size, job.view)
 
     def should_stop() -> bool:
         return is_interrupted() or render_engine.test_break()
@@ -151,8 +188,7 @@ def run(
     except BaseException:
         picture.discard()
         raise
-    if not job.preview:
-        tell_notes(render_engine, [*job.notes, *film.notes])
+    return [*job.notes, *film.notes]
 
 
 def _trace(
@@ -166,7 +202,7 @@ def _trace(
     """
     start = time.perf_counter()
     is_seen = not (bpy.app.background or job.preview)
-    progress = Progress(render_engine, f"{job.scene_name}, {job.layer}", is_seen)
+    progress = Progress(render_engine, f"{job.scene_name}, {job.title}", is_seen)
     watched = progress.watching("Looking for settings", should_stop)
     forecast = job.aim.choose(job.scene, job.settings, watched) if job.aim else None
     job.settings = forecast.settings if forecast else job.settings
@@ -281,7 +317,9 @@ def _finish(
         "seconds": statistics.stages_line,
         "target": statistics.target,
     }
-    picture.stamp({name: text for name, text in lines.items() if text} | statistics.stamp)
+    picture.stamp(
+        job.title, {name: text for name, text in lines.items() if text} | statistics.stamp
+    )
     wanted = job.settings.passes & frozenset(engine.CRYPTOMATTES)
     if wanted:
         found = engine.manifests(job.scene)
@@ -296,16 +334,16 @@ def _tell_statistics(render_engine: bpy.types.RenderEngine, job: Job) -> None:
     render_engine.update_memory_stats(
         memory_used=statistics.megabytes, memory_peak=statistics.megabytes
     )
-    render_engine.update_stats(job.layer, statistics.stages_line)
+    render_engine.update_stats(job.title, statistics.stages_line)
     skipped = f"; not needed: {statistics.skipped_line}" if statistics.skipped else ""
     target = f"; {statistics.target}" if statistics.target else ""
     log.info(
         "%s, %s: %s; %s%s%s",
         job.scene_name,
-        job.layer,
+        job.title,
         statistics.stages_line,
         statistics.scene_line,
         skipped,
         target,
     )
-    remember(job.scene_name, job.layer, statistics)
+    remember(job.scene_name, job.title, statistics)

@@ -13,6 +13,7 @@ from ...engine.scene import Scene
 from ..export.camera import camera_frame
 from ..export.keys import Pose, moved, read_pose
 from ..export.report import Report
+from .views import looker_of
 
 _KEYS = 3
 """As Cycles has them unless an object asks for more."""
@@ -23,33 +24,52 @@ _BEFORE = {"START": 0.0, "CENTER": 0.5, "END": 1.0}
 
 
 def with_motion(
-    scene: Scene, render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
-) -> tuple[Scene, tuple[str, ...]]:
-    """The scene with the movement of its camera and of what is in it, where Blender's scene has
-    motion blur, and notes. The frame changes on the way, so that nothing evaluated may be kept over
-    this call.
+    scenes: Sequence[Scene],
+    render_engine: bpy.types.RenderEngine,
+    depsgraph: bpy.types.Depsgraph,
+    views: Sequence[str] = ("",),
+) -> tuple[tuple[Scene, ...], tuple[str, ...]]:
+    """Scenes that are the same but for their cameras, those of `views`, with the movement of the
+    camera and of what is in it, where Blender's scene has motion blur, and notes. The frame changes
+    on the way, so that nothing evaluated may be kept over this call.
     """
     render, frame = depsgraph.scene.render, depsgraph.scene.frame_current_final
-    if not render.use_motion_blur or render_engine.is_preview or render.motion_blur_shutter <= 0:
-        return scene, ()
+    blurs = render.use_motion_blur and depsgraph.view_layer.use_motion_blur
+    if not blurs or render_engine.is_preview or render.motion_blur_shutter <= 0:
+        return tuple(scenes), ()
     camera = depsgraph.scene.camera  # of the frame: markers may bind others before and after it
     still = read_pose(depsgraph)
     count = max(_KEYS, still.most_keys)
     times = shutter_times(frame, render.motion_blur_shutter, render.motion_blur_position, count)
-    frames: list[np.ndarray] = []
+    frames: list[list[np.ndarray]] = []
     poses: list[Pose] = []
     try:
         for time in times:
             _go_to(time, render_engine)
-            matrix = camera.evaluated_get(depsgraph).matrix_world
-            frames.append(camera_frame(np.array(matrix, np.float64), camera.name))
+            frames.append([_frame(render_engine, view, depsgraph, camera) for view in views])
             poses.append(read_pose(depsgraph))
     finally:
         _go_to(frame, render_engine)
     report = Report()
-    scene = moved(scene, still, poses, report)
+    scene = moved(scenes[0], still, poses, report)
     opening = _shutter(render.motion_blur_shutter_curve, report)
-    return _with_camera(scene, frames, opening), report.notes()
+    seen = (replace(scene, camera=some.camera) for some in scenes)
+    moving = zip(seen, zip(*frames, strict=True), strict=True)
+    return tuple(_with_camera(some, own, opening) for some, own in moving), report.notes()
+
+
+def _frame(
+    render_engine: bpy.types.RenderEngine,
+    view: str,
+    depsgraph: bpy.types.Depsgraph,
+    camera: bpy.types.Object,
+) -> np.ndarray:
+    """Where a view looks from now; "" looks through the camera."""
+    looker = looker_of(render_engine, view, depsgraph)
+    if looker is not None:
+        return camera_frame(looker.matrix, looker.camera.name)
+    matrix = camera.evaluated_get(depsgraph).matrix_world
+    return camera_frame(np.array(matrix, np.float64), camera.name)
 
 
 def _with_camera(scene: Scene, frames: Sequence[np.ndarray], opening: np.ndarray | None) -> Scene:

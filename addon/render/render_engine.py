@@ -31,7 +31,7 @@ class GlintRenderEngine(bpy.types.RenderEngine):
     bl_use_shading_nodes_custom = False
     bl_use_eevee_viewport = True
 
-    _job: final.Job | BaseException | None = None
+    _jobs: tuple[final.Job, ...] | BaseException | None = None
     _session: viewport.Session | None = None
 
     def update(self, data: bpy.types.BlendData, depsgraph: bpy.types.Depsgraph) -> None:
@@ -39,19 +39,19 @@ class GlintRenderEngine(bpy.types.RenderEngine):
         `render()`, which can report it.
         """
         try:
-            self._job = final.prepare(self, depsgraph)
+            self._jobs = final.prepare(self, depsgraph)
         except BaseException as error:  # noqa: BLE001 (nothing may leave; render() reports it)
-            self._job = error
+            self._jobs = error
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Draw one view layer."""
         with interrupts_held() as is_interrupted:
             # nothing but an interrupt keeps update() from leaving something
-            job, self._job = self._job or KeyboardInterrupt(), None
+            jobs, self._jobs = self._jobs or KeyboardInterrupt(), None
             try:
-                if isinstance(job, BaseException):
-                    raise job
-                final.run(self, job, is_interrupted)
+                if isinstance(jobs, BaseException):
+                    raise jobs
+                final.run(self, jobs, is_interrupted)
                 if is_interrupted():
                     raise KeyboardInterrupt
             except KeyboardInterrupt:

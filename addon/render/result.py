@@ -4,7 +4,7 @@ how they are filled.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import bpy
 import numpy as np
@@ -71,6 +71,9 @@ _KINDS = {
 }
 
 
+CYCLES_SWITCHES = {engine.CATCHER: "use_pass_shadow_catcher"}
+"""Passes that properties of Cycles' view layers switch on, where its add-on is on."""
+
 DENOISING = "denoising_store_passes"
 """Cycles' property of view layers that switches on all of `engine.DENOISING`."""
 
@@ -80,8 +83,9 @@ def wanted_passes(view_layer: bpy.types.ViewLayer) -> frozenset[str]:
     blenders = {name for name, switch in BLENDER_SWITCHES.items() if getattr(view_layer, switch)}
     ours = {name for name, switch in GLINT_SWITCHES.items() if getattr(view_layer.glint, switch)}
     cycles = getattr(view_layer, "cycles", None)
+    theirs = {name for name, switch in CYCLES_SWITCHES.items() if getattr(cycles, switch, False)}
     denoising = engine.DENOISING if getattr(cycles, DENOISING, False) else ()
-    return frozenset({"Combined", *denoising} | blenders | ours)
+    return frozenset({"Combined", *denoising} | blenders | ours | theirs)
 
 
 def crypto_ids(view_layer: bpy.types.ViewLayer) -> int:
@@ -120,17 +124,22 @@ def register_passes(
 
 
 class Picture:
-    """The render result of one view layer; Blender's part begins with the first film, so that an
-    error before it leaves nothing.
+    """The render result of one view layer in one view; Blender's part begins with the first film,
+    so that an error before it leaves nothing.
 
-    size: (width, height) of the result, that is of the border if there is one.
+    size: (width, height) of the result, that is of the border if there is one. view: "" for the
+    only one.
     """
 
     def __init__(
-        self, render_engine: bpy.types.RenderEngine, layer: str, size: tuple[int, int]
+        self,
+        render_engine: bpy.types.RenderEngine,
+        layer: str,
+        size: tuple[int, int],
+        view: str = "",
     ) -> None:
         self._engine = render_engine
-        self._layer = layer
+        self._layer, self._view = layer, view
         self._size = size
         self._result = None
 
@@ -151,15 +160,20 @@ class Picture:
         """Straight into the whole result, for which the end of any part of it makes room: a part of
         its size would be copied once more.
         """
-        self._result = self._engine.begin_result(0, 0, 1, 1, layer=self._layer)
+        self._begin(1, 1)
         self._end(cancel=False)
-        _fill_passes(self._engine.get_result().layers[self._layer].passes, film, tuple(film.passes))
+        whole = self._engine.get_result()
+        passes = whole.layers[self._layer].passes
+        if self._view:
+            number = [view.name for view in whole.views].index(self._view)
+            passes = [some for some in passes if some.view_id == number]
+        _fill_passes(passes, film, tuple(film.passes))
 
-    def stamp(self, fields: dict[str, str]) -> None:
-        """Make metadata of the files, as glint.<layer>.<field>; after `finish`."""
+    def stamp(self, title: str, fields: dict[str, str]) -> None:
+        """Make metadata of the files, as glint.<title>.<field>; after `finish`."""
         whole = self._engine.get_result()
         for field, value in fields.items():
-            whole.stamp_data_add_field(f"glint.{self._layer}.{field}", value)
+            whole.stamp_data_add_field(f"glint.{title}.{field}", value)
 
     def describe(self, manifests: dict[str, str]) -> None:
         """Make Cryptomatte's metadata of the files: of each pass its manifest; after `finish`."""
@@ -176,18 +190,22 @@ class Picture:
 
     def _fill(self, film: engine.Film, names: tuple[str, ...]) -> None:
         if self._result is None:
-            self._result = self._engine.begin_result(0, 0, *self._size, layer=self._layer)
+            self._begin(*self._size)
         _fill_passes(self._result.layers[0].passes, film, names)
+
+    def _begin(self, width: int, height: int) -> None:
+        of_view = {"view": self._view} if self._view else {}
+        self._result = self._engine.begin_result(0, 0, width, height, layer=self._layer, **of_view)
 
     def _end(self, cancel: bool) -> None:
         self._engine.end_result(self._result, cancel=cancel)
         self._result = None
 
 
-def _fill_passes(passes: bpy.types.RenderPasses, film: engine.Film, names: tuple[str, ...]) -> None:
-    """Of every view, as all of them are the camera's own; passes that Blender has not are left
-    out.
-    """
+def _fill_passes(
+    passes: Iterable[bpy.types.RenderPass], film: engine.Film, names: tuple[str, ...]
+) -> None:
+    """Passes that Blender has not are left out."""
     numbers = {
         known: values for name in names for known, values in _blenders(name, film.passes[name])
     }

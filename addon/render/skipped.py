@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 
 from ... import engine
+from ..export.materials.terms import GREY
 from ..export.shader_nodes.inputs import ACTIVE_COLOR
-from ..export.terms import GREY
 
 SHOWN = 4
 """Names that a line spells out before it counts the rest."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from ..export.graph import FORMER_NODE, node_tree
+from ..export.materials.graph import FORMER_NODE, node_tree
 from .nodes import OUTPUT, add_blinn_phong
 
 _STAYS = bpy.app.version < (4, 5, 0)

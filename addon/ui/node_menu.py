@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..export.graph import BLINN_PHONG, is_blinn_phong, kind_of, node_tree
+from ..export.materials.graph import BLINN_PHONG, is_blinn_phong, kind_of, node_tree
 from .nodes import NAME, OUTPUT, add_blinn_phong, blinn_phong_group
 
 _COLORS = ("Base Color", "Color", "Diffuse")

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..export.graph import BLINN_PHONG, MARK, is_blinn_phong
+from ..export.materials.graph import BLINN_PHONG, MARK, is_blinn_phong
 
 NAME = "Blinn-Phong"
 OUTPUT = "BSDF"

@@ -48,7 +48,7 @@ _BORROWED_FROM_EEVEE = {
 }
 _WITHOUT_EFFECT = {
     "DATA_PT_camera_stereoscopy": "No effect in Glint: every view is the camera's own",
-    "DATA_PT_volume_render": "No effect in Glint: volumes are not drawn",
+    "DATA_PT_volume_render": "No effect in Glint: volume objects are not drawn",
     "RENDER_PT_stereoscopy": "No effect in Glint: every view is the camera's own",
 }
 """Blender's panels that a file's settings are looked for in, and what each says on top."""
@@ -256,6 +256,9 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
             if name not in engine.CRYPTOMATTES:
                 data.prop(context.view_layer, switch)
         cycles = getattr(context.view_layer, "cycles", None)
+        for name, switch in result.CYCLES_SWITCHES.items():
+            if hasattr(cycles, switch):
+                data.prop(cycles, switch, text=name)
         if hasattr(cycles, result.DENOISING):
             data.prop(cycles, result.DENOISING, text="Denoising Data")
         parts = column.column(heading="Parts", align=True)
@@ -382,6 +385,8 @@ class GLINT_OBJECT_PT_ray_visibility(_Panel, bpy.types.Panel):
         column.prop(context.object, "visible_camera", text="Camera")
         column.prop(context.object, "visible_glossy", text="Reflections")
         column.prop(context.object, "visible_shadow", text="Shadow")
+        mask = self.column.column(heading="Mask")
+        mask.prop(context.object, "is_shadow_catcher")
 
 
 class GLINT_OBJECT_PT_motion_blur(_Panel, bpy.types.Panel):

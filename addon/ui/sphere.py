@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..export.shapes import SPHERE_MARK, mark_sphere
+from ..export.geometry.shapes import SPHERE_MARK, mark_sphere
 
 
 class GLINT_OT_add_sphere(bpy.types.Operator):

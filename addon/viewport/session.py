@@ -20,7 +20,7 @@ import numpy as np
 from ... import engine
 from ...engine.scene import Camera, Scene
 from ..export import ExportError
-from ..export.incremental import NO_CAMERA, shown_in
+from ..export.sync.incremental import NO_CAMERA, shown_in
 from ..render import statistics
 from ..ui.properties import viewport_settings_from
 from . import bounds, status, timer

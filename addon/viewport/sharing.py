@@ -8,7 +8,7 @@ import weakref
 from typing import Any
 
 from ...engine.scene import Camera, Scene
-from ..export.incremental import LiveExport
+from ..export.sync.incremental import LiveExport
 from . import timer
 
 

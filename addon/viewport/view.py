@@ -16,7 +16,7 @@ import numpy as np
 
 from ...engine.scene import Camera
 from ..export import ExportError
-from ..export.camera import border, export_camera, inverse_axes, resolution
+from ..export.camera import border, export_camera, flat_window, inverse_axes, resolution
 from ..export.report import Report
 
 Rectangle = tuple[int, int, int, int]
@@ -79,7 +79,7 @@ def read_view(depsgraph: Any, region: Any, space: Any, region_data: Any) -> View
     scene_camera = _camera_object(space, region_data, depsgraph)
     if scene_camera is not None:
         camera, frame = _through_camera(camera, scene_camera, depsgraph.scene_eval.render)
-    planes = clip_planes(region_data, camera)
+    planes = () if camera.kind == "PANORAMA" else clip_planes(region_data, camera)
     if planes:
         camera, frame = replace(camera, clip_planes=planes), None
     part = _border(space, region_data, depsgraph.scene_eval.render, camera, frame, scene_camera)
@@ -88,6 +88,7 @@ def read_view(depsgraph: Any, region: Any, space: Any, region_data: Any) -> View
         camera.world_from_camera.tobytes(),
         camera.window,
         camera.lens,
+        camera.panorama,
         planes,
         size,
         pixel_size,
@@ -189,7 +190,9 @@ def camera_notes(looks: Any, scene: Any) -> tuple[str, ...]:
         return ()
     report = Report()
     with suppress(ExportError):  # drawing says so
-        export_camera(scene.camera, scene.render, resolution(scene.render), report)
+        seen = export_camera(scene.camera, scene.render, resolution(scene.render), report)
+        if seen.kind == "PANORAMA" and looks.use_clip_planes:
+            report.note("The clipping region of the view does not cut panoramas: turn it off")
     return report.notes()
 
 
@@ -197,7 +200,12 @@ def _through_camera(camera: Camera, scene_camera: Any, render: Any) -> tuple[Cam
     """The view's camera with the place, direction, lens and clip distances of the render's; the
     render's frame if it lies on whole pixels.
     """
-    rendered = export_camera(scene_camera, render, resolution(render), Report())
+    size = resolution(render)
+    rendered = export_camera(scene_camera, render, size, Report())
+    if rendered.kind == "PANORAMA":
+        flat = flat_window(scene_camera.data, render, size)
+        window = _window_in(rendered.window, flat, camera.window)
+        camera = replace(camera, kind="PANORAMA", window=window)
     moved = Camera(
         rendered.kind,
         rendered.world_from_camera,
@@ -206,6 +214,7 @@ def _through_camera(camera: Camera, scene_camera: Any, render: Any) -> tuple[Cam
         rendered.clip_start,
         rendered.clip_end,
         lens=rendered.lens,
+        panorama=rendered.panorama,
     )
     corner = (
         frame_of(camera.window, camera.resolution, rendered)
@@ -215,6 +224,16 @@ def _through_camera(camera: Camera, scene_camera: Any, render: Any) -> tuple[Cam
     if rendered.kind != camera.kind:
         return camera, None
     return moved, Frame(rendered, *corner) if corner else None
+
+
+def _window_in(whole: Window, frame: Window, view: Window) -> Window:
+    """The part of a picture's window that a view shows, which shows all of it in a frame."""
+    edges = []
+    for k, edge in enumerate(view):
+        low, high = frame[k - k % 2 : k - k % 2 + 2]
+        start, end = whole[k - k % 2 : k - k % 2 + 2]
+        edges.append(start + (edge - low) / (high - low) * (end - start))
+    return tuple(edges)
 
 
 def _camera_object(space: Any, region_data: Any, depsgraph: Any) -> Any:
@@ -302,4 +321,5 @@ def _key(frame: Frame | None) -> tuple | None:
         camera.clip_start,
         camera.clip_end,
         camera.lens,
+        camera.panorama,
     )

@@ -53,6 +53,8 @@ def summary(ray: Ray) -> str:
     """One sentence: what the pixel shows, which lights make which share of its luminance, and what
     keeps others from it.
     """
+    if not any(ray.weight):
+        return "Nothing is seen here: the pixel is beyond the picture of the lens"
     what = (
         f"'{ray.hit.thing}' with the material '{ray.hit.material}'"
         if ray.hit
@@ -60,6 +62,8 @@ def summary(ray: Ray) -> str:
     )
     if ray.hit and ray.hit.holdout:
         return f"{what} is a holdout: nothing is seen here"
+    if ray.hit and ray.hit.caught:
+        what = f"{what} catches shadows: {_rgb(ray.hit.caught)} of its light is left"
     shares = _listed_shares(_contributions(ray))
     lit = f": lit by {shares}" if shares else ": no light comes from here"
     blocked = (
@@ -85,13 +89,14 @@ def _contributions(ray: Ray, way: str = "") -> Iterator[tuple[str, float]]:
     them left the camera's line.
     """
     yield from ((name + way, _luminance(ray.weight, radiance)) for name, radiance in ray.shapes)
-    yield "the surroundings" + way, _luminance(ray.weight, ray.background)
-    if ray.hit is not None and not ray.hit.holdout:
-        yield "ambient light" + way, _luminance(ray.weight, ray.hit.ambient)
-        yield f"the glow of '{ray.hit.thing}'" + way, _luminance(ray.weight, ray.hit.emission)
+    weight = tuple(sent * left for sent, left in zip(ray.weight, ray.passed, strict=True))
+    yield "the surroundings" + way, _luminance(weight, ray.background)
+    if ray.hit is not None and not (ray.hit.holdout or ray.hit.caught):
+        yield "ambient light" + way, _luminance(weight, ray.hit.ambient)
+        yield f"the glow of '{ray.hit.thing}'" + way, _luminance(weight, ray.hit.emission)
         for term in ray.hit.lights:
             for part in (term.diffuse, term.specular):
-                yield term.light + way, _luminance(ray.weight, part, term.shadow)
+                yield term.light + way, _luminance(weight, part, term.shadow)
     for after in ray.follow:
         yield from _contributions(after, way or _WAYS.get(after.kind, ""))
 
@@ -156,6 +161,8 @@ def _ray_lines(ray: Ray, level: int) -> Iterator[str]:
         "of it by itself"
     )
     yield f"{pad}  from {_rgb(ray.origin)} along {_rgb(ray.direction)}"
+    if any(left != 1 for left in ray.passed):
+        yield f"{pad}  media on its way leave {_rgb(ray.passed)} of it"
     for name, radiance in ray.shapes:
         yield f"{pad}  sees the light '{name}': {_rgb(radiance)}"
     if ray.hit is None:
@@ -177,6 +184,11 @@ def _hit_lines(hit: Hit) -> Iterator[str]:
     if hit.holdout:
         yield "it is a holdout: nothing is seen here"
         return
+    if hit.caught:
+        yield (
+            "it catches shadows: with what stands there it has "
+            f"{_rgb(hit.caught)} of the light that it has alone"
+        )
     yield f"k_a I_a = {_rgb(hit.ambient)}"
     if any(hit.emission):
         yield f"k_e = {_rgb(hit.emission)}"

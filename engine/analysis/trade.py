@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..film import FIRST_ESTIMATE
-from ..lamps import is_soft, shared_samples
+from ..lights.lamps import is_soft, shared_samples
 from ..scene import Scene
 from ..settings import Settings
 from . import metrics

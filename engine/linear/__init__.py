@@ -58,10 +58,6 @@ from .viewing import (
     camera_from_world,
     orthographic,
     perspective,
-    pixel_bounds_of_box,
-    pixel_from_camera,
-    pixel_from_world,
-    project_to_pixels,
     viewport,
 )
 
@@ -92,11 +88,7 @@ __all__ = [
     "orthographic",
     "perspective",
     "piecewise_linear",
-    "pixel_bounds_of_box",
-    "pixel_from_camera",
-    "pixel_from_world",
     "project",
-    "project_to_pixels",
     "projected_length",
     "pseudo_inverse",
     "reflect",

@@ -29,14 +29,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from .. import left_out
 from ..errors import NO_THREAD, SceneError
 from ..film import Film, aov_pass, channels_of, empty_value
-from ..lamps import sharing_stats
-from ..motion import is_moving
-from ..scene import Scene
+from ..lights.lamps import sharing_stats
+from ..sampling.motion import is_moving
+from ..scene import Scene, left_out
+from ..scene.view_axes import ViewAxes, narrow_view_axes
 from ..settings import Settings
-from ..view_axes import ViewAxes, narrow_view_axes
 from . import core_types
 from .core_types import (
     AccelData,

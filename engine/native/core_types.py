@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 26
+ABI_VERSION = 29
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -35,6 +35,7 @@ class InstanceFlags(IntEnum):
     VISIBLE_MIRROR = 2
     VISIBLE_SHADOW = 4
     HOLDOUT = 8
+    CATCHER = 16
 
 
 class TextureType(IntEnum):
@@ -101,6 +102,17 @@ class LightFlags(IntEnum):
 class CameraKind(IntEnum):
     PERSPECTIVE = 0
     ORTHOGRAPHIC = 1
+    PANORAMA = 2
+
+
+class Projection(IntEnum):
+    EQUIRECTANGULAR = 0
+    FISHEYE_EQUIDISTANT = 1
+    FISHEYE_EQUISOLID = 2
+    FISHEYE_LENS_POLYNOMIAL = 3
+    MIRROR_BALL = 4
+    EQUIANGULAR_CUBEMAP_FACE = 5
+    CENTRAL_CYLINDRICAL = 6
 
 
 class Mist(IntEnum):
@@ -161,6 +173,7 @@ class Pass(IntEnum):
     DENOISING_NORMAL = 25
     DENOISING_ALBEDO = 26
     DENOISING_DEPTH = 27
+    SHADOW_CATCHER = 28
 
 
 class State(IntEnum):
@@ -189,6 +202,8 @@ class Feature(IntEnum):
     CAMERA_MOTION = 4096
     BOUNCED_LIGHT = 8192
     OBJECT_MOTION = 16384
+    MEDIA = 32768
+    SHADOW_CATCHER = 65536
 
 
 class MathFunction(IntEnum):
@@ -265,7 +280,14 @@ class MaterialData(Structure):
         *_each(c_uint32, "first_lobe lobe_count"),
         *_each(c_int32, "index program normal"),
         *_each(c_uint32, "crypto"),
-        *_each(c_int32, "aov"),
+        *_each(c_int32, "aov medium"),
+    ]
+
+
+class MediumData(Structure):
+    _fields_ = [
+        *_each(c_double * 3, "absorption scattering emission"),
+        *_each(c_double, "anisotropy"),
     ]
 
 
@@ -296,6 +318,13 @@ class CameraData(Structure):
         *_each(c_uint32, "width height"),
         *_each(c_int32, "kind clip_plane_count"),
         *_each(c_double * 24, "clip_planes"),
+        *_each(c_double * 2, "longitude latitude heights"),
+        *_each(c_double, "fov lens"),
+        *_each(c_double * 2, "sensor"),
+        *_each(c_double * 5, "polynomial"),
+        *_each(c_double, "eye_offset convergence"),
+        *_each(c_double * 2, "pole_merge"),
+        *_each(c_int32, "projection reserved"),
     ]
 
 
@@ -305,16 +334,16 @@ class SceneData(Structure):
         *_each(c_double * 3, "ambient background"),
         *_each(c_double * 9, "world_axes"),
         *_each(c_double, "mist_start mist_depth"),
-        *_each(c_int32, "transparent world_program world_slot mist_falloff aov_count reserved"),
+        *_each(c_int32, "transparent world_program world_slot mist_falloff aov_count world_medium"),
         *_each(c_size_t, "geometries attributes instances world_from_object material_slots"),
         *_each(c_size_t, "instance_value_names instance_values textures program_words"),
-        *_each(c_size_t, "program_constants program_tables programs inputs lobes materials lights"),
-        *_each(c_size_t, "emitters emitter_corners"),
+        *_each(c_size_t, "program_constants program_tables programs inputs lobes materials media"),
+        *_each(c_size_t, "lights emitters emitter_corners"),
         *_each(c_uint64, "geometry_count attribute_count instances_count row_count"),
         *_each(c_uint64, "material_slot_count texture_count program_word_count"),
         *_each(c_uint64, "program_constant_count program_table_count program_count input_count"),
         *_each(c_uint64, "lobe_count material_count light_count emitter_count"),
-        *_each(c_uint64, "emitter_corner_count instance_value_count"),
+        *_each(c_uint64, "emitter_corner_count instance_value_count medium_count"),
     ]
 
 
@@ -324,13 +353,13 @@ class RenderSettingsData(Structure):
         *_each(c_size_t, "bounced_table lobe_points dome_cells dome_irradiance lens_points"),
         *_each(c_size_t, "camera_frames"),
         *_each(c_uint64, "light_point_count dome_count mesh_count bounced_count lobe_count"),
-        *_each(c_uint64, "lens_point_count camera_frame_count"),
+        *_each(c_uint64, "lens_point_count camera_frame_count passes"),
         *_each(c_double * 9, "dome_axes"),
         *_each(c_double, "error_threshold cutoff lens_focus"),
         *_each(c_uint32, "samples light_samples dome_samples mesh_samples bounced_samples"),
         *_each(c_uint32, "lamp_shadows dome_rows dome_columns dome_irradiance_rows"),
         *_each(c_uint32, "dome_irradiance_columns camera_block lobe_levels crypto_ids max_bounces"),
-        *_each(c_uint32, "threads passes"),
+        *_each(c_uint32, "threads"),
         *_each(c_uint32 * 4, "region"),
         *_each(c_int32, "illumination waves acceleration remember reflections moving"),
     ]

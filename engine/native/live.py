@@ -7,12 +7,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from .. import left_out, native
+from .. import native
 from ..film import Film
-from ..motion import is_moving
-from ..scene import Light, Scene
+from ..sampling.motion import is_moving
+from ..scene import Light, Scene, left_out
+from ..scene.view_axes import ViewAxes, narrow_view_axes
 from ..settings import Settings
-from ..view_axes import ViewAxes, narrow_view_axes
 from .core_types import State
 from .packer import Packed
 from .packing import ScenePacker

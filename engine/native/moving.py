@@ -10,10 +10,10 @@ from ctypes import byref
 
 from .. import native
 from ..film import Film
-from ..motion import moment, sample_times
+from ..sampling.motion import moment, sample_times
 from ..scene import Scene
+from ..scene.view_axes import ViewAxes
 from ..settings import Settings
-from ..view_axes import ViewAxes
 from .packer import Packed
 from .packing import ScenePacker
 from .packing_settings import pack_settings

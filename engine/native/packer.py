@@ -34,6 +34,7 @@ class Packer:
     constants: list[float] = field(default_factory=list)
     tables: list[float] = field(default_factory=list)
     packed: dict[Program, int] = field(default_factory=dict)
+    media: list[tuple] = field(default_factory=list)
 
     def lend(
         self, values: Any, dtype: type, shape: tuple[int | None, ...], what: str

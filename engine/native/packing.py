@@ -33,6 +33,7 @@ from ..scene import (
     Strands,
     Texture,
 )
+from ..scene.panorama import Eye, Panorama
 from . import core_types
 from .packer import Packed, Packer, address, number
 from .packing_materials import pack_material
@@ -66,7 +67,7 @@ class ScenePacker:
     def __init__(self) -> None:
         self._names: dict[str, int] = {}
         self._parts: dict[str, _Part] = {}
-        self._nobodys: tuple[Program, int, Material] | None = None
+        self._nobodys: tuple[tuple, Material] | None = None
         self._lit_by: dict[tuple[Program, int], Material] = {}
 
     def pack(self, scene: Scene) -> Packed:
@@ -99,8 +100,10 @@ class ScenePacker:
         }
         self._parts = parts
         parts = {**parts, "lights": _with_programs(scene, parts)}
+        if self._sky(scene):
+            sky = parts["materials"].tables["materials"][-1]
+            data.world_program, data.world_medium = int(sky["program"]), int(sky["medium"])
         if scene.world.program is not None:
-            data.world_program = int(parts["materials"].tables["materials"]["program"][-1])
             data.world_slot = scene.world.program.outputs[0]
         for part in parts.values():
             for name, table in part.tables.items():
@@ -128,17 +131,18 @@ class ScenePacker:
         return tuple(found)
 
     def _sky(self, scene: Scene) -> tuple[Material, ...]:
-        """What brings a world's program into the tables, where its textures follow those of the
-        scene: a material without lobes, that nothing wears.
+        """What brings a world's program, whose textures follow those of the scene, and medium into
+        the tables: a material without lobes, that nothing wears.
         """
-        program, first = scene.world.program, len(scene.textures)
-        if program is None:
+        world, first = scene.world, len(scene.textures)
+        if world.program is None and world.medium is None:
             return ()
-        if self._nobodys is None or self._nobodys[:2] != (program, first):
-            numbers = {k: first + k for k in range(len(scene.world.textures))}
-            material = Material("world", (), program=program.with_textures(numbers))
-            self._nobodys = (program, first, material)
-        return (self._nobodys[2],)
+        key = world.program, first, world.medium
+        if self._nobodys is None or self._nobodys[0] != key:
+            numbers = {k: first + k for k in range(len(world.textures))}
+            program = world.program.with_textures(numbers) if world.program else None
+            self._nobodys = key, Material("world", (), program=program, medium=world.medium)
+        return (self._nobodys[1],)
 
     def _part(
         self, name: str, source: tuple, make: Callable[[tuple, _Part | None, list[int]], _Part]
@@ -183,6 +187,7 @@ class ScenePacker:
             "materials": _table(core_types.MaterialData, rows),
             "lobes": _table(core_types.LobeData, packer.lobes),
             "inputs": _table(core_types.InputData, packer.inputs),
+            "media": _table(core_types.MediumData, packer.media),
             "programs": _table(core_types.ProgramData, packer.programs),
             "program_words": np.array(packer.words, np.int32),
             "program_constants": np.array(packer.constants, np.float64),
@@ -196,6 +201,7 @@ _COUNTS = {
     "attributes": "attribute_count",
     "materials": "material_count",
     "lobes": "lobe_count",
+    "media": "medium_count",
     "inputs": "input_count",
     "programs": "program_count",
     "program_words": "program_word_count",
@@ -311,7 +317,19 @@ def pack_camera(camera: Camera) -> core_types.CameraData:
     planes = np.ravel(camera.clip_planes)[:24]
     data.clip_planes[: len(planes)] = planes
     data.kind = number(camera.kind, core_types.CameraKind, "camera kind")
+    if camera.kind == "PANORAMA":
+        _pack_panorama(data, camera.panorama)
     return data
+
+
+def _pack_panorama(data: core_types.CameraData, panorama: Panorama) -> None:
+    data.projection = number(panorama.projection, core_types.Projection, "projection")
+    for name in ("longitude", "latitude", "heights", "sensor", "polynomial"):
+        getattr(data, name)[:] = getattr(panorama, name)
+    data.fov, data.lens = panorama.fov, panorama.lens
+    eye = panorama.eye or Eye(0.0)
+    data.eye_offset, data.convergence = eye.offset, eye.convergence
+    data.pole_merge[:] = eye.pole_merge or (0.0, 0.0)
 
 
 # --- geometry
@@ -495,7 +513,7 @@ def _moved_instances(groups: tuple[Instances, ...], before: _Part, changed: list
     return _Part(groups, {**before.tables, "world_from_object": matrices}, before.lent)
 
 
-_CAMERA, _MIRROR, _SHADOW, _HOLDOUT = (flag.value for flag in core_types.InstanceFlags)
+_CAMERA, _MIRROR, _SHADOW, _HOLDOUT, _CATCHER = (flag.value for flag in core_types.InstanceFlags)
 
 
 def _group(group: Instances, first_row: int, row_count: int, first_slot: int) -> tuple:
@@ -504,6 +522,7 @@ def _group(group: Instances, first_row: int, row_count: int, first_slot: int) ->
         | _MIRROR * group.visible_mirror
         | _SHADOW * group.visible_shadow
         | _HOLDOUT * group.holdout
+        | _CATCHER * group.catcher
     )
     return (
         first_row,

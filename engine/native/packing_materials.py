@@ -8,7 +8,7 @@ from ..cryptomatte import id_bits
 from ..program.operations import Reference
 from ..program.program import Instruction, Program, instructions
 from ..program.table import CODES
-from ..scene import Input, Material
+from ..scene import Input, Material, Medium
 from .core_types import Channel, Fresnel, LobeKind
 from .packer import Packer, number
 
@@ -42,7 +42,14 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
         _slot(outputs, material.normal_output),
         id_bits(material.name),
         aov,
+        _medium(packer, material.medium) if material.medium is not None else 0,
     )
+
+
+def _medium(packer: Packer, medium: Medium) -> int:
+    """One more than its row in the core's table."""
+    packer.media.append((medium.absorption, medium.scattering, medium.emission, medium.anisotropy))
+    return len(packer.media)
 
 
 def _slot(outputs: tuple[int, ...], output: int) -> int:

@@ -8,11 +8,11 @@ import numpy as np
 
 from ..errors import SceneError
 from ..film import PASSES
-from ..lamps import is_soft
-from ..lens import BLOCK, lens_points
-from ..mesh_lights import MeshTable
-from ..motion import camera_frames, is_moving, sample_times
+from ..lights.lamps import is_soft
+from ..lights.mesh_lights import MeshTable
 from ..sampling import light_points, lobe_points, pixel_offsets
+from ..sampling.lens import BLOCK, lens_points
+from ..sampling.motion import camera_frames, is_moving, sample_times
 from ..scene import Lens, Light, Scene
 from ..settings import DECLARED, Settings
 from . import core_types
@@ -87,7 +87,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
 def _add_dome(
     data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
 ) -> None:
-    from ..dome import dome_table
+    from ..lights.dome import dome_table
 
     data.dome_samples = settings.dome_samples
     table = dome_table(light, settings.samples, settings.dome_samples)
@@ -105,7 +105,7 @@ def _add_dome(
 def _add_mesh(
     data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
 ) -> None:
-    from ..mesh_lights import mesh_table
+    from ..lights.mesh_lights import mesh_table
 
     table = mesh_table(light, settings.samples, settings.mesh_samples)
     rows = _surface_points(packer, table, "mesh light samples")
@@ -116,7 +116,7 @@ def _add_mesh(
 def _add_bounced(
     data: core_types.RenderSettingsData, packer: Packer, light: Light, settings: Settings
 ) -> None:
-    from ..bounced_light import bounced_table
+    from ..lights.bounced_light import bounced_table
 
     table = bounced_table(light, settings.samples, settings.bounced_samples)
     rows = _surface_points(packer, table, "bounced light samples")
@@ -125,8 +125,8 @@ def _add_bounced(
 
 
 def _surface_points(packer: Packer, t: MeshTable, name: str) -> np.ndarray:
-    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc)
-    return packer.lend(np.column_stack(columns), np.float64, (None, 16), name)
+    columns = (t.point, t.normal, t.front, t.back, t.spread, t.reach, t.disc, t.caught)
+    return packer.lend(np.column_stack(columns), np.float64, (None, 17), name)
 
 
 def _add_motion(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..checks import Found, handle
+from ..scene.checks import Found, handle
 from .operations import Reference
 from .program import Instruction, Program, instructions
 

@@ -1,5 +1,5 @@
 """Viewing rays (notes, sections 4.4-4.6): the rays of a camera are a pencil in its own frame, where
-they are (u, v, 1) or parallel to z.
+they are (u, v, 1) or parallel to z; those of a panorama are a bundle.
 """
 
 from __future__ import annotations
@@ -8,10 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..lens import BLOCK, lens_points
-from ..motion import camera_frames, sample_times
+from ..sampling.lens import BLOCK, lens_points
+from ..sampling.motion import camera_frames, sample_times
 from ..scene import Camera, Scene
+from ..scene.panorama import Panorama
 from .geometry import Geometry
+from .panorama import from_eye, looks, through_lens
 from .raster import Strips, pixel_strips
 from .rays import ULPS, Bundle, Frame, Pencil, Rays
 from .vectors import length, transform, transform_each, unit
@@ -52,6 +54,7 @@ class CameraRays:
 
     near, far: the clip range with a margin for the rounding of depths, so that hits at its very
     ends count.  clip_planes: (k, 4).  focus: depth of a lens's sharp plane.  eye: (3,) world.
+    panorama: None for none; its depths are distances.
     """
 
     frame: Frame
@@ -64,11 +67,12 @@ class CameraRays:
     focus: float
     eye: Array
     clip_start: float
+    panorama: Panorama | None = None
 
     @classmethod
     def of(cls, camera: Camera, geometry: Geometry) -> CameraRays:
         axes = np.asarray(camera.world_from_camera, np.float64)[:, :3] * (1.0, 1.0, -1.0)
-        perspective = camera.kind == "PERSPECTIVE"
+        perspective = camera.kind != "ORTHOGRAPHIC"
         frame = Frame.of(geometry, np.linalg.inv(axes), np.zeros(3), perspective)
         left, right, bottom, top = camera.window
         pixel = (right - left) / camera.resolution[0], (top - bottom) / camera.resolution[1]
@@ -91,7 +95,17 @@ class CameraRays:
             camera.lens.focus if camera.lens else np.inf,
             np.asarray(camera.world_from_camera, np.float64)[:, 3],
             camera.clip_start,
+            camera.panorama if camera.kind == "PANORAMA" else None,
         )
+
+    @property
+    def along(self) -> float:
+        """World units per unit of the parameter of its rays."""
+        return self.unit if self.panorama is None else 1.0
+
+    def weights(self, rays: Rays) -> Array:
+        """(n,) of camera rays: 1, and 0 beyond the picture of a panorama's lens."""
+        return np.ones(len(rays)) if self.panorama is None else np.where(rays.far >= 0, 1.0, 0.0)
 
     def pixels(
         self, x: tuple[int, int], y: tuple[int, int], offset: Array
@@ -99,8 +113,7 @@ class CameraRays:
         """Rays through the pixels x[0] <= i < x[1], y[0] <= j < y[1], row by row, at `offset` from
         their centres.
         """
-        u = self.corner[0] + (np.arange(*x) + 0.5 + offset[0]) * self.pixel[0]
-        v = self.corner[1] + (np.arange(*y) + 0.5 + offset[1]) * self.pixel[1]
+        u, v = self._window(x, y, offset)
         window = np.stack([np.tile(u, len(v)), np.repeat(v, len(u))])
         still = np.zeros_like(window)
         ends = self._clipped(*((still, window) if self.frame.perspective else (window, still)))
@@ -112,6 +125,8 @@ class CameraRays:
         self, x: tuple[int, int], y: tuple[int, int], offset: Array, spread: Spread
     ) -> tuple[Rays, Strips | None]:
         """The same, each from where its pixel looks."""
+        if self.panorama is not None:
+            return self._panoramic(x, y, offset, spread), None
         if spread.lens is None and spread.frames is None:
             return self.pixels(x, y, offset)
         return self._spread(x, y, offset, spread), None
@@ -121,7 +136,7 @@ class CameraRays:
     ) -> Bundle:
         """Rays whose parameter is the depth, as a pencil's."""
         pencil, _ = self.pixels(x, y, offset)
-        place = ((np.arange(*y) % BLOCK)[:, None] * BLOCK + np.arange(*x) % BLOCK).ravel()
+        place = self._place(x, y)
         window = np.stack([pencil.u, pencil.v])
         lens = np.zeros_like(window) if spread.lens is None else spread.lens[place].T
         bend = -lens / self.focus
@@ -137,8 +152,46 @@ class CameraRays:
             origin, along = transform_each(world, origin) + moved, transform_each(world, along)
         return Bundle.of(origin, along, *self._clipped(start, slope))
 
+    def _window(self, x: tuple[int, int], y: tuple[int, int], offset: Array) -> tuple[Array, Array]:
+        """Where the columns and the rows of these pixels are in the window."""
+        return (
+            self.corner[0] + (np.arange(*x) + 0.5 + offset[0]) * self.pixel[0],
+            self.corner[1] + (np.arange(*y) + 0.5 + offset[1]) * self.pixel[1],
+        )
+
+    @staticmethod
+    def _place(x: tuple[int, int], y: tuple[int, int]) -> Array:
+        """Which of a block's pixels each of these is."""
+        return ((np.arange(*y) % BLOCK)[:, None] * BLOCK + np.arange(*x) % BLOCK).ravel()
+
+    def _panoramic(
+        self, x: tuple[int, int], y: tuple[int, int], offset: Array, spread: Spread
+    ) -> Bundle:
+        """Rays whose parameter is the distance; those that see nothing end before they begin."""
+        place, (u, v) = self._place(x, y), self._window(x, y, offset)
+        d, seen = looks(self.panorama, np.tile(u, len(v)), np.repeat(v, len(u)))
+        o = np.zeros_like(d)
+        if spread.lens is not None:
+            o, d = through_lens(d, spread.lens[place].T, self.focus)
+        if self.panorama.eye is not None:
+            o, d = from_eye(self.panorama.eye, o, d)
+        if spread.frames is None:
+            world = np.linalg.inv(self.frame.matrix) * (1.0, 1.0, -1.0)
+            o, d = transform(world, o), transform(world, d)
+        else:
+            world = spread.frames[place]
+            o = transform_each(world, o) + (world[:, :, 3].T - self.eye[:, None])
+            d = transform_each(world, d)
+        size = length(d)
+        far = np.where(seen, self.far * size, -1.0)
+        return Bundle.of(o, d / size, self.near * size, far)
+
     def depth(self, points: Array) -> Array:
-        """Of points (3, n) relative to the eye, along the view of the camera that stands still."""
+        """Of points (3, n) relative to the eye, along the view of the camera that stands still; of
+        a panorama the distance.
+        """
+        if self.panorama is not None:
+            return length(points) / self.unit
         return transform(self.frame.matrix, points)[2]
 
     def distance(self, points: Array) -> Array:

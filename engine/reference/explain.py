@@ -7,19 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..motion import is_moving, moment, sample_times
+from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
+from . import catchers
 from .camera import Spread
 from .generations import reflected
 from .gloss import Narrow
 from .lighting import balance, highlight
 from .lights import LightSample, Source
 from .materials import Coefficients, Term
+from .media import Spans
 from .paths import Paths, bounced, straight_on, widened
 from .pulse import Pulse
 from .rays import Bundle
-from .seen_lights import has_shape, seen_radiance
+from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
 from .tabled_lights import Dome
@@ -63,8 +65,9 @@ class Hit:
     sphere, polygon or segment of hair. barycentric: weights of a triangle's corners or of a
     segment's ends, zeros elsewhere.  depth: ray parameter; of camera rays the depth along the view.
     normal: n, turned to the viewer.  ambient, emission: k_a I_a and k_e.  holdout: nothing is seen
-    here.  shared: of how many shadow rays of a sample how many samples of lamps have a share;
-    zeros where each has its own.
+    here.  caught: of a shadow catcher that the camera sees, the share of its light that other
+    things leave to it; None elsewhere.  shared: of how many shadow rays of a sample how many
+    samples of lamps have a share; zeros where each has its own.
     """
 
     thing: str
@@ -80,6 +83,7 @@ class Hit:
     emission: Numbers
     lights: tuple[LightTerm, ...]
     holdout: bool = False
+    caught: Numbers | None = None
     shared: tuple[int, int] = (0, 0)
 
 
@@ -90,7 +94,8 @@ class Ray:
     kind: camera, or lens for one through a point of the camera's, mirror, refraction or transparent
     (the same ray beyond a surface).  weight: T.
     origin, direction: world. hit: None for the surroundings, of which it sees `background`.
-    shapes: (name, radiance) of the lights whose shape it sees. own: what it brings to the pixel
+    passed: what media leave of it on its way, which `shapes` have in them. shapes: (name, radiance)
+    of the lights whose shape it sees. own: what it brings to the pixel
     itself, T times its terms; color: with all that follow from it.
     """
 
@@ -105,6 +110,7 @@ class Ray:
     own: Numbers
     color: Numbers
     follow: tuple[Ray, ...]
+    passed: Numbers = (1.0, 1.0, 1.0)
 
 
 class Explainer:
@@ -127,7 +133,8 @@ class Explainer:
         """
         rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._spread)[0]
         zero = np.zeros(1, np.intp)
-        paths = Paths(rays, np.ones((3, 1)), zero, zero, 0, np.full(1, np.inf))
+        weight = np.tile(self.stage.camera.weights(rays), (3, 1))
+        paths = Paths(rays, weight, zero, zero, 0, np.full(1, np.inf))
         return self.follow(paths, "camera" if self._spread.lens is None else "lens")
 
     def follow(self, paths: Paths, kind: str) -> Ray:
@@ -135,12 +142,16 @@ class Explainer:
         stage = self.stage
         o, d = paths.rays.lines(np.zeros(1, np.intp))
         found = stage.visibility.closest(paths.rays, paths.kind)
-        weight = paths.weight[:, 0]
-        shapes = tuple(self._shapes(paths, o, d, found.depth))
+        spans = stage.media.spans(paths.rays, paths.kind) if stage.media else None
+        shapes = tuple(self._shapes(paths, o, d, found.depth, spans))
+        sent, passed = paths.weight[:, 0], np.ones((3, 1))
+        if spans is not None:
+            passed = stage.media.passed(spans, paths.rays.near, found.depth)
+        paths = replace(paths, weight=paths.weight * passed)
         ray = Ray(
             kind,
             paths.depth,
-            _numbers(weight),
+            _numbers(sent),
             _numbers(o[:, 0] + stage.eye),
             _numbers(unit(d)[:, 0]),
             None,
@@ -149,10 +160,11 @@ class Explainer:
             (),
             (),
             (),
+            _numbers(passed[:, 0]),
         )
-        own = weight * sum((np.array(radiance) for _, radiance in shapes), np.zeros(3))
+        own = sent * sum((np.array(radiance) for _, radiance in shapes), np.zeros(3))
         if found.primitive[0] == NOTHING:
-            own = own + weight * np.array(ray.background)
+            own = own + paths.weight[:, 0] * np.array(ray.background)
             return replace(ray, own=_numbers(own), color=_numbers(own))
         ray = replace(ray, background=(0.0, 0.0, 0.0))
         return self._at_surface(ray, paths, found, own)
@@ -171,23 +183,45 @@ class Explainer:
         about = self._hit(surface, coefficients, depth, paths)
         if about.holdout:
             return replace(ray, hit=about, own=_numbers(own), color=_numbers(own))
+        if about.caught is not None:
+            coefficients = replace(coefficients, mirrors=[], refractions=[], highlights=[])
         follow = tuple(self._next(paths, hit, surface, coefficients, depth))
-        own = own + paths.weight[:, 0] * _sum(about)
+        _, d = paths.rays.lines(hit)
+        if about.caught is None:
+            own = own + paths.weight[:, 0] * _sum(about)
+        else:
+            behind = self._behind(paths, d, coefficients, np.array(about.caught))
+            own, ray = own + paths.weight[:, 0] * behind, replace(ray, background=_numbers(behind))
         color = own + sum((np.array(after.color) for after in follow), np.zeros(3))
         return replace(ray, hit=about, own=_numbers(own), color=_numbers(color), follow=follow)
 
     def _shapes(
-        self, paths: Paths, o: Array, d: Array, depth: Array
+        self, paths: Paths, o: Array, d: Array, depth: Array, spans: Spans | None
     ) -> Iterator[tuple[str, Numbers]]:
         for source in () if paths.reflections else self.stage.sources:
             if getattr(source.light, "visible_" + paths.kind) and has_shape(source):
-                radiance = seen_radiance(source, o, d, paths.rays.near, depth, paths.kind)[:, 0]
+                near = paths.rays.near
+                radiance = seen_radiance(source, o, d, near, depth, paths.kind)
+                if spans is not None:
+                    met = distance_seen(source, o, d)
+                    radiance = radiance * self.stage.media.passed(spans, near, met)
                 if radiance.any():
-                    yield source.light.name, _numbers(radiance)
+                    yield source.light.name, _numbers(radiance[:, 0])
 
     def _background(self, paths: Paths, d: Array) -> Array:
         hidden = paths.glossy or (paths.depth == 0 and self.stage.scene.world.transparent)
         return np.zeros(3) if hidden else self.stage.background_of(d, paths.kind)[:, 0]
+
+    def _behind(self, paths: Paths, d: Array, coefficients: Coefficients, ratio: Array) -> Array:
+        """(3,) what a shadow catcher shows of the surroundings behind it."""
+        left = catchers.light_left(ratio[:, None]) * catchers.opacity(coefficients)
+        return left[:, 0] * self._background(paths, d)
+
+    def _caught(self, surface: Surface, coefficients: Coefficients, paths: Paths) -> Numbers | None:
+        stage = self.stage
+        if paths.depth > 0 or not stage.per_object("catcher", surface.row)[0]:
+            return None
+        return _numbers(catchers.ratio(stage, surface, coefficients, paths.weight, 0)[:, 0])
 
     def _next(
         self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients, depth: Array
@@ -219,7 +253,7 @@ class Explainer:
             primitive=int(surface.local[0]),
             material=materials[number].name if 0 <= number < len(materials) else "",
             barycentric=_numbers(surface.weights[:, 0]),
-            depth=float(depth[0] * (stage.camera.unit if paths.depth == 0 else 1.0)),
+            depth=float(depth[0] * (stage.camera.along if paths.depth == 0 else 1.0)),
             position=_numbers(surface.x[:, 0] + stage.eye),
             normal=_numbers(surface.n[:, 0]),
             geometric_normal=_numbers(surface.g[:, 0]),
@@ -227,6 +261,7 @@ class Explainer:
             emission=_numbers(coefficients.emission[:, 0]),
             lights=tuple(self._lights(surface, coefficients, paths.weight)),
             holdout=instances.holdout,
+            caught=self._caught(surface, coefficients, paths),
             shared=(stage.lighting.marks, stage.shared_samples),
         )
 

@@ -4,18 +4,22 @@ through, then bounce after bounce.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from ..film import CATCHER
+from . import catchers
 from .gloss import reflecting
 from .lights import Source
 from .materials import Coefficients
+from .media import Spans
 from .paths import Paths, beyond, bounced, joined, reflected_by_lobes, straight_on, widened
 from .picture import Tile
 from .raster import Strips
 from .rays import Rays
-from .seen_lights import has_shape, seen_radiance
+from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
 from .vectors import dot, length, pick
@@ -59,7 +63,11 @@ class Generations:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
         n = len(rays)
         widest = np.full(n, np.inf)
-        generation = [Paths(rays, np.ones((3, n)), np.arange(n), np.zeros(n, np.intp), 0, widest)]
+        seen = self._stage.camera.weights(rays)
+        self._tile.lose(np.arange(n), np.tile(1 - seen, (3, 1)))
+        generation = [
+            Paths(rays, np.tile(seen, (3, 1)), np.arange(n), np.zeros(n, np.intp), 0, widest)
+        ]
         while generation:
             deeper: list[Paths] = []
             for paths in generation:
@@ -78,7 +86,10 @@ class Generations:
         stage.rays[paths.kind] += len(paths)
         self._tile.charge(paths.pixel)
         hits = stage.visibility.closest(paths.rays, paths.kind, strips)
-        self._see_lights(paths, hits.depth)
+        if stage.media:
+            paths = self._dim(paths, hits.depth)
+        else:
+            self._see_lights(paths, hits.depth)
         self._miss(paths, np.flatnonzero(hits.primitive == NOTHING))
         hit = np.flatnonzero(hits.primitive != NOTHING)
         if not len(hit):
@@ -109,6 +120,10 @@ class Generations:
             self._see(paths, hit, surface, coefficients)
         if paths.depth == 0 and stage.scene.aovs:
             self._give_aovs(paths, hit, surface, coefficients.transparent)
+        passed = straight_on(
+            paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
+        )
+        hit, surface, coefficients = self._catch(paths, hit, surface, coefficients)
         if paths.reflections:
             coefficients = widened(coefficients, paths.widest[hit])
         self._shade(paths, hit, surface, coefficients)
@@ -120,9 +135,43 @@ class Generations:
             for some in reflections:
                 self._tile.softly_lit[some.pixel] = True
             deeper += reflections
-        return straight_on(
-            paths, hit, surface, depth, coefficients.transparent, self._wants_data(paths, hit)
-        )
+        return passed
+
+    def _catch(
+        self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients
+    ) -> tuple[Array, Surface, Coefficients]:
+        """Adds what shadow catchers show; what is left are the other surfaces."""
+        stage = self._stage
+        if paths.depth > 0 or not stage.catches:
+            return hit, surface, coefficients
+        is_caught = stage.per_object("catcher", surface.row)
+        here = np.flatnonzero(is_caught)
+        if not len(here):
+            return hit, surface, coefficients
+        some, weight, pixel = surface.take(here), pick(paths.weight, hit[here]), paths.pixel[hit]
+        given = stage.shader.coefficients(some, paths.kind)
+        on_reach, on_cut = self._listeners(pixel[here])
+        ratio = catchers.ratio(stage, some, given, weight, self._sample, on_reach, on_cut)
+        self._show_caught(paths, hit[here], weight * catchers.opacity(given), ratio)
+        rest = np.flatnonzero(~is_caught)
+        surface = surface.take(rest)
+        return hit[rest], surface, stage.shader.coefficients(surface, paths.kind)
+
+    def _show_caught(self, paths: Paths, hit: Array, seen: Array, ratio: Array) -> None:
+        """The surroundings behind catchers, and over them their shadows; or nothing, where the
+        pass has these. seen: (3, m) what of the rays ends there.
+        """
+        stage, pixel = self._stage, paths.pixel[hit]
+        if CATCHER in stage.settings.passes:
+            self._tile.catch(pixel, seen * (1 - ratio))
+            self._tile.lose(pixel, seen)
+            return
+        shown = catchers.light_left(ratio) * seen
+        if stage.scene.world.transparent:
+            self._tile.lose(pixel, shown)
+            return
+        _, along = paths.rays.lines(hit)
+        self._tile.add("Environment", pixel, shown * stage.background_of(along, paths.kind))
 
     def _note_rough_glass(self, paths: Paths, hit: Array, coefficients: Coefficients) -> None:
         """More samples may see something else through it."""
@@ -130,7 +179,16 @@ class Generations:
             if term.lobe.is_rough_glass:
                 self._tile.cut[paths.pixel[hit[term.index]]] = True
 
-    def _see_lights(self, paths: Paths, depth: Array) -> None:
+    def _dim(self, paths: Paths, depth: Array) -> Paths:
+        """The paths with what media let through of them, once lights before these are seen."""
+        media = self._stage.media
+        spans = media.spans(paths.rays, paths.kind)
+        self._see_lights(paths, depth, spans)
+        passed = media.passed(spans, paths.rays.near, depth)
+        return replace(paths, weight=paths.weight * passed)
+
+    def _see_lights(self, paths: Paths, depth: Array, spans: Spans | None = None) -> None:
+        """spans: of the media between, or None."""
         if paths.reflections:
             return
         flag = "visible_" + paths.kind
@@ -138,11 +196,11 @@ class Generations:
         if sources:
             o, d = paths.rays.lines(np.arange(len(paths)))
             for source in sources:
-                self._tile.add(
-                    paths.part("Emission"),
-                    paths.pixel,
-                    paths.weight * seen_radiance(source, o, d, paths.rays.near, depth, paths.kind),
-                )
+                near = paths.rays.near
+                seen = seen_radiance(source, o, d, near, depth, paths.kind)
+                if spans is not None:
+                    seen = seen * self._stage.media.passed(spans, near, distance_seen(source, o, d))
+                self._tile.add(paths.part("Emission"), paths.pixel, paths.weight * seen)
 
     def _miss(self, paths: Paths, missed: Array) -> None:
         if paths.glossy:
@@ -182,8 +240,8 @@ class Generations:
         uv = stage.attributes.uv("")
         self._tile.record(
             paths.pixel[hit[chosen]],
-            Depth=depth[chosen] * stage.camera.unit
-            if stage.scene.camera.motion is None
+            Depth=depth[chosen] * stage.camera.along
+            if stage.scene.camera.motion is None and stage.camera.panorama is None
             else stage.camera.depth(some.x) * stage.camera.unit,
             Position=some.x + stage.eye[:, None],
             Normal=some.n,
@@ -246,6 +304,24 @@ class Generations:
             if values.any():
                 self._tile.add(paths.part(part), pixel, weight * values)
 
+        add("Ambient", coefficients.ambient * self._stage.ambient)
+        if not (paths.reflections and self._stage.is_lit_by_meshes):
+            add("Emission", coefficients.emission)
+        on_reach, on_cut = self._listeners(pixel)
+        light = self._stage.lighting.direct(
+            surface, coefficients, weight, self._sample, on_reach, on_cut
+        )
+        add("Diffuse", light.diffuse)
+        add("Specular", light.specular)
+        add("Shadow", light.shadow)
+
+    def _listeners(
+        self, pixel: Array
+    ) -> tuple[Callable[[Source, Array, bool], None], Callable[[Array], None]]:
+        """What the lighting of points of these pixels is to tell which light reaches them, and
+        whose horizon cuts one.
+        """
+
         def on_reach(source: Source, seen: Array, is_soft: bool) -> None:
             if source.light.cast_shadow:
                 self._tile.charge(pixel[seen])
@@ -255,12 +331,4 @@ class Generations:
         def on_cut(seen: Array) -> None:
             self._tile.cut[pixel[seen]] = True
 
-        add("Ambient", coefficients.ambient * self._stage.ambient)
-        if not (paths.reflections and self._stage.is_lit_by_meshes):
-            add("Emission", coefficients.emission)
-        light = self._stage.lighting.direct(
-            surface, coefficients, weight, self._sample, on_reach, on_cut
-        )
-        add("Diffuse", light.diffuse)
-        add("Specular", light.specular)
-        add("Shadow", light.shadow)
+        return on_reach, on_cut

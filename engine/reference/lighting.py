@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..lamps import may_share
+from ..lights.lamps import may_share
 from ..scene import EVERYTHING
 from .gloss import Narrow
 from .lights import CENTER, LightPoint, LightSample, Source
@@ -19,7 +19,7 @@ from .pulse import Pulse
 from .shadows import Shadows
 from .shared_lamps import Given, share_shadows
 from .surface import Surface
-from .tabled_lights import Dome
+from .tabled_lights import BouncedSource, Dome, MeshSource
 from .vectors import add_at, dot, pick
 
 Array = np.ndarray
@@ -39,6 +39,7 @@ class Lighting:
     """The lights of a scene. points: the samples on extended lights, light_samples for each sample
     of a pixel.  sets: (r,) `Instances.light_set` of each row of the placements.  marks: how many
     shadow rays of a point and sample lamps share; 0 where each sample of a lamp has its own.
+    catchers_alone: lights are as if shadow catchers were the only things there.
     """
 
     sources: tuple[Source, ...]
@@ -48,6 +49,7 @@ class Lighting:
     pulse: Pulse
     sets: Array
     marks: int = 0
+    catchers_alone: bool = False
 
     def lights(self, source: Source, surface: Surface) -> Array:
         """(n,) bool: points of instances that a light is for."""
@@ -60,6 +62,18 @@ class Lighting:
         """What casts shadows in a light."""
         blockers = source.light.blockers
         return self.shadows if blockers == EVERYTHING else self.shadows.cast_by(self._in(blockers))
+
+    def of_catchers(self, caught: Array) -> Lighting:
+        """As if the rows (r,) bool of the placements were the only things there; none of them
+        glows.
+        """
+        sources = tuple(
+            source
+            for source in self.sources
+            if not isinstance(source, MeshSource) or isinstance(source, BouncedSource)
+        )
+        shadows = self.shadows.cast_by(caught)
+        return replace(self, sources=sources, shadows=shadows, catchers_alone=True)
 
     def _in(self, sets: int) -> Array:
         """(r,) bool: rows of the placements whose set has a bit."""
@@ -167,6 +181,9 @@ class Lighting:
         terms = coefficients.highlights if source.has_highlights else []
         narrow = Narrow(surface, terms, weight, source)
         for number in source.numbers(sample, n):
+            is_left_out = self.catchers_alone and isinstance(source, BouncedSource)
+            if is_left_out and not source.is_caught(number):
+                continue
             point = points[number]
             yield narrow, source.sample(surface.x, point, n), coefficients.diffuse
             place = source.drawn_at(number, point)

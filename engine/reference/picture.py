@@ -6,13 +6,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..film import CRYPTOMATTES, DENOISING, PARTS, PASSES, SEEN, aov_pass, empty_value
+from ..film import CATCHER, CRYPTOMATTES, DENOISING, PARTS, PASSES, SEEN, aov_pass, empty_value
 
 Array = np.ndarray
 
 HEALTH = ("Error", "Samples", "Cost", "Fallbacks")
 """Passes that grow with every sample and belong to no part."""
-DATA = tuple(name for name in PASSES if name != "Combined" and name not in (*PARTS, *HEALTH, *SEEN))
+DATA = tuple(
+    name for name in PASSES if name != "Combined" and name not in (*PARTS, *HEALTH, *SEEN, CATCHER)
+)
 LARGEST = float(np.finfo(np.float32).max)
 
 
@@ -21,9 +23,10 @@ class Tile:
     cost: (n,) rays. softly_lit, cut: (n,) bool, whether a light of more than one sample reached
     them, and whether their horizon cuts one. data: (channels, n) for the passes named. wanted:
     (n,) bool, pixels whose data is still to come. clear: (n,) what is seen and no mist before
-    it. aovs: (4 each, n) colours and what of the sample has them. wants_aovs: (n,) bool, pixels
-    whose ray has met nothing that hides what is behind. met: of each Cryptomatte pass, pixels,
-    bits of ids and coverages, (m,) each, of what was met.
+    it.  caught: (3, n) what shadows on catchers take away. aovs: (4 each, n) colours and what of
+    the sample has them. wants_aovs: (n,) bool, pixels whose ray has met nothing that hides what is
+    behind. met: of each Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what
+    was met.
     """
 
     def __init__(self, count: int, data: frozenset[str], aovs: int = 0):
@@ -34,7 +37,7 @@ class Tile:
         self.data = {name: np.full((PASSES[name], count), empty_value(name)) for name in data}
         self.wanted = np.full(count, bool(data))
         self.aovs, self.wants_aovs = np.zeros((4 * aovs, count)), np.full(count, aovs > 0)
-        self.clear = np.zeros(count)
+        self.clear, self.caught = np.zeros(count), np.zeros((3, count))
         self.denoising = {name: np.zeros((PASSES[name], count)) for name in DENOISING}
         self.met: dict[str, list[tuple[Array, Array, Array]]] = {name: [] for name in CRYPTOMATTES}
 
@@ -52,6 +55,11 @@ class Tile:
         some = weight > 0
         for name, bits in ids.items():
             self.met[name].append((pixel[some], bits[some], weight[some]))
+
+    def catch(self, pixel: Array, dark: Array) -> None:
+        """Shadows (3, m) that catchers show."""
+        for total, value in zip(self.caught, dark, strict=True):
+            total += np.bincount(pixel, value, self._count)
 
     def add(self, part: str, pixel: Array, values: Array) -> None:
         """values (3, m) to pixels (m,), in their order: a pixel's sum does not depend on its
@@ -104,6 +112,7 @@ class Picture:
         self.samples, self._cost = np.zeros(count), np.zeros(count)
         self._aovs, self._aov_names = np.zeros((4 * len(aovs), count)), aovs
         self._clear, self._crypto_ids = np.zeros(count), crypto_ids
+        self._caught = np.zeros((3, count if CATCHER in passes else 0))
         self._denoising = {
             name: np.zeros((PASSES[name], count)) for name in DENOISING if name in passes
         }
@@ -116,6 +125,8 @@ class Picture:
         self._cost[here] += tile.cost
         self.samples[here] += 1
         self._clear[here] += tile.clear
+        if CATCHER in self._passes:
+            self._caught[:, here] += tile.caught
         self._aovs[:, here] += tile.aovs
         for name, total in self._denoising.items():
             total[:, here] += tile.denoising[name]
@@ -146,6 +157,8 @@ class Picture:
             "Fallbacks": np.zeros_like(self._cost[None]),
             "Mist": 1 - self._clear[None] / samples,
         }
+        if CATCHER in self._passes:
+            health[CATCHER] = 1 - self._caught / samples
         chosen = {name: values for name, values in health.items() if name in self._passes}
         return (
             color

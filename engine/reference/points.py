@@ -9,6 +9,7 @@ import numpy as np
 from ..scene import Camera
 from .attributes import Attributes
 from .geometry import Geometry
+from .panorama import picture_points, step_size
 from .placements import Placements
 from .surface import Surface
 from .textures import Image
@@ -166,6 +167,8 @@ class SurfacePoints:
     def _step_size(self) -> Array:
         """(m,) a tenth of what a pixel spans there."""
         camera = self._around.camera
+        if camera.kind == "PANORAMA":
+            return step_size(camera) * np.sqrt((self._of("x") ** 2).sum(0))
         left, right = camera.window[:2]
         axis = np.sqrt((np.asarray(camera.world_from_camera, np.float64)[:, 0] ** 2).sum())
         pixel = 0.1 * axis * (right - left) / camera.resolution[0]
@@ -222,10 +225,13 @@ def window(camera: Camera, x: Array) -> Array:
     """
     axes = np.asarray(camera.world_from_camera, np.float64)[:, :3]
     x, y, z = np.linalg.solve(axes, x)
+    left, right, bottom, top = camera.window
+    if camera.kind == "PANORAMA":
+        u, v = picture_points(camera.panorama, unit(np.stack([x, y, z])))
+        return np.stack([(u - left) / (right - left), (v - bottom) / (top - bottom)])
     if camera.kind == "PERSPECTIVE":
         depth = np.where(z != 0, -z, 1.0)
         x, y = x / depth, y / depth
-    left, right, bottom, top = camera.window
     return np.stack([(x - left) / (right - left), (y - bottom) / (top - bottom)])
 
 

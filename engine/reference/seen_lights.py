@@ -28,6 +28,13 @@ def seen_radiance(
     return radiance * source.emission.seen(source, o, d / length(d), end, kind)
 
 
+def distance_seen(source: Source, o: Array, d: Array) -> Array:
+    """(n,) t at which rays o + t d meet the light's shape, 0 where they miss it."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        t = _MEETS[source.light.kind](source, o, d)
+    return np.where(np.isnan(t), 0.0, t)
+
+
 def _seen_point(source: Source, o: Array, d: Array, t: Array) -> Array:
     """(3, n) where the light's program is asked what rays see: a light of soft falloff is a disc
     there, that faces the ray's origin.

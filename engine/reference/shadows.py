@@ -16,9 +16,10 @@ import numpy as np
 from .attributes import Attributes
 from .lights import LightSample
 from .materials import Shader
+from .media import Media
 from .rays import ULPS, Bundle, Frame, Pencil, Rays
 from .surface import Surface, spot_at, surface_at
-from .vectors import dot, length, pick, transform
+from .vectors import dot, length, pick, transform, unit
 from .visibility import Hits, Visibility
 
 Array = np.ndarray
@@ -33,9 +34,10 @@ class Shadows:
         shader: Shader,
         attributes: Attributes,
         rays: Counter[str],
+        media: Media,
     ):
         self._visibility, self._geometry, self._shader = visibility, visibility.geometry, shader
-        self._attributes, self._rays = attributes, rays
+        self._attributes, self._rays, self._media = attributes, rays, media
         self._seen = visibility.geometry.visible["shadow"]
 
     def cast_by(self, blockers: Array) -> Shadows:
@@ -43,6 +45,7 @@ class Shadows:
         result = copy.copy(self)
         seen = blockers[self._geometry.row]
         result._seen = seen if self._seen is None else seen & self._seen
+        result._media = self._media.of(blockers)
         return result
 
     def first_met(self, rays: Bundle) -> Hits:
@@ -52,16 +55,36 @@ class Shadows:
     def towards(self, surface: Surface, seen: Array, sample: LightSample) -> Array:
         """S (m, 3) for the points `seen` (m,) of the surface, which the sample lights."""
         self._rays["shadow"] += len(seen)
+        start = self._start(surface, seen, sample)
+        passed = self._between(start, sample)
+        return passed * self._through_media(start, sample) if self._media else passed
+
+    def _start(self, surface: Surface, seen: Array, sample: LightSample) -> Array:
+        """(3, m) clear of the surface, on the light's side."""
         g, offset, end = pick(surface.g, seen), surface.offset[seen], sample.end
-        # clear of the surface, on the light's side
         beside = np.where(dot(g, sample.direction) < 0, -1.0, 1.0)
         reach = offset if end is None else offset + ULPS * np.abs(end).max(0)
-        start = pick(surface.start, seen) + (beside * reach) * g
+        return pick(surface.start, seen) + (beside * reach) * g
+
+    def _through_media(self, start: Array, sample: LightSample) -> Array:
+        """(m, 3) what media on the way to the light let through."""
+        n = start.shape[1]
+        way = np.full(n, np.inf)
+        direction = np.broadcast_to(sample.direction, start.shape)
+        if sample.end is not None:
+            way = length(sample.end - start)
+            direction = unit(sample.end - start)
+        rays = Bundle.of(start, direction, np.zeros(n), way)
+        return self._media.passed(self._media.spans(rays, "shadow"), rays.near, way).T
+
+    def _between(self, start: Array, sample: LightSample) -> Array:
+        """(m, 3) what surfaces between the points and the light let through."""
+        end, m = sample.end, start.shape[1]
         if end is None and (sample.direction == sample.direction[:, :1]).all():
             return self._parallel(start, sample.direction[:, 0])
         if end is None:
             return self._blocked(
-                Bundle.of(start, sample.direction, np.zeros(len(seen)), np.full(len(seen), np.inf))
+                Bundle.of(start, sample.direction, np.zeros(m), np.full(m, np.inf))
             )
         if end.shape[1] == 1:
             return self._through(start, end[:, 0], sample.short)

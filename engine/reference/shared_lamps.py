@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..lamps import first_mark
+from ..lights.lamps import first_mark
 from .vectors import add_at, pick
 
 Array = np.ndarray

@@ -6,12 +6,12 @@ from collections import Counter
 
 import numpy as np
 
-from ..bounced_light import bounced_table
 from ..cryptomatte import id_bits
-from ..dome import dome_table
 from ..film import CRYPTOMATTES, SEEN
-from ..lamps import shared_samples
-from ..mesh_lights import mesh_table
+from ..lights.bounced_light import bounced_table
+from ..lights.dome import dome_table
+from ..lights.lamps import shared_samples
+from ..lights.mesh_lights import mesh_table
 from ..sampling import light_points, lobe_points
 from ..scene import Light, Scene
 from ..settings import Settings
@@ -22,6 +22,7 @@ from .geometry import gather
 from .lighting import Lighting
 from .lights import CENTER, LightPoint, Source
 from .materials import Shader
+from .media import Media
 from .pulse import Pulse
 from .shadows import Shadows
 from .sky import radiance
@@ -54,7 +55,8 @@ class Stage:
         self.rays: Counter[str] = Counter()
         self.sources = tuple(self._source(light) for light in scene.lights)
         self.shared_samples = shared_samples(scene.lights, settings)
-        shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays)
+        self.media = Media(scene, self.attributes, self.visibility)
+        shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays, self.media)
         self.lighting = Lighting(
             self.sources,
             settings.light_samples,
@@ -63,6 +65,11 @@ class Stage:
             pulse,
             self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
             settings.lamp_shadows if self.shared_samples else 0,
+        )
+        caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))
+        self.catches = bool(caught.any())
+        self.lighting_of_catchers = (
+            self.lighting.of_catchers(caught.astype(bool)) if self.catches else self.lighting
         )
         self._lobe_points = lobe_points(settings.samples)
         self.is_lit_by_meshes = any(light.kind == "MESH" for light in scene.lights)

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..bounced_light import MERGED as BOUNCES_MERGED
-from ..dome import DomeTable
-from ..mesh_lights import MERGED, MeshTable, merged
+from ..lights.bounced_light import MERGED as BOUNCES_MERGED
+from ..lights.dome import DomeTable
+from ..lights.mesh_lights import MERGED, MeshTable, merged
 from ..scene import Light
 from .lights import HUGE, LightSample, Source
 from .vectors import cross, dot, unit
@@ -178,6 +178,10 @@ class BouncedSource(MeshSource):
     def is_cut(self, x: Array, n: Array) -> Array:
         """Never, as of a dome."""
         return np.zeros(x.shape[1], bool)
+
+    def is_caught(self, number: int) -> bool:
+        """Whether a point of the table is on a shadow catcher."""
+        return bool(self._table.caught[number])
 
 
 def _nearest(corners: Array, x: Array, direction: Array) -> tuple[Array, Array]:

@@ -10,9 +10,9 @@ from time import perf_counter
 import numpy as np
 
 from ..film import FIRST_ESTIMATE, Film
-from ..lamps import sharing_stats
-from ..motion import is_moving, moment, sample_times
+from ..lights.lamps import sharing_stats
 from ..sampling import pixel_offsets
+from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
 from ..settings import Settings
 from .camera import Spread

@@ -86,6 +86,17 @@ class Visibility:
         ray, primitive, depth = _together(found)
         return _lowest(self.geometry, len(rays), ray, primitive, depth, limit)
 
+    def crossings(self, rays: Rays, seen: Array) -> tuple[Array, Array, Array]:
+        """Rays, primitives and depths (m,) of all meetings with the primitives (p,) bool."""
+        order, strips = np.arange(len(rays)), None
+        if not len(rays) or not self.geometry.count:
+            return _together([])
+        if isinstance(rays, Pencil):
+            order, strips = sorted_strips(rays.u, rays.v)
+            rays = rays.take(order)
+        ray, primitive, depth = _together([*self._meetings(rays, seen, strips, rays.far)])
+        return order[ray], primitive.astype(np.intp), depth
+
     def blocked(
         self,
         rays: Rays,

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from glint.addon.export import Export, export_scene
-from glint.addon.export.fresnel import normal_reflectance
-from glint.addon.export.roughness import dielectric_world, scattered
+from glint.addon.export.materials.fresnel import normal_reflectance
+from glint.addon.export.materials.roughness import dielectric_world, scattered
 from glint.engine.reference.program import run
 from glint.engine.scene import Input, Lobe
 

@@ -10,14 +10,19 @@ from typing import Any
 
 import bpy
 
-from export_support import Shader, export, image
+from export_support import Shader, export, image, link, use_nodes
 from glint.engine.analysis.fingerprint import value_fingerprint
 
+MATERIAL = "MATERIAL"
+HOMES = (MATERIAL, "WORLD", "POINT", "SPOT", "SUN", "AREA")
+"""Whose trees nodes stand in: a material's, a world's, a light's of each kind."""
 NUMBERS = ("VALUE", "INT", "BOOLEAN", "VECTOR", "RGBA")
 CHOSEN = ("ENUM", "BOOLEAN")
 COMMON = {p.identifier for p in bpy.types.ShaderNode.bl_rna.properties}
 INSIDE = ("texture_mapping", "color_ramp", "mapping")
 """Data inside a node, whose settings are the node's."""
+TANGLED = {"ShaderNodeMix", "ShaderNodeTexWave"}
+"""Nodes of which a menu counts for certain entries of another alone."""
 MOST_BASES = 100
 """The product of all menus and ticks is walked where it is no larger."""
 ODD = (1.31, 0.62, 2.47, 0.83)
@@ -81,26 +86,69 @@ class Change:
         setattr(self.owner, self.attribute, before)
 
 
+class Bare:
+    """A world, or a light of one kind, under construction: a node tree where there is no mesh."""
+
+    def __init__(self, home: str) -> None:
+        if home == "WORLD":
+            block = bpy.context.scene.world = bpy.data.worlds.new("World")
+        else:
+            block = bpy.data.lights.new("Light", home)
+            link(bpy.data.objects.new("Light", block)).location = (0.3, 0.2, 2.0)
+        use_nodes(block)
+        self.tree = block.node_tree
+        is_world = home == "WORLD"
+        self.output = self.node("ShaderNodeOutputWorld" if is_world else "ShaderNodeOutputLight")
+
+    def node(self, kind: str) -> Any:
+        return self.tree.nodes.new(kind)
+
+    def varying(self) -> list[Any]:
+        """Vectors that vary: the direction of the view, stretched and moved."""
+        view = self.node("ShaderNodeNewGeometry").outputs["Incoming"]
+        return [self._moved(view, 1.0 + k / 8, k / 16) for k in range(7)]
+
+    def _moved(self, view: Any, size: float, shift: float) -> Any:
+        moved = self.node("ShaderNodeVectorMath")
+        moved.operation = "MULTIPLY_ADD"
+        self.tree.links.new(view, moved.inputs[0])
+        moved.inputs[1].default_value, moved.inputs[2].default_value = (size,) * 3, (shift,) * 3
+        return moved.outputs[0]
+
+
+class Worn(Shader):
+    """A material under construction, as `Shader`, with a second map and a second attribute."""
+
+    def __init__(self) -> None:
+        super().__init__(shader=None)
+        mesh = self.quad.data
+        mesh.uv_layers.new(name="Second")
+        mesh.uv_layers["Second"].data[0].uv = (0.25, 0.75)
+        mesh.color_attributes.new("Other", "FLOAT_COLOR", "CORNER").data[0].color = ODD
+
+    def varying(self) -> list[Any]:
+        place = self.node("ShaderNodeTexCoord")
+        names = ("Object", "Normal", "Camera", "Window", "Generated", "Reflection", "UV")
+        return [place.outputs[name] for name in names]
+
+
 class Walk:
     """A node of one kind. Each of its numeric outputs feeds an emission, all of which are added up;
-    each input gets another vector that varies over the surface.
+    each input gets another vector that varies.
     """
 
-    def __init__(self, kind: str) -> None:
-        self.shader = Shader(shader=None)
+    def __init__(self, kind: str, home: str = MATERIAL) -> None:
+        """home: what the tree is of, one of HOMES."""
+        self.shader = Worn() if home == MATERIAL else Bare(home)
+        self.most_apart = 2 if home == MATERIAL or kind in TANGLED else 1
         self.node = self.shader.node(kind)
-        place = self.shader.node("ShaderNodeTexCoord")
-        self.varying = [place.outputs[name] for name in ("Object", "Normal", "Camera", "Window")]
-        self.varying += [place.outputs[name] for name in ("Generated", "Reflection", "UV")]
+        self.varying = self.shader.varying()
         self.made: list[Any] = []
         self._give_data()
 
     def _give_data(self) -> None:
         """Data without which a node does nothing, or the same for all of its settings."""
-        node, mesh = self.node, self.shader.quad.data
-        mesh.uv_layers.new(name="Second")
-        mesh.uv_layers["Second"].data[0].uv = (0.25, 0.75)
-        mesh.color_attributes.new("Other", "FLOAT_COLOR", "CORNER").data[0].color = ODD
+        node = self.node
         for name in NAMES.keys() & {"attribute_name", "layer_name"}:
             if hasattr(node, name):
                 setattr(node, name, "Col")
@@ -125,7 +173,8 @@ class Walk:
     def relink(self) -> None:
         """Link what the node gives and takes with its settings of now."""
         tree, last = self.shader.tree, None
-        tree.links.clear()
+        for socket in self.node.inputs:
+            self.starve(socket)
         for node in self.made:
             tree.nodes.remove(node)
         self.made = []
@@ -153,8 +202,8 @@ class Walk:
         self.shader.tree.links.new(source, socket)
 
     def starve(self, socket: Any) -> None:
-        for link in socket.links:
-            self.shader.tree.links.remove(link)
+        for joint in socket.links:
+            self.shader.tree.links.remove(joint)
 
     def outputs(self) -> list[Any]:
         """The outputs that the settings of now show."""
@@ -173,9 +222,10 @@ class Walk:
             dict(zip(choices, values, strict=True))
             for values in itertools.product(*choices.values())
         ]
-        if len(combined) > MOST_BASES:
+        if len(combined) > MOST_BASES or self.most_apart < 2:
             first = combined[0]
-            combined = [b for b in combined if sum(b[name] != first[name] for name in b) <= 2]
+            most = self.most_apart
+            combined = [b for b in combined if sum(b[name] != first[name] for name in b) <= most]
         for base in combined:
             if self._taken(base):
                 self.relink()

@@ -32,8 +32,8 @@ def add_node():
 """
 )
 EXPORT = """
-from glint.addon.export.images import Images
-from glint.addon.export.materials import compile_material
+from glint.addon.export.images.images import Images
+from glint.addon.export.materials.materials import compile_material
 from glint.addon.export.report import Report
 
 def exponents(material):

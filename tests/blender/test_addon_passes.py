@@ -203,25 +203,114 @@ def test_statistics_are_in_the_metadata(tmp_path):
     assert "trace" in attributes["glint.ViewLayer.seconds"]
 
 
-def test_every_view_of_a_stereo_picture_is_the_cameras_own(tmp_path):
-    """The export says that stereoscopy is not rendered; until it is, no view may stay black."""
+STEREO = (
+    DRAW
+    + """
+def kind(file_format, views):
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+    settings.file_format, settings.views_format = file_format, views
+
+def draw(name):
+    scene.render.filepath = str(FOLDER / name)
+    bpy.ops.render.render(write_still=True)
+
+eyes = scene.camera.data.stereo
+eyes.convergence_mode, eyes.interocular_distance, eyes.pivot = "PARALLEL", 0.8, "CENTER"
+kind("OPEN_EXR", "INDIVIDUAL")
+"""
+)
+
+
+def read_rgb(path: Path) -> np.ndarray:
+    return oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)[..., :3]
+
+
+def test_each_eye_is_a_picture_from_its_own_place(tmp_path):
     run = Blender(tmp_path).run(
-        DRAW
+        STEREO
         + """
-if hasattr(settings, "media_type"):
-    settings.media_type = "IMAGE"
-settings.file_format = "OPEN_EXR"
-scene.render.use_multiview, settings.views_format = True, "INDIVIDUAL"
-scene.render.filepath = str(FOLDER / "eye")
-bpy.ops.render.render(write_still=True)
+from mathutils import Vector
+scene.camera.data.dof.use_dof = scene.render.use_border = scene.render.use_crop_to_border = True
+scene.camera.data.dof.focus_distance = 9
+scene.render.border_min_x, scene.render.border_max_x = 0.2, 0.9
+scene.render.use_multiview = True
+draw("eye")
+from glint.addon.render import statistics
+told = {name: s.stamp["pixels"] for name, s in statistics.by_layer(scene.name).items()}
+scene.render.use_multiview = False
+axis, place = scene.camera.matrix_world.to_3x3().col[0].normalized(), scene.camera.location.copy()
+for name, side in (("L", -0.4), ("R", 0.4)):
+    scene.camera.location = place + side * axis
+    draw(f"alone_{name}")
+answer(told)
 """
     )
     assert run.returncode == 0, run.output
-    left, right = (
-        oiio.ImageBuf(str(tmp_path / f"eye_{side}.exr")).get_pixels(oiio.FLOAT) for side in "LR"
+    assert run.answer.keys() == {"ViewLayer.left", "ViewLayer.right"}
+    assert len(set(run.answer.values())) == 2
+    eyes = {
+        name: [read_rgb(tmp_path / f"{kind}_{name}.exr") for kind in ("eye", "alone")]
+        for name in "LR"
+    }
+    for one, other in eyes.values():
+        assert one.max() > 0
+        assert (np.abs(one - other).max(-1) > 1e-3).mean() <= 0.005
+    assert (np.abs(eyes["L"][0] - eyes["R"][0]).max(-1) > 1e-2).mean() > 0.1
+
+
+def test_files_of_both_eyes_and_of_one(tmp_path):
+    """Side by side, and where one view is off."""
+    run = Blender(tmp_path).run(
+        STEREO
+        + """
+scene.render.use_multiview = True
+draw("eye")
+kind("PNG", "STEREO_3D")
+settings.stereo_3d_format.display_mode = "SIDEBYSIDE"
+draw("both")
+kind("OPEN_EXR", "INDIVIDUAL")
+scene.render.views["left"].use = False
+draw("one")
+scene.render.views["right"].use = False
+draw("none")
+"""
     )
-    assert left.max() > 0
-    np.testing.assert_array_equal(left, right)
+    assert run.returncode == 0, run.output
+    left, right = (read_rgb(tmp_path / f"eye_{side}.exr") for side in "LR")
+    both = read_rgb(tmp_path / "both.png")
+    assert both.shape[:2] == (24, 64) and both.max() > 0
+    assert (np.abs(both[:, :32] - both[:, 32:]).max(-1) > 1e-2).mean() > 0.1
+    np.testing.assert_array_equal(read_rgb(tmp_path / "one_R.exr"), right)
+    assert not (tmp_path / "one_L.exr").exists() and left.max() > 0
+
+
+def test_eyes_of_a_camera_that_moves(tmp_path):
+    run = Blender(tmp_path).run(
+        STEREO
+        + """
+camera = scene.camera
+for frame, step in ((1, -1.0), (3, 1.0)):
+    camera.location.z += step
+    camera.keyframe_insert("location", frame=frame)
+scene.frame_set(2)
+scene.render.use_motion_blur, scene.render.use_multiview = True, True
+scene.glint.final.samples = 8
+from glint.addon.render import final
+with final.reading_only() as jobs:
+    bpy.ops.render.render()
+answer([(j.view, j.scene.camera.world_from_camera.tolist(), j.scene.camera.motion.tolist())
+        for j in jobs])
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert [view for view, *_ in run.answer] == ["left", "right"]
+    (_, left, left_keys), (_, right, right_keys) = run.answer
+    apart = np.array(right_keys)[:, :, 3] - np.array(left_keys)[:, :, 3]
+    np.testing.assert_allclose(apart, 0.8 * np.array(left)[:, 0][None].repeat(3, 0), atol=1e-5)
+    for still, keys in ((left, left_keys), (right, right_keys)):
+        np.testing.assert_allclose(keys[1], still, atol=1e-6)
+        assert abs(keys[2][2][3] - keys[0][2][3]) > 0.1
 
 
 def test_a_layers_own_samples_count(tmp_path):

@@ -25,7 +25,9 @@ def with_notes(scene):  # noqa: F811
         is_preview=False,
         frame_set=lambda frame, subframe: scene.frame_set(frame, subframe=subframe),
     )
-    return with_motion(export().scene, engine, bpy.context.evaluated_depsgraph_get())
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    [found], notes = with_motion((export().scene,), engine, depsgraph)
+    return found, notes
 
 
 @pytest.fixture

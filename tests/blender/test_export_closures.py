@@ -16,8 +16,8 @@ from export_support import (  # noqa: F401
     total,
     weight,
 )
-from glint.addon.export.fresnel import fresnel, normal_reflectance
-from glint.addon.export.roughness import (
+from glint.addon.export.materials.fresnel import fresnel, normal_reflectance
+from glint.addon.export.materials.roughness import (
     highlights,
     layer_loss,
     scattered,

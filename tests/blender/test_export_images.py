@@ -11,11 +11,11 @@ import OpenImageIO as oiio
 import pytest
 
 from export_support import Shader, image, scene, srgb_to_linear  # noqa: F401
-from glint.addon.export import colorspace, pixels
-from glint.addon.export import images as images_module
-from glint.addon.export.decoded import Decoded
-from glint.addon.export.graph import Place, images_behind
-from glint.addon.export.images import Images, mean_color, texels
+from glint.addon.export.images import colorspace, pixels
+from glint.addon.export.images import images as images_module
+from glint.addon.export.images.decoded import Decoded
+from glint.addon.export.images.images import Images, mean_color, texels
+from glint.addon.export.materials.graph import Place, images_behind
 from glint.addon.export.report import Report
 from glint.engine.scene import Input, Texture
 

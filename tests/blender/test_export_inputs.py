@@ -18,8 +18,8 @@ from export_support import (  # noqa: F401
     total,
     weight,
 )
-from glint.addon.export.images import mean_color, texels
-from glint.addon.export.roughness import highlights
+from glint.addon.export.images.images import mean_color, texels
+from glint.addon.export.materials.roughness import highlights
 from glint.engine.scene import Texture
 
 

@@ -198,6 +198,7 @@ FLAGS = {
     "visible_glossy": "visible_mirror",
     "visible_shadow": "visible_shadow",
     "is_holdout": "holdout",
+    "is_shadow_catcher": "catcher",
 }
 
 
@@ -207,7 +208,11 @@ def test_each_flag_has_its_field(scene, flag):  # noqa: F811
     thing.pass_index = 7
     setattr(thing, flag, not getattr(thing, flag))
     (row,) = export().scene.instances
-    changed = {name for name in FLAGS.values() if getattr(row, name) != (name != "holdout")}
+    changed = {
+        name
+        for name in FLAGS.values()
+        if getattr(row, name) != (name not in ("holdout", "catcher"))
+    }
     assert changed == {FLAGS[flag]}
     assert row.object_index == 7
 
@@ -235,8 +240,13 @@ def test_collections_of_the_view_layer_hold_out_and_hide(scene):  # noqa: F811
     assert [note for note in result.notes if "'Indirect'" in note and "'Hole'" not in note]
 
 
-def test_shadow_catchers_are_noted(scene):  # noqa: F811
-    quad("Catcher").is_shadow_catcher = True
+def test_what_shadow_catchers_do_not_show_is_noted(scene):  # noqa: F811
+    thing = quad("Catcher", bpy.data.materials.new("Glow"))
+    thing.is_shadow_catcher = True
+    assert not export().notes
+    tree = thing.active_material.node_tree
+    shader = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader.inputs["Emission Strength"].default_value = 1.0
     assert any("'Catcher'" in note for note in export().notes)
 
 

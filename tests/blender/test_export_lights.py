@@ -7,6 +7,7 @@ from mathutils import Euler, Matrix, Vector
 
 from export_support import export, link, quad, scene, use_nodes  # noqa: F401
 from glint.addon.export.shader_nodes import READERS
+from glint.engine.analysis.fingerprint import value_fingerprint
 
 NORMALIZE = "normalize" in bpy.types.Light.bl_rna.properties
 
@@ -318,3 +319,22 @@ def test_a_light_of_any_node_renders(scene, lamp, kind):  # noqa: F811
         if socket.type in ("VALUE", "RGBA", "VECTOR") and socket.enabled:
             tree.links.new(socket, emission.inputs["Color"])
             export()
+
+
+def test_a_bent_normal_is_turned_with_each_light(scene):  # noqa: F811
+    data = bpy.data.lights.new("Light", "POINT")
+    use_nodes(data)
+    tree = data.node_tree
+    bent, shown, end = (
+        tree.nodes.new(f"ShaderNode{name}") for name in ("NormalMap", "Emission", "OutputLight")
+    )
+    bent.space = "OBJECT"
+    bent.inputs["Color"].default_value = (0.9, 0.3, 0.6, 1.0)
+    tree.links.new(bent.outputs[0], shown.inputs["Color"])
+    tree.links.new(shown.outputs[0], end.inputs["Surface"])
+    for turn in (0.0, 1.0):
+        link(bpy.data.objects.new("Light", data)).rotation_euler = (turn, 0.0, 0.0)
+    one, other = export().scene.lights
+    assert one.program is not None and value_fingerprint(one.program) != value_fingerprint(
+        other.program
+    )

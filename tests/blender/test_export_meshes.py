@@ -6,8 +6,8 @@ import pytest
 from mathutils import Matrix
 
 from export_support import Shader, export, link, mesh_object, quad, scene  # noqa: F401
-from glint.addon.export import meshes
-from glint.addon.export.shapes import mark_sphere
+from glint.addon.export.geometry import meshes
+from glint.addon.export.geometry.shapes import mark_sphere
 from glint.addon.ui import sphere
 from glint.engine.scene import CORNER, POINT, Mesh, Spheres
 

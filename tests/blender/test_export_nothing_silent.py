@@ -4,6 +4,8 @@ import bpy
 import pytest
 
 from export_support import Shader, export, link, quad, scene  # noqa: F401
+from glint.engine.analysis.fingerprint import value_fingerprint
+from node_walk import ODD, Bare
 
 IDLE = {"Weight", "Normal", "Coat Normal", "Tangent"}
 """Sockets that users cannot set (Weight), or that count only where they are linked."""
@@ -99,3 +101,110 @@ def test_linking_and_ray_visibility_are_told(scene):  # noqa: F811
     assert any("Light linking" in note and "'Thing'" in note for note in notes)
     assert any("light matt and glossy surfaces" in note and "'Lamp'" in note for note in notes)
     assert any("Refracted rays" in note and "'Thing'" in note for note in notes)
+
+
+SHINING = {"ShaderNodeBsdfPrincipled", "ShaderNodeBsdfTransparent", "ShaderNodeEmission"}
+"""Shaders that count where there is no surface, or give nothing as they are meant to."""
+
+
+@pytest.mark.parametrize("home", ["WORLD", "POINT"])
+@pytest.mark.parametrize("kind", [*KINDS, "ShaderNodeHoldout", "ShaderNodeVolumeScatter"])
+def test_surfaces_in_worlds_and_lights_are_told(scene, kind, home):  # noqa: F811
+    bare = Bare(home)
+    node = bare.node(kind)
+    bare.tree.links.new(node.outputs[0], bare.output.inputs["Surface"])
+    told = any(f"Node '{node.bl_label}'" in note for note in export().notes)
+    assert told == (kind not in SHINING)
+
+
+@pytest.mark.parametrize("home", ["WORLD", "POINT"])
+@pytest.mark.parametrize("kind", ["ShaderNodeEmission", "ShaderNodeBackground"])
+def test_what_shines_in_worlds_and_lights_counts(scene, kind, home):  # noqa: F811
+    bare = Bare(home)
+    node = bare.node(kind)
+    bare.tree.links.new(node.outputs[0], bare.output.inputs["Surface"])
+    said = [value_fingerprint(export().scene)]
+    for name in ("Color", "Strength"):
+        socket = node.inputs[name]
+        socket.default_value = 2.5 if name == "Strength" else (0.3, 0.6, 0.45, 1.0)
+        said.append(value_fingerprint(export().scene))
+    assert len(set(said)) == len(said)
+
+
+@pytest.mark.parametrize("home", ["WORLD", "POINT"])
+def test_trees_without_an_output_are_black_and_told(scene, home):  # noqa: F811
+    bare = Bare(home)
+    bare.tree.nodes.remove(bare.output)
+    result = export()
+    assert not any(any(light.color) for light in result.scene.lights)
+    assert result.scene.world.background == (0, 0, 0)
+    assert any("without an output node" in note for note in result.notes)
+
+
+def _see_through() -> Shader:
+    shader = Shader(shader="ShaderNodeBsdfTransparent")
+    shader.material.use_transparent_shadow = False
+    return shader
+
+
+def _bent() -> Shader:
+    shader = Shader()
+    shader.link(shader.node("ShaderNodeNormalMap"), 0, shader.shader, "Normal")
+    shader.shader.inputs["Normal"].links[0].from_node.inputs["Color"].default_value = ODD
+    shader.material.cycles.use_bump_map_correction = False
+    return shader
+
+
+def _lamp():
+    return link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT")))
+
+
+SET = {
+    "matt surfaces": (lambda: setattr(quad(), "visible_diffuse", False), "ray visibility"),
+    "lamps through glass": (lambda: setattr(_lamp(), "visible_transmission", False), "refracts"),
+    "caustics": (lambda: setattr(quad().cycles, "is_caustics_caster", True), "caustics"),
+    "bounces of a lamp": (lambda: setattr(_lamp().data.cycles, "max_bounces", 1), "Max Bounces"),
+    "shadows of what is clear": (_see_through, "Transparent Shadows"),
+    "bump correction": (_bent, "Bump Map Correction"),
+    "exposure": (lambda: _cycles(film_exposure=2.0), "Film Exposure"),
+    "clear glass": (lambda: _cycles(film_transparent_glass=True), "Transparent Glass"),
+    "culling": (lambda: _cycles(use_distance_cull=True), "culling"),
+}
+"""What of Cycles' settings has no counterpart, and a word of the note."""
+
+
+def _cycles(**settings) -> None:
+    bpy.context.scene.render.film_transparent = bpy.context.scene.render.use_simplify = True
+    for name, value in settings.items():
+        setattr(bpy.context.scene.cycles, name, value)
+
+
+@pytest.mark.parametrize("what", SET)
+def test_settings_of_cycles_are_told(scene, what):  # noqa: F811
+    quad("Plain")
+    assert not export().notes
+    make, word = SET[what]
+    make()
+    assert any(word in note for note in export().notes)
+
+
+def test_a_worlds_bounces_are_told(scene):  # noqa: F811
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.cycles.max_bounces = 0
+    assert any("Max Bounces" in note for note in export().notes)
+
+
+def test_terminator_offsets_are_told(scene):  # noqa: F811
+    thing = quad()
+    name = "shadow_terminator_shading_offset"
+    if not hasattr(thing, name):
+        pytest.skip("this Blender keeps the offset in Cycles' own settings")
+    setattr(thing, name, 0.2)
+    assert any("Shadow Terminator" in note for note in export().notes)
+
+
+def test_a_layer_without_surfaces_has_none(scene):  # noqa: F811
+    quad()
+    assert export().scene.instances
+    bpy.context.view_layer.use_solid = False
+    assert not export().scene.instances

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from export_support import export, link, scene, use_nodes  # noqa: F401
-from glint.addon.export.hashing import random_of
-from glint.addon.export.strands import NEAR
+from glint.addon.export.geometry.hashing import random_of
+from glint.addon.export.geometry.strands import NEAR
 from glint.engine.scene import Strands
 from test_viewport_incremental import Follower
 

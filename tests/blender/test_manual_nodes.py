@@ -10,7 +10,7 @@ from pathlib import Path
 
 import bpy
 
-from glint.addon.export.evaluator import CLOSURE_NODES
+from glint.addon.export.materials.evaluator import CLOSURE_NODES
 from glint.addon.export.shader_nodes import READERS
 
 PAGE = Path(__file__).parents[2] / "docs/manual/materials.md"

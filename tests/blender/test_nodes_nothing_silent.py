@@ -7,8 +7,9 @@ from itertools import combinations
 import bpy
 import pytest
 
-from export_support import scene  # noqa: F401
-from node_walk import NUMBERS, Change, Walk, other
+from export_support import export, scene  # noqa: F401
+from glint.addon.export.shader_nodes import READERS
+from node_walk import HOMES, MATERIAL, NUMBERS, Bare, Change, Walk, other
 
 CLOSURES = ("ShaderNodeBsdf", "ShaderNodeOutput", "ShaderNodeVolumeA", "ShaderNodeVolumeC")
 NO_NODES = {"ShaderNode", "ShaderNodeTree", "ShaderNodeGroup", "ShaderNodeCustomGroup"}
@@ -17,6 +18,10 @@ STEPS = {"SIGN", "FLOOR", "CEIL", "TRUNC", "ROUND", "SNAP"}
 
 WITHOUT_EFFECT = {("ShaderNodeNormalMap", "base")}
 """Settings that count with true displacement alone, which is told by itself."""
+UNTURNED = {frozenset(pair) for pair in (("OBJECT", "WORLD"), ("BLENDER_OBJECT", "BLENDER_WORLD"))}
+"""Spaces of normal maps that are the same where no object turns them."""
+EVERYWHERE_ALIKE = ("basic", "colors", "math", "noise", "patterns", "spectra", "vectors", "voronoi")
+"""Modules whose nodes only compute from their inputs, wherever they stand."""
 
 
 def _computes(name: str) -> bool:
@@ -30,13 +35,32 @@ def _computes(name: str) -> bool:
 KINDS = [name for name in sorted(dir(bpy.types)) if _computes(name)]
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_input_counts_or_is_told(scene, kind):  # noqa: F811
-    walk = Walk(kind)
+def _is_alike_everywhere(kind: str) -> bool:
+    if kind not in READERS:  # told by the same words everywhere
+        return True
+    reader = READERS[kind]
+    module = getattr(reader, "func", reader).__module__
+    return module.rpartition(".")[2] in EVERYWHERE_ALIKE or kind == "ShaderNodeTexSky"
+
+
+CASES = [
+    (kind, home)
+    for kind in KINDS
+    for home in HOMES
+    if home == MATERIAL or not _is_alike_everywhere(kind)
+]
+"""A sky is walked in a material, where it is quick, and its sun in a world by itself."""
+
+
+@pytest.mark.parametrize(("kind", "home"), CASES)
+def test_every_input_counts_or_is_told(scene, kind, home):  # noqa: F811
+    walk = Walk(kind, home)
     silent = []
     for base in walk.bases():
         fed = walk.hear()
         for socket in walk.sockets():
+            if (home, kind, socket.name) == ("SUN", "ShaderNodeLightFalloff", "Smooth"):
+                continue  # a sun does not fall off
             walk.starve(socket)
             starved = walk.hear()
             if starved.scene == fed.scene and not fed.tells(walk.node, socket.name):
@@ -55,10 +79,10 @@ def _is_step(base) -> bool:
     return base.get("operation") in STEPS or ("operation" in base and base.get("use_clamp") is True)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_setting_counts_or_is_told(scene, kind):  # noqa: F811
+@pytest.mark.parametrize(("kind", "home"), CASES)
+def test_every_setting_counts_or_is_told(scene, kind, home):  # noqa: F811
     """Of a menu each two entries differ somewhere, of a number two values."""
-    walk = Walk(kind)
+    walk = Walk(kind, home)
     heard = {}
     still = None
     for base in walk.bases():
@@ -75,6 +99,7 @@ def test_every_setting_counts_or_is_told(scene, kind):  # noqa: F811
         if (kind, name) not in WITHOUT_EFFECT
         for pair in combinations({dict(base)[name] for base in heard}, 2)
         if not _differ(walk, heard, name, *pair)
+        and (home == MATERIAL or frozenset(pair) not in UNTURNED)
     ]
     assert not silent
 
@@ -98,3 +123,28 @@ def test_a_ramps_interpolation_counts(scene):  # noqa: F811
         walk.node.color_ramp.interpolation = name
         said[name] = walk.hear().scene
     assert len(set(said.values())) == len(said)
+
+
+@pytest.mark.parametrize("name", ["sun_disc", "sun_size", "sun_intensity", "sun_elevation"])
+def test_the_sun_of_a_worlds_sky_counts(scene, name):  # noqa: F811
+    walk = Walk("ShaderNodeTexSky", "WORLD")
+    walk.node.sky_type = next(
+        kind for kind in ("SINGLE_SCATTERING", "NISHITA") if _takes(walk.node, "sky_type", kind)
+    )
+    walk.relink()
+    before = walk.hear()
+    setattr(walk.node, name, False if name == "sun_disc" else 0.4)
+    assert walk.hear().scene != before.scene
+
+
+def _takes(node, name, value) -> bool:
+    return value in {item.identifier for item in node.bl_rna.properties[name].enum_items}
+
+
+@pytest.mark.parametrize("home", [home for home in HOMES if home != MATERIAL])
+def test_coordinates_that_nobody_reads_are_not_told(scene, home):  # noqa: F811
+    bare = Bare(home)
+    place, shown = bare.node("ShaderNodeTexCoord"), bare.node("ShaderNodeEmission")
+    bare.tree.links.new(place.outputs["Generated"], shown.inputs["Color"])
+    bare.tree.links.new(shown.outputs[0], bare.output.inputs["Surface"])
+    assert export().notes == ()

@@ -18,7 +18,8 @@ def read(scene):  # noqa: F811
         is_preview=False,
         frame_set=lambda frame, subframe: scene.frame_set(frame, subframe=subframe),
     )
-    found, notes = with_motion(export().scene, engine, bpy.context.evaluated_depsgraph_get())
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    [found], notes = with_motion((export().scene,), engine, depsgraph)
     assert found.problems() == []
     return found, notes
 

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from glint.addon.export.graph import Place
+from glint.addon.export.materials.graph import Place
 from glint.addon.export.shader_nodes import TreeReader
 from glint.addon.export.shader_nodes.reader import CIRCLE, NOT_FINITE
 from glint.engine.program.graph import Graph, Value

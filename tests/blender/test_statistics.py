@@ -92,13 +92,14 @@ def test_what_was_left_out_is_told_with_its_reason(tmp_path):
     run = Blender(tmp_path).run(
         SCENE
         + """
-scene.camera.data.type = "PANO"
-flat = render()
-scene.camera.data.type = "PERSP"
+dof = scene.camera.data.dof
+dof.use_dof, dof.focus_distance = True, 0
+blurred = render()
+dof.use_dof = False
 scene.render.use_motion_blur = True
-answer([flat, render()])
+answer([blurred, render()])
 """
     )
     first, second = run.answer
-    assert len(first["notes"]) == 1 and "Panoramic" in first["notes"][0]
+    assert len(first["notes"]) == 1 and "focused on its own place" in first["notes"][0]
     assert second["notes"] == []

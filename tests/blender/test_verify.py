@@ -74,6 +74,33 @@ answer([same, verify({name!r}, "b.blend")])
     assert "pixels differ, in columns" in run.output and run.output.count("other bits") == 1
 
 
+def test_views_are_verified(tmp_path):
+    """A file for each eye, and one for both."""
+    run = Blender(tmp_path).run(
+        MAKE
+        + """
+save("a.blend")
+scene.render.use_multiview, image.views_format = True, "INDIVIDUAL"
+draw("eye", "OPEN_EXR")
+save("a.blend")
+eyes = [verify("eye_L.exr"), verify("eye_R.exr")]
+scene = bpy.context.scene
+image = scene.render.image_settings
+image.views_format = "STEREO_3D"
+draw("both.png", "PNG", "8")
+save("a.blend")
+both = verify("both.png")
+bpy.context.scene.camera.data.stereo.interocular_distance = 0.5
+save("b.blend")
+answer([*eyes, both, verify("both.png", "b.blend")])
+"""
+    )
+    assert run.returncode == 0, run.output
+    assert run.answer == [0, 0, 0, 1], run.output
+    assert "ViewLayer.left: the same bits" in run.output
+    assert "ViewLayer.right: other bits" in run.output
+
+
 def test_where_a_file_was_changed_is_told(tmp_path):
     """One pixel painted over: the hashes agree, the file does not."""
     blender = Blender(tmp_path)

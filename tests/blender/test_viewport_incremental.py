@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from export_support import Shader, link, mesh_object, quad, scene, use_nodes  # noqa: F401
-from glint.addon.export import export_scene, incremental
-from glint.addon.export.incremental import LiveExport
-from glint.addon.export.shapes import mark_sphere
+from glint.addon.export import export_scene
+from glint.addon.export.geometry.shapes import mark_sphere
+from glint.addon.export.sync import incremental
+from glint.addon.export.sync.incremental import LiveExport
 from glint.engine.scene import Camera
 
 CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1, 1, -1, 1), (4, 4))

@@ -12,7 +12,7 @@ import pytest
 
 from export_support import Shader, link, quad, scene  # noqa: F401
 from glint import engine
-from glint.addon.export import incremental
+from glint.addon.export.sync import incremental
 from glint.addon.render import statistics
 from glint.addon.ui import properties
 from glint.addon.viewport import draw, redraws, session, status
@@ -152,12 +152,15 @@ def test_warnings_are_counted_in_the_status_line_and_kept_for_the_panel(watcher)
 
 def test_what_a_camera_does_not_do_is_told_where_a_view_looks_through_it(watcher):
     eye = bpy.data.objects["Eye"]
-    bpy.context.scene.camera, eye.data.type = eye, "PANO"
+    bpy.context.scene.camera, eye.data.dof.use_dof = eye, True
+    eye.data.dof.focus_distance = 0
     watcher.edit(lambda: None)
     assert statistics.of_views(bpy.context.scene.name) == ()
     watcher.view.region_data.view_perspective = "CAMERA"
     watcher.edit(lambda: setattr(eye.data, "lens", 40.0))
-    assert any("Panoramic" in note for note in statistics.of_views(bpy.context.scene.name))
+    assert any(
+        "focused on its own place" in note for note in statistics.of_views(bpy.context.scene.name)
+    )
 
 
 def test_a_view_through_the_camera_has_its_depth_of_field(watcher):
@@ -181,6 +184,33 @@ def test_a_view_through_the_camera_has_its_depth_of_field(watcher):
     watcher.view.region_data.view_perspective = "PERSP"
     watcher.edit(lambda: None, updates=False)
     assert watcher.session.shown_scene[0].camera.lens is None
+
+
+def test_a_view_through_a_panoramic_camera_shows_its_picture_in_the_frame(watcher):
+    """The picture's edges are where Blender draws the frame's: here it fills the view."""
+    eye, scene = bpy.data.objects["Eye"], bpy.context.scene  # noqa: F811
+    scene.camera, eye.data.type = eye, "PANO"
+    here = eye.data if hasattr(eye.data, "panorama_type") else eye.data.cycles
+    here.panorama_type = "FISHEYE_EQUIDISTANT"
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.render.resolution_percentage = 100
+    watcher.view.region_data.view_perspective = "CAMERA"
+    film = watcher.edit(lambda: None)
+    camera = watcher.session.shown_scene[0].camera
+    assert camera.kind == "PANORAMA" and camera.panorama.projection == "FISHEYE_EQUIDISTANT"
+    np.testing.assert_allclose(camera.window, (0, 1, 0, 1), atol=1e-6)
+    assert watcher.session.shown_scene[2].frame is not None
+    assert (film.passes["Combined"][0, 0] == 0).all() and film.passes["Combined"][24, 32, 3] == 1
+    # half as much of the frame in the view, on the right of it
+    projection = np.array(watcher.view.region_data.window_matrix)
+    projection[0] = 2 * projection[0] - projection[3]
+    watcher.view.region_data.window_matrix = projection
+    watcher.edit(lambda: None, updates=False)
+    window = watcher.session.shown_scene[0].camera.window
+    assert window[1] - window[0] == pytest.approx(0.5) and window[2:] == camera.window[2:]
+    here.panorama_type = "MIRRORBALL"
+    watcher.edit(lambda: None)
+    assert watcher.session.shown_scene[0].camera.panorama.projection == "MIRROR_BALL"
 
 
 def test_the_status_line_tells_errors_in_levels(watcher):

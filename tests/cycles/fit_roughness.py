@@ -1,5 +1,5 @@
-"""Makes the tables of addon/export/roughness.py and measures how well power lobes can stand for
-Cycles' microfacets.
+"""Makes the tables of addon/export/materials/roughness.py and measures how well power lobes can
+stand for Cycles' microfacets.
 
     python tests/cycles/fit_roughness.py
 
@@ -32,7 +32,7 @@ import numpy as np
 
 import cycles_reference as cycles
 from cycles_reference import bpy
-from glint.addon.export.roughness import LOBES, ROUGHNESS
+from glint.addon.export.materials.roughness import LOBES, ROUGHNESS
 
 SIDE = 96
 HALF_ANGLES = np.radians([0, 10, 20, 30, 40, 50, 60, 70])

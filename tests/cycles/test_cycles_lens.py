@@ -84,7 +84,7 @@ def test_motion_of_the_camera(position):
     film = render_glint(
         scene,
         "NATIVE",
-        edit=lambda read: with_motion(read, engine, depsgraph)[0],
+        edit=lambda read: with_motion((read,), engine, depsgraph)[0][0],
         samples=256,
         filter_width=0.0,
     )

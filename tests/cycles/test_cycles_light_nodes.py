@@ -164,6 +164,31 @@ def test_by_place_and_direction(tree, kind, backend):
     check_radiance(pair, interior(pair))
 
 
+def normal_map(space: str):
+    """A colour by a normal that is bent by another, away from the jumps at 0."""
+
+    def make(tree: LightTree) -> None:
+        bent = tree.add("ShaderNodeNormalMap", space=space)
+        bent.inputs["Strength"].default_value = 0.6
+        by("ShaderNodeNewGeometry", "Incoming")(tree)
+        node = tree.emission.inputs["Color"].links[0].from_node
+        tree.link(node.outputs[0], bent.inputs["Color"])
+        last = tree.add("ShaderNodeVectorMath", operation="MULTIPLY_ADD")
+        tree.link(bent.outputs[0], last.inputs[0])
+        last.inputs[1].default_value = (0.3, 0.2, 0.1)
+        last.inputs[2].default_value = (0.9, 0.8, 0.7)
+        tree.color(last.outputs[0])
+
+    return make
+
+
+@pytest.mark.parametrize("space", ["OBJECT", "BLENDER_WORLD"])
+@pytest.mark.parametrize("kind", ["POINT", "SUN"])
+def test_normal_maps_bend_a_lights_normal(kind, space):
+    pair = pair_of(kind, normal_map(space), "NATIVE")
+    check_radiance(pair, interior(pair))
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("kind", ["POINT", "SPOT"])
 def test_uv_round_a_point_and_in_a_cone(kind, backend):

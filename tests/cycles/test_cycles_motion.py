@@ -106,7 +106,7 @@ def compare(scene, **settings) -> tuple[float, np.ndarray, np.ndarray]:
     film = render_glint(
         scene,
         "NATIVE",
-        edit=lambda read: with_motion(read, engine, depsgraph)[0],
+        edit=lambda read: with_motion((read,), engine, depsgraph)[0][0],
         **{"samples": 256, "filter_width": 0.0, **settings},
     )
     glint = film.passes["Combined"][..., :3].astype(np.float64)

@@ -16,7 +16,7 @@ import pytest
 
 import cycles_reference as cycles
 from cycles_reference import bpy
-from glint.addon.export.graph import Place
+from glint.addon.export.materials.graph import Place
 from glint.addon.export.shader_nodes import READERS, TreeReader
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program

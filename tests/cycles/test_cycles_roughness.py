@@ -1,4 +1,4 @@
-"""The tables of addon/export/roughness.py, and highlights beside Cycles'."""
+"""The tables of addon/export/materials/roughness.py, and highlights beside Cycles'."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ import cycles_reference as cycles
 import fit_roughness
 import small_scenes as build
 from cycles_reference import bpy
-from glint.addon.export import roughness as table
+from glint.addon.export.materials import roughness as table
 from glint_picture import render_glint
 
 GRID = np.linspace(0, 1, 101)

@@ -136,6 +136,18 @@ def blackbody(world: WorldTree) -> None:
     world.shine(warm.outputs[0])
 
 
+def normal_map(space: str):
+    """A normal that is bent by a colour."""
+
+    def build(world: WorldTree) -> None:
+        bent = world.add("ShaderNodeNormalMap", space=space)
+        bent.inputs["Strength"].default_value = 0.6
+        bent.inputs["Color"].default_value = (0.9, 0.3, 0.6, 1.0)
+        world.shine(bent.outputs[0])
+
+    return build
+
+
 def by_ray(world: WorldTree) -> None:
     """Another world for the camera."""
     mix = world.add("ShaderNodeMix", data_type="RGBA")
@@ -155,6 +167,8 @@ SEEN = {
     "noise": noise,
     "blackbody": blackbody,
     "by_ray": by_ray,
+    "object_normals": normal_map("OBJECT"),
+    "flipped_normals": normal_map("BLENDER_WORLD"),
     **{
         name: by_coordinate("ShaderNodeTexCoord", name)
         for name in ("Generated", "Normal", "Object", "Reflection")

@@ -9,7 +9,7 @@ import pytest
 
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer
-from glint.engine.bounced_light import bounced_light
+from glint.engine.lights.bounced_light import bounced_light
 from glint.engine.scene import (
     Camera,
     Input,

@@ -11,6 +11,7 @@ import pytest
 
 from glint.engine import film, scene, settings
 from glint.engine.native import core_types
+from glint.engine.scene.panorama import PROJECTIONS
 
 ROOT = Path(__file__).parents[2]
 HEADER = ROOT / "engine/core/include/glint.h"
@@ -97,6 +98,7 @@ def test_constants_have_the_headers_values(tmp_path: Path) -> None:
         (scene.LOBES, core_types.LobeKind),
         (scene.LIGHTS, core_types.LightKind),
         (scene.CAMERAS, core_types.CameraKind),
+        (PROJECTIONS, core_types.Projection),
         (settings.ILLUMINATIONS, core_types.Illumination),
         (settings.BUILDS, core_types.Build),
         (

@@ -14,6 +14,7 @@ from glint.engine.scene import (
     Light,
     Lobe,
     Material,
+    Medium,
     Mesh,
     Scene,
     Spheres,
@@ -225,6 +226,23 @@ def test_the_first_line_says_what_blocks_and_what_is_mirrored():
         ": no light comes from here; "
         in explanation_lines(PixelExplainer(black, SETTINGS).pixel(0, 0))[0]
     )
+
+
+def test_what_media_leave_is_told_and_adds_up():
+    """Fog everywhere, and glass of a colour."""
+    tinted = replace(GLASS, medium=Medium((0.1, 0.2, 0.4)))
+    materials = tuple(tinted if m is GLASS else m for m in SCENE.materials)
+    scene = replace(
+        SCENE, materials=materials, world=replace(SCENE.world, medium=Medium((0.02, 0.05, 0.1)))
+    )
+    settings = Settings(samples=1, light_samples=1, max_bounces=3, backend="NUMPY")
+    picture = render(scene, settings).combined[..., :3]
+    explainer = PixelExplainer(scene, settings)
+    for x, y in ((4, 4), (16, 11), (17, 12)):
+        ray = explainer.pixel(x, y)
+        np.testing.assert_allclose(ray.color, picture[y, x], rtol=1e-5)
+        assert 0 < ray.passed[2] < ray.passed[0] < 1
+        assert any("media on its way leave" in line for line in explanation_lines(ray))
 
 
 def test_a_pixel_outside_is_refused():

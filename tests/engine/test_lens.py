@@ -13,9 +13,9 @@ import pytest
 
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer, explanation_lines
-from glint.engine.lens import lens_points
-from glint.engine.motion import camera_frames
 from glint.engine.sampling import lens_square, shutter_times
+from glint.engine.sampling.lens import lens_points
+from glint.engine.sampling.motion import camera_frames
 from glint.engine.scene import (
     Camera,
     Input,

@@ -11,10 +11,10 @@ from engine_scenes import SCENES, checker
 from glint import engine
 from glint.engine import scene as s
 from glint.engine.analysis.explain import PixelExplainer
-from glint.engine.problems import scene_problems
 from glint.engine.program.graph import Graph, Value
 from glint.engine.program.program import Program, compile_program
 from glint.engine.program.table import BY_NAME
+from glint.engine.scene.problems import scene_problems
 from native_tools import (
     color,
     constant,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glint.engine.bounced_light import bounced_light
+from glint.engine.lights.bounced_light import bounced_light
 from glint.engine.scene import (
     EVERYTHING,
     Camera,

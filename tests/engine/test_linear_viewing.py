@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from glint.engine import linear
-from glint.engine.scene import Camera
+from glint.engine.scene import Camera, viewing
 
 EPS = np.finfo(np.float64).eps
 RNG = np.random.default_rng(7)
@@ -91,13 +91,13 @@ def test_points_of_a_pixels_ray_project_to_that_pixel(name):
     bound = 2 * off * per_unit * (1 + widest) + 32 * EPS * (
         per_unit * widest + np.max(camera.resolution)
     )
-    found = linear.project_to_pixels(points, camera)
+    found = viewing.project_to_pixels(points, camera)
     np.testing.assert_allclose(found[:, :2], pixels, rtol=0, atol=bound)
     np.testing.assert_allclose(found[:, 2], depths, rtol=0, atol=off)
 
 
 def test_points_behind_the_eye_have_negative_depth_and_the_eyes_plane_is_not_finite():
-    found = linear.project_to_pixels(
+    found = viewing.project_to_pixels(
         [[0.1, 0.1, 2.0], [0.5, 0.5, 0.0], [0.0, 0.0, 0.0]], CAMERAS["perspective"]
     )
     assert found[0, 2] == -2.0
@@ -106,7 +106,7 @@ def test_points_behind_the_eye_have_negative_depth_and_the_eyes_plane_is_not_fin
 
 def test_a_flattened_camera_is_refused():
     with pytest.raises(ValueError, match="singular"):
-        linear.project_to_pixels(np.zeros((1, 3)), camera(frame=posed(scales=(1.0, 0.0, 1.0))))
+        viewing.project_to_pixels(np.zeros((1, 3)), camera(frame=posed(scales=(1.0, 0.0, 1.0))))
 
 
 def seen_pixels(camera, low, high, placement, per_axis=12):
@@ -115,7 +115,7 @@ def seen_pixels(camera, low, high, placement, per_axis=12):
     """
     grid = np.stack(np.meshgrid(*[np.linspace(0, 1, per_axis)] * 3), -1).reshape(-1, 3)
     points = linear.transform_points(placement, low + grid * (high - low))
-    pixels = linear.project_to_pixels(points, camera)
+    pixels = viewing.project_to_pixels(points, camera)
     depths = pixels[:, 2]
     pixels = pixels[
         np.isfinite(pixels).all(1) & (depths >= camera.clip_start) & (depths <= camera.clip_end)
@@ -139,19 +139,19 @@ def test_no_pixel_of_a_box_is_missing(name):
             - 4 * RNG.uniform(-0.5, 1) * camera.world_from_camera[:, 2]
         )
         low = RNG.normal(size=3)
-        bounds = linear.pixel_bounds_of_box(low, low + sides, camera, placement)
+        bounds = viewing.pixel_bounds_of_box(low, low + sides, camera, placement)
         assert contains(bounds, seen_pixels(camera, low, low + sides, placement))
 
 
 def test_bounds_of_a_box_in_view_are_tight():
     # Front face 2×2 at depth 2, back face at 4: the front fills window [-0.5, 0.5]², pixels 9.5 ...
     # 29.5 and 4.5 ... 24.5 inclusive.
-    bounds = linear.pixel_bounds_of_box([-1, -1, -4], [1, 1, -2], CAMERAS["perspective"])
+    bounds = viewing.pixel_bounds_of_box([-1, -1, -4], [1, 1, -2], CAMERAS["perspective"])
     assert bounds == (9, 4, 31, 26)  # the squares of pixels 9 and 30 only touch, which counts
 
 
 def test_a_margin_widens_the_bounds_by_the_filters_reach():
-    assert linear.pixel_bounds_of_box(
+    assert viewing.pixel_bounds_of_box(
         [-1, -1, -4], [1, 1, -2], CAMERAS["perspective"], margin=2.0
     ) == (8, 3, 32, 27)
 
@@ -167,12 +167,12 @@ def test_a_margin_widens_the_bounds_by_the_filters_reach():
     ],
 )
 def test_boxes_out_of_view_have_no_bounds(low, high):
-    assert linear.pixel_bounds_of_box(low, high, CAMERAS["perspective"]) is None
+    assert viewing.pixel_bounds_of_box(low, high, CAMERAS["perspective"]) is None
 
 
 def test_a_box_round_the_eye_covers_the_frame():
     for clip_start in (0.0, 0.1):
-        assert linear.pixel_bounds_of_box(
+        assert viewing.pixel_bounds_of_box(
             [-1, -1, -1], [1, 1, 1], camera(clip_start=clip_start)
         ) == (0, 0, 40, 30)
 
@@ -181,18 +181,18 @@ def test_a_box_that_crosses_the_near_plane_keeps_its_near_part():
     # The back at depth 2 starts at window 0.025, pixel 20. The cut at the near plane 0.1 ends at
     # window (0.6, ±0.1): pixel 31.5, which the square of pixel 32 touches, and pixels 12.5 and
     # 16.5. Without cutting the edges only the back would count.
-    bounds = linear.pixel_bounds_of_box([0.05, -0.01, -2], [0.06, 0.01, 1], CAMERAS["perspective"])
+    bounds = viewing.pixel_bounds_of_box([0.05, -0.01, -2], [0.06, 0.01, 1], CAMERAS["perspective"])
     assert bounds == (20, 12, 33, 18)
 
 
 def test_non_finite_boxes_count_as_everywhere():
-    assert linear.pixel_bounds_of_box([np.nan, 0, 0], [1, 1, 1], CAMERAS["perspective"]) == (
+    assert viewing.pixel_bounds_of_box([np.nan, 0, 0], [1, 1, 1], CAMERAS["perspective"]) == (
         0,
         0,
         40,
         30,
     )
-    assert linear.pixel_bounds_of_box([0, 0, 0], [1, 1, np.inf], CAMERAS["perspective"]) == (
+    assert viewing.pixel_bounds_of_box([0, 0, 0], [1, 1, np.inf], CAMERAS["perspective"]) == (
         0,
         0,
         40,
@@ -212,7 +212,7 @@ def test_rounding_far_from_the_origin_is_bounded_from_above(kind):
         low = RNG.uniform(-1e-4, 0, 3)
         high = low + RNG.uniform(0, 1e-4, 3)
         translation = eye + np.array([*RNG.uniform(-5e-5, 5e-5, 2), -1.0])
-        bounds = linear.pixel_bounds_of_box(
+        bounds = viewing.pixel_bounds_of_box(
             low, high, there, np.column_stack([np.eye(3), translation]), margin=0.0
         )
         exact = []

@@ -367,7 +367,7 @@ def test_what_is_shaded_anew_traces_no_ray(change):
 
 def test_a_quick_picture_is_lit_as_the_last_exact_one_was(monkeypatch):
     """What bounces is found out for exact pictures, which have the bits of a render alone."""
-    from glint.engine import bounced_light
+    from glint.engine.lights import bounced_light
     from glint.engine.native.live import NativeLive
 
     asked = []

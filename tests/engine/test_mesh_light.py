@@ -9,7 +9,7 @@ import pytest
 
 from glint.engine import Settings, render, sampling
 from glint.engine.analysis.explain import PixelExplainer
-from glint.engine.mesh_lights import mesh_light, mesh_table
+from glint.engine.lights.mesh_lights import mesh_light, mesh_table
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from glint.engine import PixelExplainer, Settings, render
-from glint.engine.motion import between_placements, camera_frames, moment, sample_times
+from glint.engine.sampling.motion import between_placements, camera_frames, moment, sample_times
 from glint.engine.scene import (
     POINT,
     Attribute,

@@ -9,7 +9,7 @@ import pytest
 
 from glint import engine
 from glint.engine import Settings
-from glint.engine.lamps import first_mark, in_order, shared_samples
+from glint.engine.lights.lamps import first_mark, in_order, shared_samples
 from glint.engine.reference.shared_lamps import choose
 from glint.engine.scene import (
     Camera,

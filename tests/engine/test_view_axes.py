@@ -9,7 +9,7 @@ import numpy as np
 from engine_scenes import ball_mesh, camera, grid_mesh, surface
 from glint import engine
 from glint.engine import scene as s
-from glint.engine.view_axes import NARROW, narrow_view_axes, pixel_angle
+from glint.engine.scene.view_axes import NARROW, narrow_view_axes, pixel_angle
 from native_tools import draw, lamp, needs_core, placed
 
 PASSES = ("Normal", "Position", "Depth", "Object Index")

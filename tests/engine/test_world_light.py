@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glint.engine import LiveRender, Settings, Task, dome, render, sampling, view_axes
-from glint.engine.dome import cell_shares, directions, dome_table, radiance_map
+from glint.engine import LiveRender, Settings, Task, render, sampling
+from glint.engine.lights import dome
+from glint.engine.lights.dome import cell_shares, directions, dome_table, radiance_map
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
@@ -24,6 +25,7 @@ from glint.engine.scene import (
     Spheres,
     Texture,
     World,
+    view_axes,
 )
 
 WHITE = Material("white", (Lobe("DIFFUSE"), Lobe("AMBIENT")))

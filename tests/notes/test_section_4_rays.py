@@ -9,7 +9,7 @@ import pytest
 
 from glint.engine import linear
 from glint.engine.film import NO_DEPTH
-from glint.engine.scene import Polygons
+from glint.engine.scene import Polygons, viewing
 from notes_scenes import ball, mesh, on_plane, paint, quad, scene, view, viewing_rays, wall
 
 GLOW = paint(emission=1.0)
@@ -32,7 +32,7 @@ def test_4_1_object_order_and_image_order_draw_the_same_picture(draw):
     triangles = np.arange(12).reshape(4, 3)
     depth = np.full((20, 24), np.inf)
     centers = np.stack(np.meshgrid(np.arange(24.0), np.arange(20.0)), -1)
-    for corners in linear.project_to_pixels(vertices, camera)[triangles]:
+    for corners in viewing.project_to_pixels(vertices, camera)[triangles]:
         weights = linear.barycentric_by_areas(centers, *corners[:, :2])
         # Depth is not linear in the picture, its reciprocal is.
         here = 1 / linear.interpolate(weights, 1 / corners[:, 2:])[..., 0]
@@ -46,7 +46,7 @@ def test_4_1_object_order_and_image_order_draw_the_same_picture(draw):
 def test_4_3_straight_lines_stay_straight():
     camera = view(**TILTED)
     a, b = np.array([1.0, 4.0, -3.0]), np.array([-2.0, 1.0, -9.0])
-    line = linear.project_to_pixels(a + np.linspace(0, 1, 20)[:, None] * (b - a), camera)[:, :2]
+    line = viewing.project_to_pixels(a + np.linspace(0, 1, 20)[:, None] * (b - a), camera)[:, :2]
     off = linear.cross(
         np.append(line[-1] - line[0], 0.0), np.column_stack([line - line[0], np.zeros(20)])
     )[:, 2]
@@ -59,7 +59,7 @@ def test_4_3_straight_lines_stay_straight():
 def test_4_4_parallel_projection_keeps_sizes_at_any_depth():
     camera = view("ORTHOGRAPHIC", resolution=(16, 16))
     near, far = (
-        linear.project_to_pixels([[0, 0, z], [0.5, 0.25, z]], camera)[:, :2] for z in (-1.0, -9.0)
+        viewing.project_to_pixels([[0, 0, z], [0.5, 0.25, z]], camera)[:, :2] for z in (-1.0, -9.0)
     )
     np.testing.assert_allclose(near, far, rtol=0, atol=1e-14)
 

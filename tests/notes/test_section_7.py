@@ -3,7 +3,7 @@
 import numpy as np
 
 from glint.engine import linear
-from glint.engine.scene import Camera
+from glint.engine.scene import Camera, viewing
 
 EPS = np.finfo(np.float64).eps
 EYE, GAZE, UP = np.array([4.0, 3.0, 5.0]), np.array([-4.0, -2.0, -5.0]), np.array([0.0, 1.0, 0.0])
@@ -95,8 +95,8 @@ def test_7_5_the_chain_takes_a_point_to_its_pixel():
     points = EYE + np.random.default_rng(12).normal(size=(50, 3))
     pixel = np.concatenate([points, np.ones((50, 1))], 1) @ chain.T
     close(pixel[:, 3], np.ones(50))
-    close(linear.pixel_from_world(camera), chain, 128)
-    close(linear.project_to_pixels(points, camera)[:, :2], pixel[:, :2], 128)
+    close(viewing.pixel_from_world(camera), chain, 128)
+    close(viewing.project_to_pixels(points, camera)[:, :2], pixel[:, :2], 128)
 
 
 def test_7_1_every_point_of_a_pixels_viewing_ray_projects_to_that_pixel():
@@ -113,7 +113,7 @@ def test_7_1_every_point_of_a_pixels_viewing_ray_projects_to_that_pixel():
             )
             points = origin + np.array([[0.5], [3.0], [70.0]]) * direction
             close(
-                linear.project_to_pixels(points, camera),
+                viewing.project_to_pixels(points, camera),
                 [[i, j, 0.5], [i, j, 3.0], [i, j, 70.0]],
                 128,
             )

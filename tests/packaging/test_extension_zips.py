@@ -60,7 +60,7 @@ def test_a_zip_holds_the_add_on_and_nothing_of_its_development(edition):
         "blender_manifest.toml",
         "LICENSE",
         "addon/render/render_engine.py",
-        "engine/scene.py",
+        "engine/scene/model.py",
         "operators/__init__.py",
     } <= set(names)
     assert not [

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from ....engine.program.graph import Value
-from ..graph import socket_named
-from ..images import FIRST, Images
-from ..terms import GREY
+from ..images.images import FIRST, Images
+from ..materials.graph import socket_named
+from ..materials.terms import GREY
 from .mapping import texture_mapped
 from .objects import INSTANCER_GENERATED, INSTANCER_UV, property_of_object
 from .projections import on_ball, on_box, on_tiles, on_tube
@@ -23,22 +23,23 @@ def _texture_coordinate(view: NodeInputs) -> Outputs:
     position = view.apply("object_position", shift=0)[0]
     if view.node.object is not None:
         position = _in_space_of(view, view.node.object)
-    if view.node.from_instancer:
-        generated, uv = (
-            view.apply("instance_value", attribute=name)[0]
-            for name in (INSTANCER_GENERATED, INSTANCER_UV)
-        )
-    else:
-        generated, uv = view.reader.generated(), view.apply("uv", attribute="", shift=0)[0]
-    return {
-        "Generated": generated,
-        "Normal": view.apply("object_normal")[0],
-        "UV": uv,
-        "Object": position,
-        "Camera": view.apply("camera_position", shift=0)[0],
-        "Window": view.apply("window", shift=0)[0],
-        "Reflection": view.apply("reflection")[0],
+    makers = {
+        "Generated": view.reader.generated,
+        "Normal": lambda: view.apply("object_normal")[0],
+        "UV": lambda: view.apply("uv", attribute="", shift=0)[0],
+        "Object": lambda: position,
+        "Camera": lambda: view.apply("camera_position", shift=0)[0],
+        "Window": lambda: view.apply("window", shift=0)[0],
+        "Reflection": lambda: view.apply("reflection")[0],
     }
+    if view.node.from_instancer:
+        makers["Generated"] = lambda: _of_instance(view, INSTANCER_GENERATED)
+        makers["UV"] = lambda: _of_instance(view, INSTANCER_UV)
+    return view.used(makers)
+
+
+def _of_instance(view: NodeInputs, name: str) -> Value:
+    return view.apply("instance_value", attribute=name)[0]
 
 
 def _in_space_of(view: NodeInputs, other: Any) -> Value:
@@ -55,22 +56,24 @@ def _in_space_of(view: NodeInputs, other: Any) -> Value:
 
 def _uv_map(view: NodeInputs) -> Outputs | None:
     if view.node.from_instancer:
-        return {"UV": view.apply("instance_value", attribute=INSTANCER_UV)[0]}
+        return {"UV": _of_instance(view, INSTANCER_UV)}
     return {"UV": view.apply("uv", attribute=view.node.uv_map, shift=0)[0]}
 
 
 def _geometry(view: NodeInputs) -> Outputs:
-    return {
-        "Position": view.apply("position", shift=0)[0],
-        "Normal": view.reader.normal(),
-        "True Normal": view.apply("face_normal")[0],
-        "Incoming": view.apply("incoming")[0],
-        "Backfacing": view.apply("backfacing")[0],
-        "Parametric": _parametric(view),
-        "Tangent": radial_tangent(view, "Z"),
-        "Pointiness": view.apply("attribute", attribute=POINTINESS, shift=0)[1],
-        "Random Per Island": view.apply("attribute", attribute=ISLAND, shift=0)[1],
-    }
+    return view.used(
+        {
+            "Position": lambda: view.apply("position", shift=0)[0],
+            "Normal": view.reader.normal,
+            "True Normal": lambda: view.apply("face_normal")[0],
+            "Incoming": lambda: view.apply("incoming")[0],
+            "Backfacing": lambda: view.apply("backfacing")[0],
+            "Parametric": lambda: _parametric(view),
+            "Tangent": lambda: radial_tangent(view, "Z"),
+            "Pointiness": lambda: view.apply("attribute", attribute=POINTINESS, shift=0)[1],
+            "Random Per Island": lambda: view.apply("attribute", attribute=ISLAND, shift=0)[1],
+        }
+    )
 
 
 def _parametric(view: NodeInputs) -> Value:

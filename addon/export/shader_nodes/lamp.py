@@ -6,21 +6,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ....engine.program.graph import Graph, Value
-from .reader import FARTHEST, READERS, Arithmetic, NodeInputs, Outputs, TreeReader
-
-NOWHERE = {
-    "attribute": ((0.0, 0.0, 0.0), 1.0),
-    "uv": ((0.0, 0.0, 0.0),),
-    "barycentric": ((0.0, 0.0, 0.0),),
-    "edge_distance": (FARTHEST,),
-    "instance_value": ((0.0, 0.0, 0.0), 0.0),
-}
+from .bare import BareReader
+from .reader import READERS, Arithmetic, NodeInputs, Outputs
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +23,7 @@ class Lamp:
     object_from_light: (3, 3) takes the axes of that to the object's, with its scale.
     size: (2,) full extents of an AREA light in the light's axes, world units. spot_size: full angle
     of a SPOT's cone. light_from_world: (3, 3) of a SPOT, for where it throws its UV.
+    normals_to_world: (3, 3) takes the object's normals to the world, up to their lengths.
     """
 
     kind: str
@@ -37,10 +31,11 @@ class Lamp:
     size: tuple[float, float] = (0.0, 0.0)
     spot_size: float = 0.0
     light_from_world: np.ndarray | None = None
+    normals_to_world: np.ndarray = field(default_factory=lambda: np.eye(3))
 
     @property
     def key(self) -> tuple:
-        """Equal for lights whose trees mean the same."""
+        """Equal for lights whose trees mean the same where they take no normal to the world."""
         turns = self.light_from_world.tobytes() if self.light_from_world is not None else b""
         return (
             self.kind,
@@ -51,16 +46,16 @@ class Lamp:
         )
 
 
-class LampReader(TreeReader):
-    """Reads a light's tree. Attributes are zeros. UV runs from 0 to 1 over an AREA light, round a
+class LampReader(BareReader):
+    """Reads a light's tree. UV without a map's name runs from 0 to 1 over an AREA light, round a
     POINT, and over the square round a SPOT's cone.
     """
-
-    is_surface = False
 
     def __init__(self, graph: Graph, images: Any, note: Callable[[str], None], lamp: Lamp) -> None:
         super().__init__(graph, images, note)
         self.lamp, self._math = lamp, Arithmetic(graph, super().apply)
+        self.is_turned = False
+        """Whether a normal was taken from the object to the world."""
 
     def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         if name == "object_position":
@@ -71,30 +66,30 @@ class LampReader(TreeReader):
                 np.linalg.inv(self.lamp.object_from_light).T, super().apply(name)[0]
             )
             return super().apply("vector_normalized", found)
-        if name == "uv" and self.lamp.kind == "AREA" and all(self.lamp.size):
-            return (self._over_area(),)
-        if name == "uv" and self.lamp.kind == "POINT":
-            return (self._round(),)
-        if name == "uv" and self.lamp.light_from_world is not None:
-            return (self._in_cone(),)
-        if name in NOWHERE:
-            return self._unknown(name)
-        if name in ("normal_map", "bump"):
-            return super().apply("normal")
+        if name == "uv" and not settings["attribute"]:
+            return (self._uv(),)
         if name == "normal_to_world":
-            return super().apply("vector_normalized", *arguments)
+            return (self.object_to_world(*arguments),)
         if name == "light_path":  # Cycles calls no ray to a light a shadow ray here
             camera, _, bounced = super().apply(name)
             return camera, self.graph.constant(0.0), bounced
         return super().apply(name, *arguments, **settings)
 
-    def _unknown(self, name: str) -> tuple[Value, ...]:
-        """Constants, with a note where Cycles has more."""
-        if name == "uv" and self.lamp.kind == "SUN":
+    def object_to_world(self, vector: Value) -> Value:
+        self.is_turned = True
+        turned = self._turned(self.lamp.normals_to_world, vector)
+        return super().apply("vector_normalized", turned)[0]
+
+    def _uv(self) -> Value:
+        if self.lamp.kind == "AREA" and all(self.lamp.size):
+            return self._over_area()
+        if self.lamp.kind == "POINT":
+            return self._round()
+        if self.lamp.light_from_world is not None:
+            return self._in_cone()
+        if self.lamp.kind == "SUN":
             self.note("UV coordinates are not known of the sun {}: 0 is used; use the normal")
-        if name == "instance_value":
-            self.note("What is an object's own is not known of the light {}: 0 is used")
-        return tuple(map(self.graph.constant, NOWHERE[name]))
+        return self.graph.constant((0.0, 0.0, 0.0))
 
     def generated(self) -> Value:
         return self.apply("object_position", shift=0)[0]

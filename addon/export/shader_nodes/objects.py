@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ....engine.program.graph import Value
 from .reader import READERS, NodeInputs, Outputs
 
 RANDOM = "(random)"
@@ -18,15 +19,20 @@ OBJECT, INSTANCER, VIEW_LAYER = "OBJECT:", "INSTANCER:", "VIEW_LAYER:"
 
 
 def _object_info(view: NodeInputs) -> Outputs:
-    color, alpha = view.apply("instance_value", attribute=COLOR)
-    return {
-        "Location": view.apply("object_location")[0],
-        "Color": color,
-        "Alpha": alpha,
-        "Object Index": view.apply("instance_value", attribute=INDEX)[1],
-        "Material Index": view.reader.graph.constant(float(view.reader.material_index)),
-        "Random": view.apply("instance_value", attribute=RANDOM)[1],
-    }
+
+    def value(name: str) -> tuple[Value, ...]:
+        return view.apply("instance_value", attribute=name)
+
+    return view.used(
+        {
+            "Location": lambda: view.apply("object_location")[0],
+            "Color": lambda: value(COLOR)[0],
+            "Alpha": lambda: value(COLOR)[1],
+            "Object Index": lambda: value(INDEX)[1],
+            "Material Index": lambda: view.reader.graph.constant(view.reader.material_index),
+            "Random": lambda: value(RANDOM)[1],
+        }
+    )
 
 
 def property_of_object(view: NodeInputs) -> Outputs | None:

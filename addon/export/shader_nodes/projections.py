@@ -10,7 +10,7 @@ import math
 from itertools import pairwise
 
 from ....engine.program.graph import Value
-from ..images import FIRST, TILES_IN_A_ROW
+from ..images.images import FIRST, TILES_IN_A_ROW
 from .reader import Arithmetic, NodeInputs
 
 

@@ -17,7 +17,7 @@ from typing import Any
 from ....engine.program.graph import Graph, Value
 from ....engine.program.operations_math import MathOperation
 from ....engine.program.table import BY_NAME
-from ..graph import Place, closes_circle, kind_of, socket_named, trail
+from ..materials.graph import Place, closes_circle, kind_of, socket_named, trail
 from .mapping import texture_mapped
 
 Outputs = dict[str, Value]
@@ -93,6 +93,7 @@ class TreeReader:
         self.material_index = material_index
         self.graph, self.images, self.operations, self.note = graph, images, operations, note
         self.displacement: Value | None = None
+        self.reading = ""  # the label of the node that is read just now
         self._read: dict[Key, Outputs | None] = {}
         self._trails: dict[Key, list[Place] | None] = {}
 
@@ -109,6 +110,10 @@ class TreeReader:
     def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         """Outputs of the table's operation of this name."""
         return self.graph.apply(self.operations[name], *arguments, **settings)
+
+    def arithmetic(self) -> Arithmetic:
+        """Operations of the Math node on this tree's values."""
+        return Arithmetic(self.graph, self.apply)
 
     def generated(self) -> Value:
         """Coordinates from 0 to 1 in the mesh's texture space."""
@@ -175,6 +180,7 @@ class TreeReader:
 
     def _outputs(self, place: Place) -> Outputs | None:
         node = place.node
+        self.reading = node.bl_label
         reader = READERS.get(kind_of(node))
         outputs = reader(NodeInputs(self, place)) if reader is not None else None
         if outputs is None:
@@ -252,14 +258,22 @@ class NodeInputs:
         socket = socket_named(self.node.inputs, name)
         return socket is not None and self.reader.is_fed(self.place.beside(socket))
 
+    def used(self, makers: Mapping[str, Callable[[], Value]]) -> Outputs:
+        """Of the outputs that something reads what makes their values says."""
+        return {name: make() for name, make in makers.items() if self.is_used(name)}
+
+    def is_used(self, output: str) -> bool:
+        """Whether the output with this identifier or name, where this Blender has it, is linked."""
+        socket = socket_named(self.node.outputs, output)
+        return socket is not None and socket.is_linked
+
     def vector_of(self, number: Value) -> Value:
         """A vector that a number fills."""
         return self.apply("combine_xyz", number, number, number)[0]
 
     def left_out(self, output: str, instead: float | tuple[float, float, float]) -> Value:
         """A constant in the place of an output that is not computed here; told where it is used."""
-        socket = socket_named(self.node.outputs, output)
-        if socket is not None and socket.is_linked:
+        if self.is_used(output):
             self.reader.note(
                 f"'{output}' of {self.node.bl_label} is not supported: {{}} take a constant"
             )

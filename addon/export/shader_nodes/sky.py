@@ -7,22 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from ....engine.program.graph import Value
+from .bare import ZERO, BareReader
 from .inputs import noted_interpolation
 from .mapping import texture_mapped
-from .objects import VIEW_LAYER
-from .reader import FARTHEST, READERS, NodeInputs, Outputs, TreeReader
+from .reader import READERS, NodeInputs, Outputs
 
 _ALONG = ("position", "object_position")
-_AGAINST = ("normal", "face_normal", "object_normal", "reflection", "normal_map", "bump")
-_NOWHERE = {
-    "object_stretch": (1.0,),
-    "uv": ((0.0, 0.0, 0.0),),
-    "barycentric": ((0.0, 0.0, 0.0),),
-    "edge_distance": (FARTHEST,),
-    "attribute": ((0.0, 0.0, 0.0), 1.0),
-    "object_location": ((0.0, 0.0, 0.0),),
-    "instance_value": ((0.0, 0.0, 0.0), 0.0),
-}
+_AGAINST = ("normal", "face_normal", "object_normal", "reflection")
 _VIEW = ("camera_position", "window")
 
 
@@ -34,12 +25,10 @@ class Sun:
     size: float
 
 
-class SkyReader(TreeReader):
+class SkyReader(BareReader):
     """Reads a world's tree: a point is the direction that the ray goes, and its normals look back
-    along it, as in Cycles; nothing bends them.
+    along it, as in Cycles.
     """
-
-    is_surface = False
 
     def __init__(self, *given: Any, suns: list[Sun] | None = None) -> None:
         """suns: gets those that sky textures show where they are told to; None leaves these out."""
@@ -54,12 +43,16 @@ class SkyReader(TreeReader):
         if name in _AGAINST:
             return super().apply("incoming")
         if name in _VIEW:
-            self.note("Camera and window coordinates are not known in the world {}: 0 is used")
-            return (self.graph.constant((0.0, 0.0, 0.0)),)
-        if settings.get("attribute", "").startswith(VIEW_LAYER):
-            self.note("Attributes of the view layer are not known in the world {}: 0 is used")
-        if name in _NOWHERE:
-            return tuple(map(self.graph.constant, _NOWHERE[name]))
+            self.note(
+                "Camera and window coordinates are not known in the world {}: 0 is used; use "
+                "Texture Coordinate's Generated"
+            )
+            return (self.graph.constant(ZERO),)
+        if name == "object_stretch":
+            return (self.graph.constant(1.0),)
+        if name == "object_location":
+            self.tell("instance_value")
+            return (self.graph.constant(ZERO),)
         return super().apply(name, *arguments, **settings)
 
     def along(self) -> Value:

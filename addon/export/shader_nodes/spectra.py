@@ -46,7 +46,7 @@ def _constant_row(color: tuple[float, ...]) -> list[float]:
     return [x for channel in color for x in (0.0, channel, 0.0, 0.0, 0.0)]
 
 
-def _blackbody_table() -> tuple[float, ...]:
+def blackbody_table() -> tuple[float, ...]:
     """What `piecewise` reads."""
     rows = [_constant_row(_COLD)]
     for red, green, blue in zip(_RED, _GREEN, _BLUE, strict=True):
@@ -95,7 +95,7 @@ def at_least_black(view: NodeInputs, color: Value) -> Value:
 
 
 def _blackbody(view: NodeInputs) -> Outputs:
-    color = view.apply("piecewise", view.value("Temperature"), table=_blackbody_table())[0]
+    color = view.apply("piecewise", view.value("Temperature"), table=blackbody_table())[0]
     return {"Color": at_least_black(view, color)}
 
 

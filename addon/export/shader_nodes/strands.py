@@ -9,7 +9,7 @@ import numpy as np
 
 from ....engine.program.graph import Value
 from ....engine.program.operations_vector import VectorMeasure, VectorOperation
-from ..hashing import random_of
+from ..geometry.hashing import random_of
 from .reader import FIBRE, HAIR, READERS, NodeInputs, Outputs
 
 _RANDOM = float(random_of(*np.zeros((2, 1), np.uint32))[0])

@@ -8,7 +8,9 @@ from .reader import READERS, TANGENT, NodeInputs, Outputs
 
 
 def radial_tangent(view: NodeInputs, axis: str) -> Value:
-    """Round the middle of the generated coordinates."""
+    """Round the middle of the generated coordinates; 0 where there is no surface."""
+    if not view.reader.is_surface:
+        return view.apply("tangent_of_surface")[0]
     do = view.math
     x, y, z = (
         do("SUBTRACT", part, 0.5) for part in view.apply("separate_xyz", view.reader.generated())

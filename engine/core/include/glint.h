@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 26
+#define GLINT_ABI_VERSION 29
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -70,7 +70,8 @@ enum GlintInstanceFlags {
   GLINT_VISIBLE_CAMERA = 1,
   GLINT_VISIBLE_MIRROR = 2,
   GLINT_VISIBLE_SHADOW = 4,
-  GLINT_HOLDOUT = 8
+  GLINT_HOLDOUT = 8,
+  GLINT_CATCHER = 16 /* of shadows: camera rays see what others change of its light, not it */
 };
 
 /* A geometry placed row_count times: rows [first_row, …) of world_from_object, material_count
@@ -143,13 +144,21 @@ typedef struct GlintLobe {
  * with the shading normal in world space that takes the place of the mesh's. crypto: what
  * Cryptomatte passes tell of it, the bits of a float. aov: 0, or 1 plus the number of a material
  * that no instance has: its EMISSION lobes, whose exponents are numbers of AOVs, are what this one
- * gives to these. */
+ * gives to these. medium: 0, or 1 plus the number of what fills the inside of things that wear it.
+ */
 typedef struct GlintMaterial {
   uint32_t first_lobe, lobe_count;
   int32_t index, program, normal;
   uint32_t crypto;
-  int32_t aov;
+  int32_t aov, medium;
 } GlintMaterial;
+
+/* What light passes through: how much of it that goes straight on is taken away or sent elsewhere,
+ * at least 0, and what radiance it gives, each a world unit. anisotropy: -1 to 1, of Henyey and
+ * Greenstein. */
+typedef struct GlintMedium {
+  double absorption[3], scattering[3], emission[3], anisotropy;
+} GlintMedium;
 
 enum GlintLightKind {
   GLINT_POINT_LIGHT,
@@ -191,10 +200,26 @@ typedef struct GlintEmitter {
   double front[3], back[3], normal[3], spread, reach;
 } GlintEmitter;
 
-enum GlintCameraKind { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC };
+enum GlintCameraKind { GLINT_PERSPECTIVE, GLINT_ORTHOGRAPHIC, GLINT_PANORAMA };
+
+enum GlintProjection {
+  GLINT_EQUIRECTANGULAR,
+  GLINT_FISHEYE_EQUIDISTANT,
+  GLINT_FISHEYE_EQUISOLID,
+  GLINT_FISHEYE_LENS_POLYNOMIAL,
+  GLINT_MIRROR_BALL,
+  GLINT_EQUIANGULAR_CUBEMAP_FACE,
+  GLINT_CENTRAL_CYLINDRICAL
+};
 
 /* clip_planes: camera rays see where a x + b y + c z + d >= 0 for each of the first rows (a, b, c,
- * d); x, y along the camera's axes, z depth. */
+ * d); x, y along the camera's axes, z depth; none of a panorama. What follows is a panorama's:
+ * projection, of GlintProjection; longitude, latitude: first and last, radians; heights: of the
+ * cylinder of radius 1; fov: radians; lens, sensor: width and height, one unit; polynomial: of the
+ * angle over the distance on the sensor, from the constant up. eye_offset: of an eye to the right
+ * of the camera's place, across every direction, 0 for one that does not stand aside; convergence:
+ * the distance at which eyes look at one point, infinite where they look in parallel; pole_merge:
+ * elevations between which the offset fades away, used where pole_merge[1] > 0. */
 typedef struct GlintCamera {
   double world_from_camera[12];
   double window[4]; /* l, r, b, t */
@@ -202,6 +227,9 @@ typedef struct GlintCamera {
   uint32_t width, height;
   int32_t kind, clip_plane_count;
   double clip_planes[6][4];
+  double longitude[2], latitude[2], heights[2], fov, lens, sensor[2], polynomial[5];
+  double eye_offset, convergence, pole_merge[2];
+  int32_t projection, reserved;
 } GlintCamera;
 
 /* How mist grows with the distance: its square, as it is, its square root. */
@@ -213,11 +241,11 @@ enum GlintMist { GLINT_MIST_QUADRATIC, GLINT_MIST_LINEAR, GLINT_MIST_INVERSE_QUA
  * instead of the background; world_slot: the first of its three slots that hold that. It must not
  * read surfaces. world_axes: the program's axes in the scene, column by column. Mist grows from
  * none at mist_start to all at mist_depth beyond it; mist_falloff: of GlintMist. aov_count: up to
- * 256 AOVs. */
+ * 256 AOVs. world_medium: 0, or 1 plus the number of the medium that is everywhere. */
 typedef struct GlintSceneData {
   GlintCamera camera;
   double ambient[3], background[3], world_axes[9], mist_start, mist_depth;
-  int32_t transparent, world_program, world_slot, mist_falloff, aov_count, reserved;
+  int32_t transparent, world_program, world_slot, mist_falloff, aov_count, world_medium;
   const GlintGeometry* geometries;
   const GlintAttribute* attributes;
   const GlintInstances* instances;
@@ -233,13 +261,14 @@ typedef struct GlintSceneData {
   const GlintInput* inputs;
   const GlintLobe* lobes;
   const GlintMaterial* materials;
+  const GlintMedium* media;
   const GlintLight* lights;
   const GlintEmitter* emitters;
   const float* emitter_corners; /* 9 an emitter, in the light's axes */
   uint64_t geometry_count, attribute_count, instances_count, row_count, material_slot_count;
   uint64_t texture_count, program_word_count, program_constant_count, program_table_count;
   uint64_t program_count, input_count, lobe_count, material_count, light_count;
-  uint64_t emitter_count, emitter_corner_count, instance_value_count;
+  uint64_t emitter_count, emitter_corner_count, instance_value_count, medium_count;
 } GlintSceneData;
 
 enum GlintIllumination { GLINT_PHYSICAL, GLINT_CLASSIC };
@@ -278,6 +307,7 @@ enum GlintPass {
   GLINT_PASS_DENOISING_NORMAL,
   GLINT_PASS_DENOISING_ALBEDO,
   GLINT_PASS_DENOISING_DEPTH,
+  GLINT_PASS_SHADOW_CATCHER,
   GLINT_PASS_COUNT
 };
 
@@ -292,10 +322,10 @@ enum GlintPass {
  * (dome_axes, column by column) over the density and one over that, equirectangular, from below
  * upward. dome_irradiance: (dome_irradiance_rows, dome_irradiance_columns, 3), over pi, of surfaces
  * that nothing hides it from, by their normals in the light's axes: corners of cells from pole to
- * pole and once round. mesh_table: (mesh_count, 16), of as many samples, mesh_samples points each,
+ * pole and once round. mesh_table: (mesh_count, 17), of as many samples, mesh_samples points each,
  * as divide it, after which they begin again, of a GLINT_MESH_LIGHT: the point and its unit normal
- * in the light's axes, the numbers of GlintEmitter but the normal, and a point of the unit disc.
- * bounced_table: the same of a GLINT_BOUNCED_LIGHT.
+ * in the light's axes, the numbers of GlintEmitter but the normal, a point of the unit disc, and 0.
+ * bounced_table: the same of a GLINT_BOUNCED_LIGHT, and 1 for points on catchers at the end.
  * Tables may be null where the scene has no such light. lobe_points: (lobe_count, 2) of the unit
  * disc, as many for each of lobe_levels reflections of a path, where in the lobes of rough surfaces
  * its rays are reflected; null only where none are. error_threshold: in 8-bit levels, at least
@@ -326,13 +356,13 @@ typedef struct GlintRenderSettings {
   const double* lens_points;
   const double* camera_frames;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
-      camera_frame_count;
+      camera_frame_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
   uint32_t samples, light_samples, dome_samples, mesh_samples, bounced_samples, lamp_shadows;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
-  uint32_t max_bounces, threads, passes;
+  uint32_t max_bounces, threads;
   uint32_t region[4];
   int32_t illumination, waves, acceleration, remember, reflections, moving;
 } GlintRenderSettings;
@@ -370,7 +400,9 @@ enum GlintFeature {
   GLINT_FEATURE_DEPTH_OF_FIELD = 2048,
   GLINT_FEATURE_CAMERA_MOTION = 4096,
   GLINT_FEATURE_BOUNCED_LIGHT = 8192,
-  GLINT_FEATURE_OBJECT_MOTION = 16384
+  GLINT_FEATURE_OBJECT_MOTION = 16384,
+  GLINT_FEATURE_MEDIA = 32768,
+  GLINT_FEATURE_SHADOW_CATCHER = 65536
 };
 
 typedef struct GlintStats {

@@ -287,6 +287,19 @@ void set_lights(Dice& dice, Arena& arena, GlintSceneData& d) {
   d.light_count = lights.size();
 }
 
+void make_panorama(Dice& dice, GlintCamera& c) {
+  c.projection = int32_t(dice.below(7)) + (dice.chance(0.1 * dice.wildness) ? 7 : 0);
+  for (double* ends : {c.longitude, c.latitude, c.heights}) {
+    ends[0] = dice.number();
+    ends[1] = ends[0] + positive(dice);
+  }
+  for (double* x : {&c.fov, &c.lens, &c.sensor[0], &c.sensor[1]}) *x = positive(dice);
+  for (double& x : c.polynomial) x = dice.number();
+  c.eye_offset = dice.chance(0.5) ? 0 : dice.number();
+  c.convergence = dice.chance(0.5) ? kInf : positive(dice);
+  if (dice.chance(0.5)) c.pole_merge[1] = c.pole_merge[0] + positive(dice);
+}
+
 GlintCamera camera(Dice& dice) {
   GlintCamera c{};
   for (double& x : c.world_from_camera) x = dice.number();
@@ -298,8 +311,9 @@ GlintCamera camera(Dice& dice) {
   c.clip_end = dice.chance(0.5) ? kInf : c.clip_start + positive(dice);
   c.width = uint32_t(1 + dice.below(20));
   c.height = uint32_t(1 + dice.below(20));
-  c.kind = int32_t(dice.below(2));
-  if (dice.chance(0.3))
+  c.kind = int32_t(dice.below(3));
+  if (c.kind == GLINT_PANORAMA) make_panorama(dice, c);
+  if (dice.chance(c.kind == GLINT_PANORAMA ? 0.1 * dice.wildness : 0.3))
     c.clip_plane_count = int32_t(dice.below(7)) + dice.chance(0.1 * dice.wildness);
   for (int p = 0; p < std::min(c.clip_plane_count, 6); ++p)
     for (double& x : c.clip_planes[p]) x = dice.number();
@@ -412,6 +426,26 @@ void read_program(Dice& dice, const GlintSceneData& d, std::vector<GlintInput>& 
   if (slots >= 3 && !inputs.empty()) inputs.back().output = 1 + int32_t(dice.below(slots - 2));
 }
 
+/// At times some of the materials have a medium, or the world.
+void set_media(Dice& dice, Arena& arena, GlintSceneData& d, std::vector<GlintMaterial>& materials) {
+  std::vector<GlintMedium> media;
+  for (size_t k = dice.chance(0.4) ? 1 + dice.below(3) : 0; k > 0; --k) {
+    GlintMedium medium{};
+    for (int c = 0; c < 3; ++c) {
+      medium.absorption[c] = std::fabs(dice.number());
+      medium.scattering[c] = std::fabs(dice.number());
+      medium.emission[c] = dice.number();
+    }
+    medium.anisotropy = dice.chance(0.05 * dice.wildness) ? dice.number() : dice.uniform(-1, 1);
+    media.push_back(medium);
+  }
+  for (GlintMaterial& material : materials)
+    if (!media.empty() && dice.chance(0.5)) material.medium = 1 + int32_t(dice.index(media.size()));
+  if (!media.empty() && dice.chance(0.3)) d.world_medium = 1 + int32_t(dice.index(media.size()));
+  d.media = arena.table(media);
+  d.medium_count = media.size();
+}
+
 /// Material number 3 gives to AOVs what one after it says, which may read its program.
 void set_aovs(Dice& dice, GlintSceneData& d, std::vector<GlintInput>& inputs,
               std::vector<GlintLobe>& lobes, std::vector<GlintMaterial>& materials) {
@@ -424,7 +458,7 @@ void set_aovs(Dice& dice, GlintSceneData& d, std::vector<GlintInput>& inputs,
     lobes.back().exponent =
         double(dice.below(size_t(d.aov_count) + dice.chance(0.05 * dice.wildness)));
   }
-  materials.push_back({first, count, 0, 0, 0, 0, 0});
+  materials.push_back({first, count, 0, 0, 0, 0, 0, 0});
   if (count > 0 && d.program_count > 0) read_program(dice, d, inputs, materials.back());
   materials[3].aov = int32_t(materials.size());
 }
@@ -435,11 +469,12 @@ void set_materials(Dice& dice, Arena& arena, GlintSceneData& d) {
   std::vector<GlintMaterial> materials;
   for (size_t m = 0; m < 4; ++m) {
     const uint32_t count = uint32_t(dice.below(4));
-    materials.push_back({uint32_t(lobes.size()), count, int32_t(m), 0, 0, uint32_t(m) << 20, 0});
+    materials.push_back({uint32_t(lobes.size()), count, int32_t(m), 0, 0, uint32_t(m) << 20, 0, 0});
     for (uint32_t k = 0; k < count; ++k) lobes.push_back(lobe(dice, inputs, d.texture_count));
   }
   set_program(dice, arena, d);
   if (materials.back().lobe_count > 0) read_program(dice, d, inputs, materials.back());
+  set_media(dice, arena, d, materials);
   set_aovs(dice, d, inputs, lobes, materials);
   d.inputs = arena.table(inputs);
   d.input_count = inputs.size();
@@ -481,7 +516,7 @@ Placed placed(Dice& dice, Arena& arena, size_t materials) {
     i.first_row = dice.below(p.rows + 1);
     i.row_count = dice.below(p.rows - i.first_row + 1);
     i.geometry = dice.index(p.geometries.size());
-    i.flags = uint32_t(dice.below(16)) | (dice.chance(0.7) ? 7 : 0);
+    i.flags = uint32_t(dice.below(32)) | (dice.chance(0.7) ? 7 : 0);
     i.material_count = uint32_t(materials ? dice.below(materials + 1) : 0);
     p.instances.push_back(i);
   }
@@ -587,12 +622,12 @@ void set_dome(Dice& dice, Arena& arena, GlintRenderSettings& s) {
 void set_mesh_points(Dice& dice, Arena& arena, GlintRenderSettings& s) {
   s.mesh_samples = uint32_t(1 + dice.below(5));
   s.mesh_count = uint64_t(s.mesh_samples) * (1 + dice.below(s.samples));
-  s.mesh_table = arena.fill<double>(16 * s.mesh_count, [&] { return dice.number(); });
+  s.mesh_table = arena.fill<double>(17 * s.mesh_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.mesh_count = 0;
   if (dice.chance(0.05 * dice.wildness)) s.mesh_table = nullptr;
   s.bounced_samples = uint32_t(1 + dice.below(5));
   s.bounced_count = uint64_t(s.bounced_samples) * (1 + dice.below(s.samples));
-  s.bounced_table = arena.fill<double>(16 * s.bounced_count, [&] { return dice.number(); });
+  s.bounced_table = arena.fill<double>(17 * s.bounced_count, [&] { return dice.number(); });
   if (dice.chance(0.05 * dice.wildness)) s.bounced_count = 0;
 }
 
@@ -627,7 +662,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   s.light_samples = uint32_t(1 + dice.below(3));
   s.max_bounces = uint32_t(dice.below(stops_early ? 2 : 5));
   s.threads = uint32_t(1 + dice.below(3));
-  s.passes = uint32_t(dice.below(1u << GLINT_PASS_COUNT)) | 1u;
+  s.passes = dice.below(pass_bit(GLINT_PASS_COUNT)) | 1u;
   s.pixel_offsets = arena.fill<double>(2 * s.samples, [&] { return 0.5 * dice.number(); });
   s.light_point_count = uint64_t(s.samples) * s.light_samples;
   s.error_threshold = stops_early        ? dice.uniform(0, 16)
@@ -641,7 +676,7 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   set_reflections(dice, arena, s);
   set_lens(dice, arena, s);
   s.crypto_ids = uint32_t(1 + dice.below(8));
-  if (scene.aov_count == 0) s.passes &= ~(1u << GLINT_PASS_AOV);
+  if (scene.aov_count == 0) s.passes &= ~(pass_bit(GLINT_PASS_AOV));
   if (dice.chance(0.05 * dice.wildness)) s.crypto_ids = uint32_t(dice.bits());
   const uint32_t w = scene.camera.width, h = scene.camera.height;
   const bool part = dice.chance(0.3);

@@ -333,9 +333,23 @@ void check_materials(const GlintSceneData& d, Report& report) {
     report.add(m.program >= 0 && uint64_t(m.program) <= d.program_count,
                "material %llu: program beyond the table", ull(i));
     check_aovs(d, m, i, report);
+    report.add(m.medium >= 0 && uint64_t(m.medium) <= d.medium_count,
+               "material %llu: medium beyond the table", ull(i));
     report.add(is_id(m.crypto), "material %llu: its id of Cryptomatte is not finite", ull(i));
     if (report.good()) check_slots(d, m, i, report);
   }
+}
+
+void check_media(const GlintSceneData& d, Report& report) {
+  for (uint64_t i = 0; i < d.medium_count; ++i) {
+    const GlintMedium& g = d.media[i];
+    bool good = all_finite(g.absorption, 3) && all_finite(g.scattering, 3) &&
+                all_finite(g.emission, 3) && g.anisotropy >= -1 && g.anisotropy <= 1;
+    for (int c = 0; c < 3; ++c) good = good && g.absorption[c] >= 0 && g.scattering[c] >= 0;
+    report.add(good, "medium %llu: a number that is not finite or out of range", ull(i));
+  }
+  report.add(d.world_medium >= 0 && uint64_t(d.world_medium) <= d.medium_count,
+             "world: medium beyond the table");
 }
 
 /// Whether no instruction of a program that was checked reads a surface.
@@ -385,9 +399,34 @@ void check_light(const GlintSceneData& d, uint64_t i, Report& report) {
              "light %llu: its program reads a primitive", ull(i));
 }
 
+/// Whether two numbers are finite and apart, and so is their difference.
+bool is_range(const double* ends) {
+  return std::isfinite(ends[0]) && std::isfinite(ends[1]) && std::isfinite(ends[1] - ends[0]) &&
+         ends[0] != ends[1];
+}
+
+void check_panorama(const GlintCamera& c, Report& report) {
+  report.add(within(c.projection, GLINT_CENTRAL_CYLINDRICAL), "camera: unknown projection %d",
+             c.projection);
+  report.add(is_range(c.longitude) && is_range(c.latitude) && is_range(c.heights),
+             "camera: longitudes %g to %g, latitudes %g to %g, heights %g to %g", c.longitude[0],
+             c.longitude[1], c.latitude[0], c.latitude[1], c.heights[0], c.heights[1]);
+  report.add(all_finite(&c.fov, 1) && c.fov > 0 && all_finite(&c.lens, 1) && c.lens > 0,
+             "camera: a fisheye of %g radians, a lens of %g", c.fov, c.lens);
+  report.add(all_finite(c.sensor, 2) && c.sensor[0] > 0 && c.sensor[1] > 0,
+             "camera: a sensor of %g by %g", c.sensor[0], c.sensor[1]);
+  report.add(all_finite(c.polynomial, 5), "camera: the lens polynomial is not finite");
+  report.add(all_finite(&c.eye_offset, 1) && c.convergence > 0 && all_finite(c.pole_merge, 2) &&
+                 !(c.pole_merge[1] > 0 && c.pole_merge[0] >= c.pole_merge[1]),
+             "camera: an eye %g aside that converges at %g, merged from %g to %g", c.eye_offset,
+             c.convergence, c.pole_merge[0], c.pole_merge[1]);
+  report.add(c.clip_plane_count == 0, "camera: a panorama has no clip planes");
+}
+
 void check_surroundings(const GlintSceneData& d, Report& report) {
   const GlintCamera& c = d.camera;
-  report.add(within(c.kind, GLINT_ORTHOGRAPHIC), "camera: unknown kind %d", c.kind);
+  report.add(within(c.kind, GLINT_PANORAMA), "camera: unknown kind %d", c.kind);
+  if (c.kind == GLINT_PANORAMA) check_panorama(c, report);
   report.add(all_finite(c.world_from_camera, 12) && all_finite(c.window, 4),
              "camera: a number is not finite");
   report.add(any(affine(c.world_from_camera).z), "camera: its view direction is zero");
@@ -428,6 +467,7 @@ void check_tables(const GlintSceneData& d, Report& report) {
       {d.inputs, d.input_count},
       {d.lobes, d.lobe_count},
       {d.materials, d.material_count},
+      {d.media, d.medium_count},
       {d.lights, d.light_count},
       {d.emitters, d.emitter_count},
       {d.emitter_corners, d.emitter_corner_count},
@@ -459,6 +499,7 @@ Report check_all_else(const GlintSceneData& data) {
   if (!report.good()) return report;
   check_surroundings(data, report);
   check_textures(data, report);
+  check_media(data, report);
   check_materials(data, report);
   if (report.good()) check_sky(data, report);
   for (uint64_t i = 0; report.good() && i < data.light_count; ++i) check_light(data, i, report);

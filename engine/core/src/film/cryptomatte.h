@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "glint.h"
+#include "film/passes.h"
 
 namespace glint {
 
@@ -21,16 +21,16 @@ struct CryptoMeeting {
 /// tile at a time.
 class Cryptomatte {
  public:
-  static constexpr uint32_t kPasses = 1u << GLINT_PASS_CRYPTO_OBJECT |
-                                      1u << GLINT_PASS_CRYPTO_MATERIAL |
-                                      1u << GLINT_PASS_CRYPTO_ASSET;
+  static constexpr Passes kPasses = pass_bit(GLINT_PASS_CRYPTO_OBJECT) |
+                                    pass_bit(GLINT_PASS_CRYPTO_MATERIAL) |
+                                    pass_bit(GLINT_PASS_CRYPTO_ASSET);
   /// A thing in the pixel of a slot.
   struct Share {
     uint32_t slot, id;
     double weight;
   };
 
-  explicit Cryptomatte(uint32_t passes = 0, uint32_t ids = 0)
+  explicit Cryptomatte(Passes passes = 0, uint32_t ids = 0)
       : passes_(passes & kPasses), ids_(ids) {}
   bool on() const { return passes_ != 0; }
   size_t ids() const { return ids_; }
@@ -63,7 +63,8 @@ class Cryptomatte {
   bool wants(int number) const { return passes_ >> (GLINT_PASS_CRYPTO_OBJECT + number) & 1; }
   static void rank(std::vector<Share>& shares);
 
-  uint32_t passes_, ids_;
+  Passes passes_;
+  uint32_t ids_;
   std::vector<std::vector<Share>> shares_[3];  // a list a tile, by slots upward
 };
 

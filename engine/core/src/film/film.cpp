@@ -26,7 +26,9 @@ void interleave(const float (&channels)[4][Size], size_t first, size_t count, fl
 
 size_t Film::channels_of(int pass) const {
   if (pass < 0 || pass >= GLINT_PASS_COUNT) return 0;
-  if (pass == GLINT_PASS_DENOISING_NORMAL || pass == GLINT_PASS_DENOISING_ALBEDO) return 3;
+  if (pass == GLINT_PASS_DENOISING_NORMAL || pass == GLINT_PASS_DENOISING_ALBEDO ||
+      pass == GLINT_PASS_SHADOW_CATCHER)
+    return 3;
   if (pass == GLINT_PASS_AOV) return 4 * size_t(aov_count_);
   if (Cryptomatte::kPasses >> pass & 1) return 2 * cryptomatte_.ids();
   if (pass == GLINT_PASS_COMBINED) return 4;
@@ -51,11 +53,11 @@ void SlotTable::set(uint32_t width, uint32_t height) {
   for (; columns_.size() % kPad; columns_.push_back(0)) rows_.push_back(0);
 }
 
-Film::Film(Region region, Region shown, uint32_t passes, double error_threshold,
+Film::Film(Region region, Region shown, Passes passes, double error_threshold,
            uint32_t light_samples, uint32_t crypto_ids, uint32_t aov_count)
     : region_(region),
       shown_(shown),
-      passes_(passes | 1u << GLINT_PASS_COMBINED),
+      passes_(passes | pass_bit(GLINT_PASS_COMBINED)),
       aov_count_(aov_count),
       cryptomatte_(passes, crypto_ids) {
   std::fill_n(at_, int(GLINT_PASS_COUNT), -1);
@@ -68,6 +70,7 @@ Film::Film(Region region, Region shown, uint32_t passes, double error_threshold,
   keep_sums(GLINT_PASS_DENOISING_NORMAL, 3);
   keep_sums(GLINT_PASS_DENOISING_ALBEDO, 3);
   keep_sums(GLINT_PASS_DENOISING_DEPTH, 1);
+  keep_sums(GLINT_PASS_SHADOW_CATCHER, 3);
   const size_t pixels = size_t(region.width()) * region.height();
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
     if (!wants(pass)) continue;
@@ -148,8 +151,9 @@ void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples,
   for (int pass = 0; pass < GLINT_PASS_DEPTH; ++pass)
     if (sums(tile, pass) && (!rested || renewed_ >> pass & 1))
       publish_means(tile, pass, slots, samples, stages);
-  if (wants(GLINT_PASS_MIST)) publish_mist(tile, slots, samples);
-  for (int pass = GLINT_PASS_AOV; pass < GLINT_PASS_COUNT; ++pass)
+  for (int pass : {GLINT_PASS_MIST, GLINT_PASS_SHADOW_CATCHER})
+    if (wants(pass)) publish_rest(tile, pass, slots, samples);
+  for (int pass = GLINT_PASS_AOV; pass <= GLINT_PASS_DENOISING_DEPTH; ++pass)
     if (wants(pass)) publish_seen(tile, pass, slots, samples);
   if (wants_cryptomatte()) publish_cryptomatte(tile, slots, samples);
   if (passes_ & kHealthPasses) publish_health(tile, slots, samples);
@@ -178,11 +182,14 @@ void Film::publish_means(const Tile& tile, int pass, const SlotTable& slots, uin
   }
 }
 
-void Film::publish_mist(const Tile& tile, const SlotTable& slots, uint32_t samples) {
-  const double* const clear = sums(tile, GLINT_PASS_MIST);
-  for (size_t k = 0; k < tile.pixels(); ++k)
-    values(GLINT_PASS_MIST)[slots.pixel(tile, k, region_.width())] =
-        to_float(1 - clear[k] / refinement_.taken(tile.first_row + k, samples));
+/// Passes that are 1 less the mean of their sums.
+void Film::publish_rest(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples) {
+  const double* from = sums(tile, pass);
+  const size_t channels = channels_of(pass);
+  for (size_t c = 0; c < channels; ++c, from += tile.stride())
+    for (size_t k = 0; k < tile.pixels(); ++k)
+      values(pass)[channels * slots.pixel(tile, k, region_.width()) + c] =
+          to_float(1 - from[k] / refinement_.taken(tile.first_row + k, samples));
 }
 
 void Film::publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples) {
@@ -229,7 +236,7 @@ std::shared_ptr<ZeroedBuffer<float>> Film::picture(int pass, uint64_t size) {
                pixels = numbers(size_t(shown_.width()) * shown_.height(), 1);
   if (channels == 0 || !pictures_[pass] || channels * pixels != size) return nullptr;
   if (pictures_[pass]->size() != size) return cropped(pass);
-  lent_ |= 1u << pass;
+  lent_ |= pass_bit(pass);
   return pictures_[pass];
 }
 

@@ -82,10 +82,10 @@ inline float to_float(double x) {
 /// lost alpha, then three for each part.
 class Film {
  public:
-  Film(Region region, uint32_t passes) : Film(region, region, passes, 0, 1) {}
+  Film(Region region, Passes passes) : Film(region, region, passes, 0, 1) {}
   /// shown: what `picture` gives of the region.  error_threshold, light_samples: see Refinement.
   /// crypto_ids: how many of a pixel Cryptomatte passes tell. aov_count: AOVs of the scene.
-  Film(Region region, Region shown, uint32_t passes, double error_threshold, uint32_t light_samples,
+  Film(Region region, Region shown, Passes passes, double error_threshold, uint32_t light_samples,
        uint32_t crypto_ids = 0, uint32_t aov_count = 0);
 
   const std::vector<Tile>& tiles() const { return tiles_; }
@@ -95,7 +95,7 @@ class Film {
   int column_of(int pass) const { return at_[pass]; }
   /// Rows of a column over all tiles.
   size_t rows() const { return sums_.size() / columns_; }
-  uint32_t passes() const { return passes_; }
+  Passes passes() const { return passes_; }
   bool wants(int pass) const { return passes_ >> pass & 1; }
   bool wants_data() const { return passes_ & kDataPasses; }
   /// Passes that are the mean over the samples of what camera rays see.
@@ -117,7 +117,7 @@ class Film {
   /// The tile with its sums, all 0, where others put theirs before: for tiles that are published as
   /// soon as they are traced. Of each thread its own thread, below the number of tiles.
   Tile on_thread(const Tile& tile, size_t thread);
-  bool wants_depth_alone() const { return (passes_ & kDataPasses) == 1u << GLINT_PASS_DEPTH; }
+  bool wants_depth_alone() const { return (passes_ & kDataPasses) == pass_bit(GLINT_PASS_DEPTH); }
   void set_data(uint32_t pixel, const FirstHit& hit);
   void set_depth(uint32_t pixel, double depth) {
     values(GLINT_PASS_DEPTH)[pixel] = to_float(depth);
@@ -140,29 +140,32 @@ class Film {
   void forget_sums();
 
  private:
-  static constexpr uint32_t kDataPasses = ((1u << GLINT_PASS_ERROR) - (1u << GLINT_PASS_DEPTH)) |
-                                          1u << GLINT_PASS_GRAZING | 1u << GLINT_PASS_GAP;
-  static constexpr uint32_t kHealthPasses = 1u << GLINT_PASS_ERROR | 1u << GLINT_PASS_SAMPLES |
-                                            1u << GLINT_PASS_COST | 1u << GLINT_PASS_FALLBACKS;
-  static constexpr uint32_t kDenoisingPasses = 1u << GLINT_PASS_DENOISING_NORMAL |
-                                               1u << GLINT_PASS_DENOISING_ALBEDO |
-                                               1u << GLINT_PASS_DENOISING_DEPTH;
-  static constexpr uint32_t kSeenPasses =
-      kDenoisingPasses | 1u << GLINT_PASS_MIST | 1u << GLINT_PASS_AOV | Cryptomatte::kPasses;
+  static constexpr Passes kDataPasses =
+      ((pass_bit(GLINT_PASS_ERROR)) - (pass_bit(GLINT_PASS_DEPTH))) | pass_bit(GLINT_PASS_GRAZING) |
+      pass_bit(GLINT_PASS_GAP);
+  static constexpr Passes kHealthPasses = pass_bit(GLINT_PASS_ERROR) |
+                                          pass_bit(GLINT_PASS_SAMPLES) | pass_bit(GLINT_PASS_COST) |
+                                          pass_bit(GLINT_PASS_FALLBACKS);
+  static constexpr Passes kDenoisingPasses = pass_bit(GLINT_PASS_DENOISING_NORMAL) |
+                                             pass_bit(GLINT_PASS_DENOISING_ALBEDO) |
+                                             pass_bit(GLINT_PASS_DENOISING_DEPTH);
+  static constexpr Passes kSeenPasses = kDenoisingPasses | pass_bit(GLINT_PASS_MIST) |
+                                        pass_bit(GLINT_PASS_AOV) | Cryptomatte::kPasses;
   void keep_sums(int pass, int channels);
   std::shared_ptr<ZeroedBuffer<float>> cropped(int pass) const;
   float* values(int pass) const { return pictures_[pass]->data(); }
   void store(int pass, uint32_t pixel, const double* from);
   void publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
                      const Stages& stages);
-  void publish_mist(const Tile& tile, const SlotTable& slots, uint32_t samples);
+  void publish_rest(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples);
   void publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples);
   void publish_cryptomatte(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void cut();
 
   Region region_, shown_;
-  uint32_t passes_, aov_count_;
+  Passes passes_;
+  uint32_t aov_count_;
   std::vector<Tile> tiles_;
   size_t columns_ = 4;
   int at_[GLINT_PASS_COUNT];  // first column of what has sums, -1 for none
@@ -171,8 +174,8 @@ class Film {
   ErrorEstimate estimate_;
   Cryptomatte cryptomatte_;
   std::shared_ptr<ZeroedBuffer<float>> pictures_[GLINT_PASS_COUNT];
-  uint32_t lent_ = 0, renewed_ = 0;  // passes whose pictures somebody else has as well; that are
-                                     // new and empty for this wave
+  Passes lent_ = 0, renewed_ = 0;  // passes whose pictures somebody else has as well; that are
+                                   // new and empty for this wave
 };
 
 }  // namespace glint

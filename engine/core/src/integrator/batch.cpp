@@ -9,7 +9,7 @@ constexpr size_t kParts = 6 * 3;
 
 }  // namespace
 
-Batch::Batch(const Scene& scene, uint32_t passes)
+Batch::Batch(const Scene& scene, Passes passes)
     : scene_(scene),
       passes_(passes),
       smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.bends_normals),
@@ -75,8 +75,8 @@ void Batch::place_columns() {
   part(parts_.ambient, GLINT_PASS_AMBIENT);
   part(parts_.emission, GLINT_PASS_EMISSION);
   part(parts_.environment, GLINT_PASS_ENVIRONMENT);
-  bool light_parts =
-      passes_ & (1u << GLINT_PASS_DIFFUSE | 1u << GLINT_PASS_SPECULAR | 1u << GLINT_PASS_SHADOW);
+  bool light_parts = passes_ & (pass_bit(GLINT_PASS_DIFFUSE) | pass_bit(GLINT_PASS_SPECULAR) |
+                                pass_bit(GLINT_PASS_SHADOW));
   if (light_parts) {
     three(parts_.diffuse);
     three(parts_.specular);

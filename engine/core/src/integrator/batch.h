@@ -3,6 +3,7 @@
 #pragma once
 #include <vector>
 
+#include "film/passes.h"
 #include "integrator/columns.h"
 #include "integrator/queue.h"
 #include "scene/scene.h"
@@ -15,7 +16,7 @@ class FirstHitCache;
 class Batch {
  public:
   /// `passes`: the parts to keep for camera rays; all that others bring is Mirror.
-  Batch(const Scene& scene, uint32_t passes);
+  Batch(const Scene& scene, Passes passes);
   Batch(const Batch&) = delete;
   Batch& operator=(const Batch&) = delete;
 
@@ -89,7 +90,7 @@ class Batch {
   void place_columns();
 
   const Scene& scene_;
-  const uint32_t passes_;
+  const Passes passes_;
   const bool smooth_;
   size_t count_ = 0;
   Columns columns_;

@@ -24,7 +24,8 @@ DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stage
       glassy_(scene.features & GLINT_FEATURE_TRANSPARENT),
       columns_(kColumns),
       program_(scene, stages),
-      transparent_shadows_(scene, stages, cancel, scratch) {
+      transparent_shadows_(scene, stages, cancel, scratch),
+      media_(scene, scratch) {
   find_sharing();
 }
 
@@ -76,6 +77,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   size_t number = 0;
   for (const Light& light : scene_.lights) {
     const uint32_t count = plan_.samples_of(light);
+    if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
     const bool shares = shared_.on && shared_.takes_part[size_t(&light - scene_.lights.data())],
                notes = batch.softly_lit && count > 1;
     if (!shares || notes) find_lit(batch, light);
@@ -88,12 +90,14 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ || light.program ? ends_[c] : nullptr;
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       const LightPoint point = plan_.light_point(light, sample, j);
+      if (alone_ && light.is_bounced() && !point.on_catcher) continue;
       stage_.max_specular = light.is_bounced() ? 0 : scene_.max_specular;
       light.set(stage_, point, count, plan_.physical);
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       // What is known of shadows is not told when instances change their sets.
-      uint8_t* const known =
-          batch.first_hits && light.passed_sets == 0 ? batch.first_hits->shadows(number) : nullptr;
+      uint8_t* const known = batch.first_hits && light.passed_sets == 0 && !alone_
+                                 ? batch.first_hits->shadows(number)
+                                 : nullptr;
       const size_t reached = stages_.light(stage_);
       add_lit(batch, light, reached, known ? known + batch.first_row : nullptr, counts);
       if (light.is_dome()) note_hidden(reached);
@@ -198,14 +202,14 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
   const bool casts = light.casts_shadow();
   for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (casts && glassy_ && !known) {
-    transparent_shadows_.trace(batch, stage_, scene_.opacity(light), zeros_, count, shadow_,
-                               counts);
+    transparent_shadows_.trace(batch, stage_, opacity(light), zeros_, count, shadow_, counts);
   } else {
     if (casts) find_shadows(light, count, known, counts);
     else std::fill_n(blocked_.begin(), count, uint8_t(0));
     if (glassy_)
       transparent_shadows_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
   }
+  if (casts && scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
   add(batch, count);
 }
 
@@ -260,6 +264,17 @@ void DirectLight::apply_program(const Light& light, size_t count) {
   }
 }
 
+/// What media on the way take of the light of the stage's `count` points.
+void DirectLight::dim_shadows(const Light& light, size_t count, RayCounts& counts) {
+  const double* const* o = stage_.o;
+  const double* const* d = stage_.to;
+  media_.find({{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow},
+              counts);
+  for (size_t k = 0; k < count; ++k)
+    set_row(shadow_, k,
+            media_.passed(k, 0, stage_.t_max[k], light.passed_sets, alone_) * row(shadow_, k));
+}
+
 /// Notes the points whose horizon cuts the light.
 void DirectLight::find_cut(const Batch& batch, const Light& light) const {
   for (size_t k = 0; k < batch.size(); ++k)
@@ -287,7 +302,7 @@ void DirectLight::find_shadows(const Light& light, size_t count, uint8_t* known,
   const Timer timer(counts.tracing);
   Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
   // Else it is asked for after what is solid is known.
-  if (light.passed_sets) rays.opacity = scene_.opacity(light);
+  if (light.passed_sets || alone_) rays.opacity = opacity(light);
   scene_.accel().occluded(rays, blocked_.data(), scratch_);
   counts.shadow += count;
   for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);

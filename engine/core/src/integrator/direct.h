@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "integrator/batch.h"
+#include "integrator/media.h"
 #include "integrator/plan.h"
 #include "integrator/transmittance.h"
 #include "shading/light_program.h"
@@ -25,8 +26,8 @@ struct SharedLamps {
   std::vector<double> given;
   std::vector<uint32_t> reaching;
   std::vector<AskedLamp> chosen, sorted;  // sorted: by sample
-  std::vector<uint32_t> ends;              // of each sample's
-  std::vector<int64_t> asks;               // mask: points that ask the present sample
+  std::vector<uint32_t> ends;             // of each sample's
+  std::vector<int64_t> asks;              // mask: points that ask the present sample
 };
 
 class DirectLight {
@@ -36,6 +37,12 @@ class DirectLight {
 
   /// Adds all lights to the points of `batch`, for pixel sample `sample`.
   void illuminate(Batch& batch, uint32_t sample, RayCounts& counts);
+  /// The same as if catchers of shadows were the only things there.
+  void illuminate_catchers(Batch& batch, uint32_t sample, RayCounts& counts) {
+    alone_ = true;
+    illuminate(batch, sample, counts);
+    alone_ = false;
+  }
   /// Whether rough surfaces may reflect others.
   bool reflects() const;
   /// Whether lamps are so many that they share the shadow rays of a sample.
@@ -46,6 +53,9 @@ class DirectLight {
 
  private:
   void prepare(const Batch& batch);
+  const Opacity* opacity(const Light& light) const {
+    return alone_ ? scene_.opacity_of_catchers(light) : scene_.opacity(light);
+  }
   void find_lit(const Batch& batch, const Light& light);
   void note_hidden(size_t count);
   void add_rest(const Batch& batch, const Light& light, uint32_t sample);
@@ -53,6 +63,7 @@ class DirectLight {
                RayCounts& counts);
   size_t meet_emitters(const Light& light, size_t count);
   void apply_program(const Light& light, size_t count);
+  void dim_shadows(const Light& light, size_t count, RayCounts& counts);
   void find_cut(const Batch& batch, const Light& light) const;
   void find_shadows(const Light& light, size_t count, uint8_t* known, RayCounts& counts);
   bool recall_shadows(const uint8_t* known, size_t count);
@@ -73,6 +84,7 @@ class DirectLight {
   const Stages& stages_;
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
+  bool alone_ = false;  // catchers of shadows are the only things there
   const bool glassy_;   // some surface lets light through
   LightStage stage_{};  // what it writes: a row for each point that a light sample reaches
   Columns columns_;
@@ -88,6 +100,7 @@ class DirectLight {
   std::vector<float> u_, v_;
   std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden
   TransparentShadows transparent_shadows_;
+  MediaSpans media_;
   SharedLamps shared_;
 };
 

@@ -148,9 +148,9 @@ void DirectLight::ask(const Batch& batch, size_t number, const AskedLamp* begin,
     batch.mark_softly_lit(point_[k], Refinement::kReached);
   for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (glassy_)
-    transparent_shadows_.trace(batch, stage_, scene_.opacity(light), zeros_, count, shadow_,
-                               counts);
+    transparent_shadows_.trace(batch, stage_, opacity(light), zeros_, count, shadow_, counts);
   else find_shadows(light, count, nullptr, counts);
+  if (scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
   const AskedLamp* p = begin;
   for (size_t k = 0; k < count; ++k) {
     const uint32_t point = point_[k];

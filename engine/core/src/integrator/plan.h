@@ -8,13 +8,17 @@
 
 namespace glint {
 
+/// Numbers of a row of the tables of lights that are surfaces (glint.h).
+constexpr size_t kPointColumns = 17;
+
 struct RenderPlan {
   Region region, shown;  // shown: the pixels that were asked for; the region has a margin where
                          // their neighbours are looked at
   double error_threshold = 0, cutoff = 0;
   uint32_t samples = 1, light_samples = 1, dome_samples = 1, dome_tabled = 1, mesh_samples = 1,
-           mesh_tabled = 1, bounced_samples = 1, bounced_tabled = 1, lamp_shadows = 0, max_bounces = 0, passes = 0,
-           crypto_ids = 0;
+           mesh_tabled = 1, bounced_samples = 1, bounced_tabled = 1, lamp_shadows = 0,
+           max_bounces = 0, crypto_ids = 0;
+  Passes passes = 0;
   int threads = 1;
   BuildQuality quality = BuildQuality::kBalanced;
   bool physical = true, unseen = false, hold_waves = false, moving = false,
@@ -61,12 +65,14 @@ struct RenderPlan {
       return {0, 0, place[0], place[1], dome_table + 9 * number, &dome, number % kSkyDraws == 0};
     }
     if (light.is_mesh()) {
-      const double* const row = mesh_table + 16 * (size_t(sample % mesh_tabled) * mesh_samples + j);
+      const double* const row =
+          mesh_table + kPointColumns * (size_t(sample % mesh_tabled) * mesh_samples + j);
       return {0, 0, row[14], row[15], row, nullptr, j == 0};
     }
     if (light.is_bounced()) {
       const size_t number = size_t(sample % bounced_tabled) * bounced_samples + j;
-      return {0, 0, 0, 0, bounced_table + 16 * number, nullptr, false};
+      const double* const row = bounced_table + kPointColumns * number;
+      return {0, 0, 0, 0, row, nullptr, false, row[16] != 0};
     }
     if (light_samples <= 1 || !light_square) return {};
     size_t at = 2 * (size_t(sample) * light_samples + j);

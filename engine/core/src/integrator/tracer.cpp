@@ -33,9 +33,11 @@ Tracer::Tracer(const Scene& scene, const RenderPlan& plan, Film& film,
       camera_(scene),
       shader_(scene, plan, stages_),
       direct_(scene, plan, stages_, cancel, scratch_),
+      media_(scene, scratch_),
       ahead_(scene, scratch_),
       batch_(scene, film.passes()),
       reach_(reach_of(plan)),
+      catches_(scene.features & GLINT_FEATURE_SHADOW_CATCHER),
       program_slots_(size_t(scene.most_slots) * kBlock) {}
 
 Queue Tracer::take(uint32_t visibility, uint32_t reflections, bool glossy) {
@@ -73,8 +75,9 @@ void Tracer::choose(const Tile& tile) {
     std::iota(active_.begin(), active_.end(), 0u);
   }
   surely_empty_ = !active_.empty() && !plan_.is_spread() && !plan_.moving &&
-                  !(scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS) && !scene_.sky_program &&
-                  scene_.accel().surely_empty(frustum(tile));
+                  !camera_.is_panorama() &&
+                  !(scene_.features & (GLINT_FEATURE_VISIBLE_LIGHTS | GLINT_FEATURE_MEDIA)) &&
+                  !scene_.sky_program && scene_.accel().surely_empty(frustum(tile));
 }
 
 /// Round all camera rays of the tile's samples.
@@ -106,6 +109,8 @@ void Tracer::miss(const Queue& queue) {
 
 void Tracer::start_paths() {
   first_.start_at_camera(paths_.size());
+  for (size_t c = 0; scene_.features & GLINT_FEATURE_MEDIA && c < 3; ++c)  // dimmed earlier
+    std::fill_n(first_.column(Queue::kT + c), paths_.size(), 1.0);
   for (size_t k = 0; film_.wants_data() && k < paths_.size(); ++k)
     if (paths_.is_first(k)) first_.want_data(k);
   for (size_t k = 0; film_.wants(GLINT_PASS_AOV) && k < paths_.size(); ++k) first_.want_aovs(k);
@@ -129,12 +134,22 @@ void Tracer::camera_rays() {
   stages_.camera(stage);
   camera_.clip(stage);
   const Vec3d eye = plan_.camera_frames ? Vec3d{} : camera_.eye();  // frames have their own
-  const bool beside = stage.parallel || plan_.is_spread();
+  const bool beside = !camera_.has_one_eye() || plan_.is_spread();
   for (size_t k = 0; any(eye) && k < 3; ++k)
     for (size_t i = 0; i < stage.count; ++i)
       stage.o[k][i] = (beside ? stage.o[k][i] : 0) + eye[int(k)];
   for (size_t k = 0; (beside || any(eye)) && k < 3; ++k)
     std::copy_n(stage.o[k], stage.count, first_.column(Queue::kStart + k));
+  if (stage.panorama) leave_out_unseen(stage);
+}
+
+/// Beyond the picture of a panorama's lens rays bring nothing, and nothing is there.
+void Tracer::leave_out_unseen(const CameraStage& stage) {
+  for (size_t k = 0; k < stage.count; ++k) {
+    const bool seen = stage.t_max[k] >= 0;
+    for (size_t c = 0; c < 3; ++c) first_.column(Queue::kT + c)[k] = seen ? 1 : 0;
+    if (!seen) paths_.lost_alpha()[k] += 1;
+  }
 }
 
 /// One path through a surely_empty tile stands for all.
@@ -205,7 +220,7 @@ void Tracer::follow(uint32_t sample) {
   waiting_.clear();
 }
 
-void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced,
+void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, Queue& bounced,
                      Queue& glossy) {
   sample_ = sample;
   batch_.begin(queue);
@@ -214,6 +229,7 @@ void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue
   batch_.first_row = tile_->first_row;
   surely_empty_ ? miss(queue) : find_points(queue);
   for (size_t k = 0; batch_.cost && k < queue.size(); ++k) batch_.charge(k);
+  if (scene_.features & GLINT_FEATURE_MEDIA) dim(queue);
   if (sample == 0 && &queue == &first_ && film_.wants(GLINT_PASS_GAP)) find_gaps();
   const bool gives_aovs = queue.visibility == kCamera && film_.wants(GLINT_PASS_AOV);
   for (size_t c = 0; gives_aovs && scene_.bends_normals && c < 3; ++c)
@@ -223,7 +239,9 @@ void Tracer::process(const Queue& queue, uint32_t sample, Queue& straight, Queue
   if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
   if (queue.visibility == kCamera && film_.wants_seen()) note_seen(queue);
   if (gives_aovs) note_aovs(queue);
+  if (catches_) set_aside_caught(queue);
   direct_.illuminate(batch_, sample, counts_);
+  if (catches_ && !caught_.empty()) settle_caught(queue, sample);
   direct_.reflect(batch_, sample, glossy, counts_);
   keep(queue);
 }
@@ -291,6 +309,19 @@ void Tracer::widen(const Queue& queue) {
   }
 }
 
+/// What media before their hits leave of the rays' weights.
+void Tracer::dim(Queue& queue) {
+  const Rays rays = queue.rays();
+  media_.find(rays, counts_);
+  clear_.resize(queue.size());
+  for (size_t k = 0; k < queue.size(); ++k) {
+    clear_[k] = queue.path(k).T;
+    const double end = batch_.missed(k) ? kInfinity : batch_.t[k];
+    const Vec3d T = media_.passed(k, rays.t_min[k], end) * clear_[k];
+    for (int c = 0; c < 3; ++c) queue.column(Queue::kT + size_t(c))[k] = T[c];
+  }
+}
+
 void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   ShadeStage stage{};
   stage.count = queue.size();
@@ -316,7 +347,9 @@ void Tracer::shade(const Queue& queue, Queue& straight, Queue& bounced) {
   stage.others = batch_.others.data();
   const size_t others = stages_.shade(stage);
   const bool sees_lights = scene_.features & GLINT_FEATURE_VISIBLE_LIGHTS && queue.reflections == 0;
-  for (size_t k = 0; sees_lights && k < queue.size(); ++k) shader_.seen_lights(batch_, k);
+  for (size_t k = 0; sees_lights && k < queue.size(); ++k)
+    shader_.seen_lights(batch_, k, scene_.features & GLINT_FEATURE_MEDIA ? &media_ : nullptr,
+                        clear_.data());
   double* lost = paths_.lost_alpha();
   for (size_t k = 0; scene_.transparent_film && queue.visibility == kCamera && k < queue.size();
        ++k)
@@ -382,25 +415,13 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
 /// `count`, that hit nothing. How many they are.
 size_t Tracer::see_sky(const Queue& queue, size_t first, size_t count) {
   const uint32_t* rows = batch_.others.data() + first;
-  const double* slot = program_slots_.data() + scene_.sky_slot;
-  const RayKind kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
   size_t seen = 0;
   while (seen < count && batch_.material[rows[seen]] == scene_.surroundings()) {
     const uint32_t* some = rows + seen;
     const size_t most = std::min(count - seen, kBlock);
     size_t here = 1;
     while (here < most && batch_.material[some[here]] == scene_.surroundings()) ++here;
-    ProgramPoints points{};
-    for (size_t i = 0; i < (here + kPad - 1) / kPad * kPad; ++i) {
-      const uint32_t k = some[std::min(i, here - 1)];
-      points.outside[i] = -1;
-      for (size_t c = 0; c < 3; ++c) points.d[c][i] = 0;
-      for (size_t c = 0; c < 3; ++c)
-        for (size_t axis = 0; axis < 3; ++axis)
-          points.d[axis][i] += scene_.sky_axes[axis][int(c)] * queue.column(Queue::kD + c)[k];
-    }
-    stages_.program(
-        {scene_.input_tables(), scene_.sky_program, &points, kind, here, program_slots_.data()});
+    const double* const slot = run_sky(queue, some, here);
     for (size_t i = 0; i < here; ++i)
       for (size_t c = 0; c < 3; ++c) {
         const double radiance = slot[c * kBlock + i], T = queue.column(Queue::kT + c)[some[i]];
@@ -413,12 +434,35 @@ size_t Tracer::see_sky(const Queue& queue, size_t first, size_t count) {
   return seen;
 }
 
+/// What the world's program gives to up to a block of rays: its three slots.
+const double* Tracer::run_sky(const Queue& queue, const uint32_t* rows, size_t count) {
+  const RayKind kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
+  ProgramPoints points{};
+  for (size_t i = 0; i < (count + kPad - 1) / kPad * kPad; ++i) {
+    const uint32_t k = rows[std::min(i, count - 1)];
+    points.outside[i] = -1;
+    for (size_t c = 0; c < 3; ++c) points.d[c][i] = 0;
+    for (size_t c = 0; c < 3; ++c)
+      for (size_t axis = 0; axis < 3; ++axis)
+        points.d[axis][i] += scene_.sky_axes[axis][int(c)] * queue.column(Queue::kD + c)[k];
+  }
+  stages_.program(
+      {scene_.input_tables(), scene_.sky_program, &points, kind, count, program_slots_.data()});
+  return program_slots_.data() + scene_.sky_slot;
+}
+
 /// Sends on the rays of the first `count` of the batch's `passing_rows`, which share a material.
 void Tracer::pass_on(const Queue& queue, size_t count, const Leaving& next) {
+  uint32_t* const all = batch_.passing_rows.data();
+  size_t shown = count;  // those beyond are on catchers
+  if (catches_)
+    shown = size_t(
+        std::stable_partition(all, all + count, [&](uint32_t k) { return !is_caught(queue, k); }) -
+        all);
   for (size_t first = 0, some; first < count; first += some) {
-    const uint32_t* const rows = batch_.passing_rows.data() + first;
-    some = cuts_.leading(queue, rows, count - first);
-    shader_.pass_on(batch_, sample_, rows, some, next, counts_);
+    const size_t end = first < shown ? shown : count;
+    some = cuts_.leading(queue, all + first, end - first);
+    shader_.pass_on(batch_, sample_, all + first, some, next, counts_, first >= shown);
   }
 }
 

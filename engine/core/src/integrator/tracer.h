@@ -51,17 +51,29 @@ class Tracer {
     return sees_nothing ? scene_.nothing() : scene_.surroundings();
   }
   void camera_rays();
+  void leave_out_unseen(const CameraStage& stage);
   void find_gaps();
   uint32_t trace_empty(uint32_t first, uint32_t last);
   void follow_some(const uint32_t* begin, const uint32_t* end, uint32_t first);
   void follow(uint32_t sample);
-  void process(const Queue& queue, uint32_t sample, Queue& straight, Queue& bounced, Queue& glossy);
+  void process(Queue& queue, uint32_t sample, Queue& straight, Queue& bounced, Queue& glossy);
   void find_points(const Queue& queue);
   void widen(const Queue& queue);
   void find_hits(const Queue& queue);
+  void dim(Queue& queue);
   void shade(const Queue& queue, Queue& straight, Queue& bounced);
   size_t vary(const Queue& queue, size_t first, size_t count, const Leaving& next);
   size_t see_sky(const Queue& queue, size_t first, size_t count);
+  const double* run_sky(const Queue& queue, const uint32_t* rows, size_t count);
+  bool is_caught(const Queue& queue, size_t k) const {
+    return catches_ && queue.visibility == kCamera &&
+           batch_.material[k] < scene_.materials.size() &&
+           scene_.group(batch_.instance[k]).flags & GLINT_CATCHER;
+  }
+  void set_aside_caught(const Queue& queue);
+  void settle_caught(const Queue& queue, uint32_t sample);
+  void show_caught(const Queue& queue, uint32_t k, Vec3d ratio);
+  Vec3d take_sums(size_t k);
   void pass_on(const Queue& queue, size_t count, const Leaving& next);
   void record(const Queue& queue);
   void note_seen(const Queue& queue);
@@ -90,9 +102,12 @@ class Tracer {
   const Shader shader_;
   Scratch scratch_;
   DirectLight direct_;
+  MediaSpans media_;
+  std::vector<Vec3d> clear_;  // weights of the batch's rays before media dim them
   LayersAhead ahead_;
   Batch batch_;
   const WindowReach reach_;  // of all samples
+  const bool catches_;       // there are catchers of shadows
   const Tile* tile_ = nullptr;
   uint32_t sample_ = 0;
   bool surely_empty_ = false;  // nothing can be hit in the tile
@@ -106,6 +121,14 @@ class Tracer {
   PathCuts cuts_;
   RayCounts counts_;
   std::vector<uint32_t> aov_rows_;
+  /// A point on a catcher: what it adds without lights, the lights that are seen before it, and
+  /// what it adds with all.
+  struct Caught {
+    uint32_t row;
+    Vec3d glow, seen, with;
+  };
+  std::vector<Caught> caught_;           // of the batch
+  std::vector<int64_t> lit_;             // its `lit` beside them
   std::vector<double> mesh_normals_[3];  // of the batch, where materials bend them
   std::vector<CryptoMeeting> meetings_;  // of the paths that are followed now
 };

@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "program/machine.h"
+#include "shading/panorama.h"
 #include "shading/stage_math.h"
 
 namespace glint {
@@ -203,6 +204,12 @@ inline void window(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) {
     const Three p = along_axes(
         view.axes, to_world(view, shifted_point(m, k, at.settings[0])) - splat3(view.eye));
+    if (view.panorama) {
+      const PicturePoint here = picture_point(*view.panorama, unit(p));
+      at.put(0, k,
+             Three{(here.u - w[0]) / (w[1] - w[0]), (here.v - w[2]) / (w[3] - w[2]), Doubles{}});
+      return;
+    }
     const Doubles depth = view.parallel ? splat(1) : choose(p.z != 0, -p.z, splat(1));
     at.put(0, k,
            Three{(p.x / depth - w[0]) / (w[1] - w[0]), (p.y / depth - w[2]) / (w[3] - w[2]),

@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "glint.h"
+
 namespace glint {
 
 /// Points that a program runs over at once: their slots stay in the second-level cache.
@@ -40,6 +42,7 @@ struct ProgramView {
   double step;  // of shifted reads: a tenth of a pixel at the distance 1, or where rays are
                 // parallel at any; world
   bool parallel;
+  const GlintCamera* panorama;  // null for none
 };
 
 /// Constants as programs read them.

@@ -20,6 +20,10 @@ class CameraRays {
   /// one of another camera.
   Vec3d eye() const { return eye_; }
 
+  bool is_panorama() const { return camera_.kind == GLINT_PANORAMA; }
+  /// Whether its rays begin at one point, where no lens and no motion part them.
+  bool has_one_eye() const { return !parallel() && !(is_panorama() && camera_.eye_offset != 0); }
+
   /// Where column + 0.5 + dx of the frame's columns is in the window, and row + 0.5 + dy of its
   /// rows.
   double u(double column, double dx) const {
@@ -42,6 +46,7 @@ class CameraRays {
     s.clip_start = camera_.clip_start;
     s.clip_end = camera_.clip_end;
     s.parallel = parallel();
+    s.panorama = is_panorama() ? &camera_ : nullptr;
     return s;
   }
 
@@ -59,7 +64,7 @@ class CameraRays {
     }
   }
 
-  /// Round all rays through points of the window from (u0, v0) to (u1, v1).
+  /// Round all rays through points of the window from (u0, v0) to (u1, v1); not of a panorama.
   TileFrustum frustum(double u0, double v0, double u1, double v1) const {
     const double corners[4][2] = {{u0, v0}, {u1, v0}, {u1, v1}, {u0, v1}};
     Vec3d origins[4], directions[4];
@@ -84,10 +89,11 @@ class CameraRays {
   Vec3d along_axes(Vec3d n) const {
     return {dot(n, unit(m_.x)), dot(n, unit(m_.y)), -dot(n, backward_)};
   }
-  /// Depth along -w in world units of an anchored point.
+  /// Depth along -w in world units of an anchored point; of a panorama the distance from the eye.
   double depth(Vec3d p) const {
-    return -dot(p - eye_, backward_) * (1 / scale_);
-  }  // a power of two
+    return (is_panorama() ? length(p - eye_) : -dot(p - eye_, backward_)) *
+           (1 / scale_);  // a power of two
+  }
 
  private:
   bool parallel() const { return camera_.kind == GLINT_ORTHOGRAPHIC; }

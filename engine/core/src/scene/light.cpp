@@ -16,7 +16,7 @@ constexpr double kLeastWide =
     8;  // exponents from here on draw directions beside points of lights that may be all around
 
 /// The share of a mesh light's point, of `count` a sample of a pixel, over the square of the least
-/// distance from which it is seen (MERGED of engine/mesh_lights.py and of engine/bounced_light.py).
+/// distance from which it is seen (MERGED of engine/lights/mesh_lights.py and of bounced_light.py).
 double merged(uint32_t count, bool bounced = false) { return (bounced ? 16 : 64) * kPi * count; }
 
 constexpr double kNear = 4;  // half diagonals of a rectangle within which it is seen large

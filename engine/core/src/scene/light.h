@@ -18,7 +18,8 @@ struct LightPoint {
   double a = 0, b = 0, x = 0, y = 0;
   const double* drawn = nullptr;
   const DomeCells* dome = nullptr;
-  bool draws = true;  // highlights draw a direction there
+  bool draws = true;        // highlights draw a direction there
+  bool on_catcher = false;  // it is one of a shadow catcher
 };
 
 /// A place on a mesh light as a point sees it: what comes from there, and its factor, one over how

@@ -271,11 +271,13 @@ uint8_t OpacityMaps::at(uint32_t instance, uint32_t primitive, double u, double 
                                   : uint8_t(Opacity::kVaried);
 }
 
-PassedInstances::PassedInstances(const Scene& scene, const Light& light) {
+PassedInstances::PassedInstances(const Scene& scene, uint64_t passed_sets, bool catchers_alone) {
   if (scene.opacity()) view_ = *scene.opacity();
   of_instance_.resize(scene.placements.size());
   for (uint32_t i = 0; i < of_instance_.size(); ++i) {
-    const bool passed = light.passed_sets >> scene.group(i).light_set & 1;
+    const GlintInstances& group = scene.group(i);
+    const bool passed =
+        passed_sets >> group.light_set & 1 || (catchers_alone && !(group.flags & GLINT_CATCHER));
     const uint8_t own = scene.opacity() ? view_.of_instance[i] : uint8_t(Opacity::kSolid);
     of_instance_[i] = passed ? uint8_t(Opacity::kClear) : own;
   }

@@ -84,7 +84,8 @@ class OpacityMaps {
 /// Of a scene for the shadow rays of a light that pass some instances.
 class PassedInstances {
  public:
-  PassedInstances(const Scene& scene, const Light& light);
+  /// Those of the light sets, and with `catchers_alone` all but catchers.
+  PassedInstances(const Scene& scene, uint64_t passed_sets, bool catchers_alone);
   PassedInstances(const PassedInstances&) = delete;
   PassedInstances& operator=(const PassedInstances&) = delete;
   const Opacity& view() const { return view_; }

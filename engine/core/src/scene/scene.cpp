@@ -7,6 +7,7 @@
 #include "integrator/first_hit_cache.h"
 #include "math/math.h"
 #include "scene/opacity_map.h"
+#include "scene/panorama_step.h"
 
 namespace glint {
 namespace {
@@ -29,9 +30,7 @@ Extent extent_of(const GlintGeometry& geometry) {
 double reach(const Extent& box, const Affine& m, Vec3d origin) {
   double far = 0;
   for (int k = 0; k < 8; ++k) {
-    Vec3d p{k & 1 ? box.high.x : box.low.x, k & 2 ? box.high.y : box.low.y,
-            k & 4 ? box.high.z : box.low.z};
-    far = std::max(far, max_abs(direction(m, p) + (m.t - origin)));
+    far = std::max(far, max_abs(direction(m, box.corner(k)) + (m.t - origin)));
   }
   return far;
 }
@@ -92,6 +91,7 @@ Scene::Scene(const GlintSceneData& data, const Scene* base, bool exact) : camera
   anchor.scale = stays ? earlier_.anchor.scale : power_scale(radius(base));
   set_program_view();
   place_lights(data.lights, data.light_count);
+  place_media(data);
   emitters.assign(data.emitters, data.emitters + data.emitter_count);
   emitter_corners_ = data.emitter_corners;
   note_features();
@@ -111,6 +111,11 @@ const Opacity* Scene::opacity() const { return opacity_ ? &opacity_->view() : nu
 const Opacity* Scene::opacity(const Light& light) const {
   const PassedInstances* const passed = passed_[size_t(&light - lights.data())].get();
   return passed ? &passed->view() : opacity();
+}
+
+const Opacity* Scene::opacity_of_catchers(const Light& light) const {
+  const PassedInstances* const own = caught_[size_t(&light - lights.data())].get();
+  return &(own ? own : caught_.back().get())->view();
 }
 
 /// The trees that a later scene may take over: this one's, or as long as it has none those that it
@@ -238,7 +243,9 @@ void Scene::set_program_view() {
   view.scale = anchor.scale;
   view.parallel = camera.kind == GLINT_ORTHOGRAPHIC;
   std::copy_n(camera.window, 4, view.window);
+  view.panorama = camera.kind == GLINT_PANORAMA ? &camera : nullptr;
   view.step = 0.1 * length(m.x) * (camera.window[1] - camera.window[0]) / camera.width;
+  if (view.panorama) view.step = panorama_step(camera);
 }
 
 double Scene::radius(const Scene* base) {
@@ -277,9 +284,36 @@ void Scene::place_lights(const GlintLight* data, size_t count) {
   }
 }
 
+void Scene::place_media(const GlintSceneData& data) {
+  const auto per_length = [&](const double* c) { return (1 / anchor.scale) * finite_color(c); };
+  for (uint64_t i = 0; i < data.medium_count; ++i) {
+    const GlintMedium& g = data.media[i];
+    const Vec3d scattering = per_length(g.scattering);
+    media.push_back(
+        {per_length(g.absorption) + scattering, scattering, per_length(g.emission), g.anisotropy});
+  }
+  world_medium = data.world_medium - 1;
+  for (uint32_t i = 0; !media.empty() && i < placements.size(); ++i) {
+    const GlintInstances& g = group(i);
+    int32_t medium = 0;
+    for (uint32_t k = 0; medium == 0 && k < g.material_count; ++k)
+      medium = materials[material_slots[g.first_material + k]].medium;
+    const Extent& box = extents_[g.geometry];
+    if (medium == 0 || geometry(g).kind == GLINT_STRANDS || box.empty()) continue;
+    Extent placed;
+    const Affine m = anchored(placements[i].row);
+    for (int k = 0; k < 8; ++k) placed.grow(point(m, box.corner(k)));
+    enclosures.push_back({i, uint32_t(medium - 1), placed.low, placed.high});
+  }
+}
+
 void Scene::note_features() {
+  // Shadows have colours where media dim light.
+  if (world_medium >= 0 || !enclosures.empty())
+    features |= GLINT_FEATURE_MEDIA | GLINT_FEATURE_TRANSPARENT;
   for (const GlintInstances& group : groups) {
     if (group.flags & GLINT_HOLDOUT) features |= GLINT_FEATURE_HOLDOUT;
+    if (group.flags & GLINT_CATCHER) features |= GLINT_FEATURE_SHADOW_CATCHER;
     if (geometries[group.geometry].normals.values) features |= GLINT_FEATURE_SMOOTH_NORMALS;
     for (uint32_t k = 0; k < group.material_count; ++k) {
       const Material& material = materials[material_slots[group.first_material + k]];
@@ -397,6 +431,27 @@ bool Scene::build_emitters(int threads, const std::atomic<bool>& cancel) {
   return emitter_accel_ != nullptr;
 }
 
+/// Of what encloses media, if anything does.
+bool Scene::build_media(int threads, const std::atomic<bool>& cancel) {
+  if (enclosures.empty() || media_accel_) return true;
+  const std::vector<GeometryView> all = geometry_views();
+  const std::vector<InstanceView> every = instance_views();
+  std::vector<GeometryView> views;
+  std::vector<InstanceView> instances;
+  std::vector<uint32_t> number(all.size(), AccelBase::kNone);
+  for (const Enclosure& e : enclosures) {
+    instances.push_back(every[e.instance]);
+    uint32_t& geometry = number[instances.back().geometry];
+    if (geometry == AccelBase::kNone) {
+      geometry = uint32_t(views.size());
+      views.push_back(all[instances.back().geometry]);
+    }
+    instances.back().geometry = geometry;
+  }
+  media_accel_ = Accel::build(std::move(views), std::move(instances), threads, cancel);
+  return media_accel_ != nullptr;
+}
+
 bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& cancel) {
   std::lock_guard lock(build_mutex_);
   if (!opacity_ && features & GLINT_FEATURE_TRANSPARENT)
@@ -405,9 +460,16 @@ bool Scene::build(int threads, BuildQuality quality, const std::atomic<bool>& ca
     passed_.resize(lights.size());
     for (size_t k = 0; k < lights.size(); ++k)
       if (lights[k].casts_shadow() && lights[k].passed_sets)
-        passed_[k] = std::make_unique<const PassedInstances>(*this, lights[k]);
+        passed_[k] = std::make_unique<const PassedInstances>(*this, lights[k].passed_sets, false);
   }
-  if (!build_emitters(threads, cancel)) return false;
+  if (caught_.empty() && features & GLINT_FEATURE_SHADOW_CATCHER) {
+    for (const Light& light : lights)
+      caught_.push_back(light.passed_sets ? std::make_unique<const PassedInstances>(
+                                                *this, light.passed_sets, true)
+                                          : nullptr);
+    caught_.push_back(std::make_unique<const PassedInstances>(*this, 0, true));
+  }
+  if (!build_emitters(threads, cancel) || !build_media(threads, cancel)) return false;
   if (accel_) return true;
   auto start = std::chrono::steady_clock::now();
   accel_ =

@@ -13,6 +13,7 @@
 #include "math/vec.h"
 #include "scene/light.h"
 #include "scene/material.h"
+#include "scene/medium.h"
 #include "shading/stages.h"
 
 namespace glint {
@@ -80,6 +81,10 @@ struct Extent {
     high = max(high, p);
   }
   bool empty() const { return !(low.x <= high.x); }
+  /// One of the 8.
+  Vec3d corner(int k) const {
+    return {k & 1 ? high.x : low.x, k & 2 ? high.y : low.y, k & 4 ? high.z : low.z};
+  }
 };
 
 class Scene {
@@ -95,10 +100,15 @@ class Scene {
   const Accel& accel() const { return *accel_; }
   /// Of the mesh light alone; where highlights draw directions. After build().
   const Accel& emitter_accel() const { return *emitter_accel_; }
+  /// Of what encloses media alone: instance k is that of enclosure k. Where there are any, after
+  /// build().
+  const Accel& media_accel() const { return *media_accel_; }
   /// Where rays pass surfaces without a stop; null where nothing lets light through. After build().
   const Opacity* opacity() const;
   /// The same for the shadow rays of one of `lights`.
   const Opacity* opacity(const Light& light) const;
+  /// The same where catchers alone cast shadows; in scenes that have some.
+  const Opacity* opacity_of_catchers(const Light& light) const;
   /// What is known of the first wave of such a render, by this scene or those whose trees it has;
   /// nothing as yet for one that is new.
   std::shared_ptr<FirstHitCache> first_hits(const RenderPlan& plan, const Film& film);
@@ -136,6 +146,9 @@ class Scene {
   std::vector<Light> lights;
   std::vector<GlintEmitter> emitters;
   const double* world_from_object = nullptr;
+  std::vector<Medium> media;                   // in anchored space
+  std::vector<Enclosure> enclosures;           // instances with a medium inside
+  int32_t world_medium = -1;                   // what is everywhere
   uint32_t features = 0;                       // GLINT_FEATURE_*
   int max_specular = 0;                        // SPECULAR lobes of a material, at most
   double most_exponent = 0;                    // of SPECULAR lobes
@@ -193,6 +206,7 @@ class Scene {
   bool stands(const Scene* base, size_t i) const;
   void place_instances(const Scene* base);
   void place_lights(const GlintLight* lights, size_t count);
+  void place_media(const GlintSceneData& data);
   void note_features();
   void shape_groups();
   void shape_instances(const Scene* base);
@@ -205,6 +219,7 @@ class Scene {
   bool same_placements(const Scene& base) const;
   const Light* mesh_light() const;
   bool build_emitters(int threads, const std::atomic<bool>& cancel);
+  bool build_media(int threads, const std::atomic<bool>& cancel);
   std::vector<GeometryView> geometry_views() const;
   std::vector<InstanceView> instance_views() const;
 
@@ -220,11 +235,12 @@ class Scene {
   std::vector<uint32_t> geometry_in_base_;
   std::vector<Extent> extents_;  // of the geometries, object space
   std::shared_ptr<const Accel> accel_;
-  std::shared_ptr<const Accel> emitter_accel_;
+  std::shared_ptr<const Accel> emitter_accel_, media_accel_;
   const float* emitter_corners_ = nullptr;
   std::shared_ptr<const std::vector<uint32_t>> emitter_rows_;  // of the corners, three an emitter
   std::unique_ptr<const OpacityMaps> opacity_;
-  std::vector<std::unique_ptr<const PassedInstances>> passed_;  // by light; null: of most
+  std::vector<std::unique_ptr<const PassedInstances>> passed_,
+      caught_;  // by light; null: of most. caught_: all but catchers; the last one: of those most
   bool exact_ = true;  // accel_ is what a scene without a base would have
   Earlier earlier_;    // until there is accel_
   std::vector<std::shared_ptr<FirstHitCache>> first_hit_caches_;  // the last ones, newest first

@@ -113,7 +113,7 @@ void Scene::add_material(const GlintMaterial& g, const GlintLobe* given) {
     if (given[g.first_lobe + k].kind != GLINT_AMBIENT || any(ambient))
       add_lobe(given[g.first_lobe + k]);
   materials.push_back({uint32_t(first), uint32_t(lobes.size() - first), g.index, g.program,
-                       g.normal, g.crypto, g.aov});
+                       g.normal, g.crypto, g.aov, g.medium});
   bends_normals = bends_normals || g.normal > 0;
 }
 

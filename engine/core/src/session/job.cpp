@@ -1,6 +1,7 @@
 #include "session/job.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <cstring>
 
 #include "session/timer.h"
@@ -76,8 +77,13 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
 bool same_view(const GlintCamera& a, const GlintCamera& b) {
   const bool same_planes = a.clip_plane_count == b.clip_plane_count &&
                            std::memcmp(a.clip_planes, b.clip_planes, sizeof a.clip_planes) == 0;
+  const size_t first = offsetof(GlintCamera, longitude);
+  const bool same_panorama =
+      a.kind != GLINT_PANORAMA ||
+      std::memcmp(reinterpret_cast<const char*>(&a) + first,
+                  reinterpret_cast<const char*>(&b) + first, sizeof a - first) == 0;
   return a.width == b.width && a.height == b.height && a.kind == b.kind && same_planes &&
-         a.clip_start == b.clip_start && a.clip_end == b.clip_end &&
+         same_panorama && a.clip_start == b.clip_start && a.clip_end == b.clip_end &&
          std::equal(a.window, a.window + 4, b.window) &&
          std::equal(a.world_from_camera, a.world_from_camera + 12, b.world_from_camera);
 }
@@ -140,7 +146,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
   add(g.error_threshold >= 0 && g.error_threshold < 256,
       "settings: the error threshold is not between 0 and 256");
   add(g.cutoff >= 0 && g.cutoff <= 1, "settings: the cutoff is not between 0 and 1");
-  add(g.passes < 1u << GLINT_PASS_COUNT, "settings: unknown passes");
+  add(g.passes < pass_bit(GLINT_PASS_COUNT), "settings: unknown passes");
   add(!(g.passes & Cryptomatte::kPasses) || (g.crypto_ids >= 1 && g.crypto_ids <= 64),
       "settings: not 1 to 64 ids of Cryptomatte");
   add(!(g.passes >> GLINT_PASS_AOV & 1) || scene.aov_count > 0, "settings: there are no AOVs");

@@ -35,14 +35,14 @@ PassStage stage_of(const Batch& batch) {
 }  // namespace
 
 void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, size_t count,
-                     const Leaving& next, RayCounts& counts) const {
+                     const Leaving& next, RayCounts& counts, bool straight_alone) const {
   const Material& material = scene_.materials[batch.material[rows[0]]];
   PassStage stage = stage_of(batch);
   stage.rows = rows;
   stage.count = count;
   stage.lobes = scene_.lobe_shapes.data() + material.first_lobe;
   stage.lobe_count = material.lobe_count;
-  stage.max_bounces = plan_.max_bounces;
+  stage.max_bounces = straight_alone ? 0 : plan_.max_bounces;
   stage.max_straight = kMaxStraight;
   stage.cutoff = plan_.cutoff;
   next.bounced.reserve(next.bounced.size() + count * size_t(material.passing));
@@ -58,7 +58,7 @@ void Shader::pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, 
       places[level] = disc_place(point[0], point[1]);
     }
     for (size_t k = 0; batch.softly_lit && k < count; ++k)
-      if (batch.queue->path(rows[k]).depth < plan_.max_bounces)
+      if (batch.queue->path(rows[k]).depth < stage.max_bounces)
         batch.mark_softly_lit(rows[k], Refinement::kCut);
   }
   const PassedRays passed = stages_.pass(stage);
@@ -113,7 +113,8 @@ void Shader::record(Film& film, uint32_t pixel, const Surface& s, const Material
                         material.index});
 }
 
-void Shader::seen_lights(Batch& batch, size_t k) const {
+void Shader::seen_lights(Batch& batch, size_t k, const MediaSpans* media,
+                         const Vec3d* clear) const {
   const Ray ray = batch.queue->ray(k);
   const Path path = batch.queue->path(k);
   const double t = batch.missed(k) ? kInfinity : batch.t[k];
@@ -125,7 +126,7 @@ void Shader::seen_lights(Batch& batch, size_t k) const {
                       ? meets > 0 && t == kInfinity
                       : meets > path.from && meets > ray.t_min && meets < std::min(t, ray.t_max);
     if (!before) continue;
-    Vec3d T = path.T;
+    Vec3d T = media ? media->passed(k, ray.t_min, meets) * clear[k] : path.T;
     if (light.program) {
       LightProgram program(scene_, stages_);
       const Vec3d end = light.seen_point(ray.o, ray.d, meets);

@@ -3,6 +3,7 @@
 #pragma once
 #include "film/film.h"
 #include "integrator/batch.h"
+#include "integrator/media.h"
 #include "integrator/plan.h"
 #include "scene/camera.h"
 
@@ -20,9 +21,9 @@ class Shader {
       : scene_(scene), plan_(plan), stages_(stages), camera_(scene) {}
 
   /// Sends on the rays of some points of the batch, of different paths, whose material the vary
-  /// stage has seen.
+  /// stage has seen. straight_alone: but for mirrored and refracted ones.
   void pass_on(const Batch& batch, uint32_t sample, const uint32_t* rows, size_t count,
-               const Leaving& next, RayCounts& counts) const;
+               const Leaving& next, RayCounts& counts, bool straight_alone = false) const;
   /// What goes straight through the surface of a point that the vary stage has seen, if it lets
   /// any through.
   Vec3d passed(const Batch& batch, size_t k) const;
@@ -32,8 +33,9 @@ class Shader {
   void hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel, double& lost) const;
   /// Data passes of a hit that lets nothing through.
   void record(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
-  /// Adds the visible shapes of lights that ray k meets before its hit.
-  void seen_lights(Batch& batch, size_t k) const;
+  /// Adds the visible shapes of lights that ray k meets before its hit. media: before these, with
+  /// the rays' weights `clear` of them; or null.
+  void seen_lights(Batch& batch, size_t k, const MediaSpans* media, const Vec3d* clear) const;
 
  private:
   void record(Film& film, uint32_t pixel, const Surface& s, const Material& material,

@@ -1,5 +1,6 @@
 // Camera rays, and sums on their way to the film.
 #pragma once
+#include "shading/panorama.h"
 #include "shading/stages.h"
 #include "simd/lanes.h"
 
@@ -42,7 +43,67 @@ void camera_of(const CameraStage& c) {
   }
 }
 
+/// A ray of a panorama in the camera's axes.
+struct PanoramaRay {
+  Three o, d;  // d: unit
+};
+
+/// Through the point (x, y) of a lens across the ray, sharp at the distance of its focus.
+inline PanoramaRay through_lens(const Three& d, Doubles x, Doubles y, double bend) {
+  const Three forward = {splat(0), splat(0), splat(-1)}, across = forward + d.z * d;
+  const Three towards = unit(choose(nonzero(across), across, {splat(0), splat(1), splat(0)}));
+  const Three o = x * towards + y * unit(cross(d, towards));
+  return {o, unit(d - splat(bend) * o)};
+}
+
+/// From an eye that stands aside of every direction.
+inline PanoramaRay from_eye(const GlintCamera& c, const PanoramaRay& ray) {
+  const Three side = {-ray.d.z, splat(0), ray.d.x};
+  Doubles offset = splat(c.eye_offset);
+  if (c.pole_merge[1] > 0) {
+    constexpr double quarter = 1.57079632679489661923;
+    const Doubles elevation = magnitude(asin(larger(smaller(ray.d.y, splat(1)), splat(-1))));
+    const Doubles share = (elevation - c.pole_merge[0]) / (c.pole_merge[1] - c.pole_merge[0]);
+    const Doubles faded = offset * cos(quarter * smaller(larger(share, splat(0)), splat(1)));
+    offset =
+        where(elevation <= c.pole_merge[1], choose(elevation > c.pole_merge[0], faded, offset));
+  }
+  const Three aside = offset * unit(choose(nonzero(side), side, {splat(1), splat(0), splat(0)}));
+  return {ray.o + aside, unit(ray.d - splat(1 / c.convergence) * aside)};
+}
+
+void panorama(const CameraStage& c) {
+  const GlintCamera& view = *c.panorama;
+  Three mx = splat3(c.u), my = splat3(c.v), mz = splat3(c.w);
+  const bool moves = c.frame[0], beside = c.lens_x || view.eye_offset != 0;
+  const auto column = [&](size_t k, size_t number) {
+    return Three{load(c.frame[number] + k), load(c.frame[number + 4] + k),
+                 load(c.frame[number + 8] + k)};
+  };
+  const auto world = [&](const Three& p) { return p.x * mx + p.y * my + p.z * mz; };
+  for (size_t k = 0; k < c.count; k += kLanes) {
+    const Look look = sound_look_of(view, load(c.across + k), load(c.upward + k));
+    PanoramaRay ray{{splat(0), splat(0), splat(0)}, look.d};
+    if (c.lens_x) ray = through_lens(look.d, load(c.lens_x + k), load(c.lens_y + k), c.bend);
+    if (view.eye_offset != 0) ray = from_eye(view, ray);
+    if (moves) {
+      mx = column(k, 0);
+      my = column(k, 1);
+      mz = column(k, 2);
+    }
+    Three o = world(ray.o);
+    if (moves) o = o + (column(k, 3) - splat3(c.origin));
+    if (moves || beside) store3(c.o, k, splat(c.scale) * o);
+    const Three towards = world(ray.d), d = unit(towards);
+    store3(c.d, k, d);
+    const Doubles step = dot(towards, d) * c.scale;  // anchored length of one unit of distance
+    store(c.t_min + k, c.clip_start * step * (1 - 0x1p-50));
+    store(c.t_max + k, choose(look.seen, c.clip_end * step * (1 + 0x1p-50), splat(-1)));
+  }
+}
+
 void camera(const CameraStage& c) {
+  if (c.panorama) return panorama(c);
   if (c.frame[0]) c.lens_x ? camera_of<true, true>(c) : camera_of<false, true>(c);
   else c.lens_x ? camera_of<true, false>(c) : camera_of<false, false>(c);
 }

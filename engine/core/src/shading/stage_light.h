@@ -270,8 +270,8 @@ size_t light_from(const LightStage& s) {
   Given given;
   for (size_t k = 0; k < s.count; k += kLanes)
     if (give<Shape>(s, k, given))
-      found += append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular,
-                                 found);
+      found +=
+          append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular, found);
   return found;
 }
 
@@ -281,8 +281,8 @@ size_t gloss_from(const LightStage& s) {
   Given given;
   for (size_t k = 0; k < s.count; k += kLanes)
     if (give_drawn<Shape>(s, k, given))
-      found += append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular,
-                                 found);
+      found +=
+          append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular, found);
   return found;
 }
 

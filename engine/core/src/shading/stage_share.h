@@ -86,8 +86,8 @@ bool bound_block(const ShareStage& s, size_t first, size_t end, BlockBounds& b) 
   double half[3];
   for (size_t c = 0; c < 3; ++c) {
     b.center[c] = 0.5 * (low[c] + high[c]);
-    half[c] = high[c] - b.center[c] > b.center[c] - low[c] ? high[c] - b.center[c]
-                                                           : b.center[c] - low[c];
+    half[c] =
+        high[c] - b.center[c] > b.center[c] - low[c] ? high[c] - b.center[c] : b.center[c] - low[c];
   }
   b.radius = __builtin_sqrt(dot3(half, half));
   const double length = __builtin_sqrt(dot3(b.normal, b.normal));
@@ -137,8 +137,9 @@ bool may_reach(const LampSample& sample, const BlockBounds& b) {
     if (sample.drawn) return true;
     for (size_t c = 0; c < 3; ++c) to[c] = s.end[c] - b.center[c];
   }
-  const double reach = s.shape == kRectangleSource ? s.size
-                       : s.shape == kPointSource || is_flat ? 0 : s.radius;
+  const double reach = s.shape == kRectangleSource          ? s.size
+                       : s.shape == kPointSource || is_flat ? 0
+                                                            : s.radius;
   return may_be_above(b, to, b.radius + reach);
 }
 

@@ -1,0 +1,1 @@
+"""Shapes: meshes, strands, spheres and point clouds in object space."""

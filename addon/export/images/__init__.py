@@ -1,0 +1,1 @@
+"""Images: Blender's pixels to `engine.scene.Texture`, decoded once and kept between renders."""

@@ -1,0 +1,271 @@
+"""Blender images to textures, each read once per export; a missing one is magenta, with a note that
+names its file.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ....engine.scene import Input, Texture
+from ..report import Report
+from . import colorspace, pixels
+from .decoded import Decoded
+from .pixels import ImageError, Pixels, Raw
+
+EXTENSIONS = {"REPEAT": "REPEAT", "EXTEND": "EXTEND", "CLIP": "CLIP", "MIRROR": "MIRROR"}
+FIRST, TILES_IN_A_ROW = 1001, 10
+"""Number of the tile at the origin of a UV map, and how many numbers further the tile above is."""
+FIRST_TILE = "Only the first tile of tiled images is rendered here ({}): bake them into one image"
+
+
+class Images:
+    """The textures of one scene, and what materials ask about them."""
+
+    def __init__(self, report: Report, decoded: Decoded | None = None) -> None:
+        """decoded: what an export before has decoded, and where this one's images are kept for the
+        next.
+        """
+        self._decode = decoded.decode if decoded is not None else pixels.decode
+        self._worked_out = decoded.worked_out if decoded is not None else _work
+        self._made = decoded.made if decoded is not None else _make
+        self.textures: list[Texture] = []
+        self.report = report
+        self._pixels: dict[tuple, Pixels] = {}
+        self._decoded: dict[tuple, Raw | ImageError | MemoryError] = {}
+        self._indices: dict[tuple, int] = {}
+        self._means: dict[tuple[int, str], np.ndarray] = {}
+
+    def texture(
+        self,
+        image: Any,
+        user: Any,
+        extension: str,
+        interpolation: str,
+        associated: bool = False,
+        tile: int = 0,
+    ) -> int:
+        """Index of the texture of a Blender image (None: magenta) for an image texture node's
+        settings.
+
+        associated: colours times alpha, where the image's alpha is not of the kind that is kept
+        apart. tile: number of a tiled image's tile, 0 for its first.
+        """
+        found = self.pixels(image, user, tile)
+        associated = associated and found.associated
+        filtering = "CLOSEST" if interpolation == "Closest" else "LINEAR"
+        key = self._key(image, user, tile)
+        key = (*key, EXTENSIONS.get(extension, "REPEAT"), filtering, associated)
+        if key not in self._indices:
+            name = image.name if image is not None else "no image"
+            values = found.pixels
+            if associated:
+                with _that_fits(name):
+                    values = self._worked_out(
+                        values, "associated", lambda: pixels.associated(found)
+                    )
+            self._indices[key] = self._append(
+                Texture(name, values, found.encoding, key[2], filtering)
+            )
+        return self._indices[key]
+
+    def made(self, key: tuple, make: Callable[[], Texture]) -> int:
+        """Index of a texture that is no image of Blender's, made where there is none of this key,
+        which must say all that it is made of.
+        """
+        if key not in self._indices:
+            self._indices[key] = self._append(make())
+        return self._indices[key]
+
+    def expect(self, wanted: Iterable[tuple[Any, Any]], tile: int = 0) -> None:
+        """Decodes several images at once, a thread each, ahead of being asked for them: pairs of a
+        Blender image and its ImageUser.
+        """
+        sources = {}
+        for image, user in wanted:
+            key = self._key(image, user, tile)
+            if image is not None and key not in self._pixels and key not in self._decoded:
+                sources[key] = _source(_original(image), key[1])
+        sources = {key: source for key, source in sources.items() if source is not None}
+        if len(sources) > 1:
+            with ThreadPoolExecutor(min(len(sources), os.cpu_count() or 1)) as threads:
+                self._decoded.update(
+                    zip(sources, threads.map(self._decode, sources.values()), strict=True)
+                )
+        else:
+            self._decoded.update({key: self._decode(source) for key, source in sources.items()})
+
+    def pixels(self, image: Any, user: Any, tile: int = 0) -> Pixels:
+        """The pixels of a Blender image at the frame that `user` (its ImageUser) shows."""
+        key = self._key(image, user, tile)
+        if key not in self._pixels:
+            if tile == 0 and image is not None and image.source == "TILED":
+                self.report.note(FIRST_TILE, image.name)
+            self.expect([(image, user)], tile)
+            self._pixels[key] = self._load(image, key[1], self._decoded.pop(key, None))
+        return self._pixels[key]
+
+    def mean(self, source: Input) -> np.ndarray:
+        """(3,) float64: the mean of a factor over its texture; an attribute counts as one half."""
+        value = np.array(source.value, np.float64)
+        if source.texture >= 0:
+            value = value * self._mean(source.texture, source.channel)
+        if source.attribute:
+            value = value * 0.5
+        value = np.clip(value + source.offset, source.low, source.high)
+        return 1 - value if source.complement else value
+
+    def range(self, source: Input) -> tuple[float, float]:
+        """The least and the largest value that a factor's texture can give; of bytes 0 and 1."""
+        texture = self.textures[source.texture]
+        if texture.pixels.dtype == np.uint8:
+            return 0.0, 1.0
+        key = ("range", source.channel)
+        low, high = self._worked_out(
+            texture.pixels, key, lambda: _range_of(texels(texture, source.channel))
+        )
+        return (min(low, 0.0), max(high, 0.0)) if texture.extension == "CLIP" else (low, high)
+
+    def _mean(self, index: int, channel: str) -> np.ndarray:
+        if (index, channel) not in self._means:
+            texture = self.textures[index]
+            key = ("mean", texture.encoding, channel)
+            self._means[index, channel] = self._worked_out(
+                texture.pixels, key, lambda: mean_color(texture, channel)
+            )
+        return self._means[index, channel]
+
+    def _append(self, texture: Texture) -> int:
+        self.textures.append(texture)
+        return len(self.textures) - 1
+
+    def _key(self, image: Any, user: Any, tile: int = 0) -> tuple[int, str]:
+        if image is None:
+            return (0, "")
+        return (_original(image).as_pointer(), _path(_original(image), user, tile))
+
+    def _load(
+        self, image: Any, path: str, decoded: Raw | ImageError | MemoryError | None
+    ) -> Pixels:
+        if image is None:
+            self.report.note("An image texture without an image is magenta: choose an image")
+            return Pixels(pixels.MAGENTA, "SRGB")
+        self._approximations(image)
+        try:
+            with _that_fits(image.name):
+                if isinstance(decoded, MemoryError):
+                    raise decoded
+                return self._read(_original(image), path, decoded)
+        except ImageError as error:
+            self.report.note(
+                f"Image '{image.name}' {error}: it is magenta; find or pack its file ('{path}')"
+            )
+            return Pixels(pixels.MAGENTA, "SRGB")
+
+    def _read(self, image: Any, path: str, decoded: Raw | ImageError | None) -> Pixels:
+        space = image.colorspace_settings
+        key = (image.alpha_mode, space.name, space.is_data, colorspace.working_space())
+        if not isinstance(decoded, Raw):
+            recipe = pixels.recipe(image)
+            work = partial(pixels.read, image, path, decoded)
+            return self._made((*recipe, *key), work) if recipe is not None else work()
+        return self._worked_out(decoded.rgba, key, lambda: pixels.read(image, path, decoded))
+
+    def _approximations(self, image: Any) -> None:
+        if image.source == "MOVIE":
+            self.report.note(
+                "Movies are rendered as the frame that Blender holds ({}): use an image sequence",
+                image.name,
+            )
+
+
+@contextmanager
+def _that_fits(name: str) -> Iterator[None]:
+    """Names the image in a MemoryError."""
+    try:
+        yield
+    except MemoryError as error:
+        raise MemoryError(
+            f"image '{name}' does not fit into it: use a smaller one, or close programs"
+        ) from error
+
+
+def _work(values: np.ndarray, key: Hashable, work: Callable[[], Any]) -> Any:
+    """`Decoded.worked_out` where nothing is kept."""
+    return work()
+
+
+def _make(recipe: Hashable, work: Callable[[], Any]) -> Any:
+    """`Decoded.made` where nothing is kept."""
+    return work()
+
+
+def _range_of(values: np.ndarray) -> tuple[float, float]:
+    return float(values.min()), float(values.max())
+
+
+def texels(texture: Texture, channel: str) -> np.ndarray:
+    """(h w, 3) float32 scene-linear colours of a texture, or its alpha or mean channel as grey."""
+    rgba = texture.pixels.reshape(-1, 4)
+    if channel == "ALPHA":
+        return np.repeat(colorspace.as_float(rgba[:, 3:]), 3, 1)
+    rgb = rgba[:, :3]
+    colors = colorspace.SRGB_BYTE[rgb] if texture.encoding == "SRGB" else colorspace.as_float(rgb)
+    return np.repeat(colors.mean(1, keepdims=True), 3, 1) if channel == "LUMINANCE" else colors
+
+
+def mean_color(texture: Texture, channel: str) -> np.ndarray:
+    """(3,) float64: the mean of `texels`. Bytes are counted instead of decoded one by one."""
+    stored = texture.pixels
+    if stored.dtype != np.uint8:
+        return texels(texture, channel).mean(0, dtype=np.float64)
+    columns = [3] if channel == "ALPHA" else [0, 1, 2]
+    if texture.encoding == "SRGB" and channel != "ALPHA":
+        counts = [np.bincount(stored[..., k].reshape(-1), minlength=256) for k in columns]
+        means = np.array(
+            [colorspace.SRGB_BYTE.astype(np.float64) @ count / count.sum() for count in counts]
+        )
+    else:  # column by column first: 32 bits hold the sums of 16 M rows
+        means = stored.sum(0, dtype=np.uint32).sum(0, dtype=np.uint64)[columns] / (
+            255.0 * stored.shape[0] * stored.shape[1]
+        )
+    return means if channel == "COLOR" else np.full(3, means.mean())
+
+
+def _source(image: Any, path: str) -> pixels.Source | None:
+    """None where there is nothing to decode: reading the image says why."""
+    try:
+        return pixels.source(image, path)
+    except ImageError:
+        return None
+
+
+def _original(image: Any) -> Any:
+    return image.original or image
+
+
+def _path(image: Any, user: Any, tile: int) -> str:
+    """The absolute path of the file shown now; of a tiled image, that of the tile with this number,
+    or of its first for 0.
+    """
+    if tile:
+        import bpy
+
+        row, column = divmod(tile - FIRST, TILES_IN_A_ROW)
+        named = bpy.path.abspath(image.filepath, library=image.library)
+        named = named.replace("<UDIM>", str(tile))
+        return named.replace("<UVTILE>", f"u{column + 1}_v{row + 1}")
+    path = (
+        image.filepath_from_user(image_user=user)
+        if user is not None
+        else image.filepath_from_user()
+    )
+    return path.replace("<UDIM>", str(image.tiles[0].number if image.tiles else FIRST)).replace(
+        "<UVTILE>", "u1_v1"
+    )

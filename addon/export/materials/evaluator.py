@@ -1,0 +1,378 @@
+"""Reads one material's node tree: sockets to sums of inputs, shader sockets to closures, and notes
+for what is not understood.
+
+The nodes themselves are tables, filled by the modules named nodes_*: `CLOSURE_NODES` of shaders;
+`COLOR_NODES` and `VECTOR_NODES` of the few nodes that products of an image, an attribute and a
+constant can say, which cost less than a program; all others are read by `shader_nodes` into one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ....engine.program.graph import Graph, Value
+from ....engine.program.table import BY_NAME
+from ..images.images import Images
+from ..report import Report
+from ..shader_nodes import TreeReader
+from .clamps import clamped
+from .expressions import Expressions, has_output
+from .graph import Place, closes_circle, kind_of, socket_named, source
+from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant, multiply
+from .varying import Roughness
+
+DEEPEST = 48
+"""Nested node evaluations; deeper trees get the socket's default."""
+SHINING = frozenset(
+    "ShaderNode" + name
+    for name in ("Emission", "Background", "MixShader", "AddShader", "BsdfTransparent")
+    + ("BsdfPrincipled",)
+)
+"""Shaders that count, or give nothing as they are meant to, where there is no surface."""
+MOST_TERMS = 16
+"""Terms of one sum; longer ones become a program's value."""
+NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
+_CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
+
+
+@dataclass(frozen=True)
+class LobeKey:
+    """What two lobes must share to be added: see `engine.scene.Lobe`, and for what volumes have
+    `engine.scene.Medium`.
+    """
+
+    kind: str
+    exponent: float = 0.0
+    ior: float = 1.0
+    fresnel: bool = False
+    schlick: bool = False
+    masking: float = 0.0
+    exponent_output: int = -1
+    masking_output: int = -1
+    anisotropy: float = 0.0
+
+
+Closure = dict[LobeKey, Sum]
+
+COLOR_NODES: dict[str, Callable[[NodeView, Any], Sum | None]] = {}
+"""bl_idname -> function of the node and its output socket; None where a sum cannot say it."""
+VECTOR_NODES: dict[str, Callable[[NodeView, Any], Coordinates | None]] = {}
+CLOSURE_NODES: dict[str, Callable[[NodeView], Closure]] = {}
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """A vector that is affine in a UV map: `matrix` (3, 3) rows x, y, z over columns u, v, 1; uv is
+    the map's name, "" the active one.
+    """
+
+    uv: str
+    matrix: tuple[RGB, RGB, RGB] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0))
+
+    @property
+    def array(self) -> np.ndarray:
+        return np.array(self.matrix, np.float64)
+
+    def with_array(self, array: np.ndarray) -> Coordinates:
+        return Coordinates(self.uv, tuple(tuple(float(x) for x in row) for row in array))
+
+
+def add_closures(*closures: Closure) -> Closure:
+    """The lobes of all, equal ones merged."""
+    total: Closure = {}
+    for closure in closures:
+        for key, weight in closure.items():
+            total[key] = add(total.get(key, ZERO), weight)
+    return {key: weight for key, weight in total.items() if weight}
+
+
+def scale_closure(closure: Closure, weight: Sum) -> Closure:
+    """Every lobe times a weight; lobes of weight 0 are gone."""
+    scaled = {key: multiply(terms, weight) for key, terms in closure.items()}
+    return {key: terms for key, terms in scaled.items() if terms}
+
+
+class Evaluator:
+    """Evaluates sockets of the material called `name`. Everything is remembered by place, so shared
+    sub-trees are read once.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        images: Images,
+        report: Report,
+        reader: Callable[[Graph, Images, Callable[[str], None]], TreeReader] = TreeReader,
+    ) -> None:
+        """reader: makes that of trees, a SkyReader for those of worlds, a LampReader for those of
+        lights.
+        """
+        self.name, self.images, self.report = name, images, report
+        self.expressions = Expressions()
+        self._trees = reader(self.expressions.graph, images, self.note)
+        self.normals: dict[Value | None, None] = {}
+        self._memo: dict[tuple, Any] = {}
+        self._open: set[tuple] = set()
+
+    def color(self, place: Place) -> Sum:
+        """The colour that a socket gets; its own default where what feeds it is not understood."""
+        value, _ = self._read(place)
+        return value
+
+    def number(self, place: Place) -> Sum:
+        """The same as a number, grey."""
+        value, kind = self._read(place)
+        if kind in ("VALUE", "INT", "BOOLEAN"):
+            return value
+        if has_output(value):
+            return self.expressions.sum_of(
+                self.expressions.number(self.expressions.value_of(value))
+            )
+        return grey(value)
+
+    def converted(self, place: Place) -> Sum:
+        """What a socket gets, of the socket's own type as Blender converts it."""
+        return self.expressions.sum_of(self._trees.value(place))
+
+    def coordinates(self, place: Place) -> Coordinates | None:
+        """What feeds a texture's vector; None when it is not affine in a UV map."""
+        found = source(place)
+        if found is None or not found.socket.is_output:
+            return Coordinates("")
+        handler = VECTOR_NODES.get(found.node.bl_idname)
+        if handler is None or found.node.mute:
+            return None
+        return self._once(found, lambda: handler(NodeView(self, found), found.socket), None)
+
+    def closure(self, place: Place) -> Closure:
+        """The lobes that a shader socket gets; colours and numbers shine as emission, as in
+        Cycles.
+        """
+        found = source(place)
+        self._note_circle(found)
+        if found is None or not found.socket.is_output or found.node.mute:
+            return {}
+        if found.socket.type != "SHADER":
+            return {LobeKey("EMISSION"): self.color(place)}
+        return self._once(found, lambda: self._shader(found), {})
+
+    def displace(self, place: Place) -> None:
+        """Bump all shading normals by the displacement that a socket gets."""
+        if self._trees.is_fed(place):
+            self._trees.displacement = self._trees.value(place)
+
+    def bend(self, place: Place | None) -> None:
+        """Note the shading normal that a shader's socket gets, the mesh's where it gets none."""
+        fed = place is not None and self._trees.is_fed(place)
+        value = self._trees.value(place) if fed else self._trees.normal()
+        self.normals[value] = None
+
+    def normal(self) -> int:
+        """The output that holds the material's shading normal; -1 where it is the mesh's."""
+        own = self.expressions.graph.apply(BY_NAME["normal"])[0]
+        bent = [value for value in self.normals if value is not own and value.constant is None]
+        if bent and len(self.normals) > 1:
+            self.note("Shaders of {} have normals of their own: all take the first that is bent")
+        return self.expressions.output(bent[0]) if bent else -1
+
+    def note(self, sentence: str) -> None:
+        """Report something about this material; `{}` stands for the materials' names."""
+        self.report.note(sentence, self.name)
+
+    def _note_circle(self, found: Place | None) -> None:
+        """`found` as `source` gave it: None after too many steps, or an input where Blender cut the
+        circle itself.
+        """
+        if found is None or (not found.socket.is_output and closes_circle(found)):
+            self.note(_CIRCLE)
+
+    def settled(self, closure: Closure) -> Closure:
+        """The closure with one term for each lobe whose weight a program computes."""
+        return {
+            key: self.expressions.sum_of(self.expressions.value_of(terms))
+            if len(terms) > 1 and has_output(terms)
+            else terms
+            for key, terms in closure.items()
+        }
+
+    def limited(self, terms: Sum) -> Sum:
+        """A sum short enough to render: a program's value where it has too many terms."""
+        if len(terms) <= MOST_TERMS:
+            return terms
+        return self.expressions.sum_of(self.expressions.value_of(terms))
+
+    def clamped(self, terms: Sum, low: float, high: float) -> Sum:
+        """A sum whose channels are kept between low and high."""
+        found = None if has_output(terms) else clamped(terms, low, high, self.images)
+        if found is not None:
+            return found
+        value = self.expressions.value_of(terms)
+        return self.expressions.sum_of(self.expressions.bounded(value, low, high))
+
+    def mean(self, terms: Sum) -> RGB:
+        """The mean of a sum over its textures; attributes and what programs compute count as one
+        half.
+        """
+        return constant_value(add(*((self._mean_term(term),) for term in terms)))
+
+    def _mean_term(self, term: Term) -> Term:
+        value = np.array(term.value)
+        for factor in term.factors:
+            value = value * (self.images.mean(factor) if factor.output < 0 else 0.5)
+        return Term(tuple(float(x) for x in value))
+
+    def _read(self, place: Place) -> tuple[Sum, str]:
+        found = source(place)
+        self._note_circle(found)
+        found = place if found is None else found
+        if not found.socket.is_output:
+            return self._default(found.socket), found.socket.type
+        if found.node.mute:
+            return ZERO, "VALUE"
+        value = self._once(found, lambda: self._value_of_node(found), None)
+        return (
+            (self._default(place.socket), place.socket.type)
+            if value is None
+            else (self.limited(value), found.socket.type)
+        )
+
+    def _value_of_node(self, found: Place) -> Sum | None:
+        """By the algebra of sums where that is exact, else by the program."""
+        handler = COLOR_NODES.get(found.node.bl_idname) if self._trees.is_surface else None
+        value = handler(NodeView(self, found), found.socket) if handler else None
+        if value is not None:
+            return value
+        made = self._trees.made_by(found)
+        return self.expressions.sum_of(made) if made is not None else None
+
+    def _default(self, socket: Any) -> Sum:
+        """What an unlinked socket shows, said where it is no number."""
+        value = getattr(socket, "default_value", 0.0)
+        if not is_finite(value if hasattr(value, "__len__") else (value,)):
+            self.note(NOT_FINITE)
+        return default_value(socket)
+
+    def _shader(self, found: Place) -> Closure:
+        kind = kind_of(found.node)
+        if not self._trees.is_surface and kind not in SHINING:
+            self.note(
+                f"Node '{found.node.bl_label}' gives no light in {{}}, where there is no surface: "
+                "use Background or Emission"
+            )
+            return {}
+        handler = CLOSURE_NODES.get(kind, CLOSURE_NODES["unknown"])
+        closure = handler(NodeView(self, found))
+        if not self._trees.is_surface:
+            closure = {key: terms for key, terms in closure.items() if key.kind == "EMISSION"}
+        return {key: self.limited(terms) for key, terms in closure.items()}
+
+    def _once(self, found: Place, compute: Callable[[], Any], otherwise: Any) -> Any:
+        """compute(), once per place; `otherwise` inside a circle or too deep."""
+        key = found.key
+        if key in self._memo:
+            return self._memo[key]
+        if key in self._open or len(self._open) >= DEEPEST:
+            deep = (
+                "Nodes are nested too deeply in {}: the socket's default is used; simplify the tree"
+            )
+            self.note(_CIRCLE if key in self._open else deep)
+            return otherwise
+        self._open.add(key)
+        try:
+            self._memo[key] = compute()
+        finally:
+            self._open.discard(key)
+        return self._memo[key]
+
+
+class NodeView:
+    """A node at a place in the tree, with its inputs evaluated on demand."""
+
+    def __init__(self, evaluator: Evaluator, place: Place) -> None:
+        self.evaluator, self.place, self.node = evaluator, place, place.node
+
+    def input(self, name: str) -> Place | None:
+        """The input with this identifier or name, or None where this Blender has none."""
+        socket = socket_named(self.node.inputs, name)
+        return self.place.beside(socket) if socket is not None else None
+
+    def color(self, name: str, otherwise: float | RGB = 0.0) -> Sum:
+        place = self.input(name)
+        return self.evaluator.color(place) if place else constant(otherwise)
+
+    def number(self, name: str, otherwise: float = 0.0) -> Sum:
+        place = self.input(name)
+        return self.evaluator.number(place) if place else constant(otherwise)
+
+    def constant(self, name: str, otherwise: float = 0.0) -> float:
+        """A number that must not vary over the surface: the mean of one that does, with a note."""
+        terms = self.number(name, otherwise)
+        if is_constant(terms):
+            return constant_value(terms)[0]
+        self.evaluator.note(f"'{name}' varies over the surface in {{}}: its mean is used")
+        return self.evaluator.mean(terms)[0]
+
+    def fixed(self, *names: str) -> list[float] | None:
+        """Numbers of inputs; None where one of them varies over the surface."""
+        sums = [self.number(name) for name in names]
+        if not all(is_constant(terms) for terms in sums):
+            return None
+        return [constant_value(terms)[0] for terms in sums]
+
+    def roughness(self, name: str = "Roughness", otherwise: float = 0.5) -> Roughness:
+        """A roughness, which may vary over the surface."""
+        terms = self.number(name, otherwise)
+        if is_constant(terms):
+            return Roughness(constant_value(terms)[0])
+        expressions = self.evaluator.expressions
+        value = expressions.apply("separate_xyz", expressions.value_of(terms))
+        return Roughness(value, expressions)
+
+    def factor(self, name: str, otherwise: float = 0.0) -> Sum:
+        """A number kept between 0 and 1."""
+        return self.evaluator.clamped(self.number(name, otherwise), 0.0, 1.0)
+
+    def reflectance(self, name: str, otherwise: float | RGB = 0.0) -> Sum:
+        """A colour kept at 0 or above, as Cycles does with what surfaces reflect."""
+        return self.evaluator.clamped(self.color(name, otherwise), 0.0, math.inf)
+
+    def amount(self, name: str, otherwise: float = 0.0) -> Sum:
+        """A number kept at 0 or above."""
+        return self.evaluator.clamped(self.number(name, otherwise), 0.0, math.inf)
+
+    def vector(self, name: str) -> tuple[float, float, float] | None:
+        """A constant vector, or None when it varies."""
+        terms = self.color(name)
+        return constant_value(terms) if is_constant(terms) else None
+
+    def closure(self, name: str) -> Closure:
+        place = self.input(name)
+        return self.evaluator.closure(place) if place else {}
+
+    def is_linked(self, name: str) -> bool:
+        place = self.input(name)
+        found = source(place) if place else None
+        return found is not None and found.socket.is_output and not found.node.mute
+
+    def note(self, sentence: str) -> None:
+        self.evaluator.note(sentence)
+
+
+def default_value(socket: Any) -> Sum:
+    """The value that an unlinked socket shows; black for sockets without one (shaders, strings)."""
+    value = getattr(socket, "default_value", 0.0)
+    if isinstance(value, (bool, int, float)):
+        return constant(float(value))
+    if isinstance(value, str) or not hasattr(value, "__len__"):
+        return ZERO
+    return constant(tuple(float(x) for x in value)[:3])
+
+
+def is_finite(values: Iterable[Any]) -> bool:
+    """Whether all numbers among the values are; other things count as finite."""
+    return all(math.isfinite(x) for x in values if isinstance(x, float))

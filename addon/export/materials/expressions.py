@@ -1,0 +1,159 @@
+"""What a program computes of one material: sums as graph values, values as factors of sums."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ....engine.program.graph import Graph, Value
+from ....engine.program.program import compile_program
+from ....engine.program.table import BY_NAME
+from ....engine.scene import Input, Lobe, Material
+from .terms import RGB, Sum, Term, constant, from_input
+
+ZERO_VECTOR = (0.0, 0.0, 0.0)
+ONE_VECTOR = (1.0, 1.0, 1.0)
+
+
+class Expressions:
+    """The graph of one material, and which of its values are outputs of the program."""
+
+    def __init__(self) -> None:
+        self.graph = Graph()
+        self._outputs: dict[Value, int] = {}
+
+    def apply(self, name: str, /, *arguments: Value, **settings) -> Value:
+        """The first output of the table's operation of this name."""
+        return self.graph.apply(BY_NAME[name], *arguments, **settings)[0]
+
+    def constant(self, value: float | RGB) -> Value:
+        return self.graph.constant(value)
+
+    def vector(self, value: Value) -> Value:
+        """The value as a vector; a number fills it."""
+        return value if value.width == 3 else self.apply("combine_xyz", value, value, value)
+
+    def number(self, value: Value) -> Value:
+        """The value as a number: a colour by its luminance."""
+        return value if value.width == 1 else self.apply("rgb_to_bw", value)
+
+    def output(self, value: Value) -> int:
+        """The number of the output that holds the value, which is no constant."""
+        return self._outputs.setdefault(value, len(self._outputs))
+
+    def sum_of(self, value: Value) -> Sum:
+        """A value as a sum of one term."""
+        value = self.vector(value)
+        if value.constant is not None:
+            return constant(value.constant)
+        return from_input(Input(output=self.output(value)))
+
+    def value_of(self, terms: Sum) -> Value:
+        """A sum as a vector."""
+        total = self.constant(ZERO_VECTOR)
+        for term in terms:
+            total = self._sum(self._product(term), total)
+        return total
+
+    def looked_up(self, number: Value, table: tuple[float, ...]) -> Value:
+        """The alpha of a ramp's table at a number."""
+        return self.graph.apply(BY_NAME["ramp"], number, interpolates=1, table=table)[1]
+
+    def bounded(self, value: Value, low: float, high: float) -> Value:
+        """A vector with each channel from low to high."""
+        return self.apply(
+            "bounded", self.vector(value), self.constant((low,) * 3), self.constant((high,) * 3)
+        )
+
+    def with_program(self, material: Material) -> Material:
+        """The material, whose inputs name outputs of this graph, with the program that computes
+        those and no others.
+        """
+        values = list(self._outputs)
+        used = sorted(_outputs_of(material) - {-1})
+        if not used:
+            return material
+        numbers = {-1: -1, **{old: new for new, old in enumerate(used)}}
+        lobes = tuple(_renumbered(lobe, numbers) for lobe in material.lobes)
+        program = compile_program(self.graph, [values[k] for k in used])
+        return replace(
+            material,
+            lobes=lobes,
+            program=program,
+            normal_output=numbers[material.normal_output],
+        )
+
+    def _sum(self, a: Value, b: Value) -> Value:
+        if b.constant == ZERO_VECTOR:
+            return a
+        return self.apply("scaled_sum", a, self.constant(1.0), b)
+
+    def _product(self, term: Term) -> Value:
+        product = self.constant(term.value)
+        for factor in term.factors:
+            value = self._factor(factor)
+            product = value if product.constant == ONE_VECTOR else self._times(product, value)
+        return product
+
+    def _times(self, a: Value, b: Value) -> Value:
+        return b if a.constant == ONE_VECTOR else self.apply("product", a, b)
+
+    def _factor(self, factor: Input) -> Value:
+        """One factor, all that it may have worked out in its order."""
+        value = self.constant(factor.value)
+        if factor.texture >= 0:
+            value = self._times(value, self._image(factor))
+        if factor.attribute:
+            color, alpha = self.graph.apply(
+                BY_NAME["attribute"], attribute=factor.attribute, shift=0
+            )
+            wanted = self.vector(alpha) if factor.attribute_channel == "ALPHA" else color
+            value = self._times(value, wanted)
+        if factor.output >= 0:
+            value = self._times(value, list(self._outputs)[factor.output])
+        if not factor.is_plain:
+            value = self._sum(value, self.constant(factor.offset))
+            value = self.bounded(value, factor.low, factor.high)
+        if factor.complement:
+            value = self.apply("scaled_sum", value, self.constant(-1.0), self.constant(ONE_VECTOR))
+        return value
+
+    def _image(self, factor: Input) -> Value:
+        uv = self.apply("uv", attribute=factor.uv, shift=0)
+        color, alpha = self.graph.apply(
+            BY_NAME["image"], self._transformed(uv, factor.uv_transform), texture=factor.texture
+        )
+        if factor.channel == "ALPHA":
+            return self.vector(alpha)
+        if factor.channel == "LUMINANCE":
+            return self.vector(self.apply("vector_average", color))
+        return color
+
+    def _transformed(self, uv: Value, transform: tuple[RGB, RGB]) -> Value:
+        """(u', v', 0) of a 2 × 3 matrix over u, v, 1."""
+        if transform == Input().uv_transform:
+            return uv
+        u, v, _ = self.graph.apply(BY_NAME["separate_xyz"], uv)
+        columns = [self.constant((a, d, 0.0)) for a, d in zip(*transform, strict=True)]
+        moved = self.apply("scaled_sum", columns[1], v, columns[2])
+        return self.apply("scaled_sum", columns[0], u, moved)
+
+
+def _outputs_of(material: Material) -> set[int]:
+    named = {material.normal_output}
+    for lobe in material.lobes:
+        named |= {lobe.exponent_output, lobe.masking_output, *(f.output for f in lobe.factors)}
+    return named
+
+
+def _renumbered(lobe: Lobe, numbers: dict[int, int]) -> Lobe:
+    return replace(
+        lobe,
+        factors=tuple(replace(f, output=numbers[f.output]) for f in lobe.factors),
+        exponent_output=numbers[lobe.exponent_output],
+        masking_output=numbers[lobe.masking_output],
+    )
+
+
+def has_output(terms: Sum) -> bool:
+    """Whether a program computes some of the sum."""
+    return any(factor.output >= 0 for term in terms for factor in term.factors)

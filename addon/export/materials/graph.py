@@ -1,0 +1,233 @@
+"""Finding what feeds a shader socket: through reroutes, muted nodes and any depth of node groups,
+without recursion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+LONGEST = 4096
+"""Steps after which links are taken to go round in a circle."""
+
+BLINN_PHONG = "BLINN_PHONG"
+MARK = "glint_shader"
+"""A custom property of a node group. Where it is BLINN_PHONG the node means something itself; what
+is inside is for other engines.
+"""
+FORMER_NODE = "GlintBlinnPhongNode"
+"""What the Blinn-Phong node was before it was a marked group, a class of its own: in linked and
+appended materials it still is.
+"""
+
+
+def is_blinn_phong(tree: Any) -> bool:
+    return tree.get(MARK) == BLINN_PHONG
+
+
+def kind_of(node: Any) -> str:
+    """What a node is to the tables of `evaluator`: BLINN_PHONG, or Blender's name of its type."""
+    name = node.bl_idname
+    if name == FORMER_NODE or (
+        name == "ShaderNodeGroup" and node.node_tree is not None and is_blinn_phong(node.node_tree)
+    ):
+        return BLINN_PHONG
+    return name
+
+
+def node_tree(block: Any) -> Any:
+    """The node tree that a material, world or light uses, or None. From 5.0 on having one is using
+    it, and asking gives a warning.
+    """
+    import bpy
+
+    return block.node_tree if bpy.app.version >= (5, 0, 0) or block.use_nodes else None
+
+
+def output_of(tree: Any) -> Any:
+    """The output node that a tree shows, or None: Cycles' own, else Eevee's."""
+    found = (tree.get_output_node(target) for target in ("ALL", "CYCLES", "EEVEE"))
+    return next(filter(None, found), None)
+
+
+class Links:
+    """The links of node trees by the input they lead to. Blender's own `NodeSocket.links` looks
+    through all links of the tree.
+    """
+
+    def __init__(self) -> None:
+        self._of_trees: dict[int, dict[int, list[Any]]] = {}
+
+    def into(self, socket: Any) -> list[Any]:
+        """The links that end at an input."""
+        if not socket.is_linked:
+            return []
+        tree = socket.id_data
+        key = tree.as_pointer()
+        if key not in self._of_trees:
+            self._of_trees[key] = by_input = {}
+            for link in tree.links:
+                by_input.setdefault(link.to_socket.as_pointer(), []).append(link)
+        return self._of_trees[key].get(socket.as_pointer(), [])
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A socket and the chain of group nodes, outermost first, that leads to the tree in which it
+    lives. links: of all trees on the way.
+    """
+
+    socket: Any
+    path: tuple[Any, ...] = ()
+    links: Links = field(default_factory=Links)
+
+    @property
+    def node(self) -> Any:
+        return self.socket.node
+
+    @property
+    def key(self) -> tuple[int, ...]:
+        """The same for the same socket reached by the same way."""
+        return (self.socket.as_pointer(), *(node.as_pointer() for node in self.path))
+
+    def beside(self, socket: Any) -> Place:
+        """Another socket of the same tree."""
+        return Place(socket, self.path, self.links)
+
+
+def source(place: Place) -> Place | None:
+    """Where the value of an input comes from: an output of a node that computes it, or an unlinked
+    input whose default holds.
+
+    None for links that go round in a circle.
+    """
+    passed = trail(place)
+    return passed[-1] if passed is not None else None
+
+
+def trail(place: Place) -> list[Place] | None:
+    """All sockets that a value passes, from where it is wanted back to its `source`.
+
+    None for links that go round in a circle.
+    """
+    passed = [place]
+    for _ in range(LONGEST):
+        if not place.socket.is_output:
+            link = _link(place)
+            if link is None:
+                return passed
+            place = place.beside(link.from_socket)
+            passed.append(place)
+        step = _through(place)
+        if step is None:
+            return passed
+        place = step
+        passed.append(place)
+    return None
+
+
+_GEOMETRIC = ("Coat Normal", "Tangent")
+"""Inputs that change no surface here."""
+
+
+def images_behind(shader: Place) -> list[tuple[Any, Any]]:
+    """Image and ImageUser of the Image Texture nodes that may change what a shader socket gets,
+    each node once.
+    """
+    found, seen, waiting = [], set(), [shader]
+    while waiting:
+        place = source(waiting.pop())
+        if place is None or not place.socket.is_output or place.node.mute:
+            continue
+        key = (place.node.as_pointer(), *(group.as_pointer() for group in place.path))
+        if key in seen:
+            continue
+        seen.add(key)
+        if place.node.bl_idname == "ShaderNodeTexImage":
+            found.append((place.node.image, place.node.image_user))
+        else:
+            waiting += [
+                place.beside(entry)
+                for entry in place.node.inputs
+                if entry.is_linked and entry.name not in _GEOMETRIC
+            ]
+    return found
+
+
+def closes_circle(place: Place) -> bool:
+    """Whether a link comes in that Blender marked as invalid because it closes a circle, and which
+    `source` therefore does not follow.
+
+    Links between a shader and a value are invalid as well, and no circle; so are those to a socket
+    that the node's settings hide.
+    """
+    wants_shader = place.socket.type == "SHADER"
+    return place.socket.enabled and any(
+        not link.is_valid and (link.from_socket.type == "SHADER") == wants_shader
+        for link in place.links.into(place.socket)
+    )
+
+
+def _link(place: Place) -> Any:
+    return next(
+        (link for link in place.links.into(place.socket) if link.is_valid and not link.is_muted),
+        None,
+    )
+
+
+def _through(place: Place) -> Place | None:
+    """The socket that stands behind an output of a node which only passes values on; None where a
+    value is made.
+    """
+    node = place.node
+    if node.mute:
+        return _behind_muted(place)
+    if node.type == "REROUTE":
+        return place.beside(node.inputs[0])
+    if getattr(node, "node_tree", None) is not None and kind_of(node) != BLINN_PHONG:
+        return _into_group(place)
+    if node.type == "GROUP_INPUT" and place.path:
+        outside = _by_identifier(place.path[-1].inputs, place.socket.identifier, place.socket.name)
+        return Place(outside, place.path[:-1], place.links) if outside is not None else None
+    return None
+
+
+def _behind_muted(place: Place) -> Place | None:
+    for link in place.node.internal_links:
+        if link.to_socket == place.socket:
+            return place.beside(link.from_socket)
+        if link.from_socket == place.socket:
+            return place.beside(link.to_socket)
+    return None
+
+
+def _into_group(place: Place) -> Place | None:
+    outputs = [node for node in place.node.node_tree.nodes if node.type == "GROUP_OUTPUT"]
+    active = [node for node in outputs if node.is_active_output] or outputs
+    inside = (
+        _by_identifier(active[0].inputs, place.socket.identifier, place.socket.name)
+        if active
+        else None
+    )
+    return Place(inside, (*place.path, place.node), place.links) if inside is not None else None
+
+
+def _by_identifier(sockets: Any, identifier: str, name: str) -> Any:
+    """name: what the socket is probably called; by that Blender finds it sooner than a loop
+    here.
+    """
+    found = sockets.get(name)
+    if found is not None and found.identifier == identifier:
+        return found
+    return next((socket for socket in sockets if socket.identifier == identifier), None)
+
+
+def socket_named(sockets: Any, name: str) -> Any:
+    """The socket with this identifier, or else the enabled one with this name, or None. Never
+    looked up by position.
+    """
+    by_identifier = _by_identifier(sockets, name, name)
+    if by_identifier is not None:
+        return by_identifier
+    named = [socket for socket in sockets if socket.name == name]
+    return next((socket for socket in named if socket.enabled), named[0] if named else None)

@@ -1,0 +1,256 @@
+"""Blender materials to `engine.scene.Material`: a sum of lobes each, and what the meshes that wear
+them must bring along.
+"""
+
+from __future__ import annotations
+
+import functools
+import operator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ....engine.program.operations import Reference
+from ....engine.program.program import instructions
+from ....engine.scene import LOBES, Lobe, Material, Medium, Texture
+from ..images.images import Images
+from ..report import Report
+from ..shader_nodes import TreeReader
+from ..unheard import note_material
+from . import nodes_color, nodes_hair, nodes_principled, nodes_shader, nodes_texture  # noqa: F401  (they fill the evaluator's tables)
+from .aovs import Aov, aov_material
+from .evaluator import (
+    NOT_FINITE,
+    Closure,
+    Evaluator,
+    LobeKey,
+    add_closures,
+    is_finite,
+    scale_closure,
+)
+from .graph import Place, images_behind, node_tree, output_of, socket_named
+from .nodes_principled import plastic_closure
+from .nodes_shader import diffuse_closure, glossy_closure
+from .nodes_volume import VOLUMES, medium_of
+from .terms import complement, constant, constant_value, factors_of
+from .varying import Roughness
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Names of the UV maps ("" the active one) and colour attributes that something reads.
+    objects: of what is read of objects, not of their meshes, which no truth value counts.
+    """
+
+    uv_maps: frozenset[str] = frozenset()
+    attributes: frozenset[str] = frozenset()
+    objects: frozenset[str] = frozenset()
+
+    def __or__(self, other: Wanted) -> Wanted:
+        return Wanted(
+            self.uv_maps | other.uv_maps,
+            self.attributes | other.attributes,
+            self.objects | other.objects,
+        )
+
+    def __bool__(self) -> bool:
+        return bool(self.uv_maps or self.attributes)
+
+
+class Materials:
+    """The materials of one scene, each compiled once."""
+
+    def __init__(self, images: Images, report: Report, aovs: tuple[Aov, ...] = ()) -> None:
+        self.materials: list[Material] = []
+        self.aovs = aovs
+        self.images, self.report = images, report
+        self._indices: dict[int, int] = {}
+        self._wanted: list[Wanted] = []
+
+    def index(self, material: Any) -> int:
+        """Index of an evaluated Blender material; of Blender's default surface for None."""
+        key = material.as_pointer() if material is not None else 0
+        if key not in self._indices:
+            self._indices[key] = len(self.materials)
+            compiled = (
+                compile_material(material, self.images, self.report)
+                if material is not None
+                else default_material()
+            )
+            if self.aovs and material is not None:
+                given = aov_material(material, self.aovs, self.images, self.report)
+                compiled = replace(compiled, aovs=given)
+            self.materials.append(compiled)
+            self._wanted.append(wanted_by(compiled))
+        return self._indices[key]
+
+    def wanted(self, indices: tuple[int, ...]) -> Wanted:
+        """What the materials with these indices read from a mesh."""
+        return functools.reduce(operator.or_, (self._wanted[index] for index in indices), Wanted())
+
+
+def default_material() -> Material:
+    """Blender's surface for things without a material: grey, diffuse before 5.0 and a default
+    Principled from then on, as in Cycles.
+    """
+    import bpy
+
+    grey = constant(0.8)
+    closure = (
+        diffuse_closure(grey)
+        if bpy.app.version < (5, 0, 0)
+        else plastic_closure(grey, constant(1.0), Roughness(0.5), 1.5, True)
+    )
+    return Material("default_surface", lobes_of(closure))  # as Cycles calls it
+
+
+def compile_material(material: Any, images: Images, report: Report) -> Material:
+    """One Blender material as lobes."""
+    reader = functools.partial(TreeReader, material_index=material.pass_index)
+    evaluator = Evaluator(material.name, images, report, reader)
+    tree = node_tree(material)
+    if getattr(material, "displacement_method", "BUMP") != "BUMP" and _is_displaced(tree):
+        report.note("True displacement is rendered as a bump in {}", material.name)
+    closure = (
+        _surface(tree, evaluator) if tree is not None else _viewport_surface(material, evaluator)
+    )
+    lobes = lobes_of(evaluator.settled(closure))
+    medium = _inside(tree, evaluator)
+    normal = evaluator.normal()
+    note_material(material, any(lobe.kind == "TRANSPARENT" for lobe in lobes), normal >= 0, report)
+    return evaluator.expressions.with_program(
+        Material(material.name, lobes, material.pass_index, normal_output=normal, medium=medium)
+    )
+
+
+def _is_displaced(tree: Any) -> bool:
+    return tree is not None and any(
+        node.bl_idname == "ShaderNodeOutputMaterial" and node.inputs["Displacement"].is_linked
+        for node in tree.nodes
+    )
+
+
+def _inside(tree: Any, evaluator: Evaluator) -> Medium | None:
+    """What its volume is."""
+    output = output_of(tree) if tree is not None else None
+    place = Place(socket_named(output.inputs, "Volume")) if output is not None else None
+    return medium_of(place, evaluator) if place and place.socket.is_linked else None
+
+
+def _surface(tree: Any, evaluator: Evaluator) -> Closure:
+    """What the active output shows, as in Cycles: black without one; what is but the bounds of a
+    volume lets everything through.
+    """
+    output = output_of(tree)
+    if output is None:
+        evaluator.note("Materials without an output node are black: {}; add a Material Output")
+        return {}
+    socket, volume = (socket_named(output.inputs, name) for name in ("Surface", "Volume"))
+    evaluator.displace(Place(socket_named(output.inputs, "Displacement")))
+    if volume.is_linked and not socket.is_linked:
+        return {LobeKey("TRANSPARENT"): constant(1.0)}
+    surface = Place(socket)
+    evaluator.images.expect(images_behind(surface))
+    closure = evaluator.closure(surface)
+    if any(key.kind in VOLUMES for key in closure):
+        evaluator.note("Volume shaders on surfaces show nothing: link those of {} to Volume")
+    return {key: terms for key, terms in closure.items() if key.kind not in VOLUMES}
+
+
+def _viewport_surface(material: Any, evaluator: Evaluator) -> Closure:
+    """A material without nodes: its viewport colour, metallic and roughness, as Principled would
+    take them.
+    """
+    if not is_finite((*material.diffuse_color, material.metallic, material.roughness)):
+        evaluator.note(NOT_FINITE)
+    color, metallic = constant(tuple(material.diffuse_color)[:3]), constant(material.metallic)
+    closures = (
+        scale_closure(
+            glossy_closure(color, constant_value(color), Roughness(material.roughness), True),
+            metallic,
+        ),
+        scale_closure(diffuse_closure(color), complement(metallic)),
+    )
+    return add_closures(*closures)
+
+
+def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
+    """The lobes of a closure in the order of `engine.scene.LOBES`; none of weight 0."""
+    ordered = sorted(
+        closure.items(),
+        key=lambda item: (
+            LOBES.index(item[0].kind),
+            item[0].exponent,
+            item[0].ior,
+            item[0].schlick,
+            item[0].exponent_output,
+        ),
+    )
+    return tuple(_lobe(key, factors_of(term)) for key, terms in ordered for term in terms)
+
+
+def _lobe(key: LobeKey, factors: tuple) -> Lobe:
+    return Lobe(
+        key.kind,
+        factors,
+        key.exponent,
+        key.ior,
+        key.fresnel,
+        key.schlick,
+        key.masking,
+        key.exponent_output,
+        key.masking_output,
+    )
+
+
+def wanted_by(material: Material) -> Wanted:
+    """The attributes that a material's inputs name."""
+    inputs = [factor for lobe in material.lobes for factor in lobe.factors]
+    uv_maps = {factor.uv for factor in inputs if factor.texture >= 0}
+    attributes = {factor.attribute for factor in inputs if factor.attribute}
+    objects: set[str] = set()
+    named = {"uv": uv_maps, "instance_value": objects}
+    program = material.program
+    for step in instructions(program) if program else ():
+        for (_, choices), setting in zip(step.operation.settings, step.settings, strict=True):
+            if choices is Reference.ATTRIBUTE:
+                names = named.get(step.operation.name, attributes)
+                names.add(program.attributes[setting])
+    own = Wanted(frozenset(uv_maps), frozenset(attributes - {""}), frozenset(objects))
+    return own | wanted_by(material.aovs) if material.aovs is not None else own
+
+
+def without_unused(
+    materials: list[Material], textures: list[Texture]
+) -> tuple[tuple[Material, ...], tuple[Texture, ...]]:
+    """Materials and textures with only the textures that a lobe reads, renumbered: some were only
+    made for their mean.
+    """
+    every = [*materials, *(m.aovs for m in materials if m.aovs is not None)]
+    used = sorted(
+        {factor.texture for m in every for lobe in m.lobes for factor in lobe.factors}
+        | {texture for m in every if m.program for texture in m.program.textures}
+    )
+    used = [texture for texture in used if texture >= 0]
+    numbers = {-1: -1, **{old: new for new, old in enumerate(used)}}
+
+    kept = tuple(with_textures(material, numbers) for material in materials)
+    return kept, tuple(textures[old] for old in used)
+
+
+def with_textures(material: Material, numbers: dict[int, int]) -> Material:
+    """The material with other numbers of textures."""
+
+    def renumbered(lobe: Lobe) -> Lobe:
+        return replace(
+            lobe,
+            factors=tuple(
+                replace(factor, texture=numbers[factor.texture]) for factor in lobe.factors
+            ),
+        )
+
+    return replace(
+        material,
+        lobes=tuple(renumbered(lobe) for lobe in material.lobes),
+        program=material.program.with_textures(numbers) if material.program else None,
+        aovs=with_textures(material.aovs, numbers) if material.aovs is not None else None,
+    )

@@ -1,0 +1,483 @@
+"""Shader nodes other than Principled, and our own Blinn-Phong node, as closures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
+from .fresnel import dielectric_albedo, normal_reflectance
+from .graph import BLINN_PHONG, source
+from .roughness import (
+    Sheen,
+    World,
+    dielectric_world,
+    glass_exponent,
+    scattered,
+    scattered_narrow,
+    scattered_wide,
+    sheen_of,
+    world_of,
+)
+from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
+from .varying import Roughness
+
+
+def diffuse_closure(color: Sum) -> Closure:
+    """Lambert's lobe and its share of the ambient light: in a uniform world both reflect `color` of
+    it.
+    """
+    return {LobeKey("DIFFUSE"): color, LobeKey("AMBIENT"): color}
+
+
+def glossy_closure(
+    color: Sum, mean: RGB, roughness: Roughness, multiscatter: bool, edge: bool = True
+) -> Closure:
+    """A metal-like lobe that reflects `color`, whose mean is given; edge: white at grazing angles
+    (Schlick), as metals do.
+
+    What scatters more than once is the mean's: exact for constants.
+    """
+    if roughness.is_mirror():
+        return {LobeKey("MIRROR"): color}
+    if roughness.varies:
+        return add_closures(
+            {LobeKey("MIRROR"): multiply(color, roughness.mirrored())},
+            scale_closure(
+                _rough_glossy(color, mean, roughness, multiscatter, edge), roughness.rough()
+            ),
+        )
+    return _rough_glossy(color, mean, roughness, multiscatter, edge)
+
+
+def _rough_glossy(
+    color: Sum, mean: RGB, roughness: Roughness, multiscatter: bool, edge: bool
+) -> Closure:
+    world, rest = WorldShares(roughness, "METAL"), complement(color) if edge else ZERO
+
+    def again(r: float) -> RGB:
+        if not multiscatter:
+            return (0.0, 0.0, 0.0)
+        return tuple(scattered(f + (1 - f) / 21 if edge else f, r) for f in mean)
+
+    brighter = roughness.color(lambda r: tuple(1 + x * scattered_narrow(r) for x in again(r)))
+    spread = multiply(color, roughness.color(again))
+    once = multiply(color, roughness.color(lambda r: tuple(1 - x for x in again(r))))
+    always, grazing = (
+        add(spread, multiply(once, world.a0), multiply(rest, world.b0)),
+        add(multiply(once, world.a1), multiply(rest, world.b1)),
+    )
+    return add_closures(
+        _highlights(multiply(color, brighter), roughness),
+        _highlights(multiply(rest, brighter), roughness, schlick=True),
+        _matt(multiply(spread, roughness.number(scattered_wide)), world),
+        _seen("AMBIENT", always, grazing, world),
+    )
+
+
+class WorldShares:
+    """`roughness.World`'s shares of a roughness that may vary, as sums, and its exponent as
+    `LobeKey` takes it. ior: of a dielectric.
+    """
+
+    def __init__(self, roughness: Roughness, kind: str, ior: float = 1.5) -> None:
+        def of(name: str) -> Callable[[float], float]:
+            return lambda r: getattr(_world(r, kind, ior), name)
+
+        self.a0, self.a1, self.b0, self.b1 = (
+            roughness.number(of(name)) for name in ("a0", "a1", "b0", "b1")
+        )
+        self.less_a0 = roughness.number(lambda r: 1 - of("a0")(r))
+        self.minus_a1 = roughness.number(lambda r: -of("a1")(r))
+        self.exponent = roughness.exponent(of("q"))
+
+
+def _world(roughness: float, kind: str, ior: float) -> World:
+    return dielectric_world(roughness, ior) if kind == "DIELECTRIC" else world_of(roughness, kind)
+
+
+def metal_closure(view: NodeView, color: Sum, roughness: Roughness) -> Closure:
+    """A metal of a node with microfacets; colours above 1 count as 1, as in Cycles."""
+    color = view.evaluator.clamped(color, 0.0, 1.0)
+    return glossy_closure(color, view.evaluator.mean(color), roughness, is_multiscatter(view))
+
+
+def _highlights(weight: Sum, roughness: Roughness, **more: Any) -> Closure:
+    return add_closures(
+        *(
+            {LobeKey("SPECULAR", **shape, **more): multiply(weight, size)}
+            for shape, size in roughness.highlights()
+        )
+    )
+
+
+def _seen(kind: str, always: Sum, grazing: Sum, world: WorldShares) -> Closure:
+    """always + grazing (1 - n·v)^q."""
+    return {LobeKey(kind): always, LobeKey(kind, **world.exponent): grazing}
+
+
+def _matt(color: Sum, world: WorldShares) -> Closure:
+    """What of a colour the world's shares leave."""
+    return _seen("DIFFUSE", multiply(color, world.less_a0), multiply(color, world.minus_a1), world)
+
+
+def coat_closure(
+    weight: Sum, roughness: Roughness, ior: float, multiscatter: bool = True, tint: Sum = ONE
+) -> Closure:
+    """A dielectric interface's reflection, by Fresnel; tint: of the reflectance at normal
+    incidence, not of that at grazing angles.
+    """
+    if ior == 1.0:
+        return {}
+    mirror = {LobeKey("MIRROR", ior=ior, fresnel=True): multiply(weight, tint)}
+    if roughness.is_mirror():
+        return mirror
+    rough = scale_closure(_rough_coat(roughness, ior, multiscatter, tint), weight)
+    if not roughness.varies:
+        return rough
+    return add_closures(
+        scale_closure(mirror, roughness.mirrored()), scale_closure(rough, roughness.rough())
+    )
+
+
+def _rough_coat(roughness: Roughness, ior: float, multiscatter: bool, tint: Sum) -> Closure:
+    f0, world = normal_reflectance(ior), WorldShares(roughness, "DIELECTRIC", ior)
+    again = _scattered_again(f0, multiscatter)
+    tinted = scale(tint, f0)
+    highlight = _dielectric_highlights(
+        tint, roughness, ior, roughness.number(lambda r: 1 + again(r) * scattered_narrow(r))
+    )
+    wide = roughness.number(lambda r: again(r) * scattered_wide(r))
+    return add_closures(
+        highlight,
+        _matt(multiply(tinted, wide), world),
+        _reflected("AMBIENT", tinted, world, roughness, again),
+    )
+
+
+def _scattered_again(f0: float, multiscatter: bool) -> Callable[[float], float]:
+    """Of roughness: what comes back of the light that is not sent out at once."""
+    return lambda r: scattered(f0 + (1 - f0) / 21, r) if multiscatter else 0.0
+
+
+def _dielectric_highlights(tint: Sum, roughness: Roughness, ior: float, brighter: Sum) -> Closure:
+    """F = a F_ior + b, so that it is the tint times F0 at normal incidence and 1 at grazing
+    angles.
+    """
+    f0 = normal_reflectance(ior)
+    if tint == ONE:
+        return _highlights(brighter, roughness, fresnel=True, ior=ior)
+    white = multiply(complement(scale(tint, f0)), brighter)
+    if f0 > 0.5:  # where a and b would all but cancel; Schlick's weight is as good there
+        return add_closures(
+            _highlights(multiply(scale(tint, f0), brighter), roughness),
+            _highlights(white, roughness, schlick=True),
+        )
+    b = multiply(scale(complement(tint), -f0 / (1 - f0)), brighter)
+    return add_closures(
+        _highlights(scale(white, 1 / (1 - f0)), roughness, fresnel=True, ior=ior),
+        _highlights(b, roughness),
+    )
+
+
+def _reflected(
+    kind: str, f0: Sum, world: WorldShares, roughness: Roughness, again: Callable[[float], float]
+) -> Closure:
+    """What of a uniform world a dielectric layer reflects; again: the share of what is not sent out
+    at once.
+    """
+    rest, once = complement(f0), multiply(f0, roughness.number(lambda r: 1 - again(r)))
+    more = multiply(f0, roughness.number(again))
+    always = add(more, multiply(once, world.a0), multiply(rest, world.b0))
+    grazing = add(multiply(once, world.a1), multiply(rest, world.b1))
+    return _seen(kind, always, grazing, world)
+
+
+def below_coat(
+    base: Sum, tint: Sum, roughness: Roughness, ior: float, multiscatter: bool
+) -> Closure:
+    """A diffuse layer under a dielectric one, which by Cycles keeps what it reflects of a uniform
+    world in the direction of view.
+
+    Scattering once it keeps the rough share of F0 too.
+    """
+    world, f0 = WorldShares(roughness, "DIELECTRIC", ior), normal_reflectance(ior)
+    if not multiscatter:
+        world.a0, world.a1 = ONE, ZERO
+    again = _scattered_again(f0, multiscatter)
+    kept = _reflected("DIFFUSE", scale(tint, f0), world, roughness, again)
+    always, grazing = kept[LobeKey("DIFFUSE")], kept[LobeKey("DIFFUSE", **world.exponent)]
+    through, less = multiply(base, complement(always)), scale(multiply(base, grazing), -1.0)
+    return add_closures(
+        _seen("DIFFUSE", through, less, world), _seen("AMBIENT", through, less, world)
+    )
+
+
+def glass_closure(
+    view: NodeView, reflected: Sum, refracted: Sum, roughness: Roughness, ior: float
+) -> Closure:
+    """Both sides of a dielectric interface."""
+    return add_closures(
+        coat_closure(reflected, roughness, ior),
+        {_refracting(view, roughness, ior=ior, fresnel=True): refracted},
+    )
+
+
+def _refracting(view: NodeView, roughness: Roughness, **more: Any) -> LobeKey:
+    """Blurred where the roughness does not vary."""
+    if roughness.varies:
+        view.note("Roughness of glass that varies is rendered clear in {}")
+    blurs = not (roughness.varies or roughness.is_mirror())
+    exponent = glass_exponent(roughness.value) if blurs else 0.0
+    return LobeKey("REFRACTION", exponent=exponent, **more)
+
+
+def is_multiscatter(view: NodeView) -> bool:
+    return getattr(view.node, "distribution", "MULTI_GGX") == "MULTI_GGX"
+
+
+def sound_ior(view: NodeView) -> float:
+    """The node's index of refraction, kept above 0."""
+    return max(view.constant("IOR", 1.5), 1e-3)
+
+
+def bend(view: NodeView) -> None:
+    """The node's shading normal is one that the material is to have."""
+    view.evaluator.bend(view.input("Normal"))
+
+
+LEFT_OUT = {
+    "Anisotropy": "anisotropy",
+    "Anisotropic": "anisotropy",
+    "Thin Film Thickness": "thin film",
+    "Diffuse Roughness": "diffuse roughness",
+}
+"""Inputs that have no effect where they are not 0."""
+_MICROFACETS = ("GGX", "MULTI_GGX")
+
+
+def note_left_out(view: NodeView, names: dict[str, str]) -> None:
+    """A note for each input, by name and in words, that is not 0 and has no effect here."""
+    for name, word in names.items():
+        if view.input(name) and view.number(name):
+            view.note(f"The {word} of {view.node.bl_label} is not rendered: {{}} go without it")
+
+
+def note_microfacets(view: NodeView) -> None:
+    """What is left out of a node with microfacets."""
+    bend(view)
+    note_left_out(view, LEFT_OUT)
+    distribution = getattr(view.node, "distribution", "GGX")
+    if distribution not in _MICROFACETS:
+        view.note(
+            f"The distribution {distribution.replace('_', ' ').title()} is rendered as GGX in {{}}"
+        )
+
+
+def note_edge_tint(view: NodeView, name: str) -> None:
+    """Where a metal's colour at grazing angles is not white."""
+    if view.input(name) and view.color(name) != ONE:
+        view.note(
+            f"The {name.lower()} of metals is not rendered: {{}} turn white at grazing angles"
+        )
+
+
+def _diffuse(view: NodeView) -> Closure:
+    bend(view)
+    if view.node.bl_idname == "ShaderNodeBsdfDiffuse":
+        note_left_out(view, {"Roughness": "roughness"})
+    return diffuse_closure(view.reflectance("Color"))
+
+
+def sheen_closure(color: Sum, sheen: Sheen) -> Closure:
+    """Fibres that reflect a colour at grazing angles, lit as what is matt."""
+    grazing = {"exponent": sheen.p}
+    always, more = scale(color, sheen.a), scale(color, sheen.b)
+    return {
+        LobeKey(kind, **shape): k
+        for kind in ("DIFFUSE", "AMBIENT")
+        for shape, k in (({}, always), (grazing, more))
+    }
+
+
+def below_sheen(surface: Closure, weight: Sum, sheen: Sheen) -> Closure:
+    """What fibres leave to a surface: by the view where it is matt, else on average."""
+    through = complement(scale(weight, sheen.mean))
+    parts = []
+    for key, k in surface.items():
+        if key.kind not in ("DIFFUSE", "AMBIENT") or key.exponent_output >= 0:
+            parts.append({key: multiply(k, through)})
+            continue
+        parts.append({key: multiply(k, complement(scale(weight, sheen.a)))})
+        at_edges = replace(key, exponent=key.exponent + sheen.p)
+        parts.append({at_edges: scale(multiply(k, weight), -sheen.b)})
+    return add_closures(*parts)
+
+
+def _sheen(view: NodeView) -> Closure:
+    sheen = sheen_of(view.constant("Roughness", 0.5), view.node.distribution)
+    bend(view)
+    return sheen_closure(view.reflectance("Color"), sheen)
+
+
+def _as_diffuse(view: NodeView) -> Closure:
+    view.note(f"The {view.node.bl_label} shader is rendered as diffuse in {{}}")
+    return _diffuse(view)
+
+
+def _glossy(view: NodeView) -> Closure:
+    note_microfacets(view)
+    color = view.reflectance("Color")
+    return glossy_closure(
+        color,
+        view.evaluator.mean(color),
+        view.roughness(otherwise=0.0),
+        is_multiscatter(view),
+        edge=False,
+    )
+
+
+def _metallic(view: NodeView) -> Closure:
+    note_microfacets(view)
+    note_edge_tint(view, "Edge Tint")
+    if view.node.fresnel_type != "F82":
+        view.note(
+            "The Metallic shader's physical conductor is rendered by its base colour in {}: choose "
+            "F82 Tint"
+        )
+    return metal_closure(view, view.reflectance("Base Color"), view.roughness())
+
+
+def _glass(view: NodeView) -> Closure:
+    note_microfacets(view)
+    color = view.reflectance("Color")
+    return glass_closure(view, color, color, view.roughness(), sound_ior(view))
+
+
+def _refraction(view: NodeView) -> Closure:
+    bend(view)
+    key = _refracting(view, view.roughness(), ior=sound_ior(view))
+    return {key: view.reflectance("Color")}
+
+
+def _transparent(view: NodeView) -> Closure:
+    return {LobeKey("TRANSPARENT"): view.color("Color")}
+
+
+def _emission(view: NodeView) -> Closure:
+    return {LobeKey("EMISSION"): multiply(view.color("Color"), view.number("Strength"))}
+
+
+def _mix(view: NodeView) -> Closure:
+    first, second = view.closure("Shader"), view.closure("Shader_001")
+    ior = _fresnel_factor(view)
+    if ior is not None and _only_rays(second):
+        return _fresnel_mix(first, second, ior)
+    factor = view.factor("Fac" if view.input("Fac") else "Factor", 0.5)
+    return add_closures(scale_closure(first, complement(factor)), scale_closure(second, factor))
+
+
+def _fresnel_factor(view: NodeView) -> float | None:
+    """The index of refraction of the Fresnel node that drives a Mix Shader, where it is a
+    constant.
+    """
+    place = view.input("Fac") or view.input("Factor")
+    found = source(place) if place else None
+    if (
+        found is None
+        or not found.socket.is_output
+        or found.node.mute
+        or found.node.bl_idname != "ShaderNodeFresnel"
+    ):
+        return None
+    terms = NodeView(view.evaluator, found).number("IOR", 1.5)
+    return max(terms[0].value[0], 1e-3) if terms and is_constant(terms) else None
+
+
+def _only_rays(closure: Closure) -> bool:
+    return bool(closure) and all(key.kind == "MIRROR" and not key.fresnel for key in closure)
+
+
+def _fresnel_mix(first: Closure, mirror: Closure, ior: float) -> Closure:
+    """F times an ideal mirror plus (1 - F) times the rest: exact for refraction, by the 45° value
+    for other lobes.
+    """
+    rest = constant(1 - dielectric_albedo(ior))
+    closures: list[Closure] = [
+        {LobeKey("MIRROR", ior=ior, fresnel=True): weight for weight in mirror.values()}
+    ]
+    for key, weight in first.items():
+        exact = key.kind == "REFRACTION" and not key.fresnel and key.ior == ior
+        closures.append(
+            {LobeKey("REFRACTION", ior=ior, fresnel=True): weight}
+            if exact
+            else {key: multiply(weight, rest)}
+        )
+    return add_closures(*closures)
+
+
+def _add(view: NodeView) -> Closure:
+    return add_closures(view.closure("Shader"), view.closure("Shader_001"))
+
+
+def _blinn_phong(view: NodeView) -> Closure:
+    """The notes' coefficients as they stand, under an alpha."""
+    exponent = min(max(view.constant("Exponent", 32.0), 0.0), 1e9)
+    surface = {
+        LobeKey("AMBIENT"): view.color("Ambient"),
+        LobeKey("DIFFUSE"): view.color("Diffuse"),
+        LobeKey("SPECULAR", exponent=exponent): view.color("Specular"),
+        LobeKey("MIRROR"): view.color("Mirror"),
+        LobeKey("EMISSION"): view.color("Emission"),
+    }
+    return under_alpha(surface, view.factor("Alpha", 1.0))
+
+
+def under_alpha(surface: Closure, alpha: Sum) -> Closure:
+    """alpha times the surface, and what lies behind for the rest."""
+    return add_closures(scale_closure(surface, alpha), {LobeKey("TRANSPARENT"): complement(alpha)})
+
+
+def _holdout(view: NodeView) -> Closure:
+    view.note("The Holdout shader is rendered black in {}: use the object's holdout flag")
+    return {}
+
+
+def _unknown(view: NodeView) -> Closure:
+    """Something with a colour is drawn as diffuse, anything else as Blender's default grey."""
+    node = view.node
+    view.note(
+        f"Node '{node.bl_label}' is not supported: {{}} are rendered diffuse where it counts; use "
+        "Principled or Blinn-Phong"
+    )
+    color = next(
+        (view.color(name) for name in ("Color", "Base Color", "Diffuse Color") if view.input(name)),
+        None,
+    )
+    return diffuse_closure(color if color is not None else constant(0.8))
+
+
+CLOSURE_NODES.update(
+    {
+        "unknown": _unknown,
+        "ShaderNodeBsdfDiffuse": _diffuse,
+        "ShaderNodeBsdfTranslucent": _as_diffuse,
+        "ShaderNodeSubsurfaceScattering": _as_diffuse,
+        "ShaderNodeBsdfSheen": _sheen,
+        "ShaderNodeBsdfVelvet": _as_diffuse,
+        "ShaderNodeBsdfToon": _as_diffuse,
+        "ShaderNodeBsdfGlossy": _glossy,
+        "ShaderNodeBsdfAnisotropic": _glossy,
+        "ShaderNodeBsdfMetallic": _metallic,
+        "ShaderNodeBsdfGlass": _glass,
+        "ShaderNodeBsdfRefraction": _refraction,
+        "ShaderNodeBsdfTransparent": _transparent,
+        "ShaderNodeEmission": _emission,
+        "ShaderNodeBackground": _emission,
+        "ShaderNodeMixShader": _mix,
+        "ShaderNodeAddShader": _add,
+        "ShaderNodeHoldout": _holdout,
+        BLINN_PHONG: _blinn_phong,
+    }
+)

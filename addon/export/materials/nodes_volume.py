@@ -1,0 +1,208 @@
+"""Volume shaders to `engine.scene.Medium`: what they absorb, scatter and give out a unit of length,
+as Cycles has it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ....engine.scene import Medium
+from ..shader_nodes.spectra import blackbody_table
+from .evaluator import CLOSURE_NODES, Closure, Evaluator, LobeKey, NodeView, add_closures
+from .graph import Place
+from .terms import RGB, Sum, complement, constant, is_constant, multiply
+
+VOLUMES = ("ABSORPTION", "SCATTERING")
+"""Kinds of closures that surfaces have not."""
+_MOST = 1e30
+"""Per unit of length; what is denser counts as that."""
+_BOLTZMANN = 5.670373e-8 * 1e-6 / math.pi
+"""Cycles' brightness of black bodies, times the fourth power of their temperature."""
+
+
+def medium_of(place: Place, evaluator: Evaluator) -> Medium | None:
+    """What a Volume socket gets; None for nothing."""
+    absorption, emission = _BLACK, _BLACK
+    scattering: list[tuple[RGB, float]] = []
+    for key, terms in evaluator.closure(place).items():
+        value = _value(terms, evaluator)
+        if key.kind == "ABSORPTION":
+            absorption = _added(absorption, value)
+        elif key.kind == "SCATTERING":
+            scattering.append((_kept(value), key.anisotropy))
+        elif key.kind == "EMISSION":
+            emission = _added(emission, value)
+    total = _BLACK
+    for value, _ in scattering:
+        total = _added(total, value)
+    medium = Medium(_kept(absorption), total, emission, _mean_anisotropy(scattering, evaluator))
+    return medium if any((*medium.extinction, *medium.emission)) else None
+
+
+_BLACK: RGB = (0.0, 0.0, 0.0)
+
+
+def _added(a: RGB, b: RGB) -> RGB:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _kept(value: RGB) -> RGB:
+    return tuple(min(max(x, 0.0), _MOST) for x in value)
+
+
+def _value(terms: Sum, evaluator: Evaluator) -> RGB:
+    if not is_constant(terms):
+        evaluator.note("Volumes that vary from place to place are rendered even in {}")
+    return tuple(x if math.isfinite(x) else 0.0 for x in evaluator.mean(terms))
+
+
+def _mean_anisotropy(scattering: list[tuple[RGB, float]], evaluator: Evaluator) -> float:
+    """The scattered light's; of several kinds of scattering the mean."""
+    if len({g for value, g in scattering if any(value)}) > 1:
+        evaluator.note("Volumes that scatter in several ways have their mean anisotropy in {}")
+    total = sum(sum(value) for value, _ in scattering)
+    return sum(sum(value) * g for value, g in scattering) / total if total > 0 else 0.0
+
+
+def _density(view: NodeView) -> Sum:
+    return view.amount("Density", 1.0)
+
+
+def _absorption(view: NodeView) -> Closure:
+    less = complement(view.color("Color"))
+    return {LobeKey("ABSORPTION"): multiply(less, _density(view))}
+
+
+def _scatter(view: NodeView) -> Closure:
+    return {_scattering(view): multiply(view.color("Color"), _density(view))}
+
+
+def _coefficients(view: NodeView) -> Closure:
+    return add_closures(
+        {LobeKey("ABSORPTION"): view.reflectance("Absorption Coefficients")},
+        {_scattering(view): view.reflectance("Scatter Coefficients")},
+        {LobeKey("EMISSION"): view.color("Emission Coefficients")},
+    )
+
+
+def _principled(view: NodeView) -> Closure:
+    """Absorbs what it does not scatter, but for the share that the square root of the absorption's
+    colour says.
+    """
+    for name in ("Density Attribute", "Color Attribute", "Temperature Attribute"):
+        place = view.input(name)
+        usual = place is None or place.socket.default_value == _USUAL[name]
+        if not usual and place.socket.default_value:
+            view.note(f"The {name} of Principled Volume is not read: {{}} go without it")
+    color, density = view.reflectance("Color"), _density(view)
+    tint = view.evaluator.mean(view.reflectance("Absorption Color"))
+    less = constant(tuple(max(1 - math.sqrt(max(x, 0.0)), 0.0) for x in tint))
+    dark = view.evaluator.clamped(complement(color), 0.0, math.inf)
+    anisotropy = _sound(view.constant("Anisotropy"))
+    return add_closures(
+        {LobeKey("ABSORPTION"): multiply(dark, less, density)},
+        {LobeKey("SCATTERING", anisotropy=anisotropy): multiply(color, density)},
+        {LobeKey("EMISSION"): multiply(view.color("Emission Color"), _emission(view))},
+        {LobeKey("EMISSION"): _glow(view)},
+    )
+
+
+_USUAL = {
+    "Density Attribute": "density",
+    "Color Attribute": "",
+    "Temperature Attribute": "temperature",
+}
+"""What Principled Volume has of its own: meshes have no such attributes."""
+
+
+def _emission(view: NodeView) -> Sum:
+    return view.amount("Emission Strength")
+
+
+def _glow(view: NodeView) -> Sum:
+    """Of a black body, the mean of a temperature that varies."""
+    amount, kelvin = view.constant("Blackbody Intensity"), view.constant("Temperature", 1000.0)
+    if not (amount > 0 and kelvin > 0):
+        return ()
+    brightness = _BOLTZMANN * (1 + (kelvin**4 - 1) * amount)
+    expressions = view.evaluator.expressions
+    color = expressions.apply(
+        "piecewise", expressions.constant(kelvin), table=blackbody_table()
+    ).constant
+    tinted = multiply(view.color("Blackbody Tint", 1.0), constant(color or (1.0,) * 3))
+    return multiply(tinted, constant(brightness))
+
+
+def _sound(anisotropy: float) -> float:
+    """Kept where light is scattered at all."""
+    return min(max(anisotropy, -1 + 1e-3), 1 - 1e-3)
+
+
+def _scattering(view: NodeView) -> LobeKey:
+    """With the mean cosine that stands for the node's phase function."""
+    phase = getattr(view.node, "phase", "HENYEY_GREENSTEIN")
+    if phase != "HENYEY_GREENSTEIN":
+        name = phase.replace("_", "-").title()
+        view.note(
+            f"The phase function {name} is rendered as Henyey-Greenstein with the same mean in {{}}"
+        )
+    return LobeKey("SCATTERING", anisotropy=_sound(_PHASES[phase](view)))
+
+
+def _henyey_greenstein(view: NodeView) -> float:
+    return view.constant("Anisotropy")
+
+
+def _fournier_forand(view: NodeView) -> float:
+    """The anisotropy that sends as much back."""
+    backward = min(max(view.constant("Backscatter", 0.1), 0.0), 0.5)
+    low, high = 0.0, 1.0
+    for _ in range(50):
+        g = (low + high) / 2
+        low, high = (g, high) if _sent_back(g) > backward else (low, g)
+    return low
+
+
+def _sent_back(g: float) -> float:
+    """Which share of the light Henyey and Greenstein scatter back."""
+    return (1 - g) / (2 * g) * ((1 + g) / math.sqrt(1 + g * g) - 1) if g > 0 else 0.5
+
+
+def _draine(view: NodeView) -> float:
+    return draine_mean(_sound(view.constant("Anisotropy")), max(view.constant("Alpha", 0.5), 0.0))
+
+
+def draine_mean(g: float, alpha: float) -> float:
+    """Mean cosine of Draine's phase function (Draine 2003)."""
+    return g * (1 + alpha * (3 + 2 * g * g) / 5) / (1 + alpha * (1 + 2 * g * g) / 3)
+
+
+def _mie(view: NodeView) -> float:
+    """Of droplets of 5 to 50 μm, as mixed of Henyey-Greenstein and Draine by Jendersie and d'Eon
+    (2023, An Approximate Mie Scattering Function for Fog and Cloud Rendering).
+    """
+    d = min(max(view.constant("Diameter", 20.0), 5.0), 50.0)
+    narrow = math.exp(-0.0990567 / (d - 1.67154))
+    wide = math.exp(-2.20679 / (d + 3.91029) - 0.428934)
+    alpha = math.exp(3.62489 - 8.29288 / (d + 5.52825))
+    share = math.exp(-0.599085 / (d - 0.641583) - 0.665888)
+    return (1 - share) * narrow + share * draine_mean(wide, alpha)
+
+
+_PHASES: dict[str, Any] = {
+    "HENYEY_GREENSTEIN": _henyey_greenstein,
+    "FOURNIER_FORAND": _fournier_forand,
+    "DRAINE": _draine,
+    "RAYLEIGH": lambda view: 0.0,
+    "MIE": _mie,
+}
+
+CLOSURE_NODES.update(
+    {
+        "ShaderNodeVolumePrincipled": _principled,
+        "ShaderNodeVolumeAbsorption": _absorption,
+        "ShaderNodeVolumeScatter": _scatter,
+        "ShaderNodeVolumeCoefficients": _coefficients,
+    }
+)

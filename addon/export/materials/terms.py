@@ -1,0 +1,167 @@
+"""Colours that vary over a surface: sums of products of `engine.scene.Input`. What shader sockets
+evaluate to, and their algebra.
+
+A sum of no terms is black. Every function gives sums whose terms differ in their factors, so adding
+a thing to itself adds no term.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from ....engine.scene import Input
+
+RGB = tuple[float, float, float]
+
+GREY = "(grey) "
+"""Prefix of attribute names whose mean channel is wanted."""
+LUMA = (0.2126, 0.7152, 0.0722)
+"""Rec. 709 luminance: how a colour becomes a number where sockets of the two kinds are joined."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """value times the product of factors; the factors' own values are 1 unless they are complements
+    or have bounds.
+    """
+
+    value: RGB
+    factors: tuple[Input, ...] = ()
+
+
+Sum = tuple[Term, ...]
+ZERO: Sum = ()
+ONE: Sum = (Term((1.0, 1.0, 1.0)),)
+
+
+def times(a: RGB, b: RGB) -> RGB:
+    """Channel by channel."""
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
+
+
+def luminance(rgb: RGB) -> float:
+    return sum(times(LUMA, rgb))
+
+
+def constant(value: float | RGB) -> Sum:
+    """A colour, or a number as grey; channels that are not finite count as 0."""
+    rgb = (value,) * 3 if isinstance(value, (int, float)) else tuple(value)[:3]
+    finite = tuple(float(x) if math.isfinite(x) else 0.0 for x in rgb)
+    return (Term(finite),) if any(finite) else ZERO
+
+
+def from_input(source: Input) -> Sum:
+    """One factor."""
+    return (Term((1.0, 1.0, 1.0), (source,)),)
+
+
+def is_constant(terms: Sum) -> bool:
+    return all(not term.factors for term in terms)
+
+
+def constant_value(terms: Sum) -> RGB:
+    """The colour of a sum for which `is_constant` holds."""
+    return (
+        tuple(sum(term.value[k] for term in terms) for k in range(3)) if terms else (0.0, 0.0, 0.0)
+    )
+
+
+def add(*sums: Sum) -> Sum:
+    """The sum of sums, terms with equal factors merged and black ones left out."""
+    every = [term for terms in sums for term in terms]
+    if len(every) < 2:  # mostly: and hashing factors takes long
+        return tuple(term for term in every if any(term.value))
+    merged: dict[tuple[Input, ...], RGB] = {}
+    for term in every:
+        before = merged.get(term.factors, (0.0, 0.0, 0.0))
+        merged[term.factors] = (
+            before[0] + term.value[0],
+            before[1] + term.value[1],
+            before[2] + term.value[2],
+        )
+    return tuple(Term(value, factors) for factors, value in merged.items() if any(value))
+
+
+def multiply(*sums: Sum) -> Sum:
+    """The product of sums, multiplied out."""
+    product = ONE
+    for terms in sums:
+        if terms == ONE or product == ONE:
+            product = product if terms == ONE else terms
+            continue
+        product = add(*((_times(left, right),) for left in product for right in terms))
+    return product
+
+
+def _times(left: Term, right: Term) -> Term:
+    factors = left.factors + right.factors
+    return Term(
+        times(left.value, right.value),
+        tuple(sorted(factors, key=repr)) if len(factors) > 1 else factors,
+    )
+
+
+def scale(terms: Sum, factor: float) -> Sum:
+    return multiply(terms, constant(factor))
+
+
+def complement(terms: Sum) -> Sum:
+    """1 - terms. One factor becomes its complement (one term); anything else 1 plus the negative
+    terms.
+    """
+    if len(terms) == 1 and len(terms[0].factors) == 1:
+        value, factor = terms[0].value, terms[0].factors[0]
+        if factor.is_plain and not factor.complement:
+            return from_input(replace(factor, value=value, complement=True))
+        if factor.is_plain and value == (1.0, 1.0, 1.0):
+            return (
+                (Term(factor.value, (replace(factor, value=(1.0, 1.0, 1.0), complement=False),))),
+            )
+        if value == (1.0, 1.0, 1.0):
+            return from_input(replace(factor, complement=not factor.complement))
+    return add(ONE, scale(terms, -1.0))
+
+
+def mix(factor: Sum, a: Sum, b: Sum) -> Sum:
+    """(1 - factor) a + factor b."""
+    return add(multiply(complement(factor), a), multiply(factor, b))
+
+
+def grey(terms: Sum) -> Sum:
+    """The sum as a number on all three channels: constants by Rec. 709 luminance, textures by their
+    mean channel.
+    """
+    return add(*((_grey(term),) for term in terms))
+
+
+def _grey(term: Term) -> Term:
+    value = luminance(term.value)
+    return Term((value,) * 3, tuple(_grey_input(factor) for factor in term.factors))
+
+
+def _grey_input(source: Input) -> Input:
+    """A texture's colour becomes its luminance, an attribute's the mean of its channels
+    (`GREY`).
+    """
+    value, changes = luminance(source.value), {"offset": (luminance(source.offset),) * 3}
+    if source.texture >= 0 and source.channel == "COLOR":
+        changes["channel"] = "LUMINANCE"
+    if (
+        source.attribute
+        and source.attribute_channel == "COLOR"
+        and not source.attribute.startswith(GREY)
+    ):
+        changes["attribute"] = GREY + source.attribute
+    return replace(source, value=(value,) * 3, **changes)
+
+
+def factors_of(term: Term) -> tuple[Input, ...]:
+    """A term as the factors of a lobe: its value goes into the first factor that can carry it."""
+    for k, factor in enumerate(term.factors):
+        if factor.is_plain and not factor.complement:
+            carrier = replace(factor, value=times(factor.value, term.value))
+            return (carrier, *term.factors[:k], *term.factors[k + 1 :])
+    if term.value == (1.0, 1.0, 1.0) and term.factors:
+        return term.factors
+    return (Input(value=term.value), *term.factors)

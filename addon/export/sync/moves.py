@@ -1,0 +1,198 @@
+"""Objects that moved and lamps that changed, in a scene that is known: then nothing else has to be
+walked over.
+
+Blender lists every object whose transform was evaluated anew, those that follow another by
+parenting or constraints as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ....engine.scene import EVERYTHING, Instances, Light, Scene
+from ..instances import Census, Thing, flags_of
+from ..light_links import blockers_of, receivers_of
+from ..lights import Lights, Seen
+from ..placing import without_collapsed
+from ..report import Report
+
+
+@dataclass
+class _Place:
+    """Numbers of an object's groups and lights in the scene."""
+
+    instances: list[int] = field(default_factory=list)
+    lights: list[int] = field(default_factory=list)
+
+
+class Stage:
+    """A scene, and where in it the things are that stand there by themselves, once each."""
+
+    def __init__(
+        self, scene: Scene, census: Census, worn: tuple = (), report: Report | None = None
+    ) -> None:
+        """worn: what the scene's materials were made from, for whoever makes them anew.  report: of
+        all but them.
+        """
+        self.scene, self.worn, self.report, self._census = scene, worn, report or Report(), census
+        self._places: dict[int, _Place | None] = {}
+
+    def place_instances(self, thing: Thing, number: int | None) -> None:
+        """The group of a thing; None for a thing that is not in the scene as it is."""
+        self._place(thing, number, lambda place: place.instances)
+
+    def place_light(self, thing: Thing, number: int | None) -> None:
+        self._place(thing, number, lambda place: place.lights)
+
+    def _place(self, thing: Thing, number: int | None, numbers: Any) -> None:
+        place = self._places.setdefault(thing.uid, _Place())
+        if (
+            number is None
+            or place is None
+            or len(thing.matrices) != 1
+            or thing.uid in self._census.instancing
+        ):
+            self._places[thing.uid] = None
+        else:
+            numbers(place).append(number)
+
+    def follow(self, updates: list[Any], view_layer: Any, images: Any) -> bool:
+        """Takes `depsgraph.updates` into the scene; False, with the scene as it was, where more
+        changed than these numbers tell, or nothing at all is said.
+
+        images: for lamps with nodes.
+        """
+        instances, lights = list(self.scene.instances), list(self.scene.lights)
+        lamps = {update.id.data for update in updates if _is_lamp(update)}
+        told = [
+            update
+            for update in updates
+            if not (update.id.id_type == "LIGHT" and update.id in lamps)
+        ]
+        if not told or self._is_linked(told):
+            return False
+        if not all(self._apply(update, instances, lights, view_layer, images) for update in told):
+            return False
+        self.scene = replace(self.scene, instances=tuple(instances), lights=tuple(lights))
+        return True
+
+    def _is_linked(self, updates: list[Any]) -> bool:
+        """Whether lights light but some objects, or have shadows of some, or begin to: any edit may
+        change which.
+        """
+        return any(
+            light.receivers & light.blockers != EVERYTHING for light in self.scene.lights
+        ) or any(
+            of(update.id.original) is not None
+            for update in updates
+            if update.id.id_type == "OBJECT"
+            for of in (receivers_of, blockers_of)
+        )
+
+    def stands(self, updates: list[Any], view_layer: Any) -> bool:
+        """Whether objects of which these updates say only that they are shaded anew are seen as
+        before.
+        """
+        return not self._is_linked(updates) and all(
+            self._is_seen_as_before(update.id, view_layer)
+            for update in updates
+            if update.id.id_type == "OBJECT"
+        )
+
+    def _is_seen_as_before(self, thing: Any, view_layer: Any) -> bool:
+        uid = thing.original.session_uid
+        if uid not in self._places:
+            return not self._is_met(uid)
+        place = self._places[uid]
+        if place is None or place.lights:
+            return False
+        report = Report()
+        flags = flags_of(thing, thing, view_layer, report)
+        if report.mentions(thing.name) or self.report.mentions(thing.name):
+            return False  # what is said of it may be another thing now
+        now = (thing.pass_index, *flags[:4], flags.catcher)
+        groups = [self.scene.instances[number] for number in place.instances]
+        if any(group.values for group in groups):
+            return False  # materials read what an edit of the object may have changed
+        return all(
+            now
+            == (
+                g.object_index,
+                g.visible_camera,
+                g.visible_mirror,
+                g.visible_shadow,
+                g.holdout,
+                g.catcher,
+            )
+            for g in groups
+        )
+
+    def _is_met(self, uid: int) -> bool:
+        return uid in self._census.rendering or uid in self._census.instancing
+
+    def _apply(
+        self,
+        update: Any,
+        instances: list[Instances],
+        lights: list[Light],
+        view_layer: Any,
+        images: Any,
+    ) -> bool:
+        """Whether all that the update tells is in the lists now."""
+        changed = update.id
+        if changed.id_type != "OBJECT" or (
+            not update.is_updated_transform and not _is_lamp(update)
+        ):
+            return False
+        if (update.is_updated_geometry or update.is_updated_shading) and not _is_lamp(update):
+            return False
+        uid = changed.original.session_uid
+        if uid not in self._places:
+            return not self._is_met(uid)  # a camera, an empty, something hidden
+        place = self._places[uid]
+        if place is None:
+            return False
+        matrix = np.array(changed.matrix_world, np.float64)[None, :3]
+        return _move(place.instances, matrix, instances) and _relight(
+            place.lights, changed, matrix, lights, view_layer, images, self.report
+        )
+
+
+def _is_lamp(update: Any) -> bool:
+    return update.id.id_type == "OBJECT" and update.id.type == "LIGHT"
+
+
+def _move(numbers: list[int], matrix: np.ndarray, instances: list[Instances]) -> bool:
+    """False for a matrix that leaves nothing of a surface."""
+    if not np.isfinite(matrix).all():
+        return False
+    for number in numbers:
+        instances[number] = replace(instances[number], world_from_object=matrix)
+    moved = tuple(instances[number] for number in numbers)
+    return len(without_collapsed(moved, Report())) == len(moved)
+
+
+def _relight(
+    numbers: list[int],
+    lamp: Any,
+    matrix: np.ndarray,
+    lights: list[Light],
+    view_layer: Any,
+    images: Any,
+    report: Report,
+) -> bool:
+    """False where the lamp is not one light any more, or something is or was said of it in
+    `report`.
+    """
+    for number in numbers:
+        own = Report()
+        flags = flags_of(lamp, lamp, view_layer, own)
+        made = Lights(images, own)
+        made.add(lamp.name, lamp.data, matrix, Seen(flags.camera, flags.mirror))
+        if len(made.lights) != 1 or own.notes() or report.mentions(lamp.name):
+            return False
+        lights[number] = made.lights[0]
+    return True

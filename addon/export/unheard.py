@@ -1,0 +1,92 @@
+"""Settings by which Cycles draws something else and Glint does not: told by name, with what to do
+instead. What decides only noise or time is not told.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .report import Report
+
+LEAST_BOUNCES = 4
+"""Light that may bounce less than this is told: it is the default of Diffuse Bounces."""
+_TERMINATOR = ("shadow_terminator_shading_offset", "shadow_terminator_geometry_offset")
+
+
+def note_light(name: str, data: Any, report: Report) -> None:
+    """A light's own settings. data: evaluated."""
+    if getattr(data.cycles, "max_bounces", LEAST_BOUNCES) < LEAST_BOUNCES:
+        report.note(
+            "Max Bounces of lights is not rendered: {} bounce as often as all light; set Diffuse "
+            "Bounces of the scene",
+            name,
+        )
+
+
+def note_world(world: Any, report: Report) -> None:
+    """An evaluated world's own settings."""
+    if getattr(getattr(world, "cycles", None), "max_bounces", LEAST_BOUNCES) < LEAST_BOUNCES:
+        report.note(
+            "Max Bounces of the world {} is not rendered: its light bounces as often as all light; "
+            "set Diffuse Bounces of the scene",
+            world.name,
+        )
+
+
+def note_object(name: str, owner: Any, report: Report) -> None:
+    """What has a surface. owner: the object or its instancer."""
+    if not owner.visible_diffuse:
+        report.note(
+            "Matt surfaces see {} in spite of its ray visibility: it shades, glows and bounces "
+            "light; hide it from the render, or exclude it in another view layer",
+            name,
+        )
+    if any(_is_set(owner, setting) for setting in _TERMINATOR):
+        report.note(
+            "Shadow Terminator offsets are not rendered in {}: subdivide it where shadows are "
+            "angular",
+            name,
+        )
+    if getattr(getattr(owner, "cycles", None), "is_caustics_caster", False):
+        report.note("Shadow caustics are not rendered: {} cast none; light them by a lamp", name)
+
+
+def _is_set(owner: Any, setting: str) -> bool:
+    value = getattr(owner, setting, None)
+    return value is not None and value != owner.bl_rna.properties[setting].default
+
+
+def note_material(material: Any, is_see_through: bool, is_bent: bool, report: Report) -> None:
+    """is_see_through: it has a transparent lobe. is_bent: nodes bend its normal."""
+    if is_see_through and not getattr(material, "use_transparent_shadow", True):
+        report.note(
+            "Shadows of {} are transparent although Transparent Shadows is off: turn off the alpha "
+            "for shadow rays by Light Path, Is Shadow Ray",
+            material.name,
+        )
+    own = getattr(material, "cycles", None)
+    if is_bent and not getattr(own, "use_bump_map_correction", True):
+        report.note(
+            "Bump Map Correction is not switched off in {}: bent normals are kept from showing "
+            "what is behind the surface",
+            material.name,
+        )
+
+
+def note_scene(scene: Any, report: Report) -> None:
+    """Cycles' settings of an evaluated scene."""
+    cycles = getattr(scene, "cycles", None)
+    if cycles is None:
+        return
+    if cycles.film_exposure != 1.0:
+        report.note("Cycles' Film Exposure is not rendered: set it in Color Management")
+    if scene.render.film_transparent and cycles.film_transparent_glass:
+        report.note(
+            "Transparent Glass is not rendered: glass hides what is transparent behind it; use a "
+            "Transparent BSDF"
+        )
+    if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
+        report.note(
+            "Camera and distance culling is not rendered: all objects are; hide those that are "
+            "culled"
+        )

@@ -1,0 +1,206 @@
+#include "integrator/media.h"
+
+#include <algorithm>
+
+#include "math/math.h"
+#include "session/timer.h"
+#include "shading/surface.h"
+
+namespace glint {
+namespace {
+
+Vec3d vertex(const GlintGeometry& geometry, size_t row) {
+  const float* p = geometry.vertices + 3 * row;
+  return {p[0], p[1], p[2]};
+}
+
+/// sigma times a length that may be endless.
+Vec3d times(Vec3d sigma, double way) {
+  const auto channel = [&](double s) { return s > 0 ? s * way : 0; };
+  return {channel(sigma.x), channel(sigma.y), channel(sigma.z)};
+}
+
+}  // namespace
+
+MediaSpans::MediaSpans(const Scene& scene, Scratch& scratch)
+    : scene_(scene), scratch_(scratch), veils_(scene.enclosures.size(), Opacity::kVaried) {
+  opacity_.of_instance = veils_.data();
+  if (!veils_.empty()) hits_.resize(kAtOnce * Layers::kMost);
+}
+
+void MediaSpans::find(const Rays& rays, RayCounts& counts) {
+  crossings_.clear();
+  spans_.clear();
+  end_.assign(rays.count, 0);
+  if (scene_.enclosures.empty()) return;
+  find_crossings(rays, counts);
+  std::sort(crossings_.begin(), crossings_.end(), [](const Crossing& a, const Crossing& b) {
+    return a.ray != b.ray               ? a.ray < b.ray
+           : a.enclosure != b.enclosure ? a.enclosure < b.enclosure
+                                        : a.t < b.t;
+  });
+  size_t ray = 0;
+  for (size_t first = 0, next; first < crossings_.size(); first = next) {
+    const Crossing& c = crossings_[first];
+    for (; ray < c.ray; ++ray) end_[ray] = uint32_t(spans_.size());
+    size_t end = first;
+    next = merge(first, end);
+    add_spans(rays, first, end);
+  }
+  for (; ray < rays.count; ++ray) end_[ray] = uint32_t(spans_.size());
+}
+
+void MediaSpans::wait(const Rays& rays, uint32_t ray, double t_min) {
+  const size_t k = waiting_count_++;
+  waiting_number_[k] = ray;
+  for (size_t c = 0; c < 3; ++c) {
+    waiting_[kO + c][k] = rays.o[c][ray];
+    waiting_[kD + c][k] = rays.d[c][ray];
+  }
+  waiting_[kTMin][k] = t_min;
+  waiting_[kTMax][k] = kInfinity;
+}
+
+/// Round by round, as many layers of each ray as are found at a time. Rays that have to go on wait
+/// in place of earlier ones.
+void MediaSpans::find_crossings(const Rays& rays, RayCounts& counts) {
+  const Timer timer(counts.tracing);
+  waiting_.reserve(rays.count);
+  waiting_number_.resize(waiting_.rows());
+  waiting_count_ = 0;
+  for (uint32_t k = 0; k < rays.count; ++k) wait(rays, k, rays.t_min[k]);
+  uint8_t found[kAtOnce], blocked[kAtOnce];
+  uint32_t number[kAtOnce];
+  while (waiting_count_ > 0) {
+    const size_t count = waiting_count_;
+    waiting_count_ = 0;
+    for (size_t k = 0; k < count; k += kAtOnce) {
+      const size_t some = std::min(count - k, kAtOnce);
+      std::copy_n(waiting_number_.data() + k, some, number);
+      const auto at = [&](size_t column) { return waiting_[column] + k; };
+      const Rays here{{at(kO), at(kO + 1), at(kO + 2)},
+                      {at(kD), at(kD + 1), at(kD + 2)},
+                      at(kTMin),
+                      at(kTMax),
+                      some,
+                      rays.visibility,
+                      &opacity_};
+      scene_.media_accel().find_layers(here, {hits_.data(), found}, blocked, scratch_);
+      for (size_t i = 0; i < some; ++i) {
+        if (blocked[i] == 0) continue;
+        const size_t layers = std::min<size_t>(found[i], Layers::kMost);
+        take_layers(rays, number[i], hits_.data() + i * Layers::kMost, layers,
+                    found[i] > Layers::kMost);
+      }
+    }
+  }
+}
+
+/// more: there are others beyond them, of which those that are as far as the last of these may be
+/// missing.
+void MediaSpans::take_layers(const Rays& rays, uint32_t ray, const Hit* hits, size_t count,
+                             bool more) {
+  size_t taken = count;
+  while (more && taken > 0 && beyond(hits[taken - 1].t) >= hits[count - 1].t) --taken;
+  if (more && taken == 0) taken = count;
+  for (size_t i = 0; i < taken; ++i)
+    crossings_.push_back({ray, hits[i].instance, hits[i].t, enters(rays, ray, hits[i]) ? 1 : -1});
+  if (more) wait(rays, ray, beyond(hits[taken - 1].t));
+}
+
+/// Whether the ray meets the outer side.
+bool MediaSpans::enters(const Rays& rays, uint32_t ray, const Hit& hit) const {
+  const Vec3d d{rays.d[0][ray], rays.d[1][ray], rays.d[2][ray]};
+  const uint32_t instance = scene_.enclosures[hit.instance].instance;
+  const GlintGeometry& geometry = scene_.geometry(scene_.group(instance));
+  if (geometry.kind != GLINT_MESH) {
+    Hit met = hit;
+    met.instance = instance;
+    return surface_at(scene_, {rays.o[0][ray], rays.o[1][ray], rays.o[2][ray]}, d, met).outside;
+  }
+  const uint32_t* corner = geometry.triangles + 3 * size_t(hit.primitive);
+  const Vec3d a = vertex(geometry, corner[0]), b = vertex(geometry, corner[1]),
+              c = vertex(geometry, corner[2]);
+  return dot(scene_.normal_matrix(instance)(unit(cross(b - a, c - a))), d) <= 0;
+}
+
+/// Makes the crossings of one ray and enclosure that rounding cannot tell apart one; they are
+/// [first, end) then. Where the next ones begin.
+size_t MediaSpans::merge(size_t first, size_t& end) {
+  size_t next = first;
+  end = first;
+  const Crossing group = crossings_[first];
+  const auto same = [&](const Crossing& c) {
+    return c.ray == group.ray && c.enclosure == group.enclosure;
+  };
+  while (next < crossings_.size() && same(crossings_[next])) {
+    Crossing one = crossings_[next];
+    bool in = one.step > 0, out = one.step < 0;
+    double last = one.t;
+    for (++next;
+         next < crossings_.size() && same(crossings_[next]) && crossings_[next].t <= beyond(last);
+         ++next) {
+      in |= crossings_[next].step > 0;
+      out |= crossings_[next].step < 0;
+      last = crossings_[next].t;
+    }
+    one.step = int(in) - int(out);
+    crossings_[end++] = one;
+  }
+  return next;
+}
+
+/// Of one ray and enclosure: where the ray goes out further on more often than in, so that it does
+/// not matter from where it looks.
+void MediaSpans::add_spans(const Rays& rays, size_t first, size_t end) {
+  int depth = 0;
+  for (size_t i = end; i-- > first;) {
+    const Crossing& c = crossings_[i];
+    depth = std::max(0, depth - c.step);
+    if (depth > 0)
+      add_span(rays, c.ray, c.enclosure, i > first ? crossings_[i - 1].t : -kInfinity, c.t);
+  }
+}
+
+/// Cut to the enclosure's box: a surface that is not closed bounds nothing beyond it.
+void MediaSpans::add_span(const Rays& rays, uint32_t ray, uint32_t enclosure, double from,
+                          double to) {
+  const Enclosure& e = scene_.enclosures[enclosure];
+  for (int c = 0; c < 3; ++c) {
+    const double o = rays.o[c][ray], d = rays.d[c][ray];
+    if (d == 0) {
+      if (o < e.low[c] || o > e.high[c]) return;
+      continue;
+    }
+    const double a = (e.low[c] - o) / d, b = (e.high[c] - o) / d;
+    from = std::max(from, std::min(a, b));
+    to = std::min(to, std::max(a, b));
+  }
+  if (from < to) spans_.push_back({enclosure, from, to});
+}
+
+Vec3d MediaSpans::depth(size_t k, double from, double to, uint64_t passed_sets,
+                        bool catchers_alone) const {
+  Vec3d sum;
+  if (!(from < to)) return sum;
+  if (scene_.world_medium >= 0)
+    sum = times(scene_.media[size_t(scene_.world_medium)].extinction, to - from);
+  for (size_t i = k > 0 ? end_[k - 1] : 0; i < end_[k]; ++i) {
+    const Span& span = spans_[i];
+    const Enclosure& e = scene_.enclosures[span.enclosure];
+    const GlintInstances& group = scene_.group(e.instance);
+    if (passed_sets && passed_sets >> group.light_set & 1) continue;
+    if (catchers_alone && !(group.flags & GLINT_CATCHER)) continue;
+    const double way = std::min(span.to, to) - std::max(span.from, from);
+    if (way > 0) sum += times(scene_.media[e.medium].extinction, way);
+  }
+  return sum;
+}
+
+Vec3d MediaSpans::passed(size_t k, double from, double to, uint64_t passed_sets,
+                         bool catchers_alone) const {
+  const Vec3d tau = depth(k, from, to, passed_sets, catchers_alone);
+  return {exponential(-tau.x), exponential(-tau.y), exponential(-tau.z)};
+}
+
+}  // namespace glint

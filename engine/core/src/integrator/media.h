@@ -1,0 +1,62 @@
+// Where rays are inside of media, and what these let through (SEMANTICS.md, Media).
+#pragma once
+#include <vector>
+
+#include "integrator/columns.h"
+#include "integrator/plan.h"
+#include "scene/scene.h"
+
+namespace glint {
+
+/// The media on the way of some rays, beyond what they meet too: of each enclosure, where a ray
+/// goes out further on more often than in.
+class MediaSpans {
+ public:
+  MediaSpans(const Scene& scene, Scratch& scratch);
+
+  /// Of rays from where they begin to look on; ends do not matter.
+  void find(const Rays& rays, RayCounts& counts);
+  /// The optical depth of ray k from one place to another one. passed_sets: of a light's shadow
+  /// rays, see GlintLight. catchers_alone: of what catchers of shadows enclose, and the world.
+  Vec3d depth(size_t k, double from, double to, uint64_t passed_sets = 0,
+              bool catchers_alone = false) const;
+  /// How much goes straight on between them.
+  Vec3d passed(size_t k, double from, double to, uint64_t passed_sets = 0,
+               bool catchers_alone = false) const;
+
+ private:
+  static constexpr size_t kO = 0, kD = 3, kTMin = 6, kTMax = 7, kColumns = 8;
+  static constexpr size_t kAtOnce = 128;  // rays
+
+  struct Crossing {
+    uint32_t ray, enclosure;
+    double t;
+    int step;  // 1 where the ray goes in, -1 where out, 0 where both at once
+  };
+  struct Span {
+    uint32_t enclosure;
+    double from, to;
+  };
+
+  void wait(const Rays& rays, uint32_t ray, double t_min);
+  void find_crossings(const Rays& rays, RayCounts& counts);
+  void take_layers(const Rays& rays, uint32_t ray, const Hit* hits, size_t count, bool more);
+  bool enters(const Rays& rays, uint32_t ray, const Hit& hit) const;
+  size_t merge(size_t first, size_t& end);
+  void add_spans(const Rays& rays, size_t first, size_t end);
+  void add_span(const Rays& rays, uint32_t ray, uint32_t enclosure, double from, double to);
+
+  const Scene& scene_;
+  Scratch& scratch_;
+  std::vector<uint8_t> veils_;  // of enclosures: all are met, and none stops a ray
+  Opacity opacity_{};
+  Columns waiting_{kColumns};
+  size_t waiting_count_ = 0;
+  std::vector<uint32_t> waiting_number_;
+  std::vector<Hit> hits_;
+  std::vector<Crossing> crossings_;
+  std::vector<Span> spans_;
+  std::vector<uint32_t> end_;  // of each ray's spans
+};
+
+}  // namespace glint

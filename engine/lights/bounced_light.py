@@ -1,0 +1,333 @@
+"""Light that surfaces throw onto each other, as points that all pixels of a sample share: virtual
+point lights (Keller 1997, Instant radiosity).
+
+Quasi-random walks leave the lights; where one meets a surface that scatters light, this glows from
+there on. The points do not depend on the camera.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..accelerator import Accelerator
+from ..sampling import chosen, concentric_disc, dome_points, tabled, walk_points
+from ..scene import Bounces, Light, Scene
+from .mesh_lights import MeshTable, along_a_curve
+from .met_surfaces import met_surfaces
+from .walk_starts import FEWEST, ROUNDED, Start, cosine_around, starts
+
+if TYPE_CHECKING:
+    from ..reference.materials import Coefficients
+    from ..reference.surface import Surface
+
+Array = np.ndarray
+
+POINTS = 1 << 13
+"""About so many points, of all bounces together."""
+BESIDE, NEIGHBOURS = 24, 8
+"""A point's surroundings are a disc to the eighth of so many to each side of it."""
+MERGED = 16
+"""As `mesh_lights.MERGED`: fewer, as these points are strewn less evenly. Corners lose some 2 % of
+the light, with 64 they have spots at 64 samples.
+"""
+MOST_MORE = 8
+"""Times as many walks where few of them meet anything."""
+PILOT = 8
+"""One in so many tells first how many do, so that no more set out than are needed."""
+MOST_PASSED = 16
+"""Transparent surfaces that a walk passes."""
+LARGEST = 1e100
+GOLDEN = 0.6180339887498949
+"""Apart lie the numbers of a walk's points at its steps: the golden ratio spreads them evenly."""
+
+
+def bounced_light(scene: Scene, bounces: int) -> Light | None:
+    """The BOUNCED light of a scene with its lights, MESH and DOME among them, after so many
+    diffuse bounces; None where no light meets a surface that scatters it.
+    """
+    if not (bounces and scene.instances and scene.lights):
+        return None
+    return _light(_Same(scene), bounces)
+
+
+class _Same:
+    """Those parts of a scene on which its bounced light depends, as a key: equal where they are the
+    same objects.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._things = (
+            *scene.geometries,
+            *scene.instances,
+            *scene.materials,
+            *scene.textures,
+            *scene.lights,
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and (
+            len(self._things) == len(other._things)
+            and all(a is b for a, b in zip(self._things, other._things, strict=True))
+        )
+
+    def __hash__(self) -> int:
+        return hash(tuple(map(id, self._things)))
+
+
+@functools.lru_cache(maxsize=2)
+def _light(same: _Same, bounces: int) -> Light | None:
+    # near the scene: sums of large and small coordinates lose the small ones' last digits
+    first = np.array(same.scene.instances[0].world_from_object[0, :, 3], np.float64)
+    found = _Walks(same.scene, first, bounces).found()
+    if found is None:
+        return None
+    low, high = found.points.min(0), found.points.max(0)
+    size, origin = high - low, first + (low + high) / 2
+    return Light(
+        "Bounced light",
+        "BOUNCED",
+        np.column_stack([np.eye(3), origin]),
+        size_x=float(size[0]),
+        size_y=float(size[1]),
+        radius=float(size[2]) / 2,
+        bounces=replace(found, points=found.points - (origin - first)),
+    )
+
+
+def bounced_table(light: Light, samples: int, each: int) -> MeshTable:
+    """What tracers know of a BOUNCED light of which each of `samples` samples of a pixel takes
+    `each` points, as `mesh_lights.mesh_table`.
+    """
+    b = light.bounces
+    count = tabled(samples, each)
+    u = dome_points(count)
+    index, share = _taken(b, count)
+    # neighbours in the order go to samples far from each other
+    rows = np.argsort(np.argsort(u[:, 0], kind="stable"), kind="stable")
+    index, share = index[rows], share[rows]
+    return MeshTable(
+        b.points[index],
+        b.normals[index],
+        b.radiance[index] * share[:, None],
+        np.zeros((count, 3)),
+        b.spreads[index],
+        b.reaches[index],
+        concentric_disc(2 * u - 1),
+        each,
+        b.caught[index],
+    )
+
+
+def _taken(b: Bounces, count: int) -> tuple[Array, Array]:
+    """Which `count` points are taken, in their order, and how many times as much each gives as one
+    that was taken with its weight's chance.
+
+    Each point has a number of its own, and those are taken whose number over their weight is least
+    (Duffield, Lund, Thorup 2007, Priority sampling): where an object moves, the points of walks
+    that it does not meet stay.
+    """
+    if count >= len(b.weights):
+        u = (np.arange(count) + 0.5) / count
+        return chosen(b.weights, u)[0], np.ones(count)
+    key = b.numbers / b.weights
+    least = np.partition(key, count)[count]
+    index = np.flatnonzero(key < least)
+    if len(index) < count:
+        ties = np.flatnonzero(key == least)
+        index = np.sort(np.concatenate([index, ties[: count - len(index)]]))
+    # taken with the chance min(1, least x weight)
+    share = count * np.maximum(b.weights, 1 / least) / b.weights.sum()
+    return index, share[index]
+
+
+def _spreads(points: Array, weights: Array) -> Array:
+    """(m,) one over how densely, by area, points (m, 3) are taken near each, in the order of a
+    curve: the discs to the eighth of those beside it in the order, over the share of the weights in
+    it. Weak points among strong ones are as densely taken as these.
+    """
+    apart = np.full((2 * BESIDE + 1, len(points)), np.inf)
+    weight = np.zeros_like(apart)
+    apart[-1], weight[-1] = 0.0, weights
+    for step in range(1, min(BESIDE, len(points) - 1) + 1):
+        square = ((points[step:] - points[:-step]) ** 2).sum(1)
+        apart[2 * step - 2, step:] = apart[2 * step - 1, :-step] = square
+        weight[2 * step - 2, step:], weight[2 * step - 1, :-step] = weights[:-step], weights[step:]
+    order = np.argsort(apart, 0, kind="stable")[: NEIGHBOURS + 1]
+    apart = np.take_along_axis(apart, order, 0)
+    weight = np.where(np.isfinite(apart), np.take_along_axis(weight, order, 0), 0.0)
+    # half of the farthest: it is on the disc's edge
+    share = weight.sum(0) - weight[-1] / 2
+    area = np.pi * np.where(np.isfinite(apart), apart, 0.0).max(0)
+    # points that coincide, and a single one
+    area = np.maximum(area, max(1e-9 * area.max(), 1e-150))
+    return area * weights.sum() / share
+
+
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """n walks on their way. start: which began them. number: among those of their start.  o, d:
+    (3, n).  carried: (3, n) what is left of the light, or what it is once a surface scattered it.
+    weight: (n,) how likely points of it are taken.  scattered: (n,) how often it was.
+    """
+
+    start: Array
+    number: Array
+    o: Array
+    d: Array
+    carried: Array
+    weight: Array
+    scattered: Array
+
+    def take(self, index: Array) -> _Steps:
+        return _Steps(**{f.name: getattr(self, f.name)[..., index] for f in fields(self)})
+
+
+class _Walks:
+    """Of one scene. Points count from an origin."""
+
+    def __init__(self, scene: Scene, origin: Array, bounces: int) -> None:
+        self._scene, self._origin, self._bounces = scene, origin, bounces
+        self._count = max(POINTS // bounces, FEWEST)
+
+    def found(self) -> Bounces | None:
+        scene = self._scene
+        with Accelerator(scene.geometries, scene.instances) as surfaces:
+            if not np.isfinite(surfaces.bounds).all():
+                return None
+            few, self._count = self._count, max(self._count // PILOT, FEWEST)
+            columns = self._points(surfaces)
+            more = float(MOST_MORE)
+            if columns is not None:
+                # a power of two, so that things that move seldom change it
+                wanted = self._count * POINTS / len(columns[0]) / few
+                more = min(max(2.0 ** np.ceil(np.log2(wanted) - 0.5), 1.0), more)
+            self._count = round(few * more)
+            columns = self._points(surfaces)
+        if columns is None:
+            return None
+        points, normals, power, weight, reaches, numbers, caught = columns
+        good = along_a_curve(points)
+        points, weight = points[good], weight[good]
+        spreads = _spreads(points, weight)
+        radiance = power[good] * (weight.sum() / (weight * spreads))[:, None]
+        radiance = np.clip(radiance, -LARGEST, LARGEST)
+        return Bounces(
+            points,
+            normals[good],
+            radiance,
+            spreads,
+            weight,
+            reaches[good],
+            numbers[good],
+            caught[good],
+        )
+
+    def _points(self, surfaces: Accelerator) -> list[Array] | None:
+        """Columns as of `_walk`, of all lights; None where there are none."""
+        begun = list(starts(self._scene, self._origin, surfaces.bounds, self._count))
+        parts = list(self._walk(surfaces, begun)) if begun else []
+        if not parts:
+            return None
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        _, _, power, weight, *_ = columns
+        good = np.flatnonzero((weight > 0) & np.isfinite(power).all(1) & power.any(1))
+        return [column[good] for column in columns] if len(good) else None
+
+    def _walk(self, surfaces: Accelerator, begun: list[Start]) -> Iterator[tuple[Array, ...]]:
+        """Columns of points, normals, power (radiance times area), weights, reaches, numbers and
+        which are on catchers, a part for each step of the walks.
+        """
+        counts = [start.origin.shape[1] for start in begun]
+        totals, n = np.array(counts), sum(counts)
+        steps = _Steps(
+            np.repeat(np.arange(len(begun)), counts),
+            np.concatenate([np.arange(count) for count in counts]),
+            np.concatenate([start.origin for start in begun], 1),
+            np.concatenate([start.direction for start in begun], 1),
+            np.ones((3, n)),
+            np.ones(n),
+            np.zeros(n, np.intp),
+        )
+        for number in range(self._bounces + MOST_PASSED):
+            hit, surface, k, sets, caught = self._met(surfaces, steps)
+            if not len(hit):
+                return
+            steps = steps.take(hit)
+            white = steps.carried.copy()
+            passed = np.zeros(len(hit), bool)
+            for which, start in enumerate(begun):
+                fresh = np.flatnonzero((steps.scattered == 0) & (steps.start == which))
+                white[:, fresh] *= start.given(surface.x[:, fresh], steps.number[fresh])
+                white[:, fresh[_without(start.receivers, sets[fresh])]] = 0.0
+                passed[fresh] = _without(start.blockers, sets[fresh])
+            k = _let_through(k, np.flatnonzero(passed))
+            power = white * k.diffuse
+            weight = steps.weight * np.abs(k.diffuse).mean(0)
+            numbers = (steps.number + 0.5) / totals[steps.start] + number * GOLDEN
+            parts = surface.x.T, surface.g.T, power.T, weight, surface.offset, numbers % 1.0
+            yield (*parts, caught)
+            steps = self._onward(steps, surface, k, power, weight, number)
+
+    def _met(
+        self, surfaces: Accelerator, steps: _Steps
+    ) -> tuple[Array, Surface, Coefficients, Array, Array]:
+        """Of the walks that meet something."""
+        origins = (steps.o + self._origin[:, None]).T
+        hits = surfaces.closest(origins, steps.d.T, visibility="shadow")
+        return met_surfaces(self._scene, self._origin, steps.o, steps.d, hits)
+
+    def _clear(self, surface: Surface) -> Array:
+        """How far from the surface walks go on: the queries' is that of single precision."""
+        return ROUNDED * np.abs(surface.x + self._origin[:, None]).max(0) + surface.offset
+
+    def _onward(
+        self,
+        steps: _Steps,
+        surface: Surface,
+        k: Coefficients,
+        power: Array,
+        weight: Array,
+        number: int,
+    ) -> _Steps:
+        """Each walk goes straight on through what is transparent or is scattered, by chance in
+        proportion to how much does; those end that have no bounce left.
+        """
+        passing = np.clip(k.transparent, 0.0, 1.0)
+        straight, scattering = passing.max(0), np.abs(k.diffuse).max(0)
+        total = straight + scattering
+        u, v = walk_points(self._count, 2 + number)[steps.number % self._count].T
+        passes = walk_points(self._count, 128 + number)[steps.number % self._count, 0] * total < (
+            straight
+        )
+        share = total / np.where(passes, straight, np.where(scattering > 0, scattering, 1.0))
+        next_ones = _Steps(
+            steps.start,
+            steps.number,
+            surface.x + np.where(passes, -1.0, 1.0) * self._clear(surface) * surface.g,
+            np.where(passes, steps.d, cosine_around(surface.g, u, v)),
+            share * np.where(passes, steps.carried * passing, power),
+            share * np.where(passes, steps.weight * passing.mean(0), weight),
+            steps.scattered + ~passes,
+        )
+        go = (total > 0) & (next_ones.scattered < self._bounces) & (next_ones.weight > 0)
+        return next_ones.take(np.flatnonzero(go))
+
+
+def _without(bits: int, sets: Array) -> Array:
+    """(m,) bool: which of the sets have no bit."""
+    return np.array([not bits >> int(number) & 1 for number in sets], bool)
+
+
+def _let_through(k: Coefficients, points: Array) -> Coefficients:
+    """The same where light passes some points as if nothing were there."""
+    if not len(points):
+        return k
+    diffuse, transparent = k.diffuse.copy(), k.transparent.copy()
+    diffuse[:, points], transparent[:, points] = 0.0, 1.0
+    return replace(k, diffuse=diffuse, transparent=transparent)

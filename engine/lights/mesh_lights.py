@@ -1,0 +1,382 @@
+"""Surfaces that glow as a light: their triangles, and points on them by importance, the same for
+all pixels of a sample (Shirley, Wang, Zimmermann 1996; Keller 1997).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..sampling import chosen, concentric_disc, dome_points, tabled
+from ..scene import Camera, Emitters, Instances, Light, Material, Mesh, Scene
+from .dome import LARGEST
+
+Array = np.ndarray
+
+ROUND = 64
+"""Spheres up to which each is a polyhedron of 320 faces, above of 80."""
+INWARD = 0.1
+"""Density of the points in a sphere beside those on it."""
+MOST_PARTS = 32
+"""To a side of a triangle whose emission varies."""
+PARTS = 1 << 14
+"""Into about so many triangles those are cut whose emission varies."""
+MERGED = 64
+"""Samples of a pixel. A point is nowhere seen from nearer than the radius of the disc that it
+stands for among theirs: the surface does not end in dots where it meets another.
+"""
+LONG = 4.5
+"""Square of the longest side over the area: 4 of half a square, 2.3 of an even triangle."""
+PIECES = 1 << 10
+"""Triangles with less than such a share of the power stay whole, however long."""
+MARGIN = 2.0**-10
+"""Points keep off the edges of triangles, where the inner side of one is seen past its neighbour.
+"""
+
+
+_NOTHING = Mesh("", np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
+
+
+def _at(eye: Array) -> Camera:
+    """Any camera there."""
+    return Camera("PERSPECTIVE", np.column_stack([np.eye(3), eye]), (-1, 1, -1, 1), (1, 1))
+
+
+def mesh_light(scene: Scene) -> Light | None:
+    """The MESH light of all surfaces of a scene that glow; None without any."""
+    glowing = {k for k, material in enumerate(scene.materials) if _glows(material)}
+    blocks = [
+        block
+        for block in (scene.instances if glowing else ())
+        if not (block.holdout or block.catcher or glowing.isdisjoint(block.materials))
+    ]
+    return _light(_Same(scene, blocks)) if blocks else None
+
+
+def _glows(material: Material) -> bool:
+    return any(lobe.kind == "EMISSION" for lobe in material.lobes)
+
+
+class _Same:
+    """Those things of a scene on which its MESH light depends, as a key: equal where they are the
+    same objects.
+    """
+
+    def __init__(self, scene: Scene, blocks: list[Instances]) -> None:
+        used = {block.geometry for block in blocks}
+        geometries = [g if k in used else _NOTHING for k, g in enumerate(scene.geometries)]
+        self.scene = replace(
+            scene, geometries=tuple(geometries), instances=tuple(blocks), lights=()
+        )
+        glowing = {k: scene.materials[k] for block in blocks for k in block.materials}
+        varied = [m for m in glowing.values() if _varies(m)]
+        self._things = (
+            *blocks,
+            *(scene.geometries[block.geometry] for block in blocks),
+            *glowing.values(),
+            *(scene.textures if varied else ()),
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and (
+            len(self._things) == len(other._things)
+            and all(a is b for a, b in zip(self._things, other._things, strict=True))
+        )
+
+    def __hash__(self) -> int:
+        return hash(tuple(map(id, self._things)))
+
+
+@functools.lru_cache(maxsize=2)
+def _light(same: _Same) -> Light | None:
+    # near what glows: sums of large and small coordinates lose the small ones' last digits
+    first = np.array(same.scene.instances[0].world_from_object[0, :, 3], np.float64)
+    found = _found(same.scene, first)
+    if found is None:
+        return None
+    low, high = found.corners.min((0, 1)), found.corners.max((0, 1))
+    size, origin = high - low, first + (low + high) / 2
+    return Light(
+        "Glowing surfaces",
+        "MESH",
+        np.column_stack([np.eye(3), origin]),
+        size_x=float(size[0]),
+        size_y=float(size[1]),
+        radius=float(size[2]) / 2,
+        emitters=replace(found, corners=found.corners - (origin - first)),
+    )
+
+
+def _found(scene: Scene, origin: Array) -> Emitters | None:
+    """All that glows, counted from the origin, None where nothing does."""
+    parts = list(_Surfaces(replace(scene, camera=_at(origin)), origin).parts())
+    if not parts:
+        return None
+    columns = ((p.corners, p.front, p.back, p.weight) for p in parts)
+    corners, front, back, weight = map(np.concatenate, zip(*columns, strict=True))
+    with np.errstate(over="ignore", invalid="ignore"):
+        front, back = (np.clip(side, -LARGEST, LARGEST) for side in (front, back))
+        weight = weight * (np.abs(front) + np.abs(back)).mean(1)
+        found = Emitters(corners, front, back, weight)
+        given = weight * found.areas
+    good = np.flatnonzero((given > 0) & np.isfinite(given))
+    return found.take(good) if len(good) else None
+
+
+def _varies(material: Material) -> bool:
+    factors = (f for lobe in material.lobes if lobe.kind == "EMISSION" for f in lobe.factors)
+    return any(f.texture >= 0 or f.attribute or f.output >= 0 for f in factors)
+
+
+def _parts(material: Material, triangles: int) -> int:
+    """To a side of each of so many triangles of a material."""
+    return int(np.clip(np.sqrt(PARTS / triangles), 1, MOST_PARTS)) if _varies(material) else 1
+
+
+class _Surfaces:
+    """What glows of a scene whose coordinates count from an origin."""
+
+    def __init__(self, scene: Scene, origin: Array) -> None:
+        from ..reference.attributes import Attributes
+        from ..reference.geometry import gather
+        from ..reference.materials import Shader
+
+        self._materials, self._geometry = scene.materials, gather(scene, origin)
+        self._shader = Shader(scene, Attributes(scene), self._geometry)
+
+    def parts(self) -> Iterator[Emitters]:
+        """Of each material; weights are but for the radiance, and `Polygons` are left out."""
+        g = self._geometry
+        for number in np.unique(g.material):
+            if number < 0 or not _glows(self._materials[number]):
+                continue
+            primitive = np.flatnonzero(g.material == number)
+            flat = primitive[primitive < g.triangle_count]
+            if len(flat):
+                yield self._of_triangles(flat, _parts(self._materials[number], len(flat)))
+            balls = primitive[len(flat) :] - g.triangle_count
+            balls = balls[balls < g.ball_count]
+            if len(balls):
+                yield from self._of_balls(balls)
+
+    def _of_triangles(self, primitive: Array, parts: int) -> Emitters:
+        """Each cut into parts² alike."""
+        sides = self._geometry.triangles
+        corners = np.stack([self._geometry.points[:, side[primitive]].T for side in sides], 1)
+        cells = _cells(parts)
+        pieces = np.einsum("kcw,twx->tkcx", cells, corners).reshape(-1, 3, 3)
+        index = np.repeat(primitive, parts * parts)
+        return self._part(index, np.tile(cells.mean(1), (len(primitive), 1)), pieces)
+
+    def _of_balls(self, balls: Array) -> Iterator[Emitters]:
+        """Spheres as polyhedra: one round them that glows outward with their power, one in them
+        that glows inward with their radiance and has few points, as most are seen from outside.
+        """
+        g = self._geometry
+        matrices = g.placements.world_from_object[g.balls.row[balls]][:, :, :3]
+        matrices = g.balls.radius[balls, None, None] * matrices
+        for outward in (True, False):
+            unit, share = _polyhedron(2 if len(balls) <= ROUND else 1, outward)
+            pieces = np.einsum("nxy,kcy->nkcx", matrices, unit)
+            pieces = (pieces + g.balls.center_world[:, balls].T[:, None, None]).reshape(-1, 3, 3)
+            index = np.repeat(balls + g.triangle_count, len(unit))
+            part = self._part(index, np.zeros((len(index), 3)), pieces)
+            nothing = np.zeros_like(part.front)
+            if outward:
+                yield replace(part, front=share * part.front, back=nothing)
+            else:
+                yield replace(part, front=nothing, weight=INWARD * part.weight)
+
+    def _part(self, primitive: Array, weights: Array, pieces: Array) -> Emitters:
+        """The triangles `pieces` (n, 3, 3), counter-clockwise in their object, parts of primitives
+        (n,) at the weights (n, 3) of their corners.
+        """
+        g = self._geometry
+        mirrored = g.placements.mirror[g.row[primitive]] < 0
+        pieces = np.where(mirrored[:, None, None], pieces[:, ::-1], pieces)
+        sides = (self._radiance(primitive, weights, pieces, sign) for sign in (1.0, -1.0))
+        return Emitters(pieces, *sides, np.ones(len(pieces)))
+
+    def _radiance(self, primitive: Array, weights: Array, pieces: Array, sign: float) -> Array:
+        """(n, 3) in the middle of the pieces, seen straight, from outside where sign is 1."""
+        from ..reference.surface import Surface
+
+        geometry, x = self._geometry, pieces.mean(1).T
+        row = geometry.row[primitive]
+        g = sign * Emitters(pieces, x, x, x).normals.T
+        surface = Surface(
+            primitive,
+            geometry.placements.geometry[row],
+            geometry.primitive_of(primitive),
+            weights.T,
+            geometry.material[primitive],
+            row=row,
+            x=x,
+            g=g,
+            n=g,
+            v=g,
+            start=x,
+            outside=np.full(len(primitive), sign > 0),
+            offset=np.zeros(len(primitive)),
+            mesh_n=g,
+        )
+        return self._shader.coefficients(surface, "mirror").emission.T
+
+
+def _cells(parts: int) -> Array:
+    """(parts², 3, 3) barycentric weights of the corners of as many alike triangles in one."""
+    cells = []
+    for i in range(parts):
+        for j in range(parts - i):
+            cells.append([(i, j), (i + 1, j), (i, j + 1)])
+            if i + j < parts - 1:
+                cells.append([(i + 1, j), (i + 1, j + 1), (i, j + 1)])
+    uv = np.array(cells, np.float64) / parts
+    return np.concatenate([1 - uv.sum(2, keepdims=True), uv], 2)
+
+
+@functools.cache
+def _polyhedron(level: int, outside: bool) -> tuple[Array, float]:
+    """(20 · 4^level, 3, 3) triangles, counter-clockwise seen from outside, round the unit sphere or
+    in it, and its area over theirs.
+    """
+    g = (1 + np.sqrt(5)) / 2
+    points = np.array(
+        [(s * a, t * b, 0) for a, b in ((1, g),) for s in (-1, 1) for t in (-1, 1)], np.float64
+    )
+    points = np.concatenate([np.roll(points, k, 1) for k in range(3)])
+    near = np.linalg.norm(points[:, None] - points, axis=2) < 2.5
+    faces = [
+        (i, j, k)
+        for i in range(12)
+        for j in range(i + 1, 12)
+        for k in range(j + 1, 12)
+        if near[i, j] and near[j, k] and near[i, k]
+    ]
+    corners = points[np.array(faces)]
+    for _ in range(level):
+        corners = np.einsum("kcw,twx->tkcx", _cells(2), corners).reshape(-1, 3, 3)
+        corners /= np.linalg.norm(corners, axis=2, keepdims=True)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inward = (across * corners[:, 0]).sum(1) < 0
+    corners[inward] = corners[inward][:, ::-1]
+    size = np.linalg.norm(across, axis=1)
+    scale = 1 / (np.abs((across * corners[:, 0]).sum(1)) / size).min() if outside else 1.0
+    return scale * corners, float(4 * np.pi / (scale**2 * size.sum() / 2))
+
+
+def _pieces(emitters: Emitters) -> tuple[Array, Array, Array]:
+    """Corners (k, 3, 3) of compact triangles, long ones cut across their longest sides, of which
+    triangle each is part, and its share of the power. They lie along a curve: points even along
+    that are even in space.
+    """
+    corners, index = emitters.corners, np.arange(len(emitters.corners))
+    share = emitters.areas / emitters.spreads
+    while len(long := np.flatnonzero((share > 1 / PIECES) & _is_long(corners))):
+        a, b, c = np.moveaxis(_longest_first(corners[long]), 1, 0)
+        middle = (a + b) / 2
+        halves = np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)
+        corners = np.concatenate([np.delete(corners, long, 0), *halves])
+        index = np.concatenate([np.delete(index, long), index[long], index[long]])
+        share = np.concatenate([np.delete(share, long), share[long] / 2, share[long] / 2])
+    order = along_a_curve(corners.mean(1))
+    return corners[order], index[order], share[order]
+
+
+def _sides(corners: Array) -> Array:
+    """(3, n) squares of the lengths from a to b, b to c, c to a."""
+    return (np.diff(corners, axis=1, append=corners[:, :1]) ** 2).sum(2).T
+
+
+def _is_long(corners: Array) -> Array:
+    """(n,) bool: longer than half a square; not for what has no area."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return (_sides(corners).max(0) > LONG * area) & (area > 0)
+
+
+def _longest_first(corners: Array) -> Array:
+    """Triangles (n, 3, 3) turned so that the first two corners are farthest apart."""
+    turn = (_sides(corners).argmax(0)[:, None] + np.arange(3)) % 3
+    return np.take_along_axis(corners, turn[..., None], 1)
+
+
+def along_a_curve(x: Array) -> Array:
+    """The order of points (n, 3) along Morton's curve through their bounds: neighbours in space are
+    neighbours in it.
+    """
+    low = x.min(0)
+    high = x.max(0)
+    size = (high - low).max()
+    cells = ((x - low) / (size if size > 0 else 1.0) * ((1 << 20) - 1)).astype(np.uint64)
+    code = np.zeros(len(x), np.uint64)
+    for bit in range(20):
+        for axis in range(3):
+            digit = cells[:, axis] >> np.uint64(bit) & np.uint64(1)
+            code |= digit << np.uint64(3 * bit + axis)
+    return np.argsort(code, kind="stable")
+
+
+@dataclass(frozen=True, eq=False)
+class MeshTable:
+    """Points on a MESH light: k of them.
+
+    point, normal: (k, 3) in the light's axes.  front, back: (k, 3) radiance.  spread: (k,) one over
+    their density by area.  reach: (k,) the longest sides of their triangles.  disc: (k, 2) of the
+    unit disc.  each: how many a sample of a pixel takes.  caught: (k,) bool, on a shadow catcher.
+    """
+
+    point: Array
+    normal: Array
+    front: Array
+    back: Array
+    spread: Array
+    reach: Array
+    disc: Array
+    each: int
+    caught: Array
+
+
+def merged(spread: Array | float, each: int, samples: int = MERGED) -> Array | float:
+    """The square of the distance from which a point of a light is seen at least: the radius of the
+    disc that it stands for among those of so many samples of a pixel.
+    """
+    return spread / (samples * each * np.pi)
+
+
+def mesh_table(light: Light, samples: int, each: int) -> MeshTable:
+    """What tracers know of a MESH light of which each of `samples` samples of a pixel takes `each`
+    points: those of as many whole samples as `MOST_TABLED` allows, after which they begin again.
+    """
+    emitters = light.emitters
+    count = tabled(samples, each)
+    u = dome_points(count)
+    pieces, whole, weight = _pieces(emitters)
+    piece, along = chosen(weight, u[:, 0])
+    corners, index = pieces[piece], whole[piece]
+    x, y = (MARGIN + (1 - 2 * MARGIN) * at for at in (along, u[:, 1]))
+    point = np.einsum("kc,kcx->kx", _in_triangle(x, y), corners)
+    return MeshTable(
+        point,
+        emitters.normals[index],
+        emitters.front[index],
+        emitters.back[index],
+        emitters.spreads[index],
+        emitters.reaches[index],
+        concentric_disc(2 * u - 1),
+        each,
+        np.zeros(count, bool),
+    )
+
+
+def _in_triangle(x: Array, y: Array) -> Array:
+    """(k, 3) barycentric weights of points of the unit square; neighbours stay near (Heitz 2019,
+    A low-distortion map between triangle and square).
+    """
+    above = y > x
+    b = np.where(above, x / 2, x - y / 2)
+    c = np.where(above, y - x / 2, y / 2)
+    return np.stack([1 - b - c, b, c], 1)

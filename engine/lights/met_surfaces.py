@@ -1,0 +1,156 @@
+"""The surfaces that queries of an `Accelerator` met, worked out as pictures have them, without the
+rest of their scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..accelerator import Hits
+from ..scene import Attribute, Camera, Geometry, Mesh, Polygons, Scene, Spheres, Strands
+
+if TYPE_CHECKING:
+    from ..reference.materials import Coefficients
+    from ..reference.surface import Surface
+
+Array = np.ndarray
+
+
+def met_surfaces(
+    scene: Scene, origin: Array, o: Array, d: Array, hits: Hits
+) -> tuple[Array, Surface, Coefficients, Array, Array]:
+    """Which of the rays from o in the directions d (3, n) met something, (m,), the surface there,
+    its lobes, its light_set (m,) and whether it is a shadow catcher, (m,) bool. o and the surface
+    count from the origin (3,), which is the camera of programs.
+    """
+    from ..reference.attributes import Attributes
+    from ..reference.geometry import gather
+    from ..reference.materials import Shader
+    from ..reference.pulse import Pulse
+    from ..reference.rays import Bundle
+    from ..reference.surface import surface_at
+
+    hit = np.flatnonzero(hits.instance >= 0)
+    placement, row = np.unique(hits.instance[hit], return_inverse=True)
+    some, local = _only(scene, origin, placement, row, hits.primitive[hit])
+    geometry, pulse = gather(some, origin), Pulse(lambda: False)
+    # primitives are numbered anew, and those that cannot be drawn have no number
+    keys = geometry.row.astype(np.int64) << 32 | geometry.primitive_of(np.arange(geometry.count))
+    order = np.argsort(keys, kind="stable")
+    wanted = row.astype(np.int64) << 32 | local
+    at = np.minimum(np.searchsorted(keys[order], wanted), max(len(keys) - 1, 0))
+    known = np.flatnonzero(keys[order][at] == wanted) if len(keys) else np.zeros(0, np.intp)
+    hit, primitive = hit[known], order[at[known]] if len(keys) else at[known]
+    rays = Bundle.of(o[:, hit], d[:, hit], np.zeros(len(hit)), np.full(len(hit), np.inf))
+    attributes = Attributes(some)
+    depth = hits.t[hit].astype(np.float64)
+    surface = surface_at(geometry, attributes, rays, np.arange(len(hit)), primitive, depth, pulse)
+    shader = Shader(some, attributes, geometry)
+    holdout = np.array([block.holdout for block in some.instances], bool)[surface.row]
+    seen = np.flatnonzero(~holdout)
+    surface = surface.take(seen)
+    sets = np.array([block.light_set for block in some.instances], np.intp)[surface.row]
+    caught = np.array([block.catcher for block in some.instances], bool)[surface.row]
+    lobes = shader.coefficients(surface, "mirror")
+    hair = [isinstance(some.geometries[block.geometry], Strands) for block in some.instances]
+    # strands stand closer together than points can tell apart: they would be specks
+    dark = np.where(np.array(hair, bool)[surface.row], 0.0, lobes.diffuse)
+    return hit[seen], surface, replace(lobes, diffuse=dark), sets, caught
+
+
+def _only(
+    scene: Scene, origin: Array, placements: Array, row: Array, primitive: Array
+) -> tuple[Scene, Array]:
+    """The scene of the placements (k,) with none but the primitives (m,) of the placements in rows
+    `row` (m,) of these, and the new number of each.
+    """
+    ends = np.cumsum([len(block.world_from_object) for block in scene.instances])
+    local = np.zeros(len(primitive), np.intp)
+    geometries, instances = [], []
+    order = np.argsort(row, kind="stable")
+    bounds = np.searchsorted(row[order], np.arange(len(placements) + 1))
+    for k, number in enumerate(placements):
+        mine = order[bounds[k] : bounds[k + 1]]
+        kept, local[mine] = np.unique(primitive[mine], return_inverse=True)
+        b = int(np.searchsorted(ends, number, "right"))
+        block = scene.instances[b]
+        at = int(number - ends[b] + len(block.world_from_object))
+        geometries.append(_some(scene.geometries[block.geometry], kept))
+        values = {name: rows[at : at + 1] for name, rows in block.values.items()}
+        matrix = block.world_from_object[at : at + 1]
+        instances.append(replace(block, geometry=k, world_from_object=matrix, values=values))
+    camera = Camera(
+        "PERSPECTIVE", np.column_stack([np.eye(3), origin]), (-1.0, 1.0, -1.0, 1.0), (1, 1)
+    )
+    return replace(
+        scene,
+        camera=camera,
+        geometries=tuple(geometries),
+        instances=tuple(instances),
+        lights=(),
+    ), local
+
+
+def _some(geometry: Geometry, kept: Array) -> Geometry:
+    """The primitives `kept` (k,) of a geometry."""
+    slots = geometry.material_slots
+    slots = None if slots is None else slots[kept]
+    if isinstance(geometry, Spheres):
+        return replace(
+            geometry,
+            centers=geometry.centers[kept],
+            radii=geometry.radii[kept],
+            material_slots=slots,
+        )
+    if isinstance(geometry, Strands):
+        return _some_segments(geometry, kept, slots)
+    if isinstance(geometry, Polygons):
+        rows = [geometry.indices[geometry.offsets[k] : geometry.offsets[k + 1]] for k in kept]
+        used, index = np.unique(np.concatenate(rows), return_inverse=True)
+        offsets = np.concatenate([[0], np.cumsum([len(r) for r in rows])]).astype(np.uint32)
+        return replace(
+            geometry,
+            vertices=geometry.vertices[used],
+            offsets=offsets,
+            indices=index.astype(np.uint32),
+            material_slots=slots,
+        )
+    return _some_triangles(geometry, kept, slots)
+
+
+def _some_segments(strands: Strands, kept: Array, slots: Array | None) -> Strands:
+    """Each with two vertices of its own: it ends at the row after the one where it begins."""
+    points = strands.ends[kept][:, :2].ravel()
+    rows = {"POINT": points, "FACE": kept}
+    return replace(
+        strands,
+        vertices=strands.vertices[points],
+        radii=strands.radii[points],
+        starts=2 * np.arange(len(kept), dtype=np.uint32),
+        material_slots=slots,
+        attributes=tuple(replace(a, values=a.values[rows[a.domain]]) for a in strands.attributes),
+    )
+
+
+def _some_triangles(mesh: Mesh, kept: Array, slots: Array | None) -> Mesh:
+    vertices, triangles = np.unique(mesh.triangles[kept], return_inverse=True)
+    corner_rows, corners = np.unique(
+        (mesh.triangles if mesh.corners is None else mesh.corners)[kept], return_inverse=True
+    )
+    rows = {"POINT": vertices, "CORNER": corner_rows, "FACE": kept}
+
+    def some(attribute: Attribute) -> Attribute:
+        return replace(attribute, values=attribute.values[rows[attribute.domain]])
+
+    return replace(
+        mesh,
+        vertices=mesh.vertices[vertices],
+        triangles=triangles.reshape(-1, 3).astype(np.uint32),
+        corners=None if mesh.corners is None else corners.reshape(-1, 3).astype(np.uint32),
+        material_slots=slots,
+        normals=None if mesh.normals is None else some(mesh.normals),
+        attributes=tuple(map(some, mesh.attributes)),
+    )

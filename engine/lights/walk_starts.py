@@ -1,0 +1,274 @@
+"""Where walks of light leave the lights of a scene: for each light points and directions, and what
+surfaces that they meet get of it.
+
+Letters: x point that is met, o origin, d direction, p density of directions a steradian, n walks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..sampling import chosen, concentric_disc, walk_points
+from ..scene import EVERYTHING, Light, Mesh, Scene, Spheres, Strands
+from .dome import dome_table
+from .mesh_lights import mesh_table
+
+Array = np.ndarray
+
+FEWEST = 64
+"""Walks of a light at least, where there are not too many lights."""
+PLACES = 64
+"""Placements that light from afar is aimed at, each alike."""
+WIDER = 2.0
+"""As many walks are aimed at balls round a placement so much wider than the last, up to the whole
+scene: ever fewer by area meet what is farther from all of them.
+"""
+MOST_WIDER = 16
+ROUNDED = 16 * 2.0**-24
+"""Of coordinates: what single precision may move surfaces by, twice."""
+HUGE = 1e100
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """n walks of one light. origin, direction: (3, n), directions unit.  given: of points x (3, m)
+    and the numbers (m,) of the walks that meet them, (3, m): the light that goes on from a white
+    surface, radiance times area.  receivers, blockers: as of the light.
+    """
+
+    origin: Array
+    direction: Array
+    given: Callable[[Array, Array], Array]
+    receivers: int = EVERYTHING
+    blockers: int = EVERYTHING
+
+
+def starts(scene: Scene, origin: Array, bounds: Array, count: int) -> Iterator[Start]:
+    """Of all lights of a scene with surfaces in `bounds` (2, 3), about `count` walks together, each
+    light in proportion to what it gives.
+    """
+    far = _Far(scene, origin, bounds)
+    powers = np.array([_power(light, far) for light in scene.lights])
+    powers = np.where(np.isfinite(powers), powers, 0.0)
+    if not powers.any():
+        return
+    least = min(FEWEST, max(count // np.count_nonzero(powers), 1))
+    for light, power in zip(scene.lights, powers, strict=True):
+        if power > 0:
+            n = max(
+                round(count * float(power / powers.max() / (powers / powers.max()).sum())), least
+            )
+            for start in _start(light, origin, far, n):
+                yield replace(start, receivers=light.receivers, blockers=light.blockers)
+
+
+def _color(light: Light) -> Array:
+    with np.errstate(over="ignore"):
+        return np.clip(np.array(light.color, np.float64) * light.strength, -HUGE, HUGE)
+
+
+def _power(light: Light, far: _Far) -> float:
+    """Watts or so."""
+    if light.kind == "MESH":
+        e = light.emitters
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(np.pi * e.areas @ (np.abs(e.front) + np.abs(e.back)).mean(1))
+    given = float(np.abs(_color(light)).mean())
+    if light.kind == "SUN":
+        return given * far.section
+    if light.kind == "DOME":
+        rows = len(light.radiance)
+        high = np.sin((np.arange(rows) + 0.5) * np.pi / rows)[:, None, None]
+        mean = np.abs(light.radiance * high).mean() / high.mean()
+        return given * 4 * np.pi * float(mean) * far.section
+    spot = (1 - np.cos(light.spot_size / 2)) / 2
+    return given * (spot if light.kind == "SPOT" else 1.0)
+
+
+def _start(light: Light, origin: Array, far: _Far, n: int) -> Iterator[Start]:
+    if light.kind == "MESH":
+        yield _from_mesh(light, origin, n)
+    elif light.kind == "DOME":
+        table = dome_table(light, n, 1)
+        given = table.light[:, :3].T
+        yield far.start(-table.along.T, lambda x, number: given[:, number])
+    elif light.kind != "BOUNCED":
+        yield _from_lamp(light, origin, far, n)
+
+
+def _from_mesh(light: Light, origin: Array, n: int) -> Start:
+    table = mesh_table(light, n, 1)
+    frame = np.asarray(light.world_from_light, np.float64)
+    point = frame[:, :3] @ table.point.T + (frame[:, 3] - origin)[:, None]
+    normal = frame[:, :3] @ table.normal.T
+    front, back = np.abs(table.front).sum(1), np.abs(table.back).sum(1)
+    both = np.where(front + back > 0, front + back, 1.0)
+    outward = walk_points(n, 254)[: len(point.T), 0] * both < front
+    radiance = np.where(
+        outward[:, None],
+        table.front * (both / np.where(front > 0, front, 1.0))[:, None],
+        table.back * (both / np.where(back > 0, back, 1.0))[:, None],
+    )
+    given = (radiance * table.spread[:, None] / n).T
+    normal = np.where(outward, 1.0, -1.0) * normal
+    u = walk_points(n, 255)[: len(point.T)]
+    clear = ROUNDED * (np.abs(point + origin[:, None]).max(0) + table.reach)
+    return Start(
+        point + clear * normal,
+        cosine_around(normal, *u.T),
+        lambda x, number: given[:, number],
+    )
+
+
+def _from_lamp(light: Light, origin: Array, far: _Far, n: int) -> Start:
+    from ..reference.emission import Emission
+    from ..reference.lights import CENTER, Source
+    from ..reference.textures import Image
+    from ..reference.vectors import dot
+
+    emission = None
+    if light.program is not None:
+        emission = Emission([Image(t) for t in light.textures], _camera(origin))
+
+    def given(o: Array, x: Array, area: Array | float) -> Array:
+        """What n walks that stand for `area` each give on, over n; area is times the cosine."""
+        source = Source(light, origin, True, emission)
+        source.position = o
+        sample = source.sample(x, CENTER, 1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.clip(sample.light_of(source) * (area / n), -HUGE, HUGE)
+
+    u, v = walk_points(n, 254), walk_points(n, 255)
+    whole = Source(light, origin, True)
+    center, axis = whole.position, whole.axis
+    if light.kind == "SUN":
+        return far.start(np.repeat(axis, n, 1), lambda x, number: given(center, x, n))
+    if light.kind == "AREA":
+        square = 2 * u - 1
+        a, b = (square if light.shape == "RECTANGLE" else concentric_disc(square)).T
+        o = center + a * whole.right + b * whole.up
+        d = cosine_around(np.repeat(axis, n, 1), *v.T)
+    else:
+        edge = np.cos(light.spot_size / 2) if light.kind == "SPOT" else -1.0
+        o, d = np.repeat(center, n, 1), _cone(np.repeat(axis, n, 1), edge, *v.T)
+
+    def at(x: Array, number: Array) -> Array:
+        to = x - o[:, number]
+        square = dot(to, to)
+        if light.kind == "AREA":
+            z = np.maximum(dot(d[:, number], axis), 1e-12)
+            return given(o[:, number], x, square * np.pi / z)
+        return given(o[:, number], x, square * (2 * np.pi * (1 - edge)))
+
+    return Start(o, d, at)
+
+
+def _camera(origin: Array):
+    from ..scene import Camera
+
+    frame = np.column_stack([np.eye(3), origin])
+    return Camera("PERSPECTIVE", frame, (-1.0, 1.0, -1.0, 1.0), (1, 1))
+
+
+def cosine_around(n: Array, u: Array, v: Array) -> Array:
+    """(3, m) unit, as densely as their cosine to the unit vectors n, at points of the square."""
+    from ..reference.vectors import basis_around
+
+    x, y = concentric_disc(2 * np.stack([u, v], 1) - 1).T
+    first, second = basis_around(n)
+    return x * first + y * second + np.sqrt(np.maximum(0.0, 1 - x * x - y * y)) * n
+
+
+def _cone(axis: Array, edge: float, u: Array, v: Array) -> Array:
+    """(3, m) unit, even over the cone round the unit vectors `axis` whose cosine is above edge."""
+    from ..reference.vectors import basis_around
+
+    z = 1 - (1 - edge) * u
+    across, turn = np.sqrt(np.maximum(0.0, 1 - z * z)), 2 * np.pi * v
+    first, second = basis_around(axis)
+    return across * (np.cos(turn) * first + np.sin(turn) * second) + z * axis
+
+
+class _Far:
+    """Parallel walks from outside a scene: aimed at placements, so that small things on a ground
+    without end get their share, and at the whole. center, radius: (3, k), (k,) of the balls that
+    they are aimed at, the whole first. section: of the whole.
+    """
+
+    def __init__(self, scene: Scene, origin: Array, bounds: Array) -> None:
+        low, high = bounds - origin
+        middle, reach = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+        rows, shares = [(*middle, reach)], [1.0]
+        for *center, radius in _balls(scene, origin):
+            wider = []
+            radius *= WIDER
+            while 0 < radius < reach and len(wider) < MOST_WIDER:
+                wider.append((*center, radius))
+                radius *= WIDER
+            rows += wider
+            shares += [1 / max(len(wider), 1)] * len(wider)
+        self.center, self.radius = np.array(rows)[:, :3].T, np.array(rows)[:, 3]
+        self.section = np.pi * reach**2
+        self._middle, self._reach = middle[:, None], reach
+        self._shares = np.array(shares) / sum(shares)
+
+    def start(self, d: Array, given: Callable[[Array, Array], Array]) -> Start:
+        """d: (3, n) unit.  given: as of `Start`, times area and cosine."""
+        from ..reference.vectors import basis_around, dot
+
+        n = d.shape[1]
+        which, _ = chosen(self._shares, walk_points(n, 253)[:, 0])
+        x, y = concentric_disc(2 * walk_points(n, 252) - 1).T
+        first, second = basis_around(d)
+        at = self.center[:, which] + self.radius[which] * (x * first + y * second)
+        density = np.zeros(n)
+        for k, share in enumerate(self._shares):
+            off = at - self.center[:, k : k + 1]
+            off = off - dot(off, d) * d
+            inside = dot(off, off) <= self.radius[k] ** 2 * (1 + 1e-9)
+            density += np.where(inside, share / (np.pi * self.radius[k] ** 2), 0.0)
+        outside = at - (dot(at - self._middle, d) + 1.5 * self._reach) * d
+        area = 1 / (n * density)
+        return Start(
+            outside, d, lambda x, number: np.clip(given(x, number) * area[number], -HUGE, HUGE)
+        )
+
+
+def _balls(scene: Scene, origin: Array) -> Iterator[tuple[float, float, float, float]]:
+    """Middle and radius of the bounds of placements, of all or of some of many."""
+    count = sum(len(block.world_from_object) for block in scene.instances)
+    step, number = max(-(-count // PLACES), 1), 0
+    for block in scene.instances:
+        corners = None
+        for matrix in block.world_from_object:
+            number += 1
+            if (number - 1) % step:
+                continue
+            if corners is None:
+                corners = _box(scene.geometries[block.geometry])
+            at = matrix[:, :3] @ corners + (matrix[:, 3] - origin)[:, None]
+            if at.size and np.isfinite(at).all():
+                low, high = at.min(1), at.max(1)
+                yield (*((low + high) / 2), float(np.linalg.norm(high - low)) / 2)
+
+
+def _box(geometry) -> Array:
+    """(3, 8) corners of the bounds, (3, 0) where there is nothing finite."""
+    if isinstance(geometry, Spheres):
+        low, high = (geometry.centers + s * geometry.radii[:, None] for s in (-1, 1))
+    elif isinstance(geometry, Strands):
+        low, high = (geometry.vertices + s * geometry.radii[:, None] for s in (-1, 1))
+    elif isinstance(geometry, Mesh):
+        low = high = geometry.vertices[np.unique(geometry.triangles)]
+    else:
+        low = high = geometry.vertices
+    good = np.isfinite(low).all(1) & np.isfinite(high).all(1)
+    if not good.any():
+        return np.zeros((3, 0))
+    ends = np.stack([low[good].min(0), high[good].max(0)]).astype(np.float64)
+    return np.array(
+        [[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    ).T

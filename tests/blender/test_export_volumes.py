@@ -1,0 +1,129 @@
+"""Volume shaders become media: per unit of length, as in Cycles."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+import pytest
+
+from export_support import Shader, export, scene  # noqa: F401
+
+
+def medium(kind: str, **inputs):
+    """(notes, medium) of a material with this volume shader."""
+    shader = Shader()
+    node = shader.node(kind)
+    for name, value in inputs.items():
+        if name == "phase":
+            node.phase = value
+        else:
+            node.inputs[name.replace("_", " ")].default_value = value
+    shader.link(node, 0, shader.output, "Volume")
+    result, _ = shader.export()
+    (found,) = (m.medium for m in result.scene.materials if m.medium)
+    return result.notes, found
+
+
+def test_absorption(scene):  # noqa: F811
+    notes, found = medium("ShaderNodeVolumeAbsorption", Color=(0.9, 0.5, 0.2, 1), Density=2.0)
+    assert not notes and found.scattering == found.emission == (0, 0, 0)
+    np.testing.assert_allclose(found.absorption, (0.2, 1.0, 1.6), rtol=1e-6)
+
+
+def test_scatter(scene):  # noqa: F811
+    notes, found = medium(
+        "ShaderNodeVolumeScatter", Color=(0.9, 0.5, 0.2, 1), Density=2.0, Anisotropy=0.5
+    )
+    assert not notes and found.absorption == (0, 0, 0) and found.anisotropy == 0.5
+    np.testing.assert_allclose(found.scattering, (1.8, 1.0, 0.4), rtol=1e-6)
+
+
+def test_principled(scene):  # noqa: F811
+    """It absorbs (1 - color) (1 - sqrt(absorption color))."""
+    notes, found = medium(
+        "ShaderNodeVolumePrincipled",
+        Color=(0.5, 0.25, 1.0, 1),
+        Absorption_Color=(0.25, 0.0, 0.0, 1),
+        Density=2.0,
+        Emission_Strength=3.0,
+        Emission_Color=(1.0, 0.5, 0.0, 1),
+    )
+    assert not notes
+    np.testing.assert_allclose(found.scattering, (1.0, 0.5, 2.0), rtol=1e-6)
+    np.testing.assert_allclose(found.absorption, (0.5, 1.5, 0.0), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(found.emission, (3.0, 1.5, 0.0), rtol=1e-6)
+
+
+def test_a_black_body(scene):  # noqa: F811
+    """Stefan and Boltzmann's law, in millionths and over π as in Cycles."""
+    _, found = medium("ShaderNodeVolumePrincipled", Blackbody_Intensity=1.0, Temperature=1500.0)
+    assert found.emission[0] > found.emission[1] > 0
+    np.testing.assert_allclose(
+        np.dot(found.emission, (0.2126, 0.7152, 0.0722)), 5.670373e-14 / np.pi * 1500**4, rtol=0.02
+    )
+
+
+@pytest.mark.skipif(bpy.app.version < (4, 3), reason="the first Blender with phase functions")
+@pytest.mark.parametrize("phase", ["RAYLEIGH", "DRAINE", "FOURNIER_FORAND", "MIE"])
+def test_phase_functions_are_told(scene, phase):  # noqa: F811
+    (note,), found = medium("ShaderNodeVolumeScatter", phase=phase)
+    assert "Henyey-Greenstein" in note
+    assert (found.anisotropy == 0) == (phase in ("RAYLEIGH", "DRAINE"))
+
+
+def test_mixes_and_sums(scene):  # noqa: F811
+    shader = Shader()
+    mix, add = shader.node("ShaderNodeMixShader"), shader.node("ShaderNodeAddShader")
+    absorption, scatter = (
+        shader.node(f"ShaderNodeVolume{kind}") for kind in ("Absorption", "Scatter")
+    )
+    glow = shader.node("ShaderNodeEmission")
+    mix.inputs[0].default_value = 0.25
+    glow.inputs["Strength"].default_value = 2.0
+    absorption.inputs["Color"].default_value = (0, 0, 0, 1)
+    scatter.inputs["Color"].default_value = (1, 1, 1, 1)
+    shader.tree.links.new(absorption.outputs[0], mix.inputs[1])
+    shader.tree.links.new(scatter.outputs[0], mix.inputs[2])
+    shader.tree.links.new(mix.outputs[0], add.inputs[0])
+    shader.tree.links.new(glow.outputs[0], add.inputs[1])
+    shader.link(add, 0, shader.output, "Volume")
+    result, _ = shader.export()
+    (found,) = (m.medium for m in result.scene.materials if m.medium)
+    np.testing.assert_allclose(found.absorption, [0.75] * 3)
+    np.testing.assert_allclose(found.scattering, [0.25] * 3)
+    np.testing.assert_allclose(found.emission, [2.0] * 3)
+
+
+def test_strange_numbers(scene):  # noqa: F811
+    _, found = medium("ShaderNodeVolumeAbsorption", Color=(3.0, 0, 0, 1), Density=1e38)
+    assert found.absorption == (0, 1e30, 1e30)
+
+
+def test_what_varies_is_told(scene):  # noqa: F811
+    shader = Shader()
+    node, noise = shader.node("ShaderNodeVolumeScatter"), shader.node("ShaderNodeTexNoise")
+    shader.tree.links.new(noise.outputs[0], node.inputs["Density"])
+    shader.link(node, 0, shader.output, "Volume")
+    result, _ = shader.export()
+    (note,) = result.notes
+    assert "vary from place to place" in note
+
+
+def test_on_a_surface_it_shows_nothing(scene):  # noqa: F811
+    shader = Shader()
+    shader.link(shader.node("ShaderNodeVolumeScatter"), 0, shader.output, "Surface")
+    result, lobes = shader.export()
+    assert not lobes and "link those" in result.notes[0]
+
+
+def test_the_world(scene):  # noqa: F811
+    world = bpy.data.worlds.new("hazy")
+    bpy.context.scene.world = world
+    if bpy.app.version < (5, 0):
+        world.use_nodes = True
+    tree = world.node_tree
+    node = tree.nodes.new("ShaderNodeVolumeScatter")
+    output = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeOutputWorld")
+    tree.links.new(node.outputs[0], output.inputs["Volume"])
+    found = export().scene.world.medium
+    np.testing.assert_allclose(found.scattering, [0.8] * 3)

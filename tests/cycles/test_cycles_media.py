@@ -1,0 +1,107 @@
+"""What is inside of things and everywhere, beside Cycles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import cycles_reference as cycles
+import small_scenes
+from cycles_reference import bpy
+from glint_picture import render_glint
+from small_scenes import add, add_camera, add_light, moved, new_material, plane
+
+
+def linked(kind: str, output, socket: str = "Volume", **inputs):
+    """A new node of a tree, with these inputs, linked to the output."""
+    tree = output.id_data
+    node = tree.nodes.new(kind)
+    for name, value in inputs.items():
+        node.inputs[name.replace("_", " ")].default_value = value
+    tree.links.new(node.outputs[0], output.inputs[socket])
+    return node
+
+
+def glowing(scene, color=(0.9, 0.7, 0.5)) -> None:
+    """A wall behind everything, seen as it is."""
+    material, _, output = new_material("wall")
+    linked("ShaderNodeEmission", output, "Surface", Color=(*color, 1.0))
+    add(scene, "wall", plane(40, material), moved(0, 0, -4))
+
+
+def ball(scene, material, size: float = 1.2, place=(0.0, 0.0, 0.0)) -> None:
+    add(scene, "ball", small_scenes.ball(64, 32, material=material), moved(*place, *(size,) * 3))
+
+
+def box(scene, material, size: float = 1.0, place=(0.0, 0.0, 0.0)) -> None:
+    add(scene, "box", small_scenes.cube(material), moved(*place, *(size,) * 3))
+
+
+def compared(scene, samples: int = 16, bounces: int = 0, **settings):
+    """(h, w, 3) of Glint and of Cycles."""
+    bpy.context.view_layer.update()
+    settings = {"samples": 1, "max_bounces": bounces, **settings}
+    film = render_glint(scene, "NATIVE", filter_width=0.0, **settings)
+    cycles.make_exact(scene, samples, bounces=bounces)
+    scene.cycles.transmission_bounces = bounces
+    truth = cycles.render_passes(scene)["Combined"]
+    return film.passes["Combined"][..., :3].astype(float), truth[..., :3].astype(float)
+
+
+def relative(found, truth) -> float:
+    """Root of the mean square over the mean."""
+    return float(np.sqrt(np.square(found - truth).mean()) / truth.mean())
+
+
+VOLUMES = {
+    "absorption": ("ShaderNodeVolumeAbsorption", {"Color": (0.9, 0.5, 0.2, 1), "Density": 0.7}),
+    "principled": (
+        "ShaderNodeVolumePrincipled",
+        {"Color": (0, 0, 0, 1), "Absorption_Color": (0.8, 0.3, 0.1, 1), "Density": 0.6},
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", VOLUMES)
+def test_what_absorbs_in_a_box_and_a_ball_across_each_other(kind: str) -> None:
+    """Two media, which overlap: straight through both."""
+    scene = cycles.empty_scene(48, 48)
+    glowing(scene)
+    node, inputs = VOLUMES[kind]
+    for make, shift in ((ball, -0.5), (box, 0.6)):
+        material, _, output = new_material(make.__name__)
+        linked(node, output, **inputs)
+        make(scene, material, place=(shift, 0, 0))
+    add_camera(scene, (0.3, -1.0, 9.0), (0, 0, 0), angle=0.6)
+    found, truth = compared(scene)
+    assert relative(found, truth) < 2e-3
+
+
+def test_colored_glass() -> None:
+    scene = cycles.empty_scene(48, 48)
+    glowing(scene)
+    material, _, output = new_material("glass")
+    linked("ShaderNodeBsdfRefraction", output, "Surface", Color=(1, 1, 1, 1), IOR=1.3, Roughness=0)
+    linked("ShaderNodeVolumeAbsorption", output, Color=(0.2, 0.8, 0.5, 1), Density=0.8)
+    ball(scene, material)
+    add_camera(scene, (0.3, -1.0, 9.0), (0, 0, 0), angle=0.4)
+    found, truth = compared(scene, bounces=4)
+    assert relative(found, truth) < 2e-3
+
+
+def test_light_through_what_absorbs() -> None:
+    """A shadow with colours, in a world that absorbs too, with the camera inside of a medium."""
+    scene = cycles.empty_scene(48, 48)
+    material, _, output = new_material("floor")
+    linked("ShaderNodeBsdfDiffuse", output, "Surface", Color=(0.8, 0.8, 0.8, 1))
+    add(scene, "floor", plane(6, material), moved(0, 0, -2))
+    material, _, output = new_material("fluid")
+    linked("ShaderNodeVolumeAbsorption", output, Color=(0.9, 0.5, 0.2, 1), Density=0.7)
+    ball(scene, material)
+    box(scene, material, 0.5, (0.3, -1.0, 6.0))
+    out = next(n for n in scene.world.node_tree.nodes if n.bl_idname == "ShaderNodeOutputWorld")
+    linked("ShaderNodeVolumeAbsorption", out, Color=(0.5, 0.8, 0.9, 1), Density=0.1)
+    add_light(scene, "POINT", (1.0, 0.5, 3.0), energy=300.0)
+    add_camera(scene, (0.3, -1.0, 6.0), (0, 0, -2), angle=0.8)
+    found, truth = compared(scene)
+    assert relative(found, truth) < 2e-3
