@@ -14,7 +14,7 @@ from ...engine.program.program import Program, compile_program
 from ...engine.scene import EVERYTHING, Light, Texture
 from .images.images import Images
 from .materials.evaluator import Evaluator, LobeKey
-from .materials.graph import Place, images_behind, node_tree, output_of, socket_named
+from .materials.graph import Place, images_behind, output_of, read_tree, socket_named
 from .materials.terms import RGB
 from .report import Report
 from .shader_nodes.lamp import Lamp, LampReader
@@ -136,7 +136,8 @@ class Lights:
 
     def _emission(self, name: str, data: Any, lamp: Lamp) -> Emission:
         """What the light's node tree multiplies its colour by."""
-        tree = node_tree(data)
+        read = read_tree(data)
+        tree = read.tree
         if tree is None:
             return Emission()
         output = output_of(tree)

@@ -15,7 +15,7 @@ from ...engine.scene import Light, Medium, Mist, World
 from .images.images import Images
 from .materials.evaluator import Evaluator, LobeKey
 from .materials.expressions import Expressions
-from .materials.graph import Place, images_behind, node_tree, output_of, socket_named
+from .materials.graph import Place, images_behind, output_of, read_tree, socket_named
 from .materials.nodes_volume import medium_of
 from .report import Report
 from .shader_nodes import TreeReader
@@ -154,7 +154,8 @@ def _radiance(
 ) -> tuple[Expressions, Value]:
     """What the world gives, as a vector over directions. suns: as SkyReader has it."""
     evaluator = Evaluator(world.name, images, report, partial(SkyReader, suns=suns))
-    expressions, tree = evaluator.expressions, node_tree(world)
+    read = read_tree(world)
+    expressions, tree = evaluator.expressions, read.tree
     if tree is None:
         return expressions, expressions.constant(tuple(float(x) for x in world.color))
     output = output_of(tree)
@@ -169,7 +170,8 @@ def _radiance(
 
 def _medium(world: Any, images: Images, report: Report) -> Medium | None:
     """What is everywhere."""
-    tree = node_tree(world)
+    read = read_tree(world)
+    tree = read.tree
     output = tree and (tree.get_output_node("ALL") or tree.get_output_node("CYCLES"))
     socket = socket_named(output.inputs, "Volume") if output else None
     if socket is None or not socket.is_linked:

@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 NOTES_SHOWN = 12
 """More notes than this go to the log only."""
-_PREVIEW = {"samples": 4, "light_samples": 2, "max_bounces": 2}
+_PREVIEW = {"samples": 4, "light_samples": 2, "max_bounces": 4, "diffuse_bounces": 1}
 _FALLBACK = (
     "Glint's native core cannot be used here ({}), so the NumPy tracer renders: the same picture, "
     "much slower. "

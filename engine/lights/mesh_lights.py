@@ -222,6 +222,8 @@ class _Surfaces:
             outside=np.full(len(primitive), sign > 0),
             offset=np.zeros(len(primitive)),
             mesh_n=g,
+            far=np.zeros(len(primitive)),
+            past=np.array([[1.0], [0.0], [0.0], [0.0]]).repeat(len(primitive), 1),
         )
         return self._shader.coefficients(surface, "mirror").emission.T
 

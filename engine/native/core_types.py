@@ -58,6 +58,7 @@ class Extension(IntEnum):
 class Interpolation(IntEnum):
     LINEAR = 0
     CLOSEST = 1
+    CUBIC = 2
 
 
 class Channel(IntEnum):
@@ -74,6 +75,7 @@ class LobeKind(IntEnum):
     REFRACTION = 4
     TRANSPARENT = 5
     EMISSION = 6
+    SHEEN = 7
 
 
 class Fresnel(IntEnum):
@@ -271,7 +273,7 @@ class LobeData(Structure):
     _fields_ = [
         *_each(c_double, "exponent ior masking"),
         *_each(c_uint32, "first_input input_count"),
-        *_each(c_int32, "kind fresnel exponent_slot masking_slot"),
+        *_each(c_int32, "kind fresnel exponent_slot masking_slot ior_slot reserved"),
     ]
 
 

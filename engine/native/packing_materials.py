@@ -31,6 +31,8 @@ def pack_material(packer: Packer, material: Material, aov: int = 0) -> tuple:
                 fresnel,
                 _slot(outputs, lobe.exponent_output),
                 _slot(outputs, lobe.masking_output),
+                _slot(outputs, lobe.ior_output),
+                0,
             )
         )
         packer.inputs.extend([_input(packer, factor, outputs) for factor in lobe.factors])

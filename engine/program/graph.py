@@ -11,6 +11,7 @@ Guaranteed:
 
 from __future__ import annotations
 
+import functools
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -129,7 +130,7 @@ class Graph:
         outputs = self._fold(operation, columns, self.meant(operation, settings))
         return tuple(
             self.constant(np.broadcast_to(o, (w,) if w == 1 else (w, 1)))
-            for o, w in zip(outputs, widths_of(operation.outputs), strict=True)
+            for o, w in zip(outputs, operation.output_widths, strict=True)
         )
 
     def _called(
@@ -137,14 +138,14 @@ class Graph:
     ) -> tuple[Value, ...]:
         call = Call(operation, arguments, settings, self._calls)
         self._calls += 1
-        widths = widths_of(operation.outputs)
+        widths = operation.output_widths
         return tuple(Value(width, call, output) for output, width in enumerate(widths))
 
     def _checked(
         self, operation: Operation, arguments: tuple[Value, ...], settings: dict[str, Any]
     ) -> tuple[int, ...]:
         """The settings in the table's order, after a look at everything that is given."""
-        expected, given = widths_of(operation.arguments), tuple(a.width for a in arguments)
+        expected, given = operation.argument_widths, tuple(a.width for a in arguments)
         if expected != given:
             raise ValueError(f"{operation.name} takes slots {expected}, not {given}")
         names = [name for name, _ in operation.settings]
@@ -155,7 +156,7 @@ class Graph:
     def _number(self, choices: Any, given: Any) -> int:
         if isinstance(choices, Reference):
             return self._things[choices].setdefault(given, len(self._things[choices]))
-        if int(given) not in (choices if isinstance(choices, range) else list(choices)):
+        if int(given) not in _numbers(choices):
             raise ValueError(f"{given!r} is not one of {choices}")
         return int(given)
 
@@ -173,9 +174,10 @@ def needed(values: Sequence[Value]) -> list[Call]:
     return [found[order] for order in sorted(found)]
 
 
-def widths_of(sockets: Iterable[tuple[str, Any]]) -> tuple[int, ...]:
-    """Slots that each argument or output of an operation takes: 1 or 3."""
-    return tuple(int(kind) for _, kind in sockets)
+@functools.cache
+def _numbers(choices: Any) -> range | frozenset[int]:
+    """What a setting may be."""
+    return choices if isinstance(choices, range) else frozenset(map(int, choices))
 
 
 def _column(value: Value) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, IntEnum
+from functools import cached_property
 
 
 class Kind(IntEnum):
@@ -52,6 +53,15 @@ class Operation:
         world must not have it.
         """
         return self.reads_point and not self.of_ray
+
+    @cached_property
+    def output_widths(self) -> tuple[int, ...]:
+        """Slots that each output takes: 1 or 3."""
+        return tuple(int(kind) for _, kind in self.outputs)
+
+    @cached_property
+    def argument_widths(self) -> tuple[int, ...]:
+        return tuple(int(kind) for _, kind in self.arguments)
 
     @property
     def words(self) -> int:

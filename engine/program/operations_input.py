@@ -27,6 +27,22 @@ class NormalSpace(IntEnum):
     BLENDER_WORLD = 4
 
 
+class Space(IntEnum):
+    """Blender's identifiers of what vectors are transformed from and to."""
+
+    WORLD = 0
+    OBJECT = 1
+    CAMERA = 2
+
+
+class VectorType(IntEnum):
+    """Blender's identifiers of what kind of vector is transformed."""
+
+    POINT = 0
+    VECTOR = 1
+    NORMAL = 2
+
+
 _SHIFT = (("shift", Shift),)
 
 INPUTS = (
@@ -113,6 +129,15 @@ INPUTS = (
         reads_point=True,
     ),
     Operation(
+        "transform_vector",
+        sockets(vector="vector"),
+        sockets(vector="vector"),
+        (("vector_type", VectorType), ("convert_from", Space), ("convert_to", Space)),
+        "vector in another space: of the world, of the object, or along right, up and forward of "
+        "the camera; a NORMAL by the inverse transpose of the object's matrix, and made unit",
+        reads_point=True,
+    ),
+    Operation(
         "fresnel",
         sockets(value="number"),
         sockets(ior="number", normal="vector"),
@@ -141,8 +166,15 @@ INPUTS = (
     Operation(
         "ray_length",
         sockets(value="number"),
-        formula="the distance from the lit point to the light's, the largest float to a SUN; 0 of "
-        "other rays",
+        formula="the distance in the world from the camera's clip_start, the surface that mirrors "
+        "or refracts, or the lit point; the largest float to a SUN",
+        reads_point=True,
+    ),
+    Operation(
+        "ray_depth",
+        sockets(depth="number", straight="number", refractions="number", refracted="number"),
+        formula="bounces before the point, 1 of rays to lights; surfaces that dim and that the ray "
+        "passed since; bounces that were refractions, up to 31; 1 where the last one was",
         reads_point=True,
     ),
     Operation(

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .graph import Call, Graph, Value, needed, widths_of
+from .graph import Call, Graph, Value, needed
 from .operations import Operation, Reference
 from .table import CODES, OPERATIONS
 
@@ -128,7 +128,7 @@ class _Slots:
         """The first slot of each output of a call."""
         return [
             self._taken_for((call.order, output), width)
-            for output, width in enumerate(widths_of(call.operation.outputs))
+            for output, width in enumerate(call.operation.output_widths)
         ]
 
     def release_after(self, call: Call) -> None:

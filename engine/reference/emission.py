@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..scene import Camera
-from .points import camera_position, light_path, window
+from .points import camera_position, clipped, light_path, window
 from .program import run
 from .textures import Image
 from .vectors import dot, length, unit
@@ -93,9 +93,14 @@ class EmissionPoints:
         """Three times (n,): see `points.light_path`."""
         return light_path(self._kind, self._x.shape[1])
 
+    def ray_depth(self) -> tuple[Array, ...]:
+        """Four times (n,) zeros: lights do not know how they are seen."""
+        return (np.zeros(self._x.shape[1]),) * 4
+
     def ray_length(self) -> Array:
         """(n,) in the world."""
-        return self._far
+        is_camera = self._kind == "camera"
+        return self._far - clipped(self._around.camera, self._d) if is_camera else self._far
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,11 @@ from . import catchers
 from .camera import Spread
 from .generations import reflected
 from .gloss import Narrow
-from .lighting import balance, highlight
+from .lighting import balance, highlight, sheens
 from .lights import LightSample, Source
 from .materials import Coefficients, Term
 from .media import Spans
-from .paths import Paths, bounced, straight_on, widened
+from .paths import Paths, bounced, camera_paths, met, straight_on, widened
 from .pulse import Pulse
 from .rays import Bundle
 from .seen_lights import distance_seen, has_shape, seen_radiance
@@ -132,9 +132,7 @@ class Explainer:
         and its point of the lens: the first sample of a picture.
         """
         rays = self.stage.camera.rays((x, x + 1), (y, y + 1), np.zeros(2), self._spread)[0]
-        zero = np.zeros(1, np.intp)
-        weight = np.tile(self.stage.camera.weights(rays), (3, 1))
-        paths = Paths(rays, weight, zero, zero, 0, np.full(1, np.inf))
+        paths = camera_paths(rays, self.stage.camera.weights(rays))
         return self.follow(paths, "camera" if self._spread.lens is None else "lens")
 
     def follow(self, paths: Paths, kind: str) -> Ray:
@@ -174,7 +172,7 @@ class Explainer:
         surface = surface_at(
             stage.geometry, stage.attributes, paths.rays, hit, found.primitive, depth, stage.pulse
         )
-        surface = stage.shader.bent(surface, paths.kind)
+        surface = stage.shader.bent(met(paths, hit, surface), paths.kind)
         coefficients = stage.shader.coefficients(surface, paths.kind)
         if paths.reflections:
             coefficients = widened(coefficients, paths.widest)
@@ -278,9 +276,10 @@ class Explainer:
                 lighting.samples(surface, coefficients, weight, source, 0)
             ):
                 if diffuse is coefficients.diffuse or sample.intensity[0]:
-                    term = self._light(
-                        surface, replace(coefficients, diffuse=diffuse), source, narrow, sample, j
-                    )
+                    is_drawn = diffuse is not coefficients.diffuse
+                    own = replace(coefficients, diffuse=diffuse, sheens=[])
+                    own = own if is_drawn else coefficients
+                    term = self._light(surface, own, source, narrow, sample, j)
                     lost = np.array(term.shadow) != 1.0
                     light = np.array(term.diffuse) + np.array(term.specular)
                     if diffuse is coefficients.diffuse and light.any():
@@ -330,6 +329,8 @@ class Explainer:
             np.zeros(3),
         )
         specular = specular * balance(narrow, np.zeros(1, np.intp), sample)
+        matt = sheens(surface, coefficients.sheens, np.zeros(1, np.intp), sample.direction)
+        diffuse = coefficients.diffuse[:, 0] * n_dot_l + matt[:, 0]
         shadow, blocker, distance = (
             self._shadow(surface, source, sample) if lit else (np.ones(3), "", np.inf)
         )
@@ -344,9 +345,7 @@ class Explainer:
             shadow=_numbers(shadow),
             blocker=blocker,
             blocker_distance=distance,
-            diffuse=_numbers(
-                coefficients.diffuse[:, 0] * intensity * n_dot_l if lit else np.zeros(3)
-            ),
+            diffuse=_numbers(diffuse * intensity if lit else np.zeros(3)),
             specular=_numbers(specular * intensity if lit else np.zeros(3)),
         )
 

@@ -15,7 +15,17 @@ from .gloss import reflecting
 from .lights import Source
 from .materials import Coefficients
 from .media import Spans
-from .paths import Paths, beyond, bounced, joined, reflected_by_lobes, straight_on, widened
+from .paths import (
+    Paths,
+    beyond,
+    bounced,
+    camera_paths,
+    joined,
+    met,
+    reflected_by_lobes,
+    straight_on,
+    widened,
+)
 from .picture import Tile
 from .raster import Strips
 from .rays import Rays
@@ -61,13 +71,9 @@ class Generations:
 
     def run(self, rays: Rays, strips: Strips | None) -> None:
         """Follows the camera rays, one for each pixel of the tile, to their ends."""
-        n = len(rays)
-        widest = np.full(n, np.inf)
         seen = self._stage.camera.weights(rays)
-        self._tile.lose(np.arange(n), np.tile(1 - seen, (3, 1)))
-        generation = [
-            Paths(rays, np.tile(seen, (3, 1)), np.arange(n), np.zeros(n, np.intp), 0, widest)
-        ]
+        self._tile.lose(np.arange(len(rays)), np.tile(1 - seen, (3, 1)))
+        generation = [camera_paths(rays, seen)]
         while generation:
             deeper: list[Paths] = []
             for paths in generation:
@@ -105,7 +111,7 @@ class Generations:
             depth,
             stage.pulse,
         )
-        surface = stage.shader.bent(surface, paths.kind)
+        surface = stage.shader.bent(met(paths, hit, surface), paths.kind)
         coefficients = stage.shader.coefficients(surface, paths.kind)
         stage.pulse.beat()
         self._record(paths, hit, surface, depth, coefficients)

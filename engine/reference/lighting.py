@@ -14,7 +14,7 @@ from ..scene import EVERYTHING
 from .gloss import Narrow
 from .lights import CENTER, LightPoint, LightSample, Source
 from .materials import Coefficients, Term, taken
-from .optics import blinn_phong, gloss
+from .optics import blinn_phong, gloss, sheen
 from .pulse import Pulse
 from .shadows import Shadows
 from .shared_lamps import Given, share_shadows
@@ -95,7 +95,7 @@ class Lighting:
         """
         total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(3)))
         given = coefficients.diffuse.any(0)
-        for term in coefficients.highlights:
+        for term in (*coefficients.highlights, *coefficients.sheens):
             given[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
         for source in self.sources if given.any() else ():
             lit = given & self.lights(source, surface)
@@ -245,6 +245,10 @@ class Lighting:
         chosen = replace(sample.taken(seen), inner=None)
         light = chosen.light_of(source)
         terms = coefficients.highlights if source.has_highlights else []
+        is_drawn = diffuse is not coefficients.diffuse
+        diffuse = pick(diffuse, seen) * light * cosine[seen]
+        if not is_drawn:
+            diffuse = diffuse + sheens(surface, coefficients.sheens, seen, chosen.direction) * light
         specular = (
             highlights(surface, terms, seen, chosen.direction)
             * light
@@ -255,7 +259,7 @@ class Lighting:
             shadows = self.shadows_of(source)
             return shadows.towards(surface, seen[places], chosen.taken(places)).T
 
-        return Given(seen, pick(diffuse, seen) * light * cosine[seen], specular, open_)
+        return Given(seen, diffuse, specular, open_)
 
 
 def balance(narrow: Narrow | None, seen: Array, sample: LightSample) -> Array | float:
@@ -277,7 +281,13 @@ def highlight(
     """
     lobe = term.lobe
     return blinn_phong(n, v, l, taken(term.exponent, chosen)) * gloss(
-        n, v, l, taken(term.masking, chosen), lobe.ior, lobe.fresnel, lobe.schlick
+        n,
+        v,
+        l,
+        taken(term.masking, chosen),
+        taken(term.ior, chosen),
+        lobe.fresnel,
+        lobe.schlick,
     )
 
 
@@ -285,6 +295,25 @@ def highlights(surface: Surface, terms: list[Term], seen: Array, direction: Arra
     """Σ k_s max(0, n·h)^p at the points `seen` (m,) of the surface, of light from `direction`
     (3, m).
     """
+    return _summed(highlight, surface, terms, seen, direction)
+
+
+def sheens(surface: Surface, terms: list[Term], seen: Array, direction: Array) -> Array:
+    """The same of SHEEN lobes."""
+
+    def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
+        return sheen(n, v, l, taken(term.exponent, chosen), taken(term.masking, chosen))
+
+    return _summed(lobe, surface, terms, seen, direction)
+
+
+def _summed(
+    lobe: Callable[[Term, Array, Array, Array, Array], Array],
+    surface: Surface,
+    terms: list[Term],
+    seen: Array,
+    direction: Array,
+) -> Array:
     total = np.zeros((3, len(seen)))
     if not terms or not len(seen):
         return total
@@ -295,16 +324,6 @@ def highlights(surface: Surface, terms: list[Term], seen: Array, direction: Arra
         chosen = np.flatnonzero(known)[place[term.index[known]] >= 0]
         here, at = term.index[chosen], place[term.index[chosen]]
         k = term.k if term.k.shape[1] == 1 else pick(term.k, chosen)
-        add_at(
-            total,
-            at,
-            k
-            * highlight(
-                term,
-                chosen,
-                pick(surface.n, here),
-                pick(surface.v, here),
-                pick(direction, at),
-            ),
-        )
+        n, v = pick(surface.n, here), pick(surface.v, here)
+        add_at(total, at, k * lobe(term, chosen, n, v, pick(direction, at)))
     return total

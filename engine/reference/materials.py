@@ -37,7 +37,8 @@ _SUMMED = {
 class Term:
     """A lobe that needs a ray or a highlight, at m of the points: index (m,), k (3, m).
 
-    exponent, masking: (m,) where the material's program gives them, else the lobe's own number.
+    exponent, masking, ior: (m,) where the material's program gives them, else the lobe's own
+    number.
     """
 
     index: Array
@@ -45,6 +46,7 @@ class Term:
     lobe: Lobe
     exponent: Array | float
     masking: Array | float
+    ior: Array | float
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +60,7 @@ class Coefficients:
     highlights: list[Term]
     mirrors: list[Term]
     refractions: list[Term]
+    sheens: list[Term]
 
     def albedo(self) -> Array:
         """(3, n): about what of even light the points give back; mirrors and glass without what
@@ -66,7 +69,7 @@ class Coefficients:
         total = self.diffuse.copy()
         for term in self.highlights:
             add_at(total, term.index, 8 / (term.exponent + 2) * term.k)
-        for term in (*self.mirrors, *self.refractions):
+        for term in (*self.mirrors, *self.refractions, *self.sheens):
             add_at(total, term.index, term.k)
         return total
 
@@ -100,7 +103,7 @@ class Shader:
         """All lobes at each point. kind: of the rays that meet them, "camera" or "mirror"."""
         shape = (3, len(surface.primitive))
         sums = {name: np.zeros(shape) for name in _SUMMED.values()}
-        terms: dict[str, list[Term]] = {"SPECULAR": [], "MIRROR": [], "REFRACTION": []}
+        terms: dict[str, list[Term]] = {"SPECULAR": [], "MIRROR": [], "REFRACTION": [], "SHEEN": []}
 
         def add(lobe: Lobe, index: Array, k: Array, outputs: list[Array]) -> None:
             exponent = _number(lobe.exponent, lobe.exponent_output, outputs)
@@ -111,7 +114,8 @@ class Shader:
                 add_at(sums[_SUMMED[lobe.kind]], index, k)
             else:
                 masking = _number(lobe.masking, lobe.masking_output, outputs)
-                terms[lobe.kind].append(Term(index, k, lobe, exponent, masking))
+                ior = _index(lobe, outputs)
+                terms[lobe.kind].append(Term(index, k, lobe, exponent, masking, ior))
 
         self._each_lobe(surface, kind, add)
         return Coefficients(
@@ -119,6 +123,7 @@ class Shader:
             highlights=terms["SPECULAR"],
             mirrors=terms["MIRROR"],
             refractions=terms["REFRACTION"],
+            sheens=terms["SHEEN"],
         )
 
     def bent(self, surface: Surface, kind: str) -> Surface:
@@ -222,6 +227,14 @@ class Shader:
 def taken(number: Array | float, chosen: Array | slice) -> Array | float:
     """The places `chosen` of a number that differs from point to point, or the one for all."""
     return number[chosen] if isinstance(number, np.ndarray) else number
+
+
+def _index(lobe: Lobe, outputs: list[Array]) -> Array | float:
+    """A lobe's index of refraction: what the program gives where that is one, else its own."""
+    if lobe.ior_output < 0:
+        return lobe.ior
+    given = outputs[lobe.ior_output][0]
+    return np.where(np.isfinite(given) & (given > 0), given, lobe.ior)
 
 
 def _number(own: float, output: int, outputs: list[Array]) -> Array | float:

@@ -32,7 +32,7 @@ def gloss(
     v: Array,
     l: Array,  # noqa: E741
     masking: Array | float,
-    ior: float,
+    ior: Array | float,
     dielectric: bool,
     schlick: bool,
 ) -> Array:
@@ -46,8 +46,26 @@ def gloss(
         factor = np.where(masking > 0, 2 * nl / np.where(down > 0, down, 1.0), 1.0)
     if dielectric or schlick:
         vh = np.sqrt(np.maximum(0.5 * (1 + dot(l, v)), 0.0))
-        factor = factor * ((1 - vh) ** 5 if schlick else fresnel(vh, np.full(n.shape[1], ior)))
+        factor = factor * (
+            (1 - vh) ** 5 if schlick else fresnel(vh, np.broadcast_to(ior, n.shape[1:]))
+        )
     return factor
+
+
+def sheen(n: Array, v: Array, l: Array, width: Array | float, lean: Array | float) -> Array:  # noqa: E741
+    """(m,) a cosine lobe, seen from above, that is stretched to 1 / width across n and leans to the
+    viewer's side, times pi: n·l width² / ((width l_x - lean n·l)² + width² l_y² + (n·l)²)², l_x
+    along v. For points with n·l > 0 (Zeltner, Burley, Chiang 2022, Practical multiple-scattering
+    sheen using linearly transformed cosines).
+    """
+    nl, nv = dot(n, l), np.clip(dot(n, v), 0.0, 1.0)
+    sine2 = 1 - nv * nv
+    safe = np.where(sine2 > 0, sine2, 1.0)
+    along = np.where(sine2 > 0, (dot(l, v) - nl * nv) / np.sqrt(safe), 0.0)
+    across2 = 1 - nl * nl - along * along
+    square = (width * along - lean * nl) ** 2 + width * width * across2 + nl * nl
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return nl * width * width / (square * square)
 
 
 def reflected(d: Array, n: Array, g: Array) -> Array:

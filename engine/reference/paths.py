@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..scene import Lobe
 from .gloss import Narrow, Reflections, half_vector
 from .lighting import highlights
 from .lights import LightPoint
@@ -22,6 +21,8 @@ Array = np.ndarray
 
 MOST_STRAIGHT = 128
 """Surfaces in a row that a ray passes and that let only some of it through."""
+MOST_REFRACTIONS = 31
+"""That are counted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,8 @@ class Paths:
     on they see no lights: these have highlights there, and points of them in mirrors beyond would
     be dots.  glossy: by the last one that they met; then they do not see the sky either.  widest:
     (n,) the largest exponent of highlights that they meet, that of the widest lobe on their way.
+    refractions: (n,) how many of their bounces were refractions, refracted: (n,) bool, the last one
+    was.
     """
 
     rays: Rays
@@ -39,6 +42,8 @@ class Paths:
     straight: Array
     depth: int
     widest: Array
+    refractions: Array
+    refracted: Array
     reflections: int = 0
     glossy: bool = False
 
@@ -55,6 +60,21 @@ class Paths:
         return "Mirror" if self.depth else name
 
 
+def camera_paths(rays: Rays, seen: Array) -> Paths:
+    """Camera rays, one for each pixel. seen: (n,) their weights."""
+    n = len(rays)
+    zero = np.zeros(n, np.intp)
+    widest = np.full(n, np.inf)
+    return Paths(rays, np.tile(seen, (3, 1)), np.arange(n), zero, 0, widest, zero, zero != 0)
+
+
+def met(paths: Paths, hit: Array, surface: Surface) -> Surface:
+    """The surface that the rays `hit` meet, with what programs read of these."""
+    columns = (paths.straight, np.minimum(paths.refractions, MOST_REFRACTIONS), paths.refracted)
+    past = [np.full(len(hit), paths.depth), *(column[hit] for column in columns)]
+    return replace(surface, past=np.array(past, np.float64))
+
+
 def joined(paths: list[Paths]) -> Paths:
     """Bundles of one depth and past as one."""
     bundles = [p.rays for p in paths]
@@ -67,10 +87,11 @@ def joined(paths: list[Paths]) -> Paths:
     )
     rays = Bundle.of(origin, direction, near, far)
     weight = np.concatenate([p.weight for p in paths], 1)
-    widest = np.concatenate([p.widest for p in paths])
-    return replace(
-        paths[0], rays=rays, weight=weight, pixel=pixel, straight=straight, widest=widest
-    )
+    others = {
+        name: np.concatenate([getattr(p, name) for p in paths])
+        for name in ("widest", "refractions", "refracted")
+    }
+    return replace(paths[0], rays=rays, weight=weight, pixel=pixel, straight=straight, **others)
 
 
 def straight_on(
@@ -94,6 +115,8 @@ def straight_on(
         pixel=paths.pixel[mine],
         straight=paths.straight[mine] + (pick(k, go) != 1).any(0),
         widest=paths.widest[mine],
+        refractions=paths.refractions[mine],
+        refracted=paths.refracted[mine],
     )
 
 
@@ -121,7 +144,7 @@ def bounced(
     if coefficients.mirrors:
         k = np.zeros((3, len(surface)))
         for term in coefficients.mirrors:
-            add_at(k, term.index, term.k * _reflectance(surface, term.index, term.lobe))
+            add_at(k, term.index, term.k * _reflectance(surface, term))
         go = np.flatnonzero(k.any(0))
         some = surface.take(go)
         result.append(
@@ -129,28 +152,35 @@ def bounced(
         )
     for term in coefficients.refractions:
         some = surface.take(term.index)
-        index = relative_index(some, term.lobe)
+        index = relative_index(some, term.ior)
         d, passes = refracted(-some.v, some.n, some.g, index)
+        rough = np.broadcast_to(np.asarray(term.exponent) > 0, passes.shape)
         if term.lobe.is_rough_glass:
-            d, passes = refracted_roughly(some, term.lobe.exponent, index, point, (d, passes))
+            blurred = refracted_roughly(some, term.exponent, index, point, (d, passes))
+            d, passes = np.where(rough, blurred[0], d), np.where(rough, blurred[1], passes)
         through = np.where(passes, 1.0, 0.0)
         if term.lobe.fresnel:
-            through = through * (1 - _reflectance(surface, term.index, term.lobe))
+            through = through * (1 - _reflectance(surface, term))
         if term.lobe.fresnel and term.lobe.is_rough_glass:
             # no lobe mirrors what cannot leave
-            d = np.where(passes, d, reflected(-some.v, some.n, some.g))
-            through = np.where(passes, through, 1.0)
+            shut = rough & ~passes
+            d = np.where(shut, reflected(-some.v, some.n, some.g), d)
+            through = np.where(shut, 1.0, through)
         k = through * term.k
         go = np.flatnonzero(k.any(0))
         result.append(
-            _leaving(paths, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go), cutoff)
+            _refracted(
+                _leaving(
+                    paths, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go), cutoff
+                )
+            )
         )
     return [paths for paths in result if len(paths)]
 
 
 def refracted_roughly(
     surface: Surface,
-    exponent: float,
+    exponent: Array | float,
     index: Array,
     point: LightPoint,
     clear: tuple[Array, Array],
@@ -211,16 +241,16 @@ def widened(coefficients: Coefficients, widest: Array) -> Coefficients:
     return replace(coefficients, highlights=terms)
 
 
-def relative_index(surface: Surface, lobe: Lobe) -> Array:
-    """Index of refraction beyond the surface over that before it."""
-    return np.where(surface.outside, lobe.ior, 1 / lobe.ior)
+def relative_index(surface: Surface, ior: Array | float) -> Array:
+    """Index of refraction beyond the surface over that before it; ior: that of its inside."""
+    return np.where(surface.outside, ior, 1 / ior)
 
 
-def _reflectance(surface: Surface, index: Array, lobe: Lobe) -> Array | float:
-    if not lobe.fresnel:
+def _reflectance(surface: Surface, term: Term) -> Array | float:
+    if not term.lobe.fresnel:
         return 1.0
-    some = surface.take(index)
-    return fresnel(np.abs(dot(some.v, some.n)), relative_index(some, lobe))
+    some = surface.take(term.index)
+    return fresnel(np.abs(dot(some.v, some.n)), relative_index(some, term.ior))
 
 
 def _leaving(
@@ -241,5 +271,15 @@ def _leaving(
         np.zeros(len(go), np.intp),
         paths.depth + 1,
         paths.widest[hit[go]],
+        paths.refractions[hit[go]],
+        np.zeros(len(go), bool),
         paths.reflections,
+    )
+
+
+def _refracted(paths: Paths) -> Paths:
+    return replace(
+        paths,
+        refractions=paths.refractions + 1,
+        refracted=np.ones(len(paths), bool),
     )

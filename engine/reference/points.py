@@ -36,6 +36,20 @@ class Surroundings:
         return np.asarray(self.camera.world_from_camera, np.float64)[:, 3:]
 
 
+def _camera_axes(camera: Camera) -> Array:
+    """(3, 3) unit columns: right, up and forward."""
+    axes = np.asarray(camera.world_from_camera, np.float64)[:, :3]
+    return axes / np.sqrt((axes * axes).sum(0)) * np.array([1.0, 1.0, -1.0])
+
+
+def clipped(camera: Camera, d: Array) -> Array:
+    """(n,) lengths along unit d (3, n) of what lies before the camera's clip_start."""
+    if camera.kind == "PANORAMA":
+        return np.full(d.shape[1], float(camera.clip_start))
+    back = np.asarray(camera.world_from_camera, np.float64)[:, 2:3]
+    return -camera.clip_start * dot(back, back) / dot(back, d)
+
+
 def light_path(kind: str, count: int) -> tuple[Array, Array, Array]:
     """Three times (count,): 1 where the rays are the camera's, shadows', bounced ones."""
     return tuple(np.full(count, float(kind == k)) for k in ("camera", "shadow", "mirror"))
@@ -95,6 +109,35 @@ class SurfacePoints:
         placements, row = self._around.placements, self._row()
         return unit(transform_each(placements.normals[row], normal)) * placements.mirror[row]
 
+    def normal_to_object(self, normal: Array) -> Array:
+        """(3, m) unit normals of the world, in the object's space."""
+        return unit(transform_each(np.swapaxes(self._matrices()[:, :, :3], 1, 2), normal))
+
+    def from_object(self, vector: Array, is_point: bool) -> Array:
+        """(3, m) in the world."""
+        matrices = self._matrices()
+        found = transform_each(matrices[:, :, :3], vector)
+        return found + matrices[:, :, 3].T + self._around.eye if is_point else found
+
+    def to_object(self, vector: Array, is_point: bool) -> Array:
+        """(3, m) in the object's space; zeros where its matrix has no inverse."""
+        matrices = self._matrices()
+        start = matrices[:, :, 3].T + self._around.eye if is_point else 0.0
+        return self._into(matrices[:, :, :3], vector - start)
+
+    def from_camera(self, vector: Array, is_point: bool) -> Array:
+        """(3, m) in the world, of what is along the camera's axes."""
+        found = _camera_axes(self._around.camera) @ vector
+        return found + self._around.eye if is_point else found
+
+    def to_camera(self, vector: Array, is_point: bool) -> Array:
+        """(3, m) along right, up and forward of the camera."""
+        start = self._around.eye if is_point else 0.0
+        return np.linalg.solve(_camera_axes(self._around.camera), vector - start)
+
+    def _matrices(self) -> Array:
+        return self._around.placements.world_from_object[self._row()]
+
     def object_stretch(self) -> Array:
         """(m,) length in the world of the unit normal of the object's space."""
         matrices = self._around.placements.world_from_object[self._row()][:, :, :3]
@@ -152,8 +195,16 @@ class SurfacePoints:
         return light_path(self._kind, len(self._index))
 
     def ray_length(self) -> Array:
-        """(m,) zeros: known of lights alone."""
-        return np.zeros(len(self._index))
+        """(m,) of the ray that meets the point."""
+        far = self._surface.far[self._index]
+        is_camera = self._kind == "camera"
+        return far - clipped(self._around.camera, -self._of("v")) if is_camera else far
+
+    def ray_depth(self) -> tuple[Array, ...]:
+        """Four times (m,): bounces, surfaces that dim passed since, refractions among the bounces,
+        1 where the last was one.
+        """
+        return tuple(pick(self._surface.past, self._index))
 
     def _of(self, name: str) -> Array:
         return pick(getattr(self._surface, name), self._index)

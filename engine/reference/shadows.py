@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
@@ -107,7 +108,9 @@ class Shadows:
             self._visibility.pulse,
             backwards=from_light,
         )
-        return self._shader.transmittance(surface)
+        o, d = rays.lines(ray)
+        left = o + (rays.far if from_light else rays.near)[ray] * d
+        return self._shader.transmittance(replace(surface, far=length(surface.x - left)))
 
     def _parallel(self, start: Array, direction: Array) -> Array:
         matrix = parallel_frame(direction)

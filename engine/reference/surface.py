@@ -13,11 +13,12 @@ from .geometry import Geometry
 from .pulse import Pulse
 from .rays import ULPS, Rays, weigh
 from .shapes import along_rod, meet_rod
-from .vectors import add_at, cross, dot, pick, transform_each, unit
+from .vectors import add_at, cross, dot, length, pick, transform_each, unit
 
 Array = np.ndarray
 
 BLOCK = 1 << 15
+_ONCE = np.array([[1.0], [0.0], [0.0], [0.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,8 @@ class Surface(Spot):
     v: (3, n) unit, to the viewer.  start: (3, n) where shadow rays start.  outside: (n,) bool, the
     outer side is seen. offset: (n,) how far from the surface other rays must start to be clear of
     rounding.  row: (n,) of Placements.  mesh_n: (3, n) shading normals before materials'
-    programs bend them.
+    programs bend them.  far: (n,) lengths of the rays that meet them.  past: (4, n) what these went
+    through, as `SurfacePoints.ray_depth` has it; a bounce where nobody says otherwise.
     """
 
     row: Array
@@ -53,6 +55,8 @@ class Surface(Spot):
     outside: Array
     offset: Array
     mesh_n: Array
+    far: Array
+    past: Array
 
     def __len__(self) -> int:
         return len(self.primitive)
@@ -148,6 +152,8 @@ def _surface(
         outside=outside,
         offset=ULPS * reach,
         mesh_n=n,
+        far=length(x - o),
+        past=np.repeat(_ONCE, len(depth), 1),
     )
 
 

@@ -163,7 +163,7 @@ class Instances:
 
 ENCODINGS = ("LINEAR", "SRGB")
 EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
-INTERPOLATIONS = ("LINEAR", "CLOSEST")
+INTERPOLATIONS = ("LINEAR", "CLOSEST", "CUBIC")
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +172,7 @@ class Texture:
 
     encoding: LINEAR, or SRGB for uint8 whose colours (not alpha) carry the sRGB curve, undone
     after filtering. extension: REPEAT, EXTEND, CLIP (transparent black outside) or MIRROR.
-    interpolation: LINEAR or CLOSEST.
+    interpolation: LINEAR, CLOSEST or CUBIC (a uniform B-spline).
     """
 
     name: str
@@ -221,7 +221,16 @@ class Input:
         return self.low == -np.inf and self.high == np.inf and not any(self.offset)
 
 
-LOBES = ("AMBIENT", "DIFFUSE", "SPECULAR", "MIRROR", "REFRACTION", "TRANSPARENT", "EMISSION")
+LOBES = (
+    "AMBIENT",
+    "DIFFUSE",
+    "SPECULAR",
+    "MIRROR",
+    "REFRACTION",
+    "TRANSPARENT",
+    "EMISSION",
+    "SHEEN",
+)
 
 
 @dataclass(frozen=True)
@@ -235,7 +244,9 @@ class Lobe:
     (Schlick 1994): what a metal's reflectance gains towards grazing angles. masking: 0 to 1, of a
     SPECULAR lobe: the α of Smith's shadowing and masking, as GGX has them, which it is times; 0 for
     none. exponent_output, masking_output: which output of the material's program, a number, gives
-    the exponent or masking instead, kept from 0 to what stands here; -1 for none.
+    the exponent or masking instead, kept from 0 to what stands here; -1 for none.  ior_output: the
+    same of ior, which stands where the output is not finite or not above 0.  A SHEEN lobe has its
+    width as exponent and its lean as masking (SEMANTICS.md).
     """
 
     kind: str
@@ -247,6 +258,7 @@ class Lobe:
     masking: float = 0.0
     exponent_output: int = -1
     masking_output: int = -1
+    ior_output: int = -1
 
     @property
     def is_glossy(self) -> bool:

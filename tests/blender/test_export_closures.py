@@ -23,9 +23,9 @@ from glint.addon.export.materials.roughness import (
     scattered,
     scattered_narrow,
     scattered_wide,
-    sheen_of,
     world_of,
 )
+from glint.addon.export.materials.sheen import sheen_table
 from glint.addon.ui.nodes import add_blinn_phong
 
 
@@ -202,37 +202,44 @@ def test_a_white_furnace_stays_white(scene, cosine):  # noqa: F811
         )
 
 
+def fibres(result, roughness: float, distribution: str = "MICROFIBER"):
+    """Of the one material that shines like cloth: its SHEEN lobe, and the rows of its table."""
+    (material,) = (m for m in result.scene.materials if any(o.kind == "SHEEN" for o in m.lobes))
+    (lobe,) = of_kind(material.lobes, "SHEEN")
+    (table,) = material.program.tables
+    rows = np.array(table).reshape(-1, 4)[:, :3]
+    np.testing.assert_allclose(rows, sheen_table(float(np.float32(roughness)), distribution))
+    assert (lobe.exponent, lobe.masking) == tuple(rows[:, :2].max(0))
+    assert min(lobe.exponent_output, lobe.masking_output) >= 0
+    return lobe, rows
+
+
 def test_principled_sheen(scene):  # noqa: F811
-    tint = (0.2, 1.0, 0.4, 1.0)
+    """What the fibres reflect, and what they leave to the paint below, is read from one table."""
     shader = principled(
         Base_Color=RED,
         Specular_IOR_Level=0.0,
         Sheen_Weight=0.5,
         Sheen_Roughness=0.8,
-        Sheen_Tint=tint,
+        Sheen_Tint=(0.2, 1.0, 0.4, 1.0),
     )
-    _, lobes = shader.export()
-    a, b, p = sheen_of(0.8)
-    weight = 0.5 * np.array(tint[:3])
-    for cosine in (1.0, 0.5, 0.1):
-        reflected = a + b * (1 - cosine) ** p
-        np.testing.assert_allclose(
-            total(lobes, "DIFFUSE", cosine=cosine),
-            np.array(RED[:3]) * (1 - 0.5 * reflected) + weight * reflected,
-            rtol=1e-6,
-        )
+    result, lobes = shader.export()
+    lobe, _ = fibres(result, 0.8)
+    share = next(factor.output for factor in lobe.factors if factor.output >= 0)
+    below = of_kind(lobes, "DIFFUSE")
+    assert below and all(any(f.output == share for f in lobe.factors) for lobe in below)
+    assert not result.notes
 
 
 def test_a_sheen_shader(scene):  # noqa: F811
     shader = Shader(shader="ShaderNodeBsdfSheen")
     shader.shader.distribution = "ASHIKHMIN"
-    shader.shader.inputs["Roughness"].default_value = 0.5
+    shader.shader.inputs["Roughness"].default_value = 0.4
     shader.shader.inputs["Color"].default_value = RED
     result, lobes = shader.export()
-    a, b, p = sheen_of(0.5, "ASHIKHMIN")
-    for kind in ("DIFFUSE", "AMBIENT"):
-        found = total(lobes, kind, cosine=0.3)
-        np.testing.assert_allclose(found, np.array(RED[:3]) * (a + b * 0.7**p), rtol=1e-6)
+    lobe, _ = fibres(result, 0.4, "ASHIKHMIN")
+    assert kinds(lobes) == {"SHEEN", "AMBIENT"}
+    np.testing.assert_allclose(lobe.factors[0].value, RED[:3])
     assert not result.notes
 
 

@@ -133,11 +133,11 @@ def test_an_unlinked_socket_gives_its_default_and_nan_counts_as_nought(tree):
 def test_an_unknown_node_gives_the_default_and_a_note(tree):
     tree.shader.inputs["Roughness"].default_value = 0.75
     tree.links.new(
-        tree.nodes.new("ShaderNodeAmbientOcclusion").outputs["AO"], tree.shader.inputs["Roughness"]
+        tree.nodes.new("ShaderNodeShaderToRGB").outputs["Alpha"], tree.shader.inputs["Roughness"]
     )
     assert tree.read("Roughness").constant == (0.75,)
     assert len(tree.notes) == 1
-    assert "Ambient Occlusion" in tree.notes[0]
+    assert "Shader to RGB" in tree.notes[0]
 
 
 def test_links_in_a_circle_end_with_a_note(tree):

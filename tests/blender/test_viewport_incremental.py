@@ -524,6 +524,43 @@ def test_an_edited_material_walks_over_nothing(world, monkeypatch):
         follower.check()
 
 
+def test_an_edited_node_value_compiles_its_material_alone(scene, monkeypatch):  # noqa: F811
+    """Of three materials with programs; and nothing is compiled where nothing changed."""
+    noises = []
+    for k in range(3):
+        shader = Shader(f"noise {k}")
+        noise = shader.node("ShaderNodeTexNoise")
+        shader.link(noise, "Color", shader.shader, "Color")
+        noises.append(noise)
+    compiled = []
+    known = incremental.compile_material
+
+    def counted(material, *given):
+        compiled.append(material.name)
+        return known(material, *given)
+
+    monkeypatch.setattr(incremental, "compile_material", counted)
+    with Follower() as follower:
+        assert sorted(compiled) == ["noise 0", "noise 1", "noise 2"]
+        compiled.clear()
+        before = follower.scene
+        noises[1].inputs["Scale"].default_value = 11.0
+        bpy.context.view_layer.update()
+        assert compiled == ["noise 1"]
+        changed = [
+            one.name
+            for one, two in zip(before.materials, follower.scene.materials, strict=True)
+            if one != two
+        ]
+        assert changed == ["noise 1"]
+        assert follower.scene.geometries[0] is before.geometries[0]
+        compiled.clear()
+        scene.objects[0].location.x += 1.0
+        bpy.context.view_layer.update()
+        assert compiled == []
+        follower.check()
+
+
 def number(r):
     bpy.data.objects["Shared"].pass_index += 1
 

@@ -84,7 +84,21 @@ def displacement(space: str):
     return tree.material
 
 
+def vector_displacement(space: str):
+    tree = Tree()
+    tree.material.displacement_method = "BUMP"
+    node = tree.node("ShaderNodeVectorDisplacement", Scale=0.1, Midlevel=0.3)
+    node.space = space
+    tree.link(tree.image.outputs["Color"], node.inputs["Vector"])
+    tree.link(node.outputs[0], tree.output.inputs["Displacement"])
+    return tree.material
+
+
 CASES = {
+    **{
+        f"vector-displacement-{space}": lambda space=space: vector_displacement(space)
+        for space in ("TANGENT", "OBJECT", "WORLD")
+    },
     **{
         f"normal-map-{space}": lambda space=space: normal_map(space, 1.0)
         for space in ("TANGENT", "OBJECT", "WORLD", "BLENDER_OBJECT", "BLENDER_WORLD")
@@ -96,6 +110,12 @@ CASES = {
     "displacement-object": lambda: displacement("OBJECT"),
     "displacement-world": lambda: displacement("WORLD"),
 }
+
+
+WIDER = {"vector-displacement-TANGENT": (0.15, 3.0)}
+"""Degrees, median and 99 %: Cycles' heights beside the point take the tangent of the point itself,
+here that beside it.
+"""
 
 
 def folded(material):
@@ -136,6 +156,7 @@ def test_normals_are_cycles(case):
     )
     angle = np.degrees(2 * np.arcsin(np.linalg.norm(found - wanted, axis=-1) / 2))
     assert inside.sum() > 600
-    assert np.median(angle) <= 0.1 and np.percentile(angle, 99) <= 1.0, (
+    median, most = WIDER.get(case, (0.1, 1.0))
+    assert np.median(angle) <= median and np.percentile(angle, 99) <= most, (
         f"median {np.median(angle):.3g}°, 99 % {np.percentile(angle, 99):.3g}°"
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 
@@ -195,6 +197,39 @@ def test_output_is_cycles(node, output):
     assert_is_cycles(lambda: shining(node, output), f"{node}-{output}")
 
 
+TRANSFORMS = [
+    (kind, before, after)
+    for kind in ("POINT", "VECTOR", "NORMAL")
+    for before, after in permutations(("WORLD", "OBJECT", "CAMERA"), 2)
+] + [("NORMAL", "OBJECT", "OBJECT")]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(("kind", "before", "after"), TRANSFORMS)
+def test_a_transformed_vector_is_cycles(kind, before, after, backend):
+    def made():
+        material = shining("ShaderNodeVectorTransform", "Vector")
+        tree = material.node_tree
+        node = next(n for n in tree.nodes if n.type == "VECT_TRANSFORM")
+        node.vector_type, node.convert_from, node.convert_to = kind, before, after
+        point = tree.nodes.new("ShaderNodeNewGeometry")
+        tree.links.new(point.outputs["Position"], node.inputs["Vector"])
+        return material
+
+    def turned(scene, material) -> None:
+        made = folded(material)
+        add(scene, "folded", made, moved(-0.8, 0.3, -0.5, 1.3, 0.8, 1.0) @ slanted())
+        add_camera(scene)
+
+    assert_is_cycles(made, f"transform-{kind}-{before}-{after}", backend, turned)
+
+
+def slanted():
+    from mathutils import Euler
+
+    return Euler((0.2, -0.3, 0.4)).to_matrix().to_4x4()
+
+
 IMAGE_VECTORS = {
     "generated": ("ShaderNodeTexCoord", "Generated"),
     "object": ("ShaderNodeTexCoord", "Object"),
@@ -220,6 +255,16 @@ def test_a_projected_image_is_cycles(projection, blend, vector, backend):
     settings = {"projection": projection, "projection_blend": blend}
     name = f"image-{projection}-{blend}-{vector}"
     assert_is_cycles(lambda: shining_image(*IMAGE_VECTORS[vector], **settings), name, backend)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("interpolation", ["Cubic", "Smart"])
+@pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "CLIP", "MIRROR"])
+def test_a_cubic_image_is_cycles(extension, interpolation, backend):
+    """Beyond all of its edges too."""
+    settings = {"extension": extension, "interpolation": interpolation}
+    name = f"image-{interpolation}-{extension}"
+    assert_is_cycles(lambda: shining_image(*IMAGE_VECTORS["object"], **settings), name, backend)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

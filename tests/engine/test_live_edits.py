@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from glint.engine import Scene, Settings, available_backends, render
+from glint.engine.program.graph import Graph
+from glint.engine.program.program import compile_program
+from glint.engine.program.table import BY_NAME
 from glint.engine.scene import (
     EVERYTHING,
     Attribute,
@@ -342,7 +345,18 @@ def test_a_rectangle_that_grows_casts_new_shadows():
         live.close()
 
 
-@pytest.mark.parametrize("change", [lamp, paint, surround])
+def compute(scene, r):
+    """A node's value: one material has the program of another, with other constants."""
+    graph = Graph()
+    place = graph.apply(BY_NAME["position"], shift=0)[0]
+    size = graph.constant((r.random(), 0.5, 0.7))
+    program = compile_program(graph, list(graph.apply(BY_NAME["product"], place, size)))
+    lobe = Lobe("DIFFUSE", (Input(output=0, low=0.0, high=1.0),))
+    painted = Material("0", (lobe,), program=program)
+    return replace(scene, materials=_with(scene.materials, 0, painted))
+
+
+@pytest.mark.parametrize("change", [lamp, paint, surround, compute])
 def test_what_is_shaded_anew_traces_no_ray(change):
     from glint.engine.native.live import NativeLive
 

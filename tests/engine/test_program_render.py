@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from glint import engine
 from glint.engine import scene as s
 from glint.engine.program.graph import Graph, Value
 from glint.engine.program.operations import Operation
-from glint.engine.program.operations_input import NormalSpace
+from glint.engine.program.operations_input import NormalSpace, Space, VectorType
 from glint.engine.program.operations_math import MathOperation
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME, OPERATIONS
@@ -135,6 +136,28 @@ def test_normal_maps(space: NormalSpace):
     )[0]
     core, reference = both(scene_of(shown(graph, bent)))
     np.testing.assert_allclose(core["Combined"], reference["Combined"], rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", VectorType)
+@pytest.mark.parametrize(("before", "after"), [*permutations(Space, 2)])
+def test_vectors_in_other_spaces(kind: VectorType, before: Space, after: Space):
+    """Back again they are what they were, up to their length where they are normals."""
+    graph = new_graph()
+    position = point_value(graph, "position", shift=0)
+
+    def turned(value: Value, start: Space, end: Space) -> Value:
+        settings = {"convert_from": start, "convert_to": end}
+        return graph.apply(BY_NAME["transform_vector"], value, vector_type=kind, **settings)[0]
+
+    there = turned(position, before, after)
+    core, reference = both(scene_of(shown(graph, there)))
+    np.testing.assert_allclose(core["Combined"], reference["Combined"], rtol=1e-5, atol=1e-5)
+    back = turned(there, after, before)
+    expected = position
+    if kind == VectorType.NORMAL:
+        expected = graph.apply(BY_NAME["vector_normalized"], position)[0]
+    found, wanted = (both(scene_of(shown(graph, value)))[0] for value in (back, expected))
+    np.testing.assert_allclose(found["Combined"], wanted["Combined"], rtol=1e-4, atol=1e-4)
 
 
 def bumpy(graph: Graph) -> Value:

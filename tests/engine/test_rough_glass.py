@@ -9,6 +9,10 @@ import pytest
 
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer
+from glint.engine.program.graph import Graph, Value
+from glint.engine.program.operations_math import MathOperation
+from glint.engine.program.program import compile_program
+from glint.engine.program.table import BY_NAME
 from glint.engine.scene import Camera, Input, Instances, Lobe, Material, Polygons, Scene, World
 from test_bounced_light import HERE, ball
 
@@ -126,3 +130,72 @@ def test_explained_pixels_have_the_colours_of_the_picture() -> None:
         ray = explainer.pixel(x, y)
         np.testing.assert_allclose(ray.color, picture[y, x, :3], rtol=1e-4, atol=1e-6)
         assert "refraction" in {after.kind for after in ray.follow}
+
+
+def computed(number: float) -> tuple[Graph, Value]:
+    """A number that a program gives at every point."""
+    graph = Graph()
+    x = graph.apply(BY_NAME["position"], shift=0)[0]
+    zero = graph.apply(BY_NAME["product"], x, graph.constant((0.0, 0.0, 0.0)))[0]
+    none = graph.apply(BY_NAME["separate_xyz"], zero)[0]
+    given = (none, graph.constant(number), graph.constant(0.0))
+    return graph, graph.apply(BY_NAME["math"], *given, operation=MathOperation.ADD, clamp=0)[0]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("fresnel", [False, True])
+@pytest.mark.parametrize(
+    ("number", "output"),
+    [(6.0, "exponent_output"), (0.0, "exponent_output"), (1.45, "ior_output")],
+)
+def test_numbers_of_a_program_are_as_good_as_constants(number, output, fresnel, backend) -> None:
+    constant = glass(number if output == "exponent_output" else 6.0, fresnel=fresnel)
+    graph, value = computed(number)
+    (lobe,) = constant.lobes
+    most = {"exponent": 200.0} if output == "exponent_output" else {"ior": 1.9}
+    varied = replace(
+        constant,
+        lobes=(replace(lobe, **most, **{output: 0}),),
+        program=compile_program(graph, [value]),
+    )
+    expected = drawn(above(ball(0.9), constant), backend)
+    np.testing.assert_allclose(drawn(above(ball(0.9), varied), backend), expected, atol=1e-6)
+
+
+def test_what_is_no_index_leaves_the_lobes_own() -> None:
+    for number in (0.0, -1.0, float("nan"), float("inf")):
+        graph, value = computed(number)
+        constant = glass(6.0)
+        program = compile_program(graph, [value])
+        lobe = replace(constant.lobes[0], ior_output=0)
+        varied = replace(constant, lobes=(lobe,), program=program)
+        for backend in BACKENDS:
+            found = drawn(above(ball(0.9), varied), backend)
+            expected = drawn(above(ball(0.9), constant), backend)
+            np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_both_tracers_draw_glass_that_varies_the_same() -> None:
+    graph = Graph()
+    x, y, _ = graph.apply(BY_NAME["separate_xyz"], graph.apply(BY_NAME["position"], shift=0)[0])
+    do = lambda name, *given: graph.apply(  # noqa: E731
+        BY_NAME["math"],
+        *(graph.constant(g) if isinstance(g, float) else g for g in given),
+        operation=MathOperation[name],
+        clamp=0,
+    )[0]
+    exponent = do("MULTIPLY_ADD", x, 100.0, 50.0)
+    ior = do("MULTIPLY_ADD", y, 0.2, 1.4)
+    shape = {"exponent_output": 0, "ior_output": 1}
+    lobes = (
+        Lobe("SPECULAR", ior=1.5, fresnel=True, exponent=40.0, masking=0.3, ior_output=1),
+        Lobe("MIRROR", ior=1.5, fresnel=True, ior_output=1),
+        Lobe("REFRACTION", (Input((0.8,) * 3),), 200.0, 1.5, fresnel=True, **shape),
+    )
+    material = Material("glass", lobes, program=compile_program(graph, [exponent, ior]))
+    for geometry in (ball(0.9), pane()):
+        native, exact = (drawn(above(geometry, material), backend) for backend in BACKENDS)
+        off = np.abs(native - exact).max(2)
+        assert np.median(off) < 1e-6
+        assert (off > 1e-4).mean() < 0.01
+        assert exact.std() > 0.02

@@ -81,6 +81,21 @@ def test_what_a_view_hides_and_brings_back(blender):
     }
 
 
+def test_preview_icons_are_glints_and_disturb_no_render(blender):
+    """Icons of a red ball, glass, noise, a blue world, an orange lamp and a texture."""
+    done = run_in_window(blender, "previews.py", timeout=300)
+    told = done.run.answer
+    mean = {name: value["mean"] for name, value in told.items() if isinstance(value, dict)}
+    assert mean.keys() == {"red", "glass", "noise", "world", "lamp", "texture"}
+    for name in mean:
+        assert told[name]["spread"] > 0.01, f"{name} is of one colour"
+    assert mean["red"][0] > 1.5 * mean["red"][1] and mean["red"][0] > 1.5 * mean["red"][2]
+    assert mean["world"][2] > 1.5 * mean["world"][0]
+    assert mean["lamp"][0] > mean["lamp"][2]
+    assert told["render beside an icon"] and told["icon beside a render"]
+    assert any(is_preview for is_preview, *_ in told["panel"])
+
+
 def test_disturbances_of_a_view_that_is_being_traced(blender):
     told = run_in_window(blender, "disturbances.py", timeout=300).run.answer
     assert {name for name, same in told.items() if not same} == set()

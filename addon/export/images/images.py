@@ -20,6 +20,8 @@ from .decoded import Decoded
 from .pixels import ImageError, Pixels, Raw
 
 EXTENSIONS = {"REPEAT": "REPEAT", "EXTEND": "EXTEND", "CLIP": "CLIP", "MIRROR": "MIRROR"}
+FILTERS = {"Closest": "CLOSEST", "Cubic": "CUBIC", "Smart": "CUBIC"}
+"""By Blender's names of how images are read between their texels; others are linear."""
 FIRST, TILES_IN_A_ROW = 1001, 10
 """Number of the tile at the origin of a UV map, and how many numbers further the tile above is."""
 FIRST_TILE = "Only the first tile of tiled images is rendered here ({}): bake them into one image"
@@ -59,7 +61,7 @@ class Images:
         """
         found = self.pixels(image, user, tile)
         associated = associated and found.associated
-        filtering = "CLOSEST" if interpolation == "Closest" else "LINEAR"
+        filtering = FILTERS.get(interpolation, "LINEAR")
         key = self._key(image, user, tile)
         key = (*key, EXTENSIONS.get(extension, "REPEAT"), filtering, associated)
         if key not in self._indices:

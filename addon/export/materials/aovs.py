@@ -11,7 +11,7 @@ from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
 from .evaluator import Evaluator
-from .graph import Links, Place, images_behind, is_blinn_phong, node_tree, socket_named
+from .graph import Links, Place, images_behind, is_blinn_phong, node_tree, read_tree, socket_named
 from .terms import factors_of
 
 
@@ -33,7 +33,8 @@ def aov_material(
     """What a material's nodes give to AOVs, as `Material.aovs` has it; None where they give none.
     All nodes of one name add up, as in Cycles.
     """
-    tree = node_tree(material)
+    read = read_tree(material)
+    tree = read.tree
     places = [*_outputs(tree, (), Links())] if tree is not None else []
     reader = functools.partial(TreeReader, material_index=material.pass_index)
     evaluator = Evaluator(material.name, images, report, reader)

@@ -24,7 +24,7 @@ from .clamps import clamped
 from .expressions import Expressions, has_output
 from .graph import Place, closes_circle, kind_of, socket_named, source
 from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant, multiply
-from .varying import Roughness
+from .varying import Ior, Roughness
 
 DEEPEST = 48
 """Nested node evaluations; deeper trees get the socket's default."""
@@ -36,6 +36,7 @@ SHINING = frozenset(
 """Shaders that count, or give nothing as they are meant to, where there is no surface."""
 MOST_TERMS = 16
 """Terms of one sum; longer ones become a program's value."""
+SMALLEST_IOR = 1e-3
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 _CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
 
@@ -54,6 +55,7 @@ class LobeKey:
     masking: float = 0.0
     exponent_output: int = -1
     masking_output: int = -1
+    ior_output: int = -1
     anisotropy: float = 0.0
 
 
@@ -166,11 +168,12 @@ class Evaluator:
         if self._trees.is_fed(place):
             self._trees.displacement = self._trees.value(place)
 
-    def bend(self, place: Place | None) -> None:
+    def bend(self, place: Place | None) -> Value:
         """Note the shading normal that a shader's socket gets, the mesh's where it gets none."""
         fed = place is not None and self._trees.is_fed(place)
         value = self._trees.value(place) if fed else self._trees.normal()
         self.normals[value] = None
+        return value
 
     def normal(self) -> int:
         """The output that holds the material's shading normal; -1 where it is the mesh's."""
@@ -332,6 +335,15 @@ class NodeView:
         expressions = self.evaluator.expressions
         value = expressions.apply("separate_xyz", expressions.value_of(terms))
         return Roughness(value, expressions)
+
+    def ior(self, name: str = "IOR", otherwise: float = 1.5) -> Ior:
+        """An index of refraction, kept above 0, which may vary over the surface."""
+        terms = self.number(name, otherwise)
+        if is_constant(terms):
+            return Ior(max(constant_value(terms)[0], SMALLEST_IOR), self.evaluator.expressions)
+        expressions = self.evaluator.expressions
+        value = expressions.apply("separate_xyz", expressions.value_of(terms))
+        return Ior(expressions.math("MAXIMUM", value, SMALLEST_IOR), expressions)
 
     def factor(self, name: str, otherwise: float = 0.0) -> Sum:
         """A number kept between 0 and 1."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ....engine.program.graph import Graph, Value
+from ....engine.program.operations_math import MathOperation
 from ....engine.program.program import compile_program
 from ....engine.program.table import BY_NAME
 from ....engine.scene import Input, Lobe, Material
@@ -35,6 +36,16 @@ class Expressions:
     def number(self, value: Value) -> Value:
         """The value as a number: a colour by its luminance."""
         return value if value.width == 1 else self.apply("rgb_to_bw", value)
+
+    def parts(self, vector: Value) -> tuple[Value, ...]:
+        """The three numbers of a vector."""
+        return self.graph.apply(BY_NAME["separate_xyz"], vector)
+
+    def math(self, operation: str, *numbers: Value | float) -> Value:
+        """An operation of the Math node on values and Python's own numbers."""
+        given = [self.constant(x) if isinstance(x, (int, float)) else x for x in numbers]
+        given += [self.constant(0.0)] * (3 - len(given))
+        return self.apply("math", *given, operation=MathOperation[operation], clamp=0)
 
     def output(self, value: Value) -> int:
         """The number of the output that holds the value, which is no constant."""
@@ -141,7 +152,8 @@ class Expressions:
 def _outputs_of(material: Material) -> set[int]:
     named = {material.normal_output}
     for lobe in material.lobes:
-        named |= {lobe.exponent_output, lobe.masking_output, *(f.output for f in lobe.factors)}
+        named |= {lobe.exponent_output, lobe.masking_output, lobe.ior_output}
+        named |= {f.output for f in lobe.factors}
     return named
 
 
@@ -151,6 +163,7 @@ def _renumbered(lobe: Lobe, numbers: dict[int, int]) -> Lobe:
         factors=tuple(replace(f, output=numbers[f.output]) for f in lobe.factors),
         exponent_output=numbers[lobe.exponent_output],
         masking_output=numbers[lobe.masking_output],
+        ior_output=numbers[lobe.ior_output],
     )
 
 

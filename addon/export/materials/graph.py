@@ -4,6 +4,7 @@ without recursion.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -48,6 +49,66 @@ def output_of(tree: Any) -> Any:
     """The output node that a tree shows, or None: Cycles' own, else Eevee's."""
     found = (tree.get_output_node(target) for target in ("ALL", "CYCLES", "EEVEE"))
     return next(filter(None, found), None)
+
+
+INLINED = frozenset(
+    {
+        "GeometryNodeMenuSwitch",
+        "GeometryNodeRepeatInput",
+        "GeometryNodeRepeatOutput",
+        "NodeClosureInput",
+        "NodeClosureOutput",
+        "NodeCombineBundle",
+        "NodeEvaluateClosure",
+        "NodeJoinBundle",
+        "NodeSeparateBundle",
+        "FunctionNodeInputBool",
+        "FunctionNodeInputInt",
+        "FunctionNodeInputMenu",
+        "FunctionNodeInputVector",
+    }
+)
+"""Nodes that Blender (5.0 and later) takes out of trees before an engine reads them: zones that
+repeat, closures, bundles, switches by menus and inputs of other than shaders' types.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class ReadTree:
+    """A node tree as an engine reads it. owner: keeps what Blender made for it."""
+
+    tree: Any
+    owner: Any = None
+
+
+def read_tree(block: Any) -> ReadTree:
+    """The node tree that a material, world or light uses, or none, without nodes of `INLINED`."""
+    import bpy
+
+    tree = node_tree(block)
+    if tree is None or not any(node.bl_idname in INLINED for node in all_nodes(tree)):
+        return ReadTree(tree)
+    inline = getattr(bpy.types, "InlineShaderNodes", None)
+    if inline is None:
+        return ReadTree(tree)
+    kinds = {"Material": inline.from_material, "World": inline.from_world}
+    made = kinds.get(block.bl_rna.identifier, inline.from_light)(block)
+    return ReadTree(made.node_tree, made)
+
+
+def all_nodes(tree: Any) -> Iterator[Any]:
+    """The nodes of a tree and of the groups in it, those of each group once."""
+    waiting, seen = [tree], set()
+    while waiting:
+        here = waiting.pop()
+        if here.as_pointer() in seen:
+            continue
+        seen.add(here.as_pointer())
+        for node in here.nodes:
+            yield node
+            inside = getattr(node, "node_tree", None)
+            if inside is not None:
+                waiting.append(inside)
 
 
 class Links:

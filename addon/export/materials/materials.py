@@ -27,12 +27,12 @@ from .evaluator import (
     is_finite,
     scale_closure,
 )
-from .graph import Place, images_behind, node_tree, output_of, socket_named
+from .graph import Place, images_behind, output_of, read_tree, socket_named
 from .nodes_principled import plastic_closure
 from .nodes_shader import diffuse_closure, glossy_closure
 from .nodes_volume import VOLUMES, medium_of
 from .terms import complement, constant, constant_value, factors_of
-from .varying import Roughness
+from .varying import Ior, Roughness
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def default_material() -> Material:
     closure = (
         diffuse_closure(grey)
         if bpy.app.version < (5, 0, 0)
-        else plastic_closure(grey, constant(1.0), Roughness(0.5), 1.5, True)
+        else plastic_closure(grey, constant(1.0), Roughness(0.5), Ior(1.5), True)
     )
     return Material("default_surface", lobes_of(closure))  # as Cycles calls it
 
@@ -107,7 +107,8 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     """One Blender material as lobes."""
     reader = functools.partial(TreeReader, material_index=material.pass_index)
     evaluator = Evaluator(material.name, images, report, reader)
-    tree = node_tree(material)
+    read = read_tree(material)
+    tree = read.tree
     if getattr(material, "displacement_method", "BUMP") != "BUMP" and _is_displaced(tree):
         report.note("True displacement is rendered as a bump in {}", material.name)
     closure = (
@@ -183,6 +184,7 @@ def lobes_of(closure: Closure) -> tuple[Lobe, ...]:
             item[0].ior,
             item[0].schlick,
             item[0].exponent_output,
+            item[0].ior_output,
         ),
     )
     return tuple(_lobe(key, factors_of(term)) for key, terms in ordered for term in terms)
@@ -199,6 +201,7 @@ def _lobe(key: LobeKey, factors: tuple) -> Lobe:
         key.masking,
         key.exponent_output,
         key.masking_output,
+        key.ior_output,
     )
 
 

@@ -10,7 +10,7 @@ import math
 from .evaluator import CLOSURE_NODES, Closure, NodeView, add_closures
 from .nodes_shader import below_coat, coat_closure, glossy_closure
 from .terms import ONE, RGB, Sum, constant, constant_value, is_constant
-from .varying import Roughness
+from .varying import Ior, Roughness
 
 _EUMELANIN, _PHEOMELANIN = (0.506, 0.841, 1.653), (0.343, 0.733, 1.924)
 """What melanin absorbs, a fibre's radius (Donner and Jensen 2006)."""
@@ -45,7 +45,7 @@ def _principled_hair(view: NodeView) -> Closure:
     unused = {"Radial Roughness": 0.3} if view.node.parametrization == "COLOR" else {}
     _note_unused(view, _UNUSED | unused)
     roughness = Roughness(min(max(view.constant("Roughness", 0.3), _SMOOTHEST), 1.0))
-    ior = max(view.constant("IOR", 1.55), 1.0)
+    ior = Ior(max(view.constant("IOR", 1.55), 1.0))
     view.note(
         "Hair shaders are Blinn-Phong on the round fibre here: {} show no light that passes through"
     )

@@ -7,11 +7,10 @@ from __future__ import annotations
 import math
 
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
-from .fresnel import ior_from_reflectance, normal_reflectance
 from .nodes_shader import (
     LEFT_OUT,
+    Fibres,
     below_coat,
-    below_sheen,
     bend,
     coat_closure,
     glass_closure,
@@ -19,13 +18,11 @@ from .nodes_shader import (
     metal_closure,
     note_edge_tint,
     note_left_out,
-    sheen_closure,
-    sound_ior,
     under_alpha,
 )
-from .roughness import layer_loss, sheen_of
-from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply, scale
-from .varying import Roughness
+from .roughness import layer_loss
+from .terms import ONE, Sum, complement, constant, constant_value, is_constant, mix, multiply
+from .varying import Ior, Roughness
 
 
 def _principled(view: NodeView) -> Closure:
@@ -51,7 +48,7 @@ def _principled(view: NodeView) -> Closure:
 
 
 def plastic_closure(
-    base: Sum, tint: Sum, roughness: Roughness, ior: float, multiscatter: bool
+    base: Sum, tint: Sum, roughness: Roughness, ior: Ior, multiscatter: bool
 ) -> Closure:
     """A dielectric layer over a diffuse one, which gets what the layer lets through."""
     below = below_coat(base, _largest(tint), roughness, ior, multiscatter)
@@ -66,37 +63,26 @@ def _largest(color: Sum) -> Sum:
 
 
 def _plastic(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
-    """A specular level that varies scales F0 as the tint does."""
-    tint, ior = view.reflectance("Specular Tint", 1.0), sound_ior(view)
-    level = view.amount("Specular IOR Level", 0.5)
-    if is_constant(level):
-        ior = _specular_ior(view)
-    else:
-        tint = multiply(tint, scale(level, 2.0))
+    """The specular level scales F0, one half leaves it as it is."""
+    ior = view.ior().with_level(view.amount("Specular IOR Level", 0.5))
+    tint = view.reflectance("Specular Tint", 1.0)
     return plastic_closure(base, tint, roughness, ior, is_multiscatter(view))
-
-
-def _specular_ior(view: NodeView) -> float:
-    """The index of refraction with the node's specular level in it: the level scales F0, one half
-    leaves it as it is.
-    """
-    ior, level = sound_ior(view), view.constant("Specular IOR Level", 0.5)
-    return (
-        ior if level == 0.5 else ior_from_reflectance(normal_reflectance(ior) * 2 * max(level, 0.0))
-    )
 
 
 def _glass(view: NodeView, base: Sum, roughness: Roughness) -> Closure:
     """Refraction takes the root of the base colour, so that light which enters and leaves takes all
     of it.
     """
-    ior = sound_ior(view)
-    root = (
-        constant(tuple(math.sqrt(max(x, 0.0)) for x in constant_value(base)))
-        if is_constant(base)
-        else base
-    )
-    return glass_closure(view, view.reflectance("Specular Tint", 1.0), root, roughness, ior)
+    root = _root(view, base)
+    return glass_closure(view.reflectance("Specular Tint", 1.0), root, roughness, view.ior())
+
+
+def _root(view: NodeView, color: Sum) -> Sum:
+    if is_constant(color):
+        return constant(tuple(math.sqrt(max(x, 0.0)) for x in constant_value(color)))
+    expressions = view.evaluator.expressions
+    value, half = expressions.value_of(color), expressions.constant(0.5)
+    return expressions.sum_of(expressions.apply("gamma", value, half))
 
 
 def _coated(view: NodeView, surface: Closure) -> Closure:
@@ -104,10 +90,10 @@ def _coated(view: NodeView, surface: Closure) -> Closure:
     weight = view.factor("Coat Weight")
     if not weight:
         return surface
-    ior = max(view.constant("Coat IOR", 1.5), 1e-3)
+    ior = view.ior("Coat IOR")
     tint = view.reflectance("Coat Tint", 1.0)
     roughness = view.roughness("Coat Roughness", 0.03)
-    lost = multiply(weight, roughness.number(lambda r: layer_loss(r, ior)))
+    lost = multiply(weight, roughness.number(lambda r: layer_loss(r, ior.number)))
     through = multiply(complement(lost), mix(weight, ONE, tint))
     coat = coat_closure(weight, roughness, ior)
     return add_closures(scale_closure(surface, through), coat)
@@ -119,10 +105,10 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
     if not weight:
         return surface
     tint = view.reflectance("Sheen Tint", 1.0)
-    sheen = sheen_of(view.constant("Sheen Roughness", 0.5))
+    fibres = Fibres(view, view.constant("Sheen Roughness", 0.5))
     return add_closures(
-        below_sheen(surface, multiply(weight, _largest(tint)), sheen),
-        sheen_closure(multiply(weight, tint), sheen),
+        fibres.over(surface, multiply(weight, _largest(tint))),
+        fibres.closure(multiply(weight, tint)),
     )
 
 

@@ -6,22 +6,22 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from ....engine.program.operations_vector import VectorMeasure
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
 from .fresnel import dielectric_albedo, normal_reflectance
 from .graph import BLINN_PHONG, source
 from .roughness import (
-    Sheen,
     World,
     dielectric_world,
     glass_exponent,
     scattered,
     scattered_narrow,
     scattered_wide,
-    sheen_of,
     world_of,
 )
+from .sheen import sheen_table
 from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
-from .varying import Roughness
+from .varying import Ior, Roughness
 
 
 def diffuse_closure(color: Sum) -> Closure:
@@ -81,7 +81,7 @@ class WorldShares:
     `LobeKey` takes it. ior: of a dielectric.
     """
 
-    def __init__(self, roughness: Roughness, kind: str, ior: float = 1.5) -> None:
+    def __init__(self, roughness: Roughness, kind: str, ior: float = Ior.NOMINAL) -> None:
         def of(name: str) -> Callable[[float], float]:
             return lambda r: getattr(_world(r, kind, ior), name)
 
@@ -123,14 +123,14 @@ def _matt(color: Sum, world: WorldShares) -> Closure:
 
 
 def coat_closure(
-    weight: Sum, roughness: Roughness, ior: float, multiscatter: bool = True, tint: Sum = ONE
+    weight: Sum, roughness: Roughness, ior: Ior, multiscatter: bool = True, tint: Sum = ONE
 ) -> Closure:
     """A dielectric interface's reflection, by Fresnel; tint: of the reflectance at normal
     incidence, not of that at grazing angles.
     """
-    if ior == 1.0:
+    if ior.number == 1.0:
         return {}
-    mirror = {LobeKey("MIRROR", ior=ior, fresnel=True): multiply(weight, tint)}
+    mirror = {LobeKey("MIRROR", fresnel=True, **ior.key): multiply(weight, tint)}
     if roughness.is_mirror():
         return mirror
     rough = scale_closure(_rough_coat(roughness, ior, multiscatter, tint), weight)
@@ -141,10 +141,10 @@ def coat_closure(
     )
 
 
-def _rough_coat(roughness: Roughness, ior: float, multiscatter: bool, tint: Sum) -> Closure:
-    f0, world = normal_reflectance(ior), WorldShares(roughness, "DIELECTRIC", ior)
-    again = _scattered_again(f0, multiscatter)
-    tinted = scale(tint, f0)
+def _rough_coat(roughness: Roughness, ior: Ior, multiscatter: bool, tint: Sum) -> Closure:
+    world = WorldShares(roughness, "DIELECTRIC", ior.number)
+    again = _scattered_again(ior, multiscatter)
+    tinted = multiply(tint, ior.f0)
     highlight = _dielectric_highlights(
         tint, roughness, ior, roughness.number(lambda r: 1 + again(r) * scattered_narrow(r))
     )
@@ -156,27 +156,29 @@ def _rough_coat(roughness: Roughness, ior: float, multiscatter: bool, tint: Sum)
     )
 
 
-def _scattered_again(f0: float, multiscatter: bool) -> Callable[[float], float]:
+def _scattered_again(ior: Ior, multiscatter: bool) -> Callable[[float], float]:
     """Of roughness: what comes back of the light that is not sent out at once."""
+    f0 = normal_reflectance(ior.number)
     return lambda r: scattered(f0 + (1 - f0) / 21, r) if multiscatter else 0.0
 
 
-def _dielectric_highlights(tint: Sum, roughness: Roughness, ior: float, brighter: Sum) -> Closure:
+def _dielectric_highlights(tint: Sum, roughness: Roughness, ior: Ior, brighter: Sum) -> Closure:
     """F = a F_ior + b, so that it is the tint times F0 at normal incidence and 1 at grazing
     angles.
     """
-    f0 = normal_reflectance(ior)
     if tint == ONE:
-        return _highlights(brighter, roughness, fresnel=True, ior=ior)
-    white = multiply(complement(scale(tint, f0)), brighter)
-    if f0 > 0.5:  # where a and b would all but cancel; Schlick's weight is as good there
+        return _highlights(brighter, roughness, fresnel=True, **ior.key)
+    tinted = multiply(tint, ior.f0)
+    white = multiply(complement(tinted), brighter)
+    if normal_reflectance(ior.number) > 0.5:
+        # where a and b would all but cancel; Schlick's weight is as good there
         return add_closures(
-            _highlights(multiply(scale(tint, f0), brighter), roughness),
+            _highlights(multiply(tinted, brighter), roughness),
             _highlights(white, roughness, schlick=True),
         )
-    b = multiply(scale(complement(tint), -f0 / (1 - f0)), brighter)
+    b = multiply(ior.over_rest(multiply(complement(tint), scale(ior.f0, -1.0))), brighter)
     return add_closures(
-        _highlights(scale(white, 1 / (1 - f0)), roughness, fresnel=True, ior=ior),
+        _highlights(ior.over_rest(white), roughness, fresnel=True, **ior.key),
         _highlights(b, roughness),
     )
 
@@ -194,19 +196,17 @@ def _reflected(
     return _seen(kind, always, grazing, world)
 
 
-def below_coat(
-    base: Sum, tint: Sum, roughness: Roughness, ior: float, multiscatter: bool
-) -> Closure:
+def below_coat(base: Sum, tint: Sum, roughness: Roughness, ior: Ior, multiscatter: bool) -> Closure:
     """A diffuse layer under a dielectric one, which by Cycles keeps what it reflects of a uniform
     world in the direction of view.
 
     Scattering once it keeps the rough share of F0 too.
     """
-    world, f0 = WorldShares(roughness, "DIELECTRIC", ior), normal_reflectance(ior)
+    world = WorldShares(roughness, "DIELECTRIC", ior.number)
     if not multiscatter:
         world.a0, world.a1 = ONE, ZERO
-    again = _scattered_again(f0, multiscatter)
-    kept = _reflected("DIFFUSE", scale(tint, f0), world, roughness, again)
+    again = _scattered_again(ior, multiscatter)
+    kept = _reflected("DIFFUSE", multiply(tint, ior.f0), world, roughness, again)
     always, grazing = kept[LobeKey("DIFFUSE")], kept[LobeKey("DIFFUSE", **world.exponent)]
     through, less = multiply(base, complement(always)), scale(multiply(base, grazing), -1.0)
     return add_closures(
@@ -214,32 +214,30 @@ def below_coat(
     )
 
 
-def glass_closure(
-    view: NodeView, reflected: Sum, refracted: Sum, roughness: Roughness, ior: float
-) -> Closure:
+def glass_closure(reflected: Sum, refracted: Sum, roughness: Roughness, ior: Ior) -> Closure:
     """Both sides of a dielectric interface."""
     return add_closures(
         coat_closure(reflected, roughness, ior),
-        {_refracting(view, roughness, ior=ior, fresnel=True): refracted},
+        refracting(refracted, roughness, ior, fresnel=True),
     )
 
 
-def _refracting(view: NodeView, roughness: Roughness, **more: Any) -> LobeKey:
-    """Blurred where the roughness does not vary."""
-    if roughness.varies:
-        view.note("Roughness of glass that varies is rendered clear in {}")
-    blurs = not (roughness.varies or roughness.is_mirror())
-    exponent = glass_exponent(roughness.value) if blurs else 0.0
-    return LobeKey("REFRACTION", exponent=exponent, **more)
+def refracting(color: Sum, roughness: Roughness, ior: Ior, fresnel: bool = False) -> Closure:
+    """What is seen through a surface: clear up to the roughness of a mirror, blurred beyond."""
+    kind = {"fresnel": fresnel, **ior.key}
+    if roughness.is_mirror():
+        return {LobeKey("REFRACTION", **kind): color}
+    blurred = LobeKey("REFRACTION", **roughness.exponent(glass_exponent), **kind)
+    if not roughness.varies:
+        return {blurred: color}
+    return add_closures(
+        {LobeKey("REFRACTION", **kind): multiply(color, roughness.mirrored())},
+        {blurred: multiply(color, roughness.rough())},
+    )
 
 
 def is_multiscatter(view: NodeView) -> bool:
     return getattr(view.node, "distribution", "MULTI_GGX") == "MULTI_GGX"
-
-
-def sound_ior(view: NodeView) -> float:
-    """The node's index of refraction, kept above 0."""
-    return max(view.constant("IOR", 1.5), 1e-3)
 
 
 def bend(view: NodeView) -> None:
@@ -290,35 +288,45 @@ def _diffuse(view: NodeView) -> Closure:
     return diffuse_closure(view.reflectance("Color"))
 
 
-def sheen_closure(color: Sum, sheen: Sheen) -> Closure:
-    """Fibres that reflect a colour at grazing angles, lit as what is matt."""
-    grazing = {"exponent": sheen.p}
-    always, more = scale(color, sheen.a), scale(color, sheen.b)
-    return {
-        LobeKey(kind, **shape): k
-        for kind in ("DIFFUSE", "AMBIENT")
-        for shape, k in (({}, always), (grazing, more))
-    }
+class Fibres:
+    """The sheen of a node, as values of its program.
 
+    share: of a uniform world, by the view, as a sum.
+    """
 
-def below_sheen(surface: Closure, weight: Sum, sheen: Sheen) -> Closure:
-    """What fibres leave to a surface: by the view where it is matt, else on average."""
-    through = complement(scale(weight, sheen.mean))
-    parts = []
-    for key, k in surface.items():
-        if key.kind not in ("DIFFUSE", "AMBIENT") or key.exponent_output >= 0:
-            parts.append({key: multiply(k, through)})
-            continue
-        parts.append({key: multiply(k, complement(scale(weight, sheen.a)))})
-        at_edges = replace(key, exponent=key.exponent + sheen.p)
-        parts.append({at_edges: scale(multiply(k, weight), -sheen.b)})
-    return add_closures(*parts)
+    def __init__(self, view: NodeView, roughness: float, distribution: str = "MICROFIBER") -> None:
+        do, expressions = view.evaluator.expressions.apply, view.evaluator.expressions
+        seen = (do("incoming"), view.evaluator.bend(view.input("Normal")))
+        cosine = do("vector_measure", *seen, measure=VectorMeasure.DOT_PRODUCT)
+        rows = sheen_table(roughness, distribution)
+        table = tuple(x for row in rows for x in (*map(float, row), 1.0))
+        found = do("ramp", cosine, interpolates=1, table=table)
+        width, lean, share = expressions.parts(found)
+        self._most = rows.max(0)
+        self._outputs = expressions.output(width), expressions.output(lean)
+        self.share = expressions.sum_of(share)
+
+    def closure(self, color: Sum) -> Closure:
+        """Fibres that reflect a colour."""
+        width, lean = self._outputs
+        lobe = LobeKey(
+            "SHEEN",
+            float(self._most[0]),
+            masking=float(self._most[1]),
+            exponent_output=width,
+            masking_output=lean,
+        )
+        seen = multiply(color, self.share)
+        return {lobe: seen, LobeKey("AMBIENT"): seen}
+
+    def over(self, surface: Closure, weight: Sum) -> Closure:
+        """What they leave to a surface, by the view."""
+        return scale_closure(surface, complement(multiply(weight, self.share)))
 
 
 def _sheen(view: NodeView) -> Closure:
-    sheen = sheen_of(view.constant("Roughness", 0.5), view.node.distribution)
-    bend(view)
-    return sheen_closure(view.reflectance("Color"), sheen)
+    fibres = Fibres(view, view.constant("Roughness", 0.5), view.node.distribution)
+    return fibres.closure(view.reflectance("Color"))
 
 
 def _as_diffuse(view: NodeView) -> Closure:
@@ -352,13 +360,12 @@ def _metallic(view: NodeView) -> Closure:
 def _glass(view: NodeView) -> Closure:
     note_microfacets(view)
     color = view.reflectance("Color")
-    return glass_closure(view, color, color, view.roughness(), sound_ior(view))
+    return glass_closure(color, color, view.roughness(), view.ior())
 
 
 def _refraction(view: NodeView) -> Closure:
     bend(view)
-    key = _refracting(view, view.roughness(), ior=sound_ior(view))
-    return {key: view.reflectance("Color")}
+    return refracting(view.reflectance("Color"), view.roughness(), view.ior())
 
 
 def _transparent(view: NodeView) -> Closure:
@@ -408,11 +415,11 @@ def _fresnel_mix(first: Closure, mirror: Closure, ior: float) -> Closure:
         {LobeKey("MIRROR", ior=ior, fresnel=True): weight for weight in mirror.values()}
     ]
     for key, weight in first.items():
-        exact = key.kind == "REFRACTION" and not key.fresnel and key.ior == ior
+        exact = (
+            key.kind == "REFRACTION" and not key.fresnel and key.ior == ior and key.ior_output < 0
+        )
         closures.append(
-            {LobeKey("REFRACTION", ior=ior, fresnel=True): weight}
-            if exact
-            else {key: multiply(weight, rest)}
+            {replace(key, fresnel=True): weight} if exact else {key: multiply(weight, rest)}
         )
     return add_closures(*closures)
 

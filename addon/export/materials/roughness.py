@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -287,42 +286,6 @@ def glass_exponent(roughness: float) -> float:
     2007, Microfacet Models for Refraction through Rough Surfaces, section 5.2: α² = 2 / (p + 2)).
     """
     return max(2 / _clamped(roughness) ** 4 - 2, 0.5)
-
-
-class Sheen(NamedTuple):
-    """Share of a uniform white world that fibres reflect, a + b (1 - n·v)^p."""
-
-    a: float
-    b: float
-    p: float
-
-    @property
-    def mean(self) -> float:
-        return self.a + 2 * self.b / ((self.p + 1) * (self.p + 2))
-
-
-_SHEEN_ROUGHNESS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0)
-_SHEENS = {
-    "MICROFIBER": (
-        (0.0, 0.0, 0.0, 0.0, 0.01, 0.03, 0.065, 0.12, 0.225, 0.35),
-        (1.0, 1.0, 1.0, 1.0, 0.8859, 0.7619, 0.6852, 0.6275, 0.5261, 0.4291),
-        (12.26, 11.6, 8.32, 5.61, 3.76, 2.6, 1.98, 1.69, 1.45, 1.49),
-    ),
-    "ASHIKHMIN": (
-        (0.0, 0.0, 0.0, 0.0, 0.0, 0.005, 0.02, 0.04, 0.095, 0.185),
-        (1.0, 1.0, 1.0, 1.0, 1.0, 0.995, 0.98, 0.96, 0.905, 0.815),
-        (11.89, 9.12, 5.24, 3.36, 2.38, 1.81, 1.46, 1.23, 1.04, 1.0),
-    ),
-}
-
-
-def sheen_of(roughness: float, distribution: str = "MICROFIBER") -> Sheen:
-    """Of a Sheen BSDF in white, fitted to Cycles' in a uniform world from 10° to 80° off the
-    surface: within 0.03 of it, 0.05 below roughness 0.3 (ASHIKHMIN: 0.05, 0.08).
-    """
-    roughness = min(max(roughness, 0.0), 1.0) if roughness == roughness else 0.5
-    columns = _SHEENS[distribution]
-    return Sheen(*(float(np.interp(roughness, _SHEEN_ROUGHNESS, column)) for column in columns))
 
 
 def _clamped(roughness: float) -> float:

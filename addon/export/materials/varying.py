@@ -1,4 +1,6 @@
-"""Roughness that may vary over the surface: what follows from it, as sums and as lobes' numbers."""
+"""Roughness and indices of refraction that may vary over the surface: what follows from them, as
+sums and as lobes' numbers.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +9,9 @@ from typing import Any
 
 from ....engine.program.graph import Value
 from .expressions import Expressions
+from .fresnel import ior_from_reflectance, normal_reflectance
 from .roughness import SMALLEST, highlights, width
-from .terms import RGB, Sum, constant
+from .terms import RGB, Sum, constant, constant_value, is_constant, multiply, scale
 
 MIRROR_ROUGHNESS = 0.05
 """Up to here a glossy lobe is an ideal mirror: GGX's α = 0.0025 blurs a reflection by 0.14°, a
@@ -87,6 +90,63 @@ class Roughness:
     def _looked_up(self, of: Callable[[float], float]) -> Value:
         table = tuple(x for r in _PLACES for x in (0.0, 0.0, 0.0, float(of(r))))
         return self._expressions.looked_up(self.value, table)
+
+
+class Ior:
+    """An index of refraction: one number above 0, or a program's value.
+
+    number: the one; of what varies NOMINAL, by which shares of a uniform world go.  f0: the
+    reflectance at normal incidence, as a sum.
+    """
+
+    NOMINAL = 1.5
+
+    def __init__(self, value: float | Value, expressions: Expressions | None = None) -> None:
+        self.varies = isinstance(value, Value)
+        self.number = self.NOMINAL if isinstance(value, Value) else value
+        self._value, self._expressions = value, expressions
+
+    @property
+    def key(self) -> dict[str, Any]:
+        """The index of a lobe, as `LobeKey` takes it."""
+        if not self.varies:
+            return {"ior": self.number}
+        return {"ior": self.number, "ior_output": self._expressions.output(self._value)}
+
+    @property
+    def f0(self) -> Sum:
+        if not self.varies:
+            return constant(normal_reflectance(self.number))
+        return self._expressions.sum_of(self._f0())
+
+    def over_rest(self, terms: Sum) -> Sum:
+        """A sum over 1 - F0."""
+        if not self.varies:
+            return scale(terms, 1 / (1 - normal_reflectance(self.number)))
+        do = self._expressions.math
+        rest = do("MAXIMUM", do("SUBTRACT", 1.0, self._f0()), 1e-6)
+        return multiply(terms, self._expressions.sum_of(do("DIVIDE", 1.0, rest)))
+
+    def with_level(self, level: Sum) -> Ior:
+        """That whose F0 is 2 level times this one's, as the specular level scales it."""
+        if not self.varies and is_constant(level):
+            amount = max(constant_value(level)[0], 0.0)
+            if amount == 0.5:
+                return self
+            return Ior(ior_from_reflectance(normal_reflectance(self.number) * 2 * amount))
+        do = self._expressions.math
+        number = self._expressions.apply("separate_xyz", self._expressions.value_of(level))
+        f0 = self._f0() if self.varies else normal_reflectance(self.number)
+        scaled = do("MULTIPLY", do("MULTIPLY", f0, 2.0), number)
+        held = do("MINIMUM", do("MAXIMUM", scaled, 0.0), 0.99)
+        root = do("SQRT", held)
+        ior = do("DIVIDE", do("ADD", 1.0, root), do("SUBTRACT", 1.0, root))
+        return Ior(ior, self._expressions)
+
+    def _f0(self) -> Value:
+        do = self._expressions.math
+        share = do("DIVIDE", do("SUBTRACT", self._value, 1.0), do("ADD", self._value, 1.0))
+        return do("MULTIPLY", share, share)
 
 
 _PLACES = [max(k / (ROWS - 1), SMALLEST) for k in range(ROWS)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from ....engine.program.graph import Value
@@ -122,13 +121,6 @@ def _attribute(view: NodeInputs) -> Outputs | None:
     return outputs
 
 
-def noted_interpolation(node: Any, note: Callable[[str], None]) -> str:
-    """A node's way to read between texels, with a note where that is not rendered."""
-    if node.interpolation in ("Cubic", "Smart"):
-        note("Cubic interpolation of images is rendered as linear in {}")
-    return node.interpolation
-
-
 def tiles_of(node: Any) -> list[int]:
     """Numbers of the tiles of a node's image, none of one that is not tiled."""
     image = node.image
@@ -136,15 +128,14 @@ def tiles_of(node: Any) -> list[int]:
     return [tile.number for tile in image.tiles] if is_tiled else []
 
 
-def image_texture(node: Any, images: Images, note: Callable[[str], None], tile: int = 0) -> int:
-    """Index of an Image Texture node's texture, with notes of what it does not do as in Blender;
-    of a tiled image that of a tile.
+def image_texture(node: Any, images: Images, tile: int = 0) -> int:
+    """Index of an Image Texture node's texture; of a tiled image that of a tile.
 
     Where nothing reads the image's alpha its colour is times alpha, as in Cycles.
     """
-    interpolation = noted_interpolation(node, note)
     alone = not node.outputs["Alpha"].is_linked
-    return images.texture(node.image, node.image_user, node.extension, interpolation, alone, tile)
+    how = node.extension, node.interpolation
+    return images.texture(node.image, node.image_user, *how, alone, tile)
 
 
 def _image(view: NodeInputs) -> Outputs:
@@ -160,7 +151,7 @@ def _projected(view: NodeInputs, where: Value) -> tuple[Value, ...]:
     """
     tiles = tiles_of(view.node)
     textures = {
-        tile: image_texture(view.node, view.reader.images, view.reader.note, tile)
+        tile: image_texture(view.node, view.reader.images, tile)
         for tile in ([FIRST] if view.node.projection == "BOX" and tiles else tiles or [0])
     }
     first = next(iter(textures.values()))
@@ -189,6 +180,7 @@ def _normal(view: NodeInputs) -> Value:
 
 
 def _light_path(view: NodeInputs) -> Outputs:
+    """Light that is scattered comes from points here, so no ray is a diffuse one."""
     camera, shadow, bounced = view.apply("light_path")
     zero, length = view.reader.graph.constant(0.0), view.reader.ray_length()
     return {
@@ -197,15 +189,28 @@ def _light_path(view: NodeInputs) -> Outputs:
         "Is Diffuse Ray": zero,
         "Is Glossy Ray": bounced,
         "Is Singular Ray": bounced,
-        "Is Reflection Ray": bounced,
-        "Is Transmission Ray": view.left_out("Is Transmission Ray", 0.0),
         "Is Volume Scatter Ray": zero,
         "Ray Length": length if length is not None else view.left_out("Ray Length", 0.0),
-        **{
-            name: view.left_out(name, 0.0)
-            for name in ("Ray Depth", "Diffuse Depth", "Glossy Depth")
-            + ("Transparent Depth", "Transmission Depth", "Portal Depth")
-        },
+        "Diffuse Depth": zero,
+        "Portal Depth": zero,
+        **_ray_depths(view, bounced),
+    }
+
+
+def _ray_depths(view: NodeInputs, bounced: Value) -> Outputs:
+    known = view.reader.ray_depth()
+    if known is None:
+        names = ("Ray Depth", "Glossy Depth", "Transparent Depth", "Transmission Depth")
+        constants = {name: view.left_out(name, 0.0) for name in (*names, "Is Transmission Ray")}
+        return {**constants, "Is Reflection Ray": bounced}
+    depth, straight, refractions, refracted = known
+    return {
+        "Ray Depth": depth,
+        "Glossy Depth": view.math("SUBTRACT", depth, refractions),
+        "Transparent Depth": straight,
+        "Transmission Depth": refractions,
+        "Is Transmission Ray": refracted,
+        "Is Reflection Ray": view.math("SUBTRACT", bounced, refracted),
     }
 
 

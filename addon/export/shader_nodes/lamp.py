@@ -70,6 +70,9 @@ class LampReader(BareReader):
             return (self._uv(),)
         if name == "normal_to_world":
             return (self.object_to_world(*arguments),)
+        if name == "transform_vector":
+            self.note("Vectors are not transformed in the nodes of the light {}: they stay")
+            return arguments
         if name == "light_path":  # Cycles calls no ray to a light a shadow ray here
             camera, _, bounced = super().apply(name)
             return camera, self.graph.constant(0.0), bounced
@@ -96,6 +99,9 @@ class LampReader(BareReader):
 
     def ray_length(self) -> Value | None:
         return self.apply("ray_length")[0]
+
+    def ray_depth(self) -> None:
+        """Lights do not know how they are seen."""
 
     def _over_area(self) -> Value:
         place = super().apply("object_position", shift=0)[0]
@@ -136,7 +142,8 @@ def _light_falloff(view: NodeInputs) -> Outputs | None:
     if length is None:
         return None
     strength, smooth = view.value("Strength"), view.value("Smooth")
-    if view.reader.lamp.kind == "SUN":
+    lamp = getattr(view.reader, "lamp", None)
+    if lamp is not None and lamp.kind == "SUN":
         return dict.fromkeys(("Quadratic", "Linear", "Constant"), strength)
     do = view.math
     squared = do("MULTIPLY", length, length)

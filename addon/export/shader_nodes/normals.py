@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from ....engine.program.graph import Value
-from ....engine.program.operations_input import NormalSpace
+from ....engine.program.operations_input import NormalSpace, Space, VectorType
 from .reader import READERS, TANGENT, NodeInputs, Outputs
+from .tangents import cross
 
 STEP = 0.1
 """Of a pixel, between the heights that a bump compares."""
@@ -69,10 +70,44 @@ def _displacement(view: NodeInputs) -> Outputs:
     return {"Displacement": view.apply("product", length, _normal(view))[0]}
 
 
+def _vector_displacement(view: NodeInputs) -> Outputs:
+    """(vector - midlevel) × scale along the axes of a space: of TANGENT x along the tangent, y
+    along the normal, z across both.
+    """
+    level = view.vector_of(view.math("MULTIPLY", view.value("Midlevel"), -1.0))
+    offset = _plus(view, view.value("Vector"), level)
+    offset = view.apply("product", offset, view.vector_of(view.value("Scale")))[0]
+    if view.node.space == "WORLD":
+        return {"Displacement": offset}
+    if view.node.space == "TANGENT":
+        offset = _along_tangent(view, offset)
+    settings = {"convert_from": Space.OBJECT, "convert_to": Space.WORLD}
+    moved = view.apply("transform_vector", offset, vector_type=VectorType.VECTOR, **settings)
+    return {"Displacement": moved[0]}
+
+
+def _along_tangent(view: NodeInputs, offset: Value) -> Value:
+    """In the object's space."""
+    x, y, z = view.apply("separate_xyz", offset)
+    tangent, sign = view.apply("attribute", attribute=TANGENT, shift=0)
+    normal = view.apply("object_normal")[0]
+    across = view.apply("vector_normalized", cross(view, normal, tangent))[0]
+    parts = ((tangent, x), (normal, y), (across, view.math("MULTIPLY", z, sign)))
+    total = view.reader.graph.constant((0.0, 0.0, 0.0))
+    for axis, length in parts:
+        total = view.apply("scaled_sum", axis, length, total)[0]
+    return total
+
+
+def _plus(view: NodeInputs, a: Value, b: Value) -> Value:
+    return view.apply("scaled_sum", a, view.reader.graph.constant(1.0), b)[0]
+
+
 READERS.update(
     {
         "ShaderNodeNormalMap": _normal_map,
         "ShaderNodeBump": _bump,
         "ShaderNodeDisplacement": _displacement,
+        "ShaderNodeVectorDisplacement": _vector_displacement,
     }
 )

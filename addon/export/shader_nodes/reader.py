@@ -130,7 +130,11 @@ class TreeReader:
 
     def ray_length(self) -> Value | None:
         """The distance from which the point is seen; None where that is not known."""
-        return None
+        return self.apply("ray_length")[0]
+
+    def ray_depth(self) -> tuple[Value, ...] | None:
+        """The outputs of the operation; None where they are not known."""
+        return self.apply("ray_depth")
 
     def bumped(self, height: Value, strength: Value, distance: Value, normal: Value) -> Value:
         """A normal after a bump by a height that varies."""

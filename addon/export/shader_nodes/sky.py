@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ....engine.program.graph import Value
+from ....engine.program.operations_input import Space
 from .bare import ZERO, BareReader
-from .inputs import noted_interpolation
 from .mapping import texture_mapped
 from .reader import READERS, NodeInputs, Outputs
 
@@ -42,6 +42,12 @@ class SkyReader(BareReader):
             return arguments
         if name in _AGAINST:
             return super().apply("incoming")
+        if name == "transform_vector":
+            if Space.CAMERA in (settings["convert_from"], settings["convert_to"]):
+                self.note(
+                    "The camera's axes are not known in the world {}: vectors stay as they are"
+                )
+            return arguments
         if name in _VIEW:
             self.note(
                 "Camera and window coordinates are not known in the world {}: 0 is used; use "
@@ -63,6 +69,12 @@ class SkyReader(BareReader):
     def generated(self) -> Value:
         return self.along()
 
+    def ray_length(self) -> None:
+        """The sky is nowhere."""
+
+    def ray_depth(self) -> None:
+        """The sky does not know how it is seen."""
+
 
 def environment_uv(view: NodeInputs, direction: Value) -> Value:
     """Where an environment image shows a direction, as (u, v, 0)."""
@@ -81,8 +93,9 @@ def environment_uv(view: NodeInputs, direction: Value) -> Value:
 def _environment(view: NodeInputs) -> Outputs:
     """Repeated at its borders, as Cycles does, also at the poles."""
     node = view.node
-    interpolation = noted_interpolation(node, view.reader.note)
-    texture = view.reader.images.texture(node.image, node.image_user, "REPEAT", interpolation, True)
+    texture = view.reader.images.texture(
+        node.image, node.image_user, "REPEAT", node.interpolation, True
+    )
     given = view.value("Vector") if view.is_linked("Vector") else view.apply("position", shift=0)[0]
     where = environment_uv(view, texture_mapped(view, given))
     return {"Color": view.apply("image", where, texture=texture)[0]}

@@ -23,11 +23,12 @@ def radial_tangent(view: NodeInputs, axis: str) -> Value:
 def _in_surface(view: NodeInputs, direction: Value) -> Value:
     """A direction of the object's space, taken to the world as normals are, across the normal."""
     normal = view.reader.normal()
-    found = _cross(view, view.apply("normal_to_world", direction)[0], normal)
-    return _cross(view, normal, view.apply("vector_normalized", found)[0])
+    found = cross(view, view.apply("normal_to_world", direction)[0], normal)
+    return cross(view, normal, view.apply("vector_normalized", found)[0])
 
 
-def _cross(view: NodeInputs, a: Value, b: Value) -> Value:
+def cross(view: NodeInputs, a: Value, b: Value) -> Value:
+    """a × b."""
     zero = view.reader.graph.constant(0.0)
     operation = VectorOperation.CROSS_PRODUCT
     return view.apply("vector_math", a, b, a, zero, operation=operation)[0]

@@ -5,6 +5,7 @@ those of constant angles are constants.
 from __future__ import annotations
 
 from ....engine.program.graph import Value
+from ....engine.program.operations_input import Space, VectorType
 from ....engine.program.operations_math import MathOperation
 from ....engine.program.operations_vector import MappingType, VectorMeasure, VectorOperation
 from .mapping import sines_of
@@ -60,6 +61,16 @@ def _vector_rotate(view: NodeInputs) -> Outputs | None:
     return {"Vector": view.apply("rotate_around_axis", *around, axis, sine, cosine)[0]}
 
 
+def _vector_transform(view: NodeInputs) -> Outputs:
+    node = view.node
+    if node.convert_from == node.convert_to:  # Cycles leaves normals as long as they are, then
+        return {"Vector": view.value("Vector")}
+    spaces = {"convert_from": Space[node.convert_from], "convert_to": Space[node.convert_to]}
+    kind = VectorType[node.vector_type]
+    moved = view.apply("transform_vector", view.value("Vector"), vector_type=kind, **spaces)
+    return {"Vector": moved[0]}
+
+
 def _normal(view: NodeInputs) -> Outputs:
     """A fixed direction, and the cosine between it and the input."""
     direction = view.reader.graph.constant(list(view.node.outputs["Normal"].default_value))
@@ -80,5 +91,6 @@ READERS.update(
         "ShaderNodeMapping": _mapping,
         "ShaderNodeVectorRotate": _vector_rotate,
         "ShaderNodeNormal": _normal,
+        "ShaderNodeVectorTransform": _vector_transform,
     }
 )

@@ -165,7 +165,9 @@ struct Description {
                                         ? GLINT_DIELECTRIC
                                         : 0,
                          .exponent_slot = 0,
-                         .masking_slot = 0});
+                         .masking_slot = 0,
+                         .ior_slot = 0,
+                         .reserved = 0});
     }
   }
 

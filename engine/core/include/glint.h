@@ -89,7 +89,7 @@ typedef struct GlintInstances {
 enum GlintTextureType { GLINT_UINT8, GLINT_FLOAT32 };
 enum GlintEncoding { GLINT_LINEAR_ENCODING, GLINT_SRGB };
 enum GlintExtension { GLINT_REPEAT, GLINT_EXTEND, GLINT_CLIP, GLINT_MIRROR_EXTENSION };
-enum GlintInterpolation { GLINT_LINEAR, GLINT_CLOSEST };
+enum GlintInterpolation { GLINT_LINEAR, GLINT_CLOSEST, GLINT_CUBIC };
 
 /* pixels: (height, width, 4), row 0 at the bottom, straight alpha. SRGB only for UINT8. */
 typedef struct GlintTexture {
@@ -127,17 +127,20 @@ enum GlintLobeKind {
   GLINT_MIRROR,
   GLINT_REFRACTION,
   GLINT_TRANSPARENT,
-  GLINT_EMISSION
+  GLINT_EMISSION,
+  GLINT_SHEEN
 };
 
 /* fresnel: bits GLINT_DIELECTRIC, GLINT_SCHLICK. masking: 0 to 1, Smith's alpha of a SPECULAR lobe,
- * 0 for none. exponent_slot, masking_slot: 0, or 1 plus the slot of the material's program that
- * takes the place of the number, which it is kept from 0 to. */
+ * 0 for none. Of a SHEEN lobe exponent is its width and masking its lean. exponent_slot,
+ * masking_slot, ior_slot: 0, or 1 plus the slot of the material's program that takes the place of
+ * the number; exponent and masking are kept from 0 to the lobe's own, an ior that is not finite or
+ * not above 0 is the lobe's own. */
 enum GlintFresnel { GLINT_DIELECTRIC = 1, GLINT_SCHLICK = 2 };
 typedef struct GlintLobe {
   double exponent, ior, masking;
   uint32_t first_input, input_count;
-  int32_t kind, fresnel, exponent_slot, masking_slot;
+  int32_t kind, fresnel, exponent_slot, masking_slot, ior_slot, reserved;
 } GlintLobe;
 
 /* program: 0, or 1 plus its number. normal: 0, or 1 plus the first of three slots of the program

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...program.operations_input import NormalSpace
+from ...program.operations_input import NormalSpace, Space, VectorType
 from ..optics import fresnel as dielectric
 from ..vectors import cross, dot, unit
 
@@ -65,6 +65,25 @@ def normal_to_world(points, vector: np.ndarray) -> np.ndarray:
     return points.normal_to_world(vector)
 
 
+def transform_vector(
+    points, vector: np.ndarray, *, vector_type: int, convert_from: int, convert_to: int
+) -> np.ndarray:
+    """In another space, through the world's."""
+    is_normal, is_point = vector_type == VectorType.NORMAL, vector_type == VectorType.POINT
+    if convert_from != convert_to:
+        if convert_from == Space.CAMERA:
+            vector = points.from_camera(vector, is_point)
+        elif convert_from == Space.OBJECT:
+            own = points.normal_to_world if is_normal else points.from_object
+            vector = own(vector) if is_normal else own(vector, is_point)
+        if convert_to == Space.CAMERA:
+            vector = points.to_camera(vector, is_point)
+        elif convert_to == Space.OBJECT:
+            own = points.normal_to_object if is_normal else points.to_object
+            vector = own(vector) if is_normal else own(vector, is_point)
+    return unit(vector) if is_normal else vector
+
+
 def instance_value(points, *, attribute: str) -> tuple[np.ndarray, np.ndarray]:
     """Vector (3, n) and alpha (n,)."""
     found = points.instance_value(attribute)
@@ -112,6 +131,11 @@ def light_path(points) -> tuple[np.ndarray, ...]:
 
 def ray_length(points) -> np.ndarray:
     return points.ray_length()
+
+
+def ray_depth(points) -> tuple[np.ndarray, ...]:
+    """Depth, straight, refractions, refracted."""
+    return points.ray_depth()
 
 
 def object_stretch(points) -> np.ndarray:

@@ -196,7 +196,7 @@ void check_textures(const GlintSceneData& d, Report& report) {
         "texture %llu: no pixels", ull(i));
     report.add(within(t.type, GLINT_FLOAT32) && within(t.encoding, GLINT_SRGB) &&
                    within(t.extension, GLINT_MIRROR_EXTENSION) &&
-                   within(t.interpolation, GLINT_CLOSEST) &&
+                   within(t.interpolation, GLINT_CUBIC) &&
                    (t.type == GLINT_UINT8 || t.encoding == GLINT_LINEAR_ENCODING),
                "texture %llu: unknown type, encoding, extension or interpolation", ull(i));
   }
@@ -278,7 +278,8 @@ void check_slots(const GlintSceneData& d, const GlintMaterial& m, ull number, Re
   bool good = within_program(m.normal, 3);
   for (uint32_t l = m.first_lobe; l < m.first_lobe + m.lobe_count; ++l) {
     const GlintLobe& lobe = d.lobes[l];
-    good = good && within_program(lobe.exponent_slot, 1) && within_program(lobe.masking_slot, 1);
+    for (int32_t slot : {lobe.exponent_slot, lobe.masking_slot, lobe.ior_slot})
+      good = good && within_program(slot, 1);
     for (uint32_t i = lobe.first_input; i < lobe.first_input + lobe.input_count; ++i)
       good = good && within_program(d.inputs[i].output, 3);
   }
@@ -314,7 +315,7 @@ void check_materials(const GlintSceneData& d, Report& report) {
   }
   for (uint64_t i = 0; i < d.lobe_count; ++i) {
     const GlintLobe& g = d.lobes[i];
-    report.add(within(g.kind, GLINT_EMISSION), "lobe %llu: unknown kind %d", ull(i), g.kind);
+    report.add(within(g.kind, GLINT_SHEEN), "lobe %llu: unknown kind %d", ull(i), g.kind);
     report.add(range(g.first_input, g.input_count, d.input_count),
                "lobe %llu: inputs beyond the table", ull(i));
     report.add(g.exponent >= 0 && g.exponent <= 1e30,

@@ -14,8 +14,8 @@ Batch::Batch(const Scene& scene, Passes passes)
       passes_(passes),
       smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.bends_normals),
       columns_(kFixed + (smooth_ ? kSmooth : 0) +
-               size_t(scene.specular_columns * scene.max_specular) + 3 * size_t(scene.max_passing) +
-               kParts) {}
+               size_t(scene.specular_columns * scene.max_specular) +
+               size_t(scene.passing_columns * scene.max_passing) + kParts) {}
 
 void Batch::begin(const Queue& rays) {
   queue = &rays;
@@ -85,6 +85,7 @@ void Batch::place_columns() {
   specular = scene_.max_specular > 0 ? columns_[next] : nullptr;
   next += size_t(scene_.specular_columns * scene_.max_specular);
   passing_columns = scene_.max_passing > 0 ? columns_[next] : nullptr;
+  passing_width = scene_.passing_columns;
   stride = columns_.rows();
 }
 

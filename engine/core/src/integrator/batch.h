@@ -58,7 +58,7 @@ class Batch {
   }
   /// Coefficient of the lobe number `lobe` of those that send rays on from point k.
   Vec3d passing(size_t k, int lobe) const {
-    const double* column = passing_columns + 3 * size_t(lobe) * stride + k;
+    const double* column = passing_columns + size_t(passing_width) * size_t(lobe) * stride + k;
     return {column[0], column[stride], column[2 * stride]};
   }
 
@@ -74,6 +74,7 @@ class Batch {
   double* diffuse[3] = {};            // T k
   double* specular = nullptr;         // as ShadeStage has it
   double* passing_columns = nullptr;  // as EvaluateStage has it
+  int passing_width = PassingTerm::kPlain;
   size_t stride = 0;
   double
       *cost = nullptr,

@@ -69,6 +69,7 @@ void DirectLight::prepare(const Batch& batch) {
   stage_.stride = batch.stride;
   stage_.max_specular = scene_.max_specular;
   stage_.most_exponent = scene_.most_exponent;
+  stage_.has_sheen = scene_.has_sheen;
   stage_.specular_columns = scene_.specular_columns;
 }
 
@@ -91,7 +92,8 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
       const LightPoint point = plan_.light_point(light, sample, j);
       if (alone_ && light.is_bounced() && !point.on_catcher) continue;
-      stage_.max_specular = light.is_bounced() ? 0 : scene_.max_specular;
+      stage_.sheen_alone = light.is_bounced();
+      stage_.max_specular = stage_.sheen_alone && !scene_.has_sheen ? 0 : scene_.max_specular;
       light.set(stage_, point, count, plan_.physical);
       stage_.casts_shadow |= light.program != nullptr;  // so that the ends are known
       // What is known of shadows is not told when instances change their sets.

@@ -22,7 +22,7 @@ void Queue::push(const Ray& ray, const Path& path) {
   columns_[kTMax][k] = ray.t_max;
   columns_[kFrom][k] = path.from;
   tags_[k] = int64_t(path.slot) | int64_t(path.depth) << RayTag::kDepth |
-             int64_t(path.straight) << RayTag::kStraight;
+             int64_t(path.straight) << RayTag::kStraight | path.refractions;
   if (path.widest < HUGE_VAL)
     tags_[k] |= int64_t(1 + std::clamp(std::ilogb(path.widest), 0, 60)) << RayTag::kWidth;
   if (path.wants_data) want_data(k);

@@ -17,6 +17,7 @@ struct Path {
   double from = 0;
   uint32_t slot = 0;
   uint8_t depth = 0, straight = 0;  // mirror and refraction rays so far; transparent ones in a row
+  int64_t refractions = 0;          // those bits of its tag
   bool wants_data = false;
   double widest = HUGE_VAL;  // see Queue
 };
@@ -41,8 +42,15 @@ class Queue : public RayLayout {
     return {at(kO, k), at(kD, k), columns_[kTMin][k], columns_[kTMax][k], visibility};
   }
   Path path(size_t k) const {
-    return {at(kT, k), at(kStart, k), columns_[kFrom][k], slot(k),
-            depth(k),  straight(k),   wants_data(k),      widest(k)};
+    return {at(kT, k),
+            at(kStart, k),
+            columns_[kFrom][k],
+            slot(k),
+            depth(k),
+            straight(k),
+            tags_[k] & RayTag::kAllRefractions,
+            wants_data(k),
+            widest(k)};
   }
   uint32_t slot(size_t k) const { return uint32_t(tags_[k]); }
   bool wants_data(size_t k) const { return tags_[k] >> RayTag::kWantsData & 1; }

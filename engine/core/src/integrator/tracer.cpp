@@ -390,6 +390,7 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.x[c] = batch_.points.x[c];
     stage.g[c] = batch_.points.g[c];
     stage.bent[c] = batch_.points.n[c];
+    stage.start[c] = queue.column(Queue::kStart + c);
   }
   if (material.program > 0) {
     stage.program = &scene_.program_of(material);
@@ -397,10 +398,12 @@ size_t Tracer::vary(const Queue& queue, size_t first, size_t count, const Leavin
     stage.kind = queue.visibility == kCamera ? RayKind::kCamera : RayKind::kBounced;
     stage.slots = program_slots_.data();
     stage.outside = batch_.points.outside;
+    stage.tags = queue.tags();
   }
   stage.specular_columns = scene_.specular_columns;
   stage.specular = batch_.specular;
   stage.passing = batch_.passing_columns;
+  stage.passing_columns = batch_.passing_width;
   stage.stride = batch_.stride;
   stage.lit = batch_.lit.data();
   stage.passing_rows = batch_.passing_rows.data();
@@ -550,7 +553,8 @@ Vec3d Tracer::albedo(size_t k) const {
   for (int term = 0; term < scene_.max_specular; ++term) {
     const double* const column =
         batch_.specular + size_t(scene_.specular_columns * term) * batch_.stride + k;
-    const double share = 8 / (column[SpecularTerm::kExponent * batch_.stride] + 2);
+    const double exponent = column[SpecularTerm::kExponent * batch_.stride],
+                 share = exponent == SpecularTerm::kSheen ? 1 : 8 / (exponent + 2);
     sum += share * Vec3d{column[0], column[batch_.stride], column[2 * batch_.stride]};
   }
   return sum;
@@ -620,6 +624,9 @@ void Tracer::run_aovs(const Queue& queue, const Material& given, const uint32_t*
       points.n[c][i] = s.n[c];
       points.d[c][i] = d[c];
     }
+    const uint32_t row = rows[std::min(i, count - 1)];
+    points.length[i] = length(s.x - queue.path(row).start) / scene_.anchor.scale;
+    points.tags[i] = queue.tags()[row];
   }
   stages_.program({scene_.input_tables(), &scene_.program_of(given), &points, RayKind::kCamera,
                    count, program_slots_.data()});

@@ -134,7 +134,17 @@ inline void incoming(const Machine& m, const Operands& at) {
 }
 
 inline void ray_length(const Machine& m, const Operands& at) {
-  each_group(m, [&](size_t k) { at.put(0, k, load(m.points.length + k)); });
+  const ProgramView& view = *m.tables.view;
+  each_group(m, [&](size_t k) {
+    Doubles length = load(m.points.length + k);
+    if (m.kind == RayKind::kCamera) {
+      const Three back = splat3(view.axes[2]);
+      length = length + (view.panorama ? splat(-view.clip_start)
+                                       : view.clip_start * dot(back, back) /
+                                             dot(back, point3(m.points.d, k)));
+    }
+    at.put(0, k, length);
+  });
 }
 
 inline void backfacing(const Machine& m, const Operands& at) {
@@ -260,6 +270,19 @@ inline void light_path(const Machine& m, const Operands& at) {
   });
 }
 
+inline void ray_depth(const Machine& m, const Operands& at) {
+  each_group(m, [&](size_t k) {
+    const Mask tags = load(m.points.tags + k);
+    const auto part = [&](int first, int64_t bits) {
+      return __builtin_convertvector(tags >> first & bits, Doubles);
+    };
+    at.put(0, k, part(RayTag::kDepth, 255));
+    at.put(1, k, part(RayTag::kStraight, 255));
+    at.put(2, k, part(RayTag::kRefractions, RayTag::kMostRefractions));
+    at.put(3, k, part(RayTag::kRefracted, 1));
+  });
+}
+
 /// Unit normals of the object's space, outward, in the world.
 inline Three normal_to_world(const Machine& m, size_t k, const Three& n) {
   const auto column = [&](size_t first) {
@@ -275,6 +298,67 @@ inline Three normal_to_world(const Machine& m, size_t k, const Three& n) {
 
 inline void normal_to_world(const Machine& m, const Operands& at) {
   each_group(m, [&](size_t k) { at.put(0, k, normal_to_world(m, k, at.vector(0, k))); });
+}
+
+inline Three camera_axis(const ProgramView& view, int axis) {
+  const Three column = splat3(view.axes[axis]);
+  return unit(axis == 2 ? -column : column);
+}
+
+/// To the world from the object's axes, as a point or not.
+inline Three from_object(const Machine& m, size_t k, const Three& v, bool is_point) {
+  const Three p =
+      v.x * matrix_column(m, k, 0) + v.y * matrix_column(m, k, 3) + v.z * matrix_column(m, k, 6);
+  const ProgramView& view = *m.tables.view;
+  return is_point ? to_world(view, p + matrix_column(m, k, 9)) : (1 / splat(view.scale)) * p;
+}
+
+/// By Cramer's rule; zeros where the matrix has no inverse.
+inline Three to_object(const Machine& m, size_t k, const Three& v, bool is_point) {
+  const ProgramView& view = *m.tables.view;
+  const Three a = matrix_column(m, k, 0), b = matrix_column(m, k, 3), c = matrix_column(m, k, 6);
+  const Three p = is_point ? splat(view.scale) * (v - splat3(view.origin)) - matrix_column(m, k, 9)
+                           : splat(view.scale) * v,
+              rows = cross(b, c);
+  const Doubles size = dot(a, rows), over = choose(size != 0, splat(1) / size, splat(0));
+  return over * Three{dot(rows, p), dot(cross(c, a), p), dot(cross(a, b), p)};
+}
+
+inline Three from_camera(const ProgramView& view, const Three& v, bool is_point) {
+  const Three p =
+      v.x * camera_axis(view, 0) + v.y * camera_axis(view, 1) + v.z * camera_axis(view, 2);
+  return is_point ? p + splat3(view.eye) : p;
+}
+
+inline Three to_camera(const ProgramView& view, const Three& v, bool is_point) {
+  const Three u = camera_axis(view, 0), w = camera_axis(view, 1), f = camera_axis(view, 2),
+              p = is_point ? v - splat3(view.eye) : v;
+  const Doubles size = dot(u, cross(w, f));
+  return {dot(cross(w, f), p) / size, dot(cross(f, u), p) / size, dot(cross(u, w), p) / size};
+}
+
+inline Three normal_to_object(const Machine& m, size_t k, const Three& n) {
+  return unit(Three{dot(matrix_column(m, k, 0), n), dot(matrix_column(m, k, 3), n),
+                    dot(matrix_column(m, k, 6), n)});
+}
+
+inline void transform_vector(const Machine& m, const Operands& at) {
+  enum { kPoint, kVector, kNormal };
+  enum { kWorld, kObject, kCamera };
+  const bool is_point = at.settings[0] == kPoint, is_normal = at.settings[0] == kNormal;
+  const int from = at.settings[1], to = at.settings[2];
+  const ProgramView& view = *m.tables.view;
+  each_group(m, [&](size_t k) {
+    Three v = at.vector(0, k);
+    if (from != to) {
+      if (from == kCamera) v = from_camera(view, v, is_point);
+      if (from == kObject)
+        v = is_normal ? normal_to_world(m, k, v) : from_object(m, k, v, is_point);
+      if (to == kCamera) v = to_camera(view, v, is_point);
+      if (to == kObject) v = is_normal ? normal_to_object(m, k, v) : to_object(m, k, v, is_point);
+    }
+    at.put(0, k, is_normal ? unit(v) : v);
+  });
 }
 
 /// Which of a group's points are on triangles.

@@ -19,6 +19,7 @@ struct ProgramShape {
   const double* constants;  // kPad of each
   const double* tables;
   uint32_t slots;
+  bool reads_ray;  // what ProgramPoints has of the ray
 };
 
 /// Of the rays that meet the points.
@@ -31,7 +32,8 @@ struct ProgramPoints {
   double x[3][kBlock], g[3][kBlock], n[3][kBlock],
       d[3][kBlock];            // g, n: turned to the viewer; d: of the ray, unit
   int64_t outside[kBlock];     // mask: the outer side is seen
-  double length[kBlock] = {};  // of the ray, in the world; known of lights alone
+  double length[kBlock] = {};  // of the ray, in the world, as what follows only where it is read
+  int64_t tags[kBlock] = {};   // RayTag
 };
 
 /// What programs know beside the points. World = x / scale + origin.
@@ -42,6 +44,7 @@ struct ProgramView {
   double step;  // of shifted reads: a tenth of a pixel at the distance 1, or where rays are
                 // parallel at any; world
   bool parallel;
+  double clip_start;            // where rays of the camera start: a share of its axis backward
   const GlintCamera* panorama;  // null for none
 };
 

@@ -60,8 +60,8 @@ Vec3d evaluate(const Scene& scene, uint32_t i, const Surface& s, PointReads& rea
 }
 
 /// The slots of a material's program at one point, kBlock apart.
-std::vector<double> run_at(const Scene& scene, const Material& material, const Surface& s, Vec3d d,
-                           RayKind kind) {
+std::vector<double> run_at(const Scene& scene, const Material& material, const Surface& s,
+                           const MeetingRay& ray) {
   const ProgramShape& program = scene.program_of(material);
   const auto points = std::make_unique<ProgramPoints>();
   for (size_t k = 0; k < kPad; ++k) {
@@ -73,11 +73,13 @@ std::vector<double> run_at(const Scene& scene, const Material& material, const S
       points->x[c][k] = s.x[c];
       points->g[c][k] = s.g[c];
       points->n[c][k] = s.n[c];
-      points->d[c][k] = d[c];
+      points->d[c][k] = ray.d[c];
     }
+    points->length[k] = length(s.x - ray.start) / scene.anchor.scale;
+    points->tags[k] = ray.tag;
   }
   std::vector<double> slots(program.slots * kBlock);
-  best_stages().program({scene.input_tables(), &program, points.get(), kind, 1, slots.data()});
+  best_stages().program({scene.input_tables(), &program, points.get(), ray.kind, 1, slots.data()});
   return slots;
 }
 
@@ -96,14 +98,14 @@ Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s, PointR
   return finite_or_zero(k);
 }
 
-Vec3d transparency(const Scene& scene, const Material& material, const Surface& s, Vec3d d,
-                   RayKind kind) {
+Vec3d transparency(const Scene& scene, const Material& material, const Surface& s,
+                   const MeetingRay& ray) {
   Vec3d sum;
   PointReads reads;
   if (!material.has(GLINT_TRANSPARENT)) return sum;
   std::vector<double> slots;
   if (material.program > 0) {
-    slots = run_at(scene, material, s, d, kind);
+    slots = run_at(scene, material, s, ray);
     reads.slots = slots.data();
   }
   for (uint32_t i = 0; i < material.lobe_count; ++i) {

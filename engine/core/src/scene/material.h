@@ -22,8 +22,8 @@ struct Lobe {
   double exponent = 0, ior = 1, masking = 0;
   uint32_t first_input = 0, input_count = 0;
   Vec3d k{1, 1, 1};
-  bool like_last = false;                       // its inputs are those of the lobe before
-  int32_t exponent_slot = 0, masking_slot = 0;  // as GlintLobe has them
+  bool like_last = false;  // its inputs are those of the lobe before
+  int32_t exponent_slot = 0, masking_slot = 0, ior_slot = 0;  // as GlintLobe has them
 };
 
 struct Material {
@@ -60,8 +60,15 @@ Vec3d of_product(const GlintInput& input, Vec3d product);
 /// The product of a lobe's factors at a point of a surface. Finite.
 Vec3d coefficient(const Scene& scene, const Lobe& lobe, const Surface& s, PointReads& reads);
 
-/// The sum of the TRANSPARENT lobes: what goes straight through. d: of the ray, unit.
-Vec3d transparency(const Scene& scene, const Material& material, const Surface& s, Vec3d d,
-                   RayKind kind);
+/// The ray that meets a surface: where it started, its unit direction and its RayTag.
+struct MeetingRay {
+  Vec3d start, d;
+  int64_t tag;
+  RayKind kind;
+};
+
+/// The sum of the TRANSPARENT lobes: what goes straight through.
+Vec3d transparency(const Scene& scene, const Material& material, const Surface& s,
+                   const MeetingRay& ray);
 
 }  // namespace glint

@@ -139,6 +139,8 @@ OpacityMaps::Known OpacityMaps::known(uint32_t m) {
          lobe.kind == GLINT_TRANSPARENT && i < lobe.first_input + lobe.input_count; ++i) {
       const GlintInput& input = scene_.inputs[i];
       if (input.texture < 0) continue;
+      // a hole of a cubic image would take four texels in a row
+      if (scene_.texture_shapes[size_t(input.texture)].interpolation == GLINT_CUBIC) continue;
       found.at_zero = where(m, i, 0);
       found.at_one = where(m, i, 1);
       if (found.at_zero == Opacity::kVaried && found.at_one == Opacity::kVaried) continue;

@@ -242,6 +242,7 @@ void Scene::set_program_view() {
   }
   view.scale = anchor.scale;
   view.parallel = camera.kind == GLINT_ORTHOGRAPHIC;
+  view.clip_start = camera.clip_start;
   std::copy_n(camera.window, 4, view.window);
   view.panorama = camera.kind == GLINT_PANORAMA ? &camera : nullptr;
   view.step = 0.1 * length(m.x) * (camera.window[1] - camera.window[0]) / camera.width;

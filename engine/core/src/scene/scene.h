@@ -150,15 +150,16 @@ class Scene {
   std::vector<Enclosure> enclosures;           // instances with a medium inside
   int32_t world_medium = -1;                   // what is everywhere
   uint32_t features = 0;                       // GLINT_FEATURE_*
-  int max_specular = 0;                        // SPECULAR lobes of a material, at most
+  int max_specular = 0;                        // SPECULAR and SHEEN lobes of a material, at most
   double most_exponent = 0;                    // of SPECULAR lobes
   bool has_metals = false, has_gloss = false;  // SPECULAR lobes of GGX's masking, and which
-  bool has_rough_glass = false;
-  int specular_columns = 4;    // numbers of each as the stages read them
-  int max_view = 0;            // lobes of a material that depend on the view, at most
-  int max_passing = 0;         // Material::passing, at most
-  uint32_t most_slots = 0;     // of programs
-  bool bends_normals = false;  // some material gives shading normals of its own
+  bool has_rough_glass = false, has_sheen = false;
+  int specular_columns = 4;  // numbers of each as the stages read them
+  int max_view = 0;          // lobes of a material that depend on the view, at most
+  int max_passing = 0;       // Material::passing, at most
+  int passing_columns = PassingTerm::kPlain;  // of each of these lobes
+  uint32_t most_slots = 0;                    // of programs
+  bool bends_normals = false;                 // some material gives shading normals of its own
   /// Of a material that has one.
   const ProgramShape& program_of(const Material& m) const {
     return programs[size_t(m.program - 1)];

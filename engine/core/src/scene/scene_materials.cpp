@@ -1,7 +1,9 @@
 // The scene's programs and materials: copied, compared, and what does not vary folded to terms.
 #include <cstring>
 #include <numeric>
+#include <string_view>
 
+#include "program/layout.h"
 #include "scene/scene.h"
 
 namespace glint {
@@ -53,6 +55,13 @@ void fold(const Lobe& lobe, Vec3d ambient, MaterialTerms& terms, Rows& rows) {
       }
       rows.specular += rows.columns;
       return;
+    case GLINT_SHEEN:
+      for (int c = 0; c < 3; ++c) rows.specular[c] = lobe.k[c];
+      rows.specular[SpecularTerm::kExponent] = SpecularTerm::kSheen;
+      rows.specular[SpecularTerm::kMasking] = lobe.exponent;
+      rows.specular[SpecularTerm::kFresnel] = lobe.masking;
+      rows.specular += rows.columns;
+      return;
     default:
       terms.others |= any(lobe.k);
   }
@@ -71,6 +80,16 @@ bool depends_on_surface(const GlintInput& input) {
   return input.texture >= 0 || input.attribute >= 0 || input.output > 0;
 }
 
+/// Whether instructions read what ProgramPoints has of the ray.
+bool reads_ray(const int32_t* word, uint64_t count) {
+  bool found = false;
+  for (const int32_t* const end = word + count; word < end; word += kLayouts[*word].words()) {
+    const std::string_view name = kLayouts[*word].name;
+    found = found || name == "ray_length" || name == "ray_depth";
+  }
+  return found;
+}
+
 }  // namespace
 
 void Scene::copy_programs(const GlintSceneData& data) {
@@ -81,7 +100,8 @@ void Scene::copy_programs(const GlintSceneData& data) {
     const GlintProgram& g = data.programs[i];
     programs.push_back({program_words_.data() + g.first_word, g.word_count,
                         program_constants_.data() + g.first_constant * kPad,
-                        program_tables_.data() + g.first_table, g.slots});
+                        program_tables_.data() + g.first_table, g.slots,
+                        reads_ray(program_words_.data() + g.first_word, g.word_count)});
     most_slots = std::max(most_slots, g.slots);
   }
   if (data.world_program > 0) {
@@ -119,9 +139,10 @@ void Scene::add_material(const GlintMaterial& g, const GlintLobe* given) {
 
 /// Lobes whose inputs do not vary get their product now.
 void Scene::add_lobe(const GlintLobe& g) {
-  Lobe lobe{g.kind,        g.fresnel,     false,     g.exponent, g.ior,           g.masking,
-            g.first_input, g.input_count, {1, 1, 1}, false,      g.exponent_slot, g.masking_slot};
-  bool varies = g.exponent_slot > 0 || g.masking_slot > 0;
+  Lobe lobe{g.kind,          g.fresnel,      false,         g.exponent, g.ior,
+            g.masking,       g.first_input,  g.input_count, {1, 1, 1},  false,
+            g.exponent_slot, g.masking_slot, g.ior_slot};
+  bool varies = g.exponent_slot > 0 || g.masking_slot > 0 || g.ior_slot > 0;
   for (uint32_t k = 0; k < g.input_count; ++k)
     varies = varies || depends_on_surface(inputs[g.first_input + k]);
   PointReads none;
@@ -136,15 +157,19 @@ void Scene::compare_lobes(Material& material) {
   for (uint32_t k = 0; k < material.lobe_count; ++k) {
     const Lobe& lobe = lobes[material.first_lobe + k];
     material.kinds |= 1u << lobe.kind;
-    material.specular_count += lobe.kind == GLINT_SPECULAR;
+    material.specular_count += lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_SHEEN;
+    has_sheen = has_sheen || lobe.kind == GLINT_SHEEN;
     if (lobe.kind == GLINT_SPECULAR) most_exponent = std::max(most_exponent, lobe.exponent);
     material.view_count += depends_on_view(lobe);
     material.is_rough_glass |= lobe.kind == GLINT_REFRACTION && lobe.exponent > 0;
     const bool shaped = lobe.kind == GLINT_SPECULAR && lobe.masking > 0;
     has_gloss = has_gloss || shaped;
     has_metals = has_metals || (shaped && !(lobe.fresnel & GLINT_DIELECTRIC));
-    if (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel))
+    if (lobe.kind == GLINT_SHEEN ||
+        (lobe.kind == GLINT_SPECULAR && (lobe.masking > 0 || lobe.fresnel)))
       specular_columns = SpecularTerm::kShaped;
+    if (1u << lobe.kind & kPassing && (lobe.exponent_slot > 0 || lobe.ior_slot > 0))
+      passing_columns = PassingTerm::kShaped;
     if (k > 0)
       lobes[material.first_lobe + k].like_last =
           same_inputs(material.first_lobe + k - 1, material.first_lobe + k);
@@ -231,6 +256,7 @@ void Scene::shape_materials() {
                            {g.k.x, g.k.y, g.k.z},
                            g.exponent_slot,
                            g.masking_slot,
+                           g.ior_slot,
                            g.first_input,
                            g.input_count});
   for (const Texture& texture : textures) texture_shapes.push_back(texture.shape());

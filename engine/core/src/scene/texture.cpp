@@ -114,11 +114,52 @@ Rgba Texture::texel(int64_t column, int64_t row) const {
   return {{decode_[p[0]], decode_[p[1]], decode_[p[2]]}, p[3] / 255.0};
 }
 
-Rgba Texture::lookup(double u, double v) const {
+/// The four texels round a coordinate, with the weights of a uniform cubic B-spline.
+struct Texture::CubicAxis {
+  int64_t at[4];
+  double weight[4];
+};
+
+Texture::CubicAxis Texture::cubic_axis(double x, uint32_t size) const {
+  const double at = reduce(x, data_.extension) * size, first = std::floor(at - 0.5),
+               w = at - 0.5 - first, rest = 1 - w, w2 = w * w, w3 = w2 * w;
+  CubicAxis axis{
+      {},
+      {rest * rest * rest / 6, (3 * w3 - 6 * w2 + 4) / 6, (3 * (w2 - w3) + 3 * w + 1) / 6, w3 / 6}};
+  const bool turns = data_.extension == GLINT_REPEAT || data_.extension == GLINT_MIRROR_EXTENSION;
+  const int64_t period = data_.extension == GLINT_MIRROR_EXTENSION ? 2 * int64_t(size) : size;
+  for (int k = 0; k < 4; ++k) {
+    int64_t i = int64_t(first) + k - 1;
+    if (turns) i = (i % period + period) % period;
+    axis.at[k] = wrap(i, size, data_.extension);
+  }
+  return axis;
+}
+
+Rgba Texture::cubic(double u, double v) const {
+  const CubicAxis x = cubic_axis(u, data_.width), y = cubic_axis(v, data_.height);
+  Rgba sum{};
+  for (int j = 0; j < 4; ++j) {
+    Rgba row{};
+    for (int i = 0; i < 4; ++i) {
+      const Rgba t = texel(x.at[i], y.at[j]);
+      row = {row.color + x.weight[i] * t.color, row.alpha + x.weight[i] * t.alpha};
+    }
+    sum = {sum.color + y.weight[j] * row.color, sum.alpha + y.weight[j] * row.alpha};
+  }
+  return sum;
+}
+
+Rgba Texture::linear(double u, double v) const {
   const Axis x = axis(u, data_.width), y = axis(v, data_.height);
-  if (data_.interpolation == GLINT_CLOSEST) return texel(x.first, y.first);
-  Rgba found = mix(mix(texel(x.first, y.first), texel(x.second, y.first), x.way),
-                   mix(texel(x.first, y.second), texel(x.second, y.second), x.way), y.way);
+  return mix(mix(texel(x.first, y.first), texel(x.second, y.first), x.way),
+             mix(texel(x.first, y.second), texel(x.second, y.second), x.way), y.way);
+}
+
+Rgba Texture::lookup(double u, double v) const {
+  if (data_.interpolation == GLINT_CLOSEST)
+    return texel(axis(u, data_.width).first, axis(v, data_.height).first);
+  Rgba found = data_.interpolation == GLINT_CUBIC ? cubic(u, v) : linear(u, v);
   if (curve_)
     found.color = {decoded(curve_, found.color.x), decoded(curve_, found.color.y),
                    decoded(curve_, found.color.z)};

@@ -1,5 +1,5 @@
-// Image lookup: four neighbours or the closest texel. The codes of sRGB bytes are filtered as they
-// are, and the curve is undone afterwards, as in Cycles.
+// Image lookup: four neighbours, sixteen or the closest texel. The codes of sRGB bytes are filtered
+// as they are, and the curve is undone afterwards, as in Cycles.
 #pragma once
 #include "glint.h"
 #include "math/vec.h"
@@ -24,6 +24,10 @@ class Texture {
  private:
   struct Axis;
   Axis axis(double x, uint32_t size) const;
+  struct CubicAxis;
+  CubicAxis cubic_axis(double x, uint32_t size) const;
+  Rgba linear(double u, double v) const;
+  Rgba cubic(double u, double v) const;
   Rgba texel(int64_t column, int64_t row) const;
 
   GlintTexture data_;

@@ -28,6 +28,7 @@ PassStage stage_of(const Batch& batch) {
   stage.offset = p.offset;
   stage.outside = p.outside;
   stage.passing = batch.passing_columns;
+  stage.passing_columns = batch.passing_width;
   stage.passing_stride = batch.stride;
   return stage;
 }
@@ -89,8 +90,9 @@ void Shader::hold_out(const Batch& batch, size_t k, Film& film, uint32_t pixel,
   const Material& material =
       scene_.materials[scene_.material_of(scene_.group(s.instance), s.primitive)];
   if (path.wants_data &&
-      mean(transparency(scene_, material, s, batch.queue->ray(k).d,
-                        path.depth > 0 ? RayKind::kBounced : RayKind::kCamera)) < 0.5)
+      mean(transparency(scene_, material, s,
+                        {path.start, batch.queue->ray(k).d, batch.queue->tags()[k],
+                         path.depth > 0 ? RayKind::kBounced : RayKind::kCamera})) < 0.5)
     record(film, pixel, s, material, batch.queue->ray(k).d);
   if (path.depth == 0) lost += mean(path.T);
 }

@@ -36,24 +36,50 @@ inline Doubles lobe_number(const OnMesh& p, double own, int32_t number) {
   return number == 0 ? splat(own) : clamped(finite_or_zero(slot(p, number)), 0, own);
 }
 
+/// The index of refraction of a lobe: what the program gives, where that is one, else its own.
+inline Doubles lobe_ior(const OnMesh& p, const LobeShape& lobe) {
+  if (lobe.ior_slot == 0) return splat(lobe.ior);
+  const Doubles given = finite_or_zero(slot(p, lobe.ior_slot));
+  return choose(given > 0, given, splat(lobe.ior));
+}
+
+/// As SpecularTerm has it.
+inline Doubles specular_fresnel(const OnMesh& p, const LobeShape& lobe) {
+  const bool dielectric = SpecularTerm::fresnel(lobe.fresnel, lobe.ior) > 0;
+  return dielectric ? lobe_ior(p, lobe) : splat(SpecularTerm::fresnel(lobe.fresnel, lobe.ior));
+}
+
 inline void set_specular(const EvaluateStage& s, const Chosen& at, const OnMesh& p, const Three& Tk,
                          const LobeShape& lobe, Lobes& sum) {
   double* column = s.specular + size_t(s.specular_columns * sum.specular_count++) * s.stride;
   scatter3(column, s.stride, at, Tk);
+  sum.lit |= nonzero(Tk);
+  if (lobe.kind == GLINT_SHEEN) {
+    scatter(column + SpecularTerm::kExponent * s.stride, at, splat(SpecularTerm::kSheen));
+    scatter(column + SpecularTerm::kMasking * s.stride, at,
+            lobe_number(p, lobe.exponent, lobe.exponent_slot));
+    scatter(column + SpecularTerm::kFresnel * s.stride, at,
+            lobe_number(p, lobe.masking, lobe.masking_slot));
+    return;
+  }
   scatter(column + SpecularTerm::kExponent * s.stride, at,
           lobe_number(p, lobe.exponent, lobe.exponent_slot));
   if (s.specular_columns == SpecularTerm::kShaped) {
     const Doubles masking = lobe_number(p, lobe.masking, lobe.masking_slot);
     scatter(column + SpecularTerm::kMasking * s.stride, at, masking * masking);
-    scatter(column + SpecularTerm::kFresnel * s.stride, at,
-            splat(SpecularTerm::fresnel(lobe.fresnel, lobe.ior)));
+    scatter(column + SpecularTerm::kFresnel * s.stride, at, specular_fresnel(p, lobe));
   }
-  sum.lit |= nonzero(Tk);
 }
 
-inline void set_passing(const EvaluateStage& s, const Chosen& at, const Three& k, Lobes& sum) {
-  double* column = s.passing + 3 * size_t(sum.passing_count++) * s.stride;
+inline void set_passing(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
+                        const LobeShape& lobe, const Three& k, Lobes& sum) {
+  double* column = s.passing + size_t(s.passing_columns) * size_t(sum.passing_count++) * s.stride;
   scatter3(column, s.stride, at, k);
+  if (s.passing_columns == PassingTerm::kShaped) {
+    scatter(column + PassingTerm::kExponent * s.stride, at,
+            lobe_number(p, lobe.exponent, lobe.exponent_slot));
+    scatter(column + PassingTerm::kIor * s.stride, at, lobe_ior(p, lobe));
+  }
   sum.passes |= nonzero(k);
 }
 
@@ -68,11 +94,12 @@ inline Doubles seen_share(const EvaluateStage& s, const Chosen& at, const OnMesh
 
 inline void add_lobe(const EvaluateStage& s, const Chosen& at, const OnMesh& p,
                      const LobeShape& lobe, const Three& T, Three k, Lobes& sum) {
-  if (lobe.kind == GLINT_SPECULAR) return set_specular(s, at, p, T * k, lobe, sum);
+  if (lobe.kind == GLINT_SPECULAR || lobe.kind == GLINT_SHEEN)
+    return set_specular(s, at, p, T * k, lobe, sum);
   const bool ambient = lobe.kind == GLINT_AMBIENT;
   if (ambient || lobe.kind == GLINT_DIFFUSE) k = seen_share(s, at, p, lobe) * k;
   if (lobe.kind == GLINT_DIFFUSE) return void(sum.diffuse = sum.diffuse + k);
-  if (!ambient && lobe.kind != GLINT_EMISSION) return set_passing(s, at, k, sum);
+  if (!ambient && lobe.kind != GLINT_EMISSION) return set_passing(s, at, p, lobe, k, sum);
   if (!ambient && s.dark) return;
   const Three c = ambient ? T * k * splat3(s.ambient) : T * k;
   sum.glow = sum.glow + c;
@@ -96,6 +123,10 @@ inline void set_points(const EvaluateStage& s, size_t first, size_t count, Progr
     put3(points.n, k, gather3(s.n, at));
     put3(points.d, k, gather3(s.d, at));
     store(points.outside + k, gather(s.outside, at));
+    if (!s.program->reads_ray) continue;
+    store(points.length + k,
+          length(gather3(s.x, at) - gather3(s.start, at)) / s.tables.view->scale);
+    store(points.tags + k, gather(s.tags, at));
   }
 }
 

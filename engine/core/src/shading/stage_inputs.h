@@ -197,9 +197,45 @@ inline Three filtered_colors(const TextureShape& t, const Three& c) {
 }
 inline Doubles filtered_colors(const TextureShape&, Doubles alpha) { return alpha; }
 
+/// The four texels round a coordinate, and their weights: those of a uniform cubic B-spline.
+struct CubicAxis {
+  Whole at[4];
+  Doubles weight[4];
+};
+
+inline CubicAxis cubic_axis(const TextureShape& t, Doubles x, double size) {
+  const Doubles at = reduce(x, t.extension) * size, first = down(at - 0.5), w = at - 0.5 - first,
+                rest = 1 - w, w2 = w * w, w3 = w2 * w;
+  CubicAxis axis{
+      {},
+      {rest * rest * rest / 6, (3 * w3 - 6 * w2 + 4) / 6, (3 * (w2 - w3) + 3 * w + 1) / 6, w3 / 6}};
+  const bool turns = t.extension == GLINT_REPEAT || t.extension == GLINT_MIRROR_EXTENSION;
+  const double period = t.extension == GLINT_MIRROR_EXTENSION ? 2 * size : size;
+  for (size_t k = 0; k < 4; ++k) {
+    Doubles i = first + (double(k) - 1);
+    if (turns) i = i - period * down(i / period);  // images may be smaller than four texels
+    axis.at[k] = wrap(i, size, t.extension);
+  }
+  return axis;
+}
+
+template <auto read>
+inline auto sample_cubic(const TextureShape& t, Doubles u, Doubles v) {
+  const CubicAxis x = cubic_axis(t, u, t.width), y = cubic_axis(t, v, t.height);
+  const auto row = [&](size_t j) {
+    auto sum = x.weight[0] * read(t, {t, x.at[0], y.at[j]});
+    for (size_t i = 1; i < 4; ++i) sum = sum + x.weight[i] * read(t, {t, x.at[i], y.at[j]});
+    return sum;
+  };
+  auto sum = y.weight[0] * row(0);
+  for (size_t j = 1; j < 4; ++j) sum = sum + y.weight[j] * row(j);
+  return filtered_colors(t, sum);
+}
+
 /// What `read`, colors or alphas, makes of the texels at a coordinate.
 template <auto read>
 inline auto sample(const TextureShape& t, Doubles u, Doubles v) {
+  if (t.interpolation == GLINT_CUBIC) return sample_cubic<read>(t, u, v);
   const Axis x = axis_of(t, u, t.width), y = axis_of(t, v, t.height);
   if (t.interpolation == GLINT_CLOSEST) return read(t, {t, x.first, y.first});
   return filtered_colors(

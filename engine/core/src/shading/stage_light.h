@@ -39,7 +39,7 @@ template <bool Reflecting>
 inline Term term_of(const LightStage& s, size_t k, int number) {
   Term term(s, k, number);
   if constexpr (Reflecting) {
-    const Mask good = term.reflects(s, k, number);
+    const Mask good = term.reflects(s, k, number) & (term.exponent >= 0);
     term.k = where(good, term.k);
     term.exponent = choose(good, term.exponent, splat(-1));
   }
@@ -63,9 +63,10 @@ inline Narrow narrow_terms(const LightStage& s, size_t k, const Three& x) {
   return narrow;
 }
 
-/// Sum of the terms, and how densely (a steradian) directions are drawn where l is.
+/// Sum of the terms, of SHEEN ones apart, and how densely (a steradian) directions are drawn where
+/// l is.
 struct Highlights {
-  Three light;
+  Three light, sheen;
   Doubles density;
 };
 
@@ -81,8 +82,19 @@ __attribute__((always_inline)) inline Highlights highlights(const LightStage& s,
   Doubles exponent = splat(0), power = splat(1);
   Highlights sum{};
   for (int number = 0; number < s.max_specular; ++number) {
-    const Term term = term_of<Reflecting>(s, k, number);
+    Term term = term_of<Reflecting>(s, k, number);
     if (!any(nonzero(term.k))) continue;
+    if (s.has_sheen && !Reflecting) {
+      const Mask sheen = term.exponent == SpecularTerm::kSheen;
+      if (bits(sheen)) {
+        const double* column = s.specular + size_t(s.specular_columns * number) * s.stride + k;
+        const Doubles share = gloss.sheen(load(column + SpecularTerm::kMasking * s.stride),
+                                          load(column + SpecularTerm::kFresnel * s.stride));
+        sum.sheen = sum.sheen + where(sheen, share * term.k);
+      }
+      term.k = where(s.sheen_alone ? Mask{} : ~sheen, term.k);
+      if (!any(nonzero(term.k))) continue;
+    }
     if (bits(term.exponent != exponent)) {
       exponent = term.exponent;
       power = highlight(at, exponent);
@@ -227,12 +239,11 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
   const Three color = color_of<Shape>(s, at), I = at.factor * color;
   given.diffuse = cosine * (I * load3(s.diffuse, k));
   given.specular = Three{};
-  if (s.draws) {
-    const Narrow narrow = narrow_terms(s, k, x);
-    const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
-    given.specular = balanced<Shape>(s, at, seen) * (color * seen.light);
-  } else if (s.max_specular > 0) {
-    given.specular = I * highlights(s, k, n, at.l, cosine, nullptr).light;
+  if (s.max_specular > 0) {
+    const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
+    const Highlights seen = highlights(s, k, n, at.l, cosine, s.draws ? &narrow : nullptr);
+    given.specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
+    if (s.has_sheen) given.diffuse = given.diffuse + I * seen.sheen;
   }
   return true;
 }

@@ -19,12 +19,12 @@ struct Arriving {
         n(gather3(s.n, at)),
         g(gather3(s.g, at)),
         outside(gather(s.outside, at)) {}
-  Doubles relative(double ior) const { return choose(outside, splat(ior), splat(1 / ior)); }
+  Doubles relative(Doubles ior) const { return choose(outside, ior, 1 / ior); }
 };
 
 /// 1 where the lobe has none.
-inline Doubles fresnel(const Arriving& ray, const LobeShape& lobe) {
-  return lobe.fresnel ? fresnel_reflectance(magnitude(dot(ray.d, ray.n)), ray.relative(lobe.ior))
+inline Doubles fresnel(const Arriving& ray, const LobeShape& lobe, Doubles ior) {
+  return lobe.fresnel ? fresnel_reflectance(magnitude(dot(ray.d, ray.n)), ray.relative(ior))
                       : splat(1);
 }
 
@@ -50,14 +50,12 @@ inline Doubles place(const PassStage& s, const Chosen& at, Of of) {
 /// Refracted at the half vector that lies at the stage's place of a rough lobe, where that leads to
 /// the other side.
 inline Three refract_roughly(const PassStage& s, const Chosen& at, const Arriving& ray,
-                             const LobeShape& lobe) {
-  const Doubles index = ray.relative(lobe.ior);
+                             Doubles exponent, Doubles index) {
   Arriving rough = ray;
   const Three n = choose(dot(ray.d, ray.n) <= 0, ray.n, ray.g);
   const Doubles rest =
       smaller(place(s, at, [](const DiscPlace& p) { return p.radius2; }), splat(1 - 0x1p-53));
-  const Doubles cosine2 =
-      exponential(-2 * logarithm_of_one_and(rest, 1 - rest) / (lobe.exponent + 1));
+  const Doubles cosine2 = exponential(-2 * logarithm_of_one_and(rest, 1 - rest) / (exponent + 1));
   Three t1, t2;
   frame(n, t1, t2);
   const Doubles across = place(s, at, [](const DiscPlace& p) { return p.azimuth[0]; }),
@@ -80,7 +78,16 @@ inline Three weight(const PassStage& s, const Chosen& at) {
 
 /// The coefficient of the lobe of that number among those that send rays on.
 inline Three coefficient(const PassStage& s, const Chosen& at, size_t number) {
-  return gather3(s.passing + 3 * number * s.passing_stride, s.passing_stride, at);
+  return gather3(s.passing + size_t(s.passing_columns) * number * s.passing_stride,
+                 s.passing_stride, at);
+}
+
+/// A column of PassingTerm of that lobe, or its own number where the scene has none of a program.
+inline Doubles number_of(const PassStage& s, const Chosen& at, size_t number, int column,
+                         double own) {
+  if (s.passing_columns == PassingTerm::kPlain) return splat(own);
+  const size_t first = size_t(s.passing_columns) * number + size_t(column);
+  return gather(s.passing + first * s.passing_stride, at);
 }
 
 inline Doubles largest(const Three& a) {
@@ -104,9 +111,16 @@ struct NewRays {
   size_t count() const { return size_t(__builtin_popcount(append.lanes)); }
 };
 
+/// The tags' bits of refractions, after one more.
+inline Mask refracted_once_more(Mask tag) {
+  const Mask count = tag & RayTag::kAllRefractions;
+  const Mask more = count < RayTag::kAllRefractions;  // -1 where there is room
+  return (count - (more << RayTag::kRefractions)) | int64_t(1) << RayTag::kRefracted;
+}
+
 /// Rays that leave along d one bounce deeper, unless they weigh nothing or next to it. How many.
 inline size_t bounce(const PassStage& s, const Chosen& at, const Arriving& ray, Mask wanted,
-                     const Three& d, const Three& k) {
+                     const Three& d, const Three& k, bool refracted = false) {
   const Three T = weight(s, at) * k;
   const Mask tag = gather(s.from_tags, at), depth = (tag >> RayTag::kDepth & 255) + 1;
   wanted &= nonzero(T) & (depth <= int64_t(s.max_bounces)) & ~(largest(T) < s.cutoff);
@@ -122,7 +136,8 @@ inline size_t bounce(const PassStage& s, const Chosen& at, const Arriving& ray, 
   add(RayLayout::kTMin, splat(0));
   add(RayLayout::kTMax, splat(__builtin_inf()));
   add(RayLayout::kFrom, splat(0));
-  add.tag((tag & (int64_t(0xffffffff) | RayTag::kWidths)) | depth << RayTag::kDepth);
+  const Mask glass = refracted ? refracted_once_more(tag) : tag & RayTag::kAllRefractions;
+  add.tag((tag & (int64_t(0xffffffff) | RayTag::kWidths)) | depth << RayTag::kDepth | glass);
   return add.count();
 }
 
@@ -133,14 +148,18 @@ inline size_t refract_rows(const PassStage& s, const LobeShape& lobe, size_t num
     const Arriving ray(s, at);
     const Three k = coefficient(s, at, number);
     const bool rough = lobe.exponent > 0;
-    Three d = rough ? refract_roughly(s, at, ray, lobe) : refract(ray, ray.relative(lobe.ior));
-    Doubles through = lobe.fresnel ? 1 - fresnel(ray, lobe) : splat(1);
+    const Doubles ior = number_of(s, at, number, PassingTerm::kIor, lobe.ior),
+                  index = ray.relative(ior);
+    const Doubles exponent = number_of(s, at, number, PassingTerm::kExponent, lobe.exponent);
+    Three d = refract(ray, index);
+    if (rough) d = choose(exponent > 0, refract_roughly(s, at, ray, exponent, index), d);
+    Doubles through = lobe.fresnel ? 1 - fresnel(ray, lobe, ior) : splat(1);
     if (rough && lobe.fresnel) {  // no lobe mirrors what cannot leave
-      const Mask shut = ~nonzero(d);
+      const Mask shut = (exponent > 0) & ~nonzero(d);
       d = choose(shut, reflect(ray), d);
       through = choose(shut, splat(1), through);
     }
-    count += bounce(s, at, ray, nonzero(d), d, lobe.fresnel ? through * k : k);
+    count += bounce(s, at, ray, nonzero(d), d, lobe.fresnel ? through * k : k, true);
   }
   return count;
 }
@@ -168,7 +187,8 @@ inline size_t mirror_rows(const PassStage& s) {
     const Arriving ray(s, at);
     Three k{};
     each_lobe(s, GLINT_MIRROR, [&](const LobeShape& lobe, size_t number) {
-      k = k + fresnel(ray, lobe) * coefficient(s, at, number);
+      const Doubles ior = number_of(s, at, number, PassingTerm::kIor, lobe.ior);
+      k = k + fresnel(ray, lobe, ior) * coefficient(s, at, number);
     });
     if (any(nonzero(k))) count += bounce(s, at, ray, nonzero(k), reflect(ray), k);
   }
@@ -195,7 +215,8 @@ inline size_t go_on(const PassStage& s, const Chosen& at, const Three& k) {
   add(RayLayout::kTMin, beyond(t));
   keep(RayLayout::kTMax);
   add(RayLayout::kFrom, t);
-  const Mask kept = tag & (((int64_t(1) << RayTag::kWantsData) - 1) | RayTag::kWidths);
+  const Mask kept =
+      tag & (((int64_t(1) << RayTag::kWantsData) - 1) | RayTag::kWidths | RayTag::kGlass);
   const Mask dimmed = (k.x != 1) | (k.y != 1) | (k.z != 1);
   add.tag((kept + (dimmed & int64_t(1) << RayTag::kStraight)) | wants);
   return add.count();

@@ -172,6 +172,11 @@ void run_block(const TransmittanceStage& s, size_t k, size_t count) {
   place_block(s, k, count, scratch, p);
   for (size_t i = 0; s.solids && i < count; ++i)
     if (scratch.material[i] == kNoMaterial) set_solid(s.solids + 8 * (k + i), i, p);
+  for (size_t i = 0; s.program->reads_ray && i < count; i += kLanes) {
+    const Three way = op::point3(p.x, i) - op::point3(scratch.start, i);
+    store(p.length + i, length(way) / s.tables.view->scale);
+    store(p.tags + i, Mask{} + (int64_t(1) << RayTag::kDepth));
+  }
   for (size_t i = 0; i < count; i += kLanes)
     store(p.weights[0] + i, 1 - load(p.weights[1] + i) - load(p.weights[2] + i));
   run_program({s.tables, s.program, &p, RayKind::kShadow, count, s.slots});

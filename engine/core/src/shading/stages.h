@@ -89,12 +89,21 @@ struct SumColumns {
       *shadow[3];
 };
 
-/// A SPECULAR lobe: columns of k (three) and the exponent; where some lobe of the scene is shaped,
-/// the square of its masking and what `fresnel` says.
+/// A SPECULAR or SHEEN lobe: columns of k (three) and the exponent; where some lobe of the scene is
+/// shaped, the square of its masking and what `fresnel` says.
 struct SpecularTerm {
+  /// In the place of the exponent of a SHEEN lobe, of which `masking` has the width and `fresnel`
+  /// the lean.
+  static constexpr double kSheen = -2;
   static constexpr int kExponent = 3, kPlain = 4, kMasking = 4, kFresnel = 5, kShaped = 6;
   /// 0 for none, -1 for Schlick's weight, or a dielectric's index.
   static double fresnel(int bits, double ior) { return bits & 2 ? -1 : bits & 1 ? ior : 0; }
+};
+
+/// A lobe that sends rays on: columns of k (three) and, where some lobe of the scene has them from
+/// a program, the exponent and the index of refraction.
+struct PassingTerm {
+  static constexpr int kPlain = 3, kExponent = 3, kIor = 4, kShaped = 5;
 };
 
 /// What of a surface is times (1 - n.v)^exponent.
@@ -127,8 +136,8 @@ struct LobeShape {
   int kind;
   bool constant, like_last;
   int fresnel;
-  double exponent, ior, masking, k[3];  // k: where constant
-  int32_t exponent_slot, masking_slot;  // as GlintLobe has them
+  double exponent, ior, masking, k[3];            // k: where constant
+  int32_t exponent_slot, masking_slot, ior_slot;  // as GlintLobe has them
   uint32_t first_input, input_count;
 };
 constexpr double kSrgbToe = 0.04045;  // up to here the sRGB curve is a line
@@ -196,8 +205,8 @@ struct EvaluateStage {
   const ProgramShape* program;  // null for none, as what follows
   RayKind kind;
   double* slots;
-  const double *x[3], *g[3];
-  const int64_t* outside;
+  const double *x[3], *g[3], *start[3];  // start: of the rays that meet them
+  const int64_t *outside, *tags;
   int32_t normal;  // 0, or 1 plus the slot of the normals that take the place of those in `bent`
   double* bent[3];
   const double *T[3], *weights[2], *n[3], *d[3];
@@ -210,7 +219,8 @@ struct EvaluateStage {
   double* diffuse[3];
   double* specular;
   int specular_columns;
-  double* passing;         // three columns for each lobe that sends rays on: its coefficient
+  double* passing;  // PassingTerm's columns for each lobe that sends rays on
+  int passing_columns;
   uint32_t* passing_rows;  // points where one of these is not zero
   size_t stride;
   int64_t* lit;
@@ -224,12 +234,16 @@ struct RayLayout {
 
 /// What else a ray carries, in one number of 64 bits: from bit 0 on its slot, from these on how
 /// often it bounced and how often it went straight on since (8 bits each), whether it wants data,
-/// whether it wants AOVs, and, where rough surfaces reflected it, how far highlights on its way are
-/// widened (`widest`).
+/// whether it wants AOVs, whether its last bounce was a refraction, how many were (up to 31), and,
+/// where rough surfaces reflected it, how far highlights on its way are widened (`widest`).
 struct RayTag {
-  static constexpr int kDepth = 32, kStraight = 40, kWantsData = 48, kWantsAovs = 49, kWidth = 56;
+  static constexpr int kDepth = 32, kStraight = 40, kWantsData = 48, kWantsAovs = 49,
+                       kRefracted = 50, kRefractions = 51, kWidth = 56;
   static constexpr int64_t kWants = int64_t(1) << kWantsData | int64_t(1) << kWantsAovs;
   static constexpr int64_t kWidths = int64_t(0x7f) << kWidth;
+  static constexpr int64_t kMostRefractions = 31,
+                           kAllRefractions = kMostRefractions << kRefractions,
+                           kGlass = int64_t(1) << kRefracted | kAllRefractions;
 };
 
 /// The end of a queue that has room for what is added.
@@ -260,6 +274,7 @@ struct PassStage {
   const double *t, *x[3], *g[3], *n[3], *offset;
   const int64_t* outside;
   const double* passing;  // as EvaluateStage has it
+  int passing_columns;
   size_t passing_stride;
   const LobeShape* lobes;
   uint32_t lobe_count, max_bounces, max_straight;
@@ -344,6 +359,7 @@ struct LightStage {
   double* density_out;  // kMeshSource, of drawn directions: how densely these fall there; the light
                         // is not in diffuse_out yet
   bool metals_alone;    // of what `reflect` takes lobes of
+  bool has_sheen, sheen_alone;  // among the lobes; and lights none but these
 };
 
 /// A sample of one of many lamps, or (drawn) the directions that lobes draw for it.
