@@ -140,6 +140,19 @@ def test_coloured_shadows_and_linked_lamps_are_the_same_in_both_tracers() -> Non
     assert apart(films[0], drawn(scene_of(lights, GLOSS), samples=2, lamp_shadows=9)) > 1e-2
 
 
+def test_lamps_share_beside_a_sky_bounced_light_and_sheen() -> None:
+    """What other lights are set to lights nothing of the lamps' highlights."""
+    velvet = Material(
+        "velvet",
+        (*GLOSS.lobes, Lobe("SHEEN", (Input((0.5, 0.4, 0.3)),), exponent=0.5, masking=0.3)),
+    )
+    sky = Light("sky", "DOME", at(0, 0, 0), radiance=np.full((4, 8, 3), 0.1, np.float32))
+    scene = scene_of((*grid(), sky), velvet, size=16)
+    settings = {"samples": 2, "light_samples": 1, "diffuse_bounces": 1, "lamp_shadows": 8}
+    films = [drawn(scene, backend, **settings) for backend in BACKENDS]
+    assert apart(*films) < 1e-6
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_lamps_at_one_place_are_one_lamp_of_their_power(backend: str) -> None:
     many = tuple(replace(lamp(0.5, 0, 3), name=f"{k}") for k in range(40))

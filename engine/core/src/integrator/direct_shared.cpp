@@ -52,6 +52,7 @@ void DirectLight::list_samples(const Batch& batch, uint32_t sample) {
   shared_.receives.clear();
   for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ ? ends_[c] : nullptr;
   stage_.max_specular = scene_.max_specular;
+  stage_.sheen_alone = false;
   for (size_t k = 0; k < scene_.lights.size(); ++k) {
     if (!shared_.takes_part[k]) continue;
     const Light& light = scene_.lights[k];
