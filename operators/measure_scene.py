@@ -365,6 +365,7 @@ _NAMES = {
     "lamp_shadows": ("lamp shadow", "lamp shadows"),
     "max_bounces": ("bounce", "bounces"),
     "cutoff": ("cutoff",),
+    "volume_samples": ("volume sample", "volume samples"),
     "diffuse_bounces": ("diffuse bounce", "diffuse bounces"),
 }
 """Knob → what stands behind its value, one and more; or before it."""

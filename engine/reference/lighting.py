@@ -27,11 +27,16 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class DirectLight:
-    """(3, n) each: light before shadows, and what blockers take away."""
+    """(3, n) each: light before shadows, and what blockers take away. lit_*: what is left of light
+    from where it is made, and of what surfaces throw on.
+    """
 
     diffuse: Array
     specular: Array
     shadow: Array
+    lit_diffuse: Array
+    lit_specular: Array
+    lit_bounced: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +98,7 @@ class Lighting:
         light reaches, or which ask for its shadow, and whether its pixels take more samples before
         they may stop.  on_cut: told the points whose horizon cuts a light of more than one sample.
         """
-        total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(3)))
+        total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(6)))
         given = coefficients.diffuse.any(0)
         for term in (*coefficients.highlights, *coefficients.sheens):
             given[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
@@ -117,7 +122,9 @@ class Lighting:
             if isinstance(source, Dome):
                 open_ = np.flatnonzero(lit & (balance >= 0))
                 rest = source.rest(pick(surface.n, open_), sample)
-                add_at(total.diffuse, open_, pick(coefficients.diffuse, open_) * rest)
+                rest = pick(coefficients.diffuse, open_) * rest
+                add_at(total.diffuse, open_, rest)
+                add_at(total.lit_diffuse, open_, rest)
         if self.marks and given.any():
             self._share(surface, coefficients, weight, sample, given, on_reach, total)
         return total
@@ -152,13 +159,15 @@ class Lighting:
                         surface, coefficients, lit, source, narrow, light_sample, diffuse
                     )
 
-        diffuse, specular, lost = share_shadows(
+        diffuse, specular, passed = share_shadows(
             samples, weight, self.marks, sample, lambda points: on_reach(current[0], points, True)
         )
         for sums, light in (
             (total.diffuse, diffuse),
             (total.specular, specular),
-            (total.shadow, lost),
+            (total.shadow, (passed - 1) * (diffuse + specular)),
+            (total.lit_diffuse, passed * diffuse),
+            (total.lit_specular, passed * specular),
         ):
             sums += light
 
@@ -216,12 +225,16 @@ class Lighting:
             return seen, np.zeros(0, bool)
         add_at(total.diffuse, seen, given.diffuse)
         add_at(total.specular, seen, given.specular)
-        dimmed = np.zeros(len(seen), bool)
+        dimmed, passed = np.zeros(len(seen), bool), np.ones((3, len(seen)))
         if source.light.cast_shadow:
             self.pulse.beat()
-            lost = (given.open(np.arange(len(seen))) - 1.0) * (given.diffuse + given.specular)
+            passed = given.open(np.arange(len(seen)))
+            lost = (passed - 1.0) * (given.diffuse + given.specular)
             add_at(total.shadow, seen, lost)
             dimmed = lost.any(0)
+        is_bounced = isinstance(source, BouncedSource)
+        add_at(total.lit_bounced if is_bounced else total.lit_diffuse, seen, passed * given.diffuse)
+        add_at(total.lit_specular, seen, passed * given.specular)
         return seen, dimmed
 
     def _given(

@@ -46,9 +46,9 @@ def share_shadows(
     sample: int,
     on_ask: Callable[[Array], None],
 ) -> tuple[Array, Array, Array]:
-    """(3, n) each: diffuse and specular light of all the samples at n points, and what is taken
-    away from their sum. samples: gives them, the same each time.  weight: (3, n) T of the rays that
-    see the points.  on_ask: told the points that ask a sample.
+    """(3, n) each: diffuse and specular light of all the samples at n points before shadows, and
+    the share of it that arrives. samples: gives them, the same each time.  weight: (3, n) T of the
+    rays that see the points.  on_ask: told the points that ask a sample.
     """
     diffuse, specular, asked, passed = (np.zeros_like(weight) for _ in range(4))
     rows = []
@@ -70,7 +70,7 @@ def share_shadows(
         light = light * (count[point] / row[point])
         add_at(asked, point, light)
         add_at(passed, point, light * each.open(asking))
-    return diffuse, specular, (_open(asked, passed) - 1) * (diffuse + specular)
+    return diffuse, specular, _open(asked, passed)
 
 
 def _open(asked: Array, passed: Array) -> Array:

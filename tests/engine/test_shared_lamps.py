@@ -111,13 +111,14 @@ SCENES = {
 
 @pytest.mark.parametrize("name", SCENES)
 def test_both_tracers_draw_the_same(name: str) -> None:
-    settings = {"samples": 2, "light_samples": 2, "lamp_shadows": 7, "passes": {"Cost", "Shadow"}}
+    passes = {"Cost", "Shadow", "Diffuse Direct", "Glossy Direct"}
+    settings = {"samples": 2, "light_samples": 2, "lamp_shadows": 7, "passes": passes}
     films = [drawn(SCENES[name], backend, **settings) for backend in BACKENDS]
     for film in films:
         assert "feature: shared lamp shadows" in film.stats
-    for part in ("Combined", "Shadow", "Cost"):
+    for part in passes | {"Combined"}:
         one, other = (film.passes[part].astype(float) for film in films)
-        assert np.abs(one - other).max() <= 1e-6 * np.abs(other).max()
+        assert np.abs(one - other).max() <= 1e-6 * np.abs(other).max(), part
     shadow = films[0].passes["Shadow"]
     assert (shadow < 0).any()
     assert 0 < films[0].stats["shadow rays"] == films[1].stats["shadow rays"]

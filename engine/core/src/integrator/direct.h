@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "integrator/batch.h"
-#include "integrator/media.h"
 #include "integrator/plan.h"
+#include "integrator/scatter_depths.h"
 #include "integrator/transmittance.h"
 #include "shading/light_program.h"
 
@@ -43,6 +43,10 @@ class DirectLight {
     illuminate(batch, sample, counts);
     alone_ = false;
   }
+  /// Adds what media before the hits scatter of the lights, and give of themselves, to the rays of
+  /// `batch`, of which `spans` are. clear: their weights before media dim them.
+  void scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear, uint32_t sample,
+               RayCounts& counts);
   /// Whether rough surfaces may reflect others.
   bool reflects() const;
   /// Whether lamps are so many that they share the shadow rays of a sample.
@@ -63,11 +67,18 @@ class DirectLight {
                RayCounts& counts);
   size_t meet_emitters(const Light& light, size_t count);
   void apply_program(const Light& light, size_t count);
+  void add_glow(Batch& batch, const MediaSpans& spans, const Vec3d* clear);
+  void place_points(const Batch& batch);
+  void scatter_light(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
+                     const Light& light, uint32_t sample, RayCounts& counts);
+  void scatter_sample(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
+                      const Light& light, double share, double count, RayCounts& counts);
   void dim_shadows(const Light& light, size_t count, RayCounts& counts);
   void find_cut(const Batch& batch, const Light& light) const;
   void find_shadows(const Light& light, size_t count, uint8_t* known, RayCounts& counts);
   bool recall_shadows(const uint8_t* known, size_t count);
-  void add(const Batch& batch, size_t count) const;
+  void add(const Batch& batch, const Light& light, size_t count) const;
+  void split(const Batch& batch, const Light& light, size_t count) const;
   void find_sharing();
   void share_lamps(const Batch& batch, uint32_t sample, RayCounts& counts);
   void list_samples(const Batch& batch, uint32_t sample);
@@ -102,6 +113,12 @@ class DirectLight {
   TransparentShadows transparent_shadows_;
   MediaSpans media_;
   SharedLamps shared_;
+  // Of light that media scatter: where each ray's points lie, their weights, and which there are.
+  ScatterDepths depths_;
+  Columns scattered_;
+  std::vector<double> at_, ends_of_rays_;
+  std::vector<int64_t> scatters_;
+  std::vector<MediaSpans::Piece> pieces_;
 };
 
 }  // namespace glint

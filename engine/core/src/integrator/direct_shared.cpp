@@ -174,16 +174,17 @@ void DirectLight::add_shared(const Batch& batch) const {
                 full = diffuse + specular;
     const double all = asked.x + asked.y + asked.z,
                  mean = all > 0 ? (passed.x + passed.y + passed.z) / all : 1;
-    Vec3d lit;
-    for (int c = 0; c < 3; ++c) {
-      const double open = asked[c] > 0 ? passed[c] / asked[c] : mean;
-      lit[c] = std::clamp(open, 0.0, 1.0) * full[c];
-    }
+    Vec3d open;
+    for (int c = 0; c < 3; ++c)
+      open[c] = std::clamp(asked[c] > 0 ? passed[c] / asked[c] : mean, 0.0, 1.0);
     const SumColumns& sums = batch.sums;
-    Batch::add_to(sums.total, k, lit);
+    Batch::add_to(sums.total, k, open * full);
     Batch::add_to(sums.diffuse, k, diffuse);
     Batch::add_to(sums.specular, k, specular);
-    Batch::add_to(sums.shadow, k, lit - full);
+    Batch::add_to(sums.shadow, k, open * full - full);
+    if (!batch.splits()) continue;
+    Batch::add_to(batch.lit_diffuse, k, open * diffuse);
+    Batch::add_to(batch.lit_specular, k, open * specular);
   }
 }
 
