@@ -7,6 +7,7 @@ VALUES = {
     "error_threshold": 2.5,
     "light_samples": 3,
     "lamp_shadows": 24,
+    "volume_samples": 7,
     "max_bounces": 2,
     "cutoff": 0.25,
     "illumination": "CLASSIC",
