@@ -13,7 +13,7 @@ from .accelerator import Accelerator, Hits
 from .analysis.explain import PixelExplainer, explanation_lines
 from .cryptomatte import crypto_metadata, manifests
 from .errors import NO_THREAD, SceneError
-from .film import AOV, CATCHER, CRYPTOMATTES, DENOISING, PARTS, PASSES, Film
+from .film import AOV, CATCHER, CRYPTOMATTES, DENOISING, LIGHTING, PARTS, PASSES, Film
 from .linear import affine_inverse, determinant
 from .live import LiveRender, Task, Wave
 from .scene import Scene
@@ -28,6 +28,7 @@ __all__ = [
     "CATCHER",
     "CRYPTOMATTES",
     "DENOISING",
+    "LIGHTING",
     "NO_THREAD",
     "PARTS",
     "PASSES",

@@ -364,6 +364,7 @@ _NAMES = {
     "light_samples": ("light sample", "light samples"),
     "max_bounces": ("bounce", "bounces"),
     "cutoff": ("cutoff",),
+    "volume_samples": ("volume sample", "volume samples"),
     "diffuse_bounces": ("diffuse bounce", "diffuse bounces"),
 }
 """Knob → what stands behind its value, one and more; or before it."""

@@ -78,6 +78,8 @@ def _contributions(ray: Ray, way: str = "") -> Iterator[tuple[str, float]]:
     them left the camera's line.
     """
     yield from ((name + way, _luminance(ray.weight, radiance)) for name, radiance in ray.shapes)
+    for name, light in ray.media:
+        yield (f"{name} in volumes" if name else "volumes") + way, _luminance(ray.weight, light)
     weight = tuple(sent * left for sent, left in zip(ray.weight, ray.passed, strict=True))
     yield "the surroundings" + way, _luminance(weight, ray.background)
     if ray.hit is not None and not (ray.hit.holdout or ray.hit.caught):
@@ -152,6 +154,9 @@ def _ray_lines(ray: Ray, level: int) -> Iterator[str]:
     yield f"{pad}  from {_rgb(ray.origin)} along {_rgb(ray.direction)}"
     if any(left != 1 for left in ray.passed):
         yield f"{pad}  media on its way leave {_rgb(ray.passed)} of it"
+    for name, light in ray.media:
+        what = f"scatter of the light '{name}'" if name else "give of themselves"
+        yield f"{pad}  media on its way {what}: {_rgb(light)}"
     for name, radiance in ray.shapes:
         yield f"{pad}  sees the light '{name}': {_rgb(radiance)}"
     if ray.hit is None:

@@ -33,6 +33,7 @@ _REFERENCE_MARGIN = 4
 """The reference takes at least so many times the light points of any point of the grid."""
 _REFERENCE_BOUNCES = 16
 _REFERENCE_DIFFUSE = 8
+_REFERENCE_VOLUME = 32
 SQUARES, SIDE = 96, 12
 """Squares and their pixels across: every other one is for choosing settings, the rest for checking
 what was chosen.
@@ -103,6 +104,11 @@ def scatters(scene: Scene, settings: Settings) -> bool:
     return settings.lighting["bounces"] > 0 and bool(scene.instances)
 
 
+def has_fog(scene: Scene, settings: Settings) -> bool:
+    """Whether media scatter light."""
+    return scene.scatters and bool(scene.lights)
+
+
 KNOBS = (
     Knob("samples", (1, 2, 4, 8, 16, 32, 64), lambda scene, settings: True),
     Knob("error_threshold", (8.0, 2.0, 0.0), lambda scene, settings: True, falling=True),
@@ -110,6 +116,7 @@ KNOBS = (
     Knob("max_bounces", (0, 1, 2, 4, 8), has_bounces, group="bounces"),
     Knob("cutoff", (0.01, 0.0), has_bounces, falling=True, group="bounces"),
     Knob("diffuse_bounces", (0, 1, 2, 4), scatters, group="diffuse"),
+    Knob("volume_samples", (1, 2, 4, 8, 16), has_fog, group="volumes"),
 )
 """Every knob that is measured. A new one needs a row here and nothing else."""
 
@@ -548,6 +555,9 @@ def reference_settings(
         max_bounces=bounces,
         cutoff=0.0,
         diffuse_bounces=max(diffuse, _REFERENCE_DIFFUSE) if scatters(scene, base) else diffuse,
+        volume_samples=max(_REFERENCE_VOLUME, *(s.volume_samples for s in grid))
+        if has_fog(scene, base)
+        else base.volume_samples,
     )
     problems = settings.problems()
     if problems:

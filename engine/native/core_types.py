@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 29
+ABI_VERSION = 30
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -176,6 +176,15 @@ class Pass(IntEnum):
     DENOISING_ALBEDO = 26
     DENOISING_DEPTH = 27
     SHADOW_CATCHER = 28
+    DIFFUSE_DIRECT = 29
+    DIFFUSE_INDIRECT = 30
+    DIFFUSE_COLOR = 31
+    GLOSSY_DIRECT = 32
+    GLOSSY_INDIRECT = 33
+    GLOSSY_COLOR = 34
+    TRANSMISSION_DIRECT = 35
+    TRANSMISSION_INDIRECT = 36
+    TRANSMISSION_COLOR = 37
 
 
 class State(IntEnum):
@@ -352,15 +361,16 @@ class SceneData(Structure):
 class RenderSettingsData(Structure):
     _fields_ = [
         *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table"),
-        *_each(c_size_t, "bounced_table lobe_points dome_cells dome_irradiance lens_points"),
-        *_each(c_size_t, "camera_frames"),
+        *_each(c_size_t, "bounced_table lobe_points dome_cells dome_irradiance scatter_offsets"),
+        *_each(c_size_t, "lens_points camera_frames"),
         *_each(c_uint64, "light_point_count dome_count mesh_count bounced_count lobe_count"),
-        *_each(c_uint64, "lens_point_count camera_frame_count passes"),
+        *_each(c_uint64, "lens_point_count camera_frame_count scatter_count passes"),
         *_each(c_double * 9, "dome_axes"),
         *_each(c_double, "error_threshold cutoff lens_focus"),
-        *_each(c_uint32, "samples light_samples dome_samples mesh_samples bounced_samples"),
-        *_each(c_uint32, "dome_rows dome_columns dome_irradiance_rows dome_irradiance_columns"),
-        *_each(c_uint32, "camera_block lobe_levels crypto_ids max_bounces threads"),
+        *_each(c_uint32, "samples light_samples volume_samples dome_samples mesh_samples"),
+        *_each(c_uint32, "bounced_samples dome_rows dome_columns dome_irradiance_rows"),
+        *_each(c_uint32, "dome_irradiance_columns camera_block lobe_levels crypto_ids max_bounces"),
+        *_each(c_uint32, "threads"),
         *_each(c_uint32 * 4, "region"),
         *_each(c_int32, "illumination waves acceleration remember reflections moving"),
     ]

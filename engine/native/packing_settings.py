@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import SceneError
 from ..film import PASSES
 from ..lights.mesh_lights import MeshTable
-from ..sampling import light_points, lobe_points, pixel_offsets
+from ..sampling import light_points, lobe_points, pixel_offsets, scatter_offsets
 from ..sampling.lens import BLOCK, lens_points
 from ..sampling.motion import camera_frames, is_moving, sample_times
 from ..scene import Lens, Light, Scene
@@ -62,6 +62,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
         data.lobe_levels, data.lobe_count = len(points), points.size // 2
         points = packer.lend(points.reshape(-1, 2), np.float64, (None, 2), "lobe points")
         data.lobe_points = address(points)
+    _add_scattering(data, packer, scene, settings)
     data.region[:] = settings.region or (0, 0, *scene.camera.resolution)
     if settings.light_samples > 1 and any(is_soft(light) for light in scene.lights):
         square, disc = _light_points(settings.samples * settings.light_samples)
@@ -81,6 +82,16 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     if scene.camera.motion is not None:
         _add_motion(data, packer, scene, settings)
     return Packed(data, packer.lent)
+
+
+def _add_scattering(
+    data: core_types.RenderSettingsData, packer: Packer, scene: Scene, settings: Settings
+) -> None:
+    """Where media scatter light from, if any do."""
+    if scene.scatters:
+        offsets = scatter_offsets(settings.samples)
+        offsets = packer.lend(offsets, np.float64, (None,), "scatter offsets")
+        data.scatter_offsets, data.scatter_count = address(offsets), len(offsets)
 
 
 def _add_dome(

@@ -21,6 +21,7 @@ from .media import Spans
 from .paths import Paths, bounced, camera_paths, met, straight_on, widened
 from .pulse import Pulse
 from .rays import Bundle
+from .scattering import scattered
 from .seen_lights import distance_seen, has_shape, seen_radiance
 from .stage import Stage
 from .surface import Surface, surface_at
@@ -92,9 +93,10 @@ class Ray:
     kind: camera, or lens for one through a point of the camera's, mirror, refraction or transparent
     (the same ray beyond a surface).  weight: T.
     origin, direction: world. hit: None for the surroundings, of which it sees `background`.
-    passed: what media leave of it on its way, which `shapes` have in them. shapes: (name, radiance)
-    of the lights whose shape it sees. own: what it brings to the pixel
-    itself, T times its terms; color: with all that follow from it.
+    passed: what media leave of it on its way, which `shapes` have in them.  media: what these
+    scatter of lights, by their names, and "" what they give of themselves.  shapes: (name,
+    radiance) of the lights whose shape it sees. own: what it brings to the pixel itself, T times
+    its terms; color: with all that follow from it.
     """
 
     kind: str
@@ -109,6 +111,7 @@ class Ray:
     color: Numbers
     follow: tuple[Ray, ...]
     passed: Numbers = (1.0, 1.0, 1.0)
+    media: tuple[tuple[str, Numbers], ...] = ()
 
 
 class Explainer:
@@ -140,9 +143,10 @@ class Explainer:
         found = stage.visibility.closest(paths.rays, paths.kind)
         spans = stage.media.spans(paths.rays, paths.kind) if stage.media else None
         shapes = tuple(self._shapes(paths, o, d, found.depth, spans))
-        sent, passed = paths.weight[:, 0], np.ones((3, 1))
+        sent, passed, media = paths.weight[:, 0], np.ones((3, 1)), ()
         if spans is not None:
             passed = stage.media.passed(spans, paths.rays.near, found.depth)
+            media = tuple(self._media(paths, spans, found.depth))
         paths = replace(paths, weight=paths.weight * passed)
         ray = Ray(
             kind,
@@ -157,8 +161,9 @@ class Explainer:
             (),
             (),
             _numbers(passed[:, 0]),
+            media,
         )
-        own = sent * sum((np.array(radiance) for _, radiance in shapes), np.zeros(3))
+        own = sent * sum((np.array(light) for _, light in (*shapes, *media)), np.zeros(3))
         if found.primitive[0] == NOTHING:
             own = own + paths.weight[:, 0] * np.array(ray.background)
             return replace(ray, own=_numbers(own), color=_numbers(own))
@@ -203,6 +208,18 @@ class Explainer:
                     radiance = radiance * self.stage.media.passed(spans, near, met)
                 if radiance.any():
                     yield source.light.name, _numbers(radiance[:, 0])
+
+    def _media(self, paths: Paths, spans: Spans, depth: Array) -> Iterator[tuple[str, Numbers]]:
+        """What comes from media on the way."""
+        stage, near = self.stage, paths.rays.near
+        given: dict[str, Array] = {}
+        if stage.media.emits:
+            given[""] = stage.media.pieces(spans, near, depth).glow()[:, 0]
+        for found in scattered(stage, paths.rays, spans, depth, 0):
+            name = found.source.light.name
+            light = (found.light * found.shadow.T).sum(1)
+            given[name] = given.get(name, np.zeros(3)) + light
+        yield from ((name, _numbers(light)) for name, light in given.items() if light.any())
 
     def _background(self, paths: Paths, d: Array) -> Array:
         hidden = paths.glossy or (paths.depth == 0 and self.stage.scene.world.transparent)

@@ -142,6 +142,10 @@ class Source:
         reach2 = (a + b) ** 2 if light.shape == "RECTANGLE" else a * a + b * b
         return (dot(to, self.axis) < 0) & (dot(n, to) ** 2 < reach2)
 
+    def place(self, point: LightPoint) -> Array | None:
+        """(3, 1) where it, or its point, is; None where it is all around or endlessly far."""
+        return None if self.light.kind in ("SUN", "DOME") else self.position
+
     def sample(self, x: Array, point: LightPoint, n: int) -> LightSample:
         """How the points x (3, k) see the sample at `point`, one of n; n = 1 is the light's centre,
         as if it had no extent.

@@ -9,34 +9,115 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..scene import Mesh, Polygons, Scene, Spheres, Strands
+from ..scene import EVERYTHING, Mesh, Polygons, Scene, Spheres, Strands
 from .attributes import Attributes
 from .geometry import Geometry
+from .lights import Source
 from .rays import Rays
 from .surface import surface_at
-from .vectors import length
+from .vectors import dot, length, pick
 from .visibility import Visibility
 
 Array = np.ndarray
 
+SLIGHT = 2.0**-20
+"""Of a medium's distance: what is thinner scatters nothing."""
+
 
 @dataclass(frozen=True, eq=False)
 class Spans:
-    """Where n rays are inside of media: ray (m,), medium (m,) numbers, start and end (m,) along the
-    rays. speed: (n,) world units for one of these.
+    """Where n rays are inside of media: ray (m,), medium (m,) numbers, row (m,) of the placements,
+    -1 for the world, start and end (m,) along the rays. speed: (n,) world units for one of these.
+    origin: (n,) the largest coordinate of where they begin.
     """
 
     ray: Array
     medium: Array
+    row: Array
     start: Array
     end: Array
     speed: Array
+    origin: Array
+
+    def take(self, rays: Array) -> Spans:
+        """Those of the rays at these places, no place twice."""
+        places = np.full(len(self.speed), -1)
+        places[rays] = np.arange(len(rays))
+        some = np.flatnonzero(places[self.ray] >= 0)
+        columns = (getattr(self, name)[some] for name in ("medium", "row", "start", "end"))
+        return Spans(places[self.ray[some]], *columns, self.speed[rays], self.origin[rays])
 
     def paths(self, near: Array, far: Array) -> tuple[Array, Array, Array]:
         """Rays and media (m,), and how much of each lies between near and far (n,), world units."""
         start, end = np.maximum(self.start, near[self.ray]), np.minimum(self.end, far[self.ray])
         some = np.flatnonzero(end > start)
         return self.ray[some], self.medium[some], (end - start)[some] * self.speed[self.ray[some]]
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """What lies along n rays: breaks (n, p + 1), and of each piece between two, (3, n, p) a world
+    unit. speed: (n,) world units along the rays.
+    """
+
+    breaks: Array
+    speed: Array
+    extinction: Array
+    scattering: Array
+    emission: Array
+
+    @property
+    def ways(self) -> Array:
+        """(n, p) world units of each piece."""
+        first, last = self.breaks[:, :-1], self.breaks[:, 1:]
+        some = first < last
+        return np.where(some, last - np.where(some, first, 0.0), 0.0) * self.speed[:, None]
+
+    def edges(self, depths: Array) -> Array:
+        """(n, m) the breaks, and where the largest of the three optical depths is one of these."""
+        most = self.extinction.max(0)
+        after = np.cumsum(_times(most, self.ways), 1)
+        before = np.concatenate([np.zeros_like(after[:, :1]), after[:, :-1]], 1)
+        end = self.breaks[:, -1:, None]
+        met = (depths > before[..., None]) & (depths < after[..., None])
+        way = (depths - before[..., None]) / np.where(most > 0, most, 1.0)[..., None]
+        at = np.where(met, self.breaks[:, :-1, None] + way / self.speed[:, None, None], end)
+        edges = np.sort(np.concatenate([self.breaks, at.reshape(len(at), -1)], 1), 1)
+        edges = np.minimum(edges, self.breaks[:, -1:])
+        return edges[:, : (edges < self.breaks[:, -1:]).sum(1).max(initial=1) + 1]
+
+    def depth_at(self, t: Array) -> Array:
+        """(3, n, m) optical depth at t (n, m)."""
+        depth = np.zeros((3, *t.shape))
+        for k in range(self.breaks.shape[1] - 1):
+            first, last = self.breaks[:, k, None], self.breaks[:, k + 1, None]
+            way = np.clip(t - first, 0.0, last - first) * self.speed[:, None]
+            depth += self.extinction[:, :, k, None] * way
+        return depth
+
+    def scattering_at(self, t: Array) -> Array:
+        """(3, n, m) at t (n, m), which lie on no break."""
+        scattering = np.zeros((3, *t.shape))
+        for k in range(self.breaks.shape[1] - 1):
+            first, last = self.breaks[:, k, None], self.breaks[:, k + 1, None]
+            scattering += self.scattering[:, :, k, None] * ((t > first) & (t < last))
+        return scattering
+
+    def glow(self) -> Array:
+        """(3, n) what they give of themselves; nothing where that would be endless."""
+        way = self.ways
+        depths = _times(self.extinction, way)
+        before = np.cumsum(np.concatenate([np.zeros_like(depths[..., :1]), depths], 2), 2)[..., :-1]
+        clear = np.where(np.isinf(way), 0.0, way) * (self.extinction == 0)
+        thick = -np.expm1(-depths) / np.where(self.extinction > 0, self.extinction, 1.0)
+        some = np.where(self.extinction > 0, thick, clear)
+        return (self.emission * some * np.exp(-before)).sum(2)
+
+
+def _times(sigma: Array, way: Array) -> Array:
+    """Their product where the way may be endless."""
+    with np.errstate(invalid="ignore"):
+        return np.where(sigma > 0, sigma * way, 0.0)
 
 
 class Media:
@@ -54,7 +135,11 @@ class Media:
         of_block = np.where(found, number - 1 + np.cumsum(found), -1)
         self._of_row = of_block[placements.block]
         self._boxes = _boxes(scene, self._geometry, self._of_row)
-        self._extinction = _columns([medium.extinction for medium in self._media])
+        self._colors = {
+            name: np.array([getattr(m, name) for m in self._media], np.float64).reshape(-1, 3).T
+            for name in ("extinction", "scattering", "emission")
+        }
+        self._anisotropy = np.array([medium.anisotropy for medium in self._media])
 
     def __bool__(self) -> bool:
         return bool(self._media)
@@ -70,23 +155,23 @@ class Media:
         n = len(rays)
         origin, along = rays.lines(np.arange(n))
         everywhere = np.arange(n if self._world >= 0 else 0)
-        spans = [(everywhere, np.full(len(everywhere), self._world), -np.inf, np.inf)]
+        spans = [(everywhere, np.full(len(everywhere), self._world), -1, -np.inf, np.inf)]
         if (self._of_row >= 0).any() and n:
             ray, row, start, end = self._inside(rays, kind)
             start, end = _clipped(origin[:, ray], along[:, ray], self._boxes[row], start, end)
-            spans.append((ray, self._of_row[row], start, end))
+            spans.append((ray, self._of_row[row], row, start, end))
         sizes = [len(span[0]) for span in spans]
         columns = zip(*spans, strict=True)
         parts = [
             np.concatenate([np.full(k, v) for k, v in zip(sizes, c, strict=True)]) for c in columns
         ]
-        return Spans(*parts, length(along))
+        return Spans(*parts, length(along), np.abs(origin).max(0, initial=0.0))
 
     def depth(self, spans: Spans, near: Array, far: Array) -> Array:
         """(3, n) optical depths between near and far (n,) of each ray."""
         ray, medium, way = spans.paths(near, far)
         total = np.zeros((3, len(near)))
-        for sigma, sums in zip(self._extinction[:, medium], total, strict=True):
+        for sigma, sums in zip(self._colors["extinction"][:, medium], total, strict=True):
             some = sigma > 0
             np.add.at(sums, ray[some], sigma[some] * way[some])
         return total
@@ -94,6 +179,85 @@ class Media:
     def passed(self, spans: Spans, near: Array, far: Array) -> Array:
         """(3, n) how much light goes straight on from near to far (n,)."""
         return np.exp(-self.depth(spans, near, far))
+
+    def pieces(self, spans: Spans, near: Array, far: Array) -> Pieces:
+        """What lies along n rays from near to far (n,)."""
+        n = len(near)
+        order = np.argsort(spans.ray, kind="stable")
+        rank = np.arange(len(order)) - np.searchsorted(spans.ray[order], spans.ray[order])
+        breaks = np.repeat(far[:, None], 2 + 2 * (rank.max(initial=-1) + 1), 1)
+        breaks[:, 0] = near
+        ray = spans.ray[order]
+        for column, name in ((2, "start"), (3, "end")):
+            value = getattr(spans, name)[order]
+            breaks[ray, 2 * rank + column] = np.clip(value, near[ray], np.maximum(far, near)[ray])
+        breaks.sort(1)
+        shape = 3, n, breaks.shape[1] - 1
+        sums = {name: np.zeros(shape) for name in ("extinction", "scattering", "emission")}
+        begin, finish = breaks[:, :-1], breaks[:, 1:]
+        inside = np.where(np.isinf(finish), begin + 1, (begin + finish) / 2)
+        for r in range(rank.max(initial=-1) + 1):
+            some = order[rank == r]
+            row, medium = spans.ray[some], spans.medium[some]
+            here = (inside[row] > spans.start[some, None]) & (inside[row] < spans.end[some, None])
+            for name, total in sums.items():
+                total[:, row] += here * self._colors[name][:, medium, None]
+        return Pieces(breaks, spans.speed, **sums)
+
+    def scattering_rays(self, spans: Spans, near: Array, far: Array) -> Array:
+        """Rays along which light is scattered, on more than what rounding leaves of a medium behind
+        its end.
+        """
+        ray, end, way = spans.ray, np.minimum(spans.end, far[spans.ray]), spans.speed[spans.ray]
+        least = SLIGHT * (end * way + spans.origin[ray])
+        long = (end - np.maximum(spans.start, near[ray])) * way > np.where(end < np.inf, least, 0.0)
+        return np.unique(ray[long & self._colors["scattering"].any(0)[spans.medium]])
+
+    @property
+    def emits(self) -> bool:
+        """Whether one of them gives light."""
+        return bool(self._colors["emission"].any())
+
+    def reach(self, spans: Spans, near: Array, far: Array, dark: float) -> Array:
+        """far (n,), or where endless rays see next to nothing any more."""
+        if not np.isinf(far).any():
+            return far
+        last = near.copy()
+        finite = np.isfinite(spans.end)
+        np.maximum.at(last, spans.ray[finite], spans.end[finite])
+        if self._world < 0:
+            return np.where(np.isinf(far), last, far)
+        sigma, scatters = (
+            self._colors[name][:, self._world] for name in ("extinction", "scattering")
+        )
+        least = sigma[scatters > 0].min(initial=np.inf)
+        return np.where(np.isinf(far), last + dark / least / spans.speed, far)
+
+    def scattering(
+        self, spans: Spans, t: Array, to_light: Array, along: Array, source: Source
+    ) -> Array:
+        """(3, n) how much light from the unit directions to_light (3, n) is scattered at t of each
+        ray, against its unit direction, a world unit and steradian.
+        """
+        here = (spans.start <= t[spans.ray]) & (t[spans.ray] <= spans.end)
+        if source.light.receivers != EVERYTHING:
+            reached = self._lit_rows(source.light.receivers)
+            here &= (spans.row < 0) | reached[spans.row]
+        ray, medium = spans.ray[here], spans.medium[here]
+        g = self._anisotropy[medium]
+        cosine = dot(pick(along, ray), pick(to_light, ray))
+        base = 1 + g * g - 2 * g * cosine
+        phase = (1 - g * g) / (4 * np.pi * base * np.sqrt(base))
+        total = np.zeros((3, len(t)))
+        for sums, sigma in zip(total, self._colors["scattering"][:, medium], strict=True):
+            np.add.at(sums, ray, sigma * phase)
+        return total
+
+    def _lit_rows(self, receivers: int) -> Array:
+        """(r,) bool: placements that a light is for."""
+        placements = self._geometry.placements
+        lit = [receivers >> block.light_set & 1 for block in placements.instances]
+        return np.array(lit, bool)[placements.block]
 
     def _inside(self, rays: Rays, kind: str) -> tuple[Array, Array, Array, Array]:
         """Ray, row of the placements, start and end of each span: where a ray goes out further on
@@ -136,10 +300,6 @@ class Media:
         enters = np.logical_or.reduceat(outside, first)
         leaves = np.logical_or.reduceat(~outside, first)
         return ray[first], row[first], depth[first], enters.astype(np.intp) - leaves
-
-
-def _columns(colors: list[tuple[float, float, float]]) -> Array:
-    return np.array(colors, np.float64).reshape(-1, 3).T
 
 
 def _boxes(scene: Scene, geometry: Geometry, of_row: Array) -> Array:

@@ -56,7 +56,11 @@ class Shadows:
     def towards(self, surface: Surface, seen: Array, sample: LightSample) -> Array:
         """S (m, 3) for the points `seen` (m,) of the surface, which the sample lights."""
         self._rays["shadow"] += len(seen)
-        start = self._start(surface, seen, sample)
+        return self.from_points(self._start(surface, seen, sample), sample, counted=True)
+
+    def from_points(self, start: Array, sample: LightSample, counted: bool = False) -> Array:
+        """The same for points (3, m) where nothing is. counted: whether the rays are already."""
+        self._rays["shadow"] += 0 if counted else start.shape[1]
         passed = self._between(start, sample)
         return passed * self._through_media(start, sample) if self._media else passed
 

@@ -7,11 +7,11 @@ from collections import Counter
 import numpy as np
 
 from ..cryptomatte import id_bits
-from ..film import CRYPTOMATTES, SEEN
+from ..film import CRYPTOMATTES, LIGHTING, SEEN
 from ..lights.bounced_light import bounced_table
 from ..lights.dome import dome_table
 from ..lights.mesh_lights import mesh_table
-from ..sampling import light_points, lobe_points
+from ..sampling import light_points, lobe_points, scatter_offsets
 from ..scene import Light, Scene
 from ..settings import Settings
 from .attributes import Attributes
@@ -69,6 +69,7 @@ class Stage:
             self.lighting.of_catchers(caught.astype(bool)) if self.catches else self.lighting
         )
         self._lobe_points = lobe_points(settings.samples)
+        self.scatter_offsets = scatter_offsets(settings.samples)
         self.is_lit_by_meshes = any(light.kind == "MESH" for light in scene.lights)
         self._sky_images = [Image(texture) for texture in scene.world.textures]
         self.camera = CameraRays.of(scene.camera, self.geometry)
@@ -121,6 +122,11 @@ class Stage:
     def sees(self) -> bool:
         """Whether passes are asked for that are means of what is seen."""
         return not self.settings.passes.isdisjoint(SEEN)
+
+    @property
+    def splits(self) -> bool:
+        """Whether light is told apart by the surfaces that give it back."""
+        return not self.settings.passes.isdisjoint(LIGHTING)
 
     def mist(self, distance: Array) -> Array:
         """How much of it lies before what is at these distances from the eye, world units."""

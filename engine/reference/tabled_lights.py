@@ -123,6 +123,14 @@ class MeshSource(Source):
         half = np.array([light.size_x / 2, light.size_y / 2, light.radius])
         return dot(n, to) ** 2 < (half @ np.abs(self._axes.T @ n)) ** 2
 
+    def place(self, point: MeshPoint) -> Array:
+        return self._axes @ self._table.point[point.number][:, None] + self.position
+
+    def least_distance(self, point: MeshPoint) -> float:
+        """From which a point is seen as if it were no nearer."""
+        spread = self._table.spread[point.number]
+        return float(np.sqrt(merged(spread, self._table.each, self.merged)))
+
     def sample(self, x: Array, point: MeshPoint, n: int) -> LightSample:
         row = [column[point.number] for column in vars(self._table).values() if np.ndim(column)]
         at, normal, front, back, spread, *_ = (np.atleast_1d(value)[:, None] for value in row)

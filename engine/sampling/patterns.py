@@ -51,6 +51,7 @@ light, which the place in the pixel shifts: 0.96 of the median's.
 """
 _LENS_SCRAMBLES = (101, 202)
 _SHUTTER, _SHUTTER_SCRAMBLES = (7,), (303,)
+_SCATTER, _SCATTER_SCRAMBLES = (10,), (404,)
 _SHARED_SHUTTER, _LENS_SHARED_SHUTTER, _SHARED_SHUTTER_SCRAMBLES = (9,), (12,), (11,)
 """Of 4 and 6 to 12 the dimension whose pictures of what moves are the least off in FLIP at 8 to 64
 samples where all pixels share times; the lens has that one too, and 12 is the next.
@@ -152,6 +153,25 @@ def light_points(count: int) -> tuple[np.ndarray, np.ndarray]:
     """
     square = 2 * _sobol(count, _LIGHT) - 1
     return square, concentric_disc(square)
+
+
+def scatter_offsets(samples: int) -> np.ndarray:
+    """(samples,) float64 in (0, 1): by how much what `scatter_share` gives is shifted."""
+    offsets = _sobol(samples, _SCATTER, _SCATTER_SCRAMBLES)[:, 0]
+    offsets[0] += 0.5 / _cells(samples)  # in the middle of its cell, as the others
+    return offsets
+
+
+def scatter_share(offsets: np.ndarray, sample: int, number: int, count: int) -> float:
+    """In (0, 1): where along rays point `number` of `count` of a sample lies that media scatter
+    light from. Each number goes all the way over the samples, and all of them fill it evenly.
+    """
+    own = ((number + 0.5) / count - 0.5) / _cells(len(offsets))
+    return (number / count + offsets[sample] + own) % 1.0
+
+
+def _cells(samples: int) -> int:
+    return 1 << max(samples - 1, 0).bit_length()
 
 
 def dome_points(count: int) -> np.ndarray:

@@ -561,6 +561,12 @@ class Scene:
         bounced = bounced_light(scene, bounces)
         return scene if bounced is None else replace(scene, lights=(*scene.lights, bounced))
 
+    @property
+    def scatters(self) -> bool:
+        """Whether some medium scatters light."""
+        media = (self.world.medium, *(material.medium for material in self.materials))
+        return any(medium is not None and any(medium.scattering) for medium in media)
+
     def medium_of(self, instances: Instances) -> Medium | None:
         """What is inside of things that wear these materials; strands have no inside."""
         if isinstance(self.geometries[instances.geometry], Strands):

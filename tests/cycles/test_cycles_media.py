@@ -1,4 +1,4 @@
-"""What is inside of things and everywhere, beside Cycles."""
+"""What is inside of things and everywhere, beside Cycles, which scatters light once here."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ def box(scene, material, size: float = 1.0, place=(0.0, 0.0, 0.0)) -> None:
     add(scene, "box", small_scenes.cube(material), moved(*place, *(size,) * 3))
 
 
-def compared(scene, samples: int = 16, bounces: int = 0, **settings):
+def compared(scene, truth: int = 16, bounces: int = 0, **settings):
     """(h, w, 3) of Glint and of Cycles."""
     bpy.context.view_layer.update()
     settings = {"samples": 1, "max_bounces": bounces, **settings}
     film = render_glint(scene, "NATIVE", filter_width=0.0, **settings)
-    cycles.make_exact(scene, samples, bounces=bounces)
+    cycles.make_exact(scene, truth, bounces=bounces)
     scene.cycles.transmission_bounces = bounces
-    truth = cycles.render_passes(scene)["Combined"]
-    return film.passes["Combined"][..., :3].astype(float), truth[..., :3].astype(float)
+    exact = cycles.render_passes(scene)["Combined"]
+    return film.passes["Combined"][..., :3].astype(float), exact[..., :3].astype(float)
 
 
 def relative(found, truth) -> float:
@@ -105,3 +105,80 @@ def test_light_through_what_absorbs() -> None:
     add_camera(scene, (0.3, -1.0, 6.0), (0, 0, -2), angle=0.8)
     found, truth = compared(scene)
     assert relative(found, truth) < 2e-3
+
+
+FOG = {"Color": (0.9, 0.7, 0.4, 1), "Density": 0.5, "Anisotropy": 0.4}
+LAMPS = {
+    "point": ("POINT", (1.6, -1.0, 1.5), {"energy": 200.0}),
+    "inside": ("POINT", (0.3, 0.2, 0.3), {"energy": 100.0, "shadow_soft_size": 0.2}),
+    "spot": ("SPOT", (2.0, -1.0, 2.0), {"energy": 400.0, "spot_size": 0.5, "spot_blend": 0.2}),
+    "area": ("AREA", (1.0, -1.5, 2.0), {"energy": 200.0, "size": 1.0}),
+    "sun": ("SUN", (1.0, -1.0, 2.0), {"energy": 3.0}),
+}
+
+
+def assert_alike(found: np.ndarray, truth: np.ndarray) -> None:
+    """Within 0.5 % in the mean and 2 % in squares of 4 × 4 pixels, as Cycles has grain."""
+    assert abs(found.mean() / truth.mean() - 1) < 0.005
+    squares = [p.reshape(6, 4, 6, 4, 3).mean((1, 3)) for p in (found, truth)]
+    assert relative(*squares) < 0.02
+
+
+@pytest.mark.parametrize("lamp", LAMPS)
+def test_what_a_box_of_fog_scatters_once(lamp: str) -> None:
+    """With a bar in it, which throws its shadow through the fog."""
+    scene = cycles.empty_scene(24, 24)
+    material, _, output = new_material("fog")
+    linked("ShaderNodeVolumeScatter", output, **FOG)
+    box(scene, material)
+    material, _, output = new_material("bar")
+    linked("ShaderNodeBsdfDiffuse", output, "Surface", Color=(0.1, 0.1, 0.1, 1))
+    add(scene, "bar", small_scenes.cube(material), moved(0.3, -0.3, 0.7, 0.3, 0.8, 0.05))
+    kind, place, more = LAMPS[lamp]
+    add_light(scene, kind, place, **more)
+    add_camera(scene, (0.3, -6.0, 2.0), (0, 0, 0), angle=0.5)
+    assert_alike(*compared(scene, 1024, samples=64, light_samples=2))
+
+
+def test_fire() -> None:
+    """What glows, and dims what is behind; it lights nothing."""
+    scene = cycles.empty_scene(24, 24)
+    glowing(scene)
+    for shift, density in ((-0.4, 0.8), (0.4, 0.0)):
+        material, _, output = new_material("fire")
+        linked(
+            "ShaderNodeVolumePrincipled",
+            output,
+            Color=(0, 0, 0, 1),
+            Density=density,
+            Emission_Strength=0.3,
+            Emission_Color=(1.0, 0.5, 0.2, 1.0),
+            Blackbody_Intensity=1.0,
+            Temperature=1500.0,
+        )
+        ball(scene, material, 0.7, (shift, 0, 0))
+    add_camera(scene, (0.3, -1.0, 9.0), (0, 0, 0), angle=0.4)
+    found, truth = compared(scene)
+    assert relative(found, truth) < 2e-3
+
+
+def test_a_cone_of_light_in_the_world() -> None:
+    scene = cycles.empty_scene(24, 24)
+    out = next(n for n in scene.world.node_tree.nodes if n.bl_idname == "ShaderNodeOutputWorld")
+    linked("ShaderNodeVolumeScatter", out, Color=(0.5, 0.7, 0.9, 1), Density=0.08, Anisotropy=-0.3)
+    add_light(scene, "SPOT", (0.0, 0.0, 4.0), energy=2000.0, spot_size=0.7, shadow_soft_size=0.1)
+    add_camera(scene, (0.3, -9.0, 1.0), (0, 0, 0.5), angle=0.7)
+    assert_alike(*compared(scene, 4096, samples=64, light_samples=2))
+
+
+def test_a_sky_and_a_lamp_of_triangles_in_fog() -> None:
+    scene = cycles.empty_scene(24, 24)
+    cycles.set_world(scene, (0.2, 0.3, 0.5))
+    material, _, output = new_material("fog")
+    linked("ShaderNodeVolumeScatter", output, **FOG)
+    ball(scene, material)
+    material, _, output = new_material("glow")
+    linked("ShaderNodeEmission", output, "Surface", Strength=20.0)
+    add(scene, "glow", small_scenes.cube(material), moved(1.6, -0.5, 1.6, 0.3, 0.3, 0.3))
+    add_camera(scene, (0.3, -6.0, 2.0), (0, 0, 0), angle=0.5)
+    assert_alike(*compared(scene, 1024, samples=64, light_samples=2))

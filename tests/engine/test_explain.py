@@ -42,6 +42,7 @@ GLASS = Material(
     "Glass",
     (lobe("MIRROR", 0.9, ior=1.5, fresnel=True), lobe("REFRACTION", 0.9, ior=1.5, fresnel=True)),
 )
+HAZE = Medium((0.02, 0.05, 0.1), (0.02, 0.02, 0.03), anisotropy=0.3)
 VEIL = Material("Veil", (lobe("TRANSPARENT", 0.6), lobe("DIFFUSE", 0.3), lobe("EMISSION", 0.05)))
 
 FLOOR = Mesh(
@@ -230,11 +231,9 @@ def test_the_first_line_says_what_blocks_and_what_is_mirrored():
 
 def test_what_media_leave_is_told_and_adds_up():
     """Fog everywhere, and glass of a colour."""
-    tinted = replace(GLASS, medium=Medium((0.1, 0.2, 0.4)))
+    tinted = replace(GLASS, medium=Medium((0.1, 0.2, 0.4), (0.1, 0.1, 0.2), (0.01, 0.0, 0.0)))
     materials = tuple(tinted if m is GLASS else m for m in SCENE.materials)
-    scene = replace(
-        SCENE, materials=materials, world=replace(SCENE.world, medium=Medium((0.02, 0.05, 0.1)))
-    )
+    scene = replace(SCENE, materials=materials, world=replace(SCENE.world, medium=HAZE))
     settings = Settings(samples=1, light_samples=1, max_bounces=3, backend="NUMPY")
     picture = render(scene, settings).combined[..., :3]
     explainer = PixelExplainer(scene, settings)
@@ -242,7 +241,10 @@ def test_what_media_leave_is_told_and_adds_up():
         ray = explainer.pixel(x, y)
         np.testing.assert_allclose(ray.color, picture[y, x], rtol=1e-5)
         assert 0 < ray.passed[2] < ray.passed[0] < 1
-        assert any("media on its way leave" in line for line in explanation_lines(ray))
+        text = "\n".join(explanation_lines(ray))
+        for words in ("leave (", "scatter of the light 'Point'"):
+            assert "media on its way " + words in text
+        assert "in volumes" in text
 
 
 def test_a_pixel_outside_is_refused():

@@ -15,7 +15,7 @@ from glint.engine import (
     available_backends,
 )
 from glint.engine.analysis import trade, trade_crops, trade_plot
-from glint.engine.scene import Lobe, Material
+from glint.engine.scene import Lobe, Material, Medium, World
 
 BACKEND = available_backends()[0]
 KNOBS = {"samples": 1, "light_samples": 1, "max_bounces": 0}
@@ -140,6 +140,7 @@ def test_the_grid_holds_only_knobs_that_can_matter():
         replace(hard, materials=(material,))
         for material in (metal, scenes.surface(lobes=(Lobe("EMISSION"),)))
     )
+    foggy = replace(hard, world=World(medium=Medium(scattering=(0.1, 0.1, 0.1))))
     bounced, many = replace(base, diffuse_bounces=2), always | {"light_samples"}
     for scene, settings, varied in (
         (hard, base, always),
@@ -151,6 +152,7 @@ def test_the_grid_holds_only_knobs_that_can_matter():
         (glow, replace(base, mesh_light="OFF"), always),
         (hard, bounced, many | {"diffuse_bounces"}),
         (hard, replace(bounced, illumination="CLASSIC"), always),
+        (foggy, base, always | {"volume_samples"}),
     ):
         grid = trade.settings_grid(scene, settings, {})
         assert {

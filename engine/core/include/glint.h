@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 29
+#define GLINT_ABI_VERSION 30
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -311,6 +311,15 @@ enum GlintPass {
   GLINT_PASS_DENOISING_ALBEDO,
   GLINT_PASS_DENOISING_DEPTH,
   GLINT_PASS_SHADOW_CATCHER,
+  GLINT_PASS_DIFFUSE_DIRECT,
+  GLINT_PASS_DIFFUSE_INDIRECT,
+  GLINT_PASS_DIFFUSE_COLOR,
+  GLINT_PASS_GLOSSY_DIRECT,
+  GLINT_PASS_GLOSSY_INDIRECT,
+  GLINT_PASS_GLOSSY_COLOR,
+  GLINT_PASS_TRANSMISSION_DIRECT,
+  GLINT_PASS_TRANSMISSION_INDIRECT,
+  GLINT_PASS_TRANSMISSION_COLOR,
   GLINT_PASS_COUNT
 };
 
@@ -341,9 +350,11 @@ enum GlintPass {
  * samples, 2) points of the lens along the camera's u and v, of each pixel of a block of
  * camera_block² pixels of the frame, row by row; lens_focus: the depth where everything is sharp,
  * camera units. camera_frames: null for a camera that stands still, else (camera_block², samples,
- * 12) its world_from_camera of each sample. moving: each sample is of a scene of its own, see
- * glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64 where one is
- * asked for, two numbers each. */
+ * 12) its world_from_camera of each sample. scatter_offsets: (scatter_count), a number of (0, 1)
+ * for each sample; null only where no medium scatters: by how much the places on rays are shifted
+ * from which media do, volume_samples at least for each light. moving: each sample is of a scene of
+ * its own, see glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64
+ * where one is asked for, two numbers each. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -354,13 +365,14 @@ typedef struct GlintRenderSettings {
   const double* lobe_points;
   const float* dome_cells;
   const float* dome_irradiance;
+  const double* scatter_offsets;
   const double* lens_points;
   const double* camera_frames;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
-      camera_frame_count, passes;
+      camera_frame_count, scatter_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
-  uint32_t samples, light_samples, dome_samples, mesh_samples, bounced_samples;
+  uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "integrator/batch.h"
-#include "integrator/media.h"
 #include "integrator/plan.h"
+#include "integrator/scatter_depths.h"
 #include "integrator/transmittance.h"
 #include "shading/light_program.h"
 
@@ -25,6 +25,10 @@ class DirectLight {
     illuminate(batch, sample, counts);
     alone_ = false;
   }
+  /// Adds what media before the hits scatter of the lights, and give of themselves, to the rays of
+  /// `batch`, of which `spans` are. clear: their weights before media dim them.
+  void scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear, uint32_t sample,
+               RayCounts& counts);
   /// Whether rough surfaces may reflect others.
   bool reflects() const;
   /// Adds to `glossy` the rays that rough surfaces reflect towards others, at the points that
@@ -43,11 +47,18 @@ class DirectLight {
                RayCounts& counts);
   size_t meet_emitters(const Light& light, size_t count);
   void apply_program(const Light& light, size_t count);
+  void add_glow(Batch& batch, const MediaSpans& spans, const Vec3d* clear);
+  void place_points(const Batch& batch);
+  void scatter_light(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
+                     const Light& light, uint32_t sample, RayCounts& counts);
+  void scatter_sample(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
+                      const Light& light, double share, double count, RayCounts& counts);
   void dim_shadows(const Light& light, size_t count, RayCounts& counts);
   void find_cut(const Batch& batch, const Light& light) const;
   void find_shadows(const Light& light, size_t count, uint8_t* known, RayCounts& counts);
   bool recall_shadows(const uint8_t* known, size_t count);
-  void add(const Batch& batch, size_t count) const;
+  void add(const Batch& batch, const Light& light, size_t count) const;
+  void split(const Batch& batch, const Light& light, size_t count) const;
 
   const Scene& scene_;
   const RenderPlan& plan_;
@@ -71,6 +82,12 @@ class DirectLight {
   std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden
   TransparentShadows transparent_shadows_;
   MediaSpans media_;
+  // Of light that media scatter: where each ray's points lie, their weights, and which there are.
+  ScatterDepths depths_;
+  Columns scattered_;
+  std::vector<double> at_, ends_of_rays_;
+  std::vector<int64_t> scatters_;
+  std::vector<MediaSpans::Piece> pieces_;
 };
 
 }  // namespace glint

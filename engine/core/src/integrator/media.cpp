@@ -9,6 +9,9 @@
 namespace glint {
 namespace {
 
+constexpr double kSlight = 0x1p-20;  // of a medium's distance: what is thinner scatters nothing
+constexpr double kDark = 40;         // optical depth beyond which an endless ray has no points
+
 Vec3d vertex(const GlintGeometry& geometry, size_t row) {
   const float* p = geometry.vertices + 3 * row;
   return {p[0], p[1], p[2]};
@@ -201,6 +204,73 @@ Vec3d MediaSpans::passed(size_t k, double from, double to, uint64_t passed_sets,
                          bool catchers_alone) const {
   const Vec3d tau = depth(k, from, to, passed_sets, catchers_alone);
   return {exponential(-tau.x), exponential(-tau.y), exponential(-tau.z)};
+}
+
+void MediaSpans::list_pieces(size_t k, double from, double to, std::vector<Piece>& pieces) const {
+  pieces.clear();
+  if (!(from < to)) return;
+  breaks_.assign({from, to});
+  const size_t first = k > 0 ? end_[k - 1] : 0;
+  for (size_t i = first; i < end_[k]; ++i)
+    for (double t : {spans_[i].from, spans_[i].to})
+      if (t > from && t < to) breaks_.push_back(t);
+  std::sort(breaks_.begin(), breaks_.end());
+  for (size_t b = 0; b + 1 < breaks_.size(); ++b) {
+    Piece piece{breaks_[b], breaks_[b + 1], {}, {}, {}};
+    if (!(piece.from < piece.to)) continue;
+    const double inside = piece.to < kInfinity ? 0.5 * (piece.from + piece.to) : piece.from + 1;
+    const auto add = [&](const Medium& medium) {
+      piece.extinction += medium.extinction;
+      piece.scattering += medium.scattering;
+      piece.emission += medium.emission;
+    };
+    if (scene_.world_medium >= 0) add(scene_.media[size_t(scene_.world_medium)]);
+    for (size_t i = first; i < end_[k]; ++i)
+      if (inside > spans_[i].from && inside < spans_[i].to)
+        add(scene_.media[scene_.enclosures[spans_[i].enclosure].medium]);
+    pieces.push_back(piece);
+  }
+}
+
+bool MediaSpans::scatters(size_t k, double from, double to, double origin) const {
+  const auto wide = [&](double first, double last) {
+    return last - first > (last < kInfinity ? kSlight * (last + origin) : 0);
+  };
+  const int32_t world = scene_.world_medium;
+  bool some = world >= 0 && any(scene_.media[size_t(world)].scattering) && wide(from, to);
+  for (size_t i = k > 0 ? end_[k - 1] : 0; i < end_[k] && !some; ++i)
+    some = any(scene_.media[scene_.enclosures[spans_[i].enclosure].medium].scattering) &&
+           wide(std::max(spans_[i].from, from), std::min(spans_[i].to, to));
+  return some;
+}
+
+double MediaSpans::reach(size_t k, double from, double to) const {
+  if (to < kInfinity) return to;
+  double last = from;
+  for (size_t i = k > 0 ? end_[k - 1] : 0; i < end_[k]; ++i) last = std::max(last, spans_[i].to);
+  if (scene_.world_medium < 0) return last;
+  const Medium& world = scene_.media[size_t(scene_.world_medium)];
+  double least = kInfinity;
+  for (int c = 0; c < 3; ++c)
+    if (world.scattering[c] > 0) least = std::min(least, world.extinction[c]);
+  return last + kDark / least;
+}
+
+Vec3d MediaSpans::scattering(size_t k, double t, Vec3d d, Vec3d l, uint64_t excluded_sets) const {
+  Vec3d sum;
+  const double cosine = dot(d, l);
+  const auto add = [&](const Medium& medium) {
+    const double g = medium.anisotropy, base = 1 + g * g - 2 * g * cosine;
+    sum += (1 - g * g) / (4 * kPi * base * std::sqrt(base)) * medium.scattering;
+  };
+  if (scene_.world_medium >= 0) add(scene_.media[size_t(scene_.world_medium)]);
+  for (size_t i = k > 0 ? end_[k - 1] : 0; i < end_[k]; ++i) {
+    const Span& span = spans_[i];
+    const Enclosure& e = scene_.enclosures[span.enclosure];
+    const bool lit = !(excluded_sets >> scene_.group(e.instance).light_set & 1);
+    if (lit && span.from <= t && t <= span.to) add(scene_.media[e.medium]);
+  }
+  return sum;
 }
 
 }  // namespace glint

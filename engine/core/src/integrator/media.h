@@ -24,6 +24,22 @@ class MediaSpans {
   Vec3d passed(size_t k, double from, double to, uint64_t passed_sets = 0,
                bool catchers_alone = false) const;
 
+  /// What lies along a part of a ray.
+  struct Piece {
+    double from, to;
+    Vec3d extinction, scattering, emission;
+  };
+  /// Of ray k, between two places.
+  void list_pieces(size_t k, double from, double to, std::vector<Piece>& pieces) const;
+  /// Whether anything between two places of ray k scatters light, on more than what rounding leaves
+  /// of a medium behind its end. origin: the largest coordinate of the ray's.
+  bool scatters(size_t k, double from, double to, double origin) const;
+  /// `to`, or for an endless ray where next to nothing is seen of what scatters any more.
+  double reach(size_t k, double from, double to) const;
+  /// How much light from the unit direction l is scattered at t of ray k, against its unit
+  /// direction d, a unit of length and steradian. excluded_sets: of the light, see GlintLight.
+  Vec3d scattering(size_t k, double t, Vec3d d, Vec3d l, uint64_t excluded_sets) const;
+
  private:
   static constexpr size_t kO = 0, kD = 3, kTMin = 6, kTMax = 7, kColumns = 8;
   static constexpr size_t kAtOnce = 128;  // rays
@@ -57,6 +73,7 @@ class MediaSpans {
   std::vector<Crossing> crossings_;
   std::vector<Span> spans_;
   std::vector<uint32_t> end_;  // of each ray's spans
+  mutable std::vector<double> breaks_;
 };
 
 }  // namespace glint

@@ -1,5 +1,7 @@
 // What a render was asked for, and what its rays report back.
 #pragma once
+#include <bit>
+#include <cmath>
 #include <cstdint>
 
 #include "bvh/accel.h"
@@ -16,8 +18,8 @@ struct RenderPlan {
                          // their neighbours are looked at
   double error_threshold = 0, cutoff = 0;
   uint32_t samples = 1, light_samples = 1, dome_samples = 1, dome_tabled = 1, mesh_samples = 1,
-           mesh_tabled = 1, bounced_samples = 1, bounced_tabled = 1, max_bounces = 0,
-           crypto_ids = 0;
+           mesh_tabled = 1, bounced_samples = 1, bounced_tabled = 1, volume_samples = 1,
+           max_bounces = 0, crypto_ids = 0;
   Passes passes = 0;
   int threads = 1;
   BuildQuality quality = BuildQuality::kBalanced;
@@ -33,6 +35,7 @@ struct RenderPlan {
   size_t lobe_levels = 1, lobe_tabled = 1;
   int reflections = GLINT_REFLECT_OFF;
   DomeCells dome;
+  const double* scatter_offsets = nullptr;
   const double* lens_points = nullptr;    // null for a pinhole
   const double* camera_frames = nullptr;  // null for a camera that stands still
   uint32_t camera_block = 1;
@@ -42,6 +45,15 @@ struct RenderPlan {
     if (light.is_mesh()) return mesh_samples;
     if (light.is_bounced()) return bounced_samples;
     return light.is_dome() ? dome_samples : light.extended ? light_samples : 1;
+  }
+
+  /// Where along rays point `number` of `count` lies that media scatter light from, in (0, 1)
+  /// (engine/sampling.py, scatter_share).
+  double scatter_share(uint32_t sample, uint32_t number, uint32_t count) const {
+    const double cells = double(std::bit_ceil(samples)),
+                 own = ((number + 0.5) / count - 0.5) / cells,
+                 share = double(number) / count + scatter_offsets[sample] + own;
+    return share - std::floor(share);
   }
 
   /// Whether the samples of a pixel look from different places.

@@ -37,7 +37,7 @@ void TransparentShadows::begin(const Batch& batch, const LightStage& light, size
   opacity_ = opacity;
   stage_.point = light.point;
   for (size_t c = 0; c < 3; ++c) {
-    stage_.origin[c] = batch.points.origin[c];
+    stage_.origin[c] = light.origin[c];
     stage_.to[c] = light.to[c];
     shadow_[c] = shadow[c];
     stage_.end[c] = light.shape == kDirection ? nullptr : light.end_out[c];

@@ -67,6 +67,7 @@ Light::Light(const GlintLight& g, const Anchor& anchor, const ProgramShape* prog
   double alpha = half(g.angle), s = sine(0.5 * alpha);
   versine = 2 * s * s;
   spot_cosine = cosine(half(g.spot_size));
+  spot_sine = sine(half(g.spot_size));
   spot_blend = g.spot_blend;
   double shape = 0;  // the c / shape of the visible radiance
   if (is_dome() || is_surface()) extended = true;
@@ -214,6 +215,29 @@ void Light::set_rectangle(LightStage& stage, const LightPoint& q) const {
     stage.right[c] = right[c] / x;
     stage.up[c] = up[c] / y;
   }
+}
+
+Light::Part Light::lit_part(Vec3d o, Vec3d d) const {
+  if (kind == GLINT_SPOT && spot_cosine > 0)
+    return within_cone(o - center + radius / std::max(spot_sine, 1e-30) * axis, d,
+                       spot_cosine * spot_cosine);
+  if (kind != GLINT_AREA) return {-kInfinity, kInfinity};
+  const double height = dot(o - center, axis), rise = dot(d, axis), at = -height / rise;
+  if (rise == 0) return {height > 0 ? -kInfinity : kInfinity, kInfinity};
+  return {rise > 0 ? at : -kInfinity, rise < 0 ? at : kInfinity};
+}
+
+/// Of the line from o, which counts from the cone's tip.
+Light::Part Light::within_cone(Vec3d o, Vec3d d, double cosine2) const {
+  const double height = dot(o, axis), rise = dot(d, axis), a = rise * rise - cosine2 * dot(d, d),
+               b = rise * height - cosine2 * dot(o, d), c = height * height - cosine2 * dot(o, o),
+               q = -(b + std::copysign(std::sqrt(std::max(b * b - a * c, 0.0)), b)), x = q / a,
+               y = c / q;
+  if (std::isnan(x) || std::isnan(y) || a == 0) return {-kInfinity, kInfinity};
+  const double first = std::min(x, y), last = std::max(x, y);
+  if (a > 0) return {rise > 0 ? last : -kInfinity, rise > 0 ? kInfinity : first};
+  if (b * b < a * c || height + 0.5 * (first + last) * rise <= 0) return {kInfinity, -kInfinity};
+  return {first, last};
 }
 
 bool Light::is_cut(Vec3d x, Vec3d n) const {

@@ -44,7 +44,7 @@ struct Light {
   double scale2 =
       1;  // (anchored length / world length)^2: inverse squares are taken in world units
   double versine = 0;  // 1 - cos of the sun's half angle
-  double spot_cosine = -1, spot_blend = 0;
+  double spot_cosine = -1, spot_sine = 0, spot_blend = 0;
   Vec3d seen;                             // radiance of the visible shape
   bool extended = false;                  // has more than one sample when the settings want them
   const ProgramShape* program = nullptr;  // what color is times at each sample; null: 1
@@ -66,6 +66,16 @@ struct Light {
   /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1:
   /// the centre).
   void set(LightStage& stage, const LightPoint& p, uint32_t count, bool physical) const;
+
+  /// From where to where it shines on a line.
+  struct Part {
+    double from, to;
+  };
+  Part lit_part(Vec3d o, Vec3d d) const;
+  /// Half of how near it is before it seems no brighter; but for lights on surfaces.
+  double nearness() const {
+    return kind == GLINT_AREA ? 0.5 * std::sqrt(dot(right, right) + dot(up, up)) : 0.5 * radius;
+  }
 
   /// Whether the horizon of the point x, the plane through it across n, cuts the light's shape, and
   /// the light shines that way.
@@ -92,6 +102,7 @@ struct Light {
   void set_rectangle(LightStage& stage, const LightPoint& q) const;
   void set_lobes(LightStage& stage, const LightPoint& q, bool soft) const;
   double spot(double z) const;
+  Part within_cone(Vec3d o, Vec3d d, double cosine2) const;
   double meets_sphere(Vec3d o, Vec3d d) const;
   double meets_area(Vec3d o, Vec3d d) const;
 };

@@ -306,6 +306,10 @@ void Scene::place_media(const GlintSceneData& data) {
     for (int k = 0; k < 8; ++k) placed.grow(point(m, box.corner(k)));
     enclosures.push_back({i, uint32_t(medium - 1), placed.low, placed.high});
   }
+  for (const Medium& medium : media) {
+    scatters = scatters || any(medium.scattering);
+    emits = emits || any(medium.emission);
+  }
 }
 
 void Scene::note_features() {

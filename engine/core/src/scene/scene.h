@@ -149,6 +149,7 @@ class Scene {
   std::vector<Medium> media;                   // in anchored space
   std::vector<Enclosure> enclosures;           // instances with a medium inside
   int32_t world_medium = -1;                   // what is everywhere
+  bool scatters = false, emits = false;        // some medium of these does
   uint32_t features = 0;                       // GLINT_FEATURE_*
   int max_specular = 0;                        // SPECULAR and SHEEN lobes of a material, at most
   double most_exponent = 0;                    // of SPECULAR lobes

@@ -65,6 +65,8 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.dome.irradiance = g.dome_irradiance;
   plan.dome.irradiance_rows = g.dome_irradiance_rows;
   plan.dome.irradiance_columns = g.dome_irradiance_columns;
+  plan.volume_samples = g.volume_samples;
+  plan.scatter_offsets = g.scatter_offsets;
   plan.lens_points = g.lens_points;
   plan.camera_frames = g.camera_frames;
   plan.camera_block = g.camera_block;
@@ -108,6 +110,11 @@ bool enough_bounced_points(const GlintRenderSettings& g, const Scene& scene) {
          (g.bounced_samples >= 1 && g.bounced_table && g.bounced_count >= g.bounced_samples);
 }
 
+bool enough_offsets(const GlintRenderSettings& g, const Scene& scene) {
+  return !scene.scatters || (g.volume_samples >= 1 && g.volume_samples <= 1u << 12 &&
+                             g.scatter_offsets && g.scatter_count >= g.samples);
+}
+
 bool enough_camera_rows(const GlintRenderSettings& g) {
   const uint64_t block = g.camera_block;
   const auto enough = [&](const double* table, uint64_t count) {
@@ -139,6 +146,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
       "settings: fewer points of a mesh light than those of a sample");
   add(enough_bounced_points(g, scene),
       "settings: fewer points of bounced light than those of a sample");
+  add(enough_offsets(g, scene), "settings: fewer offsets than samples, or no volume samples");
   add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
   add(g.max_bounces <= 64, "settings: more than 64 bounces");
   add(g.error_threshold >= 0 && g.error_threshold < 256,

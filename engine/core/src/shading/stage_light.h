@@ -243,6 +243,34 @@ size_t light_from(const LightStage& s) {
   return found;
 }
 
+/// What a sample gives to points where there is no surface; its ways begin there.
+template <int Shape>
+size_t scatter_from(const LightStage& s) {
+  constexpr bool endless = Shape == kDirection || Shape == kSky;
+  size_t found = 0;
+  for (size_t k = 0; k < s.count; k += kLanes) {
+    const Mask lit = load(s.lit + k);
+    if (!any(lit)) continue;
+    const Three x = load3(s.points_x, k);
+    const Sample at = sample<Shape>(s, x);
+    const Three given = at.factor * (color_of<Shape>(s, at) * load3(s.diffuse, k));
+    const uint32_t lanes = bits(lit & at.good & nonzero(given));
+    if (!lanes) continue;
+    const Appender append{lanes, found};
+    append.number(s.point, uint32_t(k));
+    append(s.diffuse_out, given);
+    if (s.specular_out[0]) append(s.specular_out, Three{});
+    append(s.o, x);
+    append(s.end_out, at.end);
+    const Way to = way(at.end - x);
+    append(s.to, endless ? at.l : to.d);
+    append(s.t_max, endless ? splat(__builtin_inf())
+                            : to.length - rounding(larger(max_abs(at.end), max_abs(x))));
+    found += size_t(__builtin_popcount(lanes));
+  }
+  return found;
+}
+
 /// Directions drawn from the narrow lobes, where they reach the light.
 template <int Shape>
 size_t gloss_from(const LightStage& s) {
@@ -342,6 +370,27 @@ size_t light(const LightStage& s) {
       return light_from<kRectangleSource>(s);
     default:
       return light_from<kPlaneSource>(s);
+  }
+}
+
+size_t scatter(const LightStage& s) {
+  switch (s.shape) {
+    case kMeshSource:
+      return scatter_from<kMeshSource>(s);
+    case kDirection:
+      return scatter_from<kDirection>(s);
+    case kSky:
+      return scatter_from<kSky>(s);
+    case kPointSource:
+      return scatter_from<kPointSource>(s);
+    case kSphereSource:
+      return scatter_from<kSphereSource>(s);
+    case kDiscSource:
+      return scatter_from<kDiscSource>(s);
+    case kRectangleSource:
+      return scatter_from<kRectangleSource>(s);
+    default:
+      return scatter_from<kPlaneSource>(s);
   }
 }
 

@@ -9,8 +9,8 @@
 #include "shading/stage_transmittance.h"
 
 namespace glint {
-extern const Stages stages_sse42{"sse42", camera,    surface, shade, vary,         run_program,
-                                 pass,    dome,      light,   gloss, reflect,      transmit,
-                                 sum,     sum_parts, add,     mean,  cosine_powers};
+extern const Stages stages_sse42{"sse42",  camera, surface,   shade,   vary,  run_program,
+                                 pass,     dome,   light,     scatter, gloss, reflect,
+                                 transmit, sum,    sum_parts, add,     mean,  cosine_powers};
 }
 #endif

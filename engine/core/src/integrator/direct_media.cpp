@@ -1,0 +1,123 @@
+// Light that reaches the eye from media: what they scatter of the lights, once, and what they give.
+#include "integrator/direct.h"
+#include "math/math.h"
+
+namespace glint {
+namespace {
+
+/// The integral of e^(-sigma s) over a way; endless ways where nothing dims count for nothing.
+double dimmed_way(double sigma, double way) {
+  if (!(sigma > 0)) return way < kInfinity ? way : 0;
+  const double depth = sigma * way;
+  if (depth < 1e-5) return way * (1 - 0.5 * depth);
+  return (1 - exponential(-depth)) / sigma;
+}
+
+/// What pieces of a ray give of themselves.
+Vec3d glow_of(const std::vector<MediaSpans::Piece>& pieces) {
+  Vec3d sum, before;
+  for (const MediaSpans::Piece& piece : pieces) {
+    const double way = piece.to - piece.from;
+    for (int c = 0; c < 3; ++c) {
+      const double sigma = piece.extinction[c];
+      if (piece.emission[c] != 0)
+        sum[c] += piece.emission[c] * exponential(-before[c]) * dimmed_way(sigma, way);
+      if (sigma > 0) before[c] += sigma * way;
+    }
+  }
+  return sum;
+}
+
+}  // namespace
+
+/// What media give of themselves.
+void DirectLight::add_glow(Batch& batch, const MediaSpans& spans, const Vec3d* clear) {
+  const double* const begin = batch.queue->column(Queue::kTMin);
+  for (size_t k = 0; k < batch.size(); ++k) {
+    spans.list_pieces(k, begin[k], ends_of_rays_[k], pieces_);
+    const Vec3d glow = glow_of(pieces_);
+    if (any(glow)) batch.add(k, batch.sums.emission, clear[k] * glow);
+  }
+}
+
+/// What the stage reads of points on the rays instead of those on surfaces.
+void DirectLight::place_points(const Batch& batch) {
+  scattered_.reserve(batch.size());
+  scatters_.assign(scattered_.rows(), 0);  // also beyond the last ray, where stages look
+  at_.resize(scattered_.rows());
+  for (size_t c = 0; c < 3; ++c) {
+    stage_.points_x[c] = stage_.origin[c] = scattered_[c];
+    stage_.diffuse[c] = scattered_[3 + c];
+    stage_.end_out[c] = ends_[c];
+  }
+  stage_.lit = scatters_.data();
+  stage_.max_specular = 0;
+}
+
+void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* clear,
+                          uint32_t sample, RayCounts& counts) {
+  ends_of_rays_.resize(batch.size());
+  for (size_t k = 0; k < batch.size(); ++k)
+    ends_of_rays_[k] = batch.missed(k) ? kInfinity : batch.t[k];
+  if (scene_.emits) add_glow(batch, spans, clear);
+  if (!scene_.scatters) return;
+  depths_.build(spans, batch.queue->rays(), ends_of_rays_.data());
+  if (!depths_.any()) return;
+  prepare(batch);
+  place_points(batch);
+  for (size_t k = 0; batch.softly_lit && k < batch.size(); ++k)
+    if (depths_.any(k)) batch.mark_softly_lit(k, Refinement::kReached | Refinement::kCut);
+  for (const Light& light : scene_.lights)
+    scatter_light(batch, spans, clear, light, sample, counts);
+}
+
+void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
+                                const Light& light, uint32_t sample, RayCounts& counts) {
+  const uint32_t count = plan_.samples_of(light), each = (plan_.volume_samples + count - 1) / count;
+  for (uint32_t j = 0; j < count && !cancel_; ++j) {
+    light.set(stage_, plan_.light_point(light, sample, j), count, plan_.physical);
+    stage_.casts_shadow = true;  // so that the ways to it are known
+    stage_.draws = false;
+    if (light.is_surface()) {
+      const Vec3d point{stage_.end[0], stage_.end[1], stage_.end[2]};
+      depths_.aim(light, {false, point, 0.5 * std::sqrt(stage_.near2)}, batch.queue->rays());
+    } else if (j == 0) {
+      depths_.aim(light, {light.endless(), light.center, light.nearness()}, batch.queue->rays());
+    }
+    for (uint32_t i = 0; i < each; ++i)
+      scatter_sample(batch, spans, clear, light,
+                     plan_.scatter_share(sample, j * each + i, count * each), each, counts);
+  }
+}
+
+/// One point on each ray, in the light of the stage's sample. count: of points for it.
+void DirectLight::scatter_sample(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,
+                                 const Light& light, double share, double count,
+                                 RayCounts& counts) {
+  const Rays rays = batch.queue->rays();
+  double* const x[3] = {scattered_[0], scattered_[1], scattered_[2]};
+  double* const weight[3] = {scattered_[3], scattered_[4], scattered_[5]};
+  for (size_t k = 0; k < batch.size(); ++k) {
+    scatters_[k] = 0;
+    if (!depths_.any(k)) continue;
+    const ScatterDepths::Place place = depths_.at(k, share);
+    if (!(place.spread > 0)) continue;
+    const Vec3d T =
+        kPi * place.spread / count * (spans.passed(k, rays.t_min[k], place.t) * clear[k]);
+    scatters_[k] = any(T) && finite(T) ? -1 : 0;
+    at_[k] = place.t;
+    set_row(weight, k, T);
+    set_row(x, k, row(rays.o, k) + place.t * row(rays.d, k));
+  }
+  const size_t reached = stages_.scatter(stage_);
+  for (size_t i = 0; i < reached; ++i) {
+    const uint32_t k = point_[i];
+    const Vec3d at = spans.scattering(k, at_[k], row(rays.d, k), row(stage_.to, i),
+                                      light.excluded_sets),
+                given = at * row(stage_.diffuse_out, i);
+    set_row(stage_.diffuse_out, i, finite(given) ? given : Vec3d{});
+  }
+  add_lit(batch, light, reached, nullptr, counts);
+}
+
+}  // namespace glint
