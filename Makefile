@@ -32,7 +32,7 @@ render:
 	@$(GO)/render_scene.py --bpy "$(BPY)" --scene "$(SCENE)" --frame "$(FRAME)" --out "$(OUT)"
 
 test:
-	@$(GO)/run_tests.py --bpy "$(BPY)" -- -m "not slow" $(ARGS)
+	@$(GO)/run_tests.py --bpy "$(BPY)" $(if $(ARGS),,--parallel) -- -m "not slow" $(ARGS)
 
 slow:
 	@$(GO)/run_tests.py --bpy "$(BPY)" -- -m slow $(ARGS)

@@ -13,7 +13,8 @@ from .accelerator import Accelerator, Hits
 from .analysis.explain import PixelExplainer, explanation_lines
 from .cryptomatte import crypto_metadata, manifests
 from .errors import NO_THREAD, SceneError
-from .film import AOV, CATCHER, CRYPTOMATTES, DENOISING, PARTS, PASSES, Film
+from .film import AOV, CATCHER, CRYPTOMATTES, DENOISING, LIGHTING, PARTS, PASSES, Film
+from .kept import KeptRender
 from .linear import affine_inverse, determinant
 from .live import LiveRender, Task, Wave
 from .scene import Scene
@@ -28,12 +29,14 @@ __all__ = [
     "CATCHER",
     "CRYPTOMATTES",
     "DENOISING",
+    "LIGHTING",
     "NO_THREAD",
     "PARTS",
     "PASSES",
     "Accelerator",
     "Film",
     "Hits",
+    "KeptRender",
     "LiveRender",
     "PixelExplainer",
     "Ray",
@@ -44,6 +47,7 @@ __all__ = [
     "Wave",
     "affine_inverse",
     "available_backends",
+    "check",
     "crypto_metadata",
     "determinant",
     "explanation_lines",
@@ -99,17 +103,22 @@ def render(
     not sound, MemoryError when memory cannot be had.
     """
     settings = settings or Settings()
-    problems = settings.problems() + scene.problems() or _beyond_the_frame(
-        settings.region, scene.camera.resolution
-    )
-    if problems:
-        raise SceneError("\n".join(problems))
+    check(scene, settings)
     if settings.backend == "NATIVE":
         from .native import render_native as tracer
     else:
         from .reference import render_reference as tracer
     scene = scene.as_lit(**settings.lighting)
     return tracer(scene, settings, should_stop, on_progress, on_wave)
+
+
+def check(scene: Scene, settings: Settings) -> None:
+    """Raises SceneError for a scene or settings that are not sound."""
+    problems = settings.problems() + scene.problems() or _beyond_the_frame(
+        settings.region, scene.camera.resolution
+    )
+    if problems:
+        raise SceneError("\n".join(problems))
 
 
 def _beyond_the_frame(

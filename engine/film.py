@@ -35,6 +35,15 @@ PASSES = {
     "Denoising Albedo": 3,
     "Denoising Depth": 1,
     "Shadow Catcher": 3,
+    "Diffuse Direct": 3,
+    "Diffuse Indirect": 3,
+    "Diffuse Color": 3,
+    "Glossy Direct": 3,
+    "Glossy Indirect": 3,
+    "Glossy Color": 3,
+    "Transmission Direct": 3,
+    "Transmission Indirect": 3,
+    "Transmission Color": 3,
 }
 """Pass name -> channels, with the settings' own numbers of them (`channels_of`). `SEMANTICS.md`
 says what each holds.
@@ -51,6 +60,15 @@ SEEN = ("Mist", *CRYPTOMATTES, *DENOISING)
 
 CATCHER = "Shadow Catcher"
 """The pass of what shadow catchers show; with it Combined has nothing of them."""
+
+LIGHTING = tuple(
+    f"{surface} {what}"
+    for surface in ("Diffuse", "Glossy", "Transmission")
+    for what in ("Direct", "Indirect", "Color")
+)
+"""Light by the kind of surface that gives it back first, straight from where it is made and by way
+of others, and what of it that surface gives back, which both are told without.
+"""
 
 PARTS = ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror", "Emission", "Environment")
 """The passes whose sum is the colour of Combined."""

@@ -42,7 +42,7 @@ def _series(series: str) -> str:
     except tree.SetupError as failure:
         return f"left out: {failure}"
     try:
-        return _verdict(run_tests.run(series, ["-m", "not slow", *TESTS]))
+        return _verdict(run_tests.run(series, [*run_tests.PARALLEL, "-m", "not slow", *TESTS]))
     except tree.SetupError as failure:
         return f"failed: {failure}"
 

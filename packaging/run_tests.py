@@ -1,5 +1,5 @@
 """`make test`: prepares the environment and the core, then runs pytest in it with the arguments
-after `--`.
+after `--`; with --parallel in as many processes as there are processors.
 """
 
 from __future__ import annotations
@@ -13,13 +13,17 @@ import core_wheel
 import environment
 import tree
 
+PARALLEL = ("-n", "auto", "--dist", "loadfile")
+"""Files of tests in several processes: what a file makes for its tests is made once."""
+
 
 def main() -> int:
     cut = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bpy", default="")
+    parser.add_argument("--parallel", action="store_true")
     options = parser.parse_args(sys.argv[1:cut])
-    return run(options.bpy, sys.argv[cut + 1 :])
+    return run(options.bpy, [*(PARALLEL if options.parallel else ()), *sys.argv[cut + 1 :]])
 
 
 def run(wanted: str, pytest_arguments: list[str]) -> int:

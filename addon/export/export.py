@@ -86,7 +86,7 @@ def export_scene(
     scene, report = depsgraph.scene_eval, Report()
     size = resolution(scene.render, width, height)
     region = border(scene.render, size)
-    through = _evaluated(scene.camera, depsgraph) if looker is None else looker.camera
+    through = evaluated(scene.camera, depsgraph) if looker is None else looker.camera
     camera = export_camera(through, scene.render, size, report, looker)
     collector = Collector(
         depsgraph, Wanted(frozenset({""}) if "UV" in passes else frozenset()), report, decoded, aovs
@@ -106,7 +106,7 @@ def export_scene(
         "objects": met - start,
         "finish": end - met,
         "export": end - start,
-        **_counts(exported),
+        **counts(exported),
     }
     return Export(exported, report.notes(), stats, region)
 
@@ -123,7 +123,7 @@ def seen_by(
     return replace(scene, camera=camera), report.notes()
 
 
-def _evaluated(thing: Any, depsgraph: Any) -> Any:
+def evaluated(thing: Any, depsgraph: Any) -> Any:
     return thing.evaluated_get(depsgraph) if thing is not None else None
 
 
@@ -132,7 +132,7 @@ def _world(depsgraph: Any, scene: Any) -> Any:
     if not depsgraph.view_layer.use_sky:
         return None
     override = getattr(depsgraph.view_layer, "world_override", None)
-    return _evaluated(override, depsgraph) if override is not None else scene.world
+    return evaluated(override, depsgraph) if override is not None else scene.world
 
 
 class _Placed(NamedTuple):
@@ -169,7 +169,7 @@ class Collector:
         self.images = Images(report, decoded)
         self.materials = Materials(self.images, report, aovs)
         self.lights = Lights(self.images, report)
-        self.override = _evaluated(depsgraph.view_layer.material_override, depsgraph)
+        self.override = evaluated(depsgraph.view_layer.material_override, depsgraph)
         self._geometries: list[MeshSource | StrandSource | Geometry] = []
         self._known: dict[tuple, int | None] = {}
         self._wanted_by_slots: dict[tuple[int, ...], Wanted] = {}
@@ -366,7 +366,7 @@ def _asset(thing: Any) -> str:
     return top.name if top is not thing else ""
 
 
-def _counts(scene: Scene) -> dict[str, float]:
+def counts(scene: Scene) -> dict[str, float]:
     """How much there is, and the bytes of its arrays."""
     per_geometry = [len(getattr(g, "triangles", ())) for g in scene.geometries]
     arrays = [a for g in scene.geometries for a in _arrays(g)]

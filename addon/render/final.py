@@ -16,6 +16,7 @@ from ... import engine
 from ..export import Decoded, aovs_of, export_scene, seen_by
 from ..ui.properties import settings_from
 from .aim import Aim, aim_from
+from .kept import Kept
 from .motion import with_motion
 from .progress import Progress
 from .result import Picture, crypto_ids, wanted_passes
@@ -44,7 +45,7 @@ class Job:
     layer: the view layer's name.  view: of a stereoscopic or multi-view render, "" where there is
     but one. size: of the result in pixels.  preview: a material preview,
     about which nothing is told. frame: of the animation.  aim: the error that settings are to be
-    found for.
+    found for.  renderer: what draws, where it keeps the frame before.
     """
 
     scene: engine.Scene
@@ -58,6 +59,7 @@ class Job:
     frame: int = 1
     aim: Aim | None = None
     view: str = ""
+    renderer: engine.KeptRender | None = None
 
     @property
     def title(self) -> str:
@@ -84,10 +86,12 @@ def reading_only() -> Iterator[list[Job]]:
 
 
 def prepare(
-    render_engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph
+    render_engine: bpy.types.RenderEngine,
+    depsgraph: bpy.types.Depsgraph,
+    kept: Kept | None = None,
 ) -> tuple[Job, ...]:
     """Read the evaluated scene: a job for each view. To be called from `update()`, where Blender
-    keeps its data still.
+    keeps its data still. kept: the frame before, of which but the changes are read.
     """
     start = time.perf_counter()
     layer = depsgraph.view_layer
@@ -97,26 +101,24 @@ def prepare(
     width, height = render_engine.resolution_x, render_engine.resolution_y
     names = ("",) if render_engine.is_preview else view_names(depsgraph.scene.render)
     lookers = [looker_of(render_engine, name, depsgraph) for name in names]
-    export = export_scene(
-        depsgraph,
-        width=width,
-        height=height,
-        passes=passes,
-        decoded=_decoded,
-        aovs=aovs_of(layer),
-        looker=lookers[0],
+    options = {"width": width, "height": height, "passes": passes, "looker": lookers[0]}
+    export = (
+        export_scene(depsgraph, decoded=_decoded, aovs=aovs_of(layer), **options)
+        if kept is None
+        else kept.export(depsgraph, **options)
     )
     others = [seen_by(export.scene, looker, depsgraph, width, height) for looker in lookers[1:]]
+    asking = _asking(depsgraph)
     settings, notes = _with_backend(
-        settings_from(depsgraph.scene_eval.glint.final, depsgraph.scene_eval, passes, export.region)
+        settings_from(asking.glint.final, asking, passes, export.region)
     )
     settings = replace(
         settings,
         crypto_ids=crypto_ids(layer),
-        samples=_layer_samples(layer, depsgraph.scene_eval, settings.samples),
+        samples=_layer_samples(layer, asking, settings.samples),
     )
     skipped = {} if render_engine.is_preview else skipped_things(depsgraph, export.scene)
-    aim, aim_notes = (None, []) if render_engine.is_preview else aim_from(depsgraph.scene_eval)
+    aim, aim_notes = (None, []) if render_engine.is_preview else aim_from(asking)
     moving, motion_notes = with_motion(
         [export.scene, *(scene for scene, _ in others)], render_engine, depsgraph, names
     )
@@ -142,9 +144,18 @@ def prepare(
             frame=depsgraph.scene.frame_current,
             aim=aim,
             view=name,
+            renderer=kept.renderer if kept is not None else None,
         )
         for k, (name, scene) in enumerate(zip(names, moving, strict=True))
     )
+
+
+def _asking(depsgraph: bpy.types.Depsgraph) -> bpy.types.Scene:
+    """The scene whose settings count. Scripts change properties of add-ons without a word to a
+    depsgraph that Blender keeps, and only an evaluated scene has what is animated.
+    """
+    scene = depsgraph.scene
+    return scene if scene.animation_data is None else depsgraph.scene_eval
 
 
 def run(
@@ -212,7 +223,8 @@ def _trace(
         progress.end_wave(film, film.samples / job.settings.samples)
         picture.show(film)
 
-    film = engine.render(
+    draw = engine.render if job.renderer is None else job.renderer.render
+    film = draw(
         job.scene,
         replace(job.settings, passes=passes | {"Error"}) if is_seen else job.settings,
         should_stop=should_stop,

@@ -17,6 +17,7 @@ from .. import viewport
 from ..export import ExportError
 from . import final, result
 from .interrupts import interrupts_held
+from .kept import Kept, keeps
 
 log = logging.getLogger(__name__)
 
@@ -33,15 +34,21 @@ class GlintRenderEngine(bpy.types.RenderEngine):
 
     _jobs: tuple[final.Job, ...] | BaseException | None = None
     _session: viewport.Session | None = None
+    _kept: Kept | None = None
 
     def update(self, data: bpy.types.BlendData, depsgraph: bpy.types.Depsgraph) -> None:
         """Read everything here: Blender locks its data around `update()` only. An error waits for
         `render()`, which can report it.
         """
         try:
-            self._jobs = final.prepare(self, depsgraph)
+            if not keeps(self, depsgraph):
+                self._forget()
+            elif self._kept is None:
+                self._kept = Kept()
+            self._jobs = final.prepare(self, depsgraph, self._kept)
         except BaseException as error:  # noqa: BLE001 (nothing may leave; render() reports it)
             self._jobs = error
+            self._forget()
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Draw one view layer."""
@@ -75,11 +82,20 @@ class GlintRenderEngine(bpy.types.RenderEngine):
         """
         self._in_view(lambda session: session.draw(self, context, depsgraph))
 
+    def _forget(self) -> None:
+        """The next frame begins anew."""
+        kept, self._kept = self._kept, None
+        if kept is not None:
+            kept.close()
+
     def __del__(self) -> None:
         # Blender's own raises ReferenceError once its half of the engine is gone
         session = object.__getattribute__(self, "_session")
         if session is not None:
             session.close()
+        kept = object.__getattribute__(self, "_kept")
+        if kept is not None:
+            kept.close()
 
     def _in_view(self, action: Callable[[viewport.Session], None]) -> None:
         try:

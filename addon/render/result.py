@@ -28,6 +28,9 @@ BLENDER_SWITCHES = {
 }
 """Passes that Blender's own view layer properties switch on."""
 
+LIGHT_SWITCHES = {name: f"use_pass_{name.lower().replace(' ', '_')}" for name in engine.LIGHTING}
+"""The same of light by the surface that gives it back."""
+
 PART_SWITCHES = {
     name: f"use_pass_{name.lower()}"
     for name in ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror")
@@ -47,6 +50,15 @@ _NAMES_BEFORE_5_0 = {
     "Material Index": "IndexMA",
     "Emission": "Emit",
     "Environment": "Env",
+    **{
+        f"{surface} {what}": short + what[:3]
+        for surface, short in {
+            "Diffuse": "Diff",
+            "Glossy": "Gloss",
+            "Transmission": "Trans",
+        }.items()
+        for what in ("Direct", "Indirect", "Color")
+    },
 }
 _CHANNELS = {
     "Combined": "RGBA",
@@ -80,7 +92,8 @@ DENOISING = "denoising_store_passes"
 
 def wanted_passes(view_layer: bpy.types.ViewLayer) -> frozenset[str]:
     """Names from `engine.PASSES` that are switched on, Combined always among them."""
-    blenders = {name for name, switch in BLENDER_SWITCHES.items() if getattr(view_layer, switch)}
+    switches = BLENDER_SWITCHES | LIGHT_SWITCHES
+    blenders = {name for name, switch in switches.items() if getattr(view_layer, switch)}
     ours = {name for name, switch in GLINT_SWITCHES.items() if getattr(view_layer.glint, switch)}
     cycles = getattr(view_layer, "cycles", None)
     theirs = {name for name, switch in CYCLES_SWITCHES.items() if getattr(cycles, switch, False)}

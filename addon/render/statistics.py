@@ -15,6 +15,8 @@ Blender's passes (→ files).
 
 _COUNTS = ("meshes", "instances", "triangles", "segments", "lights", "materials", "textures")
 _FEATURE = "feature: "
+_READ = tuple((name, f"anew: {name}") for name in ("meshes", "materials", "worlds", "walks"))
+"""What `LiveExport.work` counts, of frames of which only the changes are read."""
 
 _last: dict[str, dict[str, Statistics]] = {}
 _views: dict[str, tuple[str, ...]] = {}
@@ -55,6 +57,10 @@ class Statistics:
             f"{self.megabytes:.1f} MB",
             _count(self.samples, "samples") + " per pixel",
         ]
+        read = {name: self.exported[key] for name, key in _READ if key in self.exported}
+        if read:
+            anew = [_count(number, name) for name, number in read.items() if number]
+            parts.append(f"read anew: {' + '.join(anew) or 'nothing'}")
         rays = self.traced.get("rays")
         return ", ".join(
             [*parts, *([_count(rays, "rays")] if rays else []), f"traced by {self.backend}"]

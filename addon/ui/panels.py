@@ -262,6 +262,11 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
                 data.prop(cycles, switch, text=name)
         if hasattr(cycles, result.DENOISING):
             data.prop(cycles, result.DENOISING, text="Denoising Data")
+        for surface in ("Diffuse", "Glossy", "Transmission"):
+            light = column.column(heading=surface, align=True)
+            for what in ("Direct", "Indirect", "Color"):
+                switch = result.LIGHT_SWITCHES[f"{surface} {what}"]
+                light.prop(context.view_layer, switch, text=what)
         parts = column.column(heading="Parts", align=True)
         for switch in result.PART_SWITCHES.values():
             parts.prop(context.view_layer.glint, switch)

@@ -5,7 +5,7 @@ anew.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 from .. import native
 from ..film import Film
@@ -36,6 +36,13 @@ class _Held:
     packed: Packed
     handle: int
     exact: bool
+
+
+def _same_but_camera(a: Scene, b: Scene) -> bool:
+    """Whether two scenes are made of the very same values otherwise."""
+    return all(
+        getattr(a, f.name) is getattr(b, f.name) for f in fields(Scene) if f.name != "camera"
+    )
 
 
 class NativeLive:
@@ -90,19 +97,26 @@ class NativeLive:
                 give,
             )
 
-    def draw(self, scene: Scene, settings: Settings, should_stop: Callable[[], bool]) -> Film:
+    def draw(
+        self,
+        scene: Scene,
+        settings: Settings,
+        should_stop: Callable[[], bool],
+        on_progress: Callable[[float], None] = lambda fraction: None,
+        on_wave: Callable[[Film], None] | None = None,
+    ) -> Film:
         """`native.render_native` on the scene that is held: the same bits and the same work, so
         that its time and rays can be told.
         """
         scene = self._lit(scene, settings, exact=True)
         if is_moving(scene):
-            return native.render_native(scene, settings, should_stop)
+            return native.render_native(scene, settings, should_stop, on_progress, on_wave)
         held = self._hold(scene, exact=True)
-        plan = pack_settings(held.told, settings, waves="UNSEEN")
+        plan = pack_settings(held.told, settings, "UNSEEN" if on_wave is None else "HELD")
         with native._render(self._core, held.handle, plan.data) as job:
-            return native._Render(self._core, job, scene, settings, held.axes).run(
-                should_stop, lambda fraction: None, None
-            )
+            render = native._Render(self._core, job, scene, settings, held.axes)
+            film = render.run(should_stop, on_progress, on_wave)
+        return native.with_notes(film, scene, self._core)
 
     def close(self) -> None:
         """Give the scene back."""
@@ -118,8 +132,13 @@ class NativeLive:
         bounces as it did in the last picture that was: to find out anew takes longer than a redraw.
         """
         lighting, asked = settings.lighting, self._asked
-        if asked is not None and asked[0] is scene and asked[1] == lighting and asked[2] >= exact:
-            return asked[3]
+        if asked is not None and asked[1] == lighting and asked[2] >= exact:
+            if asked[0] is scene:
+                return asked[3]
+            if _same_but_camera(asked[0], scene):  # nothing of the lights is of the camera
+                lit = replace(asked[3], camera=scene.camera)
+                self._asked = (scene, *asked[1:3], lit)
+                return lit
         if exact or not lighting["bounces"]:
             lit = scene.as_lit(**lighting)
             self._bounced = next((x for x in lit.lights if x.kind == "BOUNCED"), None)

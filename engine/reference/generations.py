@@ -12,6 +12,7 @@ import numpy as np
 from ..film import CATCHER
 from . import catchers
 from .gloss import reflecting
+from .lighting import DirectLight
 from .lights import Source
 from .materials import Coefficients
 from .media import Spans
@@ -20,6 +21,7 @@ from .paths import (
     beyond,
     bounced,
     camera_paths,
+    gives,
     joined,
     met,
     reflected_by_lobes,
@@ -62,7 +64,7 @@ def reflected(
 
 def _alike(paths: list[Paths]) -> Iterator[Paths]:
     """Those with the same past as one."""
-    pasts = [(p.reflections, p.glossy) for p in paths]
+    pasts = [(p.reflections, p.glossy, p.transmitted) for p in paths]
     for past in dict.fromkeys(pasts):
         yield joined([p for p, own in zip(paths, pasts, strict=True) if own == past])
 
@@ -139,7 +141,9 @@ class Generations:
         self._shade(paths, hit, surface, coefficients)
         if paths.depth < stage.settings.max_bounces:
             point = stage.lobe_point(self._sample, paths.depth)
-            deeper += bounced(paths, hit, surface, coefficients, stage.settings.cutoff, point)
+            deeper += bounced(
+                paths, hit, surface, coefficients, stage.settings.cutoff, point, stage.splits
+            )
             self._note_rough_glass(paths, hit, coefficients)
             reflections = reflected(stage, paths, hit, surface, coefficients, self._sample)
             for some in reflections:
@@ -229,7 +233,7 @@ class Generations:
                 seen = seen_radiance(source, o, d, near, depth, paths.kind)
                 if spans is not None:
                     seen = seen * self._stage.media.passed(spans, near, distance_seen(source, o, d))
-                self._tile.add(paths.part("Emission"), paths.pixel, paths.weight * seen)
+                self._add(paths, "Emission", paths.pixel, paths.weight * seen)
 
     def _miss(self, paths: Paths, missed: Array) -> None:
         if paths.glossy:
@@ -241,7 +245,7 @@ class Generations:
         _, along = paths.rays.lines(missed)
         background = self._stage.background_of(along, paths.kind)
         if background.any():
-            self._tile.add(paths.part("Environment"), pixel, weight * background)
+            self._add(paths, "Environment", pixel, weight * background)
 
     def _cut_holdouts(self, paths: Paths, hit: Array, surface: Surface) -> Array:
         """Places of the surfaces that are no holdouts; at those that are the rays end."""
@@ -327,11 +331,11 @@ class Generations:
         """L = k_a I_a + Σ (k_d I max(0, n·l) + k_s I max(0, n·h)^p) S + k_e (section 4.15), each
         part by itself.
         """
-        weight, pixel = pick(paths.weight, hit), paths.pixel[hit]
+        stage, weight, pixel = self._stage, pick(paths.weight, hit), paths.pixel[hit]
 
         def add(part: str, values: Array) -> None:
             if values.any():
-                self._tile.add(paths.part(part), pixel, weight * values)
+                self._add(paths, part, pixel, weight * values)
 
         add("Ambient", coefficients.ambient * self._stage.ambient)
         if not (paths.reflections and self._stage.is_lit_by_meshes):
@@ -343,6 +347,42 @@ class Generations:
         add("Diffuse", light.diffuse)
         add("Specular", light.specular)
         add("Shadow", light.shadow)
+        if stage.splits and paths.depth == 0:
+            self._split(pixel, weight, surface, coefficients, light)
+
+    def _add(self, paths: Paths, part: str, pixel: Array, values: Array) -> None:
+        """Adds (3, m) to a part of the picture and, where it came by way of mirrors or glass, to
+        what these bring.
+        """
+        self._tile.add(paths.part(part), pixel, values)
+        if self._stage.splits and paths.depth > 0:
+            is_direct = paths.depth == 1 and part in ("Emission", "Environment")
+            surface = "Transmission" if paths.transmitted else "Glossy"
+            self._tile.add(f"{surface} {'Direct' if is_direct else 'Indirect'}", pixel, values)
+
+    def _split(
+        self,
+        pixel: Array,
+        weight: Array,
+        surface: Surface,
+        coefficients: Coefficients,
+        light: DirectLight,
+    ) -> None:
+        """The light that camera rays meet, by the kind of lobe that gives it back, and what of it
+        these give back.
+        """
+        mirrored, refracted = gives(surface, coefficients)
+        ambient = coefficients.ambient * self._stage.ambient
+        found = {
+            "Diffuse Direct": ambient + light.lit_diffuse,
+            "Diffuse Indirect": light.lit_bounced,
+            "Diffuse Color": coefficients.matt(),
+            "Glossy Direct": light.lit_specular,
+            "Glossy Color": coefficients.glossy() + mirrored,
+            "Transmission Color": refracted,
+        }
+        for name, values in found.items():
+            self._tile.add(name, pixel, weight * values)
 
     def _listeners(
         self, pixel: Array

@@ -25,11 +25,16 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class DirectLight:
-    """(3, n) each: light before shadows, and what blockers take away."""
+    """(3, n) each: light before shadows, and what blockers take away. lit_*: what is left of light
+    from where it is made, and of what surfaces throw on.
+    """
 
     diffuse: Array
     specular: Array
     shadow: Array
+    lit_diffuse: Array
+    lit_specular: Array
+    lit_bounced: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +93,7 @@ class Lighting:
         weight: (3, n) T of the rays that see them. on_reach: told which points each sample of a
         light reaches.  on_cut: told the points whose horizon cuts a light of more than one sample.
         """
-        total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(3)))
+        total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(6)))
         given = coefficients.diffuse.any(0)
         for term in (*coefficients.highlights, *coefficients.sheens):
             given[term.index] |= np.broadcast_to(term.k, (3, len(term.index))).any(0)
@@ -110,7 +115,9 @@ class Lighting:
             if isinstance(source, Dome):
                 open_ = np.flatnonzero(lit & (balance >= 0))
                 rest = source.rest(pick(surface.n, open_), sample)
-                add_at(total.diffuse, open_, pick(coefficients.diffuse, open_) * rest)
+                rest = pick(coefficients.diffuse, open_) * rest
+                add_at(total.diffuse, open_, rest)
+                add_at(total.lit_diffuse, open_, rest)
         return total
 
     def samples(
@@ -193,13 +200,16 @@ class Lighting:
         )
         add_at(total.diffuse, seen, diffuse)
         add_at(total.specular, seen, specular)
-        dimmed = np.zeros(len(seen), bool)
+        dimmed, passed = np.zeros(len(seen), bool), np.ones((len(seen), 3))
         if source.light.cast_shadow:
             self.pulse.beat()
             passed = self.shadows_of(source).towards(surface, seen, sample)
             lost = (passed.T - 1.0) * (diffuse + specular)
             add_at(total.shadow, seen, lost)
             dimmed = lost.any(0)
+        is_bounced = isinstance(source, BouncedSource)
+        add_at(total.lit_bounced if is_bounced else total.lit_diffuse, seen, passed.T * diffuse)
+        add_at(total.lit_specular, seen, passed.T * specular)
         return seen, dimmed
 
 

@@ -62,13 +62,25 @@ class Coefficients:
     refractions: list[Term]
     sheens: list[Term]
 
+    def matt(self) -> Array:
+        """(3, n): about what of even light all but these, mirrors and glass give back."""
+        total = self.diffuse.copy()
+        for term in self.sheens:
+            add_at(total, term.index, term.k)
+        return total
+
+    def glossy(self) -> Array:
+        """(3, n): about what of even light the highlights give back."""
+        total = np.zeros_like(self.diffuse)
+        for term in self.highlights:
+            add_at(total, term.index, 8 / (term.exponent + 2) * term.k)
+        return total
+
     def albedo(self) -> Array:
         """(3, n): about what of even light the points give back; mirrors and glass without what
         Fresnel says.
         """
-        total = self.diffuse.copy()
-        for term in self.highlights:
-            add_at(total, term.index, 8 / (term.exponent + 2) * term.k)
+        total = self.diffuse + self.glossy()
         for term in (*self.mirrors, *self.refractions, *self.sheens):
             add_at(total, term.index, term.k)
         return total

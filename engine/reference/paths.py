@@ -33,7 +33,7 @@ class Paths:
     be dots.  glossy: by the last one that they met; then they do not see the sky either.  widest:
     (n,) the largest exponent of highlights that they meet, that of the widest lobe on their way.
     refractions: (n,) how many of their bounces were refractions, refracted: (n,) bool, the last one
-    was.
+    was. transmitted: the first surface that they left refracted them, where passes ask for that.
     """
 
     rays: Rays
@@ -46,6 +46,7 @@ class Paths:
     refracted: Array
     reflections: int = 0
     glossy: bool = False
+    transmitted: bool = False
 
     def __len__(self) -> int:
         return len(self.pixel)
@@ -136,9 +137,11 @@ def bounced(
     coefficients: Coefficients,
     cutoff: float,
     point: LightPoint,
+    splits: bool = False,
 ) -> list[Paths]:
     """Mirror and refraction rays, one bounce deeper, but for those that weigh less than the
     cutoff. point: where in rough REFRACTION lobes they go on.
+    splits: it is to be known which surface they left first.
     """
     result = []
     if coefficients.mirrors:
@@ -168,14 +171,26 @@ def bounced(
             through = np.where(shut, 1.0, through)
         k = through * term.k
         go = np.flatnonzero(k.any(0))
+        past = replace(paths, transmitted=True) if splits and paths.depth == 0 else paths
         result.append(
             _refracted(
-                _leaving(
-                    paths, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go), cutoff
-                )
+                _leaving(past, hit[term.index[go]], some.take(go), pick(d, go), pick(k, go), cutoff)
             )
         )
     return [paths for paths in result if len(paths)]
+
+
+def gives(surface: Surface, coefficients: Coefficients) -> tuple[Array, Array]:
+    """(3, n) each: what of the light behind them mirrors and glass send on, with what Fresnel
+    says.
+    """
+    mirrored, refracted = np.zeros((2, 3, len(surface)))
+    for term in coefficients.mirrors:
+        add_at(mirrored, term.index, term.k * _reflectance(surface, term))
+    for term in coefficients.refractions:
+        lost = _reflectance(surface, term) if term.lobe.fresnel else 0.0
+        add_at(refracted, term.index, term.k * (1 - lost))
+    return mirrored, refracted
 
 
 def refracted_roughly(
@@ -274,6 +289,7 @@ def _leaving(
         paths.refractions[hit[go]],
         np.zeros(len(go), bool),
         paths.reflections,
+        transmitted=paths.transmitted,
     )
 
 

@@ -6,15 +6,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..film import CATCHER, CRYPTOMATTES, DENOISING, PARTS, PASSES, SEEN, aov_pass, empty_value
+from ..film import (
+    CATCHER,
+    CRYPTOMATTES,
+    DENOISING,
+    LIGHTING,
+    PARTS,
+    PASSES,
+    SEEN,
+    aov_pass,
+    empty_value,
+)
 
 Array = np.ndarray
 
 HEALTH = ("Error", "Samples", "Cost", "Fallbacks")
 """Passes that grow with every sample and belong to no part."""
-DATA = tuple(
-    name for name in PASSES if name != "Combined" and name not in (*PARTS, *HEALTH, *SEEN, CATCHER)
-)
+_OTHERS = ("Combined", *PARTS, *HEALTH, *SEEN, CATCHER, *LIGHTING)
+DATA = tuple(name for name in PASSES if name not in _OTHERS)
 LARGEST = float(np.finfo(np.float32).max)
 
 
@@ -106,7 +115,9 @@ class Picture:
     ):
         self._shape, self._passes = (height, width), passes
         count = width * height
-        self._parts = {name: np.zeros((3, count)) for name in PARTS if name in passes}
+        kept = [name for name in PARTS if name in passes]
+        kept += LIGHTING if passes.intersection(LIGHTING) else ()
+        self._parts = {name: np.zeros((3, count)) for name in kept}
         self._color, self._lost = np.zeros((3, count)), np.zeros(count)
         self._data = {name: np.zeros((PASSES[name], count)) for name in DATA if name in passes}
         self.samples, self._cost = np.zeros(count), np.zeros(count)
@@ -162,7 +173,8 @@ class Picture:
         chosen = {name: values for name, values in health.items() if name in self._passes}
         return (
             color
-            | {name: total / samples for name, total in self._parts.items()}
+            | {name: total / samples for name, total in self._parts.items() if name in PARTS}
+            | self._lighting(samples)
             | self._data
             | chosen
             | {name: total / samples for name, total in self._denoising.items()}
@@ -172,6 +184,19 @@ class Picture:
                 for k, name in enumerate(self._aov_names)
             }
         )
+
+    def _lighting(self, samples: Array) -> dict[str, Array]:
+        """Direct and indirect light over its colour, which is 1 where it is 0 and there is
+        light.
+        """
+        found = {}
+        for k in range(0, len(LIGHTING) if LIGHTING[0] in self._parts else 0, 3):
+            direct, indirect, color = (self._parts[name] for name in LIGHTING[k : k + 3])
+            over = np.where(color != 0, color, samples)
+            bare = (color == 0) & ((direct != 0) | (indirect != 0))
+            told = direct / over, indirect / over, np.where(bare, 1.0, color / samples)
+            found |= dict(zip(LIGHTING[k : k + 3], told, strict=True))
+        return {name: values for name, values in found.items() if name in self._passes}
 
     def _ranked(self, name: str) -> Array:
         """(2 ids, pixels): ids and coverages in turn, the largest coverage first, of equal ones the

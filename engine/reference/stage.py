@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from ..cryptomatte import id_bits
-from ..film import CRYPTOMATTES, SEEN
+from ..film import CRYPTOMATTES, LIGHTING, SEEN
 from ..lights.bounced_light import bounced_table
 from ..lights.dome import dome_table
 from ..lights.mesh_lights import mesh_table
@@ -122,6 +122,11 @@ class Stage:
     def sees(self) -> bool:
         """Whether passes are asked for that are means of what is seen."""
         return not self.settings.passes.isdisjoint(SEEN)
+
+    @property
+    def splits(self) -> bool:
+        """Whether light is told apart by the surfaces that give it back."""
+        return not self.settings.passes.isdisjoint(LIGHTING)
 
     def mist(self, distance: Array) -> Array:
         """How much of it lies before what is at these distances from the eye, world units."""

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glint.engine import Settings, render, sampling
+from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer
 from glint.engine.lights.mesh_lights import mesh_light, mesh_table
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
+from glint.engine.sampling import patterns
 from glint.engine.scene import (
     POINT,
     Attribute,
@@ -205,14 +206,14 @@ def test_points_follow_the_power():
 def test_all_samples_have_the_same_points_however_many_there_are():
     light = mesh_light(scene(panel()))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sampling, "MOST_TABLED", 64)
+        patch.setattr(patterns, "MOST_TABLED", 64)
         few = mesh_table(light, 1000, 8)
     assert len(few.point) == 64
     np.testing.assert_array_equal(few.point, mesh_table(light, 8, 8).point)
 
 
 def test_points_begin_again_in_both_tracers(monkeypatch):
-    monkeypatch.setattr(sampling, "MOST_TABLED", 16)
+    monkeypatch.setattr(patterns, "MOST_TABLED", 16)
     wanted = tilted()
     core, reference = (drawn(wanted, backend, samples=8, light_samples=1) for backend in BACKENDS)
     np.testing.assert_allclose(core, reference, rtol=1e-4, atol=1e-4)

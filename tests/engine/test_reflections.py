@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glint.engine import Settings, render, sampling
+from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer
-from glint.engine.sampling import lobe_points
+from glint.engine.sampling import lobe_points, patterns
 from glint.engine.scene import (
     Camera,
     Input,
@@ -198,8 +198,8 @@ def test_reflections_of_a_path_are_independent():
 
 
 def test_points_begin_again(monkeypatch):
-    monkeypatch.setattr(sampling, "MOST_LOBE_POINTS", 4)
-    monkeypatch.setattr(sampling, "LOBE_LEVELS", 2)
+    monkeypatch.setattr(patterns, "MOST_LOBE_POINTS", 4)
+    monkeypatch.setattr(patterns, "LOBE_LEVELS", 2)
     wanted = mutual(60.0)
     core, reference = (drawn(wanted, b, samples=16, max_bounces=4) for b in BACKENDS)
     wrong = np.abs(core - reference) > 1e-4 * (1 + np.abs(reference))

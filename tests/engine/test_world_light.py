@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glint.engine import LiveRender, Settings, Task, render, sampling
+from glint.engine import LiveRender, Settings, Task, render
 from glint.engine.lights import dome
 from glint.engine.lights.dome import cell_shares, directions, dome_table, radiance_map
 from glint.engine.program.graph import Graph
 from glint.engine.program.program import compile_program
 from glint.engine.program.table import BY_NAME
+from glint.engine.sampling import patterns
 from glint.engine.scene import (
     Camera,
     Input,
@@ -414,7 +415,7 @@ def test_directions_begin_again_after_so_many(monkeypatch):
     """In both tracers: twice the samples of two of a table of two, through the same pixel's middle,
     are those two.
     """
-    monkeypatch.setattr(sampling, "MOST_TABLED", 32)
+    monkeypatch.setattr(patterns, "MOST_TABLED", 32)
     wanted, few = _around(FRONT), Settings(samples=2, light_samples=2, filter_width=0.0)
     for backend in ("NATIVE", "NUMPY"):
         two, four = (

@@ -9,11 +9,13 @@ microseconds an object.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 
 from ....engine.scene import Camera, Geometry, Material, Mesh, Scene, Strands, Texture
@@ -40,6 +42,8 @@ from ..world import Sky, export_world, with_mist
 from .moves import Stage
 from .repaints import repainted
 
+WORK = ("walks", "meshes", "materials", "worlds")
+"""What `LiveExport.work` counts."""
 NO_CAMERA = Camera("PERSPECTIVE", np.eye(4)[:3], (-1.0, 1.0, -1.0, 1.0), (1, 1))
 """Stands in scenes until a view brings its own."""
 
@@ -118,6 +122,7 @@ class Store:
         self.textures: dict[tuple, Texture] = {}
         self.worlds: dict[tuple, tuple[Sky, Report]] = {}
         self.memory_epoch = 0
+        self.read: Counter[str] = Counter()
         self.joined: (
             tuple[tuple[_Compiled, ...], tuple[Material, ...], tuple[Texture, ...]] | None
         ) = None
@@ -171,7 +176,7 @@ class Store:
         return next((met[key] for met in self.met.values() if key in met), None)
 
     def forget_moving_images(self) -> None:
-        """The frame changed, and any image may be a sequence."""
+        """The frame changed, and an image is a sequence: any may be it."""
         self.compiled = {
             uid: compiled for uid, compiled in self.compiled.items() if not compiled.textures
         }
@@ -201,8 +206,10 @@ class LiveExport:
     def hear(self, depsgraph: Any) -> None:
         """Take in `depsgraph.updates`, which must tell all that changed since the last call."""
         updates, images = depsgraph.updates[:], _KeepingImages(self._store, Report())
+        self._store.read.clear()
         self._store.keep_met(self._stages)
-        if self._frame != _frame_of(depsgraph.scene_eval):
+        turns = self._turns_images(depsgraph.scene_eval)
+        if turns:
             self._stages = {}
         painted = repainted(updates)
         if painted:
@@ -216,7 +223,9 @@ class LiveExport:
         else:
             self._keep(lambda stage: stage.follow(updates, depsgraph.view_layer, images))
             self._store.forget(_changes(updates))
-        self._note_frame(depsgraph.scene_eval)
+        if turns:
+            self._store.forget_moving_images()
+        self._frame = _frame_of(depsgraph.scene_eval)
 
     def _keep(self, is_wanted: Callable[[Stage], bool]) -> None:
         self._stages = {asked: stage for asked, stage in self._stages.items() if is_wanted(stage)}
@@ -267,6 +276,7 @@ class LiveExport:
 
     def _walked(self, depsgraph: Any, asked: tuple, space: Any) -> Stage:
         report, census = Report(), Census()
+        self._store.read["walks"] += 1
         collector = _KeepingCollector(self._store, depsgraph, asked[0], report)
         things = walk(
             depsgraph,
@@ -280,11 +290,20 @@ class LiveExport:
         self._store.met[asked] = collector.met
         return collector.stage(things, self._sky(depsgraph, report), census)
 
-    def _note_frame(self, scene: Any) -> None:
-        frame = _frame_of(scene)
-        if self._frame not in (None, frame):
-            self._store.forget_moving_images()
-        self._frame = frame
+    def _turns_images(self, scene: Any) -> bool:
+        """Whether this is another frame, and images show something else there, of which no update
+        tells.
+        """
+        if self._frame in (None, _frame_of(scene)):
+            return False
+        return any(image.source in ("SEQUENCE", "MOVIE") for image in bpy.data.images)
+
+    @property
+    def work(self) -> dict[str, int]:
+        """How much was read since something was heard last: "walks" over all objects, "meshes" and
+        other shapes, "materials", "worlds".
+        """
+        return {name: self._store.read[name] for name in WORK}
 
     def _sky(self, depsgraph: Any, report: Report) -> Sky:
         scene = depsgraph.scene_eval
@@ -295,6 +314,7 @@ class LiveExport:
         )
         if key not in self._store.worlds:
             own = Report()
+            self._store.read["worlds"] += 1
             images = _KeepingImages(self._store, own)
             self._store.worlds[key] = (
                 with_mist(
@@ -406,6 +426,7 @@ class _KeepingMaterials(Materials):
 
     def _compile(self, material: Any) -> _Compiled:
         report = Report()
+        self._store.read["materials"] += 1
         images = _KeepingImages(self._store, report)
         result = (
             compile_material(material, images, report)
@@ -521,7 +542,10 @@ class _KeepingCollector(Collector):
 
     def _keep(self, key: tuple, read: Any) -> int | None:
         """The number of the shape with this key, read if the store has none."""
-        shape = self._store.shape(key) or read()
+        shape = self._store.shape(key)
+        if shape is None:
+            self._store.read["meshes"] += 1
+            shape = read()
         self.met[key] = shape
         if shape.geometry is None:
             return None

@@ -19,6 +19,9 @@ from ..lights import Lights, Seen
 from ..placing import without_collapsed
 from ..report import Report
 
+_SAY_NOTHING = ("ACTION", "CAMERA")
+"""What these do to things is told as updates of the things; a scene's camera is read by itself."""
+
 
 @dataclass
 class _Place:
@@ -72,6 +75,10 @@ class Stage:
             for update in updates
             if not (update.id.id_type == "LIGHT" and update.id in lamps)
         ]
+        heard = [update for update in told if update.id.id_type not in _SAY_NOTHING]
+        if told and not heard:
+            return True
+        told = heard
         if not told or self._is_linked(told):
             return False
         if not all(self._apply(update, instances, lights, view_layer, images) for update in told):
@@ -130,6 +137,10 @@ class Stage:
             for g in groups
         )
 
+    def _is_only_looked_through(self, camera: Any) -> bool:
+        uid = camera.original.session_uid
+        return uid not in self._places and uid not in self._census.instancing
+
     def _is_met(self, uid: int) -> bool:
         return uid in self._census.rendering or uid in self._census.instancing
 
@@ -143,6 +154,8 @@ class Stage:
     ) -> bool:
         """Whether all that the update tells is in the lists now."""
         changed = update.id
+        if changed.id_type == "OBJECT" and changed.type == "CAMERA":
+            return self._is_only_looked_through(changed)
         if changed.id_type != "OBJECT" or (
             not update.is_updated_transform and not _is_lamp(update)
         ):

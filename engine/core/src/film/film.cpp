@@ -27,7 +27,7 @@ void interleave(const float (&channels)[4][Size], size_t first, size_t count, fl
 size_t Film::channels_of(int pass) const {
   if (pass < 0 || pass >= GLINT_PASS_COUNT) return 0;
   if (pass == GLINT_PASS_DENOISING_NORMAL || pass == GLINT_PASS_DENOISING_ALBEDO ||
-      pass == GLINT_PASS_SHADOW_CATCHER)
+      pass >= GLINT_PASS_SHADOW_CATCHER)
     return 3;
   if (pass == GLINT_PASS_AOV) return 4 * size_t(aov_count_);
   if (Cryptomatte::kPasses >> pass & 1) return 2 * cryptomatte_.ids();
@@ -71,6 +71,10 @@ Film::Film(Region region, Region shown, Passes passes, double error_threshold,
   keep_sums(GLINT_PASS_DENOISING_ALBEDO, 3);
   keep_sums(GLINT_PASS_DENOISING_DEPTH, 1);
   keep_sums(GLINT_PASS_SHADOW_CATCHER, 3);
+  for (int pass = kFirstLighting; wants_lighting() && pass <= kLastLighting; ++pass) {
+    at_[pass] = int(columns_);  // light is told over its colour: all are known or none
+    columns_ += 3;
+  }
   const size_t pixels = size_t(region.width()) * region.height();
   for (int pass = 0; pass < GLINT_PASS_COUNT; ++pass) {
     if (!wants(pass)) continue;
@@ -155,6 +159,7 @@ void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples,
     if (wants(pass)) publish_rest(tile, pass, slots, samples);
   for (int pass = GLINT_PASS_AOV; pass <= GLINT_PASS_DENOISING_DEPTH; ++pass)
     if (wants(pass)) publish_seen(tile, pass, slots, samples);
+  if (wants_lighting()) publish_lighting(tile, slots, samples);
   if (wants_cryptomatte()) publish_cryptomatte(tile, slots, samples);
   if (passes_ & kHealthPasses) publish_health(tile, slots, samples);
 }
@@ -199,6 +204,24 @@ void Film::publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint
     for (size_t k = 0; k < tile.pixels(); ++k)
       values(pass)[channels * slots.pixel(tile, k, region_.width()) + c] =
           to_float(from[k] / refinement_.taken(tile.first_row + k, samples));
+}
+
+/// Direct and indirect light over its colour, which is 1 where it is 0 and there is light.
+void Film::publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t samples) {
+  for (int first = kFirstLighting; first <= kLastLighting; first += 3)
+    for (size_t c = 0; c < 3; ++c)
+      for (size_t k = 0; k < tile.pixels(); ++k) {
+        const auto sum = [&](int part) { return sums(tile, first + part)[c * tile.stride() + k]; };
+        const double taken = refinement_.taken(tile.first_row + k, samples);
+        const double direct = sum(0), indirect = sum(1), color = sum(2);
+        const bool bare = color == 0 && (direct != 0 || indirect != 0);
+        const double over = color != 0 ? color : taken;
+        const double values_of[3] = {direct / over, indirect / over, bare ? 1 : color / taken};
+        for (int part = 0; part < 3; ++part)
+          if (wants(first + part))
+            values(first + part)[3 * slots.pixel(tile, k, region_.width()) + c] =
+                to_float(values_of[part]);
+      }
 }
 
 void Film::publish_cryptomatte(const Tile& tile, const SlotTable& slots, uint32_t samples) {

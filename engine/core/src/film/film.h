@@ -100,6 +100,7 @@ class Film {
   bool wants_data() const { return passes_ & kDataPasses; }
   /// Passes that are the mean over the samples of what camera rays see.
   bool wants_seen() const { return passes_ & kSeenPasses; }
+  bool wants_lighting() const { return passes_ & kLightingPasses; }
   bool wants_denoising() const { return passes_ & kDenoisingPasses; }
   bool wants_cryptomatte() const { return cryptomatte_.on(); }
   /// Channels of a pass, 0 for no such pass.
@@ -158,6 +159,7 @@ class Film {
   void publish_means(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples,
                      const Stages& stages);
   void publish_rest(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples);
+  void publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint32_t samples);
   void publish_cryptomatte(const Tile& tile, const SlotTable& slots, uint32_t samples);
   void publish_health(const Tile& tile, const SlotTable& slots, uint32_t samples);

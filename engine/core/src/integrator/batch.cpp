@@ -5,7 +5,7 @@ namespace {
 
 constexpr size_t kFixed = 1 + 3 + 3 + 3 + 2 + 3 + 3;  // t, x, g, offset and weights, diffuse, total
 constexpr size_t kSmooth = 3 + 3;                     // n, origin
-constexpr size_t kParts = 6 * 3;
+constexpr size_t kParts = 6 * 3, kSplit = 3 * 3;
 
 }  // namespace
 
@@ -13,9 +13,10 @@ Batch::Batch(const Scene& scene, Passes passes)
     : scene_(scene),
       passes_(passes),
       smooth_((scene.features & GLINT_FEATURE_SMOOTH_NORMALS) || scene.bends_normals),
-      columns_(kFixed + (smooth_ ? kSmooth : 0) +
-               size_t(scene.specular_columns * scene.max_specular) +
-               size_t(scene.passing_columns * scene.max_passing) + kParts) {}
+      splits_(passes & kLightingPasses),
+      columns_(
+          kFixed + (smooth_ ? kSmooth : 0) + size_t(scene.specular_columns * scene.max_specular) +
+          size_t(scene.passing_columns * scene.max_passing) + kParts + (splits_ ? kSplit : 0)) {}
 
 void Batch::begin(const Queue& rays) {
   queue = &rays;
@@ -23,7 +24,14 @@ void Batch::begin(const Queue& rays) {
   if (count_ > columns_.rows() || !t) reserve(count_);
   bool primary = rays.visibility == kCamera;
   SumColumns only_total{};
-  for (int c = 0; c < 3; ++c) only_total.total[c] = parts_.total[c];
+  for (int c = 0; c < 3; ++c) {
+    only_total.total[c] = parts_.total[c];
+    if (!splits_) continue;
+    only_total.emission[c] = parts_.emission[c];
+    only_total.environment[c] = parts_.environment[c];
+    for (double* column : {lit_diffuse[c], lit_bounced[c], lit_specular[c]})
+      std::fill_n(column, primary ? count_ : 0, 0.0);
+  }
   sums = primary ? parts_ : only_total;
 }
 
@@ -52,7 +60,7 @@ void Batch::place_columns() {
     to[2] = one();
   };
   auto part = [&](double*(&to)[3], int pass) {
-    if (passes_ >> pass & 1) three(to);
+    if (splits_ || passes_ >> pass & 1) three(to);
   };
   t = one();
   three(points.x);
@@ -75,13 +83,16 @@ void Batch::place_columns() {
   part(parts_.ambient, GLINT_PASS_AMBIENT);
   part(parts_.emission, GLINT_PASS_EMISSION);
   part(parts_.environment, GLINT_PASS_ENVIRONMENT);
-  bool light_parts = passes_ & (pass_bit(GLINT_PASS_DIFFUSE) | pass_bit(GLINT_PASS_SPECULAR) |
-                                pass_bit(GLINT_PASS_SHADOW));
+  bool light_parts =
+      splits_ || passes_ & (pass_bit(GLINT_PASS_DIFFUSE) | pass_bit(GLINT_PASS_SPECULAR) |
+                            pass_bit(GLINT_PASS_SHADOW));
   if (light_parts) {
     three(parts_.diffuse);
     three(parts_.specular);
     three(parts_.shadow);
   }
+  for (auto* to : {&lit_diffuse, &lit_bounced, &lit_specular})
+    if (splits_) three(*to);
   specular = scene_.max_specular > 0 ? columns_[next] : nullptr;
   next += size_t(scene_.specular_columns * scene_.max_specular);
   passing_columns = scene_.max_passing > 0 ? columns_[next] : nullptr;

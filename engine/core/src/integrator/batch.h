@@ -52,6 +52,8 @@ class Batch {
   }
   /// Notes what of a soft light point k has met: Refinement::SoftLight.
   void mark_softly_lit(size_t k, uint8_t met) const { softly_lit[queue->slot(k)] |= met; }
+  /// Whether lights' light is told apart there.
+  bool splits() const { return splits_ && queue->visibility == kCamera; }
   /// Adds what `hits` counted of float tests that could not decide.
   void charge_fallbacks() const {
     for (size_t k = 0; fallbacks && k < count_; ++k) fallbacks[queue->slot(k)] += doubts_[k];
@@ -62,6 +64,12 @@ class Batch {
     return {column[0], column[stride], column[2 * stride]};
   }
 
+  /// Its index of refraction; `own` where the scene has none of a program.
+  double passing_ior(size_t k, int lobe, double own) const {
+    if (passing_width == PassingTerm::kPlain) return own;
+    return passing_columns[(size_t(passing_width) * size_t(lobe) + PassingTerm::kIor) * stride + k];
+  }
+
   const Queue* queue = nullptr;
   double* t = nullptr;
   std::vector<uint32_t> instance, primitive, material,
@@ -70,7 +78,9 @@ class Batch {
   std::vector<float> u, v;
   std::vector<int64_t> lit, outside;  // masks: points that lights may reach, seen from outside
   PointColumns points{};
-  SumColumns sums{};                  // parts that are not kept are null
+  SumColumns sums{};  // parts that are not kept are null
+  /// What lights give to the points of camera rays after shadows; null where nobody asks.
+  double *lit_diffuse[3] = {}, *lit_bounced[3] = {}, *lit_specular[3] = {};
   double* diffuse[3] = {};            // T k
   double* specular = nullptr;         // as ShadeStage has it
   double* passing_columns = nullptr;  // as EvaluateStage has it
@@ -92,7 +102,7 @@ class Batch {
 
   const Scene& scene_;
   const Passes passes_;
-  const bool smooth_;
+  const bool smooth_, splits_;
   size_t count_ = 0;
   Columns columns_;
   std::vector<uint8_t> doubts_;

@@ -19,10 +19,12 @@ double share(double x) { return 1 - std::clamp(x, 0.0, 1.0); }
 
 /// What the batch's sums have of a point, which is nothing then.
 Vec3d Tracer::take_sums(size_t k) {
-  const SumColumns& s = batch_.sums;
+  const Batch& batch = batch_;
+  const SumColumns& s = batch.sums;
   const Vec3d total = row(s.total, k);
   for (double* const* columns :
-       {s.total, s.ambient, s.emission, s.environment, s.diffuse, s.specular, s.shadow})
+       {s.total, s.ambient, s.emission, s.environment, s.diffuse, s.specular, s.shadow,
+        batch.lit_diffuse, batch.lit_bounced, batch.lit_specular})
     for (size_t c = 0; columns[0] && c < 3; ++c) columns[c][k] = 0;
   return total;
 }

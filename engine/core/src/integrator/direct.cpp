@@ -183,6 +183,7 @@ void DirectLight::add_rest(const Batch& batch, const Light& light, uint32_t samp
     for (size_t c = 0; c < 3; ++c) {
       batch.sums.total[c][k] += sky_[c][k];
       if (batch.sums.diffuse[0]) batch.sums.diffuse[c][k] += sky_[c][k];
+      if (batch.splits()) batch.lit_diffuse[c][k] += sky_[c][k];
     }
   }
 }
@@ -205,7 +206,7 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
       transparent_shadows_.follow(batch, stage_, blocked_.data(), count, shadow_, counts);
   }
   if (casts && scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
-  add(batch, count);
+  add(batch, light, count);
 }
 
 /// What the `count` drawn directions of the stage meet of a mesh light: samples of it, as the stage
@@ -303,7 +304,7 @@ void DirectLight::find_shadows(const Light& light, size_t count, uint8_t* known,
   for (size_t k = 0; known && k < count; ++k) known[point_[k]] = uint8_t(1 + blocked_[k]);
 }
 
-void DirectLight::add(const Batch& batch, size_t count) const {
+void DirectLight::add(const Batch& batch, const Light& light, size_t count) const {
   const SumColumns& sums = batch.sums;
   if (!glassy_ && !sums.diffuse[0]) {
     LightSum sum{count, point_.data(), blocked_.data(), {}, {}};
@@ -320,6 +321,19 @@ void DirectLight::add(const Batch& batch, size_t count) const {
     parts.specular[c] = stage_.specular_out[c];
   }
   stages_.sum_parts(parts);
+  if (batch.splits()) split(batch, light, count);
+}
+
+/// The same after shadows, by the kind of light and surface.
+void DirectLight::split(const Batch& batch, const Light& light, size_t count) const {
+  double* const* const diffuse = light.is_bounced() ? batch.lit_bounced : batch.lit_diffuse;
+  for (size_t k = 0; k < count; ++k) {
+    const Vec3d S = shadow_[0] ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
+    for (size_t c = 0; c < 3; ++c) {
+      diffuse[c][point_[k]] += S[int(c)] * stage_.diffuse_out[c][k];
+      batch.lit_specular[c][point_[k]] += S[int(c)] * stage_.specular_out[c][k];
+    }
+  }
 }
 
 }  // namespace glint

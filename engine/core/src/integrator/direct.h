@@ -57,7 +57,8 @@ class DirectLight {
   void find_cut(const Batch& batch, const Light& light) const;
   void find_shadows(const Light& light, size_t count, uint8_t* known, RayCounts& counts);
   bool recall_shadows(const uint8_t* known, size_t count);
-  void add(const Batch& batch, size_t count) const;
+  void add(const Batch& batch, const Light& light, size_t count) const;
+  void split(const Batch& batch, const Light& light, size_t count) const;
 
   const Scene& scene_;
   const RenderPlan& plan_;

@@ -25,6 +25,7 @@ void Queue::push(const Ray& ray, const Path& path) {
              int64_t(path.straight) << RayTag::kStraight | path.refractions;
   if (path.widest < HUGE_VAL)
     tags_[k] |= int64_t(1 + std::clamp(std::ilogb(path.widest), 0, 60)) << RayTag::kWidth;
+  if (path.transmitted) tags_[k] |= int64_t(1) << RayTag::kTransmitted;
   if (path.wants_data) want_data(k);
 }
 

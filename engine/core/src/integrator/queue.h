@@ -18,8 +18,8 @@ struct Path {
   uint32_t slot = 0;
   uint8_t depth = 0, straight = 0;  // mirror and refraction rays so far; transparent ones in a row
   int64_t refractions = 0;          // those bits of its tag
-  bool wants_data = false;
-  double widest = HUGE_VAL;  // see Queue
+  bool wants_data = false, transmitted = false;  // transmitted: refracted by its first surface
+  double widest = HUGE_VAL;                      // see Queue
 };
 
 /// Rays that look for the same visibility: kCamera at depth 0, one of a path, else kMirror.
@@ -63,6 +63,8 @@ class Queue : public RayLayout {
     tags_[k] |= int64_t(1) << RayTag::kWantsAovs;
     numbered_ = 0;
   }
+  bool is_transmitted(size_t k) const { return tags_[k] >> RayTag::kTransmitted & 1; }
+  uint8_t depth(size_t k) const { return uint8_t(tags_[k] >> RayTag::kDepth); }
   Rays rays() const;
   double* column(size_t c) { return columns_[c]; }
   const double* column(size_t c) const { return columns_[c]; }
@@ -83,7 +85,6 @@ class Queue : public RayLayout {
   }
 
  private:
-  uint8_t depth(size_t k) const { return uint8_t(tags_[k] >> RayTag::kDepth); }
   uint8_t straight(size_t k) const { return uint8_t(tags_[k] >> RayTag::kStraight); }
   Vec3d at(size_t column, size_t k) const {
     return {columns_[column][k], columns_[column + 1][k], columns_[column + 2][k]};

@@ -239,6 +239,7 @@ void Tracer::process(Queue& queue, uint32_t sample, Queue& straight, Queue& boun
   if (sample == 0 && queue.visibility == kCamera && film_.wants_data()) record(queue);
   if (queue.visibility == kCamera && film_.wants_seen()) note_seen(queue);
   if (gives_aovs) note_aovs(queue);
+  if (queue.visibility == kCamera && film_.wants_lighting()) note_colors(queue);
   if (catches_) set_aside_caught(queue);
   direct_.illuminate(batch_, sample, counts_);
   if (catches_ && !caught_.empty()) settle_caught(queue, sample);
@@ -551,13 +552,20 @@ Vec3d Tracer::albedo(size_t k) const {
   }
   sum = batch_.queue->path(k).T * sum;
   if (!batch_.lit[k]) return sum;
-  sum += row(batch_.diffuse, k);
+  const Highlights given = highlights(k);
+  return sum + row(batch_.diffuse, k) + given.glossy + given.matt;
+}
+
+/// T times about what of even light the highlights of a lit point give back.
+Tracer::Highlights Tracer::highlights(size_t k) const {
+  Highlights sum;
   for (int term = 0; term < scene_.max_specular; ++term) {
     const double* const column =
         batch_.specular + size_t(scene_.specular_columns * term) * batch_.stride + k;
-    const double exponent = column[SpecularTerm::kExponent * batch_.stride],
-                 share = exponent == SpecularTerm::kSheen ? 1 : 8 / (exponent + 2);
-    sum += share * Vec3d{column[0], column[batch_.stride], column[2 * batch_.stride]};
+    const double exponent = column[SpecularTerm::kExponent * batch_.stride];
+    const Vec3d k_s{column[0], column[batch_.stride], column[2 * batch_.stride]};
+    if (exponent == SpecularTerm::kSheen) sum.matt += k_s;
+    else sum.glossy += 8 / (exponent + 2) * k_s;
   }
   return sum;
 }
@@ -657,6 +665,7 @@ void Tracer::keep(const Queue& queue) {
   };
   const SumColumns& s = batch_.sums;
   keep_part(GLINT_PASS_COMBINED, s.total);
+  if (film_.wants_lighting()) keep_lighting(queue);
   if (queue.visibility != kCamera) return keep_part(GLINT_PASS_MIRROR, s.total);
   keep_part(GLINT_PASS_AMBIENT, s.ambient);
   keep_part(GLINT_PASS_EMISSION, s.emission);

@@ -77,9 +77,15 @@ class Tracer {
   void pass_on(const Queue& queue, size_t count, const Leaving& next);
   void record(const Queue& queue);
   void note_seen(const Queue& queue);
+  void note_colors(const Queue& queue);
+  void keep_lighting(const Queue& queue);
   void note_aovs(const Queue& queue);
   void note_denoising(size_t k, uint32_t path, double share);
   Vec3d albedo(size_t k) const;
+  struct Highlights {
+    Vec3d glossy, matt;  // matt: of SHEEN lobes
+  };
+  Highlights highlights(size_t k) const;
   size_t note_aovs_of(const Queue& queue, const uint32_t* rows, size_t count);
   void run_aovs(const Queue& queue, const Material& given, const uint32_t* rows,
                 const Surface* surfaces, size_t count);

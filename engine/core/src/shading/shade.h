@@ -15,6 +15,11 @@ struct Leaving {
   Queue& bounced;
 };
 
+/// What of the light behind them mirrors and glass send on, with what Fresnel says.
+struct Gives {
+  Vec3d mirrored, refracted;
+};
+
 class Shader {
  public:
   Shader(const Scene& scene, const RenderPlan& plan, const Stages& stages)
@@ -27,6 +32,7 @@ class Shader {
   /// What goes straight through the surface of a point that the vary stage has seen, if it lets
   /// any through.
   Vec3d passed(const Batch& batch, size_t k) const;
+  Gives gives(const Batch& batch, size_t k) const;
   /// Data passes of a point that the vary stage has seen, unless the surface lets most through.
   void record_veil(const Batch& batch, size_t k, Film& film, uint32_t pixel) const;
   /// A hit on a holdout; alpha lost is added to `lost`.

@@ -123,6 +123,7 @@ inline size_t bounce(const PassStage& s, const Chosen& at, const Arriving& ray, 
                      const Three& d, const Three& k, bool refracted = false) {
   const Three T = weight(s, at) * k;
   const Mask tag = gather(s.from_tags, at), depth = (tag >> RayTag::kDepth & 255) + 1;
+  const Mask first = (depth == 1) & int64_t(refracted) << RayTag::kTransmitted;
   wanted &= nonzero(T) & (depth <= int64_t(s.max_bounces)) & ~(largest(T) < s.cutoff);
   const uint32_t lanes = bits(wanted) & lanes_of(at);
   if (!lanes) return 0;
@@ -136,8 +137,9 @@ inline size_t bounce(const PassStage& s, const Chosen& at, const Arriving& ray, 
   add(RayLayout::kTMin, splat(0));
   add(RayLayout::kTMax, splat(__builtin_inf()));
   add(RayLayout::kFrom, splat(0));
+  const Mask kept = tag & (int64_t(0xffffffff) | RayTag::kPast);
   const Mask glass = refracted ? refracted_once_more(tag) : tag & RayTag::kAllRefractions;
-  add.tag((tag & (int64_t(0xffffffff) | RayTag::kWidths)) | depth << RayTag::kDepth | glass);
+  add.tag(kept | first | depth << RayTag::kDepth | glass);
   return add.count();
 }
 
@@ -216,7 +218,7 @@ inline size_t go_on(const PassStage& s, const Chosen& at, const Three& k) {
   keep(RayLayout::kTMax);
   add(RayLayout::kFrom, t);
   const Mask kept =
-      tag & (((int64_t(1) << RayTag::kWantsData) - 1) | RayTag::kWidths | RayTag::kGlass);
+      tag & (((int64_t(1) << RayTag::kWantsData) - 1) | RayTag::kPast | RayTag::kGlass);
   const Mask dimmed = (k.x != 1) | (k.y != 1) | (k.z != 1);
   add.tag((kept + (dimmed & int64_t(1) << RayTag::kStraight)) | wants);
   return add.count();

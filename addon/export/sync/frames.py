@@ -1,0 +1,41 @@
+"""The export of one frame after the other, where Blender keeps its data between them."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from ..camera import border, export_camera, resolution
+from ..export import Export, counts, evaluated
+from ..panorama import Looker
+from ..placing import note_catchers, note_empty_view
+from ..report import Report
+from .incremental import LiveExport
+
+
+def export_frame(
+    live: LiveExport,
+    depsgraph: Any,
+    *,
+    width: int,
+    height: int,
+    passes: frozenset[str] = frozenset(),
+    looker: Looker | None = None,
+) -> Export:
+    """As `export_scene` without AOVs, of a depsgraph whose updates are all that changed since the
+    last call with the same `live`; only that is read. Its stats tell how much was read anew.
+    """
+    start = time.perf_counter()
+    scene, report = depsgraph.scene_eval, Report()
+    size = resolution(scene.render, width, height)
+    region = border(scene.render, size)
+    through = evaluated(scene.camera, depsgraph) if looker is None else looker.camera
+    camera = export_camera(through, scene.render, size, report, looker)
+    found = live.update(depsgraph, camera, passes=passes)
+    note_empty_view(camera, found.geometries, found.instances, report, through.name)
+    note_catchers(found.instances, found.materials, report)
+    notes = dict.fromkeys((*report.notes(), *live.notes(passes)))
+    seconds = time.perf_counter() - start
+    read = {f"anew: {name}": float(count) for name, count in live.work.items()}
+    stats = {"objects": seconds, "finish": 0.0, "export": seconds, **counts(found), **read}
+    return Export(found, tuple(notes), stats, region)

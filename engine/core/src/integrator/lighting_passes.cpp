@@ -1,0 +1,50 @@
+// Passes of light by the kind of surface that gives it back first (SEMANTICS.md, Passes).
+#include "integrator/tracer.h"
+
+namespace glint {
+
+/// What of light the surfaces that camera rays meet give back, of each kind.
+void Tracer::note_colors(const Queue& queue) {
+  const auto add = [&](int pass, size_t k, Vec3d color) {
+    double* const sum = paths_.sums(film_, pass) + queue.slot(k);
+    for (size_t c = 0; c < 3; ++c) sum[c * paths_.stride()] += color[int(c)];
+  };
+  for (size_t k = 0; k < queue.size(); ++k) {
+    if (batch_.material[k] >= scene_.materials.size() || is_caught(queue, k)) continue;
+    const Vec3d T = queue.path(k).T;
+    const Gives gives = shader_.gives(batch_, k);
+    Vec3d glossy = T * gives.mirrored;
+    if (batch_.lit[k]) {
+      const Highlights given = highlights(k);
+      add(GLINT_PASS_DIFFUSE_COLOR, k, row(batch_.diffuse, k) + given.matt);
+      glossy += given.glossy;
+    }
+    add(GLINT_PASS_GLOSSY_COLOR, k, glossy);
+    add(GLINT_PASS_TRANSMISSION_COLOR, k, T * gives.refracted);
+  }
+}
+
+/// The batch's light to the passes of the paths: straight from where it is made, or by way of other
+/// surfaces.
+void Tracer::keep_lighting(const Queue& queue) {
+  const SumColumns& s = batch_.sums;
+  const auto add = [&](int pass, size_t c, size_t k, double light) {
+    paths_.sums(film_, pass)[c * paths_.stride() + queue.slot(k)] += light;
+  };
+  for (size_t c = 0; c < 3; ++c)
+    for (size_t k = 0; k < queue.size(); ++k) {
+      if (queue.visibility == kCamera) {
+        add(GLINT_PASS_DIFFUSE_DIRECT, c, k, s.ambient[c][k] + batch_.lit_diffuse[c][k]);
+        add(GLINT_PASS_DIFFUSE_INDIRECT, c, k, batch_.lit_bounced[c][k]);
+        add(GLINT_PASS_GLOSSY_DIRECT, c, k, batch_.lit_specular[c][k]);
+        continue;
+      }
+      const int first =
+          queue.is_transmitted(k) ? GLINT_PASS_TRANSMISSION_DIRECT : GLINT_PASS_GLOSSY_DIRECT;
+      const double direct = queue.depth(k) == 1 ? s.emission[c][k] + s.environment[c][k] : 0;
+      add(first, c, k, direct);
+      add(first + 1, c, k, s.total[c][k] - direct);
+    }
+}
+
+}  // namespace glint

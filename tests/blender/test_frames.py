@@ -1,0 +1,212 @@
+"""Frames in a row with Persistent Data: the same bits as without, and only what changed is read."""
+
+import pytest
+
+from blender_process import REGISTER_TREE, Blender
+
+SCENE = (
+    REGISTER_TREE
+    + """
+import random
+from glint.addon.render import statistics
+bpy.ops.wm.read_homefile(use_factory_startup=True)
+scene = bpy.context.scene
+scene.render.engine = "GLINT"
+scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 32, 24, 100
+scene.glint.final.samples = scene.glint.final.light_samples = 1
+render, cube, camera = scene.render, bpy.data.objects["Cube"], scene.camera
+lamp = bpy.data.objects["Light"]
+told = []
+
+def colored(name, *color):
+    material = bpy.data.materials.new(name)
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    shader = next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+    shader.inputs["Base Color"].default_value = (*color, 1)
+    return material, shader.inputs["Base Color"]
+
+def ball(name, x, y):
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=2, radius=0.7, location=(x, y, 0.5))
+    thing = bpy.context.object
+    thing.name = name
+    return thing
+
+def key(owner, path, *values, index=-1):
+    for k, value in enumerate(values):
+        if index < 0:
+            setattr(owner, path, value)
+        else:
+            getattr(owner, path)[index] = value
+        owner.keyframe_insert(path, frame=1 + 2 * k, index=index)
+
+def tell(*_):
+    last = statistics.of_last_render(scene.name)
+    told.append([scene.frame_current, last.stamp["pixels"], last.stamp["geometry"],
+                 {k: v for k, v in last.exported.items() if k.startswith("anew: ")},
+                 sorted(last.notes), last.scene_line])
+
+bpy.app.handlers.render_write.append(tell)
+
+def animate(frames):
+    scene.frame_start, scene.frame_end = 1, frames
+    render.filepath = str(FOLDER / "frame_")
+    bpy.ops.render.render(animation=True)
+
+def draw():
+    bpy.ops.render.render()
+    tell()
+"""  # noqa: E501 - a script for another Blender
+)
+ANIMATED = """
+def compare(what):
+    "The frames with Persistent Data and without."
+    found = []
+    for render.use_persistent_data in (True, False):
+        told.clear()
+        animate(4)
+        found.append(list(told))
+    results[what] = found
+
+results = {}
+key(camera, "location", 7.4, 6.0, index=0)
+compare("camera")
+second, still = ball("second", 2.5, 0), ball("still", -2.5, 1)
+paint, color = colored("paint", 0.8, 0.2, 0.1)
+second.data.materials.append(paint)
+key(second, "location", 2.5, 1.5, index=0)
+key(lamp, "location", 4.0, 5.0, index=0)
+compare("objects")
+scene.glint.final.diffuse_bounces = 0
+key(color, "default_value", 0.1, 0.9, index=1)
+key(lamp.data, "energy", 1000, 500)
+world = scene.world.node_tree.nodes["Background"].inputs["Strength"]
+key(world, "default_value", 1.0, 0.2)
+compare("materials")
+key(cube, "hide_render", False, True)
+compare("vanishing")
+second.shape_key_add(name="Basis")
+block = second.shape_key_add(name="Key")
+block.data[0].co.z += 2
+key(block, "value", 0.0, 1.0)
+still.modifiers.new("Wave", "WAVE")
+compare("meshes")
+render.use_motion_blur = True
+compare("motion blur")
+render.use_motion_blur = False
+scene.view_layers[0].aovs.add().name = "shade"
+compare("aovs")
+scene.view_layers[0].aovs.remove(scene.view_layers[0].aovs[0])
+scene.view_layers.new("another")
+compare("two layers")
+answer(results)
+"""
+EDITS = """
+second, paint = ball("second", 2.5, 0), colored("paint", 0.8, 0.2, 0.1)
+dice = random.Random(SEED)
+scene.glint.final.diffuse_bounces = SEED % 2
+made = []
+
+def grow():
+    made.append(ball(f"made {len(made)}", dice.uniform(-3, 3), dice.uniform(-3, 3)))
+
+def shrink():
+    if made:
+        bpy.data.objects.remove(made.pop(dice.randrange(len(made))))
+
+def bend():
+    vertex = dice.choice(second.data.vertices)
+    vertex.co.z += 0.3
+    second.data.update()
+
+def wear():
+    second.data.materials.clear()
+    if dice.random() < 0.7:
+        second.data.materials.append(paint[0])
+
+edits = [
+    lambda: setattr(camera.location, "x", dice.uniform(5, 8)),
+    lambda: setattr(camera.data, "lens", dice.uniform(20, 60)),
+    lambda: setattr(second.location, "z", dice.uniform(0, 2)),
+    lambda: setattr(cube, "scale", (1, dice.uniform(0.2, 2), 1)),
+    lambda: paint[1].default_value.__setitem__(0, dice.random()),
+    lambda: setattr(lamp.data, "energy", dice.uniform(200, 3000)),
+    lambda: setattr(cube, "hide_render", dice.random() < 0.5),
+    lambda: setattr(second, "visible_shadow", dice.random() < 0.5),
+    lambda: setattr(scene.render, "film_transparent", dice.random() < 0.5),
+    lambda: setattr(scene.glint.final, "samples", dice.choice([1, 2])),
+    lambda: setattr(scene.view_layers[0], "use_pass_uv", dice.random() < 0.5),
+    lambda: scene.frame_set(dice.randrange(1, 20)),
+    lambda: setattr(second, "parent", dice.choice([cube, None])),
+    grow, shrink, bend, wear,
+]
+draw()
+for _ in range(STEPS):
+    for edit in dice.sample(edits, dice.choice([0, 1, 1, 2, 3])):
+        edit()
+    draw()
+answer(told)
+"""
+
+
+def frames(folder, program: str, persistent: bool, **values) -> list:
+    folder.mkdir(exist_ok=True)
+    given = "".join(f"{name} = {value!r}\n" for name, value in values.items())
+    switch = f"render.use_persistent_data = {persistent}\n"
+    run = Blender(folder).run(SCENE + switch + given + program)
+    assert run.returncode == 0, run.output
+    return run.answer
+
+
+def alike(kept: list, fresh: list) -> list[dict[str, float]]:
+    """What was read anew for each frame, of pictures that are those of fresh starts."""
+    assert len(kept) == len(fresh) > 3
+    for number, (one, other) in enumerate(zip(kept, fresh, strict=True)):
+        assert one[:3] == other[:3], f"frame {number}: {one} and {other}"
+        assert one[4] == other[4] and not other[3]
+    assert len({pixels for _, pixels, *_ in fresh}) > 2
+    return [read for *_, read, _, _ in kept]
+
+
+@pytest.fixture(scope="module")
+def animated(tmp_path_factory) -> dict[str, list]:
+    """Of each thing that moves, beside those before it, both ways."""
+    return frames(tmp_path_factory.mktemp("animated"), ANIMATED, False)
+
+
+def test_a_frame_in_which_but_the_camera_moves_reads_nothing(animated):
+    first, *others = alike(*animated["camera"])
+    assert all(first.values()) and first.keys() == others[0].keys()
+    assert [read for read in others if any(read.values())] == []
+    lines = [line for *_, line in animated["camera"][0]]
+    assert "read anew: 1 mesh + 1 material + 1 world + 1 walk" in lines[0]
+    assert all("read anew: nothing" in line for line in lines[1:3])
+
+
+@pytest.mark.parametrize(
+    ("what", "read"),
+    [
+        ("objects", {"anew: walks"}),
+        ("materials", {"anew: walks", "anew: materials", "anew: worlds"}),
+        ("vanishing", {"anew: walks", "anew: materials", "anew: worlds"}),
+        ("meshes", {"anew: walks", "anew: materials", "anew: worlds", "anew: meshes"}),
+    ],
+)
+def test_only_what_changes_is_read(animated, what, read):
+    _, *others = alike(*animated[what])
+    assert {name for frame in others for name, count in frame.items() if count} <= read
+    assert sum(frame["anew: meshes"] for frame in others) <= (6 if what == "meshes" else 0)
+
+
+@pytest.mark.parametrize("what", ["motion blur", "aovs", "two layers"])
+def test_what_cannot_be_kept_is_read_anew(animated, what):
+    assert not any(alike(*animated[what]))
+
+
+@pytest.mark.parametrize("seed", [2, pytest.param(1, marks=pytest.mark.slow)])
+def test_any_edits_between_frames(tmp_path, seed):
+    kept, fresh = (
+        frames(tmp_path / name, EDITS, name == "kept", SEED=seed, STEPS=14)
+        for name in ("kept", "fresh")
+    )
+    alike(kept, fresh)
