@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..film import CATCHER
+from ..film import CATCHER, VOLUME
 from . import catchers
 from .gloss import reflecting
 from .lighting import DirectLight
@@ -216,12 +216,14 @@ class Generations:
             for found in scattered(stage, rays, spans.take(some), depth[some], self._sample):
                 here, light = pixel[found.ray], pick(weight, found.ray) * found.light
                 self._add(paths, "Diffuse", here, light)
-                if stage.splits and paths.depth == 0:
-                    way = "Indirect" if found.source.light.kind == "BOUNCED" else "Direct"
-                    tile.add(f"Diffuse {way}", here, light * found.shadow.T)
                 if found.source.light.cast_shadow:
                     tile.charge(here)
-                    self._add(paths, "Shadow", here, light * (found.shadow.T - 1.0))
+                    dark = light * (found.shadow.T - 1.0)
+                    self._add(paths, "Shadow", here, dark)
+                    light = light + dark
+                if stage.splits and paths.depth == 0:
+                    is_bounced = found.source.light.kind == "BOUNCED"
+                    tile.add(VOLUME[is_bounced], here, light)
 
     def _see_lights(self, paths: Paths, depth: Array, spans: Spans | None = None) -> None:
         """spans: of the media between, or None."""

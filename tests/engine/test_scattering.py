@@ -173,7 +173,7 @@ def test_all_that_lights_fog_and_its_passes() -> None:
         world=s.World(background=(0.2, 0.2, 0.2)),
     )
     parts = ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror", "Emission", "Environment")
-    split = ("Diffuse Direct", "Diffuse Indirect", "Glossy Direct", "Glossy Indirect")
+    split = ("Diffuse Direct", "Diffuse Indirect", "Volume Direct", "Volume Indirect")
     films = both(
         scene,
         samples=2,
