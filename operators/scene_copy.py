@@ -34,6 +34,7 @@ def copied(
         render.use_border = render.use_compositing = render.use_sequencer = (
             render.use_motion_blur
         ) = render.use_freestyle = render.use_multiview = False
+        render.use_persistent_data = False  # nobody renders the copy again
         for layer in copy.view_layers:
             layer.use = layer.name == view_layer
         yield copy

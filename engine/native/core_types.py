@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 30
+ABI_VERSION = 31
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -185,6 +185,8 @@ class Pass(IntEnum):
     TRANSMISSION_DIRECT = 35
     TRANSMISSION_INDIRECT = 36
     TRANSMISSION_COLOR = 37
+    VOLUME_DIRECT = 38
+    VOLUME_INDIRECT = 39
 
 
 class State(IntEnum):

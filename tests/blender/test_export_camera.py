@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mathutils import Euler, Matrix, Vector
 
 from export_support import export, link, scene  # noqa: F401
-from glint.addon.export import ExportError
+from glint.addon.export import ExportError, Looker
 from glint.addon.export.camera import border, inverse_axes
 from glint.engine.scene import Camera
 
@@ -227,6 +227,42 @@ def test_what_the_camera_cannot_do_is_noted(scene):  # noqa: F811
     dof = scene.camera.data.dof
     scene.render.use_motion_blur, dof.use_dof, dof.focus_distance = True, True, 0
     assert len(export().notes) == 1
+
+
+def panorama(scene, **values):  # noqa: F811
+    """Blender 5 keeps these at the camera, those before it among Cycles' own."""
+    data = scene.camera.data
+    data.type = "PANO"
+    here = data if hasattr(data, "panorama_type") else data.cycles
+    for name, value in values.items():
+        setattr(here, name, value)
+
+
+def test_a_panorama_has_blenders_numbers(scene):  # noqa: F811
+    scene.camera.data.shift_x, scene.camera.data.sensor_width = 0.25, 30
+    panorama(scene, panorama_type="FISHEYE_EQUISOLID", fisheye_lens=9, fisheye_fov=2.5)
+    camera = export().scene.camera
+    assert camera.kind == "PANORAMA" and camera.window == (0.25, 1.25, 0.0, 1.0)
+    seen = camera.panorama
+    assert (seen.projection, seen.lens, seen.fov, seen.eye) == ("FISHEYE_EQUISOLID", 9, 2.5, None)
+    np.testing.assert_allclose(seen.sensor, (30, 30 * 48 / 64))
+
+
+def test_a_panorama_of_nothing_is_an_error(scene):  # noqa: F811
+    panorama(scene, panorama_type="EQUIRECTANGULAR", longitude_min=1.0, longitude_max=1.0)
+    with pytest.raises(ExportError, match=r"Camera 'Camera': .* spans nothing"):
+        export()
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "PANO"])
+def test_spherical_stereo_is_of_panoramas(scene, kind):  # noqa: F811
+    data = scene.camera.data
+    data.type, data.stereo.interocular_distance = kind, 0.5
+    looker = Looker(scene.camera, np.array(scene.camera.matrix_world, np.float64), 0.0, -1)
+    found = export(looker=looker)
+    assert len(found.notes) == (kind == "PERSP")
+    if kind == "PANO":
+        assert found.scene.camera.panorama.eye.offset == -0.25
 
 
 def test_looking_through_a_spot_light_takes_in_its_cone(scene):  # noqa: F811

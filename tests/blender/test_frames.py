@@ -83,6 +83,9 @@ key(lamp.data, "energy", 1000, 500)
 world = scene.world.node_tree.nodes["Background"].inputs["Strength"]
 key(world, "default_value", 1.0, 0.2)
 compare("materials")
+render.use_multiview = True
+compare("stereo")
+render.use_multiview = False
 key(cube, "hide_render", False, True)
 compare("vanishing")
 second.shape_key_add(name="Basis")
@@ -188,6 +191,7 @@ def test_a_frame_in_which_but_the_camera_moves_reads_nothing(animated):
     [
         ("objects", {"anew: walks"}),
         ("materials", {"anew: walks", "anew: materials", "anew: worlds"}),
+        ("stereo", {"anew: walks", "anew: materials", "anew: worlds"}),
         ("vanishing", {"anew: walks", "anew: materials", "anew: worlds"}),
         ("meshes", {"anew: walks", "anew: materials", "anew: worlds", "anew: meshes"}),
     ],

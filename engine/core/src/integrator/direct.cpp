@@ -326,7 +326,9 @@ void DirectLight::add(const Batch& batch, const Light& light, size_t count) cons
 
 /// The same after shadows, by the kind of light and surface.
 void DirectLight::split(const Batch& batch, const Light& light, size_t count) const {
-  double* const* const diffuse = light.is_bounced() ? batch.lit_bounced : batch.lit_diffuse;
+  double* const* const direct = scattering_ ? batch.lit_volume : batch.lit_diffuse;
+  double* const* const bounced = scattering_ ? batch.lit_volume_bounced : batch.lit_bounced;
+  double* const* const diffuse = light.is_bounced() ? bounced : direct;
   for (size_t k = 0; k < count; ++k) {
     const Vec3d S = shadow_[0] ? row(shadow_, k) : blocked_[k] ? Vec3d{} : Vec3d{1, 1, 1};
     for (size_t c = 0; c < 3; ++c) {

@@ -65,9 +65,10 @@ class DirectLight {
   const Stages& stages_;
   const std::atomic<bool>& cancel_;
   Scratch& scratch_;
-  bool alone_ = false;  // catchers of shadows are the only things there
-  const bool glassy_;   // some surface lets light through
-  LightStage stage_{};  // what it writes: a row for each point that a light sample reaches
+  bool alone_ = false;       // catchers of shadows are the only things there
+  bool scattering_ = false;  // points are of media and not of surfaces
+  const bool glassy_;        // some surface lets light through
+  LightStage stage_{};       // what it writes: a row for each point that a light sample reaches
   Columns columns_;
   double *zeros_ = nullptr, *distance_ = nullptr, *sky_[3] = {},
          *shadow_[3] = {};  // sky_: the rest of a dome; shadow_: S a channel; null where
