@@ -13,7 +13,7 @@ from .accelerator import Accelerator, Hits
 from .analysis.explain import PixelExplainer, explanation_lines
 from .cryptomatte import crypto_metadata, manifests
 from .errors import NO_THREAD, SceneError
-from .film import AOV, CATCHER, CRYPTOMATTES, DENOISING, LIGHTING, PARTS, PASSES, Film
+from .film import AOV, BY_SURFACE, CATCHER, CRYPTOMATTES, DENOISING, PARTS, PASSES, Film
 from .kept import KeptRender
 from .linear import affine_inverse, determinant
 from .live import LiveRender, Task, Wave
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AOV",
+    "BY_SURFACE",
     "CATCHER",
     "CRYPTOMATTES",
     "DENOISING",
-    "LIGHTING",
     "NO_THREAD",
     "PARTS",
     "PASSES",

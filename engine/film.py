@@ -44,6 +44,8 @@ PASSES = {
     "Transmission Direct": 3,
     "Transmission Indirect": 3,
     "Transmission Color": 3,
+    "Volume Direct": 3,
+    "Volume Indirect": 3,
 }
 """Pass name -> channels, with the settings' own numbers of them (`channels_of`). `SEMANTICS.md`
 says what each holds.
@@ -61,7 +63,7 @@ SEEN = ("Mist", *CRYPTOMATTES, *DENOISING)
 CATCHER = "Shadow Catcher"
 """The pass of what shadow catchers show; with it Combined has nothing of them."""
 
-LIGHTING = tuple(
+BY_SURFACE = tuple(
     f"{surface} {what}"
     for surface in ("Diffuse", "Glossy", "Transmission")
     for what in ("Direct", "Indirect", "Color")
@@ -69,6 +71,11 @@ LIGHTING = tuple(
 """Light by the kind of surface that gives it back first, straight from where it is made and by way
 of others, and what of it that surface gives back, which both are told without.
 """
+
+VOLUME = ("Volume Direct", "Volume Indirect")
+"""The same of what media scatter to the camera, whole."""
+
+LIGHTING = (*BY_SURFACE, *VOLUME)
 
 PARTS = ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror", "Emission", "Environment")
 """The passes whose sum is the colour of Combined."""

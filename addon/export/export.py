@@ -28,7 +28,7 @@ from .placing import note_catchers, note_empty_view, without_collapsed
 from .properties import Value, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
-from .unheard import note_scene
+from .unheard import note_layer, note_scene
 from .world import Sky, export_world, with_mist
 
 
@@ -97,6 +97,7 @@ def export_scene(
     sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
     sky = with_mist(sky, scene.world)
     note_scene(scene, report)
+    note_layer(depsgraph.view_layer, report)
     note_world(world, aovs, report)
     exported = collector.scene(camera, things, sky)
     if decoded is not None:

@@ -90,3 +90,25 @@ def note_scene(scene: Any, report: Report) -> None:
             "Camera and distance culling is not rendered: all objects are; hide those that are "
             "culled"
         )
+
+
+_PASSES = {
+    "use_pass_vector": "Vector",
+    "use_pass_ambient_occlusion": "Ambient Occlusion",
+}
+
+
+def note_layer(view_layer: Any, report: Report) -> None:
+    """Passes of a view layer that are not there."""
+    for switch, name in _PASSES.items():
+        if getattr(view_layer, switch):
+            report.note(
+                f"The pass {name} is not rendered in {{}}: render it in a view layer of Cycles",
+                view_layer.name,
+            )
+    if len(view_layer.lightgroups):
+        report.note(
+            "Light groups are not rendered in {}: render the lights of each in a view layer of its "
+            "own, and add these",
+            view_layer.name,
+        )

@@ -28,7 +28,7 @@ BLENDER_SWITCHES = {
 }
 """Passes that Blender's own view layer properties switch on."""
 
-LIGHT_SWITCHES = {name: f"use_pass_{name.lower().replace(' ', '_')}" for name in engine.LIGHTING}
+LIGHT_SWITCHES = {name: f"use_pass_{name.lower().replace(' ', '_')}" for name in engine.BY_SURFACE}
 """The same of light by the surface that gives it back."""
 
 PART_SWITCHES = {
@@ -50,6 +50,8 @@ _NAMES_BEFORE_5_0 = {
     "Material Index": "IndexMA",
     "Emission": "Emit",
     "Environment": "Env",
+    "Volume Direct": "VolumeDir",
+    "Volume Indirect": "VolumeInd",
     **{
         f"{surface} {what}": short + what[:3]
         for surface, short in {
@@ -83,7 +85,11 @@ _KINDS = {
 }
 
 
-CYCLES_SWITCHES = {engine.CATCHER: "use_pass_shadow_catcher"}
+CYCLES_SWITCHES = {
+    "Volume Direct": "use_pass_volume_direct",
+    "Volume Indirect": "use_pass_volume_indirect",
+    engine.CATCHER: "use_pass_shadow_catcher",
+}
 """Passes that properties of Cycles' view layers switch on, where its add-on is on."""
 
 DENOISING = "denoising_store_passes"

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..film import CATCHER
+from ..film import CATCHER, VOLUME
 from . import catchers
 from .gloss import reflecting
 from .lighting import DirectLight
@@ -200,7 +200,7 @@ class Generations:
         self._see_lights(paths, depth, spans)
         if media.emits:
             glow = media.pieces(spans, paths.rays.near, depth).glow()
-            self._tile.add(paths.part("Emission"), paths.pixel, paths.weight * glow)
+            self._add(paths, "Emission", paths.pixel, paths.weight * glow)
         self._scatter(paths, spans, depth)
         passed = media.passed(spans, paths.rays.near, depth)
         return replace(paths, weight=paths.weight * passed)
@@ -215,10 +215,15 @@ class Generations:
             rays, weight, pixel = paths.rays.take(some), pick(paths.weight, some), paths.pixel[some]
             for found in scattered(stage, rays, spans.take(some), depth[some], self._sample):
                 here, light = pixel[found.ray], pick(weight, found.ray) * found.light
-                tile.add(paths.part("Diffuse"), here, light)
+                self._add(paths, "Diffuse", here, light)
                 if found.source.light.cast_shadow:
                     tile.charge(here)
-                    tile.add(paths.part("Shadow"), here, light * (found.shadow.T - 1.0))
+                    dark = light * (found.shadow.T - 1.0)
+                    self._add(paths, "Shadow", here, dark)
+                    light = light + dark
+                if stage.splits and paths.depth == 0:
+                    is_bounced = found.source.light.kind == "BOUNCED"
+                    tile.add(VOLUME[is_bounced], here, light)
 
     def _see_lights(self, paths: Paths, depth: Array, spans: Spans | None = None) -> None:
         """spans: of the media between, or None."""
@@ -386,15 +391,15 @@ class Generations:
 
     def _listeners(
         self, pixel: Array
-    ) -> tuple[Callable[[Source, Array], None], Callable[[Array], None]]:
+    ) -> tuple[Callable[[Source, Array, bool], None], Callable[[Array], None]]:
         """What the lighting of points of these pixels is to tell which light reaches them, and
         whose horizon cuts one.
         """
 
-        def on_reach(source: Source, seen: Array) -> None:
+        def on_reach(source: Source, seen: Array, is_soft: bool) -> None:
             if source.light.cast_shadow:
                 self._tile.charge(pixel[seen])
-            if source.is_soft(self._stage.settings.light_samples):
+            if is_soft:
                 self._tile.softly_lit[pixel[seen]] = True
 
         def on_cut(seen: Array) -> None:

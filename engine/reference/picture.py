@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..film import (
+    BY_SURFACE,
     CATCHER,
     CRYPTOMATTES,
     DENOISING,
@@ -14,6 +15,7 @@ from ..film import (
     PARTS,
     PASSES,
     SEEN,
+    VOLUME,
     aov_pass,
     empty_value,
 )
@@ -190,12 +192,14 @@ class Picture:
         light.
         """
         found = {}
-        for k in range(0, len(LIGHTING) if LIGHTING[0] in self._parts else 0, 3):
-            direct, indirect, color = (self._parts[name] for name in LIGHTING[k : k + 3])
+        is_known = VOLUME[0] in self._parts
+        for k in range(0, len(BY_SURFACE) if is_known else 0, 3):
+            direct, indirect, color = (self._parts[name] for name in BY_SURFACE[k : k + 3])
             over = np.where(color != 0, color, samples)
             bare = (color == 0) & ((direct != 0) | (indirect != 0))
             told = direct / over, indirect / over, np.where(bare, 1.0, color / samples)
-            found |= dict(zip(LIGHTING[k : k + 3], told, strict=True))
+            found |= dict(zip(BY_SURFACE[k : k + 3], told, strict=True))
+        found |= {name: self._parts[name] / samples for name in VOLUME if is_known}
         return {name: values for name, values in found.items() if name in self._passes}
 
     def _ranked(self, name: str) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from export_support import export, link, mesh_object, quad, scene  # noqa: F401
+from export_support import export, link, mesh_object, quad, scene, use_nodes  # noqa: F401
 from glint.engine.scene import Instances
 
 
@@ -262,6 +262,36 @@ def test_material_override_of_the_view_layer(scene):  # noqa: F811
     quad("Quad", bpy.data.materials.new("Own"))
     bpy.context.view_layer.material_override = bpy.data.materials.new("Override")
     assert [m.name for m in export().scene.materials] == ["Override"]
+
+
+@pytest.mark.skipif(
+    "world_override" not in bpy.types.ViewLayer.bl_rna.properties,
+    reason="this Blender has no such override",
+)
+def test_world_override_of_the_view_layer(scene):  # noqa: F811
+    world = bpy.data.worlds.new("Override")
+    use_nodes(world)
+    tree = world.node_tree
+    tree.nodes.clear()
+    shader, output = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Background", "OutputWorld"))
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    shader.inputs["Color"].default_value = (0.25, 0.5, 1.0, 1.0)
+    bpy.context.view_layer.world_override = world
+    np.testing.assert_allclose(export().scene.world.background, (0.25, 0.5, 1.0))
+
+
+@pytest.mark.parametrize("switch", ["use_pass_vector", "use_pass_ambient_occlusion"])
+def test_passes_that_are_not_there_are_noted(scene, switch):  # noqa: F811
+    quad()
+    setattr(bpy.context.view_layer, switch, True)
+    assert any("is not rendered in" in note for note in export().notes)
+
+
+def test_light_groups_are_noted(scene):  # noqa: F811
+    quad()
+    assert not export().notes
+    bpy.context.view_layer.lightgroups.add(name="Key")
+    assert any(note.startswith("Light groups") for note in export().notes)
 
 
 @pytest.mark.parametrize("was_on", [True, False])

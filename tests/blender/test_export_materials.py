@@ -162,11 +162,11 @@ def test_what_is_not_understood_is_the_default_and_one_note(scene):  # noqa: F81
     for name in ("One", "Two"):
         shader = Shader(name)
         set_inputs(shader.shader, Color=RED)
-        shader.link(shader.node("ShaderNodeAmbientOcclusion"), 0, shader.shader, "Color")
+        shader.link(shader.node("ShaderNodeShaderToRGB"), 0, shader.shader, "Color")
     result, lobes = shader.export()
     np.testing.assert_allclose(total(lobes, "DIFFUSE"), RED[:3])
     (note,) = result.notes
-    assert "Ambient Occlusion" in note
+    assert "Shader to RGB" in note
     assert "'One', 'Two'" in note
 
 

@@ -99,11 +99,11 @@ def test_cycles_visibility_counts(scene, world, off, seen, shines):  # noqa: F81
 def test_what_is_not_understood_is_the_default(scene, world):  # noqa: F811
     tree, background = world
     background.inputs["Color"].default_value = (0.25, 0.5, 1, 1)
-    unknown = tree.nodes.new("ShaderNodeAmbientOcclusion")
+    unknown = tree.nodes.new("ShaderNodeShaderToRGB")
     tree.links.new(unknown.outputs[0], background.inputs["Color"])
     result = export()
     assert result.scene.world.background == (0.25, 0.5, 1)
-    assert any("Ambient Occlusion" in note and "'World'" in note for note in result.notes)
+    assert any("Shader to RGB" in note and "'World'" in note for note in result.notes)
 
 
 def test_values_that_are_not_finite_are_black(scene, world):  # noqa: F811

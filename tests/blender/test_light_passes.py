@@ -5,7 +5,7 @@ import numpy as np
 
 from blender_process import Blender
 from glint.addon.render.result import blender_name
-from glint.engine.film import LIGHTING
+from glint.engine.film import BY_SURFACE
 from test_addon_passes import DRAW, read_channels
 
 
@@ -37,7 +37,7 @@ bpy.ops.render.render(write_still=True)
 
     total = image("ViewLayer", "Emission") + image("ViewLayer", "Environment")
     for k in range(0, 9, 3):
-        direct, indirect, color = (image("ViewLayer", name) for name in LIGHTING[k : k + 3])
+        direct, indirect, color = (image("ViewLayer", name) for name in BY_SURFACE[k : k + 3])
         total += (direct + indirect) * color
     np.testing.assert_allclose(total, image("ViewLayer", "Combined"), atol=1e-5)
     assert image("Plain", "Shadow Catcher").min() < 1

@@ -7,7 +7,7 @@ import pytest
 
 import cycles_reference as cycles
 from cycles_reference import bpy
-from glint.engine.film import LIGHTING
+from glint.engine.film import BY_SURFACE
 from glint_picture import render_glint, surface_interior
 from small_scenes import (
     add,
@@ -22,7 +22,7 @@ from small_scenes import (
 )
 
 SIZE = 40, 30
-NAMES = tuple(f"use_pass_{name.lower().replace(' ', '_')}" for name in LIGHTING)
+NAMES = tuple(f"use_pass_{name.lower().replace(' ', '_')}" for name in BY_SURFACE)
 
 
 def glass():
@@ -51,14 +51,14 @@ def scene_of_kinds():
 def both() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     scene = scene_of_kinds()
     plan = {"samples": 16, "light_samples": 4, "filter_width": 0.0, "max_bounces": 8}
-    ours = render_glint(scene, "NATIVE", passes=frozenset({*LIGHTING, "Position"}), **plan).passes
+    ours = render_glint(scene, "NATIVE", passes=frozenset({*BY_SURFACE, "Position"}), **plan).passes
     cycles.make_exact(scene, 256, bounces=8)
     scene.cycles.transmission_bounces = 8
     scene.cycles.diffuse_bounces = 0
     return ours, cycles.render_passes(scene)
 
 
-@pytest.mark.parametrize("name", LIGHTING)
+@pytest.mark.parametrize("name", BY_SURFACE)
 def test_they_are_those_of_cycles(name: str, both) -> None:
     ours, truth = both
     inside = surface_interior(truth)

@@ -11,19 +11,27 @@ import media_scenes
 from engine_scenes import SCENES as PLAIN
 from glint import engine
 from glint.engine import scene as s
-from glint.engine.film import LIGHTING
+from glint.engine.film import LIGHTING, VOLUME
 from native_tools import constant, draw, lamp, material, needs_core, placed, square, view_from_above
 
-SCENES = PLAIN | {"media": media_scenes.rich}
+
+def fog() -> s.Scene:
+    """Media that scatter, and glow, before mirrors and glass."""
+    scene = media_scenes.rich()
+    haze = s.Medium((0.01, 0.02, 0.03), scattering=(0.05, 0.04, 0.02), emission=(0.01, 0.0, 0.02))
+    return replace(scene, world=replace(scene.world, medium=haze))
+
+
+SCENES = PLAIN | {"media": media_scenes.rich, "fog": fog}
 BACKENDS = [pytest.param("NATIVE", marks=needs_core), "NUMPY"]
 REST = ("Emission", "Environment")
 LIT = {"mesh_light": "ON", "diffuse_bounces": 2, "reflections": "ALL", "max_bounces": 3}
-ALL_LIGHT = ("mirrors", "glass", "far_and_emitting")
+ALL_LIGHT = ("mirrors", "glass", "far_and_emitting", "fog")
 
 
 def recombined(passes: dict[str, np.ndarray]) -> np.ndarray:
     """(h, w, 3) as a compositor puts them together."""
-    total = passes["Emission"].astype(float) + passes["Environment"]
+    total = sum(passes[name].astype(float) for name in (*REST, *VOLUME))
     for kind in ("Diffuse", "Glossy", "Transmission"):
         direct, indirect, color = (
             passes[f"{kind} {what}"].astype(float) for what in ("Direct", "Indirect", "Color")
@@ -131,7 +139,7 @@ def test_light_of_a_lobe_without_a_colour_has_the_colour_one(backend: str) -> No
 
 @needs_core
 def test_same_bits_with_and_without_them_over_threads_waves_and_regions() -> None:
-    for name in ("glass", "alpha", "soft_lights", "media"):
+    for name in ("glass", "alpha", "soft_lights", "fog"):
         scene = SCENES[name]()
         plan = engine.Settings(
             samples=16, light_samples=2, threads=1, error_threshold=2.0, passes=frozenset(LIGHTING)

@@ -4,6 +4,7 @@ core against the reference.
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -233,6 +234,36 @@ def test_blockers_that_a_light_passes_do_not_dim_it(backend: str) -> None:
     linked = seen(replace(scene, instances=(scene.instances[0], passed)), backend)
     np.testing.assert_allclose(linked, free, rtol=1e-6)
     assert dimmed.max() < 0.5 * free.max()
+
+
+def test_fog_that_moves() -> None:
+    """Each sample is a scene that takes over from the one before."""
+    scene = rich()
+    keys = np.repeat(scene.instances[1].world_from_object[None], 3, 0)
+    keys[:, :, 0, 3] += np.array([0.0, 0.3, 0.8])[:, None]
+    moving = (scene.instances[0], replace(scene.instances[1], motion=keys), *scene.instances[2:])
+    films = both(replace(scene, instances=moving), samples=2, light_samples=1)
+    np.testing.assert_allclose(films[0].combined, films[1].combined, rtol=1e-4, atol=1e-5)
+    assert (films[0].combined != both(scene, samples=2, light_samples=1)[0].combined).any()
+
+
+def test_pictures_while_media_change() -> None:
+    """Of scenes that take over from each other, as a viewport's do."""
+    live = engine.LiveRender()
+    settings = engine.Settings(samples=1, threads=1)
+    try:
+        for medium in (DENSE, None, s.Medium((0.1, 0.0, 0.3))):
+            scene = rich()
+            materials = (scene.materials[0], replace(scene.materials[1], medium=medium))
+            scene = replace(scene, materials=(*materials, *scene.materials[2:]))
+            live.start([engine.Task(scene, settings)])
+            while live.busy:
+                time.sleep(0.002)
+            assert live.error is None
+            drawn, fresh = live.newest.film.combined, engine.render(scene, settings).combined
+            np.testing.assert_allclose(drawn, fresh, atol=1e-6)
+    finally:
+        live.close()
 
 
 def test_what_is_refused() -> None:

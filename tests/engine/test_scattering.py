@@ -173,15 +173,16 @@ def test_all_that_lights_fog_and_its_passes() -> None:
         world=s.World(background=(0.2, 0.2, 0.2)),
     )
     parts = ("Diffuse", "Specular", "Ambient", "Shadow", "Mirror", "Emission", "Environment")
+    split = ("Diffuse Direct", "Diffuse Indirect", "Volume Direct", "Volume Indirect")
     films = both(
         scene,
         samples=2,
         light_samples=1,
         diffuse_bounces=1,
-        passes=frozenset(parts),
+        passes=frozenset((*parts, *split)),
         region=(16, 12, 48, 36),
     )
-    for name in ("Combined", *parts):
+    for name in ("Combined", *parts, *split):
         first, second = (film.passes[name] for film in films)
         np.testing.assert_allclose(first, second, rtol=1e-4, atol=1e-5, err_msg=name)
     total = sum(films[0].passes[name].astype(float) for name in parts)

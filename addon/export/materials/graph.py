@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 LONGEST = 4096
@@ -146,7 +147,7 @@ class Place:
     def node(self) -> Any:
         return self.socket.node
 
-    @property
+    @cached_property
     def key(self) -> tuple[int, ...]:
         """The same for the same socket reached by the same way."""
         return (self.socket.as_pointer(), *(node.as_pointer() for node in self.path))

@@ -8,21 +8,21 @@ from .reader import READERS, NodeInputs, Outputs
 def _ambient_occlusion(view: NodeInputs) -> Outputs:
     """Nothing is hidden."""
     view.reader.note(
-        "Ambient Occlusion nodes find nothing near in {}: AO is 1; bake it to an image"
+        "Node 'Ambient Occlusion' finds nothing near in {}: AO is 1; bake it to an image"
     )
     return {"Color": view.value("Color"), "AO": view.reader.graph.constant(1.0)}
 
 
 def _bevel(view: NodeInputs) -> Outputs:
     """Edges stay sharp."""
-    view.reader.note("Bevel nodes leave edges sharp in {}: use a Bevel modifier")
+    view.reader.note("Node 'Bevel' leaves edges sharp in {}: use a Bevel modifier")
     given = view.value("Normal") if view.is_linked("Normal") else view.reader.normal()
     return {"Normal": given}
 
 
 def _raycast(view: NodeInputs) -> Outputs:
     """Nothing is met."""
-    view.reader.note("Raycast nodes meet nothing in {}")
+    view.reader.note("Node 'Raycast' meets nothing in {}: bake it to an image")
     zero, nowhere = (view.reader.graph.constant(x) for x in (0.0, (0.0, 0.0, 0.0)))
     numbers = dict.fromkeys(("Is Hit", "Self Hit", "Hit Distance"), zero)
     return {**numbers, "Hit Position": nowhere, "Hit Normal": nowhere}

@@ -71,7 +71,7 @@ class LampReader(BareReader):
         if name == "normal_to_world":
             return (self.object_to_world(*arguments),)
         if name == "transform_vector":
-            self.note("Vectors are not transformed in the nodes of the light {}: they stay")
+            self.note(f"Node '{self.reading}' turns nothing in {{}}: vectors stay as they are")
             return arguments
         if name == "light_path":  # Cycles calls no ray to a light a shadow ray here
             camera, _, bounced = super().apply(name)

@@ -245,10 +245,11 @@ class NodeInputs:
 
     def __init__(self, reader: TreeReader, place: Place) -> None:
         self.reader, self.place, self.node = reader, place, place.node
+        self._sockets: dict[str, Any] | None = None
 
     def value(self, name: str) -> Value:
         """The value of the input with this identifier or name, of the socket's own type."""
-        return self.reader.passed_on(self.place.beside(socket_named(self.node.inputs, name)))
+        return self.reader.passed_on(self.place.beside(self._socket(name)))
 
     def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         return self.reader.apply(name, *arguments, **settings)
@@ -259,8 +260,14 @@ class NodeInputs:
 
     def is_linked(self, name: str) -> bool:
         """Whether a value comes in at the input with this identifier or name."""
-        socket = socket_named(self.node.inputs, name)
+        socket = self._socket(name)
         return socket is not None and self.reader.is_fed(self.place.beside(socket))
+
+    def _socket(self, name: str) -> Any:
+        """The input with this identifier or name, or None."""
+        if self._sockets is None:
+            self._sockets = {socket.identifier: socket for socket in self.node.inputs}
+        return self._sockets.get(name) or socket_named(self.node.inputs, name)
 
     def used(self, makers: Mapping[str, Callable[[], Value]]) -> Outputs:
         """Of the outputs that something reads what makes their values says."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from ....engine.program.graph import Value
-from ....engine.program.operations_input import Space
 from .bare import ZERO, BareReader
 from .mapping import texture_mapped
 from .reader import READERS, NodeInputs, Outputs
@@ -43,10 +42,7 @@ class SkyReader(BareReader):
         if name in _AGAINST:
             return super().apply("incoming")
         if name == "transform_vector":
-            if Space.CAMERA in (settings["convert_from"], settings["convert_to"]):
-                self.note(
-                    "The camera's axes are not known in the world {}: vectors stay as they are"
-                )
+            self.note(f"Node '{self.reading}' turns nothing in {{}}: vectors stay as they are")
             return arguments
         if name in _VIEW:
             self.note(

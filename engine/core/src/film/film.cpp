@@ -208,7 +208,9 @@ void Film::publish_seen(const Tile& tile, int pass, const SlotTable& slots, uint
 
 /// Direct and indirect light over its colour, which is 1 where it is 0 and there is light.
 void Film::publish_lighting(const Tile& tile, const SlotTable& slots, uint32_t samples) {
-  for (int first = kFirstLighting; first <= kLastLighting; first += 3)
+  for (int pass = GLINT_PASS_VOLUME_DIRECT; pass <= kLastLighting; ++pass)
+    if (wants(pass)) publish_seen(tile, pass, slots, samples);
+  for (int first = kFirstLighting; first < GLINT_PASS_VOLUME_DIRECT; first += 3)
     for (size_t c = 0; c < 3; ++c)
       for (size_t k = 0; k < tile.pixels(); ++k) {
         const auto sum = [&](int part) { return sums(tile, first + part)[c * tile.stride() + k]; };

@@ -11,7 +11,7 @@ constexpr Passes pass_bit(int pass) { return Passes(1) << pass; }
 
 /// Light by the kind of surface that gives it back first, and what of it this does.
 constexpr int kFirstLighting = GLINT_PASS_DIFFUSE_DIRECT,
-              kLastLighting = GLINT_PASS_TRANSMISSION_COLOR;
+              kLastLighting = GLINT_PASS_VOLUME_INDIRECT;
 constexpr Passes kLightingPasses = pass_bit(kLastLighting + 1) - pass_bit(kFirstLighting);
 
 }  // namespace glint

@@ -5,7 +5,7 @@ namespace {
 
 constexpr size_t kFixed = 1 + 3 + 3 + 3 + 2 + 3 + 3;  // t, x, g, offset and weights, diffuse, total
 constexpr size_t kSmooth = 3 + 3;                     // n, origin
-constexpr size_t kParts = 6 * 3, kSplit = 3 * 3;
+constexpr size_t kParts = 6 * 3, kSplit = 5 * 3;
 
 }  // namespace
 
@@ -29,7 +29,8 @@ void Batch::begin(const Queue& rays) {
     if (!splits_) continue;
     only_total.emission[c] = parts_.emission[c];
     only_total.environment[c] = parts_.environment[c];
-    for (double* column : {lit_diffuse[c], lit_bounced[c], lit_specular[c]})
+    for (double* column :
+         {lit_diffuse[c], lit_bounced[c], lit_specular[c], lit_volume[c], lit_volume_bounced[c]})
       std::fill_n(column, primary ? count_ : 0, 0.0);
   }
   sums = primary ? parts_ : only_total;
@@ -91,7 +92,7 @@ void Batch::place_columns() {
     three(parts_.specular);
     three(parts_.shadow);
   }
-  for (auto* to : {&lit_diffuse, &lit_bounced, &lit_specular})
+  for (auto* to : {&lit_diffuse, &lit_bounced, &lit_specular, &lit_volume, &lit_volume_bounced})
     if (splits_) three(*to);
   specular = scene_.max_specular > 0 ? columns_[next] : nullptr;
   next += size_t(scene_.specular_columns * scene_.max_specular);

@@ -67,8 +67,10 @@ void DirectLight::scatter(Batch& batch, const MediaSpans& spans, const Vec3d* cl
   place_points(batch);
   for (size_t k = 0; batch.softly_lit && k < batch.size(); ++k)
     if (depths_.any(k)) batch.mark_softly_lit(k, Refinement::kReached | Refinement::kCut);
+  scattering_ = true;
   for (const Light& light : scene_.lights)
     scatter_light(batch, spans, clear, light, sample, counts);
+  scattering_ = false;
 }
 
 void DirectLight::scatter_light(const Batch& batch, const MediaSpans& spans, const Vec3d* clear,

@@ -299,8 +299,10 @@ void Scene::place_media(const GlintSceneData& data) {
     int32_t medium = 0;
     for (uint32_t k = 0; medium == 0 && k < g.material_count; ++k)
       medium = materials[material_slots[g.first_material + k]].medium;
-    const Extent& box = extents_[g.geometry];
-    if (medium == 0 || geometry(g).kind == GLINT_STRANDS || box.empty()) continue;
+    if (medium == 0 || geometry(g).kind == GLINT_STRANDS) continue;
+    // The scene's radius is not asked for where it stays in an earlier one's space.
+    const Extent box = extents_.empty() ? extent_of(geometry(g)) : extents_[g.geometry];
+    if (box.empty()) continue;
     Extent placed;
     const Affine m = anchored(placements[i].row);
     for (int k = 0; k < 8; ++k) placed.grow(point(m, box.corner(k)));
