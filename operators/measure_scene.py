@@ -362,6 +362,7 @@ _NAMES = {
     "samples": ("sample", "samples"),
     "error_threshold": ("threshold",),
     "light_samples": ("light sample", "light samples"),
+    "lamp_shadows": ("lamp shadow", "lamp shadows"),
     "max_bounces": ("bounce", "bounces"),
     "cutoff": ("cutoff",),
     "volume_samples": ("volume sample", "volume samples"),

@@ -108,6 +108,7 @@ class _SamplingPanel(_Panel):
         "samples",
         "error_threshold",
         "light_samples",
+        "lamp_shadows",
         "volume_samples",
         "max_bounces",
         "cutoff",

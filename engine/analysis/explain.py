@@ -70,7 +70,18 @@ def summary(ray: Ray) -> str:
         [f"{light} is blocked by {thing}" for light, thing in _blocked(ray.hit)] if ray.hit else []
     )
     lens = ["other samples look through other points of the lens"] if ray.kind == "lens" else []
-    return "; ".join([what + lit, *blocked, *lens])
+    return "; ".join([what + lit, *blocked, *lens, *_sharing(ray.hit)])
+
+
+def _sharing(hit: Hit | None) -> list[str]:
+    """What is told where there are many lamps."""
+    if hit is None or not any(hit.shared):
+        return []
+    rays, samples = hit.shared
+    return [
+        f"each sample of the picture looks for the shadows of {rays} of {samples} samples of lamps "
+        "(Lamp Shadows), here all are looked for"
+    ]
 
 
 def _contributions(ray: Ray, way: str = "") -> Iterator[tuple[str, float]]:

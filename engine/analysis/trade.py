@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..film import FIRST_ESTIMATE
-from ..native.packing_settings import is_soft
+from ..lights.lamps import is_soft, shared_samples
 from ..scene import Scene
 from ..settings import Settings
 from . import metrics
@@ -104,6 +104,11 @@ def scatters(scene: Scene, settings: Settings) -> bool:
     return settings.lighting["bounces"] > 0 and bool(scene.instances)
 
 
+def has_many_lamps(scene: Scene, settings: Settings) -> bool:
+    """Whether lamps share shadow rays at some of the numbers that are measured."""
+    return shared_samples(scene.lights, replace(settings, lamp_shadows=8)) > 0
+
+
 def has_fog(scene: Scene, settings: Settings) -> bool:
     """Whether media scatter light."""
     return scene.scatters and bool(scene.lights)
@@ -113,6 +118,7 @@ KNOBS = (
     Knob("samples", (1, 2, 4, 8, 16, 32, 64), lambda scene, settings: True),
     Knob("error_threshold", (8.0, 2.0, 0.0), lambda scene, settings: True, falling=True),
     Knob("light_samples", (1, 2, 4, 8, 16), has_soft_lights),
+    Knob("lamp_shadows", (8, 16, 32, 64), has_many_lamps, group="lamps"),
     Knob("max_bounces", (0, 1, 2, 4, 8), has_bounces, group="bounces"),
     Knob("cutoff", (0.01, 0.0), has_bounces, falling=True, group="bounces"),
     Knob("diffuse_bounces", (0, 1, 2, 4), scatters, group="diffuse"),
@@ -554,6 +560,7 @@ def reference_settings(
         light_samples=light_samples,
         max_bounces=bounces,
         cutoff=0.0,
+        lamp_shadows=0,
         diffuse_bounces=max(diffuse, _REFERENCE_DIFFUSE) if scatters(scene, base) else diffuse,
         volume_samples=max(_REFERENCE_VOLUME, *(s.volume_samples for s in grid))
         if has_fog(scene, base)

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..accelerator import Accelerator
 from ..sampling import chosen, concentric_disc, dome_points, tabled, walk_points
-from ..scene import Bounces, Light, Scene
+from ..scene import EVERYTHING, Bounces, Light, Scene
 from .mesh_lights import MeshTable, along_a_curve
 from .met_surfaces import met_surfaces
 from .walk_starts import FEWEST, ROUNDED, Start, cosine_around, starts
@@ -171,9 +171,9 @@ def _spreads(points: Array, weights: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Steps:
-    """n walks on their way. start: which began them. number: among those of their start.  o, d:
-    (3, n).  carried: (3, n) what is left of the light, or what it is once a surface scattered it.
-    weight: (n,) how likely points of it are taken.  scattered: (n,) how often it was.
+    """n walks on their way. start: which began them, in order. number: among those of their start.
+    o, d: (3, n).  carried: (3, n) what is left of the light, or what it is once a surface scattered
+    it. weight: (n,) how likely points of it are taken.  scattered: (n,) how often it was.
     """
 
     start: Array
@@ -261,8 +261,11 @@ class _Walks:
             steps = steps.take(hit)
             white = steps.carried.copy()
             passed = np.zeros(len(hit), bool)
-            for which, start in enumerate(begun):
-                fresh = np.flatnonzero((steps.scattered == 0) & (steps.start == which))
+            ends = np.searchsorted(steps.start, np.arange(len(begun) + 1))
+            for start, first, end in zip(begun, ends[:-1], ends[1:], strict=True):
+                fresh = first + np.flatnonzero(steps.scattered[first:end] == 0)
+                if not len(fresh):
+                    continue
                 white[:, fresh] *= start.given(surface.x[:, fresh], steps.number[fresh])
                 white[:, fresh[_without(start.receivers, sets[fresh])]] = 0.0
                 passed[fresh] = _without(start.blockers, sets[fresh])
@@ -321,6 +324,8 @@ class _Walks:
 
 def _without(bits: int, sets: Array) -> Array:
     """(m,) bool: which of the sets have no bit."""
+    if bits == EVERYTHING:
+        return np.zeros(len(sets), bool)
     return np.array([not bits >> int(number) & 1 for number in sets], bool)
 
 

@@ -31,6 +31,7 @@ import numpy as np
 
 from ..errors import NO_THREAD, SceneError
 from ..film import Film, aov_pass, channels_of, empty_value
+from ..lights.lamps import sharing_stats
 from ..sampling.motion import is_moving
 from ..scene import Scene, left_out
 from ..scene.view_axes import ViewAxes, narrow_view_axes
@@ -272,7 +273,7 @@ class _Render:
     ) -> None:
         self._core, self._handle, self._axes, self._on_moving = core, handle, axes, on_moving
         self._names, self._crypto_ids = passes_of(settings), settings.crypto_ids
-        self._aovs = scene.aovs
+        self._aovs, self._lights, self._settings = scene.aovs, scene.lights, settings
         x0, y0, x1, y1 = settings.region or (0, 0, *scene.camera.resolution)
         self._shape = (y1 - y0, x1 - x0)
 
@@ -328,7 +329,7 @@ class _Render:
             self._axes.world_passes(passes) if self._axes else passes,
             samples,
             complete,
-            _stats(data),
+            _stats(data) | sharing_stats(self._lights, self._settings),
         )
 
     def _pass(self, name: str, samples: int, ended: bool) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..film import PASSES
+from ..lights.lamps import is_soft
 from ..lights.mesh_lights import MeshTable
 from ..sampling import light_points, lobe_points, pixel_offsets, scatter_offsets
 from ..sampling.lens import BLOCK, lens_points
@@ -168,13 +169,6 @@ def passes_of(settings: Settings) -> tuple[str, ...]:
         raise SceneError(f"no such pass: {', '.join(unknown)}")
     wanted = {"Combined", *settings.passes}
     return tuple(sorted(wanted, key=PASS_NUMBERS.__getitem__))
-
-
-def is_soft(light: Light) -> bool:
-    if light.kind in ("DOME", "MESH", "BOUNCED"):
-        return False
-    extents = {"SUN": (light.angle,), "AREA": (light.size_x, light.size_y)}
-    return any(extent > 0 for extent in extents.get(light.kind, (light.radius,)))
 
 
 def _has_rough_glass(scene: Scene) -> bool:

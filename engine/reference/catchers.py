@@ -24,7 +24,7 @@ def ratio(
     coefficients: Coefficients,
     weight: Array,
     sample: int,
-    on_reach: Callable[[Source, Array], None] = lambda source, seen: None,
+    on_reach: Callable[[Source, Array, bool], None] = lambda source, seen, is_soft: None,
     on_cut: Callable[[Array], None] = lambda seen: None,
 ) -> Array:
     """(3, n) the light on catchers over that which they had if there were nothing else; arguments

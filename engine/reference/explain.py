@@ -67,7 +67,8 @@ class Hit:
     segment's ends, zeros elsewhere.  depth: ray parameter; of camera rays the depth along the view.
     normal: n, turned to the viewer.  ambient, emission: k_a I_a and k_e.  holdout: nothing is seen
     here.  caught: of a shadow catcher that the camera sees, the share of its light that other
-    things leave to it; None elsewhere.
+    things leave to it; None elsewhere.  shared: of how many shadow rays of a sample how many
+    samples of lamps have a share; zeros where each has its own.
     """
 
     thing: str
@@ -84,6 +85,7 @@ class Hit:
     lights: tuple[LightTerm, ...]
     holdout: bool = False
     caught: Numbers | None = None
+    shared: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True)
@@ -275,6 +277,7 @@ class Explainer:
             lights=tuple(self._lights(surface, coefficients, paths.weight)),
             holdout=instances.holdout,
             caught=self._caught(surface, coefficients, paths),
+            shared=(stage.lighting.marks, stage.shared_samples),
         )
 
     # --- lights

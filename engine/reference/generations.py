@@ -391,15 +391,15 @@ class Generations:
 
     def _listeners(
         self, pixel: Array
-    ) -> tuple[Callable[[Source, Array], None], Callable[[Array], None]]:
+    ) -> tuple[Callable[[Source, Array, bool], None], Callable[[Array], None]]:
         """What the lighting of points of these pixels is to tell which light reaches them, and
         whose horizon cuts one.
         """
 
-        def on_reach(source: Source, seen: Array) -> None:
+        def on_reach(source: Source, seen: Array, is_soft: bool) -> None:
             if source.light.cast_shadow:
                 self._tile.charge(pixel[seen])
-            if source.is_soft(self._stage.settings.light_samples):
+            if is_soft:
                 self._tile.softly_lit[pixel[seen]] = True
 
         def on_cut(seen: Array) -> None:

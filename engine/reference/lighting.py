@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..lights.lamps import may_share
 from ..scene import EVERYTHING
 from .gloss import Narrow
 from .lights import CENTER, LightPoint, LightSample, Source
@@ -16,6 +17,7 @@ from .materials import Coefficients, Term, taken
 from .optics import blinn_phong, gloss, sheen
 from .pulse import Pulse
 from .shadows import Shadows
+from .shared_lamps import Given, share_shadows
 from .surface import Surface
 from .tabled_lights import BouncedSource, Dome, MeshSource
 from .vectors import add_at, dot, pick
@@ -40,7 +42,8 @@ class DirectLight:
 @dataclass(frozen=True, eq=False)
 class Lighting:
     """The lights of a scene. points: the samples on extended lights, light_samples for each sample
-    of a pixel.  sets: (r,) `Instances.light_set` of each row of the placements.
+    of a pixel.  sets: (r,) `Instances.light_set` of each row of the placements.  marks: how many
+    shadow rays of a point and sample lamps share; 0 where each sample of a lamp has its own.
     catchers_alone: lights are as if shadow catchers were the only things there.
     """
 
@@ -50,6 +53,7 @@ class Lighting:
     shadows: Shadows
     pulse: Pulse
     sets: Array
+    marks: int = 0
     catchers_alone: bool = False
 
     def lights(self, source: Source, surface: Surface) -> Array:
@@ -86,12 +90,13 @@ class Lighting:
         coefficients: Coefficients,
         weight: Array,
         sample: int,
-        on_reach: Callable[[Source, Array], None],
+        on_reach: Callable[[Source, Array, bool], None],
         on_cut: Callable[[Array], None],
     ) -> DirectLight:
         """What all lights add at the points of `surface` in sample `sample` of their pixels.
         weight: (3, n) T of the rays that see them. on_reach: told which points each sample of a
-        light reaches.  on_cut: told the points whose horizon cuts a light of more than one sample.
+        light reaches, or which ask for its shadow, and whether its pixels take more samples before
+        they may stop.  on_cut: told the points whose horizon cuts a light of more than one sample.
         """
         total = DirectLight(*(np.zeros((3, len(surface))) for _ in range(6)))
         given = coefficients.diffuse.any(0)
@@ -101,6 +106,8 @@ class Lighting:
             lit = given & self.lights(source, surface)
             if source.sample_count(self.light_samples) > 1 and source.color.any():
                 on_cut(np.flatnonzero(lit & source.is_cut(surface.x, surface.n)))
+            if self._shares(source):
+                continue
             balance = np.zeros(len(surface), np.intp)  # directions open less hidden
             for narrow, light_sample, diffuse in self.samples(
                 surface, coefficients, weight, source, sample
@@ -109,7 +116,7 @@ class Lighting:
                 seen, dimmed = self._add(
                     surface, coefficients, lit, source, narrow, light_sample, diffuse, total
                 )
-                on_reach(source, seen)
+                on_reach(source, seen, source.is_soft(self.light_samples))
                 if diffuse is coefficients.diffuse:
                     balance[seen] += np.where(dimmed, -1, 1)
             if isinstance(source, Dome):
@@ -118,7 +125,51 @@ class Lighting:
                 rest = pick(coefficients.diffuse, open_) * rest
                 add_at(total.diffuse, open_, rest)
                 add_at(total.lit_diffuse, open_, rest)
+        if self.marks and given.any():
+            self._share(surface, coefficients, weight, sample, given, on_reach, total)
         return total
+
+    def _shares(self, source: Source) -> bool:
+        return self.marks > 0 and may_share(source.light)
+
+    def _share(
+        self,
+        surface: Surface,
+        coefficients: Coefficients,
+        weight: Array,
+        sample: int,
+        given: Array,
+        on_reach: Callable[[Source, Array, bool], None],
+        total: DirectLight,
+    ) -> None:
+        """Adds the lamps that share shadow rays."""
+        current: list[Source] = []
+
+        def samples() -> Iterator[Given]:
+            for source in self.sources:
+                if not self._shares(source):
+                    continue
+                current[:] = [source]
+                lit = given & self.lights(source, surface)
+                for narrow, light_sample, diffuse in self.samples(
+                    surface, coefficients, weight, source, sample
+                ):
+                    self.pulse.beat()
+                    yield self._given(
+                        surface, coefficients, lit, source, narrow, light_sample, diffuse
+                    )
+
+        diffuse, specular, passed = share_shadows(
+            samples, weight, self.marks, sample, lambda points: on_reach(current[0], points, True)
+        )
+        for sums, light in (
+            (total.diffuse, diffuse),
+            (total.specular, specular),
+            (total.shadow, (passed - 1) * (diffuse + specular)),
+            (total.lit_diffuse, passed * diffuse),
+            (total.lit_specular, passed * specular),
+        ):
+            sums += light
 
     def samples(
         self,
@@ -168,49 +219,60 @@ class Lighting:
         """One sample of one light; the points that it reaches, whatever stands between, and (m,)
         bool which of them something hides it from or dims it for.
         """
-        self.pulse.beat()
-        cosine = dot(surface.n, sample.direction)
-        seen = np.flatnonzero(lit & sample.reaches(surface.g, surface.n))
-        if not len(seen) or not source.color.any():
-            return seen[:0], np.zeros(0, bool)
-        end = (
-            sample.end if sample.end is None or sample.end.shape[1] == 1 else pick(sample.end, seen)
-        )
-        sample = replace(
-            sample,
-            direction=pick(sample.direction, seen),
-            intensity=sample.intensity[seen],
-            end=end,
-            spread=sample.spread[seen],
-            color=sample.color
-            if sample.color is None or sample.color.shape[1] == 1
-            else pick(sample.color, seen),
-            inner=None,
-        )
-        light = sample.light_of(source)
-        matt = sheens(surface, coefficients.sheens, seen, sample.direction)
-        is_drawn = diffuse is not coefficients.diffuse
-        diffuse = pick(diffuse, seen) * light * cosine[seen]
-        diffuse = diffuse if is_drawn else diffuse + matt * light
-        terms = coefficients.highlights if source.has_highlights else []
-        specular = (
-            highlights(surface, terms, seen, sample.direction)
-            * light
-            * balance(narrow, seen, sample)
-        )
-        add_at(total.diffuse, seen, diffuse)
-        add_at(total.specular, seen, specular)
-        dimmed, passed = np.zeros(len(seen), bool), np.ones((len(seen), 3))
+        given = self._given(surface, coefficients, lit, source, narrow, sample, diffuse)
+        seen = given.seen
+        if not len(seen):
+            return seen, np.zeros(0, bool)
+        add_at(total.diffuse, seen, given.diffuse)
+        add_at(total.specular, seen, given.specular)
+        dimmed, passed = np.zeros(len(seen), bool), np.ones((3, len(seen)))
         if source.light.cast_shadow:
             self.pulse.beat()
-            passed = self.shadows_of(source).towards(surface, seen, sample)
-            lost = (passed.T - 1.0) * (diffuse + specular)
+            passed = given.open(np.arange(len(seen)))
+            lost = (passed - 1.0) * (given.diffuse + given.specular)
             add_at(total.shadow, seen, lost)
             dimmed = lost.any(0)
         is_bounced = isinstance(source, BouncedSource)
-        add_at(total.lit_bounced if is_bounced else total.lit_diffuse, seen, passed.T * diffuse)
-        add_at(total.lit_specular, seen, passed.T * specular)
+        add_at(total.lit_bounced if is_bounced else total.lit_diffuse, seen, passed * given.diffuse)
+        add_at(total.lit_specular, seen, passed * given.specular)
         return seen, dimmed
+
+    def _given(
+        self,
+        surface: Surface,
+        coefficients: Coefficients,
+        lit: Array,
+        source: Source,
+        narrow: Narrow | None,
+        sample: LightSample,
+        diffuse: Array,
+    ) -> Given:
+        """What one sample of one light gives to the points that it reaches, whatever stands
+        between.
+        """
+        self.pulse.beat()
+        cosine = dot(surface.n, sample.direction)
+        seen = np.flatnonzero(lit & sample.reaches(surface.g, surface.n))
+        if not source.color.any():
+            seen = seen[:0]
+        chosen = replace(sample.taken(seen), inner=None)
+        light = chosen.light_of(source)
+        terms = coefficients.highlights if source.has_highlights else []
+        is_drawn = diffuse is not coefficients.diffuse
+        diffuse = pick(diffuse, seen) * light * cosine[seen]
+        if not is_drawn:
+            diffuse = diffuse + sheens(surface, coefficients.sheens, seen, chosen.direction) * light
+        specular = (
+            highlights(surface, terms, seen, chosen.direction)
+            * light
+            * balance(narrow, seen, chosen)
+        )
+
+        def open_(places: Array) -> Array:
+            shadows = self.shadows_of(source)
+            return shadows.towards(surface, seen[places], chosen.taken(places)).T
+
+        return Given(seen, diffuse, specular, open_)
 
 
 def balance(narrow: Narrow | None, seen: Array, sample: LightSample) -> Array | float:

@@ -69,6 +69,22 @@ class LightSample:
             else reached & ~(self.inner & (dot(g, self.direction) <= 0))
         )
 
+    def taken(self, index: Array) -> LightSample:
+        """As the points at these places see it."""
+
+        def some(values: Array | None) -> Array | None:
+            return values if values is None or values.shape[-1] == 1 else values[..., index]
+
+        return replace(
+            self,
+            direction=pick(self.direction, index),
+            intensity=self.intensity[index],
+            end=some(self.end),
+            spread=self.spread[index],
+            color=some(self.color),
+            inner=None if self.inner is None else self.inner[index],
+        )
+
     def light_of(self, source: Source) -> Array:
         """(3, n) intensity times colour."""
         color = source.color[:, None] if self.color is None else self.color

@@ -10,6 +10,7 @@ from ..cryptomatte import id_bits
 from ..film import CRYPTOMATTES, LIGHTING, SEEN
 from ..lights.bounced_light import bounced_table
 from ..lights.dome import dome_table
+from ..lights.lamps import shared_samples
 from ..lights.mesh_lights import mesh_table
 from ..sampling import light_points, lobe_points, scatter_offsets
 from ..scene import Light, Scene
@@ -53,6 +54,7 @@ class Stage:
         pulse.beat()
         self.rays: Counter[str] = Counter()
         self.sources = tuple(self._source(light) for light in scene.lights)
+        self.shared_samples = shared_samples(scene.lights, settings)
         self.media = Media(scene, self.attributes, self.visibility)
         shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays, self.media)
         self.lighting = Lighting(
@@ -62,6 +64,7 @@ class Stage:
             shadows,
             pulse,
             self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
+            settings.lamp_shadows if self.shared_samples else 0,
         )
         caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))
         self.catches = bool(caught.any())

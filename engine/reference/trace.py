@@ -10,6 +10,7 @@ from time import perf_counter
 import numpy as np
 
 from ..film import FIRST_ESTIMATE, Film
+from ..lights.lamps import sharing_stats
 from ..sampling import pixel_offsets
 from ..sampling.motion import is_moving, moment, sample_times
 from ..scene import Scene
@@ -114,7 +115,7 @@ class Tracer:
             self.picture.images(passes, shown),
             self._finished,
             complete,
-            stats | self._seconds,
+            stats | self._seconds | sharing_stats(self._scene.lights, self._settings),
             notes,
         )
 

@@ -193,12 +193,16 @@ def lobe_points(count: int) -> np.ndarray:
     return np.stack([disc[_shuffled(bits, level)[:count]] for level in range(LOBE_LEVELS)])
 
 
+@functools.lru_cache(maxsize=16)
 def walk_points(count: int, level: int) -> np.ndarray:
-    """(count, 2) float64 in (0, 1): where walks of light turn at their steps, the same points in
-    another order at each level, as `lobe_points` has them.
+    """(count, 2) float64 in (0, 1), not to be written to: where walks of light turn at their steps,
+    the same points in another order at each level, as `lobe_points` has them. Many lamps ask for
+    the same.
     """
     bits = max(count - 1, 0).bit_length()
-    return _walk_square(bits)[_shuffled(bits, LOBE_LEVELS + level)[:count]]
+    points = _walk_square(bits)[_shuffled(bits, LOBE_LEVELS + level)[:count]]
+    points.flags.writeable = False
+    return points
 
 
 @functools.lru_cache(maxsize=4)

@@ -547,15 +547,17 @@ class Scene:
         of all that stays.
         """
         from ..lights.bounced_light import bounced_light
+        from ..lights.lamps import in_order
         from ..lights.mesh_lights import mesh_light
 
-        scene = self
-        lamps = tuple(light for light in self.lights if light.kind != "DOME")
-        if len(lamps) < len(self.lights):
+        lights = in_order(self.lights)
+        scene = self if lights is self.lights else replace(self, lights=lights)
+        lamps = tuple(light for light in lights if light.kind != "DOME")
+        if len(lamps) < len(lights):
             if by_world:
-                scene = replace(self, world=replace(self.world, ambient=(0.0, 0.0, 0.0)))
+                scene = replace(scene, world=replace(self.world, ambient=(0.0, 0.0, 0.0)))
             else:
-                scene = replace(self, lights=lamps)
+                scene = replace(scene, lights=lamps)
         glow = mesh_light(self) if by_meshes else None
         scene = scene if glow is None else replace(scene, lights=(*scene.lights, glow))
         bounced = bounced_light(scene, bounces)

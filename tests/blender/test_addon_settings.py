@@ -6,6 +6,8 @@ VALUES = {
     "samples": 9,
     "error_threshold": 2.5,
     "light_samples": 3,
+    "lamp_shadows": 24,
+    "volume_samples": 7,
     "max_bounces": 2,
     "cutoff": 0.25,
     "illumination": "CLASSIC",

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 31
+#define GLINT_ABI_VERSION 32
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -356,7 +356,9 @@ enum GlintPass {
  * for each sample; null only where no medium scatters: by how much the places on rays are shifted
  * from which media do, volume_samples at least for each light. moving: each sample is of a scene of
  * its own, see glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64
- * where one is asked for, two numbers each. */
+ * where one is asked for, two numbers each. lamp_shadows: where lamps that cast shadows and have no
+ * program take more than twice as many samples, a point sends so many of its rays to them; 0: one
+ * to each, up to 1024. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -374,7 +376,8 @@ typedef struct GlintRenderSettings {
       camera_frame_count, scatter_count, passes;
   double dome_axes[9];
   double error_threshold, cutoff, lens_focus;
-  uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples;
+  uint32_t samples, light_samples, volume_samples, dome_samples, mesh_samples, bounced_samples,
+      lamp_shadows;
   uint32_t dome_rows, dome_columns;
   uint32_t dome_irradiance_rows, dome_irradiance_columns, camera_block, lobe_levels, crypto_ids;
   uint32_t max_bounces, threads;

@@ -26,7 +26,9 @@ DirectLight::DirectLight(const Scene& scene, const RenderPlan& plan, const Stage
       program_(scene, stages),
       transparent_shadows_(scene, stages, cancel, scratch),
       media_(scene, scratch),
-      scattered_(6) {}
+      scattered_(6) {
+  find_sharing();
+}
 
 void DirectLight::prepare(const Batch& batch) {
   columns_.reserve(batch.size());
@@ -78,9 +80,14 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   for (const Light& light : scene_.lights) {
     const uint32_t count = plan_.samples_of(light);
     if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
-    find_lit(batch, light);
-    const bool notes = batch.softly_lit && count > 1;
+    const bool shares = shared_.on && shared_.takes_part[size_t(&light - scene_.lights.data())],
+               notes = batch.softly_lit && count > 1;
+    if (!shares || notes) find_lit(batch, light);
     if (notes) find_cut(batch, light);
+    if (shares) {
+      number += count;
+      continue;
+    }
     if (light.is_dome()) balance_.assign(batch.size(), 0);
     for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ || light.program ? ends_[c] : nullptr;
     for (uint32_t j = 0; j < count && !cancel_; ++j, ++number) {
@@ -105,6 +112,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     }
     if (light.is_dome()) add_rest(batch, light, sample);
   }
+  if (shared_.on && !cancel_) share_lamps(batch, sample, counts);
   stage_.max_specular = scene_.max_specular;  // for reflections
   stage_.lit = batch.lit.data();
 }

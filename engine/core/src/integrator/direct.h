@@ -12,6 +12,24 @@
 
 namespace glint {
 
+/// Many lamps that share the shadow rays of a sample, and what points get of them all.
+struct SharedLamps {
+  bool on = false;
+  std::vector<uint8_t> takes_part;  // of the scene's lights
+  std::vector<LampSample> samples;
+  std::vector<const Light*> light;             // of each
+  std::vector<std::vector<int64_t>> receives;  // masks, of lamps that light but some
+  Columns columns{14};
+  double *diffuse[3] = {}, *specular[3] = {}, *total = nullptr;  // as ShareStage has them
+  double *asked[3] = {}, *passed[3] = {};  // of the samples asked: light, and what got through
+  double* ones = nullptr;
+  std::vector<double> given;
+  std::vector<uint32_t> reaching;
+  std::vector<AskedLamp> chosen, sorted;  // sorted: by sample
+  std::vector<uint32_t> ends;             // of each sample's
+  std::vector<int64_t> asks;              // mask: points that ask the present sample
+};
+
 class DirectLight {
  public:
   DirectLight(const Scene& scene, const RenderPlan& plan, const Stages& stages,
@@ -31,6 +49,8 @@ class DirectLight {
                RayCounts& counts);
   /// Whether rough surfaces may reflect others.
   bool reflects() const;
+  /// Whether lamps are so many that they share the shadow rays of a sample.
+  bool shares() const { return shared_.on; }
   /// Adds to `glossy` the rays that rough surfaces reflect towards others, at the points that
   /// `illuminate` was told last.
   void reflect(const Batch& batch, uint32_t sample, Queue& glossy, RayCounts& counts);
@@ -59,6 +79,16 @@ class DirectLight {
   bool recall_shadows(const uint8_t* known, size_t count);
   void add(const Batch& batch, const Light& light, size_t count) const;
   void split(const Batch& batch, const Light& light, size_t count) const;
+  void find_sharing();
+  void share_lamps(const Batch& batch, uint32_t sample, RayCounts& counts);
+  void list_samples(const Batch& batch, uint32_t sample);
+  const int64_t* receivers(const Batch& batch, const Light& light);
+  void place_sums(size_t points);
+  void choose(const Batch& batch, uint32_t sample);
+  void sort_chosen(size_t count);
+  void ask(const Batch& batch, size_t number, const AskedLamp* begin, const AskedLamp* end,
+           RayCounts& counts);
+  void add_shared(const Batch& batch) const;
 
   const Scene& scene_;
   const RenderPlan& plan_;
@@ -83,6 +113,7 @@ class DirectLight {
   std::vector<int32_t> balance_;  // of the batch's points: directions of a dome open less hidden
   TransparentShadows transparent_shadows_;
   MediaSpans media_;
+  SharedLamps shared_;
   // Of light that media scatter: where each ray's points lie, their weights, and which there are.
   ScatterDepths depths_;
   Columns scattered_;

@@ -19,7 +19,7 @@ struct RenderPlan {
   double error_threshold = 0, cutoff = 0;
   uint32_t samples = 1, light_samples = 1, dome_samples = 1, dome_tabled = 1, mesh_samples = 1,
            mesh_tabled = 1, bounced_samples = 1, bounced_tabled = 1, volume_samples = 1,
-           max_bounces = 0, crypto_ids = 0;
+           lamp_shadows = 0, max_bounces = 0, crypto_ids = 0;
   Passes passes = 0;
   int threads = 1;
   BuildQuality quality = BuildQuality::kBalanced;

@@ -94,7 +94,8 @@ uint32_t Tracer::packet_samples(uint32_t samples) const {
   if (scene_.features &
       (GLINT_FEATURE_WORLD_LIGHT | GLINT_FEATURE_MESH_LIGHT | GLINT_FEATURE_BOUNCED_LIGHT))
     return 1;
-  if (direct_.reflects() || scene_.has_rough_glass || scene_.scatters) return 1;
+  if (direct_.reflects() || direct_.shares()) return 1;
+  if (scene_.has_rough_glass || scene_.scatters) return 1;
   if ((scene_.features & GLINT_FEATURE_SOFT_LIGHTS) && plan_.light_samples > 1) return 1;
   uint32_t count = WindowPoints::kMaxPacketSamples;
   while (count > samples) count /= 2;

@@ -33,6 +33,7 @@ RenderPlan plan_of(const GlintRenderSettings& g, const GlintCamera& camera) {
   plan.cutoff = g.cutoff;
   plan.samples = g.samples;
   plan.light_samples = g.light_samples;
+  plan.lamp_shadows = g.lamp_shadows;
   plan.max_bounces = g.max_bounces;
   plan.passes = g.passes;
   plan.crypto_ids = g.crypto_ids;
@@ -148,6 +149,7 @@ std::string settings_problems(const GlintRenderSettings& g, const Scene& scene) 
       "settings: fewer points of bounced light than those of a sample");
   add(enough_offsets(g, scene), "settings: fewer offsets than samples, or no volume samples");
   add(enough_directions(g, scene), "settings: fewer dome directions than those of a sample");
+  add(g.lamp_shadows <= 1024, "settings: more than 1024 lamp shadows");
   add(g.max_bounces <= 64, "settings: more than 64 bounces");
   add(g.error_threshold >= 0 && g.error_threshold < 256,
       "settings: the error threshold is not between 0 and 256");

@@ -219,27 +219,70 @@ inline Doubles balanced(const LightStage& s, const Sample& at, const Highlights&
   return at.factor / (1 + draws * seen.density * at.spread);
 }
 
+/// What a sample gives to a group of points before shadows, where it reaches them.
+struct Given {
+  Sample at;
+  Mask reached;
+  Three diffuse, specular;
+};
+
+/// False where it reaches none of those that are lit.
+template <int Shape>
+__attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, Given& given) {
+  const Mask lit = load(s.lit + k);
+  if (!any(lit)) return false;
+  const Three n = load3(s.n, k), x = load3(s.points_x, k);
+  const Sample at = given.at = sample<Shape>(s, x);
+  const Doubles cosine = dot(n, at.l);
+  const Mask reached = given.reached = lit & at.good & (cosine > 0) & ~within<Shape>(s, k, at);
+  if (!any(reached)) return false;
+  const Three color = color_of<Shape>(s, at), I = at.factor * color;
+  given.diffuse = cosine * (I * load3(s.diffuse, k));
+  given.specular = Three{};
+  if (s.max_specular > 0) {
+    const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
+    const Highlights seen = highlights(s, k, n, at.l, cosine, s.draws ? &narrow : nullptr);
+    given.specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
+    if (s.has_sheen) given.diffuse = given.diffuse + I * seen.sheen;
+  }
+  return true;
+}
+
+/// The same for directions drawn from the narrow lobes, where they reach the light.
+template <int Shape>
+__attribute__((always_inline)) inline bool give_drawn(const LightStage& s, size_t k, Given& given) {
+  const Mask lit = load(s.lit + k);
+  if (!any(lit)) return false;
+  const Three n = load3(s.n, k), x = load3(s.points_x, k);
+  const Narrow narrow = narrow_terms(s, k, x);
+  if (!any(lit & (narrow.total > 0))) return false;
+  const Drawn drawn = draw(s, k, n, narrow);
+  Sample at = sample_at<Shape>(s, x, drawn.l);
+  Three color = splat3(s.color);
+  if constexpr (Shape == kSky) {
+    const SkyCell cell = sky_cell(*s.dome, at.l);
+    color = cell.color;
+    at.spread = cell.spread;
+    at.factor = at.factor * cell.spread;
+  }
+  const Doubles cosine = dot(n, at.l);
+  given.reached = lit & drawn.good & at.good & (cosine > 0);
+  if (!any(given.reached)) return false;
+  const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
+  given.at = at;
+  given.diffuse = Three{};
+  given.specular = balanced<Shape>(s, at, seen) * (color * seen.light);
+  return true;
+}
+
 template <int Shape>
 size_t light_from(const LightStage& s) {
   size_t found = 0;
-  for (size_t k = 0; k < s.count; k += kLanes) {
-    const Mask lit = load(s.lit + k);
-    if (!any(lit)) continue;
-    const Three n = load3(s.n, k), x = load3(s.points_x, k);
-    const Sample at = sample<Shape>(s, x);
-    const Doubles cosine = dot(n, at.l);
-    const Mask reached = lit & at.good & (cosine > 0) & ~within<Shape>(s, k, at);
-    if (!any(reached)) continue;
-    const Three color = color_of<Shape>(s, at), I = at.factor * color;
-    Three diffuse = cosine * (I * load3(s.diffuse, k)), specular{};
-    if (s.max_specular > 0) {
-      const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
-      const Highlights seen = highlights(s, k, n, at.l, cosine, s.draws ? &narrow : nullptr);
-      specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
-      if (s.has_sheen) diffuse = diffuse + I * seen.sheen;
-    }
-    found += append_lit<Shape>(s, k, at, reached, diffuse, specular, found);
-  }
+  Given given;
+  for (size_t k = 0; k < s.count; k += kLanes)
+    if (give<Shape>(s, k, given))
+      found +=
+          append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular, found);
   return found;
 }
 
@@ -271,32 +314,14 @@ size_t scatter_from(const LightStage& s) {
   return found;
 }
 
-/// Directions drawn from the narrow lobes, where they reach the light.
 template <int Shape>
 size_t gloss_from(const LightStage& s) {
   size_t found = 0;
-  for (size_t k = 0; k < s.count; k += kLanes) {
-    const Mask lit = load(s.lit + k);
-    if (!any(lit)) continue;
-    const Three n = load3(s.n, k), x = load3(s.points_x, k);
-    const Narrow narrow = narrow_terms(s, k, x);
-    if (!any(lit & (narrow.total > 0))) continue;
-    const Drawn drawn = draw(s, k, n, narrow);
-    Sample at = sample_at<Shape>(s, x, drawn.l);
-    Three color = splat3(s.color);
-    if constexpr (Shape == kSky) {
-      const SkyCell cell = sky_cell(*s.dome, at.l);
-      color = cell.color;
-      at.spread = cell.spread;
-      at.factor = at.factor * cell.spread;
-    }
-    const Doubles cosine = dot(n, at.l);
-    const Mask reached = lit & drawn.good & at.good & (cosine > 0);
-    if (!any(reached)) continue;
-    const Highlights seen = highlights(s, k, n, at.l, cosine, &narrow);
-    found += append_lit<Shape>(s, k, at, reached, Three{},
-                               balanced<Shape>(s, at, seen) * (color * seen.light), found);
-  }
+  Given given;
+  for (size_t k = 0; k < s.count; k += kLanes)
+    if (give_drawn<Shape>(s, k, given))
+      found +=
+          append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular, found);
   return found;
 }
 

@@ -365,6 +365,39 @@ struct LightStage {
   bool has_sheen, sheen_alone;  // among the lobes; and lights none but these
 };
 
+/// A sample of one of many lamps, or (drawn) the directions that lobes draw for it.
+struct LampSample {
+  LightStage stage;
+  bool drawn;
+};
+
+/// A point that looks for what is before a lamp's sample. light: the colour of that, as many times
+/// as marks lie in it; of all channels together a mark is 1.
+struct AskedLamp {
+  uint32_t sample, point;
+  double light[3];
+};
+
+/// Points that it works on at once.
+constexpr size_t kShareBlock = 64;
+
+/// What many lamps give before shadows, and which of their samples each point asks for shadows:
+/// those in which the marks j + offset, j = 0 … asked - 1, lie, where what they give stands in a
+/// row that is as long as there are marks.
+struct ShareStage {
+  size_t count;
+  const int64_t* lit;
+  const double *x[3], *n[3];
+  const LampSample* samples;
+  size_t sample_count;
+  double offset;
+  uint32_t asked;
+  double *diffuse[3], *specular[3], *total;  // of each point; total: all channels of both
+  uint32_t* reaching;  // room for all samples: those that may reach a block of points
+  double* given;       // room for a block of points, three times for each sample
+  AskedLamp* chosen;   // room for so many as are asked, for each point
+};
+
 /// total[point[k]] += given[k] where the ray is free.
 struct LightSum {
   size_t count;
@@ -422,6 +455,7 @@ struct Stages {
                                          // a direction of their lobes: o, to, and in diffuse_out
                                          // what the light from there is times,
                                          // in t_max the exponent of the lobe
+  size_t (*share)(const ShareStage&);    // how many `chosen`
   void (*transmit)(const TransmittanceStage&);
   void (*sum)(const LightSum&);
   void (*sum_parts)(const LightParts&);

@@ -5,12 +5,13 @@
 #include "shading/stage_light.h"
 #include "shading/stage_pass.h"
 #include "shading/stage_shade.h"
+#include "shading/stage_share.h"
 #include "shading/stage_surface.h"
 #include "shading/stage_transmittance.h"
 
 namespace glint {
-extern const Stages stages_generic{"generic", camera, surface,   shade,   vary,  run_program,
-                                   pass,      dome,   light,     scatter, gloss, reflect,
-                                   transmit,  sum,    sum_parts, add,     mean,  cosine_powers};
+extern const Stages stages_generic{
+    "generic", camera,  surface, shade,    vary, run_program, pass, dome, light,        scatter,
+    gloss,     reflect, share,   transmit, sum,  sum_parts,   add,  mean, cosine_powers};
 }
 #endif

@@ -1,0 +1,191 @@
+// Many lamps (SEMANTICS.md): all of them light a point, and some are asked for their shadows, which
+// stand for those of all.
+#include <algorithm>
+
+#include "integrator/direct.h"
+#include "session/timer.h"
+#include "shading/surface.h"
+
+namespace glint {
+namespace {
+
+/// Where the first of a sample's marks is: of n samples each in another of n places between two
+/// marks (van der Corput's sequence), none where sums of alike lamps end.
+double mark_offset(uint32_t sample) {
+  uint32_t reversed = 0;
+  for (int bit = 0; bit < 32; ++bit) reversed |= (sample >> bit & 1u) << (31 - bit);
+  const double offset = double(reversed) * 0x1p-32 + 0.3819660112501051;
+  return offset < 1 ? offset : offset - 1;
+}
+
+}  // namespace
+
+void DirectLight::find_sharing() {
+  uint64_t samples = 0;
+  for (const Light& light : scene_.lights) {
+    const bool is_lamp = !light.is_dome() && !light.is_surface();
+    shared_.takes_part.push_back(is_lamp && light.casts_shadow() && !light.program);
+    if (shared_.takes_part.back()) samples += plan_.samples_of(light);
+  }
+  shared_.on = plan_.lamp_shadows > 0 && samples > 2 * uint64_t(plan_.lamp_shadows);
+}
+
+void DirectLight::share_lamps(const Batch& batch, uint32_t sample, RayCounts& counts) {
+  if (std::none_of(batch.lit.begin(), batch.lit.begin() + std::ptrdiff_t(batch.size()),
+                   [](int64_t lit) { return lit != 0; }))
+    return;
+  list_samples(batch, sample);
+  choose(batch, sample);
+  const AskedLamp* begin = shared_.sorted.data();
+  for (size_t number = 0; number < shared_.samples.size() && !cancel_; ++number) {
+    const AskedLamp* const end = shared_.sorted.data() + shared_.ends[number];
+    if (begin != end) ask(batch, number, begin, end, counts);
+    begin = end;
+  }
+  add_shared(batch);
+}
+
+/// Sets the stage of each sample of each lamp.
+void DirectLight::list_samples(const Batch& batch, uint32_t sample) {
+  shared_.samples.clear();
+  shared_.light.clear();
+  shared_.receives.clear();
+  for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ ? ends_[c] : nullptr;
+  stage_.max_specular = scene_.max_specular;
+  stage_.sheen_alone = false;
+  for (size_t k = 0; k < scene_.lights.size(); ++k) {
+    if (!shared_.takes_part[k]) continue;
+    const Light& light = scene_.lights[k];
+    const uint32_t count = plan_.samples_of(light);
+    const int64_t* const lit = receivers(batch, light);
+    for (uint32_t j = 0; j < count; ++j) {
+      LightStage stage = stage_;
+      light.set(stage, plan_.light_point(light, sample, j), count, plan_.physical);
+      stage.lit = lit;
+      for (const bool drawn : {false, true}) {
+        if (drawn && !stage.draws) continue;
+        shared_.samples.push_back({stage, drawn});
+        shared_.light.push_back(&light);
+      }
+    }
+  }
+}
+
+/// The mask of the points that a lamp may light.
+const int64_t* DirectLight::receivers(const Batch& batch, const Light& light) {
+  find_lit(batch, light);
+  if (light.lights_all()) return stage_.lit;
+  return shared_.receives.emplace_back(linked_).data();
+}
+
+void DirectLight::place_sums(size_t points) {
+  Columns& columns = shared_.columns;
+  columns.reserve(points);
+  size_t next = 0;
+  for (auto* sum : {&shared_.diffuse, &shared_.specular, &shared_.asked, &shared_.passed})
+    for (double*& column : *sum) column = columns[next++];
+  shared_.total = columns[next++];
+  shared_.ones = columns[next];
+  std::fill_n(shared_.ones, columns.rows(), 1.0);
+  for (size_t c = 0; c < 3; ++c) {
+    std::fill_n(shared_.asked[c], points, 0.0);
+    std::fill_n(shared_.passed[c], points, 0.0);
+  }
+  shared_.asks.assign(columns.rows(), 0);
+  shared_.given.resize(3 * kShareBlock * shared_.samples.size());
+  shared_.reaching.resize(shared_.samples.size());
+  shared_.chosen.resize(plan_.lamp_shadows * points);
+}
+
+/// Which samples each point asks, by sample.
+void DirectLight::choose(const Batch& batch, uint32_t sample) {
+  place_sums(batch.size());
+  ShareStage stage{};
+  stage.count = batch.size();
+  stage.lit = batch.lit.data();
+  stage.samples = shared_.samples.data();
+  stage.sample_count = shared_.samples.size();
+  stage.offset = mark_offset(sample);
+  stage.asked = plan_.lamp_shadows;
+  for (int c = 0; c < 3; ++c) {
+    stage.diffuse[c] = shared_.diffuse[c];
+    stage.specular[c] = shared_.specular[c];
+    stage.x[c] = batch.points.x[c];
+    stage.n[c] = batch.points.n[c];
+  }
+  stage.total = shared_.total;
+  stage.reaching = shared_.reaching.data();
+  stage.given = shared_.given.data();
+  stage.chosen = shared_.chosen.data();
+  const size_t count = stages_.share(stage);
+  sort_chosen(count);
+}
+
+void DirectLight::sort_chosen(size_t count) {
+  std::vector<uint32_t>& ends = shared_.ends;
+  ends.assign(shared_.samples.size() + 1, 0);
+  for (size_t k = 0; k < count; ++k) ++ends[shared_.chosen[k].sample + 1];
+  for (size_t number = 1; number < ends.size(); ++number) ends[number] += ends[number - 1];
+  shared_.sorted.resize(count);
+  for (size_t k = 0; k < count; ++k)
+    shared_.sorted[ends[shared_.chosen[k].sample]++] = shared_.chosen[k];
+}
+
+/// Looks for what is between the points [begin, end) and one sample.
+void DirectLight::ask(const Batch& batch, size_t number, const AskedLamp* begin,
+                      const AskedLamp* end, RayCounts& counts) {
+  for (const AskedLamp* p = begin; p != end; ++p) shared_.asks[p->point] = -1;
+  const Light& light = *shared_.light[number];
+  const bool drawn = shared_.samples[number].drawn;
+  stage_ = shared_.samples[number].stage;
+  stage_.lit = shared_.asks.data();
+  if (!drawn) {  // what it gives is known: the rays alone are wanted
+    stage_.max_specular = 0;
+    stage_.draws = false;
+    for (const double*& column : stage_.diffuse) column = shared_.ones;
+  }
+  const size_t count = drawn ? stages_.gloss(stage_) : stages_.light(stage_);
+  for (size_t k = 0; batch.softly_lit && k < count; ++k)
+    batch.mark_softly_lit(point_[k], Refinement::kReached);
+  for (size_t k = 0; batch.cost && k < count; ++k) batch.charge(point_[k]);
+  if (glassy_)
+    transparent_shadows_.trace(batch, stage_, opacity(light), zeros_, count, shadow_, counts);
+  else find_shadows(light, count, nullptr, counts);
+  if (scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
+  const AskedLamp* p = begin;
+  for (size_t k = 0; k < count; ++k) {
+    const uint32_t point = point_[k];
+    while (p != end && p->point < point) ++p;
+    if (p == end || p->point != point) continue;
+    const Vec3d asked{p->light[0], p->light[1], p->light[2]},
+        open = shadow_[0] ? row(shadow_, k) : Vec3d{1, 1, 1} * double(!blocked_[k]);
+    set_row(shared_.asked, point, row(shared_.asked, point) + asked);
+    set_row(shared_.passed, point, row(shared_.passed, point) + open * asked);
+  }
+  for (p = begin; p != end; ++p) shared_.asks[p->point] = 0;
+}
+
+/// Adds what all lamps give, with the shadows of those that were asked.
+void DirectLight::add_shared(const Batch& batch) const {
+  for (size_t k = 0; k < batch.size(); ++k) {
+    if (!(shared_.total[k] > 0)) continue;
+    const Vec3d asked = row(shared_.asked, k), passed = row(shared_.passed, k),
+                diffuse = row(shared_.diffuse, k), specular = row(shared_.specular, k),
+                full = diffuse + specular;
+    const double all = asked.x + asked.y + asked.z,
+                 mean = all > 0 ? (passed.x + passed.y + passed.z) / all : 1;
+    Vec3d open;
+    for (int c = 0; c < 3; ++c)
+      open[c] = std::clamp(asked[c] > 0 ? passed[c] / asked[c] : mean, 0.0, 1.0);
+    const SumColumns& sums = batch.sums;
+    Batch::add_to(sums.total, k, open * full);
+    Batch::add_to(sums.diffuse, k, diffuse);
+    Batch::add_to(sums.specular, k, specular);
+    Batch::add_to(sums.shadow, k, open * full - full);
+    if (!batch.splits()) continue;
+    Batch::add_to(batch.lit_diffuse, k, open * diffuse);
+    Batch::add_to(batch.lit_specular, k, open * specular);
+  }
+}
+
+}  // namespace glint

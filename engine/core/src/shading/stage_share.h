@@ -1,0 +1,200 @@
+// What many lamps give to points, and which of them each point asks for shadows (SEMANTICS.md, Many
+// lamps).
+#pragma once
+#include "shading/stage_light.h"
+
+namespace glint {
+namespace {
+
+/// Adds what one sample gives to the points [first, end), and tells it alone in three rows of
+/// `given`.
+template <bool IsDrawn, int Shape>
+__attribute__((flatten)) void add_sample(const ShareStage& to, const LightStage& s, size_t first,
+                                         size_t end, double* given) {
+  Given found;
+  for (size_t k = first; k < end; k += kLanes, given += kLanes) {
+    bool reaches = false;
+    if constexpr (IsDrawn) reaches = give_drawn<Shape>(s, k, found);
+    else reaches = give<Shape>(s, k, found);
+    Three both{};
+    if (reaches) {
+      const Three diffuse = where(found.reached, found.diffuse),
+                  specular = where(found.reached, found.specular);
+      both = diffuse + specular;
+      store(to.total + k,
+            load(to.total + k) + (magnitude(both.x) + magnitude(both.y) + magnitude(both.z)));
+      if (!IsDrawn) store3(to.diffuse, k, load3(to.diffuse, k) + diffuse);
+      store3(to.specular, k, load3(to.specular, k) + specular);
+    }
+    store(given, both.x);
+    store(given + kShareBlock, both.y);
+    store(given + 2 * kShareBlock, both.z);
+  }
+}
+
+template <int Shape>
+void add_lamp(const ShareStage& to, const LampSample& sample, size_t first, size_t end,
+              double* given) {
+  if constexpr (Shape != kPointSource) {
+    if (sample.drawn) return add_sample<true, Shape>(to, sample.stage, first, end, given);
+  }
+  add_sample<false, Shape>(to, sample.stage, first, end, given);
+}
+
+void add_lamp(const ShareStage& to, const LampSample& sample, size_t first, size_t end,
+              double* given) {
+  switch (sample.stage.shape) {
+    case kDirection:
+      return add_lamp<kDirection>(to, sample, first, end, given);
+    case kPointSource:
+      return add_lamp<kPointSource>(to, sample, first, end, given);
+    case kSphereSource:
+      return add_lamp<kSphereSource>(to, sample, first, end, given);
+    case kDiscSource:
+      return add_lamp<kDiscSource>(to, sample, first, end, given);
+    case kRectangleSource:
+      return add_lamp<kRectangleSource>(to, sample, first, end, given);
+    default:
+      return add_lamp<kPlaneSource>(to, sample, first, end, given);
+  }
+}
+
+/// Round the lit points of a block: a ball, and a cone of their normals.
+struct BlockBounds {
+  double center[3] = {}, radius = 0, normal[3] = {}, cosine = 1, sine = 0;
+};
+
+inline double dot3(const double* a, const double* b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/// False where no point is lit.
+bool bound_block(const ShareStage& s, size_t first, size_t end, BlockBounds& b) {
+  double low[3], high[3];
+  bool some = false;
+  for (size_t k = first; k < end; ++k) {
+    if (!s.lit[k]) continue;
+    for (size_t c = 0; c < 3; ++c) {
+      const double x = s.x[c][k];
+      low[c] = some && low[c] < x ? low[c] : x;
+      high[c] = some && high[c] > x ? high[c] : x;
+      b.normal[c] += s.n[c][k];
+    }
+    some = true;
+  }
+  if (!some) return false;
+  double half[3];
+  for (size_t c = 0; c < 3; ++c) {
+    b.center[c] = 0.5 * (low[c] + high[c]);
+    half[c] =
+        high[c] - b.center[c] > b.center[c] - low[c] ? high[c] - b.center[c] : b.center[c] - low[c];
+  }
+  b.radius = __builtin_sqrt(dot3(half, half));
+  const double length = __builtin_sqrt(dot3(b.normal, b.normal));
+  for (double& x : b.normal) x = length > 0 ? x / length : 0;
+  b.cosine = length > 0 ? 1 : -1;
+  for (size_t k = first; k < end; ++k) {
+    const double n[3] = {s.n[0][k], s.n[1][k], s.n[2][k]}, cosine = dot3(n, b.normal);
+    if (s.lit[k] && cosine < b.cosine) b.cosine = cosine;
+  }
+  b.cosine -= 1e-9;
+  b.sine = __builtin_sqrt(b.cosine > -1 ? 1 - b.cosine * b.cosine + 1e-9 : 0);
+  return true;
+}
+
+/// Whether the points may be within the cone of a spot whose middle is at -`to` of theirs.
+inline bool may_be_in_cone(const LightStage& s, const BlockBounds& b, const double* to) {
+  const double along = -dot3(to, s.axis), across2 = dot3(to, to) - along * along,
+               across = __builtin_sqrt(across2 > 0 ? across2 : 0), cosine = s.spot_cosine,
+               sine = __builtin_sqrt(cosine < 1 ? 1 - cosine * cosine : 0);
+  // beside the cone's surface, or behind its tip where it is no wider than a half space
+  return cosine < 0 || cosine * across - sine * along <=
+                           b.radius + s.radius + 1e-9 * (across + __builtin_fabs(along));
+}
+
+/// Whether the normals may be turned to something that is no farther than `reach` from the place
+/// `to` of the points' middle.
+inline bool may_be_above(const BlockBounds& b, const double* to, double reach) {
+  if (b.cosine <= 0) return true;
+  const double up = dot3(to, b.normal), length2 = dot3(to, to), beside2 = length2 - up * up,
+               beside = __builtin_sqrt(beside2 > 0 ? beside2 : 0);
+  // the largest product with a normal of the cone
+  return up * b.cosine + beside * b.sine + reach + 1e-9 * __builtin_sqrt(length2) > 0 ||
+         up > b.cosine * __builtin_sqrt(length2);
+}
+
+/// False where it is certain that the sample gives nothing to any point of the block.
+bool may_reach(const LampSample& sample, const BlockBounds& b) {
+  const LightStage& s = sample.stage;
+  if (s.shape == kDirection) return sample.drawn || may_be_above(b, s.l, 0);
+  const bool is_flat = s.shape == kPlaneSource || s.shape == kRectangleSource;
+  double to[3];
+  for (size_t c = 0; c < 3; ++c) to[c] = s.center[c] - b.center[c];
+  const double slack = 1e-9 * __builtin_sqrt(dot3(to, to));
+  if (is_flat && -dot3(to, s.axis) + b.radius + slack < 0) return false;
+  if (s.spot && !may_be_in_cone(s, b, to)) return false;
+  if (is_flat && s.shape != kRectangleSource) {
+    if (sample.drawn) return true;
+    for (size_t c = 0; c < 3; ++c) to[c] = s.end[c] - b.center[c];
+  }
+  const double reach = s.shape == kRectangleSource          ? s.size
+                       : s.shape == kPointSource || is_flat ? 0
+                                                            : s.radius;
+  return may_be_above(b, to, b.radius + reach);
+}
+
+/// Those of the marks of a group of points at k that lie in each of the first `count` samples of
+/// `reaching`. given: of the group, the first sample's.
+size_t choose_samples(const ShareStage& s, size_t k, size_t count, const double* given,
+                      AskedLamp* chosen) {
+  const Doubles total = load(s.total + k), marks = splat(double(s.asked));
+  const Mask lit = (total > 0) & valid_lanes(k, s.count);
+  if (!any(lit)) return 0;
+  const Doubles scale = where(lit, marks / total);
+  Doubles sum{}, before{};
+  size_t found = 0;
+  for (size_t i = 0; i < count; ++i, given += 3 * kShareBlock) {
+    const Three light = {load(given), load(given + kShareBlock), load(given + 2 * kShareBlock)};
+    const Doubles all = magnitude(light.x) + magnitude(light.y) + magnitude(light.z);
+    sum = sum + all;
+    const Doubles here = smaller(larger(-down(s.offset - sum * scale), splat(0)), marks),
+                  times = here - before;
+    before = larger(here, before);
+    uint32_t lanes = bits(times > 0);
+    if (!lanes) continue;
+    const Three share = (times / all) * light;
+    for (; lanes; lanes &= lanes - 1) {
+      const uint32_t lane = uint32_t(__builtin_ctz(lanes));
+      chosen[found++] = {
+          s.reaching[i], uint32_t(k) + lane, {share.x[lane], share.y[lane], share.z[lane]}};
+    }
+  }
+  return found;
+}
+
+size_t share(const ShareStage& s) {
+  size_t found = 0;
+  for (size_t first = 0; first < s.count; first += kShareBlock) {
+    const size_t end = first + kShareBlock < s.count ? first + kShareBlock : s.count;
+    for (size_t k = first; k < end; k += kLanes) {
+      store(s.total + k, Doubles{});
+      store3(s.diffuse, k, Three{});
+      store3(s.specular, k, Three{});
+    }
+    BlockBounds bounds;
+    if (!bound_block(s, first, end, bounds)) continue;
+    size_t count = 0;
+    for (size_t i = 0; i < s.sample_count; ++i) {
+      if (!may_reach(s.samples[i], bounds)) continue;
+      s.reaching[count] = uint32_t(i);
+      add_lamp(s, s.samples[i], first, end, s.given + 3 * kShareBlock * count);
+      ++count;
+    }
+    for (size_t k = first; k < end; k += kLanes)
+      found += choose_samples(s, k, count, s.given + (k - first), s.chosen + found);
+  }
+  return found;
+}
+
+}  // namespace
+}  // namespace glint

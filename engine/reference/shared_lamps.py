@@ -1,0 +1,83 @@
+"""Many lamps: all of them light a point, and some are asked for their shadows, which stand for
+those of all (SEMANTICS.md, Many lamps).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..lights.lamps import first_mark
+from .vectors import add_at, pick
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What one sample of a lamp gives to points. seen: (m,) those that it reaches.  diffuse,
+    specular: (3, m) before shadows.  open: of places in `seen`, (k,), the share (3, k) of the light
+    that arrives.
+    """
+
+    seen: Array
+    diffuse: Array
+    specular: Array
+    open: Callable[[Array], Array]
+
+
+def choose(given: Array, marks: int, sample: int) -> Array:
+    """(s, n) how many of the marks of a pixel's sample lie in each of s samples of lamps, which
+    give (s, n) to n points, all channels together.
+    """
+    sums = np.cumsum(given, 0)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        along = sums * np.where(sums[-1] > 0, marks / sums[-1], 0.0) - first_mark(sample)
+    upto = np.clip(np.nan_to_num(np.ceil(along)), 0, marks)
+    return np.diff(np.maximum.accumulate(upto, 0), axis=0, prepend=0.0)
+
+
+def share_shadows(
+    samples: Callable[[], Iterable[Given]],
+    weight: Array,
+    marks: int,
+    sample: int,
+    on_ask: Callable[[Array], None],
+) -> tuple[Array, Array, Array]:
+    """(3, n) each: diffuse and specular light of all the samples at n points before shadows, and
+    the share of it that arrives. samples: gives them, the same each time.  weight: (3, n) T of the
+    rays that see the points.  on_ask: told the points that ask a sample.
+    """
+    diffuse, specular, asked, passed = (np.zeros_like(weight) for _ in range(4))
+    rows = []
+    for each in samples():
+        add_at(diffuse, each.seen, each.diffuse)
+        add_at(specular, each.seen, each.specular)
+        row = np.zeros(weight.shape[1])
+        row[each.seen] = np.abs(pick(weight, each.seen) * (each.diffuse + each.specular)).sum(0)
+        rows.append(row)
+    given = np.stack(rows)
+    times = choose(given, marks, sample)
+    for each, row, count in zip(samples(), given, times, strict=True):
+        asking = np.flatnonzero(count[each.seen] > 0)
+        if not len(asking):
+            continue
+        point = each.seen[asking]
+        on_ask(point)
+        light = pick(weight, point) * pick(each.diffuse + each.specular, asking)
+        light = light * (count[point] / row[point])
+        add_at(asked, point, light)
+        add_at(passed, point, light * each.open(asking))
+    return diffuse, specular, _open(asked, passed)
+
+
+def _open(asked: Array, passed: Array) -> Array:
+    """(3, n) the share of the light that arrives, in each channel; where those that were asked have
+    nothing in it, in all together.
+    """
+    all_ = asked.sum(0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = np.where(all_ > 0, passed.sum(0) / all_, 1.0)
+        return np.clip(np.where(asked > 0, passed / asked, mean), 0.0, 1.0)
