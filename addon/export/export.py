@@ -24,7 +24,7 @@ from .lights import Lights, Seen
 from .materials.aovs import Aov, note_world
 from .materials.materials import Materials, Wanted, without_unused
 from .panorama import Looker
-from .placing import note_catchers, note_empty_view, without_collapsed
+from .placing import note_catchers, note_empty_view, note_media, without_collapsed
 from .properties import Value, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
@@ -351,6 +351,7 @@ class Collector:
             if isinstance(thing.content, _Lamp):
                 self.lights.add(thing.name, thing.content.light, thing.matrices, thing.content.seen)
         note_catchers(instances, self.materials.materials, self.report)
+        note_media(instances, self.materials.materials, self.report)
         materials, textures = without_unused(self.materials.materials, self.images.textures)
         lights = sky.lights_with(self.lights.lights)
         names = tuple(aov.name for aov in self.materials.aovs)

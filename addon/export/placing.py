@@ -72,6 +72,20 @@ def note_catchers(
             report.note("Shadow catchers that glow light nothing: {}; put a lamp there", block.name)
 
 
+def note_media(
+    instances: tuple[Instances, ...], materials: tuple[Material, ...], report: Report
+) -> None:
+    """Say which things have several media inside, of which the first fills all of them."""
+    for block in instances:
+        media = {materials[k].medium for k in block.materials} - {None}
+        if len(media) > 1:
+            report.note(
+                "Several volumes in one object are not rendered: the first of its materials that "
+                "has one fills all of {}; make parts of it objects of their own",
+                block.name,
+            )
+
+
 def _ranks(linear: np.ndarray) -> np.ndarray:
     """(k,) of the (k, 3, 3) matrices, by the SVD (notes, section 6.5) where the determinant leaves
     a doubt.

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from export_support import Shader, export, scene  # noqa: F401
+from export_support import Shader, export, mesh_object, scene, use_nodes  # noqa: F401
 
 
 def medium(kind: str, **inputs):
@@ -127,3 +127,26 @@ def test_the_world(scene):  # noqa: F811
     tree.links.new(node.outputs[0], output.inputs["Volume"])
     found = export().scene.world.medium
     np.testing.assert_allclose(found.scattering, [0.8] * 3)
+
+
+def foggy(name: str, density: float) -> bpy.types.Material:
+    """A material of nothing but Volume Absorption."""
+    material = bpy.data.materials.new(name)
+    use_nodes(material)
+    tree = material.node_tree
+    tree.nodes.clear()
+    node = tree.nodes.new("ShaderNodeVolumeAbsorption")
+    node.inputs["Density"].default_value = density
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(node.outputs[0], output.inputs["Volume"])
+    return material
+
+
+@pytest.mark.parametrize(("densities", "told"), [((1.0, 2.0), True), ((1.0, 1.0), False)])
+def test_several_in_one_object_are_told(scene, densities, told):  # noqa: F811
+    media = (foggy(f"fog {k}", density) for k, density in enumerate(densities))
+    corners = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0, 0, 1)]
+    thing = mesh_object("Twofold", corners, [(0, 1, 2, 3), (0, 1, 4)], *media)
+    thing.data.polygons[1].material_index = 1
+    notes = [note for note in export().notes if "Several volumes" in note]
+    assert len(notes) == told and all("'Twofold'" in note for note in notes)

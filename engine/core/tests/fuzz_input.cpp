@@ -5,6 +5,7 @@
 #include <iterator>
 #include <limits>
 
+#include "film/passes.h"
 #include "program/layout.h"
 
 namespace glint::fuzz {
