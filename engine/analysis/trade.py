@@ -45,6 +45,12 @@ the very largest hangs on single pixels, of which squares of the frame tell noth
 _MISSED = 3.0
 """How many of the squares picked would be met on average by what all of them miss once in 20."""
 _SHOWN = 6
+_GLANCE = 64
+"""Samples of the picture that the first points are compared with."""
+_GLANCE_MARGIN = 4
+"""The first points take at most so many times fewer samples than that, and the full reference at
+least so many times more: else it is quick enough by itself.
+"""
 _PAUSE = 2.0
 """Seconds between two tellings of what is known so far."""
 
@@ -377,6 +383,7 @@ class _Work:
         self._rendered: dict[Settings, Rendered] = {}
         self._errors: dict[Settings, dict[str, float]] = {}
         self._checked: set[Settings] = set()
+        self._first: Trade | None = None
         self._done, self._expected = 0.0, 1.0
 
     def look(self, count: int, side: int) -> None:
@@ -415,6 +422,8 @@ class _Work:
         busy moment of the machine meets all settings.
         """
         quick = reference_settings(self._renderer.scene, self._base, self._grid, samples)
+        if samples >= _GLANCE_MARGIN * _GLANCE:
+            self._glance()
         exact = quick if self._is_too_slow(quick, seconds) else replace(quick, backend="NUMPY")
         self._expected = (
             sum(_cost(s) for s in self._grid) * (repeats + 0.2)
@@ -444,6 +453,33 @@ class _Work:
             self.repeats += 1
         self._tell(1.0)
 
+    def _glance(self) -> None:
+        """A first answer within seconds, which the measurement takes the place of: the present
+        settings with fewer samples, on every other square, against few samples.
+        """
+        whole, fewer = self._squares, self._squares.halves()[0]
+        most = _GLANCE // _GLANCE_MARGIN
+        ladder = [
+            settings
+            for settings in self._grid
+            if settings.samples <= most
+            and replace(settings, samples=self._base.samples) == self._base
+        ]
+        if not ladder:
+            return
+        reference = reference_settings(self._renderer.scene, self._base, ladder, _GLANCE)
+        self._squares = fewer
+        truth = self._render(reference, fewer).pictures
+        for settings in ladder:
+            self._rendered[settings] = self._render(settings, fewer)
+            pictures = self._rendered[settings].pictures
+            self._errors[settings] = _errors(pictures, truth, fewer, self._size)
+        self._reference = f"a first look by {_in_words(reference)}"
+        self._first = self.trade()
+        self._tell_trade(self._first)
+        self._squares = whole
+        self._rendered, self._errors = {}, {}
+
     def _check(self, reference: Settings, truth: list[Array]) -> None:
         """What is on the front, and the current settings, on the other squares too, which had no
         part in choosing them.
@@ -470,7 +506,9 @@ class _Work:
                 self._publish()
 
     def trade(self) -> Trade:
-        """What is known."""
+        """What is known: the first look until as much is measured."""
+        if self._first is not None and len(self._errors) < len(self._first.rows):
+            return replace(self._first, complete=self.complete)
         crops = (
             self._squares.crops
             if self._others is self._squares

@@ -20,7 +20,17 @@ WITHOUT_EFFECT = {("ShaderNodeNormalMap", "base")}
 """Settings that count with true displacement alone, which is told by itself."""
 UNTURNED = {frozenset(pair) for pair in (("OBJECT", "WORLD"), ("BLENDER_OBJECT", "BLENDER_WORLD"))}
 """Spaces of normal maps that are the same where no object turns them."""
-EVERYWHERE_ALIKE = ("basic", "colors", "math", "noise", "patterns", "spectra", "vectors", "voronoi")
+EVERYWHERE_ALIKE = (
+    "approximated",
+    "basic",
+    "colors",
+    "math",
+    "noise",
+    "patterns",
+    "spectra",
+    "vectors",
+    "voronoi",
+)
 """Modules whose nodes only compute from their inputs, wherever they stand."""
 
 

@@ -27,7 +27,9 @@ WORK = {"Cost", "Fallbacks"}
 """Passes that tell what was done, not what is seen: a light's point in the very plane of a surface
 is asked for or not as rounding has it, and sheds nothing.
 """
-PASSES = frozenset(engine.PASSES) - {"Combined"} - WORK
+UNLIKE = {"Glossy Indirect"}
+"""Passes in which the tracers are known to differ: docs/decisions/0026 says how much."""
+PASSES = frozenset(engine.PASSES) - {"Combined"} - WORK - UNLIKE
 SCENES = int(os.environ.get("GLINT_SCENES", "60"))
 
 
@@ -40,7 +42,6 @@ SCENES = int(os.environ.get("GLINT_SCENES", "60"))
 )
 @given(random_scenes.scenes(), random_scenes.settings())
 def test_same_picture(scene, settings):
-    scene = random_scenes.flat(scene) if settings.diffuse_bounces else scene
     assert scene.problems() == []
     settings = replace(settings, passes=PASSES)
     core, reference = (

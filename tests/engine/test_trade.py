@@ -322,6 +322,21 @@ def test_something_is_told_early_and_the_last_of_it_is_the_result(monkeypatch):
     assert len(told) >= len(result.rows) and len(told[0].rows) == 1 and told[0].rows[0].current
 
 
+def test_the_first_answer_takes_few_samples_and_makes_way_for_the_rest():
+    told = []
+    samples = trade._GLANCE * trade._GLANCE_MARGIN
+    ladder = {"samples": [1, 4, 16], "error_threshold": [2.0, 0.0], "light_samples": [1, 2]}
+    result = measured(on_trade=told.append, reference_samples=samples, values=ladder)
+    first = told[0]
+    assert (
+        first.reference.startswith("a first look") and f"{trade._GLANCE} samples" in first.reference
+    )
+    knobs = {(row.knobs["error_threshold"], row.knobs["light_samples"]) for row in first.rows}
+    assert knobs == {(0.0, 2)} and [r.knobs["samples"] for r in first.rows if r.current] == [4]
+    assert len(first.rows) == 3 and all(len(t.rows) >= 3 for t in told)
+    assert len(result.rows) > 3 and f"{samples} samples" in result.reference
+
+
 def test_at_most_six_different_points_and_the_current_settings_are_shown():
     rows = trade.with_front(
         [row(2.0**k, 0.5**k) for k in range(20)] + [row(2.0**19.5, 0.5, current=True)]

@@ -23,6 +23,9 @@ pytestmark = pytest.mark.skipif(
     reason="needs a whole Blender program: GLINT_BLENDER names one",
 )
 
+SOON = 15.0
+"""Processor seconds from Tune Settings' button to its first plot."""
+
 EDGE_SHARE = 0.002
 """Of the pixels that Solid shading shows: along edges it rounds otherwise."""
 
@@ -56,6 +59,13 @@ def test_the_events_of_a_day_show_what_a_render_gives(blender):
             f"{name}: drawing may add 1, the screen differs from F12 by {result['framebuffer']}"
         )
     assert told["explained"]["color"] == pytest.approx(told["explained"]["pixel"], rel=1e-4)
+
+
+def test_tune_settings_shows_something_soon(blender):
+    """A first plot of the demo scene within 15 processor seconds of the click."""
+    told = run_in_window(blender, "tune.py", timeout=600).run.answer
+    sys.stdout.write(f"first plot: {told}\n")
+    assert told["processor"] <= SOON
 
 
 def test_what_a_view_hides_and_brings_back(blender):

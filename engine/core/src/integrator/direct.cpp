@@ -217,6 +217,16 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
   add(batch, light, count);
 }
 
+/// Where the shadow ray of a point of the batch starts that ends at `end`, as the stage has it.
+Vec3d DirectLight::shadow_start(uint32_t point, const Vec3d& end) const {
+  const Vec3d origin = row(stage_.origin, point), g = row(stage_.g, point);
+  const double offset = stage_.offset[point];
+  double beside = offset;
+  if (dot(g, end - origin) < 0)
+    beside = dot(origin - row(stage_.points_x, point), g) > 0x1p-25 * offset ? 0 : -offset;
+  return origin + beside * g - offset * row(stage_.d, point);
+}
+
 /// What the `count` drawn directions of the stage meet of a mesh light: samples of it, as the stage
 /// has them of other lights. How many do.
 size_t DirectLight::meet_emitters(const Light& light, size_t count) {
@@ -231,15 +241,16 @@ size_t DirectLight::meet_emitters(const Light& light, size_t count) {
     const GlintEmitter& emitter = scene_.emitters[emitter_[k]];
     const Vec3d from = row(stage_.o, k), l = row(stage_.to, k), q = from + distance_[k] * l;
     const LightMeeting met =
-        light.meeting(emitter, row(stage_.points_x, point_[k]), q, l, uint32_t(stage_.share));
+        light.meeting(emitter, row(stage_.points_x, point_[k]), row(stage_.origin, point_[k]), q, l,
+                      uint32_t(stage_.share));
     const Vec3d given = met.factor / (1 + stage_.density_out[k] * met.spread / stage_.share) *
                         met.color * row(stage_.diffuse_out, k);
     if (!any(given) || (!met.front && dot(row(stage_.g, point_[k]), l) <= 0)) continue;
-    const Vec3d to = met.end - from;
+    const Vec3d start = shadow_start(point_[k], met.end), to = met.end - start;
     point_[kept] = point_[k];
-    set_row(stage_.o, kept, from);
+    set_row(stage_.o, kept, start);
     set_row(stage_.to, kept, unit(to));
-    stage_.t_max[kept] = length(to) - rounding(std::max(max_abs(met.end), max_abs(from)));
+    stage_.t_max[kept] = length(to) - rounding(std::max(max_abs(met.end), max_abs(start)));
     if (stage_.end_out[0]) set_row(stage_.end_out, kept, met.end);
     set_row(stage_.diffuse_out, kept, stage_.specular_out[0] ? Vec3d{} : given);
     if (stage_.specular_out[0]) set_row(stage_.specular_out, kept, given);

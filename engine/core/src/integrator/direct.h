@@ -65,6 +65,7 @@ class DirectLight {
   void add_rest(const Batch& batch, const Light& light, uint32_t sample);
   void add_lit(const Batch& batch, const Light& light, size_t count, uint8_t* known,
                RayCounts& counts);
+  Vec3d shadow_start(uint32_t point, const Vec3d& end) const;
   size_t meet_emitters(const Light& light, size_t count);
   void apply_program(const Light& light, size_t count);
   void add_glow(Batch& batch, const MediaSpans& spans, const Vec3d* clear);

@@ -81,8 +81,9 @@ struct Light {
   /// the light shines that way.
   bool is_cut(Vec3d x, Vec3d n) const;
 
-  /// The place q on an emitter as x sees it in the direction l, beside `count` points a sample.
-  LightMeeting meeting(const GlintEmitter& emitter, Vec3d x, Vec3d q, Vec3d l,
+  /// The place q on an emitter as x sees it in the direction l, beside `count` points a sample;
+  /// shadow rays to it start at `origin`.
+  LightMeeting meeting(const GlintEmitter& emitter, Vec3d x, Vec3d origin, Vec3d q, Vec3d l,
                        uint32_t count) const;
 
   /// Ray parameter at which o + t d (d unit) first meets the visible shape, infinity for the sun's

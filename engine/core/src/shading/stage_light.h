@@ -154,6 +154,17 @@ inline Drawn draw(const LightStage& s, size_t k, const Three& n, const Narrow& n
   return {d - 2 * c * h, (narrow.total > 0) & (c < 0), exponent};
 }
 
+/// Where the shadow ray from `origin` to a mesh light's sample ends: before the surface, on the
+/// side that it comes from. Hanika's start may be on another than the point.
+inline Three before_mesh(const LightStage& s, size_t k, const Sample& sample, const Three& origin) {
+  if (s.origin[0] == s.points_x[0]) return sample.end;  // no smooth faces
+  const Three q = splat3(s.end), n = splat3(s.axis),
+              end = q + choose(dot(origin - q, n) > 0, splat(s.size), splat(-s.size)) * n;
+  const Mask moved = nonzero(origin - load3(s.points_x, k));
+  return {choose(moved, end.x, sample.end.x), choose(moved, end.y, sample.end.y),
+          choose(moved, end.z, sample.end.z)};
+}
+
 /// The open segment from the point to the sample; its far end stops short of what the sample lies
 /// on.
 template <int Shape>
@@ -162,20 +173,21 @@ inline void shadow_ray(const LightStage& s, size_t k, const Sample& sample,
   const Three origin = load3(s.origin, k), g = load3(s.g, k);
   const Doubles offset = load(s.offset + k);
   constexpr bool endless = Shape == kDirection || Shape == kSky;
-  const Three towards = endless ? sample.l : sample.end - origin;
+  const Three end = Shape == kMeshSource ? before_mesh(s, k, sample, origin) : sample.end;
+  const Three towards = endless ? sample.l : end - origin;
   // Off the surface along its normal, and back along the ray that found it: there it is free,
   // whatever stands on the surface.
   const Three o = origin + choose(dot(g, towards) < 0, below(s, k, origin, g, offset), offset) * g -
                   offset * load3(s.d, k);
   append(s.o, o);
-  if (s.end_out[0]) append(s.end_out, sample.end);
+  if (s.end_out[0]) append(s.end_out, end);
   if (endless) {
     append(s.to, sample.l);
     return append(s.t_max, splat(__builtin_inf()));
   }
-  const Way to = way(sample.end - o);
+  const Way to = way(end - o);
   append(s.to, to.d);
-  append(s.t_max, to.length - rounding(larger(max_abs(sample.end), max_abs(o))));
+  append(s.t_max, to.length - rounding(larger(max_abs(end), max_abs(o))));
 }
 
 /// A row for each of the lanes `reached` that the sample adds something to; how many.
@@ -325,7 +337,8 @@ size_t gloss_from(const LightStage& s) {
   return found;
 }
 
-/// The same for a mesh light: what the light is there, the rays have to find out.
+/// The same for a mesh light: what the light is there, the rays have to find out. They begin at the
+/// point itself, of whose directions the density is, not where its shadow rays do.
 size_t gloss_towards_mesh(const LightStage& s) {
   size_t found = 0;
   for (size_t k = 0; k < s.count; k += kLanes) {
@@ -344,7 +357,13 @@ size_t gloss_towards_mesh(const LightStage& s) {
     append.number(s.point, uint32_t(k));
     append(s.diffuse_out, seen.light);
     append(s.density_out, seen.density);
-    shadow_ray<kSky>(s, k, sky_at(s, drawn.l), append);
+    const Three g = load3(s.g, k);
+    const Doubles offset = load(s.offset + k);
+    const Doubles beside = choose(dot(g, drawn.l) < 0, -offset, offset);
+    append(s.o, load3(s.points_x, k) + beside * g - beside * load3(s.d, k));
+    append(s.to, drawn.l);
+    append(s.t_max, splat(__builtin_inf()));
+    if (s.end_out[0]) append(s.end_out, drawn.l);  // until it is known
     found += size_t(__builtin_popcount(lanes));
   }
   return found;
