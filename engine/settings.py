@@ -213,9 +213,9 @@ class Settings:
     lamp_shadows: int = _setting(
         16,
         "Lamp Shadows",
-        "Shadow rays of a point and sample where lamps would take more than twice as many: they go "
-        "to the lamps that give most there, and to the others in turn. Choose 16 for most "
-        "pictures, 64 with few samples, 0 for a ray to each lamp, however many",
+        "Shadow rays of a point and sample, times Light Samples, where lamps are more than twice "
+        "as many: they go to those that give most there, and to the others in turn. Choose 16 "
+        "for most pictures, 64 with few samples, 0 for a ray to each lamp, however many",
         high=1024,
         slider=64,
         remedy="0 (one to each) to 1024",

@@ -15,6 +15,8 @@ from .mesh_lights import along_a_curve
 if TYPE_CHECKING:
     from ..settings import Settings
 
+MOST_RAYS = 4096
+"""That lamps share at a point in a pixel's sample."""
 SORTED = 16
 """So many lamps at most stay in the order in which they came."""
 FIRST_MARK = 0.3819660112501051
@@ -42,11 +44,18 @@ def shared_samples(lights: Sequence[Light], settings: Settings) -> int:
     """How many samples of lamps share the shadow rays of a pixel's sample; 0 where each has its
     own.
     """
-    samples = sum(
-        settings.light_samples if is_soft(light) else 1 for light in lights if may_share(light)
-    )
-    shares = 0 < 2 * settings.lamp_shadows < samples
-    return samples if shares else 0
+    lamps = [light for light in lights if may_share(light)]
+    if not 0 < 2 * settings.lamp_shadows < len(lamps):
+        return 0
+    return sum(settings.light_samples if is_soft(light) else 1 for light in lamps)
+
+
+def shared_rays(lights: Sequence[Light], settings: Settings) -> int:
+    """How many shadow rays they share: Lamp Shadows for each of the samples of a soft one."""
+    if not shared_samples(lights, settings):
+        return 0
+    soft = any(is_soft(light) for light in lights if may_share(light))
+    return min(settings.lamp_shadows * (settings.light_samples if soft else 1), MOST_RAYS)
 
 
 def sharing_stats(lights: Sequence[Light], settings: Settings) -> dict[str, float]:

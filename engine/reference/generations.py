@@ -401,6 +401,8 @@ class Generations:
                 self._tile.charge(pixel[seen])
             if is_soft:
                 self._tile.softly_lit[pixel[seen]] = True
+            if source.light.kind == "BOUNCED":
+                self._tile.bounced[pixel[seen]] = True
 
         def on_cut(seen: Array) -> None:
             self._tile.cut[pixel[seen]] = True

@@ -31,20 +31,20 @@ LARGEST = float(np.finfo(np.float32).max)
 
 class Tile:
     """One sample of n pixels. parts: (3, n) per part that anything was added to. lost: (n,) alpha.
-    cost: (n,) rays. softly_lit, cut: (n,) bool, whether a light of more than one sample reached
-    them, and whether their horizon cuts one. data: (channels, n) for the passes named. wanted:
-    (n,) bool, pixels whose data is still to come. clear: (n,) what is seen and no mist before
-    it.  caught: (3, n) what shadows on catchers take away. aovs: (4 each, n) colours and what of
-    the sample has them. wants_aovs: (n,) bool, pixels whose ray has met nothing that hides what is
-    behind. met: of each Cryptomatte pass, pixels, bits of ids and coverages, (m,) each, of what
-    was met.
+    cost: (n,) rays. softly_lit, cut, bounced: (n,) bool, whether a light of more than one sample
+    reached them, whether their horizon cuts one, and whether bounced light reached them. data:
+    (channels, n) for the passes named. wanted: (n,) bool, pixels whose data is still to come.
+    clear: (n,) what is seen and no mist before it. caught: (3, n) what shadows on catchers take
+    away. aovs: (4 each, n) colours and what of the sample has them. wants_aovs: (n,) bool, pixels
+    whose ray has met nothing that hides what is behind. met: of each Cryptomatte pass, pixels, bits
+    of ids and coverages, (m,) each, of what was met.
     """
 
     def __init__(self, count: int, data: frozenset[str], aovs: int = 0):
         self._count = count
         self.parts: dict[str, Array] = {}
         self.lost, self.cost = np.zeros(count), np.zeros(count)
-        self.softly_lit, self.cut = np.zeros(count, bool), np.zeros(count, bool)
+        self.softly_lit, self.cut, self.bounced = np.zeros((3, count), bool)
         self.data = {name: np.full((PASSES[name], count), empty_value(name)) for name in data}
         self.wanted = np.full(count, bool(data))
         self.aovs, self.wants_aovs = np.zeros((4 * aovs, count)), np.full(count, aovs > 0)

@@ -13,10 +13,14 @@ Array = np.ndarray
 
 _LIGHT_POINTS = 16
 """Of each soft light, that a pixel has looked at before it may stop."""
+_NOTED = 16
+"""Samples in which bounced light is noted."""
 _LENS_SAMPLES = 16
 """The same of a lens, or of a camera that moves."""
 _DIM_POINTS = 32
 """The same where it is black so far, or where its horizon cuts the light."""
+_BOUNCED_POINTS = 64
+"""The same where bounced light is met: single points of it may matter most."""
 _MOST = 1e30
 """Squared levels of what is not finite."""
 
@@ -59,24 +63,25 @@ class Refinement:
             settings.light_samples,
             shown,
         )
-        self._softly_lit, self._cut, self._samples = (
-            np.zeros(shown.size, bool),
-            np.zeros(shown.size, bool),
-            0,
-        )
+        self._softly_lit, self._cut, self._bounced = np.zeros((3, shown.size), bool)
+        self._samples = 0
         self._least = _LENS_SAMPLES if spread else 0
         self.active = np.ones(shown.size, bool)
         self._low, self._high = np.full((4, shown.size), np.inf), np.full((4, shown.size), -np.inf)
         self._range = np.zeros(shown.size)
         self._around = np.zeros(shown.size)
 
-    def note(self, pixel: Array | slice, values: Array, softly_lit: Array, cut: Array) -> None:
+    def note(
+        self, pixel: Array | slice, values: Array, softly_lit: Array, cut: Array, bounced: Array
+    ) -> None:
         """Another sample of these pixels: (4, m) colour and lost alpha, (m,) bool whether a soft
-        light reached them, and whether their horizon cuts one.
+        light reached them, whether their horizon cuts one, and whether bounced light reached them.
         """
         if self._samples < FIRST_ESTIMATE:
             self._softly_lit[pixel] |= softly_lit
             self._cut[pixel] |= cut
+        if self._samples < _NOTED:
+            self._bounced[pixel] |= bounced
         self._low[:, pixel] = np.minimum(self._low[:, pixel], values)
         self._high[:, pixel] = np.maximum(self._high[:, pixel], values)
 
@@ -98,8 +103,11 @@ class Refinement:
                 (self._low[:3] == 0).all(0) & (self._high[:3] == 0).all(0),
                 samples * self._light_samples,
             )
-            met, dim = self._softly_lit | self._cut, black | self._cut
-            waits = met & (points < np.where(dim, _DIM_POINTS, _LIGHT_POINTS)) | black & self._cut
+            met = self._softly_lit | self._cut | self._bounced
+            dim = black | self._cut
+            least = np.where(dim, _DIM_POINTS, _LIGHT_POINTS)
+            least = np.where(self._bounced, _BOUNCED_POINTS, least)
+            waits = met & (points < least) | black & self._cut
             self.active &= waits | ~(
                 np.maximum(self._range, self._around) / samples**0.75 <= self._threshold
             )

@@ -10,7 +10,7 @@ from ..cryptomatte import id_bits
 from ..film import CRYPTOMATTES, LIGHTING, SEEN
 from ..lights.bounced_light import bounced_table
 from ..lights.dome import dome_table
-from ..lights.lamps import shared_samples
+from ..lights.lamps import shared_rays, shared_samples
 from ..lights.mesh_lights import mesh_table
 from ..sampling import light_points, lobe_points, scatter_offsets
 from ..scene import Light, Scene
@@ -64,7 +64,7 @@ class Stage:
             shadows,
             pulse,
             self.per_object("light_set", np.arange(len(self.geometry.placements.block))),
-            settings.lamp_shadows if self.shared_samples else 0,
+            shared_rays(scene.lights, settings),
         )
         caught = self.per_object("catcher", np.arange(len(self.geometry.placements.block)))
         self.catches = bool(caught.any())

@@ -153,9 +153,8 @@ class Tracer:
                 Generations(stage, tile, sample).run(rays, strips)
             self.picture.keep(here, tile)
             if self._refinement:
-                self._refinement.note(
-                    here, np.concatenate([tile.color(), tile.lost[None]]), tile.softly_lit, tile.cut
-                )
+                values = np.concatenate([tile.color(), tile.lost[None]])
+                self._refinement.note(here, values, tile.softly_lit, tile.cut, tile.bounced)
             yield (above - y0) / (y1 - y0)
 
     def _clock(self, name: str) -> _Clock:

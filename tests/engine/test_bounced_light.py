@@ -371,3 +371,27 @@ def test_a_pilot_that_meets_nothing_sends_more() -> None:
     found = bounced_light(scene, 1)
     assert found is not None
     assert 1 <= len(found.bounces.points) < 100
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(("light_samples", "least"), [(1, 64), (2, 32)])
+def test_pixels_that_bounced_light_reaches_take_64_points(
+    light_samples: int, least: int, backend: str
+) -> None:
+    """The ground alone lights the wall, and the first samples may miss what is near. What sees
+    nothing stops as ever.
+    """
+    scene = replace(
+        wall_over_ground(lamp("SUN", strength=2.0)),
+        camera=replace(AT_WALL, window=(-0.4, 0.4, -1.6, 0.4), resolution=(4, 8)),
+    )
+    settings = Settings(
+        samples=64,
+        light_samples=light_samples,
+        diffuse_bounces=1,
+        error_threshold=100.0,
+        backend=backend,
+        passes={"Samples"},
+    )
+    taken = render(scene, settings).passes["Samples"][..., 0]
+    assert (taken[4:] == least).all() and (taken[0] == 4).all(), taken

@@ -435,8 +435,8 @@ FAULTS = {
     ),
     "extension": (scene(textures=(texture(extension="WRAP"),)), "extension is 'WRAP'"),
     "interpolation": (
-        scene(textures=(texture(interpolation="CUBIC"),)),
-        "interpolation is 'CUBIC'",
+        scene(textures=(texture(interpolation="SINC"),)),
+        "interpolation is 'SINC'",
     ),
     # Light and view
     "light kind": (

@@ -9,7 +9,7 @@ import pytest
 
 from glint import engine
 from glint.engine import Settings
-from glint.engine.lights.lamps import first_mark, in_order, shared_samples
+from glint.engine.lights.lamps import first_mark, in_order, may_share, shared_rays, shared_samples
 from glint.engine.reference.shared_lamps import choose
 from glint.engine.scene import (
     Camera,
@@ -247,7 +247,10 @@ def test_lamps_that_reach_nothing_change_nothing(kind: str) -> None:
         for k, light in enumerate(lights)
     )
     flat = {"blocks": False}
-    films = [drawn(scene_of(some, GLOSS, **flat), samples=2) for some in (lights, lights + away)]
+    films = [
+        drawn(scene_of(some, GLOSS, **flat), samples=2, light_samples=1)
+        for some in (lights, lights + away)
+    ]
     assert (films[0].combined == films[1].combined).all()
     assert films[0].stats["shadow rays"] == films[1].stats["shadow rays"]
 
@@ -297,3 +300,18 @@ def test_explain_pixel_tells_of_shared_shadows() -> None:
         "samples of lamps"
         not in engine.explanation_lines(engine.PixelExplainer(few, Settings()).pixel(12, 12))[0]
     )
+
+
+def test_samples_of_few_soft_lamps_are_not_shared() -> None:
+    """What counts is lamps: light samples are what was asked for of each."""
+    scene = SCENES["areas"]
+    few = replace(scene, lights=tuple(light for light in scene.lights if may_share(light))[:9])
+    films = [drawn(few, samples=2, light_samples=8, lamp_shadows=n) for n in (16, 0)]
+    assert (films[0].combined == films[1].combined).all()
+    assert films[0].stats["shadow rays"] == films[1].stats["shadow rays"]
+
+
+def test_more_light_samples_are_more_rays_of_many_soft_lamps() -> None:
+    scene = SCENES["areas"]
+    asked = [shared_rays(scene.lights, Settings(light_samples=n, lamp_shadows=6)) for n in (1, 3)]
+    assert asked == [6, 18]

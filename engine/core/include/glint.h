@@ -356,9 +356,9 @@ enum GlintPass {
  * for each sample; null only where no medium scatters: by how much the places on rays are shifted
  * from which media do, volume_samples at least for each light. moving: each sample is of a scene of
  * its own, see glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64
- * where one is asked for, two numbers each. lamp_shadows: where lamps that cast shadows and have no
- * program take more than twice as many samples, a point sends so many of its rays to them; 0: one
- * to each, up to 1024. */
+ * where one is asked for, two numbers each. lamp_shadows: where more than twice as many lamps cast
+ * shadows and have no program, a point sends so many of its rays to them, times the samples of a
+ * soft one; 0: one to each, up to 1024. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;

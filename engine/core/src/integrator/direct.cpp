@@ -81,7 +81,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
     const uint32_t count = plan_.samples_of(light);
     if (alone_ && light.is_mesh()) continue;  // catchers are not among what glows
     const bool shares = shared_.on && shared_.takes_part[size_t(&light - scene_.lights.data())],
-               notes = batch.softly_lit && count > 1;
+               notes = batch.softly_lit && count > 1 && sample < Refinement::kFirst;
     if (!shares || notes) find_lit(batch, light);
     if (notes) find_cut(batch, light);
     if (shares) {
@@ -202,7 +202,8 @@ void DirectLight::add_lit(const Batch& batch, const Light& light, size_t count, 
   if (count == 0) return;
   if (light.program) apply_program(light, count);
   const bool soft = batch.softly_lit && stage_.share > 1 && !light.is_dome();
-  for (size_t k = 0; soft && k < count; ++k) batch.mark_softly_lit(point_[k], Refinement::kReached);
+  const uint8_t met = Refinement::kReached | (light.is_bounced() ? Refinement::kBounced : 0);
+  for (size_t k = 0; soft && k < count; ++k) batch.mark_softly_lit(point_[k], met);
   const bool casts = light.casts_shadow();
   for (size_t k = 0; casts && batch.cost && k < count; ++k) batch.charge(point_[k]);
   if (casts && glassy_ && !known) {

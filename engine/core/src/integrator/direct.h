@@ -16,6 +16,7 @@ namespace glint {
 struct SharedLamps {
   bool on = false;
   std::vector<uint8_t> takes_part;  // of the scene's lights
+  uint32_t rays = 0;                // of a point and sample
   std::vector<LampSample> samples;
   std::vector<const Light*> light;             // of each
   std::vector<std::vector<int64_t>> receives;  // masks, of lamps that light but some

@@ -9,6 +9,8 @@
 namespace glint {
 namespace {
 
+constexpr uint64_t kMostRays = 4096;  // that lamps share at a point in a pixel's sample
+
 /// Where the first of a sample's marks is: of n samples each in another of n places between two
 /// marks (van der Corput's sequence), none where sums of alike lamps end.
 double mark_offset(uint32_t sample) {
@@ -21,13 +23,16 @@ double mark_offset(uint32_t sample) {
 }  // namespace
 
 void DirectLight::find_sharing() {
-  uint64_t samples = 0;
+  uint32_t lamps = 0, samples = 1;
   for (const Light& light : scene_.lights) {
     const bool is_lamp = !light.is_dome() && !light.is_surface();
     shared_.takes_part.push_back(is_lamp && light.casts_shadow() && !light.program);
-    if (shared_.takes_part.back()) samples += plan_.samples_of(light);
+    if (!shared_.takes_part.back()) continue;
+    ++lamps;
+    samples = std::max(samples, plan_.samples_of(light));
   }
-  shared_.on = plan_.lamp_shadows > 0 && samples > 2 * uint64_t(plan_.lamp_shadows);
+  shared_.on = plan_.lamp_shadows > 0 && lamps > 2 * uint64_t(plan_.lamp_shadows);
+  shared_.rays = uint32_t(std::min(uint64_t(plan_.lamp_shadows) * samples, kMostRays));
 }
 
 void DirectLight::share_lamps(const Batch& batch, uint32_t sample, RayCounts& counts) {
@@ -94,7 +99,7 @@ void DirectLight::place_sums(size_t points) {
   shared_.asks.assign(columns.rows(), 0);
   shared_.given.resize(3 * kShareBlock * shared_.samples.size());
   shared_.reaching.resize(shared_.samples.size());
-  shared_.chosen.resize(plan_.lamp_shadows * points);
+  shared_.chosen.resize(shared_.rays * points);
 }
 
 /// Which samples each point asks, by sample.
@@ -106,7 +111,7 @@ void DirectLight::choose(const Batch& batch, uint32_t sample) {
   stage.samples = shared_.samples.data();
   stage.sample_count = shared_.samples.size();
   stage.offset = mark_offset(sample);
-  stage.asked = plan_.lamp_shadows;
+  stage.asked = shared_.rays;
   for (int c = 0; c < 3; ++c) {
     stage.diffuse[c] = shared_.diffuse[c];
     stage.specular[c] = shared_.specular[c];
