@@ -58,7 +58,7 @@ def turn():
 
 def is_as_anew():
     """Whether the view shows what a new export of the depsgraph gives."""
-    export = sys.modules[window.package + ".addon.export.incremental"]
+    export = sys.modules[window.package + ".addon.export.sync.incremental"]
     engine = sys.modules[window.package + ".engine"]
     shown, settings, view = window.session.shown_scene
     depsgraph = bpy.context.evaluated_depsgraph_get()

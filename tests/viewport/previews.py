@@ -118,9 +118,9 @@ def in_the_panel():
     final = sys.modules[window.package + ".addon.render.final"]
     prepare = final.prepare
 
-    def noted(engine, depsgraph):
+    def noted(engine, depsgraph, *more):
         seen.append((engine.is_preview, engine.resolution_x, engine.resolution_y))
-        return prepare(engine, depsgraph)
+        return prepare(engine, depsgraph, *more)
 
     final.prepare = noted
     panel = bpy.types.MATERIAL_PT_preview
