@@ -10,7 +10,8 @@ from .report import Report
 
 LEAST_BOUNCES = 4
 """Light that may bounce less than this is told: it is the default of Diffuse Bounces."""
-_TERMINATOR = ("shadow_terminator_shading_offset", "shadow_terminator_geometry_offset")
+_SAME = 1e-6
+"""Of settings near 0.1, which Blender holds as float32."""
 
 
 def note_light(name: str, data: Any, report: Report) -> None:
@@ -41,7 +42,9 @@ def note_object(name: str, owner: Any, report: Report) -> None:
             "light; hide it from the render, or exclude it in another view layer",
             name,
         )
-    if any(_is_set(owner, setting) for setting in _TERMINATOR):
+    shading = getattr(owner, "shadow_terminator_shading_offset", 0.0)
+    geometry = getattr(owner, "shadow_terminator_geometry_offset", 0.1)
+    if shading != 0.0 or abs(geometry - 0.1) > _SAME:
         report.note(
             "Shadow Terminator offsets are not rendered in {}: subdivide it where shadows are "
             "angular",
@@ -49,11 +52,6 @@ def note_object(name: str, owner: Any, report: Report) -> None:
         )
     if getattr(getattr(owner, "cycles", None), "is_caustics_caster", False):
         report.note("Shadow caustics are not rendered: {} cast none; light them by a lamp", name)
-
-
-def _is_set(owner: Any, setting: str) -> bool:
-    value = getattr(owner, setting, None)
-    return value is not None and value != owner.bl_rna.properties[setting].default
 
 
 def note_material(material: Any, is_see_through: bool, is_bent: bool, report: Report) -> None:

@@ -241,7 +241,10 @@ def test_collections_of_the_view_layer_hold_out_and_hide(scene):  # noqa: F811
 
 
 def test_what_shadow_catchers_do_not_show_is_noted(scene):  # noqa: F811
-    thing = quad("Catcher", bpy.data.materials.new("Glow"))
+    glow = bpy.data.materials.new("Glow")
+    if bpy.app.version < (5, 0):
+        glow.use_nodes = True
+    thing = quad("Catcher", glow)
     thing.is_shadow_catcher = True
     assert not export().notes
     tree = thing.active_material.node_tree
