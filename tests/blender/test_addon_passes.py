@@ -210,6 +210,8 @@ def kind(file_format, views):
     if hasattr(settings, "media_type"):
         settings.media_type = "IMAGE"
     settings.file_format, settings.views_format = file_format, views
+    if file_format == "OPEN_EXR":
+        settings.color_depth = "32"
 
 def draw(name):
     scene.render.filepath = str(FOLDER / name)
