@@ -261,15 +261,20 @@ def flags_of(
         report.note(
             "Indirect only hides {} from the camera; light is not carried on from there", thing.name
         )
-    for x in (thing,) if instancer is thing else (thing, instancer):
-        _note_light_settings(thing, x, report)
-    return Flags(
-        thing.visible_camera and instancer.visible_camera and not indirect_only,
-        thing.visible_glossy and instancer.visible_glossy,
-        thing.visible_shadow and instancer.visible_shadow,
-        holdout,
-        links.set_of(owner) if links is not None else 0,
-        links.lit_by(owner) if links is not None and thing.type == "LIGHT" else EVERYTHING,
-        links.shaded_by(owner) if links is not None and thing.type == "LIGHT" else EVERYTHING,
-        thing.is_shadow_catcher or instancer.is_shadow_catcher,
+    _note_light_settings(thing, thing, report)
+    camera, mirror, shadow = thing.visible_camera, thing.visible_glossy, thing.visible_shadow
+    catcher = thing.is_shadow_catcher
+    if instancer is not thing:
+        _note_light_settings(thing, instancer, report)
+        camera, mirror = camera and instancer.visible_camera, mirror and instancer.visible_glossy
+        shadow = shadow and instancer.visible_shadow
+        catcher = catcher or instancer.is_shadow_catcher
+    camera = camera and not indirect_only
+    if links is None:
+        return Flags(camera, mirror, shadow, holdout, catcher=catcher)
+    lit, shaded = (
+        (links.lit_by(owner), links.shaded_by(owner))
+        if thing.type == "LIGHT"
+        else (EVERYTHING, EVERYTHING)
     )
+    return Flags(camera, mirror, shadow, holdout, links.set_of(owner), lit, shaded, catcher)
