@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..accelerator import Hits
-from ..scene import Attribute, Camera, Geometry, Mesh, Polygons, Scene, Spheres, Strands
+from ..scene import Attribute, Camera, Geometry, Instances, Mesh, Polygons, Scene, Spheres, Strands
 
 if TYPE_CHECKING:
     from ..reference.materials import Coefficients
@@ -86,7 +86,9 @@ def met_surfaces(
     depth = hits.t[hit].astype(np.float64)
     surface = surface_at(geometry, attributes, rays, np.arange(len(hit)), primitive, depth, pulse)
     shader = Shader(some, attributes, geometry)
-    each = np.repeat(np.arange(len(some.instances)), [len(b.world_from_object) for b in some.instances])
+    each = np.repeat(
+        np.arange(len(some.instances)), [len(b.world_from_object) for b in some.instances]
+    )
     holdout = np.array([block.holdout for block in some.instances], bool)[each[surface.row]]
     seen = np.flatnonzero(~holdout)
     surface = surface.take(seen)
