@@ -153,6 +153,11 @@ inline Doubles byte_of(Whole words, int number) {
 struct Quad {
   Whole words[4];
   Doubles x, y;
+  Quad(const TextureShape& t, const Axis& u, const Axis& v)
+      : words{words_at(t, u.first, v.first), words_at(t, u.second, v.first),
+              words_at(t, u.first, v.second), words_at(t, u.second, v.second)},
+        x(u.way),
+        y(v.way) {}
   Doubles channel(int c) const {
     return mix(mix(byte_of(words[0], c), byte_of(words[1], c), x),
                mix(byte_of(words[2], c), byte_of(words[3], c), x), y);
@@ -173,13 +178,7 @@ template <auto read, auto read_quad>
 inline auto sample(const TextureShape& t, Doubles u, Doubles v) {
   if (t.interpolation == GLINT_CUBIC) return sample_cubic<read>(t, u, v);
   const Axis x = axis_of(t, u, t.width), y = axis_of(t, v, t.height);
-  if (is_plain(t))
-    return filtered_colors(t, read_quad(Quad{{words_at(t, x.first, y.first),
-                                              words_at(t, x.second, y.first),
-                                              words_at(t, x.first, y.second),
-                                              words_at(t, x.second, y.second)},
-                                             x.way,
-                                             y.way}));
+  if (is_plain(t)) return filtered_colors(t, read_quad(Quad(t, x, y)));
   if (t.interpolation == GLINT_CLOSEST) return read(t, {t, x.first, y.first});
   return filtered_colors(
       t, mix(mix(read(t, {t, x.first, y.first}), read(t, {t, x.second, y.first}), x.way),
