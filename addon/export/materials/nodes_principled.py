@@ -105,7 +105,7 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
     if not weight:
         return surface
     tint = view.reflectance("Sheen Tint", 1.0)
-    fibres = Fibres(view, view.constant("Sheen Roughness", 0.5))
+    fibres = Fibres(view, view.roughness("Sheen Roughness"))
     return add_closures(
         fibres.over(surface, multiply(weight, _largest(tint))),
         fibres.closure(multiply(weight, tint)),
