@@ -266,6 +266,18 @@ def test_a_sheen_whose_roughness_varies_is_that_of_each_point(scene, roughness):
     np.testing.assert_allclose(*seen, rtol=1e-6, atol=1e-7)
 
 
+@pytest.mark.parametrize("linked", [("Normal",), ("Coat Normal",), ("Normal", "Coat Normal")])
+@pytest.mark.parametrize("coat", [0.0, 0.5])
+def test_a_coat_with_another_normal_is_told(scene, linked, coat):  # noqa: F811
+    """An unlinked Coat Normal is the mesh's in Cycles, whatever lies below."""
+    shader = principled(Base_Color=RED, Coat_Weight=coat)
+    bent = shader.node("ShaderNodeNormalMap")
+    for name in linked:
+        shader.link(bent, 0, shader.shader, name)
+    notes = shader.export()[0].notes
+    assert any("coat" in note for note in notes) == (coat > 0 and len(linked) == 1)
+
+
 def test_principled_metal(scene):  # noqa: F811
     _, lobes = principled(Base_Color=RED, Metallic=1.0, Roughness=0.0).export()
     (mirror,) = lobes

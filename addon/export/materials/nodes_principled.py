@@ -114,7 +114,8 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
 
 def _note_what_is_left_out(view: NodeView) -> None:
     bend(view)
-    if view.is_linked("Coat Normal"):
+    below, coat = (view.evaluator.normal_at(view.input(n)) for n in ("Normal", "Coat Normal"))
+    if coat is not below and view.factor("Coat Weight"):
         view.note("The coat of {} has the normal of what lies below it")
     note_left_out(view, LEFT_OUT)
     if view.number("Metallic"):
