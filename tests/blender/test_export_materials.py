@@ -10,10 +10,12 @@ from export_support import (  # noqa: F401
     RED,
     Shader,
     export,
+    image,
     kinds,
     layer_share,
     of_kind,
     quad,
+    resolved,
     scene,
     set_inputs,
     total,
@@ -53,7 +55,7 @@ def _group(depth: int, kind: str = "NodeSocketColor"):
     return tree
 
 
-@pytest.mark.parametrize("depth", [1, 3, 256])
+@pytest.mark.parametrize("depth", [1, 3, 300])
 def test_nested_groups(scene, depth):  # noqa: F811
     shader = Shader()
     group = shader.node("ShaderNodeGroup", node_tree=_group(depth))
@@ -156,6 +158,24 @@ def test_long_chains_end(scene, kind):  # noqa: F811
         np.testing.assert_allclose(total(lobes, "DIFFUSE"), 0.8 * 2.0**40, rtol=1e-6)
     else:
         assert any("too deeply" in note for note in result.notes)
+
+
+def test_a_colour_behind_hundreds_of_nodes(scene):  # noqa: F811
+    """More than the algebra of sums follows: a program computes what is further away."""
+    shader = Shader()
+    before = shader.node("ShaderNodeTexImage", image=image(name="grey")).outputs["Alpha"]
+    for _ in range(300):
+        node = shader.node("ShaderNodeMath")
+        node.inputs[1].default_value = 0.25
+        shader.tree.links.new(before, node.inputs[0])
+        before = node.outputs[0]
+    shader.tree.links.new(before, shader.shader.inputs["Color"])
+
+    result, _ = shader.export()
+
+    assert result.notes == ()
+    seen = total(resolved(result), "DIFFUSE", result.scene.textures)
+    np.testing.assert_allclose(seen, 1.0 + 300 * 0.25)
 
 
 def test_what_is_not_understood_is_the_default_and_one_note(scene):  # noqa: F811

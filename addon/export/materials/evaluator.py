@@ -237,19 +237,26 @@ class Evaluator:
             return self._default(found.socket), found.socket.type
         if found.node.mute:
             return ZERO, "VALUE"
-        value = self._once(found, lambda: self._value_of_node(found), None)
+        value = self._value(found)
         return (
             (self._default(place.socket), place.socket.type)
             if value is None
             else (self.limited(value), found.socket.type)
         )
 
+    def _value(self, found: Place) -> Sum | None:
+        """What a node's output is; None where it is not understood."""
+        if len(self._open) >= DEEPEST and found.key not in self._memo:
+            return self._by_program(found)
+        return self._once(found, lambda: self._value_of_node(found), None)
+
     def _value_of_node(self, found: Place) -> Sum | None:
         """By the algebra of sums where that is exact, else by the program."""
         handler = COLOR_NODES.get(found.node.bl_idname) if self._trees.is_surface else None
         value = handler(NodeView(self, found), found.socket) if handler else None
-        if value is not None:
-            return value
+        return value if value is not None else self._by_program(found)
+
+    def _by_program(self, found: Place) -> Sum | None:
         made = self._trees.made_by(found)
         return self.expressions.sum_of(made) if made is not None else None
 
