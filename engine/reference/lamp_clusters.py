@@ -1,7 +1,6 @@
 """Clusters of lamps that far points see as one (SEMANTICS.md, Many lamps).
 
-Letters: x shaded point, n its normal, l unit direction to a cluster's middle, d distance, r its
-radius, D and Q the dipole and quadrupole of its light.
+Letters: x shaded point, n its normal, l unit direction to a cluster's middle, d distance.
 """
 
 from __future__ import annotations
@@ -110,7 +109,9 @@ class LampClusters:
         none = np.zeros((3, len(surface)))
         start = FarLight(np.zeros(len(surface), bool), none, none, none[0])
 
-        def walk(cluster: Cluster, open_: Array, far: FarLight) -> Iterator[tuple[Source, FarLight]]:
+        def walk(
+            cluster: Cluster, open_: Array, far: FarLight
+        ) -> Iterator[tuple[Source, FarLight]]:
             to = cluster.middle - surface.x
             z = dot(surface.n, to)
             ok = open_ & (dot(to, to) >= cluster.radius2 * far2) & (z * z > cluster.radius2)
@@ -156,10 +157,10 @@ def _given(
 
 def _beside(cluster: Cluster, n: Array, l: Array, cosine: Array, d: Array) -> Array:  # noqa: E741
     """(3, m) what the places of lamps add to n·l: n·u / |u|³ to second order round u = d l."""
-    D, Q = cluster.dipole, cluster.quadrupole
-    Ql = np.einsum("cij,jm->cim", Q, l)
-    lQl, nQl = np.einsum("im,cim->cm", l, Ql), np.einsum("im,cim->cm", n, Ql)
-    trace = 1.5 * np.einsum("cii->c", Q) + cluster.discs
-    first = D @ n - 3 * cosine * (D @ l)
-    second = cosine * (7.5 * lQl - trace[:, None]) - 3 * nQl
+    dipole, quadrupole = cluster.dipole, cluster.quadrupole
+    turned = np.einsum("cij,jm->cim", quadrupole, l)
+    along_l, along_n = (np.einsum("im,cim->cm", each, turned) for each in (l, n))
+    trace = 1.5 * np.einsum("cii->c", quadrupole) + cluster.discs
+    first = dipole @ n - 3 * cosine * (dipole @ l)
+    second = cosine * (7.5 * along_l - trace[:, None]) - 3 * along_n
     return (first + second / d) / d

@@ -165,9 +165,7 @@ class Lighting:
                     is_drawn = diffuse is not coefficients.diffuse
                     white = dot(surface.n, light_sample.direction) * light_sample.intensity
                     yield (
-                        each
-                        if far is None
-                        else self._from_afar(each, source, far, white, is_drawn)
+                        each if far is None else self._from_afar(each, source, far, white, is_drawn)
                     )
 
         diffuse, specular, passed = share_shadows(

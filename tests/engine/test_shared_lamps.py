@@ -230,9 +230,7 @@ def test_instruction_sets_draw_the_same_clusters(isa: str, tmp_path: Path) -> No
         "film = t.drawn(t.SCENES['clusters and more'], samples=2, light_samples=2)\n"
         f"np.save({str(tmp_path / 'film.npy')!r}, film.combined)"
     )
-    subprocess.run(
-        [sys.executable, "-c", code], check=True, env={**os.environ, "GLINT_ISA": isa}
-    )
+    subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ, "GLINT_ISA": isa})
     whole = drawn(SCENES["clusters and more"], samples=2, light_samples=2)
     assert (np.load(tmp_path / "film.npy") == whole.combined).all()
 

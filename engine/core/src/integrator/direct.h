@@ -19,8 +19,8 @@ struct SharedLamps {
   std::vector<uint8_t> takes_part;  // of the scene's lights
   uint32_t rays = 0;                // of a point and sample
   std::vector<LampSample> samples;
-  std::vector<const Light*> light;             // of each
-  size_t clustered = 0;  // the first of those whose lamps far points see in clusters
+  std::vector<const Light*> light;  // of each
+  size_t clustered = 0;             // the first of those whose lamps far points see in clusters
   std::vector<LampCluster> clusters;
   std::vector<double> color_sums;              // as ShareStage has them
   std::vector<int64_t> near;                   // mask of points

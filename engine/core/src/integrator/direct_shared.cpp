@@ -217,9 +217,9 @@ void DirectLight::ask(const Batch& batch, size_t number, const AskedLamp* begin,
     const uint32_t point = point_[k];
     const AskedLamp& chosen = begin[shared_.place[point]];
     Vec3d asked{chosen.light[0], chosen.light[1], chosen.light[2]};
-    if (chosen.middle > 0) asked = stage_.share * beside_middle(light, chosen, row(stage_.diffuse_out, k)) * asked;
-    const Vec3d
-        open = shadow_[0] ? row(shadow_, k) : Vec3d{1, 1, 1} * double(!blocked_[k]);
+    if (chosen.middle > 0)
+      asked = stage_.share * beside_middle(light, chosen, row(stage_.diffuse_out, k)) * asked;
+    const Vec3d open = shadow_[0] ? row(shadow_, k) : Vec3d{1, 1, 1} * double(!blocked_[k]);
     set_row(shared_.asked, point, row(shared_.asked, point) + asked);
     set_row(shared_.passed, point, row(shared_.passed, point) + open * asked);
   }

@@ -168,7 +168,7 @@ size_t choose_within(const ShareStage& s, const LampCluster& c, uint32_t point, 
   const double middle = middle_light(s, c, point);
   at = s.offset - at + dot3(large, s.color_sums + 3 * c.first);  // of mark 0, as the sums count
   size_t found = 0;
-  for (uint32_t sample = c.first, end; from < to; from = end, ++sample) {
+  for (uint32_t sample = c.first; from < to; ++sample) {
     for (uint32_t beyond = c.last; sample < beyond;) {  // the first that ends beyond mark `from`
       const uint32_t middle = sample + (beyond - sample) / 2;
       if (dot3(large, s.color_sums + 3 * (middle + 1)) > at + from) beyond = middle;
@@ -176,14 +176,17 @@ size_t choose_within(const ShareStage& s, const LampCluster& c, uint32_t point, 
     }
     const double *before = s.color_sums + 3 * sample, *after = before + 3;
     const double limit = dot3(large, after) - at;
-    for (end = from + 1; end < to && (sample == c.last || end < limit); ++end) {}
+    uint32_t end = from + 1;
+    while (end < to && (sample == c.last || end < limit)) ++end;
     const double color[3] = {after[0] - before[0], after[1] - before[1], after[2] - before[2]},
-                 length = dot3(large, color), times = length > 0 ? scale * (end - from) / length : 0;
+                 length = dot3(large, color),
+                 times = length > 0 ? scale * (end - from) / length : 0;
     chosen[found++] = {
         sample,
         point,
         {times * each[0] * color[0], times * each[1] * color[1], times * each[2] * color[2]},
         middle};
+    from = end;
   }
   return found;
 }

@@ -411,7 +411,7 @@ struct ShareStage {
   const LampCluster* clusters;
   size_t cluster_count, clustered;
   const double* color_sums;
-  int64_t* near;  // mask of points that clustered samples may reach by themselves
+  int64_t* near;       // mask of points that clustered samples may reach by themselves
   uint32_t* reaching;  // room for all samples and clusters: those that may reach a block of points,
                        // a cluster as number of samples plus its own
   double* given;       // room for a block of points, three times for each of them
