@@ -202,6 +202,20 @@ def test_normal_maps_and_displacement_bend_the_normal(scene):  # noqa: F811
     assert material.program is not None and material.normal_output == 0
 
 
+def test_shaders_with_normals_of_their_own_are_told(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeAddShader")
+    for name, bent in (("Shader", True), ("Shader_001", False)):
+        diffuse = shader.node("ShaderNodeBsdfDiffuse")
+        shader.link(diffuse, 0, shader.shader, name)
+        if bent:
+            shader.link(shader.node("ShaderNodeNormalMap"), 0, diffuse, "Normal")
+    result, lobes = shader.export()
+    (note,) = result.notes
+    assert "normals of their own" in note
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), 2 * 0.8, rtol=1e-6)
+    assert len(of_kind(lobes, "DIFFUSE")) == 1
+
+
 def test_the_bounds_of_a_volume_are_not_seen(scene):  # noqa: F811
     """Fog round a whole scene has a volume and no surface."""
     shader = Shader()
