@@ -21,6 +21,7 @@ from export_support import (  # noqa: F401
     total,
     weight,
 )
+from glint import engine
 
 
 def _group(depth: int, kind: str = "NodeSocketColor"):
@@ -176,6 +177,51 @@ def test_a_colour_behind_hundreds_of_nodes(scene):  # noqa: F811
     assert result.notes == ()
     seen = total(resolved(result), "DIFFUSE", result.scene.textures)
     np.testing.assert_allclose(seen, 1.0 + 300 * 0.25)
+
+
+def test_a_shader_linked_to_a_colour_counts_for_nothing_and_is_told(scene):  # noqa: F811
+    shader = Shader()
+    set_inputs(shader.shader, Color=RED)
+    shader.link(shader.node("ShaderNodeEmission"), 0, shader.shader, "Color")
+    result, lobes = shader.export()
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), RED[:3])
+    (note,) = result.notes
+    assert "'Diffuse BSDF'" in note and "'Material'" in note
+
+
+def test_what_is_broken_leaves_the_rest_of_the_picture(scene, tmp_path):  # noqa: F811
+    """A missing file, a number that is not finite, a circle and a shader in a colour's place, each
+    told with its material; and a sound one, drawn as when alone.
+    """
+    missing = bpy.data.images.new("Gone", 1, 1)
+    missing.source, missing.filepath = "FILE", str(tmp_path / "gone.png")
+    sources = {
+        "Missing": ("ShaderNodeTexImage", {"image": missing}, "gone.png"),
+        "Infinite": ("ShaderNodeRGB", {}, "not finite"),
+        "Circle": ("ShaderNodeGamma", {}, "circle"),
+        "Invalid": ("ShaderNodeEmission", {}, "shader is linked to a value"),
+    }
+    for place, (name, (kind, settings, _)) in enumerate(sources.items()):
+        shader = Shader(name)
+        node = shader.node(kind, **settings)
+        shader.link(node, 0, shader.shader, "Color")
+        if name == "Infinite":
+            node.outputs[0].default_value = (np.inf, np.nan, 0.5, 1.0)
+        if name == "Circle":
+            shader.link(node, 0, node, "Color")
+        shader.quad.location = (2.5 * place - 5, 0, 0)
+    shader = Shader("Sound")
+    set_inputs(shader.shader, Color=RED)
+    shader.quad.location = (5, 0, 0)
+
+    result, lobes = shader.export()
+
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), RED[:3])
+    for name, (_, _, told) in sources.items():
+        named = [note for note in result.notes if told in note]
+        assert len(named) == 1 and f"'{name if name != 'Missing' else 'Gone'}'" in named[0], name
+    film = engine.render(result.scene, engine.Settings(samples=1))
+    assert np.isfinite(film.combined).all()
 
 
 def test_what_is_not_understood_is_the_default_and_one_note(scene):  # noqa: F811

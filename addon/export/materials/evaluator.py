@@ -21,7 +21,15 @@ from ..report import Report
 from ..shader_nodes import TreeReader
 from .clamps import clamped
 from .expressions import Expressions, has_output
-from .graph import Place, closes_circle, kind_of, socket_named, source
+from .graph import (
+    SHADER_FOR_VALUE,
+    Place,
+    closes_circle,
+    gets_a_shader,
+    kind_of,
+    socket_named,
+    source,
+)
 from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant, multiply
 from .varying import Ior, Roughness
 
@@ -229,6 +237,8 @@ class Evaluator:
         """
         if found is None or (not found.socket.is_output and closes_circle(found)):
             self.note(_CIRCLE)
+        elif not found.socket.is_output and gets_a_shader(found):
+            self.note(SHADER_FOR_VALUE.format(found.node.bl_label, "{}"))
 
     def settled(self, closure: Closure) -> Closure:
         """The closure with one term for each lobe whose weight a program computes."""

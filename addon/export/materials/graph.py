@@ -75,6 +75,11 @@ repeat, closures, bundles, switches by menus and inputs of other than shaders' t
 """
 
 
+SHADER_FOR_VALUE = (
+    "A shader is linked to a value of node '{}' in {}: the socket's default is used; unlink it"
+)
+
+
 @dataclass(frozen=True, eq=False)
 class ReadTree:
     """A node tree as an engine reads it. owner: keeps what Blender made for it."""
@@ -247,9 +252,19 @@ def closes_circle(place: Place) -> bool:
     Links between a shader and a value are invalid as well, and no circle; so are those to a socket
     that the node's settings hide.
     """
+    return _has_invalid_link(place, False)
+
+
+def gets_a_shader(place: Place) -> bool:
+    """Whether a shader is linked to an input that wants a value; such links count for nothing."""
+    return place.socket.type != "SHADER" and _has_invalid_link(place, True)
+
+
+def _has_invalid_link(place: Place, of_another_kind: bool) -> bool:
     wants_shader = place.socket.type == "SHADER"
     return place.socket.enabled and any(
-        not link.is_valid and (link.from_socket.type == "SHADER") == wants_shader
+        not link.is_valid
+        and ((link.from_socket.type == "SHADER") != wants_shader) == of_another_kind
         for link in place.links.into(place.socket)
     )
 

@@ -17,7 +17,16 @@ from typing import Any
 from ....engine.program.graph import Graph, Value
 from ....engine.program.operations_math import MathOperation
 from ....engine.program.table import BY_NAME
-from ..materials.graph import Key, Place, closes_circle, kind_of, socket_named, trail
+from ..materials.graph import (
+    SHADER_FOR_VALUE,
+    Key,
+    Place,
+    closes_circle,
+    gets_a_shader,
+    kind_of,
+    socket_named,
+    trail,
+)
 from .mapping import texture_mapped
 
 Outputs = dict[str, Value]
@@ -179,6 +188,8 @@ class TreeReader:
             end = passed[-1] if passed is not None else None
             if end is None or (not end.socket.is_output and closes_circle(end)):
                 self.note(CIRCLE)
+            elif not end.socket.is_output and gets_a_shader(end):
+                self.note(SHADER_FOR_VALUE.format(end.node.bl_label, "{}"))
         return self._trails[place.key]
 
     def _outputs(self, place: Place) -> Outputs | None:
