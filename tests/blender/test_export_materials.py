@@ -262,6 +262,23 @@ def test_shaders_with_normals_of_their_own_are_told(scene):  # noqa: F811
     assert len(of_kind(lobes, "DIFFUSE")) == 1
 
 
+def test_a_mirror_over_glass_keeps_their_common_normal(scene):  # noqa: F811
+    """A Fresnel node that mixes an ideal mirror in."""
+    shader = Shader(shader="ShaderNodeMixShader")
+    bent = shader.node("ShaderNodeNormalMap")
+    shader.link(shader.node("ShaderNodeFresnel"), 0, shader.shader, "Fac")
+    for kind, name in (("Refraction", "Shader"), ("Glossy", "Shader_001")):
+        part = shader.node(f"ShaderNodeBsdf{kind}")
+        part.inputs["Roughness"].default_value = 0.0
+        shader.link(bent, 0, part, "Normal")
+        shader.link(part, 0, shader.shader, name)
+    result, lobes = shader.export()
+    assert not result.notes
+    assert kinds(lobes) == {"MIRROR", "REFRACTION"}
+    (material,) = (m for m in result.scene.materials if m.lobes == lobes)
+    assert material.normal_output >= 0
+
+
 def test_the_bounds_of_a_volume_are_not_seen(scene):  # noqa: F811
     """Fog round a whole scene has a volume and no surface."""
     shader = Shader()

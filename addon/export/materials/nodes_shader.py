@@ -436,7 +436,10 @@ def _fresnel_mix(first: Closure, mirror: Closure, ior: float) -> Closure:
     """
     rest = constant(1 - dielectric_albedo(ior))
     closures: list[Closure] = [
-        {LobeKey("MIRROR", ior=ior, fresnel=True): weight for weight in mirror.values()}
+        {
+            LobeKey("MIRROR", ior=ior, fresnel=True, normal=key.normal): weight
+            for key, weight in mirror.items()
+        }
     ]
     for key, weight in first.items():
         exact = (
