@@ -22,6 +22,12 @@ def note_light(name: str, data: Any, report: Report) -> None:
             "Bounces of the scene",
             name,
         )
+    if getattr(data.cycles, "is_caustics_light", False):
+        report.note(
+            "Shadow caustics are not rendered: {} casts none through glass; light what it should "
+            "reach by a lamp",
+            name,
+        )
 
 
 def note_world(world: Any, report: Report) -> None:
@@ -50,8 +56,6 @@ def note_object(name: str, owner: Any, report: Report) -> None:
             "angular",
             name,
         )
-    if getattr(getattr(owner, "cycles", None), "is_caustics_caster", False):
-        report.note("Shadow caustics are not rendered: {} cast none; light them by a lamp", name)
 
 
 def note_material(material: Any, is_see_through: bool, is_bent: bool, report: Report) -> None:

@@ -162,7 +162,7 @@ def _lamp():
 SET = {
     "matt surfaces": (lambda: setattr(quad(), "visible_diffuse", False), "ray visibility"),
     "lamps through glass": (lambda: setattr(_lamp(), "visible_transmission", False), "refracts"),
-    "caustics": (lambda: setattr(quad().cycles, "is_caustics_caster", True), "caustics"),
+    "caustics": (lambda: setattr(_lamp().data.cycles, "is_caustics_light", True), "caustics"),
     "bounces of a lamp": (lambda: setattr(_lamp().data.cycles, "max_bounces", 1), "Max Bounces"),
     "shadows of what is clear": (_see_through, "Transparent Shadows"),
     "bump correction": (_bent, "Bump Map Correction"),
