@@ -198,8 +198,8 @@ def _meet(
     cut: bool,
     visible: bool = False,
 ) -> tuple[Any, str, int] | None:
-    """What a new thing is, or None where nothing of it is rendered. visible: whether or not it
-    shows itself.
+    """What a new thing is, or None where nothing of it is rendered. cut: as of
+    `flags_of`. visible: whether or not it shows itself.
     """
     instancer = instance.parent if instance.is_instance else thing
     name = thing.name
@@ -269,15 +269,15 @@ def flags_of(
     view_layer: Any,
     report: Report,
     links: LightLinks | None = None,
-    in_collections: bool = True,
+    cut: bool = True,
 ) -> Flags:
     """Visible to a kind of ray only if thing and instancer both are; holdout by the instancer, as
-    in Cycles. Without links all lights reach all things. in_collections: `collections_cut` of the
-    view layer.
+    in Cycles. Without links all lights reach all things. cut: `collections_cut` of the view
+    layer.
     """
     owner = instancer.original
     holdout, indirect_only = owner.is_holdout, False
-    if in_collections:
+    if cut:
         holdout = owner.holdout_get(view_layer=view_layer)
         indirect_only = not holdout and owner.indirect_only_get(view_layer=view_layer)
     if indirect_only:

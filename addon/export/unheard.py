@@ -14,6 +14,11 @@ _SAME = 1e-6
 """Of settings near 0.1, which Blender holds as float32."""
 
 
+_CAUSTICS = (
+    "Shadow caustics are not rendered: {} cast none; light what is behind glass by lamps of its own"
+)
+
+
 def note_light(name: str, data: Any, report: Report) -> None:
     """A light's own settings. data: evaluated."""
     if getattr(data.cycles, "max_bounces", LEAST_BOUNCES) < LEAST_BOUNCES:
@@ -24,15 +29,17 @@ def note_light(name: str, data: Any, report: Report) -> None:
         )
     if getattr(data.cycles, "is_caustics_light", False):
         report.note(
-            "Shadow caustics are not rendered: {} casts none through glass; light what it should "
-            "reach by a lamp",
+            _CAUSTICS,
             name,
         )
 
 
 def note_world(world: Any, report: Report) -> None:
     """An evaluated world's own settings."""
-    if getattr(getattr(world, "cycles", None), "max_bounces", LEAST_BOUNCES) < LEAST_BOUNCES:
+    own = getattr(world, "cycles", None)
+    if getattr(own, "is_caustics_light", False):
+        report.note(_CAUSTICS, world.name)
+    if getattr(own, "max_bounces", LEAST_BOUNCES) < LEAST_BOUNCES:
         report.note(
             "Max Bounces of the world {} is not rendered: its light bounces as often as all light; "
             "set Diffuse Bounces of the scene",

@@ -33,6 +33,7 @@ _LIKENESS = attrgetter(
     "light_set",
     "catcher",
 )
+"""Of blocks: what says whether and how light meets them, but for materials and values."""
 
 
 def joined(instances: Sequence[Instances]) -> tuple[Instances, ...]:
@@ -86,13 +87,11 @@ def met_surfaces(
     depth = hits.t[hit].astype(np.float64)
     surface = surface_at(geometry, attributes, rays, np.arange(len(hit)), primitive, depth, pulse)
     shader = Shader(some, attributes, geometry)
-    each = np.repeat(
-        np.arange(len(some.instances)), [len(b.world_from_object) for b in some.instances]
-    )
-    holdout = np.array([block.holdout for block in some.instances], bool)[each[surface.row]]
+    block_of = geometry.placements.block
+    holdout = np.array([block.holdout for block in some.instances], bool)[block_of[surface.row]]
     seen = np.flatnonzero(~holdout)
     surface = surface.take(seen)
-    block = each[surface.row]
+    block = block_of[surface.row]
     sets = np.array([block.light_set for block in some.instances], np.intp)[block]
     caught = np.array([block.catcher for block in some.instances], bool)[block]
     lobes = shader.coefficients(surface, "mirror")

@@ -188,10 +188,14 @@ def test_settings_of_cycles_are_told(scene, what):  # noqa: F811
     assert any(word in note for note in export().notes)
 
 
-def test_a_worlds_bounces_are_told(scene):  # noqa: F811
+@pytest.mark.parametrize(
+    ("setting", "value", "word"),
+    [("max_bounces", 0, "Max Bounces"), ("is_caustics_light", True, "caustics")],
+)
+def test_settings_of_worlds_are_told(scene, setting, value, word):  # noqa: F811
     scene.world = bpy.data.worlds.new("World")
-    scene.world.cycles.max_bounces = 0
-    assert any("Max Bounces" in note for note in export().notes)
+    setattr(scene.world.cycles, setting, value)
+    assert any(word in note for note in export().notes)
 
 
 def test_terminator_offsets_are_told(scene):  # noqa: F811

@@ -170,9 +170,9 @@ size_t choose_within(const ShareStage& s, const LampCluster& c, uint32_t point, 
   size_t found = 0;
   for (uint32_t sample = c.first; from < to; ++sample) {
     for (uint32_t beyond = c.last; sample < beyond;) {  // the first that ends beyond mark `from`
-      const uint32_t middle = sample + (beyond - sample) / 2;
-      if (dot3(large, s.color_sums + 3 * (middle + 1)) > at + from) beyond = middle;
-      else sample = middle + 1;
+      const uint32_t half = sample + (beyond - sample) / 2;
+      if (dot3(large, s.color_sums + 3 * (half + 1)) > at + from) beyond = half;
+      else sample = half + 1;
     }
     const double *before = s.color_sums + 3 * sample, *after = before + 3;
     const double limit = dot3(large, after) - at;
