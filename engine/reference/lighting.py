@@ -398,7 +398,8 @@ def sheens(surface: Surface, terms: list[Term], seen: Array, direction: Array) -
     """The same of SHEEN lobes."""
 
     def lobe(term: Term, chosen: Array, n: Array, v: Array, l: Array) -> Array:  # noqa: E741
-        return sheen(n, v, l, taken(term.exponent, chosen), taken(term.masking, chosen))
+        given = sheen(n, v, l, taken(term.exponent, chosen), taken(term.masking, chosen))
+        return np.where(dot(n, l) > 0, given, 0.0)
 
     return _summed(lobe, surface, terms, seen, direction)
 

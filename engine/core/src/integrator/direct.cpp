@@ -112,11 +112,7 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   }
   for (SharedLight* shared : {&lamps_, &bounced_})
     if (shared->on && !cancel_) share(*shared, batch, sample, counts);
-  stage_.sheen_alone = false;
-  stage_.max_specular = scene_.max_specular;  // for reflections
-  stage_.lit = batch.lit.data();
-  stage_.first = 0;
-  stage_.count = batch.size();
+  stage_.lit = batch.lit.data();  // for reflections
 }
 
 /// Which points the light may reach.

@@ -100,6 +100,7 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
   if (std::none_of(batch.lit.begin(), batch.lit.begin() + std::ptrdiff_t(batch.size()),
                    [](int64_t lit) { return lit != 0; }))
     return;
+  const LightStage before = stage_;
   place_sums(shared, batch.size());
   list_samples(shared, batch, sample);
   choose(shared, batch, sample);
@@ -110,6 +111,7 @@ void DirectLight::share(SharedLight& shared, const Batch& batch, uint32_t sample
     begin = end;
   }
   add_shared(shared, batch);
+  stage_ = before;
 }
 
 /// Sets the stage of each sample of each lamp, those that are seen in clusters last.

@@ -257,9 +257,9 @@ __attribute__((always_inline)) inline bool give(const LightStage& s, size_t k, G
   given.specular = Three{};
   if (s.max_specular > 0) {
     const Narrow narrow = s.draws ? narrow_terms(s, k, x) : Narrow{};
-    const Highlights seen = highlights(s, k, n, at.l, cosine, s.draws ? &narrow : nullptr);
+    const Highlights seen = highlights(s, k, n, at.l, middle, s.draws ? &narrow : nullptr);
     given.specular = s.draws ? balanced<Shape>(s, at, seen) * (color * seen.light) : I * seen.light;
-    if (s.has_sheen) given.diffuse = given.diffuse + I * seen.sheen;
+    if (s.has_sheen) given.diffuse = given.diffuse + where(middle > 0, I * seen.sheen);
   }
   return true;
 }
