@@ -38,6 +38,7 @@ struct RenderPlan {
   const double* scatter_offsets = nullptr;
   const double* lens_points = nullptr;    // null for a pinhole
   const double* camera_frames = nullptr;  // null for a camera that stands still
+  const GlintNeighbour* neighbours = nullptr;  // two; null where nothing moves
   uint32_t camera_block = 1;
   double lens_focus = 1;
 
