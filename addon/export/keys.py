@@ -171,7 +171,9 @@ def moved(
 def at_key(scene: Scene, still: Scene, k: int) -> Scene:
     """What `moved` made of `still`, at a key that all that moves has; lights stay."""
     geometries = (
-        replace(g, vertices=g.motion[k], motion=None) if getattr(g, "motion", None) is not None else g
+        replace(g, vertices=g.motion[k], motion=None)
+        if getattr(g, "motion", None) is not None
+        else g
         for g in scene.geometries
     )
     instances = (
@@ -201,9 +203,7 @@ def _exported(blocks: tuple[Instances, ...], things: list[Thing]) -> Iterator[tu
 class _Matcher:
     """Finds the things of the frame at the other times."""
 
-    def __init__(
-        self, frame: Pose, keys: list[Pose], report: Report, sentences: Sentences
-    ) -> None:
+    def __init__(self, frame: Pose, keys: list[Pose], report: Report, sentences: Sentences) -> None:
         self._frame, self._keys = frame, keys
         self._report, self._sentences = report, sentences
         self._names = _names(frame.things)

@@ -14,7 +14,7 @@ from ..lights.mesh_lights import MeshTable
 from ..sampling import light_points, lobe_points, pixel_offsets, scatter_offsets
 from ..sampling.lens import BLOCK, lens_points
 from ..sampling.motion import camera_frames, is_moving, sample_times
-from ..scene import Lens, Light, Scene
+from ..scene import Lens, Light, Mesh, Scene
 from ..settings import DECLARED, Settings
 from . import core_types
 from .packer import Packed, Packer, address, number
@@ -84,8 +84,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     data.moving = is_moving(scene)
     if scene.camera.motion is not None:
         _add_motion(data, packer, scene, settings)
-    if scene.neighbours is not None and "Vector" in settings.passes:
-        _add_neighbours(data, packer, scene)
+    _add_neighbours(data, packer, scene, settings)
     return Packed(data, packer.lent)
 
 
@@ -154,17 +153,21 @@ def _add_motion(
     data.camera_block = BLOCK
 
 
-def _add_neighbours(data: core_types.RenderSettingsData, packer: Packer, scene: Scene) -> None:
-    """Where things are in the frames before and after, of geometries that have another shape there
-    their vertices.
+def _add_neighbours(
+    data: core_types.RenderSettingsData, packer: Packer, scene: Scene, settings: Settings
+) -> None:
+    """Where things are in the frames before and after, where they are asked for, and the
+    vertices of geometries that have another shape there.
     """
+    if scene.neighbours is None or "Vector" not in settings.passes:
+        return
     both = (core_types.NeighbourData * 2)()
     for told, other in zip(both, scene.neighbours, strict=True):
         rows = [np.zeros((0, 3, 4)), *(block.world_from_object for block in other.instances)]
         rows = packer.lend(np.concatenate(rows), np.float64, (None, 3, 4), "neighbour")
         shapes = np.zeros(len(other.geometries), np.dtype(core_types.ShapeData))
         for k, (here, there) in enumerate(zip(scene.geometries, other.geometries, strict=True)):
-            if there is not here:
+            if there is not here and isinstance(here, Mesh):
                 vertices = packer.lend(there.vertices, np.float32, (None, 3), "neighbour")
                 shapes[k] = address(vertices), len(vertices)
         told.camera, told.world_from_object = pack_camera(other.camera), address(rows)

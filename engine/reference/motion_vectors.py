@@ -31,7 +31,9 @@ def motion_vectors(stage: Stage, surface: Surface) -> Array:
     points = _in_object(stage, surface)
     here = _pixels(stage.scene.camera, _in_world(stage.scene, surface, points))
     before, after = (
-        _pixels(other.camera, _in_world(other, surface, _moved(stage.scene, other, surface, points)))
+        _pixels(
+            other.camera, _in_world(other, surface, _moved(stage.scene, other, surface, points))
+        )
         for other in stage.scene.neighbours
     )
     steps = (_step(stage.scene.camera, *pair) for pair in ((before, here), (here, after)))
@@ -44,9 +46,7 @@ def _in_object(stage: Stage, surface: Surface) -> Array:
     """
     rows = stage.geometry.placements.world_from_object[surface.row]
     linear = rows[:, :, :3]
-    cofactors = np.stack(
-        [np.cross(linear[:, :, k - 2], linear[:, :, k - 1]) for k in range(3)], 1
-    )
+    cofactors = np.stack([np.cross(linear[:, :, k - 2], linear[:, :, k - 1]) for k in range(3)], 1)
     volume = (linear[:, :, 0] * cofactors[:, 0]).sum(1)
     with np.errstate(divide="ignore", invalid="ignore"):
         points = transform_each(cofactors, surface.x - rows[:, :, 3].T) / volume

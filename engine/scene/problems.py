@@ -137,17 +137,17 @@ def _neighbours(scene: Scene) -> Found:
             if len(here) != len(there):
                 yield f"neighbour has {len(there)} {name}: use {len(here)}, as the scene has"
                 continue
-            same = _same_mesh if name == "geometries" else _same_rows
+            same = _same_shape if name == "geometries" else _same_rows
             for own, moved in zip(here, there, strict=True):
                 if moved is not own:
                     yield from (f"neighbour's {_label(moved)}: {t}" for t in same(own, moved))
 
 
-def _same_mesh(mesh: Any, moved: Any) -> Found:
-    if not (isinstance(mesh, Mesh) and isinstance(moved, Mesh)):
-        yield "is another one than the scene's: use that, or a mesh of as many vertices"
-        return
-    yield from array("vertices", moved.vertices, np.float32, np.shape(mesh.vertices))
+def _same_shape(geometry: Any, moved: Any) -> Found:
+    if type(geometry) is not type(moved):
+        yield f"is another kind than the scene's: use {type(geometry).__name__}"
+    elif isinstance(geometry, Mesh):
+        yield from array("vertices", moved.vertices, np.float32, np.shape(geometry.vertices))
 
 
 def _same_rows(instances: Instances, moved: Any) -> Found:

@@ -33,15 +33,15 @@ Pixel pixel_of(const GlintCamera& camera, Vec3d world) {
     c = {point.u[0], point.v[0], 0};
   }
   const double* w = camera.window;
-  return {(c.x - w[0]) / (w[1] - w[0]) * camera.width,
-          (c.y - w[2]) / (w[3] - w[2]) * camera.height, seen};
+  return {(c.x - w[0]) / (w[1] - w[0]) * camera.width, (c.y - w[2]) / (w[3] - w[2]) * camera.height,
+          seen};
 }
 
 /// Pixels of a whole turn in a picture that goes round; 0 for all others.
 double turn_of(const GlintCamera& camera) {
-  const bool round = camera.kind == GLINT_PANORAMA &&
-                     (camera.projection == GLINT_EQUIRECTANGULAR ||
-                      camera.projection == GLINT_CENTRAL_CYLINDRICAL);
+  const bool round =
+      camera.kind == GLINT_PANORAMA && (camera.projection == GLINT_EQUIRECTANGULAR ||
+                                        camera.projection == GLINT_CENTRAL_CYLINDRICAL);
   if (!round) return 0;
   return 6.28318530717958647693 / (camera.longitude[1] - camera.longitude[0]) /
          (camera.window[1] - camera.window[0]) * camera.width;

@@ -24,7 +24,10 @@ struct Gives {
 class Shader {
  public:
   Shader(const Scene& scene, const RenderPlan& plan, const Stages& stages)
-      : scene_(scene), plan_(plan), stages_(stages), camera_(scene),
+      : scene_(scene),
+        plan_(plan),
+        stages_(stages),
+        camera_(scene),
         motion_vectors_(scene, plan.neighbours) {}
 
   /// Sends on the rays of some points of the batch, of different paths, whose material the vary
