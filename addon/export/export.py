@@ -185,15 +185,16 @@ class Collector:
         if thing.type == "LIGHT":
             seen = Seen(flags.camera, flags.mirror, flags.receivers, flags.blockers)
             return _Lamp(data, seen)
-        kind = type(data).__name__
-        if kind == "Mesh" and not self.depsgraph.view_layer.use_solid:
-            return None
-        read = {
-            "Mesh": lambda: self._mesh(data, owner),
-            "PointCloud": lambda: self._points(data),
-            "Curves": lambda: self._curves(data, owner),
-        }
-        return self._place(instance, flags, read[kind]()) if kind in read else None
+        match type(data).__name__:
+            case "Mesh" if self.depsgraph.view_layer.use_solid:
+                geometry = self._mesh(data, owner)
+            case "PointCloud":
+                geometry = self._points(data)
+            case "Curves":
+                geometry = self._curves(data, owner)
+            case _:
+                return None
+        return self._place(instance, flags, geometry)
 
     def meet_hair(self, instance: Any, flags: Flags) -> _Placed | None:
         """The particle hair of an object, where its layer shows any."""
@@ -217,8 +218,10 @@ class Collector:
                 thing.name,
             )
         wanted = self._wanted(slots).objects
-        of_each = tuple(name for name in OF_EACH if name in wanted and instance.is_instance)
-        values = tuple((name, self._value(name, instance)) for name in sorted(wanted))
+        of_each = values = ()
+        if wanted:
+            of_each = tuple(name for name in OF_EACH if name in wanted and instance.is_instance)
+            values = tuple((name, self._value(name, instance)) for name in sorted(wanted))
         return _Placed(geometry, slots, thing.pass_index, flags, values, of_each, _asset(thing))
 
     def _value(self, name: str, instance: Any) -> Value:

@@ -86,6 +86,7 @@ def walk(
     every thing, also of those left out.
     """
     links = LightLinks(depsgraph.view_layer.objects, report)
+    cut = collections_cut(depsgraph.view_layer.layer_collection)
     things: list[tuple[Any, str, int] | None] = []
     numbers: dict[tuple, int] = {}
     rows: list[int] = []
@@ -101,12 +102,14 @@ def walk(
                 census.note(instance)
             instancer = instance.parent if instance.is_instance else thing
             things.append(
-                _meet(instance, thing, depsgraph, make, report, links) if shown(instancer) else None
+                _meet(instance, thing, depsgraph, make, report, links, cut)
+                if shown(instancer)
+                else None
             )
             if make_hair is not None and shown(instancer) and has_hair(instance):
                 hair[number] = len(things)
                 things.append(
-                    _meet(instance, thing, depsgraph, make_hair, report, links, visible=True)
+                    _meet(instance, thing, depsgraph, make_hair, report, links, cut, visible=True)
                 )
         if hair and number in hair:
             hairy.append((len(rows), hair[number]))
@@ -192,10 +195,11 @@ def _meet(
     make: Callable,
     report: Report,
     links: LightLinks,
+    cut: bool,
     visible: bool = False,
 ) -> tuple[Any, str, int] | None:
-    """What a new thing is, or None where nothing of it is rendered. visible: whether or not it
-    shows itself.
+    """What a new thing is, or None where nothing of it is rendered. cut: as of
+    `flags_of`. visible: whether or not it shows itself.
     """
     instancer = instance.parent if instance.is_instance else thing
     name = thing.name
@@ -204,7 +208,7 @@ def _meet(
     if thing.type in _UNSUPPORTED:
         report.note(_UNSUPPORTED[thing.type], name)
         return None
-    flags = flags_of(thing, instancer, depsgraph.view_layer, report, links)
+    flags = flags_of(thing, instancer, depsgraph.view_layer, report, links, cut)
     content = make(instance, flags)
     return (content, name, thing.original.session_uid) if content is not None else None
 
@@ -248,28 +252,52 @@ def _note_light_settings(thing: Any, owner: Any, report: Report) -> None:
         )
 
 
+def collections_cut(layer_collection: Any) -> bool:
+    """Whether one in the tree of collections makes its objects holdouts or indirect only. To ask
+    each object takes long where there are many.
+    """
+    return (
+        layer_collection.holdout
+        or layer_collection.indirect_only
+        or any(map(collections_cut, layer_collection.children))
+    )
+
+
 def flags_of(
-    thing: Any, instancer: Any, view_layer: Any, report: Report, links: LightLinks | None = None
+    thing: Any,
+    instancer: Any,
+    view_layer: Any,
+    report: Report,
+    links: LightLinks | None = None,
+    cut: bool = True,
 ) -> Flags:
     """Visible to a kind of ray only if thing and instancer both are; holdout by the instancer, as
-    in Cycles. Without links all lights reach all things.
+    in Cycles. Without links all lights reach all things. cut: `collections_cut` of the view
+    layer.
     """
     owner = instancer.original
-    holdout = owner.holdout_get(view_layer=view_layer)
-    indirect_only = not holdout and owner.indirect_only_get(view_layer=view_layer)
+    holdout, indirect_only = owner.is_holdout, False
+    if cut:
+        holdout = owner.holdout_get(view_layer=view_layer)
+        indirect_only = not holdout and owner.indirect_only_get(view_layer=view_layer)
     if indirect_only:
         report.note(
             "Indirect only hides {} from the camera; light is not carried on from there", thing.name
         )
-    for x in (thing,) if instancer is thing else (thing, instancer):
-        _note_light_settings(thing, x, report)
-    return Flags(
-        thing.visible_camera and instancer.visible_camera and not indirect_only,
-        thing.visible_glossy and instancer.visible_glossy,
-        thing.visible_shadow and instancer.visible_shadow,
-        holdout,
-        links.set_of(owner) if links is not None else 0,
-        links.lit_by(owner) if links is not None and thing.type == "LIGHT" else EVERYTHING,
-        links.shaded_by(owner) if links is not None and thing.type == "LIGHT" else EVERYTHING,
-        thing.is_shadow_catcher or instancer.is_shadow_catcher,
+    _note_light_settings(thing, thing, report)
+    camera, mirror, shadow = thing.visible_camera, thing.visible_glossy, thing.visible_shadow
+    catcher = thing.is_shadow_catcher
+    if instancer is not thing:
+        _note_light_settings(thing, instancer, report)
+        camera, mirror = camera and instancer.visible_camera, mirror and instancer.visible_glossy
+        shadow = shadow and instancer.visible_shadow
+        catcher = catcher or instancer.is_shadow_catcher
+    camera = camera and not indirect_only
+    if links is None:
+        return Flags(camera, mirror, shadow, holdout, catcher=catcher)
+    lit, shaded = (
+        (links.lit_by(owner), links.shaded_by(owner))
+        if thing.type == "LIGHT"
+        else (EVERYTHING, EVERYTHING)
     )
+    return Flags(camera, mirror, shadow, holdout, links.set_of(owner), lit, shaded, catcher)

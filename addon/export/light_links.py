@@ -51,7 +51,7 @@ class LightLinks:
 
     def set_of(self, thing: Any) -> int:
         """Of an original object, or of the one that places it."""
-        return self._sets.get(thing.session_uid, 0)
+        return self._sets.get(thing.session_uid, 0) if self._sets else 0
 
     def lit_by(self, light: Any) -> int:
         """The sets that an original object lights, a bit each."""

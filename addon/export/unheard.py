@@ -14,6 +14,11 @@ _SAME = 1e-6
 """Of settings near 0.1, which Blender holds as float32."""
 
 
+_CAUSTICS = (
+    "Shadow caustics are not rendered: {} cast none; light what is behind glass by lamps of its own"
+)
+
+
 def note_light(name: str, data: Any, report: Report) -> None:
     """A light's own settings. data: evaluated."""
     if getattr(data.cycles, "max_bounces", LEAST_BOUNCES) < LEAST_BOUNCES:
@@ -22,11 +27,19 @@ def note_light(name: str, data: Any, report: Report) -> None:
             "Bounces of the scene",
             name,
         )
+    if getattr(data.cycles, "is_caustics_light", False):
+        report.note(
+            _CAUSTICS,
+            name,
+        )
 
 
 def note_world(world: Any, report: Report) -> None:
     """An evaluated world's own settings."""
-    if getattr(getattr(world, "cycles", None), "max_bounces", LEAST_BOUNCES) < LEAST_BOUNCES:
+    own = getattr(world, "cycles", None)
+    if getattr(own, "is_caustics_light", False):
+        report.note(_CAUSTICS, world.name)
+    if getattr(own, "max_bounces", LEAST_BOUNCES) < LEAST_BOUNCES:
         report.note(
             "Max Bounces of the world {} is not rendered: its light bounces as often as all light; "
             "set Diffuse Bounces of the scene",
@@ -50,8 +63,6 @@ def note_object(name: str, owner: Any, report: Report) -> None:
             "angular",
             name,
         )
-    if getattr(getattr(owner, "cycles", None), "is_caustics_caster", False):
-        report.note("Shadow caustics are not rendered: {} cast none; light them by a lamp", name)
 
 
 def note_material(material: Any, is_see_through: bool, is_bent: bool, report: Report) -> None:

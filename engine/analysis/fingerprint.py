@@ -124,6 +124,11 @@ def _list_pieces(values: Sequence[Any]) -> Iterator[bytes | memoryview]:
         yield f"plain tuples {len(values)} {list(values)!r};".encode()
     elif len(kinds) == 1 and is_dataclass(next(iter(kinds))):
         yield from _columns(values)
+    elif kinds == {np.ndarray} and len({(v.dtype.str, v.shape) for v in values}) == 1:
+        yield f"arrays {len(values)}".encode()
+        yield from _pieces(np.stack(values))
+    elif kinds == {dict} and not any(values):
+        yield f"mappings {len(values)} without anything".encode()
     else:
         yield f"list {len(values)}".encode()
         for value in values:

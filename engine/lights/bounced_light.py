@@ -18,7 +18,7 @@ from ..accelerator import Accelerator
 from ..sampling import chosen, concentric_disc, dome_points, tabled, walk_points
 from ..scene import EVERYTHING, Bounces, Light, Scene
 from .mesh_lights import MeshTable, along_a_curve
-from .met_surfaces import met_surfaces
+from .met_surfaces import joined, met_surfaces
 from .walk_starts import FEWEST, ROUNDED, Start, cosine_around, starts
 
 if TYPE_CHECKING:
@@ -193,10 +193,11 @@ class _Walks:
 
     def __init__(self, scene: Scene, origin: Array, bounces: int) -> None:
         self._scene, self._origin, self._bounces = scene, origin, bounces
+        self._joined = replace(scene, instances=joined(scene.instances))
         self._count = max(POINTS // bounces, FEWEST)
 
     def found(self) -> Bounces | None:
-        scene = self._scene
+        scene = self._joined
         with Accelerator(scene.geometries, scene.instances) as surfaces:
             if not np.isfinite(surfaces.bounds).all():
                 return None
@@ -283,7 +284,7 @@ class _Walks:
         """Of the walks that meet something."""
         origins = (steps.o + self._origin[:, None]).T
         hits = surfaces.closest(origins, steps.d.T, visibility="shadow")
-        return met_surfaces(self._scene, self._origin, steps.o, steps.d, hits)
+        return met_surfaces(self._joined, self._origin, steps.o, steps.d, hits)
 
     def _clear(self, surface: Surface) -> Array:
         """How far from the surface walks go on: the queries' is that of single precision."""

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..scene import Light
-from .mesh_lights import along_a_curve
+from ..scene import EVERYTHING, Light
+from .mesh_lights import along_a_curve, curve_codes
 
 if TYPE_CHECKING:
     from ..settings import Settings
+
+Array = np.ndarray
 
 MOST_RAYS = 4096
 """That lamps share at a point in a pixel's sample."""
@@ -21,6 +23,8 @@ SORTED = 16
 """So many lamps at most stay in the order in which they came."""
 FIRST_MARK = 0.3819660112501051
 """Where the first mark of the first sample is: no mark falls between two of a few lamps alike."""
+SEEN_EACH = 64
+"""So many lamps at most are never seen in clusters."""
 LAMPS = ("POINT", "SPOT", "SUN", "AREA")
 
 
@@ -38,6 +42,35 @@ def is_soft(light: Light) -> bool:
     if light.kind == "AREA":
         return light.size_x > 0 or light.size_y > 0
     return light.angle > 0 if light.kind == "SUN" else light.radius > 0
+
+
+def is_clustered(light: Light) -> bool:
+    """Whether it is one of those that far points see in clusters: a POINT lamp that lights all."""
+    color = np.array(light.color, np.float64) * light.strength
+    return bool(
+        light.kind == "POINT"
+        and may_share(light)
+        and light.receivers == EVERYTHING
+        and (color >= 0).all()
+        and color.any()
+    )
+
+
+def cluster_levels(lights: Sequence[Light]) -> Array:
+    """(n,) int32: for lamps that are seen in clusters, at which level of a tree along Morton's
+    curve they are parted from the one before them (the first bit in which their codes and then
+    their numbers differ), 0 for the first; -1 for all lights where these are few, and for others.
+    """
+    levels = np.full(len(lights), -1, np.int32)
+    numbers = [k for k, light in enumerate(lights) if is_clustered(light)]
+    if len(numbers) <= SEEN_EACH:
+        return levels
+    places = np.array([lights[k].world_from_light[:, 3] for k in numbers], np.float64)
+    codes = [(int(code) << 32) + k for k, code in enumerate(curve_codes(places))]
+    levels[numbers[0]] = 0
+    for number, before, code in zip(numbers[1:], codes, codes[1:], strict=False):
+        levels[number] = (before ^ code).bit_length()
+    return levels
 
 
 def shared_samples(lights: Sequence[Light], settings: Settings) -> int:
@@ -72,17 +105,24 @@ def first_mark(sample: int) -> float:
 
 
 def in_order(lights: tuple[Light, ...]) -> tuple[Light, ...]:
-    """The same, but many lamps along a curve through space, those that light from afar first: what
-    hides one hides its neighbours, so that marks even in their row are even in what they see.
+    """The same, but many lamps along a curve through space: what hides one hides its neighbours, so
+    that marks even in their row are even in what they see. Those that light from afar are first,
+    those that may be seen in clusters last.
     """
     lamps = [light for light in lights if light.kind in LAMPS]
     if len(lamps) <= SORTED:
         return lights
     near = [light for light in lamps if light.kind != "SUN"]
-    places = np.array([light.world_from_light[:, 3] for light in near], np.float64)
-    order = along_a_curve(places.reshape(-1, 3)) if len(near) > 1 else range(len(near))
     return (
         *(light for light in lamps if light.kind == "SUN"),
-        *(near[k] for k in order),
+        *_along_curve([light for light in near if not is_clustered(light)]),
+        *_along_curve([light for light in near if is_clustered(light)]),
         *(light for light in lights if light.kind not in LAMPS),
     )
+
+
+def _along_curve(lamps: list[Light]) -> list[Light]:
+    if len(lamps) < 2:
+        return lamps
+    places = np.array([light.world_from_light[:, 3] for light in lamps], np.float64)
+    return [lamps[k] for k in along_a_curve(places)]

@@ -310,6 +310,11 @@ def along_a_curve(x: Array) -> Array:
     """The order of points (n, 3) along Morton's curve through their bounds: neighbours in space are
     neighbours in it.
     """
+    return np.argsort(curve_codes(x), kind="stable")
+
+
+def curve_codes(x: Array) -> Array:
+    """(n,) uint64: where along that curve the points lie."""
     low = x.min(0)
     high = x.max(0)
     size = (high - low).max()
@@ -319,7 +324,7 @@ def along_a_curve(x: Array) -> Array:
         for axis in range(3):
             digit = cells[:, axis] >> np.uint64(bit) & np.uint64(1)
             code |= digit << np.uint64(3 * bit + axis)
-    return np.argsort(code, kind="stable")
+    return code
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,19 +4,57 @@ rest of their scene.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..accelerator import Hits
-from ..scene import Attribute, Camera, Geometry, Mesh, Polygons, Scene, Spheres, Strands
+from ..scene import Attribute, Camera, Geometry, Instances, Mesh, Polygons, Scene, Spheres, Strands
 
 if TYPE_CHECKING:
     from ..reference.materials import Coefficients
     from ..reference.surface import Surface
 
 Array = np.ndarray
+
+TOGETHER = 1 << 16
+"""Placements times what is met on them, in one block."""
+
+
+_LIKENESS = attrgetter(
+    "geometry",
+    "visible_camera",
+    "visible_mirror",
+    "visible_shadow",
+    "holdout",
+    "light_set",
+    "catcher",
+)
+"""Of blocks: what says whether and how light meets them, but for materials and values."""
+
+
+def joined(instances: Sequence[Instances]) -> tuple[Instances, ...]:
+    """The same placements in as few blocks as differ in more than what passes tell: each where its
+    first one is. A file of 50 000 objects has as many blocks.
+    """
+    alike: dict[tuple, list[Instances]] = {}
+    for block in instances:
+        key = (_LIKENESS(block), tuple(block.materials), frozenset(block.values))
+        alike.setdefault(key, []).append(block)
+    return tuple(
+        replace(
+            blocks[0],
+            world_from_object=np.concatenate([b.world_from_object for b in blocks]),
+            values={
+                name: np.concatenate([b.values[name] for b in blocks]) for name in blocks[0].values
+            },
+            motion=None,
+        )
+        for blocks in alike.values()
+    )
 
 
 def met_surfaces(
@@ -35,7 +73,7 @@ def met_surfaces(
 
     hit = np.flatnonzero(hits.instance >= 0)
     placement, row = np.unique(hits.instance[hit], return_inverse=True)
-    some, local = _only(scene, origin, placement, row, hits.primitive[hit])
+    some, row, local = _only(scene, origin, placement, row, hits.primitive[hit])
     geometry, pulse = gather(some, origin), Pulse(lambda: False)
     # primitives are numbered anew, and those that cannot be drawn have no number
     keys = geometry.row.astype(np.int64) << 32 | geometry.primitive_of(np.arange(geometry.count))
@@ -49,49 +87,72 @@ def met_surfaces(
     depth = hits.t[hit].astype(np.float64)
     surface = surface_at(geometry, attributes, rays, np.arange(len(hit)), primitive, depth, pulse)
     shader = Shader(some, attributes, geometry)
-    holdout = np.array([block.holdout for block in some.instances], bool)[surface.row]
+    block_of = geometry.placements.block
+    holdout = np.array([block.holdout for block in some.instances], bool)[block_of[surface.row]]
     seen = np.flatnonzero(~holdout)
     surface = surface.take(seen)
-    sets = np.array([block.light_set for block in some.instances], np.intp)[surface.row]
-    caught = np.array([block.catcher for block in some.instances], bool)[surface.row]
+    block = block_of[surface.row]
+    sets = np.array([block.light_set for block in some.instances], np.intp)[block]
+    caught = np.array([block.catcher for block in some.instances], bool)[block]
     lobes = shader.coefficients(surface, "mirror")
     hair = [isinstance(some.geometries[block.geometry], Strands) for block in some.instances]
     # strands stand closer together than points can tell apart: they would be specks
-    dark = np.where(np.array(hair, bool)[surface.row], 0.0, lobes.diffuse)
+    dark = np.where(np.array(hair, bool)[block], 0.0, lobes.diffuse)
     return hit[seen], surface, replace(lobes, diffuse=dark), sets, caught
 
 
 def _only(
     scene: Scene, origin: Array, placements: Array, row: Array, primitive: Array
-) -> tuple[Scene, Array]:
+) -> tuple[Scene, Array, Array]:
     """The scene of the placements (k,) with none but the primitives (m,) of the placements in rows
-    `row` (m,) of these, and the new number of each.
+    `row` (m,) of these and some that they stand beside; the new row of each, and its new number.
     """
     ends = np.cumsum([len(block.world_from_object) for block in scene.instances])
-    local = np.zeros(len(primitive), np.intp)
-    geometries, instances = [], []
+    new_row, local = np.zeros(len(row), np.intp), np.zeros(len(primitive), np.intp)
+    geometries, instances, rows = [], [], 0
     order = np.argsort(row, kind="stable")
     bounds = np.searchsorted(row[order], np.arange(len(placements) + 1))
-    for k, number in enumerate(placements):
-        mine = order[bounds[k] : bounds[k + 1]]
+    blocks = np.searchsorted(ends, placements, "right")
+    for first, end in _parts(blocks, bounds):
+        mine = order[bounds[first] : bounds[end]]
         kept, local[mine] = np.unique(primitive[mine], return_inverse=True)
-        b = int(np.searchsorted(ends, number, "right"))
-        block = scene.instances[b]
-        at = int(number - ends[b] + len(block.world_from_object))
+        new_row[mine] = rows + row[mine] - first
+        block = scene.instances[blocks[first]]
+        at = placements[first:end] - (ends[blocks[first]] - len(block.world_from_object))
+        values = {name: given[at] for name, given in block.values.items()}
+        matrices = block.world_from_object[at]
+        instances.append(
+            replace(
+                block,
+                geometry=len(geometries),
+                world_from_object=matrices,
+                values=values,
+                motion=None,
+            )
+        )
         geometries.append(_some(scene.geometries[block.geometry], kept))
-        values = {name: rows[at : at + 1] for name, rows in block.values.items()}
-        matrix = block.world_from_object[at : at + 1]
-        instances.append(replace(block, geometry=k, world_from_object=matrix, values=values))
+        rows += end - first
     camera = Camera(
         "PERSPECTIVE", np.column_stack([np.eye(3), origin]), (-1.0, 1.0, -1.0, 1.0), (1, 1)
     )
-    return replace(
-        scene,
-        camera=camera,
-        geometries=tuple(geometries),
-        instances=tuple(instances),
-        lights=(),
-    ), local
+    some = replace(
+        scene, camera=camera, geometries=tuple(geometries), instances=tuple(instances), lights=()
+    )
+    return some, new_row, local
+
+
+def _parts(blocks: Array, bounds: Array) -> Iterator[tuple[int, int]]:
+    """From which to which placement one block of instances holds them: they are of the same block,
+    and as each shows the primitives that any of them needs, not so many that these are many more
+    than are needed. blocks: (k,) of each placement, rising.  bounds: (k + 1,) of what each needs.
+    """
+    first = 0
+    while first < len(blocks):
+        end = int(np.searchsorted(blocks, blocks[first], "right"))
+        while end - first > 1 and (end - first) * (bounds[end] - bounds[first]) > TOGETHER:
+            end = first + (end - first) // 2
+        yield first, end
+        first = end
 
 
 def _some(geometry: Geometry, kept: Array) -> Geometry:

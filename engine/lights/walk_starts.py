@@ -239,20 +239,16 @@ class _Far:
 
 def _balls(scene: Scene, origin: Array) -> Iterator[tuple[float, float, float, float]]:
     """Middle and radius of the bounds of placements, of all or of some of many."""
-    count = sum(len(block.world_from_object) for block in scene.instances)
-    step, number = max(-(-count // PLACES), 1), 0
-    for block in scene.instances:
-        corners = None
-        for matrix in block.world_from_object:
-            number += 1
-            if (number - 1) % step:
-                continue
-            if corners is None:
-                corners = _box(scene.geometries[block.geometry])
-            at = matrix[:, :3] @ corners + (matrix[:, 3] - origin)[:, None]
-            if at.size and np.isfinite(at).all():
-                low, high = at.min(1), at.max(1)
-                yield (*((low + high) / 2), float(np.linalg.norm(high - low)) / 2)
+    ends = np.cumsum([len(block.world_from_object) for block in scene.instances])
+    numbers = np.arange(0, ends[-1], max(-(-int(ends[-1]) // PLACES), 1))
+    blocks = np.searchsorted(ends, numbers, "right").tolist()
+    corners = {b: _box(scene.geometries[scene.instances[b].geometry]) for b in set(blocks)}
+    for number, b in zip(numbers, blocks, strict=True):
+        matrix = scene.instances[b].world_from_object[number - ends[b]]
+        at = matrix[:, :3] @ corners[b] + (matrix[:, 3] - origin)[:, None]
+        if at.size and np.isfinite(at).all():
+            low, high = at.min(1), at.max(1)
+            yield (*((low + high) / 2), float(np.linalg.norm(high - low)) / 2)
 
 
 def _box(geometry) -> Array:

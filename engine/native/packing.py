@@ -15,6 +15,7 @@ import numpy as np
 
 from ..cryptomatte import id_bits
 from ..errors import SceneError
+from ..lights.lamps import cluster_levels
 from ..program.program import Program
 from ..scene import (
     EVERYTHING,
@@ -261,9 +262,10 @@ def _textures(textures: tuple[Texture, ...], before: _Part | None, changed: list
 
 
 def _lights(lights: tuple[Light, ...], before: _Part | None, changed: list[int]) -> _Part:
-    return _Part(
-        lights, {"lights": _table(core_types.LightData, [_light(light) for light in lights])}, []
-    )
+    rows = [
+        _light(light, level) for light, level in zip(lights, cluster_levels(lights), strict=True)
+    ]
+    return _Part(lights, {"lights": _table(core_types.LightData, rows)}, [])
 
 
 def aov_materials(scene: Scene) -> tuple[Material, ...]:
@@ -556,7 +558,7 @@ def _texture(packer: Packer, texture: Texture) -> tuple:
     )
 
 
-def _light(light: Light) -> tuple:
+def _light(light: Light, level: int) -> tuple:
     bits = core_types.LightFlags
     flags = (
         bits.CAST_SHADOW * light.cast_shadow
@@ -579,6 +581,8 @@ def _light(light: Light) -> tuple:
         flags,
         0,
         light.program.outputs[0] if light.program is not None else 0,
+        level,
+        0,
         EVERYTHING ^ light.receivers,
         EVERYTHING ^ light.blockers,
     )

@@ -66,14 +66,15 @@ class Graph:
 
     def constant(self, value: float | Iterable[float]) -> Value:
         """A number, or a vector of three."""
-        numbers = np.array(value, np.float64).reshape(-1)
-        if numbers.size not in (1, 3):
-            raise ValueError(f"a constant has 1 or 3 numbers, not {numbers.size}")
-        bits = numbers.tobytes()
-        if bits not in self._constants:
-            constant = struct.unpack(f"{numbers.size}d", bits)
-            self._constants[bits] = Value(numbers.size, constant=constant)
-        return self._constants[bits]
+        numbers = tuple(value) if hasattr(value, "__iter__") else (value,)
+        if len(numbers) not in (1, 3):
+            raise ValueError(f"a constant has 1 or 3 numbers, not {len(numbers)}")
+        bits = struct.pack("d" if len(numbers) == 1 else "3d", *numbers)
+        found = self._constants.get(bits)
+        if found is None:
+            constant = tuple(map(float, numbers))
+            found = self._constants[bits] = Value(len(numbers), constant=constant)
+        return found
 
     def apply(
         self, operation: Operation, /, *arguments: Value, **settings: Any
@@ -129,7 +130,7 @@ class Graph:
         columns = [_column(argument) for argument in arguments]
         outputs = self._fold(operation, columns, self.meant(operation, settings))
         return tuple(
-            self.constant(np.broadcast_to(o, (w,) if w == 1 else (w, 1)))
+            self.constant(np.broadcast_to(o, (w,) if w == 1 else (w, 1)).reshape(-1))
             for o, w in zip(outputs, operation.output_widths, strict=True)
         )
 
@@ -148,8 +149,8 @@ class Graph:
         expected, given = operation.argument_widths, tuple(a.width for a in arguments)
         if expected != given:
             raise ValueError(f"{operation.name} takes slots {expected}, not {given}")
-        names = [name for name, _ in operation.settings]
-        if set(names) != set(settings):
+        if operation.setting_names != settings.keys():
+            names = tuple(name for name, _ in operation.settings)
             raise ValueError(f"{operation.name} has settings {names}, not {tuple(settings)}")
         return tuple(self._number(choices, settings[name]) for name, choices in operation.settings)
 

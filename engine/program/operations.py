@@ -63,6 +63,10 @@ class Operation:
     def argument_widths(self) -> tuple[int, ...]:
         return tuple(int(kind) for _, kind in self.arguments)
 
+    @cached_property
+    def setting_names(self) -> frozenset[str]:
+        return frozenset(name for name, _ in self.settings)
+
     @property
     def words(self) -> int:
         """Length of an instruction: the code, then a slot for each output, where each argument

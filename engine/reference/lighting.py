@@ -6,12 +6,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from ..lights.lamps import may_share
 from ..scene import EVERYTHING
 from .gloss import Narrow
+from .lamp_clusters import FarLight, LampClusters
 from .lights import CENTER, LightPoint, LightSample, Source
 from .materials import Coefficients, Term, taken
 from .optics import blinn_phong, gloss, sheen
@@ -55,6 +57,10 @@ class Lighting:
     sets: Array
     marks: int = 0
     catchers_alone: bool = False
+
+    @cached_property
+    def _clusters(self) -> LampClusters:
+        return LampClusters(self.sources, self.light_samples)
 
     def lights(self, source: Source, surface: Surface) -> Array:
         """(n,) bool: points of instances that a light is for."""
@@ -146,17 +152,20 @@ class Lighting:
         current: list[Source] = []
 
         def samples() -> Iterator[Given]:
-            for source in self.sources:
-                if not self._shares(source):
-                    continue
+            for source, far in self._sharing(surface, coefficients, given):
                 current[:] = [source]
                 lit = given & self.lights(source, surface)
                 for narrow, light_sample, diffuse in self.samples(
                     surface, coefficients, weight, source, sample
                 ):
                     self.pulse.beat()
-                    yield self._given(
+                    each = self._given(
                         surface, coefficients, lit, source, narrow, light_sample, diffuse
+                    )
+                    is_drawn = diffuse is not coefficients.diffuse
+                    white = dot(surface.n, light_sample.direction) * light_sample.intensity
+                    yield (
+                        each if far is None else self._from_afar(each, source, far, white, is_drawn)
                     )
 
         diffuse, specular, passed = share_shadows(
@@ -170,6 +179,43 @@ class Lighting:
             (total.lit_specular, passed * specular),
         ):
             sums += light
+
+    def _sharing(
+        self, surface: Surface, coefficients: Coefficients, given: Array
+    ) -> Iterator[tuple[Source, FarLight | None]]:
+        """The lamps that share shadow rays, and what points get of those that they see in
+        clusters.
+        """
+        for number, source in enumerate(self.sources):
+            if self._shares(source) and number not in self._clusters.holds:
+                yield source, None
+
+        def lobes(seen: Array, direction: Array) -> tuple[Array, Array]:
+            return (
+                sheens(surface, coefficients.sheens, seen, direction),
+                highlights(surface, coefficients.highlights, seen, direction),
+            )
+
+        yield from self._clusters.lights(
+            surface, coefficients.highlights, coefficients.diffuse, given, lobes
+        )
+
+    def _from_afar(
+        self, given: Given, source: Source, far: FarLight, white: Array, is_drawn: bool
+    ) -> Given:
+        """With what points get that see the lamp in a cluster, which draw no directions. white:
+        (n,) what the sample gives to white points for a colour of 1.
+        """
+        seen, n = given.seen, source.sample_count(self.light_samples)
+        afar = far.seen[seen]
+        color = (0.0 if is_drawn else 1 / n) * source.color[:, None]
+        middle = np.where(afar, far.middle[seen], 1.0)
+        return replace(
+            given,
+            diffuse=np.where(afar, color * pick(far.diffuse, seen), given.diffuse),
+            specular=np.where(afar, color * pick(far.specular, seen), given.specular),
+            asked=np.where(afar, n * white[seen] / middle, 1.0),
+        )
 
     def samples(
         self,
@@ -272,7 +318,7 @@ class Lighting:
             shadows = self.shadows_of(source)
             return shadows.towards(surface, seen[places], chosen.taken(places)).T
 
-        return Given(seen, diffuse, specular, open_)
+        return Given(seen, diffuse, specular, open_, np.ones(len(seen)))
 
 
 def balance(narrow: Narrow | None, seen: Array, sample: LightSample) -> Array | float:

@@ -19,13 +19,14 @@ Array = np.ndarray
 class Given:
     """What one sample of a lamp gives to points. seen: (m,) those that it reaches.  diffuse,
     specular: (3, m) before shadows.  open: of places in `seen`, (k,), the share (3, k) of the light
-    that arrives.
+    that arrives.  asked: (m,) what its light is times among that of the samples asked.
     """
 
     seen: Array
     diffuse: Array
     specular: Array
     open: Callable[[Array], Array]
+    asked: Array
 
 
 def choose(given: Array, marks: int, sample: int) -> Array:
@@ -67,7 +68,7 @@ def share_shadows(
         point = each.seen[asking]
         on_ask(point)
         light = pick(weight, point) * pick(each.diffuse + each.specular, asking)
-        light = light * (count[point] / row[point])
+        light = light * (each.asked[asking] * count[point] / row[point])
         add_at(asked, point, light)
         add_at(passed, point, light * each.open(asking))
     return diffuse, specular, _open(asked, passed)

@@ -180,7 +180,7 @@ def _factor(factor: Input, textures, colors) -> np.ndarray:
 
 
 class FirstTexels:
-    """One point, that sees the first texel of each image."""
+    """One point, that sees the first texel of each image and is seen at a slant."""
 
     def __init__(self, textures) -> None:
         self._textures = textures
@@ -191,6 +191,12 @@ class FirstTexels:
     def image(self, number: int, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         rgb, alpha = first_texel(self._textures[number])
         return np.array([*rgb, alpha])[:, None]
+
+    def incoming(self) -> np.ndarray:
+        return np.array([[0.0], [0.6], [0.8]])
+
+    def normal(self) -> np.ndarray:
+        return np.array([[0.0], [0.0], [1.0]])
 
 
 def outputs_of(material, textures) -> list[np.ndarray]:

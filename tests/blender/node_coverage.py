@@ -47,7 +47,7 @@ APPROXIMATED: dict[str, str] = {
     "ShaderNodeVectorDisplacement": "as a bump",
     "ShaderNodeLightPath": "scattered light comes from points, so no ray is a diffuse one; rough "
     "reflections count as singular; in worlds and lights depths are constants",
-    "ShaderNodeTexSky": "Hosek/Wilkie as Preetham",
+    "ShaderNodeTexSky": "Hosek/Wilkie as Preetham's at its brightness, within 6 % of each channel",
     "ShaderNodeWireframe": "not in pixels",
     "ShaderNodeVectorCurve": "within 2e-4",
     "ShaderNodeParticleInfo": "as where there are no particles",

@@ -10,6 +10,7 @@ from export_support import (  # noqa: F401
     kinds,
     layer_share,
     of_kind,
+    outputs_of,
     principled,
     scene,
     set_inputs,
@@ -241,6 +242,40 @@ def test_a_sheen_shader(scene):  # noqa: F811
     assert kinds(lobes) == {"SHEEN", "AMBIENT"}
     np.testing.assert_allclose(lobe.factors[0].value, RED[:3])
     assert not result.notes
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.25, 0.3, 1.0])
+def test_a_sheen_whose_roughness_varies_is_that_of_each_point(scene, roughness):  # noqa: F811
+    seen = []
+    for varies in (False, True):
+        shader = Shader(f"varies {varies}", shader="ShaderNodeBsdfSheen")
+        shader.shader.inputs["Roughness"].default_value = roughness
+        if varies:
+            picture = shader.node("ShaderNodeTexImage", image=image(name="white"))
+            factor = shader.node("ShaderNodeMath", operation="MULTIPLY")
+            factor.inputs[1].default_value = roughness
+            shader.link(picture, "Alpha", factor, "Value")
+            shader.link(factor, 0, shader.shader, "Roughness")
+        result, lobes = shader.export()
+        material = next(m for m in result.scene.materials if m.name == shader.material.name)
+        (lobe,) = of_kind(lobes, "SHEEN")
+        outputs = outputs_of(material, result.scene.textures)
+        numbers = [lobe.exponent_output, lobe.masking_output, lobe.factors[0].output]
+        seen.append([outputs[k][0] for k in numbers])
+        assert not result.notes
+    np.testing.assert_allclose(*seen, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("linked", [("Normal",), ("Coat Normal",), ("Normal", "Coat Normal")])
+@pytest.mark.parametrize("coat", [0.0, 0.5])
+def test_a_coat_with_another_normal_is_told(scene, linked, coat):  # noqa: F811
+    """An unlinked Coat Normal is the mesh's in Cycles, whatever lies below."""
+    shader = principled(Base_Color=RED, Coat_Weight=coat)
+    bent = shader.node("ShaderNodeNormalMap")
+    for name in linked:
+        shader.link(bent, 0, shader.shader, name)
+    notes = shader.export()[0].notes
+    assert any("coat" in note for note in notes) == (coat > 0 and len(linked) == 1)
 
 
 def test_principled_metal(scene):  # noqa: F811

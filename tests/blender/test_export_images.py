@@ -187,6 +187,15 @@ def _empty(tmp_path):
     return path
 
 
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (4, 16384), (16384, 1)])
+def test_files_of_odd_sizes_are_read_as_they_are(scene, tmp_path, width, height):  # noqa: F811
+    values = np.ones((height, width, 4), np.float32)
+    values[..., 0] = np.linspace(0, 1, height)[:, None]
+    texture, notes = _texture(bpy.data.images.load(_file(tmp_path / "odd.png", values)))
+    np.testing.assert_array_equal(texture.pixels, _bytes(values))
+    assert not notes
+
+
 @pytest.mark.parametrize("make", [_corrupt, _empty, lambda folder: folder / "missing.png"])
 def test_what_cannot_be_read_is_magenta_and_named(scene, tmp_path, make):  # noqa: F811
     path = make(tmp_path)

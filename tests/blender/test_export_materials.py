@@ -10,15 +10,18 @@ from export_support import (  # noqa: F401
     RED,
     Shader,
     export,
+    image,
     kinds,
     layer_share,
     of_kind,
     quad,
+    resolved,
     scene,
     set_inputs,
     total,
     weight,
 )
+from glint import engine
 
 
 def _group(depth: int, kind: str = "NodeSocketColor"):
@@ -53,7 +56,7 @@ def _group(depth: int, kind: str = "NodeSocketColor"):
     return tree
 
 
-@pytest.mark.parametrize("depth", [1, 3, 256])
+@pytest.mark.parametrize("depth", [1, 3, 300])
 def test_nested_groups(scene, depth):  # noqa: F811
     shader = Shader()
     group = shader.node("ShaderNodeGroup", node_tree=_group(depth))
@@ -158,6 +161,69 @@ def test_long_chains_end(scene, kind):  # noqa: F811
         assert any("too deeply" in note for note in result.notes)
 
 
+def test_a_colour_behind_hundreds_of_nodes(scene):  # noqa: F811
+    """More than the algebra of sums follows: a program computes what is further away."""
+    shader = Shader()
+    before = shader.node("ShaderNodeTexImage", image=image(name="grey")).outputs["Alpha"]
+    for _ in range(300):
+        node = shader.node("ShaderNodeMath")
+        node.inputs[1].default_value = 0.25
+        shader.tree.links.new(before, node.inputs[0])
+        before = node.outputs[0]
+    shader.tree.links.new(before, shader.shader.inputs["Color"])
+
+    result, _ = shader.export()
+
+    assert result.notes == ()
+    seen = total(resolved(result), "DIFFUSE", result.scene.textures)
+    np.testing.assert_allclose(seen, 1.0 + 300 * 0.25)
+
+
+def test_a_shader_linked_to_a_colour_counts_for_nothing_and_is_told(scene):  # noqa: F811
+    shader = Shader()
+    set_inputs(shader.shader, Color=RED)
+    shader.link(shader.node("ShaderNodeEmission"), 0, shader.shader, "Color")
+    result, lobes = shader.export()
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), RED[:3])
+    (note,) = result.notes
+    assert "'Diffuse BSDF'" in note and "'Material'" in note
+
+
+def test_what_is_broken_leaves_the_rest_of_the_picture(scene, tmp_path):  # noqa: F811
+    """A missing file, a number that is not finite, a circle and a shader in a colour's place, each
+    told with its material; and a sound one, drawn as when alone.
+    """
+    missing = bpy.data.images.new("Gone", 1, 1)
+    missing.source, missing.filepath = "FILE", str(tmp_path / "gone.png")
+    sources = {
+        "Missing": ("ShaderNodeTexImage", {"image": missing}, "gone.png"),
+        "Infinite": ("ShaderNodeRGB", {}, "not finite"),
+        "Circle": ("ShaderNodeGamma", {}, "circle"),
+        "Invalid": ("ShaderNodeEmission", {}, "shader is linked to a value"),
+    }
+    for place, (name, (kind, settings, _)) in enumerate(sources.items()):
+        shader = Shader(name)
+        node = shader.node(kind, **settings)
+        shader.link(node, 0, shader.shader, "Color")
+        if name == "Infinite":
+            node.outputs[0].default_value = (np.inf, np.nan, 0.5, 1.0)
+        if name == "Circle":
+            shader.link(node, 0, node, "Color")
+        shader.quad.location = (2.5 * place - 5, 0, 0)
+    shader = Shader("Sound")
+    set_inputs(shader.shader, Color=RED)
+    shader.quad.location = (5, 0, 0)
+
+    result, lobes = shader.export()
+
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), RED[:3])
+    for name, (_, _, told) in sources.items():
+        named = [note for note in result.notes if told in note]
+        assert len(named) == 1 and f"'{name if name != 'Missing' else 'Gone'}'" in named[0], name
+    film = engine.render(result.scene, engine.Settings(samples=1))
+    assert np.isfinite(film.combined).all()
+
+
 def test_what_is_not_understood_is_the_default_and_one_note(scene):  # noqa: F811
     for name in ("One", "Two"):
         shader = Shader(name)
@@ -180,6 +246,37 @@ def test_normal_maps_and_displacement_bend_the_normal(scene):  # noqa: F811
     assert not result.notes
     (material,) = (m for m in result.scene.materials if m.lobes == lobes)
     assert material.program is not None and material.normal_output == 0
+
+
+def test_shaders_with_normals_of_their_own_are_told(scene):  # noqa: F811
+    shader = Shader(shader="ShaderNodeAddShader")
+    for name, bent in (("Shader", True), ("Shader_001", False)):
+        diffuse = shader.node("ShaderNodeBsdfDiffuse")
+        shader.link(diffuse, 0, shader.shader, name)
+        if bent:
+            shader.link(shader.node("ShaderNodeNormalMap"), 0, diffuse, "Normal")
+    result, lobes = shader.export()
+    (note,) = result.notes
+    assert "normals of their own" in note
+    np.testing.assert_allclose(total(lobes, "DIFFUSE"), 2 * 0.8, rtol=1e-6)
+    assert len(of_kind(lobes, "DIFFUSE")) == 1
+
+
+def test_a_mirror_over_glass_keeps_their_common_normal(scene):  # noqa: F811
+    """A Fresnel node that mixes an ideal mirror in."""
+    shader = Shader(shader="ShaderNodeMixShader")
+    bent = shader.node("ShaderNodeNormalMap")
+    shader.link(shader.node("ShaderNodeFresnel"), 0, shader.shader, "Fac")
+    for kind, name in (("Refraction", "Shader"), ("Glossy", "Shader_001")):
+        part = shader.node(f"ShaderNodeBsdf{kind}")
+        part.inputs["Roughness"].default_value = 0.0
+        shader.link(bent, 0, part, "Normal")
+        shader.link(part, 0, shader.shader, name)
+    result, lobes = shader.export()
+    assert not result.notes
+    assert kinds(lobes) == {"MIRROR", "REFRACTION"}
+    (material,) = (m for m in result.scene.materials if m.lobes == lobes)
+    assert material.normal_output >= 0
 
 
 def test_the_bounds_of_a_volume_are_not_seen(scene):  # noqa: F811

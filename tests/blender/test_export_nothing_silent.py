@@ -162,7 +162,7 @@ def _lamp():
 SET = {
     "matt surfaces": (lambda: setattr(quad(), "visible_diffuse", False), "ray visibility"),
     "lamps through glass": (lambda: setattr(_lamp(), "visible_transmission", False), "refracts"),
-    "caustics": (lambda: setattr(quad().cycles, "is_caustics_caster", True), "caustics"),
+    "caustics": (lambda: setattr(_lamp().data.cycles, "is_caustics_light", True), "caustics"),
     "bounces of a lamp": (lambda: setattr(_lamp().data.cycles, "max_bounces", 1), "Max Bounces"),
     "shadows of what is clear": (_see_through, "Transparent Shadows"),
     "bump correction": (_bent, "Bump Map Correction"),
@@ -188,10 +188,14 @@ def test_settings_of_cycles_are_told(scene, what):  # noqa: F811
     assert any(word in note for note in export().notes)
 
 
-def test_a_worlds_bounces_are_told(scene):  # noqa: F811
+@pytest.mark.parametrize(
+    ("setting", "value", "word"),
+    [("max_bounces", 0, "Max Bounces"), ("is_caustics_light", True, "caustics")],
+)
+def test_settings_of_worlds_are_told(scene, setting, value, word):  # noqa: F811
     scene.world = bpy.data.worlds.new("World")
-    scene.world.cycles.max_bounces = 0
-    assert any("Max Bounces" in note for note in export().notes)
+    setattr(scene.world.cycles, setting, value)
+    assert any(word in note for note in export().notes)
 
 
 def test_terminator_offsets_are_told(scene):  # noqa: F811

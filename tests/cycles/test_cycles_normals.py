@@ -94,7 +94,32 @@ def vector_displacement(space: str):
     return tree.material
 
 
+def two_shaders(is_masked: bool):
+    """A mapped normal and a bumped one, mixed evenly or by squares; Cycles' pass has the mean by
+    what the shaders are worth.
+    """
+    tree = Tree()
+    mapped, bumped = tree.node("ShaderNodeNormalMap"), tree.node("ShaderNodeBump", Distance=0.2)
+    other = tree.node("ShaderNodeBsdfDiffuse", Color=(0.3, 0.2, 0.9, 1.0))
+    mix = tree.node("ShaderNodeMixShader", Fac=0.3)
+    tree.link(tree.image.outputs["Color"], mapped.inputs["Color"])
+    tree.link(tree.image.outputs["Color"], bumped.inputs["Height"])
+    tree.link(mapped.outputs[0], tree.shader.inputs["Normal"])
+    tree.link(bumped.outputs[0], other.inputs["Normal"])
+    if is_masked:
+        squares = tree.node("ShaderNodeTexChecker", Scale=3.0)
+        tree.link(squares.outputs["Fac"], mix.inputs["Fac"])
+    for number, shader in enumerate((tree.shader, other)):
+        tree.link(shader.outputs[0], mix.inputs[number + 1])
+    tree.link(mix.outputs[0], tree.output.inputs["Surface"])
+    return tree.material
+
+
 CASES = {
+    **{
+        f"two-shaders-{'masked' if is_masked else 'mixed'}": lambda m=is_masked: two_shaders(m)
+        for is_masked in (False, True)
+    },
     **{
         f"vector-displacement-{space}": lambda space=space: vector_displacement(space)
         for space in ("TANGENT", "OBJECT", "WORLD")

@@ -52,6 +52,28 @@ def test_what_is_seen_is_cycles(kind, name):
     assert_alike(pair, np.s_[:])
 
 
+@pytest.mark.parametrize(
+    ("turbidity", "elevation", "albedo"), [(2.2, 0.15, 0.3), (2.2, 0.9, 0.3), (5.0, 0.4, 0.8)]
+)
+def test_the_sky_of_hosek_and_wilkie_is_as_bright(turbidity, elevation, albedo):
+    """All of it above the horizon; Preetham's own would be 4 to 11 times as bright."""
+    scene = cycles.empty_scene(64, 32)
+    add_camera(scene, location=(0, 0, 0), target=(0, 1, 0), type="PANO")
+    lens = scene.camera.data if bpy.app.version >= (5, 0, 0) else scene.camera.data.cycles
+    lens.panorama_type, lens.latitude_min = "EQUIRECTANGULAR", 0.0
+    world = WorldTree(scene)
+    sun = (0.0, np.cos(elevation), np.sin(elevation))
+    sky = world.add("ShaderNodeTexSky")
+    set_up(sky, "HOSEK_WILKIE", turbidity=turbidity, sun_direction=sun, ground_albedo=albedo)
+    world.shine(sky.outputs[0])
+    pair = render_pair(scene, "NATIVE", "sky-hosek", world_light="CONSTANT")
+    share = np.cos((np.arange(32) + 0.5) / 32 * np.pi / 2)[:, None, None]
+    found, wanted = (
+        (p["Combined"][..., :3] * share).mean((0, 1)) for p in (pair.glint, pair.cycles)
+    )
+    np.testing.assert_allclose(found, wanted, rtol=0.06)
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_on_a_surface_is_cycles(kind, backend):

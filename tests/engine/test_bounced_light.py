@@ -9,6 +9,7 @@ import pytest
 
 from glint.engine import Settings, render
 from glint.engine.analysis.explain import PixelExplainer
+from glint.engine.lights import met_surfaces
 from glint.engine.lights.bounced_light import bounced_light
 from glint.engine.scene import (
     Camera,
@@ -395,3 +396,36 @@ def test_pixels_that_bounced_light_reaches_take_64_points(
     )
     taken = render(scene, settings).passes["Samples"][..., 0]
     assert (taken[4:] == least).all() and (taken[0] == 4).all(), taken
+
+
+def test_many_objects_are_one_block_whose_parts_are_any(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same points, bit for bit, whether objects are blocks of their own or one, and however
+    few are looked at together.
+    """
+    scene = mixed()
+    block = scene.instances[0]
+    each = tuple(replace(block, world_from_object=m[None]) for m in block.world_from_object)
+    parted = replace(scene, instances=(*each, *scene.instances[1:]))
+    found = [bounced_light(s, 2).bounces.points for s in (scene, parted)]
+    monkeypatch.setattr(met_surfaces, "TOGETHER", 1)
+    again = replace(scene, materials=(*scene.materials, matt(ALBEDO)))  # not the one that is kept
+    found.append(bounced_light(again, 2).bounces.points)
+    assert np.array_equal(found[0], found[1])
+    assert np.array_equal(found[0], found[2])
+
+
+def test_blocks_that_differ_in_what_is_drawn_stay_apart() -> None:
+    block = mixed().instances[0]
+    others = [
+        replace(block, **change)
+        for change in (
+            {"geometry": 1},
+            {"materials": (2,)},
+            {"visible_shadow": False},
+            {"holdout": True},
+            {"light_set": 3},
+            {"catcher": True},
+        )
+    ]
+    together = met_surfaces.joined([block, *others, replace(block, name="again", object_index=5)])
+    assert [len(b.world_from_object) for b in together] == [4, *[2] * 6]

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from glint import engine
 from glint.engine import Settings
-from glint.engine.lights.lamps import first_mark, in_order, may_share, shared_rays, shared_samples
+from glint.engine.lights import lamps
+from glint.engine.lights.lamps import (
+    cluster_levels,
+    first_mark,
+    in_order,
+    may_share,
+    shared_rays,
+    shared_samples,
+)
 from glint.engine.reference.shared_lamps import choose
 from glint.engine.scene import (
     Camera,
@@ -106,6 +118,12 @@ SCENES = {
     "mixed": scene_of(
         grid(30) + grid(12, kind="AREA", size_x=0.5, size_y=0.4) + (lamp(0, 0, 5, "SUN"),), GLOSS
     ),
+    "clusters": scene_of(grid(81)),
+    "clusters of balls": scene_of(grid(81, radius=0.1), GLOSS),
+    "clusters of discs": scene_of(grid(81, radius=0.1, soft_falloff=True)),
+    "clusters and more": scene_of(
+        grid(12, kind="AREA", size_x=0.5, size_y=0.4) + grid(70) + (lamp(0, 0, 5, "SUN"),), GLOSS
+    ),
 }
 
 
@@ -154,10 +172,12 @@ def test_lamps_share_beside_a_sky_bounced_light_and_sheen() -> None:
     assert apart(*films) < 1e-6
 
 
+@pytest.mark.parametrize("count", [40, 80])
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_lamps_at_one_place_are_one_lamp_of_their_power(backend: str) -> None:
-    many = tuple(replace(lamp(0.5, 0, 3), name=f"{k}") for k in range(40))
-    one = (lamp(0.5, 0, 3, strength=800.0),)
+def test_lamps_at_one_place_are_one_lamp_of_their_power(backend: str, count: int) -> None:
+    """With and without clusters."""
+    many = tuple(replace(lamp(0.5, 0, 3), name=f"{k}") for k in range(count))
+    one = (lamp(0.5, 0, 3, strength=20.0 * count),)
     films = [drawn(scene_of(lights, GLOSS), backend, samples=2) for lights in (many, one)]
     assert "feature: shared lamp shadows" in films[0].stats
     assert apart(*films) < 1e-6
@@ -170,6 +190,74 @@ def test_what_nothing_hides_is_exact_with_any_number_of_rays() -> None:
         apart(drawn(scene, samples=1, lamp_shadows=1), drawn(scene, samples=1, lamp_shadows=0))
         < 1e-6
     )
+
+
+@pytest.mark.parametrize("material", [MATT, GLOSS])
+@pytest.mark.parametrize("radius", [0.0, 0.1])
+def test_light_of_clusters_is_that_of_their_lamps(material: Material, radius: float) -> None:
+    """In every pixel, highlights and colours too."""
+    lights = grid(400, radius=radius, soft_falloff=True)
+    scene = scene_of(lights, material, blocks=False, size=48)
+    clusters, each = (
+        drawn(scene, samples=1, light_samples=4, lamp_shadows=n).combined[..., :3] for n in (1, 0)
+    )
+    lit = each > 0.1 * each.max()
+    assert (clusters != each).any()
+    assert np.abs(clusters[lit] / each[lit] - 1).max() < 0.01
+    assert rms(clusters - each) < 0.002 * rms(each)
+
+
+def test_shadows_of_clusters_are_as_those_of_each_lamp(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Marks within clusters fall on their lamps evenly: pictures come to the truth as fast."""
+    scene, counts = scene_of(grid(100), size=32), (4, 16, 64)
+    truth = drawn(scene, samples=64, lamp_shadows=0)
+    clusters = [apart(drawn(scene, samples=n, lamp_shadows=8), truth) for n in counts]
+    monkeypatch.setattr(lamps, "SEEN_EACH", 1000)
+    each = [apart(drawn(scene, samples=n, lamp_shadows=8), truth) for n in counts]
+    assert clusters != each
+    assert all(one < 1.15 * other for one, other in zip(clusters, each, strict=True))
+
+
+@pytest.mark.parametrize("isa", ["sse42", "avx2", "avx512"])
+def test_instruction_sets_draw_the_same_clusters(isa: str, tmp_path: Path) -> None:
+    """In a process of its own, as the core reads the variable once; one that the machine lacks
+    leaves what it would take anyway.
+    """
+    here = Path(__file__).resolve().parent
+    code = (
+        f"import sys; sys.path[:0] = [{str(here.parent)!r}, {str(here)!r}]; import conftest\n"
+        "import numpy as np, test_shared_lamps as t\n"
+        "film = t.drawn(t.SCENES['clusters and more'], samples=2, light_samples=2)\n"
+        f"np.save({str(tmp_path / 'film.npy')!r}, film.combined)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ, "GLINT_ISA": isa})
+    whole = drawn(SCENES["clusters and more"], samples=2, light_samples=2)
+    assert (np.load(tmp_path / "film.npy") == whole.combined).all()
+
+
+def test_some_lamps_are_never_in_clusters() -> None:
+    lights = grid(100)
+    odd = (
+        replace(lights[0], strength=-1.0),
+        replace(lights[1], strength=0.0),
+        replace(lights[2], receivers=0b10),
+        replace(lights[3], cast_shadow=False),
+        lamp(0, 0, 3, "SPOT"),
+    )
+    ordered = in_order(odd + lights)
+    levels = cluster_levels(ordered)
+    assert set(ordered[: len(odd)]) == set(odd)
+    assert (levels < 0).tolist() == [True] * len(odd) + [False] * len(lights)
+    assert (cluster_levels(lights[:64]) < 0).all()
+    films = [drawn(scene_of(odd + lights, size=16), each, samples=1) for each in BACKENDS]
+    assert apart(*films) < 1e-6
+
+
+def test_lamps_of_one_place_are_halved_in_clusters() -> None:
+    levels = cluster_levels(tuple(lamp(0, 0, 3) for _ in range(128)))
+    assert levels[0] == 0
+    assert levels.max() == 7 == levels[64]
+    assert (levels[1:] == [(k ^ (k - 1)).bit_length() for k in range(1, 128)]).all()
 
 
 def test_what_is_hidden_from_all_is_black() -> None:
@@ -210,8 +298,9 @@ def test_light_before_shadows_is_that_of_all_lamps_and_parts_sum_to_combined() -
     assert apart(shared, alone) < 1e-6
 
 
-def test_regions_threads_and_waves_change_no_bit() -> None:
-    scene, settings = SCENES["mixed"], {"samples": 8, "light_samples": 2, "error_threshold": 2.0}
+@pytest.mark.parametrize("name", ["mixed", "clusters and more", "clusters of balls"])
+def test_regions_threads_and_waves_change_no_bit(name: str) -> None:
+    scene, settings = SCENES[name], {"samples": 8, "light_samples": 2, "error_threshold": 2.0}
     whole = drawn(scene, **settings, threads=1)
     assert (drawn(scene, **settings, threads=2).combined == whole.combined).all()
     part = drawn(scene, **settings, region=(3, 5, 17, 22)).combined

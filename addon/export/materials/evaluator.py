@@ -10,19 +10,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ....engine.program.graph import Graph, Value
-from ....engine.program.table import BY_NAME
 from ..images.images import Images
 from ..report import Report
 from ..shader_nodes import TreeReader
 from .clamps import clamped
 from .expressions import Expressions, has_output
-from .graph import Place, closes_circle, kind_of, socket_named, source
+from .graph import (
+    SHADER_FOR_VALUE,
+    Place,
+    closes_circle,
+    gets_a_shader,
+    kind_of,
+    socket_named,
+    source,
+)
 from .terms import RGB, ZERO, Sum, Term, add, constant, constant_value, grey, is_constant, multiply
 from .varying import Ior, Roughness
 
@@ -37,6 +44,8 @@ SHINING = frozenset(
 MOST_TERMS = 16
 """Terms of one sum; longer ones become a program's value."""
 SMALLEST_IOR = 1e-3
+_TURNED = frozenset(("DIFFUSE", "SPECULAR", "SHEEN", "MIRROR", "REFRACTION"))
+"""Kinds of lobes to which the shading normal matters."""
 NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them anew"
 _CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
 
@@ -57,6 +66,7 @@ class LobeKey:
     masking_output: int = -1
     ior_output: int = -1
     anisotropy: float = 0.0
+    normal: Value | None = None  # of the shader that it comes from
 
 
 Closure = dict[LobeKey, Sum]
@@ -93,6 +103,18 @@ def add_closures(*closures: Closure) -> Closure:
     return {key: weight for key, weight in total.items() if weight}
 
 
+def without_normals(closure: Closure) -> Closure:
+    """The lobes with the material's normal, equal ones merged."""
+    return add_closures(*({replace(key, normal=None): terms} for key, terms in closure.items()))
+
+
+def _with_normal(key: LobeKey, normal: Value) -> LobeKey:
+    """That of the shader which made the lobe, where there is none yet."""
+    if key.normal is not None or key.kind not in _TURNED:
+        return key
+    return replace(key, normal=normal)
+
+
 def scale_closure(closure: Closure, weight: Sum) -> Closure:
     """Every lobe times a weight; lobes of weight 0 are gone."""
     scaled = {key: multiply(terms, weight) for key, terms in closure.items()}
@@ -117,7 +139,7 @@ class Evaluator:
         self.name, self.images, self.report = name, images, report
         self.expressions = Expressions()
         self._trees = reader(self.expressions.graph, images, self.note)
-        self.normals: dict[Value | None, None] = {}
+        self._bent: Value | None = None  # the normal of the shader that is read just now
         self._memo: dict[tuple, Any] = {}
         self._open: set[tuple] = set()
 
@@ -169,19 +191,41 @@ class Evaluator:
             self._trees.displacement = self._trees.value(place)
 
     def bend(self, place: Place | None) -> Value:
-        """Note the shading normal that a shader's socket gets, the mesh's where it gets none."""
+        """The same as `normal_at`, which is that of the shader's lobes from here on."""
+        self._bent = self.normal_at(place)
+        return self._bent
+
+    def normal_at(self, place: Place | None) -> Value:
+        """The shading normal that a socket gets, the mesh's where it gets none, or a constant."""
         fed = place is not None and self._trees.is_fed(place)
         value = self._trees.value(place) if fed else self._trees.normal()
-        self.normals[value] = None
-        return value
+        return value if value.constant is None else self.expressions.apply("normal")
 
-    def normal(self) -> int:
-        """The output that holds the material's shading normal; -1 where it is the mesh's."""
-        own = self.expressions.graph.apply(BY_NAME["normal"])[0]
-        bent = [value for value in self.normals if value is not own and value.constant is None]
-        if bent and len(self.normals) > 1:
-            self.note("Shaders of {} have normals of their own: all take the first that is bent")
-        return self.expressions.output(bent[0]) if bent else -1
+    def normal(self, closure: Closure) -> int:
+        """The output that holds the shading normal of a material with these lobes, the mean of
+        theirs by how much each of them is; -1 where it is the mesh's.
+        """
+        own, shares = self.expressions.apply("normal"), dict[Value, Sum]()
+        for key, terms in closure.items():
+            if key.kind in _TURNED:
+                normal = key.normal or own
+                shares[normal] = add(shares.get(normal, ZERO), terms)
+        if len(shares) < 2:
+            bent = next(iter(shares), own)
+            return self.expressions.output(bent) if bent is not own else -1
+        self.note(
+            "Shaders of {} have normals of their own: each point has their mean, by how much of "
+            "each shader it shows"
+        )
+        return self.expressions.output(self._mean_normal(shares))
+
+    def _mean_normal(self, shares: dict[Value, Sum]) -> Value:
+        do, value_of = self.expressions.apply, self.expressions.value_of
+        total = self.expressions.constant((0.0, 0.0, 0.0))
+        for normal, terms in shares.items():
+            share = self.expressions.math("MAXIMUM", do("vector_average", value_of(terms)), 0.0)
+            total = do("scaled_sum", normal, share, total)
+        return total
 
     def note(self, sentence: str) -> None:
         """Report something about this material; `{}` stands for the materials' names."""
@@ -193,6 +237,8 @@ class Evaluator:
         """
         if found is None or (not found.socket.is_output and closes_circle(found)):
             self.note(_CIRCLE)
+        elif not found.socket.is_output and gets_a_shader(found):
+            self.note(SHADER_FOR_VALUE.format(found.node.bl_label, "{}"))
 
     def settled(self, closure: Closure) -> Closure:
         """The closure with one term for each lobe whose weight a program computes."""
@@ -237,19 +283,26 @@ class Evaluator:
             return self._default(found.socket), found.socket.type
         if found.node.mute:
             return ZERO, "VALUE"
-        value = self._once(found, lambda: self._value_of_node(found), None)
+        value = self._value(found)
         return (
             (self._default(place.socket), place.socket.type)
             if value is None
             else (self.limited(value), found.socket.type)
         )
 
+    def _value(self, found: Place) -> Sum | None:
+        """What a node's output is; None where it is not understood."""
+        if len(self._open) >= DEEPEST and found.key not in self._memo:
+            return self._by_program(found)
+        return self._once(found, lambda: self._value_of_node(found), None)
+
     def _value_of_node(self, found: Place) -> Sum | None:
         """By the algebra of sums where that is exact, else by the program."""
         handler = COLOR_NODES.get(found.node.bl_idname) if self._trees.is_surface else None
         value = handler(NodeView(self, found), found.socket) if handler else None
-        if value is not None:
-            return value
+        return value if value is not None else self._by_program(found)
+
+    def _by_program(self, found: Place) -> Sum | None:
         made = self._trees.made_by(found)
         return self.expressions.sum_of(made) if made is not None else None
 
@@ -269,7 +322,11 @@ class Evaluator:
             )
             return {}
         handler = CLOSURE_NODES.get(kind, CLOSURE_NODES["unknown"])
+        before, self._bent = self._bent, None
         closure = handler(NodeView(self, found))
+        if self._bent is not None:
+            closure = {_with_normal(key, self._bent): terms for key, terms in closure.items()}
+        self._bent = before
         if not self._trees.is_surface:
             closure = {key: terms for key, terms in closure.items() if key.kind == "EMISSION"}
         return {key: self.limited(terms) for key, terms in closure.items()}

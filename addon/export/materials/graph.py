@@ -5,9 +5,10 @@ without recursion.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from typing import Any
+
+Key = tuple[int, ...]
 
 LONGEST = 4096
 """Steps after which links are taken to go round in a circle."""
@@ -74,6 +75,11 @@ repeat, closures, bundles, switches by menus and inputs of other than shaders' t
 """
 
 
+SHADER_FOR_VALUE = (
+    "A shader is linked to a value of node '{}' in {}: the socket's default is used; unlink it"
+)
+
+
 @dataclass(frozen=True, eq=False)
 class ReadTree:
     """A node tree as an engine reads it. owner: keeps what Blender made for it."""
@@ -119,6 +125,7 @@ class Links:
 
     def __init__(self) -> None:
         self._of_trees: dict[int, dict[int, list[Any]]] = {}
+        self.trails: dict[Key, list[Place] | None] = {}  # what `trail` found, by place
 
     def into(self, socket: Any) -> list[Any]:
         """The links that end at an input."""
@@ -133,28 +140,44 @@ class Links:
         return self._of_trees[key].get(socket.as_pointer(), [])
 
 
-@dataclass(frozen=True, eq=False)
 class Place:
     """A socket and the chain of group nodes, outermost first, that leads to the tree in which it
-    lives. links: of all trees on the way.
+    lives; never changed. links: of all trees on the way.
+
+    key: the same for the same socket reached by the same way; `node_key`: for the same node.
     """
 
-    socket: Any
-    path: tuple[Any, ...] = ()
-    links: Links = field(default_factory=Links)
+    __slots__ = ("_way", "key", "links", "node", "path", "socket")
+
+    def __init__(
+        self,
+        socket: Any,
+        path: tuple[Any, ...] = (),
+        links: Links | None = None,
+        way: Key | None = None,
+    ) -> None:
+        """way: the addresses of the path, where they are known."""
+        self.socket, self.path, self.node = socket, path, socket.node
+        self.links = Links() if links is None else links
+        self._way = tuple(node.as_pointer() for node in path) if way is None else way
+        self.key: Key = (socket.as_pointer(), *self._way)
 
     @property
-    def node(self) -> Any:
-        return self.socket.node
-
-    @cached_property
-    def key(self) -> tuple[int, ...]:
-        """The same for the same socket reached by the same way."""
-        return (self.socket.as_pointer(), *(node.as_pointer() for node in self.path))
+    def node_key(self) -> Key:
+        return (self.node.as_pointer(), *self._way)
 
     def beside(self, socket: Any) -> Place:
         """Another socket of the same tree."""
-        return Place(socket, self.path, self.links)
+        return Place(socket, self.path, self.links, self._way)
+
+    def inside(self, socket: Any) -> Place:
+        """A socket of the tree in this group node."""
+        way = (*self._way, self.node.as_pointer())
+        return Place(socket, (*self.path, self.node), self.links, way)
+
+    def outside(self, socket: Any) -> Place:
+        """A socket of the group node in whose tree this is."""
+        return Place(socket, self.path[:-1], self.links, self._way[:-1])
 
 
 def source(place: Place) -> Place | None:
@@ -172,6 +195,13 @@ def trail(place: Place) -> list[Place] | None:
 
     None for links that go round in a circle.
     """
+    known = place.links.trails
+    if place.key not in known:
+        known[place.key] = _trail(place)
+    return known[place.key]
+
+
+def _trail(place: Place) -> list[Place] | None:
     passed = [place]
     for _ in range(LONGEST):
         if not place.socket.is_output:
@@ -201,10 +231,9 @@ def images_behind(shader: Place) -> list[tuple[Any, Any]]:
         place = source(waiting.pop())
         if place is None or not place.socket.is_output or place.node.mute:
             continue
-        key = (place.node.as_pointer(), *(group.as_pointer() for group in place.path))
-        if key in seen:
+        if place.node_key in seen:
             continue
-        seen.add(key)
+        seen.add(place.node_key)
         if place.node.bl_idname == "ShaderNodeTexImage":
             found.append((place.node.image, place.node.image_user))
         else:
@@ -223,9 +252,19 @@ def closes_circle(place: Place) -> bool:
     Links between a shader and a value are invalid as well, and no circle; so are those to a socket
     that the node's settings hide.
     """
+    return _has_invalid_link(place, False)
+
+
+def gets_a_shader(place: Place) -> bool:
+    """Whether a shader is linked to an input that wants a value; such links count for nothing."""
+    return place.socket.type != "SHADER" and _has_invalid_link(place, True)
+
+
+def _has_invalid_link(place: Place, of_another_kind: bool) -> bool:
     wants_shader = place.socket.type == "SHADER"
     return place.socket.enabled and any(
-        not link.is_valid and (link.from_socket.type == "SHADER") == wants_shader
+        not link.is_valid
+        and ((link.from_socket.type == "SHADER") != wants_shader) == of_another_kind
         for link in place.links.into(place.socket)
     )
 
@@ -250,7 +289,7 @@ def _through(place: Place) -> Place | None:
         return _into_group(place)
     if node.type == "GROUP_INPUT" and place.path:
         outside = _by_identifier(place.path[-1].inputs, place.socket.identifier, place.socket.name)
-        return Place(outside, place.path[:-1], place.links) if outside is not None else None
+        return place.outside(outside) if outside is not None else None
     return None
 
 
@@ -271,7 +310,7 @@ def _into_group(place: Place) -> Place | None:
         if active
         else None
     )
-    return Place(inside, (*place.path, place.node), place.links) if inside is not None else None
+    return place.inside(inside) if inside is not None else None
 
 
 def _by_identifier(sockets: Any, identifier: str, name: str) -> Any:

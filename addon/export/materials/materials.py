@@ -26,6 +26,7 @@ from .evaluator import (
     add_closures,
     is_finite,
     scale_closure,
+    without_normals,
 )
 from .graph import Place, images_behind, output_of, read_tree, socket_named
 from .nodes_principled import plastic_closure
@@ -114,9 +115,9 @@ def compile_material(material: Any, images: Images, report: Report) -> Material:
     closure = (
         _surface(tree, evaluator) if tree is not None else _viewport_surface(material, evaluator)
     )
-    lobes = lobes_of(evaluator.settled(closure))
+    normal = evaluator.normal(closure)
+    lobes = lobes_of(evaluator.settled(without_normals(closure)))
     medium = _inside(tree, evaluator)
-    normal = evaluator.normal()
     note_material(material, any(lobe.kind == "TRANSPARENT" for lobe in lobes), normal >= 0, report)
     return evaluator.expressions.with_program(
         Material(material.name, lobes, material.pass_index, normal_output=normal, medium=medium)

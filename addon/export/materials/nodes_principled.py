@@ -105,7 +105,7 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
     if not weight:
         return surface
     tint = view.reflectance("Sheen Tint", 1.0)
-    fibres = Fibres(view, view.constant("Sheen Roughness", 0.5))
+    fibres = Fibres(view, view.roughness("Sheen Roughness"))
     return add_closures(
         fibres.over(surface, multiply(weight, _largest(tint))),
         fibres.closure(multiply(weight, tint)),
@@ -114,7 +114,8 @@ def _sheened(view: NodeView, surface: Closure) -> Closure:
 
 def _note_what_is_left_out(view: NodeView) -> None:
     bend(view)
-    if view.is_linked("Coat Normal"):
+    below, coat = (view.evaluator.normal_at(view.input(n)) for n in ("Normal", "Coat Normal"))
+    if coat is not below and view.factor("Coat Weight"):
         view.note("The coat of {} has the normal of what lies below it")
     note_left_out(view, LEFT_OUT)
     if view.number("Metallic"):

@@ -6,8 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from ....engine.program.graph import Value
 from ....engine.program.operations_vector import VectorMeasure
 from .evaluator import CLOSURE_NODES, Closure, LobeKey, NodeView, add_closures, scale_closure
+from .expressions import Expressions
 from .fresnel import dielectric_albedo, normal_reflectance
 from .graph import BLINN_PHONG, source
 from .roughness import (
@@ -19,7 +23,7 @@ from .roughness import (
     scattered_wide,
     world_of,
 )
-from .sheen import sheen_table
+from .sheen import ROUGHNESS, sheen_table
 from .terms import ONE, RGB, ZERO, Sum, add, complement, constant, is_constant, multiply, scale
 from .varying import Ior, Roughness
 
@@ -294,15 +298,18 @@ class Fibres:
     share: of a uniform world, by the view, as a sum.
     """
 
-    def __init__(self, view: NodeView, roughness: float, distribution: str = "MICROFIBER") -> None:
+    def __init__(
+        self, view: NodeView, roughness: Roughness, distribution: str = "MICROFIBER"
+    ) -> None:
         do, expressions = view.evaluator.expressions.apply, view.evaluator.expressions
         seen = (do("incoming"), view.evaluator.bend(view.input("Normal")))
         cosine = do("vector_measure", *seen, measure=VectorMeasure.DOT_PRODUCT)
-        rows = sheen_table(roughness, distribution)
-        table = tuple(x for row in rows for x in (*map(float, row), 1.0))
-        found = do("ramp", cosine, interpolates=1, table=table)
-        width, lean, share = expressions.parts(found)
-        self._most = rows.max(0)
+        given = ROUGHNESS if roughness.varies else (roughness.value,)
+        tables = [sheen_table(number, distribution) for number in given]
+        found = [do("ramp", cosine, interpolates=1, table=_rows_of(table)) for table in tables]
+        whole = _in_between(expressions, roughness.value, found) if roughness.varies else found[0]
+        width, lean, share = expressions.parts(whole)
+        self._most = np.max([table.max(0) for table in tables], 0)
         self._outputs = expressions.output(width), expressions.output(lean)
         self.share = expressions.sum_of(share)
 
@@ -324,8 +331,25 @@ class Fibres:
         return scale_closure(surface, complement(multiply(weight, self.share)))
 
 
+def _rows_of(table: np.ndarray) -> tuple[float, ...]:
+    """What a ramp reads."""
+    return tuple(x for row in table for x in (*map(float, row), 1.0))
+
+
+def _in_between(expressions: Expressions, roughness: Value, found: list[Value]) -> Value:
+    """What is found at the roughnesses of the tables, linear in between."""
+    do, math = expressions.apply, expressions.math
+    black, total = expressions.constant((0.0, 0.0, 0.0)), found[0]
+    for low, high, after in zip(ROUGHNESS, ROUGHNESS[1:], found[1:], strict=False):
+        way = math("MULTIPLY", math("SUBTRACT", roughness, low), 1 / (high - low))
+        way = math("MINIMUM", math("MAXIMUM", way, 0.0), 1.0)
+        rest = do("scaled_sum", total, math("SUBTRACT", 1.0, way), black)
+        total = do("scaled_sum", after, way, rest)
+    return total
+
+
 def _sheen(view: NodeView) -> Closure:
-    fibres = Fibres(view, view.constant("Roughness", 0.5), view.node.distribution)
+    fibres = Fibres(view, view.roughness(), view.node.distribution)
     return fibres.closure(view.reflectance("Color"))
 
 
@@ -412,7 +436,10 @@ def _fresnel_mix(first: Closure, mirror: Closure, ior: float) -> Closure:
     """
     rest = constant(1 - dielectric_albedo(ior))
     closures: list[Closure] = [
-        {LobeKey("MIRROR", ior=ior, fresnel=True): weight for weight in mirror.values()}
+        {
+            LobeKey("MIRROR", ior=ior, fresnel=True, normal=key.normal): weight
+            for key, weight in mirror.items()
+        }
     ]
     for key, weight in first.items():
         exact = (

@@ -14,7 +14,7 @@ Array = np.ndarray
 ROWS = 64
 """Of the tables over n·v."""
 
-_ROUGHNESS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0)
+ROUGHNESS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0)
 _COSINE = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 _TABLES = {
     "MICROFIBER": np.array(
@@ -109,6 +109,6 @@ def sheen_table(roughness: float, distribution: str) -> Array:
     cosines = np.linspace(0, 1, ROWS)
     columns = []
     for rows in _TABLES[distribution]:
-        row = [np.interp(roughness, _ROUGHNESS, column) for column in rows.T]
+        row = [np.interp(roughness, ROUGHNESS, column) for column in rows.T]
         columns.append(np.interp(cosines, _COSINE, row))
     return np.stack(columns, 1) / 1000

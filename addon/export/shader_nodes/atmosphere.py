@@ -10,6 +10,7 @@ import numpy as np
 from ....engine.program.graph import Value
 from ....engine.scene import Texture
 from ..skies import Air, disc, horizon, sky
+from .hosek import over_preetham
 from .reader import READERS, NodeInputs, Outputs, texture_vector
 from .sky import SkyReader, Sun
 from .spectra import RGB_FROM_XYZ, at_least_black
@@ -21,10 +22,25 @@ _HIGHEST = math.pi / 2 - 0.001
 def _sky(view: NodeInputs) -> Outputs:
     kind = view.node.sky_type
     if kind == "HOSEK_WILKIE":
-        view.reader.note("The Hosek / Wilkie sky of {} is rendered as Preetham's; choose another")
-    scatters = _SCATTERING.get(kind)
-    found = _preetham(view) if scatters is None else _scattered(view, scatters)
+        found = _hosek(view)
+    elif kind in _SCATTERING:
+        found = _scattered(view, _SCATTERING[kind])
+    else:
+        found = _preetham(view, view.node.turbidity)
     return {"Color": at_least_black(view, found)}
+
+
+def _hosek(view: NodeInputs) -> Value:
+    """Preetham's sky, as bright as theirs (2012) is on the whole."""
+    view.reader.note(
+        "The Hosek / Wilkie sky of {} has the spread of Preetham's; choose another for its own"
+    )
+    node, most = view.node, math.pi / 2
+    turbidity = min(max(node.turbidity, 2.0), 10.0)
+    x, y, z = node.sun_direction
+    elevation = max(0.0, min(most, math.atan2(z, math.hypot(x, y))))
+    over = over_preetham(turbidity, elevation, min(max(node.ground_albedo, 0.0), 1.0))
+    return view.apply("product", _preetham(view, turbidity), view.reader.graph.constant(over))[0]
 
 
 def sun_of(node: Any) -> tuple[float, float]:
@@ -100,7 +116,7 @@ def _with_disc(
     return view.apply("scaled_sum", color, bright, seen)[0]
 
 
-def _preetham(view: NodeInputs) -> Value:
+def _preetham(view: NodeInputs, turbidity: float) -> Value:
     """Preetham, Shirley and Smits, "A practical analytic model for daylight" (1999)."""
     do = view.math
     sun = np.array(view.node.sun_direction, float)
@@ -113,10 +129,10 @@ def _preetham(view: NodeInputs) -> Value:
     cosine = do("MULTIPLY_ADD", do("COSINE", theta), math.cos(polar), across)
     gamma = do("ARCCOSINE", cosine)
     up = do("COSINE", do("MINIMUM", theta, _HIGHEST))
-    zenith = _zenith(polar, view.node.turbidity)
+    zenith = _zenith(polar, turbidity)
     parts = [
         do("MULTIPLY", _perez(view, row, up, gamma), value / _perez_at(row, polar))
-        for value, row in zip(zenith, _distributions(view.node.turbidity), strict=True)
+        for value, row in zip(zenith, _distributions(turbidity), strict=True)
     ]
     bright, first, second = parts
     scale = do("DIVIDE", bright, second)

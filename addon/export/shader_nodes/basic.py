@@ -6,11 +6,11 @@ from .reader import READERS, NodeInputs, Outputs
 
 
 def _value(view: NodeInputs) -> Outputs:
-    return {"Value": view.reader.graph.constant(view.node.outputs[0].default_value)}
+    return {"Value": view.reader.default(view.node.outputs[0])}
 
 
 def _rgb(view: NodeInputs) -> Outputs:
-    return {"Color": view.reader.graph.constant(list(view.node.outputs[0].default_value)[:3])}
+    return {"Color": view.reader.default(view.node.outputs[0])}
 
 
 def _combine_xyz(view: NodeInputs) -> Outputs:

@@ -81,14 +81,20 @@ def _hue_saturation(view: NodeInputs) -> Outputs:
 
 def _color_ramp(view: NodeInputs) -> Outputs:
     ramp = view.node.color_ramp
-    rows = [tuple(ramp.evaluate(k / (ROWS - 1))) for k in range(ROWS)]
     color, alpha = view.apply(
         "ramp",
         _factor(view),
         interpolates=int(ramp.interpolation != "CONSTANT"),
-        table=tuple(float(x) for row in rows for x in row),
+        table=view.table(lambda: _ramp_table(ramp)),
     )
     return {"Color": color, "Alpha": alpha}
+
+
+def _ramp_table(ramp: Any) -> tuple[float, ...]:
+    numbers: list[float] = []
+    for k in range(ROWS):
+        numbers += ramp.evaluate(k / (ROWS - 1))
+    return tuple(numbers)
 
 
 def _curve_table(mapping: Any, curves: list[Any], combined: Any = None) -> tuple[float, ...]:
@@ -112,21 +118,21 @@ def _extends(mapping: Any) -> int:
 
 def _rgb_curves(view: NodeInputs) -> Outputs:
     mapping = view.node.mapping
-    table = _curve_table(mapping, list(mapping.curves)[:3], mapping.curves[3])
+    table = view.table(lambda: _curve_table(mapping, [*mapping.curves[:3]], mapping.curves[3]))
     arguments = (_factor(view), view.value("Color"))
     return {"Color": view.apply("curves", *arguments, extends=_extends(mapping), table=table)[0]}
 
 
 def _vector_curves(view: NodeInputs) -> Outputs:
     mapping = view.node.mapping
-    table = _curve_table(mapping, list(mapping.curves)[:3])
+    table = view.table(lambda: _curve_table(mapping, [*mapping.curves[:3]]))
     arguments = (_factor(view), view.value("Vector"))
     return {"Vector": view.apply("curves", *arguments, extends=_extends(mapping), table=table)[0]}
 
 
 def _float_curve(view: NodeInputs) -> Outputs:
     mapping = view.node.mapping
-    table = _curve_table(mapping, [mapping.curves[0]] * 3)
+    table = view.table(lambda: _curve_table(mapping, [mapping.curves[0]] * 3))
     factor = view.value("Factor" if "Factor" in view.node.inputs else "Fac")
     arguments = (factor, view.vector_of(view.value("Value")))
     found = view.apply("curves", *arguments, extends=_extends(mapping), table=table)[0]

@@ -17,7 +17,16 @@ from typing import Any
 from ....engine.program.graph import Graph, Value
 from ....engine.program.operations_math import MathOperation
 from ....engine.program.table import BY_NAME
-from ..materials.graph import Place, closes_circle, kind_of, socket_named, trail
+from ..materials.graph import (
+    SHADER_FOR_VALUE,
+    Key,
+    Place,
+    closes_circle,
+    gets_a_shader,
+    kind_of,
+    socket_named,
+    trail,
+)
 from .mapping import texture_mapped
 
 Outputs = dict[str, Value]
@@ -46,8 +55,6 @@ NOT_FINITE = "Colours and numbers that are not finite count as 0 in {}: set them
 NUMBER_TYPES = ("VALUE", "INT", "BOOLEAN")
 VECTOR_TYPES = ("VECTOR", "RGBA")
 CIRCLE = "Node links go round in a circle in {}: the socket's default is used; remove the circle"
-
-Key = tuple[int, ...]
 
 
 class Arithmetic:
@@ -94,6 +101,7 @@ class TreeReader:
         self.graph, self.images, self.operations, self.note = graph, images, operations, note
         self.displacement: Value | None = None
         self.reading = ""  # the label of the node that is read just now
+        self.tables: dict[int, tuple[float, ...]] = {}  # of ramps and curves, by their node
         self._read: dict[Key, Outputs | None] = {}
         self._trails: dict[Key, list[Place] | None] = {}
 
@@ -152,7 +160,7 @@ class TreeReader:
         entered: set[Key] = set()
         while waiting:
             place, is_ready = waiting.pop()
-            key = _node_key(place)
+            key = place.node_key
             if is_ready:
                 self._read[key] = self._outputs(place)
                 entered.discard(key)
@@ -165,7 +173,7 @@ class TreeReader:
 
     def _unread(self, place: Place) -> list[tuple[Place, bool]]:
         inputs = [place.beside(socket) for socket in place.node.inputs if socket.is_linked]
-        found = {_node_key(source): source for source in self._feeding(inputs)}
+        found = {source.node_key: source for source in self._feeding(inputs)}
         return [(source, False) for key, source in found.items() if key not in self._read]
 
     def _feeding(self, inputs: list[Place]) -> list[Place]:
@@ -180,6 +188,8 @@ class TreeReader:
             end = passed[-1] if passed is not None else None
             if end is None or (not end.socket.is_output and closes_circle(end)):
                 self.note(CIRCLE)
+            elif not end.socket.is_output and gets_a_shader(end):
+                self.note(SHADER_FOR_VALUE.format(end.node.bl_label, "{}"))
         return self._trails[place.key]
 
     def _outputs(self, place: Place) -> Outputs | None:
@@ -204,7 +214,7 @@ class TreeReader:
         passed = self._trail(wanted)
         made = self._made(passed[-1]) if passed is not None else None
         if made is None:
-            return self._default(wanted.socket)
+            return self.default(wanted.socket)
         kind = passed[-1].socket.type
         for place in reversed(passed[:-1]):
             made, kind = self._converted(made, kind, place.socket.type), place.socket.type
@@ -215,13 +225,13 @@ class TreeReader:
         if socket.type not in NUMBER_TYPES + VECTOR_TYPES:
             return None
         if not socket.is_output:
-            return self._default(socket)
+            return self.default(socket)
         if end.node.mute:
             return self.graph.constant((0.0,) * _width(socket.type))
-        outputs = self._read.get(_node_key(end)) or {}
+        outputs = self._read.get(end.node_key) or {}
         return outputs.get(socket.identifier, outputs.get(socket.name))
 
-    def _default(self, socket: Any) -> Value:
+    def default(self, socket: Any) -> Value:
         """What an unlinked socket shows; 0 where that is no number, or not a finite one."""
         shown = getattr(socket, "default_value", 0.0)
         if isinstance(shown, str) or not hasattr(shown, "__len__"):
@@ -249,10 +259,20 @@ class NodeInputs:
 
     def value(self, name: str) -> Value:
         """The value of the input with this identifier or name, of the socket's own type."""
-        return self.reader.passed_on(self.place.beside(self._socket(name)))
+        socket = self._socket(name)
+        if not socket.is_linked:
+            return self.reader.default(socket)
+        return self.reader.passed_on(self.place.beside(socket))
 
     def apply(self, name: str, /, *arguments: Value, **settings: int) -> tuple[Value, ...]:
         return self.reader.apply(name, *arguments, **settings)
+
+    def table(self, make: Callable[[], tuple[float, ...]]) -> tuple[float, ...]:
+        """The node's ramp or curves, made once for all places at which its group stands."""
+        known, key = self.reader.tables, self.node.as_pointer()
+        if key not in known:
+            known[key] = make()
+        return known[key]
 
     @property
     def math(self) -> Arithmetic:
@@ -297,10 +317,6 @@ def texture_vector(view: NodeInputs) -> Value:
     """
     given = view.value("Vector") if view.is_linked("Vector") else view.reader.generated()
     return texture_mapped(view, given)
-
-
-def _node_key(place: Place) -> Key:
-    return (place.node.as_pointer(), *(group.as_pointer() for group in place.path))
 
 
 def _width(kind: str) -> int:

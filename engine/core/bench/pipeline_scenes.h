@@ -155,7 +155,7 @@ struct Description {
       const std::vector<int>& kinds = m == 0 ? v.lobes : v.unseen;
       materials[m] = {uint32_t(lobes.size()), uint32_t(kinds.size()), 0, 0, 0, 0};
       for (int kind : kinds)
-        lobes.push_back({.exponent = 60,
+        lobes.push_back({.exponent = kind == GLINT_SPECULAR ? 60.0 : 0.0,
                          .ior = 1.5,
                          .masking = 0,
                          .first_input = m,

@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 32
+#define GLINT_ABI_VERSION 33
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -186,7 +186,9 @@ enum GlintLightFlags {
  * attributes or triangles. DOME, MESH and BOUNCED lights have none. A MESH light, of which there is
  * one at most, is the scene's emitters; size_x, size_y and twice the radius are its bounds. A
  * BOUNCED light, one at most too, has no highlights. excluded_sets: a bit for each light_set of
- * the instances that it does not light, passed_sets: of those that its shadow rays pass. */
+ * the instances that it does not light, passed_sets: of those that its shadow rays pass. level: of
+ * a POINT lamp that far points see in clusters with others, where in their tree it is parted from
+ * the one before it, 0 to 127 (engine/lights/lamps.py, cluster_levels); -1 for all others. */
 typedef struct GlintLight {
   double world_from_light[12];
   double color[3];
@@ -194,6 +196,7 @@ typedef struct GlintLight {
   int32_t kind;
   uint32_t flags;
   int32_t program, program_slot;
+  int32_t level, reserved;
   uint64_t excluded_sets, passed_sets;
 } GlintLight;
 

@@ -392,6 +392,8 @@ void check_light(const GlintSceneData& d, uint64_t i, Report& report) {
   const GlintLight& light = d.lights[i];
   report.add(light.program >= 0 && uint64_t(light.program) <= d.program_count,
              "light %llu: program beyond the table", ull(i));
+  report.add(light.level >= -1 && light.level < 128, "light %llu: level %d in the tree of lamps",
+             ull(i), light.level);
   if (!report.good() || light.program == 0) return;
   const GlintProgram& program = d.programs[light.program - 1];
   report.add(light.program_slot >= 0 && int64_t(light.program_slot) + 3 <= int64_t(program.slots),

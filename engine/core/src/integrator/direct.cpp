@@ -115,6 +115,8 @@ void DirectLight::illuminate(Batch& batch, uint32_t sample, RayCounts& counts) {
   if (shared_.on && !cancel_) share_lamps(batch, sample, counts);
   stage_.max_specular = scene_.max_specular;  // for reflections
   stage_.lit = batch.lit.data();
+  stage_.first = 0;
+  stage_.count = batch.size();
 }
 
 /// Which points the light may reach.

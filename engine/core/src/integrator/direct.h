@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "integrator/batch.h"
+#include "integrator/lamp_tree.h"
 #include "integrator/plan.h"
 #include "integrator/scatter_depths.h"
 #include "integrator/transmittance.h"
@@ -18,7 +19,11 @@ struct SharedLamps {
   std::vector<uint8_t> takes_part;  // of the scene's lights
   uint32_t rays = 0;                // of a point and sample
   std::vector<LampSample> samples;
-  std::vector<const Light*> light;             // of each
+  std::vector<const Light*> light;  // of each
+  size_t clustered = 0;             // the first of those whose lamps far points see in clusters
+  std::vector<LampCluster> clusters;
+  std::vector<double> color_sums;              // as ShareStage has them
+  std::vector<int64_t> near;                   // mask of points
   std::vector<std::vector<int64_t>> receives;  // masks, of lamps that light but some
   Columns columns{14};
   double *diffuse[3] = {}, *specular[3] = {}, *total = nullptr;  // as ShareStage has them
@@ -29,6 +34,7 @@ struct SharedLamps {
   std::vector<AskedLamp> chosen, sorted;  // sorted: by sample
   std::vector<uint32_t> ends;             // of each sample's
   std::vector<int64_t> asks;              // mask: points that ask the present sample
+  std::vector<uint32_t> place;            // of those among the chosen of the sample
 };
 
 class DirectLight {
@@ -84,6 +90,9 @@ class DirectLight {
   void find_sharing();
   void share_lamps(const Batch& batch, uint32_t sample, RayCounts& counts);
   void list_samples(const Batch& batch, uint32_t sample);
+  void list_samples_of(const Light& light, uint32_t sample, const int64_t* lit);
+  bool is_clustered(const Light& light) const;
+  void find_clusters();
   const int64_t* receivers(const Batch& batch, const Light& light);
   void place_sums(size_t points);
   void choose(const Batch& batch, uint32_t sample);

@@ -20,6 +20,13 @@ double mark_offset(uint32_t sample) {
   return offset < 1 ? offset : offset - 1;
 }
 
+/// How much more a lamp gives than the middle of its cluster does, for colours alike. given: by the
+/// sample to a white point.
+double beside_middle(const Light& light, const AskedLamp& chosen, const Vec3d& given) {
+  const Vec3d& color = light.color;
+  return (given.x + given.y + given.z) / ((color.x + color.y + color.z) * chosen.middle);
+}
+
 }  // namespace
 
 void DirectLight::find_sharing() {
@@ -39,6 +46,7 @@ void DirectLight::share_lamps(const Batch& batch, uint32_t sample, RayCounts& co
   if (std::none_of(batch.lit.begin(), batch.lit.begin() + std::ptrdiff_t(batch.size()),
                    [](int64_t lit) { return lit != 0; }))
     return;
+  place_sums(batch.size());
   list_samples(batch, sample);
   choose(batch, sample);
   const AskedLamp* begin = shared_.sorted.data();
@@ -50,7 +58,7 @@ void DirectLight::share_lamps(const Batch& batch, uint32_t sample, RayCounts& co
   add_shared(batch);
 }
 
-/// Sets the stage of each sample of each lamp.
+/// Sets the stage of each sample of each lamp, those that are seen in clusters last.
 void DirectLight::list_samples(const Batch& batch, uint32_t sample) {
   shared_.samples.clear();
   shared_.light.clear();
@@ -58,22 +66,56 @@ void DirectLight::list_samples(const Batch& batch, uint32_t sample) {
   for (int c = 0; c < 3; ++c) stage_.end_out[c] = glassy_ ? ends_[c] : nullptr;
   stage_.max_specular = scene_.max_specular;
   stage_.sheen_alone = false;
-  for (size_t k = 0; k < scene_.lights.size(); ++k) {
-    if (!shared_.takes_part[k]) continue;
-    const Light& light = scene_.lights[k];
-    const uint32_t count = plan_.samples_of(light);
-    const int64_t* const lit = receivers(batch, light);
-    for (uint32_t j = 0; j < count; ++j) {
-      LightStage stage = stage_;
-      light.set(stage, plan_.light_point(light, sample, j), count, plan_.physical);
-      stage.lit = lit;
-      for (const bool drawn : {false, true}) {
-        if (drawn && !stage.draws) continue;
-        shared_.samples.push_back({stage, drawn});
-        shared_.light.push_back(&light);
-      }
+  stage_.lit = batch.lit.data();
+  shared_.near.resize(shared_.columns.rows());
+  for (const bool clustered : {false, true}) {
+    shared_.clustered = shared_.samples.size();
+    for (size_t k = 0; k < scene_.lights.size(); ++k) {
+      const Light& light = scene_.lights[k];
+      if (!shared_.takes_part[k] || is_clustered(light) != clustered) continue;
+      list_samples_of(light, sample, clustered ? shared_.near.data() : receivers(batch, light));
     }
   }
+  if (shared_.color_sums.empty()) find_clusters();
+}
+
+bool DirectLight::is_clustered(const Light& light) const {
+  return plan_.physical && light.is_clustered();
+}
+
+void DirectLight::list_samples_of(const Light& light, uint32_t sample, const int64_t* lit) {
+  const uint32_t count = plan_.samples_of(light);
+  for (uint32_t j = 0; j < count; ++j) {
+    LightStage stage = stage_;
+    light.set(stage, plan_.light_point(light, sample, j), count, plan_.physical);
+    stage.lit = lit;
+    for (const bool drawn : {false, true}) {
+      if (drawn && !stage.draws) continue;
+      shared_.samples.push_back({stage, drawn});
+      shared_.light.push_back(&light);
+    }
+  }
+}
+
+/// The same for all batches: which samples there are does not depend on these.
+void DirectLight::find_clusters() {
+  std::vector<ClusteredLamp> lamps;
+  Vec3d sum{};
+  for (size_t k = 0; k < shared_.samples.size(); ++k) {
+    const LampSample& sample = shared_.samples[k];
+    const uint32_t number = uint32_t(k);
+    const Light* const light = shared_.light[k];
+    for (int c = 0; c < 3; ++c) shared_.color_sums.push_back(sum[c]);
+    if (k < shared_.clustered) continue;
+    if (lamps.empty() || lamps.back().light != light)
+      lamps.push_back({light, number, number, number, sample.stage.shape == kDiscSource});
+    lamps.back().end = number + 1;
+    if (sample.drawn) continue;
+    lamps.back().last = number;
+    sum = sum + 1 / sample.stage.share * light->color;
+  }
+  for (int c = 0; c < 3; ++c) shared_.color_sums.push_back(sum[c]);
+  shared_.clusters = clusters_of(lamps);
 }
 
 /// The mask of the points that a lamp may light.
@@ -97,14 +139,15 @@ void DirectLight::place_sums(size_t points) {
     std::fill_n(shared_.passed[c], points, 0.0);
   }
   shared_.asks.assign(columns.rows(), 0);
-  shared_.given.resize(3 * kShareBlock * shared_.samples.size());
-  shared_.reaching.resize(shared_.samples.size());
+  shared_.place.resize(columns.rows());
   shared_.chosen.resize(shared_.rays * points);
 }
 
 /// Which samples each point asks, by sample.
 void DirectLight::choose(const Batch& batch, uint32_t sample) {
-  place_sums(batch.size());
+  const size_t most = shared_.samples.size() + shared_.clusters.size();
+  shared_.given.resize(3 * kShareBlock * most);
+  shared_.reaching.resize(most);
   ShareStage stage{};
   stage.count = batch.size();
   stage.lit = batch.lit.data();
@@ -119,6 +162,11 @@ void DirectLight::choose(const Batch& batch, uint32_t sample) {
     stage.n[c] = batch.points.n[c];
   }
   stage.total = shared_.total;
+  stage.clusters = shared_.clusters.data();
+  stage.cluster_count = shared_.clusters.size();
+  stage.clustered = shared_.clustered;
+  stage.color_sums = shared_.color_sums.data();
+  stage.near = shared_.near.data();
   stage.reaching = shared_.reaching.data();
   stage.given = shared_.given.data();
   stage.chosen = shared_.chosen.data();
@@ -139,11 +187,19 @@ void DirectLight::sort_chosen(size_t count) {
 /// Looks for what is between the points [begin, end) and one sample.
 void DirectLight::ask(const Batch& batch, size_t number, const AskedLamp* begin,
                       const AskedLamp* end, RayCounts& counts) {
-  for (const AskedLamp* p = begin; p != end; ++p) shared_.asks[p->point] = -1;
   const Light& light = *shared_.light[number];
   const bool drawn = shared_.samples[number].drawn;
   stage_ = shared_.samples[number].stage;
   stage_.lit = shared_.asks.data();
+  size_t first = batch.size(), last = 0;
+  for (const AskedLamp* p = begin; p != end; ++p) {
+    shared_.asks[p->point] = -1;
+    shared_.place[p->point] = uint32_t(p - begin);
+    first = std::min(first, size_t(p->point));
+    last = std::max(last, size_t(p->point));
+  }
+  stage_.first = first / kPad * kPad;
+  stage_.count = last + 1;
   if (!drawn) {  // what it gives is known: the rays alone are wanted
     stage_.max_specular = 0;
     stage_.draws = false;
@@ -157,17 +213,17 @@ void DirectLight::ask(const Batch& batch, size_t number, const AskedLamp* begin,
     transparent_shadows_.trace(batch, stage_, opacity(light), zeros_, count, shadow_, counts);
   else find_shadows(light, count, nullptr, counts);
   if (scene_.features & GLINT_FEATURE_MEDIA) dim_shadows(light, count, counts);
-  const AskedLamp* p = begin;
   for (size_t k = 0; k < count; ++k) {
     const uint32_t point = point_[k];
-    while (p != end && p->point < point) ++p;
-    if (p == end || p->point != point) continue;
-    const Vec3d asked{p->light[0], p->light[1], p->light[2]},
-        open = shadow_[0] ? row(shadow_, k) : Vec3d{1, 1, 1} * double(!blocked_[k]);
+    const AskedLamp& chosen = begin[shared_.place[point]];
+    Vec3d asked{chosen.light[0], chosen.light[1], chosen.light[2]};
+    if (chosen.middle > 0)
+      asked = stage_.share * beside_middle(light, chosen, row(stage_.diffuse_out, k)) * asked;
+    const Vec3d open = shadow_[0] ? row(shadow_, k) : Vec3d{1, 1, 1} * double(!blocked_[k]);
     set_row(shared_.asked, point, row(shared_.asked, point) + asked);
     set_row(shared_.passed, point, row(shared_.passed, point) + open * asked);
   }
-  for (p = begin; p != end; ++p) shared_.asks[p->point] = 0;
+  for (const AskedLamp* p = begin; p != end; ++p) shared_.asks[p->point] = 0;
 }
 
 /// Adds what all lamps give, with the shadows of those that were asked.

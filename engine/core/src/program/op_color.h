@@ -177,7 +177,7 @@ struct Table {
   Doubles at(Doubles place, size_t column, bool interpolates) const {
     const Doubles x = finite_or_zero(place) * last, first = ::glint::down(x);
     const auto read = [&](Doubles row) {
-      return each_lane([&](size_t lane) { return rows[size_t(row[lane]) * columns + column]; });
+      return read_at(rows + column, whole(row) * int32_t(columns));
     };
     if (!interpolates) return read(first);
     const Doubles t = x - first;

@@ -450,12 +450,12 @@ inline void bump(const Machine& m, const Operands& at) {
   });
 }
 
-inline void image(const Machine& m, const Operands& at) {
+__attribute__((flatten)) inline void image(const Machine& m, const Operands& at) {
   const TextureShape& t = m.tables.textures[at.settings[0]];
   each_group(m, [&](size_t k) {
     const Three uv = at.vector(0, k);
-    if (at.wants(0)) at.put(0, k, sample<colors>(t, uv.x, uv.y));
-    if (at.wants(1)) at.put(1, k, sample<alphas>(t, uv.x, uv.y));
+    if (at.wants(0)) at.put(0, k, sample_color(t, uv.x, uv.y));
+    if (at.wants(1)) at.put(1, k, sample_alpha(t, uv.x, uv.y));
   });
 }
 

@@ -22,35 +22,49 @@ inline NoisePoint<D> operator*(NoisePoint<D> p, Doubles s) {
 constexpr double kSignedScale[] = {0, 0.25, 0.6616, 0.982, 0.8344};
 constexpr double kNoisePeriod = 100000;
 
-/// The bit of each lane's word as the lane's sign; what else is set does not matter.
-inline Mask bit_as_sign(Mask word, int bit) { return word << (63 - bit); }
-
-/// -v where the mask's sign is set.
-inline Doubles signed_by(Mask sign, Doubles v) { return Doubles(Mask(v) ^ (sign & INT64_MIN)); }
+/// A bit of each lane's word, and what is chosen or turned where it is set.
+#if defined(__AVX512F__)
+typedef __mmask8 WordBit;
+inline WordBit bit_of(Mask word, int bit) {
+  return _mm512_test_epi64_mask(__m512i(word), _mm512_set1_epi64(int64_t(1) << bit));
+}
+inline Doubles by_bit(WordBit m, Doubles a, Doubles b) {
+  return Doubles(_mm512_mask_blend_pd(m, __m512d(b), __m512d(a)));
+}
+inline Doubles signed_by(WordBit m, Doubles v) {
+  const __m512i whole = __m512i(Mask(v));
+  return Doubles(Mask(_mm512_mask_xor_epi64(whole, m, whole, _mm512_set1_epi64(INT64_MIN))));
+}
+#else
+typedef Mask WordBit;  // the sign; what else is set does not matter
+inline WordBit bit_of(Mask word, int bit) { return word << (63 - bit); }
+inline Doubles by_bit(WordBit m, Doubles a, Doubles b) { return by_sign(m, a, b); }
+inline Doubles signed_by(WordBit m, Doubles v) { return Doubles(Mask(v) ^ (m & INT64_MIN)); }
+#endif
 
 /// The dot product of the gradient that bits from `first` on of the word pick with the way to the
 /// point.
 template <int D>
 inline Doubles gradient_dot(Mask word, int first, const NoisePoint<D>& way) {
   const Doubles(&p)[D] = way.at;
-  const auto bit = [&](int k) { return bit_as_sign(word, first + k); };
+  const auto bit = [&](int k) { return bit_of(word, first + k); };
   if constexpr (D == 1) {
     const Mask steps = Mask(Words(word) >> first) & 7;
     return signed_by(bit(3), Doubles(steps | Mask(splat(0x1p52))) - (0x1p52 - 1)) * p[0];
   } else if constexpr (D == 2) {
-    const Mask swapped = bit(2);
-    return signed_by(bit(0), by_sign(swapped, p[1], p[0])) +
-           signed_by(bit(1), 2 * by_sign(swapped, p[0], p[1]));
+    const WordBit swapped = bit(2);
+    return signed_by(bit(0), by_bit(swapped, p[1], p[0])) +
+           signed_by(bit(1), 2 * by_bit(swapped, p[0], p[1]));
   } else if constexpr (D == 3) {
-    const Mask low = bit(0), upper = bit(3), middle = bit(2);
-    const Doubles third = by_sign(upper & middle & ~low, p[0], p[2]);
-    return signed_by(low, by_sign(upper, p[1], p[0])) +
-           signed_by(bit(1), by_sign(upper | middle, third, p[1]));
+    const WordBit low = bit(0), upper = bit(3), middle = bit(2);
+    const Doubles third = by_bit(WordBit(upper & middle & ~low), p[0], p[2]);
+    return signed_by(low, by_bit(upper, p[1], p[0])) +
+           signed_by(bit(1), by_bit(WordBit(upper | middle), third, p[1]));
   } else {
-    const Mask upper = bit(4), middle = bit(3);
-    return signed_by(bit(0), by_sign(upper & middle, p[1], p[0])) +
-           signed_by(bit(1), by_sign(upper, p[2], p[1])) +
-           signed_by(bit(2), by_sign(upper | middle, p[3], p[2]));
+    const WordBit upper = bit(4), middle = bit(3);
+    return signed_by(bit(0), by_bit(WordBit(upper & middle), p[1], p[0])) +
+           signed_by(bit(1), by_bit(upper, p[2], p[1])) +
+           signed_by(bit(2), by_bit(WordBit(upper | middle), p[3], p[2]));
   }
 }
 

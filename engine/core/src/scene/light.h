@@ -46,6 +46,7 @@ struct Light {
   double versine = 0;  // 1 - cos of the sun's half angle
   double spot_cosine = -1, spot_sine = 0, spot_blend = 0;
   Vec3d seen;                             // radiance of the visible shape
+  int level = -1;                         // in the tree of clusters, as GlintLight has it
   bool extended = false;                  // has more than one sample when the settings want them
   const ProgramShape* program = nullptr;  // what color is times at each sample; null: 1
   size_t slot = 0;                        // in the block of its slots
@@ -61,6 +62,11 @@ struct Light {
   bool is_surface() const { return is_mesh() || is_bounced(); }
   bool lights_all() const { return excluded_sets == 0; }
   bool lights(uint32_t light_set) const { return !(excluded_sets >> light_set & 1); }
+  /// Whether far points see it in a cluster with others.
+  bool is_clustered() const {
+    return level >= 0 && kind == GLINT_POINT_LIGHT && !program && lights_all() && casts_shadow() &&
+           color.x >= 0 && color.y >= 0 && color.z >= 0 && any(color);
+  }
   bool casts_shadow() const { return flags & GLINT_CAST_SHADOW; }
 
   /// Sets what a stage that knows `most_exponent` needs of the light for sample `p` of `count` (1:

@@ -291,7 +291,7 @@ template <int Shape>
 size_t light_from(const LightStage& s) {
   size_t found = 0;
   Given given;
-  for (size_t k = 0; k < s.count; k += kLanes)
+  for (size_t k = s.first; k < s.count; k += kLanes)
     if (give<Shape>(s, k, given))
       found +=
           append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular, found);
@@ -330,7 +330,7 @@ template <int Shape>
 size_t gloss_from(const LightStage& s) {
   size_t found = 0;
   Given given;
-  for (size_t k = 0; k < s.count; k += kLanes)
+  for (size_t k = s.first; k < s.count; k += kLanes)
     if (give_drawn<Shape>(s, k, given))
       found +=
           append_lit<Shape>(s, k, given.at, given.reached, given.diffuse, given.specular, found);

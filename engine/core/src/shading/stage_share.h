@@ -1,7 +1,7 @@
 // What many lamps give to points, and which of them each point asks for shadows (SEMANTICS.md, Many
 // lamps).
 #pragma once
-#include "shading/stage_light.h"
+#include "shading/stage_cluster.h"
 
 namespace glint {
 namespace {
@@ -143,6 +143,54 @@ bool may_reach(const LampSample& sample, const BlockBounds& b) {
   return may_be_above(b, to, b.radius + reach);
 }
 
+/// What the middle of a cluster gives to a point by n l / d^2 for a colour of 1.
+double middle_light(const ShareStage& s, const LampCluster& c, uint32_t point) {
+  double to[3], n[3];
+  for (size_t i = 0; i < 3; ++i) {
+    to[i] = c.center[i] - s.x[i][point];
+    n[i] = s.n[i][point];
+  }
+  const double d2 = dot3(to, to);
+  return dot3(n, to) / __builtin_sqrt(d2) * s.samples[c.first].stage.scale2 /
+         ((4 * kCircle * kCircle) * d2);
+}
+
+/// Which lamps' samples of a cluster the marks [from, to) of a point lie in. at: where the cluster
+/// begins in a row that is as long as there are marks; scale: that of light; light: the cluster's.
+size_t choose_within(const ShareStage& s, const LampCluster& c, uint32_t point, double at,
+                     double scale, uint32_t from, uint32_t to, const double* light,
+                     AskedLamp* chosen) {
+  double each[3], large[3];  // light a colour, and how long it is in the row
+  for (size_t i = 0; i < 3; ++i) {
+    each[i] = c.color[i] > 0 ? light[i] / c.color[i] : 0;
+    large[i] = scale * __builtin_fabs(each[i]);
+  }
+  const double middle = middle_light(s, c, point);
+  at = s.offset - at + dot3(large, s.color_sums + 3 * c.first);  // of mark 0, as the sums count
+  size_t found = 0;
+  for (uint32_t sample = c.first; from < to; ++sample) {
+    for (uint32_t beyond = c.last; sample < beyond;) {  // the first that ends beyond mark `from`
+      const uint32_t half = sample + (beyond - sample) / 2;
+      if (dot3(large, s.color_sums + 3 * (half + 1)) > at + from) beyond = half;
+      else sample = half + 1;
+    }
+    const double *before = s.color_sums + 3 * sample, *after = before + 3;
+    const double limit = dot3(large, after) - at;
+    uint32_t end = from + 1;
+    while (end < to && (sample == c.last || end < limit)) ++end;
+    const double color[3] = {after[0] - before[0], after[1] - before[1], after[2] - before[2]},
+                 length = dot3(large, color),
+                 times = length > 0 ? scale * (end - from) / length : 0;
+    chosen[found++] = {
+        sample,
+        point,
+        {times * each[0] * color[0], times * each[1] * color[1], times * each[2] * color[2]},
+        middle};
+    from = end;
+  }
+  return found;
+}
+
 /// Those of the marks of a group of points at k that lie in each of the first `count` samples of
 /// `reaching`. given: of the group, the first sample's.
 size_t choose_samples(const ShareStage& s, size_t k, size_t count, const double* given,
@@ -158,18 +206,57 @@ size_t choose_samples(const ShareStage& s, size_t k, size_t count, const double*
     const Doubles all = magnitude(light.x) + magnitude(light.y) + magnitude(light.z);
     sum = sum + all;
     const Doubles here = smaller(larger(-down(s.offset - sum * scale), splat(0)), marks),
-                  times = here - before;
+                  times = here - before, start = before;
     before = larger(here, before);
     uint32_t lanes = bits(times > 0);
     if (!lanes) continue;
+    if (s.reaching[i] >= s.sample_count) {
+      const LampCluster& c = s.clusters[s.reaching[i] - s.sample_count];
+      for (; lanes; lanes &= lanes - 1) {
+        const uint32_t lane = uint32_t(__builtin_ctz(lanes));
+        const double own[3] = {light.x[lane], light.y[lane], light.z[lane]};
+        const double from = start[lane];
+        found += choose_within(s, c, uint32_t(k) + lane, (sum[lane] - all[lane]) * scale[lane],
+                               scale[lane], uint32_t(from), uint32_t(from + times[lane]), own,
+                               chosen + found);
+      }
+      continue;
+    }
     const Three share = (times / all) * light;
     for (; lanes; lanes &= lanes - 1) {
       const uint32_t lane = uint32_t(__builtin_ctz(lanes));
       chosen[found++] = {
-          s.reaching[i], uint32_t(k) + lane, {share.x[lane], share.y[lane], share.z[lane]}};
+          s.reaching[i], uint32_t(k) + lane, {share.x[lane], share.y[lane], share.z[lane]}, 0};
     }
   }
   return found;
+}
+
+/// The samples and clusters that reach a block of points: their numbers, and what they give.
+struct Reached {
+  size_t count = 0;
+  double* give(const ShareStage& s, size_t number) {
+    s.reaching[count] = uint32_t(number);
+    return s.given + 3 * kShareBlock * count++;
+  }
+};
+
+/// Clusters that points see as one, and lamps that some of them do not.
+void add_clusters(const ShareStage& s, const BlockBounds& bounds, size_t first, size_t end,
+                  Reached& reached) {
+  if (s.cluster_count == 0) return;
+  ClusterWalk walk;
+  begin_walk(s, first, end, walk);
+  for (size_t at = 0; at < s.cluster_count;) {
+    const LampCluster& c = s.clusters[at];
+    const ClusterSeen seen = look(s, at, first, end, walk);
+    if (seen.far) add_cluster(s, c, walk, first, end, reached.give(s, s.sample_count + at));
+    const bool is_lamp = c.next == at + 1;
+    for (size_t i = c.first; seen.near && is_lamp && i < c.end; ++i)
+      if (may_reach(s.samples[i], bounds))
+        add_lamp(s, s.samples[i], first, end, reached.give(s, i));
+    at = seen.near ? at + 1 : c.next;
+  }
 }
 
 size_t share(const ShareStage& s) {
@@ -183,15 +270,13 @@ size_t share(const ShareStage& s) {
     }
     BlockBounds bounds;
     if (!bound_block(s, first, end, bounds)) continue;
-    size_t count = 0;
-    for (size_t i = 0; i < s.sample_count; ++i) {
-      if (!may_reach(s.samples[i], bounds)) continue;
-      s.reaching[count] = uint32_t(i);
-      add_lamp(s, s.samples[i], first, end, s.given + 3 * kShareBlock * count);
-      ++count;
-    }
+    Reached reached;
+    for (size_t i = 0; i < s.clustered; ++i)
+      if (may_reach(s.samples[i], bounds))
+        add_lamp(s, s.samples[i], first, end, reached.give(s, i));
+    add_clusters(s, bounds, first, end, reached);
     for (size_t k = first; k < end; k += kLanes)
-      found += choose_samples(s, k, count, s.given + (k - first), s.chosen + found);
+      found += choose_samples(s, k, reached.count, s.given + (k - first), s.chosen + found);
   }
   return found;
 }

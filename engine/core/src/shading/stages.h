@@ -349,7 +349,7 @@ struct LightStage {
   double least_near, least, radius2,
       azimuth[2];        // or more; where in a lobe: the unit disc's radius^2 and unit direction
   double most_exponent;  // of the scene
-  size_t count;
+  size_t first, count;   // points; first: a multiple of kPad
   const double *points_x[3], *g[3], *n[3], *origin[3], *offset, *d[3], *diffuse[3];
   const double* specular;
   size_t stride;
@@ -372,10 +372,23 @@ struct LampSample {
 };
 
 /// A point that looks for what is before a lamp's sample. light: the colour of that, as many times
-/// as marks lie in it; of all channels together a mark is 1.
+/// as marks lie in it; of all channels together a mark is 1. middle: for one that is seen in a
+/// cluster, what n l / d^2 of its middle gives for a colour of 1; else 0.
 struct AskedLamp {
   uint32_t sample, point;
-  double light[3];
+  double light[3], middle;
+};
+
+/// Lamps that far points see as one, in a tree along their order: those in front, whose middle is
+/// at least 4 radii away, and so many that their light is even over the point's lobes. Of each
+/// channel: what their places add to light from the middle, to second order (stage_cluster.h).
+struct LampCluster {
+  uint32_t first, end,
+      last;       // of their samples; the last that is a place on a lamp
+  uint32_t next;  // the cluster after those within this one; one lamp alone has none within
+  int moments;    // 0: there are none; 1: all channels share the first; 3
+  double center[3], radius2, color[3];
+  double dipole[3][3], quadrupole[3][6], trace[3];
 };
 
 /// Points that it works on at once.
@@ -393,8 +406,15 @@ struct ShareStage {
   double offset;
   uint32_t asked;
   double *diffuse[3], *specular[3], *total;  // of each point; total: all channels of both
-  uint32_t* reaching;  // room for all samples: those that may reach a block of points
-  double* given;       // room for a block of points, three times for each sample
+  /// Those of the samples from `clustered` on; color_sums: a row of three channels before each
+  /// sample and after the last, sums of the lamps' colours.
+  const LampCluster* clusters;
+  size_t cluster_count, clustered;
+  const double* color_sums;
+  int64_t* near;       // mask of points that clustered samples may reach by themselves
+  uint32_t* reaching;  // room for all samples and clusters: those that may reach a block of points,
+                       // a cluster as number of samples plus its own
+  double* given;       // room for a block of points, three times for each of them
   AskedLamp* chosen;   // room for so many as are asked, for each point
 };
 

@@ -1,6 +1,7 @@
 // Vectors of doubles for shading, beyond doubles.h: masks, integers, vectors of three.
 #pragma once
 #include <cstddef>
+#include <cstring>
 
 #include "simd/doubles.h"
 
@@ -40,6 +41,29 @@ inline Vector each_lane(Of of) {
   return Vector{of(0), of(1), of(2), of(3)};
 #else
   return Vector{of(0), of(1)};
+#endif
+}
+
+/// p[index] of each lane.
+inline Doubles read_at(const double* p, Whole index) {
+#if defined(__AVX512F__)
+  return Doubles(_mm512_i32gather_pd(__m256i(index), p, 8));
+#else
+  return each_lane([&](size_t lane) { return p[size_t(index[lane])]; });
+#endif
+}
+/// The same of words of four bytes.
+inline Whole read_at(const int32_t* p, Whole index) {
+#if defined(__AVX512F__)
+  return Whole(_mm256_i32gather_epi32(p, __m256i(index), 4));
+#elif defined(__AVX2__)
+  return Whole(_mm_i32gather_epi32(p, __m128i(index), 4));
+#else
+  return each_lane<Whole>([&](size_t lane) {
+    int32_t word;
+    std::memcpy(&word, reinterpret_cast<const char*>(p) + 4 * size_t(index[lane]), 4);
+    return word;
+  });
 #endif
 }
 

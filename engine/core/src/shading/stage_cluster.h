@@ -1,0 +1,122 @@
+// Light from clusters of lamps (SEMANTICS.md, Many lamps). Letters: c cluster, n shading normal, l
+// direction to the cluster's middle, d distance.
+#pragma once
+#include "shading/stage_light.h"
+
+namespace glint {
+namespace {
+
+/// Points see clusters from so many radii as one.
+constexpr double kFar2 = 16;
+
+/// How far along the tree the points of a block know all that they get, which of them see the
+/// present cluster as one, and from how many radii^2 they do.
+struct ClusterWalk {
+  double until[kShareBlock], far2[kShareBlock];
+  int64_t far[kShareBlock];
+};
+
+/// Light of a cluster is even over lobes as wide as it: exponents are at most (d / radius)^2.
+inline void begin_walk(const ShareStage& s, size_t first, size_t end, ClusterWalk& walk) {
+  const LightStage& stage = s.samples[s.clustered].stage;
+  for (size_t k = first; k < end; k += kLanes) {
+    Doubles far2 = splat(kFar2);
+    for (int number = 0; number < stage.max_specular; ++number) {
+      const Term term(stage, k, number);
+      far2 = choose(nonzero(term.k), larger(term.exponent, far2), far2);
+    }
+    store(walk.far2 + (k - first), far2);
+    store(walk.until + (k - first), choose(load(s.lit + k), splat(0), splat(__builtin_inf())));
+  }
+}
+
+/// Which points see cluster number `at` as one, and which have to look within it.
+struct ClusterSeen {
+  bool far, near;
+};
+inline ClusterSeen look(const ShareStage& s, size_t at, size_t first, size_t end,
+                        ClusterWalk& walk) {
+  const LampCluster& c = s.clusters[at];
+  const Three center = splat3(c.center);
+  uint32_t lit = 0, near = 0;
+  for (size_t k = first; k < end; k += kLanes) {
+    const size_t row = k - first;
+    const Doubles until = load(walk.until + row);
+    const Mask open = until <= double(at);
+    Mask far{};
+    if (any(open)) {
+      const Three to = center - load3(s.x, k);
+      const Doubles z = dot(load3(s.n, k), to);
+      far = open & (dot(to, to) >= c.radius2 * load(walk.far2 + row)) & (z * z > c.radius2);
+      store(walk.until + row, choose(far, splat(double(c.next)), until));
+      far &= z > 0;
+      lit |= bits(far);
+    }
+    const Mask within = open & (load(walk.until + row) <= double(at));
+    near |= bits(within);
+    store(walk.far + row, far);
+    store(s.near + k, within);
+  }
+  return {lit != 0, near != 0};
+}
+
+/// What the places of a cluster's lamps add to n l, in one channel.
+inline Doubles beside(const LampCluster& c, int channel, const Three& n, const Three& l,
+                      Doubles cosine, Doubles near) {
+  const double *D = c.dipole[channel], *Q = c.quadrupole[channel];
+  const Three Ql = {Q[0] * l.x + Q[1] * l.y + Q[2] * l.z, Q[1] * l.x + Q[3] * l.y + Q[4] * l.z,
+                    Q[2] * l.x + Q[4] * l.y + Q[5] * l.z};
+  const Doubles first = dot(n, splat3(D)) - 3 * (cosine * dot(l, splat3(D))),
+                second = cosine * (7.5 * dot(l, Ql) - c.trace[channel]) - 3 * dot(n, Ql);
+  return near * (first + near * second);
+}
+
+/// The cosines, by channel, of the light of a cluster whose middle is in the direction l.
+inline Three cluster_cosines(const LampCluster& c, const Three& n, const Three& l, Doubles cosine,
+                             Doubles d) {
+  Three all = {cosine, cosine, cosine};
+  if (c.moments == 0) return all;
+  const Doubles near = 1 / d, zero = splat(0);
+  all.x = larger(cosine + beside(c, 0, n, l, cosine, near), zero);
+  if (c.moments == 1) return {all.x, all.x, all.x};
+  all.y = larger(cosine + beside(c, 1, n, l, cosine, near), zero);
+  all.z = larger(cosine + beside(c, 2, n, l, cosine, near), zero);
+  return all;
+}
+
+/// Adds what a cluster gives to the points that see it as one, and tells it alone in three rows of
+/// `given`.
+__attribute__((flatten)) inline void add_cluster(const ShareStage& to, const LampCluster& c,
+                                                 const ClusterWalk& walk, size_t first, size_t end,
+                                                 double* given) {
+  const LightStage& s = to.samples[c.first].stage;
+  const Three center = splat3(c.center), color = splat3(c.color);
+  for (size_t k = first; k < end; k += kLanes, given += kLanes) {
+    const Mask far = load(walk.far + (k - first));
+    Three both{};
+    if (any(far)) {
+      const Three n = load3(s.n, k), off = center - load3(s.points_x, k), l = unit(off);
+      const Doubles d2 = dot(off, off), cosine = dot(n, l);
+      const Three I = inverse_square(s, d2) * color;
+      Three diffuse = I * (cluster_cosines(c, n, l, cosine, root(d2)) * load3(s.diffuse, k)),
+            specular{};
+      if (s.max_specular > 0) {
+        const Highlights seen = highlights(s, k, n, l, cosine, nullptr);
+        specular = where(far, I * seen.light);
+        if (s.has_sheen) diffuse = diffuse + I * seen.sheen;
+      }
+      diffuse = where(far, diffuse);
+      both = diffuse + specular;
+      store(to.total + k,
+            load(to.total + k) + (magnitude(both.x) + magnitude(both.y) + magnitude(both.z)));
+      store3(to.diffuse, k, load3(to.diffuse, k) + diffuse);
+      store3(to.specular, k, load3(to.specular, k) + specular);
+    }
+    store(given, both.x);
+    store(given + kShareBlock, both.y);
+    store(given + 2 * kShareBlock, both.z);
+  }
+}
+
+}  // namespace
+}  // namespace glint
