@@ -39,7 +39,10 @@ def main() -> int:
     parser.add_argument("--side", type=int, default=256, help="pixels of the longer side")
     parser.add_argument("--samples", type=int, default=256, help="of the reference")
     parser.add_argument(
-        "--coarse", action="store_true", help="every other value of each knob: a third of the time"
+        "--coarse",
+        action="store_true",
+        help="every other value of each knob: the default cube takes 50 s at side 256; with all "
+        "values it takes 67 s at side 168",
     )
     parser.add_argument("--inside", help=argparse.SUPPRESS)
     options = parser.parse_args()
