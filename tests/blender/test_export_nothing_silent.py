@@ -212,3 +212,10 @@ def test_a_layer_without_surfaces_has_none(scene):  # noqa: F811
     assert export().scene.instances
     bpy.context.view_layer.use_solid = False
     assert not export().scene.instances
+
+
+def test_a_note_is_one_line_whatever_names_hold(scene):  # noqa: F811
+    light = link(bpy.data.objects.new("a\nb\tc 立", bpy.data.lights.new("Lamp", "POINT")))
+    light.data.energy = 0
+    (note,) = export().notes
+    assert "'a b c 立'" in note and note.isprintable()
