@@ -160,8 +160,8 @@ def _tell(scene, pictures: list[Path], seconds: float) -> None:
     layers = statistics.by_layer(scene.name)
     if not layers:
         raise tree.SetupError(
-            "Blender did not ask Glint for a picture: the file's video sequencer or compositor made "
-            "one; switch off Post Processing in the Output properties"
+            "Blender did not ask Glint for a picture: the file's video sequencer or compositor "
+            "made one; switch off Post Processing in the Output properties"
         )
     stages = {
         stage: sum(layer.seconds[stage] for layer in layers.values())
