@@ -23,6 +23,7 @@ from .instances import Flags, Thing, places_on_instancers, random_numbers, walk
 from .lights import Lights, Seen
 from .materials.aovs import Aov, note_world
 from .materials.materials import Materials, Wanted, without_unused
+from .missing import note_missing
 from .panorama import Looker
 from .placing import note_catchers, note_empty_view, note_media, without_collapsed
 from .properties import Value, value_of
@@ -97,6 +98,7 @@ def export_scene(
     sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
     sky = with_mist(sky, scene.world)
     note_scene(scene, report)
+    note_missing(depsgraph, report)
     note_layer(depsgraph.view_layer, report)
     note_world(world, aovs, report)
     exported = collector.scene(camera, things, sky)

@@ -42,14 +42,22 @@ def with_motion(
     times = shutter_times(frame, render.motion_blur_shutter, render.motion_blur_position, count)
     frames: list[list[np.ndarray]] = []
     poses: list[Pose] = []
+    zooms: set[float] = set()
     try:
         for time in times:
             go_to(time, render_engine)
             frames.append([_frame(render_engine, view, depsgraph, camera) for view in views])
             poses.append(read_pose(depsgraph))
+            zooms.add(_zoom(camera.evaluated_get(depsgraph)))
     finally:
         go_to(frame, render_engine)
     report = Report()
+    if len(zooms) > 1:
+        report.note(
+            "Cameras that zoom while the shutter is open blur by what moves alone ({}): move the "
+            "camera instead",
+            camera.name,
+        )
     scene = moved(scenes[0], still, poses, report)
     opening = _shutter(render.motion_blur_shutter_curve, report)
     seen = (replace(scene, camera=some.camera) for some in scenes)
@@ -69,6 +77,14 @@ def _frame(
         return camera_frame(looker.matrix, looker.camera.name)
     matrix = camera.evaluated_get(depsgraph).matrix_world
     return camera_frame(np.array(matrix, np.float64), camera.name)
+
+
+def _zoom(camera: bpy.types.Object) -> float:
+    """What a perspective camera's picture widens with, which blurs in Cycles: neither orthographic
+    scales nor shifts do.
+    """
+    data = camera.data
+    return data.angle if camera.type == "CAMERA" and data.type == "PERSP" else 0.0
 
 
 def _with_camera(scene: Scene, frames: Sequence[np.ndarray], opening: np.ndarray | None) -> Scene:

@@ -35,6 +35,7 @@ from ..materials.materials import (
     with_textures,
     without_unused,
 )
+from ..missing import note_missing
 from ..placing import without_collapsed
 from ..report import Report
 from ..unheard import note_scene
@@ -287,6 +288,7 @@ class LiveExport:
             collector.meet_hair,
         )
         note_scene(depsgraph.scene_eval, report)
+        note_missing(depsgraph, report)
         self._store.met[asked] = collector.met
         return collector.stage(things, self._sky(depsgraph, report), census)
 
