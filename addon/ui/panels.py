@@ -259,6 +259,8 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
                 row = data.row(align=True)
                 row.active = name != "Vector" or not context.scene.render.use_motion_blur
                 row.prop(context.view_layer, switch)
+        if context.view_layer.use_pass_ambient_occlusion and context.scene.world is not None:
+            data.prop(context.scene.world.light_settings, "distance", text="Occlusion Distance")
         cycles = getattr(context.view_layer, "cycles", None)
         for name, switch in result.CYCLES_SWITCHES.items():
             if hasattr(cycles, switch):

@@ -667,6 +667,7 @@ def _world(world: World) -> Found:
     yield from numbers("background", world.background, 3)
     if not np.isfinite([world.mist.start, world.mist.depth]).all():
         yield "mist is not finite: use numbers"
+    yield from at_least("occlusion_distance", world.occlusion_distance, 0)
     if world.mist.falloff not in MISTS:
         yield f"mist falloff {world.mist.falloff!r} is not one of {', '.join(MISTS)}"
     found = [*array("axes", world.axes, np.float64, (3, 3))]
