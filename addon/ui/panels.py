@@ -253,6 +253,21 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
 
     def draw(self, context):
         column = self.column
+        self._draw_data(column, context)
+        for surface in ("Diffuse", "Glossy", "Transmission"):
+            light = column.column(heading=surface, align=True)
+            for what in ("Direct", "Indirect", "Color"):
+                switch = result.LIGHT_SWITCHES[f"{surface} {what}"]
+                light.prop(context.view_layer, switch, text=what)
+        parts = column.column(heading="Parts", align=True)
+        for switch in result.PART_SWITCHES.values():
+            parts.prop(context.view_layer.glint, switch)
+        health = column.column(heading="Health", align=True)
+        for switch in result.HEALTH_SWITCHES.values():
+            health.prop(context.view_layer.glint, switch)
+
+    @staticmethod
+    def _draw_data(column, context):
         data = column.column(heading="Data", align=True)
         for name, switch in result.BLENDER_SWITCHES.items():
             if name not in engine.CRYPTOMATTES:
@@ -267,17 +282,6 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
                 data.prop(cycles, switch, text=name)
         if hasattr(cycles, result.DENOISING):
             data.prop(cycles, result.DENOISING, text="Denoising Data")
-        for surface in ("Diffuse", "Glossy", "Transmission"):
-            light = column.column(heading=surface, align=True)
-            for what in ("Direct", "Indirect", "Color"):
-                switch = result.LIGHT_SWITCHES[f"{surface} {what}"]
-                light.prop(context.view_layer, switch, text=what)
-        parts = column.column(heading="Parts", align=True)
-        for switch in result.PART_SWITCHES.values():
-            parts.prop(context.view_layer.glint, switch)
-        health = column.column(heading="Health", align=True)
-        for switch in result.HEALTH_SWITCHES.values():
-            health.prop(context.view_layer.glint, switch)
 
 
 class GLINT_VIEWLAYER_PT_cryptomatte(_Panel, bpy.types.Panel):
