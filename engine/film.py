@@ -46,6 +46,7 @@ PASSES = {
     "Transmission Color": 3,
     "Volume Direct": 3,
     "Volume Indirect": 3,
+    "Vector": 4,
 }
 """Pass name -> channels, with the settings' own numbers of them (`channels_of`). `SEMANTICS.md`
 says what each holds.

@@ -102,7 +102,6 @@ def note_scene(scene: Any, report: Report) -> None:
 
 
 _PASSES = {
-    "use_pass_vector": "Vector",
     "use_pass_ambient_occlusion": "Ambient Occlusion",
 }
 

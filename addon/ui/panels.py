@@ -256,7 +256,9 @@ class GLINT_VIEWLAYER_PT_passes(_Panel, bpy.types.Panel):
         data = column.column(heading="Data", align=True)
         for name, switch in result.BLENDER_SWITCHES.items():
             if name not in engine.CRYPTOMATTES:
-                data.prop(context.view_layer, switch)
+                row = data.row(align=True)
+                row.active = name != "Vector" or not context.scene.render.use_motion_blur
+                row.prop(context.view_layer, switch)
         cycles = getattr(context.view_layer, "cycles", None)
         for name, switch in result.CYCLES_SWITCHES.items():
             if hasattr(cycles, switch):

@@ -10,7 +10,7 @@ from ctypes import Structure, c_double, c_int32, c_size_t, c_uint32, c_uint64
 from enum import IntEnum
 from typing import Any
 
-ABI_VERSION = 33
+ABI_VERSION = 34
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -187,6 +187,7 @@ class Pass(IntEnum):
     TRANSMISSION_COLOR = 37
     VOLUME_DIRECT = 38
     VOLUME_INDIRECT = 39
+    VECTOR = 40
 
 
 class State(IntEnum):
@@ -360,11 +361,26 @@ class SceneData(Structure):
     ]
 
 
+class ShapeData(Structure):
+    _fields_ = [
+        *_each(c_size_t, "vertices"),
+        *_each(c_uint64, "vertex_count"),
+    ]
+
+
+class NeighbourData(Structure):
+    _fields_ = [
+        *_each(CameraData, "camera"),
+        *_each(c_size_t, "world_from_object shapes"),
+        *_each(c_uint64, "row_count shape_count"),
+    ]
+
+
 class RenderSettingsData(Structure):
     _fields_ = [
         *_each(c_size_t, "pixel_offsets light_square light_disc dome_table mesh_table"),
         *_each(c_size_t, "bounced_table lobe_points dome_cells dome_irradiance scatter_offsets"),
-        *_each(c_size_t, "lens_points camera_frames"),
+        *_each(c_size_t, "lens_points camera_frames neighbours"),
         *_each(c_uint64, "light_point_count dome_count mesh_count bounced_count lobe_count"),
         *_each(c_uint64, "lens_point_count camera_frame_count scatter_count passes"),
         *_each(c_double * 9, "dome_axes"),

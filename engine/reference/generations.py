@@ -16,6 +16,7 @@ from .lighting import DirectLight
 from .lights import Source
 from .materials import Coefficients
 from .media import Spans
+from .motion_vectors import motion_vectors
 from .paths import (
     Paths,
     beyond,
@@ -276,6 +277,7 @@ class Generations:
             return
         stage, some = self._stage, surface.take(chosen)
         uv = stage.attributes.uv("")
+        moved = {"Vector": motion_vectors(stage, some)} if "Vector" in self._tile.data else {}
         self._tile.record(
             paths.pixel[hit[chosen]],
             Depth=depth[chosen] * stage.camera.along
@@ -289,6 +291,7 @@ class Generations:
             ),
             Object_Index=stage.per_object("object_index", some.row),
             Material_Index=stage.shader.pass_index(some.material),
+            **moved,
         )
 
     def _see(self, paths: Paths, hit: Array, surface: Surface, coefficients: Coefficients) -> None:

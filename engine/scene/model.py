@@ -528,7 +528,9 @@ class World:
 @dataclass(frozen=True, eq=False)
 class Scene:
     """All that a picture depends on, besides `Settings`. aovs: names; of each the film has the pass
-    `film.aov_pass`.
+    `film.aov_pass`.  neighbours: the frame before and the one after, for the pass Vector alone:
+    the same geometries and instances, which may stand elsewhere, and meshes have other vertices,
+    seen by a camera of the same kind; None where nothing moves.
     """
 
     camera: Camera
@@ -539,6 +541,7 @@ class Scene:
     lights: tuple[Light, ...] = ()
     world: World = field(default_factory=World)
     aovs: tuple[str, ...] = ()
+    neighbours: tuple[Scene, Scene] | None = None
 
     def as_lit(self, *, by_world: bool, by_meshes: bool, bounces: int) -> Scene:
         """The scene with the lights that the settings want. by_world: its DOME light lights it and

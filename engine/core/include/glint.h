@@ -32,7 +32,7 @@
 extern "C" {
 #endif
 
-#define GLINT_ABI_VERSION 33
+#define GLINT_ABI_VERSION 34
 
 enum GlintGeometryKind { GLINT_MESH, GLINT_SPHERES, GLINT_POLYGONS, GLINT_STRANDS };
 enum GlintDomain { GLINT_POINT, GLINT_CORNER, GLINT_FACE }; /* domains of attributes */
@@ -325,8 +325,24 @@ enum GlintPass {
   GLINT_PASS_TRANSMISSION_COLOR,
   GLINT_PASS_VOLUME_DIRECT,
   GLINT_PASS_VOLUME_INDIRECT,
+  GLINT_PASS_VECTOR,
   GLINT_PASS_COUNT
 };
+
+/* The same scene in another frame, for GLINT_PASS_VECTOR. camera: of the same kind.
+ * world_from_object: as many rows as the scene has. shapes: one for each of its geometries;
+ * vertices null where these stay, else those of a mesh, as many as it has. */
+typedef struct GlintShape {
+  const float* vertices;
+  uint64_t vertex_count;
+} GlintShape;
+
+typedef struct GlintNeighbour {
+  GlintCamera camera;
+  const double* world_from_object; /* 12 a row */
+  const GlintShape* shapes;
+  uint64_t row_count, shape_count;
+} GlintNeighbour;
 
 /* region: x0, y0, x1, y1 half open in the full frame. threads: 0 for one a core. waves: whether
  * anybody looks before the end; if nobody does, more samples are traced at once, to the same bits.
@@ -361,7 +377,8 @@ enum GlintPass {
  * its own, see glint_render_move. crypto_ids: how many of a pixel Cryptomatte passes tell, 1 to 64
  * where one is asked for, two numbers each. lamp_shadows: where more than twice as many lamps cast
  * shadows and have no program, a point sends so many of its rays to them, times the samples of a
- * soft one; 0: one to each, up to 1024. */
+ * soft one; 0: one to each, up to 1024. neighbours: null where nothing moves, else two, of the
+ * frame before and of the one after. */
 typedef struct GlintRenderSettings {
   const double* pixel_offsets;
   const double* light_square;
@@ -375,6 +392,7 @@ typedef struct GlintRenderSettings {
   const double* scatter_offsets;
   const double* lens_points;
   const double* camera_frames;
+  const GlintNeighbour* neighbours;
   uint64_t light_point_count, dome_count, mesh_count, bounced_count, lobe_count, lens_point_count,
       camera_frame_count, scatter_count, passes;
   double dome_axes[9];

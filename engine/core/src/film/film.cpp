@@ -26,12 +26,12 @@ void interleave(const float (&channels)[4][Size], size_t first, size_t count, fl
 
 size_t Film::channels_of(int pass) const {
   if (pass < 0 || pass >= GLINT_PASS_COUNT) return 0;
+  if (pass == GLINT_PASS_COMBINED || pass == GLINT_PASS_VECTOR) return 4;
   if (pass == GLINT_PASS_DENOISING_NORMAL || pass == GLINT_PASS_DENOISING_ALBEDO ||
       pass >= GLINT_PASS_SHADOW_CATCHER)
     return 3;
   if (pass == GLINT_PASS_AOV) return 4 * size_t(aov_count_);
   if (Cryptomatte::kPasses >> pass & 1) return 2 * cryptomatte_.ids();
-  if (pass == GLINT_PASS_COMBINED) return 4;
   return pass == GLINT_PASS_DEPTH || pass >= GLINT_PASS_OBJECT_INDEX ? 1 : 3;
 }
 
