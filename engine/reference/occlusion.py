@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..sampling import occlusion_points
-from .lights import LightSample
 from .surface import Surface
 from .vectors import cross, unit
 
@@ -32,13 +31,11 @@ def openness(stage: Stage, surface: Surface, sample: int, on_rays: Callable[[], 
     points = occlusion_points(stage.settings.samples, each)
     first = sample % (len(points) // each) * each
     across, upward = _across(surface.n)
-    everyone, total = np.arange(count), np.zeros((3, count))
+    total = np.zeros((3, count))
     for x, y in points[first : first + each]:
         height = np.sqrt(max(0.0, 1 - x * x - y * y))
         direction = x * across + y * upward + height * surface.n
-        end = surface.x + reach * direction
-        towards = LightSample(direction, np.ones(count), end, np.zeros(count))
-        total += stage.shadows.towards(surface, everyone, towards).T
+        total += stage.shadows.near(surface, direction, reach)
         on_rays()
     return total / each
 

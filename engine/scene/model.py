@@ -512,7 +512,7 @@ class World:
     output, a vector, is seen instead of `background` where there is one; of what reads points it
     has `incoming` and `light_path` alone.  textures: what it refers to.  axes: (3, 3) orthonormal
     columns, the program's axes in the scene. mist: of the pass, not in the picture.  medium: what
-    is everywhere, inside of things too; None for nothing.  occlusion_distance: at least 0, how far
+    is everywhere, inside of things too; None for nothing.  occlusion_distance: 0 to 1e30, how far
     the pass Ambient Occlusion looks, world units.
     """
 

@@ -128,6 +128,17 @@ def test_what_lets_light_through(backend: str) -> None:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+def test_fog(backend: str) -> None:
+    """It dims what the camera sees from 10 above, and what is open over that as far as 2."""
+    scene, fog = floor_and(reach=2.0), s.Medium((0.05, 0.1, 0.2))
+    found = openness(
+        replace(scene, world=replace(scene.world, medium=fog)), backend, samples=2, light_samples=1
+    )
+    expected = np.exp(-12.0 * np.array(fog.absorption))
+    np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), rtol=1e-5)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_what_casts_no_shadow_hides_nothing(backend: str) -> None:
     scene = floor_and((square(WIDE), at((0, 0, 2.0))))
     free = replace(scene.instances[1], visible_shadow=False)
@@ -176,7 +187,23 @@ def test_the_picture_stays_as_it_is(name: str) -> None:
     np.testing.assert_array_equal(alone.combined, beside.combined)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("size", [1e-6, 1e6])
+def test_tiny_and_huge(backend: str, size: float) -> None:
+    """The ceiling of half the reach, and the same without an end to it."""
+    base = floor_and((square(WIDE), at((0, 0, 1.0))), reach=2.0)
+    blocks = tuple(
+        replace(block, world_from_object=block.world_from_object * size) for block in base.instances
+    )
+    view = view_from_above(8, size, 10 * size)
+    for reach, expected in ((2.0 * size, 0.25), (1e30, 0.0)):
+        world = s.World(occlusion_distance=reach)
+        scene = replace(base, camera=view, instances=blocks, world=world)
+        found = openness(scene, backend, samples=64 if expected else 4)
+        np.testing.assert_allclose(found, expected, atol=SPREAD)
+
+
 def test_a_distance_below_0_is_refused() -> None:
-    for reach in (-1.0, np.nan, np.inf):
+    for reach in (-1.0, 1e31, np.nan, np.inf):
         [found] = floor_and(reach=reach).problems()
         assert "occlusion_distance" in found

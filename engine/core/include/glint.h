@@ -247,7 +247,7 @@ enum GlintMist { GLINT_MIST_QUADRATIC, GLINT_MIST_LINEAR, GLINT_MIST_INVERSE_QUA
  * instead of the background; world_slot: the first of its three slots that hold that. It must not
  * read surfaces. world_axes: the program's axes in the scene, column by column. Mist grows from
  * none at mist_start to all at mist_depth beyond it; mist_falloff: of GlintMist.
- * occlusion_distance: at least 0, how far the pass Ambient Occlusion looks. aov_count: up to 256
+ * occlusion_distance: 0 to 1e30, how far the pass Ambient Occlusion looks. aov_count: up to 256
  * AOVs. world_medium: 0, or 1 plus the number of the medium that is everywhere. */
 typedef struct GlintSceneData {
   GlintCamera camera;

@@ -20,21 +20,18 @@ struct Across {
 
 }  // namespace
 
-/// Segments from the points to the ends of their reach, in the direction over `place`.
+/// Rays from the points in the direction over `place`, as far as occlusion looks.
 void DirectLight::aim_around(const std::vector<uint32_t>& points, const double* place) {
   const double reach = scene_.anchor.scale * scene_.occlusion_distance;
   const double height = std::sqrt(std::max(0.0, 1 - place[0] * place[0] - place[1] * place[1]));
   for (size_t k = 0; k < points.size(); ++k) {
     const Vec3d n = row(stage_.n, points[k]);
     const Across across(n);
-    const Vec3d l = place[0] * across.t1 + place[1] * across.t2 + height * n,
-                end = row(stage_.points_x, points[k]) + reach * l,
-                start = shadow_start(points[k], end), to = end - start;
+    const Vec3d l = place[0] * across.t1 + place[1] * across.t2 + height * n;
     point_[k] = points[k];
-    set_row(stage_.o, k, start);
-    set_row(stage_.to, k, unit(to));
-    set_row(stage_.end_out, k, end);
-    stage_.t_max[k] = length(to) - rounding(std::max(max_abs(end), max_abs(start)));
+    set_row(stage_.o, k, shadow_start(points[k], row(stage_.origin, points[k]) + l));
+    set_row(stage_.to, k, l);
+    stage_.t_max[k] = reach;
   }
 }
 
@@ -45,8 +42,7 @@ void DirectLight::look_around(const Batch& batch, const std::vector<uint32_t>& p
   if (!(scene_.occlusion_distance > 0)) return open.assign(count, {1, 1, 1});
   open.assign(count, {});
   const bool dims = scene_.features & GLINT_FEATURE_MEDIA;
-  stage_.shape = kSphereSource;  // not a direction alone: rays have ends
-  for (int c = 0; c < 3; ++c) stage_.end_out[c] = ends_[c];
+  stage_.shape = kDirection;
   const double* const* o = stage_.o;
   const double* const* d = stage_.to;
   const Rays rays{{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, zeros_, stage_.t_max, count, kShadow};
