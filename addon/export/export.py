@@ -26,7 +26,7 @@ from .materials.materials import Materials, Wanted, without_unused
 from .missing import note_missing
 from .panorama import Looker
 from .placing import note_catchers, note_empty_view, note_media, without_collapsed
-from .properties import Value, value_of
+from .properties import Value, sound, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
 from .unheard import note_layer, note_scene
@@ -227,7 +227,14 @@ class Collector:
         return _Placed(geometry, slots, thing.pass_index, flags, values, of_each, _asset(thing))
 
     def _value(self, name: str, instance: Any) -> Value:
-        return value_of(name, instance, self.depsgraph.view_layer_eval, self.depsgraph.scene_eval)
+        view_layer, scene = self.depsgraph.view_layer_eval, self.depsgraph.scene_eval
+        found = value_of(name, instance, view_layer, scene)
+        if found != sound(found):
+            self.report.note(
+                "Properties that are not finite in single precision count as 0 ({}): set them anew",
+                f"{name.partition(':')[2] or name} of {instance.object.name}",
+            )
+        return sound(found)
 
     def instances(self, thing: Thing) -> Instances:
         """Where a thing stands and as what it is seen."""
