@@ -30,7 +30,7 @@ from .properties import Value, sound, value_of
 from .report import Report
 from .shader_nodes.objects import OF_EACH
 from .unheard import note_layer, note_scene
-from .world import Sky, export_world, with_mist
+from .world import Sky, export_world, with_pass_settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ def export_scene(
     met = time.perf_counter()
     world = _world(depsgraph, scene)
     sky = export_world(world, scene.render.film_transparent, Images(report, decoded), report)
-    sky = with_mist(sky, scene.world)
+    sky = with_pass_settings(sky, scene.world)
     note_scene(scene, report)
     note_missing(depsgraph, report)
     note_layer(depsgraph.view_layer, report)

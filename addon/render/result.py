@@ -23,6 +23,7 @@ BLENDER_SWITCHES = {
     "Environment": "use_pass_environment",
     "Mist": "use_pass_mist",
     "Vector": "use_pass_vector",
+    "Ambient Occlusion": "use_pass_ambient_occlusion",
     "Crypto Object": "use_pass_cryptomatte_object",
     "Crypto Material": "use_pass_cryptomatte_material",
     "Crypto Asset": "use_pass_cryptomatte_asset",
@@ -51,6 +52,7 @@ _NAMES_BEFORE_5_0 = {
     "Material Index": "IndexMA",
     "Emission": "Emit",
     "Environment": "Env",
+    "Ambient Occlusion": "AO",
     "Volume Direct": "VolumeDir",
     "Volume Indirect": "VolumeInd",
     **{

@@ -8,10 +8,16 @@ import functools
 import numpy as np
 
 from ..errors import SceneError
-from ..film import PASSES
+from ..film import OCCLUSION, PASSES
 from ..lights.lamps import is_soft
 from ..lights.mesh_lights import MeshTable
-from ..sampling import light_points, lobe_points, pixel_offsets, scatter_offsets
+from ..sampling import (
+    light_points,
+    lobe_points,
+    occlusion_points,
+    pixel_offsets,
+    scatter_offsets,
+)
 from ..sampling.lens import BLOCK, lens_points
 from ..sampling.motion import camera_frames, is_moving, sample_times
 from ..scene import Lens, Light, Mesh, Scene
@@ -85,6 +91,7 @@ def pack_settings(scene: Scene, settings: Settings, waves: str, remember: bool =
     if scene.camera.motion is not None:
         _add_motion(data, packer, scene, settings)
     _add_neighbours(data, packer, scene, settings)
+    _add_occlusion(data, packer, settings)
     return Packed(data, packer.lent)
 
 
@@ -175,6 +182,16 @@ def _add_neighbours(
         packer.lent.append(shapes)
     packer.lent.append(both)
     data.neighbours = ctypes.addressof(both)
+
+
+def _add_occlusion(data: core_types.RenderSettingsData, packer: Packer, settings: Settings) -> None:
+    """Directions in which the pass looks, where it is asked for."""
+    if OCCLUSION not in settings.passes:
+        return
+    points = occlusion_points(settings.samples, settings.dome_samples)
+    points = packer.lend(points, np.float64, (None, 2), "occlusion points")
+    data.occlusion_points, data.occlusion_count = address(points), len(points)
+    data.occlusion_samples = settings.dome_samples
 
 
 def _add_lens(

@@ -57,6 +57,7 @@ class Stage:
         self.shared_samples = shared_samples(scene.lights, settings)
         self.media = Media(scene, self.attributes, self.visibility)
         shadows = Shadows(self.visibility, self.shader, self.attributes, self.rays, self.media)
+        self.shadows = shadows
         self.lighting = Lighting(
             self.sources,
             settings.light_samples,

@@ -512,7 +512,8 @@ class World:
     output, a vector, is seen instead of `background` where there is one; of what reads points it
     has `incoming` and `light_path` alone.  textures: what it refers to.  axes: (3, 3) orthonormal
     columns, the program's axes in the scene. mist: of the pass, not in the picture.  medium: what
-    is everywhere, inside of things too; None for nothing.
+    is everywhere, inside of things too; None for nothing.  occlusion_distance: 0 to 1e30, how far
+    the pass Ambient Occlusion looks, world units.
     """
 
     ambient: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -523,6 +524,7 @@ class World:
     axes: Array = field(default_factory=lambda: np.eye(3))
     mist: Mist = Mist()
     medium: Medium | None = None
+    occlusion_distance: float = 10.0
 
 
 @dataclass(frozen=True, eq=False)

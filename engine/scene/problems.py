@@ -79,6 +79,8 @@ stay well within.
 
 
 MOST_AOVS = 256
+MOST_DISTANCE = 1e30
+"""That occlusion looks: ends of its rays stay finite."""
 
 
 def scene_problems(scene: Scene) -> list[str]:
@@ -667,6 +669,7 @@ def _world(world: World) -> Found:
     yield from numbers("background", world.background, 3)
     if not np.isfinite([world.mist.start, world.mist.depth]).all():
         yield "mist is not finite: use numbers"
+    yield from at_least("occlusion_distance", world.occlusion_distance, 0, MOST_DISTANCE)
     if world.mist.falloff not in MISTS:
         yield f"mist falloff {world.mist.falloff!r} is not one of {', '.join(MISTS)}"
     found = [*array("axes", world.axes, np.float64, (3, 3))]

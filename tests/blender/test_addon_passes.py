@@ -36,6 +36,7 @@ BLENDER_SWITCHES = (
     "environment",
     "mist",
     "vector",
+    "ambient_occlusion",
 )
 OUR_SWITCHES = ("diffuse", "specular", "ambient", "shadow", "mirror")
 
@@ -94,9 +95,9 @@ def _pass(channels: dict[str, np.ndarray], name: str) -> np.ndarray:
 def test_every_pass_is_written_under_the_name_that_this_blender_uses(all_passes):
     channels, version = all_passes
     renamed = (
-        ("Object Index", "Material Index", "Emission", "Environment")
+        ("Object Index", "Material Index", "Emission", "Environment", "Ambient Occlusion")
         if version >= (5, 0)
-        else ("IndexOB", "IndexMA", "Emit", "Env")
+        else ("IndexOB", "IndexMA", "Emit", "Env", "AO")
     )
     counts = {
         "Combined": 4,
@@ -106,7 +107,7 @@ def test_every_pass_is_written_under_the_name_that_this_blender_uses(all_passes)
         "UV": 3,
         "Mist": 1,
         "Vector": 4,
-        **dict(zip(renamed, (1, 1, 3, 3), strict=True)),
+        **dict(zip(renamed, (1, 1, 3, 3, 3), strict=True)),
     }
     counts |= dict.fromkeys(("Diffuse", "Specular", "Ambient", "Shadow", "Mirror"), 3)
     assert {name: _pass(channels, name).shape[-1] for name in counts} == counts
@@ -118,6 +119,8 @@ def test_the_passes_hold_their_own_values(all_passes):
     hit = depth < 1e9
     assert 0.02 < hit.mean() < 0.9
     assert depth[~hit].min() == np.float32(1e10)
+    open_share = _pass(channels, "Ambient Occlusion" if version >= (5, 0) else "AO")
+    assert (open_share == hit[..., None]).all()  # a cube alone is open all round
     vector = _pass(channels, "Vector")
     assert np.abs(vector - np.where(hit, 2.0, 0.0)[..., None] * [-1, 0, -1, 0]).max() < 0.4
     mist = _pass(channels, "Mist")[..., 0]

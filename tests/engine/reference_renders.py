@@ -52,10 +52,15 @@ def rounded(value: Any) -> Any:
 
 
 def draw(name: str, settings: engine.Settings = SETTINGS) -> dict[str, Array]:
-    """All passes of one scene, (h, w, c) float32."""
+    """All passes of one scene, (h, w, c) float32; what looks round is drawn by itself, as its rays
+    would count as the picture's.
+    """
     scene = SCENES[name]()
     moving = replace(scene, neighbours=(elsewhere(scene, -1.0), elsewhere(scene, 2.0)))
-    return engine.render(rounded(moving), settings).passes
+    told, apart = rounded(moving), settings.passes & {engine.OCCLUSION}
+    passes = engine.render(told, replace(settings, passes=settings.passes - apart)).passes
+    beside = engine.render(told, replace(settings, passes=apart)).passes if apart else {}
+    return passes | {name: beside[name] for name in apart}
 
 
 def elsewhere(scene: Scene, share: float) -> Scene:

@@ -39,7 +39,7 @@ from ..missing import note_missing
 from ..placing import without_collapsed
 from ..report import Report
 from ..unheard import note_scene
-from ..world import Sky, export_world, with_mist
+from ..world import Sky, export_world, with_pass_settings
 from .moves import Stage
 from .repaints import repainted
 
@@ -319,7 +319,7 @@ class LiveExport:
             self._store.read["worlds"] += 1
             images = _KeepingImages(self._store, own)
             self._store.worlds[key] = (
-                with_mist(
+                with_pass_settings(
                     export_world(world, scene.render.film_transparent, images, own), scene.world
                 ),
                 own,

@@ -535,6 +535,7 @@ GlintSceneData scene(Dice& dice, Arena& arena) {
   d.transparent = int32_t(dice.below(2));
   d.mist_start = dice.number();
   d.mist_depth = dice.number();
+  d.occlusion_distance = std::fabs(dice.number());
   d.mist_falloff = int32_t(dice.below(dice.chance(0.05 * dice.wildness) ? 5 : 3));
   const size_t slots = dice.below(5);
   d.material_slots = arena.fill<uint32_t>(slots, [&] { return dice.index(4); });
@@ -706,6 +707,12 @@ GlintRenderSettings settings(Dice& dice, Arena& arena, const GlintSceneData& sce
   set_reflections(dice, arena, s);
   set_lens(dice, arena, s);
   set_neighbours(dice, arena, s, scene);
+  s.occlusion_samples = uint32_t(1 + dice.below(4));
+  s.occlusion_count = s.occlusion_samples * (1 + dice.below(s.samples + 1));
+  s.occlusion_points =
+      arena.fill<double>(2 * s.occlusion_count, [&] { return dice.uniform(-0.7, 0.7); });
+  if (dice.chance(0.05 * dice.wildness)) s.occlusion_points = nullptr;
+  if (dice.chance(0.05 * dice.wildness)) s.occlusion_count = 0;
   s.crypto_ids = uint32_t(1 + dice.below(8));
   if (scene.aov_count == 0) s.passes &= ~(pass_bit(GLINT_PASS_AOV));
   if (dice.chance(0.05 * dice.wildness)) s.crypto_ids = uint32_t(dice.bits());

@@ -71,6 +71,7 @@ Film::Film(Region region, Region shown, Passes passes, double error_threshold,
   keep_sums(GLINT_PASS_DENOISING_ALBEDO, 3);
   keep_sums(GLINT_PASS_DENOISING_DEPTH, 1);
   keep_sums(GLINT_PASS_SHADOW_CATCHER, 3);
+  keep_sums(GLINT_PASS_AMBIENT_OCCLUSION, 3);
   for (int pass = kFirstLighting; wants_lighting() && pass <= kLastLighting; ++pass) {
     at_[pass] = int(columns_);  // light is told over its colour: all are known or none
     columns_ += 3;
@@ -159,6 +160,8 @@ void Film::publish(const Tile& tile, const SlotTable& slots, uint32_t samples,
     if (wants(pass)) publish_rest(tile, pass, slots, samples);
   for (int pass = GLINT_PASS_AOV; pass <= GLINT_PASS_DENOISING_DEPTH; ++pass)
     if (wants(pass)) publish_seen(tile, pass, slots, samples);
+  if (wants(GLINT_PASS_AMBIENT_OCCLUSION))
+    publish_seen(tile, GLINT_PASS_AMBIENT_OCCLUSION, slots, samples);
   if (wants_lighting()) publish_lighting(tile, slots, samples);
   if (wants_cryptomatte()) publish_cryptomatte(tile, slots, samples);
   if (passes_ & kHealthPasses) publish_health(tile, slots, samples);
